@@ -1,0 +1,13 @@
+//! Words that every room speaks: seeds, rows of numbers, ids and units, stopwatches.
+//!
+//! Nothing here knows about simulators, networks or learning, and nothing here does input or output.
+
+mod rows;
+mod seed;
+mod stopwatch;
+mod units;
+
+pub use rows::Rows;
+pub use seed::{Dice, Seed};
+pub use stopwatch::{Phase, Stopwatch};
+pub use units::AgentId;

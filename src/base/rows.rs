@@ -1,0 +1,94 @@
+//! `Rows<T>`: the currency between simulators and networks.
+
+/// A dense table in row-major order, one row per (agent, copy) and agents first, so that the rows of one agent are
+/// neighbours and `[agents, copies, width]` is a view of the same memory.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Rows<T> {
+    data: Vec<T>,
+    width: usize,
+}
+
+impl<T: Copy + Default> Rows<T> {
+    /// `rows` x `width` default values.
+    pub fn new(rows: usize, width: usize) -> Self {
+        assert!(width > 0, "a row has at least one column");
+        Rows { data: vec![T::default(); rows * width], width }
+    }
+
+    /// A table over values that are already in row-major order.
+    pub fn from_vec(data: Vec<T>, width: usize) -> Self {
+        assert!(width > 0 && data.len().is_multiple_of(width), "{} values are no rows of {width}", data.len());
+        Rows { data, width }
+    }
+
+    pub fn len(&self) -> usize {
+        self.data.len() / self.width
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.data.is_empty()
+    }
+
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    pub fn row(&self, row: usize) -> &[T] {
+        &self.data[row * self.width..(row + 1) * self.width]
+    }
+
+    pub fn row_mut(&mut self, row: usize) -> &mut [T] {
+        &mut self.data[row * self.width..(row + 1) * self.width]
+    }
+
+    pub fn iter(&self) -> std::slice::ChunksExact<'_, T> {
+        self.data.chunks_exact(self.width)
+    }
+
+    pub fn as_slice(&self) -> &[T] {
+        &self.data
+    }
+
+    pub fn as_mut_slice(&mut self) -> &mut [T] {
+        &mut self.data
+    }
+
+    pub fn push(&mut self, row: &[T]) {
+        assert_eq!(row.len(), self.width, "a row of another width");
+        self.data.extend_from_slice(row);
+    }
+
+    /// Appends all rows of `other`.
+    pub fn extend(&mut self, other: &Rows<T>) {
+        assert_eq!(other.width, self.width, "rows of another width");
+        self.data.extend_from_slice(&other.data);
+    }
+
+    pub fn copy_from(&mut self, other: &Rows<T>) {
+        assert_eq!((self.len(), self.width), (other.len(), other.width), "tables of different shape");
+        self.data.copy_from_slice(&other.data);
+    }
+
+    pub fn fill(&mut self, value: T) {
+        self.data.fill(value);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_rows_of_one_agent_are_neighbours() {
+        let rows = Rows::from_vec(vec![1, 2, 3, 4, 5, 6], 2);
+        assert_eq!(rows.len(), 3);
+        assert_eq!(rows.row(1), [3, 4]);
+        assert_eq!(rows.as_slice(), [1, 2, 3, 4, 5, 6]);
+    }
+
+    #[test]
+    #[should_panic(expected = "5 values are no rows of 2")]
+    fn a_torn_table_is_refused() {
+        Rows::from_vec(vec![0; 5], 2);
+    }
+}

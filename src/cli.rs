@@ -1,0 +1,130 @@
+//! What can be asked on the command line: types only.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+/// Multi-agent traffic-light control with distributed influence-augmented local simulators (DIALS) on SUMO.
+///
+/// Exit codes: 0 done, 1 the run failed, 2 asked wrongly, 130 interrupted.
+#[derive(Debug, Parser)]
+#[command(name = "dials-traffic", version, about, long_about, subcommand_required = true, arg_required_else_help = true)]
+pub struct Cli {
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Train the policies of all agents and write a run directory
+    Train(Train),
+    /// Evaluate the policies of a run directory on the global simulator
+    Evaluate(Evaluate),
+    /// Run a hand-coded controller on the global simulator of a config
+    Baseline(Baseline),
+    /// Write SUMO networks that `sumo` and `sumo-gui` open
+    #[command(subcommand)]
+    Nets(Nets),
+    /// Tell versions and where each part was found
+    Info,
+}
+
+#[derive(Debug, Args)]
+pub struct Train {
+    /// Config file, such as configs/smoke_traffic.toml
+    pub config: PathBuf,
+    /// Root of all random streams; overrides the config
+    #[arg(long)]
+    pub seed: Option<u64>,
+    /// Stop after so many timesteps per agent; learning rate and clip still decay over total_steps
+    #[arg(long)]
+    pub steps: Option<u64>,
+    /// What the policies train on; overrides the config
+    #[arg(long, value_enum)]
+    pub simulator: Option<Simulator>,
+    /// Run directory [default: runs/<config>-<simulator>-seed<seed>, with a number where that exists]
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+    /// Override a key of the config, such as ppo.clip=0.2; may be given several times
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub settings: Vec<String>,
+    /// Move an existing run directory aside instead of refusing
+    #[arg(long)]
+    pub force: bool,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum Simulator {
+    /// Local simulators with AIPs that are trained every F steps
+    Dials,
+    /// The global simulator
+    Gs,
+    /// Local simulators with random AIPs that are never trained
+    UntrainedDials,
+}
+
+#[derive(Debug, Args)]
+pub struct Evaluate {
+    /// Run directory, as `train` wrote it
+    pub run_dir: PathBuf,
+    #[command(flatten)]
+    pub episodes: Episodes,
+    /// Take the most probable action instead of drawing one
+    #[arg(long)]
+    pub greedy: bool,
+    #[command(flatten)]
+    pub output: Output,
+}
+
+#[derive(Debug, Args)]
+pub struct Baseline {
+    /// Config file whose network and horizon are used
+    pub config: PathBuf,
+    /// random, never, always, switch-every-K, actuated (SUMO's) or gap-out
+    #[arg(long, value_name = "NAME")]
+    pub controller: String,
+    #[command(flatten)]
+    pub episodes: Episodes,
+    #[command(flatten)]
+    pub output: Output,
+}
+
+#[derive(Debug, Args)]
+pub struct Episodes {
+    /// Episodes to play [default: evaluation.episodes of the config]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
+    pub episodes: Option<u32>,
+    /// The same seed gives every controller and policy the same traffic [default: seed of the config]
+    #[arg(long)]
+    pub seed: Option<u64>,
+}
+
+#[derive(Debug, Args)]
+pub struct Output {
+    /// Print one JSON object instead of a table
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Nets {
+    /// A grid of R x C intersections with flows at its boundary
+    Grid {
+        #[arg(long)]
+        rows: usize,
+        #[arg(long)]
+        cols: usize,
+        /// Probability that a car arrives at a boundary edge in a step
+        #[arg(long, default_value_t = 0.1)]
+        inflow: f64,
+        /// Directory for the files
+        #[arg(long)]
+        out: PathBuf,
+    },
+    /// The single intersection of the local simulators
+    Local {
+        /// Directory for the files
+        #[arg(long)]
+        out: PathBuf,
+    },
+}

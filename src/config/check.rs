@@ -1,0 +1,116 @@
+//! Which values make sense. Each error names the key, the value, what is allowed, and where it helps the paper's value.
+
+use anyhow::{Result, ensure};
+
+use super::Config;
+
+pub(super) fn check(config: &Config) -> Result<()> {
+    check_schedule(config)?;
+    check_ppo(config)?;
+    check_networks(config)?;
+    check_aip(config)
+}
+
+fn check_schedule(config: &Config) -> Result<()> {
+    at_least(1, "total_steps", config.total_steps, "the paper uses 4000000")?;
+    if let Some(steps) = config.stop_at_steps {
+        at_least(1, "stop_at_steps", steps, "leave it out to train for total_steps")?;
+    }
+    at_least(1, "traffic.horizon", config.traffic.horizon as u64, "the paper uses 300")?;
+    at_least(1, "local_simulators.copies", config.local_simulators.copies as u64, "the paper uses 1")?;
+    at_least(1, "evaluation.every_steps", config.evaluation.every_steps, "100000 gives the paper's curves")?;
+    at_least(1, "evaluation.episodes", config.evaluation.episodes as u64, "20 give a standard error near 1")
+}
+
+fn check_ppo(config: &Config) -> Result<()> {
+    let ppo = &config.ppo;
+    at_least(1, "ppo.rollout_steps", ppo.rollout_steps as u64, "the paper uses 16")?;
+    at_least(1, "ppo.epochs", ppo.epochs as u64, "the paper uses 3")?;
+    // The advantages of a minibatch are divided by their unbiased standard deviation.
+    at_least(2, "ppo.minibatch", ppo.minibatch as u64, "the paper uses 32")?;
+    at_least(1, "ppo.memory", ppo.memory as u64, "the paper uses 128")?;
+    ensure!(
+        ppo.memory.is_multiple_of(ppo.minibatch),
+        "ppo.memory = {}: must be a multiple of ppo.minibatch = {}",
+        ppo.memory,
+        ppo.minibatch
+    );
+    let rollout = config.copies() * ppo.rollout_steps;
+    ensure!(
+        ppo.memory.is_multiple_of(rollout),
+        "ppo.memory = {}: must be a multiple of copies x ppo.rollout_steps = {} x {} = {rollout}",
+        ppo.memory,
+        config.copies(),
+        ppo.rollout_steps,
+    );
+    positive("ppo.learning_rate", ppo.learning_rate, "the paper uses 2.5e-4")?;
+    share("ppo.gamma", ppo.gamma, "the paper uses 0.99")?;
+    share("ppo.gae_lambda", ppo.gae_lambda, "the paper uses 0.95")?;
+    not_negative("ppo.entropy", ppo.entropy, "the paper uses 0.01")?;
+    positive("ppo.clip", ppo.clip, "the paper uses 0.1")?;
+    not_negative("ppo.value_coefficient", ppo.value_coefficient, "the paper uses 1")
+}
+
+fn check_networks(config: &Config) -> Result<()> {
+    for (key, hidden) in [("policy.hidden", &config.policy.hidden), ("aip.hidden", &config.aip.hidden)] {
+        ensure!(
+            !hidden.is_empty() && hidden.iter().all(|&width| width > 0),
+            "{key} = {hidden:?}: must list one positive width per hidden layer"
+        );
+    }
+    let bias = config.policy.initial_switch_bias;
+    ensure!(bias.is_finite(), "policy.initial_switch_bias = {bias}: must be a finite number");
+    Ok(())
+}
+
+fn check_aip(config: &Config) -> Result<()> {
+    let aip = &config.aip;
+    at_least(1, "aip.retrain_every_steps", aip.retrain_every_steps, "the paper uses 100000 to 4000000")?;
+    at_least(1, "aip.dataset_steps", aip.dataset_steps as u64, "the paper uses 10000")?;
+    at_least(1, "aip.batch", aip.batch as u64, "the paper uses 128")?;
+    positive("aip.learning_rate", aip.learning_rate, "the paper uses 1e-4")?;
+    ensure!(
+        aip.held_out > 0.0 && aip.held_out < 1.0,
+        "aip.held_out = {}: must be between 0 and 1, both excluded",
+        aip.held_out
+    );
+    let episodes = config.dataset_episodes();
+    ensure!(
+        episodes >= 2,
+        "aip.dataset_steps = {}: must span at least 2 episodes of {} steps, one to train on and one held out",
+        aip.dataset_steps,
+        config.traffic.horizon
+    );
+    let training = (episodes - held_out_episodes(episodes, aip.held_out)) * config.traffic.horizon;
+    ensure!(
+        training >= aip.batch,
+        "aip.batch = {}: must not exceed the {training} training samples of a dataset",
+        aip.batch
+    );
+    Ok(())
+}
+
+/// How many of `episodes` are held out: at least one, and at least one stays.
+pub fn held_out_episodes(episodes: usize, share: f64) -> usize {
+    ((episodes as f64 * share) as usize).clamp(1, episodes - 1)
+}
+
+fn at_least(least: u64, key: &str, value: u64, advice: &str) -> Result<()> {
+    ensure!(value >= least, "{key} = {value}: must be at least {least} ({advice})");
+    Ok(())
+}
+
+fn positive(key: &str, value: f64, advice: &str) -> Result<()> {
+    ensure!(value > 0.0 && value.is_finite(), "{key} = {value}: must be a positive number ({advice})");
+    Ok(())
+}
+
+fn not_negative(key: &str, value: f64, advice: &str) -> Result<()> {
+    ensure!(value >= 0.0 && value.is_finite(), "{key} = {value}: must not be negative ({advice})");
+    Ok(())
+}
+
+fn share(key: &str, value: f64, advice: &str) -> Result<()> {
+    ensure!((0.0..=1.0).contains(&value), "{key} = {value}: must be between 0 and 1 ({advice})");
+    Ok(())
+}

@@ -1,0 +1,128 @@
+//! From a file and `--set key=value` to a checked config.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, anyhow, bail};
+use toml::{Table, Value};
+
+use super::{Config, check};
+
+/// Reads `path`, lays the settings of `--set key=value` over it, and checks the result.
+///
+/// Relative paths in the config count from the folder of the config file.
+pub fn load(path: &Path, settings: &[String]) -> Result<Config> {
+    let text = std::fs::read_to_string(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+    // Once as it stands, because only errors of the parser know the line ...
+    let _: Config = toml::from_str(&text).map_err(|error| anyhow!("{}: {error}", path.display()))?;
+    let mut table: Table = toml::from_str(&text)?;
+    for setting in settings {
+        lay_over(&mut table, setting)?;
+    }
+    // ... and once with the settings, whose errors name the key instead.
+    let mut config: Config = serde_path_to_error::deserialize(Value::Table(table)).map_err(|error| {
+        anyhow!("--set: {}: {}", error.path().to_string(), error.inner().to_string().trim())
+    })?;
+    let folder = path.parent().unwrap_or(Path::new("."));
+    for file in [&mut config.traffic.network, &mut config.traffic.local_network] {
+        *file = folder.join(&file);
+    }
+    check::check(&config).map_err(|error| anyhow!("{}: {error}", path.display()))?;
+    Ok(config)
+}
+
+/// The config as the text of a config file.
+///
+/// `networks`: the paths of network and local network to write, relative to where the file will be.
+pub fn to_toml(config: &Config, networks: [PathBuf; 2]) -> Result<String> {
+    let mut config = config.clone();
+    [config.traffic.network, config.traffic.local_network] = networks;
+    Ok(toml::to_string(&config)?)
+}
+
+fn lay_over(table: &mut Table, setting: &str) -> Result<()> {
+    let (key, value) =
+        setting.split_once('=').with_context(|| format!("--set {setting}: must be key=value, as in ppo.clip=0.2"))?;
+    let (key, value) = (key.trim(), value.trim());
+    // A bare word is a string: `simulator=gs` reads better than `simulator='"gs"'`.
+    let value = match format!("value = {value}").parse::<Table>() {
+        Ok(mut parsed) => parsed.remove("value").expect("the table was written with this key"),
+        Err(_) => Value::String(value.to_owned()),
+    };
+    let mut keys: Vec<&str> = key.split('.').collect();
+    let last = keys.pop().expect("split yields at least one part");
+    let mut place = table;
+    for part in keys {
+        place = match place.entry(part).or_insert_with(|| Value::Table(Table::new())) {
+            Value::Table(inner) => inner,
+            _ => bail!("--set {setting}: `{part}` holds a value, not keys"),
+        };
+    }
+    place.insert(last.to_owned(), value);
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::{EntryRule, SimulatorKind};
+
+    const SMALL: &str = "[traffic]\nnetwork = \"nets/grid_2x2\"\nlocal_network = \"nets/local\"\n";
+
+    fn load_text(text: &str, settings: &[&str]) -> Result<Config> {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("c.toml");
+        std::fs::write(&path, text).unwrap();
+        load(&path, &settings.iter().map(|&s| s.to_owned()).collect::<Vec<_>>())
+    }
+
+    fn error_of(text: &str, settings: &[&str]) -> String {
+        load_text(text, settings).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn defaults_are_the_papers() {
+        let config = load_text(SMALL, &[]).unwrap();
+        assert_eq!((config.ppo.rollout_steps, config.ppo.memory, config.ppo.minibatch, config.ppo.epochs), (16, 128, 32, 3));
+        assert_eq!((config.aip.dataset_steps, config.aip.batch, config.aip.epochs), (10_000, 128, 100));
+        assert_eq!((config.total_steps, config.local_simulators.copies), (4_000_000, 1));
+        assert_eq!(config.dataset_episodes(), 34);
+    }
+
+    #[test]
+    fn paths_count_from_the_config_file() {
+        let config = load_text(SMALL, &[]).unwrap();
+        assert!(config.traffic.network.is_absolute() && config.traffic.network.ends_with("nets/grid_2x2"));
+    }
+
+    #[test]
+    fn settings_are_laid_over_the_file() {
+        let settings = ["simulator=gs", "traffic.entry = max", "policy.hidden=[8, 4]", "ppo.clip=0.2", "seed=7"];
+        let config = load_text(SMALL, &settings).unwrap();
+        assert_eq!((config.simulator, config.traffic.entry), (SimulatorKind::Gs, EntryRule::Max));
+        assert_eq!((config.policy.hidden, config.ppo.clip, config.seed), (vec![8, 4], 0.2, 7));
+    }
+
+    #[test]
+    fn a_config_comes_back_from_its_own_text() {
+        let config = load_text(SMALL, &["policy.initial_switch_bias=-1.5", "stop_at_steps=1000"]).unwrap();
+        let networks = ["nets/grid_2x2".into(), "nets/local".into()];
+        let again = load_text(&to_toml(&config, networks).unwrap(), &[]).unwrap();
+        assert_eq!((again.policy, again.ppo, again.stop_at_steps), (config.policy, config.ppo, config.stop_at_steps));
+    }
+
+    #[test]
+    fn bad_input_names_the_key_and_what_is_allowed() {
+        let unknown = error_of(&format!("{SMALL}[aip]\nretrain = 3\n"), &[]);
+        assert!(unknown.contains("unknown field `retrain`") && unknown.contains("line 5"), "{unknown}");
+        assert!(error_of(SMALL, &["ppo.klip=1"]).contains("unknown field `klip`"));
+        assert!(error_of(SMALL, &["ppo.clip=high"]).contains("ppo.clip: invalid type: string \"high\""));
+        assert!(error_of(SMALL, &["ppo.clip"]).contains("must be key=value"));
+        assert!(error_of(SMALL, &["simulator=ials"]).contains("unknown variant `ials`"));
+        assert!(error_of(SMALL, &["aip.retrain_every_steps=0"]).contains("must be at least 1 (the paper uses 100000"));
+        assert!(error_of(SMALL, &["local_simulators.copies=3"]).contains("3 x 16 = 48"));
+        assert!(error_of(SMALL, &["aip.dataset_steps=200"]).contains("at least 2 episodes"));
+        assert!(error_of("", &[]).contains("missing field `traffic`"));
+        let missing = load(Path::new("no/such.toml"), &[]).unwrap_err();
+        assert!(format!("{missing:#}").contains("no/such.toml: cannot be read: No such file"));
+    }
+}

@@ -1,0 +1,272 @@
+//! What a run is: text in, checked meaning out.
+//!
+//! A config is read once, checked once, and handed down; no other room reads files or flags for settings. Defaults are
+//! the paper's (appendix "Hyperparameters"); the files under `configs/` say where they differ.
+
+mod check;
+mod load;
+mod schedule;
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+pub use load::{load, to_toml};
+pub use check::held_out_episodes;
+pub use schedule::{Period, schedule};
+
+/// A run: what is simulated, how agents learn, and when AIPs are retrained and policies evaluated.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Config {
+    /// Root of all random streams of the run.
+    #[serde(default = "defaults::seed")]
+    pub seed: u64,
+    /// What the policies train on.
+    #[serde(default)]
+    pub simulator: SimulatorKind,
+    /// Timesteps per agent, summed over its copies; learning rate and clip decay over them.
+    #[serde(default = "defaults::total_steps")]
+    pub total_steps: u64,
+    /// Stop early, with the decay of `total_steps`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stop_at_steps: Option<u64>,
+    pub traffic: TrafficConfig,
+    #[serde(default)]
+    pub local_simulators: LocalSimulatorsConfig,
+    #[serde(default)]
+    pub policy: PolicyConfig,
+    #[serde(default)]
+    pub ppo: PpoConfig,
+    #[serde(default)]
+    pub aip: AipConfig,
+    #[serde(default)]
+    pub evaluation: EvaluationConfig,
+}
+
+/// What the policies train on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SimulatorKind {
+    /// Local simulators with AIPs that are trained every F steps.
+    #[default]
+    Dials,
+    /// The global simulator.
+    Gs,
+    /// Local simulators with random AIPs that are never trained.
+    UntrainedDials,
+}
+
+/// The traffic domain.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrafficConfig {
+    /// The grid that the GS simulates: its path without `.net.xml`, relative to the config file.
+    pub network: PathBuf,
+    /// The single intersection that the LS simulates, likewise.
+    pub local_network: PathBuf,
+    /// Steps (seconds) of an episode.
+    #[serde(default = "defaults::traffic_horizon")]
+    pub horizon: usize,
+    /// What the AIP sees.
+    #[serde(default)]
+    pub d_set: DSet,
+    /// How an LS lets a car in.
+    #[serde(default)]
+    pub entry: EntryRule,
+}
+
+/// The d-separating set of the traffic domain.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum DSet {
+    /// The 36 occupancy bits of the observation.
+    #[default]
+    #[serde(rename = "cells")]
+    Cells,
+    /// These and 4 bits: did a car enter this edge in the last step?
+    #[serde(rename = "cells+arrivals")]
+    CellsAndArrivals,
+}
+
+/// How a local traffic simulator lets a car in.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum EntryRule {
+    /// At 6 m with 9.5 m/s, or 3 m/s where more than 8 cars are on the edge.
+    #[default]
+    Reference,
+    /// At 5 m, as fast as is safe.
+    Max,
+}
+
+/// The local simulators of an agent.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LocalSimulatorsConfig {
+    /// Local simulators per agent, in lockstep.
+    pub copies: usize,
+    /// Copies begin their episodes at different times.
+    pub stagger: bool,
+}
+
+/// The policy and value network of an agent.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PolicyConfig {
+    /// Widths of the hidden layers.
+    pub hidden: Vec<usize>,
+    /// Traffic: added to the initial bias of the logit of "switch".
+    pub initial_switch_bias: f32,
+}
+
+/// PPO, as in Schulman et al. 2017.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PpoConfig {
+    /// T: steps of a rollout, after which advantages are estimated.
+    pub rollout_steps: usize,
+    /// Samples per agent and update; `copies` x `rollout_steps` divides it.
+    pub memory: usize,
+    /// Samples per agent and gradient step.
+    pub minibatch: usize,
+    /// Passes over the memory per update.
+    pub epochs: usize,
+    /// At the first step; decays linearly to 1e-10 over `total_steps`.
+    pub learning_rate: f64,
+    /// Discount factor.
+    pub gamma: f64,
+    /// Lambda of the generalised advantage estimate.
+    pub gae_lambda: f64,
+    /// Weight of the entropy bonus (beta).
+    pub entropy: f64,
+    /// Clip range (epsilon) at the first step; decays linearly to 1e-5.
+    pub clip: f64,
+    /// Weight of the value loss (c1).
+    pub value_coefficient: f64,
+    /// What the end of an episode at the horizon means for the return.
+    pub time_limit: TimeLimit,
+}
+
+/// What the end of an episode at the horizon means for the return.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum TimeLimit {
+    /// Nothing comes after it.
+    #[default]
+    Terminal,
+    /// It only cuts the recording: the value of the last observation stands for what would come.
+    Bootstrap,
+}
+
+/// The approximate influence predictors.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct AipConfig {
+    /// Widths of the hidden layers.
+    pub hidden: Vec<usize>,
+    /// F: timesteps per agent between two trainings of the AIPs; the first one is at step 0.
+    pub retrain_every_steps: u64,
+    /// GS steps per dataset, rounded up to whole episodes.
+    pub dataset_steps: usize,
+    /// Share of the episodes, the last ones, that only measure the loss.
+    pub held_out: f64,
+    pub learning_rate: f64,
+    /// Samples per agent and gradient step.
+    pub batch: usize,
+    /// Passes over the dataset per training.
+    pub epochs: usize,
+}
+
+/// Evaluation of the joint policy on the GS.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct EvaluationConfig {
+    /// Timesteps per agent between two evaluations; there is one at step 0 and one at the end as well.
+    pub every_steps: u64,
+    /// Episodes per evaluation, the same ones each time.
+    pub episodes: usize,
+}
+
+mod defaults {
+    pub fn seed() -> u64 {
+        1
+    }
+
+    pub fn total_steps() -> u64 {
+        4_000_000
+    }
+
+    pub fn traffic_horizon() -> usize {
+        300
+    }
+}
+
+impl Default for LocalSimulatorsConfig {
+    fn default() -> Self {
+        LocalSimulatorsConfig { copies: 1, stagger: false }
+    }
+}
+
+impl Default for PolicyConfig {
+    fn default() -> Self {
+        PolicyConfig { hidden: vec![256, 128], initial_switch_bias: 0.0 }
+    }
+}
+
+impl Default for PpoConfig {
+    fn default() -> Self {
+        PpoConfig {
+            rollout_steps: 16,
+            memory: 128,
+            minibatch: 32,
+            epochs: 3,
+            learning_rate: 2.5e-4,
+            gamma: 0.99,
+            gae_lambda: 0.95,
+            entropy: 1e-2,
+            clip: 0.1,
+            value_coefficient: 1.0,
+            time_limit: TimeLimit::Terminal,
+        }
+    }
+}
+
+impl Default for AipConfig {
+    fn default() -> Self {
+        AipConfig {
+            hidden: vec![128, 128],
+            retrain_every_steps: 1_000_000,
+            dataset_steps: 10_000,
+            held_out: 0.1,
+            learning_rate: 1e-4,
+            batch: 128,
+            epochs: 100,
+        }
+    }
+}
+
+impl Default for EvaluationConfig {
+    fn default() -> Self {
+        EvaluationConfig { every_steps: 100_000, episodes: 20 }
+    }
+}
+
+impl Config {
+    /// Timesteps per agent after which this run ends.
+    pub fn last_step(&self) -> u64 {
+        self.stop_at_steps.unwrap_or(self.total_steps).min(self.total_steps)
+    }
+
+    /// Simulators per agent that the policies train on: the GS has one region of each agent.
+    pub fn copies(&self) -> usize {
+        match self.simulator {
+            SimulatorKind::Gs => 1,
+            SimulatorKind::Dials | SimulatorKind::UntrainedDials => self.local_simulators.copies,
+        }
+    }
+
+    /// Episodes per dataset.
+    pub fn dataset_episodes(&self) -> usize {
+        self.aip.dataset_steps.div_ceil(self.traffic.horizon)
+    }
+}

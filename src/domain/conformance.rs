@@ -1,0 +1,128 @@
+//! What every domain must hold, as one check that a test of the domain calls.
+//!
+//! Shapes and ranges, repeatability from the seed, the alignment of influence samples, and that a reset of one row of a
+//! local simulator leaves the others alone. That the LS reproduces the GS when it is driven by the recorded sources is
+//! returned as a share of equal observation entries: 1 for domains whose local transition is exact, a measured floor
+//! for others (traffic loses a car's exact position at the entry).
+
+use anyhow::ensure;
+use rand::Rng;
+
+use super::{Action, Domain, Result, SourceSpec};
+use crate::base::{AgentId, Dice, Rows, Seed};
+
+/// What [`check`] measured.
+#[derive(Clone, Copy, Debug)]
+pub struct Conformance {
+    /// Share of the GS's non-zero observation entries that the LS had too, when it was driven by the GS's recorded
+    /// sources and actions, in `0..=1`.
+    pub local_equals_global: f64,
+}
+
+/// Runs the checks; an error says which promise is broken.
+pub fn check(domain: &dyn Domain, seed: Seed) -> Result<Conformance> {
+    let recording = record(domain, seed)?;
+    ensure!(record(domain, seed)? == recording, "the GS does not repeat an episode from its seed");
+    check_shapes(domain, &recording)?;
+    check_single_resets(domain, &recording, seed)?;
+    Ok(Conformance { local_equals_global: replay_locally(domain, &recording, seed)? })
+}
+
+/// An episode of the GS under random actions.
+#[derive(PartialEq)]
+struct Recording {
+    obs: Vec<Rows<f32>>,
+    actions: Vec<Vec<Action>>,
+    d_sets: Vec<Rows<f32>>,
+    sources: Vec<Rows<u8>>,
+    rewards: Vec<Vec<f32>>,
+}
+
+fn random_actions(dice: &mut Dice, rows: usize, n_actions: usize) -> Vec<Action> {
+    (0..rows).map(|_| dice.random_range(0..n_actions) as Action).collect()
+}
+
+fn record(domain: &dyn Domain, seed: Seed) -> Result<Recording> {
+    let spec = domain.spec();
+    let mut gs = domain.global_simulator()?;
+    let mut dice = seed.fork("actions").dice();
+    let mut d_set = {
+        let percept = gs.reset(seed.for_episode(0))?;
+        percept.d_set.clone()
+    };
+    let mut recording =
+        Recording { obs: vec![], actions: vec![], d_sets: vec![], sources: vec![], rewards: vec![] };
+    for _ in 0..spec.horizon {
+        let actions = random_actions(&mut dice, domain.agents(), spec.n_actions);
+        let transition = gs.step(&actions)?;
+        recording.obs.push(transition.percept.obs.clone());
+        recording.rewards.push(transition.rewards.clone());
+        let after = transition.percept.d_set.clone();
+        let sample = gs.influence_sample();
+        ensure!(*sample.d_set == d_set, "an influence sample does not hold the d-set from before the step");
+        recording.d_sets.push(sample.d_set.clone());
+        recording.sources.push(sample.sources.clone());
+        recording.actions.push(actions);
+        d_set = after;
+    }
+    Ok(recording)
+}
+
+fn check_shapes(domain: &dyn Domain, recording: &Recording) -> Result<()> {
+    let spec = domain.spec();
+    let classes = match spec.sources {
+        SourceSpec::Binary { .. } => 2,
+    };
+    for (obs, (sources, rewards)) in recording.obs.iter().zip(recording.sources.iter().zip(&recording.rewards)) {
+        ensure!((obs.len(), obs.width()) == (domain.agents(), spec.obs_dim), "observations of a wrong shape");
+        ensure!(sources.width() == spec.sources.count(), "influence sources of a wrong shape");
+        ensure!(sources.as_slice().iter().all(|&u| u < classes), "an influence source out of range");
+        ensure!(rewards.iter().all(|r| r.is_finite()), "a reward that is not finite");
+    }
+    Ok(())
+}
+
+/// Drives one LS per agent by the recorded actions and sources and compares what it shows.
+fn replay_locally(domain: &dyn Domain, recording: &Recording, seed: Seed) -> Result<f64> {
+    let regions = AgentId::all(domain.agents());
+    let mut ls = domain.local_simulator(&regions, 1, seed.for_episode(0))?;
+    ls.reset(&(0..regions.len()).collect::<Vec<_>>())?;
+    let (mut set, mut kept) = (0_u64, 0_u64);
+    for (t, actions) in recording.actions.iter().enumerate() {
+        let local = ls.step(actions, &recording.sources[t])?;
+        for (&global, &local) in recording.obs[t].as_slice().iter().zip(local.percept.obs.as_slice()) {
+            if global != 0.0 {
+                set += 1;
+                kept += u64::from(local == global);
+            }
+        }
+    }
+    ensure!(set > 0, "the GS showed nothing at all");
+    Ok(kept as f64 / set as f64)
+}
+
+/// Two copies of every region in step with each other; one is reset alone, the other must not notice.
+fn check_single_resets(domain: &dyn Domain, recording: &Recording, seed: Seed) -> Result<()> {
+    let regions = AgentId::all(domain.agents());
+    let trace = |reset_at: Option<usize>| -> Result<Vec<f32>> {
+        let mut ls = domain.local_simulator(&regions, 2, seed)?;
+        ls.reset(&(0..ls.rows()).collect::<Vec<_>>())?;
+        let mut seen = Vec::new();
+        for t in 0..recording.actions.len().min(60) {
+            if reset_at == Some(t) {
+                ls.reset(&(0..regions.len()).map(|region| 2 * region + 1).collect::<Vec<_>>())?;
+            }
+            let actions: Vec<Action> = recording.actions[t].iter().flat_map(|&action| [action; 2]).collect();
+            let mut sources = Rows::new(0, recording.sources[t].width());
+            recording.sources[t].iter().for_each(|row| (0..2).for_each(|_| sources.push(row)));
+            let transition = ls.step(&actions, &sources)?;
+            for region in 0..regions.len() {
+                seen.extend_from_slice(transition.percept.obs.row(2 * region));
+                seen.push(transition.rewards[2 * region]);
+            }
+        }
+        Ok(seen)
+    };
+    ensure!(trace(None)? == trace(Some(25))?, "the reset of one row of the LS disturbed another");
+    Ok(())
+}

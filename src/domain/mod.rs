@@ -1,0 +1,143 @@
+//! What a domain is: the traits between simulators and learning.
+//!
+//! A [`Domain`] makes simulators. The [`GlobalSimulator`] (GS) moves the whole system; a [`LocalSimulator`] (LS) moves
+//! many local regions in lockstep, each driven by the influence sources it is handed. Simulators never see a tensor and
+//! never hear of learning: they speak [`Rows`]. Learning never sees a car or a robot: it knows the [`RegionSpec`].
+//!
+//! A new domain implements the three traits and passes [`conformance`]; [`toy`] is the smallest one.
+
+pub mod conformance;
+mod spec;
+pub mod toy;
+
+use crate::base::{AgentId, Rows, Seed};
+
+pub use spec::{Action, RegionSpec, SourceSpec};
+
+/// Simulators fail for reasons of their own (SUMO, files); no room above chooses by the kind of failure.
+pub type Result<T> = anyhow::Result<T>;
+
+/// What a region shows at a decision, one row per (agent, copy).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Percept {
+    /// `[rows, obs_dim]`
+    pub obs: Rows<f32>,
+    /// `[rows, d_set_dim]`
+    pub d_set: Rows<f32>,
+}
+
+impl Percept {
+    pub fn new(rows: usize, spec: &RegionSpec) -> Self {
+        Percept { obs: Rows::new(rows, spec.obs_dim), d_set: Rows::new(rows, spec.d_set_dim) }
+    }
+}
+
+/// What one step of a simulator brought.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Transition {
+    /// After the step.
+    pub percept: Percept,
+    /// `[rows]`
+    pub rewards: Vec<f32>,
+}
+
+impl Transition {
+    pub fn new(rows: usize, spec: &RegionSpec) -> Self {
+        Transition { percept: Percept::new(rows, spec), rewards: vec![0.0; rows] }
+    }
+}
+
+/// One sample `(l_t, u_t)` of every agent's dataset `D_i`: the d-set at a decision and the influence sources that acted
+/// during the step after it.
+#[derive(Clone, Copy, Debug)]
+pub struct InfluenceSample<'a> {
+    /// `[agents, d_set_dim]`
+    pub d_set: &'a Rows<f32>,
+    /// `[agents, sources]`
+    pub sources: &'a Rows<u8>,
+}
+
+/// The global simulator: `s' ~ T(. | s, a)` for all agents at once, one row per agent.
+///
+/// It knows no horizon: whoever drives it ends the episode by `reset`.
+pub trait GlobalSimulator {
+    fn spec(&self) -> &RegionSpec;
+    fn agents(&self) -> usize;
+
+    /// Begins an episode; everything random in it follows from `episode`.
+    fn reset(&mut self, episode: Seed) -> Result<&Percept>;
+
+    /// One step under the joint action, `[agents]`.
+    fn step(&mut self, actions: &[Action]) -> Result<&Transition>;
+
+    /// The sample of the last step. The GS owns the alignment of the pair: an LS in the same local state that is fed
+    /// these sources makes the same transition.
+    fn influence_sample(&self) -> InfluenceSample<'_>;
+
+    /// What else there is to tell of the episode so far.
+    fn measures(&mut self) -> Result<Measures>;
+}
+
+/// The local simulators of many regions in lockstep: `x' ~ T_i(. | x, u, a)`, one row per (agent, copy).
+///
+/// It knows no horizon: whoever drives it ends the episode of a row by `reset`.
+pub trait LocalSimulator {
+    fn spec(&self) -> &RegionSpec;
+    fn rows(&self) -> usize;
+
+    /// Begins an episode in these rows and leaves the others as they are.
+    fn reset(&mut self, rows: &[usize]) -> Result<&Percept>;
+
+    /// One step of every row. `actions`: `[rows]`; `sources`: `[rows, sources]`.
+    fn step(&mut self, actions: &[Action], sources: &Rows<u8>) -> Result<&Transition>;
+
+    /// Totals since the simulator was made, such as influences that could not be carried out.
+    fn counters(&self) -> Vec<(&'static str, u64)>;
+}
+
+/// Named figures of an episode beside the return.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Measures {
+    /// One value per agent.
+    pub per_agent: Vec<(&'static str, Vec<f64>)>,
+    /// One value for the whole system.
+    pub system: Vec<(&'static str, f64)>,
+}
+
+/// Decides for all agents of a GS: a joint policy or a hand-coded baseline.
+pub trait Controller {
+    /// An episode begins; everything random in the decisions follows from `episode`.
+    fn begin(&mut self, episode: Seed);
+
+    /// Decides, one action per row of the percept.
+    fn act(&mut self, percept: &Percept, actions: &mut [Action]) -> Result<()>;
+}
+
+/// A hand-coded controller with the GS it runs on.
+pub struct Baseline {
+    pub simulator: Box<dyn GlobalSimulator>,
+    pub controller: Box<dyn Controller>,
+}
+
+/// A networked system of agents with local regions.
+pub trait Domain: Send + Sync {
+    fn spec(&self) -> &RegionSpec;
+    fn agents(&self) -> usize;
+
+    fn global_simulator(&self) -> Result<Box<dyn GlobalSimulator>>;
+
+    /// Local simulators of `regions`, `copies` of each: rows ordered by region, then copy.
+    fn local_simulator(&self, regions: &[AgentId], copies: usize, seed: Seed) -> Result<Box<dyn LocalSimulator>>;
+
+    /// The names that [`Domain::baseline`] takes, for help and error messages.
+    fn baselines(&self) -> &'static [&'static str];
+
+    /// A hand-coded controller by name; an unknown name is an error that lists the known ones.
+    fn baseline(&self, name: &str) -> Result<Baseline>;
+
+    /// What to add to the output biases of a fresh policy, per action: a prior on behaviour.
+    fn initial_action_bias(&self) -> Vec<f32>;
+
+    /// The agents that sit in a degenerate behaviour, judged by the mean measures of an evaluation.
+    fn stuck(&self, measures: &Measures) -> Vec<bool>;
+}

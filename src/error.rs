@@ -1,0 +1,52 @@
+//! What a command can end with: the sum of the rooms' errors, as the shell sees it.
+
+use std::fmt;
+use std::process::ExitCode;
+
+/// An error that a person at the terminal reads.
+#[derive(Debug)]
+pub enum Error {
+    /// Asked wrongly: a bad config, a missing file, a place that cannot be written. Nothing has begun. Exit code 2.
+    Usage(anyhow::Error),
+    /// The work failed. Exit code 1.
+    Run(anyhow::Error),
+}
+
+pub type Result<T> = std::result::Result<T, Error>;
+
+impl Error {
+    pub fn exit_code(&self) -> ExitCode {
+        match self {
+            Error::Usage(_) => ExitCode::from(2),
+            Error::Run(_) => ExitCode::from(1),
+        }
+    }
+
+    fn cause(&self) -> &anyhow::Error {
+        match self {
+            Error::Usage(error) | Error::Run(error) => error,
+        }
+    }
+}
+
+/// `error: what`, then a line `caused by: why` per cause.
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "error: {}", self.cause())?;
+        self.cause().chain().skip(1).try_for_each(|cause| write!(f, "\n  caused by: {cause}"))
+    }
+}
+
+impl std::error::Error for Error {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use anyhow::anyhow;
+
+    #[test]
+    fn the_chain_of_causes_is_told_line_by_line() {
+        let error = Error::Run(anyhow!("disk full").context("run.json: cannot be written"));
+        assert_eq!(error.to_string(), "error: run.json: cannot be written\n  caused by: disk full");
+    }
+}

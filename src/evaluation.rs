@@ -1,0 +1,179 @@
+//! Episodes on the GS under a controller, and what they come to.
+
+use crate::base::{Rows, Seed};
+use crate::domain::{Controller, Domain, GlobalSimulator, Measures, Result};
+
+/// The stream of an evaluation episode: the same for every controller and every time in a run, so that what is
+/// compared is compared on the same traffic.
+pub fn episode_seed(run: Seed, episode: usize) -> Seed {
+    run.fork("evaluation").for_episode(episode)
+}
+
+/// What one episode came to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EpisodeReport {
+    /// Sum of rewards, per agent.
+    pub returns: Vec<f64>,
+    pub measures: Measures,
+}
+
+/// Plays one episode of `horizon` steps.
+pub fn play(
+    simulator: &mut dyn GlobalSimulator,
+    controller: &mut dyn Controller,
+    episode: Seed,
+) -> Result<EpisodeReport> {
+    let (agents, horizon) = (simulator.agents(), simulator.spec().horizon);
+    let mut returns = vec![0.0; agents];
+    let mut actions = vec![0; agents];
+    controller.begin(episode);
+    let mut percept = simulator.reset(episode)?;
+    for _ in 0..horizon {
+        controller.act(percept, &mut actions)?;
+        let transition = simulator.step(&actions)?;
+        returns.iter_mut().zip(&transition.rewards).for_each(|(sum, &reward)| *sum += f64::from(reward));
+        percept = &transition.percept;
+    }
+    Ok(EpisodeReport { returns, measures: simulator.measures()? })
+}
+
+/// Several episodes of one controller.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Evaluation {
+    /// `[episodes, agents]`
+    pub returns: Rows<f64>,
+    /// Means over the episodes.
+    pub measures: Measures,
+    /// The agents that sit in a degenerate behaviour.
+    pub stuck: Vec<bool>,
+}
+
+/// Mean, spread and middle of a return.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Summary {
+    pub mean: f64,
+    /// For one agent: over episodes. For all: over the agents' means, so that one lost agent does not hide the others.
+    pub median: f64,
+    /// Of the mean, over episodes. 0 for a single episode, which has no spread to tell.
+    pub std_error: f64,
+}
+
+impl Evaluation {
+    pub fn new(domain: &dyn Domain, episodes: &[EpisodeReport]) -> Self {
+        let mut returns = Rows::new(0, domain.agents());
+        episodes.iter().for_each(|episode| returns.push(&episode.returns));
+        let measures = mean_measures(episodes);
+        let stuck = domain.stuck(&measures);
+        Evaluation { returns, measures, stuck }
+    }
+
+    pub fn episodes(&self) -> usize {
+        self.returns.len()
+    }
+
+    pub fn agents(&self) -> usize {
+        self.returns.width()
+    }
+
+    pub fn of_agent(&self, agent: usize) -> Summary {
+        let returns: Vec<f64> = self.returns.iter().map(|episode| episode[agent]).collect();
+        Summary { mean: mean(&returns), median: median(&returns), std_error: std_error(&returns) }
+    }
+
+    /// The mean return of all agents.
+    pub fn of_all(&self) -> Summary {
+        let episodes: Vec<f64> = self.returns.iter().map(mean).collect();
+        let agents: Vec<f64> = (0..self.agents()).map(|agent| self.of_agent(agent).mean).collect();
+        Summary { mean: mean(&episodes), median: median(&agents), std_error: std_error(&episodes) }
+    }
+}
+
+/// Evaluates `controller` on the episodes `0..episodes` of `run`; `progress` is called with the share that is done.
+pub fn evaluate(
+    domain: &dyn Domain,
+    simulator: &mut dyn GlobalSimulator,
+    controller: &mut dyn Controller,
+    run: Seed,
+    episodes: usize,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Evaluation> {
+    let mut reports = Vec::with_capacity(episodes);
+    for episode in 0..episodes {
+        reports.push(play(simulator, controller, episode_seed(run, episode))?);
+        progress((episode + 1) as f64 / episodes as f64);
+    }
+    Ok(Evaluation::new(domain, &reports))
+}
+
+fn mean_measures(episodes: &[EpisodeReport]) -> Measures {
+    let mut means = episodes[0].measures.clone();
+    for (index, (_, values)) in means.per_agent.iter_mut().enumerate() {
+        for (agent, value) in values.iter_mut().enumerate() {
+            let of_episodes: Vec<f64> =
+                episodes.iter().map(|episode| episode.measures.per_agent[index].1[agent]).collect();
+            *value = mean(&of_episodes);
+        }
+    }
+    for (index, (_, value)) in means.system.iter_mut().enumerate() {
+        let of_episodes: Vec<f64> = episodes.iter().map(|episode| episode.measures.system[index].1).collect();
+        *value = mean(&of_episodes);
+    }
+    means
+}
+
+fn mean(values: impl AsRef<[f64]>) -> f64 {
+    let values = values.as_ref();
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+fn median(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let middle = sorted.len() / 2;
+    if sorted.len().is_multiple_of(2) { (sorted[middle - 1] + sorted[middle]) / 2.0 } else { sorted[middle] }
+}
+
+fn std_error(values: &[f64]) -> f64 {
+    if values.len() < 2 {
+        return 0.0;
+    }
+    let mean = mean(values);
+    let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (values.len() - 1) as f64;
+    (variance / values.len() as f64).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::toy::Coins;
+
+    fn report(returns: [f64; 2]) -> EpisodeReport {
+        EpisodeReport { returns: returns.to_vec(), measures: Measures::default() }
+    }
+
+    #[test]
+    fn summaries_are_worked_out_by_hand() {
+        let evaluation =
+            Evaluation::new(&Coins::new(1), &[report([1.0, 10.0]), report([2.0, 20.0]), report([6.0, 0.0])]);
+        // Agent 0: mean 3, median 2, deviation sqrt((4 + 1 + 9) / 2) = 2.6458, standard error 2.6458 / sqrt(3) = 1.5275.
+        let first = evaluation.of_agent(0);
+        assert_eq!((first.mean, first.median), (3.0, 2.0));
+        assert!((first.std_error - 1.527_525).abs() < 1e-6);
+        // All: episode means 5.5, 11, 3: mean 6.5, deviation sqrt((1 + 20.25 + 12.25) / 2) = 4.0927, error 2.3629;
+        // the median of the agents' means 3 and 10 is 6.5.
+        let all = evaluation.of_all();
+        assert_eq!((all.mean, all.median), (6.5, 6.5));
+        assert!((all.std_error - 2.362_908).abs() < 1e-6);
+    }
+
+    #[test]
+    fn the_same_seed_plays_the_same_episodes() {
+        let coins = Coins::new(50);
+        let play = |seed| {
+            let mut baseline = coins.baseline("random").unwrap();
+            evaluate(&coins, &mut *baseline.simulator, &mut *baseline.controller, Seed::new(seed), 3, &mut |_| ()).unwrap()
+        };
+        assert_eq!(play(1), play(1));
+        assert_ne!(play(1), play(2));
+    }
+}

@@ -1,0 +1,42 @@
+//! The dataset `D_i` of one agent.
+
+use crate::base::Rows;
+use crate::domain::RegionSpec;
+
+/// Pairs `(l_t, u_t)` of one agent in the order in which the GS made them: whole episodes, one after another.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Dataset {
+    /// `[samples, d_set_dim]`
+    pub d_sets: Rows<f32>,
+    /// `[samples, sources]`
+    pub sources: Rows<u8>,
+    /// Samples per episode.
+    pub horizon: usize,
+}
+
+impl Dataset {
+    pub fn new(spec: &RegionSpec) -> Self {
+        Dataset {
+            d_sets: Rows::new(0, spec.d_set_dim),
+            sources: Rows::new(0, spec.sources.count()),
+            horizon: spec.horizon,
+        }
+    }
+
+    pub fn len(&self) -> usize {
+        self.d_sets.len()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.d_sets.is_empty()
+    }
+
+    pub fn episodes(&self) -> usize {
+        self.len() / self.horizon
+    }
+
+    pub fn push(&mut self, d_set: &[f32], sources: &[u8]) {
+        self.d_sets.push(d_set);
+        self.sources.push(sources);
+    }
+}

@@ -1,0 +1,13 @@
+pub mod base;
+pub mod cli;
+pub mod config;
+pub mod domain;
+pub mod error;
+pub mod evaluation;
+pub mod influence;
+pub mod nn;
+pub mod policy;
+pub mod run;
+pub mod sumo;
+pub mod traffic;
+pub mod training;

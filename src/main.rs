@@ -1,0 +1,17 @@
+//! The command line: parse, run, say what went wrong, exit.
+
+use std::process::ExitCode;
+
+use clap::Parser;
+use dials_traffic::{cli::Cli, run};
+
+fn main() -> ExitCode {
+    run::keep_to_one_thread();
+    match run::run(Cli::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            error.exit_code()
+        }
+    }
+}

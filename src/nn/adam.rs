@@ -1,0 +1,67 @@
+//! Adam over a stack, in one pass over memory.
+
+use super::Parameters;
+
+const BETA1: f32 = 0.9;
+const BETA2: f32 = 0.999;
+const EPSILON: f32 = 1e-8;
+
+/// The optimiser of one stack. Elementwise, so every agent has its own Adam.
+///
+/// libtorch's own optimiser cannot give its moments away for a checkpoint, and makes several passes over memory.
+/// Source: Kingma & Ba 2015, algorithm 1, with torch's default constants.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Adam {
+    first_moments: Vec<f32>,
+    second_moments: Vec<f32>,
+    steps: i32,
+}
+
+impl Adam {
+    pub fn new(parameters: &Parameters) -> Self {
+        let zeros = vec![0.0; parameters.values().len()];
+        Adam { first_moments: zeros.clone(), second_moments: zeros, steps: 0 }
+    }
+
+    /// One step along the gradients.
+    pub fn step(&mut self, parameters: &mut Parameters, learning_rate: f64) {
+        self.steps += 1;
+        let correction1 = 1.0 - f64::from(BETA1).powi(self.steps);
+        let correction2 = 1.0 - f64::from(BETA2).powi(self.steps);
+        let step_size = (learning_rate / correction1) as f32;
+        let root_correction = (1.0 / correction2.sqrt()) as f32;
+        let (values, gradients) = parameters.values_mut();
+        let moments = self.first_moments.iter_mut().zip(&mut self.second_moments);
+        for ((value, &gradient), (first, second)) in values.iter_mut().zip(gradients).zip(moments) {
+            *first = BETA1 * *first + (1.0 - BETA1) * gradient;
+            *second = BETA2 * *second + (1.0 - BETA2) * gradient * gradient;
+            *value -= step_size * *first / (second.sqrt() * root_correction + EPSILON);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::{AgentId, Rows, Seed};
+    use crate::nn::{Mlp, rows_to_tensor};
+
+    #[test]
+    fn two_steps_are_worked_out_by_hand() {
+        // y = w x + b with x = 1, dL/dy = 2 then 1: the gradients of w and b are 2 then 1.
+        let mut net = Mlp::new(&[AgentId(0)], &[1, 1], Seed::new(0));
+        net.parameters_mut().load(&Rows::from_vec(vec![1.0, -1.0], 2));
+        let mut adam = Adam::new(net.parameters());
+        for gradient in [2.0, 1.0] {
+            let trace = net.forward(rows_to_tensor(&Rows::from_vec(vec![1.0], 1), 1));
+            net.backward(&trace, &[gradient]);
+            adam.step(net.parameters_mut(), 0.1);
+        }
+        // Step 1: m = 0.2, v = 0.004; corrected 2 and 4: w -= 0.1 * 2 / 2 = 0.1.
+        // Step 2: m = 0.28, v = 0.004996; corrected 0.28 / 0.19 = 1.473684 and 0.004996 / 0.001999 = 2.499250,
+        //         root 1.580902: w -= 0.1 * 1.473684 / 1.580902 = 0.093218.
+        for (value, expected) in net.parameters().values().iter().zip([0.806_782, -1.193_218]) {
+            assert!((value - expected).abs() < 1e-6, "{value} {expected}");
+        }
+    }
+}

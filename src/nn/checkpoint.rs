@@ -1,0 +1,83 @@
+//! Stacks as safetensors files that Python opens: one tensor `[agents, ...]` per weight and bias.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use anyhow::{Context, Result, ensure};
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+
+use super::Parameters;
+use crate::base::Rows;
+
+/// The stack as the bytes of a safetensors file. `rows`: one row of parameters per agent, as `layout` lays them out;
+/// the stacks may hold more agents than `layout`. `about` goes into the file's metadata.
+pub fn write_stack(layout: &Parameters, rows: &Rows<f32>, about: &HashMap<String, String>) -> Result<Vec<u8>> {
+    let tensors: Vec<(String, Vec<usize>, Vec<u8>)> = layout
+        .blocks()
+        .map(|(name, mut shape, offset)| {
+            let len: usize = shape[1..].iter().product();
+            shape[0] = rows.len();
+            let values = rows.iter().flat_map(|row| &row[offset..offset + len]);
+            (name.to_owned(), shape, values.flat_map(|value| value.to_le_bytes()).collect())
+        })
+        .collect();
+    let views = tensors
+        .iter()
+        .map(|(name, shape, bytes)| Ok((name.as_str(), TensorView::new(Dtype::F32, shape.clone(), bytes)?)))
+        .collect::<Result<Vec<_>>>()?;
+    Ok(safetensors::serialize(views, Some(about.clone()))?)
+}
+
+/// Reads a file of [`write_stack`] back into rows; an error says where the file is of another shape.
+pub fn read_stack(path: &Path, layout: &Parameters) -> Result<Rows<f32>> {
+    let bytes = std::fs::read(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+    let file = SafeTensors::deserialize(&bytes)
+        .with_context(|| format!("{}: not a safetensors file, or cut short", path.display()))?;
+    let mut rows = Rows::new(layout.agents(), layout.width());
+    for (name, shape, offset) in layout.blocks() {
+        let tensor = file.tensor(name).with_context(|| format!("{}: no tensor `{name}`", path.display()))?;
+        ensure!(
+            tensor.dtype() == Dtype::F32 && tensor.shape() == shape,
+            "{}: `{name}` is {:?} {:?}; the config of this run asks for F32 {shape:?}",
+            path.display(),
+            tensor.dtype(),
+            tensor.shape(),
+        );
+        let len: usize = shape[1..].iter().product();
+        for (agent, bytes) in tensor.data().chunks_exact(4 * len).enumerate() {
+            let values = bytes.as_chunks::<4>().0.iter().map(|&value| f32::from_le_bytes(value));
+            rows.row_mut(agent)[offset..offset + len].iter_mut().zip(values).for_each(|(to, from)| *to = from);
+        }
+    }
+    Ok(rows)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::{AgentId, Seed};
+    use crate::nn::Mlp;
+
+    #[test]
+    fn a_stack_comes_back_as_it_was() {
+        let net = Mlp::new(&AgentId::all(3), &[4, 5, 2], Seed::new(1));
+        let bytes = write_stack(net.parameters(), &net.parameters().to_rows(), &HashMap::new()).unwrap();
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), bytes).unwrap();
+        assert_eq!(read_stack(file.path(), net.parameters()).unwrap(), net.parameters().to_rows());
+    }
+
+    #[test]
+    fn a_stack_of_another_shape_or_a_torn_file_is_a_clear_error() {
+        let net = Mlp::new(&AgentId::all(3), &[4, 5, 2], Seed::new(1));
+        let other = Mlp::new(&AgentId::all(2), &[4, 5, 2], Seed::new(1));
+        let bytes = write_stack(net.parameters(), &net.parameters().to_rows(), &HashMap::new()).unwrap();
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), &bytes).unwrap();
+        let error = read_stack(file.path(), other.parameters()).unwrap_err().to_string();
+        assert!(error.contains("asks for F32 [2, 4, 5]"), "{error}");
+        std::fs::write(file.path(), &bytes[..bytes.len() / 2]).unwrap();
+        let error = read_stack(file.path(), net.parameters()).unwrap_err().to_string();
+        assert!(error.contains("cut short"), "{error}");
+    }
+}

@@ -1,0 +1,110 @@
+//! `evaluate` and `baseline`: the same episodes, the same figures.
+
+use serde_json::{Map, Value, json};
+
+use super::directory;
+use super::progress::EpisodeBar;
+use crate::base::Seed;
+use crate::cli;
+use crate::config::{Config, load};
+use crate::domain::{Controller, Domain, GlobalSimulator};
+use crate::error::{Error, Result};
+use crate::evaluation::{self, Evaluation};
+use crate::policy::{JointPolicyController, Selection};
+use crate::sumo::Simulation;
+use crate::traffic::Traffic;
+
+pub fn evaluate(args: &cli::Evaluate) -> Result<()> {
+    let run = directory::open(&args.run_dir).map_err(Error::Usage)?;
+    let selection = if args.greedy { Selection::Greedy } else { Selection::Sampled };
+    let mut controller = JointPolicyController::new(run.stack, &run.policies, selection);
+    let mut simulator = run.domain.global_simulator().map_err(Error::Run)?;
+    let subject = [("run", json!(args.run_dir)), ("greedy", json!(args.greedy))];
+    report(&run.domain, &run.config, &mut *simulator, &mut controller, &args.episodes, &args.output, &subject)
+}
+
+pub fn baseline(args: &cli::Baseline) -> Result<()> {
+    let config = load(&args.config, &[]).map_err(Error::Usage)?;
+    let domain = Traffic::open(&config.traffic, &config.policy).map_err(Error::Usage)?;
+    let mut baseline = domain.baseline(&args.controller).map_err(Error::Usage)?;
+    let (simulator, controller) = (&mut *baseline.simulator, &mut *baseline.controller);
+    let subject = [("config", json!(args.config)), ("controller", json!(args.controller))];
+    report(&domain, &config, simulator, controller, &args.episodes, &args.output, &subject)
+}
+
+fn report(
+    domain: &Traffic,
+    config: &Config,
+    simulator: &mut dyn GlobalSimulator,
+    controller: &mut dyn Controller,
+    episodes: &cli::Episodes,
+    output: &cli::Output,
+    subject: &[(&str, Value)],
+) -> Result<()> {
+    let count = episodes.episodes.map_or(config.evaluation.episodes, |count| count as usize);
+    let seed = episodes.seed.unwrap_or(config.seed);
+    let bar = EpisodeBar::new(count);
+    let evaluation =
+        evaluation::evaluate(domain, simulator, controller, Seed::new(seed), count, &mut |share| bar.set(share))
+            .map_err(Error::Run)?;
+    bar.finish();
+    if output.json {
+        println!("{}", to_json(&evaluation, seed, subject).map_err(Error::Run)?);
+    } else {
+        print_table(&evaluation);
+    }
+    Ok(())
+}
+
+fn to_json(evaluation: &Evaluation, seed: u64, subject: &[(&str, Value)]) -> anyhow::Result<Value> {
+    let all = evaluation.of_all();
+    let mut object = Map::new();
+    object.extend(subject.iter().map(|(key, value)| ((*key).to_owned(), value.clone())));
+    let measures = &evaluation.measures;
+    let per_agent = (0..evaluation.agents()).map(|agent| {
+        let of_agent = evaluation.of_agent(agent);
+        let mut object = Map::new();
+        object.insert("mean_return".into(), json!(of_agent.mean));
+        object.insert("median_return".into(), json!(of_agent.median));
+        object.insert("std_error".into(), json!(of_agent.std_error));
+        object.insert("stuck".into(), json!(evaluation.stuck[agent]));
+        object.extend(measures.per_agent.iter().map(|(name, values)| ((*name).to_owned(), json!(values[agent]))));
+        Value::Object(object)
+    });
+    object.insert("mean_return".into(), json!(all.mean));
+    object.insert("median_return".into(), json!(all.median));
+    object.insert("std_error".into(), json!(all.std_error));
+    object.insert("episodes".into(), json!(evaluation.episodes()));
+    object.insert("agents".into(), json!(evaluation.agents()));
+    object.insert("stuck_agents".into(), json!(evaluation.stuck.iter().filter(|&&stuck| stuck).count()));
+    object.insert("seed".into(), json!(seed));
+    object.insert("sumo_version".into(), json!(Simulation::version()?));
+    object.extend(measures.system.iter().map(|(name, value)| ((*name).to_owned(), json!(value))));
+    object.insert("per_agent".into(), per_agent.collect());
+    Ok(Value::Object(object))
+}
+
+fn print_table(evaluation: &Evaluation) {
+    let all = evaluation.of_all();
+    println!(
+        "return {:.1} +- {:.1} (mean and standard error over {} episodes), median of the agents {:.1}",
+        all.mean,
+        all.std_error,
+        evaluation.episodes(),
+        all.median
+    );
+    for (name, value) in &evaluation.measures.system {
+        println!("{name:>24} {value:.2}");
+    }
+    print!("\n{:>5} {:>8} {:>8} {:>9}", "agent", "mean", "median", "std_error");
+    evaluation.measures.per_agent.iter().for_each(|(name, _)| print!(" {name}"));
+    println!(" stuck");
+    for agent in 0..evaluation.agents() {
+        let of_agent = evaluation.of_agent(agent);
+        print!("{agent:>5} {:>8.1} {:>8.1} {:>9.2}", of_agent.mean, of_agent.median, of_agent.std_error);
+        for (name, values) in &evaluation.measures.per_agent {
+            print!(" {:>width$.3}", values[agent], width = name.len());
+        }
+        println!(" {:>5}", if evaluation.stuck[agent] { "yes" } else { "no" });
+    }
+}

@@ -1,0 +1,201 @@
+//! What a person sees of a run: a bar on a terminal, plain lines elsewhere.
+
+use std::cell::{Cell, RefCell};
+use std::io::IsTerminal;
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::base::Phase;
+use crate::config::Config;
+use crate::evaluation::Evaluation;
+use crate::training::fleet::{AipTraining, Observer};
+use crate::training::run_log::Listener;
+
+/// How often a plain line is printed while policies train.
+const PLAIN_LINE_EVERY: Duration = Duration::from_secs(10);
+
+/// The progress of `train`.
+pub struct Progress {
+    bar: Option<ProgressBar>,
+    agents: usize,
+    last_step: u64,
+    begun: Instant,
+    /// Time and steps of the policies' training so far, without everything else.
+    rate: RefCell<Rate>,
+    last_line: Cell<Instant>,
+    found: RefCell<Found>,
+}
+
+#[derive(Default)]
+struct Rate {
+    trained: Duration,
+    steps: u64,
+    /// When and at which step the last report came.
+    since: Option<Instant>,
+    at: u64,
+}
+
+/// The last figures.
+#[derive(Default)]
+struct Found {
+    mean_return: Option<f64>,
+    aip_loss: Option<f64>,
+}
+
+impl Progress {
+    pub fn new(config: &Config, agents: usize) -> Self {
+        let bar = std::io::stderr().is_terminal().then(|| {
+            let style = "{bar:30.cyan/blue} {human_pos}/{human_len} steps  {msg}";
+            let style = ProgressStyle::with_template(style).expect("the template is well-formed");
+            ProgressBar::new(config.last_step()).with_style(style)
+        });
+        let now = Instant::now();
+        Progress {
+            bar,
+            agents,
+            last_step: config.last_step(),
+            begun: now,
+            rate: RefCell::default(),
+            last_line: Cell::new(now),
+            found: RefCell::default(),
+        }
+    }
+
+    pub fn finish(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+        eprintln!("done in {}", duration(self.begun.elapsed()));
+    }
+
+    fn say(&self, line: &str) {
+        match &self.bar {
+            Some(bar) => bar.suspend(|| eprintln!("{line}")),
+            None => eprintln!("{line}"),
+        }
+    }
+
+    /// `12 345 agent-steps/s, 3 min left, return 201.2, AIP loss 0.301`
+    fn message(&self, steps: u64) -> String {
+        let rate = self.rate.borrow();
+        let mut parts = Vec::new();
+        if !rate.trained.is_zero() {
+            let per_second = rate.steps as f64 / rate.trained.as_secs_f64();
+            parts.push(format!("{:.0} agent-steps/s", per_second * self.agents as f64));
+            let left = self.last_step.saturating_sub(steps) as f64 / per_second;
+            parts.push(format!("{} left", duration(Duration::from_secs_f64(left))));
+        }
+        let found = self.found.borrow();
+        parts.extend(found.mean_return.map(|value| format!("return {value:.1}")));
+        parts.extend(found.aip_loss.map(|value| format!("AIP loss {value:.3}")));
+        parts.join(", ")
+    }
+}
+
+impl Observer for Progress {
+    fn trained(&self, steps: u64) {
+        let mut rate = self.rate.borrow_mut();
+        let now = Instant::now();
+        // The first report of a period only starts the clock.
+        if let Some(since) = rate.since.replace(now) {
+            rate.trained += now - since;
+            rate.steps += steps - rate.at;
+        }
+        rate.at = steps;
+        drop(rate);
+        match &self.bar {
+            Some(bar) => {
+                bar.set_position(steps.min(self.last_step));
+                bar.set_message(self.message(steps));
+            }
+            None if now - self.last_line.get() >= PLAIN_LINE_EVERY => {
+                self.last_line.set(now);
+                eprintln!("step {steps}/{}: {}", self.last_step, self.message(steps));
+            }
+            None => (),
+        }
+    }
+
+    fn busy(&self, phase: Phase, share: f64) {
+        self.rate.borrow_mut().since = None;
+        let what = match phase {
+            Phase::Collection => "collecting datasets",
+            Phase::AipTraining => "training AIPs",
+            Phase::Evaluation => "evaluating",
+            _ => phase.name(),
+        };
+        if let Some(bar) = &self.bar {
+            bar.set_message(format!("{what} {:.0} %", 100.0 * share));
+        }
+    }
+}
+
+impl Listener for Progress {
+    fn evaluated(&self, steps: u64, evaluation: &Evaluation) {
+        let all = evaluation.of_all();
+        let stuck = evaluation.stuck.iter().filter(|&&stuck| stuck).count();
+        let stuck = if stuck > 0 { format!(", {stuck} stuck") } else { String::new() };
+        self.say(&format!(
+            "step {steps}: return {:.1} +- {:.1}, median {:.1}{stuck}",
+            all.mean, all.std_error, all.median
+        ));
+        self.found.borrow_mut().mean_return = Some(all.mean);
+    }
+
+    fn aips_trained(&self, steps: u64, training: &AipTraining) {
+        let mean = |pick: fn(&crate::influence::AipLoss) -> &Vec<f64>| {
+            let losses: Vec<f64> = training.losses.iter().flat_map(|loss| pick(loss).iter().copied()).collect();
+            losses.iter().sum::<f64>() / losses.len() as f64
+        };
+        let (before, after, marginals) =
+            (mean(|loss| &loss.held_out[0]), mean(|loss| &loss.held_out[1]), mean(|loss| &loss.marginals));
+        self.say(&format!("step {steps}: AIP loss {before:.3} -> {after:.3} held out (constant marginals {marginals:.3})"));
+        self.found.borrow_mut().aip_loss = Some(after);
+    }
+}
+
+/// A bar over episodes, on a terminal only.
+pub struct EpisodeBar {
+    bar: ProgressBar,
+    episodes: usize,
+}
+
+impl EpisodeBar {
+    pub fn new(episodes: usize) -> Self {
+        // indicatif draws to standard error, and nothing where that is no terminal.
+        let style = ProgressStyle::with_template("{bar:30.cyan/blue} {pos}/{len} episodes  {eta} left");
+        let bar = ProgressBar::new(episodes as u64).with_style(style.expect("the template is well-formed"));
+        EpisodeBar { bar, episodes }
+    }
+
+    pub fn set(&self, share: f64) {
+        self.bar.set_position((share * self.episodes as f64).round() as u64);
+    }
+
+    pub fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+/// `42 s`, `3 min 20 s`, `2 h 5 min`
+fn duration(duration: Duration) -> String {
+    let seconds = duration.as_secs();
+    match (seconds / 3600, seconds / 60 % 60, seconds % 60) {
+        (0, 0, seconds) => format!("{seconds} s"),
+        (0, minutes, seconds) => format!("{minutes} min {seconds} s"),
+        (hours, minutes, _) => format!("{hours} h {minutes} min"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn durations_are_told_in_two_units() {
+        assert_eq!(duration(Duration::from_secs(42)), "42 s");
+        assert_eq!(duration(Duration::from_secs(200)), "3 min 20 s");
+        assert_eq!(duration(Duration::from_secs(7500)), "2 h 5 min");
+    }
+}

@@ -1,0 +1,302 @@
+//! The one crossing: converts, calls, checks, and turns a code and its message into an error.
+//!
+//! All `unsafe` of the crate is in this file.
+
+use std::cell::Cell;
+use std::ffi::{CStr, CString, c_char, c_int};
+use std::marker::PhantomData;
+use std::mem::MaybeUninit;
+use std::slice;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use super::{CarTable, DepartSpeed, Error, Insertion, LaneId, LightId, Result, SignalState, StepCounts, ffi};
+
+/// Who may cross: libsumo keeps its one simulation in globals without any lock.
+static TURN: Mutex<()> = Mutex::new(());
+
+thread_local! {
+    /// Does this thread have the turn? A second wait in the same thread would never end.
+    static HAS_TURN: Cell<bool> = const { Cell::new(false) };
+}
+
+/// What can be registered by name.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Kind {
+    Lane,
+    Light,
+    Route,
+}
+
+/// The right to cross. While it lives no other thread is inside libsumo; when it goes, so does the simulation.
+///
+/// Neither `Send` (the guard of [`TURN`] is not) nor `Sync` (two threads with a reference would be two threads inside).
+#[derive(Debug)]
+pub(super) struct Crossing {
+    insertions: Vec<ffi::ds_insertion>,
+    starts: Vec<u32>,
+    letters: Vec<u8>,
+    not_sync: PhantomData<*const ()>,
+    _turn: MutexGuard<'static, ()>,
+}
+
+impl Crossing {
+    /// Waits until no other thread has the turn.
+    pub(super) fn wait() -> Result<Self> {
+        if HAS_TURN.get() {
+            return Err(Error::AlreadyHeld);
+        }
+        // A panic elsewhere poisons the lock but leaves nothing half-done: its simulation was closed on the way out.
+        let turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+        HAS_TURN.set(true);
+        Ok(Crossing {
+            insertions: Vec::new(),
+            starts: Vec::new(),
+            letters: Vec::new(),
+            not_sync: PhantomData,
+            _turn: turn,
+        })
+    }
+
+    pub(super) fn load(&mut self, options: &[String]) -> Result<()> {
+        let texts = Texts::new(&with_silence(options))?;
+        // SAFETY: we have the turn; the pointers are `len` strings that end in zero and outlive the call.
+        let code = unsafe { ffi::ds_load(texts.pointers.as_ptr(), texts.pointers.len()) };
+        ask(code).map_err(|text| Error::Load { options: options.join(" "), text })
+    }
+
+    /// All or none; returns the number of the first one, and the others follow.
+    pub(super) fn register(&mut self, kind: Kind, names: &[String]) -> Result<u32> {
+        let texts = Texts::new(names)?;
+        let (kind, action) = match kind {
+            Kind::Lane => (ffi::DS_LANE, "register the lanes"),
+            Kind::Light => (ffi::DS_LIGHT, "register the lights"),
+            Kind::Route => (ffi::DS_ROUTE, "register the routes"),
+        };
+        let mut first = 0;
+        // SAFETY: as in `load`; `first` outlives the call.
+        let code = unsafe { ffi::ds_register(kind, texts.pointers.as_ptr(), texts.pointers.len(), &mut first) };
+        check(code, action)?;
+        Ok(first)
+    }
+
+    pub(super) fn step(&mut self) -> Result<()> {
+        // SAFETY: we have the turn.
+        check(unsafe { ffi::ds_step() }, "make a step")
+    }
+
+    pub(super) fn time_s(&self) -> Result<f64> {
+        let mut seconds = 0.0;
+        // SAFETY: we have the turn, and `Crossing` is not `Sync`, so a shared reference is as good as an exclusive one.
+        check(unsafe { ffi::ds_time(&mut seconds) }, "tell the time")?;
+        Ok(seconds)
+    }
+
+    pub(super) fn read_lanes(&mut self, lanes: &[LaneId], table: &mut CarTable) -> Result<()> {
+        let mut read = MaybeUninit::uninit();
+        // SAFETY: we have the turn; a `LaneId` is laid out as a `u32`; `read` is only written to.
+        let code = unsafe { ffi::ds_read_lanes(lanes.as_ptr().cast(), lanes.len(), read.as_mut_ptr()) };
+        check(code, "read the lanes")?;
+        // SAFETY: the call succeeded, so `read` is written and its arrays hold until the next call, which needs
+        // `&mut self`: `starts` has an entry per lane and a last one, which is the length of the other three.
+        unsafe {
+            let read = read.assume_init();
+            let starts = array(read.starts, lanes.len() + 1);
+            let cars = starts[lanes.len()] as usize;
+            table.fill(starts, array(read.cars, cars), array(read.positions, cars), array(read.speeds, cars));
+        }
+        Ok(())
+    }
+
+    /// Hands the letters of each light to `each`, in the order of `lights`.
+    pub(super) fn read_lights(&mut self, lights: &[LightId], mut each: impl FnMut(&str) -> Result<()>) -> Result<()> {
+        let mut read = MaybeUninit::uninit();
+        // SAFETY: as in `read_lanes`.
+        let code = unsafe { ffi::ds_read_lights(lights.as_ptr().cast(), lights.len(), read.as_mut_ptr()) };
+        check(code, "read the lights")?;
+        // SAFETY: as in `read_lanes`; the last entry of `starts` is the length of `letters`.
+        let (starts, letters) = unsafe {
+            let read = read.assume_init();
+            let starts = array(read.starts, lights.len() + 1);
+            (starts, array(read.letters.cast::<u8>(), starts[lights.len()] as usize))
+        };
+        for ends in starts.windows(2) {
+            each(&String::from_utf8_lossy(&letters[ends[0] as usize..ends[1] as usize]))?;
+        }
+        Ok(())
+    }
+
+    /// As many states as lights, each as long as its light has links.
+    pub(super) fn set_lights(&mut self, lights: &[LightId], states: &[&SignalState]) -> Result<()> {
+        assert_eq!(lights.len(), states.len(), "a state for each light");
+        self.letters.clear();
+        self.starts.clear();
+        self.starts.push(0);
+        for state in states {
+            self.letters.extend_from_slice(state.as_str().as_bytes());
+            self.starts.push(self.letters.len() as u32);
+        }
+        let states = ffi::ds_states { starts: self.starts.as_ptr(), letters: self.letters.as_ptr().cast() };
+        // SAFETY: we have the turn; a `LightId` is laid out as a `u32`; `starts` has an entry per light and a last one,
+        // none of them beyond `letters`.
+        let code = unsafe { ffi::ds_set_lights(lights.as_ptr().cast(), lights.len(), &states) };
+        check(code, "set the lights")
+    }
+
+    pub(super) fn set_programs(&mut self, lights: &[LightId], program: &str) -> Result<()> {
+        let program = terminated(program)?;
+        // SAFETY: we have the turn; a `LightId` is laid out as a `u32`; `program` ends in zero and outlives the call.
+        let code = unsafe { ffi::ds_set_programs(lights.as_ptr().cast(), lights.len(), program.as_ptr()) };
+        check(code, "set the lights' programs")
+    }
+
+    pub(super) fn insert(&mut self, cars: &[Insertion]) -> Result<()> {
+        self.insertions.clear();
+        self.insertions.extend(cars.iter().map(|insertion| ffi::ds_insertion {
+            car: insertion.car,
+            position: insertion.position_m,
+            speed: match insertion.speed {
+                DepartSpeed::Max => -1.0,
+                DepartSpeed::Fixed(speed_mps) => speed_mps,
+            },
+            route: insertion.route.number(),
+        }));
+        // SAFETY: we have the turn; pointer and length are those of one vector.
+        let code = unsafe { ffi::ds_insert(self.insertions.as_ptr(), self.insertions.len()) };
+        check(code, "add a car")
+    }
+
+    pub(super) fn clear_pending(&mut self) -> Result<()> {
+        // SAFETY: we have the turn.
+        check(unsafe { ffi::ds_clear_pending() }, "drop the waiting cars")
+    }
+
+    pub(super) fn remove_cars(&mut self, lanes: &[LaneId]) -> Result<()> {
+        // SAFETY: we have the turn; a `LaneId` is laid out as a `u32`.
+        let code = unsafe { ffi::ds_remove_cars(lanes.as_ptr().cast(), lanes.len()) };
+        check(code, "remove the cars")
+    }
+
+    pub(super) fn counts(&mut self) -> Result<StepCounts> {
+        let mut counts = MaybeUninit::uninit();
+        // SAFETY: we have the turn; `counts` is only written to.
+        check(unsafe { ffi::ds_counts(counts.as_mut_ptr()) }, "count")?;
+        // SAFETY: the call succeeded, so it is written.
+        let counts: ffi::ds_counts = unsafe { counts.assume_init() };
+        Ok(StepCounts {
+            departed: counts.departed,
+            arrived: counts.arrived,
+            pending: counts.pending,
+            teleports: counts.teleports,
+            collisions: counts.collisions,
+            emergency_stops: counts.emergency_stops,
+        })
+    }
+}
+
+impl Drop for Crossing {
+    fn drop(&mut self) {
+        // SAFETY: we still have the turn: the lock's guard is a field, and fields are dropped after this.
+        // What SUMO says while it closes (say, of a full disk) is lost: there is nobody left to tell.
+        let _ = unsafe { ffi::ds_close() };
+        HAS_TURN.set(false);
+    }
+}
+
+pub(super) fn version() -> Result<String> {
+    let mut text = std::ptr::null();
+    // SAFETY: this one may be called without the turn.
+    check(unsafe { ffi::ds_version(&mut text) }, "tell its version")?;
+    // SAFETY: the call succeeded, so `text` is a string that ends in zero and lives as long as the process.
+    Ok(unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned())
+}
+
+/// # Safety
+/// `pointer` is the beginning of `length` values that hold until the next call, or `length` is 0.
+unsafe fn array<'a, T>(pointer: *const T, length: usize) -> &'a [T] {
+    if length == 0 {
+        return &[]; // an empty std::vector may point nowhere
+    }
+    // SAFETY: the caller's promise.
+    unsafe { slice::from_raw_parts(pointer, length) }
+}
+
+fn check(code: c_int, action: &'static str) -> Result<()> {
+    ask(code).map_err(|text| Error::Refused { action, text })
+}
+
+/// If the call that returned `code` failed: why.
+fn ask(code: c_int) -> std::result::Result<(), String> {
+    if code == 0 {
+        return Ok(());
+    }
+    // SAFETY: the message is this thread's own and always a string that ends in zero.
+    let message = unsafe { CStr::from_ptr(ffi::ds_last_error()) }.to_string_lossy();
+    Err(tidy(&message))
+}
+
+/// SUMO's words in one line, without the words that say nothing.
+fn tidy(message: &str) -> String {
+    let mut lines: Vec<&str> = Vec::new();
+    for line in message.lines() {
+        let line = line.trim();
+        let line = line.strip_prefix("Error: ").unwrap_or(line);
+        if !matches!(line, "" | "Process Error" | "Quitting (on error).") && !lines.contains(&line) {
+            lines.push(line);
+        }
+    }
+    if lines.is_empty() { "it gave no reason".into() } else { lines.join(" ") }
+}
+
+/// Silence, and no look-up of XML schemas on the network. An option that the caller sets is the caller's, because SUMO
+/// refuses an option that is set twice.
+const SILENCE: [[&str; 2]; 4] = [
+    ["--no-step-log", "true"],
+    ["--no-warnings", "true"],
+    ["--duration-log.disable", "true"],
+    ["--xml-validation", "never"],
+];
+
+fn with_silence(options: &[String]) -> Vec<String> {
+    let sets = |option: &str| options.iter().any(|given| given.split('=').next() == Some(option));
+    let silence = SILENCE.iter().filter(|[option, _]| !sets(option)).flatten();
+    options.iter().cloned().chain(silence.map(|text| text.to_string())).collect()
+}
+
+/// Strings as C wants them: `pointers` point into `owned`.
+struct Texts {
+    _owned: Vec<CString>,
+    pointers: Vec<*const c_char>,
+}
+
+impl Texts {
+    fn new(texts: &[String]) -> Result<Self> {
+        let owned = texts.iter().map(|text| terminated(text)).collect::<Result<Vec<_>>>()?;
+        let pointers = owned.iter().map(|text| text.as_ptr()).collect();
+        Ok(Texts { _owned: owned, pointers })
+    }
+}
+
+fn terminated(text: &str) -> Result<CString> {
+    CString::new(text).map_err(|_| Error::ZeroByte { text: text.into() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{tidy, with_silence};
+
+    #[test]
+    fn the_reason_is_what_remains_of_sumos_words() {
+        assert_eq!(tidy("Process Error\nError: File 'x' is not accessible.\n"), "File 'x' is not accessible.");
+        assert_eq!(tidy("No such program.\n"), "No such program.");
+        assert_eq!(tidy("Process Error\n"), "it gave no reason");
+    }
+
+    #[test]
+    fn an_option_of_the_callers_is_not_set_a_second_time() {
+        let options = with_silence(&["--no-warnings=false".into(), "--xml-validation".into(), "always".into()]);
+        assert_eq!(
+            options.join(" "),
+            "--no-warnings=false --xml-validation always --no-step-log true --duration-log.disable true"
+        );
+    }
+}

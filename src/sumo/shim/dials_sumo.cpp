@@ -1,0 +1,312 @@
+// The plain-C side of libsumo: see dials_sumo.h for the rules that every function keeps.
+
+#include "dials_sumo.h"
+
+#include <charconv>
+#include <iostream>
+#include <stdexcept>
+#include <streambuf>
+#include <string>
+#include <vector>
+
+#include <libsumo/libsumo.h>
+
+using libsumo::Lane;
+using libsumo::Route;
+using libsumo::Simulation;
+using libsumo::TrafficLight;
+using libsumo::Vehicle;
+
+namespace {
+
+thread_local std::string last_error;
+
+// Registered names, by kind and index: kept as std::string so that no call has to make one.
+std::vector<std::string> names_of[3];
+
+// Cars that were added since the last step: SUMO does not list them as pending yet.
+std::vector<std::string> fresh;
+
+// How many cars were taken off the road since the last step: SUMO lists them as arrived.
+uint32_t removed = 0;
+
+// What SUMO says to the terminal while we are inside.
+class Ear : public std::streambuf {
+public:
+    std::string heard;
+
+protected:
+    int_type overflow(int_type letter) override {
+        if (!traits_type::eq_int_type(letter, traits_type::eof())) {
+            heard.push_back(traits_type::to_char_type(letter));
+        }
+        return traits_type::not_eof(letter);
+    }
+
+    std::streamsize xsputn(const char *text, std::streamsize length) override {
+        heard.append(text, static_cast<size_t>(length));
+        return length;
+    }
+};
+
+// Turns std::cerr and std::cout towards the ear. A failed load throws a bare "Process Error" and writes the real
+// reason to std::cerr, whatever --error-log says (measured on SUMO 1.15). What other threads write to these streams of
+// C++ in the meantime goes the same way; Rust's own output does not.
+class Hush {
+public:
+    Hush() : cerr_(std::cerr.rdbuf(&ear)), cout_(std::cout.rdbuf(&ear)) { ear.heard.clear(); }
+    ~Hush() {
+        std::cout.rdbuf(cout_);
+        std::cerr.rdbuf(cerr_);
+    }
+    Hush(const Hush &) = delete;
+    Hush &operator=(const Hush &) = delete;
+
+    static Ear ear;
+
+private:
+    std::streambuf *cerr_;
+    std::streambuf *cout_;
+};
+Ear Hush::ear;
+
+int failed(const char *what) noexcept {
+    try {
+        last_error.assign(what).append("\n").append(Hush::ear.heard);
+    } catch (...) {
+        last_error.clear(); // out of memory
+    }
+    return 1;
+}
+
+// Runs `work` in silence and turns whatever it throws into a code: TraCIException, FatalTraCIError, ProcessError and
+// IOError all occur, and all are std::exceptions.
+template <typename Work> int guarded(Work work) noexcept {
+    Hush hush;
+    try {
+        work();
+        return 0;
+    } catch (const std::exception &error) {
+        return failed(error.what());
+    } catch (...) {
+        return failed("an exception of unknown type");
+    }
+}
+
+const std::string &name(ds_kind kind, uint32_t index) {
+    static const char *const words[] = {"lane", "light", "route"};
+    if (index >= names_of[kind].size()) {
+        throw std::out_of_range(std::string("no ") + words[kind] + " is registered under number " + std::to_string(index));
+    }
+    return names_of[kind][index];
+}
+
+// Throws SUMO's own sentence, which has the name in it, if the net has no such thing.
+void must_exist(ds_kind kind, const std::string &name) {
+    switch (kind) {
+    case DS_LANE:
+        Lane::getLength(name);
+        break;
+    case DS_LIGHT:
+        TrafficLight::getPhase(name);
+        break;
+    case DS_ROUTE:
+        Route::getParameter(name, "");
+        break;
+    }
+}
+
+// Shortest text that reads back as the same number, whatever the locale.
+template <typename Number> std::string decimal(Number number) {
+    char digits[32];
+    const auto end = std::to_chars(digits, digits + sizeof digits, number).ptr;
+    return std::string(digits, end);
+}
+
+// A car's name as a number: its value if it is decimal and fits 63 bits, else FNV-1a 64 with the top bit set.
+uint64_t identity(const std::string &name) {
+    constexpr uint64_t top = uint64_t(1) << 63;
+    uint64_t value = 0;
+    const char *const end = name.data() + name.size();
+    const auto read = std::from_chars(name.data(), end, value);
+    if (read.ec == std::errc() && read.ptr == end && value < top) {
+        return value;
+    }
+    uint64_t hash = 0xcbf29ce484222325u;
+    for (const char letter : name) {
+        hash = (hash ^ static_cast<unsigned char>(letter)) * 0x100000001b3u;
+    }
+    return hash | top;
+}
+
+void forget_step() {
+    fresh.clear();
+    removed = 0;
+}
+
+} // namespace
+
+const char *ds_last_error(void) { return last_error.c_str(); }
+
+int ds_version(const char **text) {
+    // Not guarded: this may be asked while another thread is inside, and the streams are one per process.
+    try {
+        static const std::string version = Simulation::getVersion().second;
+        *text = version.c_str();
+        return 0;
+    } catch (...) {
+        last_error.clear();
+        return 1;
+    }
+}
+
+int ds_load(const char *const *options, size_t count) {
+    return guarded([&] {
+        forget_step();
+        Simulation::load(std::vector<std::string>(options, options + count));
+        if (!Simulation::isLoaded()) {
+            throw std::runtime_error("These options load no network."); // such as --help
+        }
+        for (const auto kind : {DS_LANE, DS_LIGHT, DS_ROUTE}) {
+            for (const auto &name : names_of[kind]) {
+                must_exist(kind, name);
+            }
+        }
+    });
+}
+
+int ds_close(void) {
+    return guarded([] {
+        forget_step();
+        for (auto &names : names_of) {
+            names.clear();
+        }
+        Simulation::close();
+    });
+}
+
+int ds_register(enum ds_kind kind, const char *const *names, size_t count, uint32_t *first) {
+    return guarded([&] {
+        const std::vector<std::string> wanted(names, names + count);
+        for (const auto &name : wanted) {
+            must_exist(kind, name);
+        }
+        auto &known = names_of[kind];
+        *first = static_cast<uint32_t>(known.size());
+        known.insert(known.end(), wanted.begin(), wanted.end());
+    });
+}
+
+int ds_step(void) {
+    return guarded([] {
+        forget_step();
+        Simulation::step();
+    });
+}
+
+int ds_time(double *seconds) {
+    return guarded([&] { *seconds = Simulation::getTime(); });
+}
+
+int ds_read_lanes(const uint32_t *lanes, size_t count, struct ds_cars *out) {
+    static std::vector<uint32_t> starts;
+    static std::vector<uint64_t> cars;
+    static std::vector<double> positions, speeds;
+    return guarded([&] {
+        starts.assign(1, 0);
+        cars.clear();
+        positions.clear();
+        speeds.clear();
+        for (size_t i = 0; i < count; ++i) {
+            for (const auto &car : Lane::getLastStepVehicleIDs(name(DS_LANE, lanes[i]))) {
+                cars.push_back(identity(car));
+                positions.push_back(Vehicle::getLanePosition(car));
+                speeds.push_back(Vehicle::getSpeed(car));
+            }
+            starts.push_back(static_cast<uint32_t>(cars.size()));
+        }
+        *out = {starts.data(), cars.data(), positions.data(), speeds.data()};
+    });
+}
+
+int ds_read_lights(const uint32_t *lights, size_t count, struct ds_states *out) {
+    static std::vector<uint32_t> starts;
+    static std::string letters;
+    return guarded([&] {
+        starts.assign(1, 0);
+        letters.clear();
+        for (size_t i = 0; i < count; ++i) {
+            letters += TrafficLight::getRedYellowGreenState(name(DS_LIGHT, lights[i]));
+            starts.push_back(static_cast<uint32_t>(letters.size()));
+        }
+        *out = {starts.data(), letters.data()};
+    });
+}
+
+int ds_set_lights(const uint32_t *lights, size_t count, const struct ds_states *states) {
+    static std::string state;
+    return guarded([&] {
+        for (size_t i = 0; i < count; ++i) {
+            state.assign(states->letters + states->starts[i], states->letters + states->starts[i + 1]);
+            TrafficLight::setRedYellowGreenState(name(DS_LIGHT, lights[i]), state);
+        }
+    });
+}
+
+int ds_set_programs(const uint32_t *lights, size_t count, const char *program) {
+    return guarded([&] {
+        for (size_t i = 0; i < count; ++i) {
+            TrafficLight::setProgram(name(DS_LIGHT, lights[i]), program);
+        }
+    });
+}
+
+int ds_insert(const struct ds_insertion *cars, size_t count) {
+    static const std::string type = "car", depart = "now", lane = "first", max = "max";
+    return guarded([&] {
+        for (size_t i = 0; i < count; ++i) {
+            const auto &car = cars[i];
+            const std::string serial = decimal(car.car);
+            Vehicle::add(serial, name(DS_ROUTE, car.route), type, depart, lane, decimal(car.position),
+                         car.speed < 0 ? max : decimal(car.speed));
+            fresh.push_back(serial);
+        }
+    });
+}
+
+int ds_clear_pending(void) {
+    return guarded([] {
+        // clearPending drops only cars that a step has already tried to insert; a car that was added after the last step
+        // survives it and would enter in the next one (measured on SUMO 1.15). Unlike a car on the road, such a car is
+        // gone at once when it is removed, and is not listed as arrived.
+        Simulation::clearPending();
+        for (const auto &car : fresh) {
+            Vehicle::remove(car);
+        }
+        fresh.clear();
+    });
+}
+
+int ds_remove_cars(const uint32_t *lanes, size_t count) {
+    return guarded([&] {
+        for (size_t i = 0; i < count; ++i) {
+            for (const auto &car : Lane::getLastStepVehicleIDs(name(DS_LANE, lanes[i]))) {
+                Vehicle::remove(car);
+                ++removed;
+            }
+        }
+    });
+}
+
+int ds_counts(struct ds_counts *counts) {
+    return guarded([&] {
+        counts->departed = static_cast<uint32_t>(Simulation::getDepartedNumber());
+        // A car that Vehicle::remove takes off the road is listed as arrived until the next step.
+        counts->arrived = static_cast<uint32_t>(Simulation::getArrivedNumber()) - removed;
+        counts->pending = static_cast<uint32_t>(Simulation::getPendingVehicles().size());
+        counts->teleports = static_cast<uint32_t>(Simulation::getStartingTeleportNumber());
+        // A new collision lists both of its cars once; getCollisions would repeat it in every step that it lasts.
+        counts->collisions = static_cast<uint32_t>(Simulation::getCollidingVehiclesNumber()) / 2;
+        counts->emergency_stops = static_cast<uint32_t>(Simulation::getEmergencyStoppingVehiclesNumber());
+    });
+}

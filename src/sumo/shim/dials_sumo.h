@@ -1,0 +1,79 @@
+/* The few calls of libsumo that this crate needs, in plain C; `bindgen` reads this file.
+ *
+ * Every function returns 0, or 1 with a text in ds_last_error(). No exception leaves, nothing reaches the terminal.
+ * Only ds_last_error and ds_version may be called while another thread is inside: the simulation is one per process.
+ * Lanes, lights and routes are registered once by name and cross as indices. Arrays that a function hands out belong to
+ * the shim and hold until the next call. */
+#ifndef DIALS_SUMO_H
+#define DIALS_SUMO_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Why the last call of this thread failed. */
+const char *ds_last_error(void);
+
+/* Such as "SUMO 1.15.0"; needs no simulation. */
+int ds_version(const char **text);
+
+/* Loads, or loads again in place. Fails, too, if a registered name is unknown to the new net. */
+int ds_load(const char *const *options, size_t count);
+
+/* Ends the simulation and forgets all registered names. */
+int ds_close(void);
+
+enum ds_kind { DS_LANE, DS_LIGHT, DS_ROUTE };
+
+/* All or none: names[i] becomes index *first + i of its kind. */
+int ds_register(enum ds_kind kind, const char *const *names, size_t count, uint32_t *first);
+
+int ds_step(void);
+int ds_time(double *seconds);
+
+/* The cars of the i-th lane asked for are starts[i] .. starts[i + 1] in the other arrays. */
+struct ds_cars {
+    const uint32_t *starts;
+    const uint64_t *cars;
+    const double *positions;
+    const double *speeds;
+};
+int ds_read_lanes(const uint32_t *lanes, size_t count, struct ds_cars *cars);
+
+/* The state of the i-th light asked for is starts[i] .. starts[i + 1] in letters. */
+struct ds_states {
+    const uint32_t *starts;
+    const char *letters;
+};
+int ds_read_lights(const uint32_t *lights, size_t count, struct ds_states *states);
+int ds_set_lights(const uint32_t *lights, size_t count, const struct ds_states *states);
+int ds_set_programs(const uint32_t *lights, size_t count, const char *program);
+
+struct ds_insertion {
+    uint64_t car;
+    double position;
+    double speed; /* negative: "max" */
+    uint32_t route;
+};
+int ds_insert(const struct ds_insertion *cars, size_t count);
+int ds_clear_pending(void);
+int ds_remove_cars(const uint32_t *lanes, size_t count);
+
+struct ds_counts {
+    uint32_t departed;
+    uint32_t arrived;
+    uint32_t pending;
+    uint32_t teleports;
+    uint32_t collisions;
+    uint32_t emergency_stops;
+};
+int ds_counts(struct ds_counts *counts);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,65 @@
+//! What a traffic light shows.
+
+use std::fmt;
+use std::str::FromStr;
+
+use super::{Error, Result};
+
+/// SUMO documentation, "Simulation/Traffic Lights", section "Signal state definitions".
+pub(super) const ALPHABET: &str = "rRyYgGuoOs";
+
+/// The state of one light: a letter per link, in the order of SUMO's link indices.
+///
+/// Only SUMO's letters get in, because SUMO itself takes any letter without a word, and then shows it to nobody.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct SignalState(String);
+
+impl SignalState {
+    pub fn new(letters: impl Into<String>) -> Result<Self> {
+        let letters = letters.into();
+        check(&letters)?;
+        Ok(SignalState(letters))
+    }
+
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+
+    /// How many links it speaks to; never 0.
+    pub fn links(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Becomes another state without giving up its memory.
+    pub(super) fn overwrite(&mut self, letters: &str) -> Result<()> {
+        check(letters)?;
+        self.0.clear();
+        self.0.push_str(letters);
+        Ok(())
+    }
+}
+
+fn check(letters: &str) -> Result<()> {
+    let refused = |reason: String| Err(Error::State { state: letters.into(), reason });
+    if letters.is_empty() {
+        return refused("a light has at least one link".into());
+    }
+    match letters.chars().find(|&letter| !ALPHABET.contains(letter)) {
+        Some(letter) => refused(format!("`{letter}` is no signal")),
+        None => Ok(()),
+    }
+}
+
+impl FromStr for SignalState {
+    type Err = Error;
+
+    fn from_str(letters: &str) -> Result<Self> {
+        SignalState::new(letters)
+    }
+}
+
+impl fmt::Display for SignalState {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}

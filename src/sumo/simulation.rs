@@ -1,0 +1,281 @@
+//! The one simulation of this process.
+
+use super::call::{self, Crossing, Kind};
+use super::{CarTable, Error, Result, SignalState};
+
+/// A registered lane.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[repr(transparent)]
+pub struct LaneId(u32);
+
+/// A registered traffic light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[repr(transparent)]
+pub struct LightId(u32);
+
+/// A registered route.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[repr(transparent)]
+pub struct RouteId(u32);
+
+impl RouteId {
+    pub(super) fn number(self) -> u32 {
+        self.0
+    }
+}
+
+/// Who a car is: the serial under which it was inserted, or the value of its decimal name; for a car with any other
+/// name (SUMO's flows: `flow.17`) the FNV-1a hash of the name with the top bit set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[repr(transparent)]
+pub struct CarId(pub u64);
+
+/// A car that shall enter in the next step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Insertion {
+    /// Becomes the car's name: below 2^63, and of no other car that waits or drives.
+    pub car: u64,
+    pub route: RouteId,
+    /// Of the front bumper, from the beginning of the route's first edge. Beyond its end SUMO takes the end.
+    pub position_m: f64,
+    pub speed: DepartSpeed,
+}
+
+/// How fast an inserted car begins.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum DepartSpeed {
+    /// As fast as the lane and the car in front allow, so that it rarely has to wait.
+    Max,
+    /// In metres per second; it waits until that is safe.
+    Fixed(f64),
+}
+
+/// What happened in the last step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StepCounts {
+    /// Cars that entered.
+    pub departed: u32,
+    /// Cars that reached the end of their route; removed ones are not among them.
+    pub arrived: u32,
+    /// Cars that wanted to enter and still wait.
+    pub pending: u32,
+    /// Teleports that began.
+    pub teleports: u32,
+    /// Collisions that began.
+    pub collisions: u32,
+    /// Cars that SUMO halted on the spot because their way ended, in its own words "emergency stops". A car that brakes
+    /// harder than its `decel`, as before a light that jumps to red, is none (measured on SUMO 1.15).
+    pub emergency_stops: u32,
+}
+
+/// A loaded SUMO simulation: the guard of libsumo's globals, of which a process has one set. Dropping it closes SUMO.
+///
+/// It stays in its thread. Other threads that want to load wait for the drop.
+#[derive(Debug)]
+pub struct Simulation {
+    lights: Vec<Light>,
+    /// Why nothing but a reload is allowed any more.
+    broken: Option<String>,
+    crossing: Crossing,
+}
+
+#[derive(Debug)]
+struct Light {
+    name: String,
+    links: usize,
+}
+
+impl Simulation {
+    /// Loads SUMO with the options of its command line, without the program's name.
+    ///
+    /// Waits while another thread holds a simulation; if this thread does, that is an error. After an error a good load
+    /// works.
+    pub fn load(options: &[String]) -> Result<Simulation> {
+        let mut crossing = Crossing::wait()?;
+        crossing.load(options)?;
+        Ok(Simulation { lights: Vec::new(), broken: None, crossing })
+    }
+
+    /// A new episode: loads again in place. What was registered stays registered, so the new net must have it too.
+    pub fn reload(&mut self, options: &[String]) -> Result<()> {
+        let outcome = self.load_again(options);
+        self.broken = outcome.as_ref().err().map(|error| error.to_string());
+        outcome
+    }
+
+    /// The `i`-th id is that of the `i`-th name. All or none: a name that the net does not have is an error that says it.
+    pub fn register_lanes(&mut self, names: &[String]) -> Result<Vec<LaneId>> {
+        self.register(Kind::Lane, names, LaneId)
+    }
+
+    /// As [`register_lanes`](Self::register_lanes).
+    pub fn register_lights(&mut self, names: &[String]) -> Result<Vec<LightId>> {
+        let ids = self.register(Kind::Light, names, LightId)?;
+        let links = self.count_links(&ids)?;
+        self.lights.extend(names.iter().zip(links).map(|(name, links)| Light { name: name.clone(), links }));
+        Ok(ids)
+    }
+
+    /// As [`register_lanes`](Self::register_lanes).
+    pub fn register_routes(&mut self, names: &[String]) -> Result<Vec<RouteId>> {
+        self.register(Kind::Route, names, RouteId)
+    }
+
+    /// Simulates one step.
+    ///
+    /// An error leaves the step half-done, so that every later call but [`reload`](Self::reload) is an error too. The
+    /// usual reason is a car whose route SUMO found out to be impossible only when it had to insert the car.
+    pub fn step(&mut self) -> Result<()> {
+        self.check_whole()?;
+        let outcome = self.crossing.step();
+        if let Err(error) = &outcome {
+            self.broken = Some(error.to_string());
+        }
+        outcome
+    }
+
+    /// The simulated time in seconds.
+    pub fn time_s(&self) -> Result<f64> {
+        self.check_whole()?;
+        self.crossing.time_s()
+    }
+
+    /// Reads the cars on `lanes`, as the last step left them, into `table`.
+    pub fn read_lanes(&mut self, lanes: &[LaneId], table: &mut CarTable) -> Result<()> {
+        self.check_whole()?;
+        if lanes.is_empty() {
+            table.fill(&[0], &[], &[], &[]);
+            return Ok(());
+        }
+        self.crossing.read_lanes(lanes, table)
+    }
+
+    /// Shows `states[i]` at `lights[i]`, from the next step on and until told otherwise: the lights' own programs stop.
+    pub fn set_lights(&mut self, lights: &[LightId], states: &[&SignalState]) -> Result<()> {
+        self.check_whole()?;
+        assert_eq!(lights.len(), states.len(), "a state for each light");
+        for (id, state) in lights.iter().zip(states) {
+            let light = self.lights.get(id.0 as usize).ok_or(Error::UnknownLight { number: id.0 })?;
+            if state.links() != light.links {
+                return Err(Error::StateLength {
+                    light: light.name.clone(),
+                    links: light.links,
+                    state: state.to_string(),
+                    letters: state.links(),
+                });
+            }
+        }
+        if lights.is_empty() { Ok(()) } else { self.crossing.set_lights(lights, states) }
+    }
+
+    /// What `lights` show: `states` becomes as long as `lights`.
+    pub fn read_lights(&mut self, lights: &[LightId], states: &mut Vec<SignalState>) -> Result<()> {
+        self.check_whole()?;
+        states.truncate(lights.len());
+        if lights.is_empty() {
+            return Ok(());
+        }
+        let mut done = 0;
+        self.crossing.read_lights(lights, |letters| {
+            match states.get_mut(done) {
+                Some(state) => state.overwrite(letters)?,
+                None => states.push(SignalState::new(letters)?),
+            }
+            done += 1;
+            Ok(())
+        })
+    }
+
+    /// Hands `lights` over to one of the programs that their net or an additional file has for them.
+    pub fn set_programs(&mut self, lights: &[LightId], program: &str) -> Result<()> {
+        self.check_whole()?;
+        if lights.is_empty() { Ok(()) } else { self.crossing.set_programs(lights, program) }
+    }
+
+    /// Lets cars of vehicle type `car` enter in the next step, on the first lane of their route. A car that finds no room
+    /// waits, until there is some or until [`clear_pending`](Self::clear_pending).
+    ///
+    /// If SUMO refuses a car, the cars before it in `cars` are in and those after it are not.
+    pub fn insert(&mut self, cars: &[Insertion]) -> Result<()> {
+        self.check_whole()?;
+        cars.iter().try_for_each(check_insertion)?;
+        if cars.is_empty() { Ok(()) } else { self.crossing.insert(cars) }
+    }
+
+    /// Drops all cars that wait to enter: those that found no room, and those inserted since the last step.
+    pub fn clear_pending(&mut self) -> Result<()> {
+        self.check_whole()?;
+        self.crossing.clear_pending()
+    }
+
+    /// Takes all cars off `lanes`, at once. Cars that wait to enter are not on a lane.
+    pub fn remove_cars(&mut self, lanes: &[LaneId]) -> Result<()> {
+        self.check_whole()?;
+        if lanes.is_empty() { Ok(()) } else { self.crossing.remove_cars(lanes) }
+    }
+
+    /// What happened in the last step.
+    pub fn counts(&mut self) -> Result<StepCounts> {
+        self.check_whole()?;
+        self.crossing.counts()
+    }
+
+    /// The version of the linked library, such as `SUMO 1.15.0`. Needs no simulation and waits for none.
+    pub fn version() -> Result<String> {
+        call::version()
+    }
+
+    fn check_whole(&self) -> Result<()> {
+        match &self.broken {
+            Some(cause) => Err(Error::Broken { cause: cause.clone() }),
+            None => Ok(()),
+        }
+    }
+
+    fn load_again(&mut self, options: &[String]) -> Result<()> {
+        self.crossing.load(options)?;
+        let lights: Vec<LightId> = (0..self.lights.len() as u32).map(LightId).collect();
+        let links = self.count_links(&lights)?; // the net may be another one
+        for (light, links) in self.lights.iter_mut().zip(links) {
+            light.links = links;
+        }
+        Ok(())
+    }
+
+    fn register<Id>(&mut self, kind: Kind, names: &[String], id: fn(u32) -> Id) -> Result<Vec<Id>> {
+        self.check_whole()?;
+        if names.is_empty() {
+            return Ok(Vec::new());
+        }
+        let first = self.crossing.register(kind, names)?;
+        Ok((first..).take(names.len()).map(id).collect())
+    }
+
+    /// A light's state has a letter per link, whatever program shows it.
+    fn count_links(&mut self, lights: &[LightId]) -> Result<Vec<usize>> {
+        let mut links = Vec::with_capacity(lights.len());
+        if !lights.is_empty() {
+            self.crossing.read_lights(lights, |letters| {
+                links.push(letters.len());
+                Ok(())
+            })?;
+        }
+        Ok(links)
+    }
+}
+
+/// What SUMO would take in another sense: `nan` and `inf` are numbers to it, and a negative position counts from the end.
+fn check_insertion(insertion: &Insertion) -> Result<()> {
+    let refused = |reason: String| Err(Error::Insertion { car: insertion.car, reason });
+    if insertion.car >= 1 << 63 {
+        return refused("serials from 2^63 on are kept for cars with names".into());
+    }
+    let number = |value: f64| value.is_finite() && value >= 0.0;
+    if !number(insertion.position_m) {
+        return refused(format!("position {} m is not on the road", insertion.position_m));
+    }
+    match insertion.speed {
+        DepartSpeed::Fixed(speed_mps) if !number(speed_mps) => refused(format!("{speed_mps} m/s is no speed")),
+        _ => Ok(()),
+    }
+}

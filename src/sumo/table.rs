@@ -1,0 +1,98 @@
+//! Cars by lane.
+
+use super::CarId;
+
+/// One car on a lane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Car {
+    pub id: CarId,
+    /// From the lane's beginning to the car's front bumper.
+    pub position_m: f64,
+    pub speed_mps: f64,
+}
+
+/// The cars on the lanes of one read, lane after lane in flat buffers that the next read uses again.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CarTable {
+    /// Lane `i` of the read has the cars `starts[i]..starts[i + 1]`.
+    starts: Vec<u32>,
+    ids: Vec<CarId>,
+    positions_m: Vec<f64>,
+    speeds_mps: Vec<f64>,
+}
+
+impl CarTable {
+    pub fn new() -> Self {
+        CarTable { starts: vec![0], ids: Vec::new(), positions_m: Vec::new(), speeds_mps: Vec::new() }
+    }
+
+    /// How many lanes were read.
+    pub fn lanes(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// How many cars there are on all of them.
+    pub fn cars(&self) -> usize {
+        self.ids.len()
+    }
+
+    /// The cars of the `lane`-th lane of the read.
+    pub fn lane(&self, lane: usize) -> LaneCars<'_> {
+        let cars = self.starts[lane] as usize..self.starts[lane + 1] as usize;
+        LaneCars {
+            ids: &self.ids[cars.clone()],
+            positions_m: &self.positions_m[cars.clone()],
+            speeds_mps: &self.speeds_mps[cars],
+        }
+    }
+
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = LaneCars<'_>> {
+        (0..self.lanes()).map(|lane| self.lane(lane))
+    }
+
+    /// Takes over one read. `starts` begins with 0 and ends with the number of cars.
+    pub(super) fn fill(&mut self, starts: &[u32], ids: &[u64], positions_m: &[f64], speeds_mps: &[f64]) {
+        refill(&mut self.starts, starts.iter().copied());
+        refill(&mut self.ids, ids.iter().map(|&id| CarId(id)));
+        refill(&mut self.positions_m, positions_m.iter().copied());
+        refill(&mut self.speeds_mps, speeds_mps.iter().copied());
+    }
+}
+
+impl Default for CarTable {
+    fn default() -> Self {
+        CarTable::new()
+    }
+}
+
+fn refill<T>(buffer: &mut Vec<T>, values: impl Iterator<Item = T>) {
+    buffer.clear();
+    buffer.extend(values);
+}
+
+/// The cars of one lane, the rearmost first; the three slices are equally long.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LaneCars<'a> {
+    pub ids: &'a [CarId],
+    pub positions_m: &'a [f64],
+    pub speeds_mps: &'a [f64],
+}
+
+impl<'a> LaneCars<'a> {
+    pub fn len(&self) -> usize {
+        self.ids.len()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.ids.is_empty()
+    }
+
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = Car> + use<'a> {
+        let LaneCars { ids, positions_m, speeds_mps } = *self;
+        ids.iter().zip(positions_m).zip(speeds_mps).map(|((&id, &position_m), &speed_mps)| Car {
+            id,
+            position_m,
+            speed_mps,
+        })
+    }
+}

@@ -1,0 +1,67 @@
+//! Gap-out: hold green as long as somebody uses it.
+
+use crate::base::Seed;
+use crate::domain::{Action, Controller, Percept, Result};
+use crate::traffic::grid::Side;
+use crate::traffic::region::{CELLS, OCCUPANCY};
+use crate::traffic::signals::{KEEP, Light, SWITCH};
+
+/// Switches where no car is within [`GREEN_CELLS`] before a green line and some car is within [`RED_CELLS`] before a
+/// red one.
+pub struct GapOut;
+
+const GREEN_CELLS: usize = 3;
+const RED_CELLS: usize = 4;
+
+impl Controller for GapOut {
+    fn begin(&mut self, _episode: Seed) {}
+
+    fn act(&mut self, percept: &Percept, actions: &mut [Action]) -> Result<()> {
+        for (action, obs) in actions.iter_mut().zip(percept.obs.iter()) {
+            *action = decide(obs);
+        }
+        Ok(())
+    }
+}
+
+fn decide(obs: &[f32]) -> Action {
+    let shows = |light: Light| obs[OCCUPANCY + light as usize] != 0.0;
+    let (green, red) = if shows(Light::HorizontalGreen) {
+        ([Side::West, Side::East], [Side::South, Side::North])
+    } else if shows(Light::VerticalGreen) {
+        ([Side::South, Side::North], [Side::West, Side::East])
+    } else {
+        return KEEP;
+    };
+    let waits = |side: Side, cells: usize| {
+        let edge = Side::ALL.iter().position(|&other| other == side).expect("all sides are there");
+        obs[edge * CELLS..][..cells].iter().any(|&bit| bit != 0.0)
+    };
+    let used = green.iter().any(|&side| waits(side, GREEN_CELLS));
+    let wanted = red.iter().any(|&side| waits(side, RED_CELLS));
+    if !used && wanted { SWITCH } else { KEEP }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Cars in these cells of the edges west, south, east, north.
+    fn obs(cars: &[(usize, usize)], light: Light) -> Vec<f32> {
+        let mut obs = vec![0.0; OCCUPANCY + 4];
+        cars.iter().for_each(|&(edge, cell)| obs[edge * CELLS + cell] = 1.0);
+        obs[OCCUPANCY + light as usize] = 1.0;
+        obs
+    }
+
+    #[test]
+    fn green_is_given_away_when_nobody_uses_it_and_somebody_wants_it() {
+        assert_eq!(decide(&obs(&[(1, 3)], Light::HorizontalGreen)), SWITCH, "a car 30 m before red");
+        assert_eq!(decide(&obs(&[(1, 4)], Light::HorizontalGreen)), KEEP, "a car 40 m before red does not count yet");
+        assert_eq!(decide(&obs(&[(1, 0), (0, 2)], Light::HorizontalGreen)), KEEP, "a car 20 m before green holds it");
+        assert_eq!(decide(&obs(&[(1, 0), (0, 3)], Light::HorizontalGreen)), SWITCH, "a car 30 m before green does not");
+        assert_eq!(decide(&obs(&[(0, 0), (2, 0)], Light::VerticalGreen)), SWITCH);
+        assert_eq!(decide(&obs(&[], Light::VerticalGreen)), KEEP);
+        assert_eq!(decide(&obs(&[(0, 0)], Light::VerticalYellow)), KEEP);
+    }
+}

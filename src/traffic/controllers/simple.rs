@@ -1,0 +1,75 @@
+//! Controllers that do not look: random, never, always, every K steps.
+
+use rand::Rng;
+
+use crate::base::{Dice, Seed};
+use crate::domain::{Action, Controller, Percept, Result};
+use crate::traffic::signals::{KEEP, SWITCH};
+
+/// Switches with probability one half, each light at each step on its own.
+pub struct Random {
+    dice: Dice,
+}
+
+impl Random {
+    pub fn new() -> Self {
+        Random { dice: Seed::new(0).dice() }
+    }
+}
+
+impl Controller for Random {
+    fn begin(&mut self, episode: Seed) {
+        self.dice = episode.fork("acting").dice();
+    }
+
+    fn act(&mut self, _percept: &Percept, actions: &mut [Action]) -> Result<()> {
+        actions.fill_with(|| Action::from(self.dice.random::<bool>()));
+        Ok(())
+    }
+}
+
+/// The same action for ever.
+pub struct Constant(Action);
+
+impl Constant {
+    pub fn never() -> Self {
+        Constant(KEEP)
+    }
+
+    pub fn always() -> Self {
+        Constant(SWITCH)
+    }
+}
+
+impl Controller for Constant {
+    fn begin(&mut self, _episode: Seed) {}
+
+    fn act(&mut self, _percept: &Percept, actions: &mut [Action]) -> Result<()> {
+        actions.fill(self.0);
+        Ok(())
+    }
+}
+
+/// Switches all lights at every K-th step: three steps of yellow, K - 3 of green (at least one).
+pub struct SwitchEvery {
+    steps: usize,
+    step: usize,
+}
+
+impl SwitchEvery {
+    pub fn new(steps: usize) -> Self {
+        SwitchEvery { steps, step: 0 }
+    }
+}
+
+impl Controller for SwitchEvery {
+    fn begin(&mut self, _episode: Seed) {
+        self.step = 0;
+    }
+
+    fn act(&mut self, _percept: &Percept, actions: &mut [Action]) -> Result<()> {
+        self.step += 1;
+        actions.fill(if self.step.is_multiple_of(self.steps) { SWITCH } else { KEEP });
+        Ok(())
+    }
+}

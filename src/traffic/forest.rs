@@ -1,0 +1,180 @@
+//! The forest: many single-intersection regions side by side in one SUMO net, because SUMO allows one simulation per
+//! process, and because one step of many regions costs less than many steps of one.
+//!
+//! A forest is the text of the local net, once per region, with other ids: region 3's light is `f3.r0c0`. All regions
+//! keep the *same coordinates*. They do not see each other, for no road joins them; and SUMO's arithmetic on positions
+//! rounds alike in all of them, so that each is bit-identical to the local net simulated alone. (Moved to other
+//! coordinates, speeds differ in the last digit, and the difference grows.)
+
+use std::borrow::Cow;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Result, bail, ensure};
+use quick_xml::Writer;
+
+use super::grid::{self, Grid};
+use super::net_file::{self, Element, NetworkFiles};
+use crate::base::AgentId;
+
+/// Where the files of a forest are.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ForestFiles {
+    pub net: PathBuf,
+    /// The vehicle type once, and four routes per region.
+    pub routes: PathBuf,
+}
+
+/// One intersection of a forest, numbered from 0, and the names of what belongs to it.
+///
+/// All arrays: west, south, east, north.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Region(pub usize);
+
+/// The agent of a local net.
+const ONLY: AgentId = AgentId(0);
+
+impl Region {
+    /// The lanes that lead to the intersection, `[from west, from south, from east, from north]`.
+    pub fn incoming_lanes(self) -> [String; 4] {
+        Grid::SINGLE.incoming_edges(ONLY).map(|edge| self.rename(&grid::lane(&edge)))
+    }
+
+    /// The lanes inside the intersection, by the side that their cars come from.
+    pub fn internal_lanes(self) -> [String; 4] {
+        Grid::SINGLE.internal_lanes(ONLY).map(|lane| self.rename(&lane))
+    }
+
+    /// The lanes that leave the intersection, `[to west, to south, to east, to north]`.
+    pub fn outgoing_lanes(self) -> [String; 4] {
+        Grid::SINGLE.outgoing_edges(ONLY).map(|edge| self.rename(&grid::lane(&edge)))
+    }
+
+    pub fn light(self) -> String {
+        self.rename(&Grid::SINGLE.light(ONLY))
+    }
+
+    /// The routes by the side that they begin on.
+    pub fn routes(self) -> [String; 4] {
+        let routes: Vec<String> = Grid::SINGLE.boundary_routes().iter().map(|route| self.rename(&route.id)).collect();
+        routes.try_into().expect("a single intersection has four routes")
+    }
+
+    /// The name that something of the local net has in this region.
+    fn rename(self, id: &str) -> String {
+        match id.strip_prefix(':') {
+            // SUMO knows internal edges and lanes by the colon, and finds their intersection by the name behind it.
+            Some(internal) => format!(":f{}.{internal}", self.0),
+            None => format!("f{}.{id}", self.0),
+        }
+    }
+
+    fn rename_all(self, ids: &str) -> String {
+        ids.split_whitespace().map(|id| self.rename(id)).collect::<Vec<_>>().join(" ")
+    }
+}
+
+/// Writes a forest of `regions` copies of the `local` network into `dir`. Milliseconds: no netconvert takes part.
+pub fn write_forest(local: &NetworkFiles, regions: usize, dir: &Path) -> Result<ForestFiles> {
+    ensure!(regions >= 1, "{}: a forest of 0 regions: needs at least one", dir.display());
+    local.check()?;
+    let shape = net_file::read_shape(&local.net)?;
+    ensure!(
+        shape == Grid::SINGLE,
+        "{}: is a grid of {shape}, and a forest is made of the local net; make one with: dials-traffic nets local",
+        local.net.display()
+    );
+    let prefix = dir.join(format!("forest_{regions}"));
+    let NetworkFiles { net, routes, .. } = NetworkFiles::of(&prefix);
+    let contents = [
+        (net.clone(), replicate(&local.net, regions)?.into_bytes()),
+        (routes.clone(), replicate(&local.routes, regions)?.into_bytes()),
+    ];
+    net_file::write_together(dir, &contents)?;
+    Ok(ForestFiles { net, routes })
+}
+
+/// The text of a file of the local net, once per region.
+fn replicate(path: &Path, regions: usize) -> Result<String> {
+    let local = net_file::read(path)?;
+    if let Some(stranger) = local.children.iter().find_map(stranger) {
+        let way_out = "a forest is made of the local net; make one with: dials-traffic nets local";
+        bail!("{}: cannot be replicated: it has a <{stranger}>; {way_out}", path.display());
+    }
+    Ok(net_file::document_with(&local.name, local.attributes.iter().map(|(key, value)| (key, value)), |xml| {
+        // SUMO wants all edges before the lights, the lights before the junctions, and so on, so the regions go side
+        // by side within each kind.
+        for same_kind in local.children.chunk_by(|a, b| a.name == b.name) {
+            let copies = if is_shared(&same_kind[0]) { 1 } else { regions };
+            for region in (0..copies).map(Region) {
+                same_kind.iter().try_for_each(|element| write(xml, element, region))?;
+            }
+        }
+        Ok(())
+    }))
+}
+
+/// What all regions have in common: where the net lies, and the vehicle type.
+fn is_shared(element: &Element) -> bool {
+    matches!(element.name.as_str(), "location" | "vType")
+}
+
+/// The attributes that hold names of a region's things, one name or several with blanks between. `None`: an element
+/// that the local net has not, so that nobody knows which of its attributes would have to be renamed.
+///
+/// Seen in the files of netconvert 1.15. The `index` and the bits of a `<request>` and the `linkIndex` of a
+/// `<connection>` count within their intersection, so they stay.
+fn ids_of(element: &str) -> Option<&'static [&'static str]> {
+    match element {
+        "edge" => Some(&["id", "from", "to"]),
+        "lane" | "tlLogic" => Some(&["id"]),
+        "junction" => Some(&["id", "incLanes", "intLanes"]),
+        "connection" => Some(&["from", "to", "via", "tl"]),
+        "route" => Some(&["id", "edges"]),
+        "phase" | "request" | "param" | "location" | "vType" => Some(&[]),
+        _ => None,
+    }
+}
+
+/// The first kind of element, if any, that cannot be renamed.
+fn stranger(element: &Element) -> Option<&str> {
+    match ids_of(&element.name) {
+        None => Some(&element.name),
+        Some(_) => element.children.iter().find_map(stranger),
+    }
+}
+
+fn write(xml: &mut Writer<Vec<u8>>, element: &Element, region: Region) -> io::Result<()> {
+    let ids = ids_of(&element.name).unwrap_or_default();
+    let attributes = element.attributes.iter().map(|(key, value)| {
+        let renamed = ids.contains(&key.as_str()).then(|| region.rename_all(value));
+        (key, renamed.map_or(Cow::Borrowed(value.as_str()), Cow::Owned))
+    });
+    if element.children.is_empty() {
+        return net_file::leaf(xml, &element.name, attributes);
+    }
+    net_file::nest(xml, &element.name, attributes, |xml| {
+        element.children.iter().try_for_each(|child| write(xml, child, region))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_a_region_are_those_of_the_local_net_with_its_number() {
+        let region = Region(3);
+        assert_eq!(region.light(), "f3.r0c0");
+        assert_eq!(region.incoming_lanes(), ["f3.w0_r0c0_0", "f3.s0_r0c0_0", "f3.e0_r0c0_0", "f3.n0_r0c0_0"]);
+        assert_eq!(region.outgoing_lanes(), ["f3.r0c0_w0_0", "f3.r0c0_s0_0", "f3.r0c0_e0_0", "f3.r0c0_n0_0"]);
+        assert_eq!(region.internal_lanes(), [":f3.r0c0_3_0", ":f3.r0c0_2_0", ":f3.r0c0_1_0", ":f3.r0c0_0_0"]);
+        assert_eq!(region.routes(), ["f3.w0_to_e0", "f3.s0_to_n0", "f3.e0_to_w0", "f3.n0_to_s0"]);
+    }
+
+    #[test]
+    fn lists_of_names_are_renamed_one_by_one_and_an_empty_list_stays_empty() {
+        assert_eq!(Region(12).rename_all(":r0c0_0_0 w0_r0c0_0"), ":f12.r0c0_0_0 f12.w0_r0c0_0");
+        assert_eq!(Region(12).rename_all(""), "");
+    }
+}

@@ -1,0 +1,245 @@
+//! The global simulator: the whole grid in one SUMO net, cars flowing in at its boundary.
+
+use super::grid::{Grid, lane};
+use super::intersections::{Intersections, edges_of};
+use super::net_file::NetworkFiles;
+use super::region::{self, EDGES};
+use super::signals::Light;
+use crate::base::{Rows, Seed};
+use crate::config::DSet;
+use crate::domain::{Action, GlobalSimulator, InfluenceSample, Measures, Percept, RegionSpec, Result, Transition};
+use crate::sumo::{Car, CarId, CarTable, LaneCars, Simulation};
+
+/// Braking harder than the `decel` of the vehicle type is an emergency.
+const DECEL_MPS2: f64 = 7.5;
+
+/// Who runs the lights.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SignalControl {
+    /// The actions of each step.
+    Agents,
+    /// SUMO's actuated program; actions are ignored.
+    Actuated,
+}
+
+/// The traffic GS: one row per intersection.
+///
+/// Arrivals at the boundary follow from the SUMO seed of the episode alone, so controllers can be compared on the same
+/// traffic.
+pub struct GlobalTraffic {
+    spec: RegionSpec,
+    files: NetworkFiles,
+    control: SignalControl,
+    simulation: Simulation,
+    intersections: Intersections,
+    /// What every light shows, `[agents]`.
+    lights: Vec<Light>,
+    /// Cars on the incoming lanes, now and a step ago.
+    cars: CarTable,
+    cars_before: CarTable,
+    last: Transition,
+    /// The d-sets from before the last step and the arrivals during it.
+    d_set_before: Rows<f32>,
+    arrivals: Rows<u8>,
+    tally: Tally,
+}
+
+/// Counts of an episode.
+#[derive(Clone, Debug, Default)]
+struct Tally {
+    /// Steps that began with green and those of them that showed yellow, per agent.
+    greens: Vec<(u64, u64)>,
+    car_steps: u64,
+    speed_sum_mps: f64,
+    departed: u64,
+    arrived: u64,
+    backlog: u64,
+    teleports: u64,
+    collisions: u64,
+    emergency_brakes: u64,
+}
+
+impl GlobalTraffic {
+    pub fn load(
+        grid: Grid,
+        files: &NetworkFiles,
+        horizon: usize,
+        d_set: DSet,
+        control: SignalControl,
+    ) -> Result<GlobalTraffic> {
+        let spec = region::spec(horizon, d_set);
+        let mut simulation = Simulation::load(&options(files, control, Seed::new(0)))?;
+        let agents = grid.agents();
+        let lanes: Vec<String> =
+            agents.iter().flat_map(|&agent| grid.incoming_edges(agent)).map(|edge| lane(&edge)).collect();
+        let lights: Vec<String> = agents.iter().map(|&agent| grid.light(agent)).collect();
+        let intersections = Intersections::register(&mut simulation, &lanes, &lights)?;
+        Ok(GlobalTraffic {
+            files: files.clone(),
+            control,
+            simulation,
+            intersections,
+            lights: vec![Light::VerticalGreen; agents.len()],
+            cars: CarTable::new(),
+            cars_before: CarTable::new(),
+            last: Transition::new(agents.len(), &spec),
+            d_set_before: Rows::new(agents.len(), spec.d_set_dim),
+            arrivals: Rows::new(agents.len(), EDGES),
+            tally: Tally::default(),
+            spec,
+        })
+    }
+
+    /// The car that entered an edge of an intersection in the last step, where the arrivals of
+    /// [`GlobalSimulator::influence_sample`] say that one did. Beyond what the AIP predicts: for tests of the physics.
+    pub fn entered(&self, agent: usize, edge: usize) -> Option<Car> {
+        let arrived = self.arrivals.row(agent)[edge] == 1;
+        arrived.then(|| self.cars.lane(EDGES * agent + edge).iter().next().expect("an arrival is a car on the edge"))
+    }
+
+    fn read_lights(&mut self) -> Result<()> {
+        self.lights = match self.control {
+            SignalControl::Agents => (0..self.intersections.len()).map(|row| self.intersections.light(row)).collect(),
+            SignalControl::Actuated => self.intersections.shown_by_sumo(&mut self.simulation, &mut Vec::new())?,
+        };
+        Ok(())
+    }
+
+    fn perceive(&mut self) {
+        let Transition { percept, rewards } = &mut self.last;
+        for row in 0..rewards.len() {
+            let edges = edges_of(&self.cars, row);
+            region::observe(edges, self.lights[row], percept.obs.row_mut(row));
+            region::d_separate(percept.obs.row(row), self.arrivals.row(row), percept.d_set.row_mut(row));
+            rewards[row] = region::reward(edges);
+        }
+    }
+
+    fn note_arrivals(&mut self) {
+        let lanes = self.cars.iter().zip(self.cars_before.iter());
+        for (arrived, (now, before)) in self.arrivals.as_mut_slice().iter_mut().zip(lanes) {
+            *arrived = u8::from(has_new_car(now, before));
+        }
+    }
+}
+
+impl GlobalSimulator for GlobalTraffic {
+    fn spec(&self) -> &RegionSpec {
+        &self.spec
+    }
+
+    fn agents(&self) -> usize {
+        self.lights.len()
+    }
+
+    fn reset(&mut self, episode: Seed) -> Result<&Percept> {
+        // DEVIATION: loading again also clears the backlog of cars that wait at the boundary; the authors' code lets it
+        // leak into the next episode.
+        self.simulation.reload(&options(&self.files, self.control, episode))?;
+        match self.control {
+            SignalControl::Agents => {
+                let all: Vec<usize> = (0..self.agents()).collect();
+                self.intersections.reset(&mut self.simulation, &all)?;
+            }
+            SignalControl::Actuated => self.intersections.hand_to_program(&mut self.simulation, "actuated")?,
+        }
+        self.intersections.read_cars(&mut self.simulation, &mut self.cars)?;
+        self.arrivals.fill(0);
+        self.tally = Tally { greens: vec![(0, 0); self.agents()], ..Tally::default() };
+        self.read_lights()?;
+        self.perceive();
+        Ok(&self.last.percept)
+    }
+
+    fn step(&mut self, actions: &[Action]) -> Result<&Transition> {
+        self.d_set_before.copy_from(&self.last.percept.d_set);
+        std::mem::swap(&mut self.cars, &mut self.cars_before);
+        let lights_before = self.lights.clone();
+        if self.control == SignalControl::Agents {
+            self.intersections.act(&mut self.simulation, actions)?;
+        }
+        self.simulation.step()?;
+        self.intersections.read_cars(&mut self.simulation, &mut self.cars)?;
+        self.read_lights()?;
+        self.note_arrivals();
+        self.perceive();
+        self.tally.lights(&lights_before, &self.lights);
+        self.tally.cars(&self.cars, &self.cars_before);
+        self.tally.step(&mut self.simulation)?;
+        Ok(&self.last)
+    }
+
+    fn influence_sample(&self) -> InfluenceSample<'_> {
+        InfluenceSample { d_set: &self.d_set_before, sources: &self.arrivals }
+    }
+
+    fn measures(&mut self) -> Result<Measures> {
+        Ok(self.tally.measures())
+    }
+}
+
+impl Tally {
+    fn lights(&mut self, before: &[Light], now: &[Light]) {
+        for ((greens, switches), (before, now)) in self.greens.iter_mut().zip(before.iter().zip(now)) {
+            *greens += u64::from(before.is_green());
+            *switches += u64::from(before.is_green() && !now.is_green());
+        }
+    }
+
+    fn cars(&mut self, now: &CarTable, before: &CarTable) {
+        self.car_steps += now.cars() as u64;
+        for (now, before) in now.iter().zip(before.iter()) {
+            self.speed_sum_mps += now.speeds_mps.iter().sum::<f64>();
+            // Cars neither overtake nor teleport: after the one that is new, if any, they stand in the same order.
+            let new = usize::from(has_new_car(now, before));
+            let braked = now.speeds_mps[new..].iter().zip(before.speeds_mps).filter(|(now, before)| {
+                *before - *now > DECEL_MPS2 + 1e-9
+            });
+            self.emergency_brakes += braked.count() as u64;
+        }
+    }
+
+    fn step(&mut self, simulation: &mut Simulation) -> Result<()> {
+        let counts = simulation.counts()?;
+        self.departed += u64::from(counts.departed);
+        self.arrived += u64::from(counts.arrived);
+        self.teleports += u64::from(counts.teleports);
+        self.collisions += u64::from(counts.collisions);
+        self.backlog = u64::from(counts.pending);
+        Ok(())
+    }
+
+    fn measures(&self) -> Measures {
+        let share = |&(greens, switches): &(u64, u64)| switches as f64 / greens.max(1) as f64;
+        Measures {
+            per_agent: vec![(super::P_SWITCH, self.greens.iter().map(share).collect())],
+            system: vec![
+                ("mean_speed_mps", self.speed_sum_mps / self.car_steps.max(1) as f64),
+                ("departed", self.departed as f64),
+                ("arrived", self.arrived as f64),
+                ("backlog", self.backlog as f64),
+                ("teleports", self.teleports as f64),
+                ("collisions", self.collisions as f64),
+                ("emergency_brakes", self.emergency_brakes as f64),
+            ],
+        }
+    }
+}
+
+/// Whether a car entered the lane between two reads. Cars leave in the order in which they came, so a new one is the
+/// rearmost, and no second one fits in behind it within a second.
+fn has_new_car(now: LaneCars<'_>, before: LaneCars<'_>) -> bool {
+    let rearmost = |lane: LaneCars<'_>| -> Option<CarId> { lane.ids.first().copied() };
+    rearmost(now).is_some_and(|car| rearmost(before) != Some(car))
+}
+
+fn options(files: &NetworkFiles, control: SignalControl, episode: Seed) -> Vec<String> {
+    let path = |path: &std::path::Path| path.to_string_lossy().into_owned();
+    let mut options = vec!["--net-file".to_owned(), path(&files.net), "--route-files".to_owned(), path(&files.routes)];
+    if control == SignalControl::Actuated {
+        options.extend(["--additional-files".to_owned(), path(&files.actuated)]);
+    }
+    options.extend(["--seed".to_owned(), episode.for_sumo().to_string()]);
+    options.extend(super::SUMO_OPTIONS.map(str::to_owned));
+    options
+}

@@ -1,0 +1,316 @@
+//! The grid: which intersections there are, how they are joined, and what everything is called.
+//!
+//! A grid of R x C *intersections*, each with a traffic light, whose roads end in dead-end *boundary* nodes. An agent
+//! is an intersection; agents are numbered row-major from the south-west corner, as in the authors' setup. Names are
+//! readable in sumo-gui: intersection `r0c1`, boundary `w0` (west end of row 0), edge `w0_r0c0` (from, to), its only
+//! lane `w0_r0c0_0`. Arrays of four, one thing per side of an intersection, are in the order of `Side::ALL`.
+//!
+//! Pure: nothing here knows SUMO or a file; `net_file` writes a grid down, `forest` replicates the smallest one.
+
+use std::fmt;
+
+use anyhow::{Result, ensure};
+
+use crate::base::AgentId;
+
+/// A side of an intersection.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Side {
+    West,
+    South,
+    East,
+    North,
+}
+
+impl Side {
+    /// The order of observation blocks and influence sources (the authors' setup).
+    pub const ALL: [Side; 4] = [Side::West, Side::South, Side::East, Side::North];
+
+    /// The sides in the order of the letters of a light's state, `GrGr` = vertical green (the authors' setup).
+    pub const LINK_ORDER: [Side; 4] = [Side::North, Side::East, Side::South, Side::West];
+
+    pub fn opposite(self) -> Side {
+        match self {
+            Side::West => Side::East,
+            Side::South => Side::North,
+            Side::East => Side::West,
+            Side::North => Side::South,
+        }
+    }
+
+    /// Which letter of a light's state rules the cars that come from this side.
+    pub fn link_index(self) -> usize {
+        match self {
+            Side::North => 0,
+            Side::East => 1,
+            Side::South => 2,
+            Side::West => 3,
+        }
+    }
+
+    fn letter(self) -> char {
+        match self {
+            Side::West => 'w',
+            Side::South => 's',
+            Side::East => 'e',
+            Side::North => 'n',
+        }
+    }
+}
+
+/// Where edges begin and end. `Display` is the name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Node {
+    Intersection {
+        row: usize,
+        col: usize,
+    },
+    /// The dead end on one side of a row (west, east) or of a column (south, north).
+    Boundary {
+        side: Side,
+        index: usize,
+    },
+}
+
+impl fmt::Display for Node {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Node::Intersection { row, col } => write!(f, "r{row}c{col}"),
+            Node::Boundary { side, index } => write!(f, "{}{index}", side.letter()),
+        }
+    }
+}
+
+/// The name of the edge from one node to its neighbour.
+pub fn edge(from: Node, to: Node) -> String {
+    format!("{from}_{to}")
+}
+
+/// The name of an edge's only lane.
+pub fn lane(edge: &str) -> String {
+    format!("{edge}_0")
+}
+
+/// The edges from one end of a row or column to the other.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Route {
+    /// `w0_to_e0`.
+    pub id: String,
+    /// The dead end where it begins.
+    pub from: Node,
+    pub edges: Vec<String>,
+}
+
+/// `rows` x `cols` intersections, at least one of each.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Grid {
+    rows: usize,
+    cols: usize,
+}
+
+impl Grid {
+    /// One intersection: the shape of a local net.
+    pub const SINGLE: Grid = Grid { rows: 1, cols: 1 };
+
+    pub fn new(rows: usize, cols: usize) -> Result<Grid> {
+        ensure!(rows >= 1 && cols >= 1, "a grid of {rows}x{cols}: needs at least one row and one column");
+        Ok(Grid { rows, cols })
+    }
+
+    pub fn rows(self) -> usize {
+        self.rows
+    }
+
+    pub fn cols(self) -> usize {
+        self.cols
+    }
+
+    /// One agent per intersection, row-major from the south-west corner.
+    pub fn agents(self) -> Vec<AgentId> {
+        AgentId::all(self.rows * self.cols)
+    }
+
+    /// The intersection of an agent.
+    pub fn intersection(self, agent: AgentId) -> Node {
+        let (row, col) = self.place(agent);
+        Node::Intersection { row, col }
+    }
+
+    /// The node that a road leads to when it leaves the agent's intersection on `side`.
+    pub fn neighbour(self, agent: AgentId, side: Side) -> Node {
+        let (row, col) = self.place(agent);
+        match side {
+            Side::West if col > 0 => Node::Intersection { row, col: col - 1 },
+            Side::South if row > 0 => Node::Intersection { row: row - 1, col },
+            Side::East if col + 1 < self.cols => Node::Intersection { row, col: col + 1 },
+            Side::North if row + 1 < self.rows => Node::Intersection { row: row + 1, col },
+            Side::West | Side::East => Node::Boundary { side, index: row },
+            Side::South | Side::North => Node::Boundary { side, index: col },
+        }
+    }
+
+    /// The edges that lead to the agent's intersection `[from west, from south, from east, from north]`.
+    pub fn incoming_edges(self, agent: AgentId) -> [String; 4] {
+        Side::ALL.map(|side| edge(self.neighbour(agent, side), self.intersection(agent)))
+    }
+
+    /// The edges that leave the agent's intersection `[to west, to south, to east, to north]`.
+    pub fn outgoing_edges(self, agent: AgentId) -> [String; 4] {
+        Side::ALL.map(|side| edge(self.intersection(agent), self.neighbour(agent, side)))
+    }
+
+    /// The lanes inside the agent's intersection, by the side that their cars come from. They belong to no edge of the
+    /// grid: cars on them are neither observed nor rewarded.
+    pub fn internal_lanes(self, agent: AgentId) -> [String; 4] {
+        // netconvert numbers the internal edges of an intersection like the links of its light.
+        Side::ALL.map(|side| format!(":{}_{}_0", self.intersection(agent), side.link_index()))
+    }
+
+    /// The agent's traffic light: named like its intersection.
+    pub fn light(self, agent: AgentId) -> String {
+        self.intersection(agent).to_string()
+    }
+
+    /// One route per boundary edge that leads in, straight through the whole grid to the other side: first all that
+    /// come from the west, then from the south, the east and the north.
+    pub fn boundary_routes(self) -> Vec<Route> {
+        self.boundary().into_iter().map(|(side, index)| self.route(side, index)).collect()
+    }
+
+    /// The intersections in the order of their agents, then the dead ends in the order of `boundary_routes`.
+    pub fn nodes(self) -> Vec<Node> {
+        let intersections = self.agents().into_iter().map(|agent| self.intersection(agent));
+        let boundary = self.boundary().into_iter().map(|(side, index)| Node::Boundary { side, index });
+        intersections.chain(boundary).collect()
+    }
+
+    /// Every edge once, as (from, to).
+    pub fn edges(self) -> Vec<(Node, Node)> {
+        let mut edges = Vec::new();
+        for agent in self.agents() {
+            let here = self.intersection(agent);
+            for side in Side::ALL {
+                let there = self.neighbour(agent, side);
+                edges.push((there, here));
+                if matches!(there, Node::Boundary { .. }) {
+                    edges.push((here, there)); // The edge to a neighbouring intersection is incoming there.
+                }
+            }
+        }
+        edges
+    }
+
+    fn place(self, agent: AgentId) -> (usize, usize) {
+        assert!(agent.0 < self.rows * self.cols, "agent {agent} lives outside a grid of {self}");
+        (agent.0 / self.cols, agent.0 % self.cols)
+    }
+
+    fn boundary(self) -> Vec<(Side, usize)> {
+        Side::ALL.into_iter().flat_map(|side| (0..self.ends(side)).map(move |index| (side, index))).collect()
+    }
+
+    /// How many roads end on one side of the grid.
+    fn ends(self, side: Side) -> usize {
+        match side {
+            Side::West | Side::East => self.rows,
+            Side::South | Side::North => self.cols,
+        }
+    }
+
+    fn route(self, side: Side, index: usize) -> Route {
+        let mut crossed: Vec<Node> = match side {
+            Side::West | Side::East => (0..self.cols).map(|col| Node::Intersection { row: index, col }).collect(),
+            Side::South | Side::North => (0..self.rows).map(|row| Node::Intersection { row, col: index }).collect(),
+        };
+        if matches!(side, Side::East | Side::North) {
+            crossed.reverse();
+        }
+        let (from, to) = (Node::Boundary { side, index }, Node::Boundary { side: side.opposite(), index });
+        let nodes: Vec<Node> = [from].into_iter().chain(crossed).chain([to]).collect();
+        Route {
+            id: format!("{from}_to_{to}"),
+            from,
+            edges: nodes.windows(2).map(|pair| edge(pair[0], pair[1])).collect(),
+        }
+    }
+}
+
+/// `2x3`: two rows, three columns.
+impl fmt::Display for Grid {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}x{}", self.rows, self.cols)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::HashSet;
+
+    fn grid(rows: usize, cols: usize) -> Grid {
+        Grid::new(rows, cols).expect("a grid of the test")
+    }
+
+    #[test]
+    fn agents_are_numbered_row_major_from_the_south_west_corner() {
+        // north  r1c0 r1c1 r1c2   agents 3 4 5
+        // south  r0c0 r0c1 r0c2   agents 0 1 2
+        let names: Vec<String> = grid(2, 3).agents().into_iter().map(|agent| grid(2, 3).light(agent)).collect();
+        assert_eq!(names, ["r0c0", "r0c1", "r0c2", "r1c0", "r1c1", "r1c2"]);
+    }
+
+    #[test]
+    fn edges_come_in_the_order_west_south_east_north() {
+        // The north-east corner of 2x2: neighbours to the west and south, dead ends to the east and north.
+        let corner = AgentId(3);
+        assert_eq!(grid(2, 2).incoming_edges(corner), ["r1c0_r1c1", "r0c1_r1c1", "e1_r1c1", "n1_r1c1"]);
+        assert_eq!(grid(2, 2).outgoing_edges(corner), ["r1c1_r1c0", "r1c1_r0c1", "r1c1_e1", "r1c1_n1"]);
+    }
+
+    #[test]
+    fn the_letters_of_a_light_go_north_east_south_west() {
+        assert_eq!(Side::LINK_ORDER.map(Side::link_index), [0, 1, 2, 3]);
+        assert_eq!(Grid::SINGLE.internal_lanes(AgentId(0)), [":r0c0_3_0", ":r0c0_2_0", ":r0c0_1_0", ":r0c0_0_0"]);
+    }
+
+    #[test]
+    fn a_route_crosses_the_whole_grid() {
+        let routes = grid(2, 3).boundary_routes();
+        let ids: Vec<&str> = routes.iter().map(|route| route.id.as_str()).collect();
+        let expected = ["w0_to_e0", "w1_to_e1", "s0_to_n0", "s1_to_n1", "s2_to_n2"];
+        assert_eq!(ids[..5], expected);
+        assert_eq!(ids[5..], ["e0_to_w0", "e1_to_w1", "n0_to_s0", "n1_to_s1", "n2_to_s2"]);
+        assert_eq!(routes[1].edges, ["w1_r1c0", "r1c0_r1c1", "r1c1_r1c2", "r1c2_e1"]);
+        assert_eq!(routes[9].edges, ["n2_r1c2", "r1c2_r0c2", "r0c2_s2"]);
+    }
+
+    #[test]
+    fn the_routes_of_a_single_intersection_begin_on_its_incoming_edges_in_their_order() {
+        let first: Vec<String> = Grid::SINGLE.boundary_routes().into_iter().map(|mut r| r.edges.remove(0)).collect();
+        assert_eq!(first, Grid::SINGLE.incoming_edges(AgentId(0)));
+    }
+
+    #[test]
+    fn every_edge_is_named_once() {
+        // 4 incoming edges per intersection, and one out to each of the 2 (R + C) dead ends.
+        let names: Vec<String> = grid(3, 2).edges().into_iter().map(|(from, to)| edge(from, to)).collect();
+        assert_eq!(names.len(), 4 * 6 + 2 * (3 + 2));
+        assert_eq!(names.iter().collect::<HashSet<_>>().len(), names.len());
+        for agent in grid(3, 2).agents() {
+            let around = [grid(3, 2).incoming_edges(agent), grid(3, 2).outgoing_edges(agent)].concat();
+            assert!(around.iter().all(|edge| names.contains(edge)));
+        }
+    }
+
+    #[test]
+    fn a_grid_without_rows_is_refused() {
+        let error = Grid::new(0, 3).unwrap_err().to_string();
+        assert_eq!(error, "a grid of 0x3: needs at least one row and one column");
+    }
+
+    #[test]
+    #[should_panic(expected = "agent 4 lives outside a grid of 2x2")]
+    fn an_agent_of_another_grid_is_a_mistake_of_the_caller() {
+        grid(2, 2).light(AgentId(4));
+    }
+}

@@ -1,0 +1,83 @@
+//! The intersections of a loaded net, whichever it is: their lights, and the cars on their incoming lanes.
+
+use super::region::EDGES;
+use super::signals::{Light, Signal};
+use crate::domain::{Action, Result};
+use crate::sumo::{CarTable, LaneCars, LaneId, LightId, SignalState, Simulation};
+
+/// The handles and lights of many intersections, one row each.
+pub struct Intersections {
+    /// Incoming lanes, [`EDGES`] per row.
+    lanes: Vec<LaneId>,
+    lights: Vec<LightId>,
+    signals: Vec<Signal>,
+    /// The states of [`Light::ALL`].
+    states: [SignalState; 4],
+}
+
+impl Intersections {
+    /// `lanes`: [`EDGES`] incoming lanes of every intersection; `lights`: one of each.
+    pub fn register(simulation: &mut Simulation, lanes: &[String], lights: &[String]) -> Result<Self> {
+        Ok(Intersections {
+            lanes: simulation.register_lanes(lanes)?,
+            signals: vec![Signal::new(); lights.len()],
+            lights: simulation.register_lights(lights)?,
+            states: Light::ALL.map(Light::state),
+        })
+    }
+
+    pub fn len(&self) -> usize {
+        self.lights.len()
+    }
+
+    pub fn light(&self, row: usize) -> Light {
+        self.signals[row].light()
+    }
+
+    /// Sets the lights of these rows as an episode begins.
+    pub fn reset(&mut self, simulation: &mut Simulation, rows: &[usize]) -> Result<()> {
+        rows.iter().for_each(|&row| self.signals[row] = Signal::new());
+        self.show(simulation, rows)
+    }
+
+    /// Lets every agent act on its light; SUMO hears of the lights that change.
+    pub fn act(&mut self, simulation: &mut Simulation, actions: &[Action]) -> Result<()> {
+        assert_eq!(actions.len(), self.len(), "one action per intersection");
+        let mut changed = Vec::new();
+        for (row, (signal, &action)) in self.signals.iter_mut().zip(actions).enumerate() {
+            let before = signal.light();
+            signal.act(action);
+            if signal.light() != before {
+                changed.push(row);
+            }
+        }
+        self.show(simulation, &changed)
+    }
+
+    /// What the lights show where SUMO's own program runs them. Lights that show anything else than the four states of
+    /// a [`Light`] are an error.
+    pub fn shown_by_sumo(&self, simulation: &mut Simulation, states: &mut Vec<SignalState>) -> Result<Vec<Light>> {
+        simulation.read_lights(&self.lights, states)?;
+        let unknown = |state: &SignalState| anyhow::anyhow!("a light shows `{state}`, which is no state of our grids");
+        states.iter().map(|state| Light::of(state).ok_or_else(|| unknown(state))).collect()
+    }
+
+    pub fn hand_to_program(&self, simulation: &mut Simulation, program: &str) -> Result<()> {
+        Ok(simulation.set_programs(&self.lights, program)?)
+    }
+
+    pub fn read_cars(&self, simulation: &mut Simulation, cars: &mut CarTable) -> Result<()> {
+        Ok(simulation.read_lanes(&self.lanes, cars)?)
+    }
+
+    fn show(&self, simulation: &mut Simulation, rows: &[usize]) -> Result<()> {
+        let lights: Vec<LightId> = rows.iter().map(|&row| self.lights[row]).collect();
+        let states: Vec<&SignalState> = rows.iter().map(|&row| &self.states[self.light(row) as usize]).collect();
+        Ok(simulation.set_lights(&lights, &states)?)
+    }
+}
+
+/// The incoming lanes of one intersection in a read of all of them.
+pub fn edges_of(cars: &CarTable, row: usize) -> [LaneCars<'_>; EDGES] {
+    std::array::from_fn(|edge| cars.lane(EDGES * row + edge))
+}

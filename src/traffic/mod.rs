@@ -1,0 +1,119 @@
+//! The traffic domain: a grid of intersections on SUMO, every light an agent.
+//!
+//! - [`grid`], [`net_file`], [`forest`]: the road networks, on paper and on disk.
+//! - [`region`], [`signals`]: one intersection, pure: observation, d-set, reward; the light.
+//! - [`global`]: the GS, a whole grid with inflow at its boundary; [`local`]: the LS, a forest of single intersections.
+//! - [`controllers`]: hand-coded baselines.
+//!
+//! The only room that opens [`crate::sumo`]. libsumo holds one simulation per process: a simulator of this room
+//! must be dropped before the thread makes the next one.
+
+pub mod controllers;
+pub mod forest;
+pub mod global;
+pub mod grid;
+mod intersections;
+pub mod local;
+pub mod net_file;
+pub mod region;
+pub mod signals;
+
+use crate::base::{AgentId, Seed};
+use crate::config::{PolicyConfig, TrafficConfig};
+use crate::domain::{Baseline, Domain, GlobalSimulator, LocalSimulator, Measures, RegionSpec, Result};
+use global::{GlobalTraffic, SignalControl};
+use grid::Grid;
+use local::LocalTraffic;
+use net_file::NetworkFiles;
+
+/// The measure "share of the steps beginning with green in which the light was switched".
+pub const P_SWITCH: &str = "p_switch_given_green";
+
+/// An agent that switches this often is stuck: its lights are yellow most of the time. Agents that learn are near 0.1
+/// to 0.3, the local optimum of switching almost always is near 1, and random weights are near 0.5.
+const STUCK_ABOVE: f64 = 0.75;
+
+/// What GS and LS have in common: steps of a second, and cars that wait for ever rather than teleport.
+const SUMO_OPTIONS: [&str; 4] = ["--step-length", "1", "--time-to-teleport", "-1"];
+
+/// A grid of traffic lights.
+pub struct Traffic {
+    grid: Grid,
+    network: NetworkFiles,
+    local_network: NetworkFiles,
+    config: TrafficConfig,
+    switch_bias: f32,
+    spec: RegionSpec,
+}
+
+impl Traffic {
+    /// Finds the networks and reads the shape of the grid; an error says which file is missing or wrong and how to
+    /// make it.
+    pub fn open(config: &TrafficConfig, policy: &PolicyConfig) -> Result<Traffic> {
+        let (network, local_network) =
+            (NetworkFiles::of(&config.network), NetworkFiles::of(&config.local_network));
+        network.check()?;
+        local_network.check()?;
+        Ok(Traffic {
+            grid: net_file::read_shape(&network.net)?,
+            network,
+            local_network,
+            config: config.clone(),
+            switch_bias: policy.initial_switch_bias,
+            spec: region::spec(config.horizon, config.d_set),
+        })
+    }
+
+    pub fn networks(&self) -> [&NetworkFiles; 2] {
+        [&self.network, &self.local_network]
+    }
+
+    /// The GS as itself, for what the trait does not tell.
+    pub fn global(&self, control: SignalControl) -> Result<GlobalTraffic> {
+        GlobalTraffic::load(self.grid, &self.network, self.config.horizon, self.config.d_set, control)
+    }
+
+    /// An LS of so many rows as itself.
+    pub fn local(&self, rows: usize) -> Result<LocalTraffic> {
+        let TrafficConfig { horizon, d_set, entry, .. } = self.config;
+        LocalTraffic::load(&self.local_network, rows, horizon, d_set, entry)
+    }
+}
+
+impl Domain for Traffic {
+    fn spec(&self) -> &RegionSpec {
+        &self.spec
+    }
+
+    fn agents(&self) -> usize {
+        self.grid.rows() * self.grid.cols()
+    }
+
+    fn global_simulator(&self) -> Result<Box<dyn GlobalSimulator>> {
+        Ok(Box::new(self.global(SignalControl::Agents)?))
+    }
+
+    fn local_simulator(&self, regions: &[AgentId], copies: usize, _seed: Seed) -> Result<Box<dyn LocalSimulator>> {
+        // All intersections of a grid have the same local dynamics, so it does not matter which regions they are.
+        Ok(Box::new(self.local(regions.len() * copies)?))
+    }
+
+    fn baselines(&self) -> &'static [&'static str] {
+        controllers::NAMES
+    }
+
+    fn baseline(&self, name: &str) -> Result<Baseline> {
+        let (controller, control) = controllers::by_name(name)?;
+        Ok(Baseline { simulator: Box::new(self.global(control)?), controller })
+    }
+
+    fn initial_action_bias(&self) -> Vec<f32> {
+        vec![0.0, self.switch_bias]
+    }
+
+    fn stuck(&self, measures: &Measures) -> Vec<bool> {
+        let (_, shares) =
+            measures.per_agent.iter().find(|(name, _)| *name == P_SWITCH).expect("the traffic GS measures it");
+        shares.iter().map(|&share| share > STUCK_ABOVE).collect()
+    }
+}

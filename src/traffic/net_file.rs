@@ -1,0 +1,313 @@
+//! Network files: a grid written down so that SUMO and sumo-gui can open it, and recognised again.
+//!
+//! A *network* is four files with one name: `grid_2x2.net.xml` (roads and lights, made by Debian's `netconvert` from
+//! our plain XML), `.rou.xml` (vehicle type, routes, flows), `.actuated.add.xml` (actuated lights, for whoever wants
+//! to load them) and `.sumocfg` (what `sumo -c` takes). The *local* net is the 1x1 grid without flows, for its cars are
+//! sampled.
+//!
+//! Making a network twice gives the same files byte for byte.
+
+mod content;
+mod tree;
+
+use std::collections::BTreeSet;
+use std::ffi::OsString;
+use std::fs::{self, Permissions};
+use std::io::{ErrorKind, Write};
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use anyhow::{Context, Result, bail, ensure};
+use tempfile::NamedTempFile;
+
+use super::grid::{self, Grid};
+
+pub(super) use content::{document_with, leaf, nest};
+pub(super) use tree::{Element, read};
+
+/// Where the files of one network are.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NetworkFiles {
+    /// The roads and the lights with their static program.
+    pub net: PathBuf,
+    /// The vehicle type and the routes, and the flows of a grid.
+    pub routes: PathBuf,
+    /// The actuated program of every light.
+    pub actuated: PathBuf,
+    /// Net and routes together, for `sumo -c` and `sumo-gui -c`.
+    pub config: PathBuf,
+}
+
+impl NetworkFiles {
+    /// The network that a config names: directory and name, such as `../sumo_nets/grid_2x2`. They need not exist.
+    pub fn of(prefix: &Path) -> NetworkFiles {
+        let file = |ending: &str| {
+            let mut path = OsString::from(prefix);
+            path.push(ending); // `with_extension` would take a dot in the name for an extension.
+            PathBuf::from(path)
+        };
+        NetworkFiles {
+            net: file(".net.xml"),
+            routes: file(".rou.xml"),
+            actuated: file(".actuated.add.xml"),
+            config: file(".sumocfg"),
+        }
+    }
+
+    /// An error with the way out if one of the files is missing.
+    pub fn check(&self) -> Result<()> {
+        match self.all().into_iter().find(|path| !path.is_file()) {
+            Some(missing) => bail!(no_such_network(missing)),
+            None => Ok(()),
+        }
+    }
+
+    /// Copies the network into another directory, for a run directory that needs nothing outside of itself.
+    pub fn copy_to(&self, dir: &Path) -> Result<NetworkFiles> {
+        self.check()?;
+        let mut copies = Vec::new();
+        for path in self.all() {
+            let text = fs::read(path).with_context(|| format!("{}: could not be read", path.display()))?;
+            let name = path.file_name().with_context(|| format!("{}: has no file name", path.display()))?;
+            copies.push((dir.join(name), text));
+        }
+        write_together(dir, &copies)?;
+        let [net, routes, actuated, config] =
+            <[_; 4]>::try_from(copies).expect("one copy of each file").map(|(path, _)| path);
+        Ok(NetworkFiles { net, routes, actuated, config })
+    }
+
+    fn all(&self) -> [&Path; 4] {
+        [&self.net, &self.routes, &self.actuated, &self.config]
+    }
+}
+
+/// Writes the network `grid_{rows}x{cols}` into `dir`; `inflow` is the probability of a car per step on each edge that
+/// leads in (0.1 in the authors' setup).
+pub fn write_grid(grid: Grid, inflow: f64, dir: &Path) -> Result<NetworkFiles> {
+    ensure!((0.0..=1.0).contains(&inflow), "inflow = {inflow}: must be a probability, from 0 to 1");
+    let flows = (inflow > 0.0).then_some(inflow); // SUMO refuses a flow of probability 0.
+    write_network(&format!("grid_{grid}"), grid, flows, dir, "netconvert")
+}
+
+/// Writes the network `local` into `dir`: one intersection, no flows.
+pub fn write_local(dir: &Path) -> Result<NetworkFiles> {
+    write_network("local", Grid::SINGLE, None, dir, "netconvert")
+}
+
+/// Everything is made in a temporary directory first, so an error leaves `dir` as it was.
+fn write_network(name: &str, grid: Grid, inflow: Option<f64>, dir: &Path, netconvert: &str) -> Result<NetworkFiles> {
+    let files = NetworkFiles::of(&dir.join(name));
+    let net = convert(grid, netconvert).with_context(|| format!("{}: could not be made", files.net.display()))?;
+    let config = content::config(&format!("{name}.net.xml"), &format!("{name}.rou.xml"));
+    let contents = [
+        (files.net.clone(), net.into_bytes()),
+        (files.routes.clone(), content::routes(grid, inflow).into_bytes()),
+        (files.actuated.clone(), content::actuated(grid).into_bytes()),
+        (files.config.clone(), config.into_bytes()),
+    ];
+    write_together(dir, &contents)?;
+    Ok(files)
+}
+
+/// netconvert's net of a grid.
+fn convert(grid: Grid, netconvert: &str) -> Result<String> {
+    let room = tempfile::tempdir().context("could not make a temporary directory")?;
+    let inputs = [
+        ("--node-files", "nod.xml", content::nodes(grid)),
+        ("--edge-files", "edg.xml", content::edges(grid)),
+        ("--connection-files", "con.xml", content::connections(grid)),
+        ("--tllogic-files", "tll.xml", content::lights(grid)),
+    ];
+    let mut command = Command::new(netconvert);
+    command.current_dir(room.path()).stdin(Stdio::null());
+    for (option, file, text) in inputs {
+        fs::write(room.path().join(file), text).context("could not write to the temporary directory")?;
+        command.args([option, file]);
+    }
+    // Normalisation would move the south-west corner of the bounding box, a dead end's, to (0, 0).
+    command.args(["--offset.disable-normalization", "--no-turnarounds", "--xml-validation", "never"]);
+    command.args(["--output-file", "net.xml"]);
+    run(command)?;
+    let net = fs::read_to_string(room.path().join("net.xml")).context("netconvert wrote no net")?;
+    Ok(without_comment(&net))
+}
+
+fn run(mut command: Command) -> Result<()> {
+    let output = match command.output() {
+        Err(error) if error.kind() == ErrorKind::NotFound => {
+            bail!("netconvert is not on the PATH: install Debian's package sumo (./setup.sh)")
+        }
+        output => output.context("netconvert could not be started")?,
+    };
+    let said = String::from_utf8_lossy(&output.stderr);
+    ensure!(output.status.success(), "netconvert failed ({}): {}", output.status, said.trim());
+    Ok(())
+}
+
+/// The net without the comment that netconvert begins it with: date and temporary paths would make every net different.
+fn without_comment(net: &str) -> String {
+    let comment = net.find("<!--").filter(|&begin| net.find("<net").is_none_or(|root| begin < root));
+    let end = comment.and_then(|begin| net[begin..].find("-->").map(|length| begin + length + "-->".len()));
+    match (comment, end) {
+        (Some(begin), Some(end)) => [&net[..begin], net[end..].trim_start()].concat(),
+        _ => net.to_owned(),
+    }
+}
+
+/// Writes files into one directory, all of them or none: each is written under another name first, then renamed.
+pub(super) fn write_together(dir: &Path, files: &[(PathBuf, Vec<u8>)]) -> Result<()> {
+    let unwritable =
+        || format!("{}: could not be written to: make it writable or choose another directory", dir.display());
+    fs::create_dir_all(dir).with_context(unwritable)?;
+    let mut staged = Vec::new();
+    for (path, content) in files {
+        ensure!(!path.is_dir(), "{}: is a directory, where a file is to be written: move it away", path.display());
+        // A temporary file is for its owner alone by default; these are for everyone whom the umask allows.
+        let mut temporary = tempfile::Builder::new();
+        let temporary = temporary.prefix(".writing-").permissions(Permissions::from_mode(0o666));
+        let mut file = temporary.tempfile_in(dir).with_context(unwritable)?;
+        file.write_all(content).with_context(unwritable)?;
+        staged.push((file, path));
+    }
+    staged.into_iter().try_for_each(|(file, path)| rename(file, path))
+}
+
+fn rename(file: NamedTempFile, path: &Path) -> Result<()> {
+    file.persist(path)
+        .map_err(|error| error.error)
+        .with_context(|| format!("{}: could not be replaced", path.display()))?;
+    Ok(())
+}
+
+/// The shape of one of our grids, recovered from the names in its `net.xml`.
+pub fn read_shape(net: &Path) -> Result<Grid> {
+    ensure!(net.exists(), no_such_network(net));
+    let root = read(net)?;
+    ensure!(root.name == "net", "{}: is not a SUMO network: its root is <{}>, not <net>", net.display(), root.name);
+    let junctions = names(&root, "junction");
+    let grid = shape(&junctions);
+    let expected = grid.nodes().iter().map(ToString::to_string).collect();
+    let difference = first_difference("junction", &junctions, &expected).or_else(|| {
+        let expected = grid.edges().into_iter().map(|(from, to)| grid::edge(from, to)).collect();
+        first_difference("edge", &names(&root, "edge"), &expected)
+    });
+    match difference {
+        Some(difference) => {
+            let way_out = "make one with: dials-traffic nets grid --rows R --cols C --out DIR";
+            bail!("{}: is not one of our grids: {difference}; {way_out}", net.display())
+        }
+        None => Ok(grid),
+    }
+}
+
+/// The ids of one kind of element, without those inside of intersections.
+fn names(root: &Element, kind: &str) -> BTreeSet<String> {
+    let ids = root.all(kind).filter_map(|element| element.attribute("id"));
+    ids.filter(|id| !id.starts_with(':')).map(str::to_owned).collect()
+}
+
+/// The smallest grid that has all the intersections named.
+fn shape(junctions: &BTreeSet<String>) -> Grid {
+    let places = junctions.iter().filter_map(|name| {
+        let (row, col) = name.strip_prefix('r')?.split_once('c')?;
+        Some((row.parse::<usize>().ok()?, col.parse::<usize>().ok()?))
+    });
+    // A grid has fewer rows and columns than its net has junctions; a larger number is a name of somebody else's.
+    let places = places.filter(|&(row, col)| row.max(col) < junctions.len());
+    let (rows, cols) = places.fold((1, 1), |(rows, cols), (row, col)| (rows.max(row + 1), cols.max(col + 1)));
+    Grid::new(rows, cols).expect("at least 1x1")
+}
+
+fn first_difference(kind: &str, found: &BTreeSet<String>, expected: &BTreeSet<String>) -> Option<String> {
+    let unexpected = found.difference(expected).next().map(|name| format!("it has the {kind} '{name}'"));
+    unexpected.or_else(|| expected.difference(found).next().map(|name| format!("it lacks the {kind} '{name}'")))
+}
+
+/// What to say of a file of a network that is not there, with the command that makes it.
+fn no_such_network(missing: &Path) -> String {
+    let dir = missing.parent().filter(|dir| !dir.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let file = missing.file_name().unwrap_or_default().to_string_lossy();
+    let name = file.split('.').next().unwrap_or_default();
+    let which = match name.strip_prefix("grid_").and_then(|shape| shape.split_once('x')) {
+        Some((rows, cols)) if [rows, cols].iter().all(|number| number.parse::<usize>().is_ok()) => {
+            format!("grid --rows {rows} --cols {cols}")
+        }
+        _ if name == "local" => "local".to_owned(),
+        _ => "grid --rows R --cols C".to_owned(),
+    };
+    let (missing, dir) = (missing.display(), dir.display());
+    format!("{missing}: no such network; make it with: dials-traffic nets {which} --out {dir}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_missing_network_comes_with_the_command_that_makes_it() {
+        let error = NetworkFiles::of(Path::new("nowhere/grid_3x4")).check().unwrap_err().to_string();
+        let way_out = "dials-traffic nets grid --rows 3 --cols 4 --out nowhere";
+        assert_eq!(error, format!("nowhere/grid_3x4.net.xml: no such network; make it with: {way_out}"));
+        assert!(no_such_network(Path::new("local.rou.xml")).ends_with("dials-traffic nets local --out ."));
+        assert!(no_such_network(Path::new("a/city.net.xml")).ends_with("nets grid --rows R --cols C --out a"));
+    }
+
+    #[test]
+    fn a_dot_in_the_name_of_a_network_stays() {
+        assert_eq!(NetworkFiles::of(Path::new("../v1.2/net")).config, Path::new("../v1.2/net.sumocfg"));
+        assert_eq!(NetworkFiles::of(Path::new("net.a")).net, Path::new("net.a.net.xml"));
+    }
+
+    #[test]
+    fn only_the_comment_of_netconvert_is_taken_away() {
+        let net = "<?xml?>\n\n<!-- generated on a day\n-->\n\n<net>\n<!-- ours -->\n</net>\n";
+        assert_eq!(without_comment(net), "<?xml?>\n\n<net>\n<!-- ours -->\n</net>\n");
+        assert_eq!(without_comment("<net><!-- ours --></net>"), "<net><!-- ours --></net>");
+    }
+
+    #[test]
+    fn without_netconvert_nothing_is_left_behind() {
+        let room = tempfile::tempdir().expect("a temporary directory");
+        let dir = room.path().join("nets");
+        let error = write_network("local", Grid::SINGLE, None, &dir, "netconvert-that-nobody-has").unwrap_err();
+        let way_out = "netconvert is not on the PATH: install Debian's package sumo (./setup.sh)";
+        assert_eq!(
+            format!("{error:#}"),
+            format!("{}: could not be made: {way_out}", dir.join("local.net.xml").display())
+        );
+        assert!(!dir.exists());
+    }
+
+    #[test]
+    fn what_netconvert_complains_of_is_in_the_error() {
+        let room = tempfile::tempdir().expect("a temporary directory");
+        let broken = room.path().join("broken");
+        fs::write(&broken, "#!/bin/sh\necho 'Error: no idea' >&2\nexit 1\n").expect("a writable directory");
+        fs::set_permissions(&broken, Permissions::from_mode(0o755)).expect("our own file");
+        let dir = room.path().join("nets");
+        let error = write_network("local", Grid::SINGLE, None, &dir, &broken.to_string_lossy()).unwrap_err();
+        assert!(format!("{error:#}").ends_with("netconvert failed (exit status: 1): Error: no idea"), "{error:#}");
+        assert!(!dir.exists());
+    }
+
+    #[test]
+    fn an_inflow_is_a_probability() {
+        for inflow in [-0.1, 1.5, f64::NAN] {
+            let error = write_grid(Grid::SINGLE, inflow, Path::new("unused")).unwrap_err().to_string();
+            assert!(error.ends_with("must be a probability, from 0 to 1"), "{error}");
+        }
+    }
+
+    #[test]
+    fn files_are_written_together_or_not_at_all() {
+        let room = tempfile::tempdir().expect("a temporary directory");
+        let blocked = room.path().join("b");
+        fs::create_dir(&blocked).expect("a writable directory");
+        let files = [(room.path().join("a"), vec![1]), (blocked.clone(), vec![2])];
+        let error = write_together(room.path(), &files).unwrap_err().to_string();
+        assert!(error.starts_with(&format!("{}: is a directory", blocked.display())), "{error}");
+        assert_eq!(fs::read_dir(room.path()).expect("readable").count(), 1, "only the directory b is there");
+    }
+}

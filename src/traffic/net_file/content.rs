@@ -1,0 +1,275 @@
+//! What stands in the files of a network: pure, text out.
+//!
+//! The first four are *plain XML*, netconvert's input (nodes, edges, connections, lights), the others are SUMO's own.
+
+use std::io;
+
+use quick_xml::Writer;
+use quick_xml::events::{BytesDecl, Event};
+
+use super::super::grid::{self, Grid, Node, Side};
+
+type Xml = Writer<Vec<u8>>;
+
+/// Length of every edge (the authors' setup).
+const EDGE_M: f64 = 100.0;
+/// Speed limit of every edge, m/s (the authors' setup).
+const SPEED_LIMIT: &str = "10";
+/// The corner radius of an intersection (the authors' setup).
+const RADIUS_M: f64 = 6.2;
+/// SUMO's default width of a lane.
+const LANE_WIDTH_M: f64 = 3.2;
+/// From the centre of an intersection to its stop lines: one lane of the crossing road and the radius lie between.
+/// So a lane inside an intersection is 18.8 m long, as in the authors' setup.
+const HALF_JUNCTION_M: f64 = LANE_WIDTH_M + RADIUS_M;
+/// From a dead end to the centre of its intersection.
+const REACH_M: f64 = EDGE_M + HALF_JUNCTION_M;
+/// From centre to centre.
+const SPACING_M: f64 = EDGE_M + 2.0 * HALF_JUNCTION_M;
+
+/// The only vehicle type; IDM and its numbers: the authors' setup, sigma is unused by IDM.
+///
+/// DEVIATION: speedDev is 0, where the authors' cars draw a speed factor. Theirs end up with a desired speed of exactly
+/// 10 all the same, for SUMO raises the factor to fit departSpeed and maxSpeed caps it; without the draw a trajectory
+/// depends on arrivals and lights alone.
+const VEHICLE_TYPE: [(&str, &str); 11] = [
+    ("id", "car"),
+    ("carFollowModel", "IDM"),
+    ("accel", "2.6"),
+    ("decel", "7.5"),
+    ("tau", "1.0"),
+    ("minGap", "2.5"),
+    ("length", "5"),
+    ("maxSpeed", "10"),
+    ("impatience", "0.5"),
+    ("speedFactor", "1"),
+    ("speedDev", "0"),
+];
+
+/// The cycle of the light's states; letters in `Side::LINK_ORDER`. Vertical green, yellow, horizontal green, yellow.
+const CYCLE: [&str; 4] = ["GrGr", "yryr", "rGrG", "ryry"];
+
+/// The intersections and the dead ends with their places. The south-west intersection is at (0, 0).
+pub fn nodes(grid: Grid) -> String {
+    document("nodes", |xml| {
+        grid.nodes().into_iter().try_for_each(|node| {
+            let (x, y) = place(grid, node);
+            let common = [("id", node.to_string()), ("x", format!("{x:.1}")), ("y", format!("{y:.1}"))];
+            let kind = match node {
+                Node::Intersection { .. } => vec![("type", "traffic_light".into()), ("radius", RADIUS_M.to_string())],
+                Node::Boundary { .. } => vec![("type", "dead_end".into())],
+            };
+            leaf(xml, "node", common.into_iter().chain(kind))
+        })
+    })
+}
+
+pub fn edges(grid: Grid) -> String {
+    document("edges", |xml| {
+        grid.edges().into_iter().try_for_each(|(from, to)| {
+            let attributes = [
+                ("id", grid::edge(from, to)),
+                ("from", from.to_string()),
+                ("to", to.to_string()),
+                ("numLanes", "1".into()),
+                ("speed", SPEED_LIMIT.into()),
+                ("length", EDGE_M.to_string()),
+            ];
+            leaf(xml, "edge", attributes)
+        })
+    })
+}
+
+/// Straight on and nothing else (the authors' setup): no turns, and no turnarounds.
+pub fn connections(grid: Grid) -> String {
+    document("connections", |xml| straight_on(xml, grid, |_, _| Vec::new()))
+}
+
+/// The program that runs when nobody controls the lights: fixed time, and which letter rules which connection.
+pub fn lights(grid: Grid) -> String {
+    document("tlLogics", |xml| {
+        for agent in grid.agents() {
+            let head = [("id", grid.light(agent)), ("type", "static".into()), ("programID", "0".into())];
+            let head = head.into_iter().chain([("offset", "0".into())]);
+            nest(xml, "tlLogic", head, |xml| {
+                // 10 s of green are our choice, as good as any while nobody controls; 3 s of yellow are the authors'.
+                let phases = CYCLE.into_iter().zip(["10", "3", "10", "3"]);
+                phases.into_iter().try_for_each(|(state, s)| leaf(xml, "phase", [("duration", s), ("state", state)]))
+            })?;
+        }
+        straight_on(xml, grid, |light, side| vec![("tl", light), ("linkIndex", side.link_index().to_string())])
+    })
+}
+
+/// The vehicle type, the routes, and where `inflow` is given one flow per route: each step a car with that probability.
+pub fn routes(grid: Grid, inflow: Option<f64>) -> String {
+    let routes = grid.boundary_routes();
+    document("routes", |xml| {
+        leaf(xml, "vType", VEHICLE_TYPE)?;
+        routes
+            .iter()
+            .try_for_each(|route| leaf(xml, "route", [("id", &route.id), ("edges", &route.edges.join(" "))]))?;
+        let Some(inflow) = inflow else { return Ok(()) };
+        routes.iter().try_for_each(|route| {
+            let attributes = [
+                ("id", route.from.to_string()), // So a car is called `w0.17`.
+                ("type", "car".into()),
+                ("route", route.id.clone()),
+                ("begin", "0".into()),
+                ("end", "86400".into()), // A day: sumo-gui plays on.
+                ("probability", inflow.to_string()),
+                ("departLane", "free".into()), // This and the speed: the authors' setup.
+                ("departSpeed", "10".into()),
+            ];
+            leaf(xml, "flow", attributes)
+        })
+    })
+}
+
+/// SUMO's actuated controller, the paper's hand-coded baseline. Its numbers: the authors' setup.
+///
+/// SUMO 1.15 warns that no detector controls the yellow phases, and shows them for their least time, 3 s.
+pub fn actuated(grid: Grid) -> String {
+    document("additional", |xml| {
+        for agent in grid.agents() {
+            let head = [("id", grid.light(agent)), ("type", "actuated".into()), ("programID", "actuated".into())];
+            nest(xml, "tlLogic", head.into_iter().chain([("offset", "0".into())]), |xml| {
+                leaf(xml, "param", [("key", "max-gap"), ("value", "3.0")])?;
+                leaf(xml, "param", [("key", "detector-gap"), ("value", "0.8")])?;
+                let times = [("8", "45"), ("3", "6"), ("8", "45"), ("3", "6")];
+                CYCLE.into_iter().zip(times).try_for_each(|(state, (min, max))| {
+                    leaf(xml, "phase", [("duration", min), ("minDur", min), ("maxDur", max), ("state", state)])
+                })
+            })?;
+        }
+        Ok(())
+    })
+}
+
+/// The configuration that `sumo -c` and `sumo-gui -c` take; the other files lie beside it.
+pub fn config(net: &str, routes: &str) -> String {
+    document("configuration", |xml| {
+        section(xml, "input", &[("net-file", net), ("route-files", routes)])?;
+        section(xml, "time", &[("begin", "0"), ("end", "3600"), ("step-length", "1")])?;
+        // A car that waits is never lifted over the jam (the authors' setup).
+        section(xml, "processing", &[("time-to-teleport", "-1")])?;
+        // Without it SUMO warns of a missing SUMO_HOME, where it would look for the schemas.
+        section(xml, "report", &[("xml-validation", "never")])
+    })
+}
+
+/// One `<connection>` per way through an intersection, with what `more(light, side)` adds.
+fn straight_on(
+    xml: &mut Xml,
+    grid: Grid,
+    more: impl Fn(String, Side) -> Vec<(&'static str, String)>,
+) -> io::Result<()> {
+    for agent in grid.agents() {
+        let here = grid.intersection(agent);
+        for side in Side::LINK_ORDER {
+            let attributes = [
+                ("from", grid::edge(grid.neighbour(agent, side), here)),
+                ("to", grid::edge(here, grid.neighbour(agent, side.opposite()))),
+                ("fromLane", "0".into()),
+                ("toLane", "0".into()),
+            ];
+            leaf(xml, "connection", attributes.into_iter().chain(more(grid.light(agent), side)))?;
+        }
+    }
+    Ok(())
+}
+
+fn place(grid: Grid, node: Node) -> (f64, f64) {
+    let at = |index: usize| SPACING_M * index as f64;
+    match node {
+        Node::Intersection { row, col } => (at(col), at(row)),
+        Node::Boundary { side: Side::West, index } => (-REACH_M, at(index)),
+        Node::Boundary { side: Side::South, index } => (at(index), -REACH_M),
+        Node::Boundary { side: Side::East, index } => (at(grid.cols() - 1) + REACH_M, at(index)),
+        Node::Boundary { side: Side::North, index } => (at(index), at(grid.rows() - 1) + REACH_M),
+    }
+}
+
+/// A whole file with this root element.
+pub fn document(root: &str, fill: impl FnOnce(&mut Xml) -> io::Result<()>) -> String {
+    const BARE: [(&str, &str); 0] = [];
+    document_with(root, BARE, fill)
+}
+
+pub fn document_with<K: AsRef<str>, V: AsRef<str>>(
+    root: &str,
+    attributes: impl IntoIterator<Item = (K, V)>,
+    fill: impl FnOnce(&mut Xml) -> io::Result<()>,
+) -> String {
+    let mut xml = Writer::new_with_indent(Vec::new(), b' ', 4);
+    xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))
+        .and_then(|()| nest(&mut xml, root, attributes, fill))
+        .expect("memory takes what is written to it");
+    xml.get_mut().push(b'\n');
+    String::from_utf8(xml.into_inner()).expect("only strings were written")
+}
+
+/// An element with others inside.
+pub fn nest<K: AsRef<str>, V: AsRef<str>>(
+    xml: &mut Xml,
+    name: &str,
+    attributes: impl IntoIterator<Item = (K, V)>,
+    fill: impl FnOnce(&mut Xml) -> io::Result<()>,
+) -> io::Result<()> {
+    let mut element = xml.create_element(name);
+    for (key, value) in attributes {
+        element = element.with_attribute((key.as_ref(), value.as_ref()));
+    }
+    element.write_inner_content(fill).map(|_| ())
+}
+
+/// An element with attributes only.
+pub fn leaf<K: AsRef<str>, V: AsRef<str>>(
+    xml: &mut Xml,
+    name: &str,
+    attributes: impl IntoIterator<Item = (K, V)>,
+) -> io::Result<()> {
+    let mut element = xml.create_element(name);
+    for (key, value) in attributes {
+        element = element.with_attribute((key.as_ref(), value.as_ref()));
+    }
+    element.write_empty().map(|_| ())
+}
+
+fn section(xml: &mut Xml, name: &str, options: &[(&str, &str)]) -> io::Result<()> {
+    const BARE: [(&str, &str); 0] = [];
+    nest(xml, name, BARE, |xml| options.iter().try_for_each(|(option, value)| leaf(xml, option, [("value", value)])))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn edges_between_intersections_are_as_long_as_edges_to_dead_ends() {
+        // 109.4 = 100 + 9.4 from the dead end to the centre, 118.8 = 9.4 + 100 + 9.4 from centre to centre.
+        let nodes = nodes(Grid::new(1, 4).expect("a grid"));
+        for node in [
+            r#"<node id="r0c0" x="0.0" y="0.0" type="traffic_light" radius="6.2"/>"#,
+            r#"<node id="r0c3" x="356.4" y="0.0" type="traffic_light" radius="6.2"/>"#,
+            r#"<node id="w0" x="-109.4" y="0.0" type="dead_end"/>"#,
+            r#"<node id="e0" x="465.8" y="0.0" type="dead_end"/>"#,
+            r#"<node id="n3" x="356.4" y="109.4" type="dead_end"/>"#,
+        ] {
+            assert!(nodes.contains(node), "{node} is not in {nodes}");
+        }
+    }
+
+    #[test]
+    fn a_flow_is_named_after_the_dead_end_where_it_begins() {
+        let routes = routes(Grid::SINGLE, Some(0.1));
+        let flow = r#"<flow id="n0" type="car" route="n0_to_s0" begin="0" end="86400" probability="0.1""#;
+        assert!(routes.contains(flow), "{routes}");
+    }
+
+    #[test]
+    fn without_inflow_there_are_routes_and_no_flows() {
+        let routes = routes(Grid::SINGLE, None);
+        assert_eq!((routes.matches("<route ").count(), routes.matches("<flow ").count()), (4, 0));
+    }
+}

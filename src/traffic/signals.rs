@@ -1,0 +1,139 @@
+//! The light of one intersection under an agent's control: green, three steps of yellow, the other green.
+
+use crate::domain::Action;
+use crate::sumo::SignalState;
+
+/// Leave the light as it is.
+pub const KEEP: Action = 0;
+/// Give the other direction green, after yellow.
+pub const SWITCH: Action = 1;
+
+/// Steps that yellow is shown.
+const YELLOW_STEPS: u8 = 3;
+
+/// What a light shows. The order is that of the one-hot light in an observation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Light {
+    HorizontalGreen,
+    HorizontalYellow,
+    VerticalYellow,
+    VerticalGreen,
+}
+
+impl Light {
+    pub const ALL: [Light; 4] =
+        [Light::HorizontalGreen, Light::HorizontalYellow, Light::VerticalYellow, Light::VerticalGreen];
+
+    /// SUMO's letters, in the order of [`super::grid::Side::LINK_ORDER`]: north, east, south, west.
+    pub fn letters(self) -> &'static str {
+        match self {
+            Light::HorizontalGreen => "rGrG",
+            Light::HorizontalYellow => "ryry",
+            Light::VerticalYellow => "yryr",
+            Light::VerticalGreen => "GrGr",
+        }
+    }
+
+    pub fn state(self) -> SignalState {
+        SignalState::new(self.letters()).expect("the letters are SUMO's")
+    }
+
+    pub fn of(state: &SignalState) -> Option<Light> {
+        Light::ALL.into_iter().find(|light| light.letters() == state.as_str())
+    }
+
+    pub fn is_green(self) -> bool {
+        matches!(self, Light::HorizontalGreen | Light::VerticalGreen)
+    }
+
+    /// What follows when the light changes.
+    fn next(self) -> Light {
+        match self {
+            Light::HorizontalGreen => Light::HorizontalYellow,
+            Light::HorizontalYellow => Light::VerticalGreen,
+            Light::VerticalGreen => Light::VerticalYellow,
+            Light::VerticalYellow => Light::HorizontalGreen,
+        }
+    }
+}
+
+/// A light and how long it has been yellow.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Signal {
+    light: Light,
+    yellow_steps: u8,
+}
+
+impl Signal {
+    /// DEVIATION: every episode begins with vertical green under the agent's control; in the authors' code a light runs
+    /// its program until the agent's first switch.
+    pub fn new() -> Self {
+        Signal { light: Light::VerticalGreen, yellow_steps: 0 }
+    }
+
+    pub fn light(self) -> Light {
+        self.light
+    }
+
+    /// What is shown in the step that follows the action. Yellow lasts three steps and hears no action.
+    pub fn act(&mut self, action: Action) {
+        if self.light.is_green() {
+            if action == SWITCH {
+                *self = Signal { light: self.light.next(), yellow_steps: 1 };
+            }
+        } else if self.yellow_steps < YELLOW_STEPS {
+            self.yellow_steps += 1;
+        } else {
+            *self = Signal { light: self.light.next(), yellow_steps: 0 };
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use Light::*;
+
+    fn shown(actions: &[Action]) -> Vec<Light> {
+        let mut signal = Signal::new();
+        actions
+            .iter()
+            .map(|&action| {
+                signal.act(action);
+                signal.light()
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_switch_shows_yellow_at_once_and_for_three_steps() {
+        assert_eq!(
+            shown(&[KEEP, SWITCH, KEEP, KEEP, KEEP, KEEP]),
+            [VerticalGreen, VerticalYellow, VerticalYellow, VerticalYellow, HorizontalGreen, HorizontalGreen]
+        );
+    }
+
+    #[test]
+    fn actions_during_yellow_are_ignored_and_green_lasts_at_least_one_step() {
+        let always = shown(&[SWITCH; 16]);
+        let cycle = [
+            VerticalYellow,
+            VerticalYellow,
+            VerticalYellow,
+            HorizontalGreen,
+            HorizontalYellow,
+            HorizontalYellow,
+            HorizontalYellow,
+            VerticalGreen,
+        ];
+        assert_eq!(always, [cycle, cycle].concat(), "switching always has a period of 8 steps");
+    }
+
+    #[test]
+    fn letters_and_lights_are_one_to_one() {
+        for light in Light::ALL {
+            assert_eq!(Light::of(&light.state()), Some(light));
+        }
+        assert_eq!(Light::of(&SignalState::new("GGGG").unwrap()), None);
+    }
+}

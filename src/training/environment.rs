@@ -1,0 +1,39 @@
+//! What a learning agent sees of a simulator: decisions, rewards and ends of episodes, row by row.
+
+use crate::base::{Rows, Stopwatch};
+use crate::domain::{Action, Percept, RegionSpec, Result};
+
+/// The GS, or an IALS: something that policies act in for as long as they like. Episodes that end begin again.
+///
+/// Rows are ordered agent-major, `copies` of each agent.
+pub trait Environment {
+    fn rows(&self) -> usize;
+
+    /// What the rows show at the decision that is due.
+    fn percept(&self) -> &Percept;
+
+    /// One decision of every row.
+    fn step(&mut self, actions: &[Action], watch: &mut Stopwatch) -> Result<&Experience>;
+}
+
+/// What one decision of every row brought.
+#[derive(Clone, Debug)]
+pub struct Experience {
+    /// `[rows]`
+    pub rewards: Vec<f32>,
+    /// `[rows]`: the episode of the row ended with this step; [`Environment::percept`] already shows the next one.
+    pub ends: Vec<bool>,
+    /// `[rows, obs_dim]`: the observation after the step, before the next episode begins. Written only where a row of
+    /// `ends` is set.
+    pub last_obs: Rows<f32>,
+}
+
+impl Experience {
+    pub(super) fn new(rows: usize, spec: &RegionSpec) -> Self {
+        Experience { rewards: vec![0.0; rows], ends: vec![false; rows], last_obs: Rows::new(rows, spec.obs_dim) }
+    }
+
+    pub fn any_end(&self) -> bool {
+        self.ends.contains(&true)
+    }
+}

@@ -1,0 +1,20 @@
+//! Learning: Algorithms 1 to 3 of the paper and PPO.
+//!
+//! - [`dials`]: Algorithm 1, the whole training on one screen.
+//! - [`collect`]: Algorithm 2, datasets from the GS.
+//! - [`ials`]: Algorithm 3, trajectories from local simulators and AIPs; [`global`] is the GS in the same role.
+//! - [`rollout`], [`gae`], [`ppo`]: what an agent makes of its trajectories.
+//! - [`fleet`], [`worker`]: who does it. This room never sees a process, a socket or SUMO.
+//! - [`run_log`]: what a run leaves behind.
+
+pub mod collect;
+pub mod dials;
+pub mod environment;
+pub mod fleet;
+pub mod gae;
+pub mod global;
+pub mod ials;
+pub mod ppo;
+pub mod rollout;
+pub mod run_log;
+pub mod worker;

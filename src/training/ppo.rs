@@ -1,0 +1,266 @@
+//! Proximal policy optimisation: the clipped loss and its gradient, and the update of all agents from a memory.
+//!
+//! Source: Schulman et al. 2017, eq. 7 and 9; constants: DIALS paper, appendix "Hyperparameters". To the letter, after
+//! the authors' code:
+//!
+//! - the loss of a minibatch is `-surrogate + c1 * value loss - beta * entropy`, each a mean over the minibatch;
+//! - surrogate: `min(r A, clamp(r, 1 - eps, 1 + eps) A)`, `r = pi(a|o) / pi_old(a|o)`;
+//! - value loss: `max((v - R)^2, (v_old + clamp(v - v_old, -eps, eps) - R)^2)`, without a factor 1/2;
+//! - advantages are normalised per agent and minibatch, with the unbiased standard deviation and 1e-8;
+//! - learning rate and clip decay linearly, to 1e-10 and 1e-5, over the total steps; gradients are not clipped.
+//!
+//! Losses are means within an agent and sums over agents, so every agent learns as if alone.
+
+use rand::seq::SliceRandom;
+
+use crate::base::{Dice, Rows};
+use crate::config::PpoConfig;
+use crate::nn::Adam;
+use crate::policy::{Memory, PolicyStack, Sample, sampling};
+
+/// The two settings that decay over a run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Decayed {
+    pub learning_rate: f64,
+    pub clip: f64,
+}
+
+impl Decayed {
+    /// Their values after the share `done` of the total steps.
+    pub fn at(config: &PpoConfig, done: f64) -> Self {
+        let decay = |from: f64, to: f64| from + (to - from) * done.clamp(0.0, 1.0);
+        Decayed { learning_rate: decay(config.learning_rate, 1e-10), clip: decay(config.clip, 1e-5) }
+    }
+}
+
+/// Weights of the loss.
+#[derive(Clone, Copy, Debug)]
+struct Weights {
+    clip: f32,
+    value: f32,
+    entropy: f32,
+}
+
+/// Means over the samples of an agent.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Losses {
+    pub surrogate: f64,
+    pub value: f64,
+    pub entropy: f64,
+    /// Mean of `ln pi_old - ln pi`, an estimate of the KL divergence.
+    pub kl: f64,
+    /// Share of the samples whose ratio left the clip range.
+    pub clipped: f64,
+}
+
+impl Losses {
+    /// Adds `weight` times another mean.
+    pub fn add(&mut self, other: &Losses, weight: f64) {
+        self.surrogate += weight * other.surrogate;
+        self.value += weight * other.value;
+        self.entropy += weight * other.entropy;
+        self.kl += weight * other.kl;
+        self.clipped += weight * other.clipped;
+    }
+}
+
+/// Updates all policies of the stack from the memory; returns the mean losses of each agent over the update.
+///
+/// `dice`: one per agent, for its minibatches.
+pub fn update(
+    policies: &mut PolicyStack,
+    adam: &mut Adam,
+    memory: &Memory,
+    dice: &mut [Dice],
+    config: &PpoConfig,
+    decayed: Decayed,
+) -> Vec<Losses> {
+    let weights = Weights {
+        clip: decayed.clip as f32,
+        value: config.value_coefficient as f32,
+        entropy: config.entropy as f32,
+    };
+    let agents = policies.agents();
+    let (batches, outputs) = (memory.capacity() / config.minibatch, policies.n_actions() + 1);
+    let mut losses = vec![Losses::default(); agents];
+    let mut order: Vec<Vec<usize>> = vec![(0..memory.capacity()).collect(); agents];
+    let mut obs = Rows::new(agents * config.minibatch, memory.obs(0, 0).len());
+    let mut gradient = vec![0.0; agents * config.minibatch * outputs];
+    for _ in 0..config.epochs {
+        order.iter_mut().zip(&mut *dice).for_each(|(order, dice)| order.shuffle(dice));
+        for batch in 0..batches {
+            let slots = |agent: usize| &order[agent][batch * config.minibatch..(batch + 1) * config.minibatch];
+            for agent in 0..agents {
+                for (i, &slot) in slots(agent).iter().enumerate() {
+                    obs.row_mut(agent * config.minibatch + i).copy_from_slice(memory.obs(agent, slot));
+                }
+            }
+            let judgement = policies.judge(&obs);
+            let per_agent = config.minibatch * outputs;
+            let outputs_of = judgement.trace().output().chunks_exact(per_agent);
+            for (agent, (output, gradient)) in outputs_of.zip(gradient.chunks_exact_mut(per_agent)).enumerate() {
+                let samples: Vec<Sample> = slots(agent).iter().map(|&slot| *memory.sample(agent, slot)).collect();
+                let of_batch = loss_and_gradient(output, &samples, weights, gradient);
+                losses[agent].add(&of_batch, 1.0 / (config.epochs * batches) as f64);
+            }
+            let net = policies.net_mut();
+            net.backward(judgement.trace(), &gradient);
+            adam.step(net.parameters_mut(), decayed.learning_rate);
+        }
+    }
+    losses
+}
+
+/// The loss of one agent's minibatch, and its gradient with respect to the network's outputs.
+///
+/// `outputs`, `gradient`: `[batch, n_actions + 1]`, logits and value.
+fn loss_and_gradient(outputs: &[f32], samples: &[Sample], weights: Weights, gradient: &mut [f32]) -> Losses {
+    let width = outputs.len() / samples.len();
+    let n_actions = width - 1;
+    let batch = samples.len() as f32;
+    let mut log_probs = vec![0.0; n_actions];
+    let mut losses = Losses::default();
+    let advantages = normalised(samples);
+    let rows = outputs.chunks_exact(width).zip(gradient.chunks_exact_mut(width));
+    for (((output, gradient), sample), advantage) in rows.zip(samples).zip(advantages) {
+        sampling::log_softmax(&output[..n_actions], &mut log_probs);
+        let action = usize::from(sample.action);
+        let entropy = -log_probs.iter().map(|log_prob| log_prob.exp() * log_prob).sum::<f32>();
+
+        let ratio = (log_probs[action] - sample.log_prob).exp();
+        let clipped = ratio.clamp(1.0 - weights.clip, 1.0 + weights.clip);
+        let surrogate = (ratio * advantage).min(clipped * advantage);
+        // Where the clipped term is the smaller one, the surrogate no longer depends on the policy.
+        let policy_slope = if ratio * advantage <= clipped * advantage { ratio * advantage } else { 0.0 };
+        for (logit, (gradient, log_prob)) in gradient[..n_actions].iter_mut().zip(&log_probs).enumerate() {
+            let prob = log_prob.exp();
+            let chosen = if logit == action { 1.0 } else { 0.0 };
+            // d ln pi(a) / d logit_k = [k = a] - p_k;  d H / d logit_k = -p_k (ln p_k + H)
+            let surrogate_slope = policy_slope * (chosen - prob);
+            let entropy_slope = -prob * (log_prob + entropy);
+            *gradient = -(surrogate_slope + weights.entropy * entropy_slope) / batch;
+        }
+
+        let value = output[n_actions];
+        let moved = value - sample.value;
+        let near = sample.value + moved.clamp(-weights.clip, weights.clip);
+        let (error, near_error) = (value - sample.ret, near - sample.ret);
+        let value_loss = (error * error).max(near_error * near_error);
+        // The clipped term depends on the value only inside the clip range, where both terms are the same.
+        let value_slope = if error * error >= near_error * near_error { 2.0 * error } else { 0.0 };
+        gradient[n_actions] = weights.value * value_slope / batch;
+
+        let of_sample = Losses {
+            surrogate: f64::from(surrogate),
+            value: f64::from(value_loss),
+            entropy: f64::from(entropy),
+            kl: f64::from(sample.log_prob - log_probs[action]),
+            clipped: f64::from(u8::from(ratio != clipped)),
+        };
+        losses.add(&of_sample, 1.0 / f64::from(batch));
+    }
+    losses
+}
+
+/// The advantages with mean 0 and (unbiased) standard deviation 1.
+fn normalised(samples: &[Sample]) -> impl Iterator<Item = f32> {
+    let count = samples.len() as f32;
+    let mean = samples.iter().map(|sample| sample.advantage).sum::<f32>() / count;
+    let variance = samples.iter().map(|sample| (sample.advantage - mean).powi(2)).sum::<f32>() / (count - 1.0);
+    let deviation = variance.sqrt() + 1e-8;
+    samples.iter().map(move |sample| (sample.advantage - mean) / deviation)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WEIGHTS: Weights = Weights { clip: 0.1, value: 1.0, entropy: 0.0 };
+
+    fn sample(action: u8, old_prob: f32, value: f32, advantage: f32, ret: f32) -> Sample {
+        Sample { action, log_prob: old_prob.ln(), value, advantage, ret }
+    }
+
+    fn close(a: &[f32], b: &[f32]) -> bool {
+        a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).abs() < 2e-5)
+    }
+
+    #[test]
+    fn the_loss_of_two_samples_is_worked_out_by_hand() {
+        // Advantages 1 and -1 normalise to +-1 / sqrt(2) = +-0.70711 (unbiased deviation sqrt(2)).
+        // Sample 1: logits (0, ln 3), action 1: p = 0.75, old 0.7: r = 1.07143, inside 1 +- 0.1.
+        //   surrogate 1.07143 * 0.70711 = 0.75761; slope: 0.75761 * ([k = a] - p_k) = (-0.18940, 0.18940)
+        // Sample 2: logits (0, 0), action 0: p = 0.5, old 0.4: r = 1.25, clipped 1.1; A < 0:
+        //   min(-0.88388, -0.77782) = -0.88388, the unclipped term: slope -0.88388 * (0.5, -0.5) = (-0.44194, 0.44194)
+        // Values: sample 1: v = 2, v_old = 2.05, R = 3: (2 - 3)^2 = 1, near = 2: 1; slope 2 * -1 = -2
+        //         sample 2: v = 1, v_old = 0.5, R = 1.2: (1 - 1.2)^2 = 0.04, near = 0.6: 0.36 is larger: slope 0
+        let samples = [sample(1, 0.7, 2.05, 1.0, 3.0), sample(0, 0.4, 0.5, -1.0, 1.2)];
+        let outputs = [0.0, 3_f32.ln(), 2.0, 0.0, 0.0, 1.0];
+        let mut gradient = [0.0; 6];
+        let losses = loss_and_gradient(&outputs, &samples, WEIGHTS, &mut gradient);
+        assert!((losses.surrogate - (0.757_61 - 0.883_88) / 2.0).abs() < 1e-5, "{losses:?}");
+        assert!((losses.value - (1.0 + 0.36) / 2.0).abs() < 1e-5, "{losses:?}");
+        assert!((losses.clipped - 0.5).abs() < 1e-12);
+        assert!(close(&gradient, &[0.094_70, -0.094_70, -1.0, 0.220_97, -0.220_97, 0.0]), "{gradient:?}");
+    }
+
+    #[test]
+    fn a_ratio_that_left_the_clip_range_the_good_way_pulls_no_further() {
+        // Sample 1: p = 0.5, old 0.25: r = 2 > 1.1 with A > 0; sample 2: r = 0.5 < 0.9 with A < 0: both are clipped.
+        let samples = [sample(0, 0.25, 0.0, 1.0, 0.0), sample(0, 1.0, 0.0, -1.0, 0.0)];
+        let mut gradient = [9.0; 6];
+        let losses = loss_and_gradient(&[0.0; 6], &samples, WEIGHTS, &mut gradient);
+        assert!(close(&gradient, &[0.0; 6]), "{gradient:?}");
+        // (1.1 * 0.70711 - 0.9 * 0.70711) / 2
+        assert!((losses.surrogate - 0.070_711).abs() < 1e-5);
+    }
+
+    #[test]
+    fn the_entropy_bonus_pulls_towards_equal_probabilities() {
+        // p = (0.25, 0.75), H = 0.56234: dH/dlogit = -p (ln p + H) = (0.20599, -0.20599); beta 0.1, batch 2.
+        let weights = Weights { entropy: 0.1, ..WEIGHTS };
+        let samples = [sample(0, 0.25, 0.0, 0.0, 0.0); 2];
+        let outputs = [0.0, 3_f32.ln(), 0.0, 0.0, 3_f32.ln(), 0.0];
+        let mut gradient = [0.0; 6];
+        let losses = loss_and_gradient(&outputs, &samples, weights, &mut gradient);
+        assert!((losses.entropy - 0.562_335).abs() < 1e-5);
+        assert!(close(&gradient, &[-0.010_299, 0.010_299, 0.0, -0.010_299, 0.010_299, 0.0]), "{gradient:?}");
+    }
+
+    #[test]
+    fn the_gradient_agrees_with_finite_differences() {
+        let weights = Weights { clip: 0.2, value: 0.7, entropy: 0.05 };
+        let samples = [
+            sample(2, 0.30, 0.4, 1.3, 0.9),
+            sample(0, 0.28, -0.1, -0.4, 0.1),
+            sample(1, 0.45, 0.1, 0.2, -0.6),
+            sample(1, 0.20, 1.0, -2.0, 1.4),
+        ];
+        let outputs: Vec<f32> = (0..16).map(|i| ((i * 7 % 11) as f32 - 5.0) / 12.0).collect();
+        let loss = |outputs: &[f32]| {
+            let losses = loss_and_gradient(outputs, &samples, weights, &mut [0.0; 16]);
+            -losses.surrogate + 0.7 * losses.value - 0.05 * losses.entropy
+        };
+        let mut gradient = [0.0; 16];
+        loss_and_gradient(&outputs, &samples, weights, &mut gradient);
+        for i in 0..16 {
+            let shifted = |by: f32| {
+                let mut outputs = outputs.clone();
+                outputs[i] += by;
+                loss(&outputs)
+            };
+            let slope = (shifted(1e-3) - shifted(-1e-3)) / 2e-3;
+            assert!((slope - f64::from(gradient[i])).abs() < 1e-3, "output {i}: {slope} {}", gradient[i]);
+        }
+    }
+
+    #[test]
+    fn learning_rate_and_clip_decay_over_the_total_steps() {
+        let config = PpoConfig::default();
+        assert_eq!(Decayed::at(&config, 0.0), Decayed { learning_rate: 2.5e-4, clip: 0.1 });
+        let half = Decayed::at(&config, 0.5);
+        assert!((half.learning_rate - 1.250_000_5e-4).abs() < 1e-12 && (half.clip - 0.050_005).abs() < 1e-12);
+        let end = Decayed::at(&config, 1.0);
+        assert!((end.learning_rate - 1e-10).abs() < 1e-18 && (end.clip - 1e-5).abs() < 1e-12);
+    }
+}
