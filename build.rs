@@ -134,10 +134,15 @@ fn tell_versions() {
     println!("cargo:rerun-if-changed=.git/logs/HEAD");
     println!("cargo:rerun-if-env-changed=LIBTORCH");
     let git = Command::new("git").args(["rev-parse", "--short=12", "HEAD"]).output();
-    let commit = git.ok().filter(|git| git.status.success()).map(|git| String::from_utf8_lossy(&git.stdout).into_owned());
+    let commit =
+        git.ok().filter(|git| git.status.success()).map(|git| String::from_utf8_lossy(&git.stdout).into_owned());
     println!("cargo:rustc-env=DIALS_GIT_COMMIT={}", commit.as_deref().unwrap_or("unknown").trim());
-    let header = PathBuf::from(env::var("LIBTORCH").unwrap_or("/usr".into())).join("include/torch/csrc/api/include/torch/version.h");
+    let header = PathBuf::from(env::var("LIBTORCH").unwrap_or("/usr".into()))
+        .join("include/torch/csrc/api/include/torch/version.h");
     let text = std::fs::read_to_string(header).unwrap_or_default();
-    let version = text.lines().find_map(|line| line.strip_prefix("#define TORCH_VERSION "));
-    println!("cargo:rustc-env=DIALS_LIBTORCH_VERSION={}", version.unwrap_or("unknown").trim_matches('"'));
+    let number = |part: &str| {
+        let define = format!("#define TORCH_VERSION_{part} ");
+        text.lines().find_map(|line| line.strip_prefix(&define)).unwrap_or("?").to_owned()
+    };
+    println!("cargo:rustc-env=DIALS_LIBTORCH_VERSION={}", ["MAJOR", "MINOR", "PATCH"].map(number).join("."));
 }

@@ -8,7 +8,14 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 ///
 /// Exit codes: 0 done, 1 the run failed, 2 asked wrongly, 130 interrupted.
 #[derive(Debug, Parser)]
-#[command(name = "dials-traffic", version, about, long_about, subcommand_required = true, arg_required_else_help = true)]
+#[command(
+    name = "dials-traffic",
+    version,
+    about,
+    long_about,
+    subcommand_required = true,
+    arg_required_else_help = true
+)]
 pub struct Cli {
     #[command(subcommand)]
     pub command: Command,

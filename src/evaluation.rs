@@ -171,7 +171,8 @@ mod tests {
         let coins = Coins::new(50);
         let play = |seed| {
             let mut baseline = coins.baseline("random").unwrap();
-            evaluate(&coins, &mut *baseline.simulator, &mut *baseline.controller, Seed::new(seed), 3, &mut |_| ()).unwrap()
+            evaluate(&coins, &mut *baseline.simulator, &mut *baseline.controller, Seed::new(seed), 3, &mut |_| ())
+                .unwrap()
         };
         assert_eq!(play(1), play(1));
         assert_ne!(play(1), play(2));

@@ -24,9 +24,9 @@ impl Seed {
     /// The stream of one purpose, such as `"acting"`.
     pub fn fork(self, purpose: &str) -> Self {
         // FNV-1a: the standard library's hasher is not stable between Rust versions, and runs must repeat.
-        let name = purpose.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| {
-            (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
-        });
+        let name = purpose
+            .bytes()
+            .fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3));
         self.child(name)
     }
 

@@ -19,9 +19,8 @@ pub fn load(path: &Path, settings: &[String]) -> Result<Config> {
         lay_over(&mut table, setting)?;
     }
     // ... and once with the settings, whose errors name the key instead.
-    let mut config: Config = serde_path_to_error::deserialize(Value::Table(table)).map_err(|error| {
-        anyhow!("--set: {}: {}", error.path().to_string(), error.inner().to_string().trim())
-    })?;
+    let mut config: Config = serde_path_to_error::deserialize(Value::Table(table))
+        .map_err(|error| anyhow!("--set: {}: {}", error.path(), error.inner().to_string().trim()))?;
     let folder = path.parent().unwrap_or(Path::new("."));
     for file in [&mut config.traffic.network, &mut config.traffic.local_network] {
         *file = folder.join(&file);
@@ -82,7 +81,10 @@ mod tests {
     #[test]
     fn defaults_are_the_papers() {
         let config = load_text(SMALL, &[]).unwrap();
-        assert_eq!((config.ppo.rollout_steps, config.ppo.memory, config.ppo.minibatch, config.ppo.epochs), (16, 128, 32, 3));
+        assert_eq!(
+            (config.ppo.rollout_steps, config.ppo.memory, config.ppo.minibatch, config.ppo.epochs),
+            (16, 128, 32, 3)
+        );
         assert_eq!((config.aip.dataset_steps, config.aip.batch, config.aip.epochs), (10_000, 128, 100));
         assert_eq!((config.total_steps, config.local_simulators.copies), (4_000_000, 1));
         assert_eq!(config.dataset_episodes(), 34);

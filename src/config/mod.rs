@@ -11,8 +11,8 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-pub use load::{load, to_toml};
 pub use check::held_out_episodes;
+pub use load::{load, to_toml};
 pub use schedule::{Period, schedule};
 
 /// A run: what is simulated, how agents learn, and when AIPs are retrained and policies evaluated.

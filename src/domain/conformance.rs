@@ -50,8 +50,7 @@ fn record(domain: &dyn Domain, seed: Seed) -> Result<Recording> {
         let percept = gs.reset(seed.for_episode(0))?;
         percept.d_set.clone()
     };
-    let mut recording =
-        Recording { obs: vec![], actions: vec![], d_sets: vec![], sources: vec![], rewards: vec![] };
+    let mut recording = Recording { obs: vec![], actions: vec![], d_sets: vec![], sources: vec![], rewards: vec![] };
     for _ in 0..spec.horizon {
         let actions = random_actions(&mut dice, domain.agents(), spec.n_actions);
         let transition = gs.step(&actions)?;

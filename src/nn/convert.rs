@@ -31,7 +31,8 @@ pub(super) fn tensor_to_slice_mut(tensor: &mut Tensor) -> &mut [f32] {
 fn storage(tensor: &Tensor) -> (*mut f32, usize) {
     assert_eq!((tensor.kind(), tensor.device()), (Kind::Float, Device::Cpu), "not an f32 tensor on the CPU");
     let (shape, strides) = (tensor.size(), tensor.stride());
-    let dense = (0..shape.len()).all(|axis| shape[axis] == 1 || strides[axis] == shape[axis + 1..].iter().product::<i64>());
+    let dense =
+        (0..shape.len()).all(|axis| shape[axis] == 1 || strides[axis] == shape[axis + 1..].iter().product::<i64>());
     assert!(dense, "a tensor that is not contiguous: {shape:?} with strides {strides:?}");
     (tensor.data_ptr().cast(), tensor.numel())
 }

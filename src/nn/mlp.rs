@@ -36,7 +36,10 @@ impl Mlp {
             .enumerate()
             .flat_map(|(layer, size)| {
                 let (inputs, outputs) = (size[0] as i64, size[1] as i64);
-                [(format!("layers.{layer}.weight"), vec![inputs, outputs]), (format!("layers.{layer}.bias"), vec![1, outputs])]
+                [
+                    (format!("layers.{layer}.weight"), vec![inputs, outputs]),
+                    (format!("layers.{layer}.bias"), vec![1, outputs]),
+                ]
             })
             .collect();
         let mut parameters = Parameters::new(agents.len(), &blocks);
@@ -171,7 +174,11 @@ mod tests {
                 value
             };
             let slope = (at(step) - at(-step)) / f64::from(2.0 * step);
-            assert!((slope - f64::from(gradients[parameter])).abs() < 2e-2, "parameter {parameter}: {slope} {}", gradients[parameter]);
+            assert!(
+                (slope - f64::from(gradients[parameter])).abs() < 2e-2,
+                "parameter {parameter}: {slope} {}",
+                gradients[parameter]
+            );
         }
     }
 
@@ -197,7 +204,8 @@ mod tests {
             let (outputs, gradients, values) = run(&agents, &inputs, output_gradient.as_slice());
             for (i, &agent) in agents.iter().enumerate() {
                 let rows = |all: &[f32]| all[i * all.len() / 3..(i + 1) * all.len() / 3].to_vec();
-                let single = run(&[agent], &Rows::from_vec(rows(inputs.as_slice()), 40), &rows(output_gradient.as_slice()));
+                let single =
+                    run(&[agent], &Rows::from_vec(rows(inputs.as_slice()), 40), &rows(output_gradient.as_slice()));
                 assert_eq!(single.1, rows(&gradients), "gradients, batch {batch}");
                 assert_eq!(single.2, rows(&values), "values, batch {batch}");
                 let stacked: Vec<f32> = outputs.chunks(outputs.len() / 3).flat_map(rows).collect();

@@ -26,7 +26,11 @@ pub struct Memory {
 
 impl Memory {
     pub fn new(agents: usize, capacity: usize, obs_dim: usize) -> Self {
-        Memory { capacity, obs: Rows::new(agents * capacity, obs_dim), samples: vec![Sample::default(); agents * capacity] }
+        Memory {
+            capacity,
+            obs: Rows::new(agents * capacity, obs_dim),
+            samples: vec![Sample::default(); agents * capacity],
+        }
     }
 
     /// Samples per agent.

@@ -27,7 +27,8 @@ pub fn draw(log_probs: &[f32], dice: &mut Dice) -> Action {
 
 /// The most probable action, the first one where several are.
 pub fn most_probable(log_probs: &[f32]) -> Action {
-    let best = (1..log_probs.len()).fold(0, |best, action| if log_probs[action] > log_probs[best] { action } else { best });
+    let best =
+        (1..log_probs.len()).fold(0, |best, action| if log_probs[action] > log_probs[best] { action } else { best });
     best as Action
 }
 

@@ -102,7 +102,10 @@ pub fn open(path: &Path) -> Result<TrainedRun> {
 }
 
 fn first_free(path: &Path, word: &str) -> PathBuf {
-    (1..).map(|number| with_suffix(path, &format!(".{word}-{number}"))).find(|free| !free.exists()).expect("numbers go on")
+    (1..)
+        .map(|number| with_suffix(path, &format!(".{word}-{number}")))
+        .find(|free| !free.exists())
+        .expect("numbers go on")
 }
 
 fn with_suffix(path: &Path, suffix: &str) -> PathBuf {

@@ -39,7 +39,10 @@ fn place(found: Option<PathBuf>) -> String {
 fn loaded_library(name: &str) -> Option<PathBuf> {
     let maps = std::fs::read_to_string("/proc/self/maps").ok()?;
     let files = maps.lines().filter_map(|line| line.split_whitespace().nth(5));
-    files.map(Path::new).find(|path| path.file_name().is_some_and(|file| file.to_string_lossy().contains(name))).map(Path::to_owned)
+    files
+        .map(Path::new)
+        .find(|path| path.file_name().is_some_and(|file| file.to_string_lossy().contains(name)))
+        .map(Path::to_owned)
 }
 
 fn on_the_path(program: &str) -> Option<PathBuf> {

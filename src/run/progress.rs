@@ -150,7 +150,9 @@ impl Listener for Progress {
         };
         let (before, after, marginals) =
             (mean(|loss| &loss.held_out[0]), mean(|loss| &loss.held_out[1]), mean(|loss| &loss.marginals));
-        self.say(&format!("step {steps}: AIP loss {before:.3} -> {after:.3} held out (constant marginals {marginals:.3})"));
+        self.say(&format!(
+            "step {steps}: AIP loss {before:.3} -> {after:.3} held out (constant marginals {marginals:.3})"
+        ));
         self.found.borrow_mut().aip_loss = Some(after);
     }
 }

@@ -1,6 +1,7 @@
 //! `train`
 
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 use std::sync::Arc;
 
 use clap::ValueEnum;
@@ -39,7 +40,7 @@ fn train_into(dir: &RunDirectory, domain: Arc<Traffic>, config: &Config) -> anyh
         policies: initial_policies(&*domain, config, &everybody).into_parameters(),
         aips: initial_aips(&*domain, config, &everybody).into_parameters(),
     };
-    let progress = Arc::new(Progress::new(config, everybody.len()));
+    let progress = Rc::new(Progress::new(config, everybody.len()));
     let mut fleet = InlineFleet::new(domain, config, progress.clone());
     let mut log = RunLog::new(dir.path(), layouts, progress.clone());
     dials::train(config, &mut fleet, &mut log)?;
@@ -52,9 +53,9 @@ fn settings(args: &cli::Train) -> Vec<String> {
     let mut settings = args.settings.clone();
     settings.extend(args.seed.map(|seed| format!("seed={seed}")));
     settings.extend(args.steps.map(|steps| format!("stop_at_steps={steps}")));
-    settings.extend(args.simulator.and_then(|kind| kind.to_possible_value()).map(|kind| {
-        format!("simulator={}", kind.get_name())
-    }));
+    settings.extend(
+        args.simulator.and_then(|kind| kind.to_possible_value()).map(|kind| format!("simulator={}", kind.get_name())),
+    );
     settings
 }
 

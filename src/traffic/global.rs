@@ -97,6 +97,11 @@ impl GlobalTraffic {
         arrived.then(|| self.cars.lane(EDGES * agent + edge).iter().next().expect("an arrival is a car on the edge"))
     }
 
+    /// The cars on the incoming edges of an intersection after the last step.
+    pub fn cars_on(&self, agent: usize) -> [LaneCars<'_>; EDGES] {
+        edges_of(&self.cars, agent)
+    }
+
     fn read_lights(&mut self) -> Result<()> {
         self.lights = match self.control {
             SignalControl::Agents => (0..self.intersections.len()).map(|row| self.intersections.light(row)).collect(),
@@ -107,11 +112,11 @@ impl GlobalTraffic {
 
     fn perceive(&mut self) {
         let Transition { percept, rewards } = &mut self.last;
-        for row in 0..rewards.len() {
+        for (row, reward) in rewards.iter_mut().enumerate() {
             let edges = edges_of(&self.cars, row);
             region::observe(edges, self.lights[row], percept.obs.row_mut(row));
             region::d_separate(percept.obs.row(row), self.arrivals.row(row), percept.d_set.row_mut(row));
-            rewards[row] = region::reward(edges);
+            *reward = region::reward(edges);
         }
     }
 
@@ -192,9 +197,10 @@ impl Tally {
             self.speed_sum_mps += now.speeds_mps.iter().sum::<f64>();
             // Cars neither overtake nor teleport: after the one that is new, if any, they stand in the same order.
             let new = usize::from(has_new_car(now, before));
-            let braked = now.speeds_mps[new..].iter().zip(before.speeds_mps).filter(|(now, before)| {
-                *before - *now > DECEL_MPS2 + 1e-9
-            });
+            let braked = now.speeds_mps[new..]
+                .iter()
+                .zip(before.speeds_mps)
+                .filter(|(now, before)| *before - *now > DECEL_MPS2 + 1e-9);
             self.emergency_brakes += braked.count() as u64;
         }
     }

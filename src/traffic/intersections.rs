@@ -20,7 +20,7 @@ impl Intersections {
     pub fn register(simulation: &mut Simulation, lanes: &[String], lights: &[String]) -> Result<Self> {
         Ok(Intersections {
             lanes: simulation.register_lanes(lanes)?,
-            signals: vec![Signal::new(); lights.len()],
+            signals: vec![Signal::at_the_beginning(); lights.len()],
             lights: simulation.register_lights(lights)?,
             states: Light::ALL.map(Light::state),
         })
@@ -36,7 +36,7 @@ impl Intersections {
 
     /// Sets the lights of these rows as an episode begins.
     pub fn reset(&mut self, simulation: &mut Simulation, rows: &[usize]) -> Result<()> {
-        rows.iter().for_each(|&row| self.signals[row] = Signal::new());
+        rows.iter().for_each(|&row| self.signals[row] = Signal::at_the_beginning());
         self.show(simulation, rows)
     }
 

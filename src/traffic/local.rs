@@ -12,7 +12,7 @@ use super::region::{self, EDGES};
 use crate::base::Rows;
 use crate::config::{DSet, EntryRule};
 use crate::domain::{Action, LocalSimulator, Percept, RegionSpec, Result, Transition};
-use crate::sumo::{CarTable, DepartSpeed, Insertion, LaneId, RouteId, Simulation};
+use crate::sumo::{CarTable, DepartSpeed, Insertion, LaneCars, LaneId, RouteId, Simulation};
 
 /// Where and how fast a car enters an edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -132,6 +132,11 @@ impl LocalTraffic {
         Ok(&self.last)
     }
 
+    /// The cars on the incoming edges of a row after the last step, also of one that was reset since.
+    pub fn cars_on(&self, row: usize) -> [LaneCars<'_>; EDGES] {
+        edges_of(&self.cars, row)
+    }
+
     fn entry(&self, cars_on_edge: usize) -> Entry {
         match self.entry {
             // The authors' rule.
@@ -159,7 +164,7 @@ impl LocalSimulator for LocalTraffic {
         let lanes: Vec<LaneId> = rows.iter().flat_map(|&row| &self.all_lanes[row]).copied().collect();
         self.simulation.remove_cars(&lanes)?;
         self.intersections.reset(&mut self.simulation, rows)?;
-        let empty = crate::sumo::LaneCars { ids: &[], positions_m: &[], speeds_mps: &[] };
+        let empty = LaneCars { ids: &[], positions_m: &[], speeds_mps: &[] };
         for &row in rows {
             self.cars_on.row_mut(row).fill(0);
             self.arrivals.row_mut(row).fill(0);

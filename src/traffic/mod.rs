@@ -50,8 +50,7 @@ impl Traffic {
     /// Finds the networks and reads the shape of the grid; an error says which file is missing or wrong and how to
     /// make it.
     pub fn open(config: &TrafficConfig, policy: &PolicyConfig) -> Result<Traffic> {
-        let (network, local_network) =
-            (NetworkFiles::of(&config.network), NetworkFiles::of(&config.local_network));
+        let (network, local_network) = (NetworkFiles::of(&config.network), NetworkFiles::of(&config.local_network));
         network.check()?;
         local_network.check()?;
         Ok(Traffic {

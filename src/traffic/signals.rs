@@ -67,7 +67,7 @@ pub struct Signal {
 impl Signal {
     /// DEVIATION: every episode begins with vertical green under the agent's control; in the authors' code a light runs
     /// its program until the agent's first switch.
-    pub fn new() -> Self {
+    pub fn at_the_beginning() -> Self {
         Signal { light: Light::VerticalGreen, yellow_steps: 0 }
     }
 
@@ -95,7 +95,7 @@ mod tests {
     use Light::*;
 
     fn shown(actions: &[Action]) -> Vec<Light> {
-        let mut signal = Signal::new();
+        let mut signal = Signal::at_the_beginning();
         actions
             .iter()
             .map(|&action| {

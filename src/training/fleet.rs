@@ -1,6 +1,7 @@
 //! Who does the work: the fleet of workers, as Algorithm 1 sees it.
 
 use std::ops::Range;
+use std::rc::Rc;
 use std::sync::Arc;
 
 use super::ppo::Losses;
@@ -75,11 +76,11 @@ pub struct InlineFleet {
     worker: Worker,
     domain: Arc<dyn Domain>,
     config: Config,
-    observer: Arc<dyn Observer>,
+    observer: Rc<dyn Observer>,
 }
 
 impl InlineFleet {
-    pub fn new(domain: Arc<dyn Domain>, config: &Config, observer: Arc<dyn Observer>) -> Self {
+    pub fn new(domain: Arc<dyn Domain>, config: &Config, observer: Rc<dyn Observer>) -> Self {
         let worker = Worker::new(domain.clone(), config, AgentId::all(domain.agents()));
         InlineFleet { worker, domain, config: config.clone(), observer }
     }

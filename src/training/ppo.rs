@@ -75,11 +75,8 @@ pub fn update(
     config: &PpoConfig,
     decayed: Decayed,
 ) -> Vec<Losses> {
-    let weights = Weights {
-        clip: decayed.clip as f32,
-        value: config.value_coefficient as f32,
-        entropy: config.entropy as f32,
-    };
+    let weights =
+        Weights { clip: decayed.clip as f32, value: config.value_coefficient as f32, entropy: config.entropy as f32 };
     let agents = policies.agents();
     let (batches, outputs) = (memory.capacity() / config.minibatch, policies.n_actions() + 1);
     let mut losses = vec![Losses::default(); agents];

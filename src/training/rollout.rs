@@ -91,9 +91,8 @@ pub fn roll_out(
             watch.time(Phase::Acting, || credit_what_would_come(policies, experience, config.gamma as f32, reward));
         }
     }
-    let last_values: Vec<f32> = watch.time(Phase::Acting, || {
-        policies.judge(&environment.percept().obs).rows().map(|(_, value)| value).collect()
-    });
+    let last_values: Vec<f32> = watch
+        .time(Phase::Acting, || policies.judge(&environment.percept().obs).rows().map(|(_, value)| value).collect());
     watch.time(Phase::Learning, || {
         let (gamma, lambda) = (config.gamma as f32, config.gae_lambda as f32);
         let advantages = advantages(&rewards, &values, &ends, &last_values, gamma, lambda);

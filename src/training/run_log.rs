@@ -17,7 +17,7 @@ use std::collections::HashMap;
 use std::fs::{File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::rc::Rc;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
@@ -50,7 +50,7 @@ pub trait Listener {
 /// Writes a run down.
 pub struct RunLog {
     dir: PathBuf,
-    listener: Arc<dyn Listener>,
+    listener: Rc<dyn Listener>,
     /// Where policies and AIPs keep their blocks within a row.
     layouts: Layouts,
     watch: Stopwatch,
@@ -66,16 +66,9 @@ pub struct Layouts {
 
 impl RunLog {
     /// Writes into `dir`, which exists.
-    pub fn new(dir: &Path, layouts: Layouts, listener: Arc<dyn Listener>) -> Self {
+    pub fn new(dir: &Path, layouts: Layouts, listener: Rc<dyn Listener>) -> Self {
         let now = Instant::now();
-        RunLog {
-            dir: dir.to_owned(),
-            listener,
-            layouts,
-            watch: Stopwatch::default(),
-            begun: now,
-            begun_period: now,
-        }
+        RunLog { dir: dir.to_owned(), listener, layouts, watch: Stopwatch::default(), begun: now, begun_period: now }
     }
 
     /// Runs a phase of work and counts its wall time.
@@ -153,7 +146,8 @@ fn evaluation_lines(steps: u64, evaluation: &Evaluation) -> Vec<Line> {
         line
     };
     let measures = &evaluation.measures;
-    let mut all = line(ALL_AGENTS.to_owned(), evaluation.of_all(), evaluation.stuck.iter().filter(|&&stuck| stuck).count());
+    let mut all =
+        line(ALL_AGENTS.to_owned(), evaluation.of_all(), evaluation.stuck.iter().filter(|&&stuck| stuck).count());
     let means = measures.per_agent.iter().map(|(_, values)| values.iter().sum::<f64>() / values.len() as f64);
     all.extend(means.chain(measures.system.iter().map(|&(_, value)| value)).map(|value| format!("{value:.4}")));
     let mut lines = vec![all];

@@ -114,21 +114,24 @@ impl Worker {
     pub fn train_policies(&mut self, period: &Period, observer: &dyn Observer) -> Result<PolicyTraining> {
         let copies = self.config.copies();
         let stream = |purpose: &str| self.run.fork(purpose).for_period(period.index);
-        let (acting, influences) = (self.row_dice(stream("acting"), copies), self.row_dice(stream("influence"), copies));
+        let (acting, influences) =
+            (self.row_dice(stream("acting"), copies), self.row_dice(stream("influence"), copies));
         let mut minibatches: Vec<Dice> =
             self.agents.iter().map(|&agent| stream("policy minibatches").for_agent(agent).dice()).collect();
         let (domain, stagger) = (self.domain.clone(), self.config.local_simulators.stagger);
-        let episodes = stream("training episodes");
+        let (episodes, horizon) = (stream("training episodes"), domain.spec().horizon);
         match self.config.simulator {
             SimulatorKind::Gs => {
                 let mut gs = GlobalEnvironment::begin(domain.global_simulator()?, episodes)?;
-                let updater = Updater { policies: &mut self.policies, adam: &mut self.adam, config: &self.config };
+                let updater =
+                    Updater { policies: &mut self.policies, adam: &mut self.adam, config: &self.config, horizon };
                 updater.run(&mut gs, &mut self.steps, period, acting, &mut minibatches, observer)
             }
             SimulatorKind::Dials | SimulatorKind::UntrainedDials => {
                 let simulators = domain.local_simulator(&self.agents, copies, episodes)?;
                 let mut ials = Ials::begin(simulators, &mut self.aips, influences, copies, stagger)?;
-                let updater = Updater { policies: &mut self.policies, adam: &mut self.adam, config: &self.config };
+                let updater =
+                    Updater { policies: &mut self.policies, adam: &mut self.adam, config: &self.config, horizon };
                 let mut training =
                     updater.run(&mut ials, &mut self.steps, period, acting, &mut minibatches, observer)?;
                 training.counters = ials.counters().into_iter().map(|(name, count)| (name.to_owned(), count)).collect();
@@ -154,6 +157,7 @@ struct Updater<'a> {
     policies: &'a mut PolicyStack,
     adam: &'a mut Adam,
     config: &'a Config,
+    horizon: usize,
 }
 
 impl Updater<'_> {
@@ -171,7 +175,7 @@ impl Updater<'_> {
         let copies = environment.rows() / agents;
         let (obs_dim, slots_per_rollout) = (environment.percept().obs.width(), ppo.rollout_steps * copies);
         let mut memory = Memory::new(agents, ppo.memory, obs_dim);
-        let mut returns = EpisodeReturns::new(agents, copies, self.config.traffic.horizon);
+        let mut returns = EpisodeReturns::new(agents, copies, self.horizon);
         let mut losses = vec![Losses::default(); agents];
         let mut watch = Stopwatch::default();
         let updates = period.end.saturating_sub(*steps).div_ceil(ppo.memory as u64);
@@ -180,9 +184,8 @@ impl Updater<'_> {
                 roll_out(environment, self.policies, &mut memory, slot, &mut acting, ppo, &mut returns, &mut watch)?;
             }
             let decayed = Decayed::at(ppo, *steps as f64 / self.config.total_steps as f64);
-            let of_update = watch.time(Phase::Learning, || {
-                ppo::update(self.policies, self.adam, &memory, minibatches, ppo, decayed)
-            });
+            let of_update = watch
+                .time(Phase::Learning, || ppo::update(self.policies, self.adam, &memory, minibatches, ppo, decayed));
             losses.iter_mut().zip(&of_update).for_each(|(mean, of_update)| mean.add(of_update, 1.0 / updates as f64));
             *steps += ppo.memory as u64;
             observer.trained(*steps);

@@ -8,6 +8,7 @@ mod simple;
 use anyhow::{Result, bail};
 
 use super::global::SignalControl;
+use crate::base::Seed;
 use crate::domain::Controller;
 
 pub use gap_out::GapOut;
@@ -21,7 +22,7 @@ const SWITCH_EVERY: &str = "switch-every-";
 /// A controller and who runs the lights under it.
 pub fn by_name(name: &str) -> Result<(Box<dyn Controller>, SignalControl)> {
     let controller: Box<dyn Controller> = match name {
-        "random" => Box::new(Random::new()),
+        "random" => Box::new(Random::new(Seed::new(0))),
         "never" => Box::new(Constant::never()),
         "always" => Box::new(Constant::always()),
         "gap-out" => Box::new(GapOut),

@@ -12,14 +12,14 @@ pub struct Random {
 }
 
 impl Random {
-    pub fn new() -> Self {
-        Random { dice: Seed::new(0).dice() }
+    pub fn new(episode: Seed) -> Self {
+        Random { dice: episode.fork("acting").dice() }
     }
 }
 
 impl Controller for Random {
     fn begin(&mut self, episode: Seed) {
-        self.dice = episode.fork("acting").dice();
+        *self = Random::new(episode);
     }
 
     fn act(&mut self, _percept: &Percept, actions: &mut [Action]) -> Result<()> {

@@ -1,0 +1,62 @@
+//! Returns of hand-coded controllers against those of an independent implementation of the same specification.
+
+use std::path::Path;
+
+use dials_traffic::base::Seed;
+use dials_traffic::config::{DSet, EntryRule, PolicyConfig, TrafficConfig};
+use dials_traffic::domain::Domain;
+use dials_traffic::evaluation::evaluate;
+use dials_traffic::traffic::Traffic;
+
+/// Asserts that the mean return over 40 episodes lies within 4 standard errors of the difference.
+fn assert_return(grid: &str, controller: &str, reference: f64, reference_error: f64) {
+    let nets = Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets");
+    let config = TrafficConfig {
+        network: nets.join(grid),
+        local_network: nets.join("local"),
+        horizon: 300,
+        d_set: DSet::Cells,
+        entry: EntryRule::Max,
+    };
+    let domain = Traffic::open(&config, &PolicyConfig::default()).unwrap();
+    let mut baseline = domain.baseline(controller).unwrap();
+    let (simulator, acting) = (&mut *baseline.simulator, &mut *baseline.controller);
+    let all = evaluate(&domain, simulator, acting, Seed::new(1), 40, &mut |_| ()).unwrap().of_all();
+    let error = all.std_error.hypot(reference_error);
+    println!(
+        "{grid} {controller}: {:.1} +- {:.1}, reference {reference} +- {reference_error}",
+        all.mean, all.std_error
+    );
+    assert!((all.mean - reference).abs() < 4.0 * error, "{grid} {controller}: {all:?}, reference {reference}");
+}
+
+#[test]
+fn random_control_on_2x2() {
+    assert_return("grid_2x2", "random", 143.9, 1.2);
+}
+
+#[test]
+fn actuated_control_on_2x2() {
+    assert_return("grid_2x2", "actuated", 171.5, 1.0);
+}
+
+#[test]
+fn switching_every_10_steps_on_2x2() {
+    assert_return("grid_2x2", "switch-every-10", 175.6, 0.8);
+}
+
+#[test]
+fn gap_out_on_2x2() {
+    // "about 215"
+    assert_return("grid_2x2", "gap-out", 215.0, 1.0);
+}
+
+#[test]
+fn random_control_on_5x5() {
+    assert_return("grid_5x5", "random", 159.5, 0.7);
+}
+
+#[test]
+fn actuated_control_on_5x5() {
+    assert_return("grid_5x5", "actuated", 166.2, 1.1);
+}
