@@ -7,8 +7,8 @@
 //!
 //! - Random coins earn half of the horizon, copying what was seen earns all of it.
 //! - Where the neighbour lays coins at random, `u_i` is a fair coin: cross-entropy ln 2.
-//! - Where the neighbour copies what it sees, `P(u_i = x_i) = (1 - e)^2 + e^2 = 0.82` for `e = 0.1`, because my coin of
-//!   now passed its eyes and passes mine again: cross-entropy `H(0.18) = 0.4714`.
+//! - Where the neighbour copies what it sees, `P(u_i = x_i) = (1 - e)^2 + e^2 = 0.68` for `e = 0.2`, because my coin of
+//!   now passed its eyes and passes mine again: cross-entropy `H(0.32) = 0.6269`.
 
 use anyhow::bail;
 use rand::Rng;
@@ -20,7 +20,7 @@ use super::{
 use crate::base::{AgentId, Dice, Rows, Seed};
 
 /// Probability that a coin is seen wrongly.
-pub const NOISE: f64 = 0.1;
+pub const NOISE: f64 = 0.2;
 const AGENTS: usize = 2;
 
 /// The domain of two coupled coins.

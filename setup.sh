@@ -1,0 +1,42 @@
+#!/usr/bin/env bash
+# Installs what dials-traffic needs from Debian 12 and checks the Rust toolchain. Run it as often as you like.
+set -euo pipefail
+
+packages=(
+  sumo                  # simulator, netconvert, sumo-gui, libsumo with its headers
+  libtorch-dev          # matrix products
+  libopenblas0-pthread  # the BLAS behind them; the reference BLAS is many times slower
+  libclang-dev g++      # to bind libsumo: bindgen and a C++17 compiler
+  pkg-config
+)
+
+say() { printf 'setup: %s\n' "$*"; }
+fail() { say "$*" >&2; exit 1; }
+
+command -v apt-get >/dev/null || fail "no apt-get here: install by hand what corresponds to: ${packages[*]}"
+
+missing=()
+for package in "${packages[@]}"; do
+  [ "$(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null)" = installed ] || missing+=("$package")
+done
+
+if [ "${#missing[@]}" -eq 0 ]; then
+  say "all Debian packages are there: ${packages[*]}"
+else
+  if [ "$(id -u)" -eq 0 ]; then as_root=(); else
+    command -v sudo >/dev/null || fail "run me as root, or install sudo; missing: ${missing[*]}"
+    as_root=(sudo)
+  fi
+  say "installing ${missing[*]}"
+  "${as_root[@]}" apt-get update -qq
+  "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}"
+  say "installed ${missing[*]}"
+fi
+
+needed=$(sed -n 's/^rust-version = "\(.*\)"/\1/p' "$(dirname "$0")/Cargo.toml")
+command -v cargo >/dev/null ||
+  fail "no cargo on the PATH: install Rust $needed or newer with rustup (https://rustup.rs), then open a new shell"
+have=$(rustc --version | cut -d ' ' -f 2)
+[ "$(printf '%s\n' "$needed" "$have" | sort -V | head -n 1)" = "$needed" ] ||
+  fail "Rust $have is too old: this needs $needed or newer; run: rustup update"
+say "Rust $have; ready: cargo run --release -- train configs/smoke_traffic.toml"

@@ -1,0 +1,92 @@
+//! The rooms of the house open only the doors that they may open.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Which rooms a room may use, beside itself. `run` (with `main`, `cli` and `error`) may use all.
+const DOORS: &[(&str, &[&str])] = &[
+    ("base", &[]),
+    ("config", &["base"]),
+    ("domain", &["base"]),
+    ("sumo", &["base"]),
+    ("nn", &["base"]),
+    ("traffic", &["base", "config", "domain", "sumo"]),
+    ("influence", &["base", "config", "domain", "nn"]),
+    ("policy", &["base", "config", "domain", "nn"]),
+    ("evaluation", &["base", "domain", "policy"]),
+    ("training", &["base", "config", "domain", "nn", "influence", "policy", "evaluation"]),
+];
+
+/// Outside crates that only some rooms may use.
+const OUTSIDE: &[(&str, &[&str])] =
+    &[("tch", &["nn", "run"]), ("quick_xml", &["traffic"]), ("clap", &["cli", "run", "main"]), ("indicatif", &["run"])];
+
+const TOP: &[&str] = &["run", "cli", "error", "main", "lib"];
+
+fn source_files(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let files = entries.flat_map(|path| if path.is_dir() { source_files(&path) } else { vec![path] });
+    files.filter(|path| path.extension().is_some_and(|extension| extension == "rs")).collect()
+}
+
+/// Room -> what its code names: `crate::x` and outside crates; comments and tests of a file aside.
+fn names_by_room() -> BTreeMap<String, BTreeSet<String>> {
+    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut names: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for file in source_files(&src) {
+        let within = file.strip_prefix(&src).unwrap();
+        let room = within.components().next().unwrap().as_os_str().to_string_lossy().replace(".rs", "");
+        let text = fs::read_to_string(&file).unwrap();
+        let code = text.split("#[cfg(test)]").next().unwrap();
+        let lines = code.lines().filter(|line| !line.trim_start().starts_with("//"));
+        for line in lines {
+            for (at, _) in line.match_indices("crate::") {
+                let rest = &line[at + "crate::".len()..];
+                let name: String = rest.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
+                names.entry(room.clone()).or_default().insert(name);
+            }
+            for (outside, _) in OUTSIDE {
+                if line.contains(&format!("{outside}::")) {
+                    names.entry(room.clone()).or_default().insert((*outside).to_owned());
+                }
+            }
+        }
+    }
+    names
+}
+
+#[test]
+fn every_room_opens_only_its_own_doors() {
+    let names = names_by_room();
+    assert!(names["training"].contains("influence"), "the reader of `use crate::` lines sees nothing: {names:?}");
+    for (room, used) in names {
+        if TOP.contains(&room.as_str()) {
+            continue;
+        }
+        let doors = DOORS.iter().find(|(name, _)| *name == room);
+        let (_, doors) = doors.unwrap_or_else(|| panic!("src/{room} is no room of this house yet: add it to DOORS"));
+        for name in used {
+            if let Some((_, rooms)) = OUTSIDE.iter().find(|(outside, _)| *outside == name) {
+                assert!(rooms.contains(&room.as_str()), "src/{room} uses {name}, which only {rooms:?} may");
+            } else {
+                assert!(
+                    name == room || doors.contains(&name.as_str()),
+                    "src/{room} opens {name}; its doors: {doors:?}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn unsafe_code_lives_in_two_places() {
+    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    for file in source_files(&src) {
+        let text = fs::read_to_string(&file).unwrap();
+        let within = file.strip_prefix(&src).unwrap();
+        if text.contains("unsafe ") && !within.starts_with("sumo") {
+            assert_eq!(within, Path::new("nn/convert.rs"), "unsafe code outside of its rooms");
+        }
+    }
+}
