@@ -89,7 +89,7 @@ fn a_run_leaves_a_directory_that_can_be_evaluated_anywhere() {
 
     // The last evaluation of the run played the same episodes with the same policies.
     let returns = fs::read_to_string(elsewhere.join("returns.csv")).unwrap();
-    let last = returns.lines().filter(|line| line.split(',').nth(1) == Some("all")).next_back().unwrap();
+    let last = returns.lines().rfind(|line| line.split(',').nth(1) == Some("all")).unwrap();
     let mean: f64 = last.split(',').nth(2).unwrap().parse().unwrap();
     assert!((found["mean_return"].as_f64().unwrap() - mean).abs() < 1e-4, "{found} {last}");
 }
