@@ -34,12 +34,27 @@ pub enum Command {
     Nets(Nets),
     /// Tell versions and where each part was found
     Info,
+    /// What `train` starts its worker processes with
+    #[command(hide = true)]
+    Worker,
 }
 
 #[derive(Debug, Args)]
 pub struct Train {
     /// Config file, such as configs/smoke_traffic.toml
-    pub config: PathBuf,
+    #[arg(required_unless_present = "resume")]
+    pub config: Option<PathBuf>,
+    /// Go on with the run in this directory, from its newest checkpoint
+    #[arg(long, value_name = "RUN_DIR",
+          conflicts_with_all = ["config", "seed", "steps", "simulator", "out", "settings", "force"])]
+    pub resume: Option<PathBuf>,
+    /// Worker processes that share the agents; 0 works in this process. The results are the same
+    /// [default: the number of cores]
+    #[arg(long)]
+    pub workers: Option<usize>,
+    /// Seconds after which a worker that says nothing is started again
+    #[arg(long, value_name = "SECONDS", default_value_t = 600, value_parser = clap::value_parser!(u64).range(1..))]
+    pub patience: u64,
     /// Root of all random streams; overrides the config
     #[arg(long)]
     pub seed: Option<u64>,

@@ -10,6 +10,8 @@ pub enum Error {
     Usage(anyhow::Error),
     /// The work failed. Exit code 1.
     Run(anyhow::Error),
+    /// Somebody asked to stop. Exit code 130, as the shell's own for Ctrl-C.
+    Interrupted(String),
 }
 
 pub type Result<T> = std::result::Result<T, Error>;
@@ -19,12 +21,7 @@ impl Error {
         match self {
             Error::Usage(_) => ExitCode::from(2),
             Error::Run(_) => ExitCode::from(1),
-        }
-    }
-
-    fn cause(&self) -> &anyhow::Error {
-        match self {
-            Error::Usage(error) | Error::Run(error) => error,
+            Error::Interrupted(_) => ExitCode::from(130),
         }
     }
 }
@@ -32,8 +29,13 @@ impl Error {
 /// `error: what`, then a line `caused by: why` per cause.
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "error: {}", self.cause())?;
-        self.cause().chain().skip(1).try_for_each(|cause| write!(f, "\n  caused by: {cause}"))
+        match self {
+            Error::Interrupted(message) => f.write_str(message),
+            Error::Usage(error) | Error::Run(error) => {
+                write!(f, "error: {error}")?;
+                error.chain().skip(1).try_for_each(|cause| write!(f, "\n  caused by: {cause}"))
+            }
+        }
     }
 }
 

@@ -1,5 +1,7 @@
 //! Episodes on the GS under a controller, and what they come to.
 
+use serde::{Deserialize, Serialize};
+
 use crate::base::{Rows, Seed};
 use crate::domain::{Controller, Domain, GlobalSimulator, Measures, Result};
 
@@ -10,7 +12,7 @@ pub fn episode_seed(run: Seed, episode: usize) -> Seed {
 }
 
 /// What one episode came to.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EpisodeReport {
     /// Sum of rewards, per agent.
     pub returns: Vec<f64>,

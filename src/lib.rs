@@ -7,6 +7,7 @@ pub mod evaluation;
 pub mod influence;
 pub mod nn;
 pub mod policy;
+pub mod processes;
 pub mod run;
 pub mod sumo;
 pub mod traffic;

@@ -4,29 +4,17 @@ use std::path::Path;
 use std::rc::Rc;
 use std::sync::Arc;
 
-use dials_traffic::base::{AgentId, Phase};
 use dials_traffic::config::Config;
 use dials_traffic::domain::Domain;
 use dials_traffic::domain::toy::Coins;
-use dials_traffic::evaluation::Evaluation;
+use dials_traffic::influence::AipStack;
+use dials_traffic::policy::PolicyStack;
 use dials_traffic::training::dials;
-use dials_traffic::training::fleet::{AipTraining, InlineFleet, Observer};
-use dials_traffic::training::run_log::{Layouts, Listener, RunLog, files};
-use dials_traffic::training::worker::{initial_aips, initial_policies};
+use dials_traffic::training::fleet::InlineFleet;
+use dials_traffic::training::observer::Silent;
+use dials_traffic::training::run_log::{Layouts, RunLog, files};
 
 const HORIZON: usize = 50;
-
-struct Silent;
-
-impl Observer for Silent {
-    fn trained(&self, _steps: u64) {}
-    fn busy(&self, _phase: Phase, _share: f64) {}
-}
-
-impl Listener for Silent {
-    fn evaluated(&self, _steps: u64, _evaluation: &Evaluation) {}
-    fn aips_trained(&self, _steps: u64, _training: &AipTraining) {}
-}
 
 /// Gamma is small because rewards follow at once: long returns would only drown them in the shared hidden layer.
 fn config(simulator: &str) -> Config {
@@ -44,13 +32,12 @@ fn config(simulator: &str) -> Config {
 
 fn train(config: &Config, dir: &Path) {
     let coins: Arc<dyn Domain> = Arc::new(Coins::new(HORIZON));
-    let everybody = AgentId::all(2);
     let layouts = Layouts {
-        policies: initial_policies(&*coins, config, &everybody).into_parameters(),
-        aips: initial_aips(&*coins, config, &everybody).into_parameters(),
+        policies: PolicyStack::layout(coins.spec(), &config.policy.hidden),
+        aips: AipStack::layout(coins.spec(), &config.aip.hidden),
     };
     let mut fleet = InlineFleet::new(coins, config, Rc::new(Silent));
-    let mut log = RunLog::new(dir, layouts, Rc::new(Silent));
+    let mut log = RunLog::create(dir, layouts, Rc::new(Silent)).unwrap();
     dials::train(config, &mut fleet, &mut log).unwrap();
 }
 

@@ -2,11 +2,13 @@
 //!
 //! Nothing here knows about simulators, networks or learning, and nothing here does input or output.
 
+mod compact;
 mod rows;
 mod seed;
 mod stopwatch;
 mod units;
 
+pub use compact::CompactRows;
 pub use rows::Rows;
 pub use seed::{Dice, Seed};
 pub use stopwatch::{Phase, Stopwatch};

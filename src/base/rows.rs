@@ -1,8 +1,10 @@
 //! `Rows<T>`: the currency between simulators and networks.
 
+use serde::{Deserialize, Serialize};
+
 /// A dense table in row-major order, one row per (agent, copy) and agents first, so that the rows of one agent are
 /// neighbours and `[agents, copies, width]` is a view of the same memory.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Rows<T> {
     data: Vec<T>,
     width: usize,
@@ -67,6 +69,11 @@ impl<T: Copy + Default> Rows<T> {
     pub fn copy_from(&mut self, other: &Rows<T>) {
         assert_eq!((self.len(), self.width), (other.len(), other.width), "tables of different shape");
         self.data.copy_from_slice(&other.data);
+    }
+
+    /// A copy of some of the rows.
+    pub fn slice(&self, rows: std::ops::Range<usize>) -> Rows<T> {
+        Rows { data: self.data[rows.start * self.width..rows.end * self.width].to_vec(), width: self.width }
     }
 
     pub fn fill(&mut self, value: T) {

@@ -2,8 +2,10 @@
 
 use std::time::{Duration, Instant};
 
+use serde::{Deserialize, Serialize};
+
 /// The phases of a run that `timing.csv` tells apart.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Phase {
     /// Inside the simulator: insertion, step, reading (traffic: SUMO), while policies train.
     Simulation,
@@ -47,7 +49,7 @@ impl Phase {
 }
 
 /// Adds up wall time per phase.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Stopwatch {
     spent: [Duration; Phase::ALL.len()],
 }
@@ -68,6 +70,11 @@ impl Stopwatch {
 
     pub fn spent(&self, phase: Phase) -> Duration {
         self.spent[phase as usize]
+    }
+
+    /// All phases together.
+    pub fn total(&self) -> Duration {
+        self.spent.iter().sum()
     }
 
     /// Reads all phases and starts again from zero.

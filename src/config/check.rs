@@ -74,7 +74,7 @@ fn check_aip(config: &Config) -> Result<()> {
         "aip.held_out = {}: must be between 0 and 1, both excluded",
         aip.held_out
     );
-    let episodes = config.dataset_episodes();
+    let episodes = config.dataset_episodes(config.traffic.horizon);
     ensure!(
         episodes >= 2,
         "aip.dataset_steps = {}: must span at least 2 episodes of {} steps, one to train on and one held out",

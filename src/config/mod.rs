@@ -266,7 +266,7 @@ impl Config {
     }
 
     /// Episodes per dataset.
-    pub fn dataset_episodes(&self) -> usize {
-        self.aip.dataset_steps.div_ceil(self.traffic.horizon)
+    pub fn dataset_episodes(&self, horizon: usize) -> usize {
+        self.aip.dataset_steps.div_ceil(horizon)
     }
 }

@@ -10,6 +10,8 @@ pub mod conformance;
 mod spec;
 pub mod toy;
 
+use serde::{Deserialize, Serialize};
+
 use crate::base::{AgentId, Rows, Seed};
 
 pub use spec::{Action, RegionSpec, SourceSpec};
@@ -96,12 +98,12 @@ pub trait LocalSimulator {
 }
 
 /// Named figures of an episode beside the return.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Measures {
     /// One value per agent.
-    pub per_agent: Vec<(&'static str, Vec<f64>)>,
+    pub per_agent: Vec<(String, Vec<f64>)>,
     /// One value for the whole system.
-    pub system: Vec<(&'static str, f64)>,
+    pub system: Vec<(String, f64)>,
 }
 
 /// Decides for all agents of a GS: a joint policy or a hand-coded baseline.

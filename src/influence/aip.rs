@@ -5,7 +5,7 @@ use rand::Rng;
 use super::InfluencePredictor;
 use crate::base::{AgentId, Dice, Rows, Seed};
 use crate::domain::{RegionSpec, SourceSpec};
-use crate::nn::{Mlp, Parameters, Trace, rows_to_tensor};
+use crate::nn::{Layout, Mlp, Parameters, Trace, rows_to_tensor};
 
 /// One feed-forward AIP per agent: d-set -> hidden layers -> logits of the influence sources.
 ///
@@ -18,15 +18,22 @@ pub struct AipStack {
     scaled: Rows<f32>,
 }
 
+fn sizes(spec: &RegionSpec, hidden: &[usize]) -> Vec<usize> {
+    [&[spec.d_set_dim], hidden, &[spec.sources.logits()]].concat()
+}
+
 impl AipStack {
+    /// Where the weights and biases of an AIP lie within its row.
+    pub fn layout(spec: &RegionSpec, hidden: &[usize]) -> Layout {
+        Mlp::layout(&sizes(spec, hidden))
+    }
+
     /// Randomly initialised AIPs, each agent's from its own stream.
     pub fn new(agents: &[AgentId], spec: &RegionSpec, hidden: &[usize], seed: Seed) -> Self {
-        let sizes: Vec<usize> =
-            [spec.d_set_dim].into_iter().chain(hidden.iter().copied()).chain([spec.sources.logits()]).collect();
         AipStack {
             agents: agents.len(),
             sources: spec.sources,
-            net: Mlp::new(agents, &sizes, seed),
+            net: Mlp::new(agents, &sizes(spec, hidden), seed),
             scaled: Rows::new(0, spec.d_set_dim),
         }
     }
@@ -39,13 +46,12 @@ impl AipStack {
         self.sources
     }
 
-    /// Only where the blocks of a row are; the values go along.
-    pub fn into_parameters(self) -> Parameters {
-        self.net.into_parameters()
-    }
-
     pub fn parameters(&self) -> &Parameters {
         self.net.parameters()
+    }
+
+    pub fn load(&mut self, parameters: &Rows<f32>) {
+        self.net.parameters_mut().load(parameters);
     }
 
     pub(super) fn net_mut(&mut self) -> &mut Mlp {

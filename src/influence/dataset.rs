@@ -1,13 +1,15 @@
 //! The dataset `D_i` of one agent.
 
-use crate::base::Rows;
+use serde::{Deserialize, Serialize};
+
+use crate::base::{CompactRows, Rows};
 use crate::domain::RegionSpec;
 
 /// Pairs `(l_t, u_t)` of one agent in the order in which the GS made them: whole episodes, one after another.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Dataset {
     /// `[samples, d_set_dim]`
-    pub d_sets: Rows<f32>,
+    pub d_sets: CompactRows,
     /// `[samples, sources]`
     pub sources: Rows<u8>,
     /// Samples per episode.
@@ -17,7 +19,7 @@ pub struct Dataset {
 impl Dataset {
     pub fn new(spec: &RegionSpec) -> Self {
         Dataset {
-            d_sets: Rows::new(0, spec.d_set_dim),
+            d_sets: CompactRows::new(spec.d_set_dim),
             sources: Rows::new(0, spec.sources.count()),
             horizon: spec.horizon,
         }
@@ -33,6 +35,12 @@ impl Dataset {
 
     pub fn episodes(&self) -> usize {
         self.len() / self.horizon
+    }
+
+    /// Appends the episodes of another dataset of the same agent.
+    pub fn extend(&mut self, other: &Dataset) {
+        self.d_sets.extend(&other.d_sets);
+        self.sources.extend(&other.sources);
     }
 
     pub fn push(&mut self, d_set: &[f32], sources: &[u8]) {

@@ -8,12 +8,13 @@ use crate::base::{AgentId, Dice, Rows, Seed};
 use crate::config::{AipConfig, held_out_episodes};
 use crate::domain::SourceSpec;
 use crate::nn::Adam;
+use serde::{Deserialize, Serialize};
 
 /// Mean cross-entropy of every influence source, in nats.
 pub type CrossEntropies = Vec<f64>;
 
 /// What one training did to one agent's AIP.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AipLoss {
     /// On the episodes it was trained on, before and after.
     pub training: [CrossEntropies; 2],
@@ -89,7 +90,7 @@ impl Minibatch {
         for (agent, dataset) in datasets.iter().enumerate() {
             for i in 0..self.batch {
                 let (row, sample) = (agent * self.batch + i, pick(agent, i));
-                self.d_sets.row_mut(row).copy_from_slice(dataset.d_sets.row(sample));
+                dataset.d_sets.read(sample, self.d_sets.row_mut(row));
                 self.sources.row_mut(row).copy_from_slice(dataset.sources.row(sample));
             }
         }

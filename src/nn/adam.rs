@@ -1,6 +1,9 @@
 //! Adam over a stack, in one pass over memory.
 
+use serde::{Deserialize, Serialize};
+
 use super::Parameters;
+use crate::base::Rows;
 
 const BETA1: f32 = 0.9;
 const BETA2: f32 = 0.999;
@@ -12,26 +15,45 @@ const EPSILON: f32 = 1e-8;
 /// Source: Kingma & Ba 2015, algorithm 1, with torch's default constants.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Adam {
-    first_moments: Vec<f32>,
-    second_moments: Vec<f32>,
-    steps: i32,
+    moments: Moments,
+}
+
+/// All that an optimiser remembers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Moments {
+    /// `[agents, parameters]`
+    pub first: Rows<f32>,
+    pub second: Rows<f32>,
+    pub steps: u32,
 }
 
 impl Adam {
     pub fn new(parameters: &Parameters) -> Self {
-        let zeros = vec![0.0; parameters.values().len()];
-        Adam { first_moments: zeros.clone(), second_moments: zeros, steps: 0 }
+        let zeros = Rows::new(parameters.agents(), parameters.width());
+        Adam { moments: Moments { first: zeros.clone(), second: zeros, steps: 0 } }
+    }
+
+    pub fn moments(&self) -> &Moments {
+        &self.moments
+    }
+
+    /// Goes on from moments of the same stack.
+    pub fn restore(&mut self, moments: Moments) {
+        let shape = |rows: &Rows<f32>| (rows.len(), rows.width());
+        assert_eq!(shape(&moments.first), shape(&self.moments.first), "moments of another stack");
+        self.moments = moments;
     }
 
     /// One step along the gradients.
     pub fn step(&mut self, parameters: &mut Parameters, learning_rate: f64) {
-        self.steps += 1;
-        let correction1 = 1.0 - f64::from(BETA1).powi(self.steps);
-        let correction2 = 1.0 - f64::from(BETA2).powi(self.steps);
+        let Moments { first, second, steps } = &mut self.moments;
+        *steps += 1;
+        let correction1 = 1.0 - f64::from(BETA1).powi(*steps as i32);
+        let correction2 = 1.0 - f64::from(BETA2).powi(*steps as i32);
         let step_size = (learning_rate / correction1) as f32;
         let root_correction = (1.0 / correction2.sqrt()) as f32;
         let (values, gradients) = parameters.values_mut();
-        let moments = self.first_moments.iter_mut().zip(&mut self.second_moments);
+        let moments = first.as_mut_slice().iter_mut().zip(second.as_mut_slice());
         for ((value, &gradient), (first, second)) in values.iter_mut().zip(gradients).zip(moments) {
             *first = BETA1 * *first + (1.0 - BETA1) * gradient;
             *second = BETA2 * *second + (1.0 - BETA2) * gradient * gradient;
@@ -43,7 +65,7 @@ impl Adam {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::{AgentId, Rows, Seed};
+    use crate::base::{AgentId, Seed};
     use crate::nn::{Mlp, rows_to_tensor};
 
     #[test]

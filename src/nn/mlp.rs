@@ -3,7 +3,7 @@
 use rand::Rng;
 use tch::{Kind, Tensor};
 
-use super::{Parameters, tensor_to_slice};
+use super::{Layout, Parameters, tensor_to_slice};
 use crate::base::{AgentId, Seed};
 
 /// One feed-forward network per agent: linear layers with ReLU between them, the last one linear.
@@ -28,21 +28,19 @@ impl Trace {
 }
 
 impl Mlp {
+    /// Where the weights and biases of a network `sizes[0] -> sizes[1] -> ...` lie.
+    pub fn layout(sizes: &[usize]) -> Layout {
+        let layer = |(layer, size): (usize, &[usize])| {
+            let weight = (format!("layers.{layer}.weight"), vec![size[0], size[1]]);
+            [weight, (format!("layers.{layer}.bias"), vec![1, size[1]])]
+        };
+        Layout::new(sizes.windows(2).enumerate().flat_map(layer).collect())
+    }
+
     /// Networks `sizes[0] -> sizes[1] -> ...`, one per agent, initialised as torch's `Linear`: weights and biases from
     /// U(-1/sqrt(in), 1/sqrt(in)), each agent from its own stream.
     pub fn new(agents: &[AgentId], sizes: &[usize], seed: Seed) -> Self {
-        let blocks: Vec<_> = sizes
-            .windows(2)
-            .enumerate()
-            .flat_map(|(layer, size)| {
-                let (inputs, outputs) = (size[0] as i64, size[1] as i64);
-                [
-                    (format!("layers.{layer}.weight"), vec![inputs, outputs]),
-                    (format!("layers.{layer}.bias"), vec![1, outputs]),
-                ]
-            })
-            .collect();
-        let mut parameters = Parameters::new(agents.len(), &blocks);
+        let mut parameters = Parameters::new(agents.len(), Mlp::layout(sizes));
         let width = parameters.width();
         for (row, &agent) in parameters.values_mut().0.chunks_exact_mut(width).zip(agents) {
             let mut dice = seed.for_agent(agent).dice();
@@ -59,10 +57,6 @@ impl Mlp {
 
     pub fn parameters(&self) -> &Parameters {
         &self.parameters
-    }
-
-    pub fn into_parameters(self) -> Parameters {
-        self.parameters
     }
 
     pub fn parameters_mut(&mut self) -> &mut Parameters {

@@ -11,13 +11,13 @@
 //! This room knows tensors; it does not know what the numbers mean.
 
 mod adam;
-mod checkpoint;
 mod convert;
 mod mlp;
 mod parameters;
+mod stack_file;
 
-pub use adam::Adam;
-pub use checkpoint::{read_stack, write_stack};
+pub use adam::{Adam, Moments};
 pub use convert::{rows_to_tensor, tensor_to_slice};
 pub use mlp::{Mlp, Trace};
-pub use parameters::Parameters;
+pub use parameters::{Layout, Parameters};
+pub use stack_file::{read_stack, write_stack};

@@ -1,49 +1,42 @@
 //! The parameters of a stack in one block of memory.
 
+use std::ops::Range;
+
 use tch::{Device, Kind, Tensor};
 
 use super::convert::{tensor_to_slice, tensor_to_slice_mut};
 use crate::base::Rows;
 
-/// The parameters and gradients of `agents` networks of one shape.
-///
-/// Both are `[agents, width]`: the network of an agent is one row, so a row is what goes into a message or a file, and
-/// one pass over memory updates everything. Named blocks of a row are the weights and biases.
-pub struct Parameters {
-    agents: usize,
+/// Where the named weights and biases of a network lie within its row of parameters.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Layout {
     width: usize,
     blocks: Vec<Block>,
-    values: Tensor,
-    gradients: Tensor,
 }
 
+#[derive(Clone, Debug, PartialEq, Eq)]
 struct Block {
     name: String,
     /// Of one agent, e.g. `[in, out]`.
-    shape: Vec<i64>,
+    shape: Vec<usize>,
     offset: usize,
     len: usize,
 }
 
-impl Parameters {
-    /// Zeroed parameters with named blocks of the given shapes.
-    pub fn new(agents: usize, blocks: &[(String, Vec<i64>)]) -> Self {
+impl Layout {
+    /// Blocks of these names and shapes, one after another.
+    pub fn new(blocks: Vec<(String, Vec<usize>)>) -> Self {
         let mut width = 0;
         let blocks = blocks
-            .iter()
+            .into_iter()
             .map(|(name, shape)| {
-                let len = shape.iter().product::<i64>() as usize;
-                let block = Block { name: name.clone(), shape: shape.clone(), offset: width, len };
+                let len = shape.iter().product();
+                let block = Block { name, shape, offset: width, len };
                 width += len;
                 block
             })
             .collect();
-        let zeros = || Tensor::zeros(&[agents as i64, width as i64], (Kind::Float, Device::Cpu));
-        Parameters { agents, width, blocks, values: zeros(), gradients: zeros() }
-    }
-
-    pub fn agents(&self) -> usize {
-        self.agents
+        Layout { width, blocks }
     }
 
     /// Parameters per agent.
@@ -51,12 +44,44 @@ impl Parameters {
         self.width
     }
 
-    /// Names, shapes `[agents, ...]` and offsets within an agent's row, in order.
-    pub fn blocks(&self) -> impl Iterator<Item = (&str, Vec<usize>, usize)> {
-        self.blocks.iter().map(|block| {
-            let shape = std::iter::once(self.agents).chain(block.shape.iter().map(|&n| n as usize)).collect();
-            (block.name.as_str(), shape, block.offset)
+    /// Names, shapes `[agents, ...]` and places within a row, in order.
+    pub fn blocks(&self, agents: usize) -> impl Iterator<Item = (&str, Vec<usize>, Range<usize>)> {
+        self.blocks.iter().map(move |block| {
+            let shape = std::iter::once(agents).chain(block.shape.iter().copied()).collect();
+            (block.name.as_str(), shape, block.offset..block.offset + block.len)
         })
+    }
+}
+
+/// The parameters and gradients of `agents` networks of one shape.
+///
+/// Both are `[agents, width]`: the network of an agent is one row, so a row is what goes into a message or a file, and
+/// one pass over memory updates everything.
+pub struct Parameters {
+    agents: usize,
+    layout: Layout,
+    values: Tensor,
+    gradients: Tensor,
+}
+
+impl Parameters {
+    /// Zeroed parameters.
+    pub fn new(agents: usize, layout: Layout) -> Self {
+        let zeros = || Tensor::zeros(&[agents as i64, layout.width as i64], (Kind::Float, Device::Cpu));
+        Parameters { agents, values: zeros(), gradients: zeros(), layout }
+    }
+
+    pub fn agents(&self) -> usize {
+        self.agents
+    }
+
+    pub fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// Parameters per agent.
+    pub fn width(&self) -> usize {
+        self.layout.width
     }
 
     /// All values, `[agents, width]`.
@@ -75,12 +100,12 @@ impl Parameters {
 
     /// A copy of all values, one row per agent.
     pub fn to_rows(&self) -> Rows<f32> {
-        Rows::from_vec(self.values().to_vec(), self.width)
+        Rows::from_vec(self.values().to_vec(), self.width())
     }
 
     /// Takes over the values of `rows`, one row per agent.
     pub fn load(&mut self, rows: &Rows<f32>) {
-        assert_eq!((rows.len(), rows.width()), (self.agents, self.width), "parameters of another stack");
+        assert_eq!((rows.len(), rows.width()), (self.agents, self.width()), "parameters of another stack");
         self.values_mut().0.copy_from_slice(rows.as_slice());
     }
 
@@ -95,16 +120,16 @@ impl Parameters {
     }
 
     fn block_of(&self, all: &Tensor, block: usize) -> Tensor {
-        let block = &self.blocks[block];
+        let block = &self.layout.blocks[block];
         let mut shape = vec![self.agents as i64];
-        shape.extend(&block.shape);
-        let mut strides = vec![self.width as i64];
-        strides.extend((1..=block.shape.len()).map(|axis| block.shape[axis..].iter().product::<i64>()));
+        shape.extend(block.shape.iter().map(|&n| n as i64));
+        let mut strides = vec![self.layout.width as i64];
+        strides.extend((1..=block.shape.len()).map(|axis| block.shape[axis..].iter().product::<usize>() as i64));
         all.as_strided(&shape, &strides, block.offset as i64)
     }
 
-    pub(super) fn block_range(&self, block: usize) -> std::ops::Range<usize> {
-        let block = &self.blocks[block];
+    pub(super) fn block_range(&self, block: usize) -> Range<usize> {
+        let block = &self.layout.blocks[block];
         block.offset..block.offset + block.len
     }
 }

@@ -6,7 +6,7 @@ pub mod sampling;
 
 use crate::base::{AgentId, Rows, Seed};
 use crate::domain::RegionSpec;
-use crate::nn::{Mlp, Parameters, Trace, rows_to_tensor};
+use crate::nn::{Layout, Mlp, Parameters, Trace, rows_to_tensor};
 
 pub use controller::{JointPolicyController, Selection};
 pub use memory::{Memory, Sample};
@@ -40,13 +40,20 @@ impl Judgement {
     }
 }
 
+fn sizes(spec: &RegionSpec, hidden: &[usize]) -> Vec<usize> {
+    [&[spec.obs_dim], hidden, &[spec.n_actions + 1]].concat()
+}
+
 impl PolicyStack {
+    /// Where the weights and biases of a policy lie within its row.
+    pub fn layout(spec: &RegionSpec, hidden: &[usize]) -> Layout {
+        Mlp::layout(&sizes(spec, hidden))
+    }
+
     /// Randomly initialised policies, each agent's from its own stream; `action_bias` is added to the initial biases
     /// of the logits.
     pub fn new(agents: &[AgentId], spec: &RegionSpec, hidden: &[usize], action_bias: &[f32], seed: Seed) -> Self {
-        let sizes: Vec<usize> =
-            [spec.obs_dim].into_iter().chain(hidden.iter().copied()).chain([spec.n_actions + 1]).collect();
-        let mut net = Mlp::new(agents, &sizes, seed);
+        let mut net = Mlp::new(agents, &sizes(spec, hidden), seed);
         net.shift_output(action_bias);
         PolicyStack { agents: agents.len(), n_actions: spec.n_actions, net }
     }
@@ -62,11 +69,6 @@ impl PolicyStack {
     /// `obs`: rows ordered agent-major, as many for each agent.
     pub fn judge(&self, obs: &Rows<f32>) -> Judgement {
         Judgement { trace: self.net.forward(rows_to_tensor(obs, self.agents)), n_actions: self.n_actions }
-    }
-
-    /// Only where the blocks of a row are; the values go along.
-    pub fn into_parameters(self) -> Parameters {
-        self.net.into_parameters()
     }
 
     pub fn parameters(&self) -> &Parameters {

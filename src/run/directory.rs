@@ -83,8 +83,8 @@ pub struct TrainedRun {
     pub policies: JointPolicy,
 }
 
-/// Reads a run directory that `train` wrote.
-pub fn open(path: &Path) -> Result<TrainedRun> {
+/// Reads the config of a run directory and opens its domain.
+pub fn open_config(path: &Path) -> Result<(Config, Traffic)> {
     let config_path = path.join(files::CONFIG);
     ensure!(
         config_path.is_file(),
@@ -94,10 +94,16 @@ pub fn open(path: &Path) -> Result<TrainedRun> {
     );
     let config = config::load(&config_path, &[])?;
     let domain = Traffic::open(&config.traffic, &config.policy)?;
+    Ok((config, domain))
+}
+
+/// Reads a run directory with its policies.
+pub fn open(path: &Path) -> Result<TrainedRun> {
+    let (config, domain) = open_config(path)?;
     let stack = initial_policies(&domain, &config, &AgentId::all(domain.agents()));
     let saved = path.join(files::POLICIES);
     ensure!(saved.is_file(), "{}: has no policies yet; they are written after the first period", path.display());
-    let policies = read_stack(&saved, stack.parameters())?;
+    let policies = read_stack(&saved, stack.parameters().layout(), domain.agents())?;
     Ok(TrainedRun { config, domain, stack, policies })
 }
 

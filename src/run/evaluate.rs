@@ -68,7 +68,7 @@ fn to_json(evaluation: &Evaluation, seed: u64, subject: &[(&str, Value)]) -> any
         object.insert("median_return".into(), json!(of_agent.median));
         object.insert("std_error".into(), json!(of_agent.std_error));
         object.insert("stuck".into(), json!(evaluation.stuck[agent]));
-        object.extend(measures.per_agent.iter().map(|(name, values)| ((*name).to_owned(), json!(values[agent]))));
+        object.extend(measures.per_agent.iter().map(|(name, values)| (name.clone(), json!(values[agent]))));
         Value::Object(object)
     });
     object.insert("mean_return".into(), json!(all.mean));
@@ -79,7 +79,7 @@ fn to_json(evaluation: &Evaluation, seed: u64, subject: &[(&str, Value)]) -> any
     object.insert("stuck_agents".into(), json!(evaluation.stuck.iter().filter(|&&stuck| stuck).count()));
     object.insert("seed".into(), json!(seed));
     object.insert("sumo_version".into(), json!(Simulation::version()?));
-    object.extend(measures.system.iter().map(|(name, value)| ((*name).to_owned(), json!(value))));
+    object.extend(measures.system.iter().map(|(name, value)| (name.clone(), json!(value))));
     object.insert("per_agent".into(), per_agent.collect());
     Ok(Value::Object(object))
 }

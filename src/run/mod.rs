@@ -6,6 +6,7 @@ mod info;
 mod nets;
 mod progress;
 mod train;
+mod worker;
 
 use std::os::unix::process::CommandExt;
 
@@ -20,6 +21,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Command::Baseline(args) => evaluate::baseline(&args),
         Command::Nets(args) => nets::nets(&args),
         Command::Info => info::info(),
+        Command::Worker => worker::worker(),
     }
 }
 

@@ -2,15 +2,19 @@
 
 use std::cell::{Cell, RefCell};
 use std::io::IsTerminal;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::flag;
 
 use crate::base::Phase;
 use crate::config::Config;
 use crate::evaluation::Evaluation;
-use crate::training::fleet::{AipTraining, Observer};
-use crate::training::run_log::Listener;
+use crate::training::fleet::AipTraining;
+use crate::training::observer::Observer;
 
 /// How often a plain line is printed while policies train.
 const PLAIN_LINE_EVERY: Duration = Duration::from_secs(10);
@@ -25,6 +29,9 @@ pub struct Progress {
     rate: RefCell<Rate>,
     last_line: Cell<Instant>,
     found: RefCell<Found>,
+    /// Set by Ctrl-C.
+    stop: Arc<AtomicBool>,
+    stop_announced: Cell<bool>,
 }
 
 #[derive(Default)]
@@ -44,14 +51,21 @@ struct Found {
 }
 
 impl Progress {
-    pub fn new(config: &Config, agents: usize) -> Self {
+    /// Listens for Ctrl-C from here on: the first one asks to stop where nothing is lost, the second ends the process.
+    pub fn new(config: &Config, agents: usize) -> anyhow::Result<Self> {
+        let stop = Arc::new(AtomicBool::new(false));
+        for signal in [SIGINT, SIGTERM] {
+            // In this order: the second one finds the flag that the first one has set.
+            flag::register_conditional_shutdown(signal, 130, stop.clone())?;
+            flag::register(signal, stop.clone())?;
+        }
         let bar = std::io::stderr().is_terminal().then(|| {
             let style = "{bar:30.cyan/blue} {human_pos}/{human_len} steps  {msg}";
             let style = ProgressStyle::with_template(style).expect("the template is well-formed");
             ProgressBar::new(config.last_step()).with_style(style)
         });
         let now = Instant::now();
-        Progress {
+        Ok(Progress {
             bar,
             agents,
             last_step: config.last_step(),
@@ -59,7 +73,9 @@ impl Progress {
             rate: RefCell::default(),
             last_line: Cell::new(now),
             found: RefCell::default(),
-        }
+            stop,
+            stop_announced: Cell::new(false),
+        })
     }
 
     pub fn finish(&self) {
@@ -97,13 +113,18 @@ impl Observer for Progress {
     fn trained(&self, steps: u64) {
         let mut rate = self.rate.borrow_mut();
         let now = Instant::now();
-        // The first report of a period only starts the clock.
-        if let Some(since) = rate.since.replace(now) {
+        // The first report of a period only starts the clock. A lost worker's replay steps back.
+        if let Some(since) = rate.since.replace(now)
+            && steps >= rate.at
+        {
             rate.trained += now - since;
             rate.steps += steps - rate.at;
         }
         rate.at = steps;
         drop(rate);
+        if self.stop_requested() && !self.stop_announced.replace(true) {
+            self.say("stopping at the end of this period; Ctrl-C again stops at once and loses the period");
+        }
         match &self.bar {
             Some(bar) => {
                 bar.set_position(steps.min(self.last_step));
@@ -129,9 +150,7 @@ impl Observer for Progress {
             bar.set_message(format!("{what} {:.0} %", 100.0 * share));
         }
     }
-}
 
-impl Listener for Progress {
     fn evaluated(&self, steps: u64, evaluation: &Evaluation) {
         let all = evaluation.of_all();
         let stuck = evaluation.stuck.iter().filter(|&&stuck| stuck).count();
@@ -154,6 +173,14 @@ impl Listener for Progress {
             "step {steps}: AIP loss {before:.3} -> {after:.3} held out (constant marginals {marginals:.3})"
         ));
         self.found.borrow_mut().aip_loss = Some(after);
+    }
+
+    fn worker_lost(&self, message: &str) {
+        self.say(&format!("warning: {message}"));
+    }
+
+    fn stop_requested(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
     }
 }
 

@@ -3,49 +3,102 @@
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::Arc;
+use std::time::Duration;
 
 use clap::ValueEnum;
 
-use super::directory::RunDirectory;
+use super::directory::{self, RunDirectory};
 use super::progress::Progress;
-use crate::base::AgentId;
 use crate::cli;
 use crate::config::{Config, SimulatorKind, load};
 use crate::domain::Domain;
 use crate::error::{Error, Result};
+use crate::influence::AipStack;
+use crate::policy::PolicyStack;
+use crate::processes::{Options, ProcessFleet};
 use crate::traffic::Traffic;
 use crate::training::dials;
-use crate::training::fleet::InlineFleet;
-use crate::training::run_log::{Layouts, RunLog};
-use crate::training::worker::{initial_aips, initial_policies};
+use crate::training::fleet::{Fleet, InlineFleet};
+use crate::training::observer::Interrupted;
+use crate::training::run_log::{Layouts, RunLog, files};
 
 pub fn train(args: &cli::Train) -> Result<()> {
-    let config = load(&args.config, &settings(args)).map_err(Error::Usage)?;
-    let traffic = Arc::new(Traffic::open(&config.traffic, &config.policy).map_err(Error::Usage)?);
+    let (run, config_path) = match (&args.resume, &args.config) {
+        (Some(dir), _) => (resume(dir)?, dir.join(files::CONFIG)),
+        (None, Some(config)) => (begin(args, config)?, config.clone()),
+        (None, None) => unreachable!("clap asks for one of them"),
+    };
+    let workers = args.workers.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
+    let patience = Duration::from_secs(args.patience);
+    match run.train(workers, patience) {
+        Ok(()) => {
+            say_how_to_go_on(&run.dir, &config_path, &run.config);
+            Ok(())
+        }
+        Err(error) if error.is::<Interrupted>() => {
+            let dir = run.dir.display();
+            Err(Error::Interrupted(format!("stopped; go on with: dials-traffic train --resume {dir}")))
+        }
+        Err(error) => {
+            let way_out = format!(
+                "what was written so far stays; go on with: dials-traffic train --resume {}",
+                run.dir.display()
+            );
+            eprintln!("{way_out}");
+            Err(Error::Run(error))
+        }
+    }
+}
+
+/// A run that is ready to begin or to go on.
+struct Run {
+    dir: PathBuf,
+    config: Config,
+    domain: Arc<Traffic>,
+    resumed: bool,
+}
+
+fn begin(args: &cli::Train, config_path: &Path) -> Result<Run> {
+    let config = load(config_path, &settings(args)).map_err(Error::Usage)?;
+    let domain = Arc::new(Traffic::open(&config.traffic, &config.policy).map_err(Error::Usage)?);
     let dir = match &args.out {
         Some(dir) if args.force => RunDirectory::replace(dir),
         Some(dir) => RunDirectory::create(dir),
-        None => RunDirectory::create_numbered(&default_dir(&args.config, &config)),
+        None => RunDirectory::create_numbered(&default_dir(config_path, &config)),
     };
     let dir = dir.map_err(Error::Usage)?;
-    dir.describe(&config, traffic.networks()).map_err(Error::Usage)?;
-    train_into(&dir, traffic, &config).map_err(Error::Run)?;
-    say_how_to_go_on(dir.path(), &args.config, &config);
-    Ok(())
+    dir.describe(&config, domain.networks()).map_err(Error::Usage)?;
+    Ok(Run { dir: dir.path().to_owned(), config, domain, resumed: false })
 }
 
-fn train_into(dir: &RunDirectory, domain: Arc<Traffic>, config: &Config) -> anyhow::Result<()> {
-    let everybody = AgentId::all(domain.agents());
-    let layouts = Layouts {
-        policies: initial_policies(&*domain, config, &everybody).into_parameters(),
-        aips: initial_aips(&*domain, config, &everybody).into_parameters(),
-    };
-    let progress = Rc::new(Progress::new(config, everybody.len()));
-    let mut fleet = InlineFleet::new(domain, config, progress.clone());
-    let mut log = RunLog::new(dir.path(), layouts, progress.clone());
-    dials::train(config, &mut fleet, &mut log)?;
-    progress.finish();
-    Ok(())
+fn resume(dir: &Path) -> Result<Run> {
+    let (config, domain) = directory::open_config(dir).map_err(Error::Usage)?;
+    Ok(Run { dir: dir.to_owned(), config, domain: Arc::new(domain), resumed: true })
+}
+
+impl Run {
+    fn train(&self, workers: usize, patience: Duration) -> anyhow::Result<()> {
+        let Run { dir, config, domain, resumed } = self;
+        let progress = Rc::new(Progress::new(config, domain.agents())?);
+        let layouts = Layouts {
+            policies: PolicyStack::layout(domain.spec(), &config.policy.hidden),
+            aips: AipStack::layout(domain.spec(), &config.aip.hidden),
+        };
+        let mut log = match resumed {
+            false => RunLog::create(dir, layouts, progress.clone())?,
+            true => RunLog::resume(dir, layouts, progress.clone())?,
+        };
+        let mut fleet: Box<dyn Fleet> = match workers {
+            0 => Box::new(InlineFleet::new(domain.clone(), config, progress.clone())),
+            workers => {
+                let options = Options { workers, patience, log_dir: dir.clone() };
+                Box::new(ProcessFleet::start(domain.clone(), config, options, progress.clone())?)
+            }
+        };
+        let outcome = dials::train(config, &mut *fleet, &mut log);
+        progress.finish();
+        outcome
+    }
 }
 
 /// The flags that stand for keys of the config, as settings of these keys.
@@ -53,9 +106,8 @@ fn settings(args: &cli::Train) -> Vec<String> {
     let mut settings = args.settings.clone();
     settings.extend(args.seed.map(|seed| format!("seed={seed}")));
     settings.extend(args.steps.map(|steps| format!("stop_at_steps={steps}")));
-    settings.extend(
-        args.simulator.and_then(|kind| kind.to_possible_value()).map(|kind| format!("simulator={}", kind.get_name())),
-    );
+    let simulator = args.simulator.and_then(|kind| kind.to_possible_value());
+    settings.extend(simulator.map(|kind| format!("simulator={}", kind.get_name())));
     settings
 }
 

@@ -217,17 +217,18 @@ impl Tally {
 
     fn measures(&self) -> Measures {
         let share = |&(greens, switches): &(u64, u64)| switches as f64 / greens.max(1) as f64;
+        let system = [
+            ("mean_speed_mps", self.speed_sum_mps / self.car_steps.max(1) as f64),
+            ("departed", self.departed as f64),
+            ("arrived", self.arrived as f64),
+            ("backlog", self.backlog as f64),
+            ("teleports", self.teleports as f64),
+            ("collisions", self.collisions as f64),
+            ("emergency_brakes", self.emergency_brakes as f64),
+        ];
         Measures {
-            per_agent: vec![(super::P_SWITCH, self.greens.iter().map(share).collect())],
-            system: vec![
-                ("mean_speed_mps", self.speed_sum_mps / self.car_steps.max(1) as f64),
-                ("departed", self.departed as f64),
-                ("arrived", self.arrived as f64),
-                ("backlog", self.backlog as f64),
-                ("teleports", self.teleports as f64),
-                ("collisions", self.collisions as f64),
-                ("emergency_brakes", self.emergency_brakes as f64),
-            ],
+            per_agent: vec![(super::P_SWITCH.to_owned(), self.greens.iter().map(share).collect())],
+            system: system.map(|(name, value)| (name.to_owned(), value)).to_vec(),
         }
     }
 }

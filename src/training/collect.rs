@@ -44,8 +44,12 @@ mod tests {
         // P(u = x) = 0.8^2 + 0.2^2 = 0.68; 10000 samples: standard error sqrt(0.68 * 0.32 / 10000) = 0.0047.
         for dataset in datasets {
             assert_eq!((dataset.len(), dataset.episodes()), (10_000, 20));
-            let pairs = dataset.d_sets.iter().zip(dataset.sources.iter());
-            let equal = pairs.filter(|(d_set, source)| d_set[0] == f32::from(source[0])).count();
+            let mut d_set = [0.0; 2];
+            let mut is_equal = |sample: usize| {
+                dataset.d_sets.read(sample, &mut d_set);
+                d_set[0] == f32::from(dataset.sources.row(sample)[0])
+            };
+            let equal = (0..dataset.len()).filter(|&sample| is_equal(sample)).count();
             assert!((equal as f64 / 10_000.0 - 0.68).abs() < 0.019, "{equal}");
         }
     }

@@ -2,34 +2,28 @@
 
 use super::fleet::Fleet;
 use super::run_log::RunLog;
-use crate::base::Phase;
 use crate::config::{Config, schedule};
 use crate::domain::Result;
-use crate::policy::JointPolicy;
 
 /// Trains the policies of all agents as the config says and writes the run down as it goes.
 ///
 /// The numbers are the lines of Algorithm 1. Training on the GS and with untrained AIPs is the same loop without
 /// lines 3 to 6.
-pub fn train(config: &Config, fleet: &mut dyn Fleet, run: &mut RunLog) -> Result<JointPolicy> {
-    let mut policies = fleet.initial_policies()?; // 1: policies and AIPs
-    let mut steps = 0;
-    for period in schedule(config) {
+pub fn train(config: &Config, fleet: &mut dyn Fleet, run: &mut RunLog) -> Result<()> {
+    let mut agents = run.begin(fleet)?; // 1: policies and AIPs, fresh or as a checkpoint left them
+    for period in schedule(config).iter().skip(run.periods_done()) {
         // 2: repeat
         if period.evaluate {
-            let evaluation = run.time(Phase::Evaluation, || fleet.evaluate(&policies))?;
-            run.evaluated(steps, &evaluation)?;
+            run.evaluated(agents.steps, &fleet.evaluate(&agents.policies)?)?;
         }
         if period.retrain_aips {
-            let datasets = run.time(Phase::Collection, || fleet.collect_datasets(&policies, &period))?; // 3
-            let training = fleet.train_aips(datasets, &period)?; // 4-6: in parallel, for every agent
-            run.aips_trained(steps, &training)?;
+            let datasets = fleet.collect_datasets(&agents.policies, period)?; // 3
+            run.aips_trained(agents.steps, &fleet.train_aips(datasets, period)?)?; // 4-6: in parallel, for every agent
         }
-        let training = fleet.train_policies(&period)?; // 7-12: in parallel, for every agent, F steps
-        run.policies_trained(&training)?;
-        (steps, policies) = (training.steps, training.policies);
+        let training = fleet.train_policies(period)?; // 7-12: in parallel, for every agent, F steps
+        agents = fleet.state()?;
+        run.period_done(&training, &agents, fleet.take_load())?;
     } // 13: until end of training
-    let evaluation = run.time(Phase::Evaluation, || fleet.evaluate(&policies))?;
-    run.evaluated(steps, &evaluation)?;
-    Ok(policies)
+    run.evaluated(agents.steps, &fleet.evaluate(&agents.policies)?)?;
+    run.finished(agents.steps, fleet.take_load())
 }

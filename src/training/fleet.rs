@@ -1,12 +1,17 @@
 //! Who does the work: the fleet of workers, as Algorithm 1 sees it.
 
-use std::ops::Range;
 use std::rc::Rc;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
+use serde::{Deserialize, Serialize};
+
+use super::footprint::Footprint;
+use super::observer::Observer;
 use super::ppo::Losses;
+use super::state::AgentsState;
 use super::worker::Worker;
-use crate::base::{AgentId, Phase, Rows, Stopwatch};
+use crate::base::{AgentId, Rows, Stopwatch};
 use crate::config::{Config, Period};
 use crate::domain::{Domain, Result};
 use crate::evaluation::Evaluation;
@@ -15,8 +20,6 @@ use crate::policy::JointPolicy;
 
 /// Workers that together own all agents. Results do not depend on how many there are.
 pub trait Fleet {
-    fn initial_policies(&mut self) -> Result<JointPolicy>;
-
     /// Algorithm 2: one dataset per agent.
     fn collect_datasets(&mut self, policies: &JointPolicy, period: &Period) -> Result<Vec<Dataset>>;
 
@@ -28,32 +31,46 @@ pub trait Fleet {
 
     /// Evaluates the joint policy on the GS.
     fn evaluate(&mut self, policies: &JointPolicy) -> Result<Evaluation>;
+
+    /// The state of all agents.
+    fn state(&mut self) -> Result<AgentsState>;
+
+    /// Goes on from a state of all agents.
+    fn restore(&mut self, state: &AgentsState) -> Result<()>;
+
+    /// What the fleet has been doing since the last call.
+    fn take_load(&mut self) -> FleetLoad;
 }
 
 /// What a training of the AIPs brought.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct AipTraining {
     /// Per agent.
     pub losses: Vec<AipLoss>,
     /// One row per agent.
     pub parameters: Rows<f32>,
-    pub watch: Stopwatch,
 }
 
 /// What a period of training brought.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct PolicyTraining {
-    /// Timesteps per agent since the beginning of the run.
-    pub steps: u64,
-    pub policies: JointPolicy,
     pub agents: Vec<AgentTraining>,
     /// Totals that the local simulators counted in the period.
     pub counters: Vec<(String, u64)>,
-    pub watch: Stopwatch,
+}
+
+impl PolicyTraining {
+    /// Adds what came of the agents after these, in the same period.
+    pub fn append(&mut self, next: PolicyTraining) {
+        self.agents.extend(next.agents);
+        for ((_, count), (_, more)) in self.counters.iter_mut().zip(next.counters) {
+            *count += more;
+        }
+    }
 }
 
 /// One agent's share of it.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AgentTraining {
     /// Of the episodes that ended in the period, on the simulator that it trained on.
     pub mean_return: Option<f64>,
@@ -62,13 +79,21 @@ pub struct AgentTraining {
     pub losses: Losses,
 }
 
-/// Watches the work go on.
-pub trait Observer {
-    /// The policies have been trained for so many timesteps per agent.
-    fn trained(&self, steps: u64);
+/// What a fleet has been doing.
+#[derive(Clone, Debug, Default)]
+pub struct FleetLoad {
+    pub workers: Vec<WorkerLoad>,
+    /// Wall time in which at least one worker had an order; the rest went into exchanges and files.
+    pub at_work: Duration,
+    /// Of the process that gives the orders, where that is none of the workers.
+    pub coordinator: Option<Footprint>,
+}
 
-    /// Something else is going on, and this share of it (`0..=1`) is done.
-    fn busy(&self, phase: Phase, share: f64);
+/// What one worker has been doing.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct WorkerLoad {
+    pub watch: Stopwatch,
+    pub footprint: Footprint,
 }
 
 /// All agents in this process.
@@ -77,39 +102,54 @@ pub struct InlineFleet {
     domain: Arc<dyn Domain>,
     config: Config,
     observer: Rc<dyn Observer>,
+    at_work: Duration,
 }
 
 impl InlineFleet {
     pub fn new(domain: Arc<dyn Domain>, config: &Config, observer: Rc<dyn Observer>) -> Self {
         let worker = Worker::new(domain.clone(), config, AgentId::all(domain.agents()));
-        InlineFleet { worker, domain, config: config.clone(), observer }
+        InlineFleet { worker, domain, config: config.clone(), observer, at_work: Duration::ZERO }
     }
 
-    fn dataset_episodes(&self) -> Range<usize> {
-        0..self.config.aip.dataset_steps.div_ceil(self.domain.spec().horizon)
+    fn work<T>(&mut self, order: impl FnOnce(&mut Worker, &dyn Observer) -> T) -> T {
+        let begun = Instant::now();
+        let answer = order(&mut self.worker, &*self.observer);
+        self.at_work += begun.elapsed();
+        answer
     }
 }
 
 impl Fleet for InlineFleet {
-    fn initial_policies(&mut self) -> Result<JointPolicy> {
-        Ok(self.worker.policies())
-    }
-
     fn collect_datasets(&mut self, policies: &JointPolicy, period: &Period) -> Result<Vec<Dataset>> {
-        self.worker.collect(policies, period, self.dataset_episodes(), &*self.observer)
+        let episodes = 0..self.config.dataset_episodes(self.domain.spec().horizon);
+        self.work(|worker, observer| worker.collect(policies, period, episodes, observer))
     }
 
     fn train_aips(&mut self, datasets: Vec<Dataset>, period: &Period) -> Result<AipTraining> {
-        Ok(self.worker.train_aips(&datasets, period, &*self.observer))
+        Ok(self.work(|worker, observer| worker.train_aips(&datasets, period, observer)))
     }
 
     fn train_policies(&mut self, period: &Period) -> Result<PolicyTraining> {
-        self.worker.train_policies(period, &*self.observer)
+        self.work(|worker, observer| worker.train_policies(period, observer))
     }
 
     fn evaluate(&mut self, policies: &JointPolicy) -> Result<Evaluation> {
         let episodes = 0..self.config.evaluation.episodes;
-        let reports = self.worker.evaluate(policies, episodes, &*self.observer)?;
+        let reports = self.work(|worker, observer| worker.evaluate(policies, episodes, observer))?;
         Ok(Evaluation::new(&*self.domain, &reports))
+    }
+
+    fn state(&mut self) -> Result<AgentsState> {
+        Ok(self.worker.state())
+    }
+
+    fn restore(&mut self, state: &AgentsState) -> Result<()> {
+        self.worker.restore(state.clone());
+        Ok(())
+    }
+
+    fn take_load(&mut self) -> FleetLoad {
+        let worker = WorkerLoad { watch: self.worker.take_watch(), footprint: Footprint::of_this_process() };
+        FleetLoad { workers: vec![worker], at_work: std::mem::take(&mut self.at_work), coordinator: None }
     }
 }

@@ -5,16 +5,20 @@
 //! - [`ials`]: Algorithm 3, trajectories from local simulators and AIPs; [`global`] is the GS in the same role.
 //! - [`rollout`], [`gae`], [`ppo`]: what an agent makes of its trajectories.
 //! - [`fleet`], [`worker`]: who does it. This room never sees a process, a socket or SUMO.
-//! - [`run_log`]: what a run leaves behind.
+//! - [`run_log`], [`checkpoint`], [`state`]: what a run leaves behind, and how it goes on from there.
 
+pub mod checkpoint;
 pub mod collect;
 pub mod dials;
 pub mod environment;
 pub mod fleet;
+pub mod footprint;
 pub mod gae;
 pub mod global;
 pub mod ials;
+pub mod observer;
 pub mod ppo;
 pub mod rollout;
 pub mod run_log;
+pub mod state;
 pub mod worker;

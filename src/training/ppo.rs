@@ -12,6 +12,7 @@
 //! Losses are means within an agent and sums over agents, so every agent learns as if alone.
 
 use rand::seq::SliceRandom;
+use serde::{Deserialize, Serialize};
 
 use crate::base::{Dice, Rows};
 use crate::config::PpoConfig;
@@ -42,7 +43,7 @@ struct Weights {
 }
 
 /// Means over the samples of an agent.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Losses {
     pub surrogate: f64,
     pub value: f64,

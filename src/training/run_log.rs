@@ -10,23 +10,29 @@
 //! | `returns.csv` | evaluations on the GS, per agent and for all |
 //! | `training.csv` | each period of training, per agent: returns on the simulator it trained on, losses |
 //! | `aip_loss.csv` | each training of the AIPs, per agent and source |
-//! | `timing.csv` | seconds per phase |
+//! | `timing.csv` | each period, per worker: seconds per phase |
+//! | `memory.csv` | each period, per process: memory |
 //! | `policies.safetensors`, `aips.safetensors` | the networks, `[agents, ...]` |
+//! | `checkpoints/` | the last few states to resume from |
 
-use std::collections::HashMap;
-use std::fs::{File, OpenOptions};
+use std::collections::{BTreeMap, HashMap};
+use std::fs::{self, File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
 
-use super::fleet::{AipTraining, PolicyTraining};
+use super::checkpoint::{Checkpoint, Progress};
+use super::fleet::{AipTraining, Fleet, FleetLoad, PolicyTraining};
+use super::footprint::Footprint;
+use super::observer::{Interrupted, Observer};
+use super::ppo::Losses;
+use super::state::AgentsState;
 use crate::base::{Phase, Stopwatch};
-use crate::evaluation::Evaluation;
-use crate::nn::{Parameters, write_stack};
-use crate::policy::JointPolicy;
+use crate::evaluation::{Evaluation, Summary};
+use crate::nn::{Layout, write_stack};
 
 /// The names of the files of a run directory.
 pub mod files {
@@ -37,94 +43,186 @@ pub mod files {
     pub const TRAINING: &str = "training.csv";
     pub const AIP_LOSS: &str = "aip_loss.csv";
     pub const TIMING: &str = "timing.csv";
+    pub const MEMORY: &str = "memory.csv";
     pub const POLICIES: &str = "policies.safetensors";
     pub const AIPS: &str = "aips.safetensors";
-}
+    pub const CHECKPOINTS: &str = "checkpoints";
 
-/// Hears what a run has found, beside the files.
-pub trait Listener {
-    fn evaluated(&self, steps: u64, evaluation: &Evaluation);
-    fn aips_trained(&self, steps: u64, training: &AipTraining);
+    /// The files that grow as the run goes.
+    pub const GROWING: [&str; 5] = [RETURNS, TRAINING, AIP_LOSS, TIMING, MEMORY];
 }
 
 /// Writes a run down.
 pub struct RunLog {
     dir: PathBuf,
-    listener: Rc<dyn Listener>,
-    /// Where policies and AIPs keep their blocks within a row.
+    observer: Rc<dyn Observer>,
     layouts: Layouts,
-    watch: Stopwatch,
+    /// From which to go on, until [`RunLog::begin`] has done so.
+    resume_from: Option<Checkpoint>,
+    periods_done: usize,
+    /// Wall time of the run before this process.
+    elapsed_before: Duration,
     begun: Instant,
     begun_period: Instant,
+    /// Held as long as this process may write.
+    _lock: File,
 }
 
-/// The shapes of the stacks that are saved.
+/// Where the networks that are saved keep their weights and biases.
 pub struct Layouts {
-    pub policies: Parameters,
-    pub aips: Parameters,
+    pub policies: Layout,
+    pub aips: Layout,
 }
 
 impl RunLog {
-    /// Writes into `dir`, which exists.
-    pub fn new(dir: &Path, layouts: Layouts, listener: Rc<dyn Listener>) -> Self {
+    /// Writes a new run into `dir`, which exists and holds none.
+    pub fn create(dir: &Path, layouts: Layouts, observer: Rc<dyn Observer>) -> Result<Self> {
         let now = Instant::now();
-        RunLog { dir: dir.to_owned(), listener, layouts, watch: Stopwatch::default(), begun: now, begun_period: now }
+        Ok(RunLog {
+            dir: dir.to_owned(),
+            observer,
+            layouts,
+            resume_from: None,
+            periods_done: 0,
+            elapsed_before: Duration::ZERO,
+            begun: now,
+            begun_period: now,
+            _lock: lock(dir)?,
+        })
     }
 
-    /// Runs a phase of work and counts its wall time.
-    pub fn time<T>(&mut self, phase: Phase, work: impl FnOnce() -> T) -> T {
-        self.watch.time(phase, work)
+    /// Goes on with the run in `dir` from its newest checkpoint, or from its beginning where it has none yet.
+    ///
+    /// What was written after the checkpoint is cut off: it will be written again, the same.
+    pub fn resume(dir: &Path, layouts: Layouts, observer: Rc<dyn Observer>) -> Result<Self> {
+        let mut log = RunLog::create(dir, layouts, observer)?;
+        let checkpoint = Checkpoint::read_newest(&dir.join(files::CHECKPOINTS))?;
+        let progress = checkpoint.as_ref().map_or(Progress::default(), |checkpoint| checkpoint.progress.clone());
+        for name in files::GROWING {
+            cut(&dir.join(name), progress.file_lengths.get(name).copied().unwrap_or(0))?;
+        }
+        log.periods_done = progress.periods_done;
+        log.elapsed_before = Duration::from_secs_f64(progress.elapsed_s);
+        log.resume_from = checkpoint;
+        Ok(log)
+    }
+
+    /// How many periods of the schedule the run has behind it.
+    pub fn periods_done(&self) -> usize {
+        self.periods_done
+    }
+
+    /// Puts the fleet where the run stands and returns the state of its agents.
+    pub fn begin(&mut self, fleet: &mut dyn Fleet) -> Result<AgentsState> {
+        match self.resume_from.take() {
+            None => fleet.state(),
+            Some(checkpoint) => {
+                fleet.restore(&checkpoint.agents)?;
+                Ok(checkpoint.agents)
+            }
+        }
     }
 
     /// An evaluation of the joint policy.
     pub fn evaluated(&mut self, steps: u64, evaluation: &Evaluation) -> Result<()> {
-        let path = self.dir.join(files::RETURNS);
-        append(&path, &evaluation_header(evaluation), &evaluation_lines(steps, evaluation))?;
-        self.listener.evaluated(steps, evaluation);
+        self.append(files::RETURNS, &evaluation_header(evaluation), &evaluation_lines(steps, evaluation))?;
+        self.observer.evaluated(steps, evaluation);
         Ok(())
     }
 
     /// A training of the AIPs.
     pub fn aips_trained(&mut self, steps: u64, training: &AipTraining) -> Result<()> {
-        self.watch.add(&training.watch);
-        let header: Vec<String> = AIP_COLUMNS.iter().map(|&name| name.to_owned()).collect();
-        append(&self.dir.join(files::AIP_LOSS), &header, &aip_lines(steps, training))?;
+        self.append(files::AIP_LOSS, &AIP_COLUMNS.map(str::to_owned), &aip_lines(steps, training))?;
         let stack = write_stack(&self.layouts.aips, &training.parameters, &about(steps))?;
         write_atomically(&self.dir.join(files::AIPS), &stack)?;
-        self.listener.aips_trained(steps, training);
+        self.observer.aips_trained(steps, training);
         Ok(())
     }
 
-    /// A period of training.
-    pub fn policies_trained(&mut self, training: &PolicyTraining) -> Result<()> {
-        self.watch.add(&training.watch);
-        let header = training_header(training);
-        append(&self.dir.join(files::TRAINING), &header, &training_lines(training))?;
-        self.save_policies(training.steps, &training.policies)?;
-        let header: Vec<String> = ["steps".into(), "wall_s".into(), "elapsed_s".into()]
-            .into_iter()
-            .chain(Phase::ALL.map(|phase| format!("{}_s", phase.name())))
-            .collect();
+    /// A period of training is over and `agents` is what came of it. Writes a checkpoint, and stops the run here if
+    /// somebody asked for that.
+    pub fn period_done(&mut self, training: &PolicyTraining, agents: &AgentsState, load: FleetLoad) -> Result<()> {
+        self.append(files::TRAINING, &training_header(training), &training_lines(agents.steps, training))?;
+        let stack = write_stack(&self.layouts.policies, &agents.policies, &about(agents.steps))?;
+        write_atomically(&self.dir.join(files::POLICIES), &stack)?;
+        self.append_load(agents.steps, load)?;
+        self.periods_done += 1;
+        let progress = Progress {
+            periods_done: self.periods_done,
+            file_lengths: self.file_lengths()?,
+            elapsed_s: (self.elapsed_before + self.begun.elapsed()).as_secs_f64(),
+        };
+        Checkpoint { agents: agents.clone(), progress }.write(&self.dir.join(files::CHECKPOINTS))?;
+        if self.observer.stop_requested() {
+            return Err(Interrupted.into());
+        }
+        Ok(())
+    }
+
+    /// The last evaluation is over.
+    pub fn finished(&mut self, steps: u64, load: FleetLoad) -> Result<()> {
+        self.append_load(steps, load)
+    }
+
+    fn append_load(&mut self, steps: u64, load: FleetLoad) -> Result<()> {
         let now = Instant::now();
-        let (wall, elapsed) = (now - self.begun_period, now - self.begun);
-        let watch = self.watch.take();
-        let seconds = [wall, elapsed].into_iter().chain(Phase::ALL.map(|phase| watch.spent(phase)));
-        let seconds = seconds.map(|spent| format!("{:.3}", spent.as_secs_f64()));
-        let line = std::iter::once(training.steps.to_string()).chain(seconds).collect();
-        append(&self.dir.join(files::TIMING), &header, &[line])?;
+        let wall = Wall {
+            period: now - self.begun_period,
+            elapsed: self.elapsed_before + (now - self.begun),
+            exchange: (now - self.begun_period).saturating_sub(load.at_work),
+        };
+        self.append(files::TIMING, &timing_header(), &timing_lines(steps, &load, &wall))?;
+        self.append(files::MEMORY, &MEMORY_COLUMNS.map(str::to_owned), &memory_lines(steps, &load))?;
         self.begun_period = now;
         Ok(())
     }
 
-    fn save_policies(&self, steps: u64, policies: &JointPolicy) -> Result<()> {
-        let stack = write_stack(&self.layouts.policies, policies, &about(steps))?;
-        write_atomically(&self.dir.join(files::POLICIES), &stack)
+    fn append(&self, file: &str, header: &[String], lines: &[Line]) -> Result<()> {
+        append(&self.dir.join(file), header, lines)
     }
+
+    fn file_lengths(&self) -> Result<BTreeMap<String, u64>> {
+        let mut lengths = BTreeMap::new();
+        for name in files::GROWING {
+            let path = self.dir.join(name);
+            if path.exists() {
+                let metadata = fs::metadata(&path).with_context(|| format!("{}: cannot be read", path.display()))?;
+                lengths.insert(name.to_owned(), metadata.len());
+            }
+        }
+        Ok(lengths)
+    }
+}
+
+/// Makes sure that one process at a time writes a run; the system lifts the lock when the process ends, however.
+fn lock(dir: &Path) -> Result<File> {
+    let folder = File::open(dir).with_context(|| format!("{}: cannot be opened", dir.display()))?;
+    folder.try_lock().with_context(|| format!("{}: another process is writing this run", dir.display()))?;
+    Ok(folder)
+}
+
+/// Cuts a growing file to a length that it had before.
+fn cut(path: &Path, length: u64) -> Result<()> {
+    let failed = || format!("{}: cannot be cut to where its checkpoint left it", path.display());
+    if length == 0 {
+        return match fs::remove_file(path) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(error).with_context(failed),
+            _ => Ok(()),
+        };
+    }
+    let file = OpenOptions::new().write(true).open(path).with_context(failed)?;
+    let now = file.metadata().with_context(failed)?.len();
+    anyhow::ensure!(
+        now >= length,
+        "{}: has {now} bytes, but had {length} when the newest checkpoint was written: it was changed since",
+        path.display()
+    );
+    file.set_len(length).with_context(failed)
 }
 
 type Line = Vec<String>;
 
-const ALL_AGENTS: &str = "all";
+const ALL: &str = "all";
 
 fn about(steps: u64) -> HashMap<String, String> {
     HashMap::from([("steps".to_owned(), steps.to_string())])
@@ -132,22 +230,21 @@ fn about(steps: u64) -> HashMap<String, String> {
 
 fn evaluation_header(evaluation: &Evaluation) -> Line {
     let fixed = ["steps", "agent", "mean", "median", "std_error", "episodes", "stuck"];
-    let per_agent = evaluation.measures.per_agent.iter().map(|(name, _)| *name);
-    let system = evaluation.measures.system.iter().map(|(name, _)| *name);
-    fixed.into_iter().chain(per_agent).chain(system).map(str::to_owned).collect()
+    let per_agent = evaluation.measures.per_agent.iter().map(|(name, _)| name.clone());
+    let system = evaluation.measures.system.iter().map(|(name, _)| name.clone());
+    fixed.map(str::to_owned).into_iter().chain(per_agent).chain(system).collect()
 }
 
 /// A line for all agents (`stuck`: how many), then one per agent (`stuck`: 0 or 1; no figures of the whole system).
 fn evaluation_lines(steps: u64, evaluation: &Evaluation) -> Vec<Line> {
-    let line = |agent: String, summary: crate::evaluation::Summary, stuck: usize| {
+    let line = |agent: String, summary: Summary, stuck: usize| {
         let mut line = vec![steps.to_string(), agent];
         line.extend([summary.mean, summary.median, summary.std_error].map(|value| format!("{value:.4}")));
         line.extend([evaluation.episodes().to_string(), stuck.to_string()]);
         line
     };
     let measures = &evaluation.measures;
-    let mut all =
-        line(ALL_AGENTS.to_owned(), evaluation.of_all(), evaluation.stuck.iter().filter(|&&stuck| stuck).count());
+    let mut all = line(ALL.to_owned(), evaluation.of_all(), evaluation.stuck.iter().filter(|&&stuck| stuck).count());
     let means = measures.per_agent.iter().map(|(_, values)| values.iter().sum::<f64>() / values.len() as f64);
     all.extend(means.chain(measures.system.iter().map(|&(_, value)| value)).map(|value| format!("{value:.4}")));
     let mut lines = vec![all];
@@ -199,7 +296,7 @@ fn aip_lines(steps: u64, training: &AipTraining) -> Vec<Line> {
         lines.extend(of_sources.iter().enumerate().map(|(source, values)| line(&agent, &source.to_string(), values)));
         of_agents.push(mean_of(&of_sources));
     }
-    lines.insert(0, line(ALL_AGENTS, "all", &mean_of(&of_agents)));
+    lines.insert(0, line(ALL, "all", &mean_of(&of_agents)));
     lines
 }
 
@@ -214,22 +311,22 @@ fn training_header(training: &PolicyTraining) -> Line {
 }
 
 /// A line for all agents with what the simulators counted, then one per agent.
-fn training_lines(training: &PolicyTraining) -> Vec<Line> {
+fn training_lines(steps: u64, training: &PolicyTraining) -> Vec<Line> {
     let agents = training.agents.len() as f64;
-    let mut total = super::ppo::Losses::default();
+    let mut total = Losses::default();
     training.agents.iter().for_each(|agent| total.add(&agent.losses, 1.0 / agents));
     let returns: Vec<f64> = training.agents.iter().filter_map(|agent| agent.mean_return).collect();
     let mean_return = (!returns.is_empty()).then(|| returns.iter().sum::<f64>() / returns.len() as f64);
     let episodes = training.agents.iter().map(|agent| agent.episodes).sum();
-    let line = |agent: String, mean_return: Option<f64>, episodes: u64, losses: &super::ppo::Losses| {
-        let mut line = vec![training.steps.to_string(), agent];
+    let line = |agent: String, mean_return: Option<f64>, episodes: u64, losses: &Losses| {
+        let mut line = vec![steps.to_string(), agent];
         line.push(mean_return.map_or(String::new(), |value| format!("{value:.4}")));
         line.push(episodes.to_string());
         let losses = [losses.surrogate, losses.value, losses.entropy, losses.kl, losses.clipped];
         line.extend(losses.map(|value| format!("{value:.5}")));
         line
     };
-    let mut all = line(ALL_AGENTS.to_owned(), mean_return, episodes, &total);
+    let mut all = line(ALL.to_owned(), mean_return, episodes, &total);
     all.extend(training.counters.iter().map(|(_, count)| count.to_string()));
     let mut lines = vec![all];
     for (index, agent) in training.agents.iter().enumerate() {
@@ -240,19 +337,72 @@ fn training_lines(training: &PolicyTraining) -> Vec<Line> {
     lines
 }
 
-/// Appends lines to a CSV file in one write; a new file begins with the header.
-fn append(path: &Path, header: &Line, lines: &[Line]) -> Result<()> {
+struct Wall {
+    period: Duration,
+    elapsed: Duration,
+    exchange: Duration,
+}
+
+fn timing_header() -> Line {
+    let phases = Phase::ALL.map(|phase| format!("{}_s", phase.name()));
+    let fixed = ["steps", "worker", "wall_s", "elapsed_s", "exchange_s"].map(str::to_owned);
+    fixed.into_iter().chain(phases).chain(["idle_s".to_owned()]).collect()
+}
+
+/// A line for the mean of all workers, then one per worker. What is neither a phase nor an exchange is idle.
+fn timing_lines(steps: u64, load: &FleetLoad, wall: &Wall) -> Vec<Line> {
+    let line = |worker: String, spent: &dyn Fn(fn(&Stopwatch) -> Duration) -> f64, phases: [f64; Phase::ALL.len()]| {
+        let busy = spent(Stopwatch::total);
+        let whole = [wall.period, wall.elapsed, wall.exchange].map(|time| time.as_secs_f64());
+        let idle = (whole[0] - busy).max(0.0);
+        let seconds = whole.into_iter().chain(phases).chain([idle]).map(|seconds| format!("{seconds:.3}"));
+        [steps.to_string(), worker].into_iter().chain(seconds).collect::<Line>()
+    };
+    let workers = load.workers.len() as f64;
+    let mean = |of: &dyn Fn(&Stopwatch) -> Duration| {
+        load.workers.iter().map(|worker| of(&worker.watch).as_secs_f64()).sum::<f64>() / workers
+    };
+    let mean_phases = Phase::ALL.map(|phase| mean(&|watch| watch.spent(phase)));
+    let mut lines = vec![line(ALL.to_owned(), &|of| mean(&of), mean_phases)];
+    for (index, worker) in load.workers.iter().enumerate() {
+        let phases = Phase::ALL.map(|phase| worker.watch.spent(phase).as_secs_f64());
+        lines.push(line(index.to_string(), &|of| of(&worker.watch).as_secs_f64(), phases));
+    }
+    lines
+}
+
+const MEMORY_COLUMNS: [&str; 4] = ["steps", "process", "peak_rss_mb", "pss_mb"];
+
+/// A line for the total, then one per process.
+fn memory_lines(steps: u64, load: &FleetLoad) -> Vec<Line> {
+    let workers = load.workers.iter().enumerate().map(|(index, worker)| (index.to_string(), worker.footprint));
+    let coordinator = load.coordinator.map(|footprint| ("coordinator".to_owned(), footprint));
+    let processes: Vec<(String, Footprint)> = workers.chain(coordinator).collect();
+    let total = processes.iter().fold(Footprint::default(), |total, (_, process)| Footprint {
+        peak_rss_kib: total.peak_rss_kib + process.peak_rss_kib,
+        pss_kib: total.pss_kib + process.pss_kib,
+    });
+    let megabytes = |kib: u64| format!("{:.1}", kib as f64 / 1024.0);
+    let line = |(process, footprint): (String, Footprint)| {
+        vec![steps.to_string(), process, megabytes(footprint.peak_rss_kib), megabytes(footprint.pss_kib)]
+    };
+    std::iter::once((ALL.to_owned(), total)).chain(processes).map(line).collect()
+}
+
+/// Appends lines to a CSV file in one write; a new file begins with the header. Where that fails the file is as before.
+fn append(path: &Path, header: &[String], lines: &[Line]) -> Result<()> {
     let failed = || format!("{}: cannot be written", path.display());
     let mut file = OpenOptions::new().append(true).create(true).open(path).with_context(failed)?;
+    let before = file.metadata().with_context(failed)?.len();
     let mut writer = csv::Writer::from_writer(Vec::new());
-    if file.metadata().with_context(failed)?.len() == 0 {
+    if before == 0 {
         writer.write_record(header)?;
     }
     for line in lines {
         writer.write_record(line)?;
     }
     let block = writer.into_inner().context("a CSV block in memory")?;
-    file.write_all(&block).with_context(failed)
+    file.write_all(&block).inspect_err(|_| drop(file.set_len(before))).with_context(failed)
 }
 
 /// Writes a file beside its place and moves it there: readers see the old one or the new one, whole.
@@ -260,6 +410,7 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
     let failed = || format!("{}: cannot be written", path.display());
     let beside = path.with_extension("part");
     let mut file = File::create(&beside).with_context(failed)?;
-    file.write_all(bytes).and_then(|()| file.sync_all()).with_context(failed)?;
-    std::fs::rename(&beside, path).with_context(failed)
+    let written = file.write_all(bytes).and_then(|()| file.sync_all());
+    written.inspect_err(|_| drop(fs::remove_file(&beside))).with_context(failed)?;
+    fs::rename(&beside, path).with_context(failed)
 }

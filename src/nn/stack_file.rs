@@ -6,18 +6,16 @@ use std::path::Path;
 use anyhow::{Context, Result, ensure};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
-use super::Parameters;
+use super::Layout;
 use crate::base::Rows;
 
-/// The stack as the bytes of a safetensors file. `rows`: one row of parameters per agent, as `layout` lays them out;
-/// the stacks may hold more agents than `layout`. `about` goes into the file's metadata.
-pub fn write_stack(layout: &Parameters, rows: &Rows<f32>, about: &HashMap<String, String>) -> Result<Vec<u8>> {
+/// The stack as the bytes of a safetensors file. `rows`: one row of parameters per agent, as `layout` lays them out.
+/// `about` goes into the file's metadata.
+pub fn write_stack(layout: &Layout, rows: &Rows<f32>, about: &HashMap<String, String>) -> Result<Vec<u8>> {
     let tensors: Vec<(String, Vec<usize>, Vec<u8>)> = layout
-        .blocks()
-        .map(|(name, mut shape, offset)| {
-            let len: usize = shape[1..].iter().product();
-            shape[0] = rows.len();
-            let values = rows.iter().flat_map(|row| &row[offset..offset + len]);
+        .blocks(rows.len())
+        .map(|(name, shape, place)| {
+            let values = rows.iter().flat_map(|row| &row[place.clone()]);
             (name.to_owned(), shape, values.flat_map(|value| value.to_le_bytes()).collect())
         })
         .collect();
@@ -28,13 +26,13 @@ pub fn write_stack(layout: &Parameters, rows: &Rows<f32>, about: &HashMap<String
     Ok(safetensors::serialize(views, Some(about.clone()))?)
 }
 
-/// Reads a file of [`write_stack`] back into rows; an error says where the file is of another shape.
-pub fn read_stack(path: &Path, layout: &Parameters) -> Result<Rows<f32>> {
+/// Reads a file of [`write_stack`] back into one row per agent; an error says where the file is of another shape.
+pub fn read_stack(path: &Path, layout: &Layout, agents: usize) -> Result<Rows<f32>> {
     let bytes = std::fs::read(path).with_context(|| format!("{}: cannot be read", path.display()))?;
     let file = SafeTensors::deserialize(&bytes)
         .with_context(|| format!("{}: not a safetensors file, or cut short", path.display()))?;
-    let mut rows = Rows::new(layout.agents(), layout.width());
-    for (name, shape, offset) in layout.blocks() {
+    let mut rows = Rows::new(agents, layout.width());
+    for (name, shape, place) in layout.blocks(agents) {
         let tensor = file.tensor(name).with_context(|| format!("{}: no tensor `{name}`", path.display()))?;
         ensure!(
             tensor.dtype() == Dtype::F32 && tensor.shape() == shape,
@@ -43,10 +41,9 @@ pub fn read_stack(path: &Path, layout: &Parameters) -> Result<Rows<f32>> {
             tensor.dtype(),
             tensor.shape(),
         );
-        let len: usize = shape[1..].iter().product();
-        for (agent, bytes) in tensor.data().chunks_exact(4 * len).enumerate() {
+        for (agent, bytes) in tensor.data().chunks_exact(4 * place.len()).enumerate() {
             let values = bytes.as_chunks::<4>().0.iter().map(|&value| f32::from_le_bytes(value));
-            rows.row_mut(agent)[offset..offset + len].iter_mut().zip(values).for_each(|(to, from)| *to = from);
+            rows.row_mut(agent)[place.clone()].iter_mut().zip(values).for_each(|(to, from)| *to = from);
         }
     }
     Ok(rows)
@@ -61,23 +58,22 @@ mod tests {
     #[test]
     fn a_stack_comes_back_as_it_was() {
         let net = Mlp::new(&AgentId::all(3), &[4, 5, 2], Seed::new(1));
-        let bytes = write_stack(net.parameters(), &net.parameters().to_rows(), &HashMap::new()).unwrap();
+        let bytes = write_stack(net.parameters().layout(), &net.parameters().to_rows(), &HashMap::new()).unwrap();
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), bytes).unwrap();
-        assert_eq!(read_stack(file.path(), net.parameters()).unwrap(), net.parameters().to_rows());
+        assert_eq!(read_stack(file.path(), net.parameters().layout(), 3).unwrap(), net.parameters().to_rows());
     }
 
     #[test]
     fn a_stack_of_another_shape_or_a_torn_file_is_a_clear_error() {
         let net = Mlp::new(&AgentId::all(3), &[4, 5, 2], Seed::new(1));
-        let other = Mlp::new(&AgentId::all(2), &[4, 5, 2], Seed::new(1));
-        let bytes = write_stack(net.parameters(), &net.parameters().to_rows(), &HashMap::new()).unwrap();
+        let bytes = write_stack(net.parameters().layout(), &net.parameters().to_rows(), &HashMap::new()).unwrap();
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), &bytes).unwrap();
-        let error = read_stack(file.path(), other.parameters()).unwrap_err().to_string();
+        let error = read_stack(file.path(), net.parameters().layout(), 2).unwrap_err().to_string();
         assert!(error.contains("asks for F32 [2, 4, 5]"), "{error}");
         std::fs::write(file.path(), &bytes[..bytes.len() / 2]).unwrap();
-        let error = read_stack(file.path(), net.parameters()).unwrap_err().to_string();
+        let error = read_stack(file.path(), net.parameters().layout(), 3).unwrap_err().to_string();
         assert!(error.contains("cut short"), "{error}");
     }
 }

@@ -1,0 +1,87 @@
+//! Messages on a stream of bytes: a header, then the message in postcard's format.
+
+use std::io::{ErrorKind, Read, Write};
+
+use anyhow::{Context, Result, ensure};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+const MAGIC: [u8; 4] = *b"DIAL";
+/// Counts up whenever a message changes its shape: programs of different builds must not misread each other.
+const PROTOCOL: u16 = 1;
+/// Longer messages are a sign of a torn stream: the datasets and states of 10 000 agents are shorter.
+const LONGEST: u64 = 1 << 36;
+
+/// A message with its header, ready to be sent, any number of times.
+pub fn encode<T: Serialize>(message: &T) -> Result<Vec<u8>> {
+    let mut frame = Vec::new();
+    frame.extend(MAGIC);
+    frame.extend(PROTOCOL.to_le_bytes());
+    frame.extend([0; 8]);
+    let header = frame.len();
+    let mut frame = postcard::to_extend(message, frame).context("a message cannot be encoded")?;
+    let length = (frame.len() - header) as u64;
+    frame[header - 8..header].copy_from_slice(&length.to_le_bytes());
+    Ok(frame)
+}
+
+pub fn send<T: Serialize>(stream: &mut impl Write, message: &T) -> Result<()> {
+    Ok(stream.write_all(&encode(message)?)?)
+}
+
+/// The next message, or nothing where the other side has gone.
+pub fn receive<T: DeserializeOwned>(stream: &mut impl Read) -> Result<Option<T>> {
+    let mut header = [0; 14];
+    match stream.read_exact(&mut header) {
+        Err(error) if matches!(error.kind(), ErrorKind::UnexpectedEof | ErrorKind::ConnectionReset) => return Ok(None),
+        outcome => outcome?,
+    }
+    let (magic, rest) = header.split_at(4);
+    let (protocol, length) = rest.split_at(2);
+    ensure!(magic == MAGIC, "something that is no message of ours came through the channel");
+    let protocol = u16::from_le_bytes(protocol.try_into().expect("two bytes"));
+    ensure!(
+        protocol == PROTOCOL,
+        "a message of protocol {protocol} came, and this program speaks {PROTOCOL}: coordinator and workers must be \
+         the same build"
+    );
+    let length = u64::from_le_bytes(length.try_into().expect("eight bytes"));
+    ensure!(length <= LONGEST, "a message of {length} bytes was announced, which none of ours has");
+    let mut payload = Vec::new();
+    let read = stream.take(length).read_to_end(&mut payload)?;
+    ensure!(read as u64 == length, "a message broke off after {read} of {length} bytes");
+    Ok(Some(postcard::from_bytes(&payload).context("a message cannot be decoded")?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn error_of(frame: &[u8]) -> String {
+        receive::<Vec<u32>>(&mut &frame[..]).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn messages_come_back_one_by_one_and_then_nothing() {
+        let mut stream = Vec::new();
+        send(&mut stream, &vec![1_u32, 2, 3]).unwrap();
+        send(&mut stream, &Vec::<u32>::new()).unwrap();
+        let mut reader = &stream[..];
+        assert_eq!(receive::<Vec<u32>>(&mut reader).unwrap(), Some(vec![1, 2, 3]));
+        assert_eq!(receive::<Vec<u32>>(&mut reader).unwrap(), Some(vec![]));
+        assert_eq!(receive::<Vec<u32>>(&mut reader).unwrap(), None);
+    }
+
+    #[test]
+    fn other_versions_strangers_and_torn_messages_are_told_apart() {
+        let frame = encode(&vec![1_u32, 2, 3]).unwrap();
+        let mut newer = frame.clone();
+        newer[4] = 9;
+        assert!(error_of(&newer).contains("a message of protocol 9 came, and this program speaks 1"));
+        assert!(error_of(b"GET / HTTP/1.1\r\n").contains("no message of ours"));
+        assert!(error_of(&frame[..frame.len() - 1]).contains("broke off after 3 of 4 bytes"));
+        let mut endless = frame;
+        endless[13] = 0xff;
+        assert!(error_of(&endless).contains("which none of ours has"));
+    }
+}

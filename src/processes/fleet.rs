@@ -1,0 +1,416 @@
+//! The fleet of worker processes, seen from the coordinator.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::path::PathBuf;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result, bail};
+
+use super::channel::encode;
+use super::child::{Child, Event, What};
+use super::message::{Answer, Order, Report};
+use crate::base::{AgentId, Phase, Rows};
+use crate::config::{Config, Period, SimulatorKind};
+use crate::domain::Domain;
+use crate::evaluation::Evaluation;
+use crate::influence::Dataset;
+use crate::policy::JointPolicy;
+use crate::training::fleet::{AipTraining, Fleet, FleetLoad, PolicyTraining, WorkerLoad};
+use crate::training::footprint::Footprint;
+use crate::training::observer::{Interrupted, Observer};
+use crate::training::state::AgentsState;
+
+/// How often a worker may be lost at the same order before the run gives up.
+const DEATHS_IN_A_ROW: usize = 3;
+/// How often the fleet looks up from waiting.
+const LOOK_UP: Duration = Duration::from_millis(200);
+
+/// How many processes, and how they are kept.
+pub struct Options {
+    pub workers: usize,
+    /// How long a worker may say nothing while it has an order.
+    pub patience: Duration,
+    /// For `worker_N.log`.
+    pub log_dir: PathBuf,
+}
+
+/// Worker processes that share the agents: each owns the ones that follow those of the worker before it.
+///
+/// Training on the GS is one simulation, so there the first worker owns all agents, and the others help with
+/// evaluation.
+pub struct ProcessFleet {
+    domain: Arc<dyn Domain>,
+    config: Config,
+    options: Options,
+    observer: Rc<dyn Observer>,
+    workers: Vec<Slot>,
+    /// State of all agents at the last exchange, from which a lost worker goes on.
+    state: AgentsState,
+    sender: Sender<Event>,
+    events: Receiver<Event>,
+    at_work: Duration,
+}
+
+/// A worker, whichever process it is at the moment.
+struct Slot {
+    agents: Range<usize>,
+    child: Option<Child>,
+    generation: u64,
+    load: WorkerLoad,
+}
+
+impl ProcessFleet {
+    /// Starts the workers.
+    pub fn start(
+        domain: Arc<dyn Domain>,
+        config: &Config,
+        options: Options,
+        observer: Rc<dyn Observer>,
+    ) -> Result<ProcessFleet> {
+        let owners = if config.simulator == SimulatorKind::Gs { 1 } else { options.workers };
+        let (sender, events) = channel();
+        let slot = |index: usize| Slot {
+            agents: if index < owners { share(domain.agents(), owners, index) } else { 0..0 },
+            child: None,
+            generation: 0,
+            load: WorkerLoad::default(),
+        };
+        let nobody = AgentsState::nobody();
+        let mut fleet = ProcessFleet {
+            workers: (0..options.workers).map(slot).collect(),
+            state: nobody,
+            domain,
+            config: config.clone(),
+            options,
+            observer,
+            sender,
+            events,
+            at_work: Duration::ZERO,
+        };
+        let orders = fleet.owners().map(|worker| (worker, Order::TellState)).collect();
+        let mut states = fleet.ask(orders, Stop::Later)?.into_iter().map(|answer| match answer {
+            Answer::State(state) => state,
+            other => unreachable!("a state was asked for, not {other:?}"),
+        });
+        let mut whole = states.next().expect("some worker owns agents");
+        states.for_each(|state| whole.append(&state));
+        fleet.state = whole;
+        Ok(fleet)
+    }
+
+    /// The workers that own agents.
+    fn owners(&self) -> impl Iterator<Item = usize> + use<> {
+        let owners: Vec<usize> =
+            (0..self.workers.len()).filter(|&worker| !self.workers[worker].agents.is_empty()).collect();
+        owners.into_iter()
+    }
+
+    /// An order with a share of `episodes` for every worker that gets some.
+    fn by_episode(&self, episodes: usize, order: impl Fn(Range<usize>) -> Order) -> Vec<(usize, Order)> {
+        let shares = (0..self.workers.len()).map(|worker| (worker, share(episodes, self.workers.len(), worker)));
+        shares.filter(|(_, share)| !share.is_empty()).map(|(worker, share)| (worker, order(share))).collect()
+    }
+
+    /// Gives the orders and waits for all answers, in the order of the orders. Lost workers are started again.
+    fn ask(&mut self, orders: Vec<(usize, Order)>, stop: Stop) -> Result<Vec<Answer>> {
+        let begun = Instant::now();
+        let answers = self.ask_and_wait(orders, stop);
+        self.at_work += begun.elapsed();
+        answers
+    }
+
+    fn ask_and_wait(&mut self, orders: Vec<(usize, Order)>, stop: Stop) -> Result<Vec<Answer>> {
+        let mut open = BTreeMap::new();
+        let mut sequence = Vec::new();
+        for (worker, order) in orders {
+            let mut task = Task { frame: encode(&order)?, deaths: 0, heard: Instant::now(), progress: None };
+            drop(order); // the frame holds it now
+            self.deliver(worker, &mut task)?;
+            open.insert(worker, task);
+            sequence.push(worker);
+        }
+        let mut answers = BTreeMap::new();
+        while !open.is_empty() {
+            if stop == Stop::AtOnce && self.observer.stop_requested() {
+                return Err(Interrupted.into());
+            }
+            match self.events.recv_timeout(LOOK_UP) {
+                // Late news of a process that was given up change nothing.
+                Ok(event) if event.generation != self.workers[event.worker].generation => (),
+                Ok(Event { worker, what: What::Said(report), .. }) => {
+                    if let Some(answer) = self.hear(worker, report, &mut open, answers.len())? {
+                        open.remove(&worker);
+                        answers.insert(worker, answer);
+                    }
+                }
+                Ok(Event { worker, what: What::Gone(reason), .. }) => {
+                    let reason = reason.map(|error| format!("{error:#}; ")).unwrap_or_default();
+                    self.lose(worker, &format!("died: {reason}"), open.get_mut(&worker))?;
+                }
+                Err(RecvTimeoutError::Timeout) => (),
+                Err(RecvTimeoutError::Disconnected) => unreachable!("the fleet holds a sender itself"),
+            }
+            for (&worker, task) in &mut open {
+                if task.heard.elapsed() > self.options.patience {
+                    let silence = format!("said nothing for {:?} and was ended: ", self.options.patience);
+                    self.lose(worker, &silence, Some(task))?;
+                }
+            }
+        }
+        Ok(sequence.into_iter().map(|worker| answers.remove(&worker).expect("every order is answered")).collect())
+    }
+
+    /// Takes in what a worker says; its answer where that is one.
+    fn hear(
+        &mut self,
+        worker: usize,
+        report: Report,
+        open: &mut BTreeMap<usize, Task>,
+        done: usize,
+    ) -> Result<Option<Answer>> {
+        if let Some(task) = open.get_mut(&worker) {
+            task.heard = Instant::now();
+        }
+        match report {
+            Report::Failed { reason } => bail!("{}: {reason}", self.name(worker)),
+            Report::Done { answer, load } => {
+                let mine = &mut self.workers[worker].load;
+                mine.watch.add(&load.watch);
+                mine.footprint = load.footprint;
+                // A worker that has begun or was restored says so before it turns to its order.
+                Ok(Some(*answer).filter(|answer| !matches!(answer, Answer::Ready)))
+            }
+            progress => {
+                if let Some(task) = open.get_mut(&worker) {
+                    task.progress = Some(progress);
+                    self.tell_progress(open, done);
+                }
+                Ok(None)
+            }
+        }
+    }
+
+    /// Sends a task to its worker, whose process is started first where there is none.
+    fn deliver(&mut self, worker: usize, task: &mut Task) -> Result<()> {
+        loop {
+            if self.workers[worker].child.is_none() {
+                self.spawn(worker)?;
+            }
+            task.heard = Instant::now();
+            let child = self.workers[worker].child.as_mut().expect("it was just started");
+            match child.send(&task.frame) {
+                Ok(()) => return Ok(()),
+                Err(error) => self.count_death(worker, &format!("died: {error}; "), task)?,
+            }
+        }
+    }
+
+    /// Starts the process of a worker and puts it where the last exchange left its agents.
+    fn spawn(&mut self, worker: usize) -> Result<()> {
+        let log = self.options.log_dir.join(format!("worker_{worker}.log"));
+        let slot = &mut self.workers[worker];
+        slot.generation += 1;
+        let mut child = Child::spawn(worker, slot.generation, &log, self.sender.clone())?;
+        let agents = slot.agents.clone();
+        let begin = Order::Begin {
+            config_json: serde_json::to_string(&self.config)?,
+            agents: agents.clone().map(AgentId).collect(),
+        };
+        // Where sending fails the process has gone already, which is heard of soon enough.
+        drop(child.send(&encode(&begin)?));
+        if self.state.agents() > 0 && !agents.is_empty() {
+            drop(child.send(&encode(&Order::Restore(self.state.share(agents)))?));
+        }
+        slot.child = Some(child);
+        Ok(())
+    }
+
+    /// A worker's process has gone, or must go. With a task it is started again and given it again.
+    fn lose(&mut self, worker: usize, how: &str, task: Option<&mut Task>) -> Result<()> {
+        match task {
+            None => {
+                // It has nothing to do: the next order will start it again.
+                if let Some(child) = self.workers[worker].child.take() {
+                    self.observer.worker_lost(&format!("{} {how}{}", self.name(worker), child.end()));
+                }
+                Ok(())
+            }
+            Some(task) => {
+                self.count_death(worker, how, task)?;
+                self.deliver(worker, task)
+            }
+        }
+    }
+
+    fn count_death(&mut self, worker: usize, how: &str, task: &mut Task) -> Result<()> {
+        let end = self.workers[worker].child.take().map(Child::end).unwrap_or_default();
+        let message = format!("{} {how}{end}", self.name(worker));
+        task.deaths += 1;
+        if task.deaths == DEATHS_IN_A_ROW {
+            bail!("{message}\ngiven up after {DEATHS_IN_A_ROW} deaths in a row at the same place");
+        }
+        self.observer.worker_lost(&format!("{message}\nstarted again from the last exchange"));
+        Ok(())
+    }
+
+    fn name(&self, worker: usize) -> String {
+        let agents = &self.workers[worker].agents;
+        match agents.len() {
+            0 => format!("worker {worker} (no agents of its own)"),
+            1 => format!("worker {worker} (agent {})", agents.start),
+            _ => format!("worker {worker} (agents {}..{})", agents.start, agents.end - 1),
+        }
+    }
+
+    /// The slowest worker counts for training, the mean for everything else.
+    fn tell_progress(&self, open: &BTreeMap<usize, Task>, done: usize) {
+        let reports = || open.values().filter_map(|task| task.progress.as_ref());
+        let slowest = reports().filter_map(|report| match report {
+            Report::Trained { steps } => Some(*steps),
+            _ => None,
+        });
+        if let Some(steps) = slowest.min() {
+            self.observer.trained(steps);
+        }
+        let shares: Vec<(Phase, f64)> = reports()
+            .filter_map(|report| match report {
+                Report::Busy { phase, share } => Some((*phase, *share)),
+                _ => None,
+            })
+            .collect();
+        if let Some(&(phase, _)) = shares.first() {
+            let sum = shares.iter().map(|(_, share)| share).sum::<f64>() + done as f64;
+            self.observer.busy(phase, sum / (open.len() + done) as f64);
+        }
+    }
+}
+
+/// An order under way.
+struct Task {
+    frame: Vec<u8>,
+    deaths: usize,
+    heard: Instant,
+    progress: Option<Report>,
+}
+
+/// When a request to stop is heard.
+#[derive(Clone, Copy, PartialEq)]
+enum Stop {
+    /// Nothing is lost by stopping right away.
+    AtOnce,
+    /// A period's work would be lost.
+    Later,
+}
+
+impl Fleet for ProcessFleet {
+    fn collect_datasets(&mut self, policies: &JointPolicy, period: &Period) -> Result<Vec<Dataset>> {
+        let spec = self.domain.spec();
+        let orders = self.by_episode(self.config.dataset_episodes(spec.horizon), |episodes| Order::Collect {
+            policies: policies.clone(),
+            period: *period,
+            episodes,
+        });
+        let mut datasets = vec![Dataset::new(spec); self.domain.agents()];
+        for answer in self.ask(orders, Stop::AtOnce)? {
+            let Answer::Collected(parts) = answer else { unreachable!("datasets were asked for, not {answer:?}") };
+            datasets.iter_mut().zip(&parts).for_each(|(dataset, part)| dataset.extend(part));
+        }
+        Ok(datasets)
+    }
+
+    fn train_aips(&mut self, mut datasets: Vec<Dataset>, period: &Period) -> Result<AipTraining> {
+        let mut orders = Vec::new();
+        for worker in self.owners() {
+            let theirs = datasets.drain(..self.workers[worker].agents.len()).collect();
+            orders.push((worker, Order::TrainAips { datasets: theirs, period: *period }));
+        }
+        let mut losses = Vec::new();
+        let mut parameters = Rows::new(0, self.state.aips.width());
+        for answer in self.ask(orders, Stop::AtOnce)? {
+            let Answer::AipsTrained(training) = answer else { unreachable!("AIPs were asked for, not {answer:?}") };
+            losses.extend(training.losses);
+            parameters.extend(&training.parameters);
+        }
+        self.state.aips = parameters.clone();
+        Ok(AipTraining { losses, parameters })
+    }
+
+    fn train_policies(&mut self, period: &Period) -> Result<PolicyTraining> {
+        let orders = self.owners().map(|worker| (worker, Order::TrainPolicies { period: *period })).collect();
+        let mut whole: Option<(PolicyTraining, AgentsState)> = None;
+        for answer in self.ask(orders, Stop::Later)? {
+            let Answer::PoliciesTrained { training, state } = answer else {
+                unreachable!("policies were asked for, not {answer:?}")
+            };
+            match &mut whole {
+                None => whole = Some((training, state)),
+                Some((all, all_states)) => {
+                    all.append(training);
+                    all_states.append(&state);
+                }
+            }
+        }
+        let (training, state) = whole.context("no worker owns an agent")?;
+        self.state = state;
+        Ok(training)
+    }
+
+    fn evaluate(&mut self, policies: &JointPolicy) -> Result<Evaluation> {
+        let orders = self.by_episode(self.config.evaluation.episodes, |episodes| Order::Evaluate {
+            policies: policies.clone(),
+            episodes,
+        });
+        let mut reports = Vec::new();
+        for answer in self.ask(orders, Stop::AtOnce)? {
+            let Answer::Evaluated(part) = answer else { unreachable!("episodes were asked for, not {answer:?}") };
+            reports.extend(part);
+        }
+        Ok(Evaluation::new(&*self.domain, &reports))
+    }
+
+    fn state(&mut self) -> Result<AgentsState> {
+        Ok(self.state.clone())
+    }
+
+    fn restore(&mut self, state: &AgentsState) -> Result<()> {
+        self.state = state.clone();
+        for worker in self.owners() {
+            // The next order starts it again, in this state.
+            self.workers[worker].child = None;
+        }
+        Ok(())
+    }
+
+    fn take_load(&mut self) -> FleetLoad {
+        let workers = self
+            .workers
+            .iter_mut()
+            .map(|slot| WorkerLoad { watch: slot.load.watch.take(), footprint: slot.load.footprint });
+        FleetLoad {
+            workers: workers.collect(),
+            at_work: std::mem::take(&mut self.at_work),
+            coordinator: Some(Footprint::of_this_process()),
+        }
+    }
+}
+
+/// The `index`-th of `parts` nearly equal shares of `0..total`, one after another.
+fn share(total: usize, parts: usize, index: usize) -> Range<usize> {
+    total * index / parts..total * (index + 1) / parts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shares_follow_each_other_and_are_nearly_equal() {
+        let shares: Vec<_> = (0..3).map(|index| share(10, 3, index)).collect();
+        assert_eq!(shares, [0..3, 3..6, 6..10]);
+        assert_eq!((0..4).map(|index| share(2, 4, index).len()).collect::<Vec<_>>(), [0, 1, 0, 1]);
+    }
+}

@@ -1,0 +1,56 @@
+//! What coordinator and workers say to each other.
+
+use std::ops::Range;
+
+use serde::{Deserialize, Serialize};
+
+use crate::base::{AgentId, Phase};
+use crate::config::Period;
+use crate::evaluation::EpisodeReport;
+use crate::influence::Dataset;
+use crate::policy::JointPolicy;
+use crate::training::fleet::{AipTraining, PolicyTraining, WorkerLoad};
+use crate::training::state::AgentsState;
+
+/// From the coordinator. Every order is answered by one [`Report::Done`] or [`Report::Failed`].
+#[derive(Debug, Serialize, Deserialize)]
+pub enum Order {
+    /// The first one: what the run is, and whom the worker owns.
+    Begin { config_json: String, agents: Vec<AgentId> },
+    /// Go on from this state of its agents.
+    Restore(AgentsState),
+    /// Tell the state of its agents.
+    TellState,
+    /// Play these episodes of a period's collection and return the datasets of all agents.
+    Collect { policies: JointPolicy, period: Period, episodes: Range<usize> },
+    /// Train the AIPs of its agents on their datasets.
+    TrainAips { datasets: Vec<Dataset>, period: Period },
+    /// Train the policies of its agents until the end of the period.
+    TrainPolicies { period: Period },
+    /// Play these evaluation episodes.
+    Evaluate { policies: JointPolicy, episodes: Range<usize> },
+}
+
+/// What an order brought.
+#[derive(Debug, Serialize, Deserialize)]
+pub enum Answer {
+    Ready,
+    State(AgentsState),
+    Collected(Vec<Dataset>),
+    AipsTrained(AipTraining),
+    PoliciesTrained { training: PolicyTraining, state: AgentsState },
+    Evaluated(Vec<EpisodeReport>),
+}
+
+/// From a worker.
+#[derive(Debug, Serialize, Deserialize)]
+pub enum Report {
+    /// Policies are trained for so many timesteps per agent.
+    Trained { steps: u64 },
+    /// This share of something else is done.
+    Busy { phase: Phase, share: f64 },
+    /// The order is done; what the worker has been doing since the last one.
+    Done { answer: Box<Answer>, load: WorkerLoad },
+    /// The order cannot be done, for this reason, and would fail again.
+    Failed { reason: String },
+}

@@ -1,0 +1,105 @@
+//! The worker's side of the channel.
+
+use std::cell::{Cell, RefCell};
+use std::os::fd::AsFd;
+use std::os::unix::net::UnixStream;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result, bail};
+use rustix::process::{Signal, set_parent_process_death_signal};
+
+use super::channel::{receive, send};
+use super::message::{Answer, Order, Report};
+use crate::base::Phase;
+use crate::config::Config;
+use crate::domain::Domain;
+use crate::training::fleet::WorkerLoad;
+use crate::training::footprint::Footprint;
+use crate::training::observer::Observer;
+use crate::training::worker::Worker;
+
+/// How often at most progress is reported.
+const REPORT_EVERY: Duration = Duration::from_millis(100);
+
+/// Does what the coordinator at the other end of standard input orders, until it goes.
+///
+/// `open_domain` makes the domain of a config: this room does not know which there are.
+pub fn serve(open_domain: impl FnOnce(&Config) -> Result<Arc<dyn Domain>>) -> Result<()> {
+    // However the coordinator ends, this process ends with it: nobody else would.
+    set_parent_process_death_signal(Some(Signal::KILL)).context("cannot be tied to the coordinator's life")?;
+    let stdin = std::io::stdin().as_fd().try_clone_to_owned().context("no standard input")?;
+    let mut stream = UnixStream::from(stdin);
+    let reporter = Reporter { stream: RefCell::new(stream.try_clone()?), last: Cell::new(Instant::now()) };
+    let Some(order) = receive(&mut stream).context("this command is for the program itself, not for people")? else {
+        return Ok(());
+    };
+    let Order::Begin { config_json, agents } = order else { bail!("the first order must be to begin") };
+    let config: Config = serde_json::from_str(&config_json)?;
+    eprintln!("process {} owns agents {agents:?}", std::process::id());
+    let mut worker = Worker::new(open_domain(&config)?, &config, agents);
+    reporter.done(Answer::Ready, &mut worker)?;
+    while let Some(order) = receive(&mut stream)? {
+        match carry_out(order, &mut worker, &reporter) {
+            Ok(answer) => reporter.done(answer, &mut worker)?,
+            Err(error) => reporter.send(&Report::Failed { reason: format!("{error:#}") })?,
+        }
+    }
+    Ok(())
+}
+
+fn carry_out(order: Order, worker: &mut Worker, reporter: &Reporter) -> Result<Answer> {
+    Ok(match order {
+        Order::Begin { .. } => bail!("the worker has already begun"),
+        Order::Restore(state) => {
+            worker.restore(state);
+            Answer::Ready
+        }
+        Order::TellState => Answer::State(worker.state()),
+        Order::Collect { policies, period, episodes } => {
+            Answer::Collected(worker.collect(&policies, &period, episodes, reporter)?)
+        }
+        Order::TrainAips { datasets, period } => Answer::AipsTrained(worker.train_aips(&datasets, &period, reporter)),
+        Order::TrainPolicies { period } => {
+            let training = worker.train_policies(&period, reporter)?;
+            Answer::PoliciesTrained { training, state: worker.state() }
+        }
+        Order::Evaluate { policies, episodes } => Answer::Evaluated(worker.evaluate(&policies, episodes, reporter)?),
+    })
+}
+
+/// Tells the coordinator.
+struct Reporter {
+    stream: RefCell<UnixStream>,
+    last: Cell<Instant>,
+}
+
+impl Reporter {
+    fn send(&self, report: &Report) -> Result<()> {
+        send(&mut *self.stream.borrow_mut(), report)
+    }
+
+    fn done(&self, answer: Answer, worker: &mut Worker) -> Result<()> {
+        let load = WorkerLoad { watch: worker.take_watch(), footprint: Footprint::of_this_process() };
+        self.send(&Report::Done { answer: Box::new(answer), load })
+    }
+
+    fn progress(&self, report: &Report) {
+        let now = Instant::now();
+        if now - self.last.get() >= REPORT_EVERY {
+            self.last.set(now);
+            // A coordinator that has gone is noticed at the next order; until then there is nobody to tell.
+            drop(self.send(report));
+        }
+    }
+}
+
+impl Observer for Reporter {
+    fn trained(&self, steps: u64) {
+        self.progress(&Report::Trained { steps });
+    }
+
+    fn busy(&self, phase: Phase, share: f64) {
+        self.progress(&Report::Busy { phase, share });
+    }
+}

@@ -1,0 +1,192 @@
+//! Checkpoints: the state of all agents in a file from which a run goes on as if nothing had happened.
+//!
+//! A safetensors file (little-endian, as all machines are that Debian's libtorch runs on) with one table `[agents, ...]` each for policies, moments and AIPs, and in its metadata what else
+//! there is to know, with a checksum. Written after every period; the last [`KEPT`] are kept.
+
+use std::collections::{BTreeMap, HashMap};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail, ensure};
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use serde::{Deserialize, Serialize};
+
+use super::run_log::write_atomically;
+use super::state::AgentsState;
+use crate::base::Rows;
+use crate::nn::Moments;
+
+/// How many checkpoints are kept, the newest ones.
+pub const KEPT: usize = 3;
+/// Counts up when a checkpoint of before cannot be read any more.
+const FORMAT: u32 = 1;
+const EXTENSION: &str = "safetensors";
+
+/// Where a run stands after a period.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Checkpoint {
+    pub agents: AgentsState,
+    pub progress: Progress,
+}
+
+/// Where the schedule and the files of the run stand.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Progress {
+    pub periods_done: usize,
+    /// Bytes of every CSV file.
+    pub file_lengths: BTreeMap<String, u64>,
+    /// Wall time of the run so far.
+    pub elapsed_s: f64,
+}
+
+#[derive(Serialize, Deserialize)]
+struct About {
+    format: u32,
+    steps: u64,
+    optimiser_steps: u32,
+    progress: Progress,
+    /// Of the tables' bytes, one after another.
+    crc32: u32,
+}
+
+const TABLES: [&str; 4] = ["policies", "first_moments", "second_moments", "aips"];
+
+impl Checkpoint {
+    fn tables(&self) -> [&Rows<f32>; 4] {
+        let AgentsState { policies, moments, aips, .. } = &self.agents;
+        [policies, &moments.first, &moments.second, aips]
+    }
+
+    /// Writes the checkpoint into `folder` and removes those that are no longer kept.
+    pub fn write(&self, folder: &Path) -> Result<()> {
+        std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
+        let bytes = self.tables().map(|table| bytemuck::cast_slice::<f32, u8>(table.as_slice()));
+        let about = About {
+            format: FORMAT,
+            steps: self.agents.steps,
+            optimiser_steps: self.agents.moments.steps,
+            progress: self.progress.clone(),
+            crc32: checksum(bytes.into_iter()),
+        };
+        let mut views = Vec::new();
+        for ((name, table), bytes) in TABLES.iter().zip(self.tables()).zip(bytes) {
+            views.push((*name, TensorView::new(Dtype::F32, vec![table.len(), table.width()], bytes)?));
+        }
+        let metadata = HashMap::from([("checkpoint".to_owned(), serde_json::to_string(&about)?)]);
+        let file = safetensors::serialize(views, Some(metadata))?;
+        write_atomically(&folder.join(format!("step_{:012}.{EXTENSION}", self.agents.steps)), &file)?;
+        let all = list(folder)?;
+        for old in &all[..all.len().saturating_sub(KEPT)] {
+            std::fs::remove_file(old).with_context(|| format!("{}: cannot be removed", old.display()))?;
+        }
+        Ok(())
+    }
+
+    /// Reads the newest checkpoint of `folder`, if there is one; a damaged one is an error that tells the way out.
+    pub fn read_newest(folder: &Path) -> Result<Option<Checkpoint>> {
+        let Some(newest) = list(folder)?.pop() else { return Ok(None) };
+        let checkpoint = read(&newest).with_context(|| {
+            let name = newest.display();
+            format!("{name}: cannot be resumed from; remove it to go on from the checkpoint before it")
+        })?;
+        Ok(Some(checkpoint))
+    }
+}
+
+fn read(path: &Path) -> Result<Checkpoint> {
+    let bytes = std::fs::read(path)?;
+    let file = SafeTensors::deserialize(&bytes).context("it is cut short, or no safetensors file")?;
+    let (_, header) = SafeTensors::read_metadata(&bytes)?;
+    let about = header.metadata().as_ref().and_then(|metadata| metadata.get("checkpoint"));
+    let about: serde_json::Value = serde_json::from_str(about.context("it is no checkpoint")?)?;
+    ensure!(
+        about["format"] == FORMAT,
+        "it has format {}, and this program reads format {FORMAT}: go on with the version that wrote it",
+        about["format"]
+    );
+    let about: About = serde_json::from_value(about)?;
+    let tensors = TABLES.iter().map(|name| file.tensor(name)).collect::<Result<Vec<_>, _>>()?;
+    ensure!(
+        checksum(tensors.iter().map(|tensor| tensor.data())) == about.crc32,
+        "its checksum is wrong: it is damaged"
+    );
+    let tables: Vec<Rows<f32>> = tensors.iter().map(rows_of).collect::<Result<_>>()?;
+    let [policies, first, second, aips] = tables.try_into().expect("there are four tables");
+    let moments = Moments { first, second, steps: about.optimiser_steps };
+    Ok(Checkpoint { agents: AgentsState { steps: about.steps, policies, moments, aips }, progress: about.progress })
+}
+
+fn rows_of(tensor: &TensorView<'_>) -> Result<Rows<f32>> {
+    let &[_, width] = tensor.shape() else { bail!("a table of shape {:?}", tensor.shape()) };
+    let values = tensor.data().as_chunks::<4>().0.iter().map(|&value| f32::from_le_bytes(value));
+    Ok(Rows::from_vec(values.collect(), width))
+}
+
+fn checksum<'a>(parts: impl Iterator<Item = &'a [u8]>) -> u32 {
+    let mut hasher = crc32fast::Hasher::new();
+    parts.for_each(|part| hasher.update(part));
+    hasher.finalize()
+}
+
+/// The checkpoints of a folder, oldest first; none where there is no folder.
+fn list(folder: &Path) -> Result<Vec<PathBuf>> {
+    if !folder.exists() {
+        return Ok(Vec::new());
+    }
+    let entries = std::fs::read_dir(folder).with_context(|| format!("{}: cannot be read", folder.display()))?;
+    let mut files = entries.map(|entry| Ok(entry?.path())).collect::<Result<Vec<_>>>()?;
+    files.retain(|path| path.extension().is_some_and(|extension| extension == EXTENSION));
+    files.sort();
+    Ok(files)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn checkpoint(steps: u64) -> Checkpoint {
+        let rows = |from: u8| Rows::from_vec((from..from + 6).map(f32::from).collect(), 2);
+        let moments = Moments { first: rows(10), second: rows(20), steps: 12 };
+        let agents = AgentsState { steps, policies: rows(0), moments, aips: rows(30) };
+        let file_lengths = BTreeMap::from([("returns.csv".to_owned(), 77)]);
+        Checkpoint { agents, progress: Progress { periods_done: 2, file_lengths, elapsed_s: 1.5 } }
+    }
+
+    fn error_of(folder: &Path) -> String {
+        format!("{:#}", Checkpoint::read_newest(folder).unwrap_err())
+    }
+
+    #[test]
+    fn the_newest_comes_back_and_the_last_three_are_kept() {
+        let dir = tempfile::tempdir().unwrap();
+        assert_eq!(Checkpoint::read_newest(&dir.path().join("none")).unwrap(), None);
+        for steps in [900, 1_000, 20_000, 300_000, 4_000_000] {
+            checkpoint(steps).write(dir.path()).unwrap();
+        }
+        assert_eq!(Checkpoint::read_newest(dir.path()).unwrap(), Some(checkpoint(4_000_000)));
+        assert_eq!(list(dir.path()).unwrap().len(), KEPT);
+    }
+
+    #[test]
+    fn damage_is_found_and_the_file_is_named() {
+        let dir = tempfile::tempdir().unwrap();
+        checkpoint(128).write(dir.path()).unwrap();
+        let path = list(dir.path()).unwrap().pop().unwrap();
+        let whole = std::fs::read(&path).unwrap();
+
+        std::fs::write(&path, &whole[..whole.len() - 9]).unwrap();
+        let error = error_of(dir.path());
+        assert!(error.contains("step_000000000128.safetensors") && error.contains("cut short"), "{error}");
+        assert!(error.contains("remove it to go on from the checkpoint before it"), "{error}");
+
+        let mut flipped = whole.clone();
+        *flipped.last_mut().unwrap() ^= 1;
+        std::fs::write(&path, flipped).unwrap();
+        assert!(error_of(dir.path()).contains("checksum"), "{}", error_of(dir.path()));
+
+        let place = whole.windows(10).position(|bytes| bytes == b"format\\\":1").unwrap();
+        let mut newer = whole.clone();
+        newer[place + 9] = b'7';
+        std::fs::write(&path, newer).unwrap();
+        assert!(error_of(dir.path()).contains("it has format 7"), "{}", error_of(dir.path()));
+    }
+}

@@ -1,0 +1,36 @@
+//! Who watches a run, and may ask it to stop.
+
+use super::fleet::AipTraining;
+use crate::base::Phase;
+use crate::evaluation::Evaluation;
+
+/// Hears of the work as it goes on.
+pub trait Observer {
+    /// The policies have been trained for so many timesteps per agent.
+    fn trained(&self, _steps: u64) {}
+
+    /// Something else is going on, and this share of it (`0..=1`) is done.
+    fn busy(&self, _phase: Phase, _share: f64) {}
+
+    fn evaluated(&self, _steps: u64, _evaluation: &Evaluation) {}
+
+    fn aips_trained(&self, _steps: u64, _training: &AipTraining) {}
+
+    /// A worker was lost and started again.
+    fn worker_lost(&self, _message: &str) {}
+
+    /// Somebody asked the run to stop at the next place where nothing is lost.
+    fn stop_requested(&self) -> bool {
+        false
+    }
+}
+
+/// Hears nothing.
+pub struct Silent;
+
+impl Observer for Silent {}
+
+/// The run stopped because somebody asked for it; it can be resumed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("stopped")]
+pub struct Interrupted;

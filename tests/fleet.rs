@@ -1,0 +1,293 @@
+//! Worker processes: the same numbers for any fleet, and through every fault.
+
+use std::fs;
+use std::os::unix::process::ExitStatusExt;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
+
+use rustix::process::{Pid, Signal, kill_process};
+
+const RESULTS: [&str; 5] = ["returns.csv", "aip_loss.csv", "training.csv", "policies.safetensors", "aips.safetensors"];
+/// However slow the machine is, a wait that lasts longer than this waits for something that will not come.
+const FOR_EVER: Duration = Duration::from_secs(120);
+
+/// Three periods of about a second, an AIP training before the first and the last.
+fn write_config(dir: &Path) -> PathBuf {
+    let nets = Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets").display().to_string();
+    let text = format!(
+        "total_steps = 15_000\n\
+         [traffic]\nnetwork = '{nets}/grid_2x2'\nlocal_network = '{nets}/local'\nhorizon = 60\n\
+         [local_simulators]\ncopies = 8\nstagger = true\n[policy]\nhidden = [32, 16]\n\
+         [ppo]\ntime_limit = 'bootstrap'\n\
+         [aip]\nhidden = [8]\nretrain_every_steps = 10_000\ndataset_steps = 300\nbatch = 32\nepochs = 2\n\
+         [evaluation]\nevery_steps = 5_000\nepisodes = 5\n"
+    );
+    let path = dir.join("fleet.toml");
+    fs::write(&path, text).unwrap();
+    path
+}
+
+fn program() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_dials-traffic"))
+}
+
+struct Run {
+    _dir: tempfile::TempDir,
+    config: PathBuf,
+    out: PathBuf,
+}
+
+impl Run {
+    fn new() -> Run {
+        let dir = tempfile::tempdir().unwrap();
+        Run { config: write_config(dir.path()), out: dir.path().join("run"), _dir: dir }
+    }
+
+    fn start(&self, more: &[&str]) -> Child {
+        let mut command = program();
+        command.arg("train").arg(&self.config).arg("--out").arg(&self.out).args(more);
+        command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
+    }
+
+    fn resume(&self, more: &[&str]) -> (ExitStatus, String) {
+        let mut command = program();
+        command.arg("train").arg("--resume").arg(&self.out).args(more);
+        ended(command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap())
+    }
+
+    fn train(&self, more: &[&str]) {
+        let (status, said) = ended(self.start(more));
+        assert!(status.success(), "{said}");
+    }
+
+    fn results(&self) -> Vec<Vec<u8>> {
+        RESULTS.iter().map(|file| fs::read(self.out.join(file)).unwrap()).collect()
+    }
+
+    fn assert_undisturbed(&self) {
+        for ((file, mine), undisturbed) in RESULTS.iter().zip(self.results()).zip(undisturbed()) {
+            assert!(mine == *undisturbed, "{file} differs from that of an undisturbed run");
+        }
+    }
+
+    fn checkpoints(&self) -> Vec<PathBuf> {
+        let Ok(entries) = fs::read_dir(self.out.join("checkpoints")) else { return Vec::new() };
+        let mut files: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
+        files.retain(|path| path.extension().is_some_and(|extension| extension == "safetensors"));
+        files.sort();
+        files
+    }
+
+    fn wait_for_checkpoints(&self, count: usize) {
+        wait_until(|| self.checkpoints().len() >= count);
+    }
+}
+
+/// What a run in a single process makes.
+fn undisturbed() -> &'static Vec<Vec<u8>> {
+    static RESULTS: OnceLock<Vec<Vec<u8>>> = OnceLock::new();
+    RESULTS.get_or_init(|| {
+        let run = Run::new();
+        run.train(&["--workers", "0"]);
+        run.results()
+    })
+}
+
+fn wait_until(done: impl Fn() -> bool) {
+    let begun = Instant::now();
+    while !done() {
+        assert!(begun.elapsed() < FOR_EVER, "waited for ever");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+fn ended(child: Child) -> (ExitStatus, String) {
+    let output = child.wait_with_output().unwrap();
+    (output.status, String::from_utf8_lossy(&output.stderr).into_owned())
+}
+
+/// The worker processes of a coordinator, by their parent in /proc.
+fn workers_of(coordinator: &Child) -> Vec<Pid> {
+    let parent = coordinator.id().to_string();
+    let stat = |pid: i32| -> Option<(String, String)> {
+        let text = fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
+        let mut fields = text.rsplit_once(") ")?.1.split(' ');
+        Some((fields.next()?.to_owned(), fields.next()?.to_owned()))
+    };
+    let names = fs::read_dir("/proc").unwrap().map(|entry| entry.unwrap().file_name());
+    let pids = names.filter_map(|name| name.to_str()?.parse::<i32>().ok());
+    let children = pids.filter(|&pid| stat(pid).is_some_and(|(state, of)| of == parent && state != "Z"));
+    children.filter_map(Pid::from_raw).collect()
+}
+
+fn exists(pid: Pid) -> bool {
+    let text = fs::read_to_string(format!("/proc/{}/stat", pid.as_raw_nonzero())).unwrap_or_default();
+    text.rsplit_once(") ").is_some_and(|(_, rest)| !rest.starts_with('Z'))
+}
+
+/// Asserts that none of the workers outlives its coordinator.
+fn assert_no_orphans(workers: &[Pid]) {
+    assert!(!workers.is_empty());
+    wait_until(|| !workers.iter().any(|&pid| exists(pid)));
+}
+
+fn wait_for_workers(coordinator: &Child, count: usize) -> Vec<Pid> {
+    wait_until(|| workers_of(coordinator).len() == count);
+    workers_of(coordinator)
+}
+
+#[test]
+fn one_two_and_three_workers_make_the_same_files_as_a_single_process() {
+    for workers in ["1", "2", "3"] {
+        let run = Run::new();
+        run.train(&["--workers", workers]);
+        run.assert_undisturbed();
+    }
+}
+
+#[test]
+fn training_on_the_global_simulator_is_the_same_for_any_fleet() {
+    let results = ["0", "1", "3"].map(|workers| {
+        let run = Run::new();
+        run.train(&["--workers", workers, "--simulator", "gs", "--steps", "3000"]);
+        ["returns.csv", "training.csv", "policies.safetensors"].map(|file| fs::read(run.out.join(file)).unwrap())
+    });
+    assert!(results[0] == results[1] && results[0] == results[2]);
+}
+
+#[test]
+fn a_worker_killed_in_the_middle_of_a_period_is_replaced_and_the_numbers_stay() {
+    let run = Run::new();
+    let coordinator = run.start(&["--workers", "2"]);
+    run.wait_for_checkpoints(1);
+    let victim = wait_for_workers(&coordinator, 2)[1];
+    kill_process(victim, Signal::KILL).unwrap();
+    let (status, said) = ended(coordinator);
+    assert!(status.success(), "{said}");
+    assert!(said.contains("warning: worker") && said.contains("signal 9 (killed; out of memory?)"), "{said}");
+    assert!(said.contains("last lines of") && said.contains("owns agents"), "the log's tail is shown: {said}");
+    run.assert_undisturbed();
+}
+
+#[test]
+fn a_worker_that_hangs_is_replaced_after_the_patience() {
+    let run = Run::new();
+    let coordinator = run.start(&["--workers", "2", "--patience", "3"]);
+    run.wait_for_checkpoints(1);
+    kill_process(wait_for_workers(&coordinator, 2)[0], Signal::STOP).unwrap();
+    let (status, said) = ended(coordinator);
+    assert!(status.success(), "{said}");
+    assert!(said.contains("said nothing for 3s and was ended"), "{said}");
+    run.assert_undisturbed();
+}
+
+#[test]
+fn three_deaths_in_a_row_end_the_run_with_a_checkpoint_to_resume_from() {
+    let run = Run::new();
+    let coordinator = run.start(&["--workers", "1"]);
+    run.wait_for_checkpoints(1);
+    let mut killed: Vec<Pid> = Vec::new();
+    wait_until(|| run.out.join("returns.csv").exists());
+    while killed.len() < 3 {
+        let fresh = workers_of(&coordinator).into_iter().find(|pid| !killed.contains(pid));
+        if let Some(pid) = fresh {
+            let _ = kill_process(pid, Signal::KILL); // it may have ended already
+            killed.push(pid);
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let (status, said) = ended(coordinator);
+    assert_eq!(status.code(), Some(1), "{said}");
+    assert!(said.contains("given up after 3 deaths in a row at the same place"), "{said}");
+    assert!(said.contains("train --resume"), "{said}");
+    let (status, said) = run.resume(&["--workers", "2"]);
+    assert!(status.success(), "{said}");
+    run.assert_undisturbed();
+}
+
+#[test]
+fn a_coordinator_killed_at_any_moment_leaves_no_orphan_and_resumes_to_the_same_files() {
+    // Before the first checkpoint, right after one, and within the periods that follow.
+    for (checkpoints, delay_ms) in [(0, 700), (1, 0), (1, 250), (2, 150)] {
+        let run = Run::new();
+        let mut coordinator = run.start(&["--workers", "2"]);
+        let workers = wait_for_workers(&coordinator, 2);
+        run.wait_for_checkpoints(checkpoints);
+        std::thread::sleep(Duration::from_millis(delay_ms));
+        coordinator.kill().unwrap();
+        assert_eq!(ended(coordinator).0.signal(), Some(9));
+        assert_no_orphans(&workers);
+        // And with another number of workers.
+        let (status, said) = run.resume(&["--workers", "3"]);
+        assert!(status.success(), "{said}");
+        run.assert_undisturbed();
+    }
+}
+
+#[test]
+fn ctrl_c_stops_at_the_next_exchange_and_a_second_one_at_once() {
+    let run = Run::new();
+    let coordinator = run.start(&["--workers", "2"]);
+    let workers = wait_for_workers(&coordinator, 2);
+    run.wait_for_checkpoints(1);
+    let pid = Pid::from_child(&coordinator);
+    kill_process(pid, Signal::INT).unwrap();
+    let (status, said) = ended(coordinator);
+    assert_eq!(status.code(), Some(130), "{said}");
+    assert!(said.contains("go on with: dials-traffic train --resume"), "{said}");
+    assert_no_orphans(&workers);
+
+    let mut command = program();
+    command.arg("train").arg("--resume").arg(&run.out).args(["--workers", "2"]);
+    let again = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let workers = wait_for_workers(&again, 2);
+    let pid = Pid::from_child(&again);
+    kill_process(pid, Signal::INT).unwrap();
+    std::thread::sleep(Duration::from_millis(20));
+    let _ = kill_process(pid, Signal::INT); // it may have stopped already
+    assert_eq!(ended(again).0.code(), Some(130));
+    assert_no_orphans(&workers);
+
+    let (status, said) = run.resume(&[]);
+    assert!(status.success(), "{said}");
+    run.assert_undisturbed();
+}
+
+#[test]
+fn a_damaged_checkpoint_is_refused_and_the_one_before_it_serves() {
+    let run = Run::new();
+    run.train(&["--workers", "2"]);
+    let newest = run.checkpoints().pop().unwrap();
+    let bytes = fs::read(&newest).unwrap();
+    fs::write(&newest, &bytes[..bytes.len() / 2]).unwrap();
+    let (status, said) = run.resume(&["--workers", "2"]);
+    assert_eq!(status.code(), Some(1));
+    let name = newest.file_name().unwrap().to_str().unwrap();
+    assert!(said.contains(name) && said.contains("remove it to go on from the checkpoint before it"), "{said}");
+    assert!(said.contains("cut short"), "{said}");
+    fs::remove_file(&newest).unwrap();
+    let (status, said) = run.resume(&["--workers", "2"]);
+    assert!(status.success(), "{said}");
+    run.assert_undisturbed();
+}
+
+#[test]
+fn a_run_is_written_by_one_process_at_a_time() {
+    let run = Run::new();
+    let first = run.start(&["--workers", "1"]);
+    run.wait_for_checkpoints(1);
+    let (status, said) = run.resume(&[]);
+    assert_eq!(status.code(), Some(1));
+    assert!(said.contains("another process is writing this run"), "{said}");
+    assert!(ended(first).0.success());
+    run.assert_undisturbed();
+}
+
+#[test]
+fn a_person_who_starts_a_worker_by_hand_is_told_what_it_is() {
+    let output = program().arg("worker").stdin(Stdio::null()).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() || said.contains("not for people"), "{said}");
+}
