@@ -414,3 +414,47 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
     written.inspect_err(|_| drop(fs::remove_file(&beside))).with_context(failed)?;
     fs::rename(&beside, path).with_context(failed)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::symlink;
+
+    fn line(text: &str) -> Line {
+        vec![text.to_owned()]
+    }
+
+    #[test]
+    fn a_full_disk_is_a_clear_error_and_what_was_there_stays() {
+        let dir = tempfile::tempdir().unwrap();
+        // The kernel's own full disk.
+        let full = dir.path().join("returns.csv");
+        symlink("/dev/full", &full).unwrap();
+        let error = format!("{:#}", append(&full, &line("a"), &[line("1")]).unwrap_err());
+        assert!(error.contains("returns.csv: cannot be written: No space left on device"), "{error}");
+
+        let kept = dir.path().join("policies.safetensors");
+        write_atomically(&kept, b"good").unwrap();
+        symlink("/dev/full", dir.path().join("policies.part")).unwrap();
+        let error = format!("{:#}", write_atomically(&kept, b"newer").unwrap_err());
+        assert!(error.contains("policies.safetensors: cannot be written: No space left on device"), "{error}");
+        assert_eq!(fs::read(&kept).unwrap(), b"good");
+        assert!(!dir.path().join("policies.part").exists());
+    }
+
+    #[test]
+    fn a_growing_file_is_cut_to_where_it_was() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.csv");
+        append(&path, &line("header"), &[line("1"), line("2")]).unwrap();
+        let length = fs::metadata(&path).unwrap().len();
+        append(&path, &line("header"), &[line("3")]).unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), "header\n1\n2\n3\n");
+        cut(&path, length).unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), "header\n1\n2\n");
+        assert!(cut(&path, length + 1).unwrap_err().to_string().contains("it was changed since"));
+        cut(&path, 0).unwrap();
+        assert!(!path.exists());
+        cut(&path, 0).unwrap();
+    }
+}
