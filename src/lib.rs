@@ -12,3 +12,4 @@ pub mod run;
 pub mod sumo;
 pub mod traffic;
 pub mod training;
+pub mod warehouse;

@@ -33,8 +33,8 @@ fn config(simulator: &str) -> Config {
 fn train(config: &Config, dir: &Path) {
     let coins: Arc<dyn Domain> = Arc::new(Coins::new(HORIZON));
     let layouts = Layouts {
-        policies: PolicyStack::layout(coins.spec(), &config.policy.hidden),
-        aips: AipStack::layout(coins.spec(), &config.aip.hidden),
+        policies: PolicyStack::shape(coins.spec(), &config.policy).layout(),
+        aips: AipStack::shape(coins.spec(), &config.aip).layout(),
     };
     let mut fleet = InlineFleet::new(coins, config, Rc::new(Silent));
     let mut log = RunLog::create(dir, layouts, Rc::new(Silent)).unwrap();

@@ -12,6 +12,7 @@ const DOORS: &[(&str, &[&str])] = &[
     ("sumo", &["base"]),
     ("nn", &["base"]),
     ("traffic", &["base", "config", "domain", "sumo"]),
+    ("warehouse", &["base", "config", "domain"]),
     ("influence", &["base", "config", "domain", "nn"]),
     ("policy", &["base", "config", "domain", "nn"]),
     ("evaluation", &["base", "domain", "policy"]),

@@ -399,13 +399,14 @@ fn the_closed_loop_has_the_cars_and_the_return_of_the_global_simulator() {
         }
     }
     let everybody = AgentId::all(agents);
-    let mut aips = AipStack::new(&everybody, domain.spec(), &[64, 64], Seed::new(3));
-    let config = AipConfig { epochs: 20, learning_rate: 3e-4, ..AipConfig::default() };
+    let config = AipConfig { hidden: vec![64, 64], epochs: 20, learning_rate: 3e-4, ..AipConfig::default() };
+    let mut aips = AipStack::new(&everybody, domain.spec(), &config, Seed::new(3));
     train(&mut aips, &everybody, &datasets, &config, Seed::new(4), &mut |_| ());
 
     let rows = agents * 5;
     let mut dice: Vec<Dice> = (0..rows).map(|row| Seed::new(5).for_copy(row).dice()).collect();
     let mut ls = domain.local(rows).unwrap();
+    aips.begin(rows);
     let (mut actions, mut sources) = (vec![0; rows], Rows::new(rows, 4));
     let (mut local_cars, mut local_rewards) = (0.0, 0.0);
     for _ in 0..4 {

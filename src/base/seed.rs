@@ -51,6 +51,11 @@ impl Seed {
         Dice::seed_from_u64(self.0)
     }
 
+    /// The seed of a generator that a room has of its own.
+    pub fn bits(self) -> u64 {
+        self.0
+    }
+
     /// A seed for SUMO, which takes a non-negative 31-bit integer.
     pub fn for_sumo(self) -> u32 {
         (self.0 >> 33) as u32

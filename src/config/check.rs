@@ -1,10 +1,25 @@
 //! Which values make sense. Each error names the key, the value, what is allowed, and where it helps the paper's value.
 
-use anyhow::{Result, ensure};
+use anyhow::{Result, bail, ensure};
 
 use super::Config;
 
 pub(super) fn check(config: &Config) -> Result<()> {
+    match (&config.traffic, &config.warehouse) {
+        (Some(_), None) => (),
+        (None, Some(warehouse)) => {
+            at_least(
+                1,
+                "warehouse.agents_per_side",
+                warehouse.agents_per_side as u64,
+                "the paper uses 2, 5, 7 and 10",
+            )?;
+            let bias = config.policy.initial_switch_bias;
+            ensure!(bias == 0.0, "policy.initial_switch_bias = {bias}: is for traffic; robots have nothing to switch");
+        }
+        (Some(_), Some(_)) => bail!("[traffic] and [warehouse]: a run has one domain; remove one of these tables"),
+        (None, None) => bail!("no domain: add a table [traffic] or [warehouse], as the files under configs/ do"),
+    }
     check_schedule(config)?;
     check_ppo(config)?;
     check_networks(config)?;
@@ -16,7 +31,7 @@ fn check_schedule(config: &Config) -> Result<()> {
     if let Some(steps) = config.stop_at_steps {
         at_least(1, "stop_at_steps", steps, "leave it out to train for total_steps")?;
     }
-    at_least(1, "traffic.horizon", config.traffic.horizon as u64, "the paper uses 300")?;
+    at_least(1, "horizon", config.horizon() as u64, "the paper uses 300 for traffic and 100 for the warehouse")?;
     at_least(1, "local_simulators.copies", config.local_simulators.copies as u64, "the paper uses 1")?;
     at_least(1, "evaluation.every_steps", config.evaluation.every_steps, "100000 gives the paper's curves")?;
     at_least(1, "evaluation.episodes", config.evaluation.episodes as u64, "20 give a standard error near 1")
@@ -43,6 +58,14 @@ fn check_ppo(config: &Config) -> Result<()> {
         config.copies(),
         ppo.rollout_steps,
     );
+    let length = config.sequence_length();
+    at_least(1, "policy.sequence_length", length as u64, "the paper uses 8")?;
+    ensure!(
+        ppo.rollout_steps.is_multiple_of(length) && ppo.minibatch.is_multiple_of(length),
+        "policy.sequence_length = {length}: must divide ppo.rollout_steps = {} and ppo.minibatch = {}",
+        ppo.rollout_steps,
+        ppo.minibatch
+    );
     positive("ppo.learning_rate", ppo.learning_rate, "the paper uses 2.5e-4")?;
     share("ppo.gamma", ppo.gamma, "the paper uses 0.99")?;
     share("ppo.gae_lambda", ppo.gae_lambda, "the paper uses 0.95")?;
@@ -57,6 +80,9 @@ fn check_networks(config: &Config) -> Result<()> {
             !hidden.is_empty() && hidden.iter().all(|&width| width > 0),
             "{key} = {hidden:?}: must list one positive width per hidden layer"
         );
+    }
+    for (key, width) in [("policy.recurrent", config.policy.recurrent), ("aip.recurrent", config.aip.recurrent)] {
+        ensure!(width != Some(0), "{key} = 0: must be a positive width; leave it out for a network without memory");
     }
     let bias = config.policy.initial_switch_bias;
     ensure!(bias.is_finite(), "policy.initial_switch_bias = {bias}: must be a finite number");
@@ -74,17 +100,21 @@ fn check_aip(config: &Config) -> Result<()> {
         "aip.held_out = {}: must be between 0 and 1, both excluded",
         aip.held_out
     );
-    let episodes = config.dataset_episodes(config.traffic.horizon);
+    let episodes = config.dataset_episodes(config.horizon());
     ensure!(
         episodes >= 2,
         "aip.dataset_steps = {}: must span at least 2 episodes of {} steps, one to train on and one held out",
         aip.dataset_steps,
-        config.traffic.horizon
+        config.horizon()
     );
-    let training = (episodes - held_out_episodes(episodes, aip.held_out)) * config.traffic.horizon;
+    let episodes = episodes - held_out_episodes(episodes, aip.held_out);
+    let (training, what) = match aip.recurrent {
+        Some(_) => (episodes, "episodes"),
+        None => (episodes * config.horizon(), "samples"),
+    };
     ensure!(
         training >= aip.batch,
-        "aip.batch = {}: must not exceed the {training} training samples of a dataset",
+        "aip.batch = {}: must not exceed the {training} training {what} of a dataset",
         aip.batch
     );
     Ok(())

@@ -1,6 +1,6 @@
 //! From a file and `--set key=value` to a checked config.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context, Result, anyhow, bail};
 use toml::{Table, Value};
@@ -22,20 +22,18 @@ pub fn load(path: &Path, settings: &[String]) -> Result<Config> {
     let mut config: Config = serde_path_to_error::deserialize(Value::Table(table))
         .map_err(|error| anyhow!("--set: {}: {}", error.path(), error.inner().to_string().trim()))?;
     let folder = path.parent().unwrap_or(Path::new("."));
-    for file in [&mut config.traffic.network, &mut config.traffic.local_network] {
-        *file = folder.join(&file);
+    if let Some(traffic) = &mut config.traffic {
+        for file in [&mut traffic.network, &mut traffic.local_network] {
+            *file = folder.join(&file);
+        }
     }
     check::check(&config).map_err(|error| anyhow!("{}: {error}", path.display()))?;
     Ok(config)
 }
 
 /// The config as the text of a config file.
-///
-/// `networks`: the paths of network and local network to write, relative to where the file will be.
-pub fn to_toml(config: &Config, networks: [PathBuf; 2]) -> Result<String> {
-    let mut config = config.clone();
-    [config.traffic.network, config.traffic.local_network] = networks;
-    Ok(toml::to_string(&config)?)
+pub fn to_toml(config: &Config) -> Result<String> {
+    Ok(toml::to_string(config)?)
 }
 
 fn lay_over(table: &mut Table, setting: &str) -> Result<()> {
@@ -87,28 +85,28 @@ mod tests {
         );
         assert_eq!((config.aip.dataset_steps, config.aip.batch, config.aip.epochs), (10_000, 128, 100));
         assert_eq!((config.total_steps, config.local_simulators.copies), (4_000_000, 1));
-        assert_eq!(config.dataset_episodes(config.traffic.horizon), 34);
+        assert_eq!(config.dataset_episodes(config.horizon()), 34);
     }
 
     #[test]
     fn paths_count_from_the_config_file() {
         let config = load_text(SMALL, &[]).unwrap();
-        assert!(config.traffic.network.is_absolute() && config.traffic.network.ends_with("nets/grid_2x2"));
+        let network = config.traffic.unwrap().network;
+        assert!(network.is_absolute() && network.ends_with("nets/grid_2x2"));
     }
 
     #[test]
     fn settings_are_laid_over_the_file() {
         let settings = ["simulator=gs", "traffic.entry = max", "policy.hidden=[8, 4]", "ppo.clip=0.2", "seed=7"];
         let config = load_text(SMALL, &settings).unwrap();
-        assert_eq!((config.simulator, config.traffic.entry), (SimulatorKind::Gs, EntryRule::Max));
+        assert_eq!((config.simulator, config.traffic.unwrap().entry), (SimulatorKind::Gs, EntryRule::Max));
         assert_eq!((config.policy.hidden, config.ppo.clip, config.seed), (vec![8, 4], 0.2, 7));
     }
 
     #[test]
     fn a_config_comes_back_from_its_own_text() {
         let config = load_text(SMALL, &["policy.initial_switch_bias=-1.5", "stop_at_steps=1000"]).unwrap();
-        let networks = ["nets/grid_2x2".into(), "nets/local".into()];
-        let again = load_text(&to_toml(&config, networks).unwrap(), &[]).unwrap();
+        let again = load_text(&to_toml(&config).unwrap(), &[]).unwrap();
         assert_eq!((again.policy, again.ppo, again.stop_at_steps), (config.policy, config.ppo, config.stop_at_steps));
     }
 
@@ -123,7 +121,8 @@ mod tests {
         assert!(error_of(SMALL, &["aip.retrain_every_steps=0"]).contains("must be at least 1 (the paper uses 100000"));
         assert!(error_of(SMALL, &["local_simulators.copies=3"]).contains("3 x 16 = 48"));
         assert!(error_of(SMALL, &["aip.dataset_steps=200"]).contains("at least 2 episodes"));
-        assert!(error_of("", &[]).contains("missing field `traffic`"));
+        assert!(error_of("", &[]).contains("no domain: add a table [traffic] or [warehouse]"));
+        assert!(error_of(SMALL, &["warehouse.agents_per_side=2"]).contains("a run has one domain"));
         let missing = load(Path::new("no/such.toml"), &[]).unwrap_err();
         assert!(format!("{missing:#}").contains("no/such.toml: cannot be read: No such file"));
     }

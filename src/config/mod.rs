@@ -1,7 +1,7 @@
 //! What a run is: text in, checked meaning out.
 //!
 //! A config is read once, checked once, and handed down; no other room reads files or flags for settings. Defaults are
-//! the paper's (appendix "Hyperparameters"); the files under `configs/` say where they differ.
+//! the paper's for traffic (appendix "Hyperparameters"); the files under `configs/` say where they differ.
 
 mod check;
 mod load;
@@ -31,7 +31,11 @@ pub struct Config {
     /// Stop early, with the decay of `total_steps`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stop_at_steps: Option<u64>,
-    pub traffic: TrafficConfig,
+    /// The domain: this table or the next one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub traffic: Option<TrafficConfig>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub warehouse: Option<WarehouseConfig>,
     #[serde(default)]
     pub local_simulators: LocalSimulatorsConfig,
     #[serde(default)]
@@ -76,6 +80,17 @@ pub struct TrafficConfig {
     pub entry: EntryRule,
 }
 
+/// The warehouse domain.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WarehouseConfig {
+    /// The learning robots form a square of this side, with a ring of other robots around it.
+    pub agents_per_side: usize,
+    /// Steps of an episode.
+    #[serde(default = "defaults::warehouse_horizon")]
+    pub horizon: usize,
+}
+
 /// The d-separating set of the traffic domain.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum DSet {
@@ -113,8 +128,13 @@ pub struct LocalSimulatorsConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PolicyConfig {
+    /// Width of a GRU before the hidden layers (warehouse); left out, the policy has no memory.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub recurrent: Option<usize>,
     /// Widths of the hidden layers.
     pub hidden: Vec<usize>,
+    /// Steps over which the gradient flows back through a GRU; divides `ppo.rollout_steps`.
+    pub sequence_length: usize,
     /// Traffic: added to the initial bias of the logit of "switch".
     pub initial_switch_bias: f32,
 }
@@ -162,6 +182,9 @@ pub enum TimeLimit {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct AipConfig {
+    /// Width of a GRU before the hidden layers (warehouse); left out, the AIP has no memory.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub recurrent: Option<usize>,
     /// Widths of the hidden layers.
     pub hidden: Vec<usize>,
     /// F: timesteps per agent between two trainings of the AIPs; the first one is at step 0.
@@ -171,7 +194,7 @@ pub struct AipConfig {
     /// Share of the episodes, the last ones, that only measure the loss.
     pub held_out: f64,
     pub learning_rate: f64,
-    /// Samples per agent and gradient step.
+    /// Samples per agent and gradient step; with a GRU whole episodes.
     pub batch: usize,
     /// Passes over the dataset per training.
     pub epochs: usize,
@@ -199,6 +222,10 @@ mod defaults {
     pub fn traffic_horizon() -> usize {
         300
     }
+
+    pub fn warehouse_horizon() -> usize {
+        100
+    }
 }
 
 impl Default for LocalSimulatorsConfig {
@@ -209,7 +236,7 @@ impl Default for LocalSimulatorsConfig {
 
 impl Default for PolicyConfig {
     fn default() -> Self {
-        PolicyConfig { hidden: vec![256, 128], initial_switch_bias: 0.0 }
+        PolicyConfig { recurrent: None, hidden: vec![256, 128], sequence_length: 8, initial_switch_bias: 0.0 }
     }
 }
 
@@ -234,6 +261,7 @@ impl Default for PpoConfig {
 impl Default for AipConfig {
     fn default() -> Self {
         AipConfig {
+            recurrent: None,
             hidden: vec![128, 128],
             retrain_every_steps: 1_000_000,
             dataset_steps: 10_000,
@@ -263,6 +291,17 @@ impl Config {
             SimulatorKind::Gs => 1,
             SimulatorKind::Dials | SimulatorKind::UntrainedDials => self.local_simulators.copies,
         }
+    }
+
+    /// Steps of an episode.
+    pub fn horizon(&self) -> usize {
+        let traffic = self.traffic.as_ref().map(|traffic| traffic.horizon);
+        traffic.or(self.warehouse.as_ref().map(|warehouse| warehouse.horizon)).expect("a checked config has a domain")
+    }
+
+    /// Steps of the sequences that a policy is trained on.
+    pub fn sequence_length(&self) -> usize {
+        if self.policy.recurrent.is_some() { self.policy.sequence_length } else { 1 }
     }
 
     /// Episodes per dataset.

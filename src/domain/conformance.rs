@@ -8,7 +8,7 @@
 use anyhow::ensure;
 use rand::Rng;
 
-use super::{Action, Domain, Result, SourceSpec};
+use super::{Action, Domain, Result};
 use crate::base::{AgentId, Dice, Rows, Seed};
 
 /// What [`check`] measured.
@@ -69,9 +69,7 @@ fn record(domain: &dyn Domain, seed: Seed) -> Result<Recording> {
 
 fn check_shapes(domain: &dyn Domain, recording: &Recording) -> Result<()> {
     let spec = domain.spec();
-    let classes = match spec.sources {
-        SourceSpec::Binary { .. } => 2,
-    };
+    let classes = spec.sources.classes() as u8;
     for (obs, (sources, rewards)) in recording.obs.iter().zip(recording.sources.iter().zip(&recording.rewards)) {
         ensure!((obs.len(), obs.width()) == (domain.agents(), spec.obs_dim), "observations of a wrong shape");
         ensure!(sources.width() == spec.sources.count(), "influence sources of a wrong shape");

@@ -7,6 +7,7 @@
 //! A new domain implements the three traits and passes [`conformance`]; [`toy`] is the smallest one.
 
 pub mod conformance;
+mod scene;
 mod spec;
 pub mod toy;
 
@@ -14,6 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::base::{AgentId, Rows, Seed};
 
+pub use scene::{Colour, Scene};
 pub use spec::{Action, RegionSpec, SourceSpec};
 
 /// Simulators fail for reasons of their own (SUMO, files); no room above chooses by the kind of failure.
@@ -78,6 +80,11 @@ pub trait GlobalSimulator {
 
     /// What else there is to tell of the episode so far.
     fn measures(&mut self) -> Result<Measures>;
+
+    /// A picture of the state, where the domain draws one.
+    fn scene(&self) -> Option<Scene> {
+        None
+    }
 }
 
 /// The local simulators of many regions in lockstep: `x' ~ T_i(. | x, u, a)`, one row per (agent, copy).

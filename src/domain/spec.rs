@@ -21,13 +21,24 @@ pub struct RegionSpec {
 pub enum SourceSpec {
     /// Independent bits (traffic: did a car enter on this edge?), each predicted by one sigmoid.
     Binary { sources: usize },
+    /// Independent choices of one class each (warehouse: where does this neighbour stand?), each predicted by one
+    /// softmax. Class 0 stands for nothing happening.
+    Categorical { sources: usize, classes: usize },
 }
 
 impl SourceSpec {
     /// How many influence sources there are: the width of a row of sources.
     pub fn count(self) -> usize {
         match self {
-            SourceSpec::Binary { sources } => sources,
+            SourceSpec::Binary { sources } | SourceSpec::Categorical { sources, .. } => sources,
+        }
+    }
+
+    /// How many values a source can take.
+    pub fn classes(self) -> usize {
+        match self {
+            SourceSpec::Binary { .. } => 2,
+            SourceSpec::Categorical { classes, .. } => classes,
         }
     }
 
@@ -35,6 +46,7 @@ impl SourceSpec {
     pub fn logits(self) -> usize {
         match self {
             SourceSpec::Binary { sources } => sources,
+            SourceSpec::Categorical { sources, classes } => sources * classes,
         }
     }
 }

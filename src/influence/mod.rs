@@ -6,6 +6,7 @@
 
 mod aip;
 mod dataset;
+mod sources;
 mod train;
 
 use crate::base::{Dice, Rows};
@@ -16,6 +17,9 @@ pub use train::{AipLoss, CrossEntropies, train};
 
 /// Samples the influence sources of many regions, one row per (agent, copy).
 pub trait InfluencePredictor {
+    /// So many rows come from now on, and an episode begins in each.
+    fn begin(&mut self, rows: usize);
+
     /// Episodes begin in these rows: forget what was seen of the old ones.
     fn forget(&mut self, rows: &[usize]);
 

@@ -1,9 +1,10 @@
 //! Training of the AIPs on the datasets, all agents of a stack at once (Algorithm 1, lines 4 to 6).
 
+use std::ops::Range;
+
 use rand::seq::SliceRandom;
 
-use super::aip::sigmoid;
-use super::{AipStack, Dataset};
+use super::{AipStack, Dataset, sources};
 use crate::base::{AgentId, Dice, Rows, Seed};
 use crate::config::{AipConfig, held_out_episodes};
 use crate::domain::SourceSpec;
@@ -22,19 +23,19 @@ pub struct AipLoss {
     pub held_out: [CrossEntropies; 2],
     /// On the episodes held out, of the best constant: the frequency in the training episodes.
     pub marginals: CrossEntropies,
-    /// How often each source was 1 in the training episodes.
+    /// How often each source was not 0 in the training episodes.
     pub frequencies: Vec<f64>,
 }
 
-/// Rows of the samples of one stage for which losses are measured at once.
+/// Samples per agent for which losses are measured at once.
 const LOSS_CHUNK: usize = 512;
 
 /// Trains every agent's AIP on its own dataset and measures the loss before and after.
 ///
 /// `datasets`: one per agent of the stack, all of one length. The last `held_out` of the episodes only measure. Adam
 /// starts fresh and the incomplete last batch of an epoch is dropped, as in the authors' code; the weights go on from
-/// the previous training. Minibatches are drawn from `seed`, each agent's from its own stream. `progress` is called
-/// with the share that is done.
+/// the previous training. AIPs with memory are trained on whole episodes, others on single samples. Minibatches are
+/// drawn from `seed`, each agent's from its own stream. `progress` is called with the share that is done.
 pub fn train(
     aips: &mut AipStack,
     agents: &[AgentId],
@@ -44,21 +45,23 @@ pub fn train(
     progress: &mut dyn FnMut(f64),
 ) -> Vec<AipLoss> {
     let (first, last) = split(&datasets[0], config.held_out);
-    let before = [losses(aips, datasets, 0, first), losses(aips, datasets, first, last)];
+    let steps = if aips.net().shape().recurrent.is_some() { datasets[0].horizon } else { 1 };
+    let before = [losses(aips, datasets, steps, 0..first), losses(aips, datasets, steps, first..last)];
     let mut dice: Vec<Dice> = agents.iter().map(|&agent| seed.for_agent(agent).dice()).collect();
     let mut adam = Adam::new(aips.parameters());
-    let mut order: Vec<Vec<usize>> = vec![(0..first).collect(); agents.len()];
-    let mut minibatch = Minibatch::new(agents.len(), config.batch, &datasets[0]);
+    // Sequences of `steps` samples each.
+    let mut order: Vec<Vec<usize>> = vec![(0..first / steps).collect(); agents.len()];
+    let mut minibatch = Minibatch::new(agents.len(), config.batch, steps, &datasets[0]);
     for epoch in 0..config.epochs {
         order.iter_mut().zip(&mut dice).for_each(|(order, dice)| order.shuffle(dice));
-        for batch in 0..first / config.batch {
+        for batch in 0..first / steps / config.batch {
             minibatch.gather(datasets, |agent, i| order[agent][batch * config.batch + i]);
             minibatch.descend(aips, &mut adam, config.learning_rate);
         }
         progress((epoch + 1) as f64 / config.epochs as f64);
     }
-    let after = [losses(aips, datasets, 0, first), losses(aips, datasets, first, last)];
-    report(datasets, first, before, after)
+    let after = [losses(aips, datasets, steps, 0..first), losses(aips, datasets, steps, first..last)];
+    report(datasets, aips.sources(), first, before, after)
 }
 
 /// Where the training samples end and the held-out ones end.
@@ -68,109 +71,116 @@ fn split(dataset: &Dataset, share: f64) -> (usize, usize) {
     (training * dataset.horizon, dataset.len())
 }
 
-/// One minibatch of every agent.
+/// Some sequences of every agent; rows ordered agent, step, sequence.
 struct Minibatch {
-    batch: usize,
+    sequences: usize,
+    steps: usize,
     d_sets: Rows<f32>,
     sources: Rows<u8>,
 }
 
 impl Minibatch {
-    fn new(agents: usize, batch: usize, like: &Dataset) -> Self {
-        let rows = agents * batch;
+    fn new(agents: usize, sequences: usize, steps: usize, like: &Dataset) -> Self {
+        let rows = agents * sequences * steps;
         Minibatch {
-            batch,
+            sequences,
+            steps,
             d_sets: Rows::new(rows, like.d_sets.width()),
             sources: Rows::new(rows, like.sources.width()),
         }
     }
 
-    /// Copies sample `pick(agent, i)` of every agent's dataset to row i of the agent.
+    /// Copies sequence `pick(agent, i)` of every agent's dataset to the i-th of the agent.
     fn gather(&mut self, datasets: &[Dataset], pick: impl Fn(usize, usize) -> usize) {
         for (agent, dataset) in datasets.iter().enumerate() {
-            for i in 0..self.batch {
-                let (row, sample) = (agent * self.batch + i, pick(agent, i));
-                dataset.d_sets.read(sample, self.d_sets.row_mut(row));
-                self.sources.row_mut(row).copy_from_slice(dataset.sources.row(sample));
+            for i in 0..self.sequences {
+                let sequence = pick(agent, i);
+                for step in 0..self.steps {
+                    let row = (agent * self.steps + step) * self.sequences + i;
+                    let sample = sequence * self.steps + step;
+                    dataset.d_sets.read(sample, self.d_sets.row_mut(row));
+                    self.sources.row_mut(row).copy_from_slice(dataset.sources.row(sample));
+                }
             }
         }
     }
 
-    /// One gradient step on the cross-entropy, averaged over the batch and the sources of each agent.
+    /// One gradient step on the cross-entropy, averaged over the samples and the sources of each agent.
     fn descend(&self, aips: &mut AipStack, adam: &mut Adam, learning_rate: f64) {
-        let SourceSpec::Binary { sources } = aips.sources();
-        let trace = aips.forward(&self.d_sets);
-        let scale = 1.0 / (self.batch * sources) as f32;
-        let logits = trace.output().iter().zip(self.sources.as_slice());
-        // d/dx of -(u ln s(x) + (1 - u) ln(1 - s(x))) is s(x) - u.
-        let gradient: Vec<f32> = logits.map(|(&x, &u)| (sigmoid(x) - f32::from(u)) * scale).collect();
+        let spec = aips.sources();
+        let trace = aips.forward(&self.d_sets, self.steps);
+        let scale = 1.0 / (self.sequences * self.steps * spec.count()) as f32;
+        let mut gradient = vec![0.0; trace.output().len()];
+        let rows = gradient.chunks_exact_mut(spec.logits()).zip(trace.output().chunks_exact(spec.logits()));
+        for ((gradient, logits), observed) in rows.zip(self.sources.iter()) {
+            sources::write_gradient(spec, logits, observed, scale, gradient);
+        }
         let net = aips.net_mut();
         net.backward(&trace, &gradient);
         adam.step(net.parameters_mut(), learning_rate);
     }
 }
 
-/// Mean cross-entropy of every agent and source over the samples `from..to`.
-fn losses(aips: &mut AipStack, datasets: &[Dataset], from: usize, to: usize) -> Vec<CrossEntropies> {
-    let SourceSpec::Binary { sources } = aips.sources();
-    let mut sums = vec![vec![0.0; sources]; datasets.len()];
-    for start in (from..to).step_by(LOSS_CHUNK) {
-        let batch = LOSS_CHUNK.min(to - start);
-        let mut chunk = Minibatch::new(datasets.len(), batch, &datasets[0]);
-        chunk.gather(datasets, |_, i| start + i);
-        let trace = aips.forward(&chunk.d_sets);
-        let rows = trace.output().chunks_exact(sources).zip(chunk.sources.iter());
+/// Mean cross-entropy of every agent and source over some of the samples, which are whole sequences of `steps`.
+fn losses(aips: &AipStack, datasets: &[Dataset], steps: usize, samples: Range<usize>) -> Vec<CrossEntropies> {
+    let spec = aips.sources();
+    let mut sums = vec![vec![0.0; spec.count()]; datasets.len()];
+    let (first, last) = (samples.start / steps, samples.end / steps);
+    let chunk = (LOSS_CHUNK / steps).max(1);
+    for start in (first..last).step_by(chunk) {
+        let mut minibatch = Minibatch::new(datasets.len(), chunk.min(last - start), steps, &datasets[0]);
+        minibatch.gather(datasets, |_, i| start + i);
+        let trace = aips.forward(&minibatch.d_sets, steps);
+        let rows = trace.output().chunks_exact(spec.logits()).zip(minibatch.sources.iter());
         for (row, (logits, observed)) in rows.enumerate() {
-            for (source, (&logit, &u)) in logits.iter().zip(observed).enumerate() {
-                sums[row / batch][source] += binary_cross_entropy(f64::from(logit), u);
-            }
+            let agent = row / (minibatch.sequences * steps);
+            sources::add_cross_entropies(spec, logits, observed, &mut sums[agent]);
         }
     }
-    let samples = (to - from) as f64;
-    sums.iter_mut().flatten().for_each(|sum| *sum /= samples);
+    let count = samples.len() as f64;
+    sums.iter_mut().flatten().for_each(|sum| *sum /= count);
     sums
 }
 
-/// `-(u ln s(x) + (1 - u) ln(1 - s(x)))`, without overflow for any logit `x`.
-fn binary_cross_entropy(logit: f64, u: u8) -> f64 {
-    logit.max(0.0) - logit * f64::from(u) + (-logit.abs()).exp().ln_1p()
-}
+/// The frequencies of each source's classes.
+type Frequencies = Vec<Vec<f64>>;
 
 fn report(
     datasets: &[Dataset],
+    spec: SourceSpec,
     first: usize,
     before: [Vec<CrossEntropies>; 2],
     after: [Vec<CrossEntropies>; 2],
 ) -> Vec<AipLoss> {
     let per_agent = datasets.iter().enumerate().map(|(agent, dataset)| {
-        let frequencies = frequencies(dataset, 0, first);
-        let observed = self::frequencies(dataset, first, dataset.len());
-        let marginals = frequencies.iter().zip(observed).map(|(&p, q)| cross_entropy_of_constant(p, q)).collect();
+        let seen = frequencies(dataset, spec, 0..first);
+        let held_out = frequencies(dataset, spec, first..dataset.len());
         AipLoss {
             training: [before[0][agent].clone(), after[0][agent].clone()],
             held_out: [before[1][agent].clone(), after[1][agent].clone()],
-            marginals,
-            frequencies,
+            marginals: seen.iter().zip(&held_out).map(|(p, q)| cross_entropy_of_constants(p, q)).collect(),
+            frequencies: seen.iter().map(|classes| 1.0 - classes[0]).collect(),
         }
     });
     per_agent.collect()
 }
 
-fn frequencies(dataset: &Dataset, from: usize, to: usize) -> Vec<f64> {
-    let mut counts = vec![0_u64; dataset.sources.width()];
-    for sample in from..to {
-        counts.iter_mut().zip(dataset.sources.row(sample)).for_each(|(count, &u)| *count += u64::from(u));
+fn frequencies(dataset: &Dataset, spec: SourceSpec, samples: Range<usize>) -> Frequencies {
+    let mut counts = vec![vec![0_u64; spec.classes()]; spec.count()];
+    for sample in samples.clone() {
+        let observed = dataset.sources.row(sample);
+        counts.iter_mut().zip(observed).for_each(|(counts, &u)| counts[usize::from(u)] += 1);
     }
-    counts.iter().map(|&count| count as f64 / (to - from) as f64).collect()
+    let share = |count: &u64| *count as f64 / samples.len() as f64;
+    counts.iter().map(|counts| counts.iter().map(share).collect()).collect()
 }
 
-/// Cross-entropy of predicting 1 with probability `p` where 1 has frequency `q`.
+/// Cross-entropy of predicting the frequencies `p` where the true ones are `q`.
 ///
-/// A source that was never (or always) seen in training is predicted as half an event in 1e6, so that one surprise in
-/// the held-out episodes does not make the mean infinite.
-fn cross_entropy_of_constant(p: f64, q: f64) -> f64 {
-    let p = p.clamp(5e-7, 1.0 - 5e-7);
-    -(q * p.ln() + (1.0 - q) * (1.0 - p).ln())
+/// A class that was never seen in training is predicted as half an event in 1e6, so that one surprise in the held-out
+/// episodes does not make the mean infinite.
+fn cross_entropy_of_constants(p: &[f64], q: &[f64]) -> f64 {
+    -p.iter().zip(q).map(|(p, q)| q * p.max(5e-7).ln()).sum::<f64>()
 }
 
 #[cfg(test)]
@@ -195,13 +205,16 @@ mod tests {
         dataset
     }
 
+    fn config() -> AipConfig {
+        AipConfig { hidden: vec![16, 16], learning_rate: 1e-3, epochs: 12, ..AipConfig::default() }
+    }
+
     fn trained(agents: &[AgentId]) -> (Vec<AipLoss>, Vec<f32>) {
         let sources = SourceSpec::Binary { sources: 2 };
         let spec = RegionSpec { obs_dim: 3, d_set_dim: 3, n_actions: 2, sources, horizon: 100 };
-        let mut aips = AipStack::new(agents, &spec, &[16, 16], Seed::new(1));
+        let mut aips = AipStack::new(agents, &spec, &config(), Seed::new(1));
         let datasets: Vec<Dataset> = agents.iter().map(|&agent| known_dataset(agent)).collect();
-        let config = AipConfig { learning_rate: 1e-3, epochs: 12, ..AipConfig::default() };
-        let losses = train(&mut aips, agents, &datasets, &config, Seed::new(2), &mut |_| ());
+        let losses = train(&mut aips, agents, &datasets, &config(), Seed::new(2), &mut |_| ());
         let values = aips.parameters().values().to_vec();
         (losses, values)
     }
@@ -229,13 +242,45 @@ mod tests {
         assert_eq!(alone, together[together.len() / 2..]);
     }
 
+    /// A source that repeats what the d-set showed two steps ago: only a memory can tell.
+    fn delayed_dataset() -> Dataset {
+        let sources = SourceSpec::Categorical { sources: 1, classes: 3 };
+        let spec = RegionSpec { obs_dim: 3, d_set_dim: 3, n_actions: 2, sources, horizon: 20 };
+        let mut dataset = Dataset::new(&spec);
+        let mut dice = Seed::new(31).dice();
+        for _ in 0..200 {
+            let mut shown = [0_u8; 2];
+            for _ in 0..20 {
+                let class = dice.random_range(0..3_u8);
+                let mut d_set = [0.0; 3];
+                d_set[usize::from(class)] = 1.0;
+                dataset.push(&d_set, &[shown[0]]);
+                shown = [shown[1], class];
+            }
+        }
+        dataset
+    }
+
     #[test]
-    fn cross_entropies_are_worked_out_by_hand() {
-        // s(0) = 1/2: ln 2 either way; s(ln 3) = 3/4: -ln(3/4) = 0.28768 for 1, -ln(1/4) = 1.38629 for 0.
-        assert!((binary_cross_entropy(0.0, 1) - 2_f64.ln()).abs() < 1e-12);
-        assert!((binary_cross_entropy(3_f64.ln(), 1) - 0.287_682).abs() < 1e-6);
-        assert!((binary_cross_entropy(3_f64.ln(), 0) - 1.386_294).abs() < 1e-6);
-        assert_eq!(binary_cross_entropy(1000.0, 1), 0.0);
-        assert_eq!(binary_cross_entropy(1000.0, 0), 1000.0);
+    fn an_aip_with_memory_learns_what_one_without_cannot() {
+        let sources = SourceSpec::Categorical { sources: 1, classes: 3 };
+        let spec = RegionSpec { obs_dim: 3, d_set_dim: 3, n_actions: 2, sources, horizon: 20 };
+        let loss = |recurrent: Option<usize>| {
+            let batch = if recurrent.is_some() { 20 } else { 128 };
+            let config = AipConfig {
+                recurrent,
+                hidden: vec![16],
+                learning_rate: 1e-2,
+                epochs: 30,
+                batch,
+                ..AipConfig::default()
+            };
+            let mut aips = AipStack::new(&[AgentId(0)], &spec, &config, Seed::new(1));
+            let datasets = [delayed_dataset()];
+            train(&mut aips, &[AgentId(0)], &datasets, &config, Seed::new(2), &mut |_| ()).remove(0).held_out[1][0]
+        };
+        // Without memory: the two first steps are sure (0), the others a die of three, 18 / 20 * ln 3 = 0.989 at least.
+        let (with, without) = (loss(Some(16)), loss(None));
+        assert!(with < 0.2 && without > 0.95, "{with} {without}");
     }
 }

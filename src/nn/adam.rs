@@ -66,16 +66,17 @@ impl Adam {
 mod tests {
     use super::*;
     use crate::base::{AgentId, Seed};
-    use crate::nn::{Mlp, rows_to_tensor};
+    use crate::nn::{Net, Shape, States};
 
     #[test]
     fn two_steps_are_worked_out_by_hand() {
         // y = w x + b with x = 1, dL/dy = 2 then 1: the gradients of w and b are 2 then 1.
-        let mut net = Mlp::new(&[AgentId(0)], &[1, 1], Seed::new(0));
+        let mut net =
+            Net::new(&[AgentId(0)], Shape { inputs: 1, recurrent: None, hidden: vec![], outputs: 1 }, Seed::new(0));
         net.parameters_mut().load(&Rows::from_vec(vec![1.0, -1.0], 2));
         let mut adam = Adam::new(net.parameters());
         for gradient in [2.0, 1.0] {
-            let trace = net.forward(rows_to_tensor(&Rows::from_vec(vec![1.0], 1), 1));
+            let trace = net.step(&Rows::from_vec(vec![1.0], 1), &mut States::new(1, 0));
             net.backward(&trace, &[gradient]);
             adam.step(net.parameters_mut(), 0.1);
         }

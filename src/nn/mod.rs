@@ -10,14 +10,19 @@
 //!
 //! This room knows tensors; it does not know what the numbers mean.
 
+mod activations;
 mod adam;
 mod convert;
-mod mlp;
+mod gru;
+mod net;
 mod parameters;
 mod stack_file;
+mod states;
 
+pub use activations::sigmoid;
 pub use adam::{Adam, Moments};
 pub use convert::{rows_to_tensor, tensor_to_slice};
-pub use mlp::{Mlp, Trace};
+pub use net::{Net, Sequences, Shape, Trace};
 pub use parameters::{Layout, Parameters};
 pub use stack_file::{read_stack, write_stack};
+pub use states::States;

@@ -53,11 +53,12 @@ pub fn read_stack(path: &Path, layout: &Layout, agents: usize) -> Result<Rows<f3
 mod tests {
     use super::*;
     use crate::base::{AgentId, Seed};
-    use crate::nn::Mlp;
+    use crate::nn::{Net, Shape};
 
     #[test]
     fn a_stack_comes_back_as_it_was() {
-        let net = Mlp::new(&AgentId::all(3), &[4, 5, 2], Seed::new(1));
+        let shape = Shape { inputs: 4, recurrent: None, hidden: vec![5], outputs: 2 };
+        let net = Net::new(&AgentId::all(3), shape, Seed::new(1));
         let bytes = write_stack(net.parameters().layout(), &net.parameters().to_rows(), &HashMap::new()).unwrap();
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), bytes).unwrap();
@@ -66,7 +67,8 @@ mod tests {
 
     #[test]
     fn a_stack_of_another_shape_or_a_torn_file_is_a_clear_error() {
-        let net = Mlp::new(&AgentId::all(3), &[4, 5, 2], Seed::new(1));
+        let shape = Shape { inputs: 4, recurrent: None, hidden: vec![5], outputs: 2 };
+        let net = Net::new(&AgentId::all(3), shape, Seed::new(1));
         let bytes = write_stack(net.parameters().layout(), &net.parameters().to_rows(), &HashMap::new()).unwrap();
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), &bytes).unwrap();

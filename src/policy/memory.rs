@@ -1,7 +1,8 @@
-//! What an agent learns from: the samples of one update.
+//! What an agent learns from: the samples of one update, in sequences.
 
 use crate::base::Rows;
 use crate::domain::Action;
+use crate::nn::States;
 
 /// One decision of one agent and what came of it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -13,29 +14,46 @@ pub struct Sample {
     /// The generalised advantage estimate and the return it implies, `advantage + value`.
     pub advantage: f32,
     pub ret: f32,
+    /// An episode begins with this decision.
+    pub start: bool,
 }
 
-/// The samples of all agents between two updates, `capacity` per agent.
+/// The samples of all agents between two updates, `capacity` per agent, in sequences of `length` consecutive decisions
+/// (1 for policies without memory), each with the hidden state that it began in.
 ///
-/// Rows are ordered agent, rollout, step, copy.
+/// Rows are ordered agent, sequence, step.
 pub struct Memory {
     capacity: usize,
+    length: usize,
     obs: Rows<f32>,
     samples: Vec<Sample>,
+    states: States,
 }
 
 impl Memory {
-    pub fn new(agents: usize, capacity: usize, obs_dim: usize) -> Self {
+    pub fn new(agents: usize, capacity: usize, length: usize, obs_dim: usize, state_width: usize) -> Self {
         Memory {
             capacity,
+            length,
             obs: Rows::new(agents * capacity, obs_dim),
             samples: vec![Sample::default(); agents * capacity],
+            states: States::new(agents * capacity / length, state_width),
         }
     }
 
     /// Samples per agent.
     pub fn capacity(&self) -> usize {
         self.capacity
+    }
+
+    /// Steps per sequence.
+    pub fn length(&self) -> usize {
+        self.length
+    }
+
+    /// Sequences per agent; sequence s has the slots from `s * length` on.
+    pub fn sequences(&self) -> usize {
+        self.capacity / self.length
     }
 
     pub fn obs(&self, agent: usize, slot: usize) -> &[f32] {
@@ -50,9 +68,18 @@ impl Memory {
         &mut self.samples[agent * self.capacity + slot]
     }
 
-    /// Writes down a decision; its advantage and return follow later.
-    pub fn remember(&mut self, agent: usize, slot: usize, obs: &[f32], sample: Sample) {
+    /// The hidden state in which a sequence began.
+    pub fn state(&self, agent: usize, sequence: usize) -> &[f32] {
+        self.states.row(agent * self.sequences() + sequence)
+    }
+
+    /// Writes down a decision and, where a sequence begins with it, the hidden state before it; its advantage and
+    /// return follow later.
+    pub fn remember(&mut self, agent: usize, slot: usize, obs: &[f32], state: &[f32], sample: Sample) {
         self.obs.row_mut(agent * self.capacity + slot).copy_from_slice(obs);
+        if slot.is_multiple_of(self.length) {
+            self.states.set_row(agent * self.sequences() + slot / self.length, state);
+        }
         *self.sample_mut(agent, slot) = sample;
     }
 }

@@ -5,8 +5,9 @@ mod memory;
 pub mod sampling;
 
 use crate::base::{AgentId, Rows, Seed};
+use crate::config::PolicyConfig;
 use crate::domain::RegionSpec;
-use crate::nn::{Layout, Mlp, Parameters, Trace, rows_to_tensor};
+use crate::nn::{Net, Parameters, Sequences, Shape, States, Trace};
 
 pub use controller::{JointPolicyController, Selection};
 pub use memory::{Memory, Sample};
@@ -14,13 +15,12 @@ pub use memory::{Memory, Sample};
 /// The parameters of all agents' policies, one row per agent: what is exchanged, saved and evaluated.
 pub type JointPolicy = Rows<f32>;
 
-/// One policy and value network per agent: observation -> hidden layers -> logits of the actions and one value.
+/// One policy and value network per agent: observation -> GRU, if any -> hidden layers -> logits and one value.
 ///
-/// Source: DIALS paper, appendix "Hyperparameters" (traffic: 256 and 128, ReLU).
+/// Source: DIALS paper, appendix "Hyperparameters" (traffic: 256 and 128; warehouse: GRU 256 and 128).
 pub struct PolicyStack {
-    agents: usize,
     n_actions: usize,
-    net: Mlp,
+    net: Net,
 }
 
 /// What the networks say about a batch of observations, rows as the observations.
@@ -40,35 +40,46 @@ impl Judgement {
     }
 }
 
-fn sizes(spec: &RegionSpec, hidden: &[usize]) -> Vec<usize> {
-    [&[spec.obs_dim], hidden, &[spec.n_actions + 1]].concat()
-}
-
 impl PolicyStack {
-    /// Where the weights and biases of a policy lie within its row.
-    pub fn layout(spec: &RegionSpec, hidden: &[usize]) -> Layout {
-        Mlp::layout(&sizes(spec, hidden))
+    /// What a policy looks like.
+    pub fn shape(spec: &RegionSpec, config: &PolicyConfig) -> Shape {
+        Shape {
+            inputs: spec.obs_dim,
+            recurrent: config.recurrent,
+            hidden: config.hidden.clone(),
+            outputs: spec.n_actions + 1,
+        }
     }
 
     /// Randomly initialised policies, each agent's from its own stream; `action_bias` is added to the initial biases
     /// of the logits.
-    pub fn new(agents: &[AgentId], spec: &RegionSpec, hidden: &[usize], action_bias: &[f32], seed: Seed) -> Self {
-        let mut net = Mlp::new(agents, &sizes(spec, hidden), seed);
+    pub fn new(agents: &[AgentId], spec: &RegionSpec, config: &PolicyConfig, action_bias: &[f32], seed: Seed) -> Self {
+        let mut net = Net::new(agents, PolicyStack::shape(spec, config), seed);
         net.shift_output(action_bias);
-        PolicyStack { agents: agents.len(), n_actions: spec.n_actions, net }
+        PolicyStack { n_actions: spec.n_actions, net }
     }
 
     pub fn agents(&self) -> usize {
-        self.agents
+        self.net.parameters().agents()
     }
 
     pub fn n_actions(&self) -> usize {
         self.n_actions
     }
 
-    /// `obs`: rows ordered agent-major, as many for each agent.
-    pub fn judge(&self, obs: &Rows<f32>) -> Judgement {
-        Judgement { trace: self.net.forward(rows_to_tensor(obs, self.agents)), n_actions: self.n_actions }
+    /// Cleared states for so many rows.
+    pub fn states(&self, rows: usize) -> States {
+        self.net.states(rows)
+    }
+
+    /// One decision. `obs`: rows ordered agent-major, one per row of `states`, which move on.
+    pub fn judge(&self, obs: &Rows<f32>, states: &mut States) -> Judgement {
+        Judgement { trace: self.net.step(obs, states), n_actions: self.n_actions }
+    }
+
+    /// Whole sequences of decisions. `obs`: rows ordered agent, step, sequence.
+    pub fn judge_sequences(&self, obs: &Rows<f32>, sequences: &Sequences<'_>) -> Judgement {
+        Judgement { trace: self.net.forward(obs, sequences), n_actions: self.n_actions }
     }
 
     pub fn parameters(&self) -> &Parameters {
@@ -83,7 +94,7 @@ impl PolicyStack {
         self.net.parameters_mut().load(policies);
     }
 
-    pub fn net_mut(&mut self) -> &mut Mlp {
+    pub fn net_mut(&mut self) -> &mut Net {
         &mut self.net
     }
 }

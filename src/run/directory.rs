@@ -1,18 +1,18 @@
 //! Run directories: made, described, and opened again.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
 use serde_json::json;
 
+use super::domain;
 use super::info::versions;
 use crate::base::AgentId;
 use crate::config::{self, Config};
 use crate::domain::Domain;
 use crate::nn::read_stack;
 use crate::policy::{JointPolicy, PolicyStack};
-use crate::traffic::Traffic;
-use crate::traffic::net_file::NetworkFiles;
 use crate::training::run_log::{files, write_atomically};
 use crate::training::worker::initial_policies;
 
@@ -58,13 +58,9 @@ impl RunDirectory {
     }
 
     /// Writes config, networks and circumstances.
-    pub fn describe(&self, config: &Config, networks: [&NetworkFiles; 2]) -> Result<()> {
-        let folder = self.path.join(files::NETWORKS);
-        std::fs::create_dir(&folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
-        networks.iter().try_for_each(|network| network.copy_to(&folder).map(drop))?;
-        let kept = [&config.traffic.network, &config.traffic.local_network]
-            .map(|network| Path::new(files::NETWORKS).join(network.file_name().unwrap_or_default()));
-        write_atomically(&self.path.join(files::CONFIG), config::to_toml(config, kept)?.as_bytes())?;
+    pub fn describe(&self, config: &Config) -> Result<()> {
+        let kept = domain::keep_files(config, &self.path.join(files::NETWORKS), &self.path)?;
+        write_atomically(&self.path.join(files::CONFIG), config::to_toml(&kept)?.as_bytes())?;
         let run = json!({
             "seed": config.seed,
             "command": std::env::args().collect::<Vec<_>>(),
@@ -77,14 +73,14 @@ impl RunDirectory {
 /// What [`open`] finds: a run that can be evaluated.
 pub struct TrainedRun {
     pub config: Config,
-    pub domain: Traffic,
+    pub domain: Arc<dyn Domain>,
     /// Policies of the right shape for [`crate::policy::JointPolicyController`].
     pub stack: PolicyStack,
     pub policies: JointPolicy,
 }
 
 /// Reads the config of a run directory and opens its domain.
-pub fn open_config(path: &Path) -> Result<(Config, Traffic)> {
+pub fn open_config(path: &Path) -> Result<(Config, Arc<dyn Domain>)> {
     let config_path = path.join(files::CONFIG);
     ensure!(
         config_path.is_file(),
@@ -93,14 +89,14 @@ pub fn open_config(path: &Path) -> Result<(Config, Traffic)> {
         files::CONFIG
     );
     let config = config::load(&config_path, &[])?;
-    let domain = Traffic::open(&config.traffic, &config.policy)?;
+    let domain = domain::open(&config)?;
     Ok((config, domain))
 }
 
 /// Reads a run directory with its policies.
 pub fn open(path: &Path) -> Result<TrainedRun> {
     let (config, domain) = open_config(path)?;
-    let stack = initial_policies(&domain, &config, &AgentId::all(domain.agents()));
+    let stack = initial_policies(&*domain, &config, &AgentId::all(domain.agents()));
     let saved = path.join(files::POLICIES);
     ensure!(saved.is_file(), "{}: has no policies yet; they are written after the first period", path.display());
     let policies = read_stack(&saved, stack.parameters().layout(), domain.agents())?;

@@ -3,6 +3,7 @@
 use serde_json::{Map, Value, json};
 
 use super::directory;
+use super::domain;
 use super::progress::EpisodeBar;
 use crate::base::Seed;
 use crate::cli;
@@ -12,7 +13,6 @@ use crate::error::{Error, Result};
 use crate::evaluation::{self, Evaluation};
 use crate::policy::{JointPolicyController, Selection};
 use crate::sumo::Simulation;
-use crate::traffic::Traffic;
 
 pub fn evaluate(args: &cli::Evaluate) -> Result<()> {
     let run = directory::open(&args.run_dir).map_err(Error::Usage)?;
@@ -20,20 +20,20 @@ pub fn evaluate(args: &cli::Evaluate) -> Result<()> {
     let mut controller = JointPolicyController::new(run.stack, &run.policies, selection);
     let mut simulator = run.domain.global_simulator().map_err(Error::Run)?;
     let subject = [("run", json!(args.run_dir)), ("greedy", json!(args.greedy))];
-    report(&run.domain, &run.config, &mut *simulator, &mut controller, &args.episodes, &args.output, &subject)
+    report(&*run.domain, &run.config, &mut *simulator, &mut controller, &args.episodes, &args.output, &subject)
 }
 
 pub fn baseline(args: &cli::Baseline) -> Result<()> {
     let config = load(&args.config, &[]).map_err(Error::Usage)?;
-    let domain = Traffic::open(&config.traffic, &config.policy).map_err(Error::Usage)?;
+    let domain = domain::open(&config).map_err(Error::Usage)?;
     let mut baseline = domain.baseline(&args.controller).map_err(Error::Usage)?;
     let (simulator, controller) = (&mut *baseline.simulator, &mut *baseline.controller);
     let subject = [("config", json!(args.config)), ("controller", json!(args.controller))];
-    report(&domain, &config, simulator, controller, &args.episodes, &args.output, &subject)
+    report(&*domain, &config, simulator, controller, &args.episodes, &args.output, &subject)
 }
 
 fn report(
-    domain: &Traffic,
+    domain: &dyn Domain,
     config: &Config,
     simulator: &mut dyn GlobalSimulator,
     controller: &mut dyn Controller,

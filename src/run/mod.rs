@@ -1,6 +1,7 @@
 //! One short function per subcommand: config -> domain -> fleet -> training -> run directory.
 
 mod directory;
+mod domain;
 mod evaluate;
 mod info;
 mod nets;

@@ -8,6 +8,7 @@ use std::time::Duration;
 use clap::ValueEnum;
 
 use super::directory::{self, RunDirectory};
+use super::domain;
 use super::progress::Progress;
 use crate::cli;
 use crate::config::{Config, SimulatorKind, load};
@@ -16,7 +17,6 @@ use crate::error::{Error, Result};
 use crate::influence::AipStack;
 use crate::policy::PolicyStack;
 use crate::processes::{Options, ProcessFleet};
-use crate::traffic::Traffic;
 use crate::training::dials;
 use crate::training::fleet::{Fleet, InlineFleet};
 use crate::training::observer::Interrupted;
@@ -54,26 +54,26 @@ pub fn train(args: &cli::Train) -> Result<()> {
 struct Run {
     dir: PathBuf,
     config: Config,
-    domain: Arc<Traffic>,
+    domain: Arc<dyn Domain>,
     resumed: bool,
 }
 
 fn begin(args: &cli::Train, config_path: &Path) -> Result<Run> {
     let config = load(config_path, &settings(args)).map_err(Error::Usage)?;
-    let domain = Arc::new(Traffic::open(&config.traffic, &config.policy).map_err(Error::Usage)?);
+    let domain = domain::open(&config).map_err(Error::Usage)?;
     let dir = match &args.out {
         Some(dir) if args.force => RunDirectory::replace(dir),
         Some(dir) => RunDirectory::create(dir),
         None => RunDirectory::create_numbered(&default_dir(config_path, &config)),
     };
     let dir = dir.map_err(Error::Usage)?;
-    dir.describe(&config, domain.networks()).map_err(Error::Usage)?;
+    dir.describe(&config).map_err(Error::Usage)?;
     Ok(Run { dir: dir.path().to_owned(), config, domain, resumed: false })
 }
 
 fn resume(dir: &Path) -> Result<Run> {
     let (config, domain) = directory::open_config(dir).map_err(Error::Usage)?;
-    Ok(Run { dir: dir.to_owned(), config, domain: Arc::new(domain), resumed: true })
+    Ok(Run { dir: dir.to_owned(), config, domain, resumed: true })
 }
 
 impl Run {
@@ -81,8 +81,8 @@ impl Run {
         let Run { dir, config, domain, resumed } = self;
         let progress = Rc::new(Progress::new(config, domain.agents())?);
         let layouts = Layouts {
-            policies: PolicyStack::layout(domain.spec(), &config.policy.hidden),
-            aips: AipStack::layout(domain.spec(), &config.aip.hidden),
+            policies: PolicyStack::shape(domain.spec(), &config.policy).layout(),
+            aips: AipStack::shape(domain.spec(), &config.aip).layout(),
         };
         let mut log = match resumed {
             false => RunLog::create(dir, layouts, progress.clone())?,
@@ -127,5 +127,6 @@ fn say_how_to_go_on(dir: &Path, config_path: &Path, config: &Config) {
     println!("\nwritten to {dir}; evaluate it with:");
     println!("  dials-traffic evaluate {dir} --episodes {episodes} --seed {seed}");
     println!("and compare on the same traffic with:");
-    println!("  dials-traffic baseline {config_path} --controller actuated --episodes {episodes} --seed {seed}");
+    let rival = if config.traffic.is_some() { "actuated" } else { "oldest-item" };
+    println!("  dials-traffic baseline {config_path} --controller {rival} --episodes {episodes} --seed {seed}");
 }

@@ -33,7 +33,7 @@ impl<'a> Ials<'a> {
         let (spec, rows) = (simulator.spec().clone(), simulator.rows());
         let all: Vec<usize> = (0..rows).collect();
         let percept = simulator.reset(&all)?.clone();
-        predictor.forget(&all);
+        predictor.begin(rows);
         let age = |row: usize| if stagger { row % copies * spec.horizon / copies } else { 0 };
         Ok(Ials {
             predictor,
@@ -106,6 +106,10 @@ mod tests {
     }
 
     impl InfluencePredictor for Spy {
+        fn begin(&mut self, rows: usize) {
+            self.forget(&(0..rows).collect::<Vec<_>>());
+        }
+
         fn forget(&mut self, rows: &[usize]) {
             self.forgotten.push(rows.to_vec());
         }

@@ -16,8 +16,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::base::{Dice, Rows};
 use crate::config::PpoConfig;
-use crate::nn::Adam;
-use crate::policy::{Memory, PolicyStack, Sample, sampling};
+use crate::nn::{Adam, Sequences, States};
+use crate::policy::{Judgement, Memory, PolicyStack, Sample, sampling};
 
 /// The two settings that decay over a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,27 +78,23 @@ pub fn update(
 ) -> Vec<Losses> {
     let weights =
         Weights { clip: decayed.clip as f32, value: config.value_coefficient as f32, entropy: config.entropy as f32 };
-    let agents = policies.agents();
-    let (batches, outputs) = (memory.capacity() / config.minibatch, policies.n_actions() + 1);
+    let (agents, outputs) = (policies.agents(), policies.n_actions() + 1);
+    let batches = memory.capacity() / config.minibatch;
+    let per_agent = config.minibatch * outputs;
     let mut losses = vec![Losses::default(); agents];
-    let mut order: Vec<Vec<usize>> = vec![(0..memory.capacity()).collect(); agents];
-    let mut obs = Rows::new(agents * config.minibatch, memory.obs(0, 0).len());
-    let mut gradient = vec![0.0; agents * config.minibatch * outputs];
+    let mut order: Vec<Vec<usize>> = vec![(0..memory.sequences()).collect(); agents];
+    let mut minibatch = Minibatch::new(policies, memory, config.minibatch);
+    let mut gradient = vec![0.0; agents * per_agent];
     for _ in 0..config.epochs {
         order.iter_mut().zip(&mut *dice).for_each(|(order, dice)| order.shuffle(dice));
         for batch in 0..batches {
-            let slots = |agent: usize| &order[agent][batch * config.minibatch..(batch + 1) * config.minibatch];
-            for agent in 0..agents {
-                for (i, &slot) in slots(agent).iter().enumerate() {
-                    obs.row_mut(agent * config.minibatch + i).copy_from_slice(memory.obs(agent, slot));
-                }
-            }
-            let judgement = policies.judge(&obs);
-            let per_agent = config.minibatch * outputs;
-            let outputs_of = judgement.trace().output().chunks_exact(per_agent);
-            for (agent, (output, gradient)) in outputs_of.zip(gradient.chunks_exact_mut(per_agent)).enumerate() {
-                let samples: Vec<Sample> = slots(agent).iter().map(|&slot| *memory.sample(agent, slot)).collect();
-                let of_batch = loss_and_gradient(output, &samples, weights, gradient);
+            let first = batch * minibatch.sequences;
+            minibatch.gather(memory, |agent, i| order[agent][first + i]);
+            let judgement = minibatch.judge(policies);
+            let rows = judgement.trace().output().chunks_exact(per_agent).zip(gradient.chunks_exact_mut(per_agent));
+            for (agent, (output, gradient)) in rows.enumerate() {
+                let samples = &minibatch.samples[agent * config.minibatch..(agent + 1) * config.minibatch];
+                let of_batch = loss_and_gradient(output, samples, weights, gradient);
                 losses[agent].add(&of_batch, 1.0 / (config.epochs * batches) as f64);
             }
             let net = policies.net_mut();
@@ -107,6 +103,53 @@ pub fn update(
         }
     }
     losses
+}
+
+/// Some sequences of every agent's memory; rows ordered agent, step, sequence.
+struct Minibatch {
+    sequences: usize,
+    length: usize,
+    obs: Rows<f32>,
+    samples: Vec<Sample>,
+    states: States,
+    starts: Vec<bool>,
+}
+
+impl Minibatch {
+    fn new(policies: &PolicyStack, memory: &Memory, samples: usize) -> Self {
+        let rows = policies.agents() * samples;
+        Minibatch {
+            sequences: samples / memory.length(),
+            length: memory.length(),
+            obs: Rows::new(rows, memory.obs(0, 0).len()),
+            samples: vec![Sample::default(); rows],
+            states: policies.states(rows / memory.length()),
+            starts: vec![false; rows],
+        }
+    }
+
+    /// Copies sequence `pick(agent, i)` of every agent to the i-th of the agent.
+    fn gather(&mut self, memory: &Memory, pick: impl Fn(usize, usize) -> usize) {
+        for agent in 0..self.states.rows() / self.sequences {
+            for i in 0..self.sequences {
+                let sequence = pick(agent, i);
+                self.states.set_row(agent * self.sequences + i, memory.state(agent, sequence));
+                for step in 0..self.length {
+                    let row = (agent * self.length + step) * self.sequences + i;
+                    let slot = sequence * self.length + step;
+                    self.obs.row_mut(row).copy_from_slice(memory.obs(agent, slot));
+                    self.samples[row] = *memory.sample(agent, slot);
+                    // A sequence begins in the state that it was recorded with, cleared or not.
+                    self.starts[row] = step > 0 && self.samples[row].start;
+                }
+            }
+        }
+    }
+
+    fn judge(&self, policies: &PolicyStack) -> Judgement {
+        let sequences = Sequences { steps: self.length, states: &self.states, starts: &self.starts };
+        policies.judge_sequences(&self.obs, &sequences)
+    }
 }
 
 /// The loss of one agent's minibatch, and its gradient with respect to the network's outputs.
@@ -176,7 +219,7 @@ mod tests {
     const WEIGHTS: Weights = Weights { clip: 0.1, value: 1.0, entropy: 0.0 };
 
     fn sample(action: u8, old_prob: f32, value: f32, advantage: f32, ret: f32) -> Sample {
-        Sample { action, log_prob: old_prob.ln(), value, advantage, ret }
+        Sample { action, log_prob: old_prob.ln(), value, advantage, ret, start: false }
     }
 
     fn close(a: &[f32], b: &[f32]) -> bool {

@@ -5,6 +5,7 @@ use super::gae::advantages;
 use crate::base::{Dice, Phase, Stopwatch};
 use crate::config::{PpoConfig, TimeLimit};
 use crate::domain::{Action, Result};
+use crate::nn::States;
 use crate::policy::{Memory, PolicyStack, Sample, sampling};
 
 /// Returns of the episodes that ended while the policies trained, per agent.
@@ -47,52 +48,82 @@ impl EpisodeReturns {
     }
 }
 
-/// Plays `rollout_steps` steps and writes them to the memory's slots from `first_slot` on, `rollout_steps` x copies of
-/// each agent. `dice`: one per row, for its actions.
-#[allow(clippy::too_many_arguments, reason = "all of them are the caller's state; a struct would only rename them")]
+/// An agent's hands and eyes while it trains: what carries on from one rollout to the next.
+pub struct Actor {
+    /// One per row, for its actions.
+    pub dice: Vec<Dice>,
+    /// Hidden states of the policies, one per row.
+    pub states: States,
+    /// An episode begins with the next decision of the row.
+    pub starts: Vec<bool>,
+    pub returns: EpisodeReturns,
+}
+
+impl Actor {
+    /// All rows begin episodes. `dice`: one per row, agent-major.
+    pub fn begin(policies: &PolicyStack, dice: Vec<Dice>, horizon: usize) -> Self {
+        let (agents, rows) = (policies.agents(), dice.len());
+        Actor {
+            states: policies.states(rows),
+            starts: vec![true; rows],
+            returns: EpisodeReturns::new(agents, rows / agents, horizon),
+            dice,
+        }
+    }
+}
+
+/// Plays `rollout_steps` steps and writes them to the memory: for every agent the slots from `first_slot` on, copy after
+/// copy.
 pub fn roll_out(
     environment: &mut dyn Environment,
     policies: &PolicyStack,
+    actor: &mut Actor,
     memory: &mut Memory,
     first_slot: usize,
-    dice: &mut [Dice],
     config: &PpoConfig,
-    returns: &mut EpisodeReturns,
     watch: &mut Stopwatch,
 ) -> Result<()> {
     let (rows, steps) = (environment.rows(), config.rollout_steps);
     let copies = rows / policies.agents();
-    let slot = |t: usize, row: usize| (row / copies, first_slot + t * copies + row % copies);
+    let slot = |t: usize, row: usize| (row / copies, first_slot + row % copies * steps + t);
     let mut rewards = Vec::with_capacity(steps * rows);
     let mut values = Vec::with_capacity(steps * rows);
     let mut ends = Vec::with_capacity(steps * rows);
     let mut actions: Vec<Action> = vec![0; rows];
     for t in 0..steps {
         watch.time(Phase::Acting, || {
-            let judgement = policies.judge(&environment.percept().obs);
+            let obs = &environment.percept().obs;
+            let before = actor.states.clone();
+            let judgement = policies.judge(obs, &mut actor.states);
             let mut log_probs = vec![0.0; policies.n_actions()];
             for (row, (logits, value)) in judgement.rows().enumerate() {
                 sampling::log_softmax(logits, &mut log_probs);
-                let action = sampling::draw(&log_probs, &mut dice[row]);
+                let action = sampling::draw(&log_probs, &mut actor.dice[row]);
                 let (agent, slot) = slot(t, row);
                 let log_prob = log_probs[usize::from(action)];
-                let sample = Sample { action, log_prob, value, ..Sample::default() };
-                memory.remember(agent, slot, environment.percept().obs.row(row), sample);
+                let sample = Sample { action, log_prob, value, start: actor.starts[row], ..Sample::default() };
+                memory.remember(agent, slot, obs.row(row), before.row(row), sample);
                 actions[row] = action;
                 values.push(value);
             }
         });
         let experience = environment.step(&actions, watch)?;
-        returns.add(experience);
+        actor.returns.add(experience);
         rewards.extend_from_slice(&experience.rewards);
         ends.extend_from_slice(&experience.ends);
         if config.time_limit == TimeLimit::Bootstrap && experience.any_end() {
-            let reward = &mut rewards[t * rows..];
-            watch.time(Phase::Acting, || credit_what_would_come(policies, experience, config.gamma as f32, reward));
+            let rewards = &mut rewards[t * rows..];
+            watch.time(Phase::Acting, || {
+                credit_what_would_come(policies, &actor.states, experience, config.gamma as f32, rewards);
+            });
         }
+        actor.starts.copy_from_slice(&experience.ends);
+        (0..rows).filter(|&row| experience.ends[row]).for_each(|row| actor.states.clear(row));
     }
-    let last_values: Vec<f32> = watch
-        .time(Phase::Acting, || policies.judge(&environment.percept().obs).rows().map(|(_, value)| value).collect());
+    let last_values: Vec<f32> = watch.time(Phase::Acting, || {
+        let mut states = actor.states.clone();
+        policies.judge(&environment.percept().obs, &mut states).rows().map(|(_, value)| value).collect()
+    });
     watch.time(Phase::Learning, || {
         let (gamma, lambda) = (config.gamma as f32, config.gae_lambda as f32);
         let advantages = advantages(&rewards, &values, &ends, &last_values, gamma, lambda);
@@ -106,12 +137,207 @@ pub fn roll_out(
     Ok(())
 }
 
-/// Adds the discounted value of the last observation to the rewards of the rows whose episode the time limit cut.
-fn credit_what_would_come(policies: &PolicyStack, experience: &Experience, gamma: f32, rewards: &mut [f32]) {
-    let judgement = policies.judge(&experience.last_obs);
+/// Adds the discounted value of the last observation, seen in the state carried there, to the rewards of the rows whose
+/// episode the time limit cut.
+///
+/// DEVIATION 8: in the authors' code nothing comes after the horizon (`time_limit = "terminal"`); but an agent sees no
+/// clock, so its critic cannot know.
+fn credit_what_would_come(
+    policies: &PolicyStack,
+    states: &States,
+    experience: &Experience,
+    gamma: f32,
+    rewards: &mut [f32],
+) {
+    let judgement = policies.judge(&experience.last_obs, &mut states.clone());
     for ((reward, &end), (_, value)) in rewards.iter_mut().zip(&experience.ends).zip(judgement.rows()) {
         if end {
             *reward += gamma * value;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::{AgentId, Rows, Seed};
+    use crate::config::PolicyConfig;
+    use crate::domain::{Percept, RegionSpec, SourceSpec};
+
+    /// Two agents with two copies each. Row r shows the number 10 r + t at step t of its episode and is rewarded with
+    /// r + t / 10; the episodes of row 1 end after every third step, the others never.
+    struct Scripted {
+        spec: RegionSpec,
+        ages: [usize; 4],
+        percept: Percept,
+        experience: Experience,
+    }
+
+    impl Scripted {
+        fn new() -> Self {
+            let sources = SourceSpec::Binary { sources: 1 };
+            let spec = RegionSpec { obs_dim: 1, d_set_dim: 1, n_actions: 2, sources, horizon: 3 };
+            let mut scripted =
+                Scripted { ages: [0; 4], percept: Percept::new(4, &spec), experience: Experience::new(4, &spec), spec };
+            scripted.show();
+            scripted
+        }
+
+        fn show(&mut self) {
+            for (row, age) in self.ages.into_iter().enumerate() {
+                self.percept.obs.row_mut(row)[0] = shown(row, age);
+            }
+        }
+    }
+
+    fn shown(row: usize, age: usize) -> f32 {
+        (10 * row + age) as f32
+    }
+
+    fn reward(row: usize, age: usize) -> f32 {
+        row as f32 + age as f32 / 10.0
+    }
+
+    impl Environment for Scripted {
+        fn rows(&self) -> usize {
+            4
+        }
+
+        fn percept(&self) -> &Percept {
+            &self.percept
+        }
+
+        fn step(&mut self, _actions: &[Action], _watch: &mut Stopwatch) -> Result<&Experience> {
+            for row in 0..4 {
+                self.experience.rewards[row] = reward(row, self.ages[row]);
+                self.ages[row] += 1;
+                self.experience.ends[row] = row == 1 && self.ages[row] == 3;
+                if self.experience.ends[row] {
+                    self.experience.last_obs.row_mut(row)[0] = shown(row, self.ages[row]);
+                    self.ages[row] = 0;
+                }
+            }
+            self.show();
+            Ok(&self.experience)
+        }
+    }
+
+    /// A network whose value is the observation plus, with memory, something of the state.
+    fn policies(recurrent: Option<usize>, spec: &RegionSpec) -> PolicyStack {
+        let config = PolicyConfig { recurrent, hidden: vec![4], ..PolicyConfig::default() };
+        PolicyStack::new(&AgentId::all(2), spec, &config, &[0.0; 2], Seed::new(6))
+    }
+
+    const T: usize = 4;
+
+    /// Two rollouts of four steps into a memory of 16 per agent.
+    fn recorded(recurrent: Option<usize>, time_limit: TimeLimit) -> (Memory, PolicyStack) {
+        let mut scripted = Scripted::new();
+        let policies = policies(recurrent, &scripted.spec);
+        let length = if recurrent.is_some() { 2 } else { 1 };
+        let mut memory = Memory::new(2, 16, length, 1, recurrent.unwrap_or(0));
+        let dice = (0..4).map(|row| Seed::new(7).for_copy(row).dice()).collect();
+        let mut actor = Actor::begin(&policies, dice, 3);
+        let config = PpoConfig { rollout_steps: T, time_limit, ..PpoConfig::default() };
+        for first_slot in [0, 8] {
+            let watch = &mut Stopwatch::default();
+            roll_out(&mut scripted, &policies, &mut actor, &mut memory, first_slot, &config, watch).unwrap();
+        }
+        (memory, policies)
+    }
+
+    /// What row `row` lives through, step by step for both rollouts and the step after: (age, state before).
+    fn lived(policies: &PolicyStack, row: usize) -> (Vec<usize>, Vec<f32>, Vec<f32>) {
+        let (mut ages, mut values, mut last_values) = (vec![], vec![], vec![]);
+        let mut states = policies.states(2);
+        let agent = row / 2;
+        let mut age = 0;
+        for _ in 0..=2 * T {
+            let value_of = |age: usize, states: &mut States| {
+                let obs = Rows::from_vec(vec![shown(row, age); 2], 1);
+                policies.judge(&obs, states).rows().nth(agent).unwrap().1
+            };
+            ages.push(age);
+            values.push(value_of(age, &mut states));
+            last_values.push(value_of(age + 1, &mut states.clone()));
+            age += 1;
+            if row == 1 && age == 3 {
+                age = 0;
+                states = policies.states(2);
+            }
+        }
+        (ages, values, last_values)
+    }
+
+    #[test]
+    fn every_decision_is_in_its_slot_with_its_advantage() {
+        for (recurrent, time_limit) in
+            [(None, TimeLimit::Terminal), (None, TimeLimit::Bootstrap), (Some(3), TimeLimit::Bootstrap)]
+        {
+            let (memory, policies) = recorded(recurrent, time_limit);
+            for row in 0..4 {
+                let (ages, values, last_values) = lived(&policies, row);
+                for rollout in 0..2 {
+                    let steps = rollout * T..(rollout + 1) * T;
+                    let ends: Vec<bool> = steps.clone().map(|t| row == 1 && ages[t] == 2).collect();
+                    let rewards = steps.clone().zip(&ends).map(|(t, &end)| {
+                        let credit =
+                            if end && time_limit == TimeLimit::Bootstrap { 0.99 * last_values[t] } else { 0.0 };
+                        reward(row, ages[t]) + credit
+                    });
+                    let rewards: Vec<f32> = rewards.collect();
+                    let expected =
+                        advantages(&rewards, &values[steps.clone()], &ends, &[values[steps.end]], 0.99, 0.95);
+                    for (t, step) in steps.enumerate() {
+                        let (agent, slot) = (row / 2, rollout * 8 + row % 2 * T + t);
+                        let sample = memory.sample(agent, slot);
+                        assert_eq!(memory.obs(agent, slot), [shown(row, ages[step])], "row {row}, step {step}");
+                        assert_eq!(sample.start, ages[step] == 0);
+                        assert!((sample.value - values[step]).abs() < 1e-5);
+                        assert!((sample.advantage - expected[t]).abs() < 1e-4, "{sample:?} {}", expected[t]);
+                        assert!((sample.ret - sample.advantage - sample.value).abs() < 1e-5);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_sequence_keeps_the_state_that_it_began_in() {
+        let (memory, policies) = recorded(Some(3), TimeLimit::Terminal);
+        for row in 0..4 {
+            let mut states = policies.states(2);
+            let mut age = 0;
+            for step in 0..2 * T {
+                let slot = step / T * 8 + row % 2 * T + step % T;
+                if slot.is_multiple_of(2) {
+                    let kept = memory.state(row / 2, slot / 2);
+                    let state = states.row(row / 2);
+                    assert!(kept.iter().zip(state).all(|(a, b)| (a - b).abs() < 1e-6), "row {row}, step {step}");
+                }
+                policies.judge(&Rows::from_vec(vec![shown(row, age); 2], 1), &mut states);
+                age += 1;
+                if row == 1 && age == 3 {
+                    age = 0;
+                    states = policies.states(2);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn only_whole_episodes_count_as_returns() {
+        let mut scripted = Scripted::new();
+        let policies = policies(None, &scripted.spec);
+        let dice = (0..4).map(|row| Seed::new(7).for_copy(row).dice()).collect();
+        let mut actor = Actor::begin(&policies, dice, 3);
+        let mut memory = Memory::new(2, 8, 1, 1, 0);
+        let config = PpoConfig { rollout_steps: T, ..PpoConfig::default() };
+        let watch = &mut Stopwatch::default();
+        roll_out(&mut scripted, &policies, &mut actor, &mut memory, 0, &config, watch).unwrap();
+        // Row 1 ends once: 1.0 + 1.1 + 1.2.
+        let means = actor.returns.means();
+        assert!((means[0].0.unwrap() - 3.3).abs() < 1e-6 && means[0].1 == 1);
+        assert_eq!(means[1], (None, 0));
     }
 }

@@ -14,7 +14,7 @@ use super::global::GlobalEnvironment;
 use super::ials::Ials;
 use super::observer::Observer;
 use super::ppo::{self, Decayed, Losses};
-use super::rollout::{EpisodeReturns, roll_out};
+use super::rollout::{Actor, roll_out};
 use super::state::AgentsState;
 use crate::base::{AgentId, Dice, Phase, Seed, Stopwatch};
 use crate::config::{Config, Period, SimulatorKind};
@@ -40,12 +40,12 @@ pub struct Worker {
 /// The policies of `agents` as a run with this config begins.
 pub fn initial_policies(domain: &dyn Domain, config: &Config, agents: &[AgentId]) -> PolicyStack {
     let seed = Seed::new(config.seed).fork("policy");
-    PolicyStack::new(agents, domain.spec(), &config.policy.hidden, &domain.initial_action_bias(), seed)
+    PolicyStack::new(agents, domain.spec(), &config.policy, &domain.initial_action_bias(), seed)
 }
 
 /// The AIPs of `agents` as a run with this config begins.
 pub fn initial_aips(domain: &dyn Domain, config: &Config, agents: &[AgentId]) -> AipStack {
-    AipStack::new(agents, domain.spec(), &config.aip.hidden, Seed::new(config.seed).fork("aip"))
+    AipStack::new(agents, domain.spec(), &config.aip, Seed::new(config.seed).fork("aip"))
 }
 
 impl Worker {
@@ -204,20 +204,22 @@ impl Learner<'_> {
         self,
         environment: &mut dyn Environment,
         period: &Period,
-        mut acting: Vec<Dice>,
+        acting: Vec<Dice>,
         mut minibatches: Vec<Dice>,
         observer: &dyn Observer,
     ) -> Result<PolicyTraining> {
         let Learner { policies, adam, steps, config, horizon, watch } = self;
         let (ppo, agents) = (&config.ppo, policies.agents());
         let copies = environment.rows() / agents;
-        let mut memory = Memory::new(agents, ppo.memory, environment.percept().obs.width());
-        let mut returns = EpisodeReturns::new(agents, copies, horizon);
+        let obs_dim = environment.percept().obs.width();
+        let state_width = config.policy.recurrent.unwrap_or(0);
+        let mut memory = Memory::new(agents, ppo.memory, config.sequence_length(), obs_dim, state_width);
+        let mut actor = Actor::begin(policies, acting, horizon);
         let mut losses = vec![Losses::default(); agents];
         let updates = period.end.saturating_sub(*steps).div_ceil(ppo.memory as u64);
         for _ in 0..updates {
             for slot in (0..ppo.memory).step_by(ppo.rollout_steps * copies) {
-                roll_out(environment, policies, &mut memory, slot, &mut acting, ppo, &mut returns, watch)?;
+                roll_out(environment, policies, &mut actor, &mut memory, slot, ppo, watch)?;
             }
             let decayed = Decayed::at(ppo, *steps as f64 / config.total_steps as f64);
             let of_update =
@@ -226,7 +228,7 @@ impl Learner<'_> {
             *steps += ppo.memory as u64;
             observer.trained(*steps);
         }
-        let agents = returns.means().into_iter().zip(losses);
+        let agents = actor.returns.means().into_iter().zip(losses);
         let agents = agents.map(|((mean_return, episodes), losses)| AgentTraining { mean_return, episodes, losses });
         Ok(PolicyTraining { agents: agents.collect(), counters: Vec::new() })
     }

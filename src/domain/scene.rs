@@ -1,0 +1,127 @@
+//! Pictures of a simulator: flat shapes that become SVG or pixels.
+
+use std::fmt::Write;
+
+/// Red, green and blue.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Colour(pub [u8; 3]);
+
+/// Shapes on a plane, painted one over the other. Units are the domain's own (warehouse: cells).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scene {
+    width: f32,
+    height: f32,
+    background: Colour,
+    shapes: Vec<(Shape, Colour)>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Shape {
+    Rectangle { x: f32, y: f32, width: f32, height: f32 },
+    Disc { x: f32, y: f32, radius: f32 },
+}
+
+impl Shape {
+    fn covers(self, px: f32, py: f32) -> bool {
+        match self {
+            Shape::Rectangle { x, y, width, height } => (x..x + width).contains(&px) && (y..y + height).contains(&py),
+            Shape::Disc { x, y, radius } => (px - x).powi(2) + (py - y).powi(2) <= radius * radius,
+        }
+    }
+
+    /// Left, top, right, bottom.
+    fn bounds(self) -> [f32; 4] {
+        match self {
+            Shape::Rectangle { x, y, width, height } => [x, y, x + width, y + height],
+            Shape::Disc { x, y, radius } => [x - radius, y - radius, x + radius, y + radius],
+        }
+    }
+}
+
+impl Scene {
+    pub fn new(width: f32, height: f32, background: Colour) -> Self {
+        Scene { width, height, background, shapes: Vec::new() }
+    }
+
+    pub fn rectangle(&mut self, x: f32, y: f32, width: f32, height: f32, colour: Colour) {
+        self.shapes.push((Shape::Rectangle { x, y, width, height }, colour));
+    }
+
+    pub fn disc(&mut self, x: f32, y: f32, radius: f32, colour: Colour) {
+        self.shapes.push((Shape::Disc { x, y, radius }, colour));
+    }
+
+    /// The picture as an SVG file, `scale` pixels per unit.
+    pub fn to_svg(&self, scale: f32) -> String {
+        let hex = |Colour([r, g, b]): Colour| format!("#{r:02x}{g:02x}{b:02x}");
+        let (width, height) = (self.width, self.height);
+        let mut svg = format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{}\" height=\"{}\" viewBox=\"0 0 {width} {height}\">\n\
+             <rect width=\"{width}\" height=\"{height}\" fill=\"{}\"/>\n",
+            width * scale,
+            height * scale,
+            hex(self.background)
+        );
+        for &(shape, colour) in &self.shapes {
+            let fill = hex(colour);
+            let written = match shape {
+                Shape::Rectangle { x, y, width, height } => {
+                    writeln!(svg, "<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" fill=\"{fill}\"/>")
+                }
+                Shape::Disc { x, y, radius } => {
+                    writeln!(svg, "<circle cx=\"{x}\" cy=\"{y}\" r=\"{radius}\" fill=\"{fill}\"/>")
+                }
+            };
+            written.expect("a string takes everything");
+        }
+        svg.push_str("</svg>\n");
+        svg
+    }
+
+    /// The picture as pixels, row-major, `scale` per unit: `(width, height, colours)`.
+    pub fn to_pixels(&self, scale: usize) -> (usize, usize, Vec<Colour>) {
+        let size = |length: f32| (length * scale as f32).ceil() as usize;
+        let (width, height) = (size(self.width), size(self.height));
+        let mut pixels = vec![self.background; width * height];
+        let unit = |pixel: usize| (pixel as f32 + 0.5) / scale as f32;
+        for &(shape, colour) in &self.shapes {
+            let [left, top, right, bottom] = shape.bounds();
+            for y in (top.max(0.0) * scale as f32) as usize..size(bottom).min(height) {
+                for x in (left.max(0.0) * scale as f32) as usize..size(right).min(width) {
+                    if shape.covers(unit(x), unit(y)) {
+                        pixels[y * width + x] = colour;
+                    }
+                }
+            }
+        }
+        (width, height, pixels)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WHITE: Colour = Colour([255; 3]);
+    const RED: Colour = Colour([255, 0, 0]);
+
+    #[test]
+    fn later_shapes_cover_earlier_ones() {
+        let mut scene = Scene::new(2.0, 1.0, WHITE);
+        scene.rectangle(0.0, 0.0, 1.0, 1.0, Colour([0; 3]));
+        scene.rectangle(0.5, 0.0, 1.0, 1.0, RED);
+        let (width, height, pixels) = scene.to_pixels(2);
+        assert_eq!((width, height), (4, 2));
+        assert_eq!(pixels[..4], [Colour([0; 3]), RED, RED, WHITE]);
+    }
+
+    #[test]
+    fn svg_and_pixels_show_the_same_disc() {
+        let mut scene = Scene::new(3.0, 3.0, WHITE);
+        scene.disc(1.5, 1.5, 0.6, RED);
+        assert!(scene.to_svg(10.0).contains("<circle cx=\"1.5\" cy=\"1.5\" r=\"0.6\" fill=\"#ff0000\"/>"));
+        let (_, _, pixels) = scene.to_pixels(1);
+        assert_eq!(pixels.iter().position(|&pixel| pixel == RED), Some(4));
+        assert_eq!(pixels.iter().filter(|&&pixel| pixel == RED).count(), 1);
+    }
+}

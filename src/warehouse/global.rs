@@ -1,0 +1,201 @@
+//! The global simulator: the whole warehouse.
+
+use super::hand_coded::{self, Rule};
+use super::items::{self, Appearances};
+use super::layout::Layout;
+use super::region::{self, Age, CENTRE, NEIGHBOURS, NO_ITEM, SHARED, SHELVES};
+use crate::base::{AgentId, Dice, Rows, Seed};
+use crate::domain::{Action, GlobalSimulator, InfluenceSample, Measures, Percept, RegionSpec, Result, Transition};
+
+/// The warehouse GS: one row per learning robot. The ring of robots around them goes for the closest item.
+pub struct GlobalWarehouse {
+    spec: RegionSpec,
+    layout: Layout,
+    /// What the learning robots do in spite of their actions, for hand-coded baselines.
+    rule: Option<Rule>,
+    /// Cell within its region, per robot.
+    cells: Vec<u8>,
+    memories: Vec<hand_coded::Memory>,
+    dice: Vec<Dice>,
+    /// Per shelf.
+    ages: Vec<Age>,
+    appearances: Vec<Appearances>,
+    last: Transition,
+    d_set_before: Rows<f32>,
+    sources: Rows<u8>,
+    tally: Tally,
+}
+
+#[derive(Clone, Debug, Default)]
+struct Tally {
+    steps: u64,
+    /// Items collected, per agent.
+    collected: Vec<u64>,
+    /// Sums over steps.
+    waiting: u64,
+    age: u64,
+}
+
+impl GlobalWarehouse {
+    pub fn new(layout: &Layout, horizon: usize, rule: Option<Rule>) -> Self {
+        let spec = region::spec(horizon);
+        let (robots, agents) = (layout.robots(), layout.learners().len());
+        GlobalWarehouse {
+            rule,
+            cells: vec![CENTRE; robots],
+            memories: vec![hand_coded::Memory::default(); robots],
+            dice: vec![Seed::new(0).dice(); robots],
+            ages: vec![NO_ITEM; layout.shelves().len()],
+            appearances: vec![Appearances::default(); layout.shelves().len()],
+            last: Transition::new(agents, &spec),
+            d_set_before: Rows::new(agents, spec.d_set_dim),
+            sources: Rows::new(agents, NEIGHBOURS),
+            tally: Tally::default(),
+            layout: layout.clone(),
+            spec,
+        }
+    }
+
+    pub(super) fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    pub(super) fn ages(&self) -> &[Age] {
+        &self.ages
+    }
+
+    /// A robot's cell within its region.
+    pub(super) fn cell(&self, robot: usize) -> u8 {
+        self.cells[robot]
+    }
+
+    fn ages_around(&self, robot: usize) -> [Age; SHELVES] {
+        self.layout.region(robot).map(|shelf| self.ages[shelf])
+    }
+
+    fn shelf_under(&self, robot: usize) -> Option<usize> {
+        region::shelf_at(self.cells[robot]).map(|shelf| self.layout.region(robot)[shelf])
+    }
+
+    /// All robots move at once, those without a policy by what they see before the move.
+    fn move_robots(&mut self, actions: &[Action]) {
+        let mut agents = 0;
+        for robot in 0..self.layout.robots() {
+            let learns = self.layout.learners().get(agents) == Some(&robot);
+            let rule = if learns { self.rule } else { Some(Rule::ClosestItem) };
+            let action = match rule {
+                None => actions[agents],
+                Some(rule) => {
+                    let ages = self.ages_around(robot);
+                    let (memory, dice) = (&mut self.memories[robot], &mut self.dice[robot]);
+                    hand_coded::decide(rule, memory, self.cells[robot], &ages, dice)
+                }
+            };
+            agents += usize::from(learns);
+            self.cells[robot] = region::after_move(self.cells[robot], action);
+        }
+    }
+
+    fn note_sources_and_rewards(&mut self) {
+        for (agent, &robot) in self.layout.learners().iter().enumerate() {
+            let neighbours = self.layout.neighbours(robot);
+            for (side, (source, neighbour)) in self.sources.row_mut(agent).iter_mut().zip(neighbours).enumerate() {
+                // What is to my right is on the neighbour's left.
+                let shared = &SHARED[(side + 2) % NEIGHBOURS];
+                *source = region::class_of(region::shelf_at(self.cells[neighbour]), shared);
+            }
+            let reward = region::reward(region::shelf_at(self.cells[robot]), &self.ages_around(robot));
+            self.last.rewards[agent] = reward;
+            self.tally.collected[agent] += u64::from(reward > 0.0);
+        }
+    }
+
+    fn add_items(&mut self) {
+        for (age, appearances) in self.ages.iter_mut().zip(&mut self.appearances) {
+            let appears = appearances.next();
+            if *age < 0 && appears {
+                *age = 0;
+            }
+        }
+    }
+
+    fn observe(&mut self) {
+        for (agent, &robot) in self.layout.learners().iter().enumerate() {
+            let ages = self.ages_around(robot);
+            let percept = &mut self.last.percept;
+            region::observe(self.cells[robot], &ages, percept.obs.row_mut(agent));
+            percept.d_set.row_mut(agent).copy_from_slice(percept.obs.row(agent));
+        }
+    }
+}
+
+impl GlobalSimulator for GlobalWarehouse {
+    fn spec(&self) -> &RegionSpec {
+        &self.spec
+    }
+
+    fn agents(&self) -> usize {
+        self.layout.learners().len()
+    }
+
+    fn reset(&mut self, episode: Seed) -> Result<&Percept> {
+        let stream = items::episode(episode, 0, 0);
+        let shelves = self.layout.shelves().iter();
+        self.appearances = shelves.map(|&(row, col)| Appearances::of_shelf(stream, row, col)).collect();
+        let robots = AgentId::all(self.layout.robots()).into_iter();
+        self.dice = robots.map(|robot| episode.fork("robots").for_agent(robot).dice()).collect();
+        self.memories.fill(hand_coded::Memory::default());
+        self.cells.fill(CENTRE);
+        self.ages.fill(NO_ITEM);
+        self.tally = Tally { collected: vec![0; self.agents()], ..Tally::default() };
+        self.add_items();
+        self.observe();
+        Ok(&self.last.percept)
+    }
+
+    fn step(&mut self, actions: &[Action]) -> Result<&Transition> {
+        self.d_set_before.copy_from(&self.last.percept.d_set);
+        self.ages.iter_mut().for_each(|age| *age += Age::from(*age >= 0));
+        self.move_robots(actions);
+        self.note_sources_and_rewards();
+        for robot in 0..self.layout.robots() {
+            if let Some(shelf) = self.shelf_under(robot) {
+                self.ages[shelf] = NO_ITEM;
+            }
+        }
+        self.tally.step(&self.ages);
+        self.add_items();
+        self.observe();
+        Ok(&self.last)
+    }
+
+    fn influence_sample(&self) -> InfluenceSample<'_> {
+        InfluenceSample { d_set: &self.d_set_before, sources: &self.sources }
+    }
+
+    fn measures(&mut self) -> Result<Measures> {
+        let tally = &self.tally;
+        let steps = tally.steps.max(1) as f64;
+        Ok(Measures {
+            per_agent: vec![(super::ITEMS.to_owned(), tally.collected.iter().map(|&items| items as f64).collect())],
+            system: vec![
+                ("waiting_items".to_owned(), tally.waiting as f64 / steps),
+                ("mean_item_age".to_owned(), tally.age as f64 / tally.waiting.max(1) as f64),
+            ],
+        })
+    }
+
+    fn scene(&self) -> Option<crate::domain::Scene> {
+        Some(super::scene::draw(self))
+    }
+}
+
+impl Tally {
+    fn step(&mut self, ages: &[Age]) {
+        self.steps += 1;
+        for &age in ages.iter().filter(|&&age| age >= 0) {
+            self.waiting += 1;
+            self.age += age as u64;
+        }
+    }
+}

@@ -1,0 +1,108 @@
+//! The local simulators: the regions of many robots in lockstep, neighbours as the AIPs say.
+
+use super::items::{self, Appearances};
+use super::layout::Layout;
+use super::region::{self, Age, CENTRE, NO_ITEM, SHARED, SHELVES};
+use crate::base::{AgentId, Rows, Seed};
+use crate::domain::{Action, LocalSimulator, Percept, RegionSpec, Result, Transition};
+
+/// The warehouse LS: one region per row.
+pub struct LocalWarehouse {
+    spec: RegionSpec,
+    seed: Seed,
+    copies: usize,
+    /// Place of every row's shelves on the floor of the warehouse, which names their streams.
+    places: Vec<[(usize, usize); SHELVES]>,
+    cells: Vec<u8>,
+    ages: Vec<[Age; SHELVES]>,
+    appearances: Vec<[Appearances; SHELVES]>,
+    /// Episodes that have begun, per row.
+    episodes: Vec<usize>,
+    last: Transition,
+}
+
+impl LocalWarehouse {
+    pub fn new(layout: &Layout, agents: &[AgentId], copies: usize, horizon: usize, seed: Seed) -> Self {
+        let spec = region::spec(horizon);
+        let places = |agent: &AgentId| {
+            let robot = layout.learners()[agent.0];
+            std::iter::repeat_n(layout.region(robot).map(|shelf| layout.shelves()[shelf]), copies)
+        };
+        let rows = agents.len() * copies;
+        LocalWarehouse {
+            seed,
+            copies,
+            places: agents.iter().flat_map(places).collect(),
+            cells: vec![CENTRE; rows],
+            ages: vec![[NO_ITEM; SHELVES]; rows],
+            appearances: vec![[Appearances::default(); SHELVES]; rows],
+            episodes: vec![0; rows],
+            last: Transition::new(rows, &spec),
+            spec,
+        }
+    }
+
+    fn observe(&mut self, row: usize) {
+        let percept = &mut self.last.percept;
+        region::observe(self.cells[row], &self.ages[row], percept.obs.row_mut(row));
+        percept.d_set.row_mut(row).copy_from_slice(percept.obs.row(row));
+    }
+}
+
+impl LocalSimulator for LocalWarehouse {
+    fn spec(&self) -> &RegionSpec {
+        &self.spec
+    }
+
+    fn rows(&self) -> usize {
+        self.cells.len()
+    }
+
+    fn reset(&mut self, rows: &[usize]) -> Result<&Percept> {
+        for &row in rows {
+            let episode = items::episode(self.seed, row % self.copies, self.episodes[row]);
+            self.episodes[row] += 1;
+            self.cells[row] = CENTRE;
+            self.ages[row] = [NO_ITEM; SHELVES];
+            self.appearances[row] = self.places[row].map(|(y, x)| Appearances::of_shelf(episode, y, x));
+            add_items(&mut self.ages[row], &mut self.appearances[row]);
+            self.observe(row);
+        }
+        Ok(&self.last.percept)
+    }
+
+    fn step(&mut self, actions: &[Action], sources: &Rows<u8>) -> Result<&Transition> {
+        for (row, (&action, sources)) in actions.iter().zip(sources.iter()).enumerate() {
+            let ages = &mut self.ages[row];
+            ages.iter_mut().for_each(|age| *age += Age::from(*age >= 0));
+            self.cells[row] = region::after_move(self.cells[row], action);
+            let shelf = region::shelf_at(self.cells[row]);
+            self.last.rewards[row] = region::reward(shelf, ages);
+            if let Some(shelf) = shelf {
+                ages[shelf] = NO_ITEM;
+            }
+            for (shared, &class) in SHARED.iter().zip(sources) {
+                if class > 0 {
+                    ages[shared[usize::from(class) - 1]] = NO_ITEM;
+                }
+            }
+            add_items(ages, &mut self.appearances[row]);
+            self.observe(row);
+        }
+        Ok(&self.last)
+    }
+
+    fn counters(&self) -> Vec<(&'static str, u64)> {
+        Vec::new()
+    }
+}
+
+/// Lets items appear on the free shelves, also on those emptied in this step.
+fn add_items(ages: &mut [Age; SHELVES], appearances: &mut [Appearances; SHELVES]) {
+    for (age, appearances) in ages.iter_mut().zip(appearances) {
+        let appears = appearances.next();
+        if *age < 0 && appears {
+            *age = 0;
+        }
+    }
+}

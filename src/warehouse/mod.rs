@@ -1,0 +1,104 @@
+//! The warehouse domain: robots that fetch items from shelves which they share with their neighbours.
+//!
+//! Native and without SUMO, so it runs anywhere in seconds; and more strongly coupled than traffic. Source: DIALS paper,
+//! section "Environments", with the rules of the authors' code where the paper is silent.
+//!
+//! - [`layout`], [`region`], [`items`]: the floor, one robot's region (pure), where items appear.
+//! - [`global`]: the GS, the whole warehouse; [`local`]: the LS, single regions.
+//! - [`hand_coded`]: robots without a policy.
+
+pub mod global;
+pub mod hand_coded;
+pub mod items;
+pub mod layout;
+pub mod local;
+pub mod region;
+mod scene;
+
+use anyhow::bail;
+
+use crate::base::{AgentId, Seed};
+use crate::config::WarehouseConfig;
+use crate::domain::{
+    Action, Baseline, Controller, Domain, GlobalSimulator, LocalSimulator, Measures, Percept, RegionSpec, Result,
+};
+use global::GlobalWarehouse;
+use hand_coded::Rule;
+use layout::Layout;
+use local::LocalWarehouse;
+
+/// The measure "items that a robot collected in an episode".
+pub const ITEMS: &str = "items";
+
+/// A robot that collects fewer items per episode is stuck. Random moves collect about two, policies more than ten.
+const STUCK_BELOW: f64 = 0.5;
+
+/// A warehouse of learning robots.
+pub struct Warehouse {
+    layout: Layout,
+    horizon: usize,
+    spec: RegionSpec,
+}
+
+impl Warehouse {
+    pub fn new(config: &WarehouseConfig) -> Self {
+        Warehouse {
+            layout: Layout::around(config.agents_per_side),
+            horizon: config.horizon,
+            spec: region::spec(config.horizon),
+        }
+    }
+}
+
+impl Domain for Warehouse {
+    fn spec(&self) -> &RegionSpec {
+        &self.spec
+    }
+
+    fn agents(&self) -> usize {
+        self.layout.learners().len()
+    }
+
+    fn global_simulator(&self) -> Result<Box<dyn GlobalSimulator>> {
+        Ok(Box::new(GlobalWarehouse::new(&self.layout, self.horizon, None)))
+    }
+
+    fn local_simulator(&self, regions: &[AgentId], copies: usize, seed: Seed) -> Result<Box<dyn LocalSimulator>> {
+        Ok(Box::new(LocalWarehouse::new(&self.layout, regions, copies, self.horizon, seed)))
+    }
+
+    fn baselines(&self) -> &'static [&'static str] {
+        Rule::NAMES
+    }
+
+    fn baseline(&self, name: &str) -> Result<Baseline> {
+        let Some(rule) = Rule::by_name(name) else {
+            bail!("controller `{name}`: unknown; one of {}", Rule::NAMES.join(", "));
+        };
+        // The rules see ages, which no observation shows, so they live in the simulator.
+        let simulator = Box::new(GlobalWarehouse::new(&self.layout, self.horizon, Some(rule)));
+        Ok(Baseline { simulator, controller: Box::new(Bystander) })
+    }
+
+    fn initial_action_bias(&self) -> Vec<f32> {
+        vec![0.0; self.spec.n_actions]
+    }
+
+    fn stuck(&self, measures: &Measures) -> Vec<bool> {
+        let (_, items) =
+            measures.per_agent.iter().find(|(name, _)| name == ITEMS).expect("the warehouse GS counts them");
+        items.iter().map(|&items| items < STUCK_BELOW).collect()
+    }
+}
+
+/// Leaves the robots to their rule.
+struct Bystander;
+
+impl Controller for Bystander {
+    fn begin(&mut self, _episode: Seed) {}
+
+    fn act(&mut self, _percept: &Percept, actions: &mut [Action]) -> Result<()> {
+        actions.fill(region::UP);
+        Ok(())
+    }
+}
