@@ -102,7 +102,8 @@ pub struct Evaluate {
 pub struct Baseline {
     /// Config file whose network and horizon are used
     pub config: PathBuf,
-    /// random, never, always, switch-every-K, actuated (SUMO's) or gap-out
+    /// Traffic: random, never, always, switch-every-K, actuated (SUMO's) or gap-out; warehouse: random,
+    /// closest-item or oldest-item
     #[arg(long, value_name = "NAME")]
     pub controller: String,
     #[command(flatten)]
@@ -126,6 +127,9 @@ pub struct Output {
     /// Print one JSON object instead of a table
     #[arg(long)]
     pub json: bool,
+    /// Also write pictures of the first episode, one per step and an animation, into this directory (warehouse)
+    #[arg(long, value_name = "DIR")]
+    pub render: Option<PathBuf>,
 }
 
 #[derive(Debug, Subcommand)]

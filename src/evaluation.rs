@@ -25,16 +25,28 @@ pub fn play(
     controller: &mut dyn Controller,
     episode: Seed,
 ) -> Result<EpisodeReport> {
+    play_watched(simulator, controller, episode, &mut |_| Ok(()))
+}
+
+/// As [`play`]; `watch` is shown the simulator at the beginning and after every step.
+pub fn play_watched(
+    simulator: &mut dyn GlobalSimulator,
+    controller: &mut dyn Controller,
+    episode: Seed,
+    watch: &mut dyn FnMut(&dyn GlobalSimulator) -> Result<()>,
+) -> Result<EpisodeReport> {
     let (agents, horizon) = (simulator.agents(), simulator.spec().horizon);
     let mut returns = vec![0.0; agents];
     let mut actions = vec![0; agents];
     controller.begin(episode);
-    let mut percept = simulator.reset(episode)?;
+    let mut percept = simulator.reset(episode)?.clone();
+    watch(simulator)?;
     for _ in 0..horizon {
-        controller.act(percept, &mut actions)?;
+        controller.act(&percept, &mut actions)?;
         let transition = simulator.step(&actions)?;
         returns.iter_mut().zip(&transition.rewards).for_each(|(sum, &reward)| *sum += f64::from(reward));
-        percept = &transition.percept;
+        percept.clone_from(&transition.percept);
+        watch(simulator)?;
     }
     Ok(EpisodeReport { returns, measures: simulator.measures()? })
 }

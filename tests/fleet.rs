@@ -13,20 +13,41 @@ const RESULTS: [&str; 5] = ["returns.csv", "aip_loss.csv", "training.csv", "poli
 /// However slow the machine is, a wait that lasts longer than this waits for something that will not come.
 const FOR_EVER: Duration = Duration::from_secs(120);
 
+#[derive(Clone, Copy)]
+enum Domain {
+    Traffic,
+    /// With recurrent policies and AIPs.
+    Warehouse,
+}
+
 /// Three periods of about a second, an AIP training before the first and the last.
-fn write_config(dir: &Path) -> PathBuf {
+fn write_config(dir: &Path, domain: Domain) -> PathBuf {
+    let text = match domain {
+        Domain::Traffic => traffic_config(),
+        Domain::Warehouse => WAREHOUSE_CONFIG.to_owned(),
+    };
+    let path = dir.join("fleet.toml");
+    fs::write(&path, text).unwrap();
+    path
+}
+
+const WAREHOUSE_CONFIG: &str = "total_steps = 9_000\n\
+    [warehouse]\nagents_per_side = 2\nhorizon = 50\n\
+    [local_simulators]\ncopies = 8\nstagger = true\n[policy]\nrecurrent = 24\nhidden = [16]\nsequence_length = 8\n\
+    [ppo]\nrollout_steps = 8\ntime_limit = 'bootstrap'\n\
+    [aip]\nrecurrent = 8\nhidden = [8]\nretrain_every_steps = 6_000\ndataset_steps = 500\nbatch = 4\nepochs = 5\n\
+    [evaluation]\nevery_steps = 3_000\nepisodes = 5\n";
+
+fn traffic_config() -> String {
     let nets = Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets").display().to_string();
-    let text = format!(
+    format!(
         "total_steps = 15_000\n\
          [traffic]\nnetwork = '{nets}/grid_2x2'\nlocal_network = '{nets}/local'\nhorizon = 60\n\
          [local_simulators]\ncopies = 8\nstagger = true\n[policy]\nhidden = [32, 16]\n\
          [ppo]\ntime_limit = 'bootstrap'\n\
          [aip]\nhidden = [8]\nretrain_every_steps = 10_000\ndataset_steps = 300\nbatch = 32\nepochs = 2\n\
          [evaluation]\nevery_steps = 5_000\nepisodes = 5\n"
-    );
-    let path = dir.join("fleet.toml");
-    fs::write(&path, text).unwrap();
-    path
+    )
 }
 
 fn program() -> Command {
@@ -41,8 +62,12 @@ struct Run {
 
 impl Run {
     fn new() -> Run {
+        Run::of(Domain::Traffic)
+    }
+
+    fn of(domain: Domain) -> Run {
         let dir = tempfile::tempdir().unwrap();
-        Run { config: write_config(dir.path()), out: dir.path().join("run"), _dir: dir }
+        Run { config: write_config(dir.path(), domain), out: dir.path().join("run"), _dir: dir }
     }
 
     fn start(&self, more: &[&str]) -> Child {
@@ -145,6 +170,25 @@ fn one_two_and_three_workers_make_the_same_files_as_a_single_process() {
         run.train(&["--workers", workers]);
         run.assert_undisturbed();
     }
+}
+
+#[test]
+fn the_warehouse_is_the_same_for_any_fleet_and_after_a_kill() {
+    let alone = Run::of(Domain::Warehouse);
+    alone.train(&["--workers", "0"]);
+    for workers in ["1", "3"] {
+        let run = Run::of(Domain::Warehouse);
+        run.train(&["--workers", workers]);
+        assert!(run.results() == alone.results(), "{workers} workers");
+    }
+    let run = Run::of(Domain::Warehouse);
+    let mut coordinator = run.start(&["--workers", "2"]);
+    run.wait_for_checkpoints(1);
+    coordinator.kill().unwrap();
+    assert_eq!(ended(coordinator).0.signal(), Some(9));
+    let (status, said) = run.resume(&["--workers", "2"]);
+    assert!(status.success(), "{said}");
+    assert!(run.results() == alone.results());
 }
 
 #[test]

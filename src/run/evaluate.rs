@@ -5,6 +5,7 @@ use serde_json::{Map, Value, json};
 use super::directory;
 use super::domain;
 use super::progress::EpisodeBar;
+use super::render::render;
 use crate::base::Seed;
 use crate::cli;
 use crate::config::{Config, load};
@@ -43,6 +44,9 @@ fn report(
 ) -> Result<()> {
     let count = episodes.episodes.map_or(config.evaluation.episodes, |count| count as usize);
     let seed = episodes.seed.unwrap_or(config.seed);
+    if let Some(dir) = &output.render {
+        render(simulator, controller, Seed::new(seed), dir).map_err(Error::Usage)?;
+    }
     let bar = EpisodeBar::new(count);
     let evaluation =
         evaluation::evaluate(domain, simulator, controller, Seed::new(seed), count, &mut |share| bar.set(share))

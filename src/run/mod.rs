@@ -6,6 +6,7 @@ mod evaluate;
 mod info;
 mod nets;
 mod progress;
+mod render;
 mod train;
 mod worker;
 

@@ -112,7 +112,7 @@ impl GlobalWarehouse {
 
     fn add_items(&mut self) {
         for (age, appearances) in self.ages.iter_mut().zip(&mut self.appearances) {
-            let appears = appearances.next();
+            let appears = appearances.draw();
             if *age < 0 && appears {
                 *age = 0;
             }

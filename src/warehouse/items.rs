@@ -22,7 +22,7 @@ impl Appearances {
     }
 
     /// Does an item appear in this step, where the shelf is free?
-    pub fn next(&mut self) -> bool {
+    pub fn draw(&mut self) -> bool {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         scramble(self.0) < THRESHOLD
     }
@@ -54,11 +54,11 @@ mod tests {
         for (row, col) in [(0, 1), (4, 7), (5, 8), (7, 4)] {
             let draws = (0..50_000).map(|e| Appearances::of_shelf(episode(Seed::new(6), 0, e), row, col));
             // 1000 expected, standard deviation 31.
-            let count = draws.filter(|stream| stream.clone().next()).count();
+            let count = draws.filter(|stream| stream.clone().draw()).count();
             assert!(count.abs_diff(1000) < 130, "{row} {col}: {count}");
             let apart =
                 (0..50_000).map(|e| Appearances::of_shelf(episode(Seed::new(6).for_episode(e), 0, 0), row, col));
-            let count = apart.filter(|stream| stream.clone().next()).count();
+            let count = apart.filter(|stream| stream.clone().draw()).count();
             assert!(count.abs_diff(1000) < 130, "{row} {col}: {count}");
         }
     }
@@ -68,7 +68,7 @@ mod tests {
         let steps = 100_000;
         let streams = [(0, 1), (0, 2), (1, 0), (4, 3)].map(|(row, col)| {
             let mut stream = Appearances::of_shelf(Seed::new(1), row, col);
-            (0..steps).map(|_| stream.next()).collect::<Vec<bool>>()
+            (0..steps).map(|_| stream.draw()).collect::<Vec<bool>>()
         });
         for (i, stream) in streams.iter().enumerate() {
             // 2000 expected, standard deviation sqrt(2000 * 0.98) = 44.

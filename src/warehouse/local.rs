@@ -100,7 +100,7 @@ impl LocalSimulator for LocalWarehouse {
 /// Lets items appear on the free shelves, also on those emptied in this step.
 fn add_items(ages: &mut [Age; SHELVES], appearances: &mut [Appearances; SHELVES]) {
     for (age, appearances) in ages.iter_mut().zip(appearances) {
-        let appears = appearances.next();
+        let appears = appearances.draw();
         if *age < 0 && appears {
             *age = 0;
         }

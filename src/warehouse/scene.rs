@@ -13,7 +13,7 @@ const OTHER_ROBOT: Colour = Colour([0x9d, 0xb4, 0xcc]);
 /// Of an item, from new to [`OLD`] steps and older.
 const NEW_ITEM: [f32; 3] = [255.0, 224.0, 130.0];
 const OLD_ITEM: [f32; 3] = [183.0, 62.0, 12.0];
-const OLD: f32 = 40.0;
+const OLD: f32 = 15.0;
 
 /// Floor, shelves, items shaded by age, robots (the learning ones dark), and the rims of the regions.
 pub fn draw(warehouse: &GlobalWarehouse) -> Scene {

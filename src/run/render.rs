@@ -1,0 +1,65 @@
+//! `--render`: pictures of an episode.
+
+use std::fs::{self, File};
+use std::path::Path;
+
+use anyhow::{Context, Result, bail};
+
+use crate::base::Seed;
+use crate::domain::{Colour, Controller, GlobalSimulator, Scene};
+use crate::evaluation::{episode_seed, play_watched};
+
+/// Pixels per unit of a scene.
+const SCALE: usize = 16;
+/// Hundredths of a second that the animation shows a step.
+const STEP_TIME: u16 = 20;
+
+/// Plays the first evaluation episode of `run` and writes `step_NNN.svg` for every step and `episode.gif` into `dir`.
+pub fn render(
+    simulator: &mut dyn GlobalSimulator,
+    controller: &mut dyn Controller,
+    run: Seed,
+    dir: &Path,
+) -> Result<()> {
+    if simulator.scene().is_none() {
+        bail!("--render: this domain draws no pictures; sumo-gui opens the networks of traffic");
+    }
+    fs::create_dir_all(dir).with_context(|| format!("{}: cannot be made", dir.display()))?;
+    let mut scenes = Vec::new();
+    play_watched(simulator, controller, episode_seed(run, 0), &mut |simulator| {
+        let scene = simulator.scene().context("a picture of every step")?;
+        let path = dir.join(format!("step_{:03}.svg", scenes.len()));
+        fs::write(&path, scene.to_svg(SCALE as f32))
+            .with_context(|| format!("{}: cannot be written", path.display()))?;
+        scenes.push(scene);
+        Ok(())
+    })?;
+    animate(&scenes, &dir.join("episode.gif"))
+}
+
+fn animate(scenes: &[Scene], path: &Path) -> Result<()> {
+    let failed = || format!("{}: cannot be written", path.display());
+    let frames: Vec<(usize, usize, Vec<Colour>)> = scenes.iter().map(|scene| scene.to_pixels(SCALE)).collect();
+    let (width, height) = (frames[0].0, frames[0].1);
+    let mut palette: Vec<Colour> = frames.iter().flat_map(|(_, _, pixels)| pixels.iter().copied()).collect();
+    palette.sort_unstable();
+    palette.dedup();
+    if palette.len() > 256 {
+        bail!("{}: {} colours, and a GIF holds 256", path.display(), palette.len());
+    }
+    let colours: Vec<u8> = palette.iter().flat_map(|colour| colour.0).collect();
+    let file = File::create(path).with_context(failed)?;
+    let mut encoder = gif::Encoder::new(file, width as u16, height as u16, &colours).with_context(failed)?;
+    encoder.set_repeat(gif::Repeat::Infinite).with_context(failed)?;
+    for (_, _, pixels) in &frames {
+        let indices: Vec<u8> = pixels
+            .iter()
+            .map(|pixel| palette.binary_search(pixel).expect("the palette holds all pixels") as u8)
+            .collect();
+        let mut frame =
+            gif::Frame { width: width as u16, height: height as u16, delay: STEP_TIME, ..Default::default() };
+        frame.buffer = indices.into();
+        encoder.write_frame(&frame).with_context(failed)?;
+    }
+    Ok(())
+}
