@@ -328,35 +328,31 @@ impl Fleet for ProcessFleet {
             let theirs = datasets.drain(..self.workers[worker].agents.len()).collect();
             orders.push((worker, Order::TrainAips { datasets: theirs, period: *period }));
         }
-        let mut losses = Vec::new();
-        let mut parameters = Rows::new(0, self.state.aips.width());
+        let mut whole = AipTraining { losses: Vec::new(), parameters: Rows::default() };
         for answer in self.ask(orders, Stop::AtOnce)? {
             let Answer::AipsTrained(training) = answer else { unreachable!("AIPs were asked for, not {answer:?}") };
-            losses.extend(training.losses);
-            parameters.extend(&training.parameters);
+            whole.append(training);
         }
-        self.state.aips = parameters.clone();
-        Ok(AipTraining { losses, parameters })
+        self.state.aips = whole.parameters.clone();
+        Ok(whole)
     }
 
     fn train_policies(&mut self, period: &Period) -> Result<PolicyTraining> {
         let orders = self.owners().map(|worker| (worker, Order::TrainPolicies { period: *period })).collect();
-        let mut whole: Option<(PolicyTraining, AgentsState)> = None;
+        let mut whole = PolicyTraining { agents: Vec::new(), counters: Vec::new() };
+        let mut states: Option<AgentsState> = None;
         for answer in self.ask(orders, Stop::Later)? {
             let Answer::PoliciesTrained { training, state } = answer else {
                 unreachable!("policies were asked for, not {answer:?}")
             };
-            match &mut whole {
-                None => whole = Some((training, state)),
-                Some((all, all_states)) => {
-                    all.append(training);
-                    all_states.append(&state);
-                }
+            whole.append(training);
+            match &mut states {
+                None => states = Some(state),
+                Some(states) => states.append(&state),
             }
         }
-        let (training, state) = whole.context("no worker owns an agent")?;
-        self.state = state;
-        Ok(training)
+        self.state = states.context("no worker owns an agent")?;
+        Ok(whole)
     }
 
     fn evaluate(&mut self, policies: &JointPolicy) -> Result<Evaluation> {

@@ -52,7 +52,7 @@ fn carry_out(order: Order, worker: &mut Worker, reporter: &Reporter) -> Result<A
     Ok(match order {
         Order::Begin { .. } => bail!("the worker has already begun"),
         Order::Restore(state) => {
-            worker.restore(state);
+            worker.restore(&state);
             Answer::Ready
         }
         Order::TellState => Answer::State(worker.state()),

@@ -13,8 +13,8 @@ use crate::config::{self, Config};
 use crate::domain::Domain;
 use crate::nn::read_stack;
 use crate::policy::{JointPolicy, PolicyStack};
+use crate::training::block::initial_policies;
 use crate::training::run_log::{files, write_atomically};
-use crate::training::worker::initial_policies;
 
 /// A directory that one run writes. Self-contained: it holds the networks it was trained on.
 pub struct RunDirectory {

@@ -59,10 +59,26 @@ pub struct PolicyTraining {
     pub counters: Vec<(String, u64)>,
 }
 
+impl AipTraining {
+    /// Adds what came of the agents after these.
+    pub fn append(&mut self, next: AipTraining) {
+        self.losses.extend(next.losses);
+        if self.parameters.is_empty() {
+            self.parameters = next.parameters;
+        } else {
+            self.parameters.extend(&next.parameters);
+        }
+    }
+}
+
 impl PolicyTraining {
     /// Adds what came of the agents after these, in the same period.
     pub fn append(&mut self, next: PolicyTraining) {
         self.agents.extend(next.agents);
+        if self.counters.is_empty() {
+            self.counters = next.counters;
+            return;
+        }
         for ((_, count), (_, more)) in self.counters.iter_mut().zip(next.counters) {
             *count += more;
         }
@@ -144,7 +160,7 @@ impl Fleet for InlineFleet {
     }
 
     fn restore(&mut self, state: &AgentsState) -> Result<()> {
-        self.worker.restore(state.clone());
+        self.worker.restore(state);
         Ok(())
     }
 

@@ -4,9 +4,10 @@
 //! - [`collect`]: Algorithm 2, datasets from the GS.
 //! - [`ials`]: Algorithm 3, trajectories from local simulators and AIPs; [`global`] is the GS in the same role.
 //! - [`rollout`], [`gae`], [`ppo`]: what an agent makes of its trajectories.
-//! - [`fleet`], [`worker`]: who does it. This room never sees a process, a socket or SUMO.
+//! - [`fleet`], [`worker`], [`block`]: who does it. This room never sees a process, a socket or SUMO.
 //! - [`run_log`], [`checkpoint`], [`state`]: what a run leaves behind, and how it goes on from there.
 
+pub mod block;
 pub mod checkpoint;
 pub mod collect;
 pub mod dials;

@@ -1,0 +1,199 @@
+//! A block of agents that are trained together, on one stack of networks and one forest of local simulators.
+//!
+//! A worker trains its blocks one after the other, each for the whole period: between two exchanges agents know nothing
+//! of each other, so the order changes no number, and networks and cars of a few agents stay in the cache where those of
+//! a hundred do not.
+
+use std::sync::Arc;
+
+use super::environment::Environment;
+use super::fleet::{AgentTraining, AipTraining, PolicyTraining};
+use super::global::GlobalEnvironment;
+use super::ials::Ials;
+use super::ppo::{self, Decayed, Losses};
+use super::rollout::{Actor, roll_out};
+use super::state::AgentsState;
+use crate::base::{AgentId, Dice, Phase, Seed, Stopwatch};
+use crate::config::{Config, Period, SimulatorKind};
+use crate::domain::{Domain, Result};
+use crate::influence::{AipStack, Dataset, train};
+use crate::nn::Adam;
+use crate::policy::{Memory, PolicyStack};
+
+/// Local simulators per block: measured on traffic, where larger forests cost more per intersection and smaller ones
+/// more calls per step.
+const ROWS_PER_BLOCK: usize = 64;
+
+/// Everything that belongs to some agents for the whole run.
+pub struct AgentBlock {
+    domain: Arc<dyn Domain>,
+    config: Config,
+    agents: Vec<AgentId>,
+    policies: PolicyStack,
+    adam: Adam,
+    aips: AipStack,
+    /// Timesteps per agent so far.
+    steps: u64,
+}
+
+/// The policies of `agents` as a run with this config begins.
+pub fn initial_policies(domain: &dyn Domain, config: &Config, agents: &[AgentId]) -> PolicyStack {
+    let seed = Seed::new(config.seed).fork("policy");
+    PolicyStack::new(agents, domain.spec(), &config.policy, &domain.initial_action_bias(), seed)
+}
+
+/// The AIPs of `agents` as a run with this config begins.
+pub fn initial_aips(domain: &dyn Domain, config: &Config, agents: &[AgentId]) -> AipStack {
+    AipStack::new(agents, domain.spec(), &config.aip, Seed::new(config.seed).fork("aip"))
+}
+
+/// Agents per block. On the GS all agents act in one simulation, so they are one block.
+pub fn agents_per_block(config: &Config) -> usize {
+    match config.simulator {
+        SimulatorKind::Gs => usize::MAX,
+        SimulatorKind::Dials | SimulatorKind::UntrainedDials => (ROWS_PER_BLOCK / config.copies()).max(1),
+    }
+}
+
+impl AgentBlock {
+    pub fn new(domain: Arc<dyn Domain>, config: &Config, agents: &[AgentId]) -> Self {
+        let policies = initial_policies(&*domain, config, agents);
+        AgentBlock {
+            adam: Adam::new(policies.parameters()),
+            aips: initial_aips(&*domain, config, agents),
+            policies,
+            agents: agents.to_vec(),
+            steps: 0,
+            config: config.clone(),
+            domain,
+        }
+    }
+
+    pub fn agents(&self) -> usize {
+        self.agents.len()
+    }
+
+    /// What its agents have become.
+    pub fn state(&self) -> AgentsState {
+        AgentsState {
+            steps: self.steps,
+            policies: self.policies.joint_policy(),
+            moments: self.adam.moments().clone(),
+            aips: self.aips.parameters().to_rows(),
+        }
+    }
+
+    /// Goes on from a state of the same agents.
+    pub fn restore(&mut self, state: AgentsState) {
+        self.steps = state.steps;
+        self.policies.load(&state.policies);
+        self.adam.restore(state.moments);
+        self.aips.load(&state.aips);
+    }
+
+    /// Trains the AIPs; `datasets`: one per agent. `progress` is called with the share that is done.
+    pub fn train_aips(
+        &mut self,
+        datasets: &[Dataset],
+        period: &Period,
+        watch: &mut Stopwatch,
+        progress: &mut dyn FnMut(f64),
+    ) -> AipTraining {
+        let seed = Seed::new(self.config.seed).fork("aip minibatches").for_period(period.index);
+        let losses = watch.time(Phase::AipTraining, || {
+            train(&mut self.aips, &self.agents, datasets, &self.config.aip, seed, progress)
+        });
+        AipTraining { losses, parameters: self.aips.parameters().to_rows() }
+    }
+
+    /// Trains the policies until the end of the period (Algorithm 1, lines 7 to 12). `progress` is called with the
+    /// timesteps so far.
+    pub fn train_policies(
+        &mut self,
+        period: &Period,
+        watch: &mut Stopwatch,
+        progress: &mut dyn FnMut(u64),
+    ) -> Result<PolicyTraining> {
+        let copies = self.config.copies();
+        let stream = |purpose: &str| Seed::new(self.config.seed).fork(purpose).for_period(period.index);
+        let acting = self.row_dice(stream("acting"), copies);
+        let influences = self.row_dice(stream("influence"), copies);
+        let minibatches = self.agents.iter().map(|&agent| stream("policy minibatches").for_agent(agent).dice());
+        let minibatches: Vec<Dice> = minibatches.collect();
+        let (domain, episodes) = (self.domain.clone(), stream("training episodes"));
+        let learner = Learner {
+            policies: &mut self.policies,
+            adam: &mut self.adam,
+            steps: &mut self.steps,
+            config: &self.config,
+            horizon: domain.spec().horizon,
+            watch,
+        };
+        match self.config.simulator {
+            SimulatorKind::Gs => {
+                let mut gs = GlobalEnvironment::begin(domain.global_simulator()?, episodes)?;
+                learner.learn(&mut gs, period, acting, minibatches, progress)
+            }
+            SimulatorKind::Dials | SimulatorKind::UntrainedDials => {
+                let simulators = domain.local_simulator(&self.agents, copies, episodes)?;
+                let stagger = self.config.local_simulators.stagger;
+                let mut ials = Ials::begin(simulators, &mut self.aips, influences, copies, stagger)?;
+                let mut training = learner.learn(&mut ials, period, acting, minibatches, progress)?;
+                training.counters = ials.counters().into_iter().map(|(name, count)| (name.to_owned(), count)).collect();
+                Ok(training)
+            }
+        }
+    }
+
+    /// One stream per (agent, copy).
+    fn row_dice(&self, seed: Seed, copies: usize) -> Vec<Dice> {
+        let of_agent = |&agent: &AgentId| (0..copies).map(move |copy| seed.for_agent(agent).for_copy(copy).dice());
+        self.agents.iter().flat_map(of_agent).collect()
+    }
+}
+
+/// What PPO changes and what it goes by.
+struct Learner<'a> {
+    policies: &'a mut PolicyStack,
+    adam: &'a mut Adam,
+    steps: &'a mut u64,
+    config: &'a Config,
+    horizon: usize,
+    watch: &'a mut Stopwatch,
+}
+
+impl Learner<'_> {
+    /// Rollouts and updates in turn, until the steps reach the end of the period: its first multiple of the memory.
+    fn learn(
+        self,
+        environment: &mut dyn Environment,
+        period: &Period,
+        acting: Vec<Dice>,
+        mut minibatches: Vec<Dice>,
+        progress: &mut dyn FnMut(u64),
+    ) -> Result<PolicyTraining> {
+        let Learner { policies, adam, steps, config, horizon, watch } = self;
+        let (ppo, agents) = (&config.ppo, policies.agents());
+        let copies = environment.rows() / agents;
+        let obs_dim = environment.percept().obs.width();
+        let state_width = config.policy.recurrent.unwrap_or(0);
+        let mut memory = Memory::new(agents, ppo.memory, config.sequence_length(), obs_dim, state_width);
+        let mut actor = Actor::begin(policies, acting, horizon);
+        let mut losses = vec![Losses::default(); agents];
+        let updates = period.end.saturating_sub(*steps).div_ceil(ppo.memory as u64);
+        for _ in 0..updates {
+            for slot in (0..ppo.memory).step_by(ppo.rollout_steps * copies) {
+                roll_out(environment, policies, &mut actor, &mut memory, slot, ppo, watch)?;
+            }
+            let decayed = Decayed::at(ppo, *steps as f64 / config.total_steps as f64);
+            let of_update =
+                watch.time(Phase::Learning, || ppo::update(policies, adam, &memory, &mut minibatches, ppo, decayed));
+            losses.iter_mut().zip(&of_update).for_each(|(mean, of_update)| mean.add(of_update, 1.0 / updates as f64));
+            *steps += ppo.memory as u64;
+            progress(*steps);
+        }
+        let agents = actor.returns.means().into_iter().zip(losses);
+        let agents = agents.map(|((mean_return, episodes), losses)| AgentTraining { mean_return, episodes, losses });
+        Ok(PolicyTraining { agents: agents.collect(), counters: Vec::new() })
+    }
+}
