@@ -1,5 +1,6 @@
 //! Adam over a stack, in one pass over memory.
 
+use multiversion::multiversion;
 use serde::{Deserialize, Serialize};
 
 use super::Parameters;
@@ -53,12 +54,26 @@ impl Adam {
         let step_size = (learning_rate / correction1) as f32;
         let root_correction = (1.0 / correction2.sqrt()) as f32;
         let (values, gradients) = parameters.values_mut();
-        let moments = first.as_mut_slice().iter_mut().zip(second.as_mut_slice());
-        for ((value, &gradient), (first, second)) in values.iter_mut().zip(gradients).zip(moments) {
-            *first = BETA1 * *first + (1.0 - BETA1) * gradient;
-            *second = BETA2 * *second + (1.0 - BETA2) * gradient * gradient;
-            *value -= step_size * *first / (second.sqrt() * root_correction + EPSILON);
-        }
+        update(values, gradients, first.as_mut_slice(), second.as_mut_slice(), step_size, root_correction);
+    }
+}
+
+/// One pass over memory, with the widest registers that the machine has. No fused multiply-add: it would round
+/// differently from machine to machine.
+#[multiversion(targets("x86_64+avx2"))]
+fn update(
+    values: &mut [f32],
+    gradients: &[f32],
+    first: &mut [f32],
+    second: &mut [f32],
+    step_size: f32,
+    root_correction: f32,
+) {
+    let moments = first.iter_mut().zip(second);
+    for ((value, &gradient), (first, second)) in values.iter_mut().zip(gradients).zip(moments) {
+        *first = BETA1 * *first + (1.0 - BETA1) * gradient;
+        *second = BETA2 * *second + (1.0 - BETA2) * gradient * gradient;
+        *value -= step_size * *first / (second.sqrt() * root_correction + EPSILON);
     }
 }
 

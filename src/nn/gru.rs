@@ -10,6 +10,7 @@
 //! The input half of all steps is one matrix product, and so are the gradients of all weights: only the products with
 //! the state stand inside the loop over time. Rows are ordered agent, step, sequence, so that a step is a view.
 
+use multiversion::multiversion;
 use tch::{Device, Kind, Tensor};
 
 use super::activations::{sigmoid, tanh};
@@ -120,6 +121,8 @@ pub fn forward(
     GruTrace { shape, inputs, before, gates, outputs, starts: starts.to_vec() }
 }
 
+/// One row of one step, with the widest registers that the machine has.
+#[multiversion(targets("x86_64+avx2"))]
 fn update_row(from_input: &[f32], from_state: &[f32], before: &[f32], gates: &mut [f32], after: &mut [f32]) {
     let hidden = before.len();
     let (xr, xz, xn) = thirds(from_input, hidden);
@@ -192,6 +195,7 @@ pub fn backward(weights: &GruWeights, gradients: &GruWeights, trace: &GruTrace, 
 
 /// Of one row: `carried` holds the gradient by the state after the step that comes from later steps, and afterwards the
 /// direct part of that by the state before it.
+#[multiversion(targets("x86_64+avx2"))]
 fn differentiate_row(
     outside: &[f32],
     gates: &[f32],
