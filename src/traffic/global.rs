@@ -8,7 +8,7 @@ use super::signals::Light;
 use crate::base::{Rows, Seed};
 use crate::config::DSet;
 use crate::domain::{Action, GlobalSimulator, InfluenceSample, Measures, Percept, RegionSpec, Result, Transition};
-use crate::sumo::{Car, CarId, CarTable, LaneCars, Simulation};
+use crate::sumo::{Car, CarId, CarTable, LaneCars, SignalState, Simulation};
 
 /// Braking harder than the `decel` of the vehicle type is an emergency.
 const DECEL_MPS2: f64 = 7.5;
@@ -32,8 +32,11 @@ pub struct GlobalTraffic {
     control: SignalControl,
     simulation: Simulation,
     intersections: Intersections,
-    /// What every light shows, `[agents]`.
+    /// What every light shows, `[agents]`, now and a step ago.
     lights: Vec<Light>,
+    lights_before: Vec<Light>,
+    /// What SUMO last said of them, where it runs them.
+    states: Vec<SignalState>,
     /// Cars on the incoming lanes, now and a step ago.
     cars: CarTable,
     cars_before: CarTable,
@@ -80,6 +83,8 @@ impl GlobalTraffic {
             simulation,
             intersections,
             lights: vec![Light::VerticalGreen; agents.len()],
+            lights_before: vec![Light::VerticalGreen; agents.len()],
+            states: Vec::new(),
             cars: CarTable::new(),
             cars_before: CarTable::new(),
             last: Transition::new(agents.len(), &spec),
@@ -103,11 +108,16 @@ impl GlobalTraffic {
     }
 
     fn read_lights(&mut self) -> Result<()> {
-        self.lights = match self.control {
-            SignalControl::Agents => (0..self.intersections.len()).map(|row| self.intersections.light(row)).collect(),
-            SignalControl::Actuated => self.intersections.shown_by_sumo(&mut self.simulation, &mut Vec::new())?,
-        };
-        Ok(())
+        match self.control {
+            SignalControl::Agents => {
+                let shown = self.lights.iter_mut().enumerate();
+                shown.for_each(|(row, light)| *light = self.intersections.light(row));
+                Ok(())
+            }
+            SignalControl::Actuated => {
+                self.intersections.shown_by_sumo(&mut self.simulation, &mut self.states, &mut self.lights)
+            }
+        }
     }
 
     fn perceive(&mut self) {
@@ -159,7 +169,7 @@ impl GlobalSimulator for GlobalTraffic {
     fn step(&mut self, actions: &[Action]) -> Result<&Transition> {
         self.d_set_before.copy_from(&self.last.percept.d_set);
         std::mem::swap(&mut self.cars, &mut self.cars_before);
-        let lights_before = self.lights.clone();
+        self.lights_before.copy_from_slice(&self.lights);
         if self.control == SignalControl::Agents {
             self.intersections.act(&mut self.simulation, actions)?;
         }
@@ -168,7 +178,7 @@ impl GlobalSimulator for GlobalTraffic {
         self.read_lights()?;
         self.note_arrivals();
         self.perceive();
-        self.tally.lights(&lights_before, &self.lights);
+        self.tally.lights(&self.lights_before, &self.lights);
         self.tally.cars(&self.cars, &self.cars_before);
         self.tally.step(&mut self.simulation)?;
         Ok(&self.last)
