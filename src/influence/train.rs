@@ -222,6 +222,25 @@ mod tests {
     }
 
     #[test]
+    fn the_last_episodes_measure_and_are_not_trained_on() {
+        // u = x in the first 18 episodes, u = 1 - x in the last two: whoever learns u = x is wrong there.
+        let sources = SourceSpec::Binary { sources: 1 };
+        let spec = RegionSpec { obs_dim: 1, d_set_dim: 1, n_actions: 2, sources, horizon: 100 };
+        let mut dataset = Dataset::new(&spec);
+        let mut dice = Seed::new(31).dice();
+        for sample in 0..2000 {
+            let x: bool = dice.random();
+            dataset.push(&[f32::from(u8::from(x))], &[u8::from(x != (sample >= 1800))]);
+        }
+        let mut aips = AipStack::new(&[AgentId(0)], &spec, &[8], Seed::new(1));
+        let config = AipConfig { learning_rate: 1e-2, epochs: 30, held_out: 0.1, ..AipConfig::default() };
+        let loss = train(&mut aips, &[AgentId(0)], &[dataset], &config, Seed::new(2), &mut |_| ()).remove(0);
+        // Certain of u = x: nearly 0 where it holds, and further than a coin's ln 2 from what holds in the end.
+        assert!(loss.training[1][0] < 0.05, "{:?}", loss.training);
+        assert!(loss.held_out[1][0] > 2.0, "{:?}", loss.held_out);
+    }
+
+    #[test]
     fn agents_train_alike_in_any_company() {
         let (both, together) = trained(&[AgentId(0), AgentId(1)]);
         let (single, alone) = trained(&[AgentId(1)]);
