@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use anyhow::Context;
-use tempfile::TempDir;
 
 use super::forest::{Region, write_forest};
 use super::intersections::{Intersections, edges_of};
@@ -41,8 +40,6 @@ pub struct LocalTraffic {
     serial: u64,
     sampled: u64,
     dropped: u64,
-    /// The files of the forest, as long as SUMO may load them.
-    _files: TempDir,
 }
 
 impl LocalTraffic {
@@ -58,6 +55,8 @@ impl LocalTraffic {
         let dir = tempfile::tempdir().context("no temporary directory for the forest of local simulators")?;
         let files = write_forest(local, rows, dir.path())?;
         let mut simulation = Simulation::load(&options(&files.net, &files.routes))?;
+        // SUMO has read them to their end and is never told to load them again; so a killed process leaves none behind.
+        dir.close().context("the files of the forest of local simulators cannot be removed")?;
         let regions: Vec<Region> = (0..rows).map(Region).collect();
         let incoming: Vec<String> = regions.iter().flat_map(|region| region.incoming_lanes()).collect();
         let lights: Vec<String> = regions.iter().map(|region| region.light()).collect();
@@ -83,7 +82,6 @@ impl LocalTraffic {
             sampled: 0,
             dropped: 0,
             spec,
-            _files: dir,
         })
     }
 
