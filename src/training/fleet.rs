@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::footprint::Footprint;
 use super::observer::Observer;
-use super::ppo::Losses;
+use super::ppo::{Decayed, Losses};
 use super::state::AgentsState;
 use super::worker::Worker;
 use crate::base::{AgentId, Rows, Stopwatch};
@@ -57,6 +57,8 @@ pub struct PolicyTraining {
     pub agents: Vec<AgentTraining>,
     /// Totals that the local simulators counted in the period.
     pub counters: Vec<(String, u64)>,
+    /// Of the period's last update, the same for all agents.
+    pub decayed: Decayed,
 }
 
 impl PolicyTraining {

@@ -20,7 +20,7 @@ use crate::nn::Adam;
 use crate::policy::{Memory, PolicyStack, Sample, sampling};
 
 /// The two settings that decay over a run.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Decayed {
     pub learning_rate: f64,
     pub clip: f64,
