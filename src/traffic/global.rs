@@ -2,7 +2,7 @@
 
 use super::grid::{Grid, lane};
 use super::intersections::{Intersections, edges_of};
-use super::net_file::NetworkFiles;
+use super::net_file::{NetworkFiles, for_sumo};
 use super::region::{self, EDGES};
 use super::signals::Light;
 use crate::base::{Rows, Seed};
@@ -71,7 +71,7 @@ impl GlobalTraffic {
         control: SignalControl,
     ) -> Result<GlobalTraffic> {
         let spec = region::spec(horizon, d_set);
-        let mut simulation = Simulation::load(&options(files, control, Seed::new(0)))?;
+        let mut simulation = Simulation::load(&options(files, control, Seed::new(0))?)?;
         let agents = grid.agents();
         let lanes: Vec<String> =
             agents.iter().flat_map(|&agent| grid.incoming_edges(agent)).map(|edge| lane(&edge)).collect();
@@ -150,7 +150,7 @@ impl GlobalSimulator for GlobalTraffic {
     fn reset(&mut self, episode: Seed) -> Result<&Percept> {
         // DEVIATION: loading again also clears the backlog of cars that wait at the boundary; the authors' code lets it
         // leak into the next episode.
-        self.simulation.reload(&options(&self.files, self.control, episode))?;
+        self.simulation.reload(&options(&self.files, self.control, episode)?)?;
         match self.control {
             SignalControl::Agents => {
                 let all: Vec<usize> = (0..self.agents()).collect();
@@ -250,13 +250,13 @@ fn has_new_car(now: LaneCars<'_>, before: LaneCars<'_>) -> bool {
     rearmost(now).is_some_and(|car| rearmost(before) != Some(car))
 }
 
-fn options(files: &NetworkFiles, control: SignalControl, episode: Seed) -> Vec<String> {
-    let path = |path: &std::path::Path| path.to_string_lossy().into_owned();
-    let mut options = vec!["--net-file".to_owned(), path(&files.net), "--route-files".to_owned(), path(&files.routes)];
+fn options(files: &NetworkFiles, control: SignalControl, episode: Seed) -> Result<Vec<String>> {
+    let mut options =
+        vec!["--net-file".to_owned(), for_sumo(&files.net)?, "--route-files".to_owned(), for_sumo(&files.routes)?];
     if control == SignalControl::Actuated {
-        options.extend(["--additional-files".to_owned(), path(&files.actuated)]);
+        options.extend(["--additional-files".to_owned(), for_sumo(&files.actuated)?]);
     }
     options.extend(["--seed".to_owned(), episode.for_sumo().to_string()]);
     options.extend(super::SUMO_OPTIONS.map(str::to_owned));
-    options
+    Ok(options)
 }

@@ -6,12 +6,15 @@ use anyhow::Context;
 
 use super::forest::{Region, write_forest};
 use super::intersections::{Intersections, edges_of};
-use super::net_file::NetworkFiles;
+use super::net_file::{NetworkFiles, for_sumo};
 use super::region::{self, EDGES};
 use crate::base::Rows;
 use crate::config::{DSet, EntryRule};
 use crate::domain::{Action, LocalSimulator, Percept, RegionSpec, Result, Transition};
 use crate::sumo::{CarTable, DepartSpeed, Insertion, LaneCars, LaneId, RouteId, Simulation};
+
+/// The counter of sampled arrivals that found no room.
+pub const DROPPED: &str = "dropped_arrivals";
 
 /// Where and how fast a car enters an edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,7 +57,7 @@ impl LocalTraffic {
         let spec = region::spec(horizon, d_set);
         let dir = tempfile::tempdir().context("no temporary directory for the forest of local simulators")?;
         let files = write_forest(local, rows, dir.path())?;
-        let mut simulation = Simulation::load(&options(&files.net, &files.routes))?;
+        let mut simulation = Simulation::load(&options(&files.net, &files.routes)?)?;
         // SUMO has read them to their end and is never told to load them again; so a killed process leaves none behind.
         dir.close().context("the files of the forest of local simulators cannot be removed")?;
         let regions: Vec<Region> = (0..rows).map(Region).collect();
@@ -185,15 +188,14 @@ impl LocalSimulator for LocalTraffic {
     }
 
     fn counters(&self) -> Vec<(&'static str, u64)> {
-        vec![("sampled_arrivals", self.sampled), ("dropped_arrivals", self.dropped)]
+        vec![("sampled_arrivals", self.sampled), (DROPPED, self.dropped)]
     }
 }
 
-fn options(net: &Path, routes: &Path) -> Vec<String> {
-    let path = |path: &Path| path.to_string_lossy().into_owned();
-    let mut options = vec!["--net-file".to_owned(), path(net), "--route-files".to_owned(), path(routes)];
+fn options(net: &Path, routes: &Path) -> Result<Vec<String>> {
+    let mut options = vec!["--net-file".to_owned(), for_sumo(net)?, "--route-files".to_owned(), for_sumo(routes)?];
     // Without speed factors to draw and without flows, the seed changes nothing.
     options.extend(["--seed".to_owned(), "0".to_owned()]);
     options.extend(super::SUMO_OPTIONS.map(str::to_owned));
-    options
+    Ok(options)
 }
