@@ -130,6 +130,8 @@ impl GlobalTraffic {
         }
     }
 
+    /// DEVIATION 4: an influence source is the event that a car entered the edge in this step; in the authors' code it
+    /// is the occupancy of the entry cell.
     fn note_arrivals(&mut self) {
         let lanes = self.cars.iter().zip(self.cars_before.iter());
         for (arrived, (now, before)) in self.arrivals.as_mut_slice().iter_mut().zip(lanes) {
@@ -148,7 +150,7 @@ impl GlobalSimulator for GlobalTraffic {
     }
 
     fn reset(&mut self, episode: Seed) -> Result<&Percept> {
-        // DEVIATION: loading again also clears the backlog of cars that wait at the boundary; the authors' code lets it
+        // DEVIATION 3: loading again also clears the backlog of cars that wait at the boundary; the authors' code lets it
         // leak into the next episode.
         self.simulation.reload(&options(&self.files, self.control, episode)?)?;
         match self.control {
@@ -184,6 +186,8 @@ impl GlobalSimulator for GlobalTraffic {
         Ok(&self.last)
     }
 
+    /// DEVIATION 5: the d-set of t and the arrivals from t to t + 1, which is what the LS samples. The authors pair both
+    /// at t and use the prediction one step later.
     fn influence_sample(&self) -> InfluenceSample<'_> {
         InfluenceSample { d_set: &self.d_set_before, sources: &self.arrivals }
     }

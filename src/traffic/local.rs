@@ -145,7 +145,7 @@ impl LocalTraffic {
                 let speed = if cars_on_edge > 8 { 3.0 } else { 9.5 };
                 Entry { position_m: 6.0, speed: DepartSpeed::Fixed(speed) }
             }
-            // DEVIATION: as far back and as fast as it can. The authors' rule drops one car in nine, because a fixed
+            // DEVIATION 10: as far back and as fast as it can. The authors' rule drops one car in nine, because a fixed
             // speed is often unsafe behind a car that has just entered.
             EntryRule::Max => Entry { position_m: 5.0, speed: DepartSpeed::Max },
         }
