@@ -478,6 +478,8 @@ fn the_entry_rules_lose_few_bits() {
         println!("{entry:?}, {controller}: {found:.4?}");
         assert!(found.recall >= recall && found.precision >= precision, "{entry:?}, {controller}: {found:?}");
         assert!(found.reward_error <= reward_error, "{entry:?}, {controller}: {found:?}");
+        let [global, local] = found.rewards;
+        assert!((local / global - 1.0).abs() < 0.015, "{entry:?}, {controller}: {found:?}");
     }
 }
 
