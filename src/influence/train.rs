@@ -235,9 +235,9 @@ mod tests {
         let mut aips = AipStack::new(&[AgentId(0)], &spec, &[8], Seed::new(1));
         let config = AipConfig { learning_rate: 1e-2, epochs: 30, held_out: 0.1, ..AipConfig::default() };
         let loss = train(&mut aips, &[AgentId(0)], &[dataset], &config, Seed::new(2), &mut |_| ()).remove(0);
-        // Certain of u = x: nearly 0 where it holds, and further than a coin's ln 2 from what holds in the end.
+        // Certain of u = x where it holds: p > 0.95, so -ln(1 - p) > 3 in the end. Trained on all it would be ln 10 = 2.3.
         assert!(loss.training[1][0] < 0.05, "{:?}", loss.training);
-        assert!(loss.held_out[1][0] > 2.0, "{:?}", loss.held_out);
+        assert!(loss.held_out[1][0] > 3.0, "{:?}", loss.held_out);
     }
 
     #[test]
