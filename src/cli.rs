@@ -59,7 +59,7 @@ pub struct Train {
     #[arg(long)]
     pub seed: Option<u64>,
     /// Stop after so many timesteps per agent; learning rate and clip still decay over total_steps
-    #[arg(long)]
+    #[arg(long, value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
     pub steps: Option<u64>,
     /// What the policies train on; overrides the config
     #[arg(long, value_enum)]
@@ -115,7 +115,7 @@ pub struct Baseline {
 #[derive(Debug, Args)]
 pub struct Episodes {
     /// Episodes to play [default: evaluation.episodes of the config]
-    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub episodes: Option<u32>,
     /// The same seed gives every controller and policy the same traffic [default: seed of the config]
     #[arg(long)]

@@ -3,14 +3,15 @@
 use std::process::ExitCode;
 
 use clap::Parser;
-use dials_traffic::{cli::Cli, run};
+use dials_traffic::cli::Cli;
+use dials_traffic::run::{self, terminal::tell};
 
 fn main() -> ExitCode {
     run::keep_to_one_thread();
     match run::run(Cli::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("{error}");
+            tell(&error);
             error.exit_code()
         }
     }

@@ -1,7 +1,11 @@
 //! The command line as a user meets it: what it prints, writes and refuses.
 
+use std::ffi::OsStr;
 use std::fs;
+use std::os::unix::ffi::OsStrExt;
+use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
+use std::process::Stdio;
 
 use assert_cmd::Command;
 use serde_json::Value;
@@ -46,7 +50,8 @@ fn text(bytes: &[u8]) -> String {
 fn assert_refused(command: &mut Command, parts: &[&str]) {
     let output = command.assert().code(2).get_output().clone();
     let said = text(&output.stderr);
-    assert!(said.starts_with("error: ") && said.matches("error:").count() == 1, "{said}");
+    let errors = said.lines().filter(|line| line.starts_with("error: ")).count();
+    assert!(said.starts_with("error: ") && errors == 1, "{said}");
     for part in parts {
         assert!(said.contains(part), "`{part}` is not in: {said}");
     }
@@ -59,7 +64,7 @@ fn a_run_leaves_a_directory_that_can_be_evaluated_anywhere() {
     let (config, out) = (write_config(dir.path(), SHORT), dir.path().join("run"));
     let assert = train(&config, &out, &["--seed", "5"]).success();
     let said = text(&assert.get_output().stdout);
-    let evaluate = format!("dials-traffic evaluate {} --episodes 2 --seed 5", out.display());
+    let evaluate = format!("evaluate {} --episodes 2 --seed 5", out.display());
     assert!(said.contains(&evaluate), "the exact command is told: {said}");
     for file in [
         "config.toml",
@@ -124,6 +129,128 @@ fn an_existing_run_is_refused_or_moved_aside_but_never_lost() {
 }
 
 #[test]
+fn without_a_place_runs_are_numbered_and_force_moves_the_last_one_aside() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = write_config(dir.path(), "total_steps = 128");
+    let train = |more: &[&str]| {
+        let mut command = dials_traffic(&["train", &config, "--workers", "0"]);
+        command.args(more).current_dir(dir.path()).assert().success();
+        let runs = fs::read_dir(dir.path().join("runs")).unwrap();
+        let mut runs: Vec<String> = runs.map(|run| run.unwrap().file_name().into_string().unwrap()).collect();
+        runs.sort();
+        runs
+    };
+    assert_eq!(train(&[]), ["small-dials-seed1"]);
+    assert_eq!(train(&[]), ["small-dials-seed1", "small-dials-seed1-2"]);
+    assert_eq!(train(&["--force"]), ["small-dials-seed1", "small-dials-seed1-2", "small-dials-seed1.old-1"]);
+}
+
+#[test]
+fn a_run_can_be_repeated_from_its_own_config_in_its_own_place() {
+    let dir = tempfile::tempdir().unwrap();
+    let (config, out) = (write_config(dir.path(), SHORT), dir.path().join("run"));
+    train(&config, &out, &[]).success();
+    let returns = fs::read(out.join("returns.csv")).unwrap();
+    train(out.join("config.toml").to_str().unwrap(), &out, &["--force"]).success();
+    assert_eq!(fs::read(out.join("returns.csv")).unwrap(), returns);
+    assert_eq!(fs::read(dir.path().join("run.old-1/returns.csv")).unwrap(), returns);
+    for network in ["global", "local"] {
+        assert!(out.join(format!("networks/{network}.net.xml")).is_file(), "{network}");
+    }
+}
+
+#[test]
+fn the_commands_that_a_run_prints_work_as_printed() {
+    let dir = tempfile::tempdir().unwrap();
+    let room = dir.path().join("it's a room");
+    fs::create_dir(&room).unwrap();
+    let (config, out) = (write_config(&room, SHORT), room.join("run"));
+    // Nobody finds the program on this PATH.
+    let output = dials_traffic(&["train", &config, "--out", out.to_str().unwrap(), "--workers", "0"])
+        .env("PATH", "/usr/bin:/bin")
+        .assert()
+        .success();
+    let said = text(&output.get_output().stdout);
+    let commands: Vec<&str> = said.lines().filter_map(|line| line.strip_prefix("  ")).collect();
+    assert_eq!(commands.len(), 2, "{said}");
+    for command in commands {
+        let output =
+            std::process::Command::new("sh").args(["-c", command]).env("PATH", "/usr/bin:/bin").output().unwrap();
+        assert!(output.status.success(), "{command}: {}", text(&output.stderr));
+        assert!(text(&output.stdout).starts_with("return "), "{command}");
+    }
+
+    let bin = dir.path().join("bin");
+    fs::create_dir(&bin).unwrap();
+    symlink(assert_cmd::cargo::cargo_bin!("dials-traffic"), bin.join("dials-traffic")).unwrap();
+    let output = dials_traffic(&["train", &config, "--out", dir.path().join("b").to_str().unwrap(), "--workers", "0"])
+        .env("PATH", &bin)
+        .assert()
+        .success();
+    assert!(
+        text(&output.get_output().stdout).contains("\n  dials-traffic evaluate "),
+        "by its name where that is found"
+    );
+}
+
+#[test]
+fn the_restart_with_one_blas_thread_keeps_the_name_and_the_words_of_the_command_line() {
+    let dir = tempfile::tempdir().unwrap();
+    let (config, out) = (write_config(dir.path(), "total_steps = 128"), dir.path().join("run"));
+    let link = dir.path().join("dials");
+    symlink(assert_cmd::cargo::cargo_bin!("dials-traffic"), &link).unwrap();
+    let mut command = std::process::Command::new(&link);
+    command.env_remove("OMP_NUM_THREADS").env_remove("OPENBLAS_NUM_THREADS");
+    let words = ["train", &config, "--workers", "0", "--out", out.to_str().unwrap()];
+    assert!(command.args(words).output().unwrap().status.success());
+    let run: Value = serde_json::from_slice(&fs::read(out.join("run.json")).unwrap()).unwrap();
+    let typed: Vec<&str> = run["command"].as_array().unwrap().iter().map(|word| word.as_str().unwrap()).collect();
+    assert_eq!(typed[0], link.to_str().unwrap());
+    assert_eq!(typed[1..], words);
+}
+
+#[test]
+fn the_largest_seed_trains_and_evaluates() {
+    let dir = tempfile::tempdir().unwrap();
+    let (config, out) = (write_config(dir.path(), "total_steps = 128"), dir.path().join("run"));
+    let seed = u64::MAX.to_string();
+    train(&config, &out, &["--seed", &seed, "--workers", "1"]).success();
+    let run: Value = serde_json::from_slice(&fs::read(out.join("run.json")).unwrap()).unwrap();
+    assert_eq!(run["seed"], u64::MAX);
+    let found = dials_traffic(&["evaluate", out.to_str().unwrap(), "--json"]).assert().success();
+    let found: Value = serde_json::from_slice(&found.get_output().stdout).unwrap();
+    assert_eq!(found["seed"], u64::MAX);
+}
+
+/// A pipe whose reader has gone.
+fn closed_pipe() -> Stdio {
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    writer.into()
+}
+
+#[test]
+fn readers_that_go_away_are_no_reason_to_fail() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = write_config(dir.path(), SHORT);
+    let out = dir.path().join("run");
+    let program = || std::process::Command::new(assert_cmd::cargo::cargo_bin!("dials-traffic"));
+    let train = ["train", &config, "--out", out.to_str().unwrap()];
+    let status = program().args(train).stdout(closed_pipe()).stderr(closed_pipe()).status().unwrap();
+    assert_eq!(status.code(), Some(0), "training goes on to its end");
+    assert!(fs::read_to_string(out.join("returns.csv")).unwrap().contains("\n512,all,"));
+    let baseline = ["baseline", &config, "--controller", "never", "--episodes", "1"];
+    let nets = dir.path().join("nets");
+    for args in [&["info"][..], &baseline, &["nets", "local", "--out", nets.to_str().unwrap()], &["--help"]] {
+        let output = program().args(args).stdout(closed_pipe()).stderr(Stdio::piped()).output().unwrap();
+        assert_eq!((output.status.code(), text(&output.stderr).as_str()), (Some(0), ""), "{args:?}");
+    }
+    // An error is an error with its exit code, also where nobody hears it.
+    let status = program().args(["evaluate", "no/such"]).stderr(closed_pipe()).status().unwrap();
+    assert_eq!(status.code(), Some(2));
+}
+
+#[test]
 fn training_stops_early_where_asked_and_says_so_in_its_config() {
     let dir = tempfile::tempdir().unwrap();
     let (config, out) = (write_config(dir.path(), SHORT), dir.path().join("run"));
@@ -153,6 +280,10 @@ fn bad_configs_are_refused_and_nothing_is_written() {
     refused(&good, &["--set", "ppo.clip=-1"], &["ppo.clip = -1: must be a positive number"]);
     refused(&good, &["--set", "ppo.nonsense=1"], &["unknown field `nonsense`"]);
     refused(&good, &["--steps", "0"], &["stop_at_steps = 0: must be at least 1"]);
+    refused(&good, &["--steps", "513"], &["stop_at_steps = 513: lies beyond total_steps = 512", "raise total_steps"]);
+    refused(&good, &["--set", "aip.epochs=0"], &["aip.epochs = 0: must be at least 1", "untrained-dials"]);
+    refused(&good, &["--set", "evaluation.every_steps=64"], &["must be at least ppo.memory = 128"]);
+    refused(&good, &["--set", "total_steps=9000000000000000000"], &["must be at most 1000000000000000"]);
     refused(
         &good,
         &["--set", "traffic.network=/nowhere/grid_3x2"],
@@ -160,20 +291,90 @@ fn bad_configs_are_refused_and_nothing_is_written() {
     );
 }
 
+/// A copy of the networks where one file is changed.
+fn spoiled_nets(dir: &Path, file: &str, spoil: impl Fn(String) -> String) -> PathBuf {
+    let copy = dir.join("spoiled");
+    fs::create_dir_all(&copy).unwrap();
+    for file in fs::read_dir(nets()).unwrap().map(|entry| entry.unwrap().path()) {
+        fs::copy(&file, copy.join(file.file_name().unwrap())).unwrap();
+    }
+    let text = spoil(fs::read_to_string(copy.join(file)).unwrap());
+    fs::write(copy.join(file), text).unwrap();
+    copy
+}
+
 #[test]
-fn a_malformed_network_is_refused_with_its_name_and_place() {
+fn wrong_networks_are_refused_with_their_name_before_anything_is_written() {
     let dir = tempfile::tempdir().unwrap();
     let config = write_config(dir.path(), SHORT);
-    for file in fs::read_dir(nets()).unwrap().map(|entry| entry.unwrap().path()) {
-        fs::copy(&file, dir.path().join(file.file_name().unwrap())).unwrap();
-    }
-    let net = dir.path().join("grid_2x2.net.xml");
-    fs::write(&net, "<net>\n  <junction id=\n</net>").unwrap();
-    let network = format!("traffic.network={}", dir.path().join("grid_2x2").display());
     let out = dir.path().join("run");
-    let args = ["train", &config, "--out", out.to_str().unwrap(), "--set", &network];
-    assert_refused(&mut dials_traffic(&args), &["grid_2x2.net.xml"]);
-    assert!(!out.exists());
+    let renamed = |from: &'static str, to: &'static str| move |text: String| text.replace(from, to);
+    let (malformed, cut) = (|_| "<net>\n  <junction id=\n</net>".to_owned(), |text: String| text[..200].to_owned());
+    type Spoil = Box<dyn Fn(String) -> String>;
+    let spoils: [(&str, Spoil, &str); 10] = [
+        ("grid_2x2.net.xml", Box::new(malformed), "is not XML"),
+        ("grid_2x2.net.xml", Box::new(renamed("id=\"w0_r0c0_0\"", "id=\"other_0\"")), "remake it with"),
+        ("grid_2x2.rou.xml", Box::new(cut), "nets grid --rows 2 --cols 2 --out"),
+        (
+            "grid_2x2.rou.xml",
+            Box::new(renamed("edges=\"w0_r0c0 ", "edges=\"nowhere ")),
+            "nets grid --rows 2 --cols 2 --out",
+        ),
+        ("grid_2x2.actuated.add.xml", Box::new(renamed("\"r0c0\"", "\"x\"")), "remake it with"),
+        ("local.net.xml", Box::new(malformed), "is not XML"),
+        (
+            "local.net.xml",
+            Box::new(|_| fs::read_to_string(nets().join("grid_2x2.net.xml")).unwrap()),
+            "is a grid of 2x2",
+        ),
+        ("local.rou.xml", Box::new(cut), "is not XML"),
+        ("local.rou.xml", Box::new(renamed("w0_to_e0", "x")), "nets local --out"),
+        ("local.rou.xml", Box::new(renamed("\"car\"", "\"bus\"")), "nets local --out"),
+    ];
+    for (file, spoil, told) in spoils {
+        let nets = spoiled_nets(dir.path(), file, spoil);
+        let network = format!("traffic.network={}", nets.join("grid_2x2").display());
+        let local = format!("traffic.local_network={}", nets.join("local").display());
+        let args = ["train", &config, "--out", out.to_str().unwrap(), "--set", &network, "--set", &local];
+        let name = file.split('.').next().unwrap();
+        assert_refused(&mut dials_traffic(&args), &[name, told]);
+        assert!(!out.exists(), "{file}");
+    }
+    let nets = spoiled_nets(dir.path(), "grid_2x2.rou.xml", cut);
+    let spoiled = dir.path().join("spoiled.toml");
+    let text = fs::read_to_string(&config).unwrap().replace(&nets_text(), nets.to_str().unwrap());
+    fs::write(&spoiled, text).unwrap();
+    let args = ["baseline", spoiled.to_str().unwrap(), "--controller", "never"];
+    assert_refused(
+        &mut dials_traffic(&args),
+        &["grid_2x2.net.xml: this network cannot be simulated", "remake it with"],
+    );
+}
+
+fn nets_text() -> String {
+    nets().display().to_string()
+}
+
+#[test]
+fn paths_that_sumo_would_misread_are_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = write_config(dir.path(), SHORT);
+    let comma = dir.path().join("a,b");
+    fs::create_dir(&comma).unwrap();
+    for file in fs::read_dir(nets()).unwrap().map(|entry| entry.unwrap().path()) {
+        fs::copy(&file, comma.join(file.file_name().unwrap())).unwrap();
+    }
+    let out = dir.path().join("run");
+    let train = ["train", &config, "--out", out.to_str().unwrap()];
+    let network = format!("traffic.network={}", comma.join("grid_2x2").display());
+    let told = ["a,b", "has a comma in it, where SUMO would split it in two"];
+    assert_refused(dials_traffic(&train).args(["--set", &network]), &told);
+    assert_refused(dials_traffic(&train).env("TMPDIR", &comma), &["set TMPDIR", told[0], told[1]]);
+    assert_refused(&mut dials_traffic(&["train", &config, "--out", comma.join("run").to_str().unwrap()]), &told);
+    assert_refused(&mut dials_traffic(&["nets", "local", "--out", comma.to_str().unwrap()]), &told);
+    let strange = dir.path().join(OsStr::from_bytes(b"\xff"));
+    assert_refused(dials_traffic(&["train", &config, "--out"]).arg(&strange), &["is not UTF-8"]);
+    assert!(!out.exists() && !comma.join("run").exists() && !strange.exists());
 }
 
 #[test]
@@ -244,6 +445,10 @@ fn nets_are_written_where_asked_and_a_missing_netconvert_is_told() {
     assert_refused(
         &mut dials_traffic(&["nets", "grid", "--rows", "0", "--cols", "2", "--out", "x"]),
         &["a grid of 0x2"],
+    );
+    assert_refused(
+        &mut dials_traffic(&["nets", "grid", "--rows", "100000", "--cols", "100000", "--out", "x"]),
+        &["a grid of 100000x100000: must have at most 10000 intersections"],
     );
 }
 

@@ -280,7 +280,7 @@ fn ctrl_c_stops_at_the_next_exchange_and_a_second_one_at_once() {
     kill_process(pid, Signal::INT).unwrap();
     let (status, said) = ended(coordinator);
     assert_eq!(status.code(), Some(130), "{said}");
-    assert!(said.contains("go on with: dials-traffic train --resume"), "{said}");
+    assert!(said.contains("stopped; go on with: ") && said.contains(" train --resume "), "{said}");
     assert_no_orphans(&workers);
 
     let mut command = program();

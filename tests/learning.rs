@@ -5,8 +5,8 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use dials_traffic::config::Config;
-use dials_traffic::domain::Domain;
 use dials_traffic::domain::toy::Coins;
+use dials_traffic::domain::{Domain, Result};
 use dials_traffic::influence::AipStack;
 use dials_traffic::policy::PolicyStack;
 use dials_traffic::training::dials;
@@ -30,7 +30,7 @@ fn config(simulator: &str) -> Config {
     .unwrap()
 }
 
-fn train(config: &Config, dir: &Path) {
+fn train(config: &Config, dir: &Path) -> Result<()> {
     let coins: Arc<dyn Domain> = Arc::new(Coins::new(HORIZON));
     let layouts = Layouts {
         policies: PolicyStack::shape(coins.spec(), &config.policy).layout(),
@@ -38,7 +38,7 @@ fn train(config: &Config, dir: &Path) {
     };
     let mut fleet = InlineFleet::new(coins, config, Rc::new(Silent));
     let mut log = RunLog::create(dir, layouts, Rc::new(Silent)).unwrap();
-    dials::train(config, &mut fleet, &mut log).unwrap();
+    dials::train(config, &mut fleet, &mut log)
 }
 
 /// The column `name` of the lines about all agents, by steps.
@@ -53,7 +53,7 @@ fn column(dir: &Path, file: &str, name: &str) -> Vec<(u64, f64)> {
 fn all_three_simulators_teach_the_coins_to_copy() {
     for simulator in ["dials", "gs", "untrained-dials"] {
         let dir = tempfile::tempdir().unwrap();
-        train(&config(simulator), dir.path());
+        train(&config(simulator), dir.path()).unwrap();
         let returns = column(dir.path(), files::RETURNS, "mean");
         // Evaluations at 0, 10000, 20000 and the end, each at the first multiple of the memory (128).
         assert_eq!(returns.iter().map(|&(steps, _)| steps).collect::<Vec<_>>(), [0, 10_112, 20_096, 30_080]);
@@ -66,7 +66,7 @@ fn all_three_simulators_teach_the_coins_to_copy() {
 #[test]
 fn the_aips_learn_the_closed_form_influence_of_coins_that_copy() {
     let dir = tempfile::tempdir().unwrap();
-    train(&config("dials"), dir.path());
+    train(&config("dials"), dir.path()).unwrap();
     let losses = column(dir.path(), files::AIP_LOSS, "training_after");
     // Trained at 0 and again at 15000, when the coins nearly copy: H(0.32) = 0.6269.
     assert_eq!(losses.len(), 2);
@@ -78,11 +78,41 @@ fn the_same_seed_gives_the_same_files_and_another_one_others() {
     let run = |seed: u64| {
         let dir = tempfile::tempdir().unwrap();
         let config = Config { seed, total_steps: 3000, ..config("dials") };
-        train(&config, dir.path());
+        train(&config, dir.path()).unwrap();
         [files::RETURNS, files::AIP_LOSS, files::TRAINING, files::POLICIES, files::AIPS]
             .map(|file| std::fs::read(dir.path().join(file)).unwrap())
     };
     let first = run(3);
     assert!(first == run(3));
     assert!(first.iter().zip(run(4)).all(|(one, other)| *one != other));
+}
+
+#[test]
+fn learning_rate_and_clip_decay_over_the_total_steps_also_where_a_run_stops_early() {
+    for stop_at_steps in [None, Some(10_000)] {
+        let dir = tempfile::tempdir().unwrap();
+        train(&Config { stop_at_steps, ..config("dials") }, dir.path()).unwrap();
+        let rates = column(dir.path(), files::TRAINING, "learning_rate");
+        let clips = column(dir.path(), files::TRAINING, "clip");
+        // Periods end at 10000, 15000, 20000 and 30000, each at the next multiple of 128; the last update before that
+        // began 128 steps earlier: 9984, 14976, 19968 and 29952 of the total 30000.
+        let last_updates = [9984.0, 14_976.0, 19_968.0, 29_952.0];
+        assert_eq!(rates.len(), if stop_at_steps.is_some() { 1 } else { 4 });
+        for ((rate, clip), at) in rates.iter().zip(&clips).zip(last_updates) {
+            let left = 1.0 - at / 30_000.0;
+            // 3e-3 falls to 1e-10 and 0.1 to 1e-5.
+            assert!((rate.1 - (3e-3 * left + 1e-10 * (1.0 - left))).abs() < 1e-12, "{rate:?}");
+            assert!((clip.1 - (0.1 * left + 1e-5 * (1.0 - left))).abs() < 1e-12, "{clip:?}");
+        }
+    }
+}
+
+#[test]
+fn learning_that_diverges_ends_the_run_and_says_what_to_do() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut config = config("gs");
+    config.ppo.learning_rate = 1e30;
+    let error = train(&config, dir.path()).unwrap_err().to_string();
+    assert!(error.contains("its policy diverged before step 10112") && error.contains("ppo.learning_rate"), "{error}");
+    assert!(!dir.path().join(files::POLICIES).exists());
 }

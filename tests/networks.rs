@@ -289,15 +289,15 @@ fn a_directory_that_cannot_be_written_to_is_named_in_the_error() {
 fn a_copied_network_plays_in_its_new_directory() {
     let room = room();
     let dir = room.path().join("run/networks");
-    let copy = saved("grid_2x2").copy_to(&dir).expect("a saved network");
-    assert_eq!(copy, NetworkFiles::of(&dir.join("grid_2x2")));
+    let copy = saved("grid_2x2").copy_to(&dir, "global").expect("a saved network");
+    assert_eq!(copy, NetworkFiles::of(&dir.join("global")));
     assert_eq!(sumo(&["-c", text(&copy.config), "--end", "50"]), "");
 
     let before = fs::read(&copy.net).expect("a net");
-    copy.copy_to(&dir).expect("a network may be copied onto itself");
+    copy.copy_to(&dir, "global").expect("a network may be copied onto itself");
     assert_eq!(fs::read(&copy.net).expect("a net"), before);
 
-    let missing = NetworkFiles::of(&dir.join("grid_4x4")).copy_to(room.path()).unwrap_err().to_string();
+    let missing = NetworkFiles::of(&dir.join("grid_4x4")).copy_to(room.path(), "global").unwrap_err().to_string();
     assert!(missing.contains("grid_4x4.net.xml: no such network; make it with: "), "{missing}");
 }
 

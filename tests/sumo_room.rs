@@ -3,7 +3,7 @@
 //! libsumo has one simulation per process, so these tests, which run as threads of one process, also wait for each other.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::{LazyLock, mpsc};
 use std::thread;
@@ -12,12 +12,14 @@ use std::time::Duration;
 use dials_traffic::sumo::{
     Car, CarId, CarTable, DepartSpeed, Error, Insertion, LaneId, LightId, RouteId, SignalState, Simulation, StepCounts,
 };
-use tempfile::TempDir;
 
 /// The crossroad of the paper's traffic domain: 100 m edges, 10 m/s, straight on only. Lanes 3.2 m wide and a junction
 /// radius of 6.2 m make internal lanes of 18.8 m. The light's links are north, east, south, west.
-static FOLDER: LazyLock<TempDir> = LazyLock::new(|| {
-    let folder = tempfile::tempdir().expect("a temporary folder");
+///
+/// The tests share the folder, and nobody drops what is static: it lies among the build's temporary files, under one name.
+static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("sumo_room");
+    fs::create_dir_all(&folder).expect("a writable folder");
     let mut nodes = String::from(r#"<nodes><node id="center" x="0" y="0" type="traffic_light" radius="6.2"/>"#);
     let mut edges = String::from("<edges>");
     for (side, x, y) in [("north", 0.0, 109.4), ("east", 109.4, 0.0), ("south", 0.0, -109.4), ("west", -109.4, 0.0)] {
@@ -32,7 +34,7 @@ static FOLDER: LazyLock<TempDir> = LazyLock::new(|| {
     for (from, to) in [("north", "south"), ("east", "west"), ("south", "north"), ("west", "east")] {
         connections += &format!(r#"<connection from="{from}_in" to="{to}_out"/>"#);
     }
-    let write = |name: &str, text: String| fs::write(folder.path().join(name), text).expect("a file");
+    let write = |name: &str, text: String| fs::write(folder.join(name), text).expect("a file");
     write("road.nod.xml", nodes + "</nodes>");
     write("road.edg.xml", edges + "</edges>");
     write("road.con.xml", connections + "</connections>");
@@ -95,8 +97,7 @@ const CAR: &str = r#"<vType id="car" carFollowModel="IDM" accel="2.6" decel="7.5
                             maxSpeed="10" impatience="0.5" speedFactor="1" speedDev="0"/>"#;
 
 fn path(name: &str) -> String {
-    let path: &Path = FOLDER.path();
-    path.join(name).display().to_string()
+    FOLDER.join(name).display().to_string()
 }
 
 fn options_with(net: &str, routes: &str, more: &[&str]) -> Vec<String> {

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use dials_traffic::base::{AgentId, Dice, Rows, Seed};
-use dials_traffic::config::{AipConfig, DSet, EntryRule, PolicyConfig, TrafficConfig};
+use dials_traffic::config::{AipConfig, Config, DSet, EntryRule, PolicyConfig, TrafficConfig};
 use dials_traffic::domain::{Action, Domain, GlobalSimulator, LocalSimulator, conformance};
 use dials_traffic::influence::{AipStack, Dataset, InfluencePredictor, train};
 use dials_traffic::sumo::{CarTable, DepartSpeed, Insertion, SignalState, Simulation};
@@ -11,9 +11,10 @@ use dials_traffic::traffic::Traffic;
 use dials_traffic::traffic::controllers;
 use dials_traffic::traffic::forest::{Region, write_forest};
 use dials_traffic::traffic::global::SignalControl;
-use dials_traffic::traffic::local::Entry;
+use dials_traffic::traffic::local::{Entry, LocalTraffic};
 use dials_traffic::traffic::net_file::NetworkFiles;
 use dials_traffic::traffic::signals::Light;
+use dials_traffic::training::block::initial_policies;
 use dials_traffic::training::collect::collect_episode;
 use rand::Rng;
 
@@ -135,6 +136,33 @@ fn an_intersection_of_a_forest_of_8_or_50_is_bit_identical_to_itself_alone() {
     }
 }
 
+/// The forests of so many regions that lie in the temporary directory.
+fn forests_on_disk(regions: usize) -> Vec<std::path::PathBuf> {
+    let entries = std::fs::read_dir(std::env::temp_dir()).unwrap().filter_map(Result::ok);
+    let nets = entries.map(|entry| entry.path().join(format!("forest_{regions}.net.xml")));
+    nets.filter(|net| net.exists()).collect()
+}
+
+#[test]
+fn a_local_simulator_needs_no_files_once_it_is_loaded_and_leaves_none_behind() {
+    // No other test has 23 regions.
+    let before = forests_on_disk(23);
+    let mut ls = traffic(EntryRule::Max).local(23).unwrap();
+    assert_eq!(forests_on_disk(23), before);
+    ls.reset(&(0..23).collect::<Vec<_>>()).unwrap();
+    let mut dice = Seed::new(8).dice();
+    let mut rewarded = vec![false; 23];
+    for t in 0..600 {
+        if t % 100 == 50 {
+            ls.reset(&[t % 23]).unwrap();
+        }
+        let sources = Rows::from_vec((0..92).map(|_| u8::from(dice.random_bool(0.1))).collect(), 4);
+        let transition = ls.step(&[u8::from(t % 20 == 0); 23], &sources).unwrap();
+        rewarded.iter_mut().zip(&transition.rewards).for_each(|(any, &reward)| *any |= reward > 0.0);
+    }
+    assert_eq!(rewarded, [true; 23], "cars drive on every intersection");
+}
+
 #[test]
 fn a_reset_of_one_intersection_leaves_the_others_bit_identical() {
     let domain = traffic(EntryRule::Max);
@@ -179,6 +207,48 @@ fn a_reset_intersection_begins_as_at_first() {
     let before = episode(&mut ls);
     assert_eq!(ls.reset(&[0, 1]).unwrap().obs, first);
     assert!(before == episode(&mut ls));
+}
+
+#[test]
+fn a_row_that_is_reset_while_its_neighbours_drive_is_bit_identical_to_a_fresh_one() {
+    let domain = traffic(EntryRule::Max);
+    let row_of = |ls: &mut LocalTraffic, warm_up: usize| {
+        // The neighbours, and row 1 before its reset, drive by one stream, row 1 after it by another.
+        let (mut others, mut own) = (Seed::new(9).dice(), Seed::new(10).dice());
+        let mut bits = Vec::new();
+        for t in 0..warm_up + 150 {
+            let own_episode = t >= warm_up;
+            if t == warm_up && t > 0 {
+                assert!(ls.cars_on(1).iter().any(|edge| !edge.is_empty()), "there is something to clear");
+                ls.reset(&[1]).unwrap();
+            }
+            let mut actions: [Action; 3] = std::array::from_fn(|_| u8::from(others.random_bool(0.1)));
+            let mut sources = Rows::from_vec((0..12).map(|_| u8::from(others.random_bool(0.15))).collect(), 4);
+            if own_episode {
+                actions[1] = u8::from(own.random_bool(0.1));
+                sources.row_mut(1).iter_mut().for_each(|source| *source = u8::from(own.random_bool(0.15)));
+            }
+            let transition = ls.step(&actions, &sources).unwrap();
+            if own_episode {
+                bits.push(u64::from(transition.rewards[1].to_bits()));
+                bits.extend(transition.percept.obs.row(1).iter().map(|value| u64::from(value.to_bits())));
+                for edge in ls.cars_on(1) {
+                    bits.push(edge.len() as u64);
+                    bits.extend(edge.positions_m.iter().chain(edge.speeds_mps).map(|value| value.to_bits()));
+                }
+            }
+        }
+        bits
+    };
+    let trace = |warm_up| {
+        let mut ls = domain.local(3).unwrap();
+        ls.reset(&[0, 1, 2]).unwrap();
+        row_of(&mut ls, warm_up)
+    };
+    let fresh = trace(0);
+    for warm_up in [1, 37, 100] {
+        assert!(trace(warm_up) == fresh, "reset after {warm_up} steps");
+    }
 }
 
 /// The measured trajectory of a car that enters the west edge at 6 m with 9.5 m/s: `(edge, position, speed)` by second;
@@ -290,7 +360,10 @@ fn a_light_state_that_is_none_of_ours_is_refused_before_sumo_sees_it() {
 #[test]
 fn the_traffic_domain_conforms() {
     let measured = conformance::check(&traffic(EntryRule::Max), Seed::new(3)).unwrap();
-    assert!(measured.local_equals_global > 0.98, "{measured:?}");
+    println!("{measured:?}");
+    // The lights, always right, are about half of these bits; `the_entry_rules_lose_few_bits` counts the cells alone.
+    assert!(measured.recall > 0.98 && measured.precision > 0.98, "{measured:?}");
+    assert!(measured.reward_error < 0.02, "{measured:?}");
 }
 
 /// How the LS lets in the cars that entered in the GS.
@@ -301,12 +374,28 @@ enum Entering {
     Truly,
 }
 
-/// Share of the GS's occupied bits that the LS has too, driven by the recorded sources and actions of 20 episodes.
-fn share_of_bits(entry: EntryRule, entering: Entering, controller: &str) -> f64 {
+/// How the LS agrees with the GS when it is driven by the recorded sources and actions of 20 episodes. The lights, which
+/// are always right, do not count.
+#[derive(Debug)]
+struct Agreement {
+    /// Share of the GS's occupied cells that the LS has too.
+    recall: f64,
+    /// Share of the LS's occupied cells that the GS has too.
+    precision: f64,
+    /// Mean absolute difference of the rewards, per agent and step.
+    reward_error: f64,
+    /// Mean reward in the GS, and in the LS.
+    rewards: [f64; 2],
+    /// Share of the rewards, per agent and step, that differ by at most 0.01.
+    near_rewards: f64,
+}
+
+fn agreement(entry: EntryRule, entering: Entering, controller: &str) -> Agreement {
     let domain = traffic(entry);
     let agents = domain.agents();
     let (mut controller, control) = controllers::by_name(controller).unwrap();
-    let (mut occupied, mut kept) = (0_u64, 0_u64);
+    let (mut of_global, mut of_local, mut of_both) = (0_u64, 0_u64, 0_u64);
+    let (mut compared, mut rewards, mut reward_error, mut near_rewards) = (0_u64, [0.0; 2], 0.0, 0_u64);
     for episode in 0..20 {
         let seed = Seed::new(1).for_episode(episode);
         let mut recording = Vec::new();
@@ -317,7 +406,8 @@ fn share_of_bits(entry: EntryRule, entering: Entering, controller: &str) -> f64 
             let mut actions = vec![0; agents];
             for _ in 0..300 {
                 controller.act(&percept, &mut actions).unwrap();
-                percept = gs.step(&actions).unwrap().percept.clone();
+                let transition = gs.step(&actions).unwrap().clone();
+                percept = transition.percept.clone();
                 let entries: Vec<[Option<Entry>; 4]> = (0..agents)
                     .map(|agent| {
                         std::array::from_fn(|edge| {
@@ -329,47 +419,67 @@ fn share_of_bits(entry: EntryRule, entering: Entering, controller: &str) -> f64 
                     })
                     .collect();
                 let sources = gs.influence_sample().sources.clone();
-                recording.push((actions.clone(), sources, entries, percept.obs.clone()));
+                recording.push((actions.clone(), sources, entries, transition));
             }
         }
         let mut ls = domain.local(agents).unwrap();
         ls.reset(&(0..agents).collect::<Vec<_>>()).unwrap();
-        for (actions, sources, entries, obs) in recording {
+        for (actions, sources, entries, global) in recording {
             let local = match entering {
                 Entering::ByRule => ls.step(&actions, &sources).unwrap(),
                 Entering::Truly => ls.step_with(&actions, &entries).unwrap(),
             };
-            for (global, local) in obs.iter().zip(local.percept.obs.iter()) {
+            for (global, local) in global.percept.obs.iter().zip(local.percept.obs.iter()) {
                 assert_eq!(global[36..], local[36..], "the lights");
-                occupied += global[..36].iter().filter(|&&bit| bit == 1.0).count() as u64;
-                kept += global[..36].iter().zip(local).filter(|&(&g, &l)| g == 1.0 && l == 1.0).count() as u64;
+                of_global += global[..36].iter().filter(|&&bit| bit == 1.0).count() as u64;
+                of_local += local[..36].iter().filter(|&&bit| bit == 1.0).count() as u64;
+                of_both += global[..36].iter().zip(local).filter(|&(&g, &l)| g == 1.0 && l == 1.0).count() as u64;
+            }
+            for (&global, &local) in global.rewards.iter().zip(&local.rewards) {
+                let difference = f64::from((global - local).abs());
+                rewards = [rewards[0] + f64::from(global), rewards[1] + f64::from(local)];
+                compared += 1;
+                reward_error += difference;
+                near_rewards += u64::from(difference <= 0.01);
             }
         }
     }
-    kept as f64 / occupied as f64
+    let share = |part: u64, whole: u64| part as f64 / whole as f64;
+    Agreement {
+        recall: share(of_both, of_global),
+        precision: share(of_both, of_local),
+        reward_error: reward_error / compared as f64,
+        rewards: rewards.map(|sum| sum / compared as f64),
+        near_rewards: share(near_rewards, compared),
+    }
 }
 
 #[test]
 fn with_true_entries_the_local_simulator_is_the_global_one() {
     for controller in ["random", "gap-out"] {
-        let share = share_of_bits(EntryRule::Max, Entering::Truly, controller);
-        println!("true entries, {controller}: {share:.4}");
-        assert!(share >= 0.999, "{controller}: {share}");
+        let found = agreement(EntryRule::Max, Entering::Truly, controller);
+        println!("true entries, {controller}: {found:.4?}");
+        assert!(found.recall >= 0.999 && found.precision >= 0.999, "{controller}: {found:?}");
+        // What remains is a car that follows one on the outgoing edge, where the LS knows no jam.
+        assert!(found.reward_error < 0.001 && found.near_rewards > 0.99, "{controller}: {found:?}");
     }
 }
 
 #[test]
 fn the_entry_rules_lose_few_bits() {
     // The floors lie below what was measured over 20 episodes on SUMO 1.15; gap-out stands for a good policy.
-    for (entry, controller, floor) in [
-        (EntryRule::Max, "random", 0.98),
-        (EntryRule::Max, "gap-out", 0.955),
-        (EntryRule::Reference, "random", 0.955),
-        (EntryRule::Reference, "gap-out", 0.90),
+    for (entry, controller, recall, precision, reward_error) in [
+        (EntryRule::Max, "random", 0.98, 0.98, 0.009),
+        (EntryRule::Max, "gap-out", 0.955, 0.955, 0.009),
+        (EntryRule::Reference, "random", 0.955, 0.97, 0.015),
+        (EntryRule::Reference, "gap-out", 0.90, 0.94, 0.015),
     ] {
-        let share = share_of_bits(entry, Entering::ByRule, controller);
-        println!("{entry:?}, {controller}: {share:.4}");
-        assert!(share >= floor, "{entry:?}, {controller}: {share}");
+        let found = agreement(entry, Entering::ByRule, controller);
+        println!("{entry:?}, {controller}: {found:.4?}");
+        assert!(found.recall >= recall && found.precision >= precision, "{entry:?}, {controller}: {found:?}");
+        assert!(found.reward_error <= reward_error, "{entry:?}, {controller}: {found:?}");
+        let [global, local] = found.rewards;
+        assert!((local / global - 1.0).abs() < 0.015, "{entry:?}, {controller}: {found:?}");
     }
 }
 
@@ -429,6 +539,31 @@ fn the_closed_loop_has_the_cars_and_the_return_of_the_global_simulator() {
     assert!((returns[1] / returns[0] - 1.0).abs() < 0.03, "{returns:?}");
     assert!((cars[1] / cars[0] - 1.0).abs() < 0.05, "{cars:?}");
     assert!(dropped / sampled < 0.02, "{dropped} of {sampled}");
+}
+
+#[test]
+fn the_switch_bias_is_added_to_the_output_bias_of_switching_and_to_nothing_else() {
+    let config: Config =
+        toml::from_str("traffic = { network = 'none', local_network = 'none' }\npolicy = { hidden = [8, 4] }").unwrap();
+    let policies = |initial_switch_bias: f32| {
+        let policy = PolicyConfig { initial_switch_bias, ..config.policy.clone() };
+        let traffic_config = TrafficConfig {
+            network: saved("grid_2x2"),
+            local_network: saved("local"),
+            ..config.traffic.clone().unwrap()
+        };
+        let domain = Traffic::open(&traffic_config, &policy).unwrap();
+        initial_policies(&domain, &Config { policy, ..config.clone() }, &AgentId::all(4))
+    };
+    let (plain, biased) = (policies(0.0), policies(-1.5));
+    let (_, _, outputs) = plain.parameters().layout().blocks(4).last().unwrap();
+    assert_eq!(outputs.len(), 3, "keep, switch and the value");
+    let (plain, biased) = (plain.joint_policy(), biased.joint_policy());
+    for (plain, biased) in plain.iter().zip(biased.iter()) {
+        assert_eq!(plain[..outputs.start], biased[..outputs.start]);
+        let expected: Vec<f32> = plain[outputs.clone()].iter().zip([0.0, -1.5, 0.0]).map(|(b, by)| b + by).collect();
+        assert_eq!(biased[outputs.clone()], expected);
+    }
 }
 
 /// Reads the light as the GS itself reports it.

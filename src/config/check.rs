@@ -20,21 +20,81 @@ pub(super) fn check(config: &Config) -> Result<()> {
         (Some(_), Some(_)) => bail!("[traffic] and [warehouse]: a run has one domain; remove one of these tables"),
         (None, None) => bail!("no domain: add a table [traffic] or [warehouse], as the files under configs/ do"),
     }
+    check_sizes(config)?;
     check_schedule(config)?;
     check_ppo(config)?;
     check_networks(config)?;
     check_aip(config)
 }
 
+fn horizon_key(config: &Config) -> &'static str {
+    if config.traffic.is_some() { "traffic.horizon" } else { "warehouse.horizon" }
+}
+
+/// What is larger is a slip of the pen; it would end in memory that no machine has, or in numbers that overflow.
+fn check_sizes(config: &Config) -> Result<()> {
+    let Config { ppo, aip, .. } = config;
+    let horizon = horizon_key(config);
+    let side = config.warehouse.as_ref().map_or(1, |warehouse| warehouse.agents_per_side);
+    let sizes = [
+        (1_000_000_000_000_000, "total_steps", config.total_steps),
+        (1_000_000, horizon, config.horizon() as u64),
+        (100, "warehouse.agents_per_side", side as u64),
+        (10_000, "local_simulators.copies", config.local_simulators.copies as u64),
+        (1_000_000, "ppo.rollout_steps", ppo.rollout_steps as u64),
+        (1_000_000, "ppo.memory", ppo.memory as u64),
+        (100_000, "ppo.epochs", ppo.epochs as u64),
+        (10_000_000, "aip.dataset_steps", aip.dataset_steps as u64),
+        (100_000, "aip.epochs", aip.epochs as u64),
+        (100_000, "evaluation.episodes", config.evaluation.episodes as u64),
+    ];
+    sizes.into_iter().try_for_each(|(most, key, value)| {
+        ensure!(value <= most, "{key} = {value}: must be at most {most}");
+        Ok(())
+    })
+}
+
+/// Periods of training that a run may have: each one begins simulators and writes a checkpoint.
+const MOST_PERIODS: u64 = 1_000_000;
+
 fn check_schedule(config: &Config) -> Result<()> {
     at_least(1, "total_steps", config.total_steps, "the paper uses 4000000")?;
     if let Some(steps) = config.stop_at_steps {
         at_least(1, "stop_at_steps", steps, "leave it out to train for total_steps")?;
+        ensure!(
+            steps <= config.total_steps,
+            "stop_at_steps = {steps}: lies beyond total_steps = {}; to train longer raise total_steps, over which learning \
+             rate and clip decay",
+            config.total_steps
+        );
     }
-    at_least(1, "horizon", config.horizon() as u64, "the paper uses 300 for traffic and 100 for the warehouse")?;
+    at_least(
+        1,
+        horizon_key(config),
+        config.horizon() as u64,
+        "the paper uses 300 for traffic and 100 for the warehouse",
+    )?;
     at_least(1, "local_simulators.copies", config.local_simulators.copies as u64, "the paper uses 1")?;
     at_least(1, "evaluation.every_steps", config.evaluation.every_steps, "100000 gives the paper's curves")?;
-    at_least(1, "evaluation.episodes", config.evaluation.episodes as u64, "20 give a standard error near 1")
+    at_least(1, "evaluation.episodes", config.evaluation.episodes as u64, "20 give a standard error near 1")?;
+    at_least(1, "aip.retrain_every_steps", config.aip.retrain_every_steps, "the paper uses 100000 to 4000000")?;
+    let memory = config.ppo.memory as u64;
+    for (key, every) in [
+        ("evaluation.every_steps", config.evaluation.every_steps),
+        ("aip.retrain_every_steps", config.aip.retrain_every_steps),
+    ] {
+        ensure!(
+            every >= memory,
+            "{key} = {every}: must be at least ppo.memory = {memory}, the timesteps between two updates of the policies"
+        );
+        let periods = config.last_step() / every;
+        ensure!(
+            periods <= MOST_PERIODS,
+            "{key} = {every}: would cut {} timesteps into {periods} periods, and {MOST_PERIODS} are the most; raise it",
+            config.last_step()
+        );
+    }
+    Ok(())
 }
 
 fn check_ppo(config: &Config) -> Result<()> {
@@ -74,15 +134,27 @@ fn check_ppo(config: &Config) -> Result<()> {
     not_negative("ppo.value_coefficient", ppo.value_coefficient, "the paper uses 1")
 }
 
+/// Of a network. Two layers of this width have 16 million parameters, and there is a network per agent.
+const MOST_LAYERS: usize = 16;
+const MOST_WIDTH: usize = 4096;
+
 fn check_networks(config: &Config) -> Result<()> {
     for (key, hidden) in [("policy.hidden", &config.policy.hidden), ("aip.hidden", &config.aip.hidden)] {
         ensure!(
             !hidden.is_empty() && hidden.iter().all(|&width| width > 0),
             "{key} = {hidden:?}: must list one positive width per hidden layer"
         );
+        ensure!(
+            hidden.len() <= MOST_LAYERS && hidden.iter().all(|&width| width <= MOST_WIDTH),
+            "{key} = {hidden:?}: must list at most {MOST_LAYERS} layers, each at most {MOST_WIDTH} wide"
+        );
     }
     for (key, width) in [("policy.recurrent", config.policy.recurrent), ("aip.recurrent", config.aip.recurrent)] {
-        ensure!(width != Some(0), "{key} = 0: must be a positive width; leave it out for a network without memory");
+        ensure!(
+            width.is_none_or(|width| (1..=MOST_WIDTH).contains(&width)),
+            "{key} = {}: must be from 1 to {MOST_WIDTH}; leave it out for a network without memory",
+            width.unwrap_or(0)
+        );
     }
     let bias = config.policy.initial_switch_bias;
     ensure!(bias.is_finite(), "policy.initial_switch_bias = {bias}: must be a finite number");
@@ -91,7 +163,7 @@ fn check_networks(config: &Config) -> Result<()> {
 
 fn check_aip(config: &Config) -> Result<()> {
     let aip = &config.aip;
-    at_least(1, "aip.retrain_every_steps", aip.retrain_every_steps, "the paper uses 100000 to 4000000")?;
+    at_least(1, "aip.epochs", aip.epochs as u64, "for AIPs that are never trained: simulator = \"untrained-dials\"")?;
     at_least(1, "aip.dataset_steps", aip.dataset_steps as u64, "the paper uses 10000")?;
     at_least(1, "aip.batch", aip.batch as u64, "the paper uses 128")?;
     positive("aip.learning_rate", aip.learning_rate, "the paper uses 1e-4")?;

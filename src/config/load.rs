@@ -111,6 +111,54 @@ mod tests {
     }
 
     #[test]
+    fn sizes_that_no_machine_can_hold_are_refused() {
+        let huge = "9000000000000000000";
+        for key in [
+            "total_steps",
+            "traffic.horizon",
+            "local_simulators.copies",
+            "ppo.rollout_steps",
+            "ppo.memory",
+            "ppo.epochs",
+            "aip.dataset_steps",
+            "aip.epochs",
+            "evaluation.episodes",
+        ] {
+            let error = error_of(SMALL, &[&format!("{key}={huge}")]);
+            assert!(error.contains(&format!("{key} = {huge}: must be at most ")), "{error}");
+        }
+        assert!(error_of(SMALL, &["aip.batch=9000000000000000000"]).contains("must not exceed the"));
+        assert!(
+            error_of(SMALL, &["ppo.minibatch=9000000000000000000"]).contains("must be a multiple of ppo.minibatch")
+        );
+        for hidden in ["[9000000000000000000]", "[4097]", "[1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1]"] {
+            let error = error_of(SMALL, &[&format!("policy.hidden={hidden}")]);
+            assert!(error.contains("must list at most 16 layers, each at most 4096 wide"), "{error}");
+        }
+        // 10^15 / 128 = 7.8 * 10^12 periods.
+        let periods = error_of(SMALL, &["total_steps=1000000000000000", "evaluation.every_steps=128"]);
+        assert!(periods.contains("into 7812500000000 periods, and 1000000 are the most; raise it"), "{periods}");
+        let longest = ["evaluation.every_steps=1000000000", "aip.retrain_every_steps=1000000000"];
+        load_text(SMALL, &["total_steps=1000000000000000", longest[0], longest[1]]).unwrap();
+    }
+
+    #[test]
+    fn every_seed_of_64_bits_can_be_set_and_kept() {
+        for seed in [0, 1 << 63, u64::MAX] {
+            let config = load_text(SMALL, &[&format!("seed={seed}")]).unwrap();
+            assert_eq!(config.seed, seed);
+            let text = to_toml(&config).unwrap();
+            assert_eq!(load_text(&text, &[]).unwrap().seed, seed, "{text}");
+            let json = serde_json::to_string(&config).unwrap();
+            assert_eq!(serde_json::from_str::<Config>(&json).unwrap().seed, seed, "{json}");
+        }
+        for (setting, told) in [("seed=-1", "integer `-1`"), ("seed=x", "\"x\""), ("seed=1.5", "1.5")] {
+            let error = error_of(SMALL, &[setting]);
+            assert!(error.contains(told) && error.contains("a number from 0 to 18446744073709551615"), "{error}");
+        }
+    }
+
+    #[test]
     fn bad_input_names_the_key_and_what_is_allowed() {
         let unknown = error_of(&format!("{SMALL}[aip]\nretrain = 3\n"), &[]);
         assert!(unknown.contains("unknown field `retrain`") && unknown.contains("line 5"), "{unknown}");
@@ -123,6 +171,16 @@ mod tests {
         assert!(error_of(SMALL, &["aip.dataset_steps=200"]).contains("at least 2 episodes"));
         assert!(error_of("", &[]).contains("no domain: add a table [traffic] or [warehouse]"));
         assert!(error_of(SMALL, &["warehouse.agents_per_side=2"]).contains("a run has one domain"));
+        let memory = error_of(SMALL, &["evaluation.every_steps=127"]);
+        assert!(memory.contains("evaluation.every_steps = 127: must be at least ppo.memory = 128"), "{memory}");
+        assert!(error_of(SMALL, &["aip.retrain_every_steps=100"]).contains("must be at least ppo.memory = 128"));
+        let epochs = error_of(SMALL, &["aip.epochs=0"]);
+        assert!(epochs.contains("aip.epochs = 0: must be at least 1 (for AIPs that are never trained: simulator ="));
+        let later = error_of(SMALL, &["total_steps=1000", "stop_at_steps=1001"]);
+        assert!(
+            later.contains("stop_at_steps = 1001: lies beyond total_steps = 1000; to train longer raise"),
+            "{later}"
+        );
         let missing = load(Path::new("no/such.toml"), &[]).unwrap_err();
         assert!(format!("{missing:#}").contains("no/such.toml: cannot be read: No such file"));
     }

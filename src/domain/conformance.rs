@@ -1,9 +1,10 @@
 //! What every domain must hold, as one check that a test of the domain calls.
 //!
 //! Shapes and ranges, repeatability from the seed, the alignment of influence samples, and that a reset of one row of a
-//! local simulator leaves the others alone. That the LS reproduces the GS when it is driven by the recorded sources is
-//! returned as a share of equal observation entries: 1 for domains whose local transition is exact, a measured floor
-//! for others (traffic loses a car's exact position at the entry).
+//! local simulator leaves the others alone. How well the LS reproduces the GS when it is driven by the recorded sources
+//! is returned as shares of equal observation entries, which are 1 for domains whose local transition is exact, and the
+//! error of its rewards, which is 0 for them; others have measured bounds (traffic loses a car's exact position at the
+//! entry).
 
 use anyhow::ensure;
 use rand::Rng;
@@ -11,12 +12,15 @@ use rand::Rng;
 use super::{Action, Domain, Result};
 use crate::base::{AgentId, Dice, Rows, Seed};
 
-/// What [`check`] measured.
+/// What [`check`] measured with the LS driven by the GS's recorded sources and actions.
 #[derive(Clone, Copy, Debug)]
 pub struct Conformance {
-    /// Share of the GS's non-zero observation entries that the LS had too, when it was driven by the GS's recorded
-    /// sources and actions, in `0..=1`.
-    pub local_equals_global: f64,
+    /// Share of the GS's non-zero observation entries that the LS had too.
+    pub recall: f64,
+    /// Share of the LS's non-zero observation entries that the GS had too.
+    pub precision: f64,
+    /// Mean absolute difference of the rewards, over agents and steps.
+    pub reward_error: f64,
 }
 
 /// Runs the checks; an error says which promise is broken.
@@ -25,7 +29,7 @@ pub fn check(domain: &dyn Domain, seed: Seed) -> Result<Conformance> {
     ensure!(record(domain, seed)? == recording, "the GS does not repeat an episode from its seed");
     check_shapes(domain, &recording)?;
     check_single_resets(domain, &recording, seed)?;
-    Ok(Conformance { local_equals_global: replay_locally(domain, &recording, seed)? })
+    replay_locally(domain, &recording, seed)
 }
 
 /// An episode of the GS under random actions.
@@ -80,22 +84,32 @@ fn check_shapes(domain: &dyn Domain, recording: &Recording) -> Result<()> {
 }
 
 /// Drives one LS per agent by the recorded actions and sources and compares what it shows.
-fn replay_locally(domain: &dyn Domain, recording: &Recording, seed: Seed) -> Result<f64> {
+fn replay_locally(domain: &dyn Domain, recording: &Recording, seed: Seed) -> Result<Conformance> {
     let regions = AgentId::all(domain.agents());
     let mut ls = domain.local_simulator(&regions, 1, seed.for_episode(0))?;
     ls.reset(&(0..regions.len()).collect::<Vec<_>>())?;
-    let (mut set, mut kept) = (0_u64, 0_u64);
+    let (mut of_global, mut of_local, mut of_both) = (0_u64, 0_u64, 0_u64);
+    let (mut rewards, mut reward_error) = (0_u64, 0.0);
     for (t, actions) in recording.actions.iter().enumerate() {
         let local = ls.step(actions, &recording.sources[t])?;
         for (&global, &local) in recording.obs[t].as_slice().iter().zip(local.percept.obs.as_slice()) {
-            if global != 0.0 {
-                set += 1;
-                kept += u64::from(local == global);
-            }
+            of_global += u64::from(global != 0.0);
+            of_local += u64::from(local != 0.0);
+            of_both += u64::from(global != 0.0 && local == global);
+        }
+        for (global, local) in recording.rewards[t].iter().zip(&local.rewards) {
+            rewards += 1;
+            reward_error += f64::from((global - local).abs());
         }
     }
-    ensure!(set > 0, "the GS showed nothing at all");
-    Ok(kept as f64 / set as f64)
+    ensure!(of_global > 0, "the GS showed nothing at all");
+    ensure!(of_local > 0, "the LS showed nothing at all");
+    let share = |part: u64, whole: u64| part as f64 / whole as f64;
+    Ok(Conformance {
+        recall: share(of_both, of_global),
+        precision: share(of_both, of_local),
+        reward_error: reward_error / rewards as f64,
+    })
 }
 
 /// Two copies of every region in step with each other; one is reset alone, the other must not notice.

@@ -235,6 +235,25 @@ mod tests {
     }
 
     #[test]
+    fn the_last_episodes_measure_and_are_not_trained_on() {
+        // u = x in the first 18 episodes, u = 1 - x in the last two: whoever learns u = x is wrong there.
+        let sources = SourceSpec::Binary { sources: 1 };
+        let spec = RegionSpec { obs_dim: 1, d_set_dim: 1, n_actions: 2, sources, horizon: 100 };
+        let mut dataset = Dataset::new(&spec);
+        let mut dice = Seed::new(31).dice();
+        for sample in 0..2000 {
+            let x: bool = dice.random();
+            dataset.push(&[f32::from(u8::from(x))], &[u8::from(x != (sample >= 1800))]);
+        }
+        let config = AipConfig { hidden: vec![8], learning_rate: 1e-2, epochs: 30, ..AipConfig::default() };
+        let mut aips = AipStack::new(&[AgentId(0)], &spec, &config, Seed::new(1));
+        let loss = train(&mut aips, &[AgentId(0)], &[dataset], &config, Seed::new(2), &mut |_| ()).remove(0);
+        // Certain of u = x where it holds: p > 0.95, so -ln(1 - p) > 3 in the end. Trained on all it would be ln 10 = 2.3.
+        assert!(loss.training[1][0] < 0.05, "{:?}", loss.training);
+        assert!(loss.held_out[1][0] > 3.0, "{:?}", loss.held_out);
+    }
+
+    #[test]
     fn agents_train_alike_in_any_company() {
         let (both, together) = trained(&[AgentId(0), AgentId(1)]);
         let (single, alone) = trained(&[AgentId(1)]);

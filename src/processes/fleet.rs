@@ -8,12 +8,12 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 
 use super::channel::encode;
 use super::child::{Child, Event, What};
 use super::message::{Answer, Order, Report};
-use crate::base::{AgentId, Phase, Rows};
+use crate::base::{AgentId, Phase};
 use crate::config::{Config, Period, SimulatorKind};
 use crate::domain::Domain;
 use crate::evaluation::Evaluation;
@@ -92,13 +92,11 @@ impl ProcessFleet {
             at_work: Duration::ZERO,
         };
         let orders = fleet.owners().map(|worker| (worker, Order::TellState)).collect();
-        let mut states = fleet.ask(orders, Stop::Later)?.into_iter().map(|answer| match answer {
+        let states = fleet.ask(orders, Stop::Later)?.into_iter().map(|answer| match answer {
             Answer::State(state) => state,
             other => unreachable!("a state was asked for, not {other:?}"),
         });
-        let mut whole = states.next().expect("some worker owns agents");
-        states.for_each(|state| whole.append(&state));
-        fleet.state = whole;
+        fleet.state = AgentsState::joined(states.collect());
         Ok(fleet)
     }
 
@@ -328,31 +326,27 @@ impl Fleet for ProcessFleet {
             let theirs = datasets.drain(..self.workers[worker].agents.len()).collect();
             orders.push((worker, Order::TrainAips { datasets: theirs, period: *period }));
         }
-        let mut whole = AipTraining { losses: Vec::new(), parameters: Rows::default() };
-        for answer in self.ask(orders, Stop::AtOnce)? {
-            let Answer::AipsTrained(training) = answer else { unreachable!("AIPs were asked for, not {answer:?}") };
-            whole.append(training);
-        }
+        let trained = self.ask(orders, Stop::AtOnce)?.into_iter().map(|answer| match answer {
+            Answer::AipsTrained(training) => training,
+            other => unreachable!("AIPs were asked for, not {other:?}"),
+        });
+        let whole = AipTraining::joined(trained.collect());
         self.state.aips = whole.parameters.clone();
         Ok(whole)
     }
 
     fn train_policies(&mut self, period: &Period) -> Result<PolicyTraining> {
         let orders = self.owners().map(|worker| (worker, Order::TrainPolicies { period: *period })).collect();
-        let mut whole = PolicyTraining { agents: Vec::new(), counters: Vec::new() };
-        let mut states: Option<AgentsState> = None;
+        let (mut trainings, mut states) = (Vec::new(), Vec::new());
         for answer in self.ask(orders, Stop::Later)? {
             let Answer::PoliciesTrained { training, state } = answer else {
                 unreachable!("policies were asked for, not {answer:?}")
             };
-            whole.append(training);
-            match &mut states {
-                None => states = Some(state),
-                Some(states) => states.append(&state),
-            }
+            trainings.push(training);
+            states.push(state);
         }
-        self.state = states.context("no worker owns an agent")?;
-        Ok(whole)
+        self.state = AgentsState::joined(states);
+        Ok(PolicyTraining::joined(trainings))
     }
 
     fn evaluate(&mut self, policies: &JointPolicy) -> Result<Evaluation> {

@@ -1,6 +1,7 @@
 //! The worker's side of the channel.
 
 use std::cell::{Cell, RefCell};
+use std::io::Write;
 use std::os::fd::AsFd;
 use std::os::unix::net::UnixStream;
 use std::sync::Arc;
@@ -36,7 +37,8 @@ pub fn serve(open_domain: impl FnOnce(&Config) -> Result<Arc<dyn Domain>>) -> Re
     };
     let Order::Begin { config_json, agents } = order else { bail!("the first order must be to begin") };
     let config: Config = serde_json::from_str(&config_json)?;
-    eprintln!("process {} owns agents {agents:?}", std::process::id());
+    // For the log; where that cannot be written the work goes on.
+    let _ = writeln!(std::io::stderr(), "process {} owns agents {agents:?}", std::process::id());
     let mut worker = Worker::new(open_domain(&config)?, &config, agents);
     reporter.done(Answer::Ready, &mut worker)?;
     while let Some(order) = receive(&mut stream)? {

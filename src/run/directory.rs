@@ -1,13 +1,16 @@
 //! Run directories: made, described, and opened again.
 
+use std::fs::{self, Permissions};
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, ensure};
 use serde_json::json;
 
 use super::domain;
 use super::info::versions;
+use super::terminal::tell;
 use crate::base::AgentId;
 use crate::config::{self, Config};
 use crate::domain::Domain;
@@ -16,58 +19,78 @@ use crate::policy::{JointPolicy, PolicyStack};
 use crate::training::block::initial_policies;
 use crate::training::run_log::{files, write_atomically};
 
-/// A directory that one run writes. Self-contained: it holds the networks it was trained on.
-pub struct RunDirectory {
-    path: PathBuf,
+/// What to do where something is at the place of a new run directory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Existing {
+    /// An error.
+    Refuse,
+    /// Move it to the first free of `path.old-1`, `path.old-2`, ...
+    MoveAside,
+    /// Leave it and take the first free of `path-2`, `path-3`, ...
+    Number,
 }
 
-impl RunDirectory {
-    /// Makes a new one; an error where something is there already.
-    pub fn create(path: &Path) -> Result<Self> {
-        if path.exists() {
-            bail!("{}: exists already; name another one with --out, or move it aside with --force", path.display());
+/// Makes the directory of a new run and returns its path. Self-contained: it holds config, networks and circumstances.
+///
+/// It is filled under another name beside its place and moved there whole, so that an error leaves everything as it was,
+/// and so that what is moved aside may be where the networks come from.
+pub fn create(path: &Path, existing: Existing, config: &Config) -> Result<PathBuf> {
+    let path = match existing {
+        Existing::Refuse | Existing::MoveAside => path.to_owned(),
+        Existing::Number => first_free(path, "-", 2),
+    };
+    ensure!(
+        existing != Existing::Refuse || is_free(&path),
+        "{}: exists already; name another one with --out, or move it aside with --force",
+        path.display()
+    );
+    // Later the run loads its networks from here.
+    domain::check_place(config, &path)?;
+    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let new_folders: Vec<&Path> = parent.ancestors().take_while(|folder| !folder.exists()).collect();
+    fill_and_move(&path, parent, existing, config).inspect_err(|_| {
+        new_folders.iter().for_each(|folder| drop(fs::remove_dir(folder)));
+    })?;
+    Ok(path)
+}
+
+fn fill_and_move(path: &Path, parent: &Path, existing: Existing, config: &Config) -> Result<()> {
+    let failed = || format!("{}: cannot be made", path.display());
+    if !parent.exists() {
+        fs::create_dir_all(parent).with_context(failed)?;
+    }
+    // A temporary directory is for its owner alone by default; this one is for everyone whom the umask allows.
+    let mut builder = tempfile::Builder::new();
+    let builder = builder.prefix(".new-run-").permissions(Permissions::from_mode(0o777));
+    let staged = builder.tempdir_in(parent).with_context(failed)?;
+    describe(staged.path(), config)?;
+    let aside = match existing {
+        Existing::MoveAside if !is_free(path) => {
+            let aside = first_free(path, ".old-", 1);
+            fs::rename(path, &aside).with_context(|| format!("{}: cannot be moved aside", path.display()))?;
+            Some(aside)
         }
-        std::fs::create_dir_all(path).with_context(|| format!("{}: cannot be made", path.display()))?;
-        Ok(RunDirectory { path: path.to_owned() })
+        _ => None,
+    };
+    let moved = fs::rename(staged.path(), path).with_context(failed);
+    match (&moved, &aside) {
+        (Ok(()), Some(aside)) => tell(format_args!("moved {} to {}", path.display(), aside.display())),
+        (Err(_), Some(aside)) => drop(fs::rename(aside, path)),
+        (_, None) => {}
     }
+    moved.map(|()| drop(staged.keep())) // Nothing is at that name any more.
+}
 
-    /// Makes a new one and moves what is there aside, to the first free of `path.old-1`, `path.old-2`, ...
-    pub fn replace(path: &Path) -> Result<Self> {
-        if path.exists() {
-            let aside = first_free(path, "old");
-            std::fs::rename(path, &aside).with_context(|| format!("{}: cannot be moved aside", path.display()))?;
-            eprintln!("moved {} to {}", path.display(), aside.display());
-        }
-        Self::create(path)
-    }
-
-    /// Makes the first free of `path`, `path-2`, `path-3`, ...
-    pub fn create_numbered(path: &Path) -> Result<Self> {
-        let mut free = path.to_owned();
-        for number in 2.. {
-            if !free.exists() {
-                break;
-            }
-            free = with_suffix(path, &format!("-{number}"));
-        }
-        Self::create(&free)
-    }
-
-    pub fn path(&self) -> &Path {
-        &self.path
-    }
-
-    /// Writes config, networks and circumstances.
-    pub fn describe(&self, config: &Config) -> Result<()> {
-        let kept = domain::keep_files(config, &self.path.join(files::NETWORKS), &self.path)?;
-        write_atomically(&self.path.join(files::CONFIG), config::to_toml(&kept)?.as_bytes())?;
-        let run = json!({
-            "seed": config.seed,
-            "command": std::env::args().collect::<Vec<_>>(),
-            "versions": versions()?,
-        });
-        write_atomically(&self.path.join(files::RUN), format!("{run:#}\n").as_bytes())
-    }
+/// Writes config, networks and circumstances.
+fn describe(dir: &Path, config: &Config) -> Result<()> {
+    let kept = domain::keep_files(config, dir)?;
+    write_atomically(&dir.join(files::CONFIG), config::to_toml(&kept)?.as_bytes())?;
+    let run = json!({
+        "seed": config.seed,
+        "command": std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect::<Vec<_>>(),
+        "versions": versions()?,
+    });
+    write_atomically(&dir.join(files::RUN), format!("{run:#}\n").as_bytes())
 }
 
 /// What [`open`] finds: a run that can be evaluated.
@@ -103,35 +126,110 @@ pub fn open(path: &Path) -> Result<TrainedRun> {
     Ok(TrainedRun { config, domain, stack, policies })
 }
 
-fn first_free(path: &Path, word: &str) -> PathBuf {
-    (1..)
-        .map(|number| with_suffix(path, &format!(".{word}-{number}")))
-        .find(|free| !free.exists())
-        .expect("numbers go on")
+/// `path` itself where there is nothing and numbers begin at 2, else the first free of `path` + `word` + number.
+fn first_free(path: &Path, word: &str, first: usize) -> PathBuf {
+    if first > 1 && is_free(path) {
+        return path.to_owned();
+    }
+    let mut candidates = (first..).map(|number| {
+        let mut name = path.file_name().unwrap_or_default().to_owned();
+        name.push(format!("{word}{number}"));
+        path.with_file_name(name)
+    });
+    candidates.find(|candidate| is_free(candidate)).expect("numbers go on")
 }
 
-fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
-    let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(suffix);
-    path.with_file_name(name)
+/// Nothing is there, not even a link that leads nowhere.
+fn is_free(path: &Path) -> bool {
+    path.symlink_metadata().is_err()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::traffic::net_file::NetworkFiles;
+
+    /// A config that is loaded from `dir`, with the networks of this project.
+    fn config_in(dir: &Path) -> Config {
+        let nets = Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets");
+        let text = format!("[traffic]\nnetwork = '{0}/grid_2x2'\nlocal_network = '{0}/local'\n", nets.display());
+        fs::write(dir.join("c.toml"), text).unwrap();
+        config::load(&dir.join("c.toml"), &[]).unwrap()
+    }
+
+    fn networks_of(config: &Config) -> [NetworkFiles; 2] {
+        let traffic = config.traffic.as_ref().unwrap();
+        [&traffic.network, &traffic.local_network].map(|network| NetworkFiles::of(network))
+    }
+
+    fn names(dir: &Path) -> Vec<String> {
+        let entries = fs::read_dir(dir).unwrap();
+        let mut names: Vec<String> =
+            entries.map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned()).collect();
+        names.sort();
+        names
+    }
 
     #[test]
     fn an_existing_directory_is_refused_numbered_or_moved_aside() {
         let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("a.b");
-        RunDirectory::create(&path).unwrap();
-        std::fs::write(path.join("precious"), "x").unwrap();
-        let error = RunDirectory::create(&path).err().unwrap().to_string();
+        let (config, path) = (config_in(dir.path()), dir.path().join("a.b"));
+        create(&path, Existing::Refuse, &config).unwrap();
+        fs::write(path.join("precious"), "x").unwrap();
+        let error = create(&path, Existing::Refuse, &config).unwrap_err().to_string();
         assert!(error.contains("exists already") && error.contains("--force"), "{error}");
-        assert_eq!(RunDirectory::create_numbered(&path).unwrap().path(), dir.path().join("a.b-2"));
-        assert_eq!(RunDirectory::create_numbered(&path).unwrap().path(), dir.path().join("a.b-3"));
-        RunDirectory::replace(&path).unwrap();
+        assert_eq!(create(&path, Existing::Number, &config).unwrap(), dir.path().join("a.b-2"));
+        assert_eq!(create(&path, Existing::Number, &config).unwrap(), dir.path().join("a.b-3"));
+        assert_eq!(create(&dir.path().join("c"), Existing::Number, &config).unwrap(), dir.path().join("c"));
+        create(&path, Existing::MoveAside, &config).unwrap();
         assert!(!path.join("precious").exists());
         assert!(dir.path().join("a.b.old-1/precious").exists());
+        assert_eq!(names(dir.path()), ["a.b", "a.b-2", "a.b-3", "a.b.old-1", "c", "c.toml"]);
+    }
+
+    #[test]
+    fn an_error_changes_nothing_and_leaves_nothing_behind() {
+        let dir = tempfile::tempdir().unwrap();
+        let (config, path) = (config_in(dir.path()), dir.path().join("run"));
+        create(&path, Existing::Refuse, &config).unwrap();
+        fs::write(path.join("precious"), "x").unwrap();
+        let mut lost = config.clone();
+        lost.traffic.as_mut().unwrap().network = dir.path().join("nowhere");
+        for place in [path.clone(), dir.path().join("new/and/deep")] {
+            let error = create(&place, Existing::MoveAside, &lost).unwrap_err();
+            assert!(error.to_string().contains("nowhere.net.xml: no such network"), "{error}");
+            assert_eq!(names(dir.path()), ["c.toml", "run"]);
+        }
+        assert!(path.join("precious").exists());
+    }
+
+    #[test]
+    fn a_run_may_take_the_place_of_the_one_that_its_networks_come_from() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("run");
+        create(&path, Existing::Refuse, &config_in(dir.path())).unwrap();
+        let kept = config::load(&path.join(files::CONFIG), &[]).unwrap();
+        create(&path, Existing::MoveAside, &kept).unwrap();
+        let again = config::load(&path.join(files::CONFIG), &[]).unwrap();
+        networks_of(&again).iter().for_each(|network| network.check().unwrap());
+    }
+
+    #[test]
+    fn networks_of_one_name_from_two_folders_are_both_kept() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut config = config_in(dir.path());
+        let [global, local] = networks_of(&config);
+        for (network, folder) in [(&global, "g"), (&local, "l")] {
+            network.copy_to(&dir.path().join(folder), "same").unwrap();
+        }
+        let traffic = config.traffic.as_mut().unwrap();
+        traffic.network = dir.path().join("g/same");
+        traffic.local_network = dir.path().join("l/same");
+        let path = create(&dir.path().join("run"), Existing::Refuse, &config).unwrap();
+        let kept = networks_of(&config::load(&path.join(files::CONFIG), &[]).unwrap());
+        for (kept, original) in kept.iter().zip([&global, &local]) {
+            assert_eq!(fs::read(&kept.net).unwrap(), fs::read(&original.net).unwrap());
+            assert_eq!(fs::read(&kept.routes).unwrap(), fs::read(&original.routes).unwrap());
+        }
     }
 }

@@ -3,12 +3,17 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 
 use crate::config::Config;
 use crate::domain::Domain;
 use crate::traffic::Traffic;
+use crate::traffic::net_file::NetworkFiles;
+use crate::training::run_log::files;
 use crate::warehouse::Warehouse;
+
+/// The networks of a run directory have the same names in all of them.
+const NETWORKS: [&str; 2] = ["global", "local"];
 
 /// Opens the domain of a config, with whatever files it needs.
 pub fn open(config: &Config) -> Result<Arc<dyn Domain>> {
@@ -19,16 +24,33 @@ pub fn open(config: &Config) -> Result<Arc<dyn Domain>> {
     }
 }
 
-/// Copies the files that the domain of a config needs into `folder`, and returns the config as it stands there, with
-/// paths that count from `base`.
-pub fn keep_files(config: &Config, folder: &Path, base: &Path) -> Result<Config> {
+/// Tries out what only a simulator can say of the domain's files, so that it is said before a run begins.
+pub fn check(config: &Config) -> Result<()> {
+    match &config.traffic {
+        Some(traffic) => Traffic::open(traffic, &config.policy)?.check_in_sumo(),
+        None => Ok(()),
+    }
+}
+
+/// Whether the domain's files could be loaded from a run directory at `path`.
+pub fn check_place(config: &Config, path: &Path) -> Result<()> {
+    if config.traffic.is_some() {
+        for name in NETWORKS {
+            NetworkFiles::of(&path.join(files::NETWORKS).join(name)).check_paths()?;
+        }
+    }
+    Ok(())
+}
+
+/// Copies the domain's files into the run directory `dir`, and returns the config as it stands there.
+pub fn keep_files(config: &Config, dir: &Path) -> Result<Config> {
     let mut kept = config.clone();
     if let Some(traffic) = &mut kept.traffic {
-        std::fs::create_dir(folder)?;
-        let from = |path: &Path| path.strip_prefix(base).unwrap_or(path).to_owned();
-        for network in [&mut traffic.network, &mut traffic.local_network] {
-            crate::traffic::net_file::NetworkFiles::of(network).copy_to(folder)?;
-            *network = from(&folder.join(network.file_name().unwrap_or_default()));
+        let folder = dir.join(files::NETWORKS);
+        std::fs::create_dir(&folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
+        for (network, name) in [&mut traffic.network, &mut traffic.local_network].into_iter().zip(NETWORKS) {
+            NetworkFiles::of(network).copy_to(&folder, name)?;
+            *network = Path::new(files::NETWORKS).join(name);
         }
     }
     Ok(kept)

@@ -6,6 +6,7 @@ use super::directory;
 use super::domain;
 use super::progress::EpisodeBar;
 use super::render::render;
+use super::terminal::answer;
 use crate::base::Seed;
 use crate::cli;
 use crate::config::{Config, load};
@@ -27,6 +28,7 @@ pub fn evaluate(args: &cli::Evaluate) -> Result<()> {
 pub fn baseline(args: &cli::Baseline) -> Result<()> {
     let config = load(&args.config, &[]).map_err(Error::Usage)?;
     let domain = domain::open(&config).map_err(Error::Usage)?;
+    domain::check(&config).map_err(Error::Usage)?;
     let mut baseline = domain.baseline(&args.controller).map_err(Error::Usage)?;
     let (simulator, controller) = (&mut *baseline.simulator, &mut *baseline.controller);
     let subject = [("config", json!(args.config)), ("controller", json!(args.controller))];
@@ -52,12 +54,11 @@ fn report(
         evaluation::evaluate(domain, simulator, controller, Seed::new(seed), count, &mut |share| bar.set(share))
             .map_err(Error::Run)?;
     bar.finish();
-    if output.json {
-        println!("{}", to_json(&evaluation, seed, subject).map_err(Error::Run)?);
-    } else {
-        print_table(&evaluation);
-    }
-    Ok(())
+    let found = match output.json {
+        true => to_json(&evaluation, seed, subject).map_err(Error::Run)?.to_string(),
+        false => table(&evaluation),
+    };
+    answer(found).map_err(Error::Run)
 }
 
 fn to_json(evaluation: &Evaluation, seed: u64, subject: &[(&str, Value)]) -> anyhow::Result<Value> {
@@ -88,27 +89,31 @@ fn to_json(evaluation: &Evaluation, seed: u64, subject: &[(&str, Value)]) -> any
     Ok(Value::Object(object))
 }
 
-fn print_table(evaluation: &Evaluation) {
+fn table(evaluation: &Evaluation) -> String {
     let all = evaluation.of_all();
-    println!(
+    let mut lines = vec![format!(
         "return {:.1} +- {:.1} (mean and standard error over {} episodes), median of the agents {:.1}",
         all.mean,
         all.std_error,
         evaluation.episodes(),
         all.median
-    );
-    for (name, value) in &evaluation.measures.system {
-        println!("{name:>24} {value:.2}");
-    }
-    print!("\n{:>5} {:>8} {:>8} {:>9}", "agent", "mean", "median", "std_error");
-    evaluation.measures.per_agent.iter().for_each(|(name, _)| print!(" {name}"));
-    println!(" stuck");
+    )];
+    lines.extend(evaluation.measures.system.iter().map(|(name, value)| format!("{name:>24} {value:.2}")));
+    lines.push(String::new());
+    let names: String = evaluation.measures.per_agent.iter().map(|(name, _)| format!(" {name}")).collect();
+    lines.push(format!("{:>5} {:>8} {:>8} {:>9}{names} stuck", "agent", "mean", "median", "std_error"));
     for agent in 0..evaluation.agents() {
         let of_agent = evaluation.of_agent(agent);
-        print!("{agent:>5} {:>8.1} {:>8.1} {:>9.2}", of_agent.mean, of_agent.median, of_agent.std_error);
-        for (name, values) in &evaluation.measures.per_agent {
-            print!(" {:>width$.3}", values[agent], width = name.len());
-        }
-        println!(" {:>5}", if evaluation.stuck[agent] { "yes" } else { "no" });
+        let measures = evaluation.measures.per_agent.iter();
+        let measures: String =
+            measures.map(|(name, values)| format!(" {:>width$.3}", values[agent], width = name.len())).collect();
+        lines.push(format!(
+            "{agent:>5} {:>8.1} {:>8.1} {:>9.2}{measures} {:>5}",
+            of_agent.mean,
+            of_agent.median,
+            of_agent.std_error,
+            if evaluation.stuck[agent] { "yes" } else { "no" }
+        ));
     }
+    lines.join("\n")
 }

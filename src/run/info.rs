@@ -4,20 +4,22 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
+use super::terminal::answer;
 use crate::error::{Error, Result};
 use crate::sumo::Simulation;
 
 pub fn info() -> Result<()> {
     let versions = versions().map_err(Error::Run)?;
     let text = |key: &str| versions[key].as_str().unwrap_or("unknown").to_owned();
-    println!("dials-traffic {} (commit {})", text("dials_traffic"), text("git_commit"));
-    println!("{} at {}", text("sumo"), place(loaded_library("libsumocpp.so")));
-    println!("libtorch {} at {}", text("libtorch"), place(loaded_library("libtorch_cpu.so")));
-    println!("BLAS at {}", place(loaded_library("blas")));
-    for program in ["netconvert", "sumo", "sumo-gui"] {
-        println!("{program} at {}", place(on_the_path(program)));
-    }
-    Ok(())
+    let mut lines = vec![
+        format!("dials-traffic {} (commit {})", text("dials_traffic"), text("git_commit")),
+        format!("{} at {}", text("sumo"), place(loaded_library("libsumocpp.so"))),
+        format!("libtorch {} at {}", text("libtorch"), place(loaded_library("libtorch_cpu.so"))),
+        format!("BLAS at {}", place(loaded_library("blas"))),
+    ];
+    let programs = ["netconvert", "sumo", "sumo-gui"];
+    lines.extend(programs.map(|program| format!("{program} at {}", place(on_the_path(program)))));
+    answer(lines.join("\n")).map_err(Error::Run)
 }
 
 /// The versions that go into `run.json`.
@@ -45,6 +47,7 @@ fn loaded_library(name: &str) -> Option<PathBuf> {
         .map(Path::to_owned)
 }
 
-fn on_the_path(program: &str) -> Option<PathBuf> {
+/// Where the shell finds a program.
+pub(super) fn on_the_path(program: &str) -> Option<PathBuf> {
     std::env::split_paths(&std::env::var_os("PATH")?).map(|folder| folder.join(program)).find(|path| path.is_file())
 }

@@ -7,6 +7,7 @@ mod info;
 mod nets;
 mod progress;
 mod render;
+pub mod terminal;
 mod train;
 mod worker;
 
@@ -36,9 +37,16 @@ const THREADS: [&str; 2] = ["OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"];
 pub fn keep_to_one_thread() {
     if THREADS.iter().any(|name| std::env::var_os(name).is_none_or(|value| value != "1")) {
         let mut again = std::process::Command::new("/proc/self/exe");
-        again.args(std::env::args_os().skip(1)).envs(THREADS.map(|name| (name, "1")));
+        let mut typed = std::env::args_os();
+        // The name under which it was called stays, for help and for `run.json`.
+        if let Some(name) = typed.next() {
+            again.arg0(name);
+        }
+        again.args(typed).envs(THREADS.map(|name| (name, "1")));
         let error = again.exec();
-        eprintln!("warning: could not restart with one BLAS thread ({error}); results may differ from other machines");
+        terminal::tell(format_args!(
+            "warning: could not restart with one BLAS thread ({error}); results may differ from other machines"
+        ));
     }
     tch::set_num_threads(1);
 }

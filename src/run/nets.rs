@@ -1,5 +1,6 @@
 //! `nets`
 
+use super::terminal::{answer, quoted};
 use crate::cli;
 use crate::error::{Error, Result};
 use crate::traffic::grid::Grid;
@@ -13,7 +14,6 @@ pub fn nets(args: &cli::Nets) -> Result<()> {
         cli::Nets::Local { out } => write_local(out),
     };
     let files = written.map_err(Error::Usage)?;
-    println!("wrote {}", files.net.display());
-    println!("watch it with: sumo-gui -c {}", files.config.display());
-    Ok(())
+    let (net, config) = (files.net.display(), quoted(&files.config));
+    answer(format_args!("wrote {net}\nwatch it with: sumo-gui -c {config}")).map_err(Error::Run)
 }

@@ -10,6 +10,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 
+use super::terminal::tell;
 use crate::base::Phase;
 use crate::config::Config;
 use crate::evaluation::Evaluation;
@@ -82,13 +83,13 @@ impl Progress {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
-        eprintln!("done in {}", duration(self.begun.elapsed()));
+        tell(format_args!("done in {}", duration(self.begun.elapsed())));
     }
 
     fn say(&self, line: &str) {
         match &self.bar {
-            Some(bar) => bar.suspend(|| eprintln!("{line}")),
-            None => eprintln!("{line}"),
+            Some(bar) => bar.suspend(|| tell(line)),
+            None => tell(line),
         }
     }
 
@@ -132,7 +133,7 @@ impl Observer for Progress {
             }
             None if now - self.last_line.get() >= PLAIN_LINE_EVERY => {
                 self.last_line.set(now);
-                eprintln!("step {steps}/{}: {}", self.last_step, self.message(steps));
+                tell(format_args!("step {steps}/{}: {}", self.last_step, self.message(steps)));
             }
             None => (),
         }

@@ -7,9 +7,10 @@ use std::time::Duration;
 
 use clap::ValueEnum;
 
-use super::directory::{self, RunDirectory};
+use super::directory::{self, Existing};
 use super::domain;
 use super::progress::Progress;
+use super::terminal::{answer, program, quoted, tell};
 use crate::cli;
 use crate::config::{Config, SimulatorKind, load};
 use crate::domain::Domain;
@@ -23,28 +24,21 @@ use crate::training::observer::Interrupted;
 use crate::training::run_log::{Layouts, RunLog, files};
 
 pub fn train(args: &cli::Train) -> Result<()> {
-    let (run, config_path) = match (&args.resume, &args.config) {
-        (Some(dir), _) => (resume(dir)?, dir.join(files::CONFIG)),
-        (None, Some(config)) => (begin(args, config)?, config.clone()),
+    let run = match (&args.resume, &args.config) {
+        (Some(dir), _) => resume(dir)?,
+        (None, Some(config)) => begin(args, config)?,
         (None, None) => unreachable!("clap asks for one of them"),
     };
     let workers = args.workers.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
     let patience = Duration::from_secs(args.patience);
     match run.train(workers, patience) {
-        Ok(()) => {
-            say_how_to_go_on(&run.dir, &config_path, &run.config);
-            Ok(())
-        }
+        Ok(()) => answer(how_to_go_on(&run.dir, &run.config)).map_err(Error::Run),
         Err(error) if error.is::<Interrupted>() => {
-            let dir = run.dir.display();
-            Err(Error::Interrupted(format!("stopped; go on with: dials-traffic train --resume {dir}")))
+            Err(Error::Interrupted(format!("stopped; go on with: {}", resume_command(&run.dir))))
         }
         Err(error) => {
-            let way_out = format!(
-                "what was written so far stays; go on with: dials-traffic train --resume {}",
-                run.dir.display()
-            );
-            eprintln!("{way_out}");
+            let way_out = format!("what was written so far stays; go on with: {}", resume_command(&run.dir));
+            tell(way_out);
             Err(Error::Run(error))
         }
     }
@@ -60,15 +54,16 @@ struct Run {
 
 fn begin(args: &cli::Train, config_path: &Path) -> Result<Run> {
     let config = load(config_path, &settings(args)).map_err(Error::Usage)?;
-    let domain = domain::open(&config).map_err(Error::Usage)?;
-    let dir = match &args.out {
-        Some(dir) if args.force => RunDirectory::replace(dir),
-        Some(dir) => RunDirectory::create(dir),
-        None => RunDirectory::create_numbered(&default_dir(config_path, &config)),
+    domain::check(&config).map_err(Error::Usage)?;
+    let existing = match (args.force, &args.out) {
+        (true, _) => Existing::MoveAside,
+        (false, Some(_)) => Existing::Refuse,
+        (false, None) => Existing::Number,
     };
-    let dir = dir.map_err(Error::Usage)?;
-    dir.describe(&config).map_err(Error::Usage)?;
-    Ok(Run { dir: dir.path().to_owned(), config, domain, resumed: false })
+    let dir = args.out.clone().unwrap_or_else(|| default_dir(config_path, &config));
+    let dir = directory::create(&dir, existing, &config).map_err(Error::Usage)?;
+    // From here on with the networks of the run directory: the ones that were named may just have been moved aside.
+    Ok(Run { resumed: false, ..resume(&dir)? })
 }
 
 fn resume(dir: &Path) -> Result<Run> {
@@ -121,12 +116,20 @@ fn default_dir(config_path: &Path, config: &Config) -> PathBuf {
     Path::new("runs").join(format!("{name}-{simulator}-seed{}", config.seed))
 }
 
-fn say_how_to_go_on(dir: &Path, config_path: &Path, config: &Config) {
-    let (dir, config_path) = (dir.display(), config_path.display());
+fn resume_command(dir: &Path) -> String {
+    format!("{} train --resume {}", program(), quoted(dir))
+}
+
+/// The commands name the config that the run keeps: it has the flags of the command line in it.
+fn how_to_go_on(dir: &Path, config: &Config) -> String {
     let (episodes, seed) = (config.evaluation.episodes, config.seed);
-    println!("\nwritten to {dir}; evaluate it with:");
-    println!("  dials-traffic evaluate {dir} --episodes {episodes} --seed {seed}");
-    println!("and compare on the same traffic with:");
+    let (program, place, run) = (program(), dir.display(), quoted(dir));
+    let kept = quoted(&dir.join(files::CONFIG));
     let rival = if config.traffic.is_some() { "actuated" } else { "oldest-item" };
-    println!("  dials-traffic baseline {config_path} --controller {rival} --episodes {episodes} --seed {seed}");
+    format!(
+        "\nwritten to {place}; evaluate it with:\n  \
+         {program} evaluate {run} --episodes {episodes} --seed {seed}\n\
+         and compare on the same episodes with:\n  \
+         {program} baseline {kept} --controller {rival} --episodes {episodes} --seed {seed}"
+    )
 }

@@ -1,6 +1,6 @@
 //! The one crossing: converts, calls, checks, and turns a code and its message into an error.
 //!
-//! All `unsafe` of the crate is in this file.
+//! All `unsafe` that speaks to SUMO is in this file; the crate's only other is `nn/convert.rs`, at tensors' memory.
 
 use std::cell::Cell;
 use std::ffi::{CStr, CString, c_char, c_int};

@@ -78,12 +78,7 @@ impl Region {
 pub fn write_forest(local: &NetworkFiles, regions: usize, dir: &Path) -> Result<ForestFiles> {
     ensure!(regions >= 1, "{}: a forest of 0 regions: needs at least one", dir.display());
     local.check()?;
-    let shape = net_file::read_shape(&local.net)?;
-    ensure!(
-        shape == Grid::SINGLE,
-        "{}: is a grid of {shape}, and a forest is made of the local net; make one with: dials-traffic nets local",
-        local.net.display()
-    );
+    net_file::check_local(&local.net)?;
     let prefix = dir.join(format!("forest_{regions}"));
     let NetworkFiles { net, routes, .. } = NetworkFiles::of(&prefix);
     let contents = [

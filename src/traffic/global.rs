@@ -2,13 +2,13 @@
 
 use super::grid::{Grid, lane};
 use super::intersections::{Intersections, edges_of};
-use super::net_file::NetworkFiles;
+use super::net_file::{NetworkFiles, for_sumo};
 use super::region::{self, EDGES};
 use super::signals::Light;
 use crate::base::{Rows, Seed};
 use crate::config::DSet;
 use crate::domain::{Action, GlobalSimulator, InfluenceSample, Measures, Percept, RegionSpec, Result, Transition};
-use crate::sumo::{Car, CarId, CarTable, LaneCars, Simulation};
+use crate::sumo::{Car, CarId, CarTable, LaneCars, SignalState, Simulation};
 
 /// Braking harder than the `decel` of the vehicle type is an emergency.
 const DECEL_MPS2: f64 = 7.5;
@@ -32,8 +32,11 @@ pub struct GlobalTraffic {
     control: SignalControl,
     simulation: Simulation,
     intersections: Intersections,
-    /// What every light shows, `[agents]`.
+    /// What every light shows, `[agents]`, now and a step ago.
     lights: Vec<Light>,
+    lights_before: Vec<Light>,
+    /// What SUMO last said of them, where it runs them.
+    states: Vec<SignalState>,
     /// Cars on the incoming lanes, now and a step ago.
     cars: CarTable,
     cars_before: CarTable,
@@ -68,7 +71,7 @@ impl GlobalTraffic {
         control: SignalControl,
     ) -> Result<GlobalTraffic> {
         let spec = region::spec(horizon, d_set);
-        let mut simulation = Simulation::load(&options(files, control, Seed::new(0)))?;
+        let mut simulation = Simulation::load(&options(files, control, Seed::new(0))?)?;
         let agents = grid.agents();
         let lanes: Vec<String> =
             agents.iter().flat_map(|&agent| grid.incoming_edges(agent)).map(|edge| lane(&edge)).collect();
@@ -80,6 +83,8 @@ impl GlobalTraffic {
             simulation,
             intersections,
             lights: vec![Light::VerticalGreen; agents.len()],
+            lights_before: vec![Light::VerticalGreen; agents.len()],
+            states: Vec::new(),
             cars: CarTable::new(),
             cars_before: CarTable::new(),
             last: Transition::new(agents.len(), &spec),
@@ -103,11 +108,16 @@ impl GlobalTraffic {
     }
 
     fn read_lights(&mut self) -> Result<()> {
-        self.lights = match self.control {
-            SignalControl::Agents => (0..self.intersections.len()).map(|row| self.intersections.light(row)).collect(),
-            SignalControl::Actuated => self.intersections.shown_by_sumo(&mut self.simulation, &mut Vec::new())?,
-        };
-        Ok(())
+        match self.control {
+            SignalControl::Agents => {
+                let shown = self.lights.iter_mut().enumerate();
+                shown.for_each(|(row, light)| *light = self.intersections.light(row));
+                Ok(())
+            }
+            SignalControl::Actuated => {
+                self.intersections.shown_by_sumo(&mut self.simulation, &mut self.states, &mut self.lights)
+            }
+        }
     }
 
     fn perceive(&mut self) {
@@ -120,6 +130,8 @@ impl GlobalTraffic {
         }
     }
 
+    /// DEVIATION 4: an influence source is the event that a car entered the edge in this step; in the authors' code it
+    /// is the occupancy of the entry cell.
     fn note_arrivals(&mut self) {
         let lanes = self.cars.iter().zip(self.cars_before.iter());
         for (arrived, (now, before)) in self.arrivals.as_mut_slice().iter_mut().zip(lanes) {
@@ -138,9 +150,9 @@ impl GlobalSimulator for GlobalTraffic {
     }
 
     fn reset(&mut self, episode: Seed) -> Result<&Percept> {
-        // DEVIATION: loading again also clears the backlog of cars that wait at the boundary; the authors' code lets it
+        // DEVIATION 3: loading again also clears the backlog of cars that wait at the boundary; the authors' code lets it
         // leak into the next episode.
-        self.simulation.reload(&options(&self.files, self.control, episode))?;
+        self.simulation.reload(&options(&self.files, self.control, episode)?)?;
         match self.control {
             SignalControl::Agents => {
                 let all: Vec<usize> = (0..self.agents()).collect();
@@ -159,7 +171,7 @@ impl GlobalSimulator for GlobalTraffic {
     fn step(&mut self, actions: &[Action]) -> Result<&Transition> {
         self.d_set_before.copy_from(&self.last.percept.d_set);
         std::mem::swap(&mut self.cars, &mut self.cars_before);
-        let lights_before = self.lights.clone();
+        self.lights_before.copy_from_slice(&self.lights);
         if self.control == SignalControl::Agents {
             self.intersections.act(&mut self.simulation, actions)?;
         }
@@ -168,12 +180,14 @@ impl GlobalSimulator for GlobalTraffic {
         self.read_lights()?;
         self.note_arrivals();
         self.perceive();
-        self.tally.lights(&lights_before, &self.lights);
+        self.tally.lights(&self.lights_before, &self.lights);
         self.tally.cars(&self.cars, &self.cars_before);
         self.tally.step(&mut self.simulation)?;
         Ok(&self.last)
     }
 
+    /// DEVIATION 5: the d-set of t and the arrivals from t to t + 1, which is what the LS samples. The authors pair both
+    /// at t and use the prediction one step later.
     fn influence_sample(&self) -> InfluenceSample<'_> {
         InfluenceSample { d_set: &self.d_set_before, sources: &self.arrivals }
     }
@@ -240,13 +254,13 @@ fn has_new_car(now: LaneCars<'_>, before: LaneCars<'_>) -> bool {
     rearmost(now).is_some_and(|car| rearmost(before) != Some(car))
 }
 
-fn options(files: &NetworkFiles, control: SignalControl, episode: Seed) -> Vec<String> {
-    let path = |path: &std::path::Path| path.to_string_lossy().into_owned();
-    let mut options = vec!["--net-file".to_owned(), path(&files.net), "--route-files".to_owned(), path(&files.routes)];
+fn options(files: &NetworkFiles, control: SignalControl, episode: Seed) -> Result<Vec<String>> {
+    let mut options =
+        vec!["--net-file".to_owned(), for_sumo(&files.net)?, "--route-files".to_owned(), for_sumo(&files.routes)?];
     if control == SignalControl::Actuated {
-        options.extend(["--additional-files".to_owned(), path(&files.actuated)]);
+        options.extend(["--additional-files".to_owned(), for_sumo(&files.actuated)?]);
     }
     options.extend(["--seed".to_owned(), episode.for_sumo().to_string()]);
     options.extend(super::SUMO_OPTIONS.map(str::to_owned));
-    options
+    Ok(options)
 }

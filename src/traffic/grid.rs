@@ -112,8 +112,16 @@ impl Grid {
     /// One intersection: the shape of a local net.
     pub const SINGLE: Grid = Grid { rows: 1, cols: 1 };
 
+    /// Intersections that a grid may have; the paper's largest has 100.
+    pub const MOST: usize = 10_000;
+
     pub fn new(rows: usize, cols: usize) -> Result<Grid> {
         ensure!(rows >= 1 && cols >= 1, "a grid of {rows}x{cols}: needs at least one row and one column");
+        ensure!(
+            rows.checked_mul(cols).is_some_and(|intersections| intersections <= Grid::MOST),
+            "a grid of {rows}x{cols}: must have at most {} intersections",
+            Grid::MOST
+        );
         Ok(Grid { rows, cols })
     }
 
@@ -306,6 +314,15 @@ mod tests {
     fn a_grid_without_rows_is_refused() {
         let error = Grid::new(0, 3).unwrap_err().to_string();
         assert_eq!(error, "a grid of 0x3: needs at least one row and one column");
+    }
+
+    #[test]
+    fn a_grid_that_no_machine_can_hold_is_refused() {
+        for (rows, cols) in [(101, 100), (100_000, 100_000), (usize::MAX, 2)] {
+            let error = Grid::new(rows, cols).unwrap_err().to_string();
+            assert_eq!(error, format!("a grid of {rows}x{cols}: must have at most 10000 intersections"));
+        }
+        assert_eq!(grid(1, 10_000).agents().len(), 10_000);
     }
 
     #[test]

@@ -54,12 +54,20 @@ impl Intersections {
         self.show(simulation, &changed)
     }
 
-    /// What the lights show where SUMO's own program runs them. Lights that show anything else than the four states of
-    /// a [`Light`] are an error.
-    pub fn shown_by_sumo(&self, simulation: &mut Simulation, states: &mut Vec<SignalState>) -> Result<Vec<Light>> {
+    /// What the lights show where SUMO's own program runs them, into `shown`, one per row. Lights that show anything
+    /// else than the four states of a [`Light`] are an error. `states` is memory that is used again and again.
+    pub fn shown_by_sumo(
+        &self,
+        simulation: &mut Simulation,
+        states: &mut Vec<SignalState>,
+        shown: &mut [Light],
+    ) -> Result<()> {
         simulation.read_lights(&self.lights, states)?;
-        let unknown = |state: &SignalState| anyhow::anyhow!("a light shows `{state}`, which is no state of our grids");
-        states.iter().map(|state| Light::of(state).ok_or_else(|| unknown(state))).collect()
+        for (shown, state) in shown.iter_mut().zip(states) {
+            *shown = Light::of(state)
+                .ok_or_else(|| anyhow::anyhow!("a light shows `{state}`, which is no state of our grids"))?;
+        }
+        Ok(())
     }
 
     pub fn hand_to_program(&self, simulation: &mut Simulation, program: &str) -> Result<()> {

@@ -3,16 +3,18 @@
 use std::path::Path;
 
 use anyhow::Context;
-use tempfile::TempDir;
 
 use super::forest::{Region, write_forest};
 use super::intersections::{Intersections, edges_of};
-use super::net_file::NetworkFiles;
+use super::net_file::{NetworkFiles, for_sumo};
 use super::region::{self, EDGES};
 use crate::base::Rows;
 use crate::config::{DSet, EntryRule};
 use crate::domain::{Action, LocalSimulator, Percept, RegionSpec, Result, Transition};
 use crate::sumo::{CarTable, DepartSpeed, Insertion, LaneCars, LaneId, RouteId, Simulation};
+
+/// The counter of sampled arrivals that found no room.
+pub const DROPPED: &str = "dropped_arrivals";
 
 /// Where and how fast a car enters an edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,8 +43,6 @@ pub struct LocalTraffic {
     serial: u64,
     sampled: u64,
     dropped: u64,
-    /// The files of the forest, as long as SUMO may load them.
-    _files: TempDir,
 }
 
 impl LocalTraffic {
@@ -57,7 +57,9 @@ impl LocalTraffic {
         let spec = region::spec(horizon, d_set);
         let dir = tempfile::tempdir().context("no temporary directory for the forest of local simulators")?;
         let files = write_forest(local, rows, dir.path())?;
-        let mut simulation = Simulation::load(&options(&files.net, &files.routes))?;
+        let mut simulation = Simulation::load(&options(&files.net, &files.routes)?)?;
+        // SUMO has read them to their end and is never told to load them again; so a killed process leaves none behind.
+        dir.close().context("the files of the forest of local simulators cannot be removed")?;
         let regions: Vec<Region> = (0..rows).map(Region).collect();
         let incoming: Vec<String> = regions.iter().flat_map(|region| region.incoming_lanes()).collect();
         let lights: Vec<String> = regions.iter().map(|region| region.light()).collect();
@@ -83,7 +85,6 @@ impl LocalTraffic {
             sampled: 0,
             dropped: 0,
             spec,
-            _files: dir,
         })
     }
 
@@ -144,7 +145,7 @@ impl LocalTraffic {
                 let speed = if cars_on_edge > 8 { 3.0 } else { 9.5 };
                 Entry { position_m: 6.0, speed: DepartSpeed::Fixed(speed) }
             }
-            // DEVIATION: as far back and as fast as it can. The authors' rule drops one car in nine, because a fixed
+            // DEVIATION 10: as far back and as fast as it can. The authors' rule drops one car in nine, because a fixed
             // speed is often unsafe behind a car that has just entered.
             EntryRule::Max => Entry { position_m: 5.0, speed: DepartSpeed::Max },
         }
@@ -187,15 +188,14 @@ impl LocalSimulator for LocalTraffic {
     }
 
     fn counters(&self) -> Vec<(&'static str, u64)> {
-        vec![("sampled_arrivals", self.sampled), ("dropped_arrivals", self.dropped)]
+        vec![("sampled_arrivals", self.sampled), (DROPPED, self.dropped)]
     }
 }
 
-fn options(net: &Path, routes: &Path) -> Vec<String> {
-    let path = |path: &Path| path.to_string_lossy().into_owned();
-    let mut options = vec!["--net-file".to_owned(), path(net), "--route-files".to_owned(), path(routes)];
+fn options(net: &Path, routes: &Path) -> Result<Vec<String>> {
+    let mut options = vec!["--net-file".to_owned(), for_sumo(net)?, "--route-files".to_owned(), for_sumo(routes)?];
     // Without speed factors to draw and without flows, the seed changes nothing.
     options.extend(["--seed".to_owned(), "0".to_owned()]);
     options.extend(super::SUMO_OPTIONS.map(str::to_owned));
-    options
+    Ok(options)
 }

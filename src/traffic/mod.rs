@@ -18,7 +18,9 @@ pub mod net_file;
 pub mod region;
 pub mod signals;
 
-use crate::base::{AgentId, Seed};
+use anyhow::{Context, ensure};
+
+use crate::base::{AgentId, Rows, Seed};
 use crate::config::{PolicyConfig, TrafficConfig};
 use crate::domain::{Baseline, Domain, GlobalSimulator, LocalSimulator, Measures, RegionSpec, Result};
 use global::{GlobalTraffic, SignalControl};
@@ -47,12 +49,14 @@ pub struct Traffic {
 }
 
 impl Traffic {
-    /// Finds the networks and reads the shape of the grid; an error says which file is missing or wrong and how to
-    /// make it.
+    /// Finds the networks and reads their shapes; an error says which file is missing or wrong and how to make it.
+    /// Cheap: what only SUMO can say, [`Traffic::check_in_sumo`] asks.
     pub fn open(config: &TrafficConfig, policy: &PolicyConfig) -> Result<Traffic> {
         let (network, local_network) = (NetworkFiles::of(&config.network), NetworkFiles::of(&config.local_network));
         network.check()?;
         local_network.check()?;
+        net_file::check_local(&local_network.net)?;
+        net_file::for_sumo(&std::env::temp_dir()).context("forests of local simulators go there: set TMPDIR")?;
         Ok(Traffic {
             grid: net_file::read_shape(&network.net)?,
             network,
@@ -61,6 +65,34 @@ impl Traffic {
             switch_bias: policy.initial_switch_bias,
             spec: region::spec(config.horizon, config.d_set),
         })
+    }
+
+    /// Loads both networks in SUMO and plays a step in each, so that what is wrong with them is told before a run begins.
+    /// Tens of milliseconds; SUMO is closed again.
+    pub fn check_in_sumo(&self) -> Result<()> {
+        let way_out = |network: &NetworkFiles| {
+            let command = net_file::command_for(&network.net);
+            format!("{}: this network cannot be simulated; remake it with: {command}", network.net.display())
+        };
+        self.try_global().with_context(|| way_out(&self.network))?;
+        self.try_local().with_context(|| way_out(&self.local_network))
+    }
+
+    /// With the actuated lights, which takes all files of the network and more of them than the agents' control does.
+    fn try_global(&self) -> Result<()> {
+        let mut gs = self.global(SignalControl::Actuated)?;
+        gs.reset(Seed::new(0))?;
+        gs.step(&vec![signals::KEEP; self.agents()])?;
+        Ok(())
+    }
+
+    fn try_local(&self) -> Result<()> {
+        let mut ls = self.local(1)?;
+        ls.reset(&[0])?;
+        ls.step(&[signals::KEEP], &Rows::from_vec(vec![1; region::EDGES], region::EDGES))?;
+        let dropped = ls.counters().into_iter().find(|(name, _)| *name == local::DROPPED).map_or(0, |(_, count)| count);
+        ensure!(dropped == 0, "its empty edges let in all cars but {dropped}");
+        Ok(())
     }
 
     pub fn networks(&self) -> [&NetworkFiles; 2] {
@@ -106,6 +138,7 @@ impl Domain for Traffic {
         Ok(Baseline { simulator: Box::new(self.global(control)?), controller })
     }
 
+    /// DEVIATION 11: our configs begin with a bias against switching, so that no agent gets stuck in switching always.
     fn initial_action_bias(&self) -> Vec<f32> {
         vec![0.0, self.switch_bias]
     }

@@ -55,27 +55,34 @@ impl NetworkFiles {
         }
     }
 
-    /// An error with the way out if one of the files is missing.
+    /// An error with the way out if one of the files is missing or SUMO could not take its path.
     pub fn check(&self) -> Result<()> {
+        self.check_paths()?;
         match self.all().into_iter().find(|path| !path.is_file()) {
             Some(missing) => bail!(no_such_network(missing)),
             None => Ok(()),
         }
     }
 
-    /// Copies the network into another directory, for a run directory that needs nothing outside of itself.
-    pub fn copy_to(&self, dir: &Path) -> Result<NetworkFiles> {
+    /// An error if SUMO could not take the path of one of the files, there or not.
+    pub fn check_paths(&self) -> Result<()> {
+        self.all().into_iter().try_for_each(|path| for_sumo(path).map(drop))
+    }
+
+    /// Copies the network into another directory under a name of its own, for a run directory that needs nothing outside
+    /// of itself. What `sumo -c` takes is written anew, for it names the others.
+    pub fn copy_to(&self, dir: &Path, name: &str) -> Result<NetworkFiles> {
         self.check()?;
-        let mut copies = Vec::new();
-        for path in self.all() {
-            let text = fs::read(path).with_context(|| format!("{}: could not be read", path.display()))?;
-            let name = path.file_name().with_context(|| format!("{}: has no file name", path.display()))?;
-            copies.push((dir.join(name), text));
-        }
-        write_together(dir, &copies)?;
-        let [net, routes, actuated, config] =
-            <[_; 4]>::try_from(copies).expect("one copy of each file").map(|(path, _)| path);
-        Ok(NetworkFiles { net, routes, actuated, config })
+        let copy = NetworkFiles::of(&dir.join(name));
+        let text = |path: &Path| fs::read(path).with_context(|| format!("{}: could not be read", path.display()));
+        let contents = [
+            (copy.net.clone(), text(&self.net)?),
+            (copy.routes.clone(), text(&self.routes)?),
+            (copy.actuated.clone(), text(&self.actuated)?),
+            (copy.config.clone(), config_of(name).into_bytes()),
+        ];
+        write_together(dir, &contents)?;
+        Ok(copy)
     }
 
     fn all(&self) -> [&Path; 4] {
@@ -99,16 +106,29 @@ pub fn write_local(dir: &Path) -> Result<NetworkFiles> {
 /// Everything is made in a temporary directory first, so an error leaves `dir` as it was.
 fn write_network(name: &str, grid: Grid, inflow: Option<f64>, dir: &Path, netconvert: &str) -> Result<NetworkFiles> {
     let files = NetworkFiles::of(&dir.join(name));
+    files.check_paths()?;
     let net = convert(grid, netconvert).with_context(|| format!("{}: could not be made", files.net.display()))?;
-    let config = content::config(&format!("{name}.net.xml"), &format!("{name}.rou.xml"));
     let contents = [
         (files.net.clone(), net.into_bytes()),
         (files.routes.clone(), content::routes(grid, inflow).into_bytes()),
         (files.actuated.clone(), content::actuated(grid).into_bytes()),
-        (files.config.clone(), config.into_bytes()),
+        (files.config.clone(), config_of(name).into_bytes()),
     ];
     write_together(dir, &contents)?;
     Ok(files)
+}
+
+/// What `sumo -c` takes for a network of this name.
+fn config_of(name: &str) -> String {
+    content::config(&format!("{name}.net.xml"), &format!("{name}.rou.xml"))
+}
+
+/// A path as SUMO takes it among its options: text, and one file only.
+pub(super) fn for_sumo(path: &Path) -> Result<String> {
+    let place = path.display();
+    let text = path.to_str().with_context(|| format!("{place}: is not UTF-8, as SUMO's options are; rename it"))?;
+    ensure!(!text.contains(','), "{place}: has a comma in it, where SUMO would split it in two; rename it");
+    Ok(text.to_owned())
 }
 
 /// netconvert's net of a grid.
@@ -187,7 +207,7 @@ pub fn read_shape(net: &Path) -> Result<Grid> {
     let root = read(net)?;
     ensure!(root.name == "net", "{}: is not a SUMO network: its root is <{}>, not <net>", net.display(), root.name);
     let junctions = names(&root, "junction");
-    let grid = shape(&junctions);
+    let grid = shape(&junctions).with_context(|| format!("{}: is too large", net.display()))?;
     let expected = grid.nodes().iter().map(ToString::to_string).collect();
     let difference = first_difference("junction", &junctions, &expected).or_else(|| {
         let expected = grid.edges().into_iter().map(|(from, to)| grid::edge(from, to)).collect();
@@ -202,6 +222,17 @@ pub fn read_shape(net: &Path) -> Result<Grid> {
     }
 }
 
+/// An error with the way out if this is any other net than the local one.
+pub(super) fn check_local(net: &Path) -> Result<()> {
+    let shape = read_shape(net)?;
+    ensure!(
+        shape == Grid::SINGLE,
+        "{}: is a grid of {shape}, and a forest is made of the local net; make one with: dials-traffic nets local --out DIR",
+        net.display()
+    );
+    Ok(())
+}
+
 /// The ids of one kind of element, without those inside of intersections.
 fn names(root: &Element, kind: &str) -> BTreeSet<String> {
     let ids = root.all(kind).filter_map(|element| element.attribute("id"));
@@ -209,7 +240,7 @@ fn names(root: &Element, kind: &str) -> BTreeSet<String> {
 }
 
 /// The smallest grid that has all the intersections named.
-fn shape(junctions: &BTreeSet<String>) -> Grid {
+fn shape(junctions: &BTreeSet<String>) -> Result<Grid> {
     let places = junctions.iter().filter_map(|name| {
         let (row, col) = name.strip_prefix('r')?.split_once('c')?;
         Some((row.parse::<usize>().ok()?, col.parse::<usize>().ok()?))
@@ -217,7 +248,7 @@ fn shape(junctions: &BTreeSet<String>) -> Grid {
     // A grid has fewer rows and columns than its net has junctions; a larger number is a name of somebody else's.
     let places = places.filter(|&(row, col)| row.max(col) < junctions.len());
     let (rows, cols) = places.fold((1, 1), |(rows, cols), (row, col)| (rows.max(row + 1), cols.max(col + 1)));
-    Grid::new(rows, cols).expect("at least 1x1")
+    Grid::new(rows, cols)
 }
 
 fn first_difference(kind: &str, found: &BTreeSet<String>, expected: &BTreeSet<String>) -> Option<String> {
@@ -227,8 +258,13 @@ fn first_difference(kind: &str, found: &BTreeSet<String>, expected: &BTreeSet<St
 
 /// What to say of a file of a network that is not there, with the command that makes it.
 fn no_such_network(missing: &Path) -> String {
-    let dir = missing.parent().filter(|dir| !dir.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let file = missing.file_name().unwrap_or_default().to_string_lossy();
+    format!("{}: no such network; make it with: {}", missing.display(), command_for(missing))
+}
+
+/// The command that makes the network that a file belongs to.
+pub(super) fn command_for(path: &Path) -> String {
+    let dir = path.parent().filter(|dir| !dir.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let file = path.file_name().unwrap_or_default().to_string_lossy();
     let name = file.split('.').next().unwrap_or_default();
     let which = match name.strip_prefix("grid_").and_then(|shape| shape.split_once('x')) {
         Some((rows, cols)) if [rows, cols].iter().all(|number| number.parse::<usize>().is_ok()) => {
@@ -237,8 +273,7 @@ fn no_such_network(missing: &Path) -> String {
         _ if name == "local" => "local".to_owned(),
         _ => "grid --rows R --cols C".to_owned(),
     };
-    let (missing, dir) = (missing.display(), dir.display());
-    format!("{missing}: no such network; make it with: dials-traffic nets {which} --out {dir}")
+    format!("dials-traffic nets {which} --out {}", dir.display())
 }
 
 #[cfg(test)]

@@ -65,7 +65,7 @@ pub struct Signal {
 }
 
 impl Signal {
-    /// DEVIATION: every episode begins with vertical green under the agent's control; in the authors' code a light runs
+    /// DEVIATION 2: every episode begins with vertical green under the agent's control; in the authors' code a light runs
     /// its program until the agent's first switch.
     pub fn at_the_beginning() -> Self {
         Signal { light: Light::VerticalGreen, yellow_steps: 0 }

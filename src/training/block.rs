@@ -181,11 +181,12 @@ impl Learner<'_> {
         let mut actor = Actor::begin(policies, acting, horizon);
         let mut losses = vec![Losses::default(); agents];
         let updates = period.end.saturating_sub(*steps).div_ceil(ppo.memory as u64);
+        let mut decayed = Decayed::at(ppo, *steps as f64 / config.total_steps as f64);
         for _ in 0..updates {
             for slot in (0..ppo.memory).step_by(ppo.rollout_steps * copies) {
                 roll_out(environment, policies, &mut actor, &mut memory, slot, ppo, watch)?;
             }
-            let decayed = Decayed::at(ppo, *steps as f64 / config.total_steps as f64);
+            decayed = Decayed::at(ppo, *steps as f64 / config.total_steps as f64);
             let of_update =
                 watch.time(Phase::Learning, || ppo::update(policies, adam, &memory, &mut minibatches, ppo, decayed));
             losses.iter_mut().zip(&of_update).for_each(|(mean, of_update)| mean.add(of_update, 1.0 / updates as f64));
@@ -194,6 +195,6 @@ impl Learner<'_> {
         }
         let agents = actor.returns.means().into_iter().zip(losses);
         let agents = agents.map(|((mean_return, episodes), losses)| AgentTraining { mean_return, episodes, losses });
-        Ok(PolicyTraining { agents: agents.collect(), counters: Vec::new() })
+        Ok(PolicyTraining { agents: agents.collect(), counters: Vec::new(), decayed })
     }
 }

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::footprint::Footprint;
 use super::observer::Observer;
-use super::ppo::Losses;
+use super::ppo::{Decayed, Losses};
 use super::state::AgentsState;
 use super::worker::Worker;
 use crate::base::{AgentId, Rows, Stopwatch};
@@ -57,31 +57,31 @@ pub struct PolicyTraining {
     pub agents: Vec<AgentTraining>,
     /// Totals that the local simulators counted in the period.
     pub counters: Vec<(String, u64)>,
+    /// Of the period's last update, the same for all agents.
+    pub decayed: Decayed,
 }
 
 impl AipTraining {
-    /// Adds what came of the agents after these.
-    pub fn append(&mut self, next: AipTraining) {
-        self.losses.extend(next.losses);
-        if self.parameters.is_empty() {
-            self.parameters = next.parameters;
-        } else {
-            self.parameters.extend(&next.parameters);
-        }
+    /// Of all agents, from those of some, in order.
+    pub fn joined(parts: Vec<AipTraining>) -> AipTraining {
+        let join = |mut whole: AipTraining, next: AipTraining| {
+            whole.losses.extend(next.losses);
+            whole.parameters.extend(&next.parameters);
+            whole
+        };
+        parts.into_iter().reduce(join).expect("somebody trained")
     }
 }
 
 impl PolicyTraining {
-    /// Adds what came of the agents after these, in the same period.
-    pub fn append(&mut self, next: PolicyTraining) {
-        self.agents.extend(next.agents);
-        if self.counters.is_empty() {
-            self.counters = next.counters;
-            return;
-        }
-        for ((_, count), (_, more)) in self.counters.iter_mut().zip(next.counters) {
-            *count += more;
-        }
+    /// Of all agents, from those of some in the same period, in order.
+    pub fn joined(parts: Vec<PolicyTraining>) -> PolicyTraining {
+        let join = |mut whole: PolicyTraining, next: PolicyTraining| {
+            whole.agents.extend(next.agents);
+            whole.counters.iter_mut().zip(next.counters).for_each(|((_, count), (_, more))| *count += more);
+            whole
+        };
+        parts.into_iter().reduce(join).expect("somebody trained")
     }
 }
 

@@ -1,7 +1,8 @@
 //! Training on the global simulator: the baseline that DIALS is compared with.
 //!
-//! Every agent has its own policy and bootstraps with its own value. (The authors' code shares one policy object among
-//! the agents and bootstraps all of them with the last agent's observation, so its GS curves are not a fair baseline.)
+//! DEVIATION 6: every agent has its own policy and bootstraps with its own value. The authors' code shares one policy
+//! object among the agents and bootstraps all of them with the last agent's observation, so its GS curves are not a fair
+//! baseline.
 
 use super::environment::{Environment, Experience};
 use crate::base::{Phase, Seed, Stopwatch};

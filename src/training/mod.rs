@@ -12,6 +12,7 @@ pub mod checkpoint;
 pub mod collect;
 pub mod dials;
 pub mod environment;
+mod finite;
 pub mod fleet;
 pub mod footprint;
 pub mod gae;

@@ -25,6 +25,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result};
 
 use super::checkpoint::{Checkpoint, Progress};
+use super::finite::{check_aips, check_policies};
 use super::fleet::{AipTraining, Fleet, FleetLoad, PolicyTraining};
 use super::footprint::Footprint;
 use super::observer::{Interrupted, Observer};
@@ -130,8 +131,9 @@ impl RunLog {
         Ok(())
     }
 
-    /// A training of the AIPs.
+    /// A training of the AIPs. Where it diverged nothing is written.
     pub fn aips_trained(&mut self, steps: u64, training: &AipTraining) -> Result<()> {
+        check_aips(steps, training)?;
         self.append(files::AIP_LOSS, &AIP_COLUMNS.map(str::to_owned), &aip_lines(steps, training))?;
         let stack = write_stack(&self.layouts.aips, &training.parameters, &about(steps))?;
         write_atomically(&self.dir.join(files::AIPS), &stack)?;
@@ -140,8 +142,9 @@ impl RunLog {
     }
 
     /// A period of training is over and `agents` is what came of it. Writes a checkpoint, and stops the run here if
-    /// somebody asked for that.
+    /// somebody asked for that. Where learning diverged nothing is written.
     pub fn period_done(&mut self, training: &PolicyTraining, agents: &AgentsState, load: FleetLoad) -> Result<()> {
+        check_policies(training, agents)?;
         self.append(files::TRAINING, &training_header(training), &training_lines(agents.steps, training))?;
         let stack = write_stack(&self.layouts.policies, &agents.policies, &about(agents.steps))?;
         write_atomically(&self.dir.join(files::POLICIES), &stack)?;
@@ -306,8 +309,9 @@ fn mean_of(rows: &[[f64; 6]]) -> [f64; 6] {
 
 fn training_header(training: &PolicyTraining) -> Line {
     let fixed = ["steps", "agent", "mean_return", "episodes", "surrogate", "value_loss", "entropy", "kl", "clipped"];
+    let fixed = fixed.into_iter().chain(["learning_rate", "clip"]);
     let counters = training.counters.iter().map(|(name, _)| name.clone());
-    fixed.into_iter().map(str::to_owned).chain(counters).collect()
+    fixed.map(str::to_owned).chain(counters).collect()
 }
 
 /// A line for all agents with what the simulators counted, then one per agent.
@@ -324,6 +328,7 @@ fn training_lines(steps: u64, training: &PolicyTraining) -> Vec<Line> {
         line.push(episodes.to_string());
         let losses = [losses.surrogate, losses.value, losses.entropy, losses.kl, losses.clipped];
         line.extend(losses.map(|value| format!("{value:.5}")));
+        line.extend([training.decayed.learning_rate, training.decayed.clip].map(|value| format!("{value:e}")));
         line
     };
     let mut all = line(ALL.to_owned(), mean_return, episodes, &total);
@@ -418,6 +423,12 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::Rows;
+    use crate::influence::AipLoss;
+    use crate::nn::Moments;
+    use crate::training::fleet::AgentTraining;
+    use crate::training::observer::Silent;
+    use crate::training::ppo::Decayed;
     use std::os::unix::fs::symlink;
 
     fn line(text: &str) -> Line {
@@ -440,6 +451,56 @@ mod tests {
         assert!(error.contains("policies.safetensors: cannot be written: No space left on device"), "{error}");
         assert_eq!(fs::read(&kept).unwrap(), b"good");
         assert!(!dir.path().join("policies.part").exists());
+    }
+
+    /// Two agents with a policy of two parameters each, and what a period brought them.
+    fn period(policy: [f32; 4], value_loss: f64) -> (PolicyTraining, AgentsState) {
+        let losses = [0.0, value_loss].map(|value| Losses { value, ..Losses::default() });
+        let agents = losses.map(|losses| AgentTraining { mean_return: None, episodes: 0, losses });
+        let decayed = Decayed { learning_rate: 1e-3, clip: 0.1 };
+        let table = |values: &[f32]| Rows::from_vec(values.to_vec(), 2);
+        let moments = Moments { first: table(&[0.0; 4]), second: table(&[0.0; 4]), steps: 1 };
+        let state = AgentsState { steps: 128, policies: table(&policy), moments, aips: table(&[0.0; 4]) };
+        (PolicyTraining { agents: agents.to_vec(), counters: Vec::new(), decayed }, state)
+    }
+
+    fn contents(dir: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+        let files = [dir.to_owned(), dir.join(files::CHECKPOINTS)].map(|dir| fs::read_dir(dir).unwrap());
+        let paths = files.into_iter().flatten().map(|entry| entry.unwrap().path()).filter(|path| path.is_file());
+        paths.map(|path| (path.clone(), fs::read(path).unwrap())).collect()
+    }
+
+    #[test]
+    fn learning_that_diverged_is_not_written_over_what_was_good() {
+        let dir = tempfile::tempdir().unwrap();
+        let layout = || Layout::new(vec![("w".to_owned(), vec![2])]);
+        let layouts = Layouts { policies: layout(), aips: layout() };
+        let mut log = RunLog::create(dir.path(), layouts, Rc::new(Silent)).unwrap();
+        let (training, state) = period([1.0, 2.0, 3.0, 4.0], 0.5);
+        log.period_done(&training, &state, FleetLoad::default()).unwrap();
+        let good = contents(dir.path());
+        assert!(good.keys().any(|path| path.ends_with(files::POLICIES)) && good.len() >= 4);
+        for ((policy, loss), what) in [
+            (([1.0, 2.0, f32::NAN, 4.0], 0.5), "a parameter"),
+            (([1.0, 2.0, 3.0, f32::INFINITY], 0.5), "a parameter"),
+            (([1.0, 2.0, 3.0, 4.0], f64::NAN), "a loss"),
+        ] {
+            let (training, state) = period(policy, loss);
+            let error = log.period_done(&training, &state, FleetLoad::default()).unwrap_err().to_string();
+            assert!(error.starts_with("agent 1: its policy diverged before step 128: "), "{error}");
+            assert!(error.contains(what) && error.contains("lower ppo.learning_rate"), "{error}");
+            assert!(contents(dir.path()) == good);
+        }
+        let loss = AipLoss {
+            training: [vec![0.1], vec![0.1]],
+            held_out: [vec![0.1], vec![0.1]],
+            marginals: vec![0.1],
+            frequencies: vec![0.5],
+        };
+        let parameters = Rows::from_vec(vec![0.0, 0.0, 0.0, f32::NAN], 2);
+        let error = log.aips_trained(128, &AipTraining { losses: vec![loss; 2], parameters }).unwrap_err().to_string();
+        assert!(error.starts_with("agent 1: its AIP diverged") && error.contains("aip.learning_rate"), "{error}");
+        assert!(contents(dir.path()) == good);
     }
 
     #[test]

@@ -48,13 +48,17 @@ impl AgentsState {
         }
     }
 
-    /// Adds the agents that come after these.
-    pub fn append(&mut self, next: &AgentsState) {
-        debug_assert_eq!((self.steps, self.moments.steps), (next.steps, next.moments.steps));
-        self.policies.extend(&next.policies);
-        self.moments.first.extend(&next.moments.first);
-        self.moments.second.extend(&next.moments.second);
-        self.aips.extend(&next.aips);
+    /// The state of all agents, from those of some, in order.
+    pub fn joined(parts: Vec<AgentsState>) -> AgentsState {
+        let join = |mut whole: AgentsState, next: AgentsState| {
+            debug_assert_eq!((whole.steps, whole.moments.steps), (next.steps, next.moments.steps));
+            whole.policies.extend(&next.policies);
+            whole.moments.first.extend(&next.moments.first);
+            whole.moments.second.extend(&next.moments.second);
+            whole.aips.extend(&next.aips);
+            whole
+        };
+        parts.into_iter().reduce(join).unwrap_or_else(AgentsState::nobody)
     }
 }
 
@@ -71,9 +75,9 @@ mod tests {
             moments: Moments { first: rows(10), second: rows(20), steps: 12 },
             aips: rows(30),
         };
-        let mut joined = whole.share(0..1);
-        assert_eq!((joined.agents(), joined.moments.second.row(0)), (1, &[20.0, 21.0][..]));
-        joined.append(&whole.share(1..3));
-        assert_eq!(joined, whole);
+        let first = whole.share(0..1);
+        assert_eq!((first.agents(), first.moments.second.row(0)), (1, &[20.0, 21.0][..]));
+        assert_eq!(AgentsState::joined(vec![first, whole.share(1..3)]), whole);
+        assert_eq!(AgentsState::joined(vec![]).agents(), 0);
     }
 }

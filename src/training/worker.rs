@@ -12,7 +12,7 @@ use super::collect::collect_episode;
 use super::fleet::{AipTraining, PolicyTraining};
 use super::observer::Observer;
 use super::state::AgentsState;
-use crate::base::{AgentId, Phase, Rows, Seed, Stopwatch};
+use crate::base::{AgentId, Phase, Seed, Stopwatch};
 use crate::config::{Config, Period};
 use crate::domain::{Domain, Result};
 use crate::evaluation::{EpisodeReport, episode_seed, play};
@@ -41,10 +41,7 @@ impl Worker {
 
     /// What its agents have become.
     pub fn state(&self) -> AgentsState {
-        let mut states = self.blocks.iter().map(AgentBlock::state);
-        let mut whole = states.next().unwrap_or_else(AgentsState::nobody);
-        states.for_each(|state| whole.append(&state));
-        whole
+        AgentsState::joined(self.blocks.iter().map(AgentBlock::state).collect())
     }
 
     /// Goes on from a state of the same agents.
@@ -110,29 +107,28 @@ impl Worker {
     /// Trains the AIPs of this worker's agents; `datasets`: theirs.
     pub fn train_aips(&mut self, datasets: &[Dataset], period: &Period, observer: &dyn Observer) -> AipTraining {
         let count = self.blocks.len() as f64;
-        let mut whole = AipTraining { losses: Vec::new(), parameters: Rows::default() };
-        let mut first = 0;
+        let mut rest = datasets;
+        let mut parts = Vec::new();
         for (done, block) in self.blocks.iter_mut().enumerate() {
-            let theirs = &datasets[first..first + block.agents()];
-            first += block.agents();
+            let (theirs, others) = rest.split_at(block.agents());
+            rest = others;
             let progress = &mut |share| observer.busy(Phase::AipTraining, (done as f64 + share) / count);
-            whole.append(block.train_aips(theirs, period, &mut self.watch, progress));
+            parts.push(block.train_aips(theirs, period, &mut self.watch, progress));
         }
-        whole
+        AipTraining::joined(parts)
     }
 
     /// Trains the policies of its agents until the end of the period, block after block.
     pub fn train_policies(&mut self, period: &Period, observer: &dyn Observer) -> Result<PolicyTraining> {
         let count = self.blocks.len() as u64;
-        let mut whole = PolicyTraining { agents: Vec::new(), counters: Vec::new() };
+        let mut parts = Vec::new();
         for (done, block) in (0..).zip(&mut self.blocks) {
             // As far as all agents are on average.
-            let progress = &mut |steps: u64| {
-                observer.trained((done * period.end + steps + (count - done - 1) * period.start) / count)
-            };
-            whole.append(block.train_policies(period, &mut self.watch, progress)?);
+            let average = |steps| (done * period.end + steps + (count - done - 1) * period.start) / count;
+            let progress = &mut |steps| observer.trained(average(steps));
+            parts.push(block.train_policies(period, &mut self.watch, progress)?);
         }
-        Ok(whole)
+        Ok(PolicyTraining::joined(parts))
     }
 
     fn controller(&self, policies: &JointPolicy) -> JointPolicyController {

@@ -29,7 +29,7 @@ const SPACING_M: f64 = EDGE_M + 2.0 * HALF_JUNCTION_M;
 
 /// The only vehicle type; IDM and its numbers: the authors' setup, sigma is unused by IDM.
 ///
-/// DEVIATION: speedDev is 0, where the authors' cars draw a speed factor. Theirs end up with a desired speed of exactly
+/// DEVIATION 1: speedDev is 0, where the authors' cars draw a speed factor. Theirs end up with a desired speed of exactly
 /// 10 all the same, for SUMO raises the factor to fit departSpeed and maxSpeed caps it; without the draw a trajectory
 /// depends on arrivals and lights alone.
 const VEHICLE_TYPE: [(&str, &str); 11] = [

@@ -1,0 +1,59 @@
+//! What is said on standard output and standard error, where nobody may be listening any more; and commands to copy.
+
+use std::fmt::Display;
+use std::io::{ErrorKind, Write, stderr, stdout};
+use std::path::Path;
+
+use anyhow::{Context, Result};
+
+use super::info::on_the_path;
+
+const PROGRAM: &str = "dials-traffic";
+
+/// A line for the person at the terminal, on standard error. That nobody reads it is no reason to stop the work.
+pub fn tell(line: impl Display) {
+    let _ = stderr().write_all(format!("{line}\n").as_bytes());
+}
+
+/// What a command answers, on standard output. A reader that has seen enough, such as `head`, is no error.
+pub fn answer(text: impl Display) -> Result<()> {
+    let mut out = stdout().lock();
+    match out.write_all(format!("{text}\n").as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
+        written => written.context("standard output: cannot be written"),
+    }
+}
+
+/// How a command to copy names this program: as the shell finds it, or by its path where the shell does not.
+pub fn program() -> String {
+    match std::env::current_exe() {
+        Ok(path) if on_the_path(PROGRAM).is_none() => quoted(&path),
+        _ => PROGRAM.to_owned(),
+    }
+}
+
+/// A path as one word of a POSIX shell.
+pub fn quoted(path: &Path) -> String {
+    let text = path.to_string_lossy();
+    let plain = |c: char| c.is_alphanumeric() || "_-./+:=@%,".contains(c);
+    if !text.is_empty() && text.chars().all(plain) {
+        return text.into_owned();
+    }
+    // Nothing is special between single quotes but the single quote, which is put between two such strings.
+    format!("'{}'", text.replace('\'', r"'\''"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_come_back_from_a_shell_as_they_were() {
+        for path in ["runs/a-1.b", "/with blank/x", "it's", "$HOME/*", "a;b&c|d", "ü", "", "\"\\"] {
+            let command = format!("printf %s {}", quoted(Path::new(path)));
+            let output = std::process::Command::new("sh").args(["-c", &command]).output().unwrap();
+            assert_eq!(String::from_utf8(output.stdout).unwrap(), path, "{command}");
+        }
+        assert_eq!(quoted(Path::new("runs/a-1.b")), "runs/a-1.b", "what needs no quotes has none");
+    }
+}

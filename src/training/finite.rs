@@ -1,0 +1,48 @@
+//! Learning that has diverged: told before it is written over what was good.
+
+use anyhow::{Result, bail};
+
+use super::fleet::{AipTraining, PolicyTraining};
+use super::state::AgentsState;
+use crate::base::Rows;
+
+/// An error that names the first agent whose policy is no network any more.
+pub fn check_policies(training: &PolicyTraining, state: &AgentsState) -> Result<()> {
+    for (agent, training) in training.agents.iter().enumerate() {
+        let losses = training.losses;
+        if ![losses.surrogate, losses.value, losses.entropy, losses.kl].into_iter().all(f64::is_finite) {
+            return diverged("policy", agent, "a loss", state.steps, "ppo.learning_rate");
+        }
+    }
+    let moments = [&state.moments.first, &state.moments.second].map(|table| (table, "a moment of its optimiser"));
+    for (table, what) in std::iter::once((&state.policies, "a parameter")).chain(moments) {
+        if let Some(agent) = first_bad_row(table) {
+            return diverged("policy", agent, what, state.steps, "ppo.learning_rate");
+        }
+    }
+    Ok(())
+}
+
+/// The same of the AIPs.
+pub fn check_aips(steps: u64, training: &AipTraining) -> Result<()> {
+    for (agent, loss) in training.losses.iter().enumerate() {
+        if !loss.training.iter().chain(&loss.held_out).flatten().all(|loss| loss.is_finite()) {
+            return diverged("AIP", agent, "a loss", steps, "aip.learning_rate");
+        }
+    }
+    match first_bad_row(&training.parameters) {
+        Some(agent) => diverged("AIP", agent, "a parameter", steps, "aip.learning_rate"),
+        None => Ok(()),
+    }
+}
+
+fn first_bad_row(table: &Rows<f32>) -> Option<usize> {
+    table.iter().position(|row| !row.iter().all(|value| value.is_finite()))
+}
+
+fn diverged(whose: &str, agent: usize, what: &str, steps: u64, key: &str) -> Result<()> {
+    bail!(
+        "agent {agent}: its {whose} diverged before step {steps}: {what} is not a finite number any more; it was not \
+         written, and the checkpoint before it is intact: lower {key} in the config of the run and resume, or begin anew"
+    )
+}
