@@ -1,3 +1,26 @@
+//! Distributed influence-augmented local simulators (DIALS) for multi-agent reinforcement learning in large networked
+//! systems, on traffic grids simulated by SUMO and on a native warehouse.
+//!
+//! Many agents learn at once. Instead of training them in one slow *global simulator* (GS), each learns in a *local
+//! simulator* (LS) of its own region, into which an *approximate influence predictor* (AIP), a network that is trained
+//! on the GS every F steps, samples what the rest of the system does. LS and AIP together are an
+//! *influence-augmented local simulator* (IALS). Source: Suau et al., NeurIPS 2022.
+//!
+//! | paper | code |
+//! |---|---|
+//! | Algorithm 1, MARL with DIALS | [`training::dials`] |
+//! | Algorithm 2, datasets from the GS | [`training::collect`] |
+//! | Algorithm 3, trajectories with the IALS | [`training::ials`] |
+//! | local-form fPOSG: GS, LS, influence sources, d-set | [`domain`] |
+//! | AIPs and their training | [`influence`] |
+//! | policies and PPO | [`policy`], [`training::ppo`] |
+//! | "in parallel, for i in N" | [`training::fleet`], [`processes`] |
+//!
+//! Rooms, in the order in which they may use each other (a test holds it): [`base`]; [`config`], [`domain`], [`sumo`];
+//! [`nn`]; [`traffic`], [`warehouse`]; [`influence`], [`policy`]; [`evaluation`]; [`training`]; [`processes`]; [`run`]
+//! with [`cli`] and [`error`]. Simulators never see a tensor; training never sees a process or SUMO; only [`run`] knows
+//! which domain and which fleet were chosen.
+
 pub mod base;
 pub mod cli;
 pub mod config;

@@ -10,9 +10,10 @@ use dials_traffic::domain::{Domain, Result};
 use dials_traffic::influence::AipStack;
 use dials_traffic::policy::PolicyStack;
 use dials_traffic::training::dials;
-use dials_traffic::training::fleet::InlineFleet;
+use dials_traffic::training::files;
+use dials_traffic::training::inline::InlineFleet;
 use dials_traffic::training::observer::Silent;
-use dials_traffic::training::run_log::{Layouts, RunLog, files};
+use dials_traffic::training::run_log::{Layouts, RunLog};
 
 const HORIZON: usize = 50;
 

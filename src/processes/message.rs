@@ -9,7 +9,7 @@ use crate::config::Period;
 use crate::evaluation::EpisodeReport;
 use crate::influence::Dataset;
 use crate::policy::JointPolicy;
-use crate::training::fleet::{AipTraining, PolicyTraining, WorkerLoad};
+use crate::training::answers::{AipTraining, PolicyTraining, WorkerLoad};
 use crate::training::state::AgentsState;
 
 /// From the coordinator. Every order is answered by one [`Report::Done`] or [`Report::Failed`].

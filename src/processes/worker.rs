@@ -15,7 +15,7 @@ use super::message::{Answer, Order, Report};
 use crate::base::Phase;
 use crate::config::Config;
 use crate::domain::Domain;
-use crate::training::fleet::WorkerLoad;
+use crate::training::answers::WorkerLoad;
 use crate::training::footprint::Footprint;
 use crate::training::observer::Observer;
 use crate::training::worker::Worker;

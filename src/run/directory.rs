@@ -17,7 +17,7 @@ use crate::domain::Domain;
 use crate::nn::read_stack;
 use crate::policy::{JointPolicy, PolicyStack};
 use crate::training::block::initial_policies;
-use crate::training::run_log::{files, write_atomically};
+use crate::training::files::{self, write_atomically};
 
 /// What to do where something is at the place of a new run directory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -9,7 +9,7 @@ use crate::config::Config;
 use crate::domain::Domain;
 use crate::traffic::Traffic;
 use crate::traffic::net_file::NetworkFiles;
-use crate::training::run_log::files;
+use crate::training::files;
 use crate::warehouse::Warehouse;
 
 /// The networks of a run directory have the same names in all of them.

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use super::terminal::answer;
+use super::terminal::{answer, on_the_path};
 use crate::error::{Error, Result};
 use crate::sumo::Simulation;
 
@@ -45,9 +45,4 @@ fn loaded_library(name: &str) -> Option<PathBuf> {
         .map(Path::new)
         .find(|path| path.file_name().is_some_and(|file| file.to_string_lossy().contains(name)))
         .map(Path::to_owned)
-}
-
-/// Where the shell finds a program.
-pub(super) fn on_the_path(program: &str) -> Option<PathBuf> {
-    std::env::split_paths(&std::env::var_os("PATH")?).map(|folder| folder.join(program)).find(|path| path.is_file())
 }

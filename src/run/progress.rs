@@ -14,7 +14,7 @@ use super::terminal::tell;
 use crate::base::Phase;
 use crate::config::Config;
 use crate::evaluation::Evaluation;
-use crate::training::fleet::AipTraining;
+use crate::training::answers::AipTraining;
 use crate::training::observer::Observer;
 
 /// How often a plain line is printed while policies train.

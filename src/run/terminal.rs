@@ -2,11 +2,9 @@
 
 use std::fmt::Display;
 use std::io::{ErrorKind, Write, stderr, stdout};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-
-use super::info::on_the_path;
 
 const PROGRAM: &str = "dials-traffic";
 
@@ -30,6 +28,11 @@ pub fn program() -> String {
         Ok(path) if on_the_path(PROGRAM).is_none() => quoted(&path),
         _ => PROGRAM.to_owned(),
     }
+}
+
+/// Where the shell finds a program.
+pub fn on_the_path(program: &str) -> Option<PathBuf> {
+    std::env::split_paths(&std::env::var_os("PATH")?).map(|folder| folder.join(program)).find(|path| path.is_file())
 }
 
 /// A path as one word of a POSIX shell.

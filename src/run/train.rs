@@ -19,9 +19,11 @@ use crate::influence::AipStack;
 use crate::policy::PolicyStack;
 use crate::processes::{Options, ProcessFleet};
 use crate::training::dials;
-use crate::training::fleet::{Fleet, InlineFleet};
+use crate::training::files;
+use crate::training::fleet::Fleet;
+use crate::training::inline::InlineFleet;
 use crate::training::observer::Interrupted;
-use crate::training::run_log::{Layouts, RunLog, files};
+use crate::training::run_log::{Layouts, RunLog};
 
 pub fn train(args: &cli::Train) -> Result<()> {
     let run = match (&args.resume, &args.config) {

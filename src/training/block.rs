@@ -6,8 +6,8 @@
 
 use std::sync::Arc;
 
+use super::answers::{AgentTraining, AipTraining, PolicyTraining};
 use super::environment::Environment;
-use super::fleet::{AgentTraining, AipTraining, PolicyTraining};
 use super::global::GlobalEnvironment;
 use super::ials::Ials;
 use super::ppo::{self, Decayed, Losses};

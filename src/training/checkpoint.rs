@@ -10,7 +10,7 @@ use anyhow::{Context, Result, bail, ensure};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 
-use super::run_log::write_atomically;
+use super::files::write_atomically;
 use super::state::AgentsState;
 use crate::base::Rows;
 use crate::nn::Moments;

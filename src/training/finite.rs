@@ -2,7 +2,7 @@
 
 use anyhow::{Result, bail};
 
-use super::fleet::{AipTraining, PolicyTraining};
+use super::answers::{AipTraining, PolicyTraining};
 use super::state::AgentsState;
 use crate::base::Rows;
 

@@ -7,20 +7,24 @@
 //! - [`fleet`], [`worker`], [`block`]: who does it. This room never sees a process, a socket or SUMO.
 //! - [`run_log`], [`checkpoint`], [`state`]: what a run leaves behind, and how it goes on from there.
 
+pub mod answers;
 pub mod block;
 pub mod checkpoint;
 pub mod collect;
 pub mod dials;
 pub mod environment;
+pub mod files;
 mod finite;
 pub mod fleet;
 pub mod footprint;
 pub mod gae;
 pub mod global;
 pub mod ials;
+pub mod inline;
 pub mod observer;
 pub mod ppo;
 pub mod rollout;
 pub mod run_log;
 pub mod state;
+mod tables;
 pub mod worker;

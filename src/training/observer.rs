@@ -1,6 +1,6 @@
 //! Who watches a run, and may ask it to stop.
 
-use super::fleet::AipTraining;
+use super::answers::AipTraining;
 use crate::base::Phase;
 use crate::evaluation::Evaluation;
 

@@ -7,9 +7,9 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use super::answers::{AipTraining, PolicyTraining};
 use super::block::{AgentBlock, agents_per_block, initial_policies};
 use super::collect::collect_episode;
-use super::fleet::{AipTraining, PolicyTraining};
 use super::observer::Observer;
 use super::state::AgentsState;
 use crate::base::{AgentId, Phase, Seed, Stopwatch};

@@ -1,0 +1,80 @@
+//! What workers bring back from their work.
+
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+
+use super::footprint::Footprint;
+use super::ppo::{Decayed, Losses};
+use crate::base::{Rows, Stopwatch};
+use crate::influence::AipLoss;
+
+/// What a training of the AIPs brought.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct AipTraining {
+    /// Per agent.
+    pub losses: Vec<AipLoss>,
+    /// One row per agent.
+    pub parameters: Rows<f32>,
+}
+
+/// What a period of training brought.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct PolicyTraining {
+    pub agents: Vec<AgentTraining>,
+    /// Totals that the local simulators counted in the period.
+    pub counters: Vec<(String, u64)>,
+    /// Of the period's last update, the same for all agents.
+    pub decayed: Decayed,
+}
+
+impl AipTraining {
+    /// Of all agents, from those of some, in order.
+    pub fn joined(parts: Vec<AipTraining>) -> AipTraining {
+        let join = |mut whole: AipTraining, next: AipTraining| {
+            whole.losses.extend(next.losses);
+            whole.parameters.extend(&next.parameters);
+            whole
+        };
+        parts.into_iter().reduce(join).expect("somebody trained")
+    }
+}
+
+impl PolicyTraining {
+    /// Of all agents, from those of some in the same period, in order.
+    pub fn joined(parts: Vec<PolicyTraining>) -> PolicyTraining {
+        let join = |mut whole: PolicyTraining, next: PolicyTraining| {
+            whole.agents.extend(next.agents);
+            whole.counters.iter_mut().zip(next.counters).for_each(|((_, count), (_, more))| *count += more);
+            whole
+        };
+        parts.into_iter().reduce(join).expect("somebody trained")
+    }
+}
+
+/// One agent's share of it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AgentTraining {
+    /// Of the episodes that ended in the period, on the simulator that it trained on.
+    pub mean_return: Option<f64>,
+    pub episodes: u64,
+    /// Means over the period's updates.
+    pub losses: Losses,
+}
+
+/// What a fleet has been doing.
+#[derive(Clone, Debug, Default)]
+pub struct FleetLoad {
+    pub workers: Vec<WorkerLoad>,
+    /// Wall time in which at least one worker had an order; the rest went into exchanges and files.
+    pub at_work: Duration,
+    /// Of the process that gives the orders, where that is none of the workers.
+    pub coordinator: Option<Footprint>,
+}
+
+/// What one worker has been doing.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct WorkerLoad {
+    pub watch: Stopwatch,
+    pub footprint: Footprint,
+}

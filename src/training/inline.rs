@@ -1,0 +1,76 @@
+//! The smallest fleet: one worker, in this process.
+
+use std::rc::Rc;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use super::answers::{AipTraining, FleetLoad, PolicyTraining, WorkerLoad};
+use super::fleet::Fleet;
+use super::footprint::Footprint;
+use super::observer::Observer;
+use super::state::AgentsState;
+use super::worker::Worker;
+use crate::base::AgentId;
+use crate::config::{Config, Period};
+use crate::domain::{Domain, Result};
+use crate::evaluation::Evaluation;
+use crate::influence::Dataset;
+use crate::policy::JointPolicy;
+
+/// All agents in this process.
+pub struct InlineFleet {
+    worker: Worker,
+    domain: Arc<dyn Domain>,
+    config: Config,
+    observer: Rc<dyn Observer>,
+    at_work: Duration,
+}
+
+impl InlineFleet {
+    pub fn new(domain: Arc<dyn Domain>, config: &Config, observer: Rc<dyn Observer>) -> Self {
+        let worker = Worker::new(domain.clone(), config, AgentId::all(domain.agents()));
+        InlineFleet { worker, domain, config: config.clone(), observer, at_work: Duration::ZERO }
+    }
+
+    fn work<T>(&mut self, order: impl FnOnce(&mut Worker, &dyn Observer) -> T) -> T {
+        let begun = Instant::now();
+        let answer = order(&mut self.worker, &*self.observer);
+        self.at_work += begun.elapsed();
+        answer
+    }
+}
+
+impl Fleet for InlineFleet {
+    fn collect_datasets(&mut self, policies: &JointPolicy, period: &Period) -> Result<Vec<Dataset>> {
+        let episodes = 0..self.config.dataset_episodes(self.domain.spec().horizon);
+        self.work(|worker, observer| worker.collect(policies, period, episodes, observer))
+    }
+
+    fn train_aips(&mut self, datasets: Vec<Dataset>, period: &Period) -> Result<AipTraining> {
+        Ok(self.work(|worker, observer| worker.train_aips(&datasets, period, observer)))
+    }
+
+    fn train_policies(&mut self, period: &Period) -> Result<PolicyTraining> {
+        self.work(|worker, observer| worker.train_policies(period, observer))
+    }
+
+    fn evaluate(&mut self, policies: &JointPolicy) -> Result<Evaluation> {
+        let episodes = 0..self.config.evaluation.episodes;
+        let reports = self.work(|worker, observer| worker.evaluate(policies, episodes, observer))?;
+        Ok(Evaluation::new(&*self.domain, &reports))
+    }
+
+    fn state(&mut self) -> Result<AgentsState> {
+        Ok(self.worker.state())
+    }
+
+    fn restore(&mut self, state: &AgentsState) -> Result<()> {
+        self.worker.restore(state);
+        Ok(())
+    }
+
+    fn take_load(&mut self) -> FleetLoad {
+        let worker = WorkerLoad { watch: self.worker.take_watch(), footprint: Footprint::of_this_process() };
+        FleetLoad { workers: vec![worker], at_work: std::mem::take(&mut self.at_work), coordinator: None }
+    }
+}

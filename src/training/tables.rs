@@ -1,0 +1,180 @@
+//! What stands in the CSV files of a run, line by line. The README tells what each column means.
+
+use std::time::Duration;
+
+use super::answers::{AipTraining, FleetLoad, PolicyTraining};
+use super::footprint::Footprint;
+use super::ppo::Losses;
+use crate::base::{Phase, Stopwatch};
+use crate::evaluation::{Evaluation, Summary};
+
+/// A line of a CSV file, one string per column.
+pub type Line = Vec<String>;
+
+const ALL: &str = "all";
+
+pub fn evaluation_header(evaluation: &Evaluation) -> Line {
+    let fixed = ["steps", "agent", "mean", "median", "std_error", "episodes", "stuck"];
+    let per_agent = evaluation.measures.per_agent.iter().map(|(name, _)| name.clone());
+    let system = evaluation.measures.system.iter().map(|(name, _)| name.clone());
+    fixed.map(str::to_owned).into_iter().chain(per_agent).chain(system).collect()
+}
+
+/// A line for all agents (`stuck`: how many), then one per agent (`stuck`: 0 or 1; no figures of the whole system).
+pub fn evaluation_lines(steps: u64, evaluation: &Evaluation) -> Vec<Line> {
+    let line = |agent: String, summary: Summary, stuck: usize| {
+        let mut line = vec![steps.to_string(), agent];
+        line.extend([summary.mean, summary.median, summary.std_error].map(|value| format!("{value:.4}")));
+        line.extend([evaluation.episodes().to_string(), stuck.to_string()]);
+        line
+    };
+    let measures = &evaluation.measures;
+    let mut all = line(ALL.to_owned(), evaluation.of_all(), evaluation.stuck.iter().filter(|&&stuck| stuck).count());
+    let means = measures.per_agent.iter().map(|(_, values)| values.iter().sum::<f64>() / values.len() as f64);
+    all.extend(means.chain(measures.system.iter().map(|&(_, value)| value)).map(|value| format!("{value:.4}")));
+    let mut lines = vec![all];
+    for agent in 0..evaluation.agents() {
+        let mut of_agent = line(agent.to_string(), evaluation.of_agent(agent), usize::from(evaluation.stuck[agent]));
+        of_agent.extend(measures.per_agent.iter().map(|(_, values)| format!("{:.4}", values[agent])));
+        of_agent.extend(measures.system.iter().map(|_| String::new()));
+        lines.push(of_agent);
+    }
+    lines
+}
+
+pub const AIP_COLUMNS: [&str; 9] = [
+    "steps",
+    "agent",
+    "source",
+    "training_before",
+    "training_after",
+    "held_out_before",
+    "held_out_after",
+    "held_out_marginals",
+    "frequency",
+];
+
+/// A line for the mean of all agents and sources, then per agent one for the mean of its sources and one per source.
+pub fn aip_lines(steps: u64, training: &AipTraining) -> Vec<Line> {
+    let mut of_agents: Vec<[f64; 6]> = Vec::new();
+    let mut lines = Vec::new();
+    let line = |agent: &str, source: &str, values: &[f64; 6]| -> Line {
+        let keys = [steps.to_string(), agent.to_owned(), source.to_owned()];
+        keys.into_iter().chain(values.map(|value| format!("{value:.5}"))).collect()
+    };
+    for (agent, loss) in training.losses.iter().enumerate() {
+        let of_sources: Vec<[f64; 6]> = (0..loss.marginals.len())
+            .map(|source| {
+                let [training, held_out] = [&loss.training, &loss.held_out];
+                [
+                    training[0][source],
+                    training[1][source],
+                    held_out[0][source],
+                    held_out[1][source],
+                    loss.marginals[source],
+                    loss.frequencies[source],
+                ]
+            })
+            .collect();
+        let agent = agent.to_string();
+        lines.push(line(&agent, "all", &mean_of(&of_sources)));
+        lines.extend(of_sources.iter().enumerate().map(|(source, values)| line(&agent, &source.to_string(), values)));
+        of_agents.push(mean_of(&of_sources));
+    }
+    lines.insert(0, line(ALL, "all", &mean_of(&of_agents)));
+    lines
+}
+
+fn mean_of(rows: &[[f64; 6]]) -> [f64; 6] {
+    std::array::from_fn(|column| rows.iter().map(|row| row[column]).sum::<f64>() / rows.len() as f64)
+}
+
+pub fn training_header(training: &PolicyTraining) -> Line {
+    let fixed = ["steps", "agent", "mean_return", "episodes", "surrogate", "value_loss", "entropy", "kl", "clipped"];
+    let fixed = fixed.into_iter().chain(["learning_rate", "clip"]);
+    let counters = training.counters.iter().map(|(name, _)| name.clone());
+    fixed.map(str::to_owned).chain(counters).collect()
+}
+
+/// A line for all agents with what the simulators counted, then one per agent.
+pub fn training_lines(steps: u64, training: &PolicyTraining) -> Vec<Line> {
+    let agents = training.agents.len() as f64;
+    let mut total = Losses::default();
+    training.agents.iter().for_each(|agent| total.add(&agent.losses, 1.0 / agents));
+    let returns: Vec<f64> = training.agents.iter().filter_map(|agent| agent.mean_return).collect();
+    let mean_return = (!returns.is_empty()).then(|| returns.iter().sum::<f64>() / returns.len() as f64);
+    let episodes = training.agents.iter().map(|agent| agent.episodes).sum();
+    let line = |agent: String, mean_return: Option<f64>, episodes: u64, losses: &Losses| {
+        let mut line = vec![steps.to_string(), agent];
+        line.push(mean_return.map_or(String::new(), |value| format!("{value:.4}")));
+        line.push(episodes.to_string());
+        let losses = [losses.surrogate, losses.value, losses.entropy, losses.kl, losses.clipped];
+        line.extend(losses.map(|value| format!("{value:.5}")));
+        line.extend([training.decayed.learning_rate, training.decayed.clip].map(|value| format!("{value:e}")));
+        line
+    };
+    let mut all = line(ALL.to_owned(), mean_return, episodes, &total);
+    all.extend(training.counters.iter().map(|(_, count)| count.to_string()));
+    let mut lines = vec![all];
+    for (index, agent) in training.agents.iter().enumerate() {
+        let mut of_agent = line(index.to_string(), agent.mean_return, agent.episodes, &agent.losses);
+        of_agent.extend(training.counters.iter().map(|_| String::new()));
+        lines.push(of_agent);
+    }
+    lines
+}
+
+/// Wall time of a period.
+pub struct Wall {
+    pub period: Duration,
+    /// Of the run so far.
+    pub elapsed: Duration,
+    /// In which no worker had an order.
+    pub exchange: Duration,
+}
+
+pub fn timing_header() -> Line {
+    let phases = Phase::ALL.map(|phase| format!("{}_s", phase.name()));
+    let fixed = ["steps", "worker", "wall_s", "elapsed_s", "exchange_s"].map(str::to_owned);
+    fixed.into_iter().chain(phases).chain(["idle_s".to_owned()]).collect()
+}
+
+/// A line for the mean of all workers, then one per worker. What is neither a phase nor an exchange is idle.
+pub fn timing_lines(steps: u64, load: &FleetLoad, wall: &Wall) -> Vec<Line> {
+    let line = |worker: String, spent: &dyn Fn(fn(&Stopwatch) -> Duration) -> f64, phases: [f64; Phase::ALL.len()]| {
+        let busy = spent(Stopwatch::total);
+        let whole = [wall.period, wall.elapsed, wall.exchange].map(|time| time.as_secs_f64());
+        let idle = (whole[0] - busy).max(0.0);
+        let seconds = whole.into_iter().chain(phases).chain([idle]).map(|seconds| format!("{seconds:.3}"));
+        [steps.to_string(), worker].into_iter().chain(seconds).collect::<Line>()
+    };
+    let workers = load.workers.len() as f64;
+    let mean = |of: &dyn Fn(&Stopwatch) -> Duration| {
+        load.workers.iter().map(|worker| of(&worker.watch).as_secs_f64()).sum::<f64>() / workers
+    };
+    let mean_phases = Phase::ALL.map(|phase| mean(&|watch| watch.spent(phase)));
+    let mut lines = vec![line(ALL.to_owned(), &|of| mean(&of), mean_phases)];
+    for (index, worker) in load.workers.iter().enumerate() {
+        let phases = Phase::ALL.map(|phase| worker.watch.spent(phase).as_secs_f64());
+        lines.push(line(index.to_string(), &|of| of(&worker.watch).as_secs_f64(), phases));
+    }
+    lines
+}
+
+pub const MEMORY_COLUMNS: [&str; 4] = ["steps", "process", "peak_rss_mb", "pss_mb"];
+
+/// A line for the total, then one per process.
+pub fn memory_lines(steps: u64, load: &FleetLoad) -> Vec<Line> {
+    let workers = load.workers.iter().enumerate().map(|(index, worker)| (index.to_string(), worker.footprint));
+    let coordinator = load.coordinator.map(|footprint| ("coordinator".to_owned(), footprint));
+    let processes: Vec<(String, Footprint)> = workers.chain(coordinator).collect();
+    let total = processes.iter().fold(Footprint::default(), |total, (_, process)| Footprint {
+        peak_rss_kib: total.peak_rss_kib + process.peak_rss_kib,
+        pss_kib: total.pss_kib + process.pss_kib,
+    });
+    let megabytes = |kib: u64| format!("{:.1}", kib as f64 / 1024.0);
+    let line = |(process, footprint): (String, Footprint)| {
+        vec![steps.to_string(), process, megabytes(footprint.peak_rss_kib), megabytes(footprint.pss_kib)]
+    };
+    std::iter::once((ALL.to_owned(), total)).chain(processes).map(line).collect()
+}
