@@ -53,7 +53,7 @@ impl Adam {
         let correction2 = 1.0 - f64::from(BETA2).powi(*steps as i32);
         let step_size = (learning_rate / correction1) as f32;
         let root_correction = (1.0 / correction2.sqrt()) as f32;
-        let (values, gradients) = parameters.values_mut();
+        let (values, gradients) = parameters.values_and_gradients();
         update(values, gradients, first.as_mut_slice(), second.as_mut_slice(), step_size, root_correction);
     }
 }

@@ -95,9 +95,9 @@ impl Trace {
 impl Net {
     /// Randomly initialised networks, each agent's from its own stream.
     pub fn new(agents: &[AgentId], shape: Shape, seed: Seed) -> Self {
-        let mut parameters = Parameters::new(agents.len(), shape.layout());
-        let width = parameters.width();
-        for (row, &agent) in parameters.values_mut().0.chunks_exact_mut(width).zip(agents) {
+        let mut net = Net::blank(agents.len(), shape);
+        let (shape, width) = (&net.shape, net.parameters.width());
+        for (row, &agent) in net.parameters.values_mut().chunks_exact_mut(width).zip(agents) {
             let mut dice = seed.for_agent(agent).dice();
             let mut rest = row;
             for (length, bound) in shape.initial_bounds() {
@@ -106,7 +106,12 @@ impl Net {
                 rest = after;
             }
         }
-        Net { shape, parameters }
+        net
+    }
+
+    /// Networks whose parameters are all zero.
+    pub fn blank(agents: usize, shape: Shape) -> Self {
+        Net { parameters: Parameters::new(agents, shape.layout()), shape }
     }
 
     pub fn shape(&self) -> &Shape {
@@ -125,7 +130,7 @@ impl Net {
     pub fn shift_output(&mut self, bias: &[f32]) {
         let range = self.parameters.block_range(self.first_layer() + 2 * self.shape.hidden.len() + 1);
         let width = self.parameters.width();
-        for row in self.parameters.values_mut().0.chunks_exact_mut(width) {
+        for row in self.parameters.values_mut().chunks_exact_mut(width) {
             row[range.clone()].iter_mut().zip(bias).for_each(|(value, shift)| *value += shift);
         }
     }
@@ -178,6 +183,7 @@ impl Net {
     /// Writes the gradients of all parameters, given the gradient of the loss with respect to the outputs
     /// (`[agents, rows, outputs]`). Gradients are overwritten, not added up.
     pub fn backward(&mut self, trace: &Trace, output_gradient: &[f32]) {
+        self.parameters.need_gradients();
         let mut gradient = Tensor::of_slice(output_gradient).view(&trace.output.size()[..]);
         for layer in (0..=self.shape.hidden.len()).rev() {
             let inputs = &trace.inputs[layer];
@@ -347,9 +353,9 @@ mod tests {
             let step = 2e-3_f32;
             for parameter in (0..gradients.len()).step_by(7) {
                 let mut at = |shift: f32| {
-                    net.parameters_mut().values_mut().0[parameter] += shift;
+                    net.parameters_mut().values_mut()[parameter] += shift;
                     let value = loss(&net);
-                    net.parameters_mut().values_mut().0[parameter] -= shift;
+                    net.parameters_mut().values_mut()[parameter] -= shift;
                     value
                 };
                 let slope = (at(step) - at(-step)) / f64::from(2.0 * step);

@@ -61,14 +61,17 @@ pub struct Parameters {
     agents: usize,
     layout: Layout,
     values: Tensor,
-    gradients: Tensor,
+    /// Made for the first backward pass: networks that only act have none.
+    gradients: Option<Tensor>,
 }
+
+const NO_GRADIENTS: &str = "a backward pass makes the gradients";
 
 impl Parameters {
     /// Zeroed parameters.
     pub fn new(agents: usize, layout: Layout) -> Self {
-        let zeros = || Tensor::zeros(&[agents as i64, layout.width as i64], (Kind::Float, Device::Cpu));
-        Parameters { agents, values: zeros(), gradients: zeros(), layout }
+        let values = Tensor::zeros(&[agents as i64, layout.width as i64], (Kind::Float, Device::Cpu));
+        Parameters { agents, values, gradients: None, layout }
     }
 
     pub fn agents(&self) -> usize {
@@ -89,13 +92,25 @@ impl Parameters {
         tensor_to_slice(&self.values)
     }
 
+    /// As the last backward pass left them, `[agents, width]`.
     pub fn gradients(&self) -> &[f32] {
-        tensor_to_slice(&self.gradients)
+        tensor_to_slice(self.gradients.as_ref().expect(NO_GRADIENTS))
+    }
+
+    /// All values, to be written.
+    pub fn values_mut(&mut self) -> &mut [f32] {
+        tensor_to_slice_mut(&mut self.values)
     }
 
     /// Values to be written and the gradients beside them.
-    pub fn values_mut(&mut self) -> (&mut [f32], &[f32]) {
-        (tensor_to_slice_mut(&mut self.values), tensor_to_slice(&self.gradients))
+    pub fn values_and_gradients(&mut self) -> (&mut [f32], &[f32]) {
+        let gradients = self.gradients.as_ref().expect(NO_GRADIENTS);
+        (tensor_to_slice_mut(&mut self.values), tensor_to_slice(gradients))
+    }
+
+    /// Makes room for gradients, once.
+    pub(super) fn need_gradients(&mut self) {
+        self.gradients.get_or_insert_with(|| self.values.zeros_like());
     }
 
     /// A copy of all values, one row per agent.
@@ -106,7 +121,7 @@ impl Parameters {
     /// Takes over the values of `rows`, one row per agent.
     pub fn load(&mut self, rows: &Rows<f32>) {
         assert_eq!((rows.len(), rows.width()), (self.agents, self.width()), "parameters of another stack");
-        self.values_mut().0.copy_from_slice(rows.as_slice());
+        self.values_mut().copy_from_slice(rows.as_slice());
     }
 
     /// The values of one block as a view `[agents, ..shape]`.
@@ -116,7 +131,7 @@ impl Parameters {
 
     /// The gradients of one block as a view `[agents, ..shape]`, to be written by `_out` operations.
     pub(super) fn gradient_view(&self, block: usize) -> Tensor {
-        self.block_of(&self.gradients, block)
+        self.block_of(self.gradients.as_ref().expect(NO_GRADIENTS), block)
     }
 
     fn block_of(&self, all: &Tensor, block: usize) -> Tensor {

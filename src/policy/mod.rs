@@ -59,6 +59,11 @@ impl PolicyStack {
         PolicyStack { n_actions: spec.n_actions, net }
     }
 
+    /// Policies without values yet, for somebody who loads them.
+    pub fn blank(agents: usize, spec: &RegionSpec, config: &PolicyConfig) -> Self {
+        PolicyStack { n_actions: spec.n_actions, net: Net::blank(agents, PolicyStack::shape(spec, config)) }
+    }
+
     pub fn agents(&self) -> usize {
         self.net.parameters().agents()
     }

@@ -17,9 +17,8 @@ use crate::base::{AgentId, Phase};
 use crate::config::{Config, Period, SimulatorKind};
 use crate::domain::Domain;
 use crate::evaluation::Evaluation;
-use crate::influence::Dataset;
-use crate::policy::JointPolicy;
-use crate::training::answers::{AipTraining, FleetLoad, PolicyTraining, WorkerLoad};
+use crate::influence::{AipLoss, Dataset};
+use crate::training::answers::{FleetLoad, PolicyTraining, WorkerLoad};
 use crate::training::fleet::Fleet;
 use crate::training::footprint::Footprint;
 use crate::training::observer::{Interrupted, Observer};
@@ -49,11 +48,13 @@ pub struct ProcessFleet {
     options: Options,
     observer: Rc<dyn Observer>,
     workers: Vec<Slot>,
-    /// State of all agents at the last exchange, from which a lost worker goes on.
-    state: AgentsState,
+    /// The agents at the last exchange, from which a lost worker goes on.
+    agents: AgentsState,
     sender: Sender<Event>,
     events: Receiver<Event>,
     at_work: Duration,
+    /// The largest of this process since the last report.
+    footprint: Footprint,
 }
 
 /// A worker, whichever process it is at the moment.
@@ -80,10 +81,9 @@ impl ProcessFleet {
             generation: 0,
             load: WorkerLoad::default(),
         };
-        let nobody = AgentsState::nobody();
         let mut fleet = ProcessFleet {
             workers: (0..options.workers).map(slot).collect(),
-            state: nobody,
+            agents: AgentsState::nobody(),
             domain,
             config: config.clone(),
             options,
@@ -91,13 +91,16 @@ impl ProcessFleet {
             sender,
             events,
             at_work: Duration::ZERO,
+            footprint: Footprint::default(),
         };
-        let orders = fleet.owners().map(|worker| (worker, Order::TellState)).collect();
-        let states = fleet.ask(orders, Stop::Later)?.into_iter().map(|answer| match answer {
-            Answer::State(state) => state,
+        let order = Frames::of(&Order::TellState)?;
+        let orders = fleet.owners().map(|worker| (worker, order.clone())).collect();
+        let mut parts = Vec::new();
+        fleet.ask(orders, Stop::Later, |_, _, answer| match answer {
+            Answer::State(state) => parts.push(state),
             other => unreachable!("a state was asked for, not {other:?}"),
-        });
-        fleet.state = AgentsState::joined(states.collect());
+        })?;
+        fleet.agents = AgentsState::joined(parts);
         Ok(fleet)
     }
 
@@ -108,26 +111,42 @@ impl ProcessFleet {
         owners.into_iter()
     }
 
-    /// An order with a share of `episodes` for every worker that gets some.
-    fn by_episode(&self, episodes: usize, order: impl Fn(Range<usize>) -> Order) -> Vec<(usize, Order)> {
+    /// An order with a share of `episodes` for every worker that gets some, and the joint policy to play them with.
+    fn by_episode(&self, episodes: usize, order: impl Fn(Range<usize>) -> Order) -> Result<Vec<(usize, Frames)>> {
+        let policies: Rc<[u8]> = encode(&Order::TakePolicies(self.agents.policies.clone()))?.into();
         let shares = (0..self.workers.len()).map(|worker| (worker, share(episodes, self.workers.len(), worker)));
-        shares.filter(|(_, share)| !share.is_empty()).map(|(worker, share)| (worker, order(share))).collect()
+        let some = shares.filter(|(_, share)| !share.is_empty());
+        some.map(|(worker, share)| {
+            Ok((worker, Frames { before: Some(policies.clone()), order: encode(&order(share))?.into() }))
+        })
+        .collect()
     }
 
-    /// Gives the orders and waits for all answers, in the order of the orders. Lost workers are started again.
-    fn ask(&mut self, orders: Vec<(usize, Order)>, stop: Stop) -> Result<Vec<Answer>> {
+    /// Gives the orders and waits for all answers, which `take` is handed in the order of the orders with the state of
+    /// all agents and the agents of the worker. Lost workers are started again.
+    fn ask(
+        &mut self,
+        orders: Vec<(usize, Frames)>,
+        stop: Stop,
+        mut take: impl FnMut(&mut AgentsState, Range<usize>, Answer),
+    ) -> Result<()> {
         let begun = Instant::now();
         let answers = self.ask_and_wait(orders, stop);
         self.at_work += begun.elapsed();
-        answers
+        let footprint = Footprint::of_this_process();
+        self.footprint = self.footprint.max(footprint);
+        // One by one, so that each is gone before the next is taken in.
+        for (worker, answer) in answers? {
+            take(&mut self.agents, self.workers[worker].agents.clone(), answer);
+        }
+        Ok(())
     }
 
-    fn ask_and_wait(&mut self, orders: Vec<(usize, Order)>, stop: Stop) -> Result<Vec<Answer>> {
+    fn ask_and_wait(&mut self, orders: Vec<(usize, Frames)>, stop: Stop) -> Result<Vec<(usize, Answer)>> {
         let mut open = BTreeMap::new();
         let mut sequence = Vec::new();
-        for (worker, order) in orders {
-            let mut task = Task { frame: encode(&order)?, deaths: 0, heard: Instant::now(), progress: None };
-            drop(order); // the frame holds it now
+        for (worker, frames) in orders {
+            let mut task = Task { frames, deaths: 0, heard: Instant::now(), progress: None };
             self.deliver(worker, &mut task)?;
             open.insert(worker, task);
             sequence.push(worker);
@@ -160,7 +179,8 @@ impl ProcessFleet {
                 }
             }
         }
-        Ok(sequence.into_iter().map(|worker| answers.remove(&worker).expect("every order is answered")).collect())
+        let answer = |worker| (worker, answers.remove(&worker).expect("every order is answered"));
+        Ok(sequence.into_iter().map(answer).collect())
     }
 
     /// Takes in what a worker says; its answer where that is one.
@@ -179,7 +199,7 @@ impl ProcessFleet {
             Report::Done { answer, load } => {
                 let mine = &mut self.workers[worker].load;
                 mine.watch.add(&load.watch);
-                mine.footprint = load.footprint;
+                mine.footprint = mine.footprint.max(load.footprint);
                 // A worker that has begun or was restored says so before it turns to its order.
                 Ok(Some(*answer).filter(|answer| !matches!(answer, Answer::Ready)))
             }
@@ -201,7 +221,7 @@ impl ProcessFleet {
             }
             task.heard = Instant::now();
             let child = self.workers[worker].child.as_mut().expect("it was just started");
-            match child.send(&task.frame) {
+            match task.frames.send(child) {
                 Ok(()) => return Ok(()),
                 Err(error) => self.count_death(worker, &format!("died: {error}; "), task)?,
             }
@@ -221,8 +241,8 @@ impl ProcessFleet {
         };
         // Where sending fails the process has gone already, which is heard of soon enough.
         drop(child.send(&encode(&begin)?));
-        if self.state.agents() > 0 && !agents.is_empty() {
-            drop(child.send(&encode(&Order::Restore(self.state.share(agents)))?));
+        if self.agents.agents() > 0 && !agents.is_empty() {
+            drop(child.send(&encode(&Order::Restore(self.agents.share(agents)))?));
         }
         slot.child = Some(child);
         Ok(())
@@ -288,9 +308,27 @@ impl ProcessFleet {
     }
 }
 
+/// An encoded order, to be sent any number of times.
+#[derive(Clone)]
+struct Frames {
+    /// What the worker needs first.
+    before: Option<Rc<[u8]>>,
+    order: Rc<[u8]>,
+}
+
+impl Frames {
+    fn of(order: &Order) -> Result<Frames> {
+        Ok(Frames { before: None, order: encode(order)?.into() })
+    }
+
+    fn send(&self, child: &mut Child) -> std::io::Result<()> {
+        self.before.iter().chain([&self.order]).try_for_each(|frame| child.send(frame))
+    }
+}
+
 /// An order under way.
 struct Task {
-    frame: Vec<u8>,
+    frames: Frames,
     deaths: usize,
     heard: Instant,
     progress: Option<Report>,
@@ -306,74 +344,72 @@ enum Stop {
 }
 
 impl Fleet for ProcessFleet {
-    fn collect_datasets(&mut self, policies: &JointPolicy, period: &Period) -> Result<Vec<Dataset>> {
-        let spec = self.domain.spec();
-        let orders = self.by_episode(self.config.dataset_episodes(spec.horizon), |episodes| Order::Collect {
-            policies: policies.clone(),
-            period: *period,
-            episodes,
-        });
-        let mut datasets = vec![Dataset::new(spec); self.domain.agents()];
-        for answer in self.ask(orders, Stop::AtOnce)? {
-            let Answer::Collected(parts) = answer else { unreachable!("datasets were asked for, not {answer:?}") };
-            datasets.iter_mut().zip(&parts).for_each(|(dataset, part)| dataset.extend(part));
-        }
-        Ok(datasets)
+    fn agents(&self) -> &AgentsState {
+        &self.agents
     }
 
-    fn train_aips(&mut self, mut datasets: Vec<Dataset>, period: &Period) -> Result<AipTraining> {
-        let mut orders = Vec::new();
-        for worker in self.owners() {
-            let theirs = datasets.drain(..self.workers[worker].agents.len()).collect();
-            orders.push((worker, Order::TrainAips { datasets: theirs, period: *period }));
-        }
-        let trained = self.ask(orders, Stop::AtOnce)?.into_iter().map(|answer| match answer {
-            Answer::AipsTrained(training) => training,
-            other => unreachable!("AIPs were asked for, not {other:?}"),
-        });
-        let whole = AipTraining::joined(trained.collect());
-        self.state.aips = whole.parameters.clone();
-        Ok(whole)
-    }
-
-    fn train_policies(&mut self, period: &Period) -> Result<PolicyTraining> {
-        let orders = self.owners().map(|worker| (worker, Order::TrainPolicies { period: *period })).collect();
-        let (mut trainings, mut states) = (Vec::new(), Vec::new());
-        for answer in self.ask(orders, Stop::Later)? {
-            let Answer::PoliciesTrained { training, state } = answer else {
-                unreachable!("policies were asked for, not {answer:?}")
-            };
-            trainings.push(training);
-            states.push(state);
-        }
-        self.state = AgentsState::joined(states);
-        Ok(PolicyTraining::joined(trainings))
-    }
-
-    fn evaluate(&mut self, policies: &JointPolicy) -> Result<Evaluation> {
-        let orders = self.by_episode(self.config.evaluation.episodes, |episodes| Order::Evaluate {
-            policies: policies.clone(),
-            episodes,
-        });
-        let mut reports = Vec::new();
-        for answer in self.ask(orders, Stop::AtOnce)? {
-            let Answer::Evaluated(part) = answer else { unreachable!("episodes were asked for, not {answer:?}") };
-            reports.extend(part);
-        }
-        Ok(Evaluation::new(&*self.domain, &reports))
-    }
-
-    fn state(&mut self) -> Result<AgentsState> {
-        Ok(self.state.clone())
-    }
-
-    fn restore(&mut self, state: &AgentsState) -> Result<()> {
-        self.state = state.clone();
+    fn restore(&mut self, agents: AgentsState) -> Result<()> {
+        self.agents = agents;
         for worker in self.owners() {
             // The next order starts it again, in this state.
             self.workers[worker].child = None;
         }
         Ok(())
+    }
+
+    fn evaluate(&mut self) -> Result<Evaluation> {
+        let orders = self.by_episode(self.config.evaluation.episodes, |episodes| Order::Evaluate { episodes })?;
+        let mut reports = Vec::new();
+        self.ask(orders, Stop::AtOnce, |_, _, answer| match answer {
+            Answer::Evaluated(part) => reports.extend(part),
+            other => unreachable!("episodes were asked for, not {other:?}"),
+        })?;
+        Ok(Evaluation::new(&*self.domain, &reports))
+    }
+
+    fn collect_datasets(&mut self, period: &Period) -> Result<Vec<Dataset>> {
+        let spec = self.domain.spec().clone();
+        let order = |episodes| Order::Collect { period: *period, episodes };
+        let orders = self.by_episode(self.config.dataset_episodes(spec.horizon), order)?;
+        let mut datasets = vec![Dataset::new(&spec); self.domain.agents()];
+        self.ask(orders, Stop::AtOnce, |_, _, answer| match answer {
+            Answer::Collected(parts) => {
+                datasets.iter_mut().zip(&parts).for_each(|(dataset, part)| dataset.extend(part));
+            }
+            other => unreachable!("datasets were asked for, not {other:?}"),
+        })?;
+        Ok(datasets)
+    }
+
+    fn train_aips(&mut self, mut datasets: Vec<Dataset>, period: &Period) -> Result<Vec<AipLoss>> {
+        let mut orders = Vec::new();
+        for worker in self.owners() {
+            let theirs = datasets.drain(..self.workers[worker].agents.len()).collect();
+            orders.push((worker, Frames::of(&Order::TrainAips { datasets: theirs, period: *period })?));
+        }
+        let mut all = Vec::new();
+        self.ask(orders, Stop::AtOnce, |state, agents, answer| match answer {
+            Answer::AipsTrained { losses, aips } => {
+                all.extend(losses);
+                state.aips.replace(agents.start, &aips);
+            }
+            other => unreachable!("AIPs were asked for, not {other:?}"),
+        })?;
+        Ok(all)
+    }
+
+    fn train_policies(&mut self, period: &Period) -> Result<PolicyTraining> {
+        let order = Frames::of(&Order::TrainPolicies { period: *period })?;
+        let orders = self.owners().map(|worker| (worker, order.clone())).collect();
+        let mut parts = Vec::new();
+        self.ask(orders, Stop::Later, |whole, agents, answer| match answer {
+            Answer::PoliciesTrained { training, state } => {
+                parts.push(training);
+                whole.replace(agents.start, &state);
+            }
+            other => unreachable!("policies were asked for, not {other:?}"),
+        })?;
+        Ok(PolicyTraining::joined(parts))
     }
 
     fn take_load(&mut self) -> FleetLoad {

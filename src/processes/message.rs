@@ -4,15 +4,16 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
-use crate::base::{AgentId, Phase};
+use crate::base::{AgentId, Phase, Rows};
 use crate::config::Period;
 use crate::evaluation::EpisodeReport;
-use crate::influence::Dataset;
+use crate::influence::{AipLoss, Dataset};
 use crate::policy::JointPolicy;
-use crate::training::answers::{AipTraining, PolicyTraining, WorkerLoad};
+use crate::training::answers::{PolicyTraining, WorkerLoad};
 use crate::training::state::AgentsState;
 
-/// From the coordinator. Every order is answered by one [`Report::Done`] or [`Report::Failed`].
+/// From the coordinator. Every order is answered by one [`Report::Done`] or [`Report::Failed`];
+/// those that only prepare the next one by [`Answer::Ready`].
 #[derive(Debug, Serialize, Deserialize)]
 pub enum Order {
     /// The first one: what the run is, and whom the worker owns.
@@ -21,24 +22,33 @@ pub enum Order {
     Restore(AgentsState),
     /// Tell the state of its agents.
     TellState,
+    /// The policies of all agents, for the next order to play episodes.
+    TakePolicies(JointPolicy),
     /// Play these episodes of a period's collection and return the datasets of all agents.
-    Collect { policies: JointPolicy, period: Period, episodes: Range<usize> },
+    Collect { period: Period, episodes: Range<usize> },
     /// Train the AIPs of its agents on their datasets.
     TrainAips { datasets: Vec<Dataset>, period: Period },
     /// Train the policies of its agents until the end of the period.
     TrainPolicies { period: Period },
     /// Play these evaluation episodes.
-    Evaluate { policies: JointPolicy, episodes: Range<usize> },
+    Evaluate { episodes: Range<usize> },
 }
 
 /// What an order brought.
 #[derive(Debug, Serialize, Deserialize)]
 pub enum Answer {
+    /// For the next order.
     Ready,
     State(AgentsState),
     Collected(Vec<Dataset>),
-    AipsTrained(AipTraining),
-    PoliciesTrained { training: PolicyTraining, state: AgentsState },
+    AipsTrained {
+        losses: Vec<AipLoss>,
+        aips: Rows<f32>,
+    },
+    PoliciesTrained {
+        training: PolicyTraining,
+        state: AgentsState,
+    },
     Evaluated(Vec<EpisodeReport>),
 }
 

@@ -15,6 +15,7 @@ use super::message::{Answer, Order, Report};
 use crate::base::Phase;
 use crate::config::Config;
 use crate::domain::Domain;
+use crate::policy::JointPolicy;
 use crate::training::answers::WorkerLoad;
 use crate::training::footprint::Footprint;
 use crate::training::observer::Observer;
@@ -41,8 +42,9 @@ pub fn serve(open_domain: impl FnOnce(&Config) -> Result<Arc<dyn Domain>>) -> Re
     let _ = writeln!(std::io::stderr(), "process {} owns agents {agents:?}", std::process::id());
     let mut worker = Worker::new(open_domain(&config)?, &config, agents);
     reporter.done(Answer::Ready, &mut worker)?;
+    let mut policies = None;
     while let Some(order) = receive(&mut stream)? {
-        match carry_out(order, &mut worker, &reporter) {
+        match carry_out(order, &mut worker, &mut policies, &reporter) {
             Ok(answer) => reporter.done(answer, &mut worker)?,
             Err(error) => reporter.send(&Report::Failed { reason: format!("{error:#}") })?,
         }
@@ -50,23 +52,36 @@ pub fn serve(open_domain: impl FnOnce(&Config) -> Result<Arc<dyn Domain>>) -> Re
     Ok(())
 }
 
-fn carry_out(order: Order, worker: &mut Worker, reporter: &Reporter) -> Result<Answer> {
+fn carry_out(
+    order: Order,
+    worker: &mut Worker,
+    policies: &mut Option<JointPolicy>,
+    reporter: &Reporter,
+) -> Result<Answer> {
+    let mut take_policies = || policies.take().context("the policies to play with must come first");
     Ok(match order {
         Order::Begin { .. } => bail!("the worker has already begun"),
         Order::Restore(state) => {
             worker.restore(&state);
             Answer::Ready
         }
-        Order::TellState => Answer::State(worker.state()),
-        Order::Collect { policies, period, episodes } => {
-            Answer::Collected(worker.collect(&policies, &period, episodes, reporter)?)
+        Order::TakePolicies(joint) => {
+            *policies = Some(joint);
+            Answer::Ready
         }
-        Order::TrainAips { datasets, period } => Answer::AipsTrained(worker.train_aips(&datasets, &period, reporter)),
+        Order::TellState => Answer::State(worker.state()),
+        Order::Collect { period, episodes } => {
+            Answer::Collected(worker.collect(&take_policies()?, &period, episodes, reporter)?)
+        }
+        Order::TrainAips { datasets, period } => {
+            let losses = worker.train_aips(&datasets, &period, reporter);
+            Answer::AipsTrained { losses, aips: worker.aips() }
+        }
         Order::TrainPolicies { period } => {
             let training = worker.train_policies(&period, reporter)?;
             Answer::PoliciesTrained { training, state: worker.state() }
         }
-        Order::Evaluate { policies, episodes } => Answer::Evaluated(worker.evaluate(&policies, episodes, reporter)?),
+        Order::Evaluate { episodes } => Answer::Evaluated(worker.evaluate(&take_policies()?, episodes, reporter)?),
     })
 }
 

@@ -14,7 +14,7 @@ use super::terminal::tell;
 use crate::base::Phase;
 use crate::config::Config;
 use crate::evaluation::Evaluation;
-use crate::training::answers::AipTraining;
+use crate::influence::AipLoss;
 use crate::training::observer::Observer;
 
 /// How often a plain line is printed while policies train.
@@ -163,9 +163,9 @@ impl Observer for Progress {
         self.found.borrow_mut().mean_return = Some(all.mean);
     }
 
-    fn aips_trained(&self, steps: u64, training: &AipTraining) {
-        let mean = |pick: fn(&crate::influence::AipLoss) -> &Vec<f64>| {
-            let losses: Vec<f64> = training.losses.iter().flat_map(|loss| pick(loss).iter().copied()).collect();
+    fn aips_trained(&self, steps: u64, losses: &[AipLoss]) {
+        let mean = |pick: fn(&AipLoss) -> &Vec<f64>| {
+            let losses: Vec<f64> = losses.iter().flat_map(|loss| pick(loss).iter().copied()).collect();
             losses.iter().sum::<f64>() / losses.len() as f64
         };
         let (before, after, marginals) =

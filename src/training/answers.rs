@@ -6,17 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::footprint::Footprint;
 use super::ppo::{Decayed, Losses};
-use crate::base::{Rows, Stopwatch};
-use crate::influence::AipLoss;
-
-/// What a training of the AIPs brought.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct AipTraining {
-    /// Per agent.
-    pub losses: Vec<AipLoss>,
-    /// One row per agent.
-    pub parameters: Rows<f32>,
-}
+use crate::base::Stopwatch;
 
 /// What a period of training brought.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -26,18 +16,6 @@ pub struct PolicyTraining {
     pub counters: Vec<(String, u64)>,
     /// Of the period's last update, the same for all agents.
     pub decayed: Decayed,
-}
-
-impl AipTraining {
-    /// Of all agents, from those of some, in order.
-    pub fn joined(parts: Vec<AipTraining>) -> AipTraining {
-        let join = |mut whole: AipTraining, next: AipTraining| {
-            whole.losses.extend(next.losses);
-            whole.parameters.extend(&next.parameters);
-            whole
-        };
-        parts.into_iter().reduce(join).expect("somebody trained")
-    }
 }
 
 impl PolicyTraining {

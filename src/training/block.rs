@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use super::answers::{AgentTraining, AipTraining, PolicyTraining};
+use super::answers::{AgentTraining, PolicyTraining};
 use super::environment::Environment;
 use super::global::GlobalEnvironment;
 use super::ials::Ials;
@@ -16,8 +16,8 @@ use super::state::AgentsState;
 use crate::base::{AgentId, Dice, Phase, Seed, Stopwatch};
 use crate::config::{Config, Period, SimulatorKind};
 use crate::domain::{Domain, Result};
-use crate::influence::{AipStack, Dataset, train};
-use crate::nn::Adam;
+use crate::influence::{AipLoss, AipStack, Dataset, train};
+use crate::nn::{Adam, Parameters};
 use crate::policy::{Memory, PolicyStack};
 
 /// Local simulators per block: measured on traffic, where larger forests cost more per intersection and smaller ones
@@ -98,12 +98,15 @@ impl AgentBlock {
         period: &Period,
         watch: &mut Stopwatch,
         progress: &mut dyn FnMut(f64),
-    ) -> AipTraining {
+    ) -> Vec<AipLoss> {
         let seed = Seed::new(self.config.seed).fork("aip minibatches").for_period(period.index);
-        let losses = watch.time(Phase::AipTraining, || {
+        watch.time(Phase::AipTraining, || {
             train(&mut self.aips, &self.agents, datasets, &self.config.aip, seed, progress)
-        });
-        AipTraining { losses, parameters: self.aips.parameters().to_rows() }
+        })
+    }
+
+    pub fn aips(&self) -> &Parameters {
+        self.aips.parameters()
     }
 
     /// Trains the policies until the end of the period (Algorithm 1, lines 7 to 12). `progress` is called with the

@@ -10,7 +10,7 @@ use anyhow::{Context, Result, bail, ensure};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 
-use super::files::write_atomically;
+use super::files::write_beside;
 use super::state::AgentsState;
 use crate::base::Rows;
 use crate::nn::Moments;
@@ -50,37 +50,38 @@ struct About {
 
 const TABLES: [&str; 4] = ["policies", "first_moments", "second_moments", "aips"];
 
+fn tables_of(agents: &AgentsState) -> [&Rows<f32>; 4] {
+    [&agents.policies, &agents.moments.first, &agents.moments.second, &agents.aips]
+}
+
+/// Writes a checkpoint into `folder` and removes those that are no longer kept.
+pub fn write(folder: &Path, agents: &AgentsState, progress: Progress) -> Result<()> {
+    std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
+    let tables = tables_of(agents);
+    let bytes = tables.map(|table| bytemuck::cast_slice::<f32, u8>(table.as_slice()));
+    let about = About {
+        format: FORMAT,
+        steps: agents.steps,
+        optimiser_steps: agents.moments.steps,
+        progress,
+        crc32: checksum(bytes.into_iter()),
+    };
+    let mut views = Vec::new();
+    for ((name, table), bytes) in TABLES.iter().zip(tables).zip(bytes) {
+        views.push((*name, TensorView::new(Dtype::F32, vec![table.len(), table.width()], bytes)?));
+    }
+    let metadata = HashMap::from([("checkpoint".to_owned(), serde_json::to_string(&about)?)]);
+    let path = folder.join(format!("step_{:012}.{EXTENSION}", agents.steps));
+    // Straight to the file: the tables of a hundred agents need no second place in memory.
+    write_beside(&path, |beside| Ok(safetensors::serialize_to_file(views, Some(metadata), beside)?))?;
+    let all = list(folder)?;
+    for old in &all[..all.len().saturating_sub(KEPT)] {
+        std::fs::remove_file(old).with_context(|| format!("{}: cannot be removed", old.display()))?;
+    }
+    Ok(())
+}
+
 impl Checkpoint {
-    fn tables(&self) -> [&Rows<f32>; 4] {
-        let AgentsState { policies, moments, aips, .. } = &self.agents;
-        [policies, &moments.first, &moments.second, aips]
-    }
-
-    /// Writes the checkpoint into `folder` and removes those that are no longer kept.
-    pub fn write(&self, folder: &Path) -> Result<()> {
-        std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
-        let bytes = self.tables().map(|table| bytemuck::cast_slice::<f32, u8>(table.as_slice()));
-        let about = About {
-            format: FORMAT,
-            steps: self.agents.steps,
-            optimiser_steps: self.agents.moments.steps,
-            progress: self.progress.clone(),
-            crc32: checksum(bytes.into_iter()),
-        };
-        let mut views = Vec::new();
-        for ((name, table), bytes) in TABLES.iter().zip(self.tables()).zip(bytes) {
-            views.push((*name, TensorView::new(Dtype::F32, vec![table.len(), table.width()], bytes)?));
-        }
-        let metadata = HashMap::from([("checkpoint".to_owned(), serde_json::to_string(&about)?)]);
-        let file = safetensors::serialize(views, Some(metadata))?;
-        write_atomically(&folder.join(format!("step_{:012}.{EXTENSION}", self.agents.steps)), &file)?;
-        let all = list(folder)?;
-        for old in &all[..all.len().saturating_sub(KEPT)] {
-            std::fs::remove_file(old).with_context(|| format!("{}: cannot be removed", old.display()))?;
-        }
-        Ok(())
-    }
-
     /// Reads the newest checkpoint of `folder`, if there is one; a damaged one is an error that tells the way out.
     pub fn read_newest(folder: &Path) -> Result<Option<Checkpoint>> {
         let Some(newest) = list(folder)?.pop() else { return Ok(None) };
@@ -151,6 +152,11 @@ mod tests {
         Checkpoint { agents, progress: Progress { periods_done: 2, file_lengths, elapsed_s: 1.5 } }
     }
 
+    fn save(steps: u64, folder: &Path) {
+        let Checkpoint { agents, progress } = checkpoint(steps);
+        write(folder, &agents, progress).unwrap();
+    }
+
     fn error_of(folder: &Path) -> String {
         format!("{:#}", Checkpoint::read_newest(folder).unwrap_err())
     }
@@ -160,7 +166,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         assert_eq!(Checkpoint::read_newest(&dir.path().join("none")).unwrap(), None);
         for steps in [900, 1_000, 20_000, 300_000, 4_000_000] {
-            checkpoint(steps).write(dir.path()).unwrap();
+            save(steps, dir.path());
         }
         assert_eq!(Checkpoint::read_newest(dir.path()).unwrap(), Some(checkpoint(4_000_000)));
         assert_eq!(list(dir.path()).unwrap().len(), KEPT);
@@ -169,7 +175,7 @@ mod tests {
     #[test]
     fn damage_is_found_and_the_file_is_named() {
         let dir = tempfile::tempdir().unwrap();
-        checkpoint(128).write(dir.path()).unwrap();
+        save(128, dir.path());
         let path = list(dir.path()).unwrap().pop().unwrap();
         let whole = std::fs::read(&path).unwrap();
 

@@ -65,12 +65,17 @@ pub fn append(path: &Path, header: &[String], lines: &[Vec<String>]) -> Result<(
 
 /// Writes a file beside its place and moves it there: readers see the old one or the new one, whole.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
-    let failed = || format!("{}: cannot be written", path.display());
+    write_beside(path, |beside| Ok(fs::write(beside, bytes)?))
+}
+
+/// As [`write_atomically`], for a `write` that makes the file itself.
+pub fn write_beside(path: &Path, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
     let beside = path.with_extension("part");
-    let mut file = File::create(&beside).with_context(failed)?;
-    let written = file.write_all(bytes).and_then(|()| file.sync_all());
-    written.inspect_err(|_| drop(fs::remove_file(&beside))).with_context(failed)?;
-    fs::rename(&beside, path).with_context(failed)
+    let kept = write(&beside).and_then(|()| Ok(File::open(&beside)?.sync_all()?));
+    let moved = kept.and_then(|()| Ok(fs::rename(&beside, path)?));
+    moved
+        .inspect_err(|_| drop(fs::remove_file(&beside)))
+        .with_context(|| format!("{}: cannot be written", path.display()))
 }
 
 #[cfg(test)]

@@ -2,9 +2,10 @@
 
 use anyhow::{Result, bail};
 
-use super::answers::{AipTraining, PolicyTraining};
+use super::answers::PolicyTraining;
 use super::state::AgentsState;
 use crate::base::Rows;
+use crate::influence::AipLoss;
 
 /// An error that names the first agent whose policy is no network any more.
 pub fn check_policies(training: &PolicyTraining, state: &AgentsState) -> Result<()> {
@@ -24,14 +25,14 @@ pub fn check_policies(training: &PolicyTraining, state: &AgentsState) -> Result<
 }
 
 /// The same of the AIPs.
-pub fn check_aips(steps: u64, training: &AipTraining) -> Result<()> {
-    for (agent, loss) in training.losses.iter().enumerate() {
+pub fn check_aips(agents: &AgentsState, losses: &[AipLoss]) -> Result<()> {
+    for (agent, loss) in losses.iter().enumerate() {
         if !loss.training.iter().chain(&loss.held_out).flatten().all(|loss| loss.is_finite()) {
-            return diverged("AIP", agent, "a loss", steps, "aip.learning_rate");
+            return diverged("AIP", agent, "a loss", agents.steps, "aip.learning_rate");
         }
     }
-    match first_bad_row(&training.parameters) {
-        Some(agent) => diverged("AIP", agent, "a parameter", steps, "aip.learning_rate"),
+    match first_bad_row(&agents.aips) {
+        Some(agent) => diverged("AIP", agent, "a parameter", agents.steps, "aip.learning_rate"),
         None => Ok(()),
     }
 }

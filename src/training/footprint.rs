@@ -9,11 +9,16 @@ use serde::{Deserialize, Serialize};
 pub struct Footprint {
     /// The most resident memory it ever had, shared libraries counted in full.
     pub peak_rss_kib: u64,
-    /// Its proportional share now: shared pages count once among those who share them, so these add up.
+    /// Its proportional share: shared pages count once among those who share them, so these add up.
     pub pss_kib: u64,
 }
 
 impl Footprint {
+    /// The larger of each figure.
+    pub fn max(self, other: Footprint) -> Footprint {
+        Footprint { peak_rss_kib: self.peak_rss_kib.max(other.peak_rss_kib), pss_kib: self.pss_kib.max(other.pss_kib) }
+    }
+
     pub fn of_this_process() -> Self {
         Footprint {
             peak_rss_kib: field("/proc/self/status", "VmHWM:"),

@@ -4,7 +4,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::answers::{AipTraining, FleetLoad, PolicyTraining, WorkerLoad};
+use super::answers::{FleetLoad, PolicyTraining, WorkerLoad};
 use super::fleet::Fleet;
 use super::footprint::Footprint;
 use super::observer::Observer;
@@ -14,12 +14,12 @@ use crate::base::AgentId;
 use crate::config::{Config, Period};
 use crate::domain::{Domain, Result};
 use crate::evaluation::Evaluation;
-use crate::influence::Dataset;
-use crate::policy::JointPolicy;
+use crate::influence::{AipLoss, Dataset};
 
 /// All agents in this process.
 pub struct InlineFleet {
     worker: Worker,
+    agents: AgentsState,
     domain: Arc<dyn Domain>,
     config: Config,
     observer: Rc<dyn Observer>,
@@ -29,44 +29,50 @@ pub struct InlineFleet {
 impl InlineFleet {
     pub fn new(domain: Arc<dyn Domain>, config: &Config, observer: Rc<dyn Observer>) -> Self {
         let worker = Worker::new(domain.clone(), config, AgentId::all(domain.agents()));
-        InlineFleet { worker, domain, config: config.clone(), observer, at_work: Duration::ZERO }
+        let agents = worker.state();
+        InlineFleet { worker, agents, domain, config: config.clone(), observer, at_work: Duration::ZERO }
     }
 
-    fn work<T>(&mut self, order: impl FnOnce(&mut Worker, &dyn Observer) -> T) -> T {
+    fn work<T>(&mut self, order: impl FnOnce(&mut Worker, &AgentsState, &dyn Observer) -> T) -> T {
         let begun = Instant::now();
-        let answer = order(&mut self.worker, &*self.observer);
+        let answer = order(&mut self.worker, &self.agents, &*self.observer);
         self.at_work += begun.elapsed();
         answer
     }
 }
 
 impl Fleet for InlineFleet {
-    fn collect_datasets(&mut self, policies: &JointPolicy, period: &Period) -> Result<Vec<Dataset>> {
-        let episodes = 0..self.config.dataset_episodes(self.domain.spec().horizon);
-        self.work(|worker, observer| worker.collect(policies, period, episodes, observer))
+    fn agents(&self) -> &AgentsState {
+        &self.agents
     }
 
-    fn train_aips(&mut self, datasets: Vec<Dataset>, period: &Period) -> Result<AipTraining> {
-        Ok(self.work(|worker, observer| worker.train_aips(&datasets, period, observer)))
+    fn restore(&mut self, agents: AgentsState) -> Result<()> {
+        self.worker.restore(&agents);
+        self.agents = agents;
+        Ok(())
     }
 
-    fn train_policies(&mut self, period: &Period) -> Result<PolicyTraining> {
-        self.work(|worker, observer| worker.train_policies(period, observer))
-    }
-
-    fn evaluate(&mut self, policies: &JointPolicy) -> Result<Evaluation> {
+    fn evaluate(&mut self) -> Result<Evaluation> {
         let episodes = 0..self.config.evaluation.episodes;
-        let reports = self.work(|worker, observer| worker.evaluate(policies, episodes, observer))?;
+        let reports = self.work(|worker, agents, observer| worker.evaluate(&agents.policies, episodes, observer))?;
         Ok(Evaluation::new(&*self.domain, &reports))
     }
 
-    fn state(&mut self) -> Result<AgentsState> {
-        Ok(self.worker.state())
+    fn collect_datasets(&mut self, period: &Period) -> Result<Vec<Dataset>> {
+        let episodes = 0..self.config.dataset_episodes(self.domain.spec().horizon);
+        self.work(|worker, agents, observer| worker.collect(&agents.policies, period, episodes, observer))
     }
 
-    fn restore(&mut self, state: &AgentsState) -> Result<()> {
-        self.worker.restore(state);
-        Ok(())
+    fn train_aips(&mut self, datasets: Vec<Dataset>, period: &Period) -> Result<Vec<AipLoss>> {
+        let losses = self.work(|worker, _, observer| worker.train_aips(&datasets, period, observer));
+        self.agents.aips = self.worker.aips();
+        Ok(losses)
+    }
+
+    fn train_policies(&mut self, period: &Period) -> Result<PolicyTraining> {
+        let training = self.work(|worker, _, observer| worker.train_policies(period, observer))?;
+        self.agents = self.worker.state();
+        Ok(training)
     }
 
     fn take_load(&mut self) -> FleetLoad {

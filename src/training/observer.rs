@@ -1,8 +1,8 @@
 //! Who watches a run, and may ask it to stop.
 
-use super::answers::AipTraining;
 use crate::base::Phase;
 use crate::evaluation::Evaluation;
+use crate::influence::AipLoss;
 
 /// Hears of the work as it goes on.
 pub trait Observer {
@@ -14,7 +14,7 @@ pub trait Observer {
 
     fn evaluated(&self, _steps: u64, _evaluation: &Evaluation) {}
 
-    fn aips_trained(&self, _steps: u64, _training: &AipTraining) {}
+    fn aips_trained(&self, _steps: u64, _losses: &[AipLoss]) {}
 
     /// A worker was lost and started again.
     fn worker_lost(&self, _message: &str) {}

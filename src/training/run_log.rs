@@ -23,18 +23,18 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
 
-use super::answers::{AipTraining, FleetLoad, PolicyTraining};
-use super::checkpoint::{Checkpoint, Progress};
+use super::answers::{FleetLoad, PolicyTraining};
+use super::checkpoint::{self, Checkpoint, Progress};
 use super::files::{self, append, cut, lock, write_atomically};
 use super::finite::{check_aips, check_policies};
 use super::fleet::Fleet;
 use super::observer::{Interrupted, Observer};
-use super::state::AgentsState;
 use super::tables::{
     AIP_COLUMNS, Line, MEMORY_COLUMNS, Wall, aip_lines, evaluation_header, evaluation_lines, memory_lines,
     timing_header, timing_lines, training_header, training_lines,
 };
 use crate::evaluation::Evaluation;
+use crate::influence::AipLoss;
 use crate::nn::{Layout, write_stack};
 
 /// Writes a run down.
@@ -97,37 +97,35 @@ impl RunLog {
         self.periods_done
     }
 
-    /// Puts the fleet where the run stands and returns the state of its agents.
-    pub fn begin(&mut self, fleet: &mut dyn Fleet) -> Result<AgentsState> {
-        match self.resume_from.take() {
-            None => fleet.state(),
-            Some(checkpoint) => {
-                fleet.restore(&checkpoint.agents)?;
-                Ok(checkpoint.agents)
-            }
-        }
+    /// Puts the fleet where the run stands.
+    pub fn begin(&mut self, fleet: &mut dyn Fleet) -> Result<()> {
+        self.resume_from.take().map_or(Ok(()), |checkpoint| fleet.restore(checkpoint.agents))
     }
 
     /// An evaluation of the joint policy.
-    pub fn evaluated(&mut self, steps: u64, evaluation: &Evaluation) -> Result<()> {
+    pub fn evaluated(&mut self, fleet: &dyn Fleet, evaluation: &Evaluation) -> Result<()> {
+        let steps = fleet.agents().steps;
         self.append(files::RETURNS, &evaluation_header(evaluation), &evaluation_lines(steps, evaluation))?;
         self.observer.evaluated(steps, evaluation);
         Ok(())
     }
 
-    /// A training of the AIPs. Where it diverged nothing is written.
-    pub fn aips_trained(&mut self, steps: u64, training: &AipTraining) -> Result<()> {
-        check_aips(steps, training)?;
-        self.append(files::AIP_LOSS, &AIP_COLUMNS.map(str::to_owned), &aip_lines(steps, training))?;
-        let stack = write_stack(&self.layouts.aips, &training.parameters, &about(steps))?;
+    /// A training of the AIPs. What has diverged is an error and is not written.
+    pub fn aips_trained(&mut self, fleet: &dyn Fleet, losses: &[AipLoss]) -> Result<()> {
+        let agents = fleet.agents();
+        check_aips(agents, losses)?;
+        self.append(files::AIP_LOSS, &AIP_COLUMNS.map(str::to_owned), &aip_lines(agents.steps, losses))?;
+        let stack = write_stack(&self.layouts.aips, &agents.aips, &about(agents.steps))?;
         write_atomically(&self.dir.join(files::AIPS), &stack)?;
-        self.observer.aips_trained(steps, training);
+        self.observer.aips_trained(agents.steps, losses);
         Ok(())
     }
 
-    /// A period of training is over and `agents` is what came of it. Writes a checkpoint, and stops the run here if
-    /// somebody asked for that. Where learning diverged nothing is written.
-    pub fn period_done(&mut self, training: &PolicyTraining, agents: &AgentsState, load: FleetLoad) -> Result<()> {
+    /// A period of training is over. Writes a checkpoint, and stops the run here if somebody asked for that. What has
+    /// diverged is an error and is not written.
+    pub fn period_done(&mut self, fleet: &mut dyn Fleet, training: &PolicyTraining) -> Result<()> {
+        let load = fleet.take_load();
+        let agents = fleet.agents();
         check_policies(training, agents)?;
         self.append(files::TRAINING, &training_header(training), &training_lines(agents.steps, training))?;
         let stack = write_stack(&self.layouts.policies, &agents.policies, &about(agents.steps))?;
@@ -139,7 +137,7 @@ impl RunLog {
             file_lengths: self.file_lengths()?,
             elapsed_s: (self.elapsed_before + self.begun.elapsed()).as_secs_f64(),
         };
-        Checkpoint { agents: agents.clone(), progress }.write(&self.dir.join(files::CHECKPOINTS))?;
+        checkpoint::write(&self.dir.join(files::CHECKPOINTS), agents, progress)?;
         if self.observer.stop_requested() {
             return Err(Interrupted.into());
         }
@@ -147,8 +145,9 @@ impl RunLog {
     }
 
     /// The last evaluation is over.
-    pub fn finished(&mut self, steps: u64, load: FleetLoad) -> Result<()> {
-        self.append_load(steps, load)
+    pub fn finished(&mut self, fleet: &mut dyn Fleet) -> Result<()> {
+        let load = fleet.take_load();
+        self.append_load(fleet.agents().steps, load)
     }
 
     fn append_load(&mut self, steps: u64, load: FleetLoad) -> Result<()> {
@@ -189,21 +188,57 @@ fn about(steps: u64) -> HashMap<String, String> {
 mod tests {
     use super::*;
     use crate::base::Rows;
+    use crate::config::Period;
     use crate::influence::AipLoss;
+    use crate::influence::Dataset;
     use crate::nn::Moments;
     use crate::training::answers::AgentTraining;
     use crate::training::observer::Silent;
     use crate::training::ppo::{Decayed, Losses};
+    use crate::training::state::AgentsState;
+
+    /// A fleet whose agents have become this; it does no work.
+    struct Resting(AgentsState);
+
+    impl Fleet for Resting {
+        fn agents(&self) -> &AgentsState {
+            &self.0
+        }
+
+        fn restore(&mut self, _agents: AgentsState) -> Result<()> {
+            unreachable!("a test of the log orders nothing")
+        }
+
+        fn evaluate(&mut self) -> Result<Evaluation> {
+            unreachable!("a test of the log orders nothing")
+        }
+
+        fn collect_datasets(&mut self, _period: &Period) -> Result<Vec<Dataset>> {
+            unreachable!("a test of the log orders nothing")
+        }
+
+        fn train_aips(&mut self, _datasets: Vec<Dataset>, _period: &Period) -> Result<Vec<AipLoss>> {
+            unreachable!("a test of the log orders nothing")
+        }
+
+        fn train_policies(&mut self, _period: &Period) -> Result<PolicyTraining> {
+            unreachable!("a test of the log orders nothing")
+        }
+
+        fn take_load(&mut self) -> FleetLoad {
+            FleetLoad::default()
+        }
+    }
 
     /// Two agents with a policy of two parameters each, and what a period brought them.
-    fn period(policy: [f32; 4], value_loss: f64) -> (PolicyTraining, AgentsState) {
+    fn period(policy: [f32; 4], value_loss: f64) -> (PolicyTraining, Resting) {
         let losses = [0.0, value_loss].map(|value| Losses { value, ..Losses::default() });
         let agents = losses.map(|losses| AgentTraining { mean_return: None, episodes: 0, losses });
         let decayed = Decayed { learning_rate: 1e-3, clip: 0.1 };
         let table = |values: &[f32]| Rows::from_vec(values.to_vec(), 2);
         let moments = Moments { first: table(&[0.0; 4]), second: table(&[0.0; 4]), steps: 1 };
         let state = AgentsState { steps: 128, policies: table(&policy), moments, aips: table(&[0.0; 4]) };
-        (PolicyTraining { agents: agents.to_vec(), counters: Vec::new(), decayed }, state)
+        (PolicyTraining { agents: agents.to_vec(), counters: Vec::new(), decayed }, Resting(state))
     }
 
     fn contents(dir: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
@@ -218,8 +253,8 @@ mod tests {
         let layout = || Layout::new(vec![("w".to_owned(), vec![2])]);
         let layouts = Layouts { policies: layout(), aips: layout() };
         let mut log = RunLog::create(dir.path(), layouts, Rc::new(Silent)).unwrap();
-        let (training, state) = period([1.0, 2.0, 3.0, 4.0], 0.5);
-        log.period_done(&training, &state, FleetLoad::default()).unwrap();
+        let (training, mut fleet) = period([1.0, 2.0, 3.0, 4.0], 0.5);
+        log.period_done(&mut fleet, &training).unwrap();
         let good = contents(dir.path());
         assert!(good.keys().any(|path| path.ends_with(files::POLICIES)) && good.len() >= 4);
         for ((policy, loss), what) in [
@@ -227,8 +262,8 @@ mod tests {
             (([1.0, 2.0, 3.0, f32::INFINITY], 0.5), "a parameter"),
             (([1.0, 2.0, 3.0, 4.0], f64::NAN), "a loss"),
         ] {
-            let (training, state) = period(policy, loss);
-            let error = log.period_done(&training, &state, FleetLoad::default()).unwrap_err().to_string();
+            let (training, mut fleet) = period(policy, loss);
+            let error = log.period_done(&mut fleet, &training).unwrap_err().to_string();
             assert!(error.starts_with("agent 1: its policy diverged before step 128: "), "{error}");
             assert!(error.contains(what) && error.contains("lower ppo.learning_rate"), "{error}");
             assert!(contents(dir.path()) == good);
@@ -239,8 +274,8 @@ mod tests {
             marginals: vec![0.1],
             frequencies: vec![0.5],
         };
-        let parameters = Rows::from_vec(vec![0.0, 0.0, 0.0, f32::NAN], 2);
-        let error = log.aips_trained(128, &AipTraining { losses: vec![loss; 2], parameters }).unwrap_err().to_string();
+        fleet.0.aips = Rows::from_vec(vec![0.0, 0.0, 0.0, f32::NAN], 2);
+        let error = log.aips_trained(&fleet, &[loss.clone(), loss]).unwrap_err().to_string();
         assert!(error.starts_with("agent 1: its AIP diverged") && error.contains("aip.learning_rate"), "{error}");
         assert!(contents(dir.path()) == good);
     }

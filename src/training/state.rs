@@ -48,6 +48,16 @@ impl AgentsState {
         }
     }
 
+    /// Takes over the state of the agents from `first` on, one after another.
+    pub fn replace(&mut self, first: usize, part: &AgentsState) {
+        self.steps = part.steps;
+        self.moments.steps = part.moments.steps;
+        self.policies.replace(first, &part.policies);
+        self.moments.first.replace(first, &part.moments.first);
+        self.moments.second.replace(first, &part.moments.second);
+        self.aips.replace(first, &part.aips);
+    }
+
     /// The state of all agents, from those of some, in order.
     pub fn joined(parts: Vec<AgentsState>) -> AgentsState {
         let join = |mut whole: AgentsState, next: AgentsState| {
@@ -79,5 +89,9 @@ mod tests {
         assert_eq!((first.agents(), first.moments.second.row(0)), (1, &[20.0, 21.0][..]));
         assert_eq!(AgentsState::joined(vec![first, whole.share(1..3)]), whole);
         assert_eq!(AgentsState::joined(vec![]).agents(), 0);
+        let mut replaced = whole.clone();
+        replaced.replace(1, &whole.share(0..2));
+        assert_eq!(replaced.share(1..3), whole.share(0..2));
+        assert_eq!(replaced.share(0..1), whole.share(0..1));
     }
 }

@@ -2,11 +2,12 @@
 
 use std::time::Duration;
 
-use super::answers::{AipTraining, FleetLoad, PolicyTraining};
+use super::answers::{FleetLoad, PolicyTraining};
 use super::footprint::Footprint;
 use super::ppo::Losses;
 use crate::base::{Phase, Stopwatch};
 use crate::evaluation::{Evaluation, Summary};
+use crate::influence::AipLoss;
 
 /// A line of a CSV file, one string per column.
 pub type Line = Vec<String>;
@@ -55,14 +56,14 @@ pub const AIP_COLUMNS: [&str; 9] = [
 ];
 
 /// A line for the mean of all agents and sources, then per agent one for the mean of its sources and one per source.
-pub fn aip_lines(steps: u64, training: &AipTraining) -> Vec<Line> {
+pub fn aip_lines(steps: u64, losses: &[AipLoss]) -> Vec<Line> {
     let mut of_agents: Vec<[f64; 6]> = Vec::new();
     let mut lines = Vec::new();
     let line = |agent: &str, source: &str, values: &[f64; 6]| -> Line {
         let keys = [steps.to_string(), agent.to_owned(), source.to_owned()];
         keys.into_iter().chain(values.map(|value| format!("{value:.5}"))).collect()
     };
-    for (agent, loss) in training.losses.iter().enumerate() {
+    for (agent, loss) in losses.iter().enumerate() {
         let of_sources: Vec<[f64; 6]> = (0..loss.marginals.len())
             .map(|source| {
                 let [training, held_out] = [&loss.training, &loss.held_out];

@@ -7,17 +7,17 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::answers::{AipTraining, PolicyTraining};
-use super::block::{AgentBlock, agents_per_block, initial_policies};
+use super::answers::PolicyTraining;
+use super::block::{AgentBlock, agents_per_block};
 use super::collect::collect_episode;
 use super::observer::Observer;
 use super::state::AgentsState;
-use crate::base::{AgentId, Phase, Seed, Stopwatch};
+use crate::base::{AgentId, Phase, Rows, Seed, Stopwatch};
 use crate::config::{Config, Period};
 use crate::domain::{Domain, Result};
 use crate::evaluation::{EpisodeReport, episode_seed, play};
-use crate::influence::Dataset;
-use crate::policy::{JointPolicy, JointPolicyController, Selection};
+use crate::influence::{AipLoss, Dataset};
+use crate::policy::{JointPolicy, JointPolicyController, PolicyStack, Selection};
 
 pub struct Worker {
     domain: Arc<dyn Domain>,
@@ -105,17 +105,24 @@ impl Worker {
     }
 
     /// Trains the AIPs of this worker's agents; `datasets`: theirs.
-    pub fn train_aips(&mut self, datasets: &[Dataset], period: &Period, observer: &dyn Observer) -> AipTraining {
+    pub fn train_aips(&mut self, datasets: &[Dataset], period: &Period, observer: &dyn Observer) -> Vec<AipLoss> {
         let count = self.blocks.len() as f64;
         let mut rest = datasets;
-        let mut parts = Vec::new();
+        let mut losses = Vec::new();
         for (done, block) in self.blocks.iter_mut().enumerate() {
             let (theirs, others) = rest.split_at(block.agents());
             rest = others;
             let progress = &mut |share| observer.busy(Phase::AipTraining, (done as f64 + share) / count);
-            parts.push(block.train_aips(theirs, period, &mut self.watch, progress));
+            losses.extend(block.train_aips(theirs, period, &mut self.watch, progress));
         }
-        AipTraining::joined(parts)
+        losses
+    }
+
+    /// The AIPs of its agents, one row each.
+    pub fn aips(&self) -> Rows<f32> {
+        let mut aips = Rows::new(0, self.blocks.first().map_or(1, |block| block.aips().width()));
+        self.blocks.iter().for_each(|block| aips.extend(&block.aips().to_rows()));
+        aips
     }
 
     /// Trains the policies of its agents until the end of the period, block after block.
@@ -131,8 +138,9 @@ impl Worker {
         Ok(PolicyTraining::joined(parts))
     }
 
+    /// All agents' policies, ready to act.
     fn controller(&self, policies: &JointPolicy) -> JointPolicyController {
-        let everybody = initial_policies(&*self.domain, &self.config, &AgentId::all(self.domain.agents()));
+        let everybody = PolicyStack::blank(self.domain.agents(), self.domain.spec(), &self.config.policy);
         JointPolicyController::new(everybody, policies, Selection::Sampled)
     }
 }
