@@ -97,7 +97,8 @@ impl Progress {
     fn message(&self, steps: u64) -> String {
         let rate = self.rate.borrow();
         let mut parts = Vec::new();
-        if !rate.trained.is_zero() {
+        // Two reports in a row may tell of the same step: that of the slowest worker.
+        if rate.steps > 0 && !rate.trained.is_zero() {
             let per_second = rate.steps as f64 / rate.trained.as_secs_f64();
             parts.push(format!("{:.0} agent-steps/s", per_second * self.agents as f64));
             let left = self.last_step.saturating_sub(steps) as f64 / per_second;
@@ -227,5 +228,17 @@ mod tests {
         assert_eq!(duration(Duration::from_secs(42)), "42 s");
         assert_eq!(duration(Duration::from_secs(200)), "3 min 20 s");
         assert_eq!(duration(Duration::from_secs(7500)), "2 h 5 min");
+    }
+
+    #[test]
+    fn the_same_step_twice_in_a_row_is_no_reason_to_guess_the_time_left() {
+        let config: Config = toml::from_str("warehouse = { agents_per_side = 2 }").unwrap();
+        let progress = Progress::new(&config, 4).unwrap();
+        progress.trained(128);
+        std::thread::sleep(Duration::from_millis(1));
+        progress.trained(128);
+        assert_eq!(progress.message(128), "");
+        progress.trained(256);
+        assert!(progress.message(256).contains("agent-steps/s, "), "{}", progress.message(256));
     }
 }
