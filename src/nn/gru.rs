@@ -13,20 +13,19 @@
 use multiversion::multiversion;
 use tch::{Device, Kind, Tensor};
 
+use super::Parameters;
 use super::activations::{sigmoid, tanh};
 use super::convert::{tensor_to_slice, tensor_to_slice_mut};
+use super::product::affine;
 use super::states::States;
 
-/// The weights of a stack, or their gradients: views of its parameters.
-pub struct GruWeights {
-    /// `[agents, in, 3 hidden]`, in the order r, z, n.
-    pub input: Tensor,
-    /// `[agents, hidden, 3 hidden]`
-    pub state: Tensor,
-    /// `[agents, 1, 3 hidden]`
-    pub input_bias: Tensor,
-    pub state_bias: Tensor,
-}
+/// The first blocks of the parameters of a network with a GRU: `[in, 3 hidden]`, `[hidden, 3 hidden]` and twice
+/// `[1, 3 hidden]`, each in the order r, z, n.
+const INPUT: usize = 0;
+const STATE: usize = 1;
+const INPUT_BIAS: usize = 2;
+const STATE_BIAS: usize = 3;
+pub const BLOCKS: usize = 4;
 
 /// What the backward pass needs of a forward pass.
 pub struct GruTrace {
@@ -70,20 +69,20 @@ fn at_step(table: &Tensor, shape: SequenceShape, step: usize) -> Tensor {
     table.narrow(1, (step * shape.batch) as i64, shape.batch as i64)
 }
 
-/// Runs the unit over sequences.
+/// Runs the units over sequences.
 ///
 /// `inputs`: `[agents, steps x batch, in]`; `states`: one row per (agent, sequence), before the first step; `starts`: one
 /// per row of `inputs`, whether an episode begins with this step.
 pub fn forward(
-    weights: &GruWeights,
+    parameters: &Parameters,
     inputs: Tensor,
     shape: SequenceShape,
     states: &States,
     starts: &[bool],
 ) -> GruTrace {
-    let hidden = weights.state.size()[1] as usize;
+    let hidden = parameters.block_range(STATE_BIAS).len() / 3;
     let rows = shape.steps * shape.batch;
-    let from_inputs = weights.input_bias.baddbmm(&inputs, &weights.input, 1, 1); // [agents, steps x batch, 3 hidden]
+    let from_inputs = affine(parameters, &inputs, INPUT, INPUT_BIAS); // [agents, steps x batch, 3 hidden]
     let (mut before, mut outputs) = (zeros(shape, rows, hidden), zeros(shape, rows, hidden));
     let mut gates = vec![0.0; shape.agents * rows * 4 * hidden];
     for step in 0..shape.steps {
@@ -104,7 +103,7 @@ pub fn forward(
             }
         }
         // [agents, batch, 3 hidden]
-        let from_state = weights.state_bias.baddbmm(&at_step(&before, shape, step), &weights.state, 1, 1);
+        let from_state = affine(parameters, &at_step(&before, shape, step), STATE, STATE_BIAS);
         let (from_inputs, from_state) = (tensor_to_slice(&from_inputs), tensor_to_slice(&from_state));
         let (before, outputs) = (tensor_to_slice(&before), tensor_to_slice_mut(&mut outputs));
         for (index, (agent, sequence)) in shape.sequences().enumerate() {
@@ -146,11 +145,11 @@ fn thirds(row: &[f32], hidden: usize) -> (&[f32], &[f32], &[f32]) {
 /// Writes the gradients of all weights. `output_gradient`: of the loss by [`GruTrace::outputs`], same shape.
 ///
 /// Nothing flows from a step into the one before it where an episode begins between them, nor into the first states.
-pub fn backward(weights: &GruWeights, gradients: &GruWeights, trace: &GruTrace, output_gradient: &Tensor) {
+pub fn backward(parameters: &mut Parameters, trace: &GruTrace, output_gradient: &Tensor) {
     let shape = trace.shape;
-    let hidden = weights.state.size()[1] as usize;
+    let hidden = parameters.block_range(STATE_BIAS).len() / 3;
     let rows = shape.steps * shape.batch;
-    let state_transposed = weights.state.transpose(1, 2); // [agents, 3 hidden, hidden]
+    let state_transposed = parameters.view(STATE).transpose(1, 2); // [agents, 3 hidden, hidden]
     let mut by_input = zeros(shape, rows, 3 * hidden);
     let mut by_state = zeros(shape, rows, 3 * hidden);
     // Of the loss by the state after the step: `[agents x batch, hidden]`.
@@ -186,10 +185,11 @@ pub fn backward(weights: &GruWeights, gradients: &GruWeights, trace: &GruTrace, 
             }
         }
     }
-    let _ = trace.inputs.transpose(1, 2).bmm_out(&gradients.input, &by_input);
-    let _ = trace.before.transpose(1, 2).bmm_out(&gradients.state, &by_state);
-    for (bias, gradient) in [(&gradients.input_bias, &by_input), (&gradients.state_bias, &by_state)] {
-        let _ = gradient.sum_intlist_out(bias, Some([1_i64].as_slice()), true, Kind::Float);
+    let _ = trace.inputs.transpose(1, 2).bmm_out(&parameters.gradient_view(INPUT), &by_input);
+    let _ = trace.before.transpose(1, 2).bmm_out(&parameters.gradient_view(STATE), &by_state);
+    for (bias, gradient) in [(INPUT_BIAS, &by_input), (STATE_BIAS, &by_state)] {
+        let bias = parameters.gradient_view(bias);
+        let _ = gradient.sum_intlist_out(&bias, Some([1_i64].as_slice()), true, Kind::Float);
     }
 }
 

@@ -16,6 +16,7 @@ mod convert;
 mod gru;
 mod net;
 mod parameters;
+mod product;
 mod stack_file;
 mod states;
 

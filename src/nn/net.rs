@@ -3,7 +3,8 @@
 use rand::Rng;
 use tch::{Kind, Tensor};
 
-use super::gru::{self, GruTrace, GruWeights, SequenceShape};
+use super::gru::{self, GruTrace, SequenceShape};
+use super::product::affine;
 use super::states::States;
 use super::{Layout, Parameters, rows_to_tensor, tensor_to_slice};
 use crate::base::{AgentId, Rows, Seed};
@@ -156,12 +157,12 @@ impl Net {
     pub fn forward(&self, inputs: &Rows<f32>, sequences: &Sequences<'_>) -> Trace {
         let agents = self.parameters.agents();
         let inputs = rows_to_tensor(inputs, agents);
-        let (gru, mut hidden) = match self.gru_weights(|block| self.parameters.view(block)) {
+        let (gru, mut hidden) = match self.shape.recurrent {
             None => (None, inputs),
-            Some(weights) => {
+            Some(_) => {
                 let rows = inputs.size()[1] as usize;
                 let shape = SequenceShape { agents, steps: sequences.steps, batch: rows / sequences.steps };
-                let trace = gru::forward(&weights, inputs, shape, sequences.states, sequences.starts);
+                let trace = gru::forward(&self.parameters, inputs, shape, sequences.states, sequences.starts);
                 let outputs = trace.outputs.shallow_clone();
                 (Some(trace), outputs)
             }
@@ -170,8 +171,7 @@ impl Net {
         let mut trace = Vec::with_capacity(layers);
         for layer in 0..layers {
             let block = self.first_layer() + 2 * layer;
-            let (weight, bias) = (self.parameters.view(block), self.parameters.view(block + 1));
-            let mut next = bias.baddbmm(&hidden, &weight, 1, 1); // [agents, rows, out]
+            let mut next = affine(&self.parameters, &hidden, block, block + 1); // [agents, rows, out]
             if layer + 1 < layers {
                 let _ = next.relu_();
             }
@@ -204,20 +204,13 @@ impl Net {
             }
         }
         if let Some(gru_trace) = &trace.gru {
-            let weights = self.gru_weights(|block| self.parameters.view(block)).expect("the trace is of this network");
-            let gradients = self.gru_weights(|block| self.parameters.gradient_view(block)).expect("as above");
-            gru::backward(&weights, &gradients, gru_trace, &gradient);
+            gru::backward(&mut self.parameters, gru_trace, &gradient);
         }
-    }
-
-    fn gru_weights(&self, view: impl Fn(usize) -> Tensor) -> Option<GruWeights> {
-        self.shape.recurrent?;
-        Some(GruWeights { input: view(0), state: view(1), input_bias: view(2), state_bias: view(3) })
     }
 
     /// The block of the first linear layer's weight.
     fn first_layer(&self) -> usize {
-        if self.shape.recurrent.is_some() { 4 } else { 0 }
+        if self.shape.recurrent.is_some() { gru::BLOCKS } else { 0 }
     }
 }
 
@@ -396,9 +389,14 @@ mod tests {
         let agents = [AgentId(4), AgentId(0), AgentId(9)];
         let traffic = feed_forward(&[40, 256, 128, 3]);
         let warehouse = Shape { inputs: 37, recurrent: Some(256), hidden: vec![128], outputs: 5 };
-        for (shape, steps, batch) in
-            [(&traffic, 1, 1), (&traffic, 1, 8), (&traffic, 1, 32), (&warehouse, 1, 1), (&warehouse, 8, 4)]
-        {
+        for (shape, steps, batch) in [
+            (&traffic, 1, 1),
+            (&traffic, 1, 8),
+            (&traffic, 1, 32),
+            (&warehouse, 1, 1),
+            (&warehouse, 5, 1),
+            (&warehouse, 8, 4),
+        ] {
             let material = Material::new(shape, agents.len(), steps, batch);
             let run = |agents: &[AgentId], material: &Material| {
                 let mut net = Net::new(agents, shape.clone(), Seed::new(3));
