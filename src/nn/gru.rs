@@ -16,7 +16,7 @@ use tch::{Device, Kind, Tensor};
 use super::Parameters;
 use super::activations::{sigmoid, tanh};
 use super::convert::{tensor_to_slice, tensor_to_slice_mut};
-use super::product::affine;
+use super::product::{affine, backwards};
 use super::states::States;
 
 /// The first blocks of the parameters of a network with a GRU: `[in, 3 hidden]`, `[hidden, 3 hidden]` and twice
@@ -149,7 +149,6 @@ pub fn backward(parameters: &mut Parameters, trace: &GruTrace, output_gradient: 
     let shape = trace.shape;
     let hidden = parameters.block_range(STATE_BIAS).len() / 3;
     let rows = shape.steps * shape.batch;
-    let state_transposed = parameters.view(STATE).transpose(1, 2); // [agents, 3 hidden, hidden]
     let mut by_input = zeros(shape, rows, 3 * hidden);
     let mut by_state = zeros(shape, rows, 3 * hidden);
     // Of the loss by the state after the step: `[agents x batch, hidden]`.
@@ -172,7 +171,7 @@ pub fn backward(parameters: &mut Parameters, trace: &GruTrace, output_gradient: 
             }
         }
         if step > 0 {
-            let through_weights = at_step(&by_state, shape, step).bmm(&state_transposed); // [agents, batch, hidden]
+            let through_weights = backwards(parameters, &at_step(&by_state, shape, step), STATE); // [agents, batch, hidden]
             let through_weights = tensor_to_slice(&through_weights);
             for (index, (agent, sequence)) in shape.sequences().enumerate() {
                 let carried = &mut carried[index * hidden..(index + 1) * hidden];

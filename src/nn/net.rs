@@ -4,7 +4,7 @@ use rand::Rng;
 use tch::{Kind, Tensor};
 
 use super::gru::{self, GruTrace, SequenceShape};
-use super::product::affine;
+use super::product::{affine, backwards};
 use super::states::States;
 use super::{Layout, Parameters, rows_to_tensor, tensor_to_slice};
 use crate::base::{AgentId, Rows, Seed};
@@ -196,7 +196,7 @@ impl Net {
                 Kind::Float,
             );
             if layer > 0 || trace.gru.is_some() {
-                gradient = gradient.bmm(&self.parameters.view(block).transpose(1, 2));
+                gradient = backwards(&self.parameters, &gradient, block);
             }
             if layer > 0 {
                 // The ReLU let through what is positive after it.
