@@ -111,9 +111,12 @@ fn write_transposed_product(gradients: &[f32], weight: &[f32], out: &mut [f32], 
                 }
             }
             let rest = blocks.len() * 4 * LANES;
-            let last = weights[rest..].iter().zip(&gradients[rest..]).map(|(w, g)| w * g).sum::<f32>();
-            let [a, b, c, d] = sums.map(|lanes| lanes.iter().sum::<f32>());
-            out[k] = last + ((a + b) + (c + d));
+            let mut sum = weights[rest..].iter().zip(&gradients[rest..]).map(|(w, g)| w * g).sum::<f32>();
+            #[expect(clippy::needless_range_loop, reason = "with iterators here the loop above is not vectorised")]
+            for lane in 0..LANES {
+                sum += (sums[0][lane] + sums[1][lane]) + (sums[2][lane] + sums[3][lane]);
+            }
+            out[k] = sum;
         }
     }
 }
