@@ -10,6 +10,6 @@ mod units;
 
 pub use compact::CompactRows;
 pub use rows::Rows;
-pub use seed::{Dice, Seed};
+pub use seed::{Dice, Seed, scramble};
 pub use stopwatch::{Phase, Stopwatch};
 pub use units::AgentId;

@@ -3,7 +3,7 @@
 //! A stream moves on at every step, whether its shelf is free or not, and follows from the shelf's place in the
 //! warehouse. So an LS that draws from the streams of the GS sees the same items appear.
 
-use crate::base::Seed;
+use crate::base::{Seed, scramble};
 
 /// Probability that an item appears on a free shelf in a step (the paper).
 const APPEARANCE: f64 = 0.02;
@@ -37,12 +37,6 @@ impl Appearances {
 /// the GS's episode seed has its items, in the first episode of its first copy.
 pub fn episode(simulator: Seed, copy: usize, episode: usize) -> Seed {
     simulator.fork("items").for_copy(copy).for_episode(episode)
-}
-
-fn scramble(state: u64) -> u64 {
-    let z = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
 }
 
 #[cfg(test)]
