@@ -64,7 +64,7 @@ pub struct Train {
     /// What the policies train on; overrides the config
     #[arg(long, value_enum)]
     pub simulator: Option<Simulator>,
-    /// Run directory [default: runs/<config>-<simulator>-seed<seed>, with a number where that exists]
+    /// Run directory [default: runs/CONFIG-SIMULATOR-seedN, with a number where that exists]
     #[arg(long)]
     pub out: Option<PathBuf>,
     /// Override a key of the config, such as ppo.clip=0.2; may be given several times

@@ -2,7 +2,7 @@
 //!
 //! libsumo holds one simulation per process, so local simulators run in parallel in processes of their own. The
 //! [`ProcessFleet`] of the coordinator speaks with them through a socket that is their standard input, in the
-//! [`message`]s of this room; [`serve`] is the worker's side. A worker that is lost is started again with the state of
+//! messages of this room; [`serve`] is the worker's side. A worker that is lost is started again with the state of
 //! the last exchange and given its order again, so that a run ends with the same numbers.
 //!
 //! Only `run` opens this room. Training knows it as a [`Fleet`](crate::training::fleet::Fleet).

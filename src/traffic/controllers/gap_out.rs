@@ -6,7 +6,7 @@ use crate::traffic::grid::Side;
 use crate::traffic::region::{CELLS, OCCUPANCY};
 use crate::traffic::signals::{KEEP, Light, SWITCH};
 
-/// Switches where no car is within [`GREEN_CELLS`] before a green line and some car is within [`RED_CELLS`] before a
+/// Switches where no car is within three cells before a green line and some car is within four before a
 /// red one.
 pub struct GapOut;
 
