@@ -39,7 +39,11 @@ pub fn serve(open_domain: impl FnOnce(&Config) -> Result<Arc<dyn Domain>>) -> Re
     let Order::Begin { config_json, agents } = order else { bail!("the first order must be to begin") };
     let config: Config = serde_json::from_str(&config_json)?;
     // For the log; where that cannot be written the work goes on.
-    let _ = writeln!(std::io::stderr(), "process {} owns agents {agents:?}", std::process::id());
+    let owned = match agents.first().zip(agents.last()) {
+        Some((first, last)) => format!("owns agents {first} to {last}"),
+        None => "owns no agents and plays episodes".to_owned(),
+    };
+    let _ = writeln!(std::io::stderr(), "process {} {owned}", std::process::id());
     let mut worker = Worker::new(open_domain(&config)?, &config, agents);
     reporter.done(Answer::Ready, &mut worker)?;
     let mut policies = None;

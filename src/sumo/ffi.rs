@@ -1,5 +1,5 @@
 //! What bindgen makes of `shim/dials_sumo.h`.
 
-#![allow(dead_code, non_camel_case_types, clippy::all)]
+#![allow(dead_code, non_camel_case_types, clippy::all, reason = "bindgen writes it")]
 
 include!(concat!(env!("OUT_DIR"), "/dials_sumo.rs"));

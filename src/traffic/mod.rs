@@ -138,7 +138,7 @@ impl Domain for Traffic {
         Ok(Baseline { simulator: Box::new(self.global(control)?), controller })
     }
 
-    /// DEVIATION 11: our configs begin with a bias against switching, so that no agent gets stuck in switching always.
+    /// DEVIATION 11: our configs begin with a bias against switching, so that fewer agents get stuck in switching always.
     fn initial_action_bias(&self) -> Vec<f32> {
         vec![0.0, self.switch_bias]
     }

@@ -5,7 +5,9 @@ use super::items::{self, Appearances};
 use super::layout::Layout;
 use super::region::{self, Age, CENTRE, NEIGHBOURS, NO_ITEM, SHARED, SHELVES};
 use crate::base::{AgentId, Dice, Rows, Seed};
-use crate::domain::{Action, GlobalSimulator, InfluenceSample, Measures, Percept, RegionSpec, Result, Transition};
+use crate::domain::{
+    Action, GlobalSimulator, InfluenceSample, Measures, Percept, RegionSpec, Result, Scene, Transition,
+};
 
 /// The warehouse GS: one row per learning robot. The ring of robots around them goes for the closest item.
 pub struct GlobalWarehouse {
@@ -110,15 +112,6 @@ impl GlobalWarehouse {
         }
     }
 
-    fn add_items(&mut self) {
-        for (age, appearances) in self.ages.iter_mut().zip(&mut self.appearances) {
-            let appears = appearances.draw();
-            if *age < 0 && appears {
-                *age = 0;
-            }
-        }
-    }
-
     fn observe(&mut self) {
         for (agent, &robot) in self.layout.learners().iter().enumerate() {
             let ages = self.ages_around(robot);
@@ -148,7 +141,7 @@ impl GlobalSimulator for GlobalWarehouse {
         self.cells.fill(CENTRE);
         self.ages.fill(NO_ITEM);
         self.tally = Tally { collected: vec![0; self.agents()], ..Tally::default() };
-        self.add_items();
+        items::appear(&mut self.ages, &mut self.appearances);
         self.observe();
         Ok(&self.last.percept)
     }
@@ -164,7 +157,7 @@ impl GlobalSimulator for GlobalWarehouse {
             }
         }
         self.tally.step(&self.ages);
-        self.add_items();
+        items::appear(&mut self.ages, &mut self.appearances);
         self.observe();
         Ok(&self.last)
     }
@@ -185,7 +178,7 @@ impl GlobalSimulator for GlobalWarehouse {
         })
     }
 
-    fn scene(&self) -> Option<crate::domain::Scene> {
+    fn scene(&self) -> Option<Scene> {
         Some(super::scene::draw(self))
     }
 }

@@ -3,6 +3,7 @@
 //! A stream moves on at every step, whether its shelf is free or not, and follows from the shelf's place in the
 //! warehouse. So an LS that draws from the streams of the GS sees the same items appear.
 
+use super::region::Age;
 use crate::base::{Seed, scramble};
 
 /// Probability that an item appears on a free shelf in a step (the paper).
@@ -30,6 +31,16 @@ impl Appearances {
     /// Neighbouring shelves differ in few bits; afterwards in half of them.
     fn warmed_up(self) -> Self {
         Appearances(scramble(self.0))
+    }
+}
+
+/// Lets items appear on free shelves, also on those emptied in this step; `ages` and `appearances` shelf by shelf.
+pub fn appear(ages: &mut [Age], appearances: &mut [Appearances]) {
+    for (age, appearances) in ages.iter_mut().zip(appearances) {
+        let appears = appearances.draw();
+        if *age < 0 && appears {
+            *age = 0;
+        }
     }
 }
 

@@ -65,7 +65,7 @@ impl LocalSimulator for LocalWarehouse {
             self.cells[row] = CENTRE;
             self.ages[row] = [NO_ITEM; SHELVES];
             self.appearances[row] = self.places[row].map(|(y, x)| Appearances::of_shelf(episode, y, x));
-            add_items(&mut self.ages[row], &mut self.appearances[row]);
+            items::appear(&mut self.ages[row], &mut self.appearances[row]);
             self.observe(row);
         }
         Ok(&self.last.percept)
@@ -86,7 +86,7 @@ impl LocalSimulator for LocalWarehouse {
                     ages[shared[usize::from(class) - 1]] = NO_ITEM;
                 }
             }
-            add_items(ages, &mut self.appearances[row]);
+            items::appear(ages, &mut self.appearances[row]);
             self.observe(row);
         }
         Ok(&self.last)
@@ -94,15 +94,5 @@ impl LocalSimulator for LocalWarehouse {
 
     fn counters(&self) -> Vec<(&'static str, u64)> {
         Vec::new()
-    }
-}
-
-/// Lets items appear on the free shelves, also on those emptied in this step.
-fn add_items(ages: &mut [Age; SHELVES], appearances: &mut [Appearances; SHELVES]) {
-    for (age, appearances) in ages.iter_mut().zip(appearances) {
-        let appears = appearances.draw();
-        if *age < 0 && appears {
-            *age = 0;
-        }
     }
 }
