@@ -4,7 +4,7 @@ use super::{InfluencePredictor, sources};
 use crate::base::{AgentId, Dice, Rows, Seed};
 use crate::config::AipConfig;
 use crate::domain::{RegionSpec, SourceSpec};
-use crate::nn::{Net, Parameters, Sequences, Shape, States, Trace};
+use crate::nn::{Adam, Learner, Net, Parameters, Shape, States};
 
 /// One AIP per agent: d-set -> GRU, if any -> hidden layers -> logits of the influence sources.
 ///
@@ -50,22 +50,15 @@ impl AipStack {
         &self.net
     }
 
-    pub(super) fn net_mut(&mut self) -> &mut Net {
-        &mut self.net
-    }
-
-    /// Runs over sequences that begin with episodes. `d_sets`: rows ordered agent, step, sequence; the trace holds
-    /// logits in the same order.
-    pub(super) fn forward(&self, d_sets: &Rows<f32>, steps: usize) -> Trace {
-        let states = self.net.states(d_sets.len() / steps);
-        let starts = vec![false; d_sets.len()];
-        self.net.forward(&scaled(d_sets), &Sequences { steps, states: &states, starts: &starts })
+    /// Every agent's AIP with its part of the optimiser, for `steps` gradient steps each.
+    pub(super) fn learners<'a>(&'a mut self, adam: &'a mut Adam, steps: u32) -> Vec<Learner<'a>> {
+        adam.learners(&mut self.net, steps)
     }
 }
 
-fn scaled(d_sets: &Rows<f32>) -> Rows<f32> {
-    let values = d_sets.as_slice().iter().map(|x| (x - 0.5) / 0.5).collect();
-    Rows::from_vec(values, d_sets.width())
+/// What an AIP is shown of a d-set.
+pub(super) fn scaled(x: f32) -> f32 {
+    (x - 0.5) / 0.5
 }
 
 impl InfluencePredictor for AipStack {
@@ -78,10 +71,10 @@ impl InfluencePredictor for AipStack {
     }
 
     fn sample(&mut self, d_set: &Rows<f32>, dice: &mut [Dice], sources: &mut Rows<u8>) {
-        let trace = self.net.step(&scaled(d_set), &mut self.states);
-        let (count, logits) = (self.sources.count(), self.sources.logits());
-        let rows = sources.as_mut_slice().chunks_exact_mut(count);
-        for ((row, logits), dice) in rows.zip(trace.output().chunks_exact(logits)).zip(dice) {
+        let inputs = Rows::from_vec(d_set.as_slice().iter().map(|&x| scaled(x)).collect(), d_set.width());
+        let logits = self.net.step(&inputs, &mut self.states);
+        let rows = sources.as_mut_slice().chunks_exact_mut(self.sources.count());
+        for ((row, logits), dice) in rows.zip(logits.iter()).zip(dice) {
             sources::sample(self.sources, logits, dice, row);
         }
     }
@@ -98,7 +91,7 @@ mod tests {
         let mut aip =
             AipStack::new(&[AgentId(0)], &spec, &AipConfig { hidden: vec![1], ..AipConfig::default() }, Seed::new(0));
         // The hidden unit is off; the output biases are logit(0.2) = -1.3863 and logit(0.9) = 2.1972.
-        aip.net_mut().parameters_mut().load(&Rows::from_vec(vec![0.0, -1.0, 0.0, 0.0, -1.3863, 2.1972], 6));
+        aip.net.parameters_mut().load(&Rows::from_vec(vec![0.0, -1.0, 0.0, 0.0, -1.3863, 2.1972], 6));
         let rows = 20_000;
         let mut dice: Vec<Dice> = (0..rows).map(|copy| Seed::new(9).for_copy(copy).dice()).collect();
         let mut drawn = Rows::new(rows, 2);

@@ -1,14 +1,15 @@
-//! Training of the AIPs on the datasets, all agents of a stack at once (Algorithm 1, lines 4 to 6).
+//! Training of the AIPs on the datasets, one agent after another (Algorithm 1, lines 4 to 6).
 
 use std::ops::Range;
 
 use rand::seq::SliceRandom;
 
+use super::aip::scaled;
 use super::{AipStack, Dataset, sources};
-use crate::base::{AgentId, Dice, Rows, Seed};
+use crate::base::{AgentId, Seed};
 use crate::config::{AipConfig, held_out_episodes};
 use crate::domain::SourceSpec;
-use crate::nn::Adam;
+use crate::nn::{Adam, Learner, Network, Sequences, Trace};
 use serde::{Deserialize, Serialize};
 
 /// Mean cross-entropy of every influence source, in nats.
@@ -27,7 +28,7 @@ pub struct AipLoss {
     pub frequencies: Vec<f64>,
 }
 
-/// Samples per agent for which losses are measured at once.
+/// Samples for which losses are measured at once.
 const LOSS_CHUNK: usize = 512;
 
 /// Trains every agent's AIP on its own dataset and measures the loss before and after.
@@ -46,22 +47,32 @@ pub fn train(
 ) -> Vec<AipLoss> {
     let (first, last) = split(&datasets[0], config.held_out);
     let steps = if aips.net().shape().recurrent.is_some() { datasets[0].horizon } else { 1 };
-    let before = [losses(aips, datasets, steps, 0..first), losses(aips, datasets, steps, first..last)];
-    let mut dice: Vec<Dice> = agents.iter().map(|&agent| seed.for_agent(agent).dice()).collect();
-    let mut adam = Adam::new(aips.parameters());
     // Sequences of `steps` samples each.
-    let mut order: Vec<Vec<usize>> = vec![(0..first / steps).collect(); agents.len()];
-    let mut minibatch = Minibatch::new(agents.len(), config.batch, steps, &datasets[0]);
-    for epoch in 0..config.epochs {
-        order.iter_mut().zip(&mut dice).for_each(|(order, dice)| order.shuffle(dice));
-        for batch in 0..first / steps / config.batch {
-            minibatch.gather(datasets, |agent, i| order[agent][batch * config.batch + i]);
-            minibatch.descend(aips, &mut adam, config.learning_rate);
+    let batches = first / steps / config.batch;
+    let spec = aips.sources();
+    let mut room = Room::default();
+    let mut adam = Adam::new(aips.parameters());
+    let learners = aips.learners(&mut adam, (config.epochs * batches) as u32);
+    let mut losses = Vec::with_capacity(agents.len());
+    for (index, ((mut learner, dataset), &agent)) in learners.into_iter().zip(datasets).zip(agents).enumerate() {
+        let measure = |network: Network<'_>, room: &mut Room| {
+            [0..first, first..last].map(|samples| room.cross_entropies(network, spec, dataset, steps, samples))
+        };
+        let before = measure(learner.network(), &mut room);
+        let mut dice = seed.for_agent(agent).dice();
+        let mut order: Vec<usize> = (0..first / steps).collect();
+        for epoch in 0..config.epochs {
+            order.shuffle(&mut dice);
+            for sequences in order.chunks_exact(config.batch) {
+                room.gather(dataset, steps, sequences.iter().copied());
+                room.descend(&mut learner, spec, config.learning_rate);
+            }
+            progress((index as f64 + (epoch + 1) as f64 / config.epochs as f64) / agents.len() as f64);
         }
-        progress((epoch + 1) as f64 / config.epochs as f64);
+        let after = measure(learner.network(), &mut room);
+        losses.push(report(dataset, spec, first, before, after));
     }
-    let after = [losses(aips, datasets, steps, 0..first), losses(aips, datasets, steps, first..last)];
-    report(datasets, aips.sources(), first, before, after)
+    losses
 }
 
 /// Where the training samples end and the held-out ones end.
@@ -71,98 +82,101 @@ fn split(dataset: &Dataset, share: f64) -> (usize, usize) {
     (training * dataset.horizon, dataset.len())
 }
 
-/// Some sequences of every agent; rows ordered agent, step, sequence.
-struct Minibatch {
-    sequences: usize,
+/// What a training works in, one agent after another: some sequences of its dataset, rows ordered step, sequence.
+#[derive(Default)]
+struct Room {
     steps: usize,
-    d_sets: Rows<f32>,
-    sources: Rows<u8>,
+    d_sets: Vec<f32>,
+    sources: Vec<u8>,
+    /// Sequences begin with episodes: in cleared states, and with no episode that begins within.
+    states: Vec<f32>,
+    starts: Vec<bool>,
+    trace: Trace,
+    /// Of the loss by the logits.
+    gradient: Vec<f32>,
 }
 
-impl Minibatch {
-    fn new(agents: usize, sequences: usize, steps: usize, like: &Dataset) -> Self {
-        let rows = agents * sequences * steps;
-        Minibatch {
-            sequences,
-            steps,
-            d_sets: Rows::new(rows, like.d_sets.width()),
-            sources: Rows::new(rows, like.sources.width()),
-        }
-    }
-
-    /// Copies sequence `pick(agent, i)` of every agent's dataset to the i-th of the agent.
-    fn gather(&mut self, datasets: &[Dataset], pick: impl Fn(usize, usize) -> usize) {
-        for (agent, dataset) in datasets.iter().enumerate() {
-            for i in 0..self.sequences {
-                let sequence = pick(agent, i);
-                for step in 0..self.steps {
-                    let row = (agent * self.steps + step) * self.sequences + i;
-                    let sample = sequence * self.steps + step;
-                    dataset.d_sets.read(sample, self.d_sets.row_mut(row));
-                    self.sources.row_mut(row).copy_from_slice(dataset.sources.row(sample));
-                }
+impl Room {
+    /// Copies sequences of `steps` samples.
+    fn gather(&mut self, dataset: &Dataset, steps: usize, sequences: impl ExactSizeIterator<Item = usize> + Clone) {
+        let (rows, width) = (sequences.len() * steps, dataset.d_sets.width());
+        self.steps = steps;
+        self.d_sets.resize(rows * width, 0.0);
+        self.sources.clear();
+        let mut d_sets = self.d_sets.chunks_exact_mut(width);
+        for step in 0..steps {
+            for sequence in sequences.clone() {
+                let sample = sequence * steps + step;
+                dataset.d_sets.read(sample, d_sets.next().expect("a place per row"));
+                self.sources.extend_from_slice(dataset.sources.row(sample));
             }
         }
+        self.d_sets.iter_mut().for_each(|x| *x = scaled(*x));
     }
 
-    /// One gradient step on the cross-entropy, averaged over the samples and the sources of each agent.
-    fn descend(&self, aips: &mut AipStack, adam: &mut Adam, learning_rate: f64) {
-        let spec = aips.sources();
-        let trace = aips.forward(&self.d_sets, self.steps);
-        let scale = 1.0 / (self.sequences * self.steps * spec.count()) as f32;
-        let mut gradient = vec![0.0; trace.output().len()];
-        let rows = gradient.chunks_exact_mut(spec.logits()).zip(trace.output().chunks_exact(spec.logits()));
-        for ((gradient, logits), observed) in rows.zip(self.sources.iter()) {
+    fn forward(&mut self, network: Network<'_>, spec: SourceSpec) {
+        let rows = self.sources.len() / spec.count();
+        self.states.resize(rows / self.steps * network.state_width(), 0.0);
+        self.starts.resize(rows, false);
+        let sequences = Sequences { steps: self.steps, states: &self.states, starts: &self.starts };
+        network.forward(&self.d_sets, sequences, &mut self.trace);
+    }
+
+    /// One gradient step on the cross-entropy, averaged over the samples and the sources.
+    fn descend(&mut self, learner: &mut Learner<'_>, spec: SourceSpec, learning_rate: f64) {
+        self.forward(learner.network(), spec);
+        let logits = self.trace.output();
+        self.gradient.resize(logits.len(), 0.0);
+        let scale = 1.0 / self.sources.len() as f32;
+        let rows = self.gradient.chunks_exact_mut(spec.logits()).zip(logits.chunks_exact(spec.logits()));
+        for ((gradient, logits), observed) in rows.zip(self.sources.chunks_exact(spec.count())) {
             sources::write_gradient(spec, logits, observed, scale, gradient);
         }
-        let net = aips.net_mut();
-        net.backward(&trace, &gradient);
-        adam.step(net.parameters_mut(), learning_rate);
+        learner.network().backward(&self.gradient, &mut self.trace);
+        learner.descend(self.trace.gradient(), learning_rate);
     }
-}
 
-/// Mean cross-entropy of every agent and source over some of the samples, which are whole sequences of `steps`.
-fn losses(aips: &AipStack, datasets: &[Dataset], steps: usize, samples: Range<usize>) -> Vec<CrossEntropies> {
-    let spec = aips.sources();
-    let mut sums = vec![vec![0.0; spec.count()]; datasets.len()];
-    let (first, last) = (samples.start / steps, samples.end / steps);
-    let chunk = (LOSS_CHUNK / steps).max(1);
-    for start in (first..last).step_by(chunk) {
-        let mut minibatch = Minibatch::new(datasets.len(), chunk.min(last - start), steps, &datasets[0]);
-        minibatch.gather(datasets, |_, i| start + i);
-        let trace = aips.forward(&minibatch.d_sets, steps);
-        let rows = trace.output().chunks_exact(spec.logits()).zip(minibatch.sources.iter());
-        for (row, (logits, observed)) in rows.enumerate() {
-            let agent = row / (minibatch.sequences * steps);
-            sources::add_cross_entropies(spec, logits, observed, &mut sums[agent]);
+    /// Mean cross-entropy of every source over some of the samples, which are whole sequences of `steps`.
+    fn cross_entropies(
+        &mut self,
+        network: Network<'_>,
+        spec: SourceSpec,
+        dataset: &Dataset,
+        steps: usize,
+        samples: Range<usize>,
+    ) -> CrossEntropies {
+        let mut sums = vec![0.0; spec.count()];
+        let (first, last) = (samples.start / steps, samples.end / steps);
+        let chunk = (LOSS_CHUNK / steps).max(1);
+        for start in (first..last).step_by(chunk) {
+            self.gather(dataset, steps, start..last.min(start + chunk));
+            self.forward(network, spec);
+            let rows = self.trace.output().chunks_exact(spec.logits()).zip(self.sources.chunks_exact(spec.count()));
+            rows.for_each(|(logits, observed)| sources::add_cross_entropies(spec, logits, observed, &mut sums));
         }
+        sums.iter_mut().for_each(|sum| *sum /= samples.len() as f64);
+        sums
     }
-    let count = samples.len() as f64;
-    sums.iter_mut().flatten().for_each(|sum| *sum /= count);
-    sums
 }
 
 /// The frequencies of each source's classes.
 type Frequencies = Vec<Vec<f64>>;
 
 fn report(
-    datasets: &[Dataset],
+    dataset: &Dataset,
     spec: SourceSpec,
     first: usize,
-    before: [Vec<CrossEntropies>; 2],
-    after: [Vec<CrossEntropies>; 2],
-) -> Vec<AipLoss> {
-    let per_agent = datasets.iter().enumerate().map(|(agent, dataset)| {
-        let seen = frequencies(dataset, spec, 0..first);
-        let held_out = frequencies(dataset, spec, first..dataset.len());
-        AipLoss {
-            training: [before[0][agent].clone(), after[0][agent].clone()],
-            held_out: [before[1][agent].clone(), after[1][agent].clone()],
-            marginals: seen.iter().zip(&held_out).map(|(p, q)| cross_entropy_of_constants(p, q)).collect(),
-            frequencies: seen.iter().map(|classes| 1.0 - classes[0]).collect(),
-        }
-    });
-    per_agent.collect()
+    [training_before, held_out_before]: [CrossEntropies; 2],
+    [training_after, held_out_after]: [CrossEntropies; 2],
+) -> AipLoss {
+    let seen = frequencies(dataset, spec, 0..first);
+    let held_out = frequencies(dataset, spec, first..dataset.len());
+    AipLoss {
+        training: [training_before, training_after],
+        held_out: [held_out_before, held_out_after],
+        marginals: seen.iter().zip(&held_out).map(|(p, q)| cross_entropy_of_constants(p, q)).collect(),
+        frequencies: seen.iter().map(|classes| 1.0 - classes[0]).collect(),
+    }
 }
 
 fn frequencies(dataset: &Dataset, spec: SourceSpec, samples: Range<usize>) -> Frequencies {
@@ -215,7 +229,7 @@ mod tests {
         let mut aips = AipStack::new(agents, &spec, &config(), Seed::new(1));
         let datasets: Vec<Dataset> = agents.iter().map(|&agent| known_dataset(agent)).collect();
         let losses = train(&mut aips, agents, &datasets, &config(), Seed::new(2), &mut |_| ());
-        let values = aips.parameters().values().to_vec();
+        let values = aips.parameters().values().as_slice().to_vec();
         (losses, values)
     }
 

@@ -1,9 +1,11 @@
-//! Adam over a stack, in one pass over memory.
+//! Adam over a stack, agent by agent, in one pass over memory.
 
 use multiversion::multiversion;
 use serde::{Deserialize, Serialize};
 
-use super::Parameters;
+use super::network::Network;
+use super::shape::{Layout, Shape};
+use super::{Net, Parameters};
 use crate::base::Rows;
 
 const BETA1: f32 = 0.9;
@@ -12,7 +14,6 @@ const EPSILON: f32 = 1e-8;
 
 /// The optimiser of one stack. Elementwise, so every agent has its own Adam.
 ///
-/// libtorch's own optimiser cannot give its moments away for a checkpoint, and makes several passes over memory.
 /// Source: Kingma & Ba 2015, algorithm 1, with torch's default constants.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Adam {
@@ -45,32 +46,63 @@ impl Adam {
         self.moments = moments;
     }
 
-    /// One step along the gradients.
-    pub fn step(&mut self, parameters: &mut Parameters, learning_rate: f64) {
-        let Moments { first, second, steps } = &mut self.moments;
-        *steps += 1;
-        let correction1 = 1.0 - f64::from(BETA1).powi(*steps as i32);
-        let correction2 = 1.0 - f64::from(BETA2).powi(*steps as i32);
+    /// Every agent's network with its part of the optimiser, for `steps` gradient steps each.
+    ///
+    /// Each learner can take all of its steps while its networks and moments are near, before the next one begins.
+    pub fn learners<'a>(&'a mut self, net: &'a mut Net, steps: u32) -> Vec<Learner<'a>> {
+        let Moments { first, second, steps: taken } = &mut self.moments;
+        let begin = *taken;
+        *taken += steps;
+        let width = first.width();
+        let moments = first.as_mut_slice().chunks_exact_mut(width).zip(second.as_mut_slice().chunks_exact_mut(width));
+        let (shape, layout, values) = net.parts_mut();
+        let rows = values.as_mut_slice().chunks_exact_mut(width).zip(moments);
+        rows.map(|(values, (first, second))| Learner { shape, layout, values, first, second, step: begin, end: *taken })
+            .collect()
+    }
+}
+
+/// One agent's network and its part of the optimiser.
+pub struct Learner<'a> {
+    shape: &'a Shape,
+    layout: &'a Layout,
+    values: &'a mut [f32],
+    first: &'a mut [f32],
+    second: &'a mut [f32],
+    step: u32,
+    end: u32,
+}
+
+impl Learner<'_> {
+    pub fn network(&self) -> Network<'_> {
+        Network { shape: self.shape, layout: self.layout, values: self.values }
+    }
+
+    /// One step along the gradient, a row of parameters.
+    pub fn descend(&mut self, gradient: &[f32], learning_rate: f64) {
+        assert!(self.step < self.end, "more gradient steps than were announced");
+        self.step += 1;
+        let correction1 = 1.0 - f64::from(BETA1).powi(self.step as i32);
+        let correction2 = 1.0 - f64::from(BETA2).powi(self.step as i32);
         let step_size = (learning_rate / correction1) as f32;
         let root_correction = (1.0 / correction2.sqrt()) as f32;
-        let (values, gradients) = parameters.values_and_gradients();
-        update(values, gradients, first.as_mut_slice(), second.as_mut_slice(), step_size, root_correction);
+        update(self.values, gradient, self.first, self.second, step_size, root_correction);
     }
 }
 
 /// One pass over memory, with the widest registers that the machine has. No fused multiply-add: it would round
 /// differently from machine to machine.
-#[multiversion(targets("x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx2"))]
 fn update(
     values: &mut [f32],
-    gradients: &[f32],
+    gradient: &[f32],
     first: &mut [f32],
     second: &mut [f32],
     step_size: f32,
     root_correction: f32,
 ) {
     let moments = first.iter_mut().zip(second);
-    for ((value, &gradient), (first, second)) in values.iter_mut().zip(gradients).zip(moments) {
+    for ((value, &gradient), (first, second)) in values.iter_mut().zip(gradient).zip(moments) {
         *first = BETA1 * *first + (1.0 - BETA1) * gradient;
         *second = BETA2 * *second + (1.0 - BETA2) * gradient * gradient;
         *value -= step_size * *first / (second.sqrt() * root_correction + EPSILON);
@@ -81,25 +113,38 @@ fn update(
 mod tests {
     use super::*;
     use crate::base::{AgentId, Seed};
-    use crate::nn::{Net, Shape, States};
+    use crate::nn::Shape;
 
-    #[test]
-    fn two_steps_are_worked_out_by_hand() {
-        // y = w x + b with x = 1, dL/dy = 2 then 1: the gradients of w and b are 2 then 1.
+    fn line() -> Net {
         let mut net =
             Net::new(&[AgentId(0)], Shape { inputs: 1, recurrent: None, hidden: vec![], outputs: 1 }, Seed::new(0));
         net.parameters_mut().load(&Rows::from_vec(vec![1.0, -1.0], 2));
+        net
+    }
+
+    #[test]
+    fn two_steps_are_worked_out_by_hand() {
+        // Two parameters, 1 and -1; the gradients of both are 2 then 1.
+        let mut net = line();
         let mut adam = Adam::new(net.parameters());
         for gradient in [2.0, 1.0] {
-            let trace = net.step(&Rows::from_vec(vec![1.0], 1), &mut States::new(1, 0));
-            net.backward(&trace, &[gradient]);
-            adam.step(net.parameters_mut(), 0.1);
+            let mut learners = adam.learners(&mut net, 1);
+            learners[0].descend(&[gradient; 2], 0.1);
         }
         // Step 1: m = 0.2, v = 0.004; corrected 2 and 4: w -= 0.1 * 2 / 2 = 0.1.
         // Step 2: m = 0.28, v = 0.004996; corrected 0.28 / 0.19 = 1.473684 and 0.004996 / 0.001999 = 2.499250,
         //         root 1.580902: w -= 0.1 * 1.473684 / 1.580902 = 0.093218.
-        for (value, expected) in net.parameters().values().iter().zip([0.806_782, -1.193_218]) {
+        for (value, expected) in net.parameters().values().as_slice().iter().zip([0.806_782, -1.193_218]) {
             assert!((value - expected).abs() < 1e-6, "{value} {expected}");
         }
+    }
+
+    #[test]
+    #[should_panic(expected = "more gradient steps than were announced")]
+    fn a_step_too_many_is_refused() {
+        let mut net = line();
+        let mut adam = Adam::new(net.parameters());
+        let mut learners = adam.learners(&mut net, 1);
+        (0..2).for_each(|_| learners[0].descend(&[1.0; 2], 0.1));
     }
 }

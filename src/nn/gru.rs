@@ -1,4 +1,4 @@
-//! The gated recurrent unit over sequences, stacked over agents, with its gradient by hand.
+//! The gated recurrent unit over sequences, with its gradient by hand.
 //!
 //! As torch's `GRU` (Cho et al. 2014), with `*` for the elementwise product:
 //!
@@ -8,16 +8,14 @@
 //! ```
 //!
 //! The input half of all steps is one matrix product, and so are the gradients of all weights: only the products with
-//! the state stand inside the loop over time. Rows are ordered agent, step, sequence, so that a step is a view.
+//! the state stand inside the loop over time. Rows are ordered step, sequence, so that a step is a stretch of memory.
 
 use multiversion::multiversion;
-use tch::{Device, Kind, Tensor};
 
-use super::Parameters;
 use super::activations::{sigmoid, tanh};
-use super::convert::{tensor_to_slice, tensor_to_slice_mut};
-use super::product::{affine, backwards};
-use super::states::States;
+use super::network::{affine, resized};
+use super::product::{Before, Matrix, multiply, sum_rows};
+use super::shape::Layout;
 
 /// The first blocks of the parameters of a network with a GRU: `[in, 3 hidden]`, `[hidden, 3 hidden]` and twice
 /// `[1, 3 hidden]`, each in the order r, z, n.
@@ -27,101 +25,77 @@ const INPUT_BIAS: usize = 2;
 const STATE_BIAS: usize = 3;
 pub const BLOCKS: usize = 4;
 
-/// What the backward pass needs of a forward pass.
+/// What a forward pass leaves behind for the backward pass, and the room that both work in.
+#[derive(Default)]
 pub struct GruTrace {
-    shape: SequenceShape,
-    /// `[agents, steps x batch, in]`
-    inputs: Tensor,
-    /// The state before each step, cleared where an episode begins: `[agents, steps x batch, hidden]`.
-    before: Tensor,
+    /// The state before each row, cleared where an episode begins: `[steps x sequences, hidden]`.
+    before: Vec<f32>,
     /// r, z, n and `Whn h + bhn` of each row, `4 hidden` each.
     gates: Vec<f32>,
-    /// The state after each step: `[agents, steps x batch, hidden]`.
-    pub outputs: Tensor,
+    /// The state after each row: `[steps x sequences, hidden]`.
+    pub outputs: Vec<f32>,
     starts: Vec<bool>,
+    steps: usize,
+    /// `[steps x sequences, 3 hidden]` and `[sequences, 3 hidden]`
+    from_inputs: Vec<f32>,
+    from_state: Vec<f32>,
+    /// Of the loss by what the gates are made of, through the inputs and through the state: `[rows, 3 hidden]`.
+    by_input: Vec<f32>,
+    by_state: Vec<f32>,
+    /// Of the loss by the state after a step: `[sequences, hidden]`.
+    carried: Vec<f32>,
+    through_weights: Vec<f32>,
 }
 
-/// How many sequences of how many steps.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct SequenceShape {
-    pub agents: usize,
-    pub steps: usize,
-    /// Sequences per agent.
-    pub batch: usize,
-}
-
-impl SequenceShape {
-    fn row(self, agent: usize, step: usize, sequence: usize) -> usize {
-        (agent * self.steps + step) * self.batch + sequence
-    }
-
-    fn sequences(self) -> impl Iterator<Item = (usize, usize)> {
-        (0..self.agents).flat_map(move |agent| (0..self.batch).map(move |sequence| (agent, sequence)))
-    }
-}
-
-fn zeros(shape: SequenceShape, rows: usize, width: usize) -> Tensor {
-    Tensor::zeros(&[shape.agents as i64, rows as i64, width as i64], (Kind::Float, Device::Cpu))
-}
-
-/// One step of all sequences as a view.
-fn at_step(table: &Tensor, shape: SequenceShape, step: usize) -> Tensor {
-    table.narrow(1, (step * shape.batch) as i64, shape.batch as i64)
-}
-
-/// Runs the units over sequences.
+/// Runs the unit over sequences.
 ///
-/// `inputs`: `[agents, steps x batch, in]`; `states`: one row per (agent, sequence), before the first step; `starts`: one
-/// per row of `inputs`, whether an episode begins with this step.
+/// `inputs`: `[steps x sequences, in]`; `states`: `[sequences, hidden]`, before the first step; `starts`: one per row,
+/// whether an episode begins with this step.
 pub fn forward(
-    parameters: &Parameters,
-    inputs: Tensor,
-    shape: SequenceShape,
-    states: &States,
+    layout: &Layout,
+    values: &[f32],
+    inputs: &[f32],
+    steps: usize,
+    states: &[f32],
     starts: &[bool],
-) -> GruTrace {
-    let hidden = parameters.block_range(STATE_BIAS).len() / 3;
-    let rows = shape.steps * shape.batch;
-    let from_inputs = affine(parameters, &inputs, INPUT, INPUT_BIAS); // [agents, steps x batch, 3 hidden]
-    let (mut before, mut outputs) = (zeros(shape, rows, hidden), zeros(shape, rows, hidden));
-    let mut gates = vec![0.0; shape.agents * rows * 4 * hidden];
-    for step in 0..shape.steps {
-        {
-            let (before, outputs) = (tensor_to_slice_mut(&mut before), tensor_to_slice(&outputs));
-            for (agent, sequence) in shape.sequences() {
-                let row = shape.row(agent, step, sequence);
-                if starts[row] {
-                    continue; // it is zero already
-                }
-                let state = if step == 0 {
-                    states.row(agent * shape.batch + sequence)
-                } else {
-                    let last = shape.row(agent, step - 1, sequence);
-                    &outputs[last * hidden..(last + 1) * hidden]
-                };
-                before[row * hidden..(row + 1) * hidden].copy_from_slice(state);
-            }
+    trace: &mut GruTrace,
+) {
+    let hidden = layout.range(STATE_BIAS).len() / 3;
+    let (rows, sequences) = (starts.len(), starts.len() / steps);
+    trace.steps = steps;
+    trace.starts.clear();
+    trace.starts.extend_from_slice(starts);
+    let outputs = resized(&mut trace.outputs, rows * hidden);
+    let before = resized(&mut trace.before, rows * hidden);
+    let gates = resized(&mut trace.gates, rows * 4 * hidden);
+    let from_inputs = resized(&mut trace.from_inputs, rows * 3 * hidden);
+    let from_state = resized(&mut trace.from_state, sequences * 3 * hidden);
+    affine(inputs, &values[layout.range(INPUT)], &values[layout.range(INPUT_BIAS)], from_inputs);
+    for step in 0..steps {
+        let first = step * sequences;
+        let (earlier, now) = outputs.split_at_mut(first * hidden);
+        let last = if step == 0 { states } else { &earlier[(first - sequences) * hidden..] };
+        let before = &mut before[first * hidden..][..sequences * hidden];
+        let pairs = before.chunks_exact_mut(hidden).zip(last.chunks_exact(hidden));
+        for ((before, last), &start) in pairs.zip(&starts[first..]) {
+            if start { before.fill(0.0) } else { before.copy_from_slice(last) }
         }
-        // [agents, batch, 3 hidden]
-        let from_state = affine(parameters, &at_step(&before, shape, step), STATE, STATE_BIAS);
-        let (from_inputs, from_state) = (tensor_to_slice(&from_inputs), tensor_to_slice(&from_state));
-        let (before, outputs) = (tensor_to_slice(&before), tensor_to_slice_mut(&mut outputs));
-        for (index, (agent, sequence)) in shape.sequences().enumerate() {
-            let row = shape.row(agent, step, sequence);
+        affine(before, &values[layout.range(STATE)], &values[layout.range(STATE_BIAS)], from_state);
+        for sequence in 0..sequences {
+            let row = first + sequence;
             update_row(
-                &from_inputs[row * 3 * hidden..(row + 1) * 3 * hidden],
-                &from_state[index * 3 * hidden..(index + 1) * 3 * hidden],
-                &before[row * hidden..(row + 1) * hidden],
-                &mut gates[row * 4 * hidden..(row + 1) * 4 * hidden],
-                &mut outputs[row * hidden..(row + 1) * hidden],
+                &from_inputs[row * 3 * hidden..][..3 * hidden],
+                &from_state[sequence * 3 * hidden..][..3 * hidden],
+                &before[sequence * hidden..][..hidden],
+                &mut gates[row * 4 * hidden..][..4 * hidden],
+                &mut now[sequence * hidden..][..hidden],
             );
         }
     }
-    GruTrace { shape, inputs, before, gates, outputs, starts: starts.to_vec() }
 }
 
 /// One row of one step, with the widest registers that the machine has.
-#[multiversion(targets("x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx2"))]
 fn update_row(from_input: &[f32], from_state: &[f32], before: &[f32], gates: &mut [f32], after: &mut [f32]) {
     let hidden = before.len();
     let (xr, xz, xn) = thirds(from_input, hidden);
@@ -142,59 +116,66 @@ fn thirds(row: &[f32], hidden: usize) -> (&[f32], &[f32], &[f32]) {
     (&row[..hidden], &row[hidden..2 * hidden], &row[2 * hidden..3 * hidden])
 }
 
-/// Writes the gradients of all weights. `output_gradient`: of the loss by [`GruTrace::outputs`], same shape.
+/// Writes the gradients of all weights into `gradient`, a row of parameters. `inputs`: those of the forward pass;
+/// `by_outputs`: of the loss by [`GruTrace::outputs`], same shape.
 ///
 /// Nothing flows from a step into the one before it where an episode begins between them, nor into the first states.
-pub fn backward(parameters: &mut Parameters, trace: &GruTrace, output_gradient: &Tensor) {
-    let shape = trace.shape;
-    let hidden = parameters.block_range(STATE_BIAS).len() / 3;
-    let rows = shape.steps * shape.batch;
-    let mut by_input = zeros(shape, rows, 3 * hidden);
-    let mut by_state = zeros(shape, rows, 3 * hidden);
-    // Of the loss by the state after the step: `[agents x batch, hidden]`.
-    let mut carried = vec![0.0; shape.agents * shape.batch * hidden];
-    let (outside, before) = (tensor_to_slice(output_gradient), tensor_to_slice(&trace.before));
-    for step in (0..shape.steps).rev() {
-        {
-            let by_input = tensor_to_slice_mut(&mut by_input);
-            let by_state = tensor_to_slice_mut(&mut by_state);
-            for (index, (agent, sequence)) in shape.sequences().enumerate() {
-                let row = shape.row(agent, step, sequence);
-                differentiate_row(
-                    &outside[row * hidden..(row + 1) * hidden],
-                    &trace.gates[row * 4 * hidden..(row + 1) * 4 * hidden],
-                    &before[row * hidden..(row + 1) * hidden],
-                    &mut carried[index * hidden..(index + 1) * hidden],
-                    &mut by_input[row * 3 * hidden..(row + 1) * 3 * hidden],
-                    &mut by_state[row * 3 * hidden..(row + 1) * 3 * hidden],
-                );
-            }
+pub fn backward(
+    layout: &Layout,
+    values: &[f32],
+    inputs: &[f32],
+    by_outputs: &[f32],
+    trace: &mut GruTrace,
+    gradient: &mut [f32],
+) {
+    let hidden = layout.range(STATE_BIAS).len() / 3;
+    let (rows, steps) = (trace.starts.len(), trace.steps);
+    let sequences = rows / steps;
+    let by_input = resized(&mut trace.by_input, rows * 3 * hidden);
+    let by_state = resized(&mut trace.by_state, rows * 3 * hidden);
+    let carried = resized(&mut trace.carried, sequences * hidden);
+    let through_weights = resized(&mut trace.through_weights, sequences * hidden);
+    carried.fill(0.0);
+    let state_weight = Matrix::new(&values[layout.range(STATE)], 3 * hidden);
+    for step in (0..steps).rev() {
+        let first = step * sequences;
+        for sequence in 0..sequences {
+            let row = first + sequence;
+            differentiate_row(
+                &by_outputs[row * hidden..][..hidden],
+                &trace.gates[row * 4 * hidden..][..4 * hidden],
+                &trace.before[row * hidden..][..hidden],
+                &mut carried[sequence * hidden..][..hidden],
+                &mut by_input[row * 3 * hidden..][..3 * hidden],
+                &mut by_state[row * 3 * hidden..][..3 * hidden],
+            );
         }
         if step > 0 {
-            let through_weights = backwards(parameters, &at_step(&by_state, shape, step), STATE); // [agents, batch, hidden]
-            let through_weights = tensor_to_slice(&through_weights);
-            for (index, (agent, sequence)) in shape.sequences().enumerate() {
-                let carried = &mut carried[index * hidden..(index + 1) * hidden];
-                if trace.starts[shape.row(agent, step, sequence)] {
+            let by_state = &by_state[first * 3 * hidden..][..sequences * 3 * hidden];
+            multiply(Matrix::new(by_state, 3 * hidden), state_weight.transposed(), through_weights, Before::Overwrite);
+            let pairs = carried.chunks_exact_mut(hidden).zip(through_weights.chunks_exact(hidden));
+            for ((carried, more), &start) in pairs.zip(&trace.starts[first..]) {
+                if start {
                     carried.fill(0.0);
                 } else {
-                    let more = &through_weights[index * hidden..(index + 1) * hidden];
                     carried.iter_mut().zip(more).for_each(|(carried, more)| *carried += more);
                 }
             }
         }
     }
-    let _ = trace.inputs.transpose(1, 2).bmm_out(&parameters.gradient_view(INPUT), &by_input);
-    let _ = trace.before.transpose(1, 2).bmm_out(&parameters.gradient_view(STATE), &by_state);
-    for (bias, gradient) in [(INPUT_BIAS, &by_input), (STATE_BIAS, &by_state)] {
-        let bias = parameters.gradient_view(bias);
-        let _ = gradient.sum_intlist_out(&bias, Some([1_i64].as_slice()), true, Kind::Float);
+    let width = inputs.len() / rows;
+    for (weight, bias, from, width, by) in
+        [(INPUT, INPUT_BIAS, inputs, width, &*by_input), (STATE, STATE_BIAS, &*trace.before, hidden, &*by_state)]
+    {
+        let product = &mut gradient[layout.range(weight)];
+        multiply(Matrix::new(from, width).transposed(), Matrix::new(by, 3 * hidden), product, Before::Overwrite);
+        sum_rows(by, &mut gradient[layout.range(bias)]);
     }
 }
 
 /// Of one row: `carried` holds the gradient by the state after the step that comes from later steps, and afterwards the
 /// direct part of that by the state before it.
-#[multiversion(targets("x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx2"))]
 fn differentiate_row(
     outside: &[f32],
     gates: &[f32],

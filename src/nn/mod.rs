@@ -1,29 +1,34 @@
 //! Stacked networks: the same architecture once per agent, the agent axis first, always.
 //!
-//! All networks of a worker live in one `[agents, parameters]` block, and one batched matrix product serves all agents
-//! of it. Nothing couples the agents: a stack of A networks computes what A single networks compute, bit for bit (a
-//! test holds it), so results do not depend on how agents are shared out over workers.
+//! All networks of a worker live in one `[agents, parameters]` block. Nothing couples the agents: a stack of A networks
+//! computes what A single networks compute, bit for bit (a test holds it), so results do not depend on how agents are
+//! shared out over workers and threads. So the arithmetic goes agent by agent, each while its parameters are in the
+//! cache.
 //!
-//! Gradients are written by hand instead of by autograd: the networks are small and fixed, their losses have
-//! closed-form derivatives, and a graph per minibatch costs more than the arithmetic of four agents. libtorch does the
-//! matrix products.
+//! Gradients are written by hand instead of by autograd, and products are those of the crate `gemm` instead of
+//! libtorch's: the networks are small and fixed, their losses have closed-form derivatives, and a graph, tensors and
+//! BLAS per minibatch cost more than the arithmetic (measured: docs/performance.md).
 //!
-//! This room knows tensors; it does not know what the numbers mean.
+//! This room does not know what the numbers mean.
 
 mod activations;
 mod adam;
-mod convert;
 mod gru;
 mod net;
+mod network;
 mod parameters;
 mod product;
+mod shape;
 mod stack_file;
 mod states;
+mod threads;
 
 pub use activations::sigmoid;
-pub use adam::{Adam, Moments};
-pub use convert::{rows_to_tensor, tensor_to_slice};
-pub use net::{Net, Sequences, Shape, Trace};
-pub use parameters::{Layout, Parameters};
+pub use adam::{Adam, Learner, Moments};
+pub use net::Net;
+pub use network::{Network, Sequences, Trace};
+pub use parameters::Parameters;
+pub use shape::{Layout, Shape};
 pub use stack_file::{read_stack, write_stack};
 pub use states::States;
+pub use threads::Threads;

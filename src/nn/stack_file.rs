@@ -59,17 +59,17 @@ mod tests {
     fn a_stack_comes_back_as_it_was() {
         let shape = Shape { inputs: 4, recurrent: None, hidden: vec![5], outputs: 2 };
         let net = Net::new(&AgentId::all(3), shape, Seed::new(1));
-        let bytes = write_stack(net.parameters().layout(), &net.parameters().to_rows(), &HashMap::new()).unwrap();
+        let bytes = write_stack(net.parameters().layout(), net.parameters().values(), &HashMap::new()).unwrap();
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), bytes).unwrap();
-        assert_eq!(read_stack(file.path(), net.parameters().layout(), 3).unwrap(), net.parameters().to_rows());
+        assert_eq!(read_stack(file.path(), net.parameters().layout(), 3).unwrap(), *net.parameters().values());
     }
 
     #[test]
     fn a_stack_of_another_shape_or_a_torn_file_is_a_clear_error() {
         let shape = Shape { inputs: 4, recurrent: None, hidden: vec![5], outputs: 2 };
         let net = Net::new(&AgentId::all(3), shape, Seed::new(1));
-        let bytes = write_stack(net.parameters().layout(), &net.parameters().to_rows(), &HashMap::new()).unwrap();
+        let bytes = write_stack(net.parameters().layout(), net.parameters().values(), &HashMap::new()).unwrap();
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), &bytes).unwrap();
         let error = read_stack(file.path(), net.parameters().layout(), 2).unwrap_err().to_string();

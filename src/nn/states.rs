@@ -22,6 +22,15 @@ impl States {
         &self.values[row * self.width..(row + 1) * self.width]
     }
 
+    /// All of them, one after another.
+    pub fn as_slice(&self) -> &[f32] {
+        &self.values
+    }
+
+    pub(super) fn as_mut_slice(&mut self) -> &mut [f32] {
+        &mut self.values
+    }
+
     pub fn set_row(&mut self, row: usize, state: &[f32]) {
         self.values[row * self.width..(row + 1) * self.width].copy_from_slice(state);
     }

@@ -7,7 +7,7 @@ pub mod sampling;
 use crate::base::{AgentId, Rows, Seed};
 use crate::config::PolicyConfig;
 use crate::domain::RegionSpec;
-use crate::nn::{Net, Parameters, Sequences, Shape, States, Trace};
+use crate::nn::{Adam, Learner, Net, Parameters, Shape, States, Threads};
 
 pub use controller::{JointPolicyController, Selection};
 pub use memory::{Memory, Sample};
@@ -25,18 +25,15 @@ pub struct PolicyStack {
 
 /// What the networks say about a batch of observations, rows as the observations.
 pub struct Judgement {
-    trace: Trace,
-    n_actions: usize,
+    /// `[rows, n_actions + 1]`
+    outputs: Rows<f32>,
 }
 
 impl Judgement {
     /// Logits of the actions and the value, row by row.
     pub fn rows(&self) -> impl Iterator<Item = (&[f32], f32)> {
-        self.trace.output().chunks_exact(self.n_actions + 1).map(|row| (&row[..self.n_actions], row[self.n_actions]))
-    }
-
-    pub fn trace(&self) -> &Trace {
-        &self.trace
+        let n_actions = self.outputs.width() - 1;
+        self.outputs.iter().map(move |row| (&row[..n_actions], row[n_actions]))
     }
 }
 
@@ -79,12 +76,7 @@ impl PolicyStack {
 
     /// One decision. `obs`: rows ordered agent-major, one per row of `states`, which move on.
     pub fn judge(&self, obs: &Rows<f32>, states: &mut States) -> Judgement {
-        Judgement { trace: self.net.step(obs, states), n_actions: self.n_actions }
-    }
-
-    /// Whole sequences of decisions. `obs`: rows ordered agent, step, sequence.
-    pub fn judge_sequences(&self, obs: &Rows<f32>, sequences: &Sequences<'_>) -> Judgement {
-        Judgement { trace: self.net.forward(obs, sequences), n_actions: self.n_actions }
+        Judgement { outputs: self.net.step(obs, states) }
     }
 
     pub fn parameters(&self) -> &Parameters {
@@ -92,14 +84,24 @@ impl PolicyStack {
     }
 
     pub fn joint_policy(&self) -> JointPolicy {
-        self.net.parameters().to_rows()
+        self.net.parameters().values().clone()
     }
 
     pub fn load(&mut self, policies: &JointPolicy) {
         self.net.parameters_mut().load(policies);
     }
 
-    pub fn net_mut(&mut self) -> &mut Net {
-        &mut self.net
+    /// With these threads from now on.
+    pub fn use_threads(&mut self, threads: Threads) {
+        self.net.use_threads(threads);
+    }
+
+    pub fn threads(&self) -> &Threads {
+        self.net.threads()
+    }
+
+    /// Every agent's policy with its part of the optimiser, for `steps` gradient steps each.
+    pub fn learners<'a>(&'a mut self, adam: &'a mut Adam, steps: u32) -> Vec<Learner<'a>> {
+        adam.learners(&mut self.net, steps)
     }
 }

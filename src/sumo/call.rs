@@ -1,6 +1,6 @@
 //! The one crossing: converts, calls, checks, and turns a code and its message into an error.
 //!
-//! All `unsafe` that speaks to SUMO is in this file; the crate's only other is `nn/convert.rs`, at tensors' memory.
+//! All `unsafe` that speaks to SUMO is in this file; the crate's only other is in `nn/product.rs`, where matrices are multiplied.
 
 use std::cell::Cell;
 use std::ffi::{CStr, CString, c_char, c_int};

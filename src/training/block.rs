@@ -79,7 +79,7 @@ impl AgentBlock {
             steps: self.steps,
             policies: self.policies.joint_policy(),
             moments: self.adam.moments().clone(),
-            aips: self.aips.parameters().to_rows(),
+            aips: self.aips.parameters().values().clone(),
         }
     }
 

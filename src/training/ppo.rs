@@ -14,10 +14,10 @@
 use rand::seq::SliceRandom;
 use serde::{Deserialize, Serialize};
 
-use crate::base::{Dice, Rows};
+use crate::base::Dice;
 use crate::config::PpoConfig;
-use crate::nn::{Adam, Sequences, States};
-use crate::policy::{Judgement, Memory, PolicyStack, Sample, sampling};
+use crate::nn::{Adam, Sequences, Trace};
+use crate::policy::{Memory, PolicyStack, Sample, sampling};
 
 /// The two settings that decay over a run.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -67,7 +67,7 @@ impl Losses {
 
 /// Updates all policies of the stack from the memory; returns the mean losses of each agent over the update.
 ///
-/// `dice`: one per agent, for its minibatches.
+/// `dice`: one per agent, for its minibatches. Every agent makes all of its gradient steps before the next one begins.
 pub fn update(
     policies: &mut PolicyStack,
     adam: &mut Adam,
@@ -78,77 +78,74 @@ pub fn update(
 ) -> Vec<Losses> {
     let weights =
         Weights { clip: decayed.clip as f32, value: config.value_coefficient as f32, entropy: config.entropy as f32 };
-    let (agents, outputs) = (policies.agents(), policies.n_actions() + 1);
     let batches = memory.capacity() / config.minibatch;
-    let per_agent = config.minibatch * outputs;
-    let mut losses = vec![Losses::default(); agents];
-    let mut order: Vec<Vec<usize>> = vec![(0..memory.sequences()).collect(); agents];
-    let mut minibatch = Minibatch::new(policies, memory, config.minibatch);
-    let mut gradient = vec![0.0; agents * per_agent];
-    for _ in 0..config.epochs {
-        order.iter_mut().zip(&mut *dice).for_each(|(order, dice)| order.shuffle(dice));
-        for batch in 0..batches {
-            let first = batch * minibatch.sequences;
-            minibatch.gather(memory, |agent, i| order[agent][first + i]);
-            let judgement = minibatch.judge(policies);
-            let rows = judgement.trace().output().chunks_exact(per_agent).zip(gradient.chunks_exact_mut(per_agent));
-            for (agent, (output, gradient)) in rows.enumerate() {
-                let samples = &minibatch.samples[agent * config.minibatch..(agent + 1) * config.minibatch];
-                let of_batch = loss_and_gradient(output, samples, weights, gradient);
-                losses[agent].add(&of_batch, 1.0 / (config.epochs * batches) as f64);
+    let gradient_steps = config.epochs * batches;
+    let threads = policies.threads().clone();
+    let learners = policies.learners(adam, gradient_steps as u32);
+    let agents = learners.into_iter().zip(dice).enumerate().collect();
+    threads.map(agents, 2, |room: &mut Room, (agent, (mut learner, dice))| {
+        let Room { minibatch, trace, gradient } = room;
+        let mut losses = Losses::default();
+        let mut order: Vec<usize> = (0..memory.sequences()).collect();
+        for _ in 0..config.epochs {
+            order.shuffle(dice);
+            for sequences in order.chunks_exact(config.minibatch / memory.length()) {
+                minibatch.gather(memory, agent, sequences);
+                learner.network().forward(&minibatch.obs, minibatch.sequences(), trace);
+                gradient.resize(trace.output().len(), 0.0);
+                let of_batch = loss_and_gradient(trace.output(), &minibatch.samples, weights, gradient);
+                losses.add(&of_batch, 1.0 / gradient_steps as f64);
+                learner.network().backward(gradient, trace);
+                learner.descend(trace.gradient(), decayed.learning_rate);
             }
-            let net = policies.net_mut();
-            net.backward(judgement.trace(), &gradient);
-            adam.step(net.parameters_mut(), decayed.learning_rate);
         }
-    }
-    losses
+        losses
+    })
 }
 
-/// Some sequences of every agent's memory; rows ordered agent, step, sequence.
+/// What an update works in, one agent after another.
+#[derive(Default)]
+struct Room {
+    minibatch: Minibatch,
+    trace: Trace,
+    /// Of the loss by the outputs of the network.
+    gradient: Vec<f32>,
+}
+
+/// Some sequences of one agent's memory; rows ordered step, sequence.
+#[derive(Default)]
 struct Minibatch {
-    sequences: usize,
+    /// Steps of each sequence.
     length: usize,
-    obs: Rows<f32>,
+    obs: Vec<f32>,
     samples: Vec<Sample>,
-    states: States,
+    states: Vec<f32>,
     starts: Vec<bool>,
 }
 
 impl Minibatch {
-    fn new(policies: &PolicyStack, memory: &Memory, samples: usize) -> Self {
-        let rows = policies.agents() * samples;
-        Minibatch {
-            sequences: samples / memory.length(),
-            length: memory.length(),
-            obs: Rows::new(rows, memory.obs(0, 0).len()),
-            samples: vec![Sample::default(); rows],
-            states: policies.states(rows / memory.length()),
-            starts: vec![false; rows],
-        }
-    }
-
-    /// Copies sequence `pick(agent, i)` of every agent to the i-th of the agent.
-    fn gather(&mut self, memory: &Memory, pick: impl Fn(usize, usize) -> usize) {
-        for agent in 0..self.states.rows() / self.sequences {
-            for i in 0..self.sequences {
-                let sequence = pick(agent, i);
-                self.states.set_row(agent * self.sequences + i, memory.state(agent, sequence));
-                for step in 0..self.length {
-                    let row = (agent * self.length + step) * self.sequences + i;
-                    let slot = sequence * self.length + step;
-                    self.obs.row_mut(row).copy_from_slice(memory.obs(agent, slot));
-                    self.samples[row] = *memory.sample(agent, slot);
-                    // A sequence begins in the state that it was recorded with, cleared or not.
-                    self.starts[row] = step > 0 && self.samples[row].start;
-                }
+    /// Copies sequences of an agent's memory.
+    fn gather(&mut self, memory: &Memory, agent: usize, sequences: &[usize]) {
+        self.length = memory.length();
+        self.obs.clear();
+        self.samples.clear();
+        self.states.clear();
+        self.starts.clear();
+        for step in 0..self.length {
+            for sequence in sequences {
+                let slot = sequence * self.length + step;
+                self.obs.extend_from_slice(memory.obs(agent, slot));
+                let sample = *memory.sample(agent, slot);
+                self.samples.push(sample);
+                // A sequence begins in the state that it was recorded with, cleared or not.
+                self.starts.push(step > 0 && sample.start);
             }
         }
+        sequences.iter().for_each(|&sequence| self.states.extend_from_slice(memory.state(agent, sequence)));
     }
 
-    fn judge(&self, policies: &PolicyStack) -> Judgement {
-        let sequences = Sequences { steps: self.length, states: &self.states, starts: &self.starts };
-        policies.judge_sequences(&self.obs, &sequences)
+    fn sequences(&self) -> Sequences<'_> {
+        Sequences { steps: self.length, states: &self.states, starts: &self.starts }
     }
 }
 

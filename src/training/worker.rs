@@ -121,7 +121,7 @@ impl Worker {
     /// The AIPs of its agents, one row each.
     pub fn aips(&self) -> Rows<f32> {
         let mut aips = Rows::new(0, self.blocks.first().map_or(1, |block| block.aips().width()));
-        self.blocks.iter().for_each(|block| aips.extend(&block.aips().to_rows()));
+        self.blocks.iter().for_each(|block| aips.extend(block.aips().values()));
         aips
     }
 

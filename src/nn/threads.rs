@@ -1,0 +1,70 @@
+//! The cores that the networks of a worker may use.
+
+use std::sync::Arc;
+
+use anyhow::{Context, Result};
+use rayon::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+
+/// Threads that share out agents. Agents know nothing of each other, so how many there are changes no number.
+///
+/// Workers that train on local simulators have one core each and one thread. On the GS one worker owns all agents: its
+/// threads are what the other cores are for.
+#[derive(Clone, Default)]
+pub struct Threads {
+    pool: Option<Arc<ThreadPool>>,
+}
+
+impl Threads {
+    /// The calling thread alone.
+    pub fn one() -> Self {
+        Threads::default()
+    }
+
+    pub fn new(count: usize) -> Result<Self> {
+        if count < 2 {
+            return Ok(Threads::one());
+        }
+        let pool = ThreadPoolBuilder::new().num_threads(count).build().context("no threads for the networks")?;
+        Ok(Threads { pool: Some(Arc::new(pool)) })
+    }
+
+    /// Does `work` for every item, in the room that its thread keeps for all of its items; the results are in the order
+    /// of the items. Fewer than `worth` items stay in this thread: to wake another takes time too.
+    pub fn map<I: Send, Room: Default + Send, T: Send>(
+        &self,
+        items: Vec<I>,
+        worth: usize,
+        work: impl Fn(&mut Room, I) -> T + Sync + Send,
+    ) -> Vec<T> {
+        match &self.pool {
+            Some(pool) if items.len() >= worth => {
+                pool.install(|| items.into_par_iter().map_init(Room::default, work).collect())
+            }
+            _ => {
+                let mut room = Room::default();
+                items.into_iter().map(|item| work(&mut room, item)).collect()
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn results_come_in_the_order_of_the_items_whoever_does_the_work() {
+        let squares: Vec<usize> = (0..100).map(|i| i * i).collect();
+        for threads in [Threads::one(), Threads::new(1).unwrap(), Threads::new(3).unwrap()] {
+            let mut out = vec![0; 100];
+            let items: Vec<(usize, &mut usize)> = out.iter_mut().enumerate().collect();
+            let returned = threads.map(items, 2, |(): &mut (), (i, out)| {
+                *out = i * i;
+                i * i
+            });
+            assert_eq!(returned, squares);
+            assert_eq!(out, squares);
+        }
+    }
+}
