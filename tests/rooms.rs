@@ -17,7 +17,7 @@ const DOORS: &[(&str, &[&str])] = &[
     ("policy", &["base", "config", "domain", "nn"]),
     ("evaluation", &["base", "domain", "policy"]),
     ("training", &["base", "config", "domain", "nn", "influence", "policy", "evaluation"]),
-    ("processes", &["base", "config", "domain", "evaluation", "influence", "policy", "training"]),
+    ("processes", &["base", "config", "domain", "nn", "evaluation", "influence", "policy", "training"]),
 ];
 
 /// Outside crates that only some rooms may use.

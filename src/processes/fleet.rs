@@ -40,8 +40,8 @@ pub struct Options {
 
 /// Worker processes that share the agents: each owns the ones that follow those of the worker before it.
 ///
-/// Training on the GS is one simulation, so there the first worker owns all agents, and the others help with
-/// evaluation.
+/// Training on the GS is one simulation, so there the first worker owns all agents and trains them with as many threads
+/// as there are workers; the others help with evaluation.
 pub struct ProcessFleet {
     domain: Arc<dyn Domain>,
     config: Config,
@@ -238,6 +238,7 @@ impl ProcessFleet {
         let begin = Order::Begin {
             config_json: serde_json::to_string(&self.config)?,
             agents: agents.clone().map(AgentId).collect(),
+            threads: if self.config.simulator == SimulatorKind::Gs { self.options.workers } else { 1 },
         };
         // Where sending fails the process has gone already, which is heard of soon enough.
         drop(child.send(&encode(&begin)?));

@@ -16,8 +16,8 @@ use crate::training::state::AgentsState;
 /// those that only prepare the next one by [`Answer::Ready`].
 #[derive(Debug, Serialize, Deserialize)]
 pub enum Order {
-    /// The first one: what the run is, and whom the worker owns.
-    Begin { config_json: String, agents: Vec<AgentId> },
+    /// The first one: what the run is, whom the worker owns, and how many threads may train their policies.
+    Begin { config_json: String, agents: Vec<AgentId>, threads: usize },
     /// Go on from this state of its agents.
     Restore(AgentsState),
     /// Tell the state of its agents.

@@ -15,6 +15,7 @@ use super::message::{Answer, Order, Report};
 use crate::base::Phase;
 use crate::config::Config;
 use crate::domain::Domain;
+use crate::nn::Threads;
 use crate::policy::JointPolicy;
 use crate::training::answers::WorkerLoad;
 use crate::training::footprint::Footprint;
@@ -36,7 +37,7 @@ pub fn serve(open_domain: impl FnOnce(&Config) -> Result<Arc<dyn Domain>>) -> Re
     let Some(order) = receive(&mut stream).context("this command is for the program itself, not for people")? else {
         return Ok(());
     };
-    let Order::Begin { config_json, agents } = order else { bail!("the first order must be to begin") };
+    let Order::Begin { config_json, agents, threads } = order else { bail!("the first order must be to begin") };
     let config: Config = serde_json::from_str(&config_json)?;
     // For the log; where that cannot be written the work goes on.
     let owned = match agents.first().zip(agents.last()) {
@@ -44,7 +45,7 @@ pub fn serve(open_domain: impl FnOnce(&Config) -> Result<Arc<dyn Domain>>) -> Re
         None => "owns no agents and plays episodes".to_owned(),
     };
     let _ = writeln!(std::io::stderr(), "process {} {owned}", std::process::id());
-    let mut worker = Worker::new(open_domain(&config)?, &config, agents);
+    let mut worker = Worker::new(open_domain(&config)?, &config, agents, &Threads::new(threads)?);
     reporter.done(Answer::Ready, &mut worker)?;
     let mut policies = None;
     while let Some(order) = receive(&mut stream)? {

@@ -17,7 +17,7 @@ use crate::base::{AgentId, Dice, Phase, Seed, Stopwatch};
 use crate::config::{Config, Period, SimulatorKind};
 use crate::domain::{Domain, Result};
 use crate::influence::{AipLoss, AipStack, Dataset, train};
-use crate::nn::{Adam, Parameters};
+use crate::nn::{Adam, Parameters, Threads};
 use crate::policy::{Memory, PolicyStack};
 
 /// Local simulators per block. Larger forests cost more per intersection, smaller ones more calls per step; measured flat
@@ -56,8 +56,9 @@ pub fn agents_per_block(config: &Config) -> usize {
 }
 
 impl AgentBlock {
-    pub fn new(domain: Arc<dyn Domain>, config: &Config, agents: &[AgentId]) -> Self {
-        let policies = initial_policies(&*domain, config, agents);
+    pub fn new(domain: Arc<dyn Domain>, config: &Config, agents: &[AgentId], threads: Threads) -> Self {
+        let mut policies = initial_policies(&*domain, config, agents);
+        policies.use_threads(threads);
         AgentBlock {
             adam: Adam::new(policies.parameters()),
             aips: initial_aips(&*domain, config, agents),

@@ -15,6 +15,7 @@ use crate::config::{Config, Period};
 use crate::domain::{Domain, Result};
 use crate::evaluation::Evaluation;
 use crate::influence::{AipLoss, Dataset};
+use crate::nn::Threads;
 
 /// All agents in this process.
 pub struct InlineFleet {
@@ -28,7 +29,7 @@ pub struct InlineFleet {
 
 impl InlineFleet {
     pub fn new(domain: Arc<dyn Domain>, config: &Config, observer: Rc<dyn Observer>) -> Self {
-        let worker = Worker::new(domain.clone(), config, AgentId::all(domain.agents()));
+        let worker = Worker::new(domain.clone(), config, AgentId::all(domain.agents()), &Threads::one());
         let agents = worker.state();
         InlineFleet { worker, agents, domain, config: config.clone(), observer, at_work: Duration::ZERO }
     }

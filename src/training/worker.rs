@@ -17,6 +17,7 @@ use crate::config::{Config, Period};
 use crate::domain::{Domain, Result};
 use crate::evaluation::{EpisodeReport, episode_seed, play};
 use crate::influence::{AipLoss, Dataset};
+use crate::nn::Threads;
 use crate::policy::{JointPolicy, JointPolicyController, PolicyStack, Selection};
 
 pub struct Worker {
@@ -28,10 +29,12 @@ pub struct Worker {
 }
 
 impl Worker {
-    pub fn new(domain: Arc<dyn Domain>, config: &Config, agents: Vec<AgentId>) -> Self {
+    /// `threads`: for the policies while they train.
+    pub fn new(domain: Arc<dyn Domain>, config: &Config, agents: Vec<AgentId>, threads: &Threads) -> Self {
         let per_block = agents_per_block(config).min(agents.len().max(1));
+        let block = |agents: &[AgentId]| AgentBlock::new(domain.clone(), config, agents, threads.clone());
         Worker {
-            blocks: agents.chunks(per_block).map(|agents| AgentBlock::new(domain.clone(), config, agents)).collect(),
+            blocks: agents.chunks(per_block).map(block).collect(),
             run: Seed::new(config.seed),
             config: config.clone(),
             domain,
