@@ -13,6 +13,7 @@
 
 mod activations;
 mod adam;
+mod few_rows;
 mod gru;
 mod net;
 mod network;

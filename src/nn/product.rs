@@ -1,14 +1,11 @@
-//! Products of small matrices: the crate `gemm`, and for few rows a kernel of our own.
+//! Products of small matrices: the crate `gemm`, and for few rows kernels of our own.
 //!
 //! `gemm` multiplies the shapes of these networks (32 x 256 by 256 x 128) about twice as fast as libtorch with OpenBLAS:
-//! it has kernels for 512-bit registers and no cost per call worth naming. One case it has no kernel for: the gradient
-//! that goes back through the state weight of a GRU, a few rows by a transposed matrix.
+//! it has kernels for 512-bit registers and little cost per call.
 
 use gemm::{Parallelism, gemm};
-use pulp::{Arch, Simd, WithSimd};
 
-/// Up to so many rows our own kernel multiplies by a transposed matrix faster; measured for 256 x 768.
-const FEW_ROWS: usize = 6;
+use super::few_rows::{FEW_ROWS, add_row_by_matrix, dot_products};
 
 /// A matrix in somebody's memory, row after row or, transposed, column after column.
 #[derive(Clone, Copy)]
@@ -49,8 +46,13 @@ pub fn multiply(left: Matrix<'_>, right: Matrix<'_>, out: &mut [f32], before: Be
     assert_eq!(depth, right.rows, "{rows} x {depth} by {} x {columns}", right.rows);
     assert_eq!(out.len(), rows * columns, "{rows} x {columns} values come out");
     if rows <= FEW_ROWS && right.transposed && !left.transposed && before == Before::Overwrite {
-        Arch::new().dispatch(DotProducts { left: left.values, right: right.values, depth, out });
-        return;
+        return dot_products(left.values, right.values, depth, out);
+    }
+    if rows == 1 && !right.transposed {
+        if before == Before::Overwrite {
+            out.fill(0.0);
+        }
+        return add_row_by_matrix(left.values, right.values, out);
     }
     let ((left_row, left_column), (right_row, right_column)) = (left.strides(), right.strides());
     // SAFETY: `Matrix` holds `rows x columns` values that its strides stay within, the shapes fit each other, and `out`
@@ -88,72 +90,6 @@ pub fn sum_rows(rows: &[f32], sums: &mut [f32]) {
     }
 }
 
-/// `out = left x right^T`: every number is the dot product of two rows, each as it lies in memory.
-struct DotProducts<'a> {
-    /// `[rows, depth]`
-    left: &'a [f32],
-    /// `[columns, depth]`
-    right: &'a [f32],
-    depth: usize,
-    /// `[rows, columns]`
-    out: &'a mut [f32],
-}
-
-impl WithSimd for DotProducts<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(mut self, simd: S) {
-        let rows = self.left.len() / self.depth;
-        let mut row = 0;
-        while row < rows {
-            row += match rows - row {
-                4.. => self.rows::<S, 4>(simd, row),
-                2..4 => self.rows::<S, 2>(simd, row),
-                _ => self.rows::<S, 1>(simd, row),
-            };
-        }
-    }
-}
-
-impl DotProducts<'_> {
-    /// `ROWS` rows of the product from `row` on.
-    #[inline(always)]
-    fn rows<S: Simd, const ROWS: usize>(&mut self, simd: S, row: usize) -> usize {
-        let columns = self.right.len() / self.depth;
-        let in_fours = columns / 4 * 4;
-        (0..in_fours).step_by(4).for_each(|column| self.tile::<S, ROWS, 4>(simd, row, column));
-        (in_fours..columns).for_each(|column| self.tile::<S, ROWS, 1>(simd, row, column));
-        ROWS
-    }
-
-    /// Several sums at once: each number that is loaded serves several, and none waits for itself.
-    #[inline(always)]
-    fn tile<S: Simd, const ROWS: usize, const COLUMNS: usize>(&mut self, simd: S, row: usize, column: usize) {
-        let (depth, columns) = (self.depth, self.right.len() / self.depth);
-        let whole = depth / S::F32_LANES;
-        let left: [&[f32]; ROWS] = std::array::from_fn(|i| &self.left[(row + i) * depth..][..depth]);
-        let right: [&[f32]; COLUMNS] = std::array::from_fn(|i| &self.right[(column + i) * depth..][..depth]);
-        let left_lanes = left.map(|row| &S::as_simd_f32s(row).0[..whole]);
-        let right_lanes = right.map(|row| &S::as_simd_f32s(row).0[..whole]);
-        let mut sums = [[simd.splat_f32s(0.0); COLUMNS]; ROWS];
-        for chunk in 0..whole {
-            for (sums, left) in sums.iter_mut().zip(left_lanes) {
-                for (sum, right) in sums.iter_mut().zip(right_lanes) {
-                    *sum = simd.mul_add_f32s(left[chunk], right[chunk], *sum);
-                }
-            }
-        }
-        let rest = whole * S::F32_LANES;
-        for (i, (sums, left)) in sums.into_iter().zip(left).enumerate() {
-            for (j, (sum, right)) in sums.into_iter().zip(right).enumerate() {
-                let tail = left[rest..].iter().zip(&right[rest..]).map(|(l, r)| l * r).sum::<f32>();
-                self.out[(row + i) * columns + column + j] = simd.reduce_sum_f32s(sum) + tail;
-            }
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -176,9 +112,17 @@ mod tests {
     #[test]
     fn products_of_all_shapes_and_orders_are_what_the_definition_says() {
         let mut dice = Seed::new(1).dice();
-        for (rows, depth, columns) in
-            [(1, 1, 1), (2, 3, 5), (3, 5, 7), (4, 256, 37), (5, 40, 33), (7, 19, 8), (32, 40, 3)]
-        {
+        for (rows, depth, columns) in [
+            (1, 1, 1),
+            (1, 256, 128),
+            (1, 37, 781),
+            (2, 3, 5),
+            (3, 5, 7),
+            (4, 256, 37),
+            (5, 40, 33),
+            (7, 19, 8),
+            (32, 40, 3),
+        ] {
             let (a, b) = (random(rows * depth, &mut dice), random(depth * columns, &mut dice));
             for left in [Matrix::new(&a, depth), Matrix::new(&a, rows).transposed()] {
                 for right in [Matrix::new(&b, columns), Matrix::new(&b, depth).transposed()] {
