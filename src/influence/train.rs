@@ -5,7 +5,7 @@ use std::ops::Range;
 use rand::seq::SliceRandom;
 
 use super::{AipStack, Dataset, sources};
-use crate::base::{AgentId, Dice, Rows, Seed};
+use crate::base::{AgentId, Dice, Phase, Rows, Seed, Stopwatch};
 use crate::config::{AipConfig, held_out_episodes};
 use crate::domain::SourceSpec;
 use crate::nn::Adam;
@@ -42,11 +42,12 @@ pub fn train(
     datasets: &[Dataset],
     config: &AipConfig,
     seed: Seed,
+    watch: &mut Stopwatch,
     progress: &mut dyn FnMut(f64),
 ) -> Vec<AipLoss> {
     let (first, last) = split(&datasets[0], config.held_out);
     let steps = if aips.net().shape().recurrent.is_some() { datasets[0].horizon } else { 1 };
-    let before = [losses(aips, datasets, steps, 0..first), losses(aips, datasets, steps, first..last)];
+    let before = [0..first, first..last].map(|samples| losses(aips, datasets, steps, samples, watch));
     let mut dice: Vec<Dice> = agents.iter().map(|&agent| seed.for_agent(agent).dice()).collect();
     let mut adam = Adam::new(aips.parameters());
     // Sequences of `steps` samples each.
@@ -55,12 +56,14 @@ pub fn train(
     for epoch in 0..config.epochs {
         order.iter_mut().zip(&mut dice).for_each(|(order, dice)| order.shuffle(dice));
         for batch in 0..first / steps / config.batch {
-            minibatch.gather(datasets, |agent, i| order[agent][batch * config.batch + i]);
-            minibatch.descend(aips, &mut adam, config.learning_rate);
+            watch.time(Phase::Bookkeeping, || {
+                minibatch.gather(datasets, |agent, i| order[agent][batch * config.batch + i]);
+            });
+            minibatch.descend(aips, &mut adam, config.learning_rate, watch);
         }
         progress((epoch + 1) as f64 / config.epochs as f64);
     }
-    let after = [losses(aips, datasets, steps, 0..first), losses(aips, datasets, steps, first..last)];
+    let after = [0..first, first..last].map(|samples| losses(aips, datasets, steps, samples, watch));
     report(datasets, aips.sources(), first, before, after)
 }
 
@@ -106,36 +109,47 @@ impl Minibatch {
     }
 
     /// One gradient step on the cross-entropy, averaged over the samples and the sources of each agent.
-    fn descend(&self, aips: &mut AipStack, adam: &mut Adam, learning_rate: f64) {
+    fn descend(&self, aips: &mut AipStack, adam: &mut Adam, learning_rate: f64, watch: &mut Stopwatch) {
         let spec = aips.sources();
-        let trace = aips.forward(&self.d_sets, self.steps);
-        let scale = 1.0 / (self.sequences * self.steps * spec.count()) as f32;
-        let mut gradient = vec![0.0; trace.output().len()];
-        let rows = gradient.chunks_exact_mut(spec.logits()).zip(trace.output().chunks_exact(spec.logits()));
-        for ((gradient, logits), observed) in rows.zip(self.sources.iter()) {
-            sources::write_gradient(spec, logits, observed, scale, gradient);
-        }
+        let (trace, gradient) = watch.time(Phase::Forward, || {
+            let trace = aips.forward(&self.d_sets, self.steps);
+            let scale = 1.0 / (self.sequences * self.steps * spec.count()) as f32;
+            let mut gradient = vec![0.0; trace.output().len()];
+            let rows = gradient.chunks_exact_mut(spec.logits()).zip(trace.output().chunks_exact(spec.logits()));
+            for ((gradient, logits), observed) in rows.zip(self.sources.iter()) {
+                sources::write_gradient(spec, logits, observed, scale, gradient);
+            }
+            (trace, gradient)
+        });
         let net = aips.net_mut();
-        net.backward(&trace, &gradient);
-        adam.step(net.parameters_mut(), learning_rate);
+        watch.time(Phase::Backward, || net.backward(&trace, &gradient));
+        watch.time(Phase::Adam, || adam.step(net.parameters_mut(), learning_rate));
     }
 }
 
 /// Mean cross-entropy of every agent and source over some of the samples, which are whole sequences of `steps`.
-fn losses(aips: &AipStack, datasets: &[Dataset], steps: usize, samples: Range<usize>) -> Vec<CrossEntropies> {
+fn losses(
+    aips: &AipStack,
+    datasets: &[Dataset],
+    steps: usize,
+    samples: Range<usize>,
+    watch: &mut Stopwatch,
+) -> Vec<CrossEntropies> {
     let spec = aips.sources();
     let mut sums = vec![vec![0.0; spec.count()]; datasets.len()];
     let (first, last) = (samples.start / steps, samples.end / steps);
     let chunk = (LOSS_CHUNK / steps).max(1);
     for start in (first..last).step_by(chunk) {
         let mut minibatch = Minibatch::new(datasets.len(), chunk.min(last - start), steps, &datasets[0]);
-        minibatch.gather(datasets, |_, i| start + i);
-        let trace = aips.forward(&minibatch.d_sets, steps);
-        let rows = trace.output().chunks_exact(spec.logits()).zip(minibatch.sources.iter());
-        for (row, (logits, observed)) in rows.enumerate() {
-            let agent = row / (minibatch.sequences * steps);
-            sources::add_cross_entropies(spec, logits, observed, &mut sums[agent]);
-        }
+        watch.time(Phase::Bookkeeping, || minibatch.gather(datasets, |_, i| start + i));
+        watch.time(Phase::Forward, || {
+            let trace = aips.forward(&minibatch.d_sets, steps);
+            let rows = trace.output().chunks_exact(spec.logits()).zip(minibatch.sources.iter());
+            for (row, (logits, observed)) in rows.enumerate() {
+                let agent = row / (minibatch.sequences * steps);
+                sources::add_cross_entropies(spec, logits, observed, &mut sums[agent]);
+            }
+        });
     }
     let count = samples.len() as f64;
     sums.iter_mut().flatten().for_each(|sum| *sum /= count);
@@ -214,7 +228,8 @@ mod tests {
         let spec = RegionSpec { obs_dim: 3, d_set_dim: 3, n_actions: 2, sources, horizon: 100 };
         let mut aips = AipStack::new(agents, &spec, &config(), Seed::new(1));
         let datasets: Vec<Dataset> = agents.iter().map(|&agent| known_dataset(agent)).collect();
-        let losses = train(&mut aips, agents, &datasets, &config(), Seed::new(2), &mut |_| ());
+        let losses =
+            train(&mut aips, agents, &datasets, &config(), Seed::new(2), &mut Stopwatch::default(), &mut |_| ());
         let values = aips.parameters().values().to_vec();
         (losses, values)
     }
@@ -247,7 +262,9 @@ mod tests {
         }
         let config = AipConfig { hidden: vec![8], learning_rate: 1e-2, epochs: 30, ..AipConfig::default() };
         let mut aips = AipStack::new(&[AgentId(0)], &spec, &config, Seed::new(1));
-        let loss = train(&mut aips, &[AgentId(0)], &[dataset], &config, Seed::new(2), &mut |_| ()).remove(0);
+        let loss =
+            train(&mut aips, &[AgentId(0)], &[dataset], &config, Seed::new(2), &mut Stopwatch::default(), &mut |_| ())
+                .remove(0);
         // Certain of u = x where it holds: p > 0.95, so -ln(1 - p) > 3 in the end. Trained on all it would be ln 10 = 2.3.
         assert!(loss.training[1][0] < 0.05, "{:?}", loss.training);
         assert!(loss.held_out[1][0] > 3.0, "{:?}", loss.held_out);
@@ -296,7 +313,9 @@ mod tests {
             };
             let mut aips = AipStack::new(&[AgentId(0)], &spec, &config, Seed::new(1));
             let datasets = [delayed_dataset()];
-            train(&mut aips, &[AgentId(0)], &datasets, &config, Seed::new(2), &mut |_| ()).remove(0).held_out[1][0]
+            train(&mut aips, &[AgentId(0)], &datasets, &config, Seed::new(2), &mut Stopwatch::default(), &mut |_| ())
+                .remove(0)
+                .held_out[1][0]
         };
         // Without memory: the two first steps are sure (0), the others a die of three, 18 / 20 * ln 3 = 0.989 at least.
         let (with, without) = (loss(Some(16)), loss(None));

@@ -14,7 +14,7 @@
 use rand::seq::SliceRandom;
 use serde::{Deserialize, Serialize};
 
-use crate::base::{Dice, Rows};
+use crate::base::{Dice, Phase, Rows, Stopwatch};
 use crate::config::PpoConfig;
 use crate::nn::{Adam, Sequences, States};
 use crate::policy::{Judgement, Memory, PolicyStack, Sample, sampling};
@@ -75,6 +75,7 @@ pub fn update(
     dice: &mut [Dice],
     config: &PpoConfig,
     decayed: Decayed,
+    watch: &mut Stopwatch,
 ) -> Vec<Losses> {
     let weights =
         Weights { clip: decayed.clip as f32, value: config.value_coefficient as f32, entropy: config.entropy as f32 };
@@ -89,17 +90,20 @@ pub fn update(
         order.iter_mut().zip(&mut *dice).for_each(|(order, dice)| order.shuffle(dice));
         for batch in 0..batches {
             let first = batch * minibatch.sequences;
-            minibatch.gather(memory, |agent, i| order[agent][first + i]);
-            let judgement = minibatch.judge(policies);
-            let rows = judgement.trace().output().chunks_exact(per_agent).zip(gradient.chunks_exact_mut(per_agent));
-            for (agent, (output, gradient)) in rows.enumerate() {
-                let samples = &minibatch.samples[agent * config.minibatch..(agent + 1) * config.minibatch];
-                let of_batch = loss_and_gradient(output, samples, weights, gradient);
-                losses[agent].add(&of_batch, 1.0 / (config.epochs * batches) as f64);
-            }
+            watch.time(Phase::Bookkeeping, || minibatch.gather(memory, |agent, i| order[agent][first + i]));
+            let judgement = watch.time(Phase::Forward, || {
+                let judgement = minibatch.judge(policies);
+                let rows = judgement.trace().output().chunks_exact(per_agent);
+                for (agent, (output, gradient)) in rows.zip(gradient.chunks_exact_mut(per_agent)).enumerate() {
+                    let samples = &minibatch.samples[agent * config.minibatch..(agent + 1) * config.minibatch];
+                    let of_batch = loss_and_gradient(output, samples, weights, gradient);
+                    losses[agent].add(&of_batch, 1.0 / (config.epochs * batches) as f64);
+                }
+                judgement
+            });
             let net = policies.net_mut();
-            net.backward(judgement.trace(), &gradient);
-            adam.step(net.parameters_mut(), decayed.learning_rate);
+            watch.time(Phase::Backward, || net.backward(judgement.trace(), &gradient));
+            watch.time(Phase::Adam, || adam.step(net.parameters_mut(), decayed.learning_rate));
         }
     }
     losses
