@@ -11,5 +11,5 @@ mod units;
 pub use compact::CompactRows;
 pub use rows::Rows;
 pub use seed::{Dice, Seed, scramble};
-pub use stopwatch::{Phase, Stopwatch};
+pub use stopwatch::{Activity, Phase, Stopwatch, Timesheet};
 pub use units::AgentId;

@@ -1,20 +1,14 @@
-//! Where the wall time goes, phase by phase.
+//! Where the wall time goes: what workers do between two exchanges, and which phases it is made of.
 
 use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
-/// The phases of a run that `timing.csv` tells apart.
+/// What a worker is asked to do between two exchanges (the lines of Algorithm 1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Phase {
-    /// Inside the simulator: insertion, step, reading (traffic: SUMO), while policies train.
-    Simulation,
-    /// Policy forward passes and sampling of actions while policies train.
-    Acting,
-    /// Sampling of influence sources from the AIPs while policies train.
-    AipSampling,
-    /// PPO updates.
-    Learning,
+pub enum Activity {
+    /// Training of the policies.
+    Training,
     /// Algorithm 2: datasets from the GS.
     Collection,
     /// Training of the AIPs.
@@ -23,32 +17,82 @@ pub enum Phase {
     Evaluation,
 }
 
-impl Phase {
-    pub const ALL: [Phase; 7] = [
-        Phase::Simulation,
-        Phase::Acting,
-        Phase::AipSampling,
-        Phase::Learning,
-        Phase::Collection,
-        Phase::AipTraining,
-        Phase::Evaluation,
-    ];
+impl Activity {
+    pub const ALL: [Activity; 4] =
+        [Activity::Training, Activity::Collection, Activity::AipTraining, Activity::Evaluation];
 
-    /// The column of `timing.csv`.
+    /// As in the columns of `timing.csv`.
     pub fn name(self) -> &'static str {
         match self {
-            Phase::Simulation => "simulation",
-            Phase::Acting => "acting",
-            Phase::AipSampling => "aip_sampling",
-            Phase::Learning => "learning",
-            Phase::Collection => "collection",
-            Phase::AipTraining => "aip_training",
-            Phase::Evaluation => "evaluation",
+            Activity::Training => "training",
+            Activity::Collection => "collection",
+            Activity::AipTraining => "aip_training",
+            Activity::Evaluation => "evaluation",
         }
     }
 }
 
-/// Adds up wall time per phase.
+/// What the time of an activity goes into. No activity has all of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Phase {
+    /// Simulators are made (traffic: networks written and read).
+    Loading,
+    /// Episodes begin (traffic: cars taken off, lights set; on the GS the network read again).
+    Reset,
+    /// The simulator is told what shall happen (traffic: lights and cars).
+    Insertion,
+    /// The simulator's own step (traffic: inside SUMO).
+    SimulatorStep,
+    /// What happened is read and turned into observations and rewards.
+    Reading,
+    /// Forward passes of the policies for decisions and advantages, and the draw of actions.
+    Acting,
+    /// Sampling of influence sources from the AIPs.
+    AipSampling,
+    /// What is remembered is written down and laid out for the networks: advantages, minibatches.
+    Bookkeeping,
+    /// Forward passes of a training, with the loss.
+    Forward,
+    /// Gradients of a training.
+    Backward,
+    /// Steps of the optimiser.
+    Adam,
+}
+
+impl Phase {
+    pub const ALL: [Phase; 11] = [
+        Phase::Loading,
+        Phase::Reset,
+        Phase::Insertion,
+        Phase::SimulatorStep,
+        Phase::Reading,
+        Phase::Acting,
+        Phase::AipSampling,
+        Phase::Bookkeeping,
+        Phase::Forward,
+        Phase::Backward,
+        Phase::Adam,
+    ];
+
+    /// As in the columns of `timing.csv`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Phase::Loading => "loading",
+            Phase::Reset => "reset",
+            Phase::Insertion => "insertion",
+            Phase::SimulatorStep => "simulator_step",
+            Phase::Reading => "reading",
+            Phase::Acting => "acting",
+            Phase::AipSampling => "aip_sampling",
+            Phase::Bookkeeping => "bookkeeping",
+            Phase::Forward => "forward",
+            Phase::Backward => "backward",
+            Phase::Adam => "adam",
+        }
+    }
+}
+
+/// Adds up wall time per phase. A reading costs tens of nanoseconds: it belongs around the work of many rows, not of one.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Stopwatch {
     spent: [Duration; Phase::ALL.len()],
@@ -58,14 +102,25 @@ impl Stopwatch {
     pub fn time<T>(&mut self, phase: Phase, work: impl FnOnce() -> T) -> T {
         let begun = Instant::now();
         let result = work();
-        self.spent[phase as usize] += begun.elapsed();
+        self.note(phase, begun.elapsed());
         result
+    }
+
+    /// Time that somebody else measured.
+    pub fn note(&mut self, phase: Phase, time: Duration) {
+        self.spent[phase as usize] += time;
     }
 
     pub fn add(&mut self, other: &Stopwatch) {
         for (mine, theirs) in self.spent.iter_mut().zip(other.spent) {
             *mine += theirs;
         }
+    }
+
+    /// The same shares of another total: of phases that threads measured side by side, in wall time.
+    pub fn scaled_to(&self, total: Duration) -> Stopwatch {
+        let factor = total.as_secs_f64() / self.total().as_secs_f64().max(f64::MIN_POSITIVE);
+        Stopwatch { spent: self.spent.map(|spent| spent.mul_f64(factor)) }
     }
 
     pub fn spent(&self, phase: Phase) -> Duration {
@@ -79,6 +134,46 @@ impl Stopwatch {
 
     /// Reads all phases and starts again from zero.
     pub fn take(&mut self) -> Stopwatch {
+        std::mem::take(self)
+    }
+}
+
+/// The wall time of every activity and its phases.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Timesheet {
+    activities: [(Duration, Stopwatch); Activity::ALL.len()],
+}
+
+impl Timesheet {
+    /// An activity took the time `whole`; `phases` of it are known.
+    pub fn note(&mut self, activity: Activity, whole: Duration, phases: &Stopwatch) {
+        let (time, watch) = &mut self.activities[activity as usize];
+        *time += whole;
+        watch.add(phases);
+    }
+
+    pub fn add(&mut self, other: &Timesheet) {
+        for (activity, (whole, phases)) in Activity::ALL.into_iter().zip(&other.activities) {
+            self.note(activity, *whole, phases);
+        }
+    }
+
+    /// With what is in none of its phases.
+    pub fn whole(&self, activity: Activity) -> Duration {
+        self.activities[activity as usize].0
+    }
+
+    pub fn phases(&self, activity: Activity) -> &Stopwatch {
+        &self.activities[activity as usize].1
+    }
+
+    /// All activities together.
+    pub fn total(&self) -> Duration {
+        self.activities.iter().map(|(whole, _)| *whole).sum()
+    }
+
+    /// Reads everything and starts again from zero.
+    pub fn take(&mut self) -> Timesheet {
         std::mem::take(self)
     }
 }

@@ -13,7 +13,7 @@ pub mod toy;
 
 use serde::{Deserialize, Serialize};
 
-use crate::base::{AgentId, Rows, Seed};
+use crate::base::{AgentId, Rows, Seed, Stopwatch};
 
 pub use scene::{Colour, Scene};
 pub use spec::{Action, RegionSpec, SourceSpec};
@@ -85,6 +85,12 @@ pub trait GlobalSimulator {
     fn scene(&self) -> Option<Scene> {
         None
     }
+
+    /// How long its steps took since the last call, where it tells insertion, its own step and reading apart. What it
+    /// does not tell counts as its own step.
+    fn take_watch(&mut self) -> Stopwatch {
+        Stopwatch::default()
+    }
 }
 
 /// The local simulators of many regions in lockstep: `x' ~ T_i(. | x, u, a)`, one row per (agent, copy).
@@ -102,6 +108,11 @@ pub trait LocalSimulator {
 
     /// Totals since the simulator was made, such as influences that could not be carried out.
     fn counters(&self) -> Vec<(&'static str, u64)>;
+
+    /// As [`GlobalSimulator::take_watch`].
+    fn take_watch(&mut self) -> Stopwatch {
+        Stopwatch::default()
+    }
 }
 
 /// Named figures of an episode beside the return.

@@ -3,14 +3,14 @@
 use std::ops::Range;
 
 use rand::seq::SliceRandom;
+use serde::{Deserialize, Serialize};
 
 use super::aip::scaled;
 use super::{AipStack, Dataset, sources};
-use crate::base::{AgentId, Seed};
+use crate::base::{AgentId, Phase, Seed, Stopwatch};
 use crate::config::{AipConfig, held_out_episodes};
 use crate::domain::SourceSpec;
-use crate::nn::{Adam, Learner, Network, Sequences, Trace};
-use serde::{Deserialize, Serialize};
+use crate::nn::{Adam, Network, Sequences, Trace};
 
 /// Mean cross-entropy of every influence source, in nats.
 pub type CrossEntropies = Vec<f64>;
@@ -43,6 +43,7 @@ pub fn train(
     datasets: &[Dataset],
     config: &AipConfig,
     seed: Seed,
+    watch: &mut Stopwatch,
     progress: &mut dyn FnMut(f64),
 ) -> Vec<AipLoss> {
     let (first, last) = split(&datasets[0], config.held_out);
@@ -55,21 +56,26 @@ pub fn train(
     let learners = aips.learners(&mut adam, (config.epochs * batches) as u32);
     let mut losses = Vec::with_capacity(agents.len());
     for (index, ((mut learner, dataset), &agent)) in learners.into_iter().zip(datasets).zip(agents).enumerate() {
-        let measure = |network: Network<'_>, room: &mut Room| {
-            [0..first, first..last].map(|samples| room.cross_entropies(network, spec, dataset, steps, samples))
+        let measure = |network: Network<'_>, room: &mut Room, watch: &mut Stopwatch| {
+            [0..first, first..last].map(|samples| room.cross_entropies(network, spec, dataset, steps, samples, watch))
         };
-        let before = measure(learner.network(), &mut room);
+        let before = measure(learner.network(), &mut room, watch);
         let mut dice = seed.for_agent(agent).dice();
         let mut order: Vec<usize> = (0..first / steps).collect();
         for epoch in 0..config.epochs {
             order.shuffle(&mut dice);
             for sequences in order.chunks_exact(config.batch) {
-                room.gather(dataset, steps, sequences.iter().copied());
-                room.descend(&mut learner, spec, config.learning_rate);
+                watch.time(Phase::Bookkeeping, || room.gather(dataset, steps, sequences.iter().copied()));
+                watch.time(Phase::Forward, || {
+                    room.forward(learner.network(), spec);
+                    room.differentiate(spec);
+                });
+                watch.time(Phase::Backward, || learner.network().backward(&room.gradient, &mut room.trace));
+                watch.time(Phase::Adam, || learner.descend(room.trace.gradient(), config.learning_rate));
             }
             progress((index as f64 + (epoch + 1) as f64 / config.epochs as f64) / agents.len() as f64);
         }
-        let after = measure(learner.network(), &mut room);
+        let after = measure(learner.network(), &mut room, watch);
         losses.push(report(dataset, spec, first, before, after));
     }
     losses
@@ -122,9 +128,8 @@ impl Room {
         network.forward(&self.d_sets, sequences, &mut self.trace);
     }
 
-    /// One gradient step on the cross-entropy, averaged over the samples and the sources.
-    fn descend(&mut self, learner: &mut Learner<'_>, spec: SourceSpec, learning_rate: f64) {
-        self.forward(learner.network(), spec);
+    /// The gradient of the cross-entropy, averaged over the samples and the sources.
+    fn differentiate(&mut self, spec: SourceSpec) {
         let logits = self.trace.output();
         self.gradient.resize(logits.len(), 0.0);
         let scale = 1.0 / self.sources.len() as f32;
@@ -132,8 +137,6 @@ impl Room {
         for ((gradient, logits), observed) in rows.zip(self.sources.chunks_exact(spec.count())) {
             sources::write_gradient(spec, logits, observed, scale, gradient);
         }
-        learner.network().backward(&self.gradient, &mut self.trace);
-        learner.descend(self.trace.gradient(), learning_rate);
     }
 
     /// Mean cross-entropy of every source over some of the samples, which are whole sequences of `steps`.
@@ -144,15 +147,18 @@ impl Room {
         dataset: &Dataset,
         steps: usize,
         samples: Range<usize>,
+        watch: &mut Stopwatch,
     ) -> CrossEntropies {
         let mut sums = vec![0.0; spec.count()];
         let (first, last) = (samples.start / steps, samples.end / steps);
         let chunk = (LOSS_CHUNK / steps).max(1);
         for start in (first..last).step_by(chunk) {
-            self.gather(dataset, steps, start..last.min(start + chunk));
-            self.forward(network, spec);
-            let rows = self.trace.output().chunks_exact(spec.logits()).zip(self.sources.chunks_exact(spec.count()));
-            rows.for_each(|(logits, observed)| sources::add_cross_entropies(spec, logits, observed, &mut sums));
+            watch.time(Phase::Bookkeeping, || self.gather(dataset, steps, start..last.min(start + chunk)));
+            watch.time(Phase::Forward, || {
+                self.forward(network, spec);
+                let rows = self.trace.output().chunks_exact(spec.logits()).zip(self.sources.chunks_exact(spec.count()));
+                rows.for_each(|(logits, observed)| sources::add_cross_entropies(spec, logits, observed, &mut sums));
+            });
         }
         sums.iter_mut().for_each(|sum| *sum /= samples.len() as f64);
         sums
@@ -228,7 +234,8 @@ mod tests {
         let spec = RegionSpec { obs_dim: 3, d_set_dim: 3, n_actions: 2, sources, horizon: 100 };
         let mut aips = AipStack::new(agents, &spec, &config(), Seed::new(1));
         let datasets: Vec<Dataset> = agents.iter().map(|&agent| known_dataset(agent)).collect();
-        let losses = train(&mut aips, agents, &datasets, &config(), Seed::new(2), &mut |_| ());
+        let losses =
+            train(&mut aips, agents, &datasets, &config(), Seed::new(2), &mut Stopwatch::default(), &mut |_| ());
         let values = aips.parameters().values().as_slice().to_vec();
         (losses, values)
     }
@@ -261,7 +268,9 @@ mod tests {
         }
         let config = AipConfig { hidden: vec![8], learning_rate: 1e-2, epochs: 30, ..AipConfig::default() };
         let mut aips = AipStack::new(&[AgentId(0)], &spec, &config, Seed::new(1));
-        let loss = train(&mut aips, &[AgentId(0)], &[dataset], &config, Seed::new(2), &mut |_| ()).remove(0);
+        let loss =
+            train(&mut aips, &[AgentId(0)], &[dataset], &config, Seed::new(2), &mut Stopwatch::default(), &mut |_| ())
+                .remove(0);
         // Certain of u = x where it holds: p > 0.95, so -ln(1 - p) > 3 in the end. Trained on all it would be ln 10 = 2.3.
         assert!(loss.training[1][0] < 0.05, "{:?}", loss.training);
         assert!(loss.held_out[1][0] > 3.0, "{:?}", loss.held_out);
@@ -310,7 +319,9 @@ mod tests {
             };
             let mut aips = AipStack::new(&[AgentId(0)], &spec, &config, Seed::new(1));
             let datasets = [delayed_dataset()];
-            train(&mut aips, &[AgentId(0)], &datasets, &config, Seed::new(2), &mut |_| ()).remove(0).held_out[1][0]
+            train(&mut aips, &[AgentId(0)], &datasets, &config, Seed::new(2), &mut Stopwatch::default(), &mut |_| ())
+                .remove(0)
+                .held_out[1][0]
         };
         // Without memory: the two first steps are sure (0), the others a die of three, 18 / 20 * ln 3 = 0.989 at least.
         let (with, without) = (loss(Some(16)), loss(None));

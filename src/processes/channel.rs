@@ -8,7 +8,7 @@ use serde::de::DeserializeOwned;
 
 const MAGIC: [u8; 4] = *b"DIAL";
 /// Counts up whenever a message changes its shape: programs of different builds must not misread each other.
-const PROTOCOL: u16 = 1;
+const PROTOCOL: u16 = 2;
 /// Longer messages are a sign of a torn stream: the datasets and states of 10 000 agents are shorter.
 const LONGEST: u64 = 1 << 36;
 
@@ -77,7 +77,7 @@ mod tests {
         let frame = encode(&vec![1_u32, 2, 3]).unwrap();
         let mut newer = frame.clone();
         newer[4] = 9;
-        assert!(error_of(&newer).contains("a message of protocol 9 came, and this program speaks 1"));
+        assert!(error_of(&newer).contains("a message of protocol 9 came, and this program speaks 2"));
         assert!(error_of(b"GET / HTTP/1.1\r\n").contains("no message of ours"));
         assert!(error_of(&frame[..frame.len() - 1]).contains("broke off after 3 of 4 bytes"));
         let mut endless = frame;

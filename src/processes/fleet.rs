@@ -13,7 +13,7 @@ use anyhow::{Result, bail};
 use super::channel::encode;
 use super::child::{Child, Event, What};
 use super::message::{Answer, Order, Report};
-use crate::base::{AgentId, Phase};
+use crate::base::{Activity, AgentId};
 use crate::config::{Config, Period, SimulatorKind};
 use crate::domain::Domain;
 use crate::evaluation::Evaluation;
@@ -198,7 +198,7 @@ impl ProcessFleet {
             Report::Failed { reason } => bail!("{}: {reason}", self.name(worker)),
             Report::Done { answer, load } => {
                 let mine = &mut self.workers[worker].load;
-                mine.watch.add(&load.watch);
+                mine.timesheet.add(&load.timesheet);
                 mine.footprint = mine.footprint.max(load.footprint);
                 // A worker that has begun or was restored says so before it turns to its order.
                 Ok(Some(*answer).filter(|answer| !matches!(answer, Answer::Ready)))
@@ -296,15 +296,15 @@ impl ProcessFleet {
         if let Some(steps) = slowest.min() {
             self.observer.trained(steps);
         }
-        let shares: Vec<(Phase, f64)> = reports()
+        let shares: Vec<(Activity, f64)> = reports()
             .filter_map(|report| match report {
-                Report::Busy { phase, share } => Some((*phase, *share)),
+                Report::Busy { activity, share } => Some((*activity, *share)),
                 _ => None,
             })
             .collect();
-        if let Some(&(phase, _)) = shares.first() {
+        if let Some(&(activity, _)) = shares.first() {
             let sum = shares.iter().map(|(_, share)| share).sum::<f64>() + done as f64;
-            self.observer.busy(phase, sum / (open.len() + done) as f64);
+            self.observer.busy(activity, sum / (open.len() + done) as f64);
         }
     }
 }
@@ -417,7 +417,7 @@ impl Fleet for ProcessFleet {
         let workers = self
             .workers
             .iter_mut()
-            .map(|slot| WorkerLoad { watch: slot.load.watch.take(), footprint: slot.load.footprint });
+            .map(|slot| WorkerLoad { timesheet: slot.load.timesheet.take(), footprint: slot.load.footprint });
         FleetLoad {
             workers: workers.collect(),
             at_work: std::mem::take(&mut self.at_work),

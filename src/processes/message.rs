@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
-use crate::base::{AgentId, Phase, Rows};
+use crate::base::{Activity, AgentId, Rows};
 use crate::config::Period;
 use crate::evaluation::EpisodeReport;
 use crate::influence::{AipLoss, Dataset};
@@ -58,9 +58,9 @@ pub enum Report {
     /// Policies are trained for so many timesteps per agent.
     Trained { steps: u64 },
     /// This share of something else is done.
-    Busy { phase: Phase, share: f64 },
+    Busy { activity: Activity, share: f64 },
     /// The order is done; what the worker has been doing since the last one.
-    Done { answer: Box<Answer>, load: WorkerLoad },
+    Done { answer: Box<Answer>, load: Box<WorkerLoad> },
     /// The order cannot be done, for this reason, and would fail again.
     Failed { reason: String },
 }

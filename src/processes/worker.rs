@@ -12,7 +12,7 @@ use rustix::process::{Signal, set_parent_process_death_signal};
 
 use super::channel::{receive, send};
 use super::message::{Answer, Order, Report};
-use crate::base::Phase;
+use crate::base::Activity;
 use crate::config::Config;
 use crate::domain::Domain;
 use crate::nn::Threads;
@@ -102,8 +102,8 @@ impl Reporter {
     }
 
     fn done(&self, answer: Answer, worker: &mut Worker) -> Result<()> {
-        let load = WorkerLoad { watch: worker.take_watch(), footprint: Footprint::of_this_process() };
-        self.send(&Report::Done { answer: Box::new(answer), load })
+        let load = WorkerLoad { timesheet: worker.take_timesheet(), footprint: Footprint::of_this_process() };
+        self.send(&Report::Done { answer: Box::new(answer), load: Box::new(load) })
     }
 
     fn progress(&self, report: &Report) {
@@ -121,7 +121,7 @@ impl Observer for Reporter {
         self.progress(&Report::Trained { steps });
     }
 
-    fn busy(&self, phase: Phase, share: f64) {
-        self.progress(&Report::Busy { phase, share });
+    fn busy(&self, activity: Activity, share: f64) {
+        self.progress(&Report::Busy { activity, share });
     }
 }

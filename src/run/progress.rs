@@ -11,7 +11,7 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 
 use super::terminal::tell;
-use crate::base::Phase;
+use crate::base::Activity;
 use crate::config::Config;
 use crate::evaluation::Evaluation;
 use crate::influence::AipLoss;
@@ -140,14 +140,9 @@ impl Observer for Progress {
         }
     }
 
-    fn busy(&self, phase: Phase, share: f64) {
+    fn busy(&self, activity: Activity, share: f64) {
         self.rate.borrow_mut().since = None;
-        let what = match phase {
-            Phase::Collection => "collecting datasets",
-            Phase::AipTraining => "training AIPs",
-            Phase::Evaluation => "evaluating",
-            _ => phase.name(),
-        };
+        let what = doing(activity);
         if let Some(bar) = &self.bar {
             bar.set_message(format!("{what} {:.0} %", 100.0 * share));
         }
@@ -183,6 +178,16 @@ impl Observer for Progress {
 
     fn stop_requested(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
+    }
+}
+
+/// What a worker is doing, in words for a person.
+fn doing(activity: Activity) -> &'static str {
+    match activity {
+        Activity::Training => "training policies",
+        Activity::Collection => "collecting datasets",
+        Activity::AipTraining => "training AIPs",
+        Activity::Evaluation => "evaluating",
     }
 }
 

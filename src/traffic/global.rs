@@ -1,11 +1,13 @@
 //! The global simulator: the whole grid in one SUMO net, cars flowing in at its boundary.
 
+use std::time::Instant;
+
 use super::grid::{Grid, lane};
 use super::intersections::{Intersections, edges_of};
 use super::net_file::{NetworkFiles, for_sumo};
 use super::region::{self, EDGES};
 use super::signals::Light;
-use crate::base::{Rows, Seed};
+use crate::base::{Phase, Rows, Seed, Stopwatch};
 use crate::config::DSet;
 use crate::domain::{Action, GlobalSimulator, InfluenceSample, Measures, Percept, RegionSpec, Result, Transition};
 use crate::sumo::{Car, CarId, CarTable, LaneCars, SignalState, Simulation};
@@ -45,6 +47,7 @@ pub struct GlobalTraffic {
     d_set_before: Rows<f32>,
     arrivals: Rows<u8>,
     tally: Tally,
+    watch: Stopwatch,
 }
 
 /// Counts of an episode.
@@ -91,6 +94,7 @@ impl GlobalTraffic {
             d_set_before: Rows::new(agents.len(), spec.d_set_dim),
             arrivals: Rows::new(agents.len(), EDGES),
             tally: Tally::default(),
+            watch: Stopwatch::default(),
             spec,
         })
     }
@@ -169,13 +173,16 @@ impl GlobalSimulator for GlobalTraffic {
     }
 
     fn step(&mut self, actions: &[Action]) -> Result<&Transition> {
+        let begun = Instant::now();
         self.d_set_before.copy_from(&self.last.percept.d_set);
         std::mem::swap(&mut self.cars, &mut self.cars_before);
         self.lights_before.copy_from_slice(&self.lights);
         if self.control == SignalControl::Agents {
             self.intersections.act(&mut self.simulation, actions)?;
         }
-        self.simulation.step()?;
+        self.watch.note(Phase::Insertion, begun.elapsed());
+        self.watch.time(Phase::SimulatorStep, || self.simulation.step())?;
+        let begun = Instant::now();
         self.intersections.read_cars(&mut self.simulation, &mut self.cars)?;
         self.read_lights()?;
         self.note_arrivals();
@@ -183,6 +190,7 @@ impl GlobalSimulator for GlobalTraffic {
         self.tally.lights(&self.lights_before, &self.lights);
         self.tally.cars(&self.cars, &self.cars_before);
         self.tally.step(&mut self.simulation)?;
+        self.watch.note(Phase::Reading, begun.elapsed());
         Ok(&self.last)
     }
 
@@ -194,6 +202,10 @@ impl GlobalSimulator for GlobalTraffic {
 
     fn measures(&mut self) -> Result<Measures> {
         Ok(self.tally.measures())
+    }
+
+    fn take_watch(&mut self) -> Stopwatch {
+        self.watch.take()
     }
 }
 

@@ -1,6 +1,7 @@
 //! The local simulators: a forest of single intersections into which the AIPs send cars.
 
 use std::path::Path;
+use std::time::Instant;
 
 use anyhow::Context;
 
@@ -8,7 +9,7 @@ use super::forest::{Region, write_forest};
 use super::intersections::{Intersections, edges_of};
 use super::net_file::{NetworkFiles, for_sumo};
 use super::region::{self, EDGES};
-use crate::base::Rows;
+use crate::base::{Phase, Rows, Stopwatch};
 use crate::config::{DSet, EntryRule};
 use crate::domain::{Action, LocalSimulator, Percept, RegionSpec, Result, Transition};
 use crate::sumo::{CarTable, DepartSpeed, Insertion, LaneCars, LaneId, RouteId, Simulation};
@@ -43,6 +44,7 @@ pub struct LocalTraffic {
     serial: u64,
     sampled: u64,
     dropped: u64,
+    watch: Stopwatch,
 }
 
 impl LocalTraffic {
@@ -84,6 +86,7 @@ impl LocalTraffic {
             serial: 0,
             sampled: 0,
             dropped: 0,
+            watch: Stopwatch::default(),
             spec,
         })
     }
@@ -91,6 +94,7 @@ impl LocalTraffic {
     /// One step in which the cars of `entries` (`[rows][EDGES]`) enter, wherever and however fast that is; a car that
     /// does not fit in is dropped. [`LocalSimulator::step`] calls it with entries after its rule.
     pub fn step_with(&mut self, actions: &[Action], entries: &[[Option<Entry>; EDGES]]) -> Result<&Transition> {
+        let begun = Instant::now();
         self.intersections.act(&mut self.simulation, actions)?;
         let first_serial = self.serial;
         let wanted: Vec<(usize, Entry)> = entries
@@ -111,8 +115,10 @@ impl LocalTraffic {
             .collect();
         self.serial += cars.len() as u64;
         self.simulation.insert(&cars)?;
-        self.simulation.step()?;
-        self.simulation.clear_pending()?;
+        self.watch.note(Phase::Insertion, begun.elapsed());
+        self.watch.time(Phase::SimulatorStep, || self.simulation.step())?;
+        self.watch.time(Phase::Insertion, || self.simulation.clear_pending())?;
+        let begun = Instant::now();
         self.intersections.read_cars(&mut self.simulation, &mut self.cars)?;
         self.arrivals.fill(0);
         for (&(edge, _), car) in wanted.iter().zip(first_serial..) {
@@ -130,6 +136,7 @@ impl LocalTraffic {
             *reward = region::reward(edges);
             self.cars_on.row_mut(row).iter_mut().zip(edges).for_each(|(count, edge)| *count = edge.len());
         }
+        self.watch.note(Phase::Reading, begun.elapsed());
         Ok(&self.last)
     }
 
@@ -177,6 +184,7 @@ impl LocalSimulator for LocalTraffic {
     }
 
     fn step(&mut self, actions: &[Action], sources: &Rows<u8>) -> Result<&Transition> {
+        let begun = Instant::now();
         let entries: Vec<[Option<Entry>; EDGES]> = sources
             .iter()
             .zip(self.cars_on.iter())
@@ -184,11 +192,16 @@ impl LocalSimulator for LocalTraffic {
                 std::array::from_fn(|edge| (sources[edge] == 1).then(|| self.entry(cars_on[edge])))
             })
             .collect();
+        self.watch.note(Phase::Insertion, begun.elapsed());
         self.step_with(actions, &entries)
     }
 
     fn counters(&self) -> Vec<(&'static str, u64)> {
         vec![("sampled_arrivals", self.sampled), (DROPPED, self.dropped)]
+    }
+
+    fn take_watch(&mut self) -> Stopwatch {
+        self.watch.take()
     }
 }
 

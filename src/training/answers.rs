@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::footprint::Footprint;
 use super::ppo::{Decayed, Losses};
-use crate::base::Stopwatch;
+use crate::base::Timesheet;
 
 /// What a period of training brought.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -53,6 +53,6 @@ pub struct FleetLoad {
 /// What one worker has been doing.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct WorkerLoad {
-    pub watch: Stopwatch,
+    pub timesheet: Timesheet,
     pub footprint: Footprint,
 }

@@ -101,9 +101,7 @@ impl AgentBlock {
         progress: &mut dyn FnMut(f64),
     ) -> Vec<AipLoss> {
         let seed = Seed::new(self.config.seed).fork("aip minibatches").for_period(period.index);
-        watch.time(Phase::AipTraining, || {
-            train(&mut self.aips, &self.agents, datasets, &self.config.aip, seed, progress)
-        })
+        train(&mut self.aips, &self.agents, datasets, &self.config.aip, seed, watch, progress)
     }
 
     pub fn aips(&self) -> &Parameters {
@@ -135,11 +133,13 @@ impl AgentBlock {
         };
         match self.config.simulator {
             SimulatorKind::Gs => {
-                let mut gs = GlobalEnvironment::begin(domain.global_simulator()?, episodes)?;
+                let simulator = learner.watch.time(Phase::Loading, || domain.global_simulator())?;
+                let mut gs = GlobalEnvironment::begin(simulator, episodes)?;
                 learner.learn(&mut gs, period, acting, minibatches, progress)
             }
             SimulatorKind::Dials | SimulatorKind::UntrainedDials => {
-                let simulators = domain.local_simulator(&self.agents, copies, episodes)?;
+                let make = || domain.local_simulator(&self.agents, copies, episodes);
+                let simulators = learner.watch.time(Phase::Loading, make)?;
                 let stagger = self.config.local_simulators.stagger;
                 let mut ials = Ials::begin(simulators, &mut self.aips, influences, copies, stagger)?;
                 let mut training = learner.learn(&mut ials, period, acting, minibatches, progress)?;
@@ -191,8 +191,7 @@ impl Learner<'_> {
                 roll_out(environment, policies, &mut actor, &mut memory, slot, ppo, watch)?;
             }
             decayed = Decayed::at(ppo, *steps as f64 / config.total_steps as f64);
-            let of_update =
-                watch.time(Phase::Learning, || ppo::update(policies, adam, &memory, &mut minibatches, ppo, decayed));
+            let of_update = ppo::update(policies, adam, &memory, &mut minibatches, ppo, decayed, watch);
             losses.iter_mut().zip(&of_update).for_each(|(mean, of_update)| mean.add(of_update, 1.0 / updates as f64));
             *steps += ppo.memory as u64;
             progress(*steps);

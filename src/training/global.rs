@@ -5,12 +5,13 @@
 //! baseline.
 
 use super::environment::{Environment, Experience};
-use crate::base::{Phase, Seed, Stopwatch};
+use super::timed::Timed;
+use crate::base::{Seed, Stopwatch};
 use crate::domain::{Action, GlobalSimulator, Percept, Result};
 
 /// The GS as an [`Environment`]: all regions end together, and the next episode has the next seed.
 pub struct GlobalEnvironment {
-    simulator: Box<dyn GlobalSimulator>,
+    simulator: Timed<dyn GlobalSimulator>,
     episodes: Seed,
     episode: usize,
     age: usize,
@@ -20,7 +21,8 @@ pub struct GlobalEnvironment {
 
 impl GlobalEnvironment {
     /// Begins with episode 0 of the stream `episodes`.
-    pub fn begin(mut simulator: Box<dyn GlobalSimulator>, episodes: Seed) -> Result<Self> {
+    pub fn begin(simulator: Box<dyn GlobalSimulator>, episodes: Seed) -> Result<Self> {
+        let mut simulator = Timed::new(simulator);
         let experience = Experience::new(simulator.agents(), simulator.spec());
         let percept = simulator.reset(episodes.for_episode(0))?.clone();
         Ok(GlobalEnvironment { simulator, episodes, episode: 0, age: 0, percept, experience })
@@ -38,7 +40,7 @@ impl Environment for GlobalEnvironment {
 
     fn step(&mut self, actions: &[Action], watch: &mut Stopwatch) -> Result<&Experience> {
         let horizon = self.simulator.spec().horizon;
-        let transition = watch.time(Phase::Simulation, || self.simulator.step(actions))?;
+        let transition = self.simulator.step(actions)?;
         self.age += 1;
         let end = self.age == horizon;
         self.experience.rewards.copy_from_slice(&transition.rewards);
@@ -47,12 +49,13 @@ impl Environment for GlobalEnvironment {
             self.experience.last_obs.copy_from(&transition.percept.obs);
             (self.age, self.episode) = (0, self.episode + 1);
             let next = self.episodes.for_episode(self.episode);
-            watch.time(Phase::Simulation, || self.simulator.reset(next))?
+            self.simulator.reset(next)?
         } else {
             &transition.percept
         };
         self.percept.obs.copy_from(&percept.obs);
         self.percept.d_set.copy_from(&percept.d_set);
+        watch.add(&self.simulator.take_watch());
         Ok(&self.experience)
     }
 }

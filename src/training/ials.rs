@@ -1,13 +1,14 @@
 //! Algorithm 3: trajectories of the influence-augmented local simulators (IALS).
 
 use super::environment::{Environment, Experience};
+use super::timed::Timed;
 use crate::base::{Dice, Phase, Rows, Stopwatch};
 use crate::domain::{Action, LocalSimulator, Percept, Result};
 use crate::influence::InfluencePredictor;
 
 /// Local simulators and the influence predictor that drives them, every row with an episode of its own.
 pub struct Ials<'a> {
-    simulator: Box<dyn LocalSimulator>,
+    simulator: Timed<dyn LocalSimulator>,
     predictor: &'a mut dyn InfluencePredictor,
     dice: Vec<Dice>,
     /// Steps into the episode, per row.
@@ -24,12 +25,13 @@ impl<'a> Ials<'a> {
     /// of copy c begins as if `c / copies` of the horizon had passed, so that the copies of an agent later end at
     /// different times and its memory holds all parts of an episode.
     pub fn begin(
-        mut simulator: Box<dyn LocalSimulator>,
+        simulator: Box<dyn LocalSimulator>,
         predictor: &'a mut dyn InfluencePredictor,
         dice: Vec<Dice>,
         copies: usize,
         stagger: bool,
     ) -> Result<Self> {
+        let mut simulator = Timed::new(simulator);
         let (spec, rows) = (simulator.spec().clone(), simulator.rows());
         let all: Vec<usize> = (0..rows).collect();
         let percept = simulator.reset(&all)?.clone();
@@ -68,7 +70,7 @@ impl Environment for Ials<'_> {
         });
         // x_{t+1} ~ T(. | x_t, a_t, u_t)
         let horizon = self.simulator.spec().horizon;
-        let transition = watch.time(Phase::Simulation, || self.simulator.step(actions, &self.sources))?;
+        let transition = self.simulator.step(actions, &self.sources)?;
         self.experience.rewards.copy_from_slice(&transition.rewards);
         let mut over = Vec::new();
         for (row, (age, end)) in self.ages.iter_mut().zip(&mut self.experience.ends).enumerate() {
@@ -84,10 +86,11 @@ impl Environment for Ials<'_> {
             &transition.percept
         } else {
             self.predictor.forget(&over);
-            watch.time(Phase::Simulation, || self.simulator.reset(&over))?
+            self.simulator.reset(&over)?
         };
         self.percept.obs.copy_from(&percept.obs);
         self.percept.d_set.copy_from(&percept.d_set);
+        watch.add(&self.simulator.take_watch());
         Ok(&self.experience)
     }
 }

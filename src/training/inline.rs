@@ -77,7 +77,7 @@ impl Fleet for InlineFleet {
     }
 
     fn take_load(&mut self) -> FleetLoad {
-        let worker = WorkerLoad { watch: self.worker.take_watch(), footprint: Footprint::of_this_process() };
+        let worker = WorkerLoad { timesheet: self.worker.take_timesheet(), footprint: Footprint::of_this_process() };
         FleetLoad { workers: vec![worker], at_work: std::mem::take(&mut self.at_work), coordinator: None }
     }
 }

@@ -3,6 +3,7 @@
 //! - [`dials`]: Algorithm 1, the whole training on one screen.
 //! - [`collect`]: Algorithm 2, datasets from the GS.
 //! - [`ials`]: Algorithm 3, trajectories from local simulators and AIPs; [`global`] is the GS in the same role.
+//! - [`timed`]: simulators that tell how long their calls took.
 //! - [`rollout`], [`gae`], [`ppo`]: what an agent makes of its trajectories.
 //! - [`fleet`], [`worker`], [`block`]: who does it. This room never sees a process, a socket or SUMO.
 //! - [`run_log`], [`checkpoint`], [`state`]: what a run leaves behind, and how it goes on from there.
@@ -27,4 +28,5 @@ pub mod rollout;
 pub mod run_log;
 pub mod state;
 mod tables;
+pub mod timed;
 pub mod worker;

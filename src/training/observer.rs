@@ -1,6 +1,6 @@
 //! Who watches a run, and may ask it to stop.
 
-use crate::base::Phase;
+use crate::base::Activity;
 use crate::evaluation::Evaluation;
 use crate::influence::AipLoss;
 
@@ -10,7 +10,7 @@ pub trait Observer {
     fn trained(&self, _steps: u64) {}
 
     /// Something else is going on, and this share of it (`0..=1`) is done.
-    fn busy(&self, _phase: Phase, _share: f64) {}
+    fn busy(&self, _activity: Activity, _share: f64) {}
 
     fn evaluated(&self, _steps: u64, _evaluation: &Evaluation) {}
 

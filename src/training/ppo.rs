@@ -11,10 +11,12 @@
 //!
 //! Losses are means within an agent and sums over agents, so every agent learns as if alone.
 
+use std::time::Instant;
+
 use rand::seq::SliceRandom;
 use serde::{Deserialize, Serialize};
 
-use crate::base::Dice;
+use crate::base::{Dice, Phase, Stopwatch};
 use crate::config::PpoConfig;
 use crate::nn::{Adam, Sequences, Trace};
 use crate::policy::{Memory, PolicyStack, Sample, sampling};
@@ -75,6 +77,7 @@ pub fn update(
     dice: &mut [Dice],
     config: &PpoConfig,
     decayed: Decayed,
+    watch: &mut Stopwatch,
 ) -> Vec<Losses> {
     let weights =
         Weights { clip: decayed.clip as f32, value: config.value_coefficient as f32, entropy: config.entropy as f32 };
@@ -83,24 +86,31 @@ pub fn update(
     let threads = policies.threads().clone();
     let learners = policies.learners(adam, gradient_steps as u32);
     let agents = learners.into_iter().zip(dice).enumerate().collect();
-    threads.map(agents, 2, |room: &mut Room, (agent, (mut learner, dice))| {
+    let begun = Instant::now();
+    let done = threads.map(agents, 2, |room: &mut Room, (agent, (mut learner, dice))| {
         let Room { minibatch, trace, gradient } = room;
-        let mut losses = Losses::default();
+        let (mut losses, mut watch) = (Losses::default(), Stopwatch::default());
         let mut order: Vec<usize> = (0..memory.sequences()).collect();
         for _ in 0..config.epochs {
             order.shuffle(dice);
             for sequences in order.chunks_exact(config.minibatch / memory.length()) {
-                minibatch.gather(memory, agent, sequences);
-                learner.network().forward(&minibatch.obs, minibatch.sequences(), trace);
-                gradient.resize(trace.output().len(), 0.0);
-                let of_batch = loss_and_gradient(trace.output(), &minibatch.samples, weights, gradient);
-                losses.add(&of_batch, 1.0 / gradient_steps as f64);
-                learner.network().backward(gradient, trace);
-                learner.descend(trace.gradient(), decayed.learning_rate);
+                watch.time(Phase::Bookkeeping, || minibatch.gather(memory, agent, sequences));
+                watch.time(Phase::Forward, || {
+                    learner.network().forward(&minibatch.obs, minibatch.sequences(), trace);
+                    gradient.resize(trace.output().len(), 0.0);
+                    let of_batch = loss_and_gradient(trace.output(), &minibatch.samples, weights, gradient);
+                    losses.add(&of_batch, 1.0 / gradient_steps as f64);
+                });
+                watch.time(Phase::Backward, || learner.network().backward(gradient, trace));
+                watch.time(Phase::Adam, || learner.descend(trace.gradient(), decayed.learning_rate));
             }
         }
-        losses
-    })
+        (losses, watch)
+    });
+    let mut phases = Stopwatch::default();
+    done.iter().for_each(|(_, of_agent)| phases.add(of_agent));
+    watch.add(&phases.scaled_to(begun.elapsed()));
+    done.into_iter().map(|(losses, _)| losses).collect()
 }
 
 /// What an update works in, one agent after another.

@@ -124,7 +124,7 @@ pub fn roll_out(
         let mut states = actor.states.clone();
         policies.judge(&environment.percept().obs, &mut states).rows().map(|(_, value)| value).collect()
     });
-    watch.time(Phase::Learning, || {
+    watch.time(Phase::Bookkeeping, || {
         let (gamma, lambda) = (config.gamma as f32, config.gae_lambda as f32);
         let advantages = advantages(&rewards, &values, &ends, &last_values, gamma, lambda);
         for (i, &advantage) in advantages.iter().enumerate() {

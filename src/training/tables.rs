@@ -5,7 +5,7 @@ use std::time::Duration;
 use super::answers::{FleetLoad, PolicyTraining};
 use super::footprint::Footprint;
 use super::ppo::Losses;
-use crate::base::{Phase, Stopwatch};
+use crate::base::{Activity, Phase, Timesheet};
 use crate::evaluation::{Evaluation, Summary};
 use crate::influence::AipLoss;
 
@@ -135,31 +135,29 @@ pub struct Wall {
 }
 
 pub fn timing_header() -> Line {
-    let phases = Phase::ALL.map(|phase| format!("{}_s", phase.name()));
     let fixed = ["steps", "worker", "wall_s", "elapsed_s", "exchange_s"].map(str::to_owned);
-    fixed.into_iter().chain(phases).chain(["idle_s".to_owned()]).collect()
+    let activities = Activity::ALL.map(|activity| format!("{}_s", activity.name()));
+    let phases = Phase::ALL.map(|phase| format!("{}_s", phase.name()));
+    fixed.into_iter().chain(activities).chain(["idle_s".to_owned()]).chain(phases).collect()
 }
 
-/// A line for the mean of all workers, then one per worker. What is neither a phase nor an exchange is idle.
+/// A line for the mean of all workers, then one per worker. What is neither an activity nor an exchange is idle. The
+/// phases are those of the policies' training.
 pub fn timing_lines(steps: u64, load: &FleetLoad, wall: &Wall) -> Vec<Line> {
-    let line = |worker: String, spent: &dyn Fn(fn(&Stopwatch) -> Duration) -> f64, phases: [f64; Phase::ALL.len()]| {
-        let busy = spent(Stopwatch::total);
+    let workers: Vec<&Timesheet> = load.workers.iter().map(|worker| &worker.timesheet).collect();
+    let line = |worker: String, of: &[&Timesheet]| {
+        let mean = |pick: &dyn Fn(&Timesheet) -> Duration| {
+            of.iter().map(|timesheet| pick(timesheet).as_secs_f64()).sum::<f64>() / of.len().max(1) as f64
+        };
         let whole = [wall.period, wall.elapsed, wall.exchange].map(|time| time.as_secs_f64());
-        let idle = (whole[0] - busy).max(0.0);
-        let seconds = whole.into_iter().chain(phases).chain([idle]).map(|seconds| format!("{seconds:.3}"));
-        [steps.to_string(), worker].into_iter().chain(seconds).collect::<Line>()
+        let activities = Activity::ALL.map(|activity| mean(&|timesheet| timesheet.whole(activity)));
+        let idle = (whole[0] - whole[2] - activities.iter().sum::<f64>()).max(0.0);
+        let phases = Phase::ALL.map(|phase| mean(&|timesheet| timesheet.phases(Activity::Training).spent(phase)));
+        let seconds = whole.into_iter().chain(activities).chain([idle]).chain(phases);
+        [steps.to_string(), worker].into_iter().chain(seconds.map(|seconds| format!("{seconds:.3}"))).collect::<Line>()
     };
-    let workers = load.workers.len() as f64;
-    let mean = |of: &dyn Fn(&Stopwatch) -> Duration| {
-        load.workers.iter().map(|worker| of(&worker.watch).as_secs_f64()).sum::<f64>() / workers
-    };
-    let mean_phases = Phase::ALL.map(|phase| mean(&|watch| watch.spent(phase)));
-    let mut lines = vec![line(ALL.to_owned(), &|of| mean(&of), mean_phases)];
-    for (index, worker) in load.workers.iter().enumerate() {
-        let phases = Phase::ALL.map(|phase| worker.watch.spent(phase).as_secs_f64());
-        lines.push(line(index.to_string(), &|of| of(&worker.watch).as_secs_f64(), phases));
-    }
-    lines
+    let each = workers.iter().enumerate().map(|(index, worker)| line(index.to_string(), &[worker]));
+    std::iter::once(line(ALL.to_owned(), &workers)).chain(each).collect()
 }
 
 pub const MEMORY_COLUMNS: [&str; 4] = ["steps", "process", "peak_rss_mb", "pss_mb"];
@@ -178,4 +176,35 @@ pub fn memory_lines(steps: u64, load: &FleetLoad) -> Vec<Line> {
         vec![steps.to_string(), process, megabytes(footprint.peak_rss_kib), megabytes(footprint.pss_kib)]
     };
     std::iter::once((ALL.to_owned(), total)).chain(processes).map(line).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::Stopwatch;
+    use crate::training::answers::WorkerLoad;
+
+    #[test]
+    fn seconds_of_two_workers_are_worked_out_by_hand() {
+        let worker = |training: u64, step: u64, evaluation: u64| {
+            let mut timesheet = Timesheet::default();
+            let mut phases = Stopwatch::default();
+            phases.note(Phase::SimulatorStep, Duration::from_secs(step));
+            timesheet.note(Activity::Training, Duration::from_secs(training), &phases);
+            // Steps of an evaluation are none of the training's.
+            timesheet.note(Activity::Evaluation, Duration::from_secs(evaluation), &phases);
+            WorkerLoad { timesheet, footprint: Footprint::default() }
+        };
+        let load = FleetLoad { workers: vec![worker(10, 4, 5), worker(12, 6, 7)], ..FleetLoad::default() };
+        let [period, elapsed, exchange] = [21, 30, 1].map(Duration::from_secs);
+        let lines = timing_lines(128, &load, &Wall { period, elapsed, exchange });
+        let header = timing_header();
+        let column =
+            |line: usize, name: &str| lines[line][header.iter().position(|column| column == name).unwrap()].as_str();
+        let of_all = ["steps", "worker", "wall_s", "exchange_s", "training_s", "evaluation_s", "simulator_step_s"];
+        assert_eq!(of_all.map(|name| column(0, name)), ["128", "all", "21.000", "1.000", "11.000", "6.000", "5.000"]);
+        // Idle: 21 - 1 - 10 - 5 = 5 and 21 - 1 - 12 - 7 = 1, on average 3.
+        assert_eq!([0, 1, 2].map(|line| column(line, "idle_s")), ["3.000", "5.000", "1.000"]);
+        assert_eq!([0, 1, 2].map(|line| lines[line].len()), [header.len(); 3]);
+    }
 }

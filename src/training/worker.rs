@@ -6,15 +6,17 @@
 
 use std::ops::Range;
 use std::sync::Arc;
+use std::time::Instant;
 
 use super::answers::PolicyTraining;
 use super::block::{AgentBlock, agents_per_block};
 use super::collect::collect_episode;
 use super::observer::Observer;
 use super::state::AgentsState;
-use crate::base::{AgentId, Phase, Rows, Seed, Stopwatch};
+use super::timed::{Timed, TimedController};
+use crate::base::{Activity, AgentId, Phase, Rows, Seed, Stopwatch, Timesheet};
 use crate::config::{Config, Period};
-use crate::domain::{Domain, Result};
+use crate::domain::{Controller, Domain, GlobalSimulator, Result};
 use crate::evaluation::{EpisodeReport, episode_seed, play};
 use crate::influence::{AipLoss, Dataset};
 use crate::nn::Threads;
@@ -25,7 +27,7 @@ pub struct Worker {
     config: Config,
     blocks: Vec<AgentBlock>,
     run: Seed,
-    watch: Stopwatch,
+    timesheet: Timesheet,
 }
 
 impl Worker {
@@ -38,7 +40,7 @@ impl Worker {
             run: Seed::new(config.seed),
             config: config.clone(),
             domain,
-            watch: Stopwatch::default(),
+            timesheet: Timesheet::default(),
         }
     }
 
@@ -56,9 +58,9 @@ impl Worker {
         }
     }
 
-    /// The time spent in each phase since the last call.
-    pub fn take_watch(&mut self) -> Stopwatch {
-        self.watch.take()
+    /// The time spent since the last call.
+    pub fn take_timesheet(&mut self) -> Timesheet {
+        self.timesheet.take()
     }
 
     /// Algorithm 2 for some of a period's episodes: the datasets of *all* agents, in the order of the episodes.
@@ -69,20 +71,16 @@ impl Worker {
         episodes: Range<usize>,
         observer: &dyn Observer,
     ) -> Result<Vec<Dataset>> {
-        let mut watch = Stopwatch::default();
-        let datasets = watch.time(Phase::Collection, || {
-            let mut simulator = self.domain.global_simulator()?;
-            let mut controller = self.controller(policies);
-            let mut datasets = vec![Dataset::new(self.domain.spec()); self.domain.agents()];
-            let seed = self.run.fork("collection").for_period(period.index);
+        let seed = self.run.fork("collection").for_period(period.index);
+        let mut datasets = vec![Dataset::new(self.domain.spec()); self.domain.agents()];
+        self.on_the_gs(Activity::Collection, policies, |simulator, controller| {
             for (done, episode) in episodes.clone().enumerate() {
-                collect_episode(&mut *simulator, &mut controller, seed.for_episode(episode), &mut datasets)?;
-                observer.busy(Phase::Collection, (done + 1) as f64 / episodes.len() as f64);
+                collect_episode(simulator, controller, seed.for_episode(episode), &mut datasets)?;
+                observer.busy(Activity::Collection, (done + 1) as f64 / episodes.len() as f64);
             }
-            Ok(datasets)
-        });
-        self.watch.add(&watch);
-        datasets
+            Ok(())
+        })?;
+        Ok(datasets)
     }
 
     /// Plays some of the evaluation episodes.
@@ -92,32 +90,31 @@ impl Worker {
         episodes: Range<usize>,
         observer: &dyn Observer,
     ) -> Result<Vec<EpisodeReport>> {
-        let mut watch = Stopwatch::default();
-        let reports = watch.time(Phase::Evaluation, || {
-            let mut simulator = self.domain.global_simulator()?;
-            let mut controller = self.controller(policies);
-            let mut reports = Vec::with_capacity(episodes.len());
+        let run = self.run;
+        let mut reports = Vec::with_capacity(episodes.len());
+        self.on_the_gs(Activity::Evaluation, policies, |simulator, controller| {
             for (done, episode) in episodes.clone().enumerate() {
-                reports.push(play(&mut *simulator, &mut controller, episode_seed(self.run, episode))?);
-                observer.busy(Phase::Evaluation, (done + 1) as f64 / episodes.len() as f64);
+                reports.push(play(simulator, controller, episode_seed(run, episode))?);
+                observer.busy(Activity::Evaluation, (done + 1) as f64 / episodes.len() as f64);
             }
-            Ok(reports)
-        });
-        self.watch.add(&watch);
-        reports
+            Ok(())
+        })?;
+        Ok(reports)
     }
 
     /// Trains the AIPs of this worker's agents; `datasets`: theirs.
     pub fn train_aips(&mut self, datasets: &[Dataset], period: &Period, observer: &dyn Observer) -> Vec<AipLoss> {
+        let (begun, mut watch) = (Instant::now(), Stopwatch::default());
         let count = self.blocks.len() as f64;
         let mut rest = datasets;
         let mut losses = Vec::new();
         for (done, block) in self.blocks.iter_mut().enumerate() {
             let (theirs, others) = rest.split_at(block.agents());
             rest = others;
-            let progress = &mut |share| observer.busy(Phase::AipTraining, (done as f64 + share) / count);
-            losses.extend(block.train_aips(theirs, period, &mut self.watch, progress));
+            let progress = &mut |share| observer.busy(Activity::AipTraining, (done as f64 + share) / count);
+            losses.extend(block.train_aips(theirs, period, &mut watch, progress));
         }
+        self.timesheet.note(Activity::AipTraining, begun.elapsed(), &watch);
         losses
     }
 
@@ -130,20 +127,35 @@ impl Worker {
 
     /// Trains the policies of its agents until the end of the period, block after block.
     pub fn train_policies(&mut self, period: &Period, observer: &dyn Observer) -> Result<PolicyTraining> {
+        let (begun, mut watch) = (Instant::now(), Stopwatch::default());
         let count = self.blocks.len() as u64;
         let mut parts = Vec::new();
         for (done, block) in (0..).zip(&mut self.blocks) {
             // As far as all agents are on average.
             let average = |steps| (done * period.end + steps + (count - done - 1) * period.start) / count;
             let progress = &mut |steps| observer.trained(average(steps));
-            parts.push(block.train_policies(period, &mut self.watch, progress)?);
+            parts.push(block.train_policies(period, &mut watch, progress)?);
         }
+        self.timesheet.note(Activity::Training, begun.elapsed(), &watch);
         Ok(PolicyTraining::joined(parts))
     }
 
-    /// All agents' policies, ready to act.
-    fn controller(&self, policies: &JointPolicy) -> JointPolicyController {
+    /// Lets all agents' policies act on the GS, in episodes that `play` plays.
+    fn on_the_gs(
+        &mut self,
+        activity: Activity,
+        policies: &JointPolicy,
+        play: impl FnOnce(&mut dyn GlobalSimulator, &mut dyn Controller) -> Result<()>,
+    ) -> Result<()> {
+        let (begun, mut watch) = (Instant::now(), Stopwatch::default());
+        let mut simulator = Timed::new(watch.time(Phase::Loading, || self.domain.global_simulator())?);
         let everybody = PolicyStack::blank(self.domain.agents(), self.domain.spec(), &self.config.policy);
-        JointPolicyController::new(everybody, policies, Selection::Sampled)
+        let mut controller = TimedController::new(JointPolicyController::new(everybody, policies, Selection::Sampled));
+        play(&mut simulator, &mut controller)?;
+        watch.add(&simulator.take_watch());
+        watch.add(&controller.watch);
+        drop(simulator);
+        self.timesheet.note(activity, begun.elapsed(), &watch);
+        Ok(())
     }
 }

@@ -1,0 +1,192 @@
+//! Simulators and controllers that tell how long their calls took.
+
+use std::time::{Duration, Instant};
+
+use crate::base::{Phase, Rows, Seed, Stopwatch};
+use crate::domain::{
+    Action, Controller, GlobalSimulator, InfluenceSample, LocalSimulator, Measures, Percept, RegionSpec, Result, Scene,
+    Transition,
+};
+
+/// A simulator whose steps and resets are timed from outside. What it tells of its steps itself, as
+/// [`GlobalSimulator::take_watch`] has it, is taken out of them.
+pub struct Timed<S: ?Sized> {
+    inner: Box<S>,
+    steps: Duration,
+    resets: Duration,
+}
+
+impl<S: ?Sized> Timed<S> {
+    pub fn new(inner: Box<S>) -> Self {
+        Timed { inner, steps: Duration::ZERO, resets: Duration::ZERO }
+    }
+
+    /// `told`: by the simulator itself, of its steps.
+    fn split(&mut self, told: Stopwatch) -> Stopwatch {
+        let mut watch = told;
+        let untold = self.steps.saturating_sub(watch.total());
+        watch.note(Phase::SimulatorStep, untold);
+        watch.note(Phase::Reset, self.resets);
+        (self.steps, self.resets) = (Duration::ZERO, Duration::ZERO);
+        watch
+    }
+}
+
+impl GlobalSimulator for Timed<dyn GlobalSimulator> {
+    fn spec(&self) -> &RegionSpec {
+        self.inner.spec()
+    }
+
+    fn agents(&self) -> usize {
+        self.inner.agents()
+    }
+
+    fn reset(&mut self, episode: Seed) -> Result<&Percept> {
+        let begun = Instant::now();
+        let percept = self.inner.reset(episode);
+        self.resets += begun.elapsed();
+        percept
+    }
+
+    fn step(&mut self, actions: &[Action]) -> Result<&Transition> {
+        let begun = Instant::now();
+        let transition = self.inner.step(actions);
+        self.steps += begun.elapsed();
+        transition
+    }
+
+    fn influence_sample(&self) -> InfluenceSample<'_> {
+        self.inner.influence_sample()
+    }
+
+    fn measures(&mut self) -> Result<Measures> {
+        self.inner.measures()
+    }
+
+    fn scene(&self) -> Option<Scene> {
+        self.inner.scene()
+    }
+
+    fn take_watch(&mut self) -> Stopwatch {
+        let told = self.inner.take_watch();
+        self.split(told)
+    }
+}
+
+impl LocalSimulator for Timed<dyn LocalSimulator> {
+    fn spec(&self) -> &RegionSpec {
+        self.inner.spec()
+    }
+
+    fn rows(&self) -> usize {
+        self.inner.rows()
+    }
+
+    fn reset(&mut self, rows: &[usize]) -> Result<&Percept> {
+        let begun = Instant::now();
+        let percept = self.inner.reset(rows);
+        self.resets += begun.elapsed();
+        percept
+    }
+
+    fn step(&mut self, actions: &[Action], sources: &Rows<u8>) -> Result<&Transition> {
+        let begun = Instant::now();
+        let transition = self.inner.step(actions, sources);
+        self.steps += begun.elapsed();
+        transition
+    }
+
+    fn counters(&self) -> Vec<(&'static str, u64)> {
+        self.inner.counters()
+    }
+
+    fn take_watch(&mut self) -> Stopwatch {
+        let told = self.inner.take_watch();
+        self.split(told)
+    }
+}
+
+/// A controller whose decisions are timed.
+pub struct TimedController<C> {
+    inner: C,
+    pub watch: Stopwatch,
+}
+
+impl<C: Controller> TimedController<C> {
+    pub fn new(inner: C) -> Self {
+        TimedController { inner, watch: Stopwatch::default() }
+    }
+}
+
+impl<C: Controller> Controller for TimedController<C> {
+    fn begin(&mut self, episode: Seed) {
+        self.inner.begin(episode);
+    }
+
+    fn act(&mut self, percept: &Percept, actions: &mut [Action]) -> Result<()> {
+        self.watch.time(Phase::Acting, || self.inner.act(percept, actions))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::AgentId;
+    use crate::domain::Domain;
+    use crate::domain::toy::Coins;
+
+    /// Says that a part of its steps was reading, and how long.
+    struct Telling(Duration);
+
+    impl LocalSimulator for Telling {
+        fn spec(&self) -> &RegionSpec {
+            unreachable!("nobody asks")
+        }
+
+        fn rows(&self) -> usize {
+            1
+        }
+
+        fn reset(&mut self, _rows: &[usize]) -> Result<&Percept> {
+            unreachable!("nobody asks")
+        }
+
+        fn step(&mut self, _actions: &[Action], _sources: &Rows<u8>) -> Result<&Transition> {
+            anyhow::bail!("this one only tells the time")
+        }
+
+        fn counters(&self) -> Vec<(&'static str, u64)> {
+            Vec::new()
+        }
+
+        fn take_watch(&mut self) -> Stopwatch {
+            let mut watch = Stopwatch::default();
+            watch.note(Phase::Reading, self.0);
+            watch
+        }
+    }
+
+    #[test]
+    fn what_a_simulator_does_not_tell_of_a_step_is_its_own_step() {
+        let told = Duration::from_secs(2);
+        let mut timed: Timed<dyn LocalSimulator> = Timed::new(Box::new(Telling(told)));
+        timed.steps = Duration::from_secs(7);
+        timed.resets = Duration::from_secs(1);
+        let watch = timed.take_watch();
+        let seconds = |phase| watch.spent(phase).as_secs();
+        assert_eq!((seconds(Phase::Reading), seconds(Phase::SimulatorStep), seconds(Phase::Reset)), (2, 5, 1));
+        assert_eq!(timed.take_watch().total(), told, "the second time only what is told anew");
+    }
+
+    #[test]
+    fn steps_and_resets_of_a_silent_simulator_are_timed() {
+        let coins = Coins::new(4);
+        let mut timed = Timed::new(coins.local_simulator(&[AgentId(0)], 1, Seed::new(0)).unwrap());
+        timed.reset(&[0]).unwrap();
+        timed.step(&[1], &Rows::new(1, 1)).unwrap();
+        let watch = timed.take_watch();
+        assert!(watch.spent(Phase::SimulatorStep) > Duration::ZERO && watch.spent(Phase::Reset) > Duration::ZERO);
+        assert_eq!(watch.total(), watch.spent(Phase::SimulatorStep) + watch.spent(Phase::Reset));
+        assert_eq!(timed.take_watch().total(), Duration::ZERO);
+    }
+}
