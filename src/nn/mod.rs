@@ -13,6 +13,7 @@
 mod activations;
 mod adam;
 mod convert;
+mod flops;
 mod gru;
 mod net;
 mod parameters;
@@ -23,6 +24,7 @@ mod states;
 pub use activations::sigmoid;
 pub use adam::{Adam, Moments};
 pub use convert::{rows_to_tensor, tensor_to_slice};
+pub use flops::peak_flops;
 pub use net::{Net, Sequences, Shape, Trace};
 pub use parameters::{Layout, Parameters};
 pub use stack_file::{read_stack, write_stack};

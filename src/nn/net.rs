@@ -26,7 +26,7 @@ impl Shape {
     }
 
     /// Inputs and outputs of the linear layers.
-    fn layers(&self) -> Vec<(usize, usize)> {
+    pub(super) fn layers(&self) -> Vec<(usize, usize)> {
         let first = self.recurrent.unwrap_or(self.inputs);
         let widths = [&[first], &self.hidden[..], &[self.outputs]].concat();
         widths.windows(2).map(|pair| (pair[0], pair[1])).collect()
