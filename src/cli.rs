@@ -1,5 +1,6 @@
 //! What can be asked on the command line: types only.
 
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -29,6 +30,8 @@ pub enum Command {
     Evaluate(Evaluate),
     /// Run a hand-coded controller on the global simulator of a config
     Baseline(Baseline),
+    /// Measure how fast a config trains, phase by phase, beside what cannot be avoided
+    Bench(Bench),
     /// Write SUMO networks that `sumo` and `sumo-gui` open
     #[command(subcommand)]
     Nets(Nets),
@@ -110,6 +113,27 @@ pub struct Baseline {
     pub episodes: Episodes,
     #[command(flatten)]
     pub output: Output,
+}
+
+#[derive(Debug, Args)]
+pub struct Bench {
+    /// Config file, such as configs/traffic_100.toml
+    pub config: PathBuf,
+    /// Measure fleets of 1, 2, 4, ... and so many worker processes [default: the number of cores]
+    #[arg(long)]
+    pub workers: Option<NonZeroUsize>,
+    /// About how long to measure each of them
+    #[arg(long, value_name = "SECONDS", default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..=86_400))]
+    pub seconds: u64,
+    /// What the policies train on; overrides the config
+    #[arg(long, value_enum)]
+    pub simulator: Option<Simulator>,
+    /// Override a key of the config, such as local_simulators.copies=4; may be given several times
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub settings: Vec<String>,
+    /// Print one JSON object instead of a table
+    #[arg(long)]
+    pub json: bool,
 }
 
 #[derive(Debug, Args)]

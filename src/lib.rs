@@ -17,11 +17,12 @@
 //! | "in parallel, for i in N" | [`training::fleet`], [`processes`] |
 //!
 //! Rooms, in the order in which they may use each other (a test holds it): [`base`]; [`config`], [`domain`], [`sumo`];
-//! [`nn`]; [`traffic`], [`warehouse`]; [`influence`], [`policy`]; [`evaluation`]; [`training`]; [`processes`]; [`run`]
+//! [`nn`]; [`traffic`], [`warehouse`]; [`influence`], [`policy`]; [`evaluation`]; [`training`]; [`processes`], [`bench`]; [`run`]
 //! with [`cli`] and [`error`]. Simulators never see a tensor; training never sees a process or SUMO; only [`run`] knows
 //! which domain and which fleet were chosen.
 
 pub mod base;
+pub mod bench;
 pub mod cli;
 pub mod config;
 pub mod domain;

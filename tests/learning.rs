@@ -7,8 +7,6 @@ use std::sync::Arc;
 use dials_traffic::config::Config;
 use dials_traffic::domain::toy::Coins;
 use dials_traffic::domain::{Domain, Result};
-use dials_traffic::influence::AipStack;
-use dials_traffic::policy::PolicyStack;
 use dials_traffic::training::dials;
 use dials_traffic::training::files;
 use dials_traffic::training::inline::InlineFleet;
@@ -33,10 +31,7 @@ fn config(simulator: &str) -> Config {
 
 fn train(config: &Config, dir: &Path) -> Result<()> {
     let coins: Arc<dyn Domain> = Arc::new(Coins::new(HORIZON));
-    let layouts = Layouts {
-        policies: PolicyStack::shape(coins.spec(), &config.policy).layout(),
-        aips: AipStack::shape(coins.spec(), &config.aip).layout(),
-    };
+    let layouts = Layouts::of(config, coins.spec());
     let mut fleet = InlineFleet::new(coins, config, Rc::new(Silent));
     let mut log = RunLog::create(dir, layouts, Rc::new(Silent)).unwrap();
     dials::train(config, &mut fleet, &mut log)

@@ -17,6 +17,7 @@ const DOORS: &[(&str, &[&str])] = &[
     ("policy", &["base", "config", "domain", "nn"]),
     ("evaluation", &["base", "domain", "policy"]),
     ("training", &["base", "config", "domain", "nn", "influence", "policy", "evaluation"]),
+    ("bench", &["base", "config", "domain", "nn", "influence", "policy", "training"]),
     ("processes", &["base", "config", "domain", "nn", "evaluation", "influence", "policy", "training"]),
 ];
 

@@ -14,6 +14,7 @@
 mod activations;
 mod adam;
 mod few_rows;
+mod flops;
 mod gru;
 mod net;
 mod network;
@@ -26,6 +27,7 @@ mod threads;
 
 pub use activations::sigmoid;
 pub use adam::{Adam, Learner, Moments};
+pub use flops::Peak;
 pub use net::Net;
 pub use network::{Network, Sequences, Trace};
 pub use parameters::Parameters;

@@ -153,7 +153,8 @@ impl ProcessFleet {
         }
         let mut answers = BTreeMap::new();
         while !open.is_empty() {
-            if stop == Stop::AtOnce && self.observer.stop_requested() {
+            let anywhere = stop == Stop::AtOnce || !self.observer.keeps_results();
+            if anywhere && self.observer.stop_requested() {
                 return Err(Interrupted.into());
             }
             match self.events.recv_timeout(LOOK_UP) {

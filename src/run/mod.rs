@@ -1,5 +1,6 @@
 //! One short function per subcommand: config -> domain -> fleet -> training -> run directory.
 
+mod bench;
 mod directory;
 mod domain;
 mod evaluate;
@@ -22,6 +23,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Command::Train(args) => train::train(&args),
         Command::Evaluate(args) => evaluate::evaluate(&args),
         Command::Baseline(args) => evaluate::baseline(&args),
+        Command::Bench(args) => bench::bench(&args),
         Command::Nets(args) => nets::nets(&args),
         Command::Info => info::info(),
         Command::Worker => worker::worker(),

@@ -1,7 +1,8 @@
 //! What a person sees of a run: a bar on a terminal, plain lines elsewhere.
 
 use std::cell::{Cell, RefCell};
-use std::io::IsTerminal;
+use std::fmt::Display;
+use std::io::{IsTerminal, stderr};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -54,13 +55,8 @@ struct Found {
 impl Progress {
     /// Listens for Ctrl-C from here on: the first one asks to stop where nothing is lost, the second ends the process.
     pub fn new(config: &Config, agents: usize) -> anyhow::Result<Self> {
-        let stop = Arc::new(AtomicBool::new(false));
-        for signal in [SIGINT, SIGTERM] {
-            // In this order: the second one finds the flag that the first one has set.
-            flag::register_conditional_shutdown(signal, 130, stop.clone())?;
-            flag::register(signal, stop.clone())?;
-        }
-        let bar = std::io::stderr().is_terminal().then(|| {
+        let stop = stop_on_signals()?;
+        let bar = stderr().is_terminal().then(|| {
             let style = "{bar:30.cyan/blue} {human_pos}/{human_len} steps  {msg}";
             let style = ProgressStyle::with_template(style).expect("the template is well-formed");
             ProgressBar::new(config.last_step()).with_style(style)
@@ -178,6 +174,75 @@ impl Observer for Progress {
 
     fn stop_requested(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
+    }
+}
+
+/// Is set by the first Ctrl-C; the second one ends the process.
+fn stop_on_signals() -> anyhow::Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM] {
+        // In this order: the second one finds the flag that the first one has set.
+        flag::register_conditional_shutdown(signal, 130, stop.clone())?;
+        flag::register(signal, stop.clone())?;
+    }
+    Ok(stop)
+}
+
+/// The progress of `bench`, on a terminal; elsewhere a line per fleet. Nothing is lost by stopping anywhere.
+pub struct BenchProgress {
+    line: ProgressBar,
+    fleet: RefCell<String>,
+    stop: Arc<AtomicBool>,
+}
+
+impl BenchProgress {
+    /// Listens for Ctrl-C from here on.
+    pub fn new() -> anyhow::Result<Self> {
+        let style = ProgressStyle::with_template("{spinner} {elapsed}  {msg}").expect("the template is well-formed");
+        let line = ProgressBar::new_spinner().with_style(style);
+        line.set_message("matrix products at peak");
+        Ok(BenchProgress { line, fleet: RefCell::default(), stop: stop_on_signals()? })
+    }
+
+    /// The turn of a fleet of so many workers, of at most `most`.
+    pub fn begin(&self, workers: usize, most: usize) {
+        let fleet = format!("{workers} of {most} workers");
+        if !stderr().is_terminal() {
+            tell(format_args!("measuring with {fleet}"));
+        }
+        self.line.set_message(fleet.clone());
+        self.fleet.replace(fleet);
+    }
+
+    pub fn finish(&self) {
+        self.line.finish_and_clear();
+    }
+
+    fn show(&self, doing: impl Display) {
+        self.line.set_message(format!("{}: {doing}", self.fleet.borrow()));
+        self.line.tick();
+    }
+}
+
+impl Observer for BenchProgress {
+    fn trained(&self, steps: u64) {
+        self.show(format_args!("{}, step {steps}", doing(Activity::Training)));
+    }
+
+    fn busy(&self, activity: Activity, share: f64) {
+        self.show(format_args!("{} {:.0} %", doing(activity), 100.0 * share));
+    }
+
+    fn worker_lost(&self, message: &str) {
+        self.line.suspend(|| tell(format_args!("warning: {message}")));
+    }
+
+    fn stop_requested(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
+    fn keeps_results(&self) -> bool {
+        false
     }
 }
 

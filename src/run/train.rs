@@ -15,8 +15,6 @@ use crate::cli;
 use crate::config::{Config, SimulatorKind, load};
 use crate::domain::Domain;
 use crate::error::{Error, Result};
-use crate::influence::AipStack;
-use crate::policy::PolicyStack;
 use crate::processes::{Options, ProcessFleet};
 use crate::training::dials;
 use crate::training::files;
@@ -31,7 +29,7 @@ pub fn train(args: &cli::Train) -> Result<()> {
         (None, Some(config)) => begin(args, config)?,
         (None, None) => unreachable!("clap asks for one of them"),
     };
-    let workers = args.workers.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
+    let workers = args.workers.unwrap_or_else(cores);
     let patience = Duration::from_secs(args.patience);
     match run.train(workers, patience) {
         Ok(()) => answer(how_to_go_on(&run.dir, &run.config)).map_err(Error::Run),
@@ -77,10 +75,7 @@ impl Run {
     fn train(&self, workers: usize, patience: Duration) -> anyhow::Result<()> {
         let Run { dir, config, domain, resumed } = self;
         let progress = Rc::new(Progress::new(config, domain.agents())?);
-        let layouts = Layouts {
-            policies: PolicyStack::shape(domain.spec(), &config.policy).layout(),
-            aips: AipStack::shape(domain.spec(), &config.aip).layout(),
-        };
+        let layouts = Layouts::of(config, domain.spec());
         let mut log = match resumed {
             false => RunLog::create(dir, layouts, progress.clone())?,
             true => RunLog::resume(dir, layouts, progress.clone())?,
@@ -100,12 +95,22 @@ impl Run {
 
 /// The flags that stand for keys of the config, as settings of these keys.
 fn settings(args: &cli::Train) -> Vec<String> {
-    let mut settings = args.settings.clone();
+    let mut settings = settings_with(&args.settings, args.simulator);
     settings.extend(args.seed.map(|seed| format!("seed={seed}")));
     settings.extend(args.steps.map(|steps| format!("stop_at_steps={steps}")));
-    let simulator = args.simulator.and_then(|kind| kind.to_possible_value());
-    settings.extend(simulator.map(|kind| format!("simulator={}", kind.get_name())));
     settings
+}
+
+/// `--set` and `--simulator`, which stands for a key.
+pub fn settings_with(settings: &[String], simulator: Option<cli::Simulator>) -> Vec<String> {
+    let simulator = simulator.and_then(|kind| kind.to_possible_value());
+    let simulator = simulator.map(|kind| format!("simulator={}", kind.get_name()));
+    settings.iter().cloned().chain(simulator).collect()
+}
+
+/// How many workers there are where nobody says it.
+pub fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
 }
 
 fn default_dir(config_path: &Path, config: &Config) -> PathBuf {

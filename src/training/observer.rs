@@ -23,6 +23,11 @@ pub trait Observer {
     fn stop_requested(&self) -> bool {
         false
     }
+
+    /// Whether anything can be lost: a benchmark throws its results away and may stop anywhere.
+    fn keeps_results(&self) -> bool {
+        true
+    }
 }
 
 /// Hears nothing.

@@ -33,9 +33,12 @@ use super::tables::{
     AIP_COLUMNS, Line, MEMORY_COLUMNS, Wall, aip_lines, evaluation_header, evaluation_lines, memory_lines,
     timing_header, timing_lines, training_header, training_lines,
 };
+use crate::config::Config;
+use crate::domain::RegionSpec;
 use crate::evaluation::Evaluation;
-use crate::influence::AipLoss;
+use crate::influence::{AipLoss, AipStack};
 use crate::nn::{Layout, write_stack};
+use crate::policy::PolicyStack;
 
 /// Writes a run down.
 pub struct RunLog {
@@ -57,6 +60,15 @@ pub struct RunLog {
 pub struct Layouts {
     pub policies: Layout,
     pub aips: Layout,
+}
+
+impl Layouts {
+    pub fn of(config: &Config, spec: &RegionSpec) -> Layouts {
+        Layouts {
+            policies: PolicyStack::shape(spec, &config.policy).layout(),
+            aips: AipStack::shape(spec, &config.aip).layout(),
+        }
+    }
 }
 
 impl RunLog {

@@ -1,0 +1,236 @@
+//! Orders to a fleet, timed: as many of each kind as fit into a share of the time.
+
+use std::time::{Duration, Instant};
+
+use super::floor::{aip_training_flops, gradient_steps};
+use super::marginals::predict_marginals;
+use crate::base::{Activity, Phase, Stopwatch};
+use crate::config::{Config, Period, SimulatorKind};
+use crate::domain::{RegionSpec, Result};
+use crate::influence::{AipStack, Dataset};
+use crate::training::answers::FleetLoad;
+use crate::training::fleet::Fleet;
+use crate::training::run_log::RunLog;
+
+/// Shares of the time; the rest goes into the beginning of processes and into a first guess of the speed.
+const EVALUATION: f64 = 0.1;
+const COLLECTION: f64 = 0.15;
+const AIP_TRAINING: f64 = 0.15;
+const TRAINING: f64 = 0.5;
+/// Passes over a dataset: few, but so many that the losses before and after them weigh little.
+const AIP_EPOCHS: usize = 8;
+/// A guess of how far trainings of AIPs come behind products at their best; it only decides how long they are measured.
+const OF_PEAK: f64 = 0.4;
+
+/// A config under which every order to a fleet of so many workers is a short one, each worker with a share of it.
+pub fn short_orders(config: &Config, workers: usize) -> Config {
+    let mut short = config.clone();
+    short.evaluation.episodes = workers;
+    short.aip.dataset_steps = workers * config.horizon();
+    short.aip.epochs = config.aip.epochs.min(AIP_EPOCHS);
+    short
+}
+
+/// What orders of one kind took, together.
+#[derive(Clone, Debug, Default)]
+pub struct Orders {
+    pub count: usize,
+    /// Of the work itself, in the unit of the activity: see [`Measured`].
+    pub units: f64,
+    /// From the order to the last answer, and to the files that a run writes then.
+    pub wall: Duration,
+    /// Of the slowest worker of each order, without [`Phase::Loading`].
+    pub slowest: Duration,
+    /// Added up over the workers.
+    pub work: Duration,
+    pub phases: Stopwatch,
+}
+
+/// What a fleet came to. An activity that the config does not ask for has no orders.
+#[derive(Clone, Debug)]
+pub struct Measured {
+    pub workers: usize,
+    /// Units: timesteps of agents.
+    pub training: Orders,
+    /// Units: episodes of each worker.
+    pub evaluation: Orders,
+    /// Units: episodes of each worker.
+    pub collection: Orders,
+    /// Units: floating-point operations in matrix products.
+    pub aip_training: Orders,
+    /// Memory of all processes together, in KiB, shared pages counted once: the largest seen after an order.
+    pub pss_kib: u64,
+    /// The most resident memory of a single process, in KiB.
+    pub peak_rss_kib: u64,
+}
+
+impl Measured {
+    /// How much of an episode every local simulator, or the GS, played while the policies trained.
+    pub fn share_of_an_episode(&self, config: &Config, agents: usize) -> f64 {
+        self.training.units / (agents * config.copies() * config.horizon()) as f64
+    }
+}
+
+/// What is measured.
+pub struct Plan<'a> {
+    /// As [`short_orders`] made it.
+    pub config: &'a Config,
+    pub spec: &'a RegionSpec,
+    pub workers: usize,
+    pub time: Duration,
+    /// Of matrix products, per second.
+    pub peak_flops: f64,
+}
+
+/// Gives `fleet`, which was made for `plan.config`, orders of every kind.
+pub fn measure(plan: &Plan<'_>, fleet: &mut dyn Fleet, log: &mut RunLog) -> Result<Measured> {
+    let agents = fleet.agents().agents();
+    let mut bench =
+        Bench { fleet, log, period: Period { index: 0, start: 0, end: 0, retrain_aips: false, evaluate: false } };
+    let part = |share: f64| plan.time.mul_f64(share);
+
+    let evaluation = repeat(part(EVALUATION), |orders| bench.evaluate(orders))?;
+    let (mut collection, mut aip_training) = (Orders::default(), Orders::default());
+    if plan.config.simulator == SimulatorKind::Dials {
+        let mut datasets = Vec::new();
+        collection = repeat(part(COLLECTION), |orders| {
+            datasets = bench.collect(orders)?;
+            Ok(())
+        })?;
+        let flops = part(AIP_TRAINING).as_secs_f64() * plan.peak_flops * OF_PEAK * plan.workers as f64;
+        let enough = episodes_for(plan, flops / agents as f64);
+        let datasets: Vec<Dataset> = datasets.iter().map(|dataset| repeated(dataset, enough)).collect();
+        let flops = agents as f64 * aip_training_flops(plan.config, plan.spec, datasets[0].episodes());
+        aip_training = repeat(part(AIP_TRAINING), |orders| bench.train_aips(orders, &datasets, flops))?;
+        let mut state = bench.fleet.agents().clone();
+        let layout = AipStack::shape(plan.spec, &plan.config.aip).layout();
+        predict_marginals(&mut state.aips, &layout, plan.spec.sources, &datasets);
+        bench.fleet.restore(state)?;
+    }
+    // The first update only tells how long one takes.
+    let memory = plan.config.ppo.memory as u64;
+    let mut guess = Orders::default();
+    bench.train(&mut guess, memory, agents)?;
+    let updates = part(TRAINING).div_duration_f64(guess.slowest.max(Duration::from_millis(1)));
+    let mut training = Orders::default();
+    bench.train(&mut training, memory * (updates as u64).max(2), agents)?;
+
+    let load = bench.fleet.take_load();
+    let processes = || load.workers.iter().map(|worker| worker.footprint).chain(load.coordinator);
+    Ok(Measured {
+        workers: plan.workers,
+        training,
+        evaluation,
+        collection,
+        aip_training,
+        pss_kib: processes().map(|process| process.pss_kib).sum(),
+        peak_rss_kib: processes().map(|process| process.peak_rss_kib).max().unwrap_or(0),
+    })
+}
+
+/// Orders until the time is over, at least one.
+fn repeat(time: Duration, mut order: impl FnMut(&mut Orders) -> Result<()>) -> Result<Orders> {
+    let mut orders = Orders::default();
+    while orders.count == 0 || orders.wall < time {
+        order(&mut orders)?;
+    }
+    Ok(orders)
+}
+
+/// Episodes per dataset, up to a whole one, whose AIP training takes about so many operations per agent; always enough
+/// for a gradient step.
+fn episodes_for(plan: &Plan<'_>, flops: f64) -> usize {
+    let whole = plan.config.dataset_episodes(plan.spec.horizon);
+    let mut episodes = 2;
+    let too_few = |episodes| gradient_steps(plan.config, plan.spec, episodes) == 0;
+    while too_few(episodes) || (episodes < whole && aip_training_flops(plan.config, plan.spec, episodes) < flops) {
+        episodes += 1;
+    }
+    episodes
+}
+
+/// The episodes of `dataset` again and again, at least `episodes` of them.
+fn repeated(dataset: &Dataset, episodes: usize) -> Dataset {
+    let mut longer = dataset.clone();
+    while longer.episodes() < episodes {
+        longer.extend(dataset);
+    }
+    longer
+}
+
+struct Bench<'a> {
+    fleet: &'a mut dyn Fleet,
+    log: &'a mut RunLog,
+    period: Period,
+}
+
+impl Bench<'_> {
+    fn evaluate(&mut self, orders: &mut Orders) -> Result<()> {
+        self.order(orders, Activity::Evaluation, 1.0, |bench| {
+            let evaluation = bench.fleet.evaluate()?;
+            let load = bench.fleet.take_load();
+            bench.log.evaluated(bench.fleet, &evaluation)?;
+            Ok(load)
+        })
+    }
+
+    fn collect(&mut self, orders: &mut Orders) -> Result<Vec<Dataset>> {
+        let mut datasets = Vec::new();
+        self.order(orders, Activity::Collection, 1.0, |bench| {
+            datasets = bench.fleet.collect_datasets(&bench.period)?;
+            Ok(bench.fleet.take_load())
+        })?;
+        Ok(datasets)
+    }
+
+    fn train_aips(&mut self, orders: &mut Orders, datasets: &[Dataset], flops: f64) -> Result<()> {
+        let datasets = datasets.to_vec();
+        self.order(orders, Activity::AipTraining, flops, |bench| {
+            let losses = bench.fleet.train_aips(datasets, &bench.period)?;
+            let load = bench.fleet.take_load();
+            bench.log.aips_trained(bench.fleet, &losses)?;
+            Ok(load)
+        })
+    }
+
+    fn train(&mut self, orders: &mut Orders, steps: u64, agents: usize) -> Result<()> {
+        (self.period.start, self.period.end) = (self.period.end, self.period.end + steps);
+        self.order(orders, Activity::Training, steps as f64 * agents as f64, |bench| {
+            let training = bench.fleet.train_policies(&bench.period)?;
+            let load = bench.fleet.take_load();
+            bench.log.period_done(bench.fleet, &training)?;
+            Ok(load)
+        })
+    }
+
+    /// `give`: gives the order, writes down what it brought, and returns what the workers did for it.
+    fn order(
+        &mut self,
+        orders: &mut Orders,
+        activity: Activity,
+        units: f64,
+        give: impl FnOnce(&mut Self) -> Result<FleetLoad>,
+    ) -> Result<()> {
+        let begun = Instant::now();
+        let load = give(self)?;
+        orders.note(activity, units, begun.elapsed(), &load);
+        self.period.index += 1;
+        Ok(())
+    }
+}
+
+impl Orders {
+    fn note(&mut self, activity: Activity, units: f64, wall: Duration, load: &FleetLoad) {
+        self.count += 1;
+        self.units += units;
+        self.wall += wall;
+        let of_workers = || load.workers.iter().map(|worker| &worker.timesheet);
+        let net = of_workers()
+            .map(|sheet| sheet.whole(activity).saturating_sub(sheet.phases(activity).spent(Phase::Loading)));
+        self.slowest += net.max().unwrap_or_default();
+        for sheet in of_workers() {
+            self.work += sheet.whole(activity);
+            self.phases.add(sheet.phases(activity));
+        }
+    }
+}

@@ -1,0 +1,95 @@
+//! How much arithmetic a network asks for: the floor under its cost.
+
+use std::time::{Duration, Instant};
+
+use tch::{Device, Kind, Tensor};
+
+use super::Shape;
+use super::product::{Before, Matrix, multiply};
+
+impl Shape {
+    /// Floating-point operations in the matrix products of a forward pass, per row: a multiplication and an addition per
+    /// weight. Biases and activations are not counted.
+    pub fn forward_flops(&self) -> f64 {
+        2.0 * (self.input_weights() + self.state_weights() + self.layer_weights()) as f64
+    }
+
+    /// As [`Shape::forward_flops`], of the gradients of all weights in sequences of `steps`: by every weight, and through
+    /// every weight to what lies before it. Nothing flows to the inputs of the network nor to the state before the
+    /// first step.
+    pub fn backward_flops(&self, steps: usize) -> f64 {
+        let first = if self.recurrent.is_none() {
+            self.layers().next().map_or(0, |(inputs, outputs)| inputs * outputs)
+        } else {
+            0
+        };
+        let through_states = self.state_weights() as f64 * (steps - 1) as f64 / steps as f64;
+        self.forward_flops() + 2.0 * ((self.layer_weights() - first) as f64 + through_states)
+    }
+
+    fn input_weights(&self) -> usize {
+        3 * self.inputs * self.state_width()
+    }
+
+    fn state_weights(&self) -> usize {
+        3 * self.state_width() * self.state_width()
+    }
+
+    fn layer_weights(&self) -> usize {
+        self.layers().map(|(inputs, outputs)| inputs * outputs).sum()
+    }
+}
+
+/// Side of the square matrices whose product shows what the machine can do.
+const SIDE: usize = 1024;
+
+/// Floating-point operations per second of matrix products at their best, on one thread.
+#[derive(Clone, Copy, Debug)]
+pub struct Peak {
+    /// By the library that our networks use.
+    pub ours: f64,
+    /// By libtorch, which most software of this kind uses.
+    pub libtorch: f64,
+}
+
+impl Peak {
+    /// 1024 x 1024 x 1024 in f32, the fastest of as many as fit into `time`.
+    pub fn measure(time: Duration) -> Peak {
+        let matrix = vec![0.5; SIDE * SIDE];
+        let mut product = vec![0.0; SIDE * SIDE];
+        let square = Matrix::new(&matrix, SIDE);
+        let ours = fastest(time / 2, || multiply(square, square, &mut product, Before::Overwrite));
+        let size = [SIDE as i64, SIDE as i64];
+        let tensor = Tensor::rand(&size, (Kind::Float, Device::Cpu));
+        let out = Tensor::empty(&size, (Kind::Float, Device::Cpu));
+        let libtorch = fastest(time / 2, || drop(tensor.matmul_out(&out, &tensor)));
+        Peak { ours, libtorch }
+    }
+}
+
+fn fastest(time: Duration, mut product: impl FnMut()) -> f64 {
+    let begun = Instant::now();
+    let mut fastest = f64::INFINITY;
+    while begun.elapsed() < time || fastest.is_infinite() {
+        let begun = Instant::now();
+        product();
+        fastest = fastest.min(begun.elapsed().as_secs_f64());
+    }
+    2.0 * (SIDE as f64).powi(3) / fastest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_products_of_small_networks_are_counted_by_hand() {
+        let shape = Shape { inputs: 4, recurrent: None, hidden: vec![3], outputs: 2 };
+        // Weights 4 x 3 + 3 x 2 = 18: forward 36. Gradients by the weights 36, through the last layer 2 x 6 = 12.
+        assert_eq!((shape.forward_flops(), shape.backward_flops(1)), (36.0, 48.0));
+        let shape = Shape { inputs: 4, recurrent: Some(2), hidden: vec![3], outputs: 1 };
+        // Weights: inputs 4 x 6 = 24, states 2 x 6 = 12, layers 2 x 3 + 3 x 1 = 9, together 45: forward 90.
+        // Backward in sequences of 4: 90, through the layers 2 x 9 = 18, through the states 2 x 12 x 3/4 = 18.
+        assert_eq!((shape.forward_flops(), shape.backward_flops(4)), (90.0, 126.0));
+    }
+}

@@ -1,0 +1,146 @@
+//! `bench`
+
+use std::rc::Rc;
+use std::sync::Arc;
+use std::time::Duration;
+
+use anyhow::Context;
+use serde_json::json;
+
+use super::domain;
+use super::info::versions;
+use super::progress::BenchProgress;
+use super::terminal::{answer, tell};
+use super::train::{cores, settings_with};
+use crate::bench::costs::Costs;
+use crate::bench::measure::{Plan, measure, short_orders};
+use crate::bench::table;
+use crate::cli;
+use crate::config::{Config, load};
+use crate::domain::Domain;
+use crate::error::{Error, Result};
+use crate::nn::Peak;
+use crate::processes::{Options, ProcessFleet};
+use crate::training::observer::Interrupted;
+use crate::training::run_log::{Layouts, RunLog};
+
+/// For the products at peak.
+const PEAK_TIME: Duration = Duration::from_secs(1);
+/// A worker that says nothing for so long is lost.
+const PATIENCE: Duration = Duration::from_secs(600);
+
+pub fn bench(args: &cli::Bench) -> Result<()> {
+    let config = load(&args.config, &settings_with(&args.settings, args.simulator)).map_err(Error::Usage)?;
+    domain::check(&config).map_err(Error::Usage)?;
+    let domain = domain::open(&config).map_err(Error::Usage)?;
+    let most = args.workers.map_or_else(cores, usize::from);
+    let progress = Rc::new(BenchProgress::new().map_err(Error::Run)?);
+    let peak = Peak::measure(PEAK_TIME);
+    let mut costs = Vec::new();
+    let mut interrupted = false;
+    for workers in doubling(most) {
+        progress.begin(workers, most);
+        match run(&config, &domain, workers, Duration::from_secs(args.seconds), peak.ours, &progress) {
+            Ok(of_fleet) => costs.push(of_fleet),
+            Err(error) if error.is::<Interrupted>() => {
+                interrupted = true;
+                break;
+            }
+            Err(error) => return Err(Error::Run(error)),
+        }
+    }
+    progress.finish();
+    if !costs.is_empty() {
+        let found = match args.json {
+            true => as_json(args, &config, &*domain, peak, &costs).map_err(Error::Run)?,
+            false => as_text(args, &config, &*domain, peak, &costs),
+        };
+        answer(found).map_err(Error::Run)?;
+    }
+    if interrupted {
+        return Err(Error::Interrupted("stopped".to_owned()));
+    }
+    Ok(())
+}
+
+/// One fleet in a temporary place.
+fn run(
+    config: &Config,
+    domain: &Arc<dyn Domain>,
+    workers: usize,
+    time: Duration,
+    peak_flops: f64,
+    progress: &Rc<BenchProgress>,
+) -> anyhow::Result<Costs> {
+    let short = short_orders(config, workers);
+    let dir = tempfile::tempdir().context("no temporary directory for what a run writes")?;
+    let mut log = RunLog::create(dir.path(), Layouts::of(config, domain.spec()), progress.clone())?;
+    let options = Options { workers, patience: PATIENCE, log_dir: dir.path().to_owned() };
+    let mut fleet = ProcessFleet::start(domain.clone(), &short, options, progress.clone())?;
+    let plan = Plan { config: &short, spec: domain.spec(), workers, time, peak_flops };
+    let measured = measure(&plan, &mut fleet, &mut log)?;
+    let share = measured.share_of_an_episode(config, domain.agents());
+    if share < 1.0 {
+        tell(format_args!(
+            "warning: {workers} workers: only {:.0} % of an episode was simulated, and episodes begin empty; a larger \
+             --seconds is closer to a whole run",
+            100.0 * share
+        ));
+    }
+    Ok(Costs::of(config, domain.spec(), domain.agents(), peak_flops, &measured))
+}
+
+/// 1, 2, 4, ... and `most`.
+fn doubling(most: usize) -> Vec<usize> {
+    let powers = std::iter::successors(Some(1), |workers| Some(workers * 2)).take_while(|&workers| workers < most);
+    powers.chain([most]).collect()
+}
+
+fn as_text(args: &cli::Bench, config: &Config, domain: &dyn Domain, peak: Peak, costs: &[Costs]) -> String {
+    format!(
+        "{}: {} agents, {} timesteps each; about {} s per column\n\
+         one core: {:.0} GFLOP/s in matrix products at peak (1024 x 1024 x 1024, f32; by libtorch {:.0})\n\n{}",
+        args.config.display(),
+        domain.agents(),
+        config.last_step(),
+        args.seconds,
+        peak.ours / 1e9,
+        peak.libtorch / 1e9,
+        table::text(costs)
+    )
+}
+
+fn as_json(
+    args: &cli::Bench,
+    config: &Config,
+    domain: &dyn Domain,
+    peak: Peak,
+    costs: &[Costs],
+) -> anyhow::Result<String> {
+    let object = json!({
+        "config": args.config,
+        "simulator": config.simulator,
+        "agents": domain.agents(),
+        "timesteps_per_agent": config.last_step(),
+        "seconds_per_fleet": args.seconds,
+        "cores": cores(),
+        "peak_gflops_of_a_core": peak.ours / 1e9,
+        "peak_gflops_by_libtorch": peak.libtorch / 1e9,
+        "versions": versions()?,
+        "fleets": table::json(costs),
+    });
+    Ok(object.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fleets_double_up_to_the_largest() {
+        assert_eq!(doubling(1), [1]);
+        assert_eq!(doubling(2), [1, 2]);
+        assert_eq!(doubling(6), [1, 2, 4, 6]);
+        assert_eq!(doubling(8), [1, 2, 4, 8]);
+    }
+}
