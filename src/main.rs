@@ -7,7 +7,6 @@ use dials_traffic::cli::Cli;
 use dials_traffic::run::{self, terminal::tell};
 
 fn main() -> ExitCode {
-    run::keep_to_one_thread();
     match run::run(Cli::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

@@ -49,6 +49,8 @@ impl Child {
         // Not the path of the program, where another build may stand by now.
         let process = Command::new("/proc/self/exe")
             .arg(WORKER)
+            // Or BLAS, which came with libtorch, would keep a thread per core in every worker, for nothing.
+            .env("OPENBLAS_NUM_THREADS", "1")
             .stdin(Stdio::from(OwnedFd::from(theirs)))
             .stdout(log_file.try_clone()?)
             .stderr(log_file)

@@ -30,6 +30,7 @@ const PEAK_TIME: Duration = Duration::from_secs(1);
 const PATIENCE: Duration = Duration::from_secs(600);
 
 pub fn bench(args: &cli::Bench) -> Result<()> {
+    super::keep_blas_to_one_thread();
     let config = load(&args.config, &settings_with(&args.settings, args.simulator)).map_err(Error::Usage)?;
     domain::check(&config).map_err(Error::Usage)?;
     let domain = domain::open(&config).map_err(Error::Usage)?;

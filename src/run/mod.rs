@@ -30,13 +30,12 @@ pub fn run(cli: Cli) -> Result<()> {
     }
 }
 
-/// The threads of BLAS and OpenMP, which would fight over the cores with our processes and make sums depend on the
-/// machine.
-const THREADS: [&str; 2] = ["OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"];
-
-/// Makes sure that BLAS runs in one thread. The libraries read these variables when they are loaded, which is before
-/// `main`; so where they are not set, the process starts itself again with them.
-pub fn keep_to_one_thread() {
+/// Makes sure that libtorch's BLAS runs in one thread. The libraries read these variables when they are loaded, which is
+/// before `main`; so where they are not set, the process starts itself again with them.
+///
+/// For those who time it. Nothing else of this program computes with BLAS.
+fn keep_blas_to_one_thread() {
+    const THREADS: [&str; 2] = ["OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"];
     if THREADS.iter().any(|name| std::env::var_os(name).is_none_or(|value| value != "1")) {
         let mut again = std::process::Command::new("/proc/self/exe");
         let mut typed = std::env::args_os();
@@ -47,7 +46,7 @@ pub fn keep_to_one_thread() {
         again.args(typed).envs(THREADS.map(|name| (name, "1")));
         let error = again.exec();
         terminal::tell(format_args!(
-            "warning: could not restart with one BLAS thread ({error}); results may differ from other machines"
+            "warning: could not restart with one BLAS thread ({error}); libtorch's peak may be that of several cores"
         ));
     }
     tch::set_num_threads(1);
