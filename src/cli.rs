@@ -29,6 +29,10 @@ pub enum Command {
     Evaluate(Evaluate),
     /// Run a hand-coded controller on the global simulator of a config
     Baseline(Baseline),
+    /// Make curves, bars and tables of run directories, with the paper's numbers beside them
+    Report(Report),
+    /// Compare two groups of runs: final return with its interval, runtime, steps to reach a return
+    Compare(Compare),
     /// Write SUMO networks that `sumo` and `sumo-gui` open
     #[command(subcommand)]
     Nets(Nets),
@@ -130,6 +134,33 @@ pub struct Output {
     /// Also write pictures of the first episode, one per step and an animation, into this directory (warehouse)
     #[arg(long, value_name = "DIR")]
     pub render: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub struct Report {
+    /// Run directories, or folders with run directories in them
+    #[arg(required = true, value_name = "DIR")]
+    pub folders: Vec<PathBuf>,
+    /// Folder for the page, its pictures and its tables
+    #[arg(long, value_name = "DIR", default_value = "report")]
+    pub out: PathBuf,
+    /// Move an existing folder aside instead of refusing
+    #[arg(long)]
+    pub force: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct Compare {
+    /// Run directory, folder of runs or pattern such as 'runs/x-seed*'; several with commas between
+    pub a: String,
+    /// What is compared with it, likewise
+    pub b: String,
+    /// Return to reach, for steps and time [default: 95 % of the worse final return]
+    #[arg(long, value_name = "RETURN")]
+    pub reach: Option<f64>,
+    /// Print one JSON object instead of a table
+    #[arg(long)]
+    pub json: bool,
 }
 
 #[derive(Debug, Subcommand)]

@@ -1,5 +1,6 @@
 //! One short function per subcommand: config -> domain -> fleet -> training -> run directory.
 
+mod compare;
 mod directory;
 mod domain;
 mod evaluate;
@@ -7,6 +8,7 @@ mod info;
 mod nets;
 mod progress;
 mod render;
+mod report;
 pub mod terminal;
 mod train;
 mod worker;
@@ -22,6 +24,8 @@ pub fn run(cli: Cli) -> Result<()> {
         Command::Train(args) => train::train(&args),
         Command::Evaluate(args) => evaluate::evaluate(&args),
         Command::Baseline(args) => evaluate::baseline(&args),
+        Command::Report(args) => report::report(&args),
+        Command::Compare(args) => compare::compare(&args),
         Command::Nets(args) => nets::nets(&args),
         Command::Info => info::info(),
         Command::Worker => worker::worker(),

@@ -1,0 +1,156 @@
+//! Clusters of bars: a cluster per size of a scenario, a bar per method.
+
+use anyhow::Result;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+use super::legend::{self, Entry, Sample};
+use super::lines::{Axis, whisker};
+use super::look::{Look, Marker, mark};
+use super::{INK, Svg, failed, px, text, text_width};
+
+const WIDTH: u32 = 860;
+const HEIGHT: u32 = 400;
+const LEGEND: u32 = 250;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scale {
+    /// From 0.
+    Linear,
+    /// Powers of 2, as the paper's runtimes.
+    Log2,
+}
+
+pub struct Bar {
+    pub label: String,
+    pub look: Look,
+    pub value: Option<f64>,
+    pub whisker: Option<(f64, f64)>,
+    /// The paper's value.
+    pub paper: Option<f64>,
+}
+
+pub struct Cluster {
+    pub label: String,
+    pub bars: Vec<Bar>,
+}
+
+pub struct BarChart {
+    pub title: String,
+    pub x_label: String,
+    pub y: Axis,
+    pub scale: Scale,
+    pub clusters: Vec<Cluster>,
+    pub note: String,
+}
+
+impl BarChart {
+    pub fn draw(&self) -> Result<Svg> {
+        let entries = self.legend();
+        let height = HEIGHT.max(legend::height(&entries) + 40);
+        let (low, high) = self.range();
+        let place = |value: f64| match self.scale {
+            Scale::Linear => value,
+            Scale::Log2 => value.log2(),
+        };
+        Svg::draw(WIDTH, height, |root| {
+            let (plot, right) = root.split_horizontally(px(f64::from(WIDTH - LEGEND)));
+            legend::draw(&right.margin(px(34.0), 0, px(6.0), 0), &entries)?;
+            let y_format = |value: &f64| match self.scale {
+                Scale::Linear => (self.y.format)(*value),
+                Scale::Log2 => (self.y.format)(value.exp2()),
+            };
+            let widest = [low, high].map(|value| text_width(&y_format(&place(value)), 12.0)).into_iter().max();
+            let mut chart = ChartBuilder::on(&plot)
+                .caption(&self.title, text(15.0, INK))
+                .margin(px(8.0))
+                .x_label_area_size(px(42.0))
+                .y_label_area_size(widest.unwrap_or(0) + px(30.0))
+                .build_cartesian_2d(0.0..self.clusters.len() as f64, place(low)..place(high))
+                .map_err(failed)?;
+            chart
+                .configure_mesh()
+                .disable_x_mesh()
+                .x_labels(0)
+                .y_labels(8)
+                .x_desc(&self.x_label)
+                .y_desc(&self.y.label)
+                .y_label_formatter(&y_format)
+                .label_style(text(12.0, INK))
+                .axis_desc_style(text(13.0, INK))
+                .axis_style(ShapeStyle { color: INK.to_rgba(), filled: false, stroke_width: px(1.0) as u32 })
+                .bold_line_style(ShapeStyle { color: INK.mix(0.13), filled: false, stroke_width: px(1.0) as u32 })
+                .light_line_style(TRANSPARENT)
+                .set_all_tick_mark_size(px(4.0))
+                .draw()
+                .map_err(failed)?;
+            let area = chart.plotting_area();
+            for (index, cluster) in self.clusters.iter().enumerate() {
+                let width = 0.8 / cluster.bars.len().max(1) as f64;
+                let below = Pos::new(HPos::Center, VPos::Top);
+                let label = Text::new(cluster.label.clone(), (0, px(8.0)), text(12.0, INK).pos(below));
+                let floor = (index as f64 + 0.5, place(low));
+                let foot = chart.backend_coord(&floor);
+                root.draw(&(EmptyElement::at(foot) + label)).map_err(failed)?;
+                for (number, bar) in cluster.bars.iter().enumerate() {
+                    let left = index as f64 + 0.1 + number as f64 * width;
+                    let middle = left + width / 2.0;
+                    if let Some(value) = bar.value {
+                        let corners = [(left + 0.05 * width, place(low)), (left + 0.95 * width, place(value))];
+                        area.draw(&Rectangle::new(corners, bar.look.colour.filled())).map_err(failed)?;
+                        // Its marker at its foot tells it apart in black and white.
+                        let white = Look { colour: WHITE, ..bar.look };
+                        let foot = place(low) + 0.05 * (place(high) - place(low));
+                        if place(value) > foot + 0.04 * (place(high) - place(low)) {
+                            mark(area, (middle, foot), white, 9.0, true)?;
+                        }
+                        if let Some((from, to)) = bar.whisker {
+                            whisker(area, middle, (place(from.max(low)), place(to)), INK)?;
+                        }
+                        let above = Pos::new(HPos::Center, VPos::Bottom);
+                        let top = bar.whisker.map_or(value, |(_, to)| to.max(value));
+                        let size = if cluster.bars.len() * self.clusters.len() > 12 { 9.0 } else { 11.0 };
+                        let number = Text::new((self.y.format)(value), (0, -px(4.0)), text(size, INK).pos(above));
+                        area.draw(&(EmptyElement::at((middle, place(top))) + number)).map_err(failed)?;
+                    }
+                    if let Some(paper) = bar.paper {
+                        let hollow = Look { colour: INK, marker: Marker::Diamond, ..bar.look };
+                        mark(area, (middle, place(paper)), hollow, 10.0, false)?;
+                    }
+                }
+            }
+            Ok(())
+        })
+    }
+
+    fn legend(&self) -> Vec<Entry> {
+        let mut entries: Vec<Entry> = Vec::new();
+        let bars = || self.clusters.iter().flat_map(|cluster| &cluster.bars);
+        for bar in bars() {
+            if entries.iter().all(|entry| entry.label != bar.label) {
+                entries.push(Entry { sample: Sample::Bar(bar.look), label: bar.label.clone() });
+            }
+        }
+        if let Some(bar) = bars().find(|bar| bar.paper.is_some()) {
+            let look = Look { colour: INK, marker: Marker::Diamond, ..bar.look };
+            entries.push(Entry { sample: Sample::Hollow(look), label: "the paper".to_owned() });
+        }
+        if !self.note.is_empty() {
+            entries.push(Entry { sample: Sample::Nothing, label: self.note.clone() });
+        }
+        entries
+    }
+
+    fn range(&self) -> (f64, f64) {
+        let bars = || self.clusters.iter().flat_map(|cluster| &cluster.bars);
+        let values = || bars().flat_map(|bar| [bar.value, bar.paper, bar.whisker.map(|(_, to)| to)]).flatten();
+        let high = values().fold(f64::MIN_POSITIVE, f64::max);
+        match self.scale {
+            Scale::Linear => (0.0, high * 1.1),
+            Scale::Log2 => {
+                let low = values().filter(|&value| value > 0.0).fold(high, f64::min);
+                ((low / 2.0).log2().floor().exp2(), high * 1.6)
+            }
+        }
+    }
+}
