@@ -19,6 +19,9 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 pub struct Cli {
     #[command(subcommand)]
     pub command: Command,
+    /// End when the process with this id does, which must be the one that started this one
+    #[arg(long, global = true, hide = true, value_name = "PID")]
+    pub end_with: Option<u32>,
 }
 
 #[derive(Debug, Subcommand)]
@@ -29,6 +32,8 @@ pub enum Command {
     Evaluate(Evaluate),
     /// Run a hand-coded controller on the global simulator of a config
     Baseline(Baseline),
+    /// Make all runs that a file names, over the cores of this machine; goes on where it was stopped
+    Experiment(Experiment),
     /// Make curves, bars and tables of run directories, with the paper's numbers beside them
     Report(Report),
     /// Compare two groups of runs: final return with its interval, runtime, steps to reach a return
@@ -134,6 +139,21 @@ pub struct Output {
     /// Also write pictures of the first episode, one per step and an animation, into this directory (warehouse)
     #[arg(long, value_name = "DIR")]
     pub render: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub struct Experiment {
+    /// File such as experiments/small_traffic.toml
+    pub file: PathBuf,
+    /// Folder for the run directories [default: results/FILE/runs]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Cores to use [default: all]
+    #[arg(long, value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=4096))]
+    pub cores: Option<usize>,
+    /// Only list the runs, with an estimate of time and memory
+    #[arg(long)]
+    pub dry_run: bool,
 }
 
 #[derive(Debug, Args)]

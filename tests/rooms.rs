@@ -17,12 +17,20 @@ const DOORS: &[(&str, &[&str])] = &[
     ("policy", &["base", "config", "domain", "nn"]),
     ("evaluation", &["base", "domain", "policy"]),
     ("training", &["base", "config", "domain", "nn", "influence", "policy", "evaluation"]),
+    ("report", &["base", "config", "training"]),
+    ("experiment", &["config", "report"]),
     ("processes", &["base", "config", "domain", "evaluation", "influence", "policy", "training"]),
 ];
 
 /// Outside crates that only some rooms may use.
-const OUTSIDE: &[(&str, &[&str])] =
-    &[("tch", &["nn", "run"]), ("quick_xml", &["traffic"]), ("clap", &["cli", "run", "main"]), ("indicatif", &["run"])];
+const OUTSIDE: &[(&str, &[&str])] = &[
+    ("tch", &["nn", "run"]),
+    ("quick_xml", &["traffic"]),
+    ("clap", &["cli", "run", "main"]),
+    ("indicatif", &["run"]),
+    ("plotters", &["report"]),
+    ("statrs", &["report"]),
+];
 
 const TOP: &[&str] = &["run", "cli", "error", "main", "lib"];
 

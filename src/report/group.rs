@@ -78,13 +78,13 @@ fn last_step(run: &RunRecord) -> u64 {
     run.evaluations.last().map_or(0, |evaluation| evaluation.steps)
 }
 
-/// `1M`, `500K`, `150.016K`, `128`
+/// `1M`, `500K`, `150K` for 150 016, `128`: periods are whole updates of the policies, so steps are seldom round.
 pub fn steps_text(steps: u64) -> String {
+    let rounded = |unit: f64, decimals: f64| (steps as f64 / unit * decimals).round() / decimals;
     match steps {
-        0 => "0".to_owned(),
-        _ if steps >= 1_000_000 => format!("{}M", steps as f64 / 1e6),
-        _ if steps >= 1_000 => format!("{}K", steps as f64 / 1e3),
-        _ => steps.to_string(),
+        0..1_000 => steps.to_string(),
+        1_000..1_000_000 => format!("{}K", rounded(1e3, 10.0)),
+        _ => format!("{}M", rounded(1e6, 100.0)),
     }
 }
 
@@ -198,8 +198,8 @@ mod tests {
     #[test]
     fn steps_are_told_as_the_paper_does() {
         assert_eq!(
-            [4_000_000, 500_000, 1_500_000, 150_016, 128].map(steps_text),
-            ["4M", "500K", "1.5M", "150.016K", "128"]
+            [4_000_000, 500_000, 1_500_000, 150_016, 4_000_128, 128, 0].map(steps_text),
+            ["4M", "500K", "1.5M", "150K", "4M", "128", "0"]
         );
     }
 }

@@ -24,7 +24,7 @@ pub mod scenario;
 mod sections;
 pub mod statistics;
 mod tables;
-mod words;
+pub mod words;
 
 use std::path::PathBuf;
 

@@ -76,6 +76,7 @@ pub fn learning(comparison: &Comparison, looks: &Looks, against: Against) -> Res
         companions: None,
         levels: levels(comparison),
         marks,
+        x_end: 0.0,
         note: "band: ± standard error over seeds; whiskers: 95 % bootstrap".to_owned(),
     };
     chart.draw().map(Some)
@@ -178,6 +179,8 @@ pub fn cross_entropy(comparison: &Comparison, looks: &Looks) -> Result<Option<Sv
             .collect(),
         companion: points.iter().filter_map(|point| Some((point.steps as f64, point.marginals?))).collect(),
     });
+    let runs = comparison.groups.iter().flat_map(|group| &group.runs);
+    let evaluated = runs.filter_map(|run| Some(run.evaluations.last()?.steps));
     let fresh = curves.iter().any(|(_, points)| points.iter().any(|point| point.trained.is_none()));
     let chart = LineChart {
         title: title(comparison),
@@ -187,6 +190,7 @@ pub fn cross_entropy(comparison: &Comparison, looks: &Looks) -> Result<Option<Sv
         companions: Some("constant marginals of the same data".to_owned()),
         levels: Vec::new(),
         marks: Vec::new(),
+        x_end: evaluated.max().unwrap_or(0) as f64,
         note: match fresh {
             true => "on fresh GS data at each evaluation",
             false => "on held-out episodes, before and after each training",
@@ -213,7 +217,8 @@ pub fn final_bars(domain: Domain, comparisons: &[&Comparison], looks: &Looks) ->
     let chart = BarChart {
         title: format!("Final return, {}", domain.name()),
         x_label: "agents".to_owned(),
-        y: Axis { label: "mean return of an agent".to_owned(), format: figure },
+        y: return_axis(comparisons[0]),
+        format: figure,
         scale: Scale::Linear,
         clusters,
         note: "whiskers: ± standard error over seeds".to_owned(),
@@ -223,35 +228,39 @@ pub fn final_bars(domain: Domain, comparisons: &[&Comparison], looks: &Looks) ->
 
 /// Runtimes of a domain, likewise.
 pub fn runtime_bars(domain: Domain, comparisons: &[&Comparison], looks: &Looks) -> Result<Svg> {
+    let groups = comparisons.iter().flat_map(|comparison| &comparison.groups);
+    let longest = groups.filter_map(|group| Some(Runtime::of(group)?.total_s)).fold(0.0, f64::max);
+    let (unit, seconds) = time_unit(longest);
     let clusters = clusters(comparisons, |comparison, group| {
         let time = Runtime::of(group)?;
         let paper = paper::runtime(domain, comparison.scenario.agents, &group.simulator, group.retrain_every);
-        let hours = |seconds: f64| seconds / 3600.0;
+        let ends = |error: f64| ((time.total_s - error) / seconds, (time.total_s + error) / seconds);
         Some(Bar {
             label: group.label(),
             look: looks.of(&group.label()),
-            value: Some(hours(time.total_s)),
-            whisker: time.total_std_error.map(|error| (hours(time.total_s - error), hours(time.total_s + error))),
-            paper: paper.filter(|_| comparable(time.steps, paper::STEPS)).map(|paper| paper.total),
+            value: Some(time.total_s / seconds),
+            whisker: time.total_std_error.map(ends),
+            paper: paper.filter(|_| comparable(time.steps, paper::STEPS)).map(|paper| paper.total * 3600.0 / seconds),
         })
     });
     let chart = BarChart {
         title: format!("Runtime, {}", domain.name()),
         x_label: "agents".to_owned(),
-        y: Axis { label: "hours, powers of 2".to_owned(), format: short_hours },
+        y: Axis { label: format!("{unit}, powers of 2"), format: plain },
+        format: short,
         scale: Scale::Log2,
         clusters,
-        note: "wall time of a run without its evaluations".to_owned(),
+        note: "wall time of a run without its evaluations; whiskers: ± standard error over seeds".to_owned(),
     };
     chart.draw()
 }
 
-fn short_hours(hours: f64) -> String {
-    match hours {
-        h if h >= 10.0 => format!("{h:.0}"),
-        h if h >= 1.0 => format!("{h:.1}"),
-        h if h >= 0.1 => format!("{h:.2}"),
-        h => format!("{h:.4}"),
+/// Three digits.
+fn short(value: f64) -> String {
+    match value {
+        v if v >= 100.0 => format!("{v:.0}"),
+        v if v >= 10.0 => format!("{v:.1}"),
+        v => format!("{v:.2}"),
     }
 }
 

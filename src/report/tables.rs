@@ -89,7 +89,7 @@ pub fn finals(comparison: &Comparison) -> Table {
             "median agent",
             "stuck agents",
             "paper",
-            "ours - paper",
+            "ours − paper",
         ]),
         rows,
     }

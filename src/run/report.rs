@@ -6,17 +6,16 @@ use std::path::Path;
 use anyhow::Context;
 
 use super::directory::{self, Existing};
+use super::domain;
 use super::terminal::{answer, quoted, tell};
 use crate::cli;
-use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::report::{self, MARKDOWN, PAGE};
-use crate::traffic::net_file::{NetworkFiles, read_shape};
 
 pub fn report(args: &cli::Report) -> Result<()> {
     let existing = if args.force { Existing::MoveAside } else { Existing::Refuse };
     directory::refuse(&args.out, existing).map_err(Error::Usage)?;
-    let report = report::report(&args.folders, &|run| grid_shape(&run.config)).map_err(Error::Usage)?;
+    let report = report::report(&args.folders, &|run| domain::grid_shape(&run.config).ok()).map_err(Error::Usage)?;
     let out = directory::place(&args.out, existing, |dir| {
         report.files.iter().try_for_each(|(name, text)| write(&dir.join(name), text))
     });
@@ -30,16 +29,4 @@ pub fn report(args: &cli::Report) -> Result<()> {
 
 fn write(path: &Path, text: &str) -> anyhow::Result<()> {
     fs::write(path, text).with_context(|| format!("{}: cannot be written", path.display()))
-}
-
-/// Rows and columns of the agents; none where the network of a traffic run is not there.
-fn grid_shape(config: &Config) -> Option<(usize, usize)> {
-    match (&config.traffic, &config.warehouse) {
-        (Some(traffic), _) => {
-            let grid = read_shape(&NetworkFiles::of(&traffic.network).net).ok()?;
-            Some((grid.rows(), grid.cols()))
-        }
-        (None, Some(warehouse)) => Some((warehouse.agents_per_side, warehouse.agents_per_side)),
-        (None, None) => None,
-    }
 }

@@ -1,6 +1,10 @@
 //! Clusters of bars: a cluster per size of a scenario, a bar per method.
 
+use std::ops::Range;
+
 use anyhow::Result;
+use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint, Ranged};
+use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
@@ -17,7 +21,7 @@ const LEGEND: u32 = 250;
 pub enum Scale {
     /// From 0.
     Linear,
-    /// Powers of 2, as the paper's runtimes.
+    /// Powers of 2, as the paper's runtimes have.
     Log2,
 }
 
@@ -39,6 +43,8 @@ pub struct BarChart {
     pub title: String,
     pub x_label: String,
     pub y: Axis,
+    /// How the numbers on the bars are written.
+    pub format: fn(f64) -> String,
     pub scale: Scale,
     pub clusters: Vec<Cluster>,
     pub note: String,
@@ -66,7 +72,7 @@ impl BarChart {
                 .margin(px(8.0))
                 .x_label_area_size(px(42.0))
                 .y_label_area_size(widest.unwrap_or(0) + px(30.0))
-                .build_cartesian_2d(0.0..self.clusters.len() as f64, place(low)..place(high))
+                .build_cartesian_2d(0.0..self.clusters.len() as f64, Ticked::new(place(low)..place(high), self.scale))
                 .map_err(failed)?;
             chart
                 .configure_mesh()
@@ -110,7 +116,7 @@ impl BarChart {
                         let above = Pos::new(HPos::Center, VPos::Bottom);
                         let top = bar.whisker.map_or(value, |(_, to)| to.max(value));
                         let size = if cluster.bars.len() * self.clusters.len() > 12 { 9.0 } else { 11.0 };
-                        let number = Text::new((self.y.format)(value), (0, -px(4.0)), text(size, INK).pos(above));
+                        let number = Text::new((self.format)(value), (0, -px(4.0)), text(size, INK).pos(above));
                         area.draw(&(EmptyElement::at((middle, place(top))) + number)).map_err(failed)?;
                     }
                     if let Some(paper) = bar.paper {
@@ -152,5 +158,38 @@ impl BarChart {
                 ((low / 2.0).log2().floor().exp2(), high * 1.6)
             }
         }
+    }
+}
+
+/// An axis whose numbers stand at whole powers on a scale of powers.
+struct Ticked {
+    axis: RangedCoordf64,
+    scale: Scale,
+}
+
+impl Ticked {
+    fn new(range: Range<f64>, scale: Scale) -> Self {
+        Ticked { axis: range.into(), scale }
+    }
+}
+
+impl Ranged for Ticked {
+    type FormatOption = DefaultFormatting;
+    type ValueType = f64;
+
+    fn map(&self, value: &f64, limit: (i32, i32)) -> i32 {
+        self.axis.map(value, limit)
+    }
+
+    fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
+        let Range { start, end } = self.axis.range();
+        match self.scale {
+            Scale::Linear => self.axis.key_points(hint),
+            Scale::Log2 => (start.ceil() as i32..=end.floor() as i32).map(f64::from).collect(),
+        }
+    }
+
+    fn range(&self) -> Range<f64> {
+        self.axis.range()
     }
 }

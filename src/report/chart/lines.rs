@@ -66,6 +66,8 @@ pub struct LineChart {
     pub companions: Option<String>,
     pub levels: Vec<Level>,
     pub marks: Vec<Mark>,
+    /// To where the x axis goes, if no point goes further.
+    pub x_end: f64,
     /// Told under the legend.
     pub note: String,
 }
@@ -113,7 +115,7 @@ impl LineChart {
                 let high = line.points.iter().filter_map(|point| Some((point.x, point.band?.1)));
                 let rim: Vec<(f64, f64)> = high.chain(low.rev()).collect();
                 if !rim.is_empty() {
-                    area.draw(&Polygon::new(rim, line.look.colour.mix(0.18).filled())).map_err(failed)?;
+                    area.draw(&Polygon::new(rim, line.look.colour.mix(0.22).filled())).map_err(failed)?;
                 }
             }
             for points in &self.marks {
@@ -193,7 +195,7 @@ impl LineChart {
             .chain(self.lines.iter().flat_map(|line| line.companion.iter().map(|point| point.1)))
             .chain(self.levels.iter().map(|level| level.y))
             .chain(marks().flat_map(|&(_, y, error)| [y - error.unwrap_or(0.0), y + error.unwrap_or(0.0)]));
-        let right = xs.fold(f64::MIN_POSITIVE, f64::max);
+        let right = xs.fold(self.x_end, f64::max).max(f64::MIN_POSITIVE);
         let (low, high) = ys.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), y| (low.min(y), high.max(y)));
         let (low, high) = if low.is_finite() { (low, high) } else { (0.0, 1.0) };
         let air = ((high - low) * 0.05).max(high.abs() * 1e-3).max(1e-6);
