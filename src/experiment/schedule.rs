@@ -60,7 +60,7 @@ pub fn total(jobs: &[Job], cores: usize) -> Total {
         while let Some(job) = waiting.next_if(|job| cores.take(job.width)) {
             working.push((total.seconds + job.seconds, *job));
         }
-        total.memory_mb = total.memory_mb.max(working.iter().map(|(_, job)| job.memory_mb).sum());
+        total.memory_mb = total.memory_mb.max(working.iter().fold(0.0, |sum, (_, job)| sum + job.memory_mb));
         let Some(next) = (0..working.len()).min_by(|&a, &b| working[a].0.total_cmp(&working[b].0)) else {
             return total;
         };

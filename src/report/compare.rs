@@ -55,7 +55,7 @@ impl Side {
 }
 
 fn nothing_to_compare(name: &str, left_out: &[LeftOut]) -> String {
-    let reason = left_out.first().map_or(String::new(), |run| format!(" ({}: {})", run.dir.display(), run.reason));
+    let reason = left_out.first().map_or(String::new(), |run| format!(" ({run})"));
     format!("{name}: has no run that was evaluated{reason}")
 }
 
@@ -132,7 +132,7 @@ pub fn compare(a: &Side, b: &Side, target: Option<f64>) -> Result<Verdict> {
     });
     let mut warnings = Vec::new();
     for (side, runs) in sides.iter().zip(&runs) {
-        warnings.extend(side.left_out.iter().map(|run| format!("{}: left out: {}", run.dir.display(), run.reason)));
+        warnings.extend(side.left_out.iter().map(LeftOut::to_string));
         let unused = side.group.runs.iter().filter(|run| !runs.iter().any(|used| used.dir == run.dir));
         warnings
             .extend(unused.map(|run| format!("{}: left out: it has not come as far as the others", run.dir.display())));
@@ -193,7 +193,12 @@ impl Verdict {
             Method::Welch => format!(" {} (95 %, Welch, unpaired seeds)", interval(self.difference.interval)),
             Method::SingleSeed => String::new(),
         };
-        lines.push(row("mean return", of_a, of_b, format!("{}{how}", signed(self.difference.mean))));
+        lines.push(row(
+            "mean return",
+            of_a,
+            of_b,
+            format!("{}{how}", signed(self.difference.mean, self.returns[0].mean)),
+        ));
         let [of_a, of_b] = self.runtimes.map(|seconds| seconds.map_or("-".to_owned(), duration));
         lines.push(row("runtime", of_a, of_b, ratio(self.runtimes)));
         let target = figure(self.target);

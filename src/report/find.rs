@@ -1,6 +1,7 @@
 //! What lies under the folders that a report is made of: run directories, measured baselines, and plans of experiments.
 
 use std::collections::BTreeSet;
+use std::fmt;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -38,6 +39,14 @@ pub struct Baseline {
 pub struct LeftOut {
     pub dir: PathBuf,
     pub reason: String,
+}
+
+/// In one line.
+impl fmt::Display for LeftOut {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let reason: Vec<&str> = self.reason.split_whitespace().collect();
+        write!(f, "{}: left out: {}", self.dir.display(), reason.join(" "))
+    }
 }
 
 /// All that was found.

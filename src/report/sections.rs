@@ -20,8 +20,9 @@ const RULES: [&str; 8] = [
     "Against runtime, each point of the curve stands at the mean wall time of its runs, evaluations excluded.",
     "The final return is that of the last evaluation. Only finished runs count, those with the most steps; where no run of a \
      group is finished, all count at the last step that all have reached, and the table says so.",
-    "±: standard error of the mean over seeds. 95 % bootstrap: percentiles of 10 000 resamples of the seeds with fixed dice; \
-     with few seeds it is too narrow (with three, below 80 %). `dials-traffic compare` gives Student's t intervals.",
+    "±: standard error of the mean over seeds. 95 % bootstrap: percentiles of 10 000 resamples of the seeds with fixed dice. \
+     With few seeds it is too narrow: with three it reaches from the lowest seed to the highest, which holds the true mean \
+     in three of four cases. `dials-traffic compare` gives Student's t intervals.",
     "The median agent is the median over a run's agents of their mean returns: one lost agent moves it little.",
     "Runtime: wall time without evaluations. Influence: collection of datasets and training of the AIPs, mean over workers; \
      agents training: all the rest.",

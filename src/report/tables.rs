@@ -29,7 +29,7 @@ pub fn finals(comparison: &Comparison) -> Table {
             let difference = end.returns.mean - paper.mean;
             let error = end.returns.std_error.unwrap_or(0.0).hypot(paper.std_error.unwrap_or(0.0));
             let errors = if error > 0.0 { format!(" ({:.1} SE)", difference.abs() / error) } else { String::new() };
-            format!("{}{errors}", signed(difference))
+            format!("{}{errors}", signed(difference, paper.mean))
         });
         let paper =
             paper.map(|paper| format!("{} at {}", with_error(paper.mean, paper.std_error), steps_text(paper.steps)));

@@ -13,9 +13,9 @@ pub fn figure(value: f64) -> String {
     if value.abs() >= 50.0 { format!("{value:.1}") } else { format!("{value:.2}") }
 }
 
-/// As [`figure`] with its sign.
-pub fn signed(value: f64) -> String {
-    format!("{}{}", if value < 0.0 { "-" } else { "+" }, figure_like(value.abs(), value.abs()))
+/// With its sign, and as many decimals as `like` has as a return.
+pub fn signed(value: f64, like: f64) -> String {
+    format!("{}{}", if value < 0.0 { "-" } else { "+" }, figure_like(value.abs(), like))
 }
 
 /// As many decimals as `like` has as a return.
@@ -52,7 +52,7 @@ pub fn duration(seconds: f64) -> String {
 pub fn warnings(comparisons: &[Comparison], missing: &[PathBuf], left_out: &[LeftOut]) -> Vec<String> {
     let mut warnings = Vec::new();
     warnings.extend(missing.iter().map(|run| format!("{}: not begun yet", run.display())));
-    warnings.extend(left_out.iter().map(|run| format!("{}: left out: {}", run.dir.display(), run.reason)));
+    warnings.extend(left_out.iter().map(LeftOut::to_string));
     for comparison in comparisons {
         let all_seeds: BTreeSet<u64> = comparison.groups.iter().flat_map(|group| group.seeds()).collect();
         for group in &comparison.groups {
@@ -90,7 +90,7 @@ mod tests {
         assert_eq!(with_error(217.44, Some(1.16)), "217.4 ± 1.2");
         assert_eq!(with_error(13.086, Some(0.03)), "13.09 ± 0.03");
         assert_eq!(with_error(13.086, None), "13.09");
-        assert_eq!((signed(-3.0).as_str(), signed(0.456).as_str()), ("-3.00", "+0.46"));
+        assert_eq!((signed(-3.0, 200.0).as_str(), signed(0.456, 13.0).as_str()), ("-3.0", "+0.46"));
         assert_eq!((hours(3600.0).as_str(), hours(90.0).as_str()), ("1.00", "0.0250"));
         assert_eq!([42.0, 204.0, 7560.0].map(duration), ["42 s", "3.4 min", "2.1 h"]);
     }

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result, ensure};
 use serde_json::json;
 
+use super::END_WITH;
 use super::domain;
 use super::info::versions;
 use super::terminal::tell;
@@ -98,10 +99,24 @@ fn describe(dir: &Path, config: &Config) -> Result<()> {
     write_atomically(&dir.join(files::CONFIG), config::to_toml(&kept)?.as_bytes())?;
     let run = json!({
         "seed": config.seed,
-        "command": std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect::<Vec<_>>(),
+        "command": command_line(),
         "versions": versions()?,
     });
     write_atomically(&dir.join(files::RUN), format!("{run:#}\n").as_bytes())
+}
+
+/// How the program was called, without what ties it to the life of an experiment.
+fn command_line() -> Vec<String> {
+    let mut words = std::env::args_os().map(|word| word.to_string_lossy().into_owned());
+    let mut kept = Vec::new();
+    while let Some(word) = words.next() {
+        if word == END_WITH {
+            words.next();
+        } else {
+            kept.push(word);
+        }
+    }
+    kept
 }
 
 /// What [`open`] finds: a run that can be evaluated.

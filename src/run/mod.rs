@@ -40,6 +40,9 @@ pub fn run(cli: Cli) -> Result<()> {
     }
 }
 
+/// The flag that names the process whose end is the end of this one.
+const END_WITH: &str = "--end-with";
+
 /// Ties the life of this process to that of the one that started it, however that ends.
 fn end_with(parent: u32) -> anyhow::Result<()> {
     set_parent_process_death_signal(Some(Signal::KILL)).context("cannot be tied to the life of its parent")?;

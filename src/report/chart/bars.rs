@@ -11,7 +11,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use super::legend::{self, Entry, Sample};
 use super::lines::{Axis, whisker};
 use super::look::{Look, Marker, mark};
-use super::{INK, Svg, failed, px, text, text_width};
+use super::{INK, Svg, failed, luminance, px, text, text_width};
 
 const WIDTH: u32 = 860;
 const HEIGHT: u32 = 400;
@@ -66,7 +66,11 @@ impl BarChart {
                 Scale::Linear => (self.y.format)(*value),
                 Scale::Log2 => (self.y.format)(value.exp2()),
             };
-            let widest = [low, high].map(|value| text_width(&y_format(&place(value)), 12.0)).into_iter().max();
+            let ends = match self.scale {
+                Scale::Linear => [low, high],
+                Scale::Log2 => [place(low).ceil(), place(high).floor()],
+            };
+            let widest = ends.map(|value| text_width(&y_format(&value), 12.0)).into_iter().max();
             let mut chart = ChartBuilder::on(&plot)
                 .caption(&self.title, text(15.0, INK))
                 .margin(px(8.0))
@@ -92,6 +96,7 @@ impl BarChart {
                 .map_err(failed)?;
             let area = chart.plotting_area();
             for (index, cluster) in self.clusters.iter().enumerate() {
+                let size = if cluster.bars.len() * self.clusters.len() > 12 { 9.0 } else { 11.0 };
                 let width = 0.8 / cluster.bars.len().max(1) as f64;
                 let below = Pos::new(HPos::Center, VPos::Top);
                 let label = Text::new(cluster.label.clone(), (0, px(8.0)), text(12.0, INK).pos(below));
@@ -104,20 +109,21 @@ impl BarChart {
                     if let Some(value) = bar.value {
                         let corners = [(left + 0.05 * width, place(low)), (left + 0.95 * width, place(value))];
                         area.draw(&Rectangle::new(corners, bar.look.colour.filled())).map_err(failed)?;
-                        // Its marker at its foot tells it apart in black and white.
-                        let white = Look { colour: WHITE, ..bar.look };
-                        let foot = place(low) + 0.05 * (place(high) - place(low));
-                        if place(value) > foot + 0.04 * (place(high) - place(low)) {
-                            mark(area, (middle, foot), white, 9.0, true)?;
+                        // At its foot, its marker tells it apart in black and white.
+                        let over = if luminance(bar.look.colour) > 0.5 { BLACK } else { WHITE };
+                        let foot = chart.backend_coord(&(middle, place(low)));
+                        let tall = foot.1 - chart.backend_coord(&(middle, place(value))).1;
+                        if tall > px(20.0) {
+                            let up = (foot.0, foot.1 - px(12.0));
+                            mark(root, up, Look { colour: over, ..bar.look }, 9.0, true)?;
                         }
+                        let (up, colour) = if tall > px(38.0) { (px(30.0), over) } else { (tall + px(8.0), INK) };
+                        let style = text(size, colour).pos(Pos::new(HPos::Center, VPos::Center));
+                        let number = Text::new((self.format)(value), (foot.0, foot.1 - up), style);
+                        root.draw(&number).map_err(failed)?;
                         if let Some((from, to)) = bar.whisker {
                             whisker(area, middle, (place(from.max(low)), place(to)), INK)?;
                         }
-                        let above = Pos::new(HPos::Center, VPos::Bottom);
-                        let top = bar.whisker.map_or(value, |(_, to)| to.max(value));
-                        let size = if cluster.bars.len() * self.clusters.len() > 12 { 9.0 } else { 11.0 };
-                        let number = Text::new((self.format)(value), (0, -px(4.0)), text(size, INK).pos(above));
-                        area.draw(&(EmptyElement::at((middle, place(top))) + number)).map_err(failed)?;
                     }
                     if let Some(paper) = bar.paper {
                         let hollow = Look { colour: INK, marker: Marker::Diamond, ..bar.look };

@@ -4,7 +4,7 @@ use anyhow::Result;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use super::{Area, INK, Svg, failed, px, text, text_width};
+use super::{Area, INK, Svg, failed, luminance, px, text, text_width};
 
 const PANEL: u32 = 128;
 const GAP: u32 = 16;
@@ -139,11 +139,6 @@ fn shade(value: f64, (low, high): (f64, f64)) -> RGBColor {
     let (from, to, share) = if share < 1.0 { (LIGHT, MIDDLE, share) } else { (MIDDLE, DARK, share - 1.0) };
     let [red, green, blue] = std::array::from_fn(|i| (from[i] + (to[i] - from[i]) * share).round() as u8);
     RGBColor(red, green, blue)
-}
-
-/// From 0 to 1, as the eye weighs colours (ITU-R BT.709, without gamma).
-fn luminance(RGBColor(red, green, blue): RGBColor) -> f64 {
-    (0.2126 * f64::from(red) + 0.7152 * f64::from(green) + 0.0722 * f64::from(blue)) / 255.0
 }
 
 #[cfg(test)]

@@ -2,9 +2,10 @@
 
 use anyhow::Result;
 use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::look::{Dash, Look, mark, stroke};
-use super::{Area, INK, failed, px, text};
+use super::{Area, INK, failed, luminance, px, text};
 
 const SIZE: f64 = 12.0;
 const LINE_HEIGHT: f64 = 16.0;
@@ -47,15 +48,13 @@ pub fn draw(area: &Area, entries: &[Entry]) -> Result<()> {
             Sample::Bar(look) => {
                 let corners = [(left + px(6.0), y - px(6.0)), (right - px(6.0), y + px(6.0))];
                 area.draw(&Rectangle::new(corners, look.colour.filled())).map_err(failed)?;
-                mark(area, (middle, y), Look { colour: WHITE, ..look }, 7.0, true)?;
+                let over = if luminance(look.colour) > 0.5 { BLACK } else { WHITE };
+                mark(area, (middle, y), Look { colour: over, ..look }, 7.0, true)?;
             }
             Sample::Nothing => {}
         }
         for line in wrapped(&entry.label) {
-            let style = text(SIZE, INK).pos(plotters::style::text_anchor::Pos::new(
-                plotters::style::text_anchor::HPos::Left,
-                plotters::style::text_anchor::VPos::Center,
-            ));
+            let style = text(SIZE, INK).pos(Pos::new(HPos::Left, VPos::Center));
             area.draw(&Text::new(line, (px(40.0), y), style)).map_err(failed)?;
             y += px(LINE_HEIGHT);
         }

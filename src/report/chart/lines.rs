@@ -49,7 +49,7 @@ pub struct Level {
     pub measured: bool,
 }
 
-/// Points from elsewhere, joined by a faint line.
+/// Points from elsewhere. Nothing joins them: nobody knows what is between.
 pub struct Mark {
     pub label: String,
     pub look: Look,
@@ -119,8 +119,6 @@ impl LineChart {
                 }
             }
             for points in &self.marks {
-                let line: Vec<(f64, f64)> = points.points.iter().map(|&(x, y, _)| (x, y)).collect();
-                stroke(area, line, (points.look.colour.mix(0.7), Dash::Dotted), 1.0)?;
                 for &(x, y, std_error) in &points.points {
                     if let Some(error) = std_error {
                         whisker(area, x, (y - error, y + error), points.look.colour)?;

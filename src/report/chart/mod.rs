@@ -78,6 +78,11 @@ fn hex(RGBColor(red, green, blue): RGBColor) -> String {
     format!("#{red:02X}{green:02X}{blue:02X}")
 }
 
+/// From 0 to 1, as the eye weighs colours (ITU-R BT.709, without gamma).
+fn luminance(RGBColor(red, green, blue): RGBColor) -> f64 {
+    (0.2126 * f64::from(red) + 0.7152 * f64::from(green) + 0.0722 * f64::from(blue)) / 255.0
+}
+
 fn failed(error: impl std::fmt::Display) -> anyhow::Error {
     anyhow!("a chart cannot be drawn: {error}")
 }

@@ -12,6 +12,7 @@ use rustix::process::{Pid, Signal, kill_process};
 
 use super::LOGS;
 use super::plan::Task;
+use crate::run::END_WITH;
 
 /// A line that a process said on standard error.
 pub struct Said {
@@ -42,8 +43,9 @@ impl Child {
         };
         // Not the path of the program, where another build may stand by now.
         let mut process = Command::new("/proc/self/exe")
+            .arg0(std::env::args_os().next().unwrap_or_default())
             .args(&task.arguments)
-            .args(["--end-with", &std::process::id().to_string()])
+            .args([END_WITH, &std::process::id().to_string()])
             .stdin(Stdio::null())
             .stdout(stdout)
             .stderr(Stdio::piped())

@@ -68,6 +68,7 @@ impl Display {
         let style = ProgressStyle::with_template("{bar:30.cyan/blue} {percent:>3} %  {prefix}  {msg}");
         let bar = ProgressBar::new(task.steps.max(NO_STEPS)).with_style(style.expect("the template is well-formed"));
         let bar = self.bars.insert_before(&self.whole, bar).with_prefix(task.name.clone());
+        bar.set_message("at work");
         bar.set_position((task.share * task.steps as f64) as u64);
         if !self.terminal {
             let resumed = if task.share > 0.0 { "resumed" } else { "began" };
@@ -92,7 +93,7 @@ impl Display {
     pub fn ended(&mut self, task: &Task, why: Option<&str>) {
         let Some(state) = self.tasks.get_mut(&task.name) else { return };
         let words = state.bar.take().map_or(String::new(), |bar| {
-            let words = bar.message();
+            let words = if task.steps > 0 { format!(": {}", bar.message()) } else { String::new() };
             bar.finish_and_clear();
             self.bars.remove(&bar);
             words
@@ -101,7 +102,7 @@ impl Display {
             None => {
                 state.share = 1.0;
                 self.whole.inc(1);
-                self.say(&format!("finished {}{}{words}", task.name, if words.is_empty() { "" } else { ": " }));
+                self.say(&format!("finished {}{words}", task.name));
             }
             Some(why) => self.say(&format!("{}: {why}", task.name)),
         }
