@@ -20,6 +20,9 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 pub struct Cli {
     #[command(subcommand)]
     pub command: Command,
+    /// End when the process with this id does, which must be the one that started this one
+    #[arg(long, global = true, hide = true, value_name = "PID")]
+    pub end_with: Option<u32>,
 }
 
 #[derive(Debug, Subcommand)]
@@ -32,6 +35,12 @@ pub enum Command {
     Baseline(Baseline),
     /// Measure how fast a config trains, phase by phase, beside what cannot be avoided
     Bench(Bench),
+    /// Make all runs that a file names, over the cores of this machine; goes on where it was stopped
+    Experiment(Experiment),
+    /// Make curves, bars and tables of run directories, with the paper's numbers beside them
+    Report(Report),
+    /// Compare two groups of runs: final return with its interval, runtime, steps to reach a return
+    Compare(Compare),
     /// Write SUMO networks that `sumo` and `sumo-gui` open
     #[command(subcommand)]
     Nets(Nets),
@@ -154,6 +163,48 @@ pub struct Output {
     /// Also write pictures of the first episode, one per step and an animation, into this directory (warehouse)
     #[arg(long, value_name = "DIR")]
     pub render: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub struct Experiment {
+    /// File such as experiments/small_traffic.toml
+    pub file: PathBuf,
+    /// Folder for the run directories [default: results/FILE/runs]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Cores to use [default: all]
+    #[arg(long, value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=4096))]
+    pub cores: Option<usize>,
+    /// Only list the runs, with an estimate of time and memory
+    #[arg(long)]
+    pub dry_run: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct Report {
+    /// Run directories, or folders with run directories in them
+    #[arg(required = true, value_name = "DIR")]
+    pub folders: Vec<PathBuf>,
+    /// Folder for the page, its pictures and its tables
+    #[arg(long, value_name = "DIR", default_value = "report")]
+    pub out: PathBuf,
+    /// Move an existing folder aside instead of refusing
+    #[arg(long)]
+    pub force: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct Compare {
+    /// Run directory, folder of runs or pattern such as 'runs/x-seed*'; several with commas between
+    pub a: String,
+    /// What is compared with it, likewise
+    pub b: String,
+    /// Return to reach, for steps and time [default: 95 % of the worse final return]
+    #[arg(long, value_name = "RETURN")]
+    pub reach: Option<f64>,
+    /// Print one JSON object instead of a table
+    #[arg(long)]
+    pub json: bool,
 }
 
 #[derive(Debug, Subcommand)]

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::base::statistics::{mean, median, std_error};
 use crate::base::{Rows, Seed};
 use crate::domain::{Controller, Domain, GlobalSimulator, Measures, Result};
 
@@ -91,14 +92,14 @@ impl Evaluation {
 
     pub fn of_agent(&self, agent: usize) -> Summary {
         let returns: Vec<f64> = self.returns.iter().map(|episode| episode[agent]).collect();
-        Summary { mean: mean(&returns), median: median(&returns), std_error: std_error(&returns) }
+        Summary { mean: mean(&returns), median: median(&returns), std_error: std_error(&returns).unwrap_or(0.0) }
     }
 
     /// The mean return of all agents.
     pub fn of_all(&self) -> Summary {
         let episodes: Vec<f64> = self.returns.iter().map(mean).collect();
         let agents: Vec<f64> = (0..self.agents()).map(|agent| self.of_agent(agent).mean).collect();
-        Summary { mean: mean(&episodes), median: median(&agents), std_error: std_error(&episodes) }
+        Summary { mean: mean(&episodes), median: median(&agents), std_error: std_error(&episodes).unwrap_or(0.0) }
     }
 }
 
@@ -133,27 +134,6 @@ fn mean_measures(episodes: &[EpisodeReport]) -> Measures {
         *value = mean(&of_episodes);
     }
     means
-}
-
-fn mean(values: impl AsRef<[f64]>) -> f64 {
-    let values = values.as_ref();
-    values.iter().sum::<f64>() / values.len() as f64
-}
-
-fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let middle = sorted.len() / 2;
-    if sorted.len().is_multiple_of(2) { (sorted[middle - 1] + sorted[middle]) / 2.0 } else { sorted[middle] }
-}
-
-fn std_error(values: &[f64]) -> f64 {
-    if values.len() < 2 {
-        return 0.0;
-    }
-    let mean = mean(values);
-    let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (values.len() - 1) as f64;
-    (variance / values.len() as f64).sqrt()
 }
 
 #[cfg(test)]

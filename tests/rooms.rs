@@ -19,6 +19,8 @@ const DOORS: &[(&str, &[&str])] = &[
     ("training", &["base", "config", "domain", "nn", "influence", "policy", "evaluation"]),
     ("bench", &["base", "config", "domain", "nn", "influence", "policy", "training"]),
     ("processes", &["base", "config", "domain", "nn", "evaluation", "influence", "policy", "training"]),
+    ("report", &["base", "config", "training"]),
+    ("experiment", &["config", "report"]),
 ];
 
 /// Outside crates that only some rooms may use.
@@ -30,6 +32,8 @@ const OUTSIDE: &[(&str, &[&str])] = &[
     ("quick_xml", &["traffic"]),
     ("clap", &["cli", "run", "main"]),
     ("indicatif", &["run"]),
+    ("plotters", &["report"]),
+    ("statrs", &["report"]),
 ];
 
 const TOP: &[&str] = &["run", "cli", "error", "main", "lib"];

@@ -1,10 +1,11 @@
-//! Words that every room speaks: seeds, rows of numbers, ids and units, stopwatches.
+//! Words that every room speaks: seeds, rows of numbers, ids and units, stopwatches, statistics.
 //!
 //! Nothing here knows about simulators, networks or learning, and nothing here does input or output.
 
 mod compact;
 mod rows;
 mod seed;
+pub mod statistics;
 mod stopwatch;
 mod units;
 

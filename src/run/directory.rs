@@ -8,6 +8,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result, ensure};
 use serde_json::json;
 
+use super::END_WITH;
 use super::domain;
 use super::info::versions;
 use super::terminal::tell;
@@ -31,39 +32,50 @@ pub enum Existing {
 }
 
 /// Makes the directory of a new run and returns its path. Self-contained: it holds config, networks and circumstances.
-///
-/// It is filled under another name beside its place and moved there whole, so that an error leaves everything as it was,
-/// and so that what is moved aside may be where the networks come from.
 pub fn create(path: &Path, existing: Existing, config: &Config) -> Result<PathBuf> {
     let path = match existing {
         Existing::Refuse | Existing::MoveAside => path.to_owned(),
         Existing::Number => first_free(path, "-", 2),
     };
+    // Later the run loads its networks from here.
+    domain::check_place(config, &path)?;
+    place(&path, existing, |dir| describe(dir, config))
+}
+
+/// An error where something is at `path` that is not to be moved aside.
+pub fn refuse(path: &Path, existing: Existing) -> Result<()> {
     ensure!(
-        existing != Existing::Refuse || is_free(&path),
+        existing != Existing::Refuse || is_free(path),
         "{}: exists already; name another one with --out, or move it aside with --force",
         path.display()
     );
-    // Later the run loads its networks from here.
-    domain::check_place(config, &path)?;
-    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let new_folders: Vec<&Path> = parent.ancestors().take_while(|folder| !folder.exists()).collect();
-    fill_and_move(&path, parent, existing, config).inspect_err(|_| {
-        new_folders.iter().for_each(|folder| drop(fs::remove_dir(folder)));
-    })?;
-    Ok(path)
+    Ok(())
 }
 
-fn fill_and_move(path: &Path, parent: &Path, existing: Existing, config: &Config) -> Result<()> {
+/// Makes a directory at `path`, filled by `fill`, and returns its path.
+///
+/// It is filled under another name beside its place and moved there whole, so that an error leaves everything as it was,
+/// and so that what is moved aside may be what it is made from.
+pub fn place(path: &Path, existing: Existing, fill: impl FnOnce(&Path) -> Result<()>) -> Result<PathBuf> {
+    refuse(path, existing)?;
+    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let new_folders: Vec<&Path> = parent.ancestors().take_while(|folder| !folder.exists()).collect();
+    fill_and_move(path, parent, existing, fill).inspect_err(|_| {
+        new_folders.iter().for_each(|folder| drop(fs::remove_dir(folder)));
+    })?;
+    Ok(path.to_owned())
+}
+
+fn fill_and_move(path: &Path, parent: &Path, existing: Existing, fill: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
     let failed = || format!("{}: cannot be made", path.display());
     if !parent.exists() {
         fs::create_dir_all(parent).with_context(failed)?;
     }
     // A temporary directory is for its owner alone by default; this one is for everyone whom the umask allows.
     let mut builder = tempfile::Builder::new();
-    let builder = builder.prefix(".new-run-").permissions(Permissions::from_mode(0o777));
+    let builder = builder.prefix(".new-").permissions(Permissions::from_mode(0o777));
     let staged = builder.tempdir_in(parent).with_context(failed)?;
-    describe(staged.path(), config)?;
+    fill(staged.path())?;
     let aside = match existing {
         Existing::MoveAside if !is_free(path) => {
             let aside = first_free(path, ".old-", 1);
@@ -87,10 +99,24 @@ fn describe(dir: &Path, config: &Config) -> Result<()> {
     write_atomically(&dir.join(files::CONFIG), config::to_toml(&kept)?.as_bytes())?;
     let run = json!({
         "seed": config.seed,
-        "command": std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect::<Vec<_>>(),
+        "command": command_line(),
         "versions": versions()?,
     });
     write_atomically(&dir.join(files::RUN), format!("{run:#}\n").as_bytes())
+}
+
+/// How the program was called, without what ties it to the life of an experiment.
+fn command_line() -> Vec<String> {
+    let mut words = std::env::args_os().map(|word| word.to_string_lossy().into_owned());
+    let mut kept = Vec::new();
+    while let Some(word) = words.next() {
+        if word == END_WITH {
+            words.next();
+        } else {
+            kept.push(word);
+        }
+    }
+    kept
 }
 
 /// What [`open`] finds: a run that can be evaluated.

@@ -8,7 +8,7 @@ use anyhow::{Context, Result};
 use crate::config::Config;
 use crate::domain::Domain;
 use crate::traffic::Traffic;
-use crate::traffic::net_file::NetworkFiles;
+use crate::traffic::net_file::{NetworkFiles, read_shape};
 use crate::training::files;
 use crate::warehouse::Warehouse;
 
@@ -22,6 +22,23 @@ pub fn open(config: &Config) -> Result<Arc<dyn Domain>> {
         (None, Some(warehouse)) => Ok(Arc::new(Warehouse::new(warehouse))),
         (None, None) => unreachable!("a checked config has a domain"),
     }
+}
+
+/// Rows and columns of a config's agents.
+pub fn grid_shape(config: &Config) -> Result<(usize, usize)> {
+    match (&config.traffic, &config.warehouse) {
+        (Some(traffic), _) => {
+            let grid = read_shape(&NetworkFiles::of(&traffic.network).net)?;
+            Ok((grid.rows(), grid.cols()))
+        }
+        (None, Some(warehouse)) => Ok((warehouse.agents_per_side, warehouse.agents_per_side)),
+        (None, None) => unreachable!("a checked config has a domain"),
+    }
+}
+
+/// How many agents a config has.
+pub fn agents(config: &Config) -> Result<usize> {
+    grid_shape(config).map(|(rows, columns)| rows * columns)
 }
 
 /// Tries out what only a simulator can say of the domain's files, so that it is said before a run begins.

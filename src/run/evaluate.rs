@@ -14,6 +14,7 @@ use crate::domain::{Controller, Domain, GlobalSimulator};
 use crate::error::{Error, Result};
 use crate::evaluation::{self, Evaluation};
 use crate::policy::{JointPolicyController, Selection};
+use crate::report::scenario::Scenario;
 use crate::sumo::Simulation;
 
 pub fn evaluate(args: &cli::Evaluate) -> Result<()> {
@@ -54,14 +55,15 @@ fn report(
         evaluation::evaluate(domain, simulator, controller, Seed::new(seed), count, &mut |share| bar.set(share))
             .map_err(Error::Run)?;
     bar.finish();
+    let scenario = Scenario::of(config, domain.agents()).map_err(Error::Run)?.id();
     let found = match output.json {
-        true => to_json(&evaluation, seed, subject).map_err(Error::Run)?.to_string(),
+        true => to_json(&evaluation, seed, &scenario, subject).map_err(Error::Run)?.to_string(),
         false => table(&evaluation),
     };
     answer(found).map_err(Error::Run)
 }
 
-fn to_json(evaluation: &Evaluation, seed: u64, subject: &[(&str, Value)]) -> anyhow::Result<Value> {
+fn to_json(evaluation: &Evaluation, seed: u64, scenario: &str, subject: &[(&str, Value)]) -> anyhow::Result<Value> {
     let all = evaluation.of_all();
     let mut object = Map::new();
     object.extend(subject.iter().map(|(key, value)| ((*key).to_owned(), value.clone())));
@@ -83,6 +85,7 @@ fn to_json(evaluation: &Evaluation, seed: u64, subject: &[(&str, Value)]) -> any
     object.insert("agents".into(), json!(evaluation.agents()));
     object.insert("stuck_agents".into(), json!(evaluation.stuck.iter().filter(|&&stuck| stuck).count()));
     object.insert("seed".into(), json!(seed));
+    object.insert("scenario".into(), json!(scenario));
     object.insert("sumo_version".into(), json!(Simulation::version()?));
     object.extend(measures.system.iter().map(|(name, value)| (name.clone(), json!(value))));
     object.insert("per_agent".into(), per_agent.collect());

@@ -1,33 +1,57 @@
 //! One short function per subcommand: config -> domain -> fleet -> training -> run directory.
 
 mod bench;
+mod compare;
 mod directory;
 mod domain;
 mod evaluate;
+mod experiment;
 mod info;
 mod nets;
 mod progress;
 mod render;
+mod report;
 pub mod terminal;
 mod train;
 mod worker;
 
 use std::os::unix::process::CommandExt;
 
+use anyhow::{Context, ensure};
+use rustix::process::{Signal, getppid, set_parent_process_death_signal};
+
 use crate::cli::{Cli, Command};
-use crate::error::Result;
+use crate::error::{Error, Result};
 
 /// Does what was asked.
 pub fn run(cli: Cli) -> Result<()> {
+    if let Some(parent) = cli.end_with {
+        end_with(parent).map_err(Error::Run)?;
+    }
     match cli.command {
         Command::Train(args) => train::train(&args),
         Command::Evaluate(args) => evaluate::evaluate(&args),
         Command::Baseline(args) => evaluate::baseline(&args),
         Command::Bench(args) => bench::bench(&args),
+        Command::Experiment(args) => experiment::experiment(&args),
+        Command::Report(args) => report::report(&args),
+        Command::Compare(args) => compare::compare(&args),
         Command::Nets(args) => nets::nets(&args),
         Command::Info => info::info(),
         Command::Worker => worker::worker(),
     }
+}
+
+/// The flag that names the process whose end is the end of this one.
+const END_WITH: &str = "--end-with";
+
+/// Ties the life of this process to that of the one that started it, however that ends.
+fn end_with(parent: u32) -> anyhow::Result<()> {
+    set_parent_process_death_signal(Some(Signal::KILL)).context("cannot be tied to the life of its parent")?;
+    // It may have ended before.
+    let lives = getppid().is_some_and(|pid| pid.as_raw_nonzero().get() as u32 == parent);
+    ensure!(lives, "the process that started this one has ended");
+    Ok(())
 }
 
 /// Makes sure that libtorch's BLAS runs in one thread. The libraries read these variables when they are loaded, which is

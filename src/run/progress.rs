@@ -279,8 +279,15 @@ impl EpisodeBar {
     }
 }
 
+/// What a plain line about a step says: the timesteps per agent, and the words after them. None for any other line.
+pub fn plain_line(line: &str) -> Option<(u64, &str)> {
+    let (steps, words) = line.strip_prefix("step ")?.split_once(": ")?;
+    let done = steps.split_once('/').map_or(steps, |(done, _)| done);
+    Some((done.parse().ok()?, words))
+}
+
 /// `42 s`, `3 min 20 s`, `2 h 5 min`
-fn duration(duration: Duration) -> String {
+pub fn duration(duration: Duration) -> String {
     let seconds = duration.as_secs();
     match (seconds / 3600, seconds / 60 % 60, seconds % 60) {
         (0, 0, seconds) => format!("{seconds} s"),
@@ -298,6 +305,13 @@ mod tests {
         assert_eq!(duration(Duration::from_secs(42)), "42 s");
         assert_eq!(duration(Duration::from_secs(200)), "3 min 20 s");
         assert_eq!(duration(Duration::from_secs(7500)), "2 h 5 min");
+    }
+
+    #[test]
+    fn plain_lines_are_read_as_they_are_written() {
+        assert_eq!(plain_line("step 128/512: 900 agent-steps/s"), Some((128, "900 agent-steps/s")));
+        assert_eq!(plain_line("step 256: return 1.0 +- 0.1, median 1.0"), Some((256, "return 1.0 +- 0.1, median 1.0")));
+        assert_eq!(plain_line("warning: step 3: x"), None);
     }
 
     #[test]

@@ -1,0 +1,228 @@
+//! How long a run will take and how much memory, from runs that were measured.
+//!
+//! Measured are core-seconds: per agent and timestep of training, per agent, sample and epoch of the AIPs' training, per
+//! agent and timestep of evaluation. Runs of the same domain and simulator count, those with the nearest number of agents. Where
+//! there are none, constants stand in that were measured on two cores of a cloud machine with the configs of this project.
+
+use super::file::PlannedRun;
+use crate::config::{Config, SimulatorKind, schedule};
+use crate::report::run_dir::RunRecord;
+
+/// Core-seconds and memory of one kind of run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Costs {
+    /// Per agent and timestep.
+    pub training_s: f64,
+    /// Per agent, GS step of a dataset and epoch, for collecting it and training on it.
+    pub influence_s: f64,
+    /// Per agent and step of an evaluation episode.
+    pub evaluation_s: f64,
+    /// Of each process, whatever it does.
+    pub process_mb: f64,
+    /// For each agent, in all processes together.
+    pub agent_mb: f64,
+}
+
+/// Where an estimate is from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Source {
+    /// Runs in the same folder, so many.
+    Measured(usize),
+    Constants,
+}
+
+/// What one run will take from its beginning to its end.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Estimate {
+    pub seconds: f64,
+    pub memory_mb: f64,
+    pub source: Source,
+}
+
+/// Measured with traffic_4.toml and traffic_100.toml.
+const TRAFFIC: Costs =
+    Costs { training_s: 37e-6, influence_s: 1.6e-6, evaluation_s: 25e-6, process_mb: 120.0, agent_mb: 4.0 };
+/// Likewise on the GS, without AIPs.
+const TRAFFIC_GS: Costs = Costs { training_s: 40e-6, ..TRAFFIC };
+/// Measured with warehouse_4.toml and warehouse_100.toml.
+const WAREHOUSE: Costs =
+    Costs { training_s: 60e-6, influence_s: 3e-6, evaluation_s: 8e-6, process_mb: 110.0, agent_mb: 8.0 };
+const WAREHOUSE_GS: Costs = Costs { training_s: 60e-6, ..WAREHOUSE };
+
+/// Estimates one run on so many cores.
+pub fn estimate(run: &PlannedRun, cores: usize, measured: &[RunRecord]) -> Estimate {
+    let nearest = nearest(run, measured);
+    let (costs, source) = match costs_of(&nearest) {
+        Some(costs) => (costs, Source::Measured(nearest.len())),
+        None => (constants(&run.config), Source::Constants),
+    };
+    let amounts = Amounts::of(&run.config, run.agents, run.config.last_step());
+    let training_cores = if run.config.simulator == SimulatorKind::Gs { 1 } else { cores };
+    let seconds = amounts.training * costs.training_s / training_cores as f64
+        + (amounts.influence * costs.influence_s + amounts.evaluation * costs.evaluation_s) / cores as f64;
+    let memory_mb = (cores + 1) as f64 * costs.process_mb + run.agents as f64 * costs.agent_mb;
+    Estimate { seconds, memory_mb, source }
+}
+
+fn constants(config: &Config) -> Costs {
+    match (config.traffic.is_some(), config.simulator) {
+        (true, SimulatorKind::Gs) => TRAFFIC_GS,
+        (true, _) => TRAFFIC,
+        (false, SimulatorKind::Gs) => WAREHOUSE_GS,
+        (false, _) => WAREHOUSE,
+    }
+}
+
+/// How much of each kind of work there is until a step.
+struct Amounts {
+    /// Agents x timesteps.
+    training: f64,
+    /// Agents x GS steps of all datasets x epochs.
+    influence: f64,
+    /// Agents x steps of all evaluation episodes.
+    evaluation: f64,
+}
+
+impl Amounts {
+    fn of(config: &Config, agents: usize, steps: u64) -> Amounts {
+        let (agents, horizon) = (agents as f64, config.horizon() as f64);
+        let periods = schedule(config);
+        let begun = || periods.iter().filter(|period| period.start < steps);
+        let datasets = begun().filter(|period| period.retrain_aips).count() as f64;
+        // There is one more at the end.
+        let evaluations = begun().filter(|period| period.evaluate).count() as f64 + 1.0;
+        Amounts {
+            training: agents * steps as f64,
+            influence: agents
+                * datasets
+                * config.dataset_episodes(config.horizon()) as f64
+                * horizon
+                * config.aip.epochs as f64,
+            evaluation: agents * evaluations * config.evaluation.episodes as f64 * horizon,
+        }
+    }
+}
+
+/// Measured runs of the same domain and simulator, those with the nearest number of agents.
+fn nearest<'a>(run: &PlannedRun, measured: &'a [RunRecord]) -> Vec<&'a RunRecord> {
+    let alike = |other: &&RunRecord| {
+        let (a, b) = (&other.config, &run.config);
+        (a.traffic.is_some(), a.simulator) == (b.traffic.is_some(), b.simulator)
+            && other.total_time().is_some()
+            && other.agents().is_some()
+    };
+    let ratio = |other: &RunRecord| {
+        let agents = other.agents().expect("looked at before") as f64;
+        (agents.ln() - (run.agents as f64).ln()).abs()
+    };
+    let alike: Vec<&RunRecord> = measured.iter().filter(alike).collect();
+    let best = alike.iter().map(|other| ratio(other)).fold(f64::INFINITY, f64::min);
+    alike.into_iter().filter(|other| ratio(other) <= best + 1e-9).collect()
+}
+
+/// What runs cost together; none where there are none.
+fn costs_of(runs: &[&RunRecord]) -> Option<Costs> {
+    let mut spent = [0.0; 3];
+    let mut done = [0.0; 3];
+    let fallback = constants(&runs.first()?.config);
+    let mut process_mb = 0.0_f64;
+    for run in runs {
+        let (time, agents) = (run.total_time()?, run.agents()?);
+        let cores = run.workers as f64;
+        let training_cores = if run.config.simulator == SimulatorKind::Gs { 1.0 } else { cores };
+        let amounts = Amounts::of(&run.config, agents, time.steps);
+        let training_s = time.runtime_s() - time.influence_s;
+        for (sum, value) in
+            spent.iter_mut().zip([training_s * training_cores, time.influence_s * cores, time.evaluation_s * cores])
+        {
+            *sum += value;
+        }
+        for (sum, value) in done.iter_mut().zip([amounts.training, amounts.influence, amounts.evaluation]) {
+            *sum += value;
+        }
+        let total = run.memory.map_or(0.0, |memory| memory.total_pss_mb.unwrap_or(memory.total_mb));
+        // What is above the agents' share is the processes' own.
+        let of_agents = agents as f64 * fallback.agent_mb;
+        process_mb = process_mb.max((total - of_agents) / (cores + 1.0));
+    }
+    let cost = |kind: usize, fallback: f64| if done[kind] > 0.0 { spent[kind] / done[kind] } else { fallback };
+    Some(Costs {
+        training_s: cost(0, fallback.training_s),
+        influence_s: cost(1, fallback.influence_s),
+        evaluation_s: cost(2, fallback.evaluation_s),
+        process_mb,
+        agent_mb: fallback.agent_mb,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::run_dir::{Evaluation, Memory, PeriodTime, Returns};
+    use std::path::PathBuf;
+
+    /// Episodes of 10 steps, 2 per evaluation and 8 per dataset.
+    fn config(simulator: &str, total_steps: u64) -> Config {
+        let text = format!(
+            "simulator = '{simulator}'\ntotal_steps = {total_steps}\n[warehouse]\nagents_per_side = 2\nhorizon = 10\n\
+             [aip]\nretrain_every_steps = 1000\ndataset_steps = 80\n[evaluation]\nevery_steps = 1000\nepisodes = 2"
+        );
+        toml::from_str(&text).unwrap()
+    }
+
+    fn planned(simulator: &str, total_steps: u64, agents: usize) -> PlannedRun {
+        let config = config(simulator, total_steps);
+        PlannedRun { name: "a".to_owned(), config_path: PathBuf::new(), settings: Vec::new(), config, agents }
+    }
+
+    /// A finished run of 1000 steps that took so long.
+    fn measured(
+        simulator: &str,
+        agents: usize,
+        workers: usize,
+        [elapsed_s, evaluation_s, influence_s]: [f64; 3],
+    ) -> RunRecord {
+        let returns = Returns { mean: 1.0, median: 1.0, std_error: 0.0, stuck: 0 };
+        RunRecord {
+            dir: PathBuf::new(),
+            config: config(simulator, 1000),
+            about: serde_json::Value::Null,
+            evaluations: vec![Evaluation { steps: 1000, all: returns, agents: vec![returns; agents] }],
+            aip_trainings: Vec::new(),
+            fresh_losses: Vec::new(),
+            periods: vec![PeriodTime { steps: 1000, elapsed_s, evaluation_s, influence_s }],
+            memory: Some(Memory { process_mb: 0.0, total_mb: 0.0, total_pss_mb: Some(332.0) }),
+            workers,
+        }
+    }
+
+    #[test]
+    fn an_estimate_is_worked_out_by_hand() {
+        // On one core, 4 agents: 40 s of training, 3.2 s for a dataset and 1.6 s for two evaluations. Per unit:
+        // 40 / (4 x 1000) = 0.01, 3.2 / (4 x 80) = 0.01 for 100 epochs, 1.6 / (4 x 2 x 20) = 0.01.
+        let records = [measured("dials", 4, 1, [44.8, 1.6, 3.2])];
+        // Twice the steps, 9 agents, 2 cores: training 9 x 2000 x 0.01 / 2 = 90; two datasets 9 x 160 x 0.01 / 2 = 7.2;
+        // three evaluations 9 x 60 x 0.01 / 2 = 2.7.
+        let found = estimate(&planned("dials", 2000, 9), 2, &records);
+        assert!((found.seconds - 99.9).abs() < 1e-9, "{found:?}");
+        assert_eq!(found.source, Source::Measured(1));
+        // 332 MB less 4 agents x 8 MB are 2 processes of 150 MB; now there are 3 and 9 agents.
+        assert!((found.memory_mb - (3.0 * 150.0 + 9.0 * 8.0)).abs() < 1e-9, "{found:?}");
+    }
+
+    #[test]
+    fn the_gs_trains_on_one_core_only() {
+        // 2 workers, of which one trains: 40 / (4 x 1000) = 0.01.
+        let records = [measured("gs", 4, 2, [40.0, 0.0, 0.0])];
+        let found = estimate(&planned("gs", 1000, 4), 4, &records);
+        assert!((found.seconds - 40.0).abs() < 1e-9, "{found:?}");
+    }
+
+    #[test]
+    fn runs_of_the_nearest_size_count_and_without_any_the_constants() {
+        let records = [measured("dials", 4, 1, [40.0, 0.0, 0.0]), measured("dials", 100, 1, [9000.0, 0.0, 0.0])];
+        let small = estimate(&planned("dials", 1000, 4), 1, &records);
+        assert_eq!((small.source, small.seconds), (Source::Measured(1), 40.0));
+        assert_eq!(estimate(&planned("untrained-dials", 1000, 4), 1, &records).source, Source::Constants);
+    }
+}

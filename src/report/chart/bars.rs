@@ -1,0 +1,201 @@
+//! Clusters of bars: a cluster per size of a scenario, a bar per method.
+
+use std::ops::Range;
+
+use anyhow::Result;
+use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint, Ranged};
+use plotters::coord::types::RangedCoordf64;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+use super::legend::{self, Entry, Sample};
+use super::lines::{Axis, whisker};
+use super::look::{Look, Marker, mark};
+use super::{INK, Svg, failed, luminance, px, text, text_width};
+
+const WIDTH: u32 = 860;
+const HEIGHT: u32 = 400;
+const LEGEND: u32 = 250;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scale {
+    /// From 0.
+    Linear,
+    /// Powers of 2, as the paper's runtimes have.
+    Log2,
+}
+
+pub struct Bar {
+    pub label: String,
+    pub look: Look,
+    pub value: Option<f64>,
+    pub whisker: Option<(f64, f64)>,
+    /// The paper's value.
+    pub paper: Option<f64>,
+}
+
+pub struct Cluster {
+    pub label: String,
+    pub bars: Vec<Bar>,
+}
+
+pub struct BarChart {
+    pub title: String,
+    pub x_label: String,
+    pub y: Axis,
+    /// How the numbers on the bars are written.
+    pub format: fn(f64) -> String,
+    pub scale: Scale,
+    pub clusters: Vec<Cluster>,
+    pub note: String,
+}
+
+impl BarChart {
+    pub fn draw(&self) -> Result<Svg> {
+        let entries = self.legend();
+        let height = HEIGHT.max(legend::height(&entries) + 40);
+        let (low, high) = self.range();
+        let place = |value: f64| match self.scale {
+            Scale::Linear => value,
+            Scale::Log2 => value.log2(),
+        };
+        Svg::draw(WIDTH, height, |root| {
+            let (plot, right) = root.split_horizontally(px(f64::from(WIDTH - LEGEND)));
+            legend::draw(&right.margin(px(34.0), 0, px(6.0), 0), &entries)?;
+            let y_format = |value: &f64| match self.scale {
+                Scale::Linear => (self.y.format)(*value),
+                Scale::Log2 => (self.y.format)(value.exp2()),
+            };
+            let ends = match self.scale {
+                Scale::Linear => [low, high],
+                Scale::Log2 => [place(low).ceil(), place(high).floor()],
+            };
+            let widest = ends.map(|value| text_width(&y_format(&value), 12.0)).into_iter().max();
+            let mut chart = ChartBuilder::on(&plot)
+                .caption(&self.title, text(15.0, INK))
+                .margin(px(8.0))
+                .x_label_area_size(px(42.0))
+                .y_label_area_size(widest.unwrap_or(0) + px(30.0))
+                .build_cartesian_2d(0.0..self.clusters.len() as f64, Ticked::new(place(low)..place(high), self.scale))
+                .map_err(failed)?;
+            chart
+                .configure_mesh()
+                .disable_x_mesh()
+                .x_labels(0)
+                .y_labels(8)
+                .x_desc(&self.x_label)
+                .y_desc(&self.y.label)
+                .y_label_formatter(&y_format)
+                .label_style(text(12.0, INK))
+                .axis_desc_style(text(13.0, INK))
+                .axis_style(ShapeStyle { color: INK.to_rgba(), filled: false, stroke_width: px(1.0) as u32 })
+                .bold_line_style(ShapeStyle { color: INK.mix(0.13), filled: false, stroke_width: px(1.0) as u32 })
+                .light_line_style(TRANSPARENT)
+                .set_all_tick_mark_size(px(4.0))
+                .draw()
+                .map_err(failed)?;
+            let area = chart.plotting_area();
+            for (index, cluster) in self.clusters.iter().enumerate() {
+                let size = if cluster.bars.len() * self.clusters.len() > 12 { 9.0 } else { 11.0 };
+                let width = 0.8 / cluster.bars.len().max(1) as f64;
+                let below = Pos::new(HPos::Center, VPos::Top);
+                let label = Text::new(cluster.label.clone(), (0, px(8.0)), text(12.0, INK).pos(below));
+                let floor = (index as f64 + 0.5, place(low));
+                let foot = chart.backend_coord(&floor);
+                root.draw(&(EmptyElement::at(foot) + label)).map_err(failed)?;
+                for (number, bar) in cluster.bars.iter().enumerate() {
+                    let left = index as f64 + 0.1 + number as f64 * width;
+                    let middle = left + width / 2.0;
+                    if let Some(value) = bar.value {
+                        let corners = [(left + 0.05 * width, place(low)), (left + 0.95 * width, place(value))];
+                        area.draw(&Rectangle::new(corners, bar.look.colour.filled())).map_err(failed)?;
+                        // At its foot, its marker tells it apart in black and white.
+                        let over = if luminance(bar.look.colour) > 0.5 { BLACK } else { WHITE };
+                        let foot = chart.backend_coord(&(middle, place(low)));
+                        let tall = foot.1 - chart.backend_coord(&(middle, place(value))).1;
+                        if tall > px(20.0) {
+                            let up = (foot.0, foot.1 - px(12.0));
+                            mark(root, up, Look { colour: over, ..bar.look }, 9.0, true)?;
+                        }
+                        let (up, colour) = if tall > px(38.0) { (px(30.0), over) } else { (tall + px(8.0), INK) };
+                        let style = text(size, colour).pos(Pos::new(HPos::Center, VPos::Center));
+                        let number = Text::new((self.format)(value), (foot.0, foot.1 - up), style);
+                        root.draw(&number).map_err(failed)?;
+                        if let Some((from, to)) = bar.whisker {
+                            whisker(area, middle, (place(from.max(low)), place(to)), INK)?;
+                        }
+                    }
+                    if let Some(paper) = bar.paper {
+                        let hollow = Look { colour: INK, marker: Marker::Diamond, ..bar.look };
+                        mark(area, (middle, place(paper)), hollow, 10.0, false)?;
+                    }
+                }
+            }
+            Ok(())
+        })
+    }
+
+    fn legend(&self) -> Vec<Entry> {
+        let mut entries: Vec<Entry> = Vec::new();
+        let bars = || self.clusters.iter().flat_map(|cluster| &cluster.bars);
+        for bar in bars() {
+            if entries.iter().all(|entry| entry.label != bar.label) {
+                entries.push(Entry { sample: Sample::Bar(bar.look), label: bar.label.clone() });
+            }
+        }
+        if let Some(bar) = bars().find(|bar| bar.paper.is_some()) {
+            let look = Look { colour: INK, marker: Marker::Diamond, ..bar.look };
+            entries.push(Entry { sample: Sample::Hollow(look), label: "the paper".to_owned() });
+        }
+        if !self.note.is_empty() {
+            entries.push(Entry { sample: Sample::Nothing, label: self.note.clone() });
+        }
+        entries
+    }
+
+    fn range(&self) -> (f64, f64) {
+        let bars = || self.clusters.iter().flat_map(|cluster| &cluster.bars);
+        let values = || bars().flat_map(|bar| [bar.value, bar.paper, bar.whisker.map(|(_, to)| to)]).flatten();
+        let high = values().fold(f64::MIN_POSITIVE, f64::max);
+        match self.scale {
+            Scale::Linear => (0.0, high * 1.1),
+            Scale::Log2 => {
+                let low = values().filter(|&value| value > 0.0).fold(high, f64::min);
+                ((low / 2.0).log2().floor().exp2(), high * 1.6)
+            }
+        }
+    }
+}
+
+/// An axis whose numbers stand at whole powers on a scale of powers.
+struct Ticked {
+    axis: RangedCoordf64,
+    scale: Scale,
+}
+
+impl Ticked {
+    fn new(range: Range<f64>, scale: Scale) -> Self {
+        Ticked { axis: range.into(), scale }
+    }
+}
+
+impl Ranged for Ticked {
+    type FormatOption = DefaultFormatting;
+    type ValueType = f64;
+
+    fn map(&self, value: &f64, limit: (i32, i32)) -> i32 {
+        self.axis.map(value, limit)
+    }
+
+    fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
+        let Range { start, end } = self.axis.range();
+        match self.scale {
+            Scale::Linear => self.axis.key_points(hint),
+            Scale::Log2 => (start.ceil() as i32..=end.floor() as i32).map(f64::from).collect(),
+        }
+    }
+
+    fn range(&self) -> Range<f64> {
+        self.axis.range()
+    }
+}

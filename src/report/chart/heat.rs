@@ -1,0 +1,153 @@
+//! Agents on their grid: a panel per run, a cell per agent, shaded by its return; stuck ones are crossed.
+
+use anyhow::Result;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+use super::{Area, INK, Svg, failed, luminance, px, text, text_width};
+
+const PANEL: u32 = 128;
+const GAP: u32 = 16;
+const ROW_LABEL: u32 = 22;
+const PANEL_LABEL: u32 = 18;
+const TITLE: u32 = 30;
+const KEY: u32 = 46;
+const MARGIN: u32 = 12;
+/// Panels beside each other.
+const MOST_COLUMNS: usize = 6;
+/// Cells smaller than this have no number in them.
+const NUMBER_FROM: f64 = 22.0;
+
+/// From low to high: light to dark in one hue, so that it is the same in black and white.
+const LIGHT: [f64; 3] = [247.0, 251.0, 255.0];
+const MIDDLE: [f64; 3] = [107.0, 174.0, 214.0];
+const DARK: [f64; 3] = [8.0, 48.0, 107.0];
+
+pub struct Cell {
+    pub value: f64,
+    pub stuck: bool,
+}
+
+/// Agents in rows as they are seen from above, the top one first.
+pub struct Panel {
+    pub label: String,
+    pub rows: Vec<Vec<Cell>>,
+}
+
+pub struct HeatMap {
+    pub title: String,
+    /// What the shades mean.
+    pub key: String,
+    pub format: fn(f64) -> String,
+    /// Label and panels of each row.
+    pub groups: Vec<(String, Vec<Panel>)>,
+}
+
+impl HeatMap {
+    pub fn draw(&self) -> Result<Svg> {
+        let most = self.groups.iter().map(|(_, panels)| panels.len()).max().unwrap_or(1);
+        let columns = most.clamp(1, MOST_COLUMNS) as u32;
+        let lines = |panels: &[Panel]| panels.len().div_ceil(MOST_COLUMNS) as u32;
+        let line_height = PANEL_LABEL + PANEL + GAP;
+        let height: u32 = self.groups.iter().map(|(_, panels)| ROW_LABEL + lines(panels) * line_height).sum();
+        let width = (2 * MARGIN + columns * (PANEL + GAP)).max(440);
+        let (low, high) = self.range();
+        Svg::draw(width, TITLE + height + KEY, |root| {
+            let title = Text::new(self.title.clone(), (px(f64::from(MARGIN)), px(8.0)), text(15.0, INK));
+            root.draw(&title).map_err(failed)?;
+            let mut top = TITLE;
+            for (label, panels) in &self.groups {
+                let at = (px(f64::from(MARGIN)), px(f64::from(top) + 2.0));
+                root.draw(&Text::new(label.clone(), at, text(13.0, INK))).map_err(failed)?;
+                top += ROW_LABEL;
+                for (index, panel) in panels.iter().enumerate() {
+                    let (line, column) = (index / MOST_COLUMNS, index % MOST_COLUMNS);
+                    let left = MARGIN + column as u32 * (PANEL + GAP);
+                    self.draw_panel(root, panel, (left, top + line as u32 * line_height), (low, high))?;
+                }
+                top += lines(panels) * line_height;
+            }
+            self.draw_key(root, top, (low, high))
+        })
+    }
+
+    fn draw_panel(&self, root: &Area, panel: &Panel, (left, top): (u32, u32), range: (f64, f64)) -> Result<()> {
+        let at = (px(f64::from(left)), px(f64::from(top)));
+        root.draw(&Text::new(panel.label.clone(), at, text(11.0, INK))).map_err(failed)?;
+        let columns = panel.rows.iter().map(Vec::len).max().unwrap_or(1);
+        let side = f64::from(PANEL) / panel.rows.len().max(columns) as f64;
+        for (row, cells) in panel.rows.iter().enumerate() {
+            for (column, cell) in cells.iter().enumerate() {
+                let x = f64::from(left) + column as f64 * side;
+                let y = f64::from(top + PANEL_LABEL) + row as f64 * side;
+                let corners = [(px(x + 0.5), px(y + 0.5)), (px(x + side - 0.5), px(y + side - 0.5))];
+                let shade = shade(cell.value, range);
+                root.draw(&Rectangle::new(corners, shade.filled())).map_err(failed)?;
+                let over = if luminance(shade) > 0.5 { BLACK } else { WHITE };
+                if cell.stuck {
+                    let style = ShapeStyle { color: over.to_rgba(), filled: false, stroke_width: px(1.6) as u32 };
+                    let (a, b) = (corners[0], corners[1]);
+                    for line in [[a, b], [(a.0, b.1), (b.0, a.1)]] {
+                        root.draw(&PathElement::new(line, style)).map_err(failed)?;
+                    }
+                }
+                if side >= NUMBER_FROM {
+                    let size = (side * 0.26).min(13.0);
+                    let style = text(size, over).pos(Pos::new(HPos::Center, VPos::Center));
+                    let middle = (px(x + side / 2.0), px(y + side / 2.0));
+                    if cell.stuck {
+                        let (wide, tall) = (text_width(&(self.format)(cell.value), size) / 2 + px(1.0), px(size * 0.6));
+                        let behind = [(middle.0 - wide, middle.1 - tall), (middle.0 + wide, middle.1 + tall)];
+                        root.draw(&Rectangle::new(behind, shade.filled())).map_err(failed)?;
+                    }
+                    root.draw(&Text::new((self.format)(cell.value), middle, style)).map_err(failed)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The shades with their values.
+    fn draw_key(&self, root: &Area, top: u32, (low, high): (f64, f64)) -> Result<()> {
+        const STEPS: usize = 60;
+        let (left, width, top) = (f64::from(MARGIN), 180.0, f64::from(top));
+        for step in 0..STEPS {
+            let value = low + (high - low) * step as f64 / (STEPS - 1) as f64;
+            let x = left + width * step as f64 / STEPS as f64;
+            let corners = [(px(x), px(top)), (px(x + width / STEPS as f64) + 1, px(top + 12.0))];
+            root.draw(&Rectangle::new(corners, shade(value, (low, high)).filled())).map_err(failed)?;
+        }
+        for (value, x, anchor) in [(low, left, HPos::Left), (high, left + width, HPos::Right)] {
+            let style = text(11.0, INK).pos(Pos::new(anchor, VPos::Top));
+            root.draw(&Text::new((self.format)(value), (px(x), px(top + 16.0)), style)).map_err(failed)?;
+        }
+        let style = text(11.0, INK).pos(Pos::new(HPos::Left, VPos::Center));
+        root.draw(&Text::new(self.key.clone(), (px(left + width + 10.0), px(top + 6.0)), style)).map_err(failed)
+    }
+
+    fn range(&self) -> (f64, f64) {
+        let panels = self.groups.iter().flat_map(|(_, panels)| panels);
+        let values = panels.flat_map(|panel| panel.rows.iter().flatten().map(|cell| cell.value));
+        let (low, high) =
+            values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
+        if low < high { (low, high) } else { (low - 0.5, low + 0.5) }
+    }
+}
+
+fn shade(value: f64, (low, high): (f64, f64)) -> RGBColor {
+    let share = ((value - low) / (high - low)).clamp(0.0, 1.0) * 2.0;
+    let (from, to, share) = if share < 1.0 { (LIGHT, MIDDLE, share) } else { (MIDDLE, DARK, share - 1.0) };
+    let [red, green, blue] = std::array::from_fn(|i| (from[i] + (to[i] - from[i]) * share).round() as u8);
+    RGBColor(red, green, blue)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn higher_returns_are_darker() {
+        let shades: Vec<f64> = (0..=10).map(|value| luminance(shade(f64::from(value), (0.0, 10.0)))).collect();
+        assert!(shades.windows(2).all(|pair| pair[0] > pair[1]), "{shades:?}");
+    }
+}

@@ -1,0 +1,99 @@
+//! The legend at the right of a chart: a sample, then the label.
+
+use anyhow::Result;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+use super::look::{Dash, Look, mark, stroke};
+use super::{Area, INK, failed, luminance, px, text};
+
+const SIZE: f64 = 12.0;
+const LINE_HEIGHT: f64 = 16.0;
+/// Characters of a line.
+const WRAP: usize = 29;
+
+/// What stands before a label.
+#[derive(Clone, Copy)]
+pub enum Sample {
+    /// A curve with its markers.
+    Curve(Look),
+    /// A line across the chart.
+    Level(RGBColor, Dash),
+    /// A hollow marker.
+    Hollow(Look),
+    /// A bar with its marker.
+    Bar(Look),
+    Nothing,
+}
+
+pub struct Entry {
+    pub sample: Sample,
+    pub label: String,
+}
+
+/// Draws entries from the top of an area.
+pub fn draw(area: &Area, entries: &[Entry]) -> Result<()> {
+    let mut y = px(10.0);
+    for entry in entries {
+        let (left, right, middle) = (px(4.0), px(32.0), px(18.0));
+        match entry.sample {
+            Sample::Curve(look) => {
+                stroke(area, vec![(left, y), (right, y)], (look.colour.to_rgba(), look.dash), 2.0)?;
+                mark(area, (middle, y), look, 8.0, true)?;
+            }
+            Sample::Level(colour, dash) => {
+                stroke(area, vec![(left, y), (right, y)], (colour.to_rgba(), dash), 1.5)?;
+            }
+            Sample::Hollow(look) => mark(area, (middle, y), look, 9.0, false)?,
+            Sample::Bar(look) => {
+                let corners = [(left + px(6.0), y - px(6.0)), (right - px(6.0), y + px(6.0))];
+                area.draw(&Rectangle::new(corners, look.colour.filled())).map_err(failed)?;
+                let over = if luminance(look.colour) > 0.5 { BLACK } else { WHITE };
+                mark(area, (middle, y), Look { colour: over, ..look }, 7.0, true)?;
+            }
+            Sample::Nothing => {}
+        }
+        for line in wrapped(&entry.label) {
+            let style = text(SIZE, INK).pos(Pos::new(HPos::Left, VPos::Center));
+            area.draw(&Text::new(line, (px(40.0), y), style)).map_err(failed)?;
+            y += px(LINE_HEIGHT);
+        }
+        y += px(5.0);
+    }
+    Ok(())
+}
+
+/// Pixels that the entries take from top to bottom.
+pub fn height(entries: &[Entry]) -> u32 {
+    let lines: usize = entries.iter().map(|entry| wrapped(&entry.label).len()).sum();
+    (lines as f64 * LINE_HEIGHT + entries.len() as f64 * 5.0 + 20.0) as u32
+}
+
+/// Breaks a label at blanks.
+fn wrapped(label: &str) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in label.split(' ') {
+        match lines.last_mut() {
+            Some(line) if line.chars().count() + 1 + word.chars().count() <= WRAP => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_labels_are_broken_at_blanks() {
+        assert_eq!(wrapped("DIALS F=1M"), ["DIALS F=1M"]);
+        assert_eq!(
+            wrapped("DIALS F=1M, local_simulators.copies=1, ppo.clip=0.2"),
+            ["DIALS F=1M,", "local_simulators.copies=1,", "ppo.clip=0.2"]
+        );
+    }
+}

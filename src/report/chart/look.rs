@@ -1,0 +1,153 @@
+//! How a method looks in all charts of a report: its colour, dash and marker.
+
+use std::collections::BTreeMap;
+
+use anyhow::Result;
+use plotters::coord::CoordTranslate;
+use plotters::element::DashedPathElement;
+use plotters::prelude::*;
+
+use super::{failed, px};
+
+/// The palette of Okabe and Ito without its yellow, which white paper swallows, and its black, which is the ink.
+const COLOURS: [RGBColor; 6] = [
+    RGBColor(0x00, 0x72, 0xb2), // blue
+    RGBColor(0xe6, 0x9f, 0x00), // orange
+    RGBColor(0x00, 0x9e, 0x73), // bluish green
+    RGBColor(0xcc, 0x79, 0xa7), // reddish purple
+    RGBColor(0xd5, 0x5e, 0x00), // vermillion
+    RGBColor(0x56, 0xb4, 0xe9), // sky blue
+];
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Dash {
+    Solid,
+    Dashed,
+    Dotted,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Marker {
+    Circle,
+    Square,
+    Triangle,
+    Diamond,
+    Cross,
+}
+
+/// Colour, dash and marker.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Look {
+    pub colour: RGBColor,
+    pub dash: Dash,
+    pub marker: Marker,
+}
+
+impl Look {
+    /// The first ones differ in everything; thirty differ in something.
+    fn number(index: usize) -> Look {
+        const DASHES: [Dash; 3] = [Dash::Solid, Dash::Dashed, Dash::Dotted];
+        const MARKERS: [Marker; 5] = [Marker::Circle, Marker::Square, Marker::Triangle, Marker::Diamond, Marker::Cross];
+        Look { colour: COLOURS[index % 6], dash: DASHES[index % 3], marker: MARKERS[index % 5] }
+    }
+}
+
+/// A look for each label of a report, the same in all its charts.
+pub struct Looks(BTreeMap<String, Look>);
+
+impl Looks {
+    /// Labels in the order in which looks are given out; one that comes again keeps its look.
+    pub fn new<'a>(labels: impl Iterator<Item = &'a str>) -> Self {
+        let mut looks = BTreeMap::new();
+        for label in labels {
+            let next = Look::number(looks.len());
+            looks.entry(label.to_owned()).or_insert(next);
+        }
+        Looks(looks)
+    }
+
+    pub fn of(&self, label: &str) -> Look {
+        self.0[label]
+    }
+}
+
+/// Draws a line through points, `width` pixels wide.
+pub fn stroke<DB: DrawingBackend, CT: CoordTranslate>(
+    area: &DrawingArea<DB, CT>,
+    points: Vec<CT::From>,
+    look: (RGBAColor, Dash),
+    width: f64,
+) -> Result<()>
+where
+    DB::ErrorType: 'static,
+    CT::From: Clone + 'static,
+{
+    let style = ShapeStyle { color: look.0, filled: false, stroke_width: px(width) as u32 };
+    match look.1 {
+        Dash::Solid => area.draw(&PathElement::new(points, style)),
+        Dash::Dashed => area.draw(&DashedPathElement::new(points, px(7.0), px(4.0), style)),
+        Dash::Dotted => area.draw(&DashedPathElement::new(points, px(1.6), px(2.6), style)),
+    }
+    .map_err(failed)
+}
+
+/// Draws a marker of so many pixels around a place: filled for ours, hollow for what is from elsewhere.
+pub fn mark<DB: DrawingBackend, CT: CoordTranslate>(
+    area: &DrawingArea<DB, CT>,
+    at: CT::From,
+    look: Look,
+    size: f64,
+    filled: bool,
+) -> Result<()>
+where
+    DB::ErrorType: 'static,
+    CT::From: Clone,
+{
+    let half = px(size / 2.0);
+    let outline = ShapeStyle { color: look.colour.to_rgba(), filled: false, stroke_width: px(1.4) as u32 };
+    let style = if filled { look.colour.filled() } else { outline };
+    let corners = |corners: &[(f64, f64)]| -> Vec<(i32, i32)> {
+        corners.iter().map(|(x, y)| ((x * f64::from(half)) as i32, (y * f64::from(half)) as i32)).collect()
+    };
+    let shape = match look.marker {
+        Marker::Circle => {
+            let circle = EmptyElement::at(at) + Circle::new((0, 0), half, style);
+            return area.draw(&circle).map_err(failed);
+        }
+        Marker::Cross => {
+            let thick = ShapeStyle { stroke_width: px(1.8) as u32, ..outline };
+            let cross = EmptyElement::at(at)
+                + PathElement::new(corners(&[(-0.9, -0.9), (0.9, 0.9)]), thick)
+                + PathElement::new(corners(&[(-0.9, 0.9), (0.9, -0.9)]), thick);
+            return area.draw(&cross).map_err(failed);
+        }
+        Marker::Square => corners(&[(-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9), (-0.9, -0.9), (0.9, -0.9)]),
+        Marker::Triangle => corners(&[(0.0, -1.1), (1.05, 0.8), (-1.05, 0.8), (0.0, -1.1), (1.05, 0.8)]),
+        Marker::Diamond => corners(&[(0.0, -1.2), (1.0, 0.0), (0.0, 1.2), (-1.0, 0.0), (0.0, -1.2), (1.0, 0.0)]),
+    };
+    match filled {
+        true => area.draw(&(EmptyElement::at(at) + Polygon::new(shape, style))),
+        false => area.draw(&(EmptyElement::at(at) + PathElement::new(shape, style))),
+    }
+    .map_err(failed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thirty_methods_all_look_different() {
+        let looks: Vec<Look> = (0..30).map(Look::number).collect();
+        for (index, look) in looks.iter().enumerate() {
+            assert!(!looks[..index].contains(look), "{index}: {look:?}");
+        }
+    }
+
+    #[test]
+    fn a_label_looks_the_same_wherever_it_comes() {
+        let looks = Looks::new(["GS", "DIALS F=1M", "GS", "untrained-DIALS"].into_iter());
+        assert_eq!(looks.of("GS"), Look::number(0));
+        assert_eq!(looks.of("untrained-DIALS"), Look::number(2));
+    }
+}

@@ -1,0 +1,263 @@
+//! Two groups of runs against each other: final return, runtime, and what it takes to reach a return.
+//!
+//! Returns are compared at the same number of timesteps: the last one that the final returns of both groups stand for.
+//! Where both groups have the same seeds the difference is taken seed by seed (the same seed means the same traffic and the
+//! same random weights); else the groups are compared as Welch does.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use anyhow::{Context, Result, ensure};
+use serde_json::{Value, json};
+
+use super::find::{LeftOut, find};
+use super::group::{Group, Sorted, sort, steps_text};
+use super::run_dir::{RunRecord, Status};
+use super::scenario::{Scenario, method};
+use super::statistics::{Difference, Method, Spread, difference};
+use super::words::{duration, figure, interval, signed, with_error};
+use crate::base::statistics::{mean, median};
+
+/// Of the worse final return: what both groups have to reach where nothing else is asked for.
+const REACH: f64 = 0.95;
+
+/// One side of a comparison: runs of one method.
+pub struct Side {
+    /// As it was named.
+    pub name: String,
+    pub scenario: Scenario,
+    pub group: Group,
+    method: BTreeMap<String, String>,
+    left_out: Vec<LeftOut>,
+}
+
+impl Side {
+    /// The runs under these folders, which must all have one config but for the seed.
+    pub fn open(name: &str, folders: &[PathBuf]) -> Result<Side> {
+        let Sorted { mut comparisons, left_out } = sort(find(folders)?)?;
+        let labels: Vec<String> = comparisons
+            .iter()
+            .flat_map(|comparison| {
+                comparison.groups.iter().map(|group| format!("{}: {}", comparison.scenario.title(), group.label()))
+            })
+            .collect();
+        ensure!(
+            labels.len() < 2,
+            "{name}: holds runs of {} methods, and a side has one: {}",
+            labels.len(),
+            labels.join("; ")
+        );
+        let comparison = comparisons.pop().with_context(|| nothing_to_compare(name, &left_out))?;
+        let group = comparison.groups.into_iter().next().expect("the one that was counted");
+        let (name, method) = (name.to_owned(), method(&group.runs[0].config));
+        Ok(Side { name, scenario: comparison.scenario, group, method, left_out })
+    }
+}
+
+fn nothing_to_compare(name: &str, left_out: &[LeftOut]) -> String {
+    let reason = left_out.first().map_or(String::new(), |run| format!(" ({run})"));
+    format!("{name}: has no run that was evaluated{reason}")
+}
+
+/// What a side needed for a return.
+pub struct Reached {
+    /// Of the runs that got there: seed, timesteps, seconds.
+    pub runs: Vec<(u64, u64, Option<f64>)>,
+    /// Runs in all.
+    pub of: usize,
+}
+
+impl Reached {
+    /// The first evaluation of each run with at least this mean return.
+    fn of(runs: &[&RunRecord], target: f64) -> Reached {
+        let first = |run: &&RunRecord| {
+            let steps = run.evaluations.iter().find(|evaluation| evaluation.all.mean >= target)?.steps;
+            Some((run.config.seed, steps, run.runtime_at(steps)))
+        };
+        Reached { runs: runs.iter().filter_map(first).collect(), of: runs.len() }
+    }
+
+    /// Median over the runs that got there.
+    pub fn steps(&self) -> Option<f64> {
+        let steps: Vec<f64> = self.runs.iter().map(|(_, steps, _)| *steps as f64).collect();
+        (!steps.is_empty()).then(|| median(&steps))
+    }
+
+    /// Likewise.
+    pub fn seconds(&self) -> Option<f64> {
+        let seconds: Vec<f64> = self.runs.iter().filter_map(|(_, _, seconds)| *seconds).collect();
+        (!seconds.is_empty()).then(|| median(&seconds))
+    }
+}
+
+/// `b` against `a`.
+pub struct Verdict {
+    /// Timesteps per agent at which the returns are compared.
+    pub steps: u64,
+    pub returns: [Spread; 2],
+    pub difference: Difference,
+    /// Mean wall seconds until there, without evaluations.
+    pub runtimes: [Option<f64>; 2],
+    pub target: f64,
+    pub reached: [Reached; 2],
+    /// Keys of the configs that differ, with both values; none where a side does not look at the key.
+    pub differing: Vec<(String, [Option<String>; 2])>,
+    pub warnings: Vec<String>,
+}
+
+/// Compares two sides; `target` is the return to reach, else 95 % of the worse final return.
+pub fn compare(a: &Side, b: &Side, target: Option<f64>) -> Result<Verdict> {
+    ensure!(
+        a.scenario == b.scenario,
+        "{} is {} and {} is {}: returns of different scenarios (domain, agents, horizon, network) cannot be compared",
+        a.name,
+        a.scenario.id(),
+        b.name,
+        b.scenario.id()
+    );
+    let sides = [a, b];
+    let [(steps_a, runs_a), (steps_b, runs_b)] =
+        sides.map(|side| side.group.finals().expect("a run that tells its agents was evaluated"));
+    let steps = steps_a.min(steps_b);
+    let runs = [runs_a, runs_b];
+    let seeds = |runs: &[&RunRecord]| runs.iter().map(|run| run.config.seed).collect::<Vec<_>>();
+    let returns = runs.each_ref().map(|runs| runs.iter().filter_map(|run| run.return_at(steps)).collect::<Vec<f64>>());
+    let [of_a, of_b] = &returns;
+    let found = difference(of_a, of_b, seeds(&runs[0]) == seeds(&runs[1]));
+    let means = returns.each_ref().map(|returns| mean(returns));
+    let target = target.unwrap_or(REACH * means[0].min(means[1]));
+    let runtimes = runs.each_ref().map(|runs| {
+        let times: Vec<f64> = runs.iter().filter_map(|run| run.runtime_at(steps)).collect();
+        (times.len() == runs.len()).then(|| mean(&times))
+    });
+    let mut warnings = Vec::new();
+    for (side, runs) in sides.iter().zip(&runs) {
+        warnings.extend(side.left_out.iter().map(LeftOut::to_string));
+        let unused = side.group.runs.iter().filter(|run| !runs.iter().any(|used| used.dir == run.dir));
+        warnings
+            .extend(unused.map(|run| format!("{}: left out: it has not come as far as the others", run.dir.display())));
+        if runs.iter().any(|run| run.status() != Status::Finished) {
+            warnings.push(format!("{}: is not finished", side.name));
+        }
+    }
+    if steps_a != steps_b {
+        let [a, b] = [steps_a, steps_b].map(steps_text);
+        warnings.push(format!("A ends at {a} steps and B at {b}: compared at {}", steps_text(steps)));
+    }
+    let workers = runs.each_ref().map(|runs| runs.iter().map(|run| run.workers).max().unwrap_or(1));
+    if workers[0] != workers[1] {
+        warnings.push(format!("A ran on {} workers and B on {}: their times are not alike", workers[0], workers[1]));
+    }
+    if found.method == Method::SingleSeed {
+        warnings.push("a side has one seed: no interval; train more with --seed".to_owned());
+    }
+    Ok(Verdict {
+        steps,
+        returns: returns.each_ref().map(|returns| Spread::of(returns).expect("a final return per run")),
+        difference: found,
+        runtimes,
+        target,
+        reached: runs.each_ref().map(|runs| Reached::of(runs, target)),
+        differing: differing(&a.method, &b.method),
+        warnings,
+    })
+}
+
+fn differing(a: &BTreeMap<String, String>, b: &BTreeMap<String, String>) -> Vec<(String, [Option<String>; 2])> {
+    let mut keys: Vec<&String> = a.keys().chain(b.keys()).collect();
+    keys.sort();
+    keys.dedup();
+    let differing = keys.into_iter().filter(|key| a.get(*key) != b.get(*key));
+    differing.map(|key| (key.clone(), [a.get(key).cloned(), b.get(key).cloned()])).collect()
+}
+
+impl Verdict {
+    /// For a person.
+    pub fn to_text(&self, a: &Side, b: &Side) -> String {
+        let mut lines = Vec::new();
+        for (letter, side) in [("A", a), ("B", b)] {
+            let seeds: Vec<String> = side.group.seeds().iter().map(u64::to_string).collect();
+            lines.push(format!("{letter}: {}: {}, seed {}", side.name, side.group.name(), seeds.join(", ")));
+        }
+        let value = |value: &Option<String>| value.clone().unwrap_or("-".to_owned());
+        lines.extend(
+            self.differing.iter().map(|(key, [a, b])| format!("   {key}: {} in A, {} in B", value(a), value(b))),
+        );
+        lines.push(format!("{}, at {} timesteps per agent", a.scenario.title(), steps_text(self.steps)));
+        lines.push(String::new());
+        let row = |what: &str, a: String, b: String, both: String| format!("{what:<24}{a:>20}{b:>20}   {both}");
+        lines.push(row("", "A".to_owned(), "B".to_owned(), "B against A".to_owned()));
+        let [of_a, of_b] = self.returns.each_ref().map(|spread| with_error(spread.mean, spread.std_error));
+        let how = match self.difference.method {
+            Method::Paired => format!(" {} (95 %, paired seeds)", interval(self.difference.interval)),
+            Method::Welch => format!(" {} (95 %, Welch, unpaired seeds)", interval(self.difference.interval)),
+            Method::SingleSeed => String::new(),
+        };
+        lines.push(row(
+            "mean return",
+            of_a,
+            of_b,
+            format!("{}{how}", signed(self.difference.mean, self.returns[0].mean)),
+        ));
+        let [of_a, of_b] = self.runtimes.map(|seconds| seconds.map_or("-".to_owned(), duration));
+        lines.push(row("runtime", of_a, of_b, ratio(self.runtimes)));
+        let target = figure(self.target);
+        let steps = self.reached.each_ref().map(Reached::steps);
+        let [of_a, of_b] = self.reached.each_ref().map(|reached| {
+            let steps = reached.steps().map_or("-".to_owned(), |steps| steps_text(steps as u64));
+            format!("{steps} ({} of {})", reached.runs.len(), reached.of)
+        });
+        lines.push(row(&format!("steps to reach {target}"), of_a, of_b, ratio(steps)));
+        let seconds = self.reached.each_ref().map(Reached::seconds);
+        let [of_a, of_b] = seconds.map(|seconds| seconds.map_or("-".to_owned(), duration));
+        lines.push(row(&format!("time to reach {target}"), of_a, of_b, ratio(seconds)));
+        lines.push(String::new());
+        lines.push("±: standard error over seeds; runtime: wall time without evaluations; reached: median of the runs that did".to_owned());
+        lines.extend(self.warnings.iter().map(|warning| format!("warning: {warning}")));
+        lines.join("\n")
+    }
+
+    /// For a program.
+    pub fn to_json(&self, a: &Side, b: &Side) -> Value {
+        let side = |index: usize, side: &Side| {
+            let (returns, reached) = (&self.returns[index], &self.reached[index]);
+            json!({
+                "name": side.name,
+                "method": side.group.name(),
+                "seeds": side.group.seeds(),
+                "runs": returns.runs,
+                "mean_return": returns.mean,
+                "std_error": returns.std_error,
+                "runtime_s": self.runtimes[index],
+                "reached_runs": reached.runs.len(),
+                "reached_steps": reached.steps(),
+                "reached_s": reached.seconds(),
+            })
+        };
+        json!({
+            "scenario": a.scenario.id(),
+            "steps": self.steps,
+            "a": side(0, a),
+            "b": side(1, b),
+            "difference": self.difference.mean,
+            "interval_95": self.difference.interval.map(|interval| [interval.low, interval.high]),
+            "method": match self.difference.method {
+                Method::Paired => "paired",
+                Method::Welch => "welch",
+                Method::SingleSeed => "single-seed",
+            },
+            "runtime_ratio": quotient(self.runtimes),
+            "reach": self.target,
+            "differing": self.differing.iter().map(|(key, values)| (key.clone(), json!(values))).collect::<serde_json::Map<_, _>>(),
+            "warnings": self.warnings,
+        })
+    }
+}
+
+fn quotient([a, b]: [Option<f64>; 2]) -> Option<f64> {
+    Some(b? / a?).filter(|quotient| quotient.is_finite())
+}
+
+fn ratio(values: [Option<f64>; 2]) -> String {
+    quotient(values).map_or("-".to_owned(), |quotient| format!("x {quotient:.2}"))
+}

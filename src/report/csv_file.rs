@@ -1,0 +1,160 @@
+//! The numbers of a report as CSV files, one line per thing, in full precision.
+
+use anyhow::{Context, Result};
+
+use super::curves::{learning_curve, loss_curve};
+use super::finals::{Final, Runtime, peak_memory};
+use super::group::Comparison;
+use super::statistics::Spread;
+
+/// A file of the report.
+pub struct CsvFile {
+    pub name: &'static str,
+    pub text: String,
+}
+
+/// All CSV files.
+pub fn files(comparisons: &[Comparison]) -> Result<Vec<CsvFile>> {
+    Ok(vec![
+        curves(comparisons)?,
+        losses(comparisons)?,
+        finals(comparisons)?,
+        agents(comparisons)?,
+        costs(comparisons)?,
+    ])
+}
+
+fn curves(comparisons: &[Comparison]) -> Result<CsvFile> {
+    let header = ["steps", "runs", "mean", "std_error", "low95", "high95", "median_agent", "runtime_s"];
+    write("curves.csv", &header, comparisons, |_, group| {
+        let points = learning_curve(group).into_iter().map(|point| {
+            let mut line = vec![point.steps.to_string()];
+            line.extend(spread(&point.returns));
+            line.extend([number(point.median_agent), optional(point.runtime_s)]);
+            line
+        });
+        points.collect()
+    })
+}
+
+fn losses(comparisons: &[Comparison]) -> Result<CsvFile> {
+    let header = ["steps", "when", "runs", "cross_entropy", "std_error", "low95", "high95", "marginals"];
+    write("aip_cross_entropy.csv", &header, comparisons, |_, group| {
+        let points = loss_curve(group).into_iter().map(|point| {
+            let when = match point.trained {
+                None => "evaluation",
+                Some(false) => "before training",
+                Some(true) => "after training",
+            };
+            let mut line = vec![point.steps.to_string(), when.to_owned()];
+            line.extend(spread(&point.loss));
+            line.push(optional(point.marginals));
+            line
+        });
+        points.collect()
+    })
+}
+
+fn finals(comparisons: &[Comparison]) -> Result<CsvFile> {
+    let header = [
+        "steps",
+        "finished",
+        "runs",
+        "mean",
+        "std_error",
+        "low95",
+        "high95",
+        "median_run",
+        "median_agent",
+        "worst_agent",
+        "stuck_agents",
+        "agents",
+    ];
+    write("final.csv", &header, comparisons, |_, group| {
+        let line = Final::of(group).map(|end| {
+            let mut line = vec![end.steps.to_string(), end.finished.to_string()];
+            line.extend(spread(&end.returns));
+            line.extend([end.median_run, end.median_agent, end.worst_agent.mean_return].map(number));
+            line.extend([end.stuck.len(), end.agents].map(|count| count.to_string()));
+            line
+        });
+        line.into_iter().collect()
+    })
+}
+
+fn agents(comparisons: &[Comparison]) -> Result<CsvFile> {
+    let header = ["seed", "steps", "agent", "mean", "median", "std_error", "stuck"];
+    write("agents.csv", &header, comparisons, |_, group| {
+        let Some(end) = Final::of(group) else { return Vec::new() };
+        let lines = end.agents_of_runs.iter().flat_map(|(seed, agents)| {
+            agents.iter().enumerate().map(|(agent, returns)| {
+                let mut line = vec![seed.to_string(), end.steps.to_string(), agent.to_string()];
+                line.extend([returns.mean, returns.median, returns.std_error].map(number));
+                line.push(returns.stuck.to_string());
+                line
+            })
+        });
+        lines.collect()
+    })
+}
+
+fn costs(comparisons: &[Comparison]) -> Result<CsvFile> {
+    let header = [
+        "steps",
+        "workers",
+        "agents_training_s",
+        "influence_s",
+        "total_s",
+        "total_std_error_s",
+        "wall_s",
+        "peak_process_mb",
+        "peak_total_mb",
+        "peak_total_pss_mb",
+    ];
+    write("costs.csv", &header, comparisons, |_, group| {
+        let line = Runtime::of(group).map(|time| {
+            let memory = peak_memory(group);
+            let mut line = vec![time.steps.to_string(), time.workers.to_string()];
+            line.extend([time.agents_training_s, time.influence_s, time.total_s].map(number));
+            line.extend([optional(time.total_std_error), number(time.wall_s)]);
+            line.extend([memory.map(|m| m.process_mb), memory.map(|m| m.total_mb)].map(optional));
+            line.push(optional(memory.and_then(|memory| memory.total_pss_mb)));
+            line
+        });
+        line.into_iter().collect()
+    })
+}
+
+/// Every line begins with the scenario and the group.
+fn write(
+    name: &'static str,
+    header: &[&str],
+    comparisons: &[Comparison],
+    lines: impl Fn(&Comparison, &super::group::Group) -> Vec<Vec<String>>,
+) -> Result<CsvFile> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    writer.write_record(["scenario", "group"].iter().chain(header))?;
+    for comparison in comparisons {
+        for group in &comparison.groups {
+            for line in lines(comparison, group) {
+                writer.write_record([comparison.slug.clone(), group.label()].iter().chain(&line))?;
+            }
+        }
+    }
+    let text = String::from_utf8(writer.into_inner().context("a CSV file in memory")?)?;
+    Ok(CsvFile { name, text })
+}
+
+fn spread(spread: &Spread) -> [String; 5] {
+    let (low, high) = (spread.interval.map(|interval| interval.low), spread.interval.map(|interval| interval.high));
+    [spread.runs.to_string(), number(spread.mean), optional(spread.std_error), optional(low), optional(high)]
+}
+
+/// Four decimals, as run directories have them: enough for returns and seconds.
+fn number(value: f64) -> String {
+    format!("{value:.4}")
+}
+
+fn optional(value: Option<f64>) -> String {
+    value.map_or(String::new(), number)
+}

@@ -1,0 +1,106 @@
+//! A CSV file of a run directory, read by the names of its columns.
+//!
+//! Files of other versions may have more columns, or fewer: what is not there is `None`.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use csv::StringRecord;
+
+pub struct CsvTable {
+    path: PathBuf,
+    columns: HashMap<String, usize>,
+    lines: Vec<StringRecord>,
+}
+
+impl CsvTable {
+    /// Reads a file; one that is not there has no lines.
+    pub fn read(path: &Path) -> Result<CsvTable> {
+        let mut table = CsvTable { path: path.to_owned(), columns: HashMap::new(), lines: Vec::new() };
+        if !path.exists() {
+            return Ok(table);
+        }
+        let failed = || format!("{}: cannot be read", path.display());
+        let mut reader = csv::Reader::from_path(path).with_context(failed)?;
+        let header = reader.headers().with_context(failed)?;
+        table.columns = header.iter().enumerate().map(|(index, name)| (name.to_owned(), index)).collect();
+        table.lines = reader.records().collect::<csv::Result<_>>().with_context(failed)?;
+        Ok(table)
+    }
+
+    pub fn columns(&self) -> impl Iterator<Item = &str> {
+        self.columns.keys().map(String::as_str)
+    }
+
+    pub fn has(&self, column: &str) -> bool {
+        self.columns.contains_key(column)
+    }
+
+    pub fn lines(&self) -> impl Iterator<Item = Line<'_>> {
+        self.lines.iter().map(|fields| Line { table: self, fields })
+    }
+}
+
+#[derive(Clone, Copy)]
+pub struct Line<'a> {
+    table: &'a CsvTable,
+    fields: &'a StringRecord,
+}
+
+impl<'a> Line<'a> {
+    /// What stands in a column; none where there is no such column or nothing in it.
+    pub fn text(self, column: &str) -> Option<&'a str> {
+        let field = self.fields.get(*self.table.columns.get(column)?)?;
+        (!field.is_empty()).then_some(field)
+    }
+
+    /// As [`Line::text`], as a number; what is no number is an error.
+    pub fn number(self, column: &str) -> Result<Option<f64>> {
+        let number = self.text(column).map(|text| text.parse().with_context(|| self.bad(column, text)));
+        number.transpose()
+    }
+
+    /// A number that has to be there.
+    pub fn required(self, column: &str) -> Result<f64> {
+        self.number(column)?.with_context(|| format!("{}: has no `{column}` in a line", self.table.path.display()))
+    }
+
+    /// The timesteps per agent that every line begins with.
+    pub fn steps(self) -> Result<u64> {
+        Ok(self.required("steps")? as u64)
+    }
+
+    fn bad(self, column: &str, text: &str) -> String {
+        format!("{}: `{column}` holds {text:?}, which is no number", self.table.path.display())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn table(text: &str) -> CsvTable {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("t.csv");
+        std::fs::write(&path, text).unwrap();
+        CsvTable::read(&path).unwrap()
+    }
+
+    #[test]
+    fn columns_are_found_by_name_and_may_be_missing_or_empty() {
+        let table = table("worker,steps,new\nall,10,\n");
+        let line = table.lines().next().unwrap();
+        assert_eq!((line.steps().unwrap(), line.text("worker"), line.text("new")), (10, Some("all"), None));
+        assert_eq!(line.number("elapsed_s").unwrap(), None);
+        let error = line.required("elapsed_s").unwrap_err().to_string();
+        assert!(error.contains("t.csv: has no `elapsed_s`"), "{error}");
+        let error = line.number("worker").unwrap_err().to_string();
+        assert!(error.contains("`worker` holds \"all\", which is no number"), "{error}");
+    }
+
+    #[test]
+    fn a_file_that_is_not_there_has_no_lines() {
+        assert_eq!(CsvTable::read(Path::new("no/such.csv")).unwrap().lines().count(), 0);
+    }
+}

@@ -1,0 +1,127 @@
+//! What a group came to in the end: its return, its agents, its runtime and its memory.
+
+use super::group::Group;
+use super::run_dir::{Memory, PeriodTime, Returns, RunRecord, Status};
+use super::statistics::Spread;
+use crate::base::statistics::{mean, median};
+
+/// The end of a group.
+pub struct Final {
+    /// Timesteps per agent at which the returns were measured.
+    pub steps: u64,
+    /// Whether the runs that count are finished.
+    pub finished: bool,
+    /// Of the mean return, over seeds.
+    pub returns: Spread,
+    /// The mean return of every run that counts, with its seed.
+    pub of_runs: Vec<(u64, f64)>,
+    /// The median over seeds of the runs' mean returns.
+    pub median_run: f64,
+    /// The median agent of a run, mean over seeds.
+    pub median_agent: f64,
+    pub worst_agent: AgentAt,
+    /// Stuck agents of all runs that count.
+    pub stuck: Vec<AgentAt>,
+    /// Agents of all runs that count.
+    pub agents: usize,
+    /// Per agent the mean over seeds.
+    pub agent_means: Vec<f64>,
+    /// Of every run that counts: seed and agents.
+    pub agents_of_runs: Vec<(u64, Vec<Returns>)>,
+}
+
+/// An agent of a run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AgentAt {
+    pub seed: u64,
+    pub agent: usize,
+    pub mean_return: f64,
+}
+
+impl Final {
+    /// None where no run of the group was evaluated.
+    pub fn of(group: &Group) -> Option<Final> {
+        let (steps, runs) = group.finals()?;
+        let agents_of_runs: Vec<(u64, Vec<Returns>)> =
+            runs.iter().map(|run| (run.config.seed, agents_at(run, steps))).collect();
+        let everyone: Vec<(AgentAt, bool)> = agents_of_runs
+            .iter()
+            .flat_map(|(seed, agents)| {
+                agents.iter().enumerate().map(|(agent, returns)| {
+                    (AgentAt { seed: *seed, agent, mean_return: returns.mean }, returns.stuck > 0)
+                })
+            })
+            .collect();
+        let of_runs: Vec<(u64, f64)> =
+            runs.iter().filter_map(|run| Some((run.config.seed, run.return_at(steps)?))).collect();
+        let means: Vec<f64> = of_runs.iter().map(|(_, value)| *value).collect();
+        let medians: Vec<f64> = runs.iter().filter_map(|run| run.median_at(steps)).collect();
+        let count = agents_of_runs.first().map_or(0, |(_, agents)| agents.len());
+        let agent_means = (0..count)
+            .map(|agent| mean(&agents_of_runs.iter().map(|(_, agents)| agents[agent].mean).collect::<Vec<_>>()));
+        Some(Final {
+            steps,
+            finished: runs.iter().all(|run| run.status() == Status::Finished),
+            returns: Spread::of(&means)?,
+            median_run: median(&means),
+            median_agent: mean(&medians),
+            worst_agent: everyone
+                .iter()
+                .map(|(agent, _)| *agent)
+                .min_by(|a, b| a.mean_return.total_cmp(&b.mean_return))?,
+            stuck: everyone.iter().filter(|(_, stuck)| *stuck).map(|(agent, _)| *agent).collect(),
+            agents: everyone.len(),
+            agent_means: agent_means.collect(),
+            of_runs,
+            agents_of_runs,
+        })
+    }
+}
+
+/// The agents at the last evaluation that is not later than `steps`.
+fn agents_at(run: &RunRecord, steps: u64) -> Vec<Returns> {
+    let before = run.evaluations.iter().rev().find(|evaluation| evaluation.steps <= steps);
+    before.map_or(Vec::new(), |evaluation| evaluation.agents.clone())
+}
+
+/// Wall time in seconds, the mean over the runs of a group.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Runtime {
+    /// Timesteps per agent.
+    pub steps: u64,
+    pub agents_training_s: f64,
+    /// Collection of datasets and training of the AIPs.
+    pub influence_s: f64,
+    /// Their sum: wall time without evaluations.
+    pub total_s: f64,
+    pub total_std_error: Option<f64>,
+    /// With the evaluations.
+    pub wall_s: f64,
+    /// The most worker processes of a run.
+    pub workers: usize,
+}
+
+impl Runtime {
+    /// Of the runs that tell the final return.
+    pub fn of(group: &Group) -> Option<Runtime> {
+        let (steps, runs) = group.finals()?;
+        let times: Vec<PeriodTime> = runs.iter().filter_map(|run| run.total_time()).collect();
+        let mean_of = |part: &dyn Fn(&PeriodTime) -> f64| mean(&times.iter().map(part).collect::<Vec<_>>());
+        let total = Spread::of(&times.iter().map(|time| time.runtime_s()).collect::<Vec<_>>())?;
+        let influence_s = mean_of(&|time| time.influence_s);
+        Some(Runtime {
+            steps,
+            agents_training_s: total.mean - influence_s,
+            influence_s,
+            total_s: total.mean,
+            total_std_error: total.std_error,
+            wall_s: mean_of(&|time| time.elapsed_s),
+            workers: runs.iter().map(|run| run.workers).max().unwrap_or(1),
+        })
+    }
+}
+
+/// The largest memory of a group's runs.
+pub fn peak_memory(group: &Group) -> Option<Memory> {
+    group.runs.iter().filter_map(|run| run.memory).reduce(Memory::max)
+}

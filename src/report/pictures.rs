@@ -1,0 +1,345 @@
+//! Which numbers stand in which chart.
+
+use anyhow::Result;
+
+use super::GridShape;
+use super::chart::{
+    Axis, Bar, BarChart, Cell, Cluster, HeatMap, Level, Line, LineChart, LinePoint, Looks, Mark, Panel, Scale, Svg,
+};
+use super::curves::{CurvePoint, LossPoint, learning_curve, loss_curve};
+use super::finals::{Final, Runtime};
+use super::group::{Comparison, Group, steps_text};
+use super::paper;
+use super::run_dir::Returns;
+use super::scenario::Domain;
+use super::statistics::Spread;
+use super::words::figure;
+
+/// Along which a learning curve is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Against {
+    Timesteps,
+    Runtime,
+}
+
+fn steps_axis() -> Axis {
+    Axis { label: "timesteps per agent".to_owned(), format: |steps| steps_text(steps.round() as u64) }
+}
+
+fn return_axis(comparison: &Comparison) -> Axis {
+    let label = format!("mean return of an agent, {} steps", comparison.scenario.horizon);
+    Axis { label, format: |value| if value.abs() >= 50.0 { format!("{value:.0}") } else { format!("{value:.1}") } }
+}
+
+/// A name of the domain as a title begins.
+fn title(comparison: &Comparison) -> String {
+    let title = comparison.scenario.title();
+    title[..1].to_uppercase() + &title[1..]
+}
+
+/// The learning curves of a scenario; none where no run has the figures.
+pub fn learning(comparison: &Comparison, looks: &Looks, against: Against) -> Result<Option<Svg>> {
+    let curves: Vec<(&Group, Vec<CurvePoint>)> =
+        comparison.groups.iter().map(|group| (group, learning_curve(group))).collect();
+    let longest = curves.iter().flat_map(|(_, points)| points.iter().filter_map(|point| point.runtime_s));
+    let (unit, seconds) = time_unit(longest.fold(0.0, f64::max));
+    let place = |point: &CurvePoint| match against {
+        Against::Timesteps => Some(point.steps as f64),
+        Against::Runtime => point.runtime_s.map(|runtime| runtime / seconds),
+    };
+    let lines: Vec<Line> = curves
+        .iter()
+        .map(|(group, points)| Line {
+            label: label_with_runs(group),
+            look: looks.of(&group.label()),
+            points: points.iter().filter_map(|point| Some(learning_point(group, point, place(point)?))).collect(),
+            companion: Vec::new(),
+        })
+        .filter(|line| !line.points.is_empty())
+        .collect();
+    if lines.is_empty() {
+        return Ok(None);
+    }
+    let marks = match against {
+        Against::Timesteps => paper_marks(comparison, &curves, looks),
+        Against::Runtime => Vec::new(),
+    };
+    let x = match against {
+        Against::Timesteps => steps_axis(),
+        Against::Runtime => Axis { label: format!("wall time without evaluations, {unit}"), format: plain },
+    };
+    let chart = LineChart {
+        title: title(comparison),
+        x,
+        y: return_axis(comparison),
+        lines,
+        companions: None,
+        levels: levels(comparison),
+        marks,
+        x_end: 0.0,
+        note: "band: ± standard error over seeds; whiskers: 95 % bootstrap".to_owned(),
+    };
+    chart.draw().map(Some)
+}
+
+fn learning_point(group: &Group, point: &CurvePoint, x: f64) -> LinePoint {
+    let Spread { mean, std_error, interval, runs } = &point.returns;
+    LinePoint {
+        x,
+        y: *mean,
+        band: std_error.map(|error| (mean - error, mean + error)),
+        whisker: interval.map(|interval| (interval.low, interval.high)),
+        whole: *runs == group.runs.len(),
+    }
+}
+
+fn label_with_runs(group: &Group) -> String {
+    let runs = group.runs.len();
+    format!("{} ({runs} {})", group.label(), if runs == 1 { "run" } else { "runs" })
+}
+
+fn plain(value: f64) -> String {
+    // Enough for the ticks of an axis, and without the noise of their arithmetic.
+    format!("{}", (value * 1000.0).round() / 1000.0)
+}
+
+fn time_unit(longest_s: f64) -> (&'static str, f64) {
+    match longest_s {
+        s if s < 180.0 => ("seconds", 1.0),
+        s if s < 3.0 * 3600.0 => ("minutes", 60.0),
+        _ => ("hours", 3600.0),
+    }
+}
+
+/// Hand-coded controllers: what was measured, and what the paper has.
+fn levels(comparison: &Comparison) -> Vec<Level> {
+    let measured = comparison.baselines.iter().map(|baseline| Level {
+        label: format!("{}, measured: {}", baseline.controller, figure(baseline.mean_return)),
+        y: baseline.mean_return,
+        measured: true,
+    });
+    let scenario = &comparison.scenario;
+    let paper = paper::hand_coded(scenario.domain, scenario.agents).map(|y| Level {
+        label: format!("hand-coded, the paper: {}", figure(y)),
+        y,
+        measured: false,
+    });
+    measured.chain(paper).collect()
+}
+
+/// The paper's points within the steps that are drawn, for each of its methods that is there.
+fn paper_marks(comparison: &Comparison, curves: &[(&Group, Vec<CurvePoint>)], looks: &Looks) -> Vec<Mark> {
+    let scenario = &comparison.scenario;
+    let last = curves.iter().filter_map(|(_, points)| points.last()).map(|point| point.steps).max().unwrap_or(0);
+    let mut told = Vec::new();
+    let mut marks = Vec::new();
+    for (group, _) in curves {
+        let method = (&group.simulator, group.retrain_every);
+        let mut points = paper::curve(scenario.domain, scenario.agents, &group.simulator, group.retrain_every);
+        points.retain(|point| point.steps as f64 <= 1.02 * last as f64);
+        if points.iter().any(|point| point.steps > 0) && !told.contains(&method) {
+            told.push(method);
+            marks.push(Mark {
+                label: format!("{}, the paper", group.name()),
+                look: looks.of(&group.label()),
+                points: points.iter().map(|point| (point.steps as f64, point.mean, point.std_error)).collect(),
+            });
+        }
+    }
+    marks
+}
+
+/// The cross-entropy of the AIPs of a scenario; none where no AIP was trained.
+pub fn cross_entropy(comparison: &Comparison, looks: &Looks) -> Result<Option<Svg>> {
+    let trained = comparison.groups.iter().filter(|group| group.simulator != "untrained-dials");
+    let curves: Vec<(&Group, Vec<LossPoint>)> = trained
+        .map(|group| {
+            let mut points = loss_curve(group);
+            // Untrained AIPs are so far off that nothing else could be seen.
+            points.retain(|point| point.steps > 0 || point.trained == Some(true));
+            (group, points)
+        })
+        .filter(|(_, points)| !points.is_empty())
+        .collect();
+    if curves.is_empty() {
+        return Ok(None);
+    }
+    let lines = curves.iter().map(|(group, points)| Line {
+        label: label_with_runs(group),
+        look: looks.of(&group.label()),
+        points: points
+            .iter()
+            .map(|point| LinePoint {
+                x: point.steps as f64,
+                y: point.loss.mean,
+                band: point.loss.std_error.map(|error| (point.loss.mean - error, point.loss.mean + error)),
+                whisker: point.loss.interval.map(|interval| (interval.low, interval.high)),
+                whole: true,
+            })
+            .collect(),
+        companion: points.iter().filter_map(|point| Some((point.steps as f64, point.marginals?))).collect(),
+    });
+    let runs = comparison.groups.iter().flat_map(|group| &group.runs);
+    let evaluated = runs.filter_map(|run| Some(run.evaluations.last()?.steps));
+    let fresh = curves.iter().any(|(_, points)| points.iter().any(|point| point.trained.is_none()));
+    let chart = LineChart {
+        title: title(comparison),
+        x: steps_axis(),
+        y: Axis { label: "cross-entropy per source, nats".to_owned(), format: |value| format!("{value:.3}") },
+        lines: lines.collect(),
+        companions: Some("constant marginals of the same data".to_owned()),
+        levels: Vec::new(),
+        marks: Vec::new(),
+        x_end: evaluated.max().unwrap_or(0) as f64,
+        note: match fresh {
+            true => "on fresh GS data at each evaluation",
+            false => "on held-out episodes, before and after each training",
+        }
+        .to_owned(),
+    };
+    chart.draw().map(Some)
+}
+
+/// Final returns of a domain, a cluster per size.
+pub fn final_bars(domain: Domain, comparisons: &[&Comparison], looks: &Looks) -> Result<Svg> {
+    let clusters = clusters(comparisons, |comparison, group| {
+        let end = Final::of(group)?;
+        let scenario = &comparison.scenario;
+        let paper = paper::final_return(domain, scenario.agents, &group.simulator, group.retrain_every);
+        Some(Bar {
+            label: group.label(),
+            look: looks.of(&group.label()),
+            value: Some(end.returns.mean),
+            whisker: end.returns.std_error.map(|error| (end.returns.mean - error, end.returns.mean + error)),
+            paper: paper.filter(|paper| comparable(end.steps, paper.steps)).map(|paper| paper.mean),
+        })
+    });
+    let chart = BarChart {
+        title: format!("Final return, {}", domain.name()),
+        x_label: "agents".to_owned(),
+        y: return_axis(comparisons[0]),
+        format: figure,
+        scale: Scale::Linear,
+        clusters,
+        note: "whiskers: ± standard error over seeds".to_owned(),
+    };
+    chart.draw()
+}
+
+/// Runtimes of a domain, likewise.
+pub fn runtime_bars(domain: Domain, comparisons: &[&Comparison], looks: &Looks) -> Result<Svg> {
+    let groups = comparisons.iter().flat_map(|comparison| &comparison.groups);
+    let longest = groups.filter_map(|group| Some(Runtime::of(group)?.total_s)).fold(0.0, f64::max);
+    let (unit, seconds) = time_unit(longest);
+    let clusters = clusters(comparisons, |comparison, group| {
+        let time = Runtime::of(group)?;
+        let paper = paper::runtime(domain, comparison.scenario.agents, &group.simulator, group.retrain_every);
+        let ends = |error: f64| ((time.total_s - error) / seconds, (time.total_s + error) / seconds);
+        Some(Bar {
+            label: group.label(),
+            look: looks.of(&group.label()),
+            value: Some(time.total_s / seconds),
+            whisker: time.total_std_error.map(ends),
+            paper: paper.filter(|_| comparable(time.steps, paper::STEPS)).map(|paper| paper.total * 3600.0 / seconds),
+        })
+    });
+    let chart = BarChart {
+        title: format!("Runtime, {}", domain.name()),
+        x_label: "agents".to_owned(),
+        y: Axis { label: format!("{unit}, powers of 2"), format: plain },
+        format: short,
+        scale: Scale::Log2,
+        clusters,
+        note: "wall time of a run without its evaluations; whiskers: ± standard error over seeds".to_owned(),
+    };
+    chart.draw()
+}
+
+/// Three digits.
+fn short(value: f64) -> String {
+    match value {
+        v if v >= 100.0 => format!("{v:.0}"),
+        v if v >= 10.0 => format!("{v:.1}"),
+        v => format!("{v:.2}"),
+    }
+}
+
+/// Whether a run of so many steps may stand beside a figure of the paper.
+pub fn comparable(steps: u64, paper_steps: u64) -> bool {
+    10 * steps >= 9 * paper_steps
+}
+
+fn clusters(comparisons: &[&Comparison], bar: impl Fn(&Comparison, &Group) -> Option<Bar>) -> Vec<Cluster> {
+    let clusters = comparisons.iter().map(|comparison| Cluster {
+        label: comparison.slug.split_once('_').map_or(comparison.slug.clone(), |(_, size)| size.to_owned()),
+        bars: comparison.groups.iter().filter_map(|group| bar(comparison, group)).collect(),
+    });
+    clusters.collect()
+}
+
+/// Every agent of a scenario at its end; none where nothing was evaluated.
+pub fn agents(comparison: &Comparison, shape: GridShape) -> Result<Option<Svg>> {
+    let mut groups = Vec::new();
+    for group in &comparison.groups {
+        let (Some(end), Some(run)) = (Final::of(group), group.runs.first()) else { continue };
+        let shape = shape(run).unwrap_or_else(|| square(comparison.scenario.agents));
+        let upwards = comparison.scenario.domain == Domain::Traffic;
+        let panel =
+            |label: String, agents: Vec<(f64, bool)>| Panel { label, rows: on_the_grid(&agents, shape, upwards) };
+        let mut panels = Vec::new();
+        if end.agents_of_runs.len() > 1 {
+            let means = end.agent_means.iter().map(|&mean| (mean, false)).collect();
+            panels.push(panel(format!("mean of {} seeds", end.agents_of_runs.len()), means));
+        }
+        for (seed, agents) in &end.agents_of_runs {
+            let stuck = agents.iter().filter(|agent| agent.stuck > 0).count();
+            let stuck = if stuck > 0 { format!(", {stuck} stuck") } else { String::new() };
+            let cells = agents.iter().map(|Returns { mean, stuck, .. }| (*mean, *stuck > 0)).collect();
+            panels.push(panel(format!("seed {seed}{stuck}"), cells));
+        }
+        groups.push((group.label(), panels));
+    }
+    if groups.is_empty() {
+        return Ok(None);
+    }
+    let map = HeatMap {
+        title: format!("{}: every agent at the end", title(comparison)),
+        key: "mean return; a cross: stuck".to_owned(),
+        format: figure,
+        groups,
+    };
+    map.draw().map(Some)
+}
+
+/// The grid of so many agents where nobody knows it: a square if they make one, else a row.
+fn square(agents: usize) -> (usize, usize) {
+    let side = agents.isqrt();
+    if side * side == agents { (side, side) } else { (1, agents) }
+}
+
+/// Agents row by row; `upwards` where agent 0 is at the bottom.
+fn on_the_grid(agents: &[(f64, bool)], (_, columns): (usize, usize), upwards: bool) -> Vec<Vec<Cell>> {
+    let cell = |&(value, stuck): &(f64, bool)| Cell { value, stuck };
+    let mut rows: Vec<Vec<Cell>> = agents.chunks(columns.max(1)).map(|row| row.iter().map(cell).collect()).collect();
+    if upwards {
+        rows.reverse();
+    }
+    rows
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn traffic_is_seen_with_the_south_at_the_bottom() {
+        let agents: Vec<(f64, bool)> = (0..6).map(|agent| (f64::from(agent), false)).collect();
+        let values = |upwards| -> Vec<Vec<f64>> {
+            let rows = on_the_grid(&agents, (2, 3), upwards);
+            rows.iter().map(|row| row.iter().map(|cell| cell.value).collect()).collect()
+        };
+        assert_eq!(values(true), [[3.0, 4.0, 5.0], [0.0, 1.0, 2.0]]);
+        assert_eq!(values(false), [[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]]);
+        assert_eq!([square(25), square(6)], [(5, 5), (1, 6)]);
+    }
+}

@@ -1,0 +1,316 @@
+//! One run, read from the directory that it left behind or is still filling.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use serde_json::Value;
+
+use super::csv_table::{CsvTable, Line};
+use crate::config::{self, Config};
+use crate::training::files;
+
+/// The name of the lines about all agents, sources, workers or processes together.
+const ALL: &str = "all";
+
+/// What a run directory tells.
+#[derive(Clone, Debug)]
+pub struct RunRecord {
+    pub dir: PathBuf,
+    pub config: Config,
+    /// `run.json`: command line and versions.
+    pub about: Value,
+    /// In order of steps.
+    pub evaluations: Vec<Evaluation>,
+    /// Trainings of the AIPs, in order of steps.
+    pub aip_trainings: Vec<AipTraining>,
+    /// Cross-entropies of the AIPs on fresh GS data, in order of steps; empty where the run did not measure them.
+    pub fresh_losses: Vec<FreshLoss>,
+    /// In order of periods.
+    pub periods: Vec<PeriodTime>,
+    pub memory: Option<Memory>,
+    /// Worker processes, or 1 for a run without any.
+    pub workers: usize,
+}
+
+/// An evaluation of the joint policy on the GS.
+#[derive(Clone, Debug)]
+pub struct Evaluation {
+    /// Timesteps per agent.
+    pub steps: u64,
+    pub all: Returns,
+    /// Agent by agent.
+    pub agents: Vec<Returns>,
+}
+
+/// Figures of an evaluation, of one agent or all.
+#[derive(Clone, Copy, Debug)]
+pub struct Returns {
+    pub mean: f64,
+    /// For all: over the agents' means.
+    pub median: f64,
+    /// Over the episodes.
+    pub std_error: f64,
+    /// Agents that are stuck; 0 or 1 for one agent.
+    pub stuck: usize,
+}
+
+/// Cross-entropy in nats, the mean of all agents and sources, on the held-out episodes of a dataset.
+#[derive(Clone, Copy, Debug)]
+pub struct AipTraining {
+    pub steps: u64,
+    pub before: f64,
+    pub after: f64,
+    /// Of the best constant.
+    pub marginals: f64,
+}
+
+/// Cross-entropy in nats, the mean of all agents and sources, on GS data that no AIP was trained on.
+#[derive(Clone, Copy, Debug)]
+pub struct FreshLoss {
+    pub steps: u64,
+    pub cross_entropy: f64,
+    pub marginals: Option<f64>,
+}
+
+/// Wall seconds since the run began, at the end of a period.
+#[derive(Clone, Copy, Debug)]
+pub struct PeriodTime {
+    pub steps: u64,
+    pub elapsed_s: f64,
+    /// Of it: evaluations of policies and AIPs, which are no part of the training.
+    pub evaluation_s: f64,
+    /// Of it: collection of datasets and training of the AIPs.
+    pub influence_s: f64,
+}
+
+impl PeriodTime {
+    /// Wall time without the evaluations, as the paper counts it.
+    pub fn runtime_s(self) -> f64 {
+        self.elapsed_s - self.evaluation_s
+    }
+}
+
+/// Peak memory in MB.
+#[derive(Clone, Copy, Debug)]
+pub struct Memory {
+    /// The largest process, shared libraries counted in full.
+    pub process_mb: f64,
+    /// All processes, likewise.
+    pub total_mb: f64,
+    /// All processes, shared pages counted once.
+    pub total_pss_mb: Option<f64>,
+}
+
+impl Memory {
+    /// The larger of each figure.
+    pub fn max(self, other: Memory) -> Memory {
+        Memory {
+            process_mb: self.process_mb.max(other.process_mb),
+            total_mb: self.total_mb.max(other.total_mb),
+            total_pss_mb: self.total_pss_mb.into_iter().chain(other.total_pss_mb).reduce(f64::max),
+        }
+    }
+}
+
+/// How far a run has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Status {
+    Finished,
+    /// Evaluated up to here.
+    Unfinished {
+        steps: u64,
+    },
+    /// Not evaluated yet, not even at its beginning.
+    Empty,
+}
+
+/// A run directory is a folder with a config.
+pub fn is_run_dir(path: &Path) -> bool {
+    path.join(files::CONFIG).is_file()
+}
+
+impl RunRecord {
+    pub fn read(dir: &Path) -> Result<RunRecord> {
+        let config = config::load(&dir.join(files::CONFIG), &[])?;
+        let timing = CsvTable::read(&dir.join(files::TIMING))?;
+        Ok(RunRecord {
+            config,
+            about: read_about(&dir.join(files::RUN))?,
+            evaluations: read_evaluations(&CsvTable::read(&dir.join(files::RETURNS))?)?,
+            aip_trainings: read_aip_trainings(&CsvTable::read(&dir.join(files::AIP_LOSS))?)?,
+            fresh_losses: read_fresh_losses(dir)?,
+            periods: read_periods(&timing)?,
+            memory: read_memory(&CsvTable::read(&dir.join(files::MEMORY))?)?,
+            workers: timing.lines().filter_map(|line| line.text("worker")?.parse::<usize>().ok()).max().unwrap_or(0)
+                + 1,
+            dir: dir.to_owned(),
+        })
+    }
+
+    pub fn status(&self) -> Status {
+        match self.evaluations.last() {
+            None => Status::Empty,
+            // Periods are whole updates of the policies, so the last one may end a little later than asked.
+            Some(last) if last.steps >= self.config.last_step() => Status::Finished,
+            Some(last) => Status::Unfinished { steps: last.steps },
+        }
+    }
+
+    /// How many agents learn, where an evaluation or the config tells.
+    pub fn agents(&self) -> Option<usize> {
+        let side = self.config.warehouse.as_ref().map(|warehouse| warehouse.agents_per_side);
+        self.evaluations.first().map(|first| first.agents.len()).or(side.map(|side| side * side))
+    }
+
+    /// The mean return of all agents at a step, interpolated between two evaluations; none outside of them.
+    pub fn return_at(&self, steps: u64) -> Option<f64> {
+        self.interpolated(steps, |evaluation| evaluation.all.mean)
+    }
+
+    /// The median over agents, likewise.
+    pub fn median_at(&self, steps: u64) -> Option<f64> {
+        self.interpolated(steps, |evaluation| evaluation.all.median)
+    }
+
+    fn interpolated(&self, steps: u64, figure: impl Fn(&Evaluation) -> f64) -> Option<f64> {
+        interpolate(self.evaluations.iter().map(|evaluation| (evaluation.steps, figure(evaluation))), steps)
+    }
+
+    /// Wall time without evaluations until a step, in seconds; none where the run has not come so far.
+    pub fn runtime_at(&self, steps: u64) -> Option<f64> {
+        interpolate(
+            std::iter::once((0, 0.0)).chain(self.periods.iter().map(|period| (period.steps, period.runtime_s()))),
+            steps,
+        )
+    }
+
+    /// The whole of it so far.
+    pub fn total_time(&self) -> Option<PeriodTime> {
+        self.periods.last().copied()
+    }
+}
+
+/// Linear between the points left and right of `at`; none outside of them. Where two points share a place, the first
+/// counts.
+fn interpolate(points: impl Iterator<Item = (u64, f64)>, at: u64) -> Option<f64> {
+    let mut before = None;
+    for (place, value) in points {
+        if place == at {
+            return Some(value);
+        }
+        if place > at {
+            let (left, left_value): (u64, f64) = before?;
+            let share = (at - left) as f64 / (place - left) as f64;
+            return Some(left_value + share * (value - left_value));
+        }
+        before = Some((place, value));
+    }
+    None
+}
+
+fn read_about(path: &Path) -> Result<Value> {
+    if !path.exists() {
+        return Ok(Value::Null);
+    }
+    let text = std::fs::read_to_string(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+    serde_json::from_str(&text).with_context(|| format!("{}: is no JSON", path.display()))
+}
+
+fn read_evaluations(table: &CsvTable) -> Result<Vec<Evaluation>> {
+    let mut evaluations: Vec<Evaluation> = Vec::new();
+    for line in table.lines() {
+        let returns = Returns {
+            mean: line.required("mean")?,
+            median: line.required("median")?,
+            std_error: line.required("std_error")?,
+            stuck: line.number("stuck")?.unwrap_or(0.0) as usize,
+        };
+        match (line.text("agent"), evaluations.last_mut()) {
+            (Some(ALL), _) => evaluations.push(Evaluation { steps: line.steps()?, all: returns, agents: Vec::new() }),
+            (_, Some(evaluation)) => evaluation.agents.push(returns),
+            (_, None) => anyhow::bail!("{}: begins with an agent and not with `{ALL}`", files::RETURNS),
+        }
+    }
+    Ok(evaluations)
+}
+
+fn of_all_sources(line: Line) -> bool {
+    line.text("agent") == Some(ALL) && line.text("source").is_none_or(|source| source == ALL)
+}
+
+fn read_aip_trainings(table: &CsvTable) -> Result<Vec<AipTraining>> {
+    let trainings = table.lines().filter(|&line| of_all_sources(line)).map(|line| {
+        Ok(AipTraining {
+            steps: line.steps()?,
+            before: line.required("held_out_before")?,
+            after: line.required("held_out_after")?,
+            marginals: line.required("held_out_marginals")?,
+        })
+    });
+    trainings.collect()
+}
+
+/// The file of the run that has a column `cross_entropy`.
+fn read_fresh_losses(dir: &Path) -> Result<Vec<FreshLoss>> {
+    const LOSS: &str = "cross_entropy";
+    let mut paths: Vec<PathBuf> = std::fs::read_dir(dir)?.map(|entry| Ok(entry?.path())).collect::<Result<_>>()?;
+    paths.retain(|path| path.extension().is_some_and(|extension| extension == "csv"));
+    paths.sort();
+    for path in paths {
+        let table = CsvTable::read(&path)?;
+        if table.has(LOSS) {
+            let losses = table.lines().filter(|&line| of_all_sources(line)).map(|line| {
+                let (steps, cross_entropy) = (line.steps()?, line.required(LOSS)?);
+                Ok(FreshLoss { steps, cross_entropy, marginals: line.number("marginals")? })
+            });
+            return losses.collect();
+        }
+    }
+    Ok(Vec::new())
+}
+
+/// The phases of `timing.csv` that are no training of policies. A file that lacks one of them spent no time there.
+const EVALUATION: [&str; 1] = ["evaluation_s"];
+const INFLUENCE: [&str; 2] = ["collection_s", "aip_training_s"];
+
+/// Sums of seconds since the run began.
+fn read_periods(table: &CsvTable) -> Result<Vec<PeriodTime>> {
+    let spent = |line: Line, columns: &[&str]| -> Result<f64> {
+        columns.iter().map(|column| Ok(line.number(column)?.unwrap_or(0.0))).sum()
+    };
+    let (mut evaluation_s, mut influence_s) = (0.0, 0.0);
+    let mut periods = Vec::new();
+    for line in table.lines().filter(|line| line.text("worker") == Some(ALL)) {
+        evaluation_s += spent(line, &EVALUATION)?;
+        influence_s += spent(line, &INFLUENCE)?;
+        let (steps, elapsed_s) = (line.steps()?, line.required("elapsed_s")?);
+        periods.push(PeriodTime { steps, elapsed_s, evaluation_s, influence_s });
+    }
+    Ok(periods)
+}
+
+fn read_memory(table: &CsvTable) -> Result<Option<Memory>> {
+    let mut memory: Option<Memory> = None;
+    for line in table.lines() {
+        let (rss, pss) = (line.required("peak_rss_mb")?, line.number("pss_mb")?);
+        let here = match line.text("process") {
+            Some(ALL) => Memory { process_mb: 0.0, total_mb: rss, total_pss_mb: pss },
+            _ => Memory { process_mb: rss, total_mb: 0.0, total_pss_mb: None },
+        };
+        memory = Some(memory.map_or(here, |so_far| so_far.max(here)));
+    }
+    Ok(memory)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn between_two_evaluations_a_curve_is_a_straight_line_and_beyond_them_there_is_none() {
+        let at = |steps| interpolate([(100, 10.0), (300, 20.0), (300, 90.0)].into_iter(), steps);
+        // A quarter of the way from 100 to 300 the value is 10 + 10 / 4.
+        assert_eq!((at(100), at(150), at(300)), (Some(10.0), Some(12.5), Some(20.0)));
+        assert_eq!((at(99), at(301)), (None, None));
+    }
+}

@@ -1,0 +1,139 @@
+//! The order in which a report tells what it has to tell.
+
+use anyhow::Result;
+
+use super::GridShape;
+use super::chart::{Looks, Svg};
+use super::document::{Block, Document, Figure};
+use super::group::Comparison;
+use super::pictures::{self, Against};
+use super::scenario::Domain;
+use super::tables;
+
+/// How the figures were made, for whoever wants to know.
+const RULES: [&str; 8] = [
+    "Runs that differ in nothing but their seed (and in where they were told to stop) are a group. A label names the keys \
+     of the config in which a group differs from most groups of its scenario.",
+    "A curve has a point at every step at which some run of the group was evaluated. A run counts there if it has come so \
+     far, interpolated on a straight line between two of its evaluations, and is never prolonged. Where a curve does not \
+     hold all runs of its group it is thin.",
+    "Against runtime, each point of the curve stands at the mean wall time of its runs, evaluations excluded.",
+    "The final return is that of the last evaluation. Only finished runs count, those with the most steps; where no run of a \
+     group is finished, all count at the last step that all have reached, and the table says so.",
+    "±: standard error of the mean over seeds. 95 % bootstrap: percentiles of 10 000 resamples of the seeds with fixed dice. \
+     With few seeds it is too narrow: with three it reaches from the lowest seed to the highest, which holds the true mean \
+     in three of four cases. `dials-traffic compare` gives Student's t intervals.",
+    "The median agent is the median over a run's agents of their mean returns: one lost agent moves it little.",
+    "Runtime: wall time without evaluations. Influence: collection of datasets and training of the AIPs, mean over workers; \
+     agents training: all the rest.",
+    "The paper's returns were read off its plots; its runtimes and memory are from its tables.",
+];
+
+/// The whole report.
+pub fn document(comparisons: &[Comparison], warnings: &[String], shape: GridShape) -> Result<Document> {
+    let labels = label_order(comparisons);
+    let looks = Looks::new(labels.iter().map(String::as_str));
+    let mut blocks = vec![Block::Paragraph(overview(comparisons))];
+    if !warnings.is_empty() {
+        blocks.push(Block::Heading(2, "Missing or unfinished".to_owned()));
+        blocks.push(Block::List(warnings.to_vec()));
+    }
+    for comparison in comparisons {
+        blocks.extend(scenario(comparison, &looks, shape)?);
+    }
+    for domain in [Domain::Traffic, Domain::Warehouse] {
+        let of_domain: Vec<&Comparison> =
+            comparisons.iter().filter(|comparison| comparison.scenario.domain == domain).collect();
+        if !of_domain.is_empty() {
+            blocks.extend(costs(domain, &of_domain, &looks)?);
+        }
+    }
+    blocks.push(Block::Heading(2, "How to read this".to_owned()));
+    blocks.push(Block::List(RULES.map(str::to_owned).to_vec()));
+    blocks.push(Block::Heading(2, "Runs".to_owned()));
+    blocks.push(Block::Table(tables::runs(comparisons)));
+    blocks.push(Block::Code(commands(comparisons)));
+    Ok(Document { title: "DIALS: learning curves, returns and costs".to_owned(), blocks })
+}
+
+fn overview(comparisons: &[Comparison]) -> String {
+    let groups = || comparisons.iter().flat_map(|comparison| &comparison.groups);
+    let runs: usize = groups().map(|group| group.runs.len()).sum();
+    let scenarios: Vec<String> = comparisons.iter().map(|comparison| comparison.scenario.title()).collect();
+    format!(
+        "{runs} runs in {} groups; {}. Paper: Suau et al., Distributed Influence-Augmented Local Simulators for Parallel \
+         MARL in Large Networked Systems, NeurIPS 2022.",
+        groups().count(),
+        scenarios.join("; ")
+    )
+}
+
+/// Looks are given out in this order: the paper's methods first, DIALS before GS, variants last.
+fn label_order(comparisons: &[Comparison]) -> Vec<String> {
+    let mut groups: Vec<_> = comparisons.iter().flat_map(|comparison| &comparison.groups).collect();
+    let kind = |simulator: &str| ["dials", "gs", "untrained-dials"].iter().position(|&kind| kind == simulator);
+    groups.sort_by_key(|group| {
+        let place = kind(&group.simulator).unwrap_or(usize::MAX);
+        (group.overrides.len().min(1), place, group.retrain_every, group.label())
+    });
+    groups.into_iter().map(|group| group.label()).collect()
+}
+
+fn scenario(comparison: &Comparison, looks: &Looks, shape: GridShape) -> Result<Vec<Block>> {
+    let (slug, title) = (&comparison.slug, comparison.scenario.title());
+    let mut blocks =
+        vec![Block::Heading(2, title[..1].to_uppercase() + &title[1..]), Block::Table(tables::finals(comparison))];
+    let against = |against| pictures::learning(comparison, looks, against);
+    let figures = [
+        (format!("learning_{slug}"), format!("Learning curves, {title}."), against(Against::Timesteps)?),
+        (
+            format!("runtime_curves_{slug}"),
+            format!("Learning curves against runtime, {title}."),
+            against(Against::Runtime)?,
+        ),
+        (
+            format!("aip_cross_entropy_{slug}"),
+            format!(
+                "Cross-entropy of the AIPs, {title}. AIPs before their first training are far above (aip_cross_entropy.csv)."
+            ),
+            pictures::cross_entropy(comparison, looks)?,
+        ),
+        (format!("agents_{slug}"), format!("Every agent at the end, {title}."), pictures::agents(comparison, shape)?),
+    ];
+    blocks.extend(figures.into_iter().filter_map(|(name, caption, svg)| Some(figure(name, caption, svg?))));
+    blocks.push(Block::Table(tables::agents(comparison)));
+    Ok(blocks)
+}
+
+fn costs(domain: Domain, comparisons: &[&Comparison], looks: &Looks) -> Result<Vec<Block>> {
+    let name = domain.name();
+    Ok(vec![
+        Block::Heading(2, format!("All sizes, {name}")),
+        figure(
+            format!("final_return_{name}"),
+            format!("Final return by number of agents, {name}. Diamonds: the paper, where ours ran as long."),
+            pictures::final_bars(domain, comparisons, looks)?,
+        ),
+        figure(
+            format!("runtime_{name}"),
+            format!("Runtime by number of agents, {name}. Diamonds: the paper, where ours ran as long."),
+            pictures::runtime_bars(domain, comparisons, looks)?,
+        ),
+        Block::Table(tables::runtimes(domain, comparisons)),
+        Block::Table(tables::memory(domain, comparisons)),
+    ])
+}
+
+fn figure(name: String, caption: String, svg: Svg) -> Block {
+    Block::Figure(Figure { name, caption, svg })
+}
+
+/// What made the runs, as `run.json` tells it.
+fn commands(comparisons: &[Comparison]) -> String {
+    let runs = comparisons.iter().flat_map(|comparison| &comparison.groups).flat_map(|group| &group.runs);
+    let commands = runs.filter_map(|run| {
+        let words: Vec<&str> = run.about["command"].as_array()?.iter().filter_map(|word| word.as_str()).collect();
+        Some(format!("dials-traffic {}", words.get(1..)?.join(" ")))
+    });
+    commands.collect::<Vec<_>>().join("\n")
+}

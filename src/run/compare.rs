@@ -1,0 +1,39 @@
+//! `compare`
+
+use std::path::PathBuf;
+
+use anyhow::{Context, ensure};
+
+use super::terminal::answer;
+use crate::cli;
+use crate::error::{Error, Result};
+use crate::report::compare::{Side, compare as compare_sides};
+
+pub fn compare(args: &cli::Compare) -> Result<()> {
+    let side = |name: &str| Side::open(name, &folders(name)?);
+    let (a, b) = (side(&args.a).map_err(Error::Usage)?, side(&args.b).map_err(Error::Usage)?);
+    let verdict = compare_sides(&a, &b, args.reach).map_err(Error::Usage)?;
+    let found = if args.json { verdict.to_json(&a, &b).to_string() } else { verdict.to_text(&a, &b) };
+    answer(found).map_err(Error::Run)
+}
+
+/// The folders that a side names: a path, a pattern such as `runs/x-seed*`, or several of them with commas between.
+fn folders(name: &str) -> anyhow::Result<Vec<PathBuf>> {
+    let whole = PathBuf::from(name);
+    if whole.exists() {
+        return Ok(vec![whole]);
+    }
+    let mut folders = Vec::new();
+    for part in name.split(',') {
+        let path = PathBuf::from(part);
+        if path.exists() {
+            folders.push(path);
+            continue;
+        }
+        let matches = glob::glob(part).with_context(|| format!("{part}: is neither a folder nor a pattern"))?;
+        let before = folders.len();
+        folders.extend(matches.filter_map(|path| path.ok().filter(|path| path.is_dir())));
+        ensure!(folders.len() > before, "{part}: no such folder");
+    }
+    Ok(folders)
+}

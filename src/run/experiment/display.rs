@@ -1,0 +1,138 @@
+//! What a person sees of an experiment: a line per run at work and one for the whole; plain lines where there is no terminal.
+
+use std::collections::BTreeMap;
+use std::io::IsTerminal;
+use std::time::{Duration, Instant};
+
+use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
+
+use super::child::Said;
+use super::plan::Task;
+use crate::run::progress::{duration, plain_line};
+use crate::run::terminal::tell;
+
+/// How often plain lines tell of all runs at work.
+const PLAIN_LINES_EVERY: Duration = Duration::from_secs(60);
+/// Of a bar whose task has no timesteps.
+const NO_STEPS: u64 = 1;
+
+pub struct Display {
+    bars: MultiProgress,
+    terminal: bool,
+    whole: ProgressBar,
+    begun: Instant,
+    last_plain: Instant,
+    /// By task; those at work have a bar.
+    tasks: BTreeMap<String, State>,
+}
+
+struct State {
+    /// Estimated seconds of the whole task.
+    weight: f64,
+    /// Of them, what was done before and is done now.
+    share_before: f64,
+    share: f64,
+    steps: u64,
+    bar: Option<ProgressBar>,
+}
+
+impl Display {
+    pub fn new(tasks: &[Task]) -> Self {
+        let terminal = std::io::stderr().is_terminal();
+        let bars = MultiProgress::new();
+        let style = ProgressStyle::with_template("{bar:30.green/blue} {pos} of {len} done  {msg}");
+        let whole = ProgressBar::new(tasks.len() as u64).with_style(style.expect("the template is well-formed"));
+        let whole = bars.add(whole);
+        whole.set_position(0);
+        let state = |task: &Task| State {
+            weight: task.estimate.seconds,
+            share_before: task.share,
+            share: task.share,
+            steps: task.steps,
+            bar: None,
+        };
+        let tasks = tasks.iter().map(|task| (task.name.clone(), state(task))).collect();
+        let now = Instant::now();
+        Display { bars, terminal, whole, begun: now, last_plain: now, tasks }
+    }
+
+    /// A line that stays.
+    pub fn say(&self, line: &str) {
+        match self.terminal {
+            true => self.bars.suspend(|| tell(line)),
+            false => tell(line),
+        }
+    }
+
+    pub fn began(&mut self, task: &Task) {
+        let style = ProgressStyle::with_template("{bar:30.cyan/blue} {percent:>3} %  {prefix}  {msg}");
+        let bar = ProgressBar::new(task.steps.max(NO_STEPS)).with_style(style.expect("the template is well-formed"));
+        let bar = self.bars.insert_before(&self.whole, bar).with_prefix(task.name.clone());
+        bar.set_message("at work");
+        bar.set_position((task.share * task.steps as f64) as u64);
+        if !self.terminal {
+            let resumed = if task.share > 0.0 { "resumed" } else { "began" };
+            tell(format_args!("{resumed} {}", task.name));
+        }
+        if let Some(state) = self.tasks.get_mut(&task.name) {
+            state.bar = Some(bar);
+        }
+    }
+
+    pub fn heard(&mut self, said: &Said) {
+        let Some(state) = self.tasks.get_mut(&said.task) else { return };
+        if let (Some((steps, words)), Some(bar)) = (plain_line(&said.line), &state.bar) {
+            let steps = steps.min(state.steps);
+            state.share = steps as f64 / state.steps.max(NO_STEPS) as f64;
+            bar.set_position(steps);
+            bar.set_message(words.to_owned());
+        }
+    }
+
+    /// `why` where it did not end well.
+    pub fn ended(&mut self, task: &Task, why: Option<&str>) {
+        let Some(state) = self.tasks.get_mut(&task.name) else { return };
+        let words = state.bar.take().map_or(String::new(), |bar| {
+            let words = if task.steps > 0 { format!(": {}", bar.message()) } else { String::new() };
+            bar.finish_and_clear();
+            self.bars.remove(&bar);
+            words
+        });
+        match why {
+            None => {
+                state.share = 1.0;
+                self.whole.inc(1);
+                self.say(&format!("finished {}{words}", task.name));
+            }
+            Some(why) => self.say(&format!("{}: {why}", task.name)),
+        }
+    }
+
+    pub fn tick(&mut self) {
+        self.whole.set_message(self.time_left().map_or(String::new(), |left| format!("about {} left", duration(left))));
+        if !self.terminal && self.last_plain.elapsed() >= PLAIN_LINES_EVERY {
+            self.last_plain = Instant::now();
+            for (name, state) in &self.tasks {
+                if let Some(bar) = &state.bar {
+                    tell(format_args!("{name}: {:.0} %, {}", 100.0 * state.share, bar.message()));
+                }
+            }
+            let left = self.time_left().map_or(String::new(), |left| format!(", about {} left", duration(left)));
+            tell(format_args!("{} of {} done{left}", self.whole.position(), self.tasks.len()));
+        }
+    }
+
+    /// As fast as so far, with runs weighed by what they are estimated to take.
+    fn time_left(&self) -> Option<Duration> {
+        let sum =
+            |share: &dyn Fn(&State) -> f64| self.tasks.values().map(|state| state.weight * share(state)).sum::<f64>();
+        let done = sum(&|state| state.share - state.share_before);
+        let left = sum(&|state| 1.0 - state.share);
+        // One percent says enough.
+        (done > 0.01 * (done + left)).then(|| self.begun.elapsed().mul_f64(left / done))
+    }
+
+    pub fn finish(&self) {
+        self.whole.finish_and_clear();
+    }
+}

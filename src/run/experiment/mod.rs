@@ -1,0 +1,171 @@
+//! `experiment`: makes all runs of a file that are not there yet, over the cores of this machine.
+//!
+//! Every run is a `train` of its own process, tied to the life of this one. The run directories are the only memory, so
+//! an experiment that was killed goes on when it is called again.
+
+mod child;
+mod display;
+mod plan;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::Duration;
+
+use anyhow::{Context, anyhow};
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::flag;
+
+use super::terminal::{answer, program, quoted};
+use crate::cli;
+use crate::error::{Error, Result};
+use crate::experiment::file::Experiment;
+use crate::experiment::schedule::Cores;
+use crate::report::find::{BASELINES, PLAN, Plan};
+use crate::training::files::{lock, write_atomically};
+use child::{Child, Said};
+use display::Display;
+use plan::{Task, Tasks};
+
+/// Where the processes' words go, in the folder of the runs.
+const LOGS: &str = "logs";
+/// How often it is looked whether a process has ended.
+const LOOK_EVERY: Duration = Duration::from_millis(200);
+
+pub fn experiment(args: &cli::Experiment) -> Result<()> {
+    let name = args.file.file_stem().unwrap_or_default();
+    let folder = args.out.clone().unwrap_or_else(|| Path::new("results").join(name).join("runs"));
+    let cores = args.cores.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
+    let experiment = Experiment::read(&args.file, &super::domain::agents).map_err(Error::Usage)?;
+    if args.dry_run {
+        let tasks = Tasks::look(&experiment, &folder, cores).map_err(Error::Usage)?;
+        return answer(tasks.table()).map_err(Error::Run);
+    }
+    let made = [folder.clone(), folder.join(LOGS), folder.join(BASELINES)];
+    let _lock = made
+        .iter()
+        .try_for_each(|folder| {
+            fs::create_dir_all(folder).with_context(|| format!("{}: cannot be made", folder.display()))
+        })
+        .and_then(|()| {
+            lock(&folder).with_context(|| format!("{}: another experiment is at work here", folder.display()))
+        })
+        .map_err(Error::Usage)?;
+    let tasks = Tasks::look(&experiment, &folder, cores).map_err(Error::Usage)?;
+    let plan = Plan { runs: experiment.runs.iter().map(|run| run.name.clone()).collect() };
+    let plan = serde_json::to_vec_pretty(&plan).expect("names are JSON");
+    write_atomically(&folder.join(PLAN), &plan).map_err(Error::Usage)?;
+    let finished = tasks.finished();
+    let outcome = Work::begin(tasks, &folder, cores).and_then(Work::carry_out).map_err(Error::Run)?;
+    let again = format!("{} experiment {} --out {}", program(), quoted(&args.file), quoted(&folder));
+    let failed = outcome.failed.len();
+    match outcome {
+        Outcome { failed: names, .. } if failed > 0 => Err(Error::Run(anyhow!(
+            "{failed} of {} failed: {}; their last words are in {}; the others are done, and these go on with: {again}",
+            outcome.tasks,
+            names.join(", "),
+            folder.join(LOGS).display()
+        ))),
+        Outcome { interrupted: true, .. } => Err(Error::Interrupted(format!("stopped; go on with: {again}"))),
+        Outcome { tasks, .. } => {
+            let report = folder.with_file_name("report");
+            answer(format_args!(
+                "{tasks} done now, {finished} were done before; make the report with:\n  {} report {} --out {}",
+                program(),
+                quoted(&folder),
+                quoted(&report)
+            ))
+            .map_err(Error::Run)
+        }
+    }
+}
+
+/// What came of an experiment.
+struct Outcome {
+    tasks: usize,
+    failed: Vec<String>,
+    interrupted: bool,
+}
+
+/// An experiment at work.
+struct Work {
+    folder: PathBuf,
+    waiting: Vec<Task>,
+    working: Vec<(Task, Child)>,
+    cores: Cores,
+    display: Display,
+    said: (Sender<Said>, Receiver<Said>),
+    stop: Arc<AtomicBool>,
+    outcome: Outcome,
+}
+
+impl Work {
+    fn begin(tasks: Tasks, folder: &Path, cores: usize) -> anyhow::Result<Work> {
+        let stop = Arc::new(AtomicBool::new(false));
+        for signal in [SIGINT, SIGTERM] {
+            // In this order: the second one finds the flag that the first one has set.
+            flag::register_conditional_shutdown(signal, 130, stop.clone())?;
+            flag::register(signal, stop.clone())?;
+        }
+        let mut waiting = tasks.unfinished();
+        let outcome = Outcome { tasks: waiting.len(), failed: Vec::new(), interrupted: false };
+        let display = Display::new(&waiting);
+        // The next one is taken from the end.
+        waiting.reverse();
+        Ok(Work {
+            folder: folder.to_owned(),
+            waiting,
+            working: Vec::new(),
+            cores: Cores::new(cores),
+            display,
+            said: channel(),
+            stop,
+            outcome,
+        })
+    }
+
+    fn carry_out(mut self) -> anyhow::Result<Outcome> {
+        loop {
+            if self.stop.load(Ordering::Relaxed) && !self.outcome.interrupted {
+                self.outcome.interrupted = true;
+                self.waiting.clear();
+                self.display.say("stopping at the end of each run's period; Ctrl-C again stops at once");
+                self.working.iter().for_each(|(_, child)| child.ask_to_stop());
+            }
+            while let Some(task) = self.waiting.pop_if(|task| self.cores.take(task.width)) {
+                let child = Child::start(&task, &self.folder, self.said.0.clone())?;
+                self.display.began(&task);
+                self.working.push((task, child));
+            }
+            if self.working.is_empty() {
+                self.display.finish();
+                return Ok(self.outcome);
+            }
+            if let Ok(said) = self.said.1.recv_timeout(LOOK_EVERY) {
+                self.display.heard(&said);
+                continue;
+            }
+            self.display.tick();
+            self.look_who_ended()?;
+        }
+    }
+
+    fn look_who_ended(&mut self) -> anyhow::Result<()> {
+        let mut still = Vec::new();
+        for (task, mut child) in std::mem::take(&mut self.working) {
+            let Some(ended) = child.ended()? else {
+                still.push((task, child));
+                continue;
+            };
+            self.cores.give_back(task.width);
+            if ended.is_err() && !self.outcome.interrupted {
+                self.outcome.failed.push(task.name.clone());
+            }
+            self.display.ended(&task, ended.err().as_deref());
+        }
+        self.working = still;
+        Ok(())
+    }
+}

@@ -1,0 +1,160 @@
+//! What there is to do, with the time and the memory that it will take.
+
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+
+use crate::config::SimulatorKind;
+use crate::experiment::estimate::{Estimate, Source, estimate};
+use crate::experiment::file::{Experiment, PlannedBaseline, PlannedRun};
+use crate::experiment::progress::{Stage, directory, stage};
+use crate::experiment::schedule::{Job, Total, total, width};
+use crate::report::find::{BASELINES, find};
+use crate::report::run_dir::RunRecord;
+use crate::report::words::duration;
+
+/// One process of the experiment.
+#[derive(Clone, Debug)]
+pub struct Task {
+    pub name: String,
+    /// What the program is called with.
+    pub arguments: Vec<OsString>,
+    /// Where its standard output goes, if it is the result.
+    pub result: Option<PathBuf>,
+    /// Cores that it takes.
+    pub width: usize,
+    /// Timesteps of the whole run; 0 for what has none.
+    pub steps: u64,
+    pub stage: Stage,
+    /// From 0 to 1, what is behind it.
+    pub share: f64,
+    pub agents: usize,
+    /// Of the whole task.
+    pub estimate: Estimate,
+}
+
+impl Task {
+    fn of_run(run: &PlannedRun, folder: &Path, width: usize, measured: &[RunRecord]) -> Result<Task> {
+        let stage = stage(folder, run)?;
+        let dir = directory(folder, run);
+        let mut arguments: Vec<OsString> = vec!["train".into()];
+        match stage {
+            Stage::New => {
+                arguments.extend([run.config_path.clone().into(), "--out".into(), dir.into()]);
+                run.settings.iter().for_each(|setting| arguments.extend(["--set".into(), setting.into()]));
+            }
+            Stage::Begun { .. } | Stage::Finished => arguments.extend(["--resume".into(), dir.into()]),
+        }
+        arguments.extend(["--workers".into(), width.to_string().into()]);
+        Ok(Task {
+            name: run.name.clone(),
+            arguments,
+            result: None,
+            width,
+            steps: run.config.last_step(),
+            share: stage.share(run),
+            stage,
+            agents: run.agents,
+            estimate: estimate(run, width, measured),
+        })
+    }
+
+    fn of_baseline(baseline: &PlannedBaseline, folder: &Path) -> Task {
+        let result = folder.join(BASELINES).join(format!("{}.json", baseline.name));
+        let done = result.is_file();
+        let mut arguments: Vec<OsString> = vec!["baseline".into(), baseline.config_path.clone().into()];
+        arguments.extend(["--controller", &baseline.controller, "--json", "--episodes"].map(OsString::from));
+        arguments.push(baseline.episodes.to_string().into());
+        Task {
+            name: baseline.name.clone(),
+            arguments,
+            result: Some(result),
+            width: 1,
+            steps: 0,
+            stage: if done { Stage::Finished } else { Stage::New },
+            share: if done { 1.0 } else { 0.0 },
+            agents: 0,
+            estimate: Estimate { seconds: 20.0, memory_mb: 200.0, source: Source::Constants },
+        }
+    }
+
+    fn job(&self) -> Job {
+        let Estimate { seconds, memory_mb, .. } = self.estimate;
+        Job { width: self.width, seconds: seconds * (1.0 - self.share), memory_mb }
+    }
+}
+
+/// All processes of an experiment, done or not.
+pub struct Tasks {
+    tasks: Vec<Task>,
+    cores: usize,
+}
+
+impl Tasks {
+    /// Looks what is there.
+    pub fn look(experiment: &Experiment, folder: &Path, cores: usize) -> Result<Tasks> {
+        let measured = if folder.is_dir() {
+            find(&[folder.to_owned()]).map_or(Vec::new(), |found| found.runs)
+        } else {
+            Vec::new()
+        };
+        let mut tasks: Vec<Task> =
+            experiment.baselines.iter().map(|baseline| Task::of_baseline(baseline, folder)).collect();
+        for run in &experiment.runs {
+            let gs = run.config.simulator == SimulatorKind::Gs;
+            let width = width(run.agents, gs, experiment.all_cores_from_agents, cores);
+            tasks.push(Task::of_run(run, folder, width, &measured)?);
+        }
+        Ok(Tasks { tasks, cores })
+    }
+
+    pub fn finished(&self) -> usize {
+        self.tasks.iter().filter(|task| task.stage == Stage::Finished).count()
+    }
+
+    /// What is not finished, in order.
+    pub fn unfinished(self) -> Vec<Task> {
+        self.tasks.into_iter().filter(|task| task.stage != Stage::Finished).collect()
+    }
+
+    /// The answer of `--dry-run`.
+    pub fn table(&self) -> String {
+        let widest = self.tasks.iter().map(|task| task.name.chars().count()).max().unwrap_or(0).max(8);
+        let header = format!(
+            "{:<widest$}  {:<14} {:>6} {:>5} {:>10} {:>10}",
+            "run", "stage", "agents", "cores", "time left", "memory"
+        );
+        let row = |task: &Task| {
+            let Job { seconds, memory_mb, .. } = task.job();
+            let (stage, agents) =
+                (task.stage.name(), if task.agents > 0 { task.agents.to_string() } else { "-".to_owned() });
+            let (time, memory) = match task.stage {
+                Stage::Finished => ("-".to_owned(), "-".to_owned()),
+                _ => (duration(seconds), format!("{memory_mb:.0} MB")),
+            };
+            format!("{:<widest$}  {stage:<14} {agents:>6} {:>5} {time:>10} {memory:>10}", task.name, task.width)
+        };
+        let to_do: Vec<&Task> = self.tasks.iter().filter(|task| task.stage != Stage::Finished).collect();
+        let jobs: Vec<Job> = to_do.iter().map(|task| task.job()).collect();
+        let Total { seconds, memory_mb } = total(&jobs, self.cores);
+        let mut lines = vec![header];
+        lines.extend(self.tasks.iter().map(row));
+        lines.push(String::new());
+        lines.push(format!(
+            "{} to do, {} finished; about {} on {} {}, up to {memory_mb:.0} MB at a time",
+            to_do.len(),
+            self.finished(),
+            duration(seconds),
+            self.cores,
+            if self.cores == 1 { "core" } else { "cores" }
+        ));
+        let guessed = to_do.iter().filter(|task| task.steps > 0 && task.estimate.source == Source::Constants).count();
+        if guessed > 0 {
+            lines.push(format!(
+                "{guessed} of the estimates are from another machine; they get better when the first runs are done"
+            ));
+        }
+        lines.join("\n")
+    }
+}

@@ -1,0 +1,32 @@
+//! `report`
+
+use std::fs;
+use std::path::Path;
+
+use anyhow::Context;
+
+use super::directory::{self, Existing};
+use super::domain;
+use super::terminal::{answer, quoted, tell};
+use crate::cli;
+use crate::error::{Error, Result};
+use crate::report::{self, MARKDOWN, PAGE};
+
+pub fn report(args: &cli::Report) -> Result<()> {
+    let existing = if args.force { Existing::MoveAside } else { Existing::Refuse };
+    directory::refuse(&args.out, existing).map_err(Error::Usage)?;
+    let report = report::report(&args.folders, &|run| domain::grid_shape(&run.config).ok()).map_err(Error::Usage)?;
+    let out = directory::place(&args.out, existing, |dir| {
+        report.files.iter().try_for_each(|(name, text)| write(&dir.join(name), text))
+    });
+    let out = out.map_err(Error::Usage)?;
+    report.warnings.iter().for_each(|warning| tell(format_args!("warning: {warning}")));
+    let (page, markdown) = (out.join(PAGE), out.join(MARKDOWN));
+    let (runs, groups) = (report.runs, report.groups);
+    let told = format!("{runs} runs in {groups} groups; open {} or read {}", quoted(&page), quoted(&markdown));
+    answer(told).map_err(Error::Run)
+}
+
+fn write(path: &Path, text: &str) -> anyhow::Result<()> {
+    fs::write(path, text).with_context(|| format!("{}: cannot be written", path.display()))
+}

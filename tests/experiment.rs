@@ -1,0 +1,153 @@
+//! `experiment`: what is there is skipped, what was begun goes on, and a kill loses nothing.
+
+use std::fs;
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+use std::time::{Duration, Instant};
+
+use assert_cmd::Command;
+
+/// A warehouse of one robot, which trains in a moment.
+const CONFIG: &str = "total_steps = 256\n[warehouse]\nagents_per_side = 1\nhorizon = 8\n[policy]\nhidden = [8]\n\
+                      [aip]\nhidden = [8]\nretrain_every_steps = 256\ndataset_steps = 64\nbatch = 8\nepochs = 1\n\
+                      [evaluation]\nevery_steps = 128\nepisodes = 2\n";
+
+struct Place {
+    dir: tempfile::TempDir,
+}
+
+impl Place {
+    fn new(experiment: &str) -> Place {
+        let dir = tempfile::tempdir().unwrap();
+        fs::write(dir.path().join("small.toml"), CONFIG).unwrap();
+        fs::write(dir.path().join("e.toml"), experiment).unwrap();
+        Place { dir }
+    }
+
+    fn experiment(&self, more: &[&str]) -> Command {
+        let mut command = assert_cmd::cargo::cargo_bin_cmd!("dials-traffic");
+        command.current_dir(self.dir.path()).args(["experiment", "e.toml", "--cores", "2"]).args(more);
+        command
+    }
+
+    fn runs(&self) -> PathBuf {
+        self.dir.path().join("results/e/runs")
+    }
+
+    fn returns(&self, run: &str) -> String {
+        fs::read_to_string(self.runs().join(run).join("returns.csv")).unwrap()
+    }
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).unwrap()
+}
+
+const TWO_SEEDS: &str = "seeds = [1, 2]\ncontrollers = ['random']\ncontroller_episodes = 2\n\
+                         [[grid]]\nconfigs = ['small.toml']\nsimulators = ['dials', 'gs']\n";
+
+#[test]
+fn an_experiment_makes_all_its_runs_and_then_has_nothing_to_do() {
+    let place = Place::new(TWO_SEEDS);
+    let assert = place.experiment(&[]).assert().success();
+    let said = text(&assert.get_output().stdout);
+    assert!(said.contains("5 done now, 0 were done before"), "{said}");
+    assert!(said.contains("report results/e/runs --out results/e/report"), "{said}");
+    for run in ["small-dials-seed1", "small-dials-seed2", "small-gs-seed1", "small-gs-seed2"] {
+        assert!(place.returns(run).contains("\n256,all,"), "{run}");
+    }
+    let baseline = fs::read_to_string(place.runs().join("baselines/small-random.json")).unwrap();
+    assert!(baseline.contains("\"scenario\":\"warehouse-1-8\""), "{baseline}");
+
+    let before = fs::metadata(place.runs().join("small-gs-seed1/returns.csv")).unwrap().modified().unwrap();
+    let assert = place.experiment(&[]).assert().success();
+    assert!(text(&assert.get_output().stdout).contains("0 done now, 5 were done before"));
+    let after = fs::metadata(place.runs().join("small-gs-seed1/returns.csv")).unwrap().modified().unwrap();
+    assert_eq!(before, after);
+}
+
+#[test]
+fn a_dry_run_only_tells_what_there_is_to_do() {
+    let place = Place::new(TWO_SEEDS);
+    let assert = place.experiment(&["--dry-run"]).assert().success();
+    let said = text(&assert.get_output().stdout);
+    assert!(said.contains("5 to do, 0 finished"), "{said}");
+    assert!(said.lines().any(|line| line.starts_with("small-dials-seed2") && line.contains(" new ")), "{said}");
+    assert!(!place.runs().exists());
+}
+
+#[test]
+fn a_run_that_a_killed_experiment_left_goes_on_to_the_same_numbers() {
+    // Long enough to be killed in the middle; a period every 128 steps.
+    let long = "seeds = [1]\nset = ['total_steps=7680']\n[[grid]]\nconfigs = ['small.toml']\n";
+    let place = Place::new(long);
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_dials-traffic"));
+    command.current_dir(place.dir.path()).args(["experiment", "e.toml"]).stdout(Stdio::null()).stderr(Stdio::null());
+    let mut killed = command.process_group(0).spawn().unwrap();
+    let returns = place.runs().join("small-dials-seed1/returns.csv");
+    let begun = Instant::now();
+    while fs::read_to_string(&returns).map_or(0, |text| text.matches(",all,").count()) < 5 {
+        assert!(begun.elapsed() < Duration::from_secs(60), "no run began");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    killed.kill().unwrap();
+    killed.wait().unwrap();
+    // The run ends with the experiment: nobody holds its directory any more.
+    let run = fs::File::open(place.runs().join("small-dials-seed1")).unwrap();
+    let killed_at = Instant::now();
+    while run.try_lock().is_err() {
+        assert!(killed_at.elapsed() < Duration::from_secs(60), "the run lives on");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    drop(run);
+    let cut_short = fs::read_to_string(&returns).unwrap();
+    assert!(!cut_short.contains("\n7680,all,"), "it was killed too late to tell");
+
+    let dry = text(&place.experiment(&["--dry-run"]).assert().success().get_output().stdout);
+    assert!(dry.contains("to be resumed"), "{dry}");
+    let said = text(&place.experiment(&[]).assert().success().get_output().stderr);
+    assert!(said.contains("resumed small-dials-seed1"), "{said}");
+
+    let whole = Place::new(long);
+    whole.experiment(&[]).assert().success();
+    assert_eq!(place.returns("small-dials-seed1"), whole.returns("small-dials-seed1"));
+}
+
+#[test]
+fn a_run_that_fails_stops_no_other_and_is_named() {
+    let place = Place::new("seeds = [1]\ncontrollers = ['nobody']\n[[grid]]\nconfigs = ['small.toml']\n");
+    let output = place.experiment(&[]).assert().code(1).get_output().clone();
+    let said = text(&output.stderr);
+    assert!(said.contains("error: 1 of 2 failed: small-nobody"), "{said}");
+    assert!(said.contains("small-nobody: error: ") && said.contains("oldest-item"), "why: {said}");
+    assert!(place.returns("small-dials-seed1").contains("\n256,all,"));
+    assert!(!place.runs().join("baselines/small-nobody.json").exists());
+}
+
+#[test]
+fn another_run_in_the_way_is_left_alone() {
+    let place = Place::new(TWO_SEEDS);
+    place.experiment(&[]).assert().success();
+    let changed = TWO_SEEDS.replace("[[grid]]", "set = ['ppo.clip=0.3']\n[[grid]]");
+    fs::write(place.dir.path().join("e.toml"), changed).unwrap();
+    let output = place.experiment(&[]).assert().code(2).get_output().clone();
+    let said = text(&output.stderr);
+    assert!(said.contains("small-dials-seed1: holds another run than the experiment means"), "{said}");
+    assert!(said.contains("ppo.clip: 0.1 there, 0.3 planned"), "{said}");
+}
+
+#[test]
+fn the_files_of_this_project_are_well_formed() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments");
+    let mut files: Vec<PathBuf> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    files.retain(|file| file.extension().is_some_and(|extension| extension == "toml"));
+    assert!(files.len() >= 10, "{files:?}");
+    for file in files {
+        let mut command = assert_cmd::cargo::cargo_bin_cmd!("dials-traffic");
+        let nowhere = tempfile::tempdir().unwrap();
+        command.current_dir(nowhere.path()).arg("experiment").arg(&file).arg("--dry-run");
+        let said = text(&command.assert().success().get_output().stdout);
+        assert!(said.contains(" to do, 0 finished; about "), "{said}");
+    }
+}
