@@ -48,6 +48,10 @@ struct RegionHandles {
 
 impl Forest {
     fn load(count: usize) -> Forest {
+        Forest::load_with(count, &[])
+    }
+
+    fn load_with(count: usize, more: &[&str]) -> Forest {
         let dir = tempfile::tempdir().unwrap();
         let files = write_forest(&NetworkFiles::of(&saved("local")), count, dir.path()).unwrap();
         let options = [
@@ -58,7 +62,8 @@ impl Forest {
             "--time-to-teleport",
             "-1",
         ];
-        let mut simulation = Simulation::load(&options.map(str::to_owned)).unwrap();
+        let options: Vec<String> = options.iter().chain(more).map(|&option| option.to_owned()).collect();
+        let mut simulation = Simulation::load(&options).unwrap();
         let regions = (0..count).map(Region).map(|region| RegionHandles {
             lanes: simulation
                 .register_lanes(&[region.incoming_lanes(), region.internal_lanes(), region.outgoing_lanes()].concat())
@@ -79,11 +84,13 @@ impl Forest {
 struct Script {
     dice: Dice,
     light: Light,
+    /// Probability that a car wants to enter an edge in a step.
+    density: f64,
 }
 
 impl Script {
     fn of(region: usize) -> Script {
-        Script { dice: Seed::new(77).for_agent(AgentId(region)).dice(), light: Light::VerticalGreen }
+        Script { dice: Seed::new(77).for_agent(AgentId(region)).dice(), light: Light::VerticalGreen, density: 0.15 }
     }
 
     /// The entries of one step and the light.
@@ -91,15 +98,18 @@ impl Script {
         if self.dice.random_bool(0.1) {
             self.light = Light::ALL[self.dice.random_range(0..4)];
         }
-        (std::array::from_fn(|_| self.dice.random_bool(0.15)), self.light)
+        (std::array::from_fn(|_| self.dice.random_bool(self.density)), self.light)
     }
 }
 
 /// Positions and speeds, bit by bit, on the 12 lanes of every region at every step.
 fn trace_of_forest(regions: &[usize], steps: usize) -> Vec<Vec<u64>> {
-    let mut forest = Forest::load(regions.len());
-    let mut scripts: Vec<Script> = regions.iter().map(|&region| Script::of(region)).collect();
-    let mut traces = vec![Vec::new(); regions.len()];
+    let scripts = regions.iter().map(|&region| Script::of(region)).collect();
+    trace_under(scripts, Forest::load(regions.len()), steps)
+}
+
+fn trace_under(mut scripts: Vec<Script>, mut forest: Forest, steps: usize) -> Vec<Vec<u64>> {
+    let mut traces = vec![Vec::new(); scripts.len()];
     let (mut table, mut serial) = (CarTable::new(), 0);
     for _ in 0..steps {
         for (row, script) in scripts.iter_mut().enumerate() {
@@ -133,6 +143,17 @@ fn an_intersection_of_a_forest_of_8_or_50_is_bit_identical_to_itself_alone() {
         for (region, trace) in together.iter().enumerate() {
             assert!(*trace == alone[region], "region {region} in a forest of {count}");
         }
+    }
+}
+
+#[test]
+fn whether_a_forest_looks_for_collisions_makes_no_difference_because_there_are_none() {
+    for density in [0.05, 0.15, 0.9] {
+        let [with, without] = [&[][..], &["--collision.action", "none"]].map(|options| {
+            let scripts = (0..20).map(|region| Script { density, ..Script::of(region) }).collect();
+            trace_under(scripts, Forest::load_with(20, options), 300)
+        });
+        assert!(with == without, "at density {density}");
     }
 }
 
