@@ -17,7 +17,7 @@
 //! | "in parallel, for i in N" | [`training::fleet`], [`processes`] |
 //!
 //! Rooms, in the order in which they may use each other (a test holds it): [`base`]; [`config`], [`domain`], [`sumo`];
-//! [`nn`]; [`traffic`], [`warehouse`]; [`influence`], [`policy`]; [`evaluation`]; [`training`]; [`processes`]; [`run`]
+//! [`nn`]; [`traffic`], [`warehouse`]; [`plot`]; [`influence`], [`policy`]; [`evaluation`]; [`training`]; [`processes`]; [`run`]
 //! with [`cli`] and [`error`]. Simulators never see a tensor; training never sees a process or SUMO; only [`run`] knows
 //! which domain and which fleet were chosen.
 
@@ -29,6 +29,7 @@ pub mod error;
 pub mod evaluation;
 pub mod influence;
 pub mod nn;
+pub mod plot;
 pub mod policy;
 pub mod processes;
 pub mod run;

@@ -13,6 +13,7 @@ const DOORS: &[(&str, &[&str])] = &[
     ("nn", &["base"]),
     ("traffic", &["base", "config", "domain", "sumo"]),
     ("warehouse", &["base", "config", "domain"]),
+    ("plot", &["base", "traffic"]),
     ("influence", &["base", "config", "domain", "nn"]),
     ("policy", &["base", "config", "domain", "nn"]),
     ("evaluation", &["base", "domain", "policy"]),
@@ -21,8 +22,13 @@ const DOORS: &[(&str, &[&str])] = &[
 ];
 
 /// Outside crates that only some rooms may use.
-const OUTSIDE: &[(&str, &[&str])] =
-    &[("tch", &["nn", "run"]), ("quick_xml", &["traffic"]), ("clap", &["cli", "run", "main"]), ("indicatif", &["run"])];
+const OUTSIDE: &[(&str, &[&str])] = &[
+    ("tch", &["nn", "run"]),
+    ("quick_xml", &["traffic"]),
+    ("clap", &["cli", "run", "main"]),
+    ("indicatif", &["run"]),
+    ("plotters", &["plot"]),
+];
 
 const TOP: &[&str] = &["run", "cli", "error", "main", "lib"];
 

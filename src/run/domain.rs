@@ -9,6 +9,7 @@ use crate::config::Config;
 use crate::domain::Domain;
 use crate::traffic::Traffic;
 use crate::traffic::net_file::NetworkFiles;
+use crate::traffic::recording::Tape;
 use crate::training::files;
 use crate::warehouse::Warehouse;
 
@@ -22,6 +23,12 @@ pub fn open(config: &Config) -> Result<Arc<dyn Domain>> {
         (None, Some(warehouse)) => Ok(Arc::new(Warehouse::new(warehouse))),
         (None, None) => unreachable!("a checked config has a domain"),
     }
+}
+
+/// As [`open`], but the first episode that the domain's simulators play goes on `tape`.
+pub fn open_recorded(config: &Config, tape: &Tape) -> Result<Traffic> {
+    let traffic = config.traffic.as_ref().context("only traffic is recorded; the warehouse draws with --render")?;
+    Ok(Traffic::open(traffic, &config.policy)?.record_on(tape))
 }
 
 /// Tries out what only a simulator can say of the domain's files, so that it is said before a run begins.

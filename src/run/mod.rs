@@ -5,10 +5,13 @@ mod domain;
 mod evaluate;
 mod info;
 mod nets;
+mod plot;
 mod progress;
 mod render;
+mod replay;
 pub mod terminal;
 mod train;
+mod video;
 mod worker;
 
 use std::os::unix::process::CommandExt;
@@ -22,6 +25,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Command::Train(args) => train::train(&args),
         Command::Evaluate(args) => evaluate::evaluate(&args),
         Command::Baseline(args) => evaluate::baseline(&args),
+        Command::Replay(args) => replay::replay(&args),
         Command::Nets(args) => nets::nets(&args),
         Command::Info => info::info(),
         Command::Worker => worker::worker(),

@@ -3,6 +3,7 @@
 use super::grid::{Grid, lane};
 use super::intersections::{Intersections, edges_of};
 use super::net_file::{NetworkFiles, for_sumo};
+use super::recording::{Recorder, Tape};
 use super::region::{self, EDGES};
 use super::signals::Light;
 use crate::base::{Rows, Seed};
@@ -45,6 +46,7 @@ pub struct GlobalTraffic {
     d_set_before: Rows<f32>,
     arrivals: Rows<u8>,
     tally: Tally,
+    recorder: Option<Recorder>,
 }
 
 /// Counts of an episode.
@@ -63,12 +65,14 @@ struct Tally {
 }
 
 impl GlobalTraffic {
+    /// The first episode goes on the `tape`.
     pub fn load(
         grid: Grid,
         files: &NetworkFiles,
         horizon: usize,
         d_set: DSet,
         control: SignalControl,
+        tape: Option<&Tape>,
     ) -> Result<GlobalTraffic> {
         let spec = region::spec(horizon, d_set);
         let mut simulation = Simulation::load(&options(files, control, Seed::new(0))?)?;
@@ -77,6 +81,7 @@ impl GlobalTraffic {
             agents.iter().flat_map(|&agent| grid.incoming_edges(agent)).map(|edge| lane(&edge)).collect();
         let lights: Vec<String> = agents.iter().map(|&agent| grid.light(agent)).collect();
         let intersections = Intersections::register(&mut simulation, &lanes, &lights)?;
+        let recorder = tape.map(|tape| Recorder::new(tape, &mut simulation, grid, files, None)).transpose()?;
         Ok(GlobalTraffic {
             files: files.clone(),
             control,
@@ -91,6 +96,7 @@ impl GlobalTraffic {
             d_set_before: Rows::new(agents.len(), spec.d_set_dim),
             arrivals: Rows::new(agents.len(), EDGES),
             tally: Tally::default(),
+            recorder,
             spec,
         })
     }
@@ -165,6 +171,9 @@ impl GlobalSimulator for GlobalTraffic {
         self.tally = Tally { greens: vec![(0, 0); self.agents()], ..Tally::default() };
         self.read_lights()?;
         self.perceive();
+        if let Some(recorder) = &mut self.recorder {
+            recorder.begin(episode.for_sumo());
+        }
         Ok(&self.last.percept)
     }
 
@@ -183,6 +192,9 @@ impl GlobalSimulator for GlobalTraffic {
         self.tally.lights(&self.lights_before, &self.lights);
         self.tally.cars(&self.cars, &self.cars_before);
         self.tally.step(&mut self.simulation)?;
+        if let Some(recorder) = &mut self.recorder {
+            recorder.step(&mut self.simulation)?;
+        }
         Ok(&self.last)
     }
 
