@@ -9,7 +9,7 @@ use crate::traffic::recording::Recording;
 /// A car slower than this stands: SUMO's own limit for "halting".
 const STANDING_BELOW_MPS: f64 = 0.1;
 
-const SIZE: (u32, u32) = (1100, 660);
+const SIZE: (i32, i32) = (1100, 690);
 
 /// Cars standing on the approaches from west, south, east and north: mean over all intersections, and the longest queue.
 pub fn queues(recording: &Recording, about: &About) -> Result<String> {
@@ -30,9 +30,11 @@ pub fn queues(recording: &Recording, about: &About) -> Result<String> {
 
     let title = match agents[..] {
         [only] => format!("Queues at {}", grid.light(only)),
-        _ => format!("Queues on a grid of {grid}: mean over its {} intersections, and the longest", agents.len()),
+        _ => format!("Queues at the {} intersections of a grid of {grid}", agents.len()),
     };
     picture(SIZE, &title, &about.of_episode(), |area| {
+        let (legend, area) = area.split_vertically(px(26));
+        draw_legend(&legend, agents.len() > 1)?;
         let panels = area.split_evenly((Side::ALL.len(), 1));
         for ((side, panel), queues) in Side::ALL.into_iter().zip(&panels).zip(&standing) {
             let of_step = |step: usize| queues.iter().map(move |queue| queue[step]);
@@ -41,36 +43,36 @@ pub fn queues(recording: &Recording, about: &About) -> Result<String> {
             let most: Vec<f64> = (0..steps).map(|step| of_step(step).max().unwrap_or(0) as f64).collect();
             let last = side == Side::North;
             let mut chart = ChartBuilder::on(panel)
-                .margin_top(16)
-                .x_label_area_size(if last { 40 } else { 6 })
-                .y_label_area_size(58)
-                .margin_right(10)
+                .margin_top(px(18))
+                .x_label_area_size(px(if last { 40 } else { 6 }))
+                .y_label_area_size(px(58))
+                .margin_right(px(10))
                 .build_cartesian_2d(0.0..steps as f64, 0.0..longest as f64 + 0.5)?;
-            chart
-                .configure_mesh()
-                .disable_x_mesh()
-                .light_line_style(TRANSPARENT)
-                .bold_line_style(PALE)
-                .x_labels(if last { 11 } else { 0 })
-                .x_desc(if last { "time (s)" } else { "" })
-                .y_labels(4)
-                .y_label_formatter(&|cars| format!("{cars:.0}"))
-                .y_desc("cars")
-                .axis_desc_style(type_of(14, INK))
-                .label_style(type_of(13, INK))
-                .axis_style(FAINT)
-                .draw()?;
+            draw_axes(&mut chart, "cars", 4, last)?;
             chart.draw_series(AreaSeries::new(stairs(&means), 0.0, SKY.mix(0.55)))?;
-            chart.draw_series(LineSeries::new(stairs(&means), BLUE.stroke_width(2)))?;
+            chart.draw_series(LineSeries::new(stairs(&means), line(BLUE, 2)))?;
             if agents.len() > 1 {
-                chart.draw_series(LineSeries::new(stairs(&most), FAINT.stroke_width(1)))?;
+                chart.draw_series(LineSeries::new(stairs(&most), line(FAINT, 1)))?;
             }
             let mean = means.iter().sum::<f64>() / steps.max(1) as f64;
             let word = format!("from the {}: {mean:.2} cars on average", name(side));
-            panel.draw_text(&word, &type_of(13, INK), (62, 0))?;
+            panel.draw_text(&word, &type_of(13, INK), (px(62), px(1)))?;
         }
         Ok(())
     })
+}
+
+fn draw_legend(area: &Area<'_>, several: bool) -> Result<()> {
+    let style = anchored(type_of(13, INK), HPos::Left, VPos::Center);
+    let mean = if several { "standing cars, mean over the intersections" } else { "standing cars" };
+    area.draw(&Rectangle::new([(px(58), px(10)), (px(84), px(16))], SKY.mix(0.55).filled()))?;
+    area.draw(&PathElement::new(vec![(px(58), px(10)), (px(84), px(10))], line(BLUE, 2)))?;
+    area.draw_text(mean, &style, (px(92), px(11)))?;
+    if several {
+        area.draw(&PathElement::new(vec![(px(410), px(11)), (px(436), px(11))], line(FAINT, 1)))?;
+        area.draw_text("the longest queue", &style, (px(444), px(11)))?;
+    }
+    Ok(())
 }
 
 /// A value holds for a second.

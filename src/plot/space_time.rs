@@ -9,10 +9,10 @@ use crate::base::AgentId;
 use crate::traffic::grid::{Side, lane};
 use crate::traffic::recording::Recording;
 
-const WIDTH: u32 = 1100;
+const WIDTH: i32 = 1100;
 /// Pixels per edge of the corridor, and of what is around the chart.
-const EDGE_HEIGHT: u32 = 105;
-const AROUND: u32 = HEAD + 110;
+const EDGE_HEIGHT: i32 = 105;
+const AROUND: i32 = HEAD + 110;
 
 /// The cars that drive through row `row` of the grid from west to east.
 ///
@@ -45,14 +45,13 @@ pub fn space_time(recording: &Recording, row: usize, about: &About) -> Result<St
     let seconds = recording.steps.len() as f64;
 
     let title = format!("Space and time: row {row} of a grid of {grid}, from west to east");
-    let height = AROUND + EDGE_HEIGHT * (agents.len() as u32 + 1);
+    let height = AROUND + EDGE_HEIGHT * (agents.len() as i32 + 1);
     picture((WIDTH, height), &title, &about.of_episode(), |area| {
-        let (legend, area) = area.split_vertically(24);
+        let (legend, area) = area.split_vertically(px(24));
         let mut chart = ChartBuilder::on(&area)
-            .x_label_area_size(44)
-            .y_label_area_size(58)
-            .right_y_label_area_size(0)
-            .margin_right(44)
+            .x_label_area_size(px(44))
+            .y_label_area_size(px(58))
+            .margin_right(px(48))
             .build_cartesian_2d(0.0..seconds, 0.0..length_m)?;
         // The insides of the intersections, so that the stop lines are seen where they are.
         for (col, &agent) in agents.iter().enumerate() {
@@ -61,20 +60,12 @@ pub fn space_time(recording: &Recording, row: usize, about: &About) -> Result<St
             let place = chart.backend_coord(&(seconds, (from + to) / 2.0));
             let style = anchored(type_of(13, INK), HPos::Left, VPos::Center);
             let (x, y) = area.get_base_pixel();
-            area.draw_text(&grid.light(agent), &style, (place.0 - x + 8, place.1 - y))?;
+            area.draw_text(&grid.light(agent), &style, (place.0 - x + px(8), place.1 - y))?;
         }
-        chart
-            .configure_mesh()
-            .disable_mesh()
-            .x_desc("time (s)")
-            .y_desc("distance from the west end (m)")
-            .axis_desc_style(type_of(14, INK))
-            .label_style(type_of(13, INK))
-            .axis_style(FAINT)
-            .draw()?;
-        for mut line in trajectories.into_values() {
-            line.sort_by(|a, b| a.0.total_cmp(&b.0));
-            chart.draw_series(LineSeries::new(line, INK.stroke_width(1)))?;
+        draw_axes(&mut chart, "distance from the west end (m)", 8, true)?;
+        for mut places in trajectories.into_values() {
+            places.sort_by(|a, b| a.0.total_cmp(&b.0));
+            chart.draw_series(LineSeries::new(places, line(INK, 1)))?;
         }
         let letter = Side::West.link_index();
         for (col, &agent) in agents.iter().enumerate() {
@@ -121,16 +112,15 @@ impl Shown {
 }
 
 fn draw_legend(area: &Area<'_>) -> Result<()> {
-    let mut x = 58;
     let style = anchored(type_of(13, INK), HPos::Left, VPos::Center);
-    area.draw(&PathElement::new(vec![(x, 10), (x + 26, 10)], INK.stroke_width(1)))?;
-    area.draw_text("a car", &style, (x + 34, 10))?;
-    x += 100;
-    for (shown, word) in [(Shown::Green, "green"), (Shown::Yellow, "yellow"), (Shown::Red, "red at the stop line")] {
+    area.draw(&PathElement::new(vec![(px(58), px(10)), (px(84), px(10))], line(INK, 1)))?;
+    area.draw_text("a car", &style, (px(92), px(10)))?;
+    let lights = [(Shown::Green, "green"), (Shown::Yellow, "yellow"), (Shown::Red, "red at the stop line")];
+    for (number, (shown, word)) in lights.into_iter().enumerate() {
         let (height, colour) = shown.bar();
-        area.draw(&Rectangle::new([(x, 15 - height as i32), (x + 26, 15)], colour.filled()))?;
-        area.draw_text(word, &style, (x + 34, 10))?;
-        x += 100;
+        let x = 158 + 100 * number as i32;
+        area.draw(&Rectangle::new([(px(x), px(15 - height as i32)), (px(x + 26), px(15))], colour.filled()))?;
+        area.draw_text(word, &style, (px(x + 34), px(10)))?;
     }
     Ok(())
 }

@@ -45,7 +45,7 @@ pub fn replay(args: &cli::Replay) -> crate::error::Result<()> {
         "written to {}: {} steps, {} cars; SUMO plays it as it was, to the last bit\nwatch it with: sumo-gui -c {}",
         dir.display(),
         recording.steps.len(),
-        recording.departures.len(),
+        recording.entries.len(),
         quoted(&config)
     ))
     .map_err(Error::Run)?;

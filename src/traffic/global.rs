@@ -193,7 +193,7 @@ impl GlobalSimulator for GlobalTraffic {
         self.tally.cars(&self.cars, &self.cars_before);
         self.tally.step(&mut self.simulation)?;
         if let Some(recorder) = &mut self.recorder {
-            recorder.step(&mut self.simulation)?;
+            recorder.step(&mut self.simulation, &[])?;
         }
         Ok(&self.last)
     }

@@ -141,7 +141,7 @@ impl LocalTraffic {
             self.cars_on.row_mut(row).iter_mut().zip(edges).for_each(|(count, edge)| *count = edge.len());
         }
         if let Some(recorder) = &mut self.recorder {
-            recorder.step(&mut self.simulation)?;
+            recorder.step(&mut self.simulation, &cars)?;
         }
         Ok(&self.last)
     }

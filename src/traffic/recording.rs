@@ -11,7 +11,7 @@ use anyhow::{Context, Result};
 use super::forest::Region;
 use super::grid::{Grid, lane};
 use super::net_file::{Element, NetworkFiles, read};
-use crate::sumo::{CarTable, Departure, LaneCars, LaneId, LightId, SignalState, Simulation};
+use crate::sumo::{CarTable, DepartSpeed, Departure, Insertion, LaneCars, LaneId, LightId, SignalState, Simulation};
 
 /// Room for one episode. Clones are the same tape.
 #[derive(Clone, Debug, Default)]
@@ -35,9 +35,19 @@ pub struct Recording {
     pub roads: Arc<Roads>,
     /// The seed that SUMO was given.
     pub seed: u32,
-    /// The cars that entered, in the order in which they did, each with its step.
-    pub departures: Vec<(usize, Departure)>,
+    /// The cars that entered, in the order in which they did.
+    pub entries: Vec<Entry>,
     pub steps: Vec<Step>,
+}
+
+/// A car that entered.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Entry {
+    pub step: usize,
+    pub car: Departure,
+    /// What SUMO was told, which is not always the speed that it came to: SUMO 1.15 refuses some cars that ask for the very
+    /// speed that it had itself found safe, for the want of a last bit.
+    pub speed: DepartSpeed,
 }
 
 /// Where it happened.
@@ -144,14 +154,14 @@ impl Recorder {
         self.on = self.tape.with(|tape| {
             let room = tape.as_ref().is_none_or(|recording| recording.steps.is_empty());
             if room {
-                *tape = Some(Recording { roads: self.roads.clone(), seed, departures: Vec::new(), steps: Vec::new() });
+                *tape = Some(Recording { roads: self.roads.clone(), seed, entries: Vec::new(), steps: Vec::new() });
             }
             room
         });
     }
 
-    /// A step was made.
-    pub fn step(&mut self, simulation: &mut Simulation) -> Result<()> {
+    /// A step was made, before which these cars were inserted; SUMO's flows insert others.
+    pub fn step(&mut self, simulation: &mut Simulation, inserted: &[Insertion]) -> Result<()> {
         if !self.on {
             return Ok(());
         }
@@ -159,12 +169,14 @@ impl Recorder {
         // SUMO moves its own programs on at the beginning of a step, so what a light shows now it has shown throughout.
         simulation.read_lights(&self.lights, &mut step.signals)?;
         simulation.read_lanes(&self.lanes, &mut step.cars)?;
-        let departures: Vec<Departure> =
-            simulation.departures()?.into_iter().filter_map(|car| self.renamed(car)).collect();
+        let cars: Vec<Departure> = simulation.departures()?.into_iter().filter_map(|car| self.renamed(car)).collect();
         self.tape.with(|tape| {
             let recording = tape.as_mut().context("the tape was taken away in the middle of an episode")?;
             let number = recording.steps.len();
-            recording.departures.extend(departures.into_iter().map(|car| (number, car)));
+            recording.entries.extend(cars.into_iter().map(|car| {
+                let told = inserted.iter().find(|insertion| insertion.car == car.id.0).map(|insertion| insertion.speed);
+                Entry { step: number, speed: told.unwrap_or(DepartSpeed::Fixed(car.speed_mps)), car }
+            }));
             recording.steps.push(step);
             Ok(())
         })

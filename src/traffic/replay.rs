@@ -12,8 +12,8 @@ use quick_xml::Writer;
 
 use super::SUMO_OPTIONS;
 use super::net_file::{Element, NetworkFiles, document, for_sumo, leaf, nest, section, write_together};
-use super::recording::{Recording, Step};
-use crate::sumo::{CarTable, SignalState, Simulation};
+use super::recording::{Entry, Recording, Step};
+use crate::sumo::{CarTable, DepartSpeed, SignalState, Simulation};
 
 type Xml = Writer<Vec<u8>>;
 
@@ -56,9 +56,8 @@ pub fn check(recording: &Recording, dir: &Path) -> Result<()> {
         simulation.read_lanes(&lanes, &mut played.cars)?;
         ensure!(
             played == *recorded,
-            "{}: SUMO plays step {number} otherwise than it was; only networks whose cars draw nothing at random, such as \
-             those of `dials-traffic nets`, can be replayed",
-            config.display()
+            "SUMO plays step {number} of the replay otherwise than it was; only networks whose cars draw nothing at random, such \
+             as those of `dials-traffic nets`, can be replayed"
         );
     }
     Ok(())
@@ -67,13 +66,17 @@ pub fn check(recording: &Recording, dir: &Path) -> Result<()> {
 /// The cars with what they began with; SUMO wants them in the order of their departures.
 fn vehicles(recording: &Recording) -> String {
     let mut routes: Vec<(&str, &[String])> =
-        recording.departures.iter().map(|(_, car)| (car.route.as_str(), car.edges.as_slice())).collect();
+        recording.entries.iter().map(|entry| (entry.car.route.as_str(), entry.car.edges.as_slice())).collect();
     routes.sort_unstable();
     routes.dedup();
     document("routes", |xml| {
         recording.roads.vehicle_types.iter().try_for_each(|kind| copy(xml, kind))?;
         routes.iter().try_for_each(|(id, edges)| leaf(xml, "route", [("id", *id), ("edges", &edges.join(" "))]))?;
-        recording.departures.iter().try_for_each(|(step, car)| {
+        recording.entries.iter().try_for_each(|Entry { step, car, speed }| {
+            let speed = match speed {
+                DepartSpeed::Max => "max".to_owned(),
+                DepartSpeed::Fixed(speed_mps) => speed_mps.to_string(),
+            };
             // Rust writes the shortest digits that read back as the same number.
             let attributes = [
                 ("id", car.name.clone()),
@@ -82,7 +85,7 @@ fn vehicles(recording: &Recording) -> String {
                 ("depart", step.to_string()),
                 ("departLane", car.lane.to_string()),
                 ("departPos", car.position_m.to_string()),
-                ("departSpeed", car.speed_mps.to_string()),
+                ("departSpeed", speed),
                 ("speedFactor", car.speed_factor.to_string()),
             ];
             leaf(xml, "vehicle", attributes)
