@@ -17,9 +17,9 @@
 //! | "in parallel, for i in N" | [`training::fleet`], [`processes`] |
 //!
 //! Rooms, in the order in which they may use each other (a test holds it): [`base`]; [`config`], [`domain`], [`sumo`];
-//! [`nn`]; [`traffic`], [`warehouse`]; [`plot`]; [`influence`], [`policy`]; [`evaluation`]; [`training`]; [`processes`]; [`run`]
-//! with [`cli`] and [`error`]. Simulators never see a tensor; training never sees a process or SUMO; only [`run`] knows
-//! which domain and which fleet were chosen.
+//! [`nn`]; [`traffic`], [`warehouse`]; [`plot`]; [`influence`], [`policy`]; [`evaluation`]; [`training`]; [`processes`];
+//! [`run`] with [`cli`] and [`error`]. Simulators never see a tensor; training never sees a process or SUMO; only [`run`]
+//! knows which domain and which fleet were chosen.
 
 pub mod base;
 pub mod cli;

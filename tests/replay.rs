@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command as Program;
+use std::sync::{Mutex, PoisonError};
 
 use assert_cmd::Command;
 use dials_traffic::base::{AgentId, Rows, Seed};
@@ -300,6 +301,9 @@ fn what_is_there_is_refused_or_moved_aside_but_never_lost() {
     assert!(said.contains("xvfb-run is not on the PATH: install Debian's package xvfb"), "{said}");
 }
 
+/// xvfb-run looks for a free screen and takes it a little later: two at once may find the same.
+static SCREEN: Mutex<()> = Mutex::new(());
+
 /// Whether sumo-gui can be run on a screen that nobody sees; says so where it cannot.
 fn has_xvfb() -> bool {
     let has =
@@ -325,6 +329,7 @@ fn sumo_gui_opens_every_saved_network_and_a_replay() {
     if !has_xvfb() {
         return;
     }
+    let _screen = SCREEN.lock().unwrap_or_else(PoisonError::into_inner);
     let configs = fs::read_dir(nets()).unwrap().map(|entry| entry.unwrap().path());
     let configs: Vec<PathBuf> =
         configs.filter(|path| path.extension().is_some_and(|ending| ending == "sumocfg")).collect();
@@ -343,6 +348,7 @@ fn a_film_has_a_picture_of_every_step() {
     if !has_xvfb() {
         return;
     }
+    let _screen = SCREEN.lock().unwrap_or_else(PoisonError::into_inner);
     let dir = tempfile::tempdir().unwrap();
     let config = write_config(dir.path(), "");
     let text_of = fs::read_to_string(&config).unwrap().replace("horizon = 150", "horizon = 12");

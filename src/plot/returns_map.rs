@@ -6,8 +6,9 @@ use super::*;
 use crate::base::Rows;
 use crate::traffic::grid::Grid;
 
-/// Pixels of an intersection, of the scale beside the map, and of the least width that a title needs.
-const CELL: i32 = 78;
+/// Pixels of the map's longer side as far as they come to sensible squares, of the scale beside it, and of the least width
+/// that a title needs.
+const MAP: i32 = 420;
 const SCALE: i32 = 110;
 const LEAST_WIDTH: i32 = 640;
 
@@ -21,14 +22,15 @@ pub fn returns_map(grid: Grid, returns: &Rows<f64>, about: &About) -> Result<Str
     let shade = |value: f64| if high > low { (value - low) / (high - low) } else { 0.5 };
 
     let (rows, cols) = (grid.rows() as i32, grid.cols() as i32);
-    let width = (2 * MARGIN + cols * CELL + SCALE).max(LEAST_WIDTH);
-    let height = HEAD + MARGIN + rows * CELL + 30;
+    let side = (MAP / rows.max(cols)).clamp(66, 130);
+    let width = (2 * MARGIN + cols * side + SCALE).max(LEAST_WIDTH);
+    let height = HEAD + MARGIN + rows * side + 30;
     let title = format!("Return per agent on a grid of {grid}: {all:.1} on average");
     let plural = if episodes == 1 { "" } else { "s" };
     let line = format!("{}, mean over {episodes} episode{plural} of seed {}", about.subject, about.seed);
     picture((width, height), &title, &line, |area| {
         let middle = |style| anchored(style, HPos::Center, VPos::Center);
-        let cell = px(CELL);
+        let cell = px(side);
         for agent in grid.agents() {
             let (row, col) = (agent.0 / grid.cols(), agent.0 % grid.cols());
             let (x, y) = (col as i32 * cell, (grid.rows() - 1 - row) as i32 * cell); // north is up

@@ -163,8 +163,8 @@ fn check_screen() -> Result<()> {
     let display = std::env::var_os("DISPLAY").filter(|display| !display.is_empty());
     ensure!(
         display.is_some(),
-        "--gui: there is no screen here (DISPLAY is not set); make a film with --video, or take the folder to a machine that \
-         has one: it needs nothing but SUMO"
+        "--gui: there is no screen here (DISPLAY is not set); make a film with --video, or take the folder to a machine \
+         that has one: it needs nothing but SUMO"
     );
     Ok(())
 }

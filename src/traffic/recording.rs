@@ -4,6 +4,7 @@
 //! controls the lights, and comes off as a [`Recording`], of which [`super::replay`] makes files for SUMO and `plot`
 //! makes pictures. Simulators without a tape ask SUMO for nothing more than they need.
 
+use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use anyhow::{Context, Result};
@@ -59,6 +60,8 @@ pub struct Roads {
     pub(super) vehicle_types: Vec<Element>,
     /// All of them: those of the edges in the order of [`Grid::edges`], then those inside of intersections.
     pub lanes: Vec<Lane>,
+    /// Of the lanes, by name.
+    numbers: HashMap<String, usize>,
     /// One per agent.
     pub lights: Vec<String>,
 }
@@ -81,8 +84,7 @@ pub struct Step {
 impl Recording {
     /// The cars on a lane as each step left them.
     pub fn on_lane<'a>(&'a self, name: &str) -> Result<impl Iterator<Item = LaneCars<'a>> + use<'a>> {
-        let lane = self.roads.lanes.iter().position(|lane| lane.name == name);
-        let lane = lane.with_context(|| format!("no lane `{name}` was recorded"))?;
+        let lane = self.roads.number(name)?;
         Ok(self.steps.iter().map(move |step| step.cars.lane(lane)))
     }
 }
@@ -90,27 +92,32 @@ impl Recording {
 impl Roads {
     /// Metres of a lane.
     pub fn length_m(&self, name: &str) -> Result<f64> {
-        let lane = self.lanes.iter().find(|lane| lane.name == name);
-        lane.map(|lane| lane.length_m).with_context(|| format!("no lane `{name}` was recorded"))
+        Ok(self.lanes[self.number(name)?].length_m)
+    }
+
+    fn number(&self, lane: &str) -> Result<usize> {
+        self.numbers.get(lane).copied().with_context(|| format!("no lane `{lane}` was recorded"))
     }
 
     fn of(grid: Grid, files: &NetworkFiles) -> Result<Roads> {
         let place = files.net.display();
         let net = std::fs::read_to_string(&files.net).with_context(|| format!("{place}: could not be read"))?;
         let root = read(&files.net)?;
-        let length = |name: &str| -> Result<f64> {
-            let lane =
-                root.all("edge").flat_map(|edge| edge.all("lane")).find(|lane| lane.attribute("id") == Some(name));
-            let length = lane.and_then(|lane| lane.attribute("length")?.parse().ok());
-            length.with_context(|| format!("{place}: no lane `{name}` with a length"))
-        };
+        let lengths: HashMap<&str, f64> = root
+            .all("edge")
+            .flat_map(|edge| edge.all("lane"))
+            .filter_map(|lane| Some((lane.attribute("id")?, lane.attribute("length")?.parse().ok()?)))
+            .collect();
+        let length =
+            |name: &str| lengths.get(name).copied().with_context(|| format!("{place}: no lane `{name}` with a length"));
         let edges = grid.edges().into_iter().map(|(from, to)| lane(&super::grid::edge(from, to)));
         let internal = grid.agents().into_iter().flat_map(|agent| grid.internal_lanes(agent));
         let lanes = edges.chain(internal).map(|name| Ok(Lane { length_m: length(&name)?, name }));
         let lanes = lanes.collect::<Result<Vec<Lane>>>()?;
         let vehicle_types = read(&files.routes)?.children.into_iter().filter(|child| child.name.starts_with("vType"));
         let lights = grid.agents().into_iter().map(|agent| grid.light(agent)).collect();
-        Ok(Roads { grid, net, vehicle_types: vehicle_types.collect(), lanes, lights })
+        let numbers = lanes.iter().enumerate().map(|(number, lane)| (lane.name.clone(), number)).collect();
+        Ok(Roads { grid, net, vehicle_types: vehicle_types.collect(), lanes, numbers, lights })
     }
 }
 

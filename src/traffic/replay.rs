@@ -56,8 +56,8 @@ pub fn check(recording: &Recording, dir: &Path) -> Result<()> {
         simulation.read_lanes(&lanes, &mut played.cars)?;
         ensure!(
             played == *recorded,
-            "SUMO plays step {number} of the replay otherwise than it was; only networks whose cars draw nothing at random, such \
-             as those of `dials-traffic nets`, can be replayed"
+            "SUMO plays step {number} of the replay otherwise than it was; only networks whose cars draw nothing at random, \
+             such as those of `dials-traffic nets`, can be replayed"
         );
     }
     Ok(())
@@ -132,20 +132,19 @@ pub struct Snapshot {
 /// Cars and roads are wider than they are, so that a whole grid can be watched; a car that stands is red, one at half of
 /// the limit yellow and one at the limit blue, which all kinds of colour vision tell apart.
 pub fn view(delay_ms: u32, snapshots: &[Snapshot]) -> String {
-    const GREY: [(&str, &str); 1] = [("color", "70,70,70")];
+    const GREY: &str = "90,90,90";
+    const BOXES: &str = "1";
     const BY_SPEED: &str = "8";
     let speeds = [("213,94,0", "0"), ("240,228,66", "5"), ("86,180,233", "10")];
-    let grey = |xml: &mut Xml| leaf(xml, "entry", GREY);
+    let all = |xml: &mut Xml, name: &str| {
+        nest(xml, "colorScheme", [("name", "uniform")], |xml| leaf(xml, "entry", [("name", name), ("color", GREY)]))
+    };
     document("viewsettings", |xml| {
         nest(xml, "scheme", [("name", "standard")], |xml| {
             leaf(xml, "background", [("backgroundColor", "245,245,245"), ("showGrid", "0")])?;
-            nest(xml, "edges", [("laneEdgeMode", "0"), ("widthExaggeration", "1.5")], |xml| {
-                nest(xml, "colorScheme", [("name", "uniform")], grey)
-            })?;
-            nest(xml, "junctions", [("junctionMode", "0")], |xml| {
-                nest(xml, "colorScheme", [("name", "uniform")], grey)
-            })?;
-            let cars = [("vehicleMode", BY_SPEED), ("vehicleQuality", "2"), ("vehicle_exaggeration", "1.5")];
+            nest(xml, "edges", [("laneEdgeMode", "0"), ("widthExaggeration", "1.5")], |xml| all(xml, "road"))?;
+            nest(xml, "junctions", [("junctionMode", "0")], |xml| all(xml, ""))?;
+            let cars = [("vehicleMode", BY_SPEED), ("vehicleQuality", BOXES), ("vehicle_exaggeration", "1.4")];
             nest(xml, "vehicles", cars.into_iter().chain([("showBlinker", "0")]), |xml| {
                 nest(xml, "colorScheme", [("name", "by speed"), ("interpolated", "1")], |xml| {
                     speeds.iter().try_for_each(|(colour, speed_mps)| {
