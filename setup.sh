@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
 # Installs what dials-traffic needs from Debian 12 and checks the Rust toolchain. Run it as often as you like.
+# Further packages may be named: `./setup.sh xvfb xauth ffmpeg` for everything that `replay --video` can use.
 set -euo pipefail
 
 packages=(
@@ -8,6 +9,7 @@ packages=(
   libopenblas0-pthread  # the BLAS behind them; the reference BLAS is many times slower
   libclang-dev g++      # to bind libsumo: bindgen and a C++17 compiler
   pkg-config
+  "$@"
 )
 
 say() { printf 'setup: %s\n' "$*"; }

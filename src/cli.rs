@@ -41,6 +41,8 @@ pub enum Command {
     Report(Report),
     /// Compare two groups of runs: final return with its interval, runtime, steps to reach a return
     Compare(Compare),
+    /// Write an episode as a folder that plain `sumo` and `sumo-gui` play
+    Replay(Replay),
     /// Write SUMO networks that `sumo` and `sumo-gui` open
     #[command(subcommand)]
     Nets(Nets),
@@ -163,6 +165,41 @@ pub struct Output {
     /// Also write pictures of the first episode, one per step and an animation, into this directory (warehouse)
     #[arg(long, value_name = "DIR")]
     pub render: Option<PathBuf>,
+    /// Also draw space and time, queues and signal timing of the first episode, and a map of the returns, as SVG files
+    /// into this directory (traffic)
+    #[arg(long, value_name = "DIR")]
+    pub plot: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub struct Replay {
+    /// Run directory, as `train` wrote it; with --controller a config file
+    #[arg(value_name = "RUN_DIR|CONFIG")]
+    pub subject: PathBuf,
+    /// Replay a hand-coded controller instead of the trained policies: the names of `baseline`
+    #[arg(long, value_name = "NAME")]
+    pub controller: Option<String>,
+    /// Directory for the files
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// The first episode of `evaluate` and `baseline` with this --seed [default: seed of the config]
+    #[arg(long, value_name = "N")]
+    pub episode_seed: Option<u64>,
+    /// Replay the local simulator of this agent, with the cars that its AIP sends
+    #[arg(long, value_name = "AGENT", conflicts_with = "controller")]
+    pub local: Option<usize>,
+    /// Take the most probable action instead of drawing one
+    #[arg(long, conflicts_with = "controller")]
+    pub greedy: bool,
+    /// Open sumo-gui on it
+    #[arg(long)]
+    pub gui: bool,
+    /// Make a film of it, a .gif or (with ffmpeg) an .mp4, without a screen
+    #[arg(long, value_name = "FILE")]
+    pub video: Option<PathBuf>,
+    /// Move an existing directory or film aside instead of refusing
+    #[arg(long)]
+    pub force: bool,
 }
 
 #[derive(Debug, Args)]

@@ -17,9 +17,9 @@
 //! | "in parallel, for i in N" | [`training::fleet`], [`processes`] |
 //!
 //! Rooms, in the order in which they may use each other (a test holds it): [`base`]; [`config`], [`domain`], [`sumo`];
-//! [`nn`]; [`traffic`], [`warehouse`]; [`influence`], [`policy`]; [`evaluation`]; [`training`]; [`processes`], [`bench`]; [`run`]
-//! with [`cli`] and [`error`]. Simulators never see a tensor; training never sees a process or SUMO; only [`run`] knows
-//! which domain and which fleet were chosen.
+//! [`nn`]; [`traffic`], [`warehouse`]; [`plot`]; [`influence`], [`policy`]; [`evaluation`]; [`training`]; [`processes`],
+//! [`bench`]; [`report`], [`experiment`]; [`run`] with [`cli`] and [`error`]. Simulators never see a tensor; training never sees a process or SUMO;
+//! only [`run`] knows which domain and which fleet were chosen.
 
 pub mod base;
 pub mod bench;
@@ -31,6 +31,7 @@ pub mod evaluation;
 pub mod experiment;
 pub mod influence;
 pub mod nn;
+pub mod plot;
 pub mod policy;
 pub mod processes;
 pub mod report;

@@ -13,6 +13,7 @@ const DOORS: &[(&str, &[&str])] = &[
     ("nn", &["base"]),
     ("traffic", &["base", "config", "domain", "sumo"]),
     ("warehouse", &["base", "config", "domain"]),
+    ("plot", &["base", "traffic"]),
     ("influence", &["base", "config", "domain", "nn"]),
     ("policy", &["base", "config", "domain", "nn"]),
     ("evaluation", &["base", "domain", "policy"]),
@@ -32,7 +33,7 @@ const OUTSIDE: &[(&str, &[&str])] = &[
     ("quick_xml", &["traffic"]),
     ("clap", &["cli", "run", "main"]),
     ("indicatif", &["run"]),
-    ("plotters", &["report"]),
+    ("plotters", &["plot", "report"]),
     ("statrs", &["report"]),
 ];
 

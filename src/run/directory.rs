@@ -1,4 +1,4 @@
-//! Run directories: made, described, and opened again.
+//! Run directories: made, described, and opened again; and how any directory of files is made, whole or not at all.
 
 use std::fs::{self, Permissions};
 use std::os::unix::fs::PermissionsExt;
@@ -33,40 +33,45 @@ pub enum Existing {
 
 /// Makes the directory of a new run and returns its path. Self-contained: it holds config, networks and circumstances.
 pub fn create(path: &Path, existing: Existing, config: &Config) -> Result<PathBuf> {
+    let path = place(path, existing)?;
+    // Later the run loads its networks from here.
+    domain::check_place(config, &path)?;
+    make(&path, existing, |dir| describe(dir, config))?;
+    Ok(path)
+}
+
+/// Where [`make`] will make a directory; an error if something is there that must not be.
+pub fn place(path: &Path, existing: Existing) -> Result<PathBuf> {
     let path = match existing {
         Existing::Refuse | Existing::MoveAside => path.to_owned(),
         Existing::Number => first_free(path, "-", 2),
     };
-    // Later the run loads its networks from here.
-    domain::check_place(config, &path)?;
-    place(&path, existing, |dir| describe(dir, config))
-}
-
-/// An error where something is at `path` that is not to be moved aside.
-pub fn refuse(path: &Path, existing: Existing) -> Result<()> {
     ensure!(
-        existing != Existing::Refuse || is_free(path),
+        existing != Existing::Refuse || is_free(&path),
         "{}: exists already; name another one with --out, or move it aside with --force",
         path.display()
     );
-    Ok(())
+    Ok(path)
 }
 
-/// Makes a directory at `path`, filled by `fill`, and returns its path.
+/// Makes the directory `path`, a [`place`], with what `fill` writes into the directory that it is handed.
 ///
 /// It is filled under another name beside its place and moved there whole, so that an error leaves everything as it was,
-/// and so that what is moved aside may be what it is made from.
-pub fn place(path: &Path, existing: Existing, fill: impl FnOnce(&Path) -> Result<()>) -> Result<PathBuf> {
-    refuse(path, existing)?;
+/// and so that what is moved aside may be where the content comes from.
+pub fn make<T>(path: &Path, existing: Existing, fill: impl FnOnce(&Path) -> Result<T>) -> Result<T> {
     let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let new_folders: Vec<&Path> = parent.ancestors().take_while(|folder| !folder.exists()).collect();
     fill_and_move(path, parent, existing, fill).inspect_err(|_| {
         new_folders.iter().for_each(|folder| drop(fs::remove_dir(folder)));
-    })?;
-    Ok(path.to_owned())
+    })
 }
 
-fn fill_and_move(path: &Path, parent: &Path, existing: Existing, fill: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
+fn fill_and_move<T>(
+    path: &Path,
+    parent: &Path,
+    existing: Existing,
+    fill: impl FnOnce(&Path) -> Result<T>,
+) -> Result<T> {
     let failed = || format!("{}: cannot be made", path.display());
     if !parent.exists() {
         fs::create_dir_all(parent).with_context(failed)?;
@@ -75,22 +80,31 @@ fn fill_and_move(path: &Path, parent: &Path, existing: Existing, fill: impl FnOn
     let mut builder = tempfile::Builder::new();
     let builder = builder.prefix(".new-").permissions(Permissions::from_mode(0o777));
     let staged = builder.tempdir_in(parent).with_context(failed)?;
-    fill(staged.path())?;
+    let filled = fill(staged.path())?;
     let aside = match existing {
-        Existing::MoveAside if !is_free(path) => {
-            let aside = first_free(path, ".old-", 1);
-            fs::rename(path, &aside).with_context(|| format!("{}: cannot be moved aside", path.display()))?;
-            Some(aside)
-        }
+        Existing::MoveAside if !is_free(path) => Some(move_aside(path)?),
         _ => None,
     };
     let moved = fs::rename(staged.path(), path).with_context(failed);
     match (&moved, &aside) {
-        (Ok(()), Some(aside)) => tell(format_args!("moved {} to {}", path.display(), aside.display())),
+        (Ok(()), Some(aside)) => tell_moved(path, aside),
         (Err(_), Some(aside)) => drop(fs::rename(aside, path)),
         (_, None) => {}
     }
-    moved.map(|()| drop(staged.keep())) // Nothing is at that name any more.
+    moved?;
+    drop(staged.keep()); // Nothing is at that name any more.
+    Ok(filled)
+}
+
+/// Renames what is at `path` to the first free of `path.old-1`, `path.old-2`, ... and returns that.
+pub fn move_aside(path: &Path) -> Result<PathBuf> {
+    let aside = first_free(path, ".old-", 1);
+    fs::rename(path, &aside).with_context(|| format!("{}: cannot be moved aside", path.display()))?;
+    Ok(aside)
+}
+
+pub fn tell_moved(path: &Path, aside: &Path) {
+    tell(format_args!("moved {} to {}", path.display(), aside.display()));
 }
 
 /// Writes config, networks and circumstances.
@@ -166,7 +180,7 @@ fn first_free(path: &Path, word: &str, first: usize) -> PathBuf {
 }
 
 /// Nothing is there, not even a link that leads nowhere.
-fn is_free(path: &Path) -> bool {
+pub fn is_free(path: &Path) -> bool {
     path.symlink_metadata().is_err()
 }
 

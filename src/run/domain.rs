@@ -9,6 +9,7 @@ use crate::config::Config;
 use crate::domain::Domain;
 use crate::traffic::Traffic;
 use crate::traffic::net_file::{NetworkFiles, read_shape};
+use crate::traffic::recording::Tape;
 use crate::training::files;
 use crate::warehouse::Warehouse;
 
@@ -39,6 +40,12 @@ pub fn grid_shape(config: &Config) -> Result<(usize, usize)> {
 /// How many agents a config has.
 pub fn agents(config: &Config) -> Result<usize> {
     grid_shape(config).map(|(rows, columns)| rows * columns)
+}
+
+/// As [`open`], but the first episode that the domain's simulators play goes on `tape`.
+pub fn open_recorded(config: &Config, tape: &Tape) -> Result<Traffic> {
+    let traffic = config.traffic.as_ref().context("only traffic is recorded; the warehouse draws with --render")?;
+    Ok(Traffic::open(traffic, &config.policy)?.record_on(tape))
 }
 
 /// Tries out what only a simulator can say of the domain's files, so that it is said before a run begins.

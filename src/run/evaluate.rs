@@ -1,9 +1,12 @@
 //! `evaluate` and `baseline`: the same episodes, the same figures.
 
+use std::path::Path;
+
 use serde_json::{Map, Value, json};
 
 use super::directory;
 use super::domain;
+use super::plot::Plots;
 use super::progress::EpisodeBar;
 use super::render::render;
 use super::terminal::answer;
@@ -13,6 +16,7 @@ use crate::config::{Config, load};
 use crate::domain::{Controller, Domain, GlobalSimulator};
 use crate::error::{Error, Result};
 use crate::evaluation::{self, Evaluation};
+use crate::plot::About;
 use crate::policy::{JointPolicyController, Selection};
 use crate::report::scenario::Scenario;
 use crate::sumo::Simulation;
@@ -21,19 +25,46 @@ pub fn evaluate(args: &cli::Evaluate) -> Result<()> {
     let run = directory::open(&args.run_dir).map_err(Error::Usage)?;
     let selection = if args.greedy { Selection::Greedy } else { Selection::Sampled };
     let mut controller = JointPolicyController::new(run.stack, &run.policies, selection);
-    let mut simulator = run.domain.global_simulator().map_err(Error::Run)?;
+    let plots = Plots::asked_for(args.output.plot.as_deref(), &run.config).map_err(Error::Usage)?;
+    let domain = plots.as_ref().map_or(&*run.domain, Plots::domain);
+    let mut simulator = domain.global_simulator().map_err(Error::Run)?;
     let subject = [("run", json!(args.run_dir)), ("greedy", json!(args.greedy))];
-    report(&*run.domain, &run.config, &mut *simulator, &mut controller, &args.episodes, &args.output, &subject)
+    let evaluation =
+        report(domain, &run.config, &mut *simulator, &mut controller, &args.episodes, &args.output, &subject)?;
+    let policies = if args.greedy { "greedy policies" } else { "policies" };
+    draw(plots.as_ref(), &evaluation, &format!("{} of {}", policies, name(&args.run_dir)), &args.episodes, &run.config)
 }
 
 pub fn baseline(args: &cli::Baseline) -> Result<()> {
     let config = load(&args.config, &[]).map_err(Error::Usage)?;
     let domain = domain::open(&config).map_err(Error::Usage)?;
     domain::check(&config).map_err(Error::Usage)?;
+    let plots = Plots::asked_for(args.output.plot.as_deref(), &config).map_err(Error::Usage)?;
+    let domain = plots.as_ref().map_or(&*domain, Plots::domain);
     let mut baseline = domain.baseline(&args.controller).map_err(Error::Usage)?;
     let (simulator, controller) = (&mut *baseline.simulator, &mut *baseline.controller);
     let subject = [("config", json!(args.config)), ("controller", json!(args.controller))];
-    report(&*domain, &config, simulator, controller, &args.episodes, &args.output, &subject)
+    let evaluation = report(domain, &config, simulator, controller, &args.episodes, &args.output, &subject)?;
+    let about = format!("controller {} on {}", args.controller, name(&args.config));
+    draw(plots.as_ref(), &evaluation, &about, &args.episodes, &config)
+}
+
+/// Draws the pictures that were asked for, after the figures were told.
+fn draw(
+    plots: Option<&Plots>,
+    evaluation: &Evaluation,
+    subject: &str,
+    episodes: &cli::Episodes,
+    config: &Config,
+) -> Result<()> {
+    let Some(plots) = plots else { return Ok(()) };
+    let about = About { subject: subject.to_owned(), seed: episodes.seed.unwrap_or(config.seed) };
+    plots.draw(evaluation, &about).map_err(Error::Run)
+}
+
+/// The last part of a path: what a run or a config is called.
+fn name(path: &Path) -> String {
+    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
 fn report(
@@ -44,7 +75,7 @@ fn report(
     episodes: &cli::Episodes,
     output: &cli::Output,
     subject: &[(&str, Value)],
-) -> Result<()> {
+) -> Result<Evaluation> {
     let count = episodes.episodes.map_or(config.evaluation.episodes, |count| count as usize);
     let seed = episodes.seed.unwrap_or(config.seed);
     if let Some(dir) = &output.render {
@@ -60,7 +91,8 @@ fn report(
         true => to_json(&evaluation, seed, &scenario, subject).map_err(Error::Run)?.to_string(),
         false => table(&evaluation),
     };
-    answer(found).map_err(Error::Run)
+    answer(found).map_err(Error::Run)?;
+    Ok(evaluation)
 }
 
 fn to_json(evaluation: &Evaluation, seed: u64, scenario: &str, subject: &[(&str, Value)]) -> anyhow::Result<Value> {

@@ -8,11 +8,14 @@ mod evaluate;
 mod experiment;
 mod info;
 mod nets;
+mod plot;
 mod progress;
 mod render;
+mod replay;
 mod report;
 pub mod terminal;
 mod train;
+mod video;
 mod worker;
 
 use std::os::unix::process::CommandExt;
@@ -36,6 +39,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Command::Experiment(args) => experiment::experiment(&args),
         Command::Report(args) => report::report(&args),
         Command::Compare(args) => compare::compare(&args),
+        Command::Replay(args) => replay::replay(&args),
         Command::Nets(args) => nets::nets(&args),
         Command::Info => info::info(),
         Command::Worker => worker::worker(),

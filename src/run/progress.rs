@@ -256,22 +256,28 @@ fn doing(activity: Activity) -> &'static str {
     }
 }
 
-/// A bar over episodes, on a terminal only.
+/// A bar over episodes, or over other things that are counted, on a terminal only.
 pub struct EpisodeBar {
     bar: ProgressBar,
-    episodes: usize,
+    count: usize,
 }
 
 impl EpisodeBar {
     pub fn new(episodes: usize) -> Self {
+        EpisodeBar::of(episodes, "episodes")
+    }
+
+    /// `things`: what is counted, in the plural.
+    pub fn of(count: usize, things: &str) -> Self {
         // indicatif draws to standard error, and nothing where that is no terminal.
-        let style = ProgressStyle::with_template("{bar:30.cyan/blue} {pos}/{len} episodes  {eta} left");
-        let bar = ProgressBar::new(episodes as u64).with_style(style.expect("the template is well-formed"));
-        EpisodeBar { bar, episodes }
+        let style =
+            ProgressStyle::with_template(&format!("{{bar:30.cyan/blue}} {{pos}}/{{len}} {things}  {{eta}} left"));
+        let bar = ProgressBar::new(count as u64).with_style(style.expect("the template is well-formed"));
+        EpisodeBar { bar, count }
     }
 
     pub fn set(&self, share: f64) {
-        self.bar.set_position((share * self.episodes as f64).round() as u64);
+        self.bar.set_position((share * self.count as f64).round() as u64);
     }
 
     pub fn finish(&self) {

@@ -22,7 +22,9 @@ pub fn render(
     dir: &Path,
 ) -> Result<()> {
     if simulator.scene().is_none() {
-        bail!("--render: this domain draws no pictures; sumo-gui opens the networks of traffic");
+        bail!(
+            "--render: this domain draws no pictures; of traffic, --plot draws some and `replay` writes what sumo-gui plays"
+        );
     }
     fs::create_dir_all(dir).with_context(|| format!("{}: cannot be made", dir.display()))?;
     let mut scenes = Vec::new();

@@ -14,12 +14,12 @@ use crate::report::{self, MARKDOWN, PAGE};
 
 pub fn report(args: &cli::Report) -> Result<()> {
     let existing = if args.force { Existing::MoveAside } else { Existing::Refuse };
-    directory::refuse(&args.out, existing).map_err(Error::Usage)?;
+    let out = directory::place(&args.out, existing).map_err(Error::Usage)?;
     let report = report::report(&args.folders, &|run| domain::grid_shape(&run.config).ok()).map_err(Error::Usage)?;
-    let out = directory::place(&args.out, existing, |dir| {
+    directory::make(&out, existing, |dir| {
         report.files.iter().try_for_each(|(name, text)| write(&dir.join(name), text))
-    });
-    let out = out.map_err(Error::Usage)?;
+    })
+    .map_err(Error::Usage)?;
     report.warnings.iter().for_each(|warning| tell(format_args!("warning: {warning}")));
     let (page, markdown) = (out.join(PAGE), out.join(MARKDOWN));
     let (runs, groups) = (report.runs, report.groups);

@@ -9,7 +9,9 @@ use std::mem::MaybeUninit;
 use std::slice;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use super::{CarTable, DepartSpeed, Error, Insertion, LaneId, LightId, Result, SignalState, StepCounts, ffi};
+use super::{
+    CarId, CarTable, DepartSpeed, Departure, Error, Insertion, LaneId, LightId, Result, SignalState, StepCounts, ffi,
+};
 
 /// Who may cross: libsumo keeps its one simulation in globals without any lock.
 static TURN: Mutex<()> = Mutex::new(());
@@ -174,6 +176,43 @@ impl Crossing {
         // SAFETY: we have the turn; a `LaneId` is laid out as a `u32`.
         let code = unsafe { ffi::ds_remove_cars(lanes.as_ptr().cast(), lanes.len()) };
         check(code, "remove the cars")
+    }
+
+    pub(super) fn departures(&mut self) -> Result<Vec<Departure>> {
+        let mut read = MaybeUninit::uninit();
+        // SAFETY: as in `read_lanes`.
+        check(unsafe { ffi::ds_read_departures(read.as_mut_ptr()) }, "read the departures")?;
+        // SAFETY: as in `read_lanes`; `starts` has four entries per car and a last one, which is the length of `letters`,
+        // and the other arrays have an entry per car.
+        let (starts, letters, cars, lanes, positions, speeds, factors) = unsafe {
+            let read: ffi::ds_departures = read.assume_init();
+            let starts = array(read.starts, 4 * read.count + 1);
+            (
+                starts,
+                array(read.letters.cast::<u8>(), starts[4 * read.count] as usize),
+                array(read.cars, read.count),
+                array(read.lanes, read.count),
+                array(read.positions, read.count),
+                array(read.speeds, read.count),
+                array(read.speed_factors, read.count),
+            )
+        };
+        let text = |number: usize| {
+            String::from_utf8_lossy(&letters[starts[number] as usize..starts[number + 1] as usize]).into_owned()
+        };
+        Ok((0..cars.len())
+            .map(|car| Departure {
+                id: CarId(cars[car]),
+                name: text(4 * car),
+                vehicle_type: text(4 * car + 1),
+                route: text(4 * car + 2),
+                edges: text(4 * car + 3).split(' ').map(str::to_owned).collect(),
+                lane: lanes[car],
+                position_m: positions[car],
+                speed_mps: speeds[car],
+                speed_factor: factors[car],
+            })
+            .collect())
     }
 
     pub(super) fn counts(&mut self) -> Result<StepCounts> {

@@ -1,10 +1,10 @@
 //! SUMO, closed off: the one simulation of this process, and what may be asked of it.
 //!
 //! Everything here is about roads in general: lanes, lights, routes, cars. It does not know what an agent or a region
-//! is, and nobody outside sees a C pointer, a C++ exception or a vehicle's name. A [`Simulation`] is a guard: libsumo
-//! keeps its state in globals, so there is one per process, and whoever holds the guard holds the right to speak to it.
-//! Lanes, lights and routes are *registered* once by name and are numbers from then on; a car is a number too
-//! ([`CarId`]), because names of thousands of cars per step would cost more than the step.
+//! is, and nobody outside sees a C pointer or a C++ exception. A [`Simulation`] is a guard: libsumo keeps its state in
+//! globals, so there is one per process, and whoever holds the guard holds the right to speak to it. Lanes, lights and
+//! routes are *registered* once by name and are numbers from then on; a car is a number too ([`CarId`]), because names of
+//! thousands of cars per step would cost more than the step. Only its [`Departure`] tells a car's name.
 //!
 //! The way down: [`Simulation`] (meaning, checks) -> `call` (the only `unsafe`) -> `ffi` (made by bindgen) ->
 //! `shim/dials_sumo.cpp` (C++ in, plain C out) -> libsumo.
@@ -18,5 +18,5 @@ mod table;
 
 pub use error::{Error, Result};
 pub use signal::SignalState;
-pub use simulation::{CarId, DepartSpeed, Insertion, LaneId, LightId, RouteId, Simulation, StepCounts};
+pub use simulation::{CarId, DepartSpeed, Departure, Insertion, LaneId, LightId, RouteId, Simulation, StepCounts};
 pub use table::{Car, CarTable, LaneCars};

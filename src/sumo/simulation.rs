@@ -50,6 +50,24 @@ pub enum DepartSpeed {
     Fixed(f64),
 }
 
+/// A car that entered in the last step, with all that it takes to let the same car enter again.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Departure {
+    pub id: CarId,
+    pub name: String,
+    pub vehicle_type: String,
+    pub route: String,
+    /// Of the route.
+    pub edges: Vec<String>,
+    /// Index on the route's first edge.
+    pub lane: u32,
+    /// As in [`super::Car`], like the speed: where it was put, for it has not moved yet.
+    pub position_m: f64,
+    pub speed_mps: f64,
+    /// What its desired speed is of the limit; drawn by SUMO where the vehicle type leaves a choice.
+    pub speed_factor: f64,
+}
+
 /// What happened in the last step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StepCounts {
@@ -212,6 +230,12 @@ impl Simulation {
     pub fn remove_cars(&mut self, lanes: &[LaneId]) -> Result<()> {
         self.check_whole()?;
         if lanes.is_empty() { Ok(()) } else { self.crossing.remove_cars(lanes) }
+    }
+
+    /// The cars that entered in the last step.
+    pub fn departures(&mut self) -> Result<Vec<Departure>> {
+        self.check_whole()?;
+        self.crossing.departures()
     }
 
     /// What happened in the last step.

@@ -60,8 +60,13 @@ impl Region {
         routes.try_into().expect("a single intersection has four routes")
     }
 
+    /// What something of this region is called in the local net; `None`: it is none of this region's.
+    pub(super) fn in_the_local_net(self, id: &str) -> Option<&str> {
+        id.strip_prefix(&format!("f{}.", self.0))
+    }
+
     /// The name that something of the local net has in this region.
-    fn rename(self, id: &str) -> String {
+    pub(super) fn rename(self, id: &str) -> String {
         match id.strip_prefix(':') {
             // SUMO knows internal edges and lanes by the colon, and finds their intersection by the name behind it.
             Some(internal) => format!(":f{}.{internal}", self.0),
@@ -165,6 +170,8 @@ mod tests {
         assert_eq!(region.outgoing_lanes(), ["f3.r0c0_w0_0", "f3.r0c0_s0_0", "f3.r0c0_e0_0", "f3.r0c0_n0_0"]);
         assert_eq!(region.internal_lanes(), [":f3.r0c0_3_0", ":f3.r0c0_2_0", ":f3.r0c0_1_0", ":f3.r0c0_0_0"]);
         assert_eq!(region.routes(), ["f3.w0_to_e0", "f3.s0_to_n0", "f3.e0_to_w0", "f3.n0_to_s0"]);
+        assert_eq!(region.in_the_local_net("f3.w0_to_e0"), Some("w0_to_e0"));
+        assert_eq!(region.in_the_local_net("f31.w0_to_e0"), None);
     }
 
     #[test]

@@ -5,6 +5,7 @@ use std::time::Instant;
 use super::grid::{Grid, lane};
 use super::intersections::{Intersections, edges_of};
 use super::net_file::{NetworkFiles, for_sumo};
+use super::recording::{Recorder, Tape};
 use super::region::{self, EDGES};
 use super::signals::Light;
 use crate::base::{Phase, Rows, Seed, Stopwatch};
@@ -48,6 +49,7 @@ pub struct GlobalTraffic {
     arrivals: Rows<u8>,
     tally: Tally,
     watch: Stopwatch,
+    recorder: Option<Recorder>,
 }
 
 /// Counts of an episode.
@@ -66,12 +68,14 @@ struct Tally {
 }
 
 impl GlobalTraffic {
+    /// The first episode goes on the `tape`.
     pub fn load(
         grid: Grid,
         files: &NetworkFiles,
         horizon: usize,
         d_set: DSet,
         control: SignalControl,
+        tape: Option<&Tape>,
     ) -> Result<GlobalTraffic> {
         let spec = region::spec(horizon, d_set);
         let mut simulation = Simulation::load(&options(files, control, Seed::new(0))?)?;
@@ -80,6 +84,7 @@ impl GlobalTraffic {
             agents.iter().flat_map(|&agent| grid.incoming_edges(agent)).map(|edge| lane(&edge)).collect();
         let lights: Vec<String> = agents.iter().map(|&agent| grid.light(agent)).collect();
         let intersections = Intersections::register(&mut simulation, &lanes, &lights)?;
+        let recorder = tape.map(|tape| Recorder::new(tape, &mut simulation, grid, files, None)).transpose()?;
         Ok(GlobalTraffic {
             files: files.clone(),
             control,
@@ -95,6 +100,7 @@ impl GlobalTraffic {
             arrivals: Rows::new(agents.len(), EDGES),
             tally: Tally::default(),
             watch: Stopwatch::default(),
+            recorder,
             spec,
         })
     }
@@ -169,6 +175,9 @@ impl GlobalSimulator for GlobalTraffic {
         self.tally = Tally { greens: vec![(0, 0); self.agents()], ..Tally::default() };
         self.read_lights()?;
         self.perceive();
+        if let Some(recorder) = &mut self.recorder {
+            recorder.begin(episode.for_sumo());
+        }
         Ok(&self.last.percept)
     }
 
@@ -191,6 +200,9 @@ impl GlobalSimulator for GlobalTraffic {
         self.tally.cars(&self.cars, &self.cars_before);
         self.tally.step(&mut self.simulation)?;
         self.watch.note(Phase::Reading, begun.elapsed());
+        if let Some(recorder) = &mut self.recorder {
+            recorder.step(&mut self.simulation, &[])?;
+        }
         Ok(&self.last)
     }
 

@@ -6,8 +6,10 @@ use std::time::Instant;
 use anyhow::Context;
 
 use super::forest::{Region, write_forest};
+use super::grid::Grid;
 use super::intersections::{Intersections, edges_of};
 use super::net_file::{NetworkFiles, for_sumo};
+use super::recording::{Recorder, Tape};
 use super::region::{self, EDGES};
 use crate::base::{Phase, Rows, Stopwatch};
 use crate::config::{DSet, EntryRule};
@@ -16,6 +18,9 @@ use crate::sumo::{CarTable, DepartSpeed, Insertion, LaneCars, LaneId, RouteId, S
 
 /// The counter of sampled arrivals that found no room.
 pub const DROPPED: &str = "dropped_arrivals";
+
+/// SUMO's. Without speed factors to draw and without flows, it changes nothing.
+const SEED: u32 = 0;
 
 /// Where and how fast a car enters an edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,16 +50,18 @@ pub struct LocalTraffic {
     sampled: u64,
     dropped: u64,
     watch: Stopwatch,
+    recorder: Option<Recorder>,
 }
 
 impl LocalTraffic {
-    /// Loads a forest of `rows` copies of the `local` net.
+    /// Loads a forest of `rows` copies of the `local` net. The first episode of the first row goes on the `tape`.
     pub fn load(
         local: &NetworkFiles,
         rows: usize,
         horizon: usize,
         d_set: DSet,
         entry: EntryRule,
+        tape: Option<&Tape>,
     ) -> Result<LocalTraffic> {
         let spec = region::spec(horizon, d_set);
         let dir = tempfile::tempdir().context("no temporary directory for the forest of local simulators")?;
@@ -73,6 +80,8 @@ impl LocalTraffic {
             let lanes = [region.incoming_lanes(), region.internal_lanes(), region.outgoing_lanes()].concat();
             all_lanes.push(simulation.register_lanes(&lanes)?);
         }
+        let record = |tape| Recorder::new(tape, &mut simulation, Grid::SINGLE, local, Some(Region(0)));
+        let recorder = tape.map(record).transpose()?;
         Ok(LocalTraffic {
             entry,
             simulation,
@@ -87,6 +96,7 @@ impl LocalTraffic {
             sampled: 0,
             dropped: 0,
             watch: Stopwatch::default(),
+            recorder,
             spec,
         })
     }
@@ -137,6 +147,9 @@ impl LocalTraffic {
             self.cars_on.row_mut(row).iter_mut().zip(edges).for_each(|(count, edge)| *count = edge.len());
         }
         self.watch.note(Phase::Reading, begun.elapsed());
+        if let Some(recorder) = &mut self.recorder {
+            recorder.step(&mut self.simulation, &cars)?;
+        }
         Ok(&self.last)
     }
 
@@ -172,6 +185,11 @@ impl LocalSimulator for LocalTraffic {
         let lanes: Vec<LaneId> = rows.iter().flat_map(|&row| &self.all_lanes[row]).copied().collect();
         self.simulation.remove_cars(&lanes)?;
         self.intersections.reset(&mut self.simulation, rows)?;
+        if let Some(recorder) = &mut self.recorder
+            && rows.contains(&0)
+        {
+            recorder.begin(SEED);
+        }
         let empty = LaneCars { ids: &[], positions_m: &[], speeds_mps: &[] };
         for &row in rows {
             self.cars_on.row_mut(row).fill(0);
@@ -208,7 +226,7 @@ impl LocalSimulator for LocalTraffic {
 fn options(net: &Path, routes: &Path) -> Result<Vec<String>> {
     let mut options = vec!["--net-file".to_owned(), for_sumo(net)?, "--route-files".to_owned(), for_sumo(routes)?];
     // Without speed factors to draw and without flows, the seed changes nothing.
-    options.extend(["--seed".to_owned(), "0".to_owned()]);
+    options.extend(["--seed".to_owned(), SEED.to_string()]);
     // On one lane without overtaking nobody collides, and to look for it takes 3 % of a step (a test holds that it
     // changes nothing, however dense the traffic).
     options.extend(["--collision.action".to_owned(), "none".to_owned()]);

@@ -4,6 +4,7 @@
 //! - [`region`], [`signals`]: one intersection, pure: observation, d-set, reward; the light.
 //! - [`global`]: the GS, a whole grid with inflow at its boundary; [`local`]: the LS, a forest of single intersections.
 //! - [`controllers`]: hand-coded baselines.
+//! - [`recording`], [`replay`]: an episode written down, and as files that SUMO plays.
 //!
 //! The only room that opens [`crate::sumo`]. libsumo holds one simulation per process: a simulator of this room
 //! must be dropped before the thread makes the next one.
@@ -15,7 +16,9 @@ pub mod grid;
 mod intersections;
 pub mod local;
 pub mod net_file;
+pub mod recording;
 pub mod region;
+pub mod replay;
 pub mod signals;
 
 use anyhow::{Context, ensure};
@@ -27,6 +30,7 @@ use global::{GlobalTraffic, SignalControl};
 use grid::Grid;
 use local::LocalTraffic;
 use net_file::NetworkFiles;
+use recording::Tape;
 
 /// The measure "share of the steps beginning with green in which the light was switched".
 pub const P_SWITCH: &str = "p_switch_given_green";
@@ -46,6 +50,7 @@ pub struct Traffic {
     config: TrafficConfig,
     switch_bias: f32,
     spec: RegionSpec,
+    tape: Option<Tape>,
 }
 
 impl Traffic {
@@ -64,7 +69,18 @@ impl Traffic {
             config: config.clone(),
             switch_bias: policy.initial_switch_bias,
             spec: region::spec(config.horizon, config.d_set),
+            tape: None,
         })
+    }
+
+    /// The first episode of its simulators, global or local, goes on this tape.
+    pub fn record_on(self, tape: &Tape) -> Traffic {
+        Traffic { tape: Some(tape.clone()), ..self }
+    }
+
+    /// Its intersections.
+    pub fn grid(&self) -> Grid {
+        self.grid
     }
 
     /// Loads both networks in SUMO and plays a step in each, so that what is wrong with them is told before a run begins.
@@ -101,13 +117,14 @@ impl Traffic {
 
     /// The GS as itself, for what the trait does not tell.
     pub fn global(&self, control: SignalControl) -> Result<GlobalTraffic> {
-        GlobalTraffic::load(self.grid, &self.network, self.config.horizon, self.config.d_set, control)
+        let TrafficConfig { horizon, d_set, .. } = self.config;
+        GlobalTraffic::load(self.grid, &self.network, horizon, d_set, control, self.tape.as_ref())
     }
 
     /// An LS of so many rows as itself.
     pub fn local(&self, rows: usize) -> Result<LocalTraffic> {
         let TrafficConfig { horizon, d_set, entry, .. } = self.config;
-        LocalTraffic::load(&self.local_network, rows, horizon, d_set, entry)
+        LocalTraffic::load(&self.local_network, rows, horizon, d_set, entry, self.tape.as_ref())
     }
 }
 

@@ -23,7 +23,7 @@ use tempfile::NamedTempFile;
 
 use super::grid::{self, Grid};
 
-pub(super) use content::{document_with, leaf, nest};
+pub(super) use content::{document, document_with, leaf, nest, section};
 pub(super) use tree::{Element, read};
 
 /// Where the files of one network are.

@@ -298,6 +298,39 @@ int ds_remove_cars(const uint32_t *lanes, size_t count) {
     });
 }
 
+int ds_read_departures(struct ds_departures *out) {
+    static std::vector<uint32_t> starts, lanes;
+    static std::string letters;
+    static std::vector<uint64_t> cars;
+    static std::vector<double> positions, speeds, speed_factors;
+    return guarded([&] {
+        starts.assign(1, 0);
+        lanes.clear();
+        letters.clear();
+        cars.clear();
+        positions.clear();
+        speeds.clear();
+        speed_factors.clear();
+        for (const auto &car : Simulation::getDepartedIDList()) {
+            std::string edges;
+            for (const auto &edge : Vehicle::getRoute(car)) {
+                edges.append(edges.empty() ? "" : " ").append(edge);
+            }
+            for (const auto &text : {car, Vehicle::getTypeID(car), Vehicle::getRouteID(car), edges}) {
+                letters += text;
+                starts.push_back(static_cast<uint32_t>(letters.size()));
+            }
+            cars.push_back(identity(car));
+            lanes.push_back(static_cast<uint32_t>(Vehicle::getLaneIndex(car)));
+            positions.push_back(Vehicle::getLanePosition(car));
+            speeds.push_back(Vehicle::getSpeed(car));
+            speed_factors.push_back(Vehicle::getSpeedFactor(car));
+        }
+        *out = {cars.size(),   starts.data(),    letters.data(), cars.data(),
+                lanes.data(), positions.data(), speeds.data(),  speed_factors.data()};
+    });
+}
+
 int ds_counts(struct ds_counts *counts) {
     return guarded([&] {
         counts->departed = static_cast<uint32_t>(Simulation::getDepartedNumber());

@@ -62,6 +62,20 @@ int ds_insert(const struct ds_insertion *cars, size_t count);
 int ds_clear_pending(void);
 int ds_remove_cars(const uint32_t *lanes, size_t count);
 
+/* The cars that entered in the last step. The four texts of car i are starts[4 * i] .. starts[4 * i + 4] in letters: its
+ * name, its type, its route, and the edges of the route with blanks between. Numbers are those of after the step. */
+struct ds_departures {
+    size_t count;
+    const uint32_t *starts;
+    const char *letters;
+    const uint64_t *cars;
+    const uint32_t *lanes; /* index on the edge */
+    const double *positions;
+    const double *speeds;
+    const double *speed_factors;
+};
+int ds_read_departures(struct ds_departures *departures);
+
 struct ds_counts {
     uint32_t departed;
     uint32_t arrived;

@@ -236,7 +236,8 @@ pub fn leaf<K: AsRef<str>, V: AsRef<str>>(
     element.write_empty().map(|_| ())
 }
 
-fn section(xml: &mut Xml, name: &str, options: &[(&str, &str)]) -> io::Result<()> {
+/// The options of one kind in a configuration.
+pub fn section(xml: &mut Xml, name: &str, options: &[(&str, &str)]) -> io::Result<()> {
     const BARE: [(&str, &str); 0] = [];
     nest(xml, name, BARE, |xml| options.iter().try_for_each(|(option, value)| leaf(xml, option, [("value", value)])))
 }

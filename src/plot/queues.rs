@@ -1,0 +1,91 @@
+//! Queues: cars that stand, per approach, over time.
+
+use anyhow::Result;
+
+use super::*;
+use crate::traffic::grid::{Side, lane};
+use crate::traffic::recording::Recording;
+
+/// A car slower than this stands: SUMO's own limit for "halting".
+const STANDING_BELOW_MPS: f64 = 0.1;
+
+const SIZE: (i32, i32) = (1100, 690);
+
+/// Cars standing on the approaches from west, south, east and north: mean over all intersections, and the longest queue.
+pub fn queues(recording: &Recording, about: &About) -> Result<String> {
+    let grid = recording.roads.grid;
+    let agents = grid.agents();
+    let steps = recording.steps.len();
+    // Per side: of every agent, of every step.
+    let mut standing = vec![vec![Vec::with_capacity(steps); agents.len()]; Side::ALL.len()];
+    for &agent in &agents {
+        for (side, edge) in grid.incoming_edges(agent).iter().enumerate() {
+            let queue = recording
+                .on_lane(&lane(edge))?
+                .map(|cars| cars.speeds_mps.iter().filter(|&&speed| speed < STANDING_BELOW_MPS).count());
+            standing[side][agent.0].extend(queue);
+        }
+    }
+    let longest = standing.iter().flatten().flatten().copied().max().unwrap_or(0).max(1);
+
+    let title = match agents[..] {
+        [only] => format!("Queues at {}", grid.light(only)),
+        _ => format!("Queues at the {} intersections of a grid of {grid}", agents.len()),
+    };
+    picture(SIZE, &title, &about.of_episode(), |area| {
+        let (legend, area) = area.split_vertically(px(26));
+        draw_legend(&legend, agents.len() > 1)?;
+        let panels = area.split_evenly((Side::ALL.len(), 1));
+        for ((side, panel), queues) in Side::ALL.into_iter().zip(&panels).zip(&standing) {
+            let of_step = |step: usize| queues.iter().map(move |queue| queue[step]);
+            let means: Vec<f64> =
+                (0..steps).map(|step| of_step(step).sum::<usize>() as f64 / agents.len() as f64).collect();
+            let most: Vec<f64> = (0..steps).map(|step| of_step(step).max().unwrap_or(0) as f64).collect();
+            let last = side == Side::North;
+            let mut chart = ChartBuilder::on(panel)
+                .margin_top(px(18))
+                .x_label_area_size(px(if last { 40 } else { 6 }))
+                .y_label_area_size(px(58))
+                .margin_right(px(10))
+                .build_cartesian_2d(0.0..steps as f64, 0.0..longest as f64 + 0.5)?;
+            draw_axes(&mut chart, "cars", 4, last)?;
+            chart.draw_series(AreaSeries::new(stairs(&means), 0.0, SKY.mix(0.55)))?;
+            chart.draw_series(LineSeries::new(stairs(&means), line(BLUE, 2)))?;
+            if agents.len() > 1 {
+                chart.draw_series(LineSeries::new(stairs(&most), line(FAINT, 1)))?;
+            }
+            let mean = means.iter().sum::<f64>() / steps.max(1) as f64;
+            let word = format!("from the {}: {mean:.2} cars on average", name(side));
+            panel.draw_text(&word, &type_of(13, INK), (px(62), px(1)))?;
+        }
+        Ok(())
+    })
+}
+
+fn draw_legend(area: &Area<'_>, several: bool) -> Result<()> {
+    let style = anchored(type_of(13, INK), HPos::Left, VPos::Center);
+    let mean = if several { "standing cars, mean over the intersections" } else { "standing cars" };
+    area.draw(&Rectangle::new([(px(58), px(10)), (px(84), px(16))], SKY.mix(0.55).filled()))?;
+    area.draw(&PathElement::new(vec![(px(58), px(10)), (px(84), px(10))], line(BLUE, 2)))?;
+    area.draw_text(mean, &style, (px(92), px(11)))?;
+    if several {
+        area.draw(&PathElement::new(vec![(px(410), px(11)), (px(436), px(11))], line(FAINT, 1)))?;
+        area.draw_text("the longest queue", &style, (px(444), px(11)))?;
+    }
+    Ok(())
+}
+
+/// A value holds for a second.
+fn stairs(values: &[f64]) -> Vec<(f64, f64)> {
+    let step = |(second, &value): (usize, &f64)| [(second as f64, value), ((second + 1) as f64, value)];
+    values.iter().enumerate().flat_map(step).collect()
+}
+
+fn name(side: Side) -> &'static str {
+    match side {
+        Side::West => "west",
+        Side::South => "south",
+        Side::East => "east",
+        Side::North => "north",
+    }
+}

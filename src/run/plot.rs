@@ -1,0 +1,58 @@
+//! `--plot`: pictures of an evaluation.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, ensure};
+
+use super::directory::{self, Existing};
+use super::domain;
+use super::terminal::tell;
+use crate::config::Config;
+use crate::domain::Domain;
+use crate::evaluation::Evaluation;
+use crate::plot::{self, About};
+use crate::traffic::Traffic;
+use crate::traffic::recording::Tape;
+
+/// What will be drawn when the episodes are over.
+pub struct Plots {
+    dir: PathBuf,
+    tape: Tape,
+    /// It records the first episode.
+    traffic: Traffic,
+}
+
+impl Plots {
+    /// Checks that pictures can be made in `dir`, before long work begins. `None`: nobody asked for them.
+    pub fn asked_for(dir: Option<&Path>, config: &Config) -> Result<Option<Plots>> {
+        let Some(dir) = dir else { return Ok(None) };
+        ensure!(directory::is_free(dir), "{}: exists already; name another directory with --plot", dir.display());
+        let tape = Tape::default();
+        let traffic = domain::open_recorded(config, &tape).context("--plot: there is nothing to draw from")?;
+        Ok(Some(Plots { dir: dir.to_owned(), tape, traffic }))
+    }
+
+    /// The domain whose episodes are to be played.
+    pub fn domain(&self) -> &dyn Domain {
+        &self.traffic
+    }
+
+    pub fn draw(&self, evaluation: &Evaluation, about: &About) -> Result<()> {
+        let recording = self.tape.take().context("no episode was recorded")?;
+        let grid = self.traffic.grid();
+        let pictures = [
+            ("space_time.svg", plot::space_time(&recording, (grid.rows() - 1) / 2, about)?),
+            ("queues.svg", plot::queues(&recording, about)?),
+            ("signals.svg", plot::signal_timing(&recording, about)?),
+            ("returns.svg", plot::returns_map(grid, &evaluation.returns, about)?),
+        ];
+        directory::make(&self.dir, Existing::Refuse, |dir| {
+            pictures.iter().try_for_each(|(name, svg)| {
+                fs::write(dir.join(name), svg).with_context(|| format!("{}: cannot be written", self.dir.display()))
+            })
+        })?;
+        tell(format_args!("drew {} into {}", pictures.map(|(name, _)| name).join(", "), self.dir.display()));
+        Ok(())
+    }
+}

@@ -1,0 +1,199 @@
+//! Recordings: what happened on the road in an episode, to the last bit.
+//!
+//! A [`Tape`] is handed to a [`super::Traffic`]; the first episode that one of its simulators plays goes on it, whoever
+//! controls the lights, and comes off as a [`Recording`], of which [`super::replay`] makes files for SUMO and `plot`
+//! makes pictures. Simulators without a tape ask SUMO for nothing more than they need.
+
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use anyhow::{Context, Result};
+
+use super::forest::Region;
+use super::grid::{Grid, lane};
+use super::net_file::{Element, NetworkFiles, read};
+use crate::sumo::{CarTable, DepartSpeed, Departure, Insertion, LaneCars, LaneId, LightId, SignalState, Simulation};
+
+/// Room for one episode. Clones are the same tape.
+#[derive(Clone, Debug, Default)]
+pub struct Tape(Arc<Mutex<Option<Recording>>>);
+
+impl Tape {
+    /// What is on it; the tape is blank then.
+    pub fn take(&self) -> Option<Recording> {
+        self.with(Option::take)
+    }
+
+    fn with<T>(&self, work: impl FnOnce(&mut Option<Recording>) -> T) -> T {
+        // A panic elsewhere leaves a recording that is whole up to its last step.
+        work(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+/// One episode.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recording {
+    pub roads: Arc<Roads>,
+    /// The seed that SUMO was given.
+    pub seed: u32,
+    /// The cars that entered, in the order in which they did.
+    pub entries: Vec<Entry>,
+    pub steps: Vec<Step>,
+}
+
+/// A car that entered.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Entry {
+    pub step: usize,
+    pub car: Departure,
+    /// What SUMO was told, which is not always the speed that it came to: SUMO 1.15 refuses some cars that ask for the very
+    /// speed that it had itself found safe, for the want of a last bit.
+    pub speed: DepartSpeed,
+}
+
+/// Where it happened.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Roads {
+    pub grid: Grid,
+    /// The text of the net's file.
+    pub net: String,
+    pub(super) vehicle_types: Vec<Element>,
+    /// All of them: those of the edges in the order of [`Grid::edges`], then those inside of intersections.
+    pub lanes: Vec<Lane>,
+    /// Of the lanes, by name.
+    numbers: HashMap<String, usize>,
+    /// One per agent.
+    pub lights: Vec<String>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct Lane {
+    pub name: String,
+    pub length_m: f64,
+}
+
+/// One step of a second: step `t` leads from second `t` to second `t + 1`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Step {
+    /// What every light showed during the step, in the order of [`Roads::lights`].
+    pub signals: Vec<SignalState>,
+    /// The cars as the step left them, lane by lane in the order of [`Roads::lanes`].
+    pub cars: CarTable,
+}
+
+impl Recording {
+    /// The cars on a lane as each step left them.
+    pub fn on_lane<'a>(&'a self, name: &str) -> Result<impl Iterator<Item = LaneCars<'a>> + use<'a>> {
+        let lane = self.roads.number(name)?;
+        Ok(self.steps.iter().map(move |step| step.cars.lane(lane)))
+    }
+}
+
+impl Roads {
+    /// Metres of a lane.
+    pub fn length_m(&self, name: &str) -> Result<f64> {
+        Ok(self.lanes[self.number(name)?].length_m)
+    }
+
+    fn number(&self, lane: &str) -> Result<usize> {
+        self.numbers.get(lane).copied().with_context(|| format!("no lane `{lane}` was recorded"))
+    }
+
+    fn of(grid: Grid, files: &NetworkFiles) -> Result<Roads> {
+        let place = files.net.display();
+        let net = std::fs::read_to_string(&files.net).with_context(|| format!("{place}: could not be read"))?;
+        let root = read(&files.net)?;
+        let lengths: HashMap<&str, f64> = root
+            .all("edge")
+            .flat_map(|edge| edge.all("lane"))
+            .filter_map(|lane| Some((lane.attribute("id")?, lane.attribute("length")?.parse().ok()?)))
+            .collect();
+        let length =
+            |name: &str| lengths.get(name).copied().with_context(|| format!("{place}: no lane `{name}` with a length"));
+        let edges = grid.edges().into_iter().map(|(from, to)| lane(&super::grid::edge(from, to)));
+        let internal = grid.agents().into_iter().flat_map(|agent| grid.internal_lanes(agent));
+        let lanes = edges.chain(internal).map(|name| Ok(Lane { length_m: length(&name)?, name }));
+        let lanes = lanes.collect::<Result<Vec<Lane>>>()?;
+        let vehicle_types = read(&files.routes)?.children.into_iter().filter(|child| child.name.starts_with("vType"));
+        let lights = grid.agents().into_iter().map(|agent| grid.light(agent)).collect();
+        let numbers = lanes.iter().enumerate().map(|(number, lane)| (lane.name.clone(), number)).collect();
+        Ok(Roads { grid, net, vehicle_types: vehicle_types.collect(), lanes, numbers, lights })
+    }
+}
+
+/// What a simulator with a tape has beside it.
+pub(super) struct Recorder {
+    tape: Tape,
+    roads: Arc<Roads>,
+    /// The part of a forest that is recorded, under the names of the local net.
+    region: Option<Region>,
+    lanes: Vec<LaneId>,
+    lights: Vec<LightId>,
+    /// Whether the episode goes on the tape: there is room for the first one only.
+    on: bool,
+}
+
+impl Recorder {
+    /// `files`: the network of `grid`, which is the local one for a `region` of a forest.
+    pub fn new(
+        tape: &Tape,
+        simulation: &mut Simulation,
+        grid: Grid,
+        files: &NetworkFiles,
+        region: Option<Region>,
+    ) -> Result<Recorder> {
+        let roads = Roads::of(grid, files)?;
+        let name = |name: &String| region.map_or_else(|| name.clone(), |region| region.rename(name));
+        let lanes: Vec<String> = roads.lanes.iter().map(|lane| name(&lane.name)).collect();
+        let lights: Vec<String> = roads.lights.iter().map(name).collect();
+        Ok(Recorder {
+            tape: tape.clone(),
+            region,
+            lanes: simulation.register_lanes(&lanes)?,
+            lights: simulation.register_lights(&lights)?,
+            on: false,
+            roads: Arc::new(roads),
+        })
+    }
+
+    /// An episode begins, for which SUMO was given this seed.
+    pub fn begin(&mut self, seed: u32) {
+        self.on = self.tape.with(|tape| {
+            let room = tape.as_ref().is_none_or(|recording| recording.steps.is_empty());
+            if room {
+                *tape = Some(Recording { roads: self.roads.clone(), seed, entries: Vec::new(), steps: Vec::new() });
+            }
+            room
+        });
+    }
+
+    /// A step was made, before which these cars were inserted; SUMO's flows insert others.
+    pub fn step(&mut self, simulation: &mut Simulation, inserted: &[Insertion]) -> Result<()> {
+        if !self.on {
+            return Ok(());
+        }
+        let mut step = Step { signals: Vec::new(), cars: CarTable::new() };
+        // SUMO moves its own programs on at the beginning of a step, so what a light shows now it has shown throughout.
+        simulation.read_lights(&self.lights, &mut step.signals)?;
+        simulation.read_lanes(&self.lanes, &mut step.cars)?;
+        let cars: Vec<Departure> = simulation.departures()?.into_iter().filter_map(|car| self.renamed(car)).collect();
+        self.tape.with(|tape| {
+            let recording = tape.as_mut().context("the tape was taken away in the middle of an episode")?;
+            let number = recording.steps.len();
+            recording.entries.extend(cars.into_iter().map(|car| {
+                let told = inserted.iter().find(|insertion| insertion.car == car.id.0).map(|insertion| insertion.speed);
+                Entry { step: number, speed: told.unwrap_or(DepartSpeed::Fixed(car.speed_mps)), car }
+            }));
+            recording.steps.push(step);
+            Ok(())
+        })
+    }
+
+    /// The car under the names of the recorded roads, if it is on them.
+    fn renamed(&self, car: Departure) -> Option<Departure> {
+        let Some(region) = self.region else { return Some(car) };
+        let rename = |name: &String| region.in_the_local_net(name).map(str::to_owned);
+        let edges = car.edges.iter().map(rename).collect::<Option<Vec<String>>>()?;
+        Some(Departure { route: rename(&car.route)?, edges, ..car })
+    }
+}

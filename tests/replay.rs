@@ -1,0 +1,412 @@
+//! Replays and pictures: what plain SUMO makes of a written episode, held against the episode.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command as Program;
+use std::sync::{Mutex, PoisonError};
+
+use assert_cmd::Command;
+use dials_traffic::base::{AgentId, Rows, Seed};
+use dials_traffic::config::{Config, load};
+use dials_traffic::domain::{Domain, LocalSimulator};
+use dials_traffic::evaluation::{episode_seed, play};
+use dials_traffic::nn::read_stack;
+use dials_traffic::policy::{JointPolicyController, Selection};
+use dials_traffic::traffic::Traffic;
+use dials_traffic::traffic::recording::{Recording, Tape};
+use dials_traffic::traffic::replay;
+use dials_traffic::training::block::initial_policies;
+use quick_xml::Reader;
+use quick_xml::events::{BytesStart, Event};
+use rand::Rng;
+
+const SEED: u64 = 11;
+
+fn nets() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets")
+}
+
+/// A config of 512 timesteps on the 2x2 grid with episodes of 150 steps; `more` goes into its table of traffic.
+fn write_config(dir: &Path, more: &str) -> PathBuf {
+    let path = dir.join("small.toml");
+    let nets = nets().display().to_string();
+    let text = format!(
+        "total_steps = 512\n[traffic]\nnetwork = '{nets}/grid_2x2'\nlocal_network = '{nets}/local'\nhorizon = 150\n{more}\n\
+         [local_simulators]\ncopies = 8\n[policy]\nhidden = [16, 8]\n\
+         [aip]\nhidden = [8]\nretrain_every_steps = 256\ndataset_steps = 600\nbatch = 32\nepochs = 2\n\
+         [evaluation]\nevery_steps = 256\nepisodes = 1\n"
+    );
+    fs::write(&path, text).unwrap();
+    path
+}
+
+fn dials_traffic<'a>(args: impl IntoIterator<Item = &'a str>) -> Command {
+    let mut command = assert_cmd::cargo::cargo_bin_cmd!("dials-traffic");
+    command.args(args);
+    command
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().expect("the paths of the tests are UTF-8")
+}
+
+fn train(dir: &Path, more: &[&str]) -> PathBuf {
+    let (config, run) = (write_config(dir, ""), dir.join("run"));
+    let args = ["train", text(&config), "--out", text(&run), "--workers", "0"];
+    dials_traffic(args.into_iter().chain(more.iter().copied())).assert().success();
+    run
+}
+
+/// Plays the first episode of [`SEED`] beside the program under test.
+fn record(config: &Config, cast: impl FnOnce(&Traffic) -> Option<JointPolicyController>, baseline: &str) -> Recording {
+    let tape = Tape::default();
+    let traffic = Traffic::open(config.traffic.as_ref().unwrap(), &config.policy).unwrap().record_on(&tape);
+    let episode = episode_seed(Seed::new(SEED), 0);
+    match cast(&traffic) {
+        Some(mut policies) => play(&mut *traffic.global_simulator().unwrap(), &mut policies, episode).unwrap(),
+        None => {
+            let mut baseline = traffic.baseline(baseline).unwrap();
+            play(&mut *baseline.simulator, &mut *baseline.controller, episode).unwrap()
+        }
+    };
+    tape.take().unwrap()
+}
+
+fn attribute(tag: &BytesStart, name: &str) -> String {
+    tag.try_get_attribute(name).unwrap().unwrap_or_else(|| panic!("no {name}")).unescape_value().unwrap().into_owned()
+}
+
+/// Car, lane, position and speed.
+type Places = BTreeSet<(String, String, String)>;
+
+/// What plain `sumo` makes of a folder: for every step the cars with lane, position and speed as SUMO prints them.
+fn sumo_plays(dir: &Path) -> Vec<Places> {
+    let room = tempfile::tempdir().unwrap();
+    let fcd = room.path().join("fcd.xml");
+    let output = Program::new("sumo")
+        .args(["-c", "replay.sumocfg", "--no-step-log", "--precision", "15", "--fcd-output", text(&fcd)])
+        .current_dir(dir)
+        .env_remove("SUMO_HOME")
+        .output()
+        .expect("Debian's package sumo is installed");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(String::from_utf8_lossy(&output.stderr), "");
+    let xml = fs::read_to_string(&fcd).unwrap();
+    let mut reader = Reader::from_str(&xml);
+    let mut steps = Vec::new();
+    loop {
+        match reader.read_event().unwrap() {
+            Event::Start(tag) | Event::Empty(tag) => match tag.name().as_ref() {
+                b"timestep" => steps.push(Places::new()),
+                b"vehicle" => {
+                    let [id, lane, position, speed] = ["id", "lane", "pos", "speed"].map(|name| attribute(&tag, name));
+                    steps.last_mut().unwrap().insert((id, lane, format!("{position} {speed}")));
+                }
+                _ => {}
+            },
+            Event::Eof => return steps,
+            _ => {}
+        }
+    }
+}
+
+/// The same of a recording: 15 digits after the point, correctly rounded as SUMO's.
+fn was(recording: &Recording) -> Vec<Places> {
+    let names: BTreeMap<_, _> = recording.entries.iter().map(|entry| (entry.car.id, entry.car.name.clone())).collect();
+    let lanes = &recording.roads.lanes;
+    let steps = recording.steps.iter().map(|step| {
+        let cars = step.cars.iter().zip(lanes).flat_map(|(cars, lane)| cars.iter().map(move |car| (car, lane)));
+        let cars = cars.map(|(car, lane)| {
+            (names[&car.id].clone(), lane.name.clone(), format!("{:.15} {:.15}", car.position_m, car.speed_mps))
+        });
+        cars.collect()
+    });
+    steps.collect()
+}
+
+/// Asserts that plain SUMO plays the folder as it was recorded, and returns how many places of cars were compared.
+fn assert_same(dir: &Path, recording: &Recording) -> usize {
+    let (played, was) = (sumo_plays(dir), was(recording));
+    assert_eq!(played.len(), was.len(), "steps");
+    for (step, (played, was)) in played.iter().zip(&was).enumerate() {
+        let differences: Vec<_> = played.symmetric_difference(was).collect();
+        assert!(differences.is_empty(), "step {step}: {differences:?}");
+    }
+    was.iter().map(BTreeSet::len).sum()
+}
+
+#[test]
+fn sumo_plays_the_replay_of_trained_policies_as_the_episode_was() {
+    let dir = tempfile::tempdir().unwrap();
+    let run = train(dir.path(), &[]);
+    let folder = dir.path().join("replay");
+    let args = ["replay", text(&run), "--out", text(&folder), "--episode-seed", "11"];
+    dials_traffic(args).assert().success();
+    // It needs nothing outside of itself.
+    let elsewhere = dir.path().join("elsewhere");
+    fs::rename(&folder, &elsewhere).unwrap();
+
+    let config = load(&run.join("config.toml"), &[]).unwrap();
+    let recording = record(
+        &config,
+        |traffic| {
+            let stack = initial_policies(traffic, &config, &AgentId::all(4));
+            let policies = read_stack(&run.join("policies.safetensors"), stack.parameters().layout(), 4).unwrap();
+            Some(JointPolicyController::new(stack, &policies, Selection::Sampled))
+        },
+        "",
+    );
+    assert_eq!(recording.steps.len(), 150);
+    // 8 flows of 0.1 per second for 150 s are 120 cars, and each is on the road for 20 s at least.
+    assert!(assert_same(&elsewhere, &recording) > 1500);
+}
+
+#[test]
+fn sumo_plays_the_replay_of_its_own_actuated_lights_as_the_episode_was() {
+    let dir = tempfile::tempdir().unwrap();
+    let (config, folder) = (write_config(dir.path(), ""), dir.path().join("replay"));
+    let args = ["replay", text(&config), "--controller", "actuated", "--out", text(&folder), "--episode-seed", "11"];
+    dials_traffic(args).assert().success();
+    let recording = record(&load(&config, &[]).unwrap(), |_| None, "actuated");
+    assert!(assert_same(&folder, &recording) > 1500);
+    let shown: BTreeSet<&str> = recording.steps.iter().map(|step| step.signals[0].as_str()).collect();
+    assert_eq!(shown.into_iter().collect::<Vec<_>>(), ["GrGr", "rGrG", "ryry", "yryr"], "its program ran");
+}
+
+#[test]
+fn sumo_plays_the_replay_of_a_local_simulator_as_the_episode_was() {
+    for entry in ["max", "reference"] {
+        let dir = tempfile::tempdir().unwrap();
+        let config = load(&write_config(dir.path(), &format!("entry = '{entry}'")), &[]).unwrap();
+        let tape = Tape::default();
+        let traffic = Traffic::open(config.traffic.as_ref().unwrap(), &config.policy).unwrap().record_on(&tape);
+        // Two copies, of which the first is recorded; more cars than there is room for.
+        let mut ls = traffic.local(2).unwrap();
+        let mut dice = Seed::new(5).dice();
+        for episode in 0..2 {
+            ls.reset(&[0, 1]).unwrap();
+            for _ in 0..[200, 20][episode] {
+                let sources = Rows::from_vec((0..8).map(|_| u8::from(dice.random_bool(0.3))).collect(), 4);
+                ls.step(&[u8::from(dice.random_bool(0.1)), u8::from(dice.random_bool(0.1))], &sources).unwrap();
+            }
+        }
+        let dropped = ls.counters().into_iter().find(|(name, _)| *name == "dropped_arrivals").unwrap().1;
+        assert!(dropped > 0, "{entry}");
+        drop(ls);
+        let recording = tape.take().unwrap();
+        assert_eq!(recording.steps.len(), 200, "the first episode is what is on the tape");
+        replay::write(&recording, dir.path()).unwrap();
+        replay::check(&recording, dir.path()).unwrap();
+        assert!(assert_same(dir.path(), &recording) > 3000, "{entry}");
+    }
+}
+
+#[test]
+fn an_agent_is_replayed_in_its_local_simulator_with_the_cars_of_its_aip() {
+    let dir = tempfile::tempdir().unwrap();
+    let run = train(dir.path(), &[]);
+    let replay = |out: &str, more: &[&str]| {
+        let folder = dir.path().join(out);
+        let args = ["replay", text(&run), "--out", text(&folder), "--local"];
+        dials_traffic(args.into_iter().chain(more.iter().copied())).assert().success();
+        sumo_plays(&folder)
+    };
+    let third = replay("third", &["3"]);
+    assert_eq!(third.len(), 150);
+    let cars: BTreeSet<&str> = third.iter().flatten().map(|(car, ..)| car.as_str()).collect();
+    // AIPs that have learnt little send a car with a probability of about a half: 4 x 150 x 0.5 = 300, and there is room
+    // for a third of them or so.
+    assert!(cars.len() > 30, "{}", cars.len());
+    assert!(third.iter().flatten().all(|(_, lane, _)| lane.contains("r0c0")), "under the names of the local net");
+    assert!(third == replay("again", &["3"]), "the same seed, the same episode");
+    assert!(third != replay("other", &["3", "--episode-seed", "12"]));
+    assert!(third != replay("first", &["1"]), "every agent has an AIP and a policy of its own");
+
+    let out = dir.path().join("none");
+    let error = |subject: &Path, more: &[&str]| {
+        let args = ["replay", text(subject), "--out", text(&out)];
+        let output = dials_traffic(args.into_iter().chain(more.iter().copied())).assert().code(2).get_output().clone();
+        assert!(!out.exists());
+        String::from_utf8(output.stderr).unwrap()
+    };
+    assert!(error(&run, &["--local", "4"]).contains("this run has the agents 0 to 3"));
+    let gs = tempfile::tempdir().unwrap();
+    let gs = train(gs.path(), &["--simulator", "gs"]);
+    assert!(error(&gs, &["--local", "0"]).contains("was trained on the GS and has no AIPs"));
+}
+
+#[test]
+fn a_replay_is_the_first_episode_of_the_seed_it_names() {
+    let dir = tempfile::tempdir().unwrap();
+    let (config, folder) = (write_config(dir.path(), ""), dir.path().join("replay"));
+    let config = text(&config);
+    dials_traffic(["replay", config, "--controller", "gap-out", "--out", text(&folder), "--episode-seed", "7"])
+        .assert()
+        .success();
+    let output =
+        dials_traffic(["baseline", config, "--controller", "gap-out", "--seed", "7", "--episodes", "1", "--json"])
+            .assert()
+            .success();
+    let found: serde_json::Value = serde_json::from_slice(&output.get_output().stdout).unwrap();
+    let cars = fs::read_to_string(folder.join("replay.rou.xml")).unwrap().matches("<vehicle ").count();
+    assert_eq!(found["departed"].as_f64(), Some(cars as f64));
+}
+
+#[test]
+fn a_folder_that_sumo_plays_otherwise_is_found_out() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = load(&write_config(dir.path(), ""), &[]).unwrap();
+    let mut recording = record(&config, |_| None, "gap-out");
+    recording.entries[3].car.position_m += 1e-12;
+    replay::write(&recording, dir.path()).unwrap();
+    let error = replay::check(&recording, dir.path()).unwrap_err().to_string();
+    let step = recording.entries[3].step;
+    assert!(error.starts_with(&format!("SUMO plays step {step} of the replay otherwise")), "{error}");
+}
+
+#[test]
+fn what_is_there_is_refused_or_moved_aside_but_never_lost() {
+    let dir = tempfile::tempdir().unwrap();
+    let (config, out) = (write_config(dir.path(), ""), dir.path().join("out"));
+    fs::create_dir(&out).unwrap();
+    fs::write(out.join("precious"), "x").unwrap();
+    let args = ["replay", text(&config), "--controller", "never", "--out", text(&out)];
+    let refused = |args: &[&str], parts: &[&str]| {
+        let output = dials_traffic(args.iter().copied()).env_remove("DISPLAY").assert().code(2).get_output().clone();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(said.starts_with("error: ") && parts.iter().all(|part| said.contains(part)), "{said}");
+    };
+    refused(&args, &["out: exists already", "--force"]);
+    dials_traffic(args.into_iter().chain(["--force"])).assert().success();
+    assert!(out.join("replay.sumocfg").is_file() && dir.path().join("out.old-1/precious").is_file());
+
+    let other = dir.path().join("other");
+    let args = ["replay", text(&config), "--controller", "never", "--out", text(&other)];
+    let with = |more: &[&'static str]| args.into_iter().chain(more.iter().copied()).collect::<Vec<&str>>();
+    refused(&with(&["--gui"]), &["there is no screen here", "--video"]);
+    refused(&with(&["--video", "film.avi"]), &["film.avi: must end in .gif or .mp4"]);
+    refused(&["replay", text(&config), "--out", text(&other)], &["has no policies", "--controller"]);
+    refused(&["replay", text(&config), "--controller", "no", "--out", text(&other)], &["controller `no`: unknown"]);
+    let warehouse = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/smoke_warehouse.toml");
+    let robots = ["replay", text(&warehouse), "--controller", "random", "--out", text(&other)];
+    refused(&robots, &["only what SUMO simulates can be replayed"]);
+    assert!(!other.exists());
+    // A PATH with sumo-gui alone: each tool that is missing is named with its package.
+    let bin = dir.path().join("bin");
+    fs::create_dir(&bin).unwrap();
+    std::os::unix::fs::symlink("/usr/bin/sumo-gui", bin.join("sumo-gui")).unwrap();
+    let output = dials_traffic(with(&["--video", "film.gif"])).env("PATH", &bin).assert().code(2).get_output().clone();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(said.contains("xvfb-run is not on the PATH: install Debian's package xvfb"), "{said}");
+}
+
+/// xvfb-run looks for a free screen and takes it a little later: two at once may find the same.
+static SCREEN: Mutex<()> = Mutex::new(());
+
+/// Whether sumo-gui can be run on a screen that nobody sees; says so where it cannot.
+fn has_xvfb() -> bool {
+    let has =
+        Program::new("xvfb-run").arg("--help").output().is_ok() && Program::new("xauth").arg("-V").output().is_ok();
+    if !has {
+        println!("skipped: xvfb-run or xauth is not installed (Debian's packages xvfb and xauth)");
+    }
+    has
+}
+
+fn sumo_gui_plays(config: &Path, more: &[&str]) {
+    let output = Program::new("xvfb-run")
+        .args(["-a", "sumo-gui", "-c", text(config), "--start", "--quit-on-end"])
+        .args(more)
+        .env_remove("SUMO_HOME")
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}: {}", config.display(), String::from_utf8_lossy(&output.stderr));
+}
+
+#[test]
+fn sumo_gui_opens_every_saved_network_and_a_replay() {
+    if !has_xvfb() {
+        return;
+    }
+    let _screen = SCREEN.lock().unwrap_or_else(PoisonError::into_inner);
+    let configs = fs::read_dir(nets()).unwrap().map(|entry| entry.unwrap().path());
+    let configs: Vec<PathBuf> =
+        configs.filter(|path| path.extension().is_some_and(|ending| ending == "sumocfg")).collect();
+    assert_eq!(configs.len(), 5);
+    configs.iter().for_each(|config| sumo_gui_plays(config, &["--end", "20"]));
+
+    let dir = tempfile::tempdir().unwrap();
+    let (config, folder) = (write_config(dir.path(), ""), dir.path().join("replay"));
+    dials_traffic(["replay", text(&config), "--controller", "gap-out", "--out", text(&folder)]).assert().success();
+    // With the delay of its view settings it would take 15 s.
+    sumo_gui_plays(&folder.join("replay.sumocfg"), &["--delay", "0"]);
+}
+
+#[test]
+fn a_film_has_a_picture_of_every_step() {
+    if !has_xvfb() {
+        return;
+    }
+    let _screen = SCREEN.lock().unwrap_or_else(PoisonError::into_inner);
+    let dir = tempfile::tempdir().unwrap();
+    let config = write_config(dir.path(), "");
+    let text_of = fs::read_to_string(&config).unwrap().replace("horizon = 150", "horizon = 12");
+    fs::write(&config, text_of.replace("dataset_steps = 600", "dataset_steps = 240")).unwrap();
+    let (folder, film) = (dir.path().join("replay"), dir.path().join("film.gif"));
+    let args = ["replay", text(&config), "--controller", "always", "--out", text(&folder), "--video", text(&film)];
+    dials_traffic(args).assert().success();
+    let mut decoder = gif::DecodeOptions::new().read_info(fs::File::open(&film).unwrap()).unwrap();
+    let mut frames = Vec::new();
+    while let Some(frame) = decoder.read_next_frame().unwrap() {
+        frames.push((frame.palette.clone(), frame.buffer.to_vec()));
+    }
+    assert_eq!(frames.len(), 12);
+    assert!(frames.windows(2).any(|two| two[0] != two[1]), "something moves");
+}
+
+#[test]
+fn pictures_name_what_they_show_and_their_queues_are_those_of_sumo() {
+    let dir = tempfile::tempdir().unwrap();
+    let (config, plots, folder) = (write_config(dir.path(), ""), dir.path().join("plots"), dir.path().join("replay"));
+    let args =
+        ["baseline", text(&config), "--controller", "never", "--seed", "11", "--episodes", "2", "--plot", text(&plots)];
+    dials_traffic(args).assert().success();
+    let picture = |name: &str| fs::read_to_string(plots.join(name)).unwrap();
+    for name in ["space_time.svg", "queues.svg", "signals.svg", "returns.svg"] {
+        let svg = picture(name);
+        assert!(svg.contains("controller never on small.toml") && svg.contains("seed 11"), "{name}");
+        assert!(svg.starts_with("<svg ") && svg.trim_end().ends_with("</svg>"), "{name}");
+    }
+    assert!(picture("returns.svg").contains("mean over 2 episodes of seed 11"));
+
+    // Vertical green for ever: queues from west and east, none from south and north but where the way on is full.
+    let args = ["replay", text(&config), "--controller", "never", "--out", text(&folder), "--episode-seed", "11"];
+    dials_traffic(args).assert().success();
+    let into = |lane: &str, side: usize| {
+        let lanes = [
+            ["w0_r0c0_0", "r0c0_r0c1_0", "w1_r1c0_0", "r1c0_r1c1_0"],
+            ["s0_r0c0_0", "s1_r0c1_0", "r0c0_r1c0_0", "r0c1_r1c1_0"],
+        ];
+        lanes[side].contains(&lane)
+    };
+    let mut standing = [0, 0];
+    for (_, lane, place) in sumo_plays(&folder).iter().flatten() {
+        let speed: f64 = place.split(' ').nth(1).unwrap().parse().unwrap();
+        (0..2).filter(|&side| speed < 0.1 && into(lane, side)).for_each(|side| standing[side] += 1);
+    }
+    let queues = picture("queues.svg");
+    for (side, name) in ["west", "south"].into_iter().enumerate() {
+        // Per step and intersection: 150 and 4.
+        let words = format!("from the {name}: {:.2} cars on average", f64::from(standing[side]) / 600.0);
+        assert!(queues.contains(&words), "{words}");
+    }
+    assert!(standing[0] > 0);
+
+    let again = dials_traffic(args_of(&config, &plots)).assert().code(2).get_output().clone();
+    assert!(String::from_utf8(again.stderr).unwrap().contains("plots: exists already"));
+}
+
+fn args_of<'a>(config: &'a Path, plots: &'a Path) -> [&'a str; 6] {
+    ["baseline", text(config), "--controller", "never", "--plot", text(plots)]
+}
