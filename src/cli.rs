@@ -102,10 +102,12 @@ pub struct Evaluate {
 pub struct Baseline {
     /// Config file whose network and horizon are used
     pub config: PathBuf,
-    /// Traffic: random, never, always, switch-every-K, actuated (SUMO's) or gap-out; warehouse: random,
-    /// closest-item or oldest-item
-    #[arg(long, value_name = "NAME")]
-    pub controller: String,
+    /// A hand-coded controller; an unknown name lists them all
+    #[arg(long, value_name = "NAME", required_unless_present = "compare", conflicts_with = "compare")]
+    pub controller: Option<String>,
+    /// Several controllers and run directories on the same traffic, and their differences to the first of them
+    #[arg(long, value_name = "NAME,RUN_DIR,...", conflicts_with = "render")]
+    pub compare: Option<String>,
     #[command(flatten)]
     pub episodes: Episodes,
     #[command(flatten)]
@@ -127,6 +129,9 @@ pub struct Output {
     /// Print one JSON object instead of a table
     #[arg(long)]
     pub json: bool,
+    /// Also write episodes.csv and agents.csv, a line per episode (and agent), into this directory
+    #[arg(long, value_name = "DIR")]
+    pub csv: Option<PathBuf>,
     /// Also write pictures of the first episode, one per step and an animation, into this directory (warehouse)
     #[arg(long, value_name = "DIR")]
     pub render: Option<PathBuf>,

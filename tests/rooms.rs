@@ -21,8 +21,13 @@ const DOORS: &[(&str, &[&str])] = &[
 ];
 
 /// Outside crates that only some rooms may use.
-const OUTSIDE: &[(&str, &[&str])] =
-    &[("tch", &["nn", "run"]), ("quick_xml", &["traffic"]), ("clap", &["cli", "run", "main"]), ("indicatif", &["run"])];
+const OUTSIDE: &[(&str, &[&str])] = &[
+    ("tch", &["nn", "run"]),
+    ("quick_xml", &["traffic"]),
+    ("statrs", &["evaluation"]),
+    ("clap", &["cli", "run", "main"]),
+    ("indicatif", &["run"]),
+];
 
 const TOP: &[&str] = &["run", "cli", "error", "main", "lib"];
 

@@ -81,6 +81,12 @@ pub trait GlobalSimulator {
     /// What else there is to tell of the episode so far.
     fn measures(&mut self) -> Result<Measures>;
 
+    /// From the next reset on [`GlobalSimulator::measures`] tell all that the domain knows, at whatever cost, and end
+    /// the episode: then only a reset may follow.
+    fn measure_in_full(&mut self) -> Result<()> {
+        Ok(())
+    }
+
     /// A picture of the state, where the domain draws one.
     fn scene(&self) -> Option<Scene> {
         None
@@ -143,6 +149,11 @@ pub trait Domain: Send + Sync {
 
     /// A hand-coded controller by name; an unknown name is an error that lists the known ones.
     fn baseline(&self, name: &str) -> Result<Baseline>;
+
+    /// An error if [`Domain::baseline`] would not know the name.
+    fn check_baseline(&self, name: &str) -> Result<()> {
+        self.baseline(name).map(drop)
+    }
 
     /// What to add to the output biases of a fresh policy, per action: a prior on behaviour.
     fn initial_action_bias(&self) -> Vec<f32>;

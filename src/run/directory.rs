@@ -95,7 +95,6 @@ fn describe(dir: &Path, config: &Config) -> Result<()> {
 
 /// What [`open`] finds: a run that can be evaluated.
 pub struct TrainedRun {
-    pub config: Config,
     pub domain: Arc<dyn Domain>,
     /// Policies of the right shape for [`crate::policy::JointPolicyController`].
     pub stack: PolicyStack,
@@ -123,7 +122,7 @@ pub fn open(path: &Path) -> Result<TrainedRun> {
     let saved = path.join(files::POLICIES);
     ensure!(saved.is_file(), "{}: has no policies yet; they are written after the first period", path.display());
     let policies = read_stack(&saved, stack.parameters().layout(), domain.agents())?;
-    Ok(TrainedRun { config, domain, stack, policies })
+    Ok(TrainedRun { domain, stack, policies })
 }
 
 /// `path` itself where there is nothing and numbers begin at 2, else the first free of `path` + `word` + number.

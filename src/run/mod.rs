@@ -3,10 +3,12 @@
 mod directory;
 mod domain;
 mod evaluate;
+mod findings;
 mod info;
 mod nets;
 mod progress;
 mod render;
+mod subject;
 pub mod terminal;
 mod train;
 mod worker;

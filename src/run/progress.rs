@@ -189,7 +189,6 @@ impl Observer for Progress {
 /// A bar over episodes, on a terminal only.
 pub struct EpisodeBar {
     bar: ProgressBar,
-    episodes: usize,
 }
 
 impl EpisodeBar {
@@ -197,11 +196,11 @@ impl EpisodeBar {
         // indicatif draws to standard error, and nothing where that is no terminal.
         let style = ProgressStyle::with_template("{bar:30.cyan/blue} {pos}/{len} episodes  {eta} left");
         let bar = ProgressBar::new(episodes as u64).with_style(style.expect("the template is well-formed"));
-        EpisodeBar { bar, episodes }
+        EpisodeBar { bar }
     }
 
-    pub fn set(&self, share: f64) {
-        self.bar.set_position((share * self.episodes as f64).round() as u64);
+    pub fn set(&self, done: usize) {
+        self.bar.set_position(done as u64);
     }
 
     pub fn finish(&self) {

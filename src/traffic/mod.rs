@@ -14,9 +14,11 @@ pub mod global;
 pub mod grid;
 mod intersections;
 pub mod local;
+mod metrics;
 pub mod net_file;
 pub mod region;
 pub mod signals;
+mod trips;
 
 use anyhow::{Context, ensure};
 
