@@ -94,6 +94,12 @@ pub struct Evaluate {
     /// Take the most probable action instead of drawing one
     #[arg(long)]
     pub greedy: bool,
+    /// A hand-coded controller for all agents but those of --agents
+    #[arg(long, value_name = "NAME", requires = "agents")]
+    pub background: Option<String>,
+    /// The agents that act by their policies, such as 0,3
+    #[arg(long, value_name = "AGENT,...", value_delimiter = ',', requires = "background")]
+    pub agents: Vec<usize>,
     #[command(flatten)]
     pub output: Output,
 }
@@ -108,6 +114,13 @@ pub struct Baseline {
     /// Several controllers and run directories on the same traffic, and their differences to the first of them
     #[arg(long, value_name = "NAME,RUN_DIR,...", conflicts_with = "render")]
     pub compare: Option<String>,
+    /// Look for the best timings of `fixed-time` first; they are kept under tuned/ and used again
+    #[arg(long)]
+    pub tune: bool,
+    /// Episodes on which timings are compared
+    #[arg(long, value_name = "EPISODES", default_value_t = 10, requires = "tune",
+          value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub tune_episodes: u32,
     #[command(flatten)]
     pub episodes: Episodes,
     #[command(flatten)]

@@ -53,6 +53,12 @@ fn gap_out_on_2x2() {
 }
 
 #[test]
+fn fixed_time_with_checkerboard_offsets_on_2x2() {
+    // "205"
+    assert_return("grid_2x2", "fixed-time:green=10,offsets=checkerboard", 205.0, 1.0);
+}
+
+#[test]
 fn random_control_on_5x5() {
     assert_return("grid_5x5", "random", 159.5, 0.7);
 }

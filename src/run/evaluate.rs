@@ -7,9 +7,10 @@ use super::domain;
 use super::findings::{self, CsvFiles, Finding};
 use super::progress::EpisodeBar;
 use super::render::render;
-use super::subject::Subject;
+use super::subject::{Background, Subject};
 use super::terminal::answer;
-use crate::base::Seed;
+use super::tune::tune_fixed_time;
+use crate::base::{AgentId, Seed};
 use crate::cli;
 use crate::config::{Config, load};
 use crate::domain::{Baseline, Domain};
@@ -19,7 +20,9 @@ use crate::sumo::Simulation;
 
 pub fn evaluate(args: &cli::Evaluate) -> Result<()> {
     let (config, domain) = directory::open_config(&args.run_dir).map_err(Error::Usage)?;
-    let subject = Subject::Run { dir: args.run_dir.clone(), greedy: args.greedy };
+    let agents = args.agents.iter().copied().map(AgentId).collect();
+    let background = args.background.clone().map(|controller| Background { controller, policies_of: agents });
+    let subject = Subject::Run { dir: args.run_dir.clone(), greedy: args.greedy, background };
     let session = Session::new(&*domain, &config, &args.episodes, &args.output)?;
     let findings = session.play(vec![subject])?;
     session.tell_one(&findings[0], &[])
@@ -31,16 +34,19 @@ pub fn baseline(args: &cli::Baseline) -> Result<()> {
     domain::check(&config).map_err(Error::Usage)?;
     let about = [("config", json!(args.config))];
     let session = Session::new(&*domain, &config, &args.episodes, &args.output)?;
-    match (&args.controller, &args.compare) {
-        (Some(name), _) => {
-            let findings = session.play(vec![Subject::Controller(name.clone())])?;
-            session.tell_one(&findings[0], &about)
-        }
-        (None, Some(list)) => {
-            let findings = session.play(Subject::list(list))?;
-            session.tell_all(&findings, &about)
-        }
+    let mut subjects = match (&args.controller, &args.compare) {
+        (Some(name), _) => vec![Subject::Controller(name.clone())],
+        (None, Some(list)) => Subject::list(list),
         (None, None) => unreachable!("clap asks for one of them"),
+    };
+    if args.tune {
+        session.check(&subjects)?;
+        tune_fixed_time(&config, args.tune_episodes as usize, &mut subjects).map_err(Error::Usage)?;
+    }
+    let findings = session.play(subjects)?;
+    match args.compare {
+        None => session.tell_one(&findings[0], &about),
+        Some(_) => session.tell_all(&findings, &about),
     }
 }
 
@@ -63,9 +69,13 @@ impl<'a> Session<'a> {
         Ok(Session { domain, episodes: count, seed: episodes.seed.unwrap_or(config.seed), output })
     }
 
+    fn check(&self, subjects: &[Subject]) -> Result<()> {
+        subjects.iter().try_for_each(|subject| subject.check(self.domain)).map_err(Error::Usage)
+    }
+
     /// Lets one subject after the other play the same episodes. What is wrong with one of them is told before any plays.
     fn play(&self, subjects: Vec<Subject>) -> Result<Vec<Finding>> {
-        subjects.iter().try_for_each(|subject| subject.check(self.domain)).map_err(Error::Usage)?;
+        self.check(&subjects)?;
         let csv = self.output.csv.as_deref().map(CsvFiles::create).transpose().map_err(Error::Usage)?;
         let bar = EpisodeBar::new(subjects.len() * self.episodes);
         let mut findings = Vec::new();

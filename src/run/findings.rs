@@ -17,6 +17,9 @@ pub struct Finding {
     pub episodes: Vec<EpisodeReport>,
 }
 
+/// Values of all episodes by name.
+type Figures = Vec<(String, Vec<f64>)>;
+
 /// The widest line of a comparison.
 const WIDTH: usize = 118;
 
@@ -61,7 +64,7 @@ pub fn table(domain: &dyn Domain, finding: &Finding) -> String {
 /// Several subjects, one line each, and their differences to the first of them, episode by episode.
 pub fn comparison(findings: &[Finding]) -> String {
     let episodes = findings[0].episodes.len();
-    let figures: Vec<_> = findings.iter().map(|finding| figures(&finding.episodes)).collect();
+    let figures: Vec<Figures> = findings.iter().map(|finding| figures(&finding.episodes)).collect();
     let names: Vec<&str> = figures[0].iter().map(|(name, _)| name.as_str()).collect();
     let labels: Vec<String> = findings.iter().map(|finding| finding.subject.label()).collect();
     let means: Vec<Vec<String>> =
@@ -71,13 +74,15 @@ pub fn comparison(findings: &[Finding]) -> String {
     if let [reference, others @ ..] = &figures[..]
         && !others.is_empty()
     {
-        let differences: Vec<Vec<String>> = others
-            .iter()
-            .map(|figures| {
-                let pairs = figures.iter().zip(reference);
-                pairs.map(|((_, values), (_, first))| signed_cell(Interval::of_differences(values, first))).collect()
-            })
-            .collect();
+        // Where nobody differs there is nothing to tell.
+        let differs = |column: &usize| others.iter().any(|figures| figures[*column] != reference[*column]);
+        let columns: Vec<usize> = (0..names.len()).filter(differs).collect();
+        let names: Vec<&str> = columns.iter().map(|&column| names[column]).collect();
+        let difference = |figures: &Figures, column: usize| {
+            signed_cell(Interval::of_differences(&figures[column].1, &reference[column].1))
+        };
+        let differences: Vec<Vec<String>> =
+            others.iter().map(|figures| columns.iter().map(|&column| difference(figures, column)).collect()).collect();
         text += &format!("\n\nless {}, episode by episode\n{}", labels[0], blocks(&names, &labels[1..], &differences));
     }
     text
@@ -86,7 +91,11 @@ pub fn comparison(findings: &[Finding]) -> String {
 /// `215.7 +- 2.3`
 fn cell(Interval { mean, half_width }: Interval) -> String {
     let digits = if mean.abs() < 20.0 { 2 } else { 1 };
-    format!("{mean:.digits$}{}", half_width.map_or(String::new(), |half_width| format!(" +- {half_width:.digits$}")))
+    match half_width {
+        // Of values that are all the same, or of a single one.
+        None | Some(0.0) => format!("{mean:.digits$}"),
+        Some(half_width) => format!("{mean:.digits$} +- {half_width:.digits$}"),
+    }
 }
 
 /// `+3.41 +- 1.20`, for a difference.

@@ -11,6 +11,7 @@ mod render;
 mod subject;
 pub mod terminal;
 mod train;
+mod tune;
 mod worker;
 
 use std::os::unix::process::CommandExt;

@@ -1,6 +1,7 @@
 //! What a person sees of a run: a bar on a terminal, plain lines elsewhere.
 
 use std::cell::{Cell, RefCell};
+use std::fmt::Display;
 use std::io::IsTerminal;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -194,13 +195,21 @@ pub struct EpisodeBar {
 impl EpisodeBar {
     pub fn new(episodes: usize) -> Self {
         // indicatif draws to standard error, and nothing where that is no terminal.
-        let style = ProgressStyle::with_template("{bar:30.cyan/blue} {pos}/{len} episodes  {eta} left");
+        let style = ProgressStyle::with_template("{bar:30.cyan/blue} {pos}/{len} episodes  {eta} left  {msg}");
         let bar = ProgressBar::new(episodes as u64).with_style(style.expect("the template is well-formed"));
         EpisodeBar { bar }
     }
 
     pub fn set(&self, done: usize) {
         self.bar.set_position(done as u64);
+    }
+
+    pub fn set_length(&self, episodes: usize) {
+        self.bar.set_length(episodes as u64);
+    }
+
+    pub fn tell(&self, message: impl Display) {
+        self.bar.set_message(message.to_string());
     }
 
     pub fn finish(&self) {

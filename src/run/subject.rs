@@ -2,10 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, ensure};
+use anyhow::{Result, bail, ensure};
 use serde_json::{Value, json};
 
 use super::directory::{self, TrainedRun};
+use crate::base::AgentId;
 use crate::domain::{Baseline, Domain};
 use crate::policy::{JointPolicyController, Selection};
 
@@ -13,7 +14,21 @@ use crate::policy::{JointPolicyController, Selection};
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Subject {
     Controller(String),
-    Run { dir: PathBuf, greedy: bool },
+    Run { dir: PathBuf, greedy: bool, background: Option<Background> },
+}
+
+/// Hand-coded control around the policies of some agents.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Background {
+    pub controller: String,
+    pub policies_of: Vec<AgentId>,
+}
+
+impl Background {
+    fn hand_coded(&self, domain: &dyn Domain) -> Vec<AgentId> {
+        let agents = AgentId::all(domain.agents()).into_iter();
+        agents.filter(|agent| !self.policies_of.contains(agent)).collect()
+    }
 }
 
 impl Subject {
@@ -31,7 +46,7 @@ impl Subject {
         }
         let subject = |word: String| match word.split(':').next().is_some_and(|name| name.contains('/')) {
             false if !Path::new(&word).is_dir() => Subject::Controller(word),
-            _ => Subject::Run { dir: word.into(), greedy: false },
+            _ => Subject::Run { dir: word.into(), greedy: false, background: None },
         };
         words.into_iter().map(subject).collect()
     }
@@ -48,7 +63,14 @@ impl Subject {
     pub fn keys(&self) -> Vec<(&'static str, Value)> {
         match self {
             Subject::Controller(name) => vec![("controller", json!(name))],
-            Subject::Run { dir, greedy } => vec![("run", json!(dir)), ("greedy", json!(greedy))],
+            Subject::Run { dir, greedy, background } => {
+                let mut keys = vec![("run", json!(dir)), ("greedy", json!(greedy))];
+                if let Some(Background { controller, policies_of }) = background {
+                    let agents: Vec<usize> = policies_of.iter().map(|agent| agent.0).collect();
+                    keys.extend([("background", json!(controller)), ("policies_of", json!(agents))]);
+                }
+                keys
+            }
         }
     }
 
@@ -56,7 +78,16 @@ impl Subject {
     pub fn check(&self, domain: &dyn Domain) -> Result<()> {
         match self {
             Subject::Controller(name) => domain.check_baseline(name),
-            Subject::Run { dir, .. } => fitting(dir, domain).map(drop),
+            Subject::Run { dir, background, .. } => {
+                if let Some(Background { controller, policies_of }) = background {
+                    let agents = domain.agents();
+                    if let Some(unknown) = policies_of.iter().find(|agent| agent.0 >= agents) {
+                        bail!("--agents: there is no agent {unknown}, but 0 to {}", agents - 1);
+                    }
+                    domain.check_baseline(controller)?;
+                }
+                fitting(dir, domain).map(drop)
+            }
         }
     }
 
@@ -64,11 +95,17 @@ impl Subject {
     pub fn open(&self, domain: &dyn Domain) -> Result<Baseline> {
         match self {
             Subject::Controller(name) => domain.baseline(name),
-            Subject::Run { dir, greedy } => {
+            Subject::Run { dir, greedy, background } => {
                 let run = fitting(dir, domain)?;
                 let selection = if *greedy { Selection::Greedy } else { Selection::Sampled };
                 let controller = Box::new(JointPolicyController::new(run.stack, &run.policies, selection));
-                Ok(Baseline { simulator: domain.global_simulator()?, controller })
+                let simulator = match background {
+                    None => domain.global_simulator()?,
+                    Some(background) => {
+                        domain.with_background(&background.controller, &background.hand_coded(domain))?
+                    }
+                };
+                Ok(Baseline { simulator, controller })
             }
         }
     }
@@ -108,7 +145,7 @@ mod tests {
 
     #[test]
     fn what_looks_like_a_path_is_a_run() {
-        let run = |dir: &str| Subject::Run { dir: dir.into(), greedy: false };
+        let run = |dir: &str| Subject::Run { dir: dir.into(), greedy: false, background: None };
         let controller = |name: &str| Subject::Controller(name.to_owned());
         let found = Subject::list("actuated,runs/a=1,fixed-time:file=tuned/a.toml,src");
         let expected =

@@ -4,12 +4,9 @@
 use anyhow::Result;
 
 use super::global::has_new_car;
-use super::region::EDGES;
+use super::region::{EDGES, HALTING_MPS};
 use super::trips::{TripFile, Trips};
 use crate::sumo::CarTable;
-
-/// A car slower than this stands in a queue (SUMO's own bound).
-const HALTING_MPS: f64 = 0.1;
 
 /// The figures of an episode.
 pub struct TrafficMetrics {

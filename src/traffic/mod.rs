@@ -3,7 +3,7 @@
 //! - [`grid`], [`net_file`], [`forest`]: the road networks, on paper and on disk.
 //! - [`region`], [`signals`]: one intersection, pure: observation, d-set, reward; the light.
 //! - [`global`]: the GS, a whole grid with inflow at its boundary; [`local`]: the LS, a forest of single intersections.
-//! - [`controllers`]: hand-coded baselines.
+//! - [`controllers`]: hand-coded baselines, which see the [`junctions`].
 //!
 //! The only room that opens [`crate::sumo`]. libsumo holds one simulation per process: a simulator of this room
 //! must be dropped before the thread makes the next one.
@@ -13,6 +13,7 @@ pub mod forest;
 pub mod global;
 pub mod grid;
 mod intersections;
+pub mod junctions;
 pub mod local;
 mod metrics;
 pub mod net_file;
@@ -24,7 +25,8 @@ use anyhow::{Context, ensure};
 
 use crate::base::{AgentId, Rows, Seed};
 use crate::config::{PolicyConfig, TrafficConfig};
-use crate::domain::{Baseline, Domain, GlobalSimulator, LocalSimulator, Measures, RegionSpec, Result};
+use crate::domain::{Baseline, Bystander, Domain, GlobalSimulator, LocalSimulator, Measures, RegionSpec, Result};
+use controllers::HandCoded;
 use global::{GlobalTraffic, SignalControl};
 use grid::Grid;
 use local::LocalTraffic;
@@ -82,7 +84,7 @@ impl Traffic {
 
     /// With the actuated lights, which takes all files of the network and more of them than the agents' control does.
     fn try_global(&self) -> Result<()> {
-        let mut gs = self.global(SignalControl::Actuated)?;
+        let mut gs = self.global(self.everywhere(HandCoded::Actuated))?;
         gs.reset(Seed::new(0))?;
         gs.step(&vec![signals::KEEP; self.agents()])?;
         Ok(())
@@ -104,6 +106,11 @@ impl Traffic {
     /// The GS as itself, for what the trait does not tell.
     pub fn global(&self, control: SignalControl) -> Result<GlobalTraffic> {
         GlobalTraffic::load(self.grid, &self.network, self.config.horizon, self.config.d_set, control)
+    }
+
+    /// All lights under hand-coded control.
+    pub fn everywhere(&self, by: HandCoded) -> SignalControl {
+        SignalControl::HandCoded { by, agents: self.grid.agents() }
     }
 
     /// An LS of so many rows as itself.
@@ -136,8 +143,18 @@ impl Domain for Traffic {
     }
 
     fn baseline(&self, name: &str) -> Result<Baseline> {
-        let (controller, control) = controllers::by_name(name)?;
-        Ok(Baseline { simulator: Box::new(self.global(control)?), controller })
+        // Hand-coded control sees more than an observation shows, so it lives in the simulator.
+        let simulator = self.with_background(name, &self.grid.agents())?;
+        Ok(Baseline { simulator, controller: Box::new(Bystander) })
+    }
+
+    fn check_baseline(&self, name: &str) -> Result<()> {
+        controllers::recipe(name, self.grid).map(drop)
+    }
+
+    fn with_background(&self, name: &str, agents: &[AgentId]) -> Result<Box<dyn GlobalSimulator>> {
+        let by = controllers::recipe(name, self.grid)?(self)?;
+        Ok(Box::new(self.global(SignalControl::HandCoded { by, agents: agents.to_vec() })?))
     }
 
     /// DEVIATION 11: our configs begin with a bias against switching, so that fewer agents get stuck in switching always.
