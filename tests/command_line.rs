@@ -509,6 +509,68 @@ fn a_comparison_refuses_what_cannot_be_compared_before_anything_plays() {
 }
 
 #[test]
+fn fixed_time_is_tuned_once_and_the_file_says_on_what() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = write_config(dir.path(), SHORT);
+    let baseline = |more: &[&str]| {
+        let mut command = dials_traffic(&["baseline", &config, "--episodes", "2"]);
+        command.args(more).current_dir(dir.path());
+        command
+    };
+    let tune = ["--controller", "fixed-time", "--tune", "--tune-episodes", "1"];
+    let first = baseline(&tune).assert().success().get_output().clone();
+    assert!(text(&first.stderr).contains(".toml: tuned on 1 episodes, return "), "{}", text(&first.stderr));
+    let files: Vec<PathBuf> =
+        fs::read_dir(dir.path().join("tuned")).unwrap().map(|entry| entry.unwrap().path()).collect();
+    let [file] = &files[..] else { panic!("{files:?}") };
+    let kept = fs::read_to_string(file).unwrap();
+    for part in
+        ["offsets = [", "network = \"grid_2x2\"", "network_crc32 = ", "horizon = 40", "episodes = 1", "seed = \"1\""]
+    {
+        assert!(kept.contains(part), "`{part}`: {kept}");
+    }
+    let again = baseline(&tune).assert().success().get_output().clone();
+    assert!(text(&again.stderr).contains("tuned before, and used again"));
+    assert_eq!(again.stdout, first.stdout);
+    let by_hand = format!("fixed-time:file={}", file.display());
+    assert_eq!(baseline(&["--controller", &by_hand]).assert().success().get_output().stdout, first.stdout);
+
+    fs::write(file, kept.replace("horizon = 40", "horizon = 50")).unwrap();
+    assert_refused(&mut baseline(&tune), &["says that it was tuned on something else; move it away"]);
+    assert_refused(&mut baseline(&["--controller", "gap-out", "--tune"]), &["--tune: tunes fixed-time"]);
+    baseline(&["--controller", "fixed-time", "--tune-episodes", "1"]).assert().code(2);
+    let warehouse = dir.path().join("warehouse.toml");
+    fs::write(&warehouse, "total_steps = 128\nwarehouse = { agents_per_side = 2 }\n").unwrap();
+    let args = ["baseline", warehouse.to_str().unwrap(), "--controller", "fixed-time", "--tune"];
+    assert_refused(&mut dials_traffic(&args), &["controller `fixed-time`: unknown"]);
+}
+
+#[test]
+fn some_agents_are_evaluated_in_front_of_a_hand_coded_background() {
+    let dir = tempfile::tempdir().unwrap();
+    let (config, out) = (write_config(dir.path(), "total_steps = 128"), dir.path().join("run"));
+    train(&config, &out, &["--workers", "0"]).success();
+    let evaluate = |more: &[&str]| {
+        let mut command = dials_traffic(&["evaluate", out.to_str().unwrap(), "--episodes", "1"]);
+        command.args(more);
+        command
+    };
+    let json = evaluate(&["--background", "never", "--agents", "0,3", "--json"]).assert().success();
+    let found: Value = serde_json::from_slice(&json.get_output().stdout).unwrap();
+    assert_eq!((&found["background"], &found["policies_of"]), (&"never".into(), &vec![0, 3].into()));
+    let switches = |agent: usize| found["per_agent"][agent]["p_switch_given_green"].as_f64().unwrap() > 0.0;
+    assert_eq!([0, 1, 2, 3].map(switches), [true, false, false, true]);
+
+    assert_refused(
+        &mut evaluate(&["--background", "never", "--agents", "0,4"]),
+        &["--agents: there is no agent 4, but 0 to 3"],
+    );
+    assert_refused(&mut evaluate(&["--background", "fastest", "--agents", "0"]), &["controller `fastest`: unknown"]);
+    evaluate(&["--background", "never"]).assert().code(2);
+    evaluate(&["--agents", "0"]).assert().code(2);
+}
+
+#[test]
 fn nets_are_written_where_asked_and_a_missing_netconvert_is_told() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("nets");

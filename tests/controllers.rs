@@ -85,7 +85,7 @@ fn the_clock_of_fixed_time_begins_with_every_episode() {
 
 #[test]
 fn no_green_is_shorter_than_the_minimum_and_yellow_takes_three_steps() {
-    for (name, least) in [("max-pressure", 5), ("max-pressure:min-green=9", 9), ("longest-queue:min-green=7", 7)] {
+    for (name, least) in [("max-pressure", 10), ("max-pressure:min-green=4", 4), ("longest-queue:min-green=7", 7)] {
         for shown in shown_by(name) {
             let runs = runs(&shown);
             assert!(runs.len() > 10, "{name}: {runs:?}");

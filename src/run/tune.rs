@@ -50,6 +50,6 @@ fn tuned_file(config: &Config, episodes: usize) -> Result<PathBuf> {
     })?;
     bar.finish();
     write_atomically(&path, found.to_toml()?.as_bytes())?;
-    tell(format_args!("{}: return {:.1} on the {episodes} episodes of the tuning", path.display(), found.mean_return));
+    tell(format_args!("{}: tuned on {episodes} episodes, return {:.1}", path.display(), found.mean_return));
     Ok(path)
 }

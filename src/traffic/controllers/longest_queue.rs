@@ -5,9 +5,6 @@ use crate::traffic::grid::Side;
 use crate::traffic::junctions::Junction;
 use crate::traffic::signals::{KEEP, SWITCH};
 
-/// Steps of green before a switch, if none are named.
-pub const MIN_GREEN: u32 = 5;
-
 /// Switches when more cars stand on one edge with red than on either with green.
 pub fn decide(at: &Junction<'_>, min_green: u32) -> Action {
     let Some([green, red]) = at.green_and_red().filter(|_| at.shown_steps() >= min_green) else { return KEEP };
@@ -18,6 +15,7 @@ pub fn decide(at: &Junction<'_>, min_green: u32) -> Action {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::traffic::controllers::MIN_GREEN;
     use crate::traffic::junctions::tests::middle;
     use crate::traffic::signals::Light;
 

@@ -9,9 +9,6 @@ use crate::traffic::grid::Side;
 use crate::traffic::junctions::Junction;
 use crate::traffic::signals::{KEEP, SWITCH};
 
-/// Steps of green before a switch, if none are named.
-pub const MIN_GREEN: u32 = 5;
-
 /// Switches when the directions with red have the greater pressure.
 pub fn decide(at: &Junction<'_>, min_green: u32) -> Action {
     let Some([green, red]) = at.green_and_red().filter(|_| at.shown_steps() >= min_green) else { return KEEP };
@@ -28,6 +25,7 @@ fn pressure(at: &Junction<'_>, from: Side) -> i64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::traffic::controllers::MIN_GREEN;
     use crate::traffic::junctions::tests::middle;
     use crate::traffic::signals::Light;
 
