@@ -108,6 +108,12 @@ pub struct Evaluate {
     /// Take the most probable action instead of drawing one
     #[arg(long)]
     pub greedy: bool,
+    /// A hand-coded controller for all agents but those of --agents
+    #[arg(long, value_name = "NAME", requires = "agents")]
+    pub background: Option<String>,
+    /// The agents that act by their policies, such as 0,3
+    #[arg(long, value_name = "AGENT,...", value_delimiter = ',', requires = "background")]
+    pub agents: Vec<usize>,
     #[command(flatten)]
     pub output: Output,
 }
@@ -116,10 +122,19 @@ pub struct Evaluate {
 pub struct Baseline {
     /// Config file whose network and horizon are used
     pub config: PathBuf,
-    /// Traffic: random, never, always, switch-every-K, actuated (SUMO's) or gap-out; warehouse: random,
-    /// closest-item or oldest-item
-    #[arg(long, value_name = "NAME")]
-    pub controller: String,
+    /// A hand-coded controller; an unknown name lists them all
+    #[arg(long, value_name = "NAME", required_unless_present = "compare", conflicts_with = "compare")]
+    pub controller: Option<String>,
+    /// Several controllers and run directories on the same traffic, and their differences to the first of them
+    #[arg(long, value_name = "NAME,RUN_DIR,...", conflicts_with_all = ["render", "plot"])]
+    pub compare: Option<String>,
+    /// Look for the best timings of `fixed-time` first; they are kept under tuned/ and used again
+    #[arg(long)]
+    pub tune: bool,
+    /// Episodes on which timings are compared
+    #[arg(long, value_name = "EPISODES", default_value_t = 10, requires = "tune",
+          value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub tune_episodes: u32,
     #[command(flatten)]
     pub episodes: Episodes,
     #[command(flatten)]
@@ -162,6 +177,9 @@ pub struct Output {
     /// Print one JSON object instead of a table
     #[arg(long)]
     pub json: bool,
+    /// Also write episodes.csv and agents.csv, a line per episode (and agent), into this directory
+    #[arg(long, value_name = "DIR")]
+    pub csv: Option<PathBuf>,
     /// Also write pictures of the first episode, one per step and an animation, into this directory (warehouse)
     #[arg(long, value_name = "DIR")]
     pub render: Option<PathBuf>,

@@ -1,10 +1,17 @@
 //! Episodes on the GS under a controller, and what they come to.
 
+mod interval;
+
 use serde::{Deserialize, Serialize};
 
 use crate::base::statistics::{mean, median, std_error};
 use crate::base::{Rows, Seed};
 use crate::domain::{Controller, Domain, GlobalSimulator, Measures, Result};
+
+pub use interval::Interval;
+
+/// The name of the return among the [`figures`] of an episode.
+pub const RETURN: &str = "return";
 
 /// The stream of an evaluation episode: the same for every controller and every time in a run, so that what is
 /// compared is compared on the same traffic.
@@ -103,21 +110,29 @@ impl Evaluation {
     }
 }
 
-/// Evaluates `controller` on the episodes `0..episodes` of `run`; `progress` is called with the share that is done.
-pub fn evaluate(
-    domain: &dyn Domain,
+/// Plays the episodes `0..episodes` of `run`; `progress` is called with the number that is done.
+pub fn play_episodes(
     simulator: &mut dyn GlobalSimulator,
     controller: &mut dyn Controller,
     run: Seed,
     episodes: usize,
-    progress: &mut dyn FnMut(f64),
-) -> Result<Evaluation> {
+    progress: &mut dyn FnMut(usize),
+) -> Result<Vec<EpisodeReport>> {
     let mut reports = Vec::with_capacity(episodes);
     for episode in 0..episodes {
         reports.push(play(simulator, controller, episode_seed(run, episode))?);
-        progress((episode + 1) as f64 / episodes as f64);
+        progress(episode + 1);
     }
-    Ok(Evaluation::new(domain, &reports))
+    Ok(reports)
+}
+
+/// What every episode came to as a whole, by name: the mean return of the agents first, then the measures of the system.
+pub fn figures(episodes: &[EpisodeReport]) -> Vec<(String, Vec<f64>)> {
+    let returns = episodes.iter().map(|episode| mean(&episode.returns)).collect();
+    let measures = episodes[0].measures.system.iter().enumerate().map(|(index, (name, _))| {
+        (name.clone(), episodes.iter().map(|episode| episode.measures.system[index].1).collect())
+    });
+    [(RETURN.to_owned(), returns)].into_iter().chain(measures).collect()
 }
 
 fn mean_measures(episodes: &[EpisodeReport]) -> Measures {
@@ -165,8 +180,8 @@ mod tests {
         let coins = Coins::new(50);
         let play = |seed| {
             let mut baseline = coins.baseline("random").unwrap();
-            evaluate(&coins, &mut *baseline.simulator, &mut *baseline.controller, Seed::new(seed), 3, &mut |_| ())
-                .unwrap()
+            let (simulator, controller) = (&mut *baseline.simulator, &mut *baseline.controller);
+            play_episodes(simulator, controller, Seed::new(seed), 3, &mut |_| ()).unwrap()
         };
         assert_eq!(play(1), play(1));
         assert_ne!(play(1), play(2));

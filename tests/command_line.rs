@@ -1,5 +1,6 @@
 //! The command line as a user meets it: what it prints, writes and refuses.
 
+use std::collections::HashMap;
 use std::ffi::OsStr;
 use std::fs;
 use std::os::unix::ffi::OsStrExt;
@@ -427,6 +428,145 @@ fn baselines_print_a_table_or_json_and_refuse_unknown_names() {
         &mut dials_traffic(&["baseline", &config, "--controller", "fastest"]),
         &["controller `fastest`: unknown; one of random, never, always, switch-every-K, actuated, gap-out"],
     );
+}
+
+/// Column -> value, line by line.
+fn read_csv(path: &Path) -> Vec<HashMap<String, String>> {
+    let mut reader = csv::Reader::from_path(path).unwrap();
+    reader.deserialize().map(|line| line.unwrap()).collect()
+}
+
+#[test]
+fn controllers_and_runs_are_compared_on_the_same_traffic() {
+    let dir = tempfile::tempdir().unwrap();
+    let (config, out) = (write_config(dir.path(), "total_steps = 128"), dir.path().join("run"));
+    train(&config, &out, &["--workers", "0"]).success();
+    let (run, csv) = (out.to_str().unwrap(), dir.path().join("csv"));
+    let list = format!("never,gap-out,{run}");
+    let args = ["baseline", &config, "--compare", &list, "--episodes", "3", "--seed", "4"];
+    let table = text(&dials_traffic(&args).assert().success().get_output().stdout);
+    assert!(table.starts_with("mean +- 95 % interval over 3 episodes"), "{table}");
+    for part in ["return", "delay_s", "queue_length", "\nnever ", "\ngap-out ", run, "less never, episode by episode"] {
+        assert!(table.contains(part), "`{part}`: {table}");
+    }
+    assert!(table.lines().all(|line| line.chars().count() <= 118 || line.starts_with(run)), "{table}");
+
+    let json = dials_traffic(&args).args(["--json", "--csv", csv.to_str().unwrap()]).assert().success();
+    let found: Value = serde_json::from_slice(&json.get_output().stdout).unwrap();
+    let controllers = found["controllers"].as_array().unwrap();
+    assert_eq!(
+        (controllers.len(), &controllers[1]["controller"], &controllers[2]["run"]),
+        (3, &"gap-out".into(), &run.into())
+    );
+    let difference = &found["differences"][0];
+    assert_eq!((&difference["of"], &difference["less"]), (&"gap-out".into(), &"never".into()));
+    let mean = |of: &Value, key: &str| of[key].as_f64().unwrap();
+    let expected = mean(&controllers[1], "mean_return") - mean(&controllers[0], "mean_return");
+    assert!((mean(&difference["return"], "mean") - expected).abs() < 1e-9);
+
+    let lines = read_csv(&csv.join("episodes.csv"));
+    assert_eq!(lines.len(), 3 * 3);
+    let number = |line: &HashMap<String, String>, key: &str| line[key].parse::<f64>().unwrap();
+    for (index, line) in lines.iter().enumerate() {
+        assert_eq!(line["episode"], (index % 3).to_string());
+        // As many cars want in under all of them.
+        let wanted = |line| number(line, "departed") + number(line, "backlog");
+        assert_eq!(wanted(line), wanted(&lines[index % 3]));
+    }
+    let of_gap_out = lines[3..6].iter().map(|line| number(line, "delay_s")).sum::<f64>() / 3.0;
+    assert!((of_gap_out - mean(&controllers[1], "delay_s")).abs() < 1e-9);
+    let agents = read_csv(&csv.join("agents.csv"));
+    assert_eq!(agents.len(), 3 * 3 * 4);
+    let returns = agents[..4].iter().map(|line| number(line, "return")).sum::<f64>() / 4.0;
+    assert!((returns - number(&lines[0], "return")).abs() < 1e-9);
+
+    // Alone, each is what it is in the comparison.
+    let alone = dials_traffic(&["evaluate", run, "--episodes", "3", "--seed", "4", "--json"]).assert().success();
+    let alone: Value = serde_json::from_slice(&alone.get_output().stdout).unwrap();
+    for key in ["mean_return", "delay_s", "half_width_95", "per_agent"] {
+        assert_eq!(alone[key], controllers[2][key], "{key}");
+    }
+    assert_refused(dials_traffic(&args).args(["--csv", csv.to_str().unwrap()]), &["episodes.csv: exists already"]);
+}
+
+#[test]
+fn a_comparison_refuses_what_cannot_be_compared_before_anything_plays() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = write_config(dir.path(), "total_steps = 128");
+    let compare = |list: &str| dials_traffic(&["baseline", &config, "--compare", list]);
+    assert_refused(&mut compare("never,fastest"), &["controller `fastest`: unknown"]);
+    assert_refused(&mut compare("never,no/such"), &["no/such: not a run directory"]);
+    compare("never").args(["--controller", "never"]).assert().code(2);
+    dials_traffic(&["baseline", &config]).assert().code(2);
+    let warehouse = dir.path().join("warehouse.toml");
+    fs::write(&warehouse, "total_steps = 128\nwarehouse = { agents_per_side = 2 }\n").unwrap();
+    let run = dir.path().join("run");
+    train(warehouse.to_str().unwrap(), &run, &["--workers", "0", "--simulator", "gs"]).success();
+    let told =
+        ["run: its policies are those of 4 agents with 37 inputs and 4 actions, and here there are 4 with 40 and 2"];
+    assert_refused(&mut compare(&format!("never,{}", run.display())), &told);
+}
+
+#[test]
+fn fixed_time_is_tuned_once_and_the_file_says_on_what() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = write_config(dir.path(), SHORT);
+    let baseline = |more: &[&str]| {
+        let mut command = dials_traffic(&["baseline", &config, "--episodes", "2"]);
+        command.args(more).current_dir(dir.path());
+        command
+    };
+    let tune = ["--controller", "fixed-time", "--tune", "--tune-episodes", "1"];
+    let first = baseline(&tune).assert().success().get_output().clone();
+    assert!(text(&first.stderr).contains(".toml: tuned on 1 episodes, return "), "{}", text(&first.stderr));
+    let files: Vec<PathBuf> =
+        fs::read_dir(dir.path().join("tuned")).unwrap().map(|entry| entry.unwrap().path()).collect();
+    let [file] = &files[..] else { panic!("{files:?}") };
+    let kept = fs::read_to_string(file).unwrap();
+    for part in
+        ["offsets = [", "network = \"grid_2x2\"", "network_crc32 = ", "horizon = 40", "episodes = 1", "seed = \"1\""]
+    {
+        assert!(kept.contains(part), "`{part}`: {kept}");
+    }
+    let again = baseline(&tune).assert().success().get_output().clone();
+    assert!(text(&again.stderr).contains("tuned before, and used again"));
+    assert_eq!(again.stdout, first.stdout);
+    let by_hand = format!("fixed-time:file={}", file.display());
+    assert_eq!(baseline(&["--controller", &by_hand]).assert().success().get_output().stdout, first.stdout);
+
+    fs::write(file, kept.replace("horizon = 40", "horizon = 50")).unwrap();
+    assert_refused(&mut baseline(&tune), &["says that it was tuned on something else; move it away"]);
+    assert_refused(&mut baseline(&["--controller", "gap-out", "--tune"]), &["--tune: tunes fixed-time"]);
+    baseline(&["--controller", "fixed-time", "--tune-episodes", "1"]).assert().code(2);
+    let warehouse = dir.path().join("warehouse.toml");
+    fs::write(&warehouse, "total_steps = 128\nwarehouse = { agents_per_side = 2 }\n").unwrap();
+    let args = ["baseline", warehouse.to_str().unwrap(), "--controller", "fixed-time", "--tune"];
+    assert_refused(&mut dials_traffic(&args), &["controller `fixed-time`: unknown"]);
+}
+
+#[test]
+fn some_agents_are_evaluated_in_front_of_a_hand_coded_background() {
+    let dir = tempfile::tempdir().unwrap();
+    let (config, out) = (write_config(dir.path(), "total_steps = 128"), dir.path().join("run"));
+    train(&config, &out, &["--workers", "0"]).success();
+    let evaluate = |more: &[&str]| {
+        let mut command = dials_traffic(&["evaluate", out.to_str().unwrap(), "--episodes", "1"]);
+        command.args(more);
+        command
+    };
+    let json = evaluate(&["--background", "never", "--agents", "0,3", "--json"]).assert().success();
+    let found: Value = serde_json::from_slice(&json.get_output().stdout).unwrap();
+    assert_eq!((&found["background"], &found["policies_of"]), (&"never".into(), &vec![0, 3].into()));
+    let switches = |agent: usize| found["per_agent"][agent]["p_switch_given_green"].as_f64().unwrap() > 0.0;
+    assert_eq!([0, 1, 2, 3].map(switches), [true, false, false, true]);
+
+    assert_refused(
+        &mut evaluate(&["--background", "never", "--agents", "0,4"]),
+        &["--agents: there is no agent 4, but 0 to 3"],
+    );
+    assert_refused(&mut evaluate(&["--background", "fastest", "--agents", "0"]), &["controller `fastest`: unknown"]);
+    evaluate(&["--background", "never"]).assert().code(2);
+    evaluate(&["--agents", "0"]).assert().code(2);
 }
 
 #[test]

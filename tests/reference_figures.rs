@@ -5,7 +5,7 @@ use std::path::Path;
 use dials_traffic::base::Seed;
 use dials_traffic::config::{DSet, EntryRule, PolicyConfig, TrafficConfig};
 use dials_traffic::domain::Domain;
-use dials_traffic::evaluation::evaluate;
+use dials_traffic::evaluation::{Evaluation, play_episodes};
 use dials_traffic::traffic::Traffic;
 
 /// Asserts that the mean return over 40 episodes lies within 4 standard errors of the difference.
@@ -21,7 +21,8 @@ fn assert_return(grid: &str, controller: &str, reference: f64, reference_error: 
     let domain = Traffic::open(&config, &PolicyConfig::default()).unwrap();
     let mut baseline = domain.baseline(controller).unwrap();
     let (simulator, acting) = (&mut *baseline.simulator, &mut *baseline.controller);
-    let all = evaluate(&domain, simulator, acting, Seed::new(1), 40, &mut |_| ()).unwrap().of_all();
+    let reports = play_episodes(simulator, acting, Seed::new(1), 40, &mut |_| ()).unwrap();
+    let all = Evaluation::new(&domain, &reports).of_all();
     let error = all.std_error.hypot(reference_error);
     println!(
         "{grid} {controller}: {:.1} +- {:.1}, reference {reference} +- {reference_error}",
@@ -49,6 +50,12 @@ fn switching_every_10_steps_on_2x2() {
 fn gap_out_on_2x2() {
     // "about 215"
     assert_return("grid_2x2", "gap-out", 215.0, 1.0);
+}
+
+#[test]
+fn fixed_time_with_checkerboard_offsets_on_2x2() {
+    // "205"
+    assert_return("grid_2x2", "fixed-time:green=10,offsets=checkerboard", 205.0, 1.0);
 }
 
 #[test]

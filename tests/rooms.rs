@@ -34,7 +34,7 @@ const OUTSIDE: &[(&str, &[&str])] = &[
     ("clap", &["cli", "run", "main"]),
     ("indicatif", &["run"]),
     ("plotters", &["plot", "report"]),
-    ("statrs", &["report"]),
+    ("statrs", &["evaluation", "report"]),
 ];
 
 const TOP: &[&str] = &["run", "cli", "error", "main", "lib"];

@@ -4,13 +4,14 @@ use std::path::Path;
 
 use dials_traffic::base::{AgentId, Dice, Rows, Seed, Stopwatch};
 use dials_traffic::config::{AipConfig, Config, DSet, EntryRule, PolicyConfig, TrafficConfig};
-use dials_traffic::domain::{Action, Domain, GlobalSimulator, LocalSimulator, conformance};
+use dials_traffic::domain::{Action, Bystander, Domain, GlobalSimulator, LocalSimulator, conformance};
 use dials_traffic::influence::{AipStack, Dataset, InfluencePredictor, train};
 use dials_traffic::sumo::{CarTable, DepartSpeed, Insertion, SignalState, Simulation};
 use dials_traffic::traffic::Traffic;
-use dials_traffic::traffic::controllers;
+use dials_traffic::traffic::controllers::{self, gap_out};
 use dials_traffic::traffic::forest::{Region, write_forest};
 use dials_traffic::traffic::global::SignalControl;
+use dials_traffic::traffic::grid::Grid;
 use dials_traffic::traffic::local::{Entry, LocalTraffic};
 use dials_traffic::traffic::net_file::NetworkFiles;
 use dials_traffic::traffic::signals::Light;
@@ -20,6 +21,12 @@ use rand::Rng;
 
 fn saved(name: &str) -> std::path::PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets").join(name)
+}
+
+/// All lights under a hand-coded controller.
+fn controlled(domain: &Traffic, controller: &str) -> SignalControl {
+    let recipe = controllers::recipe(controller, Grid::new(2, 2).unwrap()).unwrap();
+    domain.everywhere(recipe(domain).unwrap())
 }
 
 fn traffic(entry: EntryRule) -> Traffic {
@@ -414,21 +421,16 @@ struct Agreement {
 fn agreement(entry: EntryRule, entering: Entering, controller: &str) -> Agreement {
     let domain = traffic(entry);
     let agents = domain.agents();
-    let (mut controller, control) = controllers::by_name(controller).unwrap();
     let (mut of_global, mut of_local, mut of_both) = (0_u64, 0_u64, 0_u64);
     let (mut compared, mut rewards, mut reward_error, mut near_rewards) = (0_u64, [0.0; 2], 0.0, 0_u64);
     for episode in 0..20 {
         let seed = Seed::new(1).for_episode(episode);
         let mut recording = Vec::new();
         {
-            let mut gs = domain.global(control).unwrap();
-            let mut percept = gs.reset(seed).unwrap().clone();
-            controller.begin(seed);
-            let mut actions = vec![0; agents];
+            let mut gs = domain.global(controlled(&domain, controller)).unwrap();
+            gs.reset(seed).unwrap();
             for _ in 0..300 {
-                controller.act(&percept, &mut actions).unwrap();
-                let transition = gs.step(&actions).unwrap().clone();
-                percept = transition.percept.clone();
+                let transition = gs.step(&vec![0; agents]).unwrap().clone();
                 let entries: Vec<[Option<Entry>; 4]> = (0..agents)
                     .map(|agent| {
                         std::array::from_fn(|edge| {
@@ -440,7 +442,7 @@ fn agreement(entry: EntryRule, entering: Entering, controller: &str) -> Agreemen
                     })
                     .collect();
                 let sources = gs.influence_sample().sources.clone();
-                recording.push((actions.clone(), sources, entries, transition));
+                recording.push((gs.actions().to_vec(), sources, entries, transition));
             }
         }
         let mut ls = domain.local(agents).unwrap();
@@ -508,22 +510,18 @@ fn the_entry_rules_lose_few_bits() {
 fn the_closed_loop_has_the_cars_and_the_return_of_the_global_simulator() {
     let domain = traffic(EntryRule::Max);
     let (agents, horizon) = (domain.agents(), domain.spec().horizon);
-    let (mut controller, control) = controllers::by_name("gap-out").unwrap();
     let mut datasets = vec![Dataset::new(domain.spec()); agents];
     let (mut global_cars, mut global_rewards) = (0.0, 0.0);
     {
-        let mut gs = domain.global(control).unwrap();
+        let mut gs = domain.global(controlled(&domain, "gap-out")).unwrap();
         for episode in 0..30 {
-            collect_episode(&mut gs, &mut *controller, Seed::new(2).for_episode(episode), &mut datasets).unwrap();
+            collect_episode(&mut gs, &mut Bystander, Seed::new(2).for_episode(episode), &mut datasets).unwrap();
         }
-        let mut actions = vec![0; agents];
         for episode in 30..50 {
-            let mut percept = gs.reset(Seed::new(2).for_episode(episode)).unwrap().clone();
+            gs.reset(Seed::new(2).for_episode(episode)).unwrap();
             for _ in 0..horizon {
-                controller.act(&percept, &mut actions).unwrap();
-                let transition = gs.step(&actions).unwrap();
+                let transition = gs.step(&vec![0; agents]).unwrap();
                 global_rewards += transition.rewards.iter().map(|&r| f64::from(r)).sum::<f64>();
-                percept = transition.percept.clone();
                 global_cars +=
                     (0..agents).flat_map(|agent| gs.cars_on(agent)).map(|edge| edge.len() as f64).sum::<f64>();
             }
@@ -543,7 +541,7 @@ fn the_closed_loop_has_the_cars_and_the_return_of_the_global_simulator() {
     for _ in 0..4 {
         let mut percept = ls.reset(&(0..rows).collect::<Vec<_>>()).unwrap().clone();
         for _ in 0..horizon {
-            controller.act(&percept, &mut actions).unwrap();
+            actions.iter_mut().zip(percept.obs.iter()).for_each(|(action, obs)| *action = gap_out::decide(obs));
             aips.sample(&percept.d_set, &mut dice, &mut sources);
             let transition = ls.step(&actions, &sources).unwrap();
             local_rewards += transition.rewards.iter().map(|&r| f64::from(r)).sum::<f64>();
@@ -592,7 +590,7 @@ fn the_switch_bias_is_added_to_the_output_bias_of_switching_and_to_nothing_else(
 fn actuated_lights_run_by_sumos_program_and_hear_no_action() {
     let domain = traffic(EntryRule::Max);
     let lights = |action: Action| {
-        let mut gs = domain.global(SignalControl::Actuated).unwrap();
+        let mut gs = domain.global(controlled(&domain, "actuated")).unwrap();
         gs.reset(Seed::new(1)).unwrap();
         (0..60).map(|_| gs.step(&[action; 4]).unwrap().percept.obs.row(0)[36..].to_vec()).collect::<Vec<_>>()
     };

@@ -3,7 +3,7 @@
 use dials_traffic::base::{AgentId, Rows, Seed, Stopwatch};
 use dials_traffic::config::{AipConfig, WarehouseConfig};
 use dials_traffic::domain::{Domain, GlobalSimulator, LocalSimulator, conformance};
-use dials_traffic::evaluation::evaluate;
+use dials_traffic::evaluation::{Evaluation, play_episodes};
 use dials_traffic::influence::{AipStack, Dataset, train};
 use dials_traffic::training::collect::collect_episode;
 use dials_traffic::warehouse::Warehouse;
@@ -52,7 +52,8 @@ fn assert_return(side: usize, controller: &str, episodes: usize, reference: f64,
     let domain = warehouse(side);
     let mut baseline = domain.baseline(controller).unwrap();
     let (simulator, acting) = (&mut *baseline.simulator, &mut *baseline.controller);
-    let all = evaluate(&domain, simulator, acting, Seed::new(1), episodes, &mut |_| ()).unwrap().of_all();
+    let reports = play_episodes(simulator, acting, Seed::new(1), episodes, &mut |_| ()).unwrap();
+    let all = Evaluation::new(&domain, &reports).of_all();
     println!(
         "{side} {controller}: {:.3} +- {:.3}, reference {reference} +- {reference_error}",
         all.mean, all.std_error

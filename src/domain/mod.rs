@@ -11,6 +11,7 @@ mod scene;
 mod spec;
 pub mod toy;
 
+use anyhow::bail;
 use serde::{Deserialize, Serialize};
 
 use crate::base::{AgentId, Rows, Seed, Stopwatch};
@@ -81,6 +82,12 @@ pub trait GlobalSimulator {
     /// What else there is to tell of the episode so far.
     fn measures(&mut self) -> Result<Measures>;
 
+    /// From the next reset on [`GlobalSimulator::measures`] tell all that the domain knows, at whatever cost, and end
+    /// the episode: then only a reset may follow.
+    fn measure_in_full(&mut self) -> Result<()> {
+        Ok(())
+    }
+
     /// A picture of the state, where the domain draws one.
     fn scene(&self) -> Option<Scene> {
         None
@@ -139,6 +146,18 @@ pub struct Baseline {
     pub controller: Box<dyn Controller>,
 }
 
+/// Leaves everything to hand-coded control inside the simulator.
+pub struct Bystander;
+
+impl Controller for Bystander {
+    fn begin(&mut self, _episode: Seed) {}
+
+    fn act(&mut self, _percept: &Percept, actions: &mut [Action]) -> Result<()> {
+        actions.fill(0);
+        Ok(())
+    }
+}
+
 /// A networked system of agents with local regions.
 pub trait Domain: Send + Sync {
     fn spec(&self) -> &RegionSpec;
@@ -154,6 +173,16 @@ pub trait Domain: Send + Sync {
 
     /// A hand-coded controller by name; an unknown name is an error that lists the known ones.
     fn baseline(&self, name: &str) -> Result<Baseline>;
+
+    /// An error if [`Domain::baseline`] would not know the name.
+    fn check_baseline(&self, name: &str) -> Result<()> {
+        self.baseline(name).map(drop)
+    }
+
+    /// A GS in which a hand-coded controller decides for these agents, whatever their actions say.
+    fn with_background(&self, name: &str, _agents: &[AgentId]) -> Result<Box<dyn GlobalSimulator>> {
+        bail!("controller `{name}`: this domain has no hand-coded control for some of its agents")
+    }
 
     /// What to add to the output biases of a fresh policy, per action: a prior on behaviour.
     fn initial_action_bias(&self) -> Vec<f32>;

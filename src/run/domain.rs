@@ -48,6 +48,11 @@ pub fn open_recorded(config: &Config, tape: &Tape) -> Result<Traffic> {
     Ok(Traffic::open(traffic, &config.policy)?.record_on(tape))
 }
 
+/// The traffic domain of a config, if that is its domain, for what no other domain has.
+pub fn traffic(config: &Config) -> Result<Option<Traffic>> {
+    config.traffic.as_ref().map(|traffic| Traffic::open(traffic, &config.policy)).transpose()
+}
+
 /// Tries out what only a simulator can say of the domain's files, so that it is said before a run begins.
 pub fn check(config: &Config) -> Result<()> {
     match &config.traffic {

@@ -2,64 +2,65 @@
 
 use std::path::Path;
 
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
 use super::directory;
 use super::domain;
+use super::findings::{self, CsvFiles, Finding};
 use super::plot::Plots;
 use super::progress::EpisodeBar;
 use super::render::render;
+use super::subject::{Background, Subject};
 use super::terminal::answer;
-use crate::base::Seed;
+use super::tune::tune_fixed_time;
+use crate::base::{AgentId, Seed};
 use crate::cli;
 use crate::config::{Config, load};
-use crate::domain::{Controller, Domain, GlobalSimulator};
+use crate::domain::{Baseline, Domain};
 use crate::error::{Error, Result};
-use crate::evaluation::{self, Evaluation};
+use crate::evaluation::{Evaluation, play_episodes};
 use crate::plot::About;
-use crate::policy::{JointPolicyController, Selection};
-use crate::report::scenario::Scenario;
 use crate::sumo::Simulation;
 
 pub fn evaluate(args: &cli::Evaluate) -> Result<()> {
-    let run = directory::open(&args.run_dir).map_err(Error::Usage)?;
-    let selection = if args.greedy { Selection::Greedy } else { Selection::Sampled };
-    let mut controller = JointPolicyController::new(run.stack, &run.policies, selection);
-    let plots = Plots::asked_for(args.output.plot.as_deref(), &run.config).map_err(Error::Usage)?;
-    let domain = plots.as_ref().map_or(&*run.domain, Plots::domain);
-    let mut simulator = domain.global_simulator().map_err(Error::Run)?;
-    let subject = [("run", json!(args.run_dir)), ("greedy", json!(args.greedy))];
-    let evaluation =
-        report(domain, &run.config, &mut *simulator, &mut controller, &args.episodes, &args.output, &subject)?;
+    let (config, domain) = directory::open_config(&args.run_dir).map_err(Error::Usage)?;
+    let agents = args.agents.iter().copied().map(AgentId).collect();
+    let background = args.background.clone().map(|controller| Background { controller, policies_of: agents });
+    let subject = Subject::Run { dir: args.run_dir.clone(), greedy: args.greedy, background };
+    let plots = Plots::asked_for(args.output.plot.as_deref(), &config).map_err(Error::Usage)?;
+    let domain = plots.as_ref().map_or(&*domain, Plots::domain);
+    let session = Session::new(domain, &config, &args.episodes, &args.output)?;
+    let findings = session.play(vec![subject])?;
+    session.tell_one(&findings[0], &[])?;
     let policies = if args.greedy { "greedy policies" } else { "policies" };
-    draw(plots.as_ref(), &evaluation, &format!("{} of {}", policies, name(&args.run_dir)), &args.episodes, &run.config)
+    session.draw(plots.as_ref(), &findings[0], format!("{policies} of {}", name(&args.run_dir)))
 }
 
 pub fn baseline(args: &cli::Baseline) -> Result<()> {
     let config = load(&args.config, &[]).map_err(Error::Usage)?;
     let domain = domain::open(&config).map_err(Error::Usage)?;
     domain::check(&config).map_err(Error::Usage)?;
+    let about = [("config", json!(args.config))];
     let plots = Plots::asked_for(args.output.plot.as_deref(), &config).map_err(Error::Usage)?;
     let domain = plots.as_ref().map_or(&*domain, Plots::domain);
-    let mut baseline = domain.baseline(&args.controller).map_err(Error::Usage)?;
-    let (simulator, controller) = (&mut *baseline.simulator, &mut *baseline.controller);
-    let subject = [("config", json!(args.config)), ("controller", json!(args.controller))];
-    let evaluation = report(domain, &config, simulator, controller, &args.episodes, &args.output, &subject)?;
-    let about = format!("controller {} on {}", args.controller, name(&args.config));
-    draw(plots.as_ref(), &evaluation, &about, &args.episodes, &config)
-}
-
-/// Draws the pictures that were asked for, after the figures were told.
-fn draw(
-    plots: Option<&Plots>,
-    evaluation: &Evaluation,
-    subject: &str,
-    episodes: &cli::Episodes,
-    config: &Config,
-) -> Result<()> {
-    let Some(plots) = plots else { return Ok(()) };
-    let about = About { subject: subject.to_owned(), seed: episodes.seed.unwrap_or(config.seed) };
-    plots.draw(evaluation, &about).map_err(Error::Run)
+    let session = Session::new(domain, &config, &args.episodes, &args.output)?;
+    let mut subjects = match (&args.controller, &args.compare) {
+        (Some(name), _) => vec![Subject::Controller(name.clone())],
+        (None, Some(list)) => Subject::list(list),
+        (None, None) => unreachable!("clap asks for one of them"),
+    };
+    if args.tune {
+        session.check(&subjects)?;
+        tune_fixed_time(&config, args.tune_episodes as usize, &mut subjects).map_err(Error::Usage)?;
+    }
+    let findings = session.play(subjects)?;
+    if args.compare.is_some() {
+        return session.tell_all(&findings, &about);
+    }
+    let finding = &findings[0];
+    session.tell_one(finding, &about)?;
+    let what = format!("controller {} on {}", finding.subject.label(), name(&args.config));
+    session.draw(plots.as_ref(), finding, what)
 }
 
 /// The last part of a path: what a run or a config is called.
@@ -67,88 +68,84 @@ fn name(path: &Path) -> String {
     path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
-fn report(
-    domain: &dyn Domain,
-    config: &Config,
-    simulator: &mut dyn GlobalSimulator,
-    controller: &mut dyn Controller,
-    episodes: &cli::Episodes,
-    output: &cli::Output,
-    subject: &[(&str, Value)],
-) -> Result<Evaluation> {
-    let count = episodes.episodes.map_or(config.evaluation.episodes, |count| count as usize);
-    let seed = episodes.seed.unwrap_or(config.seed);
-    if let Some(dir) = &output.render {
-        render(simulator, controller, Seed::new(seed), dir).map_err(Error::Usage)?;
-    }
-    let bar = EpisodeBar::new(count);
-    let evaluation =
-        evaluation::evaluate(domain, simulator, controller, Seed::new(seed), count, &mut |share| bar.set(share))
-            .map_err(Error::Run)?;
-    bar.finish();
-    let scenario = Scenario::of(config, domain.agents()).map_err(Error::Run)?.id();
-    let found = match output.json {
-        true => to_json(&evaluation, seed, &scenario, subject).map_err(Error::Run)?.to_string(),
-        false => table(&evaluation),
-    };
-    answer(found).map_err(Error::Run)?;
-    Ok(evaluation)
+/// Episodes that are to be played, and what shall be told of them.
+struct Session<'a> {
+    domain: &'a dyn Domain,
+    episodes: usize,
+    seed: u64,
+    output: &'a cli::Output,
 }
 
-fn to_json(evaluation: &Evaluation, seed: u64, scenario: &str, subject: &[(&str, Value)]) -> anyhow::Result<Value> {
-    let all = evaluation.of_all();
-    let mut object = Map::new();
-    object.extend(subject.iter().map(|(key, value)| ((*key).to_owned(), value.clone())));
-    let measures = &evaluation.measures;
-    let per_agent = (0..evaluation.agents()).map(|agent| {
-        let of_agent = evaluation.of_agent(agent);
-        let mut object = Map::new();
-        object.insert("mean_return".into(), json!(of_agent.mean));
-        object.insert("median_return".into(), json!(of_agent.median));
-        object.insert("std_error".into(), json!(of_agent.std_error));
-        object.insert("stuck".into(), json!(evaluation.stuck[agent]));
-        object.extend(measures.per_agent.iter().map(|(name, values)| (name.clone(), json!(values[agent]))));
-        Value::Object(object)
-    });
-    object.insert("mean_return".into(), json!(all.mean));
-    object.insert("median_return".into(), json!(all.median));
-    object.insert("std_error".into(), json!(all.std_error));
-    object.insert("episodes".into(), json!(evaluation.episodes()));
-    object.insert("agents".into(), json!(evaluation.agents()));
-    object.insert("stuck_agents".into(), json!(evaluation.stuck.iter().filter(|&&stuck| stuck).count()));
-    object.insert("seed".into(), json!(seed));
-    object.insert("scenario".into(), json!(scenario));
-    object.insert("sumo_version".into(), json!(Simulation::version()?));
-    object.extend(measures.system.iter().map(|(name, value)| (name.clone(), json!(value))));
-    object.insert("per_agent".into(), per_agent.collect());
-    Ok(Value::Object(object))
-}
-
-fn table(evaluation: &Evaluation) -> String {
-    let all = evaluation.of_all();
-    let mut lines = vec![format!(
-        "return {:.1} +- {:.1} (mean and standard error over {} episodes), median of the agents {:.1}",
-        all.mean,
-        all.std_error,
-        evaluation.episodes(),
-        all.median
-    )];
-    lines.extend(evaluation.measures.system.iter().map(|(name, value)| format!("{name:>24} {value:.2}")));
-    lines.push(String::new());
-    let names: String = evaluation.measures.per_agent.iter().map(|(name, _)| format!(" {name}")).collect();
-    lines.push(format!("{:>5} {:>8} {:>8} {:>9}{names} stuck", "agent", "mean", "median", "std_error"));
-    for agent in 0..evaluation.agents() {
-        let of_agent = evaluation.of_agent(agent);
-        let measures = evaluation.measures.per_agent.iter();
-        let measures: String =
-            measures.map(|(name, values)| format!(" {:>width$.3}", values[agent], width = name.len())).collect();
-        lines.push(format!(
-            "{agent:>5} {:>8.1} {:>8.1} {:>9.2}{measures} {:>5}",
-            of_agent.mean,
-            of_agent.median,
-            of_agent.std_error,
-            if evaluation.stuck[agent] { "yes" } else { "no" }
-        ));
+impl<'a> Session<'a> {
+    fn new(
+        domain: &'a dyn Domain,
+        config: &Config,
+        episodes: &cli::Episodes,
+        output: &'a cli::Output,
+    ) -> Result<Session<'a>> {
+        let count = episodes.episodes.map_or(config.evaluation.episodes, |count| count as usize);
+        Ok(Session { domain, episodes: count, seed: episodes.seed.unwrap_or(config.seed), output })
     }
-    lines.join("\n")
+
+    fn check(&self, subjects: &[Subject]) -> Result<()> {
+        subjects.iter().try_for_each(|subject| subject.check(self.domain)).map_err(Error::Usage)
+    }
+
+    /// Lets one subject after the other play the same episodes. What is wrong with one of them is told before any plays.
+    fn play(&self, subjects: Vec<Subject>) -> Result<Vec<Finding>> {
+        self.check(&subjects)?;
+        let csv = self.output.csv.as_deref().map(CsvFiles::create).transpose().map_err(Error::Usage)?;
+        let bar = EpisodeBar::new(subjects.len() * self.episodes);
+        let mut findings = Vec::new();
+        for (number, subject) in subjects.into_iter().enumerate() {
+            let Baseline { mut simulator, mut controller } = subject.open(self.domain).map_err(Error::Usage)?;
+            let (simulator, controller) = (&mut *simulator, &mut *controller);
+            if let Some(dir) = &self.output.render {
+                render(simulator, controller, Seed::new(self.seed), dir).map_err(Error::Usage)?;
+            }
+            let progress = &mut |done| bar.set(number * self.episodes + done);
+            let played = simulator
+                .measure_in_full()
+                .and_then(|()| play_episodes(simulator, controller, Seed::new(self.seed), self.episodes, progress));
+            let finding = Finding { subject, episodes: played.map_err(Error::Run)? };
+            csv.as_ref().map_or(Ok(()), |csv| csv.append(&finding)).map_err(Error::Run)?;
+            findings.push(finding);
+        }
+        bar.finish();
+        Ok(findings)
+    }
+
+    fn tell_one(&self, finding: &Finding, about: &[(&str, Value)]) -> Result<()> {
+        let found = match self.output.json {
+            true => self.with_circumstances(findings::to_json(self.domain, finding), about)?,
+            false => findings::table(self.domain, finding),
+        };
+        answer(found).map_err(Error::Run)
+    }
+
+    /// Draws the pictures that were asked for, after the figures were told.
+    fn draw(&self, plots: Option<&Plots>, finding: &Finding, subject: String) -> Result<()> {
+        let Some(plots) = plots else { return Ok(()) };
+        let evaluation = Evaluation::new(self.domain, &finding.episodes);
+        plots.draw(&evaluation, &About { subject, seed: self.seed }).map_err(Error::Run)
+    }
+
+    fn tell_all(&self, findings: &[Finding], about: &[(&str, Value)]) -> Result<()> {
+        let found = match self.output.json {
+            true => self.with_circumstances(findings::comparison_to_json(self.domain, findings), about)?,
+            false => findings::comparison(findings),
+        };
+        answer(found).map_err(Error::Run)
+    }
+
+    fn with_circumstances(
+        &self,
+        mut object: serde_json::Map<String, Value>,
+        about: &[(&str, Value)],
+    ) -> Result<String> {
+        object.extend(about.iter().map(|(key, value)| ((*key).to_owned(), value.clone())));
+        object.insert("seed".into(), json!(self.seed));
+        object.insert("sumo_version".into(), json!(Simulation::version().map_err(|error| Error::Run(error.into()))?));
+        Ok(Value::Object(object).to_string())
+    }
 }

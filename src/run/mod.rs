@@ -6,6 +6,7 @@ mod directory;
 mod domain;
 mod evaluate;
 mod experiment;
+mod findings;
 mod info;
 mod nets;
 mod plot;
@@ -13,8 +14,10 @@ mod progress;
 mod render;
 mod replay;
 mod report;
+mod subject;
 pub mod terminal;
 mod train;
+mod tune;
 mod video;
 mod worker;
 

@@ -259,7 +259,6 @@ fn doing(activity: Activity) -> &'static str {
 /// A bar over episodes, or over other things that are counted, on a terminal only.
 pub struct EpisodeBar {
     bar: ProgressBar,
-    count: usize,
 }
 
 impl EpisodeBar {
@@ -270,14 +269,23 @@ impl EpisodeBar {
     /// `things`: what is counted, in the plural.
     pub fn of(count: usize, things: &str) -> Self {
         // indicatif draws to standard error, and nothing where that is no terminal.
-        let style =
-            ProgressStyle::with_template(&format!("{{bar:30.cyan/blue}} {{pos}}/{{len}} {things}  {{eta}} left"));
+        let style = ProgressStyle::with_template(&format!(
+            "{{bar:30.cyan/blue}} {{pos}}/{{len}} {things}  {{eta}} left  {{msg}}"
+        ));
         let bar = ProgressBar::new(count as u64).with_style(style.expect("the template is well-formed"));
-        EpisodeBar { bar, count }
+        EpisodeBar { bar }
     }
 
-    pub fn set(&self, share: f64) {
-        self.bar.set_position((share * self.count as f64).round() as u64);
+    pub fn set(&self, done: usize) {
+        self.bar.set_position(done as u64);
+    }
+
+    pub fn set_length(&self, episodes: usize) {
+        self.bar.set_length(episodes as u64);
+    }
+
+    pub fn tell(&self, message: impl Display) {
+        self.bar.set_message(message.to_string());
     }
 
     pub fn finish(&self) {

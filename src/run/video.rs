@@ -126,7 +126,7 @@ fn take_pictures(recording: &Recording, config: &Path, room: &Path) -> Result<Ve
             break status;
         }
         taken += frames[taken..].iter().take_while(|frame| frame.exists()).count();
-        bar.set(taken as f64 / frames.len() as f64);
+        bar.set(taken);
         thread::sleep(Duration::from_millis(50));
     };
     bar.finish();
@@ -167,7 +167,7 @@ fn join_to_gif(frames: &[PathBuf], film: &Path) -> Result<()> {
         let mut frame = gif::Frame::from_rgba_speed(width, height, &mut pixels, 10);
         frame.delay = 100 / STEPS_PER_SECOND;
         encoder.write_frame(&frame).context("the film cannot be written")?;
-        bar.set((number + 1) as f64 / frames.len() as f64);
+        bar.set(number + 1);
     }
     bar.finish();
     Ok(())

@@ -208,7 +208,13 @@ impl Grid {
         edges
     }
 
-    fn place(self, agent: AgentId) -> (usize, usize) {
+    /// Whether the road that leaves the agent's intersection on `side` leaves the grid.
+    pub fn leaves(self, agent: AgentId, side: Side) -> bool {
+        matches!(self.neighbour(agent, side), Node::Boundary { .. })
+    }
+
+    /// Row and column of an agent.
+    pub fn place(self, agent: AgentId) -> (usize, usize) {
         assert!(agent.0 < self.rows * self.cols, "agent {agent} lives outside a grid of {self}");
         (agent.0 / self.cols, agent.0 % self.cols)
     }

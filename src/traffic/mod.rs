@@ -3,7 +3,7 @@
 //! - [`grid`], [`net_file`], [`forest`]: the road networks, on paper and on disk.
 //! - [`region`], [`signals`]: one intersection, pure: observation, d-set, reward; the light.
 //! - [`global`]: the GS, a whole grid with inflow at its boundary; [`local`]: the LS, a forest of single intersections.
-//! - [`controllers`]: hand-coded baselines.
+//! - [`controllers`]: hand-coded baselines, which see the [`junctions`].
 //! - [`recording`], [`replay`]: an episode written down, and as files that SUMO plays.
 //!
 //! The only room that opens [`crate::sumo`]. libsumo holds one simulation per process: a simulator of this room
@@ -14,18 +14,22 @@ pub mod forest;
 pub mod global;
 pub mod grid;
 mod intersections;
+pub mod junctions;
 pub mod local;
+mod metrics;
 pub mod net_file;
 pub mod recording;
 pub mod region;
 pub mod replay;
 pub mod signals;
+mod trips;
 
 use anyhow::{Context, ensure};
 
 use crate::base::{AgentId, Rows, Seed};
 use crate::config::{PolicyConfig, TrafficConfig};
-use crate::domain::{Baseline, Domain, GlobalSimulator, LocalSimulator, Measures, RegionSpec, Result};
+use crate::domain::{Baseline, Bystander, Domain, GlobalSimulator, LocalSimulator, Measures, RegionSpec, Result};
+use controllers::HandCoded;
 use global::{GlobalTraffic, SignalControl};
 use grid::Grid;
 use local::LocalTraffic;
@@ -96,7 +100,7 @@ impl Traffic {
 
     /// With the actuated lights, which takes all files of the network and more of them than the agents' control does.
     fn try_global(&self) -> Result<()> {
-        let mut gs = self.global(SignalControl::Actuated)?;
+        let mut gs = self.global(self.everywhere(HandCoded::Actuated))?;
         gs.reset(Seed::new(0))?;
         gs.step(&vec![signals::KEEP; self.agents()])?;
         Ok(())
@@ -119,6 +123,11 @@ impl Traffic {
     pub fn global(&self, control: SignalControl) -> Result<GlobalTraffic> {
         let TrafficConfig { horizon, d_set, .. } = self.config;
         GlobalTraffic::load(self.grid, &self.network, horizon, d_set, control, self.tape.as_ref())
+    }
+
+    /// All lights under hand-coded control.
+    pub fn everywhere(&self, by: HandCoded) -> SignalControl {
+        SignalControl::HandCoded { by, agents: self.grid.agents() }
     }
 
     /// An LS of so many rows as itself.
@@ -151,8 +160,18 @@ impl Domain for Traffic {
     }
 
     fn baseline(&self, name: &str) -> Result<Baseline> {
-        let (controller, control) = controllers::by_name(name)?;
-        Ok(Baseline { simulator: Box::new(self.global(control)?), controller })
+        // Hand-coded control sees more than an observation shows, so it lives in the simulator.
+        let simulator = self.with_background(name, &self.grid.agents())?;
+        Ok(Baseline { simulator, controller: Box::new(Bystander) })
+    }
+
+    fn check_baseline(&self, name: &str) -> Result<()> {
+        controllers::recipe(name, self.grid).map(drop)
+    }
+
+    fn with_background(&self, name: &str, agents: &[AgentId]) -> Result<Box<dyn GlobalSimulator>> {
+        let by = controllers::recipe(name, self.grid)?(self)?;
+        Ok(Box::new(self.global(SignalControl::HandCoded { by, agents: agents.to_vec() })?))
     }
 
     /// DEVIATION 11: our configs begin with a bias against switching, so that fewer agents get stuck in switching always.

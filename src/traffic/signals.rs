@@ -9,7 +9,7 @@ pub const KEEP: Action = 0;
 pub const SWITCH: Action = 1;
 
 /// Steps that yellow is shown.
-const YELLOW_STEPS: u8 = 3;
+pub const YELLOW_STEPS: u8 = 3;
 
 /// What a light shows. The order is that of the one-hot light in an observation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

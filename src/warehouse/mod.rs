@@ -19,9 +19,7 @@ use anyhow::bail;
 
 use crate::base::{AgentId, Seed};
 use crate::config::WarehouseConfig;
-use crate::domain::{
-    Action, Baseline, Controller, Domain, GlobalSimulator, LocalSimulator, Measures, Percept, RegionSpec, Result,
-};
+use crate::domain::{Baseline, Bystander, Domain, GlobalSimulator, LocalSimulator, Measures, RegionSpec, Result};
 use global::GlobalWarehouse;
 use hand_coded::Rule;
 use layout::Layout;
@@ -88,17 +86,5 @@ impl Domain for Warehouse {
         let (_, items) =
             measures.per_agent.iter().find(|(name, _)| name == ITEMS).expect("the warehouse GS counts them");
         items.iter().map(|&items| items < STUCK_BELOW).collect()
-    }
-}
-
-/// Leaves the robots to their rule.
-struct Bystander;
-
-impl Controller for Bystander {
-    fn begin(&mut self, _episode: Seed) {}
-
-    fn act(&mut self, _percept: &Percept, actions: &mut [Action]) -> Result<()> {
-        actions.fill(region::UP);
-        Ok(())
     }
 }

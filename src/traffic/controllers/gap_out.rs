@@ -1,30 +1,16 @@
 //! Gap-out: hold green as long as somebody uses it.
 
-use crate::base::Seed;
-use crate::domain::{Action, Controller, Percept, Result};
+use crate::domain::Action;
 use crate::traffic::grid::Side;
 use crate::traffic::region::{CELLS, OCCUPANCY};
 use crate::traffic::signals::{KEEP, Light, SWITCH};
 
-/// Switches where no car is within three cells before a green line and some car is within four before a
-/// red one.
-pub struct GapOut;
-
 const GREEN_CELLS: usize = 3;
 const RED_CELLS: usize = 4;
 
-impl Controller for GapOut {
-    fn begin(&mut self, _episode: Seed) {}
-
-    fn act(&mut self, percept: &Percept, actions: &mut [Action]) -> Result<()> {
-        for (action, obs) in actions.iter_mut().zip(percept.obs.iter()) {
-            *action = decide(obs);
-        }
-        Ok(())
-    }
-}
-
-fn decide(obs: &[f32]) -> Action {
+/// Switches where no car is within three cells before a green line and some car is within four before a red one. Needs no
+/// more than an observation.
+pub fn decide(obs: &[f32]) -> Action {
     let shows = |light: Light| obs[OCCUPANCY + light as usize] != 0.0;
     let (green, red) = if shows(Light::HorizontalGreen) {
         ([Side::West, Side::East], [Side::South, Side::North])

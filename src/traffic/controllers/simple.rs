@@ -2,8 +2,10 @@
 
 use rand::Rng;
 
+use super::LightController;
 use crate::base::{Dice, Seed};
-use crate::domain::{Action, Controller, Percept, Result};
+use crate::domain::Action;
+use crate::traffic::junctions::Junctions;
 use crate::traffic::signals::{KEEP, SWITCH};
 
 /// Switches with probability one half, each light at each step on its own.
@@ -17,14 +19,13 @@ impl Random {
     }
 }
 
-impl Controller for Random {
+impl LightController for Random {
     fn begin(&mut self, episode: Seed) {
         *self = Random::new(episode);
     }
 
-    fn act(&mut self, _percept: &Percept, actions: &mut [Action]) -> Result<()> {
+    fn act(&mut self, _junctions: &Junctions<'_>, actions: &mut [Action]) {
         actions.fill_with(|| Action::from(self.dice.random::<bool>()));
-        Ok(())
     }
 }
 
@@ -41,12 +42,9 @@ impl Constant {
     }
 }
 
-impl Controller for Constant {
-    fn begin(&mut self, _episode: Seed) {}
-
-    fn act(&mut self, _percept: &Percept, actions: &mut [Action]) -> Result<()> {
+impl LightController for Constant {
+    fn act(&mut self, _junctions: &Junctions<'_>, actions: &mut [Action]) {
         actions.fill(self.0);
-        Ok(())
     }
 }
 
@@ -62,14 +60,13 @@ impl SwitchEvery {
     }
 }
 
-impl Controller for SwitchEvery {
+impl LightController for SwitchEvery {
     fn begin(&mut self, _episode: Seed) {
         self.step = 0;
     }
 
-    fn act(&mut self, _percept: &Percept, actions: &mut [Action]) -> Result<()> {
+    fn act(&mut self, _junctions: &Junctions<'_>, actions: &mut [Action]) {
         self.step += 1;
         actions.fill(if self.step.is_multiple_of(self.steps) { SWITCH } else { KEEP });
-        Ok(())
     }
 }

@@ -1,0 +1,155 @@
+//! What `evaluate` and `baseline` play: a hand-coded controller by its name, or the policies of a run directory.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Result, bail, ensure};
+use serde_json::{Value, json};
+
+use super::directory::{self, TrainedRun};
+use crate::base::AgentId;
+use crate::domain::{Baseline, Domain};
+use crate::policy::{JointPolicyController, Selection};
+
+/// A controller or a run, as it is named on the command line.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Subject {
+    Controller(String),
+    Run { dir: PathBuf, greedy: bool, background: Option<Background> },
+}
+
+/// Hand-coded control around the policies of some agents.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Background {
+    pub controller: String,
+    pub policies_of: Vec<AgentId>,
+}
+
+impl Background {
+    fn hand_coded(&self, domain: &dyn Domain) -> Vec<AgentId> {
+        let agents = AgentId::all(domain.agents()).into_iter();
+        agents.filter(|agent| !self.policies_of.contains(agent)).collect()
+    }
+}
+
+impl Subject {
+    /// The subjects of a list that is separated by commas. What looks like a path or is a run directory is a run. The
+    /// parameters of a controller are separated by commas, too: `key=value` belongs to the name before it.
+    pub fn list(text: &str) -> Vec<Subject> {
+        let mut words: Vec<String> = Vec::new();
+        for word in text.split(',') {
+            let is_key = |key: &str| key.chars().all(|letter| letter.is_ascii_alphanumeric() || letter == '-');
+            let goes_on = word.split_once('=').is_some_and(|(key, _)| is_key(key));
+            match words.last_mut() {
+                Some(before) if goes_on && before.contains(':') => *before = format!("{before},{word}"),
+                _ => words.push(word.to_owned()),
+            }
+        }
+        let subject = |word: String| match word.split(':').next().is_some_and(|name| name.contains('/')) {
+            false if !Path::new(&word).is_dir() => Subject::Controller(word),
+            _ => Subject::Run { dir: word.into(), greedy: false, background: None },
+        };
+        words.into_iter().map(subject).collect()
+    }
+
+    /// What it is called in tables and files.
+    pub fn label(&self) -> String {
+        match self {
+            Subject::Controller(name) => name.clone(),
+            Subject::Run { dir, .. } => dir.display().to_string(),
+        }
+    }
+
+    /// What identifies it in JSON.
+    pub fn keys(&self) -> Vec<(&'static str, Value)> {
+        match self {
+            Subject::Controller(name) => vec![("controller", json!(name))],
+            Subject::Run { dir, greedy, background } => {
+                let mut keys = vec![("run", json!(dir)), ("greedy", json!(greedy))];
+                if let Some(Background { controller, policies_of }) = background {
+                    let agents: Vec<usize> = policies_of.iter().map(|agent| agent.0).collect();
+                    keys.extend([("background", json!(controller)), ("policies_of", json!(agents))]);
+                }
+                keys
+            }
+        }
+    }
+
+    /// An error if it could not be played on the GS of `domain`.
+    pub fn check(&self, domain: &dyn Domain) -> Result<()> {
+        match self {
+            Subject::Controller(name) => domain.check_baseline(name),
+            Subject::Run { dir, background, .. } => {
+                if let Some(Background { controller, policies_of }) = background {
+                    let agents = domain.agents();
+                    if let Some(unknown) = policies_of.iter().find(|agent| agent.0 >= agents) {
+                        bail!("--agents: there is no agent {unknown}, but 0 to {}", agents - 1);
+                    }
+                    domain.check_baseline(controller)?;
+                }
+                fitting(dir, domain).map(drop)
+            }
+        }
+    }
+
+    /// Itself, with the GS of `domain` to play on. A process may hold one of them at a time.
+    pub fn open(&self, domain: &dyn Domain) -> Result<Baseline> {
+        match self {
+            Subject::Controller(name) => domain.baseline(name),
+            Subject::Run { dir, greedy, background } => {
+                let run = fitting(dir, domain)?;
+                let selection = if *greedy { Selection::Greedy } else { Selection::Sampled };
+                let controller = Box::new(JointPolicyController::new(run.stack, &run.policies, selection));
+                let simulator = match background {
+                    None => domain.global_simulator()?,
+                    Some(background) => {
+                        domain.with_background(&background.controller, &background.hand_coded(domain))?
+                    }
+                };
+                Ok(Baseline { simulator, controller })
+            }
+        }
+    }
+}
+
+/// The run in `dir`, if its policies fit the agents of `domain`.
+fn fitting(dir: &Path, domain: &dyn Domain) -> Result<TrainedRun> {
+    let run = directory::open(dir)?;
+    let shape = |domain: &dyn Domain| (domain.agents(), domain.spec().obs_dim, domain.spec().n_actions);
+    let ((agents, obs, actions), wanted) = (shape(&*run.domain), shape(domain));
+    ensure!(
+        (agents, obs, actions) == wanted,
+        "{}: its policies are those of {agents} agents with {obs} inputs and {actions} actions, and here there are {} with {} \
+         and {}; compare it with a config like its own",
+        dir.display(),
+        wanted.0,
+        wanted.1,
+        wanted.2
+    );
+    Ok(run)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parameters_belong_to_the_controller_before_them() {
+        let labels = |text: &str| -> Vec<String> { Subject::list(text).iter().map(Subject::label).collect() };
+        assert_eq!(
+            labels("fixed-time:green=10,offsets=checkerboard,gap-out,max-pressure:min-green=5"),
+            ["fixed-time:green=10,offsets=checkerboard", "gap-out", "max-pressure:min-green=5"]
+        );
+        assert_eq!(labels("random"), ["random"]);
+        assert_eq!(labels("gap-out,green=10"), ["gap-out", "green=10"], "gap-out begins no list of parameters");
+    }
+
+    #[test]
+    fn what_looks_like_a_path_is_a_run() {
+        let run = |dir: &str| Subject::Run { dir: dir.into(), greedy: false, background: None };
+        let controller = |name: &str| Subject::Controller(name.to_owned());
+        let found = Subject::list("actuated,runs/a=1,fixed-time:file=tuned/a.toml,src");
+        let expected =
+            [controller("actuated"), run("runs/a=1"), controller("fixed-time:file=tuned/a.toml"), run("src")];
+        assert_eq!(found, expected, "the tests run where src is a directory");
+    }
+}

@@ -1,0 +1,68 @@
+//! How a controller is named: `name:key=value,key=value`.
+
+use std::str::FromStr;
+
+use anyhow::{Context, Result, bail, ensure};
+
+/// A name with its parameters, which a controller takes out one by one.
+pub struct Arguments<'a> {
+    text: &'a str,
+    name: &'a str,
+    /// As they were written, until they are taken.
+    left: Vec<&'a str>,
+    known: Vec<&'static str>,
+}
+
+impl<'a> Arguments<'a> {
+    pub fn of(text: &'a str) -> Self {
+        let (name, parameters) = text.split_once(':').unwrap_or((text, ""));
+        let left = parameters.split(',').filter(|parameter| !parameter.is_empty()).collect();
+        Arguments { text, name, left, known: Vec::new() }
+    }
+
+    pub fn name(&self) -> &'a str {
+        self.name
+    }
+
+    /// The value of a parameter, if it was given.
+    pub fn take(&mut self, key: &'static str) -> Result<Option<&'a str>> {
+        self.known.push(key);
+        let value = |parameter: &&'a str| parameter.split_once('=').filter(|&(name, _)| name == key);
+        let values: Vec<&str> = self.left.iter().filter_map(value).map(|(_, value)| value).collect();
+        ensure!(values.len() <= 1, "controller `{}`: {key} is given twice", self.text);
+        self.left.retain(|parameter| value(parameter).is_none());
+        Ok(values.first().copied())
+    }
+
+    /// A number of steps, from 1 to 3600, or `default`.
+    pub fn steps(&mut self, key: &'static str, default: u32) -> Result<u32> {
+        Ok(self.number(key, "a whole number from 1 to 3600", |steps| (1..=3600).contains(steps))?.unwrap_or(default))
+    }
+
+    /// A number that is `good`; `what` says which ones are.
+    pub fn number<T: FromStr>(
+        &mut self,
+        key: &'static str,
+        what: &str,
+        good: impl Fn(&T) -> bool,
+    ) -> Result<Option<T>> {
+        let Some(text) = self.take(key)? else { return Ok(None) };
+        let number = text.parse().ok().filter(good);
+        number.map(Some).with_context(|| format!("controller `{}`: {key} = {text}: must be {what}", self.text))
+    }
+
+    /// An error about one of the parameters.
+    pub fn refuse(&self, why: impl std::fmt::Display) -> anyhow::Error {
+        anyhow::anyhow!("controller `{}`: {why}", self.text)
+    }
+
+    /// An error if some parameter was not taken.
+    pub fn all_taken(&self) -> Result<()> {
+        let Some(parameter) = self.left.first() else { return Ok(()) };
+        let known = if self.known.is_empty() { "none".to_owned() } else { self.known.join(", ") };
+        match parameter.split_once('=') {
+            Some((key, _)) => bail!(self.refuse(format!("has no parameter `{key}`; it takes {known}"))),
+            None => bail!(self.refuse(format!("`{parameter}` is no parameter: write key=value"))),
+        }
+    }
+}

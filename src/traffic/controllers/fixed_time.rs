@@ -1,0 +1,149 @@
+//! Fixed time: every light goes round by the clock, whatever drives.
+
+use std::path::Path;
+
+use anyhow::{Result, ensure};
+
+use super::LightController;
+use super::arguments::Arguments;
+use super::timing_file::TimingFile;
+use crate::base::Seed;
+use crate::domain::Action;
+use crate::traffic::grid::Grid;
+use crate::traffic::junctions::Junctions;
+use crate::traffic::signals::{KEEP, Light, SWITCH, YELLOW_STEPS};
+
+/// Steps of green, if none are named.
+const GREEN: u32 = 10;
+
+/// The timing of one light, in steps. It goes round: vertical green, yellow, horizontal green, yellow.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Timing {
+    /// Green for the cars from south and north, at least 1.
+    pub vertical: u32,
+    /// Green for the cars from west and east, at least 1.
+    pub horizontal: u32,
+    /// How long after the beginning of the episode a vertical green begins.
+    pub offset: u32,
+}
+
+impl Timing {
+    pub fn cycle(self) -> u32 {
+        self.vertical + self.horizontal + 2 * u32::from(YELLOW_STEPS)
+    }
+
+    /// Whether the cars from south and north have green at a step, or will have it next.
+    fn is_vertical(self, step: u32) -> bool {
+        let cycle = self.cycle();
+        let place = (step + cycle - self.offset % cycle) % cycle;
+        let horizontal = self.vertical..self.vertical + u32::from(YELLOW_STEPS) + self.horizontal;
+        !horizontal.contains(&place)
+    }
+}
+
+/// One timing per intersection. Every episode begins with vertical green; where the clock says otherwise, the light turns
+/// yellow at once.
+pub struct FixedTime {
+    timings: Vec<Timing>,
+    step: u32,
+}
+
+impl FixedTime {
+    pub fn new(timings: Vec<Timing>) -> Self {
+        FixedTime { timings, step: 0 }
+    }
+}
+
+impl LightController for FixedTime {
+    fn begin(&mut self, _episode: Seed) {
+        self.step = 0;
+    }
+
+    fn act(&mut self, junctions: &Junctions<'_>, actions: &mut [Action]) {
+        for ((action, junction), timing) in actions.iter_mut().zip(junctions.iter()).zip(&self.timings) {
+            *action = match (junction.light(), timing.is_vertical(self.step)) {
+                (Light::VerticalGreen, false) | (Light::HorizontalGreen, true) => SWITCH,
+                _ => KEEP,
+            };
+        }
+        self.step += 1;
+    }
+}
+
+/// The timings that the parameters ask for: `green`, or `vertical` and `horizontal`, and `offsets`, which are `none`,
+/// `checkerboard` (half a cycle for every other intersection) or one per agent, such as `0-13-13-0`; or a `file` that the
+/// tuner wrote.
+pub fn timings(arguments: &mut Arguments<'_>, grid: Grid) -> Result<Vec<Timing>> {
+    if let Some(file) = arguments.take("file")? {
+        return TimingFile::read(Path::new(file))?.timings(grid);
+    }
+    let green = arguments.steps("green", GREEN)?;
+    let (vertical, horizontal) = (arguments.steps("vertical", green)?, arguments.steps("horizontal", green)?);
+    let timing = Timing { vertical, horizontal, offset: 0 };
+    let offsets = offsets(arguments, grid, timing.cycle())?;
+    Ok(offsets.into_iter().map(|offset| Timing { offset, ..timing }).collect())
+}
+
+fn offsets(arguments: &mut Arguments<'_>, grid: Grid, cycle: u32) -> Result<Vec<u32>> {
+    let agents = grid.agents();
+    match arguments.take("offsets")?.unwrap_or("none") {
+        "none" => Ok(vec![0; agents.len()]),
+        "checkerboard" => {
+            let places = agents.into_iter().map(|agent| grid.place(agent));
+            Ok(places.map(|(row, col)| if (row + col).is_multiple_of(2) { 0 } else { cycle / 2 }).collect())
+        }
+        list => {
+            let offsets: Option<Vec<u32>> = list.split('-').map(|offset| offset.parse().ok()).collect();
+            let why = format!("offsets = {list}: must be none, checkerboard or steps such as 0-13-13-0");
+            let offsets = offsets.ok_or_else(|| arguments.refuse(why))?;
+            ensure!(
+                offsets.len() == agents.len(),
+                arguments.refuse(format!("{} offsets for {} intersections", offsets.len(), agents.len()))
+            );
+            Ok(offsets)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn asked_for(text: &str) -> Result<Vec<Timing>> {
+        let mut arguments = Arguments::of(text);
+        timings(&mut arguments, Grid::new(2, 2).unwrap())
+    }
+
+    #[test]
+    fn the_clock_goes_round_and_an_offset_shifts_it() {
+        let timing = Timing { vertical: 4, horizontal: 2, offset: 0 };
+        // Vertical green 0..4, yellow 4..7, horizontal green 7..9, yellow 9..12, and again.
+        let vertical = |timing: Timing| (0..24).map(|step| timing.is_vertical(step)).collect::<Vec<_>>();
+        let once = [[true; 4].as_slice(), &[false; 5], &[true; 3]].concat();
+        assert_eq!(vertical(timing), [once.clone(), once].concat());
+        let shifted = vertical(Timing { offset: 5, ..timing });
+        assert_eq!(shifted[5..], vertical(timing)[..19]);
+        assert_eq!(shifted, vertical(Timing { offset: 17, ..timing }), "whole cycles change nothing");
+    }
+
+    #[test]
+    fn greens_and_offsets_are_those_asked_for() {
+        let timing = |vertical, horizontal, offset| Timing { vertical, horizontal, offset };
+        assert_eq!(asked_for("fixed-time").unwrap(), [timing(10, 10, 0); 4]);
+        // A cycle of 12 + 8 + 6 = 26.
+        let [even, odd] = [timing(12, 8, 0), timing(12, 8, 13)];
+        let found = asked_for("fixed-time:vertical=12,horizontal=8,offsets=checkerboard").unwrap();
+        assert_eq!(found, [even, odd, odd, even]);
+        let found = asked_for("fixed-time:green=7,offsets=0-1-2-3").unwrap();
+        assert_eq!(found, [0, 1, 2, 3].map(|offset| timing(7, 7, offset)));
+    }
+
+    #[test]
+    fn bad_timings_are_refused() {
+        let error = |text: &str| asked_for(text).unwrap_err().to_string();
+        assert!(error("fixed-time:green=0").ends_with("green = 0: must be a whole number from 1 to 3600"));
+        assert!(error("fixed-time:offsets=left").ends_with("must be none, checkerboard or steps such as 0-13-13-0"));
+        assert!(error("fixed-time:offsets=1-2").ends_with("2 offsets for 4 intersections"));
+        assert!(error("fixed-time:file=no/such.toml").starts_with("no/such.toml: cannot be read"));
+    }
+}

@@ -1,0 +1,52 @@
+//! Max-pressure: green for the direction in which there is most to push.
+//!
+//! Source: Varaiya, "Max pressure control of a network of signalized intersections", Transportation Research Part C 36,
+//! 2013. Without turns a movement leads from one edge to one other, so its pressure is the number of cars that come less
+//! the number on the edge ahead; an edge that leaves the net holds nobody back and counts as empty, as there.
+
+use crate::domain::Action;
+use crate::traffic::grid::Side;
+use crate::traffic::junctions::Junction;
+use crate::traffic::signals::{KEEP, SWITCH};
+
+/// Switches when the directions with red have the greater pressure.
+pub fn decide(at: &Junction<'_>, min_green: u32) -> Action {
+    let Some([green, red]) = at.green_and_red().filter(|_| at.shown_steps() >= min_green) else { return KEEP };
+    let pressure = |sides: [Side; 2]| -> i64 { sides.into_iter().map(|from| pressure(at, from)).sum() };
+    if pressure(red) > pressure(green) { SWITCH } else { KEEP }
+}
+
+fn pressure(at: &Junction<'_>, from: Side) -> i64 {
+    let to = from.opposite();
+    let ahead = if at.leaves_the_net(to) { 0 } else { at.outgoing(to).len() };
+    at.incoming(from).len() as i64 - ahead as i64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::traffic::controllers::MIN_GREEN;
+    use crate::traffic::junctions::tests::middle;
+    use crate::traffic::signals::Light;
+
+    #[test]
+    fn the_greater_pressure_gets_green() {
+        let decide = |light, incoming: [usize; 4], outgoing| {
+            decide(&middle(light, MIN_GREEN, incoming.map(|cars| (0, cars)), outgoing), MIN_GREEN)
+        };
+        // West and east 3 + 1 = 4, south and north 2 + 1 = 3.
+        assert_eq!(decide(Light::VerticalGreen, [3, 2, 1, 1], [0; 4]), SWITCH);
+        assert_eq!(decide(Light::HorizontalGreen, [3, 2, 1, 1], [0; 4]), KEEP);
+        // 1 on the edge to the east takes 1 from the pressure of those who come from the west: 3 against 3.
+        assert_eq!(decide(Light::VerticalGreen, [3, 2, 1, 1], [0, 0, 1, 0]), KEEP, "a tie keeps");
+        // To the south and the north the cars leave the net.
+        assert_eq!(decide(Light::HorizontalGreen, [1, 2, 1, 1], [0, 9, 0, 9]), SWITCH);
+        assert_eq!(decide(Light::HorizontalYellow, [0, 9, 0, 9], [0; 4]), KEEP);
+    }
+
+    #[test]
+    fn nobody_switches_before_the_minimum_green() {
+        let decide = |shown| decide(&middle(Light::VerticalGreen, shown, [(5, 0), (0, 0), (0, 0), (0, 0)], [0; 4]), 8);
+        assert_eq!([7, 8].map(decide), [KEEP, SWITCH]);
+    }
+}

@@ -1,0 +1,255 @@
+//! The search for the best fixed-time lights, over cycle, split and offsets, on the same episodes for every candidate.
+//!
+//! Pure: what a candidate earns in an episode is asked of the caller. First a grid of greens and of waves (offsets that grow
+//! by quarters of the cycle along rows and columns; half and half is the checkerboard), on some of the episodes. Then the
+//! best of them on all episodes; and from the winner a walk: each green, row and column is changed a little, and kept
+//! where that earns more. One change at a time is judged on common random numbers, so small gains show.
+
+use anyhow::Result;
+
+use super::fixed_time::Timing;
+use crate::traffic::grid::Grid;
+
+/// Greens of the first grid, steps.
+const GREENS: [u32; 8] = [4, 6, 8, 10, 12, 15, 19, 24];
+/// How many of its candidates play all episodes.
+const FINALISTS: usize = 6;
+/// How often the walk tries everything.
+const ROUNDS: usize = 3;
+/// By how many steps the walk changes a green or an offset.
+const GREEN_CHANGES: [i64; 4] = [1, -1, 2, -2];
+const OFFSET_CHANGES: [i64; 6] = [1, -1, 2, -2, 4, -4];
+
+/// Timings with one cycle and split for all, and offsets that are the sum of one per row and one per column.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Candidate {
+    vertical: u32,
+    horizontal: u32,
+    rows: Vec<u32>,
+    cols: Vec<u32>,
+}
+
+impl Candidate {
+    /// Offsets that grow by so many quarters of the cycle from row to row and from column to column.
+    fn wave(grid: Grid, green: u32, by_row: usize, by_col: usize) -> Candidate {
+        let mut candidate = Candidate { vertical: green, horizontal: green, rows: vec![], cols: vec![] };
+        let cycle = candidate.cycle();
+        let offsets =
+            |count: usize, quarters: usize| (0..count).map(|i| (i * quarters % 4) as u32 * cycle / 4).collect();
+        candidate.rows = offsets(grid.rows(), by_row);
+        candidate.cols = offsets(grid.cols(), by_col);
+        candidate
+    }
+
+    fn cycle(&self) -> u32 {
+        Timing { vertical: self.vertical, horizontal: self.horizontal, offset: 0 }.cycle()
+    }
+
+    fn timings(&self) -> Vec<Timing> {
+        let &Candidate { vertical, horizontal, .. } = self;
+        let offset = |row: u32, col: u32| (row + col) % self.cycle();
+        let offsets = self.rows.iter().flat_map(|&row| self.cols.iter().map(move |&col| offset(row, col)));
+        offsets.map(|offset| Timing { vertical, horizontal, offset }).collect()
+    }
+
+    /// What one change makes of it; offsets keep their share of a changed cycle.
+    fn neighbours(&self) -> Vec<Candidate> {
+        let mut found = Vec::new();
+        let green = |green: u32, by: i64| u32::try_from(i64::from(green) + by).unwrap_or(0);
+        for by in GREEN_CHANGES {
+            for (vertical, horizontal) in [(by, by), (by, 0), (0, by), (by, -by)] {
+                let mut changed = self.clone();
+                changed.vertical = green(self.vertical, vertical);
+                changed.horizontal = green(self.horizontal, horizontal);
+                let (before, now) = (self.cycle(), changed.cycle());
+                changed
+                    .rows
+                    .iter_mut()
+                    .chain(&mut changed.cols)
+                    .for_each(|offset| *offset = (*offset * now + before / 2) / before);
+                found.push(changed);
+            }
+        }
+        for place in 0..self.rows.len() + self.cols.len() {
+            for by in OFFSET_CHANGES {
+                let mut changed = self.clone();
+                let offset = changed.rows.iter_mut().chain(&mut changed.cols).nth(place).expect("a row or a column");
+                *offset = (i64::from(*offset) + by).rem_euclid(i64::from(self.cycle())) as u32;
+                found.push(changed);
+            }
+        }
+        found.retain(|candidate| candidate.vertical >= 1 && candidate.horizontal >= 1);
+        found
+    }
+}
+
+/// Where a search stands.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Standing {
+    /// Episodes played, and how many there will be at most.
+    pub played: usize,
+    pub at_most: usize,
+    /// The best mean so far.
+    pub best: f64,
+}
+
+/// What a search asks: what timings earn in an episode, and to hear where it stands.
+pub struct Search<'a> {
+    pub grid: Grid,
+    pub episodes: usize,
+    pub score: &'a mut dyn FnMut(&[Timing], usize) -> Result<f64>,
+    pub report: &'a mut dyn FnMut(Standing),
+}
+
+impl Search<'_> {
+    /// The best timings found and their mean over the episodes.
+    pub fn run(mut self) -> Result<(Vec<Timing>, f64)> {
+        let waves = self.waves();
+        let some = self.episodes.div_ceil(3);
+        let walk_at_most = ROUNDS * waves[0].neighbours().len() * self.episodes;
+        let at_most = waves.len() * some + FINALISTS * (self.episodes - some) + walk_at_most;
+        let mut standing = Standing { played: 0, at_most, best: f64::NEG_INFINITY };
+
+        let mut tried = Vec::new();
+        for candidate in waves {
+            let mut earned = Vec::new();
+            self.play(&candidate, some, &mut earned, &mut standing)?;
+            standing.best = standing.best.max(mean(&earned));
+            tried.push((candidate, earned));
+        }
+        tried.sort_by(|(_, one), (_, other)| mean(other).total_cmp(&mean(one)));
+        tried.truncate(FINALISTS);
+        for (candidate, earned) in &mut tried {
+            self.play(candidate, self.episodes, earned, &mut standing)?;
+        }
+        tried.sort_by(|(_, one), (_, other)| mean(other).total_cmp(&mean(one)));
+        let (mut best, mut earned) = tried.swap_remove(0);
+        standing.best = mean(&earned);
+
+        for _ in 0..ROUNDS {
+            let before = best.clone();
+            let count = best.neighbours().len();
+            // By number, so that a change is tried on top of those that were kept.
+            for number in 0..count {
+                let Some(challenger) = best.neighbours().into_iter().nth(number) else { break };
+                if let Some(better) = self.challenge(&challenger, &earned, some, &mut standing)? {
+                    (best, earned) = (challenger, better);
+                    standing.best = mean(&earned);
+                }
+            }
+            if best == before {
+                break;
+            }
+        }
+        Ok((best.timings(), mean(&earned)))
+    }
+
+    fn waves(&self) -> Vec<Candidate> {
+        // Along a single row or column nothing grows.
+        let quarters = |count: usize| if count > 1 { 0..4 } else { 0..1 };
+        let mut waves = Vec::new();
+        for green in GREENS {
+            for by_row in quarters(self.grid.rows()) {
+                for by_col in quarters(self.grid.cols()) {
+                    waves.push(Candidate::wave(self.grid, green, by_row, by_col));
+                }
+            }
+        }
+        waves
+    }
+
+    /// Plays on until so many episodes are played.
+    fn play(
+        &mut self,
+        candidate: &Candidate,
+        episodes: usize,
+        earned: &mut Vec<f64>,
+        standing: &mut Standing,
+    ) -> Result<()> {
+        let timings = candidate.timings();
+        while earned.len() < episodes {
+            earned.push((self.score)(&timings, earned.len())?);
+            standing.played += 1;
+            (self.report)(*standing);
+        }
+        Ok(())
+    }
+
+    /// What the challenger earns, if that is more. It has lost when it has not earned more in the first few episodes.
+    fn challenge(
+        &mut self,
+        challenger: &Candidate,
+        champion: &[f64],
+        some: usize,
+        standing: &mut Standing,
+    ) -> Result<Option<Vec<f64>>> {
+        let mut earned = Vec::new();
+        for episodes in [some, self.episodes] {
+            self.play(challenger, episodes, &mut earned, standing)?;
+            if mean(&earned) <= mean(&champion[..episodes]) {
+                return Ok(None);
+            }
+        }
+        Ok(Some(earned))
+    }
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A search for timings that are hidden in the score.
+    fn find(rows: usize, cols: usize, wanted: &[Timing]) -> (Vec<Timing>, f64) {
+        let distance = |one: u32, other: u32, cycle: u32| {
+            let ahead = (one + cycle - other % cycle) % cycle;
+            f64::from(ahead.min(cycle - ahead))
+        };
+        let mut standings = Vec::new();
+        let mut score = |timings: &[Timing], episode: usize| {
+            let error = timings.iter().zip(wanted).map(|(timing, wanted)| {
+                f64::from(timing.vertical.abs_diff(wanted.vertical))
+                    + f64::from(timing.horizontal.abs_diff(wanted.horizontal))
+                    + 0.1 * distance(timing.offset, wanted.offset, timing.cycle())
+            });
+            // The episodes differ by far more than the timings do.
+            Ok(1000.0 * (episode as f64).sin() - error.sum::<f64>())
+        };
+        let grid = Grid::new(rows, cols).unwrap();
+        let search = Search { grid, episodes: 7, score: &mut score, report: &mut |standing| standings.push(standing) };
+        let found = search.run().unwrap();
+        assert!(standings.windows(2).all(|pair| pair[1].played == pair[0].played + 1));
+        assert!(standings.iter().all(|standing| standing.played <= standing.at_most));
+        found
+    }
+
+    #[test]
+    fn a_checkerboard_of_unequal_greens_is_found() {
+        let timing = |offset| Timing { vertical: 11, horizontal: 9, offset };
+        let wanted = [timing(0), timing(13), timing(13), timing(0)];
+        let (found, _) = find(2, 2, &wanted);
+        assert_eq!(found, wanted);
+    }
+
+    #[test]
+    fn a_wave_along_a_single_row_is_found() {
+        // A quarter of the cycle of 22 (5, after rounding down) is nearest to 7 steps; the walk does the rest.
+        let wanted = [0, 7, 14].map(|offset| Timing { vertical: 8, horizontal: 8, offset });
+        let (found, _) = find(1, 3, &wanted);
+        assert_eq!(found, wanted);
+    }
+
+    #[test]
+    fn offsets_are_sums_of_one_per_row_and_one_per_column() {
+        let grid = Grid::new(2, 3).unwrap();
+        let offsets =
+            |candidate: &Candidate| candidate.timings().iter().map(|timing| timing.offset).collect::<Vec<_>>();
+        // A cycle of 26: half of it is 13.
+        assert_eq!(offsets(&Candidate::wave(grid, 10, 2, 2)), [0, 13, 0, 13, 0, 13]);
+        let candidate = Candidate { vertical: 10, horizontal: 10, rows: vec![0, 5], cols: vec![1, 2, 25] };
+        assert_eq!(offsets(&candidate), [1, 2, 25, 6, 7, 4]);
+    }
+}

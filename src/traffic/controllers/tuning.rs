@@ -1,0 +1,65 @@
+//! Tuning fixed-time lights on the GS: the [`search`](super::search) with SUMO as the judge.
+
+use std::fs;
+
+use anyhow::{Context, Result};
+
+use super::HandCoded;
+use super::fixed_time::{FixedTime, Timing};
+use super::search::{Search, Standing};
+use super::timing_file::{TimingFile, TunedOn};
+use crate::base::Seed;
+use crate::domain::GlobalSimulator;
+use crate::traffic::Traffic;
+use crate::traffic::global::{GlobalTraffic, SignalControl};
+use crate::traffic::signals::KEEP;
+
+impl TunedOn {
+    /// What a tuning on `traffic` would depend on.
+    pub fn of(traffic: &Traffic, episodes: usize, seed: u64) -> Result<TunedOn> {
+        let net = &traffic.network.net;
+        let mut crc = crc32fast::Hasher::new();
+        for file in [net, &traffic.network.routes] {
+            crc.update(&fs::read(file).with_context(|| format!("{}: cannot be read", file.display()))?);
+        }
+        let name = net.file_name().unwrap_or_default().to_string_lossy();
+        Ok(TunedOn {
+            network: name.strip_suffix(".net.xml").unwrap_or(&name).to_owned(),
+            network_crc32: format!("{:08x}", crc.finalize()),
+            horizon: traffic.config.horizon,
+            episodes,
+            seed: seed.to_string(),
+        })
+    }
+}
+
+/// Looks for the timings with the greatest mean return. All candidates play the same episodes, which are none of those
+/// of an evaluation.
+pub fn tune(traffic: &Traffic, episodes: usize, seed: u64, report: &mut dyn FnMut(Standing)) -> Result<TimingFile> {
+    let mut gs = traffic.global(SignalControl::Agents)?;
+    let horizon = traffic.config.horizon;
+    let mut score = |timings: &[Timing], episode: usize| {
+        gs.hand_over(traffic.everywhere(HandCoded::rule(FixedTime::new(timings.to_vec()))));
+        play(&mut gs, Seed::new(seed).fork("tuning").for_episode(episode), horizon)
+    };
+    let search = Search { grid: traffic.grid, episodes, score: &mut score, report };
+    let (timings, mean_return) = search.run()?;
+    Ok(TimingFile {
+        vertical: timings[0].vertical,
+        horizontal: timings[0].horizontal,
+        offsets: timings.iter().map(|timing| timing.offset).collect(),
+        mean_return,
+        tuned_on: TunedOn::of(traffic, episodes, seed)?,
+    })
+}
+
+/// The mean return of an agent in one episode.
+fn play(gs: &mut GlobalTraffic, episode: Seed, horizon: usize) -> Result<f64> {
+    gs.reset(episode)?;
+    let keep = vec![KEEP; gs.agents()];
+    let mut sum = 0.0;
+    for _ in 0..horizon {
+        sum += gs.step(&keep)?.rewards.iter().map(|&reward| f64::from(reward)).sum::<f64>();
+    }
+    Ok(sum / keep.len() as f64)
+}

@@ -1,0 +1,96 @@
+//! Webster's fixed time: cycle and greens from measured flows, intersection by intersection.
+//!
+//! Source: Webster, "Traffic signal settings", Road Research Technical Paper 39, 1958. With the flow ratio `y` of a
+//! phase, the flow of its busiest edge over the saturation flow, `Y` their sum and `L` the lost time of a cycle, the delay
+//! is least near the cycle `C = (1.5 L + 5) / (1 - Y)`, of which each phase gets the green `(C - L) y / Y`. What is lost are
+//! the two yellows of 3 s: `L = 6`.
+
+use anyhow::Result;
+
+use super::HandCoded;
+use super::arguments::Arguments;
+use super::fixed_time::{FixedTime, Timing};
+use crate::base::{Rows, Seed};
+use crate::domain::GlobalSimulator;
+use crate::traffic::Traffic;
+use crate::traffic::region::EDGES;
+use crate::traffic::signals::{KEEP, YELLOW_STEPS};
+
+/// Cars per hour that a standing queue of our vehicle type lets past the stop line: one in 2.28 s.
+const SATURATION_PER_H: f64 = 1580.0;
+/// The longest cycle; nearer to saturation the formula goes to infinity.
+const LONGEST_CYCLE_S: f64 = 120.0;
+/// Episodes that measure the flows.
+const EPISODES: u32 = 5;
+/// Under which the flows are measured.
+const MEANWHILE: Timing = Timing { vertical: 10, horizontal: 10, offset: 0 };
+
+/// How the timings are to be found.
+pub struct Plan {
+    episodes: u32,
+    saturation_per_h: f64,
+}
+
+impl Plan {
+    pub fn of(arguments: &mut Arguments<'_>) -> Result<Plan> {
+        let what = "a number of cars per hour, above 0";
+        let saturation = arguments.number("saturation", what, |&flow: &f64| flow > 0.0 && flow.is_finite())?;
+        let episodes = arguments.number("episodes", "a whole number, at least 1", |&episodes: &u32| episodes >= 1)?;
+        Ok(Plan { episodes: episodes.unwrap_or(EPISODES), saturation_per_h: saturation.unwrap_or(SATURATION_PER_H) })
+    }
+
+    /// Measures the flows on the GS, on episodes of their own, and works out the timings.
+    pub fn timings(&self, traffic: &Traffic) -> Result<Vec<Timing>> {
+        let agents = traffic.grid.agents().len();
+        let control = traffic.everywhere(HandCoded::rule(FixedTime::new(vec![MEANWHILE; agents])));
+        let mut gs = traffic.global(control)?;
+        let (keep, mut cars) = (vec![KEEP; agents], Rows::<u32>::new(agents, EDGES));
+        for episode in 0..self.episodes {
+            gs.reset(Seed::new(0).fork("webster").for_episode(episode as usize))?;
+            for _ in 0..traffic.config.horizon {
+                gs.step(&keep)?;
+                let arrivals = gs.influence_sample().sources.as_slice();
+                cars.as_mut_slice().iter_mut().zip(arrivals).for_each(|(sum, &arrived)| *sum += u32::from(arrived));
+            }
+        }
+        let seconds = f64::from(self.episodes) * traffic.config.horizon as f64;
+        let saturation = self.saturation_per_h / 3600.0 * seconds;
+        Ok(cars.iter().map(|edges| timing(std::array::from_fn(|edge| f64::from(edges[edge]) / saturation))).collect())
+    }
+}
+
+/// `ratios`: flow over saturation flow on the edges from west, south, east and north.
+fn timing([west, south, east, north]: [f64; EDGES]) -> Timing {
+    let (vertical, horizontal) = (south.max(north), west.max(east));
+    let sum = vertical + horizontal;
+    let lost_s = 2.0 * f64::from(YELLOW_STEPS);
+    let cycle_s = if sum < 1.0 { ((1.5 * lost_s + 5.0) / (1.0 - sum)).min(LONGEST_CYCLE_S) } else { LONGEST_CYCLE_S };
+    // Without a car the phases share equally.
+    let share = if sum > 0.0 { vertical / sum } else { 0.5 };
+    let green = |share: f64| (((cycle_s - lost_s) * share).round() as u32).max(1);
+    Timing { vertical: green(share), horizontal: green(1.0 - share), offset: 0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn greens_are_websters() {
+        let timing = |ratios| {
+            let Timing { vertical, horizontal, offset } = super::timing(ratios);
+            assert_eq!(offset, 0);
+            (vertical, horizontal)
+        };
+        // Y = 0.3 + 0.2: C = 14 / 0.5 = 28, of which 22 are green: 13.2 and 8.8.
+        assert_eq!(timing([0.2, 0.3, 0.1, 0.0]), (13, 9));
+        // Y = 0.22 + 0.22: C = 14 / 0.56 = 25, greens of 9.5.
+        assert_eq!(timing([0.22; 4]), (10, 10));
+        // Without cars C = 14, greens of 4.
+        assert_eq!(timing([0.0; 4]), (4, 4));
+        // Beyond saturation 120 s, 114 of them green, 3 : 1.
+        assert_eq!(timing([0.0, 0.9, 0.3, 0.0]), (86, 29));
+        // A road without cars still gets its step.
+        assert_eq!(timing([0.0, 0.5, 0.0, 0.0]), (22, 1));
+    }
+}

@@ -1,0 +1,144 @@
+//! What hand-coded controllers see of the intersections: more than an agent observes, such as queues and the cars that have
+//! left. Learning sees none of it.
+
+use super::grid::{Grid, Side};
+use super::intersections::edges_of;
+use super::region::HALTING_MPS;
+use super::signals::Light;
+use crate::base::{AgentId, Rows};
+use crate::sumo::{CarTable, LaneCars};
+
+/// All intersections, as the last step left them.
+pub struct Junctions<'a> {
+    pub(super) grid: Grid,
+    pub(super) lights: &'a [Light],
+    pub(super) shown_steps: &'a [u32],
+    pub(super) obs: &'a Rows<f32>,
+    pub(super) incoming: &'a CarTable,
+    pub(super) outgoing: &'a CarTable,
+}
+
+impl<'a> Junctions<'a> {
+    pub fn grid(&self) -> Grid {
+        self.grid
+    }
+
+    /// One per agent, in their order.
+    pub fn iter(&self) -> impl Iterator<Item = Junction<'a>> {
+        (0..self.lights.len()).map(|row| Junction {
+            grid: self.grid,
+            agent: AgentId(row),
+            light: self.lights[row],
+            shown_steps: self.shown_steps[row],
+            obs: self.obs.row(row),
+            incoming: edges_of(self.incoming, row),
+            outgoing: edges_of(self.outgoing, row),
+        })
+    }
+}
+
+/// One intersection.
+pub struct Junction<'a> {
+    pub(super) grid: Grid,
+    pub(super) agent: AgentId,
+    pub(super) light: Light,
+    pub(super) shown_steps: u32,
+    pub(super) obs: &'a [f32],
+    pub(super) incoming: [LaneCars<'a>; 4],
+    pub(super) outgoing: [LaneCars<'a>; 4],
+}
+
+impl<'a> Junction<'a> {
+    pub fn agent(&self) -> AgentId {
+        self.agent
+    }
+
+    /// What the light has shown in the last step; at the beginning of an episode, what it will show.
+    pub fn light(&self) -> Light {
+        self.light
+    }
+
+    /// For how many steps it has shown that.
+    pub fn shown_steps(&self) -> u32 {
+        self.shown_steps
+    }
+
+    /// The sides whose cars have green, and those whose cars have red; none of both during yellow.
+    pub fn green_and_red(&self) -> Option<[[Side; 2]; 2]> {
+        let (horizontal, vertical) = ([Side::West, Side::East], [Side::South, Side::North]);
+        match self.light {
+            Light::HorizontalGreen => Some([horizontal, vertical]),
+            Light::VerticalGreen => Some([vertical, horizontal]),
+            Light::HorizontalYellow | Light::VerticalYellow => None,
+        }
+    }
+
+    /// What a policy would observe, 40 bits.
+    pub fn obs(&self) -> &'a [f32] {
+        self.obs
+    }
+
+    /// The cars that come from a side.
+    pub fn incoming(&self, from: Side) -> LaneCars<'a> {
+        self.incoming[from as usize]
+    }
+
+    /// The cars on the edge that leaves towards a side.
+    pub fn outgoing(&self, to: Side) -> LaneCars<'a> {
+        self.outgoing[to as usize]
+    }
+
+    /// Whether the edge towards a side leaves the net.
+    pub fn leaves_the_net(&self, to: Side) -> bool {
+        self.grid.leaves(self.agent, to)
+    }
+
+    /// The cars that come from a side and stand.
+    pub fn queue(&self, from: Side) -> usize {
+        self.incoming(from).speeds_mps.iter().filter(|&&speed| speed < HALTING_MPS).count()
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::sumo::CarId;
+
+    const IDS: [CarId; 16] = [CarId(0); 16];
+    const STANDING: [f64; 16] = [0.0; 16];
+    const MOVING: [f64; 16] = [5.0; 16];
+
+    /// So many standing cars, followed by so many that move.
+    fn cars(standing: usize, moving: usize) -> LaneCars<'static> {
+        let count = standing + moving;
+        let speeds_mps = [&STANDING[..standing], &MOVING[..moving]].concat().leak();
+        LaneCars { ids: &IDS[..count], positions_m: &MOVING[..count], speeds_mps }
+    }
+
+    /// The middle of three intersections in a row, with `(standing, moving)` cars that come from west, south, east and
+    /// north, and so many on the edges that leave there.
+    pub fn middle(
+        light: Light,
+        shown_steps: u32,
+        incoming: [(usize, usize); 4],
+        outgoing: [usize; 4],
+    ) -> Junction<'static> {
+        Junction {
+            grid: Grid::new(1, 3).expect("a grid"),
+            agent: AgentId(1),
+            light,
+            shown_steps,
+            obs: &[],
+            incoming: incoming.map(|(standing, moving)| cars(standing, moving)),
+            outgoing: outgoing.map(|moving| cars(0, moving)),
+        }
+    }
+
+    #[test]
+    fn a_queue_is_made_of_cars_that_stand() {
+        let at = middle(Light::VerticalGreen, 1, [(2, 3), (0, 4), (0, 0), (1, 0)], [0; 4]);
+        assert_eq!(Side::ALL.map(|side| at.queue(side)), [2, 0, 0, 1]);
+        assert_eq!(at.incoming(Side::West).len(), 5);
+        assert_eq!(Side::ALL.map(|side| at.leaves_the_net(side)), [false, true, false, true]);
+    }
+}

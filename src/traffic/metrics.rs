@@ -1,0 +1,106 @@
+//! The traffic metrics beside the return that only evaluations and baselines ask for: what a car's trip came to, as SUMO
+//! tells it, and queues, speeds and throughput per intersection. Training and collection do without and pay nothing.
+
+use anyhow::Result;
+
+use super::global::has_new_car;
+use super::region::{EDGES, HALTING_MPS};
+use super::trips::{TripFile, Trips};
+use crate::sumo::CarTable;
+
+/// The figures of an episode.
+pub struct TrafficMetrics {
+    trip_file: TripFile,
+    /// Known when the episode is over.
+    trips: Option<Trips>,
+    steps: u64,
+    intersections: Vec<Intersection>,
+}
+
+/// Sums over the steps and the incoming edges of one intersection.
+#[derive(Clone, Copy, Debug, Default)]
+struct Intersection {
+    car_steps: u64,
+    speed_sum_mps: f64,
+    halting_car_steps: u64,
+    passed: u64,
+}
+
+impl TrafficMetrics {
+    pub fn new(agents: usize) -> Result<Self> {
+        Ok(TrafficMetrics {
+            trip_file: TripFile::new()?,
+            trips: None,
+            steps: 0,
+            intersections: vec![Intersection::default(); agents],
+        })
+    }
+
+    /// What SUMO must be loaded with.
+    pub fn options(&self) -> [String; 8] {
+        self.trip_file.options()
+    }
+
+    pub fn begin(&mut self) {
+        self.trips = None;
+        self.steps = 0;
+        self.intersections.fill(Intersection::default());
+    }
+
+    /// Notes the cars on all incoming lanes, after a step and before it.
+    pub fn step(&mut self, now: &CarTable, before: &CarTable) {
+        self.steps += 1;
+        for (lane, (now, before)) in now.iter().zip(before.iter()).enumerate() {
+            let intersection = &mut self.intersections[lane / EDGES];
+            intersection.car_steps += now.len() as u64;
+            intersection.speed_sum_mps += now.speeds_mps.iter().sum::<f64>();
+            intersection.halting_car_steps +=
+                now.speeds_mps.iter().filter(|&&speed| speed < HALTING_MPS).count() as u64;
+            intersection.passed += (before.len() + usize::from(has_new_car(now, before)) - now.len()) as u64;
+        }
+    }
+
+    /// Whether [`TrafficMetrics::finish`] was called since the beginning.
+    pub fn finished(&self) -> bool {
+        self.trips.is_some()
+    }
+
+    /// Reads the trips, once SUMO has closed the simulation of the episode.
+    pub fn finish(&mut self) -> Result<()> {
+        self.trips = Some(self.trip_file.read()?);
+        Ok(())
+    }
+
+    /// Figures of the whole net; `arrived` cars left it.
+    pub fn of_net(&self, arrived: u64) -> Vec<(&'static str, f64)> {
+        let Trips { travel_time_s, delay_s, waiting_time_s } = self.trips.expect("the episode is over");
+        let halting: u64 = self.intersections.iter().map(|intersection| intersection.halting_car_steps).sum();
+        vec![
+            ("travel_time_s", travel_time_s),
+            ("delay_s", delay_s),
+            ("waiting_time_s", waiting_time_s),
+            ("queue_length", self.per_edge_step(halting, self.intersections.len())),
+            ("throughput_per_h", 3600.0 * arrived as f64 / self.steps.max(1) as f64),
+        ]
+    }
+
+    /// Figures of every intersection.
+    pub fn of_agents(&self) -> Vec<(&'static str, Vec<f64>)> {
+        let each = |figure: &dyn Fn(&Intersection) -> f64| self.intersections.iter().map(figure).collect();
+        vec![
+            ("mean_speed_mps", each(&|at| at.speed_sum_mps / at.car_steps.max(1) as f64)),
+            ("queue_length", each(&|at| self.per_edge_step(at.halting_car_steps, 1))),
+            ("passed", each(&|at| at.passed as f64)),
+        ]
+    }
+
+    /// What SUMO wrote of the trips.
+    #[cfg(test)]
+    pub fn trips_as_text(mut self) -> String {
+        self.trip_file.text()
+    }
+
+    fn per_edge_step(&self, sum: u64, intersections: usize) -> f64 {
+        sum as f64 / ((EDGES * intersections) as u64 * self.steps.max(1)) as f64
+    }
+}
