@@ -20,6 +20,7 @@ use crate::domain::{Baseline, Domain};
 use crate::error::{Error, Result};
 use crate::evaluation::{Evaluation, play_episodes};
 use crate::plot::About;
+use crate::report::scenario::Scenario;
 use crate::sumo::Simulation;
 
 pub fn evaluate(args: &cli::Evaluate) -> Result<()> {
@@ -73,6 +74,8 @@ struct Session<'a> {
     domain: &'a dyn Domain,
     episodes: usize,
     seed: u64,
+    /// As `report` knows it.
+    scenario: String,
     output: &'a cli::Output,
 }
 
@@ -84,7 +87,8 @@ impl<'a> Session<'a> {
         output: &'a cli::Output,
     ) -> Result<Session<'a>> {
         let count = episodes.episodes.map_or(config.evaluation.episodes, |count| count as usize);
-        Ok(Session { domain, episodes: count, seed: episodes.seed.unwrap_or(config.seed), output })
+        let scenario = Scenario::of(config, domain.agents()).map_err(Error::Run)?.id();
+        Ok(Session { domain, episodes: count, seed: episodes.seed.unwrap_or(config.seed), scenario, output })
     }
 
     fn check(&self, subjects: &[Subject]) -> Result<()> {
@@ -144,6 +148,7 @@ impl<'a> Session<'a> {
         about: &[(&str, Value)],
     ) -> Result<String> {
         object.extend(about.iter().map(|(key, value)| ((*key).to_owned(), value.clone())));
+        object.insert("scenario".into(), json!(self.scenario));
         object.insert("seed".into(), json!(self.seed));
         object.insert("sumo_version".into(), json!(Simulation::version().map_err(|error| Error::Run(error.into()))?));
         Ok(Value::Object(object).to_string())
