@@ -83,6 +83,8 @@ pub enum Simulator {
     Gs,
     /// Local simulators with random AIPs that are never trained
     UntrainedDials,
+    /// Local simulators with constant probabilities, measured on the global simulator, instead of AIPs
+    MarginalDials,
 }
 
 #[derive(Debug, Args)]

@@ -103,7 +103,7 @@ fn a_run_leaves_a_directory_that_can_be_evaluated_anywhere() {
 fn the_same_seed_gives_the_same_returns_byte_for_byte() {
     let dir = tempfile::tempdir().unwrap();
     let config = write_config(dir.path(), SHORT);
-    for simulator in ["dials", "gs", "untrained-dials"] {
+    for simulator in ["dials", "gs", "untrained-dials", "marginal-dials"] {
         let run = |name: &str, seed: &str| {
             let out = dir.path().join(format!("{simulator}-{name}"));
             train(&config, &out, &["--seed", seed, "--simulator", simulator]).success();

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use dials_traffic::config::Config;
 use dials_traffic::domain::toy::Coins;
 use dials_traffic::domain::{Domain, Result};
-use dials_traffic::influence::AipStack;
+use dials_traffic::influence;
 use dials_traffic::policy::PolicyStack;
 use dials_traffic::training::dials;
 use dials_traffic::training::files;
@@ -35,7 +35,7 @@ fn train(config: &Config, dir: &Path) -> Result<()> {
     let coins: Arc<dyn Domain> = Arc::new(Coins::new(HORIZON));
     let layouts = Layouts {
         policies: PolicyStack::shape(coins.spec(), &config.policy).layout(),
-        aips: AipStack::shape(coins.spec(), &config.aip).layout(),
+        aips: influence::layout(config.simulator, coins.spec(), &config.aip),
     };
     let mut fleet = InlineFleet::new(coins, config, Rc::new(Silent));
     let mut log = RunLog::create(dir, layouts, Rc::new(Silent)).unwrap();
@@ -51,8 +51,8 @@ fn column(dir: &Path, file: &str, name: &str) -> Vec<(u64, f64)> {
 }
 
 #[test]
-fn all_three_simulators_teach_the_coins_to_copy() {
-    for simulator in ["dials", "gs", "untrained-dials"] {
+fn all_four_simulators_teach_the_coins_to_copy() {
+    for simulator in ["dials", "gs", "untrained-dials", "marginal-dials"] {
         let dir = tempfile::tempdir().unwrap();
         train(&config(simulator), dir.path()).unwrap();
         let returns = column(dir.path(), files::RETURNS, "mean");
@@ -60,7 +60,8 @@ fn all_three_simulators_teach_the_coins_to_copy() {
         assert_eq!(returns.iter().map(|&(steps, _)| steps).collect::<Vec<_>>(), [0, 10_112, 20_096, 30_080]);
         assert!(returns[0].1 < 0.75 * HORIZON as f64, "{simulator}: {returns:?}");
         assert!(returns[3].1 > 0.97 * HORIZON as f64, "{simulator}: {returns:?}");
-        assert_eq!(dir.path().join(files::AIP_LOSS).exists(), simulator == "dials");
+        let trained = ["dials", "marginal-dials"].contains(&simulator);
+        assert_eq!(dir.path().join(files::AIP_LOSS).exists(), trained);
     }
 }
 
@@ -72,6 +73,17 @@ fn the_aips_learn_the_closed_form_influence_of_coins_that_copy() {
     // Trained at 0 and again at 15000, when the coins nearly copy: H(0.32) = 0.6269.
     assert_eq!(losses.len(), 2);
     assert!((losses[1].1 - 0.6269).abs() < 0.02, "{losses:?}");
+}
+
+#[test]
+fn the_marginals_of_the_coins_are_those_of_a_fair_coin() {
+    let dir = tempfile::tempdir().unwrap();
+    train(&config("marginal-dials"), dir.path()).unwrap();
+    for name in ["training_after", "held_out_after", "held_out_marginals"] {
+        // At 15000 the coins copy, and noise turns them as often to 0 as to 1: ln 2 = 0.6931, where AIPs reach 0.6269.
+        let losses = column(dir.path(), files::AIP_LOSS, name);
+        assert!(losses.len() == 2 && (losses[1].1 - 2_f64.ln()).abs() < 0.01, "{name} {losses:?}");
+    }
 }
 
 #[test]

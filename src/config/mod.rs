@@ -60,6 +60,20 @@ pub enum SimulatorKind {
     Gs,
     /// Local simulators with random AIPs that are never trained.
     UntrainedDials,
+    /// Local simulators with constant probabilities instead of AIPs, measured on the GS when DIALS would train its AIPs.
+    MarginalDials,
+}
+
+impl SimulatorKind {
+    /// As in configs and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            SimulatorKind::Dials => "dials",
+            SimulatorKind::Gs => "gs",
+            SimulatorKind::UntrainedDials => "untrained-dials",
+            SimulatorKind::MarginalDials => "marginal-dials",
+        }
+    }
 }
 
 /// The traffic domain.
@@ -292,10 +306,7 @@ impl Config {
 
     /// Simulators per agent that the policies train on: the GS has one region of each agent.
     pub fn copies(&self) -> usize {
-        match self.simulator {
-            SimulatorKind::Gs => 1,
-            SimulatorKind::Dials | SimulatorKind::UntrainedDials => self.local_simulators.copies,
-        }
+        if self.simulator == SimulatorKind::Gs { 1 } else { self.local_simulators.copies }
     }
 
     /// Steps of an episode.

@@ -24,7 +24,7 @@ pub fn schedule(config: &Config) -> Vec<Period> {
     let last = config.last_step();
     let evaluate_every = config.evaluation.every_steps;
     let retrain_every = match config.simulator {
-        SimulatorKind::Dials => Some(config.aip.retrain_every_steps),
+        SimulatorKind::Dials | SimulatorKind::MarginalDials => Some(config.aip.retrain_every_steps),
         SimulatorKind::Gs | SimulatorKind::UntrainedDials => None,
     };
     let mut bounds: BTreeSet<u64> = (0..last).step_by(evaluate_every as usize).collect();
@@ -72,6 +72,11 @@ mod tests {
                 (240, 250, false, true),
             ]
         );
+    }
+
+    #[test]
+    fn marginals_are_measured_when_aips_would_be_trained() {
+        assert_eq!(bounds(&config("marginal-dials", 250, 100, 60)), bounds(&config("dials", 250, 100, 60)));
     }
 
     #[test]

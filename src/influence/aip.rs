@@ -1,6 +1,8 @@
 //! The AIPs of many agents as one stack.
 
-use super::{InfluencePredictor, sources};
+use std::ops::Range;
+
+use super::{CrossEntropies, Dataset, InfluencePredictor, TrainablePredictor, descent, sources};
 use crate::base::{AgentId, Dice, Rows, Seed};
 use crate::config::AipConfig;
 use crate::domain::{RegionSpec, SourceSpec};
@@ -34,16 +36,8 @@ impl AipStack {
         AipStack { sources: spec.sources, states: net.states(0), net }
     }
 
-    pub fn sources(&self) -> SourceSpec {
-        self.sources
-    }
-
-    pub fn parameters(&self) -> &Parameters {
+    pub(super) fn parameters(&self) -> &Parameters {
         self.net.parameters()
-    }
-
-    pub fn load(&mut self, parameters: &Rows<f32>) {
-        self.net.parameters_mut().load(parameters);
     }
 
     pub(super) fn net(&self) -> &Net {
@@ -84,6 +78,36 @@ impl InfluencePredictor for AipStack {
         for ((row, logits), dice) in rows.zip(trace.output().chunks_exact(logits)).zip(dice) {
             sources::sample(self.sources, logits, dice, row);
         }
+    }
+}
+
+impl TrainablePredictor for AipStack {
+    fn sources(&self) -> SourceSpec {
+        self.sources
+    }
+
+    fn values(&self) -> Rows<f32> {
+        self.parameters().to_rows()
+    }
+
+    fn load(&mut self, values: &Rows<f32>) {
+        self.net.parameters_mut().load(values);
+    }
+
+    fn learn(
+        &mut self,
+        agents: &[AgentId],
+        datasets: &[Dataset],
+        samples: usize,
+        config: &AipConfig,
+        seed: Seed,
+        progress: &mut dyn FnMut(f64),
+    ) {
+        descent::learn(self, agents, datasets, samples, config, seed, progress);
+    }
+
+    fn cross_entropies(&self, datasets: &[Dataset], samples: Range<usize>) -> Vec<CrossEntropies> {
+        descent::cross_entropies(self, datasets, samples)
     }
 }
 

@@ -1,20 +1,13 @@
-//! Training of the AIPs on the datasets, all agents of a stack at once (Algorithm 1, lines 4 to 6).
+//! Training of the influence predictors on the datasets (Algorithm 1, lines 4 to 6), and what it did to their loss.
 
-use std::ops::Range;
-
-use rand::seq::SliceRandom;
-
-use super::{AipStack, Dataset, sources};
-use crate::base::{AgentId, Dice, Rows, Seed};
-use crate::config::{AipConfig, held_out_episodes};
-use crate::domain::SourceSpec;
-use crate::nn::Adam;
 use serde::{Deserialize, Serialize};
 
-/// Mean cross-entropy of every influence source, in nats.
-pub type CrossEntropies = Vec<f64>;
+use super::marginals::{cross_entropy_of_constants, frequencies};
+use super::{CrossEntropies, Dataset, TrainablePredictor};
+use crate::base::{AgentId, Seed};
+use crate::config::{AipConfig, held_out_episodes};
 
-/// What one training did to one agent's AIP.
+/// What one training did to one agent's predictor.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AipLoss {
     /// On the episodes it was trained on, before and after.
@@ -27,17 +20,12 @@ pub struct AipLoss {
     pub frequencies: Vec<f64>,
 }
 
-/// Samples per agent for which losses are measured at once.
-const LOSS_CHUNK: usize = 512;
-
-/// Trains every agent's AIP on its own dataset and measures the loss before and after.
+/// Trains every agent's predictor on its own dataset and measures the loss before and after.
 ///
-/// `datasets`: one per agent of the stack, all of one length. The last `held_out` of the episodes only measure. Adam
-/// starts fresh and the incomplete last batch of an epoch is dropped, as in the authors' code; the weights go on from
-/// the previous training. AIPs with memory are trained on whole episodes, others on single samples. Minibatches are
-/// drawn from `seed`, each agent's from its own stream. `progress` is called with the share that is done.
+/// `datasets`: one per agent of the stack, all of one length. The last `held_out` of the episodes only measure.
+/// `progress` is called with the share that is done.
 pub fn train(
-    aips: &mut AipStack,
+    predictor: &mut dyn TrainablePredictor,
     agents: &[AgentId],
     datasets: &[Dataset],
     config: &AipConfig,
@@ -45,116 +33,15 @@ pub fn train(
     progress: &mut dyn FnMut(f64),
 ) -> Vec<AipLoss> {
     let (first, last) = split(&datasets[0], config.held_out);
-    let steps = if aips.net().shape().recurrent.is_some() { datasets[0].horizon } else { 1 };
-    let before = [losses(aips, datasets, steps, 0..first), losses(aips, datasets, steps, first..last)];
-    let mut dice: Vec<Dice> = agents.iter().map(|&agent| seed.for_agent(agent).dice()).collect();
-    let mut adam = Adam::new(aips.parameters());
-    // Sequences of `steps` samples each.
-    let mut order: Vec<Vec<usize>> = vec![(0..first / steps).collect(); agents.len()];
-    let mut minibatch = Minibatch::new(agents.len(), config.batch, steps, &datasets[0]);
-    for epoch in 0..config.epochs {
-        order.iter_mut().zip(&mut dice).for_each(|(order, dice)| order.shuffle(dice));
-        for batch in 0..first / steps / config.batch {
-            minibatch.gather(datasets, |agent, i| order[agent][batch * config.batch + i]);
-            minibatch.descend(aips, &mut adam, config.learning_rate);
-        }
-        progress((epoch + 1) as f64 / config.epochs as f64);
-    }
-    let after = [losses(aips, datasets, steps, 0..first), losses(aips, datasets, steps, first..last)];
-    report(datasets, aips.sources(), first, before, after)
-}
-
-/// Where the training samples end and the held-out ones end.
-fn split(dataset: &Dataset, share: f64) -> (usize, usize) {
-    let episodes = dataset.episodes();
-    let training = episodes - held_out_episodes(episodes, share);
-    (training * dataset.horizon, dataset.len())
-}
-
-/// Some sequences of every agent; rows ordered agent, step, sequence.
-struct Minibatch {
-    sequences: usize,
-    steps: usize,
-    d_sets: Rows<f32>,
-    sources: Rows<u8>,
-}
-
-impl Minibatch {
-    fn new(agents: usize, sequences: usize, steps: usize, like: &Dataset) -> Self {
-        let rows = agents * sequences * steps;
-        Minibatch {
-            sequences,
-            steps,
-            d_sets: Rows::new(rows, like.d_sets.width()),
-            sources: Rows::new(rows, like.sources.width()),
-        }
-    }
-
-    /// Copies sequence `pick(agent, i)` of every agent's dataset to the i-th of the agent.
-    fn gather(&mut self, datasets: &[Dataset], pick: impl Fn(usize, usize) -> usize) {
-        for (agent, dataset) in datasets.iter().enumerate() {
-            for i in 0..self.sequences {
-                let sequence = pick(agent, i);
-                for step in 0..self.steps {
-                    let row = (agent * self.steps + step) * self.sequences + i;
-                    let sample = sequence * self.steps + step;
-                    dataset.d_sets.read(sample, self.d_sets.row_mut(row));
-                    self.sources.row_mut(row).copy_from_slice(dataset.sources.row(sample));
-                }
-            }
-        }
-    }
-
-    /// One gradient step on the cross-entropy, averaged over the samples and the sources of each agent.
-    fn descend(&self, aips: &mut AipStack, adam: &mut Adam, learning_rate: f64) {
-        let spec = aips.sources();
-        let trace = aips.forward(&self.d_sets, self.steps);
-        let scale = 1.0 / (self.sequences * self.steps * spec.count()) as f32;
-        let mut gradient = vec![0.0; trace.output().len()];
-        let rows = gradient.chunks_exact_mut(spec.logits()).zip(trace.output().chunks_exact(spec.logits()));
-        for ((gradient, logits), observed) in rows.zip(self.sources.iter()) {
-            sources::write_gradient(spec, logits, observed, scale, gradient);
-        }
-        let net = aips.net_mut();
-        net.backward(&trace, &gradient);
-        adam.step(net.parameters_mut(), learning_rate);
-    }
-}
-
-/// Mean cross-entropy of every agent and source over some of the samples, which are whole sequences of `steps`.
-fn losses(aips: &AipStack, datasets: &[Dataset], steps: usize, samples: Range<usize>) -> Vec<CrossEntropies> {
-    let spec = aips.sources();
-    let mut sums = vec![vec![0.0; spec.count()]; datasets.len()];
-    let (first, last) = (samples.start / steps, samples.end / steps);
-    let chunk = (LOSS_CHUNK / steps).max(1);
-    for start in (first..last).step_by(chunk) {
-        let mut minibatch = Minibatch::new(datasets.len(), chunk.min(last - start), steps, &datasets[0]);
-        minibatch.gather(datasets, |_, i| start + i);
-        let trace = aips.forward(&minibatch.d_sets, steps);
-        let rows = trace.output().chunks_exact(spec.logits()).zip(minibatch.sources.iter());
-        for (row, (logits, observed)) in rows.enumerate() {
-            let agent = row / (minibatch.sequences * steps);
-            sources::add_cross_entropies(spec, logits, observed, &mut sums[agent]);
-        }
-    }
-    let count = samples.len() as f64;
-    sums.iter_mut().flatten().for_each(|sum| *sum /= count);
-    sums
-}
-
-/// The frequencies of each source's classes.
-type Frequencies = Vec<Vec<f64>>;
-
-fn report(
-    datasets: &[Dataset],
-    spec: SourceSpec,
-    first: usize,
-    before: [Vec<CrossEntropies>; 2],
-    after: [Vec<CrossEntropies>; 2],
-) -> Vec<AipLoss> {
+    let both = |predictor: &dyn TrainablePredictor| {
+        [0..first, first..last].map(|samples| predictor.cross_entropies(datasets, samples))
+    };
+    let before = both(predictor);
+    predictor.learn(agents, datasets, first, config, seed, progress);
+    let after = both(predictor);
     let per_agent = datasets.iter().enumerate().map(|(agent, dataset)| {
-        let seen = frequencies(dataset, spec, 0..first);
-        let held_out = frequencies(dataset, spec, first..dataset.len());
+        let [seen, held_out] =
+            [0..first, first..last].map(|samples| frequencies(predictor.sources(), dataset, samples));
         AipLoss {
             training: [before[0][agent].clone(), after[0][agent].clone()],
             held_out: [before[1][agent].clone(), after[1][agent].clone()],
@@ -165,29 +52,18 @@ fn report(
     per_agent.collect()
 }
 
-fn frequencies(dataset: &Dataset, spec: SourceSpec, samples: Range<usize>) -> Frequencies {
-    let mut counts = vec![vec![0_u64; spec.classes()]; spec.count()];
-    for sample in samples.clone() {
-        let observed = dataset.sources.row(sample);
-        counts.iter_mut().zip(observed).for_each(|(counts, &u)| counts[usize::from(u)] += 1);
-    }
-    let share = |count: &u64| *count as f64 / samples.len() as f64;
-    counts.iter().map(|counts| counts.iter().map(share).collect()).collect()
-}
-
-/// Cross-entropy of predicting the frequencies `p` where the true ones are `q`.
-///
-/// A class that was never seen in training is predicted as half an event in 1e6, so that one surprise in the held-out
-/// episodes does not make the mean infinite.
-fn cross_entropy_of_constants(p: &[f64], q: &[f64]) -> f64 {
-    -p.iter().zip(q).map(|(p, q)| q * p.max(5e-7).ln()).sum::<f64>()
+/// Where the training samples end and the held-out ones end.
+fn split(dataset: &Dataset, share: f64) -> (usize, usize) {
+    let episodes = dataset.episodes();
+    let training = episodes - held_out_episodes(episodes, share);
+    (training * dataset.horizon, dataset.len())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::AipConfig;
-    use crate::domain::RegionSpec;
+    use crate::domain::{RegionSpec, SourceSpec};
+    use crate::influence::AipStack;
     use rand::Rng;
 
     /// Two sources with a known conditional distribution: P(u_0 = 1 | x) is 0.9 where x_0 = 1 and 0.2 elsewhere;

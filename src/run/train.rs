@@ -12,10 +12,10 @@ use super::domain;
 use super::progress::Progress;
 use super::terminal::{answer, program, quoted, tell};
 use crate::cli;
-use crate::config::{Config, SimulatorKind, load};
+use crate::config::{Config, load};
 use crate::domain::Domain;
 use crate::error::{Error, Result};
-use crate::influence::AipStack;
+use crate::influence;
 use crate::policy::PolicyStack;
 use crate::processes::{Options, ProcessFleet};
 use crate::training::dials;
@@ -79,7 +79,7 @@ impl Run {
         let progress = Rc::new(Progress::new(config, domain.agents())?);
         let layouts = Layouts {
             policies: PolicyStack::shape(domain.spec(), &config.policy).layout(),
-            aips: AipStack::shape(domain.spec(), &config.aip).layout(),
+            aips: influence::layout(config.simulator, domain.spec(), &config.aip),
         };
         let mut log = match resumed {
             false => RunLog::create(dir, layouts, progress.clone())?,
@@ -110,12 +110,7 @@ fn settings(args: &cli::Train) -> Vec<String> {
 
 fn default_dir(config_path: &Path, config: &Config) -> PathBuf {
     let name = config_path.file_stem().unwrap_or_default().to_string_lossy();
-    let simulator = match config.simulator {
-        SimulatorKind::Dials => "dials",
-        SimulatorKind::Gs => "gs",
-        SimulatorKind::UntrainedDials => "untrained-dials",
-    };
-    Path::new("runs").join(format!("{name}-{simulator}-seed{}", config.seed))
+    Path::new("runs").join(format!("{name}-{}-seed{}", config.simulator.name(), config.seed))
 }
 
 fn resume_command(dir: &Path) -> String {

@@ -13,11 +13,11 @@ use super::ials::Ials;
 use super::ppo::{self, Decayed, Losses};
 use super::rollout::{Actor, roll_out};
 use super::state::AgentsState;
-use crate::base::{AgentId, Dice, Phase, Seed, Stopwatch};
+use crate::base::{AgentId, Dice, Phase, Rows, Seed, Stopwatch};
 use crate::config::{Config, Period, SimulatorKind};
 use crate::domain::{Domain, Result};
-use crate::influence::{AipLoss, AipStack, Dataset, train};
-use crate::nn::{Adam, Parameters};
+use crate::influence::{AipLoss, Dataset, TrainablePredictor, initial_predictor, train};
+use crate::nn::Adam;
 use crate::policy::{Memory, PolicyStack};
 
 /// Local simulators per block. Larger forests cost more per intersection, smaller ones more calls per step; measured flat
@@ -31,7 +31,7 @@ pub struct AgentBlock {
     agents: Vec<AgentId>,
     policies: PolicyStack,
     adam: Adam,
-    aips: AipStack,
+    predictor: Box<dyn TrainablePredictor>,
     /// Timesteps per agent so far.
     steps: u64,
 }
@@ -42,25 +42,18 @@ pub fn initial_policies(domain: &dyn Domain, config: &Config, agents: &[AgentId]
     PolicyStack::new(agents, domain.spec(), &config.policy, &domain.initial_action_bias(), seed)
 }
 
-/// The AIPs of `agents` as a run with this config begins.
-pub fn initial_aips(domain: &dyn Domain, config: &Config, agents: &[AgentId]) -> AipStack {
-    AipStack::new(agents, domain.spec(), &config.aip, Seed::new(config.seed).fork("aip"))
-}
-
 /// Agents per block. On the GS all agents act in one simulation, so they are one block.
 pub fn agents_per_block(config: &Config) -> usize {
-    match config.simulator {
-        SimulatorKind::Gs => usize::MAX,
-        SimulatorKind::Dials | SimulatorKind::UntrainedDials => (ROWS_PER_BLOCK / config.copies()).max(1),
-    }
+    if config.simulator == SimulatorKind::Gs { usize::MAX } else { (ROWS_PER_BLOCK / config.copies()).max(1) }
 }
 
 impl AgentBlock {
     pub fn new(domain: Arc<dyn Domain>, config: &Config, agents: &[AgentId]) -> Self {
         let policies = initial_policies(&*domain, config, agents);
+        let seed = Seed::new(config.seed).fork("aip");
         AgentBlock {
             adam: Adam::new(policies.parameters()),
-            aips: initial_aips(&*domain, config, agents),
+            predictor: initial_predictor(config.simulator, agents, domain.spec(), &config.aip, seed),
             policies,
             agents: agents.to_vec(),
             steps: 0,
@@ -79,7 +72,7 @@ impl AgentBlock {
             steps: self.steps,
             policies: self.policies.joint_policy(),
             moments: self.adam.moments().clone(),
-            aips: self.aips.parameters().to_rows(),
+            aips: self.predictor.values(),
         }
     }
 
@@ -88,10 +81,10 @@ impl AgentBlock {
         self.steps = state.steps;
         self.policies.load(&state.policies);
         self.adam.restore(state.moments);
-        self.aips.load(&state.aips);
+        self.predictor.load(&state.aips);
     }
 
-    /// Trains the AIPs; `datasets`: one per agent. `progress` is called with the share that is done.
+    /// Trains the influence predictors; `datasets`: one per agent. `progress` is called with the share that is done.
     pub fn train_aips(
         &mut self,
         datasets: &[Dataset],
@@ -101,12 +94,13 @@ impl AgentBlock {
     ) -> Vec<AipLoss> {
         let seed = Seed::new(self.config.seed).fork("aip minibatches").for_period(period.index);
         watch.time(Phase::AipTraining, || {
-            train(&mut self.aips, &self.agents, datasets, &self.config.aip, seed, progress)
+            train(&mut *self.predictor, &self.agents, datasets, &self.config.aip, seed, progress)
         })
     }
 
-    pub fn aips(&self) -> &Parameters {
-        self.aips.parameters()
+    /// What its influence predictors have learnt, one row per agent.
+    pub fn aips(&self) -> Rows<f32> {
+        self.predictor.values()
     }
 
     /// Trains the policies until the end of the period (Algorithm 1, lines 7 to 12). `progress` is called with the
@@ -137,10 +131,10 @@ impl AgentBlock {
                 let mut gs = GlobalEnvironment::begin(domain.global_simulator()?, episodes)?;
                 learner.learn(&mut gs, period, acting, minibatches, progress)
             }
-            SimulatorKind::Dials | SimulatorKind::UntrainedDials => {
+            SimulatorKind::Dials | SimulatorKind::UntrainedDials | SimulatorKind::MarginalDials => {
                 let simulators = domain.local_simulator(&self.agents, copies, episodes)?;
                 let stagger = self.config.local_simulators.stagger;
-                let mut ials = Ials::begin(simulators, &mut self.aips, influences, copies, stagger)?;
+                let mut ials = Ials::begin(simulators, &mut *self.predictor, influences, copies, stagger)?;
                 let mut training = learner.learn(&mut ials, period, acting, minibatches, progress)?;
                 training.counters = ials.counters().into_iter().map(|(name, count)| (name.to_owned(), count)).collect();
                 Ok(training)

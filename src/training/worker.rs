@@ -118,11 +118,13 @@ impl Worker {
         losses
     }
 
-    /// The AIPs of its agents, one row each.
+    /// What the influence predictors of its agents have learnt, one row each.
     pub fn aips(&self) -> Rows<f32> {
-        let mut aips = Rows::new(0, self.blocks.first().map_or(1, |block| block.aips().width()));
-        self.blocks.iter().for_each(|block| aips.extend(&block.aips().to_rows()));
-        aips
+        let join = |mut all: Rows<f32>, next: Rows<f32>| {
+            all.extend(&next);
+            all
+        };
+        self.blocks.iter().map(AgentBlock::aips).reduce(join).unwrap_or_else(|| Rows::new(0, 1))
     }
 
     /// Trains the policies of its agents until the end of the period, block after block.
