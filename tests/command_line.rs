@@ -282,6 +282,12 @@ fn bad_configs_are_refused_and_nothing_is_written() {
     refused(&good, &["--steps", "0"], &["stop_at_steps = 0: must be at least 1"]);
     refused(&good, &["--steps", "513"], &["stop_at_steps = 513: lies beyond total_steps = 512", "raise total_steps"]);
     refused(&good, &["--set", "aip.epochs=0"], &["aip.epochs = 0: must be at least 1", "untrained-dials"]);
+    refused(
+        &good,
+        &["--set", "aip.retrain=drift"],
+        &["aip.retrain = \"drift\": needs the loss", "set evaluation.aip_loss_episodes"],
+    );
+    refused(&good, &["--set", "aip.retrain=sometimes"], &["aip.retrain: unknown variant `sometimes`", "`drift`"]);
     refused(&good, &["--set", "evaluation.every_steps=64"], &["must be at least ppo.memory = 128"]);
     refused(&good, &["--set", "total_steps=9000000000000000000"], &["must be at most 1000000000000000"]);
     refused(

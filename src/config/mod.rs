@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 pub use check::held_out_episodes;
 pub use load::{load, to_toml};
-pub use schedule::{Period, schedule};
+pub use schedule::{AipTraining, Period, schedule};
 
 /// A run: what is simulated, how agents learn, and when AIPs are retrained and policies evaluated.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -206,8 +206,13 @@ pub struct AipConfig {
     pub recurrent: Option<usize>,
     /// Widths of the hidden layers.
     pub hidden: Vec<usize>,
-    /// F: timesteps per agent between two trainings of the AIPs; the first one is at step 0.
+    /// When the AIPs are trained again after their first training, which is at step 0.
+    pub retrain: Retrain,
+    /// F: timesteps per agent between two trainings of the AIPs, for `retrain = "every"`.
     pub retrain_every_steps: u64,
+    /// For `retrain = "drift"`: by how many percent their loss on fresh episodes has to grow since right after the last
+    /// training.
+    pub drift_threshold: f64,
     /// GS steps per dataset, rounded up to whole episodes.
     pub dataset_steps: usize,
     /// Share of the episodes, the last ones, that only measure the loss.
@@ -219,6 +224,19 @@ pub struct AipConfig {
     pub epochs: usize,
 }
 
+/// When AIPs are trained again. All of them are, or none.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Retrain {
+    /// Every F timesteps per agent, as in the paper.
+    #[default]
+    Every,
+    /// Never.
+    Once,
+    /// At evaluations that find their loss on fresh episodes of the GS grown: what F should be, the AIPs tell themselves.
+    Drift,
+}
+
 /// Evaluation of the joint policy on the GS.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -227,6 +245,9 @@ pub struct EvaluationConfig {
     pub every_steps: u64,
     /// Episodes per evaluation, the same ones each time.
     pub episodes: usize,
+    /// Episodes of their own, the same ones each time, on which every evaluation measures the loss of the AIPs; 0 for
+    /// none.
+    pub aip_loss_episodes: usize,
 }
 
 mod defaults {
@@ -282,7 +303,9 @@ impl Default for AipConfig {
         AipConfig {
             recurrent: None,
             hidden: vec![128, 128],
+            retrain: Retrain::Every,
             retrain_every_steps: 1_000_000,
+            drift_threshold: 3.0,
             dataset_steps: 10_000,
             held_out: 0.1,
             learning_rate: 1e-4,
@@ -294,7 +317,7 @@ impl Default for AipConfig {
 
 impl Default for EvaluationConfig {
     fn default() -> Self {
-        EvaluationConfig { every_steps: 100_000, episodes: 20 }
+        EvaluationConfig { every_steps: 100_000, episodes: 20, aip_loss_episodes: 0 }
     }
 }
 
@@ -307,6 +330,11 @@ impl Config {
     /// Simulators per agent that the policies train on: the GS has one region of each agent.
     pub fn copies(&self) -> usize {
         if self.simulator == SimulatorKind::Gs { 1 } else { self.local_simulators.copies }
+    }
+
+    /// Whether the loss of the influence predictors is measured: on the GS there are none.
+    pub fn measures_aips(&self) -> bool {
+        self.evaluation.aip_loss_episodes > 0 && self.simulator != SimulatorKind::Gs
     }
 
     /// Steps of an episode.

@@ -18,6 +18,11 @@ impl FreshLoss {
     pub fn means(&self) -> [f64; 2] {
         [&self.predictor, &self.marginals].map(|losses| losses.iter().sum::<f64>() / losses.len() as f64)
     }
+
+    /// The same over all agents.
+    pub fn means_of_all(losses: &[FreshLoss]) -> [f64; 2] {
+        [0, 1].map(|which| losses.iter().map(|loss| loss.means()[which]).sum::<f64>() / losses.len() as f64)
+    }
 }
 
 /// Measures every agent's predictor on its own dataset, all of which are of one length.

@@ -16,7 +16,7 @@ use super::state::AgentsState;
 use crate::base::{AgentId, Dice, Phase, Rows, Seed, Stopwatch};
 use crate::config::{Config, Period, SimulatorKind};
 use crate::domain::{Domain, Result};
-use crate::influence::{AipLoss, Dataset, TrainablePredictor, initial_predictor, train};
+use crate::influence::{AipLoss, Dataset, FreshLoss, TrainablePredictor, initial_predictor, measure, train};
 use crate::nn::Adam;
 use crate::policy::{Memory, PolicyStack};
 
@@ -96,6 +96,11 @@ impl AgentBlock {
         watch.time(Phase::AipTraining, || {
             train(&mut *self.predictor, &self.agents, datasets, &self.config.aip, seed, progress)
         })
+    }
+
+    /// Measures the loss of the influence predictors; `datasets`: one per agent.
+    pub fn measure_aips(&self, datasets: &[Dataset]) -> Vec<FreshLoss> {
+        measure(&*self.predictor, datasets)
     }
 
     /// What its influence predictors have learnt, one row per agent.

@@ -12,6 +12,7 @@ pub const RUN: &str = "run.json";
 pub const RETURNS: &str = "returns.csv";
 pub const TRAINING: &str = "training.csv";
 pub const AIP_LOSS: &str = "aip_loss.csv";
+pub const AIP_DRIFT: &str = "aip_drift.csv";
 pub const TIMING: &str = "timing.csv";
 pub const MEMORY: &str = "memory.csv";
 pub const POLICIES: &str = "policies.safetensors";
@@ -19,7 +20,7 @@ pub const AIPS: &str = "aips.safetensors";
 pub const CHECKPOINTS: &str = "checkpoints";
 
 /// The files that grow as the run goes.
-pub const GROWING: [&str; 5] = [RETURNS, TRAINING, AIP_LOSS, TIMING, MEMORY];
+pub const GROWING: [&str; 6] = [RETURNS, TRAINING, AIP_LOSS, AIP_DRIFT, TIMING, MEMORY];
 
 /// Makes sure that one process at a time writes a run; the system lifts the lock when the process ends, however.
 pub fn lock(dir: &Path) -> Result<File> {

@@ -5,6 +5,7 @@
 //! - [`ials`]: Algorithm 3, trajectories from local simulators and AIPs; [`global`] is the GS in the same role.
 //! - [`rollout`], [`gae`], [`ppo`]: what an agent makes of its trajectories.
 //! - [`fleet`], [`worker`], [`block`]: who does it. This room never sees a process, a socket or SUMO.
+//! - [`drift`]: whether AIPs have to be trained again.
 //! - [`run_log`], [`checkpoint`], [`state`]: what a run leaves behind, and how it goes on from there.
 
 pub mod answers;
@@ -12,6 +13,7 @@ pub mod block;
 pub mod checkpoint;
 pub mod collect;
 pub mod dials;
+pub mod drift;
 pub mod environment;
 pub mod files;
 mod finite;

@@ -10,6 +10,7 @@
 //! | `returns.csv` | evaluations on the GS, per agent and for all |
 //! | `training.csv` | each period of training, per agent: returns on the simulator it trained on, losses |
 //! | `aip_loss.csv` | each training of the AIPs, per agent and source |
+//! | `aip_drift.csv` | the loss of the AIPs on fresh episodes, per agent, where the config asks for it |
 //! | `timing.csv` | each period, per worker: seconds per phase |
 //! | `memory.csv` | each period, per process: memory |
 //! | `policies.safetensors`, `aips.safetensors` | the networks, `[agents, ...]` |
@@ -25,16 +26,17 @@ use anyhow::{Context, Result};
 
 use super::answers::{FleetLoad, PolicyTraining};
 use super::checkpoint::{self, Checkpoint, Progress};
+use super::drift::{Drift, Moment};
 use super::files::{self, append, cut, lock, write_atomically};
 use super::finite::{check_aips, check_policies};
 use super::fleet::Fleet;
 use super::observer::{Interrupted, Observer};
 use super::tables::{
-    AIP_COLUMNS, Line, MEMORY_COLUMNS, Wall, aip_lines, evaluation_header, evaluation_lines, memory_lines,
-    timing_header, timing_lines, training_header, training_lines,
+    AIP_COLUMNS, DRIFT_COLUMNS, Line, MEMORY_COLUMNS, Wall, aip_lines, drift_lines, evaluation_header,
+    evaluation_lines, memory_lines, timing_header, timing_lines, training_header, training_lines,
 };
 use crate::evaluation::Evaluation;
-use crate::influence::AipLoss;
+use crate::influence::{AipLoss, FreshLoss};
 use crate::nn::{Layout, write_stack};
 
 /// Writes a run down.
@@ -45,6 +47,7 @@ pub struct RunLog {
     /// From which to go on, until [`RunLog::begin`] has done so.
     resume_from: Option<Checkpoint>,
     periods_done: usize,
+    drift: Drift,
     /// Wall time of the run before this process.
     elapsed_before: Duration,
     begun: Instant,
@@ -69,6 +72,7 @@ impl RunLog {
             layouts,
             resume_from: None,
             periods_done: 0,
+            drift: Drift::default(),
             elapsed_before: Duration::ZERO,
             begun: now,
             begun_period: now,
@@ -87,6 +91,7 @@ impl RunLog {
             cut(&dir.join(name), progress.file_lengths.get(name).copied().unwrap_or(0))?;
         }
         log.periods_done = progress.periods_done;
+        log.drift = progress.drift;
         log.elapsed_before = Duration::from_secs_f64(progress.elapsed_s);
         log.resume_from = checkpoint;
         Ok(log)
@@ -95,6 +100,11 @@ impl RunLog {
     /// How many periods of the schedule the run has behind it.
     pub fn periods_done(&self) -> usize {
         self.periods_done
+    }
+
+    /// How the loss of the AIPs on fresh episodes has grown since their last training.
+    pub fn drift(&self) -> &Drift {
+        &self.drift
     }
 
     /// Puts the fleet where the run stands.
@@ -121,6 +131,15 @@ impl RunLog {
         Ok(())
     }
 
+    /// The loss of the AIPs on fresh episodes, after an evaluation or a training.
+    pub fn aips_measured(&mut self, fleet: &dyn Fleet, after: Moment, losses: &[FreshLoss]) -> Result<()> {
+        let lines = drift_lines(fleet.agents().steps, after, losses);
+        self.append(files::AIP_DRIFT, &DRIFT_COLUMNS.map(str::to_owned), &lines)?;
+        self.drift.note(after, losses);
+        self.observer.aips_measured(losses, &self.drift);
+        Ok(())
+    }
+
     /// A period of training is over. Writes a checkpoint, and stops the run here if somebody asked for that. What has
     /// diverged is an error and is not written.
     pub fn period_done(&mut self, fleet: &mut dyn Fleet, training: &PolicyTraining) -> Result<()> {
@@ -136,6 +155,7 @@ impl RunLog {
             periods_done: self.periods_done,
             file_lengths: self.file_lengths()?,
             elapsed_s: (self.elapsed_before + self.begun.elapsed()).as_secs_f64(),
+            drift: self.drift,
         };
         checkpoint::write(&self.dir.join(files::CHECKPOINTS), agents, progress)?;
         if self.observer.stop_requested() {
@@ -193,6 +213,7 @@ mod tests {
     use crate::influence::Dataset;
     use crate::nn::Moments;
     use crate::training::answers::AgentTraining;
+    use crate::training::collect::Purpose;
     use crate::training::observer::Silent;
     use crate::training::ppo::{Decayed, Losses};
     use crate::training::state::AgentsState;
@@ -213,7 +234,11 @@ mod tests {
             unreachable!("a test of the log orders nothing")
         }
 
-        fn collect_datasets(&mut self, _period: &Period) -> Result<Vec<Dataset>> {
+        fn measure_aips(&mut self, _datasets: Vec<Dataset>) -> Result<Vec<FreshLoss>> {
+            unreachable!("a test of the log orders nothing")
+        }
+
+        fn collect_datasets(&mut self, _purpose: Purpose) -> Result<Vec<Dataset>> {
             unreachable!("a test of the log orders nothing")
         }
 

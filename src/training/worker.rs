@@ -9,14 +9,14 @@ use std::sync::Arc;
 
 use super::answers::PolicyTraining;
 use super::block::{AgentBlock, agents_per_block};
-use super::collect::collect_episode;
+use super::collect::{Purpose, collect_episode};
 use super::observer::Observer;
 use super::state::AgentsState;
 use crate::base::{AgentId, Phase, Rows, Seed, Stopwatch};
 use crate::config::{Config, Period};
 use crate::domain::{Domain, Result};
 use crate::evaluation::{EpisodeReport, episode_seed, play};
-use crate::influence::{AipLoss, Dataset};
+use crate::influence::{AipLoss, Dataset, FreshLoss};
 use crate::policy::{JointPolicy, JointPolicyController, PolicyStack, Selection};
 
 pub struct Worker {
@@ -58,23 +58,23 @@ impl Worker {
         self.watch.take()
     }
 
-    /// Algorithm 2 for some of a period's episodes: the datasets of *all* agents, in the order of the episodes.
+    /// Algorithm 2 for some of the episodes: the datasets of *all* agents, in the order of the episodes.
     pub fn collect(
         &mut self,
         policies: &JointPolicy,
-        period: &Period,
+        purpose: Purpose,
         episodes: Range<usize>,
         observer: &dyn Observer,
     ) -> Result<Vec<Dataset>> {
         let mut watch = Stopwatch::default();
-        let datasets = watch.time(Phase::Collection, || {
+        let datasets = watch.time(purpose.phase(), || {
             let mut simulator = self.domain.global_simulator()?;
             let mut controller = self.controller(policies);
             let mut datasets = vec![Dataset::new(self.domain.spec()); self.domain.agents()];
-            let seed = self.run.fork("collection").for_period(period.index);
+            let seed = purpose.stream(self.run);
             for (done, episode) in episodes.clone().enumerate() {
                 collect_episode(&mut *simulator, &mut controller, seed.for_episode(episode), &mut datasets)?;
-                observer.busy(Phase::Collection, (done + 1) as f64 / episodes.len() as f64);
+                observer.busy(purpose.phase(), (done + 1) as f64 / episodes.len() as f64);
             }
             Ok(datasets)
         });
@@ -114,6 +114,18 @@ impl Worker {
             rest = others;
             let progress = &mut |share| observer.busy(Phase::AipTraining, (done as f64 + share) / count);
             losses.extend(block.train_aips(theirs, period, &mut self.watch, progress));
+        }
+        losses
+    }
+
+    /// The loss of the AIPs of this worker's agents; `datasets`: theirs.
+    pub fn measure_aips(&mut self, datasets: &[Dataset]) -> Vec<FreshLoss> {
+        let mut rest = datasets;
+        let mut losses = Vec::new();
+        for block in &self.blocks {
+            let (theirs, others) = rest.split_at(block.agents());
+            rest = others;
+            losses.extend(self.watch.time(Phase::Evaluation, || block.measure_aips(theirs)));
         }
         losses
     }
