@@ -27,6 +27,8 @@ pub enum Command {
     Train(Train),
     /// Evaluate the policies of a run directory on the global simulator
     Evaluate(Evaluate),
+    /// Write the policies of a run directory as a TorchScript module, for Python and C++
+    Export(Export),
     /// Run a hand-coded controller on the global simulator of a config
     Baseline(Baseline),
     /// Write SUMO networks that `sumo` and `sumo-gui` open
@@ -46,7 +48,7 @@ pub struct Train {
     pub config: Option<PathBuf>,
     /// Go on with the run in this directory, from its newest checkpoint
     #[arg(long, value_name = "RUN_DIR",
-          conflicts_with_all = ["config", "seed", "steps", "simulator", "out", "settings", "force"])]
+          conflicts_with_all = ["config", "seed", "steps", "simulator", "tensorboard", "out", "settings", "force"])]
     pub resume: Option<PathBuf>,
     /// Worker processes that share the agents; 0 works in this process. The results are the same
     /// [default: the number of cores]
@@ -64,6 +66,9 @@ pub struct Train {
     /// What the policies train on; overrides the config
     #[arg(long, value_enum)]
     pub simulator: Option<Simulator>,
+    /// Also write the numbers of the CSV files as an event file for TensorBoard
+    #[arg(long)]
+    pub tensorboard: bool,
     /// Run directory [default: runs/CONFIG-SIMULATOR-seedN, with a number where that exists]
     #[arg(long)]
     pub out: Option<PathBuf>,
@@ -98,6 +103,18 @@ pub struct Evaluate {
     pub greedy: bool,
     #[command(flatten)]
     pub output: Output,
+}
+
+#[derive(Debug, Args)]
+pub struct Export {
+    /// Run directory, as `train` wrote it
+    pub run_dir: PathBuf,
+    /// File to write, such as policies.pt
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Overwrite the file where it exists
+    #[arg(long)]
+    pub force: bool,
 }
 
 #[derive(Debug, Args)]

@@ -17,6 +17,7 @@ mod gru;
 mod net;
 mod parameters;
 mod product;
+mod script;
 mod stack_file;
 mod states;
 
@@ -25,5 +26,6 @@ pub use adam::{Adam, Moments};
 pub use convert::{rows_to_tensor, tensor_to_slice};
 pub use net::{Net, Sequences, Shape, Trace};
 pub use parameters::{Layout, Parameters};
+pub use script::write_script;
 pub use stack_file::{read_stack, write_stack};
 pub use states::States;

@@ -3,6 +3,7 @@
 mod directory;
 mod domain;
 mod evaluate;
+mod export;
 mod info;
 mod nets;
 mod progress;
@@ -21,6 +22,7 @@ pub fn run(cli: Cli) -> Result<()> {
     match cli.command {
         Command::Train(args) => train::train(&args),
         Command::Evaluate(args) => evaluate::evaluate(&args),
+        Command::Export(args) => export::export(&args),
         Command::Baseline(args) => evaluate::baseline(&args),
         Command::Nets(args) => nets::nets(&args),
         Command::Info => info::info(),
