@@ -38,7 +38,7 @@ fn train(config: &Config, dir: &Path) -> Result<()> {
         aips: influence::layout(config.simulator, coins.spec(), &config.aip),
     };
     let mut fleet = InlineFleet::new(coins, config, Rc::new(Silent));
-    let mut log = RunLog::create(dir, layouts, Rc::new(Silent)).unwrap();
+    let mut log = RunLog::create(dir, config, layouts, Rc::new(Silent)).unwrap();
     dials::train(config, &mut fleet, &mut log)
 }
 

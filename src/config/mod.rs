@@ -18,35 +18,29 @@ pub use schedule::{AipTraining, Period, schedule};
 
 /// A run: what is simulated, how agents learn, and when AIPs are retrained and policies evaluated.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub struct Config {
     /// Root of all random streams of the run.
-    #[serde(default = "defaults::seed", with = "seed")]
+    #[serde(with = "seed")]
     pub seed: u64,
     /// What the policies train on.
-    #[serde(default)]
     pub simulator: SimulatorKind,
     /// Timesteps per agent, summed over its copies; learning rate and clip decay over them.
-    #[serde(default = "defaults::total_steps")]
     pub total_steps: u64,
     /// Stop early, with the decay of `total_steps`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub stop_at_steps: Option<u64>,
-    /// The domain: this table or the next one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// The domain: this table or the next one. (Neither for a domain that does not come from a config.)
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub traffic: Option<TrafficConfig>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub warehouse: Option<WarehouseConfig>,
-    #[serde(default)]
     pub local_simulators: LocalSimulatorsConfig,
-    #[serde(default)]
     pub policy: PolicyConfig,
-    #[serde(default)]
     pub ppo: PpoConfig,
-    #[serde(default)]
     pub aip: AipConfig,
-    #[serde(default)]
     pub evaluation: EvaluationConfig,
+    pub logging: LoggingConfig,
 }
 
 /// What the policies train on.
@@ -250,21 +244,40 @@ pub struct EvaluationConfig {
     pub aip_loss_episodes: usize,
 }
 
+/// What a run writes beside its CSV files.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LoggingConfig {
+    /// Their numbers as an event file for TensorBoard.
+    pub tensorboard: bool,
+}
+
 mod defaults {
-    pub fn seed() -> u64 {
-        1
-    }
-
-    pub fn total_steps() -> u64 {
-        4_000_000
-    }
-
     pub fn traffic_horizon() -> usize {
         300
     }
 
     pub fn warehouse_horizon() -> usize {
         100
+    }
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Config {
+            seed: 1,
+            simulator: SimulatorKind::default(),
+            total_steps: 4_000_000,
+            stop_at_steps: None,
+            traffic: None,
+            warehouse: None,
+            local_simulators: LocalSimulatorsConfig::default(),
+            policy: PolicyConfig::default(),
+            ppo: PpoConfig::default(),
+            aip: AipConfig::default(),
+            evaluation: EvaluationConfig::default(),
+            logging: LoggingConfig::default(),
+        }
     }
 }
 

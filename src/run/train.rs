@@ -82,8 +82,8 @@ impl Run {
             aips: influence::layout(config.simulator, domain.spec(), &config.aip),
         };
         let mut log = match resumed {
-            false => RunLog::create(dir, layouts, progress.clone())?,
-            true => RunLog::resume(dir, layouts, progress.clone())?,
+            false => RunLog::create(dir, config, layouts, progress.clone())?,
+            true => RunLog::resume(dir, config, layouts, progress.clone())?,
         };
         let mut fleet: Box<dyn Fleet> = match workers {
             0 => Box::new(InlineFleet::new(domain.clone(), config, progress.clone())),
@@ -103,6 +103,7 @@ fn settings(args: &cli::Train) -> Vec<String> {
     let mut settings = args.settings.clone();
     settings.extend(args.seed.map(|seed| format!("seed={seed}")));
     settings.extend(args.steps.map(|steps| format!("stop_at_steps={steps}")));
+    settings.extend(args.tensorboard.then(|| "logging.tensorboard=true".to_owned()));
     let simulator = args.simulator.and_then(|kind| kind.to_possible_value());
     settings.extend(simulator.map(|kind| format!("simulator={}", kind.get_name())));
     settings
@@ -122,11 +123,19 @@ fn how_to_go_on(dir: &Path, config: &Config) -> String {
     let (episodes, seed) = (config.evaluation.episodes, config.seed);
     let (program, place, run) = (program(), dir.display(), quoted(dir));
     let kept = quoted(&dir.join(files::CONFIG));
+    let watch = if config.logging.tensorboard {
+        format!(
+            "\nand watch it, beside other runs, with:\n  tensorboard --logdir {}",
+            quoted(dir.parent().unwrap_or(dir))
+        )
+    } else {
+        String::new()
+    };
     let rival = if config.traffic.is_some() { "actuated" } else { "oldest-item" };
     format!(
         "\nwritten to {place}; evaluate it with:\n  \
          {program} evaluate {run} --episodes {episodes} --seed {seed}\n\
          and compare on the same episodes with:\n  \
-         {program} baseline {kept} --controller {rival} --episodes {episodes} --seed {seed}"
+         {program} baseline {kept} --controller {rival} --episodes {episodes} --seed {seed}{watch}"
     )
 }

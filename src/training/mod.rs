@@ -15,6 +15,7 @@ pub mod collect;
 pub mod dials;
 pub mod drift;
 pub mod environment;
+mod events;
 pub mod files;
 mod finite;
 pub mod fleet;

@@ -13,7 +13,8 @@ use crate::influence::{AipLoss, FreshLoss};
 /// A line of a CSV file, one string per column.
 pub type Line = Vec<String>;
 
-const ALL: &str = "all";
+/// What stands in the second column of the lines about all agents, workers or processes.
+pub const ALL: &str = "all";
 
 pub fn evaluation_header(evaluation: &Evaluation) -> Line {
     let fixed = ["steps", "agent", "mean", "median", "std_error", "episodes", "stuck"];
