@@ -79,7 +79,9 @@ pub trait GlobalSimulator {
     fn influence_sample(&self) -> InfluenceSample<'_>;
 
     /// What else there is to tell of the episode so far.
-    fn measures(&mut self) -> Result<Measures>;
+    fn measures(&mut self) -> Result<Measures> {
+        Ok(Measures::default())
+    }
 
     /// A picture of the state, where the domain draws one.
     fn scene(&self) -> Option<Scene> {
@@ -101,7 +103,9 @@ pub trait LocalSimulator {
     fn step(&mut self, actions: &[Action], sources: &Rows<u8>) -> Result<&Transition>;
 
     /// Totals since the simulator was made, such as influences that could not be carried out.
-    fn counters(&self) -> Vec<(&'static str, u64)>;
+    fn counters(&self) -> Vec<(&'static str, u64)> {
+        Vec::new()
+    }
 }
 
 /// Named figures of an episode beside the return.
@@ -139,14 +143,22 @@ pub trait Domain: Send + Sync {
     fn local_simulator(&self, regions: &[AgentId], copies: usize, seed: Seed) -> Result<Box<dyn LocalSimulator>>;
 
     /// The names that [`Domain::baseline`] takes, for help and error messages.
-    fn baselines(&self) -> &'static [&'static str];
+    fn baselines(&self) -> &'static [&'static str] {
+        &[]
+    }
 
     /// A hand-coded controller by name; an unknown name is an error that lists the known ones.
-    fn baseline(&self, name: &str) -> Result<Baseline>;
+    fn baseline(&self, name: &str) -> Result<Baseline> {
+        anyhow::bail!("controller `{name}`: this domain has none")
+    }
 
     /// What to add to the output biases of a fresh policy, per action: a prior on behaviour.
-    fn initial_action_bias(&self) -> Vec<f32>;
+    fn initial_action_bias(&self) -> Vec<f32> {
+        vec![0.0; self.spec().n_actions]
+    }
 
     /// The agents that sit in a degenerate behaviour, judged by the mean measures of an evaluation.
-    fn stuck(&self, measures: &Measures) -> Vec<bool>;
+    fn stuck(&self, _measures: &Measures) -> Vec<bool> {
+        vec![false; self.agents()]
+    }
 }
