@@ -26,7 +26,7 @@ fn config(simulator: &str) -> Config {
          policy = {{ hidden = [16] }}\n\
          ppo = {{ time_limit = 'bootstrap', learning_rate = 3e-3, gamma = 0.5 }}\n\
          aip = {{ hidden = [16], retrain_every_steps = 15000, dataset_steps = 5000, epochs = 20, learning_rate = 3e-3 }}\n\
-         evaluation = {{ every_steps = 10000, episodes = 10 }}"
+         evaluation = {{ every_steps = 10000, episodes = 10, aip_loss_episodes = 40 }}"
     ))
     .unwrap()
 }
@@ -62,6 +62,7 @@ fn all_four_simulators_teach_the_coins_to_copy() {
         assert!(returns[3].1 > 0.97 * HORIZON as f64, "{simulator}: {returns:?}");
         let trained = ["dials", "marginal-dials"].contains(&simulator);
         assert_eq!(dir.path().join(files::AIP_LOSS).exists(), trained);
+        assert_eq!(dir.path().join(files::AIP_DRIFT).exists(), simulator != "gs", "on the GS nothing is predicted");
     }
 }
 
@@ -73,6 +74,20 @@ fn the_aips_learn_the_closed_form_influence_of_coins_that_copy() {
     // Trained at 0 and again at 15000, when the coins nearly copy: H(0.32) = 0.6269.
     assert_eq!(losses.len(), 2);
     assert!((losses[1].1 - 0.6269).abs() < 0.02, "{losses:?}");
+}
+
+#[test]
+fn the_loss_on_fresh_episodes_is_that_of_the_closed_form() {
+    let dir = tempfile::tempdir().unwrap();
+    train(&config("dials"), dir.path()).unwrap();
+    let [losses, marginals] = ["loss", "marginals"].map(|name| column(dir.path(), files::AIP_DRIFT, name));
+    // At 0 before and after the training, at 10000 and 20000, after the training at 15000 (not evaluated), at the end.
+    let steps: Vec<u64> = losses.iter().map(|&(steps, _)| steps).collect();
+    assert_eq!(steps, [0, 0, 10_112, 15_104, 20_096, 30_080]);
+    // The coins copy in the end: H(0.32) = 0.6269 and ln 2 = 0.6931. 40 x 50 x 2 samples: standard error 0.35 / sqrt(4000)
+    // = 0.006.
+    let (last, constant) = (losses[5].1, marginals[5].1);
+    assert!((last - 0.6269).abs() < 0.025 && (constant - 2_f64.ln()).abs() < 0.005, "{losses:?} {marginals:?}");
 }
 
 #[test]
