@@ -31,6 +31,8 @@ pub enum Command {
     Train(Train),
     /// Evaluate the policies of a run directory on the global simulator
     Evaluate(Evaluate),
+    /// Write the policies of a run directory as a TorchScript module, for Python and C++
+    Export(Export),
     /// Run a hand-coded controller on the global simulator of a config
     Baseline(Baseline),
     /// Measure how fast a config trains, phase by phase, beside what cannot be avoided
@@ -60,7 +62,7 @@ pub struct Train {
     pub config: Option<PathBuf>,
     /// Go on with the run in this directory, from its newest checkpoint
     #[arg(long, value_name = "RUN_DIR",
-          conflicts_with_all = ["config", "seed", "steps", "simulator", "out", "settings", "force"])]
+          conflicts_with_all = ["config", "seed", "steps", "simulator", "tensorboard", "out", "settings", "force"])]
     pub resume: Option<PathBuf>,
     /// Worker processes that share the agents; 0 works in this process. The results are the same
     /// [default: the number of cores]
@@ -78,6 +80,9 @@ pub struct Train {
     /// What the policies train on; overrides the config
     #[arg(long, value_enum)]
     pub simulator: Option<Simulator>,
+    /// Also write the numbers of the CSV files as an event file for TensorBoard
+    #[arg(long)]
+    pub tensorboard: bool,
     /// Run directory [default: runs/CONFIG-SIMULATOR-seedN, with a number where that exists]
     #[arg(long)]
     pub out: Option<PathBuf>,
@@ -97,6 +102,8 @@ pub enum Simulator {
     Gs,
     /// Local simulators with random AIPs that are never trained
     UntrainedDials,
+    /// Local simulators with constant probabilities, measured on the global simulator, instead of AIPs
+    MarginalDials,
 }
 
 #[derive(Debug, Args)]
@@ -116,6 +123,18 @@ pub struct Evaluate {
     pub agents: Vec<usize>,
     #[command(flatten)]
     pub output: Output,
+}
+
+#[derive(Debug, Args)]
+pub struct Export {
+    /// Run directory, as `train` wrote it
+    pub run_dir: PathBuf,
+    /// File to write, such as policies.pt
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Overwrite the file where it exists
+    #[arg(long)]
+    pub force: bool,
 }
 
 #[derive(Debug, Args)]

@@ -101,10 +101,55 @@ fn a_run_leaves_a_directory_that_can_be_evaluated_anywhere() {
 }
 
 #[test]
+fn every_column_of_every_file_is_explained() {
+    let dir = tempfile::tempdir().unwrap();
+    let (config, out) = (write_config(dir.path(), SHORT), dir.path().join("run"));
+    train(&config, &out, &["--set", "evaluation.aip_loss_episodes=1"]).success();
+    let warehouse = dir.path().join("warehouse");
+    let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/smoke_warehouse.toml");
+    let steps = ["--steps", "128", "--set", "evaluation.episodes=1", "--set", "aip.epochs=1"];
+    train(config.to_str().unwrap(), &warehouse, &steps).success();
+    let explained = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/files.md")).unwrap();
+    for file in ["returns", "training", "aip_loss", "aip_drift", "timing", "memory"] {
+        assert!(explained.contains(&format!("## `{file}.csv`")), "{file}");
+        for dir in [&out, &warehouse] {
+            let Ok(text) = fs::read_to_string(dir.join(format!("{file}.csv"))) else { continue };
+            for column in text.lines().next().unwrap().split(',') {
+                assert!(explained.contains(&format!("`{column}`")), "{column} of {file}.csv");
+            }
+        }
+        assert!(out.join(format!("{file}.csv")).is_file(), "{file}");
+    }
+}
+
+#[test]
+fn policies_are_exported_and_an_existing_file_is_left_alone() {
+    let dir = tempfile::tempdir().unwrap();
+    let (config, out) = (write_config(dir.path(), SHORT), dir.path().join("run"));
+    train(&config, &out, &[]).success();
+    let (run, file) = (out.to_str().unwrap(), dir.path().join("policies.pt"));
+    let args = ["export", run, "--out", file.to_str().unwrap()];
+    let said = text(&dials_traffic(&args).assert().success().get_output().stdout);
+    assert!(said.contains("torch.jit.load") && said.contains("obs: float32 [4, batch, 40]"), "{said}");
+    let first = fs::read(&file).unwrap();
+    assert!(first.starts_with(b"PK"), "an archive, as TorchScript files are");
+
+    fs::write(&file, "precious").unwrap();
+    assert_refused(&mut dials_traffic(&args), &["policies.pt: exists already", "--force"]);
+    assert_eq!(fs::read(&file).unwrap(), b"precious");
+    dials_traffic(&args).arg("--force").assert().success();
+    assert_eq!(fs::metadata(&file).unwrap().len(), first.len() as u64);
+    let args = |out: &'static str| ["export", run, "--out", out];
+    assert_refused(&mut dials_traffic(&args("/nowhere/p.pt")), &["/nowhere/p.pt: cannot be written"]);
+    assert_refused(&mut dials_traffic(&args("/tmp")), &["/tmp: is a directory"]);
+    assert_refused(&mut dials_traffic(&["export", "no/run", "--out", "x"]), &["no/run: not a run directory"]);
+}
+
+#[test]
 fn the_same_seed_gives_the_same_returns_byte_for_byte() {
     let dir = tempfile::tempdir().unwrap();
     let config = write_config(dir.path(), SHORT);
-    for simulator in ["dials", "gs", "untrained-dials"] {
+    for simulator in ["dials", "gs", "untrained-dials", "marginal-dials"] {
         let run = |name: &str, seed: &str| {
             let out = dir.path().join(format!("{simulator}-{name}"));
             train(&config, &out, &["--seed", seed, "--simulator", simulator]).success();
@@ -282,6 +327,12 @@ fn bad_configs_are_refused_and_nothing_is_written() {
     refused(&good, &["--steps", "0"], &["stop_at_steps = 0: must be at least 1"]);
     refused(&good, &["--steps", "513"], &["stop_at_steps = 513: lies beyond total_steps = 512", "raise total_steps"]);
     refused(&good, &["--set", "aip.epochs=0"], &["aip.epochs = 0: must be at least 1", "untrained-dials"]);
+    refused(
+        &good,
+        &["--set", "aip.retrain=drift"],
+        &["aip.retrain = \"drift\": needs the loss", "set evaluation.aip_loss_episodes"],
+    );
+    refused(&good, &["--set", "aip.retrain=sometimes"], &["aip.retrain: unknown variant `sometimes`", "`drift`"]);
     refused(&good, &["--set", "evaluation.every_steps=64"], &["must be at least ppo.memory = 128"]);
     refused(&good, &["--set", "total_steps=9000000000000000000"], &["must be at most 1000000000000000"]);
     refused(

@@ -9,7 +9,8 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
 
-const RESULTS: [&str; 5] = ["returns.csv", "aip_loss.csv", "training.csv", "policies.safetensors", "aips.safetensors"];
+const RESULTS: [&str; 6] =
+    ["returns.csv", "aip_loss.csv", "aip_drift.csv", "training.csv", "policies.safetensors", "aips.safetensors"];
 /// However slow the machine is, a wait that lasts longer than this waits for something that will not come.
 const FOR_EVER: Duration = Duration::from_secs(120);
 
@@ -36,7 +37,7 @@ const WAREHOUSE_CONFIG: &str = "total_steps = 9_000\n\
     [local_simulators]\ncopies = 8\nstagger = true\n[policy]\nrecurrent = 24\nhidden = [16]\nsequence_length = 8\n\
     [ppo]\nrollout_steps = 8\ntime_limit = 'bootstrap'\n\
     [aip]\nrecurrent = 8\nhidden = [8]\nretrain_every_steps = 6_000\ndataset_steps = 500\nbatch = 4\nepochs = 5\n\
-    [evaluation]\nevery_steps = 3_000\nepisodes = 5\n";
+    [evaluation]\nevery_steps = 3_000\nepisodes = 5\naip_loss_episodes = 4\n";
 
 fn traffic_config() -> String {
     let nets = Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets").display().to_string();
@@ -46,7 +47,7 @@ fn traffic_config() -> String {
          [local_simulators]\ncopies = 8\nstagger = true\n[policy]\nhidden = [32, 16]\n\
          [ppo]\ntime_limit = 'bootstrap'\n\
          [aip]\nhidden = [8]\nretrain_every_steps = 10_000\ndataset_steps = 300\nbatch = 32\nepochs = 2\n\
-         [evaluation]\nevery_steps = 5_000\nepisodes = 5\n"
+         [evaluation]\nevery_steps = 5_000\nepisodes = 5\naip_loss_episodes = 4\n"
     )
 }
 
@@ -174,21 +175,49 @@ fn one_two_and_three_workers_make_the_same_files_as_a_single_process() {
 
 #[test]
 fn the_warehouse_is_the_same_for_any_fleet_and_after_a_kill() {
-    let alone = Run::of(Domain::Warehouse);
-    alone.train(&["--workers", "0"]);
+    assert_the_same_for_any_fleet_and_after_a_kill(Domain::Warehouse, &[]);
+}
+
+#[test]
+fn marginals_are_the_same_for_any_fleet_and_after_a_kill() {
+    for domain in [Domain::Traffic, Domain::Warehouse] {
+        assert_the_same_for_any_fleet_and_after_a_kill(domain, &["--simulator", "marginal-dials"]);
+    }
+}
+
+#[test]
+fn aips_that_are_trained_again_on_drift_are_the_same_for_any_fleet_and_after_a_kill() {
+    let settings = ["retrain=drift", "drift_threshold=0.5", "epochs=30", "learning_rate=3e-2"];
+    let settings: Vec<String> = settings.iter().flat_map(|set| ["--set".to_owned(), format!("aip.{set}")]).collect();
+    let settings: Vec<&str> = settings.iter().map(String::as_str).collect();
+    let run = assert_the_same_for_any_fleet_and_after_a_kill(Domain::Traffic, &settings);
+    // So that the test can fail: overfitted AIPs are found worse at the second evaluation, and not at the third.
+    let drift = fs::read_to_string(run.out.join("aip_drift.csv")).unwrap();
+    let trainings: Vec<&str> = drift.lines().filter(|line| line.contains(",all,training,")).collect();
+    assert!(trainings.len() == 2 && trainings[1].starts_with("5120,"), "{drift}");
+}
+
+/// Returns the run of a single process.
+fn assert_the_same_for_any_fleet_and_after_a_kill(domain: Domain, settings: &[&str]) -> Run {
+    let alone = Run::of(domain);
+    alone.train(&[settings, &["--workers", "0", "--tensorboard"]].concat());
     for workers in ["1", "3"] {
-        let run = Run::of(Domain::Warehouse);
-        run.train(&["--workers", workers]);
+        let run = Run::of(domain);
+        run.train(&[settings, &["--workers", workers]].concat());
         assert!(run.results() == alone.results(), "{workers} workers");
     }
-    let run = Run::of(Domain::Warehouse);
-    let mut coordinator = run.start(&["--workers", "2"]);
+    let run = Run::of(domain);
+    let mut coordinator = run.start(&[settings, &["--workers", "2", "--tensorboard"]].concat());
     run.wait_for_checkpoints(1);
     coordinator.kill().unwrap();
     assert_eq!(ended(coordinator).0.signal(), Some(9));
     let (status, said) = run.resume(&["--workers", "2"]);
     assert!(status.success(), "{said}");
     assert!(run.results() == alone.results());
+    // Wall times differ, but not the length of their records: nothing is lost and nothing stands there twice.
+    let [mine, theirs] = [&run, &alone].map(|run| fs::metadata(run.out.join("events.out.tfevents")).unwrap().len());
+    assert!(mine == theirs && mine > 1000, "{mine} {theirs}");
+    alone
 }
 
 #[test]

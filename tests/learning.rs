@@ -24,7 +24,7 @@ fn config(simulator: &str) -> Config {
          policy = {{ hidden = [16] }}\n\
          ppo = {{ time_limit = 'bootstrap', learning_rate = 3e-3, gamma = 0.5 }}\n\
          aip = {{ hidden = [16], retrain_every_steps = 15000, dataset_steps = 5000, epochs = 20, learning_rate = 3e-3 }}\n\
-         evaluation = {{ every_steps = 10000, episodes = 10 }}"
+         evaluation = {{ every_steps = 10000, episodes = 10, aip_loss_episodes = 40 }}"
     ))
     .unwrap()
 }
@@ -33,7 +33,7 @@ fn train(config: &Config, dir: &Path) -> Result<()> {
     let coins: Arc<dyn Domain> = Arc::new(Coins::new(HORIZON));
     let layouts = Layouts::of(config, coins.spec());
     let mut fleet = InlineFleet::new(coins, config, Rc::new(Silent));
-    let mut log = RunLog::create(dir, layouts, Rc::new(Silent)).unwrap();
+    let mut log = RunLog::create(dir, config, layouts, Rc::new(Silent)).unwrap();
     dials::train(config, &mut fleet, &mut log)
 }
 
@@ -46,8 +46,8 @@ fn column(dir: &Path, file: &str, name: &str) -> Vec<(u64, f64)> {
 }
 
 #[test]
-fn all_three_simulators_teach_the_coins_to_copy() {
-    for simulator in ["dials", "gs", "untrained-dials"] {
+fn all_four_simulators_teach_the_coins_to_copy() {
+    for simulator in ["dials", "gs", "untrained-dials", "marginal-dials"] {
         let dir = tempfile::tempdir().unwrap();
         train(&config(simulator), dir.path()).unwrap();
         let returns = column(dir.path(), files::RETURNS, "mean");
@@ -55,7 +55,9 @@ fn all_three_simulators_teach_the_coins_to_copy() {
         assert_eq!(returns.iter().map(|&(steps, _)| steps).collect::<Vec<_>>(), [0, 10_112, 20_096, 30_080]);
         assert!(returns[0].1 < 0.75 * HORIZON as f64, "{simulator}: {returns:?}");
         assert!(returns[3].1 > 0.97 * HORIZON as f64, "{simulator}: {returns:?}");
-        assert_eq!(dir.path().join(files::AIP_LOSS).exists(), simulator == "dials");
+        let trained = ["dials", "marginal-dials"].contains(&simulator);
+        assert_eq!(dir.path().join(files::AIP_LOSS).exists(), trained);
+        assert_eq!(dir.path().join(files::AIP_DRIFT).exists(), simulator != "gs", "on the GS nothing is predicted");
     }
 }
 
@@ -67,6 +69,31 @@ fn the_aips_learn_the_closed_form_influence_of_coins_that_copy() {
     // Trained at 0 and again at 15000, when the coins nearly copy: H(0.32) = 0.6269.
     assert_eq!(losses.len(), 2);
     assert!((losses[1].1 - 0.6269).abs() < 0.02, "{losses:?}");
+}
+
+#[test]
+fn the_loss_on_fresh_episodes_is_that_of_the_closed_form() {
+    let dir = tempfile::tempdir().unwrap();
+    train(&config("dials"), dir.path()).unwrap();
+    let [losses, marginals] = ["loss", "marginals"].map(|name| column(dir.path(), files::AIP_DRIFT, name));
+    // At 0 before and after the training, at 10000 and 20000, after the training at 15000 (not evaluated), at the end.
+    let steps: Vec<u64> = losses.iter().map(|&(steps, _)| steps).collect();
+    assert_eq!(steps, [0, 0, 10_112, 15_104, 20_096, 30_080]);
+    // The coins copy in the end: H(0.32) = 0.6269 and ln 2 = 0.6931. 40 x 50 x 2 samples: standard error 0.35 / sqrt(4000)
+    // = 0.006.
+    let (last, constant) = (losses[5].1, marginals[5].1);
+    assert!((last - 0.6269).abs() < 0.025 && (constant - 2_f64.ln()).abs() < 0.005, "{losses:?} {marginals:?}");
+}
+
+#[test]
+fn the_marginals_of_the_coins_are_those_of_a_fair_coin() {
+    let dir = tempfile::tempdir().unwrap();
+    train(&config("marginal-dials"), dir.path()).unwrap();
+    for name in ["training_after", "held_out_after", "held_out_marginals"] {
+        // At 15000 the coins copy, and noise turns them as often to 0 as to 1: ln 2 = 0.6931, where AIPs reach 0.6269.
+        let losses = column(dir.path(), files::AIP_LOSS, name);
+        assert!(losses.len() == 2 && (losses[1].1 - 2_f64.ln()).abs() < 0.01, "{name} {losses:?}");
+    }
 }
 
 #[test]

@@ -8,7 +8,7 @@
 use super::floor::{Flops, aip_training_flops};
 use super::measure::{Measured, Orders};
 use crate::base::Phase;
-use crate::config::{Config, schedule};
+use crate::config::{AipTraining, Config, schedule};
 use crate::domain::RegionSpec;
 
 /// How much of everything a run is.
@@ -42,7 +42,8 @@ impl Amounts {
             // And one at the end.
             evaluations: count(|period| period.evaluate) + 1.0,
             evaluation_episodes: config.evaluation.episodes,
-            retrainings: count(|period| period.retrain_aips),
+            // Drift cannot be foreseen.
+            retrainings: count(|period| period.train_aips == AipTraining::Yes),
             collection_episodes: episodes,
             horizon: spec.horizon as f64,
             retraining_flops: agents as f64 * aip_training_flops(config, spec, episodes),

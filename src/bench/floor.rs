@@ -24,7 +24,7 @@ impl Flops {
         let last_values = 1.0 / ppo.rollout_steps as f64
             + if ppo.time_limit == TimeLimit::Bootstrap { 1.0 / config.horizon() as f64 } else { 0.0 };
         let sampling = match config.simulator {
-            SimulatorKind::Gs => 0.0,
+            SimulatorKind::Gs | SimulatorKind::MarginalDials => 0.0,
             SimulatorKind::Dials | SimulatorKind::UntrainedDials => AipStack::shape(spec, &config.aip).forward_flops(),
         };
         Flops { training: update + (1.0 + last_values) * acting + sampling, acting }

@@ -45,7 +45,7 @@ mod tests {
     use crate::base::{AgentId, Dice, Seed};
     use crate::config::AipConfig;
     use crate::domain::RegionSpec;
-    use crate::influence::{AipStack, InfluencePredictor};
+    use crate::influence::{AipStack, InfluencePredictor, TrainablePredictor};
 
     /// Draws from AIPs that predict the marginals of a dataset in which class 1 came in a quarter of the samples.
     fn share_of_ones(sources: SourceSpec) -> f64 {
@@ -54,8 +54,8 @@ mod tests {
         (0..1000).for_each(|sample| dataset.push(&[1.0, 0.0], &[u8::from(sample % 4 == 0)]));
         let config = AipConfig { hidden: vec![5], ..AipConfig::default() };
         let mut aips = AipStack::new(&[AgentId(0)], &spec, &config, Seed::new(3));
-        let mut parameters = aips.parameters().values().clone();
-        predict_marginals(&mut parameters, aips.parameters().layout(), sources, &[dataset]);
+        let mut parameters = aips.values();
+        predict_marginals(&mut parameters, &AipStack::shape(&spec, &config).layout(), sources, &[dataset]);
         aips.load(&parameters);
         let rows = 20_000;
         let mut dice: Vec<Dice> = (0..rows).map(|copy| Seed::new(9).for_copy(copy).dice()).collect();

@@ -5,10 +5,11 @@ use std::time::{Duration, Instant};
 use super::floor::{aip_training_flops, gradient_steps};
 use super::marginals::predict_marginals;
 use crate::base::{Activity, Phase, Stopwatch};
-use crate::config::{Config, Period, SimulatorKind};
+use crate::config::{AipTraining, Config, Period, SimulatorKind};
 use crate::domain::{RegionSpec, Result};
 use crate::influence::{AipStack, Dataset};
 use crate::training::answers::FleetLoad;
+use crate::training::collect::Purpose;
 use crate::training::fleet::Fleet;
 use crate::training::run_log::RunLog;
 
@@ -85,8 +86,11 @@ pub struct Plan<'a> {
 /// Gives `fleet`, which was made for `plan.config`, orders of every kind.
 pub fn measure(plan: &Plan<'_>, fleet: &mut dyn Fleet, log: &mut RunLog) -> Result<Measured> {
     let agents = fleet.agents().agents();
-    let mut bench =
-        Bench { fleet, log, period: Period { index: 0, start: 0, end: 0, retrain_aips: false, evaluate: false } };
+    let mut bench = Bench {
+        fleet,
+        log,
+        period: Period { index: 0, start: 0, end: 0, train_aips: AipTraining::No, evaluate: false },
+    };
     let part = |share: f64| plan.time.mul_f64(share);
 
     let evaluation = repeat(part(EVALUATION), |orders| bench.evaluate(orders))?;
@@ -177,7 +181,7 @@ impl Bench<'_> {
     fn collect(&mut self, orders: &mut Orders) -> Result<Vec<Dataset>> {
         let mut datasets = Vec::new();
         self.order(orders, Activity::Collection, 1.0, |bench| {
-            datasets = bench.fleet.collect_datasets(&bench.period)?;
+            datasets = bench.fleet.collect_datasets(Purpose::Training { period: bench.period.index })?;
             Ok(bench.fleet.take_load())
         })?;
         Ok(datasets)

@@ -2,7 +2,7 @@
 
 use anyhow::{Result, bail, ensure};
 
-use super::Config;
+use super::{Config, Retrain, SimulatorKind};
 
 pub(super) fn check(config: &Config) -> Result<()> {
     match (&config.traffic, &config.warehouse) {
@@ -47,6 +47,7 @@ fn check_sizes(config: &Config) -> Result<()> {
         (10_000_000, "aip.dataset_steps", aip.dataset_steps as u64),
         (100_000, "aip.epochs", aip.epochs as u64),
         (100_000, "evaluation.episodes", config.evaluation.episodes as u64),
+        (100_000, "evaluation.aip_loss_episodes", config.evaluation.aip_loss_episodes as u64),
     ];
     sizes.into_iter().try_for_each(|(most, key, value)| {
         ensure!(value <= most, "{key} = {value}: must be at most {most}");
@@ -167,6 +168,13 @@ fn check_aip(config: &Config) -> Result<()> {
     at_least(1, "aip.dataset_steps", aip.dataset_steps as u64, "the paper uses 10000")?;
     at_least(1, "aip.batch", aip.batch as u64, "the paper uses 128")?;
     positive("aip.learning_rate", aip.learning_rate, "the paper uses 1e-4")?;
+    not_negative("aip.drift_threshold", aip.drift_threshold, "percent of the loss; 3 is the default")?;
+    let trains = matches!(config.simulator, SimulatorKind::Dials | SimulatorKind::MarginalDials);
+    ensure!(
+        !(trains && aip.retrain == Retrain::Drift) || config.evaluation.aip_loss_episodes > 0,
+        "aip.retrain = \"drift\": needs the loss of the AIPs at evaluations; set evaluation.aip_loss_episodes, to 4 for \
+         traffic or 20 for the warehouse"
+    );
     ensure!(
         aip.held_out > 0.0 && aip.held_out < 1.0,
         "aip.held_out = {}: must be between 0 and 1, both excluded",

@@ -160,8 +160,8 @@ mod tests {
 
     #[test]
     fn bad_input_names_the_key_and_what_is_allowed() {
-        let unknown = error_of(&format!("{SMALL}[aip]\nretrain = 3\n"), &[]);
-        assert!(unknown.contains("unknown field `retrain`") && unknown.contains("line 5"), "{unknown}");
+        let unknown = error_of(&format!("{SMALL}[aip]\nretrian = 3\n"), &[]);
+        assert!(unknown.contains("unknown field `retrian`") && unknown.contains("line 5"), "{unknown}");
         assert!(error_of(SMALL, &["ppo.klip=1"]).contains("unknown field `klip`"));
         assert!(error_of(SMALL, &["ppo.clip=high"]).contains("ppo.clip: invalid type: string \"high\""));
         assert!(error_of(SMALL, &["ppo.clip"]).contains("must be key=value"));

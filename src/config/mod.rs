@@ -14,39 +14,33 @@ use serde::{Deserialize, Serialize};
 
 pub use check::held_out_episodes;
 pub use load::{load, to_toml};
-pub use schedule::{Period, schedule};
+pub use schedule::{AipTraining, Period, schedule};
 
 /// A run: what is simulated, how agents learn, and when AIPs are retrained and policies evaluated.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub struct Config {
     /// Root of all random streams of the run.
-    #[serde(default = "defaults::seed", with = "seed")]
+    #[serde(with = "seed")]
     pub seed: u64,
     /// What the policies train on.
-    #[serde(default)]
     pub simulator: SimulatorKind,
     /// Timesteps per agent, summed over its copies; learning rate and clip decay over them.
-    #[serde(default = "defaults::total_steps")]
     pub total_steps: u64,
     /// Stop early, with the decay of `total_steps`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub stop_at_steps: Option<u64>,
-    /// The domain: this table or the next one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// The domain: this table or the next one. (Neither for a domain that does not come from a config.)
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub traffic: Option<TrafficConfig>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub warehouse: Option<WarehouseConfig>,
-    #[serde(default)]
     pub local_simulators: LocalSimulatorsConfig,
-    #[serde(default)]
     pub policy: PolicyConfig,
-    #[serde(default)]
     pub ppo: PpoConfig,
-    #[serde(default)]
     pub aip: AipConfig,
-    #[serde(default)]
     pub evaluation: EvaluationConfig,
+    pub logging: LoggingConfig,
 }
 
 /// What the policies train on.
@@ -60,6 +54,20 @@ pub enum SimulatorKind {
     Gs,
     /// Local simulators with random AIPs that are never trained.
     UntrainedDials,
+    /// Local simulators with constant probabilities instead of AIPs, measured on the GS when DIALS would train its AIPs.
+    MarginalDials,
+}
+
+impl SimulatorKind {
+    /// As in configs and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            SimulatorKind::Dials => "dials",
+            SimulatorKind::Gs => "gs",
+            SimulatorKind::UntrainedDials => "untrained-dials",
+            SimulatorKind::MarginalDials => "marginal-dials",
+        }
+    }
 }
 
 /// The traffic domain.
@@ -192,8 +200,13 @@ pub struct AipConfig {
     pub recurrent: Option<usize>,
     /// Widths of the hidden layers.
     pub hidden: Vec<usize>,
-    /// F: timesteps per agent between two trainings of the AIPs; the first one is at step 0.
+    /// When the AIPs are trained again after their first training, which is at step 0.
+    pub retrain: Retrain,
+    /// F: timesteps per agent between two trainings of the AIPs, for `retrain = "every"`.
     pub retrain_every_steps: u64,
+    /// For `retrain = "drift"`: by how many percent their loss on fresh episodes has to grow since right after the last
+    /// training.
+    pub drift_threshold: f64,
     /// GS steps per dataset, rounded up to whole episodes.
     pub dataset_steps: usize,
     /// Share of the episodes, the last ones, that only measure the loss.
@@ -205,6 +218,19 @@ pub struct AipConfig {
     pub epochs: usize,
 }
 
+/// When AIPs are trained again. All of them are, or none.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Retrain {
+    /// Every F timesteps per agent, as in the paper.
+    #[default]
+    Every,
+    /// Never.
+    Once,
+    /// At evaluations that find their loss on fresh episodes of the GS grown: what F should be, the AIPs tell themselves.
+    Drift,
+}
+
 /// Evaluation of the joint policy on the GS.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -213,23 +239,45 @@ pub struct EvaluationConfig {
     pub every_steps: u64,
     /// Episodes per evaluation, the same ones each time.
     pub episodes: usize,
+    /// Episodes of their own, the same ones each time, on which every evaluation measures the loss of the AIPs; 0 for
+    /// none.
+    pub aip_loss_episodes: usize,
+}
+
+/// What a run writes beside its CSV files.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LoggingConfig {
+    /// Their numbers as an event file for TensorBoard.
+    pub tensorboard: bool,
 }
 
 mod defaults {
-    pub fn seed() -> u64 {
-        1
-    }
-
-    pub fn total_steps() -> u64 {
-        4_000_000
-    }
-
     pub fn traffic_horizon() -> usize {
         300
     }
 
     pub fn warehouse_horizon() -> usize {
         100
+    }
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Config {
+            seed: 1,
+            simulator: SimulatorKind::default(),
+            total_steps: 4_000_000,
+            stop_at_steps: None,
+            traffic: None,
+            warehouse: None,
+            local_simulators: LocalSimulatorsConfig::default(),
+            policy: PolicyConfig::default(),
+            ppo: PpoConfig::default(),
+            aip: AipConfig::default(),
+            evaluation: EvaluationConfig::default(),
+            logging: LoggingConfig::default(),
+        }
     }
 }
 
@@ -268,7 +316,9 @@ impl Default for AipConfig {
         AipConfig {
             recurrent: None,
             hidden: vec![128, 128],
+            retrain: Retrain::Every,
             retrain_every_steps: 1_000_000,
+            drift_threshold: 3.0,
             dataset_steps: 10_000,
             held_out: 0.1,
             learning_rate: 1e-4,
@@ -280,7 +330,7 @@ impl Default for AipConfig {
 
 impl Default for EvaluationConfig {
     fn default() -> Self {
-        EvaluationConfig { every_steps: 100_000, episodes: 20 }
+        EvaluationConfig { every_steps: 100_000, episodes: 20, aip_loss_episodes: 0 }
     }
 }
 
@@ -292,10 +342,12 @@ impl Config {
 
     /// Simulators per agent that the policies train on: the GS has one region of each agent.
     pub fn copies(&self) -> usize {
-        match self.simulator {
-            SimulatorKind::Gs => 1,
-            SimulatorKind::Dials | SimulatorKind::UntrainedDials => self.local_simulators.copies,
-        }
+        if self.simulator == SimulatorKind::Gs { 1 } else { self.local_simulators.copies }
+    }
+
+    /// Whether the loss of the influence predictors is measured: on the GS there are none.
+    pub fn measures_aips(&self) -> bool {
+        self.evaluation.aip_loss_episodes > 0 && self.simulator != SimulatorKind::Gs
     }
 
     /// Steps of an episode.

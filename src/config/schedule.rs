@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Config, SimulatorKind};
+use super::{Config, Retrain, SimulatorKind};
 
 /// A stretch of training without messages, and what comes before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -13,30 +13,44 @@ pub struct Period {
     /// Timesteps per agent at which it begins and ends.
     pub start: u64,
     pub end: u64,
-    /// Collect datasets and train the AIPs first.
-    pub retrain_aips: bool,
     /// Evaluate the joint policy first.
     pub evaluate: bool,
+    /// Then collect datasets and train the AIPs.
+    pub train_aips: AipTraining,
+}
+
+/// Whether a period begins with a training of the AIPs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum AipTraining {
+    No,
+    Yes,
+    /// Where the evaluation finds that their loss has grown.
+    IfDrifted,
 }
 
 /// All periods of a run, in order.
 pub fn schedule(config: &Config) -> Vec<Period> {
     let last = config.last_step();
     let evaluate_every = config.evaluation.every_steps;
-    let retrain_every = match config.simulator {
-        SimulatorKind::Dials => Some(config.aip.retrain_every_steps),
-        SimulatorKind::Gs | SimulatorKind::UntrainedDials => None,
-    };
+    let trains_aips = matches!(config.simulator, SimulatorKind::Dials | SimulatorKind::MarginalDials);
+    let retrain_every = (trains_aips && config.aip.retrain == Retrain::Every).then_some(config.aip.retrain_every_steps);
     let mut bounds: BTreeSet<u64> = (0..last).step_by(evaluate_every as usize).collect();
     bounds.extend(retrain_every.iter().flat_map(|&every| (0..last).step_by(every as usize)));
     bounds.insert(last);
+    let train_aips = |start: u64| match config.aip.retrain {
+        _ if !trains_aips => AipTraining::No,
+        _ if start == 0 => AipTraining::Yes,
+        Retrain::Every if start.is_multiple_of(config.aip.retrain_every_steps) => AipTraining::Yes,
+        Retrain::Drift => AipTraining::IfDrifted, // only evaluations begin periods then
+        Retrain::Every | Retrain::Once => AipTraining::No,
+    };
     let bounds: Vec<u64> = bounds.into_iter().collect();
     let periods = bounds.windows(2).enumerate().map(|(index, bound)| Period {
         index,
         start: bound[0],
         end: bound[1],
-        retrain_aips: retrain_every.is_some_and(|every| bound[0].is_multiple_of(every)),
         evaluate: bound[0].is_multiple_of(evaluate_every),
+        train_aips: train_aips(bound[0]),
     });
     periods.collect()
 }
@@ -55,7 +69,12 @@ mod tests {
     }
 
     fn bounds(config: &Config) -> Vec<(u64, u64, bool, bool)> {
-        schedule(config).iter().map(|p| (p.start, p.end, p.retrain_aips, p.evaluate)).collect()
+        let trains = |period: &Period| match period.train_aips {
+            AipTraining::No => false,
+            AipTraining::Yes => true,
+            AipTraining::IfDrifted => panic!("no drift is asked for"),
+        };
+        schedule(config).iter().map(|p| (p.start, p.end, trains(p), p.evaluate)).collect()
     }
 
     #[test]
@@ -72,6 +91,25 @@ mod tests {
                 (240, 250, false, true),
             ]
         );
+    }
+
+    #[test]
+    fn marginals_are_measured_when_aips_would_be_trained() {
+        assert_eq!(bounds(&config("marginal-dials", 250, 100, 60)), bounds(&config("dials", 250, 100, 60)));
+    }
+
+    #[test]
+    fn aips_that_are_trained_once_or_on_drift_are_trained_at_the_first_step() {
+        for (retrain, later) in [(Retrain::Once, AipTraining::No), (Retrain::Drift, AipTraining::IfDrifted)] {
+            let mut config = config("dials", 150, 60, 50);
+            config.aip.retrain = retrain;
+            let periods = schedule(&config);
+            assert_eq!(periods.iter().map(|p| p.start).collect::<Vec<_>>(), [0, 50, 100], "F is not asked for");
+            assert!(periods.iter().all(|p| p.evaluate));
+            assert_eq!(periods.iter().map(|p| p.train_aips).collect::<Vec<_>>(), [AipTraining::Yes, later, later]);
+            config.simulator = SimulatorKind::UntrainedDials;
+            assert!(schedule(&config).iter().all(|p| p.train_aips == AipTraining::No));
+        }
     }
 
     #[test]

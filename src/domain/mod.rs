@@ -80,7 +80,9 @@ pub trait GlobalSimulator {
     fn influence_sample(&self) -> InfluenceSample<'_>;
 
     /// What else there is to tell of the episode so far.
-    fn measures(&mut self) -> Result<Measures>;
+    fn measures(&mut self) -> Result<Measures> {
+        Ok(Measures::default())
+    }
 
     /// From the next reset on [`GlobalSimulator::measures`] tell all that the domain knows, at whatever cost, and end
     /// the episode: then only a reset may follow.
@@ -114,7 +116,9 @@ pub trait LocalSimulator {
     fn step(&mut self, actions: &[Action], sources: &Rows<u8>) -> Result<&Transition>;
 
     /// Totals since the simulator was made, such as influences that could not be carried out.
-    fn counters(&self) -> Vec<(&'static str, u64)>;
+    fn counters(&self) -> Vec<(&'static str, u64)> {
+        Vec::new()
+    }
 
     /// As [`GlobalSimulator::take_watch`].
     fn take_watch(&mut self) -> Stopwatch {
@@ -169,10 +173,14 @@ pub trait Domain: Send + Sync {
     fn local_simulator(&self, regions: &[AgentId], copies: usize, seed: Seed) -> Result<Box<dyn LocalSimulator>>;
 
     /// The names that [`Domain::baseline`] takes, for help and error messages.
-    fn baselines(&self) -> &'static [&'static str];
+    fn baselines(&self) -> &'static [&'static str] {
+        &[]
+    }
 
     /// A hand-coded controller by name; an unknown name is an error that lists the known ones.
-    fn baseline(&self, name: &str) -> Result<Baseline>;
+    fn baseline(&self, name: &str) -> Result<Baseline> {
+        anyhow::bail!("controller `{name}`: this domain has none")
+    }
 
     /// An error if [`Domain::baseline`] would not know the name.
     fn check_baseline(&self, name: &str) -> Result<()> {
@@ -185,8 +193,12 @@ pub trait Domain: Send + Sync {
     }
 
     /// What to add to the output biases of a fresh policy, per action: a prior on behaviour.
-    fn initial_action_bias(&self) -> Vec<f32>;
+    fn initial_action_bias(&self) -> Vec<f32> {
+        vec![0.0; self.spec().n_actions]
+    }
 
     /// The agents that sit in a degenerate behaviour, judged by the mean measures of an evaluation.
-    fn stuck(&self, measures: &Measures) -> Vec<bool>;
+    fn stuck(&self, _measures: &Measures) -> Vec<bool> {
+        vec![false; self.agents()]
+    }
 }

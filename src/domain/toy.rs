@@ -14,8 +14,8 @@ use anyhow::bail;
 use rand::Rng;
 
 use super::{
-    Action, Baseline, Controller, Domain, GlobalSimulator, InfluenceSample, LocalSimulator, Measures, Percept,
-    RegionSpec, Result, SourceSpec, Transition,
+    Action, Baseline, Controller, Domain, GlobalSimulator, InfluenceSample, LocalSimulator, Percept, RegionSpec,
+    Result, SourceSpec, Transition,
 };
 use crate::base::{AgentId, Dice, Rows, Seed};
 
@@ -68,14 +68,6 @@ impl Domain for Coins {
             _ => bail!("controller `{name}`: unknown; one of {}", self.baselines().join(", ")),
         };
         Ok(Baseline { simulator: self.global_simulator()?, controller })
-    }
-
-    fn initial_action_bias(&self) -> Vec<f32> {
-        vec![0.0; 2]
-    }
-
-    fn stuck(&self, _measures: &Measures) -> Vec<bool> {
-        vec![false; AGENTS]
     }
 }
 
@@ -142,10 +134,6 @@ impl GlobalSimulator for GlobalCoins {
     fn influence_sample(&self) -> InfluenceSample<'_> {
         InfluenceSample { d_set: &self.d_set, sources: &self.sources }
     }
-
-    fn measures(&mut self) -> Result<Measures> {
-        Ok(Measures::default())
-    }
 }
 
 struct LocalCoins {
@@ -171,10 +159,6 @@ impl LocalSimulator for LocalCoins {
             self.regions.step(row, action, source[0]);
         }
         Ok(&self.regions.last)
-    }
-
-    fn counters(&self) -> Vec<(&'static str, u64)> {
-        Vec::new()
     }
 }
 

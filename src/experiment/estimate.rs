@@ -5,7 +5,7 @@
 //! there are none, constants stand in that were measured on two cores of a cloud machine with the configs of this project.
 
 use super::file::PlannedRun;
-use crate::config::{Config, SimulatorKind, schedule};
+use crate::config::{AipTraining, Config, SimulatorKind, schedule};
 use crate::report::run_dir::RunRecord;
 
 /// Core-seconds and memory of one kind of run.
@@ -88,7 +88,7 @@ impl Amounts {
         let (agents, horizon) = (agents as f64, config.horizon() as f64);
         let periods = schedule(config);
         let begun = || periods.iter().filter(|period| period.start < steps);
-        let datasets = begun().filter(|period| period.retrain_aips).count() as f64;
+        let datasets = begun().filter(|period| period.train_aips == AipTraining::Yes).count() as f64;
         // There is one more at the end.
         let evaluations = begun().filter(|period| period.evaluate).count() as f64 + 1.0;
         Amounts {

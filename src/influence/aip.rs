@@ -1,7 +1,9 @@
 //! The AIPs of many agents as one stack.
 
-use super::{InfluencePredictor, sources};
-use crate::base::{AgentId, Dice, Rows, Seed};
+use std::ops::Range;
+
+use super::{CrossEntropies, Dataset, InfluencePredictor, TrainablePredictor, descent, sources};
+use crate::base::{AgentId, Dice, Rows, Seed, Stopwatch};
 use crate::config::AipConfig;
 use crate::domain::{RegionSpec, SourceSpec};
 use crate::nn::{Adam, Learner, Net, Parameters, Shape, States};
@@ -34,16 +36,8 @@ impl AipStack {
         AipStack { sources: spec.sources, states: net.states(0), net }
     }
 
-    pub fn sources(&self) -> SourceSpec {
-        self.sources
-    }
-
-    pub fn parameters(&self) -> &Parameters {
+    pub(super) fn parameters(&self) -> &Parameters {
         self.net.parameters()
-    }
-
-    pub fn load(&mut self, parameters: &Rows<f32>) {
-        self.net.parameters_mut().load(parameters);
     }
 
     pub(super) fn net(&self) -> &Net {
@@ -77,6 +71,41 @@ impl InfluencePredictor for AipStack {
         for ((row, logits), dice) in rows.zip(logits.iter()).zip(dice) {
             sources::sample(self.sources, logits, dice, row);
         }
+    }
+}
+
+impl TrainablePredictor for AipStack {
+    fn sources(&self) -> SourceSpec {
+        self.sources
+    }
+
+    fn values(&self) -> Rows<f32> {
+        self.parameters().values().clone()
+    }
+
+    fn load(&mut self, values: &Rows<f32>) {
+        self.net.parameters_mut().load(values);
+    }
+
+    fn learn(
+        &mut self,
+        datasets: &[Dataset],
+        samples: usize,
+        config: &AipConfig,
+        dice: &mut [Dice],
+        watch: &mut Stopwatch,
+        progress: &mut dyn FnMut(f64),
+    ) {
+        descent::learn(self, datasets, samples, config, dice, watch, progress);
+    }
+
+    fn cross_entropies(
+        &self,
+        datasets: &[Dataset],
+        samples: Range<usize>,
+        watch: &mut Stopwatch,
+    ) -> Vec<CrossEntropies> {
+        descent::cross_entropies(self, datasets, samples, watch)
     }
 }
 

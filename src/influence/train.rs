@@ -1,21 +1,13 @@
-//! Training of the AIPs on the datasets, one agent after another (Algorithm 1, lines 4 to 6).
+//! Training of the influence predictors on the datasets (Algorithm 1, lines 4 to 6), and what it did to their loss.
 
-use std::ops::Range;
-
-use rand::seq::SliceRandom;
 use serde::{Deserialize, Serialize};
 
-use super::aip::scaled;
-use super::{AipStack, Dataset, sources};
-use crate::base::{AgentId, Phase, Seed, Stopwatch};
+use super::marginals::{cross_entropy_of_constants, frequencies};
+use super::{CrossEntropies, Dataset, TrainablePredictor};
+use crate::base::{AgentId, Dice, Seed, Stopwatch};
 use crate::config::{AipConfig, held_out_episodes};
-use crate::domain::SourceSpec;
-use crate::nn::{Adam, Network, Sequences, Trace};
 
-/// Mean cross-entropy of every influence source, in nats.
-pub type CrossEntropies = Vec<f64>;
-
-/// What one training did to one agent's AIP.
+/// What one training did to one agent's predictor.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AipLoss {
     /// On the episodes it was trained on, before and after.
@@ -28,17 +20,12 @@ pub struct AipLoss {
     pub frequencies: Vec<f64>,
 }
 
-/// Samples for which losses are measured at once.
-const LOSS_CHUNK: usize = 512;
-
-/// Trains every agent's AIP on its own dataset and measures the loss before and after.
+/// Trains every agent's predictor on its own dataset and measures the loss before and after.
 ///
-/// `datasets`: one per agent of the stack, all of one length. The last `held_out` of the episodes only measure. Adam
-/// starts fresh and the incomplete last batch of an epoch is dropped, as in the authors' code; the weights go on from
-/// the previous training. AIPs with memory are trained on whole episodes, others on single samples. Minibatches are
-/// drawn from `seed`, each agent's from its own stream. `progress` is called with the share that is done.
+/// `datasets`: one per agent of the stack, all of one length. The last `held_out` of the episodes only measure.
+/// `progress` is called with the share that is done.
 pub fn train(
-    aips: &mut AipStack,
+    predictor: &mut dyn TrainablePredictor,
     agents: &[AgentId],
     datasets: &[Dataset],
     config: &AipConfig,
@@ -47,38 +34,24 @@ pub fn train(
     progress: &mut dyn FnMut(f64),
 ) -> Vec<AipLoss> {
     let (first, last) = split(&datasets[0], config.held_out);
-    let steps = if aips.net().shape().recurrent.is_some() { datasets[0].horizon } else { 1 };
-    // Sequences of `steps` samples each.
-    let batches = first / steps / config.batch;
-    let spec = aips.sources();
-    let mut room = Room::default();
-    let mut adam = Adam::new(aips.parameters());
-    let learners = aips.learners(&mut adam, (config.epochs * batches) as u32);
-    let mut losses = Vec::with_capacity(agents.len());
-    for (index, ((mut learner, dataset), &agent)) in learners.into_iter().zip(datasets).zip(agents).enumerate() {
-        let measure = |network: Network<'_>, room: &mut Room, watch: &mut Stopwatch| {
-            [0..first, first..last].map(|samples| room.cross_entropies(network, spec, dataset, steps, samples, watch))
-        };
-        let before = measure(learner.network(), &mut room, watch);
-        let mut dice = seed.for_agent(agent).dice();
-        let mut order: Vec<usize> = (0..first / steps).collect();
-        for epoch in 0..config.epochs {
-            order.shuffle(&mut dice);
-            for sequences in order.chunks_exact(config.batch) {
-                watch.time(Phase::Bookkeeping, || room.gather(dataset, steps, sequences.iter().copied()));
-                watch.time(Phase::Forward, || {
-                    room.forward(learner.network(), spec);
-                    room.differentiate(spec);
-                });
-                watch.time(Phase::Backward, || learner.network().backward(&room.gradient, &mut room.trace));
-                watch.time(Phase::Adam, || learner.descend(room.trace.gradient(), config.learning_rate));
-            }
-            progress((index as f64 + (epoch + 1) as f64 / config.epochs as f64) / agents.len() as f64);
+    let both = |predictor: &dyn TrainablePredictor, watch: &mut Stopwatch| {
+        [0..first, first..last].map(|samples| predictor.cross_entropies(datasets, samples, watch))
+    };
+    let before = both(predictor, watch);
+    let mut dice: Vec<Dice> = agents.iter().map(|&agent| seed.for_agent(agent).dice()).collect();
+    predictor.learn(datasets, first, config, &mut dice, watch, progress);
+    let after = both(predictor, watch);
+    let per_agent = datasets.iter().enumerate().map(|(agent, dataset)| {
+        let [seen, held_out] =
+            [0..first, first..last].map(|samples| frequencies(predictor.sources(), dataset, samples));
+        AipLoss {
+            training: [before[0][agent].clone(), after[0][agent].clone()],
+            held_out: [before[1][agent].clone(), after[1][agent].clone()],
+            marginals: seen.iter().zip(&held_out).map(|(p, q)| cross_entropy_of_constants(p, q)).collect(),
+            frequencies: seen.iter().map(|classes| 1.0 - classes[0]).collect(),
         }
-        let after = measure(learner.network(), &mut room, watch);
-        losses.push(report(dataset, spec, first, before, after));
-    }
-    losses
+    });
+    per_agent.collect()
 }
 
 /// Where the training samples end and the held-out ones end.
@@ -88,126 +61,11 @@ fn split(dataset: &Dataset, share: f64) -> (usize, usize) {
     (training * dataset.horizon, dataset.len())
 }
 
-/// What a training works in, one agent after another: some sequences of its dataset, rows ordered step, sequence.
-#[derive(Default)]
-struct Room {
-    steps: usize,
-    d_sets: Vec<f32>,
-    sources: Vec<u8>,
-    /// Sequences begin with episodes: in cleared states, and with no episode that begins within.
-    states: Vec<f32>,
-    starts: Vec<bool>,
-    trace: Trace,
-    /// Of the loss by the logits.
-    gradient: Vec<f32>,
-}
-
-impl Room {
-    /// Copies sequences of `steps` samples.
-    fn gather(&mut self, dataset: &Dataset, steps: usize, sequences: impl ExactSizeIterator<Item = usize> + Clone) {
-        let (rows, width) = (sequences.len() * steps, dataset.d_sets.width());
-        self.steps = steps;
-        self.d_sets.resize(rows * width, 0.0);
-        self.sources.clear();
-        let mut d_sets = self.d_sets.chunks_exact_mut(width);
-        for step in 0..steps {
-            for sequence in sequences.clone() {
-                let sample = sequence * steps + step;
-                dataset.d_sets.read(sample, d_sets.next().expect("a place per row"));
-                self.sources.extend_from_slice(dataset.sources.row(sample));
-            }
-        }
-        self.d_sets.iter_mut().for_each(|x| *x = scaled(*x));
-    }
-
-    fn forward(&mut self, network: Network<'_>, spec: SourceSpec) {
-        let rows = self.sources.len() / spec.count();
-        self.states.resize(rows / self.steps * network.state_width(), 0.0);
-        self.starts.resize(rows, false);
-        let sequences = Sequences { steps: self.steps, states: &self.states, starts: &self.starts };
-        network.forward(&self.d_sets, sequences, &mut self.trace);
-    }
-
-    /// The gradient of the cross-entropy, averaged over the samples and the sources.
-    fn differentiate(&mut self, spec: SourceSpec) {
-        let logits = self.trace.output();
-        self.gradient.resize(logits.len(), 0.0);
-        let scale = 1.0 / self.sources.len() as f32;
-        let rows = self.gradient.chunks_exact_mut(spec.logits()).zip(logits.chunks_exact(spec.logits()));
-        for ((gradient, logits), observed) in rows.zip(self.sources.chunks_exact(spec.count())) {
-            sources::write_gradient(spec, logits, observed, scale, gradient);
-        }
-    }
-
-    /// Mean cross-entropy of every source over some of the samples, which are whole sequences of `steps`.
-    fn cross_entropies(
-        &mut self,
-        network: Network<'_>,
-        spec: SourceSpec,
-        dataset: &Dataset,
-        steps: usize,
-        samples: Range<usize>,
-        watch: &mut Stopwatch,
-    ) -> CrossEntropies {
-        let mut sums = vec![0.0; spec.count()];
-        let (first, last) = (samples.start / steps, samples.end / steps);
-        let chunk = (LOSS_CHUNK / steps).max(1);
-        for start in (first..last).step_by(chunk) {
-            watch.time(Phase::Bookkeeping, || self.gather(dataset, steps, start..last.min(start + chunk)));
-            watch.time(Phase::Forward, || {
-                self.forward(network, spec);
-                let rows = self.trace.output().chunks_exact(spec.logits()).zip(self.sources.chunks_exact(spec.count()));
-                rows.for_each(|(logits, observed)| sources::add_cross_entropies(spec, logits, observed, &mut sums));
-            });
-        }
-        sums.iter_mut().for_each(|sum| *sum /= samples.len() as f64);
-        sums
-    }
-}
-
-/// The frequencies of each source's classes.
-type Frequencies = Vec<Vec<f64>>;
-
-fn report(
-    dataset: &Dataset,
-    spec: SourceSpec,
-    first: usize,
-    [training_before, held_out_before]: [CrossEntropies; 2],
-    [training_after, held_out_after]: [CrossEntropies; 2],
-) -> AipLoss {
-    let seen = frequencies(dataset, spec, 0..first);
-    let held_out = frequencies(dataset, spec, first..dataset.len());
-    AipLoss {
-        training: [training_before, training_after],
-        held_out: [held_out_before, held_out_after],
-        marginals: seen.iter().zip(&held_out).map(|(p, q)| cross_entropy_of_constants(p, q)).collect(),
-        frequencies: seen.iter().map(|classes| 1.0 - classes[0]).collect(),
-    }
-}
-
-fn frequencies(dataset: &Dataset, spec: SourceSpec, samples: Range<usize>) -> Frequencies {
-    let mut counts = vec![vec![0_u64; spec.classes()]; spec.count()];
-    for sample in samples.clone() {
-        let observed = dataset.sources.row(sample);
-        counts.iter_mut().zip(observed).for_each(|(counts, &u)| counts[usize::from(u)] += 1);
-    }
-    let share = |count: &u64| *count as f64 / samples.len() as f64;
-    counts.iter().map(|counts| counts.iter().map(share).collect()).collect()
-}
-
-/// Cross-entropy of predicting the frequencies `p` where the true ones are `q`.
-///
-/// A class that was never seen in training is predicted as half an event in 1e6, so that one surprise in the held-out
-/// episodes does not make the mean infinite.
-fn cross_entropy_of_constants(p: &[f64], q: &[f64]) -> f64 {
-    -p.iter().zip(q).map(|(p, q)| q * p.max(5e-7).ln()).sum::<f64>()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::AipConfig;
-    use crate::domain::RegionSpec;
+    use crate::domain::{RegionSpec, SourceSpec};
+    use crate::influence::AipStack;
     use rand::Rng;
 
     /// Two sources with a known conditional distribution: P(u_0 = 1 | x) is 0.9 where x_0 = 1 and 0.2 elsewhere;

@@ -19,10 +19,10 @@ use super::shape::Layout;
 
 /// The first blocks of the parameters of a network with a GRU: `[in, 3 hidden]`, `[hidden, 3 hidden]` and twice
 /// `[1, 3 hidden]`, each in the order r, z, n.
-const INPUT: usize = 0;
-const STATE: usize = 1;
-const INPUT_BIAS: usize = 2;
-const STATE_BIAS: usize = 3;
+pub const INPUT: usize = 0;
+pub const STATE: usize = 1;
+pub const INPUT_BIAS: usize = 2;
+pub const STATE_BIAS: usize = 3;
 pub const BLOCKS: usize = 4;
 
 /// What a forward pass leaves behind for the backward pass, and the room that both work in.

@@ -4,10 +4,12 @@ mod controller;
 mod memory;
 pub mod sampling;
 
+use std::path::Path;
+
 use crate::base::{AgentId, Rows, Seed};
 use crate::config::PolicyConfig;
-use crate::domain::RegionSpec;
-use crate::nn::{Adam, Learner, Net, Parameters, Shape, States, Threads};
+use crate::domain::{RegionSpec, Result};
+use crate::nn::{Adam, Learner, Net, Parameters, Shape, States, Threads, write_script};
 
 pub use controller::{JointPolicyController, Selection};
 pub use memory::{Memory, Sample};
@@ -89,6 +91,13 @@ impl PolicyStack {
 
     pub fn load(&mut self, policies: &JointPolicy) {
         self.net.parameters_mut().load(policies);
+    }
+
+    /// Writes the policies as a TorchScript module: `forward(obs)`, or `forward(obs, states)` for policies with a GRU,
+    /// returns one table `[agents, batch, ..]` of the logits, the value and, with a GRU, the next state. `obs`: `[agents,
+    /// batch, obs_dim]`, for any batch.
+    pub fn write_script(&self, path: &Path) -> Result<()> {
+        write_script(&self.net, path)
     }
 
     /// With these threads from now on.

@@ -17,8 +17,9 @@ use crate::base::{Activity, AgentId};
 use crate::config::{Config, Period, SimulatorKind};
 use crate::domain::Domain;
 use crate::evaluation::Evaluation;
-use crate::influence::{AipLoss, Dataset};
+use crate::influence::{AipLoss, Dataset, FreshLoss};
 use crate::training::answers::{FleetLoad, PolicyTraining, WorkerLoad};
+use crate::training::collect::Purpose;
 use crate::training::fleet::Fleet;
 use crate::training::footprint::Footprint;
 use crate::training::observer::{Interrupted, Observer};
@@ -120,6 +121,19 @@ impl ProcessFleet {
             Ok((worker, Frames { before: Some(policies.clone()), order: encode(&order(share))?.into() }))
         })
         .collect()
+    }
+
+    /// An order with the datasets of its agents for every worker that owns some. `datasets`: one per agent.
+    fn by_owner(
+        &self,
+        mut datasets: Vec<Dataset>,
+        order: impl Fn(Vec<Dataset>) -> Order,
+    ) -> Result<Vec<(usize, Frames)>> {
+        let of_worker = |worker: usize| {
+            let theirs = datasets.drain(..self.workers[worker].agents.len()).collect();
+            Ok((worker, Frames::of(&order(theirs))?))
+        };
+        self.owners().map(of_worker).collect()
     }
 
     /// Gives the orders and waits for all answers, which `take` is handed in the order of the orders with the state of
@@ -369,10 +383,10 @@ impl Fleet for ProcessFleet {
         Ok(Evaluation::new(&*self.domain, &reports))
     }
 
-    fn collect_datasets(&mut self, period: &Period) -> Result<Vec<Dataset>> {
+    fn collect_datasets(&mut self, purpose: Purpose) -> Result<Vec<Dataset>> {
         let spec = self.domain.spec().clone();
-        let order = |episodes| Order::Collect { period: *period, episodes };
-        let orders = self.by_episode(self.config.dataset_episodes(spec.horizon), order)?;
+        let order = |episodes| Order::Collect { purpose, episodes };
+        let orders = self.by_episode(purpose.episodes(&self.config, spec.horizon), order)?;
         let mut datasets = vec![Dataset::new(&spec); self.domain.agents()];
         self.ask(orders, Stop::AtOnce, |_, _, answer| match answer {
             Answer::Collected(parts) => {
@@ -383,12 +397,8 @@ impl Fleet for ProcessFleet {
         Ok(datasets)
     }
 
-    fn train_aips(&mut self, mut datasets: Vec<Dataset>, period: &Period) -> Result<Vec<AipLoss>> {
-        let mut orders = Vec::new();
-        for worker in self.owners() {
-            let theirs = datasets.drain(..self.workers[worker].agents.len()).collect();
-            orders.push((worker, Frames::of(&Order::TrainAips { datasets: theirs, period: *period })?));
-        }
+    fn train_aips(&mut self, datasets: Vec<Dataset>, period: &Period) -> Result<Vec<AipLoss>> {
+        let orders = self.by_owner(datasets, |datasets| Order::TrainAips { datasets, period: *period })?;
         let mut all = Vec::new();
         self.ask(orders, Stop::AtOnce, |state, agents, answer| match answer {
             Answer::AipsTrained { losses, aips } => {
@@ -396,6 +406,16 @@ impl Fleet for ProcessFleet {
                 state.aips.replace(agents.start, &aips);
             }
             other => unreachable!("AIPs were asked for, not {other:?}"),
+        })?;
+        Ok(all)
+    }
+
+    fn measure_aips(&mut self, datasets: Vec<Dataset>) -> Result<Vec<FreshLoss>> {
+        let orders = self.by_owner(datasets, |datasets| Order::MeasureAips { datasets })?;
+        let mut all = Vec::new();
+        self.ask(orders, Stop::AtOnce, |_, _, answer| match answer {
+            Answer::AipsMeasured(losses) => all.extend(losses),
+            other => unreachable!("losses were asked for, not {other:?}"),
         })?;
         Ok(all)
     }

@@ -7,9 +7,10 @@ use serde::{Deserialize, Serialize};
 use crate::base::{Activity, AgentId, Rows};
 use crate::config::Period;
 use crate::evaluation::EpisodeReport;
-use crate::influence::{AipLoss, Dataset};
+use crate::influence::{AipLoss, Dataset, FreshLoss};
 use crate::policy::JointPolicy;
 use crate::training::answers::{PolicyTraining, WorkerLoad};
+use crate::training::collect::Purpose;
 use crate::training::state::AgentsState;
 
 /// From the coordinator. Every order is answered by one [`Report::Done`] or [`Report::Failed`];
@@ -24,10 +25,12 @@ pub enum Order {
     TellState,
     /// The policies of all agents, for the next order to play episodes.
     TakePolicies(JointPolicy),
-    /// Play these episodes of a period's collection and return the datasets of all agents.
-    Collect { period: Period, episodes: Range<usize> },
+    /// Play these episodes and return the datasets of all agents.
+    Collect { purpose: Purpose, episodes: Range<usize> },
     /// Train the AIPs of its agents on their datasets.
     TrainAips { datasets: Vec<Dataset>, period: Period },
+    /// Measure the loss of the AIPs of its agents on their datasets.
+    MeasureAips { datasets: Vec<Dataset> },
     /// Train the policies of its agents until the end of the period.
     TrainPolicies { period: Period },
     /// Play these evaluation episodes.
@@ -45,6 +48,7 @@ pub enum Answer {
         losses: Vec<AipLoss>,
         aips: Rows<f32>,
     },
+    AipsMeasured(Vec<FreshLoss>),
     PoliciesTrained {
         training: PolicyTraining,
         state: AgentsState,

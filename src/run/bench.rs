@@ -4,7 +4,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
-use anyhow::Context;
+use anyhow::{Context, anyhow};
 use serde_json::json;
 
 use super::domain;
@@ -16,7 +16,7 @@ use crate::bench::costs::Costs;
 use crate::bench::measure::{Plan, measure, short_orders};
 use crate::bench::table;
 use crate::cli;
-use crate::config::{Config, load};
+use crate::config::{Config, SimulatorKind, load};
 use crate::domain::Domain;
 use crate::error::{Error, Result};
 use crate::nn::Peak;
@@ -32,6 +32,10 @@ const PATIENCE: Duration = Duration::from_secs(600);
 pub fn bench(args: &cli::Bench) -> Result<()> {
     super::keep_blas_to_one_thread();
     let config = load(&args.config, &settings_with(&args.settings, args.simulator)).map_err(Error::Usage)?;
+    if config.simulator == SimulatorKind::MarginalDials {
+        let reason = "marginal-dials costs what dials does, but for the training of AIPs: measure dials";
+        return Err(Error::Usage(anyhow!("{}: {reason}", args.config.display())));
+    }
     domain::check(&config).map_err(Error::Usage)?;
     let domain = domain::open(&config).map_err(Error::Usage)?;
     let most = args.workers.map_or_else(cores, usize::from);
@@ -75,7 +79,7 @@ fn run(
 ) -> anyhow::Result<Costs> {
     let short = short_orders(config, workers);
     let dir = tempfile::tempdir().context("no temporary directory for what a run writes")?;
-    let mut log = RunLog::create(dir.path(), Layouts::of(config, domain.spec()), progress.clone())?;
+    let mut log = RunLog::create(dir.path(), config, Layouts::of(config, domain.spec()), progress.clone())?;
     let options = Options { workers, patience: PATIENCE, log_dir: dir.path().to_owned() };
     let mut fleet = ProcessFleet::start(domain.clone(), &short, options, progress.clone())?;
     let plan = Plan { config: &short, spec: domain.spec(), workers, time, peak_flops };

@@ -6,6 +6,7 @@ mod directory;
 mod domain;
 mod evaluate;
 mod experiment;
+mod export;
 mod findings;
 mod info;
 mod nets;
@@ -37,6 +38,7 @@ pub fn run(cli: Cli) -> Result<()> {
     match cli.command {
         Command::Train(args) => train::train(&args),
         Command::Evaluate(args) => evaluate::evaluate(&args),
+        Command::Export(args) => export::export(&args),
         Command::Baseline(args) => evaluate::baseline(&args),
         Command::Bench(args) => bench::bench(&args),
         Command::Experiment(args) => experiment::experiment(&args),

@@ -15,7 +15,8 @@ use super::terminal::tell;
 use crate::base::Activity;
 use crate::config::Config;
 use crate::evaluation::Evaluation;
-use crate::influence::AipLoss;
+use crate::influence::{AipLoss, FreshLoss};
+use crate::training::drift::Drift;
 use crate::training::observer::Observer;
 
 /// How often a plain line is printed while policies train.
@@ -166,6 +167,16 @@ impl Observer for Progress {
             "step {steps}: AIP loss {before:.3} -> {after:.3} held out (constant marginals {marginals:.3})"
         ));
         self.found.borrow_mut().aip_loss = Some(after);
+    }
+
+    fn aips_measured(&self, losses: &[FreshLoss], drift: &Drift) {
+        let [loss, marginals] = FreshLoss::means_of_all(losses);
+        let grown = match drift.percent() {
+            percent if percent.is_finite() => format!(", {percent:+.1} % since their training"),
+            _ => String::new(),
+        };
+        self.say(&format!("  AIP loss {loss:.3} on fresh episodes (constant marginals {marginals:.3}){grown}"));
+        self.found.borrow_mut().aip_loss = Some(loss);
     }
 
     fn worker_lost(&self, message: &str) {

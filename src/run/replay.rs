@@ -15,7 +15,7 @@ use crate::config::{Config, SimulatorKind, load};
 use crate::domain::{Controller, Domain};
 use crate::error::Error;
 use crate::evaluation::{episode_seed, play};
-use crate::influence::AipStack;
+use crate::influence::{self, TrainablePredictor};
 use crate::nn::read_stack;
 use crate::policy::{JointPolicyController, PolicyStack, Selection};
 use crate::traffic::Traffic;
@@ -71,7 +71,7 @@ enum Cast {
     /// The whole grid under the trained policies.
     Policies(JointPolicyController),
     /// The local simulator of one agent under its policy, with cars from its AIP.
-    Local { agent: AgentId, policy: JointPolicyController, aip: AipStack },
+    Local { agent: AgentId, policy: JointPolicyController, aip: Box<dyn TrainablePredictor> },
 }
 
 impl Episode {
@@ -124,7 +124,7 @@ impl Episode {
             Cast::Local { agent, mut policy, mut aip } => {
                 let simulator = self.traffic.local_simulator(&[agent], 1, self.seed)?;
                 let influences = vec![self.seed.fork("influence").for_agent(agent).dice()];
-                let mut ials = Ials::begin(simulator, &mut aip, influences, 1, false)?;
+                let mut ials = Ials::begin(simulator, &mut *aip, influences, 1, false)?;
                 policy.begin(self.seed.for_agent(agent));
                 let mut actions = [0];
                 for _ in 0..self.traffic.spec().horizon {
@@ -138,7 +138,7 @@ impl Episode {
 }
 
 /// The AIP of an agent as the run left it.
-fn aip_of(agent: AgentId, domain: &dyn Domain, config: &Config, run_dir: &Path) -> Result<AipStack> {
+fn aip_of(agent: AgentId, domain: &dyn Domain, config: &Config, run_dir: &Path) -> Result<Box<dyn TrainablePredictor>> {
     let mut aip = initial_aips(domain, config, &[agent]);
     match config.simulator {
         // Never trained, so never written either.
@@ -146,8 +146,8 @@ fn aip_of(agent: AgentId, domain: &dyn Domain, config: &Config, run_dir: &Path) 
         SimulatorKind::Gs => {
             Err(anyhow!("{}: was trained on the GS and has no AIPs to drive a local simulator with", run_dir.display()))
         }
-        SimulatorKind::Dials => {
-            let layout = AipStack::shape(domain.spec(), &config.aip).layout();
+        SimulatorKind::Dials | SimulatorKind::MarginalDials => {
+            let layout = influence::layout(config.simulator, domain.spec(), &config.aip);
             let rows = read_stack(&run_dir.join(files::AIPS), &layout, domain.agents())?;
             aip.load(&Rows::from_vec(rows.row(agent.0).to_vec(), rows.width()));
             Ok(aip)

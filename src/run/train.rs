@@ -12,7 +12,7 @@ use super::domain;
 use super::progress::Progress;
 use super::terminal::{answer, program, quoted, tell};
 use crate::cli;
-use crate::config::{Config, SimulatorKind, load};
+use crate::config::{Config, load};
 use crate::domain::Domain;
 use crate::error::{Error, Result};
 use crate::processes::{Options, ProcessFleet};
@@ -77,8 +77,8 @@ impl Run {
         let progress = Rc::new(Progress::new(config, domain.agents())?);
         let layouts = Layouts::of(config, domain.spec());
         let mut log = match resumed {
-            false => RunLog::create(dir, layouts, progress.clone())?,
-            true => RunLog::resume(dir, layouts, progress.clone())?,
+            false => RunLog::create(dir, config, layouts, progress.clone())?,
+            true => RunLog::resume(dir, config, layouts, progress.clone())?,
         };
         let mut fleet: Box<dyn Fleet> = match workers {
             0 => Box::new(InlineFleet::new(domain.clone(), config, progress.clone())),
@@ -98,6 +98,7 @@ fn settings(args: &cli::Train) -> Vec<String> {
     let mut settings = settings_with(&args.settings, args.simulator);
     settings.extend(args.seed.map(|seed| format!("seed={seed}")));
     settings.extend(args.steps.map(|steps| format!("stop_at_steps={steps}")));
+    settings.extend(args.tensorboard.then(|| "logging.tensorboard=true".to_owned()));
     settings
 }
 
@@ -115,12 +116,7 @@ pub fn cores() -> usize {
 
 fn default_dir(config_path: &Path, config: &Config) -> PathBuf {
     let name = config_path.file_stem().unwrap_or_default().to_string_lossy();
-    let simulator = match config.simulator {
-        SimulatorKind::Dials => "dials",
-        SimulatorKind::Gs => "gs",
-        SimulatorKind::UntrainedDials => "untrained-dials",
-    };
-    Path::new("runs").join(format!("{name}-{simulator}-seed{}", config.seed))
+    Path::new("runs").join(format!("{name}-{}-seed{}", config.simulator.name(), config.seed))
 }
 
 fn resume_command(dir: &Path) -> String {
@@ -132,11 +128,19 @@ fn how_to_go_on(dir: &Path, config: &Config) -> String {
     let (episodes, seed) = (config.evaluation.episodes, config.seed);
     let (program, place, run) = (program(), dir.display(), quoted(dir));
     let kept = quoted(&dir.join(files::CONFIG));
+    let watch = if config.logging.tensorboard {
+        format!(
+            "\nand watch it, beside other runs, with:\n  tensorboard --logdir {}",
+            quoted(dir.parent().unwrap_or(dir))
+        )
+    } else {
+        String::new()
+    };
     let rival = if config.traffic.is_some() { "actuated" } else { "oldest-item" };
     format!(
         "\nwritten to {place}; evaluate it with:\n  \
          {program} evaluate {run} --episodes {episodes} --seed {seed}\n\
          and compare on the same episodes with:\n  \
-         {program} baseline {kept} --controller {rival} --episodes {episodes} --seed {seed}"
+         {program} baseline {kept} --controller {rival} --episodes {episodes} --seed {seed}{watch}"
     )
 }

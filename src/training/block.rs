@@ -13,11 +13,11 @@ use super::ials::Ials;
 use super::ppo::{self, Decayed, Losses};
 use super::rollout::{Actor, roll_out};
 use super::state::AgentsState;
-use crate::base::{AgentId, Dice, Phase, Seed, Stopwatch};
+use crate::base::{AgentId, Dice, Phase, Rows, Seed, Stopwatch};
 use crate::config::{Config, Period, SimulatorKind};
 use crate::domain::{Domain, Result};
-use crate::influence::{AipLoss, AipStack, Dataset, train};
-use crate::nn::{Adam, Parameters, Threads};
+use crate::influence::{AipLoss, Dataset, FreshLoss, TrainablePredictor, initial_predictor, measure, train};
+use crate::nn::{Adam, Threads};
 use crate::policy::{Memory, PolicyStack};
 
 /// Local simulators per block. The cars of a larger forest leave the cache between two steps: measured on traffic, SUMO
@@ -31,7 +31,7 @@ pub struct AgentBlock {
     agents: Vec<AgentId>,
     policies: PolicyStack,
     adam: Adam,
-    aips: AipStack,
+    predictor: Box<dyn TrainablePredictor>,
     /// Timesteps per agent so far.
     steps: u64,
 }
@@ -42,17 +42,14 @@ pub fn initial_policies(domain: &dyn Domain, config: &Config, agents: &[AgentId]
     PolicyStack::new(agents, domain.spec(), &config.policy, &domain.initial_action_bias(), seed)
 }
 
-/// The AIPs of `agents` as a run with this config begins.
-pub fn initial_aips(domain: &dyn Domain, config: &Config, agents: &[AgentId]) -> AipStack {
-    AipStack::new(agents, domain.spec(), &config.aip, Seed::new(config.seed).fork("aip"))
+/// The influence predictors of `agents` as a run with this config begins.
+pub fn initial_aips(domain: &dyn Domain, config: &Config, agents: &[AgentId]) -> Box<dyn TrainablePredictor> {
+    initial_predictor(config.simulator, agents, domain.spec(), &config.aip, Seed::new(config.seed).fork("aip"))
 }
 
 /// Agents per block. On the GS all agents act in one simulation, so they are one block.
 pub fn agents_per_block(config: &Config) -> usize {
-    match config.simulator {
-        SimulatorKind::Gs => usize::MAX,
-        SimulatorKind::Dials | SimulatorKind::UntrainedDials => (ROWS_PER_BLOCK / config.copies()).max(1),
-    }
+    if config.simulator == SimulatorKind::Gs { usize::MAX } else { (ROWS_PER_BLOCK / config.copies()).max(1) }
 }
 
 impl AgentBlock {
@@ -61,7 +58,7 @@ impl AgentBlock {
         policies.use_threads(threads);
         AgentBlock {
             adam: Adam::new(policies.parameters()),
-            aips: initial_aips(&*domain, config, agents),
+            predictor: initial_aips(&*domain, config, agents),
             policies,
             agents: agents.to_vec(),
             steps: 0,
@@ -80,7 +77,7 @@ impl AgentBlock {
             steps: self.steps,
             policies: self.policies.joint_policy(),
             moments: self.adam.moments().clone(),
-            aips: self.aips.parameters().values().clone(),
+            aips: self.predictor.values(),
         }
     }
 
@@ -89,10 +86,10 @@ impl AgentBlock {
         self.steps = state.steps;
         self.policies.load(&state.policies);
         self.adam.restore(state.moments);
-        self.aips.load(&state.aips);
+        self.predictor.load(&state.aips);
     }
 
-    /// Trains the AIPs; `datasets`: one per agent. `progress` is called with the share that is done.
+    /// Trains the influence predictors; `datasets`: one per agent. `progress` is called with the share that is done.
     pub fn train_aips(
         &mut self,
         datasets: &[Dataset],
@@ -101,11 +98,17 @@ impl AgentBlock {
         progress: &mut dyn FnMut(f64),
     ) -> Vec<AipLoss> {
         let seed = Seed::new(self.config.seed).fork("aip minibatches").for_period(period.index);
-        train(&mut self.aips, &self.agents, datasets, &self.config.aip, seed, watch, progress)
+        train(&mut *self.predictor, &self.agents, datasets, &self.config.aip, seed, watch, progress)
     }
 
-    pub fn aips(&self) -> &Parameters {
-        self.aips.parameters()
+    /// Measures the loss of the influence predictors; `datasets`: one per agent.
+    pub fn measure_aips(&self, datasets: &[Dataset], watch: &mut Stopwatch) -> Vec<FreshLoss> {
+        measure(&*self.predictor, datasets, watch)
+    }
+
+    /// What its influence predictors have learnt, one row per agent.
+    pub fn aips(&self) -> Rows<f32> {
+        self.predictor.values()
     }
 
     /// Trains the policies until the end of the period (Algorithm 1, lines 7 to 12). `progress` is called with the
@@ -137,11 +140,11 @@ impl AgentBlock {
                 let mut gs = GlobalEnvironment::begin(simulator, episodes)?;
                 learner.learn(&mut gs, period, acting, minibatches, progress)
             }
-            SimulatorKind::Dials | SimulatorKind::UntrainedDials => {
+            SimulatorKind::Dials | SimulatorKind::UntrainedDials | SimulatorKind::MarginalDials => {
                 let make = || domain.local_simulator(&self.agents, copies, episodes);
                 let simulators = learner.watch.time(Phase::Loading, make)?;
                 let stagger = self.config.local_simulators.stagger;
-                let mut ials = Ials::begin(simulators, &mut self.aips, influences, copies, stagger)?;
+                let mut ials = Ials::begin(simulators, &mut *self.predictor, influences, copies, stagger)?;
                 let mut training = learner.learn(&mut ials, period, acting, minibatches, progress)?;
                 training.counters = ials.counters().into_iter().map(|(name, count)| (name.to_owned(), count)).collect();
                 Ok(training)

@@ -10,6 +10,7 @@ use anyhow::{Context, Result, bail, ensure};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 
+use super::drift::Drift;
 use super::files::write_beside;
 use super::state::AgentsState;
 use crate::base::Rows;
@@ -36,6 +37,9 @@ pub struct Progress {
     pub file_lengths: BTreeMap<String, u64>,
     /// Wall time of the run so far.
     pub elapsed_s: f64,
+    /// How the AIPs stand since their last training.
+    #[serde(default)]
+    pub drift: Drift,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -149,7 +153,10 @@ mod tests {
         let moments = Moments { first: rows(10), second: rows(20), steps: 12 };
         let agents = AgentsState { steps, policies: rows(0), moments, aips: rows(30) };
         let file_lengths = BTreeMap::from([("returns.csv".to_owned(), 77)]);
-        Checkpoint { agents, progress: Progress { periods_done: 2, file_lengths, elapsed_s: 1.5 } }
+        Checkpoint {
+            agents,
+            progress: Progress { periods_done: 2, file_lengths, elapsed_s: 1.5, drift: Drift::default() },
+        }
     }
 
     fn save(steps: u64, folder: &Path) {

@@ -1,8 +1,45 @@
 //! Algorithm 2: datasets for the AIPs from the GS under the joint policy.
 
-use crate::base::Seed;
+use serde::{Deserialize, Serialize};
+
+use crate::base::{Activity, Seed};
+use crate::config::Config;
 use crate::domain::{Controller, GlobalSimulator, Result};
 use crate::influence::Dataset;
+
+/// What datasets are for. Each purpose has a stream of episodes of its own, which no evaluation plays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Purpose {
+    /// To train the AIPs before this period.
+    Training { period: usize },
+    /// To measure their loss: the same episodes every time, so that what changes is the policies and the AIPs.
+    Measuring,
+}
+
+impl Purpose {
+    pub fn episodes(self, config: &Config, horizon: usize) -> usize {
+        match self {
+            Purpose::Training { .. } => config.dataset_episodes(horizon),
+            Purpose::Measuring => config.evaluation.aip_loss_episodes,
+        }
+    }
+
+    /// The stream of its episodes.
+    pub fn stream(self, run: Seed) -> Seed {
+        match self {
+            Purpose::Training { period } => run.fork("collection").for_period(period),
+            Purpose::Measuring => run.fork("aip loss"),
+        }
+    }
+
+    /// What its time is spent on.
+    pub fn activity(self) -> Activity {
+        match self {
+            Purpose::Training { .. } => Activity::Collection,
+            Purpose::Measuring => Activity::Evaluation,
+        }
+    }
+}
 
 /// Plays one episode and appends every agent's pairs `(l_t, u_t)` to its dataset.
 pub fn collect_episode(
@@ -31,6 +68,15 @@ mod tests {
     use super::*;
     use crate::domain::Domain;
     use crate::domain::toy::Coins;
+
+    #[test]
+    fn every_purpose_has_episodes_of_its_own() {
+        let run = Seed::new(1);
+        let purposes = [Purpose::Measuring, Purpose::Training { period: 0 }, Purpose::Training { period: 1 }];
+        let mut streams = purposes.map(|purpose| purpose.stream(run).for_episode(0)).to_vec();
+        streams.push(crate::evaluation::episode_seed(run, 0));
+        assert!((0..4).all(|i| (0..i).all(|j| streams[i] != streams[j])));
+    }
 
     #[test]
     fn a_dataset_holds_the_closed_form_influence_of_copying_coins() {

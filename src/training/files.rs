@@ -12,14 +12,17 @@ pub const RUN: &str = "run.json";
 pub const RETURNS: &str = "returns.csv";
 pub const TRAINING: &str = "training.csv";
 pub const AIP_LOSS: &str = "aip_loss.csv";
+pub const AIP_DRIFT: &str = "aip_drift.csv";
 pub const TIMING: &str = "timing.csv";
 pub const MEMORY: &str = "memory.csv";
+/// For TensorBoard, which looks for this word in a name.
+pub const EVENTS: &str = "events.out.tfevents";
 pub const POLICIES: &str = "policies.safetensors";
 pub const AIPS: &str = "aips.safetensors";
 pub const CHECKPOINTS: &str = "checkpoints";
 
 /// The files that grow as the run goes.
-pub const GROWING: [&str; 5] = [RETURNS, TRAINING, AIP_LOSS, TIMING, MEMORY];
+pub const GROWING: [&str; 7] = [RETURNS, TRAINING, AIP_LOSS, AIP_DRIFT, TIMING, MEMORY, EVENTS];
 
 /// Makes sure that one process at a time writes a run; the system lifts the lock when the process ends, however.
 pub fn lock(dir: &Path) -> Result<File> {
@@ -49,17 +52,23 @@ pub fn cut(path: &Path, length: u64) -> Result<()> {
 
 /// Appends lines to a CSV file in one write; a new file begins with the header. Where that fails the file is as before.
 pub fn append(path: &Path, header: &[String], lines: &[Vec<String>]) -> Result<()> {
+    append_block(path, |new| {
+        let mut writer = csv::Writer::from_writer(Vec::new());
+        if new {
+            writer.write_record(header)?;
+        }
+        lines.iter().try_for_each(|line| writer.write_record(line))?;
+        writer.into_inner().context("a CSV block in memory")
+    })
+}
+
+/// Appends what `block` makes to a file in one write; `block` is told whether the file is new. Where that fails the file
+/// is as before.
+pub fn append_block(path: &Path, block: impl FnOnce(bool) -> Result<Vec<u8>>) -> Result<()> {
     let failed = || format!("{}: cannot be written", path.display());
     let mut file = OpenOptions::new().append(true).create(true).open(path).with_context(failed)?;
     let before = file.metadata().with_context(failed)?.len();
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    if before == 0 {
-        writer.write_record(header)?;
-    }
-    for line in lines {
-        writer.write_record(line)?;
-    }
-    let block = writer.into_inner().context("a CSV block in memory")?;
+    let block = block(before == 0)?;
     file.write_all(&block).inspect_err(|_| drop(file.set_len(before))).with_context(failed)
 }
 

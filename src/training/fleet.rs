@@ -1,11 +1,12 @@
 //! Who does the work: the fleet of workers, as Algorithm 1 sees it.
 
 use super::answers::{FleetLoad, PolicyTraining};
+use super::collect::Purpose;
 use super::state::AgentsState;
 use crate::config::Period;
 use crate::domain::Result;
 use crate::evaluation::Evaluation;
-use crate::influence::{AipLoss, Dataset};
+use crate::influence::{AipLoss, Dataset, FreshLoss};
 
 /// Workers that together own all agents. Results do not depend on how many there are.
 pub trait Fleet {
@@ -19,10 +20,13 @@ pub trait Fleet {
     fn evaluate(&mut self) -> Result<Evaluation>;
 
     /// Algorithm 2: one dataset per agent, under the joint policy.
-    fn collect_datasets(&mut self, period: &Period) -> Result<Vec<Dataset>>;
+    fn collect_datasets(&mut self, purpose: Purpose) -> Result<Vec<Dataset>>;
 
     /// Trains every agent's AIP on its dataset and returns their losses.
     fn train_aips(&mut self, datasets: Vec<Dataset>, period: &Period) -> Result<Vec<AipLoss>>;
+
+    /// Measures the loss of every agent's AIP on its dataset.
+    fn measure_aips(&mut self, datasets: Vec<Dataset>) -> Result<Vec<FreshLoss>>;
 
     /// Trains all policies until the end of the period.
     fn train_policies(&mut self, period: &Period) -> Result<PolicyTraining>;

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::answers::{FleetLoad, PolicyTraining, WorkerLoad};
+use super::collect::Purpose;
 use super::fleet::Fleet;
 use super::footprint::Footprint;
 use super::observer::Observer;
@@ -14,7 +15,7 @@ use crate::base::AgentId;
 use crate::config::{Config, Period};
 use crate::domain::{Domain, Result};
 use crate::evaluation::Evaluation;
-use crate::influence::{AipLoss, Dataset};
+use crate::influence::{AipLoss, Dataset, FreshLoss};
 use crate::nn::Threads;
 
 /// All agents in this process.
@@ -59,15 +60,19 @@ impl Fleet for InlineFleet {
         Ok(Evaluation::new(&*self.domain, &reports))
     }
 
-    fn collect_datasets(&mut self, period: &Period) -> Result<Vec<Dataset>> {
-        let episodes = 0..self.config.dataset_episodes(self.domain.spec().horizon);
-        self.work(|worker, agents, observer| worker.collect(&agents.policies, period, episodes, observer))
+    fn collect_datasets(&mut self, purpose: Purpose) -> Result<Vec<Dataset>> {
+        let episodes = 0..purpose.episodes(&self.config, self.domain.spec().horizon);
+        self.work(|worker, agents, observer| worker.collect(&agents.policies, purpose, episodes, observer))
     }
 
     fn train_aips(&mut self, datasets: Vec<Dataset>, period: &Period) -> Result<Vec<AipLoss>> {
         let losses = self.work(|worker, _, observer| worker.train_aips(&datasets, period, observer));
         self.agents.aips = self.worker.aips();
         Ok(losses)
+    }
+
+    fn measure_aips(&mut self, datasets: Vec<Dataset>) -> Result<Vec<FreshLoss>> {
+        Ok(self.work(|worker, _, _| worker.measure_aips(&datasets)))
     }
 
     fn train_policies(&mut self, period: &Period) -> Result<PolicyTraining> {

@@ -6,6 +6,7 @@
 //! - [`timed`]: simulators that tell how long their calls took.
 //! - [`rollout`], [`gae`], [`ppo`]: what an agent makes of its trajectories.
 //! - [`fleet`], [`worker`], [`block`]: who does it. This room never sees a process, a socket or SUMO.
+//! - [`drift`]: whether AIPs have to be trained again.
 //! - [`run_log`], [`checkpoint`], [`state`]: what a run leaves behind, and how it goes on from there.
 
 pub mod answers;
@@ -13,7 +14,9 @@ pub mod block;
 pub mod checkpoint;
 pub mod collect;
 pub mod dials;
+pub mod drift;
 pub mod environment;
+mod events;
 pub mod files;
 mod finite;
 pub mod fleet;

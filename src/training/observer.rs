@@ -1,8 +1,9 @@
 //! Who watches a run, and may ask it to stop.
 
+use super::drift::Drift;
 use crate::base::Activity;
 use crate::evaluation::Evaluation;
-use crate::influence::AipLoss;
+use crate::influence::{AipLoss, FreshLoss};
 
 /// Hears of the work as it goes on.
 pub trait Observer {
@@ -15,6 +16,9 @@ pub trait Observer {
     fn evaluated(&self, _steps: u64, _evaluation: &Evaluation) {}
 
     fn aips_trained(&self, _steps: u64, _losses: &[AipLoss]) {}
+
+    /// The AIPs' loss on fresh episodes, and how it stands to that right after their last training.
+    fn aips_measured(&self, _losses: &[FreshLoss], _drift: &Drift) {}
 
     /// A worker was lost and started again.
     fn worker_lost(&self, _message: &str) {}

@@ -10,8 +10,10 @@
 //! | `returns.csv` | evaluations on the GS, per agent and for all |
 //! | `training.csv` | each period of training, per agent: returns on the simulator it trained on, losses |
 //! | `aip_loss.csv` | each training of the AIPs, per agent and source |
+//! | `aip_drift.csv` | the loss of the AIPs on fresh episodes, per agent, where the config asks for it |
 //! | `timing.csv` | each period, per worker: seconds per phase |
 //! | `memory.csv` | each period, per process: memory |
+//! | `events.out.tfevents` | the numbers of these for TensorBoard, where the config asks for it |
 //! | `policies.safetensors`, `aips.safetensors` | the networks, `[agents, ...]` |
 //! | `checkpoints/` | the last few states to resume from |
 
@@ -19,24 +21,27 @@ use std::collections::{BTreeMap, HashMap};
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context, Result};
 
 use super::answers::{FleetLoad, PolicyTraining};
 use super::checkpoint::{self, Checkpoint, Progress};
-use super::files::{self, append, cut, lock, write_atomically};
+use super::drift::{Drift, Moment};
+use super::events::{Scalar, first_record, scalars_of, scalars_record};
+use super::files::{self, append, append_block, cut, lock, write_atomically};
 use super::finite::{check_aips, check_policies};
 use super::fleet::Fleet;
 use super::observer::{Interrupted, Observer};
+use super::state::AgentsState;
 use super::tables::{
-    AIP_COLUMNS, Line, MEMORY_COLUMNS, Wall, aip_lines, evaluation_header, evaluation_lines, memory_lines,
-    timing_header, timing_lines, training_header, training_lines,
+    AIP_COLUMNS, DRIFT_COLUMNS, Line, MEMORY_COLUMNS, Wall, aip_lines, drift_lines, evaluation_header,
+    evaluation_lines, memory_lines, timing_header, timing_lines, training_header, training_lines,
 };
 use crate::config::Config;
 use crate::domain::RegionSpec;
 use crate::evaluation::Evaluation;
-use crate::influence::{AipLoss, AipStack};
+use crate::influence::{self, AipLoss, FreshLoss};
 use crate::nn::{Layout, write_stack};
 use crate::policy::PolicyStack;
 
@@ -45,9 +50,13 @@ pub struct RunLog {
     dir: PathBuf,
     observer: Rc<dyn Observer>,
     layouts: Layouts,
+    tensorboard: bool,
     /// From which to go on, until [`RunLog::begin`] has done so.
     resume_from: Option<Checkpoint>,
     periods_done: usize,
+    /// Timesteps per agent at the last exchange.
+    steps: u64,
+    drift: Drift,
     /// Wall time of the run before this process.
     elapsed_before: Duration,
     begun: Instant,
@@ -66,21 +75,24 @@ impl Layouts {
     pub fn of(config: &Config, spec: &RegionSpec) -> Layouts {
         Layouts {
             policies: PolicyStack::shape(spec, &config.policy).layout(),
-            aips: AipStack::shape(spec, &config.aip).layout(),
+            aips: influence::layout(config.simulator, spec, &config.aip),
         }
     }
 }
 
 impl RunLog {
     /// Writes a new run into `dir`, which exists and holds none.
-    pub fn create(dir: &Path, layouts: Layouts, observer: Rc<dyn Observer>) -> Result<Self> {
+    pub fn create(dir: &Path, config: &Config, layouts: Layouts, observer: Rc<dyn Observer>) -> Result<Self> {
         let now = Instant::now();
         Ok(RunLog {
             dir: dir.to_owned(),
             observer,
             layouts,
+            tensorboard: config.logging.tensorboard,
             resume_from: None,
             periods_done: 0,
+            steps: 0,
+            drift: Drift::default(),
             elapsed_before: Duration::ZERO,
             begun: now,
             begun_period: now,
@@ -91,14 +103,15 @@ impl RunLog {
     /// Goes on with the run in `dir` from its newest checkpoint, or from its beginning where it has none yet.
     ///
     /// What was written after the checkpoint is cut off: it will be written again, the same.
-    pub fn resume(dir: &Path, layouts: Layouts, observer: Rc<dyn Observer>) -> Result<Self> {
-        let mut log = RunLog::create(dir, layouts, observer)?;
+    pub fn resume(dir: &Path, config: &Config, layouts: Layouts, observer: Rc<dyn Observer>) -> Result<Self> {
+        let mut log = RunLog::create(dir, config, layouts, observer)?;
         let checkpoint = Checkpoint::read_newest(&dir.join(files::CHECKPOINTS))?;
         let progress = checkpoint.as_ref().map_or(Progress::default(), |checkpoint| checkpoint.progress.clone());
         for name in files::GROWING {
             cut(&dir.join(name), progress.file_lengths.get(name).copied().unwrap_or(0))?;
         }
         log.periods_done = progress.periods_done;
+        log.drift = progress.drift;
         log.elapsed_before = Duration::from_secs_f64(progress.elapsed_s);
         log.resume_from = checkpoint;
         Ok(log)
@@ -109,15 +122,22 @@ impl RunLog {
         self.periods_done
     }
 
+    /// How the loss of the AIPs on fresh episodes has grown since their last training.
+    pub fn drift(&self) -> &Drift {
+        &self.drift
+    }
+
     /// Puts the fleet where the run stands.
     pub fn begin(&mut self, fleet: &mut dyn Fleet) -> Result<()> {
-        self.resume_from.take().map_or(Ok(()), |checkpoint| fleet.restore(checkpoint.agents))
+        self.resume_from.take().map_or(Ok(()), |checkpoint| fleet.restore(checkpoint.agents))?;
+        self.steps = fleet.agents().steps;
+        Ok(())
     }
 
     /// An evaluation of the joint policy.
     pub fn evaluated(&mut self, fleet: &dyn Fleet, evaluation: &Evaluation) -> Result<()> {
         let steps = fleet.agents().steps;
-        self.append(files::RETURNS, &evaluation_header(evaluation), &evaluation_lines(steps, evaluation))?;
+        self.append(files::RETURNS, steps, &evaluation_header(evaluation), &evaluation_lines(steps, evaluation))?;
         self.observer.evaluated(steps, evaluation);
         Ok(())
     }
@@ -126,10 +146,20 @@ impl RunLog {
     pub fn aips_trained(&mut self, fleet: &dyn Fleet, losses: &[AipLoss]) -> Result<()> {
         let agents = fleet.agents();
         check_aips(agents, losses)?;
-        self.append(files::AIP_LOSS, &AIP_COLUMNS.map(str::to_owned), &aip_lines(agents.steps, losses))?;
+        self.append(files::AIP_LOSS, agents.steps, &AIP_COLUMNS.map(str::to_owned), &aip_lines(agents.steps, losses))?;
         let stack = write_stack(&self.layouts.aips, &agents.aips, &about(agents.steps))?;
         write_atomically(&self.dir.join(files::AIPS), &stack)?;
         self.observer.aips_trained(agents.steps, losses);
+        Ok(())
+    }
+
+    /// The loss of the AIPs on fresh episodes, after an evaluation or a training.
+    pub fn aips_measured(&mut self, fleet: &dyn Fleet, after: Moment, losses: &[FreshLoss]) -> Result<()> {
+        let steps = fleet.agents().steps;
+        let lines = drift_lines(steps, after, losses);
+        self.append(files::AIP_DRIFT, steps, &DRIFT_COLUMNS.map(str::to_owned), &lines)?;
+        self.drift.note(after, losses);
+        self.observer.aips_measured(losses, &self.drift);
         Ok(())
     }
 
@@ -139,15 +169,21 @@ impl RunLog {
         let load = fleet.take_load();
         let agents = fleet.agents();
         check_policies(training, agents)?;
-        self.append(files::TRAINING, &training_header(training), &training_lines(agents.steps, training))?;
+        self.append(
+            files::TRAINING,
+            agents.steps,
+            &training_header(training),
+            &training_lines(agents.steps, training),
+        )?;
         let stack = write_stack(&self.layouts.policies, &agents.policies, &about(agents.steps))?;
         write_atomically(&self.dir.join(files::POLICIES), &stack)?;
-        self.append_load(agents.steps, load)?;
+        self.append_load(agents, load)?;
         self.periods_done += 1;
         let progress = Progress {
             periods_done: self.periods_done,
             file_lengths: self.file_lengths()?,
             elapsed_s: (self.elapsed_before + self.begun.elapsed()).as_secs_f64(),
+            drift: self.drift,
         };
         checkpoint::write(&self.dir.join(files::CHECKPOINTS), agents, progress)?;
         if self.observer.stop_requested() {
@@ -159,24 +195,42 @@ impl RunLog {
     /// The last evaluation is over.
     pub fn finished(&mut self, fleet: &mut dyn Fleet) -> Result<()> {
         let load = fleet.take_load();
-        self.append_load(fleet.agents().steps, load)
+        self.append_load(fleet.agents(), load)
     }
 
-    fn append_load(&mut self, steps: u64, load: FleetLoad) -> Result<()> {
+    fn append_load(&mut self, agents: &AgentsState, load: FleetLoad) -> Result<()> {
+        let steps = agents.steps;
         let now = Instant::now();
         let wall = Wall {
             period: now - self.begun_period,
             elapsed: self.elapsed_before + (now - self.begun),
             exchange: (now - self.begun_period).saturating_sub(load.at_work),
         };
-        self.append(files::TIMING, &timing_header(), &timing_lines(steps, &load, &wall))?;
-        self.append(files::MEMORY, &MEMORY_COLUMNS.map(str::to_owned), &memory_lines(steps, &load))?;
-        self.begun_period = now;
+        self.append(files::TIMING, steps, &timing_header(), &timing_lines(steps, &load, &wall))?;
+        self.append(files::MEMORY, steps, &MEMORY_COLUMNS.map(str::to_owned), &memory_lines(steps, &load))?;
+        if steps > self.steps {
+            let agent_steps = (steps - self.steps) * agents.agents() as u64;
+            let per_second = agent_steps as f64 / wall.period.as_secs_f64();
+            self.tell_tensorboard(steps, &[("timing/agent_steps_per_s".to_owned(), per_second as f32)])?;
+        }
+        (self.steps, self.begun_period) = (steps, now);
         Ok(())
     }
 
-    fn append(&self, file: &str, header: &[String], lines: &[Line]) -> Result<()> {
-        append(&self.dir.join(file), header, lines)
+    fn append(&self, file: &str, steps: u64, header: &[String], lines: &[Line]) -> Result<()> {
+        append(&self.dir.join(file), header, lines)?;
+        self.tell_tensorboard(steps, &scalars_of(file, header, lines))
+    }
+
+    fn tell_tensorboard(&self, steps: u64, scalars: &[Scalar]) -> Result<()> {
+        if !self.tensorboard || scalars.is_empty() {
+            return Ok(());
+        }
+        let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |time| time.as_secs_f64());
+        append_block(&self.dir.join(files::EVENTS), |new| {
+            let first = if new { first_record(now) } else { Vec::new() };
+            Ok([first, scalars_record(now, steps, scalars)].concat())
+        })
     }
 
     fn file_lengths(&self) -> Result<BTreeMap<String, u64>> {
@@ -205,9 +259,9 @@ mod tests {
     use crate::influence::Dataset;
     use crate::nn::Moments;
     use crate::training::answers::AgentTraining;
+    use crate::training::collect::Purpose;
     use crate::training::observer::Silent;
     use crate::training::ppo::{Decayed, Losses};
-    use crate::training::state::AgentsState;
 
     /// A fleet whose agents have become this; it does no work.
     struct Resting(AgentsState);
@@ -225,7 +279,11 @@ mod tests {
             unreachable!("a test of the log orders nothing")
         }
 
-        fn collect_datasets(&mut self, _period: &Period) -> Result<Vec<Dataset>> {
+        fn measure_aips(&mut self, _datasets: Vec<Dataset>) -> Result<Vec<FreshLoss>> {
+            unreachable!("a test of the log orders nothing")
+        }
+
+        fn collect_datasets(&mut self, _purpose: Purpose) -> Result<Vec<Dataset>> {
             unreachable!("a test of the log orders nothing")
         }
 
@@ -262,9 +320,10 @@ mod tests {
     #[test]
     fn learning_that_diverged_is_not_written_over_what_was_good() {
         let dir = tempfile::tempdir().unwrap();
+        let config: Config = toml::from_str("warehouse = { agents_per_side = 2 }").unwrap();
         let layout = || Layout::new(vec![("w".to_owned(), vec![2])]);
         let layouts = Layouts { policies: layout(), aips: layout() };
-        let mut log = RunLog::create(dir.path(), layouts, Rc::new(Silent)).unwrap();
+        let mut log = RunLog::create(dir.path(), &config, layouts, Rc::new(Silent)).unwrap();
         let (training, mut fleet) = period([1.0, 2.0, 3.0, 4.0], 0.5);
         log.period_done(&mut fleet, &training).unwrap();
         let good = contents(dir.path());

@@ -19,6 +19,7 @@ pub struct AgentsState {
     pub policies: JointPolicy,
     /// Of the policies' optimiser. (That of the AIPs starts afresh at each training.)
     pub moments: Moments,
+    /// What the influence predictors have learnt: weights of AIPs, or constants.
     pub aips: Rows<f32>,
 }
 

@@ -3,16 +3,18 @@
 use std::time::Duration;
 
 use super::answers::{FleetLoad, PolicyTraining};
+use super::drift::Moment;
 use super::footprint::Footprint;
 use super::ppo::Losses;
 use crate::base::{Activity, Phase, Timesheet};
 use crate::evaluation::{Evaluation, Summary};
-use crate::influence::AipLoss;
+use crate::influence::{AipLoss, FreshLoss};
 
 /// A line of a CSV file, one string per column.
 pub type Line = Vec<String>;
 
-const ALL: &str = "all";
+/// What stands in the second column of the lines about all agents, workers or processes.
+pub const ALL: &str = "all";
 
 pub fn evaluation_header(evaluation: &Evaluation) -> Line {
     let fixed = ["steps", "agent", "mean", "median", "std_error", "episodes", "stuck"];
@@ -88,6 +90,17 @@ pub fn aip_lines(steps: u64, losses: &[AipLoss]) -> Vec<Line> {
 
 fn mean_of(rows: &[[f64; 6]]) -> [f64; 6] {
     std::array::from_fn(|column| rows.iter().map(|row| row[column]).sum::<f64>() / rows.len() as f64)
+}
+
+pub const DRIFT_COLUMNS: [&str; 5] = ["steps", "agent", "after", "loss", "marginals"];
+
+/// A line for the mean of all agents, then one per agent, each the mean of its sources.
+pub fn drift_lines(steps: u64, after: Moment, losses: &[FreshLoss]) -> Vec<Line> {
+    let line = |agent: String, [loss, marginals]: [f64; 2]| {
+        vec![steps.to_string(), agent, after.name().to_owned(), format!("{loss:.5}"), format!("{marginals:.5}")]
+    };
+    let of_agents = losses.iter().enumerate().map(|(agent, loss)| line(agent.to_string(), loss.means()));
+    std::iter::once(line(ALL.to_owned(), FreshLoss::means_of_all(losses))).chain(of_agents).collect()
 }
 
 pub fn training_header(training: &PolicyTraining) -> Line {

@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use super::answers::PolicyTraining;
 use super::block::{AgentBlock, agents_per_block};
-use super::collect::collect_episode;
+use super::collect::{Purpose, collect_episode};
 use super::observer::Observer;
 use super::state::AgentsState;
 use super::timed::{Timed, TimedController};
@@ -18,7 +18,7 @@ use crate::base::{Activity, AgentId, Phase, Rows, Seed, Stopwatch, Timesheet};
 use crate::config::{Config, Period};
 use crate::domain::{Controller, Domain, GlobalSimulator, Result};
 use crate::evaluation::{EpisodeReport, episode_seed, play};
-use crate::influence::{AipLoss, Dataset};
+use crate::influence::{AipLoss, Dataset, FreshLoss};
 use crate::nn::Threads;
 use crate::policy::{JointPolicy, JointPolicyController, PolicyStack, Selection};
 
@@ -63,20 +63,20 @@ impl Worker {
         self.timesheet.take()
     }
 
-    /// Algorithm 2 for some of a period's episodes: the datasets of *all* agents, in the order of the episodes.
+    /// Algorithm 2 for some of the episodes: the datasets of *all* agents, in the order of the episodes.
     pub fn collect(
         &mut self,
         policies: &JointPolicy,
-        period: &Period,
+        purpose: Purpose,
         episodes: Range<usize>,
         observer: &dyn Observer,
     ) -> Result<Vec<Dataset>> {
-        let seed = self.run.fork("collection").for_period(period.index);
+        let seed = purpose.stream(self.run);
         let mut datasets = vec![Dataset::new(self.domain.spec()); self.domain.agents()];
-        self.on_the_gs(Activity::Collection, policies, |simulator, controller| {
+        self.on_the_gs(purpose.activity(), policies, |simulator, controller| {
             for (done, episode) in episodes.clone().enumerate() {
                 collect_episode(simulator, controller, seed.for_episode(episode), &mut datasets)?;
-                observer.busy(Activity::Collection, (done + 1) as f64 / episodes.len() as f64);
+                observer.busy(purpose.activity(), (done + 1) as f64 / episodes.len() as f64);
             }
             Ok(())
         })?;
@@ -118,11 +118,27 @@ impl Worker {
         losses
     }
 
-    /// The AIPs of its agents, one row each.
+    /// The loss of the AIPs of this worker's agents; `datasets`: theirs.
+    pub fn measure_aips(&mut self, datasets: &[Dataset]) -> Vec<FreshLoss> {
+        let (begun, mut watch) = (Instant::now(), Stopwatch::default());
+        let mut rest = datasets;
+        let mut losses = Vec::new();
+        for block in &self.blocks {
+            let (theirs, others) = rest.split_at(block.agents());
+            rest = others;
+            losses.extend(block.measure_aips(theirs, &mut watch));
+        }
+        self.timesheet.note(Activity::Evaluation, begun.elapsed(), &watch);
+        losses
+    }
+
+    /// What the influence predictors of its agents have learnt, one row each.
     pub fn aips(&self) -> Rows<f32> {
-        let mut aips = Rows::new(0, self.blocks.first().map_or(1, |block| block.aips().width()));
-        self.blocks.iter().for_each(|block| aips.extend(block.aips().values()));
-        aips
+        let join = |mut all: Rows<f32>, next: Rows<f32>| {
+            all.extend(&next);
+            all
+        };
+        self.blocks.iter().map(AgentBlock::aips).reduce(join).unwrap_or_else(|| Rows::new(0, 1))
     }
 
     /// Trains the policies of its agents until the end of the period, block after block.

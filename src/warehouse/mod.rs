@@ -78,10 +78,6 @@ impl Domain for Warehouse {
         Ok(Baseline { simulator, controller: Box::new(Bystander) })
     }
 
-    fn initial_action_bias(&self) -> Vec<f32> {
-        vec![0.0; self.spec.n_actions]
-    }
-
     fn stuck(&self, measures: &Measures) -> Vec<bool> {
         let (_, items) =
             measures.per_agent.iter().find(|(name, _)| name == ITEMS).expect("the warehouse GS counts them");

@@ -1,0 +1,66 @@
+//! A traffic controller of your own against gap-out, on the same traffic.
+//!
+//! ```sh
+//! cargo run --release --example custom_controller
+//! ```
+
+use std::path::Path;
+
+use anyhow::Result;
+use dials_traffic::base::Seed;
+use dials_traffic::config::{PolicyConfig, TrafficConfig};
+use dials_traffic::domain::{Action, Bystander, Domain, GlobalSimulator};
+use dials_traffic::evaluation::{Evaluation, Interval, play_episodes};
+use dials_traffic::traffic::Traffic;
+use dials_traffic::traffic::controllers::{Each, HandCoded, Junction};
+use dials_traffic::traffic::grid::Side;
+use dials_traffic::traffic::signals::{KEEP, Light, SWITCH};
+
+const EPISODES: usize = 10;
+
+/// Gives green to whichever road has more cars that come, but not before some seconds have passed.
+fn more_cars(at: &Junction<'_>) -> Action {
+    let cars = |sides: [Side; 2]| sides.into_iter().map(|side| at.incoming(side).len()).sum::<usize>();
+    let (horizontal, vertical) = (cars([Side::West, Side::East]), cars([Side::South, Side::North]));
+    let wanted = match at.light() {
+        Light::HorizontalGreen => vertical > horizontal,
+        Light::VerticalGreen => horizontal > vertical,
+        Light::HorizontalYellow | Light::VerticalYellow => false,
+    };
+    if wanted && at.shown_steps() >= 3 { SWITCH } else { KEEP }
+}
+
+pub fn main() -> Result<()> {
+    let nets = Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets");
+    let config = TrafficConfig {
+        network: nets.join("grid_2x2"),
+        local_network: nets.join("local"),
+        horizon: 300,
+        d_set: Default::default(),
+        entry: Default::default(),
+    };
+    let traffic = Traffic::open(&config, &PolicyConfig::default())?;
+
+    // The seed is the traffic: both controllers meet the same cars. SUMO allows one simulation per process, so that of
+    // the first one is dropped before the second begins.
+    let play = |mut simulator: Box<dyn GlobalSimulator>| -> Result<Evaluation> {
+        let episodes = play_episodes(&mut *simulator, &mut Bystander, Seed::new(1), EPISODES, &mut |_| ())?;
+        Ok(Evaluation::new(&traffic, &episodes))
+    };
+    let rule = HandCoded::rule(Each(more_cars));
+    let mine = play(Box::new(traffic.global(traffic.everywhere(rule))?))?;
+    let gap_out = play(traffic.baseline("gap-out")?.simulator)?;
+    for (name, found) in [("more-cars", &mine), ("gap-out", &gap_out)] {
+        let all = found.of_all();
+        println!("{name:>10}: return {:.1} +- {:.1} (standard error)", all.mean, all.std_error);
+    }
+
+    // What differs within an episode is the controllers' doing alone, so the difference is known better than either.
+    let mean = |found: &Evaluation| -> Vec<f64> {
+        found.returns.iter().map(|agents| agents.iter().sum::<f64>() / agents.len() as f64).collect()
+    };
+    let difference = Interval::of_differences(&mean(&mine), &mean(&gap_out));
+    let half_width = difference.half_width.expect("there are several episodes");
+    println!("difference: {:+.1} +- {half_width:.1} (95 % interval, {EPISODES} pairs of episodes)", difference.mean);
+    Ok(())
+}

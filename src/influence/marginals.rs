@@ -1,0 +1,197 @@
+//! Constant predictors: how often each influence source took each value on the GS, whatever the d-set shows.
+//!
+//! They are the predictors of marginal-DIALS, which asks what an AIP adds to knowing how busy the neighbours are, and
+//! the yardstick beside the loss of the AIPs.
+
+use std::ops::Range;
+
+use rand::Rng;
+
+use super::{CrossEntropies, Dataset, InfluencePredictor, TrainablePredictor};
+use crate::base::{Dice, Rows, Stopwatch};
+use crate::config::AipConfig;
+use crate::domain::{RegionSpec, SourceSpec};
+use crate::nn::Layout;
+
+/// One constant distribution per agent and source.
+pub struct Marginals {
+    sources: SourceSpec,
+    /// One row per agent: of every source the probabilities of its classes, 0 and 1 for a bit.
+    probabilities: Rows<f32>,
+    /// Rows of one agent that it samples for.
+    copies: usize,
+}
+
+impl Marginals {
+    /// Before anything is measured all classes are equally probable.
+    pub fn new(agents: usize, spec: &RegionSpec) -> Self {
+        let sources = spec.sources;
+        let mut probabilities = Rows::new(agents, sources.count() * sources.classes());
+        probabilities.fill(1.0 / sources.classes() as f32);
+        Marginals { sources, probabilities, copies: 0 }
+    }
+
+    /// Where the probabilities lie in a row.
+    pub fn layout(spec: &RegionSpec) -> Layout {
+        Layout::new(vec![("probabilities".to_owned(), vec![spec.sources.count(), spec.sources.classes()])])
+    }
+}
+
+impl InfluencePredictor for Marginals {
+    fn begin(&mut self, rows: usize) {
+        self.copies = rows / self.probabilities.len();
+    }
+
+    fn forget(&mut self, _rows: &[usize]) {}
+
+    fn sample(&mut self, _d_set: &Rows<f32>, dice: &mut [Dice], sources: &mut Rows<u8>) {
+        let (count, classes) = (self.sources.count(), self.sources.classes());
+        for (row, (sources, dice)) in sources.as_mut_slice().chunks_exact_mut(count).zip(dice).enumerate() {
+            let of_agent = self.probabilities.row(row / self.copies);
+            for (source, probabilities) in sources.iter_mut().zip(of_agent.chunks_exact(classes)) {
+                *source = draw(probabilities, dice);
+            }
+        }
+    }
+}
+
+impl TrainablePredictor for Marginals {
+    fn sources(&self) -> SourceSpec {
+        self.sources
+    }
+
+    fn values(&self) -> Rows<f32> {
+        self.probabilities.clone()
+    }
+
+    fn load(&mut self, values: &Rows<f32>) {
+        self.probabilities.copy_from(values);
+    }
+
+    fn learn(
+        &mut self,
+        datasets: &[Dataset],
+        samples: usize,
+        _config: &AipConfig,
+        _dice: &mut [Dice],
+        _watch: &mut Stopwatch,
+        progress: &mut dyn FnMut(f64),
+    ) {
+        for (agent, dataset) in datasets.iter().enumerate() {
+            let measured = frequencies(self.sources, dataset, 0..samples).into_iter().flatten();
+            self.probabilities.row_mut(agent).iter_mut().zip(measured).for_each(|(p, measured)| *p = measured as f32);
+        }
+        progress(1.0);
+    }
+
+    fn cross_entropies(
+        &self,
+        datasets: &[Dataset],
+        samples: Range<usize>,
+        _watch: &mut Stopwatch,
+    ) -> Vec<CrossEntropies> {
+        let per_agent = datasets.iter().zip(self.probabilities.iter()).map(|(dataset, probabilities)| {
+            let constants = probabilities.chunks_exact(self.sources.classes());
+            let constants = constants.map(|classes| classes.iter().map(|&p| f64::from(p)).collect::<Vec<f64>>());
+            let seen = frequencies(self.sources, dataset, samples.clone());
+            constants.zip(seen).map(|(p, q)| cross_entropy_of_constants(&p, &q)).collect()
+        });
+        per_agent.collect()
+    }
+}
+
+/// Draws a class by inversion: one number from the dice.
+fn draw(probabilities: &[f32], dice: &mut Dice) -> u8 {
+    let mut rest = dice.random::<f32>();
+    let drawn = probabilities.iter().position(|p| {
+        rest -= p;
+        rest < 0.0
+    });
+    let possible = || probabilities.iter().rposition(|&p| p > 0.0).expect("some class was seen");
+    drawn.unwrap_or_else(possible) as u8 // rounding may leave a crumb
+}
+
+/// How often each source took each of its values, `[sources][classes]`, in some of the samples.
+pub fn frequencies(sources: SourceSpec, dataset: &Dataset, samples: Range<usize>) -> Vec<Vec<f64>> {
+    let mut counts = vec![vec![0_u64; sources.classes()]; sources.count()];
+    for sample in samples.clone() {
+        let observed = dataset.sources.row(sample);
+        counts.iter_mut().zip(observed).for_each(|(counts, &u)| counts[usize::from(u)] += 1);
+    }
+    let share = |count: &u64| *count as f64 / samples.len() as f64;
+    counts.iter().map(|counts| counts.iter().map(share).collect()).collect()
+}
+
+/// Cross-entropy of predicting the frequencies `p` where the true ones are `q`.
+///
+/// A class that was never seen in training is predicted as half an event in 1e6, so that one surprise in the held-out
+/// episodes does not make the mean infinite.
+pub fn cross_entropy_of_constants(p: &[f64], q: &[f64]) -> f64 {
+    p.iter().zip(q).map(|(p, q)| q * -p.max(5e-7).ln()).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::{AgentId, Seed};
+    use crate::influence::train;
+
+    fn spec(sources: SourceSpec) -> RegionSpec {
+        RegionSpec { obs_dim: 1, d_set_dim: 1, n_actions: 2, sources, horizon: 10 }
+    }
+
+    /// Ten episodes of ten samples whose sources are `u(sample)`.
+    fn dataset(spec: &RegionSpec, u: impl Fn(usize) -> Vec<u8>) -> Dataset {
+        let mut dataset = Dataset::new(spec);
+        (0..100).for_each(|sample| dataset.push(&[0.0], &u(sample)));
+        dataset
+    }
+
+    fn trained(spec: &RegionSpec, datasets: &[Dataset]) -> (Marginals, Vec<crate::influence::AipLoss>) {
+        let mut marginals = Marginals::new(datasets.len(), spec);
+        let agents = AgentId::all(datasets.len());
+        let losses = train(
+            &mut marginals,
+            &agents,
+            datasets,
+            &AipConfig::default(),
+            Seed::new(0),
+            &mut Stopwatch::default(),
+            &mut |_| (),
+        );
+        (marginals, losses)
+    }
+
+    #[test]
+    fn they_are_the_frequencies_of_the_training_episodes_and_their_loss_is_worked_out_by_hand() {
+        let spec = spec(SourceSpec::Binary { sources: 1 });
+        // Agent 0: every third of the 90 training samples, and all ten that are held out. Agent 1: never.
+        let datasets = [dataset(&spec, |t| vec![u8::from(t % 3 == 0 || t >= 90)]), dataset(&spec, |_| vec![0])];
+        let (marginals, losses) = trained(&spec, &datasets);
+        assert_eq!(marginals.values().as_slice(), [2.0 / 3.0, 1.0 / 3.0, 1.0, 0.0]);
+        // Before: ln 2 everywhere. H(1/3) = 0.636514; held out -ln(1/3) = 1.098612, and 0 where nothing ever happens.
+        for (loss, [training, held_out]) in losses.iter().zip([[0.636_514, 1.098_612], [0.0, 0.0]]) {
+            assert!((loss.training[0][0] - 2_f64.ln()).abs() < 1e-7 && (loss.held_out[0][0] - 2_f64.ln()).abs() < 1e-7);
+            assert!((loss.training[1][0] - training).abs() < 1e-6, "{loss:?}");
+            assert!((loss.held_out[1][0] - held_out).abs() < 1e-6, "{loss:?}");
+            assert!((loss.marginals[0] - held_out).abs() < 1e-6, "they are the constants that AIPs are compared with");
+        }
+    }
+
+    #[test]
+    fn every_copy_of_an_agent_draws_from_the_frequencies_of_its_agent() {
+        let spec = spec(SourceSpec::Categorical { sources: 2, classes: 3 });
+        let (always_two, mixed) = (dataset(&spec, |_| vec![2, 0]), dataset(&spec, |t| vec![(t % 5 / 2) as u8, 1])); // 2, 2 and 1 in five
+        let (mut marginals, _) = trained(&spec, &[always_two, mixed]);
+        let rows = 20_000;
+        let mut dice: Vec<Dice> = (0..rows).map(|row| Seed::new(5).for_copy(row).dice()).collect();
+        let mut drawn = Rows::new(rows, 2);
+        marginals.begin(rows);
+        marginals.sample(&Rows::new(rows, 1), &mut dice, &mut drawn);
+        assert!((0..rows / 2).all(|row| drawn.row(row) == [2, 0]));
+        let count = |class| (rows / 2..rows).filter(|&row| drawn.row(row)[0] == class).count() as f64 / 1e4;
+        // Standard errors of 10000 draws: sqrt(0.24 / 10000) = 0.0049 and sqrt(0.16 / 10000) = 0.004.
+        assert!((count(0) - 0.4).abs() < 0.02 && (count(1) - 0.4).abs() < 0.02 && (count(2) - 0.2).abs() < 0.016);
+        assert!((rows / 2..rows).all(|row| drawn.row(row)[1] == 1));
+    }
+}

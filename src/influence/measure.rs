@@ -1,0 +1,59 @@
+//! The loss of the influence predictors on fresh episodes of the GS, from which they do not learn.
+
+use serde::{Deserialize, Serialize};
+
+use super::marginals::{cross_entropy_of_constants, frequencies};
+use super::{CrossEntropies, Dataset, TrainablePredictor};
+use crate::base::Stopwatch;
+
+/// How well one agent's predictor foresaw fresh episodes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FreshLoss {
+    pub predictor: CrossEntropies,
+    /// Of the best constants there are for these very episodes: no constant predictor is better.
+    pub marginals: CrossEntropies,
+}
+
+impl FreshLoss {
+    /// Means over the sources: of the predictor and of the constants.
+    pub fn means(&self) -> [f64; 2] {
+        [&self.predictor, &self.marginals].map(|losses| losses.iter().sum::<f64>() / losses.len() as f64)
+    }
+
+    /// The same over all agents.
+    pub fn means_of_all(losses: &[FreshLoss]) -> [f64; 2] {
+        [0, 1].map(|which| losses.iter().map(|loss| loss.means()[which]).sum::<f64>() / losses.len() as f64)
+    }
+}
+
+/// Measures every agent's predictor on its own dataset, all of which are of one length.
+pub fn measure(predictor: &dyn TrainablePredictor, datasets: &[Dataset], watch: &mut Stopwatch) -> Vec<FreshLoss> {
+    let losses = predictor.cross_entropies(datasets, 0..datasets[0].len(), watch);
+    let per_agent = losses.into_iter().zip(datasets).map(|(predictor_loss, dataset)| {
+        let seen = frequencies(predictor.sources(), dataset, 0..dataset.len());
+        let marginals = seen.iter().map(|classes| cross_entropy_of_constants(classes, classes)).collect();
+        FreshLoss { predictor: predictor_loss, marginals }
+    });
+    per_agent.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::{RegionSpec, SourceSpec};
+    use crate::influence::Marginals;
+
+    #[test]
+    fn losses_on_fresh_episodes_are_worked_out_by_hand() {
+        let sources = SourceSpec::Binary { sources: 2 };
+        let spec = RegionSpec { obs_dim: 1, d_set_dim: 1, n_actions: 2, sources, horizon: 4 };
+        let mut dataset = Dataset::new(&spec);
+        (0..8).for_each(|t| dataset.push(&[0.0], &[u8::from(t % 4 == 0), 1]));
+        // Constants of 1/2 lose ln 2 on everything; the best ones lose H(1/4) = 0.562335, and nothing on a sure source.
+        let loss = measure(&Marginals::new(1, &spec), &[dataset], &mut Stopwatch::default()).remove(0);
+        assert!(loss.predictor.iter().all(|loss| (loss - 2_f64.ln()).abs() < 1e-7));
+        assert!((loss.marginals[0] - 0.562_335).abs() < 1e-6 && loss.marginals[1] == 0.0, "{loss:?}");
+        let means = loss.means();
+        assert!((means[0] - 2_f64.ln()).abs() < 1e-7 && (means[1] - 0.281_168).abs() < 1e-6);
+    }
+}

@@ -1,0 +1,147 @@
+//! TensorBoard event files: what the CSV files say, for people who watch runs in TensorBoard.
+//!
+//! A file of records (TFRecord: length, checksum, data, checksum), each a protocol buffer `Event` with scalars. Records
+//! are only ever appended, and one that is written again after a resume has the length of the first, so the file is cut
+//! back to a checkpoint as the CSV files are, and no step stands in it twice.
+//!
+//! Source of the format: `tensorboard/compat/proto/{event,summary}.proto` and `tensorflow/core/lib/io/record_writer.h`.
+
+use super::files;
+use super::tables::{ALL, Line};
+
+/// A named number at a step.
+pub type Scalar = (String, f32);
+
+/// The record that an event file begins with.
+pub fn first_record(wall_time_s: f64) -> Vec<u8> {
+    let mut event = event_at(wall_time_s, 0);
+    put_bytes(&mut event, 3, b"brain.Event:2"); // file_version
+    record(&event)
+}
+
+/// One record with all scalars of a step.
+pub fn scalars_record(wall_time_s: f64, step: u64, scalars: &[Scalar]) -> Vec<u8> {
+    let mut summary = Vec::new();
+    for (tag, number) in scalars {
+        let mut value = Vec::new();
+        put_bytes(&mut value, 1, tag.as_bytes());
+        put_key(&mut value, 2, FIXED_32); // simple_value
+        value.extend(number.to_le_bytes());
+        put_bytes(&mut summary, 1, &value);
+    }
+    let mut event = event_at(wall_time_s, step);
+    put_bytes(&mut event, 5, &summary);
+    record(&event)
+}
+
+/// The scalars of a block of lines that goes into a CSV file: every number of the line about all agents as
+/// `file/column`, and of each agent the mean return as `returns_of_agents/N`.
+pub fn scalars_of(file: &str, header: &[String], lines: &[Line]) -> Vec<Scalar> {
+    let table = file.strip_suffix(".csv").unwrap_or(file);
+    let mut scalars = Vec::new();
+    for line in lines {
+        // The first column is the step, the second the agent, worker or process.
+        let numbers = header.iter().zip(line).skip(2);
+        let numbers = numbers.filter_map(|(column, value)| Some((column, value.parse::<f32>().ok()?)));
+        if line[1] == ALL {
+            scalars.extend(numbers.map(|(column, number)| (format!("{table}/{column}"), number)));
+        } else if file == files::RETURNS {
+            let mean = numbers.filter(|(column, _)| *column == "mean");
+            scalars.extend(mean.map(|(_, number)| (format!("returns_of_agents/{}", line[1]), number)));
+        }
+    }
+    scalars
+}
+
+// Kinds of fields on the wire.
+const VARINT: u8 = 0;
+const FIXED_64: u8 = 1;
+const BYTES: u8 = 2;
+const FIXED_32: u8 = 5;
+
+fn event_at(wall_time_s: f64, step: u64) -> Vec<u8> {
+    let mut event = Vec::new();
+    put_key(&mut event, 1, FIXED_64);
+    event.extend(wall_time_s.to_le_bytes());
+    // A zero is left out.
+    if step > 0 {
+        put_key(&mut event, 2, VARINT);
+        put_varint(&mut event, step);
+    }
+    event
+}
+
+fn put_key(out: &mut Vec<u8>, field: u8, kind: u8) {
+    out.push(field << 3 | kind);
+}
+
+fn put_bytes(out: &mut Vec<u8>, field: u8, bytes: &[u8]) {
+    put_key(out, field, BYTES);
+    put_varint(out, bytes.len() as u64);
+    out.extend(bytes);
+}
+
+/// Seven bits per byte, the lowest first; the eighth says that more follow.
+fn put_varint(out: &mut Vec<u8>, mut number: u64) {
+    while number >= 0x80 {
+        out.push(number as u8 | 0x80);
+        number >>= 7;
+    }
+    out.push(number as u8);
+}
+
+fn record(data: &[u8]) -> Vec<u8> {
+    let length = (data.len() as u64).to_le_bytes();
+    [&length[..], &masked_checksum(&length), data, &masked_checksum(data)].concat()
+}
+
+/// A checksum that stays one where data holds checksums itself.
+fn masked_checksum(data: &[u8]) -> [u8; 4] {
+    crc32c::crc32c(data).rotate_right(15).wrapping_add(0xa282_ead8).to_le_bytes()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bytes(hex: &str) -> Vec<u8> {
+        let digits = hex.split_whitespace().collect::<String>();
+        (0..digits.len()).step_by(2).map(|at| u8::from_str_radix(&digits[at..at + 2], 16).unwrap()).collect()
+    }
+
+    #[test]
+    fn records_are_those_that_the_tensorboard_package_writes() {
+        // Written by RecordWriter and Event of tensorboard 2.21.0 from PyPI with these values.
+        let first = "1800000000000000a37f4b22 09000000000000f83f 1a0d627261696e2e4576656e743a32 2a28646c";
+        assert_eq!(first_record(1.5), bytes(first));
+        let scalars = [("returns/mean".to_owned(), 167.9), ("aip_loss/held_out_after".to_owned(), 0.31)];
+        let second = "440000000000000043592e9a 0900000000000004 4010808e062a350a130a0c72657475726e732f6d65616e1566\
+                      e627430a1e0a176169705f6c6f73732f68656c645f6f75745f61667465721552b89e3e 4473c002";
+        assert_eq!(scalars_record(2.5, 100_096, &scalars), bytes(second));
+    }
+
+    #[test]
+    fn a_record_that_is_written_again_later_has_the_same_length() {
+        let scalars = |value| [("timing/wall_s".to_owned(), value)];
+        let record = |time, value| scalars_record(time, 128, &scalars(value));
+        assert_eq!(record(1.0, 0.5).len(), record(1_795_000_000.25, 1e-7).len());
+    }
+
+    #[test]
+    fn lines_about_all_agents_become_scalars_and_those_of_agents_their_mean_return() {
+        let row = |text: &str| -> Line { text.split(',').map(str::to_owned).collect() };
+        let header = row("steps,agent,mean,median,stuck");
+        let lines = ["128,all,5.5,6,1", "128,0,4,4,1", "128,1,7,7,0"].map(row);
+        let named = |named: &[(&str, f32)]| -> Vec<Scalar> {
+            named.iter().map(|&(name, number)| (name.to_owned(), number)).collect()
+        };
+        let all = [("returns/mean", 5.5), ("returns/median", 6.0), ("returns/stuck", 1.0)];
+        let agents = [("returns_of_agents/0", 4.0), ("returns_of_agents/1", 7.0)];
+        assert_eq!(scalars_of("returns.csv", &header, &lines), named(&[&all[..], &agents].concat()));
+        assert_eq!(scalars_of("training.csv", &header, &lines[1..]), []);
+        // What is no number is left out: a period without episodes has no mean return, and sources are called `all`.
+        let header = row("steps,agent,source,training_after,frequency");
+        let found = scalars_of("aip_loss.csv", &header, &[row("0,all,all,0.31,"), row("0,0,all,0.3,0.1")]);
+        assert_eq!(found, named(&[("aip_loss/training_after", 0.31)]));
+    }
+}

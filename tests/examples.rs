@@ -1,0 +1,16 @@
+//! The examples run to their end. (One process: SUMO is in one of them only.)
+
+#[path = "../examples/custom_controller.rs"]
+mod custom_controller;
+#[path = "../examples/custom_domain.rs"]
+mod custom_domain;
+
+#[test]
+fn a_controller_of_ones_own_is_compared_with_gap_out() {
+    custom_controller::main().unwrap();
+}
+
+#[test]
+fn a_domain_of_ones_own_conforms_and_trains() {
+    custom_domain::main().unwrap();
+}
