@@ -83,7 +83,8 @@ pub fn steps_text(steps: u64) -> String {
     let rounded = |unit: f64, decimals: f64| (steps as f64 / unit * decimals).round() / decimals;
     match steps {
         0..1_000 => steps.to_string(),
-        1_000..1_000_000 => format!("{}K", rounded(1e3, 10.0)),
+        1_000..100_000 => format!("{}K", rounded(1e3, 10.0)),
+        100_000..1_000_000 => format!("{}K", rounded(1e3, 1.0)),
         _ => format!("{}M", rounded(1e6, 100.0)),
     }
 }
@@ -198,8 +199,8 @@ mod tests {
     #[test]
     fn steps_are_told_as_the_paper_does() {
         assert_eq!(
-            [4_000_000, 500_000, 1_500_000, 150_016, 4_000_128, 128, 0].map(steps_text),
-            ["4M", "500K", "1.5M", "150K", "4M", "128", "0"]
+            [4_000_000, 500_000, 1_500_000, 150_016, 12_500, 4_000_128, 128, 0].map(steps_text),
+            ["4M", "500K", "1.5M", "150K", "12.5K", "4M", "128", "0"]
         );
     }
 }

@@ -39,7 +39,7 @@ pub fn finals(comparison: &Comparison) -> Table {
             end.returns.runs.to_string(),
             format!("{}{unfinished}", steps_text(end.steps)),
             with_error(end.returns.mean, end.returns.std_error),
-            interval(end.returns.interval),
+            interval(end.returns.interval, end.returns.mean),
             figure(end.median_run),
             figure(end.median_agent),
             format!("{} of {}", end.stuck.len(), end.agents),
