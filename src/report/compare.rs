@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use super::find::{LeftOut, find};
 use super::group::{Group, Sorted, sort, steps_text};
 use super::run_dir::{RunRecord, Status};
-use super::scenario::{Scenario, method};
+use super::scenario::Scenario;
 use super::statistics::{Difference, Method, Spread, difference};
 use super::words::{duration, figure, interval, signed, with_error};
 use crate::base::statistics::{mean, median};
@@ -27,7 +27,6 @@ pub struct Side {
     pub name: String,
     pub scenario: Scenario,
     pub group: Group,
-    method: BTreeMap<String, String>,
     left_out: Vec<LeftOut>,
 }
 
@@ -49,8 +48,7 @@ impl Side {
         );
         let comparison = comparisons.pop().with_context(|| nothing_to_compare(name, &left_out))?;
         let group = comparison.groups.into_iter().next().expect("the one that was counted");
-        let (name, method) = (name.to_owned(), method(&group.runs[0].config));
-        Ok(Side { name, scenario: comparison.scenario, group, method, left_out })
+        Ok(Side { name: name.to_owned(), scenario: comparison.scenario, group, left_out })
     }
 }
 
@@ -158,7 +156,7 @@ pub fn compare(a: &Side, b: &Side, target: Option<f64>) -> Result<Verdict> {
         runtimes,
         target,
         reached: runs.each_ref().map(|runs| Reached::of(runs, target)),
-        differing: differing(&a.method, &b.method),
+        differing: differing(&a.group.method.keys, &b.group.method.keys),
         warnings,
     })
 }
