@@ -15,11 +15,12 @@
 //! | AIPs and their training | [`influence`] |
 //! | policies and PPO | [`policy`], [`training::ppo`] |
 //! | "in parallel, for i in N" | [`training::fleet`], [`processes`] |
+//! | figures and tables of section Results and the appendix | [`experiment`], [`report`] |
 //!
 //! Rooms, in the order in which they may use each other (a test holds it): [`base`]; [`config`], [`domain`], [`sumo`];
-//! [`nn`]; [`traffic`], [`warehouse`]; [`plot`]; [`influence`], [`policy`]; [`evaluation`]; [`training`]; [`processes`],
-//! [`bench`]; [`report`], [`experiment`]; [`run`] with [`cli`] and [`error`]. Simulators never see a tensor; training never sees a process or SUMO;
-//! only [`run`] knows which domain and which fleet were chosen.
+//! [`nn`]; [`traffic`], [`warehouse`]; [`plot`]; [`influence`], [`policy`]; [`evaluation`]; [`training`]; [`report`],
+//! [`experiment`]; [`processes`], [`bench`]; [`run`] with [`cli`] and [`error`]. Simulators never see a tensor; training
+//! never sees a process or SUMO; only [`run`] knows which domain and which fleet were chosen.
 
 pub mod base;
 pub mod bench;

@@ -8,7 +8,7 @@ use serde::Deserialize;
 
 use crate::config::{self, Config, SimulatorKind};
 use crate::report::group::steps_text;
-use crate::report::scenario::{method, simulator};
+use crate::report::scenario::{Method, simulator};
 
 /// A grid of runs.
 #[derive(Clone, Debug, Deserialize)]
@@ -198,7 +198,7 @@ fn stem(path: &Path) -> String {
 
 /// Whether two configs of one scenario make the same run.
 pub fn same_run(a: &Config, b: &Config) -> bool {
-    a.seed == b.seed && a.last_step() == b.last_step() && method(a) == method(b)
+    a.seed == b.seed && a.last_step() == b.last_step() && Method::of(a) == Method::of(b)
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use anyhow::{Result, ensure};
 
 use super::file::{PlannedRun, same_run};
 use crate::report::run_dir::{RunRecord, Status, is_run_dir};
-use crate::report::scenario::{Scenario, method};
+use crate::report::scenario::{Method, Scenario};
 
 /// How far a planned run has come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,7 +68,7 @@ pub fn stage(folder: &Path, run: &PlannedRun) -> Result<Stage> {
 
 /// The first thing in which a run differs from the plan, in words.
 fn difference(record: &RunRecord, run: &PlannedRun) -> String {
-    let (there, planned) = (method(&record.config), method(&run.config));
+    let (there, planned) = (Method::of(&record.config).keys, Method::of(&run.config).keys);
     let mut keys = there.keys().chain(planned.keys());
     let key = keys.find(|key| there.get(*key) != planned.get(*key));
     let value = |value: Option<&String>| value.map_or("nothing".to_owned(), String::clone);

@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use super::find::{LeftOut, find};
 use super::group::{Group, Sorted, sort, steps_text};
 use super::run_dir::{RunRecord, Status};
-use super::scenario::{Scenario, method};
+use super::scenario::Scenario;
 use super::statistics::{Difference, Method, Spread, difference};
 use super::words::{duration, figure, interval, signed, with_error};
 use crate::base::statistics::{mean, median};
@@ -27,7 +27,6 @@ pub struct Side {
     pub name: String,
     pub scenario: Scenario,
     pub group: Group,
-    method: BTreeMap<String, String>,
     left_out: Vec<LeftOut>,
 }
 
@@ -49,8 +48,7 @@ impl Side {
         );
         let comparison = comparisons.pop().with_context(|| nothing_to_compare(name, &left_out))?;
         let group = comparison.groups.into_iter().next().expect("the one that was counted");
-        let (name, method) = (name.to_owned(), method(&group.runs[0].config));
-        Ok(Side { name, scenario: comparison.scenario, group, method, left_out })
+        Ok(Side { name: name.to_owned(), scenario: comparison.scenario, group, left_out })
     }
 }
 
@@ -158,7 +156,7 @@ pub fn compare(a: &Side, b: &Side, target: Option<f64>) -> Result<Verdict> {
         runtimes,
         target,
         reached: runs.each_ref().map(|runs| Reached::of(runs, target)),
-        differing: differing(&a.method, &b.method),
+        differing: differing(&a.group.method.keys, &b.group.method.keys),
         warnings,
     })
 }
@@ -179,18 +177,18 @@ impl Verdict {
             let seeds: Vec<String> = side.group.seeds().iter().map(u64::to_string).collect();
             lines.push(format!("{letter}: {}: {}, seed {}", side.name, side.group.name(), seeds.join(", ")));
         }
-        let value = |value: &Option<String>| value.clone().unwrap_or("-".to_owned());
-        lines.extend(
-            self.differing.iter().map(|(key, [a, b])| format!("   {key}: {} in A, {} in B", value(a), value(b))),
-        );
+        // What only one side looks at follows from the simulator, which is told.
+        let both = self.differing.iter().filter_map(|(key, [a, b])| Some((key, a.as_ref()?, b.as_ref()?)));
+        lines.extend(both.map(|(key, a, b)| format!("   {key}: {a} in A, {b} in B")));
         lines.push(format!("{}, at {} timesteps per agent", a.scenario.title(), steps_text(self.steps)));
         lines.push(String::new());
         let row = |what: &str, a: String, b: String, both: String| format!("{what:<24}{a:>20}{b:>20}   {both}");
         lines.push(row("", "A".to_owned(), "B".to_owned(), "B against A".to_owned()));
         let [of_a, of_b] = self.returns.each_ref().map(|spread| with_error(spread.mean, spread.std_error));
+        let ends = interval(self.difference.interval, self.returns[0].mean);
         let how = match self.difference.method {
-            Method::Paired => format!(" {} (95 %, paired seeds)", interval(self.difference.interval)),
-            Method::Welch => format!(" {} (95 %, Welch, unpaired seeds)", interval(self.difference.interval)),
+            Method::Paired => format!(" {ends} (95 %, paired seeds)"),
+            Method::Welch => format!(" {ends} (95 %, Welch, unpaired seeds)"),
             Method::SingleSeed => String::new(),
         };
         lines.push(row(

@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result};
 
-use super::curves::{learning_curve, loss_curve};
+use super::curves::{LossData, learning_curve, loss_curve};
 use super::finals::{Final, Runtime, peak_memory};
 use super::group::Comparison;
 use super::statistics::Spread;
@@ -40,15 +40,16 @@ fn curves(comparisons: &[Comparison]) -> Result<CsvFile> {
 fn losses(comparisons: &[Comparison]) -> Result<CsvFile> {
     let header = ["steps", "when", "runs", "cross_entropy", "std_error", "low95", "high95", "marginals"];
     write("aip_cross_entropy.csv", &header, comparisons, |_, group| {
-        let points = loss_curve(group).into_iter().map(|point| {
-            let when = match point.trained {
-                None => "evaluation",
-                Some(false) => "before training",
-                Some(true) => "after training",
+        let (data, points) = loss_curve(group);
+        let points = points.into_iter().map(|point| {
+            let when = match (point.after_training, data) {
+                (true, _) => "after training",
+                (false, LossData::Fresh) => "evaluation",
+                (false, LossData::HeldOut) => "before training",
             };
             let mut line = vec![point.steps.to_string(), when.to_owned()];
             line.extend(spread(&point.loss));
-            line.push(optional(point.marginals));
+            line.push(number(point.marginals));
             line
         });
         points.collect()

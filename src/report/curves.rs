@@ -4,7 +4,7 @@
 //! at a point if it has come so far, interpolated on a straight line between two of its evaluations, and is never
 //! prolonged beyond its last one. A point tells how many runs it stands for.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::group::Group;
 use super::run_dir::RunRecord;
@@ -28,12 +28,21 @@ pub struct CurvePoint {
 #[derive(Clone, Debug, PartialEq)]
 pub struct LossPoint {
     pub steps: u64,
-    /// Whether AIPs are about to be trained here (`Some(false)`), have just been (`Some(true)`), or were only measured.
-    pub trained: Option<bool>,
+    /// Whether the AIPs have just been trained here, or are as they were.
+    pub after_training: bool,
     /// Nats per source, over seeds.
     pub loss: Spread,
     /// Of constant marginals, mean over seeds.
-    pub marginals: Option<f64>,
+    pub marginals: f64,
+}
+
+/// What the cross-entropy of a group's AIPs was measured on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LossData {
+    /// Fresh GS episodes at evaluations and after trainings.
+    Fresh,
+    /// The held-out episodes of each dataset, before and after the training on it.
+    HeldOut,
 }
 
 /// The learning curve of a group.
@@ -55,44 +64,41 @@ pub fn learning_curve(group: &Group) -> Vec<CurvePoint> {
     points.collect()
 }
 
-/// The cross-entropy of a group's AIPs: on fresh GS data where its runs measured that, else on the held-out episodes of
-/// the datasets, before and after each training. Only steps that all runs with any such figures have reached count.
-pub fn loss_curve(group: &Group) -> Vec<LossPoint> {
-    if group.runs.iter().any(|run| !run.fresh_losses.is_empty()) {
-        return common_steps(group, |run| run.fresh_losses.iter().map(|loss| loss.steps).collect())
-            .into_iter()
-            .filter_map(|steps| {
-                let here = group.runs.iter().filter_map(|run| run.fresh_losses.iter().find(|loss| loss.steps == steps));
-                let losses: Vec<(f64, Option<f64>)> = here.map(|loss| (loss.cross_entropy, loss.marginals)).collect();
-                loss_point(steps, None, &losses)
-            })
-            .collect();
-    }
-    let steps = common_steps(group, |run| run.aip_trainings.iter().map(|training| training.steps).collect());
-    let points = steps.into_iter().flat_map(|steps| {
-        let here = || group.runs.iter().filter_map(move |run| run.aip_trainings.iter().find(|t| t.steps == steps));
-        let before: Vec<(f64, Option<f64>)> =
-            here().map(|training| (training.before, Some(training.marginals))).collect();
-        let after: Vec<(f64, Option<f64>)> =
-            here().map(|training| (training.after, Some(training.marginals))).collect();
-        [loss_point(steps, Some(false), &before), loss_point(steps, Some(true), &after)]
+/// The cross-entropy of a group's AIPs, on fresh GS episodes where its runs measured that. Only points that all runs have
+/// which have any count.
+pub fn loss_curve(group: &Group) -> (LossData, Vec<LossPoint>) {
+    let fresh = group.runs.iter().any(|run| !run.fresh_losses.is_empty());
+    let data = if fresh { LossData::Fresh } else { LossData::HeldOut };
+    let of_runs: Vec<Measured> =
+        group.runs.iter().map(|run| measured(run, data)).filter(|run| !run.is_empty()).collect();
+    let places = of_runs.iter().map(|run| run.keys().copied().collect::<BTreeSet<_>>());
+    let common = places.reduce(|common, places| &common & &places).unwrap_or_default();
+    let points = common.into_iter().filter_map(|(steps, after_training)| {
+        let here = || of_runs.iter().map(|run| run[&(steps, after_training)]);
+        let loss = Spread::of(&here().map(|[loss, _]| loss).collect::<Vec<_>>())?;
+        let marginals = mean(&here().map(|[_, marginals]| marginals).collect::<Vec<_>>());
+        Some(LossPoint { steps, after_training, loss, marginals })
     });
-    points.flatten().collect()
+    (data, points.collect())
 }
 
-/// The steps that all runs have which have any.
-fn common_steps(group: &Group, steps: impl Fn(&RunRecord) -> BTreeSet<u64>) -> BTreeSet<u64> {
-    let sets = group.runs.iter().map(steps).filter(|steps| !steps.is_empty());
-    sets.reduce(|common, steps| &common & &steps).unwrap_or_default()
-}
+/// Losses of a run and of its marginals, by steps and whether the AIPs have just been trained.
+type Measured = BTreeMap<(u64, bool), [f64; 2]>;
 
-fn loss_point(steps: u64, trained: Option<bool>, losses: &[(f64, Option<f64>)]) -> Option<LossPoint> {
-    let marginals: Vec<f64> = losses.iter().filter_map(|(_, marginals)| *marginals).collect();
-    let values: Vec<f64> = losses.iter().map(|(loss, _)| *loss).collect();
-    Some(LossPoint {
-        steps,
-        trained,
-        loss: Spread::of(&values)?,
-        marginals: (!marginals.is_empty()).then(|| mean(&marginals)),
-    })
+fn measured(run: &RunRecord, data: LossData) -> Measured {
+    match data {
+        LossData::Fresh => run
+            .fresh_losses
+            .iter()
+            .map(|fresh| ((fresh.steps, fresh.after_training), [fresh.loss, fresh.marginals]))
+            .collect(),
+        LossData::HeldOut => run
+            .aip_trainings
+            .iter()
+            .flat_map(|training| {
+                let at = |after, loss| ((training.steps, after), [loss, training.marginals]);
+                [at(false, training.before), at(true, training.after)]
+            })
+            .collect(),
+    }
 }

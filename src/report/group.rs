@@ -6,7 +6,7 @@ use anyhow::Result;
 
 use super::find::{Baseline, Found, LeftOut};
 use super::run_dir::{RunRecord, Status};
-use super::scenario::{Scenario, method, simulator};
+use super::scenario::{Method, Retraining, Scenario};
 
 /// All groups of one scenario, in the order in which they are told: GS, DIALS by F, other simulators, variants last.
 pub struct Comparison {
@@ -20,10 +20,7 @@ pub struct Comparison {
 
 /// Runs of one method over several seeds.
 pub struct Group {
-    /// As configs name it.
-    pub simulator: String,
-    /// F: timesteps between two trainings of the AIPs, for DIALS.
-    pub retrain_every: Option<u64>,
+    pub method: Method,
     /// Keys of the config that set it apart from most groups of the scenario, with its values.
     pub overrides: Vec<(String, String)>,
     /// By seed.
@@ -33,7 +30,12 @@ pub struct Group {
 impl Group {
     /// As the paper names it: `DIALS F=1M`.
     pub fn name(&self) -> String {
-        method_name(&self.simulator, self.retrain_every)
+        method_name(self.simulator(), self.method.retraining)
+    }
+
+    /// As configs name it.
+    pub fn simulator(&self) -> &str {
+        &self.method.simulator
     }
 
     /// The name and the overrides.
@@ -57,18 +59,21 @@ impl Group {
         Some((begun.iter().map(|run| last_step(run)).min()?, begun))
     }
 
-    fn order(&self) -> (usize, usize, String, u64, String) {
-        let kind = ["gs", "dials", "marginal-dials", "untrained-dials"].iter().position(|&kind| kind == self.simulator);
-        let (every, label) = (self.retrain_every.unwrap_or(0), self.label());
-        (self.overrides.len().min(1), kind.unwrap_or(usize::MAX), self.simulator.clone(), every, label)
+    fn order(&self) -> (usize, usize, String, Retraining, String) {
+        let simulator = self.simulator();
+        let kind = ["gs", "dials", "marginal-dials", "untrained-dials"].iter().position(|&kind| kind == simulator);
+        let kind = kind.unwrap_or(usize::MAX);
+        (self.overrides.len().min(1), kind, simulator.to_owned(), self.method.retraining, self.label())
     }
 }
 
 /// As the paper names a simulator, with F for DIALS.
-pub fn method_name(simulator: &str, retrain_every: Option<u64>) -> String {
-    match (simulator, retrain_every) {
+pub fn method_name(simulator: &str, retraining: Retraining) -> String {
+    match (simulator, retraining) {
         ("gs", _) => "GS".to_owned(),
-        ("dials", Some(every)) => format!("DIALS F={}", steps_text(every)),
+        ("dials", Retraining::Every(steps)) => format!("DIALS F={}", steps_text(steps)),
+        ("dials", Retraining::Once) => "DIALS once".to_owned(),
+        ("dials", Retraining::Drift) => "DIALS on drift".to_owned(),
         (other, _) => other.replace("dials", "DIALS"),
     }
 }
@@ -83,7 +88,8 @@ pub fn steps_text(steps: u64) -> String {
     let rounded = |unit: f64, decimals: f64| (steps as f64 / unit * decimals).round() / decimals;
     match steps {
         0..1_000 => steps.to_string(),
-        1_000..1_000_000 => format!("{}K", rounded(1e3, 10.0)),
+        1_000..100_000 => format!("{}K", rounded(1e3, 10.0)),
+        100_000..1_000_000 => format!("{}K", rounded(1e3, 1.0)),
         _ => format!("{}M", rounded(1e6, 100.0)),
     }
 }
@@ -97,13 +103,13 @@ pub struct Sorted {
 /// Sorts runs by scenario, method and seed.
 pub fn sort(found: Found) -> Result<Sorted> {
     let mut left_out = found.unreadable;
-    type Methods = BTreeMap<BTreeMap<String, String>, Vec<RunRecord>>;
+    type Methods = BTreeMap<Method, Vec<RunRecord>>;
     let mut scenarios: BTreeMap<Scenario, Methods> = BTreeMap::new();
     for run in found.runs {
         match run.agents() {
             Some(agents) => {
                 let scenario = Scenario::of(&run.config, agents)?;
-                scenarios.entry(scenario).or_default().entry(method(&run.config)).or_default().push(run);
+                scenarios.entry(scenario).or_default().entry(Method::of(&run.config)).or_default().push(run);
             }
             None => left_out.push(LeftOut { dir: run.dir, reason: "not evaluated yet".to_owned() }),
         }
@@ -113,10 +119,10 @@ pub fn sort(found: Found) -> Result<Sorted> {
     for (scenario, methods) in scenarios {
         let plain = plain_slug(&scenario);
         let unique = plain_names.iter().filter(|&name| *name == plain).count() == 1;
-        let told_apart = keys_that_differ(methods.keys());
+        let told_apart = keys_that_differ(methods.keys().map(|method| &method.keys));
         let mut groups: Vec<Group> = methods
             .into_iter()
-            .map(|(method, runs)| group(&method, &told_apart, without_doubles(runs, &mut left_out)))
+            .map(|(method, runs)| group(method, &told_apart, without_doubles(runs, &mut left_out)))
             .collect();
         groups.sort_by_key(Group::order);
         let baselines = found.baselines.iter().filter(|baseline| baseline.scenario == scenario.id()).cloned().collect();
@@ -147,20 +153,16 @@ fn keys_that_differ<'a>(
     differing
 }
 
-fn group(
-    method: &BTreeMap<String, String>,
-    told_apart: &BTreeMap<String, Option<String>>,
-    runs: Vec<RunRecord>,
-) -> Group {
-    const EVERY: &str = "aip.retrain_every_steps";
-    let simulator = simulator(&runs[0].config);
-    let retrain_every = (simulator == "dials").then_some(runs[0].config.aip.retrain_every_steps);
-    let in_the_label = |key: &str| key == "simulator" || (key == EVERY && retrain_every.is_some());
-    let overrides = method.iter().filter(|(key, value)| {
-        !in_the_label(key) && told_apart.get(*key).is_some_and(|common| common.as_ref() != Some(value))
+fn group(method: Method, told_apart: &BTreeMap<String, Option<String>>, runs: Vec<RunRecord>) -> Group {
+    let in_the_name = |key: &str| {
+        let of_retraining = ["aip.retrain", "aip.retrain_every_steps"].contains(&key);
+        key == "simulator" || (method.simulator == "dials" && of_retraining)
+    };
+    let overrides = method.keys.iter().filter(|(key, value)| {
+        !in_the_name(key) && told_apart.get(*key).is_some_and(|common| common.as_ref() != Some(value))
     });
     let overrides = overrides.map(|(key, value)| (key.clone(), value.clone())).collect();
-    Group { simulator, retrain_every, overrides, runs }
+    Group { overrides, method, runs }
 }
 
 /// By seed; of several runs with one seed the one that went furthest stays.
@@ -198,8 +200,8 @@ mod tests {
     #[test]
     fn steps_are_told_as_the_paper_does() {
         assert_eq!(
-            [4_000_000, 500_000, 1_500_000, 150_016, 4_000_128, 128, 0].map(steps_text),
-            ["4M", "500K", "1.5M", "150K", "4M", "128", "0"]
+            [4_000_000, 500_000, 1_500_000, 150_016, 12_500, 4_000_128, 128, 0].map(steps_text),
+            ["4M", "500K", "1.5M", "150K", "12.5K", "4M", "128", "0"]
         );
     }
 }

@@ -5,7 +5,8 @@
 //! - [`scenario`], [`group`]: which runs are comparable, and which differ in nothing but their seed.
 //! - [`statistics`], [`curves`], [`finals`]: what several seeds say together.
 //! - [`paper`]: the paper's numbers, each with its source.
-//! - [`chart`], [`document`], [`csv_file`]: pictures, pages and files; [`pictures`], [`tables`] and [`sections`] fill them.
+//! - [`chart`], [`document`], [`csv_file`]: pictures, pages and files; `pictures`, `tables` and `sections` fill
+//!   them.
 //! - [`compare`]: two groups of runs against each other.
 
 pub mod chart;

@@ -3,7 +3,7 @@
 //!
 //! Returns are not printed there: they were read off its plots, and say so. Runtimes and memory are from its tables.
 
-use super::scenario::Domain;
+use super::scenario::{Domain, Retraining};
 
 /// The sizes of its scenarios, in agents.
 pub const SIZES: [usize; 4] = [4, 25, 49, 100];
@@ -51,8 +51,8 @@ fn column(agents: usize) -> Option<usize> {
 }
 
 /// The curve of a method as far as it was read, in order of steps; empty for what the paper does not have.
-pub fn curve(domain: Domain, agents: usize, simulator: &str, retrain_every: Option<u64>) -> Vec<PaperReturn> {
-    let Some(end) = final_return(domain, agents, simulator, retrain_every) else { return Vec::new() };
+pub fn curve(domain: Domain, agents: usize, simulator: &str, retraining: Retraining) -> Vec<PaperReturn> {
+    let Some(end) = final_return(domain, agents, simulator, retraining) else { return Vec::new() };
     let start = start(domain, agents).map(|mean| PaperReturn::new(0, mean, None));
     let middle = match (domain, agents, simulator) {
         (Domain::Traffic, 4, "dials") => Some(PaperReturn::new(1_000_000, 182.0, None)),
@@ -81,7 +81,7 @@ pub fn hand_coded(domain: Domain, agents: usize) -> Option<f64> {
 }
 
 /// The end of a curve.
-pub fn final_return(domain: Domain, agents: usize, simulator: &str, retrain_every: Option<u64>) -> Option<PaperReturn> {
+pub fn final_return(domain: Domain, agents: usize, simulator: &str, retraining: Retraining) -> Option<PaperReturn> {
     let at_end = |mean, std_error| PaperReturn::new(STEPS, mean, std_error);
     let of_sizes = match (domain, simulator) {
         (Domain::Traffic, "gs") => [
@@ -103,7 +103,7 @@ pub fn final_return(domain: Domain, agents: usize, simulator: &str, retrain_ever
         (Domain::Warehouse, "untrained-dials") => {
             [at_end(4.3, Some(0.6)), at_end(3.8, None), at_end(3.4, None), at_end(3.2, None)]
         }
-        (_, "dials") if retrain_every == Some(best_retraining(domain)) => match domain {
+        (_, "dials") if retraining == Retraining::Every(best_retraining(domain)) => match domain {
             Domain::Traffic => {
                 [at_end(214.0, Some(1.0)), at_end(215.0, None), at_end(213.0, None), at_end(208.5, None)]
             }
@@ -125,7 +125,7 @@ pub struct PaperRuntime {
 
 /// The table "Runtimes for the traffic control environment" or "... warehouse environment", measured on 128 CPUs (AMD
 /// EPYC 7452), one process per agent. Its heading "2 agents" stands over the scenario of 4.
-pub fn runtime(domain: Domain, agents: usize, simulator: &str, retrain_every: Option<u64>) -> Option<PaperRuntime> {
+pub fn runtime(domain: Domain, agents: usize, simulator: &str, retraining: Retraining) -> Option<PaperRuntime> {
     let column = column(agents)?;
     let of_sizes = |hours: [f64; 4]| hours[column];
     let training = |domain| match domain {
@@ -137,7 +137,8 @@ pub fn runtime(domain: Domain, agents: usize, simulator: &str, retrain_every: Op
         (Domain::Warehouse, "gs") => Some(alone(of_sizes([14.84, 97.04, 208.18, 468.46]))),
         (_, "untrained-dials") => Some(alone(training(domain))),
         (_, "dials") => {
-            let (influence, total) = match (domain, retrain_every?) {
+            let Retraining::Every(steps) = retraining else { return None };
+            let (influence, total) = match (domain, steps) {
                 (Domain::Traffic, 100_000) => ([0.66, 3.74, 8.60, 22.38], [2.14, 5.67, 11.30, 26.08]),
                 (Domain::Traffic, 500_000) => ([0.13, 0.75, 1.72, 4.48], [1.61, 2.68, 4.42, 8.18]),
                 (Domain::Traffic, 1_000_000) => ([0.07, 0.37, 0.86, 2.24], [1.55, 2.30, 3.56, 5.94]),
@@ -190,7 +191,7 @@ mod tests {
         for domain in [Domain::Traffic, Domain::Warehouse] {
             for agents in SIZES {
                 for every in [100_000, 500_000, 1_000_000, 4_000_000] {
-                    let hours = runtime(domain, agents, "dials", Some(every)).unwrap();
+                    let hours = runtime(domain, agents, "dials", Retraining::Every(every)).unwrap();
                     let off = hours.total - hours.agents_training - hours.influence.unwrap();
                     // The paper has 4.45 where 2.13 + 1.32 = 3.45.
                     let slip = (domain, agents, every) == (Domain::Warehouse, 4, 100_000);
@@ -205,10 +206,13 @@ mod tests {
 
     #[test]
     fn curves_begin_at_random_weights_and_end_at_the_last_figure() {
-        let curve = curve(Domain::Traffic, 4, "dials", Some(1_000_000));
+        let curve = curve(Domain::Traffic, 4, "dials", Retraining::Every(1_000_000));
         let points: Vec<(u64, f64)> = curve.iter().map(|point| (point.steps, point.mean)).collect();
         assert_eq!(points, [(0, 144.0), (1_000_000, 182.0), (4_000_000, 214.0)]);
-        assert!(super::curve(Domain::Traffic, 4, "dials", Some(100_000)).is_empty(), "no return of it was read");
-        assert!(super::curve(Domain::Traffic, 9, "gs", None).is_empty());
+        assert!(
+            super::curve(Domain::Traffic, 4, "dials", Retraining::Every(100_000)).is_empty(),
+            "no return of it was read"
+        );
+        assert!(super::curve(Domain::Traffic, 9, "gs", Retraining::Never).is_empty());
     }
 }

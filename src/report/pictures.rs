@@ -6,7 +6,7 @@ use super::GridShape;
 use super::chart::{
     Axis, Bar, BarChart, Cell, Cluster, HeatMap, Level, Line, LineChart, LinePoint, Looks, Mark, Panel, Scale, Svg,
 };
-use super::curves::{CurvePoint, LossPoint, learning_curve, loss_curve};
+use super::curves::{CurvePoint, LossData, LossPoint, learning_curve, loss_curve};
 use super::finals::{Final, Runtime};
 use super::group::{Comparison, Group, steps_text};
 use super::paper;
@@ -134,8 +134,8 @@ fn paper_marks(comparison: &Comparison, curves: &[(&Group, Vec<CurvePoint>)], lo
     let mut told = Vec::new();
     let mut marks = Vec::new();
     for (group, _) in curves {
-        let method = (&group.simulator, group.retrain_every);
-        let mut points = paper::curve(scenario.domain, scenario.agents, &group.simulator, group.retrain_every);
+        let method = (group.simulator(), group.method.retraining);
+        let mut points = paper::curve(scenario.domain, scenario.agents, group.simulator(), group.method.retraining);
         points.retain(|point| point.steps as f64 <= 1.02 * last as f64);
         if points.iter().any(|point| point.steps > 0) && !told.contains(&method) {
             told.push(method);
@@ -151,20 +151,20 @@ fn paper_marks(comparison: &Comparison, curves: &[(&Group, Vec<CurvePoint>)], lo
 
 /// The cross-entropy of the AIPs of a scenario; none where no AIP was trained.
 pub fn cross_entropy(comparison: &Comparison, looks: &Looks) -> Result<Option<Svg>> {
-    let trained = comparison.groups.iter().filter(|group| group.simulator != "untrained-dials");
-    let curves: Vec<(&Group, Vec<LossPoint>)> = trained
+    let trained = comparison.groups.iter().filter(|group| group.simulator() != "untrained-dials");
+    let curves: Vec<(&Group, LossData, Vec<LossPoint>)> = trained
         .map(|group| {
-            let mut points = loss_curve(group);
+            let (data, mut points) = loss_curve(group);
             // Untrained AIPs are so far off that nothing else could be seen.
-            points.retain(|point| point.steps > 0 || point.trained == Some(true));
-            (group, points)
+            points.retain(|point| point.steps > 0 || point.after_training);
+            (group, data, points)
         })
-        .filter(|(_, points)| !points.is_empty())
+        .filter(|(_, _, points)| !points.is_empty())
         .collect();
     if curves.is_empty() {
         return Ok(None);
     }
-    let lines = curves.iter().map(|(group, points)| Line {
+    let lines = curves.iter().map(|(group, _, points)| Line {
         label: label_with_runs(group),
         look: looks.of(&group.label()),
         points: points
@@ -177,11 +177,18 @@ pub fn cross_entropy(comparison: &Comparison, looks: &Looks) -> Result<Option<Sv
                 whole: true,
             })
             .collect(),
-        companion: points.iter().filter_map(|point| Some((point.steps as f64, point.marginals?))).collect(),
+        companion: points.iter().map(|point| (point.steps as f64, point.marginals)).collect(),
     });
     let runs = comparison.groups.iter().flat_map(|group| &group.runs);
     let evaluated = runs.filter_map(|run| Some(run.evaluations.last()?.steps));
-    let fresh = curves.iter().any(|(_, points)| points.iter().any(|point| point.trained.is_none()));
+    let (fresh, held_out) =
+        ("on fresh GS episodes at evaluations", "on held-out episodes, before and after each training");
+    let of = |data| curves.iter().any(|(_, of, _)| *of == data);
+    let note = match (of(LossData::Fresh), of(LossData::HeldOut)) {
+        (true, false) => fresh.to_owned(),
+        (false, _) => held_out.to_owned(),
+        (true, true) => format!("{fresh}, and where that was not measured {held_out}"),
+    };
     let chart = LineChart {
         title: title(comparison),
         x: steps_axis(),
@@ -191,11 +198,7 @@ pub fn cross_entropy(comparison: &Comparison, looks: &Looks) -> Result<Option<Sv
         levels: Vec::new(),
         marks: Vec::new(),
         x_end: evaluated.max().unwrap_or(0) as f64,
-        note: match fresh {
-            true => "on fresh GS data at each evaluation",
-            false => "on held-out episodes, before and after each training",
-        }
-        .to_owned(),
+        note,
     };
     chart.draw().map(Some)
 }
@@ -205,7 +208,7 @@ pub fn final_bars(domain: Domain, comparisons: &[&Comparison], looks: &Looks) ->
     let clusters = clusters(comparisons, |comparison, group| {
         let end = Final::of(group)?;
         let scenario = &comparison.scenario;
-        let paper = paper::final_return(domain, scenario.agents, &group.simulator, group.retrain_every);
+        let paper = paper::final_return(domain, scenario.agents, group.simulator(), group.method.retraining);
         Some(Bar {
             label: group.label(),
             look: looks.of(&group.label()),
@@ -233,7 +236,7 @@ pub fn runtime_bars(domain: Domain, comparisons: &[&Comparison], looks: &Looks) 
     let (unit, seconds) = time_unit(longest);
     let clusters = clusters(comparisons, |comparison, group| {
         let time = Runtime::of(group)?;
-        let paper = paper::runtime(domain, comparison.scenario.agents, &group.simulator, group.retrain_every);
+        let paper = paper::runtime(domain, comparison.scenario.agents, group.simulator(), group.method.retraining);
         let ends = |error: f64| ((time.total_s - error) / seconds, (time.total_s + error) / seconds);
         Some(Bar {
             label: group.label(),

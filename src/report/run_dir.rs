@@ -64,12 +64,15 @@ pub struct AipTraining {
     pub marginals: f64,
 }
 
-/// Cross-entropy in nats, the mean of all agents and sources, on GS data that no AIP was trained on.
+/// Cross-entropy in nats, the mean of all agents and sources, on GS episodes that no AIP was trained on.
 #[derive(Clone, Copy, Debug)]
 pub struct FreshLoss {
     pub steps: u64,
-    pub cross_entropy: f64,
-    pub marginals: Option<f64>,
+    /// Whether the AIPs have just been trained here, or are as they were.
+    pub after_training: bool,
+    pub loss: f64,
+    /// Of the best constant.
+    pub marginals: f64,
 }
 
 /// Wall seconds since the run began, at the end of a period.
@@ -138,7 +141,7 @@ impl RunRecord {
             about: read_about(&dir.join(files::RUN))?,
             evaluations: read_evaluations(&CsvTable::read(&dir.join(files::RETURNS))?)?,
             aip_trainings: read_aip_trainings(&CsvTable::read(&dir.join(files::AIP_LOSS))?)?,
-            fresh_losses: read_fresh_losses(dir)?,
+            fresh_losses: read_fresh_losses(&CsvTable::read(&dir.join(AIP_DRIFT))?)?,
             periods: read_periods(&timing)?,
             memory: read_memory(&CsvTable::read(&dir.join(files::MEMORY))?)?,
             workers: timing.lines().filter_map(|line| line.text("worker")?.parse::<usize>().ok()).max().unwrap_or(0)
@@ -250,23 +253,19 @@ fn read_aip_trainings(table: &CsvTable) -> Result<Vec<AipTraining>> {
     trainings.collect()
 }
 
-/// The file of the run that has a column `cross_entropy`.
-fn read_fresh_losses(dir: &Path) -> Result<Vec<FreshLoss>> {
-    const LOSS: &str = "cross_entropy";
-    let mut paths: Vec<PathBuf> = std::fs::read_dir(dir)?.map(|entry| Ok(entry?.path())).collect::<Result<_>>()?;
-    paths.retain(|path| path.extension().is_some_and(|extension| extension == "csv"));
-    paths.sort();
-    for path in paths {
-        let table = CsvTable::read(&path)?;
-        if table.has(LOSS) {
-            let losses = table.lines().filter(|&line| of_all_sources(line)).map(|line| {
-                let (steps, cross_entropy) = (line.steps()?, line.required(LOSS)?);
-                Ok(FreshLoss { steps, cross_entropy, marginals: line.number("marginals")? })
-            });
-            return losses.collect();
-        }
-    }
-    Ok(Vec::new())
+/// The losses on fresh episodes, where the run measured them.
+const AIP_DRIFT: &str = "aip_drift.csv";
+
+fn read_fresh_losses(table: &CsvTable) -> Result<Vec<FreshLoss>> {
+    let losses = table.lines().filter(|&line| of_all_sources(line)).map(|line| {
+        Ok(FreshLoss {
+            steps: line.steps()?,
+            after_training: line.text("after") == Some("training"),
+            loss: line.required("loss")?,
+            marginals: line.required("marginals")?,
+        })
+    });
+    losses.collect()
 }
 
 /// The phases of `timing.csv` that are no training of policies. A file that lacks one of them spent no time there.

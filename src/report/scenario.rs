@@ -79,15 +79,32 @@ pub fn simulator(config: &Config) -> String {
     value.as_str().expect("a word").to_owned()
 }
 
-/// The keys of a config that make a method, as text: all but the seed, where it stops, the scenario, and what its
-/// simulator does not look at.
-pub fn method(config: &Config) -> BTreeMap<String, String> {
-    let table = Table::try_from(config).expect("a config is a table");
-    let mut keys = BTreeMap::new();
-    flatten("", &table, &mut keys);
-    let simulator = simulator(config);
-    keys.retain(|key, _| !is_no_method(key) && !is_idle(&simulator, key));
-    keys
+/// What makes a method.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Method {
+    /// As configs name it.
+    pub simulator: String,
+    pub retraining: Retraining,
+    /// The keys of the config, as text: all but the seed, where it stops, the scenario, and what changes nothing.
+    pub keys: BTreeMap<String, String>,
+}
+
+impl Method {
+    pub fn of(config: &Config) -> Method {
+        let table = Table::try_from(config).expect("a config is a table");
+        let mut keys = BTreeMap::new();
+        flatten("", &table, &mut keys);
+        Method::of_keys(simulator(config), keys)
+    }
+
+    fn of_keys(simulator: String, mut keys: BTreeMap<String, String>) -> Method {
+        let retraining = match simulator.as_str() {
+            "gs" | "untrained-dials" => Retraining::Never,
+            _ => Retraining::of(&keys),
+        };
+        keys.retain(|key, _| !is_no_method(key) && !is_idle(&simulator, &retraining, key));
+        Method { simulator, retraining, keys }
+    }
 }
 
 fn flatten(prefix: &str, table: &Table, keys: &mut BTreeMap<String, String>) {
@@ -101,21 +118,51 @@ fn flatten(prefix: &str, table: &Table, keys: &mut BTreeMap<String, String>) {
     }
 }
 
+/// What changes nothing in the learning.
 fn is_no_method(key: &str) -> bool {
-    ["seed", "stop_at_steps", "traffic.network", "traffic.local_network"].contains(&key)
+    let keys = ["seed", "stop_at_steps", "traffic.network", "traffic.local_network", "evaluation.aip_loss_episodes"];
+    keys.contains(&key) || key.starts_with("logging.")
 }
 
-/// Keys that change nothing with this simulator.
-fn is_idle(simulator: &str, key: &str) -> bool {
-    let training_of_aips = key.starts_with("aip.") && !["aip.hidden", "aip.recurrent"].contains(&key);
-    match simulator {
-        "gs" => {
-            key.starts_with("aip.")
-                || key.starts_with("local_simulators.")
-                || ["traffic.d_set", "traffic.entry"].contains(&key)
-        }
-        "untrained-dials" => training_of_aips,
+/// Keys that change nothing with this simulator, or with this way of training the AIPs again.
+fn is_idle(simulator: &str, retraining: &Retraining, key: &str) -> bool {
+    let Some(of_aips) = key.strip_prefix("aip.") else {
+        let of_local_simulators =
+            key.starts_with("local_simulators.") || ["traffic.d_set", "traffic.entry"].contains(&key);
+        return simulator == "gs" && of_local_simulators;
+    };
+    match (simulator, of_aips) {
+        ("gs", _) => true,
+        ("untrained-dials", of_aips) => !["hidden", "recurrent"].contains(&of_aips),
+        ("marginal-dials", "hidden" | "recurrent" | "learning_rate" | "batch" | "epochs") => true,
+        (_, "retrain_every_steps") => !matches!(retraining, Retraining::Every(_)),
+        (_, "drift_threshold") => *retraining != Retraining::Drift,
         _ => false,
+    }
+}
+
+/// When AIPs are trained again after step 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Retraining {
+    /// There is no training of AIPs at all.
+    Never,
+    /// Every F timesteps per agent, as in the paper.
+    Every(u64),
+    Once,
+    /// When their loss has grown.
+    Drift,
+}
+
+impl Retraining {
+    /// As the keys of a config say.
+    fn of(keys: &BTreeMap<String, String>) -> Self {
+        match keys.get("aip.retrain").map(String::as_str) {
+            Some("once") => Retraining::Once,
+            Some("drift") => Retraining::Drift,
+            _ => {
+                Retraining::Every(keys.get("aip.retrain_every_steps").and_then(|every| every.parse().ok()).unwrap_or(0))
+            }
+        }
     }
 }
 
@@ -129,16 +176,31 @@ mod tests {
 
     #[test]
     fn seeds_and_stops_are_no_methods_and_neither_is_what_a_simulator_ignores() {
-        let base = method(&config("seed = 1\n[warehouse]\nagents_per_side = 2"));
-        let other = method(&config("seed = 2\nstop_at_steps = 500\n[warehouse]\nagents_per_side = 2"));
+        let base = Method::of(&config("seed = 1\n[warehouse]\nagents_per_side = 2"));
+        let other = Method::of(&config("seed = 2\nstop_at_steps = 500\n[warehouse]\nagents_per_side = 2"));
         assert_eq!(base, other);
-        assert_eq!(base["aip.retrain_every_steps"], "1000000");
+        assert_eq!((base.simulator.as_str(), base.retraining), ("dials", Retraining::Every(1_000_000)));
         let gs = |epochs| {
-            method(&config(&format!("simulator = 'gs'\naip.epochs = {epochs}\n[warehouse]\nagents_per_side = 2")))
+            let aip = format!("aip = {{ epochs = {epochs}, retrain_every_steps = {epochs}000 }}");
+            Method::of(&config(&format!("simulator = 'gs'\n{aip}\n[warehouse]\nagents_per_side = 2")))
         };
         assert_eq!(gs(1), gs(2));
-        let clip = method(&config("ppo.clip = 0.2\n[warehouse]\nagents_per_side = 2"));
+        let clip = Method::of(&config("ppo.clip = 0.2\n[warehouse]\nagents_per_side = 2"));
         assert_ne!(base, clip);
+    }
+
+    #[test]
+    fn f_matters_only_where_aips_are_trained_every_f_steps() {
+        let method = |retrain: &str, every: &str| {
+            let keys = [("aip.retrain", retrain), ("aip.retrain_every_steps", every), ("aip.drift_threshold", "3.0")];
+            Method::of_keys("dials".to_owned(), keys.map(|(key, value)| (key.to_owned(), value.to_owned())).into())
+        };
+        assert_eq!(method("once", "100"), method("once", "200"));
+        assert_eq!(method("drift", "100"), method("drift", "200"));
+        assert_ne!(method("every", "100"), method("every", "200"));
+        assert_eq!(method("every", "100").retraining, Retraining::Every(100));
+        assert!(!method("once", "100").keys.contains_key("aip.drift_threshold"));
+        assert!(method("drift", "100").keys.contains_key("aip.drift_threshold"));
     }
 
     #[test]

@@ -73,8 +73,8 @@ fn label_order(comparisons: &[Comparison]) -> Vec<String> {
     let mut groups: Vec<_> = comparisons.iter().flat_map(|comparison| &comparison.groups).collect();
     let kind = |simulator: &str| ["dials", "gs", "untrained-dials"].iter().position(|&kind| kind == simulator);
     groups.sort_by_key(|group| {
-        let place = kind(&group.simulator).unwrap_or(usize::MAX);
-        (group.overrides.len().min(1), place, group.retrain_every, group.label())
+        let place = kind(group.simulator()).unwrap_or(usize::MAX);
+        (group.overrides.len().min(1), place, group.method.retraining, group.label())
     });
     groups.into_iter().map(|group| group.label()).collect()
 }

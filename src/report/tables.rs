@@ -8,7 +8,7 @@ use super::group::{Comparison, Group, method_name, steps_text};
 use super::paper::{self, PaperRuntime};
 use super::pictures::comparable;
 use super::run_dir::{Memory, Status};
-use super::scenario::Domain;
+use super::scenario::{Domain, Retraining};
 use super::words::{figure, hours, interval, signed, with_error};
 
 const NOTHING: &str = "-";
@@ -24,7 +24,7 @@ pub fn finals(comparison: &Comparison) -> Table {
     let mut rows = Vec::new();
     for group in &comparison.groups {
         let Some(end) = Final::of(group) else { continue };
-        let paper = paper::final_return(domain, agents, &group.simulator, group.retrain_every);
+        let paper = paper::final_return(domain, agents, group.simulator(), group.method.retraining);
         let difference = paper.filter(|paper| comparable(end.steps, paper.steps)).map(|paper| {
             let difference = end.returns.mean - paper.mean;
             let error = end.returns.std_error.unwrap_or(0.0).hypot(paper.std_error.unwrap_or(0.0));
@@ -39,7 +39,7 @@ pub fn finals(comparison: &Comparison) -> Table {
             end.returns.runs.to_string(),
             format!("{}{unfinished}", steps_text(end.steps)),
             with_error(end.returns.mean, end.returns.std_error),
-            interval(end.returns.interval),
+            interval(end.returns.interval, end.returns.mean),
             figure(end.median_run),
             figure(end.median_agent),
             format!("{} of {}", end.stuck.len(), end.agents),
@@ -139,12 +139,12 @@ fn stuck_agents(stuck: &[AgentAt]) -> String {
 }
 
 /// A method that a row of the runtime table stands for.
-type Method = (String, Option<u64>, String);
+type Row = (String, Retraining, String);
 
 /// Runtimes of a domain in the paper's layout: agents training, influence, total, each by the number of agents.
 pub fn runtimes(domain: Domain, comparisons: &[&Comparison]) -> Table {
     let sizes = sizes(comparisons);
-    let rows = runtime_rows(comparisons).into_iter().map(|(simulator, every, label)| {
+    let rows = runtime_rows(comparisons).into_iter().map(|(simulator, retraining, label)| {
         let cells = |ours: fn(&Runtime) -> Option<f64>, theirs: fn(&PaperRuntime) -> Option<f64>| {
             let cell = |&agents: &usize| {
                 let time = group_of(comparisons, agents, &label).and_then(Runtime::of);
@@ -153,8 +153,8 @@ pub fn runtimes(domain: Domain, comparisons: &[&Comparison]) -> Table {
                     .as_ref()
                     .and_then(ours)
                     .map(|seconds| format!("{}{}", hours(seconds), if short { "*" } else { "" }));
-                let plain = label == method_name(&simulator, every);
-                let paper = paper::runtime(domain, agents, &simulator, every).filter(|_| plain);
+                let plain = label == method_name(&simulator, retraining);
+                let paper = paper::runtime(domain, agents, &simulator, retraining).filter(|_| plain);
                 beside(time, paper.as_ref().and_then(theirs).map(|hours| format!("{hours:.2}")))
             };
             sizes.iter().map(cell).collect::<Vec<_>>()
@@ -192,21 +192,21 @@ fn machines(comparisons: &[&Comparison]) -> String {
 }
 
 /// The paper's rows in its order, with ours among them.
-fn runtime_rows(comparisons: &[&Comparison]) -> Vec<Method> {
+fn runtime_rows(comparisons: &[&Comparison]) -> Vec<Row> {
     let paper = [
-        ("gs", None),
-        ("dials", Some(100_000)),
-        ("dials", Some(500_000)),
-        ("dials", Some(1_000_000)),
-        ("dials", Some(4_000_000)),
-        ("untrained-dials", None),
+        ("gs", Retraining::Never),
+        ("dials", Retraining::Every(100_000)),
+        ("dials", Retraining::Every(500_000)),
+        ("dials", Retraining::Every(1_000_000)),
+        ("dials", Retraining::Every(4_000_000)),
+        ("untrained-dials", Retraining::Never),
     ];
-    let mut rows: Vec<Method> = paper
+    let mut rows: Vec<Row> = paper
         .into_iter()
-        .map(|(simulator, every)| (simulator.to_owned(), every, method_name(simulator, every)))
+        .map(|(simulator, retraining)| (simulator.to_owned(), retraining, method_name(simulator, retraining)))
         .collect();
     for group in comparisons.iter().flat_map(|comparison| &comparison.groups) {
-        let row = (group.simulator.clone(), group.retrain_every, group.label());
+        let row = (group.simulator().to_owned(), group.method.retraining, group.label());
         if !rows.contains(&row) {
             rows.push(row);
         }
@@ -238,7 +238,7 @@ pub fn memory(domain: Domain, comparisons: &[&Comparison]) -> Table {
     let sizes = sizes(comparisons);
     let ours = |agents: usize, simulator: &str| -> Option<Memory> {
         let of_size = comparisons.iter().filter(|comparison| comparison.scenario.agents == agents);
-        let groups = of_size.flat_map(|comparison| &comparison.groups).filter(|group| group.simulator == simulator);
+        let groups = of_size.flat_map(|comparison| &comparison.groups).filter(|group| group.simulator() == simulator);
         groups.filter_map(peak_memory).max_by(|a, b| a.total_mb.total_cmp(&b.total_mb))
     };
     let megabytes = |value: f64| format!("{value:.1}");

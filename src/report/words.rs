@@ -28,9 +28,10 @@ pub fn with_error(mean: f64, std_error: Option<f64>) -> String {
     std_error.map_or(figure(mean), |error| format!("{} ± {}", figure(mean), figure_like(error, mean)))
 }
 
-/// `[215.1, 219.7]`
-pub fn interval(interval: Option<Interval>) -> String {
-    interval.map_or("-".to_owned(), |Interval { low, high }| format!("[{}, {}]", figure(low), figure_like(high, low)))
+/// `[215.1, 219.7]`, with as many decimals as `like` has as a return.
+pub fn interval(interval: Option<Interval>, like: f64) -> String {
+    let ends = |Interval { low, high }| format!("[{}, {}]", figure_like(low, like), figure_like(high, like));
+    interval.map_or("-".to_owned(), ends)
 }
 
 /// Hours with two significant decimals where there are few of them.
