@@ -67,8 +67,9 @@ fn the_costs_of_the_parts_add_up_to_the_speed_of_the_whole() {
         assert_eq!(fleets.iter().map(|fleet| fleet["workers"].as_u64().unwrap()).collect::<Vec<_>>(), [1, 2]);
         for fleet in fleets {
             let number = |value: &Value| value.as_f64().unwrap_or_else(|| panic!("no number in {fleet}"));
-            let phases = fleet["training_phases_us"].as_object().unwrap();
-            let of_training: f64 = phases.values().map(number).sum();
+            let phases = fleet["training"]["phases_us"].as_object().unwrap();
+            let in_no_phase = ["other_in_training_us", "idle_in_training_us"].map(|key| number(&fleet[key]));
+            let of_training: f64 = phases.values().map(number).chain(in_no_phase).sum();
             let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-6 * b, "{a} is not {b} in {fleet}");
             near(of_training, number(&fleet["training"]["us"]));
             let activities = ["training", "evaluation", "collection", "aip_training"];

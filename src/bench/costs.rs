@@ -59,6 +59,8 @@ pub struct Cost {
     pub sumo: f64,
     /// Matrix products at the speed of large ones.
     pub products: f64,
+    /// Parts of `ours`, in the order of [`Phase::ALL`].
+    pub phases: [f64; Phase::ALL.len()],
 }
 
 impl Cost {
@@ -70,10 +72,15 @@ impl Cost {
         self.ours / self.floor()
     }
 
+    pub fn phase(&self, phase: Phase) -> f64 {
+        self.phases[phase as usize]
+    }
+
     fn add(&mut self, other: Cost) {
         self.ours += other.ours;
         self.sumo += other.sumo;
         self.products += other.products;
+        self.phases.iter_mut().zip(other.phases).for_each(|(mine, theirs)| *mine += theirs);
     }
 }
 
@@ -81,11 +88,9 @@ impl Cost {
 #[derive(Clone, Debug)]
 pub struct Costs {
     pub workers: usize,
-    /// Of the policies' training, in the order of [`Phase::ALL`].
-    pub phases: [f64; Phase::ALL.len()],
-    /// What is in no phase.
+    /// Of the policies' training: what is in no phase.
     pub other: f64,
-    /// Workers that wait for the slowest one.
+    /// Of the policies' training: workers that wait for the slowest one.
     pub idle: f64,
     /// Messages and files between the orders.
     pub exchange: f64,
@@ -93,9 +98,6 @@ pub struct Costs {
     pub evaluation: Cost,
     pub collection: Cost,
     pub aip_training: Cost,
-    /// Time in the simulators' own steps and in forward and backward passes, in training, evaluation and collection.
-    pub simulator_steps: f64,
-    pub passes: f64,
     /// Steps of the GS per second of wall time while datasets are collected.
     pub gs_steps_per_s: Option<f64>,
     pub pss_kib: u64,
@@ -118,38 +120,36 @@ impl Costs {
         let other = work.max(0.0);
         let busy = training.work - training.phases.spent(Phase::Loading);
         let idle = 1e6 * (workers * training.slowest.as_secs_f64() - busy.as_secs_f64()).max(0.0) / training.units;
-        let step = phases[Phase::SimulatorStep as usize];
         let training_cost = Cost {
             ours: phases.iter().sum::<f64>() + other + idle,
-            sumo: if sumo { step } else { 0.0 },
+            sumo: if sumo { phases[Phase::SimulatorStep as usize] } else { 0.0 },
             products: products(flops.training),
+            phases,
         };
 
         // On the GS: per round, and once per order.
         let on_the_gs = |orders: &Orders, count: f64, episodes: usize| {
             if orders.count == 0 || count == 0.0 {
-                return (Cost::default(), 0.0);
+                return Cost::default();
             }
             let rounds = episodes.div_ceil(measured.workers) as f64;
             let ours = rounds * workers * 1e6 * orders.slowest.as_secs_f64() / orders.units
                 + per_order(orders, Phase::Loading);
-            let steps = per_unit(orders, Phase::SimulatorStep) / workers * episodes as f64;
             let acting = episodes as f64 * amounts.horizon * amounts.agents * flops.acting;
             let share = count / amounts.agent_steps;
-            let cost = Cost {
+            let mut phases = Phase::ALL.map(|phase| per_unit(orders, phase) / workers * episodes as f64 * share);
+            phases[Phase::Loading as usize] = per_order(orders, Phase::Loading) * share;
+            Cost {
                 ours: ours * share,
-                sumo: if sumo { steps * share } else { 0.0 },
+                sumo: if sumo { phases[Phase::SimulatorStep as usize] } else { 0.0 },
                 products: products(acting) * share,
-            };
-            (cost, steps * share)
+                phases,
+            }
         };
-        let (evaluation_cost, evaluation_steps) =
-            on_the_gs(evaluation, amounts.evaluations, amounts.evaluation_episodes);
-        let (collection_cost, collection_steps) =
-            on_the_gs(collection, amounts.retrainings, amounts.collection_episodes);
+        let evaluation_cost = on_the_gs(evaluation, amounts.evaluations, amounts.evaluation_episodes);
+        let collection_cost = on_the_gs(collection, amounts.retrainings, amounts.collection_episodes);
 
         let mut aip_cost = Cost::default();
-        let mut aip_passes = 0.0;
         if aip_training.count > 0 && amounts.retrainings > 0.0 {
             let scale = amounts.retrainings * amounts.retraining_flops / amounts.agent_steps;
             let per_flop = |seconds: f64| 1e6 * seconds / aip_training.units * scale;
@@ -157,9 +157,8 @@ impl Costs {
                 ours: per_flop(workers * aip_training.slowest.as_secs_f64()),
                 sumo: 0.0,
                 products: products(scale),
+                phases: Phase::ALL.map(|phase| per_flop(aip_training.phases.spent(phase).as_secs_f64())),
             };
-            let passes = [Phase::Forward, Phase::Backward].map(|phase| aip_training.phases.spent(phase).as_secs_f64());
-            aip_passes = per_flop(passes.iter().sum());
         }
 
         let exchange = |orders: &Orders, count: f64| {
@@ -175,9 +174,6 @@ impl Costs {
         let rounds_per_s = (collection.count > 0).then(|| collection.units / collection.slowest.as_secs_f64());
         Costs {
             workers: measured.workers,
-            passes: phases[Phase::Forward as usize] + phases[Phase::Backward as usize] + aip_passes,
-            simulator_steps: step + evaluation_steps + collection_steps,
-            phases,
             other,
             idle,
             exchange,
@@ -276,8 +272,8 @@ mod tests {
         near(costs.all().ours, 0.303e6);
         near(costs.agent_steps_per_s(), 2.0 / 0.303);
         // SUMO's step: .02 + .066 + .024; passes: .025 + 2 s of the AIPs' twice in 1000 timesteps.
-        near(costs.simulator_steps, 0.11e6);
-        near(costs.passes, 0.029e6);
+        near(costs.all().phase(Phase::SimulatorStep), 0.11e6);
+        near(costs.all().phase(Phase::Forward) + costs.all().phase(Phase::Backward), 0.029e6);
         // A round of two episodes of 10 steps in 4 s.
         near(costs.gs_steps_per_s.unwrap(), 5.0);
         // 402.7 operations per timestep of training.

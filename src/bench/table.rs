@@ -21,14 +21,14 @@ pub fn text(costs: &[Costs]) -> String {
         line("workers", &|costs| costs.workers.to_string()),
         line("agent-steps/s", &|costs| grouped(costs.agent_steps_per_s())),
         line("agent-steps/s and core", &|costs| grouped(costs.agent_steps_per_s() / costs.workers as f64)),
-        line("inside the simulators' steps", &|costs| percent(costs.simulator_steps, costs)),
-        line("in forward and backward passes", &|costs| percent(costs.passes, costs)),
+        line("inside the simulators' steps", &|costs| percent(costs.all().phase(Phase::SimulatorStep), costs)),
+        line("in forward and backward passes", &|costs| percent(passes(costs), costs)),
         line("memory of all processes", &|costs| format!("{:.0} MB", megabytes(costs.pss_kib))),
         heading("core-microseconds per agent-step"),
     ];
-    for (index, phase) in Phase::ALL.into_iter().enumerate() {
-        if costs.iter().any(|costs| costs.phases[index] > 0.0) {
-            lines.push(us(&format!("  {}", words(phase)), &|costs| costs.phases[index]));
+    for phase in Phase::ALL {
+        if costs.iter().any(|costs| costs.training.phase(phase) > 0.0) {
+            lines.push(us(&format!("  {}", words(phase)), &|costs| costs.training.phase(phase)));
         }
     }
     lines.push(us("  other", &|costs| costs.other));
@@ -69,14 +69,12 @@ pub fn json(costs: &[Costs]) -> Value {
 }
 
 fn object(costs: &Costs) -> Value {
-    let mut phases: Map<String, Value> =
-        Phase::ALL.into_iter().zip(costs.phases).map(|(phase, us)| (phase.name().to_owned(), json!(us))).collect();
-    phases.insert("other".to_owned(), json!(costs.other));
-    phases.insert("idle".to_owned(), json!(costs.idle));
     let cost = |cost: Cost| {
         let (floor, ratio) = (cost.floor(), cost.ratio());
+        let phases = Phase::ALL.map(|phase| (phase.name().to_owned(), json!(cost.phase(phase))));
         json!({
             "us": cost.ours,
+            "phases_us": phases.into_iter().collect::<Map<_, _>>(),
             "sumo_step_us": cost.sumo,
             "products_at_peak_us": cost.products,
             "floor_us": floor,
@@ -91,10 +89,11 @@ fn object(costs: &Costs) -> Value {
         "gs_steps_per_s_in_collection": costs.gs_steps_per_s,
         "memory_mb": megabytes(costs.pss_kib),
         "peak_rss_mb_of_a_process": megabytes(costs.peak_rss_kib),
-        "share_in_simulator_steps": costs.simulator_steps / whole,
-        "share_in_forward_and_backward": costs.passes / whole,
-        "training_phases_us": phases,
+        "share_in_simulator_steps": costs.all().phase(Phase::SimulatorStep) / whole,
+        "share_in_forward_and_backward": passes(costs) / whole,
         "training": cost(costs.training),
+        "other_in_training_us": costs.other,
+        "idle_in_training_us": costs.idle,
         "evaluation": cost(costs.evaluation),
         "collection": cost(costs.collection),
         "aip_training": cost(costs.aip_training),
@@ -113,6 +112,10 @@ fn activities() -> [Part; 4] {
         ("collection", |costs| costs.collection),
         ("AIP training", |costs| costs.aip_training),
     ]
+}
+
+fn passes(costs: &Costs) -> f64 {
+    costs.all().phase(Phase::Forward) + costs.all().phase(Phase::Backward)
 }
 
 fn words(phase: Phase) -> String {

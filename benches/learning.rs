@@ -1,0 +1,184 @@
+//! The hot functions of learning, at the shapes of the shipped configs: `cargo bench --bench learning`.
+//!
+//! Throughputs are agent-steps per second of the function alone. For the speed of a whole run: `dials-traffic bench`.
+
+use std::path::Path;
+
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use dials_traffic::base::{AgentId, Dice, Rows, Seed, Stopwatch};
+use dials_traffic::config::{Config, load};
+use dials_traffic::domain::{RegionSpec, SourceSpec};
+use dials_traffic::influence::{AipStack, InfluencePredictor};
+use dials_traffic::nn::Adam;
+use dials_traffic::policy::{Memory, PolicyStack, Sample, sampling};
+use dials_traffic::training::gae::advantages;
+use dials_traffic::training::ppo::{Decayed, update};
+use rand::Rng;
+
+/// The networks of a domain and how they are trained.
+struct Setting {
+    name: &'static str,
+    config: Config,
+    spec: RegionSpec,
+}
+
+/// Traffic's feed-forward networks and the warehouse's recurrent ones.
+fn settings() -> [Setting; 2] {
+    let config = |name: &str| {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(name);
+        load(&path, &[]).unwrap()
+    };
+    let traffic = SourceSpec::Binary { sources: 4 };
+    let warehouse = SourceSpec::Categorical { sources: 4, classes: 4 };
+    [
+        Setting {
+            name: "traffic",
+            config: config("traffic_4.toml"),
+            spec: RegionSpec { obs_dim: 40, d_set_dim: 40, n_actions: 2, sources: traffic, horizon: 300 },
+        },
+        Setting {
+            name: "warehouse",
+            config: config("warehouse_4.toml"),
+            spec: RegionSpec { obs_dim: 37, d_set_dim: 37, n_actions: 4, sources: warehouse, horizon: 100 },
+        },
+    ]
+}
+
+impl Setting {
+    fn policies(&self, agents: usize) -> PolicyStack {
+        let bias = vec![0.0; self.spec.n_actions];
+        PolicyStack::new(&AgentId::all(agents), &self.spec, &self.config.policy, &bias, Seed::new(1))
+    }
+
+    /// A memory of random decisions.
+    fn memory(&self, agents: usize, dice: &mut Dice) -> Memory {
+        let (capacity, state_width) = (self.config.ppo.memory, self.config.policy.recurrent.unwrap_or(0));
+        let length = self.config.sequence_length();
+        let mut memory = Memory::new(agents, capacity, length, self.spec.obs_dim, state_width);
+        for agent in 0..agents {
+            for slot in 0..capacity {
+                let (obs, state) = (bits(self.spec.obs_dim, dice), numbers(state_width, dice));
+                let action = dice.random_range(0..self.spec.n_actions) as u8;
+                let log_prob = -(self.spec.n_actions as f32).ln();
+                let [value, advantage] = dice.random();
+                let sample = Sample { action, log_prob, value, advantage, ret: value + advantage, start: false };
+                memory.remember(agent, slot, &obs, &state, sample);
+            }
+        }
+        memory
+    }
+}
+
+/// A dice stream per agent.
+fn streams(count: usize) -> Vec<Dice> {
+    AgentId::all(count).into_iter().map(|agent| Seed::new(2).for_agent(agent).dice()).collect()
+}
+
+/// Observations are mostly zeros.
+fn bits(count: usize, dice: &mut Dice) -> Vec<f32> {
+    (0..count).map(|_| f32::from(u8::from(dice.random_bool(0.2)))).collect()
+}
+
+fn numbers(count: usize, dice: &mut Dice) -> Vec<f32> {
+    (0..count).map(|_| dice.random_range(-1.0..1.0)).collect()
+}
+
+fn gae(criterion: &mut Criterion) {
+    let (steps, rows) = (16, 32);
+    let dice = &mut Seed::new(3).dice();
+    let (rewards, values) = (numbers(steps * rows, dice), numbers(steps * rows, dice));
+    let ends: Vec<bool> = (0..steps * rows).map(|_| dice.random_bool(1.0 / 300.0)).collect();
+    let last_values = numbers(rows, dice);
+    let mut group = criterion.benchmark_group("advantages");
+    group.throughput(Throughput::Elements((steps * rows) as u64));
+    group.bench_function("16 steps of 32 rows", |bencher| {
+        bencher.iter(|| advantages(&rewards, &values, &ends, &last_values, 0.99, 0.95));
+    });
+}
+
+fn ppo(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("ppo_update");
+    group.sample_size(20);
+    for setting in settings() {
+        for agents in [1, 4] {
+            let mut policies = setting.policies(agents);
+            let mut adam = Adam::new(policies.parameters());
+            let memory = setting.memory(agents, &mut Seed::new(4).dice());
+            let mut dice = streams(agents);
+            let (config, watch) = (&setting.config.ppo, &mut Stopwatch::default());
+            // So small a rate that the policies stay as they are, however long this runs.
+            let decayed = Decayed { learning_rate: 1e-12, clip: config.clip };
+            group.throughput(Throughput::Elements((agents * config.memory) as u64));
+            group.bench_function(BenchmarkId::new(setting.name, agents), |bencher| {
+                bencher.iter(|| update(&mut policies, &mut adam, &memory, &mut dice, config, decayed, watch));
+            });
+        }
+    }
+}
+
+fn acting(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("acting");
+    group.sample_size(50);
+    for setting in settings() {
+        // A block of local simulators, and all agents of a GS.
+        for (agents, copies) in [(4, 8), (100, 1)] {
+            let policies = setting.policies(agents);
+            let rows = agents * copies;
+            let mut states = policies.states(rows);
+            let obs = Rows::from_vec(bits(rows * setting.spec.obs_dim, &mut Seed::new(5).dice()), setting.spec.obs_dim);
+            let mut dice = streams(rows);
+            let mut log_probs = vec![0.0; setting.spec.n_actions];
+            group.throughput(Throughput::Elements(rows as u64));
+            group.bench_function(BenchmarkId::new(setting.name, format!("{agents} agents x {copies}")), |bencher| {
+                bencher.iter(|| {
+                    let judgement = policies.judge(&obs, &mut states);
+                    let rows = judgement.rows().zip(&mut dice);
+                    rows.fold(0_u64, |sum, ((logits, _), dice)| {
+                        sampling::log_softmax(logits, &mut log_probs);
+                        sum + u64::from(sampling::draw(&log_probs, dice))
+                    })
+                });
+            });
+        }
+    }
+}
+
+fn aip_sampling(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("aip_sampling");
+    group.sample_size(50);
+    for setting in settings() {
+        let (agents, copies) = (4, 8);
+        let rows = agents * copies;
+        let mut aips = AipStack::new(&AgentId::all(agents), &setting.spec, &setting.config.aip, Seed::new(6));
+        aips.begin(rows);
+        let width = setting.spec.d_set_dim;
+        let d_set = Rows::from_vec(bits(rows * width, &mut Seed::new(7).dice()), width);
+        let mut dice = streams(rows);
+        let mut sources = Rows::new(rows, setting.spec.sources.count());
+        group.throughput(Throughput::Elements(rows as u64));
+        group.bench_function(BenchmarkId::new(setting.name, format!("{agents} agents x {copies}")), |bencher| {
+            bencher.iter(|| aips.sample(&d_set, &mut dice, &mut sources));
+        });
+    }
+}
+
+fn adam(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("adam");
+    for setting in settings() {
+        for agents in [1, 4] {
+            let mut policies = setting.policies(agents);
+            let mut adam = Adam::new(policies.parameters());
+            let gradient = vec![1e-3; policies.parameters().width()];
+            group.throughput(Throughput::Elements((agents * gradient.len()) as u64));
+            group.bench_function(BenchmarkId::new(setting.name, agents), |bencher| {
+                bencher.iter(|| {
+                    let learners = policies.learners(&mut adam, 1);
+                    learners.into_iter().for_each(|mut learner| learner.descend(&gradient, 1e-12));
+                });
+            });
+        }
+    }
+}
+
+criterion_group!(benches, gae, ppo, acting, aip_sampling, adam);
+criterion_main!(benches);

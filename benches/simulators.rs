@@ -1,0 +1,134 @@
+//! Steps of the simulators under random actions: `cargo bench --bench simulators`.
+//!
+//! Throughputs are agent-steps per second of the simulator alone, without policies and AIPs. Episodes begin again at their
+//! horizon, so the cars are those of all parts of an episode.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use criterion::{
+    BenchmarkGroup, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main, measurement::WallTime,
+};
+use dials_traffic::base::{AgentId, Dice, Rows, Seed};
+use dials_traffic::config::{Config, load};
+use dials_traffic::domain::{Action, Domain, GlobalSimulator, LocalSimulator, RegionSpec, SourceSpec};
+use dials_traffic::traffic::Traffic;
+use dials_traffic::warehouse::Warehouse;
+use rand::Rng;
+
+/// Arrivals per edge and step, as at the boundary of the paper's grids.
+const ARRIVALS: f64 = 0.1;
+
+fn config(name: &str) -> Config {
+    load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(name), &[]).unwrap()
+}
+
+fn traffic(name: &str) -> Arc<dyn Domain> {
+    let config = config(name);
+    Arc::new(Traffic::open(config.traffic.as_ref().unwrap(), &config.policy).unwrap())
+}
+
+fn warehouse(name: &str) -> Arc<dyn Domain> {
+    Arc::new(Warehouse::new(config(name).warehouse.as_ref().unwrap()))
+}
+
+/// Random actions that keep most lights as they are.
+fn act(spec: &RegionSpec, actions: &mut [Action], dice: &mut Dice) {
+    for action in actions {
+        *action = match spec.sources {
+            SourceSpec::Binary { .. } => Action::from(dice.random_bool(0.1)),
+            SourceSpec::Categorical { .. } => dice.random_range(0..spec.n_actions) as Action,
+        };
+    }
+}
+
+fn influence(spec: &RegionSpec, sources: &mut Rows<u8>, dice: &mut Dice) {
+    for source in sources.as_mut_slice() {
+        *source = match spec.sources {
+            SourceSpec::Binary { .. } => u8::from(dice.random_bool(ARRIVALS)),
+            SourceSpec::Categorical { classes, .. } => dice.random_range(0..classes) as u8,
+        };
+    }
+}
+
+fn local(group: &mut BenchmarkGroup<'_, WallTime>, name: &str, domain: &dyn Domain, rows: usize) {
+    let spec = domain.spec().clone();
+    let mut simulator = domain.local_simulator(&[AgentId(0)], rows, Seed::new(1)).unwrap();
+    let all: Vec<usize> = (0..rows).collect();
+    simulator.reset(&all).unwrap();
+    let (mut actions, mut sources) = (vec![0; rows], Rows::new(rows, spec.sources.count()));
+    let (mut dice, mut steps) = (Seed::new(2).dice(), 0);
+    group.throughput(Throughput::Elements(rows as u64));
+    group.bench_function(BenchmarkId::new(name, rows), |bencher| {
+        bencher.iter(|| step_local(&mut *simulator, &spec, &mut actions, &mut sources, &mut dice, &mut steps));
+    });
+}
+
+/// The rows begin their episodes one after the other.
+fn step_local(
+    simulator: &mut dyn LocalSimulator,
+    spec: &RegionSpec,
+    actions: &mut [Action],
+    sources: &mut Rows<u8>,
+    dice: &mut Dice,
+    steps: &mut usize,
+) {
+    act(spec, actions, dice);
+    influence(spec, sources, dice);
+    simulator.step(actions, sources).unwrap();
+    *steps += 1;
+    let rows = actions.len();
+    let age = |row: usize| *steps + row * spec.horizon / rows;
+    let over: Vec<usize> = (0..rows).filter(|&row| age(row).is_multiple_of(spec.horizon)).collect();
+    simulator.reset(&over).unwrap();
+}
+
+fn global(group: &mut BenchmarkGroup<'_, WallTime>, name: &str, domain: &dyn Domain) {
+    let spec = domain.spec().clone();
+    let mut simulator = domain.global_simulator().unwrap();
+    simulator.reset(Seed::new(1)).unwrap();
+    let mut actions = vec![0; domain.agents()];
+    let (mut dice, mut steps) = (Seed::new(2).dice(), 0);
+    group.throughput(Throughput::Elements(domain.agents() as u64));
+    group.bench_function(BenchmarkId::new(name, domain.agents()), |bencher| {
+        bencher.iter(|| step_global(&mut *simulator, &spec, &mut actions, &mut dice, &mut steps));
+    });
+}
+
+fn step_global(
+    simulator: &mut dyn GlobalSimulator,
+    spec: &RegionSpec,
+    actions: &mut [Action],
+    dice: &mut Dice,
+    steps: &mut usize,
+) {
+    act(spec, actions, dice);
+    simulator.step(actions).unwrap();
+    *steps += 1;
+    if steps.is_multiple_of(spec.horizon) {
+        simulator.reset(Seed::new(1).for_episode(*steps)).unwrap();
+    }
+}
+
+fn simulators(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("local_simulator");
+    group.sample_size(50);
+    for rows in [8, 16, 32, 64] {
+        local(&mut group, "traffic", &*traffic("traffic_4.toml"), rows);
+    }
+    local(&mut group, "warehouse", &*warehouse("warehouse_4.toml"), 32);
+    group.finish();
+
+    let mut group = criterion.benchmark_group("global_simulator");
+    group.sample_size(50);
+    for name in ["traffic_4.toml", "traffic_100.toml"] {
+        global(&mut group, "traffic", &*traffic(name));
+    }
+    for name in ["warehouse_4.toml", "warehouse_100.toml"] {
+        global(&mut group, "warehouse", &*warehouse(name));
+    }
+    group.finish();
+}
+
+criterion_group!(benches, simulators);
+criterion_main!(benches);
