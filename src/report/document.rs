@@ -168,7 +168,8 @@ mod tests {
         let blocks = vec![Block::Table(table), Block::Heading(2, cell.clone()), Block::Paragraph(cell)];
         let document = Document { title: "t".to_owned(), blocks };
         let html = document.to_html();
-        assert!(!html.contains("<b>") && html.matches("&lt;b&gt;|&quot;&amp;").count() == 5, "{html}");
+        // Caption, header, cell, heading, the link to it, paragraph.
+        assert!(!html.contains("<b>") && html.matches("&lt;b&gt;|&quot;&amp;").count() == 6, "{html}");
         assert!(document.to_markdown().contains("| <b>\\|\"& |"));
     }
 }
