@@ -52,7 +52,7 @@ pub fn baseline(args: &cli::Baseline) -> Result<()> {
     };
     if args.tune {
         session.check(&subjects)?;
-        tune_fixed_time(&config, args.tune_episodes as usize, &mut subjects).map_err(Error::Usage)?;
+        tune_fixed_time(&config, args.tune_episodes as usize, &mut subjects)?;
     }
     let findings = session.play(subjects)?;
     if args.compare.is_some() {

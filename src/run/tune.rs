@@ -1,14 +1,16 @@
 //! `--tune`: the best fixed-time lights for a network, looked for once and kept in a file.
 
+use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, bail, ensure};
+use anyhow::{Context, anyhow, ensure};
 
 use super::domain;
 use super::progress::EpisodeBar;
 use super::subject::Subject;
 use super::terminal::tell;
 use crate::config::Config;
+use crate::error::{Error, Result};
 use crate::traffic::controllers::timing_file::{TimingFile, TunedOn};
 use crate::traffic::controllers::tuning;
 use crate::training::files::write_atomically;
@@ -22,7 +24,9 @@ const FIXED_TIME: &str = "fixed-time";
 pub fn tune_fixed_time(config: &Config, episodes: usize, subjects: &mut [Subject]) -> Result<()> {
     let is_fixed_time = |subject: &&mut Subject| **subject == Subject::Controller(FIXED_TIME.to_owned());
     let untuned: Vec<&mut Subject> = subjects.iter_mut().filter(is_fixed_time).collect();
-    ensure!(!untuned.is_empty(), "--tune: tunes {FIXED_TIME}, and that is no controller of this command");
+    if untuned.is_empty() {
+        return Err(Error::Usage(anyhow!("--tune: tunes {FIXED_TIME}, and that is no controller of this command")));
+    }
     let file = tuned_file(config, episodes)?;
     let name = format!("{FIXED_TIME}:file={}", file.display());
     untuned.into_iter().for_each(|subject| *subject = Subject::Controller(name.clone()));
@@ -31,25 +35,33 @@ pub fn tune_fixed_time(config: &Config, episodes: usize, subjects: &mut [Subject
 
 /// The file for this network, horizon and seed: the one that is there already, or a new one.
 fn tuned_file(config: &Config, episodes: usize) -> Result<PathBuf> {
-    let Some(traffic) = domain::traffic(config)? else { bail!("--tune: only traffic lights can be tuned") };
-    let wanted = TunedOn::of(&traffic, episodes, config.seed)?;
+    let Some(traffic) = domain::traffic(config).map_err(Error::Usage)? else {
+        return Err(Error::Usage(anyhow!("--tune: only traffic lights can be tuned")));
+    };
+    let wanted = TunedOn::of(&traffic, episodes, config.seed).map_err(Error::Usage)?;
     let key = crc32fast::hash(format!("{wanted:?}").as_bytes());
     let path = Path::new(FOLDER).join(format!("{}-{key:08x}.toml", wanted.network));
     if path.exists() {
-        let kept = TimingFile::read(&path)?;
-        ensure!(kept.tuned_on == wanted, "{}: says that it was tuned on something else; move it away", path.display());
+        check_kept(&path, &wanted).map_err(Error::Usage)?;
         tell(format_args!("{}: tuned before, and used again", path.display()));
         return Ok(path);
     }
-    std::fs::create_dir_all(FOLDER)?;
+    fs::create_dir_all(FOLDER).with_context(|| format!("{FOLDER}: cannot be made")).map_err(Error::Usage)?;
     let bar = EpisodeBar::new(1);
     let found = tuning::tune(&traffic, episodes, config.seed, &mut |standing| {
         bar.set_length(standing.at_most);
         bar.set(standing.played);
         bar.tell(format_args!("at most, best return {:.1}", standing.best));
-    })?;
+    });
     bar.finish();
-    write_atomically(&path, found.to_toml()?.as_bytes())?;
+    let found = found.map_err(Error::Run)?;
+    found.to_toml().and_then(|text| write_atomically(&path, text.as_bytes())).map_err(Error::Run)?;
     tell(format_args!("{}: tuned on {episodes} episodes, return {:.1}", path.display(), found.mean_return));
     Ok(path)
+}
+
+fn check_kept(path: &Path, wanted: &TunedOn) -> anyhow::Result<()> {
+    let kept = TimingFile::read(path)?;
+    ensure!(kept.tuned_on == *wanted, "{}: says that it was tuned on something else; move it away", path.display());
+    Ok(())
 }

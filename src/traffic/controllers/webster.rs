@@ -84,12 +84,12 @@ mod tests {
         };
         // Y = 0.3 + 0.2: C = 14 / 0.5 = 28, of which 22 are green: 13.2 and 8.8.
         assert_eq!(timing([0.2, 0.3, 0.1, 0.0]), (13, 9));
-        // Y = 0.22 + 0.22: C = 14 / 0.56 = 25, greens of 9.5.
-        assert_eq!(timing([0.22; 4]), (10, 10));
+        // Y = 0.23 + 0.23: C = 14 / 0.54 = 25.93, greens of 9.96.
+        assert_eq!(timing([0.23; 4]), (10, 10));
         // Without cars C = 14, greens of 4.
         assert_eq!(timing([0.0; 4]), (4, 4));
-        // Beyond saturation 120 s, 114 of them green, 3 : 1.
-        assert_eq!(timing([0.0, 0.9, 0.3, 0.0]), (86, 29));
+        // Beyond saturation 120 s, 114 of them green, 2 : 1.
+        assert_eq!(timing([0.0, 0.8, 0.4, 0.0]), (76, 38));
         // A road without cars still gets its step.
         assert_eq!(timing([0.0, 0.5, 0.0, 0.0]), (22, 1));
     }
