@@ -278,6 +278,25 @@ fn an_inserted_car_is_where_it_was_put_after_one_step_under_its_serial() {
 }
 
 #[test]
+fn a_departure_tells_all_that_it_takes_to_let_the_same_car_enter_again() {
+    let mut simulation = Simulation::load(&options_with("road.net.xml", "named.rou.xml", &[])).unwrap();
+    assert_eq!(simulation.departures().unwrap(), [], "nothing has entered before the first step");
+    simulation.step().unwrap();
+    let mut cars = simulation.departures().unwrap();
+    cars.sort_by(|a, b| a.name.cmp(&b.name));
+    let told: Vec<(&str, f64)> = cars.iter().map(|car| (car.name.as_str(), car.position_m)).collect();
+    assert_eq!(told, [("007", 80.0), ("9223372036854775808", 40.0), ("fo", 60.0)]);
+    for car in &cars {
+        assert_eq!((car.vehicle_type.as_str(), car.route.as_str(), car.lane), ("car", "eastward", 0));
+        assert_eq!(car.edges, ["west_in", "east_out"]);
+        assert_eq!((car.speed_mps, car.speed_factor), (0.0, 1.0));
+    }
+    assert_eq!(cars[0].id, CarId(7));
+    simulation.step().unwrap();
+    assert_eq!(simulation.departures().unwrap(), []);
+}
+
+#[test]
 fn a_car_with_a_name_has_the_hash_of_its_name_with_the_top_bit_set() {
     let mut simulation = Simulation::load(&options_with("road.net.xml", "named.rou.xml", &[])).unwrap();
     let lanes = simulation.register_lanes(&names(&["west_in_0"])).unwrap();

@@ -63,8 +63,7 @@ pub fn space_time(recording: &Recording, row: usize, about: &About) -> Result<St
             area.draw_text(&grid.light(agent), &style, (place.0 - x + px(8), place.1 - y))?;
         }
         draw_axes(&mut chart, "distance from the west end (m)", 8, true)?;
-        for mut places in trajectories.into_values() {
-            places.sort_by(|a, b| a.0.total_cmp(&b.0));
+        for places in trajectories.into_values() {
             chart.draw_series(LineSeries::new(places, line(INK, 1)))?;
         }
         let letter = Side::West.link_index();
