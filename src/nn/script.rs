@@ -1,12 +1,14 @@
 //! Stacks as TorchScript: a file that PyTorch and its C++ library open without this program.
 
+use std::ops::Range;
 use std::path::Path;
 
 use anyhow::{Context, Result};
 use tch::{CModule, Device, Kind, Tensor};
 
 use super::Net;
-use super::gru::{BLOCKS, INPUT, INPUT_BIAS, STATE, STATE_BIAS};
+use super::gru::{INPUT, INPUT_BIAS, STATE, STATE_BIAS};
+use super::network::first_layer;
 
 /// Writes the networks of all agents as one module, parameters included.
 ///
@@ -19,11 +21,12 @@ pub fn write_script(net: &Net, path: &Path) -> Result<()> {
     // Their values do not matter: the operations on them are written down.
     let table = |width: usize| Tensor::zeros(&[agents, 2, width as i64], (Kind::Float, Device::Cpu));
     let arguments: Vec<Tensor> = [shape.inputs].into_iter().chain(shape.recurrent).map(table).collect();
+    let stack = Stack::of(net);
     let mut forward = |arguments: &[Tensor]| match arguments {
-        [inputs] => vec![layers(net, inputs)],
+        [inputs] => vec![stack.layers(inputs)],
         [inputs, states] => {
-            let states = gru_step(net, inputs, states);
-            vec![Tensor::cat(&[layers(net, &states), states], 2)]
+            let states = stack.gru_step(inputs, states);
+            vec![Tensor::cat(&[stack.layers(&states), states], 2)]
         }
         _ => unreachable!("the arguments are inputs and perhaps states"),
     };
@@ -31,32 +34,54 @@ pub fn write_script(net: &Net, path: &Path) -> Result<()> {
     module.save(path).with_context(|| format!("{}: cannot be written", path.display()))
 }
 
-/// `bias + inputs x weight` for every agent.
-fn affine(net: &Net, inputs: &Tensor, weight: usize, bias: usize) -> Tensor {
-    let block = |block: usize| {
+/// The networks as tensors. They are made before anything is traced: of a tensor that is made meanwhile the module would
+/// remember the making, and not the values.
+struct Stack {
+    /// Weights and biases in the order of the layout, `[agents, ...]`.
+    blocks: Vec<Tensor>,
+    first_layer: usize,
+    hidden: usize,
+}
+
+impl Stack {
+    fn of(net: &Net) -> Stack {
         let parameters = net.parameters();
-        let (shape, place) = parameters.layout().block(block, parameters.agents());
-        let values: Vec<f32> = parameters.values().iter().flat_map(|row| &row[place.clone()]).copied().collect();
-        Tensor::of_slice(&values).view(shape.iter().map(|&n| n as i64).collect::<Vec<_>>().as_slice())
-    };
-    block(bias).baddbmm(inputs, &block(weight), 1, 1)
-}
-
-/// The state after one step; the same arithmetic as [`super::gru::forward`].
-fn gru_step(net: &Net, inputs: &Tensor, state: &Tensor) -> Tensor {
-    let from_inputs = affine(net, inputs, INPUT, INPUT_BIAS).chunk(3, 2); // r, z, n: [agents, batch, hidden] each
-    let from_state = affine(net, state, STATE, STATE_BIAS).chunk(3, 2);
-    let r = (&from_inputs[0] + &from_state[0]).sigmoid();
-    let z = (&from_inputs[1] + &from_state[1]).sigmoid();
-    let n = (&from_inputs[2] + r * &from_state[2]).tanh();
-    &n + z * (state - &n)
-}
-
-fn layers(net: &Net, inputs: &Tensor) -> Tensor {
-    let (first, hidden) = (if net.shape().recurrent.is_some() { BLOCKS } else { 0 }, net.shape().hidden.len());
-    let mut values = inputs.shallow_clone();
-    for layer in 0..hidden {
-        values = affine(net, &values, first + 2 * layer, first + 2 * layer + 1).relu();
+        let block = |(_, shape, place): (&str, Vec<usize>, Range<usize>)| {
+            let values: Vec<f32> = parameters.values().iter().flat_map(|row| &row[place.clone()]).copied().collect();
+            let shape: Vec<i64> = shape.into_iter().map(|n| n as i64).collect();
+            Tensor::of_slice(&values).view(&shape[..])
+        };
+        Stack {
+            blocks: parameters.layout().blocks(parameters.agents()).map(block).collect(),
+            first_layer: first_layer(net.shape()),
+            hidden: net.shape().hidden.len(),
+        }
     }
-    affine(net, &values, first + 2 * hidden, first + 2 * hidden + 1)
+
+    /// `bias + inputs x weight` for every agent.
+    fn affine(&self, inputs: &Tensor, weight: usize, bias: usize) -> Tensor {
+        self.blocks[bias].baddbmm(inputs, &self.blocks[weight], 1, 1)
+    }
+
+    /// The state after one step; the same arithmetic as [`super::gru::forward`].
+    fn gru_step(&self, inputs: &Tensor, state: &Tensor) -> Tensor {
+        let from_inputs = self.affine(inputs, INPUT, INPUT_BIAS).chunk(3, 2); // r, z, n: [agents, batch, hidden] each
+        let from_state = self.affine(state, STATE, STATE_BIAS).chunk(3, 2);
+        let r = (&from_inputs[0] + &from_state[0]).sigmoid();
+        let z = (&from_inputs[1] + &from_state[1]).sigmoid();
+        let n = (&from_inputs[2] + r * &from_state[2]).tanh();
+        &n + z * (state - &n)
+    }
+
+    fn layers(&self, inputs: &Tensor) -> Tensor {
+        let mut values = inputs.shallow_clone();
+        for layer in 0..=self.hidden {
+            let block = self.first_layer + 2 * layer;
+            values = self.affine(&values, block, block + 1);
+            if layer < self.hidden {
+                values = values.relu();
+            }
+        }
+        values
+    }
 }

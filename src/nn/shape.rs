@@ -103,12 +103,6 @@ impl Layout {
         })
     }
 
-    /// Shape `[agents, ...]` and place within a row of a block.
-    pub(super) fn block(&self, block: usize, agents: usize) -> (Vec<usize>, Range<usize>) {
-        let (_, shape, place) = self.blocks(agents).nth(block).expect("a block of the layout");
-        (shape, place)
-    }
-
     /// Where a block lies within a row.
     pub(super) fn range(&self, block: usize) -> Range<usize> {
         let block = &self.blocks[block];
