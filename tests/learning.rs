@@ -80,9 +80,10 @@ fn the_loss_on_fresh_episodes_is_that_of_the_closed_form() {
     let steps: Vec<u64> = losses.iter().map(|&(steps, _)| steps).collect();
     assert_eq!(steps, [0, 0, 10_112, 15_104, 20_096, 30_080]);
     // The coins copy in the end: H(0.32) = 0.6269 and ln 2 = 0.6931. 40 x 50 x 2 samples: standard error 0.35 / sqrt(4000)
-    // = 0.006.
+    // = 0.006. The best constants lose ln 2 at most, and less where a coin is not quite fair: H(0.58) = 0.6803.
     let (last, constant) = (losses[5].1, marginals[5].1);
-    assert!((last - 0.6269).abs() < 0.025 && (constant - 2_f64.ln()).abs() < 0.005, "{losses:?} {marginals:?}");
+    assert!((last - 0.6269).abs() < 0.025, "{losses:?}");
+    assert!((0.6803..=2_f64.ln()).contains(&constant), "{marginals:?}");
 }
 
 #[test]
