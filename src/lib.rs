@@ -19,7 +19,7 @@
 //!
 //! Rooms, in the order in which they may use each other (a test holds it): [`base`]; [`config`], [`domain`], [`sumo`];
 //! [`nn`]; [`traffic`], [`warehouse`]; [`plot`]; [`influence`], [`policy`]; [`evaluation`]; [`training`]; [`report`],
-//! [`experiment`]; [`processes`], [`bench`]; [`run`] with [`cli`] and [`error`]. Simulators never see a tensor; training
+//! [`experiment`]; [`processes`], [`mod@bench`]; [`run`] with [`cli`] and [`error`]. Simulators never see a tensor; training
 //! never sees a process or SUMO; only [`run`] knows which domain and which fleet were chosen.
 
 pub mod base;

@@ -4,7 +4,7 @@
 //! - [`costs`]: from there to core-microseconds per agent-step of the run that the config describes, with evaluations,
 //!   collections and trainings of the AIPs as often as its schedule has them.
 //! - [`floor`]: the arithmetic that cannot be avoided, counted from the shapes of the networks.
-//! - [`marginals`]: AIPs under which local simulators are as busy as in a run.
+//! - `marginals`: AIPs under which local simulators are as busy as in a run.
 //! - [`table`]: the costs for people and for programs.
 //!
 //! This room does not know which fleet it is given, and keeps nothing of what the agents learn.
