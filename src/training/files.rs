@@ -1,7 +1,8 @@
 //! The files of a run directory: their names, and how they are written so that a kill or a full disk loses nothing.
 
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File, OpenOptions, Permissions};
 use std::io::Write;
+use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
@@ -79,12 +80,18 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
 
 /// As [`write_atomically`], for a `write` that makes the file itself.
 pub fn write_beside(path: &Path, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
-    let beside = path.with_extension("part");
+    let failed = || format!("{}: cannot be written", path.display());
+    // A temporary file is for its owner alone by default; this one is for everyone whom the umask allows.
+    let mut builder = tempfile::Builder::new();
+    let builder = builder.prefix(".new-").permissions(Permissions::from_mode(0o666));
+    let beside = builder.tempfile_in(folder_of(path)).with_context(failed)?.into_temp_path();
     let kept = write(&beside).and_then(|()| Ok(File::open(&beside)?.sync_all()?));
-    let moved = kept.and_then(|()| Ok(fs::rename(&beside, path)?));
-    moved
-        .inspect_err(|_| drop(fs::remove_file(&beside)))
-        .with_context(|| format!("{}: cannot be written", path.display()))
+    kept.and_then(|()| Ok(beside.persist(path)?)).with_context(failed)
+}
+
+/// The folder that a file is in.
+pub fn folder_of(file: &Path) -> &Path {
+    file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 #[cfg(test)]
@@ -107,11 +114,27 @@ mod tests {
 
         let kept = dir.path().join("policies.safetensors");
         write_atomically(&kept, b"good").unwrap();
-        symlink("/dev/full", dir.path().join("policies.part")).unwrap();
-        let error = format!("{:#}", write_atomically(&kept, b"newer").unwrap_err());
+        let write_to_a_full_disk = |beside: &Path| {
+            fs::write(beside, b"new")?;
+            Ok(fs::write("/dev/full", b"er")?)
+        };
+        let error = format!("{:#}", write_beside(&kept, write_to_a_full_disk).unwrap_err());
         assert!(error.contains("policies.safetensors: cannot be written: No space left on device"), "{error}");
         assert_eq!(fs::read(&kept).unwrap(), b"good");
-        assert!(!dir.path().join("policies.part").exists());
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 2, "nothing is left behind");
+    }
+
+    #[test]
+    fn a_file_that_is_written_leaves_its_neighbours_alone() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = |name: &str| dir.path().join(name);
+        fs::write(path("policies.part"), b"precious").unwrap();
+        fs::write(path("plain"), b"").unwrap();
+        write_atomically(&path("policies.pt"), b"new").unwrap();
+        assert_eq!(fs::read(path("policies.part")).unwrap(), b"precious");
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 3);
+        let mode = |name: &str| fs::metadata(path(name)).unwrap().permissions().mode();
+        assert_eq!(mode("policies.pt"), mode("plain"), "and is for everyone whom the umask allows");
     }
 
     #[test]
