@@ -148,7 +148,7 @@ pub struct Baseline {
     #[arg(long, value_name = "NAME,RUN_DIR,...", conflicts_with_all = ["render", "plot"])]
     pub compare: Option<String>,
     /// Let saved policies take the most probable action instead of drawing one
-    #[arg(long, requires = "compare")]
+    #[arg(long, requires = "compare", conflicts_with = "controller")]
     pub greedy: bool,
     /// Look for the best timings of `fixed-time` first; they are kept under tuned/ and used again
     #[arg(long)]

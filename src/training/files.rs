@@ -1,8 +1,7 @@
 //! The files of a run directory: their names, and how they are written so that a kill or a full disk loses nothing.
 
-use std::fs::{self, File, OpenOptions, Permissions};
+use std::fs::{self, File, OpenOptions};
 use std::io::Write;
-use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
@@ -81,12 +80,11 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
 /// As [`write_atomically`], for a `write` that makes the file itself.
 pub fn write_beside(path: &Path, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
     let failed = || format!("{}: cannot be written", path.display());
-    // A temporary file is for its owner alone by default; this one is for everyone whom the umask allows.
-    let mut builder = tempfile::Builder::new();
-    let builder = builder.prefix(".new-").permissions(Permissions::from_mode(0o666));
-    let beside = builder.tempfile_in(folder_of(path)).with_context(failed)?.into_temp_path();
+    // In a folder of its own, where it has its own name: TorchScript's archives keep that.
+    let folder = tempfile::Builder::new().prefix(".new-").tempdir_in(folder_of(path)).with_context(failed)?;
+    let beside = folder.path().join(path.file_name().with_context(failed)?);
     let kept = write(&beside).and_then(|()| Ok(File::open(&beside)?.sync_all()?));
-    kept.and_then(|()| Ok(beside.persist(path)?)).with_context(failed)
+    kept.and_then(|()| Ok(fs::rename(&beside, path)?)).with_context(failed)
 }
 
 /// The folder that a file is in.
@@ -97,7 +95,7 @@ pub fn folder_of(file: &Path) -> &Path {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::os::unix::fs::symlink;
+    use std::os::unix::fs::{PermissionsExt, symlink};
 
     fn line(text: &str) -> Vec<String> {
         vec![text.to_owned()]

@@ -1,4 +1,4 @@
-//! Tuning fixed-time lights on the GS: the [`search`](super::search) with SUMO as the judge.
+//! Tuning fixed-time lights on the GS: the [`search`] with SUMO as the judge.
 
 use std::fs;
 
