@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Installs what dials-traffic needs from Debian 12 and checks the Rust toolchain. Run it as often as you like.
-# Further packages may be named: `./setup.sh xvfb xauth ffmpeg` for everything that `replay --video` can use.
+# Further packages may be named: `./setup.sh xvfb ffmpeg` for everything that `replay --video` can use.
 set -euo pipefail
 
 packages=(

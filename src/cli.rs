@@ -147,6 +147,9 @@ pub struct Baseline {
     /// Several controllers and run directories on the same traffic, and their differences to the first of them
     #[arg(long, value_name = "NAME,RUN_DIR,...", conflicts_with_all = ["render", "plot"])]
     pub compare: Option<String>,
+    /// Let saved policies take the most probable action instead of drawing one
+    #[arg(long, requires = "compare", conflicts_with = "controller")]
+    pub greedy: bool,
     /// Look for the best timings of `fixed-time` first; they are kept under tuned/ and used again
     #[arg(long)]
     pub tune: bool,

@@ -135,12 +135,15 @@ fn policies_are_exported_and_an_existing_file_is_left_alone() {
     assert!(first.starts_with(b"PK"), "an archive, as TorchScript files are");
 
     fs::write(&file, "precious").unwrap();
+    let neighbour = dir.path().join("policies.part");
+    fs::write(&neighbour, "precious, too").unwrap();
     assert_refused(&mut dials_traffic(&args), &["policies.pt: exists already", "--force"]);
     assert_eq!(fs::read(&file).unwrap(), b"precious");
     dials_traffic(&args).arg("--force").assert().success();
+    assert_eq!(fs::read(&neighbour).unwrap(), b"precious, too");
     assert_eq!(fs::metadata(&file).unwrap().len(), first.len() as u64);
     let args = |out: &'static str| ["export", run, "--out", out];
-    assert_refused(&mut dials_traffic(&args("/nowhere/p.pt")), &["/nowhere/p.pt: cannot be written"]);
+    assert_refused(&mut dials_traffic(&args("/nowhere/p.pt")), &["/nowhere/p.pt: there is no directory /nowhere"]);
     assert_refused(&mut dials_traffic(&args("/tmp")), &["/tmp: is a directory"]);
     assert_refused(&mut dials_traffic(&["export", "no/run", "--out", "x"]), &["no/run: not a run directory"]);
 }
@@ -512,7 +515,8 @@ fn controllers_and_runs_are_compared_on_the_same_traffic() {
     let difference = &found["differences"][0];
     assert_eq!((&difference["of"], &difference["less"]), (&"gap-out".into(), &"never".into()));
     let mean = |of: &Value, key: &str| of[key].as_f64().unwrap();
-    let expected = mean(&controllers[1], "mean_return") - mean(&controllers[0], "mean_return");
+    assert_eq!(controllers[1]["return"], controllers[1]["mean_return"]);
+    let expected = mean(&controllers[1], "return") - mean(&controllers[0], "return");
     assert!((mean(&difference["return"], "mean") - expected).abs() < 1e-9);
 
     let lines = read_csv(&csv.join("episodes.csv"));
@@ -538,6 +542,40 @@ fn controllers_and_runs_are_compared_on_the_same_traffic() {
         assert_eq!(alone[key], controllers[2][key], "{key}");
     }
     assert_refused(dials_traffic(&args).args(["--csv", csv.to_str().unwrap()]), &["episodes.csv: exists already"]);
+
+    // Sampled or greedy: the title and the label say which.
+    assert!(table.contains("the same traffic for all, sampled policies\n"), "{table}");
+    let csv = dir.path().join("greedy");
+    let greedy = dials_traffic(&args).args(["--greedy", "--csv", csv.to_str().unwrap()]).assert().success();
+    let table = text(&greedy.get_output().stdout);
+    let label = format!("{run} (greedy)");
+    assert!(table.contains("the same traffic for all, greedy policies\n") && table.contains(&label), "{table}");
+    let lines = read_csv(&csv.join("episodes.csv"));
+    assert_eq!(lines[6]["controller"], label);
+    let args = ["evaluate", run, "--episodes", "3", "--seed", "4", "--json", "--greedy"];
+    let alone: Value = serde_json::from_slice(&dials_traffic(&args).assert().success().get_output().stdout).unwrap();
+    let returns = lines[6..].iter().map(|line| number(line, "return")).sum::<f64>() / 3.0;
+    assert!((returns - mean(&alone, "return")).abs() < 1e-9);
+    dials_traffic(&["baseline", &config, "--controller", "never", "--greedy"]).assert().code(2);
+}
+
+#[test]
+fn a_controller_is_itself_where_a_directory_has_its_name() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = write_config(dir.path(), SHORT);
+    fs::create_dir(dir.path().join("never")).unwrap();
+    let compare = |list: &str| {
+        let mut command = dials_traffic(&["baseline", &config, "--episodes", "2", "--compare", list]);
+        command.current_dir(dir.path());
+        command
+    };
+    let table = text(&compare("never,fixed-time,fixed-time:green=10").assert().success().get_output().stdout);
+    assert!(table.contains("\nless never, episode by episode\n"), "{table}");
+    assert_refused(&mut compare("gap-out,./never"), &["./never: not a run directory"]);
+    // Greens of 10 are what `fixed-time` has anyway.
+    let table = text(&compare("fixed-time,fixed-time:green=10").assert().success().get_output().stdout);
+    let told = "less fixed-time, episode by episode\nno figure differs in any episode\n";
+    assert!(table.ends_with(told), "{table}");
 }
 
 #[test]
@@ -547,6 +585,8 @@ fn a_comparison_refuses_what_cannot_be_compared_before_anything_plays() {
     let compare = |list: &str| dials_traffic(&["baseline", &config, "--compare", list]);
     assert_refused(&mut compare("never,fastest"), &["controller `fastest`: unknown"]);
     assert_refused(&mut compare("never,no/such"), &["no/such: not a run directory"]);
+    assert_refused(&mut compare("never,gap-out,never"), &["--compare: `never` is named twice"]);
+    assert_refused(&mut compare("never,,gap-out"), &["--compare `never,,gap-out`: a name is empty"]);
     compare("never").args(["--controller", "never"]).assert().code(2);
     dials_traffic(&["baseline", &config]).assert().code(2);
     let warehouse = dir.path().join("warehouse.toml");
@@ -556,6 +596,39 @@ fn a_comparison_refuses_what_cannot_be_compared_before_anything_plays() {
     let told =
         ["run: its policies are those of 4 agents with 37 inputs and 4 actions, and here there are 4 with 40 and 2"];
     assert_refused(&mut compare(&format!("never,{}", run.display())), &told);
+    let run = run.to_str().unwrap();
+    let told = ["run: is a run directory and no controller; `evaluate`, `replay` and --compare play it"];
+    assert_refused(&mut dials_traffic(&["baseline", &config, "--controller", run]), &told);
+}
+
+#[test]
+fn places_to_write_to_are_checked_before_anything_plays() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = write_config(dir.path(), SHORT);
+    let command = |words: &str| {
+        let mut command = dials_traffic(&words.split(' ').collect::<Vec<_>>());
+        command.arg(&config).current_dir(dir.path());
+        command
+    };
+    let never = "baseline --controller never";
+    let told = "must not write to the same place";
+    assert_refused(&mut command(&format!("{never} --csv d --plot d")), &["d: --csv and --plot", told]);
+    assert_refused(&mut command(&format!("{never} --csv d/csv --plot ./d")), &["./d: --csv and --plot", told]);
+    let film = "replay --controller never --out x.gif --video x.gif";
+    assert_refused(&mut command(film), &["x.gif: --out and --video", told]);
+
+    // Nobody can make a file in /proc, not even root.
+    let tune = "baseline --controller fixed-time --tune --tune-episodes 1";
+    assert_refused(&mut command(&format!("{tune} --csv /proc")), &["/proc: cannot be written to"]);
+    assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1, "nothing but the config");
+    symlink("/proc", dir.path().join("tuned")).unwrap();
+    assert_refused(&mut command(tune), &["tuned: cannot be written to"]);
+
+    fs::create_dir(dir.path().join("pictures")).unwrap();
+    fs::write(dir.path().join("pictures/episode.gif"), "precious").unwrap();
+    let told = ["pictures: exists already; name another directory with --render"];
+    assert_refused(&mut command(&format!("{never} --render pictures")), &told);
+    assert_eq!(fs::read(dir.path().join("pictures/episode.gif")).unwrap(), b"precious");
 }
 
 #[test]
@@ -574,9 +647,9 @@ fn fixed_time_is_tuned_once_and_the_file_says_on_what() {
         fs::read_dir(dir.path().join("tuned")).unwrap().map(|entry| entry.unwrap().path()).collect();
     let [file] = &files[..] else { panic!("{files:?}") };
     let kept = fs::read_to_string(file).unwrap();
-    for part in
-        ["offsets = [", "network = \"grid_2x2\"", "network_crc32 = ", "horizon = 40", "episodes = 1", "seed = \"1\""]
-    {
+    let parts =
+        ["offsets = [", "network = \"grid_2x2\"", "network_crc32 = ", "horizon = 40", "episodes = 1", "seed = \"1\""];
+    for part in parts.into_iter().chain(["search_version = ", "sumo_version = "]) {
         assert!(kept.contains(part), "`{part}`: {kept}");
     }
     let again = baseline(&tune).assert().success().get_output().clone();
@@ -588,6 +661,8 @@ fn fixed_time_is_tuned_once_and_the_file_says_on_what() {
     fs::write(file, kept.replace("horizon = 40", "horizon = 50")).unwrap();
     assert_refused(&mut baseline(&tune), &["says that it was tuned on something else; move it away"]);
     assert_refused(&mut baseline(&["--controller", "gap-out", "--tune"]), &["--tune: tunes fixed-time"]);
+    let told = ["--tune: looks for all timings of fixed-time; `fixed-time:green=8` has some already"];
+    assert_refused(&mut baseline(&["--controller", "fixed-time:green=8", "--tune"]), &told);
     baseline(&["--controller", "fixed-time", "--tune-episodes", "1"]).assert().code(2);
     let warehouse = dir.path().join("warehouse.toml");
     fs::write(&warehouse, "total_steps = 128\nwarehouse = { agents_per_side = 2 }\n").unwrap();

@@ -2,8 +2,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
+use std::io::Write;
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
-use std::process::Command as Program;
+use std::process::{Command as Program, Stdio};
 use std::sync::{Mutex, PoisonError};
 
 use assert_cmd::Command;
@@ -14,8 +16,10 @@ use dials_traffic::evaluation::{episode_seed, play};
 use dials_traffic::nn::read_stack;
 use dials_traffic::policy::{JointPolicyController, Selection};
 use dials_traffic::traffic::Traffic;
+use dials_traffic::traffic::controllers::NAMES;
 use dials_traffic::traffic::recording::{Recording, Tape};
 use dials_traffic::traffic::replay;
+use dials_traffic::traffic::signals::Light;
 use dials_traffic::training::block::initial_policies;
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
@@ -239,18 +243,50 @@ fn an_agent_is_replayed_in_its_local_simulator_with_the_cars_of_its_aip() {
 #[test]
 fn a_replay_is_the_first_episode_of_the_seed_it_names() {
     let dir = tempfile::tempdir().unwrap();
-    let (config, folder) = (write_config(dir.path(), ""), dir.path().join("replay"));
-    let config = text(&config);
-    dials_traffic(["replay", config, "--controller", "gap-out", "--out", text(&folder), "--episode-seed", "7"])
-        .assert()
-        .success();
-    let output =
-        dials_traffic(["baseline", config, "--controller", "gap-out", "--seed", "7", "--episodes", "1", "--json"])
-            .assert()
-            .success();
-    let found: serde_json::Value = serde_json::from_slice(&output.get_output().stdout).unwrap();
-    let cars = fs::read_to_string(folder.join("replay.rou.xml")).unwrap().matches("<vehicle ").count();
-    assert_eq!(found["departed"].as_f64(), Some(cars as f64));
+    let path = write_config(dir.path(), "");
+    let config = load(&path, &[]).unwrap();
+    let episode = episode_seed(Seed::new(7), 0);
+    for name in NAMES {
+        let name = name.replace('K', "10");
+        let folder = dir.path().join(&name);
+        let args = ["replay", text(&path), "--controller", &name, "--out", text(&folder), "--episode-seed", "7"];
+        dials_traffic(args).assert().success();
+        let file = |name: &str| fs::read_to_string(folder.join(name)).unwrap();
+        let seed = format!("<seed value=\"{}\"/>", episode.for_sumo());
+        assert!(file("replay.sumocfg").contains(&seed), "{name}: {}", file("replay.sumocfg"));
+
+        // The same episode, which nobody records.
+        let traffic = Traffic::open(config.traffic.as_ref().unwrap(), &config.policy).unwrap();
+        let mut gs = traffic.baseline(&name).unwrap().simulator;
+        gs.reset(episode).unwrap();
+        let mut shown = vec![Vec::new(); 4];
+        for _ in 0..150 {
+            let obs = &gs.step(&[0; 4]).unwrap().percept.obs;
+            let letters = |obs: &[f32]| Light::ALL[obs[36..].iter().position(|&bit| bit == 1.0).unwrap()].letters();
+            shown.iter_mut().zip(obs.iter()).for_each(|(shown, obs)| shown.push(letters(obs).to_owned()));
+        }
+        assert_eq!(signals(&file("replay.signals.add.xml")), shown, "{name}");
+        let measures = gs.measures().unwrap().system;
+        let departed = measures.iter().find(|(name, _)| name == "departed").unwrap().1;
+        assert_eq!(file("replay.rou.xml").matches("<vehicle ").count() as f64, departed, "{name}");
+    }
+}
+
+/// What every light of a file of programs shows, second by second.
+fn signals(xml: &str) -> Vec<Vec<String>> {
+    let mut reader = Reader::from_str(xml);
+    let mut lights: Vec<Vec<String>> = Vec::new();
+    loop {
+        match reader.read_event().unwrap() {
+            Event::Start(tag) if tag.name().as_ref() == b"tlLogic" => lights.push(Vec::new()),
+            Event::Empty(tag) if tag.name().as_ref() == b"phase" => {
+                let seconds = attribute(&tag, "duration").parse().unwrap();
+                lights.last_mut().unwrap().extend(std::iter::repeat_n(attribute(&tag, "state"), seconds));
+            }
+            Event::Eof => return lights,
+            _ => {}
+        }
+    }
 }
 
 #[test]
@@ -298,7 +334,7 @@ fn what_is_there_is_refused_or_moved_aside_but_never_lost() {
     std::os::unix::fs::symlink("/usr/bin/sumo-gui", bin.join("sumo-gui")).unwrap();
     let output = dials_traffic(with(&["--video", "film.gif"])).env("PATH", &bin).assert().code(2).get_output().clone();
     let said = String::from_utf8(output.stderr).unwrap();
-    assert!(said.contains("xvfb-run is not on the PATH: install Debian's package xvfb"), "{said}");
+    assert!(said.contains("Xvfb is not on the PATH: install Debian's package xvfb"), "{said}");
 }
 
 /// xvfb-run looks for a free screen and takes it a little later: two at once may find the same.
@@ -309,7 +345,9 @@ fn has_xvfb() -> bool {
     let has =
         Program::new("xvfb-run").arg("--help").output().is_ok() && Program::new("xauth").arg("-V").output().is_ok();
     if !has {
-        println!("skipped: xvfb-run or xauth is not installed (Debian's packages xvfb and xauth)");
+        // Straight to standard error: `println` and `eprintln` of a test that passes are not shown.
+        let message = b"skipped: xvfb-run or xauth is not installed (Debian's packages xvfb and xauth)\n";
+        std::io::stderr().write_all(message).unwrap();
     }
     has
 }
@@ -363,6 +401,67 @@ fn a_film_has_a_picture_of_every_step() {
     }
     assert_eq!(frames.len(), 12);
     assert!(frames.windows(2).any(|two| two[0] != two[1]), "something moves");
+}
+
+#[test]
+fn a_film_that_is_stopped_leaves_nothing_behind() {
+    if !has_xvfb() {
+        return;
+    }
+    let _screen = SCREEN.lock().unwrap_or_else(PoisonError::into_inner);
+    let dir = tempfile::tempdir().unwrap();
+    let config = write_config(dir.path(), "");
+    let place = |name: &str| dir.path().join(name);
+    // A sumo-gui that hangs, and Xvfb; both leave their number.
+    fs::create_dir(place("bin")).unwrap();
+    for (name, work) in [("sumo-gui", "sleep 600"), ("Xvfb", "/usr/bin/Xvfb \"$@\"")] {
+        let script = format!("#!/bin/sh\necho $$ > $0.tmp && mv $0.tmp $0.pid\nexec {work}\n");
+        fs::write(place("bin").join(name), script).unwrap();
+        fs::set_permissions(place("bin").join(name), fs::Permissions::from_mode(0o755)).unwrap();
+    }
+    let path = format!("{}:{}", place("bin").display(), std::env::var("PATH").unwrap());
+    for (signal, code) in [("TERM", Some(130)), ("INT", Some(130)), ("KILL", None)] {
+        let [out, film, room] = ["replay", "film.gif", "room"].map(|name| place(&format!("{signal}-{name}")));
+        fs::create_dir(&room).unwrap();
+        let mut child = Program::new(assert_cmd::cargo::cargo_bin!("dials-traffic"))
+            .args(["replay", text(&config), "--controller", "never", "--out", text(&out), "--video", text(&film)])
+            .envs([("PATH", path.as_str()), ("TMPDIR", text(&room))])
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let helpers = ["Xvfb", "sumo-gui"].map(|name| {
+            let file = place("bin").join(format!("{name}.pid"));
+            wait_until(|| file.exists());
+            let id = fs::read_to_string(&file).unwrap().trim().to_owned();
+            fs::remove_file(file).unwrap();
+            id
+        });
+        assert!(helpers.iter().all(|id| runs(id)));
+        assert!(Program::new("kill").args(["-s", signal, &child.id().to_string()]).status().unwrap().success());
+        assert_eq!(child.wait().unwrap().code(), code, "{signal}");
+        wait_until(|| !helpers.iter().any(|id| runs(id)));
+        assert!(out.join("replay.sumocfg").is_file() && !film.exists(), "{signal}");
+        if code.is_some() {
+            assert_eq!(fs::read_dir(&room).unwrap().count(), 0, "{signal}");
+        }
+    }
+}
+
+/// Waits for what happens soon, if it happens at all.
+fn wait_until(happened: impl Fn() -> bool) {
+    for _ in 0..1200 {
+        if happened() {
+            return;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(50));
+    }
+    panic!("it does not happen");
+}
+
+/// Whether there is a process with this number that is more than a name.
+fn runs(id: &str) -> bool {
+    fs::read_to_string(format!("/proc/{id}/stat")).is_ok_and(|state| !state.contains(") Z "))
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, anyhow};
 use tch::{CModule, Device, Kind, Tensor};
 
 use super::Net;
@@ -31,7 +31,10 @@ pub fn write_script(net: &Net, path: &Path) -> Result<()> {
         _ => unreachable!("the arguments are inputs and perhaps states"),
     };
     let module = tch::no_grad(|| CModule::create_by_tracing("Networks", "forward", &arguments, &mut forward))?;
-    module.save(path).with_context(|| format!("{}: cannot be written", path.display()))
+    // Below the first line of its error libtorch tells where in C++ it came from.
+    let first_line =
+        |error: tch::TchError| anyhow!("{}", error.to_string().lines().next().unwrap_or_default().to_owned());
+    module.save(path).map_err(first_line).with_context(|| format!("{}: cannot be written", path.display()))
 }
 
 /// The networks as tensors. They are made before anything is traced: of a tensor that is made meanwhile the module would

@@ -6,9 +6,6 @@ use super::*;
 use crate::traffic::grid::{Side, lane};
 use crate::traffic::recording::Recording;
 
-/// A car slower than this stands: SUMO's own limit for "halting".
-const STANDING_BELOW_MPS: f64 = 0.1;
-
 const SIZE: (i32, i32) = (1100, 690);
 
 /// Cars standing on the approaches from west, south, east and north: mean over all intersections, and the longest queue.
@@ -20,9 +17,7 @@ pub fn queues(recording: &Recording, about: &About) -> Result<String> {
     let mut standing = vec![vec![Vec::with_capacity(steps); agents.len()]; Side::ALL.len()];
     for &agent in &agents {
         for (side, edge) in grid.incoming_edges(agent).iter().enumerate() {
-            let queue = recording
-                .on_lane(&lane(edge))?
-                .map(|cars| cars.speeds_mps.iter().filter(|&&speed| speed < STANDING_BELOW_MPS).count());
+            let queue = recording.on_lane(&lane(edge))?.map(|cars| cars.halting());
             standing[side][agent.0].extend(queue);
         }
     }

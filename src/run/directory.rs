@@ -59,7 +59,7 @@ pub fn place(path: &Path, existing: Existing) -> Result<PathBuf> {
 /// It is filled under another name beside its place and moved there whole, so that an error leaves everything as it was,
 /// and so that what is moved aside may be where the content comes from.
 pub fn make<T>(path: &Path, existing: Existing, fill: impl FnOnce(&Path) -> Result<T>) -> Result<T> {
-    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let parent = files::folder_of(path);
     let new_folders: Vec<&Path> = parent.ancestors().take_while(|folder| !folder.exists()).collect();
     fill_and_move(path, parent, existing, fill).inspect_err(|_| {
         new_folders.iter().for_each(|folder| drop(fs::remove_dir(folder)));
@@ -179,6 +179,41 @@ fn first_free(path: &Path, word: &str, first: usize) -> PathBuf {
     candidates.find(|candidate| is_free(candidate)).expect("numbers go on")
 }
 
+/// An error if something is where `option` shall make a directory.
+pub fn check_free(path: &Path, option: &str) -> Result<()> {
+    ensure!(is_free(path), "{}: exists already; name another directory with {option}", path.display());
+    Ok(())
+}
+
+/// Makes a directory where there is none; an error if no file can be made in it.
+pub fn check_writable(dir: &Path) -> Result<()> {
+    let failed = || format!("{}: cannot be written to", dir.display());
+    fs::create_dir_all(dir).with_context(failed)?;
+    tempfile::tempfile_in(dir).map(drop).with_context(failed)
+}
+
+/// An error if two of the places that options name are the same, or one is within another.
+pub fn check_apart(places: &[(&str, Option<&Path>)]) -> Result<()> {
+    let places: Vec<_> = places.iter().filter_map(|&(option, path)| Some((option, path?, real(path?)))).collect();
+    for (number, (option, path, place)) in places.iter().enumerate() {
+        for (other, _, taken) in &places[..number] {
+            ensure!(
+                !place.starts_with(taken) && !taken.starts_with(place),
+                "{}: {other} and {option} must not write to the same place, nor one within the other's; name another one",
+                path.display()
+            );
+        }
+    }
+    Ok(())
+}
+
+/// A path without links, as far as it exists.
+fn real(path: &Path) -> PathBuf {
+    let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let known = path.ancestors().find_map(|known| Some((known.canonicalize().ok()?, path.strip_prefix(known).ok()?)));
+    known.map(|(known, rest)| known.join(rest)).unwrap_or(path)
+}
+
 /// Nothing is there, not even a link that leads nowhere.
 pub fn is_free(path: &Path) -> bool {
     path.symlink_metadata().is_err()
@@ -225,6 +260,23 @@ mod tests {
         assert!(!path.join("precious").exists());
         assert!(dir.path().join("a.b.old-1/precious").exists());
         assert_eq!(names(dir.path()), ["a.b", "a.b-2", "a.b-3", "a.b.old-1", "c", "c.toml"]);
+    }
+
+    #[test]
+    fn places_that_meet_are_told_from_places_apart() {
+        let dir = tempfile::tempdir().unwrap();
+        let place = |name: &str| dir.path().join(name);
+        fs::create_dir(place("a")).unwrap();
+        std::os::unix::fs::symlink(place("a"), place("link")).unwrap();
+        let apart = |one: &str, other: &str| check_apart(&[("--x", Some(&place(one))), ("--y", Some(&place(other)))]);
+        for (one, other) in [("a", "b"), ("a", "ab"), ("new/a", "new/b"), ("a/b", "link/c")] {
+            apart(one, other).unwrap();
+        }
+        for (one, other) in [("a", "a"), ("new", "./new"), ("new", "new/in"), ("a/b/c", "a"), ("a/b", "link/b")] {
+            let error = apart(one, other).unwrap_err().to_string();
+            assert!(error.contains(": --x and --y must not write to the same place"), "{error}");
+        }
+        check_apart(&[("--x", None), ("--y", Some(&place("a"))), ("--z", None)]).unwrap();
     }
 
     #[test]

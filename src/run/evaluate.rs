@@ -1,7 +1,6 @@
 //! `evaluate` and `baseline`: the same episodes, the same figures.
 
-use std::path::Path;
-
+use anyhow::ensure;
 use serde_json::{Value, json};
 
 use super::directory;
@@ -31,10 +30,11 @@ pub fn evaluate(args: &cli::Evaluate) -> Result<()> {
     let plots = Plots::asked_for(args.output.plot.as_deref(), &config).map_err(Error::Usage)?;
     let domain = plots.as_ref().map_or(&*domain, Plots::domain);
     let session = Session::new(domain, &config, &args.episodes, &args.output)?;
-    let findings = session.play(vec![subject])?;
+    let subjects = vec![subject];
+    let csv = session.prepare(&subjects)?;
+    let findings = session.play(subjects, csv)?;
     session.tell_one(&findings[0], &[])?;
-    let policies = if args.greedy { "greedy policies" } else { "policies" };
-    session.draw(plots.as_ref(), &findings[0], format!("{policies} of {}", name(&args.run_dir)))
+    session.draw(plots.as_ref(), &findings[0], format!("policies of {}", findings[0].subject.label()))
 }
 
 pub fn baseline(args: &cli::Baseline) -> Result<()> {
@@ -47,26 +47,21 @@ pub fn baseline(args: &cli::Baseline) -> Result<()> {
     let session = Session::new(domain, &config, &args.episodes, &args.output)?;
     let mut subjects = match (&args.controller, &args.compare) {
         (Some(name), _) => vec![Subject::Controller(name.clone())],
-        (None, Some(list)) => Subject::list(list),
+        (None, Some(list)) => Subject::list(list, args.greedy, domain).map_err(Error::Usage)?,
         (None, None) => unreachable!("clap asks for one of them"),
     };
+    let csv = session.prepare(&subjects)?;
     if args.tune {
-        session.check(&subjects)?;
         tune_fixed_time(&config, args.tune_episodes as usize, &mut subjects)?;
     }
-    let findings = session.play(subjects)?;
+    let findings = session.play(subjects, csv)?;
     if args.compare.is_some() {
         return session.tell_all(&findings, &about);
     }
     let finding = &findings[0];
     session.tell_one(finding, &about)?;
-    let what = format!("controller {} on {}", finding.subject.label(), name(&args.config));
-    session.draw(plots.as_ref(), finding, what)
-}
-
-/// The last part of a path: what a run or a config is called.
-fn name(path: &Path) -> String {
-    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
+    let config = args.config.file_name().unwrap_or_default().to_string_lossy();
+    session.draw(plots.as_ref(), finding, format!("controller {} on {config}", finding.subject.label()))
 }
 
 /// Episodes that are to be played, and what shall be told of them.
@@ -87,18 +82,28 @@ impl<'a> Session<'a> {
         output: &'a cli::Output,
     ) -> Result<Session<'a>> {
         let count = episodes.episodes.map_or(config.evaluation.episodes, |count| count as usize);
+        let places = [("--csv", &output.csv), ("--plot", &output.plot), ("--render", &output.render)];
+        directory::check_apart(&places.map(|(option, dir)| (option, dir.as_deref()))).map_err(Error::Usage)?;
         let scenario = Scenario::of(config, domain.agents()).map_err(Error::Run)?.id();
         Ok(Session { domain, episodes: count, seed: episodes.seed.unwrap_or(config.seed), scenario, output })
     }
 
-    fn check(&self, subjects: &[Subject]) -> Result<()> {
-        subjects.iter().try_for_each(|subject| subject.check(self.domain)).map_err(Error::Usage)
+    /// Tells what is wrong with a subject, or with a place to write to, before anything plays.
+    fn prepare(&self, subjects: &[Subject]) -> Result<Option<CsvFiles>> {
+        self.check(subjects).map_err(Error::Usage)?;
+        self.output.csv.as_deref().map(CsvFiles::create).transpose().map_err(Error::Usage)
     }
 
-    /// Lets one subject after the other play the same episodes. What is wrong with one of them is told before any plays.
-    fn play(&self, subjects: Vec<Subject>) -> Result<Vec<Finding>> {
-        self.check(&subjects)?;
-        let csv = self.output.csv.as_deref().map(CsvFiles::create).transpose().map_err(Error::Usage)?;
+    fn check(&self, subjects: &[Subject]) -> anyhow::Result<()> {
+        for (number, subject) in subjects.iter().enumerate() {
+            subject.check(self.domain)?;
+            ensure!(!subjects[..number].contains(subject), "--compare: `{}` is named twice", subject.label());
+        }
+        self.output.render.as_deref().map_or(Ok(()), |dir| directory::check_free(dir, "--render"))
+    }
+
+    /// Lets one subject after the other play the same episodes.
+    fn play(&self, subjects: Vec<Subject>, csv: Option<CsvFiles>) -> Result<Vec<Finding>> {
         let bar = EpisodeBar::new(subjects.len() * self.episodes);
         let mut findings = Vec::new();
         for (number, subject) in subjects.into_iter().enumerate() {

@@ -7,7 +7,7 @@ use super::terminal::answer;
 use crate::cli;
 use crate::domain::Domain;
 use crate::error::{Error, Result};
-use crate::training::files::write_beside;
+use crate::training::files::{folder_of, write_beside};
 
 pub fn export(args: &cli::Export) -> Result<()> {
     let mut run = directory::open(&args.run_dir).map_err(Error::Usage)?;
@@ -20,6 +20,8 @@ pub fn export(args: &cli::Export) -> Result<()> {
 fn check_free(args: &cli::Export) -> anyhow::Result<()> {
     let out = args.out.display();
     ensure!(!args.out.is_dir(), "{out}: is a directory; name a file with --out, such as policies.pt");
+    let folder = folder_of(&args.out);
+    ensure!(folder.is_dir(), "{out}: there is no directory {} to write it into; make it first", folder.display());
     ensure!(args.force || !args.out.exists(), "{out}: exists already; name another file, or overwrite it with --force");
     Ok(())
 }

@@ -1,14 +1,14 @@
 //! What the episodes of controllers came to: tables for a person, JSON and CSV for programs.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Result, ensure};
 use serde_json::{Map, Value, json};
 
+use super::directory;
 use super::subject::Subject;
 use crate::domain::Domain;
-use crate::evaluation::{EpisodeReport, Evaluation, Interval, figures};
+use crate::evaluation::{EpisodeReport, Evaluation, Interval, RETURN, figures};
 use crate::training::files::append;
 
 /// A subject and the episodes that it played, which are the same for all subjects of a command.
@@ -69,12 +69,18 @@ pub fn comparison(findings: &[Finding]) -> String {
     let labels: Vec<String> = findings.iter().map(|finding| finding.subject.label()).collect();
     let means: Vec<Vec<String>> =
         figures.iter().map(|figures| figures.iter().map(|(_, values)| cell(Interval::of(values))).collect()).collect();
-    let title = format!("mean +- 95 % interval over {episodes} episodes, the same traffic for all");
+    let policies = findings.iter().find_map(|finding| match finding.subject {
+        Subject::Run { greedy: true, .. } => Some(", greedy policies"),
+        Subject::Run { greedy: false, .. } => Some(", sampled policies"),
+        Subject::Controller(_) => None,
+    });
+    let policies = policies.unwrap_or_default();
+    let title = format!("mean +- 95 % interval over {episodes} episodes, the same traffic for all{policies}");
     let mut text = format!("{title}\n{}", blocks(&names, &labels, &means));
     if let [reference, others @ ..] = &figures[..]
         && !others.is_empty()
     {
-        // Where nobody differs there is nothing to tell.
+        // Of a figure in which nobody differs there is nothing to tell.
         let differs = |column: &usize| others.iter().any(|figures| figures[*column] != reference[*column]);
         let columns: Vec<usize> = (0..names.len()).filter(differs).collect();
         let names: Vec<&str> = columns.iter().map(|&column| names[column]).collect();
@@ -83,7 +89,11 @@ pub fn comparison(findings: &[Finding]) -> String {
         };
         let differences: Vec<Vec<String>> =
             others.iter().map(|figures| columns.iter().map(|&column| difference(figures, column)).collect()).collect();
-        text += &format!("\n\nless {}, episode by episode\n{}", labels[0], blocks(&names, &labels[1..], &differences));
+        let table = match columns.is_empty() {
+            true => "no figure differs in any episode".to_owned(),
+            false => blocks(&names, &labels[1..], &differences),
+        };
+        text += &format!("\n\nless {}, episode by episode\n{table}", labels[0]);
     }
     text
 }
@@ -143,6 +153,7 @@ pub fn to_json(domain: &dyn Domain, finding: &Finding) -> Map<String, Value> {
     let per_agent = (0..evaluation.agents()).map(|agent| {
         let of_agent = evaluation.of_agent(agent);
         let mut object = Map::new();
+        object.insert(RETURN.into(), json!(of_agent.mean));
         object.insert("mean_return".into(), json!(of_agent.mean));
         object.insert("median_return".into(), json!(of_agent.median));
         object.insert("std_error".into(), json!(of_agent.std_error));
@@ -153,6 +164,7 @@ pub fn to_json(domain: &dyn Domain, finding: &Finding) -> Map<String, Value> {
     });
     let mut object: Map<String, Value> =
         finding.subject.keys().into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
+    object.insert(RETURN.into(), json!(all.mean));
     object.insert("mean_return".into(), json!(all.mean));
     object.insert("median_return".into(), json!(all.median));
     object.insert("std_error".into(), json!(all.std_error));
@@ -197,13 +209,13 @@ pub struct CsvFiles {
 }
 
 impl CsvFiles {
-    /// Makes the directory; files that are there already are an error.
+    /// Makes the directory; files that are there already are an error, and so is a place that cannot be written to.
     pub fn create(dir: &Path) -> Result<CsvFiles> {
         let files = CsvFiles { episodes: dir.join("episodes.csv"), agents: dir.join("agents.csv") };
         for file in [&files.episodes, &files.agents] {
             ensure!(!file.exists(), "{}: exists already; move it away or name another directory", file.display());
         }
-        fs::create_dir_all(dir).with_context(|| format!("{}: cannot be made", dir.display()))?;
+        directory::check_writable(dir)?;
         Ok(files)
     }
 

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result};
 
 use super::directory::{self, Existing};
 use super::domain;
@@ -27,7 +27,7 @@ impl Plots {
     /// Checks that pictures can be made in `dir`, before long work begins. `None`: nobody asked for them.
     pub fn asked_for(dir: Option<&Path>, config: &Config) -> Result<Option<Plots>> {
         let Some(dir) = dir else { return Ok(None) };
-        ensure!(directory::is_free(dir), "{}: exists already; name another directory with --plot", dir.display());
+        directory::check_free(dir, "--plot")?;
         let tape = Tape::default();
         let traffic = domain::open_recorded(config, &tape).context("--plot: there is nothing to draw from")?;
         Ok(Some(Plots { dir: dir.to_owned(), tape, traffic }))

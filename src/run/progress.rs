@@ -189,7 +189,7 @@ impl Observer for Progress {
 }
 
 /// Is set by the first Ctrl-C; the second one ends the process.
-fn stop_on_signals() -> anyhow::Result<Arc<AtomicBool>> {
+pub fn stop_on_signals() -> anyhow::Result<Arc<AtomicBool>> {
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {
         // In this order: the second one finds the flag that the first one has set.

@@ -7,6 +7,7 @@ use anyhow::{Context, Result, anyhow, bail, ensure};
 
 use super::directory::{self, Existing};
 use super::domain;
+use super::subject::Subject;
 use super::terminal::{answer, on_the_path, quoted};
 use super::video::Video;
 use crate::base::{AgentId, Rows, Seed, Stopwatch};
@@ -29,6 +30,7 @@ use crate::training::ials::Ials;
 pub fn replay(args: &cli::Replay) -> crate::error::Result<()> {
     let existing = if args.force { Existing::MoveAside } else { Existing::Refuse };
     let dir = directory::place(&args.out, existing).map_err(Error::Usage)?;
+    directory::check_apart(&[("--out", Some(&args.out)), ("--video", args.video.as_deref())]).map_err(Error::Usage)?;
     let video = args.video.as_deref().map(|file| Video::asked_for(file, existing)).transpose().map_err(Error::Usage)?;
     if args.gui {
         check_screen().map_err(Error::Usage)?;
@@ -50,7 +52,7 @@ pub fn replay(args: &cli::Replay) -> crate::error::Result<()> {
     ))
     .map_err(Error::Run)?;
     if let Some(video) = video {
-        video.make(&recording, &config).map_err(Error::Run)?;
+        video.make(&recording, &config)?;
         answer(format_args!("filmed {}", video.file().display())).map_err(Error::Run)?;
     }
     if args.gui { watch(&config).map_err(Error::Run) } else { Ok(()) }
@@ -88,7 +90,7 @@ impl Episode {
             let config = load(&path, &[])?;
             domain::check(&config)?;
             let episode = with(&config, Cast::Baseline(controller.clone()))?;
-            drop(episode.traffic.baseline(controller)?); // An unknown name is an error.
+            Subject::Controller(controller.clone()).check(&episode.traffic)?;
             return Ok(episode);
         }
         if subject.is_file() {

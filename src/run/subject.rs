@@ -2,13 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, bail, ensure};
+use anyhow::{Result, anyhow, bail, ensure};
 use serde_json::{Value, json};
 
 use super::directory::{self, TrainedRun};
 use crate::base::AgentId;
 use crate::domain::{Baseline, Domain};
 use crate::policy::{JointPolicyController, Selection};
+use crate::training::files;
 
 /// A controller or a run, as it is named on the command line.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -32,9 +33,10 @@ impl Background {
 }
 
 impl Subject {
-    /// The subjects of a list that is separated by commas. What looks like a path or is a run directory is a run. The
-    /// parameters of a controller are separated by commas, too: `key=value` belongs to the name before it.
-    pub fn list(text: &str) -> Vec<Subject> {
+    /// The subjects of a list that is separated by commas. What looks like a path is a run, and so is a directory unless a
+    /// controller of `domain` has its name. The parameters of a controller are separated by commas, too: `key=value` belongs
+    /// to the name before it.
+    pub fn list(text: &str, greedy: bool, domain: &dyn Domain) -> Result<Vec<Subject>> {
         let mut words: Vec<String> = Vec::new();
         for word in text.split(',') {
             let is_key = |key: &str| key.chars().all(|letter| letter.is_ascii_alphanumeric() || letter == '-');
@@ -44,18 +46,31 @@ impl Subject {
                 _ => words.push(word.to_owned()),
             }
         }
-        let subject = |word: String| match word.split(':').next().is_some_and(|name| name.contains('/')) {
-            false if !Path::new(&word).is_dir() => Subject::Controller(word),
-            _ => Subject::Run { dir: word.into(), greedy: false, background: None },
+        ensure!(words.iter().all(|word| !word.is_empty()), "--compare `{text}`: a name is empty");
+        let is_run = |word: &str| {
+            let is_path = word.split(':').next().is_some_and(|name| name.contains('/'));
+            is_path || Path::new(word).is_dir() && domain.check_baseline(word).is_err()
         };
-        words.into_iter().map(subject).collect()
+        let subject = |word: String| match is_run(&word) {
+            true => Subject::Run { dir: word.into(), greedy, background: None },
+            false => Subject::Controller(word),
+        };
+        Ok(words.into_iter().map(subject).collect())
     }
 
     /// What it is called in tables and files.
     pub fn label(&self) -> String {
         match self {
             Subject::Controller(name) => name.clone(),
-            Subject::Run { dir, .. } => dir.display().to_string(),
+            Subject::Run { dir, greedy, background } => {
+                let background = background.as_ref().map(|Background { controller, policies_of }| {
+                    let agents: Vec<String> = policies_of.iter().map(|agent| agent.0.to_string()).collect();
+                    format!("agents {}; others {controller}", agents.join(","))
+                });
+                let how: Vec<String> = greedy.then(|| "greedy".to_owned()).into_iter().chain(background).collect();
+                let dir = dir.display();
+                if how.is_empty() { dir.to_string() } else { format!("{dir} ({})", how.join("; ")) }
+            }
         }
     }
 
@@ -77,7 +92,12 @@ impl Subject {
     /// An error if it could not be played on the GS of `domain`.
     pub fn check(&self, domain: &dyn Domain) -> Result<()> {
         match self {
-            Subject::Controller(name) => domain.check_baseline(name),
+            Subject::Controller(name) => domain.check_baseline(name).map_err(|unknown| {
+                if !Path::new(name).join(files::CONFIG).is_file() {
+                    return unknown;
+                }
+                anyhow!("{name}: is a run directory and no controller; `evaluate`, `replay` and --compare play it")
+            }),
             Subject::Run { dir, background, .. } => {
                 if let Some(Background { controller, policies_of }) = background {
                     let agents = domain.agents();
@@ -131,10 +151,15 @@ fn fitting(dir: &Path, domain: &dyn Domain) -> Result<TrainedRun> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::domain::toy::Coins;
+
+    fn list(text: &str) -> Result<Vec<Subject>> {
+        Subject::list(text, false, &Coins::new(1))
+    }
 
     #[test]
     fn parameters_belong_to_the_controller_before_them() {
-        let labels = |text: &str| -> Vec<String> { Subject::list(text).iter().map(Subject::label).collect() };
+        let labels = |text: &str| -> Vec<String> { list(text).unwrap().iter().map(Subject::label).collect() };
         assert_eq!(
             labels("fixed-time:green=10,offsets=checkerboard,gap-out,max-pressure:min-green=5"),
             ["fixed-time:green=10,offsets=checkerboard", "gap-out", "max-pressure:min-green=5"]
@@ -147,9 +172,22 @@ mod tests {
     fn what_looks_like_a_path_is_a_run() {
         let run = |dir: &str| Subject::Run { dir: dir.into(), greedy: false, background: None };
         let controller = |name: &str| Subject::Controller(name.to_owned());
-        let found = Subject::list("actuated,runs/a=1,fixed-time:file=tuned/a.toml,src");
+        let found = list("actuated,runs/a=1,fixed-time:file=tuned/a.toml,src").unwrap();
         let expected =
             [controller("actuated"), run("runs/a=1"), controller("fixed-time:file=tuned/a.toml"), run("src")];
         assert_eq!(found, expected, "the tests run where src is a directory");
+        for text in ["", "random,", "random,,never"] {
+            assert_eq!(list(text).unwrap_err().to_string(), format!("--compare `{text}`: a name is empty"));
+        }
+    }
+
+    #[test]
+    fn a_label_tells_how_policies_are_played() {
+        let label = |greedy, background| Subject::Run { dir: "runs/a".into(), greedy, background }.label();
+        let background = Background { controller: "gap-out".into(), policies_of: vec![AgentId(0), AgentId(3)] };
+        assert_eq!(label(false, None), "runs/a");
+        assert_eq!(label(true, None), "runs/a (greedy)");
+        assert_eq!(label(false, Some(background.clone())), "runs/a (agents 0,3; others gap-out)");
+        assert_eq!(label(true, Some(background)), "runs/a (greedy; agents 0,3; others gap-out)");
     }
 }

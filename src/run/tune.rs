@@ -1,10 +1,10 @@
 //! `--tune`: the best fixed-time lights for a network, looked for once and kept in a file.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, anyhow, ensure};
+use anyhow::{anyhow, ensure};
 
+use super::directory;
 use super::domain;
 use super::progress::EpisodeBar;
 use super::subject::Subject;
@@ -25,6 +25,13 @@ pub fn tune_fixed_time(config: &Config, episodes: usize, subjects: &mut [Subject
     let is_fixed_time = |subject: &&mut Subject| **subject == Subject::Controller(FIXED_TIME.to_owned());
     let untuned: Vec<&mut Subject> = subjects.iter_mut().filter(is_fixed_time).collect();
     if untuned.is_empty() {
+        let is_timed = |subject: &Subject| matches!(subject, Subject::Controller(name) if name.starts_with(FIXED_TIME));
+        if let Some(timed) = subjects.iter().find(|subject| is_timed(subject)) {
+            let name = timed.label();
+            return Err(Error::Usage(anyhow!(
+                "--tune: looks for all timings of {FIXED_TIME}; `{name}` has some already"
+            )));
+        }
         return Err(Error::Usage(anyhow!("--tune: tunes {FIXED_TIME}, and that is no controller of this command")));
     }
     let file = tuned_file(config, episodes)?;
@@ -33,7 +40,7 @@ pub fn tune_fixed_time(config: &Config, episodes: usize, subjects: &mut [Subject
     Ok(())
 }
 
-/// The file for this network, horizon and seed: the one that is there already, or a new one.
+/// The file for what timings depend on: the one that is there already, or a new one.
 fn tuned_file(config: &Config, episodes: usize) -> Result<PathBuf> {
     let Some(traffic) = domain::traffic(config).map_err(Error::Usage)? else {
         return Err(Error::Usage(anyhow!("--tune: only traffic lights can be tuned")));
@@ -46,7 +53,10 @@ fn tuned_file(config: &Config, episodes: usize) -> Result<PathBuf> {
         tell(format_args!("{}: tuned before, and used again", path.display()));
         return Ok(path);
     }
-    fs::create_dir_all(FOLDER).with_context(|| format!("{FOLDER}: cannot be made")).map_err(Error::Usage)?;
+    directory::check_writable(Path::new(FOLDER)).map_err(Error::Usage)?;
+    tell(format_args!(
+        "{FOLDER}: has no timings for this network, horizon and seed by this search and SUMO; looking for them"
+    ));
     let bar = EpisodeBar::new(1);
     let found = tuning::tune(&traffic, episodes, config.seed, &mut |standing| {
         bar.set_length(standing.at_most);

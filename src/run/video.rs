@@ -1,26 +1,38 @@
 //! `replay --video`: sumo-gui plays a replay on a screen that nobody sees, a picture per step, joined to a film.
 
 use std::fs::{self, File};
-use std::io::BufReader;
+use std::io::{BufRead, BufReader};
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail, ensure};
+use rustix::process::{Pid, Signal, kill_process_group};
 
 use super::directory::{self, Existing};
-use super::progress::EpisodeBar;
+use super::progress::{EpisodeBar, stop_on_signals};
 use super::terminal::on_the_path;
+use crate::error::{self, Error};
 use crate::traffic::grid::Grid;
 use crate::traffic::recording::Recording;
 use crate::traffic::replay::{Snapshot, view};
+use crate::training::files::folder_of;
+
+const SUMO_GUI: &str = "sumo-gui";
+const XVFB: &str = "Xvfb";
+const SETPRIV: &str = "setpriv";
 
 /// Steps that are shown in a second.
 const STEPS_PER_SECOND: u16 = 10;
 
 /// Steps that sumo-gui plays beyond the last picture: where it ends with one it often crashes (SUMO 1.15).
 const REST_STEPS: usize = 30;
+
+/// How long sumo-gui may take for a picture; it takes some of them in a second.
+const PATIENCE: Duration = Duration::from_secs(60);
 
 /// What sumo-gui's window has beside the roads, in pixels (measured on SUMO 1.15).
 const FRAME: (usize, usize) = (10, 215);
@@ -46,7 +58,7 @@ impl Video {
             Some("mp4") => Format::Mp4,
             _ => bail!("--video {}: must end in .gif or .mp4", file.display()),
         };
-        let mut tools = vec![("sumo-gui", "sumo"), ("xvfb-run", "xvfb"), ("xauth", "xauth")];
+        let mut tools = vec![(SUMO_GUI, "sumo"), (XVFB, "xvfb"), (SETPRIV, "util-linux")];
         if format == Format::Mp4 {
             tools.push(("ffmpeg", "ffmpeg"));
         }
@@ -69,16 +81,26 @@ impl Video {
         &self.file
     }
 
-    /// Films the replay of `recording` that `config` plays.
-    pub fn make(&self, recording: &Recording, config: &Path) -> Result<()> {
+    /// Films the replay of `recording` that `config` plays. Ctrl-C ends that and leaves nothing behind.
+    pub fn make(&self, recording: &Recording, config: &Path) -> error::Result<()> {
+        let stop = stop_on_signals().map_err(Error::Run)?;
+        match self.film(recording, config, &stop) {
+            Err(_) if stop.load(Ordering::Relaxed) => {
+                Err(Error::Interrupted(format!("stopped; {} was not made", self.file.display())))
+            }
+            done => done.map_err(Error::Run),
+        }
+    }
+
+    fn film(&self, recording: &Recording, config: &Path, stop: &AtomicBool) -> Result<()> {
         let room = tempfile::tempdir().context("no temporary directory for the pictures")?;
-        let frames = take_pictures(recording, config, room.path())?;
+        let frames = take_pictures(recording, config, room.path(), stop)?;
         // Beside its place, so that a film is there whole or not at all.
         let beside = tempfile::Builder::new().prefix(".new-").tempdir_in(folder_of(&self.file));
         let beside = beside.with_context(|| format!("{}: cannot be written", self.file.display()))?;
         let film = beside.path().join(if self.format == Format::Gif { "film.gif" } else { "film.mp4" });
         match self.format {
-            Format::Gif => join_to_gif(&frames, &film)?,
+            Format::Gif => join_to_gif(&frames, &film, stop)?,
             Format::Mp4 => join_to_mp4(room.path(), &film)?,
         }
         if self.existing == Existing::MoveAside && !directory::is_free(&self.file) {
@@ -88,16 +110,12 @@ impl Video {
     }
 }
 
-fn folder_of(file: &Path) -> &Path {
-    file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
-}
-
 fn picture(number: usize) -> String {
     format!("{number:06}.png")
 }
 
 /// Lets sumo-gui play and take a picture before every step.
-fn take_pictures(recording: &Recording, config: &Path, room: &Path) -> Result<Vec<PathBuf>> {
+fn take_pictures(recording: &Recording, config: &Path, room: &Path, stop: &AtomicBool) -> Result<Vec<PathBuf>> {
     let frames: Vec<PathBuf> = (0..recording.steps.len()).map(|step| room.join(picture(step))).collect();
     let snapshots: Vec<Snapshot> =
         frames.iter().enumerate().map(|(step, file)| Snapshot { file: file.clone(), step }).collect();
@@ -105,41 +123,112 @@ fn take_pictures(recording: &Recording, config: &Path, room: &Path) -> Result<Ve
     fs::write(&settings, view(0, &snapshots)).context("the temporary directory cannot be written to")?;
     let (width, height) = canvas(recording.roads.grid);
     let (width, height) = (width + FRAME.0, height + FRAME.1);
+    let screen = Screen::open(width, height, room)?;
     let said = room.join("said.txt");
-    let listener = || File::create(&said).context("the temporary directory cannot be written to");
-    let mut child = Command::new("xvfb-run")
-        .args(["-a", "-s", &format!("-screen 0 {width}x{height}x24"), "sumo-gui", "-c"])
-        .arg(config)
-        .arg("--gui-settings-file")
-        .arg(&settings)
-        .args(["--end", &(frames.len() + REST_STEPS).to_string(), "--start", "--quit-on-end"])
-        .args(["--window-size", &format!("{width},{height}")])
-        .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        .stderr(listener()?)
-        .spawn()
-        .context("xvfb-run could not be started")?;
-    let bar = EpisodeBar::of(frames.len(), "pictures");
-    let mut taken = 0;
-    let status = loop {
-        if let Some(status) = child.try_wait().context("sumo-gui cannot be waited for")? {
-            break status;
-        }
-        taken += frames[taken..].iter().take_while(|frame| frame.exists()).count();
-        bar.set(taken);
-        thread::sleep(Duration::from_millis(50));
-    };
-    bar.finish();
+    let mut gui = tied(SUMO_GUI);
+    gui.arg("-c").arg(config).arg("--gui-settings-file").arg(&settings);
+    gui.args(["--end", &(frames.len() + REST_STEPS).to_string(), "--start", "--quit-on-end"]);
+    gui.args(["--window-size", &format!("{width},{height}")]).env("DISPLAY", &screen.name);
+    gui.stdout(Stdio::null()).stderr(listener(&said)?);
+    let end = wait_for(&mut Helper::start(gui)?, &frames, PATIENCE, stop)?;
     let missing = frames.iter().filter(|frame| !frame.exists()).count();
     // How it ended is nothing to us where all pictures are there.
     ensure!(
         missing == 0,
-        "sumo-gui took {} of {} pictures and ended with {status}: {}",
+        "sumo-gui took {} of {} pictures and {end}: {}",
         frames.len() - missing,
         frames.len(),
         fs::read_to_string(&said).unwrap_or_default().trim()
     );
     Ok(frames)
+}
+
+fn listener(file: &Path) -> Result<File> {
+    File::create(file).context("the temporary directory cannot be written to")
+}
+
+/// Waits until sumo-gui has ended, or has taken no picture for so long; tells which.
+fn wait_for(gui: &mut Helper, frames: &[PathBuf], patience: Duration, stop: &AtomicBool) -> Result<String> {
+    let bar = EpisodeBar::of(frames.len(), "pictures");
+    let (mut taken, mut since) = (0, Instant::now());
+    let end = loop {
+        check(stop)?;
+        if let Some(status) = gui.0.try_wait().context("sumo-gui cannot be waited for")? {
+            break format!("ended with {status}");
+        }
+        let new = frames[taken..].iter().take_while(|frame| frame.exists()).count();
+        if new > 0 {
+            (taken, since) = (taken + new, Instant::now());
+            bar.set(taken);
+        } else if since.elapsed() > patience {
+            break format!("no other for {} s", patience.as_secs());
+        }
+        thread::sleep(Duration::from_millis(50));
+    };
+    bar.finish();
+    Ok(end)
+}
+
+/// An error after Ctrl-C.
+fn check(stop: &AtomicBool) -> Result<()> {
+    ensure!(!stop.load(Ordering::Relaxed), "stopped");
+    Ok(())
+}
+
+/// A program that ends with this one, however that ends: setpriv asks the system for it and then becomes the program.
+fn tied(program: &str) -> Command {
+    let mut command = Command::new(SETPRIV);
+    // Ctrl-C at the terminal is for this program, which ends its helpers in its own time.
+    command.args(["--pdeathsig", "TERM", "--", program]).process_group(0).stdin(Stdio::null());
+    command
+}
+
+/// A program that works for this one. Dropping it ends it and what it has started.
+struct Helper(Child);
+
+impl Helper {
+    fn start(mut command: Command) -> Result<Helper> {
+        Ok(Helper(command.spawn().context("setpriv could not be started")?))
+    }
+}
+
+impl Drop for Helper {
+    fn drop(&mut self) {
+        // First in a way that lets it clear up, as Xvfb does.
+        for signal in [Signal::TERM, Signal::KILL] {
+            for _ in 0..40 {
+                if !matches!(self.0.try_wait(), Ok(None)) {
+                    return;
+                }
+                let _ = kill_process_group(Pid::from_child(&self.0), signal);
+                thread::sleep(Duration::from_millis(50));
+            }
+        }
+    }
+}
+
+/// A screen that nobody sees.
+struct Screen {
+    /// Among X's screens.
+    name: String,
+    _server: Helper,
+}
+
+impl Screen {
+    fn open(width: usize, height: usize, room: &Path) -> Result<Screen> {
+        let said = room.join("screen.txt");
+        let mut server = tied(XVFB);
+        // It takes a number that is free and writes it to its standard output when it is ready.
+        server.args(["-displayfd", "1", "-nolisten", "tcp", "-screen", "0", &format!("{width}x{height}x24")]);
+        server.stdout(Stdio::piped()).stderr(listener(&said)?);
+        let mut server = Helper::start(server)?;
+        let mut number = String::new();
+        let out = server.0.stdout.take().expect("it is piped");
+        BufReader::new(out).read_line(&mut number).context("Xvfb cannot be heard")?;
+        let said = fs::read_to_string(&said).unwrap_or_default();
+        ensure!(!number.trim().is_empty(), "Xvfb opened no screen: {}", said.trim());
+        Ok(Screen { name: format!(":{}", number.trim()), _server: server })
+    }
 }
 
 /// Pixels of the roads: the longer side grows with the grid, within what a film can have.
@@ -150,11 +239,12 @@ fn canvas(grid: Grid) -> (usize, usize) {
     (side(cols), side(rows))
 }
 
-fn join_to_gif(frames: &[PathBuf], film: &Path) -> Result<()> {
+fn join_to_gif(frames: &[PathBuf], film: &Path, stop: &AtomicBool) -> Result<()> {
     let bar = EpisodeBar::of(frames.len(), "pictures joined");
     let file = File::create(film).context("the film cannot be written")?;
     let mut encoder: Option<gif::Encoder<File>> = None;
     for (number, frame) in frames.iter().enumerate() {
+        check(stop)?;
         let (width, height, mut pixels) = read_picture(frame)?;
         let encoder = match &mut encoder {
             Some(encoder) => encoder,
@@ -199,4 +289,24 @@ fn join_to_mp4(room: &Path, film: &Path) -> Result<()> {
     let said = String::from_utf8_lossy(&output.stderr);
     ensure!(output.status.success(), "ffmpeg failed ({}): {}", output.status, said.trim());
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nobody_waits_for_ever_for_a_picture() {
+        let mut command = tied("sleep");
+        command.arg("600");
+        let mut hung = Helper::start(command).unwrap();
+        let frames = [PathBuf::from("/no/such.png")];
+        let wait = |hung: &mut Helper, stop| wait_for(hung, &frames, Duration::ZERO, &AtomicBool::new(stop));
+        assert_eq!(wait(&mut hung, false).unwrap(), "no other for 0 s");
+        assert_eq!(wait(&mut hung, true).unwrap_err().to_string(), "stopped");
+        let place = PathBuf::from(format!("/proc/{}", hung.0.id()));
+        assert!(place.exists());
+        drop(hung);
+        assert!(!place.exists());
+    }
 }

@@ -2,6 +2,9 @@
 
 use super::CarId;
 
+/// A car slower than this stands in a queue (SUMO's own bound).
+const HALTING_MPS: f64 = 0.1;
+
 /// One car on a lane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Car {
@@ -85,6 +88,11 @@ impl<'a> LaneCars<'a> {
 
     pub fn is_empty(&self) -> bool {
         self.ids.is_empty()
+    }
+
+    /// How many of them stand.
+    pub fn halting(&self) -> usize {
+        self.speeds_mps.iter().filter(|&&speed| speed < HALTING_MPS).count()
     }
 
     pub fn iter(&self) -> impl ExactSizeIterator<Item = Car> + use<'a> {

@@ -3,7 +3,6 @@
 
 use super::grid::{Grid, Side};
 use super::intersections::edges_of;
-use super::region::HALTING_MPS;
 use super::signals::Light;
 use crate::base::{AgentId, Rows};
 use crate::sumo::{CarTable, LaneCars};
@@ -95,7 +94,7 @@ impl<'a> Junction<'a> {
 
     /// The cars that come from a side and stand.
     pub fn queue(&self, from: Side) -> usize {
-        self.incoming(from).speeds_mps.iter().filter(|&&speed| speed < HALTING_MPS).count()
+        self.incoming(from).halting()
     }
 }
 

@@ -4,7 +4,7 @@
 use anyhow::Result;
 
 use super::global::has_new_car;
-use super::region::{EDGES, HALTING_MPS};
+use super::region::EDGES;
 use super::trips::{TripFile, Trips};
 use crate::sumo::CarTable;
 
@@ -54,8 +54,7 @@ impl TrafficMetrics {
             let intersection = &mut self.intersections[lane / EDGES];
             intersection.car_steps += now.len() as u64;
             intersection.speed_sum_mps += now.speeds_mps.iter().sum::<f64>();
-            intersection.halting_car_steps +=
-                now.speeds_mps.iter().filter(|&&speed| speed < HALTING_MPS).count() as u64;
+            intersection.halting_car_steps += now.halting() as u64;
             intersection.passed += (before.len() + usize::from(has_new_car(now, before)) - now.len()) as u64;
         }
     }

@@ -47,6 +47,7 @@ const STUCK_ABOVE: f64 = 0.75;
 const SUMO_OPTIONS: [&str; 4] = ["--step-length", "1", "--time-to-teleport", "-1"];
 
 /// A grid of traffic lights.
+#[derive(Clone)]
 pub struct Traffic {
     grid: Grid,
     network: NetworkFiles,
@@ -170,7 +171,9 @@ impl Domain for Traffic {
     }
 
     fn with_background(&self, name: &str, agents: &[AgentId]) -> Result<Box<dyn GlobalSimulator>> {
-        let by = controllers::recipe(name, self.grid)?(self)?;
+        // What a controller measures before it begins is no episode for the tape.
+        let off_tape = Traffic { tape: None, ..self.clone() };
+        let by = controllers::recipe(name, self.grid)?(&off_tape)?;
         Ok(Box::new(self.global(SignalControl::HandCoded { by, agents: agents.to_vec() })?))
     }
 

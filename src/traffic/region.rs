@@ -15,8 +15,6 @@ pub const CELLS: usize = 9;
 const CELL_M: f64 = 10.0;
 pub const EDGE_M: f64 = 100.0;
 pub const SPEED_LIMIT_MPS: f64 = 10.0;
-/// A car slower than this stands in a queue (SUMO's own bound).
-pub const HALTING_MPS: f64 = 0.1;
 /// Width of the occupancy bits.
 pub const OCCUPANCY: usize = EDGES * CELLS;
 

@@ -79,18 +79,23 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
 
 /// As [`write_atomically`], for a `write` that makes the file itself.
 pub fn write_beside(path: &Path, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
-    let beside = path.with_extension("part");
+    let failed = || format!("{}: cannot be written", path.display());
+    // In a folder of its own, where it has its own name: TorchScript's archives keep that.
+    let folder = tempfile::Builder::new().prefix(".new-").tempdir_in(folder_of(path)).with_context(failed)?;
+    let beside = folder.path().join(path.file_name().with_context(failed)?);
     let kept = write(&beside).and_then(|()| Ok(File::open(&beside)?.sync_all()?));
-    let moved = kept.and_then(|()| Ok(fs::rename(&beside, path)?));
-    moved
-        .inspect_err(|_| drop(fs::remove_file(&beside)))
-        .with_context(|| format!("{}: cannot be written", path.display()))
+    kept.and_then(|()| Ok(fs::rename(&beside, path)?)).with_context(failed)
+}
+
+/// The folder that a file is in.
+pub fn folder_of(file: &Path) -> &Path {
+    file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::os::unix::fs::symlink;
+    use std::os::unix::fs::{PermissionsExt, symlink};
 
     fn line(text: &str) -> Vec<String> {
         vec![text.to_owned()]
@@ -107,11 +112,27 @@ mod tests {
 
         let kept = dir.path().join("policies.safetensors");
         write_atomically(&kept, b"good").unwrap();
-        symlink("/dev/full", dir.path().join("policies.part")).unwrap();
-        let error = format!("{:#}", write_atomically(&kept, b"newer").unwrap_err());
+        let write_to_a_full_disk = |beside: &Path| {
+            fs::write(beside, b"new")?;
+            Ok(fs::write("/dev/full", b"er")?)
+        };
+        let error = format!("{:#}", write_beside(&kept, write_to_a_full_disk).unwrap_err());
         assert!(error.contains("policies.safetensors: cannot be written: No space left on device"), "{error}");
         assert_eq!(fs::read(&kept).unwrap(), b"good");
-        assert!(!dir.path().join("policies.part").exists());
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 2, "nothing is left behind");
+    }
+
+    #[test]
+    fn a_file_that_is_written_leaves_its_neighbours_alone() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = |name: &str| dir.path().join(name);
+        fs::write(path("policies.part"), b"precious").unwrap();
+        fs::write(path("plain"), b"").unwrap();
+        write_atomically(&path("policies.pt"), b"new").unwrap();
+        assert_eq!(fs::read(path("policies.part")).unwrap(), b"precious");
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 3);
+        let mode = |name: &str| fs::metadata(path(name)).unwrap().permissions().mode();
+        assert_eq!(mode("policies.pt"), mode("plain"), "and is for everyone whom the umask allows");
     }
 
     #[test]

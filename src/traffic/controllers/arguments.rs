@@ -1,8 +1,12 @@
 //! How a controller is named: `name:key=value,key=value`.
 
+use std::ops::RangeInclusive;
 use std::str::FromStr;
 
 use anyhow::{Context, Result, bail, ensure};
+
+/// What a green may last, in steps.
+pub const GREENS: RangeInclusive<u32> = 1..=3600;
 
 /// A name with its parameters, which a controller takes out one by one.
 pub struct Arguments<'a> {
@@ -34,9 +38,9 @@ impl<'a> Arguments<'a> {
         Ok(values.first().copied())
     }
 
-    /// A number of steps, from 1 to 3600, or `default`.
+    /// A number of steps within [`GREENS`], or `default`.
     pub fn steps(&mut self, key: &'static str, default: u32) -> Result<u32> {
-        Ok(self.number(key, "a whole number from 1 to 3600", |steps| (1..=3600).contains(steps))?.unwrap_or(default))
+        Ok(self.number(key, "a whole number from 1 to 3600", |steps| GREENS.contains(steps))?.unwrap_or(default))
     }
 
     /// A number that is `good`; `what` says which ones are.

@@ -75,7 +75,7 @@ impl LightController for FixedTime {
 /// tuner wrote.
 pub fn timings(arguments: &mut Arguments<'_>, grid: Grid) -> Result<Vec<Timing>> {
     if let Some(file) = arguments.take("file")? {
-        return TimingFile::read(Path::new(file))?.timings(grid);
+        return TimingFile::timings(Path::new(file), grid);
     }
     let green = arguments.steps("green", GREEN)?;
     let (vertical, horizontal) = (arguments.steps("vertical", green)?, arguments.steps("horizontal", green)?);

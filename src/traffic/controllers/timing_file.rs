@@ -5,8 +5,12 @@ use std::path::Path;
 use anyhow::{Context, Result, ensure};
 use serde::{Deserialize, Serialize};
 
+use super::arguments::GREENS;
 use super::fixed_time::Timing;
 use crate::traffic::grid::Grid;
+
+/// What helps where a file does not.
+const WAY_OUT: &str = "`dials-traffic baseline CONFIG --controller fixed-time --tune` makes one that fits";
 
 /// A TOML file, for people and for `fixed-time:file=PATH`. All times are steps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -34,12 +38,21 @@ pub struct TunedOn {
     pub episodes: usize,
     /// As text, since TOML's numbers end at 2^63.
     pub seed: String,
+    /// [`super::search::VERSION`]
+    pub search_version: u32,
+    pub sumo_version: String,
 }
 
 impl TimingFile {
     pub fn read(path: &Path) -> Result<TimingFile> {
-        let text = std::fs::read_to_string(path).with_context(|| format!("{}: cannot be read", path.display()))?;
-        toml::from_str(&text).with_context(|| format!("{}: is no file of tuned timings", path.display()))
+        let place = path.display();
+        let text = std::fs::read_to_string(path).with_context(|| format!("{place}: cannot be read; {WAY_OUT}"))?;
+        let foreign = || format!("{place}: is no file of tuned timings of this version; {WAY_OUT}");
+        let file: TimingFile = toml::from_str(&text).with_context(foreign)?;
+        for (name, green) in [("vertical", file.vertical), ("horizontal", file.horizontal)] {
+            ensure!(GREENS.contains(&green), "{place}: {name} = {green}: must be from 1 to 3600 steps; {WAY_OUT}");
+        }
+        Ok(file)
     }
 
     pub fn to_toml(&self) -> Result<String> {
@@ -49,17 +62,17 @@ impl TimingFile {
         ))
     }
 
-    /// One timing per intersection of `grid`.
-    pub fn timings(&self, grid: Grid) -> Result<Vec<Timing>> {
-        let TimingFile { vertical, horizontal, offsets, tuned_on, .. } = self;
+    /// What a file has for the intersections of `grid`, one timing for each.
+    pub fn timings(path: &Path, grid: Grid) -> Result<Vec<Timing>> {
+        let TimingFile { vertical, horizontal, offsets, tuned_on, .. } = TimingFile::read(path)?;
         ensure!(
             offsets.len() == grid.agents().len(),
-            "timings for the {} intersections of {} do not fit a grid of {grid}",
+            "{}: timings for the {} intersections of {} do not fit a grid of {grid}; {WAY_OUT}",
+            path.display(),
             offsets.len(),
             tuned_on.network
         );
-        ensure!(*vertical >= 1 && *horizontal >= 1, "timings without green");
-        Ok(offsets.iter().map(|&offset| Timing { vertical: *vertical, horizontal: *horizontal, offset }).collect())
+        Ok(offsets.into_iter().map(|offset| Timing { vertical, horizontal, offset }).collect())
     }
 }
 
@@ -80,6 +93,8 @@ mod tests {
                 horizon: 300,
                 episodes: 10,
                 seed: u64::MAX.to_string(),
+                search_version: 1,
+                sumo_version: "1.15.0".into(),
             },
         };
         let dir = tempfile::tempdir().unwrap();
@@ -87,11 +102,31 @@ mod tests {
         std::fs::write(&path, file.to_toml().unwrap()).unwrap();
         let read = TimingFile::read(&path).unwrap();
         assert_eq!(read, file);
-        let timings = read.timings(Grid::new(2, 2).unwrap()).unwrap();
+        let timings = TimingFile::timings(&path, Grid::new(2, 2).unwrap()).unwrap();
         assert_eq!(timings[1], Timing { vertical: 9, horizontal: 11, offset: 13 });
-        let error = read.timings(Grid::new(2, 3).unwrap()).unwrap_err().to_string();
-        assert_eq!(error, "timings for the 4 intersections of grid_2x2 do not fit a grid of 2x3");
-        std::fs::write(&path, "vertical = 9").unwrap();
-        assert!(TimingFile::read(&path).unwrap_err().to_string().ends_with("is no file of tuned timings"));
+    }
+
+    #[test]
+    fn what_is_wrong_with_a_file_is_told_with_its_path_and_the_way_out() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.toml");
+        let error = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            let error = TimingFile::timings(&path, Grid::new(2, 3).unwrap()).unwrap_err().to_string();
+            let told = error.strip_prefix(&format!("{}: ", path.display())).unwrap_or_else(|| panic!("{error}"));
+            told.strip_suffix(&format!("; {WAY_OUT}")).unwrap_or_else(|| panic!("{error}")).to_owned()
+        };
+        let timings = |vertical: u32, tuned_on: &str| {
+            format!(
+                "vertical = {vertical}\nhorizontal = 1\noffsets = [0, 0, 0, 0]\nmean_return = 1.0\n[tuned_on]\n{tuned_on}"
+            )
+        };
+        let on = "network = 'n'\nnetwork_crc32 = '0'\nhorizon = 300\nepisodes = 10\nseed = '1'\n";
+        let on_all = format!("{on}search_version = 1\nsumo_version = '1.15.0'\n");
+        assert_eq!(error(&timings(9, &on_all)), "timings for the 4 intersections of n do not fit a grid of 2x3");
+        assert_eq!(error(&timings(9, on)), "is no file of tuned timings of this version");
+        // With 1 and the yellows of 6 it would be a cycle of 2^32, which is 0.
+        assert_eq!(error(&timings(u32::MAX - 6, &on_all)), "vertical = 4294967289: must be from 1 to 3600 steps");
+        assert_eq!(error(&timings(0, &on_all)), "vertical = 0: must be from 1 to 3600 steps");
     }
 }

@@ -1,4 +1,4 @@
-//! Tuning fixed-time lights on the GS: the [`search`](super::search) with SUMO as the judge.
+//! Tuning fixed-time lights on the GS: the [`search`] with SUMO as the judge.
 
 use std::fs;
 
@@ -6,10 +6,11 @@ use anyhow::{Context, Result};
 
 use super::HandCoded;
 use super::fixed_time::{FixedTime, Timing};
-use super::search::{Search, Standing};
+use super::search::{self, Search, Standing};
 use super::timing_file::{TimingFile, TunedOn};
 use crate::base::Seed;
 use crate::domain::GlobalSimulator;
+use crate::sumo::Simulation;
 use crate::traffic::Traffic;
 use crate::traffic::global::{GlobalTraffic, SignalControl};
 use crate::traffic::signals::KEEP;
@@ -29,6 +30,8 @@ impl TunedOn {
             horizon: traffic.config.horizon,
             episodes,
             seed: seed.to_string(),
+            search_version: search::VERSION,
+            sumo_version: Simulation::version()?,
         })
     }
 }
