@@ -59,7 +59,7 @@ pub fn document(comparisons: &[Comparison], warnings: &[String], shape: GridShap
 fn overview(comparisons: &[Comparison]) -> String {
     let groups = || comparisons.iter().flat_map(|comparison| &comparison.groups);
     let runs: usize = groups().map(|group| group.runs.len()).sum();
-    let scenarios: Vec<String> = comparisons.iter().map(|comparison| comparison.scenario.title()).collect();
+    let scenarios: Vec<&str> = comparisons.iter().map(|comparison| comparison.title.as_str()).collect();
     format!(
         "{runs} runs in {} groups; {}. Paper: Suau et al., Distributed Influence-Augmented Local Simulators for Parallel \
          MARL in Large Networked Systems, NeurIPS 2022.",
@@ -80,11 +80,15 @@ fn label_order(comparisons: &[Comparison]) -> Vec<String> {
 }
 
 fn scenario(comparison: &Comparison, looks: &Looks, shape: GridShape) -> Result<Vec<Block>> {
-    let (slug, title) = (&comparison.slug, comparison.scenario.title());
-    let mut blocks =
-        vec![Block::Heading(2, title[..1].to_uppercase() + &title[1..]), Block::Table(tables::finals(comparison))];
+    let (slug, title) = (&comparison.slug, &comparison.title);
+    let mut blocks = vec![Block::Heading(2, comparison.heading()), Block::Table(tables::finals(comparison))];
     let against = |against| pictures::learning(comparison, looks, against);
     let figures = [
+        (
+            format!("ablation_{slug}"),
+            format!("Final returns against the reference, which has what most groups have in every key, {title}."),
+            pictures::ablation(comparison).transpose()?,
+        ),
         (format!("learning_{slug}"), format!("Learning curves, {title}."), against(Against::Timesteps)?),
         (
             format!("runtime_curves_{slug}"),
@@ -94,7 +98,8 @@ fn scenario(comparison: &Comparison, looks: &Looks, shape: GridShape) -> Result<
         (
             format!("aip_cross_entropy_{slug}"),
             format!(
-                "Cross-entropy of the AIPs, {title}. AIPs before their first training are far above (aip_cross_entropy.csv)."
+                "Cross-entropy of the AIPs, {title}. AIPs before their first training are far above \
+                 (aip_cross_entropy.csv). The paper draws it against runtime."
             ),
             pictures::cross_entropy(comparison, looks)?,
         ),

@@ -44,11 +44,13 @@ pub struct Look {
 }
 
 impl Look {
-    /// The first ones differ in everything; thirty differ in something.
+    pub const FIRST: Look = Look { colour: COLOURS[0], dash: Dash::Solid, marker: Marker::Circle };
+
+    /// The first ones differ in everything, eighteen as lines and thirty with their markers.
     fn number(index: usize) -> Look {
         const DASHES: [Dash; 3] = [Dash::Solid, Dash::Dashed, Dash::Dotted];
         const MARKERS: [Marker; 5] = [Marker::Circle, Marker::Square, Marker::Triangle, Marker::Diamond, Marker::Cross];
-        Look { colour: COLOURS[index % 6], dash: DASHES[index % 3], marker: MARKERS[index % 5] }
+        Look { colour: COLOURS[index % 6], dash: DASHES[(index + index / 6) % 3], marker: MARKERS[index % 5] }
     }
 }
 
@@ -141,6 +143,9 @@ mod tests {
         let looks: Vec<Look> = (0..30).map(Look::number).collect();
         for (index, look) in looks.iter().enumerate() {
             assert!(!looks[..index].contains(look), "{index}: {look:?}");
+            let as_line = |look: &Look| (look.colour, look.dash);
+            let same_line = looks[..index].iter().any(|other| as_line(other) == as_line(look));
+            assert!(index >= 18 || !same_line, "{index}: {look:?}");
         }
     }
 
