@@ -96,7 +96,7 @@ impl Group {
         let simulator = self.simulator();
         let kind = ["gs", "dials", "marginal-dials", "untrained-dials"].iter().position(|&kind| kind == simulator);
         let kind = kind.unwrap_or(usize::MAX);
-        (self.overrides.len().min(1), kind, simulator.to_owned(), self.method.retraining, self.label())
+        (self.overrides.len(), kind, simulator.to_owned(), self.method.retraining, self.label())
     }
 }
 

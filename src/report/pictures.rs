@@ -121,15 +121,15 @@ pub fn ablation(comparison: &Comparison) -> Option<Result<Svg>> {
             difference.interval.map_or(String::new(), |ends| format!(" {}", interval(Some(ends), end.returns.mean)));
         format!("{}{ends}", signed(difference.mean, end.returns.mean))
     };
-    let mut rows = vec![row(reference, &of_reference, "reference".to_owned())];
+    let mut rows = vec![row(reference, &of_reference, "the reference".to_owned())];
     rows.extend(ends.iter().map(|(group, end)| row(group, end, difference_to(end))));
     let chart = RowChart {
         title: format!("{}: what each setting changes", comparison.heading()),
         x: Axis { label: format!("final {}", return_axis(comparison).label), ..return_axis(comparison) },
         rows,
         header: ["mean ± SE", "to the reference [95 %]", "stuck"].map(str::to_owned),
-        note: "circles: seeds; bar: ± standard error over seeds; 95 %: Student's t of the differences, seed by seed where both \
-               have the same"
+        note: "diamond and bar: mean ± standard error over seeds; circles: seeds; 95 %: Student's t, paired where the seeds \
+               are the same"
             .to_owned(),
     };
     Some(chart.draw())
@@ -268,7 +268,7 @@ pub fn final_bars(domain: Domain, comparisons: &[&Comparison], looks: &Looks) ->
         let end = Final::of(group)?;
         let paper = paper::final_return(&comparison.scenario, group.simulator(), group.method.retraining);
         Some(Bar {
-            label: bar_label(group, end.finished),
+            label: bar_label(comparisons, comparison, group, end.finished),
             look: looks.of(&group.label()),
             value: Some(end.returns.mean),
             whisker: end.returns.std_error.map(|error| (end.returns.mean - error, end.returns.mean + error)),
@@ -297,7 +297,7 @@ pub fn runtime_bars(domain: Domain, comparisons: &[&Comparison], looks: &Looks) 
         let paper = paper::runtime(&comparison.scenario, group.simulator(), group.method.retraining);
         let ends = |error: f64| ((time.total_s - error) / seconds, (time.total_s + error) / seconds);
         Some(Bar {
-            label: bar_label(group, time.finished),
+            label: bar_label(comparisons, comparison, group, time.finished),
             look: looks.of(&group.label()),
             value: Some(time.total_s / seconds),
             whisker: time.total_std_error.map(ends),
@@ -316,8 +316,10 @@ pub fn runtime_bars(domain: Domain, comparisons: &[&Comparison], looks: &Looks) 
     chart.draw()
 }
 
-fn bar_label(group: &Group, finished: bool) -> String {
-    format!("{}{}", group.label(), if finished { "" } else { ", unfinished" })
+/// Where there are several scenarios, what is short in one may mean something else in another.
+fn bar_label(comparisons: &[&Comparison], comparison: &Comparison, group: &Group, finished: bool) -> String {
+    let label = if comparisons.len() == 1 { comparison.short_label(group) } else { group.label() };
+    format!("{label}{}", if finished { "" } else { ", unfinished" })
 }
 
 /// Three digits.

@@ -91,7 +91,7 @@ impl PeriodTime {
     }
 }
 
-/// Peak memory in MB.
+/// Peak memory in MiB.
 #[derive(Clone, Copy, Debug)]
 pub struct Memory {
     /// The largest process, shared libraries counted in full.

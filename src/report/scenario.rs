@@ -92,6 +92,8 @@ pub fn simulator(config: &Config) -> String {
     value.as_str().expect("a word").to_owned()
 }
 
+const LOCAL_NETWORK: &str = "traffic.local_network";
+
 /// What makes a method.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Method {
@@ -107,6 +109,10 @@ impl Method {
         let table = Table::try_from(config).expect("a config is a table");
         let mut keys = BTreeMap::new();
         flatten("", &table, &mut keys);
+        // The same file has another path in every run; one that is not there tells nothing.
+        let local_network = config.traffic.as_ref().and_then(|traffic| checksum(&traffic.local_network).ok().flatten());
+        keys.remove(LOCAL_NETWORK);
+        keys.extend(local_network.map(|network| (LOCAL_NETWORK.to_owned(), format!("{network:08x}"))));
         Method::of_keys(simulator(config), keys)
     }
 
@@ -133,7 +139,7 @@ fn flatten(prefix: &str, table: &Table, keys: &mut BTreeMap<String, String>) {
 
 /// What changes nothing in the learning.
 fn is_no_method(key: &str) -> bool {
-    let keys = ["seed", "stop_at_steps", "traffic.network", "traffic.local_network"];
+    let keys = ["seed", "stop_at_steps", "traffic.network"];
     keys.contains(&key) || key.starts_with("logging.")
 }
 
@@ -143,7 +149,7 @@ fn is_idle(simulator: &str, retraining: &Retraining, key: &str) -> bool {
         return match key {
             // Only what they find on drift is acted upon.
             "evaluation.aip_loss_episodes" => *retraining != Retraining::Drift,
-            "traffic.d_set" | "traffic.entry" => simulator == "gs",
+            "traffic.d_set" | "traffic.entry" | LOCAL_NETWORK => simulator == "gs",
             key => simulator == "gs" && key.starts_with("local_simulators."),
         };
     };
@@ -247,6 +253,18 @@ mod tests {
             titles(&[scenario(300, Some(0x1a)), scenario(300, None)]),
             ["traffic, 4 agents, network 0000001a", "traffic, 4 agents, network unknown"]
         );
+    }
+
+    #[test]
+    fn another_local_network_is_another_method_except_on_the_gs() {
+        let method = |simulator: &str, local: &str| {
+            let nets = concat!(env!("CARGO_MANIFEST_DIR"), "/sumo_nets");
+            let traffic = format!("[traffic]\nnetwork = '{nets}/grid_2x2'\nlocal_network = '{nets}/{local}'");
+            Method::of(&config(&format!("simulator = '{simulator}'\n{traffic}")))
+        };
+        assert_ne!(method("dials", "local"), method("dials", "grid_2x2"));
+        assert_eq!(method("gs", "local"), method("gs", "grid_2x2"));
+        assert_eq!(method("dials", "local"), method("dials", "../sumo_nets/local"), "the same file");
     }
 
     #[test]

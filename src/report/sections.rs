@@ -13,10 +13,12 @@ use super::tables;
 /// How the figures were made, for whoever wants to know.
 const RULES: [&str; 8] = [
     "Runs that differ in nothing but their seed (and in where they were told to stop) are a group. A label names the keys \
-     of the config in which a group differs from most groups of its scenario.",
+     of the config in which a group differs from most groups of its scenario. A group that differs from them in nothing is \
+     the reference: pictures show the others against it, named by what they change.",
     "A curve has a point at every step at which some run of the group was evaluated. A run counts there if it has come so \
      far, interpolated on a straight line between two of its evaluations, and is never prolonged. Where a curve does not \
-     hold all runs of its group it is thin.",
+     hold all runs of its group it is thin. Curves of cross-entropy likewise; where the AIPs of one seed were trained and \
+     those of others not, there is a hollow mark.",
     "Against runtime, each point of the curve stands at the mean wall time of its runs, evaluations excluded.",
     "The final return is that of the last evaluation. Only finished runs count, those with the most steps; where no run of a \
      group is finished, all count at the last step that all have reached, and the table says so.",
@@ -74,7 +76,7 @@ fn label_order(comparisons: &[Comparison]) -> Vec<String> {
     let kind = |simulator: &str| ["dials", "gs", "untrained-dials"].iter().position(|&kind| kind == simulator);
     groups.sort_by_key(|group| {
         let place = kind(group.simulator()).unwrap_or(usize::MAX);
-        (group.overrides.len().min(1), place, group.method.retraining, group.label())
+        (group.overrides.len(), place, group.method.retraining, group.label())
     });
     groups.into_iter().map(|group| group.label()).collect()
 }
@@ -112,21 +114,23 @@ fn scenario(comparison: &Comparison, looks: &Looks, shape: GridShape) -> Result<
 
 fn costs(domain: Domain, comparisons: &[&Comparison], looks: &Looks) -> Result<Vec<Block>> {
     let name = domain.name();
-    Ok(vec![
-        Block::Heading(2, format!("All sizes, {name}")),
-        figure(
+    let mut blocks = vec![Block::Heading(2, format!("All sizes, {name}"))];
+    // Ablations have their own picture of it.
+    if comparisons.iter().any(|comparison| comparison.reference.is_none()) {
+        blocks.push(figure(
             format!("final_return_{name}"),
             format!("Final return by number of agents, {name}. Diamonds: the paper, where ours ran as long."),
             pictures::final_bars(domain, comparisons, looks)?,
-        ),
-        figure(
-            format!("runtime_{name}"),
-            format!("Runtime by number of agents, {name}. Diamonds: the paper, where ours ran as long."),
-            pictures::runtime_bars(domain, comparisons, looks)?,
-        ),
-        Block::Table(tables::runtimes(domain, comparisons)),
-        Block::Table(tables::memory(domain, comparisons)),
-    ])
+        ));
+    }
+    blocks.push(figure(
+        format!("runtime_{name}"),
+        format!("Runtime by number of agents, {name}. Diamonds: the paper, where ours ran as long."),
+        pictures::runtime_bars(domain, comparisons, looks)?,
+    ));
+    blocks.push(Block::Table(tables::runtimes(domain, comparisons)));
+    blocks.push(Block::Table(tables::memory(domain, comparisons)));
+    Ok(blocks)
 }
 
 fn figure(name: String, caption: String, svg: Svg) -> Block {

@@ -44,6 +44,14 @@ pub struct Line {
     pub companion: Vec<(f64, f64)>,
 }
 
+impl Line {
+    /// Without what is drawn beside it, but for the band.
+    fn bare(&self) -> Line {
+        let points = self.points.iter().map(|point| LinePoint { whisker: None, ..*point });
+        Line { points: points.collect(), companion: Vec::new(), ..self.clone() }
+    }
+}
+
 /// A line across the chart.
 #[derive(Clone)]
 pub struct Level {
@@ -51,7 +59,7 @@ pub struct Level {
     /// A word, at its end.
     pub name: String,
     pub y: f64,
-    /// Dashed where it was measured here, dotted where it is from elsewhere.
+    /// In short dashes where it was measured here, in long ones where it is from elsewhere.
     pub measured: bool,
 }
 
@@ -102,8 +110,8 @@ struct Size {
     axis_titles: bool,
 }
 
-const WHOLE: Size = Size { numbers: 12.0, names: 11.0, right: 62.0, ticks: 7, axis_titles: true };
-const SMALL: Size = Size { numbers: 10.0, names: 9.0, right: 50.0, ticks: 4, axis_titles: false };
+const WHOLE: Size = Size { numbers: 12.0, names: 11.0, right: 76.0, ticks: 7, axis_titles: true };
+const SMALL: Size = Size { numbers: 10.0, names: 9.0, right: 60.0, ticks: 4, axis_titles: false };
 
 impl LineChart {
     pub fn draw(&self) -> Result<Svg> {
@@ -134,7 +142,7 @@ impl LineChart {
                 x: self.x.clone(),
                 y: self.y.clone(),
                 lines: vec![
-                    Line { look: of_reference, companion: Vec::new(), ..reference.clone() },
+                    Line { look: of_reference, ..reference.bare() },
                     Line { look: of_other, ..(*line).clone() },
                 ],
                 companions: None,
@@ -155,24 +163,32 @@ impl LineChart {
         let entries = self.legend_against(reference, of_reference, of_other);
         let legend_columns: Vec<&[Entry]> = entries.chunks(entries.len().div_ceil(COLUMNS).max(1)).collect();
         let legend_height = legend_columns.iter().map(|entries| legend::height(entries)).max().unwrap_or(0);
-        let lines = panels.iter().map(|panel| legend::wrapped(&panel.title, PANEL_WRAP).len()).max().unwrap_or(1);
-        let titles = lines as u32 * PANEL_LINE + 8;
-        let rows = panels.len().div_ceil(COLUMNS) as u32;
+        let titles: Vec<Vec<String>> = panels.iter().map(|panel| legend::wrapped(&panel.title, PANEL_WRAP)).collect();
+        let title_heights: Vec<u32> = titles
+            .chunks(COLUMNS)
+            .map(|row| row.iter().map(Vec::len).max().unwrap_or(1) as u32 * PANEL_LINE + 8)
+            .collect();
+        let grid_height = title_heights.iter().map(|height| height + PANEL).sum::<u32>();
         let ranges = self.ranges();
         let title = format!("{}: {}, by {}", self.title, self.y.label, self.x.label);
-        Svg::draw(WIDTH, 30 + rows * (PANEL + titles) + legend_height, |root| {
+        Svg::draw(WIDTH, 30 + grid_height + legend_height, |root| {
             root.draw(&Text::new(title, (px(12.0), px(8.0)), text(15.0, INK))).map_err(failed)?;
-            let (_, below) = root.split_vertically(px(30.0));
-            let (grid, legend) = below.split_vertically(px(f64::from(rows * (PANEL + titles))));
-            for (panel, area) in panels.iter().zip(grid.split_evenly((rows as usize, COLUMNS))) {
-                let (above, plot) = area.split_vertically(px(f64::from(titles)));
-                for (number, line) in legend::wrapped(&panel.title, PANEL_WRAP).into_iter().enumerate() {
-                    let at = (px(14.0), px(8.0) + number as i32 * px(f64::from(PANEL_LINE)));
-                    above.draw(&Text::new(line, at, text(11.5, INK))).map_err(failed)?;
+            let (_, mut below) = root.split_vertically(px(30.0));
+            for ((panels, titles), title_height) in
+                panels.chunks(COLUMNS).zip(titles.chunks(COLUMNS)).zip(&title_heights)
+            {
+                let (row, rest) = below.split_vertically(px(f64::from(title_height + PANEL)));
+                below = rest;
+                for ((panel, lines), area) in panels.iter().zip(titles).zip(row.split_evenly((1, COLUMNS))) {
+                    let (above, plot) = area.split_vertically(px(f64::from(*title_height)));
+                    for (number, line) in lines.iter().enumerate() {
+                        let at = (px(14.0), px(8.0 + f64::from(number as u32 * PANEL_LINE)));
+                        above.draw(&Text::new(line.clone(), at, text(11.5, INK))).map_err(failed)?;
+                    }
+                    panel.plot(&plot, ranges.clone(), SMALL)?;
                 }
-                panel.plot(&plot, ranges.clone(), SMALL)?;
             }
-            for (entries, area) in legend_columns.iter().zip(legend.split_evenly((1, COLUMNS))) {
+            for (entries, area) in legend_columns.iter().zip(below.split_evenly((1, COLUMNS))) {
                 legend::draw(&area.margin(px(4.0), 0, px(10.0), 0), entries)?;
             }
             Ok(())
@@ -348,7 +364,7 @@ impl LineChart {
 }
 
 fn level_dash(level: &Level) -> Dash {
-    if level.measured { Dash::Dashed } else { Dash::Dotted }
+    if level.measured { Dash::Dashed } else { Dash::Long }
 }
 
 /// A vertical bar with two feet.

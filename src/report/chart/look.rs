@@ -24,6 +24,8 @@ pub enum Dash {
     Solid,
     Dashed,
     Dotted,
+    /// No line of ours has it.
+    Long,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -88,6 +90,7 @@ where
     match look.1 {
         Dash::Solid => area.draw(&PathElement::new(points, style)),
         Dash::Dashed => area.draw(&DashedPathElement::new(points, px(7.0), px(4.0), style)),
+        Dash::Long => area.draw(&DashedPathElement::new(points, px(14.0), px(3.0), style)),
         Dash::Dotted => area.draw(&DashedPathElement::new(points, px(1.6), px(2.6), style)),
     }
     .map_err(failed)

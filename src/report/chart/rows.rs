@@ -12,7 +12,9 @@ use super::{INK, Svg, failed, px, text};
 const WIDTH: u32 = 860;
 /// Of the labels, and of the words at the right.
 const LABELS: u32 = 230;
-const WORDS: u32 = 290;
+const WORDS: u32 = 312;
+/// Right ends of their columns, from the right.
+const COLUMNS: [u32; 3] = [222, 66, 8];
 const TITLE: u32 = 50;
 const AXIS: u32 = 48;
 const NOTE: u32 = 22;
@@ -107,7 +109,7 @@ impl RowChart {
             let places = std::iter::once(-16.0).chain(middles.iter().copied());
             let all_words = std::iter::once(&self.header).chain(self.rows.iter().map(|row| &row.words));
             for (place, words) in places.zip(all_words) {
-                for (word, right) in words.iter().zip([WORDS - 92, WORDS - 232, 8]) {
+                for (word, right) in words.iter().zip(COLUMNS) {
                     let at = (px(f64::from(WIDTH - right)), px(f64::from(TITLE) + place));
                     root.draw(&Text::new(word.clone(), at, style(HPos::Right))).map_err(failed)?;
                 }
