@@ -115,31 +115,46 @@ fn a_run_that_a_killed_experiment_left_goes_on_to_the_same_numbers() {
 }
 
 #[test]
-fn a_run_that_fails_stops_no_other_and_is_named_with_its_own_last_words() {
+fn a_run_that_fails_stops_no_other_and_is_named() {
     let place = Place::new(TWO_SEEDS);
     place.experiment(&[]).assert().success();
-    // A run that begins again, and one whose policies somebody spoilt.
+    // A run that begins again, and one whose file is shorter than its checkpoint left it.
     let [again, spoilt] = ["small-dials-seed1", "small-dials-seed2"].map(|run| place.runs().join(run));
     fs::remove_dir_all(&again).unwrap();
     fs::write(spoilt.join("returns.csv"), "steps,agent\n0,0\n").unwrap();
-    fs::remove_dir_all(spoilt.join("checkpoints")).unwrap();
-    fs::create_dir(spoilt.join("checkpoints")).unwrap();
-    fs::write(place.runs().join("logs/small-dials-seed2.log"), "error: of an earlier day\n").unwrap();
     let output = place.experiment(&[]).assert().code(1).get_output().clone();
     let said = text(&output.stderr);
     assert!(said.contains("error: 1 of 2 failed: small-dials-seed2"), "{said}");
-    assert!(said.contains("small-dials-seed2: error: ") && !said.contains("an earlier day"), "why: {said}");
+    assert!(said.contains("small-dials-seed2: error: ") && said.contains("it was changed since"), "why: {said}");
     assert!(place.returns("small-dials-seed1").contains("\n256,all,"));
+}
+
+#[test]
+fn a_run_that_is_killed_is_told_so_and_not_what_an_earlier_one_said() {
+    let place = Place::new("seeds = [1]\nset = ['total_steps=7680']\n[[grid]]\nconfigs = ['small.toml']\n");
+    fs::create_dir_all(place.runs().join("logs")).unwrap();
+    fs::write(place.runs().join("logs/small-dials-seed1.log"), "error: of an earlier day\n").unwrap();
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_dials-traffic"));
+    command.current_dir(place.dir.path()).args(["experiment", "e.toml"]).stdout(Stdio::null()).stderr(Stdio::piped());
+    let experiment = command.spawn().unwrap();
+    let begun = Instant::now();
+    while !place.runs().join("small-dials-seed1/returns.csv").exists() {
+        assert!(begun.elapsed() < Duration::from_secs(60), "no run began");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let children = format!("/proc/{0}/task/{0}/children", experiment.id());
+    let run = fs::read_to_string(children).unwrap();
+    assert!(std::process::Command::new("kill").args(["-KILL", run.trim()]).status().unwrap().success());
+    let said = text(&experiment.wait_with_output().unwrap().stderr);
+    assert!(said.contains("small-dials-seed1: signal: 9"), "{said}");
+    assert!(!said.contains("an earlier day"), "{said}");
 }
 
 #[test]
 fn a_controller_that_nobody_knows_is_told_before_anything_begins() {
     let place = Place::new("seeds = [1]\ncontrollers = ['nobody']\n[[grid]]\nconfigs = ['small.toml']\n");
     let said = text(&place.experiment(&["--dry-run"]).assert().code(2).get_output().stderr);
-    assert!(
-        said.contains("e.toml: controllers: controller `nobody`: unknown") && said.contains("oldest-item"),
-        "{said}"
-    );
+    assert!(said.contains("e.toml: controllers") && said.contains("`nobody`: unknown; one of random"), "{said}");
 }
 
 #[test]

@@ -220,6 +220,32 @@ fn scenarios_of_as_many_agents_stand_apart_and_only_the_papers_has_its_numbers()
 }
 
 #[test]
+fn an_ablation_is_drawn_row_by_row_and_panel_by_panel_against_its_reference() {
+    let settings = ["clip = 0.2", "gamma = 0.9", "epochs = 1", "entropy = 0.1", "gae_lambda = 0.9"];
+    let (dir, _) = report_of(&["warehouse_4-dials-clip0.1-seed1"], |runs| {
+        for setting in settings {
+            let (from, to) = (runs.join("warehouse_4-dials-clip0.1-seed1"), runs.join(setting));
+            fs::create_dir(&to).unwrap();
+            names(&from).iter().for_each(|name| drop(fs::copy(from.join(name), to.join(name)).unwrap()));
+            let clip = if setting.starts_with("clip") { "" } else { "clip = 0.1\n" };
+            edit(&to.join("config.toml"), "clip = 0.1", &format!("{clip}{setting}"));
+            // 9.2 in the reference.
+            edit(&to.join("returns.csv"), "200064,all,9.2", "200064,all,9.7");
+        }
+    });
+    let picture = |name: &str| fs::read_to_string(dir.path().join("report").join(name)).unwrap();
+    let (rows, panels) = (picture("ablation_warehouse_4.svg"), picture("learning_warehouse_4.svg"));
+    for setting in settings {
+        let label = setting.replace(" = ", "=");
+        assert_eq!(rows.matches(&format!("\n{label}\n")).count(), 1, "{label}: {rows}");
+        assert!(panels.contains(&format!("\n{label} (1 run)\n")), "{label}");
+    }
+    assert_eq!((rows.matches("\n+0.50\n").count(), rows.matches("\nthe reference\n").count()), (5, 1));
+    assert!(panels.contains("in all: DIALS F=200K (1"));
+    assert!(!dir.path().join("report/final_return_warehouse.svg").exists(), "the rows say it");
+}
+
+#[test]
 fn runs_that_are_shorter_than_the_papers_have_rows_of_their_own_among_its_runtimes() {
     let (_dir, markdown) = report_of(&["traffic_4-gs-seed2", "warehouse_4-dials-clip0.1-seed1"], |_| ());
     // The paper's row without us, and ours: 900 s less 3 s of evaluation until 2M steps.
