@@ -244,7 +244,7 @@ pub struct Replay {
 
 #[derive(Debug, Args)]
 pub struct Experiment {
-    /// File such as experiments/small_traffic.toml
+    /// File such as experiments/small_simulators_traffic.toml
     pub file: PathBuf,
     /// Folder for the run directories [default: results/FILE/runs]
     #[arg(long, value_name = "DIR")]
@@ -277,11 +277,16 @@ pub struct Compare {
     /// What is compared with it, likewise
     pub b: String,
     /// Return to reach, for steps and time [default: 95 % of the worse final return]
-    #[arg(long, value_name = "RETURN")]
+    #[arg(long, value_name = "RETURN", value_parser = finite)]
     pub reach: Option<f64>,
     /// Print one JSON object instead of a table
     #[arg(long)]
     pub json: bool,
+}
+
+fn finite(text: &str) -> Result<f64, String> {
+    let number = text.parse::<f64>().map_err(|error| error.to_string())?;
+    if number.is_finite() { Ok(number) } else { Err("must be a finite number".to_owned()) }
 }
 
 #[derive(Debug, Subcommand)]

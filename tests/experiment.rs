@@ -116,13 +116,89 @@ fn a_run_that_a_killed_experiment_left_goes_on_to_the_same_numbers() {
 
 #[test]
 fn a_run_that_fails_stops_no_other_and_is_named() {
-    let place = Place::new("seeds = [1]\ncontrollers = ['nobody']\n[[grid]]\nconfigs = ['small.toml']\n");
+    let place = Place::new(TWO_SEEDS);
+    place.experiment(&[]).assert().success();
+    // A run that begins again, and one whose file is shorter than its checkpoint left it.
+    let [again, spoilt] = ["small-dials-seed1", "small-dials-seed2"].map(|run| place.runs().join(run));
+    fs::remove_dir_all(&again).unwrap();
+    fs::write(spoilt.join("returns.csv"), "steps,agent\n0,0\n").unwrap();
     let output = place.experiment(&[]).assert().code(1).get_output().clone();
     let said = text(&output.stderr);
-    assert!(said.contains("error: 1 of 2 failed: small-nobody"), "{said}");
-    assert!(said.contains("small-nobody: error: ") && said.contains("oldest-item"), "why: {said}");
+    assert!(said.contains("error: 1 of 2 failed: small-dials-seed2"), "{said}");
+    assert!(said.contains("small-dials-seed2: error: ") && said.contains("it was changed since"), "why: {said}");
     assert!(place.returns("small-dials-seed1").contains("\n256,all,"));
-    assert!(!place.runs().join("baselines/small-nobody.json").exists());
+}
+
+#[test]
+fn a_run_that_is_killed_is_told_so_and_not_what_an_earlier_one_said() {
+    let place = Place::new("seeds = [1]\nset = ['total_steps=7680']\n[[grid]]\nconfigs = ['small.toml']\n");
+    fs::create_dir_all(place.runs().join("logs")).unwrap();
+    fs::write(place.runs().join("logs/small-dials-seed1.log"), "error: of an earlier day\n").unwrap();
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_dials-traffic"));
+    command.current_dir(place.dir.path()).args(["experiment", "e.toml"]).stdout(Stdio::null()).stderr(Stdio::piped());
+    let experiment = command.spawn().unwrap();
+    let begun = Instant::now();
+    while !place.runs().join("small-dials-seed1/returns.csv").exists() {
+        assert!(begun.elapsed() < Duration::from_secs(60), "no run began");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let children = format!("/proc/{0}/task/{0}/children", experiment.id());
+    let run = fs::read_to_string(children).unwrap();
+    assert!(std::process::Command::new("kill").args(["-KILL", run.trim()]).status().unwrap().success());
+    let said = text(&experiment.wait_with_output().unwrap().stderr);
+    assert!(said.contains("small-dials-seed1: signal: 9"), "{said}");
+    assert!(!said.contains("an earlier day"), "{said}");
+}
+
+#[test]
+fn a_controller_that_nobody_knows_is_told_before_anything_begins() {
+    let place = Place::new("seeds = [1]\ncontrollers = ['nobody']\n[[grid]]\nconfigs = ['small.toml']\n");
+    let said = text(&place.experiment(&["--dry-run"]).assert().code(2).get_output().stderr);
+    assert!(said.contains("e.toml: controllers") && said.contains("`nobody`: unknown; one of random"), "{said}");
+}
+
+#[test]
+fn a_baseline_is_measured_as_the_runs_are_and_again_when_its_plan_has_changed() {
+    let place = Place::new(TWO_SEEDS);
+    place.experiment(&[]).assert().success();
+    let path = place.runs().join("baselines/small-random.json");
+    let measured = |key: &str| {
+        let object: serde_json::Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+        object[key].clone()
+    };
+    assert_eq!((measured("scenario"), measured("episodes")), ("warehouse-1-8".into(), 2.into()));
+    let more = TWO_SEEDS.replace("controller_episodes = 2", "controller_episodes = 3");
+    fs::write(place.dir.path().join("e.toml"), more).unwrap();
+    let dry = text(&place.experiment(&["--dry-run"]).assert().success().get_output().stdout);
+    assert!(dry.contains("1 to do, 4 finished") && dry.contains("outdated"), "{dry}");
+    place.experiment(&[]).assert().success();
+    assert_eq!(measured("episodes"), 3);
+
+    // Other runs in another folder, on episodes of another length.
+    let longer = TWO_SEEDS.replace("[[grid]]", "set = ['warehouse.horizon=16']\n[[grid]]");
+    fs::write(place.dir.path().join("e.toml"), longer).unwrap();
+    place.experiment(&["--out", "longer/runs"]).assert().success();
+    let longer = place.dir.path().join("longer/runs");
+    let baseline = fs::read_to_string(longer.join("baselines/small-random.json")).unwrap();
+    assert!(baseline.contains("\"scenario\":\"warehouse-1-16\""), "{baseline}");
+    let plan = fs::read_to_string(longer.join("plan.json")).unwrap();
+    assert!(plan.contains("\"small-random\""), "{plan}");
+}
+
+#[test]
+fn a_run_whose_files_are_torn_is_resumed() {
+    let place = Place::new(TWO_SEEDS);
+    place.experiment(&[]).assert().success();
+    let run = place.runs().join("small-dials-seed1");
+    for torn in ["memory.csv", "timing.csv"] {
+        let text = fs::read_to_string(run.join(torn)).unwrap();
+        fs::write(run.join(torn), format!("{text}256,all,no number,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1\n")).unwrap();
+    }
+    let dry = text(&place.experiment(&["--dry-run"]).assert().success().get_output().stdout);
+    assert!(dry.lines().any(|line| line.starts_with("small-dials-seed1") && line.contains("to be resumed")), "{dry}");
+    place.experiment(&[]).assert().success();
+    let dry = text(&place.experiment(&["--dry-run"]).assert().success().get_output().stdout);
+    assert!(dry.contains("0 to do, 5 finished"), "{dry}");
 }
 
 #[test]

@@ -78,7 +78,7 @@ fn final_returns_and_runtimes_are_worked_out_by_hand() {
     // and 854, of which 2 s collect and train AIPs; deviation 20, / sqrt(3) = 11.5470.
     assert_eq!(
         line("costs.csv", "traffic_4,DIALS F=1M"),
-        "traffic_4,DIALS F=1M,4000064,1,832.0000,2.0000,834.0000,11.5470,843.0000,202.0000,382.0000,262.0000"
+        "traffic_4,DIALS F=1M,4000064,true,1,832.0000,2.0000,834.0000,11.5470,843.0000,202.0000,382.0000,262.0000"
     );
     // The unfinished run with seed 2 does not count.
     assert!(line("final.csv", "traffic_4,GS").starts_with("traffic_4,GS,4000064,true,1,200.0000,,,,200.0000,"));
@@ -155,6 +155,124 @@ fn folders_without_runs_are_refused() {
     assert!(!home().join("never").exists());
 }
 
+#[test]
+fn a_folder_that_is_named_twice_counts_once() {
+    let dir = tempfile::tempdir().unwrap();
+    let made = |name: &str, folders: &[&str]| {
+        let out = dir.path().join(name);
+        dials_traffic(&[&["report"], folders, &["--out", out.to_str().unwrap()]].concat()).assert().success();
+        fs::read_to_string(out.join("report.md")).unwrap()
+    };
+    let once = made("once", &["runs"]);
+    assert_eq!(made("twice", &["runs", "runs"]), once);
+    assert_eq!(made("within", &["runs", "runs/traffic_4-gs-seed1", "../report/runs/baselines/.."]), once);
+}
+
+/// A copy of some fixed runs that a test may change, and a report of it.
+fn report_of(runs: &[&str], change: impl Fn(&Path)) -> (tempfile::TempDir, String) {
+    let dir = tempfile::tempdir().unwrap();
+    for run in runs {
+        let to = dir.path().join("runs").join(run);
+        fs::create_dir_all(&to).unwrap();
+        for name in names(&home().join("runs").join(run)) {
+            fs::copy(home().join("runs").join(run).join(&name), to.join(name)).unwrap();
+        }
+    }
+    change(&dir.path().join("runs"));
+    let mut command = dials_traffic(&["report", "runs", "--out", "report"]);
+    command.current_dir(dir.path()).assert().success();
+    let markdown = fs::read_to_string(dir.path().join("report/report.md")).unwrap();
+    (dir, markdown)
+}
+
+fn edit(path: &Path, from: &str, to: &str) {
+    let text = fs::read_to_string(path).unwrap();
+    assert!(text.contains(from), "{from}");
+    fs::write(path, text.replace(from, to)).unwrap();
+}
+
+#[test]
+fn scenarios_of_as_many_agents_stand_apart_and_only_the_papers_has_its_numbers() {
+    let runs = ["traffic_4-gs-seed1", "traffic_4-dials-seed1", "baselines"];
+    let (dir, markdown) = report_of(&runs, |runs| {
+        edit(&runs.join("traffic_4-gs-seed1/config.toml"), "[traffic]", "[traffic]\nhorizon = 100");
+        edit(&runs.join("baselines/traffic_4-actuated.json"), "traffic-4-300", "traffic-9-300");
+    });
+    for told in [
+        "## Traffic, 4 agents, 300 steps",
+        "## Traffic, 4 agents, 100 steps",
+        "training, 4, 100 steps | training, 4, 300 steps",
+        "The paper has no such scenario.",
+        // One seed: no standard error of ours to count the difference in.
+        "| 214.0 ± 1.0 at 4M | +0.0 |",
+        "runs/baselines/traffic_4-actuated.json: left out: was measured on traffic-9-300, of which there is no run",
+    ] {
+        assert!(markdown.contains(told), "`{told}` is not in {markdown}");
+    }
+    assert!(!markdown.contains("200.5 ± 7.0"), "the paper's GS has episodes of 300 steps");
+    // 0.5 h of ours at 100 steps, and nothing of the paper's in that column; its own 7.24 h in that of 300.
+    assert!(markdown.contains("| GS | 0.50 / - | - / 7.24 |"), "{markdown}");
+    let page = fs::read_to_string(dir.path().join("report/report.html")).unwrap();
+    for (at, _) in page.match_indices(" id=\"") {
+        let id = &page[at..at + 6 + page[at + 6..].find('"').unwrap()];
+        assert_eq!(page.matches(&format!("{id}\"")).count(), 1, "{id}");
+    }
+}
+
+#[test]
+fn an_ablation_is_drawn_row_by_row_and_panel_by_panel_against_its_reference() {
+    let settings = ["clip = 0.2", "gamma = 0.9", "epochs = 1", "entropy = 0.1", "gae_lambda = 0.9"];
+    let (dir, _) = report_of(&["warehouse_4-dials-clip0.1-seed1"], |runs| {
+        for setting in settings {
+            let (from, to) = (runs.join("warehouse_4-dials-clip0.1-seed1"), runs.join(setting));
+            fs::create_dir(&to).unwrap();
+            names(&from).iter().for_each(|name| drop(fs::copy(from.join(name), to.join(name)).unwrap()));
+            let clip = if setting.starts_with("clip") { "" } else { "clip = 0.1\n" };
+            edit(&to.join("config.toml"), "clip = 0.1", &format!("{clip}{setting}"));
+            // 9.2 in the reference.
+            edit(&to.join("returns.csv"), "200064,all,9.2", "200064,all,9.7");
+        }
+    });
+    let picture = |name: &str| fs::read_to_string(dir.path().join("report").join(name)).unwrap();
+    let (rows, panels) = (picture("ablation_warehouse_4.svg"), picture("learning_warehouse_4.svg"));
+    for setting in settings {
+        let label = setting.replace(" = ", "=");
+        assert_eq!(rows.matches(&format!("\n{label}\n")).count(), 1, "{label}: {rows}");
+        assert!(panels.contains(&format!("\n{label} (1 run)\n")), "{label}");
+    }
+    assert_eq!((rows.matches("\n+0.50\n").count(), rows.matches("\nthe reference\n").count()), (5, 1));
+    assert!(panels.contains("in all: DIALS F=200K (1"));
+    assert!(!dir.path().join("report/final_return_warehouse.svg").exists(), "the rows say it");
+}
+
+#[test]
+fn runs_that_are_shorter_than_the_papers_have_rows_of_their_own_among_its_runtimes() {
+    let (_dir, markdown) = report_of(&["traffic_4-gs-seed2", "warehouse_4-dials-clip0.1-seed1"], |_| ());
+    // The paper's row without us, and ours: 900 s less 3 s of evaluation until 2M steps.
+    assert!(markdown.contains("| GS | - / 7.24 |"), "{markdown}");
+    assert!(markdown.contains("| GS, 2M steps, unfinished | 0.25 / - |"), "{markdown}");
+    assert!(markdown.contains("| DIALS F=200K, 200K steps | 0.0144 / - |"), "{markdown}");
+}
+
+#[test]
+fn what_a_kill_cut_short_is_left_out_of_a_run_and_a_hole_leaves_the_run_out() {
+    let runs = ["traffic_4-dials-seed1", "traffic_4-dials-seed2"];
+    let (_dir, markdown) = report_of(&runs, |runs| {
+        let returns = runs.join("traffic_4-dials-seed1/returns.csv");
+        let text = fs::read_to_string(&returns).unwrap();
+        // The last evaluation has two agents of four, the second one half a line.
+        let end = text.find("4000064,1,").unwrap();
+        fs::write(&returns, &text[..end + 12]).unwrap();
+        let returns = runs.join("traffic_4-dials-seed2/returns.csv");
+        let text = fs::read_to_string(&returns).unwrap();
+        let hole: Vec<&str> = text.lines().filter(|line| !line.starts_with("2000000,3,")).collect();
+        fs::write(&returns, hole.join("\n") + "\n").unwrap();
+    });
+    assert!(markdown.contains("runs/traffic_4-dials-seed1: unfinished, at 2M of 4M steps"), "{markdown}");
+    let told = "runs/traffic_4-dials-seed2: left out: returns.csv: tells of 3 of 4 agents at step 2000000";
+    assert!(markdown.contains(told), "{markdown}");
+}
+
 fn compare(args: &[&str]) -> Value {
     let assert = dials_traffic(&[&["compare"], args, &["--json"]].concat()).assert().success();
     serde_json::from_slice(&assert.get_output().stdout).unwrap()
@@ -180,6 +298,24 @@ fn the_same_seeds_are_compared_in_pairs() {
     // 30 s less an evaluation of 3 s.
     near(&found["b"]["reached_s"], 27.0);
     near(&found["runtime_ratio"], 1.0);
+    // The median agent is 0.5 above the mean.
+    near(&found["a"]["median_agent"], 9.8);
+    assert_eq!((&found["a"]["stuck_agents"], &found["a"]["agents"]), (&0.into(), &8.into()));
+}
+
+#[test]
+fn a_comparison_names_the_seeds_that_it_uses_and_counts_the_stuck_agents() {
+    // Of GS the unfinished run with seed 2 does not count; one of the 4 agents of seed 1 is stuck.
+    let found = compare(&["runs/traffic_4-gs-seed1,runs/traffic_4-gs-seed2", "runs/traffic_4-dials-seed1"]);
+    assert_eq!(found["a"]["seeds"], serde_json::json!([1]));
+    assert_eq!((&found["a"]["stuck_agents"], &found["a"]["agents"]), (&1.into(), &4.into()));
+}
+
+#[test]
+fn a_return_to_reach_is_a_number() {
+    let runs = "runs/traffic_4-gs-seed1";
+    let output = dials_traffic(&["compare", runs, runs, "--reach", "nan"]).assert().code(2).get_output().clone();
+    assert!(text(&output.stderr).contains("must be a finite number"), "{output:?}");
 }
 
 #[test]

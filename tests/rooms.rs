@@ -21,7 +21,7 @@ const DOORS: &[(&str, &[&str])] = &[
     ("bench", &["base", "config", "domain", "nn", "influence", "policy", "training"]),
     ("processes", &["base", "config", "domain", "nn", "evaluation", "influence", "policy", "training"]),
     ("report", &["base", "config", "training"]),
-    ("experiment", &["config", "report"]),
+    ("experiment", &["config", "report", "training"]),
 ];
 
 /// Outside crates that only some rooms may use.
@@ -34,7 +34,7 @@ const OUTSIDE: &[(&str, &[&str])] = &[
     ("clap", &["cli", "run", "main"]),
     ("indicatif", &["run"]),
     ("plotters", &["plot", "report"]),
-    ("statrs", &["evaluation", "report"]),
+    ("statrs", &["base"]),
 ];
 
 const TOP: &[&str] = &["run", "cli", "error", "main", "lib"];

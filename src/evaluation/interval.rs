@@ -1,8 +1,6 @@
 //! Means with their 95 % intervals, over episodes.
 
-use statrs::distribution::{ContinuousCDF, StudentsT};
-
-use crate::base::statistics::{mean, std_error};
+use crate::base::statistics::{mean, std_error, student_t};
 
 /// A mean and how far the truth may lie from it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,11 +14,7 @@ pub struct Interval {
 impl Interval {
     /// Of independent `values`, at least one.
     pub fn of(values: &[f64]) -> Interval {
-        let half_width = std_error(values).map(|std_error| {
-            let freedom = (values.len() - 1) as f64;
-            let student = StudentsT::new(0.0, 1.0, freedom).expect("a positive number of degrees of freedom");
-            student.inverse_cdf(0.975) * std_error
-        });
+        let half_width = std_error(values).map(|std_error| student_t((values.len() - 1) as f64) * std_error);
         Interval { mean: mean(values), half_width }
     }
 

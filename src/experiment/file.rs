@@ -8,7 +8,7 @@ use serde::Deserialize;
 
 use crate::config::{self, Config, SimulatorKind};
 use crate::report::group::steps_text;
-use crate::report::scenario::{Method, simulator};
+use crate::report::scenario::{Method, Retraining, Scenario, simulator};
 
 /// A grid of runs.
 #[derive(Clone, Debug, Deserialize)]
@@ -74,11 +74,14 @@ pub struct PlannedRun {
 }
 
 /// A hand-coded controller that an experiment means to measure.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct PlannedBaseline {
     /// Of its file, without ending.
     pub name: String,
-    pub config_path: PathBuf,
+    /// That of the first run on its scenario, settings and all.
+    pub config: Config,
+    /// [`Scenario::id`]
+    pub scenario: String,
     pub controller: String,
     pub episodes: u32,
 }
@@ -91,9 +94,16 @@ pub struct Experiment {
     pub all_cores_from_agents: usize,
 }
 
+/// What only the domain of a config knows.
+pub struct Knowledge<'a> {
+    pub agents: &'a dyn Fn(&Config) -> Result<usize>,
+    /// An error where there is no such controller.
+    pub check_controller: &'a dyn Fn(&Config, &str) -> Result<()>,
+}
+
 impl Experiment {
-    /// Reads a file and checks every run of it; `agents` counts those of a config. A run that comes twice is made once.
-    pub fn read(path: &Path, agents: &dyn Fn(&Config) -> Result<usize>) -> Result<Experiment> {
+    /// Reads a file and checks all of it. A run that comes twice is made once, as is a controller on a scenario.
+    pub fn read(path: &Path, knowledge: &Knowledge) -> Result<Experiment> {
         let failed = || format!("{}: cannot be read", path.display());
         let text = std::fs::read_to_string(path).with_context(failed)?;
         let file: ExperimentFile = toml::from_str(&text).map_err(|error| anyhow!("{}: {error}", path.display()))?;
@@ -104,6 +114,8 @@ impl Experiment {
         let mut stems: BTreeMap<String, PathBuf> = BTreeMap::new();
         for grid in &file.grid {
             ensure!(!grid.configs.is_empty(), "{}: a [[grid]] without configs has no runs", path.display());
+            let seeds = grid.seeds.as_ref().unwrap_or(&file.seeds);
+            ensure!(!seeds.is_empty(), "{}: a [[grid]] without seeds has no runs", path.display());
             for config in &grid.configs {
                 let config_path = folder.join(config);
                 let stem = stem(&config_path);
@@ -115,42 +127,63 @@ impl Experiment {
                     known.display(),
                     config_path.display()
                 );
-                for controller in &file.controllers {
-                    experiment.add_baseline(&config_path, controller, file.controller_episodes);
-                }
                 for run in combinations(&file, grid, &config_path, &stem) {
-                    experiment.add_run(run, agents).with_context(|| format!("{}: a run of it", path.display()))?;
+                    experiment.add_run(run, knowledge).with_context(|| format!("{}: a run of it", path.display()))?;
                 }
             }
         }
+        experiment.add_baselines(&file, knowledge).with_context(|| format!("{}: controllers", path.display()))?;
         Ok(experiment)
     }
 
-    fn add_baseline(&mut self, config_path: &Path, controller: &str, episodes: u32) {
-        let (config_path, controller) = (config_path.to_owned(), controller.to_owned());
-        let name = format!("{}-{controller}", stem(&config_path));
-        let baseline = PlannedBaseline { name, config_path, controller, episodes };
-        if !self.baselines.contains(&baseline) {
-            self.baselines.push(baseline);
+    fn add_baselines(&mut self, file: &ExperimentFile, knowledge: &Knowledge) -> Result<()> {
+        for run in &self.runs {
+            let scenario = Scenario::of(&run.config, run.agents)?.id();
+            for controller in &file.controllers {
+                let same = |other: &PlannedBaseline| other.scenario == scenario && other.controller == *controller;
+                if self.baselines.iter().any(same) {
+                    continue;
+                }
+                (knowledge.check_controller)(&run.config, controller)?;
+                // A file of timings has a path.
+                let (stem, word) = (stem(&run.config_path), controller.replace('/', "_"));
+                let mut name = format!("{stem}-{word}");
+                if self.baselines.iter().any(|other| other.name == name) {
+                    name = format!("{stem}-{scenario}-{word}");
+                }
+                self.baselines.push(PlannedBaseline {
+                    name,
+                    config: run.config.clone(),
+                    scenario: scenario.clone(),
+                    controller: controller.clone(),
+                    episodes: file.controller_episodes,
+                });
+            }
         }
+        Ok(())
     }
 
-    fn add_run(&mut self, combination: Combination, agents: &dyn Fn(&Config) -> Result<usize>) -> Result<()> {
-        let Combination { config_path, settings, words, seed } = combination;
+    fn add_run(&mut self, combination: Combination, knowledge: &Knowledge) -> Result<()> {
+        let Combination { config_path, settings, every, words, seed } = combination;
         let config = config::load(&config_path, &settings)?;
+        let retraining = Method::of(&config).retraining;
+        ensure!(
+            every.is_none() || matches!(retraining, Retraining::Every(_)),
+            "retrain_every_steps: means nothing with simulator = {} and aip.retrain = {}: leave it out, or give these runs a \
+             [[grid]] of their own",
+            config.simulator.name(),
+            toml::Value::try_from(config.aip.retrain)?.as_str().unwrap_or_default()
+        );
         let name = format!("{}-{}{words}-seed{seed}", stem(&config_path), simulator(&config));
-        if let Some(other) =
-            self.runs.iter().find(|run| same_run(&run.config, &config) && run.config_path == config_path)
-        {
-            // An F that is the config's own, or a grid that overlaps another.
-            debug_assert_eq!(other.config.seed, seed);
+        // An F that is the config's own, or a grid that overlaps another.
+        if self.runs.iter().any(|run| run.config_path == config_path && run.config == config) {
             return Ok(());
         }
         ensure!(
             self.runs.iter().all(|run| run.name != name),
             "two runs would be called {name}: give a [[grid]] a `name` of its own"
         );
-        let agents = agents(&config)?;
+        let agents = (knowledge.agents)(&config)?;
         self.runs.push(PlannedRun { name, config_path, settings, config, agents });
         Ok(())
     }
@@ -159,6 +192,8 @@ impl Experiment {
 struct Combination {
     config_path: PathBuf,
     settings: Vec<String>,
+    /// F, where the grid says it.
+    every: Option<u64>,
     /// Between simulator and seed in the name.
     words: String,
     seed: u64,
@@ -185,7 +220,7 @@ fn combinations(file: &ExperimentFile, grid: &Grid, config_path: &Path, stem: &s
                 settings.push(format!("seed={seed}"));
                 let mut words = every.map_or(String::new(), |every| format!("-F{}", steps_text(every)));
                 words.extend(grid.name.iter().map(|name| format!("-{name}")));
-                combinations.push(Combination { config_path: config_path.to_owned(), settings, words, seed });
+                combinations.push(Combination { config_path: config_path.to_owned(), settings, every, words, seed });
             }
         }
     }
@@ -207,13 +242,22 @@ mod tests {
 
     const CONFIG: &str = "[warehouse]\nagents_per_side = 2\n";
 
+    /// A domain whose only controller is `random`, and any `fixed-time`.
+    const KNOWLEDGE: Knowledge = Knowledge {
+        agents: &|_| Ok(4),
+        check_controller: &|_, name| {
+            ensure!(name == "random" || name.starts_with("fixed-time"), "controller `{name}`: unknown");
+            Ok(())
+        },
+    };
+
     fn read(text: &str) -> Result<Experiment> {
         let dir = tempfile::tempdir().unwrap();
         for name in ["small", "large"] {
             std::fs::write(dir.path().join(format!("{name}.toml")), CONFIG).unwrap();
         }
         std::fs::write(dir.path().join("e.toml"), text).unwrap();
-        Experiment::read(&dir.path().join("e.toml"), &|_| Ok(4))
+        Experiment::read(&dir.path().join("e.toml"), &KNOWLEDGE)
     }
 
     fn names(text: &str) -> Vec<String> {
@@ -270,6 +314,21 @@ mod tests {
             ("seeds = [1]\nseed = 2\n[[grid]]\nconfigs = ['small.toml']", "unknown field `seed`"),
             ("seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nset = ['ppo.klip=1']", "unknown field `klip`"),
             ("seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nsimulators = ['ials']", "unknown variant `ials`"),
+            ("seeds = []\n[[grid]]\nconfigs = ['small.toml']", "without seeds"),
+            ("seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nseeds = []", "without seeds"),
+            (
+                "seeds = [1]\ncontrollers = ['nobody']\n[[grid]]\nconfigs = ['small.toml']",
+                "controller `nobody`: unknown",
+            ),
+            (
+                "seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nset = ['aip.retrain=once']\n\
+                 retrain_every_steps = [100000, 500000]",
+                "retrain_every_steps: means nothing with simulator = dials and aip.retrain = once",
+            ),
+            (
+                "seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nset = ['simulator=gs']\nretrain_every_steps = [100000]",
+                "retrain_every_steps: means nothing with simulator = gs",
+            ),
         ] {
             let error = format!("{:#}", read(text).unwrap_err());
             assert!(error.contains("e.toml") && error.contains(told), "{error}");
@@ -277,11 +336,36 @@ mod tests {
     }
 
     #[test]
-    fn controllers_are_measured_once_per_scenario() {
-        let grid = "[[grid]]\nconfigs = ['small.toml', 'large.toml']\n";
-        let experiment = read(&format!("seeds = [1]\ncontrollers = ['random']\n{grid}{grid}")).unwrap();
-        let names: Vec<&str> = experiment.baselines.iter().map(|baseline| baseline.name.as_str()).collect();
-        assert_eq!(names, ["small-random", "large-random"]);
-        assert_eq!(experiment.runs.len(), 2);
+    fn grids_that_differ_in_anything_are_different_runs() {
+        // Neither key makes a method of its own.
+        for setting in ["evaluation.aip_loss_episodes=7", "logging.tensorboard=true"] {
+            let grid = "[[grid]]\nconfigs = ['small.toml']\n";
+            let text = |name: &str| format!("seeds = [1]\n{grid}{grid}set = ['{setting}']\n{name}");
+            assert_eq!(names(&text("name = 'b'")), ["small-dials-seed1", "small-dials-b-seed1"]);
+            let error = format!("{:#}", read(&text("")).unwrap_err());
+            assert!(error.contains("two runs would be called small-dials-seed1"), "{error}");
+        }
+    }
+
+    #[test]
+    fn controllers_are_measured_once_per_scenario_with_the_settings_of_its_runs() {
+        let grid = "[[grid]]\nconfigs = ['small.toml']\n";
+        let shorter = format!("{grid}set = ['warehouse.horizon=50']\nname = 'shorter'\n");
+        let experiment = read(&format!(
+            "seeds = [1, 2]\ncontrollers = ['random', 'fixed-time:file=a/b.toml']\n{grid}{grid}{shorter}"
+        ))
+        .unwrap();
+        let found: Vec<(&str, usize)> =
+            experiment.baselines.iter().map(|baseline| (baseline.name.as_str(), baseline.config.horizon())).collect();
+        assert_eq!(
+            found,
+            [
+                ("small-random", 100),
+                ("small-fixed-time:file=a_b.toml", 100),
+                ("small-warehouse-4-50-random", 50),
+                ("small-warehouse-4-50-fixed-time:file=a_b.toml", 50),
+            ]
+        );
+        assert_eq!(experiment.runs.len(), 4);
     }
 }

@@ -1,12 +1,15 @@
-//! What of an experiment is done already, as its run directories tell.
+//! What of an experiment is done already, as its run directories and measured baselines tell.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, ensure};
 
-use super::file::{PlannedRun, same_run};
+use super::file::{PlannedBaseline, PlannedRun, same_run};
+use crate::config::{self, Config};
+use crate::report::find::{Baseline, baseline_file, read_json};
 use crate::report::run_dir::{RunRecord, Status, is_run_dir};
 use crate::report::scenario::{Method, Scenario};
+use crate::training::files::CONFIG;
 
 /// How far a planned run has come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,6 +20,8 @@ pub enum Stage {
     Begun {
         steps: u64,
     },
+    /// A baseline that was measured otherwise than it is planned now.
+    Outdated,
     Finished,
 }
 
@@ -25,6 +30,7 @@ impl Stage {
         match self {
             Stage::New => "new",
             Stage::Begun { .. } => "to be resumed",
+            Stage::Outdated => "outdated",
             Stage::Finished => "finished",
         }
     }
@@ -32,7 +38,7 @@ impl Stage {
     /// Of its timesteps, from 0 to 1.
     pub fn share(self, run: &PlannedRun) -> f64 {
         match self {
-            Stage::New => 0.0,
+            Stage::New | Stage::Outdated => 0.0,
             Stage::Begun { steps } => steps as f64 / run.config.last_step() as f64,
             Stage::Finished => 1.0,
         }
@@ -51,35 +57,45 @@ pub fn stage(folder: &Path, run: &PlannedRun) -> Result<Stage> {
         ensure!(!dir.exists(), "{}: is in the way: it is no run directory", dir.display());
         return Ok(Stage::New);
     }
-    let record = RunRecord::read(&dir)?;
+    let there = config::load(&dir.join(CONFIG), &[])?;
     ensure!(
-        same_run(&record.config, &run.config)
-            && Scenario::of(&record.config, run.agents)? == Scenario::of(&run.config, run.agents)?,
+        same_run(&there, &run.config) && Scenario::of(&there, run.agents)? == Scenario::of(&run.config, run.agents)?,
         "{}: holds another run than the experiment means ({}); move it aside, or name another folder with --out",
         dir.display(),
-        difference(&record, run)
+        difference(&there, &run.config)
     );
-    Ok(match record.status() {
-        Status::Finished => Stage::Finished,
-        Status::Unfinished { steps } => Stage::Begun { steps },
-        Status::Empty => Stage::Begun { steps: 0 },
+    // What cannot be read was cut short: resuming cuts it back to the checkpoint.
+    Ok(match RunRecord::read(&dir).map(|record| record.status()) {
+        Ok(Status::Finished) => Stage::Finished,
+        Ok(Status::Unfinished { steps }) => Stage::Begun { steps },
+        Ok(Status::Empty) | Err(_) => Stage::Begun { steps: 0 },
     })
 }
 
+/// Looks whether a controller was measured as planned.
+pub fn stage_of_baseline(folder: &Path, planned: &PlannedBaseline) -> Stage {
+    let path = baseline_file(folder, &planned.name);
+    if !path.exists() {
+        return Stage::New;
+    }
+    let as_planned = |there: Baseline| {
+        (there.scenario, there.controller, there.episodes)
+            == (planned.scenario.clone(), planned.controller.clone(), planned.episodes as usize)
+    };
+    if read_json(&path).is_ok_and(as_planned) { Stage::Finished } else { Stage::Outdated }
+}
+
 /// The first thing in which a run differs from the plan, in words.
-fn difference(record: &RunRecord, run: &PlannedRun) -> String {
-    let (there, planned) = (Method::of(&record.config).keys, Method::of(&run.config).keys);
-    let mut keys = there.keys().chain(planned.keys());
-    let key = keys.find(|key| there.get(*key) != planned.get(*key));
+fn difference(there: &Config, planned: &Config) -> String {
+    let keys = [there, planned].map(|config| Method::of(config).keys);
+    let key = keys[0].keys().chain(keys[1].keys()).find(|key| keys[0].get(*key) != keys[1].get(*key));
     let value = |value: Option<&String>| value.map_or("nothing".to_owned(), String::clone);
     match key {
-        Some(key) => format!("{key}: {} there, {} planned", value(there.get(key)), value(planned.get(key))),
-        None if record.config.last_step() != run.config.last_step() => {
-            format!("steps: {} there, {} planned", record.config.last_step(), run.config.last_step())
+        Some(key) => format!("{key}: {} there, {} planned", value(keys[0].get(key)), value(keys[1].get(key))),
+        None if there.last_step() != planned.last_step() => {
+            format!("steps: {} there, {} planned", there.last_step(), planned.last_step())
         }
-        None if record.config.seed != run.config.seed => {
-            format!("seed: {} there, {} planned", record.config.seed, run.config.seed)
-        }
+        None if there.seed != planned.seed => format!("seed: {} there, {} planned", there.seed, planned.seed),
         None => "another network".to_owned(),
     }
 }

@@ -10,6 +10,7 @@ use std::path::PathBuf;
 use anyhow::{Context, Result, ensure};
 use serde_json::{Value, json};
 
+use super::finals::agents_at;
 use super::find::{LeftOut, find};
 use super::group::{Group, Sorted, sort, steps_text};
 use super::run_dir::{RunRecord, Status};
@@ -37,7 +38,7 @@ impl Side {
         let labels: Vec<String> = comparisons
             .iter()
             .flat_map(|comparison| {
-                comparison.groups.iter().map(|group| format!("{}: {}", comparison.scenario.title(), group.label()))
+                comparison.groups.iter().map(|group| format!("{}: {}", comparison.title, group.label()))
             })
             .collect();
         ensure!(
@@ -93,6 +94,12 @@ pub struct Verdict {
     /// Timesteps per agent at which the returns are compared.
     pub steps: u64,
     pub returns: [Spread; 2],
+    /// Of the runs that are compared.
+    pub seeds: [Vec<u64>; 2],
+    /// The median agent of a run, mean over seeds.
+    pub median_agents: [f64; 2],
+    /// Stuck agents of all runs, of so many.
+    pub stuck: [(usize, usize); 2],
     pub difference: Difference,
     /// Mean wall seconds until there, without evaluations.
     pub runtimes: [Option<f64>; 2],
@@ -121,7 +128,14 @@ pub fn compare(a: &Side, b: &Side, target: Option<f64>) -> Result<Verdict> {
     let seeds = |runs: &[&RunRecord]| runs.iter().map(|run| run.config.seed).collect::<Vec<_>>();
     let returns = runs.each_ref().map(|runs| runs.iter().filter_map(|run| run.return_at(steps)).collect::<Vec<f64>>());
     let [of_a, of_b] = &returns;
-    let found = difference(of_a, of_b, seeds(&runs[0]) == seeds(&runs[1]));
+    let seeds = runs.each_ref().map(|runs| seeds(runs));
+    let found = difference(of_a, of_b, seeds[0] == seeds[1]);
+    let median_agents =
+        runs.each_ref().map(|runs| mean(&runs.iter().filter_map(|run| run.median_at(steps)).collect::<Vec<_>>()));
+    let stuck = runs.each_ref().map(|runs| {
+        let agents = runs.iter().flat_map(|run| agents_at(run, steps));
+        agents.fold((0, 0), |(stuck, all), agent| (stuck + agent.stuck, all + 1))
+    });
     let means = returns.each_ref().map(|returns| mean(returns));
     let target = target.unwrap_or(REACH * means[0].min(means[1]));
     let runtimes = runs.each_ref().map(|runs| {
@@ -151,6 +165,9 @@ pub fn compare(a: &Side, b: &Side, target: Option<f64>) -> Result<Verdict> {
     }
     Ok(Verdict {
         steps,
+        seeds,
+        median_agents,
+        stuck,
         returns: returns.each_ref().map(|returns| Spread::of(returns).expect("a final return per run")),
         difference: found,
         runtimes,
@@ -173,8 +190,8 @@ impl Verdict {
     /// For a person.
     pub fn to_text(&self, a: &Side, b: &Side) -> String {
         let mut lines = Vec::new();
-        for (letter, side) in [("A", a), ("B", b)] {
-            let seeds: Vec<String> = side.group.seeds().iter().map(u64::to_string).collect();
+        for ((letter, side), seeds) in [("A", a), ("B", b)].into_iter().zip(&self.seeds) {
+            let seeds: Vec<String> = seeds.iter().map(u64::to_string).collect();
             lines.push(format!("{letter}: {}: {}, seed {}", side.name, side.group.name(), seeds.join(", ")));
         }
         // What only one side looks at follows from the simulator, which is told.
@@ -197,6 +214,11 @@ impl Verdict {
             of_b,
             format!("{}{how}", signed(self.difference.mean, self.returns[0].mean)),
         ));
+        let [a_median, b_median] = self.median_agents;
+        let median_difference = signed(b_median - a_median, a_median);
+        lines.push(row("median agent", figure(a_median), figure(b_median), median_difference));
+        let [of_a, of_b] = self.stuck.map(|(stuck, all)| format!("{stuck} of {all}"));
+        lines.push(row("stuck agents", of_a, of_b, String::new()));
         let [of_a, of_b] = self.runtimes.map(|seconds| seconds.map_or("-".to_owned(), duration));
         lines.push(row("runtime", of_a, of_b, ratio(self.runtimes)));
         let target = figure(self.target);
@@ -222,10 +244,13 @@ impl Verdict {
             json!({
                 "name": side.name,
                 "method": side.group.name(),
-                "seeds": side.group.seeds(),
+                "seeds": self.seeds[index],
                 "runs": returns.runs,
                 "mean_return": returns.mean,
                 "std_error": returns.std_error,
+                "median_agent": self.median_agents[index],
+                "stuck_agents": self.stuck[index].0,
+                "agents": self.stuck[index].1,
                 "runtime_s": self.runtimes[index],
                 "reached_runs": reached.runs.len(),
                 "reached_steps": reached.steps(),

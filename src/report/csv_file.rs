@@ -102,6 +102,7 @@ fn agents(comparisons: &[Comparison]) -> Result<CsvFile> {
 fn costs(comparisons: &[Comparison]) -> Result<CsvFile> {
     let header = [
         "steps",
+        "finished",
         "workers",
         "agents_training_s",
         "influence_s",
@@ -115,7 +116,7 @@ fn costs(comparisons: &[Comparison]) -> Result<CsvFile> {
     write("costs.csv", &header, comparisons, |_, group| {
         let line = Runtime::of(group).map(|time| {
             let memory = peak_memory(group);
-            let mut line = vec![time.steps.to_string(), time.workers.to_string()];
+            let mut line = vec![time.steps.to_string(), time.finished.to_string(), time.workers.to_string()];
             line.extend([time.agents_training_s, time.influence_s, time.total_s].map(number));
             line.extend([optional(time.total_std_error), number(time.wall_s)]);
             line.extend([memory.map(|m| m.process_mb), memory.map(|m| m.total_mb)].map(optional));

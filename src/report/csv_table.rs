@@ -15,14 +15,17 @@ pub struct CsvTable {
 }
 
 impl CsvTable {
-    /// Reads a file; one that is not there has no lines.
+    /// Reads a file; one that is not there has no lines. A last line that does not end is none: whoever wrote it was killed,
+    /// or is writing it.
     pub fn read(path: &Path) -> Result<CsvTable> {
         let mut table = CsvTable { path: path.to_owned(), columns: HashMap::new(), lines: Vec::new() };
         if !path.exists() {
             return Ok(table);
         }
         let failed = || format!("{}: cannot be read", path.display());
-        let mut reader = csv::Reader::from_path(path).with_context(failed)?;
+        let text = std::fs::read_to_string(path).with_context(failed)?;
+        let whole = text.rfind('\n').map_or(0, |end| end + 1);
+        let mut reader = csv::Reader::from_reader(&text.as_bytes()[..whole]);
         let header = reader.headers().with_context(failed)?;
         table.columns = header.iter().enumerate().map(|(index, name)| (name.to_owned(), index)).collect();
         table.lines = reader.records().collect::<csv::Result<_>>().with_context(failed)?;
@@ -89,6 +92,14 @@ mod tests {
         assert!(error.contains("t.csv: has no `elapsed_s`"), "{error}");
         let error = line.number("worker").unwrap_err().to_string();
         assert!(error.contains("`worker` holds \"all\", which is no number"), "{error}");
+    }
+
+    #[test]
+    fn a_last_line_that_does_not_end_is_none() {
+        let steps = |text| table(text).lines().map(|line| line.steps().unwrap()).collect::<Vec<_>>();
+        assert_eq!(steps("steps,mean\n10,1.5\n20,1"), [10], "2, 20 or 200 000? nobody knows");
+        assert_eq!(steps("steps,mean\n10,1.5\n20,1\n"), [10, 20]);
+        assert!(steps("ste").is_empty());
     }
 
     #[test]

@@ -64,26 +64,49 @@ pub fn learning_curve(group: &Group) -> Vec<CurvePoint> {
     points.collect()
 }
 
-/// The cross-entropy of a group's AIPs, on fresh GS episodes where its runs measured that. Only points that all runs have
-/// which have any count.
+/// The cross-entropy of a group's AIPs, on fresh GS episodes where its runs measured that.
+///
+/// As a learning curve, at every step at which some run was measured or trained its AIPs. Runs need not train at the same
+/// steps: at the training of one, the others count with what they have there.
 pub fn loss_curve(group: &Group) -> (LossData, Vec<LossPoint>) {
     let fresh = group.runs.iter().any(|run| !run.fresh_losses.is_empty());
     let data = if fresh { LossData::Fresh } else { LossData::HeldOut };
-    let of_runs: Vec<Measured> =
-        group.runs.iter().map(|run| measured(run, data)).filter(|run| !run.is_empty()).collect();
-    let places = of_runs.iter().map(|run| run.keys().copied().collect::<BTreeSet<_>>());
-    let common = places.reduce(|common, places| &common & &places).unwrap_or_default();
-    let points = common.into_iter().filter_map(|(steps, after_training)| {
-        let here = || of_runs.iter().map(|run| run[&(steps, after_training)]);
-        let loss = Spread::of(&here().map(|[loss, _]| loss).collect::<Vec<_>>())?;
-        let marginals = mean(&here().map(|[_, marginals]| marginals).collect::<Vec<_>>());
+    let of_runs: Vec<Measured> = group.runs.iter().map(|run| measured(run, data)).collect();
+    let places: BTreeSet<(u64, bool)> = of_runs.iter().flat_map(|run| run.keys().copied()).collect();
+    let points = places.into_iter().filter_map(|(steps, after_training)| {
+        let here: Vec<[f64; 2]> = of_runs.iter().filter_map(|run| loss_at(run, steps, after_training)).collect();
+        let loss = Spread::of(&here.iter().map(|[loss, _]| *loss).collect::<Vec<_>>())?;
+        let marginals = mean(&here.iter().map(|[_, marginals]| *marginals).collect::<Vec<_>>());
         Some(LossPoint { steps, after_training, loss, marginals })
     });
     (data, points.collect())
 }
 
+/// Trainings of AIPs that not all runs of a group have in common, after the first: steps and the loss right after it.
+pub fn single_trainings(group: &Group) -> Vec<(u64, f64)> {
+    let of_runs: Vec<Measured> = group.runs.iter().map(|run| measured(run, LossData::Fresh)).collect();
+    let trainings = of_runs.iter().flatten().filter(|((steps, after_training), _)| *after_training && *steps > 0);
+    let single = trainings.filter(|(place, _)| {
+        of_runs.iter().any(|run| !run.contains_key(place) && loss_at(run, place.0, true).is_some())
+    });
+    single.map(|((steps, _), [loss, _])| (*steps, *loss)).collect()
+}
+
 /// Losses of a run and of its marginals, by steps and whether the AIPs have just been trained.
 type Measured = BTreeMap<(u64, bool), [f64; 2]>;
+
+/// What a run has at a step, before or after a training if it has one there, else on the straight line between the places
+/// left and right of it.
+fn loss_at(run: &Measured, steps: u64, after_training: bool) -> Option<[f64; 2]> {
+    let here: Vec<[f64; 2]> = run.range((steps, false)..=(steps, true)).map(|(_, loss)| *loss).collect();
+    if let Some(loss) = if after_training { here.last() } else { here.first() } {
+        return Some(*loss);
+    }
+    let ((left, _), before) = run.range(..(steps, false)).next_back()?;
+    let ((right, _), behind) = run.range((steps, true)..).next()?;
+    let share = (steps - left) as f64 / (right - left) as f64;
+    Some(std::array::from_fn(|index| before[index] + share * (behind[index] - before[index])))
+}
 
 fn measured(run: &RunRecord, data: LossData) -> Measured {
     match data {
@@ -100,5 +123,53 @@ fn measured(run: &RunRecord, data: LossData) -> Measured {
                 [at(false, training.before), at(true, training.after)]
             })
             .collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::run_dir::FreshLoss;
+    use crate::report::scenario::Method;
+
+    /// Runs that measured losses at such steps; `true` right after a training. The marginals are 1 higher.
+    fn group(runs: &[&[(u64, bool, f64)]]) -> Group {
+        let run = |losses: &&[(u64, bool, f64)]| RunRecord {
+            dir: Default::default(),
+            config: toml::from_str("[warehouse]\nagents_per_side = 2").unwrap(),
+            about: serde_json::Value::Null,
+            evaluations: Vec::new(),
+            aip_trainings: Vec::new(),
+            fresh_losses: losses
+                .iter()
+                .map(|&(steps, after_training, loss)| FreshLoss { steps, after_training, loss, marginals: loss + 1.0 })
+                .collect(),
+            periods: Vec::new(),
+            memory: None,
+            workers: 1,
+        };
+        let runs: Vec<RunRecord> = runs.iter().map(run).collect();
+        Group { method: Method::of(&runs[0].config), overrides: Vec::new(), runs }
+    }
+
+    #[test]
+    fn a_seed_that_trains_when_others_do_not_or_has_just_begun_leaves_the_others_in_the_curve() {
+        let drift = group(&[
+            &[(0, true, 2.0), (100, false, 4.0), (100, true, 1.0), (200, false, 2.0)],
+            &[(0, true, 4.0), (200, false, 8.0)],
+            &[(0, true, 6.0)],
+        ]);
+        let (_, points) = loss_curve(&drift);
+        let found: Vec<(u64, bool, usize, f64)> =
+            points.iter().map(|point| (point.steps, point.after_training, point.loss.runs, point.loss.mean)).collect();
+        // At 100 the second run is half way from 4 to 8; the third one has not come so far.
+        let expected = [(0, true, 3, 4.0), (100, false, 2, 5.0), (100, true, 2, 3.5), (200, false, 2, 5.0)];
+        assert_eq!(found, expected);
+        assert_eq!(points[1].marginals, 6.0);
+        assert_eq!(single_trainings(&drift), [(100, 1.0)]);
+        assert_eq!(
+            single_trainings(&group(&[&[(0, true, 2.0), (9, true, 1.0)], &[(0, true, 2.0), (9, true, 3.0)]])),
+            []
+        );
     }
 }

@@ -30,6 +30,10 @@ pub struct Final {
     pub agents_of_runs: Vec<(u64, Vec<Returns>)>,
 }
 
+fn finished(runs: &[&RunRecord]) -> bool {
+    runs.iter().all(|run| run.status() == Status::Finished)
+}
+
 /// An agent of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AgentAt {
@@ -61,7 +65,7 @@ impl Final {
             .map(|agent| mean(&agents_of_runs.iter().map(|(_, agents)| agents[agent].mean).collect::<Vec<_>>()));
         Some(Final {
             steps,
-            finished: runs.iter().all(|run| run.status() == Status::Finished),
+            finished: finished(&runs),
             returns: Spread::of(&means)?,
             median_run: median(&means),
             median_agent: mean(&medians),
@@ -79,7 +83,7 @@ impl Final {
 }
 
 /// The agents at the last evaluation that is not later than `steps`.
-fn agents_at(run: &RunRecord, steps: u64) -> Vec<Returns> {
+pub fn agents_at(run: &RunRecord, steps: u64) -> Vec<Returns> {
     let before = run.evaluations.iter().rev().find(|evaluation| evaluation.steps <= steps);
     before.map_or(Vec::new(), |evaluation| evaluation.agents.clone())
 }
@@ -89,6 +93,8 @@ fn agents_at(run: &RunRecord, steps: u64) -> Vec<Returns> {
 pub struct Runtime {
     /// Timesteps per agent.
     pub steps: u64,
+    /// Whether these are all steps of the runs.
+    pub finished: bool,
     pub agents_training_s: f64,
     /// Collection of datasets and training of the AIPs.
     pub influence_s: f64,
@@ -102,15 +108,16 @@ pub struct Runtime {
 }
 
 impl Runtime {
-    /// Of the runs that tell the final return.
+    /// Of the runs that tell the final return, until the step at which they do.
     pub fn of(group: &Group) -> Option<Runtime> {
         let (steps, runs) = group.finals()?;
-        let times: Vec<PeriodTime> = runs.iter().filter_map(|run| run.total_time()).collect();
+        let times: Vec<PeriodTime> = runs.iter().filter_map(|run| run.time_at(steps)).collect();
         let mean_of = |part: &dyn Fn(&PeriodTime) -> f64| mean(&times.iter().map(part).collect::<Vec<_>>());
         let total = Spread::of(&times.iter().map(|time| time.runtime_s()).collect::<Vec<_>>())?;
         let influence_s = mean_of(&|time| time.influence_s);
         Some(Runtime {
             steps,
+            finished: finished(&runs),
             agents_training_s: total.mean - influence_s,
             influence_s,
             total_s: total.mean,
@@ -124,4 +131,43 @@ impl Runtime {
 /// The largest memory of a group's runs.
 pub fn peak_memory(group: &Group) -> Option<Memory> {
     group.runs.iter().filter_map(|run| run.memory).reduce(Memory::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::run_dir::Evaluation;
+    use crate::report::scenario::Method;
+
+    #[test]
+    fn the_runtime_of_unfinished_runs_is_until_the_step_that_all_have_reached() {
+        let returns = Returns { mean: 1.0, median: 1.0, std_error: 0.0, stuck: 0 };
+        // 1 s per 1000 steps, of which a fifth are evaluations and a tenth the AIPs'; a period of 4000.
+        let run = |periods: u64| RunRecord {
+            dir: Default::default(),
+            config: toml::from_str("total_steps = 100000\n[warehouse]\nagents_per_side = 1").unwrap(),
+            about: serde_json::Value::Null,
+            evaluations: vec![Evaluation { steps: periods * 4000 - 2000, all: returns, agents: vec![returns] }],
+            aip_trainings: Vec::new(),
+            fresh_losses: Vec::new(),
+            periods: (1..=periods)
+                .map(|period| PeriodTime {
+                    steps: period * 4000,
+                    elapsed_s: 4.0 * period as f64,
+                    evaluation_s: 0.8 * period as f64,
+                    influence_s: 0.4 * period as f64,
+                })
+                .collect(),
+            memory: None,
+            workers: 1,
+        };
+        let runs = vec![run(2), run(20)];
+        let group = Group { method: Method::of(&runs[0].config), overrides: Vec::new(), runs };
+        let time = Runtime::of(&group).unwrap();
+        // Both until 6000: 6 s, less 1.2 of evaluations, of which 0.6 the AIPs'.
+        assert_eq!((time.steps, time.finished, time.wall_s), (6000, false, 6.0));
+        for (found, expected) in [(time.total_s, 4.8), (time.influence_s, 0.6), (time.agents_training_s, 4.2)] {
+            assert!((found - expected).abs() < 1e-9, "{found} is not {expected}");
+        }
+    }
 }

@@ -1,6 +1,6 @@
 //! What lies under the folders that a report is made of: run directories, measured baselines, and plans of experiments.
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::fmt;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -17,14 +17,23 @@ pub const BASELINES: &str = "baselines";
 /// Folders below each other that are searched.
 const DEPTH: usize = 6;
 
-/// The runs that an experiment means to make: names of folders beside the plan.
+/// What an experiment means to make.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Plan {
+    /// Names of folders beside the plan.
     pub runs: Vec<String>,
+    /// Names of files among the baselines, without their ending.
+    #[serde(default)]
+    pub baselines: Vec<String>,
+}
+
+/// Where the plan of a folder puts a baseline.
+pub fn baseline_file(folder: &Path, name: &str) -> PathBuf {
+    folder.join(BASELINES).join(format!("{name}.json"))
 }
 
 /// A hand-coded controller that was measured, as `baseline --json` tells it.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 pub struct Baseline {
     /// [`super::scenario::Scenario::id`]
     pub scenario: String,
@@ -34,7 +43,7 @@ pub struct Baseline {
     pub episodes: usize,
 }
 
-/// A run that is not used, and why.
+/// A run or a baseline that is not used, and why.
 #[derive(Clone, Debug)]
 pub struct LeftOut {
     pub dir: PathBuf,
@@ -53,24 +62,22 @@ impl fmt::Display for LeftOut {
 #[derive(Default)]
 pub struct Found {
     pub runs: Vec<RunRecord>,
-    /// Run directories that cannot be read.
+    /// What cannot be read.
     pub unreadable: Vec<LeftOut>,
-    /// Runs of a plan that have no directory yet.
+    /// Runs and baselines of a plan that are not there yet.
     pub missing: Vec<PathBuf>,
-    pub baselines: Vec<Baseline>,
+    /// Each once, with the file that it is from.
+    pub baselines: Vec<(PathBuf, Baseline)>,
 }
 
 /// Searches folders; one without any run in it is an error.
 pub fn find(folders: &[PathBuf]) -> Result<Found> {
     let mut found = Found::default();
-    let mut seen = BTreeSet::new();
+    let mut seen = BTreeMap::new();
     for folder in folders {
         ensure!(folder.is_dir(), "{}: no such folder", folder.display());
-        let before = (found.runs.len() + found.unreadable.len() + found.missing.len(), seen.len());
-        search(folder, DEPTH, &mut seen, &mut found)?;
-        let after = (found.runs.len() + found.unreadable.len() + found.missing.len(), seen.len());
         ensure!(
-            after != before,
+            search(folder, DEPTH, &mut seen, &mut found)?,
             "{}: holds no run directory; `dials-traffic train` and `dials-traffic experiment` make them",
             folder.display()
         );
@@ -78,21 +85,25 @@ pub fn find(folders: &[PathBuf]) -> Result<Found> {
     Ok(found)
 }
 
-fn search(folder: &Path, depth: usize, seen: &mut BTreeSet<PathBuf>, found: &mut Found) -> Result<()> {
+/// Whether there is a run, or the plan of one, in a folder. `seen` knows it of the folders that were searched: the same one
+/// may be named twice, or lie in another.
+fn search(folder: &Path, depth: usize, seen: &mut BTreeMap<PathBuf, bool>, found: &mut Found) -> Result<bool> {
     let failed = || format!("{}: cannot be read", folder.display());
+    let place = folder.canonicalize().with_context(failed)?;
+    if let Some(&holds) = seen.get(&place) {
+        return Ok(holds);
+    }
     if is_run_dir(folder) {
-        // The same run may be named twice.
-        if seen.insert(folder.canonicalize().with_context(failed)?) {
-            match RunRecord::read(folder) {
-                Ok(run) => found.runs.push(run),
-                Err(error) => {
-                    found.unreadable.push(LeftOut { dir: folder.to_owned(), reason: format!("{error:#}") });
-                }
+        match RunRecord::read(folder) {
+            Ok(run) => found.runs.push(run),
+            Err(error) => {
+                found.unreadable.push(LeftOut { dir: folder.to_owned(), reason: format!("{error:#}") });
             }
         }
-        return Ok(());
+        seen.insert(place, true);
+        return Ok(true);
     }
-    read_plan(folder, found)?;
+    let mut holds = read_plan(folder, found)?;
     let mut entries: Vec<PathBuf> =
         fs::read_dir(folder).with_context(failed)?.map(|entry| Ok(entry?.path())).collect::<Result<_>>()?;
     entries.sort();
@@ -100,10 +111,11 @@ fn search(folder: &Path, depth: usize, seen: &mut BTreeSet<PathBuf>, found: &mut
         if entry.file_name().is_some_and(|name| name == BASELINES) {
             read_baselines(entry, found)?;
         } else {
-            search(entry, depth - 1, seen, found)?;
+            holds |= search(entry, depth - 1, seen, found)?;
         }
     }
-    Ok(())
+    seen.insert(place, holds);
+    Ok(holds)
 }
 
 /// What `--force` moved aside, or what is hidden, counts only where it is named.
@@ -113,14 +125,17 @@ fn is_aside(folder: &Path) -> bool {
     aside || name.starts_with('.')
 }
 
-fn read_plan(folder: &Path, found: &mut Found) -> Result<()> {
+/// Whether there is one that is not empty.
+fn read_plan(folder: &Path, found: &mut Found) -> Result<bool> {
     let path = folder.join(PLAN);
-    if path.is_file() {
-        let plan: Plan = read_json(&path)?;
-        let missing = plan.runs.iter().map(|name| folder.join(name)).filter(|run| !is_run_dir(run));
-        found.missing.extend(missing);
+    if !path.is_file() {
+        return Ok(false);
     }
-    Ok(())
+    let plan: Plan = read_json(&path)?;
+    found.missing.extend(plan.runs.iter().map(|name| folder.join(name)).filter(|run| !is_run_dir(run)));
+    let baselines = plan.baselines.iter().map(|name| baseline_file(folder, name));
+    found.missing.extend(baselines.filter(|baseline| !baseline.is_file()));
+    Ok(!plan.runs.is_empty())
 }
 
 fn read_baselines(folder: &Path, found: &mut Found) -> Result<()> {
@@ -129,12 +144,18 @@ fn read_baselines(folder: &Path, found: &mut Found) -> Result<()> {
     paths.retain(|path| path.extension().is_some_and(|extension| extension == "json"));
     paths.sort();
     for path in paths {
-        found.baselines.push(read_json(&path)?);
+        match read_json(&path) {
+            // Two experiments on one scenario measure the same.
+            Ok(baseline) if found.baselines.iter().any(|(_, other)| *other == baseline) => {}
+            Ok(baseline) => found.baselines.push((path, baseline)),
+            Err(error) => found.unreadable.push(LeftOut { dir: path, reason: format!("{error:#}") }),
+        }
     }
     Ok(())
 }
 
-fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
+/// Reads a plan or a baseline.
+pub fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
     let text = fs::read_to_string(path).with_context(|| format!("{}: cannot be read", path.display()))?;
     serde_json::from_str(&text).with_context(|| format!("{}: is not what this program writes there", path.display()))
 }

@@ -11,11 +11,44 @@ use super::scenario::{Method, Retraining, Scenario};
 /// All groups of one scenario, in the order in which they are told: GS, DIALS by F, other simulators, variants last.
 pub struct Comparison {
     pub scenario: Scenario,
+    /// Of the scenario, unique among the comparisons of a report: `traffic, 4 agents`.
+    pub title: String,
     /// Unique among the comparisons of a report, fit for file names: `traffic_4`.
     pub slug: String,
     pub groups: Vec<Group>,
+    /// Where of an ablation: the group that has in every key what most groups have, and from which each other one departs.
+    pub reference: Option<usize>,
     /// Hand-coded controllers that were measured here.
     pub baselines: Vec<Baseline>,
+}
+
+impl Comparison {
+    /// As a heading begins.
+    pub fn heading(&self) -> String {
+        self.title[..1].to_uppercase() + &self.title[1..]
+    }
+
+    /// The number of agents, with what else sets the scenario apart.
+    pub fn size(&self) -> String {
+        let size = self.scenario.agents.to_string();
+        self.title.replacen(&self.scenario.title(), &size, 1)
+    }
+
+    /// The label of a group, as short as it is clear in a picture of this scenario: without the tables of keys, and without
+    /// what the reference has as well.
+    pub fn short_label(&self, group: &Group) -> String {
+        let keys: BTreeSet<&String> =
+            self.groups.iter().flat_map(|group| &group.overrides).map(|(key, _)| key).collect();
+        let last = |key: &str| key.rsplit('.').next().unwrap_or_default().to_owned();
+        let short = |key: &String| match keys.iter().filter(|other| last(other) == last(key)).count() {
+            1 => last(key),
+            _ => key.clone(),
+        };
+        let overrides = group.overrides.iter().map(|(key, value)| format!("{}={value}", short(key)));
+        let of_reference = self.reference.is_some_and(|reference| self.groups[reference].name() == group.name());
+        let name = (!of_reference || group.overrides.is_empty()).then(|| group.name());
+        name.into_iter().chain(overrides).collect::<Vec<_>>().join(", ")
+    }
 }
 
 /// Runs of one method over several seeds.
@@ -63,7 +96,7 @@ impl Group {
         let simulator = self.simulator();
         let kind = ["gs", "dials", "marginal-dials", "untrained-dials"].iter().position(|&kind| kind == simulator);
         let kind = kind.unwrap_or(usize::MAX);
-        (self.overrides.len().min(1), kind, simulator.to_owned(), self.method.retraining, self.label())
+        (self.overrides.len(), kind, simulator.to_owned(), self.method.retraining, self.label())
     }
 }
 
@@ -114,20 +147,29 @@ pub fn sort(found: Found) -> Result<Sorted> {
             None => left_out.push(LeftOut { dir: run.dir, reason: "not evaluated yet".to_owned() }),
         }
     }
-    let plain_names: Vec<String> = scenarios.keys().map(plain_slug).collect();
+    let all: Vec<Scenario> = scenarios.keys().cloned().collect();
     let mut comparisons = Vec::new();
     for (scenario, methods) in scenarios {
         let plain = plain_slug(&scenario);
-        let unique = plain_names.iter().filter(|&name| *name == plain).count() == 1;
+        let unique = all.iter().filter(|other| plain_slug(other) == plain).count() == 1;
         let told_apart = keys_that_differ(methods.keys().map(|method| &method.keys));
         let mut groups: Vec<Group> = methods
             .into_iter()
             .map(|(method, runs)| group(method, &told_apart, without_doubles(runs, &mut left_out)))
             .collect();
         groups.sort_by_key(Group::order);
-        let baselines = found.baselines.iter().filter(|baseline| baseline.scenario == scenario.id()).cloned().collect();
+        let reference = reference(&groups, &told_apart);
+        let baselines = found.baselines.iter().map(|(_, baseline)| baseline);
+        let baselines = baselines.filter(|baseline| baseline.scenario == scenario.id()).cloned().collect();
+        let title = scenario.title_among(all.iter());
         let slug = if unique { plain } else { scenario.id().replace('-', "_") };
-        comparisons.push(Comparison { slug, scenario, groups, baselines });
+        comparisons.push(Comparison { title, slug, scenario, groups, reference, baselines });
+    }
+    for (path, baseline) in found.baselines {
+        if all.iter().all(|scenario| scenario.id() != baseline.scenario) {
+            let reason = format!("was measured on {}, of which there is no run", baseline.scenario);
+            left_out.push(LeftOut { dir: path, reason });
+        }
     }
     Ok(Sorted { comparisons, left_out })
 }
@@ -151,6 +193,19 @@ fn keys_that_differ<'a>(
         }
     }
     differing
+}
+
+/// The one group that has the common value of every key of which methods have several values, if there are others.
+fn reference(groups: &[Group], told_apart: &BTreeMap<String, Option<String>>) -> Option<usize> {
+    let usual = |group: &Group| {
+        let mut keys = told_apart.iter();
+        keys.all(|(key, common)| {
+            common.is_some() && group.method.keys.get(key).is_none_or(|own| common.as_ref() == Some(own))
+        })
+    };
+    let mut usual = (0..groups.len()).filter(|&index| usual(&groups[index]));
+    let found = usual.next()?;
+    (groups.len() > 1 && usual.next().is_none()).then_some(found)
 }
 
 fn group(method: Method, told_apart: &BTreeMap<String, Option<String>>, runs: Vec<RunRecord>) -> Group {
@@ -195,6 +250,35 @@ mod tests {
         assert_eq!(common(&["0.1", "0.1"]), None, "nothing differs");
         assert_eq!(common(&["0.1", "0.2", "0.1"]), Some(Some("0.1".to_owned())));
         assert_eq!(common(&["0.1", "0.2"]), Some(None), "neither is the usual one");
+    }
+
+    /// Groups of the warehouse, one per setting of our defaults.
+    fn ablation(settings: &[&str]) -> Comparison {
+        let runs = settings.iter().map(|setting| RunRecord {
+            dir: Default::default(),
+            config: toml::from_str(&format!("{setting}\n[warehouse]\nagents_per_side = 2")).unwrap(),
+            about: serde_json::Value::Null,
+            evaluations: Vec::new(),
+            aip_trainings: Vec::new(),
+            fresh_losses: Vec::new(),
+            periods: Vec::new(),
+            memory: None,
+            workers: 1,
+        });
+        sort(Found { runs: runs.collect(), ..Found::default() }).unwrap().comparisons.remove(0)
+    }
+
+    #[test]
+    fn an_ablation_has_a_reference_from_which_each_row_departs_in_few_words() {
+        let ours = ["", "ppo.epochs = 1", "aip.epochs = 1", "local_simulators.copies = 2", "aip.retrain = 'once'"];
+        let comparison = ablation(&ours);
+        let reference = &comparison.groups[comparison.reference.unwrap()];
+        assert_eq!(reference.label(), "DIALS F=1M");
+        let short: Vec<String> = comparison.groups.iter().map(|group| comparison.short_label(group)).collect();
+        assert_eq!(short, ["DIALS F=1M", "DIALS once", "aip.epochs=1", "copies=2", "ppo.epochs=1"]);
+        assert_eq!(ablation(&["", "ppo.clip = 0.2"]).reference, None, "neither is the usual one");
+        assert_eq!(ablation(&["", "simulator = 'gs'", "simulator = 'untrained-dials'"]).reference, None);
+        assert_eq!(ablation(&[""]).reference, None, "there is nothing to compare it with");
     }
 
     #[test]

@@ -3,12 +3,33 @@
 //!
 //! Returns are not printed there: they were read off its plots, and say so. Runtimes and memory are from its tables.
 
-use super::scenario::{Domain, Retraining};
+use super::scenario::{Domain, Retraining, Scenario};
 
 /// The sizes of its scenarios, in agents.
 pub const SIZES: [usize; 4] = [4, 25, 49, 100];
 /// Timesteps per agent of its runs.
 pub const STEPS: u64 = 4_000_000;
+/// Checksums of the networks of these sizes, which lie under `sumo_nets`.
+const NETWORKS: [u32; 4] = [0x2e9f_05c0, 0x93a8_b1ee, 0xcad9_7cd3, 0x5d49_296f];
+
+/// A scenario of the paper.
+pub fn scenario(domain: Domain, agents: usize) -> Scenario {
+    Scenario { domain, agents, horizon: horizon(domain), network: None }
+}
+
+/// Steps of an episode.
+fn horizon(domain: Domain) -> usize {
+    match domain {
+        Domain::Traffic => 300,
+        Domain::Warehouse => 100,
+    }
+}
+
+/// Whether numbers of the paper may stand beside a scenario: it has as many agents, episodes as long and the same network. A
+/// network that nobody kept is believed to be the one.
+pub fn has(scenario: &Scenario) -> bool {
+    column(scenario).is_some()
+}
 
 /// A return that was read off a plot of the paper.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,8 +47,8 @@ impl PaperReturn {
 }
 
 /// Where the returns are from.
-pub fn figure(domain: Domain, agents: usize) -> &'static str {
-    match (domain, agents) {
+pub fn figure(scenario: &Scenario) -> &'static str {
+    match (scenario.domain, scenario.agents) {
         (Domain::Traffic, 4) => "figure of section Results, (1a), read off the plot",
         (Domain::Warehouse, 4) => "figure of section Results, (1b), read off the plot",
         (Domain::Traffic, _) => "appendix Results, figure of traffic, read off the plot",
@@ -46,15 +67,17 @@ pub fn best_retraining(domain: Domain) -> u64 {
     }
 }
 
-fn column(agents: usize) -> Option<usize> {
-    SIZES.iter().position(|&size| size == agents)
+fn column(scenario: &Scenario) -> Option<usize> {
+    let column = SIZES.iter().position(|&size| size == scenario.agents)?;
+    let network = scenario.network.is_none_or(|network| network == NETWORKS[column]);
+    (network && scenario.horizon == horizon(scenario.domain)).then_some(column)
 }
 
 /// The curve of a method as far as it was read, in order of steps; empty for what the paper does not have.
-pub fn curve(domain: Domain, agents: usize, simulator: &str, retraining: Retraining) -> Vec<PaperReturn> {
-    let Some(end) = final_return(domain, agents, simulator, retraining) else { return Vec::new() };
-    let start = start(domain, agents).map(|mean| PaperReturn::new(0, mean, None));
-    let middle = match (domain, agents, simulator) {
+pub fn curve(scenario: &Scenario, simulator: &str, retraining: Retraining) -> Vec<PaperReturn> {
+    let Some(end) = final_return(scenario, simulator, retraining) else { return Vec::new() };
+    let start = start(scenario).map(|mean| PaperReturn::new(0, mean, None));
+    let middle = match (scenario.domain, scenario.agents, simulator) {
         (Domain::Traffic, 4, "dials") => Some(PaperReturn::new(1_000_000, 182.0, None)),
         (Domain::Warehouse, 4, "dials") => Some(PaperReturn::new(1_000_000, 10.0, None)),
         _ => None,
@@ -63,25 +86,26 @@ pub fn curve(domain: Domain, agents: usize, simulator: &str, retraining: Retrain
 }
 
 /// The return of random weights.
-pub fn start(domain: Domain, agents: usize) -> Option<f64> {
-    let starts = match domain {
+pub fn start(scenario: &Scenario) -> Option<f64> {
+    let starts = match scenario.domain {
         Domain::Traffic => [144.0, 162.0, 164.0, 163.5],
         Domain::Warehouse => [1.5, 1.9, 2.0, 2.1],
     };
-    Some(starts[column(agents)?])
+    Some(starts[column(scenario)?])
 }
 
 /// The dashed line: SUMO's actuated control for traffic, the oldest item for the warehouse.
-pub fn hand_coded(domain: Domain, agents: usize) -> Option<f64> {
-    let returns = match domain {
+pub fn hand_coded(scenario: &Scenario) -> Option<f64> {
+    let returns = match scenario.domain {
         Domain::Traffic => [176.0, 175.0, 177.5, 175.0],
         Domain::Warehouse => [13.1, 14.5, 13.9, 14.5],
     };
-    Some(returns[column(agents)?])
+    Some(returns[column(scenario)?])
 }
 
 /// The end of a curve.
-pub fn final_return(domain: Domain, agents: usize, simulator: &str, retraining: Retraining) -> Option<PaperReturn> {
+pub fn final_return(scenario: &Scenario, simulator: &str, retraining: Retraining) -> Option<PaperReturn> {
+    let domain = scenario.domain;
     let at_end = |mean, std_error| PaperReturn::new(STEPS, mean, std_error);
     let of_sizes = match (domain, simulator) {
         (Domain::Traffic, "gs") => [
@@ -111,7 +135,7 @@ pub fn final_return(domain: Domain, agents: usize, simulator: &str, retraining: 
         },
         _ => return None,
     };
-    Some(of_sizes[column(agents)?])
+    Some(of_sizes[column(scenario)?])
 }
 
 /// Hours for 4M timesteps.
@@ -123,10 +147,20 @@ pub struct PaperRuntime {
     pub total: f64,
 }
 
+/// The methods whose runtimes it has, in its order.
+pub const RUNTIMES: [(&str, Retraining); 6] = [
+    ("gs", Retraining::Never),
+    ("dials", Retraining::Every(100_000)),
+    ("dials", Retraining::Every(500_000)),
+    ("dials", Retraining::Every(1_000_000)),
+    ("dials", Retraining::Every(4_000_000)),
+    ("untrained-dials", Retraining::Never),
+];
+
 /// The table "Runtimes for the traffic control environment" or "... warehouse environment", measured on 128 CPUs (AMD
 /// EPYC 7452), one process per agent. Its heading "2 agents" stands over the scenario of 4.
-pub fn runtime(domain: Domain, agents: usize, simulator: &str, retraining: Retraining) -> Option<PaperRuntime> {
-    let column = column(agents)?;
+pub fn runtime(scenario: &Scenario, simulator: &str, retraining: Retraining) -> Option<PaperRuntime> {
+    let (domain, column) = (scenario.domain, column(scenario)?);
     let of_sizes = |hours: [f64; 4]| hours[column];
     let training = |domain| match domain {
         Domain::Traffic => of_sizes([1.48, 1.93, 2.70, 3.70]),
@@ -169,8 +203,8 @@ pub struct PaperMemory {
 }
 
 /// The table "Peak Memory Usage in Megabytes (MB)".
-pub fn memory(domain: Domain, agents: usize) -> Option<PaperMemory> {
-    let (gs, process, total) = match domain {
+pub fn memory(scenario: &Scenario) -> Option<PaperMemory> {
+    let (gs, process, total) = match scenario.domain {
         Domain::Traffic => {
             ([375.3, 392.7, 412.5, 457.4], [219.5, 221.0, 225.8, 228.7], [878.0, 5525.0, 11064.2, 22870.0])
         }
@@ -178,7 +212,7 @@ pub fn memory(domain: Domain, agents: usize) -> Option<PaperMemory> {
             ([339.3, 391.8, 469.6, 607.4], [195.6, 201.9, 203.7, 207.5], [782.4, 5047.5, 9981.3, 20750.0])
         }
     };
-    let column = column(agents)?;
+    let column = column(scenario)?;
     Some(PaperMemory { gs: gs[column], dials_process: process[column], dials_total: total[column] })
 }
 
@@ -190,14 +224,15 @@ mod tests {
     fn totals_are_the_sums_that_the_paper_prints_but_for_one_slip() {
         for domain in [Domain::Traffic, Domain::Warehouse] {
             for agents in SIZES {
+                let scenario = scenario(domain, agents);
                 for every in [100_000, 500_000, 1_000_000, 4_000_000] {
-                    let hours = runtime(domain, agents, "dials", Retraining::Every(every)).unwrap();
+                    let hours = runtime(&scenario, "dials", Retraining::Every(every)).unwrap();
                     let off = hours.total - hours.agents_training - hours.influence.unwrap();
                     // The paper has 4.45 where 2.13 + 1.32 = 3.45.
                     let slip = (domain, agents, every) == (Domain::Warehouse, 4, 100_000);
                     assert!((off - f64::from(u8::from(slip))).abs() < 0.015, "{domain:?} {agents} {every}: {off}");
                 }
-                let memory = memory(domain, agents).unwrap();
+                let memory = memory(&scenario).unwrap();
                 let processes = memory.dials_total / memory.dials_process;
                 assert!((processes - agents as f64).abs() < 0.01, "a process per agent: {processes}");
             }
@@ -206,13 +241,23 @@ mod tests {
 
     #[test]
     fn curves_begin_at_random_weights_and_end_at_the_last_figure() {
-        let curve = curve(Domain::Traffic, 4, "dials", Retraining::Every(1_000_000));
-        let points: Vec<(u64, f64)> = curve.iter().map(|point| (point.steps, point.mean)).collect();
+        let curve = |agents, simulator, retraining| curve(&scenario(Domain::Traffic, agents), simulator, retraining);
+        let points = curve(4, "dials", Retraining::Every(1_000_000));
+        let points: Vec<(u64, f64)> = points.iter().map(|point| (point.steps, point.mean)).collect();
         assert_eq!(points, [(0, 144.0), (1_000_000, 182.0), (4_000_000, 214.0)]);
-        assert!(
-            super::curve(Domain::Traffic, 4, "dials", Retraining::Every(100_000)).is_empty(),
-            "no return of it was read"
-        );
-        assert!(super::curve(Domain::Traffic, 9, "gs", Retraining::Never).is_empty());
+        assert!(curve(4, "dials", Retraining::Every(100_000)).is_empty(), "no return of it was read");
+        assert!(curve(9, "gs", Retraining::Never).is_empty());
+    }
+
+    #[test]
+    fn the_networks_under_sumo_nets_are_the_papers_and_others_are_not() {
+        for (agents, side) in SIZES.into_iter().zip([2, 5, 7, 10]) {
+            let network = format!("{}/sumo_nets/grid_{side}x{side}", env!("CARGO_MANIFEST_DIR"));
+            let text = format!("[traffic]\nnetwork = '{network}'\nlocal_network = ''");
+            let ours = Scenario::of(&toml::from_str(&text).unwrap(), agents).unwrap();
+            assert!(ours.network.is_some() && has(&ours), "{agents}: {:08x?}", ours.network);
+            assert!(!has(&Scenario { network: Some(1), ..ours.clone() }), "other traffic");
+            assert!(!has(&Scenario { horizon: 100, ..ours }), "shorter episodes");
+        }
     }
 }

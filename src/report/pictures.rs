@@ -4,16 +4,17 @@ use anyhow::Result;
 
 use super::GridShape;
 use super::chart::{
-    Axis, Bar, BarChart, Cell, Cluster, HeatMap, Level, Line, LineChart, LinePoint, Looks, Mark, Panel, Scale, Svg,
+    Axis, Bar, BarChart, Cell, Cluster, HeatMap, Level, Line, LineChart, LinePoint, Looks, MOST_BANDS, Mark, Panel,
+    Row, RowChart, Scale, Svg,
 };
-use super::curves::{CurvePoint, LossData, LossPoint, learning_curve, loss_curve};
+use super::curves::{CurvePoint, LossData, LossPoint, learning_curve, loss_curve, single_trainings};
 use super::finals::{Final, Runtime};
 use super::group::{Comparison, Group, steps_text};
 use super::paper;
 use super::run_dir::Returns;
 use super::scenario::Domain;
-use super::statistics::Spread;
-use super::words::figure;
+use super::statistics::{Spread, difference};
+use super::words::{figure, interval, signed, with_error};
 
 /// Along which a learning curve is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,12 +32,6 @@ fn return_axis(comparison: &Comparison) -> Axis {
     Axis { label, format: |value| if value.abs() >= 50.0 { format!("{value:.0}") } else { format!("{value:.1}") } }
 }
 
-/// A name of the domain as a title begins.
-fn title(comparison: &Comparison) -> String {
-    let title = comparison.scenario.title();
-    title[..1].to_uppercase() + &title[1..]
-}
-
 /// The learning curves of a scenario; none where no run has the figures.
 pub fn learning(comparison: &Comparison, looks: &Looks, against: Against) -> Result<Option<Svg>> {
     let curves: Vec<(&Group, Vec<CurvePoint>)> =
@@ -50,10 +45,10 @@ pub fn learning(comparison: &Comparison, looks: &Looks, against: Against) -> Res
     let lines: Vec<Line> = curves
         .iter()
         .map(|(group, points)| Line {
-            label: label_with_runs(group),
+            label: label_with_runs(comparison, group),
             look: looks.of(&group.label()),
             points: points.iter().filter_map(|point| Some(learning_point(group, point, place(point)?))).collect(),
-            companion: Vec::new(),
+            companion: points.iter().filter_map(|point| Some((place(point)?, point.median_agent))).collect(),
         })
         .filter(|line| !line.points.is_empty())
         .collect();
@@ -69,17 +64,75 @@ pub fn learning(comparison: &Comparison, looks: &Looks, against: Against) -> Res
         Against::Runtime => Axis { label: format!("wall time without evaluations, {unit}"), format: plain },
     };
     let chart = LineChart {
-        title: title(comparison),
+        title: comparison.heading(),
         x,
         y: return_axis(comparison),
         lines,
-        companions: None,
+        companions: Some("the median agent".to_owned()),
         levels: levels(comparison),
         marks,
         x_end: 0.0,
         note: "band: ± standard error over seeds; whiskers: 95 % bootstrap".to_owned(),
     };
-    chart.draw().map(Some)
+    draw(chart, comparison, looks).map(Some)
+}
+
+/// Many lines are drawn one by one against the reference, or, where there is none, without what is around them.
+fn draw(mut chart: LineChart, comparison: &Comparison, looks: &Looks) -> Result<Svg> {
+    if chart.lines.len() <= MOST_BANDS {
+        return chart.draw();
+    }
+    let reference = comparison.reference.map(|reference| looks.of(&comparison.groups[reference].label()));
+    if let Some(reference) = chart.lines.iter().position(|line| Some(line.look) == reference) {
+        return chart.draw_against(reference);
+    }
+    for line in &mut chart.lines {
+        line.companion.clear();
+        line.points.iter_mut().for_each(|point| (point.band, point.whisker) = (None, None));
+    }
+    LineChart { companions: None, note: "standard errors: in the CSV files".to_owned(), ..chart }.draw()
+}
+
+/// The final returns of an ablation, a row per group; none for what is none.
+pub fn ablation(comparison: &Comparison) -> Option<Result<Svg>> {
+    let reference = &comparison.groups[comparison.reference?];
+    let of_reference = Final::of(reference)?;
+    let others = comparison.groups.iter().filter(|group| !std::ptr::eq(*group, reference));
+    let mut ends: Vec<(&Group, Final)> = others.filter_map(|group| Some((group, Final::of(group)?))).collect();
+    ends.sort_by(|(_, a), (_, b)| b.returns.mean.total_cmp(&a.returns.mean));
+    let row = |group: &Group, end: &Final, against: String| Row {
+        label: comparison.short_label(group),
+        points: end.of_runs.iter().map(|(_, value)| *value).collect(),
+        mean: end.returns.mean,
+        error: end.returns.std_error,
+        words: [
+            with_error(end.returns.mean, end.returns.std_error),
+            against,
+            format!("{} of {}", end.stuck.len(), end.agents),
+        ],
+    };
+    let difference_to = |end: &Final| {
+        if end.steps != of_reference.steps {
+            return format!("at {} steps", steps_text(end.steps));
+        }
+        let [a, b] = [&of_reference, end].map(|end| end.of_runs.iter().copied().unzip::<u64, f64, Vec<_>, Vec<_>>());
+        let difference = difference(&a.1, &b.1, a.0 == b.0);
+        let ends =
+            difference.interval.map_or(String::new(), |ends| format!(" {}", interval(Some(ends), end.returns.mean)));
+        format!("{}{ends}", signed(difference.mean, end.returns.mean))
+    };
+    let mut rows = vec![row(reference, &of_reference, "the reference".to_owned())];
+    rows.extend(ends.iter().map(|(group, end)| row(group, end, difference_to(end))));
+    let chart = RowChart {
+        title: format!("{}: what each setting changes", comparison.heading()),
+        x: Axis { label: format!("final {}", return_axis(comparison).label), ..return_axis(comparison) },
+        rows,
+        header: ["mean ± SE", "to the reference [95 %]", "stuck"].map(str::to_owned),
+        note: "diamond and bar: mean ± standard error over seeds; circles: seeds; 95 %: Student's t, paired where the seeds \
+               are the same"
+            .to_owned(),
+    };
+    Some(chart.draw())
 }
 
 fn learning_point(group: &Group, point: &CurvePoint, x: f64) -> LinePoint {
@@ -93,9 +146,9 @@ fn learning_point(group: &Group, point: &CurvePoint, x: f64) -> LinePoint {
     }
 }
 
-fn label_with_runs(group: &Group) -> String {
+fn label_with_runs(comparison: &Comparison, group: &Group) -> String {
     let runs = group.runs.len();
-    format!("{} ({runs} {})", group.label(), if runs == 1 { "run" } else { "runs" })
+    format!("{} ({runs} {})", comparison.short_label(group), if runs == 1 { "run" } else { "runs" })
 }
 
 fn plain(value: f64) -> String {
@@ -115,12 +168,13 @@ fn time_unit(longest_s: f64) -> (&'static str, f64) {
 fn levels(comparison: &Comparison) -> Vec<Level> {
     let measured = comparison.baselines.iter().map(|baseline| Level {
         label: format!("{}, measured: {}", baseline.controller, figure(baseline.mean_return)),
+        name: baseline.controller.split(':').next().unwrap_or_default().to_owned(),
         y: baseline.mean_return,
         measured: true,
     });
-    let scenario = &comparison.scenario;
-    let paper = paper::hand_coded(scenario.domain, scenario.agents).map(|y| Level {
+    let paper = paper::hand_coded(&comparison.scenario).map(|y| Level {
         label: format!("hand-coded, the paper: {}", figure(y)),
+        name: "the paper".to_owned(),
         y,
         measured: false,
     });
@@ -129,13 +183,12 @@ fn levels(comparison: &Comparison) -> Vec<Level> {
 
 /// The paper's points within the steps that are drawn, for each of its methods that is there.
 fn paper_marks(comparison: &Comparison, curves: &[(&Group, Vec<CurvePoint>)], looks: &Looks) -> Vec<Mark> {
-    let scenario = &comparison.scenario;
     let last = curves.iter().filter_map(|(_, points)| points.last()).map(|point| point.steps).max().unwrap_or(0);
     let mut told = Vec::new();
     let mut marks = Vec::new();
     for (group, _) in curves {
         let method = (group.simulator(), group.method.retraining);
-        let mut points = paper::curve(scenario.domain, scenario.agents, group.simulator(), group.method.retraining);
+        let mut points = paper::curve(&comparison.scenario, group.simulator(), group.method.retraining);
         points.retain(|point| point.steps as f64 <= 1.02 * last as f64);
         if points.iter().any(|point| point.steps > 0) && !told.contains(&method) {
             told.push(method);
@@ -164,8 +217,14 @@ pub fn cross_entropy(comparison: &Comparison, looks: &Looks) -> Result<Option<Sv
     if curves.is_empty() {
         return Ok(None);
     }
+    let marks = curves.iter().filter_map(|(group, _, _)| {
+        let points: Vec<_> =
+            single_trainings(group).into_iter().map(|(steps, loss)| (steps as f64, loss, None)).collect();
+        let label = format!("{}: the AIPs of one seed trained", comparison.short_label(group));
+        (!points.is_empty()).then(|| Mark { label, look: looks.of(&group.label()), points })
+    });
     let lines = curves.iter().map(|(group, _, points)| Line {
-        label: label_with_runs(group),
+        label: label_with_runs(comparison, group),
         look: looks.of(&group.label()),
         points: points
             .iter()
@@ -174,7 +233,7 @@ pub fn cross_entropy(comparison: &Comparison, looks: &Looks) -> Result<Option<Sv
                 y: point.loss.mean,
                 band: point.loss.std_error.map(|error| (point.loss.mean - error, point.loss.mean + error)),
                 whisker: point.loss.interval.map(|interval| (interval.low, interval.high)),
-                whole: true,
+                whole: point.loss.runs == group.runs.len(),
             })
             .collect(),
         companion: points.iter().map(|point| (point.steps as f64, point.marginals)).collect(),
@@ -190,27 +249,26 @@ pub fn cross_entropy(comparison: &Comparison, looks: &Looks) -> Result<Option<Sv
         (true, true) => format!("{fresh}, and where that was not measured {held_out}"),
     };
     let chart = LineChart {
-        title: title(comparison),
+        title: comparison.heading(),
         x: steps_axis(),
         y: Axis { label: "cross-entropy per source, nats".to_owned(), format: |value| format!("{value:.3}") },
         lines: lines.collect(),
         companions: Some("constant marginals of the same data".to_owned()),
         levels: Vec::new(),
-        marks: Vec::new(),
+        marks: marks.collect(),
         x_end: evaluated.max().unwrap_or(0) as f64,
         note,
     };
-    chart.draw().map(Some)
+    draw(chart, comparison, looks).map(Some)
 }
 
 /// Final returns of a domain, a cluster per size.
 pub fn final_bars(domain: Domain, comparisons: &[&Comparison], looks: &Looks) -> Result<Svg> {
     let clusters = clusters(comparisons, |comparison, group| {
         let end = Final::of(group)?;
-        let scenario = &comparison.scenario;
-        let paper = paper::final_return(domain, scenario.agents, group.simulator(), group.method.retraining);
+        let paper = paper::final_return(&comparison.scenario, group.simulator(), group.method.retraining);
         Some(Bar {
-            label: group.label(),
+            label: bar_label(comparisons, comparison, group, end.finished),
             look: looks.of(&group.label()),
             value: Some(end.returns.mean),
             whisker: end.returns.std_error.map(|error| (end.returns.mean - error, end.returns.mean + error)),
@@ -236,10 +294,10 @@ pub fn runtime_bars(domain: Domain, comparisons: &[&Comparison], looks: &Looks) 
     let (unit, seconds) = time_unit(longest);
     let clusters = clusters(comparisons, |comparison, group| {
         let time = Runtime::of(group)?;
-        let paper = paper::runtime(domain, comparison.scenario.agents, group.simulator(), group.method.retraining);
+        let paper = paper::runtime(&comparison.scenario, group.simulator(), group.method.retraining);
         let ends = |error: f64| ((time.total_s - error) / seconds, (time.total_s + error) / seconds);
         Some(Bar {
-            label: group.label(),
+            label: bar_label(comparisons, comparison, group, time.finished),
             look: looks.of(&group.label()),
             value: Some(time.total_s / seconds),
             whisker: time.total_std_error.map(ends),
@@ -258,6 +316,12 @@ pub fn runtime_bars(domain: Domain, comparisons: &[&Comparison], looks: &Looks) 
     chart.draw()
 }
 
+/// Where there are several scenarios, what is short in one may mean something else in another.
+fn bar_label(comparisons: &[&Comparison], comparison: &Comparison, group: &Group, finished: bool) -> String {
+    let label = if comparisons.len() == 1 { comparison.short_label(group) } else { group.label() };
+    format!("{label}{}", if finished { "" } else { ", unfinished" })
+}
+
 /// Three digits.
 fn short(value: f64) -> String {
     match value {
@@ -274,7 +338,7 @@ pub fn comparable(steps: u64, paper_steps: u64) -> bool {
 
 fn clusters(comparisons: &[&Comparison], bar: impl Fn(&Comparison, &Group) -> Option<Bar>) -> Vec<Cluster> {
     let clusters = comparisons.iter().map(|comparison| Cluster {
-        label: comparison.slug.split_once('_').map_or(comparison.slug.clone(), |(_, size)| size.to_owned()),
+        label: comparison.size(),
         bars: comparison.groups.iter().filter_map(|group| bar(comparison, group)).collect(),
     });
     clusters.collect()
@@ -300,13 +364,13 @@ pub fn agents(comparison: &Comparison, shape: GridShape) -> Result<Option<Svg>> 
             let cells = agents.iter().map(|Returns { mean, stuck, .. }| (*mean, *stuck > 0)).collect();
             panels.push(panel(format!("seed {seed}{stuck}"), cells));
         }
-        groups.push((group.label(), panels));
+        groups.push((comparison.short_label(group), panels));
     }
     if groups.is_empty() {
         return Ok(None);
     }
     let map = HeatMap {
-        title: format!("{}: every agent at the end", title(comparison)),
+        title: format!("{}: every agent at the end", comparison.heading()),
         key: "mean return; a cross: stuck".to_owned(),
         format: figure,
         groups,

@@ -8,9 +8,7 @@ use serde_json::Value;
 use super::csv_table::{CsvTable, Line};
 use crate::config::{self, Config};
 use crate::training::files;
-
-/// The name of the lines about all agents, sources, workers or processes together.
-const ALL: &str = "all";
+use crate::training::tables::ALL;
 
 /// What a run directory tells.
 #[derive(Clone, Debug)]
@@ -93,7 +91,7 @@ impl PeriodTime {
     }
 }
 
-/// Peak memory in MB.
+/// Peak memory in MiB.
 #[derive(Clone, Copy, Debug)]
 pub struct Memory {
     /// The largest process, shared libraries counted in full.
@@ -141,7 +139,7 @@ impl RunRecord {
             about: read_about(&dir.join(files::RUN))?,
             evaluations: read_evaluations(&CsvTable::read(&dir.join(files::RETURNS))?)?,
             aip_trainings: read_aip_trainings(&CsvTable::read(&dir.join(files::AIP_LOSS))?)?,
-            fresh_losses: read_fresh_losses(&CsvTable::read(&dir.join(AIP_DRIFT))?)?,
+            fresh_losses: read_fresh_losses(&CsvTable::read(&dir.join(files::AIP_DRIFT))?)?,
             periods: read_periods(&timing)?,
             memory: read_memory(&CsvTable::read(&dir.join(files::MEMORY))?)?,
             workers: timing.lines().filter_map(|line| line.text("worker")?.parse::<usize>().ok()).max().unwrap_or(0)
@@ -181,10 +179,27 @@ impl RunRecord {
 
     /// Wall time without evaluations until a step, in seconds; none where the run has not come so far.
     pub fn runtime_at(&self, steps: u64) -> Option<f64> {
-        interpolate(
-            std::iter::once((0, 0.0)).chain(self.periods.iter().map(|period| (period.steps, period.runtime_s()))),
+        Some(self.time_at(steps)?.runtime_s())
+    }
+
+    /// Wall time until a step: that of the last period that ends there, or in proportion between the ends of two periods;
+    /// none where the run has not come so far.
+    pub fn time_at(&self, steps: u64) -> Option<PeriodTime> {
+        let until = self.periods.iter().rev().find(|period| period.steps <= steps);
+        let until =
+            until.copied().unwrap_or(PeriodTime { steps: 0, elapsed_s: 0.0, evaluation_s: 0.0, influence_s: 0.0 });
+        if until.steps == steps {
+            return Some(until);
+        }
+        let next = self.periods.iter().find(|period| period.steps > steps)?;
+        let share = (steps - until.steps) as f64 / (next.steps - until.steps) as f64;
+        let part = |from: f64, to: f64| from + share * (to - from);
+        Some(PeriodTime {
             steps,
-        )
+            elapsed_s: part(until.elapsed_s, next.elapsed_s),
+            evaluation_s: part(until.evaluation_s, next.evaluation_s),
+            influence_s: part(until.influence_s, next.influence_s),
+        })
     }
 
     /// The whole of it so far.
@@ -234,6 +249,13 @@ fn read_evaluations(table: &CsvTable) -> Result<Vec<Evaluation>> {
             (_, None) => anyhow::bail!("{}: begins with an agent and not with `{ALL}`", files::RETURNS),
         }
     }
+    let agents = evaluations.iter().map(|evaluation| evaluation.agents.len()).max().unwrap_or(0).max(1);
+    // Cut short by a kill.
+    evaluations.pop_if(|last| last.agents.len() < agents);
+    if let Some(bad) = evaluations.iter().find(|evaluation| evaluation.agents.len() != agents) {
+        let (steps, found) = (bad.steps, bad.agents.len());
+        anyhow::bail!("{}: tells of {found} of {agents} agents at step {steps}", files::RETURNS);
+    }
     Ok(evaluations)
 }
 
@@ -252,9 +274,6 @@ fn read_aip_trainings(table: &CsvTable) -> Result<Vec<AipTraining>> {
     });
     trainings.collect()
 }
-
-/// The losses on fresh episodes, where the run measured them.
-const AIP_DRIFT: &str = "aip_drift.csv";
 
 fn read_fresh_losses(table: &CsvTable) -> Result<Vec<FreshLoss>> {
     let losses = table.lines().filter(|&line| of_all_sources(line)).map(|line| {
@@ -311,5 +330,24 @@ mod tests {
         // A quarter of the way from 100 to 300 the value is 10 + 10 / 4.
         assert_eq!((at(100), at(150), at(300)), (Some(10.0), Some(12.5), Some(20.0)));
         assert_eq!((at(99), at(301)), (None, None));
+    }
+    fn evaluations(text: &str) -> Result<Vec<(u64, usize)>> {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join(files::RETURNS);
+        std::fs::write(&path, format!("steps,agent,mean,median,std_error\n{text}")).unwrap();
+        let read = read_evaluations(&CsvTable::read(&path)?)?;
+        Ok(read.iter().map(|evaluation| (evaluation.steps, evaluation.agents.len())).collect())
+    }
+
+    #[test]
+    fn an_evaluation_that_was_cut_short_is_none_and_a_hole_in_the_middle_is_told() {
+        let block = |steps: u64, agents: usize| {
+            let names = std::iter::once("all".to_owned()).chain((0..agents).map(|agent| agent.to_string()));
+            names.map(|name| format!("{steps},{name},1,1,0\n")).collect::<String>()
+        };
+        assert_eq!(evaluations(&(block(0, 2) + &block(100, 1))).unwrap(), [(0, 2)]);
+        assert_eq!(evaluations(&block(0, 0)).unwrap(), [], "no agent is no evaluation");
+        let error = evaluations(&(block(0, 2) + &block(100, 1) + &block(200, 2))).unwrap_err().to_string();
+        assert_eq!(error, "returns.csv: tells of 1 of 2 agents at step 100");
     }
 }

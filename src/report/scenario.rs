@@ -51,6 +51,19 @@ impl Scenario {
         format!("{}, {} agents", self.domain.name(), self.agents)
     }
 
+    /// As [`Scenario::title`], with what sets it apart from other scenarios of as many agents.
+    pub fn title_among<'a>(&self, scenarios: impl Iterator<Item = &'a Scenario> + Clone) -> String {
+        let alike = scenarios.filter(|other| (other.domain, other.agents) == (self.domain, self.agents));
+        let mut title = self.title();
+        if alike.clone().any(|other| other.horizon != self.horizon) {
+            title += &format!(", {} steps", self.horizon);
+        }
+        if alike.clone().any(|other| other.network != self.network) {
+            title += &self.network.map_or(", network unknown".to_owned(), |network| format!(", network {network:08x}"));
+        }
+        title
+    }
+
     /// A word that no other scenario has: `traffic-4-300-1a2b3c4d`.
     pub fn id(&self) -> String {
         let network = self.network.map_or(String::new(), |network| format!("-{network:08x}"));
@@ -79,6 +92,8 @@ pub fn simulator(config: &Config) -> String {
     value.as_str().expect("a word").to_owned()
 }
 
+const LOCAL_NETWORK: &str = "traffic.local_network";
+
 /// What makes a method.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Method {
@@ -94,6 +109,10 @@ impl Method {
         let table = Table::try_from(config).expect("a config is a table");
         let mut keys = BTreeMap::new();
         flatten("", &table, &mut keys);
+        // The same file has another path in every run; one that is not there tells nothing.
+        let local_network = config.traffic.as_ref().and_then(|traffic| checksum(&traffic.local_network).ok().flatten());
+        keys.remove(LOCAL_NETWORK);
+        keys.extend(local_network.map(|network| (LOCAL_NETWORK.to_owned(), format!("{network:08x}"))));
         Method::of_keys(simulator(config), keys)
     }
 
@@ -120,16 +139,19 @@ fn flatten(prefix: &str, table: &Table, keys: &mut BTreeMap<String, String>) {
 
 /// What changes nothing in the learning.
 fn is_no_method(key: &str) -> bool {
-    let keys = ["seed", "stop_at_steps", "traffic.network", "traffic.local_network", "evaluation.aip_loss_episodes"];
+    let keys = ["seed", "stop_at_steps", "traffic.network"];
     keys.contains(&key) || key.starts_with("logging.")
 }
 
 /// Keys that change nothing with this simulator, or with this way of training the AIPs again.
 fn is_idle(simulator: &str, retraining: &Retraining, key: &str) -> bool {
     let Some(of_aips) = key.strip_prefix("aip.") else {
-        let of_local_simulators =
-            key.starts_with("local_simulators.") || ["traffic.d_set", "traffic.entry"].contains(&key);
-        return simulator == "gs" && of_local_simulators;
+        return match key {
+            // Only what they find on drift is acted upon.
+            "evaluation.aip_loss_episodes" => *retraining != Retraining::Drift,
+            "traffic.d_set" | "traffic.entry" | LOCAL_NETWORK => simulator == "gs",
+            key => simulator == "gs" && key.starts_with("local_simulators."),
+        };
     };
     match (simulator, of_aips) {
         ("gs", _) => true,
@@ -201,6 +223,48 @@ mod tests {
         assert_eq!(method("every", "100").retraining, Retraining::Every(100));
         assert!(!method("once", "100").keys.contains_key("aip.drift_threshold"));
         assert!(method("drift", "100").keys.contains_key("aip.drift_threshold"));
+    }
+
+    #[test]
+    fn the_episodes_that_measure_the_aips_matter_only_where_their_loss_decides() {
+        let method = |retrain: &str, episodes: usize| {
+            let text = format!(
+                "aip.retrain = '{retrain}'\nevaluation.aip_loss_episodes = {episodes}\n[warehouse]\nagents_per_side = 2"
+            );
+            Method::of(&config(&text))
+        };
+        assert_eq!(method("every", 4), method("every", 8));
+        assert_eq!(method("once", 4), method("once", 8));
+        assert_ne!(method("drift", 4), method("drift", 8));
+    }
+
+    #[test]
+    fn scenarios_of_as_many_agents_are_told_apart_by_what_differs() {
+        let scenario = |horizon, network| Scenario { domain: Domain::Traffic, agents: 4, horizon, network };
+        let titles = |scenarios: &[Scenario]| -> Vec<String> {
+            scenarios.iter().map(|scenario| scenario.title_among(scenarios.iter())).collect()
+        };
+        assert_eq!(titles(&[scenario(300, Some(1))]), ["traffic, 4 agents"]);
+        assert_eq!(
+            titles(&[scenario(300, Some(1)), scenario(100, Some(1))]),
+            ["traffic, 4 agents, 300 steps", "traffic, 4 agents, 100 steps"]
+        );
+        assert_eq!(
+            titles(&[scenario(300, Some(0x1a)), scenario(300, None)]),
+            ["traffic, 4 agents, network 0000001a", "traffic, 4 agents, network unknown"]
+        );
+    }
+
+    #[test]
+    fn another_local_network_is_another_method_except_on_the_gs() {
+        let method = |simulator: &str, local: &str| {
+            let nets = concat!(env!("CARGO_MANIFEST_DIR"), "/sumo_nets");
+            let traffic = format!("[traffic]\nnetwork = '{nets}/grid_2x2'\nlocal_network = '{nets}/{local}'");
+            Method::of(&config(&format!("simulator = '{simulator}'\n{traffic}")))
+        };
+        assert_ne!(method("dials", "local"), method("dials", "grid_2x2"));
+        assert_eq!(method("gs", "local"), method("gs", "grid_2x2"));
+        assert_eq!(method("dials", "local"), method("dials", "../sumo_nets/local"), "the same file");
     }
 
     #[test]

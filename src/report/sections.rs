@@ -13,10 +13,12 @@ use super::tables;
 /// How the figures were made, for whoever wants to know.
 const RULES: [&str; 8] = [
     "Runs that differ in nothing but their seed (and in where they were told to stop) are a group. A label names the keys \
-     of the config in which a group differs from most groups of its scenario.",
+     of the config in which a group differs from most groups of its scenario. A group that differs from them in nothing is \
+     the reference: pictures show the others against it, named by what they change.",
     "A curve has a point at every step at which some run of the group was evaluated. A run counts there if it has come so \
      far, interpolated on a straight line between two of its evaluations, and is never prolonged. Where a curve does not \
-     hold all runs of its group it is thin.",
+     hold all runs of its group it is thin. Curves of cross-entropy likewise; where the AIPs of one seed were trained and \
+     those of others not, there is a hollow mark.",
     "Against runtime, each point of the curve stands at the mean wall time of its runs, evaluations excluded.",
     "The final return is that of the last evaluation. Only finished runs count, those with the most steps; where no run of a \
      group is finished, all count at the last step that all have reached, and the table says so.",
@@ -59,7 +61,7 @@ pub fn document(comparisons: &[Comparison], warnings: &[String], shape: GridShap
 fn overview(comparisons: &[Comparison]) -> String {
     let groups = || comparisons.iter().flat_map(|comparison| &comparison.groups);
     let runs: usize = groups().map(|group| group.runs.len()).sum();
-    let scenarios: Vec<String> = comparisons.iter().map(|comparison| comparison.scenario.title()).collect();
+    let scenarios: Vec<&str> = comparisons.iter().map(|comparison| comparison.title.as_str()).collect();
     format!(
         "{runs} runs in {} groups; {}. Paper: Suau et al., Distributed Influence-Augmented Local Simulators for Parallel \
          MARL in Large Networked Systems, NeurIPS 2022.",
@@ -74,17 +76,21 @@ fn label_order(comparisons: &[Comparison]) -> Vec<String> {
     let kind = |simulator: &str| ["dials", "gs", "untrained-dials"].iter().position(|&kind| kind == simulator);
     groups.sort_by_key(|group| {
         let place = kind(group.simulator()).unwrap_or(usize::MAX);
-        (group.overrides.len().min(1), place, group.method.retraining, group.label())
+        (group.overrides.len(), place, group.method.retraining, group.label())
     });
     groups.into_iter().map(|group| group.label()).collect()
 }
 
 fn scenario(comparison: &Comparison, looks: &Looks, shape: GridShape) -> Result<Vec<Block>> {
-    let (slug, title) = (&comparison.slug, comparison.scenario.title());
-    let mut blocks =
-        vec![Block::Heading(2, title[..1].to_uppercase() + &title[1..]), Block::Table(tables::finals(comparison))];
+    let (slug, title) = (&comparison.slug, &comparison.title);
+    let mut blocks = vec![Block::Heading(2, comparison.heading()), Block::Table(tables::finals(comparison))];
     let against = |against| pictures::learning(comparison, looks, against);
     let figures = [
+        (
+            format!("ablation_{slug}"),
+            format!("Final returns against the reference, which has what most groups have in every key, {title}."),
+            pictures::ablation(comparison).transpose()?,
+        ),
         (format!("learning_{slug}"), format!("Learning curves, {title}."), against(Against::Timesteps)?),
         (
             format!("runtime_curves_{slug}"),
@@ -94,7 +100,8 @@ fn scenario(comparison: &Comparison, looks: &Looks, shape: GridShape) -> Result<
         (
             format!("aip_cross_entropy_{slug}"),
             format!(
-                "Cross-entropy of the AIPs, {title}. AIPs before their first training are far above (aip_cross_entropy.csv)."
+                "Cross-entropy of the AIPs, {title}. AIPs before their first training are far above \
+                 (aip_cross_entropy.csv). The paper draws it against runtime."
             ),
             pictures::cross_entropy(comparison, looks)?,
         ),
@@ -107,21 +114,23 @@ fn scenario(comparison: &Comparison, looks: &Looks, shape: GridShape) -> Result<
 
 fn costs(domain: Domain, comparisons: &[&Comparison], looks: &Looks) -> Result<Vec<Block>> {
     let name = domain.name();
-    Ok(vec![
-        Block::Heading(2, format!("All sizes, {name}")),
-        figure(
+    let mut blocks = vec![Block::Heading(2, format!("All sizes, {name}"))];
+    // Ablations have their own picture of it.
+    if comparisons.iter().any(|comparison| comparison.reference.is_none()) {
+        blocks.push(figure(
             format!("final_return_{name}"),
             format!("Final return by number of agents, {name}. Diamonds: the paper, where ours ran as long."),
             pictures::final_bars(domain, comparisons, looks)?,
-        ),
-        figure(
-            format!("runtime_{name}"),
-            format!("Runtime by number of agents, {name}. Diamonds: the paper, where ours ran as long."),
-            pictures::runtime_bars(domain, comparisons, looks)?,
-        ),
-        Block::Table(tables::runtimes(domain, comparisons)),
-        Block::Table(tables::memory(domain, comparisons)),
-    ])
+        ));
+    }
+    blocks.push(figure(
+        format!("runtime_{name}"),
+        format!("Runtime by number of agents, {name}. Diamonds: the paper, where ours ran as long."),
+        pictures::runtime_bars(domain, comparisons, looks)?,
+    ));
+    blocks.push(Block::Table(tables::runtimes(domain, comparisons)));
+    blocks.push(Block::Table(tables::memory(domain, comparisons)));
+    Ok(blocks)
 }
 
 fn figure(name: String, caption: String, svg: Svg) -> Block {

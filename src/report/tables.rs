@@ -8,7 +8,7 @@ use super::group::{Comparison, Group, method_name, steps_text};
 use super::paper::{self, PaperRuntime};
 use super::pictures::comparable;
 use super::run_dir::{Memory, Status};
-use super::scenario::{Domain, Retraining};
+use super::scenario::{Domain, Scenario};
 use super::words::{figure, hours, interval, signed, with_error};
 
 const NOTHING: &str = "-";
@@ -20,15 +20,13 @@ fn words(cells: &[&str]) -> Vec<String> {
 /// Final returns of one scenario, the paper's beside ours.
 pub fn finals(comparison: &Comparison) -> Table {
     let scenario = &comparison.scenario;
-    let (domain, agents) = (scenario.domain, scenario.agents);
     let mut rows = Vec::new();
     for group in &comparison.groups {
         let Some(end) = Final::of(group) else { continue };
-        let paper = paper::final_return(domain, agents, group.simulator(), group.method.retraining);
+        let paper = paper::final_return(scenario, group.simulator(), group.method.retraining);
         let difference = paper.filter(|paper| comparable(end.steps, paper.steps)).map(|paper| {
             let difference = end.returns.mean - paper.mean;
-            let error = end.returns.std_error.unwrap_or(0.0).hypot(paper.std_error.unwrap_or(0.0));
-            let errors = if error > 0.0 { format!(" ({:.1} SE)", difference.abs() / error) } else { String::new() };
+            let errors = standard_errors(difference, end.returns.std_error, paper.std_error);
             format!("{}{errors}", signed(difference, paper.mean))
         });
         let paper =
@@ -52,14 +50,14 @@ pub fn finals(comparison: &Comparison) -> Table {
         let mut row = words(&[&baseline.controller, NOTHING, NOTHING]);
         row.push(with_error(baseline.mean_return, Some(baseline.std_error)));
         blank(&mut row);
-        row[8] = match (baseline.controller.as_str(), paper::hand_coded(domain, agents)) {
+        row[8] = match (baseline.controller.as_str(), paper::hand_coded(scenario)) {
             ("actuated" | "oldest-item", Some(paper)) => figure(paper),
-            ("random", _) => paper::start(domain, agents).map_or(NOTHING.to_owned(), figure),
+            ("random", _) => paper::start(scenario).map_or(NOTHING.to_owned(), figure),
             _ => NOTHING.to_owned(),
         };
         rows.push(row);
     }
-    if let (true, Some(hand_coded)) = (comparison.baselines.is_empty(), paper::hand_coded(domain, agents)) {
+    if let (true, Some(hand_coded)) = (comparison.baselines.is_empty(), paper::hand_coded(scenario)) {
         let mut row = words(&["hand-coded"]);
         blank(&mut row);
         row[8] = figure(hand_coded);
@@ -73,12 +71,16 @@ pub fn finals(comparison: &Comparison) -> Table {
             format!(" Of controllers: over {episodes} episodes.")
         }
     };
-    Table {
-        caption: format!(
-            "Final return, {}. ±: standard error over seeds.{of_baselines} Paper: {}.",
-            scenario.title(),
-            paper::figure(domain, agents)
+    let of_paper = match paper::has(scenario) {
+        true => format!(
+            " Paper: {}. SE: standard errors of the difference, from both; of our SE: where the paper draws none; nothing \
+             where ours is unknown.",
+            paper::figure(scenario)
         ),
+        false => " The paper has no such scenario.".to_owned(),
+    };
+    Table {
+        caption: format!("Final return, {}. ±: standard error over seeds.{of_baselines}{of_paper}", comparison.title),
         header: words(&[
             "method",
             "runs",
@@ -93,6 +95,16 @@ pub fn finals(comparison: &Comparison) -> Table {
         ]),
         rows,
     }
+}
+
+/// How many standard errors a difference to the paper is; nothing where ours is not known.
+fn standard_errors(difference: f64, ours: Option<f64>, papers: Option<f64>) -> String {
+    let (error, whose) = match (ours, papers) {
+        (Some(ours), Some(papers)) => (ours.hypot(papers), "SE"),
+        (Some(ours), None) => (ours, "of our SE"),
+        (None, _) => return String::new(),
+    };
+    if error > 0.0 { format!(" ({:.1} {whose})", difference.abs() / error) } else { String::new() }
 }
 
 /// The agents of one scenario: who is lost, and how far the rest are apart.
@@ -117,7 +129,7 @@ pub fn agents(comparison: &Comparison) -> Table {
     Table {
         caption: format!(
             "Agents at the end, {}. The median agent: of a run, then the mean over seeds.",
-            comparison.scenario.title()
+            comparison.title
         ),
         header: words(&["method", "mean", "median agent", "worst agent", "best agent", "stuck: seed (agents)"]),
         rows: rows.collect(),
@@ -138,26 +150,57 @@ fn stuck_agents(stuck: &[AgentAt]) -> String {
     }
 }
 
-/// A method that a row of the runtime table stands for.
-type Row = (String, Retraining, String);
+/// A column of a table by sizes: a scenario of ours, or one that only the paper has.
+struct Column<'a> {
+    scenario: Scenario,
+    ours: Option<&'a Comparison>,
+}
+
+impl Column<'_> {
+    fn name(&self) -> String {
+        self.ours.map_or(self.scenario.agents.to_string(), Comparison::size)
+    }
+}
+
+/// Ours and the paper's, by size.
+fn columns<'a>(domain: Domain, comparisons: &[&'a Comparison]) -> Vec<Column<'a>> {
+    let ours =
+        comparisons.iter().map(|&comparison| Column { scenario: comparison.scenario.clone(), ours: Some(comparison) });
+    let mut columns: Vec<Column> = ours.collect();
+    for agents in paper::SIZES {
+        if !columns.iter().any(|column| column.scenario.agents == agents && paper::has(&column.scenario)) {
+            columns.push(Column { scenario: paper::scenario(domain, agents), ours: None });
+        }
+    }
+    columns.sort_by_key(|column| column.scenario.agents);
+    columns
+}
 
 /// Runtimes of a domain in the paper's layout: agents training, influence, total, each by the number of agents.
 pub fn runtimes(domain: Domain, comparisons: &[&Comparison]) -> Table {
-    let sizes = sizes(comparisons);
-    let rows = runtime_rows(comparisons).into_iter().map(|(simulator, retraining, label)| {
-        let cells = |ours: fn(&Runtime) -> Option<f64>, theirs: fn(&PaperRuntime) -> Option<f64>| {
-            let cell = |&agents: &usize| {
-                let time = group_of(comparisons, agents, &label).and_then(Runtime::of);
-                let short = time.is_some_and(|time| !comparable(time.steps, paper::STEPS));
-                let time = time
-                    .as_ref()
-                    .and_then(ours)
-                    .map(|seconds| format!("{}{}", hours(seconds), if short { "*" } else { "" }));
-                let plain = label == method_name(&simulator, retraining);
-                let paper = paper::runtime(domain, agents, &simulator, retraining).filter(|_| plain);
-                beside(time, paper.as_ref().and_then(theirs).map(|hours| format!("{hours:.2}")))
+    let columns = columns(domain, comparisons);
+    let ours: Vec<Vec<(String, Runtime)>> = columns
+        .iter()
+        .map(|column| column.ours.iter().flat_map(|comparison| &comparison.groups).filter_map(runtime_row).collect())
+        .collect();
+    let of_paper =
+        paper::RUNTIMES.map(|(simulator, retraining)| (method_name(simulator, retraining), simulator, retraining));
+    let mut labels: Vec<&String> = of_paper.iter().map(|(label, _, _)| label).collect();
+    for (label, _) in ours.iter().flatten() {
+        if !labels.contains(&label) {
+            labels.push(label);
+        }
+    }
+    let rows = labels.into_iter().map(|label| {
+        let cells = |part: fn(&Runtime) -> Option<f64>, of_paper_part: fn(&PaperRuntime) -> Option<f64>| {
+            let cell = |(column, ours): (&Column, &Vec<(String, Runtime)>)| {
+                let time = ours.iter().find(|(own, _)| own == label).and_then(|(_, time)| part(time));
+                let paper = of_paper.iter().find(|(own, _, _)| own == label);
+                let paper = paper
+                    .and_then(|(_, simulator, retraining)| paper::runtime(&column.scenario, simulator, *retraining));
+                beside(time.map(hours), paper.as_ref().and_then(of_paper_part).map(|hours| format!("{hours:.2}")))
             };
-            sizes.iter().map(cell).collect::<Vec<_>>()
+            columns.iter().zip(&ours).map(cell).collect::<Vec<_>>()
         };
         let mut row = vec![label.clone()];
         row.extend(cells(|time| Some(time.agents_training_s), |paper| Some(paper.agents_training)));
@@ -167,14 +210,14 @@ pub fn runtimes(domain: Domain, comparisons: &[&Comparison]) -> Table {
     });
     let mut header = words(&["hours, ours / paper"]);
     for part in ["training", "influence", "total"] {
-        header.extend(sizes.iter().map(|size| format!("{part}, {size}")));
+        header.extend(columns.iter().map(|column| format!("{part}, {}", column.name())));
     }
     let machine = machines(comparisons);
     Table {
         caption: format!(
             "Runtimes for {}: agents training, data collection and influence training, total, by number of agents; wall \
-             time without evaluations, mean over seeds, {machine}. *: for fewer steps than the paper's 4M, see costs.csv. \
-             Paper: {} (128 CPUs, one process per agent).",
+             time without evaluations, mean over seeds, {machine}. What did not train for the paper's 4M steps has a row of \
+             its own. Paper: {} (128 CPUs, one process per agent).",
             domain.name(),
             paper::RUNTIME_SOURCE
         ),
@@ -183,45 +226,25 @@ pub fn runtimes(domain: Domain, comparisons: &[&Comparison]) -> Table {
     }
 }
 
+/// The runtime of a group, and the row in which it stands: the paper's only if it trained for as many steps.
+fn runtime_row(group: &Group) -> Option<(String, Runtime)> {
+    let time = Runtime::of(group)?;
+    let label = match (time.finished, comparable(time.steps, paper::STEPS)) {
+        (true, true) => group.label(),
+        (finished, _) => {
+            let unfinished = if finished { "" } else { ", unfinished" };
+            format!("{}, {} steps{unfinished}", group.label(), steps_text(time.steps))
+        }
+    };
+    Some((label, time))
+}
+
 /// How many workers the runs had.
 fn machines(comparisons: &[&Comparison]) -> String {
     let groups = comparisons.iter().flat_map(|comparison| &comparison.groups);
     let workers: BTreeSet<usize> = groups.filter_map(|group| Some(Runtime::of(group)?.workers)).collect();
     let workers: Vec<String> = workers.iter().map(usize::to_string).collect();
     format!("with {} worker {}", workers.join(" or "), if workers == ["1"] { "process" } else { "processes" })
-}
-
-/// The paper's rows in its order, with ours among them.
-fn runtime_rows(comparisons: &[&Comparison]) -> Vec<Row> {
-    let paper = [
-        ("gs", Retraining::Never),
-        ("dials", Retraining::Every(100_000)),
-        ("dials", Retraining::Every(500_000)),
-        ("dials", Retraining::Every(1_000_000)),
-        ("dials", Retraining::Every(4_000_000)),
-        ("untrained-dials", Retraining::Never),
-    ];
-    let mut rows: Vec<Row> = paper
-        .into_iter()
-        .map(|(simulator, retraining)| (simulator.to_owned(), retraining, method_name(simulator, retraining)))
-        .collect();
-    for group in comparisons.iter().flat_map(|comparison| &comparison.groups) {
-        let row = (group.simulator().to_owned(), group.method.retraining, group.label());
-        if !rows.contains(&row) {
-            rows.push(row);
-        }
-    }
-    rows
-}
-
-fn sizes(comparisons: &[&Comparison]) -> Vec<usize> {
-    let ours = comparisons.iter().map(|comparison| comparison.scenario.agents);
-    ours.chain(paper::SIZES).collect::<BTreeSet<_>>().into_iter().collect()
-}
-
-fn group_of<'a>(comparisons: &[&'a Comparison], agents: usize, label: &str) -> Option<&'a Group> {
-    let mut of_size = comparisons.iter().filter(|comparison| comparison.scenario.agents == agents);
-    of_size.find_map(|comparison| comparison.groups.iter().find(|group| group.label() == label))
 }
 
 fn beside(ours: Option<String>, paper: Option<String>) -> String {
@@ -235,35 +258,35 @@ fn beside(ours: Option<String>, paper: Option<String>) -> String {
 
 /// Peak memory of a domain in the paper's layout.
 pub fn memory(domain: Domain, comparisons: &[&Comparison]) -> Table {
-    let sizes = sizes(comparisons);
-    let ours = |agents: usize, simulator: &str| -> Option<Memory> {
-        let of_size = comparisons.iter().filter(|comparison| comparison.scenario.agents == agents);
-        let groups = of_size.flat_map(|comparison| &comparison.groups).filter(|group| group.simulator() == simulator);
+    let columns = columns(domain, comparisons);
+    let ours = |column: &Column, simulator: &str| -> Option<Memory> {
+        let groups = column.ours.iter().flat_map(|comparison| &comparison.groups);
+        let groups = groups.filter(|group| group.simulator() == simulator);
         groups.filter_map(peak_memory).max_by(|a, b| a.total_mb.total_cmp(&b.total_mb))
     };
     let megabytes = |value: f64| format!("{value:.1}");
-    let row = |label: &str, ours: &dyn Fn(usize) -> Option<f64>, theirs: &dyn Fn(usize) -> Option<f64>| {
-        let cells = sizes.iter().map(|&agents| beside(ours(agents).map(megabytes), theirs(agents).map(megabytes)));
+    let row = |label: &str, ours: &dyn Fn(&Column) -> Option<f64>, theirs: &dyn Fn(&Column) -> Option<f64>| {
+        let cells = columns.iter().map(|column| beside(ours(column).map(megabytes), theirs(column).map(megabytes)));
         std::iter::once(label.to_owned()).chain(cells).collect::<Vec<_>>()
     };
-    let paper = |agents| paper::memory(domain, agents);
+    let paper = |column: &Column| paper::memory(&column.scenario);
     let rows = vec![
-        row("GS, total", &|agents| Some(ours(agents, "gs")?.total_mb), &|agents| Some(paper(agents)?.gs)),
-        row("GS, total, shared pages once", &|agents| ours(agents, "gs")?.total_pss_mb, &|_| None),
-        row("DIALS, per process", &|agents| Some(ours(agents, "dials")?.process_mb), &|agents| {
-            Some(paper(agents)?.dials_process)
+        row("GS, total", &|column| Some(ours(column, "gs")?.total_mb), &|column| Some(paper(column)?.gs)),
+        row("GS, total, shared pages once", &|column| ours(column, "gs")?.total_pss_mb, &|_| None),
+        row("DIALS, per process", &|column| Some(ours(column, "dials")?.process_mb), &|column| {
+            Some(paper(column)?.dials_process)
         }),
-        row("DIALS, total", &|agents| Some(ours(agents, "dials")?.total_mb), &|agents| {
-            Some(paper(agents)?.dials_total)
+        row("DIALS, total", &|column| Some(ours(column, "dials")?.total_mb), &|column| {
+            Some(paper(column)?.dials_total)
         }),
-        row("DIALS, total, shared pages once", &|agents| ours(agents, "dials")?.total_pss_mb, &|_| None),
+        row("DIALS, total, shared pages once", &|column| ours(column, "dials")?.total_pss_mb, &|_| None),
     ];
-    let mut header = words(&["MB, ours / paper"]);
-    header.extend(sizes.iter().map(|size| format!("{size} agents")));
+    let mut header = words(&["MiB, ours / MB, paper"]);
+    header.extend(columns.iter().map(|column| format!("{} agents", column.name())));
     Table {
         caption: format!(
-            "Peak memory for {} in MB, the largest of all runs; ours is the coordinator with {}, the paper's DIALS a \
-             process per agent. Paper: {}.",
+            "Peak memory for {}, the largest of all runs of a simulator, whatever else is set. Ours: MiB (1 MiB is 1.05 MB), the \
+             coordinator with {}; the paper's: MB, DIALS as a process per agent. Paper: {}.",
             domain.name(),
             machines(comparisons).trim_start_matches("with "),
             paper::MEMORY_SOURCE
@@ -288,7 +311,7 @@ pub fn runs(comparisons: &[Comparison]) -> Table {
                 let version = run.about["versions"]["git_commit"].as_str().unwrap_or(NOTHING);
                 rows.push(vec![
                     run.dir.display().to_string(),
-                    comparison.scenario.title(),
+                    comparison.title.clone(),
                     group.label(),
                     run.config.seed.to_string(),
                     status.to_owned(),

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use super::find::LeftOut;
 use super::group::{Comparison, steps_text};
 use super::run_dir::Status;
-use super::statistics::Interval;
+use super::statistics::Bounds;
 
 /// A return: one decimal for traffic, two for the warehouse.
 pub fn figure(value: f64) -> String {
@@ -29,8 +29,8 @@ pub fn with_error(mean: f64, std_error: Option<f64>) -> String {
 }
 
 /// `[215.1, 219.7]`, with as many decimals as `like` has as a return.
-pub fn interval(interval: Option<Interval>, like: f64) -> String {
-    let ends = |Interval { low, high }| format!("[{}, {}]", figure_like(low, like), figure_like(high, like));
+pub fn interval(interval: Option<Bounds>, like: f64) -> String {
+    let ends = |Bounds { low, high }| format!("[{}, {}]", figure_like(low, like), figure_like(high, like));
     interval.map_or("-".to_owned(), ends)
 }
 
@@ -74,7 +74,7 @@ pub fn warnings(comparisons: &[Comparison], missing: &[PathBuf], left_out: &[Lef
             let seeds: BTreeSet<u64> = group.seeds().into_iter().collect();
             let absent: Vec<String> = all_seeds.difference(&seeds).map(u64::to_string).collect();
             if !absent.is_empty() {
-                let (scenario, label) = (comparison.scenario.title(), group.label());
+                let (scenario, label) = (&comparison.title, group.label());
                 warnings.push(format!("{scenario}, {label}: no run with seed {}", absent.join(", ")));
             }
         }

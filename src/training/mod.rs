@@ -30,6 +30,6 @@ pub mod ppo;
 pub mod rollout;
 pub mod run_log;
 pub mod state;
-mod tables;
+pub mod tables;
 pub mod timed;
 pub mod worker;

@@ -1,4 +1,4 @@
-//! What stands in the CSV files of a run, line by line. The README tells what each column means.
+//! What stands in the CSV files of a run, line by line. `docs/files.md` tells what each column means.
 
 use std::time::Duration;
 

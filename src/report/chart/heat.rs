@@ -4,7 +4,7 @@ use anyhow::Result;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use super::{Area, INK, Svg, failed, luminance, px, text, text_width};
+use super::{Area, INK, SCALE, Svg, failed, luminance, px, text, text_width};
 
 const PANEL: u32 = 128;
 const GAP: u32 = 16;
@@ -50,7 +50,8 @@ impl HeatMap {
         let lines = |panels: &[Panel]| panels.len().div_ceil(MOST_COLUMNS) as u32;
         let line_height = PANEL_LABEL + PANEL + GAP;
         let height: u32 = self.groups.iter().map(|(_, panels)| ROW_LABEL + lines(panels) * line_height).sum();
-        let width = (2 * MARGIN + columns * (PANEL + GAP)).max(440);
+        let labels = self.groups.iter().map(|(label, _)| text_width(label, 13.0) as u32 / SCALE);
+        let width = (columns * (PANEL + GAP)).max(labels.max().unwrap_or(0)).max(416) + 2 * MARGIN;
         let (low, high) = self.range();
         Svg::draw(width, TITLE + height + KEY, |root| {
             let title = Text::new(self.title.clone(), (px(f64::from(MARGIN)), px(8.0)), text(15.0, INK));

@@ -53,7 +53,7 @@ pub fn draw(area: &Area, entries: &[Entry]) -> Result<()> {
             }
             Sample::Nothing => {}
         }
-        for line in wrapped(&entry.label) {
+        for line in wrapped(&entry.label, WRAP) {
             let style = text(SIZE, INK).pos(Pos::new(HPos::Left, VPos::Center));
             area.draw(&Text::new(line, (px(40.0), y), style)).map_err(failed)?;
             y += px(LINE_HEIGHT);
@@ -65,16 +65,16 @@ pub fn draw(area: &Area, entries: &[Entry]) -> Result<()> {
 
 /// Pixels that the entries take from top to bottom.
 pub fn height(entries: &[Entry]) -> u32 {
-    let lines: usize = entries.iter().map(|entry| wrapped(&entry.label).len()).sum();
+    let lines: usize = entries.iter().map(|entry| wrapped(&entry.label, WRAP).len()).sum();
     (lines as f64 * LINE_HEIGHT + entries.len() as f64 * 5.0 + 20.0) as u32
 }
 
-/// Breaks a label at blanks.
-fn wrapped(label: &str) -> Vec<String> {
+/// Breaks a label at blanks into lines of so many characters.
+pub fn wrapped(label: &str, characters: usize) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in label.split(' ') {
         match lines.last_mut() {
-            Some(line) if line.chars().count() + 1 + word.chars().count() <= WRAP => {
+            Some(line) if line.chars().count() + 1 + word.chars().count() <= characters => {
                 line.push(' ');
                 line.push_str(word);
             }
@@ -90,9 +90,9 @@ mod tests {
 
     #[test]
     fn long_labels_are_broken_at_blanks() {
-        assert_eq!(wrapped("DIALS F=1M"), ["DIALS F=1M"]);
+        assert_eq!(wrapped("DIALS F=1M", 29), ["DIALS F=1M"]);
         assert_eq!(
-            wrapped("DIALS F=1M, local_simulators.copies=1, ppo.clip=0.2"),
+            wrapped("DIALS F=1M, local_simulators.copies=1, ppo.clip=0.2", 29),
             ["DIALS F=1M,", "local_simulators.copies=1,", "ppo.clip=0.2"]
         );
     }

@@ -4,10 +4,11 @@ use anyhow::Result;
 use plotters::coord::CoordTranslate;
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::legend::{self, Entry, Sample};
-use super::look::{Dash, Look, mark, stroke};
-use super::{INK, Svg, failed, px, text, text_width};
+use super::look::{Dash, Look, Marker, mark, stroke};
+use super::{Area, INK, Svg, failed, px, text, text_width};
 
 const WIDTH: u32 = 860;
 const HEIGHT: u32 = 400;
@@ -16,6 +17,7 @@ const LEGEND: u32 = 250;
 const MARKERS: usize = 8;
 
 /// What is measured along an axis, and how its numbers are written.
+#[derive(Clone)]
 pub struct Axis {
     pub label: String,
     pub format: fn(f64) -> String,
@@ -33,6 +35,7 @@ pub struct LinePoint {
     pub whole: bool,
 }
 
+#[derive(Clone)]
 pub struct Line {
     pub label: String,
     pub look: Look,
@@ -41,15 +44,27 @@ pub struct Line {
     pub companion: Vec<(f64, f64)>,
 }
 
+impl Line {
+    /// Without what is drawn beside it, but for the band.
+    fn bare(&self) -> Line {
+        let points = self.points.iter().map(|point| LinePoint { whisker: None, ..*point });
+        Line { points: points.collect(), companion: Vec::new(), ..self.clone() }
+    }
+}
+
 /// A line across the chart.
+#[derive(Clone)]
 pub struct Level {
     pub label: String,
+    /// A word, at its end.
+    pub name: String,
     pub y: f64,
-    /// Dashed where it was measured here, dotted where it is from elsewhere.
+    /// In short dashes where it was measured here, in long ones where it is from elsewhere.
     pub measured: bool,
 }
 
 /// Points from elsewhere. Nothing joins them: nobody knows what is between.
+#[derive(Clone)]
 pub struct Mark {
     pub label: String,
     pub look: Look,
@@ -72,6 +87,32 @@ pub struct LineChart {
     pub note: String,
 }
 
+/// Lines with more others beside them have neither bands nor whiskers: nobody could tell whose they are.
+pub const MOST_BANDS: usize = 5;
+/// Panels beside each other.
+const COLUMNS: usize = 3;
+const PANEL: u32 = 190;
+/// Characters of a line of a panel's title.
+const PANEL_WRAP: usize = 44;
+const PANEL_LINE: u32 = 14;
+
+type Ranges = (std::ops::Range<f64>, std::ops::Range<f64>);
+
+/// How large a chart is drawn.
+#[derive(Clone, Copy)]
+struct Size {
+    /// Of the numbers at the axes.
+    numbers: f64,
+    /// Of the names of levels, and what they take at the right.
+    names: f64,
+    right: f64,
+    ticks: usize,
+    axis_titles: bool,
+}
+
+const WHOLE: Size = Size { numbers: 12.0, names: 11.0, right: 76.0, ticks: 7, axis_titles: true };
+const SMALL: Size = Size { numbers: 10.0, names: 9.0, right: 60.0, ticks: 4, axis_titles: false };
+
 impl LineChart {
     pub fn draw(&self) -> Result<Svg> {
         let entries = self.legend();
@@ -80,57 +121,155 @@ impl LineChart {
             let (plot, right) = root.split_horizontally(px(f64::from(WIDTH - LEGEND)));
             let right = right.margin(px(34.0), 0, px(6.0), 0);
             legend::draw(&right, &entries)?;
-            let (x, y) = self.ranges();
-            let mut chart = ChartBuilder::on(&plot)
-                .caption(&self.title, text(15.0, INK))
-                .margin(px(8.0))
-                .x_label_area_size(px(42.0))
-                .y_label_area_size(px(self.label_width(&y)))
-                .build_cartesian_2d(x, y)
-                .map_err(failed)?;
-            chart
-                .configure_mesh()
-                .x_labels(7)
-                .y_labels(7)
-                .x_desc(&self.x.label)
-                .y_desc(&self.y.label)
-                .x_label_formatter(&|value| (self.x.format)(*value))
-                .y_label_formatter(&|value| (self.y.format)(*value))
-                .label_style(text(12.0, INK))
-                .axis_desc_style(text(13.0, INK))
-                .axis_style(ShapeStyle { color: INK.to_rgba(), filled: false, stroke_width: px(1.0) as u32 })
-                .bold_line_style(ShapeStyle { color: INK.mix(0.13), filled: false, stroke_width: px(1.0) as u32 })
-                .light_line_style(TRANSPARENT)
-                .set_all_tick_mark_size(px(4.0))
-                .draw()
-                .map_err(failed)?;
-            let area = chart.plotting_area();
-            let x_end = area.get_x_range().end;
-            for level in &self.levels {
-                let points = vec![(area.get_x_range().start, level.y), (x_end, level.y)];
-                stroke(area, points, (INK.to_rgba(), level_dash(level)), 1.5)?;
-            }
-            for line in &self.lines {
-                let low = line.points.iter().filter_map(|point| Some((point.x, point.band?.0)));
-                let high = line.points.iter().filter_map(|point| Some((point.x, point.band?.1)));
-                let rim: Vec<(f64, f64)> = high.chain(low.rev()).collect();
-                if !rim.is_empty() {
-                    area.draw(&Polygon::new(rim, line.look.colour.mix(0.22).filled())).map_err(failed)?;
-                }
-            }
-            for points in &self.marks {
-                for &(x, y, std_error) in &points.points {
-                    if let Some(error) = std_error {
-                        whisker(area, x, (y - error, y + error), points.look.colour)?;
+            let title = text(15.0, INK).pos(Pos::new(HPos::Center, VPos::Top));
+            let middle = px(f64::from(WIDTH - LEGEND) / 2.0);
+            plot.draw(&Text::new(self.title.clone(), (middle, px(8.0)), title)).map_err(failed)?;
+            self.plot(&plot.margin(px(26.0), 0, 0, 0), self.ranges(), WHOLE)
+        })
+    }
+
+    /// A panel for each line but the reference, which is in all of them.
+    pub fn draw_against(&self, reference: usize) -> Result<Svg> {
+        let others: Vec<&Line> =
+            self.lines.iter().enumerate().filter(|(index, _)| *index != reference).map(|(_, line)| line).collect();
+        let reference = &self.lines[reference];
+        let of_reference = Look { colour: INK, dash: Dash::Dashed, marker: Marker::Square };
+        let of_other = Look::FIRST;
+        let panels: Vec<LineChart> = others
+            .iter()
+            .map(|line| LineChart {
+                title: line.label.clone(),
+                x: self.x.clone(),
+                y: self.y.clone(),
+                lines: vec![
+                    Line { look: of_reference, ..reference.bare() },
+                    Line { look: of_other, ..(*line).clone() },
+                ],
+                companions: None,
+                levels: self.levels.clone(),
+                marks: self
+                    .marks
+                    .iter()
+                    .filter_map(|mark| {
+                        let look = [(reference.look, of_reference), (line.look, of_other)];
+                        let (_, look) = look.into_iter().find(|(own, _)| *own == mark.look)?;
+                        Some(Mark { look, ..mark.clone() })
+                    })
+                    .collect(),
+                x_end: self.x_end,
+                note: String::new(),
+            })
+            .collect();
+        let entries = self.legend_against(reference, of_reference, of_other);
+        let legend_columns: Vec<&[Entry]> = entries.chunks(entries.len().div_ceil(COLUMNS).max(1)).collect();
+        let legend_height = legend_columns.iter().map(|entries| legend::height(entries)).max().unwrap_or(0);
+        let titles: Vec<Vec<String>> = panels.iter().map(|panel| legend::wrapped(&panel.title, PANEL_WRAP)).collect();
+        let title_heights: Vec<u32> = titles
+            .chunks(COLUMNS)
+            .map(|row| row.iter().map(Vec::len).max().unwrap_or(1) as u32 * PANEL_LINE + 8)
+            .collect();
+        let grid_height = title_heights.iter().map(|height| height + PANEL).sum::<u32>();
+        let ranges = self.ranges();
+        let title = format!("{}: {}, by {}", self.title, self.y.label, self.x.label);
+        Svg::draw(WIDTH, 30 + grid_height + legend_height, |root| {
+            root.draw(&Text::new(title, (px(12.0), px(8.0)), text(15.0, INK))).map_err(failed)?;
+            let (_, mut below) = root.split_vertically(px(30.0));
+            for ((panels, titles), title_height) in
+                panels.chunks(COLUMNS).zip(titles.chunks(COLUMNS)).zip(&title_heights)
+            {
+                let (row, rest) = below.split_vertically(px(f64::from(title_height + PANEL)));
+                below = rest;
+                for ((panel, lines), area) in panels.iter().zip(titles).zip(row.split_evenly((1, COLUMNS))) {
+                    let (above, plot) = area.split_vertically(px(f64::from(*title_height)));
+                    for (number, line) in lines.iter().enumerate() {
+                        let at = (px(14.0), px(8.0 + f64::from(number as u32 * PANEL_LINE)));
+                        above.draw(&Text::new(line.clone(), at, text(11.5, INK))).map_err(failed)?;
                     }
-                    mark(area, (x, y), points.look, 9.0, false)?;
+                    panel.plot(&plot, ranges.clone(), SMALL)?;
                 }
             }
-            for (index, line) in self.lines.iter().enumerate() {
-                self.draw_line(area, index, line)?;
+            for (entries, area) in legend_columns.iter().zip(below.split_evenly((1, COLUMNS))) {
+                legend::draw(&area.margin(px(4.0), 0, px(10.0), 0), entries)?;
             }
             Ok(())
         })
+    }
+
+    fn plot(&self, area: &Area, (x, y): Ranges, size: Size) -> Result<()> {
+        let (titled, right) = (size.axis_titles, if self.levels.is_empty() { 12.0 } else { size.right });
+        let mut chart = ChartBuilder::on(area)
+            .margin(px(8.0))
+            .margin_right(px(right))
+            .x_label_area_size(px(if titled { 42.0 } else { 20.0 }))
+            .y_label_area_size(px(self.label_width(&y, size)))
+            .build_cartesian_2d(x, y)
+            .map_err(failed)?;
+        chart
+            .configure_mesh()
+            .x_labels(size.ticks)
+            .y_labels(size.ticks)
+            .x_desc(if titled { &self.x.label } else { "" })
+            .y_desc(if titled { &self.y.label } else { "" })
+            .x_label_formatter(&|value| (self.x.format)(*value))
+            .y_label_formatter(&|value| (self.y.format)(*value))
+            .label_style(text(size.numbers, INK))
+            .axis_desc_style(text(13.0, INK))
+            .axis_style(ShapeStyle { color: INK.to_rgba(), filled: false, stroke_width: px(1.0) as u32 })
+            .bold_line_style(ShapeStyle { color: INK.mix(0.13), filled: false, stroke_width: px(1.0) as u32 })
+            .light_line_style(TRANSPARENT)
+            .set_all_tick_mark_size(px(4.0))
+            .draw()
+            .map_err(failed)?;
+        let x_end = chart.plotting_area().get_x_range().end;
+        let ends: Vec<(i32, i32)> = self.levels.iter().map(|level| chart.backend_coord(&(x_end, level.y))).collect();
+        self.name_levels(area, &ends, size)?;
+        let area = chart.plotting_area();
+        for level in &self.levels {
+            let points = vec![(area.get_x_range().start, level.y), (x_end, level.y)];
+            stroke(area, points, (INK.to_rgba(), level_dash(level)), 1.2)?;
+        }
+        for line in self.lines.iter().filter(|_| self.has_bands()) {
+            let low = line.points.iter().filter_map(|point| Some((point.x, point.band?.0)));
+            let high = line.points.iter().filter_map(|point| Some((point.x, point.band?.1)));
+            let rim: Vec<(f64, f64)> = high.chain(low.rev()).collect();
+            if !rim.is_empty() {
+                area.draw(&Polygon::new(rim, line.look.colour.mix(0.22).filled())).map_err(failed)?;
+            }
+        }
+        for points in &self.marks {
+            for &(x, y, std_error) in &points.points {
+                if let Some(error) = std_error {
+                    whisker(area, x, (y - error, y + error), points.look.colour)?;
+                }
+                mark(area, (x, y), points.look, 9.0, false)?;
+            }
+        }
+        for (index, line) in self.lines.iter().enumerate() {
+            self.draw_line(area, index, line)?;
+        }
+        Ok(())
+    }
+
+    /// Writes the name of each level at its right end, a little apart where levels are close. `ends` are places of the
+    /// whole picture.
+    fn name_levels(&self, area: &Area, ends: &[(i32, i32)], size: Size) -> Result<()> {
+        let corner = area.get_base_pixel();
+        let mut order: Vec<usize> = (0..ends.len()).collect();
+        order.sort_by_key(|&index| ends[index].1);
+        let mut free_from = i32::MIN;
+        for index in order {
+            let (x, y) = ends[index];
+            let y = (y - corner.1).max(free_from);
+            free_from = y + px(size.names);
+            let style = text(size.names, INK).pos(Pos::new(HPos::Left, VPos::Center));
+            let name = Text::new(self.levels[index].name.clone(), (x - corner.0 + px(4.0), y), style);
+            area.draw(&name).map_err(failed)?;
+        }
+        Ok(())
+    }
+
+    fn has_bands(&self) -> bool {
+        self.lines.len() <= MOST_BANDS
     }
 
     fn draw_line<DB: DrawingBackend>(
@@ -152,7 +291,7 @@ impl LineChart {
         // Each line has its markers at other places.
         let every = line.points.len().div_ceil(MARKERS).max(1);
         for point in line.points.iter().skip(index % every).step_by(every) {
-            if let Some(ends) = point.whisker {
+            if let Some(ends) = point.whisker.filter(|_| self.has_bands()) {
                 whisker(area, point.x, ends, colour)?;
             }
             mark(area, (point.x, point.y), line.look, 7.0, true)?;
@@ -166,6 +305,23 @@ impl LineChart {
         let end = |line: &Line| line.points.last().map_or(f64::NEG_INFINITY, |point| point.y);
         lines.sort_by(|a, b| end(b).total_cmp(&end(a)));
         let lines = lines.into_iter().map(|line| Entry { sample: Sample::Curve(line.look), label: line.label.clone() });
+        lines.chain(self.legend_of_the_rest()).collect()
+    }
+
+    fn legend_against(&self, reference: &Line, of_reference: Look, of_other: Look) -> Vec<Entry> {
+        let entry = |look: Look, label: &str| Entry { sample: Sample::Curve(look), label: label.to_owned() };
+        let mut entries =
+            vec![entry(of_reference, &format!("in all: {}", reference.label)), entry(of_other, "as the title says")];
+        // Marks have the look of their line, which no panel shows.
+        entries.extend(self.legend_of_the_rest().filter(|entry| !matches!(entry.sample, Sample::Hollow(_))));
+        entries.extend(self.marks.first().map(|_| Entry {
+            sample: Sample::Hollow(of_other),
+            label: self.marks.iter().map(|mark| mark.label.as_str()).collect::<Vec<_>>().join("; "),
+        }));
+        entries
+    }
+
+    fn legend_of_the_rest(&self) -> impl Iterator<Item = Entry> {
         let companions = self
             .companions
             .iter()
@@ -177,11 +333,11 @@ impl LineChart {
         let marks =
             self.marks.iter().map(|mark| Entry { sample: Sample::Hollow(mark.look), label: mark.label.clone() });
         let note = (!self.note.is_empty()).then(|| Entry { sample: Sample::Nothing, label: self.note.clone() });
-        lines.chain(companions).chain(levels).chain(marks).chain(note).collect()
+        companions.chain(levels).chain(marks).chain(note)
     }
 
     /// What the axes span: all that is drawn, and some air.
-    fn ranges(&self) -> (std::ops::Range<f64>, std::ops::Range<f64>) {
+    fn ranges(&self) -> Ranges {
         let points = || self.lines.iter().flat_map(|line| &line.points);
         let marks = || self.marks.iter().flat_map(|mark| &mark.points);
         let xs = points().map(|point| point.x).chain(marks().map(|mark| mark.0));
@@ -201,14 +357,14 @@ impl LineChart {
     }
 
     /// Pixels for the numbers of the y axis and its label.
-    fn label_width(&self, y: &std::ops::Range<f64>) -> f64 {
-        let widest = [y.start, y.end].map(|value| text_width(&(self.y.format)(value), 12.0)).into_iter().max();
-        f64::from(widest.unwrap_or(0)) / f64::from(super::SCALE) + 30.0
+    fn label_width(&self, y: &std::ops::Range<f64>, size: Size) -> f64 {
+        let widest = [y.start, y.end].map(|value| text_width(&(self.y.format)(value), size.numbers)).into_iter().max();
+        f64::from(widest.unwrap_or(0)) / f64::from(super::SCALE) + if size.axis_titles { 30.0 } else { 8.0 }
     }
 }
 
 fn level_dash(level: &Level) -> Dash {
-    if level.measured { Dash::Dashed } else { Dash::Dotted }
+    if level.measured { Dash::Dashed } else { Dash::Long }
 }
 
 /// A vertical bar with two feet.

@@ -24,6 +24,8 @@ pub enum Dash {
     Solid,
     Dashed,
     Dotted,
+    /// No line of ours has it.
+    Long,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,11 +46,13 @@ pub struct Look {
 }
 
 impl Look {
-    /// The first ones differ in everything; thirty differ in something.
+    pub const FIRST: Look = Look { colour: COLOURS[0], dash: Dash::Solid, marker: Marker::Circle };
+
+    /// The first ones differ in everything, eighteen as lines and thirty with their markers.
     fn number(index: usize) -> Look {
         const DASHES: [Dash; 3] = [Dash::Solid, Dash::Dashed, Dash::Dotted];
         const MARKERS: [Marker; 5] = [Marker::Circle, Marker::Square, Marker::Triangle, Marker::Diamond, Marker::Cross];
-        Look { colour: COLOURS[index % 6], dash: DASHES[index % 3], marker: MARKERS[index % 5] }
+        Look { colour: COLOURS[index % 6], dash: DASHES[(index + index / 6) % 3], marker: MARKERS[index % 5] }
     }
 }
 
@@ -86,6 +90,7 @@ where
     match look.1 {
         Dash::Solid => area.draw(&PathElement::new(points, style)),
         Dash::Dashed => area.draw(&DashedPathElement::new(points, px(7.0), px(4.0), style)),
+        Dash::Long => area.draw(&DashedPathElement::new(points, px(14.0), px(3.0), style)),
         Dash::Dotted => area.draw(&DashedPathElement::new(points, px(1.6), px(2.6), style)),
     }
     .map_err(failed)
@@ -141,6 +146,9 @@ mod tests {
         let looks: Vec<Look> = (0..30).map(Look::number).collect();
         for (index, look) in looks.iter().enumerate() {
             assert!(!looks[..index].contains(look), "{index}: {look:?}");
+            let as_line = |look: &Look| (look.colour, look.dash);
+            let same_line = looks[..index].iter().any(|other| as_line(other) == as_line(look));
+            assert!(index >= 18 || !same_line, "{index}: {look:?}");
         }
     }
 

@@ -1,4 +1,4 @@
-//! Charts as SVG: lines, bars and heat maps, in colours that colour-blind readers tell apart (Okabe and Ito 2008), with a
+//! Charts as SVG: lines, rows, bars and heat maps, in colours that colour-blind readers tell apart (Okabe and Ito 2008), with a
 //! dash and a marker for each so that they are told apart in black and white too.
 //!
 //! Pictures are drawn four times as large as they are shown, because the drawing crate knows whole pixels only.
@@ -8,6 +8,7 @@ mod heat;
 mod legend;
 mod lines;
 mod look;
+mod rows;
 
 use anyhow::{Result, anyhow};
 use plotters::coord::Shift;
@@ -15,8 +16,9 @@ use plotters::prelude::*;
 
 pub use bars::{Bar, BarChart, Cluster, Scale};
 pub use heat::{Cell, HeatMap, Panel};
-pub use lines::{Axis, Level, Line, LineChart, LinePoint, Mark};
+pub use lines::{Axis, Level, Line, LineChart, LinePoint, MOST_BANDS, Mark};
 pub use look::{Look, Looks};
+pub use rows::{Row, RowChart};
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 

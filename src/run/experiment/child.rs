@@ -3,16 +3,20 @@
 use std::fs::{self, File, OpenOptions};
 use std::io::{BufRead, BufReader, Write};
 use std::os::unix::process::CommandExt;
+use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
 use std::process::{ChildStderr, Command, Stdio};
 use std::sync::mpsc::Sender;
+use std::thread::JoinHandle;
 
 use anyhow::{Context, Result};
 use rustix::process::{Pid, Signal, kill_process};
 
 use super::LOGS;
 use super::plan::Task;
+use crate::config::{Config, to_toml};
 use crate::run::END_WITH;
+use crate::training::files::write_atomically;
 
 /// A line that a process said on standard error.
 pub struct Said {
@@ -24,7 +28,8 @@ pub struct Said {
 /// A running process.
 pub struct Child {
     process: std::process::Child,
-    log: PathBuf,
+    /// Returns the last words that tell why it ended.
+    listener: Option<JoinHandle<Option<String>>>,
     /// Where its result goes when it is whole.
     result: Option<PathBuf>,
 }
@@ -34,6 +39,9 @@ impl Child {
     pub fn start(task: &Task, folder: &Path, said: Sender<Said>) -> Result<Child> {
         let log = folder.join(LOGS).join(format!("{}.log", task.name));
         let failed = || format!("{}: cannot be written", log.display());
+        if let Some((path, config)) = &task.config {
+            write_atomically(path, to_toml(&with_absolute_paths(config)?)?.as_bytes())?;
+        }
         let file = OpenOptions::new().create(true).append(true).open(&log).with_context(failed)?;
         let stdout = match &task.result {
             Some(result) => Stdio::from(
@@ -54,8 +62,8 @@ impl Child {
             .spawn()
             .with_context(|| format!("{}: cannot be started", task.name))?;
         let (stderr, name) = (process.stderr.take().expect("it was asked for"), task.name.clone());
-        std::thread::spawn(move || listen(stderr, file, name, &said));
-        Ok(Child { process, log, result: task.result.clone() })
+        let listener = Some(std::thread::spawn(move || listen(stderr, file, name, &said)));
+        Ok(Child { process, listener, result: task.result.clone() })
     }
 
     /// To stop where nothing is lost.
@@ -69,10 +77,17 @@ impl Child {
         let Some(status) = self.process.try_wait().context("a process that cannot be waited for")? else {
             return Ok(None);
         };
+        // What it said before is no reason for a signal from outside.
+        if status.signal().is_some() {
+            return Ok(Some(Err(status.to_string())));
+        }
+        // Its words may come later than its end; and where its workers still hold on to them, it has not ended.
+        if self.listener.as_ref().is_some_and(|listener| !listener.is_finished()) {
+            return Ok(None);
+        }
+        let words = self.listener.take().and_then(|listener| listener.join().ok().flatten());
         if !status.success() {
-            let words = fs::read_to_string(&self.log).unwrap_or_default();
-            let last = words.lines().rev().find(|line| line.starts_with("error: ") || line.starts_with("stopped"));
-            return Ok(Some(Err(last.map_or(status.to_string(), str::to_owned))));
+            return Ok(Some(Err(words.unwrap_or(status.to_string()))));
         }
         if let Some(result) = &self.result {
             let failed = || format!("{}: cannot be written", result.display());
@@ -87,10 +102,26 @@ fn beside(result: &Path) -> PathBuf {
     result.with_extension("part")
 }
 
-fn listen(stderr: ChildStderr, mut log: File, task: String, said: &Sender<Said>) {
+/// The config of a run, to be read from another folder.
+fn with_absolute_paths(config: &Config) -> Result<Config> {
+    let mut config = config.clone();
+    if let Some(traffic) = &mut config.traffic {
+        for network in [&mut traffic.network, &mut traffic.local_network] {
+            *network = std::path::absolute(&network)?;
+        }
+    }
+    Ok(config)
+}
+
+fn listen(stderr: ChildStderr, mut log: File, task: String, said: &Sender<Said>) -> Option<String> {
+    let mut last = None;
     for line in BufReader::new(stderr).lines().map_while(|line| line.ok()) {
         // Where nobody listens or the disk is full the run goes on.
         let _ = writeln!(log, "{line}");
+        if line.starts_with("error: ") || line.starts_with("stopped") {
+            last = Some(line.clone());
+        }
         let _ = said.send(Said { task: task.clone(), line });
     }
+    last
 }

@@ -18,10 +18,11 @@ use anyhow::{Context, anyhow};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 
+use super::domain;
 use super::terminal::{answer, program, quoted};
 use crate::cli;
 use crate::error::{Error, Result};
-use crate::experiment::file::Experiment;
+use crate::experiment::file::{Experiment, Knowledge};
 use crate::experiment::schedule::Cores;
 use crate::report::find::{BASELINES, PLAN, Plan};
 use crate::training::files::{lock, write_atomically};
@@ -38,7 +39,11 @@ pub fn experiment(args: &cli::Experiment) -> Result<()> {
     let name = args.file.file_stem().unwrap_or_default();
     let folder = args.out.clone().unwrap_or_else(|| Path::new("results").join(name).join("runs"));
     let cores = args.cores.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
-    let experiment = Experiment::read(&args.file, &super::domain::agents).map_err(Error::Usage)?;
+    let knowledge = Knowledge {
+        agents: &domain::agents,
+        check_controller: &|config, name| domain::open(config)?.check_baseline(name),
+    };
+    let experiment = Experiment::read(&args.file, &knowledge).map_err(Error::Usage)?;
     if args.dry_run {
         let tasks = Tasks::look(&experiment, &folder, cores).map_err(Error::Usage)?;
         return answer(tasks.table()).map_err(Error::Run);
@@ -54,7 +59,10 @@ pub fn experiment(args: &cli::Experiment) -> Result<()> {
         })
         .map_err(Error::Usage)?;
     let tasks = Tasks::look(&experiment, &folder, cores).map_err(Error::Usage)?;
-    let plan = Plan { runs: experiment.runs.iter().map(|run| run.name.clone()).collect() };
+    let plan = Plan {
+        runs: experiment.runs.iter().map(|run| run.name.clone()).collect(),
+        baselines: experiment.baselines.iter().map(|baseline| baseline.name.clone()).collect(),
+    };
     let plan = serde_json::to_vec_pretty(&plan).expect("names are JSON");
     write_atomically(&folder.join(PLAN), &plan).map_err(Error::Usage)?;
     let finished = tasks.finished();

@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 
-use crate::config::SimulatorKind;
+use crate::config::{Config, SimulatorKind};
 use crate::experiment::estimate::{Estimate, Source, estimate};
 use crate::experiment::file::{Experiment, PlannedBaseline, PlannedRun};
-use crate::experiment::progress::{Stage, directory, stage};
+use crate::experiment::progress::{Stage, directory, stage, stage_of_baseline};
 use crate::experiment::schedule::{Job, Total, total, width};
-use crate::report::find::{BASELINES, find};
+use crate::report::find::{baseline_file, find};
 use crate::report::run_dir::RunRecord;
 use crate::report::words::duration;
 
@@ -22,6 +22,8 @@ pub struct Task {
     pub arguments: Vec<OsString>,
     /// Where its standard output goes, if it is the result.
     pub result: Option<PathBuf>,
+    /// A config to write before it begins.
+    pub config: Option<(PathBuf, Config)>,
     /// Cores that it takes.
     pub width: usize,
     /// Timesteps of the whole run; 0 for what has none.
@@ -40,7 +42,7 @@ impl Task {
         let dir = directory(folder, run);
         let mut arguments: Vec<OsString> = vec!["train".into()];
         match stage {
-            Stage::New => {
+            Stage::New | Stage::Outdated => {
                 arguments.extend([run.config_path.clone().into(), "--out".into(), dir.into()]);
                 run.settings.iter().for_each(|setting| arguments.extend(["--set".into(), setting.into()]));
             }
@@ -51,6 +53,7 @@ impl Task {
             name: run.name.clone(),
             arguments,
             result: None,
+            config: None,
             width,
             steps: run.config.last_step(),
             share: stage.share(run),
@@ -61,19 +64,21 @@ impl Task {
     }
 
     fn of_baseline(baseline: &PlannedBaseline, folder: &Path) -> Task {
-        let result = folder.join(BASELINES).join(format!("{}.json", baseline.name));
-        let done = result.is_file();
-        let mut arguments: Vec<OsString> = vec!["baseline".into(), baseline.config_path.clone().into()];
+        let result = baseline_file(folder, &baseline.name);
+        let stage = stage_of_baseline(folder, baseline);
+        let config = result.with_extension("toml");
+        let mut arguments: Vec<OsString> = vec!["baseline".into(), config.clone().into()];
         arguments.extend(["--controller", &baseline.controller, "--json", "--episodes"].map(OsString::from));
         arguments.push(baseline.episodes.to_string().into());
         Task {
             name: baseline.name.clone(),
             arguments,
             result: Some(result),
+            config: Some((config, baseline.config.clone())),
             width: 1,
             steps: 0,
-            stage: if done { Stage::Finished } else { Stage::New },
-            share: if done { 1.0 } else { 0.0 },
+            stage,
+            share: if stage == Stage::Finished { 1.0 } else { 0.0 },
             agents: 0,
             estimate: Estimate { seconds: 20.0, memory_mb: 200.0, source: Source::Constants },
         }

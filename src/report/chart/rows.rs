@@ -1,0 +1,132 @@
+//! Rows with a mean each: an ablation, whose every row stands against the line of the reference.
+
+use anyhow::Result;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+use super::legend::wrapped;
+use super::lines::Axis;
+use super::look::{Dash, Look, Marker, mark, stroke};
+use super::{INK, Svg, failed, px, text};
+
+const WIDTH: u32 = 860;
+/// Of the labels, and of the words at the right.
+const LABELS: u32 = 230;
+const WORDS: u32 = 312;
+/// Right ends of their columns, from the right.
+const COLUMNS: [u32; 3] = [222, 66, 8];
+const TITLE: u32 = 50;
+const AXIS: u32 = 48;
+const NOTE: u32 = 22;
+const LINE: u32 = 14;
+/// Characters of a line of a label.
+const WRAP: usize = 36;
+
+pub struct Row {
+    pub label: String,
+    /// Each on its own, hollow.
+    pub points: Vec<f64>,
+    pub mean: f64,
+    /// On both sides of the mean.
+    pub error: Option<f64>,
+    /// What stands at the right, in columns.
+    pub words: [String; 3],
+}
+
+pub struct RowChart {
+    pub title: String,
+    pub x: Axis,
+    /// The reference first.
+    pub rows: Vec<Row>,
+    /// Over the columns of words.
+    pub header: [String; 3],
+    pub note: String,
+}
+
+impl RowChart {
+    pub fn draw(&self) -> Result<Svg> {
+        let labels: Vec<Vec<String>> = self.rows.iter().map(|row| wrapped(&row.label, WRAP)).collect();
+        let heights: Vec<u32> = labels.iter().map(|lines| (lines.len() as u32 * LINE + 10).max(26)).collect();
+        let all: u32 = heights.iter().sum();
+        let middles: Vec<f64> = (0..heights.len())
+            .map(|row| f64::from(heights[..row].iter().sum::<u32>()) + f64::from(heights[row]) / 2.0)
+            .collect();
+        Svg::draw(WIDTH, TITLE + all + AXIS + NOTE, |root| {
+            let title = Text::new(self.title.clone(), (px(12.0), px(8.0)), text(15.0, INK));
+            root.draw(&title).map_err(failed)?;
+            // Rows go down from 0.
+            let mut chart = ChartBuilder::on(root)
+                .margin_top(px(f64::from(TITLE)))
+                .margin_bottom(px(f64::from(NOTE)))
+                .margin_left(px(f64::from(LABELS)))
+                .margin_right(px(f64::from(WORDS)))
+                .x_label_area_size(px(f64::from(AXIS)))
+                .build_cartesian_2d(self.range(), -f64::from(all)..0.0)
+                .map_err(failed)?;
+            chart
+                .configure_mesh()
+                .disable_y_mesh()
+                .disable_y_axis()
+                .x_labels(6)
+                .x_desc(&self.x.label)
+                .x_label_formatter(&|value| (self.x.format)(*value))
+                .label_style(text(12.0, INK))
+                .axis_desc_style(text(13.0, INK))
+                .axis_style(ShapeStyle { color: INK.to_rgba(), filled: false, stroke_width: px(1.0) as u32 })
+                .bold_line_style(ShapeStyle { color: INK.mix(0.13), filled: false, stroke_width: px(1.0) as u32 })
+                .light_line_style(TRANSPARENT)
+                .set_all_tick_mark_size(px(4.0))
+                .draw()
+                .map_err(failed)?;
+            let area = chart.plotting_area();
+            let reference = &self.rows[0];
+            if let Some(error) = reference.error {
+                let corners = [(reference.mean - error, 0.0), (reference.mean + error, -f64::from(all))];
+                area.draw(&Rectangle::new(corners, INK.mix(0.1).filled())).map_err(failed)?;
+            }
+            let line = vec![(reference.mean, 0.0), (reference.mean, -f64::from(all))];
+            stroke(area, line, (INK.to_rgba(), Dash::Dashed), 1.2)?;
+            for (index, (row, &middle)) in self.rows.iter().zip(&middles).enumerate() {
+                let colour = if index == 0 { INK } else { Look::FIRST.colour };
+                let look = |marker| Look { colour, dash: Dash::Solid, marker };
+                if let Some(error) = row.error {
+                    let ends = vec![(row.mean - error, -middle), (row.mean + error, -middle)];
+                    stroke(area, ends, (colour.to_rgba(), Dash::Solid), 3.0)?;
+                }
+                for &point in &row.points {
+                    mark(area, (point, -middle), look(Marker::Circle), 8.0, false)?;
+                }
+                mark(area, (row.mean, -middle), look(Marker::Diamond), 9.0, true)?;
+            }
+            let style = |horizontal| text(12.0, INK).pos(Pos::new(horizontal, VPos::Center));
+            for (lines, &middle) in labels.iter().zip(&middles) {
+                let top = f64::from(TITLE) + middle - (lines.len() - 1) as f64 * f64::from(LINE) / 2.0;
+                for (number, line) in lines.iter().enumerate() {
+                    let at = (px(f64::from(LABELS) - 10.0), px(top + number as f64 * f64::from(LINE)));
+                    root.draw(&Text::new(line.clone(), at, style(HPos::Right))).map_err(failed)?;
+                }
+            }
+            let places = std::iter::once(-16.0).chain(middles.iter().copied());
+            let all_words = std::iter::once(&self.header).chain(self.rows.iter().map(|row| &row.words));
+            for (place, words) in places.zip(all_words) {
+                for (word, right) in words.iter().zip(COLUMNS) {
+                    let at = (px(f64::from(WIDTH - right)), px(f64::from(TITLE) + place));
+                    root.draw(&Text::new(word.clone(), at, style(HPos::Right))).map_err(failed)?;
+                }
+            }
+            let at = (px(12.0), px(f64::from(TITLE + all + AXIS) + 4.0));
+            root.draw(&Text::new(self.note.clone(), at, text(11.0, INK))).map_err(failed)
+        })
+    }
+
+    /// All that is drawn, and some air.
+    fn range(&self) -> std::ops::Range<f64> {
+        let ends =
+            self.rows.iter().flat_map(|row| [row.mean - row.error.unwrap_or(0.0), row.mean + row.error.unwrap_or(0.0)]);
+        let values = self.rows.iter().flat_map(|row| row.points.iter().copied()).chain(ends);
+        let (low, high) =
+            values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
+        let air = ((high - low) * 0.05).max(high.abs() * 1e-3).max(1e-6);
+        (low - air)..(high + air)
+    }
+}
