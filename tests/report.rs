@@ -226,7 +226,9 @@ fn an_ablation_is_drawn_row_by_row_and_panel_by_panel_against_its_reference() {
         for setting in settings {
             let (from, to) = (runs.join("warehouse_4-dials-clip0.1-seed1"), runs.join(setting));
             fs::create_dir(&to).unwrap();
-            names(&from).iter().for_each(|name| drop(fs::copy(from.join(name), to.join(name)).unwrap()));
+            for name in names(&from) {
+                fs::copy(from.join(&name), to.join(&name)).unwrap();
+            }
             let clip = if setting.starts_with("clip") { "" } else { "clip = 0.1\n" };
             edit(&to.join("config.toml"), "clip = 0.1", &format!("{clip}{setting}"));
             // 9.2 in the reference.

@@ -87,7 +87,7 @@ pub struct LineChart {
     pub note: String,
 }
 
-/// Lines with more others beside them have neither bands nor whiskers: nobody could tell whose they are.
+/// More lines than this are better drawn one by one, or without bands and whiskers: nobody could tell whose they are.
 pub const MOST_BANDS: usize = 5;
 /// Panels beside each other.
 const COLUMNS: usize = 3;
@@ -228,7 +228,7 @@ impl LineChart {
             let points = vec![(area.get_x_range().start, level.y), (x_end, level.y)];
             stroke(area, points, (INK.to_rgba(), level_dash(level)), 1.2)?;
         }
-        for line in self.lines.iter().filter(|_| self.has_bands()) {
+        for line in &self.lines {
             let low = line.points.iter().filter_map(|point| Some((point.x, point.band?.0)));
             let high = line.points.iter().filter_map(|point| Some((point.x, point.band?.1)));
             let rim: Vec<(f64, f64)> = high.chain(low.rev()).collect();
@@ -268,10 +268,6 @@ impl LineChart {
         Ok(())
     }
 
-    fn has_bands(&self) -> bool {
-        self.lines.len() <= MOST_BANDS
-    }
-
     fn draw_line<DB: DrawingBackend>(
         &self,
         area: &DrawingArea<DB, Cartesian2d<RangedCoordf64, RangedCoordf64>>,
@@ -291,7 +287,7 @@ impl LineChart {
         // Each line has its markers at other places.
         let every = line.points.len().div_ceil(MARKERS).max(1);
         for point in line.points.iter().skip(index % every).step_by(every) {
-            if let Some(ends) = point.whisker.filter(|_| self.has_bands()) {
+            if let Some(ends) = point.whisker {
                 whisker(area, point.x, ends, colour)?;
             }
             mark(area, (point.x, point.y), line.look, 7.0, true)?;
