@@ -100,14 +100,14 @@ impl Group {
     }
 }
 
-/// As the paper names a simulator, with F for DIALS.
+/// As the paper names a simulator, with F where there is one.
 pub fn method_name(simulator: &str, retraining: Retraining) -> String {
-    match (simulator, retraining) {
-        ("gs", _) => "GS".to_owned(),
-        ("dials", Retraining::Every(steps)) => format!("DIALS F={}", steps_text(steps)),
-        ("dials", Retraining::Once) => "DIALS once".to_owned(),
-        ("dials", Retraining::Drift) => "DIALS on drift".to_owned(),
-        (other, _) => other.replace("dials", "DIALS"),
+    let name = if simulator == "gs" { "GS".to_owned() } else { simulator.replace("dials", "DIALS") };
+    match retraining {
+        Retraining::Never => name,
+        Retraining::Every(steps) => format!("{name} F={}", steps_text(steps)),
+        Retraining::Once => format!("{name} once"),
+        Retraining::Drift => format!("{name} on drift"),
     }
 }
 
@@ -211,7 +211,7 @@ fn reference(groups: &[Group], told_apart: &BTreeMap<String, Option<String>>) ->
 fn group(method: Method, told_apart: &BTreeMap<String, Option<String>>, runs: Vec<RunRecord>) -> Group {
     let in_the_name = |key: &str| {
         let of_retraining = ["aip.retrain", "aip.retrain_every_steps"].contains(&key);
-        key == "simulator" || (method.simulator == "dials" && of_retraining)
+        key == "simulator" || (method.retraining != Retraining::Never && of_retraining)
     };
     let overrides = method.keys.iter().filter(|(key, value)| {
         !in_the_name(key) && told_apart.get(*key).is_some_and(|common| common.as_ref() != Some(value))
