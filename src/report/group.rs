@@ -44,6 +44,9 @@ impl Comparison {
             1 => last(key),
             _ => key.clone(),
         };
+        if group.overrides.len() > MOST_KEYS {
+            return group.label();
+        }
         let overrides = group.overrides.iter().map(|(key, value)| format!("{}={value}", short(key)));
         let of_reference = self.reference.is_some_and(|reference| self.groups[reference].name() == group.name());
         let name = (!of_reference || group.overrides.is_empty()).then(|| group.name());
@@ -51,7 +54,10 @@ impl Comparison {
     }
 }
 
-/// Runs of one method over several seeds.
+/// The most keys that a label names.
+const MOST_KEYS: usize = 8;
+
+/// Runs of one method over several seeds; never empty.
 pub struct Group {
     pub method: Method,
     /// Keys of the config that set it apart from most groups of the scenario, with its values.
@@ -71,8 +77,11 @@ impl Group {
         &self.method.simulator
     }
 
-    /// The name and the overrides.
+    /// The name and the overrides, or a run's directory where they are too many to read.
     pub fn label(&self) -> String {
+        if self.overrides.len() > MOST_KEYS {
+            return format!("{}, as {}", self.name(), self.runs[0].dir.display());
+        }
         let overrides = self.overrides.iter().map(|(key, value)| format!("{key}={value}"));
         std::iter::once(self.name()).chain(overrides).collect::<Vec<_>>().join(", ")
     }
@@ -254,8 +263,8 @@ mod tests {
 
     /// Groups of the warehouse, one per setting of our defaults.
     fn ablation(settings: &[&str]) -> Comparison {
-        let runs = settings.iter().map(|setting| RunRecord {
-            dir: Default::default(),
+        let runs = settings.iter().enumerate().map(|(index, setting)| RunRecord {
+            dir: format!("runs/{index}").into(),
             config: toml::from_str(&format!("{setting}\n[warehouse]\nagents_per_side = 2")).unwrap(),
             about: serde_json::Value::Null,
             evaluations: Vec::new(),
@@ -279,6 +288,16 @@ mod tests {
         assert_eq!(ablation(&["", "ppo.clip = 0.2"]).reference, None, "neither is the usual one");
         assert_eq!(ablation(&["", "simulator = 'gs'", "simulator = 'untrained-dials'"]).reference, None);
         assert_eq!(ablation(&[""]).reference, None, "there is nothing to compare it with");
+    }
+
+    #[test]
+    fn groups_that_differ_in_too_many_keys_to_read_are_named_by_a_run() {
+        let many = "ppo = { clip = 0.2, epochs = 1, gamma = 0.9, memory = 64, minibatch = 16, entropy = 0.1, rollout_steps = 8 }
+                    aip = { epochs = 1, batch = 8 }";
+        let comparison = ablation(&["", "ppo.value_coefficient = 0.5", many]);
+        let labels: Vec<String> = comparison.groups.iter().map(|group| comparison.short_label(group)).collect();
+        assert_eq!(labels, ["DIALS F=1M", "value_coefficient=0.5", "DIALS F=1M, as runs/2"]);
+        assert_eq!(comparison.groups[2].label(), labels[2]);
     }
 
     #[test]

@@ -13,8 +13,9 @@ use super::tables;
 /// How the figures were made, for whoever wants to know.
 const RULES: [&str; 8] = [
     "Runs that differ in nothing but their seed (and in where they were told to stop) are a group. A label names the keys \
-     of the config in which a group differs from most groups of its scenario. A group that differs from them in nothing is \
-     the reference: pictures show the others against it, named by what they change.",
+     of the config in which a group differs from most groups of its scenario. One that differs in more than \
+     eight is named by the directory of a run. A group that differs from them in nothing is the reference: pictures show \
+     the others against it, named by what they change.",
     "A curve has a point at every step at which some run of the group was evaluated. A run counts there if it has come so \
      far, interpolated on a straight line between two of its evaluations, and is never prolonged. Where a curve does not \
      hold all runs of its group it is thin. Curves of cross-entropy likewise; where the AIPs of one seed were trained and \
