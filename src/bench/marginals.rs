@@ -5,7 +5,7 @@
 
 use crate::base::Rows;
 use crate::domain::SourceSpec;
-use crate::influence::Dataset;
+use crate::influence::{Dataset, frequencies};
 use crate::nn::Layout;
 
 /// Half an event: what was never seen is not impossible.
@@ -25,9 +25,8 @@ pub fn predict_marginals(aips: &mut Rows<f32>, layout: &Layout, spec: SourceSpec
 
 fn logits(spec: SourceSpec, dataset: &Dataset) -> Vec<f32> {
     let mut logits = Vec::with_capacity(spec.logits());
-    for source in 0..spec.count() {
-        let count = |class: usize| dataset.sources.iter().filter(|row| usize::from(row[source]) == class).count();
-        let log_counts = (0..spec.classes()).map(|class| (count(class) as f64 + HALF).ln() as f32);
+    for shares in frequencies(spec, dataset, 0..dataset.len()) {
+        let log_counts = shares.into_iter().map(|share| (share * dataset.len() as f64 + HALF).ln() as f32);
         match spec {
             SourceSpec::Binary { .. } => {
                 let [zeros, ones] = log_counts.collect::<Vec<_>>()[..] else { unreachable!("a bit has two values") };

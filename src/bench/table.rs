@@ -23,7 +23,7 @@ pub fn text(costs: &[Costs]) -> String {
         line("agent-steps/s and core", &|costs| grouped(costs.agent_steps_per_s() / costs.workers as f64)),
         line("inside the simulators' steps", &|costs| percent(costs.all().phase(Phase::SimulatorStep), costs)),
         line("in forward and backward passes", &|costs| percent(passes(costs), costs)),
-        line("memory of all processes", &|costs| format!("{:.0} MB", megabytes(costs.pss_kib))),
+        line("memory of all processes", &|costs| format!("{:.0} MiB", mebibytes(costs.pss_kib))),
         heading("core-microseconds per agent-step"),
     ];
     for phase in Phase::ALL {
@@ -87,8 +87,8 @@ fn object(costs: &Costs) -> Value {
         "agent_steps_per_s": costs.agent_steps_per_s(),
         "agent_steps_per_s_per_core": costs.agent_steps_per_s() / costs.workers as f64,
         "gs_steps_per_s_in_collection": costs.gs_steps_per_s,
-        "memory_mb": megabytes(costs.pss_kib),
-        "peak_rss_mb_of_a_process": megabytes(costs.peak_rss_kib),
+        "memory_mb": mebibytes(costs.pss_kib),
+        "peak_rss_mb_of_a_process": mebibytes(costs.peak_rss_kib),
         "share_in_simulator_steps": costs.all().phase(Phase::SimulatorStep) / whole,
         "share_in_forward_and_backward": passes(costs) / whole,
         "training": cost(costs.training),
@@ -126,7 +126,7 @@ fn words(phase: Phase) -> String {
     }
 }
 
-fn megabytes(kib: u64) -> f64 {
+fn mebibytes(kib: u64) -> f64 {
     kib as f64 / 1024.0
 }
 

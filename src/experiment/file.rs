@@ -8,7 +8,7 @@ use serde::Deserialize;
 
 use crate::config::{self, Config, SimulatorKind};
 use crate::report::group::steps_text;
-use crate::report::scenario::{Method, Retraining, Scenario, simulator};
+use crate::report::scenario::{Method, Retraining, Scenario};
 
 /// A grid of runs.
 #[derive(Clone, Debug, Deserialize)]
@@ -127,7 +127,7 @@ impl Experiment {
                     known.display(),
                     config_path.display()
                 );
-                for run in combinations(&file, grid, &config_path, &stem) {
+                for run in combinations(&file, grid, &config_path) {
                     experiment.add_run(run, knowledge).with_context(|| format!("{}: a run of it", path.display()))?;
                 }
             }
@@ -174,7 +174,7 @@ impl Experiment {
             config.simulator.name(),
             toml::Value::try_from(config.aip.retrain)?.as_str().unwrap_or_default()
         );
-        let name = format!("{}-{}{words}-seed{seed}", stem(&config_path), simulator(&config));
+        let name = format!("{}-{}{words}-seed{seed}", stem(&config_path), config.simulator.name());
         // An F that is the config's own, or a grid that overlaps another.
         if self.runs.iter().any(|run| run.config_path == config_path && run.config == config) {
             return Ok(());
@@ -199,23 +199,18 @@ struct Combination {
     seed: u64,
 }
 
-fn combinations(file: &ExperimentFile, grid: &Grid, config_path: &Path, stem: &str) -> Vec<Combination> {
-    debug_assert!(!stem.is_empty());
-    let one_of = |kinds: &[SimulatorKind]| -> Vec<Option<SimulatorKind>> {
-        if kinds.is_empty() { vec![None] } else { kinds.iter().copied().map(Some).collect() }
-    };
+fn combinations(file: &ExperimentFile, grid: &Grid, config_path: &Path) -> Vec<Combination> {
+    /// What is left out leaves it to the config.
+    fn one_of<T: Copy>(listed: &[T]) -> Vec<Option<T>> {
+        if listed.is_empty() { vec![None] } else { listed.iter().copied().map(Some).collect() }
+    }
     let mut combinations = Vec::new();
     for kind in one_of(&grid.simulators) {
         let trained = !matches!(kind, Some(SimulatorKind::Gs | SimulatorKind::UntrainedDials));
-        let every: Vec<Option<u64>> = match grid.retrain_every_steps.is_empty() || !trained {
-            true => vec![None],
-            false => grid.retrain_every_steps.iter().copied().map(Some).collect(),
-        };
-        for every in every {
+        for every in one_of(if trained { &grid.retrain_every_steps[..] } else { &[] }) {
             for &seed in grid.seeds.as_ref().unwrap_or(&file.seeds) {
                 let mut settings: Vec<String> = file.set.iter().chain(&grid.set).cloned().collect();
-                let kind = kind.map(|kind| toml::Value::try_from(kind).expect("a word"));
-                settings.extend(kind.map(|kind| format!("simulator={}", kind.as_str().expect("a word"))));
+                settings.extend(kind.map(|kind| format!("simulator={}", kind.name())));
                 settings.extend(every.map(|every| format!("aip.retrain_every_steps={every}")));
                 settings.push(format!("seed={seed}"));
                 let mut words = every.map_or(String::new(), |every| format!("-F{}", steps_text(every)));

@@ -6,6 +6,7 @@ use anyhow::{Result, ensure};
 
 use super::file::{PlannedBaseline, PlannedRun, same_run};
 use crate::config::{self, Config};
+use crate::report::compare::differing;
 use crate::report::find::{Baseline, baseline_file, read_json};
 use crate::report::run_dir::{RunRecord, Status, is_run_dir};
 use crate::report::scenario::{Method, Scenario};
@@ -87,11 +88,10 @@ pub fn stage_of_baseline(folder: &Path, planned: &PlannedBaseline) -> Stage {
 
 /// The first thing in which a run differs from the plan, in words.
 fn difference(there: &Config, planned: &Config) -> String {
-    let keys = [there, planned].map(|config| Method::of(config).keys);
-    let key = keys[0].keys().chain(keys[1].keys()).find(|key| keys[0].get(*key) != keys[1].get(*key));
-    let value = |value: Option<&String>| value.map_or("nothing".to_owned(), String::clone);
-    match key {
-        Some(key) => format!("{key}: {} there, {} planned", value(keys[0].get(key)), value(keys[1].get(key))),
+    let [a, b] = [there, planned].map(|config| Method::of(config).keys);
+    let value = |value: Option<String>| value.unwrap_or("nothing".to_owned());
+    match differing(&a, &b).into_iter().next() {
+        Some((key, [a, b])) => format!("{key}: {} there, {} planned", value(a), value(b)),
         None if there.last_step() != planned.last_step() => {
             format!("steps: {} there, {} planned", there.last_step(), planned.last_step())
         }

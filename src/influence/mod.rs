@@ -22,7 +22,7 @@ use crate::nn::Layout;
 
 pub use aip::AipStack;
 pub use dataset::Dataset;
-pub use marginals::Marginals;
+pub use marginals::{Marginals, frequencies};
 pub use measure::{FreshLoss, measure};
 pub use train::{AipLoss, train};
 

@@ -3,11 +3,12 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use serde::Serialize;
 use toml::{Table, Value};
 
 use crate::config::Config;
+use crate::traffic::net_file::NetworkFiles;
 
 /// The two domains of the paper.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
@@ -71,25 +72,11 @@ impl Scenario {
     }
 }
 
-/// Of the files that `nets` writes for the GS. A run keeps them byte by byte.
+/// Of a network whose files are there; a run keeps them byte by byte.
 fn checksum(network: &Path) -> Result<Option<u32>> {
-    let mut hasher = crc32fast::Hasher::new();
-    for ending in ["net.xml", "rou.xml"] {
-        let mut name = network.as_os_str().to_owned();
-        name.push(format!(".{ending}"));
-        let path = Path::new(&name);
-        if !path.is_file() {
-            return Ok(None);
-        }
-        hasher.update(&std::fs::read(path).with_context(|| format!("{}: cannot be read", path.display()))?);
-    }
-    Ok(Some(hasher.finalize()))
-}
-
-/// What policies train on, as configs name it.
-pub fn simulator(config: &Config) -> String {
-    let value = Value::try_from(config.simulator).expect("a word");
-    value.as_str().expect("a word").to_owned()
+    let files = NetworkFiles::of(network);
+    let there = files.net.is_file() && files.routes.is_file();
+    there.then(|| files.checksum()).transpose()
 }
 
 const LOCAL_NETWORK: &str = "traffic.local_network";
@@ -113,7 +100,7 @@ impl Method {
         let local_network = config.traffic.as_ref().and_then(|traffic| checksum(&traffic.local_network).ok().flatten());
         keys.remove(LOCAL_NETWORK);
         keys.extend(local_network.map(|network| (LOCAL_NETWORK.to_owned(), format!("{network:08x}"))));
-        Method::of_keys(simulator(config), keys)
+        Method::of_keys(config.simulator.name().to_owned(), keys)
     }
 
     fn of_keys(simulator: String, mut keys: BTreeMap<String, String>) -> Method {

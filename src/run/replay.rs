@@ -9,7 +9,7 @@ use super::directory::{self, Existing};
 use super::domain;
 use super::subject::Subject;
 use super::terminal::{answer, on_the_path, quoted};
-use super::video::Video;
+use super::video::{SUMO_GUI, Video};
 use crate::base::{AgentId, Rows, Seed, Stopwatch};
 use crate::cli;
 use crate::config::{Config, SimulatorKind, load};
@@ -156,8 +156,6 @@ fn aip_of(agent: AgentId, domain: &dyn Domain, config: &Config, run_dir: &Path) 
         }
     }
 }
-
-const SUMO_GUI: &str = "sumo-gui";
 
 /// An error with the way out if sumo-gui could not be opened.
 fn check_screen() -> Result<()> {

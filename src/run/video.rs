@@ -19,9 +19,9 @@ use crate::error::{self, Error};
 use crate::traffic::grid::Grid;
 use crate::traffic::recording::Recording;
 use crate::traffic::replay::{Snapshot, view};
-use crate::training::files::folder_of;
+use crate::training::files::{folder_of, write_beside};
 
-const SUMO_GUI: &str = "sumo-gui";
+pub const SUMO_GUI: &str = "sumo-gui";
 const XVFB: &str = "Xvfb";
 const SETPRIV: &str = "setpriv";
 
@@ -95,18 +95,17 @@ impl Video {
     fn film(&self, recording: &Recording, config: &Path, stop: &AtomicBool) -> Result<()> {
         let room = tempfile::tempdir().context("no temporary directory for the pictures")?;
         let frames = take_pictures(recording, config, room.path(), stop)?;
-        // Beside its place, so that a film is there whole or not at all.
-        let beside = tempfile::Builder::new().prefix(".new-").tempdir_in(folder_of(&self.file));
-        let beside = beside.with_context(|| format!("{}: cannot be written", self.file.display()))?;
-        let film = beside.path().join(if self.format == Format::Gif { "film.gif" } else { "film.mp4" });
-        match self.format {
-            Format::Gif => join_to_gif(&frames, &film, stop)?,
-            Format::Mp4 => join_to_mp4(room.path(), &film)?,
-        }
-        if self.existing == Existing::MoveAside && !directory::is_free(&self.file) {
-            directory::tell_moved(&self.file, &directory::move_aside(&self.file)?);
-        }
-        fs::rename(&film, &self.file).with_context(|| format!("{}: cannot be written", self.file.display()))
+        write_beside(&self.file, |film| {
+            match self.format {
+                Format::Gif => join_to_gif(&frames, film, stop)?,
+                Format::Mp4 => join_to_mp4(room.path(), film)?,
+            }
+            // Now that the new one is whole.
+            if self.existing == Existing::MoveAside && !directory::is_free(&self.file) {
+                directory::tell_moved(&self.file, &directory::move_aside(&self.file)?);
+            }
+            Ok(())
+        })
     }
 }
 

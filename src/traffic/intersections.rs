@@ -73,6 +73,9 @@ impl Intersections {
     ) -> Result<()> {
         shown.iter_mut().zip(&self.signals).for_each(|(shown, signal)| *shown = signal.light());
         let rows: Vec<usize> = (0..self.len()).filter(|&row| self.by_program[row]).collect();
+        if rows.is_empty() {
+            return Ok(());
+        }
         let lights: Vec<LightId> = rows.iter().map(|&row| self.lights[row]).collect();
         simulation.read_lights(&lights, states)?;
         for (row, state) in rows.into_iter().zip(states) {

@@ -225,7 +225,6 @@ impl LocalSimulator for LocalTraffic {
 
 fn options(net: &Path, routes: &Path) -> Result<Vec<String>> {
     let mut options = vec!["--net-file".to_owned(), for_sumo(net)?, "--route-files".to_owned(), for_sumo(routes)?];
-    // Without speed factors to draw and without flows, the seed changes nothing.
     options.extend(["--seed".to_owned(), SEED.to_string()]);
     // On one lane without overtaking nobody collides, and to look for it takes 3 % of a step (a test holds that it
     // changes nothing, however dense the traffic).

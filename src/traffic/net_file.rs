@@ -55,6 +55,15 @@ impl NetworkFiles {
         }
     }
 
+    /// CRC-32 of what decides about roads and cars: the net and its routes.
+    pub fn checksum(&self) -> Result<u32> {
+        let mut hasher = crc32fast::Hasher::new();
+        for file in [&self.net, &self.routes] {
+            hasher.update(&fs::read(file).with_context(|| format!("{}: cannot be read", file.display()))?);
+        }
+        Ok(hasher.finalize())
+    }
+
     /// An error with the way out if one of the files is missing or SUMO could not take its path.
     pub fn check(&self) -> Result<()> {
         self.check_paths()?;

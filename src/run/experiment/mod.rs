@@ -15,11 +15,11 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
 
 use anyhow::{Context, anyhow};
-use signal_hook::consts::{SIGINT, SIGTERM};
-use signal_hook::flag;
 
 use super::domain;
+use super::progress::stop_on_signals;
 use super::terminal::{answer, program, quoted};
+use super::train::cores as machine_cores;
 use crate::cli;
 use crate::error::{Error, Result};
 use crate::experiment::file::{Experiment, Knowledge};
@@ -38,7 +38,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(200);
 pub fn experiment(args: &cli::Experiment) -> Result<()> {
     let name = args.file.file_stem().unwrap_or_default();
     let folder = args.out.clone().unwrap_or_else(|| Path::new("results").join(name).join("runs"));
-    let cores = args.cores.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
+    let cores = args.cores.unwrap_or_else(machine_cores);
     let knowledge = Knowledge {
         agents: &domain::agents,
         check_controller: &|config, name| domain::open(config)?.check_baseline(name),
@@ -111,12 +111,7 @@ struct Work {
 
 impl Work {
     fn begin(tasks: Tasks, folder: &Path, cores: usize) -> anyhow::Result<Work> {
-        let stop = Arc::new(AtomicBool::new(false));
-        for signal in [SIGINT, SIGTERM] {
-            // In this order: the second one finds the flag that the first one has set.
-            flag::register_conditional_shutdown(signal, 130, stop.clone())?;
-            flag::register(signal, stop.clone())?;
-        }
+        let stop = stop_on_signals()?;
         let mut waiting = tasks.unfinished();
         let outcome = Outcome { tasks: waiting.len(), failed: Vec::new(), interrupted: false };
         let display = Display::new(&waiting);

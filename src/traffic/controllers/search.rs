@@ -8,6 +8,7 @@
 use anyhow::Result;
 
 use super::fixed_time::Timing;
+use crate::base::statistics::mean;
 use crate::traffic::grid::Grid;
 
 /// Goes up with every change of what is searched or of what counts as the best: timings of another version are looked for
@@ -196,10 +197,6 @@ impl Search<'_> {
         }
         Ok(Some(earned))
     }
-}
-
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len() as f64
 }
 
 #[cfg(test)]

@@ -1,8 +1,6 @@
 //! Tuning fixed-time lights on the GS: the [`search`] with SUMO as the judge.
 
-use std::fs;
-
-use anyhow::{Context, Result};
+use anyhow::Result;
 
 use super::HandCoded;
 use super::fixed_time::{FixedTime, Timing};
@@ -18,15 +16,10 @@ use crate::traffic::signals::KEEP;
 impl TunedOn {
     /// What a tuning on `traffic` would depend on.
     pub fn of(traffic: &Traffic, episodes: usize, seed: u64) -> Result<TunedOn> {
-        let net = &traffic.network.net;
-        let mut crc = crc32fast::Hasher::new();
-        for file in [net, &traffic.network.routes] {
-            crc.update(&fs::read(file).with_context(|| format!("{}: cannot be read", file.display()))?);
-        }
-        let name = net.file_name().unwrap_or_default().to_string_lossy();
+        let name = traffic.network.net.file_name().unwrap_or_default().to_string_lossy();
         Ok(TunedOn {
             network: name.strip_suffix(".net.xml").unwrap_or(&name).to_owned(),
-            network_crc32: format!("{:08x}", crc.finalize()),
+            network_crc32: format!("{:08x}", traffic.network.checksum()?),
             horizon: traffic.config.horizon,
             episodes,
             seed: seed.to_string(),
