@@ -18,7 +18,7 @@
 //! | figures and tables of section Results and the appendix | [`experiment`], [`report`] |
 //!
 //! Rooms, in the order in which they may use each other (a test holds it): [`base`]; [`config`], [`domain`], [`sumo`];
-//! [`nn`]; [`traffic`], [`warehouse`]; [`plot`]; [`influence`], [`policy`]; [`evaluation`]; [`training`]; [`report`],
+//! [`nn`]; [`traffic`], [`warehouse`]; [`drawing`], [`plot`]; [`influence`], [`policy`]; [`evaluation`]; [`training`]; [`report`],
 //! [`experiment`]; [`processes`], [`mod@bench`]; [`run`] with [`cli`] and [`error`]. Simulators never see a tensor; training
 //! never sees a process or SUMO; only [`run`] knows which domain and which fleet were chosen.
 
@@ -27,6 +27,7 @@ pub mod bench;
 pub mod cli;
 pub mod config;
 pub mod domain;
+pub mod drawing;
 pub mod error;
 pub mod evaluation;
 pub mod experiment;

@@ -13,14 +13,15 @@ const DOORS: &[(&str, &[&str])] = &[
     ("nn", &["base"]),
     ("traffic", &["base", "config", "domain", "sumo"]),
     ("warehouse", &["base", "config", "domain"]),
-    ("plot", &["base", "traffic"]),
+    ("drawing", &[]),
+    ("plot", &["base", "drawing", "traffic"]),
     ("influence", &["base", "config", "domain", "nn"]),
     ("policy", &["base", "config", "domain", "nn"]),
     ("evaluation", &["base", "domain", "policy"]),
     ("training", &["base", "config", "domain", "nn", "influence", "policy", "evaluation"]),
     ("bench", &["base", "config", "domain", "nn", "influence", "policy", "training"]),
     ("processes", &["base", "config", "domain", "nn", "evaluation", "influence", "policy", "training"]),
-    ("report", &["base", "config", "training"]),
+    ("report", &["base", "config", "drawing", "traffic", "training"]),
     ("experiment", &["config", "report", "training"]),
 ];
 
@@ -33,7 +34,7 @@ const OUTSIDE: &[(&str, &[&str])] = &[
     ("quick_xml", &["traffic"]),
     ("clap", &["cli", "run", "main"]),
     ("indicatif", &["run"]),
-    ("plotters", &["plot", "report"]),
+    ("plotters", &["drawing", "plot", "report"]),
     ("statrs", &["base"]),
 ];
 

@@ -9,7 +9,7 @@ use crate::traffic::recording::Recording;
 const SIZE: (i32, i32) = (1100, 690);
 
 /// Cars standing on the approaches from west, south, east and north: mean over all intersections, and the longest queue.
-pub fn queues(recording: &Recording, about: &About) -> Result<String> {
+pub fn queues(recording: &Recording, about: &About) -> Result<Svg> {
     let grid = recording.roads.grid;
     let agents = grid.agents();
     let steps = recording.steps.len();
@@ -45,26 +45,26 @@ pub fn queues(recording: &Recording, about: &About) -> Result<String> {
                 .build_cartesian_2d(0.0..steps as f64, 0.0..longest as f64 + 0.5)?;
             draw_axes(&mut chart, "cars", 4, last)?;
             chart.draw_series(AreaSeries::new(stairs(&means), 0.0, SKY.mix(0.55)))?;
-            chart.draw_series(LineSeries::new(stairs(&means), line(BLUE, 2)))?;
+            chart.draw_series(LineSeries::new(stairs(&means), pen(BLUE, 2)))?;
             if agents.len() > 1 {
-                chart.draw_series(LineSeries::new(stairs(&most), line(FAINT, 1)))?;
+                chart.draw_series(LineSeries::new(stairs(&most), pen(FAINT, 1)))?;
             }
             let mean = means.iter().sum::<f64>() / steps.max(1) as f64;
             let word = format!("from the {}: {mean:.2} cars on average", name(side));
-            panel.draw_text(&word, &type_of(13, INK), (px(62), px(1)))?;
+            panel.draw_text(&word, &text(11, INK), (px(62), px(1)))?;
         }
         Ok(())
     })
 }
 
 fn draw_legend(area: &Area<'_>, several: bool) -> Result<()> {
-    let style = anchored(type_of(13, INK), HPos::Left, VPos::Center);
+    let style = anchored(text(11, INK), HPos::Left, VPos::Center);
     let mean = if several { "standing cars, mean over the intersections" } else { "standing cars" };
     area.draw(&Rectangle::new([(px(58), px(10)), (px(84), px(16))], SKY.mix(0.55).filled()))?;
-    area.draw(&PathElement::new(vec![(px(58), px(10)), (px(84), px(10))], line(BLUE, 2)))?;
+    area.draw(&PathElement::new(vec![(px(58), px(10)), (px(84), px(10))], pen(BLUE, 2)))?;
     area.draw_text(mean, &style, (px(92), px(11)))?;
     if several {
-        area.draw(&PathElement::new(vec![(px(410), px(11)), (px(436), px(11))], line(FAINT, 1)))?;
+        area.draw(&PathElement::new(vec![(px(410), px(11)), (px(436), px(11))], pen(FAINT, 1)))?;
         area.draw_text("the longest queue", &style, (px(444), px(11)))?;
     }
     Ok(())

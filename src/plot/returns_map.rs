@@ -4,6 +4,7 @@ use anyhow::Result;
 
 use super::*;
 use crate::base::Rows;
+use crate::base::statistics::mean;
 use crate::traffic::grid::Grid;
 
 /// Pixels of the map's longer side as far as they come to sensible squares, of the scale beside it, and of the least width
@@ -13,13 +14,13 @@ const SCALE: i32 = 110;
 const LEAST_WIDTH: i32 = 640;
 
 /// Mean return of every agent; `returns`: `[episodes, agents]`, the agents row-major from the south-west corner.
-pub fn returns_map(grid: Grid, returns: &Rows<f64>, about: &About) -> Result<String> {
+pub fn returns_map(grid: Grid, returns: &Rows<f64>, about: &About) -> Result<Svg> {
     let episodes = returns.len();
-    let mean = |agent: usize| returns.iter().map(|episode| episode[agent]).sum::<f64>() / episodes as f64;
-    let means: Vec<f64> = (0..returns.width()).map(mean).collect();
-    let all = means.iter().sum::<f64>() / means.len() as f64;
-    let (low, high) = means.iter().fold((f64::MAX, f64::MIN), |(low, high), &mean| (low.min(mean), high.max(mean)));
-    let shade = |value: f64| if high > low { (value - low) / (high - low) } else { 0.5 };
+    let of_agent = |agent: usize| mean(&returns.iter().map(|episode| episode[agent]).collect::<Vec<_>>());
+    let means: Vec<f64> = (0..returns.width()).map(of_agent).collect();
+    let all = mean(&means);
+    let (low, high) = means.iter().fold((f64::MAX, f64::MIN), |(low, high), &value| (low.min(value), high.max(value)));
+    let share = |value: f64| if high > low { (value - low) / (high - low) } else { 0.5 };
 
     let (rows, cols) = (grid.rows() as i32, grid.cols() as i32);
     let side = (MAP / rows.max(cols)).clamp(66, 130);
@@ -34,17 +35,17 @@ pub fn returns_map(grid: Grid, returns: &Rows<f64>, about: &About) -> Result<Str
         for agent in grid.agents() {
             let (row, col) = (agent.0 / grid.cols(), agent.0 % grid.cols());
             let (x, y) = (col as i32 * cell, (grid.rows() - 1 - row) as i32 * cell); // north is up
-            let share = shade(means[agent.0]);
-            area.draw(&Rectangle::new([(x, y), (x + cell - px(3), y + cell - px(3))], ramp(share).filled()))?;
-            let ink = if share > 0.55 { WHITE } else { INK };
+            let shade = shade(share(means[agent.0]));
+            area.draw(&Rectangle::new([(x, y), (x + cell - px(3), y + cell - px(3))], shade.filled()))?;
+            let ink = ink_over(shade);
             let centre = (x + cell / 2 - px(1), y + cell / 2 - px(1));
             let value = format!("{:.1}", means[agent.0]);
-            area.draw_text(&value, &middle(type_of(18, ink)), (centre.0, centre.1 - px(8)))?;
-            area.draw_text(&grid.light(agent), &middle(type_of(12, ink)), (centre.0, centre.1 + px(14)))?;
+            area.draw_text(&value, &middle(text(15, ink)), (centre.0, centre.1 - px(8)))?;
+            area.draw_text(&grid.light(agent), &middle(text(10, ink)), (centre.0, centre.1 + px(14)))?;
         }
         draw_scale(area, cols * cell + px(16), rows * cell - px(3), low, high)?;
         let note = "sum of rewards over an episode; north is up";
-        area.draw_text(note, &type_of(12, FAINT), (0, rows * cell + px(8)))?;
+        area.draw_text(note, &text(10, FAINT), (0, rows * cell + px(8)))?;
         Ok(())
     })
 }
@@ -53,9 +54,9 @@ pub fn returns_map(grid: Grid, returns: &Rows<f64>, about: &About) -> Result<Str
 fn draw_scale(area: &Area<'_>, x: i32, height: i32, low: f64, high: f64) -> Result<()> {
     for y in (0..height).step_by(px(1) as usize) {
         let share = 1.0 - f64::from(y) / f64::from(height - 1);
-        area.draw(&Rectangle::new([(x, y), (x + px(16), y + px(1))], ramp(share).filled()))?;
+        area.draw(&Rectangle::new([(x, y), (x + px(16), y + px(1))], shade(share).filled()))?;
     }
-    let style = type_of(13, INK);
+    let style = text(11, INK);
     for share in [0.0, 0.5, 1.0] {
         let y = ((1.0 - share) * f64::from(height - 1)) as i32;
         let style = anchored(style.clone(), HPos::Left, VPos::Center);
@@ -66,15 +67,4 @@ fn draw_scale(area: &Area<'_>, x: i32, height: i32, low: f64, high: f64) -> Resu
         )?;
     }
     Ok(())
-}
-
-/// From pale yellow to dark blue: brightness falls all the way, so it is a ramp in grey, too.
-fn ramp(share: f64) -> RGBColor {
-    const STOPS: [[f64; 3]; 4] =
-        [[250.0, 240.0, 180.0], [127.0, 205.0, 187.0], [44.0, 127.0, 184.0], [20.0, 45.0, 110.0]];
-    let place = share.clamp(0.0, 1.0) * (STOPS.len() - 1) as f64;
-    let stop = (place as usize).min(STOPS.len() - 2);
-    let part =
-        |i: usize| (STOPS[stop][i] + (place - stop as f64) * (STOPS[stop + 1][i] - STOPS[stop][i])).round() as u8;
-    RGBColor(part(0), part(1), part(2))
 }

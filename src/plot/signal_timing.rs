@@ -12,7 +12,7 @@ const LEGEND: i32 = 26;
 const AXIS: i32 = 44;
 
 /// One bar per intersection, agent 0 at the bottom as on the map.
-pub fn signal_timing(recording: &Recording, about: &About) -> Result<String> {
+pub fn signal_timing(recording: &Recording, about: &About) -> Result<Svg> {
     let grid = recording.roads.grid;
     let agents = grid.agents();
     let seconds = recording.steps.len() as f64;
@@ -42,7 +42,7 @@ pub fn signal_timing(recording: &Recording, about: &About) -> Result<String> {
                 from = to;
             }
             let place = chart.backend_coord(&(0.0, middle));
-            let style = anchored(type_of(bar_height.min(16) - 3, INK), HPos::Right, VPos::Center);
+            let style = anchored(text(bar_height.min(14) - 3, INK), HPos::Right, VPos::Center);
             area.draw_text(&grid.light(agent), &style, (place.0 - left - px(6), place.1 - top))?;
         }
         draw_legend(&legend)
@@ -65,7 +65,7 @@ fn draw_legend(area: &Area<'_>) -> Result<()> {
         (Light::HorizontalGreen, "green for west and east"),
         (Light::VerticalYellow, "yellow"),
     ];
-    let style = anchored(type_of(13, INK), HPos::Left, VPos::Center);
+    let style = anchored(text(11, INK), HPos::Left, VPos::Center);
     for (number, (light, word)) in words.into_iter().enumerate() {
         let x = 58 + 230 * number as i32;
         area.draw(&Rectangle::new([(px(x), px(4)), (px(x + 26), px(16))], colour(Some(light)).filled()))?;

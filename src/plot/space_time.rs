@@ -18,7 +18,7 @@ const AROUND: i32 = HEAD + 110;
 ///
 /// A line is a car: steep where it is fast, flat where it waits. At each stop line a bar shows the light: the thicker,
 /// the less it lets through.
-pub fn space_time(recording: &Recording, row: usize, about: &About) -> Result<String> {
+pub fn space_time(recording: &Recording, row: usize, about: &About) -> Result<Svg> {
     let grid = recording.roads.grid;
     ensure!(row < grid.rows(), "a grid of {grid} has no row {row}");
     let agents: Vec<AgentId> = (0..grid.cols()).map(|col| AgentId(row * grid.cols() + col)).collect();
@@ -58,13 +58,13 @@ pub fn space_time(recording: &Recording, row: usize, about: &About) -> Result<St
             let (from, to) = (begins_m[2 * col + 1], begins_m[2 * col + 2]);
             chart.draw_series([Rectangle::new([(0.0, from), (seconds, to)], PALE.filled())])?;
             let place = chart.backend_coord(&(seconds, (from + to) / 2.0));
-            let style = anchored(type_of(13, INK), HPos::Left, VPos::Center);
+            let style = anchored(text(11, INK), HPos::Left, VPos::Center);
             let (x, y) = area.get_base_pixel();
             area.draw_text(&grid.light(agent), &style, (place.0 - x + px(8), place.1 - y))?;
         }
         draw_axes(&mut chart, "distance from the west end (m)", 8, true)?;
         for places in trajectories.into_values() {
-            chart.draw_series(LineSeries::new(places, line(INK, 1)))?;
+            chart.draw_series(LineSeries::new(places, pen(INK, 1)))?;
         }
         let letter = Side::West.link_index();
         for (col, &agent) in agents.iter().enumerate() {
@@ -111,8 +111,8 @@ impl Shown {
 }
 
 fn draw_legend(area: &Area<'_>) -> Result<()> {
-    let style = anchored(type_of(13, INK), HPos::Left, VPos::Center);
-    area.draw(&PathElement::new(vec![(px(58), px(10)), (px(84), px(10))], line(INK, 1)))?;
+    let style = anchored(text(11, INK), HPos::Left, VPos::Center);
+    area.draw(&PathElement::new(vec![(px(58), px(10)), (px(84), px(10))], pen(INK, 1)))?;
     area.draw_text("a car", &style, (px(92), px(10)))?;
     let lights = [(Shown::Green, "green"), (Shown::Yellow, "yellow"), (Shown::Red, "red at the stop line")];
     for (number, (shown, word)) in lights.into_iter().enumerate() {

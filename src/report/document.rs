@@ -1,8 +1,7 @@
 //! A report as a list of blocks, written once as Markdown and once as a page of HTML that needs nothing else.
 
+use crate::drawing::Svg;
 use std::fmt::Write;
-
-use super::chart::Svg;
 
 pub enum Block {
     /// Level 1 to 3.
@@ -79,7 +78,7 @@ impl Document {
                 Block::Table(table) => table_to_html(&mut body, table),
                 Block::Figure(figure) => {
                     let caption = escape(&figure.caption);
-                    let svg = figure.svg.inline(&figure.caption);
+                    let svg = figure.svg.inline(&caption);
                     line(&mut body, format_args!("<figure>\n{svg}<figcaption>{caption}</figcaption>\n</figure>"));
                 }
                 Block::Code(commands) => line(&mut body, format_args!("<pre>{}</pre>", escape(commands))),

@@ -5,7 +5,7 @@ use anyhow::Result;
 use super::GridShape;
 use super::chart::{
     Axis, Bar, BarChart, Cell, Cluster, HeatMap, Level, Line, LineChart, LinePoint, Looks, MOST_BANDS, Mark, Panel,
-    Row, RowChart, Scale, Svg,
+    Row, RowChart, Scale,
 };
 use super::curves::{CurvePoint, LossData, LossPoint, learning_curve, loss_curve, single_trainings};
 use super::finals::{Final, Runtime};
@@ -15,6 +15,7 @@ use super::run_dir::Returns;
 use super::scenario::Domain;
 use super::statistics::{Spread, difference};
 use super::words::{figure, interval, signed, with_error};
+use crate::drawing::Svg;
 
 /// Along which a learning curve is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

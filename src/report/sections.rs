@@ -3,12 +3,13 @@
 use anyhow::Result;
 
 use super::GridShape;
-use super::chart::{Looks, Svg};
+use super::chart::Looks;
 use super::document::{Block, Document, Figure};
 use super::group::Comparison;
 use super::pictures::{self, Against};
 use super::scenario::Domain;
 use super::tables;
+use crate::drawing::Svg;
 
 /// How the figures were made, for whoever wants to know.
 const RULES: [&str; 8] = [

@@ -49,7 +49,8 @@ impl Plots {
         ];
         directory::make(&self.dir, Existing::Refuse, |dir| {
             pictures.iter().try_for_each(|(name, svg)| {
-                fs::write(dir.join(name), svg).with_context(|| format!("{}: cannot be written", self.dir.display()))
+                fs::write(dir.join(name), svg.file())
+                    .with_context(|| format!("{}: cannot be written", self.dir.display()))
             })
         })?;
         tell(format_args!("drew {} into {}", pictures.map(|(name, _)| name).join(", "), self.dir.display()));

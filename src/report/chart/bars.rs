@@ -11,7 +11,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use super::legend::{self, Entry, Sample};
 use super::lines::{Axis, whisker};
 use super::look::{Look, Marker, mark};
-use super::{INK, Svg, failed, luminance, px, text, text_width};
+use crate::drawing::{INK, Svg, ink_over, pen, px, text, text_width};
 
 const WIDTH: u32 = 860;
 const HEIGHT: u32 = 400;
@@ -60,7 +60,7 @@ impl BarChart {
             Scale::Log2 => value.log2(),
         };
         Svg::draw(WIDTH, height, |root| {
-            let (plot, right) = root.split_horizontally(px(f64::from(WIDTH - LEGEND)));
+            let (plot, right) = root.split_horizontally(px(WIDTH - LEGEND));
             legend::draw(&right.margin(px(34.0), 0, px(6.0), 0), &entries)?;
             let y_format = |value: &f64| match self.scale {
                 Scale::Linear => (self.y.format)(*value),
@@ -76,8 +76,10 @@ impl BarChart {
                 .margin(px(8.0))
                 .x_label_area_size(px(42.0))
                 .y_label_area_size(widest.unwrap_or(0) + px(30.0))
-                .build_cartesian_2d(0.0..self.clusters.len() as f64, Ticked::new(place(low)..place(high), self.scale))
-                .map_err(failed)?;
+                .build_cartesian_2d(
+                    0.0..self.clusters.len() as f64,
+                    Ticked::new(place(low)..place(high), self.scale),
+                )?;
             chart
                 .configure_mesh()
                 .disable_x_mesh()
@@ -88,12 +90,11 @@ impl BarChart {
                 .y_label_formatter(&y_format)
                 .label_style(text(12.0, INK))
                 .axis_desc_style(text(13.0, INK))
-                .axis_style(ShapeStyle { color: INK.to_rgba(), filled: false, stroke_width: px(1.0) as u32 })
-                .bold_line_style(ShapeStyle { color: INK.mix(0.13), filled: false, stroke_width: px(1.0) as u32 })
+                .axis_style(pen(INK, 1.0))
+                .bold_line_style(pen(INK.mix(0.13), 1.0))
                 .light_line_style(TRANSPARENT)
                 .set_all_tick_mark_size(px(4.0))
-                .draw()
-                .map_err(failed)?;
+                .draw()?;
             let area = chart.plotting_area();
             for (index, cluster) in self.clusters.iter().enumerate() {
                 let size = if cluster.bars.len() * self.clusters.len() > 12 { 9.0 } else { 11.0 };
@@ -102,15 +103,15 @@ impl BarChart {
                 let label = Text::new(cluster.label.clone(), (0, px(8.0)), text(12.0, INK).pos(below));
                 let floor = (index as f64 + 0.5, place(low));
                 let foot = chart.backend_coord(&floor);
-                root.draw(&(EmptyElement::at(foot) + label)).map_err(failed)?;
+                root.draw(&(EmptyElement::at(foot) + label))?;
                 for (number, bar) in cluster.bars.iter().enumerate() {
                     let left = index as f64 + 0.1 + number as f64 * width;
                     let middle = left + width / 2.0;
                     if let Some(value) = bar.value {
                         let corners = [(left + 0.05 * width, place(low)), (left + 0.95 * width, place(value))];
-                        area.draw(&Rectangle::new(corners, bar.look.colour.filled())).map_err(failed)?;
+                        area.draw(&Rectangle::new(corners, bar.look.colour.filled()))?;
                         // At its foot, its marker tells it apart in black and white.
-                        let over = if luminance(bar.look.colour) > 0.5 { BLACK } else { WHITE };
+                        let over = ink_over(bar.look.colour);
                         let foot = chart.backend_coord(&(middle, place(low)));
                         let tall = foot.1 - chart.backend_coord(&(middle, place(value))).1;
                         if tall > px(20.0) {
@@ -120,7 +121,7 @@ impl BarChart {
                         let (up, colour) = if tall > px(38.0) { (px(30.0), over) } else { (tall + px(8.0), INK) };
                         let style = text(size, colour).pos(Pos::new(HPos::Center, VPos::Center));
                         let number = Text::new((self.format)(value), (foot.0, foot.1 - up), style);
-                        root.draw(&number).map_err(failed)?;
+                        root.draw(&number)?;
                         if let Some((from, to)) = bar.whisker {
                             whisker(area, middle, (place(from.max(low)), place(to)), INK)?;
                         }

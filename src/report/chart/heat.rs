@@ -1,10 +1,9 @@
 //! Agents on their grid: a panel per run, a cell per agent, shaded by its return; stuck ones are crossed.
 
+use crate::drawing::{self, Area, INK, SCALE, Svg, ink_over, pen, px, text, text_width};
 use anyhow::Result;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-
-use super::{Area, INK, SCALE, Svg, failed, luminance, px, text, text_width};
 
 const PANEL: u32 = 128;
 const GAP: u32 = 16;
@@ -17,11 +16,6 @@ const MARGIN: u32 = 12;
 const MOST_COLUMNS: usize = 6;
 /// Cells smaller than this have no number in them.
 const NUMBER_FROM: f64 = 22.0;
-
-/// From low to high: light to dark in one hue, so that it is the same in black and white.
-const LIGHT: [f64; 3] = [247.0, 251.0, 255.0];
-const MIDDLE: [f64; 3] = [107.0, 174.0, 214.0];
-const DARK: [f64; 3] = [8.0, 48.0, 107.0];
 
 pub struct Cell {
     pub value: f64,
@@ -54,12 +48,12 @@ impl HeatMap {
         let width = (columns * (PANEL + GAP)).max(labels.max().unwrap_or(0)).max(416) + 2 * MARGIN;
         let (low, high) = self.range();
         Svg::draw(width, TITLE + height + KEY, |root| {
-            let title = Text::new(self.title.clone(), (px(f64::from(MARGIN)), px(8.0)), text(15.0, INK));
-            root.draw(&title).map_err(failed)?;
+            let title = Text::new(self.title.clone(), (px(MARGIN), px(8.0)), text(15.0, INK));
+            root.draw(&title)?;
             let mut top = TITLE;
             for (label, panels) in &self.groups {
-                let at = (px(f64::from(MARGIN)), px(f64::from(top) + 2.0));
-                root.draw(&Text::new(label.clone(), at, text(13.0, INK))).map_err(failed)?;
+                let at = (px(MARGIN), px(f64::from(top) + 2.0));
+                root.draw(&Text::new(label.clone(), at, text(13.0, INK)))?;
                 top += ROW_LABEL;
                 for (index, panel) in panels.iter().enumerate() {
                     let (line, column) = (index / MOST_COLUMNS, index % MOST_COLUMNS);
@@ -73,8 +67,8 @@ impl HeatMap {
     }
 
     fn draw_panel(&self, root: &Area, panel: &Panel, (left, top): (u32, u32), range: (f64, f64)) -> Result<()> {
-        let at = (px(f64::from(left)), px(f64::from(top)));
-        root.draw(&Text::new(panel.label.clone(), at, text(11.0, INK))).map_err(failed)?;
+        let at = (px(left), px(top));
+        root.draw(&Text::new(panel.label.clone(), at, text(11.0, INK)))?;
         let columns = panel.rows.iter().map(Vec::len).max().unwrap_or(1);
         let side = f64::from(PANEL) / panel.rows.len().max(columns) as f64;
         for (row, cells) in panel.rows.iter().enumerate() {
@@ -83,13 +77,13 @@ impl HeatMap {
                 let y = f64::from(top + PANEL_LABEL) + row as f64 * side;
                 let corners = [(px(x + 0.5), px(y + 0.5)), (px(x + side - 0.5), px(y + side - 0.5))];
                 let shade = shade(cell.value, range);
-                root.draw(&Rectangle::new(corners, shade.filled())).map_err(failed)?;
-                let over = if luminance(shade) > 0.5 { BLACK } else { WHITE };
+                root.draw(&Rectangle::new(corners, shade.filled()))?;
+                let over = ink_over(shade);
                 if cell.stuck {
-                    let style = ShapeStyle { color: over.to_rgba(), filled: false, stroke_width: px(1.6) as u32 };
+                    let style = pen(over, 1.6);
                     let (a, b) = (corners[0], corners[1]);
                     for line in [[a, b], [(a.0, b.1), (b.0, a.1)]] {
-                        root.draw(&PathElement::new(line, style)).map_err(failed)?;
+                        root.draw(&PathElement::new(line, style))?;
                     }
                 }
                 if side >= NUMBER_FROM {
@@ -99,9 +93,9 @@ impl HeatMap {
                     if cell.stuck {
                         let (wide, tall) = (text_width(&(self.format)(cell.value), size) / 2 + px(1.0), px(size * 0.6));
                         let behind = [(middle.0 - wide, middle.1 - tall), (middle.0 + wide, middle.1 + tall)];
-                        root.draw(&Rectangle::new(behind, shade.filled())).map_err(failed)?;
+                        root.draw(&Rectangle::new(behind, shade.filled()))?;
                     }
-                    root.draw(&Text::new((self.format)(cell.value), middle, style)).map_err(failed)?;
+                    root.draw(&Text::new((self.format)(cell.value), middle, style))?;
                 }
             }
         }
@@ -116,14 +110,15 @@ impl HeatMap {
             let value = low + (high - low) * step as f64 / (STEPS - 1) as f64;
             let x = left + width * step as f64 / STEPS as f64;
             let corners = [(px(x), px(top)), (px(x + width / STEPS as f64) + 1, px(top + 12.0))];
-            root.draw(&Rectangle::new(corners, shade(value, (low, high)).filled())).map_err(failed)?;
+            root.draw(&Rectangle::new(corners, shade(value, (low, high)).filled()))?;
         }
         for (value, x, anchor) in [(low, left, HPos::Left), (high, left + width, HPos::Right)] {
             let style = text(11.0, INK).pos(Pos::new(anchor, VPos::Top));
-            root.draw(&Text::new((self.format)(value), (px(x), px(top + 16.0)), style)).map_err(failed)?;
+            root.draw(&Text::new((self.format)(value), (px(x), px(top + 16.0)), style))?;
         }
         let style = text(11.0, INK).pos(Pos::new(HPos::Left, VPos::Center));
-        root.draw(&Text::new(self.key.clone(), (px(left + width + 10.0), px(top + 6.0)), style)).map_err(failed)
+        root.draw(&Text::new(self.key.clone(), (px(left + width + 10.0), px(top + 6.0)), style))?;
+        Ok(())
     }
 
     fn range(&self) -> (f64, f64) {
@@ -135,20 +130,7 @@ impl HeatMap {
     }
 }
 
+/// The darker, the higher.
 fn shade(value: f64, (low, high): (f64, f64)) -> RGBColor {
-    let share = ((value - low) / (high - low)).clamp(0.0, 1.0) * 2.0;
-    let (from, to, share) = if share < 1.0 { (LIGHT, MIDDLE, share) } else { (MIDDLE, DARK, share - 1.0) };
-    let [red, green, blue] = std::array::from_fn(|i| (from[i] + (to[i] - from[i]) * share).round() as u8);
-    RGBColor(red, green, blue)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn higher_returns_are_darker() {
-        let shades: Vec<f64> = (0..=10).map(|value| luminance(shade(f64::from(value), (0.0, 10.0)))).collect();
-        assert!(shades.windows(2).all(|pair| pair[0] > pair[1]), "{shades:?}");
-    }
+    drawing::shade((value - low) / (high - low))
 }

@@ -5,7 +5,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::look::{Dash, Look, mark, stroke};
-use super::{Area, INK, failed, luminance, px, text};
+use crate::drawing::{Area, INK, ink_over, px, text};
 
 const SIZE: f64 = 12.0;
 const LINE_HEIGHT: f64 = 16.0;
@@ -47,15 +47,15 @@ pub fn draw(area: &Area, entries: &[Entry]) -> Result<()> {
             Sample::Hollow(look) => mark(area, (middle, y), look, 9.0, false)?,
             Sample::Bar(look) => {
                 let corners = [(left + px(6.0), y - px(6.0)), (right - px(6.0), y + px(6.0))];
-                area.draw(&Rectangle::new(corners, look.colour.filled())).map_err(failed)?;
-                let over = if luminance(look.colour) > 0.5 { BLACK } else { WHITE };
+                area.draw(&Rectangle::new(corners, look.colour.filled()))?;
+                let over = ink_over(look.colour);
                 mark(area, (middle, y), Look { colour: over, ..look }, 7.0, true)?;
             }
             Sample::Nothing => {}
         }
         for line in wrapped(&entry.label, WRAP) {
             let style = text(SIZE, INK).pos(Pos::new(HPos::Left, VPos::Center));
-            area.draw(&Text::new(line, (px(40.0), y), style)).map_err(failed)?;
+            area.draw(&Text::new(line, (px(40.0), y), style))?;
             y += px(LINE_HEIGHT);
         }
         y += px(5.0);

@@ -8,7 +8,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::legend::{self, Entry, Sample};
 use super::look::{Dash, Look, Marker, mark, stroke};
-use super::{Area, INK, Svg, failed, px, text, text_width};
+use crate::drawing::{Area, INK, SCALE, Svg, pen, px, text, text_width};
 
 const WIDTH: u32 = 860;
 const HEIGHT: u32 = 400;
@@ -118,12 +118,12 @@ impl LineChart {
         let entries = self.legend();
         let height = HEIGHT.max(legend::height(&entries) + 40);
         Svg::draw(WIDTH, height, |root| {
-            let (plot, right) = root.split_horizontally(px(f64::from(WIDTH - LEGEND)));
+            let (plot, right) = root.split_horizontally(px(WIDTH - LEGEND));
             let right = right.margin(px(34.0), 0, px(6.0), 0);
             legend::draw(&right, &entries)?;
             let title = text(15.0, INK).pos(Pos::new(HPos::Center, VPos::Top));
             let middle = px(f64::from(WIDTH - LEGEND) / 2.0);
-            plot.draw(&Text::new(self.title.clone(), (middle, px(8.0)), title)).map_err(failed)?;
+            plot.draw(&Text::new(self.title.clone(), (middle, px(8.0)), title))?;
             self.plot(&plot.margin(px(26.0), 0, 0, 0), self.ranges(), WHOLE)
         })
     }
@@ -172,18 +172,18 @@ impl LineChart {
         let ranges = self.ranges();
         let title = format!("{}: {}, by {}", self.title, self.y.label, self.x.label);
         Svg::draw(WIDTH, 30 + grid_height + legend_height, |root| {
-            root.draw(&Text::new(title, (px(12.0), px(8.0)), text(15.0, INK))).map_err(failed)?;
+            root.draw(&Text::new(title, (px(12.0), px(8.0)), text(15.0, INK)))?;
             let (_, mut below) = root.split_vertically(px(30.0));
             for ((panels, titles), title_height) in
                 panels.chunks(COLUMNS).zip(titles.chunks(COLUMNS)).zip(&title_heights)
             {
-                let (row, rest) = below.split_vertically(px(f64::from(title_height + PANEL)));
+                let (row, rest) = below.split_vertically(px(title_height + PANEL));
                 below = rest;
                 for ((panel, lines), area) in panels.iter().zip(titles).zip(row.split_evenly((1, COLUMNS))) {
                     let (above, plot) = area.split_vertically(px(f64::from(*title_height)));
                     for (number, line) in lines.iter().enumerate() {
                         let at = (px(14.0), px(8.0 + f64::from(number as u32 * PANEL_LINE)));
-                        above.draw(&Text::new(line.clone(), at, text(11.5, INK))).map_err(failed)?;
+                        above.draw(&Text::new(line.clone(), at, text(11.5, INK)))?;
                     }
                     panel.plot(&plot, ranges.clone(), SMALL)?;
                 }
@@ -202,8 +202,7 @@ impl LineChart {
             .margin_right(px(right))
             .x_label_area_size(px(if titled { 42.0 } else { 20.0 }))
             .y_label_area_size(px(self.label_width(&y, size)))
-            .build_cartesian_2d(x, y)
-            .map_err(failed)?;
+            .build_cartesian_2d(x, y)?;
         chart
             .configure_mesh()
             .x_labels(size.ticks)
@@ -214,12 +213,11 @@ impl LineChart {
             .y_label_formatter(&|value| (self.y.format)(*value))
             .label_style(text(size.numbers, INK))
             .axis_desc_style(text(13.0, INK))
-            .axis_style(ShapeStyle { color: INK.to_rgba(), filled: false, stroke_width: px(1.0) as u32 })
-            .bold_line_style(ShapeStyle { color: INK.mix(0.13), filled: false, stroke_width: px(1.0) as u32 })
+            .axis_style(pen(INK, 1.0))
+            .bold_line_style(pen(INK.mix(0.13), 1.0))
             .light_line_style(TRANSPARENT)
             .set_all_tick_mark_size(px(4.0))
-            .draw()
-            .map_err(failed)?;
+            .draw()?;
         let x_end = chart.plotting_area().get_x_range().end;
         let ends: Vec<(i32, i32)> = self.levels.iter().map(|level| chart.backend_coord(&(x_end, level.y))).collect();
         self.name_levels(area, &ends, size)?;
@@ -233,7 +231,7 @@ impl LineChart {
             let high = line.points.iter().filter_map(|point| Some((point.x, point.band?.1)));
             let rim: Vec<(f64, f64)> = high.chain(low.rev()).collect();
             if !rim.is_empty() {
-                area.draw(&Polygon::new(rim, line.look.colour.mix(0.22).filled())).map_err(failed)?;
+                area.draw(&Polygon::new(rim, line.look.colour.mix(0.22).filled()))?;
             }
         }
         for points in &self.marks {
@@ -263,20 +261,17 @@ impl LineChart {
             free_from = y + px(size.names);
             let style = text(size.names, INK).pos(Pos::new(HPos::Left, VPos::Center));
             let name = Text::new(self.levels[index].name.clone(), (x - corner.0 + px(4.0), y), style);
-            area.draw(&name).map_err(failed)?;
+            area.draw(&name)?;
         }
         Ok(())
     }
 
-    fn draw_line<DB: DrawingBackend>(
+    fn draw_line(
         &self,
-        area: &DrawingArea<DB, Cartesian2d<RangedCoordf64, RangedCoordf64>>,
+        area: &DrawingArea<SVGBackend<'_>, Cartesian2d<RangedCoordf64, RangedCoordf64>>,
         index: usize,
         line: &Line,
-    ) -> Result<()>
-    where
-        DB::ErrorType: 'static,
-    {
+    ) -> Result<()> {
         let colour = line.look.colour;
         stroke(area, line.companion.clone(), (colour.to_rgba(), Dash::Dotted), 1.0)?;
         // Where runs are missing the line is thin; both parts share the point between them.
@@ -355,7 +350,7 @@ impl LineChart {
     /// Pixels for the numbers of the y axis and its label.
     fn label_width(&self, y: &std::ops::Range<f64>, size: Size) -> f64 {
         let widest = [y.start, y.end].map(|value| text_width(&(self.y.format)(value), size.numbers)).into_iter().max();
-        f64::from(widest.unwrap_or(0)) / f64::from(super::SCALE) + if size.axis_titles { 30.0 } else { 8.0 }
+        f64::from(widest.unwrap_or(0)) / f64::from(SCALE) + if size.axis_titles { 30.0 } else { 8.0 }
     }
 }
 
@@ -364,18 +359,21 @@ fn level_dash(level: &Level) -> Dash {
 }
 
 /// A vertical bar with two feet.
-pub fn whisker<DB, CT, X>(area: &DrawingArea<DB, CT>, x: X, (low, high): (f64, f64), colour: RGBColor) -> Result<()>
+pub fn whisker<CT, X>(
+    area: &DrawingArea<SVGBackend<'_>, CT>,
+    x: X,
+    (low, high): (f64, f64),
+    colour: RGBColor,
+) -> Result<()>
 where
-    DB: DrawingBackend,
-    DB::ErrorType: 'static,
     X: Clone + 'static,
     CT: CoordTranslate<From = (X, f64)>,
 {
-    let style = ShapeStyle { color: colour.to_rgba(), filled: false, stroke_width: px(1.2) as u32 };
-    area.draw(&PathElement::new(vec![(x.clone(), low), (x.clone(), high)], style)).map_err(failed)?;
+    let style = pen(colour, 1.2);
+    area.draw(&PathElement::new(vec![(x.clone(), low), (x.clone(), high)], style))?;
     for end in [low, high] {
         let foot = PathElement::new(vec![(-px(3.0), 0), (px(3.0), 0)], style);
-        area.draw(&(EmptyElement::at((x.clone(), end)) + foot)).map_err(failed)?;
+        area.draw(&(EmptyElement::at((x.clone(), end)) + foot))?;
     }
     Ok(())
 }

@@ -2,22 +2,13 @@
 
 use std::collections::BTreeMap;
 
+use crate::drawing::{BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION, pen, px};
 use anyhow::Result;
 use plotters::coord::CoordTranslate;
 use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 
-use super::{failed, px};
-
-/// The palette of Okabe and Ito without its yellow, which white paper swallows, and its black, which is the ink.
-const COLOURS: [RGBColor; 6] = [
-    RGBColor(0x00, 0x72, 0xb2), // blue
-    RGBColor(0xe6, 0x9f, 0x00), // orange
-    RGBColor(0x00, 0x9e, 0x73), // bluish green
-    RGBColor(0xcc, 0x79, 0xa7), // reddish purple
-    RGBColor(0xd5, 0x5e, 0x00), // vermillion
-    RGBColor(0x56, 0xb4, 0xe9), // sky blue
-];
+const COLOURS: [RGBColor; 6] = [BLUE, ORANGE, GREEN, PURPLE, VERMILLION, SKY];
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dash {
@@ -76,40 +67,38 @@ impl Looks {
 }
 
 /// Draws a line through points, `width` pixels wide.
-pub fn stroke<DB: DrawingBackend, CT: CoordTranslate>(
-    area: &DrawingArea<DB, CT>,
+pub fn stroke<CT: CoordTranslate>(
+    area: &DrawingArea<SVGBackend<'_>, CT>,
     points: Vec<CT::From>,
     look: (RGBAColor, Dash),
     width: f64,
 ) -> Result<()>
 where
-    DB::ErrorType: 'static,
     CT::From: Clone + 'static,
 {
-    let style = ShapeStyle { color: look.0, filled: false, stroke_width: px(width) as u32 };
+    let style = pen(look.0, width);
     match look.1 {
         Dash::Solid => area.draw(&PathElement::new(points, style)),
         Dash::Dashed => area.draw(&DashedPathElement::new(points, px(7.0), px(4.0), style)),
         Dash::Long => area.draw(&DashedPathElement::new(points, px(14.0), px(3.0), style)),
         Dash::Dotted => area.draw(&DashedPathElement::new(points, px(1.6), px(2.6), style)),
-    }
-    .map_err(failed)
+    }?;
+    Ok(())
 }
 
 /// Draws a marker of so many pixels around a place: filled for ours, hollow for what is from elsewhere.
-pub fn mark<DB: DrawingBackend, CT: CoordTranslate>(
-    area: &DrawingArea<DB, CT>,
+pub fn mark<CT: CoordTranslate>(
+    area: &DrawingArea<SVGBackend<'_>, CT>,
     at: CT::From,
     look: Look,
     size: f64,
     filled: bool,
 ) -> Result<()>
 where
-    DB::ErrorType: 'static,
     CT::From: Clone,
 {
     let half = px(size / 2.0);
-    let outline = ShapeStyle { color: look.colour.to_rgba(), filled: false, stroke_width: px(1.4) as u32 };
+    let outline = pen(look.colour, 1.4);
     let style = if filled { look.colour.filled() } else { outline };
     let corners = |corners: &[(f64, f64)]| -> Vec<(i32, i32)> {
         corners.iter().map(|(x, y)| ((x * f64::from(half)) as i32, (y * f64::from(half)) as i32)).collect()
@@ -117,14 +106,14 @@ where
     let shape = match look.marker {
         Marker::Circle => {
             let circle = EmptyElement::at(at) + Circle::new((0, 0), half, style);
-            return area.draw(&circle).map_err(failed);
+            return Ok(area.draw(&circle)?);
         }
         Marker::Cross => {
-            let thick = ShapeStyle { stroke_width: px(1.8) as u32, ..outline };
+            let thick = pen(look.colour, 1.8);
             let cross = EmptyElement::at(at)
                 + PathElement::new(corners(&[(-0.9, -0.9), (0.9, 0.9)]), thick)
                 + PathElement::new(corners(&[(-0.9, 0.9), (0.9, -0.9)]), thick);
-            return area.draw(&cross).map_err(failed);
+            return Ok(area.draw(&cross)?);
         }
         Marker::Square => corners(&[(-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9), (-0.9, -0.9), (0.9, -0.9)]),
         Marker::Triangle => corners(&[(0.0, -1.1), (1.05, 0.8), (-1.05, 0.8), (0.0, -1.1), (1.05, 0.8)]),
@@ -133,8 +122,8 @@ where
     match filled {
         true => area.draw(&(EmptyElement::at(at) + Polygon::new(shape, style))),
         false => area.draw(&(EmptyElement::at(at) + PathElement::new(shape, style))),
-    }
-    .map_err(failed)
+    }?;
+    Ok(())
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use super::legend::wrapped;
 use super::lines::Axis;
 use super::look::{Dash, Look, Marker, mark, stroke};
-use super::{INK, Svg, failed, px, text};
+use crate::drawing::{INK, Svg, pen, px, text};
 
 const WIDTH: u32 = 860;
 /// Of the labels, and of the words at the right.
@@ -53,16 +53,15 @@ impl RowChart {
             .collect();
         Svg::draw(WIDTH, TITLE + all + AXIS + NOTE, |root| {
             let title = Text::new(self.title.clone(), (px(12.0), px(8.0)), text(15.0, INK));
-            root.draw(&title).map_err(failed)?;
+            root.draw(&title)?;
             // Rows go down from 0.
             let mut chart = ChartBuilder::on(root)
-                .margin_top(px(f64::from(TITLE)))
-                .margin_bottom(px(f64::from(NOTE)))
-                .margin_left(px(f64::from(LABELS)))
-                .margin_right(px(f64::from(WORDS)))
-                .x_label_area_size(px(f64::from(AXIS)))
-                .build_cartesian_2d(self.range(), -f64::from(all)..0.0)
-                .map_err(failed)?;
+                .margin_top(px(TITLE))
+                .margin_bottom(px(NOTE))
+                .margin_left(px(LABELS))
+                .margin_right(px(WORDS))
+                .x_label_area_size(px(AXIS))
+                .build_cartesian_2d(self.range(), -f64::from(all)..0.0)?;
             chart
                 .configure_mesh()
                 .disable_y_mesh()
@@ -72,17 +71,16 @@ impl RowChart {
                 .x_label_formatter(&|value| (self.x.format)(*value))
                 .label_style(text(12.0, INK))
                 .axis_desc_style(text(13.0, INK))
-                .axis_style(ShapeStyle { color: INK.to_rgba(), filled: false, stroke_width: px(1.0) as u32 })
-                .bold_line_style(ShapeStyle { color: INK.mix(0.13), filled: false, stroke_width: px(1.0) as u32 })
+                .axis_style(pen(INK, 1.0))
+                .bold_line_style(pen(INK.mix(0.13), 1.0))
                 .light_line_style(TRANSPARENT)
                 .set_all_tick_mark_size(px(4.0))
-                .draw()
-                .map_err(failed)?;
+                .draw()?;
             let area = chart.plotting_area();
             let reference = &self.rows[0];
             if let Some(error) = reference.error {
                 let corners = [(reference.mean - error, 0.0), (reference.mean + error, -f64::from(all))];
-                area.draw(&Rectangle::new(corners, INK.mix(0.1).filled())).map_err(failed)?;
+                area.draw(&Rectangle::new(corners, INK.mix(0.1).filled()))?;
             }
             let line = vec![(reference.mean, 0.0), (reference.mean, -f64::from(all))];
             stroke(area, line, (INK.to_rgba(), Dash::Dashed), 1.2)?;
@@ -103,19 +101,20 @@ impl RowChart {
                 let top = f64::from(TITLE) + middle - (lines.len() - 1) as f64 * f64::from(LINE) / 2.0;
                 for (number, line) in lines.iter().enumerate() {
                     let at = (px(f64::from(LABELS) - 10.0), px(top + number as f64 * f64::from(LINE)));
-                    root.draw(&Text::new(line.clone(), at, style(HPos::Right))).map_err(failed)?;
+                    root.draw(&Text::new(line.clone(), at, style(HPos::Right)))?;
                 }
             }
             let places = std::iter::once(-16.0).chain(middles.iter().copied());
             let all_words = std::iter::once(&self.header).chain(self.rows.iter().map(|row| &row.words));
             for (place, words) in places.zip(all_words) {
                 for (word, right) in words.iter().zip(COLUMNS) {
-                    let at = (px(f64::from(WIDTH - right)), px(f64::from(TITLE) + place));
-                    root.draw(&Text::new(word.clone(), at, style(HPos::Right))).map_err(failed)?;
+                    let at = (px(WIDTH - right), px(f64::from(TITLE) + place));
+                    root.draw(&Text::new(word.clone(), at, style(HPos::Right)))?;
                 }
             }
             let at = (px(12.0), px(f64::from(TITLE + all + AXIS) + 4.0));
-            root.draw(&Text::new(self.note.clone(), at, text(11.0, INK))).map_err(failed)
+            root.draw(&Text::new(self.note.clone(), at, text(11.0, INK)))?;
+            Ok(())
         })
     }
 
