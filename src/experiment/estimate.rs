@@ -17,7 +17,7 @@ pub struct Costs {
     pub influence_s: f64,
     /// Per agent and step of an evaluation episode.
     pub evaluation_s: f64,
-    /// Of each process, whatever it does.
+    /// Of each process, whatever it does; MiB.
     pub process_mb: f64,
     /// For each agent, in all processes together.
     pub agent_mb: f64,
@@ -206,7 +206,7 @@ mod tests {
         let found = estimate(&planned("dials", 2000, 9), 2, &records);
         assert!((found.seconds - 99.9).abs() < 1e-9, "{found:?}");
         assert_eq!(found.source, Source::Measured(1));
-        // 332 MB less 4 agents x 8 MB are 2 processes of 150 MB; now there are 3 and 9 agents.
+        // 332 MiB less 4 agents x 8 MiB are 2 processes of 150 MiB; now there are 3 and 9 agents.
         assert!((found.memory_mb - (3.0 * 150.0 + 9.0 * 8.0)).abs() < 1e-9, "{found:?}");
     }
 

@@ -136,7 +136,7 @@ impl Tasks {
                 (task.stage.name(), if task.agents > 0 { task.agents.to_string() } else { "-".to_owned() });
             let (time, memory) = match task.stage {
                 Stage::Finished => ("-".to_owned(), "-".to_owned()),
-                _ => (duration(seconds), format!("{memory_mb:.0} MB")),
+                _ => (duration(seconds), format!("{memory_mb:.0} MiB")),
             };
             format!("{:<widest$}  {stage:<14} {agents:>6} {:>5} {time:>10} {memory:>10}", task.name, task.width)
         };
@@ -147,7 +147,7 @@ impl Tasks {
         lines.extend(self.tasks.iter().map(row));
         lines.push(String::new());
         lines.push(format!(
-            "{} to do, {} finished; about {} on {} {}, up to {memory_mb:.0} MB at a time",
+            "{} to do, {} finished; about {} on {} {}, up to {memory_mb:.0} MiB at a time",
             to_do.len(),
             self.finished(),
             duration(seconds),
