@@ -168,7 +168,7 @@ fn check_aip(config: &Config) -> Result<()> {
     at_least(1, "aip.dataset_steps", aip.dataset_steps as u64, "the paper uses 10000")?;
     at_least(1, "aip.batch", aip.batch as u64, "the paper uses 128")?;
     positive("aip.learning_rate", aip.learning_rate, "the paper uses 1e-4")?;
-    not_negative("aip.drift_threshold", aip.drift_threshold, "percent of the loss; 3 is the default")?;
+    not_negative("aip.drift_threshold", aip.drift_threshold, "percent of the loss; 1.5 is the default")?;
     let trains = matches!(config.simulator, SimulatorKind::Dials | SimulatorKind::MarginalDials);
     ensure!(
         !(trains && aip.retrain == Retrain::Drift) || config.evaluation.aip_loss_episodes > 0,

@@ -204,8 +204,8 @@ pub struct AipConfig {
     pub retrain: Retrain,
     /// F: timesteps per agent between two trainings of the AIPs, for `retrain = "every"`.
     pub retrain_every_steps: u64,
-    /// For `retrain = "drift"`: by how many percent their loss on fresh episodes has to grow since right after the last
-    /// training.
+    /// For `retrain = "drift"`: by how many percent their loss on fresh episodes, as a share of that of the best constants, has
+    /// to grow since right after the last training.
     pub drift_threshold: f64,
     /// GS steps per dataset, rounded up to whole episodes.
     pub dataset_steps: usize,
@@ -318,7 +318,7 @@ impl Default for AipConfig {
             hidden: vec![128, 128],
             retrain: Retrain::Every,
             retrain_every_steps: 1_000_000,
-            drift_threshold: 3.0,
+            drift_threshold: 1.5,
             dataset_steps: 10_000,
             held_out: 0.1,
             learning_rate: 1e-4,

@@ -201,7 +201,7 @@ mod tests {
     #[test]
     fn f_matters_only_where_aips_are_trained_every_f_steps() {
         let method = |retrain: &str, every: &str| {
-            let keys = [("aip.retrain", retrain), ("aip.retrain_every_steps", every), ("aip.drift_threshold", "3.0")];
+            let keys = [("aip.retrain", retrain), ("aip.retrain_every_steps", every), ("aip.drift_threshold", "1.5")];
             Method::of_keys("dials".to_owned(), keys.map(|(key, value)| (key.to_owned(), value.to_owned())).into())
         };
         assert_eq!(method("once", "100"), method("once", "200"));
