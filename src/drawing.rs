@@ -5,7 +5,9 @@
 //! [`crate::report`] (runs).
 
 use anyhow::Result;
+use plotters::chart::MeshStyle;
 use plotters::coord::Shift;
+use plotters::coord::ranged1d::ValueFormatter;
 use plotters::prelude::*;
 
 /// All of a picture, or a part of it.
@@ -46,6 +48,22 @@ pub fn text(pixels: impl Into<f64>, colour: impl Color) -> TextStyle<'static> {
 /// About how wide a text is drawn, in units: the crate measures no fonts without a font library.
 pub fn text_width(words: &str, pixels: f64) -> i32 {
     px(words.chars().count() as f64 * pixels * 0.56)
+}
+
+/// Draws axes and grid as every chart has them, with numbers of so many pixels.
+pub fn draw_mesh<X, Y>(mesh: &mut MeshStyle<'_, '_, X, Y, SVGBackend<'_>>, numbers: f64) -> Result<()>
+where
+    X: Ranged + ValueFormatter<X::ValueType>,
+    Y: Ranged + ValueFormatter<Y::ValueType>,
+{
+    mesh.label_style(text(numbers, INK))
+        .axis_desc_style(text(13, INK))
+        .axis_style(pen(INK, 1))
+        .bold_line_style(pen(INK.mix(0.13), 1))
+        .light_line_style(TRANSPARENT)
+        .set_all_tick_mark_size(px(4))
+        .draw()?;
+    Ok(())
 }
 
 /// The shade of a share from 0 (light) to 1 (dark).

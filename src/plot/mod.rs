@@ -10,7 +10,7 @@ use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use crate::drawing::{Area, BLUE, INK, ORANGE, SKY, Svg, ink_over, pen, px, shade, text};
+use crate::drawing::{Area, BLUE, INK, ORANGE, SKY, Svg, draw_mesh, ink_over, pen, px, shade, text};
 
 pub use queues::queues;
 pub use returns_map::returns_map;
@@ -58,23 +58,18 @@ fn picture(
 
 /// The axes of a chart: `values` beside it, seconds below it unless the chart below it tells them.
 fn draw_axes(chart: &mut Chart<'_, '_>, values: &str, value_labels: usize, seconds: bool) -> Result<()> {
-    chart
-        .configure_mesh()
-        .disable_x_mesh()
-        .light_line_style(TRANSPARENT)
-        .bold_line_style(pen(PALE, 1))
-        .x_labels(if seconds { 11 } else { 0 })
-        .x_desc(if seconds { "time (s)" } else { "" })
-        .x_label_formatter(&|second| format!("{second:.0}"))
-        .y_labels(value_labels)
-        .y_desc(values)
-        .y_label_formatter(&|value| format!("{value:.0}"))
-        .axis_desc_style(text(11.5, INK))
-        .label_style(text(11, INK))
-        .axis_style(pen(FAINT, 1))
-        .set_all_tick_mark_size(px(5))
-        .draw()?;
-    Ok(())
+    draw_mesh(
+        chart
+            .configure_mesh()
+            .disable_x_mesh()
+            .x_labels(if seconds { 11 } else { 0 })
+            .x_desc(if seconds { "time (s)" } else { "" })
+            .x_label_formatter(&|second| format!("{second:.0}"))
+            .y_labels(value_labels)
+            .y_desc(values)
+            .y_label_formatter(&|value| format!("{value:.0}")),
+        11.0,
+    )
 }
 
 fn anchored(style: TextStyle<'static>, horizontal: HPos, vertical: VPos) -> TextStyle<'static> {

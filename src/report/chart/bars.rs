@@ -11,7 +11,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use super::legend::{self, Entry, Sample};
 use super::lines::{Axis, whisker};
 use super::look::{Look, Marker, mark};
-use crate::drawing::{INK, Svg, ink_over, pen, px, text, text_width};
+use crate::drawing::{INK, Svg, draw_mesh, ink_over, px, text, text_width};
 
 const WIDTH: u32 = 860;
 const HEIGHT: u32 = 400;
@@ -80,21 +80,17 @@ impl BarChart {
                     0.0..self.clusters.len() as f64,
                     Ticked::new(place(low)..place(high), self.scale),
                 )?;
-            chart
-                .configure_mesh()
-                .disable_x_mesh()
-                .x_labels(0)
-                .y_labels(8)
-                .x_desc(&self.x_label)
-                .y_desc(&self.y.label)
-                .y_label_formatter(&y_format)
-                .label_style(text(12.0, INK))
-                .axis_desc_style(text(13.0, INK))
-                .axis_style(pen(INK, 1.0))
-                .bold_line_style(pen(INK.mix(0.13), 1.0))
-                .light_line_style(TRANSPARENT)
-                .set_all_tick_mark_size(px(4.0))
-                .draw()?;
+            draw_mesh(
+                chart
+                    .configure_mesh()
+                    .disable_x_mesh()
+                    .x_labels(0)
+                    .y_labels(8)
+                    .x_desc(&self.x_label)
+                    .y_desc(&self.y.label)
+                    .y_label_formatter(&y_format),
+                12.0,
+            )?;
             let area = chart.plotting_area();
             for (index, cluster) in self.clusters.iter().enumerate() {
                 let size = if cluster.bars.len() * self.clusters.len() > 12 { 9.0 } else { 11.0 };

@@ -8,7 +8,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::legend::{self, Entry, Sample};
 use super::look::{Dash, Look, Marker, mark, stroke};
-use crate::drawing::{Area, INK, SCALE, Svg, pen, px, text, text_width};
+use crate::drawing::{Area, INK, SCALE, Svg, draw_mesh, pen, px, text, text_width};
 
 const WIDTH: u32 = 860;
 const HEIGHT: u32 = 400;
@@ -203,21 +203,17 @@ impl LineChart {
             .x_label_area_size(px(if titled { 42.0 } else { 20.0 }))
             .y_label_area_size(px(self.label_width(&y, size)))
             .build_cartesian_2d(x, y)?;
-        chart
-            .configure_mesh()
-            .x_labels(size.ticks)
-            .y_labels(size.ticks)
-            .x_desc(if titled { &self.x.label } else { "" })
-            .y_desc(if titled { &self.y.label } else { "" })
-            .x_label_formatter(&|value| (self.x.format)(*value))
-            .y_label_formatter(&|value| (self.y.format)(*value))
-            .label_style(text(size.numbers, INK))
-            .axis_desc_style(text(13.0, INK))
-            .axis_style(pen(INK, 1.0))
-            .bold_line_style(pen(INK.mix(0.13), 1.0))
-            .light_line_style(TRANSPARENT)
-            .set_all_tick_mark_size(px(4.0))
-            .draw()?;
+        draw_mesh(
+            chart
+                .configure_mesh()
+                .x_labels(size.ticks)
+                .y_labels(size.ticks)
+                .x_desc(if titled { &self.x.label } else { "" })
+                .y_desc(if titled { &self.y.label } else { "" })
+                .x_label_formatter(&|value| (self.x.format)(*value))
+                .y_label_formatter(&|value| (self.y.format)(*value)),
+            size.numbers,
+        )?;
         let x_end = chart.plotting_area().get_x_range().end;
         let ends: Vec<(i32, i32)> = self.levels.iter().map(|level| chart.backend_coord(&(x_end, level.y))).collect();
         self.name_levels(area, &ends, size)?;

@@ -7,7 +7,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use super::legend::wrapped;
 use super::lines::Axis;
 use super::look::{Dash, Look, Marker, mark, stroke};
-use crate::drawing::{INK, Svg, pen, px, text};
+use crate::drawing::{INK, Svg, draw_mesh, px, text};
 
 const WIDTH: u32 = 860;
 /// Of the labels, and of the words at the right.
@@ -62,20 +62,16 @@ impl RowChart {
                 .margin_right(px(WORDS))
                 .x_label_area_size(px(AXIS))
                 .build_cartesian_2d(self.range(), -f64::from(all)..0.0)?;
-            chart
-                .configure_mesh()
-                .disable_y_mesh()
-                .disable_y_axis()
-                .x_labels(6)
-                .x_desc(&self.x.label)
-                .x_label_formatter(&|value| (self.x.format)(*value))
-                .label_style(text(12.0, INK))
-                .axis_desc_style(text(13.0, INK))
-                .axis_style(pen(INK, 1.0))
-                .bold_line_style(pen(INK.mix(0.13), 1.0))
-                .light_line_style(TRANSPARENT)
-                .set_all_tick_mark_size(px(4.0))
-                .draw()?;
+            draw_mesh(
+                chart
+                    .configure_mesh()
+                    .disable_y_mesh()
+                    .disable_y_axis()
+                    .x_labels(6)
+                    .x_desc(&self.x.label)
+                    .x_label_formatter(&|value| (self.x.format)(*value)),
+                12.0,
+            )?;
             let area = chart.plotting_area();
             let reference = &self.rows[0];
             if let Some(error) = reference.error {
