@@ -203,6 +203,9 @@ pub struct AipConfig {
     /// When the AIPs are trained again after their first training, which is at step 0.
     pub retrain: Retrain,
     /// F: timesteps per agent between two trainings of the AIPs, for `retrain = "every"`.
+    ///
+    /// DEVIATION 12: our configs of the warehouse have 500K and not 4M: AIPs that only know how random robots move are no better
+    /// than constants.
     pub retrain_every_steps: u64,
     /// For `retrain = "drift"`: by how many percent their loss on fresh episodes, as a share of that of the best constants, has
     /// to grow since right after the last training.
