@@ -172,10 +172,10 @@ impl Observer for Progress {
     fn aips_measured(&self, losses: &[FreshLoss], drift: &Drift) {
         let [loss, marginals] = FreshLoss::means_of_all(losses);
         let grown = match drift.percent() {
-            percent if percent.is_finite() => format!(", {percent:+.1} % since their training"),
+            percent if percent.is_finite() => format!(", {percent:+.1} % against them since the last training"),
             _ => String::new(),
         };
-        self.say(&format!("  AIP loss {loss:.3} on fresh episodes (constant marginals {marginals:.3}){grown}"));
+        self.say(&format!("  AIP loss {loss:.3} on fresh episodes, constant marginals {marginals:.3}{grown}"));
         self.found.borrow_mut().aip_loss = Some(loss);
     }
 
