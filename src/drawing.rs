@@ -19,7 +19,7 @@ pub const SCALE: u32 = 4;
 /// Of text and axes.
 pub const INK: RGBColor = RGBColor(0x1a, 0x1a, 0x1a);
 /// Behind everything.
-pub const PAPER: RGBColor = RGBColor(0xfe, 0xfe, 0xfe);
+const PAPER: RGBColor = RGBColor(0xfe, 0xfe, 0xfe);
 
 // Okabe and Ito's palette without its yellow, which white paper swallows, and its black, which is the ink.
 pub const BLUE: RGBColor = RGBColor(0x00, 0x72, 0xb2);
@@ -81,7 +81,7 @@ pub fn ink_over(colour: RGBColor) -> RGBColor {
 }
 
 /// From 0 to 1, as the eye weighs colours (ITU-R BT.709, without gamma).
-fn luminance(RGBColor(red, green, blue): RGBColor) -> f64 {
+pub fn luminance(RGBColor(red, green, blue): RGBColor) -> f64 {
     (0.2126 * f64::from(red) + 0.7152 * f64::from(green) + 0.0722 * f64::from(blue)) / 255.0
 }
 

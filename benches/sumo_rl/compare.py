@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Simulated intersection-seconds per core-second: sumo-rl with libsumo beside the GS of dials-traffic.
 
-    python3 -m venv /tmp/sumo_rl && /tmp/sumo_rl/bin/pip install -r benches/sumo_rl/requirements.txt
+    python3 -m venv target/sumo_rl && target/sumo_rl/bin/pip install -r benches/sumo_rl/requirements.txt
     cargo build --release
-    /tmp/sumo_rl/bin/python benches/sumo_rl/compare.py
+    target/sumo_rl/bin/python benches/sumo_rl/compare.py
 
 Both simulate the same saved grid with the same inflow in episodes of 300 s, three seconds of yellow, observations and
 rewards of all intersections at every decision. What differs:

@@ -1,7 +1,8 @@
 //! A report as a list of blocks, written once as Markdown and once as a page of HTML that needs nothing else.
 
-use crate::drawing::Svg;
 use std::fmt::Write;
+
+use crate::drawing::Svg;
 
 pub enum Block {
     /// Level 1 to 3.

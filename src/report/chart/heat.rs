@@ -1,9 +1,10 @@
 //! Agents on their grid: a panel per run, a cell per agent, shaded by its return; stuck ones are crossed.
 
-use crate::drawing::{self, Area, INK, SCALE, Svg, ink_over, pen, px, text, text_width};
 use anyhow::Result;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+use crate::drawing::{self, Area, INK, SCALE, Svg, ink_over, pen, px, text, text_width};
 
 const PANEL: u32 = 128;
 const GAP: u32 = 16;
@@ -133,4 +134,15 @@ impl HeatMap {
 /// The darker, the higher.
 fn shade(value: f64, (low, high): (f64, f64)) -> RGBColor {
     drawing::shade((value - low) / (high - low))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn higher_returns_are_darker() {
+        let shades: Vec<RGBColor> = (0..=10).map(|value| shade(f64::from(value), (0.0, 10.0))).collect();
+        assert!(shades.windows(2).all(|pair| drawing::luminance(pair[0]) > drawing::luminance(pair[1])), "{shades:?}");
+    }
 }

@@ -2,11 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use crate::drawing::{BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION, pen, px};
 use anyhow::Result;
 use plotters::coord::CoordTranslate;
 use plotters::element::DashedPathElement;
 use plotters::prelude::*;
+
+use crate::drawing::{BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION, pen, px};
 
 const COLOURS: [RGBColor; 6] = [BLUE, ORANGE, GREEN, PURPLE, VERMILLION, SKY];
 
