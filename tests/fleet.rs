@@ -252,7 +252,7 @@ fn a_worker_that_hangs_is_replaced_after_the_patience() {
     kill_process(wait_for_workers(&coordinator, 2)[0], Signal::STOP).unwrap();
     let (status, said) = ended(coordinator);
     assert!(status.success(), "{said}");
-    assert!(said.contains("said nothing for 10s and was ended"), "{said}");
+    assert!(said.contains("said nothing for 10s (state: T (stopped)) and was ended; last lines of"), "{said}");
     run.assert_undisturbed();
 }
 
@@ -326,6 +326,189 @@ fn ctrl_c_stops_at_the_next_exchange_and_a_second_one_at_once() {
     let (status, said) = run.resume(&[]);
     assert!(status.success(), "{said}");
     run.assert_undisturbed();
+}
+
+/// Training on the GS, where the second worker owns no agents. The joint policy is as large as in the configs that are
+/// shipped: larger than what a socket takes in without a reader.
+const REAL_SIZE: [&str; 8] = [
+    "--simulator",
+    "gs",
+    "--steps",
+    "1500",
+    "--set",
+    "evaluation.every_steps=500",
+    "--set",
+    "policy.hidden=[256, 128]",
+];
+
+/// A coordinator whose words can be read while it works. Dropping it kills it.
+struct Watched {
+    process: Child,
+    said: PathBuf,
+}
+
+impl Watched {
+    fn start(mut command: Command, run: &Run, name: &str) -> Watched {
+        let said = run.config.with_file_name(name);
+        let file = fs::File::create(&said).unwrap();
+        Watched { process: command.stdout(Stdio::null()).stderr(file).spawn().unwrap(), said }
+    }
+
+    fn said(&self) -> String {
+        fs::read_to_string(&self.said).unwrap()
+    }
+
+    fn interrupt(&self) {
+        kill_process(Pid::from_child(&self.process), Signal::INT).unwrap();
+    }
+
+    fn wait(&mut self) -> ExitStatus {
+        let begun = Instant::now();
+        loop {
+            if let Some(status) = self.process.try_wait().unwrap() {
+                return status;
+            }
+            assert!(begun.elapsed() < FOR_EVER, "the coordinator hangs, and said: {}", self.said());
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+}
+
+impl Drop for Watched {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+impl Run {
+    fn command(&self, more: &[&str]) -> Command {
+        let mut command = program();
+        command.arg("train").arg(&self.config).arg("--out").arg(&self.out).args(more);
+        command
+    }
+
+    fn resume_command(&self, more: &[&str]) -> Command {
+        let mut command = program();
+        command.arg("train").arg("--resume").arg(&self.out).args(more);
+        command
+    }
+
+    /// The newest process of a worker, by its log, once it has begun.
+    fn process_of(&self, worker: usize) -> Pid {
+        let log = self.out.join(format!("worker_{worker}.log"));
+        let newest = || {
+            let text = fs::read_to_string(&log).ok()?;
+            let (_, line) = text.rsplit_once("process ")?;
+            Pid::from_raw(line.split_once(" owns ")?.0.parse().ok()?)
+        };
+        wait_until(|| newest().is_some());
+        newest().unwrap()
+    }
+
+    fn results_on_the_gs(&self) -> [Vec<u8>; 3] {
+        ["returns.csv", "training.csv", "policies.safetensors"].map(|file| fs::read(self.out.join(file)).unwrap())
+    }
+}
+
+/// What training on the GS makes that nobody disturbs.
+fn undisturbed_on_the_gs() -> &'static [Vec<u8>; 3] {
+    static RESULTS: OnceLock<[Vec<u8>; 3]> = OnceLock::new();
+    RESULTS.get_or_init(|| {
+        let run = Run::new();
+        run.train(&[&REAL_SIZE[..], &["--workers", "2"]].concat());
+        assert!(
+            fs::metadata(run.out.join("policies.safetensors")).unwrap().len() > 400_000,
+            "too small to block a write"
+        );
+        run.results_on_the_gs()
+    })
+}
+
+#[test]
+fn a_stopped_worker_without_agents_is_replaced_after_the_patience() {
+    let run = Run::new();
+    let command = run.command(&[&REAL_SIZE[..], &["--workers", "2", "--patience", "5"]].concat());
+    let mut coordinator = Watched::start(command, &run, "said");
+    run.wait_for_checkpoints(1);
+    // Its next order comes with the joint policy, which it does not read.
+    kill_process(run.process_of(1), Signal::STOP).unwrap();
+    let status = coordinator.wait();
+    let said = coordinator.said();
+    assert!(status.success(), "{said}");
+    assert!(
+        said.contains("worker 1 (no agents of its own) said nothing for 5s (state: T (stopped)) and was ended"),
+        "{said}"
+    );
+    assert!(run.results_on_the_gs() == *undisturbed_on_the_gs());
+}
+
+#[test]
+fn ctrl_c_is_obeyed_while_a_worker_is_stopped() {
+    let run = Run::new();
+    let command = run.command(&[&REAL_SIZE[..], &["--workers", "2"]].concat());
+    let mut coordinator = Watched::start(command, &run, "first");
+    // Nothing is lost by stopping while an evaluation waits for the stopped worker.
+    run.wait_for_checkpoints(1);
+    let workers = workers_of(&coordinator.process);
+    kill_process(run.process_of(1), Signal::STOP).unwrap();
+    wait_until_idle(run.process_of(0));
+    coordinator.interrupt();
+    assert_eq!(coordinator.wait().code(), Some(130), "{}", coordinator.said());
+    assert!(coordinator.said().contains("stopped; go on with: "), "{}", coordinator.said());
+    assert_no_orphans(&workers);
+
+    // A period that waits for the stopped worker is finished or lost: that is for the person to choose.
+    let mut coordinator = Watched::start(run.resume_command(&["--workers", "2"]), &run, "second");
+    wait_until(|| coordinator.said().contains(": return "));
+    let workers = workers_of(&coordinator.process);
+    kill_process(run.process_of(0), Signal::STOP).unwrap();
+    coordinator.interrupt();
+    wait_until(|| coordinator.said().contains("stopping at the end of this period"));
+    assert!(
+        coordinator.said().contains("Ctrl-C again stops now and loses at most this period"),
+        "{}",
+        coordinator.said()
+    );
+    coordinator.interrupt();
+    assert_eq!(coordinator.wait().code(), Some(130), "{}", coordinator.said());
+    assert!(coordinator.said().contains("stopped; go on with: "), "{}", coordinator.said());
+    assert_no_orphans(&workers);
+
+    // And a worker that is stopped before it has begun is replaced.
+    let mut coordinator = Watched::start(run.resume_command(&["--workers", "2", "--patience", "5"]), &run, "third");
+    let worker = wait_for_a_program(&coordinator.process);
+    kill_process(worker, Signal::STOP).unwrap();
+    let status = coordinator.wait();
+    assert!(status.success(), "{}", coordinator.said());
+    assert!(coordinator.said().contains("said nothing for 5s"), "{}", coordinator.said());
+    assert!(run.results_on_the_gs() == *undisturbed_on_the_gs());
+}
+
+/// Waits until a process has had no work for half a second.
+fn wait_until_idle(pid: Pid) {
+    let cpu_time = || {
+        let text = fs::read_to_string(format!("/proc/{}/stat", pid.as_raw_nonzero())).unwrap();
+        let (_, fields) = text.rsplit_once(") ").unwrap();
+        // utime and stime
+        fields.split(' ').skip(11).take(2).map(str::to_owned).collect::<Vec<_>>()
+    };
+    wait_until(|| {
+        let before = cpu_time();
+        std::thread::sleep(Duration::from_millis(500));
+        cpu_time() == before
+    });
+}
+
+/// The first worker that has become a program of its own and is no copy of the coordinator any more.
+fn wait_for_a_program(coordinator: &Child) -> Pid {
+    let is_worker = |pid: &Pid| {
+        let words = fs::read(format!("/proc/{}/cmdline", pid.as_raw_nonzero())).unwrap_or_default();
+        words.split(|&byte| byte == 0).nth(1) == Some(b"worker")
+    };
+    let find = || workers_of(coordinator).into_iter().find(is_worker);
+    wait_until(|| find().is_some());
+    find().unwrap()
 }
 
 #[test]

@@ -10,6 +10,7 @@
 mod channel;
 mod child;
 mod fleet;
+mod log_tail;
 mod message;
 mod worker;
 
