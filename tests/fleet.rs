@@ -328,17 +328,19 @@ fn ctrl_c_stops_at_the_next_exchange_and_a_second_one_at_once() {
     run.assert_undisturbed();
 }
 
-/// Training on the GS, where the second worker owns no agents. The joint policy is as large as in the configs that are
-/// shipped: larger than what a socket takes in without a reader.
-const REAL_SIZE: [&str; 8] = [
+/// Two periods of about a second on the GS, where the second worker owns no agents. The joint policy is as large as in the
+/// configs that are shipped: larger than what a socket takes in without a reader.
+const REAL_SIZE: [&str; 10] = [
     "--simulator",
     "gs",
     "--steps",
-    "1500",
+    "5000",
     "--set",
-    "evaluation.every_steps=500",
+    "evaluation.every_steps=2500",
     "--set",
     "policy.hidden=[256, 128]",
+    "--workers",
+    "2",
 ];
 
 /// A coordinator whose words can be read while it works. Dropping it kills it.
@@ -348,8 +350,19 @@ struct Watched {
 }
 
 impl Watched {
-    fn start(mut command: Command, run: &Run, name: &str) -> Watched {
-        let said = run.config.with_file_name(name);
+    fn start(run: &Run, more: &[&str]) -> Watched {
+        let mut command = program();
+        command.arg("train").arg(&run.config).arg("--out").arg(&run.out).args(REAL_SIZE);
+        Watched::spawn(command.args(more), run.config.with_file_name("started"))
+    }
+
+    fn resume(run: &Run, more: &[&str], name: &str) -> Watched {
+        let mut command = program();
+        command.arg("train").arg("--resume").arg(&run.out).args(["--workers", "2"]);
+        Watched::spawn(command.args(more), run.config.with_file_name(name))
+    }
+
+    fn spawn(command: &mut Command, said: PathBuf) -> Watched {
         let file = fs::File::create(&said).unwrap();
         Watched { process: command.stdout(Stdio::null()).stderr(file).spawn().unwrap(), said }
     }
@@ -358,19 +371,33 @@ impl Watched {
         fs::read_to_string(&self.said).unwrap()
     }
 
+    fn wait_for_words(&self, words: &str) {
+        wait_until(|| self.said().contains(words));
+    }
+
     fn interrupt(&self) {
         kill_process(Pid::from_child(&self.process), Signal::INT).unwrap();
     }
 
-    fn wait(&mut self) -> ExitStatus {
+    /// Its exit code, once it has ended, and what it said.
+    fn ended(mut self) -> (Option<i32>, String) {
         let begun = Instant::now();
         loop {
             if let Some(status) = self.process.try_wait().unwrap() {
-                return status;
+                return (status.code(), self.said());
             }
             assert!(begun.elapsed() < FOR_EVER, "the coordinator hangs, and said: {}", self.said());
             std::thread::sleep(Duration::from_millis(5));
         }
+    }
+
+    /// Its exit code after Ctrl-C, and what it said. None of its workers may outlive it.
+    fn stopped(self) -> (Option<i32>, String) {
+        let workers = workers_of(&self.process);
+        self.interrupt();
+        let ended = self.ended();
+        assert_no_orphans(&workers);
+        ended
     }
 }
 
@@ -382,18 +409,6 @@ impl Drop for Watched {
 }
 
 impl Run {
-    fn command(&self, more: &[&str]) -> Command {
-        let mut command = program();
-        command.arg("train").arg(&self.config).arg("--out").arg(&self.out).args(more);
-        command
-    }
-
-    fn resume_command(&self, more: &[&str]) -> Command {
-        let mut command = program();
-        command.arg("train").arg("--resume").arg(&self.out).args(more);
-        command
-    }
-
     /// The newest process of a worker, by its log, once it has begun.
     fn process_of(&self, worker: usize) -> Pid {
         let log = self.out.join(format!("worker_{worker}.log"));
@@ -406,83 +421,20 @@ impl Run {
         newest().unwrap()
     }
 
-    fn results_on_the_gs(&self) -> [Vec<u8>; 3] {
-        ["returns.csv", "training.csv", "policies.safetensors"].map(|file| fs::read(self.out.join(file)).unwrap())
+    /// Asserts that training on the GS made what it makes when nobody disturbs it.
+    fn assert_undisturbed_on_the_gs(&self) {
+        static UNDISTURBED: OnceLock<[Vec<u8>; 3]> = OnceLock::new();
+        let results = |run: &Run| {
+            ["returns.csv", "training.csv", "policies.safetensors"].map(|file| fs::read(run.out.join(file)).unwrap())
+        };
+        let undisturbed = UNDISTURBED.get_or_init(|| {
+            let run = Run::new();
+            run.train(&REAL_SIZE);
+            results(&run)
+        });
+        assert!(undisturbed[2].len() > 400_000, "policies of {} bytes block no write", undisturbed[2].len());
+        assert!(results(self) == *undisturbed);
     }
-}
-
-/// What training on the GS makes that nobody disturbs.
-fn undisturbed_on_the_gs() -> &'static [Vec<u8>; 3] {
-    static RESULTS: OnceLock<[Vec<u8>; 3]> = OnceLock::new();
-    RESULTS.get_or_init(|| {
-        let run = Run::new();
-        run.train(&[&REAL_SIZE[..], &["--workers", "2"]].concat());
-        assert!(
-            fs::metadata(run.out.join("policies.safetensors")).unwrap().len() > 400_000,
-            "too small to block a write"
-        );
-        run.results_on_the_gs()
-    })
-}
-
-#[test]
-fn a_stopped_worker_without_agents_is_replaced_after_the_patience() {
-    let run = Run::new();
-    let command = run.command(&[&REAL_SIZE[..], &["--workers", "2", "--patience", "5"]].concat());
-    let mut coordinator = Watched::start(command, &run, "said");
-    run.wait_for_checkpoints(1);
-    // Its next order comes with the joint policy, which it does not read.
-    kill_process(run.process_of(1), Signal::STOP).unwrap();
-    let status = coordinator.wait();
-    let said = coordinator.said();
-    assert!(status.success(), "{said}");
-    assert!(
-        said.contains("worker 1 (no agents of its own) said nothing for 5s (state: T (stopped)) and was ended"),
-        "{said}"
-    );
-    assert!(run.results_on_the_gs() == *undisturbed_on_the_gs());
-}
-
-#[test]
-fn ctrl_c_is_obeyed_while_a_worker_is_stopped() {
-    let run = Run::new();
-    let command = run.command(&[&REAL_SIZE[..], &["--workers", "2"]].concat());
-    let mut coordinator = Watched::start(command, &run, "first");
-    // Nothing is lost by stopping while an evaluation waits for the stopped worker.
-    run.wait_for_checkpoints(1);
-    let workers = workers_of(&coordinator.process);
-    kill_process(run.process_of(1), Signal::STOP).unwrap();
-    wait_until_idle(run.process_of(0));
-    coordinator.interrupt();
-    assert_eq!(coordinator.wait().code(), Some(130), "{}", coordinator.said());
-    assert!(coordinator.said().contains("stopped; go on with: "), "{}", coordinator.said());
-    assert_no_orphans(&workers);
-
-    // A period that waits for the stopped worker is finished or lost: that is for the person to choose.
-    let mut coordinator = Watched::start(run.resume_command(&["--workers", "2"]), &run, "second");
-    wait_until(|| coordinator.said().contains(": return "));
-    let workers = workers_of(&coordinator.process);
-    kill_process(run.process_of(0), Signal::STOP).unwrap();
-    coordinator.interrupt();
-    wait_until(|| coordinator.said().contains("stopping at the end of this period"));
-    assert!(
-        coordinator.said().contains("Ctrl-C again stops now and loses at most this period"),
-        "{}",
-        coordinator.said()
-    );
-    coordinator.interrupt();
-    assert_eq!(coordinator.wait().code(), Some(130), "{}", coordinator.said());
-    assert!(coordinator.said().contains("stopped; go on with: "), "{}", coordinator.said());
-    assert_no_orphans(&workers);
-
-    // And a worker that is stopped before it has begun is replaced.
-    let mut coordinator = Watched::start(run.resume_command(&["--workers", "2", "--patience", "5"]), &run, "third");
-    let worker = wait_for_a_program(&coordinator.process);
-    kill_process(worker, Signal::STOP).unwrap();
-    let status = coordinator.wait();
-    assert!(status.success(), "{}", coordinator.said());
-    assert!(coordinator.said().contains("said nothing for 5s"), "{}", coordinator.said());
-    assert!(run.results_on_the_gs() == *undisturbed_on_the_gs());
 }
 
 /// Waits until a process has had no work for half a second.
@@ -509,6 +461,50 @@ fn wait_for_a_program(coordinator: &Child) -> Pid {
     let find = || workers_of(coordinator).into_iter().find(is_worker);
     wait_until(|| find().is_some());
     find().unwrap()
+}
+
+#[test]
+fn a_stopped_worker_without_agents_is_replaced_after_the_patience() {
+    let run = Run::new();
+    let coordinator = Watched::start(&run, &["--patience", "5"]);
+    coordinator.wait_for_words("step 0: return");
+    // It has nothing to do until its next order comes with the joint policy, which it does not read.
+    kill_process(run.process_of(1), Signal::STOP).unwrap();
+    let (code, said) = coordinator.ended();
+    assert_eq!(code, Some(0), "{said}");
+    let warning = "worker 1 (no agents of its own) said nothing for 5s (state: T (stopped)) and was ended";
+    assert!(said.contains(warning), "{said}");
+    run.assert_undisturbed_on_the_gs();
+}
+
+#[test]
+fn ctrl_c_is_obeyed_while_a_worker_is_stopped() {
+    let run = Run::new();
+    let coordinator = Watched::start(&run, &[]);
+    coordinator.wait_for_words("step 0: return");
+    kill_process(run.process_of(1), Signal::STOP).unwrap();
+    run.wait_for_checkpoints(1);
+    // Now the evaluation waits for the stopped worker, and nothing is lost by stopping.
+    wait_until_idle(run.process_of(0));
+    let (code, said) = coordinator.stopped();
+    assert!(code == Some(130) && said.contains("stopped; go on with: "), "{said}");
+
+    // A period that waits for the stopped worker is finished or lost. That is for the person to choose.
+    let coordinator = Watched::resume(&run, &[], "resumed");
+    coordinator.wait_for_words(": return");
+    kill_process(run.process_of(0), Signal::STOP).unwrap();
+    coordinator.interrupt();
+    coordinator.wait_for_words("stopping at the end of this period, where nothing is lost");
+    coordinator.wait_for_words("Ctrl-C again stops now and loses at most this period");
+    let (code, said) = coordinator.stopped();
+    assert!(code == Some(130) && said.contains("stopped; go on with: "), "{said}");
+
+    let coordinator = Watched::resume(&run, &["--patience", "5"], "resumed_again");
+    let stopped_before_it_begins = wait_for_a_program(&coordinator.process);
+    kill_process(stopped_before_it_begins, Signal::STOP).unwrap();
+    let (code, said) = coordinator.ended();
+    assert!(code == Some(0) && said.contains("said nothing for 5s"), "{said}");
+    run.assert_undisturbed_on_the_gs();
 }
 
 #[test]
