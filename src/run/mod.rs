@@ -15,6 +15,7 @@ mod progress;
 mod render;
 mod replay;
 mod report;
+mod stop;
 mod subject;
 pub mod terminal;
 mod train;

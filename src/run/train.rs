@@ -33,9 +33,7 @@ pub fn train(args: &cli::Train) -> Result<()> {
     let patience = Duration::from_secs(args.patience);
     match run.train(workers, patience) {
         Ok(()) => answer(how_to_go_on(&run.dir, &run.config)).map_err(Error::Run),
-        Err(error) if error.is::<Interrupted>() => {
-            Err(Error::Interrupted(format!("stopped; go on with: {}", resume_command(&run.dir))))
-        }
+        Err(error) if error.is::<Interrupted>() => Err(Error::Interrupted(stopped(&run.dir))),
         Err(error) => {
             let way_out = format!("what was written so far stays; go on with: {}", resume_command(&run.dir));
             tell(way_out);
@@ -74,7 +72,7 @@ fn resume(dir: &Path) -> Result<Run> {
 impl Run {
     fn train(&self, workers: usize, patience: Duration) -> anyhow::Result<()> {
         let Run { dir, config, domain, resumed } = self;
-        let progress = Rc::new(Progress::new(config, domain.agents())?);
+        let progress = Rc::new(Progress::new(config, domain.agents(), stopped(dir))?);
         let layouts = Layouts::of(config, domain.spec());
         let mut log = match resumed {
             false => RunLog::create(dir, config, layouts, progress.clone())?,
@@ -117,6 +115,11 @@ pub fn cores() -> usize {
 fn default_dir(config_path: &Path, config: &Config) -> PathBuf {
     let name = config_path.file_stem().unwrap_or_default().to_string_lossy();
     Path::new("runs").join(format!("{name}-{}-seed{}", config.simulator.name(), config.seed))
+}
+
+/// The last words of a run that somebody stopped.
+fn stopped(dir: &Path) -> String {
+    format!("stopped; go on with: {}", resume_command(dir))
 }
 
 fn resume_command(dir: &Path) -> String {

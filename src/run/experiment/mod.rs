@@ -17,8 +17,8 @@ use std::time::Duration;
 use anyhow::{Context, anyhow};
 
 use super::domain;
-use super::progress::stop_on_signals;
-use super::terminal::{answer, program, quoted};
+use super::stop::{Wish, stop_on_signals};
+use super::terminal::{answer, program, quoted, tell};
 use super::train::cores as machine_cores;
 use crate::cli;
 use crate::error::{Error, Result};
@@ -66,8 +66,8 @@ pub fn experiment(args: &cli::Experiment) -> Result<()> {
     let plan = serde_json::to_vec_pretty(&plan).expect("names are JSON");
     write_atomically(&folder.join(PLAN), &plan).map_err(Error::Usage)?;
     let finished = tasks.finished();
-    let outcome = Work::begin(tasks, &folder, cores).and_then(Work::carry_out).map_err(Error::Run)?;
     let again = format!("{} experiment {} --out {}", program(), quoted(&args.file), quoted(&folder));
+    let outcome = Work::begin(tasks, &folder, cores, &again).and_then(Work::carry_out).map_err(Error::Run)?;
     let failed = outcome.failed.len();
     match outcome {
         Outcome { failed: names, .. } if failed > 0 => Err(Error::Run(anyhow!(
@@ -110,8 +110,13 @@ struct Work {
 }
 
 impl Work {
-    fn begin(tasks: Tasks, folder: &Path, cores: usize) -> anyhow::Result<Work> {
-        let stop = stop_on_signals()?;
+    /// `again`: the command that goes on with the experiment.
+    fn begin(tasks: Tasks, folder: &Path, cores: usize, again: &str) -> anyhow::Result<Work> {
+        let last_words = format!("stopped; go on with: {again}");
+        let stop = stop_on_signals(move |wish| match wish {
+            Wish::Stop => (), // said by `carry_out`
+            Wish::StopNow => tell(&last_words),
+        })?;
         let mut waiting = tasks.unfinished();
         let outcome = Outcome { tasks: waiting.len(), failed: Vec::new(), interrupted: false };
         let display = Display::new(&waiting);
