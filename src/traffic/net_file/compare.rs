@@ -166,7 +166,8 @@ mod tests {
 
     #[test]
     fn what_is_only_drawn_may_differ() {
-        let found = r#"<net version="2"><junction id="a" shape="1,1"/><junction id="b" name="Main St" color="red"/></net>"#;
+        let found =
+            r#"<net version="2"><junction id="a" shape="1,1"/><junction id="b" name="Main St" color="red"/></net>"#;
         assert_eq!(difference_of(found, r#"<net><junction id="a" shape="0,0"/><junction id="b"/></net>"#), None);
         let lefthand = difference_of(r#"<net lefthand="true"/>"#, "<net/>").unwrap();
         assert_eq!(lefthand, r#"net: lefthand="true", and this program simulates none"#);

@@ -265,7 +265,8 @@ mod tests {
 
     #[test]
     fn simulators_and_controllers_assume_the_vehicle_type_and_the_lights_that_are_written() {
-        let of_the_type = |key: &str| VEHICLE_TYPE.iter().find(|(name, _)| *name == key).and_then(|(_, v)| v.parse().ok());
+        let of_the_type =
+            |key: &str| VEHICLE_TYPE.iter().find(|(name, _)| *name == key).and_then(|(_, v)| v.parse().ok());
         assert_eq!(of_the_type("decel"), Some(DECEL_MPS2));
         assert_eq!(of_the_type("maxSpeed"), Some(SPEED_LIMIT_MPS));
         let cycle = [Light::VerticalGreen, Light::VerticalYellow, Light::HorizontalGreen, Light::HorizontalYellow];

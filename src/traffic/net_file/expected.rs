@@ -92,7 +92,8 @@ fn ends(grid: Grid, from: Node, to: Node) -> [(f64, f64); 2] {
 
 fn light(grid: Grid, agent: AgentId) -> Element {
     let phases = CYCLE.into_iter().zip(STATIC_S);
-    let phases = phases.map(|(state, s)| element("phase", [("duration", s.into()), ("state", state.into())], Vec::new()));
+    let phases =
+        phases.map(|(state, s)| element("phase", [("duration", s.into()), ("state", state.into())], Vec::new()));
     let (kind, program) = (("type", "static".into()), ("programID", "0".into()));
     element("tlLogic", [("id", grid.light(agent)), kind, program, ("offset", "0".into())], phases.collect())
 }
