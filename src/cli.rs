@@ -66,7 +66,7 @@ pub struct Train {
     pub resume: Option<PathBuf>,
     /// Go on although another build wrote the run, or SUMO, libm or vector instructions were others: its numbers may
     /// change. run.json records it
-    #[arg(long, requires = "resume")]
+    #[arg(long, conflicts_with = "config")]
     pub accept_other_build: bool,
     /// Worker processes that share the agents; 0 works in this process. The results are the same
     /// [default: the number of cores]
