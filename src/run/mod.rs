@@ -1,6 +1,7 @@
 //! One short function per subcommand: config -> domain -> fleet -> training -> run directory.
 
 mod bench;
+mod build;
 mod compare;
 mod directory;
 mod domain;

@@ -16,6 +16,7 @@ use std::time::Duration;
 
 use anyhow::{Context, anyhow};
 
+use super::build::other_build;
 use super::domain;
 use super::stop::{Wish, stop_on_signals};
 use super::terminal::{answer, program, quoted, tell};
@@ -23,6 +24,7 @@ use super::train::cores as machine_cores;
 use crate::cli;
 use crate::error::{Error, Result};
 use crate::experiment::file::{Experiment, Knowledge};
+use crate::experiment::progress::{Stage, directory, stage};
 use crate::experiment::schedule::Cores;
 use crate::report::find::{BASELINES, PLAN, Plan};
 use crate::training::files::{lock, write_atomically};
@@ -45,7 +47,7 @@ pub fn experiment(args: &cli::Experiment) -> Result<()> {
     };
     let experiment = Experiment::read(&args.file, &knowledge).map_err(Error::Usage)?;
     if args.dry_run {
-        let tasks = Tasks::look(&experiment, &folder, cores).map_err(Error::Usage)?;
+        let tasks = Tasks::look(&experiment, &folder, cores, args.accept_other_build).map_err(Error::Usage)?;
         return answer(tasks.table()).map_err(Error::Run);
     }
     let made = [folder.clone(), folder.join(LOGS), folder.join(BASELINES)];
@@ -58,7 +60,10 @@ pub fn experiment(args: &cli::Experiment) -> Result<()> {
             lock(&folder).with_context(|| format!("{}: another experiment is at work here", folder.display()))
         })
         .map_err(Error::Usage)?;
-    let tasks = Tasks::look(&experiment, &folder, cores).map_err(Error::Usage)?;
+    let tasks = Tasks::look(&experiment, &folder, cores, args.accept_other_build).map_err(Error::Usage)?;
+    if !args.accept_other_build {
+        check_builds(&experiment, &folder).map_err(Error::Usage)?;
+    }
     let plan = Plan {
         runs: experiment.runs.iter().map(|run| run.name.clone()).collect(),
         baselines: experiment.baselines.iter().map(|baseline| baseline.name.clone()).collect(),
@@ -88,6 +93,16 @@ pub fn experiment(args: &cli::Experiment) -> Result<()> {
             .map_err(Error::Run)
         }
     }
+}
+
+/// An error if a run that would be resumed was written by another build.
+fn check_builds(experiment: &Experiment, folder: &Path) -> anyhow::Result<()> {
+    for run in &experiment.runs {
+        if matches!(stage(folder, run)?, Stage::Begun { .. }) {
+            other_build(&directory(folder, run), run.config.numerics.vector_width, false)?;
+        }
+    }
+    Ok(())
 }
 
 /// What came of an experiment.
