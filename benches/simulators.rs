@@ -11,7 +11,7 @@ use criterion::{
 };
 use dials_traffic::base::{AgentId, Dice, Rows, Seed};
 use dials_traffic::config::{Config, load};
-use dials_traffic::domain::{Action, Domain, GlobalSimulator, LocalSimulator, RegionSpec, SourceSpec};
+use dials_traffic::domain::{Action, Beginning, Domain, GlobalSimulator, LocalSimulator, RegionSpec, SourceSpec};
 use dials_traffic::traffic::Traffic;
 use dials_traffic::warehouse::Warehouse;
 use rand::Rng;
@@ -54,8 +54,7 @@ fn influence(spec: &RegionSpec, sources: &mut Rows<u8>, dice: &mut Dice) {
 fn local(group: &mut BenchmarkGroup<'_, WallTime>, name: &str, domain: &dyn Domain, rows: usize) {
     let spec = domain.spec().clone();
     let mut simulator = domain.local_simulator(&[AgentId(0)], rows, Seed::new(1)).unwrap();
-    let all: Vec<usize> = (0..rows).collect();
-    simulator.reset(&all).unwrap();
+    simulator.reset(&Beginning::first(0..rows)).unwrap();
     let (mut actions, mut sources) = (vec![0; rows], Rows::new(rows, spec.sources.count()));
     let (mut dice, mut steps) = (Seed::new(2).dice(), 0);
     group.throughput(Throughput::Elements(rows as u64));
@@ -79,8 +78,9 @@ fn step_local(
     *steps += 1;
     let rows = actions.len();
     let age = |row: usize| *steps + row * spec.horizon / rows;
-    let over: Vec<usize> = (0..rows).filter(|&row| age(row).is_multiple_of(spec.horizon)).collect();
-    simulator.reset(&over).unwrap();
+    let over = (0..rows).filter(|&row| age(row).is_multiple_of(spec.horizon));
+    let begin = |row| Beginning { row, episode: (age(row) / spec.horizon) as u64 };
+    simulator.reset(&over.map(begin).collect::<Vec<_>>()).unwrap();
 }
 
 fn global(group: &mut BenchmarkGroup<'_, WallTime>, name: &str, domain: &dyn Domain) {

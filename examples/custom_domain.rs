@@ -71,8 +71,8 @@ impl LocalSimulator for People {
         self.held.len()
     }
 
-    fn reset(&mut self, rows: &[usize]) -> Result<&Percept> {
-        rows.iter().for_each(|&row| self.show(row, 0));
+    fn reset(&mut self, begin: &[Beginning]) -> Result<&Percept> {
+        begin.iter().for_each(|beginning| self.show(beginning.row, 0));
         Ok(&self.last.percept)
     }
 

@@ -222,7 +222,7 @@ pub struct Replay {
     /// Directory for the files
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// The first episode of `evaluate` and `baseline` with this --seed [default: seed of the config]
+    /// The first episode of `evaluate` and `baseline` with this --seed [default: evaluation.seed of the config]
     #[arg(long, value_name = "N")]
     pub episode_seed: Option<u64>,
     /// Replay the local simulator of this agent, with the cars that its AIP sends

@@ -13,10 +13,10 @@ pub use interval::Interval;
 /// The name of the return among the [`figures`] of an episode.
 pub const RETURN: &str = "return";
 
-/// The stream of an evaluation episode: the same for every controller and every time in a run, so that what is
-/// compared is compared on the same traffic.
-pub fn episode_seed(run: Seed, episode: usize) -> Seed {
-    run.fork("evaluation").for_episode(episode)
+/// The stream of an evaluation episode. `evaluation`: `evaluation.seed` of the config, by default the same for all
+/// runs, so that policies and controllers are compared on the same traffic.
+pub fn episode_seed(evaluation: Seed, episode: usize) -> Seed {
+    evaluation.fork("evaluation").for_episode(episode)
 }
 
 /// What one episode came to.
@@ -110,17 +110,17 @@ impl Evaluation {
     }
 }
 
-/// Plays the episodes `0..episodes` of `run`; `progress` is called with the number that is done.
+/// Plays the episodes `0..episodes` of an evaluation seed; `progress` is called with the number that is done.
 pub fn play_episodes(
     simulator: &mut dyn GlobalSimulator,
     controller: &mut dyn Controller,
-    run: Seed,
+    evaluation: Seed,
     episodes: usize,
     progress: &mut dyn FnMut(usize),
 ) -> Result<Vec<EpisodeReport>> {
     let mut reports = Vec::with_capacity(episodes);
     for episode in 0..episodes {
-        reports.push(play(simulator, controller, episode_seed(run, episode))?);
+        reports.push(play(simulator, controller, episode_seed(evaluation, episode))?);
         progress(episode + 1);
     }
     Ok(reports)

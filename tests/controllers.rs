@@ -5,7 +5,7 @@ use std::path::Path;
 
 use dials_traffic::base::{AgentId, Rows, Seed};
 use dials_traffic::config::{DSet, EntryRule, PolicyConfig, TrafficConfig};
-use dials_traffic::domain::{Action, Baseline, Domain, GlobalSimulator, LocalSimulator};
+use dials_traffic::domain::{Action, Baseline, Beginning, Domain, GlobalSimulator, LocalSimulator};
 use dials_traffic::traffic::Traffic;
 use dials_traffic::traffic::controllers::{Each, HandCoded, Junction, Junctions, LightController};
 use dials_traffic::traffic::grid::Side;
@@ -112,7 +112,7 @@ fn websters_greens_fit_the_flows_of_the_grid() {
 #[test]
 fn a_standing_queue_lets_a_car_past_the_line_every_2_28_seconds() {
     let mut ls = traffic().local(1).unwrap();
-    ls.reset(&[0]).unwrap();
+    ls.reset(&Beginning::first([0])).unwrap();
     // West sees red until its edge is full.
     let step = |ls: &mut dials_traffic::traffic::local::LocalTraffic, action, arrives| {
         ls.step(&[action], &Rows::from_vec(vec![arrives, 0, 0, 0], 4)).unwrap();

@@ -11,7 +11,7 @@ use std::sync::{Mutex, PoisonError};
 use assert_cmd::Command;
 use dials_traffic::base::{AgentId, Rows, Seed};
 use dials_traffic::config::{Config, load};
-use dials_traffic::domain::{Domain, LocalSimulator};
+use dials_traffic::domain::{Beginning, Domain, LocalSimulator};
 use dials_traffic::evaluation::{episode_seed, play};
 use dials_traffic::nn::read_stack;
 use dials_traffic::policy::{JointPolicyController, Selection};
@@ -189,7 +189,7 @@ fn sumo_plays_the_replay_of_a_local_simulator_as_the_episode_was() {
         let mut ls = traffic.local(2).unwrap();
         let mut dice = Seed::new(5).dice();
         for episode in 0..2 {
-            ls.reset(&[0, 1]).unwrap();
+            ls.reset(&Beginning::first([0, 1])).unwrap();
             for _ in 0..[200, 20][episode] {
                 let sources = Rows::from_vec((0..8).map(|_| u8::from(dice.random_bool(0.3))).collect(), 4);
                 ls.step(&[u8::from(dice.random_bool(0.1)), u8::from(dice.random_bool(0.1))], &sources).unwrap();

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use dials_traffic::base::{AgentId, Dice, Rows, Seed, Stopwatch};
 use dials_traffic::config::{AipConfig, Config, DSet, EntryRule, PolicyConfig, TrafficConfig};
-use dials_traffic::domain::{Action, Bystander, Domain, GlobalSimulator, LocalSimulator, conformance};
+use dials_traffic::domain::{Action, Beginning, Bystander, Domain, GlobalSimulator, LocalSimulator, conformance};
 use dials_traffic::influence::{AipStack, Dataset, InfluencePredictor, train};
 use dials_traffic::sumo::{CarTable, DepartSpeed, Insertion, SignalState, Simulation};
 use dials_traffic::traffic::Traffic;
@@ -177,12 +177,12 @@ fn a_local_simulator_needs_no_files_once_it_is_loaded_and_leaves_none_behind() {
     let before = forests_on_disk(23);
     let mut ls = traffic(EntryRule::Max).local(23).unwrap();
     assert_eq!(forests_on_disk(23), before);
-    ls.reset(&(0..23).collect::<Vec<_>>()).unwrap();
+    ls.reset(&Beginning::first(0..23)).unwrap();
     let mut dice = Seed::new(8).dice();
     let mut rewarded = vec![false; 23];
     for t in 0..600 {
         if t % 100 == 50 {
-            ls.reset(&[t % 23]).unwrap();
+            ls.reset(&Beginning::first([t % 23])).unwrap();
         }
         let sources = Rows::from_vec((0..92).map(|_| u8::from(dice.random_bool(0.1))).collect(), 4);
         let transition = ls.step(&[u8::from(t % 20 == 0); 23], &sources).unwrap();
@@ -196,12 +196,12 @@ fn a_reset_of_one_intersection_leaves_the_others_bit_identical() {
     let domain = traffic(EntryRule::Max);
     let trace = |reset_at: Option<usize>| {
         let mut ls = domain.local(3).unwrap();
-        ls.reset(&[0, 1, 2]).unwrap();
+        ls.reset(&Beginning::first([0, 1, 2])).unwrap();
         let mut dice = Seed::new(5).dice();
         let mut bits = Vec::new();
         for t in 0..150 {
             if reset_at == Some(t) {
-                ls.reset(&[1]).unwrap();
+                ls.reset(&Beginning::first([1])).unwrap();
             }
             let actions: [Action; 3] = std::array::from_fn(|_| u8::from(dice.random_bool(0.1)));
             let sources = Rows::from_vec((0..12).map(|_| u8::from(dice.random_bool(0.1))).collect(), 4);
@@ -223,7 +223,7 @@ fn a_reset_of_one_intersection_leaves_the_others_bit_identical() {
 fn a_reset_intersection_begins_as_at_first() {
     let domain = traffic(EntryRule::Max);
     let mut ls = domain.local(2).unwrap();
-    let first = ls.reset(&[0, 1]).unwrap().obs.clone();
+    let first = ls.reset(&Beginning::first([0, 1])).unwrap().obs.clone();
     let episode = |ls: &mut dyn LocalSimulator| -> Vec<Rows<f32>> {
         let mut dice = Seed::new(6).dice();
         let mut step = || {
@@ -233,7 +233,7 @@ fn a_reset_intersection_begins_as_at_first() {
         (0..100).map(|_| step()).collect()
     };
     let before = episode(&mut ls);
-    assert_eq!(ls.reset(&[0, 1]).unwrap().obs, first);
+    assert_eq!(ls.reset(&Beginning::first([0, 1])).unwrap().obs, first);
     assert!(before == episode(&mut ls));
 }
 
@@ -248,7 +248,7 @@ fn a_row_that_is_reset_while_its_neighbours_drive_is_bit_identical_to_a_fresh_on
             let own_episode = t >= warm_up;
             if t == warm_up && t > 0 {
                 assert!(ls.cars_on(1).iter().any(|edge| !edge.is_empty()), "there is something to clear");
-                ls.reset(&[1]).unwrap();
+                ls.reset(&Beginning::first([1])).unwrap();
             }
             let mut actions: [Action; 3] = std::array::from_fn(|_| u8::from(others.random_bool(0.1)));
             let mut sources = Rows::from_vec((0..12).map(|_| u8::from(others.random_bool(0.15))).collect(), 4);
@@ -270,7 +270,7 @@ fn a_row_that_is_reset_while_its_neighbours_drive_is_bit_identical_to_a_fresh_on
     };
     let trace = |warm_up| {
         let mut ls = domain.local(3).unwrap();
-        ls.reset(&[0, 1, 2]).unwrap();
+        ls.reset(&Beginning::first([0, 1, 2])).unwrap();
         row_of(&mut ls, warm_up)
     };
     let fresh = trace(0);
@@ -446,7 +446,7 @@ fn agreement(entry: EntryRule, entering: Entering, controller: &str) -> Agreemen
             }
         }
         let mut ls = domain.local(agents).unwrap();
-        ls.reset(&(0..agents).collect::<Vec<_>>()).unwrap();
+        ls.reset(&Beginning::first(0..agents)).unwrap();
         for (actions, sources, entries, global) in recording {
             let local = match entering {
                 Entering::ByRule => ls.step(&actions, &sources).unwrap(),
@@ -539,7 +539,7 @@ fn the_closed_loop_has_the_cars_and_the_return_of_the_global_simulator() {
     let (mut actions, mut sources) = (vec![0; rows], Rows::new(rows, 4));
     let (mut local_cars, mut local_rewards) = (0.0, 0.0);
     for _ in 0..4 {
-        let mut percept = ls.reset(&(0..rows).collect::<Vec<_>>()).unwrap().clone();
+        let mut percept = ls.reset(&Beginning::first(0..rows)).unwrap().clone();
         for _ in 0..horizon {
             actions.iter_mut().zip(percept.obs.iter()).for_each(|(action, obs)| *action = gap_out::decide(obs));
             aips.sample(&percept.d_set, &mut dice, &mut sources);

@@ -2,7 +2,7 @@
 
 use dials_traffic::base::{AgentId, Rows, Seed, Stopwatch};
 use dials_traffic::config::{AipConfig, WarehouseConfig};
-use dials_traffic::domain::{Domain, GlobalSimulator, LocalSimulator, conformance};
+use dials_traffic::domain::{Beginning, Domain, GlobalSimulator, LocalSimulator, conformance};
 use dials_traffic::evaluation::{Evaluation, play_episodes};
 use dials_traffic::influence::{AipStack, Dataset, train};
 use dials_traffic::training::collect::collect_episode;
@@ -35,7 +35,7 @@ fn driven_by_the_recorded_sources_the_local_simulator_shows_every_bit_and_reward
         let mut gs = domain.global_simulator().unwrap();
         let mut ls = domain.local_simulator(&AgentId::all(agents), 1, seed).unwrap();
         let global = gs.reset(seed).unwrap();
-        let local = ls.reset(&(0..agents).collect::<Vec<_>>()).unwrap();
+        let local = ls.reset(&Beginning::first(0..agents)).unwrap();
         assert_eq!(global.obs, local.obs, "also in the first items");
         for _ in 0..100 {
             let actions: Vec<u8> = (0..agents).map(|_| dice.random_range(0..4)).collect();
@@ -96,7 +96,7 @@ fn a_neighbour_takes_an_item_away_and_earns_nothing_here() {
     let (mut there, mut gone) = (0, 0);
     for episode in 0..2000 {
         let mut ls = LocalWarehouse::new(&layout, &[AgentId(0)], 1, 100, Seed::new(16).for_episode(episode));
-        let there_before = ls.reset(&[0]).unwrap().obs.row(0)[25 + 7] == 1.0;
+        let there_before = ls.reset(&Beginning::first([0])).unwrap().obs.row(0)[25 + 7] == 1.0;
         // The neighbour on the right stands on the first shared shelf.
         let transition = ls.step(&[UP], &Rows::from_vec(vec![1, 0, 0, 0], 4)).unwrap();
         assert_eq!(transition.rewards, [0.0]);

@@ -42,9 +42,9 @@ impl Seed {
         self.fork("episode").child(episode as u64)
     }
 
-    /// The stream of one period of the schedule: a resumed run needs no dice from the past.
-    pub fn for_period(self, period: usize) -> Self {
-        self.fork("period").child(period as u64)
+    /// The stream of something that happens at these timesteps per agent.
+    pub fn for_steps(self, steps: u64) -> Self {
+        self.fork("steps").child(steps)
     }
 
     pub fn dice(self) -> Dice {
@@ -92,11 +92,11 @@ mod tests {
     }
 
     #[test]
-    fn agents_copies_episodes_periods_and_purposes_have_streams_of_their_own() {
+    fn agents_copies_episodes_steps_and_purposes_have_streams_of_their_own() {
         let run = Seed::new(1);
         let mut seen = HashSet::new();
         for i in 0..100 {
-            for seed in [run.for_agent(AgentId(i)), run.for_copy(i), run.for_episode(i), run.for_period(i)] {
+            for seed in [run.for_agent(AgentId(i)), run.for_copy(i), run.for_episode(i), run.for_steps(i as u64)] {
                 assert!(seen.insert(seed.0));
             }
         }

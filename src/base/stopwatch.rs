@@ -37,6 +37,8 @@ impl Activity {
 pub enum Phase {
     /// Simulators are made (traffic: networks written and read).
     Loading,
+    /// Simulators are brought back to where the last period left them.
+    Retracing,
     /// Episodes begin (traffic: cars taken off, lights set; on the GS the network read again).
     Reset,
     /// The simulator is told what shall happen (traffic: lights and cars).
@@ -60,8 +62,9 @@ pub enum Phase {
 }
 
 impl Phase {
-    pub const ALL: [Phase; 11] = [
+    pub const ALL: [Phase; 12] = [
         Phase::Loading,
+        Phase::Retracing,
         Phase::Reset,
         Phase::Insertion,
         Phase::SimulatorStep,
@@ -78,6 +81,7 @@ impl Phase {
     pub fn name(self) -> &'static str {
         match self {
             Phase::Loading => "loading",
+            Phase::Retracing => "retracing",
             Phase::Reset => "reset",
             Phase::Insertion => "insertion",
             Phase::SimulatorStep => "simulator_step",

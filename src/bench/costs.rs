@@ -19,8 +19,10 @@ struct Amounts {
     agent_steps: f64,
     periods: f64,
     evaluations: f64,
-    /// Episodes per evaluation.
+    /// Episodes of each of them.
     evaluation_episodes: usize,
+    /// Episodes of the one at the end.
+    final_episodes: usize,
     /// Trainings of the AIPs, with a collection before each.
     retrainings: f64,
     /// Episodes per collection.
@@ -39,9 +41,9 @@ impl Amounts {
             agents: agents as f64,
             agent_steps: agents as f64 * config.last_step() as f64,
             periods: periods.len() as f64,
-            // And one at the end.
-            evaluations: count(|period| period.evaluate) + 1.0,
+            evaluations: count(|period| period.evaluate),
             evaluation_episodes: config.evaluation.episodes,
+            final_episodes: config.evaluation.final_episodes,
             // Drift cannot be foreseen.
             retrainings: count(|period| period.train_aips == AipTraining::Yes),
             collection_episodes: episodes,
@@ -146,7 +148,8 @@ impl Costs {
                 phases,
             }
         };
-        let evaluation_cost = on_the_gs(evaluation, amounts.evaluations, amounts.evaluation_episodes);
+        let mut evaluation_cost = on_the_gs(evaluation, amounts.evaluations, amounts.evaluation_episodes);
+        evaluation_cost.add(on_the_gs(evaluation, 1.0, amounts.final_episodes));
         let collection_cost = on_the_gs(collection, amounts.retrainings, amounts.collection_episodes);
 
         let mut aip_cost = Cost::default();
@@ -168,7 +171,7 @@ impl Costs {
         };
         let retrainings = amounts.retrainings;
         let exchange = exchange(training, amounts.periods)
-            + exchange(evaluation, amounts.evaluations)
+            + exchange(evaluation, amounts.evaluations + 1.0)
             + exchange(collection, retrainings)
             + exchange(aip_training, retrainings);
         let rounds_per_s = (collection.count > 0).then(|| collection.units / collection.slowest.as_secs_f64());
@@ -224,13 +227,13 @@ mod tests {
         Orders { count, units, wall: seconds(wall), slowest: seconds(slowest), work: seconds(work), phases: watch }
     }
 
-    /// One agent, 1000 timesteps in ten periods, each with an evaluation of 3 episodes; AIPs trained twice on 2 episodes
+    /// One agent, 1000 timesteps in ten periods, each with an evaluation of 3 episodes, one of 5 at the end; AIPs trained twice on 2 episodes
     /// of 10 steps. Networks as in the tests of the floor, and a machine of 1e6 operations per second.
     fn setting() -> (Config, RegionSpec) {
         let config = "total_steps = 1000\ntraffic = { network = 'n', local_network = 'l', horizon = 10 }\n\
                       policy = { hidden = [3] }\nppo = { rollout_steps = 4, epochs = 3, time_limit = 'bootstrap' }\n\
                       aip = { hidden = [5], batch = 8, epochs = 2, held_out = 0.5, dataset_steps = 40, \
-                      retrain_every_steps = 500 }\nevaluation = { every_steps = 100, episodes = 3 }";
+                      retrain_every_steps = 500 }\nevaluation = { every_steps = 100, episodes = 3, final_episodes = 5 }";
         let sources = SourceSpec::Binary { sources: 2 };
         (toml::from_str(config).unwrap(), RegionSpec { obs_dim: 4, d_set_dim: 2, n_actions: 2, sources, horizon: 10 })
     }
@@ -258,9 +261,9 @@ mod tests {
         near(costs.training.ours, 0.1e6);
         near(costs.idle, 0.01e6);
         near(costs.other, 0.025e6);
-        // 3 episodes are two rounds of 2 x 3 s: 12 s, eleven times; SUMO 2 s per episode: 6 s, eleven times.
-        near(costs.evaluation.ours, 0.132e6);
-        near(costs.evaluation.sumo, 0.066e6);
+        // 3 episodes are two rounds of 2 x 3 s: 12 s, ten times; 5 are three rounds: 18 s. SUMO 2 s per episode: 35 times.
+        near(costs.evaluation.ours, 0.138e6);
+        near(costs.evaluation.sumo, 0.07e6);
         // 4 episodes are two rounds of 2 x 4 s: 16 s, twice; SUMO 3 s per episode: 12 s, twice.
         near(costs.collection.ours, 0.032e6);
         near(costs.collection.sumo, 0.024e6);
@@ -269,10 +272,10 @@ mod tests {
         near(costs.aip_training.products, 12.8);
         // 2 x (10 - 8 - 1) s ten times, 2 x .5 s eleven times, nothing for the others: 31 s.
         near(costs.exchange, 0.031e6);
-        near(costs.all().ours, 0.303e6);
-        near(costs.agent_steps_per_s(), 2.0 / 0.303);
-        // SUMO's step: .02 + .066 + .024; passes: .025 + 2 s of the AIPs' twice in 1000 timesteps.
-        near(costs.all().phase(Phase::SimulatorStep), 0.11e6);
+        near(costs.all().ours, 0.309e6);
+        near(costs.agent_steps_per_s(), 2.0 / 0.309);
+        // SUMO's step: .02 + .07 + .024; passes: .025 + 2 s of the AIPs' twice in 1000 timesteps.
+        near(costs.all().phase(Phase::SimulatorStep), 0.114e6);
         near(costs.all().phase(Phase::Forward) + costs.all().phase(Phase::Backward), 0.029e6);
         // A round of two episodes of 10 steps in 4 s.
         near(costs.gs_steps_per_s.unwrap(), 5.0);

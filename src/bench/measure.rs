@@ -27,6 +27,7 @@ const OF_PEAK: f64 = 0.4;
 pub fn short_orders(config: &Config, workers: usize) -> Config {
     let mut short = config.clone();
     short.evaluation.episodes = workers;
+    short.evaluation.final_episodes = workers;
     short.aip.dataset_steps = workers * config.horizon();
     short.aip.epochs = config.aip.epochs.min(AIP_EPOCHS);
     short
@@ -89,7 +90,8 @@ pub fn measure(plan: &Plan<'_>, fleet: &mut dyn Fleet, log: &mut RunLog) -> Resu
     let mut bench = Bench {
         fleet,
         log,
-        period: Period { index: 0, start: 0, end: 0, train_aips: AipTraining::No, evaluate: false },
+        evaluation_episodes: plan.config.evaluation.episodes,
+        period: Period { start: 0, end: 0, train_aips: AipTraining::No, evaluate: false },
     };
     let part = |share: f64| plan.time.mul_f64(share);
 
@@ -165,13 +167,14 @@ fn repeated(dataset: &Dataset, episodes: usize) -> Dataset {
 struct Bench<'a> {
     fleet: &'a mut dyn Fleet,
     log: &'a mut RunLog,
+    evaluation_episodes: usize,
     period: Period,
 }
 
 impl Bench<'_> {
     fn evaluate(&mut self, orders: &mut Orders) -> Result<()> {
         self.order(orders, Activity::Evaluation, 1.0, |bench| {
-            let evaluation = bench.fleet.evaluate()?;
+            let evaluation = bench.fleet.evaluate(bench.evaluation_episodes)?;
             let load = bench.fleet.take_load();
             bench.log.evaluated(bench.fleet, &evaluation)?;
             Ok(load)
@@ -181,7 +184,7 @@ impl Bench<'_> {
     fn collect(&mut self, orders: &mut Orders) -> Result<Vec<Dataset>> {
         let mut datasets = Vec::new();
         self.order(orders, Activity::Collection, 1.0, |bench| {
-            datasets = bench.fleet.collect_datasets(Purpose::Training { period: bench.period.index })?;
+            datasets = bench.fleet.collect_datasets(Purpose::Training { steps: bench.period.start })?;
             Ok(bench.fleet.take_load())
         })?;
         Ok(datasets)
@@ -218,7 +221,6 @@ impl Bench<'_> {
         let begun = Instant::now();
         let load = give(self)?;
         orders.note(activity, units, begun.elapsed(), &load);
-        self.period.index += 1;
         Ok(())
     }
 }

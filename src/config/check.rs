@@ -47,6 +47,7 @@ fn check_sizes(config: &Config) -> Result<()> {
         (10_000_000, "aip.dataset_steps", aip.dataset_steps as u64),
         (100_000, "aip.epochs", aip.epochs as u64),
         (100_000, "evaluation.episodes", config.evaluation.episodes as u64),
+        (100_000, "evaluation.final_episodes", config.evaluation.final_episodes as u64),
         (100_000, "evaluation.aip_loss_episodes", config.evaluation.aip_loss_episodes as u64),
     ];
     sizes.into_iter().try_for_each(|(most, key, value)| {
@@ -78,6 +79,7 @@ fn check_schedule(config: &Config) -> Result<()> {
     at_least(1, "local_simulators.copies", config.local_simulators.copies as u64, "the paper uses 1")?;
     at_least(1, "evaluation.every_steps", config.evaluation.every_steps, "100000 gives the paper's curves")?;
     at_least(1, "evaluation.episodes", config.evaluation.episodes as u64, "20 give a standard error near 1")?;
+    at_least(1, "evaluation.final_episodes", config.evaluation.final_episodes as u64, "100 is the default")?;
     at_least(1, "aip.retrain_every_steps", config.aip.retrain_every_steps, "the paper uses 100000 to 4000000")?;
     let memory = config.ppo.memory as u64;
     for (key, every) in [

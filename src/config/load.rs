@@ -123,6 +123,7 @@ mod tests {
             "aip.dataset_steps",
             "aip.epochs",
             "evaluation.episodes",
+            "evaluation.final_episodes",
         ] {
             let error = error_of(SMALL, &[&format!("{key}={huge}")]);
             assert!(error.contains(&format!("{key} = {huge}: must be at most ")), "{error}");

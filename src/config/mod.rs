@@ -240,8 +240,14 @@ pub enum Retrain {
 pub struct EvaluationConfig {
     /// Timesteps per agent between two evaluations; there is one at step 0 and one at the end as well.
     pub every_steps: u64,
-    /// Episodes per evaluation, the same ones each time.
+    /// Root of the random streams of all evaluation episodes. Runs that share it are evaluated on the same traffic,
+    /// whatever their own seed, so their returns can be compared episode by episode.
+    #[serde(with = "seed")]
+    pub seed: u64,
+    /// Episodes per evaluation during training, the same ones each time.
     pub episodes: usize,
+    /// Episodes of the evaluation at the end of training: the ones above and further ones.
+    pub final_episodes: usize,
     /// Episodes of their own, the same ones each time, on which every evaluation measures the loss of the AIPs; 0 for
     /// none.
     pub aip_loss_episodes: usize,
@@ -333,7 +339,7 @@ impl Default for AipConfig {
 
 impl Default for EvaluationConfig {
     fn default() -> Self {
-        EvaluationConfig { every_steps: 100_000, episodes: 20, aip_loss_episodes: 0 }
+        EvaluationConfig { every_steps: 100_000, seed: 0, episodes: 20, final_episodes: 100, aip_loss_episodes: 0 }
     }
 }
 

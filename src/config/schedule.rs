@@ -9,7 +9,6 @@ use super::{Config, Retrain, SimulatorKind};
 /// A stretch of training without messages, and what comes before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Period {
-    pub index: usize,
     /// Timesteps per agent at which it begins and ends.
     pub start: u64,
     pub end: u64,
@@ -45,8 +44,7 @@ pub fn schedule(config: &Config) -> Vec<Period> {
         Retrain::Every | Retrain::Once => AipTraining::No,
     };
     let bounds: Vec<u64> = bounds.into_iter().collect();
-    let periods = bounds.windows(2).enumerate().map(|(index, bound)| Period {
-        index,
+    let periods = bounds.windows(2).map(|bound| Period {
         start: bound[0],
         end: bound[1],
         evaluate: bound[0].is_multiple_of(evaluate_every),

@@ -64,7 +64,8 @@ pub struct InfluenceSample<'a> {
 
 /// The global simulator: `s' ~ T(. | s, a)` for all agents at once, one row per agent.
 ///
-/// It knows no horizon: whoever drives it ends the episode by `reset`.
+/// It knows no horizon: whoever drives it ends the episode by `reset`. An episode follows from its seed and the joint
+/// actions alone.
 pub trait GlobalSimulator {
     fn spec(&self) -> &RegionSpec;
     fn agents(&self) -> usize;
@@ -102,15 +103,34 @@ pub trait GlobalSimulator {
     }
 }
 
+/// An episode that begins in a row of a local simulator.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Beginning {
+    pub row: usize,
+    /// Number of the episode in this row, from 0.
+    pub episode: u64,
+}
+
+impl Beginning {
+    /// The first episodes of these rows.
+    pub fn first(rows: impl IntoIterator<Item = usize>) -> Vec<Beginning> {
+        rows.into_iter().map(|row| Beginning { row, episode: 0 }).collect()
+    }
+}
+
 /// The local simulators of many regions in lockstep: `x' ~ T_i(. | x, u, a)`, one row per (agent, copy).
 ///
 /// It knows no horizon: whoever drives it ends the episode of a row by `reset`.
+///
+/// What a row does follows from its region and copy, the seed of the simulator, the number of the episode, and the
+/// actions and sources since the episode began; other rows and earlier episodes have no part in it. So training can be
+/// interrupted anywhere and goes on in a new simulator that is driven to the same place. [`conformance`] checks it.
 pub trait LocalSimulator {
     fn spec(&self) -> &RegionSpec;
     fn rows(&self) -> usize;
 
-    /// Begins an episode in these rows and leaves the others as they are.
-    fn reset(&mut self, rows: &[usize]) -> Result<&Percept>;
+    /// Begins these episodes, each in its row, and leaves the other rows as they are.
+    fn reset(&mut self, begin: &[Beginning]) -> Result<&Percept>;
 
     /// One step of every row. `actions`: `[rows]`; `sources`: `[rows, sources]`.
     fn step(&mut self, actions: &[Action], sources: &Rows<u8>) -> Result<&Transition>;

@@ -14,8 +14,8 @@ use anyhow::bail;
 use rand::Rng;
 
 use super::{
-    Action, Baseline, Controller, Domain, GlobalSimulator, InfluenceSample, LocalSimulator, Percept, RegionSpec,
-    Result, SourceSpec, Transition,
+    Action, Baseline, Beginning, Controller, Domain, GlobalSimulator, InfluenceSample, LocalSimulator, Percept,
+    RegionSpec, Result, SourceSpec, Transition,
 };
 use crate::base::{AgentId, Dice, Rows, Seed};
 
@@ -149,8 +149,8 @@ impl LocalSimulator for LocalCoins {
         self.regions.last.rewards.len()
     }
 
-    fn reset(&mut self, rows: &[usize]) -> Result<&Percept> {
-        rows.iter().for_each(|&row| self.regions.reset(row));
+    fn reset(&mut self, begin: &[Beginning]) -> Result<&Percept> {
+        begin.iter().for_each(|beginning| self.regions.reset(beginning.row));
         Ok(&self.regions.last.percept)
     }
 

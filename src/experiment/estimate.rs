@@ -89,8 +89,8 @@ impl Amounts {
         let periods = schedule(config);
         let begun = || periods.iter().filter(|period| period.start < steps);
         let datasets = begun().filter(|period| period.train_aips == AipTraining::Yes).count() as f64;
-        // There is one more at the end.
-        let evaluations = begun().filter(|period| period.evaluate).count() as f64 + 1.0;
+        let evaluations = begun().filter(|period| period.evaluate).count();
+        let episodes = evaluations * config.evaluation.episodes + config.evaluation.final_episodes;
         Amounts {
             training: agents * steps as f64,
             influence: agents
@@ -98,7 +98,7 @@ impl Amounts {
                 * config.dataset_episodes(config.horizon()) as f64
                 * horizon
                 * config.aip.epochs as f64,
-            evaluation: agents * evaluations * config.evaluation.episodes as f64 * horizon,
+            evaluation: agents * episodes as f64 * horizon,
         }
     }
 }
@@ -165,7 +165,7 @@ mod tests {
     fn config(simulator: &str, total_steps: u64) -> Config {
         let text = format!(
             "simulator = '{simulator}'\ntotal_steps = {total_steps}\n[warehouse]\nagents_per_side = 2\nhorizon = 10\n\
-             [aip]\nretrain_every_steps = 1000\ndataset_steps = 80\n[evaluation]\nevery_steps = 1000\nepisodes = 2"
+             [aip]\nretrain_every_steps = 1000\ndataset_steps = 80\n[evaluation]\nevery_steps = 1000\nepisodes = 2\nfinal_episodes = 2"
         );
         toml::from_str(&text).unwrap()
     }

@@ -44,6 +44,12 @@ impl AipStack {
         &self.net
     }
 
+    /// One step of all rows.
+    fn logits(&mut self, d_set: &Rows<f32>) -> Rows<f32> {
+        let inputs = Rows::from_vec(d_set.as_slice().iter().map(|&x| scaled(x)).collect(), d_set.width());
+        self.net.step(&inputs, &mut self.states)
+    }
+
     /// Every agent's AIP with its part of the optimiser, for `steps` gradient steps each.
     pub(super) fn learners<'a>(&'a mut self, adam: &'a mut Adam, steps: u32) -> Vec<Learner<'a>> {
         adam.learners(&mut self.net, steps)
@@ -64,9 +70,15 @@ impl InfluencePredictor for AipStack {
         rows.iter().for_each(|&row| self.states.clear(row));
     }
 
+    fn watch(&mut self, d_set: &Rows<f32>) {
+        // Without memory there is nothing to remember.
+        if !self.states.as_slice().is_empty() {
+            self.logits(d_set);
+        }
+    }
+
     fn sample(&mut self, d_set: &Rows<f32>, dice: &mut [Dice], sources: &mut Rows<u8>) {
-        let inputs = Rows::from_vec(d_set.as_slice().iter().map(|&x| scaled(x)).collect(), d_set.width());
-        let logits = self.net.step(&inputs, &mut self.states);
+        let logits = self.logits(d_set);
         let rows = sources.as_mut_slice().chunks_exact_mut(self.sources.count());
         for ((row, logits), dice) in rows.zip(logits.iter()).zip(dice) {
             sources::sample(self.sources, logits, dice, row);

@@ -44,6 +44,8 @@ impl InfluencePredictor for Marginals {
 
     fn forget(&mut self, _rows: &[usize]) {}
 
+    fn watch(&mut self, _d_set: &Rows<f32>) {}
+
     fn sample(&mut self, _d_set: &Rows<f32>, dice: &mut [Dice], sources: &mut Rows<u8>) {
         let (count, classes) = (self.sources.count(), self.sources.classes());
         for (row, (sources, dice)) in sources.as_mut_slice().chunks_exact_mut(count).zip(dice).enumerate() {

@@ -37,6 +37,9 @@ pub trait InfluencePredictor {
     /// Episodes begin in these rows: forget what was seen of the old ones.
     fn forget(&mut self, rows: &[usize]);
 
+    /// Sees the d-sets of a decision whose sources are known already, and draws nothing.
+    fn watch(&mut self, d_set: &Rows<f32>);
+
     /// Draws `u_t` for every row, each from the dice of its row.
     ///
     /// `d_set`: `[rows, d_set_dim]` at this decision; `sources`: `[rows, sources]`, written.

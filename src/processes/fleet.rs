@@ -375,8 +375,8 @@ impl Fleet for ProcessFleet {
         Ok(())
     }
 
-    fn evaluate(&mut self) -> Result<Evaluation> {
-        let orders = self.by_episode(self.config.evaluation.episodes, |episodes| Order::Evaluate { episodes })?;
+    fn evaluate(&mut self, episodes: usize) -> Result<Evaluation> {
+        let orders = self.by_episode(episodes, |episodes| Order::Evaluate { episodes })?;
         let mut reports = Vec::new();
         self.ask(orders, Stop::AtOnce, |_, _, answer| match answer {
             Answer::Evaluated(part) => reports.extend(part),

@@ -26,6 +26,7 @@ use crate::training::block::initial_aips;
 use crate::training::environment::Environment;
 use crate::training::files;
 use crate::training::ials::Ials;
+use crate::training::stream::{AgentStream, RowStream};
 
 pub fn replay(args: &cli::Replay) -> crate::error::Result<()> {
     let existing = if args.force { Existing::MoveAside } else { Existing::Refuse };
@@ -81,7 +82,7 @@ impl Episode {
         let tape = Tape::default();
         let subject = &args.subject;
         let with = |config: &Config, cast: Cast| -> Result<Episode> {
-            let seed = episode_seed(Seed::new(args.episode_seed.unwrap_or(config.seed)), 0);
+            let seed = episode_seed(Seed::new(args.episode_seed.unwrap_or(config.evaluation.seed)), 0);
             let traffic = domain::open_recorded(config, &tape).context("only what SUMO simulates can be replayed")?;
             Ok(Episode { tape: tape.clone(), traffic, seed, cast })
         };
@@ -125,8 +126,10 @@ impl Episode {
             }
             Cast::Local { agent, mut policy, mut aip } => {
                 let simulator = self.traffic.local_simulator(&[agent], 1, self.seed)?;
-                let influences = vec![self.seed.fork("influence").for_agent(agent).dice()];
-                let mut ials = Ials::begin(simulator, &mut *aip, influences, 1, false)?;
+                let dice = self.seed.fork("influence").for_agent(agent).dice();
+                let stream =
+                    AgentStream { minibatches: dice.clone(), rows: vec![RowStream::begin(dice.clone(), dice, &[])] };
+                let mut ials = Ials::resume(simulator, &mut *aip, &[stream], false)?;
                 policy.begin(self.seed.for_agent(agent));
                 let mut actions = [0];
                 for _ in 0..self.traffic.spec().horizon {

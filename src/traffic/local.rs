@@ -13,7 +13,7 @@ use super::recording::{Recorder, Tape};
 use super::region::{self, EDGES};
 use crate::base::{Phase, Rows, Stopwatch};
 use crate::config::{DSet, EntryRule};
-use crate::domain::{Action, LocalSimulator, Percept, RegionSpec, Result, Transition};
+use crate::domain::{Action, Beginning, LocalSimulator, Percept, RegionSpec, Result, Transition};
 use crate::sumo::{CarTable, DepartSpeed, Insertion, LaneCars, LaneId, RouteId, Simulation};
 
 /// The counter of sampled arrivals that found no room.
@@ -181,17 +181,18 @@ impl LocalSimulator for LocalTraffic {
         self.intersections.len()
     }
 
-    fn reset(&mut self, rows: &[usize]) -> Result<&Percept> {
+    fn reset(&mut self, begin: &[Beginning]) -> Result<&Percept> {
+        let rows: Vec<usize> = begin.iter().map(|beginning| beginning.row).collect();
         let lanes: Vec<LaneId> = rows.iter().flat_map(|&row| &self.all_lanes[row]).copied().collect();
         self.simulation.remove_cars(&lanes)?;
-        self.intersections.reset(&mut self.simulation, rows)?;
+        self.intersections.reset(&mut self.simulation, &rows)?;
         if let Some(recorder) = &mut self.recorder
             && rows.contains(&0)
         {
             recorder.begin(SEED);
         }
         let empty = LaneCars { ids: &[], positions_m: &[], speeds_mps: &[] };
-        for &row in rows {
+        for row in rows {
             self.cars_on.row_mut(row).fill(0);
             self.arrivals.row_mut(row).fill(0);
             let percept = &mut self.last.percept;

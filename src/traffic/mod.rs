@@ -28,7 +28,9 @@ use anyhow::{Context, ensure};
 
 use crate::base::{AgentId, Rows, Seed};
 use crate::config::{PolicyConfig, TrafficConfig};
-use crate::domain::{Baseline, Bystander, Domain, GlobalSimulator, LocalSimulator, Measures, RegionSpec, Result};
+use crate::domain::{
+    Baseline, Beginning, Bystander, Domain, GlobalSimulator, LocalSimulator, Measures, RegionSpec, Result,
+};
 use controllers::HandCoded;
 use global::{GlobalTraffic, SignalControl};
 use grid::Grid;
@@ -109,7 +111,7 @@ impl Traffic {
 
     fn try_local(&self) -> Result<()> {
         let mut ls = self.local(1)?;
-        ls.reset(&[0])?;
+        ls.reset(&Beginning::first([0]))?;
         ls.step(&[signals::KEEP], &Rows::from_vec(vec![1; region::EDGES], region::EDGES))?;
         let dropped = ls.counters().into_iter().find(|(name, _)| *name == local::DROPPED).map_or(0, |(_, count)| count);
         ensure!(dropped == 0, "its empty edges let in all cars but {dropped}");

@@ -13,6 +13,7 @@ use super::ials::Ials;
 use super::ppo::{self, Decayed, Losses};
 use super::rollout::{Actor, roll_out};
 use super::state::AgentsState;
+use super::stream::AgentStream;
 use crate::base::{AgentId, Dice, Phase, Rows, Seed, Stopwatch};
 use crate::config::{Config, Period, SimulatorKind};
 use crate::domain::{Domain, Result};
@@ -34,6 +35,8 @@ pub struct AgentBlock {
     predictor: Box<dyn TrainablePredictor>,
     /// Timesteps per agent so far.
     steps: u64,
+    /// One per agent.
+    streams: Vec<AgentStream>,
 }
 
 /// The policies of `agents` as a run with this config begins.
@@ -59,6 +62,7 @@ impl AgentBlock {
         AgentBlock {
             adam: Adam::new(policies.parameters()),
             predictor: initial_aips(&*domain, config, agents),
+            streams: agents.iter().map(|&agent| AgentStream::begin(config, &policies, agent)).collect(),
             policies,
             agents: agents.to_vec(),
             steps: 0,
@@ -78,12 +82,14 @@ impl AgentBlock {
             policies: self.policies.joint_policy(),
             moments: self.adam.moments().clone(),
             aips: self.predictor.values(),
+            streams: self.streams.clone(),
         }
     }
 
     /// Goes on from a state of the same agents.
     pub fn restore(&mut self, state: AgentsState) {
         self.steps = state.steps;
+        self.streams = state.streams;
         self.policies.load(&state.policies);
         self.adam.restore(state.moments);
         self.predictor.load(&state.aips);
@@ -97,7 +103,7 @@ impl AgentBlock {
         watch: &mut Stopwatch,
         progress: &mut dyn FnMut(f64),
     ) -> Vec<AipLoss> {
-        let seed = Seed::new(self.config.seed).fork("aip minibatches").for_period(period.index);
+        let seed = Seed::new(self.config.seed).fork("aip minibatches").for_steps(period.start);
         train(&mut *self.predictor, &self.agents, datasets, &self.config.aip, seed, watch, progress)
     }
 
@@ -119,17 +125,12 @@ impl AgentBlock {
         watch: &mut Stopwatch,
         progress: &mut dyn FnMut(u64),
     ) -> Result<PolicyTraining> {
-        let copies = self.config.copies();
-        let stream = |purpose: &str| Seed::new(self.config.seed).fork(purpose).for_period(period.index);
-        let acting = self.row_dice(stream("acting"), copies);
-        let influences = self.row_dice(stream("influence"), copies);
-        let minibatches = self.agents.iter().map(|&agent| stream("policy minibatches").for_agent(agent).dice());
-        let minibatches: Vec<Dice> = minibatches.collect();
-        let (domain, episodes) = (self.domain.clone(), stream("training episodes"));
+        let (domain, episodes) = (self.domain.clone(), Seed::new(self.config.seed).fork("training episodes"));
         let learner = Learner {
             policies: &mut self.policies,
             adam: &mut self.adam,
             steps: &mut self.steps,
+            streams: &mut self.streams,
             config: &self.config,
             horizon: domain.spec().horizon,
             watch,
@@ -137,25 +138,21 @@ impl AgentBlock {
         match self.config.simulator {
             SimulatorKind::Gs => {
                 let simulator = learner.watch.time(Phase::Loading, || domain.global_simulator())?;
-                let mut gs = GlobalEnvironment::begin(simulator, episodes)?;
-                learner.learn(&mut gs, period, acting, minibatches, progress)
+                let resume = || GlobalEnvironment::resume(simulator, episodes, learner.streams);
+                let mut gs = learner.watch.time(Phase::Retracing, resume)?;
+                learner.learn(&mut gs, period, progress)
             }
             SimulatorKind::Dials | SimulatorKind::UntrainedDials | SimulatorKind::MarginalDials => {
-                let make = || domain.local_simulator(&self.agents, copies, episodes);
+                let make = || domain.local_simulator(&self.agents, self.config.copies(), episodes);
                 let simulators = learner.watch.time(Phase::Loading, make)?;
                 let stagger = self.config.local_simulators.stagger;
-                let mut ials = Ials::begin(simulators, &mut *self.predictor, influences, copies, stagger)?;
-                let mut training = learner.learn(&mut ials, period, acting, minibatches, progress)?;
+                let resume = || Ials::resume(simulators, &mut *self.predictor, learner.streams, stagger);
+                let mut ials = learner.watch.time(Phase::Retracing, resume)?;
+                let mut training = learner.learn(&mut ials, period, progress)?;
                 training.counters = ials.counters().into_iter().map(|(name, count)| (name.to_owned(), count)).collect();
                 Ok(training)
             }
         }
-    }
-
-    /// One stream per (agent, copy).
-    fn row_dice(&self, seed: Seed, copies: usize) -> Vec<Dice> {
-        let of_agent = |&agent: &AgentId| (0..copies).map(move |copy| seed.for_agent(agent).for_copy(copy).dice());
-        self.agents.iter().flat_map(of_agent).collect()
     }
 }
 
@@ -164,6 +161,7 @@ struct Learner<'a> {
     policies: &'a mut PolicyStack,
     adam: &'a mut Adam,
     steps: &'a mut u64,
+    streams: &'a mut [AgentStream],
     config: &'a Config,
     horizon: usize,
     watch: &'a mut Stopwatch,
@@ -175,17 +173,16 @@ impl Learner<'_> {
         self,
         environment: &mut dyn Environment,
         period: &Period,
-        acting: Vec<Dice>,
-        mut minibatches: Vec<Dice>,
         progress: &mut dyn FnMut(u64),
     ) -> Result<PolicyTraining> {
-        let Learner { policies, adam, steps, config, horizon, watch } = self;
+        let Learner { policies, adam, steps, streams, config, horizon, watch } = self;
         let (ppo, agents) = (&config.ppo, policies.agents());
         let copies = environment.rows() / agents;
         let obs_dim = environment.percept().obs.width();
         let state_width = config.policy.recurrent.unwrap_or(0);
         let mut memory = Memory::new(agents, ppo.memory, config.sequence_length(), obs_dim, state_width);
-        let mut actor = Actor::begin(policies, acting, horizon);
+        let mut actor = Actor::resume(policies, streams, horizon);
+        let mut minibatches: Vec<Dice> = streams.iter().map(|stream| stream.minibatches.clone()).collect();
         let mut losses = vec![Losses::default(); agents];
         let updates = period.end.saturating_sub(*steps).div_ceil(ppo.memory as u64);
         let mut decayed = Decayed::at(ppo, *steps as f64 / config.total_steps as f64);
@@ -199,6 +196,9 @@ impl Learner<'_> {
             *steps += ppo.memory as u64;
             progress(*steps);
         }
+        environment.leave(streams);
+        actor.leave(streams);
+        streams.iter_mut().zip(minibatches).for_each(|(stream, dice)| stream.minibatches = dice);
         let agents = actor.returns.means().into_iter().zip(losses);
         let agents = agents.map(|((mean_return, episodes), losses)| AgentTraining { mean_return, episodes, losses });
         Ok(PolicyTraining { agents: agents.collect(), counters: Vec::new(), decayed })

@@ -13,13 +13,14 @@ use serde::{Deserialize, Serialize};
 use super::drift::Drift;
 use super::files::write_beside;
 use super::state::AgentsState;
+use super::stream::AgentStream;
 use crate::base::Rows;
 use crate::nn::Moments;
 
 /// How many checkpoints are kept, the newest ones.
 pub const KEPT: usize = 3;
 /// Counts up when a checkpoint of before cannot be read any more.
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 const EXTENSION: &str = "safetensors";
 
 /// Where a run stands after a period.
@@ -52,6 +53,8 @@ struct About {
     crc32: u32,
 }
 
+/// The bytes of all agents' streams, in postcard's format.
+const STREAMS: &str = "streams";
 const TABLES: [&str; 4] = ["policies", "first_moments", "second_moments", "aips"];
 
 fn tables_of(agents: &AgentsState) -> [&Rows<f32>; 4] {
@@ -63,17 +66,19 @@ pub fn write(folder: &Path, agents: &AgentsState, progress: Progress) -> Result<
     std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
     let tables = tables_of(agents);
     let bytes = tables.map(|table| bytemuck::cast_slice::<f32, u8>(table.as_slice()));
+    let streams = postcard::to_stdvec(&agents.streams).context("where training stands cannot be written down")?;
     let about = About {
         format: FORMAT,
         steps: agents.steps,
         optimiser_steps: agents.moments.steps,
         progress,
-        crc32: checksum(bytes.into_iter()),
+        crc32: checksum(bytes.into_iter().chain([&streams[..]])),
     };
     let mut views = Vec::new();
     for ((name, table), bytes) in TABLES.iter().zip(tables).zip(bytes) {
         views.push((*name, TensorView::new(Dtype::F32, vec![table.len(), table.width()], bytes)?));
     }
+    views.push((STREAMS, TensorView::new(Dtype::U8, vec![streams.len()], &streams)?));
     let metadata = HashMap::from([("checkpoint".to_owned(), serde_json::to_string(&about)?)]);
     let path = folder.join(format!("step_{:012}.{EXTENSION}", agents.steps));
     // Straight to the file: the tables of a hundred agents need no second place in memory.
@@ -110,14 +115,19 @@ fn read(path: &Path) -> Result<Checkpoint> {
     );
     let about: About = serde_json::from_value(about)?;
     let tensors = TABLES.iter().map(|name| file.tensor(name)).collect::<Result<Vec<_>, _>>()?;
+    let streams = file.tensor(STREAMS)?;
     ensure!(
-        checksum(tensors.iter().map(|tensor| tensor.data())) == about.crc32,
+        checksum(tensors.iter().chain([&streams]).map(|tensor| tensor.data())) == about.crc32,
         "its checksum is wrong: it is damaged"
     );
     let tables: Vec<Rows<f32>> = tensors.iter().map(rows_of).collect::<Result<_>>()?;
     let [policies, first, second, aips] = tables.try_into().expect("there are four tables");
     let moments = Moments { first, second, steps: about.optimiser_steps };
-    Ok(Checkpoint { agents: AgentsState { steps: about.steps, policies, moments, aips }, progress: about.progress })
+    let streams: Vec<AgentStream> =
+        postcard::from_bytes(streams.data()).context("where training stands is unreadable")?;
+    ensure!(streams.len() == policies.len(), "it has {} policies and {} streams", policies.len(), streams.len());
+    let agents = AgentsState { steps: about.steps, policies, moments, aips, streams };
+    Ok(Checkpoint { agents, progress: about.progress })
 }
 
 fn rows_of(tensor: &TensorView<'_>) -> Result<Rows<f32>> {
@@ -147,11 +157,19 @@ fn list(folder: &Path) -> Result<Vec<PathBuf>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::Seed;
+    use crate::training::stream::{RowStream, Trail};
 
     fn checkpoint(steps: u64) -> Checkpoint {
         let rows = |from: u8| Rows::from_vec((from..from + 6).map(f32::from).collect(), 2);
         let moments = Moments { first: rows(10), second: rows(20), steps: 12 };
-        let agents = AgentsState { steps, policies: rows(0), moments, aips: rows(30) };
+        let row = RowStream {
+            trail: Trail { episode: 5, actions: vec![0, 1], sources: vec![1, 0, 0, 1], shown: 77 },
+            rewards: 1.25,
+            ..RowStream::begin(Seed::new(1).dice(), Seed::new(2).dice(), &[0.5])
+        };
+        let streams = vec![AgentStream { minibatches: Seed::new(3).dice(), rows: vec![row] }; 3];
+        let agents = AgentsState { steps, policies: rows(0), moments, aips: rows(30), streams };
         let file_lengths = BTreeMap::from([("returns.csv".to_owned(), 77)]);
         Checkpoint {
             agents,
@@ -196,7 +214,7 @@ mod tests {
         std::fs::write(&path, flipped).unwrap();
         assert!(error_of(dir.path()).contains("checksum"), "{}", error_of(dir.path()));
 
-        let place = whole.windows(10).position(|bytes| bytes == b"format\\\":1").unwrap();
+        let place = whole.windows(10).position(|bytes| bytes == b"format\\\":2").unwrap();
         let mut newer = whole.clone();
         newer[place + 9] = b'7';
         std::fs::write(&path, newer).unwrap();

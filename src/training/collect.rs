@@ -3,16 +3,16 @@
 use serde::{Deserialize, Serialize};
 
 use crate::base::{Activity, Seed};
-use crate::config::Config;
+use crate::config::{Config, Retrain};
 use crate::domain::{Controller, GlobalSimulator, Result};
 use crate::influence::Dataset;
 
 /// What datasets are for. Each purpose has a stream of episodes of its own, which no evaluation plays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Purpose {
-    /// To train the AIPs before this period.
-    Training { period: usize },
-    /// To measure their loss: the same episodes every time, so that what changes is the policies and the AIPs.
+    /// To train the AIPs, at these timesteps per agent of the schedule.
+    Training { steps: u64 },
+    /// To measure their loss: the same episodes every time, so that only the policies and the AIPs change.
     Measuring,
 }
 
@@ -25,18 +25,18 @@ impl Purpose {
     }
 
     /// The stream of its episodes.
-    pub fn stream(self, run: Seed) -> Seed {
+    pub fn stream(self, config: &Config) -> Seed {
         match self {
-            Purpose::Training { period } => run.fork("collection").for_period(period),
-            Purpose::Measuring => run.fork("aip loss"),
+            Purpose::Training { steps } => Seed::new(config.seed).fork("collection").for_steps(steps),
+            Purpose::Measuring => Seed::new(config.evaluation.seed).fork("aip loss"),
         }
     }
 
-    /// What its time is spent on.
-    pub fn activity(self) -> Activity {
+    /// What its time is spent on. If AIPs are trained again on drift, measuring their loss is a part of the training.
+    pub fn activity(self, config: &Config) -> Activity {
         match self {
-            Purpose::Training { .. } => Activity::Collection,
-            Purpose::Measuring => Activity::Evaluation,
+            Purpose::Measuring if config.aip.retrain != Retrain::Drift => Activity::Evaluation,
+            Purpose::Training { .. } | Purpose::Measuring => Activity::Collection,
         }
     }
 }
@@ -71,10 +71,11 @@ mod tests {
 
     #[test]
     fn every_purpose_has_episodes_of_its_own() {
-        let run = Seed::new(1);
-        let purposes = [Purpose::Measuring, Purpose::Training { period: 0 }, Purpose::Training { period: 1 }];
-        let mut streams = purposes.map(|purpose| purpose.stream(run).for_episode(0)).to_vec();
-        streams.push(crate::evaluation::episode_seed(run, 0));
+        let mut config = Config::default();
+        config.seed = config.evaluation.seed; // as close as the two can be
+        let purposes = [Purpose::Measuring, Purpose::Training { steps: 0 }, Purpose::Training { steps: 1 }];
+        let mut streams = purposes.map(|purpose| purpose.stream(&config).for_episode(0)).to_vec();
+        streams.push(crate::evaluation::episode_seed(Seed::new(config.evaluation.seed), 0));
         assert!((0..4).all(|i| (0..i).all(|j| streams[i] != streams[j])));
     }
 

@@ -16,7 +16,7 @@ pub fn train(config: &Config, fleet: &mut dyn Fleet, run: &mut RunLog) -> Result
     for period in schedule(config).iter().skip(run.periods_done()) {
         // 2: repeat
         if period.evaluate {
-            evaluate(config, fleet, run)?;
+            evaluate(config.evaluation.episodes, config, fleet, run)?;
         }
         let train_aips = match period.train_aips {
             AipTraining::No => false,
@@ -24,7 +24,7 @@ pub fn train(config: &Config, fleet: &mut dyn Fleet, run: &mut RunLog) -> Result
             AipTraining::IfDrifted => run.drift().percent() > config.aip.drift_threshold,
         };
         if train_aips {
-            let datasets = fleet.collect_datasets(Purpose::Training { period: period.index })?; // 3
+            let datasets = fleet.collect_datasets(Purpose::Training { steps: period.start })?; // 3
             let losses = fleet.train_aips(datasets, period)?; // 4-6: in parallel, for every agent
             run.aips_trained(fleet, &losses)?;
             measure_aips(config, fleet, run, Moment::Training)?;
@@ -32,13 +32,13 @@ pub fn train(config: &Config, fleet: &mut dyn Fleet, run: &mut RunLog) -> Result
         let training = fleet.train_policies(period)?; // 7-12: in parallel, for every agent, F steps
         run.period_done(fleet, &training)?;
     } // 13: until end of training
-    evaluate(config, fleet, run)?;
+    evaluate(config.evaluation.final_episodes, config, fleet, run)?;
     run.finished(fleet)
 }
 
-/// Evaluates the joint policy, and where the config asks for it the AIPs.
-fn evaluate(config: &Config, fleet: &mut dyn Fleet, run: &mut RunLog) -> Result<()> {
-    let evaluation = fleet.evaluate()?;
+/// Evaluates the joint policy on the first `episodes` evaluation episodes, and the AIPs if the config asks for it.
+fn evaluate(episodes: usize, config: &Config, fleet: &mut dyn Fleet, run: &mut RunLog) -> Result<()> {
+    let evaluation = fleet.evaluate(episodes)?;
     run.evaluated(fleet, &evaluation)?;
     measure_aips(config, fleet, run, Moment::Evaluation)
 }

@@ -1,5 +1,6 @@
 //! What a learning agent sees of a simulator: decisions, rewards and ends of episodes, row by row.
 
+use super::stream::AgentStream;
 use crate::base::{Rows, Stopwatch};
 use crate::domain::{Action, Percept, RegionSpec, Result};
 
@@ -14,6 +15,9 @@ pub trait Environment {
 
     /// One decision of every row.
     fn step(&mut self, actions: &[Action], watch: &mut Stopwatch) -> Result<&Experience>;
+
+    /// Writes down how far its rows have come, so that another environment can go on from there.
+    fn leave(&mut self, streams: &mut [AgentStream]);
 }
 
 /// What one decision of every row brought.

@@ -10,6 +10,7 @@ pub const CONFIG: &str = "config.toml";
 pub const NETWORKS: &str = "networks";
 pub const RUN: &str = "run.json";
 pub const RETURNS: &str = "returns.csv";
+pub const EPISODES: &str = "episodes.csv";
 pub const TRAINING: &str = "training.csv";
 pub const AIP_LOSS: &str = "aip_loss.csv";
 pub const AIP_DRIFT: &str = "aip_drift.csv";
@@ -22,7 +23,7 @@ pub const AIPS: &str = "aips.safetensors";
 pub const CHECKPOINTS: &str = "checkpoints";
 
 /// The files that grow as the run goes.
-pub const GROWING: [&str; 7] = [RETURNS, TRAINING, AIP_LOSS, AIP_DRIFT, TIMING, MEMORY, EVENTS];
+pub const GROWING: [&str; 8] = [RETURNS, EPISODES, TRAINING, AIP_LOSS, AIP_DRIFT, TIMING, MEMORY, EVENTS];
 
 /// Makes sure that one process at a time writes a run; the system lifts the lock when the process ends, however.
 pub fn lock(dir: &Path) -> Result<File> {

@@ -16,8 +16,8 @@ pub trait Fleet {
     /// Goes on from a state of all agents.
     fn restore(&mut self, agents: AgentsState) -> Result<()>;
 
-    /// Evaluates the joint policy on the GS.
-    fn evaluate(&mut self) -> Result<Evaluation>;
+    /// Evaluates the joint policy on the GS, on the first `episodes` evaluation episodes.
+    fn evaluate(&mut self, episodes: usize) -> Result<Evaluation>;
 
     /// Algorithm 2: one dataset per agent, under the joint policy.
     fn collect_datasets(&mut self, purpose: Purpose) -> Result<Vec<Dataset>>;

@@ -1,9 +1,12 @@
 //! Algorithm 3: trajectories of the influence-augmented local simulators (IALS).
 
+use anyhow::ensure;
+
 use super::environment::{Environment, Experience};
+use super::stream::{AgentStream, Trail, fingerprint, longest, rows_of, rows_of_mut};
 use super::timed::Timed;
 use crate::base::{Dice, Phase, Rows, Stopwatch};
-use crate::domain::{Action, LocalSimulator, Percept, Result};
+use crate::domain::{Action, Beginning, LocalSimulator, Percept, Result};
 use crate::influence::InfluencePredictor;
 
 /// Local simulators and the influence predictor that drives them, every row with an episode of its own.
@@ -11,47 +14,104 @@ pub struct Ials<'a> {
     simulator: Timed<dyn LocalSimulator>,
     predictor: &'a mut dyn InfluencePredictor,
     dice: Vec<Dice>,
-    /// Steps into the episode, per row.
-    ages: Vec<usize>,
+    /// Steps by which the first episode of each row is shorter.
+    head_starts: Vec<usize>,
+    trails: Vec<Trail>,
     percept: Percept,
     sources: Rows<u8>,
     experience: Experience,
+    /// Totals of the simulator that belong to earlier periods.
+    counted: Vec<u64>,
 }
 
 impl<'a> Ials<'a> {
-    /// Begins an episode in every row.
+    /// Brings new simulators to where `streams` left the old ones, and goes on from there.
     ///
-    /// `dice`: one per row, for its influence sources. `copies`: rows of one agent. With `stagger`, the first episode
-    /// of copy c begins as if `c / copies` of the horizon had passed, so that the copies of an agent later end at
-    /// different times and its memory holds all parts of an episode.
-    pub fn begin(
+    /// `streams`: one per agent, all with the same number of copies. With `stagger`, the first episode of copy c begins
+    /// as if `c / copies` of the horizon had passed, so that the copies of an agent later end at different times and its
+    /// memory holds all parts of an episode.
+    ///
+    /// The predictor sees the d-sets of the trails again. So an AIP that was trained since goes on with what it would
+    /// remember itself.
+    pub fn resume(
         simulator: Box<dyn LocalSimulator>,
         predictor: &'a mut dyn InfluencePredictor,
-        dice: Vec<Dice>,
-        copies: usize,
+        streams: &[AgentStream],
         stagger: bool,
     ) -> Result<Self> {
         let mut simulator = Timed::new(simulator);
-        let (spec, rows) = (simulator.spec().clone(), simulator.rows());
-        let all: Vec<usize> = (0..rows).collect();
-        let percept = simulator.reset(&all)?.clone();
-        predictor.begin(rows);
-        let age = |row: usize| if stagger { row % copies * spec.horizon / copies } else { 0 };
+        let trails: Vec<Trail> = rows_of(streams).map(|row| row.trail.clone()).collect();
+        predictor.begin(trails.len());
+        let percept = retrace(&mut simulator, predictor, &trails)?;
+        let counted = simulator.counters().into_iter().map(|(_, count)| count).collect();
+        // What that took is known to the caller, and is no part of the steps to come.
+        simulator.take_watch();
+        let spec = simulator.spec();
+        let head_start = |copy: usize, copies: usize| if stagger { copy * spec.horizon / copies } else { 0 };
+        let copies = |stream: &AgentStream| stream.rows.len();
+        let head_starts = streams.iter().flat_map(|stream| {
+            let copies = copies(stream);
+            (0..copies).map(move |copy| head_start(copy, copies))
+        });
         Ok(Ials {
             predictor,
-            dice,
-            ages: (0..rows).map(age).collect(),
+            dice: rows_of(streams).map(|row| row.influence.clone()).collect(),
+            head_starts: head_starts.collect(),
             percept,
-            sources: Rows::new(rows, spec.sources.count()),
-            experience: Experience::new(rows, &spec),
+            sources: Rows::new(trails.len(), spec.sources.count()),
+            experience: Experience::new(trails.len(), spec),
+            counted,
+            trails,
             simulator,
         })
     }
 
-    /// Totals of the local simulators since they began.
+    /// What the local simulators counted since [`Ials::resume`].
     pub fn counters(&self) -> Vec<(&'static str, u64)> {
-        self.simulator.counters()
+        let totals = self.simulator.counters().into_iter().zip(&self.counted);
+        totals.map(|((name, total), before)| (name, total - before)).collect()
     }
+}
+
+/// Plays the trails in new simulators; returns what the rows show at their ends.
+///
+/// All trails end together. A row whose episode is younger than the oldest waits, and is reset when its time comes.
+fn retrace(
+    simulator: &mut Timed<dyn LocalSimulator>,
+    predictor: &mut dyn InfluencePredictor,
+    trails: &[Trail],
+) -> Result<Percept> {
+    let sources = simulator.spec().sources;
+    let steps = longest(trails);
+    let beginning = |row: usize| Beginning { row, episode: trails[row].episode };
+    let mut percept = simulator.reset(&(0..trails.len()).map(beginning).collect::<Vec<_>>())?.clone();
+    let mut actions = vec![0; trails.len()];
+    let mut influences = Rows::new(trails.len(), sources.count());
+    for step in 0..steps {
+        for (row, trail) in trails.iter().enumerate() {
+            if let Some(step) = (step + trail.steps()).checked_sub(steps) {
+                actions[row] = trail.actions[step];
+                influences.row_mut(row).copy_from_slice(trail.sources_at(step, sources.count()));
+            }
+        }
+        predictor.watch(&percept.d_set);
+        percept.clone_from(&simulator.step(&actions, &influences)?.percept);
+        let due: Vec<usize> = (0..trails.len()).filter(|&row| trails[row].steps() + step + 1 == steps).collect();
+        if !due.is_empty() {
+            predictor.forget(&due);
+            percept.clone_from(simulator.reset(&due.into_iter().map(beginning).collect::<Vec<_>>())?);
+        }
+    }
+    for (row, trail) in trails.iter().enumerate() {
+        ensure!(
+            trail.steps() == 0 || trail.shown == fingerprint(&percept, row),
+            "local simulator {row} did not come back to where training left it after {} steps of its episode {}: another \
+             build of SUMO or of this program, or a simulator that does not follow from its actions and sources alone",
+            trail.steps(),
+            trail.episode
+        );
+    }
+    Ok(percept)
 }
 
 impl Environment for Ials<'_> {
@@ -73,25 +133,35 @@ impl Environment for Ials<'_> {
         let transition = self.simulator.step(actions, &self.sources)?;
         self.experience.rewards.copy_from_slice(&transition.rewards);
         let mut over = Vec::new();
-        for (row, (age, end)) in self.ages.iter_mut().zip(&mut self.experience.ends).enumerate() {
-            *age += 1;
-            *end = *age == horizon;
+        for (row, (trail, end)) in self.trails.iter_mut().zip(&mut self.experience.ends).enumerate() {
+            trail.push(actions[row], self.sources.row(row));
+            let head_start = if trail.episode == 0 { self.head_starts[row] } else { 0 };
+            *end = trail.steps() + head_start == horizon;
             if *end {
-                *age = 0;
-                over.push(row);
+                trail.end_episode();
+                over.push(Beginning { row, episode: trail.episode });
                 self.experience.last_obs.row_mut(row).copy_from_slice(transition.percept.obs.row(row));
             }
         }
         let percept = if over.is_empty() {
             &transition.percept
         } else {
-            self.predictor.forget(&over);
+            self.predictor.forget(&over.iter().map(|beginning| beginning.row).collect::<Vec<_>>());
             self.simulator.reset(&over)?
         };
         self.percept.obs.copy_from(&percept.obs);
         self.percept.d_set.copy_from(&percept.d_set);
         watch.add(&self.simulator.take_watch());
         Ok(&self.experience)
+    }
+
+    fn leave(&mut self, streams: &mut [AgentStream]) {
+        let rows = self.trails.iter_mut().zip(&self.dice).zip(rows_of_mut(streams));
+        for (row, ((trail, dice), stream)) in rows.enumerate() {
+            trail.shown = fingerprint(&self.percept, row);
+            stream.trail.clone_from(trail);
+            stream.influence.clone_from(dice);
+        }
     }
 }
 
@@ -101,6 +171,7 @@ mod tests {
     use crate::base::{AgentId, Seed};
     use crate::domain::Domain;
     use crate::domain::toy::Coins;
+    use crate::training::stream::RowStream;
 
     /// Predicts a constant and writes down what it was shown.
     struct Spy {
@@ -117,22 +188,62 @@ mod tests {
             self.forgotten.push(rows.to_vec());
         }
 
+        fn watch(&mut self, d_set: &Rows<f32>) {
+            self.seen.push(d_set.clone());
+        }
+
         fn sample(&mut self, d_set: &Rows<f32>, _dice: &mut [Dice], sources: &mut Rows<u8>) {
             self.seen.push(d_set.clone());
             sources.fill(1);
         }
     }
 
+    /// An agent with two copies at the beginning of its training.
+    fn fresh() -> AgentStream {
+        let dice = Seed::new(0).dice();
+        AgentStream { minibatches: dice.clone(), rows: vec![RowStream::begin(dice.clone(), dice, &[]); 2] }
+    }
+
     fn run(stagger: bool, steps: usize) -> (Spy, Vec<Vec<bool>>, Vec<Rows<f32>>) {
         let mut spy = Spy { seen: vec![], forgotten: vec![] };
         let simulator = Coins::new(4).local_simulator(&[AgentId(0)], 2, Seed::new(0)).unwrap();
-        let mut ials = Ials::begin(simulator, &mut spy, vec![Seed::new(0).dice(); 2], 2, stagger).unwrap();
+        let mut ials = Ials::resume(simulator, &mut spy, &[fresh()], stagger).unwrap();
         let (mut ends, mut shown) = (Vec::new(), Vec::new());
         for _ in 0..steps {
             ends.push(ials.step(&[1, 1], &mut Stopwatch::default()).unwrap().ends.clone());
             shown.push(ials.percept().obs.clone());
         }
         (spy, ends, shown)
+    }
+
+    #[test]
+    fn a_stream_goes_on_in_new_simulators_as_if_in_the_old_ones() {
+        let actions = |step: usize| [(step / 2 % 2) as Action, (step / 3 % 2) as Action];
+        let watch = &mut Stopwatch::default();
+        let coins = || Coins::new(4).local_simulator(&[AgentId(0)], 2, Seed::new(0)).unwrap();
+        let (mut whole, mut parts) = ((Vec::new(), Vec::new()), (Vec::new(), Vec::new()));
+        let mut spy = Spy { seen: vec![], forgotten: vec![] };
+        let mut ials = Ials::resume(coins(), &mut spy, &[fresh()], true).unwrap();
+        for step in 0..12 {
+            whole.0.push(ials.step(&actions(step), watch).unwrap().ends.clone());
+            whole.1.push(ials.percept().clone());
+        }
+        let mut stream = [fresh()];
+        for step in 0..12 {
+            let mut spy = Spy { seen: vec![], forgotten: vec![] };
+            let mut ials = Ials::resume(coins(), &mut spy, &stream, true).unwrap();
+            parts.0.push(ials.step(&actions(step), watch).unwrap().ends.clone());
+            parts.1.push(ials.percept().clone());
+            ials.leave(&mut stream);
+        }
+        assert_eq!(whole, parts);
+        let trails: Vec<_> = stream[0].rows.iter().map(|row| (row.trail.episode, row.trail.steps())).collect();
+        assert_eq!(trails, [(3, 0), (3, 2)], "twelve steps are three episodes of four, and a shorter one before two");
+
+        stream[0].rows[1].trail.shown ^= 1;
+        let mut spy = Spy { seen: vec![], forgotten: vec![] };
+        let error = Ials::resume(coins(), &mut spy, &stream, true).err().unwrap().to_string();
+        assert!(error.contains("local simulator 1 did not come back"), "{error}");
     }
 
     #[test]

@@ -70,9 +70,8 @@ impl Fleet for InlineFleet {
         Ok(())
     }
 
-    fn evaluate(&mut self) -> Result<Evaluation> {
-        let episodes = 0..self.config.evaluation.episodes;
-        let reports = self.work(|worker, agents, observer| worker.evaluate(&agents.policies, episodes, observer))?;
+    fn evaluate(&mut self, episodes: usize) -> Result<Evaluation> {
+        let reports = self.work(|worker, agents, observer| worker.evaluate(&agents.policies, 0..episodes, observer))?;
         Ok(Evaluation::new(&*self.domain, &reports))
     }
 

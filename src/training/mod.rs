@@ -7,6 +7,7 @@
 //! - [`rollout`], [`gae`], [`ppo`]: what an agent makes of its trajectories.
 //! - [`fleet`], [`worker`], [`block`]: who does it. This room never sees a process, a socket or SUMO.
 //! - [`drift`]: whether AIPs have to be trained again.
+//! - [`stream`]: what goes on from one period to the next, so that looking at training leaves no trace in it.
 //! - [`run_log`], [`checkpoint`], [`state`]: what a run leaves behind, and how it goes on from there.
 
 pub mod answers;
@@ -30,6 +31,7 @@ pub mod ppo;
 pub mod rollout;
 pub mod run_log;
 pub mod state;
+pub mod stream;
 pub mod tables;
 pub mod timed;
 pub mod worker;

@@ -2,27 +2,30 @@
 
 use super::environment::{Environment, Experience};
 use super::gae::advantages;
+use super::stream::{AgentStream, RowStream, rows_of, rows_of_mut};
 use crate::base::{Dice, Phase, Stopwatch};
 use crate::config::{PpoConfig, TimeLimit};
 use crate::domain::{Action, Result};
 use crate::nn::States;
 use crate::policy::{Memory, PolicyStack, Sample, sampling};
 
-/// Returns of the episodes that ended while the policies trained, per agent.
+/// Returns of the episodes that ended in this period, per agent.
 ///
-/// Episodes that a period or staggering cut short do not count.
+/// First episodes that staggering cut short do not count.
 #[derive(Clone, Debug)]
 pub struct EpisodeReturns {
     horizon: usize,
-    /// Sum of rewards and steps so far, per row.
+    /// Sum of rewards and steps since the episode began, per row.
     running: Vec<(f64, usize)>,
     /// Sum of returns and number of episodes, per agent.
     finished: Vec<(f64, u64)>,
 }
 
 impl EpisodeReturns {
-    pub fn new(agents: usize, copies: usize, horizon: usize) -> Self {
-        EpisodeReturns { horizon, running: vec![(0.0, 0); agents * copies], finished: vec![(0.0, 0); agents] }
+    /// Goes on with the episodes that are under way.
+    fn resume(streams: &[AgentStream], horizon: usize) -> Self {
+        let running = rows_of(streams).map(|row| (row.rewards, row.trail.steps()));
+        EpisodeReturns { horizon, running: running.collect(), finished: vec![(0.0, 0); streams.len()] }
     }
 
     fn add(&mut self, experience: &Experience) {
@@ -60,14 +63,26 @@ pub struct Actor {
 }
 
 impl Actor {
-    /// All rows begin episodes. `dice`: one per row, agent-major.
-    pub fn begin(policies: &PolicyStack, dice: Vec<Dice>, horizon: usize) -> Self {
-        let (agents, rows) = (policies.agents(), dice.len());
+    /// Goes on where `streams` left off, one per agent.
+    pub fn resume(policies: &PolicyStack, streams: &[AgentStream], horizon: usize) -> Self {
+        let rows: Vec<&RowStream> = rows_of(streams).collect();
+        let mut states = policies.states(rows.len());
+        rows.iter().enumerate().for_each(|(row, stream)| states.set_row(row, &stream.state));
         Actor {
-            states: policies.states(rows),
-            starts: vec![true; rows],
-            returns: EpisodeReturns::new(agents, rows / agents, horizon),
-            dice,
+            dice: rows.iter().map(|row| row.acting.clone()).collect(),
+            states,
+            starts: rows.iter().map(|row| row.trail.steps() == 0).collect(),
+            returns: EpisodeReturns::resume(streams, horizon),
+        }
+    }
+
+    /// Writes down how far it has come.
+    pub fn leave(&self, streams: &mut [AgentStream]) {
+        let rows = self.dice.iter().zip(&self.returns.running).zip(rows_of_mut(streams));
+        for (row, ((dice, (rewards, _)), stream)) in rows.enumerate() {
+            stream.acting.clone_from(dice);
+            stream.state.copy_from_slice(self.states.row(row));
+            stream.rewards = *rewards;
         }
     }
 }
@@ -161,7 +176,7 @@ fn credit_what_would_come(
 mod tests {
     use super::*;
     use crate::base::{AgentId, Rows, Seed};
-    use crate::config::PolicyConfig;
+    use crate::config::{Config, PolicyConfig};
     use crate::domain::{Percept, RegionSpec, SourceSpec};
 
     /// Two agents with two copies each. Row r shows the number 10 r + t at step t of its episode and is rewarded with
@@ -220,6 +235,10 @@ mod tests {
             self.show();
             Ok(&self.experience)
         }
+
+        fn leave(&mut self, _streams: &mut [AgentStream]) {
+            unreachable!("these tests play within one period")
+        }
     }
 
     /// A network whose value is the observation plus, with memory, something of the state.
@@ -230,14 +249,19 @@ mod tests {
 
     const T: usize = 4;
 
+    /// Two agents with two copies each at the beginning of their training.
+    fn streams(policies: &PolicyStack) -> Vec<AgentStream> {
+        let config: Config = toml::from_str("seed = 7\nlocal_simulators.copies = 2").unwrap();
+        AgentId::all(2).into_iter().map(|agent| AgentStream::begin(&config, policies, agent)).collect()
+    }
+
     /// Two rollouts of four steps into a memory of 16 per agent.
     fn recorded(recurrent: Option<usize>, time_limit: TimeLimit) -> (Memory, PolicyStack) {
         let mut scripted = Scripted::new();
         let policies = policies(recurrent, &scripted.spec);
         let length = if recurrent.is_some() { 2 } else { 1 };
         let mut memory = Memory::new(2, 16, length, 1, recurrent.unwrap_or(0));
-        let dice = (0..4).map(|row| Seed::new(7).for_copy(row).dice()).collect();
-        let mut actor = Actor::begin(&policies, dice, 3);
+        let mut actor = Actor::resume(&policies, &streams(&policies), 3);
         let config = PpoConfig { rollout_steps: T, time_limit, ..PpoConfig::default() };
         for first_slot in [0, 8] {
             let watch = &mut Stopwatch::default();
@@ -329,8 +353,7 @@ mod tests {
     fn only_whole_episodes_count_as_returns() {
         let mut scripted = Scripted::new();
         let policies = policies(None, &scripted.spec);
-        let dice = (0..4).map(|row| Seed::new(7).for_copy(row).dice()).collect();
-        let mut actor = Actor::begin(&policies, dice, 3);
+        let mut actor = Actor::resume(&policies, &streams(&policies), 3);
         let mut memory = Memory::new(2, 8, 1, 1, 0);
         let config = PpoConfig { rollout_steps: T, ..PpoConfig::default() };
         let watch = &mut Stopwatch::default();

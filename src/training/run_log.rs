@@ -8,6 +8,7 @@
 //! | `config.toml`, `networks/` | the checked config and the SUMO networks it names: the run can be evaluated anywhere |
 //! | `run.json` | seed, versions, command line |
 //! | `returns.csv` | evaluations on the GS, per agent and for all |
+//! | `episodes.csv` | the mean return of all agents in each episode of each evaluation |
 //! | `training.csv` | each period of training, per agent: returns on the simulator it trained on, losses |
 //! | `aip_loss.csv` | each training of the AIPs, per agent and source |
 //! | `aip_drift.csv` | the loss of the AIPs on fresh episodes, per agent, where the config asks for it |
@@ -35,8 +36,8 @@ use super::fleet::Fleet;
 use super::observer::{Interrupted, Observer};
 use super::state::AgentsState;
 use super::tables::{
-    AIP_COLUMNS, DRIFT_COLUMNS, Line, MEMORY_COLUMNS, Wall, aip_lines, drift_lines, evaluation_header,
-    evaluation_lines, memory_lines, timing_header, timing_lines, training_header, training_lines,
+    AIP_COLUMNS, DRIFT_COLUMNS, EPISODE_COLUMNS, Line, MEMORY_COLUMNS, Wall, aip_lines, drift_lines, episode_lines,
+    evaluation_header, evaluation_lines, memory_lines, timing_header, timing_lines, training_header, training_lines,
 };
 use crate::config::Config;
 use crate::domain::RegionSpec;
@@ -138,6 +139,8 @@ impl RunLog {
     pub fn evaluated(&mut self, fleet: &dyn Fleet, evaluation: &Evaluation) -> Result<()> {
         let steps = fleet.agents().steps;
         self.append(files::RETURNS, steps, &evaluation_header(evaluation), &evaluation_lines(steps, evaluation))?;
+        let columns = EPISODE_COLUMNS.map(str::to_owned);
+        self.append(files::EPISODES, steps, &columns, &episode_lines(steps, evaluation))?;
         self.observer.evaluated(steps, evaluation);
         Ok(())
     }
@@ -275,7 +278,7 @@ mod tests {
             unreachable!("a test of the log orders nothing")
         }
 
-        fn evaluate(&mut self) -> Result<Evaluation> {
+        fn evaluate(&mut self, _episodes: usize) -> Result<Evaluation> {
             unreachable!("a test of the log orders nothing")
         }
 
@@ -307,7 +310,8 @@ mod tests {
         let decayed = Decayed { learning_rate: 1e-3, clip: 0.1 };
         let table = |values: &[f32]| Rows::from_vec(values.to_vec(), 2);
         let moments = Moments { first: table(&[0.0; 4]), second: table(&[0.0; 4]), steps: 1 };
-        let state = AgentsState { steps: 128, policies: table(&policy), moments, aips: table(&[0.0; 4]) };
+        let state =
+            AgentsState { steps: 128, policies: table(&policy), moments, aips: table(&[0.0; 4]), streams: vec![] };
         (PolicyTraining { agents: agents.to_vec(), counters: Vec::new(), decayed }, Resting(state))
     }
 

@@ -1,12 +1,10 @@
 //! What agents have become: all of a run that has to survive a period.
-//!
-//! Dice do not: the streams of a period follow from its number. Simulators do not either: every period begins with
-//! fresh episodes, because SUMO cannot save the middle of one exactly.
 
 use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
+use super::stream::AgentStream;
 use crate::base::Rows;
 use crate::nn::Moments;
 use crate::policy::JointPolicy;
@@ -21,6 +19,8 @@ pub struct AgentsState {
     pub moments: Moments,
     /// What the influence predictors have learnt: weights of AIPs, or constants.
     pub aips: Rows<f32>,
+    /// Where their training stands: episodes under way and dice.
+    pub streams: Vec<AgentStream>,
 }
 
 impl AgentsState {
@@ -28,7 +28,7 @@ impl AgentsState {
     pub fn nobody() -> AgentsState {
         let none = Rows::new(0, 1);
         let moments = Moments { first: none.clone(), second: none.clone(), steps: 0 };
-        AgentsState { steps: 0, policies: none.clone(), moments, aips: none }
+        AgentsState { steps: 0, policies: none.clone(), moments, aips: none, streams: Vec::new() }
     }
 
     pub fn agents(&self) -> usize {
@@ -45,7 +45,8 @@ impl AgentsState {
                 second: self.moments.second.slice(agents.clone()),
                 steps: self.moments.steps,
             },
-            aips: self.aips.slice(agents),
+            aips: self.aips.slice(agents.clone()),
+            streams: self.streams[agents].to_vec(),
         }
     }
 
@@ -57,6 +58,7 @@ impl AgentsState {
         self.moments.first.replace(first, &part.moments.first);
         self.moments.second.replace(first, &part.moments.second);
         self.aips.replace(first, &part.aips);
+        self.streams[first..][..part.streams.len()].clone_from_slice(&part.streams);
     }
 
     /// The state of all agents, from those of some, in order.
@@ -67,6 +69,7 @@ impl AgentsState {
             whole.moments.first.extend(&next.moments.first);
             whole.moments.second.extend(&next.moments.second);
             whole.aips.extend(&next.aips);
+            whole.streams.extend(next.streams);
             whole
         };
         parts.into_iter().reduce(join).unwrap_or_else(AgentsState::nobody)
@@ -76,15 +79,18 @@ impl AgentsState {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::Seed;
 
     #[test]
     fn shares_join_to_the_whole() {
+        let stream = |agent| AgentStream { minibatches: Seed::new(agent).dice(), rows: vec![] };
         let rows = |from: u8| Rows::from_vec((from..from + 6).map(f32::from).collect(), 2);
         let whole = AgentsState {
             steps: 128,
             policies: rows(0),
             moments: Moments { first: rows(10), second: rows(20), steps: 12 },
             aips: rows(30),
+            streams: (0..3).map(stream).collect(),
         };
         let first = whole.share(0..1);
         assert_eq!((first.agents(), first.moments.second.row(0)), (1, &[20.0, 21.0][..]));

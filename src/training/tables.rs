@@ -6,6 +6,7 @@ use super::answers::{FleetLoad, PolicyTraining};
 use super::drift::Moment;
 use super::footprint::Footprint;
 use super::ppo::Losses;
+use crate::base::statistics::mean;
 use crate::base::{Activity, Phase, Timesheet};
 use crate::evaluation::{Evaluation, Summary};
 use crate::influence::{AipLoss, FreshLoss};
@@ -43,6 +44,16 @@ pub fn evaluation_lines(steps: u64, evaluation: &Evaluation) -> Vec<Line> {
         lines.push(of_agent);
     }
     lines
+}
+
+pub const EPISODE_COLUMNS: [&str; 3] = ["steps", "episode", "return"];
+
+/// A line per episode of an evaluation, with the mean return of all agents.
+pub fn episode_lines(steps: u64, evaluation: &Evaluation) -> Vec<Line> {
+    let episodes = evaluation.returns.iter().enumerate();
+    episodes
+        .map(|(episode, returns)| vec![steps.to_string(), episode.to_string(), format!("{:.6}", mean(returns))])
+        .collect()
 }
 
 pub const AIP_COLUMNS: [&str; 9] = [

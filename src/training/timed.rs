@@ -4,8 +4,8 @@ use std::time::{Duration, Instant};
 
 use crate::base::{Phase, Rows, Seed, Stopwatch};
 use crate::domain::{
-    Action, Controller, GlobalSimulator, InfluenceSample, LocalSimulator, Measures, Percept, RegionSpec, Result, Scene,
-    Transition,
+    Action, Beginning, Controller, GlobalSimulator, InfluenceSample, LocalSimulator, Measures, Percept, RegionSpec,
+    Result, Scene, Transition,
 };
 
 /// A simulator whose steps and resets are timed from outside. What it tells of its steps itself, as
@@ -82,9 +82,9 @@ impl LocalSimulator for Timed<dyn LocalSimulator> {
         self.inner.rows()
     }
 
-    fn reset(&mut self, rows: &[usize]) -> Result<&Percept> {
+    fn reset(&mut self, begin: &[Beginning]) -> Result<&Percept> {
         let begun = Instant::now();
-        let percept = self.inner.reset(rows);
+        let percept = self.inner.reset(begin);
         self.resets += begun.elapsed();
         percept
     }
@@ -147,7 +147,7 @@ mod tests {
             1
         }
 
-        fn reset(&mut self, _rows: &[usize]) -> Result<&Percept> {
+        fn reset(&mut self, _begin: &[Beginning]) -> Result<&Percept> {
             unreachable!("nobody asks")
         }
 
@@ -182,7 +182,7 @@ mod tests {
     fn steps_and_resets_of_a_silent_simulator_are_timed() {
         let coins = Coins::new(4);
         let mut timed = Timed::new(coins.local_simulator(&[AgentId(0)], 1, Seed::new(0)).unwrap());
-        timed.reset(&[0]).unwrap();
+        timed.reset(&Beginning::first([0])).unwrap();
         timed.step(&[1], &Rows::new(1, 1)).unwrap();
         let watch = timed.take_watch();
         assert!(watch.spent(Phase::SimulatorStep) > Duration::ZERO && watch.spent(Phase::Reset) > Duration::ZERO);

@@ -1,8 +1,8 @@
 //! A worker: a share of the agents for the whole run, with everything that belongs to them.
 //!
 //! Policies, AIPs and optimisers live in its [`AgentBlock`]s; local simulators only for the length of a period, because
-//! libsumo holds one simulation per process and the worker serves the GS in between. Every period begins with fresh
-//! episodes and with streams of its own, so nothing but [`AgentsState`] has to survive it.
+//! libsumo holds one simulation per process and the worker serves the GS in between. A period begins where
+//! [`AgentsState`] left the one before it, down to the cars on the road.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -26,7 +26,6 @@ pub struct Worker {
     domain: Arc<dyn Domain>,
     config: Config,
     blocks: Vec<AgentBlock>,
-    run: Seed,
     timesheet: Timesheet,
 }
 
@@ -37,7 +36,6 @@ impl Worker {
         let block = |agents: &[AgentId]| AgentBlock::new(domain.clone(), config, agents, threads.clone());
         Worker {
             blocks: agents.chunks(per_block).map(block).collect(),
-            run: Seed::new(config.seed),
             config: config.clone(),
             domain,
             timesheet: Timesheet::default(),
@@ -71,12 +69,13 @@ impl Worker {
         episodes: Range<usize>,
         observer: &dyn Observer,
     ) -> Result<Vec<Dataset>> {
-        let seed = purpose.stream(self.run);
+        let seed = purpose.stream(&self.config);
         let mut datasets = vec![Dataset::new(self.domain.spec()); self.domain.agents()];
-        self.on_the_gs(purpose.activity(), policies, |simulator, controller| {
+        let activity = purpose.activity(&self.config);
+        self.on_the_gs(activity, policies, |simulator, controller| {
             for (done, episode) in episodes.clone().enumerate() {
                 collect_episode(simulator, controller, seed.for_episode(episode), &mut datasets)?;
-                observer.busy(purpose.activity(), (done + 1) as f64 / episodes.len() as f64);
+                observer.busy(activity, (done + 1) as f64 / episodes.len() as f64);
             }
             Ok(())
         })?;
@@ -90,11 +89,11 @@ impl Worker {
         episodes: Range<usize>,
         observer: &dyn Observer,
     ) -> Result<Vec<EpisodeReport>> {
-        let run = self.run;
+        let seed = Seed::new(self.config.evaluation.seed);
         let mut reports = Vec::with_capacity(episodes.len());
         self.on_the_gs(Activity::Evaluation, policies, |simulator, controller| {
             for (done, episode) in episodes.clone().enumerate() {
-                reports.push(play(simulator, controller, episode_seed(run, episode))?);
+                reports.push(play(simulator, controller, episode_seed(seed, episode))?);
                 observer.busy(Activity::Evaluation, (done + 1) as f64 / episodes.len() as f64);
             }
             Ok(())
@@ -128,7 +127,7 @@ impl Worker {
             rest = others;
             losses.extend(block.measure_aips(theirs, &mut watch));
         }
-        self.timesheet.note(Activity::Evaluation, begun.elapsed(), &watch);
+        self.timesheet.note(Purpose::Measuring.activity(&self.config), begun.elapsed(), &watch);
         losses
     }
 

@@ -46,8 +46,8 @@ pub fn appear(ages: &mut [Age], appearances: &mut [Appearances]) {
 
 /// The stream of items of one episode of one copy. The GS is copy 0 of an episode of its own, so an LS that is made with
 /// the GS's episode seed has its items, in the first episode of its first copy.
-pub fn episode(simulator: Seed, copy: usize, episode: usize) -> Seed {
-    simulator.fork("items").for_copy(copy).for_episode(episode)
+pub fn episode(simulator: Seed, copy: usize, episode: u64) -> Seed {
+    simulator.fork("items").for_copy(copy).for_episode(episode as usize)
 }
 
 #[cfg(test)]

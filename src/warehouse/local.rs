@@ -4,7 +4,7 @@ use super::items::{self, Appearances};
 use super::layout::Layout;
 use super::region::{self, Age, CENTRE, NO_ITEM, SHARED, SHELVES};
 use crate::base::{AgentId, Rows, Seed};
-use crate::domain::{Action, LocalSimulator, Percept, RegionSpec, Result, Transition};
+use crate::domain::{Action, Beginning, LocalSimulator, Percept, RegionSpec, Result, Transition};
 
 /// The warehouse LS: one region per row.
 pub struct LocalWarehouse {
@@ -16,8 +16,6 @@ pub struct LocalWarehouse {
     cells: Vec<u8>,
     ages: Vec<[Age; SHELVES]>,
     appearances: Vec<[Appearances; SHELVES]>,
-    /// Episodes that have begun, per row.
-    episodes: Vec<usize>,
     last: Transition,
 }
 
@@ -36,7 +34,6 @@ impl LocalWarehouse {
             cells: vec![CENTRE; rows],
             ages: vec![[NO_ITEM; SHELVES]; rows],
             appearances: vec![[Appearances::default(); SHELVES]; rows],
-            episodes: vec![0; rows],
             last: Transition::new(rows, &spec),
             spec,
         }
@@ -58,10 +55,9 @@ impl LocalSimulator for LocalWarehouse {
         self.cells.len()
     }
 
-    fn reset(&mut self, rows: &[usize]) -> Result<&Percept> {
-        for &row in rows {
-            let episode = items::episode(self.seed, row % self.copies, self.episodes[row]);
-            self.episodes[row] += 1;
+    fn reset(&mut self, begin: &[Beginning]) -> Result<&Percept> {
+        for &Beginning { row, episode } in begin {
+            let episode = items::episode(self.seed, row % self.copies, episode);
             self.cells[row] = CENTRE;
             self.ages[row] = [NO_ITEM; SHELVES];
             self.appearances[row] = self.places[row].map(|(y, x)| Appearances::of_shelf(episode, y, x));

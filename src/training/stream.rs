@@ -1,0 +1,142 @@
+//! The stream of training: what goes on from one period to the next besides networks and optimisers.
+//!
+//! Evaluations, datasets and checkpoints cut training into periods, and at each cut the simulators are lost: SUMO holds
+//! one simulation per process, and cannot save the middle of one exactly. But a local region follows from its actions
+//! and influence sources since its episode began, and the GS from its seed and actions. A [`Trail`] keeps these. Played
+//! again in a new simulator they lead to the same state, to the bit, so that training goes on as if nobody had looked.
+
+use serde::{Deserialize, Serialize};
+
+use crate::base::{AgentId, Dice, Rows, Seed, scramble};
+use crate::config::Config;
+use crate::domain::{Action, Percept};
+use crate::policy::PolicyStack;
+
+/// Training of one agent as it stands between two rollouts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AgentStream {
+    /// Dice for the order of its minibatches.
+    pub minibatches: Dice,
+    /// One per copy of the agent's region.
+    pub rows: Vec<RowStream>,
+}
+
+/// One copy of an agent's region as it stands between two rollouts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RowStream {
+    pub trail: Trail,
+    /// Dice for the actions.
+    pub acting: Dice,
+    /// Dice for the influence sources; unused on the GS.
+    pub influence: Dice,
+    /// Hidden state of the policy; empty without memory. It cannot be computed again: earlier policies took part in it.
+    pub state: Vec<f32>,
+    /// Sum of the rewards since the episode began.
+    pub rewards: f64,
+}
+
+/// All that a local region has lived through since its episode began.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Trail {
+    /// Number of the episode in this row, from 0.
+    pub episode: u64,
+    /// One per step.
+    pub actions: Vec<Action>,
+    /// Influence sources, step after step; empty on the GS.
+    pub sources: Vec<u8>,
+    /// Fingerprint of what the row shows now, to check that playing the trail again leads to the same place. Written
+    /// when a period ends.
+    pub shown: u64,
+}
+
+impl RowStream {
+    /// A row whose first episode begins. `state`: the hidden state of its policy.
+    pub fn begin(acting: Dice, influence: Dice, state: &[f32]) -> RowStream {
+        RowStream { trail: Trail::default(), acting, influence, state: state.to_vec(), rewards: 0.0 }
+    }
+}
+
+impl AgentStream {
+    /// The stream of an agent when training begins.
+    pub fn begin(config: &Config, policies: &PolicyStack, agent: AgentId) -> AgentStream {
+        let stream = |purpose: &str| Seed::new(config.seed).fork(purpose).for_agent(agent);
+        let dice = |purpose: &str, copy: usize| stream(purpose).for_copy(copy).dice();
+        let states = policies.states(1);
+        let row = |copy: usize| RowStream::begin(dice("acting", copy), dice("influence", copy), states.row(0));
+        AgentStream { minibatches: stream("policy minibatches").dice(), rows: (0..config.copies()).map(row).collect() }
+    }
+}
+
+/// The rows of some agents, agent-major.
+pub fn rows_of(streams: &[AgentStream]) -> impl Iterator<Item = &RowStream> {
+    streams.iter().flat_map(|stream| &stream.rows)
+}
+
+/// As [`rows_of`].
+pub fn rows_of_mut(streams: &mut [AgentStream]) -> impl Iterator<Item = &mut RowStream> {
+    streams.iter_mut().flat_map(|stream| &mut stream.rows)
+}
+
+impl Trail {
+    /// Steps since the episode began.
+    pub fn steps(&self) -> usize {
+        self.actions.len()
+    }
+
+    /// The sources of a step, each `width` wide.
+    pub fn sources_at(&self, step: usize, width: usize) -> &[u8] {
+        &self.sources[step * width..][..width]
+    }
+
+    /// The row made a step.
+    pub fn push(&mut self, action: Action, sources: &[u8]) {
+        self.actions.push(action);
+        self.sources.extend_from_slice(sources);
+    }
+
+    /// The episode ended, and the next one begins.
+    pub fn end_episode(&mut self) {
+        self.episode += 1;
+        self.actions.clear();
+        self.sources.clear();
+    }
+}
+
+/// The longest of some trails.
+pub fn longest(trails: &[Trail]) -> usize {
+    trails.iter().map(Trail::steps).max().unwrap_or(0)
+}
+
+/// A number that hardly any two percepts of a row share. Stable across builds: checkpoints hold it.
+pub fn fingerprint(percept: &Percept, row: usize) -> u64 {
+    let tables: [&Rows<f32>; 2] = [&percept.obs, &percept.d_set];
+    let values = tables.into_iter().flat_map(|table| table.row(row));
+    values.fold(0, |hash, value| scramble(hash.wrapping_add(1) ^ u64::from(value.to_bits())))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn percepts_that_differ_in_one_number_have_other_fingerprints() {
+        let percept = |values: [f32; 4]| Percept {
+            obs: Rows::from_vec(values[..2].to_vec(), 2),
+            d_set: Rows::from_vec(values[2..].to_vec(), 2),
+        };
+        let all = [[0.0; 4], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, -0.0]];
+        let prints: Vec<u64> = all.iter().map(|&values| fingerprint(&percept(values), 0)).collect();
+        assert!((0..5).all(|i| (0..i).all(|j| prints[i] != prints[j])), "{prints:?}");
+        assert_eq!(fingerprint(&percept([0.0; 4]), 0), prints[0]);
+    }
+
+    #[test]
+    fn a_trail_holds_one_episode() {
+        let mut trail = Trail::default();
+        trail.push(1, &[0, 1]);
+        trail.push(0, &[1, 1]);
+        assert_eq!((trail.steps(), trail.sources_at(1, 2)), (2, &[1, 1][..]));
+        trail.end_episode();
+        assert_eq!(trail, Trail { episode: 1, ..Trail::default() });
+    }
+}

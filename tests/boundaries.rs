@@ -1,0 +1,124 @@
+//! Training is one stream: how often one looks at it, writes it down, kills it or shares it out changes no bit of what is
+//! learned.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+/// The timesteps of every run here. Copies play 400 of them: more than six traffic episodes, eight of the warehouse.
+const STEPS: u64 = 3_200;
+
+/// A horizon that no period of these tests is a multiple of, and AIPs that are trained again in the middle of an episode.
+fn config(domain: &str, recurrent: bool) -> String {
+    let nets = Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets").display().to_string();
+    let domain = match domain {
+        "traffic" => format!("[traffic]\nnetwork = '{nets}/grid_2x2'\nlocal_network = '{nets}/local'\nhorizon = 63\n"),
+        _ => "[warehouse]\nagents_per_side = 2\nhorizon = 47\n".to_owned(),
+    };
+    let (policy, aip) = if recurrent { ("recurrent = 8\n", "recurrent = 6\n") } else { ("", "") };
+    format!(
+        "total_steps = {STEPS}\n{domain}\
+         [local_simulators]\ncopies = 8\nstagger = true\n\
+         [policy]\n{policy}hidden = [16]\n[ppo]\ntime_limit = 'bootstrap'\n\
+         [aip]\n{aip}hidden = [8]\nretrain_every_steps = 1_400\ndataset_steps = 130\nbatch = 2\nepochs = 2\n\
+         [evaluation]\nepisodes = 2\nfinal_episodes = 2\naip_loss_episodes = 0\n"
+    )
+}
+
+struct Run {
+    dir: tempfile::TempDir,
+}
+
+impl Run {
+    fn new(config: &str) -> Run {
+        let dir = tempfile::tempdir().unwrap();
+        fs::write(dir.path().join("config.toml"), config).unwrap();
+        Run { dir }
+    }
+
+    fn out(&self) -> PathBuf {
+        self.dir.path().join("run")
+    }
+
+    fn command(&self, simulator: &str, every_steps: u64, more: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_dials-traffic"));
+        command.arg("train").arg(self.dir.path().join("config.toml")).arg("--out").arg(self.out());
+        command.args(["--simulator", simulator, "--set", &format!("evaluation.every_steps={every_steps}")]);
+        command.args(more).stdout(Stdio::null()).stderr(Stdio::piped());
+        command
+    }
+
+    fn train(&self, simulator: &str, every_steps: u64, more: &[&str]) -> Vec<u8> {
+        finish(self.command(simulator, every_steps, more));
+        self.policies()
+    }
+
+    fn policies(&self) -> Vec<u8> {
+        fs::read(self.out().join("policies.safetensors")).unwrap()
+    }
+
+    fn checkpoints(&self) -> usize {
+        fs::read_dir(self.out().join("checkpoints")).map_or(0, |entries| entries.count())
+    }
+}
+
+fn finish(mut command: Command) {
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// Policies are the same whether a run is evaluated once, at periods that fit nothing, or at every update.
+fn assert_that_looking_leaves_no_trace(domain: &str, recurrent: bool) {
+    let config = config(domain, recurrent);
+    for simulator in ["gs", "dials", "marginal-dials", "untrained-dials"] {
+        let once = Run::new(&config).train(simulator, STEPS, &["--workers", "0"]);
+        let often = Run::new(&config).train(simulator, 500, &["--workers", "2"]);
+        assert!(once == often, "{domain}, {simulator}, recurrent {recurrent}: evaluated every 500 steps by 2 workers");
+    }
+    let once = Run::new(&config).train("dials", STEPS, &["--workers", "1"]);
+    let always = Run::new(&config).train("dials", 128, &["--workers", "0"]);
+    assert!(once == always, "{domain}, recurrent {recurrent}: evaluated at every update");
+    // So that the test can fail: what the numbers come from is in the file.
+    let other = Run::new(&config).train("dials", STEPS, &["--workers", "0", "--set", "aip.retrain_every_steps=1500"]);
+    assert!(once != other, "{domain}, recurrent {recurrent}: F changes what is learned");
+}
+
+#[test]
+fn looking_at_traffic_leaves_no_trace() {
+    assert_that_looking_leaves_no_trace("traffic", false);
+}
+
+#[test]
+fn looking_at_traffic_with_memory_leaves_no_trace() {
+    assert_that_looking_leaves_no_trace("traffic", true);
+}
+
+#[test]
+fn looking_at_the_warehouse_leaves_no_trace() {
+    assert_that_looking_leaves_no_trace("warehouse", false);
+}
+
+#[test]
+fn looking_at_the_warehouse_with_memory_leaves_no_trace() {
+    assert_that_looking_leaves_no_trace("warehouse", true);
+}
+
+#[test]
+fn a_run_that_is_killed_in_the_middle_of_its_episodes_goes_on_as_if_it_had_not_been() {
+    for (domain, simulator) in [("traffic", "gs"), ("traffic", "dials"), ("warehouse", "dials")] {
+        let config = config(domain, true);
+        let undisturbed = Run::new(&config).train(simulator, STEPS, &["--workers", "0"]);
+        let run = Run::new(&config);
+        let mut killed = run.command(simulator, 600, &["--workers", "2"]).spawn().unwrap();
+        while run.checkpoints() == 0 && killed.try_wait().unwrap().is_none() {
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        killed.kill().unwrap();
+        killed.wait().unwrap();
+        let mut resume = Command::new(env!("CARGO_BIN_EXE_dials-traffic"));
+        resume.arg("train").arg("--resume").arg(run.out()).args(["--workers", "1"]);
+        finish(resume);
+        assert!(run.policies() == undisturbed, "{domain}, {simulator}");
+    }
+}
