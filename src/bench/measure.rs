@@ -41,7 +41,7 @@ pub struct Orders {
     pub units: f64,
     /// From the order to the last answer, and to the files that a run writes then.
     pub wall: Duration,
-    /// Of the slowest worker of each order, without [`Phase::Loading`].
+    /// Of the slowest worker of each order, without what it takes to begin: [`Orders::BEGINNING`].
     pub slowest: Duration,
     /// Added up over the workers.
     pub work: Duration,
@@ -226,17 +226,28 @@ impl Bench<'_> {
 }
 
 impl Orders {
+    /// Phases in which simulators are made and brought to where training stands. They do not grow with the work.
+    pub const BEGINNING: [Phase; 2] = [Phase::Loading, Phase::Retracing];
+
+    /// Time spent in [`Orders::BEGINNING`], added up over the workers.
+    pub fn beginning(&self) -> Duration {
+        beginning(&self.phases)
+    }
+
     fn note(&mut self, activity: Activity, units: f64, wall: Duration, load: &FleetLoad) {
         self.count += 1;
         self.units += units;
         self.wall += wall;
         let of_workers = || load.workers.iter().map(|worker| &worker.timesheet);
-        let net = of_workers()
-            .map(|sheet| sheet.whole(activity).saturating_sub(sheet.phases(activity).spent(Phase::Loading)));
+        let net = of_workers().map(|sheet| sheet.whole(activity).saturating_sub(beginning(sheet.phases(activity))));
         self.slowest += net.max().unwrap_or_default();
         for sheet in of_workers() {
             self.work += sheet.whole(activity);
             self.phases.add(sheet.phases(activity));
         }
     }
+}
+
+fn beginning(phases: &Stopwatch) -> Duration {
+    Orders::BEGINNING.iter().map(|&phase| phases.spent(phase)).sum()
 }

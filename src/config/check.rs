@@ -82,10 +82,14 @@ fn check_schedule(config: &Config) -> Result<()> {
     at_least(1, "evaluation.final_episodes", config.evaluation.final_episodes as u64, "100 is the default")?;
     at_least(1, "aip.retrain_every_steps", config.aip.retrain_every_steps, "the paper uses 100000 to 4000000")?;
     let memory = config.ppo.memory as u64;
+    let own = config.checkpoints.every_steps.map(|every| ("checkpoints.every_steps", every));
     for (key, every) in [
         ("evaluation.every_steps", config.evaluation.every_steps),
         ("aip.retrain_every_steps", config.aip.retrain_every_steps),
-    ] {
+    ]
+    .into_iter()
+    .chain(own)
+    {
         ensure!(
             every >= memory,
             "{key} = {every}: must be at least ppo.memory = {memory}, the timesteps between two updates of the policies"

@@ -40,6 +40,7 @@ pub struct Config {
     pub ppo: PpoConfig,
     pub aip: AipConfig,
     pub evaluation: EvaluationConfig,
+    pub checkpoints: CheckpointsConfig,
     pub logging: LoggingConfig,
 }
 
@@ -253,6 +254,16 @@ pub struct EvaluationConfig {
     pub aip_loss_episodes: usize,
 }
 
+/// Checkpoints, from which a run that was stopped goes on.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct CheckpointsConfig {
+    /// Timesteps per agent between two checkpoints, besides those at every evaluation and training of the AIPs. Changes no
+    /// number.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub every_steps: Option<u64>,
+}
+
 /// What a run writes beside its CSV files.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -285,6 +296,7 @@ impl Default for Config {
             ppo: PpoConfig::default(),
             aip: AipConfig::default(),
             evaluation: EvaluationConfig::default(),
+            checkpoints: CheckpointsConfig::default(),
             logging: LoggingConfig::default(),
         }
     }

@@ -35,13 +35,14 @@ pub fn schedule(config: &Config) -> Vec<Period> {
     let retrain_every = (trains_aips && config.aip.retrain == Retrain::Every).then_some(config.aip.retrain_every_steps);
     let mut bounds: BTreeSet<u64> = (0..last).step_by(evaluate_every as usize).collect();
     bounds.extend(retrain_every.iter().flat_map(|&every| (0..last).step_by(every as usize)));
+    bounds.extend(config.checkpoints.every_steps.iter().flat_map(|&every| (0..last).step_by(every as usize)));
     bounds.insert(last);
     let train_aips = |start: u64| match config.aip.retrain {
         _ if !trains_aips => AipTraining::No,
         _ if start == 0 => AipTraining::Yes,
         Retrain::Every if start.is_multiple_of(config.aip.retrain_every_steps) => AipTraining::Yes,
-        Retrain::Drift => AipTraining::IfDrifted, // only evaluations begin periods then
-        Retrain::Every | Retrain::Once => AipTraining::No,
+        Retrain::Drift if start.is_multiple_of(evaluate_every) => AipTraining::IfDrifted,
+        Retrain::Every | Retrain::Once | Retrain::Drift => AipTraining::No,
     };
     let bounds: Vec<u64> = bounds.into_iter().collect();
     let periods = bounds.windows(2).map(|bound| Period {
@@ -89,6 +90,17 @@ mod tests {
                 (240, 250, false, true),
             ]
         );
+    }
+
+    #[test]
+    fn checkpoints_of_their_own_begin_periods_without_evaluation_or_training() {
+        let mut config = config("dials", 100, 100, 50);
+        config.checkpoints.every_steps = Some(40);
+        config.aip.retrain = Retrain::Drift;
+        let periods = schedule(&config);
+        let (yes, no) = (AipTraining::IfDrifted, AipTraining::No);
+        let begin: Vec<_> = periods.iter().map(|period| (period.start, period.evaluate, period.train_aips)).collect();
+        assert_eq!(begin, [(0, true, AipTraining::Yes), (40, false, no), (50, true, yes), (80, false, no)]);
     }
 
     #[test]
