@@ -409,7 +409,7 @@ fn returns_stand_beside_the_strongest_controller_on_the_same_episodes() {
     let differences = fs::read_to_string(dir.path().join("report/differences.csv")).unwrap();
     assert!(differences.contains("traffic_4,GS,actuated,episode,5,33.4000,,\n"), "{differences}");
     let svg = fs::read_to_string(dir.path().join("report/learning_traffic_4.svg")).unwrap();
-    assert!(svg.contains("band: 95 %") && !svg.contains("pale lines"), "{svg}");
+    assert!(svg.contains("band: 95\u{a0}%") && !svg.contains("pale lines"), "{svg}");
 }
 
 #[test]

@@ -16,7 +16,7 @@ use super::group::{Group, Sorted, sort, steps_text};
 use super::run_dir::{CpuTime, PeriodTime, RunRecord, Status};
 use super::scenario::Scenario;
 use super::statistics::{ENOUGH_SEEDS, Spread};
-use super::words::{duration, figure, figure_like, interval, pairing, signed};
+use super::words::{duration, figure, figure_like, interval, pairing, signed, signed_interval};
 use crate::base::statistics::{mean, median};
 
 /// Of the worse final return: what both groups have to reach where nothing else is asked for.
@@ -212,7 +212,7 @@ impl Verdict {
         for ((letter, side), runs) in [("A", a), ("B", b)].into_iter().zip(&self.runs) {
             let seeds: Vec<String> = runs.iter().map(|(seed, _)| seed.to_string()).collect();
             let on = common_episodes(runs.iter().map(|(_, played)| played))
-                .map_or(String::new(), |on| format!(", {} episodes of evaluation.seed {}", on.count, on.seed));
+                .map_or(String::new(), |on| format!(" ({} episodes of evaluation.seed {})", on.count, on.seed));
             lines.push(format!("{letter}: {}: {}, seed {}{on}", side.name, side.group.name(), seeds.join(", ")));
         }
         // What only one side looks at follows from the simulator, which is told.
@@ -227,7 +227,8 @@ impl Verdict {
         lines.push(row("mean return", of_a, of_b, signed(self.difference.mean, like)));
         if self.returns.iter().any(|spread| spread.interval.is_some()) {
             let [of_a, of_b] = self.returns.each_ref().map(|spread| interval(spread.interval, like));
-            lines.push(row("  95 % interval", of_a, of_b, interval(self.difference.interval, like)));
+            let of_both = self.difference.interval.map_or("-".to_owned(), |ends| signed_interval(ends, like));
+            lines.push(row("  95 % interval", of_a, of_b, of_both));
         }
         if self.difference.interval.is_none() {
             lines.extend(self.seeds().map(|(seed, values, difference)| {

@@ -96,7 +96,7 @@ impl Comparison {
     pub fn opponents(&self) -> Vec<Opponent<'_>> {
         let strongest = self.baselines.iter().max_by(|a, b| a.mean_return.total_cmp(&b.mean_return));
         let first = || match &self.groups[..] {
-            [first, _, ..] => Some(Opponent::Group(first, self.short_label(first))),
+            [first, _, ..] => Some(Opponent::Group(first, first.label())),
             _ => None,
         };
         strongest.map(Opponent::Controller).into_iter().chain(self.reference().or_else(first)).collect()

@@ -17,7 +17,7 @@ use super::paper;
 use super::run_dir::Returns;
 use super::scenario::Domain;
 use super::statistics::{Bounds, ENOUGH_SEEDS, Spread};
-use super::words::{difference, figure};
+use super::words::{difference, figure, signed};
 use crate::drawing::Svg;
 
 /// Along which a learning curve is drawn.
@@ -107,7 +107,7 @@ fn shows_seeds(runs: usize) -> bool {
 /// What a reader must know of bands and pale lines.
 fn note_on_seeds(lines: &[Line]) -> Option<String> {
     let bands = lines.iter().any(|line| line.points.iter().any(|point| point.band.is_some()));
-    let bands = bands.then(|| "band: 95 % Student's t interval over seeds".to_owned());
+    let bands = bands.then(|| "band: 95\u{a0}% Student's t interval over seeds".to_owned());
     let seeds = lines.iter().any(|line| !line.seeds.is_empty());
     let seeds = seeds.then(|| format!("pale lines: single seeds, where there are fewer than {ENOUGH_SEEDS}"));
     let notes: Vec<String> = bands.into_iter().chain(seeds).collect();
@@ -154,11 +154,7 @@ pub fn ablation(comparison: &Comparison) -> Option<Result<Svg>> {
         words: [figure(end.returns.mean), against, format!("{} of {}", end.stuck.len(), end.agents)],
     };
     let to_reference = |group: &Group, end: &Final| match opponent.difference(group, end) {
-        // There is no room for both.
-        Some(found) if !found.pairing.by_episode() => {
-            difference(&Difference { of_seeds: Vec::new(), ..found }, end.returns.mean)
-        }
-        Some(found) => difference(&found, end.returns.mean),
+        Some(found) => short_difference(found, end.returns.mean),
         None => format!("at {} steps", steps_text(end.steps)),
     };
     let mut rows = vec![row(reference, &of_reference, "the reference".to_owned())];
@@ -172,7 +168,7 @@ pub fn ablation(comparison: &Comparison) -> Option<Result<Svg>> {
             "diamond: mean; bar: 95 % Student's t interval over seeds, from five on; circles: seeds; n: seeds that differ so"
         }
         (false, _) => {
-            "diamond: mean; circles: seeds, too few for an interval; in brackets: n, and the difference of each seed"
+            "diamond: mean; circles: seeds, too few for an interval; in brackets: the difference of each seed"
         }
     };
     let chart = RowChart {
@@ -378,6 +374,20 @@ pub fn runtime_bars(domain: Domain, comparisons: &[&Comparison], looks: &Looks) 
     chart.draw()
 }
 
+/// As [`difference`], in the width of a picture: `+4.1 (+3.0, +5.0, +4.3)` for few seeds, whose number one sees.
+fn short_difference(found: Difference, like: f64) -> String {
+    if !found.pairing.by_episode() {
+        return difference(&Difference { of_seeds: Vec::new(), ..found }, like);
+    }
+    match found.interval {
+        None if shows_seeds(found.of_seeds.len()) => {
+            let seeds: Vec<String> = found.of_seeds.iter().map(|(_, value)| signed(*value, like)).collect();
+            format!("{} ({})", signed(found.mean, like), seeds.join(", "))
+        }
+        _ => difference(&found, like),
+    }
+}
+
 /// The seeds of a bar that has too few for an interval, in this unit.
 fn single(spread: &Spread, unit: f64) -> Vec<f64> {
     let values = spread.values.iter().map(|value| value / unit);
@@ -388,7 +398,7 @@ fn single(spread: &Spread, unit: f64) -> Vec<f64> {
 fn note_on_bars(clusters: &[Cluster]) -> Option<String> {
     let bars = || clusters.iter().flat_map(|cluster| &cluster.bars);
     let whiskers = bars().any(|bar| bar.whisker.is_some());
-    let whiskers = whiskers.then(|| "whiskers: 95 % Student's t interval over seeds".to_owned());
+    let whiskers = whiskers.then(|| "whiskers: 95\u{a0}% Student's t interval over seeds".to_owned());
     let circles = bars().any(|bar| !bar.points.is_empty());
     let circles = circles.then(|| format!("circles: single seeds, where there are fewer than {ENOUGH_SEEDS}"));
     let notes: Vec<String> = whiskers.into_iter().chain(circles).collect();

@@ -17,7 +17,10 @@ pub fn figure(value: f64) -> String {
 
 /// With its sign, and as many decimals as `like` has as a return.
 pub fn signed(value: f64, like: f64) -> String {
-    format!("{}{}", if value < 0.0 { "-" } else { "+" }, figure_like(value.abs(), like))
+    let size = figure_like(value.abs(), like);
+    // Nothing is less than nothing.
+    let negative = value < 0.0 && size.bytes().any(|digit| (b'1'..=b'9').contains(&digit));
+    format!("{}{size}", if negative { "-" } else { "+" })
 }
 
 /// As many decimals as `like` has as a return.
@@ -37,7 +40,7 @@ pub fn interval(interval: Option<Bounds>, like: f64) -> String {
 }
 
 /// `[+1.2, +3.4]`, the ends of an interval of a difference.
-fn signed_interval(Bounds { low, high }: Bounds, like: f64) -> String {
+pub fn signed_interval(Bounds { low, high }: Bounds, like: f64) -> String {
     format!("[{}, {}]", signed(low, like), signed(high, like))
 }
 
@@ -162,7 +165,7 @@ mod tests {
         assert_eq!(with_error(217.44, Some(1.16)), "217.4 ± 1.2");
         assert_eq!(with_error(13.086, Some(0.03)), "13.09 ± 0.03");
         assert_eq!(with_error(13.086, None), "13.09");
-        assert_eq!((signed(-3.0, 200.0).as_str(), signed(0.456, 13.0).as_str()), ("-3.0", "+0.46"));
+        assert_eq!([signed(-3.0, 200.0), signed(0.456, 13.0), signed(-0.04, 200.0)], ["-3.0", "+0.46", "+0.0"]);
         let spread = |values: &[f64]| certainty(&Spread::of(values).unwrap());
         assert_eq!([spread(&[214.0]), spread(&[214.0, 218.04])], ["one seed", "seeds: 214.0, 218.0"]);
         // Mean 3, error sqrt(0.5), t 2.776: 1.96.

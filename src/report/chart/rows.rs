@@ -12,9 +12,9 @@ use crate::drawing::{INK, Svg, draw_mesh, px, text};
 const WIDTH: u32 = 860;
 /// Of the labels, and of the words at the right.
 const LABELS: u32 = 230;
-const WORDS: u32 = 312;
+const WORDS: u32 = 330;
 /// Right ends of their columns, from the right.
-const COLUMNS: [u32; 3] = [252, 66, 8];
+const COLUMNS: [u32; 3] = [276, 66, 8];
 const TITLE: u32 = 50;
 const AXIS: u32 = 48;
 const NOTE: u32 = 22;
