@@ -366,7 +366,7 @@ fn five_seeds_on_the_same_episodes_have_an_interval_of_their_paired_differences(
     // 200 + 0..4 against 214 + 1, 3, ..., 9: differences 15 to 19, mean 17, error sqrt(2.5 / 5) = 0.70711, t of 4 is 2.77645.
     assert_eq!((&found["paired_by"], &found["a"]["episodes"]), (&"episode and seed".into(), &4.into()));
     near(&found["difference"], 17.0);
-    near(&found["interval_95"][0], 17.0 - 2.77645 * 0.70711);
+    near(&found["interval_95"][0], 17.0 - 2.77645 * 0.5_f64.sqrt());
     near(&found["differences"][4]["difference"], 19.0);
     assert_eq!(found["warnings"], serde_json::json!([]));
     // 1406 s less 16 s of evaluations; the runs on the GS are of a version that did not measure it.

@@ -113,8 +113,8 @@ mod tests {
         // 1 to 5: mean 3, variance 2.5, error sqrt(0.5) = 0.707107; t of 4 degrees of freedom is 2.776445.
         let spread = Spread::of(&[1.0, 2.0, 3.0, 4.0, 5.0]).unwrap();
         let interval = spread.interval.unwrap();
-        assert_near(interval.low, 3.0 - 2.776_445 * 0.707_107, 1e-4);
-        assert_near(interval.high, 3.0 + 2.776_445 * 0.707_107, 1e-4);
+        assert_near(interval.low, 3.0 - 2.776_445 * 0.5_f64.sqrt(), 1e-4);
+        assert_near(interval.high, 3.0 + 2.776_445 * 0.5_f64.sqrt(), 1e-4);
         let estimate = Estimate::of(&spread.values).unwrap();
         assert_near(estimate.variance, 0.5, 1e-12);
         assert_eq!((estimate.mean, estimate.freedom), (3.0, 4.0));
