@@ -131,12 +131,8 @@ fn give_up(what: &str, tried: &[String], way_out: &str) -> ! {
 
 /// What `dials-traffic info` and `run.json` say of this build.
 fn tell_versions() {
-    println!("cargo:rerun-if-changed=.git/logs/HEAD");
     println!("cargo:rerun-if-env-changed=LIBTORCH");
-    let git = Command::new("git").args(["rev-parse", "--short=12", "HEAD"]).output();
-    let commit =
-        git.ok().filter(|git| git.status.success()).map(|git| String::from_utf8_lossy(&git.stdout).into_owned());
-    println!("cargo:rustc-env=DIALS_GIT_COMMIT={}", commit.as_deref().unwrap_or("unknown").trim());
+    println!("cargo:rustc-env=DIALS_GIT_COMMIT={}", commit().unwrap_or("unknown".into()));
     let header = PathBuf::from(env::var("LIBTORCH").unwrap_or("/usr".into()))
         .join("include/torch/csrc/api/include/torch/version.h");
     let text = std::fs::read_to_string(header).unwrap_or_default();
@@ -145,4 +141,28 @@ fn tell_versions() {
         text.lines().find_map(|line| line.strip_prefix(&define)).unwrap_or("?").to_owned()
     };
     println!("cargo:rustc-env=DIALS_LIBTORCH_VERSION={}", ["MAJOR", "MINOR", "PATCH"].map(number).join("."));
+}
+
+/// The commit of this checkout, with `-dirty` where a source has been changed since.
+fn commit() -> Option<String> {
+    const SOURCES: [&str; 4] = ["src", "build.rs", "Cargo.toml", "Cargo.lock"];
+    SOURCES.iter().for_each(|source| println!("cargo:rerun-if-changed={source}"));
+    // Grows with every commit and checkout; in a worktree it is not under `.git`.
+    if let Some(log) = git(&["rev-parse", "--git-path", "logs/HEAD"]) {
+        println!("cargo:rerun-if-changed={log}");
+    }
+    let commit = git(&["rev-parse", "--short=12", "HEAD"])?;
+    let changed = git(&[&["status", "--porcelain", "--"], &SOURCES[..]].concat())?;
+    Some(if changed.is_empty() { commit } else { format!("{commit}-dirty") })
+}
+
+/// What git answers; nothing where it fails.
+fn git(words: &[&str]) -> Option<String> {
+    let output = Command::new("git")
+        .arg("--no-optional-locks")
+        .args(words)
+        .output()
+        .ok()
+        .filter(|output| output.status.success())?;
+    Some(String::from_utf8_lossy(&output.stdout).trim().to_owned())
 }

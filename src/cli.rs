@@ -64,6 +64,10 @@ pub struct Train {
     #[arg(long, value_name = "RUN_DIR",
           conflicts_with_all = ["config", "seed", "steps", "simulator", "tensorboard", "out", "settings", "force"])]
     pub resume: Option<PathBuf>,
+    /// Go on although another build wrote the run, or SUMO, libm or vector instructions were others: its numbers may
+    /// change. run.json records it
+    #[arg(long, conflicts_with = "config")]
+    pub accept_other_build: bool,
     /// Worker processes that share the agents; 0 works in this process. The results are the same
     /// [default: the number of cores]
     #[arg(long)]
@@ -255,6 +259,9 @@ pub struct Experiment {
     /// Only list the runs, with an estimate of time and memory
     #[arg(long)]
     pub dry_run: bool,
+    /// Resume runs although another build wrote them, or SUMO, libm or vector instructions were others
+    #[arg(long)]
+    pub accept_other_build: bool,
 }
 
 #[derive(Debug, Args)]

@@ -414,6 +414,91 @@ fn wrong_networks_are_refused_with_their_name_before_anything_is_written() {
     );
 }
 
+/// Replaces a text in a file, wherever it is.
+fn edit(path: &Path, from: &str, to: &str) {
+    let before = fs::read_to_string(path).unwrap();
+    assert!(before.contains(from), "{from} is not in {}", path.display());
+    fs::write(path, before.replace(from, to)).unwrap();
+}
+
+#[test]
+fn a_net_with_shorter_lanes_is_refused_by_whatever_would_simulate_it_before_anything_is_written() {
+    let dir = tempfile::tempdir().unwrap();
+    let (config, run) = (write_config(dir.path(), SHORT), dir.path().join("run"));
+    train(&config, &run, &[]).success();
+    let told = "grid_2x2.net.xml: lane \"e0_r0c1_0\": length=\"60.00\", and this program simulates length=\"100.00\"";
+    let way_out = "remake it with: dials-traffic nets grid --rows 2 --cols 2 --out";
+
+    let nets =
+        spoiled_nets(dir.path(), "grid_2x2.net.xml", |text| text.replace("length=\"100.00\"", "length=\"60.00\""));
+    // The lengths of edges are compared before those of their lanes.
+    edit(&nets.join("grid_2x2.net.xml"), "priority=\"-1\" length=\"60.00\"", "priority=\"-1\" length=\"100.00\"");
+    edit(Path::new(&config), &nets_text(), nets.to_str().unwrap());
+    let before = names_in(dir.path());
+    let out = dir.path().join("out");
+    let places = ["--csv", out.to_str().unwrap()];
+    assert_refused(&mut dials_traffic(&["train", &config, "--out", out.to_str().unwrap()]), &[told, way_out]);
+    let baseline = ["baseline", &config, "--controller", "never"];
+    assert_refused(&mut dials_traffic(&[&baseline[..], &places].concat()), &[told, way_out]);
+
+    // A run keeps a copy of its networks under names of its own.
+    edit(
+        &run.join("networks/global.net.xml"),
+        "\"e0_r0c1_0\" index=\"0\" speed=\"10.00\"",
+        "\"e0_r0c1_0\" index=\"0\" speed=\"15.00\"",
+    );
+    let told =
+        ["networks/global.net.xml: lane \"e0_r0c1_0\": speed=\"15.00\"", "nets grid --rows 2 --cols 2 --out DIR"];
+    let run = run.to_str().unwrap();
+    assert_refused(&mut dials_traffic(&[&["evaluate", run][..], &places].concat()), &told);
+    assert_refused(&mut dials_traffic(&["train", "--resume", run]), &told);
+    assert_refused(&mut dials_traffic(&["replay", run, "--out", out.to_str().unwrap()]), &told);
+    assert_eq!(names_in(dir.path()), before);
+}
+
+fn names_in(dir: &Path) -> Vec<String> {
+    let entries = fs::read_dir(dir).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    let mut names: Vec<String> = entries.collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn weights_that_are_no_finite_numbers_are_refused_wherever_they_would_be_played_or_exported() {
+    let dir = tempfile::tempdir().unwrap();
+    let (config, out) = (write_config(dir.path(), SHORT), dir.path().join("run"));
+    train(&config, &out, &[]).success();
+    for (file, bad) in [("policies.safetensors", f32::NAN), ("aips.safetensors", f32::INFINITY)] {
+        // The last number of a file is the last of some tensor: that of the last agent.
+        let mut bytes = fs::read(out.join(file)).unwrap();
+        let end = bytes.len();
+        bytes[end - 4..].copy_from_slice(&bad.to_le_bytes());
+        fs::write(out.join(file), bytes).unwrap();
+    }
+    let (run, new) = (out.to_str().unwrap(), dir.path().join("new"));
+    let new_path = new.to_str().unwrap();
+    let of_policies =
+        ["policies.safetensors: `layers.", "of agent 3 holds NaN, which is no finite number", "train again"];
+    for args in [
+        &["evaluate", run, "--csv", new_path][..],
+        &["export", run, "--out", new_path],
+        &["replay", run, "--out", new_path],
+    ] {
+        assert_refused(&mut dials_traffic(args), &of_policies);
+        assert!(!new.exists(), "{args:?}");
+    }
+    let compare = ["baseline", &config, "--compare", &format!("never,{run}"), "--episodes", "1"];
+    assert_refused(&mut dials_traffic(&compare), &of_policies);
+
+    // AIPs are played by `replay --local` alone.
+    let retrained = dir.path().join("retrained");
+    train(&config, &retrained, &[]).success();
+    fs::copy(out.join("aips.safetensors"), retrained.join("aips.safetensors")).unwrap();
+    let local = ["replay", retrained.to_str().unwrap(), "--local", "0", "--out", new_path];
+    assert_refused(&mut dials_traffic(&local), &["aips.safetensors: `", "of agent 3 holds inf", "train again"]);
+    assert!(!new.exists());
+}
+
 fn nets_text() -> String {
     nets().display().to_string()
 }

@@ -9,7 +9,7 @@ use std::process::Command;
 use dials_traffic::base::AgentId;
 use dials_traffic::traffic::forest::{Region, write_forest};
 use dials_traffic::traffic::grid::{Grid, Node, Side, lane};
-use dials_traffic::traffic::net_file::{NetworkFiles, read_shape, write_grid, write_local};
+use dials_traffic::traffic::net_file::{NetworkFiles, read_grid, read_shape, write_grid, write_local};
 use quick_xml::Reader;
 use quick_xml::events::Event;
 use tempfile::TempDir;
@@ -179,7 +179,7 @@ fn a_grid_of_any_shape_can_be_made_played_and_recognised() {
     for (rows, cols) in [(1, 1), (1, 3), (3, 2)] {
         let network = make(grid(rows, cols), room.path());
         network.check().expect("all files are there");
-        assert_eq!(read_shape(&network.net).expect("one of our grids"), grid(rows, cols));
+        assert_eq!(read_grid(&network).expect("one of our grids"), grid(rows, cols));
         assert_eq!(sumo(&["-c", text(&network.config), "--end", "100"]), "");
     }
 }
@@ -187,8 +187,298 @@ fn a_grid_of_any_shape_can_be_made_played_and_recognised() {
 #[test]
 fn the_saved_networks_are_recognised() {
     for (network, shape) in all_saved() {
+        assert_eq!(read_grid(&network).expect("one of our grids"), shape);
         assert_eq!(read_shape(&network.net).expect("one of our grids"), shape);
     }
+}
+
+#[test]
+fn whatever_is_made_here_passes_with_any_inflow() {
+    let room = room();
+    for rows in 1..=10 {
+        for cols in [1, 2, 3, 10] {
+            let network = make(grid(rows, cols), room.path());
+            assert_eq!(read_grid(&network).expect("one of our grids"), grid(rows, cols));
+        }
+    }
+    for inflow in [0.0, 1e-3, 0.25, 1.0] {
+        let network = write_grid(grid(2, 3), inflow, room.path()).expect("netconvert is installed");
+        assert_eq!(read_grid(&network).expect("one of our grids"), grid(2, 3));
+    }
+    let local = write_local(room.path()).expect("netconvert is installed");
+    write_forest(&local, 2, room.path()).expect("the local net");
+}
+
+/// A network's file, what is replaced in it, and what is told of it.
+struct Damage {
+    ending: &'static str,
+    from: &'static str,
+    to: &'static str,
+    told: &'static str,
+}
+
+const fn damage(ending: &'static str, [from, to]: [&'static str; 2], told: &'static str) -> Damage {
+    Damage { ending, from, to, told }
+}
+
+/// A damaged copy of a saved network; what it is called, and the file.
+fn damaged(name: &str, damage: &Damage, dir: &Path) -> (NetworkFiles, PathBuf) {
+    let copy = saved(name).copy_to(dir, name).expect("a saved network");
+    let file = dir.join(format!("{name}{}", damage.ending));
+    let before = fs::read_to_string(&file).expect("a copy");
+    assert!(before.contains(damage.from), "{} is not in {}", damage.from, file.display());
+    fs::write(&file, before.replacen(damage.from, damage.to, 1)).expect("a writable directory");
+    (copy, file)
+}
+
+const NET: &str = ".net.xml";
+const ROUTES: &str = ".rou.xml";
+const ACTUATED: &str = ".actuated.add.xml";
+
+const DAMAGES: [Damage; 35] = [
+    // Lengths, limits, lanes.
+    damage(
+        NET,
+        [
+            r#"id="r0c0_r0c1_0" index="0" speed="10.00" length="100.00""#,
+            r#"id="r0c0_r0c1_0" index="0" speed="10.00" length="60.00""#,
+        ],
+        r#"lane "r0c0_r0c1_0": length="60.00", and this program simulates length="100.00""#,
+    ),
+    damage(
+        NET,
+        [r#"index="0" speed="10.00" length="18.80""#, r#"index="0" speed="10.00" length="12.8""#],
+        r#"lane ":r0c0_0_0": length="12.8", and this program simulates length="18.80""#,
+    ),
+    damage(
+        NET,
+        [r#"id="w0_r0c0_0" index="0" speed="10.00""#, r#"id="w0_r0c0_0" index="0" speed="13.89""#],
+        r#"lane "w0_r0c0_0": speed="13.89", and this program simulates speed="10.00""#,
+    ),
+    damage(
+        NET,
+        [
+            r#"<lane id="w0_r0c0_0""#,
+            r#"<lane id="w0_r0c0_1" index="1" speed="10.00" length="100.00"/><lane id="w0_r0c0_0""#,
+        ],
+        r#"it has <lane id="w0_r0c0_1" index="1" speed="10.00" length="100.00">, and this program simulates none"#,
+    ),
+    damage(
+        NET,
+        [r#"<lane id="w0_r0c0_0""#, r#"<lane allow="bus" id="w0_r0c0_0""#],
+        r#"lane "w0_r0c0_0": allow="bus", and this program simulates none"#,
+    ),
+    damage(
+        NET,
+        [r#"shape="-109.40,-1.60 -9.40,-1.60""#, r#"shape="-109.40,-1.60 -50,7 -9.40,-1.60""#],
+        r#"lane "w0_r0c0_0": shape="-109.40,-1.60 -50,7 -9.40,-1.60", and this program simulates shape="-109.40,-1.60 -9.40"#,
+    ),
+    damage(
+        NET,
+        [r#"from="w0" to="r0c0""#, r#"from="w0" to="r0c1""#],
+        r#"edge "w0_r0c0": to="r0c1", and this program simulates to="r0c0""#,
+    ),
+    damage(
+        NET,
+        [r#"id="w0_r0c0" from="w0""#, r#"id="w0_r0c0" type="highway" from="w0""#],
+        r#"edge "w0_r0c0": type="highway", and this program simulates none"#,
+    ),
+    damage(NET, ["<net ", r#"<net lefthand="true" "#], r#"net: lefthand="true", and this program simulates none"#),
+    // Connections.
+    damage(
+        NET,
+        [
+            r#"<connection from="w0_r0c0" to="r0c0_r0c1" fromLane="0" toLane="0" via=":r0c0_3_0" tl="r0c0" linkIndex="3" dir="s" state="o"/>"#,
+            "",
+        ],
+        r#"it lacks <connection from="w0_r0c0" to="r0c0_r0c1" fromLane="0" toLane="0" via=":r0c0_3_0""#,
+    ),
+    damage(
+        NET,
+        ["<connection ", r#"<connection from="w0_r0c0" to="r0c0_r1c0" dir="l"/><connection "#],
+        r#"connection from "w0_r0c0": to="r0c0_r1c0", and this program simulates to="r0c0_r0c1""#,
+    ),
+    damage(
+        NET,
+        ["\n</net>", r#"<connection from="w0_r0c0" to="r0c0_r1c0" dir="l"/></net>"#],
+        r#"it has connection from "w0_r0c0" twice, the second time as <connection from="w0_r0c0" to="r0c0_r1c0" dir="l">"#,
+    ),
+    damage(
+        NET,
+        [r#"tl="r0c1" linkIndex="1" dir="s""#, r#"tl="r0c1" linkIndex="1" dir="t""#],
+        r#"connection from "e0_r0c1": dir="t", and this program simulates dir="s""#,
+    ),
+    damage(
+        NET,
+        [r#"tl="r0c1" linkIndex="1""#, r#"tl="r0c1" linkIndex="2""#],
+        r#"connection from "e0_r0c1": linkIndex="2", and this program simulates linkIndex="1""#,
+    ),
+    damage(
+        NET,
+        [r#"via=":r0c1_1_0""#, r#"via=":r0c1_2_0""#],
+        r#"connection from "e0_r0c1": via=":r0c1_2_0", and this program simulates via=":r0c1_1_0""#,
+    ),
+    // Intersections and their lights.
+    damage(
+        NET,
+        [r#"id="r0c0" type="traffic_light""#, r#"id="r0c0" type="priority""#],
+        r#"junction "r0c0": type="priority", and this program simulates type="traffic_light""#,
+    ),
+    damage(
+        NET,
+        [r#"x="118.80" y="0.00""#, r#"x="218.80" y="0.00""#],
+        r#"junction "r0c1": x="218.80", and this program simulates x="118.80""#,
+    ),
+    damage(
+        NET,
+        [r#"response="0101""#, r#"response="0000""#],
+        r#"request 2 of junction "r0c0": response="0000", and this program simulates response="0101""#,
+    ),
+    damage(
+        NET,
+        [r#"duration="3"  state="yryr""#, r#"duration="4" state="yryr""#],
+        r#"phase 2 of tlLogic "r0c0": duration="4", and this program simulates duration="3""#,
+    ),
+    damage(
+        NET,
+        [r#"state="rGrG""#, r#"state="GrGr""#],
+        r#"phase 3 of tlLogic "r0c0": state="GrGr", and this program simulates state="rGrG""#,
+    ),
+    damage(
+        ACTUATED,
+        [r#"maxDur="45""#, r#"maxDur="60""#],
+        r#"phase 1 of tlLogic "r0c0": maxDur="60", and this program simulates maxDur="45""#,
+    ),
+    damage(
+        ACTUATED,
+        [r#"key="max-gap" value="3.0""#, r#"key="max-gap" value="2""#],
+        r#"param 1 of tlLogic "r0c0": value="2", and this program simulates value="3.0""#,
+    ),
+    damage(
+        ACTUATED,
+        [r#"<tlLogic id="r0c1""#, r#"<tlLogic id="r9c9""#],
+        r#"it has <tlLogic id="r9c9" type="actuated" programID="actuated" offset="0">, and this program simulates none"#,
+    ),
+    // The cars.
+    damage(
+        ROUTES,
+        [r#"accel="2.6""#, r#"accel="1.5""#],
+        r#"vType "car": accel="1.5", and this program simulates accel="2.6""#,
+    ),
+    damage(
+        ROUTES,
+        [r#"decel="7.5""#, r#"decel="4.5""#],
+        r#"vType "car": decel="4.5", and this program simulates decel="7.5""#,
+    ),
+    damage(
+        ROUTES,
+        [r#"length="5""#, r#"length="12""#],
+        r#"vType "car": length="12", and this program simulates length="5""#,
+    ),
+    damage(ROUTES, [r#" tau="1.0""#, ""], r#"vType "car": has no tau, and this program simulates tau="1.0""#),
+    damage(
+        ROUTES,
+        [r#"speedDev="0""#, r#"speedDev="0.1""#],
+        r#"vType "car": speedDev="0.1", and this program simulates speedDev="0""#,
+    ),
+    damage(
+        ROUTES,
+        [r#"carFollowModel="IDM""#, r#"carFollowModel="Krauss" sigma="0.5""#],
+        r#"vType "car": carFollowModel="Krauss", and this program simulates carFollowModel="IDM""#,
+    ),
+    damage(
+        ROUTES,
+        [r#"speedDev="0""#, r#"speedDev="0" sigma="0.5""#],
+        r#"vType "car": sigma="0.5", and this program simulates none"#,
+    ),
+    // Where they go and how they come.
+    damage(
+        ROUTES,
+        [r#"edges="w0_r0c0 r0c0_r0c1 r0c1_e0""#, r#"edges="w0_r0c0 r0c0_r1c0 r1c0_n0""#],
+        r#"route "w0_to_e0": edges="w0_r0c0 r0c0_r1c0 r1c0_n0", and this program simulates edges="w0_r0c0 r0c0_r0c1 r0c1_e0""#,
+    ),
+    damage(
+        ROUTES,
+        [r#"route="w0_to_e0""#, r#"route="w1_to_e1""#],
+        r#"flow "w0": route="w1_to_e1", and this program simulates route="w0_to_e0""#,
+    ),
+    damage(
+        ROUTES,
+        [r#"departSpeed="10""#, r#"departSpeed="max""#],
+        r#"flow "w0": departSpeed="max", and this program simulates departSpeed="10""#,
+    ),
+    damage(
+        ROUTES,
+        [r#"probability="0.1""#, r#"probability="nan""#],
+        r#"flow "w0": probability="nan", and this program simulates probabilities above 0 and up to 1"#,
+    ),
+    damage(
+        ROUTES,
+        [r#"<flow id="w0""#, r#"<flow id="bus""#],
+        r#"it has <flow id="bus" type="car" route="w0_to_e0" begin="0""#,
+    ),
+];
+
+#[test]
+fn a_grid_with_our_names_and_other_content_is_refused_with_the_file_the_element_and_both_values() {
+    let room = room();
+    for damage in &DAMAGES {
+        let (network, file) = damaged("grid_2x2", damage, room.path());
+        let told = format!("{:#}", read_grid(&network).expect_err(damage.told));
+        assert!(told.starts_with(&format!("{}: {}", file.display(), damage.told)), "{told}\nis not\n{}", damage.told);
+        let way_out =
+            format!("remake it with: dials-traffic nets grid --rows 2 --cols 2 --out {}", room.path().display());
+        assert!(told.ends_with(&way_out), "{told}");
+    }
+}
+
+#[test]
+fn a_local_net_with_our_names_and_other_content_is_refused_likewise() {
+    let room = room();
+    let damages = [
+        damage(
+            NET,
+            [r#"speed="10.00" length="100.00""#, r#"speed="10.00" length="60.00""#],
+            r#"lane "e0_r0c0_0": length="60.00", and this program simulates length="100.00""#,
+        ),
+        damage(
+            ROUTES,
+            [r#"minGap="2.5""#, r#"minGap="2""#],
+            r#"vType "car": minGap="2", and this program simulates minGap="2.5""#,
+        ),
+        damage(
+            ROUTES,
+            ["</routes>", r#"<flow id="w0" route="w0_to_e0"/></routes>"#],
+            r#"it has <flow id="w0" route="w0_to_e0">, and this program simulates none"#,
+        ),
+    ];
+    for damage in &damages {
+        let (network, file) = damaged("local", damage, room.path());
+        let told = format!("{:#}", write_forest(&network, 2, room.path()).expect_err(damage.told));
+        let way_out = "make one with: dials-traffic nets local --out DIR";
+        assert_eq!(told, format!("{}: {}; {way_out}", file.display(), damage.told));
+    }
+}
+
+#[test]
+fn cars_may_come_more_often_from_one_side_or_not_at_all() {
+    let room = room();
+    let flow = r#"<flow id="w0" type="car" route="w0_to_e0" begin="0" end="86400" probability="0.1" departLane="free" departSpeed="10"/>"#;
+    let often = flow.replace("0.1", "0.35").leak();
+    for to in [often, ""] {
+        let (network, _) = damaged("grid_2x2", &damage(ROUTES, [flow, to], ""), room.path());
+        assert_eq!(read_grid(&network).expect("one of our grids"), grid(2, 2));
+    }
+}
+
+#[test]
+fn a_network_that_is_called_otherwise_is_remade_elsewhere() {
+    let room = room();
+    let copy = saved("grid_2x2").copy_to(room.path(), "global").expect("a saved network");
+    let net = fs::read_to_string(&copy.net).expect("a copy");
+    fs::write(&copy.net, net.replace("10.00", "15.00")).expect("a writable directory");
+    let told = read_grid(&copy).expect_err("another limit").to_string();
+    assert!(told.ends_with("make one with: dials-traffic nets grid --rows 2 --cols 2 --out DIR"), "{told}");
 }
 
 #[test]
@@ -462,7 +752,7 @@ fn a_forest_is_made_of_the_local_net_only() {
     assert!(refusal(&NetworkFiles::of(&room.path().join("local")), 3).contains("dials-traffic nets local --out "));
     // A 1x1 grid is the local net plus flows, and flows would be nobody's arrivals.
     let flows = refusal(&make(Grid::SINGLE, &room.path().join("nets")), 3);
-    assert!(flows.contains("grid_1x1.rou.xml: cannot be replicated: it has a <flow>"), "{flows}");
-    assert!(flows.ends_with("make one with: dials-traffic nets local"), "{flows}");
+    assert!(flows.contains("grid_1x1.rou.xml: it has <flow id=\"w0\" type=\"car\""), "{flows}");
+    assert!(flows.ends_with("make one with: dials-traffic nets local --out DIR"), "{flows}");
     assert!(!room.path().join("forest_3.net.xml").exists());
 }

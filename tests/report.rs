@@ -176,6 +176,16 @@ fn a_folder_that_is_named_twice_counts_once() {
 
 /// A copy of some fixed runs that a test may change, and a report of it.
 fn report_of(runs: &[&str], change: impl Fn(&Path)) -> (tempfile::TempDir, String) {
+    let dir = copy_of(runs);
+    change(&dir.path().join("runs"));
+    let mut command = dials_traffic(&["report", "runs", "--out", "report"]);
+    command.current_dir(dir.path()).assert().success();
+    let markdown = fs::read_to_string(dir.path().join("report/report.md")).unwrap();
+    (dir, markdown)
+}
+
+/// A folder with copies of some fixed runs under `runs`.
+fn copy_of(runs: &[&str]) -> tempfile::TempDir {
     let dir = tempfile::tempdir().unwrap();
     for run in runs {
         let to = dir.path().join("runs").join(run);
@@ -184,11 +194,7 @@ fn report_of(runs: &[&str], change: impl Fn(&Path)) -> (tempfile::TempDir, Strin
             fs::copy(home().join("runs").join(run).join(&name), to.join(name)).unwrap();
         }
     }
-    change(&dir.path().join("runs"));
-    let mut command = dials_traffic(&["report", "runs", "--out", "report"]);
-    command.current_dir(dir.path()).assert().success();
-    let markdown = fs::read_to_string(dir.path().join("report/report.md")).unwrap();
-    (dir, markdown)
+    dir
 }
 
 fn edit(path: &Path, from: &str, to: &str) {
@@ -281,6 +287,55 @@ fn what_a_kill_cut_short_is_left_out_of_a_run_and_a_hole_leaves_the_run_out() {
     assert!(markdown.contains("runs/traffic_4-dials-seed1: unfinished, at 2M of 4M steps"), "{markdown}");
     let told = "runs/traffic_4-dials-seed2: left out: returns.csv: tells of 3 of 4 agents at step 2000000";
     assert!(markdown.contains(told), "{markdown}");
+}
+
+#[test]
+fn a_run_with_a_figure_that_is_no_finite_number_is_left_out_with_its_file_line_and_column() {
+    let runs = ["traffic_4-dials-seed1", "traffic_4-dials-seed2", "traffic_4-dials-seed3"];
+    let (_dir, markdown) = report_of(&runs, |runs| {
+        // Lines 1 to 6: the header, `all` and four agents at step 0.
+        edit(&runs.join("traffic_4-dials-seed1/returns.csv"), "2000000,all,200.0000", "2000000,all,NaN");
+        let timing = runs.join("traffic_4-dials-seed3/timing.csv");
+        let text = fs::read_to_string(&timing).unwrap();
+        let (header, lines) = text.split_once('\n').unwrap();
+        let column = header.split(',').position(|name| name == "elapsed_s").unwrap();
+        let mut fields: Vec<&str> = lines.lines().next().unwrap().split(',').collect();
+        fields[column] = "inf";
+        let rest: Vec<&str> = lines.lines().skip(1).collect();
+        fs::write(&timing, format!("{header}\n{}\n{}\n", fields.join(","), rest.join("\n"))).unwrap();
+    });
+    for told in [
+        "runs/traffic_4-dials-seed1: left out: runs/traffic_4-dials-seed1/returns.csv: line 7: `mean` holds \"NaN\", which is \
+         no finite number",
+        "runs/traffic_4-dials-seed3: left out: runs/traffic_4-dials-seed3/timing.csv: line 2: `elapsed_s` holds \"inf\", which \
+         is no finite number",
+    ] {
+        assert!(markdown.contains(told), "`{told}` is not in {markdown}");
+    }
+    assert!(!markdown.contains("traffic_4-dials-seed2: left out"), "{markdown}");
+}
+
+#[test]
+fn runs_of_which_none_can_be_used_are_an_error_with_the_reasons_and_no_report() {
+    let dir = copy_of(&["broken", "traffic_4-gs-seed1", "traffic_4-gs-seed2"]);
+    let runs = dir.path().join("runs");
+    edit(&runs.join("traffic_4-gs-seed1/returns.csv"), "\n0,all,140.0000", "\n0,all,NaN");
+    fs::remove_file(runs.join("traffic_4-gs-seed2/returns.csv")).unwrap();
+    let reasons = [
+        "runs: has no run that was evaluated and can be read:\n",
+        "\n  runs/broken: left out: runs/broken/config.toml:",
+        "\n  runs/traffic_4-gs-seed1: left out: runs/traffic_4-gs-seed1/returns.csv: line 2: `mean` holds \"NaN",
+        "\n  runs/traffic_4-gs-seed2: left out: not evaluated yet",
+    ];
+    for args in [&["report", "runs", "--out", "report"][..], &["compare", "runs", "runs"]] {
+        let output = dials_traffic(args).current_dir(dir.path()).assert().code(2).get_output().clone();
+        let said = text(&output.stderr);
+        assert!(said.starts_with("error: ") && output.stdout.is_empty(), "{said}");
+        for reason in reasons {
+            assert!(said.contains(reason), "`{reason}` is not in: {said}");
+        }
+    }
+    assert_eq!(names(dir.path()), ["runs"]);
 }
 
 fn compare(args: &[&str]) -> Value {

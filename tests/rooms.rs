@@ -29,6 +29,8 @@ const DOORS: &[(&str, &[&str])] = &[
 const OUTSIDE: &[(&str, &[&str])] = &[
     ("tch", &["nn", "run"]),
     ("gemm", &["nn"]),
+    ("gemm_common", &["nn"]),
+    ("gemm_f32", &["nn"]),
     ("pulp", &["nn"]),
     ("rayon", &["nn"]),
     ("quick_xml", &["traffic"]),

@@ -8,9 +8,11 @@ mod seed;
 pub mod statistics;
 mod stopwatch;
 mod units;
+mod vectors;
 
 pub use compact::CompactRows;
 pub use rows::Rows;
 pub use seed::{Dice, Seed, scramble};
 pub use stopwatch::{Activity, Phase, Stopwatch, Timesheet};
 pub use units::AgentId;
+pub use vectors::VectorWidth;

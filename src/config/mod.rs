@@ -16,6 +16,8 @@ pub use check::held_out_episodes;
 pub use load::{load, to_toml};
 pub use schedule::{AipTraining, Period, schedule};
 
+use crate::base::VectorWidth;
+
 /// A run: what is simulated, how agents learn, and when AIPs are retrained and policies evaluated.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -42,6 +44,7 @@ pub struct Config {
     pub evaluation: EvaluationConfig,
     pub checkpoints: CheckpointsConfig,
     pub logging: LoggingConfig,
+    pub numerics: NumericsConfig,
 }
 
 /// What the policies train on.
@@ -272,6 +275,15 @@ pub struct LoggingConfig {
     pub tensorboard: bool,
 }
 
+/// How a run computes.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct NumericsConfig {
+    /// Width of the vector registers that multiply matrices. `"widest"` is fastest; `"256-bit"` gives the same files on every
+    /// x86-64 machine with AVX2 and FMA.
+    pub vector_width: VectorWidth,
+}
+
 mod defaults {
     pub fn traffic_horizon() -> usize {
         300
@@ -298,6 +310,7 @@ impl Default for Config {
             evaluation: EvaluationConfig::default(),
             checkpoints: CheckpointsConfig::default(),
             logging: LoggingConfig::default(),
+            numerics: NumericsConfig::default(),
         }
     }
 }

@@ -1,21 +1,24 @@
 //! Products of one row or a few, which no library that we measured is fast at: there is nothing to gain from copying a
 //! matrix into a better order first, and everything from reading it once, as it lies.
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
+
+use super::vectors::dispatch;
+use crate::base::VectorWidth;
 
 /// Up to so many rows [`dot_products`] is faster than the library; measured for 256 x 768.
 pub const FEW_ROWS: usize = 6;
 
 /// `out += row x matrix`, one row: an agent that acts on the GS. `matrix`: `[row.len(), out.len()]`.
-pub fn add_row_by_matrix(row: &[f32], matrix: &[f32], out: &mut [f32]) {
-    Arch::new().dispatch(RowByMatrix { row, matrix, out });
+pub fn add_row_by_matrix(width: VectorWidth, row: &[f32], matrix: &[f32], out: &mut [f32]) {
+    dispatch(width, RowByMatrix { row, matrix, out });
 }
 
 /// `out = left x right^T`, every number the dot product of two rows: the gradient that goes back through the state weight
 /// of a GRU, for the few sequences of a minibatch. `left`: `[rows, depth]`; `right`: `[columns, depth]`; `out`:
 /// `[rows, columns]`.
-pub fn dot_products(left: &[f32], right: &[f32], depth: usize, out: &mut [f32]) {
-    Arch::new().dispatch(DotProducts { left, right, depth, out });
+pub fn dot_products(width: VectorWidth, left: &[f32], right: &[f32], depth: usize, out: &mut [f32]) {
+    dispatch(width, DotProducts { left, right, depth, out });
 }
 
 struct RowByMatrix<'a> {

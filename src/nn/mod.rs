@@ -18,6 +18,8 @@ mod flops;
 mod gru;
 mod net;
 mod network;
+#[cfg(test)]
+mod order_of_sums;
 mod parameters;
 mod product;
 mod script;
@@ -25,6 +27,7 @@ mod shape;
 mod stack_file;
 mod states;
 mod threads;
+mod vectors;
 
 pub use activations::sigmoid;
 pub use adam::{Adam, Learner, Moments};
@@ -37,3 +40,4 @@ pub use shape::{Layout, Shape};
 pub use stack_file::{read_stack, write_stack};
 pub use states::States;
 pub use threads::Threads;
+pub use vectors::{use_vectors, vector_instructions};

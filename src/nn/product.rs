@@ -3,9 +3,17 @@
 //! `gemm` multiplies the shapes of these networks (32 x 256 by 256 x 128) about twice as fast as libtorch with OpenBLAS:
 //! it has kernels for 512-bit registers and little cost per call.
 
+use std::ops::Range;
+
 use gemm::{Parallelism, gemm};
 
 use super::few_rows::{FEW_ROWS, add_row_by_matrix, dot_products};
+use super::vectors::vector_width;
+use crate::base::VectorWidth;
+
+/// Most numbers of the inner dimension that `gemm` gets at a time. It adds up as many in one go; from longer ones it
+/// takes a number that depends on the machine's caches, and so would the order of sums.
+const DEPTH: usize = 512;
 
 /// A matrix in somebody's memory, row after row or, transposed, column after column.
 #[derive(Clone, Copy)]
@@ -28,8 +36,14 @@ impl<'a> Matrix<'a> {
     }
 
     /// How far the next row and the next column are.
-    fn strides(self) -> (isize, isize) {
+    pub(super) fn strides(self) -> (isize, isize) {
         if self.transposed { (1, self.rows as isize) } else { (self.columns as isize, 1) }
+    }
+
+    /// Where a number stands; not to be read where there is none.
+    fn at(self, row: usize, column: usize) -> *const f32 {
+        let (down, across) = self.strides();
+        self.values.as_ptr().wrapping_offset(row as isize * down + column as isize * across)
     }
 }
 
@@ -42,34 +56,58 @@ pub enum Before {
 
 /// `out = left x right`, or `out += left x right`. `out`: row after row.
 pub fn multiply(left: Matrix<'_>, right: Matrix<'_>, out: &mut [f32], before: Before) {
+    multiply_with(vector_width(), left, right, out, before);
+}
+
+/// As [`multiply`], with vector registers of this width.
+pub(super) fn multiply_with(
+    width: VectorWidth,
+    left: Matrix<'_>,
+    right: Matrix<'_>,
+    out: &mut [f32],
+    mut before: Before,
+) {
     let (rows, depth, columns) = (left.rows, left.columns, right.columns);
     assert_eq!(depth, right.rows, "{rows} x {depth} by {} x {columns}", right.rows);
     assert_eq!(out.len(), rows * columns, "{rows} x {columns} values come out");
     if rows <= FEW_ROWS && right.transposed && !left.transposed && before == Before::Overwrite {
-        return dot_products(left.values, right.values, depth, out);
+        return dot_products(width, left.values, right.values, depth, out);
     }
     if rows == 1 && !right.transposed {
         if before == Before::Overwrite {
             out.fill(0.0);
         }
-        return add_row_by_matrix(left.values, right.values, out);
+        return add_row_by_matrix(width, left.values, right.values, out);
     }
+    // Once where there is nothing to add up, too: zeros come out.
+    for first in (0..depth.max(1)).step_by(DEPTH) {
+        let inner = first..depth.min(first + DEPTH);
+        match width {
+            VectorWidth::Widest => by_widest(left, right, inner, out, before),
+            VectorWidth::Bits256 => by_256_bits(left, right, inner, out, before),
+        }
+        before = Before::Add;
+    }
+}
+
+/// As [`multiply`], of these numbers of the inner dimension. `gemm` chooses the registers.
+fn by_widest(left: Matrix<'_>, right: Matrix<'_>, inner: Range<usize>, out: &mut [f32], before: Before) {
     let ((left_row, left_column), (right_row, right_column)) = (left.strides(), right.strides());
-    // SAFETY: `Matrix` holds `rows x columns` values that its strides stay within, the shapes fit each other, and `out`
-    // has room for all of the product and is nobody else's.
+    // SAFETY: `Matrix` holds `rows x columns` values that its strides stay within, `inner` lies within the inner
+    // dimension of both, and `out` has room for all of the product and is nobody else's.
     unsafe {
         gemm(
-            rows,
-            columns,
-            depth,
+            left.rows,
+            right.columns,
+            inner.len(),
             out.as_mut_ptr(),
             1,
-            columns as isize,
+            right.columns as isize,
             before == Before::Add,
-            left.values.as_ptr(),
+            left.at(0, inner.start),
             left_column,
             left_row,
-            right.values.as_ptr(),
+            right.at(inner.start, 0),
             right_column,
             right_row,
             1.0,
@@ -80,6 +118,57 @@ pub fn multiply(left: Matrix<'_>, right: Matrix<'_>, out: &mut [f32], before: Be
             Parallelism::None,
         );
     }
+}
+
+/// As [`by_widest`], as `gemm` does it on a machine that has AVX2 and FMA and nothing wider.
+#[cfg(target_arch = "x86_64")]
+fn by_256_bits(left: Matrix<'_>, right: Matrix<'_>, inner: Range<usize>, out: &mut [f32], before: Before) {
+    use gemm_common::gemm::gemm_basic_generic;
+    use gemm_common::simd::{MixedSimd, V3};
+    use gemm_f32::microkernel::fma::f32::{H_M, H_N, H_UKR, MR_DIV_N, NR, UKR};
+    const LANES: usize = 8;
+    let simd = <V3 as MixedSimd<f32, f32, f32, f32>>::try_new().expect("`use_vectors` found AVX2 and FMA");
+    let columns = right.columns;
+    // The kernels write columns: they get `out^T = right^T x left^T`.
+    let (left, right, out_column, out_row) = match columns {
+        0 | 1 => (left, right, 1, 1),
+        _ => (right.transposed(), left.transposed(), columns as isize, 1),
+    };
+    let ((left_row, left_column), (right_row, right_column)) = (left.strides(), right.strides());
+    // SAFETY: as in `by_widest`; and the kernels are those of the instructions that `simd` is the proof of.
+    unsafe {
+        gemm_basic_generic::<_, f32, LANES, { MR_DIV_N * LANES }, NR, MR_DIV_N, H_M, H_N>(
+            simd,
+            left.rows,
+            right.columns,
+            inner.len(),
+            out.as_mut_ptr(),
+            out_column,
+            out_row,
+            before == Before::Add,
+            left.at(0, inner.start),
+            left_column,
+            left_row,
+            right.at(inner.start, 0),
+            right_column,
+            right_row,
+            1.0,
+            1.0,
+            false,
+            false,
+            false,
+            |a, b, c| a * b + c,
+            &UKR,
+            &H_UKR,
+            false,
+            Parallelism::None,
+        );
+    }
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+fn by_256_bits(_: Matrix<'_>, _: Matrix<'_>, _: Range<usize>, _: &mut [f32], _: Before) {
+    unreachable!("`use_vectors` refuses it here");
 }
 
 /// Adds the rows up: the gradient of a bias.

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
 use super::Layout;
@@ -26,7 +26,8 @@ pub fn write_stack(layout: &Layout, rows: &Rows<f32>, about: &HashMap<String, St
     Ok(safetensors::serialize(views, Some(about.clone()))?)
 }
 
-/// Reads a file of [`write_stack`] back into one row per agent; an error says where the file is of another shape.
+/// Reads a file of [`write_stack`] back into one row per agent; an error says where the file is of another shape, or holds what
+/// is no finite number.
 pub fn read_stack(path: &Path, layout: &Layout, agents: usize) -> Result<Rows<f32>> {
     let bytes = std::fs::read(path).with_context(|| format!("{}: cannot be read", path.display()))?;
     let file = SafeTensors::deserialize(&bytes)
@@ -42,8 +43,16 @@ pub fn read_stack(path: &Path, layout: &Layout, agents: usize) -> Result<Rows<f3
             tensor.shape(),
         );
         for (agent, bytes) in tensor.data().chunks_exact(4 * place.len()).enumerate() {
+            let row = &mut rows.row_mut(agent)[place.clone()];
             let values = bytes.as_chunks::<4>().0.iter().map(|&value| f32::from_le_bytes(value));
-            rows.row_mut(agent)[place.clone()].iter_mut().zip(values).for_each(|(to, from)| *to = from);
+            row.iter_mut().zip(values).for_each(|(to, from)| *to = from);
+            if let Some(bad) = row.iter().find(|value| !value.is_finite()) {
+                bail!(
+                    "{}: `{name}` of agent {agent} holds {bad}, which is no finite number: the file is damaged; copy it \
+                     again from where it was whole, or train again",
+                    path.display()
+                );
+            }
         }
     }
     Ok(rows)
@@ -63,6 +72,26 @@ mod tests {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), bytes).unwrap();
         assert_eq!(read_stack(file.path(), net.parameters().layout(), 3).unwrap(), *net.parameters().values());
+    }
+
+    #[test]
+    fn a_parameter_that_is_no_finite_number_is_refused_with_its_tensor_and_its_agent() {
+        // Three inputs and four outputs without hidden layers: 12 weights, then 4 biases.
+        let shape = Shape { inputs: 3, recurrent: None, hidden: Vec::new(), outputs: 4 };
+        let net = Net::new(&AgentId::all(3), shape, Seed::new(1));
+        let layout = net.parameters().layout();
+        let file = tempfile::NamedTempFile::new().unwrap();
+        for (column, name) in [(11, "layers.0.weight"), (12, "layers.0.bias")] {
+            for (bad, word) in [(f32::NAN, "NaN"), (f32::INFINITY, "inf"), (f32::NEG_INFINITY, "-inf")] {
+                let mut values = net.parameters().values().clone();
+                values.row_mut(2)[column] = bad;
+                std::fs::write(file.path(), write_stack(layout, &values, &HashMap::new()).unwrap()).unwrap();
+                let error = read_stack(file.path(), layout, 3).unwrap_err().to_string();
+                let told =
+                    format!("{}: `{name}` of agent 2 holds {word}, which is no finite number", file.path().display());
+                assert!(error.starts_with(&told) && error.ends_with("or train again"), "{error}");
+            }
+        }
     }
 
     #[test]

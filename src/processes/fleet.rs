@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Result, bail};
 
 use super::channel::encode;
-use super::child::{Child, Event, What};
+use super::child::{Child, Event, Frame, What};
 use super::message::{Answer, Order, Report};
 use crate::base::{Activity, AgentId};
 use crate::config::{Config, Period, SimulatorKind};
@@ -29,11 +29,13 @@ use crate::training::state::AgentsState;
 const DEATHS_IN_A_ROW: usize = 3;
 /// How often the fleet looks up from waiting.
 const LOOK_UP: Duration = Duration::from_millis(200);
+/// Longest silence that one look adds. A coordinator that was stopped itself (Ctrl-Z) has heard nobody meanwhile.
+const LONGEST_LOOK: Duration = Duration::from_secs(1);
 
 /// How many processes, and how they are kept.
 pub struct Options {
     pub workers: usize,
-    /// How long a worker may say nothing while it has an order.
+    /// Longest silence of a worker that has an order, be it that it does not read the order or that it hangs at work.
     pub patience: Duration,
     /// For `worker_N.log`.
     pub log_dir: PathBuf,
@@ -99,7 +101,7 @@ impl ProcessFleet {
         let order = Frames::of(&Order::TellState)?;
         let orders = fleet.owners().map(|worker| (worker, order.clone())).collect();
         let mut parts = Vec::new();
-        fleet.ask(orders, Stop::Later, |_, _, answer| match answer {
+        fleet.ask(orders, Stop::AtOnce, |_, _, answer| match answer {
             Answer::State(state) => parts.push(state),
             other => unreachable!("a state was asked for, not {other:?}"),
         })?;
@@ -116,7 +118,7 @@ impl ProcessFleet {
 
     /// An order with a share of `episodes` for every worker that gets some, and the joint policy to play them with.
     fn by_episode(&self, episodes: usize, order: impl Fn(Range<usize>) -> Order) -> Result<Vec<(usize, Frames)>> {
-        let policies: Rc<[u8]> = encode(&Order::TakePolicies(self.agents.policies.clone()))?.into();
+        let policies = Frame::new(encode(&Order::TakePolicies(self.agents.policies.clone()))?);
         let shares = (0..self.workers.len()).map(|worker| (worker, share(episodes, self.workers.len(), worker)));
         let some = shares.filter(|(_, share)| !share.is_empty());
         some.map(|(worker, share)| {
@@ -162,42 +164,61 @@ impl ProcessFleet {
         let mut open = BTreeMap::new();
         let mut sequence = Vec::new();
         for (worker, frames) in orders {
-            let mut task = Task { frames, deaths: 0, heard: Instant::now(), progress: None };
+            let mut task = Task { frames, deaths: 0, silence: Duration::ZERO, progress: None };
             self.deliver(worker, &mut task)?;
             open.insert(worker, task);
             sequence.push(worker);
         }
         let mut answers = BTreeMap::new();
+        let mut looked = Instant::now();
         while !open.is_empty() {
             let anywhere = stop == Stop::AtOnce || !self.observer.keeps_results();
             if anywhere && self.observer.stop_requested() {
                 return Err(Interrupted.into());
             }
-            match self.events.recv_timeout(LOOK_UP) {
-                // Late news of a process that was given up change nothing.
-                Ok(event) if event.generation != self.workers[event.worker].generation => (),
-                Ok(Event { worker, what: What::Said(report), .. }) => {
-                    if let Some(answer) = self.hear(worker, report, &mut open, answers.len())? {
-                        open.remove(&worker);
-                        answers.insert(worker, answer);
-                    }
-                }
-                Ok(Event { worker, what: What::Gone(reason), .. }) => {
-                    let reason = reason.map(|error| format!("{error:#}; ")).unwrap_or_default();
-                    self.lose(worker, &format!("died: {reason}"), open.get_mut(&worker))?;
-                }
-                Err(RecvTimeoutError::Timeout) => (),
+            let mut event = match self.events.recv_timeout(LOOK_UP) {
+                Ok(event) => Some(event),
+                Err(RecvTimeoutError::Timeout) => None,
                 Err(RecvTimeoutError::Disconnected) => unreachable!("the fleet holds a sender itself"),
+            };
+            let silence = looked.elapsed().min(LONGEST_LOOK);
+            looked = Instant::now();
+            open.values_mut().for_each(|task| task.silence += silence);
+            // All that has been said is heard before anybody is called silent.
+            while let Some(next) = event {
+                self.take_in(next, &mut open, &mut answers)?;
+                event = self.events.try_recv().ok();
             }
             for (&worker, task) in &mut open {
-                if task.heard.elapsed() > self.options.patience {
-                    let silence = format!("said nothing for {:?} and was ended: ", self.options.patience);
-                    self.lose(worker, &silence, Some(task))?;
+                if task.silence > self.options.patience {
+                    self.lose(worker, Loss::Silent, Some(task))?;
                 }
             }
         }
         let answer = |worker| (worker, answers.remove(&worker).expect("every order is answered"));
         Ok(sequence.into_iter().map(answer).collect())
+    }
+
+    fn take_in(
+        &mut self,
+        Event { worker, generation, what }: Event,
+        open: &mut BTreeMap<usize, Task>,
+        answers: &mut BTreeMap<usize, Answer>,
+    ) -> Result<()> {
+        // Late news of a process that was given up change nothing.
+        if generation != self.workers[worker].generation {
+            return Ok(());
+        }
+        match what {
+            What::Said(report) => {
+                if let Some(answer) = self.hear(worker, report, open, answers.len())? {
+                    open.remove(&worker);
+                    answers.insert(worker, answer);
+                }
+                Ok(())
+            }
+            What::Gone(reason) => self.lose(worker, Loss::Gone(reason), open.get_mut(&worker)),
+        }
     }
 
     /// Takes in what a worker says; its answer where that is one.
@@ -209,7 +230,7 @@ impl ProcessFleet {
         done: usize,
     ) -> Result<Option<Answer>> {
         if let Some(task) = open.get_mut(&worker) {
-            task.heard = Instant::now();
+            task.silence = Duration::ZERO;
         }
         match report {
             Report::Failed { reason } => bail!("{}: {reason}", self.name(worker)),
@@ -230,19 +251,15 @@ impl ProcessFleet {
         }
     }
 
-    /// Sends a task to its worker, whose process is started first where there is none.
+    /// Sends a task to its worker, whose process is started first where there is none. Does not wait for the worker.
     fn deliver(&mut self, worker: usize, task: &mut Task) -> Result<()> {
-        loop {
-            if self.workers[worker].child.is_none() {
-                self.spawn(worker)?;
-            }
-            task.heard = Instant::now();
-            let child = self.workers[worker].child.as_mut().expect("it was just started");
-            match task.frames.send(child) {
-                Ok(()) => return Ok(()),
-                Err(error) => self.count_death(worker, &format!("died: {error}; "), task)?,
-            }
+        if self.workers[worker].child.is_none() {
+            self.spawn(worker)?;
         }
+        task.silence = Duration::ZERO;
+        let child = self.workers[worker].child.as_ref().expect("it was just started");
+        task.frames.send(child);
+        Ok(())
     }
 
     /// Starts the process of a worker and puts it where the last exchange left its agents.
@@ -250,48 +267,36 @@ impl ProcessFleet {
         let log = self.options.log_dir.join(format!("worker_{worker}.log"));
         let slot = &mut self.workers[worker];
         slot.generation += 1;
-        let mut child = Child::spawn(worker, slot.generation, &log, self.sender.clone())?;
+        let child = Child::spawn(worker, slot.generation, &log, self.sender.clone())?;
         let agents = slot.agents.clone();
         let begin = Order::Begin {
             config_json: serde_json::to_string(&self.config)?,
             agents: agents.clone().map(AgentId).collect(),
             threads: if self.config.simulator == SimulatorKind::Gs { self.options.workers } else { 1 },
         };
-        // Where sending fails the process has gone already, which is heard of soon enough.
-        drop(child.send(&encode(&begin)?));
+        child.send(encode(&begin)?.into());
         if self.agents.agents() > 0 && !agents.is_empty() {
-            drop(child.send(&encode(&Order::Restore(self.agents.share(agents)))?));
+            child.send(encode(&Order::Restore(self.agents.share(agents)))?.into());
         }
         slot.child = Some(child);
         Ok(())
     }
 
     /// A worker's process has gone, or must go. With a task it is started again and given it again.
-    fn lose(&mut self, worker: usize, how: &str, task: Option<&mut Task>) -> Result<()> {
-        match task {
-            None => {
-                // It has nothing to do: the next order will start it again.
-                if let Some(child) = self.workers[worker].child.take() {
-                    self.observer.worker_lost(&format!("{} {how}{}", self.name(worker), child.end()));
-                }
-                Ok(())
-            }
-            Some(task) => {
-                self.count_death(worker, how, task)?;
-                self.deliver(worker, task)
-            }
-        }
-    }
-
-    fn count_death(&mut self, worker: usize, how: &str, task: &mut Task) -> Result<()> {
-        let end = self.workers[worker].child.take().map(Child::end).unwrap_or_default();
-        let message = format!("{} {how}{end}", self.name(worker));
+    fn lose(&mut self, worker: usize, loss: Loss, task: Option<&mut Task>) -> Result<()> {
+        let Some(child) = self.workers[worker].child.take() else { return Ok(()) };
+        let message = format!("{} {}", self.name(worker), loss.describe(child, self.options.patience));
+        let Some(task) = task else {
+            // It has nothing to do: the next order will start it again.
+            self.observer.worker_lost(&message);
+            return Ok(());
+        };
         task.deaths += 1;
         if task.deaths == DEATHS_IN_A_ROW {
             bail!("{message}\ngiven up after {DEATHS_IN_A_ROW} deaths in a row at the same place");
         }
         self.observer.worker_lost(&format!("{message}\nstarted again from the last exchange"));
-        Ok(())
+        self.deliver(worker, task)
     }
 
     fn name(&self, worker: usize) -> String {
@@ -330,8 +335,8 @@ impl ProcessFleet {
 #[derive(Clone)]
 struct Frames {
     /// What the worker needs first.
-    before: Option<Rc<[u8]>>,
-    order: Rc<[u8]>,
+    before: Option<Frame>,
+    order: Frame,
 }
 
 impl Frames {
@@ -339,8 +344,8 @@ impl Frames {
         Ok(Frames { before: None, order: encode(order)?.into() })
     }
 
-    fn send(&self, child: &mut Child) -> std::io::Result<()> {
-        self.before.iter().chain([&self.order]).try_for_each(|frame| child.send(frame))
+    fn send(&self, child: &Child) {
+        self.before.iter().chain([&self.order]).for_each(|frame| child.send(frame.clone()));
     }
 }
 
@@ -348,8 +353,32 @@ impl Frames {
 struct Task {
     frames: Frames,
     deaths: usize,
-    heard: Instant,
+    /// Time since the worker was given the order or was heard, as far as the coordinator was listening.
+    silence: Duration,
     progress: Option<Report>,
+}
+
+/// Why a worker is given up.
+enum Loss {
+    /// Its channel is closed, or carries nonsense for this reason.
+    Gone(Option<anyhow::Error>),
+    /// It said nothing for longer than the patience.
+    Silent,
+}
+
+impl Loss {
+    /// Ends the child and returns what became of it.
+    fn describe(self, child: Child, patience: Duration) -> String {
+        match self {
+            Loss::Gone(Some(reason)) => format!("died: {reason:#}; {}", child.end()),
+            Loss::Gone(None) => format!("died: {}", child.end()),
+            Loss::Silent => {
+                let state = child.state().unwrap_or_else(|| "unknown".to_owned());
+                let end = child.end_by_force();
+                format!("said nothing for {patience:?} (state: {state}) and was ended; {end}")
+            }
+        }
+    }
 }
 
 /// When a request to stop is heard.
@@ -376,6 +405,7 @@ impl Fleet for ProcessFleet {
     }
 
     fn evaluate(&mut self, episodes: usize) -> Result<Evaluation> {
+        self.observer.busy(Activity::Evaluation, 0.0);
         let orders = self.by_episode(episodes, |episodes| Order::Evaluate { episodes })?;
         let mut reports = Vec::new();
         self.ask(orders, Stop::AtOnce, |_, _, answer| match answer {
@@ -386,6 +416,7 @@ impl Fleet for ProcessFleet {
     }
 
     fn collect_datasets(&mut self, purpose: Purpose) -> Result<Vec<Dataset>> {
+        self.observer.busy(purpose.activity(&self.config), 0.0);
         let spec = self.domain.spec().clone();
         let order = |episodes| Order::Collect { purpose, episodes };
         let orders = self.by_episode(purpose.episodes(&self.config, spec.horizon), order)?;
@@ -400,6 +431,7 @@ impl Fleet for ProcessFleet {
     }
 
     fn train_aips(&mut self, datasets: Vec<Dataset>, period: &Period) -> Result<Vec<AipLoss>> {
+        self.observer.busy(Activity::AipTraining, 0.0);
         let orders = self.by_owner(datasets, |datasets| Order::TrainAips { datasets, period: *period })?;
         let mut all = Vec::new();
         self.ask(orders, Stop::AtOnce, |state, agents, answer| match answer {
@@ -413,6 +445,7 @@ impl Fleet for ProcessFleet {
     }
 
     fn measure_aips(&mut self, datasets: Vec<Dataset>) -> Result<Vec<FreshLoss>> {
+        self.observer.busy(Activity::Evaluation, 0.0);
         let orders = self.by_owner(datasets, |datasets| Order::MeasureAips { datasets })?;
         let mut all = Vec::new();
         self.ask(orders, Stop::AtOnce, |_, _, answer| match answer {
@@ -423,6 +456,7 @@ impl Fleet for ProcessFleet {
     }
 
     fn train_policies(&mut self, period: &Period) -> Result<PolicyTraining> {
+        self.observer.trained(self.agents.steps);
         let order = Frames::of(&Order::TrainPolicies { period: *period })?;
         let orders = self.owners().map(|worker| (worker, order.clone())).collect();
         let mut parts = Vec::new();

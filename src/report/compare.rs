@@ -16,7 +16,7 @@ use super::group::{Group, Sorted, sort, steps_text};
 use super::run_dir::{CpuTime, PeriodTime, RunRecord, Status};
 use super::scenario::Scenario;
 use super::statistics::{ENOUGH_SEEDS, Spread};
-use super::words::{duration, figure, figure_like, interval, pairing, signed, signed_interval};
+use super::words::{duration, figure, figure_like, interval, no_run, pairing, signed, signed_interval, warnings};
 use crate::base::statistics::{mean, median};
 
 /// Of the worse final return: what both groups have to reach where nothing else is asked for.
@@ -34,7 +34,9 @@ pub struct Side {
 impl Side {
     /// The runs under these folders, which must all have one config but for the seed.
     pub fn open(name: &str, folders: &[PathBuf]) -> Result<Side> {
-        let Sorted { mut comparisons, left_out } = sort(find(folders)?)?;
+        let found = find(folders)?;
+        let missing = found.missing.clone();
+        let Sorted { mut comparisons, left_out } = sort(found)?;
         let labels: Vec<String> = comparisons
             .iter()
             .flat_map(|comparison| {
@@ -47,15 +49,10 @@ impl Side {
             labels.len(),
             labels.join("; ")
         );
-        let comparison = comparisons.pop().with_context(|| nothing_to_compare(name, &left_out))?;
+        let comparison = comparisons.pop().with_context(|| no_run(name, &warnings(&[], &missing, &left_out)))?;
         let group = comparison.groups.into_iter().next().expect("the one that was counted");
         Ok(Side { name: name.to_owned(), scenario: comparison.scenario, group, left_out })
     }
-}
-
-fn nothing_to_compare(name: &str, left_out: &[LeftOut]) -> String {
-    let reason = left_out.first().map_or(String::new(), |run| format!(" ({run})"));
-    format!("{name}: has no run that was evaluated{reason}")
 }
 
 /// What a side needed for a return.

@@ -5,7 +5,7 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use csv::StringRecord;
 
 pub struct CsvTable {
@@ -50,15 +50,17 @@ impl<'a> Line<'a> {
         (!field.is_empty()).then_some(field)
     }
 
-    /// As [`Line::text`], as a number; what is no number is an error.
+    /// As [`Line::text`], as a number; what is no finite number is an error.
     pub fn number(self, column: &str) -> Result<Option<f64>> {
-        let number = self.text(column).map(|text| text.parse().with_context(|| self.bad(column, text)));
-        number.transpose()
+        let Some(text) = self.text(column) else { return Ok(None) };
+        let number: f64 = text.parse().with_context(|| self.bad(column, text, "no number"))?;
+        ensure!(number.is_finite(), self.bad(column, text, "no finite number"));
+        Ok(Some(number))
     }
 
     /// A number that has to be there.
     pub fn required(self, column: &str) -> Result<f64> {
-        self.number(column)?.with_context(|| format!("{}: has no `{column}` in a line", self.table.path.display()))
+        self.number(column)?.with_context(|| format!("{}: has no `{column}`", self.place()))
     }
 
     /// The timesteps per agent that every line begins with.
@@ -66,8 +68,14 @@ impl<'a> Line<'a> {
         Ok(self.required("steps")? as u64)
     }
 
-    fn bad(self, column: &str, text: &str) -> String {
-        format!("{}: `{column}` holds {text:?}, which is no number", self.table.path.display())
+    fn bad(self, column: &str, text: &str, what: &str) -> String {
+        format!("{}: `{column}` holds {text:?}, which is {what}", self.place())
+    }
+
+    /// File and line, the header being line 1.
+    fn place(self) -> String {
+        let file = self.table.path.display();
+        self.fields.position().map_or(file.to_string(), |position| format!("{file}: line {}", position.line()))
     }
 }
 
@@ -89,9 +97,21 @@ mod tests {
         assert_eq!((line.steps().unwrap(), line.text("worker"), line.text("new")), (10, Some("all"), None));
         assert_eq!(line.number("elapsed_s").unwrap(), None);
         let error = line.required("elapsed_s").unwrap_err().to_string();
-        assert!(error.contains("t.csv: has no `elapsed_s`"), "{error}");
+        assert!(error.ends_with("t.csv: line 2: has no `elapsed_s`"), "{error}");
         let error = line.number("worker").unwrap_err().to_string();
-        assert!(error.contains("`worker` holds \"all\", which is no number"), "{error}");
+        assert!(error.ends_with("t.csv: line 2: `worker` holds \"all\", which is no number"), "{error}");
+    }
+
+    #[test]
+    fn a_figure_that_is_no_finite_number_is_refused_with_its_line_and_its_column() {
+        let table = table("steps,mean\n10,1.5\n20,NaN\n30,-inf\n40,1e999\n");
+        let told: Vec<_> = table.lines().map(|line| line.required("mean").map_err(|error| error.to_string())).collect();
+        assert_eq!(told[0], Ok(1.5));
+        for (told, (line, text)) in told[1..].iter().zip([(3, "NaN"), (4, "-inf"), (5, "1e999")]) {
+            let error = told.as_ref().unwrap_err();
+            let expected = format!("t.csv: line {line}: `mean` holds {text:?}, which is no finite number");
+            assert!(error.ends_with(&expected), "{error}");
+        }
     }
 
     #[test]

@@ -30,7 +30,7 @@ pub mod words;
 
 use std::path::PathBuf;
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 
 use group::Sorted;
 use run_dir::RunRecord;
@@ -53,12 +53,14 @@ pub struct Report {
     pub warnings: Vec<String>,
 }
 
-/// Makes a report of all runs under these folders. The same runs always make the same files.
+/// Makes a report of all runs under these folders. The same runs always make the same files. Folders without one run that was
+/// evaluated and can be read are an error that lists the first reasons.
 pub fn report(folders: &[PathBuf], shape: GridShape) -> Result<Report> {
     let found = find::find(folders)?;
     let missing = found.missing.clone();
     let Sorted { comparisons, left_out } = group::sort(found)?;
     let warnings = words::warnings(&comparisons, &missing, &left_out);
+    ensure!(!comparisons.is_empty(), words::no_run(&names(folders), &warnings));
     let document = sections::document(&comparisons, &warnings, shape)?;
     let mut files = vec![(PAGE.to_owned(), document.to_html()), (MARKDOWN.to_owned(), document.to_markdown())];
     files.extend(document.figures().map(|figure| (format!("{}.svg", figure.name), figure.svg.file())));
@@ -66,4 +68,8 @@ pub fn report(folders: &[PathBuf], shape: GridShape) -> Result<Report> {
     let groups = comparisons.iter().flat_map(|comparison| &comparison.groups);
     let runs = groups.clone().map(|group| group.runs.len()).sum();
     Ok(Report { files, runs, groups: groups.count(), warnings })
+}
+
+fn names(folders: &[PathBuf]) -> String {
+    folders.iter().map(|folder| folder.display().to_string()).collect::<Vec<_>>().join(", ")
 }

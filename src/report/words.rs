@@ -156,9 +156,30 @@ fn of_episodes(comparison: &Comparison) -> Vec<String> {
     warnings
 }
 
+/// The most reasons that an error lists.
+const MOST_REASONS: usize = 3;
+
+/// What to say of folders without one run that was evaluated and can be read; `warnings` are those of [`warnings`].
+pub fn no_run(folders: &str, warnings: &[String]) -> String {
+    let mut lines = vec![format!("{folders}: has no run that was evaluated and can be read:")];
+    lines.extend(warnings.iter().take(MOST_REASONS).cloned());
+    let more = warnings.len().saturating_sub(MOST_REASONS);
+    lines.extend((more > 0).then(|| format!("and {more} more")));
+    lines.join("\n  ")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_error_about_many_runs_lists_the_first_few() {
+        let reasons: Vec<String> = (1..=5).map(|run| format!("runs/{run}: not evaluated yet")).collect();
+        let head = "runs: has no run that was evaluated and can be read:\n  runs/1: not evaluated yet";
+        assert_eq!(no_run("runs", &reasons[..1]), head);
+        let told = no_run("runs", &reasons);
+        assert!(told.starts_with(head) && told.ends_with("\n  runs/3: not evaluated yet\n  and 2 more"), "{told}");
+    }
 
     #[test]
     fn numbers_are_written_as_precisely_as_they_are_known() {

@@ -7,8 +7,8 @@ use std::time::Duration;
 use anyhow::{Context, anyhow};
 use serde_json::json;
 
+use super::build::Build;
 use super::domain;
-use super::info::versions;
 use super::progress::BenchProgress;
 use super::terminal::{answer, tell};
 use super::train::{cores, settings_with};
@@ -131,7 +131,7 @@ fn as_json(
         "cores": cores(),
         "peak_gflops_of_a_core": peak.ours / 1e9,
         "peak_gflops_by_libtorch": peak.libtorch / 1e9,
-        "versions": versions()?,
+        "versions": Build::here(config.numerics.vector_width)?,
         "fleets": table::json(costs),
     });
     Ok(object.to_string())

@@ -9,8 +9,8 @@ use anyhow::{Context, Result, ensure};
 use serde_json::json;
 
 use super::END_WITH;
+use super::build::Build;
 use super::domain;
-use super::info::versions;
 use super::terminal::tell;
 use crate::base::AgentId;
 use crate::config::{self, Config};
@@ -114,7 +114,7 @@ fn describe(dir: &Path, config: &Config) -> Result<()> {
     let run = json!({
         "seed": config.seed,
         "command": command_line(),
-        "versions": versions()?,
+        "versions": Build::here(config.numerics.vector_width)?,
     });
     write_atomically(&dir.join(files::RUN), format!("{run:#}\n").as_bytes())
 }

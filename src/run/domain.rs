@@ -7,6 +7,7 @@ use anyhow::{Context, Result};
 
 use crate::config::Config;
 use crate::domain::Domain;
+use crate::nn::use_vectors;
 use crate::traffic::Traffic;
 use crate::traffic::net_file::{NetworkFiles, read_shape};
 use crate::traffic::recording::Tape;
@@ -16,8 +17,13 @@ use crate::warehouse::Warehouse;
 /// The networks of a run directory have the same names in all of them.
 const NETWORKS: [&str; 2] = ["global", "local"];
 
-/// Opens the domain of a config, with whatever files it needs.
+/// Where a machine cannot compute as a config says; only the width that is fixed can be missing.
+pub const NO_SUCH_VECTORS: &str = "numerics.vector_width = \"256-bit\": not on this machine; \"widest\" is for all";
+
+/// Opens the domain of a config, with whatever files it needs, and from now on lets the networks of this process compute as
+/// the config says: every process that computes with them comes by here first.
 pub fn open(config: &Config) -> Result<Arc<dyn Domain>> {
+    use_vectors(config.numerics.vector_width).context(NO_SUCH_VECTORS)?;
     match (&config.traffic, &config.warehouse) {
         (Some(traffic), _) => Ok(Arc::new(Traffic::open(traffic, &config.policy)?)),
         (None, Some(warehouse)) => Ok(Arc::new(Warehouse::new(warehouse))),

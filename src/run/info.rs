@@ -2,35 +2,24 @@
 
 use std::path::{Path, PathBuf};
 
-use serde_json::{Value, json};
-
+use super::build::Build;
 use super::terminal::{answer, on_the_path};
+use crate::base::VectorWidth;
 use crate::error::{Error, Result};
-use crate::sumo::Simulation;
 
 pub fn info() -> Result<()> {
-    let versions = versions().map_err(Error::Run)?;
-    let text = |key: &str| versions[key].as_str().unwrap_or("unknown").to_owned();
+    let build = Build::here(VectorWidth::Widest).map_err(Error::Run)?;
     let mut lines = vec![
-        format!("dials-traffic {} (commit {})", text("dials_traffic"), text("git_commit")),
-        format!("{} at {}", text("sumo"), place(loaded_library("libsumocpp.so"))),
-        format!("libtorch {} at {}", text("libtorch"), place(loaded_library("libtorch_cpu.so"))),
+        format!("dials-traffic {} (commit {})", build.dials_traffic, build.git_commit),
+        format!("{} at {}", build.sumo, place(loaded_library("libsumocpp.so"))),
+        format!("libtorch {} at {}", build.libtorch, place(loaded_library("libtorch_cpu.so"))),
         format!("BLAS at {}", place(loaded_library("blas"))),
+        format!("{} at {}", build.libm, place(loaded_library("libm.so"))),
+        format!("{}, with {}", build.cpu, build.vector_instructions),
     ];
     let programs = ["netconvert", "sumo", "sumo-gui"];
     lines.extend(programs.map(|program| format!("{program} at {}", place(on_the_path(program)))));
     answer(lines.join("\n")).map_err(Error::Run)
-}
-
-/// The versions that go into `run.json`.
-pub fn versions() -> anyhow::Result<Value> {
-    Ok(json!({
-        "dials_traffic": env!("CARGO_PKG_VERSION"),
-        // Of the checkout that the program was built from; changes that were not committed do not show.
-        "git_commit": env!("DIALS_GIT_COMMIT"),
-        "sumo": Simulation::version()?,
-        "libtorch": env!("DIALS_LIBTORCH_VERSION"),
-    }))
 }
 
 fn place(found: Option<PathBuf>) -> String {

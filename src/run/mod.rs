@@ -1,6 +1,7 @@
 //! One short function per subcommand: config -> domain -> fleet -> training -> run directory.
 
 mod bench;
+mod build;
 mod compare;
 mod directory;
 mod domain;
@@ -15,6 +16,7 @@ mod progress;
 mod render;
 mod replay;
 mod report;
+mod stop;
 mod subject;
 pub mod terminal;
 mod train;

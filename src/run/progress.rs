@@ -3,14 +3,13 @@
 use std::cell::{Cell, RefCell};
 use std::fmt::Display;
 use std::io::{IsTerminal, stderr};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
-use signal_hook::consts::{SIGINT, SIGTERM};
-use signal_hook::flag;
 
+use super::stop::{Wish, stop_on_signals};
 use super::terminal::tell;
 use crate::base::Activity;
 use crate::config::Config;
@@ -34,8 +33,11 @@ pub struct Progress {
     found: RefCell<Found>,
     /// Set by Ctrl-C.
     stop: Arc<AtomicBool>,
-    stop_announced: Cell<bool>,
+    doing: Doing,
 }
+
+/// What the run is doing. `None`: it is starting.
+type Doing = Arc<Mutex<Option<Activity>>>;
 
 #[derive(Default)]
 struct Rate {
@@ -55,13 +57,20 @@ struct Found {
 
 impl Progress {
     /// Listens for Ctrl-C from here on: the first one asks to stop where nothing is lost, the second ends the process.
-    pub fn new(config: &Config, agents: usize) -> anyhow::Result<Self> {
-        let stop = stop_on_signals()?;
+    ///
+    /// `last_words`: what a person reads after the second.
+    pub fn new(config: &Config, agents: usize, last_words: String) -> anyhow::Result<Self> {
         let bar = stderr().is_terminal().then(|| {
             let style = "{bar:30.cyan/blue} {human_pos}/{human_len} steps  {msg}";
             let style = ProgressStyle::with_template(style).expect("the template is well-formed");
             ProgressBar::new(config.last_step()).with_style(style)
         });
+        let doing = Doing::default();
+        let (place, now_doing) = (bar.clone(), doing.clone());
+        let stop = stop_on_signals(move |wish| match wish {
+            Wish::Stop => say(place.as_ref(), &stopping(*now_doing.lock().unwrap_or_else(PoisonError::into_inner))),
+            Wish::StopNow => say(place.as_ref(), &last_words),
+        })?;
         let now = Instant::now();
         Ok(Progress {
             bar,
@@ -72,7 +81,7 @@ impl Progress {
             last_line: Cell::new(now),
             found: RefCell::default(),
             stop,
-            stop_announced: Cell::new(false),
+            doing,
         })
     }
 
@@ -84,10 +93,11 @@ impl Progress {
     }
 
     fn say(&self, line: &str) {
-        match &self.bar {
-            Some(bar) => bar.suspend(|| tell(line)),
-            None => tell(line),
-        }
+        say(self.bar.as_ref(), line);
+    }
+
+    fn note(&self, activity: Activity) {
+        *self.doing.lock().unwrap_or_else(PoisonError::into_inner) = Some(activity);
     }
 
     /// `12 345 agent-steps/s, 3 min left, return 201.2, AIP loss 0.301`
@@ -110,6 +120,7 @@ impl Progress {
 
 impl Observer for Progress {
     fn trained(&self, steps: u64) {
+        self.note(Activity::Training);
         let mut rate = self.rate.borrow_mut();
         let now = Instant::now();
         // The first report of a period only starts the clock. A lost worker's replay steps back.
@@ -121,9 +132,6 @@ impl Observer for Progress {
         }
         rate.at = steps;
         drop(rate);
-        if self.stop_requested() && !self.stop_announced.replace(true) {
-            self.say("stopping at the end of this period; Ctrl-C again stops at once and loses the period");
-        }
         match &self.bar {
             Some(bar) => {
                 bar.set_position(steps.min(self.last_step));
@@ -138,6 +146,7 @@ impl Observer for Progress {
     }
 
     fn busy(&self, activity: Activity, share: f64) {
+        self.note(activity);
         self.rate.borrow_mut().since = None;
         let what = doing(activity);
         if let Some(bar) = &self.bar {
@@ -188,15 +197,21 @@ impl Observer for Progress {
     }
 }
 
-/// Is set by the first Ctrl-C; the second one ends the process.
-pub fn stop_on_signals() -> anyhow::Result<Arc<AtomicBool>> {
-    let stop = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM] {
-        // In this order: the second one finds the flag that the first one has set.
-        flag::register_conditional_shutdown(signal, 130, stop.clone())?;
-        flag::register(signal, stop.clone())?;
+/// Says a line that stays, above the bar if there is one.
+fn say(bar: Option<&ProgressBar>, line: &str) {
+    match bar {
+        Some(bar) => bar.suspend(|| tell(line)),
+        None => tell(line),
     }
-    Ok(stop)
+}
+
+/// What a person reads after the first Ctrl-C.
+fn stopping(now: Option<Activity>) -> String {
+    let place = match now {
+        Some(Activity::Training) => "at the end of this period, where nothing is lost".to_owned(),
+        other => format!("as soon as nothing is lost (now {})", other.map_or("starting", doing)),
+    };
+    format!("stopping {place}; Ctrl-C again stops now and loses at most this period")
 }
 
 /// The progress of `bench`, on a terminal; elsewhere a line per fleet. Nothing is lost by stopping anywhere.
@@ -212,7 +227,12 @@ impl BenchProgress {
         let style = ProgressStyle::with_template("{spinner} {elapsed}  {msg}").expect("the template is well-formed");
         let line = ProgressBar::new_spinner().with_style(style);
         line.set_message("matrix products at peak");
-        Ok(BenchProgress { line, fleet: RefCell::default(), stop: stop_on_signals()? })
+        let place = line.clone();
+        let stop = stop_on_signals(move |wish| match wish {
+            Wish::Stop => (), // it stops at once
+            Wish::StopNow => place.suspend(|| tell("stopped")),
+        })?;
+        Ok(BenchProgress { line, fleet: RefCell::default(), stop })
     }
 
     /// The turn of a fleet of so many workers, of at most `most`.
@@ -342,7 +362,7 @@ mod tests {
     #[test]
     fn the_same_step_twice_in_a_row_is_no_reason_to_guess_the_time_left() {
         let config: Config = toml::from_str("warehouse = { agents_per_side = 2 }").unwrap();
-        let progress = Progress::new(&config, 4).unwrap();
+        let progress = Progress::new(&config, 4, String::new()).unwrap();
         progress.trained(128);
         std::thread::sleep(Duration::from_millis(1));
         progress.trained(128);

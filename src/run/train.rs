@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use clap::ValueEnum;
 
+use super::build::{Build, other_build, record_resume};
 use super::directory::{self, Existing};
 use super::domain;
 use super::progress::Progress;
@@ -25,7 +26,7 @@ use crate::training::run_log::{Layouts, RunLog};
 
 pub fn train(args: &cli::Train) -> Result<()> {
     let run = match (&args.resume, &args.config) {
-        (Some(dir), _) => resume(dir)?,
+        (Some(dir), _) => resume(dir, args.accept_other_build)?,
         (None, Some(config)) => begin(args, config)?,
         (None, None) => unreachable!("clap asks for one of them"),
     };
@@ -33,9 +34,7 @@ pub fn train(args: &cli::Train) -> Result<()> {
     let patience = Duration::from_secs(args.patience);
     match run.train(workers, patience) {
         Ok(()) => answer(how_to_go_on(&run.dir, &run.config)).map_err(Error::Run),
-        Err(error) if error.is::<Interrupted>() => {
-            Err(Error::Interrupted(format!("stopped; go on with: {}", resume_command(&run.dir))))
-        }
+        Err(error) if error.is::<Interrupted>() => Err(Error::Interrupted(stopped(&run.dir))),
         Err(error) => {
             let way_out = format!("what was written so far stays; go on with: {}", resume_command(&run.dir));
             tell(way_out);
@@ -50,6 +49,8 @@ struct Run {
     config: Config,
     domain: Arc<dyn Domain>,
     resumed: bool,
+    /// This build, where another one wrote the run so far.
+    other_build: Option<Build>,
 }
 
 fn begin(args: &cli::Train, config_path: &Path) -> Result<Run> {
@@ -63,23 +64,31 @@ fn begin(args: &cli::Train, config_path: &Path) -> Result<Run> {
     let dir = args.out.clone().unwrap_or_else(|| default_dir(config_path, &config));
     let dir = directory::create(&dir, existing, &config).map_err(Error::Usage)?;
     // From here on with the networks of the run directory: the ones that were named may just have been moved aside.
-    Ok(Run { resumed: false, ..resume(&dir)? })
+    open(&dir)
 }
 
-fn resume(dir: &Path) -> Result<Run> {
+fn resume(dir: &Path, accept_other_build: bool) -> Result<Run> {
+    let run = open(dir)?;
+    let other_build = other_build(dir, run.config.numerics.vector_width, accept_other_build).map_err(Error::Usage)?;
+    Ok(Run { resumed: true, other_build, ..run })
+}
+
+fn open(dir: &Path) -> Result<Run> {
     let (config, domain) = directory::open_config(dir).map_err(Error::Usage)?;
-    Ok(Run { dir: dir.to_owned(), config, domain, resumed: true })
+    Ok(Run { dir: dir.to_owned(), config, domain, resumed: false, other_build: None })
 }
 
 impl Run {
     fn train(&self, workers: usize, patience: Duration) -> anyhow::Result<()> {
-        let Run { dir, config, domain, resumed } = self;
-        let progress = Rc::new(Progress::new(config, domain.agents())?);
+        let Run { dir, config, domain, resumed, other_build } = self;
+        let progress = Rc::new(Progress::new(config, domain.agents(), stopped(dir))?);
         let layouts = Layouts::of(config, domain.spec());
         let mut log = match resumed {
             false => RunLog::create(dir, config, layouts, progress.clone())?,
             true => RunLog::resume(dir, config, layouts, progress.clone())?,
         };
+        // Now that nobody else can be writing the run.
+        other_build.as_ref().map_or(Ok(()), |build| record_resume(dir, build, log.resumes_at()))?;
         let mut fleet: Box<dyn Fleet> = match workers {
             0 => Box::new(InlineFleet::new(domain.clone(), config, progress.clone())),
             workers => {
@@ -117,6 +126,11 @@ pub fn cores() -> usize {
 fn default_dir(config_path: &Path, config: &Config) -> PathBuf {
     let name = config_path.file_stem().unwrap_or_default().to_string_lossy();
     Path::new("runs").join(format!("{name}-{}-seed{}", config.simulator.name(), config.seed))
+}
+
+/// The last words of a run that somebody stopped.
+fn stopped(dir: &Path) -> String {
+    format!("stopped; go on with: {}", resume_command(dir))
 }
 
 fn resume_command(dir: &Path) -> String {

@@ -13,7 +13,8 @@ use anyhow::{Context, Result, bail, ensure};
 use rustix::process::{Pid, Signal, kill_process_group};
 
 use super::directory::{self, Existing};
-use super::progress::{EpisodeBar, stop_on_signals};
+use super::progress::EpisodeBar;
+use super::stop::stop_on_signals;
 use super::terminal::on_the_path;
 use crate::error::{self, Error};
 use crate::traffic::grid::Grid;
@@ -83,7 +84,7 @@ impl Video {
 
     /// Films the replay of `recording` that `config` plays. Ctrl-C ends that and leaves nothing behind.
     pub fn make(&self, recording: &Recording, config: &Path) -> error::Result<()> {
-        let stop = stop_on_signals().map_err(Error::Run)?;
+        let stop = stop_on_signals(|_| ()).map_err(Error::Run)?;
         match self.film(recording, config, &stop) {
             Err(_) if stop.load(Ordering::Relaxed) => {
                 Err(Error::Interrupted(format!("stopped; {} was not made", self.file.display())))

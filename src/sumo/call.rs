@@ -249,6 +249,14 @@ pub(super) fn version() -> Result<String> {
     Ok(unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned())
 }
 
+pub(super) fn c_library() -> Result<String> {
+    let mut version = std::ptr::null();
+    // SAFETY: this one may be called without the turn.
+    check(unsafe { ffi::ds_c_library(&mut version) }, "tell the version of the C library")?;
+    // SAFETY: the call succeeded, so `version` is a string that ends in zero and lives as long as the process.
+    Ok(unsafe { CStr::from_ptr(version) }.to_string_lossy().into_owned())
+}
+
 /// # Safety
 /// `pointer` is the beginning of `length` values that hold until the next call, or `length` is 0.
 unsafe fn array<'a, T>(pointer: *const T, length: usize) -> &'a [T] {

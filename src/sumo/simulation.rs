@@ -249,6 +249,12 @@ impl Simulation {
         call::version()
     }
 
+    /// The library whose `exp`, `ln` and so on SUMO and this program use, such as `glibc 2.36`.
+    pub fn libm() -> Result<String> {
+        let version = call::c_library()?;
+        Ok(if version.is_empty() { "unknown".to_owned() } else { format!("glibc {version}") })
+    }
+
     fn check_whole(&self) -> Result<()> {
         match &self.broken {
             Some(cause) => Err(Error::Broken { cause: cause.clone() }),

@@ -10,7 +10,7 @@ use std::borrow::Cow;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, bail, ensure};
+use anyhow::{Result, ensure};
 use quick_xml::Writer;
 
 use super::grid::{self, Grid};
@@ -83,25 +83,20 @@ impl Region {
 pub fn write_forest(local: &NetworkFiles, regions: usize, dir: &Path) -> Result<ForestFiles> {
     ensure!(regions >= 1, "{}: a forest of 0 regions: needs at least one", dir.display());
     local.check()?;
-    net_file::check_local(&local.net)?;
+    let [local_net, local_routes] = net_file::read_local(local)?;
     let prefix = dir.join(format!("forest_{regions}"));
     let NetworkFiles { net, routes, .. } = NetworkFiles::of(&prefix);
     let contents = [
-        (net.clone(), replicate(&local.net, regions)?.into_bytes()),
-        (routes.clone(), replicate(&local.routes, regions)?.into_bytes()),
+        (net.clone(), replicate(&local_net, regions).into_bytes()),
+        (routes.clone(), replicate(&local_routes, regions).into_bytes()),
     ];
     net_file::write_together(dir, &contents)?;
     Ok(ForestFiles { net, routes })
 }
 
 /// The text of a file of the local net, once per region.
-fn replicate(path: &Path, regions: usize) -> Result<String> {
-    let local = net_file::read(path)?;
-    if let Some(stranger) = local.children.iter().find_map(stranger) {
-        let way_out = "a forest is made of the local net; make one with: dials-traffic nets local";
-        bail!("{}: cannot be replicated: it has a <{stranger}>; {way_out}", path.display());
-    }
-    Ok(net_file::document_with(&local.name, local.attributes.iter().map(|(key, value)| (key, value)), |xml| {
+fn replicate(local: &Element, regions: usize) -> String {
+    net_file::document_with(&local.name, local.attributes.iter().map(|(key, value)| (key, value)), |xml| {
         // SUMO wants all edges before the lights, the lights before the junctions, and so on, so the regions go side
         // by side within each kind.
         for same_kind in local.children.chunk_by(|a, b| a.name == b.name) {
@@ -111,7 +106,7 @@ fn replicate(path: &Path, regions: usize) -> Result<String> {
             }
         }
         Ok(())
-    }))
+    })
 }
 
 /// What all regions have in common: where the net lies, and the vehicle type.
@@ -119,33 +114,25 @@ fn is_shared(element: &Element) -> bool {
     matches!(element.name.as_str(), "location" | "vType")
 }
 
-/// The attributes that hold names of a region's things, one name or several with blanks between. `None`: an element
-/// that the local net has not, so that nobody knows which of its attributes would have to be renamed.
+/// The attributes that hold names of a region's things, one name or several with blanks between. The local net has no other
+/// elements than ours: [`net_file::read_local`] compares it.
 ///
 /// Seen in the files of netconvert 1.15. The `index` and the bits of a `<request>` and the `linkIndex` of a
 /// `<connection>` count within their intersection, so they stay.
-fn ids_of(element: &str) -> Option<&'static [&'static str]> {
+fn ids_of(element: &str) -> &'static [&'static str] {
     match element {
-        "edge" => Some(&["id", "from", "to"]),
-        "lane" | "tlLogic" => Some(&["id"]),
-        "junction" => Some(&["id", "incLanes", "intLanes"]),
-        "connection" => Some(&["from", "to", "via", "tl"]),
-        "route" => Some(&["id", "edges"]),
-        "phase" | "request" | "param" | "location" | "vType" => Some(&[]),
-        _ => None,
-    }
-}
-
-/// The first kind of element, if any, that cannot be renamed.
-fn stranger(element: &Element) -> Option<&str> {
-    match ids_of(&element.name) {
-        None => Some(&element.name),
-        Some(_) => element.children.iter().find_map(stranger),
+        "edge" => &["id", "from", "to"],
+        "lane" | "tlLogic" => &["id"],
+        "junction" => &["id", "incLanes", "intLanes"],
+        "connection" => &["from", "to", "via", "tl"],
+        "route" => &["id", "edges"],
+        "phase" | "request" | "location" | "vType" => &[],
+        other => unreachable!("the local net has no <{other}>"),
     }
 }
 
 fn write(xml: &mut Writer<Vec<u8>>, element: &Element, region: Region) -> io::Result<()> {
-    let ids = ids_of(&element.name).unwrap_or_default();
+    let ids = ids_of(&element.name);
     let attributes = element.attributes.iter().map(|(key, value)| {
         let renamed = ids.contains(&key.as_str()).then(|| region.rename_all(value));
         (key, renamed.map_or(Cow::Borrowed(value.as_str()), Cow::Owned))

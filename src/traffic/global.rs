@@ -19,7 +19,7 @@ use crate::domain::{Action, GlobalSimulator, InfluenceSample, Measures, Percept,
 use crate::sumo::{Car, CarId, CarTable, LaneCars, LaneId, SignalState, Simulation};
 
 /// Braking harder than the `decel` of the vehicle type is an emergency.
-const DECEL_MPS2: f64 = 7.5;
+pub(super) const DECEL_MPS2: f64 = 7.5;
 
 /// Who runs the lights.
 pub enum SignalControl {

@@ -61,16 +61,16 @@ pub struct Traffic {
 }
 
 impl Traffic {
-    /// Finds the networks and reads their shapes; an error says which file is missing or wrong and how to make it.
-    /// Cheap: what only SUMO can say, [`Traffic::check_in_sumo`] asks.
+    /// Finds the networks and holds them against what this program makes; an error says which file is missing or wrong and how
+    /// to make it. Cheap: what only SUMO can say, [`Traffic::check_in_sumo`] asks.
     pub fn open(config: &TrafficConfig, policy: &PolicyConfig) -> Result<Traffic> {
         let (network, local_network) = (NetworkFiles::of(&config.network), NetworkFiles::of(&config.local_network));
         network.check()?;
         local_network.check()?;
-        net_file::check_local(&local_network.net)?;
+        net_file::read_local(&local_network)?;
         net_file::for_sumo(&std::env::temp_dir()).context("forests of local simulators go there: set TMPDIR")?;
         Ok(Traffic {
-            grid: net_file::read_shape(&network.net)?,
+            grid: net_file::read_grid(&network)?,
             network,
             local_network,
             config: config.clone(),
@@ -93,10 +93,7 @@ impl Traffic {
     /// Loads both networks in SUMO and plays a step in each, so that what is wrong with them is told before a run begins.
     /// Tens of milliseconds; SUMO is closed again.
     pub fn check_in_sumo(&self) -> Result<()> {
-        let way_out = |network: &NetworkFiles| {
-            let command = net_file::command_for(&network.net);
-            format!("{}: this network cannot be simulated; remake it with: {command}", network.net.display())
-        };
+        let way_out = net_file::cannot_be_simulated;
         self.try_global().with_context(|| way_out(&self.network))?;
         self.try_local().with_context(|| way_out(&self.local_network))
     }

@@ -1,5 +1,8 @@
 //! Network files: a grid written down so that SUMO and sumo-gui can open it, and recognised again.
 //!
+//! Recognised means: every number in it that observations, rewards, controllers and simulators assume is the one that this
+//! program writes ([`read_grid`]); only how often cars arrive may differ.
+//!
 //! A *network* is four files with one name: `grid_2x2.net.xml` (roads and lights, made by Debian's `netconvert` from
 //! our plain XML), `.rou.xml` (vehicle type, routes, flows), `.actuated.add.xml` (actuated lights, for whoever wants
 //! to load them) and `.sumocfg` (what `sumo -c` takes). The *local* net is the 1x1 grid without flows, for its cars are
@@ -7,7 +10,9 @@
 //!
 //! Making a network twice gives the same files byte for byte.
 
+mod compare;
 mod content;
+mod expected;
 mod tree;
 
 use std::collections::BTreeSet;
@@ -25,6 +30,9 @@ use super::grid::{self, Grid};
 
 pub(super) use content::{document, document_with, leaf, nest, section};
 pub(super) use tree::{Element, read};
+
+/// Probability of a car per step on each edge that leads in, in the authors' setup.
+const INFLOW: f64 = 0.1;
 
 /// Where the files of one network are.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -210,17 +218,82 @@ fn rename(file: NamedTempFile, path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// The shape of one of our grids, recovered from the names in its `net.xml`.
+/// The shape of one of our grids, recovered from the names in its `net.xml`. What else is in it, [`read_grid`] compares.
 pub fn read_shape(net: &Path) -> Result<Grid> {
+    shape_of(net, &read_net(net)?)
+}
+
+/// The grid that a network is made for, after its net, its routes and its actuated lights were held against what this program
+/// writes for a grid of that size. An error names the file, the element, both values and the way out.
+pub fn read_grid(files: &NetworkFiles) -> Result<Grid> {
+    let net = read_net(&files.net)?;
+    let grid = shape_of(&files.net, &net)?;
+    let way_out = || way_out(&files.net, grid);
+    check_content(&files.net, &net, &expected::net(grid), way_out)?;
+    let (routes, actuated) = (read_beside(files, &files.routes)?, read_beside(files, &files.actuated)?);
+    check_content(&files.routes, &routes, &expected::routes(grid, Some(INFLOW)), way_out)?;
+    check_content(&files.actuated, &actuated, &expected::actuated(grid), way_out)?;
+    Ok(grid)
+}
+
+/// The net and the routes of the local network; an error with the way out if they are any others.
+pub(super) fn read_local(files: &NetworkFiles) -> Result<[Element; 2]> {
+    let net = read_net(&files.net)?;
+    let shape = shape_of(&files.net, &net)?;
+    let make_one = || "make one with: dials-traffic nets local --out DIR".to_owned();
+    ensure!(
+        shape == Grid::SINGLE,
+        "{}: is a grid of {shape}, and a forest is made of the local net; {}",
+        files.net.display(),
+        make_one()
+    );
+    check_content(&files.net, &net, &expected::net(shape), make_one)?;
+    let routes = read_beside(files, &files.routes)?;
+    check_content(&files.routes, &routes, &expected::routes(shape, None), make_one)?;
+    Ok([net, routes])
+}
+
+fn check_content(path: &Path, found: &Element, expected: &Element, way_out: impl Fn() -> String) -> Result<()> {
+    match compare::difference(found, expected) {
+        Some(difference) => bail!("{}: {difference}; {}", path.display(), way_out()),
+        None => Ok(()),
+    }
+}
+
+fn read_net(net: &Path) -> Result<Element> {
     ensure!(net.exists(), no_such_network(net));
     let root = read(net)?;
     ensure!(root.name == "net", "{}: is not a SUMO network: its root is <{}>, not <net>", net.display(), root.name);
-    let junctions = names(&root, "junction");
+    Ok(root)
+}
+
+/// Another file of a network.
+fn read_beside(files: &NetworkFiles, path: &Path) -> Result<Element> {
+    read(path).with_context(|| cannot_be_simulated(files))
+}
+
+/// What to say of a network in which something is wrong, with the command that remakes it.
+pub(super) fn cannot_be_simulated(files: &NetworkFiles) -> String {
+    let command = command_for(&files.net);
+    format!("{}: this network cannot be simulated; remake it with: {command}", files.net.display())
+}
+
+/// The command that remakes a network of this shape where it is; elsewhere if it is called otherwise than that.
+fn way_out(net: &Path, grid: Grid) -> String {
+    if net.file_name().is_some_and(|name| name == format!("grid_{grid}.net.xml").as_str()) {
+        return format!("remake it with: {}", command_for(net));
+    }
+    format!("make one with: dials-traffic nets grid --rows {} --cols {} --out DIR", grid.rows(), grid.cols())
+}
+
+/// The grid whose intersections and edges have the names in a net.
+fn shape_of(net: &Path, root: &Element) -> Result<Grid> {
+    let junctions = names(root, "junction");
     let grid = shape(&junctions).with_context(|| format!("{}: is too large", net.display()))?;
     let expected = grid.nodes().iter().map(ToString::to_string).collect();
     let difference = first_difference("junction", &junctions, &expected).or_else(|| {
         let expected = grid.edges().into_iter().map(|(from, to)| grid::edge(from, to)).collect();
-        first_difference("edge", &names(&root, "edge"), &expected)
+        first_difference("edge", &names(root, "edge"), &expected)
     });
     match difference {
         Some(difference) => {
@@ -229,17 +302,6 @@ pub fn read_shape(net: &Path) -> Result<Grid> {
         }
         None => Ok(grid),
     }
-}
-
-/// An error with the way out if this is any other net than the local one.
-pub(super) fn check_local(net: &Path) -> Result<()> {
-    let shape = read_shape(net)?;
-    ensure!(
-        shape == Grid::SINGLE,
-        "{}: is a grid of {shape}, and a forest is made of the local net; make one with: dials-traffic nets local --out DIR",
-        net.display()
-    );
-    Ok(())
 }
 
 /// The ids of one kind of element, without those inside of intersections.

@@ -121,6 +121,7 @@ fn read(path: &Path) -> Result<Checkpoint> {
         "its checksum is wrong: it is damaged"
     );
     let tables: Vec<Rows<f32>> = tensors.iter().map(rows_of).collect::<Result<_>>()?;
+    TABLES.iter().zip(&tables).try_for_each(|(name, table)| check_finite(name, table))?;
     let [policies, first, second, aips] = tables.try_into().expect("there are four tables");
     let moments = Moments { first, second, steps: about.optimiser_steps };
     let streams: Vec<AgentStream> =
@@ -134,6 +135,16 @@ fn rows_of(tensor: &TensorView<'_>) -> Result<Rows<f32>> {
     let &[_, width] = tensor.shape() else { bail!("a table of shape {:?}", tensor.shape()) };
     let values = tensor.data().as_chunks::<4>().0.iter().map(|&value| f32::from_le_bytes(value));
     Ok(Rows::from_vec(values.collect(), width))
+}
+
+/// An error that names the first agent, if any, of which a table holds what is no finite number.
+fn check_finite(name: &str, table: &Rows<f32>) -> Result<()> {
+    for (agent, row) in table.iter().enumerate() {
+        if let Some(bad) = row.iter().find(|value| !value.is_finite()) {
+            bail!("its table `{name}` holds {bad} for agent {agent}, which is no finite number");
+        }
+    }
+    Ok(())
 }
 
 fn checksum<'a>(parts: impl Iterator<Item = &'a [u8]>) -> u32 {
@@ -195,6 +206,28 @@ mod tests {
         }
         assert_eq!(Checkpoint::read_newest(dir.path()).unwrap(), Some(checkpoint(4_000_000)));
         assert_eq!(list(dir.path()).unwrap().len(), KEPT);
+    }
+
+    #[test]
+    fn what_is_no_finite_number_is_refused_with_its_table_and_its_agent() {
+        let dir = tempfile::tempdir().unwrap();
+        type Pick = fn(&mut AgentsState) -> &mut Rows<f32>;
+        let tables: [(&str, Pick); 4] = [
+            ("policies", |agents| &mut agents.policies),
+            ("first_moments", |agents| &mut agents.moments.first),
+            ("second_moments", |agents| &mut agents.moments.second),
+            ("aips", |agents| &mut agents.aips),
+        ];
+        for (name, table) in tables {
+            for (bad, word) in [(f32::NAN, "NaN"), (f32::INFINITY, "inf")] {
+                let Checkpoint { mut agents, progress } = checkpoint(128);
+                table(&mut agents).row_mut(2)[0] = bad;
+                write(dir.path(), &agents, progress).unwrap();
+                let error = error_of(dir.path());
+                assert!(error.contains("step_000000000128.safetensors: cannot be resumed from; remove it"), "{error}");
+                assert!(error.contains(&format!("`{name}` holds {word} for agent 2")), "{error}");
+            }
+        }
     }
 
     #[test]

@@ -8,10 +8,10 @@ use super::answers::{FleetLoad, PolicyTraining, WorkerLoad};
 use super::collect::Purpose;
 use super::fleet::Fleet;
 use super::footprint::{CpuClock, Footprint};
-use super::observer::Observer;
+use super::observer::{Interrupted, Observer};
 use super::state::AgentsState;
 use super::worker::Worker;
-use crate::base::{AgentId, Timesheet};
+use crate::base::{Activity, AgentId, Timesheet};
 use crate::config::{Config, Period};
 use crate::domain::{Domain, Result};
 use crate::evaluation::Evaluation;
@@ -57,6 +57,12 @@ impl InlineFleet {
         self.timesheet.add(&timesheet);
         answer
     }
+
+    /// Says what begins. An error if somebody asked to stop: nothing is lost by that before these orders.
+    fn begin(&self, activity: Activity) -> Result<()> {
+        self.observer.busy(activity, 0.0);
+        if self.observer.stop_requested() { Err(Interrupted.into()) } else { Ok(()) }
+    }
 }
 
 impl Fleet for InlineFleet {
@@ -71,26 +77,31 @@ impl Fleet for InlineFleet {
     }
 
     fn evaluate(&mut self, episodes: usize) -> Result<Evaluation> {
+        self.begin(Activity::Evaluation)?;
         let reports = self.work(|worker, agents, observer| worker.evaluate(&agents.policies, 0..episodes, observer))?;
         Ok(Evaluation::new(&*self.domain, &reports))
     }
 
     fn collect_datasets(&mut self, purpose: Purpose) -> Result<Vec<Dataset>> {
+        self.begin(purpose.activity(&self.config))?;
         let episodes = 0..purpose.episodes(&self.config, self.domain.spec().horizon);
         self.work(|worker, agents, observer| worker.collect(&agents.policies, purpose, episodes, observer))
     }
 
     fn train_aips(&mut self, datasets: Vec<Dataset>, period: &Period) -> Result<Vec<AipLoss>> {
+        self.begin(Activity::AipTraining)?;
         let losses = self.work(|worker, _, observer| worker.train_aips(&datasets, period, observer));
         self.agents.aips = self.worker.aips();
         Ok(losses)
     }
 
     fn measure_aips(&mut self, datasets: Vec<Dataset>) -> Result<Vec<FreshLoss>> {
+        self.begin(Activity::Evaluation)?;
         Ok(self.work(|worker, _, _| worker.measure_aips(&datasets)))
     }
 
     fn train_policies(&mut self, period: &Period) -> Result<PolicyTraining> {
+        self.observer.trained(self.agents.steps);
         let training = self.work(|worker, _, observer| worker.train_policies(period, observer))?;
         self.agents = self.worker.state();
         Ok(training)

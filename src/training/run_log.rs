@@ -6,7 +6,7 @@
 //! | file | what |
 //! |---|---|
 //! | `config.toml`, `networks/` | the checked config and the SUMO networks it names: the run can be evaluated anywhere |
-//! | `run.json` | seed, versions, command line |
+//! | `run.json` | seed, command line, build and machine |
 //! | `returns.csv` | evaluations on the GS, per agent and for all |
 //! | `episodes.csv` | the mean return of all agents in each episode of each evaluation |
 //! | `training.csv` | each period of training, per agent: returns on the simulator it trained on, losses |
@@ -116,6 +116,11 @@ impl RunLog {
         log.elapsed_before = Duration::from_secs_f64(progress.elapsed_s);
         log.resume_from = checkpoint;
         Ok(log)
+    }
+
+    /// Timesteps per agent at the checkpoint that the run goes on from; 0 where it begins.
+    pub fn resumes_at(&self) -> u64 {
+        self.resume_from.as_ref().map_or(0, |checkpoint| checkpoint.agents.steps)
     }
 
     /// How many periods of the schedule the run has behind it.

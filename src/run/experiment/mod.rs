@@ -16,13 +16,15 @@ use std::time::Duration;
 
 use anyhow::{Context, anyhow};
 
+use super::build::other_build;
 use super::domain;
-use super::progress::stop_on_signals;
-use super::terminal::{answer, program, quoted};
+use super::stop::{Wish, stop_on_signals};
+use super::terminal::{answer, program, quoted, tell};
 use super::train::cores as machine_cores;
 use crate::cli;
 use crate::error::{Error, Result};
 use crate::experiment::file::{Experiment, Knowledge};
+use crate::experiment::progress::{Stage, directory, stage};
 use crate::experiment::schedule::Cores;
 use crate::report::find::{BASELINES, PLAN, Plan};
 use crate::training::files::{lock, write_atomically};
@@ -45,7 +47,7 @@ pub fn experiment(args: &cli::Experiment) -> Result<()> {
     };
     let experiment = Experiment::read(&args.file, &knowledge).map_err(Error::Usage)?;
     if args.dry_run {
-        let tasks = Tasks::look(&experiment, &folder, cores).map_err(Error::Usage)?;
+        let tasks = Tasks::look(&experiment, &folder, cores, args.accept_other_build).map_err(Error::Usage)?;
         return answer(tasks.table()).map_err(Error::Run);
     }
     let made = [folder.clone(), folder.join(LOGS), folder.join(BASELINES)];
@@ -58,7 +60,10 @@ pub fn experiment(args: &cli::Experiment) -> Result<()> {
             lock(&folder).with_context(|| format!("{}: another experiment is at work here", folder.display()))
         })
         .map_err(Error::Usage)?;
-    let tasks = Tasks::look(&experiment, &folder, cores).map_err(Error::Usage)?;
+    let tasks = Tasks::look(&experiment, &folder, cores, args.accept_other_build).map_err(Error::Usage)?;
+    if !args.accept_other_build {
+        check_builds(&experiment, &folder).map_err(Error::Usage)?;
+    }
     let plan = Plan {
         runs: experiment.runs.iter().map(|run| run.name.clone()).collect(),
         baselines: experiment.baselines.iter().map(|baseline| baseline.name.clone()).collect(),
@@ -66,8 +71,8 @@ pub fn experiment(args: &cli::Experiment) -> Result<()> {
     let plan = serde_json::to_vec_pretty(&plan).expect("names are JSON");
     write_atomically(&folder.join(PLAN), &plan).map_err(Error::Usage)?;
     let finished = tasks.finished();
-    let outcome = Work::begin(tasks, &folder, cores).and_then(Work::carry_out).map_err(Error::Run)?;
     let again = format!("{} experiment {} --out {}", program(), quoted(&args.file), quoted(&folder));
+    let outcome = Work::begin(tasks, &folder, cores, &again).and_then(Work::carry_out).map_err(Error::Run)?;
     let failed = outcome.failed.len();
     match outcome {
         Outcome { failed: names, .. } if failed > 0 => Err(Error::Run(anyhow!(
@@ -90,6 +95,16 @@ pub fn experiment(args: &cli::Experiment) -> Result<()> {
     }
 }
 
+/// An error if a run that would be resumed was written by another build.
+fn check_builds(experiment: &Experiment, folder: &Path) -> anyhow::Result<()> {
+    for run in &experiment.runs {
+        if matches!(stage(folder, run)?, Stage::Begun { .. }) {
+            other_build(&directory(folder, run), run.config.numerics.vector_width, false)?;
+        }
+    }
+    Ok(())
+}
+
 /// What came of an experiment.
 struct Outcome {
     tasks: usize,
@@ -110,8 +125,13 @@ struct Work {
 }
 
 impl Work {
-    fn begin(tasks: Tasks, folder: &Path, cores: usize) -> anyhow::Result<Work> {
-        let stop = stop_on_signals()?;
+    /// `again`: the command that goes on with the experiment.
+    fn begin(tasks: Tasks, folder: &Path, cores: usize, again: &str) -> anyhow::Result<Work> {
+        let last_words = format!("stopped; go on with: {again}");
+        let stop = stop_on_signals(move |wish| match wish {
+            Wish::Stop => (), // said by `carry_out`
+            Wish::StopNow => tell(&last_words),
+        })?;
         let mut waiting = tasks.unfinished();
         let outcome = Outcome { tasks: waiting.len(), failed: Vec::new(), interrupted: false };
         let display = Display::new(&waiting);

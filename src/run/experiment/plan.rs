@@ -37,7 +37,13 @@ pub struct Task {
 }
 
 impl Task {
-    fn of_run(run: &PlannedRun, folder: &Path, width: usize, measured: &[RunRecord]) -> Result<Task> {
+    fn of_run(
+        run: &PlannedRun,
+        folder: &Path,
+        width: usize,
+        measured: &[RunRecord],
+        accept_other_build: bool,
+    ) -> Result<Task> {
         let stage = stage(folder, run)?;
         let dir = directory(folder, run);
         let mut arguments: Vec<OsString> = vec!["train".into()];
@@ -46,7 +52,10 @@ impl Task {
                 arguments.extend([run.config_path.clone().into(), "--out".into(), dir.into()]);
                 run.settings.iter().for_each(|setting| arguments.extend(["--set".into(), setting.into()]));
             }
-            Stage::Begun { .. } | Stage::Finished => arguments.extend(["--resume".into(), dir.into()]),
+            Stage::Begun { .. } | Stage::Finished => {
+                arguments.extend(["--resume".into(), dir.into()]);
+                arguments.extend(accept_other_build.then(|| "--accept-other-build".into()));
+            }
         }
         arguments.extend(["--workers".into(), width.to_string().into()]);
         Ok(Task {
@@ -97,8 +106,8 @@ pub struct Tasks {
 }
 
 impl Tasks {
-    /// Looks what is there.
-    pub fn look(experiment: &Experiment, folder: &Path, cores: usize) -> Result<Tasks> {
+    /// Looks what is there. `accept_other_build`: whether runs are resumed that another build wrote.
+    pub fn look(experiment: &Experiment, folder: &Path, cores: usize, accept_other_build: bool) -> Result<Tasks> {
         let measured = if folder.is_dir() {
             find(&[folder.to_owned()]).map_or(Vec::new(), |found| found.runs)
         } else {
@@ -109,7 +118,7 @@ impl Tasks {
         for run in &experiment.runs {
             let gs = run.config.simulator == SimulatorKind::Gs;
             let width = width(run.agents, gs, experiment.all_cores_from_agents, cores);
-            tasks.push(Task::of_run(run, folder, width, &measured)?);
+            tasks.push(Task::of_run(run, folder, width, &measured, accept_other_build)?);
         }
         Ok(Tasks { tasks, cores })
     }

@@ -9,6 +9,10 @@
 #include <string>
 #include <vector>
 
+#ifdef __GLIBC__
+#include <gnu/libc-version.h>
+#endif
+
 #include <libsumo/libsumo.h>
 
 using libsumo::Lane;
@@ -158,6 +162,15 @@ int ds_version(const char **text) {
         last_error.clear();
         return 1;
     }
+}
+
+int ds_c_library(const char **version) {
+#ifdef __GLIBC__
+    *version = gnu_get_libc_version();
+#else
+    *version = "";
+#endif
+    return 0;
 }
 
 int ds_load(const char *const *options, size_t count) {

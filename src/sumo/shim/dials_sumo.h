@@ -1,7 +1,7 @@
 /* The few calls of libsumo that this crate needs, in plain C; `bindgen` reads this file.
  *
  * Every function returns 0, or 1 with a text in ds_last_error(). No exception leaves, nothing reaches the terminal.
- * Only ds_last_error and ds_version may be called while another thread is inside: the simulation is one per process.
+ * Only ds_last_error, ds_version and ds_c_library may be called while another thread is inside: the simulation is one per process.
  * Lanes, lights and routes are registered once by name and cross as indices. Arrays that a function hands out belong to
  * the shim and hold until the next call. */
 #ifndef DIALS_SUMO_H
@@ -19,6 +19,9 @@ const char *ds_last_error(void);
 
 /* Such as "SUMO 1.15.0"; needs no simulation. */
 int ds_version(const char **text);
+
+/* Such as "2.36": the GNU C library, with its libm, that is loaded; empty for another one. Never fails. */
+int ds_c_library(const char **version);
 
 /* Loads, or loads again in place. Fails, too, if a registered name is unknown to the new net. */
 int ds_load(const char *const *options, size_t count);

@@ -8,20 +8,17 @@ use quick_xml::Writer;
 use quick_xml::events::{BytesDecl, Event};
 
 use super::super::grid::{self, Grid, Node, Side};
+use super::super::region::{EDGE_M, SPEED_LIMIT_MPS};
 
 type Xml = Writer<Vec<u8>>;
 
-/// Length of every edge (the authors' setup).
-const EDGE_M: f64 = 100.0;
-/// Speed limit of every edge, m/s (the authors' setup).
-const SPEED_LIMIT: &str = "10";
 /// The corner radius of an intersection (the authors' setup).
-const RADIUS_M: f64 = 6.2;
+pub const RADIUS_M: f64 = 6.2;
 /// SUMO's default width of a lane.
-const LANE_WIDTH_M: f64 = 3.2;
+pub const LANE_WIDTH_M: f64 = 3.2;
 /// From the centre of an intersection to its stop lines: one lane of the crossing road and the radius lie between.
 /// So a lane inside an intersection is 18.8 m long, as in the authors' setup.
-const HALF_JUNCTION_M: f64 = LANE_WIDTH_M + RADIUS_M;
+pub const HALF_JUNCTION_M: f64 = LANE_WIDTH_M + RADIUS_M;
 /// From a dead end to the centre of its intersection.
 const REACH_M: f64 = EDGE_M + HALF_JUNCTION_M;
 /// From centre to centre.
@@ -47,7 +44,10 @@ const VEHICLE_TYPE: [(&str, &str); 11] = [
 ];
 
 /// The cycle of the light's states; letters in `Side::LINK_ORDER`. Vertical green, yellow, horizontal green, yellow.
-const CYCLE: [&str; 4] = ["GrGr", "yryr", "rGrG", "ryry"];
+pub const CYCLE: [&str; 4] = ["GrGr", "yryr", "rGrG", "ryry"];
+/// Seconds of each phase of the static program. 10 s of green are our choice, as good as any while nobody controls; 3 s of
+/// yellow are the authors'.
+pub const STATIC_S: [&str; 4] = ["10", "3", "10", "3"];
 
 /// The intersections and the dead ends with their places. The south-west intersection is at (0, 0).
 pub fn nodes(grid: Grid) -> String {
@@ -72,7 +72,7 @@ pub fn edges(grid: Grid) -> String {
                 ("from", from.to_string()),
                 ("to", to.to_string()),
                 ("numLanes", "1".into()),
-                ("speed", SPEED_LIMIT.into()),
+                ("speed", SPEED_LIMIT_MPS.to_string()),
                 ("length", EDGE_M.to_string()),
             ];
             leaf(xml, "edge", attributes)
@@ -92,8 +92,7 @@ pub fn lights(grid: Grid) -> String {
             let head = [("id", grid.light(agent)), ("type", "static".into()), ("programID", "0".into())];
             let head = head.into_iter().chain([("offset", "0".into())]);
             nest(xml, "tlLogic", head, |xml| {
-                // 10 s of green are our choice, as good as any while nobody controls; 3 s of yellow are the authors'.
-                let phases = CYCLE.into_iter().zip(["10", "3", "10", "3"]);
+                let phases = CYCLE.into_iter().zip(STATIC_S);
                 phases.into_iter().try_for_each(|(state, s)| leaf(xml, "phase", [("duration", s), ("state", state)]))
             })?;
         }
@@ -179,7 +178,8 @@ fn straight_on(
     Ok(())
 }
 
-fn place(grid: Grid, node: Node) -> (f64, f64) {
+/// Metres east and north of the south-west intersection.
+pub fn place(grid: Grid, node: Node) -> (f64, f64) {
     let at = |index: usize| SPACING_M * index as f64;
     match node {
         Node::Intersection { row, col } => (at(col), at(row)),
@@ -244,6 +244,8 @@ pub fn section(xml: &mut Xml, name: &str, options: &[(&str, &str)]) -> io::Resul
 
 #[cfg(test)]
 mod tests {
+    use super::super::super::global::DECEL_MPS2;
+    use super::super::super::signals::{Light, YELLOW_STEPS};
     use super::*;
 
     #[test]
@@ -259,6 +261,17 @@ mod tests {
         ] {
             assert!(nodes.contains(node), "{node} is not in {nodes}");
         }
+    }
+
+    #[test]
+    fn simulators_and_controllers_assume_the_vehicle_type_and_the_lights_that_are_written() {
+        let of_the_type =
+            |key: &str| VEHICLE_TYPE.iter().find(|(name, _)| *name == key).and_then(|(_, v)| v.parse().ok());
+        assert_eq!(of_the_type("decel"), Some(DECEL_MPS2));
+        assert_eq!(of_the_type("maxSpeed"), Some(SPEED_LIMIT_MPS));
+        let cycle = [Light::VerticalGreen, Light::VerticalYellow, Light::HorizontalGreen, Light::HorizontalYellow];
+        assert_eq!(cycle.map(Light::letters), CYCLE);
+        assert_eq!([STATIC_S[1], STATIC_S[3]].map(str::parse), [Ok(YELLOW_STEPS), Ok(YELLOW_STEPS)]);
     }
 
     #[test]

@@ -39,12 +39,14 @@ pub fn read(path: &Path) -> Result<Element> {
 }
 
 /// What is wrong with a text, and at which of its bytes.
-struct Fault {
+#[derive(Debug)]
+pub struct Fault {
     offset: u64,
     what: String,
 }
 
-fn parse(text: &str) -> Result<Element, Fault> {
+/// The root element of a text.
+pub fn parse(text: &str) -> Result<Element, Fault> {
     let mut reader = Reader::from_str(text);
     let mut open: Vec<Element> = Vec::new();
     let mut root = None;

@@ -1,0 +1,105 @@
+//! Which vector registers the matrix products of this process use.
+//!
+//! Products are the only arithmetic whose bits depend on the width of the registers: they add up several sums side by
+//! side. All other loops compute element by element, without fused multiply-add, and so give the same bits everywhere.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use anyhow::{Result, ensure};
+use pulp::{Arch, WithSimd};
+
+use crate::base::VectorWidth;
+
+/// One for the whole process: a program computes the networks of one config at a time.
+static ARE_256_BITS: AtomicBool = AtomicBool::new(false);
+
+/// Lets all products of this process use registers of this width from now on; an error if the machine has none.
+pub fn use_vectors(width: VectorWidth) -> Result<()> {
+    check(width, has_avx2_and_fma())?;
+    ARE_256_BITS.store(width == VectorWidth::Bits256, Ordering::Relaxed);
+    Ok(())
+}
+
+/// Width of the registers in use.
+pub(super) fn vector_width() -> VectorWidth {
+    if ARE_256_BITS.load(Ordering::Relaxed) { VectorWidth::Bits256 } else { VectorWidth::Widest }
+}
+
+/// Returns the name of the instructions that products of this width use on this machine, such as `avx512f` or
+/// `avx2+fma`; an error if the machine has none. The same name means the same bits.
+pub fn vector_instructions(width: VectorWidth) -> Result<String> {
+    check(width, has_avx2_and_fma())?;
+    Ok(match width {
+        VectorWidth::Bits256 => AVX2.to_owned(),
+        VectorWidth::Widest => widest(),
+    })
+}
+
+const AVX512: &str = "avx512f";
+const AVX2: &str = "avx2+fma";
+
+fn check(width: VectorWidth, avx2_and_fma: bool) -> Result<()> {
+    ensure!(
+        width == VectorWidth::Widest || avx2_and_fma,
+        "this machine has no AVX2 and FMA, which products of 256 bits need"
+    );
+    Ok(())
+}
+
+#[cfg(target_arch = "x86_64")]
+fn has_avx2_and_fma() -> bool {
+    pulp::x86::V3::try_new().is_some()
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+fn has_avx2_and_fma() -> bool {
+    false
+}
+
+/// The crate `gemm` and `pulp` choose each for itself, and a few CPUs have only a part of what `pulp` wants.
+#[cfg(target_arch = "x86_64")]
+fn widest() -> String {
+    let of_gemm = match () {
+        () if is_x86_feature_detected!("avx512f") => AVX512,
+        () if is_x86_feature_detected!("fma") => AVX2,
+        () => "scalar",
+    };
+    let of_few_rows = match Arch::new() {
+        Arch::V4(_) => AVX512,
+        Arch::V3(_) => AVX2,
+        _ => "scalar",
+    };
+    if of_gemm == of_few_rows { of_gemm.to_owned() } else { format!("{of_gemm}, {of_few_rows} for few rows") }
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+fn widest() -> String {
+    std::env::consts::ARCH.to_owned()
+}
+
+/// Does `work` with registers of this width.
+pub(super) fn dispatch<W: WithSimd>(width: VectorWidth, work: W) -> W::Output {
+    match width {
+        VectorWidth::Widest => Arch::new().dispatch(work),
+        #[cfg(target_arch = "x86_64")]
+        VectorWidth::Bits256 => {
+            let simd = pulp::x86::V3::try_new().expect("`use_vectors` found AVX2 and FMA");
+            pulp::Simd::vectorize(simd, work)
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        VectorWidth::Bits256 => unreachable!("`use_vectors` refuses it here"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_machine_without_avx2_is_told_so_where_a_config_asks_for_it() {
+        check(VectorWidth::Widest, false).unwrap();
+        check(VectorWidth::Bits256, true).unwrap();
+        let error = check(VectorWidth::Bits256, false).unwrap_err().to_string();
+        assert_eq!(error, "this machine has no AVX2 and FMA, which products of 256 bits need");
+    }
+}
