@@ -190,10 +190,10 @@ pub struct Bench {
 
 #[derive(Debug, Args)]
 pub struct Episodes {
-    /// Episodes to play [default: evaluation.episodes of the config]
+    /// Episodes to play [default: evaluation.final_episodes of the config]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub episodes: Option<u32>,
-    /// The same seed gives every controller and policy the same traffic [default: seed of the config]
+    /// The same seed gives every controller and policy the same traffic [default: evaluation.seed of the config]
     #[arg(long)]
     pub seed: Option<u64>,
 }

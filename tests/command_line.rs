@@ -29,7 +29,7 @@ fn write_config(dir: &Path, more: &str) -> String {
         "{more}\n[traffic]\nnetwork = '{nets}/grid_2x2'\nlocal_network = '{nets}/local'\nhorizon = 40\n\
          [local_simulators]\ncopies = 8\n[policy]\nhidden = [16, 8]\n\
          [aip]\nhidden = [8]\nretrain_every_steps = 256\ndataset_steps = 160\nbatch = 32\nepochs = 2\n\
-         [evaluation]\nevery_steps = 256\nepisodes = 2\n"
+         [evaluation]\nevery_steps = 256\nseed = 7\nepisodes = 1\nfinal_episodes = 2\n"
     );
     fs::write(&path, text).unwrap();
     path.to_str().unwrap().to_owned()
@@ -41,6 +41,10 @@ fn train(config: &str, out: &Path, more: &[&str]) -> assert_cmd::assert::Assert 
     let mut args = vec!["train", config, "--out", out.to_str().unwrap()];
     args.extend(more);
     dials_traffic(&args).assert()
+}
+
+fn six_decimals(number: &Value) -> String {
+    format!("{:.6}", number.as_f64().unwrap())
 }
 
 fn text(bytes: &[u8]) -> String {
@@ -65,12 +69,13 @@ fn a_run_leaves_a_directory_that_can_be_evaluated_anywhere() {
     let (config, out) = (write_config(dir.path(), SHORT), dir.path().join("run"));
     let assert = train(&config, &out, &["--seed", "5"]).success();
     let said = text(&assert.get_output().stdout);
-    let evaluate = format!("evaluate {} --episodes 2 --seed 5", out.display());
+    let evaluate = format!("evaluate {}\n", out.display());
     assert!(said.contains(&evaluate), "the exact command is told: {said}");
     for file in [
         "config.toml",
         "run.json",
         "returns.csv",
+        "episodes.csv",
         "training.csv",
         "aip_loss.csv",
         "timing.csv",
@@ -88,9 +93,9 @@ fn a_run_leaves_a_directory_that_can_be_evaluated_anywhere() {
     let elsewhere = dir.path().join("elsewhere");
     fs::rename(&out, &elsewhere).unwrap();
     fs::remove_file(&config).unwrap();
-    let json = dials_traffic(&["evaluate", elsewhere.to_str().unwrap(), "--seed", "5", "--json"]).assert().success();
+    let json = dials_traffic(&["evaluate", elsewhere.to_str().unwrap(), "--json"]).assert().success();
     let found: Value = serde_json::from_slice(&json.get_output().stdout).unwrap();
-    assert_eq!((&found["episodes"], &found["agents"], &found["seed"]), (&2.into(), &4.into(), &5.into()));
+    assert_eq!((&found["episodes"], &found["agents"], &found["seed"]), (&2.into(), &4.into(), &7.into()));
     assert!(found["std_error"].is_f64() && found["sumo_version"].is_string());
 
     // The last evaluation of the run played the same episodes with the same policies.
@@ -98,6 +103,10 @@ fn a_run_leaves_a_directory_that_can_be_evaluated_anywhere() {
     let last = returns.lines().rfind(|line| line.split(',').nth(1) == Some("all")).unwrap();
     let mean: f64 = last.split(',').nth(2).unwrap().parse().unwrap();
     assert!((found["mean_return"].as_f64().unwrap() - mean).abs() < 1e-4, "{found} {last}");
+    let of_episodes: Vec<String> = found["episode_returns"].as_array().unwrap().iter().map(six_decimals).collect();
+    let episodes = fs::read_to_string(elsewhere.join("episodes.csv")).unwrap();
+    let last: Vec<&str> = episodes.lines().rev().take(2).map(|line| line.rsplit(',').next().unwrap()).collect();
+    assert_eq!(of_episodes, [last[1], last[0]], "{episodes}");
 }
 
 #[test]

@@ -51,7 +51,9 @@ fn the_tables_are_the_golden_ones() {
         }
     }
     let expected = names(&golden);
-    assert_eq!(expected, ["agents.csv", "aip_cross_entropy.csv", "costs.csv", "curves.csv", "final.csv", "report.md"]);
+    let files =
+        ["agents", "aip_cross_entropy", "costs", "curves", "differences", "final"].map(|name| format!("{name}.csv"));
+    assert_eq!(expected, [&files[..], &["report.md", "seeds.csv"].map(str::to_owned)].concat());
     for name in expected {
         let [found, golden] = [&out, &golden].map(|dir| fs::read_to_string(dir.join(&name)).unwrap());
         for (number, (found, golden)) in found.lines().zip(golden.lines()).enumerate() {
@@ -68,23 +70,23 @@ fn final_returns_and_runtimes_are_worked_out_by_hand() {
         let table = fs::read_to_string(out.join(file)).unwrap();
         table.lines().find(|line| line.starts_with(group)).unwrap().to_owned()
     };
-    // 214, 218 and 222: mean 218, deviation 4, standard error 4 / sqrt(3) = 2.3094; each run's median agent is 0.5 higher;
-    // the worst agent is 3 below the worst run.
+    // 214, 218 and 222: mean 218, deviation 4, standard error 4 / sqrt(3) = 2.3094, too few for an interval; each run's median
+    // agent is 0.5 higher; the worst agent is 3 below the worst run.
     assert_eq!(
         line("final.csv", "traffic_4,DIALS F=1M"),
-        "traffic_4,DIALS F=1M,4000064,true,3,218.0000,2.3094,214.0000,222.0000,218.0000,218.5000,211.0000,0,12"
+        "traffic_4,DIALS F=1M,4000064,true,3,4,218.0000,2.3094,,,218.0000,218.5000,211.0000,0,12"
     );
     // Two periods of 410, 420 and 430 s and a last evaluation of 3 s: 823, 843 and 863; three evaluations of 3 s off: 814, 834
-    // and 854, of which 2 s collect and train AIPs; deviation 20, / sqrt(3) = 11.5470.
+    // and 854, of which 2 s collect and train AIPs. CPU: two periods of 700 s and 6 s; evaluations 5, 5 and 6 s.
     assert_eq!(
         line("costs.csv", "traffic_4,DIALS F=1M"),
-        "traffic_4,DIALS F=1M,4000064,true,1,832.0000,2.0000,834.0000,11.5470,843.0000,202.0000,382.0000,262.0000"
+        "traffic_4,DIALS F=1M,4000064,true,1,832.0000,2.0000,834.0000,,,843.0000,1406.0000,16.0000,202.0000,382.0000,262.0000"
     );
     // The unfinished run with seed 2 does not count.
-    assert!(line("final.csv", "traffic_4,GS").starts_with("traffic_4,GS,4000064,true,1,200.0000,,,,200.0000,"));
+    assert!(line("final.csv", "traffic_4,GS").starts_with("traffic_4,GS,4000064,true,1,4,200.0000,,,,200.0000,"));
     // At 2M both do: 190 and 194.
     let curves = fs::read_to_string(out.join("curves.csv")).unwrap();
-    assert!(curves.contains("traffic_4,GS,2000000,2,192.0000,2.0000,190.0000,194.0000,192.5000,"), "{curves}");
+    assert!(curves.contains("traffic_4,GS,2000000,2,192.0000,2.0000,,,192.5000,"), "{curves}");
 }
 
 #[test]
@@ -124,13 +126,17 @@ fn the_page_needs_nothing_else_and_its_pictures_are_well_formed() {
 fn the_measured_controller_and_the_papers_numbers_stand_beside_ours() {
     let (_dir, out, _) = report();
     let svg = fs::read_to_string(out.join("learning_traffic_4.svg")).unwrap();
-    for told in ["actuated, measured: 170.6", "hand-coded, the paper: 176.0", "DIALS F=1M, the paper", "GS, the paper"]
-    {
+    for told in [
+        "actuated, measured: 170.6",
+        "pale lines: single seeds",
+        "hand-coded, the paper: 176.0",
+        "DIALS F=1M, the paper",
+        "GS, the paper",
+    ] {
         assert!(svg.contains(told), "{told}");
     }
     let markdown = fs::read_to_string(out.join("report.md")).unwrap();
-    // 218 - 214 = 4; standard errors 2.3094 and the paper's 1: sqrt(6.3333) = 2.5166; 4 / 2.5166 = 1.6.
-    assert!(markdown.contains("| 214.0 ± 1.0 at 4M | +4.0 (1.6 SE) |"), "{markdown}");
+    assert!(markdown.contains("| 214.0 ± 1.0 at 4M | +4.0 |"), "{markdown}");
     let warehouse = fs::read_to_string(out.join("learning_warehouse_4.svg")).unwrap();
     assert!(!warehouse.contains("DIALS F=200K, the paper"), "200K steps are no match for 4M");
 }
@@ -209,7 +215,6 @@ fn scenarios_of_as_many_agents_stand_apart_and_only_the_papers_has_its_numbers()
         "## Traffic, 4 agents, 100 steps",
         "training, 4, 100 steps | training, 4, 300 steps",
         "The paper has no such scenario.",
-        // One seed: no standard error of ours to count the difference in.
         "| 214.0 ± 1.0 at 4M | +0.0 |",
         "runs/baselines/traffic_4-actuated.json: left out: was measured on traffic-9-300, of which there is no run",
     ] {
@@ -248,7 +253,10 @@ fn an_ablation_is_drawn_row_by_row_and_panel_by_panel_against_its_reference() {
         assert_eq!(rows.matches(&format!("\n{label}\n")).count(), 1, "{label}: {rows}");
         assert!(panels.contains(&format!("\n{label} (1 run)\n")), "{label}");
     }
-    assert_eq!((rows.matches("\n+0.50\n").count(), rows.matches("\nthe reference\n").count()), (5, 1));
+    assert_eq!(
+        (rows.matches("\n+0.50 (n = 1, other episodes)\n").count(), rows.matches("\nthe reference\n").count()),
+        (5, 1)
+    );
     assert!(panels.contains("in all: DIALS F=200K (1"));
     assert!(!dir.path().join("report/final_return_warehouse.svg").exists(), "the rows say it");
 }
@@ -344,10 +352,12 @@ fn near(value: &Value, expected: f64) {
 fn the_same_seeds_are_compared_in_pairs() {
     let found =
         compare(&["runs/warehouse_4-dials-clip0.1-seed*", "runs/warehouse_4-dials-clip0.2-seed*", "--reach", "6.2"]);
-    // Finals 9.2 and 9.4 against 9.7 and 9.9: both pairs differ by 0.5, without any spread.
-    assert_eq!(found["method"], "paired");
+    // Finals 9.2 and 9.4 against 9.7 and 9.9: both pairs differ by 0.5. These runs did not write their episodes down.
+    assert_eq!(found["paired_by"], "seed");
     near(&found["difference"], 0.5);
-    near(&found["interval_95"][0], 0.5);
+    assert_eq!(found["interval_95"], Value::Null, "two seeds are too few");
+    near(&found["differences"][1]["difference"], 0.5);
+    assert!(found["warnings"].to_string().contains("not evaluated on the same episodes"), "{found}");
     assert_eq!(found["differing"]["ppo.clip"], serde_json::json!(["0.1", "0.2"]));
     // A is at 6 at 100K and at 9.2 at the end; B is at 6.5 at 100K.
     near(&found["a"]["reached_steps"], 200_064.0);
@@ -375,19 +385,100 @@ fn a_return_to_reach_is_a_number() {
     assert!(text(&output.stderr).contains("must be a finite number"), "{output:?}");
 }
 
+/// Five runs with seeds 1 to 5 of a fixed one, whose final return in each of its four episodes is raised by these.
+fn five_seeds(runs: &Path, of: &str, name: &str, raised: [f64; 5]) {
+    for (seed, raised) in (1..).zip(raised) {
+        let to = runs.join(format!("{name}-seed{seed}"));
+        fs::create_dir_all(&to).unwrap();
+        for file in names(&home().join("runs").join(of)) {
+            fs::copy(home().join("runs").join(of).join(&file), to.join(&file)).unwrap();
+        }
+        edit(&to.join("config.toml"), "seed = 1", &format!("seed = {seed}"));
+        let raise = |file: &str, column: usize| {
+            let text = fs::read_to_string(to.join(file)).unwrap();
+            let line = |line: &str| {
+                let mut fields: Vec<String> = line.split(',').map(str::to_owned).collect();
+                if fields[0] == "4000064" {
+                    fields[column] = format!("{:.6}", fields[column].parse::<f64>().unwrap() + raised);
+                }
+                fields.join(",")
+            };
+            fs::write(to.join(file), text.lines().map(line).collect::<Vec<_>>().join("\n") + "\n").unwrap();
+        };
+        raise("returns.csv", 2);
+        raise("episodes.csv", 2);
+    }
+}
+
 #[test]
-fn other_seeds_are_compared_as_welch_does() {
-    let a = "runs/traffic_4-dials-seed1,runs/traffic_4-dials-seed2";
-    let b = "runs/traffic_4-dials-seed2,runs/traffic_4-dials-seed3";
-    let found = compare(&[a, b]);
-    // 214 and 218 against 218 and 222: difference 4; both variances 8, / 2 = 4; error sqrt(8) = 2.8284; freedom 64 / 32 = 2,
-    // whose t is 4.30265: 12.1697.
-    assert_eq!(found["method"], "welch");
-    near(&found["difference"], 4.0);
-    near(&found["interval_95"][0], 4.0 - 12.1697);
-    near(&found["interval_95"][1], 4.0 + 12.1697);
-    // 95 % of 216.
-    near(&found["reach"], 205.2);
+fn five_seeds_on_the_same_episodes_have_an_interval_of_their_paired_differences() {
+    let dir = tempfile::tempdir().unwrap();
+    let runs = dir.path().join("runs");
+    five_seeds(&runs, "traffic_4-gs-seed1", "gs", [0.0, 1.0, 2.0, 3.0, 4.0]);
+    five_seeds(&runs, "traffic_4-dials-seed1", "dials", [1.0, 3.0, 5.0, 7.0, 9.0]);
+    let side = |name: &str| format!("{}/{name}-seed*", runs.display());
+    let found = compare(&[&side("gs"), &side("dials")]);
+    // 200 + 0..4 against 214 + 1, 3, ..., 9: differences 15 to 19, mean 17, error sqrt(2.5 / 5) = 0.70711, t of 4 is 2.77645.
+    assert_eq!((&found["paired_by"], &found["a"]["episodes"]), (&"episode and seed".into(), &4.into()));
+    near(&found["difference"], 17.0);
+    near(&found["interval_95"][0], 17.0 - 2.77645 * 0.5_f64.sqrt());
+    near(&found["differences"][4]["difference"], 19.0);
+    assert_eq!(found["warnings"], serde_json::json!([]));
+    // 1406 s less 16 s of evaluations; the runs on the GS are of a version that did not measure it.
+    near(&found["b"]["cpu_s"], 1390.0);
+    assert_eq!(found["a"]["cpu_s"], Value::Null);
+
+    // Seeds 1 and 2 against 3 to 5 cannot be paired by seed, and are too few.
+    let found = compare(&[&format!("{}/gs-seed[12]", runs.display()), &format!("{}/gs-seed[345]", runs.display())]);
+    assert_eq!((&found["paired_by"], &found["interval_95"]), (&"episode".into(), &Value::Null));
+    // 0.5 and 3.
+    near(&found["difference"], 2.5);
+    // 95 % of 200.5.
+    near(&found["reach"], 190.475);
+
+    // Another seed of the episodes: only means are left, and the traffic's chance is in none of the spreads.
+    for seed in 1..=5 {
+        let config = runs.join(format!("dials-seed{seed}/config.toml"));
+        let text = fs::read_to_string(&config).unwrap();
+        fs::write(&config, text + "[evaluation]\nseed = 3\n").unwrap();
+    }
+    let found = compare(&[&side("gs"), &side("dials")]);
+    assert_eq!((&found["paired_by"], &found["interval_95"]), (&"seed".into(), &Value::Null));
+    near(&found["difference"], 17.0);
+}
+
+#[test]
+fn returns_stand_beside_the_strongest_controller_on_the_same_episodes() {
+    let (dir, markdown) = report_of(&["baselines"], |runs| {
+        five_seeds(runs, "traffic_4-gs-seed1", "gs", [0.0, 1.0, 2.0, 3.0, 4.0]);
+        let (actuated, weaker) = (runs.join("baselines/traffic_4-actuated.json"), runs.join("baselines/weaker.json"));
+        fs::copy(&actuated, &weaker).unwrap();
+        edit(&weaker, "actuated", "random");
+        edit(&weaker, "170.6", "90.6");
+    });
+    assert!(markdown.contains("| 95 % interval or seeds | − actuated | median run |"), "{markdown}");
+    // 200 to 204: 202 with an error of 0.70711, so 1.96 to each side; 31.4 more than 170.6 in every episode.
+    assert!(markdown.contains("| 5 | 4M | 4 | 202.0 | 95 % [200.0, 204.0] | +31.4 [+29.4, +33.4] |"), "{markdown}");
+    assert!(markdown.contains("| random | - | - | 4 | 90.6 | ± 0.9 standard error over 4 episodes |"), "{markdown}");
+    assert!(!markdown.contains("not evaluated on the episodes of"), "{markdown}");
+    let differences = fs::read_to_string(dir.path().join("report/differences.csv")).unwrap();
+    assert!(differences.contains("traffic_4,GS,actuated,episode,5,33.4000,,\n"), "{differences}");
+    let svg = fs::read_to_string(dir.path().join("report/learning_traffic_4.svg")).unwrap();
+    assert!(svg.contains("band: 95\u{a0}%") && !svg.contains("pale lines"), "{svg}");
+}
+
+#[test]
+fn runs_and_controllers_on_other_episodes_are_told_and_only_their_means_subtracted() {
+    let (_dir, markdown) = report_of(&["traffic_4-dials-seed1", "traffic_4-dials-seed2", "baselines"], |runs| {
+        edit(&runs.join("baselines/traffic_4-actuated.json"), "\"seed\": 0", "\"seed\": 9");
+    });
+    assert!(markdown.contains("| +45.4 (n = 2: +43.4, +47.4, other episodes) |"), "{markdown}");
+    assert!(markdown.contains("- traffic, 4 agents: not evaluated on the episodes of actuated"), "{markdown}");
+    let (_dir, markdown) = report_of(&["traffic_4-dials-seed1", "traffic_4-dials-seed2"], |runs| {
+        fs::remove_file(runs.join("traffic_4-dials-seed2/episodes.csv")).unwrap();
+    });
+    let told = "- traffic, 4 agents, DIALS F=1M: its runs were evaluated on different episodes";
+    assert!(markdown.contains(told) && markdown.contains("| 4 each |"), "{markdown}");
 }
 
 #[test]
@@ -399,7 +490,10 @@ fn a_comparison_tells_a_person_what_to_doubt() {
         "simulator: gs in A, dials in B",
         "traffic, 4 agents, at 4M timesteps",
         "+14.0",
-        "a side has one seed: no interval",
+        "n = 1 in A and 1 in B: an interval takes 5 seeds on each side",
+        "4 episodes of evaluation.seed 0",
+        "returns: paired by episode and by seed",
+        "  seed 1                               200.0               214.0   +14.0",
     ] {
         assert!(said.contains(told), "`{told}` is not in: {said}");
     }

@@ -1,4 +1,4 @@
-//! Where the wall time goes: what workers do between two exchanges, and which phases it is made of.
+//! Where the time goes: what workers do between two exchanges, and which phases it is made of.
 
 use std::time::{Duration, Instant};
 
@@ -142,10 +142,14 @@ impl Stopwatch {
     }
 }
 
-/// The wall time of every activity and its phases.
+/// The wall time of every activity and its phases, and the CPU time of the process.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Timesheet {
     activities: [(Duration, Stopwatch); Activity::ALL.len()],
+    /// CPU time of the whole process, all threads.
+    cpu: Duration,
+    /// CPU time of each activity.
+    cpu_of: [Duration; Activity::ALL.len()],
 }
 
 impl Timesheet {
@@ -160,6 +164,37 @@ impl Timesheet {
         for (activity, (whole, phases)) in Activity::ALL.into_iter().zip(&other.activities) {
             self.note(activity, *whole, phases);
         }
+        self.cpu += other.cpu;
+        for (mine, theirs) in self.cpu_of.iter_mut().zip(other.cpu_of) {
+            *mine += theirs;
+        }
+    }
+
+    /// CPU time that belongs to no activity.
+    pub fn of_cpu(cpu: Duration) -> Timesheet {
+        Timesheet { cpu, ..Timesheet::default() }
+    }
+
+    /// Adds the CPU time in which all that is noted here was done: shared by wall time, so all of it goes to an activity that
+    /// stands here alone.
+    pub fn note_cpu(&mut self, cpu: Duration) {
+        self.cpu += cpu;
+        let total = self.total().as_secs_f64();
+        for ((whole, _), of_activity) in self.activities.iter().zip(&mut self.cpu_of) {
+            if *whole > Duration::ZERO {
+                *of_activity += cpu.mul_f64(whole.as_secs_f64() / total);
+            }
+        }
+    }
+
+    /// CPU time of the process, all threads; a part of it may belong to no activity.
+    pub fn cpu(&self) -> Duration {
+        self.cpu
+    }
+
+    /// CPU time of an activity.
+    pub fn cpu_of(&self, activity: Activity) -> Duration {
+        self.cpu_of[activity as usize]
     }
 
     /// With what is in none of its phases.
@@ -179,5 +214,31 @@ impl Timesheet {
     /// Reads everything and starts again from zero.
     pub fn take(&mut self) -> Timesheet {
         std::mem::take(self)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cpu_time_goes_to_the_activity_that_was_noted_with_it() {
+        let seconds = Duration::from_secs;
+        let order = |activity, wall, cpu| {
+            let mut timesheet = Timesheet::default();
+            timesheet.note(activity, seconds(wall), &Stopwatch::default());
+            timesheet.note_cpu(seconds(cpu));
+            timesheet
+        };
+        let mut all = order(Activity::Training, 10, 19);
+        all.add(&order(Activity::Evaluation, 5, 4));
+        // Preparing an order is no activity.
+        all.add(&Timesheet::of_cpu(seconds(1)));
+        let of = |activity| all.cpu_of(activity);
+        assert_eq!(
+            (all.cpu(), of(Activity::Training), of(Activity::Evaluation)),
+            (seconds(24), seconds(19), seconds(4))
+        );
+        assert_eq!(of(Activity::Collection), Duration::ZERO);
     }
 }

@@ -187,10 +187,16 @@ mod tests {
             dir: PathBuf::new(),
             config: config(simulator, 1000),
             about: serde_json::Value::Null,
-            evaluations: vec![Evaluation { steps: 1000, all: returns, agents: vec![returns; agents] }],
+            evaluations: vec![Evaluation {
+                steps: 1000,
+                all: returns,
+                agents: vec![returns; agents],
+                episodes: None,
+                episode_returns: Vec::new(),
+            }],
             aip_trainings: Vec::new(),
             fresh_losses: Vec::new(),
-            periods: vec![PeriodTime { steps: 1000, elapsed_s, evaluation_s, influence_s }],
+            periods: vec![PeriodTime { steps: 1000, elapsed_s, evaluation_s, influence_s, cpu: None }],
             memory: Some(Memory { process_mb: 0.0, total_mb: 0.0, total_pss_mb: Some(332.0) }),
             workers,
         }

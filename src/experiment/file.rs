@@ -22,9 +22,10 @@ pub struct ExperimentFile {
     /// Hand-coded controllers to measure on every scenario, for the dashed lines of the report.
     #[serde(default)]
     pub controllers: Vec<String>,
-    /// Episodes that each of them plays.
-    #[serde(default = "default_controller_episodes")]
-    pub controller_episodes: u32,
+    /// Number of episodes that each of them plays. Left out: those of the last evaluation of a run, so that controllers and
+    /// runs are compared episode by episode.
+    #[serde(default)]
+    pub controller_episodes: Option<u32>,
     /// Runs of fewer agents stand beside each other, one core each; larger ones have all cores to themselves.
     #[serde(default = "default_all_cores_from_agents")]
     pub all_cores_from_agents: usize,
@@ -53,10 +54,6 @@ pub struct Grid {
     pub name: Option<String>,
 }
 
-fn default_controller_episodes() -> u32 {
-    40
-}
-
 fn default_all_cores_from_agents() -> usize {
     25
 }
@@ -83,7 +80,7 @@ pub struct PlannedBaseline {
     /// [`Scenario::id`]
     pub scenario: String,
     pub controller: String,
-    pub episodes: u32,
+    pub episodes: usize,
 }
 
 /// All that an experiment means to do.
@@ -156,7 +153,9 @@ impl Experiment {
                     config: run.config.clone(),
                     scenario: scenario.clone(),
                     controller: controller.clone(),
-                    episodes: file.controller_episodes,
+                    episodes: file
+                        .controller_episodes
+                        .map_or(run.config.evaluation.final_episodes, |count| count as usize),
                 });
             }
         }

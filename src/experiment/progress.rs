@@ -79,9 +79,12 @@ pub fn stage_of_baseline(folder: &Path, planned: &PlannedBaseline) -> Stage {
     if !path.exists() {
         return Stage::New;
     }
+    let (scenario, controller) = (&planned.scenario, &planned.controller);
     let as_planned = |there: Baseline| {
-        (there.scenario, there.controller, there.episodes)
-            == (planned.scenario.clone(), planned.controller.clone(), planned.episodes as usize)
+        (&there.scenario, &there.controller, there.episodes) == (scenario, controller, planned.episodes)
+            && there.seed == Some(planned.config.evaluation.seed)
+            // Older versions did not write them down.
+            && there.episode_returns.len() == planned.episodes
     };
     if read_json(&path).is_ok_and(as_planned) { Stage::Finished } else { Stage::Outdated }
 }

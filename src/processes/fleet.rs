@@ -21,7 +21,7 @@ use crate::influence::{AipLoss, Dataset, FreshLoss};
 use crate::training::answers::{FleetLoad, PolicyTraining, WorkerLoad};
 use crate::training::collect::Purpose;
 use crate::training::fleet::Fleet;
-use crate::training::footprint::Footprint;
+use crate::training::footprint::{CpuClock, Footprint};
 use crate::training::observer::{Interrupted, Observer};
 use crate::training::state::AgentsState;
 
@@ -58,6 +58,7 @@ pub struct ProcessFleet {
     at_work: Duration,
     /// The largest of this process since the last report.
     footprint: Footprint,
+    clock: CpuClock,
 }
 
 /// A worker, whichever process it is at the moment.
@@ -95,6 +96,7 @@ impl ProcessFleet {
             events,
             at_work: Duration::ZERO,
             footprint: Footprint::default(),
+            clock: CpuClock::from_now(),
         };
         let order = Frames::of(&Order::TellState)?;
         let orders = fleet.owners().map(|worker| (worker, order.clone())).collect();
@@ -477,6 +479,7 @@ impl Fleet for ProcessFleet {
             workers: workers.collect(),
             at_work: std::mem::take(&mut self.at_work),
             coordinator: Some(Footprint::of_this_process()),
+            coordinator_cpu: self.clock.lap(),
         }
     }
 }

@@ -18,7 +18,7 @@ use crate::domain::Domain;
 use crate::nn::Threads;
 use crate::policy::JointPolicy;
 use crate::training::answers::WorkerLoad;
-use crate::training::footprint::Footprint;
+use crate::training::footprint::{CpuClock, Footprint};
 use crate::training::observer::Observer;
 use crate::training::worker::Worker;
 
@@ -33,7 +33,11 @@ pub fn serve(open_domain: impl FnOnce(&Config) -> Result<Arc<dyn Domain>>) -> Re
     set_parent_process_death_signal(Some(Signal::KILL)).context("cannot be tied to the coordinator's life")?;
     let stdin = std::io::stdin().as_fd().try_clone_to_owned().context("no standard input")?;
     let mut stream = UnixStream::from(stdin);
-    let reporter = Reporter { stream: RefCell::new(stream.try_clone()?), last: Cell::new(Instant::now()) };
+    let reporter = Reporter {
+        stream: RefCell::new(stream.try_clone()?),
+        last: Cell::new(Instant::now()),
+        clock: RefCell::new(CpuClock::of_the_process()),
+    };
     let Some(order) = receive(&mut stream).context("this command is for the program itself, not for people")? else {
         return Ok(());
     };
@@ -95,6 +99,7 @@ fn carry_out(
 struct Reporter {
     stream: RefCell<UnixStream>,
     last: Cell<Instant>,
+    clock: RefCell<CpuClock>,
 }
 
 impl Reporter {
@@ -103,7 +108,9 @@ impl Reporter {
     }
 
     fn done(&self, answer: Answer, worker: &mut Worker) -> Result<()> {
-        let load = WorkerLoad { timesheet: worker.take_timesheet(), footprint: Footprint::of_this_process() };
+        let mut timesheet = worker.take_timesheet();
+        timesheet.note_cpu(self.clock.borrow_mut().lap());
+        let load = WorkerLoad { timesheet, footprint: Footprint::of_this_process() };
         self.send(&Report::Done { answer: Box::new(answer), load: Box::new(load) })
     }
 

@@ -1,22 +1,22 @@
 //! Two groups of runs against each other: final return, runtime, and what it takes to reach a return.
 //!
-//! Returns are compared at the same number of timesteps: the last one that the final returns of both groups stand for.
-//! Where both groups have the same seeds the difference is taken seed by seed (the same seed means the same traffic and the
-//! same random weights); else the groups are compared as Welch does.
+//! Returns are compared at the same number of timesteps: the last one that the final returns of both groups stand for. The
+//! difference is taken as in [`super::difference`]: episode by episode and seed by seed where both are the same.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
 use anyhow::{Context, Result, ensure};
 use serde_json::{Value, json};
 
-use super::finals::agents_at;
+use super::difference::{Difference, Played, Side as Returns, between, common_episodes};
+use super::finals::{agents_at, mean_cpu};
 use super::find::{LeftOut, find};
 use super::group::{Group, Sorted, sort, steps_text};
-use super::run_dir::{RunRecord, Status};
+use super::run_dir::{CpuTime, PeriodTime, RunRecord, Status};
 use super::scenario::Scenario;
-use super::statistics::{Difference, Method, Spread, difference};
-use super::words::{duration, figure, interval, no_run, signed, warnings, with_error};
+use super::statistics::{ENOUGH_SEEDS, Spread};
+use super::words::{duration, figure, figure_like, interval, no_run, pairing, signed, signed_interval, warnings};
 use crate::base::statistics::{mean, median};
 
 /// Of the worse final return: what both groups have to reach where nothing else is asked for.
@@ -91,8 +91,8 @@ pub struct Verdict {
     /// Timesteps per agent at which the returns are compared.
     pub steps: u64,
     pub returns: [Spread; 2],
-    /// Of the runs that are compared.
-    pub seeds: [Vec<u64>; 2],
+    /// The runs that are compared, by seed.
+    pub runs: [Returns; 2],
     /// The median agent of a run, mean over seeds.
     pub median_agents: [f64; 2],
     /// Stuck agents of all runs, of so many.
@@ -100,6 +100,8 @@ pub struct Verdict {
     pub difference: Difference,
     /// Mean wall seconds until there, without evaluations.
     pub runtimes: [Option<f64>; 2],
+    /// Mean CPU seconds until there.
+    pub cpu: [Option<CpuTime>; 2],
     pub target: f64,
     pub reached: [Reached; 2],
     /// Keys of the configs that differ, with both values; none where a side does not look at the key.
@@ -122,11 +124,12 @@ pub fn compare(a: &Side, b: &Side, target: Option<f64>) -> Result<Verdict> {
         sides.map(|side| side.group.finals().expect("a run that tells its agents was evaluated"));
     let steps = steps_a.min(steps_b);
     let runs = [runs_a, runs_b];
-    let seeds = |runs: &[&RunRecord]| runs.iter().map(|run| run.config.seed).collect::<Vec<_>>();
-    let returns = runs.each_ref().map(|runs| runs.iter().filter_map(|run| run.return_at(steps)).collect::<Vec<f64>>());
-    let [of_a, of_b] = &returns;
-    let seeds = runs.each_ref().map(|runs| seeds(runs));
-    let found = difference(of_a, of_b, seeds[0] == seeds[1]);
+    let played = runs.each_ref().map(|runs| {
+        let played = runs.iter().filter_map(|run| Some((run.config.seed, Played::of_run(run, steps)?)));
+        played.collect::<Returns>()
+    });
+    let returns = played.each_ref().map(|side| side.iter().map(|(_, played)| played.mean).collect::<Vec<f64>>());
+    let found = between(&played[0], &played[1]);
     let median_agents =
         runs.each_ref().map(|runs| mean(&runs.iter().filter_map(|run| run.median_at(steps)).collect::<Vec<_>>()));
     let stuck = runs.each_ref().map(|runs| {
@@ -138,6 +141,10 @@ pub fn compare(a: &Side, b: &Side, target: Option<f64>) -> Result<Verdict> {
     let runtimes = runs.each_ref().map(|runs| {
         let times: Vec<f64> = runs.iter().filter_map(|run| run.runtime_at(steps)).collect();
         (times.len() == runs.len()).then(|| mean(&times))
+    });
+    let cpu = runs.each_ref().map(|runs| {
+        let times: Option<Vec<PeriodTime>> = runs.iter().map(|run| run.time_at(steps)).collect();
+        mean_cpu(&times?)
     });
     let mut warnings = Vec::new();
     for (side, runs) in sides.iter().zip(&runs) {
@@ -157,12 +164,23 @@ pub fn compare(a: &Side, b: &Side, target: Option<f64>) -> Result<Verdict> {
     if workers[0] != workers[1] {
         warnings.push(format!("A ran on {} workers and B on {}: their times are not alike", workers[0], workers[1]));
     }
-    if found.method == Method::SingleSeed {
-        warnings.push("a side has one seed: no interval; train more with --seed".to_owned());
+    if found.seeds.iter().any(|&seeds| seeds < ENOUGH_SEEDS) {
+        let [a, b] = found.seeds;
+        warnings.push(format!(
+            "n = {a} in A and {b} in B: an interval takes {ENOUGH_SEEDS} seeds on each side; train more with --seed"
+        ));
+    }
+    if !found.pairing.by_episode() {
+        warnings.push(
+            "A and B were not evaluated on the same episodes, so the difference is over seeds only, with the chance of the \
+             traffic in it; `evaluate` with one --seed plays the same ones"
+                .to_owned(),
+        );
     }
     Ok(Verdict {
         steps,
-        seeds,
+        runs: played,
+        cpu,
         median_agents,
         stuck,
         returns: returns.each_ref().map(|returns| Spread::of(returns).expect("a final return per run")),
@@ -188,9 +206,11 @@ impl Verdict {
     /// For a person.
     pub fn to_text(&self, a: &Side, b: &Side) -> String {
         let mut lines = Vec::new();
-        for ((letter, side), seeds) in [("A", a), ("B", b)].into_iter().zip(&self.seeds) {
-            let seeds: Vec<String> = seeds.iter().map(u64::to_string).collect();
-            lines.push(format!("{letter}: {}: {}, seed {}", side.name, side.group.name(), seeds.join(", ")));
+        for ((letter, side), runs) in [("A", a), ("B", b)].into_iter().zip(&self.runs) {
+            let seeds: Vec<String> = runs.iter().map(|(seed, _)| seed.to_string()).collect();
+            let on = common_episodes(runs.iter().map(|(_, played)| played))
+                .map_or(String::new(), |on| format!(" ({} episodes of evaluation.seed {})", on.count, on.seed));
+            lines.push(format!("{letter}: {}: {}, seed {}{on}", side.name, side.group.name(), seeds.join(", ")));
         }
         // What only one side looks at follows from the simulator, which is told.
         let both = self.differing.iter().filter_map(|(key, [a, b])| Some((key, a.as_ref()?, b.as_ref()?)));
@@ -199,19 +219,21 @@ impl Verdict {
         lines.push(String::new());
         let row = |what: &str, a: String, b: String, both: String| format!("{what:<24}{a:>20}{b:>20}   {both}");
         lines.push(row("", "A".to_owned(), "B".to_owned(), "B against A".to_owned()));
-        let [of_a, of_b] = self.returns.each_ref().map(|spread| with_error(spread.mean, spread.std_error));
-        let ends = interval(self.difference.interval, self.returns[0].mean);
-        let how = match self.difference.method {
-            Method::Paired => format!(" {ends} (95 %, paired seeds)"),
-            Method::Welch => format!(" {ends} (95 %, Welch, unpaired seeds)"),
-            Method::SingleSeed => String::new(),
-        };
-        lines.push(row(
-            "mean return",
-            of_a,
-            of_b,
-            format!("{}{how}", signed(self.difference.mean, self.returns[0].mean)),
-        ));
+        let like = self.returns[0].mean;
+        let [of_a, of_b] = self.returns.each_ref().map(|spread| figure(spread.mean));
+        lines.push(row("mean return", of_a, of_b, signed(self.difference.mean, like)));
+        if self.returns.iter().any(|spread| spread.interval.is_some()) {
+            let [of_a, of_b] = self.returns.each_ref().map(|spread| interval(spread.interval, like));
+            let of_both = self.difference.interval.map_or("-".to_owned(), |ends| signed_interval(ends, like));
+            lines.push(row("  95 % interval", of_a, of_b, of_both));
+        }
+        if self.difference.interval.is_none() {
+            lines.extend(self.seeds().map(|(seed, values, difference)| {
+                let [of_a, of_b] = values.map(|value| value.map_or("-".to_owned(), |value| figure_like(value, like)));
+                let difference = difference.map_or(String::new(), |value| signed(value, like));
+                row(&format!("  seed {seed}"), of_a, of_b, difference)
+            }));
+        }
         let [a_median, b_median] = self.median_agents;
         let median_difference = signed(b_median - a_median, a_median);
         lines.push(row("median agent", figure(a_median), figure(b_median), median_difference));
@@ -219,6 +241,9 @@ impl Verdict {
         lines.push(row("stuck agents", of_a, of_b, String::new()));
         let [of_a, of_b] = self.runtimes.map(|seconds| seconds.map_or("-".to_owned(), duration));
         lines.push(row("runtime", of_a, of_b, ratio(self.runtimes)));
+        let cpu = self.cpu.map(|cpu| cpu.map(CpuTime::runtime_s));
+        let [of_a, of_b] = cpu.map(|seconds| seconds.map_or("-".to_owned(), duration));
+        lines.push(row("CPU time", of_a, of_b, ratio(cpu)));
         let target = figure(self.target);
         let steps = self.reached.each_ref().map(Reached::steps);
         let [of_a, of_b] = self.reached.each_ref().map(|reached| {
@@ -230,26 +255,44 @@ impl Verdict {
         let [of_a, of_b] = seconds.map(|seconds| seconds.map_or("-".to_owned(), duration));
         lines.push(row(&format!("time to reach {target}"), of_a, of_b, ratio(seconds)));
         lines.push(String::new());
-        lines.push("±: standard error over seeds; runtime: wall time without evaluations; reached: median of the runs that did".to_owned());
+        let interval = self.returns.iter().any(|spread| spread.interval.is_some());
+        let interval = if interval { "; intervals: Student's t over seeds" } else { "" };
+        lines.push(format!("returns: {}{interval}", pairing(self.difference.pairing)));
+        lines.push("runtime: wall time without evaluations; CPU time: of all processes, likewise; reached: median of the runs that did".to_owned());
         lines.extend(self.warnings.iter().map(|warning| format!("warning: {warning}")));
         lines.join("\n")
+    }
+
+    /// All seeds with the return of each side and their difference.
+    fn seeds(&self) -> impl Iterator<Item = (u64, [Option<f64>; 2], Option<f64>)> + '_ {
+        let seeds: BTreeSet<u64> = self.runs.iter().flatten().map(|(seed, _)| *seed).collect();
+        seeds.into_iter().map(|seed| {
+            let value = |side: &Returns| side.iter().find(|(own, _)| *own == seed).map(|(_, played)| played.mean);
+            let difference = self.difference.of_seeds.iter().find(|(own, _)| *own == seed).map(|(_, value)| *value);
+            (seed, self.runs.each_ref().map(value), difference)
+        })
     }
 
     /// For a program.
     pub fn to_json(&self, a: &Side, b: &Side) -> Value {
         let side = |index: usize, side: &Side| {
             let (returns, reached) = (&self.returns[index], &self.reached[index]);
+            let episodes = common_episodes(self.runs[index].iter().map(|(_, played)| played));
             json!({
                 "name": side.name,
                 "method": side.group.name(),
-                "seeds": self.seeds[index],
-                "runs": returns.runs,
+                "seeds": self.runs[index].iter().map(|(seed, _)| *seed).collect::<Vec<u64>>(),
+                "runs": returns.runs(),
                 "mean_return": returns.mean,
-                "std_error": returns.std_error,
+                "returns": returns.values,
+                "interval_95": returns.interval.map(|interval| [interval.low, interval.high]),
+                "evaluation_seed": episodes.map(|episodes| episodes.seed),
+                "episodes": episodes.map(|episodes| episodes.count),
                 "median_agent": self.median_agents[index],
                 "stuck_agents": self.stuck[index].0,
                 "agents": self.stuck[index].1,
                 "runtime_s": self.runtimes[index],
+                "cpu_s": self.cpu[index].map(CpuTime::runtime_s),
                 "reached_runs": reached.runs.len(),
                 "reached_steps": reached.steps(),
                 "reached_s": reached.seconds(),
@@ -262,12 +305,10 @@ impl Verdict {
             "b": side(1, b),
             "difference": self.difference.mean,
             "interval_95": self.difference.interval.map(|interval| [interval.low, interval.high]),
-            "method": match self.difference.method {
-                Method::Paired => "paired",
-                Method::Welch => "welch",
-                Method::SingleSeed => "single-seed",
-            },
+            "paired_by": self.difference.pairing.name(),
+            "differences": self.difference.of_seeds.iter().map(|(seed, value)| json!({ "seed": seed, "difference": value })).collect::<Vec<_>>(),
             "runtime_ratio": quotient(self.runtimes),
+            "cpu_ratio": quotient(self.cpu.map(|cpu| cpu.map(CpuTime::runtime_s))),
             "reach": self.target,
             "differing": self.differing.iter().map(|(key, values)| (key.clone(), json!(values))).collect::<serde_json::Map<_, _>>(),
             "warnings": self.warnings,

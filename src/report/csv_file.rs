@@ -4,7 +4,7 @@ use anyhow::{Context, Result};
 
 use super::curves::{LossData, learning_curve, loss_curve};
 use super::finals::{Final, Runtime, peak_memory};
-use super::group::Comparison;
+use super::group::{Comparison, Group};
 use super::statistics::Spread;
 
 /// A file of the report.
@@ -19,6 +19,8 @@ pub fn files(comparisons: &[Comparison]) -> Result<Vec<CsvFile>> {
         curves(comparisons)?,
         losses(comparisons)?,
         finals(comparisons)?,
+        differences(comparisons)?,
+        seeds(comparisons)?,
         agents(comparisons)?,
         costs(comparisons)?,
     ])
@@ -61,6 +63,7 @@ fn finals(comparisons: &[Comparison]) -> Result<CsvFile> {
         "steps",
         "finished",
         "runs",
+        "episodes",
         "mean",
         "std_error",
         "low95",
@@ -74,12 +77,52 @@ fn finals(comparisons: &[Comparison]) -> Result<CsvFile> {
     write("final.csv", &header, comparisons, |_, group| {
         let line = Final::of(group).map(|end| {
             let mut line = vec![end.steps.to_string(), end.finished.to_string()];
-            line.extend(spread(&end.returns));
+            let [runs, figures @ ..] = spread(&end.returns);
+            let episodes = end.episodes().map_or(String::new(), |episodes| episodes.count.to_string());
+            line.extend([runs, episodes]);
+            line.extend(figures);
             line.extend([end.median_run, end.median_agent, end.worst_agent.mean_return].map(number));
             line.extend([end.stuck.len(), end.agents].map(|count| count.to_string()));
             line
         });
         line.into_iter().collect()
+    })
+}
+
+/// Differences of final returns: a line for all seeds, then one per seed.
+fn differences(comparisons: &[Comparison]) -> Result<CsvFile> {
+    let header = ["against", "paired_by", "seed", "difference", "low95", "high95"];
+    write("differences.csv", &header, comparisons, |comparison, group| {
+        let Some(end) = Final::of(group) else { return Vec::new() };
+        let found = comparison.opponents().into_iter().filter_map(|opponent| {
+            let found = opponent.difference(group, &end)?;
+            let place = [opponent.name().to_owned(), found.pairing.name().to_owned()];
+            let (low, high) = (found.interval.map(|ends| ends.low), found.interval.map(|ends| ends.high));
+            let all = ["all".to_owned(), number(found.mean), optional(low), optional(high)];
+            let of_seeds = found.of_seeds.iter();
+            let of_seeds =
+                of_seeds.map(|(seed, value)| [seed.to_string(), number(*value), String::new(), String::new()]);
+            let lines = std::iter::once(all).chain(of_seeds).map(|line| place.iter().cloned().chain(line).collect());
+            Some(lines.collect::<Vec<Vec<String>>>())
+        });
+        found.flatten().collect()
+    })
+}
+
+/// The learning curve of every seed.
+fn seeds(comparisons: &[Comparison]) -> Result<CsvFile> {
+    let header = ["seed", "steps", "episodes", "mean", "median_agent", "runtime_s"];
+    write("seeds.csv", &header, comparisons, |_, group| {
+        let lines = group.runs.iter().flat_map(|run| {
+            run.evaluations.iter().map(|evaluation| {
+                let episodes = evaluation.episodes.map_or(String::new(), |episodes| episodes.to_string());
+                let mut line = vec![run.config.seed.to_string(), evaluation.steps.to_string(), episodes];
+                line.extend([evaluation.all.mean, evaluation.all.median].map(number));
+                line.push(optional(run.runtime_at(evaluation.steps)));
+                line
+            })
+        });
+        lines.collect()
     })
 }
 
@@ -107,8 +150,11 @@ fn costs(comparisons: &[Comparison]) -> Result<CsvFile> {
         "agents_training_s",
         "influence_s",
         "total_s",
-        "total_std_error_s",
+        "total_low95_s",
+        "total_high95_s",
         "wall_s",
+        "cpu_s",
+        "cpu_evaluation_s",
         "peak_process_mb",
         "peak_total_mb",
         "peak_total_pss_mb",
@@ -117,8 +163,11 @@ fn costs(comparisons: &[Comparison]) -> Result<CsvFile> {
         let line = Runtime::of(group).map(|time| {
             let memory = peak_memory(group);
             let mut line = vec![time.steps.to_string(), time.finished.to_string(), time.workers.to_string()];
-            line.extend([time.agents_training_s, time.influence_s, time.total_s].map(number));
-            line.extend([optional(time.total_std_error), number(time.wall_s)]);
+            line.extend([time.agents_training_s, time.influence_s, time.total.mean].map(number));
+            let ends = time.total.interval;
+            line.extend([ends.map(|ends| ends.low), ends.map(|ends| ends.high)].map(optional));
+            line.push(number(time.wall_s));
+            line.extend([time.cpu.map(|cpu| cpu.total_s), time.cpu.map(|cpu| cpu.evaluation_s)].map(optional));
             line.extend([memory.map(|m| m.process_mb), memory.map(|m| m.total_mb)].map(optional));
             line.push(optional(memory.and_then(|memory| memory.total_pss_mb)));
             line
@@ -132,7 +181,7 @@ fn write(
     name: &'static str,
     header: &[&str],
     comparisons: &[Comparison],
-    lines: impl Fn(&Comparison, &super::group::Group) -> Vec<Vec<String>>,
+    lines: impl Fn(&Comparison, &Group) -> Vec<Vec<String>>,
 ) -> Result<CsvFile> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     writer.write_record(["scenario", "group"].iter().chain(header))?;
@@ -149,7 +198,7 @@ fn write(
 
 fn spread(spread: &Spread) -> [String; 5] {
     let (low, high) = (spread.interval.map(|interval| interval.low), spread.interval.map(|interval| interval.high));
-    [spread.runs.to_string(), number(spread.mean), optional(spread.std_error), optional(low), optional(high)]
+    [spread.runs().to_string(), number(spread.mean), optional(spread.std_error), optional(low), optional(high)]
 }
 
 /// Four decimals, as run directories have them: enough for returns and seconds.

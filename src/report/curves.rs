@@ -82,6 +82,17 @@ pub fn loss_curve(group: &Group) -> (LossData, Vec<LossPoint>) {
     (data, points.collect())
 }
 
+/// The cross-entropies of the single runs of a group, as [`loss_curve`] has them: steps and loss.
+pub fn loss_curves_of_seeds(group: &Group, data: LossData) -> Vec<Vec<(u64, bool, f64)>> {
+    let curve = |run: &RunRecord| {
+        measured(run, data)
+            .iter()
+            .map(|((steps, after_training), [loss, _])| (*steps, *after_training, *loss))
+            .collect()
+    };
+    group.runs.iter().map(curve).collect()
+}
+
 /// Trainings of AIPs that not all runs of a group have in common, after the first: steps and the loss right after it.
 pub fn single_trainings(group: &Group) -> Vec<(u64, f64)> {
     let of_runs: Vec<Measured> = group.runs.iter().map(|run| measured(run, LossData::Fresh)).collect();
@@ -160,8 +171,10 @@ mod tests {
             &[(0, true, 6.0)],
         ]);
         let (_, points) = loss_curve(&drift);
-        let found: Vec<(u64, bool, usize, f64)> =
-            points.iter().map(|point| (point.steps, point.after_training, point.loss.runs, point.loss.mean)).collect();
+        let found: Vec<(u64, bool, usize, f64)> = points
+            .iter()
+            .map(|point| (point.steps, point.after_training, point.loss.runs(), point.loss.mean))
+            .collect();
         // At 100 the second run is half way from 4 to 8; the third one has not come so far.
         let expected = [(0, true, 3, 4.0), (100, false, 2, 5.0), (100, true, 2, 3.5), (200, false, 2, 5.0)];
         assert_eq!(found, expected);

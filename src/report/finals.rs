@@ -1,7 +1,10 @@
 //! What a group came to in the end: its return, its agents, its runtime and its memory.
 
+use std::collections::BTreeSet;
+
+use super::difference::{Episodes, Played, Side, common_episodes};
 use super::group::Group;
-use super::run_dir::{Memory, PeriodTime, Returns, RunRecord, Status};
+use super::run_dir::{CpuTime, Memory, PeriodTime, Returns, RunRecord, Status};
 use super::statistics::Spread;
 use crate::base::statistics::{mean, median};
 
@@ -13,8 +16,8 @@ pub struct Final {
     pub finished: bool,
     /// Of the mean return, over seeds.
     pub returns: Spread,
-    /// The mean return of every run that counts, with its seed.
-    pub of_runs: Vec<(u64, f64)>,
+    /// Every run that counts, by seed.
+    pub runs: Side,
     /// The median over seeds of the runs' mean returns.
     pub median_run: f64,
     /// The median agent of a run, mean over seeds.
@@ -56,9 +59,9 @@ impl Final {
                 })
             })
             .collect();
-        let of_runs: Vec<(u64, f64)> =
-            runs.iter().filter_map(|run| Some((run.config.seed, run.return_at(steps)?))).collect();
-        let means: Vec<f64> = of_runs.iter().map(|(_, value)| *value).collect();
+        let of_runs: Side =
+            runs.iter().filter_map(|run| Some((run.config.seed, Played::of_run(run, steps)?))).collect();
+        let means: Vec<f64> = of_runs.iter().map(|(_, played)| played.mean).collect();
         let medians: Vec<f64> = runs.iter().filter_map(|run| run.median_at(steps)).collect();
         let count = agents_of_runs.first().map_or(0, |(_, agents)| agents.len());
         let agent_means = (0..count)
@@ -76,9 +79,21 @@ impl Final {
             stuck: everyone.iter().filter(|(_, stuck)| *stuck).map(|(agent, _)| *agent).collect(),
             agents: everyone.len(),
             agent_means: agent_means.collect(),
-            of_runs,
+            runs: of_runs,
             agents_of_runs,
         })
+    }
+}
+
+impl Final {
+    /// The episodes that all runs played; `None` if they differ or are not known.
+    pub fn episodes(&self) -> Option<Episodes> {
+        common_episodes(self.runs.iter().map(|(_, played)| played))
+    }
+
+    /// Numbers of episodes of the runs, each once.
+    pub fn episode_counts(&self) -> BTreeSet<usize> {
+        self.runs.iter().filter_map(|(_, played)| played.count).collect()
     }
 }
 
@@ -88,8 +103,8 @@ pub fn agents_at(run: &RunRecord, steps: u64) -> Vec<Returns> {
     before.map_or(Vec::new(), |evaluation| evaluation.agents.clone())
 }
 
-/// Wall time in seconds, the mean over the runs of a group.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Wall and CPU time in seconds, the mean over the runs of a group.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Runtime {
     /// Timesteps per agent.
     pub steps: u64,
@@ -98,11 +113,12 @@ pub struct Runtime {
     pub agents_training_s: f64,
     /// Collection of datasets and training of the AIPs.
     pub influence_s: f64,
-    /// Their sum: wall time without evaluations.
-    pub total_s: f64,
-    pub total_std_error: Option<f64>,
+    /// Their sum over seeds: wall time without evaluations.
+    pub total: Spread,
     /// With the evaluations.
     pub wall_s: f64,
+    /// CPU time of all processes; `None` unless all runs measured it.
+    pub cpu: Option<CpuTime>,
     /// The most worker processes of a run.
     pub workers: usize,
 }
@@ -120,12 +136,20 @@ impl Runtime {
             finished: finished(&runs),
             agents_training_s: total.mean - influence_s,
             influence_s,
-            total_s: total.mean,
-            total_std_error: total.std_error,
+            total,
             wall_s: mean_of(&|time| time.elapsed_s),
+            cpu: mean_cpu(&times),
             workers: runs.iter().map(|run| run.workers).max().unwrap_or(1),
         })
     }
+}
+
+/// The mean over runs; `None` unless all of them measured it.
+pub fn mean_cpu(times: &[PeriodTime]) -> Option<CpuTime> {
+    let cpu: Vec<CpuTime> = times.iter().map(|time| time.cpu).collect::<Option<_>>()?;
+    let mean_of = |part: fn(&CpuTime) -> f64| mean(&cpu.iter().map(part).collect::<Vec<_>>());
+    (!cpu.is_empty())
+        .then(|| CpuTime { total_s: mean_of(|cpu| cpu.total_s), evaluation_s: mean_of(|cpu| cpu.evaluation_s) })
 }
 
 /// The largest memory of a group's runs.
@@ -147,7 +171,13 @@ mod tests {
             dir: Default::default(),
             config: toml::from_str("total_steps = 100000\n[warehouse]\nagents_per_side = 1").unwrap(),
             about: serde_json::Value::Null,
-            evaluations: vec![Evaluation { steps: periods * 4000 - 2000, all: returns, agents: vec![returns] }],
+            evaluations: vec![Evaluation {
+                steps: periods * 4000 - 2000,
+                all: returns,
+                agents: vec![returns],
+                episodes: None,
+                episode_returns: Vec::new(),
+            }],
             aip_trainings: Vec::new(),
             fresh_losses: Vec::new(),
             periods: (1..=periods)
@@ -156,6 +186,7 @@ mod tests {
                     elapsed_s: 4.0 * period as f64,
                     evaluation_s: 0.8 * period as f64,
                     influence_s: 0.4 * period as f64,
+                    cpu: Some(CpuTime { total_s: 8.0 * period as f64, evaluation_s: 1.6 * period as f64 }),
                 })
                 .collect(),
             memory: None,
@@ -166,7 +197,15 @@ mod tests {
         let time = Runtime::of(&group).unwrap();
         // Both until 6000: 6 s, less 1.2 of evaluations, of which 0.6 the AIPs'.
         assert_eq!((time.steps, time.finished, time.wall_s), (6000, false, 6.0));
-        for (found, expected) in [(time.total_s, 4.8), (time.influence_s, 0.6), (time.agents_training_s, 4.2)] {
+        // Two threads at work all the time.
+        let cpu = time.cpu.unwrap();
+        for (found, expected) in [
+            (time.total.mean, 4.8),
+            (time.influence_s, 0.6),
+            (time.agents_training_s, 4.2),
+            (cpu.total_s, 12.0),
+            (cpu.runtime_s(), 9.6),
+        ] {
             assert!((found - expected).abs() < 1e-9, "{found} is not {expected}");
         }
     }

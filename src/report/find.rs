@@ -41,6 +41,12 @@ pub struct Baseline {
     pub mean_return: f64,
     pub std_error: f64,
     pub episodes: usize,
+    /// Seed of the episodes; `None` in files of older versions.
+    #[serde(default)]
+    pub seed: Option<u64>,
+    /// Mean returns of all agents, episode by episode; empty in files of older versions.
+    #[serde(default)]
+    pub episode_returns: Vec<f64>,
 }
 
 /// A run or a baseline that is not used, and why.

@@ -4,6 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::Result;
 
+use super::difference::{Difference, between, to_controller};
+use super::finals::Final;
 use super::find::{Baseline, Found, LeftOut};
 use super::run_dir::{RunRecord, Status};
 use super::scenario::{Method, Retraining, Scenario};
@@ -51,6 +53,53 @@ impl Comparison {
         let of_reference = self.reference.is_some_and(|reference| self.groups[reference].name() == group.name());
         let name = (!of_reference || group.overrides.is_empty()).then(|| group.name());
         name.into_iter().chain(overrides).collect::<Vec<_>>().join(", ")
+    }
+}
+
+/// Whom the groups of a scenario are measured against.
+#[derive(Clone)]
+pub enum Opponent<'a> {
+    Controller(&'a Baseline),
+    /// A group with what it is called.
+    Group(&'a Group, String),
+}
+
+impl Opponent<'_> {
+    pub fn name(&self) -> &str {
+        match self {
+            Opponent::Controller(controller) => &controller.controller,
+            Opponent::Group(_, name) => name,
+        }
+    }
+
+    /// The final return of a group minus the opponent's; `None` for the opponent itself, and for one that was measured at another
+    /// step.
+    pub fn difference(&self, group: &Group, end: &Final) -> Option<Difference> {
+        match self {
+            Opponent::Controller(controller) => Some(to_controller(&end.runs, controller)),
+            Opponent::Group(other, _) if std::ptr::eq(*other, group) => None,
+            Opponent::Group(other, _) => {
+                let of_other = Final::of(other)?;
+                (of_other.steps == end.steps).then(|| between(&of_other.runs, &end.runs))
+            }
+        }
+    }
+}
+
+impl Comparison {
+    /// The reference of an ablation as an opponent.
+    pub fn reference(&self) -> Option<Opponent<'_>> {
+        Some(Opponent::Group(&self.groups[self.reference?], "the reference".to_owned()))
+    }
+
+    /// The strongest controller, if any was measured, and the reference, or where there is none the first of several groups.
+    pub fn opponents(&self) -> Vec<Opponent<'_>> {
+        let strongest = self.baselines.iter().max_by(|a, b| a.mean_return.total_cmp(&b.mean_return));
+        let first = || match &self.groups[..] {
+            [first, _, ..] => Some(Opponent::Group(first, first.label())),
+            _ => None,
+        };
+        strongest.map(Opponent::Controller).into_iter().chain(self.reference().or_else(first)).collect()
     }
 }
 

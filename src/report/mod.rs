@@ -3,7 +3,7 @@
 //!
 //! - [`find`], [`run_dir`], [`csv_table`]: what runs left behind; nothing here ever sees a live run.
 //! - [`scenario`], [`group`]: which runs are comparable, and which differ in nothing but their seed.
-//! - [`statistics`], [`curves`], [`finals`]: what several seeds say together.
+//! - [`statistics`], [`difference`], [`curves`], [`finals`]: what several seeds say together.
 //! - [`paper`]: the paper's numbers, each with its source.
 //! - [`chart`], [`document`], [`csv_file`]: pictures, pages and files; `pictures`, `tables` and `sections` fill
 //!   them.
@@ -14,6 +14,7 @@ pub mod compare;
 pub mod csv_file;
 pub mod csv_table;
 pub mod curves;
+pub mod difference;
 pub mod document;
 pub mod finals;
 pub mod find;

@@ -7,14 +7,17 @@ use super::chart::{
     Axis, Bar, BarChart, Cell, Cluster, HeatMap, Level, Line, LineChart, LinePoint, Looks, MOST_BANDS, Mark, Panel,
     Row, RowChart, Scale,
 };
-use super::curves::{CurvePoint, LossData, LossPoint, learning_curve, loss_curve, single_trainings};
+use super::curves::{
+    CurvePoint, LossData, LossPoint, learning_curve, loss_curve, loss_curves_of_seeds, single_trainings,
+};
+use super::difference::Difference;
 use super::finals::{Final, Runtime};
 use super::group::{Comparison, Group, steps_text};
 use super::paper;
 use super::run_dir::Returns;
 use super::scenario::Domain;
-use super::statistics::{Spread, difference};
-use super::words::{figure, interval, signed, with_error};
+use super::statistics::{Bounds, ENOUGH_SEEDS, Spread};
+use super::words::{difference, figure, signed};
 use crate::drawing::Svg;
 
 /// Along which a learning curve is drawn.
@@ -48,8 +51,9 @@ pub fn learning(comparison: &Comparison, looks: &Looks, against: Against) -> Res
         .map(|(group, points)| Line {
             label: label_with_runs(comparison, group),
             look: looks.of(&group.label()),
-            points: points.iter().filter_map(|point| Some(learning_point(group, point, place(point)?))).collect(),
+            points: points.iter().filter_map(|point| Some(point_of(place(point)?, &point.returns, group))).collect(),
             companion: points.iter().filter_map(|point| Some((place(point)?, point.median_agent))).collect(),
+            seeds: learning_of_seeds(group, against, seconds),
         })
         .filter(|line| !line.points.is_empty())
         .collect();
@@ -73,13 +77,51 @@ pub fn learning(comparison: &Comparison, looks: &Looks, against: Against) -> Res
         levels: levels(comparison),
         marks,
         x_end: 0.0,
-        note: "band: ± standard error over seeds; whiskers: 95 % bootstrap".to_owned(),
+        note: String::new(),
     };
     draw(chart, comparison, looks).map(Some)
 }
 
+/// The curves of the single runs of a group that has too few for an interval; none for a single run, which is the mean.
+fn learning_of_seeds(group: &Group, against: Against, seconds: f64) -> Vec<Vec<(f64, f64)>> {
+    if !shows_seeds(group.runs.len()) {
+        return Vec::new();
+    }
+    let curves = group.runs.iter().map(|run| {
+        let points = run.evaluations.iter().filter_map(|point| {
+            let place = match against {
+                Against::Timesteps => point.steps as f64,
+                Against::Runtime => run.runtime_at(point.steps)? / seconds,
+            };
+            Some((place, point.all.mean))
+        });
+        points.collect()
+    });
+    curves.collect()
+}
+
+fn shows_seeds(runs: usize) -> bool {
+    (2..ENOUGH_SEEDS).contains(&runs)
+}
+
+/// What a reader must know of bands and pale lines.
+fn note_on_seeds(lines: &[Line]) -> Option<String> {
+    let bands = lines.iter().any(|line| line.points.iter().any(|point| point.band.is_some()));
+    let bands = bands.then(|| "band: 95\u{a0}% Student's t interval over seeds".to_owned());
+    let seeds = lines.iter().any(|line| !line.seeds.is_empty());
+    let seeds = seeds.then(|| format!("pale lines: single seeds, where there are fewer than {ENOUGH_SEEDS}"));
+    let notes: Vec<String> = bands.into_iter().chain(seeds).collect();
+    (!notes.is_empty()).then(|| notes.join("; "))
+}
+
 /// Many lines are drawn one by one against the reference, or, where there is none, without what is around them.
 fn draw(mut chart: LineChart, comparison: &Comparison, looks: &Looks) -> Result<Svg> {
+    let told = chart.note.clone();
+    let with = |note: Option<String>| {
+        let notes: Vec<String> = note.into_iter().chain(Some(told.clone()).filter(|told| !told.is_empty())).collect();
+        notes.join("; ")
+    };
+    chart.note = with(note_on_seeds(&chart.lines));
     if chart.lines.len() <= MOST_BANDS {
         return chart.draw();
     }
@@ -89,62 +131,63 @@ fn draw(mut chart: LineChart, comparison: &Comparison, looks: &Looks) -> Result<
     }
     for line in &mut chart.lines {
         line.companion.clear();
-        line.points.iter_mut().for_each(|point| (point.band, point.whisker) = (None, None));
+        line.seeds.clear();
+        line.points.iter_mut().for_each(|point| point.band = None);
     }
-    LineChart { companions: None, note: "standard errors: in the CSV files".to_owned(), ..chart }.draw()
+    chart.note = with(Some("intervals and seeds: in the CSV files".to_owned()));
+    LineChart { companions: None, ..chart }.draw()
 }
 
 /// The final returns of an ablation, a row per group; none for what is none.
 pub fn ablation(comparison: &Comparison) -> Option<Result<Svg>> {
-    let reference = &comparison.groups[comparison.reference?];
+    let (opponent, reference) = (comparison.reference()?, &comparison.groups[comparison.reference?]);
     let of_reference = Final::of(reference)?;
     let others = comparison.groups.iter().filter(|group| !std::ptr::eq(*group, reference));
-    let mut ends: Vec<(&Group, Final)> = others.filter_map(|group| Some((group, Final::of(group)?))).collect();
-    ends.sort_by(|(_, a), (_, b)| b.returns.mean.total_cmp(&a.returns.mean));
+    let mut ends_of_others: Vec<(&Group, Final)> =
+        others.filter_map(|group| Some((group, Final::of(group)?))).collect();
+    ends_of_others.sort_by(|(_, a), (_, b)| b.returns.mean.total_cmp(&a.returns.mean));
     let row = |group: &Group, end: &Final, against: String| Row {
         label: comparison.short_label(group),
-        points: end.of_runs.iter().map(|(_, value)| *value).collect(),
+        points: end.returns.values.clone(),
         mean: end.returns.mean,
-        error: end.returns.std_error,
-        words: [
-            with_error(end.returns.mean, end.returns.std_error),
-            against,
-            format!("{} of {}", end.stuck.len(), end.agents),
-        ],
+        interval: end.returns.interval.map(ends),
+        words: [figure(end.returns.mean), against, format!("{} of {}", end.stuck.len(), end.agents)],
     };
-    let difference_to = |end: &Final| {
-        if end.steps != of_reference.steps {
-            return format!("at {} steps", steps_text(end.steps));
-        }
-        let [a, b] = [&of_reference, end].map(|end| end.of_runs.iter().copied().unzip::<u64, f64, Vec<_>, Vec<_>>());
-        let difference = difference(&a.1, &b.1, a.0 == b.0);
-        let ends =
-            difference.interval.map_or(String::new(), |ends| format!(" {}", interval(Some(ends), end.returns.mean)));
-        format!("{}{ends}", signed(difference.mean, end.returns.mean))
+    let to_reference = |group: &Group, end: &Final| match opponent.difference(group, end) {
+        Some(found) => short_difference(found, end.returns.mean),
+        None => format!("at {} steps", steps_text(end.steps)),
     };
     let mut rows = vec![row(reference, &of_reference, "the reference".to_owned())];
-    rows.extend(ends.iter().map(|(group, end)| row(group, end, difference_to(end))));
+    rows.extend(ends_of_others.iter().map(|(group, end)| row(group, end, to_reference(group, end))));
+    let enough = rows.iter().any(|row| row.interval.is_some());
+    let few = std::iter::once(&of_reference).chain(ends_of_others.iter().map(|(_, end)| end));
+    let few = few.clone().any(|end| end.returns.interval.is_none());
+    let note = match (enough, few) {
+        (true, false) => "diamond and bar: mean and 95 % Student's t interval over seeds; circles: seeds",
+        (true, true) => {
+            "diamond: mean; bar: 95 % Student's t interval over seeds, from five on; circles: seeds; n: seeds that differ so"
+        }
+        (false, _) => {
+            "diamond: mean; circles: seeds, too few for an interval; in brackets: the difference of each seed"
+        }
+    };
     let chart = RowChart {
         title: format!("{}: what each setting changes", comparison.heading()),
         x: Axis { label: format!("final {}", return_axis(comparison).label), ..return_axis(comparison) },
         rows,
-        header: ["mean ± SE", "to the reference [95 %]", "stuck"].map(str::to_owned),
-        note: "diamond and bar: mean ± standard error over seeds; circles: seeds; 95 %: Student's t, paired where the seeds \
-               are the same"
-            .to_owned(),
+        header: ["mean", if enough { "to the reference [95 %]" } else { "to the reference" }, "stuck"]
+            .map(str::to_owned),
+        note: note.to_owned(),
     };
     Some(chart.draw())
 }
 
-fn learning_point(group: &Group, point: &CurvePoint, x: f64) -> LinePoint {
-    let Spread { mean, std_error, interval, runs } = &point.returns;
-    LinePoint {
-        x,
-        y: *mean,
-        band: std_error.map(|error| (mean - error, mean + error)),
-        whisker: interval.map(|interval| (interval.low, interval.high)),
-        whole: *runs == group.runs.len(),
-    }
+fn point_of(x: f64, spread: &Spread, group: &Group) -> LinePoint {
+    LinePoint { x, y: spread.mean, band: spread.interval.map(ends), whole: spread.runs() == group.runs.len() }
+}
+
+fn ends(Bounds { low, high }: Bounds) -> (f64, f64) {
+    (low, high)
 }
 
 fn label_with_runs(comparison: &Comparison, group: &Group) -> String {
@@ -193,8 +236,9 @@ fn paper_marks(comparison: &Comparison, curves: &[(&Group, Vec<CurvePoint>)], lo
         points.retain(|point| point.steps as f64 <= 1.02 * last as f64);
         if points.iter().any(|point| point.steps > 0) && !told.contains(&method) {
             told.push(method);
+            let drawn = points.iter().any(|point| point.std_error.is_some());
             marks.push(Mark {
-                label: format!("{}, the paper", group.name()),
+                label: format!("{}, the paper{}", group.name(), if drawn { ", ± its standard error" } else { "" }),
                 look: looks.of(&group.label()),
                 points: points.iter().map(|point| (point.steps as f64, point.mean, point.std_error)).collect(),
             });
@@ -209,8 +253,7 @@ pub fn cross_entropy(comparison: &Comparison, looks: &Looks) -> Result<Option<Sv
     let curves: Vec<(&Group, LossData, Vec<LossPoint>)> = trained
         .map(|group| {
             let (data, mut points) = loss_curve(group);
-            // Untrained AIPs are so far off that nothing else could be seen.
-            points.retain(|point| point.steps > 0 || point.after_training);
+            points.retain(|point| is_trained(point.steps, point.after_training));
             (group, data, points)
         })
         .filter(|(_, _, points)| !points.is_empty())
@@ -224,20 +267,12 @@ pub fn cross_entropy(comparison: &Comparison, looks: &Looks) -> Result<Option<Sv
         let label = format!("{}: the AIPs of one seed trained", comparison.short_label(group));
         (!points.is_empty()).then(|| Mark { label, look: looks.of(&group.label()), points })
     });
-    let lines = curves.iter().map(|(group, _, points)| Line {
+    let lines = curves.iter().map(|(group, data, points)| Line {
         label: label_with_runs(comparison, group),
         look: looks.of(&group.label()),
-        points: points
-            .iter()
-            .map(|point| LinePoint {
-                x: point.steps as f64,
-                y: point.loss.mean,
-                band: point.loss.std_error.map(|error| (point.loss.mean - error, point.loss.mean + error)),
-                whisker: point.loss.interval.map(|interval| (interval.low, interval.high)),
-                whole: point.loss.runs == group.runs.len(),
-            })
-            .collect(),
+        points: points.iter().map(|point| point_of(point.steps as f64, &point.loss, group)).collect(),
         companion: points.iter().map(|point| (point.steps as f64, point.marginals)).collect(),
+        seeds: losses_of_seeds(group, *data),
     });
     let runs = comparison.groups.iter().flat_map(|group| &group.runs);
     let evaluated = runs.filter_map(|run| Some(run.evaluations.last()?.steps));
@@ -263,6 +298,23 @@ pub fn cross_entropy(comparison: &Comparison, looks: &Looks) -> Result<Option<Sv
     draw(chart, comparison, looks).map(Some)
 }
 
+/// Untrained AIPs are so far off that nothing else could be seen.
+fn is_trained(steps: u64, after_training: bool) -> bool {
+    steps > 0 || after_training
+}
+
+/// As [`learning_of_seeds`].
+fn losses_of_seeds(group: &Group, data: LossData) -> Vec<Vec<(f64, f64)>> {
+    if !shows_seeds(group.runs.len()) {
+        return Vec::new();
+    }
+    let curve = |points: Vec<(u64, bool, f64)>| {
+        let points = points.into_iter().filter(|(steps, after_training, _)| is_trained(*steps, *after_training));
+        points.map(|(steps, _, loss)| (steps as f64, loss)).collect()
+    };
+    loss_curves_of_seeds(group, data).into_iter().map(curve).collect()
+}
+
 /// Final returns of a domain, a cluster per size.
 pub fn final_bars(domain: Domain, comparisons: &[&Comparison], looks: &Looks) -> Result<Svg> {
     let clusters = clusters(comparisons, |comparison, group| {
@@ -272,7 +324,8 @@ pub fn final_bars(domain: Domain, comparisons: &[&Comparison], looks: &Looks) ->
             label: bar_label(comparisons, comparison, group, end.finished),
             look: looks.of(&group.label()),
             value: Some(end.returns.mean),
-            whisker: end.returns.std_error.map(|error| (end.returns.mean - error, end.returns.mean + error)),
+            whisker: end.returns.interval.map(ends),
+            points: single(&end.returns, 1.0),
             paper: paper.filter(|paper| comparable(end.steps, paper.steps)).map(|paper| paper.mean),
         })
     });
@@ -282,8 +335,8 @@ pub fn final_bars(domain: Domain, comparisons: &[&Comparison], looks: &Looks) ->
         y: return_axis(comparisons[0]),
         format: figure,
         scale: Scale::Linear,
+        note: note_on_bars(&clusters).unwrap_or_default(),
         clusters,
-        note: "whiskers: ± standard error over seeds".to_owned(),
     };
     chart.draw()
 }
@@ -291,17 +344,18 @@ pub fn final_bars(domain: Domain, comparisons: &[&Comparison], looks: &Looks) ->
 /// Runtimes of a domain, likewise.
 pub fn runtime_bars(domain: Domain, comparisons: &[&Comparison], looks: &Looks) -> Result<Svg> {
     let groups = comparisons.iter().flat_map(|comparison| &comparison.groups);
-    let longest = groups.filter_map(|group| Some(Runtime::of(group)?.total_s)).fold(0.0, f64::max);
+    let longest = groups.filter_map(|group| Some(Runtime::of(group)?.total.mean)).fold(0.0, f64::max);
     let (unit, seconds) = time_unit(longest);
     let clusters = clusters(comparisons, |comparison, group| {
         let time = Runtime::of(group)?;
         let paper = paper::runtime(&comparison.scenario, group.simulator(), group.method.retraining);
-        let ends = |error: f64| ((time.total_s - error) / seconds, (time.total_s + error) / seconds);
+        let total = &time.total;
         Some(Bar {
             label: bar_label(comparisons, comparison, group, time.finished),
             look: looks.of(&group.label()),
-            value: Some(time.total_s / seconds),
-            whisker: time.total_std_error.map(ends),
+            value: Some(total.mean / seconds),
+            whisker: total.interval.map(|Bounds { low, high }| (low / seconds, high / seconds)),
+            points: single(total, seconds),
             paper: paper.filter(|_| comparable(time.steps, paper::STEPS)).map(|paper| paper.total * 3600.0 / seconds),
         })
     });
@@ -311,10 +365,44 @@ pub fn runtime_bars(domain: Domain, comparisons: &[&Comparison], looks: &Looks) 
         y: Axis { label: format!("{unit}, powers of 2"), format: plain },
         format: short,
         scale: Scale::Log2,
+        note: std::iter::once("wall time of a run without its evaluations".to_owned())
+            .chain(note_on_bars(&clusters))
+            .collect::<Vec<_>>()
+            .join("; "),
         clusters,
-        note: "wall time of a run without its evaluations; whiskers: ± standard error over seeds".to_owned(),
     };
     chart.draw()
+}
+
+/// As [`difference`], in the width of a picture: `+4.1 (+3.0, +5.0, +4.3)` for few seeds, whose number one sees.
+fn short_difference(found: Difference, like: f64) -> String {
+    if !found.pairing.by_episode() {
+        return difference(&Difference { of_seeds: Vec::new(), ..found }, like);
+    }
+    match found.interval {
+        None if shows_seeds(found.of_seeds.len()) => {
+            let seeds: Vec<String> = found.of_seeds.iter().map(|(_, value)| signed(*value, like)).collect();
+            format!("{} ({})", signed(found.mean, like), seeds.join(", "))
+        }
+        _ => difference(&found, like),
+    }
+}
+
+/// The seeds of a bar that has too few for an interval, in this unit.
+fn single(spread: &Spread, unit: f64) -> Vec<f64> {
+    let values = spread.values.iter().map(|value| value / unit);
+    if shows_seeds(spread.runs()) { values.collect() } else { Vec::new() }
+}
+
+/// What a reader must know of whiskers and circles.
+fn note_on_bars(clusters: &[Cluster]) -> Option<String> {
+    let bars = || clusters.iter().flat_map(|cluster| &cluster.bars);
+    let whiskers = bars().any(|bar| bar.whisker.is_some());
+    let whiskers = whiskers.then(|| "whiskers: 95\u{a0}% Student's t interval over seeds".to_owned());
+    let circles = bars().any(|bar| !bar.points.is_empty());
+    let circles = circles.then(|| format!("circles: single seeds, where there are fewer than {ENOUGH_SEEDS}"));
+    let notes: Vec<String> = whiskers.into_iter().chain(circles).collect();
+    (!notes.is_empty()).then(|| notes.join("; "))
 }
 
 /// Where there are several scenarios, what is short in one may mean something else in another.

@@ -1,5 +1,6 @@
 //! One run, read from the directory that it left behind or is still filling.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
@@ -38,6 +39,10 @@ pub struct Evaluation {
     pub all: Returns,
     /// Agent by agent.
     pub agents: Vec<Returns>,
+    /// Number of episodes, if the file has it.
+    pub episodes: Option<usize>,
+    /// Mean returns of all agents, episode by episode; empty if the run did not write them down.
+    pub episode_returns: Vec<f64>,
 }
 
 /// Figures of an evaluation, of one agent or all.
@@ -73,8 +78,8 @@ pub struct FreshLoss {
     pub marginals: f64,
 }
 
-/// Wall seconds since the run began, at the end of a period.
-#[derive(Clone, Copy, Debug)]
+/// Wall and CPU seconds since the run began, at the end of a period.
+#[derive(Clone, Copy, Debug, Default)]
 pub struct PeriodTime {
     pub steps: u64,
     pub elapsed_s: f64,
@@ -82,12 +87,29 @@ pub struct PeriodTime {
     pub evaluation_s: f64,
     /// Of it: collection of datasets and training of the AIPs.
     pub influence_s: f64,
+    /// CPU time of all processes; `None` for runs that did not measure it.
+    pub cpu: Option<CpuTime>,
 }
 
 impl PeriodTime {
     /// Wall time without the evaluations, as the paper counts it.
     pub fn runtime_s(self) -> f64 {
         self.elapsed_s - self.evaluation_s
+    }
+}
+
+/// CPU seconds of all processes, user and system.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CpuTime {
+    pub total_s: f64,
+    /// Part of it for evaluations.
+    pub evaluation_s: f64,
+}
+
+impl CpuTime {
+    /// CPU time without the evaluations.
+    pub fn runtime_s(self) -> f64 {
+        self.total_s - self.evaluation_s
     }
 }
 
@@ -137,7 +159,10 @@ impl RunRecord {
         Ok(RunRecord {
             config,
             about: read_about(&dir.join(files::RUN))?,
-            evaluations: read_evaluations(&CsvTable::read(&dir.join(files::RETURNS))?)?,
+            evaluations: read_evaluations(
+                &CsvTable::read(&dir.join(files::RETURNS))?,
+                &CsvTable::read(&dir.join(files::EPISODES))?,
+            )?,
             aip_trainings: read_aip_trainings(&CsvTable::read(&dir.join(files::AIP_LOSS))?)?,
             fresh_losses: read_fresh_losses(&CsvTable::read(&dir.join(files::AIP_DRIFT))?)?,
             periods: read_periods(&timing)?,
@@ -186,12 +211,14 @@ impl RunRecord {
     /// none where the run has not come so far.
     pub fn time_at(&self, steps: u64) -> Option<PeriodTime> {
         let until = self.periods.iter().rev().find(|period| period.steps <= steps);
-        let until =
-            until.copied().unwrap_or(PeriodTime { steps: 0, elapsed_s: 0.0, evaluation_s: 0.0, influence_s: 0.0 });
+        let next = self.periods.iter().find(|period| period.steps > steps);
+        let beginning =
+            || PeriodTime { cpu: next.and_then(|next| next.cpu).map(|_| CpuTime::default()), ..PeriodTime::default() };
+        let until = until.copied().unwrap_or_else(beginning);
         if until.steps == steps {
             return Some(until);
         }
-        let next = self.periods.iter().find(|period| period.steps > steps)?;
+        let next = next?;
         let share = (steps - until.steps) as f64 / (next.steps - until.steps) as f64;
         let part = |from: f64, to: f64| from + share * (to - from);
         Some(PeriodTime {
@@ -199,6 +226,10 @@ impl RunRecord {
             elapsed_s: part(until.elapsed_s, next.elapsed_s),
             evaluation_s: part(until.evaluation_s, next.evaluation_s),
             influence_s: part(until.influence_s, next.influence_s),
+            cpu: until.cpu.zip(next.cpu).map(|(until, next)| CpuTime {
+                total_s: part(until.total_s, next.total_s),
+                evaluation_s: part(until.evaluation_s, next.evaluation_s),
+            }),
         })
     }
 
@@ -234,7 +265,9 @@ fn read_about(path: &Path) -> Result<Value> {
     serde_json::from_str(&text).with_context(|| format!("{}: is no JSON", path.display()))
 }
 
-fn read_evaluations(table: &CsvTable) -> Result<Vec<Evaluation>> {
+/// `table`: `returns.csv`; `episodes`: `episodes.csv`.
+fn read_evaluations(table: &CsvTable, episodes: &CsvTable) -> Result<Vec<Evaluation>> {
+    let mut of_episodes = read_episodes(episodes)?;
     let mut evaluations: Vec<Evaluation> = Vec::new();
     for line in table.lines() {
         let returns = Returns {
@@ -244,7 +277,12 @@ fn read_evaluations(table: &CsvTable) -> Result<Vec<Evaluation>> {
             stuck: line.number("stuck")?.unwrap_or(0.0) as usize,
         };
         match (line.text("agent"), evaluations.last_mut()) {
-            (Some(ALL), _) => evaluations.push(Evaluation { steps: line.steps()?, all: returns, agents: Vec::new() }),
+            (Some(ALL), _) => {
+                let steps = line.steps()?;
+                let episodes = line.number("episodes")?.map(|count| count as usize);
+                let episode_returns = of_episodes.remove(&steps).unwrap_or_default();
+                evaluations.push(Evaluation { steps, all: returns, agents: Vec::new(), episodes, episode_returns });
+            }
             (_, Some(evaluation)) => evaluation.agents.push(returns),
             (_, None) => anyhow::bail!("{}: begins with an agent and not with `{ALL}`", files::RETURNS),
         }
@@ -256,7 +294,38 @@ fn read_evaluations(table: &CsvTable) -> Result<Vec<Evaluation>> {
         let (steps, found) = (bad.steps, bad.agents.len());
         anyhow::bail!("{}: tells of {found} of {agents} agents at step {steps}", files::RETURNS);
     }
+    // Likewise: its episodes are written after it.
+    if let Some(last) =
+        evaluations.last_mut().filter(|last| last.episodes.is_some_and(|all| last.episode_returns.len() < all))
+    {
+        last.episode_returns.clear();
+    }
+    let uneven = |evaluation: &&Evaluation| {
+        let found = evaluation.episode_returns.len();
+        found > 0 && evaluation.episodes.is_some_and(|episodes| episodes != found)
+    };
+    if let Some(bad) = evaluations.iter().find(uneven) {
+        let (steps, found, all) = (bad.steps, bad.episode_returns.len(), bad.episodes.unwrap_or(0));
+        anyhow::bail!("{}: has {found} of {all} episodes at step {steps}", files::EPISODES);
+    }
     Ok(evaluations)
+}
+
+/// Mean returns of all agents by steps, episode by episode.
+fn read_episodes(table: &CsvTable) -> Result<BTreeMap<u64, Vec<f64>>> {
+    let mut of_steps: BTreeMap<u64, Vec<f64>> = BTreeMap::new();
+    for line in table.lines() {
+        let (steps, episode) = (line.steps()?, line.required("episode")? as usize);
+        let returns = of_steps.entry(steps).or_default();
+        anyhow::ensure!(
+            episode == returns.len(),
+            "{}: has episode {episode} at step {steps} where episode {} belongs",
+            files::EPISODES,
+            returns.len()
+        );
+        returns.push(line.required("return")?);
+    }
+    Ok(of_steps)
 }
 
 fn of_all_sources(line: Line) -> bool {
@@ -297,12 +366,21 @@ fn read_periods(table: &CsvTable) -> Result<Vec<PeriodTime>> {
         columns.iter().map(|column| Ok(line.number(column)?.unwrap_or(0.0))).sum()
     };
     let (mut evaluation_s, mut influence_s) = (0.0, 0.0);
+    // A run of an older version has no such columns, and one that was begun by it has no sum.
+    let mut cpu = Some(CpuTime::default());
     let mut periods = Vec::new();
     for line in table.lines().filter(|line| line.text("worker") == Some(ALL)) {
         evaluation_s += spent(line, &EVALUATION)?;
         influence_s += spent(line, &INFLUENCE)?;
         let (steps, elapsed_s) = (line.steps()?, line.required("elapsed_s")?);
-        periods.push(PeriodTime { steps, elapsed_s, evaluation_s, influence_s });
+        cpu = match (cpu, line.number("cpu_s")?) {
+            (Some(before), Some(more)) => Some(CpuTime {
+                total_s: before.total_s + more,
+                evaluation_s: before.evaluation_s + line.required("cpu_evaluation_s")?,
+            }),
+            _ => None,
+        };
+        periods.push(PeriodTime { steps, elapsed_s, evaluation_s, influence_s, cpu });
     }
     Ok(periods)
 }
@@ -335,7 +413,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join(files::RETURNS);
         std::fs::write(&path, format!("steps,agent,mean,median,std_error\n{text}")).unwrap();
-        let read = read_evaluations(&CsvTable::read(&path)?)?;
+        let read = read_evaluations(&CsvTable::read(&path)?, &CsvTable::read(&dir.path().join(files::EPISODES))?)?;
         Ok(read.iter().map(|evaluation| (evaluation.steps, evaluation.agents.len())).collect())
     }
 
@@ -349,5 +427,25 @@ mod tests {
         assert_eq!(evaluations(&block(0, 0)).unwrap(), [], "no agent is no evaluation");
         let error = evaluations(&(block(0, 2) + &block(100, 1) + &block(200, 2))).unwrap_err().to_string();
         assert_eq!(error, "returns.csv: tells of 1 of 2 agents at step 100");
+    }
+
+    #[test]
+    fn episodes_belong_to_the_evaluation_of_their_step() {
+        let dir = tempfile::tempdir().unwrap();
+        let read = |episodes: &str| -> Result<Vec<Evaluation>> {
+            let [returns, file] = [files::RETURNS, files::EPISODES].map(|name| dir.path().join(name));
+            let blocks = "0,all,1,1,0,1\n0,0,1,1,0,1\n100,all,2,2,0,2\n100,0,2,2,0,2\n";
+            std::fs::write(&returns, format!("steps,agent,mean,median,std_error,episodes\n{blocks}")).unwrap();
+            std::fs::write(&file, format!("steps,episode,return\n{episodes}")).unwrap();
+            read_evaluations(&CsvTable::read(&returns)?, &CsvTable::read(&file)?)
+        };
+        let found = read("0,0,1.000000\n100,0,1.500000\n100,1,2.500000\n").unwrap();
+        assert_eq!(found[0].episode_returns, [1.0]);
+        assert_eq!((found[1].episodes, &found[1].episode_returns[..]), (Some(2), &[1.5, 2.5][..]));
+        assert!(read("").unwrap()[1].episode_returns.is_empty(), "an older version wrote none");
+        let error = |episodes| read(episodes).unwrap_err().to_string();
+        assert!(read("0,0,1\n100,0,1.5\n").unwrap()[1].episode_returns.is_empty(), "they are being written");
+        assert_eq!(error("0,0,1\n0,1,1\n"), "episodes.csv: has 2 of 1 episodes at step 0");
+        assert_eq!(error("100,1,1.5\n"), "episodes.csv: has episode 1 at step 100 where episode 0 belongs");
     }
 }

@@ -127,7 +127,7 @@ fn flatten(prefix: &str, table: &Table, keys: &mut BTreeMap<String, String>) {
 /// What changes nothing in the learning.
 fn is_no_method(key: &str) -> bool {
     let keys = ["seed", "stop_at_steps", "traffic.network"];
-    keys.contains(&key) || key.starts_with("logging.")
+    keys.contains(&key) || key.starts_with("logging.") || key.starts_with("checkpoints.")
 }
 
 /// Keys that change nothing with this simulator, or with this way of training the AIPs again.
@@ -186,7 +186,8 @@ mod tests {
     #[test]
     fn seeds_and_stops_are_no_methods_and_neither_is_what_a_simulator_ignores() {
         let base = Method::of(&config("seed = 1\n[warehouse]\nagents_per_side = 2"));
-        let other = Method::of(&config("seed = 2\nstop_at_steps = 500\n[warehouse]\nagents_per_side = 2"));
+        let stops = "stop_at_steps = 500\ncheckpoints.every_steps = 200";
+        let other = Method::of(&config(&format!("seed = 2\n{stops}\n[warehouse]\nagents_per_side = 2")));
         assert_eq!(base, other);
         assert_eq!((base.simulator.as_str(), base.retraining), ("dials", Retraining::Every(1_000_000)));
         let gs = |epochs| {

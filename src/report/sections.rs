@@ -12,7 +12,7 @@ use super::tables;
 use crate::drawing::Svg;
 
 /// How the figures were made, for whoever wants to know.
-const RULES: [&str; 8] = [
+const RULES: [&str; 10] = [
     "Runs that differ in nothing but their seed (and in where they were told to stop) are a group. A label names the keys \
      of the config in which a group differs from most groups of its scenario. One that differs in more than \
      eight is named by the directory of a run. A group that differs from them in nothing is the reference: pictures show \
@@ -24,12 +24,16 @@ const RULES: [&str; 8] = [
     "Against runtime, each point of the curve stands at the mean wall time of its runs, evaluations excluded.",
     "The final return is that of the last evaluation. Only finished runs count, those with the most steps; where no run of a \
      group is finished, all count at the last step that all have reached, and the table says so.",
-    "±: standard error of the mean over seeds. 95 % bootstrap: percentiles of 10 000 resamples of the seeds with fixed dice. \
-     With few seeds it is too narrow: with three it reaches from the lowest seed to the highest, which holds the true mean \
-     in three of four cases. `dials-traffic compare` gives Student's t intervals.",
+    "Every interval is a 95 % Student's t interval over seeds. There is one from five seeds on. With fewer, figures and tables \
+     show the seeds themselves: with three the interval would be 4.3 standard errors to each side.",
+    "Runs with the same `evaluation.seed` are evaluated on the same episodes, as are controllers. A difference is then taken in \
+     every episode, averaged for each seed, and its interval is over seeds. So it holds for these episodes and these settings. \
+     Where the episodes differ only means are subtracted; a warning names these groups.",
+    "The last point of a curve has more episodes than the others (`evaluation.final_episodes`), the same ones among them.",
     "The median agent is the median over a run's agents of their mean returns: one lost agent moves it little.",
     "Runtime: wall time without evaluations. Influence: collection of datasets and training of the AIPs, mean over workers; \
-     agents training: all the rest.",
+     agents training: all the rest. CPU time: of all processes, user and system, without evaluations; other work on the \
+     machine does not lengthen it much, as it does wall time.",
     "The paper's returns were read off its plots; its runtimes and memory are from its tables.",
 ];
 

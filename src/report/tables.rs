@@ -9,7 +9,7 @@ use super::paper::{self, PaperRuntime};
 use super::pictures::comparable;
 use super::run_dir::{Memory, Status};
 use super::scenario::{Domain, Scenario};
-use super::words::{figure, hours, interval, signed, with_error};
+use super::words::{certainty, difference, figure, figure_like, hours, signed, with_error};
 
 const NOTHING: &str = "-";
 
@@ -17,40 +17,53 @@ fn words(cells: &[&str]) -> Vec<String> {
     cells.iter().map(|&cell| cell.to_owned()).collect()
 }
 
+/// Columns of the table of final returns before and after the differences.
+const BEFORE: [&str; 6] = ["method", "n", "steps", "episodes", "mean return", "95 % interval or seeds"];
+const AFTER: [&str; 5] = ["median run", "median agent", "stuck agents", "paper", "ours − paper"];
+
 /// Final returns of one scenario, the paper's beside ours.
 pub fn finals(comparison: &Comparison) -> Table {
     let scenario = &comparison.scenario;
+    let opponents = comparison.opponents();
     let mut rows = Vec::new();
     for group in &comparison.groups {
         let Some(end) = Final::of(group) else { continue };
         let paper = paper::final_return(scenario, group.simulator(), group.method.retraining);
-        let difference = paper.filter(|paper| comparable(end.steps, paper.steps)).map(|paper| {
-            let difference = end.returns.mean - paper.mean;
-            let errors = standard_errors(difference, end.returns.std_error, paper.std_error);
-            format!("{}{errors}", signed(difference, paper.mean))
-        });
+        let to_paper = paper.filter(|paper| comparable(end.steps, paper.steps));
+        let to_paper = to_paper.map(|paper| signed(end.returns.mean - paper.mean, paper.mean));
         let paper =
             paper.map(|paper| format!("{} at {}", with_error(paper.mean, paper.std_error), steps_text(paper.steps)));
         let unfinished = if end.finished { "" } else { ", unfinished" };
-        rows.push(vec![
+        let mut row = vec![
             group.label(),
-            end.returns.runs.to_string(),
+            end.returns.runs().to_string(),
             format!("{}{unfinished}", steps_text(end.steps)),
-            with_error(end.returns.mean, end.returns.std_error),
-            interval(end.returns.interval, end.returns.mean),
-            figure(end.median_run),
-            figure(end.median_agent),
-            format!("{} of {}", end.stuck.len(), end.agents),
-            paper.unwrap_or(NOTHING.to_owned()),
-            difference.unwrap_or(NOTHING.to_owned()),
-        ]);
+            episodes(&end),
+            figure(end.returns.mean),
+            certainty(&end.returns),
+        ];
+        let differences = opponents.iter().map(|opponent| opponent.difference(group, &end));
+        row.extend(
+            differences.map(|found| found.map_or(NOTHING.to_owned(), |found| difference(&found, end.returns.mean))),
+        );
+        row.extend([figure(end.median_run), figure(end.median_agent)]);
+        row.push(format!("{} of {}", end.stuck.len(), end.agents));
+        row.extend([paper, to_paper].map(|cell| cell.unwrap_or(NOTHING.to_owned())));
+        rows.push(row);
     }
-    let blank = |row: &mut Vec<String>| row.resize(10, NOTHING.to_owned());
+    let columns = BEFORE.len() + opponents.len() + AFTER.len();
+    let blank = |row: &mut Vec<String>| row.resize(columns, NOTHING.to_owned());
     for baseline in &comparison.baselines {
         let mut row = words(&[&baseline.controller, NOTHING, NOTHING]);
-        row.push(with_error(baseline.mean_return, Some(baseline.std_error)));
+        row.push(baseline.episodes.to_string());
+        row.push(figure(baseline.mean_return));
+        row.push(format!(
+            "± {} standard error over {} episodes",
+            figure_like(baseline.std_error, baseline.mean_return),
+            baseline.episodes
+        ));
         blank(&mut row);
-        row[8] = match (baseline.controller.as_str(), paper::hand_coded(scenario)) {
+        row[columns - 2] = match (baseline.controller.as_str(), paper::hand_coded(scenario)) {
             ("actuated" | "oldest-item", Some(paper)) => figure(paper),
             ("random", _) => paper::start(scenario).map_or(NOTHING.to_owned(), figure),
             _ => NOTHING.to_owned(),
@@ -60,51 +73,43 @@ pub fn finals(comparison: &Comparison) -> Table {
     if let (true, Some(hand_coded)) = (comparison.baselines.is_empty(), paper::hand_coded(scenario)) {
         let mut row = words(&["hand-coded"]);
         blank(&mut row);
-        row[8] = figure(hand_coded);
+        row[columns - 2] = figure(hand_coded);
         rows.push(row);
     }
-    let episodes = comparison.baselines.iter().map(|baseline| baseline.episodes.to_string()).collect::<BTreeSet<_>>();
-    let of_baselines = match episodes.len() {
-        0 => String::new(),
-        _ => {
-            let episodes = episodes.into_iter().collect::<Vec<_>>().join(", ");
-            format!(" Of controllers: over {episodes} episodes.")
-        }
-    };
-    let of_paper = match paper::has(scenario) {
-        true => format!(
-            " Paper: {}. SE: standard errors of the difference, from both; of our SE: where the paper draws none; nothing \
-             where ours is unknown.",
-            paper::figure(scenario)
-        ),
-        false => " The paper has no such scenario.".to_owned(),
-    };
-    Table {
-        caption: format!("Final return, {}. ±: standard error over seeds.{of_baselines}{of_paper}", comparison.title),
-        header: words(&[
-            "method",
-            "runs",
-            "steps",
-            "mean return",
-            "95 % bootstrap",
-            "median run",
-            "median agent",
-            "stuck agents",
-            "paper",
-            "ours − paper",
-        ]),
-        rows,
-    }
+    let mut header = words(&BEFORE);
+    header.extend(opponents.iter().map(|opponent| format!("− {}", opponent.name())));
+    header.extend(words(&AFTER));
+    Table { caption: caption_of_finals(comparison), header, rows }
 }
 
-/// How many standard errors a difference to the paper is; nothing where ours is not known.
-fn standard_errors(difference: f64, ours: Option<f64>, papers: Option<f64>) -> String {
-    let (error, whose) = match (ours, papers) {
-        (Some(ours), Some(papers)) => (ours.hypot(papers), "SE"),
-        (Some(ours), None) => (ours, "of our SE"),
-        (None, _) => return String::new(),
+fn caption_of_finals(comparison: &Comparison) -> String {
+    let mut caption = format!(
+        "Final return, {}. n: seeds. With five seeds or more: a 95 % Student's t interval over seeds; with fewer: the value of \
+         each seed.",
+        comparison.title
+    );
+    if !comparison.opponents().is_empty() {
+        caption += " Differences are taken in every episode, averaged for each seed and shown like the returns; \"other \
+                    episodes\" marks differences of means only.";
+        if !comparison.baselines.is_empty() {
+            caption += " The controller is the strongest one that was measured.";
+        }
+    }
+    caption += &match paper::has(&comparison.scenario) {
+        true => format!(" Paper: {}, ± its standard error where it draws one.", paper::figure(&comparison.scenario)),
+        false => " The paper has no such scenario.".to_owned(),
     };
-    if error > 0.0 { format!(" ({:.1} {whose})", difference.abs() / error) } else { String::new() }
+    caption
+}
+
+/// `100`; where every seed has its own, or nobody knows, `20 each`.
+fn episodes(end: &Final) -> String {
+    let counts: Vec<String> = end.episode_counts().iter().map(usize::to_string).collect();
+    match (end.episodes(), counts.is_empty()) {
+        (Some(episodes), _) => episodes.count.to_string(),
+        (None, true) => NOTHING.to_owned(),
+        (None, false) => format!("{} each", counts.join(" or ")),
+    }
 }
 
 /// The agents of one scenario: who is lost, and how far the rest are apart.
@@ -205,18 +210,27 @@ pub fn runtimes(domain: Domain, comparisons: &[&Comparison]) -> Table {
         let mut row = vec![label.clone()];
         row.extend(cells(|time| Some(time.agents_training_s), |paper| Some(paper.agents_training)));
         row.extend(cells(|time| (time.influence_s > 0.0).then_some(time.influence_s), |paper| paper.influence));
-        row.extend(cells(|time| Some(time.total_s), |paper| Some(paper.total)));
+        row.extend(cells(|time| Some(time.total.mean), |paper| Some(paper.total)));
+        let cpu = |time: &Runtime| Some(hours(time.cpu?.runtime_s()));
+        let of_cpu = columns.iter().zip(&ours).filter(|(column, _)| column.ours.is_some());
+        row.extend(of_cpu.map(|(_, ours)| {
+            let time = ours.iter().find(|(own, _)| own == label);
+            time.and_then(|(_, time)| cpu(time)).unwrap_or(NOTHING.to_owned())
+        }));
         row
     });
     let mut header = words(&["hours, ours / paper"]);
     for part in ["training", "influence", "total"] {
         header.extend(columns.iter().map(|column| format!("{part}, {}", column.name())));
     }
+    let of_cpu = columns.iter().filter(|column| column.ours.is_some());
+    header.extend(of_cpu.map(|column| format!("CPU hours, {}", column.name())));
     let machine = machines(comparisons);
     Table {
         caption: format!(
             "Runtimes for {}: agents training, data collection and influence training, total, by number of agents; wall \
-             time without evaluations, mean over seeds, {machine}. What did not train for the paper's 4M steps has a row of \
+             time without evaluations, mean over seeds, {machine}. CPU hours: ours, all processes together, without \
+             evaluations. What did not train for the paper's 4M steps has a row of \
              its own. Paper: {} (128 CPUs, one process per agent).",
             domain.name(),
             paper::RUNTIME_SOURCE
@@ -316,9 +330,11 @@ pub fn runs(comparisons: &[Comparison]) -> Table {
                     run.config.seed.to_string(),
                     status.to_owned(),
                     last.map_or(NOTHING.to_owned(), |last| steps_text(last.steps)),
+                    last.and_then(|last| last.episodes).map_or(NOTHING.to_owned(), |count| count.to_string()),
                     last.map_or(NOTHING.to_owned(), |last| figure(last.all.mean)),
                     last.map_or(NOTHING.to_owned(), |last| last.all.stuck.to_string()),
                     run.total_time().map_or(NOTHING.to_owned(), |time| hours(time.runtime_s())),
+                    run.total_time().and_then(|time| time.cpu).map_or(NOTHING.to_owned(), |cpu| hours(cpu.runtime_s())),
                     run.workers.to_string(),
                     version.to_owned(),
                 ]);
@@ -326,9 +342,21 @@ pub fn runs(comparisons: &[Comparison]) -> Table {
         }
     }
     Table {
-        caption: "Every run at its last evaluation.".to_owned(),
+        caption: "Every run at its last evaluation. Hours: wall time and CPU time, without evaluations.".to_owned(),
         header: words(&[
-            "run", "scenario", "method", "seed", "status", "steps", "return", "stuck", "hours", "workers", "commit",
+            "run",
+            "scenario",
+            "method",
+            "seed",
+            "status",
+            "steps",
+            "episodes",
+            "return",
+            "stuck",
+            "hours",
+            "CPU hours",
+            "workers",
+            "commit",
         ]),
         rows,
     }

@@ -3,10 +3,12 @@
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
+use super::difference::{Difference, Pairing};
+use super::finals::Final;
 use super::find::LeftOut;
 use super::group::{Comparison, steps_text};
 use super::run_dir::Status;
-use super::statistics::Bounds;
+use super::statistics::{Bounds, ENOUGH_SEEDS, Spread};
 
 /// A return: one decimal for traffic, two for the warehouse.
 pub fn figure(value: f64) -> String {
@@ -15,11 +17,14 @@ pub fn figure(value: f64) -> String {
 
 /// With its sign, and as many decimals as `like` has as a return.
 pub fn signed(value: f64, like: f64) -> String {
-    format!("{}{}", if value < 0.0 { "-" } else { "+" }, figure_like(value.abs(), like))
+    let size = figure_like(value.abs(), like);
+    // Nothing is less than nothing.
+    let negative = value < 0.0 && size.bytes().any(|digit| (b'1'..=b'9').contains(&digit));
+    format!("{}{size}", if negative { "-" } else { "+" })
 }
 
 /// As many decimals as `like` has as a return.
-fn figure_like(value: f64, like: f64) -> String {
+pub fn figure_like(value: f64, like: f64) -> String {
     if like.abs() >= 50.0 { format!("{value:.1}") } else { format!("{value:.2}") }
 }
 
@@ -32,6 +37,45 @@ pub fn with_error(mean: f64, std_error: Option<f64>) -> String {
 pub fn interval(interval: Option<Bounds>, like: f64) -> String {
     let ends = |Bounds { low, high }| format!("[{}, {}]", figure_like(low, like), figure_like(high, like));
     interval.map_or("-".to_owned(), ends)
+}
+
+/// `[+1.2, +3.4]`, the ends of an interval of a difference.
+pub fn signed_interval(Bounds { low, high }: Bounds, like: f64) -> String {
+    format!("[{}, {}]", signed(low, like), signed(high, like))
+}
+
+/// How sure a mean over seeds is: `95 % [215.1, 219.7]`, or with few seeds their values.
+pub fn certainty(spread: &Spread) -> String {
+    let values = spread.values.iter().map(|value| figure_like(*value, spread.mean));
+    match spread.interval {
+        Some(_) => format!("95 % {}", interval(spread.interval, spread.mean)),
+        None if spread.runs() == 1 => "one seed".to_owned(),
+        None => format!("seeds: {}", values.collect::<Vec<_>>().join(", ")),
+    }
+}
+
+/// `+4.1 [+1.2, +7.0]` with the interval of 95 %, or with few seeds `+4.1 (n = 3: +3.0, +5.0, +4.3)`. `like`: a return.
+pub fn difference(of: &Difference, like: f64) -> String {
+    let mean = signed(of.mean, like);
+    let seeds = of.seeds[0].min(of.seeds[1]);
+    let own: Vec<String> = of.of_seeds.iter().map(|(_, value)| signed(*value, like)).collect();
+    let other = if of.pairing.by_episode() { "" } else { ", other episodes" };
+    match of.interval {
+        Some(ends) => format!("{mean} {}{other}", signed_interval(ends, like)),
+        None if of.seeds[0] != of.seeds[1] => format!("{mean} (n = {} and {}{other})", of.seeds[0], of.seeds[1]),
+        None if own.is_empty() || seeds == 1 || seeds >= ENOUGH_SEEDS => format!("{mean} (n = {seeds}{other})"),
+        None => format!("{mean} (n = {seeds}: {}{other})", own.join(", ")),
+    }
+}
+
+/// What of two sides is subtracted, in words.
+pub fn pairing(pairing: Pairing) -> &'static str {
+    match pairing {
+        Pairing::EpisodeAndSeed => "paired by episode and by seed",
+        Pairing::Episode => "paired by episode",
+        Pairing::Seed => "paired by seed, not by episode",
+        Pairing::Nothing => "not paired",
+    }
 }
 
 /// Hours with two significant decimals where there are few of them.
@@ -78,6 +122,36 @@ pub fn warnings(comparisons: &[Comparison], missing: &[PathBuf], left_out: &[Lef
                 warnings.push(format!("{scenario}, {label}: no run with seed {}", absent.join(", ")));
             }
         }
+        warnings.extend(of_episodes(comparison));
+    }
+    warnings
+}
+
+/// Groups whose runs played other episodes than each other, or than whom they are measured against.
+fn of_episodes(comparison: &Comparison) -> Vec<String> {
+    let ends: Vec<_> =
+        comparison.groups.iter().filter_map(|group| Some((group, group.label(), Final::of(group)?))).collect();
+    let mut warnings = Vec::new();
+    for (_, label, end) in &ends {
+        let known = end.runs.iter().filter(|(_, played)| played.on.is_some()).count();
+        if end.episodes().is_none() && (known > 0 || end.episode_counts().len() > 1) {
+            warnings.push(format!("{}, {label}: its runs were evaluated on different episodes", comparison.title));
+        }
+    }
+    for opponent in comparison.opponents() {
+        let unpaired =
+            |group, end: &Final| opponent.difference(group, end).is_some_and(|found| !found.pairing.by_episode());
+        let groups: Vec<&str> =
+            ends.iter().filter(|(group, _, end)| unpaired(group, end)).map(|(_, label, _)| label.as_str()).collect();
+        if !groups.is_empty() {
+            let whom = opponent.name();
+            warnings.push(format!(
+                "{}: not evaluated on the episodes of {whom}, so the difference is over seeds only, with the chance of the \
+                 traffic in it (another evaluation.seed, another number of episodes, or a run of an older version): {}",
+                comparison.title,
+                groups.join("; ")
+            ));
+        }
     }
     warnings
 }
@@ -112,8 +186,32 @@ mod tests {
         assert_eq!(with_error(217.44, Some(1.16)), "217.4 ± 1.2");
         assert_eq!(with_error(13.086, Some(0.03)), "13.09 ± 0.03");
         assert_eq!(with_error(13.086, None), "13.09");
-        assert_eq!((signed(-3.0, 200.0).as_str(), signed(0.456, 13.0).as_str()), ("-3.0", "+0.46"));
+        assert_eq!([signed(-3.0, 200.0), signed(0.456, 13.0), signed(-0.04, 200.0)], ["-3.0", "+0.46", "+0.0"]);
+        let spread = |values: &[f64]| certainty(&Spread::of(values).unwrap());
+        assert_eq!([spread(&[214.0]), spread(&[214.0, 218.04])], ["one seed", "seeds: 214.0, 218.0"]);
+        // Mean 3, error sqrt(0.5), t 2.776: 1.96.
+        assert_eq!(spread(&[1.0, 2.0, 3.0, 4.0, 5.0]), "95 % [1.04, 4.96]");
         assert_eq!((hours(3600.0).as_str(), hours(90.0).as_str()), ("1.00", "0.0250"));
         assert_eq!([42.0, 204.0, 7560.0].map(duration), ["42 s", "3.4 min", "2.1 h"]);
+    }
+
+    #[test]
+    fn a_difference_is_told_with_its_interval_or_with_its_seeds() {
+        let of = |seeds: &[f64], interval, pairing| Difference {
+            mean: 2.0,
+            pairing,
+            seeds: [seeds.len(); 2],
+            of_seeds: (1..).zip(seeds.iter().copied()).collect(),
+            interval,
+        };
+        let told = |found: Difference| difference(&found, 200.0);
+        let interval = Some(Bounds { low: -0.5, high: 4.5 });
+        assert_eq!(told(of(&[2.0; 5], interval, Pairing::EpisodeAndSeed)), "+2.0 [-0.5, +4.5]");
+        assert_eq!(told(of(&[1.0, 3.0], None, Pairing::Episode)), "+2.0 (n = 2: +1.0, +3.0)");
+        assert_eq!(told(of(&[1.0, 3.0], None, Pairing::Seed)), "+2.0 (n = 2: +1.0, +3.0, other episodes)");
+        assert_eq!(told(of(&[2.0], None, Pairing::Episode)), "+2.0 (n = 1)");
+        assert_eq!(told(of(&[2.0; 6], None, Pairing::Nothing)), "+2.0 (n = 6, other episodes)");
+        let unlike = Difference { seeds: [2, 3], of_seeds: Vec::new(), ..of(&[2.0], None, Pairing::Episode) };
+        assert_eq!(told(unlike), "+2.0 (n = 2 and 3)");
     }
 }

@@ -81,11 +81,12 @@ impl<'a> Session<'a> {
         episodes: &cli::Episodes,
         output: &'a cli::Output,
     ) -> Result<Session<'a>> {
-        let count = episodes.episodes.map_or(config.evaluation.episodes, |count| count as usize);
+        let count = episodes.episodes.map_or(config.evaluation.final_episodes, |count| count as usize);
         let places = [("--csv", &output.csv), ("--plot", &output.plot), ("--render", &output.render)];
         directory::check_apart(&places.map(|(option, dir)| (option, dir.as_deref()))).map_err(Error::Usage)?;
         let scenario = Scenario::of(config, domain.agents()).map_err(Error::Run)?.id();
-        Ok(Session { domain, episodes: count, seed: episodes.seed.unwrap_or(config.seed), scenario, output })
+        let seed = episodes.seed.unwrap_or(config.evaluation.seed);
+        Ok(Session { domain, episodes: count, seed, scenario, output })
     }
 
     /// Tells what is wrong with a subject, or with a place to write to, before anything plays.

@@ -169,6 +169,7 @@ pub fn to_json(domain: &dyn Domain, finding: &Finding) -> Map<String, Value> {
     object.insert("median_return".into(), json!(all.median));
     object.insert("std_error".into(), json!(all.std_error));
     object.insert("episodes".into(), json!(evaluation.episodes()));
+    object.insert("episode_returns".into(), json!(figures[0].1));
     object.insert("agents".into(), json!(evaluation.agents()));
     object.insert("stuck_agents".into(), json!(evaluation.stuck.iter().filter(|&&stuck| stuck).count()));
     object.extend(measures.system.iter().map(|(name, value)| (name.clone(), json!(value))));

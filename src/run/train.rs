@@ -139,7 +139,7 @@ fn resume_command(dir: &Path) -> String {
 
 /// The commands name the config that the run keeps: it has the flags of the command line in it.
 fn how_to_go_on(dir: &Path, config: &Config) -> String {
-    let (episodes, seed) = (config.evaluation.episodes, config.seed);
+    let episodes = config.evaluation.final_episodes;
     let (program, place, run) = (program(), dir.display(), quoted(dir));
     let kept = quoted(&dir.join(files::CONFIG));
     let watch = if config.logging.tensorboard {
@@ -152,9 +152,9 @@ fn how_to_go_on(dir: &Path, config: &Config) -> String {
     };
     let rival = if config.traffic.is_some() { "actuated" } else { "oldest-item" };
     format!(
-        "\nwritten to {place}; evaluate it with:\n  \
-         {program} evaluate {run} --episodes {episodes} --seed {seed}\n\
-         and compare on the same episodes with:\n  \
-         {program} baseline {kept} --controller {rival} --episodes {episodes} --seed {seed}{watch}"
+        "\nwritten to {place}; repeat its last evaluation with:\n  \
+         {program} evaluate {run}\n\
+         and measure a controller on the same {episodes} episodes with:\n  \
+         {program} baseline {kept} --controller {rival}{watch}"
     )
 }

@@ -48,6 +48,8 @@ pub struct FleetLoad {
     pub at_work: Duration,
     /// Of the process that gives the orders, where that is none of the workers.
     pub coordinator: Option<Footprint>,
+    /// CPU time of that process.
+    pub coordinator_cpu: Duration,
 }
 
 /// What one worker has been doing.

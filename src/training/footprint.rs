@@ -1,7 +1,9 @@
-//! How much memory this process takes, as Linux counts it.
+//! How much memory and CPU time this process takes, as Linux counts them.
 
 use std::fs;
+use std::time::Duration;
 
+use rustix::time::{ClockId, clock_gettime};
 use serde::{Deserialize, Serialize};
 
 /// Memory of a process, in KiB; 0 where the system does not tell.
@@ -27,6 +29,35 @@ impl Footprint {
     }
 }
 
+/// Measures the CPU time of this process, user and system, all threads, from one reading to the next.
+pub struct CpuClock {
+    last: Duration,
+}
+
+impl CpuClock {
+    /// Counts from the beginning of the process.
+    pub fn of_the_process() -> Self {
+        CpuClock { last: Duration::ZERO }
+    }
+
+    /// Counts from now on.
+    pub fn from_now() -> Self {
+        CpuClock { last: cpu_time() }
+    }
+
+    /// The CPU time since the last call.
+    pub fn lap(&mut self) -> Duration {
+        let now = cpu_time();
+        let lap = now.saturating_sub(self.last);
+        self.last = now;
+        lap
+    }
+}
+
+fn cpu_time() -> Duration {
+    Duration::try_from(clock_gettime(ClockId::ProcessCPUTime)).unwrap_or_default()
+}
+
 fn field(file: &str, key: &str) -> u64 {
     let text = fs::read_to_string(file).unwrap_or_default();
     let line = text.lines().find_map(|line| line.strip_prefix(key));
@@ -41,5 +72,14 @@ mod tests {
     fn a_process_knows_its_memory() {
         let footprint = Footprint::of_this_process();
         assert!(footprint.peak_rss_kib > 1000 && footprint.pss_kib > 1000, "{footprint:?}");
+    }
+
+    #[test]
+    fn every_thread_counts_in_the_cpu_time_and_no_reading_counts_twice() {
+        let mut clock = CpuClock::from_now();
+        let work = || (0..200_000_u64).fold(0_u64, |sum, i| std::hint::black_box(sum.wrapping_add(i * i)));
+        std::thread::spawn(work).join().unwrap();
+        assert!(clock.lap() > Duration::ZERO);
+        assert!(CpuClock::of_the_process().lap() > Duration::ZERO);
     }
 }

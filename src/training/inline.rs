@@ -7,11 +7,11 @@ use std::time::{Duration, Instant};
 use super::answers::{FleetLoad, PolicyTraining, WorkerLoad};
 use super::collect::Purpose;
 use super::fleet::Fleet;
-use super::footprint::Footprint;
+use super::footprint::{CpuClock, Footprint};
 use super::observer::{Interrupted, Observer};
 use super::state::AgentsState;
 use super::worker::Worker;
-use crate::base::{Activity, AgentId};
+use crate::base::{Activity, AgentId, Timesheet};
 use crate::config::{Config, Period};
 use crate::domain::{Domain, Result};
 use crate::evaluation::Evaluation;
@@ -26,19 +26,35 @@ pub struct InlineFleet {
     config: Config,
     observer: Rc<dyn Observer>,
     at_work: Duration,
+    timesheet: Timesheet,
+    clock: CpuClock,
 }
 
 impl InlineFleet {
     pub fn new(domain: Arc<dyn Domain>, config: &Config, observer: Rc<dyn Observer>) -> Self {
         let worker = Worker::new(domain.clone(), config, AgentId::all(domain.agents()), &Threads::one());
         let agents = worker.state();
-        InlineFleet { worker, agents, domain, config: config.clone(), observer, at_work: Duration::ZERO }
+        InlineFleet {
+            worker,
+            agents,
+            domain,
+            config: config.clone(),
+            observer,
+            at_work: Duration::ZERO,
+            timesheet: Timesheet::default(),
+            clock: CpuClock::from_now(),
+        }
     }
 
     fn work<T>(&mut self, order: impl FnOnce(&mut Worker, &AgentsState, &dyn Observer) -> T) -> T {
+        // What was done since the last order belongs to none.
+        self.timesheet.add(&Timesheet::of_cpu(self.clock.lap()));
         let begun = Instant::now();
         let answer = order(&mut self.worker, &self.agents, &*self.observer);
         self.at_work += begun.elapsed();
+        let mut timesheet = self.worker.take_timesheet();
+        timesheet.note_cpu(self.clock.lap());
+        self.timesheet.add(&timesheet);
         answer
     }
 
@@ -92,7 +108,8 @@ impl Fleet for InlineFleet {
     }
 
     fn take_load(&mut self) -> FleetLoad {
-        let worker = WorkerLoad { timesheet: self.worker.take_timesheet(), footprint: Footprint::of_this_process() };
-        FleetLoad { workers: vec![worker], at_work: std::mem::take(&mut self.at_work), coordinator: None }
+        self.timesheet.add(&Timesheet::of_cpu(self.clock.lap()));
+        let worker = WorkerLoad { timesheet: self.timesheet.take(), footprint: Footprint::of_this_process() };
+        FleetLoad { workers: vec![worker], at_work: std::mem::take(&mut self.at_work), ..FleetLoad::default() }
     }
 }

@@ -159,17 +159,18 @@ pub struct Wall {
 }
 
 pub fn timing_header() -> Line {
-    let fixed = ["steps", "worker", "wall_s", "elapsed_s", "exchange_s"].map(str::to_owned);
+    let fixed =
+        ["steps", "worker", "wall_s", "elapsed_s", "cpu_s", "cpu_evaluation_s", "exchange_s"].map(str::to_owned);
     let activities = Activity::ALL.map(|activity| format!("{}_s", activity.name()));
     let phases = Phase::ALL.map(|phase| format!("{}_s", phase.name()));
     fixed.into_iter().chain(activities).chain(["idle_s".to_owned()]).chain(phases).collect()
 }
 
 /// A line for the mean of all workers, then one per worker. What is neither an activity nor an exchange is idle. The
-/// phases are those of the policies' training.
+/// phases are those of the policies' training. CPU time is the only sum: of all processes, the coordinator included.
 pub fn timing_lines(steps: u64, load: &FleetLoad, wall: &Wall) -> Vec<Line> {
     let workers: Vec<&Timesheet> = load.workers.iter().map(|worker| &worker.timesheet).collect();
-    let line = |worker: String, of: &[&Timesheet]| {
+    let line = |worker: String, of: &[&Timesheet], coordinator_cpu: Duration| {
         let mean = |pick: &dyn Fn(&Timesheet) -> Duration| {
             of.iter().map(|timesheet| pick(timesheet).as_secs_f64()).sum::<f64>() / of.len().max(1) as f64
         };
@@ -177,11 +178,18 @@ pub fn timing_lines(steps: u64, load: &FleetLoad, wall: &Wall) -> Vec<Line> {
         let activities = Activity::ALL.map(|activity| mean(&|timesheet| timesheet.whole(activity)));
         let idle = (whole[0] - whole[2] - activities.iter().sum::<f64>()).max(0.0);
         let phases = Phase::ALL.map(|phase| mean(&|timesheet| timesheet.phases(Activity::Training).spent(phase)));
+        let cpu = [
+            of.iter().map(|timesheet| timesheet.cpu()).sum::<Duration>() + coordinator_cpu,
+            of.iter().map(|timesheet| timesheet.cpu_of(Activity::Evaluation)).sum(),
+        ];
+        let [period, elapsed, exchange] = whole;
+        let [cpu, cpu_of_evaluation] = cpu.map(|time| time.as_secs_f64());
+        let whole = [period, elapsed, cpu, cpu_of_evaluation, exchange];
         let seconds = whole.into_iter().chain(activities).chain([idle]).chain(phases);
         [steps.to_string(), worker].into_iter().chain(seconds.map(|seconds| format!("{seconds:.3}"))).collect::<Line>()
     };
-    let each = workers.iter().enumerate().map(|(index, worker)| line(index.to_string(), &[worker]));
-    std::iter::once(line(ALL.to_owned(), &workers)).chain(each).collect()
+    let each = workers.iter().enumerate().map(|(index, worker)| line(index.to_string(), &[worker], Duration::ZERO));
+    std::iter::once(line(ALL.to_owned(), &workers, load.coordinator_cpu)).chain(each).collect()
 }
 
 pub const MEMORY_COLUMNS: [&str; 4] = ["steps", "process", "peak_rss_mb", "pss_mb"];
@@ -215,11 +223,20 @@ mod tests {
             let mut phases = Stopwatch::default();
             phases.note(Phase::SimulatorStep, Duration::from_secs(step));
             timesheet.note(Activity::Training, Duration::from_secs(training), &phases);
+            // Two threads train.
+            timesheet.note_cpu(Duration::from_secs(2 * training));
             // Steps of an evaluation are none of the training's.
-            timesheet.note(Activity::Evaluation, Duration::from_secs(evaluation), &phases);
+            let mut of_evaluation = Timesheet::default();
+            of_evaluation.note(Activity::Evaluation, Duration::from_secs(evaluation), &phases);
+            of_evaluation.note_cpu(Duration::from_secs(evaluation));
+            timesheet.add(&of_evaluation);
             WorkerLoad { timesheet, footprint: Footprint::default() }
         };
-        let load = FleetLoad { workers: vec![worker(10, 4, 5), worker(12, 6, 7)], ..FleetLoad::default() };
+        let load = FleetLoad {
+            workers: vec![worker(10, 4, 5), worker(12, 6, 7)],
+            coordinator_cpu: Duration::from_secs(1),
+            ..FleetLoad::default()
+        };
         let [period, elapsed, exchange] = [21, 30, 1].map(Duration::from_secs);
         let lines = timing_lines(128, &load, &Wall { period, elapsed, exchange });
         let header = timing_header();
@@ -229,6 +246,9 @@ mod tests {
         assert_eq!(of_all.map(|name| column(0, name)), ["128", "all", "21.000", "1.000", "11.000", "6.000", "5.000"]);
         // Idle: 21 - 1 - 10 - 5 = 5 and 21 - 1 - 12 - 7 = 1, on average 3.
         assert_eq!([0, 1, 2].map(|line| column(line, "idle_s")), ["3.000", "5.000", "1.000"]);
+        // 2 x 10 + 5 = 25 and 2 x 12 + 7 = 31; with 1 of the coordinator 57.
+        assert_eq!([0, 1, 2].map(|line| column(line, "cpu_s")), ["57.000", "25.000", "31.000"]);
+        assert_eq!([0, 1, 2].map(|line| column(line, "cpu_evaluation_s")), ["12.000", "5.000", "7.000"]);
         assert_eq!([0, 1, 2].map(|line| lines[line].len()), [header.len(); 3]);
     }
 }

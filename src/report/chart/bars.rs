@@ -30,6 +30,8 @@ pub struct Bar {
     pub look: Look,
     pub value: Option<f64>,
     pub whisker: Option<(f64, f64)>,
+    /// Single values, hollow circles.
+    pub points: Vec<f64>,
     /// The paper's value.
     pub paper: Option<f64>,
 }
@@ -121,6 +123,13 @@ impl BarChart {
                         if let Some((from, to)) = bar.whisker {
                             whisker(area, middle, (place(from.max(low)), place(to)), INK)?;
                         }
+                        for &point in &bar.points {
+                            let at = (middle, place(point));
+                            // Seen on the bar and above it.
+                            let circle = |colour| Look { colour, marker: Marker::Circle, ..bar.look };
+                            mark(area, at, circle(WHITE), 7.0, true)?;
+                            mark(area, at, circle(INK), 6.0, false)?;
+                        }
                     }
                     if let Some(paper) = bar.paper {
                         let hollow = Look { colour: INK, marker: Marker::Diamond, ..bar.look };
@@ -152,7 +161,14 @@ impl BarChart {
 
     fn range(&self) -> (f64, f64) {
         let bars = || self.clusters.iter().flat_map(|cluster| &cluster.bars);
-        let values = || bars().flat_map(|bar| [bar.value, bar.paper, bar.whisker.map(|(_, to)| to)]).flatten();
+        let values = || {
+            bars().flat_map(|bar| {
+                [bar.value, bar.paper, bar.whisker.map(|(_, to)| to)]
+                    .into_iter()
+                    .flatten()
+                    .chain(bar.points.iter().copied())
+            })
+        };
         let high = values().fold(f64::MIN_POSITIVE, f64::max);
         match self.scale {
             Scale::Linear => (0.0, high * 1.1),

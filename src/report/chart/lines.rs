@@ -1,4 +1,4 @@
-//! Lines over a common axis, with bands, whiskers, levels and points from elsewhere.
+//! Lines over a common axis, with bands, single seeds, levels and points from elsewhere.
 
 use anyhow::Result;
 use plotters::coord::CoordTranslate;
@@ -29,8 +29,6 @@ pub struct LinePoint {
     pub y: f64,
     /// Shaded around the line.
     pub band: Option<(f64, f64)>,
-    /// Drawn at the markers.
-    pub whisker: Option<(f64, f64)>,
     /// Whether all runs are in it; where not the line is thin.
     pub whole: bool,
 }
@@ -42,13 +40,14 @@ pub struct Line {
     pub points: Vec<LinePoint>,
     /// A thin line that belongs to it, named once for all lines.
     pub companion: Vec<(f64, f64)>,
+    /// Pale lines of the single seeds.
+    pub seeds: Vec<Vec<(f64, f64)>>,
 }
 
 impl Line {
-    /// Without what is drawn beside it, but for the band.
+    /// Without its companion.
     fn bare(&self) -> Line {
-        let points = self.points.iter().map(|point| LinePoint { whisker: None, ..*point });
-        Line { points: points.collect(), companion: Vec::new(), ..self.clone() }
+        Line { companion: Vec::new(), ..self.clone() }
     }
 }
 
@@ -87,7 +86,7 @@ pub struct LineChart {
     pub note: String,
 }
 
-/// More lines than this are better drawn one by one, or without bands and whiskers: nobody could tell whose they are.
+/// More lines than this are better drawn one by one, or without bands and seeds: nobody could tell whose they are.
 pub const MOST_BANDS: usize = 5;
 /// Panels beside each other.
 const COLUMNS: usize = 3;
@@ -270,6 +269,9 @@ impl LineChart {
     ) -> Result<()> {
         let colour = line.look.colour;
         stroke(area, line.companion.clone(), (colour.to_rgba(), Dash::Dotted), 1.0)?;
+        for seed in &line.seeds {
+            stroke(area, seed.clone(), (colour.mix(0.45), Dash::Solid), 0.8)?;
+        }
         // Where runs are missing the line is thin; both parts share the point between them.
         let whole = line.points.iter().take_while(|point| point.whole).count();
         let places = |points: &[LinePoint]| points.iter().map(|point| (point.x, point.y)).collect::<Vec<_>>();
@@ -278,9 +280,6 @@ impl LineChart {
         // Each line has its markers at other places.
         let every = line.points.len().div_ceil(MARKERS).max(1);
         for point in line.points.iter().skip(index % every).step_by(every) {
-            if let Some(ends) = point.whisker {
-                whisker(area, point.x, ends, colour)?;
-            }
             mark(area, (point.x, point.y), line.look, 7.0, true)?;
         }
         Ok(())
@@ -328,11 +327,13 @@ impl LineChart {
         let points = || self.lines.iter().flat_map(|line| &line.points);
         let marks = || self.marks.iter().flat_map(|mark| &mark.points);
         let xs = points().map(|point| point.x).chain(marks().map(|mark| mark.0));
-        let bands =
-            points().flat_map(|point| [point.band, point.whisker]).flatten().flat_map(|(low, high)| [low, high]);
+        let bands = points().filter_map(|point| point.band).flat_map(|(low, high)| [low, high]);
+        let seeds = || self.lines.iter().flat_map(|line| line.seeds.iter().flatten());
+        let xs = xs.chain(seeds().map(|point| point.0));
         let ys = points()
             .map(|point| point.y)
             .chain(bands)
+            .chain(seeds().map(|point| point.1))
             .chain(self.lines.iter().flat_map(|line| line.companion.iter().map(|point| point.1)))
             .chain(self.levels.iter().map(|level| level.y))
             .chain(marks().flat_map(|&(_, y, error)| [y - error.unwrap_or(0.0), y + error.unwrap_or(0.0)]));

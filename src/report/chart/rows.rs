@@ -12,9 +12,9 @@ use crate::drawing::{INK, Svg, draw_mesh, px, text};
 const WIDTH: u32 = 860;
 /// Of the labels, and of the words at the right.
 const LABELS: u32 = 230;
-const WORDS: u32 = 312;
+const WORDS: u32 = 330;
 /// Right ends of their columns, from the right.
-const COLUMNS: [u32; 3] = [222, 66, 8];
+const COLUMNS: [u32; 3] = [276, 66, 8];
 const TITLE: u32 = 50;
 const AXIS: u32 = 48;
 const NOTE: u32 = 22;
@@ -27,8 +27,7 @@ pub struct Row {
     /// Each on its own, hollow.
     pub points: Vec<f64>,
     pub mean: f64,
-    /// On both sides of the mean.
-    pub error: Option<f64>,
+    pub interval: Option<(f64, f64)>,
     /// What stands at the right, in columns.
     pub words: [String; 3],
 }
@@ -74,8 +73,8 @@ impl RowChart {
             )?;
             let area = chart.plotting_area();
             let reference = &self.rows[0];
-            if let Some(error) = reference.error {
-                let corners = [(reference.mean - error, 0.0), (reference.mean + error, -f64::from(all))];
+            if let Some((low, high)) = reference.interval {
+                let corners = [(low, 0.0), (high, -f64::from(all))];
                 area.draw(&Rectangle::new(corners, INK.mix(0.1).filled()))?;
             }
             let line = vec![(reference.mean, 0.0), (reference.mean, -f64::from(all))];
@@ -83,8 +82,8 @@ impl RowChart {
             for (index, (row, &middle)) in self.rows.iter().zip(&middles).enumerate() {
                 let colour = if index == 0 { INK } else { Look::FIRST.colour };
                 let look = |marker| Look { colour, dash: Dash::Solid, marker };
-                if let Some(error) = row.error {
-                    let ends = vec![(row.mean - error, -middle), (row.mean + error, -middle)];
+                if let Some((low, high)) = row.interval {
+                    let ends = vec![(low, -middle), (high, -middle)];
                     stroke(area, ends, (colour.to_rgba(), Dash::Solid), 3.0)?;
                 }
                 for &point in &row.points {
@@ -116,8 +115,8 @@ impl RowChart {
 
     /// All that is drawn, and some air.
     fn range(&self) -> std::ops::Range<f64> {
-        let ends =
-            self.rows.iter().flat_map(|row| [row.mean - row.error.unwrap_or(0.0), row.mean + row.error.unwrap_or(0.0)]);
+        let ends = self.rows.iter().filter_map(|row| row.interval).flat_map(|(low, high)| [low, high]);
+        let ends = ends.chain(self.rows.iter().map(|row| row.mean));
         let values = self.rows.iter().flat_map(|row| row.points.iter().copied()).chain(ends);
         let (low, high) =
             values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
