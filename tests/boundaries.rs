@@ -21,7 +21,7 @@ fn config(domain: &str, recurrent: bool) -> String {
         "total_steps = {STEPS}\n{domain}\
          [local_simulators]\ncopies = 8\nstagger = true\n\
          [policy]\n{policy}hidden = [16]\n[ppo]\ntime_limit = 'bootstrap'\n\
-         [aip]\n{aip}hidden = [8]\nretrain_every_steps = 900\ndataset_steps = 130\nbatch = 2\nepochs = 2\n\
+         [aip]\n{aip}hidden = [8]\nretrain_every_steps = 900\ndataset_steps = 130\nbatch = 2\nepochs = 2\nlearning_rate = 1e-2\n\
          [evaluation]\nepisodes = 2\nfinal_episodes = 2\naip_loss_episodes = 0\n"
     )
 }
@@ -80,7 +80,7 @@ fn assert_that_looking_leaves_no_trace(domain: &str, recurrent: bool) {
     let always = Run::new(&config).train("dials", STEPS, &["--workers", "0", "--set", "checkpoints.every_steps=256"]);
     assert!(once == always, "{domain}, recurrent {recurrent}: written down at every second update");
     // So that the test can fail: what the numbers come from is in the file.
-    let other = Run::new(&config).train("dials", STEPS, &["--workers", "0", "--set", "aip.retrain_every_steps=1000"]);
+    let other = Run::new(&config).train("dials", STEPS, &["--workers", "0", "--set", "aip.retrain_every_steps=500"]);
     assert!(once != other, "{domain}, recurrent {recurrent}: F changes what is learned");
 }
 
