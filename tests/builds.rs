@@ -184,11 +184,12 @@ fn registers_of_256_bits_are_used_by_every_process_of_a_run_and_of_its_evaluatio
 
 #[test]
 fn a_width_that_nobody_knows_is_refused_with_those_there_are() {
+    let place = Place::new();
     let said = |value: &str| {
         let setting = format!("numerics.vector_width={value}");
-        let mut command = Place::new().command(&["train", "c.toml", "--out", "run", "--set", &setting]);
+        let mut command = place.command(&["train", "c.toml", "--out", "run", "--set", &setting]);
         String::from_utf8(command.assert().code(2).get_output().stderr.clone()).unwrap()
     };
-    assert!(said("512").contains("--set: numerics.vector_width: invalid type: integer `512`"), "{}", said("512"));
+    assert!(said("512").contains("--set: numerics.vector_width: "), "{}", said("512"));
     assert!(said("512-bit").contains("expected `widest` or `256-bit`"), "{}", said("512-bit"));
 }
