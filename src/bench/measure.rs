@@ -12,6 +12,7 @@ use crate::training::answers::FleetLoad;
 use crate::training::collect::Purpose;
 use crate::training::fleet::Fleet;
 use crate::training::run_log::RunLog;
+use crate::training::state::AgentsState;
 
 /// Shares of the time; the rest goes into the beginning of processes and into a first guess of the speed.
 const EVALUATION: f64 = 0.1;
@@ -113,10 +114,13 @@ pub fn measure(plan: &Plan<'_>, fleet: &mut dyn Fleet, log: &mut RunLog) -> Resu
         predict_marginals(&mut state.aips, &layout, plan.spec.sources, &datasets);
         bench.fleet.restore(state)?;
     }
-    // The first update only tells how long one takes.
+    // The first update only shows how long one takes. What is measured begins with empty roads again.
     let memory = plan.config.ppo.memory as u64;
     let mut guess = Orders::default();
+    let beginning = bench.fleet.agents().streams.clone();
     bench.train(&mut guess, memory, agents)?;
+    let state = AgentsState { streams: beginning, ..bench.fleet.agents().clone() };
+    bench.fleet.restore(state)?;
     let updates = part(TRAINING).div_duration_f64(guess.slowest.max(Duration::from_millis(1)));
     let mut training = Orders::default();
     bench.train(&mut training, memory * (updates as u64).max(2), agents)?;
