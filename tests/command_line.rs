@@ -274,7 +274,7 @@ fn the_largest_seed_trains_and_evaluates() {
     train(&config, &out, &["--seed", &seed, "--workers", "1"]).success();
     let run: Value = serde_json::from_slice(&fs::read(out.join("run.json")).unwrap()).unwrap();
     assert_eq!(run["seed"], u64::MAX);
-    let found = dials_traffic(&["evaluate", out.to_str().unwrap(), "--json"]).assert().success();
+    let found = dials_traffic(&["evaluate", out.to_str().unwrap(), "--seed", &seed, "--json"]).assert().success();
     let found: Value = serde_json::from_slice(&found.get_output().stdout).unwrap();
     assert_eq!(found["seed"], u64::MAX);
 }

@@ -187,14 +187,14 @@ fn marginals_are_the_same_for_any_fleet_and_after_a_kill() {
 
 #[test]
 fn aips_that_are_trained_again_on_drift_are_the_same_for_any_fleet_and_after_a_kill() {
-    let settings = ["retrain=drift", "drift_threshold=0.5", "epochs=30", "learning_rate=3e-2"];
+    let settings = ["retrain=drift", "drift_threshold=3", "epochs=30", "learning_rate=3e-2"];
     let settings: Vec<String> = settings.iter().flat_map(|set| ["--set".to_owned(), format!("aip.{set}")]).collect();
     let settings: Vec<&str> = settings.iter().map(String::as_str).collect();
     let run = assert_the_same_for_any_fleet_and_after_a_kill(Domain::Traffic, &settings);
-    // So that the test can fail: overfitted AIPs are found worse at the second evaluation, and not at the third.
+    // So that the test can fail: AIPs are found 2.0 % worse at the second evaluation and 4.0 % at the third.
     let drift = fs::read_to_string(run.out.join("aip_drift.csv")).unwrap();
     let trainings: Vec<&str> = drift.lines().filter(|line| line.contains(",all,training,")).collect();
-    assert!(trainings.len() == 2 && trainings[1].starts_with("5120,"), "{drift}");
+    assert!(trainings.len() == 2 && trainings[1].starts_with("10112,"), "{drift}");
 }
 
 /// Returns the run of a single process.
