@@ -42,7 +42,7 @@ pub struct Orders {
     pub units: f64,
     /// From the order to the last answer, and to the files that a run writes then.
     pub wall: Duration,
-    /// Of the slowest worker of each order, without what it takes to begin: [`Orders::BEGINNING`].
+    /// Time of the slowest worker of each order, without its beginning: [`Orders::BEGINNING`].
     pub slowest: Duration,
     /// Added up over the workers.
     pub work: Duration,

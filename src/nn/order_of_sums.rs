@@ -13,7 +13,7 @@ use crate::base::{Dice, Seed, VectorWidth};
 const LANES: usize = 8;
 /// Numbers of the inner dimension that are added up in one go.
 const DEPTH: usize = 512;
-/// Up to so many numbers come out of the kernels that add up across a register.
+/// Largest product that the kernels which add up across a register compute, in numbers that come out.
 const ACROSS: usize = 16 * 16;
 
 /// A product whose numbers can be asked for one by one.
@@ -50,7 +50,7 @@ impl Shape<'_> {
         sum.expect("there are factors")
     }
 
-    /// As the crate `gemm` does a part of the inner dimension.
+    /// Adds up a part of the inner dimension in the order of the crate `gemm`.
     fn part(&self, factors: &[(f32, f32)], start: Option<f32>) -> f32 {
         let ((left_row, left_column), (right_row, right_column)) = (self.left.strides(), self.right.strides());
         let (rows, columns) = (self.rows, self.columns);

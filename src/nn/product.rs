@@ -59,7 +59,7 @@ pub fn multiply(left: Matrix<'_>, right: Matrix<'_>, out: &mut [f32], before: Be
     multiply_with(vector_width(), left, right, out, before);
 }
 
-/// As [`multiply`], with vector registers of this width.
+/// Computes [`multiply`] with vector registers of this width.
 pub(super) fn multiply_with(
     width: VectorWidth,
     left: Matrix<'_>,
@@ -90,7 +90,7 @@ pub(super) fn multiply_with(
     }
 }
 
-/// As [`multiply`], of these numbers of the inner dimension. `gemm` chooses the registers.
+/// Multiplies a part of the inner dimension. `gemm` chooses the registers.
 fn by_widest(left: Matrix<'_>, right: Matrix<'_>, inner: Range<usize>, out: &mut [f32], before: Before) {
     let ((left_row, left_column), (right_row, right_column)) = (left.strides(), right.strides());
     // SAFETY: `Matrix` holds `rows x columns` values that its strides stay within, `inner` lies within the inner
@@ -120,7 +120,7 @@ fn by_widest(left: Matrix<'_>, right: Matrix<'_>, inner: Range<usize>, out: &mut
     }
 }
 
-/// As [`by_widest`], as `gemm` does it on a machine that has AVX2 and FMA and nothing wider.
+/// Does what [`by_widest`] does on a machine that has AVX2 and FMA and nothing wider.
 #[cfg(target_arch = "x86_64")]
 fn by_256_bits(left: Matrix<'_>, right: Matrix<'_>, inner: Range<usize>, out: &mut [f32], before: Before) {
     use gemm_common::gemm::gemm_basic_generic;
