@@ -50,7 +50,7 @@ impl<'a> Line<'a> {
         (!field.is_empty()).then_some(field)
     }
 
-    /// As [`Line::text`], as a number; what is no finite number is an error.
+    /// Returns [`Line::text`] as a number; an error if it is not a finite one.
     pub fn number(self, column: &str) -> Result<Option<f64>> {
         let Some(text) = self.text(column) else { return Ok(None) };
         let number: f64 = text.parse().with_context(|| self.bad(column, text, "no number"))?;

@@ -86,7 +86,7 @@ pub struct LineChart {
     pub note: String,
 }
 
-/// More lines than this are better drawn one by one, or without bands and seeds: nobody could tell whose they are.
+/// More lines than this are better drawn one by one, or without bands and seeds: nobody could see whose they are.
 pub const MOST_BANDS: usize = 5;
 /// Panels beside each other.
 const COLUMNS: usize = 3;
