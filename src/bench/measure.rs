@@ -99,9 +99,11 @@ pub fn measure(plan: &Plan<'_>, fleet: &mut dyn Fleet, log: &mut RunLog) -> Resu
     let evaluation = repeat(part(EVALUATION), |orders| bench.evaluate(orders))?;
     let (mut collection, mut aip_training) = (Orders::default(), Orders::default());
     if plan.config.simulator == SimulatorKind::Dials {
-        let mut datasets = Vec::new();
+        let (mut datasets, mut seen): (Vec<Dataset>, Vec<Dataset>) = Default::default();
         collection = repeat(part(COLLECTION), |orders| {
             datasets = bench.collect(orders)?;
+            seen.resize_with(agents, || Dataset::new(plan.spec));
+            seen.iter_mut().zip(&datasets).for_each(|(seen, dataset)| seen.extend(dataset));
             Ok(())
         })?;
         let flops = part(AIP_TRAINING).as_secs_f64() * plan.peak_flops * OF_PEAK * plan.workers as f64;
@@ -111,7 +113,7 @@ pub fn measure(plan: &Plan<'_>, fleet: &mut dyn Fleet, log: &mut RunLog) -> Resu
         aip_training = repeat(part(AIP_TRAINING), |orders| bench.train_aips(orders, &datasets, flops))?;
         let mut state = bench.fleet.agents().clone();
         let layout = AipStack::shape(plan.spec, &plan.config.aip).layout();
-        predict_marginals(&mut state.aips, &layout, plan.spec.sources, &datasets);
+        predict_marginals(&mut state.aips, &layout, plan.spec.sources, &seen);
         bench.fleet.restore(state)?;
     }
     // The first update only shows how long one takes. What is measured begins with empty roads again.
@@ -187,8 +189,10 @@ impl Bench<'_> {
 
     fn collect(&mut self, orders: &mut Orders) -> Result<Vec<Dataset>> {
         let mut datasets = Vec::new();
+        // Other episodes each time: the traffic of one varies by several percent, and the marginals come from them.
+        let order = orders.count as u64;
         self.order(orders, Activity::Collection, 1.0, |bench| {
-            datasets = bench.fleet.collect_datasets(Purpose::Training { steps: bench.period.start })?;
+            datasets = bench.fleet.collect_datasets(Purpose::Training { steps: order })?;
             Ok(bench.fleet.take_load())
         })?;
         Ok(datasets)
