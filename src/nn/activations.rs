@@ -1,7 +1,7 @@
-//! Sigmoid and tanh in plain arithmetic, so that the compiler vectorises the loops around them and a number gives the
-//! same bits wherever it stands in a table.
+//! Sigmoid and tanh in plain arithmetic. So the compiler vectorises the loops around them, and a number gives the same
+//! bits at any place in a table.
 
-/// `e^x` to about two units in the last place; saturates outside of `-87..=88`.
+/// Computes `e^x` to about two units in the last place. It saturates outside `-87..=88`.
 ///
 /// Source: the polynomial of Cephes' `expf` (Moshier), with the rounding done by adding 1.5 * 2^23.
 #[inline(always)]
@@ -20,7 +20,7 @@ pub fn exp(x: f32) -> f32 {
     y = y * r + 1.666_666_5e-1;
     y = y * r + 5e-1;
     y = y * r * r + r + 1.0;
-    // The integer n stands in the low bits of the sum with the rounder; 2^n has it in its exponent.
+    // The low bits of `rounded` hold the integer n. Shifted into the exponent it gives 2^n.
     let exponent = rounded.to_bits().wrapping_sub(ROUNDER.to_bits()).wrapping_add(127);
     y * f32::from_bits(exponent << 23)
 }

@@ -12,7 +12,7 @@ const BETA1: f32 = 0.9;
 const BETA2: f32 = 0.999;
 const EPSILON: f32 = 1e-8;
 
-/// The optimiser of one stack. Elementwise, so every agent has its own Adam.
+/// The optimiser of one stack. It works element by element, so every agent has its own Adam.
 ///
 /// Source: Kingma & Ba 2015, algorithm 1, with torch's default constants.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,12 +20,14 @@ pub struct Adam {
     moments: Moments,
 }
 
-/// All that an optimiser remembers.
+/// The state of an optimiser.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Moments {
-    /// `[agents, parameters]`
+    /// First moments: `[agents, parameters]`.
     pub first: Rows<f32>,
+    /// Second moments, same shape.
     pub second: Rows<f32>,
+    /// Number of gradient steps taken.
     pub steps: u32,
 }
 
@@ -39,16 +41,16 @@ impl Adam {
         &self.moments
     }
 
-    /// Goes on from moments of the same stack.
+    /// Continues from moments of the same stack.
     pub fn restore(&mut self, moments: Moments) {
         let shape = |rows: &Rows<f32>| (rows.len(), rows.width());
         assert_eq!(shape(&moments.first), shape(&self.moments.first), "moments of another stack");
         self.moments = moments;
     }
 
-    /// Every agent's network with its part of the optimiser, for `steps` gradient steps each.
+    /// Returns every agent's network with its part of the optimiser, for `steps` gradient steps each.
     ///
-    /// Each learner can take all of its steps while its networks and moments are near, before the next one begins.
+    /// One learner can take all its steps before the next one begins, while its network is in the cache.
     pub fn learners<'a>(&'a mut self, net: &'a mut Net, steps: u32) -> Vec<Learner<'a>> {
         let Moments { first, second, steps: taken } = &mut self.moments;
         let begin = *taken;
@@ -78,7 +80,7 @@ impl Learner<'_> {
         Network { shape: self.shape, layout: self.layout, values: self.values }
     }
 
-    /// One step along the gradient, a row of parameters.
+    /// Takes one step against the gradient, a row of parameters.
     pub fn descend(&mut self, gradient: &[f32], learning_rate: f64) {
         assert!(self.step < self.end, "more gradient steps than were announced");
         self.step += 1;
@@ -90,8 +92,8 @@ impl Learner<'_> {
     }
 }
 
-/// One pass over memory, with the widest registers that the machine has. No fused multiply-add: it would round
-/// differently from machine to machine.
+/// Updates all parameters in one pass over memory. Compiled for several register widths. It uses no fused multiply-add,
+/// which would round differently from machine to machine.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx2"))]
 fn update(
     values: &mut [f32],

@@ -1,22 +1,26 @@
-//! Products of one row or a few, which no library that we measured is fast at: there is nothing to gain from copying a
-//! matrix into a better order first, and everything from reading it once, as it lies.
+//! Products with one row or a few. No library that we measured is fast at them.
+//!
+//! Libraries first copy a matrix into a better order. For few rows it is faster to read it once, as it is.
 
 use pulp::{Simd, WithSimd};
 
 use super::vectors::dispatch;
 use crate::base::VectorWidth;
 
-/// Up to so many rows [`dot_products`] is faster than the library; measured for 256 x 768.
+/// Largest number of rows for which [`dot_products`] is faster than the library; measured for 256 x 768.
 pub const FEW_ROWS: usize = 6;
 
-/// `out += row x matrix`, one row: an agent that acts on the GS. `matrix`: `[row.len(), out.len()]`.
+/// Computes `out += row x matrix` for one row, as when an agent acts on the GS.
+///
+/// `matrix`: `[row.len(), out.len()]`.
 pub fn add_row_by_matrix(width: VectorWidth, row: &[f32], matrix: &[f32], out: &mut [f32]) {
     dispatch(width, RowByMatrix { row, matrix, out });
 }
 
-/// `out = left x right^T`, every number the dot product of two rows: the gradient that goes back through the state weight
-/// of a GRU, for the few sequences of a minibatch. `left`: `[rows, depth]`; `right`: `[columns, depth]`; `out`:
-/// `[rows, columns]`.
+/// Computes `out = left x right^T`: every number is the dot product of two rows.
+///
+/// It serves the gradient through the state weight of a GRU, for the few sequences of a minibatch.
+/// `left`: `[rows, depth]`; `right`: `[columns, depth]`; `out`: `[rows, columns]`.
 pub fn dot_products(width: VectorWidth, left: &[f32], right: &[f32], depth: usize, out: &mut [f32]) {
     dispatch(width, DotProducts { left, right, depth, out });
 }
@@ -53,7 +57,7 @@ impl WithSimd for RowByMatrix<'_> {
 }
 
 impl RowByMatrix<'_> {
-    /// `LANES` registers of the product from `column` on, kept while all rows of the matrix go by.
+    /// Computes `LANES` registers of the product from `column` on. They are kept while all rows of the matrix pass.
     #[inline(always)]
     fn columns<S: Simd, const LANES: usize>(&mut self, simd: S, column: usize) -> usize {
         let (width, count) = (self.out.len(), LANES * S::F32_LANES);
@@ -99,7 +103,7 @@ impl WithSimd for DotProducts<'_> {
 }
 
 impl DotProducts<'_> {
-    /// `ROWS` rows of the product from `row` on.
+    /// Computes `ROWS` rows of the product from `row` on.
     #[inline(always)]
     fn rows<S: Simd, const ROWS: usize>(&mut self, simd: S, row: usize) -> usize {
         let columns = self.right.len() / self.depth;
@@ -109,7 +113,7 @@ impl DotProducts<'_> {
         ROWS
     }
 
-    /// Several sums at once: each number that is loaded serves several, and none waits for itself.
+    /// Computes several sums at once. Each loaded number serves several of them, and no sum waits for itself.
     #[inline(always)]
     fn tile<S: Simd, const ROWS: usize, const COLUMNS: usize>(&mut self, simd: S, row: usize, column: usize) {
         let (depth, columns) = (self.depth, self.right.len() / self.depth);

@@ -1,20 +1,20 @@
 //! The gated recurrent unit over sequences, with its gradient by hand.
 //!
-//! As torch's `GRU` (Cho et al. 2014), with `*` for the elementwise product:
+//! The same unit as torch's `GRU` (Cho et al. 2014). `*` is the elementwise product, `s` the sigmoid:
 //!
 //! ```text
 //! r = s(Wxr x + bxr + Whr h + bhr)        z = s(Wxz x + bxz + Whz h + bhz)
 //! n = tanh(Wxn x + bxn + r * (Whn h + bhn))        h' = (1 - z) * n + z * h
 //! ```
 //!
-//! The input half of all steps is one matrix product, and so are the gradients of all weights: only the products with
-//! the state stand inside the loop over time. Rows are ordered step, sequence, so that a step is a stretch of memory.
+//! The input half of all steps is one matrix product, and so is each weight's gradient. Only the products with the
+//! state are inside the loop over time. Rows are ordered by step, then by sequence, so that a step is contiguous.
 
 use multiversion::multiversion;
 
 use super::activations::{sigmoid, tanh};
-use super::network::{affine, resized};
-use super::product::{Before, Matrix, multiply, sum_rows};
+use super::buffer::resized;
+use super::product::{Before, Matrix, affine, multiply, sum_rows};
 use super::shape::Layout;
 
 /// The first blocks of the parameters of a network with a GRU: `[in, 3 hidden]`, `[hidden, 3 hidden]` and twice
@@ -25,31 +25,31 @@ pub const INPUT_BIAS: usize = 2;
 pub const STATE_BIAS: usize = 3;
 pub const BLOCKS: usize = 4;
 
-/// What a forward pass leaves behind for the backward pass, and the room that both work in.
+/// Results of a forward pass that the backward pass needs, and the memory that both work in.
 #[derive(Default)]
 pub struct GruTrace {
-    /// The state before each row, cleared where an episode begins: `[steps x sequences, hidden]`.
+    /// State before each row, zero where an episode begins: `[steps x sequences, hidden]`.
     before: Vec<f32>,
-    /// r, z, n and `Whn h + bhn` of each row, `4 hidden` each.
+    /// Gates r, z, n and `Whn h + bhn` of each row: `[rows, 4 hidden]`.
     gates: Vec<f32>,
-    /// The state after each row: `[steps x sequences, hidden]`.
+    /// State after each row: `[steps x sequences, hidden]`.
     pub outputs: Vec<f32>,
     starts: Vec<bool>,
     steps: usize,
-    /// `[steps x sequences, 3 hidden]` and `[sequences, 3 hidden]`
+    /// Input half of the gates, `[steps x sequences, 3 hidden]`, and state half, `[sequences, 3 hidden]`.
     from_inputs: Vec<f32>,
     from_state: Vec<f32>,
-    /// Of the loss by what the gates are made of, through the inputs and through the state: `[rows, 3 hidden]`.
+    /// Gradients of the loss by the input half and the state half of the gates: `[rows, 3 hidden]` each.
     by_input: Vec<f32>,
     by_state: Vec<f32>,
-    /// Of the loss by the state after a step: `[sequences, hidden]`.
+    /// Gradient of the loss by the state after a step: `[sequences, hidden]`.
     carried: Vec<f32>,
     through_weights: Vec<f32>,
 }
 
 /// Runs the unit over sequences.
 ///
-/// `inputs`: `[steps x sequences, in]`; `states`: `[sequences, hidden]`, before the first step; `starts`: one per row,
+/// `inputs`: `[steps x sequences, in]`; `states`, before the first step: `[sequences, hidden]`; `starts`, one per row:
 /// whether an episode begins with this step.
 pub fn forward(
     layout: &Layout,
@@ -94,7 +94,7 @@ pub fn forward(
     }
 }
 
-/// One row of one step, with the widest registers that the machine has.
+/// Updates one row of one step. Compiled for several register widths; the widest that the machine has is used.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx2"))]
 fn update_row(from_input: &[f32], from_state: &[f32], before: &[f32], gates: &mut [f32], after: &mut [f32]) {
     let hidden = before.len();
@@ -116,10 +116,11 @@ fn thirds(row: &[f32], hidden: usize) -> (&[f32], &[f32], &[f32]) {
     (&row[..hidden], &row[hidden..2 * hidden], &row[2 * hidden..3 * hidden])
 }
 
-/// Writes the gradients of all weights into `gradient`, a row of parameters. `inputs`: those of the forward pass;
-/// `by_outputs`: of the loss by [`GruTrace::outputs`], same shape.
+/// Writes the gradients of all weights into `gradient`, a row of parameters.
 ///
-/// Nothing flows from a step into the one before it where an episode begins between them, nor into the first states.
+/// `inputs`: those of the forward pass; `by_outputs`: gradient of the loss by [`GruTrace::outputs`], same shape.
+///
+/// No gradient flows back over the beginning of an episode, nor into the first states.
 pub fn backward(
     layout: &Layout,
     values: &[f32],

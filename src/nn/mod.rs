@@ -1,18 +1,28 @@
-//! Stacked networks: the same architecture once per agent, the agent axis first, always.
+//! Stacked networks: one network of the same architecture per agent.
 //!
-//! All networks of a worker live in one `[agents, parameters]` block. Nothing couples the agents: a stack of A networks
-//! computes what A single networks compute, bit for bit (a test holds it), so results do not depend on how agents are
-//! shared out over workers and threads. So the arithmetic goes agent by agent, each while its parameters are in the
-//! cache.
+//! All networks of a stack are one `[agents, parameters]` block; the agent axis always comes first. Nothing couples the
+//! agents: a stack of A networks computes what A single networks compute, bit for bit (a test holds it). So results do
+//! not depend on how agents are shared among workers and threads. The arithmetic goes agent by agent, while the agent's
+//! parameters are in the cache.
 //!
-//! Gradients are written by hand instead of by autograd, and products are those of the crate `gemm` instead of
-//! libtorch's: the networks are small and fixed, their losses have closed-form derivatives, and a graph, tensors and
-//! BLAS per minibatch cost more than the arithmetic (measured: docs/performance.md).
+//! Gradients are written by hand, without autograd, and products come from the crate `gemm`, not from libtorch. The
+//! networks are small, and their losses have closed-form derivatives. A graph, tensors and BLAS calls per minibatch
+//! would cost more than the arithmetic itself (measured: docs/performance.md).
 //!
 //! This room does not know what the numbers mean.
+//!
+//! - [`shape`], [`parameters`]: layers of a network, and its row of parameters; [`stack_file`]: as a safetensors file.
+//! - [`net`]: a stack; [`network`]: one network of it, forward and backward; [`gru`]: its recurrent part; [`states`]: what
+//!   that remembers.
+//! - [`adam`]: the optimiser.
+//! - [`product`], [`few_rows`], [`activations`], [`buffer`]: the arithmetic; [`vectors`]: the width of its registers;
+//!   `order_of_sums` (tests): how products of that width add up.
+//! - [`threads`]: threads that share the agents.
+//! - [`flops`]: amount of arithmetic, for benchmarks; [`script`]: TorchScript export.
 
 mod activations;
 mod adam;
+mod buffer;
 mod few_rows;
 mod flops;
 mod gru;

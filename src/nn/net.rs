@@ -1,4 +1,4 @@
-//! The networks of this software, stacked over agents.
+//! A stack: one network per agent.
 
 use rand::Rng;
 
@@ -7,7 +7,7 @@ use super::shape::{Layout, Shape};
 use super::{Parameters, States, Threads};
 use crate::base::{AgentId, Rows, Seed};
 
-/// From so many agents on it pays to decide with several threads (about 4 us each).
+/// Smallest number of agents for which several threads pay (about 4 us per agent).
 const AGENTS_WORTH_THREADS: usize = 32;
 
 /// One network per agent.
@@ -18,7 +18,7 @@ pub struct Net {
 }
 
 impl Net {
-    /// Randomly initialised networks, each agent's from its own stream.
+    /// Makes networks with random parameters, each agent's from its own stream.
     pub fn new(agents: &[AgentId], shape: Shape, seed: Seed) -> Self {
         let mut net = Net::blank(agents.len(), shape);
         let (shape, width) = (&net.shape, net.parameters.width());
@@ -34,7 +34,7 @@ impl Net {
         net
     }
 
-    /// Networks whose parameters are all zero.
+    /// Makes networks whose parameters are all zero.
     pub fn blank(agents: usize, shape: Shape) -> Self {
         Net { parameters: Parameters::new(agents, shape.layout()), shape, threads: Threads::one() }
     }
@@ -51,7 +51,7 @@ impl Net {
         &mut self.parameters
     }
 
-    /// With these threads from now on.
+    /// Uses these threads from now on.
     pub fn use_threads(&mut self, threads: Threads) {
         self.threads = threads;
     }
@@ -60,7 +60,7 @@ impl Net {
         &self.threads
     }
 
-    /// The network of one agent.
+    /// Returns the network of one agent.
     pub fn network(&self, agent: usize) -> Network<'_> {
         Network { shape: &self.shape, layout: self.parameters.layout(), values: self.parameters.values().row(agent) }
     }
@@ -79,13 +79,14 @@ impl Net {
         }
     }
 
-    /// Cleared states for so many rows.
+    /// Makes states of zeros for this number of rows.
     pub fn states(&self, rows: usize) -> States {
         States::new(rows, self.shape.state_width())
     }
 
-    /// One step. `inputs`: rows ordered agent-major, one per row of `states`, which move on. Returns the outputs, row by
-    /// row.
+    /// Runs one step and returns the outputs, row by row. Replaces `states` by the states after the step.
+    ///
+    /// `inputs`: one row per row of `states`, ordered by agent, then by copy.
     pub fn step(&self, inputs: &Rows<f32>, states: &mut States) -> Rows<f32> {
         let Shape { inputs: width, outputs, .. } = self.shape;
         let (agents, copies, state_width) =

@@ -1,7 +1,8 @@
 //! One network, seen through a row of parameters: forward and backward.
 
+use super::buffer::resized;
 use super::gru::{self, GruTrace};
-use super::product::{Before, Matrix, multiply, sum_rows};
+use super::product::{Before, Matrix, affine, multiply, sum_rows};
 use super::shape::{Layout, Shape};
 
 /// One agent's network: a shape over a row of parameters.
@@ -12,27 +13,28 @@ pub struct Network<'a> {
     pub(super) values: &'a [f32],
 }
 
-/// Sequences that a network runs over: what [`Network::forward`] needs beside the inputs.
+/// The sequences that a network runs over. [`Network::forward`] takes them with the inputs.
 #[derive(Clone, Copy)]
 pub struct Sequences<'a> {
-    /// Steps of each. Rows of inputs are ordered step, sequence.
+    /// Number of steps of each sequence. Rows of inputs are ordered by step, then by sequence.
     pub steps: usize,
-    /// Before the first step: `[sequences, state_width]`.
+    /// States before the first step: `[sequences, state_width]`.
     pub states: &'a [f32],
-    /// One per row of the inputs: an episode begins with this step.
+    /// Whether an episode begins with this step, one per row of the inputs.
     pub starts: &'a [bool],
 }
 
-/// What a forward pass leaves behind for the backward pass, and the room that both work in: one trace serves one pass
-/// after another, of any agent, without new memory.
+/// Results of a forward pass that the backward pass needs, and the memory that both work in.
+///
+/// One trace serves many passes, of any agent, without new memory.
 #[derive(Default)]
 pub struct Trace {
     gru: GruTrace,
-    /// The inputs, then what every layer made of them, ReLU included; the last one is the output.
+    /// Inputs, then the values after each layer and its ReLU. The last one is the output.
     values: Vec<Vec<f32>>,
-    /// Of the loss by the parameters, after a backward pass.
+    /// Gradient of the loss by the parameters, after a backward pass.
     gradient: Vec<f32>,
-    /// Of the loss by the values of two layers that follow each other.
+    /// Gradients of the loss by the values of two neighbouring layers.
     by_layer: [Vec<f32>; 2],
 }
 
@@ -42,12 +44,12 @@ impl Trace {
         self.values.last().expect("there was a forward pass")
     }
 
-    /// Of the loss by the parameters, as the last backward pass left it.
+    /// Gradient of the loss by the parameters, from the last backward pass.
     pub fn gradient(&self) -> &[f32] {
         &self.gradient
     }
 
-    /// The states after the last `sequences` rows.
+    /// States after the last step, `[sequences, state_width]`; `length`: number of values in them.
     pub(super) fn last_states(&self, length: usize) -> &[f32] {
         &self.gru.outputs[self.gru.outputs.len() - length..]
     }
@@ -59,8 +61,9 @@ impl Network<'_> {
         self.shape.state_width()
     }
 
-    /// `inputs`: `[steps, sequences, in]`; the trace then holds outputs in the same order. Networks without a GRU take no
-    /// notice of the sequences.
+    /// Runs the network over `inputs`, `[steps, sequences, in]`. The trace then holds the outputs in the same order.
+    ///
+    /// A network without a GRU ignores the sequences.
     pub fn forward(self, inputs: &[f32], sequences: Sequences<'_>, trace: &mut Trace) {
         let Network { shape, layout, values } = self;
         let rows = inputs.len() / shape.inputs;
@@ -77,14 +80,15 @@ impl Network<'_> {
             let after = resized(&mut after[0], rows * outputs);
             affine(before, &values[layout.range(block)], &values[layout.range(block + 1)], after);
             if layer < shape.hidden.len() {
-                // Not `max`, which would hide a value that is no number any more.
+                // Not `max`, which would hide a NaN.
                 after.iter_mut().for_each(|value| *value = if *value < 0.0 { 0.0 } else { *value });
             }
         }
     }
 
-    /// Leaves the gradient by all parameters in the trace, given the gradient of the loss by the outputs of its forward
-    /// pass, `[rows, outputs]`.
+    /// Writes the gradient by all parameters into the trace.
+    ///
+    /// `by_output`: gradient of the loss by the outputs of the forward pass, `[rows, outputs]`.
     pub fn backward(self, by_output: &[f32], trace: &mut Trace) {
         let Network { shape, layout, values } = self;
         let gradient = resized(&mut trace.gradient, layout.width());
@@ -109,7 +113,7 @@ impl Network<'_> {
                 std::mem::swap(by_after, by_before);
             }
             if layer > 0 {
-                // The ReLU let through what is positive after it.
+                // The gradient passes where the ReLU's output is positive.
                 by_after.iter_mut().zip(before).for_each(|(by, &value)| *by = if value > 0.0 { *by } else { 0.0 });
             }
         }
@@ -119,19 +123,7 @@ impl Network<'_> {
     }
 }
 
-/// The block of the first linear layer's weight.
+/// Returns the block of the first linear layer's weight.
 pub(super) fn first_layer(shape: &Shape) -> usize {
     if shape.recurrent.is_some() { gru::BLOCKS } else { 0 }
-}
-
-/// `out = inputs x weight + bias`. `weight`: `[in, out]`; `bias`: `[out]`; `inputs`: `[rows, in]`; `out`: `[rows, out]`.
-pub(super) fn affine(inputs: &[f32], weight: &[f32], bias: &[f32], out: &mut [f32]) {
-    out.chunks_exact_mut(bias.len()).for_each(|row| row.copy_from_slice(bias));
-    multiply(Matrix::new(inputs, weight.len() / bias.len()), Matrix::new(weight, bias.len()), out, Before::Add);
-}
-
-/// The buffer with this length; what stands in it is left over from before.
-pub(super) fn resized(buffer: &mut Vec<f32>, length: usize) -> &mut [f32] {
-    buffer.resize(length, 0.0);
-    buffer
 }

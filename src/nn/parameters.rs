@@ -3,15 +3,15 @@
 use super::shape::Layout;
 use crate::base::Rows;
 
-/// The parameters of `agents` networks of one shape, `[agents, width]`: the network of an agent is one row, so a row is
-/// what goes into a message or a file.
+/// The parameters of the networks of one stack, `[agents, width]`. Each row is the network of one agent, and goes into
+/// messages and files as it is.
 pub struct Parameters {
     layout: Layout,
     values: Rows<f32>,
 }
 
 impl Parameters {
-    /// Zeroed parameters.
+    /// Makes parameters of zeros.
     pub fn new(agents: usize, layout: Layout) -> Self {
         Parameters { values: Rows::new(agents, layout.width()), layout }
     }
@@ -24,7 +24,7 @@ impl Parameters {
         &self.layout
     }
 
-    /// Parameters per agent.
+    /// Number of parameters per agent.
     pub fn width(&self) -> usize {
         self.layout.width()
     }
@@ -38,12 +38,12 @@ impl Parameters {
         (&self.layout, &mut self.values)
     }
 
-    /// All values, to be written.
+    /// All values, for writing.
     pub fn values_mut(&mut self) -> &mut Rows<f32> {
         &mut self.values
     }
 
-    /// Takes over the values of `rows`, one row per agent.
+    /// Copies the values of `rows`, one row per agent.
     pub fn load(&mut self, rows: &Rows<f32>) {
         assert_eq!((rows.len(), rows.width()), (self.agents(), self.width()), "parameters of another stack");
         self.values.copy_from(rows);

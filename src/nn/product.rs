@@ -11,11 +11,11 @@ use super::few_rows::{FEW_ROWS, add_row_by_matrix, dot_products};
 use super::vectors::vector_width;
 use crate::base::VectorWidth;
 
-/// Most numbers of the inner dimension that `gemm` gets at a time. It adds up as many in one go; from longer ones it
-/// takes a number that depends on the machine's caches, and so would the order of sums.
+/// Largest inner dimension of one call of `gemm`, which adds that many numbers up in one go. It cuts longer ones by the
+/// size of the machine's caches, and then the order of sums would depend on the machine.
 const DEPTH: usize = 512;
 
-/// A matrix in somebody's memory, row after row or, transposed, column after column.
+/// A borrowed matrix: row after row or, if transposed, column after column.
 #[derive(Clone, Copy)]
 pub struct Matrix<'a> {
     values: &'a [f32],
@@ -35,26 +35,26 @@ impl<'a> Matrix<'a> {
         Matrix { rows: self.columns, columns: self.rows, transposed: !self.transposed, ..self }
     }
 
-    /// How far the next row and the next column are.
+    /// Returns the distances to the next row and to the next column.
     pub(super) fn strides(self) -> (isize, isize) {
         if self.transposed { (1, self.rows as isize) } else { (self.columns as isize, 1) }
     }
 
-    /// Where a number stands; not to be read where there is none.
+    /// Returns the address of a number. It must not be read outside the matrix.
     fn at(self, row: usize, column: usize) -> *const f32 {
         let (down, across) = self.strides();
         self.values.as_ptr().wrapping_offset(row as isize * down + column as isize * across)
     }
 }
 
-/// What happens to the numbers that stand where a product goes.
+/// What happens to the old numbers of the output.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Before {
     Overwrite,
     Add,
 }
 
-/// `out = left x right`, or `out += left x right`. `out`: row after row.
+/// Computes `out = left x right`, or `out += left x right`. `out`: row after row.
 pub fn multiply(left: Matrix<'_>, right: Matrix<'_>, out: &mut [f32], before: Before) {
     multiply_with(vector_width(), left, right, out, before);
 }
@@ -171,7 +171,13 @@ fn by_256_bits(_: Matrix<'_>, _: Matrix<'_>, _: Range<usize>, _: &mut [f32], _: 
     unreachable!("`use_vectors` refuses it here");
 }
 
-/// Adds the rows up: the gradient of a bias.
+/// Computes `out = inputs x weight + bias`. `weight`: `[in, out]`; `bias`: `[out]`; `inputs`: `[rows, in]`; `out`: `[rows, out]`.
+pub fn affine(inputs: &[f32], weight: &[f32], bias: &[f32], out: &mut [f32]) {
+    out.chunks_exact_mut(bias.len()).for_each(|row| row.copy_from_slice(bias));
+    multiply(Matrix::new(inputs, weight.len() / bias.len()), Matrix::new(weight, bias.len()), out, Before::Add);
+}
+
+/// Adds up the rows, as for the gradient of a bias.
 pub fn sum_rows(rows: &[f32], sums: &mut [f32]) {
     sums.fill(0.0);
     for row in rows.chunks_exact(sums.len()) {

@@ -1,12 +1,12 @@
-//! What a network looks like, and where its weights and biases lie within a row of parameters.
+//! The layers of a network, and where its weights and biases are within a row of parameters.
 
 use std::ops::Range;
 
-/// What a network looks like: inputs -> GRU, if any -> hidden layers with ReLU -> linear outputs.
+/// The layers of a network: inputs -> GRU, if any -> hidden layers with ReLU -> linear outputs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Shape {
     pub inputs: usize,
-    /// Width of the GRU.
+    /// Width of the GRU, if there is one.
     pub recurrent: Option<usize>,
     pub hidden: Vec<usize>,
     pub outputs: usize,
@@ -18,7 +18,7 @@ impl Shape {
         self.recurrent.unwrap_or(0)
     }
 
-    /// Inputs and outputs of the linear layers.
+    /// Returns the number of inputs and outputs of each linear layer.
     pub(super) fn layers(&self) -> impl DoubleEndedIterator<Item = (usize, usize)> + ExactSizeIterator {
         let inputs = |layer: usize| match layer {
             0 => self.recurrent.unwrap_or(self.inputs),
@@ -28,7 +28,7 @@ impl Shape {
         (0..self.hidden.len() + 1).map(move |layer| (inputs(layer), outputs(layer)))
     }
 
-    /// Where the weights and biases lie.
+    /// Returns the places of the weights and biases.
     pub fn layout(&self) -> Layout {
         let mut blocks = Vec::new();
         if let Some(width) = self.recurrent {
@@ -44,10 +44,10 @@ impl Shape {
         Layout::new(blocks)
     }
 
-    /// Bounds of the initial values of each stretch of a row, in order: (length, bound).
+    /// Returns the bounds of the initial values, in order: (number of values, bound).
     ///
-    /// As torch's `Linear` and `GRU`: U(-b, b) for weights and biases alike, `b = 1 / sqrt(inputs)` for a linear layer
-    /// and `1 / sqrt(width)` for a GRU.
+    /// The same as torch's `Linear` and `GRU`: U(-b, b) for weights and biases, with `b = 1 / sqrt(inputs)` for a linear
+    /// layer and `1 / sqrt(width)` for a GRU.
     pub(super) fn initial_bounds(&self) -> Vec<(usize, f32)> {
         let gru = self.recurrent.map(|width| {
             let length = (self.inputs + width + 2) * 3 * width;
@@ -58,7 +58,7 @@ impl Shape {
     }
 }
 
-/// Where the named weights and biases of a network lie within its row of parameters.
+/// Places of the named weights and biases of a network within its row of parameters.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layout {
     width: usize,
@@ -68,14 +68,14 @@ pub struct Layout {
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Block {
     name: String,
-    /// Of one agent, e.g. `[in, out]`.
+    /// Shape for one agent, such as `[in, out]`.
     shape: Vec<usize>,
     offset: usize,
     len: usize,
 }
 
 impl Layout {
-    /// Blocks of these names and shapes, one after another.
+    /// Makes a layout of blocks with these names and shapes, in order.
     pub fn new(blocks: Vec<(String, Vec<usize>)>) -> Self {
         let mut width = 0;
         let blocks = blocks
@@ -90,12 +90,12 @@ impl Layout {
         Layout { width, blocks }
     }
 
-    /// Parameters per agent.
+    /// Number of parameters per agent.
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Names, shapes `[agents, ...]` and places within a row, in order.
+    /// Returns names, shapes `[agents, ...]` and places within a row, in order.
     pub fn blocks(&self, agents: usize) -> impl Iterator<Item = (&str, Vec<usize>, Range<usize>)> {
         self.blocks.iter().map(move |block| {
             let shape = std::iter::once(agents).chain(block.shape.iter().copied()).collect();
@@ -103,7 +103,7 @@ impl Layout {
         })
     }
 
-    /// Where a block lies within a row.
+    /// Returns the place of a block within a row.
     pub(super) fn range(&self, block: usize) -> Range<usize> {
         let block = &self.blocks[block];
         block.offset..block.offset + block.len

@@ -1,6 +1,7 @@
-//! What recurrent networks remember between steps.
+//! The hidden states of recurrent networks between steps.
 
-/// One hidden state per row; rows ordered agent-major, as inputs. Networks without memory have states of width 0.
+/// One hidden state per row. Rows are ordered by agent, then by copy, as inputs are. Networks without memory have
+/// states of width 0.
 #[derive(Clone, Debug, PartialEq)]
 pub struct States {
     rows: usize,
@@ -9,7 +10,7 @@ pub struct States {
 }
 
 impl States {
-    /// Cleared states.
+    /// Makes states of zeros.
     pub fn new(rows: usize, width: usize) -> Self {
         States { rows, width, values: vec![0.0; rows * width] }
     }
@@ -22,7 +23,7 @@ impl States {
         &self.values[row * self.width..(row + 1) * self.width]
     }
 
-    /// All of them, one after another.
+    /// All states, one after another.
     pub fn as_slice(&self) -> &[f32] {
         &self.values
     }
@@ -35,7 +36,7 @@ impl States {
         self.values[row * self.width..(row + 1) * self.width].copy_from_slice(state);
     }
 
-    /// An episode begins in this row.
+    /// Sets a row to zero, because an episode begins in it.
     pub fn clear(&mut self, row: usize) {
         self.values[row * self.width..(row + 1) * self.width].fill(0.0);
     }

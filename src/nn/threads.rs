@@ -1,4 +1,4 @@
-//! The cores that the networks of a worker may use.
+//! The threads that the networks of a worker may use.
 
 use std::sync::Arc;
 
@@ -6,17 +6,17 @@ use anyhow::{Context, Result};
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-/// Threads that share out agents. Agents know nothing of each other, so how many there are changes no number.
+/// Threads that share the agents among them. Agents are independent, so the number of threads changes no result.
 ///
-/// Workers that train on local simulators have one core each and one thread. On the GS one worker owns all agents: its
-/// threads are what the other cores are for.
+/// Workers that train on local simulators have one thread each. On the global simulator (GS) one worker owns all agents
+/// and uses threads to keep the other cores busy.
 #[derive(Clone, Default)]
 pub struct Threads {
     pool: Option<Arc<ThreadPool>>,
 }
 
 impl Threads {
-    /// The calling thread alone.
+    /// Uses the calling thread only.
     pub fn one() -> Self {
         Threads::default()
     }
@@ -29,8 +29,10 @@ impl Threads {
         Ok(Threads { pool: Some(Arc::new(pool)) })
     }
 
-    /// Does `work` for every item, in the room that its thread keeps for all of its items; the results are in the order
-    /// of the items. Fewer than `worth` items stay in this thread: to wake another takes time too.
+    /// Does `work` for every item and returns the results in the order of the items.
+    ///
+    /// Each thread keeps one `Room`, working memory for all of its items. Fewer than `worth` items stay in this thread,
+    /// because waking another one takes time, too.
     pub fn map<I: Send, Room: Default + Send, T: Send>(
         &self,
         items: Vec<I>,

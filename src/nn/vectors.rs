@@ -1,7 +1,7 @@
-//! Which vector registers the matrix products of this process use.
+//! The width of the vector registers that matrix products use.
 //!
-//! Products are the only arithmetic whose bits depend on the width of the registers: they add up several sums side by
-//! side. All other loops compute element by element, without fused multiply-add, and so give the same bits everywhere.
+//! Only products give other bits for another width, because they add up several sums side by side. All other loops work
+//! element by element, without fused multiply-add, and give the same bits everywhere.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -10,10 +10,10 @@ use pulp::{Arch, WithSimd};
 
 use crate::base::VectorWidth;
 
-/// One for the whole process: a program computes the networks of one config at a time.
+/// One setting for the whole process, which computes the networks of one config at a time.
 static ARE_256_BITS: AtomicBool = AtomicBool::new(false);
 
-/// Lets all products of this process use registers of this width from now on; an error if the machine has none.
+/// Sets the register width for all products of this process. Returns an error if the machine does not have it.
 pub fn use_vectors(width: VectorWidth) -> Result<()> {
     check(width, has_avx2_and_fma())?;
     ARE_256_BITS.store(width == VectorWidth::Bits256, Ordering::Relaxed);
@@ -26,7 +26,7 @@ pub(super) fn vector_width() -> VectorWidth {
 }
 
 /// Returns the name of the instructions that products of this width use on this machine, such as `avx512f` or
-/// `avx2+fma`; an error if the machine has none. The same name means the same bits.
+/// `avx2+fma`. The same name means the same bits. Returns an error if the machine does not have them.
 pub fn vector_instructions(width: VectorWidth) -> Result<String> {
     check(width, has_avx2_and_fma())?;
     Ok(match width {
@@ -56,7 +56,7 @@ fn has_avx2_and_fma() -> bool {
     false
 }
 
-/// The crate `gemm` and `pulp` choose each for itself, and a few CPUs have only a part of what `pulp` wants.
+/// The crates `gemm` and `pulp` each choose for themselves. A few CPUs have only a part of what `pulp` wants.
 #[cfg(target_arch = "x86_64")]
 fn widest() -> String {
     let of_gemm = match () {
