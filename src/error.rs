@@ -1,4 +1,4 @@
-//! What a command can end with: the sum of the rooms' errors, as the shell sees it.
+//! The errors of a command, with their exit codes.
 
 use std::fmt;
 use std::process::ExitCode;
@@ -6,11 +6,11 @@ use std::process::ExitCode;
 /// An error that a person at the terminal reads.
 #[derive(Debug)]
 pub enum Error {
-    /// Asked wrongly: a bad config, a missing file, a place that cannot be written. Nothing has begun. Exit code 2.
+    /// A usage error: a bad config, a missing file, a place that cannot be written. Nothing has begun. Exit code 2.
     Usage(anyhow::Error),
     /// The work failed. Exit code 1.
     Run(anyhow::Error),
-    /// Somebody asked to stop. Exit code 130, as the shell's own for Ctrl-C.
+    /// Somebody asked to stop. Exit code 130, the shell's code for Ctrl-C.
     Interrupted(String),
 }
 

@@ -1,4 +1,4 @@
-//! The command line: parse, run, say what went wrong, exit.
+//! The program: parse the command line, run, print the error, exit.
 
 use std::process::ExitCode;
 
