@@ -322,7 +322,7 @@ fn runs_of_which_none_can_be_used_are_an_error_with_the_reasons_and_no_report() 
     edit(&runs.join("traffic_4-gs-seed1/returns.csv"), "\n0,all,140.0000", "\n0,all,NaN");
     fs::remove_file(runs.join("traffic_4-gs-seed2/returns.csv")).unwrap();
     let reasons = [
-        "runs: has no run that was evaluated and can be read:\n",
+        "runs: no run in it was evaluated and can be read:\n",
         "\n  runs/broken: left out: runs/broken/config.toml:",
         "\n  runs/traffic_4-gs-seed1: left out: runs/traffic_4-gs-seed1/returns.csv: line 2: `mean` holds \"NaN",
         "\n  runs/traffic_4-gs-seed2: left out: not evaluated yet",
@@ -490,7 +490,7 @@ fn a_comparison_tells_a_person_what_to_doubt() {
         "simulator: gs in A, dials in B",
         "traffic, 4 agents, at 4M timesteps",
         "+14.0",
-        "n = 1 in A and 1 in B: an interval takes 5 seeds on each side",
+        "n = 1 in A and 1 in B: an interval needs 5 seeds on each side",
         "4 episodes of evaluation.seed 0",
         "returns: paired by episode and by seed",
         "  seed 1                               200.0               214.0   +14.0",
@@ -503,9 +503,9 @@ fn a_comparison_tells_a_person_what_to_doubt() {
 fn sides_that_cannot_be_compared_are_refused() {
     for (a, b, told) in [
         ("runs/warehouse_4-dials-clip0.1-seed1", "runs/traffic_4-gs-seed1", "different scenarios"),
-        ("runs", "runs/traffic_4-gs-seed1", "holds runs of 4 methods, and a side has one"),
+        ("runs", "runs/traffic_4-gs-seed1", "holds runs of 4 methods, but a side must have only one"),
         ("runs/nothing*", "runs/traffic_4-gs-seed1", "runs/nothing*: no such folder"),
-        ("runs/broken", "runs/traffic_4-gs-seed1", "has no run that was evaluated"),
+        ("runs/broken", "runs/traffic_4-gs-seed1", "no run in it was evaluated"),
     ] {
         let output = dials_traffic(&["compare", a, b]).assert().code(2).get_output().clone();
         let said = text(&output.stderr);

@@ -1,7 +1,7 @@
-//! Two groups of runs against each other: final return, runtime, and what it takes to reach a return.
+//! A comparison of two groups of runs: final return, runtime, and the steps and time to reach a return.
 //!
-//! Returns are compared at the same number of timesteps: the last one that the final returns of both groups stand for. The
-//! difference is taken as in [`super::difference`]: episode by episode and seed by seed where both are the same.
+//! Returns are compared at the same number of timesteps: the last one that both groups reached. The difference is taken
+//! as in [`super::difference`]: by episode and by seed if both are the same.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -19,12 +19,12 @@ use super::statistics::{ENOUGH_SEEDS, Spread};
 use super::words::{duration, figure, figure_like, interval, no_run, pairing, signed, signed_interval, warnings};
 use crate::base::statistics::{mean, median};
 
-/// Of the worse final return: what both groups have to reach where nothing else is asked for.
+/// Default return to reach, as a share of the lower final return.
 const REACH: f64 = 0.95;
 
 /// One side of a comparison: runs of one method.
 pub struct Side {
-    /// As it was named.
+    /// Its name on the command line.
     pub name: String,
     pub scenario: Scenario,
     pub group: Group,
@@ -32,7 +32,7 @@ pub struct Side {
 }
 
 impl Side {
-    /// The runs under these folders, which must all have one config but for the seed.
+    /// Reads the runs under these folders. Their configs may differ in the seed only.
     pub fn open(name: &str, folders: &[PathBuf]) -> Result<Side> {
         let found = find(folders)?;
         let missing = found.missing.clone();
@@ -45,7 +45,7 @@ impl Side {
             .collect();
         ensure!(
             labels.len() < 2,
-            "{name}: holds runs of {} methods, and a side has one: {}",
+            "{name}: holds runs of {} methods, but a side must have only one: {}",
             labels.len(),
             labels.join("; ")
         );
@@ -55,16 +55,16 @@ impl Side {
     }
 }
 
-/// What a side needed for a return.
+/// Steps and time that a side needed to reach a return.
 pub struct Reached {
-    /// Of the runs that got there: seed, timesteps, seconds.
+    /// Seed, timesteps and seconds of each run that reached it.
     pub runs: Vec<(u64, u64, Option<f64>)>,
-    /// Runs in all.
+    /// Number of all runs.
     pub of: usize,
 }
 
 impl Reached {
-    /// The first evaluation of each run with at least this mean return.
+    /// Finds the first evaluation of each run with at least this mean return.
     fn of(runs: &[&RunRecord], target: f64) -> Reached {
         let first = |run: &&RunRecord| {
             let steps = run.evaluations.iter().find(|evaluation| evaluation.all.mean >= target)?.steps;
@@ -73,43 +73,43 @@ impl Reached {
         Reached { runs: runs.iter().filter_map(first).collect(), of: runs.len() }
     }
 
-    /// Median over the runs that got there.
+    /// Median timesteps of the runs that reached it.
     pub fn steps(&self) -> Option<f64> {
         let steps: Vec<f64> = self.runs.iter().map(|(_, steps, _)| *steps as f64).collect();
         (!steps.is_empty()).then(|| median(&steps))
     }
 
-    /// Likewise.
+    /// Median seconds of the runs that reached it.
     pub fn seconds(&self) -> Option<f64> {
         let seconds: Vec<f64> = self.runs.iter().filter_map(|(_, _, seconds)| *seconds).collect();
         (!seconds.is_empty()).then(|| median(&seconds))
     }
 }
 
-/// `b` against `a`.
+/// The result of comparing `b` with `a`.
 pub struct Verdict {
     /// Timesteps per agent at which the returns are compared.
     pub steps: u64,
     pub returns: [Spread; 2],
     /// The runs that are compared, by seed.
     pub runs: [Returns; 2],
-    /// The median agent of a run, mean over seeds.
+    /// Return of the median agent of a run, mean over seeds.
     pub median_agents: [f64; 2],
-    /// Stuck agents of all runs, of so many.
+    /// Number of stuck agents and of all agents, over all runs.
     pub stuck: [(usize, usize); 2],
     pub difference: Difference,
-    /// Mean wall seconds until there, without evaluations.
+    /// Mean wall seconds up to these timesteps, without evaluations.
     pub runtimes: [Option<f64>; 2],
-    /// Mean CPU seconds until there.
+    /// Mean CPU seconds up to these timesteps.
     pub cpu: [Option<CpuTime>; 2],
     pub target: f64,
     pub reached: [Reached; 2],
-    /// Keys of the configs that differ, with both values; none where a side does not look at the key.
+    /// Keys of the configs that differ, with both values. `None`: this side does not use the key.
     pub differing: Vec<(String, [Option<String>; 2])>,
     pub warnings: Vec<String>,
 }
 
-/// Compares two sides; `target` is the return to reach, else 95 % of the worse final return.
+/// Compares two sides. `target`: the return to reach; by default 95 % of the lower final return.
 pub fn compare(a: &Side, b: &Side, target: Option<f64>) -> Result<Verdict> {
     ensure!(
         a.scenario == b.scenario,
@@ -150,10 +150,11 @@ pub fn compare(a: &Side, b: &Side, target: Option<f64>) -> Result<Verdict> {
     for (side, runs) in sides.iter().zip(&runs) {
         warnings.extend(side.left_out.iter().map(LeftOut::to_string));
         let unused = side.group.runs.iter().filter(|run| !runs.iter().any(|used| used.dir == run.dir));
-        warnings
-            .extend(unused.map(|run| format!("{}: left out: it has not come as far as the others", run.dir.display())));
+        warnings.extend(
+            unused.map(|run| format!("{}: left out, because it has fewer steps than the others", run.dir.display())),
+        );
         if runs.iter().any(|run| run.status() != Status::Finished) {
-            warnings.push(format!("{}: is not finished", side.name));
+            warnings.push(format!("{}: not finished", side.name));
         }
     }
     if steps_a != steps_b {
@@ -162,18 +163,19 @@ pub fn compare(a: &Side, b: &Side, target: Option<f64>) -> Result<Verdict> {
     }
     let workers = runs.each_ref().map(|runs| runs.iter().map(|run| run.workers).max().unwrap_or(1));
     if workers[0] != workers[1] {
-        warnings.push(format!("A ran on {} workers and B on {}: their times are not alike", workers[0], workers[1]));
+        warnings
+            .push(format!("A ran on {} workers and B on {}: their times are not comparable", workers[0], workers[1]));
     }
     if found.seeds.iter().any(|&seeds| seeds < ENOUGH_SEEDS) {
         let [a, b] = found.seeds;
         warnings.push(format!(
-            "n = {a} in A and {b} in B: an interval takes {ENOUGH_SEEDS} seeds on each side; train more with --seed"
+            "n = {a} in A and {b} in B: an interval needs {ENOUGH_SEEDS} seeds on each side; train more with --seed"
         ));
     }
     if !found.pairing.by_episode() {
         warnings.push(
-            "A and B were not evaluated on the same episodes, so the difference is over seeds only, with the chance of the \
-             traffic in it; `evaluate` with one --seed plays the same ones"
+            "A and B were not evaluated on the same episodes, so the difference is over seeds only and includes the \
+             randomness of the traffic; `evaluate` with the same --seed plays the same episodes"
                 .to_owned(),
         );
     }
@@ -193,7 +195,7 @@ pub fn compare(a: &Side, b: &Side, target: Option<f64>) -> Result<Verdict> {
     })
 }
 
-/// Keys with other values in `b` than in `a`, in order; none where a side has no such key.
+/// Returns the keys whose values differ, in order. `None`: this side has no such key.
 pub fn differing(a: &BTreeMap<String, String>, b: &BTreeMap<String, String>) -> Vec<(String, [Option<String>; 2])> {
     let mut keys: Vec<&String> = a.keys().chain(b.keys()).collect();
     keys.sort();
@@ -258,7 +260,7 @@ impl Verdict {
         let interval = self.returns.iter().any(|spread| spread.interval.is_some());
         let interval = if interval { "; intervals: Student's t over seeds" } else { "" };
         lines.push(format!("returns: {}{interval}", pairing(self.difference.pairing)));
-        lines.push("runtime: wall time without evaluations; CPU time: of all processes, likewise; reached: median of the runs that did".to_owned());
+        lines.push("runtime: wall time; CPU time: all processes; both without evaluations; steps and time to reach: median of the runs that did".to_owned());
         lines.extend(self.warnings.iter().map(|warning| format!("warning: {warning}")));
         lines.join("\n")
     }

@@ -1,4 +1,4 @@
-//! The order in which a report tells what it has to tell.
+//! The sections of a report, in order.
 
 use anyhow::Result;
 
@@ -11,30 +11,30 @@ use super::scenario::Domain;
 use super::tables;
 use crate::drawing::Svg;
 
-/// How the figures were made, for whoever wants to know.
+/// How the figures were made.
 const RULES: [&str; 10] = [
-    "Runs that differ in nothing but their seed (and in where they were told to stop) are a group. A label names the keys \
-     of the config in which a group differs from most groups of its scenario. One that differs in more than \
-     eight is named by the directory of a run. A group that differs from them in nothing is the reference: pictures show \
-     the others against it, named by what they change.",
-    "A curve has a point at every step at which some run of the group was evaluated. A run counts there if it has come so \
-     far, interpolated on a straight line between two of its evaluations, and is never prolonged. Where a curve does not \
-     hold all runs of its group it is thin. Curves of cross-entropy likewise; where the AIPs of one seed were trained and \
-     those of others not, there is a hollow mark.",
-    "Against runtime, each point of the curve stands at the mean wall time of its runs, evaluations excluded.",
-    "The final return is that of the last evaluation. Only finished runs count, those with the most steps; where no run of a \
-     group is finished, all count at the last step that all have reached, and the table says so.",
-    "Every interval is a 95 % Student's t interval over seeds. There is one from five seeds on. With fewer, figures and tables \
-     show the seeds themselves: with three the interval would be 4.3 standard errors to each side.",
-    "Runs with the same `evaluation.seed` are evaluated on the same episodes, as are controllers. A difference is then taken in \
-     every episode, averaged for each seed, and its interval is over seeds. So it holds for these episodes and these settings. \
-     Where the episodes differ only means are subtracted; a warning names these groups.",
-    "The last point of a curve has more episodes than the others (`evaluation.final_episodes`), the same ones among them.",
-    "The median agent is the median over a run's agents of their mean returns: one lost agent moves it little.",
-    "Runtime: wall time without evaluations. Influence: collection of datasets and training of the AIPs, mean over workers; \
-     agents training: all the rest. CPU time: of all processes, user and system, without evaluations; other work on the \
-     machine does not lengthen it much, as it does wall time.",
-    "The paper's returns were read off its plots; its runtimes and memory are from its tables.",
+    "Runs that differ only in their seed, or in where they were told to stop, form a group. A label names the config keys in \
+     which a group differs from most groups of its scenario. If there are more than eight such keys, the label is the \
+     directory of a run. In an ablation, the group with the most common settings is the reference. Pictures show every \
+     other group against it, named by what it changes.",
+    "A curve has a point at every step at which a run of the group was evaluated. Between two evaluations a run counts with \
+     a linear interpolation. After its last evaluation it does not count. The curve is thin where not all runs of the \
+     group count. Curves of cross-entropy follow the same rules. A hollow mark means: trained for some seeds only.",
+    "In curves against runtime, a point is at the mean wall time of its runs, without evaluations.",
+    "The final return is that of the last evaluation. Only finished runs with the most steps count. If no run of a group is \
+     finished, all runs count at the last step that all have reached, and the table says so.",
+    "Every interval is a 95 % Student's t interval over seeds, and needs at least five seeds. With fewer seeds, figures and \
+     tables show the value of each seed. With three seeds, the interval would be 4.3 standard errors to each side.",
+    "Runs and controllers with the same `evaluation.seed` play the same episodes. Their difference is taken in every \
+     episode and averaged for each seed. Its interval is over seeds, so it holds for these episodes and settings only. If \
+     the episodes differ, means are subtracted, and a warning names the groups.",
+    "The last point of a curve has more episodes than the others (`evaluation.final_episodes`). They include the episodes of \
+     the other points.",
+    "The median agent is the median of the mean returns of a run's agents. A single failed agent hardly changes it.",
+    "Runtime is wall time without evaluations. Influence is the collection of datasets and the training of the AIPs, as a \
+     mean over workers. Agents training is the rest. CPU time is the user and system time of all processes, without \
+     evaluations. Other work on the machine changes it less than wall time.",
+    "The paper's returns were read off its plots. Its runtimes and memory are from its tables.",
 ];
 
 /// The whole report.
@@ -76,7 +76,8 @@ fn overview(comparisons: &[Comparison]) -> String {
     )
 }
 
-/// Looks are given out in this order: the paper's methods first, DIALS before GS, variants last.
+/// Returns the labels in the order in which they get their colours: the paper's methods first, DIALS before GS,
+/// variants last.
 fn label_order(comparisons: &[Comparison]) -> Vec<String> {
     let mut groups: Vec<_> = comparisons.iter().flat_map(|comparison| &comparison.groups).collect();
     let kind = |simulator: &str| ["dials", "gs", "untrained-dials"].iter().position(|&kind| kind == simulator);
@@ -94,7 +95,7 @@ fn scenario(comparison: &Comparison, looks: &Looks, shape: GridShape) -> Result<
     let figures = [
         (
             format!("ablation_{slug}"),
-            format!("Final returns against the reference, which has what most groups have in every key, {title}."),
+            format!("Final returns against the reference (the group with the most common settings), {title}."),
             pictures::ablation(comparison).transpose()?,
         ),
         (format!("learning_{slug}"), format!("Learning curves, {title}."), against(Against::Timesteps)?),
@@ -106,7 +107,7 @@ fn scenario(comparison: &Comparison, looks: &Looks, shape: GridShape) -> Result<
         (
             format!("aip_cross_entropy_{slug}"),
             format!(
-                "Cross-entropy of the AIPs, {title}. AIPs before their first training are far above \
+                "Cross-entropy of the AIPs, {title}. Before their first training it is far higher \
                  (aip_cross_entropy.csv). The paper draws it against runtime."
             ),
             pictures::cross_entropy(comparison, looks)?,
@@ -121,17 +122,17 @@ fn scenario(comparison: &Comparison, looks: &Looks, shape: GridShape) -> Result<
 fn costs(domain: Domain, comparisons: &[&Comparison], looks: &Looks) -> Result<Vec<Block>> {
     let name = domain.name();
     let mut blocks = vec![Block::Heading(2, format!("All sizes, {name}"))];
-    // Ablations have their own picture of it.
+    // An ablation has its own picture of the final returns.
     if comparisons.iter().any(|comparison| comparison.reference.is_none()) {
         blocks.push(figure(
             format!("final_return_{name}"),
-            format!("Final return by number of agents, {name}. Diamonds: the paper, where ours ran as long."),
+            format!("Final return by number of agents, {name}. Diamonds: the paper, if our runs were as long."),
             pictures::final_bars(domain, comparisons, looks)?,
         ));
     }
     blocks.push(figure(
         format!("runtime_{name}"),
-        format!("Runtime by number of agents, {name}. Diamonds: the paper, where ours ran as long."),
+        format!("Runtime by number of agents, {name}. Diamonds: the paper, if our runs were as long."),
         pictures::runtime_bars(domain, comparisons, looks)?,
     ));
     blocks.push(Block::Table(tables::runtimes(domain, comparisons)));
@@ -143,7 +144,7 @@ fn figure(name: String, caption: String, svg: Svg) -> Block {
     Block::Figure(Figure { name, caption, svg })
 }
 
-/// What made the runs, as `run.json` tells it.
+/// The commands that made the runs, from `run.json`.
 fn commands(comparisons: &[Comparison]) -> String {
     let runs = comparisons.iter().flat_map(|comparison| &comparison.groups).flat_map(|group| &group.runs);
     let commands = runs.filter_map(|run| {

@@ -21,7 +21,7 @@ fn words(cells: &[&str]) -> Vec<String> {
 const BEFORE: [&str; 6] = ["method", "n", "steps", "episodes", "mean return", "95 % interval or seeds"];
 const AFTER: [&str; 5] = ["median run", "median agent", "stuck agents", "paper", "ours − paper"];
 
-/// Final returns of one scenario, the paper's beside ours.
+/// Final returns of one scenario, ours next to the paper's.
 pub fn finals(comparison: &Comparison) -> Table {
     let scenario = &comparison.scenario;
     let opponents = comparison.opponents();
@@ -84,15 +84,15 @@ pub fn finals(comparison: &Comparison) -> Table {
 
 fn caption_of_finals(comparison: &Comparison) -> String {
     let mut caption = format!(
-        "Final return, {}. n: seeds. With five seeds or more: a 95 % Student's t interval over seeds; with fewer: the value of \
+        "Final return, {}. n: number of seeds. Five seeds or more: a 95 % Student's t interval over seeds. Fewer: the value of \
          each seed.",
         comparison.title
     );
     if !comparison.opponents().is_empty() {
-        caption += " Differences are taken in every episode, averaged for each seed and shown like the returns; \"other \
-                    episodes\" marks differences of means only.";
+        caption += " Differences are taken in every episode, averaged for each seed and shown like the returns. \"Other \
+                    episodes\" marks a difference of means only.";
         if !comparison.baselines.is_empty() {
-            caption += " The controller is the strongest one that was measured.";
+            caption += " The controller is the strongest one measured.";
         }
     }
     caption += &match paper::has(&comparison.scenario) {
@@ -102,7 +102,7 @@ fn caption_of_finals(comparison: &Comparison) -> String {
     caption
 }
 
-/// `100`; where every seed has its own, or nobody knows, `20 each`.
+/// `100`, or `20 each` if every seed has episodes of its own or that is unknown.
 fn episodes(end: &Final) -> String {
     let counts: Vec<String> = end.episode_counts().iter().map(usize::to_string).collect();
     match (end.episodes(), counts.is_empty()) {
@@ -112,7 +112,7 @@ fn episodes(end: &Final) -> String {
     }
 }
 
-/// The agents of one scenario: who is lost, and how far the rest are apart.
+/// The agents of one scenario: stuck ones, and the range of the others.
 pub fn agents(comparison: &Comparison) -> Table {
     let rows = comparison.groups.iter().filter_map(|group| {
         let end = Final::of(group)?;
@@ -133,7 +133,7 @@ pub fn agents(comparison: &Comparison) -> Table {
     });
     Table {
         caption: format!(
-            "Agents at the end, {}. The median agent: of a run, then the mean over seeds.",
+            "Agents at the end, {}. The median agent is taken per run, then averaged over seeds.",
             comparison.title
         ),
         header: words(&["method", "mean", "median agent", "worst agent", "best agent", "stuck: seed (agents)"]),
@@ -155,7 +155,7 @@ fn stuck_agents(stuck: &[AgentAt]) -> String {
     }
 }
 
-/// A column of a table by sizes: a scenario of ours, or one that only the paper has.
+/// A column of a table by number of agents: a scenario of ours, or one that only the paper has.
 struct Column<'a> {
     scenario: Scenario,
     ours: Option<&'a Comparison>,
@@ -228,10 +228,10 @@ pub fn runtimes(domain: Domain, comparisons: &[&Comparison]) -> Table {
     let machine = machines(comparisons);
     Table {
         caption: format!(
-            "Runtimes for {}: agents training, data collection and influence training, total, by number of agents; wall \
-             time without evaluations, mean over seeds, {machine}. CPU hours: ours, all processes together, without \
-             evaluations. What did not train for the paper's 4M steps has a row of \
-             its own. Paper: {} (128 CPUs, one process per agent).",
+            "Runtimes for {}: agents training, data collection and influence training, total, by number of agents. Wall \
+             time without evaluations, mean over seeds, {machine}. CPU hours: ours, all processes, without evaluations. \
+             Runs that did not train for the paper's 4M steps have rows of their own. Paper: {} (128 CPUs, one process \
+             per agent).",
             domain.name(),
             paper::RUNTIME_SOURCE
         ),
@@ -240,7 +240,7 @@ pub fn runtimes(domain: Domain, comparisons: &[&Comparison]) -> Table {
     }
 }
 
-/// The runtime of a group, and the row in which it stands: the paper's only if it trained for as many steps.
+/// The runtime of a group and the label of its row, which is the paper's only if it trained for as many steps.
 fn runtime_row(group: &Group) -> Option<(String, Runtime)> {
     let time = Runtime::of(group)?;
     let label = match (time.finished, comparable(time.steps, paper::STEPS)) {
@@ -253,7 +253,7 @@ fn runtime_row(group: &Group) -> Option<(String, Runtime)> {
     Some((label, time))
 }
 
-/// How many workers the runs had.
+/// The number of workers of the runs, in words.
 fn machines(comparisons: &[&Comparison]) -> String {
     let groups = comparisons.iter().flat_map(|comparison| &comparison.groups);
     let workers: BTreeSet<usize> = groups.filter_map(|group| Some(Runtime::of(group)?.workers)).collect();
@@ -299,8 +299,8 @@ pub fn memory(domain: Domain, comparisons: &[&Comparison]) -> Table {
     header.extend(columns.iter().map(|column| format!("{} agents", column.name())));
     Table {
         caption: format!(
-            "Peak memory for {}, the largest of all runs of a simulator, whatever else is set. Ours: MiB (1 MiB is 1.05 MB), the \
-             coordinator with {}; the paper's: MB, DIALS as a process per agent. Paper: {}.",
+            "Peak memory for {}: the largest of all runs of a simulator. Ours: MiB (1 MiB is 1.05 MB), the coordinator with \
+             {}. Paper: MB, DIALS as a process per agent, {}.",
             domain.name(),
             machines(comparisons).trim_start_matches("with "),
             paper::MEMORY_SOURCE
@@ -310,7 +310,7 @@ pub fn memory(domain: Domain, comparisons: &[&Comparison]) -> Table {
     }
 }
 
-/// Every run, with how far it came.
+/// Every run, with its progress.
 pub fn runs(comparisons: &[Comparison]) -> Table {
     let mut rows = Vec::new();
     for comparison in comparisons {

@@ -1,4 +1,4 @@
-//! How numbers are written, and what has to be said of runs that are not what they should be.
+//! How numbers are written, and the warnings about runs that are missing, unfinished or not comparable.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -15,15 +15,15 @@ pub fn figure(value: f64) -> String {
     if value.abs() >= 50.0 { format!("{value:.1}") } else { format!("{value:.2}") }
 }
 
-/// With its sign, and as many decimals as `like` has as a return.
+/// A number with its sign and with the decimals that `like` has as a return.
 pub fn signed(value: f64, like: f64) -> String {
     let size = figure_like(value.abs(), like);
-    // Nothing is less than nothing.
+    // A rounded zero has no minus sign.
     let negative = value < 0.0 && size.bytes().any(|digit| (b'1'..=b'9').contains(&digit));
     format!("{}{size}", if negative { "-" } else { "+" })
 }
 
-/// As many decimals as `like` has as a return.
+/// A number with the decimals that `like` has as a return.
 pub fn figure_like(value: f64, like: f64) -> String {
     if like.abs() >= 50.0 { format!("{value:.1}") } else { format!("{value:.2}") }
 }
@@ -33,7 +33,7 @@ pub fn with_error(mean: f64, std_error: Option<f64>) -> String {
     std_error.map_or(figure(mean), |error| format!("{} ± {}", figure(mean), figure_like(error, mean)))
 }
 
-/// `[215.1, 219.7]`, with as many decimals as `like` has as a return.
+/// `[215.1, 219.7]`, with the decimals that `like` has as a return.
 pub fn interval(interval: Option<Bounds>, like: f64) -> String {
     let ends = |Bounds { low, high }| format!("[{}, {}]", figure_like(low, like), figure_like(high, like));
     interval.map_or("-".to_owned(), ends)
@@ -44,7 +44,7 @@ pub fn signed_interval(Bounds { low, high }: Bounds, like: f64) -> String {
     format!("[{}, {}]", signed(low, like), signed(high, like))
 }
 
-/// How sure a mean over seeds is: `95 % [215.1, 219.7]`, or with few seeds their values.
+/// The certainty of a mean over seeds: `95 % [215.1, 219.7]`, or the values of a few seeds.
 pub fn certainty(spread: &Spread) -> String {
     let values = spread.values.iter().map(|value| figure_like(*value, spread.mean));
     match spread.interval {
@@ -68,7 +68,7 @@ pub fn difference(of: &Difference, like: f64) -> String {
     }
 }
 
-/// What of two sides is subtracted, in words.
+/// How two sides were subtracted, in words.
 pub fn pairing(pairing: Pairing) -> &'static str {
     match pairing {
         Pairing::EpisodeAndSeed => "paired by episode and by seed",
@@ -78,7 +78,7 @@ pub fn pairing(pairing: Pairing) -> &'static str {
     }
 }
 
-/// Hours with two significant decimals where there are few of them.
+/// Hours with two decimals, or with four if there are few of them.
 pub fn hours(seconds: f64) -> String {
     let hours = seconds / 3600.0;
     if hours < 0.1 { format!("{hours:.4}") } else { format!("{hours:.2}") }
@@ -93,7 +93,7 @@ pub fn duration(seconds: f64) -> String {
     }
 }
 
-/// What a reader must know before believing a figure.
+/// Everything that a reader must know before believing a figure.
 pub fn warnings(comparisons: &[Comparison], missing: &[PathBuf], left_out: &[LeftOut]) -> Vec<String> {
     let mut warnings = Vec::new();
     warnings.extend(missing.iter().map(|run| format!("{}: not begun yet", run.display())));
@@ -110,7 +110,7 @@ pub fn warnings(comparisons: &[Comparison], missing: &[PathBuf], left_out: &[Lef
                     }
                     Status::Empty => warnings.push(format!("{place}: not evaluated yet")),
                     Status::Finished if run.return_at(furthest).is_none() => warnings.push(format!(
-                        "{place}: ended at {planned} steps, before the others of its group: in the curves only"
+                        "{place}: ended at {planned} steps, earlier than the others of its group: shown in curves only"
                     )),
                     Status::Finished => {}
                 }
@@ -127,7 +127,7 @@ pub fn warnings(comparisons: &[Comparison], missing: &[PathBuf], left_out: &[Lef
     warnings
 }
 
-/// Groups whose runs played other episodes than each other, or than whom they are measured against.
+/// Groups whose runs, or whose opponents, played other episodes.
 fn of_episodes(comparison: &Comparison) -> Vec<String> {
     let ends: Vec<_> =
         comparison.groups.iter().filter_map(|group| Some((group, group.label(), Final::of(group)?))).collect();
@@ -146,8 +146,8 @@ fn of_episodes(comparison: &Comparison) -> Vec<String> {
         if !groups.is_empty() {
             let whom = opponent.name();
             warnings.push(format!(
-                "{}: not evaluated on the episodes of {whom}, so the difference is over seeds only, with the chance of the \
-                 traffic in it (another evaluation.seed, another number of episodes, or a run of an older version): {}",
+                "{}: not evaluated on the episodes of {whom}, so the difference is over seeds only and includes the randomness \
+                 of the traffic (another evaluation.seed or number of episodes, or a run of an older version): {}",
                 comparison.title,
                 groups.join("; ")
             ));
@@ -156,12 +156,12 @@ fn of_episodes(comparison: &Comparison) -> Vec<String> {
     warnings
 }
 
-/// The most reasons that an error lists.
+/// Largest number of reasons that an error lists.
 const MOST_REASONS: usize = 3;
 
-/// What to say of folders without one run that was evaluated and can be read; `warnings` are those of [`warnings`].
+/// The error for folders without a run that was evaluated and can be read. `warnings`: those of [`warnings`].
 pub fn no_run(folders: &str, warnings: &[String]) -> String {
-    let mut lines = vec![format!("{folders}: has no run that was evaluated and can be read:")];
+    let mut lines = vec![format!("{folders}: no run in it was evaluated and can be read:")];
     lines.extend(warnings.iter().take(MOST_REASONS).cloned());
     let more = warnings.len().saturating_sub(MOST_REASONS);
     lines.extend((more > 0).then(|| format!("and {more} more")));
@@ -175,7 +175,7 @@ mod tests {
     #[test]
     fn an_error_about_many_runs_lists_the_first_few() {
         let reasons: Vec<String> = (1..=5).map(|run| format!("runs/{run}: not evaluated yet")).collect();
-        let head = "runs: has no run that was evaluated and can be read:\n  runs/1: not evaluated yet";
+        let head = "runs: no run in it was evaluated and can be read:\n  runs/1: not evaluated yet";
         assert_eq!(no_run("runs", &reasons[..1]), head);
         let told = no_run("runs", &reasons);
         assert!(told.starts_with(head) && told.ends_with("\n  runs/3: not evaluated yet\n  and 2 more"), "{told}");
