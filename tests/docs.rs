@@ -129,6 +129,19 @@ fn the_index_names_every_page_of_the_book() {
     }
 }
 
+#[test]
+fn every_source_file_that_the_docs_name_is_there() {
+    let paper = read("docs/paper.md");
+    let of_the_paper = code_words(section(&paper, "## Which code is which part of the paper"));
+    let pages: Vec<String> = pages().iter().map(|page| read(page)).collect();
+    let named = pages.iter().flat_map(|text| code_words(text)).filter_map(|word| word.strip_prefix("src/"));
+    let paths: BTreeSet<&str> = named.chain(of_the_paper).collect();
+    assert!(paths.len() > 20, "{paths:?}");
+    for path in paths {
+        assert!(root().join("src").join(path).exists(), "src/{path} is named, and not there");
+    }
+}
+
 /// The blocks of shell commands of a page.
 fn shell_blocks(page: &str) -> Vec<&str> {
     page.split("```sh\n").skip(1).map(|rest| rest.split("\n```").next().unwrap()).collect()
@@ -242,6 +255,8 @@ fn every_key_of_a_config_is_explained_with_its_default_and_no_other() {
 struct Written {
     folder: tempfile::TempDir,
     runs: [PathBuf; 2],
+    /// What `evaluate --json` prints about them.
+    json: [serde_json::Value; 2],
 }
 
 impl Written {
@@ -257,15 +272,14 @@ impl Written {
             succeed(command);
             let mut command = Command::cargo_bin("dials-traffic").unwrap();
             let csv = folder.path().join(format!("csv_{domain}"));
-            command.arg("evaluate").arg(&out).args(["--episodes", "1", "--csv"]).arg(csv);
-            succeed(command);
-            out
+            command.arg("evaluate").arg(&out).args(["--episodes", "1", "--json", "--csv"]).arg(csv);
+            (out, serde_json::from_slice(&succeed(command)).unwrap())
         };
-        let runs = ["traffic", "warehouse"].map(run);
+        let [(traffic, traffic_json), (warehouse, warehouse_json)] = ["traffic", "warehouse"].map(run);
         let mut command = Command::cargo_bin("dials-traffic").unwrap();
         command.arg("report").arg(folder.path().join("runs")).arg("--out").arg(folder.path().join("report"));
         succeed(command);
-        Written { folder, runs }
+        Written { folder, runs: [traffic, warehouse], json: [traffic_json, warehouse_json] }
     }
 
     /// The folders that hold CSV files of a kind.
@@ -278,9 +292,11 @@ impl Written {
     }
 }
 
-fn succeed(mut command: Command) {
+/// Runs a command and returns what it prints.
+fn succeed(mut command: Command) -> Vec<u8> {
     let output = command.output().unwrap();
     assert!(output.status.success(), "{command:?}: {}", String::from_utf8_lossy(&output.stderr));
+    output.stdout
 }
 
 /// The columns of all CSV files in these folders, by the name of the file.
@@ -331,4 +347,11 @@ fn every_file_of_a_run_and_every_column_is_explained_and_no_other() {
         }
     }
     assert!(figures.is_subset(&seen), "{:?}", figures.difference(&seen));
+
+    let explained: BTreeSet<&str> = code_words(section(&page, "## JSON output")).into_iter().collect();
+    for json in written.json.iter().flat_map(|json| [json, &json["per_agent"][0]]) {
+        let unexplained =
+            json.as_object().unwrap().keys().find(|key| !explained.contains(&***key) && !figures.contains(*key));
+        assert_eq!(unexplained, None, "a key of --json");
+    }
 }
