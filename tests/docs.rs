@@ -9,6 +9,7 @@ use assert_cmd::cargo::CommandCargoExt;
 use clap::Parser;
 use dials_traffic::cli::Cli;
 use dials_traffic::config;
+use dials_traffic::experiment::file::ExperimentFile;
 use toml::{Table, Value};
 
 fn root() -> &'static Path {
@@ -195,6 +196,12 @@ fn every_shell_command_of_the_docs_can_be_typed() {
 /// A config of each domain with what it requires.
 const DOMAINS: [&str; 2] = ["[traffic]\nnetwork = 'n'\nlocal_network = 'l'\n", "[warehouse]\nagents_per_side = 2\n"];
 
+/// The keys that an error about an unknown one lists.
+fn expected_keys(error: &str) -> Vec<String> {
+    let (_, known) = error.split_once("expected ").unwrap_or_else(|| panic!("{error}"));
+    code_words(known.lines().next().unwrap()).into_iter().map(str::to_owned).collect()
+}
+
 /// Every key that the program knows, with its default. Keys without one are those that it names when it is given a key
 /// that it does not know.
 fn config_keys() -> BTreeMap<String, Option<Value>> {
@@ -206,9 +213,8 @@ fn config_keys() -> BTreeMap<String, Option<Value>> {
         let required: Table = text.parse().unwrap();
         let defaults: Table = config::to_toml(&config::load(&path, &[]).unwrap()).unwrap().parse().unwrap();
         let known = |table: &str| {
-            let error = config::load(&path, &[format!("{table}no_such_key=1")]).unwrap_err().to_string();
-            let (_, known) = error.split_once("expected ").unwrap_or_else(|| panic!("{error}"));
-            code_words(known.lines().next().unwrap()).into_iter().map(str::to_owned).collect::<Vec<String>>()
+            let error = config::load(&path, &[format!("{table}no_such_key=1")]).unwrap_err();
+            expected_keys(&error.to_string())
         };
         let mut note = |key: String, default: Option<&Value>, required: bool| {
             keys.insert(key, default.filter(|_| !required).cloned());
@@ -247,6 +253,18 @@ fn every_key_of_a_config_is_explained_with_its_default_and_no_other() {
                     format!("value = {written}").parse::<Table>().unwrap_or_else(|_| panic!("{key}: {written}"));
                 assert_eq!(value["value"], default, "{key}");
             }
+        }
+    }
+}
+
+#[test]
+fn every_key_of_an_experiment_is_explained() {
+    let page = read("docs/experiments.md");
+    let explained = code_words(section(&page, "## `experiment`"));
+    for text in ["no_such_key = 1", "[[grid]]\nno_such_key = 1"] {
+        let error = toml::from_str::<ExperimentFile>(text).unwrap_err().to_string();
+        for key in expected_keys(&error) {
+            assert!(explained.iter().any(|word| word.trim_matches(['[', ']']) == key), "{key}");
         }
     }
 }
