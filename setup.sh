@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# Installs what dials-traffic needs from Debian 12 and checks the Rust toolchain. Run it as often as you like.
-# Further packages may be named: `./setup.sh xvfb ffmpeg` for everything that `replay --video` can use.
+# Installs the Debian 12 packages that dials-traffic needs, and checks the Rust toolchain. You may run it again at any time.
+# You may name further packages: `./setup.sh xvfb ffmpeg` installs all that `replay --video` can use.
 set -euo pipefail
 
 packages=(
   sumo                  # simulator, netconvert, sumo-gui, libsumo with its headers
-  libtorch-dev          # matrix products
-  libopenblas0-pthread  # the BLAS behind them; the reference BLAS is many times slower
-  libclang-dev g++      # to bind libsumo: bindgen and a C++17 compiler
+  libtorch-dev          # for TorchScript export, and as the yardstick of `bench`
+  libopenblas0-pthread  # libtorch's BLAS: with the reference BLAS that yardstick is many times slower
+  libclang-dev g++      # to bind libsumo: bindgen needs libclang, the shim needs a C++17 compiler
   pkg-config
   "$@"
 )
@@ -15,7 +15,7 @@ packages=(
 say() { printf 'setup: %s\n' "$*"; }
 fail() { say "$*" >&2; exit 1; }
 
-command -v apt-get >/dev/null || fail "no apt-get here: install by hand what corresponds to: ${packages[*]}"
+command -v apt-get >/dev/null || fail "no apt-get here: install by hand the packages that correspond to: ${packages[*]}"
 
 missing=()
 for package in "${packages[@]}"; do
@@ -23,7 +23,7 @@ for package in "${packages[@]}"; do
 done
 
 if [ "${#missing[@]}" -eq 0 ]; then
-  say "all Debian packages are there: ${packages[*]}"
+  say "all Debian packages are installed: ${packages[*]}"
 else
   if [ "$(id -u)" -eq 0 ]; then as_root=(); else
     command -v sudo >/dev/null || fail "run me as root, or install sudo; missing: ${missing[*]}"

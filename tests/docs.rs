@@ -1,0 +1,375 @@
+//! README and docs/ keep their promises about the program.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use assert_cmd::cargo::CommandCargoExt;
+use clap::Parser;
+use dials_traffic::cli::Cli;
+use dials_traffic::config;
+use dials_traffic::experiment::file::ExperimentFile;
+use toml::{Table, Value};
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn read(path: &str) -> String {
+    fs::read_to_string(root().join(path)).unwrap_or_else(|error| panic!("{path}: {error}"))
+}
+
+/// All text under a folder.
+fn texts(folder: &Path) -> Vec<String> {
+    let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    entries
+        .flat_map(|path| if path.is_dir() { texts(&path) } else { vec![fs::read_to_string(path).unwrap()] })
+        .collect()
+}
+
+/// Pages that people write, relative to the root.
+fn pages() -> Vec<String> {
+    let of_docs = fs::read_dir(root().join("docs")).unwrap().map(|entry| entry.unwrap().file_name());
+    let of_docs = of_docs.map(|name| format!("docs/{}", name.to_str().unwrap())).filter(|name| name.ends_with(".md"));
+    let others = ["README.md", "CHANGELOG.md", "configs/README.md", "experiments/README.md", "results/README.md"];
+    others.map(str::to_owned).into_iter().chain(of_docs).collect()
+}
+
+/// The text under a heading, up to the next one of any level.
+fn section<'a>(page: &'a str, heading: &str) -> &'a str {
+    let (_, rest) = page.split_once(&format!("\n{heading}\n")).unwrap_or_else(|| panic!("no heading: {heading}"));
+    rest.split("\n#").next().unwrap()
+}
+
+/// The words in backticks.
+fn code_words(text: &str) -> Vec<&str> {
+    text.split('`').skip(1).step_by(2).collect()
+}
+
+/// The words in backticks in the first column of all tables of a text.
+fn first_column(text: &str) -> BTreeSet<String> {
+    let rows = text.lines().filter_map(|line| line.strip_prefix("| ")?.split(" |").next());
+    rows.flat_map(code_words).map(str::to_owned).collect()
+}
+
+/// The number that a text begins with, where `after` follows it.
+fn number_before(text: &str, after: &str) -> Option<u32> {
+    text.split_once(after)?.0.parse().ok()
+}
+
+#[test]
+fn every_departure_of_the_docs_is_marked_in_the_code_and_no_other() {
+    let paper = read("docs/paper.md");
+    let list = section(&paper, "## Departures from the paper");
+    let listed: Vec<u32> = list.lines().filter_map(|line| number_before(line, ". ")).collect();
+    assert_eq!(listed, (1..=listed.len() as u32).collect::<Vec<_>>(), "they are numbered one by one");
+
+    let code = texts(&root().join("src")).concat();
+    let marks = code.split("DEVIATION").skip(1);
+    let marked: BTreeSet<u32> = marks
+        .map(|mark| {
+            let number = mark.strip_prefix(' ').and_then(|rest| number_before(rest, ":"));
+            number.unwrap_or_else(|| {
+                panic!("a mark without its number: DEVIATION{}", mark.chars().take(60).collect::<String>())
+            })
+        })
+        .collect();
+    assert_eq!(marked, listed.into_iter().collect());
+}
+
+#[test]
+fn the_readme_has_at_most_900_words() {
+    let words = read("README.md").split_whitespace().count();
+    assert!(words <= 900, "{words} words");
+}
+
+#[test]
+fn the_readmes_test_command_is_the_one_that_is_checked() {
+    assert!(read("README.md").contains("\n./setup.sh && cargo test --release\n"));
+    let checked = read(".ci/run");
+    assert!(checked.lines().any(|line| line.starts_with("./setup.sh ") && line.ends_with("&& cargo test --release")));
+}
+
+/// A GitHub anchor: lower case, hyphens for spaces, no other punctuation.
+fn anchor(heading: &str) -> String {
+    let kept = heading.chars().filter(|&c| c.is_alphanumeric() || c == ' ' || c == '-' || c == '_');
+    kept.map(|c| if c == ' ' { '-' } else { c }).collect::<String>().to_lowercase()
+}
+
+fn anchors(page: &str) -> BTreeSet<String> {
+    let headings = page.lines().filter(|line| line.starts_with('#'));
+    headings.map(|line| anchor(line.trim_start_matches('#').trim())).collect()
+}
+
+#[test]
+fn every_relative_link_leads_somewhere() {
+    for page in pages() {
+        let text = read(&page);
+        let folder = root().join(&page).parent().unwrap().to_owned();
+        for link in text.split("](").skip(1).map(|rest| rest.split(')').next().unwrap()) {
+            if link.contains("://") {
+                continue;
+            }
+            let (path, anchor) = link.split_once('#').map_or((link, None), |(path, anchor)| (path, Some(anchor)));
+            let target = if path.is_empty() { root().join(&page) } else { folder.join(path) };
+            assert!(target.exists(), "{page}: {link} leads nowhere");
+            if let Some(anchor) = anchor {
+                let there = anchors(&fs::read_to_string(&target).unwrap());
+                assert!(there.contains(anchor), "{page}: {link} has no such heading");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_index_names_every_page_of_the_book() {
+    let index = read("docs/README.md");
+    for page in pages().iter().filter_map(|page| page.strip_prefix("docs/")).filter(|page| *page != "README.md") {
+        assert!(index.contains(&format!("]({page})")), "docs/README.md does not name {page}");
+    }
+}
+
+#[test]
+fn every_source_file_that_the_docs_name_is_there() {
+    let paper = read("docs/paper.md");
+    let of_the_paper = code_words(section(&paper, "## Which code is which part of the paper"));
+    let pages: Vec<String> = pages().iter().map(|page| read(page)).collect();
+    let named = pages.iter().flat_map(|text| code_words(text)).filter_map(|word| word.strip_prefix("src/"));
+    let paths: BTreeSet<&str> = named.chain(of_the_paper).collect();
+    assert!(paths.len() > 20, "{paths:?}");
+    for path in paths {
+        assert!(root().join("src").join(path).exists(), "src/{path} is named, and not there");
+    }
+}
+
+/// The blocks of shell commands of a page.
+fn shell_blocks(page: &str) -> Vec<&str> {
+    page.split("```sh\n").skip(1).map(|rest| rest.split("\n```").next().unwrap()).collect()
+}
+
+/// The simple commands of a block, as lists of words: lines are joined, comments dropped, `&&` separates.
+fn commands(block: &str) -> Vec<Vec<String>> {
+    let block = block.replace("\\\n", " ");
+    let mut commands = Vec::new();
+    for line in block.lines().map(|line| line.split(" #").next().unwrap()) {
+        for command in line.split("&&") {
+            commands.push(command.split_whitespace().map(|word| word.trim_matches('\'').to_owned()).collect());
+        }
+    }
+    commands
+}
+
+#[test]
+fn every_shell_command_of_the_docs_can_be_typed() {
+    let mut parsed = 0;
+    for page in pages() {
+        let text = read(&page);
+        for block in shell_blocks(&text) {
+            let checked = Command::new("bash").args(["-n", "-c", block]).status().unwrap();
+            assert!(checked.success(), "{page}: {block}");
+            for command in commands(block) {
+                let words: Vec<&str> = command.iter().map(String::as_str).collect();
+                let arguments = match &words[..] {
+                    ["dials-traffic", arguments @ ..] | ["cargo", "run", "--release", "--", arguments @ ..] => {
+                        arguments
+                    }
+                    ["cargo", "run", "--release", "--example", name] => {
+                        assert!(root().join(format!("examples/{name}.rs")).is_file(), "{page}: no example {name}");
+                        continue;
+                    }
+                    _ => continue,
+                };
+                let line = std::iter::once("dials-traffic").chain(arguments.iter().copied());
+                Cli::try_parse_from(line).unwrap_or_else(|error| panic!("{page}: {command:?}: {error}"));
+                let ours = ["configs/", "sumo_nets/"];
+                for file in arguments.iter().filter(|word| ours.iter().any(|folder| word.starts_with(folder))) {
+                    assert!(root().join(file).exists(), "{page}: {command:?}: there is no {file}");
+                }
+                parsed += 1;
+            }
+        }
+    }
+    assert!(parsed > 20, "only {parsed} commands were found");
+}
+
+/// A config of each domain with what it requires.
+const DOMAINS: [&str; 2] = ["[traffic]\nnetwork = 'n'\nlocal_network = 'l'\n", "[warehouse]\nagents_per_side = 2\n"];
+
+/// The keys that an error about an unknown one lists.
+fn expected_keys(error: &str) -> Vec<String> {
+    let (_, known) = error.split_once("expected ").unwrap_or_else(|| panic!("{error}"));
+    code_words(known.lines().next().unwrap()).into_iter().map(str::to_owned).collect()
+}
+
+/// Every key that the program knows, with its default. Keys without one are those that it names when it is given a key
+/// that it does not know.
+fn config_keys() -> BTreeMap<String, Option<Value>> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("c.toml");
+    let mut keys = BTreeMap::new();
+    for text in DOMAINS {
+        fs::write(&path, text).unwrap();
+        let required: Table = text.parse().unwrap();
+        let defaults: Table = config::to_toml(&config::load(&path, &[]).unwrap()).unwrap().parse().unwrap();
+        let known = |table: &str| {
+            let error = config::load(&path, &[format!("{table}no_such_key=1")]).unwrap_err();
+            expected_keys(&error.to_string())
+        };
+        let mut note = |key: String, default: Option<&Value>, required: bool| {
+            keys.insert(key, default.filter(|_| !required).cloned());
+        };
+        for key in known("").iter().chain(defaults.keys()) {
+            match defaults.get(key) {
+                Some(Value::Table(table)) => {
+                    for inner in known(&format!("{key}.")).iter().chain(table.keys()) {
+                        let required = required.get(key).is_some_and(|table| table.get(inner).is_some());
+                        note(format!("{key}.{inner}"), table.get(inner), required);
+                    }
+                }
+                // The table of the other domain, or one in which nothing has a default.
+                None if key == "traffic" || key == "warehouse" => {}
+                default => note(key.clone(), default, false),
+            }
+        }
+    }
+    keys
+}
+
+#[test]
+fn every_key_of_a_config_is_explained_with_its_default_and_no_other() {
+    let page = read("docs/configuration.md");
+    let rows = page.lines().filter_map(|line| line.strip_prefix("| `")?.split_once("` | "));
+    let explained: BTreeMap<&str, &str> =
+        rows.map(|(key, rest)| (key, rest.split(" | ").next().unwrap().trim_matches('`'))).collect();
+    let known = config_keys();
+    assert_eq!(explained.keys().copied().collect::<Vec<_>>(), known.keys().collect::<Vec<_>>());
+    for (key, default) in known {
+        let written = explained[key.as_str()];
+        match default {
+            None => assert!(["none", "required"].contains(&written), "{key}: has no default, but {written} is written"),
+            Some(default) => {
+                let value =
+                    format!("value = {written}").parse::<Table>().unwrap_or_else(|_| panic!("{key}: {written}"));
+                assert_eq!(value["value"], default, "{key}");
+            }
+        }
+    }
+}
+
+#[test]
+fn every_key_of_an_experiment_is_explained() {
+    let page = read("docs/experiments.md");
+    let explained = code_words(section(&page, "## `experiment`"));
+    for text in ["no_such_key = 1", "[[grid]]\nno_such_key = 1"] {
+        let error = toml::from_str::<ExperimentFile>(text).unwrap_err().to_string();
+        for key in expected_keys(&error) {
+            assert!(explained.iter().any(|word| word.trim_matches(['[', ']']) == key), "{key}");
+        }
+    }
+}
+
+/// What a few steps of both domains leave behind, with a comparison and a report.
+struct Written {
+    folder: tempfile::TempDir,
+    runs: [PathBuf; 2],
+    /// What `evaluate --json` prints about them.
+    json: [serde_json::Value; 2],
+}
+
+impl Written {
+    fn new() -> Written {
+        let folder = tempfile::tempdir().unwrap();
+        let run = |domain: &str| {
+            let out = folder.path().join("runs").join(domain);
+            let small = ["aip.epochs=1", "evaluation.episodes=1", "evaluation.final_episodes=1"];
+            let mut command = Command::cargo_bin("dials-traffic").unwrap();
+            command.arg("train").arg(root().join(format!("configs/smoke_{domain}.toml"))).arg("--out").arg(&out);
+            command.args(["--steps", "128", "--workers", "1", "--tensorboard"]);
+            command.args(small.iter().flat_map(|setting| ["--set", setting]));
+            succeed(command);
+            let mut command = Command::cargo_bin("dials-traffic").unwrap();
+            let csv = folder.path().join(format!("csv_{domain}"));
+            command.arg("evaluate").arg(&out).args(["--episodes", "1", "--json", "--csv"]).arg(csv);
+            (out, serde_json::from_slice(&succeed(command)).unwrap())
+        };
+        let [(traffic, traffic_json), (warehouse, warehouse_json)] = ["traffic", "warehouse"].map(run);
+        let mut command = Command::cargo_bin("dials-traffic").unwrap();
+        command.arg("report").arg(folder.path().join("runs")).arg("--out").arg(folder.path().join("report"));
+        succeed(command);
+        Written { folder, runs: [traffic, warehouse], json: [traffic_json, warehouse_json] }
+    }
+
+    /// The folders that hold CSV files of a kind.
+    fn folders(&self, kind: &str) -> Vec<PathBuf> {
+        match kind {
+            "a run" => self.runs.to_vec(),
+            "`--csv`" => ["csv_traffic", "csv_warehouse"].map(|name| self.folder.path().join(name)).to_vec(),
+            _ => vec![self.folder.path().join("report")],
+        }
+    }
+}
+
+/// Runs a command and returns what it prints.
+fn succeed(mut command: Command) -> Vec<u8> {
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{command:?}: {}", String::from_utf8_lossy(&output.stderr));
+    output.stdout
+}
+
+/// The columns of all CSV files in these folders, by the name of the file.
+fn columns_of(folders: &[PathBuf]) -> BTreeMap<String, BTreeSet<String>> {
+    let mut columns: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for path in folders.iter().flat_map(|folder| fs::read_dir(folder).unwrap()).map(|entry| entry.unwrap().path()) {
+        if path.extension().is_some_and(|extension| extension == "csv") {
+            let text = fs::read_to_string(&path).unwrap();
+            let header = text.lines().next().unwrap().split(',').map(str::to_owned);
+            columns.entry(path.file_name().unwrap().to_str().unwrap().to_owned()).or_default().extend(header);
+        }
+    }
+    columns
+}
+
+#[test]
+fn every_file_of_a_run_and_every_column_is_explained_and_no_other() {
+    let written = Written::new();
+
+    let explained = first_column(section(&read("docs/files.md"), "## The files of a run directory"));
+    let entries = written.runs.iter().flat_map(|run| fs::read_dir(run).unwrap());
+    let there: BTreeSet<String> = entries
+        .map(|entry| entry.unwrap())
+        .map(|entry| (entry.file_name().into_string().unwrap(), entry.path().is_dir()))
+        .map(|(name, folder)| if folder { format!("{name}/") } else { name.replace("worker_0", "worker_N") })
+        .collect();
+    assert_eq!(explained, there, "docs/files.md and what a run leaves behind");
+
+    let page = read("docs/figures.md");
+    let columns = |heading: &str| first_column(section(&page, heading));
+    let figures: BTreeSet<String> =
+        ["## Figures of traffic", "## Figures of the warehouse"].into_iter().flat_map(columns).collect();
+    let of_all_reports = columns("## Columns that all files of a report share");
+    let mut seen = BTreeSet::new();
+    for kind in ["a run", "`--csv`", "a report"] {
+        for (file, there) in columns_of(&written.folders(kind)) {
+            let mut explained = columns(&format!("## `{file}` of {kind}"));
+            if kind == "a report" {
+                explained.extend(of_all_reports.iter().cloned());
+            }
+            if file == "returns.csv" || kind == "`--csv`" {
+                let of_the_domain: BTreeSet<String> = there.difference(&explained).cloned().collect();
+                assert!(of_the_domain.is_subset(&figures), "{file} of {kind}: {of_the_domain:?} and {figures:?}");
+                explained.extend(of_the_domain);
+            }
+            assert_eq!(explained, there, "{file} of {kind}");
+            seen.extend(there);
+        }
+    }
+    assert!(figures.is_subset(&seen), "{:?}", figures.difference(&seen));
+
+    let explained: BTreeSet<&str> = code_words(section(&page, "## JSON output")).into_iter().collect();
+    for json in written.json.iter().flat_map(|json| [json, &json["per_agent"][0]]) {
+        let unexplained =
+            json.as_object().unwrap().keys().find(|key| !explained.contains(&***key) && !figures.contains(*key));
+        assert_eq!(unexplained, None, "a key of --json");
+    }
+}
