@@ -13,8 +13,8 @@ use dials_traffic::domain::{Action, Bystander, Domain, GlobalSimulator};
 use dials_traffic::evaluation::{Evaluation, Interval, play_episodes};
 use dials_traffic::traffic::Traffic;
 use dials_traffic::traffic::controllers::{Each, HandCoded, Junction};
-use dials_traffic::traffic::grid::Side;
-use dials_traffic::traffic::signals::{KEEP, Light, SWITCH};
+use dials_traffic::traffic::light::{KEEP, Light, SWITCH};
+use dials_traffic::traffic::paper_grid::grid::Side;
 
 const EPISODES: usize = 10;
 

@@ -8,8 +8,8 @@ use dials_traffic::config::{DSet, EntryRule, PolicyConfig, TrafficConfig};
 use dials_traffic::domain::{Action, Baseline, Beginning, Domain, GlobalSimulator, LocalSimulator};
 use dials_traffic::traffic::Traffic;
 use dials_traffic::traffic::controllers::{Each, HandCoded, Junction, Junctions, LightController};
-use dials_traffic::traffic::grid::Side;
-use dials_traffic::traffic::signals::{KEEP, Light, SWITCH};
+use dials_traffic::traffic::light::{KEEP, Light, SWITCH};
+use dials_traffic::traffic::paper_grid::grid::Side;
 
 fn traffic() -> Traffic {
     let nets = Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets");
@@ -114,7 +114,7 @@ fn a_standing_queue_lets_a_car_past_the_line_every_2_28_seconds() {
     let mut ls = traffic().local(1).unwrap();
     ls.reset(&Beginning::first([0])).unwrap();
     // West sees red until its edge is full.
-    let step = |ls: &mut dials_traffic::traffic::local::LocalTraffic, action, arrives| {
+    let step = |ls: &mut dials_traffic::traffic::sim::local::LocalTraffic, action, arrives| {
         ls.step(&[action], &Rows::from_vec(vec![arrives, 0, 0, 0], 4)).unwrap();
         ls.cars_on(0)[0].len()
     };

@@ -7,9 +7,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use dials_traffic::base::AgentId;
-use dials_traffic::traffic::forest::{Region, write_forest};
-use dials_traffic::traffic::grid::{Grid, Node, Side, lane};
-use dials_traffic::traffic::net_file::{NetworkFiles, read_grid, read_shape, write_grid, write_local};
+use dials_traffic::traffic::cut::forest::{Region, write_forest};
+use dials_traffic::traffic::paper_grid::grid::{Grid, Node, Side, lane};
+use dials_traffic::traffic::paper_grid::{NetworkFiles, read_grid, read_shape, write_grid, write_local};
 use quick_xml::Reader;
 use quick_xml::events::Event;
 use tempfile::TempDir;

@@ -6,8 +6,8 @@ use anyhow::{Result, ensure};
 
 use super::*;
 use crate::base::AgentId;
-use crate::traffic::grid::{Side, lane};
-use crate::traffic::recording::Recording;
+use crate::traffic::paper_grid::grid::{Side, lane};
+use crate::traffic::sim::recording::Recording;
 
 const WIDTH: i32 = 1100;
 /// Pixels per edge of the corridor, and of what is around the chart.

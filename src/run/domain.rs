@@ -9,8 +9,8 @@ use crate::config::Config;
 use crate::domain::Domain;
 use crate::nn::use_vectors;
 use crate::traffic::Traffic;
-use crate::traffic::net_file::{NetworkFiles, read_shape};
-use crate::traffic::recording::Tape;
+use crate::traffic::paper_grid::{NetworkFiles, read_shape};
+use crate::traffic::sim::recording::Tape;
 use crate::training::files;
 use crate::warehouse::Warehouse;
 

@@ -1,28 +1,21 @@
 //! The traffic domain: a grid of intersections on SUMO, every light an agent.
 //!
-//! - [`grid`], [`net_file`], [`forest`]: the road networks, on paper and on disk.
-//! - [`region`], [`signals`]: one intersection, pure: observation, d-set, reward; the light.
-//! - [`global`]: the GS, a whole grid with inflow at its boundary; [`local`]: the LS, a forest of single intersections.
-//! - [`controllers`]: hand-coded baselines, which see the [`junctions`].
-//! - [`recording`], [`replay`]: an episode written down, and as files that SUMO plays.
+//! - [`paper_grid`], [`network`], [`cut`]: the road networks, on paper and on disk.
+//! - [`observe`], [`light`]: one intersection, pure: observation, d-set, reward; the light.
+//! - [`sim`]: the simulators, recordings of them and replays.
+//! - [`controllers`]: hand-coded baselines; [`tuning`]: the search for the best fixed-time lights.
 //!
 //! The only room that opens [`crate::sumo`]. libsumo holds one simulation per process: a simulator of this room
 //! must be dropped before the thread makes the next one.
 
 pub mod controllers;
-pub mod forest;
-pub mod global;
-pub mod grid;
-mod intersections;
-pub mod junctions;
-pub mod local;
-mod metrics;
-pub mod net_file;
-pub mod recording;
-pub mod region;
-pub mod replay;
-pub mod signals;
-mod trips;
+pub mod cut;
+pub mod light;
+pub mod network;
+pub mod observe;
+pub mod paper_grid;
+pub mod sim;
+pub mod tuning;
 
 use anyhow::{Context, ensure};
 
@@ -32,11 +25,11 @@ use crate::domain::{
     Baseline, Beginning, Bystander, Domain, GlobalSimulator, LocalSimulator, Measures, RegionSpec, Result,
 };
 use controllers::HandCoded;
-use global::{GlobalTraffic, SignalControl};
-use grid::Grid;
-use local::LocalTraffic;
-use net_file::NetworkFiles;
-use recording::Tape;
+use paper_grid::NetworkFiles;
+use paper_grid::grid::Grid;
+use sim::global::{GlobalTraffic, SignalControl};
+use sim::local::LocalTraffic;
+use sim::recording::Tape;
 
 /// The measure "share of the steps beginning with green in which the light was switched".
 pub const P_SWITCH: &str = "p_switch_given_green";
@@ -67,15 +60,15 @@ impl Traffic {
         let (network, local_network) = (NetworkFiles::of(&config.network), NetworkFiles::of(&config.local_network));
         network.check()?;
         local_network.check()?;
-        net_file::read_local(&local_network)?;
-        net_file::for_sumo(&std::env::temp_dir()).context("forests of local simulators go there: set TMPDIR")?;
+        paper_grid::read_local(&local_network)?;
+        paper_grid::for_sumo(&std::env::temp_dir()).context("forests of local simulators go there: set TMPDIR")?;
         Ok(Traffic {
-            grid: net_file::read_grid(&network)?,
+            grid: paper_grid::read_grid(&network)?,
             network,
             local_network,
             config: config.clone(),
             switch_bias: policy.initial_switch_bias,
-            spec: region::spec(config.horizon, config.d_set),
+            spec: observe::spec(config.horizon, config.d_set),
             tape: None,
         })
     }
@@ -93,7 +86,7 @@ impl Traffic {
     /// Loads both networks in SUMO and plays a step in each, so that what is wrong with them is told before a run begins.
     /// Tens of milliseconds; SUMO is closed again.
     pub fn check_in_sumo(&self) -> Result<()> {
-        let way_out = net_file::cannot_be_simulated;
+        let way_out = paper_grid::cannot_be_simulated;
         self.try_global().with_context(|| way_out(&self.network))?;
         self.try_local().with_context(|| way_out(&self.local_network))
     }
@@ -102,15 +95,16 @@ impl Traffic {
     fn try_global(&self) -> Result<()> {
         let mut gs = self.global(self.everywhere(HandCoded::Actuated))?;
         gs.reset(Seed::new(0))?;
-        gs.step(&vec![signals::KEEP; self.agents()])?;
+        gs.step(&vec![light::KEEP; self.agents()])?;
         Ok(())
     }
 
     fn try_local(&self) -> Result<()> {
         let mut ls = self.local(1)?;
         ls.reset(&Beginning::first([0]))?;
-        ls.step(&[signals::KEEP], &Rows::from_vec(vec![1; region::EDGES], region::EDGES))?;
-        let dropped = ls.counters().into_iter().find(|(name, _)| *name == local::DROPPED).map_or(0, |(_, count)| count);
+        ls.step(&[light::KEEP], &Rows::from_vec(vec![1; observe::EDGES], observe::EDGES))?;
+        let dropped =
+            ls.counters().into_iter().find(|(name, _)| *name == sim::local::DROPPED).map_or(0, |(_, count)| count);
         ensure!(dropped == 0, "its empty edges let in all cars but {dropped}");
         Ok(())
     }

@@ -9,9 +9,9 @@ use super::arguments::Arguments;
 use super::timing_file::TimingFile;
 use crate::base::Seed;
 use crate::domain::Action;
-use crate::traffic::grid::Grid;
-use crate::traffic::junctions::Junctions;
-use crate::traffic::signals::{KEEP, Light, SWITCH, YELLOW_STEPS};
+use crate::traffic::controllers::junctions::Junctions;
+use crate::traffic::light::{KEEP, Light, SWITCH, YELLOW_STEPS};
+use crate::traffic::paper_grid::grid::Grid;
 
 /// Steps of green, if none are named.
 const GREEN: u32 = 10;

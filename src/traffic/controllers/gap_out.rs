@@ -1,9 +1,9 @@
 //! Gap-out: hold green as long as somebody uses it.
 
 use crate::domain::Action;
-use crate::traffic::grid::Side;
-use crate::traffic::region::{CELLS, OCCUPANCY};
-use crate::traffic::signals::{KEEP, Light, SWITCH};
+use crate::traffic::light::{KEEP, Light, SWITCH};
+use crate::traffic::observe::{CELLS, OCCUPANCY};
+use crate::traffic::paper_grid::grid::Side;
 
 const GREEN_CELLS: usize = 3;
 const RED_CELLS: usize = 4;

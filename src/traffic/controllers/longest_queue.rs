@@ -1,9 +1,9 @@
 //! Longest queue first: green for the direction with the longest queue.
 
 use crate::domain::Action;
-use crate::traffic::grid::Side;
-use crate::traffic::junctions::Junction;
-use crate::traffic::signals::{KEEP, SWITCH};
+use crate::traffic::controllers::junctions::Junction;
+use crate::traffic::light::{KEEP, SWITCH};
+use crate::traffic::paper_grid::grid::Side;
 
 /// Switches when more cars stand on one edge with red than on either with green.
 pub fn decide(at: &Junction<'_>, min_green: u32) -> Action {
@@ -16,8 +16,8 @@ pub fn decide(at: &Junction<'_>, min_green: u32) -> Action {
 mod tests {
     use super::*;
     use crate::traffic::controllers::MIN_GREEN;
-    use crate::traffic::junctions::tests::middle;
-    use crate::traffic::signals::Light;
+    use crate::traffic::controllers::junctions::tests::middle;
+    use crate::traffic::light::Light;
 
     #[test]
     fn the_longest_single_queue_gets_green() {

@@ -5,9 +5,9 @@
 //! the number on the edge ahead; an edge that leaves the net holds nobody back and counts as empty, as there.
 
 use crate::domain::Action;
-use crate::traffic::grid::Side;
-use crate::traffic::junctions::Junction;
-use crate::traffic::signals::{KEEP, SWITCH};
+use crate::traffic::controllers::junctions::Junction;
+use crate::traffic::light::{KEEP, SWITCH};
+use crate::traffic::paper_grid::grid::Side;
 
 /// Switches when the directions with red have the greater pressure.
 pub fn decide(at: &Junction<'_>, min_green: u32) -> Action {
@@ -26,8 +26,8 @@ fn pressure(at: &Junction<'_>, from: Side) -> i64 {
 mod tests {
     use super::*;
     use crate::traffic::controllers::MIN_GREEN;
-    use crate::traffic::junctions::tests::middle;
-    use crate::traffic::signals::Light;
+    use crate::traffic::controllers::junctions::tests::middle;
+    use crate::traffic::light::Light;
 
     #[test]
     fn the_greater_pressure_gets_green() {

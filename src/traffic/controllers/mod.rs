@@ -6,26 +6,26 @@
 //! [`NAMES`]. A program of its own needs no name: it hands its controller to [`Traffic::global`].
 
 mod arguments;
-mod fixed_time;
+pub mod fixed_time;
 pub mod gap_out;
+pub mod junctions;
 mod longest_queue;
 mod max_pressure;
 pub mod search;
 mod simple;
 pub mod timing_file;
-pub mod tuning;
 mod webster;
 
 use anyhow::{Result, bail};
 
-use super::Traffic;
-use super::grid::Grid;
 use crate::base::Seed;
 use crate::domain::Action;
+use crate::traffic::Traffic;
+use crate::traffic::paper_grid::grid::Grid;
 use arguments::Arguments;
 
-pub use super::junctions::{Junction, Junctions};
 pub use fixed_time::{FixedTime, Timing};
+pub use junctions::{Junction, Junctions};
 pub use simple::{Constant, Random, SwitchEvery};
 
 /// What [`recipe`] takes; K stands for a number of steps.

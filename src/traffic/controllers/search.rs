@@ -9,7 +9,7 @@ use anyhow::Result;
 
 use super::fixed_time::Timing;
 use crate::base::statistics::mean;
-use crate::traffic::grid::Grid;
+use crate::traffic::paper_grid::grid::Grid;
 
 /// Goes up with every change of what is searched or of what counts as the best: timings of another version are looked for
 /// again.

@@ -5,8 +5,8 @@ use rand::Rng;
 use super::LightController;
 use crate::base::{Dice, Seed};
 use crate::domain::Action;
-use crate::traffic::junctions::Junctions;
-use crate::traffic::signals::{KEEP, SWITCH};
+use crate::traffic::controllers::junctions::Junctions;
+use crate::traffic::light::{KEEP, SWITCH};
 
 /// Switches with probability one half, each light at each step on its own.
 pub struct Random {

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::arguments::GREENS;
 use super::fixed_time::Timing;
-use crate::traffic::grid::Grid;
+use crate::traffic::paper_grid::grid::Grid;
 
 /// What helps where a file does not.
 const WAY_OUT: &str = "`dials-traffic baseline CONFIG --controller fixed-time --tune` makes one that fits";

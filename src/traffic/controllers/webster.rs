@@ -13,8 +13,8 @@ use super::fixed_time::{FixedTime, Timing};
 use crate::base::{Rows, Seed};
 use crate::domain::GlobalSimulator;
 use crate::traffic::Traffic;
-use crate::traffic::region::EDGES;
-use crate::traffic::signals::{KEEP, YELLOW_STEPS};
+use crate::traffic::light::{KEEP, YELLOW_STEPS};
+use crate::traffic::observe::EDGES;
 
 /// Cars per hour that a standing queue of our vehicle type lets past the stop line: one in 2.28 s.
 const SATURATION_PER_H: f64 = 1580.0;

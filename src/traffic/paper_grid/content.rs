@@ -7,8 +7,8 @@ use std::io;
 use quick_xml::Writer;
 use quick_xml::events::{BytesDecl, Event};
 
-use super::super::grid::{self, Grid, Node, Side};
-use super::super::region::{EDGE_M, SPEED_LIMIT_MPS};
+use super::grid::{self, Grid, Node, Side};
+use crate::traffic::observe::{EDGE_M, SPEED_LIMIT_MPS};
 
 type Xml = Writer<Vec<u8>>;
 
@@ -244,9 +244,9 @@ pub fn section(xml: &mut Xml, name: &str, options: &[(&str, &str)]) -> io::Resul
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::global::DECEL_MPS2;
-    use super::super::super::signals::{Light, YELLOW_STEPS};
     use super::*;
+    use crate::traffic::light::{Light, YELLOW_STEPS};
+    use crate::traffic::sim::global::DECEL_MPS2;
 
     #[test]
     fn edges_between_intersections_are_as_long_as_edges_to_dead_ends() {

@@ -3,11 +3,11 @@
 //! Routes and lights are read back from the text that [`content`] writes. The net is netconvert's, so this module says what
 //! netconvert makes of our plain XML; a test holds that it does so for grids of many shapes.
 
-use super::super::grid::{self, Grid, Node, Side};
-use super::super::region::{EDGE_M, SPEED_LIMIT_MPS};
 use super::content::{self, CYCLE, HALF_JUNCTION_M, LANE_WIDTH_M, RADIUS_M, STATIC_S};
-use super::tree::{Element, parse};
+use super::grid::{self, Grid, Node, Side};
 use crate::base::AgentId;
+use crate::traffic::network::tree::{Element, parse};
+use crate::traffic::observe::{EDGE_M, SPEED_LIMIT_MPS};
 
 /// The net of a grid, without what is only drawn (shapes of intersections, the place on the map). In the order of netconvert's
 /// kinds: internal edges, edges, lights, junctions, connections.

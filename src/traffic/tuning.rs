@@ -2,16 +2,16 @@
 
 use anyhow::Result;
 
-use super::HandCoded;
-use super::fixed_time::{FixedTime, Timing};
-use super::search::{self, Search, Standing};
-use super::timing_file::{TimingFile, TunedOn};
+use super::controllers::HandCoded;
+use super::controllers::fixed_time::{FixedTime, Timing};
+use super::controllers::search::{self, Search, Standing};
+use super::controllers::timing_file::{TimingFile, TunedOn};
 use crate::base::Seed;
 use crate::domain::GlobalSimulator;
 use crate::sumo::Simulation;
 use crate::traffic::Traffic;
-use crate::traffic::global::{GlobalTraffic, SignalControl};
-use crate::traffic::signals::KEEP;
+use crate::traffic::light::KEEP;
+use crate::traffic::sim::global::{GlobalTraffic, SignalControl};
 
 impl TunedOn {
     /// What a tuning on `traffic` would depend on.

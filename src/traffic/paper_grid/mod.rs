@@ -13,7 +13,7 @@
 mod compare;
 mod content;
 mod expected;
-mod tree;
+pub mod grid;
 
 use std::collections::BTreeSet;
 use std::ffi::OsString;
@@ -26,10 +26,10 @@ use std::process::{Command, Stdio};
 use anyhow::{Context, Result, bail, ensure};
 use tempfile::NamedTempFile;
 
-use super::grid::{self, Grid};
+use grid::Grid;
 
+pub(super) use super::network::tree::{Element, read};
 pub(super) use content::{document, document_with, leaf, nest, section};
-pub(super) use tree::{Element, read};
 
 /// Probability of a car per step on each edge that leads in, in the authors' setup.
 const INFLOW: f64 = 0.1;

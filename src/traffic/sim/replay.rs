@@ -10,10 +10,10 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, ensure};
 use quick_xml::Writer;
 
-use super::SUMO_OPTIONS;
-use super::net_file::{Element, NetworkFiles, document, for_sumo, leaf, nest, section, write_together};
 use super::recording::{Entry, Recording, Step};
 use crate::sumo::{CarTable, DepartSpeed, SignalState, Simulation};
+use crate::traffic::SUMO_OPTIONS;
+use crate::traffic::paper_grid::{Element, NetworkFiles, document, for_sumo, leaf, nest, section, write_together};
 
 type Xml = Writer<Vec<u8>>;
 

@@ -24,7 +24,7 @@ impl Light {
     pub const ALL: [Light; 4] =
         [Light::HorizontalGreen, Light::HorizontalYellow, Light::VerticalYellow, Light::VerticalGreen];
 
-    /// SUMO's letters, in the order of [`super::grid::Side::LINK_ORDER`]: north, east, south, west.
+    /// SUMO's letters, in the order of [`super::paper_grid::grid::Side::LINK_ORDER`]: north, east, south, west.
     pub fn letters(self) -> &'static str {
         match self {
             Light::HorizontalGreen => "rGrG",

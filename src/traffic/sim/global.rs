@@ -4,22 +4,22 @@ use std::time::Instant;
 
 use anyhow::ensure;
 
-use super::controllers::HandCoded;
-use super::grid::{Grid, lane};
-use super::intersections::{Intersections, edges_of};
-use super::junctions::Junctions;
+use super::handles::{Intersections, edges_of};
 use super::metrics::TrafficMetrics;
-use super::net_file::{NetworkFiles, for_sumo};
 use super::recording::{Recorder, Tape};
-use super::region::{self, EDGES};
-use super::signals::{KEEP, Light};
 use crate::base::{AgentId, Phase, Rows, Seed, Stopwatch};
 use crate::config::DSet;
 use crate::domain::{Action, GlobalSimulator, InfluenceSample, Measures, Percept, RegionSpec, Result, Transition};
 use crate::sumo::{Car, CarId, CarTable, LaneCars, LaneId, SignalState, Simulation};
+use crate::traffic::controllers::HandCoded;
+use crate::traffic::controllers::junctions::Junctions;
+use crate::traffic::light::{KEEP, Light};
+use crate::traffic::observe::{self as region, EDGES};
+use crate::traffic::paper_grid::grid::{Grid, lane};
+use crate::traffic::paper_grid::{NetworkFiles, for_sumo};
 
 /// Braking harder than the `decel` of the vehicle type is an emergency.
-pub(super) const DECEL_MPS2: f64 = 7.5;
+pub(in crate::traffic) const DECEL_MPS2: f64 = 7.5;
 
 /// Who runs the lights.
 pub enum SignalControl {
@@ -351,7 +351,7 @@ impl Tally {
             ("emergency_brakes", self.emergency_brakes as f64),
         ];
         Measures {
-            per_agent: vec![(super::P_SWITCH.to_owned(), self.greens.iter().map(share).collect())],
+            per_agent: vec![(crate::traffic::P_SWITCH.to_owned(), self.greens.iter().map(share).collect())],
             system: system.map(|(name, value)| (name.to_owned(), value)).to_vec(),
         }
     }
@@ -371,7 +371,7 @@ fn options(files: &NetworkFiles, control: &SignalControl, episode: Seed) -> Resu
         options.extend(["--additional-files".to_owned(), for_sumo(&files.actuated)?]);
     }
     options.extend(["--seed".to_owned(), episode.for_sumo().to_string()]);
-    options.extend(super::SUMO_OPTIONS.map(str::to_owned));
+    options.extend(crate::traffic::SUMO_OPTIONS.map(str::to_owned));
     Ok(options)
 }
 
@@ -381,7 +381,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::traffic::net_file::read_shape;
+    use crate::traffic::paper_grid::read_shape;
 
     /// When every car wanted to enter, in seconds; of an episode in which this action is taken at every step.
     fn wished_departures(control: SignalControl, action: Action) -> BTreeMap<String, i64> {

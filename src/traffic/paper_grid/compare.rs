@@ -7,7 +7,7 @@
 use std::collections::HashMap;
 use std::fmt;
 
-use super::tree::Element;
+use crate::traffic::network::tree::Element;
 
 /// The first difference between an element of a file and the one that this program would write: what it is, with both values.
 /// The order of the elements within another does not matter.
@@ -147,8 +147,8 @@ fn same_numbers(found: &str, expected: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tree::parse;
     use super::*;
+    use crate::traffic::network::tree::parse;
 
     fn difference_of(found: &str, expected: &str) -> Option<String> {
         let [found, expected] = [found, expected].map(|text| parse(text).expect("XML of the test"));

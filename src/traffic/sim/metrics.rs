@@ -4,9 +4,9 @@
 use anyhow::Result;
 
 use super::global::has_new_car;
-use super::region::EDGES;
 use super::trips::{TripFile, Trips};
 use crate::sumo::CarTable;
+use crate::traffic::observe::EDGES;
 
 /// The figures of an episode.
 pub struct TrafficMetrics {

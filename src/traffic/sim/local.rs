@@ -5,16 +5,16 @@ use std::time::Instant;
 
 use anyhow::Context;
 
-use super::forest::{Region, write_forest};
-use super::grid::Grid;
-use super::intersections::{Intersections, edges_of};
-use super::net_file::{NetworkFiles, for_sumo};
+use super::handles::{Intersections, edges_of};
 use super::recording::{Recorder, Tape};
-use super::region::{self, EDGES};
 use crate::base::{Phase, Rows, Stopwatch};
 use crate::config::{DSet, EntryRule};
 use crate::domain::{Action, Beginning, LocalSimulator, Percept, RegionSpec, Result, Transition};
 use crate::sumo::{CarTable, DepartSpeed, Insertion, LaneCars, LaneId, RouteId, Simulation};
+use crate::traffic::cut::forest::{Region, write_forest};
+use crate::traffic::observe::{self as region, EDGES};
+use crate::traffic::paper_grid::grid::Grid;
+use crate::traffic::paper_grid::{NetworkFiles, for_sumo};
 
 /// The counter of sampled arrivals that found no room.
 pub const DROPPED: &str = "dropped_arrivals";
@@ -230,6 +230,6 @@ fn options(net: &Path, routes: &Path) -> Result<Vec<String>> {
     // On one lane without overtaking nobody collides, and to look for it takes 3 % of a step (a test holds that it
     // changes nothing, however dense the traffic).
     options.extend(["--collision.action".to_owned(), "none".to_owned()]);
-    options.extend(super::SUMO_OPTIONS.map(str::to_owned));
+    options.extend(crate::traffic::SUMO_OPTIONS.map(str::to_owned));
     Ok(options)
 }

@@ -3,7 +3,7 @@
 //! An incoming edge is 100 m long and cut into cells of 10 m, counted from the stop line. The agent sees nine of them;
 //! the tenth, the *entry cell*, is where influence enters, and hidden. Cars inside the junction belong to no edge.
 
-use super::signals::Light;
+use super::light::Light;
 use crate::config::DSet;
 use crate::domain::{RegionSpec, SourceSpec};
 use crate::sumo::LaneCars;

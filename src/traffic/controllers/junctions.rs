@@ -1,20 +1,20 @@
 //! What hand-coded controllers see of the intersections: more than an agent observes, such as queues and the cars that have
 //! left. Learning sees none of it.
 
-use super::grid::{Grid, Side};
-use super::intersections::edges_of;
-use super::signals::Light;
 use crate::base::{AgentId, Rows};
 use crate::sumo::{CarTable, LaneCars};
+use crate::traffic::light::Light;
+use crate::traffic::paper_grid::grid::{Grid, Side};
+use crate::traffic::sim::handles::edges_of;
 
 /// All intersections, as the last step left them.
 pub struct Junctions<'a> {
-    pub(super) grid: Grid,
-    pub(super) lights: &'a [Light],
-    pub(super) shown_steps: &'a [u32],
-    pub(super) obs: &'a Rows<f32>,
-    pub(super) incoming: &'a CarTable,
-    pub(super) outgoing: &'a CarTable,
+    pub(in crate::traffic) grid: Grid,
+    pub(in crate::traffic) lights: &'a [Light],
+    pub(in crate::traffic) shown_steps: &'a [u32],
+    pub(in crate::traffic) obs: &'a Rows<f32>,
+    pub(in crate::traffic) incoming: &'a CarTable,
+    pub(in crate::traffic) outgoing: &'a CarTable,
 }
 
 impl<'a> Junctions<'a> {
@@ -38,13 +38,13 @@ impl<'a> Junctions<'a> {
 
 /// One intersection.
 pub struct Junction<'a> {
-    pub(super) grid: Grid,
-    pub(super) agent: AgentId,
-    pub(super) light: Light,
-    pub(super) shown_steps: u32,
-    pub(super) obs: &'a [f32],
-    pub(super) incoming: [LaneCars<'a>; 4],
-    pub(super) outgoing: [LaneCars<'a>; 4],
+    pub(in crate::traffic) grid: Grid,
+    pub(in crate::traffic) agent: AgentId,
+    pub(in crate::traffic) light: Light,
+    pub(in crate::traffic) shown_steps: u32,
+    pub(in crate::traffic) obs: &'a [f32],
+    pub(in crate::traffic) incoming: [LaneCars<'a>; 4],
+    pub(in crate::traffic) outgoing: [LaneCars<'a>; 4],
 }
 
 impl<'a> Junction<'a> {

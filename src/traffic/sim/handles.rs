@@ -1,9 +1,9 @@
 //! The intersections of a loaded net, whichever it is: their lights, and the cars on their incoming lanes.
 
-use super::region::EDGES;
-use super::signals::{Light, Signal};
 use crate::domain::{Action, Result};
 use crate::sumo::{CarTable, LaneCars, LaneId, LightId, SignalState, Simulation};
+use crate::traffic::light::{Light, Signal};
+use crate::traffic::observe::EDGES;
 
 /// The handles and lights of many intersections, one row each.
 pub struct Intersections {

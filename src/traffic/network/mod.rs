@@ -1,0 +1,5 @@
+//! Networks as files.
+//!
+//! - [`tree`]: XML read as a tree.
+
+pub mod tree;
