@@ -8,8 +8,11 @@ use std::process::Command;
 
 use dials_traffic::base::AgentId;
 use dials_traffic::traffic::cut::forest::{Region, write_forest};
-use dials_traffic::traffic::paper_grid::grid::{Grid, Node, Side, lane};
-use dials_traffic::traffic::paper_grid::{NetworkFiles, read_grid, read_shape, write_grid, write_local};
+use dials_traffic::traffic::network::files::NetworkFiles;
+use dials_traffic::traffic::paper_grid::grid::{Grid, Node, lane};
+use dials_traffic::traffic::paper_grid::make::{write_grid, write_local};
+use dials_traffic::traffic::paper_grid::recognise::{read_grid, read_shape};
+use dials_traffic::traffic::side::Side;
 use quick_xml::Reader;
 use quick_xml::events::Event;
 use tempfile::TempDir;

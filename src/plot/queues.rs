@@ -3,7 +3,8 @@
 use anyhow::Result;
 
 use super::*;
-use crate::traffic::paper_grid::grid::{Side, lane};
+use crate::traffic::paper_grid::grid::lane;
+use crate::traffic::side::Side;
 use crate::traffic::sim::recording::Recording;
 
 const SIZE: (i32, i32) = (1100, 690);

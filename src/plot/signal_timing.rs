@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::*;
-use crate::traffic::light::Light;
+use crate::traffic::agents::phases::Light;
 use crate::traffic::sim::recording::Recording;
 
 const WIDTH: i32 = 1100;

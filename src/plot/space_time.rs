@@ -6,7 +6,8 @@ use anyhow::{Result, ensure};
 
 use super::*;
 use crate::base::AgentId;
-use crate::traffic::paper_grid::grid::{Side, lane};
+use crate::traffic::paper_grid::grid::lane;
+use crate::traffic::side::Side;
 use crate::traffic::sim::recording::Recording;
 
 const WIDTH: i32 = 1100;

@@ -1,17 +1,17 @@
-//! Tuning fixed-time lights on the GS: the [`search`] with SUMO as the judge.
+//! Tuning fixed-time lights on the GS: the search with SUMO as the judge.
 
 use anyhow::Result;
 
-use super::controllers::HandCoded;
-use super::controllers::fixed_time::{FixedTime, Timing};
+use super::Traffic;
 use super::controllers::search::{self, Search, Standing};
 use super::controllers::timing_file::{TimingFile, TunedOn};
+use super::controllers::{FixedTime, HandCoded, Timing};
+use super::light::KEEP;
+use super::sim::control::SignalControl;
+use super::sim::global::GlobalTraffic;
 use crate::base::Seed;
 use crate::domain::GlobalSimulator;
 use crate::sumo::Simulation;
-use crate::traffic::Traffic;
-use crate::traffic::light::KEEP;
-use crate::traffic::sim::global::{GlobalTraffic, SignalControl};
 
 impl TunedOn {
     /// What a tuning on `traffic` would depend on.

@@ -7,7 +7,7 @@
 
 use anyhow::Result;
 
-use super::fixed_time::Timing;
+use super::timing::Timing;
 use crate::base::statistics::mean;
 use crate::traffic::paper_grid::grid::Grid;
 

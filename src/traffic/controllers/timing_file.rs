@@ -6,7 +6,7 @@ use anyhow::{Context, Result, ensure};
 use serde::{Deserialize, Serialize};
 
 use super::arguments::GREENS;
-use super::fixed_time::Timing;
+use super::timing::Timing;
 use crate::traffic::paper_grid::grid::Grid;
 
 /// What helps where a file does not.

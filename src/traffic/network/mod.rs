@@ -1,5 +1,12 @@
-//! Networks as files.
+//! Networks as files, whoever made them.
 //!
-//! - [`tree`]: XML read as a tree.
+//! - [`files`]: which files a network is; `together`: several files written at once; `way_out`: what to do without them.
+//! - `tree`, `xml`: XML read and written.
 
-pub mod tree;
+pub mod files;
+mod together;
+pub(super) mod tree;
+pub(super) mod way_out;
+pub(super) mod xml;
+
+pub(super) use together::write_together;

@@ -3,11 +3,13 @@
 //! Routes and lights are read back from the text that [`content`] writes. The net is netconvert's, so this module says what
 //! netconvert makes of our plain XML; a test holds that it does so for grids of many shapes.
 
-use super::content::{self, CYCLE, HALF_JUNCTION_M, LANE_WIDTH_M, RADIUS_M, STATIC_S};
-use super::grid::{self, Grid, Node, Side};
+use super::content::{self, HALF_JUNCTION_M, LANE_WIDTH_M, RADIUS_M, STATIC_S};
+use super::grid::{self, Grid, Node};
 use crate::base::AgentId;
+use crate::traffic::agents::phases::Light;
+use crate::traffic::agents::region::{EDGE_M, SPEED_LIMIT_MPS};
 use crate::traffic::network::tree::{Element, parse};
-use crate::traffic::observe::{EDGE_M, SPEED_LIMIT_MPS};
+use crate::traffic::side::Side;
 
 /// The net of a grid, without what is only drawn (shapes of intersections, the place on the map). In the order of netconvert's
 /// kinds: internal edges, edges, lights, junctions, connections.
@@ -91,9 +93,9 @@ fn ends(grid: Grid, from: Node, to: Node) -> [(f64, f64); 2] {
 }
 
 fn light(grid: Grid, agent: AgentId) -> Element {
-    let phases = CYCLE.into_iter().zip(STATIC_S);
+    let phases = Light::CYCLE.into_iter().zip(STATIC_S);
     let phases =
-        phases.map(|(state, s)| element("phase", [("duration", s.into()), ("state", state.into())], Vec::new()));
+        phases.map(|(state, s)| element("phase", [("duration", s.into()), ("state", state.letters())], Vec::new()));
     let (kind, program) = (("type", "static".into()), ("programID", "0".into()));
     element("tlLogic", [("id", grid.light(agent)), kind, program, ("offset", "0".into())], phases.collect())
 }

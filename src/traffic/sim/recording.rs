@@ -11,8 +11,9 @@ use anyhow::{Context, Result};
 
 use crate::sumo::{CarTable, DepartSpeed, Departure, Insertion, LaneCars, LaneId, LightId, SignalState, Simulation};
 use crate::traffic::cut::forest::Region;
+use crate::traffic::network::files::NetworkFiles;
+use crate::traffic::network::tree::{Element, read};
 use crate::traffic::paper_grid::grid::{Grid, lane};
-use crate::traffic::paper_grid::{Element, NetworkFiles, read};
 
 /// Room for one episode. Clones are the same tape.
 #[derive(Clone, Debug, Default)]

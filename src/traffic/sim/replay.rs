@@ -8,14 +8,14 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, ensure};
-use quick_xml::Writer;
 
+use super::options::{STEP_LENGTH_S, TIME_TO_TELEPORT_S};
 use super::recording::{Entry, Recording, Step};
 use crate::sumo::{CarTable, DepartSpeed, SignalState, Simulation};
-use crate::traffic::SUMO_OPTIONS;
-use crate::traffic::paper_grid::{Element, NetworkFiles, document, for_sumo, leaf, nest, section, write_together};
-
-type Xml = Writer<Vec<u8>>;
+use crate::traffic::network::files::{NetworkFiles, for_sumo};
+use crate::traffic::network::tree::Element;
+use crate::traffic::network::write_together;
+use crate::traffic::network::xml::{Xml, document, leaf, nest, section};
 
 /// The one name of the files of a replay.
 const NAME: &str = "replay";
@@ -166,11 +166,10 @@ fn config(recording: &Recording) -> String {
     let NetworkFiles { net, routes, .. } = NetworkFiles::of(Path::new(NAME));
     let (net, routes) = (net.to_string_lossy(), routes.to_string_lossy());
     let (end, seed) = (recording.steps.len().to_string(), recording.seed.to_string());
-    let [_, step_length, _, time_to_teleport] = SUMO_OPTIONS;
     document("configuration", |xml| {
         section(xml, "input", &[("net-file", &net), ("route-files", &routes), ("additional-files", SIGNALS)])?;
-        section(xml, "time", &[("begin", "0"), ("end", &end), ("step-length", step_length)])?;
-        section(xml, "processing", &[("time-to-teleport", time_to_teleport)])?;
+        section(xml, "time", &[("begin", "0"), ("end", &end), ("step-length", STEP_LENGTH_S)])?;
+        section(xml, "processing", &[("time-to-teleport", TIME_TO_TELEPORT_S)])?;
         section(xml, "random_number", &[("seed", &seed)])?;
         section(xml, "report", &[("no-warnings", "true"), ("xml-validation", "never")])?;
         section(xml, "gui_only", &[("gui-settings-file", VIEW)])
