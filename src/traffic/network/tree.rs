@@ -1,13 +1,13 @@
-//! XML files read as a tree of elements, with errors that say where in the file.
+//! XML files read as a tree of elements that can be kept, compared and made by hand.
 //!
-//! SUMO's files keep everything in attributes, so text between elements is skipped, as are comments.
+//! SUMO's files keep everything in attributes, so text between elements is skipped, as are comments. So are attributes with
+//! a namespace: they say where a schema lies.
 
 use std::fs;
 use std::path::Path;
 
 use anyhow::{Context, Result, anyhow};
-use quick_xml::Reader;
-use quick_xml::events::{BytesStart, Event};
+use roxmltree::{Document, Node};
 
 /// One element and everything inside it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -29,76 +29,24 @@ impl Element {
     }
 }
 
-/// The root element of a file.
+/// Returns the root element of a file. An error says where the file is not XML.
 pub fn read(path: &Path) -> Result<Element> {
     let text = fs::read_to_string(path).with_context(|| format!("{}: could not be read", path.display()))?;
-    parse(&text).map_err(|fault| {
-        let (line, column) = line_and_column(&text, fault.offset);
-        anyhow!("{}: is not XML (line {line}, column {column}): {}", path.display(), fault.what)
-    })
+    parse(&text).map_err(|error| anyhow!("{}: is not XML: {error}", path.display()))
 }
 
-/// What is wrong with a text, and at which of its bytes.
-#[derive(Debug)]
-pub struct Fault {
-    offset: u64,
-    what: String,
+/// Returns the root element of a text.
+pub fn parse(text: &str) -> Result<Element, roxmltree::Error> {
+    Ok(element(Document::parse(text)?.root_element()))
 }
 
-/// The root element of a text.
-pub fn parse(text: &str) -> Result<Element, Fault> {
-    let mut reader = Reader::from_str(text);
-    let mut open: Vec<Element> = Vec::new();
-    let mut root = None;
-    loop {
-        let event =
-            reader.read_event().map_err(|error| Fault { offset: reader.error_position(), what: error.to_string() })?;
-        let here = |what: String| Fault { offset: reader.buffer_position(), what };
-        let closed = match event {
-            Event::Start(tag) => {
-                open.push(element(&tag, &reader).map_err(|error| here(error.to_string()))?);
-                None
-            }
-            Event::Empty(tag) => Some(element(&tag, &reader).map_err(|error| here(error.to_string()))?),
-            Event::End(_) => open.pop(),
-            Event::Text(text) if open.is_empty() && !text.iter().all(u8::is_ascii_whitespace) => {
-                return Err(here("text outside of any element".into()));
-            }
-            Event::Eof => {
-                // The reader itself accepts a file that was cut off.
-                return match open.last() {
-                    Some(element) => Err(here(format!("the file ends inside of <{}>", element.name))),
-                    None => root.ok_or_else(|| here("the file has no element".into())),
-                };
-            }
-            _ => None,
-        };
-        let Some(closed) = closed else { continue };
-        match open.last_mut() {
-            Some(parent) => parent.children.push(closed),
-            None if root.is_none() => root = Some(closed),
-            None => return Err(here("a second root element".into())),
-        }
+fn element(node: Node<'_, '_>) -> Element {
+    let plain = node.attributes().filter(|attribute| attribute.namespace().is_none());
+    Element {
+        name: node.tag_name().name().to_owned(),
+        attributes: plain.map(|attribute| (attribute.name().to_owned(), attribute.value().to_owned())).collect(),
+        children: node.children().filter(Node::is_element).map(element).collect(),
     }
-}
-
-fn element(tag: &BytesStart, reader: &Reader<&[u8]>) -> Result<Element, quick_xml::Error> {
-    let text = |bytes| reader.decoder().decode(bytes).map(|text| text.into_owned());
-    let mut attributes = Vec::new();
-    for attribute in tag.attributes() {
-        let attribute = attribute?;
-        let value = attribute.decode_and_unescape_value(reader.decoder())?.into_owned();
-        attributes.push((text(attribute.key.into_inner())?, value));
-    }
-    Ok(Element { name: text(tag.name().into_inner())?, attributes, children: Vec::new() })
-}
-
-/// Both count from 1, as editors do.
-fn line_and_column(text: &str, offset: u64) -> (usize, usize) {
-    let before = &text.as_bytes()[..text.len().min(offset as usize)];
-    let line_begin = before.iter().rposition(|&byte| byte == b'\n').map_or(0, |newline| newline + 1);
-    let line = 1 + before.iter().filter(|&&byte| byte == b'\n').count();
-    (line, 1 + before.len() - line_begin)
 }
 
 #[cfg(test)]
@@ -116,21 +64,25 @@ mod tests {
     #[test]
     fn an_error_says_where() {
         // The end tag begins at line 2, column 3 and names another element than the one that is open.
-        let mismatch = error_of("<net>\n  </nets>");
-        assert!(mismatch.starts_with("x.xml: is not XML (line 2, column 3): "), "{mismatch}");
-        let cut = error_of("<net>\n<edge id=\"a\">");
-        assert_eq!(cut, "x.xml: is not XML (line 2, column 14): the file ends inside of <edge>");
-        assert!(error_of("no net").ends_with("text outside of any element"));
-        assert!(error_of("").ends_with("the file has no element"));
-        assert!(error_of("<net/><net/>").ends_with("a second root element"));
-        assert!(error_of("<net a=1/>").starts_with("x.xml: is not XML (line 1, column "));
+        assert_eq!(error_of("<net>\n  </nets>"), "x.xml: is not XML: expected 'net' tag, not 'nets' at 2:3");
+        assert!(error_of("<net a=1/>").starts_with("x.xml: is not XML: ") && error_of("<net a=1/>").ends_with(" at 1:8"));
+        assert!(error_of("no net").ends_with(" at 1:1"));
+        assert!(error_of("<net/><net/>").ends_with(" at 1:7"));
+        assert_eq!(error_of("<net>\n<edge id=\"a\">"), "x.xml: is not XML: the root node was opened but never closed");
+        assert_eq!(error_of(""), "x.xml: is not XML: the document does not have a root node");
     }
 
     #[test]
     fn elements_keep_their_attributes_and_their_children_in_order() {
-        let Ok(root) = parse("<a><b x=\"1\" y=\"&lt;\"/><!-- --><c/><b/></a>") else { panic!("it is well-formed") };
+        let root = parse("<a><b x=\"1\" y=\"&lt;\"/><!-- --><c/><b/></a>").expect("well-formed XML");
         assert_eq!(root.all("b").count(), 2);
         assert_eq!(root.children[0].attribute("y"), Some("<"));
         assert_eq!(root.children[1].name, "c");
+    }
+
+    #[test]
+    fn where_the_schema_lies_is_not_kept() {
+        let root = parse("<net xmlns:xsi=\"http://a\" xsi:noNamespaceSchemaLocation=\"b\" version=\"1.9\"/>").unwrap();
+        assert_eq!(root.attributes, [("version".to_owned(), "1.9".to_owned())]);
     }
 }

@@ -108,7 +108,6 @@ impl<'a> Allowed<'a> {
             // Which side of the road cars drive on is the only attribute of a net that moves them.
             ("net", key) if key != "lefthand" => Allowed::Anything,
             ("junction", "shape") | ("vType", "guiShape" | "imgFile") | (_, "color" | "name") => Allowed::Anything,
-            (_, key) if key.starts_with("xmlns:") || key.starts_with("xsi:") => Allowed::Anything,
             _ => value.map_or(Allowed::Nothing, |value| Allowed::Value { key, value }),
         }
     }

@@ -96,7 +96,7 @@ impl TrafficMetrics {
     /// What SUMO wrote of the trips.
     #[cfg(test)]
     pub fn trips_as_text(mut self) -> String {
-        self.trip_file.text()
+        self.trip_file.text().expect("the trips of an episode")
     }
 
     fn per_edge_step(&self, sum: u64, intersections: usize) -> f64 {

@@ -1,13 +1,11 @@
 //! What SUMO itself tells of every car's trip: its tripinfo output, read when an episode is over.
 
-use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufReader, Seek};
+use std::io::{Read, Seek};
 use std::os::fd::AsRawFd;
 
-use anyhow::{Context, Result, bail};
-use quick_xml::Reader;
-use quick_xml::events::Event;
+use anyhow::{Context, Result};
+use roxmltree::{Document, Node};
 
 /// Where SUMO writes the trips of an episode: a file without a name, so that a killed process leaves none behind.
 pub struct TripFile {
@@ -35,70 +33,60 @@ impl TripFile {
     /// What makes SUMO write the trips, from the beginning of the file. Digits: as many as there are in a millisecond.
     pub fn options(&self) -> [String; 8] {
         let place = format!("/proc/self/fd/{}", self.file.as_raw_fd());
-        let on = || "true".to_owned();
         [
-            "--tripinfo-output".to_owned(),
-            place,
-            "--tripinfo-output.write-unfinished".to_owned(),
-            on(),
-            "--tripinfo-output.write-undeparted".to_owned(),
-            on(),
-            "--precision".to_owned(),
-            "6".to_owned(),
+            "--tripinfo-output",
+            &place,
+            "--tripinfo-output.write-unfinished",
+            "true",
+            "--tripinfo-output.write-undeparted",
+            "true",
+            "--precision",
+            "6",
         ]
+        .map(str::to_owned)
     }
 
-    /// The trips that SUMO wrote; it writes those of the cars on the road when it closes the simulation.
+    /// Returns the means of the trips that SUMO wrote. It writes those of the cars on the road when it closes the simulation.
     pub fn read(&mut self) -> Result<Trips> {
-        self.file.rewind().context("SUMO's trips")?;
-        read(&mut Reader::from_reader(BufReader::new(&self.file)))
+        means(&self.text()?)
     }
 
-    #[cfg(test)]
-    pub fn text(&mut self) -> String {
-        self.file.rewind().expect("a file");
-        std::io::read_to_string(&self.file).expect("text")
+    /// Returns what SUMO wrote.
+    pub fn text(&mut self) -> Result<String> {
+        let mut text = String::new();
+        self.file.rewind().and_then(|()| self.file.read_to_string(&mut text)).context("SUMO's trips cannot be read")?;
+        Ok(text)
     }
 }
 
-fn read(reader: &mut Reader<impl std::io::BufRead>) -> Result<Trips> {
-    let mut buffer = Vec::new();
+fn means(text: &str) -> Result<Trips> {
+    let document = Document::parse(text).context("SUMO's trips are not XML")?;
     let (mut sums, mut cars, mut entered) = (Trips::default(), 0_u32, 0_u32);
-    loop {
-        buffer.clear();
-        let tag = match reader.read_event_into(&mut buffer).context("SUMO's trips are not XML")? {
-            Event::Start(tag) | Event::Empty(tag) if tag.name().as_ref() == b"tripinfo" => tag,
-            Event::End(tag) if tag.name().as_ref() == b"tripinfos" => break,
-            // A net that no car came near has an empty root.
-            Event::Empty(tag) if tag.name().as_ref() == b"tripinfos" => break,
-            Event::Eof => bail!("SUMO's trips end too early"),
-            _ => continue,
-        };
-        let mut values = BTreeMap::new();
-        for attribute in tag.attributes() {
-            let attribute = attribute.context("SUMO's trips are not XML")?;
-            values.insert(attribute.key.as_ref().to_vec(), attribute.value.into_owned());
-        }
-        let number = |name: &str| -> Result<f64> {
-            let text = values.get(name.as_bytes()).map(|bytes| String::from_utf8_lossy(bytes));
-            let number = text.as_deref().and_then(|text| text.parse().ok());
-            number.with_context(|| format!("a trip of SUMO's has no number `{name}`"))
-        };
+    for trip in document.root_element().children().filter(|node| node.has_tag_name("tripinfo")) {
         cars += 1;
-        sums.delay_s += number("timeLoss")? + number("departDelay")?;
+        sums.delay_s += number(trip, "timeLoss")? + number(trip, "departDelay")?;
         // A car that never entered departs at -1.
-        if number("depart")? >= 0.0 {
+        if number(trip, "depart")? >= 0.0 {
             entered += 1;
-            sums.travel_time_s += number("duration")?;
-            sums.waiting_time_s += number("waitingTime")?;
+            sums.travel_time_s += number(trip, "duration")?;
+            sums.waiting_time_s += number(trip, "waitingTime")?;
         }
     }
-    let mean = |sum: f64, cars: u32| sum / f64::from(cars.max(1));
     Ok(Trips {
         travel_time_s: mean(sums.travel_time_s, entered),
         delay_s: mean(sums.delay_s, cars),
         waiting_time_s: mean(sums.waiting_time_s, entered),
     })
+}
+
+fn number(trip: Node<'_, '_>, name: &str) -> Result<f64> {
+    let number = trip.attribute(name).and_then(|text| text.parse().ok());
+    number.with_context(|| format!("a trip of SUMO's has no number `{name}`"))
+}
+
+/// Returns 0 where there are no cars.
+fn mean(sum: f64, cars: u32) -> f64 {
+    sum / f64::from(cars.max(1))
 }
 
 #[cfg(test)]
@@ -112,18 +100,17 @@ mod tests {
             <tripinfo id="b" depart="9.0" departDelay="0.0" arrival="-1.0" duration="20.0" waitingTime="1.0" timeLoss="2.5"/>
             <tripinfo id="c" depart="-1" departDelay="16.0" arrival="-1.0" duration="0.0" waitingTime="0.0" timeLoss="0.0"/>
             </tripinfos>"#;
-        let trips = read(&mut Reader::from_reader(text.as_bytes())).unwrap();
+        let trips = means(text).unwrap();
         // (40 + 20) / 2; (7.5 + 1 + 2.5 + 16) / 3; (5 + 1) / 2
         assert_eq!(trips, Trips { travel_time_s: 30.0, delay_s: 9.0, waiting_time_s: 3.0 });
     }
 
     #[test]
     fn an_episode_without_cars_has_no_delay_and_a_torn_file_is_an_error() {
-        let read = |text: &str| super::read(&mut Reader::from_reader(text.as_bytes()));
-        assert_eq!(read("<tripinfos/>").unwrap(), Trips::default());
-        assert!(read("<tripinfos><tripinfo id=\"a\"").is_err());
-        assert!(read("<tripinfos>").unwrap_err().to_string().contains("end too early"));
-        let error = read("<tripinfos><tripinfo depart=\"1\"/></tripinfos>").unwrap_err().to_string();
+        assert_eq!(means("<tripinfos/>").unwrap(), Trips::default());
+        assert!(means("<tripinfos><tripinfo id=\"a\"").is_err());
+        assert_eq!(means("<tripinfos>").unwrap_err().to_string(), "SUMO's trips are not XML");
+        let error = means("<tripinfos><tripinfo depart=\"1\"/></tripinfos>").unwrap_err().to_string();
         assert_eq!(error, "a trip of SUMO's has no number `timeLoss`");
     }
 }
