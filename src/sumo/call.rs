@@ -197,9 +197,7 @@ impl Crossing {
                 array(read.speed_factors, read.count),
             )
         };
-        let text = |number: usize| {
-            String::from_utf8_lossy(&letters[starts[number] as usize..starts[number + 1] as usize]).into_owned()
-        };
+        let text = |number: usize| text_between(letters, &starts[number..]);
         Ok((0..cars.len())
             .map(|car| Departure {
                 id: CarId(cars[car]),
@@ -265,6 +263,11 @@ unsafe fn array<'a, T>(pointer: *const T, length: usize) -> &'a [T] {
     }
     // SAFETY: the caller's promise.
     unsafe { slice::from_raw_parts(pointer, length) }
+}
+
+/// Returns the text that begins at the first of `starts` and ends before the second.
+fn text_between(letters: &[u8], starts: &[u32]) -> String {
+    String::from_utf8_lossy(&letters[starts[0] as usize..starts[1] as usize]).into_owned()
 }
 
 fn check(code: c_int, action: &'static str) -> Result<()> {

@@ -300,12 +300,15 @@ fn check_insertion(insertion: &Insertion) -> Result<()> {
     if insertion.car >= 1 << 63 {
         return refused("serials from 2^63 on are kept for cars with names".into());
     }
-    let number = |value: f64| value.is_finite() && value >= 0.0;
-    if !number(insertion.position_m) {
+    if !is_number(insertion.position_m) {
         return refused(format!("position {} m is not on the road", insertion.position_m));
     }
     match insertion.speed {
-        DepartSpeed::Fixed(speed_mps) if !number(speed_mps) => refused(format!("{speed_mps} m/s is no speed")),
+        DepartSpeed::Fixed(speed_mps) if !is_number(speed_mps) => refused(format!("{speed_mps} m/s is no speed")),
         _ => Ok(()),
     }
+}
+
+fn is_number(value: f64) -> bool {
+    value.is_finite() && value >= 0.0
 }

@@ -4,6 +4,7 @@ use super::hand_coded::{self, Rule};
 use super::items::{self, Appearances};
 use super::layout::Layout;
 use super::region::{self, Age, CENTRE, NEIGHBOURS, NO_ITEM, SHARED, SHELVES};
+use super::scene;
 use crate::base::{AgentId, Dice, Rows, Seed};
 use crate::domain::{
     Action, GlobalSimulator, InfluenceSample, Measures, Percept, RegionSpec, Result, Scene, Transition,
@@ -56,19 +57,6 @@ impl GlobalWarehouse {
             layout: layout.clone(),
             spec,
         }
-    }
-
-    pub(super) fn layout(&self) -> &Layout {
-        &self.layout
-    }
-
-    pub(super) fn ages(&self) -> &[Age] {
-        &self.ages
-    }
-
-    /// A robot's cell within its region.
-    pub(super) fn cell(&self, robot: usize) -> u8 {
-        self.cells[robot]
     }
 
     fn ages_around(&self, robot: usize) -> [Age; SHELVES] {
@@ -179,7 +167,7 @@ impl GlobalSimulator for GlobalWarehouse {
     }
 
     fn scene(&self) -> Option<Scene> {
-        Some(super::scene::draw(self))
+        Some(scene::draw(&self.layout, &self.ages, &self.cells))
     }
 }
 

@@ -29,16 +29,11 @@ pub struct NetworkFiles {
 impl NetworkFiles {
     /// The network that a config names: directory and name, such as `../sumo_nets/grid_2x2`. They need not exist.
     pub fn of(prefix: &Path) -> NetworkFiles {
-        let file = |ending: &str| {
-            let mut path = OsString::from(prefix);
-            path.push(ending); // `with_extension` would take a dot in the name for an extension.
-            PathBuf::from(path)
-        };
         NetworkFiles {
-            net: file(".net.xml"),
-            routes: file(".rou.xml"),
-            actuated: file(".actuated.add.xml"),
-            config: file(".sumocfg"),
+            net: with_ending(prefix, ".net.xml"),
+            routes: with_ending(prefix, ".rou.xml"),
+            actuated: with_ending(prefix, ".actuated.add.xml"),
+            config: with_ending(prefix, ".sumocfg"),
         }
     }
 
@@ -70,11 +65,10 @@ impl NetworkFiles {
     pub fn copy_to(&self, dir: &Path, name: &str) -> Result<NetworkFiles> {
         self.check()?;
         let copy = NetworkFiles::of(&dir.join(name));
-        let text = |path: &Path| fs::read(path).with_context(|| format!("{}: could not be read", path.display()));
         let contents = [
-            (copy.net.clone(), text(&self.net)?),
-            (copy.routes.clone(), text(&self.routes)?),
-            (copy.actuated.clone(), text(&self.actuated)?),
+            (copy.net.clone(), whole(&self.net)?),
+            (copy.routes.clone(), whole(&self.routes)?),
+            (copy.actuated.clone(), whole(&self.actuated)?),
             (copy.config.clone(), config(name).into_bytes()),
         ];
         write_together(dir, &contents)?;
@@ -84,6 +78,18 @@ impl NetworkFiles {
     fn all(&self) -> [&Path; 4] {
         [&self.net, &self.routes, &self.actuated, &self.config]
     }
+}
+
+/// Returns a path with more text at its end; `with_extension` would take a dot in the name for an extension.
+fn with_ending(prefix: &Path, ending: &str) -> PathBuf {
+    let mut path = OsString::from(prefix);
+    path.push(ending);
+    PathBuf::from(path)
+}
+
+/// Returns the bytes of a file.
+fn whole(path: &Path) -> Result<Vec<u8>> {
+    fs::read(path).with_context(|| format!("{}: could not be read", path.display()))
 }
 
 /// A path as SUMO takes it among its options: text, and one file only.

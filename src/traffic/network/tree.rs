@@ -65,7 +65,9 @@ mod tests {
     fn an_error_says_where() {
         // The end tag begins at line 2, column 3 and names another element than the one that is open.
         assert_eq!(error_of("<net>\n  </nets>"), "x.xml: is not XML: expected 'net' tag, not 'nets' at 2:3");
-        assert!(error_of("<net a=1/>").starts_with("x.xml: is not XML: ") && error_of("<net a=1/>").ends_with(" at 1:8"));
+        assert!(
+            error_of("<net a=1/>").starts_with("x.xml: is not XML: ") && error_of("<net a=1/>").ends_with(" at 1:8")
+        );
         assert!(error_of("no net").ends_with(" at 1:1"));
         assert!(error_of("<net/><net/>").ends_with(" at 1:7"));
         assert_eq!(error_of("<net>\n<edge id=\"a\">"), "x.xml: is not XML: the root node was opened but never closed");

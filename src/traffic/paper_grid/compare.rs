@@ -6,6 +6,7 @@
 
 use std::collections::HashMap;
 use std::fmt;
+use std::num::ParseFloatError;
 
 use crate::traffic::network::tree::Element;
 
@@ -29,12 +30,13 @@ fn in_attributes(found: &Element, expected: &Element, name: &str) -> Option<Stri
             None => Some(format!("{name}: has no {key}, and this program simulates {allowed}")),
         }
     });
-    let stranger = || {
-        let added = found.attributes.iter().filter(|(key, _)| expected.attribute(key).is_none());
-        let mut refused = added.filter(|(key, _)| Allowed::of(&found.name, key, None) != Allowed::Anything);
-        refused.next().map(|(key, value)| format!("{name}: {key}={value:?}, and this program simulates none"))
-    };
-    wrong.or_else(stranger)
+    wrong.or_else(|| added_attribute(found, expected, name))
+}
+
+fn added_attribute(found: &Element, expected: &Element, name: &str) -> Option<String> {
+    let added = found.attributes.iter().filter(|(key, _)| expected.attribute(key).is_none());
+    let mut refused = added.filter(|(key, _)| Allowed::of(&found.name, key, None) != Allowed::Anything);
+    refused.next().map(|(key, value)| format!("{name}: {key}={value:?}, and this program simulates none"))
 }
 
 fn in_children(found: &Element, expected: &Element, name: &str) -> Option<String> {
@@ -140,8 +142,11 @@ fn is_text(key: &str) -> bool {
 
 /// Whether both are lists of the same numbers, with blanks or commas between them.
 fn same_numbers(found: &str, expected: &str) -> bool {
-    let numbers = |text: &str| text.split([' ', ',']).map(str::parse).collect::<Result<Vec<f64>, _>>();
     matches!((numbers(found), numbers(expected)), (Ok(found), Ok(expected)) if found == expected)
+}
+
+fn numbers(text: &str) -> Result<Vec<f64>, ParseFloatError> {
+    text.split([' ', ',']).map(str::parse).collect()
 }
 
 #[cfg(test)]

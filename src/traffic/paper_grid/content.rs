@@ -171,9 +171,13 @@ fn straight_on(
     Ok(())
 }
 
+/// Returns the distance in metres from the first intersection of a row or column to another one.
+fn at(index: usize) -> f64 {
+    SPACING_M * index as f64
+}
+
 /// Metres east and north of the south-west intersection.
 pub fn place(grid: Grid, node: Node) -> (f64, f64) {
-    let at = |index: usize| SPACING_M * index as f64;
     match node {
         Node::Intersection { row, col } => (at(col), at(row)),
         Node::Boundary { side: Side::West, index } => (-REACH_M, at(index)),

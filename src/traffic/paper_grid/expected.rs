@@ -87,9 +87,13 @@ fn ends(grid: Grid, from: Node, to: Node) -> [(f64, f64); 2] {
     let ((x0, y0), (x1, y1)) = (content::place(grid, from), content::place(grid, to));
     let length = (x1 - x0).hypot(y1 - y0);
     let (dx, dy) = ((x1 - x0) / length, (y1 - y0) / length);
-    let inside = |node: Node| if matches!(node, Node::Intersection { .. }) { HALF_JUNCTION_M } else { 0.0 };
     [(x0, y0, inside(from)), (x1, y1, -inside(to))]
         .map(|(x, y, on)| (x + on * dx + LANE_WIDTH_M / 2.0 * dy, y + on * dy - LANE_WIDTH_M / 2.0 * dx))
+}
+
+/// Returns the metres from the centre of a node to its stop lines.
+fn inside(node: Node) -> f64 {
+    if matches!(node, Node::Intersection { .. }) { HALF_JUNCTION_M } else { 0.0 }
 }
 
 fn light(grid: Grid, agent: AgentId) -> Element {

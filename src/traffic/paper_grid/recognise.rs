@@ -33,17 +33,21 @@ pub fn read_grid(files: &NetworkFiles) -> Result<Grid> {
 pub(in crate::traffic) fn read_local(files: &NetworkFiles) -> Result<[Element; 2]> {
     let net = read_net(&files.net)?;
     let shape = shape_of(&files.net, &net)?;
-    let make_one = || "make one with: dials-traffic nets local --out DIR".to_owned();
     ensure!(
         shape == Grid::SINGLE,
         "{}: is a grid of {shape}, and a forest is made of the local net; {}",
         files.net.display(),
-        make_one()
+        make_local()
     );
-    check_content(&files.net, &net, &expected::net(shape), make_one)?;
+    check_content(&files.net, &net, &expected::net(shape), make_local)?;
     let routes = read_beside(files, &files.routes)?;
-    check_content(&files.routes, &routes, &expected::routes(shape, None), make_one)?;
+    check_content(&files.routes, &routes, &expected::routes(shape, None), make_local)?;
     Ok([net, routes])
+}
+
+/// What to do where a local net is needed.
+fn make_local() -> String {
+    "make one with: dials-traffic nets local --out DIR".to_owned()
 }
 
 fn check_content(path: &Path, found: &Element, expected: &Element, way_out: impl Fn() -> String) -> Result<()> {

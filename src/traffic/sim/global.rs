@@ -257,15 +257,18 @@ impl GlobalSimulator for GlobalTraffic {
             metrics.finish()?;
         }
         let mut measures = self.tally.measures();
-        let named = |(name, value): (&str, f64)| (name.to_owned(), value);
-        measures.system.splice(1..1, metrics.of_net(self.tally.arrived).into_iter().map(named));
-        measures.per_agent.extend(metrics.of_agents().into_iter().map(|(name, values)| (name.to_owned(), values)));
+        measures.system.splice(1..1, metrics.of_net(self.tally.arrived).into_iter().map(with_owned_name));
+        measures.per_agent.extend(metrics.of_agents().into_iter().map(with_owned_name));
         Ok(measures)
     }
 
     fn take_watch(&mut self) -> Stopwatch {
         self.watch.take()
     }
+}
+
+fn with_owned_name<T>((name, value): (&str, T)) -> (String, T) {
+    (name.to_owned(), value)
 }
 
 fn options(files: &NetworkFiles, control: &SignalControl, episode: Seed) -> Result<Vec<String>> {

@@ -132,18 +132,14 @@ pub struct Snapshot {
 /// Cars and roads are wider than they are, so that a whole grid can be watched; a car that stands is red, one at half of
 /// the limit yellow and one at the limit blue, which all kinds of colour vision tell apart.
 pub fn view(delay_ms: u32, snapshots: &[Snapshot]) -> String {
-    const GREY: &str = "90,90,90";
     const BOXES: &str = "1";
     const BY_SPEED: &str = "8";
     let speeds = [("213,94,0", "0"), ("240,228,66", "5"), ("86,180,233", "10")];
-    let all = |xml: &mut Xml, name: &str| {
-        nest(xml, "colorScheme", [("name", "uniform")], |xml| leaf(xml, "entry", [("name", name), ("color", GREY)]))
-    };
     document("viewsettings", |xml| {
         nest(xml, "scheme", [("name", "standard")], |xml| {
             leaf(xml, "background", [("backgroundColor", "245,245,245"), ("showGrid", "0")])?;
-            nest(xml, "edges", [("laneEdgeMode", "0"), ("widthExaggeration", "1.5")], |xml| all(xml, "road"))?;
-            nest(xml, "junctions", [("junctionMode", "0")], |xml| all(xml, ""))?;
+            nest(xml, "edges", [("laneEdgeMode", "0"), ("widthExaggeration", "1.5")], |xml| all_grey(xml, "road"))?;
+            nest(xml, "junctions", [("junctionMode", "0")], |xml| all_grey(xml, ""))?;
             let cars = [("vehicleMode", BY_SPEED), ("vehicleQuality", BOXES), ("vehicle_exaggeration", "1.4")];
             nest(xml, "vehicles", cars.into_iter().chain([("showBlinker", "0")]), |xml| {
                 nest(xml, "colorScheme", [("name", "by speed"), ("interpolated", "1")], |xml| {
@@ -160,6 +156,12 @@ pub fn view(delay_ms: u32, snapshots: &[Snapshot]) -> String {
             leaf(xml, "snapshot", [("file", &*file), ("time", &time)])
         })
     })
+}
+
+/// One grey for everything of a kind.
+fn all_grey(xml: &mut Xml, name: &str) -> io::Result<()> {
+    let entry = [("name", name), ("color", "90,90,90")];
+    nest(xml, "colorScheme", [("name", "uniform")], |xml| leaf(xml, "entry", entry))
 }
 
 fn config(recording: &Recording) -> String {
