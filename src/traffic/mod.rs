@@ -9,12 +9,14 @@
 //! - *Agent*: who runs the light of one intersection.
 //! - *Intersection*: where roads cross under a light. SUMO calls it a junction; so do its files and nobody else here.
 //! - *Local region*: an intersection and its four incoming edges, which are all that its agent sees.
-//! - *Edge*: a road from one node to the next, in one direction. It has one *lane*. Both are SUMO's words.
+//! - *Node*: an intersection or a dead end. *Edge*: a road from one node to the next, in one direction, with one *lane*.
+//!   The three are SUMO's words.
 //! - *Car*: what SUMO calls a vehicle.
 //! - *Influence source*: an incoming edge of a local region, as the place where cars come in from outside.
 //! - *Arrival*: a car came in at a source in this step. The AIP predicts arrivals, and the GS observes them.
 //! - *Placement*: where and how fast the LS puts an arriving car. A car that does not fit in is a *dropped arrival*.
 //! - *Insertion*, *departure*: SUMO's words for the order to let a car in, and for the car that entered.
+//! - *Entry*: in a recording, the car that entered and what SUMO was told of it.
 //! - *Light*: what a light shows. *Signal*: the light of one intersection under its agent, which knows how long it was yellow.
 //!
 //! The only room of the library that opens [`crate::sumo`]. libsumo holds one simulation per process: a simulator of this

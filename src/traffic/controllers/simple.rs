@@ -24,7 +24,7 @@ impl LightController for Random {
         *self = Random::new(episode);
     }
 
-    fn act(&mut self, _junctions: &Intersections<'_>, actions: &mut [Action]) {
+    fn act(&mut self, _intersections: &Intersections<'_>, actions: &mut [Action]) {
         actions.fill_with(|| Action::from(self.dice.random::<bool>()));
     }
 }
@@ -43,7 +43,7 @@ impl Constant {
 }
 
 impl LightController for Constant {
-    fn act(&mut self, _junctions: &Intersections<'_>, actions: &mut [Action]) {
+    fn act(&mut self, _intersections: &Intersections<'_>, actions: &mut [Action]) {
         actions.fill(self.0);
     }
 }
@@ -65,7 +65,7 @@ impl LightController for SwitchEvery {
         self.step = 0;
     }
 
-    fn act(&mut self, _junctions: &Intersections<'_>, actions: &mut [Action]) {
+    fn act(&mut self, _intersections: &Intersections<'_>, actions: &mut [Action]) {
         self.step += 1;
         actions.fill(if self.step.is_multiple_of(self.steps) { SWITCH } else { KEEP });
     }

@@ -16,11 +16,11 @@ pub const RADIUS_M: f64 = 6.2;
 pub const LANE_WIDTH_M: f64 = 3.2;
 /// From the centre of an intersection to its stop lines: one lane of the crossing road and the radius lie between.
 /// So a lane inside an intersection is 18.8 m long, as in the authors' setup.
-pub const HALF_JUNCTION_M: f64 = LANE_WIDTH_M + RADIUS_M;
+pub const HALF_INTERSECTION_M: f64 = LANE_WIDTH_M + RADIUS_M;
 /// From a dead end to the centre of its intersection.
-const REACH_M: f64 = EDGE_M + HALF_JUNCTION_M;
+const REACH_M: f64 = EDGE_M + HALF_INTERSECTION_M;
 /// From centre to centre.
-const SPACING_M: f64 = EDGE_M + 2.0 * HALF_JUNCTION_M;
+const SPACING_M: f64 = EDGE_M + 2.0 * HALF_INTERSECTION_M;
 
 /// The only vehicle type; IDM and its numbers: the authors' setup, sigma is unused by IDM.
 ///

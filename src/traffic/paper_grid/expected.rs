@@ -3,7 +3,7 @@
 //! Routes and lights are read back from the text that [`content`] writes. The net is netconvert's, so this module says what
 //! netconvert makes of our plain XML; a test holds that it does so for grids of many shapes.
 
-use super::content::{self, HALF_JUNCTION_M, LANE_WIDTH_M, RADIUS_M, STATIC_S};
+use super::content::{self, HALF_INTERSECTION_M, LANE_WIDTH_M, RADIUS_M, STATIC_S};
 use super::grid::{self, Grid, Node};
 use crate::base::AgentId;
 use crate::traffic::agents::phases::Light;
@@ -47,7 +47,7 @@ fn internal_edges(grid: Grid, agent: AgentId) -> [Element; 4] {
         // From the stop line of the edge that comes in to the beginning of the edge that goes out.
         let shape = [ends(grid, from, here)[1], ends(grid, here, to)[0]];
         let id = internal_edge(here, side);
-        let lane = lane(&id, 2.0 * HALF_JUNCTION_M, shape);
+        let lane = lane(&id, 2.0 * HALF_INTERSECTION_M, shape);
         element("edge", [("id", id), ("function", "internal".into())], vec![lane])
     })
 }
@@ -93,7 +93,7 @@ fn ends(grid: Grid, from: Node, to: Node) -> [(f64, f64); 2] {
 
 /// Returns the metres from the centre of a node to its stop lines.
 fn inside(node: Node) -> f64 {
-    if matches!(node, Node::Intersection { .. }) { HALF_JUNCTION_M } else { 0.0 }
+    if matches!(node, Node::Intersection { .. }) { HALF_INTERSECTION_M } else { 0.0 }
 }
 
 fn light(grid: Grid, agent: AgentId) -> Element {
