@@ -4,8 +4,8 @@ use std::path::Path;
 
 use anyhow::{Result, ensure};
 
-use super::LightController;
 use super::arguments::Arguments;
+use super::control::LightController;
 use super::timing::Timing;
 use super::timing_file::TimingFile;
 use crate::base::Seed;

@@ -5,12 +5,13 @@
 //! the trait (or write a function of one [`Intersection`] and wrap it in [`Each`]), and give it a name in [`recipe`] and
 //! [`NAMES`]. A program of its own needs no name: it hands its controller to [`crate::traffic::Traffic::global`].
 //!
-//! - [`intersections`]: what controllers see.
+//! - `control`: what a controller is; [`intersections`]: what it sees.
 //! - `simple`, [`gap_out`], `longest_queue`, `max_pressure`, `fixed_time`, `webster`: the controllers.
 //! - `timing`, [`timing_file`], [`search`]: timings of fixed-time lights, kept in files and looked for.
 //! - `arguments`: how a controller is named.
 
 mod arguments;
+mod control;
 mod fixed_time;
 pub mod gap_out;
 pub mod intersections;
@@ -25,10 +26,10 @@ mod webster;
 use anyhow::{Result, bail};
 
 use crate::base::Seed;
-use crate::domain::{Action, GlobalSimulator};
 use crate::traffic::paper_grid::grid::Grid;
 use arguments::Arguments;
 
+pub use control::{Each, HandCoded, LightController, Trials};
 pub use fixed_time::FixedTime;
 pub use intersections::{Intersection, Intersections};
 pub use simple::{Constant, Random, SwitchEvery};
@@ -53,50 +54,6 @@ const SWITCH_EVERY: &str = "switch-every-";
 /// Steps of green before a switch, if none are named. Of 1 to 15 max-pressure does best with these on 2x2 (184 against 173
 /// with 5 or 1); to longest-queue all from 5 on are the same.
 const MIN_GREEN: u32 = 10;
-
-/// Decides for the lights of all intersections.
-pub trait LightController {
-    /// An episode begins; everything random in the decisions follows from `episode`.
-    fn begin(&mut self, _episode: Seed) {}
-
-    /// Decides whether each light shall keep what it shows or switch, one action per intersection. What is said during
-    /// yellow is not heard.
-    fn act(&mut self, intersections: &Intersections<'_>, actions: &mut [Action]);
-}
-
-/// A rule that every intersection follows on its own.
-pub struct Each<F: FnMut(&Intersection<'_>) -> Action>(pub F);
-
-impl<F: FnMut(&Intersection<'_>) -> Action> LightController for Each<F> {
-    fn act(&mut self, intersections: &Intersections<'_>, actions: &mut [Action]) {
-        actions
-            .iter_mut()
-            .zip(intersections.iter())
-            .for_each(|(action, intersection)| *action = (self.0)(&intersection));
-    }
-}
-
-/// Hand-coded control of lights.
-pub enum HandCoded {
-    /// SUMO's own actuated program.
-    Actuated,
-    Rule(Box<dyn LightController>),
-}
-
-impl HandCoded {
-    pub fn rule(controller: impl LightController + 'static) -> HandCoded {
-        HandCoded::Rule(Box::new(controller))
-    }
-}
-
-/// What a controller may use to measure something before it begins.
-pub trait Trials {
-    /// Loads the GS with all lights under this control.
-    fn global(&self, by: HandCoded) -> Result<Box<dyn GlobalSimulator>>;
-
-    /// Returns the number of steps in an episode.
-    fn horizon(&self) -> usize;
-}
 
 /// How a controller is made for a grid; what it needs to measure first, it measures then.
 pub type Recipe = Box<dyn Fn(&dyn Trials) -> Result<HandCoded>>;

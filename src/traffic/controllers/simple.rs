@@ -2,7 +2,7 @@
 
 use rand::Rng;
 
-use super::LightController;
+use super::control::LightController;
 use crate::base::{Dice, Seed};
 use crate::domain::Action;
 use crate::traffic::controllers::intersections::Intersections;

@@ -8,9 +8,9 @@
 use anyhow::Result;
 
 use super::arguments::Arguments;
+use super::control::{HandCoded, Trials};
 use super::fixed_time::FixedTime;
 use super::timing::Timing;
-use super::{HandCoded, Trials};
 use crate::base::{Rows, Seed};
 use crate::traffic::agents::region::EDGES;
 use crate::traffic::light::{KEEP, YELLOW_STEPS};
