@@ -9,9 +9,12 @@ use std::mem::MaybeUninit;
 use std::slice;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use super::{
-    CarId, CarTable, DepartSpeed, Departure, Error, Insertion, LaneId, LightId, Result, SignalState, StepCounts, ffi,
-};
+use super::error::{Error, Result};
+use super::events::{DepartSpeed, Departure, Insertion, StepCounts};
+use super::ffi;
+use super::ids::{CarId, LaneId, LightId};
+use super::signal::SignalState;
+use super::table::CarTable;
 
 /// Who may cross: libsumo keeps its one simulation in globals without any lock.
 static TURN: Mutex<()> = Mutex::new(());
@@ -160,7 +163,7 @@ impl Crossing {
                 DepartSpeed::Max => -1.0,
                 DepartSpeed::Fixed(speed_mps) => speed_mps,
             },
-            route: insertion.route.number(),
+            route: insertion.route.0,
         }));
         // SAFETY: we have the turn; pointer and length are those of one vector.
         let code = unsafe { ffi::ds_insert(self.insertions.as_ptr(), self.insertions.len()) };

@@ -10,6 +10,9 @@ use crate::domain::{
     Action, GlobalSimulator, InfluenceSample, Measures, Percept, RegionSpec, Result, Scene, Transition,
 };
 
+/// The measure "items that a robot collected in an episode".
+pub const ITEMS: &str = "items";
+
 /// The warehouse GS: one row per learning robot. The ring of robots around them goes for the closest item.
 pub struct GlobalWarehouse {
     spec: RegionSpec,
@@ -158,7 +161,7 @@ impl GlobalSimulator for GlobalWarehouse {
         let tally = &self.tally;
         let steps = tally.steps.max(1) as f64;
         Ok(Measures {
-            per_agent: vec![(super::ITEMS.to_owned(), tally.collected.iter().map(|&items| items as f64).collect())],
+            per_agent: vec![(ITEMS.to_owned(), tally.collected.iter().map(|&items| items as f64).collect())],
             system: vec![
                 ("waiting_items".to_owned(), tally.waiting as f64 / steps),
                 ("mean_item_age".to_owned(), tally.age as f64 / tally.waiting.max(1) as f64),
