@@ -9,7 +9,7 @@ use super::controllers::{FixedTime, HandCoded, Timing};
 use super::light::KEEP;
 use super::sim::control::SignalControl;
 use super::sim::global::GlobalTraffic;
-use crate::base::Seed;
+use crate::base::{RandomPurpose, Seed};
 use crate::domain::GlobalSimulator;
 use crate::sumo::Simulation;
 
@@ -36,7 +36,7 @@ pub fn tune(traffic: &Traffic, episodes: usize, seed: u64, report: &mut dyn FnMu
     let horizon = traffic.config.horizon;
     let mut score = |timings: &[Timing], episode: usize| {
         gs.hand_over(traffic.everywhere(HandCoded::rule(FixedTime::new(timings.to_vec()))));
-        play(&mut gs, Seed::new(seed).fork("tuning").for_episode(episode), horizon)
+        play(&mut gs, Seed::new(seed).fork(RandomPurpose::Tuning).for_episode(episode), horizon)
     };
     let search = Search { grid: traffic.grid, episodes, score: &mut score, report };
     let (timings, mean_return) = search.run()?;

@@ -5,7 +5,7 @@ use super::items::{self, Appearances};
 use super::layout::Layout;
 use super::region::{self, Age, CENTRE, NEIGHBOURS, NO_ITEM, SHARED, SHELVES};
 use super::scene;
-use crate::base::{AgentId, Dice, Rows, Seed};
+use crate::base::{AgentId, Dice, RandomPurpose, Rows, Seed};
 use crate::domain::{
     Action, GlobalSimulator, InfluenceSample, Measures, Percept, RegionSpec, Result, Scene, Transition,
 };
@@ -127,7 +127,7 @@ impl GlobalSimulator for GlobalWarehouse {
         let shelves = self.layout.shelves().iter();
         self.appearances = shelves.map(|&(row, col)| Appearances::of_shelf(stream, row, col)).collect();
         let robots = AgentId::all(self.layout.robots()).into_iter();
-        self.dice = robots.map(|robot| episode.fork("robots").for_agent(robot).dice()).collect();
+        self.dice = robots.map(|robot| episode.fork(RandomPurpose::Robots).for_agent(robot).dice()).collect();
         self.memories.fill(hand_coded::Memory::default());
         self.cells.fill(CENTRE);
         self.ages.fill(NO_ITEM);

@@ -3,7 +3,7 @@
 use rand::Rng;
 
 use super::control::LightController;
-use crate::base::{Dice, Seed};
+use crate::base::{Dice, RandomPurpose, Seed};
 use crate::domain::Action;
 use crate::traffic::controllers::intersections::Intersections;
 use crate::traffic::light::{KEEP, SWITCH};
@@ -15,7 +15,7 @@ pub struct Random {
 
 impl Random {
     pub fn new(episode: Seed) -> Self {
-        Random { dice: episode.fork("acting").dice() }
+        Random { dice: episode.fork(RandomPurpose::Acting).dice() }
     }
 }
 

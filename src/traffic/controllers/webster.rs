@@ -11,7 +11,7 @@ use super::arguments::Arguments;
 use super::control::{HandCoded, Trials};
 use super::fixed_time::FixedTime;
 use super::timing::Timing;
-use crate::base::{Rows, Seed};
+use crate::base::{RandomPurpose, Rows, Seed};
 use crate::traffic::agents::region::EDGES;
 use crate::traffic::light::{KEEP, YELLOW_STEPS};
 
@@ -43,7 +43,7 @@ impl Plan {
         let mut gs = trials.global(HandCoded::rule(FixedTime::new(vec![MEANWHILE; agents])))?;
         let (keep, mut cars) = (vec![KEEP; agents], Rows::<u32>::new(agents, EDGES));
         for episode in 0..self.episodes {
-            gs.reset(Seed::new(0).fork("webster").for_episode(episode as usize))?;
+            gs.reset(Seed::new(0).fork(RandomPurpose::Webster).for_episode(episode as usize))?;
             for _ in 0..trials.horizon() {
                 gs.step(&keep)?;
                 let arrivals = gs.influence_sample().sources.as_slice();
