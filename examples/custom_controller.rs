@@ -12,14 +12,15 @@ use dials_traffic::config::{PolicyConfig, TrafficConfig};
 use dials_traffic::domain::{Action, Bystander, Domain, GlobalSimulator};
 use dials_traffic::evaluation::{Evaluation, Interval, play_episodes};
 use dials_traffic::traffic::Traffic;
-use dials_traffic::traffic::controllers::{Each, HandCoded, Junction};
-use dials_traffic::traffic::grid::Side;
-use dials_traffic::traffic::signals::{KEEP, Light, SWITCH};
+use dials_traffic::traffic::agents::phases::Light;
+use dials_traffic::traffic::controllers::{Each, HandCoded, Intersection};
+use dials_traffic::traffic::light::{KEEP, SWITCH};
+use dials_traffic::traffic::side::Side;
 
 const EPISODES: usize = 10;
 
 /// Gives green to whichever road has more cars that come, but not before some seconds have passed.
-fn more_cars(at: &Junction<'_>) -> Action {
+fn more_cars(at: &Intersection<'_>) -> Action {
     let cars = |sides: [Side; 2]| sides.into_iter().map(|side| at.incoming(side).len()).sum::<usize>();
     let (horizontal, vertical) = (cars([Side::West, Side::East]), cars([Side::South, Side::North]));
     let wanted = match at.light() {

@@ -100,7 +100,7 @@ impl GlobalSimulator for Line {
     }
 
     fn reset(&mut self, episode: Seed) -> Result<&Percept> {
-        self.pump = episode.fork("pump").dice();
+        self.pump = episode.fork_named("pump").dice();
         (0..PEOPLE).for_each(|person| self.people.show(person, 0));
         Ok(&self.people.last.percept)
     }

@@ -5,7 +5,7 @@ mod interval;
 use serde::{Deserialize, Serialize};
 
 use crate::base::statistics::{mean, median, std_error};
-use crate::base::{Rows, Seed};
+use crate::base::{RandomPurpose, Rows, Seed};
 use crate::domain::{Controller, Domain, GlobalSimulator, Measures, Result};
 
 pub use interval::Interval;
@@ -16,7 +16,7 @@ pub const RETURN: &str = "return";
 /// The stream of an evaluation episode. `evaluation`: `evaluation.seed` of the config, by default the same for all
 /// runs, so that policies and controllers are compared on the same traffic.
 pub fn episode_seed(evaluation: Seed, episode: usize) -> Seed {
-    evaluation.fork("evaluation").for_episode(episode)
+    evaluation.fork(RandomPurpose::Evaluation).for_episode(episode)
 }
 
 /// What one episode came to.

@@ -7,9 +7,10 @@ use dials_traffic::base::{AgentId, Rows, Seed};
 use dials_traffic::config::{DSet, EntryRule, PolicyConfig, TrafficConfig};
 use dials_traffic::domain::{Action, Baseline, Beginning, Domain, GlobalSimulator, LocalSimulator};
 use dials_traffic::traffic::Traffic;
-use dials_traffic::traffic::controllers::{Each, HandCoded, Junction, Junctions, LightController};
-use dials_traffic::traffic::grid::Side;
-use dials_traffic::traffic::signals::{KEEP, Light, SWITCH};
+use dials_traffic::traffic::agents::phases::Light;
+use dials_traffic::traffic::controllers::{Each, HandCoded, Intersection, Intersections, LightController};
+use dials_traffic::traffic::light::{KEEP, SWITCH};
+use dials_traffic::traffic::side::Side;
 
 fn traffic() -> Traffic {
     let nets = Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets");
@@ -114,7 +115,7 @@ fn a_standing_queue_lets_a_car_past_the_line_every_2_28_seconds() {
     let mut ls = traffic().local(1).unwrap();
     ls.reset(&Beginning::first([0])).unwrap();
     // West sees red until its edge is full.
-    let step = |ls: &mut dials_traffic::traffic::local::LocalTraffic, action, arrives| {
+    let step = |ls: &mut dials_traffic::traffic::sim::local::LocalTraffic, action, arrives| {
         ls.step(&[action], &Rows::from_vec(vec![arrives, 0, 0, 0], 4)).unwrap();
         ls.cars_on(0)[0].len()
     };
@@ -159,7 +160,7 @@ fn a_background_runs_its_lights_and_leaves_the_others_to_the_actions() {
 }
 
 /// What a user writes: a rule for one intersection.
-fn let_the_east_go(at: &Junction<'_>) -> Action {
+fn let_the_east_go(at: &Intersection<'_>) -> Action {
     let Some([green, _]) = at.green_and_red() else { return KEEP };
     let wanted = at.queue(Side::East) > 0;
     if wanted != green.contains(&Side::East) && at.shown_steps() >= 3 { SWITCH } else { KEEP }
@@ -175,9 +176,9 @@ impl LightController for OneAfterTheOther {
         self.step = 0;
     }
 
-    fn act(&mut self, junctions: &Junctions<'_>, actions: &mut [Action]) {
-        for junction in junctions.iter() {
-            let agent = junction.agent().0;
+    fn act(&mut self, intersections: &Intersections<'_>, actions: &mut [Action]) {
+        for intersection in intersections.iter() {
+            let agent = intersection.agent().0;
             actions[agent] = if self.step % 40 == 10 * agent { SWITCH } else { KEEP };
         }
         self.step += 1;

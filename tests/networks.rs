@@ -7,9 +7,12 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use dials_traffic::base::AgentId;
-use dials_traffic::traffic::forest::{Region, write_forest};
-use dials_traffic::traffic::grid::{Grid, Node, Side, lane};
-use dials_traffic::traffic::net_file::{NetworkFiles, read_grid, read_shape, write_grid, write_local};
+use dials_traffic::traffic::cut::forest::{Region, write_forest};
+use dials_traffic::traffic::network::files::NetworkFiles;
+use dials_traffic::traffic::paper_grid::grid::{Grid, Node, lane};
+use dials_traffic::traffic::paper_grid::make::{write_grid, write_local};
+use dials_traffic::traffic::paper_grid::recognise::{read_grid, read_shape};
+use dials_traffic::traffic::side::Side;
 use quick_xml::Reader;
 use quick_xml::events::Event;
 use tempfile::TempDir;
@@ -603,7 +606,7 @@ fn a_net_that_is_not_one_of_our_grids_is_told_apart() {
         format!("{:#}", read_shape(&path).unwrap_err()).replace(&format!("{}/", dir.display()), "")
     };
     // The cut leaves 100 bytes: two lines of declaration, then a tag that does not end.
-    assert!(error_of(&net[..100]).starts_with("grid_9x9.net.xml: is not XML (line 3, column "));
+    assert!(error_of(&net[..100]).starts_with("grid_9x9.net.xml: is not XML: "));
     assert!(error_of("<routes/>").ends_with("is not a SUMO network: its root is <routes>, not <net>"));
     let foreign = error_of("<net><edge id=\"gneE0\"/><junction id=\"gneJ1\"/></net>");
     let way_out = "make one with: dials-traffic nets grid --rows R --cols C --out DIR";

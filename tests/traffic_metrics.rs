@@ -11,7 +11,7 @@ use dials_traffic::config::{DSet, EntryRule, PolicyConfig, TrafficConfig};
 use dials_traffic::domain::{Baseline, Domain};
 use dials_traffic::evaluation::{EpisodeReport, play};
 use dials_traffic::traffic::Traffic;
-use dials_traffic::traffic::grid::Grid;
+use dials_traffic::traffic::paper_grid::grid::Grid;
 
 const STEPS: usize = 300;
 

@@ -8,13 +8,13 @@ use dials_traffic::domain::{Action, Beginning, Bystander, Domain, GlobalSimulato
 use dials_traffic::influence::{AipStack, Dataset, InfluencePredictor, train};
 use dials_traffic::sumo::{CarTable, DepartSpeed, Insertion, SignalState, Simulation};
 use dials_traffic::traffic::Traffic;
+use dials_traffic::traffic::agents::phases::Light;
 use dials_traffic::traffic::controllers::{self, gap_out};
-use dials_traffic::traffic::forest::{Region, write_forest};
-use dials_traffic::traffic::global::SignalControl;
-use dials_traffic::traffic::grid::Grid;
-use dials_traffic::traffic::local::{Entry, LocalTraffic};
-use dials_traffic::traffic::net_file::NetworkFiles;
-use dials_traffic::traffic::signals::Light;
+use dials_traffic::traffic::cut::forest::{Region, write_forest};
+use dials_traffic::traffic::network::files::NetworkFiles;
+use dials_traffic::traffic::paper_grid::grid::Grid;
+use dials_traffic::traffic::sim::control::SignalControl;
+use dials_traffic::traffic::sim::local::{LocalTraffic, Placement};
 use dials_traffic::training::block::initial_policies;
 use dials_traffic::training::collect::collect_episode;
 use rand::Rng;
@@ -431,10 +431,10 @@ fn agreement(entry: EntryRule, entering: Entering, controller: &str) -> Agreemen
             gs.reset(seed).unwrap();
             for _ in 0..300 {
                 let transition = gs.step(&vec![0; agents]).unwrap().clone();
-                let entries: Vec<[Option<Entry>; 4]> = (0..agents)
+                let placements: Vec<[Option<Placement>; 4]> = (0..agents)
                     .map(|agent| {
                         std::array::from_fn(|edge| {
-                            gs.entered(agent, edge).map(|car| Entry {
+                            gs.arrival(agent, edge).map(|car| Placement {
                                 position_m: car.position_m,
                                 speed: DepartSpeed::Fixed(car.speed_mps),
                             })
@@ -442,15 +442,15 @@ fn agreement(entry: EntryRule, entering: Entering, controller: &str) -> Agreemen
                     })
                     .collect();
                 let sources = gs.influence_sample().sources.clone();
-                recording.push((gs.actions().to_vec(), sources, entries, transition));
+                recording.push((gs.actions().to_vec(), sources, placements, transition));
             }
         }
         let mut ls = domain.local(agents).unwrap();
         ls.reset(&Beginning::first(0..agents)).unwrap();
-        for (actions, sources, entries, global) in recording {
+        for (actions, sources, placements, global) in recording {
             let local = match entering {
                 Entering::ByRule => ls.step(&actions, &sources).unwrap(),
-                Entering::Truly => ls.step_with(&actions, &entries).unwrap(),
+                Entering::Truly => ls.step_with(&actions, &placements).unwrap(),
             };
             for (global, local) in global.percept.obs.iter().zip(local.percept.obs.iter()) {
                 assert_eq!(global[36..], local[36..], "the lights");

@@ -6,7 +6,7 @@
 use rand::SeedableRng;
 use rand_xoshiro::Xoshiro256PlusPlus;
 
-use super::AgentId;
+use super::{AgentId, RandomPurpose};
 
 /// The generator behind every draw: small (32 bytes), fast, and its state can be written down.
 pub type Dice = Xoshiro256PlusPlus;
@@ -21,8 +21,13 @@ impl Seed {
         Seed(mix(run))
     }
 
-    /// The stream of one purpose, such as `"acting"`.
-    pub fn fork(self, purpose: &str) -> Self {
+    /// Returns the stream of one purpose.
+    pub fn fork(self, purpose: RandomPurpose) -> Self {
+        self.fork_named(purpose.text())
+    }
+
+    /// Returns the stream of a purpose that is not in the list: for domains and controllers of other crates, and for tests.
+    pub fn fork_named(self, purpose: &str) -> Self {
         // FNV-1a: the standard library's hasher is not stable between Rust versions, and runs must repeat.
         let name = purpose
             .bytes()
@@ -31,20 +36,20 @@ impl Seed {
     }
 
     pub fn for_agent(self, agent: AgentId) -> Self {
-        self.fork("agent").child(agent.0 as u64)
+        self.fork(RandomPurpose::Agent).child(agent.0 as u64)
     }
 
     pub fn for_copy(self, copy: usize) -> Self {
-        self.fork("copy").child(copy as u64)
+        self.fork(RandomPurpose::Copy).child(copy as u64)
     }
 
     pub fn for_episode(self, episode: usize) -> Self {
-        self.fork("episode").child(episode as u64)
+        self.fork(RandomPurpose::Episode).child(episode as u64)
     }
 
     /// The stream of something that happens at these timesteps per agent.
     pub fn for_steps(self, steps: u64) -> Self {
-        self.fork("steps").child(steps)
+        self.fork(RandomPurpose::Steps).child(steps)
     }
 
     pub fn dice(self) -> Dice {
@@ -85,9 +90,9 @@ mod tests {
 
     #[test]
     fn a_stream_depends_on_its_name_alone() {
-        let first: u64 = Seed::new(7).fork("acting").for_agent(AgentId(3)).dice().random();
-        let _other: u64 = Seed::new(7).fork("aip").dice().random();
-        let again: u64 = Seed::new(7).fork("acting").for_agent(AgentId(3)).dice().random();
+        let first: u64 = Seed::new(7).fork(RandomPurpose::Acting).for_agent(AgentId(3)).dice().random();
+        let _other: u64 = Seed::new(7).fork(RandomPurpose::Aip).dice().random();
+        let again: u64 = Seed::new(7).fork(RandomPurpose::Acting).for_agent(AgentId(3)).dice().random();
         assert_eq!(first, again);
     }
 
@@ -100,7 +105,9 @@ mod tests {
                 assert!(seen.insert(seed.0));
             }
         }
-        assert!(seen.insert(run.fork("a").0) && seen.insert(run.fork("b").0) && seen.insert(Seed::new(2).0));
+        assert!(
+            seen.insert(run.fork_named("a").0) && seen.insert(run.fork_named("b").0) && seen.insert(Seed::new(2).0)
+        );
     }
 
     #[test]

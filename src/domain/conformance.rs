@@ -10,7 +10,7 @@ use anyhow::ensure;
 use rand::Rng;
 
 use super::{Action, Beginning, Domain, Result};
-use crate::base::{AgentId, Dice, Rows, Seed};
+use crate::base::{AgentId, Dice, RandomPurpose, Rows, Seed};
 
 /// What [`check`] measured with the LS driven by the GS's recorded sources and actions.
 #[derive(Clone, Copy, Debug)]
@@ -50,7 +50,7 @@ fn random_actions(dice: &mut Dice, rows: usize, n_actions: usize) -> Vec<Action>
 fn record(domain: &dyn Domain, seed: Seed) -> Result<Recording> {
     let spec = domain.spec();
     let mut gs = domain.global_simulator()?;
-    let mut dice = seed.fork("actions").dice();
+    let mut dice = seed.fork(RandomPurpose::Actions).dice();
     let mut d_set = {
         let percept = gs.reset(seed.for_episode(0))?;
         percept.d_set.clone()

@@ -17,7 +17,7 @@ use super::{
     Action, Baseline, Beginning, Controller, Domain, GlobalSimulator, InfluenceSample, LocalSimulator, Percept,
     RegionSpec, Result, SourceSpec, Transition,
 };
-use crate::base::{AgentId, Dice, Rows, Seed};
+use crate::base::{AgentId, Dice, RandomPurpose, Rows, Seed};
 
 /// Probability that a coin is seen wrongly.
 pub const NOISE: f64 = 0.2;
@@ -115,7 +115,7 @@ impl GlobalSimulator for GlobalCoins {
     }
 
     fn reset(&mut self, episode: Seed) -> Result<&Percept> {
-        self.noise = episode.fork("noise").dice();
+        self.noise = episode.fork(RandomPurpose::Noise).dice();
         (0..AGENTS).for_each(|agent| self.regions.reset(agent));
         Ok(&self.regions.last.percept)
     }
@@ -168,7 +168,7 @@ struct LayAtRandom {
 
 impl Controller for LayAtRandom {
     fn begin(&mut self, episode: Seed) {
-        self.dice = episode.fork("acting").dice();
+        self.dice = episode.fork(RandomPurpose::Acting).dice();
     }
 
     fn act(&mut self, _percept: &Percept, actions: &mut [Action]) -> Result<()> {

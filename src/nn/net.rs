@@ -123,7 +123,7 @@ mod tests {
     }
 
     fn random_rows(rows: usize, width: usize, name: &str) -> Rows<f32> {
-        let mut dice = Seed::new(11).fork(name).dice();
+        let mut dice = Seed::new(11).fork_named(name).dice();
         Rows::from_vec((0..rows * width).map(|_| dice.random_range(-1.0..1.0)).collect(), width)
     }
 

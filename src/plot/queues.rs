@@ -3,8 +3,9 @@
 use anyhow::Result;
 
 use super::*;
-use crate::traffic::grid::{Side, lane};
-use crate::traffic::recording::Recording;
+use crate::traffic::paper_grid::grid::lane;
+use crate::traffic::side::Side;
+use crate::traffic::sim::recording::Recording;
 
 const SIZE: (i32, i32) = (1100, 690);
 

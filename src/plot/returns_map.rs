@@ -5,7 +5,7 @@ use anyhow::Result;
 use super::*;
 use crate::base::Rows;
 use crate::base::statistics::mean;
-use crate::traffic::grid::Grid;
+use crate::traffic::paper_grid::grid::Grid;
 
 /// Pixels of the map's longer side as far as they come to sensible squares, of the scale beside it, and of the least width
 /// that a title needs.

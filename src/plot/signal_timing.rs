@@ -3,8 +3,8 @@
 use anyhow::Result;
 
 use super::*;
-use crate::traffic::recording::Recording;
-use crate::traffic::signals::Light;
+use crate::traffic::agents::phases::Light;
+use crate::traffic::sim::recording::Recording;
 
 const WIDTH: i32 = 1100;
 const AROUND: i32 = HEAD + MARGIN + LEGEND + AXIS;

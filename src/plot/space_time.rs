@@ -6,8 +6,9 @@ use anyhow::{Result, ensure};
 
 use super::*;
 use crate::base::AgentId;
-use crate::traffic::grid::{Side, lane};
-use crate::traffic::recording::Recording;
+use crate::traffic::paper_grid::grid::lane;
+use crate::traffic::side::Side;
+use crate::traffic::sim::recording::Recording;
 
 const WIDTH: i32 = 1100;
 /// Pixels per edge of the corridor, and of what is around the chart.
@@ -22,8 +23,7 @@ pub fn space_time(recording: &Recording, row: usize, about: &About) -> Result<Sv
     let grid = recording.roads.grid;
     ensure!(row < grid.rows(), "a grid of {grid} has no row {row}");
     let agents: Vec<AgentId> = (0..grid.cols()).map(|col| AgentId(row * grid.cols() + col)).collect();
-    let west = Side::ALL.iter().position(|&side| side == Side::West).expect("all sides are there");
-    let east = Side::ALL.iter().position(|&side| side == Side::East).expect("all sides are there");
+    let (west, east) = (Side::West.index(), Side::East.index());
     let mut lanes = Vec::new();
     for &agent in &agents {
         lanes.push(lane(&grid.incoming_edges(agent)[west]));

@@ -1,7 +1,7 @@
 //! A joint policy that drives the GS: in evaluation and in the collection of datasets.
 
 use super::{JointPolicy, PolicyStack, sampling};
-use crate::base::{AgentId, Dice, Seed};
+use crate::base::{AgentId, Dice, RandomPurpose, Seed};
 use crate::domain::{Action, Controller, Percept, Result};
 use crate::nn::States;
 
@@ -34,7 +34,7 @@ impl JointPolicyController {
 impl Controller for JointPolicyController {
     fn begin(&mut self, episode: Seed) {
         self.states = self.stack.states(self.stack.agents());
-        let acting = episode.fork("acting");
+        let acting = episode.fork(RandomPurpose::Acting);
         self.dice = AgentId::all(self.stack.agents()).into_iter().map(|agent| acting.for_agent(agent).dice()).collect();
     }
 

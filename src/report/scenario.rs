@@ -8,7 +8,7 @@ use serde::Serialize;
 use toml::{Table, Value};
 
 use crate::config::Config;
-use crate::traffic::net_file::NetworkFiles;
+use crate::traffic::network::files::NetworkFiles;
 
 /// The two domains of the paper.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]

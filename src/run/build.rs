@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use super::domain::NO_SUCH_VECTORS;
 use crate::base::VectorWidth;
 use crate::nn::vector_instructions;
-use crate::sumo::Simulation;
+use crate::traffic;
 use crate::training::files::{RUN, write_atomically};
 
 /// What `run.json` calls `versions`.
@@ -44,9 +44,9 @@ impl Build {
         Ok(Build {
             dials_traffic: env!("CARGO_PKG_VERSION").to_owned(),
             git_commit: env!("DIALS_GIT_COMMIT").to_owned(),
-            sumo: Simulation::version()?,
+            sumo: traffic::sumo_version()?,
             libtorch: env!("DIALS_LIBTORCH_VERSION").to_owned(),
-            libm: Simulation::libm()?,
+            libm: traffic::libm()?,
             vector_instructions: vector_instructions(width).context(NO_SUCH_VECTORS)?,
             cpu: cpu(),
         })

@@ -222,7 +222,7 @@ pub fn is_free(path: &Path) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::traffic::net_file::NetworkFiles;
+    use crate::traffic::network::files::NetworkFiles;
 
     /// A config that is loaded from `dir`, with the networks of this project.
     fn config_in(dir: &Path) -> Config {

@@ -9,8 +9,9 @@ use crate::config::Config;
 use crate::domain::Domain;
 use crate::nn::use_vectors;
 use crate::traffic::Traffic;
-use crate::traffic::net_file::{NetworkFiles, read_shape};
-use crate::traffic::recording::Tape;
+use crate::traffic::network::files::NetworkFiles;
+use crate::traffic::paper_grid::recognise::read_shape;
+use crate::traffic::sim::recording::Tape;
 use crate::training::files;
 use crate::warehouse::Warehouse;
 

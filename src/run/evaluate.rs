@@ -20,7 +20,7 @@ use crate::error::{Error, Result};
 use crate::evaluation::{Evaluation, play_episodes};
 use crate::plot::About;
 use crate::report::scenario::Scenario;
-use crate::sumo::Simulation;
+use crate::traffic;
 
 pub fn evaluate(args: &cli::Evaluate) -> Result<()> {
     let (config, domain) = directory::open_config(&args.run_dir).map_err(Error::Usage)?;
@@ -156,7 +156,7 @@ impl<'a> Session<'a> {
         object.extend(about.iter().map(|(key, value)| ((*key).to_owned(), value.clone())));
         object.insert("scenario".into(), json!(self.scenario));
         object.insert("seed".into(), json!(self.seed));
-        object.insert("sumo_version".into(), json!(Simulation::version().map_err(|error| Error::Run(error.into()))?));
+        object.insert("sumo_version".into(), json!(traffic::sumo_version().map_err(Error::Run)?));
         Ok(Value::Object(object).to_string())
     }
 }

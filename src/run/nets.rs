@@ -3,8 +3,8 @@
 use super::terminal::{answer, quoted};
 use crate::cli;
 use crate::error::{Error, Result};
-use crate::traffic::grid::Grid;
-use crate::traffic::net_file::{write_grid, write_local};
+use crate::traffic::paper_grid::grid::Grid;
+use crate::traffic::paper_grid::make::{write_grid, write_local};
 
 pub fn nets(args: &cli::Nets) -> Result<()> {
     let written = match args {

@@ -13,7 +13,7 @@ use crate::domain::Domain;
 use crate::evaluation::Evaluation;
 use crate::plot::{self, About};
 use crate::traffic::Traffic;
-use crate::traffic::recording::Tape;
+use crate::traffic::sim::recording::Tape;
 
 /// What will be drawn when the episodes are over.
 pub struct Plots {

@@ -10,7 +10,7 @@ use super::domain;
 use super::subject::Subject;
 use super::terminal::{answer, on_the_path, quoted};
 use super::video::{SUMO_GUI, Video};
-use crate::base::{AgentId, Rows, Seed, Stopwatch};
+use crate::base::{AgentId, RandomPurpose, Rows, Seed, Stopwatch};
 use crate::cli;
 use crate::config::{Config, SimulatorKind, load};
 use crate::domain::{Controller, Domain};
@@ -20,8 +20,8 @@ use crate::influence::{self, TrainablePredictor};
 use crate::nn::read_stack;
 use crate::policy::{JointPolicyController, PolicyStack, Selection};
 use crate::traffic::Traffic;
-use crate::traffic::recording::{Recording, Tape};
-use crate::traffic::replay;
+use crate::traffic::sim::recording::{Recording, Tape};
+use crate::traffic::sim::replay;
 use crate::training::block::initial_aips;
 use crate::training::environment::Environment;
 use crate::training::files;
@@ -126,7 +126,7 @@ impl Episode {
             }
             Cast::Local { agent, mut policy, mut aip } => {
                 let simulator = self.traffic.local_simulator(&[agent], 1, self.seed)?;
-                let dice = self.seed.fork("influence").for_agent(agent).dice();
+                let dice = self.seed.fork(RandomPurpose::Influence).for_agent(agent).dice();
                 let stream =
                     AgentStream { minibatches: dice.clone(), rows: vec![RowStream::begin(dice.clone(), dice, &[])] };
                 let mut ials = Ials::resume(simulator, &mut *aip, &[stream], false)?;

@@ -12,7 +12,7 @@ use super::terminal::tell;
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::traffic::controllers::timing_file::{TimingFile, TunedOn};
-use crate::traffic::controllers::tuning;
+use crate::traffic::tuning;
 use crate::training::files::write_atomically;
 
 /// Where the files go.

@@ -17,9 +17,9 @@ use super::progress::EpisodeBar;
 use super::stop::stop_on_signals;
 use super::terminal::on_the_path;
 use crate::error::{self, Error};
-use crate::traffic::grid::Grid;
-use crate::traffic::recording::Recording;
-use crate::traffic::replay::{Snapshot, view};
+use crate::traffic::paper_grid::grid::Grid;
+use crate::traffic::sim::recording::Recording;
+use crate::traffic::sim::replay::{Snapshot, view};
 use crate::training::files::{folder_of, write_beside};
 
 pub const SUMO_GUI: &str = "sumo-gui";

@@ -9,9 +9,12 @@ use std::mem::MaybeUninit;
 use std::slice;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use super::{
-    CarId, CarTable, DepartSpeed, Departure, Error, Insertion, LaneId, LightId, Result, SignalState, StepCounts, ffi,
-};
+use super::error::{Error, Result};
+use super::events::{DepartSpeed, Departure, Insertion, StepCounts};
+use super::ffi;
+use super::ids::{CarId, LaneId, LightId};
+use super::signal::SignalState;
+use super::table::CarTable;
 
 /// Who may cross: libsumo keeps its one simulation in globals without any lock.
 static TURN: Mutex<()> = Mutex::new(());
@@ -160,7 +163,7 @@ impl Crossing {
                 DepartSpeed::Max => -1.0,
                 DepartSpeed::Fixed(speed_mps) => speed_mps,
             },
-            route: insertion.route.number(),
+            route: insertion.route.0,
         }));
         // SAFETY: we have the turn; pointer and length are those of one vector.
         let code = unsafe { ffi::ds_insert(self.insertions.as_ptr(), self.insertions.len()) };
@@ -197,9 +200,7 @@ impl Crossing {
                 array(read.speed_factors, read.count),
             )
         };
-        let text = |number: usize| {
-            String::from_utf8_lossy(&letters[starts[number] as usize..starts[number + 1] as usize]).into_owned()
-        };
+        let text = |number: usize| text_between(letters, &starts[number..]);
         Ok((0..cars.len())
             .map(|car| Departure {
                 id: CarId(cars[car]),
@@ -265,6 +266,11 @@ unsafe fn array<'a, T>(pointer: *const T, length: usize) -> &'a [T] {
     }
     // SAFETY: the caller's promise.
     unsafe { slice::from_raw_parts(pointer, length) }
+}
+
+/// Returns the text that begins at the first of `starts` and ends before the second.
+fn text_between(letters: &[u8], starts: &[u32]) -> String {
+    String::from_utf8_lossy(&letters[starts[0] as usize..starts[1] as usize]).into_owned()
 }
 
 fn check(code: c_int, action: &'static str) -> Result<()> {

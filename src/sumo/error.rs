@@ -23,8 +23,8 @@ pub enum Error {
     #[error("light `{light}` has {links} links, but the state `{state}` has {letters} letters")]
     StateLength { light: String, links: usize, state: String, letters: usize },
 
-    #[error("signal state `{state}`: {reason}; SUMO's letters are {}", super::signal::ALPHABET)]
-    State { state: String, reason: String },
+    #[error("signal state `{state}`: {reason}; SUMO's letters are {alphabet}")]
+    State { state: String, reason: String, alphabet: &'static str },
 
     #[error("car {car}: {reason}")]
     Insertion { car: u64, reason: String },

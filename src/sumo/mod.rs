@@ -8,15 +8,22 @@
 //!
 //! The way down: [`Simulation`] (meaning, checks) -> `call` (the only `unsafe`) -> `ffi` (made by bindgen) ->
 //! `shim/dials_sumo.cpp` (C++ in, plain C out) -> libsumo.
+//!
+//! What is handed over: `ids` (lanes, lights, routes, cars), `table` (cars by lane), `events` (cars that enter, and what a step
+//! did), `signal` (what a light shows), `error` (why SUMO refused).
 
 mod call;
 mod error;
+mod events;
 mod ffi;
+mod ids;
 mod signal;
 mod simulation;
 mod table;
 
 pub use error::{Error, Result};
+pub use events::{DepartSpeed, Departure, Insertion, StepCounts};
+pub use ids::{CarId, LaneId, LightId, RouteId};
 pub use signal::SignalState;
-pub use simulation::{CarId, DepartSpeed, Departure, Insertion, LaneId, LightId, RouteId, Simulation, StepCounts};
+pub use simulation::Simulation;
 pub use table::{Car, CarTable, LaneCars};

@@ -3,10 +3,10 @@
 use std::fmt;
 use std::str::FromStr;
 
-use super::{Error, Result};
+use super::error::{Error, Result};
 
 /// SUMO documentation, "Simulation/Traffic Lights", section "Signal state definitions".
-pub(super) const ALPHABET: &str = "rRyYgGuoOs";
+const ALPHABET: &str = "rRyYgGuoOs";
 
 /// The state of one light: a letter per link, in the order of SUMO's link indices.
 ///
@@ -40,14 +40,17 @@ impl SignalState {
 }
 
 fn check(letters: &str) -> Result<()> {
-    let refused = |reason: String| Err(Error::State { state: letters.into(), reason });
     if letters.is_empty() {
-        return refused("a light has at least one link".into());
+        return refused(letters, "a light has at least one link".into());
     }
     match letters.chars().find(|&letter| !ALPHABET.contains(letter)) {
-        Some(letter) => refused(format!("`{letter}` is no signal")),
+        Some(letter) => refused(letters, format!("`{letter}` is no signal")),
         None => Ok(()),
     }
+}
+
+fn refused(letters: &str, reason: String) -> Result<()> {
+    Err(Error::State { state: letters.into(), reason, alphabet: ALPHABET })
 }
 
 impl FromStr for SignalState {

@@ -1,90 +1,11 @@
 //! The one simulation of this process.
 
 use super::call::{self, Crossing, Kind};
-use super::{CarTable, Error, Result, SignalState};
-
-/// A registered lane.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[repr(transparent)]
-pub struct LaneId(u32);
-
-/// A registered traffic light.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[repr(transparent)]
-pub struct LightId(u32);
-
-/// A registered route.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[repr(transparent)]
-pub struct RouteId(u32);
-
-impl RouteId {
-    pub(super) fn number(self) -> u32 {
-        self.0
-    }
-}
-
-/// Who a car is: the serial under which it was inserted, or the value of its decimal name; for a car with any other
-/// name (SUMO's flows: `flow.17`) the FNV-1a hash of the name with the top bit set.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[repr(transparent)]
-pub struct CarId(pub u64);
-
-/// A car that shall enter in the next step.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Insertion {
-    /// Becomes the car's name: below 2^63, and of no other car that waits or drives.
-    pub car: u64,
-    pub route: RouteId,
-    /// Of the front bumper, from the beginning of the route's first edge. Beyond its end SUMO takes the end.
-    pub position_m: f64,
-    pub speed: DepartSpeed,
-}
-
-/// How fast an inserted car begins.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum DepartSpeed {
-    /// As fast as the lane and the car in front allow, so that it rarely has to wait.
-    Max,
-    /// In metres per second; it waits until that is safe.
-    Fixed(f64),
-}
-
-/// A car that entered in the last step, with all that it takes to let the same car enter again.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Departure {
-    pub id: CarId,
-    pub name: String,
-    pub vehicle_type: String,
-    pub route: String,
-    /// Of the route.
-    pub edges: Vec<String>,
-    /// Index on the route's first edge.
-    pub lane: u32,
-    /// As in [`super::Car`], like the speed: where it was put, for it has not moved yet.
-    pub position_m: f64,
-    pub speed_mps: f64,
-    /// What its desired speed is of the limit; drawn by SUMO where the vehicle type leaves a choice.
-    pub speed_factor: f64,
-}
-
-/// What happened in the last step.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct StepCounts {
-    /// Cars that entered.
-    pub departed: u32,
-    /// Cars that reached the end of their route; removed ones are not among them.
-    pub arrived: u32,
-    /// Cars that wanted to enter and still wait.
-    pub pending: u32,
-    /// Teleports that began.
-    pub teleports: u32,
-    /// Collisions that began.
-    pub collisions: u32,
-    /// Cars that SUMO halted on the spot because their way ended, in its own words "emergency stops". A car that brakes
-    /// harder than its `decel`, as before a light that jumps to red, is none (measured on SUMO 1.15).
-    pub emergency_stops: u32,
-}
+use super::error::{Error, Result};
+use super::events::{DepartSpeed, Departure, Insertion, StepCounts};
+use super::ids::{LaneId, LightId, RouteId};
+use super::signal::SignalState;
+use super::table::CarTable;
 
 /// A loaded SUMO simulation: the guard of libsumo's globals, of which a process has one set. Dropping it closes SUMO.
 ///
@@ -300,12 +221,15 @@ fn check_insertion(insertion: &Insertion) -> Result<()> {
     if insertion.car >= 1 << 63 {
         return refused("serials from 2^63 on are kept for cars with names".into());
     }
-    let number = |value: f64| value.is_finite() && value >= 0.0;
-    if !number(insertion.position_m) {
+    if !is_number(insertion.position_m) {
         return refused(format!("position {} m is not on the road", insertion.position_m));
     }
     match insertion.speed {
-        DepartSpeed::Fixed(speed_mps) if !number(speed_mps) => refused(format!("{speed_mps} m/s is no speed")),
+        DepartSpeed::Fixed(speed_mps) if !is_number(speed_mps) => refused(format!("{speed_mps} m/s is no speed")),
         _ => Ok(()),
     }
+}
+
+fn is_number(value: f64) -> bool {
+    value.is_finite() && value >= 0.0
 }

@@ -1,6 +1,6 @@
 //! Cars by lane.
 
-use super::CarId;
+use super::ids::CarId;
 
 /// A car slower than this stands in a queue (SUMO's own bound).
 const HALTING_MPS: f64 = 0.1;

@@ -1,28 +1,38 @@
 //! The traffic domain: a grid of intersections on SUMO, every light an agent.
 //!
-//! - [`grid`], [`net_file`], [`forest`]: the road networks, on paper and on disk.
-//! - [`region`], [`signals`]: one intersection, pure: observation, d-set, reward; the light.
-//! - [`global`]: the GS, a whole grid with inflow at its boundary; [`local`]: the LS, a forest of single intersections.
-//! - [`controllers`]: hand-coded baselines, which see the [`junctions`].
-//! - [`recording`], [`replay`]: an episode written down, and as files that SUMO plays.
+//! - [`agents`], [`side`]: what an agent is; [`light`], [`observe`], [`arrivals`]: what it does, sees and is rewarded for.
+//! - [`paper_grid`]: the road networks of the paper; [`network`]: networks as files; [`cut`]: local regions cut out of them.
+//! - [`sim`]: the simulators, recordings of them and replays.
+//! - [`controllers`]: hand-coded baselines; [`tuning`]: the search for the best fixed-time lights.
 //!
-//! The only room that opens [`crate::sumo`]. libsumo holds one simulation per process: a simulator of this room
-//! must be dropped before the thread makes the next one.
+//! # Words
+//! - *Agent*: who runs the light of one intersection.
+//! - *Intersection*: where roads cross under a light. SUMO calls it a junction; so do its files and nobody else here.
+//! - *Local region*: an intersection and its four incoming edges, which are all that its agent sees.
+//! - *Node*: an intersection or a dead end. *Edge*: a road from one node to the next, in one direction, with one *lane*.
+//!   The three are SUMO's words.
+//! - *Car*: what SUMO calls a vehicle.
+//! - *Influence source*: an incoming edge of a local region, as the place where cars come in from outside.
+//! - *Arrival*: a car came in at a source in this step. The AIP predicts arrivals, and the GS observes them.
+//! - *Placement*: where and how fast the LS puts an arriving car. A car that does not fit in is a *dropped arrival*.
+//! - *Insertion*, *departure*: SUMO's words for the order to let a car in, and for the car that entered.
+//! - *Entry*: in a recording, the car that entered and what SUMO was told of it.
+//! - *Light*: what a light shows. *Signal*: the light of one intersection under its agent, which knows how long it was yellow.
+//!
+//! The only room of the library that opens [`crate::sumo`]. libsumo holds one simulation per process: a simulator of this
+//! room must be dropped before the thread makes the next one.
 
+pub mod agents;
+pub mod arrivals;
 pub mod controllers;
-pub mod forest;
-pub mod global;
-pub mod grid;
-mod intersections;
-pub mod junctions;
-pub mod local;
-mod metrics;
-pub mod net_file;
-pub mod recording;
-pub mod region;
-pub mod replay;
-pub mod signals;
-mod trips;
+pub mod cut;
+pub mod light;
+pub mod network;
+pub mod observe;
+pub mod paper_grid;
+pub mod side;
+pub mod sim;
+pub mod tuning;
 
 use anyhow::{Context, ensure};
 
@@ -31,22 +41,32 @@ use crate::config::{PolicyConfig, TrafficConfig};
 use crate::domain::{
     Baseline, Beginning, Bystander, Domain, GlobalSimulator, LocalSimulator, Measures, RegionSpec, Result,
 };
-use controllers::HandCoded;
-use global::{GlobalTraffic, SignalControl};
-use grid::Grid;
-use local::LocalTraffic;
-use net_file::NetworkFiles;
-use recording::Tape;
-
-/// The measure "share of the steps beginning with green in which the light was switched".
-pub const P_SWITCH: &str = "p_switch_given_green";
+use crate::sumo::Simulation;
+use agents::region;
+use controllers::{HandCoded, Trials};
+use network::files::{NetworkFiles, for_sumo};
+use network::way_out::cannot_be_simulated;
+use paper_grid::grid::Grid;
+use paper_grid::recognise::{read_grid, read_local};
+use sim::control::SignalControl;
+use sim::global::GlobalTraffic;
+use sim::local::{self, LocalTraffic};
+use sim::recording::Tape;
+use sim::tally::P_SWITCH;
 
 /// An agent that switches this often is stuck: its lights are yellow most of the time. Agents that learn are near 0.1
 /// to 0.3, the local optimum of switching almost always is near 1, and random weights are near 0.5.
 const STUCK_ABOVE: f64 = 0.75;
 
-/// What GS and LS have in common: steps of a second, and cars that wait for ever rather than teleport.
-const SUMO_OPTIONS: [&str; 4] = ["--step-length", "1", "--time-to-teleport", "-1"];
+/// Returns the version of the linked SUMO, such as `SUMO 1.15.0`.
+pub fn sumo_version() -> Result<String> {
+    Ok(Simulation::version()?)
+}
+
+/// Returns the library whose `exp`, `ln` and so on SUMO and this program use, such as `glibc 2.36`.
+pub fn libm() -> Result<String> {
+    Ok(Simulation::libm()?)
+}
 
 /// A grid of traffic lights.
 #[derive(Clone)]
@@ -67,10 +87,10 @@ impl Traffic {
         let (network, local_network) = (NetworkFiles::of(&config.network), NetworkFiles::of(&config.local_network));
         network.check()?;
         local_network.check()?;
-        net_file::read_local(&local_network)?;
-        net_file::for_sumo(&std::env::temp_dir()).context("forests of local simulators go there: set TMPDIR")?;
+        read_local(&local_network)?;
+        for_sumo(&std::env::temp_dir()).context("forests of local simulators go there: set TMPDIR")?;
         Ok(Traffic {
-            grid: net_file::read_grid(&network)?,
+            grid: read_grid(&network)?,
             network,
             local_network,
             config: config.clone(),
@@ -93,23 +113,22 @@ impl Traffic {
     /// Loads both networks in SUMO and plays a step in each, so that what is wrong with them is told before a run begins.
     /// Tens of milliseconds; SUMO is closed again.
     pub fn check_in_sumo(&self) -> Result<()> {
-        let way_out = net_file::cannot_be_simulated;
-        self.try_global().with_context(|| way_out(&self.network))?;
-        self.try_local().with_context(|| way_out(&self.local_network))
+        self.try_global().with_context(|| cannot_be_simulated(&self.network.net))?;
+        self.try_local().with_context(|| cannot_be_simulated(&self.local_network.net))
     }
 
     /// With the actuated lights, which takes all files of the network and more of them than the agents' control does.
     fn try_global(&self) -> Result<()> {
         let mut gs = self.global(self.everywhere(HandCoded::Actuated))?;
         gs.reset(Seed::new(0))?;
-        gs.step(&vec![signals::KEEP; self.agents()])?;
+        gs.step(&vec![light::KEEP; self.agents()])?;
         Ok(())
     }
 
     fn try_local(&self) -> Result<()> {
         let mut ls = self.local(1)?;
         ls.reset(&Beginning::first([0]))?;
-        ls.step(&[signals::KEEP], &Rows::from_vec(vec![1; region::EDGES], region::EDGES))?;
+        ls.step(&[light::KEEP], &Rows::from_vec(vec![1; region::EDGES], region::EDGES))?;
         let dropped = ls.counters().into_iter().find(|(name, _)| *name == local::DROPPED).map_or(0, |(_, count)| count);
         ensure!(dropped == 0, "its empty edges let in all cars but {dropped}");
         Ok(())
@@ -134,6 +153,16 @@ impl Traffic {
     pub fn local(&self, rows: usize) -> Result<LocalTraffic> {
         let TrafficConfig { horizon, d_set, entry, .. } = self.config;
         LocalTraffic::load(&self.local_network, rows, horizon, d_set, entry, self.tape.as_ref())
+    }
+}
+
+impl Trials for Traffic {
+    fn global(&self, by: HandCoded) -> Result<Box<dyn GlobalSimulator>> {
+        Ok(Box::new(Traffic::global(self, self.everywhere(by))?))
+    }
+
+    fn horizon(&self) -> usize {
+        self.config.horizon
     }
 }
 

@@ -14,7 +14,7 @@ use super::ppo::{self, Decayed, Losses};
 use super::rollout::{Actor, roll_out};
 use super::state::AgentsState;
 use super::stream::AgentStream;
-use crate::base::{AgentId, Dice, Phase, Rows, Seed, Stopwatch};
+use crate::base::{AgentId, Dice, Phase, RandomPurpose, Rows, Seed, Stopwatch};
 use crate::config::{Config, Period, SimulatorKind};
 use crate::domain::{Domain, Result};
 use crate::influence::{AipLoss, Dataset, FreshLoss, TrainablePredictor, initial_predictor, measure, train};
@@ -41,13 +41,14 @@ pub struct AgentBlock {
 
 /// The policies of `agents` as a run with this config begins.
 pub fn initial_policies(domain: &dyn Domain, config: &Config, agents: &[AgentId]) -> PolicyStack {
-    let seed = Seed::new(config.seed).fork("policy");
+    let seed = Seed::new(config.seed).fork(RandomPurpose::Policy);
     PolicyStack::new(agents, domain.spec(), &config.policy, &domain.initial_action_bias(), seed)
 }
 
 /// The influence predictors of `agents` as a run with this config begins.
 pub fn initial_aips(domain: &dyn Domain, config: &Config, agents: &[AgentId]) -> Box<dyn TrainablePredictor> {
-    initial_predictor(config.simulator, agents, domain.spec(), &config.aip, Seed::new(config.seed).fork("aip"))
+    let seed = Seed::new(config.seed).fork(RandomPurpose::Aip);
+    initial_predictor(config.simulator, agents, domain.spec(), &config.aip, seed)
 }
 
 /// Agents per block. On the GS all agents act in one simulation, so they are one block.
@@ -103,7 +104,7 @@ impl AgentBlock {
         watch: &mut Stopwatch,
         progress: &mut dyn FnMut(f64),
     ) -> Vec<AipLoss> {
-        let seed = Seed::new(self.config.seed).fork("aip minibatches").for_steps(period.start);
+        let seed = Seed::new(self.config.seed).fork(RandomPurpose::AipMinibatches).for_steps(period.start);
         train(&mut *self.predictor, &self.agents, datasets, &self.config.aip, seed, watch, progress)
     }
 
@@ -125,7 +126,8 @@ impl AgentBlock {
         watch: &mut Stopwatch,
         progress: &mut dyn FnMut(u64),
     ) -> Result<PolicyTraining> {
-        let (domain, episodes) = (self.domain.clone(), Seed::new(self.config.seed).fork("training episodes"));
+        let (domain, episodes) =
+            (self.domain.clone(), Seed::new(self.config.seed).fork(RandomPurpose::TrainingEpisodes));
         let learner = Learner {
             policies: &mut self.policies,
             adam: &mut self.adam,

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::base::{Activity, Seed};
+use crate::base::{Activity, RandomPurpose, Seed};
 use crate::config::{Config, Retrain};
 use crate::domain::{Controller, GlobalSimulator, Result};
 use crate::influence::Dataset;
@@ -27,8 +27,8 @@ impl Purpose {
     /// The stream of its episodes.
     pub fn stream(self, config: &Config) -> Seed {
         match self {
-            Purpose::Training { steps } => Seed::new(config.seed).fork("collection").for_steps(steps),
-            Purpose::Measuring => Seed::new(config.evaluation.seed).fork("aip loss"),
+            Purpose::Training { steps } => Seed::new(config.seed).fork(RandomPurpose::Collection).for_steps(steps),
+            Purpose::Measuring => Seed::new(config.evaluation.seed).fork(RandomPurpose::AipLoss),
         }
     }
 

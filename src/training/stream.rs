@@ -7,7 +7,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::base::{AgentId, Dice, Rows, Seed, scramble};
+use crate::base::{AgentId, Dice, RandomPurpose, Rows, Seed, scramble};
 use crate::config::Config;
 use crate::domain::{Action, Percept};
 use crate::policy::PolicyStack;
@@ -59,11 +59,16 @@ impl RowStream {
 impl AgentStream {
     /// The stream of an agent when training begins.
     pub fn begin(config: &Config, policies: &PolicyStack, agent: AgentId) -> AgentStream {
-        let stream = |purpose: &str| Seed::new(config.seed).fork(purpose).for_agent(agent);
-        let dice = |purpose: &str, copy: usize| stream(purpose).for_copy(copy).dice();
+        let stream = |purpose: RandomPurpose| Seed::new(config.seed).fork(purpose).for_agent(agent);
+        let dice = |purpose: RandomPurpose, copy: usize| stream(purpose).for_copy(copy).dice();
         let states = policies.states(1);
-        let row = |copy: usize| RowStream::begin(dice("acting", copy), dice("influence", copy), states.row(0));
-        AgentStream { minibatches: stream("policy minibatches").dice(), rows: (0..config.copies()).map(row).collect() }
+        let row = |copy: usize| {
+            RowStream::begin(dice(RandomPurpose::Acting, copy), dice(RandomPurpose::Influence, copy), states.row(0))
+        };
+        AgentStream {
+            minibatches: stream(RandomPurpose::PolicyMinibatches).dice(),
+            rows: (0..config.copies()).map(row).collect(),
+        }
     }
 }
 

@@ -4,10 +4,14 @@ use super::hand_coded::{self, Rule};
 use super::items::{self, Appearances};
 use super::layout::Layout;
 use super::region::{self, Age, CENTRE, NEIGHBOURS, NO_ITEM, SHARED, SHELVES};
-use crate::base::{AgentId, Dice, Rows, Seed};
+use super::scene;
+use crate::base::{AgentId, Dice, RandomPurpose, Rows, Seed};
 use crate::domain::{
     Action, GlobalSimulator, InfluenceSample, Measures, Percept, RegionSpec, Result, Scene, Transition,
 };
+
+/// The measure "items that a robot collected in an episode".
+pub const ITEMS: &str = "items";
 
 /// The warehouse GS: one row per learning robot. The ring of robots around them goes for the closest item.
 pub struct GlobalWarehouse {
@@ -56,19 +60,6 @@ impl GlobalWarehouse {
             layout: layout.clone(),
             spec,
         }
-    }
-
-    pub(super) fn layout(&self) -> &Layout {
-        &self.layout
-    }
-
-    pub(super) fn ages(&self) -> &[Age] {
-        &self.ages
-    }
-
-    /// A robot's cell within its region.
-    pub(super) fn cell(&self, robot: usize) -> u8 {
-        self.cells[robot]
     }
 
     fn ages_around(&self, robot: usize) -> [Age; SHELVES] {
@@ -136,7 +127,7 @@ impl GlobalSimulator for GlobalWarehouse {
         let shelves = self.layout.shelves().iter();
         self.appearances = shelves.map(|&(row, col)| Appearances::of_shelf(stream, row, col)).collect();
         let robots = AgentId::all(self.layout.robots()).into_iter();
-        self.dice = robots.map(|robot| episode.fork("robots").for_agent(robot).dice()).collect();
+        self.dice = robots.map(|robot| episode.fork(RandomPurpose::Robots).for_agent(robot).dice()).collect();
         self.memories.fill(hand_coded::Memory::default());
         self.cells.fill(CENTRE);
         self.ages.fill(NO_ITEM);
@@ -170,7 +161,7 @@ impl GlobalSimulator for GlobalWarehouse {
         let tally = &self.tally;
         let steps = tally.steps.max(1) as f64;
         Ok(Measures {
-            per_agent: vec![(super::ITEMS.to_owned(), tally.collected.iter().map(|&items| items as f64).collect())],
+            per_agent: vec![(ITEMS.to_owned(), tally.collected.iter().map(|&items| items as f64).collect())],
             system: vec![
                 ("waiting_items".to_owned(), tally.waiting as f64 / steps),
                 ("mean_item_age".to_owned(), tally.age as f64 / tally.waiting.max(1) as f64),
@@ -179,7 +170,7 @@ impl GlobalSimulator for GlobalWarehouse {
     }
 
     fn scene(&self) -> Option<Scene> {
-        Some(super::scene::draw(self))
+        Some(scene::draw(&self.layout, &self.ages, &self.cells))
     }
 }
 

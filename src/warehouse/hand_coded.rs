@@ -72,9 +72,12 @@ fn place(cell: u8) -> (usize, usize) {
 /// Moves from a cell to a shelf. From one shelf to another of the same side the way leads over the floor.
 fn distance(cell: u8, shelf: usize) -> usize {
     let ((row, col), (to_row, to_col)) = (place(cell), place(SHELF_CELLS[shelf]));
-    let at_end = |place: usize| place == 0 || place == SIDE - 1;
     let same_side = (row == to_row && at_end(row)) || (col == to_col && at_end(col));
     row.abs_diff(to_row) + col.abs_diff(to_col) + if same_side && cell != SHELF_CELLS[shelf] { 2 } else { 0 }
+}
+
+fn at_end(place: usize) -> bool {
+    place == 0 || place == SIDE - 1
 }
 
 /// The first move of a shortest way to another shelf: off the shelf one is on, along the side, onto the shelf.

@@ -4,7 +4,7 @@
 //! warehouse. So an LS that draws from the streams of the GS sees the same items appear.
 
 use super::region::Age;
-use crate::base::{Seed, scramble};
+use crate::base::{RandomPurpose, Seed, scramble};
 
 /// Probability that an item appears on a free shelf in a step (the paper).
 const APPEARANCE: f64 = 0.02;
@@ -47,7 +47,7 @@ pub fn appear(ages: &mut [Age], appearances: &mut [Appearances]) {
 /// The stream of items of one episode of one copy. The GS is copy 0 of an episode of its own, so an LS that is made with
 /// the GS's episode seed has its items, in the first episode of its first copy.
 pub fn episode(simulator: Seed, copy: usize, episode: u64) -> Seed {
-    simulator.fork("items").for_copy(copy).for_episode(episode as usize)
+    simulator.fork(RandomPurpose::Items).for_copy(copy).for_episode(episode as usize)
 }
 
 #[cfg(test)]

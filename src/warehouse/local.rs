@@ -1,5 +1,7 @@
 //! The local simulators: the regions of many robots in lockstep, neighbours as the AIPs say.
 
+use std::iter::repeat_n;
+
 use super::items::{self, Appearances};
 use super::layout::Layout;
 use super::region::{self, Age, CENTRE, NO_ITEM, SHARED, SHELVES};
@@ -22,15 +24,11 @@ pub struct LocalWarehouse {
 impl LocalWarehouse {
     pub fn new(layout: &Layout, agents: &[AgentId], copies: usize, horizon: usize, seed: Seed) -> Self {
         let spec = region::spec(horizon);
-        let places = |agent: &AgentId| {
-            let robot = layout.learners()[agent.0];
-            std::iter::repeat_n(layout.region(robot).map(|shelf| layout.shelves()[shelf]), copies)
-        };
         let rows = agents.len() * copies;
         LocalWarehouse {
             seed,
             copies,
-            places: agents.iter().flat_map(places).collect(),
+            places: agents.iter().flat_map(|&agent| repeat_n(shelves_of(layout, agent), copies)).collect(),
             cells: vec![CENTRE; rows],
             ages: vec![[NO_ITEM; SHELVES]; rows],
             appearances: vec![[Appearances::default(); SHELVES]; rows],
@@ -44,6 +42,11 @@ impl LocalWarehouse {
         region::observe(self.cells[row], &self.ages[row], percept.obs.row_mut(row));
         percept.d_set.row_mut(row).copy_from_slice(percept.obs.row(row));
     }
+}
+
+/// Returns the places of the shelves of an agent's region.
+fn shelves_of(layout: &Layout, agent: AgentId) -> [(usize, usize); SHELVES] {
+    layout.region(layout.learners()[agent.0]).map(|shelf| layout.shelves()[shelf])
 }
 
 impl LocalSimulator for LocalWarehouse {

@@ -20,13 +20,10 @@ use anyhow::bail;
 use crate::base::{AgentId, Seed};
 use crate::config::WarehouseConfig;
 use crate::domain::{Baseline, Bystander, Domain, GlobalSimulator, LocalSimulator, Measures, RegionSpec, Result};
-use global::GlobalWarehouse;
+use global::{GlobalWarehouse, ITEMS};
 use hand_coded::Rule;
 use layout::Layout;
 use local::LocalWarehouse;
-
-/// The measure "items that a robot collected in an episode".
-pub const ITEMS: &str = "items";
 
 /// A robot that collects fewer items per episode is stuck. Random moves collect about two, policies more than ten.
 const STUCK_BELOW: f64 = 0.5;

@@ -1,7 +1,7 @@
 //! A picture of the warehouse.
 
-use super::global::GlobalWarehouse;
-use super::region::SIDE;
+use super::layout::Layout;
+use super::region::{Age, SIDE};
 use crate::domain::{Colour, Scene};
 
 const FLOOR: Colour = Colour([0xf4, 0xf2, 0xec]);
@@ -15,15 +15,16 @@ const NEW_ITEM: [f32; 3] = [255.0, 224.0, 130.0];
 const OLD_ITEM: [f32; 3] = [183.0, 62.0, 12.0];
 const OLD: f32 = 15.0;
 
-/// Floor, shelves, items shaded by age, robots (the learning ones dark), and the rims of the regions.
-pub fn draw(warehouse: &GlobalWarehouse) -> Scene {
-    let layout = warehouse.layout();
+/// Draws floor, shelves, items shaded by age, robots (the learning ones dark), and the rims of the regions.
+///
+/// `ages`: one per shelf of the floor; `cells`: where each robot is within its region.
+pub fn draw(layout: &Layout, ages: &[Age], cells: &[u8]) -> Scene {
     let side = layout.cells_per_side();
     let mut scene = Scene::new(side as f32, side as f32, FLOOR);
     for corner in (0..side).step_by(SIDE - 1).flat_map(|row| (0..side).step_by(SIDE - 1).map(move |col| (row, col))) {
         scene.rectangle(corner.1 as f32, corner.0 as f32, 1.0, 1.0, WALL);
     }
-    for (&(row, col), &age) in layout.shelves().iter().zip(warehouse.ages()) {
+    for (&(row, col), &age) in layout.shelves().iter().zip(ages) {
         let (x, y) = (col as f32, row as f32);
         scene.rectangle(x, y, 1.0, 1.0, REGION);
         scene.rectangle(x + 0.04, y + 0.04, 0.92, 0.92, SHELF);
@@ -31,9 +32,9 @@ pub fn draw(warehouse: &GlobalWarehouse) -> Scene {
             scene.rectangle(x + 0.2, y + 0.2, 0.6, 0.6, item_colour(age as f32));
         }
     }
-    for robot in 0..layout.robots() {
+    for (robot, &cell) in cells.iter().enumerate() {
         let (top, left) = layout.corner(robot);
-        let cell = usize::from(warehouse.cell(robot));
+        let cell = usize::from(cell);
         let (x, y) = ((left + cell % SIDE) as f32 + 0.5, (top + cell / SIDE) as f32 + 0.5);
         let colour = if layout.learners().contains(&robot) { LEARNER } else { OTHER_ROBOT };
         scene.disc(x, y, 0.32, colour);

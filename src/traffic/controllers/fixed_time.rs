@@ -4,42 +4,19 @@ use std::path::Path;
 
 use anyhow::{Result, ensure};
 
-use super::LightController;
 use super::arguments::Arguments;
+use super::control::LightController;
+use super::timing::Timing;
 use super::timing_file::TimingFile;
 use crate::base::Seed;
 use crate::domain::Action;
-use crate::traffic::grid::Grid;
-use crate::traffic::junctions::Junctions;
-use crate::traffic::signals::{KEEP, Light, SWITCH, YELLOW_STEPS};
+use crate::traffic::agents::phases::Light;
+use crate::traffic::controllers::intersections::Intersections;
+use crate::traffic::light::{KEEP, SWITCH};
+use crate::traffic::paper_grid::grid::Grid;
 
 /// Steps of green, if none are named.
 const GREEN: u32 = 10;
-
-/// The timing of one light, in steps. It goes round: vertical green, yellow, horizontal green, yellow.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Timing {
-    /// Green for the cars from south and north, at least 1.
-    pub vertical: u32,
-    /// Green for the cars from west and east, at least 1.
-    pub horizontal: u32,
-    /// How long after the beginning of the episode a vertical green begins.
-    pub offset: u32,
-}
-
-impl Timing {
-    pub fn cycle(self) -> u32 {
-        self.vertical + self.horizontal + 2 * u32::from(YELLOW_STEPS)
-    }
-
-    /// Whether the cars from south and north have green at a step, or will have it next.
-    fn is_vertical(self, step: u32) -> bool {
-        let cycle = self.cycle();
-        let place = (step + cycle - self.offset % cycle) % cycle;
-        let horizontal = self.vertical..self.vertical + u32::from(YELLOW_STEPS) + self.horizontal;
-        !horizontal.contains(&place)
-    }
-}
 
 /// One timing per intersection. Every episode begins with vertical green; where the clock says otherwise, the light turns
 /// yellow at once.
@@ -59,9 +36,9 @@ impl LightController for FixedTime {
         self.step = 0;
     }
 
-    fn act(&mut self, junctions: &Junctions<'_>, actions: &mut [Action]) {
-        for ((action, junction), timing) in actions.iter_mut().zip(junctions.iter()).zip(&self.timings) {
-            *action = match (junction.light(), timing.is_vertical(self.step)) {
+    fn act(&mut self, intersections: &Intersections<'_>, actions: &mut [Action]) {
+        for ((action, intersection), timing) in actions.iter_mut().zip(intersections.iter()).zip(&self.timings) {
+            *action = match (intersection.light(), timing.is_vertical(self.step)) {
                 (Light::VerticalGreen, false) | (Light::HorizontalGreen, true) => SWITCH,
                 _ => KEEP,
             };
@@ -112,18 +89,6 @@ mod tests {
     fn asked_for(text: &str) -> Result<Vec<Timing>> {
         let mut arguments = Arguments::of(text);
         timings(&mut arguments, Grid::new(2, 2).unwrap())
-    }
-
-    #[test]
-    fn the_clock_goes_round_and_an_offset_shifts_it() {
-        let timing = Timing { vertical: 4, horizontal: 2, offset: 0 };
-        // Vertical green 0..4, yellow 4..7, horizontal green 7..9, yellow 9..12, and again.
-        let vertical = |timing: Timing| (0..24).map(|step| timing.is_vertical(step)).collect::<Vec<_>>();
-        let once = [[true; 4].as_slice(), &[false; 5], &[true; 3]].concat();
-        assert_eq!(vertical(timing), [once.clone(), once].concat());
-        let shifted = vertical(Timing { offset: 5, ..timing });
-        assert_eq!(shifted[5..], vertical(timing)[..19]);
-        assert_eq!(shifted, vertical(Timing { offset: 17, ..timing }), "whole cycles change nothing");
     }
 
     #[test]

@@ -1,9 +1,10 @@
 //! Gap-out: hold green as long as somebody uses it.
 
 use crate::domain::Action;
-use crate::traffic::grid::Side;
-use crate::traffic::region::{CELLS, OCCUPANCY};
-use crate::traffic::signals::{KEEP, Light, SWITCH};
+use crate::traffic::agents::phases::Light;
+use crate::traffic::agents::region::{CELLS, OCCUPANCY};
+use crate::traffic::light::{KEEP, SWITCH};
+use crate::traffic::side::Side;
 
 const GREEN_CELLS: usize = 3;
 const RED_CELLS: usize = 4;
@@ -11,21 +12,16 @@ const RED_CELLS: usize = 4;
 /// Switches where no car is within three cells before a green line and some car is within four before a red one. Needs no
 /// more than an observation.
 pub fn decide(obs: &[f32]) -> Action {
-    let shows = |light: Light| obs[OCCUPANCY + light as usize] != 0.0;
-    let (green, red) = if shows(Light::HorizontalGreen) {
-        ([Side::West, Side::East], [Side::South, Side::North])
-    } else if shows(Light::VerticalGreen) {
-        ([Side::South, Side::North], [Side::West, Side::East])
-    } else {
-        return KEEP;
-    };
-    let waits = |side: Side, cells: usize| {
-        let edge = Side::ALL.iter().position(|&other| other == side).expect("all sides are there");
-        obs[edge * CELLS..][..cells].iter().any(|&bit| bit != 0.0)
-    };
-    let used = green.iter().any(|&side| waits(side, GREEN_CELLS));
-    let wanted = red.iter().any(|&side| waits(side, RED_CELLS));
+    let shown = Light::ALL.into_iter().find(|&light| obs[OCCUPANCY + light as usize] != 0.0);
+    let Some([green, red]) = shown.and_then(Light::green_and_red) else { return KEEP };
+    let used = green.into_iter().any(|side| has_car_within(obs, side, GREEN_CELLS));
+    let wanted = red.into_iter().any(|side| has_car_within(obs, side, RED_CELLS));
     if !used && wanted { SWITCH } else { KEEP }
+}
+
+/// Returns whether a car is in one of the first cells before the stop line of a side.
+fn has_car_within(obs: &[f32], side: Side, cells: usize) -> bool {
+    obs[side.index() * CELLS..][..cells].iter().any(|&bit| bit != 0.0)
 }
 
 #[cfg(test)]

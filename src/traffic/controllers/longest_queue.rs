@@ -1,12 +1,12 @@
 //! Longest queue first: green for the direction with the longest queue.
 
 use crate::domain::Action;
-use crate::traffic::grid::Side;
-use crate::traffic::junctions::Junction;
-use crate::traffic::signals::{KEEP, SWITCH};
+use crate::traffic::controllers::intersections::Intersection;
+use crate::traffic::light::{KEEP, SWITCH};
+use crate::traffic::side::Side;
 
 /// Switches when more cars stand on one edge with red than on either with green.
-pub fn decide(at: &Junction<'_>, min_green: u32) -> Action {
+pub fn decide(at: &Intersection<'_>, min_green: u32) -> Action {
     let Some([green, red]) = at.green_and_red().filter(|_| at.shown_steps() >= min_green) else { return KEEP };
     let longest = |sides: [Side; 2]| sides.map(|side| at.queue(side)).into_iter().max();
     if longest(red) > longest(green) { SWITCH } else { KEEP }
@@ -15,9 +15,9 @@ pub fn decide(at: &Junction<'_>, min_green: u32) -> Action {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::traffic::agents::phases::Light;
     use crate::traffic::controllers::MIN_GREEN;
-    use crate::traffic::junctions::tests::middle;
-    use crate::traffic::signals::Light;
+    use crate::traffic::controllers::intersections::tests::middle;
 
     #[test]
     fn the_longest_single_queue_gets_green() {

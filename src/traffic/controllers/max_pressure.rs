@@ -5,18 +5,18 @@
 //! the number on the edge ahead; an edge that leaves the net holds nobody back and counts as empty, as there.
 
 use crate::domain::Action;
-use crate::traffic::grid::Side;
-use crate::traffic::junctions::Junction;
-use crate::traffic::signals::{KEEP, SWITCH};
+use crate::traffic::controllers::intersections::Intersection;
+use crate::traffic::light::{KEEP, SWITCH};
+use crate::traffic::side::Side;
 
 /// Switches when the directions with red have the greater pressure.
-pub fn decide(at: &Junction<'_>, min_green: u32) -> Action {
+pub fn decide(at: &Intersection<'_>, min_green: u32) -> Action {
     let Some([green, red]) = at.green_and_red().filter(|_| at.shown_steps() >= min_green) else { return KEEP };
     let pressure = |sides: [Side; 2]| -> i64 { sides.into_iter().map(|from| pressure(at, from)).sum() };
     if pressure(red) > pressure(green) { SWITCH } else { KEEP }
 }
 
-fn pressure(at: &Junction<'_>, from: Side) -> i64 {
+fn pressure(at: &Intersection<'_>, from: Side) -> i64 {
     let to = from.opposite();
     let ahead = if at.leaves_the_net(to) { 0 } else { at.outgoing(to).len() };
     at.incoming(from).len() as i64 - ahead as i64
@@ -25,9 +25,9 @@ fn pressure(at: &Junction<'_>, from: Side) -> i64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::traffic::agents::phases::Light;
     use crate::traffic::controllers::MIN_GREEN;
-    use crate::traffic::junctions::tests::middle;
-    use crate::traffic::signals::Light;
+    use crate::traffic::controllers::intersections::tests::middle;
 
     #[test]
     fn the_greater_pressure_gets_green() {

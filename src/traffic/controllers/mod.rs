@@ -1,32 +1,39 @@
 //! Hand-coded controllers of traffic lights: to compare policies with, and to run the lights around them.
 //!
-//! All but SUMO's own `actuated` are [`LightController`]s. They live in the GS and see its [`Junctions`], which is more than
+//! All but SUMO's own `actuated` are [`LightController`]s. They live in the GS and see its [`Intersections`], which is more than
 //! a policy observes, and their lights obey the same rules: keep or switch, three steps of yellow. To add one, implement
-//! the trait (or write a function of one [`Junction`] and wrap it in [`Each`]), and give it a name in [`recipe`] and
-//! [`NAMES`]. A program of its own needs no name: it hands its controller to [`Traffic::global`].
+//! the trait (or write a function of one [`Intersection`] and wrap it in [`Each`]), and give it a name in [`recipe`] and
+//! [`NAMES`]. A program of its own needs no name: it hands its controller to [`crate::traffic::Traffic::global`].
+//!
+//! - `control`: what a controller is; [`intersections`]: what it sees.
+//! - `simple`, [`gap_out`], `longest_queue`, `max_pressure`, `fixed_time`, `webster`: the controllers.
+//! - `timing`, [`timing_file`], [`search`]: timings of fixed-time lights, kept in files and looked for.
+//! - `arguments`: how a controller is named.
 
 mod arguments;
+mod control;
 mod fixed_time;
 pub mod gap_out;
+pub mod intersections;
 mod longest_queue;
 mod max_pressure;
 pub mod search;
 mod simple;
+mod timing;
 pub mod timing_file;
-pub mod tuning;
 mod webster;
 
 use anyhow::{Result, bail};
 
-use super::Traffic;
-use super::grid::Grid;
 use crate::base::Seed;
-use crate::domain::Action;
+use crate::traffic::paper_grid::grid::Grid;
 use arguments::Arguments;
 
-pub use super::junctions::{Junction, Junctions};
-pub use fixed_time::{FixedTime, Timing};
+pub use control::{Each, HandCoded, LightController, Trials};
+pub use fixed_time::FixedTime;
+pub use intersections::{Intersection, Intersections};
 pub use simple::{Constant, Random, SwitchEvery};
+pub use timing::Timing;
 
 /// What [`recipe`] takes; K stands for a number of steps.
 pub const NAMES: &[&str] = &[
@@ -48,40 +55,8 @@ const SWITCH_EVERY: &str = "switch-every-";
 /// with 5 or 1); to longest-queue all from 5 on are the same.
 const MIN_GREEN: u32 = 10;
 
-/// Decides for the lights of all intersections.
-pub trait LightController {
-    /// An episode begins; everything random in the decisions follows from `episode`.
-    fn begin(&mut self, _episode: Seed) {}
-
-    /// Decides whether each light shall keep what it shows or switch, one action per intersection. What is said during
-    /// yellow is not heard.
-    fn act(&mut self, junctions: &Junctions<'_>, actions: &mut [Action]);
-}
-
-/// A rule that every intersection follows on its own.
-pub struct Each<F: FnMut(&Junction<'_>) -> Action>(pub F);
-
-impl<F: FnMut(&Junction<'_>) -> Action> LightController for Each<F> {
-    fn act(&mut self, junctions: &Junctions<'_>, actions: &mut [Action]) {
-        actions.iter_mut().zip(junctions.iter()).for_each(|(action, junction)| *action = (self.0)(&junction));
-    }
-}
-
-/// Hand-coded control of lights.
-pub enum HandCoded {
-    /// SUMO's own actuated program.
-    Actuated,
-    Rule(Box<dyn LightController>),
-}
-
-impl HandCoded {
-    pub fn rule(controller: impl LightController + 'static) -> HandCoded {
-        HandCoded::Rule(Box::new(controller))
-    }
-}
-
 /// How a controller is made for a grid; what it needs to measure first, it measures then.
-pub type Recipe = Box<dyn Fn(&Traffic) -> Result<HandCoded>>;
+pub type Recipe = Box<dyn Fn(&dyn Trials) -> Result<HandCoded>>;
 
 /// A controller by its name, with parameters: `max-pressure:min-green=5`. An unknown name is an error that lists the known
 /// ones, and an unknown parameter one that lists those of the controller.
@@ -92,22 +67,27 @@ pub fn recipe(text: &str, grid: Grid) -> Result<Recipe> {
         "never" => Box::new(|_| Ok(HandCoded::rule(Constant::never()))),
         "always" => Box::new(|_| Ok(HandCoded::rule(Constant::always()))),
         "actuated" => Box::new(|_| Ok(HandCoded::Actuated)),
-        "gap-out" => Box::new(|_| Ok(HandCoded::rule(Each(|at: &Junction<'_>| gap_out::decide(at.obs()))))),
+        "gap-out" => Box::new(|_| Ok(HandCoded::rule(Each(|at: &Intersection<'_>| gap_out::decide(at.obs()))))),
         "fixed-time" => {
             let timings = fixed_time::timings(&mut arguments, grid)?;
             Box::new(move |_| Ok(HandCoded::rule(FixedTime::new(timings.clone()))))
         }
         "webster" => {
             let plan = webster::Plan::of(&mut arguments)?;
-            Box::new(move |traffic| Ok(HandCoded::rule(FixedTime::new(plan.timings(traffic)?))))
+            let agents = grid.agents().len();
+            Box::new(move |trials| Ok(HandCoded::rule(FixedTime::new(plan.timings(agents, trials)?))))
         }
         "max-pressure" => {
             let min_green = arguments.steps("min-green", MIN_GREEN)?;
-            Box::new(move |_| Ok(HandCoded::rule(Each(move |at: &Junction<'_>| max_pressure::decide(at, min_green)))))
+            Box::new(move |_| {
+                Ok(HandCoded::rule(Each(move |at: &Intersection<'_>| max_pressure::decide(at, min_green))))
+            })
         }
         "longest-queue" => {
             let min_green = arguments.steps("min-green", MIN_GREEN)?;
-            Box::new(move |_| Ok(HandCoded::rule(Each(move |at: &Junction<'_>| longest_queue::decide(at, min_green)))))
+            Box::new(move |_| {
+                Ok(HandCoded::rule(Each(move |at: &Intersection<'_>| longest_queue::decide(at, min_green))))
+            })
         }
         name => match name.strip_prefix(SWITCH_EVERY).map(str::parse::<usize>) {
             Some(Ok(steps)) if steps >= 1 => Box::new(move |_| Ok(HandCoded::rule(SwitchEvery::new(steps)))),

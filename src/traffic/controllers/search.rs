@@ -5,11 +5,13 @@
 //! best of them on all episodes; and from the winner a walk: each green, row and column is changed a little, and kept
 //! where that earns more. One change at a time is judged on common random numbers, so small gains show.
 
+use std::ops::Range;
+
 use anyhow::Result;
 
-use super::fixed_time::Timing;
+use super::timing::Timing;
 use crate::base::statistics::mean;
-use crate::traffic::grid::Grid;
+use crate::traffic::paper_grid::grid::Grid;
 
 /// Goes up with every change of what is searched or of what counts as the best: timings of another version are looked for
 /// again.
@@ -60,12 +62,11 @@ impl Candidate {
     /// What one change makes of it; offsets keep their share of a changed cycle.
     fn neighbours(&self) -> Vec<Candidate> {
         let mut found = Vec::new();
-        let green = |green: u32, by: i64| u32::try_from(i64::from(green) + by).unwrap_or(0);
         for by in GREEN_CHANGES {
             for (vertical, horizontal) in [(by, by), (by, 0), (0, by), (by, -by)] {
                 let mut changed = self.clone();
-                changed.vertical = green(self.vertical, vertical);
-                changed.horizontal = green(self.horizontal, horizontal);
+                changed.vertical = lengthened(self.vertical, vertical);
+                changed.horizontal = lengthened(self.horizontal, horizontal);
                 let (before, now) = (self.cycle(), changed.cycle());
                 changed
                     .rows
@@ -86,6 +87,16 @@ impl Candidate {
         found.retain(|candidate| candidate.vertical >= 1 && candidate.horizontal >= 1);
         found
     }
+}
+
+/// Returns a green that is longer by some steps; 0 where it would be negative.
+fn lengthened(green: u32, by: i64) -> u32 {
+    u32::try_from(i64::from(green) + by).unwrap_or(0)
+}
+
+/// Returns by how many quarters of the cycle offsets grow; along a single row or column nothing grows.
+fn quarters(count: usize) -> Range<usize> {
+    if count > 1 { 0..4 } else { 0..1 }
 }
 
 /// Where a search stands.
@@ -150,8 +161,6 @@ impl Search<'_> {
     }
 
     fn waves(&self) -> Vec<Candidate> {
-        // Along a single row or column nothing grows.
-        let quarters = |count: usize| if count > 1 { 0..4 } else { 0..1 };
         let mut waves = Vec::new();
         for green in GREENS {
             for by_row in quarters(self.grid.rows()) {

@@ -2,11 +2,11 @@
 
 use rand::Rng;
 
-use super::LightController;
-use crate::base::{Dice, Seed};
+use super::control::LightController;
+use crate::base::{Dice, RandomPurpose, Seed};
 use crate::domain::Action;
-use crate::traffic::junctions::Junctions;
-use crate::traffic::signals::{KEEP, SWITCH};
+use crate::traffic::controllers::intersections::Intersections;
+use crate::traffic::light::{KEEP, SWITCH};
 
 /// Switches with probability one half, each light at each step on its own.
 pub struct Random {
@@ -15,7 +15,7 @@ pub struct Random {
 
 impl Random {
     pub fn new(episode: Seed) -> Self {
-        Random { dice: episode.fork("acting").dice() }
+        Random { dice: episode.fork(RandomPurpose::Acting).dice() }
     }
 }
 
@@ -24,7 +24,7 @@ impl LightController for Random {
         *self = Random::new(episode);
     }
 
-    fn act(&mut self, _junctions: &Junctions<'_>, actions: &mut [Action]) {
+    fn act(&mut self, _intersections: &Intersections<'_>, actions: &mut [Action]) {
         actions.fill_with(|| Action::from(self.dice.random::<bool>()));
     }
 }
@@ -43,7 +43,7 @@ impl Constant {
 }
 
 impl LightController for Constant {
-    fn act(&mut self, _junctions: &Junctions<'_>, actions: &mut [Action]) {
+    fn act(&mut self, _intersections: &Intersections<'_>, actions: &mut [Action]) {
         actions.fill(self.0);
     }
 }
@@ -65,7 +65,7 @@ impl LightController for SwitchEvery {
         self.step = 0;
     }
 
-    fn act(&mut self, _junctions: &Junctions<'_>, actions: &mut [Action]) {
+    fn act(&mut self, _intersections: &Intersections<'_>, actions: &mut [Action]) {
         self.step += 1;
         actions.fill(if self.step.is_multiple_of(self.steps) { SWITCH } else { KEEP });
     }

@@ -6,8 +6,8 @@ use anyhow::{Context, Result, ensure};
 use serde::{Deserialize, Serialize};
 
 use super::arguments::GREENS;
-use super::fixed_time::Timing;
-use crate::traffic::grid::Grid;
+use super::timing::Timing;
+use crate::traffic::paper_grid::grid::Grid;
 
 /// What helps where a file does not.
 const WAY_OUT: &str = "`dials-traffic baseline CONFIG --controller fixed-time --tune` makes one that fits";

@@ -7,14 +7,13 @@
 
 use anyhow::Result;
 
-use super::HandCoded;
 use super::arguments::Arguments;
-use super::fixed_time::{FixedTime, Timing};
-use crate::base::{Rows, Seed};
-use crate::domain::GlobalSimulator;
-use crate::traffic::Traffic;
-use crate::traffic::region::EDGES;
-use crate::traffic::signals::{KEEP, YELLOW_STEPS};
+use super::control::{HandCoded, Trials};
+use super::fixed_time::FixedTime;
+use super::timing::Timing;
+use crate::base::{RandomPurpose, Rows, Seed};
+use crate::traffic::agents::region::EDGES;
+use crate::traffic::light::{KEEP, YELLOW_STEPS};
 
 /// Cars per hour that a standing queue of our vehicle type lets past the stop line: one in 2.28 s.
 const SATURATION_PER_H: f64 = 1580.0;
@@ -40,20 +39,18 @@ impl Plan {
     }
 
     /// Measures the flows on the GS, on episodes of their own, and works out the timings.
-    pub fn timings(&self, traffic: &Traffic) -> Result<Vec<Timing>> {
-        let agents = traffic.grid.agents().len();
-        let control = traffic.everywhere(HandCoded::rule(FixedTime::new(vec![MEANWHILE; agents])));
-        let mut gs = traffic.global(control)?;
+    pub fn timings(&self, agents: usize, trials: &dyn Trials) -> Result<Vec<Timing>> {
+        let mut gs = trials.global(HandCoded::rule(FixedTime::new(vec![MEANWHILE; agents])))?;
         let (keep, mut cars) = (vec![KEEP; agents], Rows::<u32>::new(agents, EDGES));
         for episode in 0..self.episodes {
-            gs.reset(Seed::new(0).fork("webster").for_episode(episode as usize))?;
-            for _ in 0..traffic.config.horizon {
+            gs.reset(Seed::new(0).fork(RandomPurpose::Webster).for_episode(episode as usize))?;
+            for _ in 0..trials.horizon() {
                 gs.step(&keep)?;
                 let arrivals = gs.influence_sample().sources.as_slice();
                 cars.as_mut_slice().iter_mut().zip(arrivals).for_each(|(sum, &arrived)| *sum += u32::from(arrived));
             }
         }
-        let seconds = f64::from(self.episodes) * traffic.config.horizon as f64;
+        let seconds = f64::from(self.episodes) * trials.horizon() as f64;
         let saturation = self.saturation_per_h / 3600.0 * seconds;
         Ok(cars.iter().map(|edges| timing(std::array::from_fn(|edge| f64::from(edges[edge]) / saturation))).collect())
     }

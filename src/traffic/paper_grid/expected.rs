@@ -3,11 +3,13 @@
 //! Routes and lights are read back from the text that [`content`] writes. The net is netconvert's, so this module says what
 //! netconvert makes of our plain XML; a test holds that it does so for grids of many shapes.
 
-use super::super::grid::{self, Grid, Node, Side};
-use super::super::region::{EDGE_M, SPEED_LIMIT_MPS};
-use super::content::{self, CYCLE, HALF_JUNCTION_M, LANE_WIDTH_M, RADIUS_M, STATIC_S};
-use super::tree::{Element, parse};
+use super::content::{self, HALF_INTERSECTION_M, LANE_WIDTH_M, RADIUS_M, STATIC_S};
+use super::grid::{self, Grid, Node};
 use crate::base::AgentId;
+use crate::traffic::agents::phases::Light;
+use crate::traffic::agents::region::{EDGE_M, SPEED_LIMIT_MPS};
+use crate::traffic::network::tree::{Element, parse};
+use crate::traffic::side::Side;
 
 /// The net of a grid, without what is only drawn (shapes of intersections, the place on the map). In the order of netconvert's
 /// kinds: internal edges, edges, lights, junctions, connections.
@@ -45,7 +47,7 @@ fn internal_edges(grid: Grid, agent: AgentId) -> [Element; 4] {
         // From the stop line of the edge that comes in to the beginning of the edge that goes out.
         let shape = [ends(grid, from, here)[1], ends(grid, here, to)[0]];
         let id = internal_edge(here, side);
-        let lane = lane(&id, 2.0 * HALF_JUNCTION_M, shape);
+        let lane = lane(&id, 2.0 * HALF_INTERSECTION_M, shape);
         element("edge", [("id", id), ("function", "internal".into())], vec![lane])
     })
 }
@@ -85,15 +87,19 @@ fn ends(grid: Grid, from: Node, to: Node) -> [(f64, f64); 2] {
     let ((x0, y0), (x1, y1)) = (content::place(grid, from), content::place(grid, to));
     let length = (x1 - x0).hypot(y1 - y0);
     let (dx, dy) = ((x1 - x0) / length, (y1 - y0) / length);
-    let inside = |node: Node| if matches!(node, Node::Intersection { .. }) { HALF_JUNCTION_M } else { 0.0 };
     [(x0, y0, inside(from)), (x1, y1, -inside(to))]
         .map(|(x, y, on)| (x + on * dx + LANE_WIDTH_M / 2.0 * dy, y + on * dy - LANE_WIDTH_M / 2.0 * dx))
 }
 
+/// Returns the metres from the centre of a node to its stop lines.
+fn inside(node: Node) -> f64 {
+    if matches!(node, Node::Intersection { .. }) { HALF_INTERSECTION_M } else { 0.0 }
+}
+
 fn light(grid: Grid, agent: AgentId) -> Element {
-    let phases = CYCLE.into_iter().zip(STATIC_S);
+    let phases = Light::CYCLE.into_iter().zip(STATIC_S);
     let phases =
-        phases.map(|(state, s)| element("phase", [("duration", s.into()), ("state", state.into())], Vec::new()));
+        phases.map(|(state, s)| element("phase", [("duration", s.into()), ("state", state.letters())], Vec::new()));
     let (kind, program) = (("type", "static".into()), ("programID", "0".into()));
     element("tlLogic", [("id", grid.light(agent)), kind, program, ("offset", "0".into())], phases.collect())
 }

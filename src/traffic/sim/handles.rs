@@ -1,13 +1,13 @@
 //! The intersections of a loaded net, whichever it is: their lights, and the cars on their incoming lanes.
 
-use super::region::EDGES;
-use super::signals::{Light, Signal};
 use crate::domain::{Action, Result};
-use crate::sumo::{CarTable, LaneCars, LaneId, LightId, SignalState, Simulation};
+use crate::sumo::{CarTable, LaneId, LightId, SignalState, Simulation};
+use crate::traffic::agents::phases::Light;
+use crate::traffic::light::Signal;
 
 /// The handles and lights of many intersections, one row each.
-pub struct Intersections {
-    /// Incoming lanes, [`EDGES`] per row.
+pub struct IntersectionHandles {
+    /// Incoming lanes, [`crate::traffic::agents::region::EDGES`] per row.
     lanes: Vec<LaneId>,
     lights: Vec<LightId>,
     signals: Vec<Signal>,
@@ -17,10 +17,10 @@ pub struct Intersections {
     states: [SignalState; 4],
 }
 
-impl Intersections {
-    /// `lanes`: [`EDGES`] incoming lanes of every intersection; `lights`: one of each.
+impl IntersectionHandles {
+    /// `lanes`: [`crate::traffic::agents::region::EDGES`] incoming lanes of every intersection; `lights`: one of each.
     pub fn register(simulation: &mut Simulation, lanes: &[String], lights: &[String]) -> Result<Self> {
-        Ok(Intersections {
+        Ok(IntersectionHandles {
             lanes: simulation.register_lanes(lanes)?,
             signals: vec![Signal::at_the_beginning(); lights.len()],
             by_program: vec![false; lights.len()],
@@ -101,9 +101,4 @@ impl Intersections {
         let states: Vec<&SignalState> = rows.iter().map(|&row| &self.states[self.light(row) as usize]).collect();
         Ok(simulation.set_lights(&lights, &states)?)
     }
-}
-
-/// The incoming lanes of one intersection in a read of all of them.
-pub fn edges_of(cars: &CarTable, row: usize) -> [LaneCars<'_>; EDGES] {
-    std::array::from_fn(|edge| cars.lane(EDGES * row + edge))
 }

@@ -1,6 +1,6 @@
 //! Recordings: what happened on the road in an episode, to the last bit.
 //!
-//! A [`Tape`] is handed to a [`super::Traffic`]; the first episode that one of its simulators plays goes on it, whoever
+//! A [`Tape`] is handed to a [`crate::traffic::Traffic`]; the first episode that one of its simulators plays goes on it, whoever
 //! controls the lights, and comes off as a [`Recording`], of which [`super::replay`] makes files for SUMO and `plot`
 //! makes pictures. Simulators without a tape ask SUMO for nothing more than they need.
 
@@ -9,10 +9,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use anyhow::{Context, Result};
 
-use super::forest::Region;
-use super::grid::{Grid, lane};
-use super::net_file::{Element, NetworkFiles, read};
 use crate::sumo::{CarTable, DepartSpeed, Departure, Insertion, LaneCars, LaneId, LightId, SignalState, Simulation};
+use crate::traffic::cut::forest::Region;
+use crate::traffic::network::files::NetworkFiles;
+use crate::traffic::network::tree::{Element, read};
+use crate::traffic::paper_grid::grid::{Grid, lane};
 
 /// Room for one episode. Clones are the same tape.
 #[derive(Clone, Debug, Default)]
@@ -110,7 +111,7 @@ impl Roads {
             .collect();
         let length =
             |name: &str| lengths.get(name).copied().with_context(|| format!("{place}: no lane `{name}` with a length"));
-        let edges = grid.edges().into_iter().map(|(from, to)| lane(&super::grid::edge(from, to)));
+        let edges = grid.edges().into_iter().map(|(from, to)| lane(&crate::traffic::paper_grid::grid::edge(from, to)));
         let internal = grid.agents().into_iter().flat_map(|agent| grid.internal_lanes(agent));
         let lanes = edges.chain(internal).map(|name| Ok(Lane { length_m: length(&name)?, name }));
         let lanes = lanes.collect::<Result<Vec<Lane>>>()?;

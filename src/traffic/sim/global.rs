@@ -4,42 +4,25 @@ use std::time::Instant;
 
 use anyhow::ensure;
 
-use super::controllers::HandCoded;
-use super::grid::{Grid, lane};
-use super::intersections::{Intersections, edges_of};
-use super::junctions::Junctions;
+use super::control::SignalControl;
+use super::handles::IntersectionHandles;
 use super::metrics::TrafficMetrics;
-use super::net_file::{NetworkFiles, for_sumo};
+use super::options;
 use super::recording::{Recorder, Tape};
-use super::region::{self, EDGES};
-use super::signals::{KEEP, Light};
-use crate::base::{AgentId, Phase, Rows, Seed, Stopwatch};
+use super::tally::Tally;
+use crate::base::{Phase, Rows, Seed, Stopwatch};
 use crate::config::DSet;
 use crate::domain::{Action, GlobalSimulator, InfluenceSample, Measures, Percept, RegionSpec, Result, Transition};
-use crate::sumo::{Car, CarId, CarTable, LaneCars, LaneId, SignalState, Simulation};
-
-/// Braking harder than the `decel` of the vehicle type is an emergency.
-pub(super) const DECEL_MPS2: f64 = 7.5;
-
-/// Who runs the lights.
-pub enum SignalControl {
-    /// The actions of each step.
-    Agents,
-    /// Hand-coded control runs the lights of these agents, whatever the actions say; the actions run the others.
-    HandCoded { by: HandCoded, agents: Vec<AgentId> },
-}
-
-impl SignalControl {
-    /// The rows that a program of SUMO's runs.
-    fn by_program(&self) -> Vec<usize> {
-        match self {
-            SignalControl::HandCoded { by: HandCoded::Actuated, agents } => {
-                agents.iter().map(|agent| agent.0).collect()
-            }
-            _ => Vec::new(),
-        }
-    }
-}
+use crate::sumo::{Car, CarTable, LaneCars, LaneId, SignalState, Simulation};
+use crate::traffic::agents::phases::Light;
+use crate::traffic::agents::region::{self, EDGES};
+use crate::traffic::arrivals;
+use crate::traffic::controllers::HandCoded;
+use crate::traffic::controllers::intersections::Intersections;
+use crate::traffic::light::KEEP;
+use crate::traffic::network::files::{NetworkFiles, for_sumo};
+use crate::traffic::observe::{self, edges_of};
+use crate::traffic::paper_grid::grid::{Grid, lane};
 
 /// The traffic GS: one row per intersection.
 ///
@@ -51,7 +34,7 @@ pub struct GlobalTraffic {
     files: NetworkFiles,
     control: SignalControl,
     simulation: Simulation,
-    intersections: Intersections,
+    handles: IntersectionHandles,
     /// What every light shows, `[agents]`, now and a step ago.
     lights: Vec<Light>,
     lights_before: Vec<Light>,
@@ -79,21 +62,6 @@ pub struct GlobalTraffic {
     metrics: Option<TrafficMetrics>,
 }
 
-/// Counts of an episode.
-#[derive(Clone, Debug, Default)]
-struct Tally {
-    /// Steps that began with green and those of them that showed yellow, per agent.
-    greens: Vec<(u64, u64)>,
-    car_steps: u64,
-    speed_sum_mps: f64,
-    departed: u64,
-    arrived: u64,
-    backlog: u64,
-    teleports: u64,
-    collisions: u64,
-    emergency_brakes: u64,
-}
-
 impl GlobalTraffic {
     /// The first episode goes on the `tape`.
     pub fn load(
@@ -112,7 +80,7 @@ impl GlobalTraffic {
         let outgoing: Vec<String> =
             agents.iter().flat_map(|&agent| grid.outgoing_edges(agent)).map(|edge| lane(&edge)).collect();
         let lights: Vec<String> = agents.iter().map(|&agent| grid.light(agent)).collect();
-        let intersections = Intersections::register(&mut simulation, &lanes, &lights)?;
+        let handles = IntersectionHandles::register(&mut simulation, &lanes, &lights)?;
         let recorder = tape.map(|tape| Recorder::new(tape, &mut simulation, grid, files, None)).transpose()?;
         let outgoing_lanes = simulation.register_lanes(&outgoing)?;
         Ok(GlobalTraffic {
@@ -120,7 +88,7 @@ impl GlobalTraffic {
             files: files.clone(),
             control,
             simulation,
-            intersections,
+            handles,
             lights: vec![Light::VerticalGreen; agents.len()],
             lights_before: vec![Light::VerticalGreen; agents.len()],
             shown_steps: vec![0; agents.len()],
@@ -142,9 +110,9 @@ impl GlobalTraffic {
         })
     }
 
-    /// The car that entered an edge of an intersection in the last step, where the arrivals of
-    /// [`GlobalSimulator::influence_sample`] say that one did. Beyond what the AIP predicts: for tests of the physics.
-    pub fn entered(&self, agent: usize, edge: usize) -> Option<Car> {
+    /// Returns the car that arrived at an edge of an intersection in the last step, if one did. This is more than the AIP
+    /// predicts: for tests of the physics.
+    pub fn arrival(&self, agent: usize, edge: usize) -> Option<Car> {
         let arrived = self.arrivals.row(agent)[edge] == 1;
         arrived.then(|| self.cars.lane(EDGES * agent + edge).iter().next().expect("an arrival is a car on the edge"))
     }
@@ -168,7 +136,7 @@ impl GlobalTraffic {
     fn decide(&mut self, actions: &[Action]) {
         self.actions.copy_from_slice(actions);
         if let SignalControl::HandCoded { by: HandCoded::Rule(controller), agents } = &mut self.control {
-            let junctions = Junctions {
+            let intersections = Intersections {
                 grid: self.grid,
                 lights: &self.lights,
                 shown_steps: &self.shown_steps,
@@ -176,36 +144,27 @@ impl GlobalTraffic {
                 incoming: &self.cars,
                 outgoing: &self.outgoing,
             };
-            controller.act(&junctions, &mut self.hand_coded);
+            controller.act(&intersections, &mut self.hand_coded);
             agents.iter().for_each(|agent| self.actions[agent.0] = self.hand_coded[agent.0]);
         }
     }
 
     /// Reads cars and lights after a step or a reset.
     fn read(&mut self) -> Result<()> {
-        self.intersections.read_cars(&mut self.simulation, &mut self.cars)?;
+        self.handles.read_cars(&mut self.simulation, &mut self.cars)?;
         if let SignalControl::HandCoded { by: HandCoded::Rule(_), .. } = self.control {
             self.simulation.read_lanes(&self.outgoing_lanes, &mut self.outgoing)?;
         }
-        self.intersections.read_lights(&mut self.simulation, &mut self.states, &mut self.lights)
+        self.handles.read_lights(&mut self.simulation, &mut self.states, &mut self.lights)
     }
 
     fn perceive(&mut self) {
         let Transition { percept, rewards } = &mut self.last;
         for (row, reward) in rewards.iter_mut().enumerate() {
             let edges = edges_of(&self.cars, row);
-            region::observe(edges, self.lights[row], percept.obs.row_mut(row));
-            region::d_separate(percept.obs.row(row), self.arrivals.row(row), percept.d_set.row_mut(row));
-            *reward = region::reward(edges);
-        }
-    }
-
-    /// DEVIATION 4: an influence source is the event that a car entered the edge in this step; in the authors' code it
-    /// is the occupancy of the entry cell.
-    fn note_arrivals(&mut self) {
-        let lanes = self.cars.iter().zip(self.cars_before.iter());
-        for (arrived, (now, before)) in self.arrivals.as_mut_slice().iter_mut().zip(lanes) {
-            *arrived = u8::from(has_new_car(now, before));
+            observe::observe(edges, self.lights[row], percept.obs.row_mut(row));
+            observe::d_separate(percept.obs.row(row), self.arrivals.row(row), percept.d_set.row_mut(row));
+            *reward = observe::reward(edges);
         }
     }
 }
@@ -230,12 +189,12 @@ impl GlobalSimulator for GlobalTraffic {
         self.simulation.reload(&options)?;
         let by_program = self.control.by_program();
         let ours: Vec<usize> = (0..self.agents()).filter(|row| !by_program.contains(row)).collect();
-        self.intersections.reset(&mut self.simulation, &ours)?;
-        self.intersections.hand_to_program(&mut self.simulation, "actuated", &by_program)?;
+        self.handles.reset(&mut self.simulation, &ours)?;
+        self.handles.hand_to_program(&mut self.simulation, "actuated", &by_program)?;
         self.read()?;
         self.shown_steps.fill(0);
         self.arrivals.fill(0);
-        self.tally = Tally { greens: vec![(0, 0); self.agents()], ..Tally::default() };
+        self.tally = Tally::new(self.agents());
         self.perceive();
         if let Some(recorder) = &mut self.recorder {
             recorder.begin(episode.for_sumo());
@@ -253,7 +212,7 @@ impl GlobalSimulator for GlobalTraffic {
         self.d_set_before.copy_from(&self.last.percept.d_set);
         std::mem::swap(&mut self.cars, &mut self.cars_before);
         self.lights_before.copy_from_slice(&self.lights);
-        self.intersections.act(&mut self.simulation, &self.actions)?;
+        self.handles.act(&mut self.simulation, &self.actions)?;
         self.watch.note(Phase::Insertion, begun.elapsed());
         self.watch.time(Phase::SimulatorStep, || self.simulation.step())?;
         let begun = Instant::now();
@@ -261,7 +220,9 @@ impl GlobalSimulator for GlobalTraffic {
         for (steps, (before, now)) in self.shown_steps.iter_mut().zip(self.lights_before.iter().zip(&self.lights)) {
             *steps = if before == now { *steps + 1 } else { 1 };
         }
-        self.note_arrivals();
+        // DEVIATION 4: an influence source is the event that a car entered the edge in this step; in the authors' code it is
+        // the occupancy of the entry cell.
+        arrivals::note(self.arrivals.as_mut_slice(), &self.cars, &self.cars_before);
         self.perceive();
         self.tally.lights(&self.lights_before, &self.lights);
         self.tally.cars(&self.cars, &self.cars_before);
@@ -296,9 +257,8 @@ impl GlobalSimulator for GlobalTraffic {
             metrics.finish()?;
         }
         let mut measures = self.tally.measures();
-        let named = |(name, value): (&str, f64)| (name.to_owned(), value);
-        measures.system.splice(1..1, metrics.of_net(self.tally.arrived).into_iter().map(named));
-        measures.per_agent.extend(metrics.of_agents().into_iter().map(|(name, values)| (name.to_owned(), values)));
+        measures.system.splice(1..1, metrics.of_net(self.tally.arrived).into_iter().map(with_owned_name));
+        measures.per_agent.extend(metrics.of_agents().into_iter().map(with_owned_name));
         Ok(measures)
     }
 
@@ -307,71 +267,15 @@ impl GlobalSimulator for GlobalTraffic {
     }
 }
 
-impl Tally {
-    fn lights(&mut self, before: &[Light], now: &[Light]) {
-        for ((greens, switches), (before, now)) in self.greens.iter_mut().zip(before.iter().zip(now)) {
-            *greens += u64::from(before.is_green());
-            *switches += u64::from(before.is_green() && !now.is_green());
-        }
-    }
-
-    fn cars(&mut self, now: &CarTable, before: &CarTable) {
-        self.car_steps += now.cars() as u64;
-        for (now, before) in now.iter().zip(before.iter()) {
-            self.speed_sum_mps += now.speeds_mps.iter().sum::<f64>();
-            // Cars neither overtake nor teleport: after the one that is new, if any, they stand in the same order.
-            let new = usize::from(has_new_car(now, before));
-            let braked = now.speeds_mps[new..]
-                .iter()
-                .zip(before.speeds_mps)
-                .filter(|(now, before)| *before - *now > DECEL_MPS2 + 1e-9);
-            self.emergency_brakes += braked.count() as u64;
-        }
-    }
-
-    fn step(&mut self, simulation: &mut Simulation) -> Result<()> {
-        let counts = simulation.counts()?;
-        self.departed += u64::from(counts.departed);
-        self.arrived += u64::from(counts.arrived);
-        self.teleports += u64::from(counts.teleports);
-        self.collisions += u64::from(counts.collisions);
-        self.backlog = u64::from(counts.pending);
-        Ok(())
-    }
-
-    fn measures(&self) -> Measures {
-        let share = |&(greens, switches): &(u64, u64)| switches as f64 / greens.max(1) as f64;
-        let system = [
-            ("mean_speed_mps", self.speed_sum_mps / self.car_steps.max(1) as f64),
-            ("departed", self.departed as f64),
-            ("arrived", self.arrived as f64),
-            ("backlog", self.backlog as f64),
-            ("teleports", self.teleports as f64),
-            ("collisions", self.collisions as f64),
-            ("emergency_brakes", self.emergency_brakes as f64),
-        ];
-        Measures {
-            per_agent: vec![(super::P_SWITCH.to_owned(), self.greens.iter().map(share).collect())],
-            system: system.map(|(name, value)| (name.to_owned(), value)).to_vec(),
-        }
-    }
-}
-
-/// Whether a car entered the lane between two reads. Cars leave in the order in which they came, so a new one is the
-/// rearmost, and no second one fits in behind it within a second.
-pub(super) fn has_new_car(now: LaneCars<'_>, before: LaneCars<'_>) -> bool {
-    let rearmost = |lane: LaneCars<'_>| -> Option<CarId> { lane.ids.first().copied() };
-    rearmost(now).is_some_and(|car| rearmost(before) != Some(car))
+fn with_owned_name<T>((name, value): (&str, T)) -> (String, T) {
+    (name.to_owned(), value)
 }
 
 fn options(files: &NetworkFiles, control: &SignalControl, episode: Seed) -> Result<Vec<String>> {
-    let mut options =
-        vec!["--net-file".to_owned(), for_sumo(&files.net)?, "--route-files".to_owned(), for_sumo(&files.routes)?];
+    let mut options = options::common(&files.net, &files.routes, episode.for_sumo())?;
     if !control.by_program().is_empty() {
         options.extend(["--additional-files".to_owned(), for_sumo(&files.actuated)?]);
     }
-    options.extend(["--seed".to_owned(), episode.for_sumo().to_string()]);
-    options.extend(super::SUMO_OPTIONS.map(str::to_owned));
     Ok(options)
 }
 
@@ -381,7 +285,8 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::traffic::net_file::read_shape;
+    use crate::base::AgentId;
+    use crate::traffic::paper_grid::recognise::read_shape;
 
     /// When every car wanted to enter, in seconds; of an episode in which this action is taken at every step.
     fn wished_departures(control: SignalControl, action: Action) -> BTreeMap<String, i64> {

@@ -1,35 +1,12 @@
-//! The local region of one intersection, pure: what its agent observes, what its AIP sees, what it is rewarded for.
-//!
-//! An incoming edge is 100 m long and cut into cells of 10 m, counted from the stop line. The agent sees nine of them;
-//! the tenth, the *entry cell*, is where influence enters, and hidden. Cars inside the junction belong to no edge.
+//! What the agent of one intersection observes, what its AIP sees, what it is rewarded for. Pure.
 
-use super::signals::Light;
-use crate::config::DSet;
-use crate::domain::{RegionSpec, SourceSpec};
-use crate::sumo::LaneCars;
+use super::agents::phases::Light;
+use super::agents::region::{CELL_M, CELLS, EDGE_M, EDGES, OCCUPANCY, SPEED_LIMIT_MPS};
+use crate::sumo::{CarTable, LaneCars};
 
-/// Incoming edges, in the order west, south, east, north.
-pub const EDGES: usize = 4;
-/// Visible cells per edge.
-pub const CELLS: usize = 9;
-const CELL_M: f64 = 10.0;
-pub const EDGE_M: f64 = 100.0;
-pub const SPEED_LIMIT_MPS: f64 = 10.0;
-/// Width of the occupancy bits.
-pub const OCCUPANCY: usize = EDGES * CELLS;
-
-/// The shape of a traffic region.
-pub fn spec(horizon: usize, d_set: DSet) -> RegionSpec {
-    RegionSpec {
-        obs_dim: OCCUPANCY + Light::ALL.len(),
-        d_set_dim: match d_set {
-            DSet::Cells => OCCUPANCY,
-            DSet::CellsAndArrivals => OCCUPANCY + EDGES,
-        },
-        n_actions: 2,
-        sources: SourceSpec::Binary { sources: EDGES },
-        horizon,
-    }
+/// Returns the cars on the lanes of one intersection, in a read of [`EDGES`] lanes of all of them.
+pub fn edges_of(cars: &CarTable, row: usize) -> [LaneCars<'_>; EDGES] {
+    std::array::from_fn(|edge| cars.lane(EDGES * row + edge))
 }
 
 /// Writes the observation, 40 bits: for each edge 9 cells from the stop line on, then the light, one-hot.

@@ -11,11 +11,14 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, ensure};
-use quick_xml::Writer;
 
-use super::grid::{self, Grid};
-use super::net_file::{self, Element, NetworkFiles};
 use crate::base::AgentId;
+use crate::traffic::network::files::NetworkFiles;
+use crate::traffic::network::tree::Element;
+use crate::traffic::network::write_together;
+use crate::traffic::network::xml::{Xml, document_with, leaf, nest};
+use crate::traffic::paper_grid::grid::{self, Grid};
+use crate::traffic::paper_grid::recognise::read_local;
 
 /// Where the files of a forest are.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -61,12 +64,12 @@ impl Region {
     }
 
     /// What something of this region is called in the local net; `None`: it is none of this region's.
-    pub(super) fn in_the_local_net(self, id: &str) -> Option<&str> {
+    pub(in crate::traffic) fn in_the_local_net(self, id: &str) -> Option<&str> {
         id.strip_prefix(&format!("f{}.", self.0))
     }
 
     /// The name that something of the local net has in this region.
-    pub(super) fn rename(self, id: &str) -> String {
+    pub(in crate::traffic) fn rename(self, id: &str) -> String {
         match id.strip_prefix(':') {
             // SUMO knows internal edges and lanes by the colon, and finds their intersection by the name behind it.
             Some(internal) => format!(":f{}.{internal}", self.0),
@@ -83,20 +86,20 @@ impl Region {
 pub fn write_forest(local: &NetworkFiles, regions: usize, dir: &Path) -> Result<ForestFiles> {
     ensure!(regions >= 1, "{}: a forest of 0 regions: needs at least one", dir.display());
     local.check()?;
-    let [local_net, local_routes] = net_file::read_local(local)?;
+    let [local_net, local_routes] = read_local(local)?;
     let prefix = dir.join(format!("forest_{regions}"));
     let NetworkFiles { net, routes, .. } = NetworkFiles::of(&prefix);
     let contents = [
         (net.clone(), replicate(&local_net, regions).into_bytes()),
         (routes.clone(), replicate(&local_routes, regions).into_bytes()),
     ];
-    net_file::write_together(dir, &contents)?;
+    write_together(dir, &contents)?;
     Ok(ForestFiles { net, routes })
 }
 
 /// The text of a file of the local net, once per region.
 fn replicate(local: &Element, regions: usize) -> String {
-    net_file::document_with(&local.name, local.attributes.iter().map(|(key, value)| (key, value)), |xml| {
+    document_with(&local.name, local.attributes.iter().map(|(key, value)| (key, value)), |xml| {
         // SUMO wants all edges before the lights, the lights before the junctions, and so on, so the regions go side
         // by side within each kind.
         for same_kind in local.children.chunk_by(|a, b| a.name == b.name) {
@@ -115,7 +118,7 @@ fn is_shared(element: &Element) -> bool {
 }
 
 /// The attributes that hold names of a region's things, one name or several with blanks between. The local net has no other
-/// elements than ours: [`net_file::read_local`] compares it.
+/// elements than ours: [`read_local`] compares it.
 ///
 /// Seen in the files of netconvert 1.15. The `index` and the bits of a `<request>` and the `linkIndex` of a
 /// `<connection>` count within their intersection, so they stay.
@@ -131,18 +134,16 @@ fn ids_of(element: &str) -> &'static [&'static str] {
     }
 }
 
-fn write(xml: &mut Writer<Vec<u8>>, element: &Element, region: Region) -> io::Result<()> {
+fn write(xml: &mut Xml, element: &Element, region: Region) -> io::Result<()> {
     let ids = ids_of(&element.name);
     let attributes = element.attributes.iter().map(|(key, value)| {
         let renamed = ids.contains(&key.as_str()).then(|| region.rename_all(value));
         (key, renamed.map_or(Cow::Borrowed(value.as_str()), Cow::Owned))
     });
     if element.children.is_empty() {
-        return net_file::leaf(xml, &element.name, attributes);
+        return leaf(xml, &element.name, attributes);
     }
-    net_file::nest(xml, &element.name, attributes, |xml| {
-        element.children.iter().try_for_each(|child| write(xml, child, region))
-    })
+    nest(xml, &element.name, attributes, |xml| element.children.iter().try_for_each(|child| write(xml, child, region)))
 }
 
 #[cfg(test)]

@@ -8,14 +8,14 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, ensure};
-use quick_xml::Writer;
 
-use super::SUMO_OPTIONS;
-use super::net_file::{Element, NetworkFiles, document, for_sumo, leaf, nest, section, write_together};
+use super::options::{STEP_LENGTH_S, TIME_TO_TELEPORT_S};
 use super::recording::{Entry, Recording, Step};
 use crate::sumo::{CarTable, DepartSpeed, SignalState, Simulation};
-
-type Xml = Writer<Vec<u8>>;
+use crate::traffic::network::files::{NetworkFiles, for_sumo};
+use crate::traffic::network::tree::Element;
+use crate::traffic::network::write_together;
+use crate::traffic::network::xml::{Xml, document, leaf, nest, section};
 
 /// The one name of the files of a replay.
 const NAME: &str = "replay";
@@ -132,18 +132,14 @@ pub struct Snapshot {
 /// Cars and roads are wider than they are, so that a whole grid can be watched; a car that stands is red, one at half of
 /// the limit yellow and one at the limit blue, which all kinds of colour vision tell apart.
 pub fn view(delay_ms: u32, snapshots: &[Snapshot]) -> String {
-    const GREY: &str = "90,90,90";
     const BOXES: &str = "1";
     const BY_SPEED: &str = "8";
     let speeds = [("213,94,0", "0"), ("240,228,66", "5"), ("86,180,233", "10")];
-    let all = |xml: &mut Xml, name: &str| {
-        nest(xml, "colorScheme", [("name", "uniform")], |xml| leaf(xml, "entry", [("name", name), ("color", GREY)]))
-    };
     document("viewsettings", |xml| {
         nest(xml, "scheme", [("name", "standard")], |xml| {
             leaf(xml, "background", [("backgroundColor", "245,245,245"), ("showGrid", "0")])?;
-            nest(xml, "edges", [("laneEdgeMode", "0"), ("widthExaggeration", "1.5")], |xml| all(xml, "road"))?;
-            nest(xml, "junctions", [("junctionMode", "0")], |xml| all(xml, ""))?;
+            nest(xml, "edges", [("laneEdgeMode", "0"), ("widthExaggeration", "1.5")], |xml| all_grey(xml, "road"))?;
+            nest(xml, "junctions", [("junctionMode", "0")], |xml| all_grey(xml, ""))?;
             let cars = [("vehicleMode", BY_SPEED), ("vehicleQuality", BOXES), ("vehicle_exaggeration", "1.4")];
             nest(xml, "vehicles", cars.into_iter().chain([("showBlinker", "0")]), |xml| {
                 nest(xml, "colorScheme", [("name", "by speed"), ("interpolated", "1")], |xml| {
@@ -162,15 +158,20 @@ pub fn view(delay_ms: u32, snapshots: &[Snapshot]) -> String {
     })
 }
 
+/// One grey for everything of a kind.
+fn all_grey(xml: &mut Xml, name: &str) -> io::Result<()> {
+    let entry = [("name", name), ("color", "90,90,90")];
+    nest(xml, "colorScheme", [("name", "uniform")], |xml| leaf(xml, "entry", entry))
+}
+
 fn config(recording: &Recording) -> String {
     let NetworkFiles { net, routes, .. } = NetworkFiles::of(Path::new(NAME));
     let (net, routes) = (net.to_string_lossy(), routes.to_string_lossy());
     let (end, seed) = (recording.steps.len().to_string(), recording.seed.to_string());
-    let [_, step_length, _, time_to_teleport] = SUMO_OPTIONS;
     document("configuration", |xml| {
         section(xml, "input", &[("net-file", &net), ("route-files", &routes), ("additional-files", SIGNALS)])?;
-        section(xml, "time", &[("begin", "0"), ("end", &end), ("step-length", step_length)])?;
-        section(xml, "processing", &[("time-to-teleport", time_to_teleport)])?;
+        section(xml, "time", &[("begin", "0"), ("end", &end), ("step-length", STEP_LENGTH_S)])?;
+        section(xml, "processing", &[("time-to-teleport", TIME_TO_TELEPORT_S)])?;
         section(xml, "random_number", &[("seed", &seed)])?;
         section(xml, "report", &[("no-warnings", "true"), ("xml-validation", "never")])?;
         section(xml, "gui_only", &[("gui-settings-file", VIEW)])

@@ -4,13 +4,11 @@
 
 use std::io;
 
-use quick_xml::Writer;
-use quick_xml::events::{BytesDecl, Event};
-
-use super::super::grid::{self, Grid, Node, Side};
-use super::super::region::{EDGE_M, SPEED_LIMIT_MPS};
-
-type Xml = Writer<Vec<u8>>;
+use super::grid::{self, Grid, Node};
+use crate::traffic::agents::phases::Light;
+use crate::traffic::agents::region::{EDGE_M, SPEED_LIMIT_MPS};
+use crate::traffic::network::xml::{Xml, document, leaf, nest};
+use crate::traffic::side::Side;
 
 /// The corner radius of an intersection (the authors' setup).
 pub const RADIUS_M: f64 = 6.2;
@@ -18,11 +16,11 @@ pub const RADIUS_M: f64 = 6.2;
 pub const LANE_WIDTH_M: f64 = 3.2;
 /// From the centre of an intersection to its stop lines: one lane of the crossing road and the radius lie between.
 /// So a lane inside an intersection is 18.8 m long, as in the authors' setup.
-pub const HALF_JUNCTION_M: f64 = LANE_WIDTH_M + RADIUS_M;
+pub const HALF_INTERSECTION_M: f64 = LANE_WIDTH_M + RADIUS_M;
 /// From a dead end to the centre of its intersection.
-const REACH_M: f64 = EDGE_M + HALF_JUNCTION_M;
+const REACH_M: f64 = EDGE_M + HALF_INTERSECTION_M;
 /// From centre to centre.
-const SPACING_M: f64 = EDGE_M + 2.0 * HALF_JUNCTION_M;
+const SPACING_M: f64 = EDGE_M + 2.0 * HALF_INTERSECTION_M;
 
 /// The only vehicle type; IDM and its numbers: the authors' setup, sigma is unused by IDM.
 ///
@@ -43,9 +41,10 @@ const VEHICLE_TYPE: [(&str, &str); 11] = [
     ("speedDev", "0"),
 ];
 
-/// The cycle of the light's states; letters in `Side::LINK_ORDER`. Vertical green, yellow, horizontal green, yellow.
-pub const CYCLE: [&str; 4] = ["GrGr", "yryr", "rGrG", "ryry"];
-/// Seconds of each phase of the static program. 10 s of green are our choice, as good as any while nobody controls; 3 s of
+/// Braking harder than the `decel` of the vehicle type is an emergency.
+pub const DECEL_MPS2: f64 = 7.5;
+
+/// Seconds of each phase of the static program, in the order of [`Light::CYCLE`]. 10 s of green are our choice, as good as any while nobody controls; 3 s of
 /// yellow are the authors'.
 pub const STATIC_S: [&str; 4] = ["10", "3", "10", "3"];
 
@@ -92,8 +91,10 @@ pub fn lights(grid: Grid) -> String {
             let head = [("id", grid.light(agent)), ("type", "static".into()), ("programID", "0".into())];
             let head = head.into_iter().chain([("offset", "0".into())]);
             nest(xml, "tlLogic", head, |xml| {
-                let phases = CYCLE.into_iter().zip(STATIC_S);
-                phases.into_iter().try_for_each(|(state, s)| leaf(xml, "phase", [("duration", s), ("state", state)]))
+                let phases = Light::CYCLE.into_iter().zip(STATIC_S);
+                phases
+                    .into_iter()
+                    .try_for_each(|(state, s)| leaf(xml, "phase", [("duration", s), ("state", &state.letters())]))
             })?;
         }
         straight_on(xml, grid, |light, side| vec![("tl", light), ("linkIndex", side.link_index().to_string())])
@@ -136,24 +137,16 @@ pub fn actuated(grid: Grid) -> String {
                 leaf(xml, "param", [("key", "max-gap"), ("value", "3.0")])?;
                 leaf(xml, "param", [("key", "detector-gap"), ("value", "0.8")])?;
                 let times = [("8", "45"), ("3", "6"), ("8", "45"), ("3", "6")];
-                CYCLE.into_iter().zip(times).try_for_each(|(state, (min, max))| {
-                    leaf(xml, "phase", [("duration", min), ("minDur", min), ("maxDur", max), ("state", state)])
+                Light::CYCLE.into_iter().zip(times).try_for_each(|(state, (min, max))| {
+                    leaf(
+                        xml,
+                        "phase",
+                        [("duration", min), ("minDur", min), ("maxDur", max), ("state", &state.letters())],
+                    )
                 })
             })?;
         }
         Ok(())
-    })
-}
-
-/// The configuration that `sumo -c` and `sumo-gui -c` take; the other files lie beside it.
-pub fn config(net: &str, routes: &str) -> String {
-    document("configuration", |xml| {
-        section(xml, "input", &[("net-file", net), ("route-files", routes)])?;
-        section(xml, "time", &[("begin", "0"), ("end", "3600"), ("step-length", "1")])?;
-        // A car that waits is never lifted over the jam (the authors' setup).
-        section(xml, "processing", &[("time-to-teleport", "-1")])?;
-        // Without it SUMO warns of a missing SUMO_HOME, where it would look for the schemas.
-        section(xml, "report", &[("xml-validation", "never")])
     })
 }
 
@@ -178,9 +171,13 @@ fn straight_on(
     Ok(())
 }
 
+/// Returns the distance in metres from the first intersection of a row or column to another one.
+fn at(index: usize) -> f64 {
+    SPACING_M * index as f64
+}
+
 /// Metres east and north of the south-west intersection.
 pub fn place(grid: Grid, node: Node) -> (f64, f64) {
-    let at = |index: usize| SPACING_M * index as f64;
     match node {
         Node::Intersection { row, col } => (at(col), at(row)),
         Node::Boundary { side: Side::West, index } => (-REACH_M, at(index)),
@@ -190,63 +187,10 @@ pub fn place(grid: Grid, node: Node) -> (f64, f64) {
     }
 }
 
-/// A whole file with this root element.
-pub fn document(root: &str, fill: impl FnOnce(&mut Xml) -> io::Result<()>) -> String {
-    const BARE: [(&str, &str); 0] = [];
-    document_with(root, BARE, fill)
-}
-
-pub fn document_with<K: AsRef<str>, V: AsRef<str>>(
-    root: &str,
-    attributes: impl IntoIterator<Item = (K, V)>,
-    fill: impl FnOnce(&mut Xml) -> io::Result<()>,
-) -> String {
-    let mut xml = Writer::new_with_indent(Vec::new(), b' ', 4);
-    xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))
-        .and_then(|()| nest(&mut xml, root, attributes, fill))
-        .expect("memory takes what is written to it");
-    xml.get_mut().push(b'\n');
-    String::from_utf8(xml.into_inner()).expect("only strings were written")
-}
-
-/// An element with others inside.
-pub fn nest<K: AsRef<str>, V: AsRef<str>>(
-    xml: &mut Xml,
-    name: &str,
-    attributes: impl IntoIterator<Item = (K, V)>,
-    fill: impl FnOnce(&mut Xml) -> io::Result<()>,
-) -> io::Result<()> {
-    let mut element = xml.create_element(name);
-    for (key, value) in attributes {
-        element = element.with_attribute((key.as_ref(), value.as_ref()));
-    }
-    element.write_inner_content(fill).map(|_| ())
-}
-
-/// An element with attributes only.
-pub fn leaf<K: AsRef<str>, V: AsRef<str>>(
-    xml: &mut Xml,
-    name: &str,
-    attributes: impl IntoIterator<Item = (K, V)>,
-) -> io::Result<()> {
-    let mut element = xml.create_element(name);
-    for (key, value) in attributes {
-        element = element.with_attribute((key.as_ref(), value.as_ref()));
-    }
-    element.write_empty().map(|_| ())
-}
-
-/// The options of one kind in a configuration.
-pub fn section(xml: &mut Xml, name: &str, options: &[(&str, &str)]) -> io::Result<()> {
-    const BARE: [(&str, &str); 0] = [];
-    nest(xml, name, BARE, |xml| options.iter().try_for_each(|(option, value)| leaf(xml, option, [("value", value)])))
-}
-
 #[cfg(test)]
 mod tests {
-    use super::super::super::global::DECEL_MPS2;
-    use super::super::super::signals::{Light, YELLOW_STEPS};
     use super::*;
+    use crate::traffic::light::YELLOW_STEPS;
 
     #[test]
     fn edges_between_intersections_are_as_long_as_edges_to_dead_ends() {
@@ -269,8 +213,6 @@ mod tests {
             |key: &str| VEHICLE_TYPE.iter().find(|(name, _)| *name == key).and_then(|(_, v)| v.parse().ok());
         assert_eq!(of_the_type("decel"), Some(DECEL_MPS2));
         assert_eq!(of_the_type("maxSpeed"), Some(SPEED_LIMIT_MPS));
-        let cycle = [Light::VerticalGreen, Light::VerticalYellow, Light::HorizontalGreen, Light::HorizontalYellow];
-        assert_eq!(cycle.map(Light::letters), CYCLE);
         assert_eq!([STATIC_S[1], STATIC_S[3]].map(str::parse), [Ok(YELLOW_STEPS), Ok(YELLOW_STEPS)]);
     }
 

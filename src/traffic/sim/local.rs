@@ -5,16 +5,19 @@ use std::time::Instant;
 
 use anyhow::Context;
 
-use super::forest::{Region, write_forest};
-use super::grid::Grid;
-use super::intersections::{Intersections, edges_of};
-use super::net_file::{NetworkFiles, for_sumo};
+use super::handles::IntersectionHandles;
+use super::options;
 use super::recording::{Recorder, Tape};
-use super::region::{self, EDGES};
 use crate::base::{Phase, Rows, Stopwatch};
 use crate::config::{DSet, EntryRule};
 use crate::domain::{Action, Beginning, LocalSimulator, Percept, RegionSpec, Result, Transition};
-use crate::sumo::{CarTable, DepartSpeed, Insertion, LaneCars, LaneId, RouteId, Simulation};
+use crate::sumo::{CarId, CarTable, DepartSpeed, Insertion, LaneCars, LaneId, RouteId, Simulation};
+use crate::traffic::agents::region::{self, EDGES};
+use crate::traffic::arrivals::is_rearmost;
+use crate::traffic::cut::forest::{Region, write_forest};
+use crate::traffic::network::files::NetworkFiles;
+use crate::traffic::observe::{self, edges_of};
+use crate::traffic::paper_grid::grid::Grid;
 
 /// The counter of sampled arrivals that found no room.
 pub const DROPPED: &str = "dropped_arrivals";
@@ -22,9 +25,9 @@ pub const DROPPED: &str = "dropped_arrivals";
 /// SUMO's. Without speed factors to draw and without flows, it changes nothing.
 const SEED: u32 = 0;
 
-/// Where and how fast a car enters an edge.
+/// Where and how fast an arriving car is put on its edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Entry {
+pub struct Placement {
     pub position_m: f64,
     pub speed: DepartSpeed,
 }
@@ -34,9 +37,9 @@ pub struct Entry {
 /// Nothing in it is random: what happens follows from actions and sources.
 pub struct LocalTraffic {
     spec: RegionSpec,
-    entry: EntryRule,
+    entry_rule: EntryRule,
     simulation: Simulation,
-    intersections: Intersections,
+    handles: IntersectionHandles,
     /// Incoming, internal and outgoing lanes per row: all that a reset has to clear.
     all_lanes: Vec<Vec<LaneId>>,
     /// [`EDGES`] per row.
@@ -73,7 +76,7 @@ impl LocalTraffic {
         let incoming: Vec<String> = regions.iter().flat_map(|region| region.incoming_lanes()).collect();
         let lights: Vec<String> = regions.iter().map(|region| region.light()).collect();
         let routes: Vec<String> = regions.iter().flat_map(|region| region.routes()).collect();
-        let intersections = Intersections::register(&mut simulation, &incoming, &lights)?;
+        let handles = IntersectionHandles::register(&mut simulation, &incoming, &lights)?;
         let routes = simulation.register_routes(&routes)?;
         let mut all_lanes = Vec::with_capacity(rows);
         for region in regions {
@@ -83,9 +86,9 @@ impl LocalTraffic {
         let record = |tape| Recorder::new(tape, &mut simulation, Grid::SINGLE, local, Some(Region(0)));
         let recorder = tape.map(record).transpose()?;
         Ok(LocalTraffic {
-            entry,
+            entry_rule: entry,
             simulation,
-            intersections,
+            handles,
             all_lanes,
             routes,
             cars: CarTable::new(),
@@ -101,54 +104,53 @@ impl LocalTraffic {
         })
     }
 
-    /// One step in which the cars of `entries` (`[rows][EDGES]`) enter, wherever and however fast that is; a car that
-    /// does not fit in is dropped. [`LocalSimulator::step`] calls it with entries after its rule.
-    pub fn step_with(&mut self, actions: &[Action], entries: &[[Option<Entry>; EDGES]]) -> Result<&Transition> {
+    /// Makes one step in which a car arrives at every edge that has a placement (`[rows][EDGES]`). A car that does not fit
+    /// in is dropped. [`LocalSimulator::step`] calls it with the placements of its rule.
+    pub fn step_with(&mut self, actions: &[Action], placements: &[[Option<Placement>; EDGES]]) -> Result<&Transition> {
         let begun = Instant::now();
-        self.intersections.act(&mut self.simulation, actions)?;
+        self.handles.act(&mut self.simulation, actions)?;
         let first_serial = self.serial;
-        let wanted: Vec<(usize, Entry)> = entries
+        let sampled: Vec<(usize, Placement)> = placements
             .as_flattened()
             .iter()
             .enumerate()
-            .filter_map(|(edge, entry)| entry.map(|entry| (edge, entry)))
+            .filter_map(|(edge, placement)| placement.map(|placement| (edge, placement)))
             .collect();
-        let cars: Vec<Insertion> = wanted
+        let insertions: Vec<Insertion> = sampled
             .iter()
             .zip(first_serial..)
-            .map(|(&(edge, entry), car)| Insertion {
+            .map(|(&(edge, Placement { position_m, speed }), car)| Insertion {
                 car,
                 route: self.routes[edge],
-                position_m: entry.position_m,
-                speed: entry.speed,
+                position_m,
+                speed,
             })
             .collect();
-        self.serial += cars.len() as u64;
-        self.simulation.insert(&cars)?;
+        self.serial += insertions.len() as u64;
+        self.simulation.insert(&insertions)?;
         self.watch.note(Phase::Insertion, begun.elapsed());
         self.watch.time(Phase::SimulatorStep, || self.simulation.step())?;
         self.watch.time(Phase::Insertion, || self.simulation.clear_pending())?;
         let begun = Instant::now();
-        self.intersections.read_cars(&mut self.simulation, &mut self.cars)?;
+        self.handles.read_cars(&mut self.simulation, &mut self.cars)?;
         self.arrivals.fill(0);
-        for (&(edge, _), car) in wanted.iter().zip(first_serial..) {
-            // A car that entered is the rearmost on its edge.
-            let entered = self.cars.lane(edge).ids.first().is_some_and(|rearmost| rearmost.0 == car);
-            self.arrivals.as_mut_slice()[edge] = u8::from(entered);
-            self.dropped += u64::from(!entered);
+        for (&(edge, _), car) in sampled.iter().zip(first_serial..) {
+            let arrived = is_rearmost(CarId(car), self.cars.lane(edge));
+            self.arrivals.as_mut_slice()[edge] = u8::from(arrived);
+            self.dropped += u64::from(!arrived);
         }
-        self.sampled += wanted.len() as u64;
+        self.sampled += sampled.len() as u64;
         let Transition { percept, rewards } = &mut self.last;
         for (row, reward) in rewards.iter_mut().enumerate() {
             let edges = edges_of(&self.cars, row);
-            region::observe(edges, self.intersections.light(row), percept.obs.row_mut(row));
-            region::d_separate(percept.obs.row(row), self.arrivals.row(row), percept.d_set.row_mut(row));
-            *reward = region::reward(edges);
+            observe::observe(edges, self.handles.light(row), percept.obs.row_mut(row));
+            observe::d_separate(percept.obs.row(row), self.arrivals.row(row), percept.d_set.row_mut(row));
+            *reward = observe::reward(edges);
             self.cars_on.row_mut(row).iter_mut().zip(edges).for_each(|(count, edge)| *count = edge.len());
         }
         self.watch.note(Phase::Reading, begun.elapsed());
         if let Some(recorder) = &mut self.recorder {
-            recorder.step(&mut self.simulation, &cars)?;
+            recorder.step(&mut self.simulation, &insertions)?;
         }
         Ok(&self.last)
     }
@@ -158,16 +160,16 @@ impl LocalTraffic {
         edges_of(&self.cars, row)
     }
 
-    fn entry(&self, cars_on_edge: usize) -> Entry {
-        match self.entry {
+    fn placement(&self, cars_on_edge: usize) -> Placement {
+        match self.entry_rule {
             // The authors' rule.
             EntryRule::Reference => {
                 let speed = if cars_on_edge > 8 { 3.0 } else { 9.5 };
-                Entry { position_m: 6.0, speed: DepartSpeed::Fixed(speed) }
+                Placement { position_m: 6.0, speed: DepartSpeed::Fixed(speed) }
             }
             // DEVIATION 10: as far back and as fast as it can. The authors' rule drops one car in nine, because a fixed
             // speed is often unsafe behind a car that has just entered.
-            EntryRule::Max => Entry { position_m: 5.0, speed: DepartSpeed::Max },
+            EntryRule::Max => Placement { position_m: 5.0, speed: DepartSpeed::Max },
         }
     }
 }
@@ -178,14 +180,14 @@ impl LocalSimulator for LocalTraffic {
     }
 
     fn rows(&self) -> usize {
-        self.intersections.len()
+        self.handles.len()
     }
 
     fn reset(&mut self, begin: &[Beginning]) -> Result<&Percept> {
         let rows: Vec<usize> = begin.iter().map(|beginning| beginning.row).collect();
         let lanes: Vec<LaneId> = rows.iter().flat_map(|&row| &self.all_lanes[row]).copied().collect();
         self.simulation.remove_cars(&lanes)?;
-        self.intersections.reset(&mut self.simulation, &rows)?;
+        self.handles.reset(&mut self.simulation, &rows)?;
         if let Some(recorder) = &mut self.recorder
             && rows.contains(&0)
         {
@@ -196,23 +198,23 @@ impl LocalSimulator for LocalTraffic {
             self.cars_on.row_mut(row).fill(0);
             self.arrivals.row_mut(row).fill(0);
             let percept = &mut self.last.percept;
-            region::observe([empty; EDGES], self.intersections.light(row), percept.obs.row_mut(row));
-            region::d_separate(percept.obs.row(row), self.arrivals.row(row), percept.d_set.row_mut(row));
+            observe::observe([empty; EDGES], self.handles.light(row), percept.obs.row_mut(row));
+            observe::d_separate(percept.obs.row(row), self.arrivals.row(row), percept.d_set.row_mut(row));
         }
         Ok(&self.last.percept)
     }
 
     fn step(&mut self, actions: &[Action], sources: &Rows<u8>) -> Result<&Transition> {
         let begun = Instant::now();
-        let entries: Vec<[Option<Entry>; EDGES]> = sources
+        let placements: Vec<[Option<Placement>; EDGES]> = sources
             .iter()
             .zip(self.cars_on.iter())
             .map(|(sources, cars_on)| {
-                std::array::from_fn(|edge| (sources[edge] == 1).then(|| self.entry(cars_on[edge])))
+                std::array::from_fn(|edge| (sources[edge] == 1).then(|| self.placement(cars_on[edge])))
             })
             .collect();
         self.watch.note(Phase::Insertion, begun.elapsed());
-        self.step_with(actions, &entries)
+        self.step_with(actions, &placements)
     }
 
     fn counters(&self) -> Vec<(&'static str, u64)> {
@@ -225,11 +227,9 @@ impl LocalSimulator for LocalTraffic {
 }
 
 fn options(net: &Path, routes: &Path) -> Result<Vec<String>> {
-    let mut options = vec!["--net-file".to_owned(), for_sumo(net)?, "--route-files".to_owned(), for_sumo(routes)?];
-    options.extend(["--seed".to_owned(), SEED.to_string()]);
+    let mut options = options::common(net, routes, SEED)?;
     // On one lane without overtaking nobody collides, and to look for it takes 3 % of a step (a test holds that it
     // changes nothing, however dense the traffic).
     options.extend(["--collision.action".to_owned(), "none".to_owned()]);
-    options.extend(super::SUMO_OPTIONS.map(str::to_owned));
     Ok(options)
 }

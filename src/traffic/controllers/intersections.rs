@@ -1,30 +1,31 @@
 //! What hand-coded controllers see of the intersections: more than an agent observes, such as queues and the cars that have
 //! left. Learning sees none of it.
 
-use super::grid::{Grid, Side};
-use super::intersections::edges_of;
-use super::signals::Light;
 use crate::base::{AgentId, Rows};
 use crate::sumo::{CarTable, LaneCars};
+use crate::traffic::agents::phases::Light;
+use crate::traffic::observe::edges_of;
+use crate::traffic::paper_grid::grid::Grid;
+use crate::traffic::side::Side;
 
 /// All intersections, as the last step left them.
-pub struct Junctions<'a> {
-    pub(super) grid: Grid,
-    pub(super) lights: &'a [Light],
-    pub(super) shown_steps: &'a [u32],
-    pub(super) obs: &'a Rows<f32>,
-    pub(super) incoming: &'a CarTable,
-    pub(super) outgoing: &'a CarTable,
+pub struct Intersections<'a> {
+    pub(in crate::traffic) grid: Grid,
+    pub(in crate::traffic) lights: &'a [Light],
+    pub(in crate::traffic) shown_steps: &'a [u32],
+    pub(in crate::traffic) obs: &'a Rows<f32>,
+    pub(in crate::traffic) incoming: &'a CarTable,
+    pub(in crate::traffic) outgoing: &'a CarTable,
 }
 
-impl<'a> Junctions<'a> {
+impl<'a> Intersections<'a> {
     pub fn grid(&self) -> Grid {
         self.grid
     }
 
     /// One per agent, in their order.
-    pub fn iter(&self) -> impl Iterator<Item = Junction<'a>> {
-        (0..self.lights.len()).map(|row| Junction {
+    pub fn iter(&self) -> impl Iterator<Item = Intersection<'a>> {
+        (0..self.lights.len()).map(|row| Intersection {
             grid: self.grid,
             agent: AgentId(row),
             light: self.lights[row],
@@ -37,17 +38,17 @@ impl<'a> Junctions<'a> {
 }
 
 /// One intersection.
-pub struct Junction<'a> {
-    pub(super) grid: Grid,
-    pub(super) agent: AgentId,
-    pub(super) light: Light,
-    pub(super) shown_steps: u32,
-    pub(super) obs: &'a [f32],
-    pub(super) incoming: [LaneCars<'a>; 4],
-    pub(super) outgoing: [LaneCars<'a>; 4],
+pub struct Intersection<'a> {
+    pub(in crate::traffic) grid: Grid,
+    pub(in crate::traffic) agent: AgentId,
+    pub(in crate::traffic) light: Light,
+    pub(in crate::traffic) shown_steps: u32,
+    pub(in crate::traffic) obs: &'a [f32],
+    pub(in crate::traffic) incoming: [LaneCars<'a>; 4],
+    pub(in crate::traffic) outgoing: [LaneCars<'a>; 4],
 }
 
-impl<'a> Junction<'a> {
+impl<'a> Intersection<'a> {
     pub fn agent(&self) -> AgentId {
         self.agent
     }
@@ -62,14 +63,9 @@ impl<'a> Junction<'a> {
         self.shown_steps
     }
 
-    /// The sides whose cars have green, and those whose cars have red; none of both during yellow.
+    /// Returns the sides whose cars have green, and those whose cars have red; `None` during yellow.
     pub fn green_and_red(&self) -> Option<[[Side; 2]; 2]> {
-        let (horizontal, vertical) = ([Side::West, Side::East], [Side::South, Side::North]);
-        match self.light {
-            Light::HorizontalGreen => Some([horizontal, vertical]),
-            Light::VerticalGreen => Some([vertical, horizontal]),
-            Light::HorizontalYellow | Light::VerticalYellow => None,
-        }
+        self.light.green_and_red()
     }
 
     /// What a policy would observe, 40 bits.
@@ -79,12 +75,12 @@ impl<'a> Junction<'a> {
 
     /// The cars that come from a side.
     pub fn incoming(&self, from: Side) -> LaneCars<'a> {
-        self.incoming[from as usize]
+        self.incoming[from.index()]
     }
 
     /// The cars on the edge that leaves towards a side.
     pub fn outgoing(&self, to: Side) -> LaneCars<'a> {
-        self.outgoing[to as usize]
+        self.outgoing[to.index()]
     }
 
     /// Whether the edge towards a side leaves the net.
@@ -121,8 +117,8 @@ pub(super) mod tests {
         shown_steps: u32,
         incoming: [(usize, usize); 4],
         outgoing: [usize; 4],
-    ) -> Junction<'static> {
-        Junction {
+    ) -> Intersection<'static> {
+        Intersection {
             grid: Grid::new(1, 3).expect("a grid"),
             agent: AgentId(1),
             light,

@@ -3,10 +3,10 @@
 
 use anyhow::Result;
 
-use super::global::has_new_car;
-use super::region::EDGES;
 use super::trips::{TripFile, Trips};
 use crate::sumo::CarTable;
+use crate::traffic::agents::region::EDGES;
+use crate::traffic::arrivals::has_arrival;
 
 /// The figures of an episode.
 pub struct TrafficMetrics {
@@ -14,12 +14,12 @@ pub struct TrafficMetrics {
     /// Known when the episode is over.
     trips: Option<Trips>,
     steps: u64,
-    intersections: Vec<Intersection>,
+    intersections: Vec<Sums>,
 }
 
 /// Sums over the steps and the incoming edges of one intersection.
 #[derive(Clone, Copy, Debug, Default)]
-struct Intersection {
+struct Sums {
     car_steps: u64,
     speed_sum_mps: f64,
     halting_car_steps: u64,
@@ -32,7 +32,7 @@ impl TrafficMetrics {
             trip_file: TripFile::new()?,
             trips: None,
             steps: 0,
-            intersections: vec![Intersection::default(); agents],
+            intersections: vec![Sums::default(); agents],
         })
     }
 
@@ -44,7 +44,7 @@ impl TrafficMetrics {
     pub fn begin(&mut self) {
         self.trips = None;
         self.steps = 0;
-        self.intersections.fill(Intersection::default());
+        self.intersections.fill(Sums::default());
     }
 
     /// Notes the cars on all incoming lanes, after a step and before it.
@@ -55,7 +55,7 @@ impl TrafficMetrics {
             intersection.car_steps += now.len() as u64;
             intersection.speed_sum_mps += now.speeds_mps.iter().sum::<f64>();
             intersection.halting_car_steps += now.halting() as u64;
-            intersection.passed += (before.len() + usize::from(has_new_car(now, before)) - now.len()) as u64;
+            intersection.passed += (before.len() + usize::from(has_arrival(now, before)) - now.len()) as u64;
         }
     }
 
@@ -85,7 +85,7 @@ impl TrafficMetrics {
 
     /// Figures of every intersection.
     pub fn of_agents(&self) -> Vec<(&'static str, Vec<f64>)> {
-        let each = |figure: &dyn Fn(&Intersection) -> f64| self.intersections.iter().map(figure).collect();
+        let each = |figure: &dyn Fn(&Sums) -> f64| self.intersections.iter().map(figure).collect();
         vec![
             ("mean_speed_mps", each(&|at| at.speed_sum_mps / at.car_steps.max(1) as f64)),
             ("queue_length", each(&|at| self.per_edge_step(at.halting_car_steps, 1))),
@@ -96,7 +96,7 @@ impl TrafficMetrics {
     /// What SUMO wrote of the trips.
     #[cfg(test)]
     pub fn trips_as_text(mut self) -> String {
-        self.trip_file.text()
+        self.trip_file.text().expect("the trips of an episode")
     }
 
     fn per_edge_step(&self, sum: u64, intersections: usize) -> f64 {

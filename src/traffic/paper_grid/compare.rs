@@ -6,8 +6,9 @@
 
 use std::collections::HashMap;
 use std::fmt;
+use std::num::ParseFloatError;
 
-use super::tree::Element;
+use crate::traffic::network::tree::Element;
 
 /// The first difference between an element of a file and the one that this program would write: what it is, with both values.
 /// The order of the elements within another does not matter.
@@ -29,12 +30,13 @@ fn in_attributes(found: &Element, expected: &Element, name: &str) -> Option<Stri
             None => Some(format!("{name}: has no {key}, and this program simulates {allowed}")),
         }
     });
-    let stranger = || {
-        let added = found.attributes.iter().filter(|(key, _)| expected.attribute(key).is_none());
-        let mut refused = added.filter(|(key, _)| Allowed::of(&found.name, key, None) != Allowed::Anything);
-        refused.next().map(|(key, value)| format!("{name}: {key}={value:?}, and this program simulates none"))
-    };
-    wrong.or_else(stranger)
+    wrong.or_else(|| added_attribute(found, expected, name))
+}
+
+fn added_attribute(found: &Element, expected: &Element, name: &str) -> Option<String> {
+    let added = found.attributes.iter().filter(|(key, _)| expected.attribute(key).is_none());
+    let mut refused = added.filter(|(key, _)| Allowed::of(&found.name, key, None) != Allowed::Anything);
+    refused.next().map(|(key, value)| format!("{name}: {key}={value:?}, and this program simulates none"))
 }
 
 fn in_children(found: &Element, expected: &Element, name: &str) -> Option<String> {
@@ -108,7 +110,6 @@ impl<'a> Allowed<'a> {
             // Which side of the road cars drive on is the only attribute of a net that moves them.
             ("net", key) if key != "lefthand" => Allowed::Anything,
             ("junction", "shape") | ("vType", "guiShape" | "imgFile") | (_, "color" | "name") => Allowed::Anything,
-            (_, key) if key.starts_with("xmlns:") || key.starts_with("xsi:") => Allowed::Anything,
             _ => value.map_or(Allowed::Nothing, |value| Allowed::Value { key, value }),
         }
     }
@@ -141,14 +142,17 @@ fn is_text(key: &str) -> bool {
 
 /// Whether both are lists of the same numbers, with blanks or commas between them.
 fn same_numbers(found: &str, expected: &str) -> bool {
-    let numbers = |text: &str| text.split([' ', ',']).map(str::parse).collect::<Result<Vec<f64>, _>>();
     matches!((numbers(found), numbers(expected)), (Ok(found), Ok(expected)) if found == expected)
+}
+
+fn numbers(text: &str) -> Result<Vec<f64>, ParseFloatError> {
+    text.split([' ', ',']).map(str::parse).collect()
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::tree::parse;
     use super::*;
+    use crate::traffic::network::tree::parse;
 
     fn difference_of(found: &str, expected: &str) -> Option<String> {
         let [found, expected] = [found, expected].map(|text| parse(text).expect("XML of the test"));

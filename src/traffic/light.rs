@@ -1,7 +1,7 @@
 //! The light of one intersection under an agent's control: green, three steps of yellow, the other green.
 
+use super::agents::phases::Light;
 use crate::domain::Action;
-use crate::sumo::SignalState;
 
 /// Leave the light as it is.
 pub const KEEP: Action = 0;
@@ -10,52 +10,6 @@ pub const SWITCH: Action = 1;
 
 /// Steps that yellow is shown.
 pub const YELLOW_STEPS: u8 = 3;
-
-/// What a light shows. The order is that of the one-hot light in an observation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Light {
-    HorizontalGreen,
-    HorizontalYellow,
-    VerticalYellow,
-    VerticalGreen,
-}
-
-impl Light {
-    pub const ALL: [Light; 4] =
-        [Light::HorizontalGreen, Light::HorizontalYellow, Light::VerticalYellow, Light::VerticalGreen];
-
-    /// SUMO's letters, in the order of [`super::grid::Side::LINK_ORDER`]: north, east, south, west.
-    pub fn letters(self) -> &'static str {
-        match self {
-            Light::HorizontalGreen => "rGrG",
-            Light::HorizontalYellow => "ryry",
-            Light::VerticalYellow => "yryr",
-            Light::VerticalGreen => "GrGr",
-        }
-    }
-
-    pub fn state(self) -> SignalState {
-        SignalState::new(self.letters()).expect("the letters are SUMO's")
-    }
-
-    pub fn of(state: &SignalState) -> Option<Light> {
-        Light::ALL.into_iter().find(|light| light.letters() == state.as_str())
-    }
-
-    pub fn is_green(self) -> bool {
-        matches!(self, Light::HorizontalGreen | Light::VerticalGreen)
-    }
-
-    /// What follows when the light changes.
-    fn next(self) -> Light {
-        match self {
-            Light::HorizontalGreen => Light::HorizontalYellow,
-            Light::HorizontalYellow => Light::VerticalGreen,
-            Light::VerticalGreen => Light::VerticalYellow,
-            Light::VerticalYellow => Light::HorizontalGreen,
-        }
-    }
-}
 
 /// A light and how long it has been yellow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -127,13 +81,5 @@ mod tests {
             VerticalGreen,
         ];
         assert_eq!(always, [cycle, cycle].concat(), "switching always has a period of 8 steps");
-    }
-
-    #[test]
-    fn letters_and_lights_are_one_to_one() {
-        for light in Light::ALL {
-            assert_eq!(Light::of(&light.state()), Some(light));
-        }
-        assert_eq!(Light::of(&SignalState::new("GGGG").unwrap()), None);
     }
 }

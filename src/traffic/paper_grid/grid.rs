@@ -5,58 +5,14 @@
 //! readable in sumo-gui: intersection `r0c1`, boundary `w0` (west end of row 0), edge `w0_r0c0` (from, to), its only
 //! lane `w0_r0c0_0`. Arrays of four, one thing per side of an intersection, are in the order of `Side::ALL`.
 //!
-//! Pure: nothing here knows SUMO or a file; `net_file` writes a grid down, `forest` replicates the smallest one.
+//! Pure: nothing here knows SUMO or a file; `make` writes a grid down, `forest` replicates the smallest one.
 
 use std::fmt;
 
 use anyhow::{Result, ensure};
 
 use crate::base::AgentId;
-
-/// A side of an intersection.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Side {
-    West,
-    South,
-    East,
-    North,
-}
-
-impl Side {
-    /// The order of observation blocks and influence sources (the authors' setup).
-    pub const ALL: [Side; 4] = [Side::West, Side::South, Side::East, Side::North];
-
-    /// The sides in the order of the letters of a light's state, `GrGr` = vertical green (the authors' setup).
-    pub const LINK_ORDER: [Side; 4] = [Side::North, Side::East, Side::South, Side::West];
-
-    pub fn opposite(self) -> Side {
-        match self {
-            Side::West => Side::East,
-            Side::South => Side::North,
-            Side::East => Side::West,
-            Side::North => Side::South,
-        }
-    }
-
-    /// Which letter of a light's state rules the cars that come from this side.
-    pub fn link_index(self) -> usize {
-        match self {
-            Side::North => 0,
-            Side::East => 1,
-            Side::South => 2,
-            Side::West => 3,
-        }
-    }
-
-    fn letter(self) -> char {
-        match self {
-            Side::West => 'w',
-            Side::South => 's',
-            Side::East => 'e',
-            Side::North => 'n',
-        }
-    }
-}
+use crate::traffic::side::Side;
 
 /// Where edges begin and end. `Display` is the name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -76,7 +32,7 @@ impl fmt::Display for Node {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Node::Intersection { row, col } => write!(f, "r{row}c{col}"),
-            Node::Boundary { side, index } => write!(f, "{}{index}", side.letter()),
+            Node::Boundary { side, index } => write!(f, "{}{index}", side.initial()),
         }
     }
 }
@@ -282,8 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn the_letters_of_a_light_go_north_east_south_west() {
-        assert_eq!(Side::LINK_ORDER.map(Side::link_index), [0, 1, 2, 3]);
+    fn lanes_inside_an_intersection_are_numbered_like_the_letters_of_its_light() {
         assert_eq!(Grid::SINGLE.internal_lanes(AgentId(0)), [":r0c0_3_0", ":r0c0_2_0", ":r0c0_1_0", ":r0c0_0_0"]);
     }
 

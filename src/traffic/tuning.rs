@@ -1,17 +1,17 @@
-//! Tuning fixed-time lights on the GS: the [`search`] with SUMO as the judge.
+//! Tuning fixed-time lights on the GS: the search with SUMO as the judge.
 
 use anyhow::Result;
 
-use super::HandCoded;
-use super::fixed_time::{FixedTime, Timing};
-use super::search::{self, Search, Standing};
-use super::timing_file::{TimingFile, TunedOn};
-use crate::base::Seed;
+use super::Traffic;
+use super::controllers::search::{self, Search, Standing};
+use super::controllers::timing_file::{TimingFile, TunedOn};
+use super::controllers::{FixedTime, HandCoded, Timing};
+use super::light::KEEP;
+use super::sim::control::SignalControl;
+use super::sim::global::GlobalTraffic;
+use crate::base::{RandomPurpose, Seed};
 use crate::domain::GlobalSimulator;
 use crate::sumo::Simulation;
-use crate::traffic::Traffic;
-use crate::traffic::global::{GlobalTraffic, SignalControl};
-use crate::traffic::signals::KEEP;
 
 impl TunedOn {
     /// What a tuning on `traffic` would depend on.
@@ -36,7 +36,7 @@ pub fn tune(traffic: &Traffic, episodes: usize, seed: u64, report: &mut dyn FnMu
     let horizon = traffic.config.horizon;
     let mut score = |timings: &[Timing], episode: usize| {
         gs.hand_over(traffic.everywhere(HandCoded::rule(FixedTime::new(timings.to_vec()))));
-        play(&mut gs, Seed::new(seed).fork("tuning").for_episode(episode), horizon)
+        play(&mut gs, Seed::new(seed).fork(RandomPurpose::Tuning).for_episode(episode), horizon)
     };
     let search = Search { grid: traffic.grid, episodes, score: &mut score, report };
     let (timings, mean_return) = search.run()?;

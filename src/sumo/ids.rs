@@ -1,0 +1,22 @@
+//! Numbers for what was registered by name, and for cars.
+
+/// A registered lane.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[repr(transparent)]
+pub struct LaneId(pub(super) u32);
+
+/// A registered traffic light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[repr(transparent)]
+pub struct LightId(pub(super) u32);
+
+/// A registered route.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[repr(transparent)]
+pub struct RouteId(pub(super) u32);
+
+/// Who a car is: the serial under which it was inserted, or the value of its decimal name; for a car with any other
+/// name (SUMO's flows: `flow.17`) the FNV-1a hash of the name with the top bit set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[repr(transparent)]
+pub struct CarId(pub u64);

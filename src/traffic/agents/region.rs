@@ -1,0 +1,33 @@
+//! The local region of one intersection: its four incoming edges, and the shape of what is seen of them.
+//!
+//! An incoming edge is 100 m long and cut into cells of 10 m, counted from the stop line. The agent sees nine of them;
+//! the tenth, the *entry cell*, is where influence enters, and hidden. Cars inside the intersection belong to no edge.
+
+use super::phases::Light;
+use crate::config::DSet;
+use crate::domain::{RegionSpec, SourceSpec};
+use crate::traffic::side::Side;
+
+/// Incoming edges, in the order of [`Side::ALL`]; each is an influence source.
+pub const EDGES: usize = Side::ALL.len();
+/// Visible cells per edge.
+pub const CELLS: usize = 9;
+pub const CELL_M: f64 = 10.0;
+pub const EDGE_M: f64 = 100.0;
+pub const SPEED_LIMIT_MPS: f64 = 10.0;
+/// Width of the occupancy bits.
+pub const OCCUPANCY: usize = EDGES * CELLS;
+
+/// The shape of a traffic region.
+pub fn spec(horizon: usize, d_set: DSet) -> RegionSpec {
+    RegionSpec {
+        obs_dim: OCCUPANCY + Light::ALL.len(),
+        d_set_dim: match d_set {
+            DSet::Cells => OCCUPANCY,
+            DSet::CellsAndArrivals => OCCUPANCY + EDGES,
+        },
+        n_actions: 2,
+        sources: SourceSpec::Binary { sources: EDGES },
+        horizon,
+    }
+}

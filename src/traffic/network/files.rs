@@ -1,0 +1,131 @@
+//! The files of a network.
+//!
+//! A *network* is four files with one name: `grid_2x2.net.xml` (roads and lights), `.rou.xml` (vehicle type, routes, flows),
+//! `.actuated.add.xml` (actuated lights, for those who want to load them) and `.sumocfg` (what `sumo -c` takes).
+
+use std::ffi::OsString;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail, ensure};
+
+use super::way_out::no_such_network;
+use super::write_together;
+use super::xml::{document, section};
+
+/// Where the files of one network are.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NetworkFiles {
+    /// The roads and the lights with their static program.
+    pub net: PathBuf,
+    /// The vehicle type and the routes, and the flows of a grid.
+    pub routes: PathBuf,
+    /// The actuated program of every light.
+    pub actuated: PathBuf,
+    /// Net and routes together, for `sumo -c` and `sumo-gui -c`.
+    pub config: PathBuf,
+}
+
+impl NetworkFiles {
+    /// The network that a config names: directory and name, such as `../sumo_nets/grid_2x2`. They need not exist.
+    pub fn of(prefix: &Path) -> NetworkFiles {
+        NetworkFiles {
+            net: with_ending(prefix, ".net.xml"),
+            routes: with_ending(prefix, ".rou.xml"),
+            actuated: with_ending(prefix, ".actuated.add.xml"),
+            config: with_ending(prefix, ".sumocfg"),
+        }
+    }
+
+    /// CRC-32 of what decides about roads and cars: the net and its routes.
+    pub fn checksum(&self) -> Result<u32> {
+        let mut hasher = crc32fast::Hasher::new();
+        for file in [&self.net, &self.routes] {
+            hasher.update(&fs::read(file).with_context(|| format!("{}: cannot be read", file.display()))?);
+        }
+        Ok(hasher.finalize())
+    }
+
+    /// An error with the way out if one of the files is missing or SUMO could not take its path.
+    pub fn check(&self) -> Result<()> {
+        self.check_paths()?;
+        match self.all().into_iter().find(|path| !path.is_file()) {
+            Some(missing) => bail!(no_such_network(missing)),
+            None => Ok(()),
+        }
+    }
+
+    /// An error if SUMO could not take the path of one of the files, there or not.
+    pub fn check_paths(&self) -> Result<()> {
+        self.all().into_iter().try_for_each(|path| for_sumo(path).map(drop))
+    }
+
+    /// Copies the network into another directory under a name of its own, for a run directory that needs nothing outside
+    /// of itself. What `sumo -c` takes is written anew, for it names the others.
+    pub fn copy_to(&self, dir: &Path, name: &str) -> Result<NetworkFiles> {
+        self.check()?;
+        let copy = NetworkFiles::of(&dir.join(name));
+        let contents = [
+            (copy.net.clone(), whole(&self.net)?),
+            (copy.routes.clone(), whole(&self.routes)?),
+            (copy.actuated.clone(), whole(&self.actuated)?),
+            (copy.config.clone(), config(name).into_bytes()),
+        ];
+        write_together(dir, &contents)?;
+        Ok(copy)
+    }
+
+    fn all(&self) -> [&Path; 4] {
+        [&self.net, &self.routes, &self.actuated, &self.config]
+    }
+}
+
+/// Returns a path with more text at its end; `with_extension` would take a dot in the name for an extension.
+fn with_ending(prefix: &Path, ending: &str) -> PathBuf {
+    let mut path = OsString::from(prefix);
+    path.push(ending);
+    PathBuf::from(path)
+}
+
+/// Returns the bytes of a file.
+fn whole(path: &Path) -> Result<Vec<u8>> {
+    fs::read(path).with_context(|| format!("{}: could not be read", path.display()))
+}
+
+/// A path as SUMO takes it among its options: text, and one file only.
+pub(in crate::traffic) fn for_sumo(path: &Path) -> Result<String> {
+    let place = path.display();
+    let text = path.to_str().with_context(|| format!("{place}: is not UTF-8, as SUMO's options are; rename it"))?;
+    ensure!(!text.contains(','), "{place}: has a comma in it, where SUMO would split it in two; rename it");
+    Ok(text.to_owned())
+}
+
+/// Returns the configuration that `sumo -c` and `sumo-gui -c` take for a network of this name; the other files lie beside it.
+pub(in crate::traffic) fn config(name: &str) -> String {
+    let (net, routes) = (format!("{name}.net.xml"), format!("{name}.rou.xml"));
+    document("configuration", |xml| {
+        section(xml, "input", &[("net-file", &net), ("route-files", &routes)])?;
+        section(xml, "time", &[("begin", "0"), ("end", "3600"), ("step-length", "1")])?;
+        // A car that waits is never lifted over the jam (the authors' setup).
+        section(xml, "processing", &[("time-to-teleport", "-1")])?;
+        // Without it SUMO warns of a missing SUMO_HOME, where it would look for the schemas.
+        section(xml, "report", &[("xml-validation", "never")])
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_missing_network_is_named_with_its_first_file() {
+        let error = NetworkFiles::of(Path::new("nowhere/grid_3x4")).check().unwrap_err().to_string();
+        assert_eq!(error, no_such_network(Path::new("nowhere/grid_3x4.net.xml")));
+    }
+
+    #[test]
+    fn a_dot_in_the_name_of_a_network_stays() {
+        assert_eq!(NetworkFiles::of(Path::new("../v1.2/net")).config, Path::new("../v1.2/net.sumocfg"));
+        assert_eq!(NetworkFiles::of(Path::new("net.a")).net, Path::new("net.a.net.xml"));
+    }
+}

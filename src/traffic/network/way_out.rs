@@ -1,0 +1,42 @@
+//! What to say of a network that is missing or wrong: with the command that makes it.
+
+use std::path::Path;
+
+/// What to say of a network in which something is wrong, with the command that remakes it.
+pub fn cannot_be_simulated(net: &Path) -> String {
+    format!("{}: this network cannot be simulated; remake it with: {}", net.display(), command_for(net))
+}
+
+/// What to say of a file of a network that is not there, with the command that makes it.
+pub fn no_such_network(missing: &Path) -> String {
+    format!("{}: no such network; make it with: {}", missing.display(), command_for(missing))
+}
+
+/// The command that makes the network that a file belongs to.
+pub fn command_for(path: &Path) -> String {
+    let dir = path.parent().filter(|dir| !dir.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let file = path.file_name().unwrap_or_default().to_string_lossy();
+    let name = file.split('.').next().unwrap_or_default();
+    let which = match name.strip_prefix("grid_").and_then(|shape| shape.split_once('x')) {
+        Some((rows, cols)) if [rows, cols].iter().all(|number| number.parse::<usize>().is_ok()) => {
+            format!("grid --rows {rows} --cols {cols}")
+        }
+        _ if name == "local" => "local".to_owned(),
+        _ => "grid --rows R --cols C".to_owned(),
+    };
+    format!("dials-traffic nets {which} --out {}", dir.display())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_missing_network_comes_with_the_command_that_makes_it() {
+        let way_out = "dials-traffic nets grid --rows 3 --cols 4 --out nowhere";
+        let expected = format!("nowhere/grid_3x4.net.xml: no such network; make it with: {way_out}");
+        assert_eq!(no_such_network(Path::new("nowhere/grid_3x4.net.xml")), expected);
+        assert!(no_such_network(Path::new("local.rou.xml")).ends_with("dials-traffic nets local --out ."));
+        assert!(no_such_network(Path::new("a/city.net.xml")).ends_with("nets grid --rows R --cols C --out a"));
+    }
+}

@@ -1,0 +1,61 @@
+//! XML files as SUMO takes them, written element by element.
+
+use std::io;
+
+use quick_xml::Writer;
+use quick_xml::events::{BytesDecl, Event};
+
+/// A file that is being written.
+pub type Xml = Writer<Vec<u8>>;
+
+/// A whole file with this root element.
+pub fn document(root: &str, fill: impl FnOnce(&mut Xml) -> io::Result<()>) -> String {
+    const BARE: [(&str, &str); 0] = [];
+    document_with(root, BARE, fill)
+}
+
+pub fn document_with<K: AsRef<str>, V: AsRef<str>>(
+    root: &str,
+    attributes: impl IntoIterator<Item = (K, V)>,
+    fill: impl FnOnce(&mut Xml) -> io::Result<()>,
+) -> String {
+    let mut xml = Writer::new_with_indent(Vec::new(), b' ', 4);
+    xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))
+        .and_then(|()| nest(&mut xml, root, attributes, fill))
+        .expect("memory takes what is written to it");
+    xml.get_mut().push(b'\n');
+    String::from_utf8(xml.into_inner()).expect("only strings were written")
+}
+
+/// An element with others inside.
+pub fn nest<K: AsRef<str>, V: AsRef<str>>(
+    xml: &mut Xml,
+    name: &str,
+    attributes: impl IntoIterator<Item = (K, V)>,
+    fill: impl FnOnce(&mut Xml) -> io::Result<()>,
+) -> io::Result<()> {
+    let mut element = xml.create_element(name);
+    for (key, value) in attributes {
+        element = element.with_attribute((key.as_ref(), value.as_ref()));
+    }
+    element.write_inner_content(fill).map(|_| ())
+}
+
+/// An element with attributes only.
+pub fn leaf<K: AsRef<str>, V: AsRef<str>>(
+    xml: &mut Xml,
+    name: &str,
+    attributes: impl IntoIterator<Item = (K, V)>,
+) -> io::Result<()> {
+    let mut element = xml.create_element(name);
+    for (key, value) in attributes {
+        element = element.with_attribute((key.as_ref(), value.as_ref()));
+    }
+    element.write_empty().map(|_| ())
+}
+
+/// The options of one kind in a configuration.
+pub fn section(xml: &mut Xml, name: &str, options: &[(&str, &str)]) -> io::Result<()> {
+    const BARE: [(&str, &str); 0] = [];
+    nest(xml, name, BARE, |xml| options.iter().try_for_each(|(option, value)| leaf(xml, option, [("value", value)])))
+}

@@ -1,0 +1,22 @@
+//! The paper's grid: made, written down so that SUMO and sumo-gui can open it, and recognised again.
+//!
+//! Recognised means: every number in it that observations, rewards, controllers and simulators assume is the one that this
+//! program writes. Only how often cars arrive may differ. Making a network twice gives the same files byte for byte.
+//!
+//! The *local* net is the 1x1 grid without flows, because its cars are sampled.
+//!
+//! - [`grid`]: which intersections and roads there are, and their names.
+//! - `content`: the text of the files; [`make`]: the files themselves, with the help of netconvert.
+//! - `expected`, `compare`, [`recognise`]: files of others held against ours.
+
+mod compare;
+mod content;
+mod expected;
+pub mod grid;
+pub mod make;
+pub mod recognise;
+
+pub(super) use content::DECEL_MPS2;
+
+/// Probability of a car per step on each edge that leads in, in the authors' setup.
+const INFLOW: f64 = 0.1;

@@ -1,0 +1,77 @@
+//! The four sides of an intersection: their order stands here and nowhere else.
+
+/// A side of an intersection, seen from its middle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Side {
+    West,
+    South,
+    East,
+    North,
+}
+
+impl Side {
+    /// Order of observations, influence sources and every array with one entry per side (the authors' setup).
+    pub const ALL: [Side; 4] = [Side::West, Side::South, Side::East, Side::North];
+
+    /// Order of the links of an intersection: the reverse of [`Side::ALL`] (the authors' setup).
+    ///
+    /// The letters of a light's state are in this order, and netconvert numbers the lanes inside an intersection by it.
+    pub const LINK_ORDER: [Side; 4] = {
+        let [first, second, third, fourth] = Side::ALL;
+        [fourth, third, second, first]
+    };
+
+    /// Both ends of the road from west to east.
+    pub const HORIZONTAL: [Side; 2] = [Side::West, Side::East];
+    /// Both ends of the road from south to north.
+    pub const VERTICAL: [Side; 2] = [Side::South, Side::North];
+
+    /// Returns the place of this side in [`Side::ALL`].
+    pub fn index(self) -> usize {
+        self as usize
+    }
+
+    /// Returns the place of this side in [`Side::LINK_ORDER`].
+    pub fn link_index(self) -> usize {
+        Side::ALL.len() - 1 - self.index()
+    }
+
+    pub fn is_vertical(self) -> bool {
+        Side::VERTICAL.contains(&self)
+    }
+
+    pub fn opposite(self) -> Side {
+        match self {
+            Side::West => Side::East,
+            Side::South => Side::North,
+            Side::East => Side::West,
+            Side::North => Side::South,
+        }
+    }
+
+    /// Returns the letter that names of boundary nodes begin with.
+    pub fn initial(self) -> char {
+        match self {
+            Side::West => 'w',
+            Side::South => 's',
+            Side::East => 'e',
+            Side::North => 'n',
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_side_knows_its_place_in_both_orders() {
+        assert_eq!(Side::ALL.map(Side::index), [0, 1, 2, 3]);
+        assert_eq!(Side::LINK_ORDER.map(Side::link_index), [0, 1, 2, 3]);
+    }
+
+    #[test]
+    fn the_links_go_north_east_south_west() {
+        assert_eq!(Side::LINK_ORDER, [Side::North, Side::East, Side::South, Side::West]);
+    }
+}

@@ -1,0 +1,18 @@
+//! The simulators of traffic on SUMO.
+//!
+//! - [`global`]: the global simulator (GS), a whole grid with inflow at its boundary; [`control`]: who runs its lights.
+//! - [`local`]: the local simulators (LS), a forest of single intersections.
+//! - `handles`: the intersections of a loaded net; `options`: what SUMO is loaded with.
+//! - [`tally`]: what every episode counts; `metrics`, `trips`: what only evaluations measure.
+//! - [`recording`], [`replay`]: an episode written down, and as files that SUMO plays.
+
+pub mod control;
+pub mod global;
+mod handles;
+pub mod local;
+mod metrics;
+mod options;
+pub mod recording;
+pub mod replay;
+pub mod tally;
+mod trips;
