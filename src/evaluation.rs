@@ -1,14 +1,10 @@
 //! Episodes on the GS under a controller, and what they come to.
 
-mod interval;
-
 use serde::{Deserialize, Serialize};
 
 use crate::base::statistics::{mean, median, std_error};
 use crate::base::{Rows, Seed};
 use crate::domain::{Controller, Domain, GlobalSimulator, Measures, Result};
-
-pub use interval::Interval;
 
 /// The name of the return among the [`figures`] of an episode.
 pub const RETURN: &str = "return";

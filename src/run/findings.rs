@@ -7,8 +7,9 @@ use serde_json::{Map, Value, json};
 
 use super::directory;
 use super::subject::Subject;
+use crate::base::statistics::Interval;
 use crate::domain::Domain;
-use crate::evaluation::{EpisodeReport, Evaluation, Interval, RETURN, figures};
+use crate::evaluation::{EpisodeReport, Evaluation, RETURN, figures};
 use crate::training::files::append;
 
 /// A subject and the episodes that it played, which are the same for all subjects of a command.
