@@ -5,8 +5,8 @@ set -euo pipefail
 
 packages=(
   sumo                  # simulator, netconvert, sumo-gui, libsumo with its headers
-  libtorch-dev          # matrix products
-  libopenblas0-pthread  # the BLAS behind them; the reference BLAS is many times slower
+  libtorch-dev          # feature `torch`, on by default: `export` to TorchScript, the yardstick of `bench`
+  libopenblas0-pthread  # the BLAS behind libtorch; the reference BLAS is many times slower
   libclang-dev g++      # to bind libsumo: bindgen and a C++17 compiler
   pkg-config
   "$@"

@@ -27,7 +27,7 @@ const DOORS: &[(&str, &[&str])] = &[
 
 /// Outside crates that only some rooms may use.
 const OUTSIDE: &[(&str, &[&str])] = &[
-    ("tch", &["nn", "run"]),
+    ("tch", &["nn"]),
     ("gemm", &["nn"]),
     ("gemm_common", &["nn"]),
     ("gemm_f32", &["nn"]),

@@ -1,6 +1,8 @@
 //! One short function per subcommand: config -> domain -> fleet -> training -> run directory.
 
 mod bench;
+#[cfg(feature = "torch")]
+mod blas;
 mod build;
 mod compare;
 mod directory;
@@ -23,8 +25,6 @@ mod train;
 mod tune;
 mod video;
 mod worker;
-
-use std::os::unix::process::CommandExt;
 
 use anyhow::{Context, ensure};
 use rustix::process::{Signal, getppid, set_parent_process_death_signal};
@@ -63,26 +63,4 @@ fn end_with(parent: u32) -> anyhow::Result<()> {
     let lives = getppid().is_some_and(|pid| pid.as_raw_nonzero().get() as u32 == parent);
     ensure!(lives, "the process that started this one has ended");
     Ok(())
-}
-
-/// Makes sure that libtorch's BLAS runs in one thread. The libraries read these variables when they are loaded, which is
-/// before `main`; so where they are not set, the process starts itself again with them.
-///
-/// For those who time it. Nothing else of this program computes with BLAS.
-fn keep_blas_to_one_thread() {
-    const THREADS: [&str; 2] = ["OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"];
-    if THREADS.iter().any(|name| std::env::var_os(name).is_none_or(|value| value != "1")) {
-        let mut again = std::process::Command::new("/proc/self/exe");
-        let mut typed = std::env::args_os();
-        // The name under which it was called stays, for help and for `run.json`.
-        if let Some(name) = typed.next() {
-            again.arg0(name);
-        }
-        again.args(typed).envs(THREADS.map(|name| (name, "1")));
-        let error = again.exec();
-        terminal::tell(format_args!(
-            "warning: could not restart with one BLAS thread ({error}); libtorch's peak may be that of several cores"
-        ));
-    }
-    tch::set_num_threads(1);
 }
