@@ -1,4 +1,6 @@
-//! Pictures of an episode as SVG: one function per picture.
+//! Pictures of an episode on roads as SVG: one function per picture.
+//!
+//! They are drawn from a [`crate::domain::road_trace`]: which simulator it comes from is unknown here.
 
 mod queues;
 mod returns_map;
@@ -10,7 +12,7 @@ use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use crate::drawing::{Area, BLUE, INK, ORANGE, SKY, Svg, draw_mesh, ink_over, pen, px, shade, text};
+use crate::drawing::{Area, BLUE, GREEN, INK, ORANGE, PURPLE, SKY, Svg, draw_mesh, ink_over, pen, px, shade, text};
 
 pub use queues::queues;
 pub use returns_map::returns_map;

@@ -9,8 +9,6 @@ use serde_json::json;
 
 use super::build::Build;
 use super::domain;
-use super::progress::BenchProgress;
-use super::terminal::{answer, tell};
 use super::train::{cores, settings_with};
 use crate::bench::costs::Costs;
 use crate::bench::measure::{Plan, measure, short_orders};
@@ -21,6 +19,8 @@ use crate::domain::Domain;
 use crate::error::{Error, Result};
 use crate::nn::Peak;
 use crate::processes::{Options, ProcessFleet};
+use crate::terminal::measuring::BenchProgress;
+use crate::terminal::{answer, tell};
 use crate::training::observer::Interrupted;
 use crate::training::run_log::{Layouts, RunLog};
 

@@ -2,7 +2,7 @@
 
 use std::os::unix::process::CommandExt;
 
-use super::terminal::tell;
+use crate::terminal::tell;
 
 /// Makes sure that libtorch's BLAS runs in one thread. The libraries read these variables when they are loaded, which is
 /// before `main`; so where they are not set, the process starts itself again with them.

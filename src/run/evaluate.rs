@@ -7,10 +7,8 @@ use super::directory;
 use super::domain;
 use super::findings::{self, CsvFiles, Finding};
 use super::plot::Plots;
-use super::progress::EpisodeBar;
 use super::render::render;
 use super::subject::{Background, Subject};
-use super::terminal::answer;
 use super::tune::tune_fixed_time;
 use crate::base::{AgentId, Seed};
 use crate::cli;
@@ -21,6 +19,8 @@ use crate::evaluation::{Evaluation, play_episodes};
 use crate::plot::About;
 use crate::report::scenario::Scenario;
 use crate::sumo::Simulation;
+use crate::terminal::answer;
+use crate::terminal::counting::EpisodeBar;
 
 pub fn evaluate(args: &cli::Evaluate) -> Result<()> {
     let (config, domain) = directory::open_config(&args.run_dir).map_err(Error::Usage)?;

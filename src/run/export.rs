@@ -3,11 +3,11 @@
 use anyhow::ensure;
 
 use super::directory;
-use super::terminal::answer;
 use crate::cli;
 use crate::domain::Domain;
 use crate::error::{Error, Result};
 use crate::nn::check_script;
+use crate::terminal::answer;
 use crate::training::files::{folder_of, write_beside};
 
 pub fn export(args: &cli::Export) -> Result<()> {

@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use super::build::Build;
-use super::terminal::{answer, on_the_path};
 use crate::base::VectorWidth;
 use crate::error::{Error, Result};
+use crate::terminal::{answer, on_the_path};
 
 pub fn info() -> Result<()> {
     let build = Build::here(VectorWidth::Widest).map_err(Error::Run)?;

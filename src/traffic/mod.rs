@@ -4,7 +4,7 @@
 //! - [`region`], [`signals`]: one intersection, pure: observation, d-set, reward; the light.
 //! - [`global`]: the GS, a whole grid with inflow at its boundary; [`local`]: the LS, a forest of single intersections.
 //! - [`controllers`]: hand-coded baselines, which see the [`junctions`].
-//! - [`recording`], [`replay`]: an episode written down, and as files that SUMO plays.
+//! - [`recording`], [`replay`], [`trace`]: an episode written down, as files that SUMO plays, and for pictures.
 //!
 //! The only room that opens [`crate::sumo`]. libsumo holds one simulation per process: a simulator of this room
 //! must be dropped before the thread makes the next one.
@@ -22,6 +22,7 @@ pub mod recording;
 pub mod region;
 pub mod replay;
 pub mod signals;
+pub mod trace;
 mod trips;
 
 use anyhow::{Context, ensure};
