@@ -19,13 +19,14 @@
 //!
 //! Rooms, in the order in which they may use each other (a test holds it): [`base`]; [`config`], [`domain`], [`sumo`];
 //! [`nn`]; [`traffic`], [`warehouse`]; [`drawing`], [`plot`]; [`influence`], [`policy`]; [`evaluation`]; [`training`]; [`terminal`],
-//! [`film`]; [`report`], [`experiment`]; [`processes`], [`mod@bench`]; [`run`] with [`cli`] and [`error`]. Simulators never see a tensor; training
+//! [`film`]; [`cost`]; [`report`], [`experiment`]; [`processes`], [`mod@bench`]; [`run`] with [`cli`] and [`error`]. Simulators never see a tensor; training
 //! never sees a process or SUMO; only [`run`] knows which domain and which fleet were chosen.
 
 pub mod base;
 pub mod bench;
 pub mod cli;
 pub mod config;
+pub mod cost;
 pub mod domain;
 pub mod drawing;
 pub mod error;

@@ -21,10 +21,11 @@ const DOORS: &[(&str, &[&str])] = &[
     ("training", &["base", "config", "domain", "nn", "influence", "policy", "evaluation"]),
     ("terminal", &["base", "config", "evaluation", "influence", "training"]),
     ("film", &["domain", "terminal"]),
-    ("bench", &["base", "config", "domain", "nn", "influence", "policy", "training"]),
+    ("cost", &["config"]),
+    ("bench", &["base", "config", "cost", "domain", "nn", "influence", "policy", "training"]),
     ("processes", &["base", "config", "domain", "nn", "evaluation", "influence", "policy", "training"]),
     ("report", &["base", "config", "drawing", "traffic", "training"]),
-    ("experiment", &["config", "report", "training"]),
+    ("experiment", &["config", "cost", "report", "training"]),
 ];
 
 /// Outside crates that only some rooms may use.
