@@ -1,4 +1,11 @@
-//! One short function per subcommand: config -> domain -> fleet -> training -> run directory.
+//! One file per subcommand: config -> domain -> fleet -> training -> run directory.
+//!
+//! - `train` and `worker`; `evaluate` (with `baseline`), `export`, `bench`, `experiment`, `report`, `compare`, `replay`, `nets`, `info`.
+//! - `domain`: which domain a config names. `directory`: run directories, and making any directory whole or not at all. `build`:
+//!   what a run is computed with.
+//! - `subject`, `cast`: what is evaluated, and who plays the episode that is replayed.
+//! - What belongs to one flag: `render`, `plot`, `video`, `tune`, and `csv_files` for `--csv`.
+//! - `blas`: one thread for libtorch, which `bench` times.
 
 mod bench;
 #[cfg(feature = "torch")]
@@ -6,12 +13,12 @@ mod blas;
 mod build;
 mod cast;
 mod compare;
+mod csv_files;
 mod directory;
 mod domain;
 mod evaluate;
 mod experiment;
 mod export;
-mod findings;
 mod info;
 mod nets;
 mod plot;
