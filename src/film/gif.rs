@@ -8,7 +8,7 @@ use std::sync::atomic::AtomicBool;
 use anyhow::{Context, Result, ensure};
 
 use super::format::STEPS_PER_SECOND;
-use super::replay::check;
+use crate::terminal::check_stop;
 use crate::terminal::counting::EpisodeBar;
 
 /// Writes `film`, one frame per picture.
@@ -17,7 +17,7 @@ pub fn join(frames: &[PathBuf], film: &Path, stop: &AtomicBool) -> Result<()> {
     let file = File::create(film).context("the film cannot be written")?;
     let mut encoder: Option<gif::Encoder<File>> = None;
     for (number, frame) in frames.iter().enumerate() {
-        check(stop)?;
+        check_stop(stop)?;
         let (width, height, mut pixels) = read_picture(frame)?;
         let encoder = match &mut encoder {
             Some(encoder) => encoder,

@@ -1,6 +1,8 @@
 //! Programs that work for this one and end with it.
 
+use std::fs::File;
 use std::os::unix::process::CommandExt;
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::thread;
 use std::time::Duration;
@@ -41,4 +43,9 @@ impl Drop for Helper {
             }
         }
     }
+}
+
+/// A file for what a program says.
+pub fn listener(file: &Path) -> Result<File> {
+    File::create(file).context("the temporary directory cannot be written to")
 }

@@ -1,7 +1,7 @@
 //! Films of episodes: GIF and mp4.
 //!
-//! - `replay`: a replay becomes a film: `format` says of which kind, `pictures` lets sumo-gui take a picture per step on a `screen`
-//!   that nobody sees, and `gif` or `mp4` joins them.
+//! - `replay`: what is filmed; `format`: GIF or mp4, and what each needs.
+//! - `pictures`: sumo-gui takes a picture per step on a `screen` that nobody sees, and `gif` or `mp4` joins them.
 //! - `gui`: sumo-gui itself, and how it is opened for a person.
 //! - `helper`: programs that end with this one.
 //! - [`scenes`]: pictures that a domain draws itself, as SVG and as one GIF.
@@ -20,4 +20,5 @@ mod screen;
 
 pub use format::Format;
 pub use gui::{check_screen, watch};
-pub use replay::{Pictures, Replay};
+pub use pictures::Pictures;
+pub use replay::Replay;

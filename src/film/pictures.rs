@@ -1,6 +1,6 @@
-//! sumo-gui plays a replay on a screen that nobody sees and takes a picture per step.
+//! sumo-gui plays a replay on a screen that nobody sees and takes a picture per step; joined, they are a film.
 
-use std::fs::{self, File};
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::sync::atomic::AtomicBool;
@@ -8,11 +8,13 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, ensure};
+use tempfile::TempDir;
 
 use super::gui::SUMO_GUI;
-use super::helper::{Helper, tied};
-use super::replay::{Replay, check};
+use super::helper::{Helper, listener, tied};
 use super::screen::Screen;
+use super::{Format, Replay, gif, mp4};
+use crate::terminal::check_stop;
 use crate::terminal::counting::EpisodeBar;
 
 /// Steps that sumo-gui plays beyond the last picture: where it ends with one it often crashes (SUMO 1.15).
@@ -24,12 +26,34 @@ const PATIENCE: Duration = Duration::from_secs(60);
 /// What sumo-gui's window has beside the roads, in pixels (measured on SUMO 1.15).
 const FRAME: (usize, usize) = (10, 215);
 
+/// The pictures of a replay, in a temporary place. Taking and joining end with an error soon after `stop` is set.
+pub struct Pictures {
+    room: TempDir,
+    files: Vec<PathBuf>,
+}
+
+impl Pictures {
+    pub fn take(replay: &Replay, stop: &AtomicBool) -> Result<Pictures> {
+        let room = tempfile::tempdir().context("no temporary directory for the pictures")?;
+        let files = take_pictures(replay, room.path(), stop)?;
+        Ok(Pictures { room, files })
+    }
+
+    /// Writes the film.
+    pub fn join(&self, format: Format, film: &Path, stop: &AtomicBool) -> Result<()> {
+        match format {
+            Format::Gif => gif::join(&self.files, film, stop),
+            Format::Mp4 => mp4::join(self.room.path(), film),
+        }
+    }
+}
+
 fn picture(number: usize) -> String {
     format!("{number:06}.png")
 }
 
 /// Lets sumo-gui play and take a picture before every step.
-pub fn take_pictures(replay: &Replay, room: &Path, stop: &AtomicBool) -> Result<Vec<PathBuf>> {
+fn take_pictures(replay: &Replay, room: &Path, stop: &AtomicBool) -> Result<Vec<PathBuf>> {
     let frames: Vec<PathBuf> = (0..replay.steps).map(|step| room.join(picture(step))).collect();
     let settings = room.join("view.xml");
     fs::write(&settings, (replay.settings)(&frames)).context("the temporary directory cannot be written to")?;
@@ -55,17 +79,12 @@ pub fn take_pictures(replay: &Replay, room: &Path, stop: &AtomicBool) -> Result<
     Ok(frames)
 }
 
-/// A file for what a program says.
-pub fn listener(file: &Path) -> Result<File> {
-    File::create(file).context("the temporary directory cannot be written to")
-}
-
 /// Waits until sumo-gui has ended, or has taken no picture for so long; tells which.
 fn wait_for(gui: &mut Helper, frames: &[PathBuf], patience: Duration, stop: &AtomicBool) -> Result<String> {
     let bar = EpisodeBar::of(frames.len(), "pictures");
     let (mut taken, mut since) = (0, Instant::now());
     let end = loop {
-        check(stop)?;
+        check_stop(stop)?;
         if let Some(status) = gui.0.try_wait().context("sumo-gui cannot be waited for")? {
             break format!("ended with {status}");
         }

@@ -7,8 +7,7 @@ use std::process::Stdio;
 
 use anyhow::{Context, Result, ensure};
 
-use super::helper::{Helper, tied};
-use super::pictures::listener;
+use super::helper::{Helper, listener, tied};
 
 /// The program.
 pub(super) const XVFB: &str = "Xvfb";

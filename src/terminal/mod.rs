@@ -21,4 +21,4 @@ pub mod training;
 
 pub use say::{answer, tell};
 pub use shell::{on_the_path, program, quoted};
-pub use stop::{Wish, stop_on_signals};
+pub use stop::{Wish, check_stop, stop_on_signals};
