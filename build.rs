@@ -131,8 +131,14 @@ fn give_up(what: &str, tried: &[String], way_out: &str) -> ! {
 
 /// What `dials-traffic info` and `run.json` say of this build.
 fn tell_versions() {
-    println!("cargo:rerun-if-env-changed=LIBTORCH");
     println!("cargo:rustc-env=DIALS_GIT_COMMIT={}", commit().unwrap_or("unknown".into()));
+    println!("cargo:rustc-env=DIALS_LIBTORCH_VERSION={}", libtorch_version().unwrap_or("none".into()));
+}
+
+/// The version of libtorch; `None` in a build without the feature `torch`.
+fn libtorch_version() -> Option<String> {
+    env::var_os("CARGO_FEATURE_TORCH")?;
+    println!("cargo:rerun-if-env-changed=LIBTORCH");
     let header = PathBuf::from(env::var("LIBTORCH").unwrap_or("/usr".into()))
         .join("include/torch/csrc/api/include/torch/version.h");
     let text = std::fs::read_to_string(header).unwrap_or_default();
@@ -140,7 +146,7 @@ fn tell_versions() {
         let define = format!("#define TORCH_VERSION_{part} ");
         text.lines().find_map(|line| line.strip_prefix(&define)).unwrap_or("?").to_owned()
     };
-    println!("cargo:rustc-env=DIALS_LIBTORCH_VERSION={}", ["MAJOR", "MINOR", "PATCH"].map(number).join("."));
+    Some(["MAJOR", "MINOR", "PATCH"].map(number).join("."))
 }
 
 /// The commit of this checkout, with `-dirty` where a source has been changed since.

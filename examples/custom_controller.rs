@@ -8,9 +8,10 @@ use std::path::Path;
 
 use anyhow::Result;
 use dials_traffic::base::Seed;
+use dials_traffic::base::statistics::Interval;
 use dials_traffic::config::{PolicyConfig, TrafficConfig};
 use dials_traffic::domain::{Action, Bystander, Domain, GlobalSimulator};
-use dials_traffic::evaluation::{Evaluation, Interval, play_episodes};
+use dials_traffic::evaluation::{Evaluation, play_episodes};
 use dials_traffic::traffic::Traffic;
 use dials_traffic::traffic::agents::phases::Light;
 use dials_traffic::traffic::controllers::{Each, HandCoded, Intersection};

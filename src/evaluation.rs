@@ -1,6 +1,13 @@
 //! Episodes on the GS under a controller, and what they come to.
+//!
+//! - `finding`: who played, and the episodes.
+//! - `table`, `comparison`: for a person, one player or several; [`json`], [`csv`]: for programs.
 
-mod interval;
+mod comparison;
+pub mod csv;
+mod finding;
+pub mod json;
+mod table;
 
 use serde::{Deserialize, Serialize};
 
@@ -8,7 +15,9 @@ use crate::base::statistics::{mean, median, std_error};
 use crate::base::{RandomPurpose, Rows, Seed};
 use crate::domain::{Controller, Domain, GlobalSimulator, Measures, Result};
 
-pub use interval::Interval;
+pub use comparison::comparison;
+pub use finding::{Finding, Player};
+pub use table::table;
 
 /// The name of the return among the [`figures`] of an episode.
 pub const RETURN: &str = "return";

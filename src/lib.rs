@@ -18,19 +18,21 @@
 //! | figures and tables of section Results and the appendix | [`experiment`], [`report`] |
 //!
 //! Rooms, in the order in which they may use each other (a test holds it): [`base`]; [`config`], [`domain`], [`sumo`];
-//! [`nn`]; [`traffic`], [`warehouse`]; [`drawing`], [`plot`]; [`influence`], [`policy`]; [`evaluation`]; [`training`]; [`report`],
-//! [`experiment`]; [`processes`], [`mod@bench`]; [`run`] with [`cli`] and [`error`]. Simulators never see a tensor; training
+//! [`nn`]; [`traffic`], [`warehouse`]; [`drawing`], [`plot`]; [`influence`], [`policy`]; [`evaluation`]; [`training`]; [`terminal`],
+//! [`film`]; [`cost`]; [`report`], [`experiment`]; [`processes`], [`mod@bench`]; [`run`] with [`cli`] and [`error`]. Simulators never see a tensor; training
 //! never sees a process or SUMO; only [`run`] knows which domain and which fleet were chosen.
 
 pub mod base;
 pub mod bench;
 pub mod cli;
 pub mod config;
+pub mod cost;
 pub mod domain;
 pub mod drawing;
 pub mod error;
 pub mod evaluation;
 pub mod experiment;
+pub mod film;
 pub mod influence;
 pub mod nn;
 pub mod plot;
@@ -39,6 +41,7 @@ pub mod processes;
 pub mod report;
 pub mod run;
 pub mod sumo;
+pub mod terminal;
 pub mod traffic;
 pub mod training;
 pub mod warehouse;

@@ -4,7 +4,8 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use dials_traffic::cli::Cli;
-use dials_traffic::run::{self, terminal::tell};
+use dials_traffic::run;
+use dials_traffic::terminal::tell;
 
 fn main() -> ExitCode {
     match run::run(Cli::parse()) {

@@ -109,6 +109,14 @@ fn a_run_leaves_a_directory_that_can_be_evaluated_anywhere() {
     assert_eq!(of_episodes, [last[1], last[0]], "{episodes}");
 }
 
+#[cfg(not(feature = "torch"))]
+#[test]
+fn without_libtorch_export_says_how_to_build_with_it() {
+    let told = ["built without it", "the feature `torch`", "cargo build --release"];
+    assert_refused(&mut dials_traffic(&["export", "no/run", "--out", "x"]), &told);
+}
+
+#[cfg(feature = "torch")]
 #[test]
 fn policies_are_exported_and_an_existing_file_is_left_alone() {
     let dir = tempfile::tempdir().unwrap();
@@ -459,6 +467,7 @@ fn weights_that_are_no_finite_numbers_are_refused_wherever_they_would_be_played_
         ["policies.safetensors: `layers.", "of agent 3 holds NaN, which is no finite number", "train again"];
     for args in [
         &["evaluate", run, "--csv", new_path][..],
+        #[cfg(feature = "torch")]
         &["export", run, "--out", new_path],
         &["replay", run, "--out", new_path],
     ] {
@@ -792,7 +801,8 @@ fn nets_are_written_where_asked_and_a_missing_netconvert_is_told() {
 #[test]
 fn info_tells_versions_and_places() {
     let said = text(&dials_traffic(&["info"]).assert().success().get_output().stdout);
-    for part in ["dials-traffic 0.", "SUMO 1.15", "libsumocpp", "libtorch 1.13", "libtorch_cpu", "netconvert at /"] {
+    let torch = if cfg!(feature = "torch") { ["libtorch 1.13", "libtorch_cpu"] } else { ["libtorch none", "`torch`"] };
+    for part in ["dials-traffic 0.", "SUMO 1.15", "libsumocpp", "netconvert at /"].into_iter().chain(torch) {
         assert!(said.contains(part), "`{part}`: {said}");
     }
 }

@@ -13,6 +13,7 @@ use dials_traffic::nn::write_stack;
 use dials_traffic::policy::PolicyStack;
 use rand::Rng;
 use safetensors::tensor::{Dtype, TensorView};
+#[cfg(feature = "torch")]
 use tch::{CModule, IValue, Tensor};
 
 const AGENTS: usize = 3;
@@ -64,15 +65,18 @@ fn cases() -> [Case; 2] {
     })
 }
 
+#[cfg(feature = "torch")]
 fn assert_close(found: &[f32], expected: &[f32], what: &str) {
     assert_eq!(found.len(), expected.len(), "{what}");
     assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-5), "{what}: {found:?} {expected:?}");
 }
 
+#[cfg(feature = "torch")]
 fn tensor(rows: &Rows<f32>) -> Tensor {
     Tensor::of_slice(rows.as_slice()).view([AGENTS as i64, BATCH as i64, rows.width() as i64])
 }
 
+#[cfg(feature = "torch")]
 #[test]
 fn a_script_says_what_the_policies_say_for_any_batch() {
     for case in cases() {

@@ -5,56 +5,14 @@
 //! kind; episodes on the GS go in rounds, in which every worker plays one; a training of the AIPs costs what its
 //! operations cost in the measured ones.
 
+use std::ops::{Add, Mul};
+
 use super::floor::{Flops, aip_training_flops};
 use super::measure::{Measured, Orders};
 use crate::base::Phase;
-use crate::config::{AipTraining, Config, schedule};
+use crate::config::Config;
+use crate::cost::{Prices, Workload};
 use crate::domain::RegionSpec;
-
-/// How much of everything a run is.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Amounts {
-    agents: f64,
-    /// Timesteps of all agents.
-    agent_steps: f64,
-    periods: f64,
-    /// Timesteps of all agents that simulators play again to go on after a period.
-    retraced: f64,
-    evaluations: f64,
-    /// Episodes of each of them.
-    evaluation_episodes: usize,
-    /// Episodes of the one at the end.
-    final_episodes: usize,
-    /// Trainings of the AIPs, with a collection before each.
-    retrainings: f64,
-    /// Episodes per collection.
-    collection_episodes: usize,
-    horizon: f64,
-    /// Operations of a training of all AIPs.
-    retraining_flops: f64,
-}
-
-impl Amounts {
-    fn of(config: &Config, spec: &RegionSpec, agents: usize) -> Amounts {
-        let periods = schedule(config);
-        let count = |of: fn(&crate::config::Period) -> bool| periods.iter().filter(|period| of(period)).count() as f64;
-        let episodes = config.dataset_episodes(spec.horizon);
-        Amounts {
-            agents: agents as f64,
-            agent_steps: agents as f64 * config.last_step() as f64,
-            periods: periods.len() as f64,
-            retraced: (periods.len() - 1) as f64 * (agents * config.copies() * spec.horizon) as f64 / 2.0,
-            evaluations: count(|period| period.evaluate),
-            evaluation_episodes: config.evaluation.episodes,
-            final_episodes: config.evaluation.final_episodes,
-            // Drift cannot be foreseen.
-            retrainings: count(|period| period.train_aips == AipTraining::Yes),
-            collection_episodes: episodes,
-            horizon: spec.horizon as f64,
-            retraining_flops: agents as f64 * aip_training_flops(config, spec, episodes),
-        }
-    }
-}
 
 /// Phases of a simulator's step.
 const SIMULATING: [Phase; 3] = [Phase::Insertion, Phase::SimulatorStep, Phase::Reading];
@@ -83,12 +41,31 @@ impl Cost {
     pub fn phase(&self, phase: Phase) -> f64 {
         self.phases[phase as usize]
     }
+}
 
-    fn add(&mut self, other: Cost) {
-        self.ours += other.ours;
-        self.sumo += other.sumo;
-        self.products += other.products;
-        self.phases.iter_mut().zip(other.phases).for_each(|(mine, theirs)| *mine += theirs);
+impl Add for Cost {
+    type Output = Cost;
+
+    fn add(self, other: Cost) -> Cost {
+        Cost {
+            ours: self.ours + other.ours,
+            sumo: self.sumo + other.sumo,
+            products: self.products + other.products,
+            phases: std::array::from_fn(|phase| self.phases[phase] + other.phases[phase]),
+        }
+    }
+}
+
+impl Mul<f64> for Cost {
+    type Output = Cost;
+
+    fn mul(self, times: f64) -> Cost {
+        Cost {
+            ours: self.ours * times,
+            sumo: self.sumo * times,
+            products: self.products * times,
+            phases: self.phases.map(|phase| phase * times),
+        }
     }
 }
 
@@ -115,85 +92,47 @@ pub struct Costs {
 impl Costs {
     /// `config`: of the run, not of the short orders that were `measured`.
     pub fn of(config: &Config, spec: &RegionSpec, agents: usize, peak_flops: f64, measured: &Measured) -> Costs {
-        let amounts = Amounts::of(config, spec, agents);
-        let flops = Flops::of(config, spec);
-        let sumo = config.traffic.is_some();
-        let products = |flops: f64| 1e6 * flops / peak_flops;
-        let workers = measured.workers as f64;
+        let work = Workload::of(config, agents, config.last_step());
+        let machine = Machine { workers: measured.workers as f64, sumo: config.traffic.is_some(), peak_flops };
         let Measured { training, evaluation, collection, aip_training, .. } = measured;
 
-        let mut phases = Phase::ALL.map(|phase| per_unit(training, phase));
-        phases[Phase::Loading as usize] = per_order(training, Phase::Loading) * amounts.periods / amounts.agent_steps;
-        // The measured orders begin with empty roads. A period begins with episodes of any age, half a horizon on average.
-        let again = SIMULATING.iter().map(|&phase| phases[phase as usize]).sum::<f64>();
-        phases[Phase::Retracing as usize] = again * amounts.retraced / amounts.agent_steps;
-        let work = 1e6 * (training.work.as_secs_f64() - training.phases.total().as_secs_f64()) / training.units;
-        let other = work.max(0.0);
-        let busy = training.work - training.beginning();
-        let idle = 1e6 * (workers * training.slowest.as_secs_f64() - busy.as_secs_f64()).max(0.0) / training.units;
-        let training_cost = Cost {
-            ours: phases.iter().sum::<f64>() + other + idle,
-            sumo: if sumo { phases[Phase::SimulatorStep as usize] } else { 0.0 },
-            products: products(flops.training),
-            phases,
+        let flops = Flops::of(config, spec);
+        let of_episodes = |orders: &Orders, episodes: usize| {
+            machine.on_the_gs(orders, episodes, work.gs_steps(episodes) * flops.acting)
+        };
+        let retraining_flops = agents as f64 * aip_training_flops(config, spec, work.dataset_episodes);
+        let step = TrainingStep::of(training, &machine);
+        let prices = Prices {
+            step: step.price(training, &machine, flops.training),
+            retraced_step: again(training),
+            period: loading(training),
+            evaluation: of_episodes(evaluation, work.evaluation_episodes),
+            final_evaluation: of_episodes(evaluation, work.final_episodes),
+            collection: of_episodes(collection, work.dataset_episodes),
+            aip_training: machine.aip_training(aip_training, retraining_flops),
+        };
+        let exchange = Prices {
+            period: machine.exchange(training),
+            evaluation: machine.exchange(evaluation),
+            final_evaluation: machine.exchange(evaluation),
+            collection: machine.exchange(collection),
+            aip_training: machine.exchange(aip_training),
+            ..Prices::default()
         };
 
-        // On the GS: per round, and once per order.
-        let on_the_gs = |orders: &Orders, count: f64, episodes: usize| {
-            if orders.count == 0 || count == 0.0 {
-                return Cost::default();
-            }
-            let rounds = episodes.div_ceil(measured.workers) as f64;
-            let ours = rounds * workers * 1e6 * orders.slowest.as_secs_f64() / orders.units
-                + per_order(orders, Phase::Loading);
-            let acting = episodes as f64 * amounts.horizon * amounts.agents * flops.acting;
-            let share = count / amounts.agent_steps;
-            let mut phases = Phase::ALL.map(|phase| per_unit(orders, phase) / workers * episodes as f64 * share);
-            phases[Phase::Loading as usize] = per_order(orders, Phase::Loading) * share;
-            Cost {
-                ours: ours * share,
-                sumo: if sumo { phases[Phase::SimulatorStep as usize] } else { 0.0 },
-                products: products(acting) * share,
-                phases,
-            }
-        };
-        let mut evaluation_cost = on_the_gs(evaluation, amounts.evaluations, amounts.evaluation_episodes);
-        evaluation_cost.add(on_the_gs(evaluation, 1.0, amounts.final_episodes));
-        let collection_cost = on_the_gs(collection, amounts.retrainings, amounts.collection_episodes);
-
-        let mut aip_cost = Cost::default();
-        if aip_training.count > 0 && amounts.retrainings > 0.0 {
-            let scale = amounts.retrainings * amounts.retraining_flops / amounts.agent_steps;
-            let per_flop = |seconds: f64| 1e6 * seconds / aip_training.units * scale;
-            aip_cost = Cost {
-                ours: per_flop(workers * aip_training.slowest.as_secs_f64()),
-                sumo: 0.0,
-                products: products(scale),
-                phases: Phase::ALL.map(|phase| per_flop(aip_training.phases.spent(phase).as_secs_f64())),
-            };
-        }
-
-        let exchange = |orders: &Orders, count: f64| {
-            let load = orders.beginning().as_secs_f64() / workers;
-            let outside = orders.wall.as_secs_f64() - orders.slowest.as_secs_f64() - load;
-            1e6 * workers * outside.max(0.0) / orders.count.max(1) as f64 * count / amounts.agent_steps
-        };
-        let retrainings = amounts.retrainings;
-        let exchange = exchange(training, amounts.periods)
-            + exchange(evaluation, amounts.evaluations + 1.0)
-            + exchange(collection, retrainings)
-            + exchange(aip_training, retrainings);
+        let per_agent_step = 1.0 / work.agent_steps();
+        let whole = prices.of_run(&work);
         let rounds_per_s = (collection.count > 0).then(|| collection.units / collection.slowest.as_secs_f64());
         Costs {
             workers: measured.workers,
-            other,
-            idle,
-            exchange,
-            training: training_cost,
-            evaluation: evaluation_cost,
-            collection: collection_cost,
-            aip_training: aip_cost,
-            gs_steps_per_s: rounds_per_s.map(|rounds| rounds * workers * amounts.horizon),
+            other: step.other,
+            idle: step.idle,
+            exchange: exchange.of_run(&work).sum() * per_agent_step,
+            training: whole.training * per_agent_step,
+            evaluation: whole.evaluation * per_agent_step,
+            collection: whole.collection * per_agent_step,
+            aip_training: whole.aip_training * per_agent_step,
+            gs_steps_per_s: rounds_per_s.map(|rounds| rounds * machine.workers * work.horizon as f64),
             pss_kib: measured.pss_kib,
             peak_rss_kib: measured.peak_rss_kib,
         }
@@ -201,15 +140,115 @@ impl Costs {
 
     /// Everything.
     pub fn all(&self) -> Cost {
-        let mut all = Cost { ours: self.exchange, ..Cost::default() };
-        [self.training, self.evaluation, self.collection, self.aip_training].into_iter().for_each(|cost| all.add(cost));
-        all
+        let exchange = Cost { ours: self.exchange, ..Cost::default() };
+        exchange + self.training + self.evaluation + self.collection + self.aip_training
     }
 
     /// Timesteps of agents per second of wall time, everything included.
     pub fn agent_steps_per_s(&self) -> f64 {
         1e6 * self.workers as f64 / self.all().ours
     }
+}
+
+/// What was measured on.
+struct Machine {
+    workers: f64,
+    /// Whether the simulators are SUMO's.
+    sumo: bool,
+    /// Of matrix products, per second.
+    peak_flops: f64,
+}
+
+impl Machine {
+    fn products(&self, flops: f64) -> f64 {
+        1e6 * flops / self.peak_flops
+    }
+
+    /// SUMO's own step among the phases.
+    fn sumo_step(&self, phases: &[f64]) -> f64 {
+        if self.sumo { phases[Phase::SimulatorStep as usize] } else { 0.0 }
+    }
+
+    /// The price of so many episodes on the GS: of their rounds, and of what comes once per order.
+    fn on_the_gs(&self, orders: &Orders, episodes: usize, flops: f64) -> Cost {
+        if orders.count == 0 {
+            return Cost::default();
+        }
+        let rounds = (episodes as f64 / self.workers).ceil();
+        let of_rounds = rounds * self.workers * 1e6 * orders.slowest.as_secs_f64() / orders.units;
+        let mut phases = Phase::ALL.map(|phase| per_unit(orders, phase) / self.workers * episodes as f64);
+        phases[Phase::Loading as usize] = per_order(orders, Phase::Loading);
+        Cost {
+            ours: of_rounds + per_order(orders, Phase::Loading),
+            sumo: self.sumo_step(&phases),
+            products: self.products(flops),
+            phases,
+        }
+    }
+
+    /// The price of a training of all AIPs that takes so many operations.
+    fn aip_training(&self, orders: &Orders, flops: f64) -> Cost {
+        if orders.count == 0 {
+            return Cost::default();
+        }
+        let per_flop = |seconds: f64| 1e6 * seconds / orders.units * flops;
+        Cost {
+            ours: per_flop(self.workers * orders.slowest.as_secs_f64()),
+            sumo: 0.0,
+            products: self.products(flops),
+            phases: Phase::ALL.map(|phase| per_flop(orders.phases.spent(phase).as_secs_f64())),
+        }
+    }
+
+    /// The price of the messages and files of an order.
+    fn exchange(&self, orders: &Orders) -> f64 {
+        let load = orders.beginning().as_secs_f64() / self.workers;
+        let outside = orders.wall.as_secs_f64() - orders.slowest.as_secs_f64() - load;
+        1e6 * self.workers * outside.max(0.0) / orders.count.max(1) as f64
+    }
+}
+
+/// What a timestep of training costs beside its phases.
+struct TrainingStep {
+    other: f64,
+    idle: f64,
+}
+
+impl TrainingStep {
+    fn of(training: &Orders, machine: &Machine) -> TrainingStep {
+        let work = 1e6 * (training.work.as_secs_f64() - training.phases.total().as_secs_f64()) / training.units;
+        let busy = training.work - training.beginning();
+        let waited = machine.workers * training.slowest.as_secs_f64() - busy.as_secs_f64();
+        TrainingStep { other: work.max(0.0), idle: 1e6 * waited.max(0.0) / training.units }
+    }
+
+    /// The price of the whole timestep, in which the networks take so many operations.
+    fn price(&self, training: &Orders, machine: &Machine, flops: f64) -> Cost {
+        let mut phases = Phase::ALL.map(|phase| per_unit(training, phase));
+        Orders::BEGINNING.iter().for_each(|&phase| phases[phase as usize] = 0.0);
+        Cost {
+            ours: phases.iter().sum::<f64>() + self.other + self.idle,
+            sumo: machine.sumo_step(&phases),
+            products: machine.products(flops),
+            phases,
+        }
+    }
+}
+
+/// The price of a timestep that simulators play again. The measured orders begin with empty roads and play none.
+fn again(training: &Orders) -> Cost {
+    in_phase(Phase::Retracing, SIMULATING.iter().map(|&phase| per_unit(training, phase)).sum())
+}
+
+/// The price of the simulators that a period makes.
+fn loading(training: &Orders) -> Cost {
+    in_phase(Phase::Loading, per_order(training, Phase::Loading))
+}
+
+fn in_phase(phase: Phase, us: f64) -> Cost {
+    let mut cost = Cost { ours: us, ..Cost::default() };
+    cost.phases[phase as usize] = us;
+    cost
 }
 
 /// Core-microseconds of a phase per unit.

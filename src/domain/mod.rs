@@ -4,9 +4,12 @@
 //! many local regions in lockstep, each driven by the influence sources it is handed. Simulators never see a tensor and
 //! never hear of learning: they speak [`Rows`]. Learning never sees a car or a robot: it knows the [`RegionSpec`].
 //!
+//! Pictures of episodes are drawn from a [`Scene`] or a [`road_trace`].
+//!
 //! A new domain implements the three traits and passes [`conformance`]; [`toy`] is the smallest one.
 
 pub mod conformance;
+pub mod road_trace;
 mod scene;
 mod spec;
 pub mod toy;

@@ -5,12 +5,13 @@
 //! there are none, constants stand in that were measured on two cores of a cloud machine with the configs of this project.
 
 use super::file::PlannedRun;
-use crate::config::{AipTraining, Config, SimulatorKind, schedule};
+use crate::config::{Config, SimulatorKind};
+use crate::cost::{Prices, Workload};
 use crate::report::run_dir::RunRecord;
 
 /// Core-seconds and memory of one kind of run.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Costs {
+pub struct UnitCosts {
     /// Per agent and timestep.
     pub training_s: f64,
     /// Per agent, GS step of a dataset and epoch, for collecting it and training on it.
@@ -21,6 +22,27 @@ pub struct Costs {
     pub process_mb: f64,
     /// For each agent, in all processes together.
     pub agent_mb: f64,
+}
+
+impl UnitCosts {
+    /// What one of everything takes on so many cores, in seconds of wall time.
+    fn prices(&self, work: &Workload, training_cores: usize, cores: usize) -> Prices<f64> {
+        let cores = cores as f64;
+        let of_episodes = |episodes: usize| work.gs_steps(episodes) * self.evaluation_s / cores;
+        Prices {
+            step: self.training_s / training_cores as f64,
+            evaluation: of_episodes(work.evaluation_episodes),
+            final_evaluation: of_episodes(work.final_episodes),
+            // With the collection before it: files of runs have both in one column.
+            aip_training: work.samples_per_retraining() * self.influence_s / cores,
+            ..Prices::default()
+        }
+    }
+}
+
+/// Cores that the policies' training takes: there is one GS.
+fn training_cores(config: &Config, cores: usize) -> usize {
+    if config.simulator == SimulatorKind::Gs { 1 } else { cores }
 }
 
 /// Where an estimate is from.
@@ -40,14 +62,14 @@ pub struct Estimate {
 }
 
 /// Measured with traffic_4.toml and traffic_100.toml.
-const TRAFFIC: Costs =
-    Costs { training_s: 37e-6, influence_s: 1.6e-6, evaluation_s: 25e-6, process_mb: 120.0, agent_mb: 4.0 };
+const TRAFFIC: UnitCosts =
+    UnitCosts { training_s: 37e-6, influence_s: 1.6e-6, evaluation_s: 25e-6, process_mb: 120.0, agent_mb: 4.0 };
 /// Likewise on the GS, without AIPs.
-const TRAFFIC_GS: Costs = Costs { training_s: 40e-6, ..TRAFFIC };
+const TRAFFIC_GS: UnitCosts = UnitCosts { training_s: 40e-6, ..TRAFFIC };
 /// Measured with warehouse_4.toml and warehouse_100.toml.
-const WAREHOUSE: Costs =
-    Costs { training_s: 60e-6, influence_s: 3e-6, evaluation_s: 8e-6, process_mb: 110.0, agent_mb: 8.0 };
-const WAREHOUSE_GS: Costs = Costs { training_s: 60e-6, ..WAREHOUSE };
+const WAREHOUSE: UnitCosts =
+    UnitCosts { training_s: 60e-6, influence_s: 3e-6, evaluation_s: 8e-6, process_mb: 110.0, agent_mb: 8.0 };
+const WAREHOUSE_GS: UnitCosts = UnitCosts { training_s: 60e-6, ..WAREHOUSE };
 
 /// Estimates one run on so many cores.
 pub fn estimate(run: &PlannedRun, cores: usize, measured: &[RunRecord]) -> Estimate {
@@ -56,50 +78,18 @@ pub fn estimate(run: &PlannedRun, cores: usize, measured: &[RunRecord]) -> Estim
         Some(costs) => (costs, Source::Measured(nearest.len())),
         None => (constants(&run.config), Source::Constants),
     };
-    let amounts = Amounts::of(&run.config, run.agents, run.config.last_step());
-    let training_cores = if run.config.simulator == SimulatorKind::Gs { 1 } else { cores };
-    let seconds = amounts.training * costs.training_s / training_cores as f64
-        + (amounts.influence * costs.influence_s + amounts.evaluation * costs.evaluation_s) / cores as f64;
+    let work = Workload::of(&run.config, run.agents, run.config.last_step());
+    let seconds = costs.prices(&work, training_cores(&run.config, cores), cores).of_run(&work).sum();
     let memory_mb = (cores + 1) as f64 * costs.process_mb + run.agents as f64 * costs.agent_mb;
     Estimate { seconds, memory_mb, source }
 }
 
-fn constants(config: &Config) -> Costs {
+fn constants(config: &Config) -> UnitCosts {
     match (config.traffic.is_some(), config.simulator) {
         (true, SimulatorKind::Gs) => TRAFFIC_GS,
         (true, _) => TRAFFIC,
         (false, SimulatorKind::Gs) => WAREHOUSE_GS,
         (false, _) => WAREHOUSE,
-    }
-}
-
-/// How much of each kind of work there is until a step.
-struct Amounts {
-    /// Agents x timesteps.
-    training: f64,
-    /// Agents x GS steps of all datasets x epochs.
-    influence: f64,
-    /// Agents x steps of all evaluation episodes.
-    evaluation: f64,
-}
-
-impl Amounts {
-    fn of(config: &Config, agents: usize, steps: u64) -> Amounts {
-        let (agents, horizon) = (agents as f64, config.horizon() as f64);
-        let periods = schedule(config);
-        let begun = || periods.iter().filter(|period| period.start < steps);
-        let datasets = begun().filter(|period| period.train_aips == AipTraining::Yes).count() as f64;
-        let evaluations = begun().filter(|period| period.evaluate).count();
-        let episodes = evaluations * config.evaluation.episodes + config.evaluation.final_episodes;
-        Amounts {
-            training: agents * steps as f64,
-            influence: agents
-                * datasets
-                * config.dataset_episodes(config.horizon()) as f64
-                * horizon
-                * config.aip.epochs as f64,
-            evaluation: agents * episodes as f64 * horizon,
-        }
     }
 }
 
@@ -121,23 +111,23 @@ fn nearest<'a>(run: &PlannedRun, measured: &'a [RunRecord]) -> Vec<&'a RunRecord
 }
 
 /// What runs cost together; none where there are none.
-fn costs_of(runs: &[&RunRecord]) -> Option<Costs> {
+fn costs_of(runs: &[&RunRecord]) -> Option<UnitCosts> {
     let mut spent = [0.0; 3];
     let mut done = [0.0; 3];
     let fallback = constants(&runs.first()?.config);
     let mut process_mb = 0.0_f64;
     for run in runs {
         let (time, agents) = (run.total_time()?, run.agents()?);
-        let cores = run.workers as f64;
-        let training_cores = if run.config.simulator == SimulatorKind::Gs { 1.0 } else { cores };
-        let amounts = Amounts::of(&run.config, agents, time.steps);
+        let (cores, training_cores) = (run.workers as f64, training_cores(&run.config, run.workers) as f64);
+        let work = Workload::of(&run.config, agents, time.steps);
+        let samples = work.retrainings as f64 * work.samples_per_retraining();
         let training_s = time.runtime_s() - time.influence_s;
         for (sum, value) in
             spent.iter_mut().zip([training_s * training_cores, time.influence_s * cores, time.evaluation_s * cores])
         {
             *sum += value;
         }
-        for (sum, value) in done.iter_mut().zip([amounts.training, amounts.influence, amounts.evaluation]) {
+        for (sum, value) in done.iter_mut().zip([work.agent_steps(), samples, work.evaluated_steps()]) {
             *sum += value;
         }
         let total = run.memory.map_or(0.0, |memory| memory.total_pss_mb.unwrap_or(memory.total_mb));
@@ -146,7 +136,7 @@ fn costs_of(runs: &[&RunRecord]) -> Option<Costs> {
         process_mb = process_mb.max((total - of_agents) / (cores + 1.0));
     }
     let cost = |kind: usize, fallback: f64| if done[kind] > 0.0 { spent[kind] / done[kind] } else { fallback };
-    Some(Costs {
+    Some(UnitCosts {
         training_s: cost(0, fallback.training_s),
         influence_s: cost(1, fallback.influence_s),
         evaluation_s: cost(2, fallback.evaluation_s),

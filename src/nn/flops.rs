@@ -2,8 +2,6 @@
 
 use std::time::{Duration, Instant};
 
-use tch::{Device, Kind, Tensor};
-
 use super::Shape;
 use super::product::{Before, Matrix, multiply};
 
@@ -41,15 +39,15 @@ impl Shape {
 }
 
 /// Side of the square matrices whose product shows what the machine can do.
-const SIDE: usize = 1024;
+pub(super) const SIDE: usize = 1024;
 
 /// Floating-point operations per second of matrix products at their best, on one thread.
 #[derive(Clone, Copy, Debug)]
 pub struct Peak {
     /// By the library that our networks use.
     pub ours: f64,
-    /// By libtorch, which most software of this kind uses.
-    pub libtorch: f64,
+    /// By libtorch, which most software of this kind uses; `None` in a build without the feature `torch`.
+    pub libtorch: Option<f64>,
 }
 
 impl Peak {
@@ -59,15 +57,16 @@ impl Peak {
         let mut product = vec![0.0; SIDE * SIDE];
         let square = Matrix::new(&matrix, SIDE);
         let ours = fastest(time / 2, || multiply(square, square, &mut product, Before::Overwrite));
-        let size = [SIDE as i64, SIDE as i64];
-        let tensor = Tensor::rand(&size, (Kind::Float, Device::Cpu));
-        let out = Tensor::empty(&size, (Kind::Float, Device::Cpu));
-        let libtorch = fastest(time / 2, || drop(tensor.matmul_out(&out, &tensor)));
+        #[cfg(feature = "torch")]
+        let libtorch = Some(super::yardstick::libtorch_peak(time / 2));
+        #[cfg(not(feature = "torch"))]
+        let libtorch = None;
         Peak { ours, libtorch }
     }
 }
 
-fn fastest(time: Duration, mut product: impl FnMut()) -> f64 {
+/// Operations per second of the fastest of as many products of [`SIDE`] as fit into `time`.
+pub(super) fn fastest(time: Duration, mut product: impl FnMut()) -> f64 {
     let begun = Instant::now();
     let mut fastest = f64::INFINITY;
     while begun.elapsed() < time || fastest.is_infinite() {

@@ -32,12 +32,15 @@ mod network;
 mod order_of_sums;
 mod parameters;
 mod product;
+#[cfg_attr(not(feature = "torch"), path = "no_script.rs")]
 mod script;
 mod shape;
 mod stack_file;
 mod states;
 mod threads;
 mod vectors;
+#[cfg(feature = "torch")]
+mod yardstick;
 
 pub use activations::sigmoid;
 pub use adam::{Adam, Learner, Moments};
@@ -45,7 +48,7 @@ pub use flops::Peak;
 pub use net::Net;
 pub use network::{Network, Sequences, Trace};
 pub use parameters::Parameters;
-pub use script::write_script;
+pub use script::{check_script, write_script};
 pub use shape::{Layout, Shape};
 pub use stack_file::{read_stack, write_stack};
 pub use states::States;

@@ -10,6 +10,11 @@ use super::Net;
 use super::gru::{INPUT, INPUT_BIAS, STATE, STATE_BIAS};
 use super::network::first_layer;
 
+/// Checks that this build can write scripts: it can.
+pub fn check_script() -> Result<()> {
+    Ok(())
+}
+
 /// Writes the networks of all agents as one module, parameters included.
 ///
 /// `forward(inputs)` takes `[agents, batch, in]`, for any batch, and returns the outputs, `[agents, batch, out]`. With a GRU

@@ -1,4 +1,6 @@
-//! Pictures of an episode as SVG: one function per picture.
+//! Pictures of an episode on roads as SVG: one function per picture.
+//!
+//! They are drawn from a [`crate::domain::road_trace`]: which simulator it comes from is unknown here.
 
 mod queues;
 mod returns_map;
@@ -10,7 +12,7 @@ use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use crate::drawing::{Area, BLUE, INK, ORANGE, SKY, Svg, draw_mesh, ink_over, pen, px, shade, text};
+use crate::drawing::{Area, BLUE, GREEN, INK, ORANGE, PURPLE, SKY, Svg, draw_mesh, ink_over, pen, px, shade, text};
 
 pub use queues::queues;
 pub use returns_map::returns_map;
@@ -74,4 +76,89 @@ fn draw_axes(chart: &mut Chart<'_, '_>, values: &str, value_labels: usize, secon
 
 fn anchored(style: TextStyle<'static>, horizontal: HPos, vertical: VPos) -> TextStyle<'static> {
     style.pos(Pos::new(horizontal, vertical))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::Rows;
+    use crate::domain::road_trace::{Approach, Aspect, Corridor, Crossing, RoadTrace, Shown};
+
+    /// Two intersections side by side for four seconds.
+    fn trace() -> RoadTrace {
+        let crossing = |name: &str, begin_m, aspects: [Aspect; 4]| Crossing {
+            name: name.to_owned(),
+            begin_m,
+            end_m: begin_m + 10.0,
+            aspects: aspects.to_vec(),
+        };
+        let (green, yellow, red) = (Aspect::Green, Aspect::Yellow, Aspect::Red);
+        RoadTrace {
+            seconds: 4,
+            rows: 1,
+            columns: 2,
+            names: vec!["a".to_owned(), "b".to_owned()],
+            greens: vec!["green for the main road", "green for the others"],
+            lights: vec![
+                vec![Shown::Green(0), Shown::Green(0), Shown::Yellow, Shown::Green(1)],
+                vec![Shown::Green(1); 4],
+            ],
+            // 12 cars in 4 seconds at 2 intersections.
+            approaches: vec![Approach { from: "bridge", standing: vec![vec![0, 1, 2, 3], vec![0, 1, 2, 3]] }],
+            corridors: vec![Corridor {
+                name: "the main road".to_owned(),
+                from: "bridge",
+                to: "harbour",
+                length_m: 220.0,
+                crossings: vec![
+                    crossing("a", 100.0, [green, green, yellow, red]),
+                    crossing("b", 150.0, [red, red, red, red]),
+                ],
+                cars: vec![vec![(1.0, 5.0), (2.0, 12.0)]],
+            }],
+        }
+    }
+
+    fn about() -> About {
+        About { subject: "controller x".to_owned(), seed: 7 }
+    }
+
+    /// How often a colour fills something.
+    fn filled(svg: &str, RGBColor(red, green, blue): RGBColor) -> usize {
+        svg.matches(&format!("fill=\"#{red:02X}{green:02X}{blue:02X}\"")).count()
+    }
+
+    #[test]
+    fn a_bar_lasts_as_long_as_a_light_shows_the_same() {
+        let svg = signal_timing(&trace(), &about()).unwrap().file();
+        // Two seconds of green in one bar; and each colour once in the legend.
+        let yellow = filled(&svg, ORANGE);
+        assert_eq!((filled(&svg, BLUE), filled(&svg, RGBColor(170, 214, 240)), yellow), (2, 3, 2));
+        assert!(svg.contains("green for the main road") && svg.contains("first episode of seed 7"), "{svg}");
+    }
+
+    #[test]
+    fn queues_are_means_over_intersections_and_seconds() {
+        let svg = queues(&trace(), &about()).unwrap().file();
+        assert!(svg.contains("from the bridge: 1.50 cars on average"), "{svg}");
+        assert!(svg.contains("Queues at the 2 intersections of a grid of 1x2"), "{svg}");
+    }
+
+    #[test]
+    fn a_corridor_is_drawn_from_its_own_ends_with_a_bar_per_light() {
+        let trace = trace();
+        let svg = space_time(&trace.corridors[0], trace.seconds, &about()).unwrap().file();
+        assert!(svg.contains("Space and time: the main road, from bridge to harbour"), "{svg}");
+        assert!(svg.contains("distance from the bridge end (m)"), "{svg}");
+        // Red at the end of `a` and throughout at `b`, and in the legend.
+        assert_eq!(filled(&svg, RGBColor(178, 24, 43)), 3);
+    }
+
+    #[test]
+    fn the_map_has_the_mean_return_of_every_intersection() {
+        let returns = Rows::from_vec(vec![1.0, 10.0, 2.0, 30.0], 2);
+        let svg = returns_map(&trace(), &returns, &about()).unwrap().file();
+        assert!([">\n1.5\n", ">\n20.0\n"].iter().all(|value| svg.contains(value)), "{svg}");
+        assert!(svg.contains("Return per agent on a grid of 1x2: 10.8 on average"), "{svg}");
+    }
 }

@@ -3,41 +3,31 @@
 use anyhow::Result;
 
 use super::*;
-use crate::traffic::paper_grid::grid::lane;
-use crate::traffic::side::Side;
-use crate::traffic::sim::recording::Recording;
+use crate::domain::road_trace::{Approach, RoadTrace};
 
 const SIZE: (i32, i32) = (1100, 690);
 
-/// Cars standing on the approaches from west, south, east and north: mean over all intersections, and the longest queue.
-pub fn queues(recording: &Recording, about: &About) -> Result<Svg> {
-    let grid = recording.roads.grid;
-    let agents = grid.agents();
-    let steps = recording.steps.len();
-    // Per side: of every agent, of every step.
-    let mut standing = vec![vec![Vec::with_capacity(steps); agents.len()]; Side::ALL.len()];
-    for &agent in &agents {
-        for (side, edge) in grid.incoming_edges(agent).iter().enumerate() {
-            let queue = recording.on_lane(&lane(edge))?.map(|cars| cars.halting());
-            standing[side][agent.0].extend(queue);
-        }
-    }
-    let longest = standing.iter().flatten().flatten().copied().max().unwrap_or(0).max(1);
+/// Cars standing on the approaches, side by side: mean over all intersections, and the longest queue.
+pub fn queues(trace: &RoadTrace, about: &About) -> Result<Svg> {
+    let steps = trace.seconds;
+    let standing = || trace.approaches.iter().flat_map(|approach| &approach.standing);
+    let longest = standing().flatten().copied().max().unwrap_or(0).max(1);
 
-    let title = match agents[..] {
-        [only] => format!("Queues at {}", grid.light(only)),
-        _ => format!("Queues at the {} intersections of a grid of {grid}", agents.len()),
+    let title = match &trace.names[..] {
+        [only] => format!("Queues at {only}"),
+        names => format!("Queues at the {} intersections of a grid of {}", names.len(), trace.grid()),
     };
     picture(SIZE, &title, &about.of_episode(), |area| {
         let (legend, area) = area.split_vertically(px(26));
-        draw_legend(&legend, agents.len() > 1)?;
-        let panels = area.split_evenly((Side::ALL.len(), 1));
-        for ((side, panel), queues) in Side::ALL.into_iter().zip(&panels).zip(&standing) {
-            let of_step = |step: usize| queues.iter().map(move |queue| queue[step]);
+        let several = trace.names.len() > 1;
+        draw_legend(&legend, several)?;
+        let panels = area.split_evenly((trace.approaches.len(), 1));
+        for (number, (Approach { from, standing }, panel)) in trace.approaches.iter().zip(&panels).enumerate() {
+            let of_step = |step: usize| standing.iter().map(move |queue| queue[step]);
             let means: Vec<f64> =
-                (0..steps).map(|step| of_step(step).sum::<usize>() as f64 / agents.len() as f64).collect();
+                (0..steps).map(|step| of_step(step).sum::<usize>() as f64 / standing.len() as f64).collect();
             let most: Vec<f64> = (0..steps).map(|step| of_step(step).max().unwrap_or(0) as f64).collect();
-            let last = side == Side::North;
+            let last = number + 1 == panels.len();
             let mut chart = ChartBuilder::on(panel)
                 .margin_top(px(18))
                 .x_label_area_size(px(if last { 40 } else { 6 }))
@@ -47,11 +37,11 @@ pub fn queues(recording: &Recording, about: &About) -> Result<Svg> {
             draw_axes(&mut chart, "cars", 4, last)?;
             chart.draw_series(AreaSeries::new(stairs(&means), 0.0, SKY.mix(0.55)))?;
             chart.draw_series(LineSeries::new(stairs(&means), pen(BLUE, 2)))?;
-            if agents.len() > 1 {
+            if several {
                 chart.draw_series(LineSeries::new(stairs(&most), pen(FAINT, 1)))?;
             }
             let mean = means.iter().sum::<f64>() / steps.max(1) as f64;
-            let word = format!("from the {}: {mean:.2} cars on average", name(side));
+            let word = format!("from the {from}: {mean:.2} cars on average");
             panel.draw_text(&word, &text(11, INK), (px(62), px(1)))?;
         }
         Ok(())
@@ -75,13 +65,4 @@ fn draw_legend(area: &Area<'_>, several: bool) -> Result<()> {
 fn stairs(values: &[f64]) -> Vec<(f64, f64)> {
     let step = |(second, &value): (usize, &f64)| [(second as f64, value), ((second + 1) as f64, value)];
     values.iter().enumerate().flat_map(step).collect()
-}
-
-fn name(side: Side) -> &'static str {
-    match side {
-        Side::West => "west",
-        Side::South => "south",
-        Side::East => "east",
-        Side::North => "north",
-    }
 }

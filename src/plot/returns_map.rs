@@ -5,7 +5,7 @@ use anyhow::Result;
 use super::*;
 use crate::base::Rows;
 use crate::base::statistics::mean;
-use crate::traffic::paper_grid::grid::Grid;
+use crate::domain::road_trace::RoadTrace;
 
 /// Pixels of the map's longer side as far as they come to sensible squares, of the scale beside it, and of the least width
 /// that a title needs.
@@ -13,8 +13,8 @@ const MAP: i32 = 420;
 const SCALE: i32 = 110;
 const LEAST_WIDTH: i32 = 640;
 
-/// Mean return of every agent; `returns`: `[episodes, agents]`, the agents row-major from the south-west corner.
-pub fn returns_map(grid: Grid, returns: &Rows<f64>, about: &About) -> Result<Svg> {
+/// Mean return of every agent at its place on the roads of `trace`; `returns`: `[episodes, agents]`.
+pub fn returns_map(trace: &RoadTrace, returns: &Rows<f64>, about: &About) -> Result<Svg> {
     let episodes = returns.len();
     let of_agent = |agent: usize| mean(&returns.iter().map(|episode| episode[agent]).collect::<Vec<_>>());
     let means: Vec<f64> = (0..returns.width()).map(of_agent).collect();
@@ -22,26 +22,26 @@ pub fn returns_map(grid: Grid, returns: &Rows<f64>, about: &About) -> Result<Svg
     let (low, high) = means.iter().fold((f64::MAX, f64::MIN), |(low, high), &value| (low.min(value), high.max(value)));
     let share = |value: f64| if high > low { (value - low) / (high - low) } else { 0.5 };
 
-    let (rows, cols) = (grid.rows() as i32, grid.cols() as i32);
+    let (rows, cols) = (trace.rows as i32, trace.columns as i32);
     let side = (MAP / rows.max(cols)).clamp(66, 130);
     let width = (2 * MARGIN + cols * side + SCALE).max(LEAST_WIDTH);
     let height = HEAD + MARGIN + rows * side + 30;
-    let title = format!("Return per agent on a grid of {grid}: {all:.1} on average");
+    let title = format!("Return per agent on a grid of {}: {all:.1} on average", trace.grid());
     let plural = if episodes == 1 { "" } else { "s" };
     let line = format!("{}, mean over {episodes} episode{plural} of seed {}", about.subject, about.seed);
     picture((width, height), &title, &line, |area| {
         let middle = |style| anchored(style, HPos::Center, VPos::Center);
         let cell = px(side);
-        for agent in grid.agents() {
-            let (row, col) = (agent.0 / grid.cols(), agent.0 % grid.cols());
-            let (x, y) = (col as i32 * cell, (grid.rows() - 1 - row) as i32 * cell); // north is up
-            let shade = shade(share(means[agent.0]));
+        for (agent, name) in trace.names.iter().enumerate() {
+            let (row, col) = (agent / trace.columns, agent % trace.columns);
+            let (x, y) = (col as i32 * cell, (trace.rows - 1 - row) as i32 * cell); // north is up
+            let shade = shade(share(means[agent]));
             area.draw(&Rectangle::new([(x, y), (x + cell - px(3), y + cell - px(3))], shade.filled()))?;
             let ink = ink_over(shade);
             let centre = (x + cell / 2 - px(1), y + cell / 2 - px(1));
-            let value = format!("{:.1}", means[agent.0]);
+            let value = format!("{:.1}", means[agent]);
             area.draw_text(&value, &middle(text(15, ink)), (centre.0, centre.1 - px(8)))?;
-            area.draw_text(&grid.light(agent), &middle(text(10, ink)), (centre.0, centre.1 + px(14)))?;
+            area.draw_text(name, &middle(text(10, ink)), (centre.0, centre.1 + px(14)))?;
         }
         draw_scale(area, cols * cell + px(16), rows * cell - px(3), low, high)?;
         let note = "sum of rewards over an episode; north is up";

@@ -1,7 +1,7 @@
 //! A comparison of two groups of runs: final return, runtime, and the steps and time to reach a return.
 //!
 //! Returns are compared at the same number of timesteps: the last one that both groups reached. The difference is taken
-//! as in [`super::difference`]: by episode and by seed if both are the same.
+//! as in [`crate::base::statistics::difference`]: by episode and by seed if both are the same.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -9,15 +9,15 @@ use std::path::PathBuf;
 use anyhow::{Context, Result, ensure};
 use serde_json::{Value, json};
 
-use super::difference::{Difference, Played, Side as Returns, between, common_episodes};
 use super::finals::{agents_at, mean_cpu};
 use super::find::{LeftOut, find};
 use super::group::{Group, Sorted, sort, steps_text};
+use super::played;
 use super::run_dir::{CpuTime, PeriodTime, RunRecord, Status};
 use super::scenario::Scenario;
-use super::statistics::{ENOUGH_SEEDS, Spread};
 use super::words::{duration, figure, figure_like, interval, no_run, pairing, signed, signed_interval, warnings};
-use crate::base::statistics::{mean, median};
+use crate::base::statistics::difference::{Difference, Side as Returns, between, common_episodes};
+use crate::base::statistics::{ENOUGH_SEEDS, Spread, mean, median};
 
 /// Default return to reach, as a share of the lower final return.
 const REACH: f64 = 0.95;
@@ -125,7 +125,7 @@ pub fn compare(a: &Side, b: &Side, target: Option<f64>) -> Result<Verdict> {
     let steps = steps_a.min(steps_b);
     let runs = [runs_a, runs_b];
     let played = runs.each_ref().map(|runs| {
-        let played = runs.iter().filter_map(|run| Some((run.config.seed, Played::of_run(run, steps)?)));
+        let played = runs.iter().filter_map(|run| Some((run.config.seed, played::of_run(run, steps)?)));
         played.collect::<Returns>()
     });
     let returns = played.each_ref().map(|side| side.iter().map(|(_, played)| played.mean).collect::<Vec<f64>>());

@@ -5,7 +5,7 @@ use anyhow::{Context, Result};
 use super::curves::{LossData, learning_curve, loss_curve};
 use super::finals::{Final, Runtime, peak_memory};
 use super::group::{Comparison, Group};
-use super::statistics::Spread;
+use crate::base::statistics::Spread;
 
 /// A file of the report.
 pub struct CsvFile {

@@ -8,8 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::group::Group;
 use super::run_dir::RunRecord;
-use super::statistics::Spread;
-use crate::base::statistics::mean;
+use crate::base::statistics::{Spread, mean};
 
 /// A point of a learning curve.
 #[derive(Clone, Debug, PartialEq)]

@@ -2,11 +2,11 @@
 
 use std::collections::BTreeSet;
 
-use super::difference::{Episodes, Played, Side, common_episodes};
 use super::group::Group;
+use super::played;
 use super::run_dir::{CpuTime, Memory, PeriodTime, Returns, RunRecord, Status};
-use super::statistics::Spread;
-use crate::base::statistics::{mean, median};
+use crate::base::statistics::difference::{Episodes, Side, common_episodes};
+use crate::base::statistics::{Spread, mean, median};
 
 /// The end of a group.
 pub struct Final {
@@ -60,7 +60,7 @@ impl Final {
             })
             .collect();
         let of_runs: Side =
-            runs.iter().filter_map(|run| Some((run.config.seed, Played::of_run(run, steps)?))).collect();
+            runs.iter().filter_map(|run| Some((run.config.seed, played::of_run(run, steps)?))).collect();
         let means: Vec<f64> = of_runs.iter().map(|(_, played)| played.mean).collect();
         let medians: Vec<f64> = runs.iter().filter_map(|run| run.median_at(steps)).collect();
         let count = agents_of_runs.first().map_or(0, |(_, agents)| agents.len());

@@ -4,11 +4,12 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::Result;
 
-use super::difference::{Difference, between, to_controller};
 use super::finals::Final;
 use super::find::{Baseline, Found, LeftOut};
+use super::played::minus_controller;
 use super::run_dir::{RunRecord, Status};
 use super::scenario::{Method, Retraining, Scenario};
+use crate::base::statistics::difference::{Difference, between};
 
 /// All groups of one scenario, in the order in which they are told: GS, DIALS by F, other simulators, variants last.
 pub struct Comparison {
@@ -76,7 +77,7 @@ impl Opponent<'_> {
     /// step.
     pub fn difference(&self, group: &Group, end: &Final) -> Option<Difference> {
         match self {
-            Opponent::Controller(controller) => Some(to_controller(&end.runs, controller)),
+            Opponent::Controller(controller) => Some(minus_controller(&end.runs, controller)),
             Opponent::Group(other, _) if std::ptr::eq(*other, group) => None,
             Opponent::Group(other, _) => {
                 let of_other = Final::of(other)?;

@@ -3,7 +3,7 @@
 //!
 //! - [`find`], [`run_dir`], [`csv_table`]: what runs left behind; nothing here ever sees a live run.
 //! - [`scenario`], [`group`]: which runs are comparable, and which differ in nothing but their seed.
-//! - [`statistics`], [`difference`], [`curves`], [`finals`]: what several seeds say together.
+//! - [`curves`], [`finals`]: what several seeds say together; `played`: what they played, for differences.
 //! - [`paper`]: the paper's numbers, each with its source.
 //! - [`chart`], [`document`], [`csv_file`]: pictures, pages and files; `pictures`, `tables` and `sections` fill
 //!   them.
@@ -14,17 +14,16 @@ pub mod compare;
 pub mod csv_file;
 pub mod csv_table;
 pub mod curves;
-pub mod difference;
 pub mod document;
 pub mod finals;
 pub mod find;
 pub mod group;
 pub mod paper;
 mod pictures;
+mod played;
 pub mod run_dir;
 pub mod scenario;
 mod sections;
-pub mod statistics;
 mod tables;
 pub mod words;
 

@@ -10,14 +10,14 @@ use super::chart::{
 use super::curves::{
     CurvePoint, LossData, LossPoint, learning_curve, loss_curve, loss_curves_of_seeds, single_trainings,
 };
-use super::difference::Difference;
 use super::finals::{Final, Runtime};
 use super::group::{Comparison, Group, steps_text};
 use super::paper;
 use super::run_dir::Returns;
 use super::scenario::Domain;
-use super::statistics::{Bounds, ENOUGH_SEEDS, Spread};
 use super::words::{difference, figure, signed};
+use crate::base::statistics::difference::Difference;
+use crate::base::statistics::{Bounds, ENOUGH_SEEDS, Spread};
 use crate::drawing::Svg;
 
 /// Along which a learning curve is drawn.

@@ -3,12 +3,12 @@
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-use super::difference::{Difference, Pairing};
 use super::finals::Final;
 use super::find::LeftOut;
 use super::group::{Comparison, steps_text};
 use super::run_dir::Status;
-use super::statistics::{Bounds, ENOUGH_SEEDS, Spread};
+use crate::base::statistics::difference::{Difference, Pairing};
+use crate::base::statistics::{Bounds, ENOUGH_SEEDS, Spread};
 
 /// A return: one decimal for traffic, two for the warehouse.
 pub fn figure(value: f64) -> String {

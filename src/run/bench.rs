@@ -9,8 +9,6 @@ use serde_json::json;
 
 use super::build::Build;
 use super::domain;
-use super::progress::BenchProgress;
-use super::terminal::{answer, tell};
 use super::train::{cores, settings_with};
 use crate::bench::costs::Costs;
 use crate::bench::measure::{Plan, measure, short_orders};
@@ -21,6 +19,8 @@ use crate::domain::Domain;
 use crate::error::{Error, Result};
 use crate::nn::Peak;
 use crate::processes::{Options, ProcessFleet};
+use crate::terminal::measuring::BenchProgress;
+use crate::terminal::{answer, tell};
 use crate::training::observer::Interrupted;
 use crate::training::run_log::{Layouts, RunLog};
 
@@ -30,7 +30,8 @@ const PEAK_TIME: Duration = Duration::from_secs(1);
 const PATIENCE: Duration = Duration::from_secs(600);
 
 pub fn bench(args: &cli::Bench) -> Result<()> {
-    super::keep_blas_to_one_thread();
+    #[cfg(feature = "torch")]
+    super::blas::keep_to_one_thread();
     let config = load(&args.config, &settings_with(&args.settings, args.simulator)).map_err(Error::Usage)?;
     if config.simulator == SimulatorKind::MarginalDials {
         let reason = "marginal-dials costs what dials does, but for the training of AIPs: measure dials";
@@ -104,13 +105,13 @@ fn doubling(most: usize) -> Vec<usize> {
 fn as_text(args: &cli::Bench, config: &Config, domain: &dyn Domain, peak: Peak, costs: &[Costs]) -> String {
     format!(
         "{}: {} agents, {} timesteps each; about {} s per column\n\
-         one core: {:.0} GFLOP/s in matrix products at peak (1024 x 1024 x 1024, f32; by libtorch {:.0})\n\n{}",
+         one core: {:.0} GFLOP/s in matrix products at peak (1024 x 1024 x 1024, f32{})\n\n{}",
         args.config.display(),
         domain.agents(),
         config.last_step(),
         args.seconds,
         peak.ours / 1e9,
-        peak.libtorch / 1e9,
+        peak.libtorch.map_or(String::new(), |libtorch| format!("; by libtorch {:.0}", libtorch / 1e9)),
         table::text(costs)
     )
 }
@@ -130,7 +131,7 @@ fn as_json(
         "seconds_per_fleet": args.seconds,
         "cores": cores(),
         "peak_gflops_of_a_core": peak.ours / 1e9,
-        "peak_gflops_by_libtorch": peak.libtorch / 1e9,
+        "peak_gflops_by_libtorch": peak.libtorch.map(|libtorch| libtorch / 1e9),
         "versions": Build::here(config.numerics.vector_width)?,
         "fleets": table::json(costs),
     });

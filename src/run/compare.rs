@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use anyhow::{Context, ensure};
 
-use super::terminal::answer;
 use crate::cli;
 use crate::error::{Error, Result};
 use crate::report::compare::{Side, compare as compare_sides};
+use crate::terminal::answer;
 
 pub fn compare(args: &cli::Compare) -> Result<()> {
     let side = |name: &str| Side::open(name, &folders(name)?);

@@ -11,12 +11,12 @@ use serde_json::json;
 use super::END_WITH;
 use super::build::Build;
 use super::domain;
-use super::terminal::tell;
 use crate::base::AgentId;
 use crate::config::{self, Config};
 use crate::domain::Domain;
 use crate::nn::read_stack;
 use crate::policy::{JointPolicy, PolicyStack};
+use crate::terminal::tell;
 use crate::training::block::initial_policies;
 use crate::training::files::{self, write_atomically};
 

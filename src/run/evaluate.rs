@@ -3,24 +3,24 @@
 use anyhow::ensure;
 use serde_json::{Value, json};
 
+use super::csv_files::CsvFiles;
 use super::directory;
 use super::domain;
-use super::findings::{self, CsvFiles, Finding};
 use super::plot::Plots;
-use super::progress::EpisodeBar;
 use super::render::render;
 use super::subject::{Background, Subject};
-use super::terminal::answer;
 use super::tune::tune_fixed_time;
 use crate::base::{AgentId, Seed};
 use crate::cli;
 use crate::config::{Config, load};
 use crate::domain::{Baseline, Domain};
 use crate::error::{Error, Result};
-use crate::evaluation::{Evaluation, play_episodes};
+use crate::evaluation::{Evaluation, Finding, comparison, json, play_episodes, table};
 use crate::plot::About;
 use crate::report::scenario::Scenario;
-use crate::traffic;
+use crate::sumo::Simulation;
+use crate::terminal::answer;
+use crate::terminal::counting::EpisodeBar;
 
 pub fn evaluate(args: &cli::Evaluate) -> Result<()> {
     let (config, domain) = directory::open_config(&args.run_dir).map_err(Error::Usage)?;
@@ -34,7 +34,7 @@ pub fn evaluate(args: &cli::Evaluate) -> Result<()> {
     let csv = session.prepare(&subjects)?;
     let findings = session.play(subjects, csv)?;
     session.tell_one(&findings[0], &[])?;
-    session.draw(plots.as_ref(), &findings[0], format!("policies of {}", findings[0].subject.label()))
+    session.draw(plots.as_ref(), &findings[0], format!("policies of {}", findings[0].player.label))
 }
 
 pub fn baseline(args: &cli::Baseline) -> Result<()> {
@@ -61,7 +61,7 @@ pub fn baseline(args: &cli::Baseline) -> Result<()> {
     let finding = &findings[0];
     session.tell_one(finding, &about)?;
     let config = args.config.file_name().unwrap_or_default().to_string_lossy();
-    session.draw(plots.as_ref(), finding, format!("controller {} on {config}", finding.subject.label()))
+    session.draw(plots.as_ref(), finding, format!("controller {} on {config}", finding.player.label))
 }
 
 /// Episodes that are to be played, and what shall be told of them.
@@ -117,7 +117,7 @@ impl<'a> Session<'a> {
             let played = simulator
                 .measure_in_full()
                 .and_then(|()| play_episodes(simulator, controller, Seed::new(self.seed), self.episodes, progress));
-            let finding = Finding { subject, episodes: played.map_err(Error::Run)? };
+            let finding = Finding { player: subject.player(), episodes: played.map_err(Error::Run)? };
             csv.as_ref().map_or(Ok(()), |csv| csv.append(&finding)).map_err(Error::Run)?;
             findings.push(finding);
         }
@@ -127,8 +127,8 @@ impl<'a> Session<'a> {
 
     fn tell_one(&self, finding: &Finding, about: &[(&str, Value)]) -> Result<()> {
         let found = match self.output.json {
-            true => self.with_circumstances(findings::to_json(self.domain, finding), about)?,
-            false => findings::table(self.domain, finding),
+            true => self.with_circumstances(json::of_one(self.domain, finding), about)?,
+            false => table(self.domain, finding),
         };
         answer(found).map_err(Error::Run)
     }
@@ -142,8 +142,8 @@ impl<'a> Session<'a> {
 
     fn tell_all(&self, findings: &[Finding], about: &[(&str, Value)]) -> Result<()> {
         let found = match self.output.json {
-            true => self.with_circumstances(findings::comparison_to_json(self.domain, findings), about)?,
-            false => findings::comparison(findings),
+            true => self.with_circumstances(json::of_all(self.domain, findings), about)?,
+            false => comparison(findings),
         };
         answer(found).map_err(Error::Run)
     }

@@ -3,13 +3,15 @@
 use anyhow::ensure;
 
 use super::directory;
-use super::terminal::answer;
 use crate::cli;
 use crate::domain::Domain;
 use crate::error::{Error, Result};
+use crate::nn::check_script;
+use crate::terminal::answer;
 use crate::training::files::{folder_of, write_beside};
 
 pub fn export(args: &cli::Export) -> Result<()> {
+    check_script().map_err(Error::Usage)?;
     let mut run = directory::open(&args.run_dir).map_err(Error::Usage)?;
     check_free(args).map_err(Error::Usage)?;
     run.stack.load(&run.policies);

@@ -3,23 +3,31 @@
 use std::path::{Path, PathBuf};
 
 use super::build::Build;
-use super::terminal::{answer, on_the_path};
 use crate::base::VectorWidth;
 use crate::error::{Error, Result};
+use crate::terminal::{answer, on_the_path};
 
 pub fn info() -> Result<()> {
     let build = Build::here(VectorWidth::Widest).map_err(Error::Run)?;
     let mut lines = vec![
         format!("dials-traffic {} (commit {})", build.dials_traffic, build.git_commit),
         format!("{} at {}", build.sumo, place(loaded_library("libsumocpp.so"))),
-        format!("libtorch {} at {}", build.libtorch, place(loaded_library("libtorch_cpu.so"))),
-        format!("BLAS at {}", place(loaded_library("blas"))),
+        libtorch(&build),
         format!("{} at {}", build.libm, place(loaded_library("libm.so"))),
         format!("{}, with {}", build.cpu, build.vector_instructions),
     ];
     let programs = ["netconvert", "sumo", "sumo-gui"];
     lines.extend(programs.map(|program| format!("{program} at {}", place(on_the_path(program)))));
     answer(lines.join("\n")).map_err(Error::Run)
+}
+
+/// Libtorch and its BLAS, if this program was built with them.
+fn libtorch(build: &Build) -> String {
+    if !cfg!(feature = "torch") {
+        return "libtorch none: built without the feature `torch`".to_owned();
+    }
+    let [torch, blas] = ["libtorch_cpu.so", "blas"].map(|library| place(loaded_library(library)));
+    format!("libtorch {} at {torch}\nBLAS at {blas}", build.libtorch)
 }
 
 fn place(found: Option<PathBuf>) -> String {

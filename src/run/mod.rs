@@ -1,30 +1,35 @@
-//! One short function per subcommand: config -> domain -> fleet -> training -> run directory.
+//! One file per subcommand: config -> domain -> fleet -> training -> run directory.
+//!
+//! - `train` and `worker`; `evaluate` (with `baseline`), `export`, `bench`, `experiment`, `report`, `compare`, `replay`, `nets`, `info`.
+//! - `domain`: which domain a config names. `directory`: run directories, and making any directory whole or not at all. `build`:
+//!   what a run is computed with.
+//! - `subject`, `cast`: what is evaluated, and who plays the episode that is replayed.
+//! - What belongs to one flag: `render`, `plot`, `video`, `tune`, and `csv_files` for `--csv`.
+//! - `blas`: one thread for libtorch, which `bench` times.
 
 mod bench;
+#[cfg(feature = "torch")]
+mod blas;
 mod build;
+mod cast;
 mod compare;
+mod csv_files;
 mod directory;
 mod domain;
 mod evaluate;
 mod experiment;
 mod export;
-mod findings;
 mod info;
 mod nets;
 mod plot;
-mod progress;
 mod render;
 mod replay;
 mod report;
-mod stop;
 mod subject;
-pub mod terminal;
 mod train;
 mod tune;
 mod video;
 mod worker;
-
-use std::os::unix::process::CommandExt;
 
 use anyhow::{Context, ensure};
 use rustix::process::{Signal, getppid, set_parent_process_death_signal};
@@ -63,26 +68,4 @@ fn end_with(parent: u32) -> anyhow::Result<()> {
     let lives = getppid().is_some_and(|pid| pid.as_raw_nonzero().get() as u32 == parent);
     ensure!(lives, "the process that started this one has ended");
     Ok(())
-}
-
-/// Makes sure that libtorch's BLAS runs in one thread. The libraries read these variables when they are loaded, which is
-/// before `main`; so where they are not set, the process starts itself again with them.
-///
-/// For those who time it. Nothing else of this program computes with BLAS.
-fn keep_blas_to_one_thread() {
-    const THREADS: [&str; 2] = ["OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"];
-    if THREADS.iter().any(|name| std::env::var_os(name).is_none_or(|value| value != "1")) {
-        let mut again = std::process::Command::new("/proc/self/exe");
-        let mut typed = std::env::args_os();
-        // The name under which it was called stays, for help and for `run.json`.
-        if let Some(name) = typed.next() {
-            again.arg0(name);
-        }
-        again.args(typed).envs(THREADS.map(|name| (name, "1")));
-        let error = again.exec();
-        terminal::tell(format_args!(
-            "warning: could not restart with one BLAS thread ({error}); libtorch's peak may be that of several cores"
-        ));
-    }
-    tch::set_num_threads(1);
 }

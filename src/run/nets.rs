@@ -1,8 +1,8 @@
 //! `nets`
 
-use super::terminal::{answer, quoted};
 use crate::cli;
 use crate::error::{Error, Result};
+use crate::terminal::{answer, quoted};
 use crate::traffic::paper_grid::grid::Grid;
 use crate::traffic::paper_grid::make::{write_grid, write_local};
 

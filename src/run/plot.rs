@@ -7,13 +7,14 @@ use anyhow::{Context, Result};
 
 use super::directory::{self, Existing};
 use super::domain;
-use super::terminal::tell;
 use crate::config::Config;
 use crate::domain::Domain;
 use crate::evaluation::Evaluation;
 use crate::plot::{self, About};
+use crate::terminal::tell;
 use crate::traffic::Traffic;
 use crate::traffic::sim::recording::Tape;
+use crate::traffic::sim::trace::trace;
 
 /// What will be drawn when the episodes are over.
 pub struct Plots {
@@ -40,12 +41,13 @@ impl Plots {
 
     pub fn draw(&self, evaluation: &Evaluation, about: &About) -> Result<()> {
         let recording = self.tape.take().context("no episode was recorded")?;
-        let grid = self.traffic.grid();
+        let trace = trace(&recording)?;
+        let corridor = &trace.corridors[(trace.corridors.len() - 1) / 2];
         let pictures = [
-            ("space_time.svg", plot::space_time(&recording, (grid.rows() - 1) / 2, about)?),
-            ("queues.svg", plot::queues(&recording, about)?),
-            ("signals.svg", plot::signal_timing(&recording, about)?),
-            ("returns.svg", plot::returns_map(grid, &evaluation.returns, about)?),
+            ("space_time.svg", plot::space_time(corridor, trace.seconds, about)?),
+            ("queues.svg", plot::queues(&trace, about)?),
+            ("signals.svg", plot::signal_timing(&trace, about)?),
+            ("returns.svg", plot::returns_map(&trace, &evaluation.returns, about)?),
         ];
         directory::make(&self.dir, Existing::Refuse, |dir| {
             pictures.iter().try_for_each(|(name, svg)| {

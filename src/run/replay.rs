@@ -1,32 +1,15 @@
 //! `replay`: one episode as a folder that SUMO plays, on a screen if there is one, as a film if somebody asks for it.
 
-use std::path::Path;
-use std::process::Command;
+use std::path::PathBuf;
 
-use anyhow::{Context, Result, anyhow, bail, ensure};
-
+use super::cast::Episode;
 use super::directory::{self, Existing};
-use super::domain;
-use super::subject::Subject;
-use super::terminal::{answer, on_the_path, quoted};
-use super::video::{SUMO_GUI, Video};
-use crate::base::{AgentId, RandomPurpose, Rows, Seed, Stopwatch};
+use super::video::Video;
 use crate::cli;
-use crate::config::{Config, SimulatorKind, load};
-use crate::domain::{Controller, Domain};
 use crate::error::Error;
-use crate::evaluation::{episode_seed, play};
-use crate::influence::{self, TrainablePredictor};
-use crate::nn::read_stack;
-use crate::policy::{JointPolicyController, PolicyStack, Selection};
-use crate::traffic::Traffic;
-use crate::traffic::sim::recording::{Recording, Tape};
-use crate::traffic::sim::replay;
-use crate::training::block::initial_aips;
-use crate::training::environment::Environment;
-use crate::training::files;
-use crate::training::ials::Ials;
-use crate::training::stream::{AgentStream, RowStream};
+use crate::film::{Replay, check_screen, watch};
+use crate::terminal::{answer, quoted};
+use crate::traffic::sim::replay::{self, Snapshot, view};
 
 pub fn replay(args: &cli::Replay) -> crate::error::Result<()> {
     let existing = if args.force { Existing::MoveAside } else { Existing::Refuse };
@@ -53,137 +36,14 @@ pub fn replay(args: &cli::Replay) -> crate::error::Result<()> {
     ))
     .map_err(Error::Run)?;
     if let Some(video) = video {
-        video.make(&recording, &config)?;
+        let snapshots = |pictures: &[PathBuf]| {
+            let snapshot = |(step, file): (usize, &PathBuf)| Snapshot { file: file.clone(), step };
+            view(0, &pictures.iter().enumerate().map(snapshot).collect::<Vec<_>>())
+        };
+        let (grid, steps) = (recording.roads.grid, recording.steps.len());
+        let (columns, rows) = (grid.cols(), grid.rows());
+        video.make(&Replay { config: &config, steps, columns, rows, settings: &snapshots })?;
         answer(format_args!("filmed {}", video.file().display())).map_err(Error::Run)?;
     }
     if args.gui { watch(&config).map_err(Error::Run) } else { Ok(()) }
-}
-
-/// What is to be played, checked and loaded.
-struct Episode {
-    tape: Tape,
-    traffic: Traffic,
-    seed: Seed,
-    cast: Cast,
-}
-
-/// Who plays it.
-enum Cast {
-    /// The whole grid under a hand-coded controller.
-    Baseline(String),
-    /// The whole grid under the trained policies.
-    Policies(JointPolicyController),
-    /// The local simulator of one agent under its policy, with cars from its AIP.
-    Local { agent: AgentId, policy: JointPolicyController, aip: Box<dyn TrainablePredictor> },
-}
-
-impl Episode {
-    fn choose(args: &cli::Replay) -> Result<Episode> {
-        let tape = Tape::default();
-        let subject = &args.subject;
-        let with = |config: &Config, cast: Cast| -> Result<Episode> {
-            let seed = episode_seed(Seed::new(args.episode_seed.unwrap_or(config.evaluation.seed)), 0);
-            let traffic = domain::open_recorded(config, &tape).context("only what SUMO simulates can be replayed")?;
-            Ok(Episode { tape: tape.clone(), traffic, seed, cast })
-        };
-        if let Some(controller) = &args.controller {
-            let path = if subject.is_dir() { subject.join(files::CONFIG) } else { subject.clone() };
-            let config = load(&path, &[])?;
-            domain::check(&config)?;
-            let episode = with(&config, Cast::Baseline(controller.clone()))?;
-            Subject::Controller(controller.clone()).check(&episode.traffic)?;
-            return Ok(episode);
-        }
-        if subject.is_file() {
-            bail!("{}: a config has no policies; name a --controller, or a run directory", subject.display());
-        }
-        let run = directory::open(subject)?;
-        let selection = if args.greedy { Selection::Greedy } else { Selection::Sampled };
-        let cast = match args.local {
-            None => Cast::Policies(JointPolicyController::new(run.stack, &run.policies, selection)),
-            Some(agent) => {
-                let agents = run.domain.agents();
-                ensure!(agent < agents, "--local {agent}: this run has the agents 0 to {}", agents - 1);
-                let agent = AgentId(agent);
-                let stack = PolicyStack::blank(1, run.domain.spec(), &run.config.policy);
-                let policy = Rows::from_vec(run.policies.row(agent.0).to_vec(), run.policies.width());
-                let policy = JointPolicyController::new(stack, &policy, selection);
-                Cast::Local { agent, policy, aip: aip_of(agent, &*run.domain, &run.config, subject)? }
-            }
-        };
-        with(&run.config, cast)
-    }
-
-    fn play(self) -> Result<Recording> {
-        match self.cast {
-            Cast::Baseline(name) => {
-                let mut baseline = self.traffic.baseline(&name)?;
-                play(&mut *baseline.simulator, &mut *baseline.controller, self.seed)?;
-            }
-            Cast::Policies(mut policies) => {
-                let mut simulator = self.traffic.global_simulator()?;
-                play(&mut *simulator, &mut policies, self.seed)?;
-            }
-            Cast::Local { agent, mut policy, mut aip } => {
-                let simulator = self.traffic.local_simulator(&[agent], 1, self.seed)?;
-                let dice = self.seed.fork(RandomPurpose::Influence).for_agent(agent).dice();
-                let stream =
-                    AgentStream { minibatches: dice.clone(), rows: vec![RowStream::begin(dice.clone(), dice, &[])] };
-                let mut ials = Ials::resume(simulator, &mut *aip, &[stream], false)?;
-                policy.begin(self.seed.for_agent(agent));
-                let mut actions = [0];
-                for _ in 0..self.traffic.spec().horizon {
-                    policy.act(ials.percept(), &mut actions)?;
-                    ials.step(&actions, &mut Stopwatch::default())?;
-                }
-            }
-        }
-        self.tape.take().context("the simulator recorded nothing")
-    }
-}
-
-/// The AIP of an agent as the run left it.
-fn aip_of(agent: AgentId, domain: &dyn Domain, config: &Config, run_dir: &Path) -> Result<Box<dyn TrainablePredictor>> {
-    let mut aip = initial_aips(domain, config, &[agent]);
-    match config.simulator {
-        // Never trained, so never written either.
-        SimulatorKind::UntrainedDials => Ok(aip),
-        SimulatorKind::Gs => {
-            Err(anyhow!("{}: was trained on the GS and has no AIPs to drive a local simulator with", run_dir.display()))
-        }
-        SimulatorKind::Dials | SimulatorKind::MarginalDials => {
-            let layout = influence::layout(config.simulator, domain.spec(), &config.aip);
-            let rows = read_stack(&run_dir.join(files::AIPS), &layout, domain.agents())?;
-            aip.load(&Rows::from_vec(rows.row(agent.0).to_vec(), rows.width()));
-            Ok(aip)
-        }
-    }
-}
-
-/// An error with the way out if sumo-gui could not be opened.
-fn check_screen() -> Result<()> {
-    ensure!(on_the_path(SUMO_GUI).is_some(), "--gui: sumo-gui is not on the PATH: install Debian's package sumo");
-    let display = std::env::var_os("DISPLAY").filter(|display| !display.is_empty());
-    ensure!(
-        display.is_some(),
-        "--gui: there is no screen here (DISPLAY is not set); make a film with --video, or take the folder to a machine \
-         that has one: it needs nothing but SUMO"
-    );
-    Ok(())
-}
-
-/// Opens sumo-gui and waits until it is closed.
-fn watch(config: &Path) -> Result<()> {
-    let status = Command::new(SUMO_GUI)
-        .arg("-c")
-        .arg(config)
-        .arg("--start")
-        .status()
-        .context("sumo-gui could not be started")?;
-    ensure!(
-        status.success(),
-        "sumo-gui ended with {status}; the folder is whole, open it with: sumo-gui -c {}",
-        quoted(config)
-    );
-    Ok(())
 }

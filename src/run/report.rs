@@ -7,10 +7,10 @@ use anyhow::Context;
 
 use super::directory::{self, Existing};
 use super::domain;
-use super::terminal::{answer, quoted, tell};
 use crate::cli;
 use crate::error::{Error, Result};
 use crate::report::{self, MARKDOWN, PAGE};
+use crate::terminal::{answer, quoted, tell};
 
 pub fn report(args: &cli::Report) -> Result<()> {
     let existing = if args.force { Existing::MoveAside } else { Existing::Refuse };

@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use super::directory::{self, TrainedRun};
 use crate::base::AgentId;
 use crate::domain::{Baseline, Domain};
+use crate::evaluation::Player;
 use crate::policy::{JointPolicyController, Selection};
 use crate::training::files;
 
@@ -74,8 +75,18 @@ impl Subject {
         }
     }
 
+    /// As findings name it.
+    pub fn player(&self) -> Player {
+        let policies = match self {
+            Subject::Controller(_) => None,
+            Subject::Run { greedy: true, .. } => Some(Selection::Greedy),
+            Subject::Run { greedy: false, .. } => Some(Selection::Sampled),
+        };
+        Player { label: self.label(), keys: self.keys(), policies }
+    }
+
     /// What identifies it in JSON.
-    pub fn keys(&self) -> Vec<(&'static str, Value)> {
+    fn keys(&self) -> Vec<(&'static str, Value)> {
         match self {
             Subject::Controller(name) => vec![("controller", json!(name))],
             Subject::Run { dir, greedy, background } => {

@@ -6,11 +6,11 @@ use anyhow::{anyhow, ensure};
 
 use super::directory;
 use super::domain;
-use super::progress::EpisodeBar;
 use super::subject::Subject;
-use super::terminal::tell;
 use crate::config::Config;
 use crate::error::{Error, Result};
+use crate::terminal::counting::EpisodeBar;
+use crate::terminal::tell;
 use crate::traffic::controllers::timing_file::{TimingFile, TunedOn};
 use crate::traffic::tuning;
 use crate::training::files::write_atomically;

@@ -4,7 +4,6 @@
 //! an experiment that was killed goes on when it is called again.
 
 mod child;
-mod display;
 mod plan;
 
 use std::fs;
@@ -18,8 +17,6 @@ use anyhow::{Context, anyhow};
 
 use super::build::other_build;
 use super::domain;
-use super::stop::{Wish, stop_on_signals};
-use super::terminal::{answer, program, quoted, tell};
 use super::train::cores as machine_cores;
 use crate::cli;
 use crate::error::{Error, Result};
@@ -27,9 +24,10 @@ use crate::experiment::file::{Experiment, Knowledge};
 use crate::experiment::progress::{Stage, directory, stage};
 use crate::experiment::schedule::Cores;
 use crate::report::find::{BASELINES, PLAN, Plan};
+use crate::terminal::experiment::Display;
+use crate::terminal::{Wish, answer, program, quoted, stop_on_signals, tell};
 use crate::training::files::{lock, write_atomically};
 use child::{Child, Said};
-use display::Display;
 use plan::{Task, Tasks};
 
 /// Where the processes' words go, in the folder of the runs.
@@ -134,7 +132,7 @@ impl Work {
         })?;
         let mut waiting = tasks.unfinished();
         let outcome = Outcome { tasks: waiting.len(), failed: Vec::new(), interrupted: false };
-        let display = Display::new(&waiting);
+        let display = Display::new(waiting.iter().map(Task::planned).collect());
         // The next one is taken from the end.
         waiting.reverse();
         Ok(Work {
@@ -159,7 +157,7 @@ impl Work {
             }
             while let Some(task) = self.waiting.pop_if(|task| self.cores.take(task.width)) {
                 let child = Child::start(&task, &self.folder, self.said.0.clone())?;
-                self.display.began(&task);
+                self.display.began(&task.name);
                 self.working.push((task, child));
             }
             if self.working.is_empty() {
@@ -167,7 +165,7 @@ impl Work {
                 return Ok(self.outcome);
             }
             if let Ok(said) = self.said.1.recv_timeout(LOOK_EVERY) {
-                self.display.heard(&said);
+                self.display.heard(&said.task, &said.line);
                 continue;
             }
             self.display.tick();
@@ -186,7 +184,7 @@ impl Work {
             if ended.is_err() && !self.outcome.interrupted {
                 self.outcome.failed.push(task.name.clone());
             }
-            self.display.ended(&task, ended.err().as_deref());
+            self.display.ended(&task.name, ended.err().as_deref());
         }
         self.working = still;
         Ok(())

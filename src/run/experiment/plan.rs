@@ -13,6 +13,7 @@ use crate::experiment::schedule::{Job, Total, total, width};
 use crate::report::find::{baseline_file, find};
 use crate::report::run_dir::RunRecord;
 use crate::report::words::duration;
+use crate::terminal::experiment::Planned;
 
 /// One process of the experiment.
 #[derive(Clone, Debug)]
@@ -91,6 +92,12 @@ impl Task {
             agents: 0,
             estimate: Estimate { seconds: 20.0, memory_mb: 200.0, source: Source::Constants },
         }
+    }
+
+    /// As it is shown to a person.
+    pub fn planned(&self) -> Planned {
+        let Task { name, estimate, share, steps, .. } = self;
+        Planned { name: name.clone(), seconds: estimate.seconds, share: *share, steps: *steps }
     }
 
     fn job(&self) -> Job {

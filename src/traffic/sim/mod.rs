@@ -4,7 +4,7 @@
 //! - [`local`]: the local simulators (LS), a forest of single intersections.
 //! - `handles`: the intersections of a loaded net; `options`: what SUMO is loaded with.
 //! - [`tally`]: what every episode counts; `metrics`, `trips`: what only evaluations measure.
-//! - [`recording`], [`replay`]: an episode written down, and as files that SUMO plays.
+//! - [`recording`], [`replay`], [`trace`]: an episode written down, as files that SUMO plays, and for pictures.
 
 pub mod control;
 pub mod global;
@@ -15,4 +15,5 @@ mod options;
 pub mod recording;
 pub mod replay;
 pub mod tally;
+pub mod trace;
 mod trips;

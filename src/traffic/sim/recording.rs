@@ -1,8 +1,8 @@
 //! Recordings: what happened on the road in an episode, to the last bit.
 //!
-//! A [`Tape`] is handed to a [`crate::traffic::Traffic`]; the first episode that one of its simulators plays goes on it, whoever
-//! controls the lights, and comes off as a [`Recording`], of which [`super::replay`] makes files for SUMO and `plot`
-//! makes pictures. Simulators without a tape ask SUMO for nothing more than they need.
+//! A [`Tape`] is handed to a [`super::Traffic`]; the first episode that one of its simulators plays goes on it, whoever
+//! controls the lights, and comes off as a [`Recording`], of which [`super::replay`] makes files for SUMO and
+//! [`super::trace`] what pictures show. Simulators without a tape ask SUMO for nothing more than they need.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};

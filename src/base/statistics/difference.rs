@@ -4,11 +4,7 @@
 //! adds to both sides drops out, and only the seeds are left to spread. What is said of a difference is said of these
 //! episodes.
 
-use crate::base::statistics::mean;
-
-use super::find::Baseline;
-use super::run_dir::RunRecord;
-use super::statistics::{Bounds, Estimate, interval_of, welch};
+use super::{Bounds, UncertainMean, interval_of, mean, welch};
 
 /// The episodes of an evaluation. Evaluations with the same ones saw the same traffic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,33 +26,15 @@ pub struct Played {
 }
 
 impl Played {
-    /// A run at a step; between two evaluations it has no episodes.
-    pub fn of_run(run: &RunRecord, steps: u64) -> Option<Played> {
-        let here = run.evaluations.iter().find(|evaluation| evaluation.steps == steps);
-        let returns = here.map(|evaluation| evaluation.episode_returns.clone()).unwrap_or_default();
-        Some(Played {
-            mean: run.return_at(steps)?,
-            count: here.and_then(|evaluation| evaluation.episodes),
-            on: on(Some(run.config.evaluation.seed), returns),
-        })
-    }
-
-    pub fn of_controller(controller: &Baseline) -> Played {
-        Played {
-            mean: controller.mean_return,
-            count: Some(controller.episodes),
-            on: on(controller.seed, controller.episode_returns.clone()),
-        }
+    /// `seed`: `evaluation.seed`; `returns`: the mean return of all agents in each episode, empty if it was not written down.
+    pub fn new(mean: f64, count: Option<usize>, seed: Option<u64>, returns: Vec<f64>) -> Played {
+        let episodes = seed.map(|seed| Episodes { seed, count: returns.len() });
+        Played { mean, count, on: episodes.filter(|_| !returns.is_empty()).map(|episodes| (episodes, returns)) }
     }
 
     pub fn episodes(&self) -> Option<Episodes> {
         self.on.as_ref().map(|(episodes, _)| *episodes)
     }
-}
-
-fn on(seed: Option<u64>, returns: Vec<f64>) -> Option<(Episodes, Vec<f64>)> {
-    let episodes = Episodes { seed: seed?, count: returns.len() };
-    (!returns.is_empty()).then_some((episodes, returns))
 }
 
 /// The episodes that all of them have in common.
@@ -127,7 +105,7 @@ pub fn between(a: &Side, b: &Side) -> Difference {
     };
     let interval = match same_seeds {
         true => interval_of(&values(&of_seeds)),
-        false => Estimate::of(&of_a).zip(Estimate::of(&of_b)).map(|(a, b)| welch(a, b)),
+        false => UncertainMean::of(&of_a).zip(UncertainMean::of(&of_b)).map(|(a, b)| welch(a, b)),
     };
     Difference {
         mean: mean(&of_b) - mean(&of_a),
@@ -143,23 +121,22 @@ pub fn between(a: &Side, b: &Side) -> Difference {
     }
 }
 
-/// A group minus a controller.
+/// A group minus a controller. `std_error`: of the controller's mean over its episodes.
 ///
 /// Panics if the group is empty.
-pub fn to_controller(group: &Side, controller: &Baseline) -> Difference {
-    let rival = Played::of_controller(controller);
-    let all = group.iter().map(|(_, played)| played).chain([&rival]);
+pub fn to_controller(group: &Side, controller: &Played, std_error: f64) -> Difference {
+    let all = group.iter().map(|(_, played)| played).chain([controller]);
     let same_episodes = common_episodes(all).is_some();
-    let of_seeds: Vec<(u64, f64)> = group.iter().map(|(seed, own)| (*seed, of_pair(&rival, own))).collect();
+    let of_seeds: Vec<(u64, f64)> = group.iter().map(|(seed, own)| (*seed, of_pair(controller, own))).collect();
     let own_episodes = group.iter().all(|(_, played)| played.on.is_none());
-    let of_controller = (controller.episodes > 1).then(|| Estimate {
-        mean: controller.mean_return,
-        variance: controller.std_error.powi(2),
-        freedom: (controller.episodes - 1) as f64,
+    let of_controller = controller.count.filter(|&count| count > 1).map(|count| UncertainMean {
+        mean: controller.mean,
+        variance: std_error.powi(2),
+        freedom: (count - 1) as f64,
     });
     let interval = match (same_episodes, own_episodes) {
         (true, _) => interval_of(&values(&of_seeds)),
-        (false, true) => of_controller.zip(Estimate::of(&means(group))).map(|(a, b)| welch(a, b)),
+        (false, true) => of_controller.zip(UncertainMean::of(&means(group))).map(|(a, b)| welch(a, b)),
         (false, false) => None,
     };
     Difference {
@@ -191,20 +168,20 @@ fn values(of_seeds: &[(u64, f64)]) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::student_t;
     use super::*;
-    use crate::base::statistics::student_t;
 
     fn assert_near(found: f64, expected: f64) {
         assert!((found - expected).abs() < 1e-6, "{found} is not {expected}");
     }
 
     fn played(seed: u64, returns: &[f64]) -> Played {
-        Played { mean: mean(returns), count: Some(returns.len()), on: on(Some(seed), returns.to_vec()) }
+        Played::new(mean(returns), Some(returns.len()), Some(seed), returns.to_vec())
     }
 
     /// A run of a version that did not write its episodes down.
     fn old(mean: f64) -> Played {
-        Played { mean, count: Some(20), on: None }
+        Played::new(mean, Some(20), None, Vec::new())
     }
 
     /// Seeds 1, 2, ... with these runs.
@@ -212,16 +189,13 @@ mod tests {
         (1..).zip(runs).collect()
     }
 
-    fn controller(seed: Option<u64>, episode_returns: &[f64]) -> Baseline {
-        Baseline {
-            scenario: "traffic-4-300".to_owned(),
-            controller: "gap-out".to_owned(),
-            mean_return: 12.0,
-            std_error: 1.0,
-            episodes: 40,
-            seed,
-            episode_returns: episode_returns.to_vec(),
-        }
+    /// Forty episodes with a mean of 12 and a standard error of 1.
+    fn controller(seed: Option<u64>, returns: &[f64]) -> (Played, f64) {
+        (Played::new(12.0, Some(40), seed, returns.to_vec()), 1.0)
+    }
+
+    fn minus(group: &Side, (controller, std_error): (Played, f64)) -> Difference {
+        to_controller(group, &controller, std_error)
     }
 
     #[test]
@@ -275,7 +249,7 @@ mod tests {
     #[test]
     fn a_controller_is_subtracted_episode_by_episode_from_every_seed() {
         let group = side([1.0, 2.0, 3.0, 4.0, 5.0].map(|above| played(0, &[10.0 + above, 14.0 + above])));
-        let found = to_controller(&group, &controller(Some(0), &[10.0, 14.0]));
+        let found = minus(&group, controller(Some(0), &[10.0, 14.0]));
         assert_eq!((found.mean, found.pairing), (3.0, Pairing::Episode));
         assert_near(found.interval.unwrap().low, 3.0 - student_t(4.0) * 0.5_f64.sqrt());
     }
@@ -283,12 +257,12 @@ mod tests {
     #[test]
     fn a_controller_on_other_episodes_brings_its_own_error_or_there_is_no_interval() {
         let values = [11.0, 12.0, 13.0, 14.0, 15.0];
-        let of_old = to_controller(&side(values.map(old)), &controller(None, &[]));
+        let of_old = minus(&side(values.map(old)), controller(None, &[]));
         assert_eq!((of_old.mean, of_old.pairing), (1.0, Pairing::Nothing));
         // Variances 0.5 and 1: freedom 1.5^2 / (0.25 / 4 + 1 / 39) = 25.527273.
         let half = student_t(2.25 / (0.0625 + 1.0 / 39.0)) * 1.5_f64.sqrt();
         assert_near(of_old.interval.unwrap().high, 1.0 + half);
-        let of_new = to_controller(&side(values.map(|value| played(0, &[value]))), &controller(Some(1), &[12.0]));
+        let of_new = minus(&side(values.map(|value| played(0, &[value]))), controller(Some(1), &[12.0]));
         assert_eq!((of_new.mean, of_new.pairing, of_new.interval), (1.0, Pairing::Nothing, None));
     }
 }

@@ -1,7 +1,6 @@
-//! What a person sees of a run: a bar on a terminal, plain lines elsewhere.
+//! The progress of `train`: a bar on a terminal, plain lines elsewhere.
 
 use std::cell::{Cell, RefCell};
-use std::fmt::Display;
 use std::io::{IsTerminal, stderr};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -9,8 +8,9 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::stop::{Wish, stop_on_signals};
-use super::terminal::tell;
+use super::activity::doing;
+use super::duration::duration;
+use super::{Wish, stop_on_signals, tell};
 use crate::base::Activity;
 use crate::config::Config;
 use crate::evaluation::Evaluation;
@@ -214,116 +214,6 @@ fn stopping(now: Option<Activity>) -> String {
     format!("stopping {place}; Ctrl-C again stops now and loses at most this period")
 }
 
-/// The progress of `bench`, on a terminal; elsewhere a line per fleet. Nothing is lost by stopping anywhere.
-pub struct BenchProgress {
-    line: ProgressBar,
-    fleet: RefCell<String>,
-    stop: Arc<AtomicBool>,
-}
-
-impl BenchProgress {
-    /// Listens for Ctrl-C from here on.
-    pub fn new() -> anyhow::Result<Self> {
-        let style = ProgressStyle::with_template("{spinner} {elapsed}  {msg}").expect("the template is well-formed");
-        let line = ProgressBar::new_spinner().with_style(style);
-        line.set_message("matrix products at peak");
-        let place = line.clone();
-        let stop = stop_on_signals(move |wish| match wish {
-            Wish::Stop => (), // it stops at once
-            Wish::StopNow => place.suspend(|| tell("stopped")),
-        })?;
-        Ok(BenchProgress { line, fleet: RefCell::default(), stop })
-    }
-
-    /// The turn of a fleet of so many workers, of at most `most`.
-    pub fn begin(&self, workers: usize, most: usize) {
-        let fleet = format!("{workers} of {most} workers");
-        if !stderr().is_terminal() {
-            tell(format_args!("measuring with {fleet}"));
-        }
-        self.line.set_message(fleet.clone());
-        self.fleet.replace(fleet);
-    }
-
-    pub fn finish(&self) {
-        self.line.finish_and_clear();
-    }
-
-    fn show(&self, doing: impl Display) {
-        self.line.set_message(format!("{}: {doing}", self.fleet.borrow()));
-        self.line.tick();
-    }
-}
-
-impl Observer for BenchProgress {
-    fn trained(&self, steps: u64) {
-        self.show(format_args!("{}, step {steps}", doing(Activity::Training)));
-    }
-
-    fn busy(&self, activity: Activity, share: f64) {
-        self.show(format_args!("{} {:.0} %", doing(activity), 100.0 * share));
-    }
-
-    fn worker_lost(&self, message: &str) {
-        self.line.suspend(|| tell(format_args!("warning: {message}")));
-    }
-
-    fn stop_requested(&self) -> bool {
-        self.stop.load(Ordering::Relaxed)
-    }
-
-    fn keeps_results(&self) -> bool {
-        false
-    }
-}
-
-/// What a worker is doing, in words for a person.
-fn doing(activity: Activity) -> &'static str {
-    match activity {
-        Activity::Training => "training policies",
-        Activity::Collection => "collecting datasets",
-        Activity::AipTraining => "training AIPs",
-        Activity::Evaluation => "evaluating",
-    }
-}
-
-/// A bar over episodes, or over other things that are counted, on a terminal only.
-pub struct EpisodeBar {
-    bar: ProgressBar,
-}
-
-impl EpisodeBar {
-    pub fn new(episodes: usize) -> Self {
-        EpisodeBar::of(episodes, "episodes")
-    }
-
-    /// `things`: what is counted, in the plural.
-    pub fn of(count: usize, things: &str) -> Self {
-        // indicatif draws to standard error, and nothing where that is no terminal.
-        let style = ProgressStyle::with_template(&format!(
-            "{{bar:30.cyan/blue}} {{pos}}/{{len}} {things}  {{eta}} left  {{msg}}"
-        ));
-        let bar = ProgressBar::new(count as u64).with_style(style.expect("the template is well-formed"));
-        EpisodeBar { bar }
-    }
-
-    pub fn set(&self, done: usize) {
-        self.bar.set_position(done as u64);
-    }
-
-    pub fn set_length(&self, episodes: usize) {
-        self.bar.set_length(episodes as u64);
-    }
-
-    pub fn tell(&self, message: impl Display) {
-        self.bar.set_message(message.to_string());
-    }
-
-    pub fn finish(&self) {
-        self.bar.finish_and_clear();
-    }
-}
-
 /// What a plain line about a step says: the timesteps per agent, and the words after them. None for any other line.
 pub fn plain_line(line: &str) -> Option<(u64, &str)> {
     let (steps, words) = line.strip_prefix("step ")?.split_once(": ")?;
@@ -331,26 +221,9 @@ pub fn plain_line(line: &str) -> Option<(u64, &str)> {
     Some((done.parse().ok()?, words))
 }
 
-/// `42 s`, `3 min 20 s`, `2 h 5 min`
-pub fn duration(duration: Duration) -> String {
-    let seconds = duration.as_secs();
-    match (seconds / 3600, seconds / 60 % 60, seconds % 60) {
-        (0, 0, seconds) => format!("{seconds} s"),
-        (0, minutes, seconds) => format!("{minutes} min {seconds} s"),
-        (hours, minutes, _) => format!("{hours} h {minutes} min"),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn durations_are_told_in_two_units() {
-        assert_eq!(duration(Duration::from_secs(42)), "42 s");
-        assert_eq!(duration(Duration::from_secs(200)), "3 min 20 s");
-        assert_eq!(duration(Duration::from_secs(7500)), "2 h 5 min");
-    }
 
     #[test]
     fn plain_lines_are_read_as_they_are_written() {

@@ -1,6 +1,6 @@
 //! Means with their 95 % intervals, over episodes.
 
-use crate::base::statistics::{mean, std_error, student_t};
+use super::{mean, std_error, student_t};
 
 /// A mean and how far the truth may lie from it.
 #[derive(Clone, Copy, Debug, PartialEq)]

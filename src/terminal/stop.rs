@@ -10,7 +10,7 @@ use std::sync::mpsc::channel;
 use std::thread;
 use std::time::Duration;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::low_level::{exit, pipe};
 
@@ -60,4 +60,10 @@ pub fn stop_on_signals(announce: impl Fn(Wish) + Send + Sync + 'static) -> Resul
     };
     thread::Builder::new().name("signals".to_owned()).spawn(listen).context(failed)?;
     Ok(stop)
+}
+
+/// An error if the flag of [`stop_on_signals`] is set.
+pub fn check_stop(stop: &AtomicBool) -> Result<()> {
+    ensure!(!stop.load(Ordering::Relaxed), "stopped");
+    Ok(())
 }

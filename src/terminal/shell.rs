@@ -1,26 +1,8 @@
-//! What is said on standard output and standard error, where nobody may be listening any more; and commands to copy.
+//! Commands to copy: how the shell finds programs, and paths as its words.
 
-use std::fmt::Display;
-use std::io::{ErrorKind, Write, stderr, stdout};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
-
 const PROGRAM: &str = "dials-traffic";
-
-/// A line for the person at the terminal, on standard error. That nobody reads it is no reason to stop the work.
-pub fn tell(line: impl Display) {
-    let _ = stderr().write_all(format!("{line}\n").as_bytes());
-}
-
-/// What a command answers, on standard output. A reader that has seen enough, such as `head`, is no error.
-pub fn answer(text: impl Display) -> Result<()> {
-    let mut out = stdout().lock();
-    match out.write_all(format!("{text}\n").as_bytes()).and_then(|()| out.flush()) {
-        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
-        written => written.context("standard output: cannot be written"),
-    }
-}
 
 /// How a command to copy names this program: as the shell finds it, or by its path where the shell does not.
 pub fn program() -> String {

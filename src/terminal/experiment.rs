@@ -6,15 +6,25 @@ use std::time::{Duration, Instant};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 
-use super::child::Said;
-use super::plan::Task;
-use crate::run::progress::{duration, plain_line};
-use crate::run::terminal::tell;
+use super::duration::duration;
+use super::tell;
+use super::training::plain_line;
 
 /// How often plain lines tell of all runs at work.
 const PLAIN_LINES_EVERY: Duration = Duration::from_secs(60);
 /// Of a bar whose task has no timesteps.
 const NO_STEPS: u64 = 1;
+
+/// A process of an experiment before it begins.
+pub struct Planned {
+    pub name: String,
+    /// Estimated time of all of it.
+    pub seconds: f64,
+    /// Share of it that was done earlier, from 0 to 1.
+    pub share: f64,
+    /// Timesteps of all of it; 0 for what has none.
+    pub steps: u64,
+}
 
 pub struct Display {
     bars: MultiProgress,
@@ -37,21 +47,21 @@ struct State {
 }
 
 impl Display {
-    pub fn new(tasks: &[Task]) -> Self {
+    pub fn new(tasks: Vec<Planned>) -> Self {
         let terminal = std::io::stderr().is_terminal();
         let bars = MultiProgress::new();
         let style = ProgressStyle::with_template("{bar:30.green/blue} {pos} of {len} done  {msg}");
         let whole = ProgressBar::new(tasks.len() as u64).with_style(style.expect("the template is well-formed"));
         let whole = bars.add(whole);
         whole.set_position(0);
-        let state = |task: &Task| State {
-            weight: task.estimate.seconds,
+        let state = |task: &Planned| State {
+            weight: task.seconds,
             share_before: task.share,
             share: task.share,
             steps: task.steps,
             bar: None,
         };
-        let tasks = tasks.iter().map(|task| (task.name.clone(), state(task))).collect();
+        let tasks = tasks.into_iter().map(|task| (task.name.clone(), state(&task))).collect();
         let now = Instant::now();
         Display { bars, terminal, whole, begun: now, last_plain: now, tasks }
     }
@@ -64,24 +74,24 @@ impl Display {
         }
     }
 
-    pub fn began(&mut self, task: &Task) {
+    pub fn began(&mut self, task: &str) {
+        let Some(state) = self.tasks.get_mut(task) else { return };
         let style = ProgressStyle::with_template("{bar:30.cyan/blue} {percent:>3} %  {prefix}  {msg}");
-        let bar = ProgressBar::new(task.steps.max(NO_STEPS)).with_style(style.expect("the template is well-formed"));
-        let bar = self.bars.insert_before(&self.whole, bar).with_prefix(task.name.clone());
+        let bar = ProgressBar::new(state.steps.max(NO_STEPS)).with_style(style.expect("the template is well-formed"));
+        let bar = self.bars.insert_before(&self.whole, bar).with_prefix(task.to_owned());
         bar.set_message("at work");
-        bar.set_position((task.share * task.steps as f64) as u64);
+        bar.set_position((state.share * state.steps as f64) as u64);
         if !self.terminal {
-            let resumed = if task.share > 0.0 { "resumed" } else { "began" };
-            tell(format_args!("{resumed} {}", task.name));
+            let resumed = if state.share > 0.0 { "resumed" } else { "began" };
+            tell(format_args!("{resumed} {task}"));
         }
-        if let Some(state) = self.tasks.get_mut(&task.name) {
-            state.bar = Some(bar);
-        }
+        state.bar = Some(bar);
     }
 
-    pub fn heard(&mut self, said: &Said) {
-        let Some(state) = self.tasks.get_mut(&said.task) else { return };
-        if let (Some((steps, words)), Some(bar)) = (plain_line(&said.line), &state.bar) {
+    /// A process has written a line to standard error.
+    pub fn heard(&mut self, task: &str, line: &str) {
+        let Some(state) = self.tasks.get_mut(task) else { return };
+        if let (Some((steps, words)), Some(bar)) = (plain_line(line), &state.bar) {
             let steps = steps.min(state.steps);
             state.share = steps as f64 / state.steps.max(NO_STEPS) as f64;
             bar.set_position(steps);
@@ -90,10 +100,10 @@ impl Display {
     }
 
     /// `why` where it did not end well.
-    pub fn ended(&mut self, task: &Task, why: Option<&str>) {
-        let Some(state) = self.tasks.get_mut(&task.name) else { return };
+    pub fn ended(&mut self, task: &str, why: Option<&str>) {
+        let Some(state) = self.tasks.get_mut(task) else { return };
         let words = state.bar.take().map_or(String::new(), |bar| {
-            let words = if task.steps > 0 { format!(": {}", bar.message()) } else { String::new() };
+            let words = if state.steps > 0 { format!(": {}", bar.message()) } else { String::new() };
             bar.finish_and_clear();
             self.bars.remove(&bar);
             words
@@ -102,9 +112,9 @@ impl Display {
             None => {
                 state.share = 1.0;
                 self.whole.inc(1);
-                self.say(&format!("finished {}{words}", task.name));
+                self.say(&format!("finished {task}{words}"));
             }
-            Some(why) => self.say(&format!("{}: {why}", task.name)),
+            Some(why) => self.say(&format!("{task}: {why}")),
         }
     }
 

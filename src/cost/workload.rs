@@ -1,0 +1,104 @@
+//! How much of everything a run is.
+
+use crate::config::{AipTraining, Config, schedule};
+
+/// The work of a run of `agents` agents.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Workload {
+    pub agents: usize,
+    /// Timesteps per agent.
+    pub steps: u64,
+    /// Steps of an episode.
+    pub horizon: usize,
+    /// Rows of simulators per agent.
+    pub copies: usize,
+    /// Stretches of training between two exchanges of the workers.
+    pub periods: usize,
+    /// Evaluations before and between periods.
+    pub evaluations: usize,
+    /// Episodes of each of them, and of the one at the end.
+    pub evaluation_episodes: usize,
+    pub final_episodes: usize,
+    /// Trainings of the AIPs, each with a collection before it.
+    pub retrainings: usize,
+    /// Episodes of a collection.
+    pub dataset_episodes: usize,
+    /// Passes of a training of the AIPs over its dataset.
+    pub epochs: usize,
+}
+
+impl Workload {
+    /// The work until the timestep `until` per agent, with the evaluation at the end.
+    ///
+    /// With `aip.retrain = "drift"` only the trainings that are certain count: drift cannot be foreseen.
+    pub fn of(config: &Config, agents: usize, until: u64) -> Workload {
+        let periods = schedule(config);
+        let begun = || periods.iter().filter(|period| period.start < until);
+        let horizon = config.horizon();
+        Workload {
+            agents,
+            steps: until,
+            horizon,
+            copies: config.copies(),
+            periods: begun().count(),
+            evaluations: begun().filter(|period| period.evaluate).count(),
+            evaluation_episodes: config.evaluation.episodes,
+            final_episodes: config.evaluation.final_episodes,
+            retrainings: begun().filter(|period| period.train_aips == AipTraining::Yes).count(),
+            dataset_episodes: config.dataset_episodes(horizon),
+            epochs: config.aip.epochs,
+        }
+    }
+
+    /// Timesteps of all agents in training.
+    pub fn agent_steps(&self) -> f64 {
+        self.agents as f64 * self.steps as f64
+    }
+
+    /// Timesteps of all agents that simulators play again to go on after a period. A period begins with episodes of any
+    /// age, half a horizon on average.
+    pub fn retraced_steps(&self) -> f64 {
+        self.periods.saturating_sub(1) as f64 * (self.agents * self.copies * self.horizon) as f64 / 2.0
+    }
+
+    /// Timesteps of all agents in so many episodes on the GS.
+    pub fn gs_steps(&self, episodes: usize) -> f64 {
+        self.agents as f64 * episodes as f64 * self.horizon as f64
+    }
+
+    /// Timesteps of all agents in all evaluations.
+    pub fn evaluated_steps(&self) -> f64 {
+        self.gs_steps(self.evaluations * self.evaluation_episodes + self.final_episodes)
+    }
+
+    /// Samples of all agents that one training of the AIPs goes over, those of each epoch anew.
+    pub fn samples_per_retraining(&self) -> f64 {
+        self.gs_steps(self.dataset_episodes) * self.epochs as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_work_of_a_run_is_counted_by_hand() {
+        // Periods of 100 steps, an evaluation at the beginning of each, AIPs trained at 0 and at 500.
+        let config: Config = toml::from_str(
+            "total_steps = 1000\nwarehouse = { agents_per_side = 2, horizon = 10 }\nlocal_simulators = { copies = 3 }\n\
+             aip = { epochs = 7, dataset_steps = 40, retrain_every_steps = 500 }\n\
+             evaluation = { every_steps = 100, episodes = 3, final_episodes = 5 }",
+        )
+        .unwrap();
+        let whole = Workload::of(&config, 4, 1000);
+        assert_eq!((whole.periods, whole.evaluations, whole.retrainings, whole.dataset_episodes), (10, 10, 2, 4));
+        assert_eq!(whole.agent_steps(), 4000.0);
+        // Nine periods go on in the middle of 4 x 3 episodes of 10 steps.
+        assert_eq!(whole.retraced_steps(), 540.0);
+        // 10 x 3 + 5 episodes of 10 steps; 4 episodes of 10 steps in 7 epochs.
+        assert_eq!((whole.evaluated_steps(), whole.samples_per_retraining()), (1400.0, 1120.0));
+        let half = Workload::of(&config, 4, 500);
+        assert_eq!((half.periods, half.evaluations, half.retrainings), (5, 5, 1));
+        assert_eq!(half.evaluated_steps(), 800.0);
+    }
+}

@@ -1,0 +1,78 @@
+//! What cars and lights did on roads in an episode, second by second, for pictures: no simulator's types or names.
+
+/// An episode on a grid of roads. Lists of intersections are in the order of the agents.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RoadTrace {
+    /// Number of steps, each of a second.
+    pub seconds: usize,
+    /// Intersections from south to north and from west to east; agents are numbered row by row from the south-west corner.
+    pub rows: usize,
+    pub columns: usize,
+    /// Names of the intersections.
+    pub names: Vec<String>,
+    /// Directions that a light can give green to, in words for a legend.
+    pub greens: Vec<&'static str>,
+    /// What the light of each intersection showed in each second.
+    pub lights: Vec<Vec<Shown>>,
+    pub approaches: Vec<Approach>,
+    pub corridors: Vec<Corridor>,
+}
+
+/// What a light showed, as a whole.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shown {
+    /// Green for one of [`RoadTrace::greens`], by its index.
+    Green(usize),
+    Yellow,
+    /// Anything else, such as red for all.
+    Other,
+}
+
+/// The approaches of all intersections from one side.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Approach {
+    /// The side: `west`.
+    pub from: &'static str,
+    /// Number of standing cars, `[intersections][seconds]`.
+    pub standing: Vec<Vec<usize>>,
+}
+
+/// A row of intersections that cars drive through from one end to the other.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Corridor {
+    /// What it is: `row 1 of a grid of 2x2`.
+    pub name: String,
+    /// The sides where it begins and ends: `west`, `east`.
+    pub from: &'static str,
+    pub to: &'static str,
+    pub length_m: f64,
+    pub crossings: Vec<Crossing>,
+    /// Where each car was: seconds, and metres from the beginning.
+    pub cars: Vec<Vec<(f64, f64)>>,
+}
+
+/// An intersection on a corridor.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Crossing {
+    pub name: String,
+    /// Where its inside begins, at the stop line, and ends, in metres from the beginning of the corridor.
+    pub begin_m: f64,
+    pub end_m: f64,
+    /// What its light showed to the cars of the corridor in each second.
+    pub aspects: Vec<Aspect>,
+}
+
+/// What a light shows to one approach.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Aspect {
+    Green,
+    Yellow,
+    Red,
+}
+
+impl RoadTrace {
+    /// `2x3`: rows and columns.
+    pub fn grid(&self) -> String {
+        format!("{}x{}", self.rows, self.columns)
+    }
+}

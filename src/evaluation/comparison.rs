@@ -1,0 +1,93 @@
+//! Several players side by side for a person.
+
+use super::{Finding, figures};
+use crate::base::statistics::Interval;
+use crate::policy::Selection;
+
+/// Values of all episodes by name.
+type Figures = Vec<(String, Vec<f64>)>;
+
+/// The widest line of a comparison.
+const WIDTH: usize = 118;
+
+/// Several players, one line each, and their differences to the first of them, episode by episode.
+pub fn comparison(findings: &[Finding]) -> String {
+    let episodes = findings[0].episodes.len();
+    let figures: Vec<Figures> = findings.iter().map(|finding| figures(&finding.episodes)).collect();
+    let names: Vec<&str> = figures[0].iter().map(|(name, _)| name.as_str()).collect();
+    let labels: Vec<String> = findings.iter().map(|finding| finding.player.label.clone()).collect();
+    let means: Vec<Vec<String>> =
+        figures.iter().map(|figures| figures.iter().map(|(_, values)| cell(Interval::of(values))).collect()).collect();
+    let policies = match findings.iter().find_map(|finding| finding.player.policies) {
+        Some(Selection::Greedy) => ", greedy policies",
+        Some(Selection::Sampled) => ", sampled policies",
+        None => "",
+    };
+    let title = format!("mean +- 95 % interval over {episodes} episodes, the same traffic for all{policies}");
+    let mut text = format!("{title}\n{}", blocks(&names, &labels, &means));
+    if let [reference, others @ ..] = &figures[..]
+        && !others.is_empty()
+    {
+        // Of a figure in which nobody differs there is nothing to tell.
+        let differs = |column: &usize| others.iter().any(|figures| figures[*column] != reference[*column]);
+        let columns: Vec<usize> = (0..names.len()).filter(differs).collect();
+        let names: Vec<&str> = columns.iter().map(|&column| names[column]).collect();
+        let difference = |figures: &Figures, column: usize| {
+            signed_cell(Interval::of_differences(&figures[column].1, &reference[column].1))
+        };
+        let differences: Vec<Vec<String>> =
+            others.iter().map(|figures| columns.iter().map(|&column| difference(figures, column)).collect()).collect();
+        let table = match columns.is_empty() {
+            true => "no figure differs in any episode".to_owned(),
+            false => blocks(&names, &labels[1..], &differences),
+        };
+        text += &format!("\n\nless {}, episode by episode\n{table}", labels[0]);
+    }
+    text
+}
+
+/// `215.7 +- 2.3`
+fn cell(Interval { mean, half_width }: Interval) -> String {
+    let digits = if mean.abs() < 20.0 { 2 } else { 1 };
+    match half_width {
+        // Of values that are all the same, or of a single one.
+        None | Some(0.0) => format!("{mean:.digits$}"),
+        Some(half_width) => format!("{mean:.digits$} +- {half_width:.digits$}"),
+    }
+}
+
+/// `+3.41 +- 1.20`, for a difference.
+fn signed_cell(interval: Interval) -> String {
+    let cell = cell(interval);
+    if cell.starts_with('-') { cell } else { format!("+{cell}") }
+}
+
+/// A table with a line per label, cut into as many tables side by side, one under the other, as lines of [`WIDTH`] need.
+fn blocks(names: &[&str], labels: &[String], cells: &[Vec<String>]) -> String {
+    let label_width = labels.iter().map(|label| label.chars().count()).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..names.len())
+        .map(|column| cells.iter().map(|line| line[column].len()).chain([names[column].len()]).max().unwrap_or(0))
+        .collect();
+    let mut blocks = Vec::new();
+    let mut begin = 0;
+    while begin < names.len() {
+        let mut end = begin;
+        let mut width = label_width;
+        while end < names.len() && (end == begin || width + 2 + widths[end] <= WIDTH) {
+            width += 2 + widths[end];
+            end += 1;
+        }
+        let line = |label: &str, cells: &[&str]| {
+            let padding = " ".repeat(label_width - label.chars().count());
+            let cells = cells.iter().zip(&widths[begin..end]).map(|(cell, width)| format!("  {cell:>width$}"));
+            format!("{label}{padding}{}", cells.collect::<String>())
+        };
+        let mut lines = vec![line("", &names[begin..end])];
+        for (label, cells) in labels.iter().zip(cells) {
+            lines.push(line(label, &cells[begin..end].iter().map(String::as_str).collect::<Vec<_>>()));
+        }
+        blocks.push(lines.join("\n"));
+        begin = end;
+    }
+    blocks.join("\n\n")
+}

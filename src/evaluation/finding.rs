@@ -1,0 +1,31 @@
+//! Who played, and the episodes that were played.
+
+use serde_json::Value;
+
+use super::EpisodeReport;
+use crate::base::statistics::Interval;
+use crate::policy::Selection;
+
+/// A controller or policies, as tables and files name them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Player {
+    pub label: String,
+    /// Keys and values that identify it in JSON.
+    pub keys: Vec<(&'static str, Value)>,
+    /// How its policies act, if it has some.
+    pub policies: Option<Selection>,
+}
+
+/// A player and the episodes that it played, which are the same for all players of a command.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Finding {
+    pub player: Player,
+    pub episodes: Vec<EpisodeReport>,
+}
+
+impl Finding {
+    /// Mean return of one agent.
+    pub fn of_agent(&self, agent: usize) -> Interval {
+        Interval::of(&self.episodes.iter().map(|episode| episode.returns[agent]).collect::<Vec<_>>())
+    }
+}

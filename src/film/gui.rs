@@ -1,0 +1,39 @@
+//! sumo-gui for a person.
+
+use std::path::Path;
+use std::process::Command;
+
+use anyhow::{Context, Result, ensure};
+
+use crate::terminal::{on_the_path, quoted};
+
+/// The program.
+pub(super) const SUMO_GUI: &str = "sumo-gui";
+
+/// An error with the way out if sumo-gui could not be opened.
+pub fn check_screen() -> Result<()> {
+    ensure!(on_the_path(SUMO_GUI).is_some(), "--gui: sumo-gui is not on the PATH: install Debian's package sumo");
+    let display = std::env::var_os("DISPLAY").filter(|display| !display.is_empty());
+    ensure!(
+        display.is_some(),
+        "--gui: there is no screen here (DISPLAY is not set); make a film with --video, or take the folder to a machine \
+         that has one: it needs nothing but SUMO"
+    );
+    Ok(())
+}
+
+/// Opens sumo-gui and waits until it is closed.
+pub fn watch(config: &Path) -> Result<()> {
+    let status = Command::new(SUMO_GUI)
+        .arg("-c")
+        .arg(config)
+        .arg("--start")
+        .status()
+        .context("sumo-gui could not be started")?;
+    ensure!(
+        status.success(),
+        "sumo-gui ended with {status}; the folder is whole, open it with: sumo-gui -c {}",
+        quoted(config)
+    );
+    Ok(())
+}

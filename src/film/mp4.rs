@@ -1,0 +1,24 @@
+//! Pictures joined to an mp4, by ffmpeg.
+
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use anyhow::{Context, Result, ensure};
+
+use super::format::STEPS_PER_SECOND;
+
+/// Writes `film` from the pictures in `room`.
+pub fn join(room: &Path, film: &Path) -> Result<()> {
+    let output = Command::new("ffmpeg")
+        .args(["-loglevel", "error", "-framerate", &STEPS_PER_SECOND.to_string(), "-i"])
+        .arg(room.join("%06d.png"))
+        // What every player shows: sides of even length, and this format of pixels.
+        .args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p", "-movflags", "+faststart"])
+        .arg(film)
+        .stdin(Stdio::null())
+        .output()
+        .context("ffmpeg could not be started")?;
+    let said = String::from_utf8_lossy(&output.stderr);
+    ensure!(output.status.success(), "ffmpeg failed ({}): {}", output.status, said.trim());
+    Ok(())
+}

@@ -1,0 +1,130 @@
+//! sumo-gui plays a replay on a screen that nobody sees and takes a picture per step; joined, they are a film.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+use std::sync::atomic::AtomicBool;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result, ensure};
+use tempfile::TempDir;
+
+use super::gui::SUMO_GUI;
+use super::helper::{Helper, listener, tied};
+use super::screen::Screen;
+use super::{Format, Replay, gif, mp4};
+use crate::terminal::check_stop;
+use crate::terminal::counting::EpisodeBar;
+
+/// Steps that sumo-gui plays beyond the last picture: where it ends with one it often crashes (SUMO 1.15).
+const REST_STEPS: usize = 30;
+
+/// How long sumo-gui may take for a picture; it takes some of them in a second.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// What sumo-gui's window has beside the roads, in pixels (measured on SUMO 1.15).
+const FRAME: (usize, usize) = (10, 215);
+
+/// The pictures of a replay, in a temporary place. Taking and joining end with an error soon after `stop` is set.
+pub struct Pictures {
+    room: TempDir,
+    files: Vec<PathBuf>,
+}
+
+impl Pictures {
+    pub fn take(replay: &Replay, stop: &AtomicBool) -> Result<Pictures> {
+        let room = tempfile::tempdir().context("no temporary directory for the pictures")?;
+        let files = take_pictures(replay, room.path(), stop)?;
+        Ok(Pictures { room, files })
+    }
+
+    /// Writes the film.
+    pub fn join(&self, format: Format, film: &Path, stop: &AtomicBool) -> Result<()> {
+        match format {
+            Format::Gif => gif::join(&self.files, film, stop),
+            Format::Mp4 => mp4::join(self.room.path(), film),
+        }
+    }
+}
+
+fn picture(number: usize) -> String {
+    format!("{number:06}.png")
+}
+
+/// Lets sumo-gui play and take a picture before every step.
+fn take_pictures(replay: &Replay, room: &Path, stop: &AtomicBool) -> Result<Vec<PathBuf>> {
+    let frames: Vec<PathBuf> = (0..replay.steps).map(|step| room.join(picture(step))).collect();
+    let settings = room.join("view.xml");
+    fs::write(&settings, (replay.settings)(&frames)).context("the temporary directory cannot be written to")?;
+    let (width, height) = canvas(replay.columns, replay.rows);
+    let (width, height) = (width + FRAME.0, height + FRAME.1);
+    let screen = Screen::open(width, height, room)?;
+    let said = room.join("said.txt");
+    let mut gui = tied(SUMO_GUI);
+    gui.arg("-c").arg(replay.config).arg("--gui-settings-file").arg(&settings);
+    gui.args(["--end", &(frames.len() + REST_STEPS).to_string(), "--start", "--quit-on-end"]);
+    gui.args(["--window-size", &format!("{width},{height}")]).env("DISPLAY", &screen.name);
+    gui.stdout(Stdio::null()).stderr(listener(&said)?);
+    let end = wait_for(&mut Helper::start(gui)?, &frames, PATIENCE, stop)?;
+    let missing = frames.iter().filter(|frame| !frame.exists()).count();
+    // How it ended is nothing to us where all pictures are there.
+    ensure!(
+        missing == 0,
+        "sumo-gui took {} of {} pictures and {end}: {}",
+        frames.len() - missing,
+        frames.len(),
+        fs::read_to_string(&said).unwrap_or_default().trim()
+    );
+    Ok(frames)
+}
+
+/// Waits until sumo-gui has ended, or has taken no picture for so long; tells which.
+fn wait_for(gui: &mut Helper, frames: &[PathBuf], patience: Duration, stop: &AtomicBool) -> Result<String> {
+    let bar = EpisodeBar::of(frames.len(), "pictures");
+    let (mut taken, mut since) = (0, Instant::now());
+    let end = loop {
+        check_stop(stop)?;
+        if let Some(status) = gui.0.try_wait().context("sumo-gui cannot be waited for")? {
+            break format!("ended with {status}");
+        }
+        let new = frames[taken..].iter().take_while(|frame| frame.exists()).count();
+        if new > 0 {
+            (taken, since) = (taken + new, Instant::now());
+            bar.set(taken);
+        } else if since.elapsed() > patience {
+            break format!("no other for {} s", patience.as_secs());
+        }
+        thread::sleep(Duration::from_millis(50));
+    };
+    bar.finish();
+    Ok(end)
+}
+
+/// Pixels of the roads: the longer side grows with the grid, within what a film can have.
+fn canvas(columns: usize, rows: usize) -> (usize, usize) {
+    let (cols, rows) = (columns + 1, rows + 1);
+    let scale = (200 * cols.max(rows)).clamp(800, 1200) as f64 / cols.max(rows) as f64;
+    let side = |count: usize| ((count as f64 * scale) as usize).max(400).next_multiple_of(2);
+    (side(cols), side(rows))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nobody_waits_for_ever_for_a_picture() {
+        let mut command = tied("sleep");
+        command.arg("600");
+        let mut hung = Helper::start(command).unwrap();
+        let frames = [PathBuf::from("/no/such.png")];
+        let wait = |hung: &mut Helper, stop| wait_for(hung, &frames, Duration::ZERO, &AtomicBool::new(stop));
+        assert_eq!(wait(&mut hung, false).unwrap(), "no other for 0 s");
+        assert_eq!(wait(&mut hung, true).unwrap_err().to_string(), "stopped");
+        let place = PathBuf::from(format!("/proc/{}", hung.0.id()));
+        assert!(place.exists());
+        drop(hung);
+        assert!(!place.exists());
+    }
+}

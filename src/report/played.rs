@@ -1,0 +1,22 @@
+//! What runs and controllers played, for the statistics of their differences.
+
+use super::find::Baseline;
+use super::run_dir::RunRecord;
+use crate::base::statistics::difference::{Difference, Played, Side, to_controller};
+
+/// A run at a step; between two evaluations it has no episodes. `None` before its first evaluation and after its last.
+pub fn of_run(run: &RunRecord, steps: u64) -> Option<Played> {
+    let here = run.evaluations.iter().find(|evaluation| evaluation.steps == steps);
+    let returns = here.map(|evaluation| evaluation.episode_returns.clone()).unwrap_or_default();
+    let count = here.and_then(|evaluation| evaluation.episodes);
+    Some(Played::new(run.return_at(steps)?, count, Some(run.config.evaluation.seed), returns))
+}
+
+/// A group minus a controller.
+///
+/// Panics if the group is empty.
+pub fn minus_controller(group: &Side, controller: &Baseline) -> Difference {
+    let Baseline { mean_return, episodes, seed, episode_returns, .. } = controller;
+    let played = Played::new(*mean_return, Some(*episodes), *seed, episode_returns.clone());
+    to_controller(group, &played, controller.std_error)
+}

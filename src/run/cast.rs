@@ -1,0 +1,126 @@
+//! Who plays the episode that `replay` records: a controller, trained policies, or one agent's local simulator.
+
+use std::path::Path;
+
+use anyhow::{Context, Result, anyhow, bail, ensure};
+
+use super::directory;
+use super::domain;
+use super::subject::Subject;
+use crate::base::{AgentId, Rows, Seed, Stopwatch};
+use crate::cli;
+use crate::config::{Config, SimulatorKind, load};
+use crate::domain::{Controller, Domain};
+use crate::evaluation::{episode_seed, play};
+use crate::influence::{self, TrainablePredictor};
+use crate::nn::read_stack;
+use crate::policy::{JointPolicyController, PolicyStack, Selection};
+use crate::traffic::Traffic;
+use crate::traffic::sim::recording::{Recording, Tape};
+use crate::training::block::initial_aips;
+use crate::training::environment::Environment;
+use crate::training::files;
+use crate::training::ials::Ials;
+use crate::training::stream::{AgentStream, RowStream};
+
+/// What is to be played, checked and loaded.
+pub struct Episode {
+    tape: Tape,
+    traffic: Traffic,
+    seed: Seed,
+    cast: Cast,
+}
+
+/// Who plays it.
+enum Cast {
+    /// The whole grid under a hand-coded controller.
+    Baseline(String),
+    /// The whole grid under the trained policies.
+    Policies(JointPolicyController),
+    /// The local simulator of one agent under its policy, with cars from its AIP.
+    Local { agent: AgentId, policy: JointPolicyController, aip: Box<dyn TrainablePredictor> },
+}
+
+impl Episode {
+    pub fn choose(args: &cli::Replay) -> Result<Episode> {
+        let tape = Tape::default();
+        let subject = &args.subject;
+        let with = |config: &Config, cast: Cast| -> Result<Episode> {
+            let seed = episode_seed(Seed::new(args.episode_seed.unwrap_or(config.evaluation.seed)), 0);
+            let traffic = domain::open_recorded(config, &tape).context("only what SUMO simulates can be replayed")?;
+            Ok(Episode { tape: tape.clone(), traffic, seed, cast })
+        };
+        if let Some(controller) = &args.controller {
+            let path = if subject.is_dir() { subject.join(files::CONFIG) } else { subject.clone() };
+            let config = load(&path, &[])?;
+            domain::check(&config)?;
+            let episode = with(&config, Cast::Baseline(controller.clone()))?;
+            Subject::Controller(controller.clone()).check(&episode.traffic)?;
+            return Ok(episode);
+        }
+        if subject.is_file() {
+            bail!("{}: a config has no policies; name a --controller, or a run directory", subject.display());
+        }
+        let run = directory::open(subject)?;
+        let selection = if args.greedy { Selection::Greedy } else { Selection::Sampled };
+        let cast = match args.local {
+            None => Cast::Policies(JointPolicyController::new(run.stack, &run.policies, selection)),
+            Some(agent) => {
+                let agents = run.domain.agents();
+                ensure!(agent < agents, "--local {agent}: this run has the agents 0 to {}", agents - 1);
+                let agent = AgentId(agent);
+                let stack = PolicyStack::blank(1, run.domain.spec(), &run.config.policy);
+                let policy = Rows::from_vec(run.policies.row(agent.0).to_vec(), run.policies.width());
+                let policy = JointPolicyController::new(stack, &policy, selection);
+                Cast::Local { agent, policy, aip: aip_of(agent, &*run.domain, &run.config, subject)? }
+            }
+        };
+        with(&run.config, cast)
+    }
+
+    /// Plays it and returns what was recorded.
+    pub fn play(self) -> Result<Recording> {
+        match self.cast {
+            Cast::Baseline(name) => {
+                let mut baseline = self.traffic.baseline(&name)?;
+                play(&mut *baseline.simulator, &mut *baseline.controller, self.seed)?;
+            }
+            Cast::Policies(mut policies) => {
+                let mut simulator = self.traffic.global_simulator()?;
+                play(&mut *simulator, &mut policies, self.seed)?;
+            }
+            Cast::Local { agent, mut policy, mut aip } => {
+                let simulator = self.traffic.local_simulator(&[agent], 1, self.seed)?;
+                let dice = self.seed.fork("influence").for_agent(agent).dice();
+                let stream =
+                    AgentStream { minibatches: dice.clone(), rows: vec![RowStream::begin(dice.clone(), dice, &[])] };
+                let mut ials = Ials::resume(simulator, &mut *aip, &[stream], false)?;
+                policy.begin(self.seed.for_agent(agent));
+                let mut actions = [0];
+                for _ in 0..self.traffic.spec().horizon {
+                    policy.act(ials.percept(), &mut actions)?;
+                    ials.step(&actions, &mut Stopwatch::default())?;
+                }
+            }
+        }
+        self.tape.take().context("the simulator recorded nothing")
+    }
+}
+
+/// The AIP of an agent as the run left it.
+fn aip_of(agent: AgentId, domain: &dyn Domain, config: &Config, run_dir: &Path) -> Result<Box<dyn TrainablePredictor>> {
+    let mut aip = initial_aips(domain, config, &[agent]);
+    match config.simulator {
+        // Never trained, so never written either.
+        SimulatorKind::UntrainedDials => Ok(aip),
+        SimulatorKind::Gs => {
+            Err(anyhow!("{}: was trained on the GS and has no AIPs to drive a local simulator with", run_dir.display()))
+        }
+        SimulatorKind::Dials | SimulatorKind::MarginalDials => {
+            let layout = influence::layout(config.simulator, domain.spec(), &config.aip);
+            let rows = read_stack(&run_dir.join(files::AIPS), &layout, domain.agents())?;
+            aip.load(&Rows::from_vec(rows.row(agent.0).to_vec(), rows.width()));
+            Ok(aip)
+        }
+    }
+}

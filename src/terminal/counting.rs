@@ -1,0 +1,42 @@
+//! A bar over what is counted.
+
+use std::fmt::Display;
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// A bar over episodes, or over other things that are counted, on a terminal only.
+pub struct EpisodeBar {
+    bar: ProgressBar,
+}
+
+impl EpisodeBar {
+    pub fn new(episodes: usize) -> Self {
+        EpisodeBar::of(episodes, "episodes")
+    }
+
+    /// `things`: what is counted, in the plural.
+    pub fn of(count: usize, things: &str) -> Self {
+        // indicatif draws to standard error, and nothing where that is no terminal.
+        let style = ProgressStyle::with_template(&format!(
+            "{{bar:30.cyan/blue}} {{pos}}/{{len}} {things}  {{eta}} left  {{msg}}"
+        ));
+        let bar = ProgressBar::new(count as u64).with_style(style.expect("the template is well-formed"));
+        EpisodeBar { bar }
+    }
+
+    pub fn set(&self, done: usize) {
+        self.bar.set_position(done as u64);
+    }
+
+    pub fn set_length(&self, episodes: usize) {
+        self.bar.set_length(episodes as u64);
+    }
+
+    pub fn tell(&self, message: impl Display) {
+        self.bar.set_message(message.to_string());
+    }
+
+    pub fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+}

@@ -1,0 +1,77 @@
+//! The progress of `bench`.
+
+use std::cell::RefCell;
+use std::fmt::Display;
+use std::io::{IsTerminal, stderr};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::activity::doing;
+use super::{Wish, stop_on_signals, tell};
+use crate::base::Activity;
+use crate::training::observer::Observer;
+
+/// The progress of `bench`, on a terminal; elsewhere a line per fleet. Nothing is lost by stopping anywhere.
+pub struct BenchProgress {
+    line: ProgressBar,
+    fleet: RefCell<String>,
+    stop: Arc<AtomicBool>,
+}
+
+impl BenchProgress {
+    /// Listens for Ctrl-C from here on.
+    pub fn new() -> anyhow::Result<Self> {
+        let style = ProgressStyle::with_template("{spinner} {elapsed}  {msg}").expect("the template is well-formed");
+        let line = ProgressBar::new_spinner().with_style(style);
+        line.set_message("matrix products at peak");
+        let place = line.clone();
+        let stop = stop_on_signals(move |wish| match wish {
+            Wish::Stop => (), // it stops at once
+            Wish::StopNow => place.suspend(|| tell("stopped")),
+        })?;
+        Ok(BenchProgress { line, fleet: RefCell::default(), stop })
+    }
+
+    /// The turn of a fleet of so many workers, of at most `most`.
+    pub fn begin(&self, workers: usize, most: usize) {
+        let fleet = format!("{workers} of {most} workers");
+        if !stderr().is_terminal() {
+            tell(format_args!("measuring with {fleet}"));
+        }
+        self.line.set_message(fleet.clone());
+        self.fleet.replace(fleet);
+    }
+
+    pub fn finish(&self) {
+        self.line.finish_and_clear();
+    }
+
+    fn show(&self, doing: impl Display) {
+        self.line.set_message(format!("{}: {doing}", self.fleet.borrow()));
+        self.line.tick();
+    }
+}
+
+impl Observer for BenchProgress {
+    fn trained(&self, steps: u64) {
+        self.show(format_args!("{}, step {steps}", doing(Activity::Training)));
+    }
+
+    fn busy(&self, activity: Activity, share: f64) {
+        self.show(format_args!("{} {:.0} %", doing(activity), 100.0 * share));
+    }
+
+    fn worker_lost(&self, message: &str) {
+        self.line.suspend(|| tell(format_args!("warning: {message}")));
+    }
+
+    fn stop_requested(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
+    fn keeps_results(&self) -> bool {
+        false
+    }
+}
