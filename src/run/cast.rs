@@ -7,7 +7,7 @@ use anyhow::{Context, Result, anyhow, bail, ensure};
 use super::directory;
 use super::domain;
 use super::subject::Subject;
-use crate::base::{AgentId, Rows, Seed, Stopwatch};
+use crate::base::{AgentId, RandomPurpose, Rows, Seed, Stopwatch};
 use crate::cli;
 use crate::config::{Config, SimulatorKind, load};
 use crate::domain::{Controller, Domain};
@@ -91,7 +91,7 @@ impl Episode {
             }
             Cast::Local { agent, mut policy, mut aip } => {
                 let simulator = self.traffic.local_simulator(&[agent], 1, self.seed)?;
-                let dice = self.seed.fork("influence").for_agent(agent).dice();
+                let dice = self.seed.fork(RandomPurpose::Influence).for_agent(agent).dice();
                 let stream =
                     AgentStream { minibatches: dice.clone(), rows: vec![RowStream::begin(dice.clone(), dice, &[])] };
                 let mut ials = Ials::resume(simulator, &mut *aip, &[stream], false)?;

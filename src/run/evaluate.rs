@@ -18,9 +18,9 @@ use crate::error::{Error, Result};
 use crate::evaluation::{Evaluation, Finding, comparison, json, play_episodes, table};
 use crate::plot::About;
 use crate::report::scenario::Scenario;
-use crate::sumo::Simulation;
 use crate::terminal::answer;
 use crate::terminal::counting::EpisodeBar;
+use crate::traffic;
 
 pub fn evaluate(args: &cli::Evaluate) -> Result<()> {
     let (config, domain) = directory::open_config(&args.run_dir).map_err(Error::Usage)?;

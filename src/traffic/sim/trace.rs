@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 
 use anyhow::Result;
 
-use crate::traffic::paper_grid::grid::lane;
-use crate::traffic::side::Side;
 use super::recording::Recording;
-use crate::traffic::agents::phases::Light;
 use crate::base::AgentId;
 use crate::domain::road_trace::{Approach, Aspect, Corridor, Crossing, RoadTrace, Shown};
+use crate::traffic::agents::phases::Light;
+use crate::traffic::paper_grid::grid::lane;
+use crate::traffic::side::Side;
 
 /// What happened, with a corridor from west to east for every row of the grid, the southernmost first.
 pub fn trace(recording: &Recording) -> Result<RoadTrace> {
