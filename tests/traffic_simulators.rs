@@ -562,14 +562,15 @@ fn the_closed_loop_has_the_cars_and_the_return_of_the_global_simulator() {
 
 #[test]
 fn the_switch_bias_is_added_to_the_output_bias_of_switching_and_to_nothing_else() {
-    let config: Config =
-        toml::from_str("traffic = { network = 'none', local_network = 'none' }\npolicy = { hidden = [8, 4] }").unwrap();
+    let config: Config = toml::from_str("policy = { hidden = [8, 4] }").unwrap();
     let policies = |initial_switch_bias: f32| {
         let policy = PolicyConfig { initial_switch_bias, ..config.policy.clone() };
         let traffic_config = TrafficConfig {
             network: saved("grid_2x2"),
             local_network: saved("local"),
-            ..config.traffic.clone().unwrap()
+            horizon: 300,
+            d_set: DSet::Cells,
+            entry: EntryRule::Reference,
         };
         let domain = Traffic::open(&traffic_config, &policy).unwrap();
         initial_policies(&domain, &Config { policy, ..config.clone() }, &AgentId::all(4))

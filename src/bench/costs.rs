@@ -113,11 +113,18 @@ pub struct Costs {
 }
 
 impl Costs {
-    /// `config`: of the run, not of the short orders that were `measured`.
-    pub fn of(config: &Config, spec: &RegionSpec, agents: usize, peak_flops: f64, measured: &Measured) -> Costs {
+    /// `config`: of the run, not of the short orders that were `measured`. `foreign`: whether a program of others makes the
+    /// simulators' steps.
+    pub fn of(
+        config: &Config,
+        spec: &RegionSpec,
+        agents: usize,
+        foreign: bool,
+        peak_flops: f64,
+        measured: &Measured,
+    ) -> Costs {
         let amounts = Amounts::of(config, spec, agents);
         let flops = Flops::of(config, spec);
-        let sumo = config.traffic.is_some();
         let products = |flops: f64| 1e6 * flops / peak_flops;
         let workers = measured.workers as f64;
         let Measured { training, evaluation, collection, aip_training, .. } = measured;
@@ -133,7 +140,7 @@ impl Costs {
         let idle = 1e6 * (workers * training.slowest.as_secs_f64() - busy.as_secs_f64()).max(0.0) / training.units;
         let training_cost = Cost {
             ours: phases.iter().sum::<f64>() + other + idle,
-            sumo: if sumo { phases[Phase::SimulatorStep as usize] } else { 0.0 },
+            sumo: if foreign { phases[Phase::SimulatorStep as usize] } else { 0.0 },
             products: products(flops.training),
             phases,
         };
@@ -152,7 +159,7 @@ impl Costs {
             phases[Phase::Loading as usize] = per_order(orders, Phase::Loading) * share;
             Cost {
                 ours: ours * share,
-                sumo: if sumo { phases[Phase::SimulatorStep as usize] } else { 0.0 },
+                sumo: if foreign { phases[Phase::SimulatorStep as usize] } else { 0.0 },
                 products: products(acting) * share,
                 phases,
             }
@@ -262,7 +269,7 @@ mod tests {
             pss_kib: 1,
             peak_rss_kib: 1,
         };
-        let costs = Costs::of(&config, &spec, 1, 1e6, &measured);
+        let costs = Costs::of(&config, &spec, 1, true, 1e6, &measured);
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-6 * b.abs(), "{a} is not {b}");
         // In seconds per timestep, for 1000 timesteps:
         // step 4/200 = .02, forward 5/200 = .025, loading 2 * 10 / 1000 = .02, other (16 - 11)/200 = .025,

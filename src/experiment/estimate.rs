@@ -5,7 +5,8 @@
 //! there are none, constants stand in that were measured on two cores of a cloud machine with the configs of this project.
 
 use super::file::PlannedRun;
-use crate::config::{AipTraining, Config, SimulatorKind, schedule};
+use crate::config::{AipTraining, Config, Simulator, schedule};
+use crate::domain::{RoughCosts, Scenario};
 use crate::report::run_dir::RunRecord;
 
 /// Core-seconds and memory of one kind of run.
@@ -39,38 +40,26 @@ pub struct Estimate {
     pub source: Source,
 }
 
-/// Measured with traffic_4.toml and traffic_100.toml.
-const TRAFFIC: Costs =
-    Costs { training_s: 37e-6, influence_s: 1.6e-6, evaluation_s: 25e-6, process_mb: 120.0, agent_mb: 4.0 };
-/// Likewise on the GS, without AIPs.
-const TRAFFIC_GS: Costs = Costs { training_s: 40e-6, ..TRAFFIC };
-/// Measured with warehouse_4.toml and warehouse_100.toml.
-const WAREHOUSE: Costs =
-    Costs { training_s: 60e-6, influence_s: 3e-6, evaluation_s: 8e-6, process_mb: 110.0, agent_mb: 8.0 };
-const WAREHOUSE_GS: Costs = Costs { training_s: 60e-6, ..WAREHOUSE };
-
 /// Estimates one run on so many cores.
 pub fn estimate(run: &PlannedRun, cores: usize, measured: &[RunRecord]) -> Estimate {
     let nearest = nearest(run, measured);
-    let (costs, source) = match costs_of(&nearest) {
+    let rough = costs_without_runs(run);
+    let (costs, source) = match costs_of(&nearest, rough) {
         Some(costs) => (costs, Source::Measured(nearest.len())),
-        None => (constants(&run.config), Source::Constants),
+        None => (rough, Source::Constants),
     };
-    let amounts = Amounts::of(&run.config, run.agents, run.config.last_step());
-    let training_cores = if run.config.simulator == SimulatorKind::Gs { 1 } else { cores };
+    let amounts = Amounts::of(&run.config, &run.scenario, run.config.last_step());
+    let training_cores = if run.config.simulator == Simulator::Global { 1 } else { cores };
     let seconds = amounts.training * costs.training_s / training_cores as f64
         + (amounts.influence * costs.influence_s + amounts.evaluation * costs.evaluation_s) / cores as f64;
-    let memory_mb = (cores + 1) as f64 * costs.process_mb + run.agents as f64 * costs.agent_mb;
+    let memory_mb = (cores + 1) as f64 * costs.process_mb + run.agents() as f64 * costs.agent_mb;
     Estimate { seconds, memory_mb, source }
 }
 
-fn constants(config: &Config) -> Costs {
-    match (config.traffic.is_some(), config.simulator) {
-        (true, SimulatorKind::Gs) => TRAFFIC_GS,
-        (true, _) => TRAFFIC,
-        (false, SimulatorKind::Gs) => WAREHOUSE_GS,
-        (false, _) => WAREHOUSE,
-    }
+fn costs_without_runs(run: &PlannedRun) -> Costs {
+    let RoughCosts { training_s, training_on_gs_s, influence_s, evaluation_s, process_mb, agent_mb } = run.rough_costs;
+    let training_s = if run.config.simulator == Simulator::Global { training_on_gs_s } else { training_s };
+    Costs { training_s, influence_s, evaluation_s, process_mb, agent_mb }
 }
 
 /// How much of each kind of work there is until a step.
@@ -84,8 +73,8 @@ struct Amounts {
 }
 
 impl Amounts {
-    fn of(config: &Config, agents: usize, steps: u64) -> Amounts {
-        let (agents, horizon) = (agents as f64, config.horizon() as f64);
+    fn of(config: &Config, scenario: &Scenario, steps: u64) -> Amounts {
+        let (agents, horizon) = (scenario.id.agents as f64, scenario.id.episode.length);
         let periods = schedule(config);
         let begun = || periods.iter().filter(|period| period.start < steps);
         let datasets = begun().filter(|period| period.train_aips == AipTraining::Yes).count() as f64;
@@ -95,10 +84,10 @@ impl Amounts {
             training: agents * steps as f64,
             influence: agents
                 * datasets
-                * config.dataset_episodes(config.horizon()) as f64
-                * horizon
+                * config.dataset_episodes(horizon) as f64
+                * horizon as f64
                 * config.aip.epochs as f64,
-            evaluation: agents * episodes as f64 * horizon,
+            evaluation: agents * episodes as f64 * horizon as f64,
         }
     }
 }
@@ -106,31 +95,30 @@ impl Amounts {
 /// Measured runs of the same domain and simulator, those with the nearest number of agents.
 fn nearest<'a>(run: &PlannedRun, measured: &'a [RunRecord]) -> Vec<&'a RunRecord> {
     let alike = |other: &&RunRecord| {
-        let (a, b) = (&other.config, &run.config);
-        (a.traffic.is_some(), a.simulator) == (b.traffic.is_some(), b.simulator)
+        other.scenario.as_ref().is_some_and(|scenario| scenario.id.domain == run.scenario.id.domain)
+            && other.config.simulator == run.config.simulator
             && other.total_time().is_some()
-            && other.agents().is_some()
     };
     let ratio = |other: &RunRecord| {
-        let agents = other.agents().expect("looked at before") as f64;
-        (agents.ln() - (run.agents as f64).ln()).abs()
+        let agents = other.scenario.as_ref().map_or(0, |scenario| scenario.id.agents) as f64;
+        (agents.ln() - (run.agents() as f64).ln()).abs()
     };
     let alike: Vec<&RunRecord> = measured.iter().filter(alike).collect();
     let best = alike.iter().map(|other| ratio(other)).fold(f64::INFINITY, f64::min);
     alike.into_iter().filter(|other| ratio(other) <= best + 1e-9).collect()
 }
 
-/// What runs cost together; none where there are none.
-fn costs_of(runs: &[&RunRecord]) -> Option<Costs> {
+/// What runs cost together, and `fallback` for what they did not do; `None` where there are none.
+fn costs_of(runs: &[&RunRecord], fallback: Costs) -> Option<Costs> {
+    runs.first()?;
     let mut spent = [0.0; 3];
     let mut done = [0.0; 3];
-    let fallback = constants(&runs.first()?.config);
     let mut process_mb = 0.0_f64;
     for run in runs {
-        let (time, agents) = (run.total_time()?, run.agents()?);
+        let (time, scenario) = (run.total_time()?, run.scenario.as_ref()?);
         let cores = run.workers as f64;
-        let training_cores = if run.config.simulator == SimulatorKind::Gs { 1.0 } else { cores };
-        let amounts = Amounts::of(&run.config, agents, time.steps);
+        let training_cores = if run.config.simulator == Simulator::Global { 1.0 } else { cores };
+        let amounts = Amounts::of(&run.config, scenario, time.steps);
         let training_s = time.runtime_s() - time.influence_s;
         for (sum, value) in
             spent.iter_mut().zip([training_s * training_cores, time.influence_s * cores, time.evaluation_s * cores])
@@ -142,7 +130,7 @@ fn costs_of(runs: &[&RunRecord]) -> Option<Costs> {
         }
         let total = run.memory.map_or(0.0, |memory| memory.total_pss_mb.unwrap_or(memory.total_mb));
         // What is above the agents' share is the processes' own.
-        let of_agents = agents as f64 * fallback.agent_mb;
+        let of_agents = scenario.id.agents as f64 * fallback.agent_mb;
         process_mb = process_mb.max((total - of_agents) / (cores + 1.0));
     }
     let cost = |kind: usize, fallback: f64| if done[kind] > 0.0 { spent[kind] / done[kind] } else { fallback };
@@ -172,7 +160,14 @@ mod tests {
 
     fn planned(simulator: &str, total_steps: u64, agents: usize) -> PlannedRun {
         let config = config(simulator, total_steps);
-        PlannedRun { name: "a".to_owned(), config_path: PathBuf::new(), settings: Vec::new(), config, agents }
+        PlannedRun {
+            name: "a".to_owned(),
+            config_path: PathBuf::new(),
+            settings: Vec::new(),
+            config,
+            scenario: Scenario::new("warehouse", agents, 10),
+            rough_costs: RoughCosts { agent_mb: 8.0, ..RoughCosts::default() },
+        }
     }
 
     /// A finished run of 1000 steps that took so long.
@@ -187,6 +182,7 @@ mod tests {
             dir: PathBuf::new(),
             config: config(simulator, 1000),
             about: serde_json::Value::Null,
+            scenario: Some(Scenario::new("warehouse", agents, 10)),
             evaluations: vec![Evaluation {
                 steps: 1000,
                 all: returns,

@@ -24,12 +24,15 @@ pub mod replay;
 pub mod signals;
 mod trips;
 
+use std::path::{Path, PathBuf};
+
 use anyhow::{Context, ensure};
 
 use crate::base::{AgentId, Rows, Seed};
 use crate::config::{PolicyConfig, TrafficConfig};
 use crate::domain::{
-    Baseline, Beginning, Bystander, Domain, GlobalSimulator, LocalSimulator, Measures, RegionSpec, Result,
+    Baseline, Beginning, Bystander, Domain, FirstRow, GlobalSimulator, LocalSimulator, Map, Measures, RegionSpec,
+    Result, RoughCosts, Scenario,
 };
 use controllers::HandCoded;
 use global::{GlobalTraffic, SignalControl};
@@ -47,6 +50,12 @@ const STUCK_ABOVE: f64 = 0.75;
 
 /// What GS and LS have in common: steps of a second, and cars that wait for ever rather than teleport.
 const SUMO_OPTIONS: [&str; 4] = ["--step-length", "1", "--time-to-teleport", "-1"];
+
+/// The networks of a run directory have the same names in all of them.
+const KEPT_AS: [&str; 2] = ["global", "local"];
+
+/// The key that names the network of the LS. Another network of it is another way to train, not another scenario.
+const LOCAL_NETWORK: &str = "traffic.local_network";
 
 /// A grid of traffic lights.
 #[derive(Clone)]
@@ -179,6 +188,49 @@ impl Domain for Traffic {
     /// DEVIATION 11: our configs begin with a bias against switching, so that fewer agents get stuck in switching always.
     fn initial_action_bias(&self) -> Vec<f32> {
         vec![0.0, self.switch_bias]
+    }
+
+    fn scenario(&self) -> Result<Scenario> {
+        let scenario = Scenario::new("traffic", self.agents(), self.config.horizon);
+        let map = Map { rows: self.grid.rows(), columns: self.grid.cols(), first_row: FirstRow::Bottom };
+        let local_network = (LOCAL_NETWORK.to_owned(), self.local_network.checksum()?);
+        Ok(scenario.with_map(map).with_checksum(self.network.checksum()?).with_files([local_network]))
+    }
+
+    fn rival(&self) -> Option<&'static str> {
+        Some("actuated")
+    }
+
+    fn try_out(&self) -> Result<()> {
+        self.check_in_sumo()
+    }
+
+    fn check_place(&self, folder: &Path) -> Result<()> {
+        KEPT_AS.iter().try_for_each(|name| NetworkFiles::of(&folder.join(name)).check_paths())
+    }
+
+    fn keep_files(&self, folder: &Path) -> Result<Vec<PathBuf>> {
+        std::fs::create_dir(folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
+        for (network, name) in self.networks().into_iter().zip(KEPT_AS) {
+            network.copy_to(folder, name)?;
+        }
+        Ok(KEPT_AS.map(PathBuf::from).to_vec())
+    }
+
+    fn foreign_simulator(&self) -> Option<&'static str> {
+        Some("SUMO")
+    }
+
+    /// Measured with traffic_4.toml and traffic_100.toml.
+    fn rough_costs(&self) -> RoughCosts {
+        RoughCosts {
+            training_s: 37e-6,
+            training_on_gs_s: 40e-6,
+            influence_s: 1.6e-6,
+            evaluation_s: 25e-6,
+            process_mb: 120.0,
+            agent_mb: 4.0,
+        }
     }
 
     fn stuck(&self, measures: &Measures) -> Vec<bool> {
