@@ -26,7 +26,7 @@ fn config(name: &str) -> Config {
 fn traffic(name: &str) -> Arc<dyn Domain> {
     let config = config(name);
     let Some(DomainConfig::Traffic(table)) = &config.domain else { panic!("{name}: not of traffic") };
-    Arc::new(Traffic::open(table, &config.policy).unwrap())
+    Arc::new(Traffic::open(table).unwrap())
 }
 
 fn warehouse(name: &str) -> Arc<dyn Domain> {

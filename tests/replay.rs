@@ -64,7 +64,7 @@ fn train(dir: &Path, more: &[&str]) -> PathBuf {
 
 fn open(config: &Config) -> Traffic {
     let Some(DomainConfig::Traffic(table)) = &config.domain else { panic!("a config of traffic") };
-    Traffic::open(table, &config.policy).unwrap()
+    Traffic::open(table).unwrap()
 }
 
 /// Plays the first episode of [`SEED`] beside the program under test.
@@ -261,7 +261,7 @@ fn a_replay_is_the_first_episode_of_the_seed_it_names() {
         assert!(file("replay.sumocfg").contains(&seed), "{name}: {}", file("replay.sumocfg"));
 
         // The same episode, which nobody records.
-        let traffic = open(config);
+        let traffic = open(&config);
         let mut gs = traffic.baseline(&name).unwrap().simulator;
         gs.reset(episode).unwrap();
         let mut shown = vec![Vec::new(); 4];

@@ -154,8 +154,6 @@ fn check_networks(config: &Config) -> Result<()> {
             width.unwrap_or(0)
         );
     }
-    let bias = config.policy.initial_switch_bias;
-    ensure!(bias.is_finite(), "policy.initial_switch_bias = {bias}: must be a finite number");
     Ok(())
 }
 

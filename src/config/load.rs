@@ -5,6 +5,7 @@ use std::path::Path;
 use anyhow::{Context, Result, anyhow, bail};
 use toml::{Table, Value};
 
+use super::renamed::rename;
 use super::{Config, DomainConfig, check};
 
 /// Reads `path`, lays the settings of `--set key=value` over it, and checks the result.
@@ -24,11 +25,15 @@ pub fn load_kept(path: &Path) -> Result<Config> {
 
 fn read(path: &Path, settings: &[String]) -> Result<Config> {
     let text = std::fs::read_to_string(path).with_context(|| format!("{}: cannot be read", path.display()))?;
-    // Once as it stands, because only errors of the parser know the line ...
-    let _: Config = toml::from_str(&text).map_err(|error| anyhow!("{}: {error}", path.display()))?;
-    let mut table: Table = toml::from_str(&text)?;
+    let in_file = |error: &dyn std::fmt::Display| anyhow!("{}: {error}", path.display());
+    let mut table: Table = toml::from_str(&text).map_err(|error| in_file(&error))?;
+    if !rename(&mut table).map_err(|error| in_file(&error))? {
+        // Once as it stands, because only errors of the parser know the line ...
+        let _: Config = toml::from_str(&text).map_err(|error| in_file(&error))?;
+    }
     for setting in settings {
         lay_over(&mut table, setting)?;
+        rename(&mut table).map_err(|error| anyhow!("--set {setting}: {error}"))?;
     }
     // ... and once with the settings, whose errors name the key instead.
     let mut config: Config = serde_path_to_error::deserialize(Value::Table(table))
@@ -124,8 +129,21 @@ mod tests {
     }
 
     #[test]
+    fn the_older_place_of_the_switch_bias_is_read_and_the_last_setting_counts() {
+        let older = format!("{SMALL}[policy]\ninitial_switch_bias = -1.5\n");
+        let (old, new) = ("policy.initial_switch_bias=-2.5", "traffic.initial_switch_bias=-0.5");
+        for (settings, bias) in
+            [(&[][..], -1.5), (&[old], -2.5), (&[new], -0.5), (&[old, new], -0.5), (&[new, old], -2.5)]
+        {
+            assert_eq!(traffic_of(load_text(&older, settings).unwrap()).initial_switch_bias, bias, "{settings:?}");
+        }
+        let error = error_of("[warehouse]\nagents_per_side = 2\n", &[old]);
+        assert!(error.contains("policy.initial_switch_bias = -2.5: is for traffic"), "{error}");
+    }
+
+    #[test]
     fn a_config_comes_back_from_its_own_text() {
-        let config = load_text(SMALL, &["policy.initial_switch_bias=-1.5", "stop_at_steps=1000"]).unwrap();
+        let config = load_text(SMALL, &["traffic.initial_switch_bias=-1.5", "stop_at_steps=1000"]).unwrap();
         let again = load_text(&to_toml(&config).unwrap(), &[]).unwrap();
         assert_eq!((again.policy, again.ppo, again.stop_at_steps), (config.policy, config.ppo, config.stop_at_steps));
     }

@@ -6,6 +6,7 @@
 mod check;
 mod domain;
 mod load;
+mod renamed;
 mod schedule;
 mod seed;
 mod simulator;
@@ -73,8 +74,6 @@ pub struct PolicyConfig {
     pub hidden: Vec<usize>,
     /// Steps over which the gradient flows back through a GRU; divides `ppo.rollout_steps`.
     pub sequence_length: usize,
-    /// Traffic: added to the initial bias of the logit of "switch".
-    pub initial_switch_bias: f32,
 }
 
 /// PPO, as in Schulman et al. 2017.
@@ -235,7 +234,7 @@ impl Default for LocalSimulatorsConfig {
 
 impl Default for PolicyConfig {
     fn default() -> Self {
-        PolicyConfig { recurrent: None, hidden: vec![256, 128], sequence_length: 8, initial_switch_bias: 0.0 }
+        PolicyConfig { recurrent: None, hidden: vec![256, 128], sequence_length: 8 }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use serde::{Deserialize, Serialize};
 
 use super::domain::DomainTable;
@@ -24,6 +24,9 @@ pub struct TrafficConfig {
     /// How an LS lets a car in.
     #[serde(default)]
     pub entry: EntryRule,
+    /// Added to the initial bias of the logit of "switch".
+    #[serde(default)]
+    pub initial_switch_bias: f32,
 }
 
 /// The d-separating set of the traffic domain.
@@ -63,6 +66,8 @@ impl DomainTable for TrafficConfig {
     }
 
     fn check(&self) -> Result<()> {
+        let bias = self.initial_switch_bias;
+        ensure!(bias.is_finite(), "traffic.initial_switch_bias = {bias}: must be a finite number");
         Ok(())
     }
 

@@ -94,8 +94,9 @@ mod tests {
             horizon: 50,
             d_set: Default::default(),
             entry: Default::default(),
+            initial_switch_bias: 0.0,
         };
-        let domain = Traffic::open(&traffic, &Default::default()).unwrap();
+        let domain = Traffic::open(&traffic).unwrap();
         let older = Config { domain: Some(crate::config::DomainConfig::Traffic(traffic)), ..Config::default() };
         assert_eq!(scenario(&older, Some(4)).unwrap().unwrap(), domain.scenario().unwrap());
         assert_eq!(scenario(&older, None).unwrap(), None, "it was never evaluated, so nobody counted its agents");

@@ -26,7 +26,7 @@ pub fn open(config: &Config) -> Result<Arc<dyn Domain>> {
 /// Finds the domain of a config, to ask it something; nothing computes with it.
 pub fn find(config: &Config) -> Result<Arc<dyn Domain>> {
     Ok(match table(config) {
-        DomainConfig::Traffic(table) => Arc::new(Traffic::open(table, &config.policy)?),
+        DomainConfig::Traffic(table) => Arc::new(Traffic::open(table)?),
         DomainConfig::Warehouse(table) => Arc::new(Warehouse::new(table)),
     })
 }
@@ -38,7 +38,7 @@ fn table(config: &Config) -> &DomainConfig {
 /// The traffic domain of a config, if that is its domain, for what no other domain has.
 pub fn traffic(config: &Config) -> Result<Option<Traffic>> {
     match table(config) {
-        DomainConfig::Traffic(table) => Traffic::open(table, &config.policy).map(Some),
+        DomainConfig::Traffic(table) => Traffic::open(table).map(Some),
         _ => Ok(None),
     }
 }

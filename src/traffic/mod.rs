@@ -29,7 +29,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, ensure};
 
 use crate::base::{AgentId, Rows, Seed};
-use crate::config::{PolicyConfig, TrafficConfig};
+use crate::config::TrafficConfig;
 use crate::domain::{
     Baseline, Beginning, Bystander, Domain, FirstRow, GlobalSimulator, LocalSimulator, Map, Measures, RegionSpec,
     Result, RoughCosts, Scenario,
@@ -64,7 +64,6 @@ pub struct Traffic {
     network: NetworkFiles,
     local_network: NetworkFiles,
     config: TrafficConfig,
-    switch_bias: f32,
     spec: RegionSpec,
     tape: Option<Tape>,
 }
@@ -72,7 +71,7 @@ pub struct Traffic {
 impl Traffic {
     /// Finds the networks and holds them against what this program makes; an error says which file is missing or wrong and how
     /// to make it. Cheap: what only SUMO can say, [`Traffic::check_in_sumo`] asks.
-    pub fn open(config: &TrafficConfig, policy: &PolicyConfig) -> Result<Traffic> {
+    pub fn open(config: &TrafficConfig) -> Result<Traffic> {
         let (network, local_network) = (NetworkFiles::of(&config.network), NetworkFiles::of(&config.local_network));
         network.check()?;
         local_network.check()?;
@@ -83,7 +82,6 @@ impl Traffic {
             network,
             local_network,
             config: config.clone(),
-            switch_bias: policy.initial_switch_bias,
             spec: region::spec(config.horizon, config.d_set),
             tape: None,
         })
@@ -187,7 +185,7 @@ impl Domain for Traffic {
 
     /// DEVIATION 11: our configs begin with a bias against switching, so that fewer agents get stuck in switching always.
     fn initial_action_bias(&self) -> Vec<f32> {
-        vec![0.0, self.switch_bias]
+        vec![0.0, self.config.initial_switch_bias]
     }
 
     fn scenario(&self) -> Result<Scenario> {
