@@ -2,6 +2,12 @@
 //!
 //! A config is read once, checked once, and handed down; no other room reads files or flags for settings. Defaults are
 //! the paper's for traffic (appendix "Hyperparameters"); the files under `configs/` say where they differ.
+//!
+//! - `load`, `renamed`, `written`, `seed`: from text to a [`Config`] and back, older keys included.
+//! - `domain`, `traffic`, `warehouse`: the table of a domain, one of which a run has.
+//! - `simulator`: what policies train on, and what predicts influence there.
+//! - `check`: which values make sense.
+//! - `schedule`: the periods that a config means.
 
 mod check;
 mod domain;

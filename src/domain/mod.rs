@@ -5,6 +5,9 @@
 //! never hear of learning: they speak [`Rows`]. Learning never sees a car or a robot: it knows the [`RegionSpec`].
 //!
 //! A new domain implements the three traits and passes [`conformance`]; [`toy`] is the smallest one.
+//!
+//! - `spec`: the shape of a region. `scene`: pictures.
+//! - `scenario`: what is simulated, as a run writes it down. `rough_costs`: how long it takes, at a guess.
 
 pub mod conformance;
 mod rough_costs;

@@ -47,7 +47,10 @@ pub fn traffic(config: &Config) -> Result<Option<Traffic>> {
 pub fn open_recorded(config: &Config, tape: &Tape) -> Result<Traffic> {
     match traffic(config)? {
         Some(traffic) => Ok(traffic.record_on(tape)),
-        None => bail!("only traffic is recorded; the warehouse draws with --render"),
+        None => bail!(
+            "only traffic is recorded, and this is {}; other domains may draw with --render",
+            table(config).name()
+        ),
     }
 }
 
