@@ -186,7 +186,7 @@ pub fn main() -> Result<()> {
     let run_dir = tempfile::tempdir()?;
     let layouts = Layouts {
         policies: PolicyStack::shape(&spec, &config.policy).layout(),
-        aips: influence::layout(config.simulator.predictor().unwrap_or_default(), &spec, &config.aip),
+        aips: influence::layout(config.predictor(), &spec, &config.aip),
     };
     let mut log = RunLog::create(run_dir.path(), &config, layouts, Rc::new(Printer))?;
     let mut fleet = InlineFleet::new(brigade, &config, Rc::new(Printer));

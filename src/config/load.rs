@@ -138,7 +138,7 @@ mod tests {
             assert_eq!(traffic_of(load_text(&older, settings).unwrap()).initial_switch_bias, bias, "{settings:?}");
         }
         let error = error_of("[warehouse]\nagents_per_side = 2\n", &[old]);
-        assert!(error.contains("policy.initial_switch_bias = -2.5: is for traffic"), "{error}");
+        assert!(error.contains("policy.initial_switch_bias = -2.5: is a key of [traffic]"), "{error}");
     }
 
     #[test]

@@ -296,6 +296,11 @@ impl Config {
         if self.simulator == Simulator::Global { 1 } else { self.local_simulators.copies }
     }
 
+    /// Returns the choice of predictor. On the GS nobody asks one, and it is the default, so that every run has the same state.
+    pub fn predictor(&self) -> Predictor {
+        self.simulator.predictor().unwrap_or_default()
+    }
+
     /// Whether the loss of the influence predictors is measured: on the GS there are none.
     pub fn measures_aips(&self) -> bool {
         self.evaluation.aip_loss_episodes > 0 && self.simulator != Simulator::Global

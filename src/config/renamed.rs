@@ -14,7 +14,7 @@ pub(super) fn rename(config: &mut Table) -> Result<bool> {
     match config.get_mut("traffic") {
         Some(Value::Table(traffic)) => drop(traffic.insert(SWITCH_BIAS.to_owned(), bias)),
         // Older runs wrote the key whatever their domain was.
-        _ => ensure!(is_zero, "policy.{SWITCH_BIAS} = {bias}: is for traffic: traffic.{SWITCH_BIAS}"),
+        _ => ensure!(is_zero, "policy.{SWITCH_BIAS} = {bias}: is a key of [traffic], which is not there"),
     }
     Ok(true)
 }
@@ -34,6 +34,6 @@ mod tests {
         assert_eq!(found, "[policy]\nsequence_length = 4\n\n[traffic]\nhorizon = 10\ninitial_switch_bias = -1.5\n");
         assert_eq!(renamed("[policy]\ninitial_switch_bias = 0.0\n[warehouse]"), "[policy]\n\n[warehouse]\n");
         let error = renamed("[policy]\ninitial_switch_bias = -1.5\n[warehouse]");
-        assert_eq!(error, "policy.initial_switch_bias = -1.5: is for traffic: traffic.initial_switch_bias");
+        assert_eq!(error, "policy.initial_switch_bias = -1.5: is a key of [traffic], which is not there");
     }
 }

@@ -45,10 +45,9 @@ pub fn initial_policies(domain: &dyn Domain, config: &Config, agents: &[AgentId]
     PolicyStack::new(agents, domain.spec(), &config.policy, &domain.initial_action_bias(), seed)
 }
 
-/// The influence predictors of `agents` as a run with this config begins. On the GS nobody asks them anything.
+/// The influence predictors of `agents` as a run with this config begins.
 pub fn initial_aips(domain: &dyn Domain, config: &Config, agents: &[AgentId]) -> Box<dyn TrainablePredictor> {
-    let choice = config.simulator.predictor().unwrap_or_default();
-    initial_predictor(choice, agents, domain.spec(), &config.aip, Seed::new(config.seed).fork("aip"))
+    initial_predictor(config.predictor(), agents, domain.spec(), &config.aip, Seed::new(config.seed).fork("aip"))
 }
 
 /// Agents per block. On the GS all agents act in one simulation, so they are one block.
