@@ -10,7 +10,7 @@ use criterion::{
     BenchmarkGroup, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main, measurement::WallTime,
 };
 use dials_traffic::base::{AgentId, Dice, Rows, Seed};
-use dials_traffic::config::{Config, load};
+use dials_traffic::config::{Config, DomainConfig, load};
 use dials_traffic::domain::{Action, Beginning, Domain, GlobalSimulator, LocalSimulator, RegionSpec, SourceSpec};
 use dials_traffic::traffic::Traffic;
 use dials_traffic::warehouse::Warehouse;
@@ -25,11 +25,13 @@ fn config(name: &str) -> Config {
 
 fn traffic(name: &str) -> Arc<dyn Domain> {
     let config = config(name);
-    Arc::new(Traffic::open(config.traffic.as_ref().unwrap(), &config.policy).unwrap())
+    let Some(DomainConfig::Traffic(table)) = &config.domain else { panic!("{name}: not of traffic") };
+    Arc::new(Traffic::open(table).unwrap())
 }
 
 fn warehouse(name: &str) -> Arc<dyn Domain> {
-    Arc::new(Warehouse::new(config(name).warehouse.as_ref().unwrap()))
+    let Some(DomainConfig::Warehouse(table)) = config(name).domain else { panic!("{name}: not of the warehouse") };
+    Arc::new(Warehouse::new(&table))
 }
 
 /// Random actions that keep most lights as they are.

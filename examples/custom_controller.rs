@@ -9,7 +9,7 @@ use std::path::Path;
 use anyhow::Result;
 use dials_traffic::base::Seed;
 use dials_traffic::base::statistics::Interval;
-use dials_traffic::config::{PolicyConfig, TrafficConfig};
+use dials_traffic::config::TrafficConfig;
 use dials_traffic::domain::{Action, Bystander, Domain, GlobalSimulator};
 use dials_traffic::evaluation::{Evaluation, play_episodes};
 use dials_traffic::traffic::Traffic;
@@ -40,8 +40,9 @@ pub fn main() -> Result<()> {
         horizon: 300,
         d_set: Default::default(),
         entry: Default::default(),
+        initial_switch_bias: 0.0,
     };
-    let traffic = Traffic::open(&config, &PolicyConfig::default())?;
+    let traffic = Traffic::open(&config)?;
 
     // The seed is the traffic: both controllers meet the same cars. SUMO allows one simulation per process, so that of
     // the first one is dropped before the second begins.

@@ -143,6 +143,10 @@ impl Domain for Brigade {
     fn local_simulator(&self, regions: &[AgentId], copies: usize, _seed: Seed) -> Result<Box<dyn LocalSimulator>> {
         Ok(Box::new(People::new(regions.len() * copies, &self.spec)))
     }
+
+    fn scenario(&self) -> Result<Scenario> {
+        Ok(Scenario::new("brigade", PEOPLE, self.spec.horizon))
+    }
 }
 
 /// Prints evaluations.
@@ -182,7 +186,7 @@ pub fn main() -> Result<()> {
     let run_dir = tempfile::tempdir()?;
     let layouts = Layouts {
         policies: PolicyStack::shape(&spec, &config.policy).layout(),
-        aips: influence::layout(config.simulator, &spec, &config.aip),
+        aips: influence::layout(config.predictor(), &spec, &config.aip),
     };
     let mut log = RunLog::create(run_dir.path(), &config, layouts, Rc::new(Printer))?;
     let mut fleet = InlineFleet::new(brigade, &config, Rc::new(Printer));

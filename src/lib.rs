@@ -20,7 +20,7 @@
 //! Rooms, in the order in which they may use each other (a test holds it): [`base`]; [`config`], [`domain`], [`sumo`];
 //! [`nn`]; [`traffic`], [`warehouse`]; [`drawing`], [`plot`]; [`influence`], [`policy`]; [`evaluation`]; [`training`]; [`terminal`],
 //! [`film`]; [`cost`]; [`report`], [`experiment`]; [`processes`], [`mod@bench`]; [`run`] with [`cli`] and [`error`]. Simulators never see a tensor; training
-//! never sees a process or SUMO; only [`run`] knows which domain and which fleet were chosen.
+//! never sees a process or SUMO; only [`run`] knows which domain and which fleet were chosen, and there one file which domains there are.
 
 pub mod base;
 pub mod bench;

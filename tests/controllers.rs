@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use dials_traffic::base::{AgentId, Rows, Seed};
-use dials_traffic::config::{DSet, EntryRule, PolicyConfig, TrafficConfig};
+use dials_traffic::config::{DSet, EntryRule, TrafficConfig};
 use dials_traffic::domain::{Action, Baseline, Beginning, Domain, GlobalSimulator, LocalSimulator};
 use dials_traffic::traffic::Traffic;
 use dials_traffic::traffic::agents::phases::Light;
@@ -20,8 +20,9 @@ fn traffic() -> Traffic {
         horizon: 300,
         d_set: DSet::Cells,
         entry: EntryRule::Max,
+        initial_switch_bias: 0.0,
     };
-    Traffic::open(&config, &PolicyConfig::default()).unwrap()
+    Traffic::open(&config).unwrap()
 }
 
 /// What a light shows in an observation.

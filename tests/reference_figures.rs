@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use dials_traffic::base::Seed;
-use dials_traffic::config::{DSet, EntryRule, PolicyConfig, TrafficConfig};
+use dials_traffic::config::{DSet, EntryRule, TrafficConfig};
 use dials_traffic::domain::Domain;
 use dials_traffic::evaluation::{Evaluation, play_episodes};
 use dials_traffic::traffic::Traffic;
@@ -17,8 +17,9 @@ fn assert_return(grid: &str, controller: &str, reference: f64, reference_error: 
         horizon: 300,
         d_set: DSet::Cells,
         entry: EntryRule::Max,
+        initial_switch_bias: 0.0,
     };
-    let domain = Traffic::open(&config, &PolicyConfig::default()).unwrap();
+    let domain = Traffic::open(&config).unwrap();
     let mut baseline = domain.baseline(controller).unwrap();
     let (simulator, acting) = (&mut *baseline.simulator, &mut *baseline.controller);
     let reports = play_episodes(simulator, acting, Seed::new(1), 40, &mut |_| ()).unwrap();

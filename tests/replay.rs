@@ -10,7 +10,7 @@ use std::sync::{Mutex, PoisonError};
 
 use assert_cmd::Command;
 use dials_traffic::base::{AgentId, Rows, Seed};
-use dials_traffic::config::{Config, load};
+use dials_traffic::config::{Config, DomainConfig, load};
 use dials_traffic::domain::{Beginning, Domain, LocalSimulator};
 use dials_traffic::evaluation::{episode_seed, play};
 use dials_traffic::nn::read_stack;
@@ -62,10 +62,15 @@ fn train(dir: &Path, more: &[&str]) -> PathBuf {
     run
 }
 
+fn open(config: &Config) -> Traffic {
+    let Some(DomainConfig::Traffic(table)) = &config.domain else { panic!("a config of traffic") };
+    Traffic::open(table).unwrap()
+}
+
 /// Plays the first episode of [`SEED`] beside the program under test.
 fn record(config: &Config, cast: impl FnOnce(&Traffic) -> Option<JointPolicyController>, baseline: &str) -> Recording {
     let tape = Tape::default();
-    let traffic = Traffic::open(config.traffic.as_ref().unwrap(), &config.policy).unwrap().record_on(&tape);
+    let traffic = open(config).record_on(&tape);
     let episode = episode_seed(Seed::new(SEED), 0);
     match cast(&traffic) {
         Some(mut policies) => play(&mut *traffic.global_simulator().unwrap(), &mut policies, episode).unwrap(),
@@ -184,7 +189,7 @@ fn sumo_plays_the_replay_of_a_local_simulator_as_the_episode_was() {
         let dir = tempfile::tempdir().unwrap();
         let config = load(&write_config(dir.path(), &format!("entry = '{entry}'")), &[]).unwrap();
         let tape = Tape::default();
-        let traffic = Traffic::open(config.traffic.as_ref().unwrap(), &config.policy).unwrap().record_on(&tape);
+        let traffic = open(&config).record_on(&tape);
         // Two copies, of which the first is recorded; more cars than there is room for.
         let mut ls = traffic.local(2).unwrap();
         let mut dice = Seed::new(5).dice();
@@ -256,7 +261,7 @@ fn a_replay_is_the_first_episode_of_the_seed_it_names() {
         assert!(file("replay.sumocfg").contains(&seed), "{name}: {}", file("replay.sumocfg"));
 
         // The same episode, which nobody records.
-        let traffic = Traffic::open(config.traffic.as_ref().unwrap(), &config.policy).unwrap();
+        let traffic = open(&config);
         let mut gs = traffic.baseline(&name).unwrap().simulator;
         gs.reset(episode).unwrap();
         let mut shown = vec![Vec::new(); 4];

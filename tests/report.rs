@@ -512,3 +512,36 @@ fn sides_that_cannot_be_compared_are_refused() {
         assert!(said.starts_with("error: ") && said.contains(told), "{said}");
     }
 }
+
+#[test]
+fn a_run_of_a_third_domain_is_reported_as_what_it_is() {
+    let dir = copy_of(&["warehouse_4-dials-clip0.1-seed1", "warehouse_4-dials-clip0.2-seed1"]);
+    let runs = dir.path().join("runs");
+    let ants = runs.join("hill");
+    fs::rename(runs.join("warehouse_4-dials-clip0.1-seed1"), &ants).unwrap();
+    // Its domain did not come from a config, so the config has no table of it.
+    edit(&ants.join("config.toml"), "[warehouse]\nagents_per_side = 2\n", "");
+    let scenario =
+        "\"scenario\": { \"domain\": \"ants\", \"agents\": 4, \"episode\": { \"length\": 50, \"unit\": \"days\" },
+                    \"map\": { \"rows\": 1, \"columns\": 4, \"first_row\": \"top\" } },\n  \"seed\": 1,";
+    edit(&ants.join("run.json"), "\"seed\": 1,", scenario);
+    dials_traffic(&["report", "runs", "--out", "report"]).current_dir(dir.path()).assert().success();
+    let markdown = fs::read_to_string(dir.path().join("report/report.md")).unwrap();
+    for told in ["2 runs in 2 groups; ants, 4 agents; warehouse, 4 agents.", "## Ants, 4 agents", "## All sizes, ants"]
+    {
+        assert!(markdown.contains(told), "`{told}` is not in {markdown}");
+    }
+    assert!(markdown.contains("| hill |") || markdown.contains("runs/hill | ants, 4 agents |"), "{markdown}");
+    let curve = fs::read_to_string(dir.path().join("report/learning_ants_4.svg")).unwrap();
+    assert!(curve.contains("mean return of an agent, 50 days"), "{curve}");
+    assert!(!curve.contains("the paper"), "the paper has no ants");
+    let output = dials_traffic(&["compare", "runs/hill", "runs/warehouse_4-dials-clip0.2-seed1"])
+        .current_dir(dir.path())
+        .assert()
+        .code(2)
+        .get_output()
+        .clone();
+    let told =
+        "is ants-4-50 and runs/warehouse_4-dials-clip0.2-seed1 is warehouse-4-100: returns of different scenarios";
+    assert!(text(&output.stderr).contains(told), "{output:?}");
+}

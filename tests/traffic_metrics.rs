@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use dials_traffic::base::Seed;
-use dials_traffic::config::{DSet, EntryRule, PolicyConfig, TrafficConfig};
+use dials_traffic::config::{DSet, EntryRule, TrafficConfig};
 use dials_traffic::domain::{Baseline, Domain};
 use dials_traffic::evaluation::{EpisodeReport, play};
 use dials_traffic::traffic::Traffic;
@@ -32,8 +32,9 @@ fn traffic(dir: &Path, inflow: &str) -> Traffic {
         horizon: STEPS,
         d_set: DSet::Cells,
         entry: EntryRule::Max,
+        initial_switch_bias: 0.0,
     };
-    Traffic::open(&config, &PolicyConfig::default()).unwrap()
+    Traffic::open(&config).unwrap()
 }
 
 fn measured(domain: &Traffic, controller: &str, episode: Seed) -> EpisodeReport {

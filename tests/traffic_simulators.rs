@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use dials_traffic::base::{AgentId, Dice, Rows, Seed, Stopwatch};
-use dials_traffic::config::{AipConfig, Config, DSet, EntryRule, PolicyConfig, TrafficConfig};
+use dials_traffic::config::{AipConfig, Config, DSet, EntryRule, TrafficConfig};
 use dials_traffic::domain::{Action, Beginning, Bystander, Domain, GlobalSimulator, LocalSimulator, conformance};
 use dials_traffic::influence::{AipStack, Dataset, InfluencePredictor, train};
 use dials_traffic::sumo::{CarTable, DepartSpeed, Insertion, SignalState, Simulation};
@@ -36,8 +36,9 @@ fn traffic(entry: EntryRule) -> Traffic {
         horizon: 300,
         d_set: DSet::CellsAndArrivals,
         entry,
+        initial_switch_bias: 0.0,
     };
-    Traffic::open(&config, &PolicyConfig::default()).unwrap()
+    Traffic::open(&config).unwrap()
 }
 
 /// A forest as SUMO sees it, lanes and all.
@@ -562,17 +563,17 @@ fn the_closed_loop_has_the_cars_and_the_return_of_the_global_simulator() {
 
 #[test]
 fn the_switch_bias_is_added_to_the_output_bias_of_switching_and_to_nothing_else() {
-    let config: Config =
-        toml::from_str("traffic = { network = 'none', local_network = 'none' }\npolicy = { hidden = [8, 4] }").unwrap();
+    let config: Config = toml::from_str("policy = { hidden = [8, 4] }").unwrap();
     let policies = |initial_switch_bias: f32| {
-        let policy = PolicyConfig { initial_switch_bias, ..config.policy.clone() };
         let traffic_config = TrafficConfig {
             network: saved("grid_2x2"),
             local_network: saved("local"),
-            ..config.traffic.clone().unwrap()
+            horizon: 300,
+            d_set: DSet::Cells,
+            entry: EntryRule::Reference,
+            initial_switch_bias,
         };
-        let domain = Traffic::open(&traffic_config, &policy).unwrap();
-        initial_policies(&domain, &Config { policy, ..config.clone() }, &AgentId::all(4))
+        initial_policies(&Traffic::open(&traffic_config).unwrap(), &config, &AgentId::all(4))
     };
     let (plain, biased) = (policies(0.0), policies(-1.5));
     let (_, _, outputs) = plain.parameters().layout().blocks(4).last().unwrap();

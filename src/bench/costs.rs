@@ -90,10 +90,18 @@ pub struct Costs {
 }
 
 impl Costs {
-    /// `config`: of the run, not of the short orders that were `measured`.
-    pub fn of(config: &Config, spec: &RegionSpec, agents: usize, peak_flops: f64, measured: &Measured) -> Costs {
+    /// `config`: that of the run, not of the short orders that were `measured`. `foreign`: whether another program makes
+    /// the simulators' steps.
+    pub fn of(
+        config: &Config,
+        spec: &RegionSpec,
+        agents: usize,
+        foreign: bool,
+        peak_flops: f64,
+        measured: &Measured,
+    ) -> Costs {
         let work = Workload::of(config, agents, config.last_step());
-        let machine = Machine { workers: measured.workers as f64, sumo: config.traffic.is_some(), peak_flops };
+        let machine = Machine { workers: measured.workers as f64, sumo: foreign, peak_flops };
         let Measured { training, evaluation, collection, aip_training, .. } = measured;
 
         let flops = Flops::of(config, spec);
@@ -301,7 +309,7 @@ mod tests {
             pss_kib: 1,
             peak_rss_kib: 1,
         };
-        let costs = Costs::of(&config, &spec, 1, 1e6, &measured);
+        let costs = Costs::of(&config, &spec, 1, true, 1e6, &measured);
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-6 * b.abs(), "{a} is not {b}");
         // In seconds per timestep, for 1000 timesteps:
         // step 4/200 = .02, forward 5/200 = .025, loading 2 * 10 / 1000 = .02, other (16 - 11)/200 = .025,

@@ -1,8 +1,8 @@
 //! The matrix products that a run asks for, in floating-point operations.
 
-use crate::config::{Config, SimulatorKind, TimeLimit, held_out_episodes};
+use crate::config::{Config, TimeLimit, held_out_episodes};
 use crate::domain::RegionSpec;
-use crate::influence::AipStack;
+use crate::influence::{AipStack, sampling_flops};
 use crate::nn::Shape;
 use crate::policy::PolicyStack;
 
@@ -23,10 +23,8 @@ impl Flops {
         // Beside every decision, the value after the last step of a rollout and, where it counts, of an episode.
         let last_values = 1.0 / ppo.rollout_steps as f64
             + if ppo.time_limit == TimeLimit::Bootstrap { 1.0 / config.horizon() as f64 } else { 0.0 };
-        let sampling = match config.simulator {
-            SimulatorKind::Gs | SimulatorKind::MarginalDials => 0.0,
-            SimulatorKind::Dials | SimulatorKind::UntrainedDials => AipStack::shape(spec, &config.aip).forward_flops(),
-        };
+        let predictor = config.simulator.predictor();
+        let sampling = predictor.map_or(0.0, |choice| sampling_flops(choice, spec, &config.aip));
         Flops { training: update + (1.0 + last_values) * acting + sampling, acting }
     }
 }
@@ -51,6 +49,7 @@ pub fn gradient_steps(config: &Config, spec: &RegionSpec, episodes: usize) -> us
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::Simulator;
     use crate::domain::SourceSpec;
 
     /// Policy 4 -> 3 -> (2 + 1): 21 weights; AIP 2 -> 5 -> 2: 20 weights.
@@ -69,7 +68,7 @@ mod tests {
         let flops = Flops::of(&config, &spec);
         assert!((flops.training - 402.7).abs() < 1e-9, "{flops:?}");
         assert_eq!(flops.acting, 42.0);
-        config.simulator = SimulatorKind::Gs;
+        config.simulator = Simulator::Global;
         assert!((Flops::of(&config, &spec).training - 362.7).abs() < 1e-9);
     }
 

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use super::floor::{aip_training_flops, gradient_steps};
 use super::marginals::predict_marginals;
 use crate::base::{Activity, Phase, Stopwatch};
-use crate::config::{AipTraining, Config, Period, SimulatorKind};
+use crate::config::{AipTraining, Config, Period};
 use crate::domain::{RegionSpec, Result};
 use crate::influence::{AipStack, Dataset};
 use crate::training::answers::FleetLoad;
@@ -98,7 +98,7 @@ pub fn measure(plan: &Plan<'_>, fleet: &mut dyn Fleet, log: &mut RunLog) -> Resu
 
     let evaluation = repeat(part(EVALUATION), |orders| bench.evaluate(orders))?;
     let (mut collection, mut aip_training) = (Orders::default(), Orders::default());
-    if plan.config.simulator == SimulatorKind::Dials {
+    if plan.config.simulator.trains_predictors() {
         let (mut datasets, mut seen): (Vec<Dataset>, Vec<Dataset>) = Default::default();
         collection = repeat(part(COLLECTION), |orders| {
             datasets = bench.collect(orders)?;

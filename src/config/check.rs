@@ -1,45 +1,42 @@
 //! Which values make sense. Each error names the key, the value, what is allowed, and where it helps the paper's value.
 
-use anyhow::{Result, bail, ensure};
+use anyhow::{Result, ensure};
 
-use super::{Config, Retrain, SimulatorKind};
+use super::{Config, Retrain};
 
 pub(super) fn check(config: &Config) -> Result<()> {
-    match (&config.traffic, &config.warehouse) {
-        (Some(_), None) => (),
-        (None, Some(warehouse)) => {
-            at_least(
-                1,
-                "warehouse.agents_per_side",
-                warehouse.agents_per_side as u64,
-                "the paper uses 2, 5, 7 and 10",
-            )?;
-            let bias = config.policy.initial_switch_bias;
-            ensure!(bias == 0.0, "policy.initial_switch_bias = {bias}: is for traffic; robots have nothing to switch");
-        }
-        (Some(_), Some(_)) => bail!("[traffic] and [warehouse]: a run has one domain; remove one of these tables"),
-        (None, None) => bail!("no domain: add a table [traffic] or [warehouse], as the files under configs/ do"),
+    if let Some(domain) = &config.domain {
+        domain.check()?;
+        check_horizon(&domain.key("horizon"), domain.horizon())?;
     }
     check_sizes(config)?;
     check_schedule(config)?;
     check_ppo(config)?;
     check_networks(config)?;
-    check_aip(config)
+    check_aip(config)?;
+    config.domain.as_ref().map_or(Ok(()), |domain| check_datasets(config, domain.horizon()))
 }
 
-fn horizon_key(config: &Config) -> &'static str {
-    if config.traffic.is_some() { "traffic.horizon" } else { "warehouse.horizon" }
+/// An error if there is no domain to simulate.
+pub(super) fn check_domain(config: &Config) -> Result<()> {
+    ensure!(config.domain.is_some(), "no domain: add a table [traffic] or [warehouse], as the files under configs/ do");
+    Ok(())
 }
+
+fn check_horizon(key: &str, horizon: usize) -> Result<()> {
+    at_least(1, key, horizon as u64, "the paper uses 300 for traffic and 100 for the warehouse")?;
+    ensure!(horizon <= MOST_STEPS, "{key} = {horizon}: must be at most {MOST_STEPS}");
+    Ok(())
+}
+
+/// Steps of an episode that a domain may have; see [`check_sizes`].
+const MOST_STEPS: usize = 1_000_000;
 
 /// What is larger is a slip of the pen; it would end in memory that no machine has, or in numbers that overflow.
 fn check_sizes(config: &Config) -> Result<()> {
     let Config { ppo, aip, .. } = config;
-    let horizon = horizon_key(config);
-    let side = config.warehouse.as_ref().map_or(1, |warehouse| warehouse.agents_per_side);
     let sizes = [
         (1_000_000_000_000_000, "total_steps", config.total_steps),
-        (1_000_000, horizon, config.horizon() as u64),
-        (100, "warehouse.agents_per_side", side as u64),
         (10_000, "local_simulators.copies", config.local_simulators.copies as u64),
         (1_000_000, "ppo.rollout_steps", ppo.rollout_steps as u64),
         (1_000_000, "ppo.memory", ppo.memory as u64),
@@ -70,12 +67,6 @@ fn check_schedule(config: &Config) -> Result<()> {
             config.total_steps
         );
     }
-    at_least(
-        1,
-        horizon_key(config),
-        config.horizon() as u64,
-        "the paper uses 300 for traffic and 100 for the warehouse",
-    )?;
     at_least(1, "local_simulators.copies", config.local_simulators.copies as u64, "the paper uses 1")?;
     at_least(1, "evaluation.every_steps", config.evaluation.every_steps, "100000 gives the paper's curves")?;
     at_least(1, "evaluation.episodes", config.evaluation.episodes as u64, "20 give a standard error near 1")?;
@@ -163,8 +154,6 @@ fn check_networks(config: &Config) -> Result<()> {
             width.unwrap_or(0)
         );
     }
-    let bias = config.policy.initial_switch_bias;
-    ensure!(bias.is_finite(), "policy.initial_switch_bias = {bias}: must be a finite number");
     Ok(())
 }
 
@@ -175,9 +164,9 @@ fn check_aip(config: &Config) -> Result<()> {
     at_least(1, "aip.batch", aip.batch as u64, "the paper uses 128")?;
     positive("aip.learning_rate", aip.learning_rate, "the paper uses 1e-4")?;
     not_negative("aip.drift_threshold", aip.drift_threshold, "percent of the loss; 1.5 is the default")?;
-    let trains = matches!(config.simulator, SimulatorKind::Dials | SimulatorKind::MarginalDials);
     ensure!(
-        !(trains && aip.retrain == Retrain::Drift) || config.evaluation.aip_loss_episodes > 0,
+        !(config.simulator.trains_predictors() && aip.retrain == Retrain::Drift)
+            || config.evaluation.aip_loss_episodes > 0,
         "aip.retrain = \"drift\": needs the loss of the AIPs at evaluations; set evaluation.aip_loss_episodes, to 4 for \
          traffic or 20 for the warehouse"
     );
@@ -186,17 +175,21 @@ fn check_aip(config: &Config) -> Result<()> {
         "aip.held_out = {}: must be between 0 and 1, both excluded",
         aip.held_out
     );
-    let episodes = config.dataset_episodes(config.horizon());
+    Ok(())
+}
+
+fn check_datasets(config: &Config, horizon: usize) -> Result<()> {
+    let aip = &config.aip;
+    let episodes = config.dataset_episodes(horizon);
     ensure!(
         episodes >= 2,
-        "aip.dataset_steps = {}: must span at least 2 episodes of {} steps, one to train on and one held out",
-        aip.dataset_steps,
-        config.horizon()
+        "aip.dataset_steps = {}: must span at least 2 episodes of {horizon} steps, one to train on and one held out",
+        aip.dataset_steps
     );
     let episodes = episodes - held_out_episodes(episodes, aip.held_out);
     let (training, what) = match aip.recurrent {
         Some(_) => (episodes, "episodes"),
-        None => (episodes * config.horizon(), "samples"),
+        None => (episodes * horizon, "samples"),
     };
     ensure!(
         training >= aip.batch,

@@ -5,30 +5,50 @@ use std::path::Path;
 use anyhow::{Context, Result, anyhow, bail};
 use toml::{Table, Value};
 
-use super::{Config, check};
+use super::renamed::rename;
+use super::{Config, DomainConfig, check};
 
 /// Reads `path`, lays the settings of `--set key=value` over it, and checks the result.
 ///
 /// Relative paths in the config count from the folder of the config file.
 pub fn load(path: &Path, settings: &[String]) -> Result<Config> {
+    let config = read(path, settings)?;
+    check::check_domain(&config).map_err(|error| anyhow!("{}: {error}", path.display()))?;
+    Ok(config)
+}
+
+/// Reads the config that a run directory keeps. Unlike one to [`load`] it may have no domain: the run then simulated one
+/// that does not come from a config.
+pub fn load_kept(path: &Path) -> Result<Config> {
+    read(path, &[])
+}
+
+fn read(path: &Path, settings: &[String]) -> Result<Config> {
     let text = std::fs::read_to_string(path).with_context(|| format!("{}: cannot be read", path.display()))?;
-    // Once as it stands, because only errors of the parser know the line ...
-    let _: Config = toml::from_str(&text).map_err(|error| anyhow!("{}: {error}", path.display()))?;
-    let mut table: Table = toml::from_str(&text)?;
+    let in_file = |error: &dyn std::fmt::Display| anyhow!("{}: {error}", path.display());
+    let mut table: Table = toml::from_str(&text).map_err(|error| in_file(&error))?;
+    if !rename(&mut table).map_err(|error| in_file(&error))? {
+        // Once as it stands, because only errors of the parser know the line ...
+        let _: Config = toml::from_str(&text).map_err(|error| in_file(&error))?;
+    }
     for setting in settings {
         lay_over(&mut table, setting)?;
+        rename(&mut table).map_err(|error| anyhow!("--set {setting}: {error}"))?;
     }
     // ... and once with the settings, whose errors name the key instead.
     let mut config: Config = serde_path_to_error::deserialize(Value::Table(table))
-        .map_err(|error| anyhow!("--set: {}: {}", error.path(), error.inner().to_string().trim()))?;
+        .map_err(|error| anyhow!("--set: {}{}", place_of(&error), error.inner().to_string().trim()))?;
     let folder = path.parent().unwrap_or(Path::new("."));
-    if let Some(traffic) = &mut config.traffic {
-        for file in [&mut traffic.network, &mut traffic.local_network] {
-            *file = folder.join(&file);
-        }
+    for (_, file) in config.domain.iter_mut().flat_map(DomainConfig::paths) {
+        *file = folder.join(&file);
     }
     check::check(&config).map_err(|error| anyhow!("{}: {error}", path.display()))?;
     Ok(config)
+}
+
+/// The key of an error, if it is of a single one.
+fn place_of<E>(error: &serde_path_to_error::Error<E>) -> String {
+    if error.path().iter().next().is_some() { format!("{}: ", error.path()) } else { String::new() }
 }
 
 /// The config as the text of a config file.
@@ -61,7 +81,7 @@ fn lay_over(table: &mut Table, setting: &str) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::{EntryRule, SimulatorKind};
+    use crate::config::{EntryRule, Simulator, TrafficConfig};
 
     const SMALL: &str = "[traffic]\nnetwork = \"nets/grid_2x2\"\nlocal_network = \"nets/local\"\n";
 
@@ -70,6 +90,11 @@ mod tests {
         let path = dir.path().join("c.toml");
         std::fs::write(&path, text).unwrap();
         load(&path, &settings.iter().map(|&s| s.to_owned()).collect::<Vec<_>>())
+    }
+
+    fn traffic_of(config: Config) -> TrafficConfig {
+        let Some(DomainConfig::Traffic(table)) = config.domain else { panic!("this config is of traffic") };
+        table
     }
 
     fn error_of(text: &str, settings: &[&str]) -> String {
@@ -91,7 +116,7 @@ mod tests {
     #[test]
     fn paths_count_from_the_config_file() {
         let config = load_text(SMALL, &[]).unwrap();
-        let network = config.traffic.unwrap().network;
+        let network = traffic_of(config).network;
         assert!(network.is_absolute() && network.ends_with("nets/grid_2x2"));
     }
 
@@ -99,13 +124,26 @@ mod tests {
     fn settings_are_laid_over_the_file() {
         let settings = ["simulator=gs", "traffic.entry = max", "policy.hidden=[8, 4]", "ppo.clip=0.2", "seed=7"];
         let config = load_text(SMALL, &settings).unwrap();
-        assert_eq!((config.simulator, config.traffic.unwrap().entry), (SimulatorKind::Gs, EntryRule::Max));
+        assert_eq!((config.simulator, traffic_of(config.clone()).entry), (Simulator::Global, EntryRule::Max));
         assert_eq!((config.policy.hidden, config.ppo.clip, config.seed), (vec![8, 4], 0.2, 7));
     }
 
     #[test]
+    fn the_older_place_of_the_switch_bias_is_read_and_the_last_setting_counts() {
+        let older = format!("{SMALL}[policy]\ninitial_switch_bias = -1.5\n");
+        let (old, new) = ("policy.initial_switch_bias=-2.5", "traffic.initial_switch_bias=-0.5");
+        for (settings, bias) in
+            [(&[][..], -1.5), (&[old], -2.5), (&[new], -0.5), (&[old, new], -0.5), (&[new, old], -2.5)]
+        {
+            assert_eq!(traffic_of(load_text(&older, settings).unwrap()).initial_switch_bias, bias, "{settings:?}");
+        }
+        let error = error_of("[warehouse]\nagents_per_side = 2\n", &[old]);
+        assert!(error.contains("policy.initial_switch_bias = -2.5: is a key of [traffic]"), "{error}");
+    }
+
+    #[test]
     fn a_config_comes_back_from_its_own_text() {
-        let config = load_text(SMALL, &["policy.initial_switch_bias=-1.5", "stop_at_steps=1000"]).unwrap();
+        let config = load_text(SMALL, &["traffic.initial_switch_bias=-1.5", "stop_at_steps=1000"]).unwrap();
         let again = load_text(&to_toml(&config).unwrap(), &[]).unwrap();
         assert_eq!((again.policy, again.ppo, again.stop_at_steps), (config.policy, config.ppo, config.stop_at_steps));
     }

@@ -2,41 +2,51 @@
 //!
 //! A config is read once, checked once, and handed down; no other room reads files or flags for settings. Defaults are
 //! the paper's for traffic (appendix "Hyperparameters"); the files under `configs/` say where they differ.
+//!
+//! - `load`, `renamed`, `written`, `seed`: from text to a [`Config`] and back, older keys included.
+//! - `domain`, `traffic`, `warehouse`: the table of a domain, one of which a run has.
+//! - `simulator`: what policies train on, and what predicts influence there.
+//! - `check`: which values make sense.
+//! - `schedule`: the periods that a config means.
 
 mod check;
+mod domain;
 mod load;
+mod renamed;
 mod schedule;
 mod seed;
-
-use std::path::PathBuf;
+mod simulator;
+mod traffic;
+mod warehouse;
+mod written;
 
 use serde::{Deserialize, Serialize};
 
 pub use check::held_out_episodes;
-pub use load::{load, to_toml};
+pub use domain::{DomainConfig, DomainTable};
+pub use load::{load, load_kept, to_toml};
 pub use schedule::{AipTraining, Period, schedule};
+pub use simulator::{Predictor, Simulator};
+pub use traffic::{DSet, EntryRule, TrafficConfig};
+pub use warehouse::WarehouseConfig;
 
 use crate::base::VectorWidth;
 
 /// A run: what is simulated, how agents learn, and when AIPs are retrained and policies evaluated.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[serde(try_from = "written::Written", into = "written::Written")]
 pub struct Config {
     /// Root of all random streams of the run.
-    #[serde(with = "seed")]
     pub seed: u64,
     /// What the policies train on.
-    pub simulator: SimulatorKind,
+    pub simulator: Simulator,
     /// Timesteps per agent, summed over its copies; learning rate and clip decay over them.
     pub total_steps: u64,
     /// Stop early, with the decay of `total_steps`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub stop_at_steps: Option<u64>,
-    /// The domain: this table or the next one. (Neither for a domain that does not come from a config.)
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub traffic: Option<TrafficConfig>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub warehouse: Option<WarehouseConfig>,
+    /// Domain of the run: the one table of a domain that the config has. `None` for a domain that does not come from a
+    /// config.
+    pub domain: Option<DomainConfig>,
     pub local_simulators: LocalSimulatorsConfig,
     pub policy: PolicyConfig,
     pub ppo: PpoConfig,
@@ -45,86 +55,6 @@ pub struct Config {
     pub checkpoints: CheckpointsConfig,
     pub logging: LoggingConfig,
     pub numerics: NumericsConfig,
-}
-
-/// What the policies train on.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum SimulatorKind {
-    /// Local simulators with AIPs that are trained every F steps.
-    #[default]
-    Dials,
-    /// The global simulator.
-    Gs,
-    /// Local simulators with random AIPs that are never trained.
-    UntrainedDials,
-    /// Local simulators with constant probabilities instead of AIPs, measured on the GS when DIALS would train its AIPs.
-    MarginalDials,
-}
-
-impl SimulatorKind {
-    /// As in configs and on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            SimulatorKind::Dials => "dials",
-            SimulatorKind::Gs => "gs",
-            SimulatorKind::UntrainedDials => "untrained-dials",
-            SimulatorKind::MarginalDials => "marginal-dials",
-        }
-    }
-}
-
-/// The traffic domain.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct TrafficConfig {
-    /// The grid that the GS simulates: its path without `.net.xml`, relative to the config file.
-    pub network: PathBuf,
-    /// The single intersection that the LS simulates, likewise.
-    pub local_network: PathBuf,
-    /// Steps (seconds) of an episode.
-    #[serde(default = "defaults::traffic_horizon")]
-    pub horizon: usize,
-    /// What the AIP sees.
-    #[serde(default)]
-    pub d_set: DSet,
-    /// How an LS lets a car in.
-    #[serde(default)]
-    pub entry: EntryRule,
-}
-
-/// The warehouse domain.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct WarehouseConfig {
-    /// The learning robots form a square of this side, with a ring of other robots around it.
-    pub agents_per_side: usize,
-    /// Steps of an episode.
-    #[serde(default = "defaults::warehouse_horizon")]
-    pub horizon: usize,
-}
-
-/// The d-separating set of the traffic domain.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum DSet {
-    /// The 36 occupancy bits of the observation.
-    #[default]
-    #[serde(rename = "cells")]
-    Cells,
-    /// These and 4 bits: did a car enter this edge in the last step?
-    #[serde(rename = "cells+arrivals")]
-    CellsAndArrivals,
-}
-
-/// How a local traffic simulator lets a car in.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum EntryRule {
-    /// At 6 m with 9.5 m/s, or 3 m/s where more than 8 cars are on the edge.
-    #[default]
-    Reference,
-    /// At 5 m, as fast as is safe.
-    Max,
 }
 
 /// The local simulators of an agent.
@@ -150,8 +80,6 @@ pub struct PolicyConfig {
     pub hidden: Vec<usize>,
     /// Steps over which the gradient flows back through a GRU; divides `ppo.rollout_steps`.
     pub sequence_length: usize,
-    /// Traffic: added to the initial bias of the logit of "switch".
-    pub initial_switch_bias: f32,
 }
 
 /// PPO, as in Schulman et al. 2017.
@@ -284,25 +212,14 @@ pub struct NumericsConfig {
     pub vector_width: VectorWidth,
 }
 
-mod defaults {
-    pub fn traffic_horizon() -> usize {
-        300
-    }
-
-    pub fn warehouse_horizon() -> usize {
-        100
-    }
-}
-
 impl Default for Config {
     fn default() -> Self {
         Config {
             seed: 1,
-            simulator: SimulatorKind::default(),
+            simulator: Simulator::default(),
             total_steps: 4_000_000,
             stop_at_steps: None,
-            traffic: None,
-            warehouse: None,
+            domain: None,
             local_simulators: LocalSimulatorsConfig::default(),
             policy: PolicyConfig::default(),
             ppo: PpoConfig::default(),
@@ -323,7 +240,7 @@ impl Default for LocalSimulatorsConfig {
 
 impl Default for PolicyConfig {
     fn default() -> Self {
-        PolicyConfig { recurrent: None, hidden: vec![256, 128], sequence_length: 8, initial_switch_bias: 0.0 }
+        PolicyConfig { recurrent: None, hidden: vec![256, 128], sequence_length: 8 }
     }
 }
 
@@ -376,18 +293,22 @@ impl Config {
 
     /// Simulators per agent that the policies train on: the GS has one region of each agent.
     pub fn copies(&self) -> usize {
-        if self.simulator == SimulatorKind::Gs { 1 } else { self.local_simulators.copies }
+        if self.simulator == Simulator::Global { 1 } else { self.local_simulators.copies }
+    }
+
+    /// Returns the choice of predictor. On the GS nobody asks one, and it is the default, so that every run has the same state.
+    pub fn predictor(&self) -> Predictor {
+        self.simulator.predictor().unwrap_or_default()
     }
 
     /// Whether the loss of the influence predictors is measured: on the GS there are none.
     pub fn measures_aips(&self) -> bool {
-        self.evaluation.aip_loss_episodes > 0 && self.simulator != SimulatorKind::Gs
+        self.evaluation.aip_loss_episodes > 0 && self.simulator != Simulator::Global
     }
 
-    /// Steps of an episode.
+    /// Steps of an episode of the config's domain.
     pub fn horizon(&self) -> usize {
-        let traffic = self.traffic.as_ref().map(|traffic| traffic.horizon);
-        traffic.or(self.warehouse.as_ref().map(|warehouse| warehouse.horizon)).expect("a checked config has a domain")
+        self.domain.as_ref().expect("a config that was loaded has a domain").horizon()
     }
 
     /// Steps of the sequences that a policy is trained on.

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Config, Retrain, SimulatorKind};
+use super::{Config, Retrain};
 
 /// A stretch of training without messages, and what comes before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -31,7 +31,7 @@ pub enum AipTraining {
 pub fn schedule(config: &Config) -> Vec<Period> {
     let last = config.last_step();
     let evaluate_every = config.evaluation.every_steps;
-    let trains_aips = matches!(config.simulator, SimulatorKind::Dials | SimulatorKind::MarginalDials);
+    let trains_aips = config.simulator.trains_predictors();
     let retrain_every = (trains_aips && config.aip.retrain == Retrain::Every).then_some(config.aip.retrain_every_steps);
     let mut bounds: BTreeSet<u64> = (0..last).step_by(evaluate_every as usize).collect();
     bounds.extend(retrain_every.iter().flat_map(|&every| (0..last).step_by(every as usize)));
@@ -57,6 +57,7 @@ pub fn schedule(config: &Config) -> Vec<Period> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::{Predictor, Simulator};
 
     fn config(simulator: &str, total: u64, retrain: u64, evaluate: u64) -> Config {
         toml::from_str(&format!(
@@ -117,7 +118,7 @@ mod tests {
             assert_eq!(periods.iter().map(|p| p.start).collect::<Vec<_>>(), [0, 50, 100], "F is not asked for");
             assert!(periods.iter().all(|p| p.evaluate));
             assert_eq!(periods.iter().map(|p| p.train_aips).collect::<Vec<_>>(), [AipTraining::Yes, later, later]);
-            config.simulator = SimulatorKind::UntrainedDials;
+            config.simulator = Simulator::Local(Predictor::Untrained);
             assert!(schedule(&config).iter().all(|p| p.train_aips == AipTraining::No));
         }
     }

@@ -7,18 +7,27 @@
 //! Pictures of episodes are drawn from a [`Scene`] or a [`road_trace`].
 //!
 //! A new domain implements the three traits and passes [`conformance`]; [`toy`] is the smallest one.
+//!
+//! - `spec`: the shape of a region. `scene`: pictures.
+//! - `scenario`: what is simulated, as a run writes it down. `rough_costs`: how long it takes, at a guess.
 
 pub mod conformance;
 pub mod road_trace;
+mod rough_costs;
+mod scenario;
 mod scene;
 mod spec;
 pub mod toy;
+
+use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use serde::{Deserialize, Serialize};
 
 use crate::base::{AgentId, Rows, Seed, Stopwatch};
 
+pub use rough_costs::RoughCosts;
+pub use scenario::{Episode, FirstRow, Map, Scenario, ScenarioId};
 pub use scene::{Colour, Scene};
 pub use spec::{Action, RegionSpec, SourceSpec};
 
@@ -223,5 +232,39 @@ pub trait Domain: Send + Sync {
     /// The agents that sit in a degenerate behaviour, judged by the mean measures of an evaluation.
     fn stuck(&self, _measures: &Measures) -> Vec<bool> {
         vec![false; self.agents()]
+    }
+
+    /// Describes what is simulated, for `run.json` and for whoever reads it.
+    fn scenario(&self) -> Result<Scenario>;
+
+    /// The hand-coded controller to measure a run against, one of [`Domain::baselines`].
+    fn rival(&self) -> Option<&'static str> {
+        None
+    }
+
+    /// Tries out what only a simulator can say of the domain's files, so that it is said before a run begins.
+    fn try_out(&self) -> Result<()> {
+        Ok(())
+    }
+
+    /// Returns an error if the domain's files could not be loaded from `folder`, which need not exist yet.
+    fn check_place(&self, _folder: &Path) -> Result<()> {
+        Ok(())
+    }
+
+    /// Makes `folder` and copies the domain's files into it. Returns their places in it, in the order of the config's keys
+    /// that name them; a domain without files makes nothing.
+    fn keep_files(&self, _folder: &Path) -> Result<Vec<PathBuf>> {
+        Ok(Vec::new())
+    }
+
+    /// The program of others that makes the steps of this domain's simulators, if one does. Its time cannot be avoided.
+    fn foreign_simulator(&self) -> Option<&'static str> {
+        None
+    }
+
+    /// What a run costs where none was measured.
+    fn rough_costs(&self) -> RoughCosts {
+        RoughCosts::default()
     }
 }

@@ -15,7 +15,7 @@ use rand::Rng;
 
 use super::{
     Action, Baseline, Beginning, Controller, Domain, GlobalSimulator, InfluenceSample, LocalSimulator, Percept,
-    RegionSpec, Result, SourceSpec, Transition,
+    RegionSpec, Result, Scenario, SourceSpec, Transition,
 };
 use crate::base::{AgentId, Dice, RandomPurpose, Rows, Seed};
 
@@ -55,6 +55,10 @@ impl Domain for Coins {
 
     fn local_simulator(&self, regions: &[AgentId], copies: usize, _seed: Seed) -> Result<Box<dyn LocalSimulator>> {
         Ok(Box::new(LocalCoins { regions: Regions::new(regions.len() * copies, &self.spec) }))
+    }
+
+    fn scenario(&self) -> Result<Scenario> {
+        Ok(Scenario::new("coins", AGENTS, self.spec.horizon))
     }
 
     fn baselines(&self) -> &'static [&'static str] {

@@ -5,8 +5,9 @@
 //! there are none, constants stand in that were measured on two cores of a cloud machine with the configs of this project.
 
 use super::file::PlannedRun;
-use crate::config::{Config, SimulatorKind};
+use crate::config::{Config, Simulator};
 use crate::cost::{Prices, Workload};
+use crate::domain::RoughCosts;
 use crate::report::run_dir::RunRecord;
 
 /// Core-seconds and memory of one kind of run.
@@ -42,7 +43,7 @@ impl UnitCosts {
 
 /// Cores that the policies' training takes: there is one GS.
 fn training_cores(config: &Config, cores: usize) -> usize {
-    if config.simulator == SimulatorKind::Gs { 1 } else { cores }
+    if config.simulator == Simulator::Global { 1 } else { cores }
 }
 
 /// Where an estimate is from.
@@ -61,63 +62,50 @@ pub struct Estimate {
     pub source: Source,
 }
 
-/// Measured with traffic_4.toml and traffic_100.toml.
-const TRAFFIC: UnitCosts =
-    UnitCosts { training_s: 37e-6, influence_s: 1.6e-6, evaluation_s: 25e-6, process_mb: 120.0, agent_mb: 4.0 };
-/// Likewise on the GS, without AIPs.
-const TRAFFIC_GS: UnitCosts = UnitCosts { training_s: 40e-6, ..TRAFFIC };
-/// Measured with warehouse_4.toml and warehouse_100.toml.
-const WAREHOUSE: UnitCosts =
-    UnitCosts { training_s: 60e-6, influence_s: 3e-6, evaluation_s: 8e-6, process_mb: 110.0, agent_mb: 8.0 };
-const WAREHOUSE_GS: UnitCosts = UnitCosts { training_s: 60e-6, ..WAREHOUSE };
-
 /// Estimates one run on so many cores.
 pub fn estimate(run: &PlannedRun, cores: usize, measured: &[RunRecord]) -> Estimate {
     let nearest = nearest(run, measured);
-    let (costs, source) = match costs_of(&nearest) {
+    let rough = costs_without_runs(run);
+    let (costs, source) = match costs_of(&nearest, rough) {
         Some(costs) => (costs, Source::Measured(nearest.len())),
-        None => (constants(&run.config), Source::Constants),
+        None => (rough, Source::Constants),
     };
-    let work = Workload::of(&run.config, run.agents, run.config.last_step());
+    let work = Workload::of(&run.config, run.agents(), run.config.last_step());
     let seconds = costs.prices(&work, training_cores(&run.config, cores), cores).of_run(&work).sum();
-    let memory_mb = (cores + 1) as f64 * costs.process_mb + run.agents as f64 * costs.agent_mb;
+    let memory_mb = (cores + 1) as f64 * costs.process_mb + run.agents() as f64 * costs.agent_mb;
     Estimate { seconds, memory_mb, source }
 }
 
-fn constants(config: &Config) -> UnitCosts {
-    match (config.traffic.is_some(), config.simulator) {
-        (true, SimulatorKind::Gs) => TRAFFIC_GS,
-        (true, _) => TRAFFIC,
-        (false, SimulatorKind::Gs) => WAREHOUSE_GS,
-        (false, _) => WAREHOUSE,
-    }
+fn costs_without_runs(run: &PlannedRun) -> UnitCosts {
+    let RoughCosts { training_s, training_on_gs_s, influence_s, evaluation_s, process_mb, agent_mb } = run.rough_costs;
+    let training_s = if run.config.simulator == Simulator::Global { training_on_gs_s } else { training_s };
+    UnitCosts { training_s, influence_s, evaluation_s, process_mb, agent_mb }
 }
 
 /// Measured runs of the same domain and simulator, those with the nearest number of agents.
 fn nearest<'a>(run: &PlannedRun, measured: &'a [RunRecord]) -> Vec<&'a RunRecord> {
     let alike = |other: &&RunRecord| {
-        let (a, b) = (&other.config, &run.config);
-        (a.traffic.is_some(), a.simulator) == (b.traffic.is_some(), b.simulator)
+        other.scenario.as_ref().is_some_and(|scenario| scenario.id.domain == run.scenario.id.domain)
+            && other.config.simulator == run.config.simulator
             && other.total_time().is_some()
-            && other.agents().is_some()
     };
     let ratio = |other: &RunRecord| {
-        let agents = other.agents().expect("looked at before") as f64;
-        (agents.ln() - (run.agents as f64).ln()).abs()
+        let agents = other.scenario.as_ref().map_or(0, |scenario| scenario.id.agents) as f64;
+        (agents.ln() - (run.agents() as f64).ln()).abs()
     };
     let alike: Vec<&RunRecord> = measured.iter().filter(alike).collect();
     let best = alike.iter().map(|other| ratio(other)).fold(f64::INFINITY, f64::min);
     alike.into_iter().filter(|other| ratio(other) <= best + 1e-9).collect()
 }
 
-/// What runs cost together; none where there are none.
-fn costs_of(runs: &[&RunRecord]) -> Option<UnitCosts> {
+/// Returns the mean costs of runs, and `fallback` for work that they did not do; `None` if there are no runs.
+fn costs_of(runs: &[&RunRecord], fallback: UnitCosts) -> Option<UnitCosts> {
+    runs.first()?;
     let mut spent = [0.0; 3];
     let mut done = [0.0; 3];
-    let fallback = constants(&runs.first()?.config);
     let mut process_mb = 0.0_f64;
     for run in runs {
-        let (time, agents) = (run.total_time()?, run.agents()?);
+        let (time, agents) = (run.total_time()?, run.scenario.as_ref()?.id.agents);
         let (cores, training_cores) = (run.workers as f64, training_cores(&run.config, run.workers) as f64);
         let work = Workload::of(&run.config, agents, time.steps);
         let samples = work.retrainings as f64 * work.samples_per_retraining();
@@ -148,6 +136,7 @@ fn costs_of(runs: &[&RunRecord]) -> Option<UnitCosts> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::domain::Scenario;
     use crate::report::run_dir::{Evaluation, Memory, PeriodTime, Returns};
     use std::path::PathBuf;
 
@@ -162,7 +151,14 @@ mod tests {
 
     fn planned(simulator: &str, total_steps: u64, agents: usize) -> PlannedRun {
         let config = config(simulator, total_steps);
-        PlannedRun { name: "a".to_owned(), config_path: PathBuf::new(), settings: Vec::new(), config, agents }
+        PlannedRun {
+            name: "a".to_owned(),
+            config_path: PathBuf::new(),
+            settings: Vec::new(),
+            config,
+            scenario: Scenario::new("warehouse", agents, 10),
+            rough_costs: RoughCosts { agent_mb: 8.0, ..RoughCosts::default() },
+        }
     }
 
     /// A finished run of 1000 steps that took so long.
@@ -177,6 +173,7 @@ mod tests {
             dir: PathBuf::new(),
             config: config(simulator, 1000),
             about: serde_json::Value::Null,
+            scenario: Some(Scenario::new("warehouse", agents, 10)),
             evaluations: vec![Evaluation {
                 steps: 1000,
                 all: returns,

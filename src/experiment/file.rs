@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, anyhow, ensure};
 use serde::Deserialize;
 
-use crate::config::{self, Config, SimulatorKind};
+use crate::config::{self, Config, Simulator};
+use crate::domain::{RoughCosts, Scenario};
 use crate::report::group::steps_text;
-use crate::report::scenario::{Method, Retraining, Scenario};
+use crate::report::method::{Method, Retraining};
 
 /// A grid of runs.
 #[derive(Clone, Debug, Deserialize)]
@@ -40,7 +41,7 @@ pub struct Grid {
     pub configs: Vec<PathBuf>,
     /// Left out: the one that each config names.
     #[serde(default)]
-    pub simulators: Vec<SimulatorKind>,
+    pub simulators: Vec<Simulator>,
     /// F, for simulators whose AIPs are trained. Left out: what each config says.
     #[serde(default)]
     pub retrain_every_steps: Vec<u64>,
@@ -67,7 +68,14 @@ pub struct PlannedRun {
     /// What is laid over the config.
     pub settings: Vec<String>,
     pub config: Config,
-    pub agents: usize,
+    pub scenario: Scenario,
+    pub rough_costs: RoughCosts,
+}
+
+impl PlannedRun {
+    pub fn agents(&self) -> usize {
+        self.scenario.id.agents
+    }
 }
 
 /// A hand-coded controller that an experiment means to measure.
@@ -77,7 +85,7 @@ pub struct PlannedBaseline {
     pub name: String,
     /// That of the first run on its scenario, settings and all.
     pub config: Config,
-    /// [`Scenario::id`]
+    /// [`crate::domain::ScenarioId::word`]
     pub scenario: String,
     pub controller: String,
     pub episodes: usize,
@@ -93,7 +101,7 @@ pub struct Experiment {
 
 /// What only the domain of a config knows.
 pub struct Knowledge<'a> {
-    pub agents: &'a dyn Fn(&Config) -> Result<usize>,
+    pub simulated: &'a dyn Fn(&Config) -> Result<(Scenario, RoughCosts)>,
     /// An error where there is no such controller.
     pub check_controller: &'a dyn Fn(&Config, &str) -> Result<()>,
 }
@@ -135,7 +143,7 @@ impl Experiment {
 
     fn add_baselines(&mut self, file: &ExperimentFile, knowledge: &Knowledge) -> Result<()> {
         for run in &self.runs {
-            let scenario = Scenario::of(&run.config, run.agents)?.id();
+            let scenario = run.scenario.id.word();
             for controller in &file.controllers {
                 let same = |other: &PlannedBaseline| other.scenario == scenario && other.controller == *controller;
                 if self.baselines.iter().any(same) {
@@ -165,7 +173,8 @@ impl Experiment {
     fn add_run(&mut self, combination: Combination, knowledge: &Knowledge) -> Result<()> {
         let Combination { config_path, settings, every, words, seed } = combination;
         let config = config::load(&config_path, &settings)?;
-        let retraining = Method::of(&config).retraining;
+        let (scenario, rough_costs) = (knowledge.simulated)(&config)?;
+        let retraining = Method::of(&config, &scenario).retraining;
         ensure!(
             every.is_none() || matches!(retraining, Retraining::Every(_)),
             "retrain_every_steps: means nothing with simulator = {} and aip.retrain = {}: leave it out, or give these runs a \
@@ -182,8 +191,7 @@ impl Experiment {
             self.runs.iter().all(|run| run.name != name),
             "two runs would be called {name}: give a [[grid]] a `name` of its own"
         );
-        let agents = (knowledge.agents)(&config)?;
-        self.runs.push(PlannedRun { name, config_path, settings, config, agents });
+        self.runs.push(PlannedRun { name, config_path, settings, config, scenario, rough_costs });
         Ok(())
     }
 }
@@ -205,7 +213,7 @@ fn combinations(file: &ExperimentFile, grid: &Grid, config_path: &Path) -> Vec<C
     }
     let mut combinations = Vec::new();
     for kind in one_of(&grid.simulators) {
-        let trained = !matches!(kind, Some(SimulatorKind::Gs | SimulatorKind::UntrainedDials));
+        let trained = kind.is_none_or(Simulator::trains_predictors);
         for every in one_of(if trained { &grid.retrain_every_steps[..] } else { &[] }) {
             for &seed in grid.seeds.as_ref().unwrap_or(&file.seeds) {
                 let mut settings: Vec<String> = file.set.iter().chain(&grid.set).cloned().collect();
@@ -225,11 +233,6 @@ fn stem(path: &Path) -> String {
     path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// Whether two configs of one scenario make the same run.
-pub fn same_run(a: &Config, b: &Config) -> bool {
-    a.seed == b.seed && a.last_step() == b.last_step() && Method::of(a) == Method::of(b)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -238,7 +241,7 @@ mod tests {
 
     /// A domain whose only controller is `random`, and any `fixed-time`.
     const KNOWLEDGE: Knowledge = Knowledge {
-        agents: &|_| Ok(4),
+        simulated: &|config| Ok((Scenario::new("warehouse", 4, config.horizon()), RoughCosts::default())),
         check_controller: &|_, name| {
             ensure!(name == "random" || name.starts_with("fixed-time"), "controller `{name}`: unknown");
             Ok(())

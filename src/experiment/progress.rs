@@ -2,14 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, ensure};
+use anyhow::{Result, bail, ensure};
 
-use super::file::{PlannedBaseline, PlannedRun, same_run};
-use crate::config::{self, Config};
+use super::file::{PlannedBaseline, PlannedRun};
+use crate::config;
 use crate::report::compare::differing;
 use crate::report::find::{Baseline, baseline_file, read_json};
-use crate::report::run_dir::{RunRecord, Status, is_run_dir};
-use crate::report::scenario::{Method, Scenario};
+use crate::report::method::Method;
+use crate::report::run_dir::{RunRecord, Status, is_run_dir, scenario_of};
 use crate::training::files::CONFIG;
 
 /// How far a planned run has come.
@@ -58,13 +58,13 @@ pub fn stage(folder: &Path, run: &PlannedRun) -> Result<Stage> {
         ensure!(!dir.exists(), "{}: is in the way: it is no run directory", dir.display());
         return Ok(Stage::New);
     }
-    let there = config::load(&dir.join(CONFIG), &[])?;
-    ensure!(
-        same_run(&there, &run.config) && Scenario::of(&there, run.agents)? == Scenario::of(&run.config, run.agents)?,
-        "{}: holds another run than the experiment means ({}); move it aside, or name another folder with --out",
-        dir.display(),
-        difference(&there, &run.config)
-    );
+    if let Some(difference) = difference(&dir, run)? {
+        bail!(
+            "{}: holds another run than the experiment means ({difference}); move it aside, or name another folder with \
+             --out",
+            dir.display()
+        );
+    }
     // What cannot be read was cut short: resuming cuts it back to the checkpoint.
     Ok(match RunRecord::read(&dir).map(|record| record.status()) {
         Ok(Status::Finished) => Stage::Finished,
@@ -89,16 +89,22 @@ pub fn stage_of_baseline(folder: &Path, planned: &PlannedBaseline) -> Stage {
     if read_json(&path).is_ok_and(as_planned) { Stage::Finished } else { Stage::Outdated }
 }
 
-/// The first thing in which a run differs from the plan, in words.
-fn difference(there: &Config, planned: &Config) -> String {
-    let [a, b] = [there, planned].map(|config| Method::of(config).keys);
+/// The first thing in which the run in `dir` differs from the plan, in words.
+fn difference(dir: &Path, planned: &PlannedRun) -> Result<Option<String>> {
+    let there = config::load_kept(&dir.join(CONFIG))?;
+    let scenario = scenario_of(dir, &there, planned.agents())?;
+    let planned_keys = Method::of(&planned.config, &planned.scenario).keys;
+    let (keys, planned_scenario, planned) = (Method::of(&there, &scenario).keys, &planned.scenario, &planned.config);
     let value = |value: Option<String>| value.unwrap_or("nothing".to_owned());
-    match differing(&a, &b).into_iter().next() {
-        Some((key, [a, b])) => format!("{key}: {} there, {} planned", value(a), value(b)),
+    Ok(match differing(&keys, &planned_keys).into_iter().next() {
+        Some((key, [a, b])) => Some(format!("{key}: {} there, {} planned", value(a), value(b))),
         None if there.last_step() != planned.last_step() => {
-            format!("steps: {} there, {} planned", there.last_step(), planned.last_step())
+            Some(format!("steps: {} there, {} planned", there.last_step(), planned.last_step()))
         }
-        None if there.seed != planned.seed => format!("seed: {} there, {} planned", there.seed, planned.seed),
-        None => "another network".to_owned(),
-    }
+        None if there.seed != planned.seed => Some(format!("seed: {} there, {} planned", there.seed, planned.seed)),
+        None if scenario.id != planned_scenario.id => {
+            Some(format!("scenario: {} there, {} planned", scenario.id.word(), planned_scenario.id.word()))
+        }
+        None => None,
+    })
 }

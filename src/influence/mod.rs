@@ -16,7 +16,7 @@ mod train;
 use std::ops::Range;
 
 use crate::base::{AgentId, Dice, Rows, Seed, Stopwatch};
-use crate::config::{AipConfig, SimulatorKind};
+use crate::config::{AipConfig, Predictor};
 use crate::domain::{RegionSpec, SourceSpec};
 use crate::nn::Layout;
 
@@ -77,28 +77,32 @@ pub trait TrainablePredictor: InfluencePredictor {
     ) -> Vec<CrossEntropies>;
 }
 
-/// The predictor of `agents` as a run of this kind begins, each agent's from its own stream.
+/// The predictor of `agents` as a run with this choice begins, each agent's from its own stream.
 pub fn initial_predictor(
-    kind: SimulatorKind,
+    choice: Predictor,
     agents: &[AgentId],
     spec: &RegionSpec,
     config: &AipConfig,
     seed: Seed,
 ) -> Box<dyn TrainablePredictor> {
-    match kind {
-        SimulatorKind::MarginalDials => Box::new(Marginals::new(agents.len(), spec)),
-        SimulatorKind::Dials | SimulatorKind::UntrainedDials | SimulatorKind::Gs => {
-            Box::new(AipStack::new(agents, spec, config, seed))
-        }
+    match choice {
+        Predictor::Marginals => Box::new(Marginals::new(agents.len(), spec)),
+        Predictor::Network | Predictor::Untrained => Box::new(AipStack::new(agents, spec, config, seed)),
     }
 }
 
 /// How the predictor of such a run lays out what it has learnt.
-pub fn layout(kind: SimulatorKind, spec: &RegionSpec, config: &AipConfig) -> Layout {
-    match kind {
-        SimulatorKind::MarginalDials => Marginals::layout(spec),
-        SimulatorKind::Dials | SimulatorKind::UntrainedDials | SimulatorKind::Gs => {
-            AipStack::shape(spec, config).layout()
-        }
+pub fn layout(choice: Predictor, spec: &RegionSpec, config: &AipConfig) -> Layout {
+    match choice {
+        Predictor::Marginals => Marginals::layout(spec),
+        Predictor::Network | Predictor::Untrained => AipStack::shape(spec, config).layout(),
+    }
+}
+
+/// Floating-point operations in matrix products with which such a predictor samples the sources of one decision.
+pub fn sampling_flops(choice: Predictor, spec: &RegionSpec, config: &AipConfig) -> f64 {
+    match choice {
+        Predictor::Marginals => 0.0,
+        Predictor::Network | Predictor::Untrained => AipStack::shape(spec, config).forward_flops(),
     }
 }

@@ -14,7 +14,7 @@ use super::channel::encode;
 use super::child::{Child, Event, Frame, What};
 use super::message::{Answer, Order, Report};
 use crate::base::{Activity, AgentId};
-use crate::config::{Config, Period, SimulatorKind};
+use crate::config::{Config, Period, Simulator};
 use crate::domain::Domain;
 use crate::evaluation::Evaluation;
 use crate::influence::{AipLoss, Dataset, FreshLoss};
@@ -77,7 +77,7 @@ impl ProcessFleet {
         options: Options,
         observer: Rc<dyn Observer>,
     ) -> Result<ProcessFleet> {
-        let owners = if config.simulator == SimulatorKind::Gs { 1 } else { options.workers };
+        let owners = if config.simulator == Simulator::Global { 1 } else { options.workers };
         let (sender, events) = channel();
         let slot = |index: usize| Slot {
             agents: if index < owners { share(domain.agents(), owners, index) } else { 0..0 },
@@ -272,7 +272,7 @@ impl ProcessFleet {
         let begin = Order::Begin {
             config_json: serde_json::to_string(&self.config)?,
             agents: agents.clone().map(AgentId).collect(),
-            threads: if self.config.simulator == SimulatorKind::Gs { self.options.workers } else { 1 },
+            threads: if self.config.simulator == Simulator::Global { self.options.workers } else { 1 },
         };
         child.send(encode(&begin)?.into());
         if self.agents.agents() > 0 && !agents.is_empty() {

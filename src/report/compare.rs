@@ -14,10 +14,10 @@ use super::find::{LeftOut, find};
 use super::group::{Group, Sorted, sort, steps_text};
 use super::played;
 use super::run_dir::{CpuTime, PeriodTime, RunRecord, Status};
-use super::scenario::Scenario;
 use super::words::{duration, figure, figure_like, interval, no_run, pairing, signed, signed_interval, warnings};
 use crate::base::statistics::difference::{Difference, Side as Returns, between, common_episodes};
 use crate::base::statistics::{ENOUGH_SEEDS, Spread, mean, median};
+use crate::domain::ScenarioId;
 
 /// Default return to reach, as a share of the lower final return.
 const REACH: f64 = 0.95;
@@ -26,7 +26,7 @@ const REACH: f64 = 0.95;
 pub struct Side {
     /// Its name on the command line.
     pub name: String,
-    pub scenario: Scenario,
+    pub scenario: ScenarioId,
     pub group: Group,
     left_out: Vec<LeftOut>,
 }
@@ -51,6 +51,7 @@ impl Side {
         );
         let comparison = comparisons.pop().with_context(|| no_run(name, &warnings(&[], &missing, &left_out)))?;
         let group = comparison.groups.into_iter().next().expect("the one that was counted");
+        ensure!(group.finals().is_some(), "{name}: has no run that was evaluated yet");
         Ok(Side { name: name.to_owned(), scenario: comparison.scenario, group, left_out })
     }
 }
@@ -115,13 +116,12 @@ pub fn compare(a: &Side, b: &Side, target: Option<f64>) -> Result<Verdict> {
         a.scenario == b.scenario,
         "{} is {} and {} is {}: returns of different scenarios (domain, agents, horizon, network) cannot be compared",
         a.name,
-        a.scenario.id(),
+        a.scenario.word(),
         b.name,
-        b.scenario.id()
+        b.scenario.word()
     );
     let sides = [a, b];
-    let [(steps_a, runs_a), (steps_b, runs_b)] =
-        sides.map(|side| side.group.finals().expect("a run that tells its agents was evaluated"));
+    let [(steps_a, runs_a), (steps_b, runs_b)] = sides.map(|side| side.group.finals().expect("a side was evaluated"));
     let steps = steps_a.min(steps_b);
     let runs = [runs_a, runs_b];
     let played = runs.each_ref().map(|runs| {
@@ -301,7 +301,7 @@ impl Verdict {
             })
         };
         json!({
-            "scenario": a.scenario.id(),
+            "scenario": a.scenario.word(),
             "steps": self.steps,
             "a": side(0, a),
             "b": side(1, b),

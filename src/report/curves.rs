@@ -139,8 +139,9 @@ fn measured(run: &RunRecord, data: LossData) -> Measured {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::domain::Scenario;
+    use crate::report::method::Method;
     use crate::report::run_dir::FreshLoss;
-    use crate::report::scenario::Method;
 
     /// Runs that measured losses at such steps; `true` right after a training. The marginals are 1 higher.
     fn group(runs: &[&[(u64, bool, f64)]]) -> Group {
@@ -148,6 +149,7 @@ mod tests {
             dir: Default::default(),
             config: toml::from_str("[warehouse]\nagents_per_side = 2").unwrap(),
             about: serde_json::Value::Null,
+            scenario: Some(Scenario::new("warehouse", 4, 100)),
             evaluations: Vec::new(),
             aip_trainings: Vec::new(),
             fresh_losses: losses
@@ -159,7 +161,7 @@ mod tests {
             workers: 1,
         };
         let runs: Vec<RunRecord> = runs.iter().map(run).collect();
-        Group { method: Method::of(&runs[0].config), overrides: Vec::new(), runs }
+        Group { method: Method::of(&runs[0].config, runs[0].scenario.as_ref().unwrap()), overrides: Vec::new(), runs }
     }
 
     #[test]

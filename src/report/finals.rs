@@ -160,8 +160,9 @@ pub fn peak_memory(group: &Group) -> Option<Memory> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::domain::Scenario;
+    use crate::report::method::Method;
     use crate::report::run_dir::Evaluation;
-    use crate::report::scenario::Method;
 
     #[test]
     fn the_runtime_of_unfinished_runs_is_until_the_step_that_all_have_reached() {
@@ -171,6 +172,7 @@ mod tests {
             dir: Default::default(),
             config: toml::from_str("total_steps = 100000\n[warehouse]\nagents_per_side = 1").unwrap(),
             about: serde_json::Value::Null,
+            scenario: Some(Scenario::new("warehouse", 1, 100)),
             evaluations: vec![Evaluation {
                 steps: periods * 4000 - 2000,
                 all: returns,
@@ -193,7 +195,11 @@ mod tests {
             workers: 1,
         };
         let runs = vec![run(2), run(20)];
-        let group = Group { method: Method::of(&runs[0].config), overrides: Vec::new(), runs };
+        let group = Group {
+            method: Method::of(&runs[0].config, runs[0].scenario.as_ref().unwrap()),
+            overrides: Vec::new(),
+            runs,
+        };
         let time = Runtime::of(&group).unwrap();
         // Both until 6000: 6 s, less 1.2 of evaluations, of which 0.6 the AIPs'.
         assert_eq!((time.steps, time.finished, time.wall_s), (6000, false, 6.0));

@@ -35,7 +35,7 @@ pub fn baseline_file(folder: &Path, name: &str) -> PathBuf {
 /// A hand-coded controller that was measured, as `baseline --json` tells it.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub struct Baseline {
-    /// [`super::scenario::Scenario::id`]
+    /// [`crate::domain::ScenarioId::word`]
     pub scenario: String,
     pub controller: String,
     pub mean_return: f64,

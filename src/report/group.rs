@@ -6,14 +6,15 @@ use anyhow::Result;
 
 use super::finals::Final;
 use super::find::{Baseline, Found, LeftOut};
+use super::method::{Method, Retraining};
 use super::played::minus_controller;
 use super::run_dir::{RunRecord, Status};
-use super::scenario::{Method, Retraining, Scenario};
 use crate::base::statistics::difference::{Difference, between};
+use crate::domain::ScenarioId;
 
 /// All groups of one scenario, in the order in which they are told: GS, DIALS by F, other simulators, variants last.
 pub struct Comparison {
-    pub scenario: Scenario,
+    pub scenario: ScenarioId,
     /// Of the scenario, unique among the comparisons of a report: `traffic, 4 agents`.
     pub title: String,
     /// Unique among the comparisons of a report, fit for file names: `traffic_4`.
@@ -196,17 +197,17 @@ pub struct Sorted {
 pub fn sort(found: Found) -> Result<Sorted> {
     let mut left_out = found.unreadable;
     type Methods = BTreeMap<Method, Vec<RunRecord>>;
-    let mut scenarios: BTreeMap<Scenario, Methods> = BTreeMap::new();
+    let mut scenarios: BTreeMap<ScenarioId, Methods> = BTreeMap::new();
     for run in found.runs {
-        match run.agents() {
-            Some(agents) => {
-                let scenario = Scenario::of(&run.config, agents)?;
-                scenarios.entry(scenario).or_default().entry(Method::of(&run.config)).or_default().push(run);
+        match run.scenario.clone() {
+            Some(scenario) => {
+                let method = Method::of(&run.config, &scenario);
+                scenarios.entry(scenario.id).or_default().entry(method).or_default().push(run);
             }
             None => left_out.push(LeftOut { dir: run.dir, reason: "not evaluated yet".to_owned() }),
         }
     }
-    let all: Vec<Scenario> = scenarios.keys().cloned().collect();
+    let all: Vec<ScenarioId> = scenarios.keys().cloned().collect();
     let mut comparisons = Vec::new();
     for (scenario, methods) in scenarios {
         let plain = plain_slug(&scenario);
@@ -219,13 +220,13 @@ pub fn sort(found: Found) -> Result<Sorted> {
         groups.sort_by_key(Group::order);
         let reference = reference(&groups, &told_apart);
         let baselines = found.baselines.iter().map(|(_, baseline)| baseline);
-        let baselines = baselines.filter(|baseline| baseline.scenario == scenario.id()).cloned().collect();
+        let baselines = baselines.filter(|baseline| baseline.scenario == scenario.word()).cloned().collect();
         let title = scenario.title_among(all.iter());
-        let slug = if unique { plain } else { scenario.id().replace('-', "_") };
+        let slug = if unique { plain } else { scenario.word().replace('-', "_") };
         comparisons.push(Comparison { title, slug, scenario, groups, reference, baselines });
     }
     for (path, baseline) in found.baselines {
-        if all.iter().all(|scenario| scenario.id() != baseline.scenario) {
+        if all.iter().all(|scenario| scenario.word() != baseline.scenario) {
             let reason = format!("was measured on {}, of which there is no run", baseline.scenario);
             left_out.push(LeftOut { dir: path, reason });
         }
@@ -233,8 +234,8 @@ pub fn sort(found: Found) -> Result<Sorted> {
     Ok(Sorted { comparisons, left_out })
 }
 
-fn plain_slug(scenario: &Scenario) -> String {
-    format!("{}_{}", scenario.domain.name(), scenario.agents)
+fn plain_slug(scenario: &ScenarioId) -> String {
+    format!("{}_{}", scenario.domain, scenario.agents)
 }
 
 /// Every key that has more than one value among the methods, with the value that more than half of them have, if any.
@@ -298,6 +299,7 @@ fn without_doubles(mut runs: Vec<RunRecord>, left_out: &mut Vec<LeftOut>) -> Vec
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::domain::Scenario;
 
     fn methods(values: &[&str]) -> Vec<BTreeMap<String, String>> {
         values.iter().map(|&value| BTreeMap::from([("ppo.clip".to_owned(), value.to_owned())])).collect()
@@ -317,6 +319,7 @@ mod tests {
             dir: format!("runs/{index}").into(),
             config: toml::from_str(&format!("{setting}\n[warehouse]\nagents_per_side = 2")).unwrap(),
             about: serde_json::Value::Null,
+            scenario: Some(Scenario::new("warehouse", 4, 100)),
             evaluations: Vec::new(),
             aip_trainings: Vec::new(),
             fresh_losses: Vec::new(),

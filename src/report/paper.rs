@@ -3,32 +3,52 @@
 //!
 //! Returns are not printed there: they were read off its plots, and say so. Runtimes and memory are from its tables.
 
-use super::scenario::{Domain, Retraining, Scenario};
+use super::method::Retraining;
+use crate::domain::{Scenario, ScenarioId};
+
+/// What it experiments on. Its tables are of these two.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Environment {
+    Traffic,
+    Warehouse,
+}
+
+impl Environment {
+    /// Returns the one of this name; `None` for what the paper does not have.
+    fn of(domain: &str) -> Option<Environment> {
+        match domain {
+            "traffic" => Some(Environment::Traffic),
+            "warehouse" => Some(Environment::Warehouse),
+            _ => None,
+        }
+    }
+}
 
 /// The sizes of its scenarios, in agents.
-pub const SIZES: [usize; 4] = [4, 25, 49, 100];
+const SIZES: [usize; 4] = [4, 25, 49, 100];
 /// Timesteps per agent of its runs.
 pub const STEPS: u64 = 4_000_000;
 /// Checksums of the networks of these sizes, which lie under `sumo_nets`.
-const NETWORKS: [u32; 4] = [0x2e9f_05c0, 0x93a8_b1ee, 0xcad9_7cd3, 0x5d49_296f];
+const NETWORKS: [&str; 4] = ["2e9f05c0", "93a8b1ee", "cad97cd3", "5d49296f"];
 
-/// A scenario of the paper.
-pub fn scenario(domain: Domain, agents: usize) -> Scenario {
-    Scenario { domain, agents, horizon: horizon(domain), network: None }
+/// The scenarios of the paper in a domain, by size; none in a domain that it does not have.
+pub fn scenarios(domain: &str) -> Vec<ScenarioId> {
+    let of_size = |environment| SIZES.map(|agents| Scenario::new(domain, agents, horizon(environment)).id).to_vec();
+    Environment::of(domain).map_or(Vec::new(), of_size)
 }
 
 /// Steps of an episode.
-fn horizon(domain: Domain) -> usize {
-    match domain {
-        Domain::Traffic => 300,
-        Domain::Warehouse => 100,
+fn horizon(environment: Environment) -> usize {
+    match environment {
+        Environment::Traffic => 300,
+        Environment::Warehouse => 100,
     }
 }
 
 /// Whether numbers of the paper may stand beside a scenario: it has as many agents, episodes as long and the same network. A
 /// network that nobody kept is believed to be the one.
-pub fn has(scenario: &Scenario) -> bool {
-    column(scenario).is_some()
+pub fn has(scenario: &ScenarioId) -> bool {
+    place(scenario).is_some()
 }
 
 /// A return that was read off a plot of the paper.
@@ -47,95 +67,101 @@ impl PaperReturn {
 }
 
 /// Where the returns are from.
-pub fn figure(scenario: &Scenario) -> &'static str {
-    match (scenario.domain, scenario.agents) {
-        (Domain::Traffic, 4) => "figure of section Results, (1a), read off the plot",
-        (Domain::Warehouse, 4) => "figure of section Results, (1b), read off the plot",
-        (Domain::Traffic, _) => "appendix Results, figure of traffic, read off the plot",
-        (Domain::Warehouse, _) => "appendix Results, figure of the warehouse, read off the plot",
-    }
+pub fn figure(scenario: &ScenarioId) -> Option<&'static str> {
+    let (environment, _) = place(scenario)?;
+    Some(match (environment, scenario.agents) {
+        (Environment::Traffic, 4) => "figure of section Results, (1a), read off the plot",
+        (Environment::Warehouse, 4) => "figure of section Results, (1b), read off the plot",
+        (Environment::Traffic, _) => "appendix Results, figure of traffic, read off the plot",
+        (Environment::Warehouse, _) => "appendix Results, figure of the warehouse, read off the plot",
+    })
 }
 
 pub const RUNTIME_SOURCE: &str = "appendix Runtimes";
 pub const MEMORY_SOURCE: &str = "appendix Memory Usage";
 
 /// F of the DIALS curves that the paper compares with the GS.
-pub fn best_retraining(domain: Domain) -> u64 {
-    match domain {
-        Domain::Traffic => 1_000_000,
-        Domain::Warehouse => 4_000_000,
+fn best_retraining(environment: Environment) -> u64 {
+    match environment {
+        Environment::Traffic => 1_000_000,
+        Environment::Warehouse => 4_000_000,
     }
 }
 
-fn column(scenario: &Scenario) -> Option<usize> {
+/// The environment, and the column of its size in a table.
+fn place(scenario: &ScenarioId) -> Option<(Environment, usize)> {
+    let environment = Environment::of(&scenario.domain)?;
     let column = SIZES.iter().position(|&size| size == scenario.agents)?;
-    let network = scenario.network.is_none_or(|network| network == NETWORKS[column]);
-    (network && scenario.horizon == horizon(scenario.domain)).then_some(column)
+    let network = scenario.checksum.as_ref().is_none_or(|checksum| checksum == NETWORKS[column]);
+    (network && scenario.episode.length == horizon(environment)).then_some((environment, column))
 }
 
 /// The curve of a method as far as it was read, in order of steps; empty for what the paper does not have.
-pub fn curve(scenario: &Scenario, simulator: &str, retraining: Retraining) -> Vec<PaperReturn> {
+pub fn curve(scenario: &ScenarioId, simulator: &str, retraining: Retraining) -> Vec<PaperReturn> {
     let Some(end) = final_return(scenario, simulator, retraining) else { return Vec::new() };
     let start = start(scenario).map(|mean| PaperReturn::new(0, mean, None));
-    let middle = match (scenario.domain, scenario.agents, simulator) {
-        (Domain::Traffic, 4, "dials") => Some(PaperReturn::new(1_000_000, 182.0, None)),
-        (Domain::Warehouse, 4, "dials") => Some(PaperReturn::new(1_000_000, 10.0, None)),
+    let (environment, _) = place(scenario).expect("it has a final return");
+    let middle = match (environment, scenario.agents, simulator) {
+        (Environment::Traffic, 4, "dials") => Some(PaperReturn::new(1_000_000, 182.0, None)),
+        (Environment::Warehouse, 4, "dials") => Some(PaperReturn::new(1_000_000, 10.0, None)),
         _ => None,
     };
     start.into_iter().chain(middle).chain([end]).collect()
 }
 
 /// The return of random weights.
-pub fn start(scenario: &Scenario) -> Option<f64> {
-    let starts = match scenario.domain {
-        Domain::Traffic => [144.0, 162.0, 164.0, 163.5],
-        Domain::Warehouse => [1.5, 1.9, 2.0, 2.1],
+pub fn start(scenario: &ScenarioId) -> Option<f64> {
+    let (environment, column) = place(scenario)?;
+    let starts = match environment {
+        Environment::Traffic => [144.0, 162.0, 164.0, 163.5],
+        Environment::Warehouse => [1.5, 1.9, 2.0, 2.1],
     };
-    Some(starts[column(scenario)?])
+    Some(starts[column])
 }
 
 /// The dashed line: SUMO's actuated control for traffic, the oldest item for the warehouse.
-pub fn hand_coded(scenario: &Scenario) -> Option<f64> {
-    let returns = match scenario.domain {
-        Domain::Traffic => [176.0, 175.0, 177.5, 175.0],
-        Domain::Warehouse => [13.1, 14.5, 13.9, 14.5],
+pub fn hand_coded(scenario: &ScenarioId) -> Option<f64> {
+    let (environment, column) = place(scenario)?;
+    let returns = match environment {
+        Environment::Traffic => [176.0, 175.0, 177.5, 175.0],
+        Environment::Warehouse => [13.1, 14.5, 13.9, 14.5],
     };
-    Some(returns[column(scenario)?])
+    Some(returns[column])
 }
 
 /// The end of a curve.
-pub fn final_return(scenario: &Scenario, simulator: &str, retraining: Retraining) -> Option<PaperReturn> {
-    let domain = scenario.domain;
+pub fn final_return(scenario: &ScenarioId, simulator: &str, retraining: Retraining) -> Option<PaperReturn> {
+    let (environment, column) = place(scenario)?;
     let at_end = |mean, std_error| PaperReturn::new(STEPS, mean, std_error);
-    let of_sizes = match (domain, simulator) {
-        (Domain::Traffic, "gs") => [
+    let of_sizes = match (environment, simulator) {
+        (Environment::Traffic, "gs") => [
             at_end(200.5, Some(7.0)),
             at_end(214.0, None),
             at_end(212.0, Some(7.0)),
             // A week was over.
             PaperReturn::new(3_500_000, 190.0, Some(14.0)),
         ],
-        (Domain::Traffic, "untrained-dials") => {
+        (Environment::Traffic, "untrained-dials") => {
             [at_end(172.0, Some(2.0)), at_end(163.0, None), at_end(158.5, None), at_end(149.0, None)]
         }
-        (Domain::Warehouse, "gs") => [
+        (Environment::Warehouse, "gs") => [
             at_end(8.1, Some(1.0)),
             at_end(11.4, None),
             at_end(10.2, Some(1.1)),
             PaperReturn::new(2_000_000, 9.6, Some(1.5)),
         ],
-        (Domain::Warehouse, "untrained-dials") => {
+        (Environment::Warehouse, "untrained-dials") => {
             [at_end(4.3, Some(0.6)), at_end(3.8, None), at_end(3.4, None), at_end(3.2, None)]
         }
-        (_, "dials") if retraining == Retraining::Every(best_retraining(domain)) => match domain {
-            Domain::Traffic => {
+        (_, "dials") if retraining == Retraining::Every(best_retraining(environment)) => match environment {
+            Environment::Traffic => {
                 [at_end(214.0, Some(1.0)), at_end(215.0, None), at_end(213.0, None), at_end(208.5, None)]
             }
-            Domain::Warehouse => [at_end(13.3, None), at_end(13.2, None), at_end(13.2, None), at_end(13.2, None)],
+            Environment::Warehouse => [at_end(13.3, None), at_end(13.2, None), at_end(13.2, None), at_end(13.2, None)],
         },
         _ => return None,
     };
-    Some(of_sizes[column(scenario)?])
+    Some(of_sizes[column])
 }
 
 /// Hours for 4M timesteps.
@@ -159,32 +185,32 @@ pub const RUNTIMES: [(&str, Retraining); 6] = [
 
 /// The table "Runtimes for the traffic control environment" or "... warehouse environment", measured on 128 CPUs (AMD
 /// EPYC 7452), one process per agent. Its heading "2 agents" stands over the scenario of 4.
-pub fn runtime(scenario: &Scenario, simulator: &str, retraining: Retraining) -> Option<PaperRuntime> {
-    let (domain, column) = (scenario.domain, column(scenario)?);
+pub fn runtime(scenario: &ScenarioId, simulator: &str, retraining: Retraining) -> Option<PaperRuntime> {
+    let (environment, column) = place(scenario)?;
     let of_sizes = |hours: [f64; 4]| hours[column];
-    let training = |domain| match domain {
-        Domain::Traffic => of_sizes([1.48, 1.93, 2.70, 3.70]),
-        Domain::Warehouse => of_sizes([2.13, 2.56, 3.19, 5.55]),
+    let training = match environment {
+        Environment::Traffic => of_sizes([1.48, 1.93, 2.70, 3.70]),
+        Environment::Warehouse => of_sizes([2.13, 2.56, 3.19, 5.55]),
     };
-    match (domain, simulator) {
-        (Domain::Traffic, "gs") => Some(alone(of_sizes([7.24, 46.96, 105.41, 261.06]))),
-        (Domain::Warehouse, "gs") => Some(alone(of_sizes([14.84, 97.04, 208.18, 468.46]))),
-        (_, "untrained-dials") => Some(alone(training(domain))),
+    match (environment, simulator) {
+        (Environment::Traffic, "gs") => Some(alone(of_sizes([7.24, 46.96, 105.41, 261.06]))),
+        (Environment::Warehouse, "gs") => Some(alone(of_sizes([14.84, 97.04, 208.18, 468.46]))),
+        (_, "untrained-dials") => Some(alone(training)),
         (_, "dials") => {
             let Retraining::Every(steps) = retraining else { return None };
-            let (influence, total) = match (domain, steps) {
-                (Domain::Traffic, 100_000) => ([0.66, 3.74, 8.60, 22.38], [2.14, 5.67, 11.30, 26.08]),
-                (Domain::Traffic, 500_000) => ([0.13, 0.75, 1.72, 4.48], [1.61, 2.68, 4.42, 8.18]),
-                (Domain::Traffic, 1_000_000) => ([0.07, 0.37, 0.86, 2.24], [1.55, 2.30, 3.56, 5.94]),
-                (Domain::Traffic, 4_000_000) => ([0.02, 0.09, 0.21, 0.56], [1.50, 2.02, 2.91, 4.26]),
-                (Domain::Warehouse, 100_000) => ([1.32, 7.11, 15.19, 45.45], [4.45, 9.67, 18.38, 51.00]),
-                (Domain::Warehouse, 500_000) => ([0.26, 1.42, 3.04, 9.09], [2.39, 3.98, 6.23, 14.64]),
-                (Domain::Warehouse, 1_000_000) => ([0.13, 0.71, 1.52, 4.54], [2.26, 3.27, 4.71, 10.09]),
-                (Domain::Warehouse, 4_000_000) => ([0.03, 0.18, 0.38, 1.13], [2.16, 2.74, 3.57, 6.68]),
+            let (influence, total) = match (environment, steps) {
+                (Environment::Traffic, 100_000) => ([0.66, 3.74, 8.60, 22.38], [2.14, 5.67, 11.30, 26.08]),
+                (Environment::Traffic, 500_000) => ([0.13, 0.75, 1.72, 4.48], [1.61, 2.68, 4.42, 8.18]),
+                (Environment::Traffic, 1_000_000) => ([0.07, 0.37, 0.86, 2.24], [1.55, 2.30, 3.56, 5.94]),
+                (Environment::Traffic, 4_000_000) => ([0.02, 0.09, 0.21, 0.56], [1.50, 2.02, 2.91, 4.26]),
+                (Environment::Warehouse, 100_000) => ([1.32, 7.11, 15.19, 45.45], [4.45, 9.67, 18.38, 51.00]),
+                (Environment::Warehouse, 500_000) => ([0.26, 1.42, 3.04, 9.09], [2.39, 3.98, 6.23, 14.64]),
+                (Environment::Warehouse, 1_000_000) => ([0.13, 0.71, 1.52, 4.54], [2.26, 3.27, 4.71, 10.09]),
+                (Environment::Warehouse, 4_000_000) => ([0.03, 0.18, 0.38, 1.13], [2.16, 2.74, 3.57, 6.68]),
                 _ => return None,
             };
             let influence = Some(of_sizes(influence));
-            Some(PaperRuntime { agents_training: training(domain), influence, total: of_sizes(total) })
+            Some(PaperRuntime { agents_training: training, influence, total: of_sizes(total) })
         }
         _ => None,
     }
@@ -203,34 +229,36 @@ pub struct PaperMemory {
 }
 
 /// The table "Peak Memory Usage in Megabytes (MB)".
-pub fn memory(scenario: &Scenario) -> Option<PaperMemory> {
-    let (gs, process, total) = match scenario.domain {
-        Domain::Traffic => {
+pub fn memory(scenario: &ScenarioId) -> Option<PaperMemory> {
+    let (environment, column) = place(scenario)?;
+    let (gs, process, total) = match environment {
+        Environment::Traffic => {
             ([375.3, 392.7, 412.5, 457.4], [219.5, 221.0, 225.8, 228.7], [878.0, 5525.0, 11064.2, 22870.0])
         }
-        Domain::Warehouse => {
+        Environment::Warehouse => {
             ([339.3, 391.8, 469.6, 607.4], [195.6, 201.9, 203.7, 207.5], [782.4, 5047.5, 9981.3, 20750.0])
         }
     };
-    let column = column(scenario)?;
     Some(PaperMemory { gs: gs[column], dials_process: process[column], dials_total: total[column] })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::domain::Episode;
+    use crate::report::before;
 
     #[test]
     fn totals_are_the_sums_that_the_paper_prints_but_for_one_slip() {
-        for domain in [Domain::Traffic, Domain::Warehouse] {
-            for agents in SIZES {
-                let scenario = scenario(domain, agents);
+        for domain in ["traffic", "warehouse"] {
+            for scenario in scenarios(domain) {
+                let agents = scenario.agents;
                 for every in [100_000, 500_000, 1_000_000, 4_000_000] {
                     let hours = runtime(&scenario, "dials", Retraining::Every(every)).unwrap();
                     let off = hours.total - hours.agents_training - hours.influence.unwrap();
                     // The paper has 4.45 where 2.13 + 1.32 = 3.45.
-                    let slip = (domain, agents, every) == (Domain::Warehouse, 4, 100_000);
-                    assert!((off - f64::from(u8::from(slip))).abs() < 0.015, "{domain:?} {agents} {every}: {off}");
+                    let slip = (domain, agents, every) == ("warehouse", 4, 100_000);
+                    assert!((off - f64::from(u8::from(slip))).abs() < 0.015, "{domain} {agents} {every}: {off}");
                 }
                 let memory = memory(&scenario).unwrap();
                 let processes = memory.dials_total / memory.dials_process;
@@ -241,7 +269,8 @@ mod tests {
 
     #[test]
     fn curves_begin_at_random_weights_and_end_at_the_last_figure() {
-        let curve = |agents, simulator, retraining| curve(&scenario(Domain::Traffic, agents), simulator, retraining);
+        let curve =
+            |agents, simulator, retraining| curve(&Scenario::new("traffic", agents, 300).id, simulator, retraining);
         let points = curve(4, "dials", Retraining::Every(1_000_000));
         let points: Vec<(u64, f64)> = points.iter().map(|point| (point.steps, point.mean)).collect();
         assert_eq!(points, [(0, 144.0), (1_000_000, 182.0), (4_000_000, 214.0)]);
@@ -254,10 +283,18 @@ mod tests {
         for (agents, side) in SIZES.into_iter().zip([2, 5, 7, 10]) {
             let network = format!("{}/sumo_nets/grid_{side}x{side}", env!("CARGO_MANIFEST_DIR"));
             let text = format!("[traffic]\nnetwork = '{network}'\nlocal_network = ''");
-            let ours = Scenario::of(&toml::from_str(&text).unwrap(), agents).unwrap();
-            assert!(ours.network.is_some() && has(&ours), "{agents}: {:08x?}", ours.network);
-            assert!(!has(&Scenario { network: Some(1), ..ours.clone() }), "other traffic");
-            assert!(!has(&Scenario { horizon: 100, ..ours }), "shorter episodes");
+            let ours = before::scenario(&toml::from_str(&text).unwrap(), Some(agents)).unwrap().unwrap().id;
+            assert!(ours.checksum.is_some() && has(&ours), "{agents}: {:?}", ours.checksum);
+            assert!(!has(&ScenarioId { checksum: Some("00000001".to_owned()), ..ours.clone() }), "other traffic");
+            let shorter = Episode { length: 100, ..ours.episode.clone() };
+            assert!(!has(&ScenarioId { episode: shorter, ..ours }), "shorter episodes");
         }
+    }
+
+    #[test]
+    fn a_domain_that_it_does_not_have_is_compared_with_nothing() {
+        let ants = Scenario::new("ants", 4, 100).id;
+        assert!(!has(&ants) && scenarios("ants").is_empty());
+        assert!(hand_coded(&ants).is_none() && memory(&ants).is_none());
     }
 }

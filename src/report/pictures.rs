@@ -2,7 +2,6 @@
 
 use anyhow::Result;
 
-use super::GridShape;
 use super::chart::{
     Axis, Bar, BarChart, Cell, Cluster, HeatMap, Level, Line, LineChart, LinePoint, Looks, MOST_BANDS, Mark, Panel,
     Row, RowChart, Scale,
@@ -14,10 +13,10 @@ use super::finals::{Final, Runtime};
 use super::group::{Comparison, Group, steps_text};
 use super::paper;
 use super::run_dir::Returns;
-use super::scenario::Domain;
 use super::words::{difference, figure, signed};
 use crate::base::statistics::difference::Difference;
 use crate::base::statistics::{Bounds, ENOUGH_SEEDS, Spread};
+use crate::domain::{FirstRow, Map};
 use crate::drawing::Svg;
 
 /// Along which a learning curve is drawn.
@@ -32,7 +31,8 @@ fn steps_axis() -> Axis {
 }
 
 fn return_axis(comparison: &Comparison) -> Axis {
-    let label = format!("mean return of an agent, {} steps", comparison.scenario.horizon);
+    let episode = &comparison.scenario.episode;
+    let label = format!("mean return of an agent, {} {}", episode.length, episode.unit);
     Axis { label, format: |value| if value.abs() >= 50.0 { format!("{value:.0}") } else { format!("{value:.1}") } }
 }
 
@@ -316,7 +316,7 @@ fn losses_of_seeds(group: &Group, data: LossData) -> Vec<Vec<(f64, f64)>> {
 }
 
 /// Final returns of a domain, a cluster per size.
-pub fn final_bars(domain: Domain, comparisons: &[&Comparison], looks: &Looks) -> Result<Svg> {
+pub fn final_bars(domain: &str, comparisons: &[&Comparison], looks: &Looks) -> Result<Svg> {
     let clusters = clusters(comparisons, |comparison, group| {
         let end = Final::of(group)?;
         let paper = paper::final_return(&comparison.scenario, group.simulator(), group.method.retraining);
@@ -330,7 +330,7 @@ pub fn final_bars(domain: Domain, comparisons: &[&Comparison], looks: &Looks) ->
         })
     });
     let chart = BarChart {
-        title: format!("Final return, {}", domain.name()),
+        title: format!("Final return, {}", domain),
         x_label: "agents".to_owned(),
         y: return_axis(comparisons[0]),
         format: figure,
@@ -342,7 +342,7 @@ pub fn final_bars(domain: Domain, comparisons: &[&Comparison], looks: &Looks) ->
 }
 
 /// Runtimes of a domain, likewise.
-pub fn runtime_bars(domain: Domain, comparisons: &[&Comparison], looks: &Looks) -> Result<Svg> {
+pub fn runtime_bars(domain: &str, comparisons: &[&Comparison], looks: &Looks) -> Result<Svg> {
     let groups = comparisons.iter().flat_map(|comparison| &comparison.groups);
     let longest = groups.filter_map(|group| Some(Runtime::of(group)?.total.mean)).fold(0.0, f64::max);
     let (unit, seconds) = time_unit(longest);
@@ -360,7 +360,7 @@ pub fn runtime_bars(domain: Domain, comparisons: &[&Comparison], looks: &Looks) 
         })
     });
     let chart = BarChart {
-        title: format!("Runtime, {}", domain.name()),
+        title: format!("Runtime, {}", domain),
         x_label: "agents".to_owned(),
         y: Axis { label: format!("{unit}, powers of 2"), format: plain },
         format: short,
@@ -434,14 +434,13 @@ fn clusters(comparisons: &[&Comparison], bar: impl Fn(&Comparison, &Group) -> Op
 }
 
 /// Every agent of a scenario at its end; none where nothing was evaluated.
-pub fn agents(comparison: &Comparison, shape: GridShape) -> Result<Option<Svg>> {
+pub fn agents(comparison: &Comparison) -> Result<Option<Svg>> {
     let mut groups = Vec::new();
     for group in &comparison.groups {
         let (Some(end), Some(run)) = (Final::of(group), group.runs.first()) else { continue };
-        let shape = shape(run).unwrap_or_else(|| square(comparison.scenario.agents));
-        let upwards = comparison.scenario.domain == Domain::Traffic;
-        let panel =
-            |label: String, agents: Vec<(f64, bool)>| Panel { label, rows: on_the_grid(&agents, shape, upwards) };
+        let map = run.scenario.as_ref().and_then(|scenario| scenario.map);
+        let map = map.unwrap_or_else(|| square(comparison.scenario.agents));
+        let panel = |label: String, agents: Vec<(f64, bool)>| Panel { label, rows: on_the_map(&agents, map) };
         let mut panels = Vec::new();
         if end.agents_of_runs.len() > 1 {
             let means = end.agent_means.iter().map(|&mean| (mean, false)).collect();
@@ -467,17 +466,19 @@ pub fn agents(comparison: &Comparison, shape: GridShape) -> Result<Option<Svg>> 
     map.draw().map(Some)
 }
 
-/// The grid of so many agents where nobody knows it: a square if they make one, else a row.
-fn square(agents: usize) -> (usize, usize) {
+/// The map of so many agents where nobody knows it: a square if they make one, else a row.
+fn square(agents: usize) -> Map {
     let side = agents.isqrt();
-    if side * side == agents { (side, side) } else { (1, agents) }
+    let (rows, columns) = if side * side == agents { (side, side) } else { (1, agents) };
+    Map { rows, columns, first_row: FirstRow::Top }
 }
 
-/// Agents row by row; `upwards` where agent 0 is at the bottom.
-fn on_the_grid(agents: &[(f64, bool)], (_, columns): (usize, usize), upwards: bool) -> Vec<Vec<Cell>> {
+/// Agents row by row, from the top.
+fn on_the_map(agents: &[(f64, bool)], map: Map) -> Vec<Vec<Cell>> {
     let cell = |&(value, stuck): &(f64, bool)| Cell { value, stuck };
-    let mut rows: Vec<Vec<Cell>> = agents.chunks(columns.max(1)).map(|row| row.iter().map(cell).collect()).collect();
-    if upwards {
+    let mut rows: Vec<Vec<Cell>> =
+        agents.chunks(map.columns.max(1)).map(|row| row.iter().map(cell).collect()).collect();
+    if map.first_row == FirstRow::Bottom {
         rows.reverse();
     }
     rows
@@ -488,14 +489,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn traffic_is_seen_with_the_south_at_the_bottom() {
+    fn the_row_of_agent_0_is_where_the_map_has_it() {
         let agents: Vec<(f64, bool)> = (0..6).map(|agent| (f64::from(agent), false)).collect();
-        let values = |upwards| -> Vec<Vec<f64>> {
-            let rows = on_the_grid(&agents, (2, 3), upwards);
+        let values = |first_row| -> Vec<Vec<f64>> {
+            let rows = on_the_map(&agents, Map { rows: 2, columns: 3, first_row });
             rows.iter().map(|row| row.iter().map(|cell| cell.value).collect()).collect()
         };
-        assert_eq!(values(true), [[3.0, 4.0, 5.0], [0.0, 1.0, 2.0]]);
-        assert_eq!(values(false), [[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]]);
-        assert_eq!([square(25), square(6)], [(5, 5), (1, 6)]);
+        assert_eq!(values(FirstRow::Bottom), [[3.0, 4.0, 5.0], [0.0, 1.0, 2.0]]);
+        assert_eq!(values(FirstRow::Top), [[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]]);
+        assert_eq!([square(25), square(6)].map(|map| (map.rows, map.columns)), [(5, 5), (1, 6)]);
     }
 }

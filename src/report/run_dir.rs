@@ -4,10 +4,13 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+use serde::Deserialize;
 use serde_json::Value;
 
+use super::before;
 use super::csv_table::{CsvTable, Line};
 use crate::config::{self, Config};
+use crate::domain::Scenario;
 use crate::training::files;
 use crate::training::tables::ALL;
 
@@ -18,6 +21,8 @@ pub struct RunRecord {
     pub config: Config,
     /// `run.json`: command line and versions.
     pub about: Value,
+    /// What was simulated; `None` where nothing tells of how many agents.
+    pub scenario: Option<Scenario>,
     /// In order of steps.
     pub evaluations: Vec<Evaluation>,
     /// Trainings of the AIPs, in order of steps.
@@ -154,15 +159,19 @@ pub fn is_run_dir(path: &Path) -> bool {
 
 impl RunRecord {
     pub fn read(dir: &Path) -> Result<RunRecord> {
-        let config = config::load(&dir.join(files::CONFIG), &[])?;
+        let config = config::load_kept(&dir.join(files::CONFIG))?;
+        let about = read_about(&dir.join(files::RUN))?;
         let timing = CsvTable::read(&dir.join(files::TIMING))?;
+        let evaluations = read_evaluations(
+            &CsvTable::read(&dir.join(files::RETURNS))?,
+            &CsvTable::read(&dir.join(files::EPISODES))?,
+        )?;
+        let agents = evaluations.first().map(|first| first.agents.len());
         Ok(RunRecord {
+            scenario: scenario_in(&about, &config, agents)?,
             config,
-            about: read_about(&dir.join(files::RUN))?,
-            evaluations: read_evaluations(
-                &CsvTable::read(&dir.join(files::RETURNS))?,
-                &CsvTable::read(&dir.join(files::EPISODES))?,
-            )?,
+            about,
+            evaluations,
             aip_trainings: read_aip_trainings(&CsvTable::read(&dir.join(files::AIP_LOSS))?)?,
             fresh_losses: read_fresh_losses(&CsvTable::read(&dir.join(files::AIP_DRIFT))?)?,
             periods: read_periods(&timing)?,
@@ -180,12 +189,6 @@ impl RunRecord {
             Some(last) if last.steps >= self.config.last_step() => Status::Finished,
             Some(last) => Status::Unfinished { steps: last.steps },
         }
-    }
-
-    /// How many agents learn, where an evaluation or the config tells.
-    pub fn agents(&self) -> Option<usize> {
-        let side = self.config.warehouse.as_ref().map(|warehouse| warehouse.agents_per_side);
-        self.evaluations.first().map(|first| first.agents.len()).or(side.map(|side| side * side))
     }
 
     /// The mean return of all agents at a step, interpolated between two evaluations; none outside of them.
@@ -255,6 +258,23 @@ fn interpolate(points: impl Iterator<Item = (u64, f64)>, at: u64) -> Option<f64>
         before = Some((place, value));
     }
     None
+}
+
+/// What the run in `dir` simulates; `config` is the run's, `agents` their number.
+pub fn scenario_of(dir: &Path, config: &Config, agents: usize) -> Result<Scenario> {
+    let about = read_about(&dir.join(files::RUN))?;
+    Ok(scenario_in(&about, config, Some(agents))?.expect("the number of agents is known"))
+}
+
+/// As `run.json` says, or for older runs as far as the config tells.
+fn scenario_in(about: &Value, config: &Config, agents: Option<usize>) -> Result<Option<Scenario>> {
+    match about.get("scenario") {
+        Some(scenario) => {
+            let scenario = Scenario::deserialize(scenario).with_context(|| format!("{}: scenario", files::RUN))?;
+            Ok(Some(scenario))
+        }
+        None => before::scenario(config, agents),
+    }
 }
 
 fn read_about(path: &Path) -> Result<Value> {

@@ -1,13 +1,13 @@
 //! The sections of a report, in order.
 
+use std::collections::BTreeSet;
+
 use anyhow::Result;
 
-use super::GridShape;
 use super::chart::Looks;
 use super::document::{Block, Document, Figure};
 use super::group::Comparison;
 use super::pictures::{self, Against};
-use super::scenario::Domain;
 use super::tables;
 use crate::drawing::Svg;
 
@@ -38,7 +38,7 @@ const RULES: [&str; 10] = [
 ];
 
 /// The whole report.
-pub fn document(comparisons: &[Comparison], warnings: &[String], shape: GridShape) -> Result<Document> {
+pub fn document(comparisons: &[Comparison], warnings: &[String]) -> Result<Document> {
     let labels = label_order(comparisons);
     let looks = Looks::new(labels.iter().map(String::as_str));
     let mut blocks = vec![Block::Paragraph(overview(comparisons))];
@@ -47,14 +47,13 @@ pub fn document(comparisons: &[Comparison], warnings: &[String], shape: GridShap
         blocks.push(Block::List(warnings.to_vec()));
     }
     for comparison in comparisons {
-        blocks.extend(scenario(comparison, &looks, shape)?);
+        blocks.extend(scenario(comparison, &looks)?);
     }
-    for domain in [Domain::Traffic, Domain::Warehouse] {
+    let domains: BTreeSet<&str> = comparisons.iter().map(|comparison| comparison.scenario.domain.as_str()).collect();
+    for domain in domains {
         let of_domain: Vec<&Comparison> =
             comparisons.iter().filter(|comparison| comparison.scenario.domain == domain).collect();
-        if !of_domain.is_empty() {
-            blocks.extend(costs(domain, &of_domain, &looks)?);
-        }
+        blocks.extend(costs(domain, &of_domain, &looks)?);
     }
     blocks.push(Block::Heading(2, "How to read this".to_owned()));
     blocks.push(Block::List(RULES.map(str::to_owned).to_vec()));
@@ -88,7 +87,7 @@ fn label_order(comparisons: &[Comparison]) -> Vec<String> {
     groups.into_iter().map(|group| group.label()).collect()
 }
 
-fn scenario(comparison: &Comparison, looks: &Looks, shape: GridShape) -> Result<Vec<Block>> {
+fn scenario(comparison: &Comparison, looks: &Looks) -> Result<Vec<Block>> {
     let (slug, title) = (&comparison.slug, &comparison.title);
     let mut blocks = vec![Block::Heading(2, comparison.heading()), Block::Table(tables::finals(comparison))];
     let against = |against| pictures::learning(comparison, looks, against);
@@ -112,31 +111,30 @@ fn scenario(comparison: &Comparison, looks: &Looks, shape: GridShape) -> Result<
             ),
             pictures::cross_entropy(comparison, looks)?,
         ),
-        (format!("agents_{slug}"), format!("Every agent at the end, {title}."), pictures::agents(comparison, shape)?),
+        (format!("agents_{slug}"), format!("Every agent at the end, {title}."), pictures::agents(comparison)?),
     ];
     blocks.extend(figures.into_iter().filter_map(|(name, caption, svg)| Some(figure(name, caption, svg?))));
     blocks.push(Block::Table(tables::agents(comparison)));
     Ok(blocks)
 }
 
-fn costs(domain: Domain, comparisons: &[&Comparison], looks: &Looks) -> Result<Vec<Block>> {
-    let name = domain.name();
+fn costs(name: &str, comparisons: &[&Comparison], looks: &Looks) -> Result<Vec<Block>> {
     let mut blocks = vec![Block::Heading(2, format!("All sizes, {name}"))];
     // An ablation has its own picture of the final returns.
     if comparisons.iter().any(|comparison| comparison.reference.is_none()) {
         blocks.push(figure(
             format!("final_return_{name}"),
             format!("Final return by number of agents, {name}. Diamonds: the paper, if our runs were as long."),
-            pictures::final_bars(domain, comparisons, looks)?,
+            pictures::final_bars(name, comparisons, looks)?,
         ));
     }
     blocks.push(figure(
         format!("runtime_{name}"),
         format!("Runtime by number of agents, {name}. Diamonds: the paper, if our runs were as long."),
-        pictures::runtime_bars(domain, comparisons, looks)?,
+        pictures::runtime_bars(name, comparisons, looks)?,
     ));
-    blocks.push(Block::Table(tables::runtimes(domain, comparisons)));
-    blocks.push(Block::Table(tables::memory(domain, comparisons)));
+    blocks.push(Block::Table(tables::runtimes(name, comparisons)));
+    blocks.push(Block::Table(tables::memory(name, comparisons)));
     Ok(blocks)
 }
 

@@ -8,8 +8,8 @@ use super::group::{Comparison, Group, method_name, steps_text};
 use super::paper::{self, PaperRuntime};
 use super::pictures::comparable;
 use super::run_dir::{Memory, Status};
-use super::scenario::{Domain, Scenario};
 use super::words::{certainty, difference, figure, figure_like, hours, signed, with_error};
+use crate::domain::ScenarioId;
 
 const NOTHING: &str = "-";
 
@@ -95,9 +95,9 @@ fn caption_of_finals(comparison: &Comparison) -> String {
             caption += " The controller is the strongest one measured.";
         }
     }
-    caption += &match paper::has(&comparison.scenario) {
-        true => format!(" Paper: {}, ± its standard error where it draws one.", paper::figure(&comparison.scenario)),
-        false => " The paper has no such scenario.".to_owned(),
+    caption += &match paper::figure(&comparison.scenario) {
+        Some(figure) => format!(" Paper: {figure}, ± its standard error where it draws one."),
+        None => " The paper has no such scenario.".to_owned(),
     };
     caption
 }
@@ -157,7 +157,7 @@ fn stuck_agents(stuck: &[AgentAt]) -> String {
 
 /// A column of a table by number of agents: a scenario of ours, or one that only the paper has.
 struct Column<'a> {
-    scenario: Scenario,
+    scenario: ScenarioId,
     ours: Option<&'a Comparison>,
 }
 
@@ -168,13 +168,13 @@ impl Column<'_> {
 }
 
 /// Ours and the paper's, by size.
-fn columns<'a>(domain: Domain, comparisons: &[&'a Comparison]) -> Vec<Column<'a>> {
+fn columns<'a>(domain: &str, comparisons: &[&'a Comparison]) -> Vec<Column<'a>> {
     let ours =
         comparisons.iter().map(|&comparison| Column { scenario: comparison.scenario.clone(), ours: Some(comparison) });
     let mut columns: Vec<Column> = ours.collect();
-    for agents in paper::SIZES {
-        if !columns.iter().any(|column| column.scenario.agents == agents && paper::has(&column.scenario)) {
-            columns.push(Column { scenario: paper::scenario(domain, agents), ours: None });
+    for scenario in paper::scenarios(domain) {
+        if !columns.iter().any(|column| column.scenario.agents == scenario.agents && paper::has(&column.scenario)) {
+            columns.push(Column { scenario, ours: None });
         }
     }
     columns.sort_by_key(|column| column.scenario.agents);
@@ -182,7 +182,7 @@ fn columns<'a>(domain: Domain, comparisons: &[&'a Comparison]) -> Vec<Column<'a>
 }
 
 /// Runtimes of a domain in the paper's layout: agents training, influence, total, each by the number of agents.
-pub fn runtimes(domain: Domain, comparisons: &[&Comparison]) -> Table {
+pub fn runtimes(domain: &str, comparisons: &[&Comparison]) -> Table {
     let columns = columns(domain, comparisons);
     let ours: Vec<Vec<(String, Runtime)>> = columns
         .iter()
@@ -232,7 +232,7 @@ pub fn runtimes(domain: Domain, comparisons: &[&Comparison]) -> Table {
              time without evaluations, mean over seeds, {machine}. CPU hours: ours, all processes, without evaluations. \
              Runs that did not train for the paper's 4M steps have rows of their own. Paper: {} (128 CPUs, one process \
              per agent).",
-            domain.name(),
+            domain,
             paper::RUNTIME_SOURCE
         ),
         header,
@@ -271,7 +271,7 @@ fn beside(ours: Option<String>, paper: Option<String>) -> String {
 }
 
 /// Peak memory of a domain in the paper's layout.
-pub fn memory(domain: Domain, comparisons: &[&Comparison]) -> Table {
+pub fn memory(domain: &str, comparisons: &[&Comparison]) -> Table {
     let columns = columns(domain, comparisons);
     let ours = |column: &Column, simulator: &str| -> Option<Memory> {
         let groups = column.ours.iter().flat_map(|comparison| &comparison.groups);
@@ -301,7 +301,7 @@ pub fn memory(domain: Domain, comparisons: &[&Comparison]) -> Table {
         caption: format!(
             "Peak memory for {}: the largest of all runs of a simulator. Ours: MiB (1 MiB is 1.05 MB), the coordinator with \
              {}. Paper: MB, DIALS as a process per agent, {}.",
-            domain.name(),
+            domain,
             machines(comparisons).trim_start_matches("with "),
             paper::MEMORY_SOURCE
         ),

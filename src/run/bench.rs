@@ -14,7 +14,7 @@ use crate::bench::costs::Costs;
 use crate::bench::measure::{Plan, measure, short_orders};
 use crate::bench::table;
 use crate::cli;
-use crate::config::{Config, SimulatorKind, load};
+use crate::config::{Config, Predictor, Simulator, load};
 use crate::domain::Domain;
 use crate::error::{Error, Result};
 use crate::nn::Peak;
@@ -33,7 +33,7 @@ pub fn bench(args: &cli::Bench) -> Result<()> {
     #[cfg(feature = "torch")]
     super::blas::keep_to_one_thread();
     let config = load(&args.config, &settings_with(&args.settings, args.simulator)).map_err(Error::Usage)?;
-    if config.simulator == SimulatorKind::MarginalDials {
+    if config.simulator == Simulator::Local(Predictor::Marginals) {
         let reason = "marginal-dials costs what dials does, but for the training of AIPs: measure dials";
         return Err(Error::Usage(anyhow!("{}: {reason}", args.config.display())));
     }
@@ -93,7 +93,8 @@ fn run(
             100.0 * share
         ));
     }
-    Ok(Costs::of(config, domain.spec(), domain.agents(), peak_flops, &measured))
+    let foreign = domain.foreign_simulator().is_some();
+    Ok(Costs::of(config, domain.spec(), domain.agents(), foreign, peak_flops, &measured))
 }
 
 /// 1, 2, 4, ... and `most`.

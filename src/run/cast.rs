@@ -2,14 +2,14 @@
 
 use std::path::Path;
 
-use anyhow::{Context, Result, anyhow, bail, ensure};
+use anyhow::{Context, Result, bail, ensure};
 
 use super::directory;
 use super::domain;
 use super::subject::Subject;
 use crate::base::{AgentId, RandomPurpose, Rows, Seed, Stopwatch};
 use crate::cli;
-use crate::config::{Config, SimulatorKind, load};
+use crate::config::{Config, load};
 use crate::domain::{Controller, Domain};
 use crate::evaluation::{episode_seed, play};
 use crate::influence::{self, TrainablePredictor};
@@ -109,18 +109,15 @@ impl Episode {
 
 /// The AIP of an agent as the run left it.
 fn aip_of(agent: AgentId, domain: &dyn Domain, config: &Config, run_dir: &Path) -> Result<Box<dyn TrainablePredictor>> {
+    let choice = config.simulator.predictor().with_context(|| {
+        format!("{}: was trained on the GS and has no AIPs to drive a local simulator with", run_dir.display())
+    })?;
     let mut aip = initial_aips(domain, config, &[agent]);
-    match config.simulator {
-        // Never trained, so never written either.
-        SimulatorKind::UntrainedDials => Ok(aip),
-        SimulatorKind::Gs => {
-            Err(anyhow!("{}: was trained on the GS and has no AIPs to drive a local simulator with", run_dir.display()))
-        }
-        SimulatorKind::Dials | SimulatorKind::MarginalDials => {
-            let layout = influence::layout(config.simulator, domain.spec(), &config.aip);
-            let rows = read_stack(&run_dir.join(files::AIPS), &layout, domain.agents())?;
-            aip.load(&Rows::from_vec(rows.row(agent.0).to_vec(), rows.width()));
-            Ok(aip)
-        }
+    // What is never trained is never written either.
+    if choice.learns() {
+        let layout = influence::layout(choice, domain.spec(), &config.aip);
+        let rows = read_stack(&run_dir.join(files::AIPS), &layout, domain.agents())?;
+        aip.load(&Rows::from_vec(rows.row(agent.0).to_vec(), rows.width()));
     }
+    Ok(aip)
 }

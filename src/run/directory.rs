@@ -109,11 +109,13 @@ pub fn tell_moved(path: &Path, aside: &Path) {
 
 /// Writes config, networks and circumstances.
 fn describe(dir: &Path, config: &Config) -> Result<()> {
-    let kept = domain::keep_files(config, dir)?;
+    let domain = domain::find(config)?;
+    let kept = domain::keep_files(config, &*domain, dir)?;
     write_atomically(&dir.join(files::CONFIG), config::to_toml(&kept)?.as_bytes())?;
     let run = json!({
         "seed": config.seed,
         "command": command_line(),
+        "scenario": domain.scenario()?,
         "versions": Build::here(config.numerics.vector_width)?,
     });
     write_atomically(&dir.join(files::RUN), format!("{run:#}\n").as_bytes())
@@ -222,6 +224,7 @@ pub fn is_free(path: &Path) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::{DomainConfig, TrafficConfig};
     use crate::traffic::network::files::NetworkFiles;
 
     /// A config that is loaded from `dir`, with the networks of this project.
@@ -232,8 +235,13 @@ mod tests {
         config::load(&dir.join("c.toml"), &[]).unwrap()
     }
 
+    fn traffic_in(config: &mut Config) -> &mut TrafficConfig {
+        let Some(DomainConfig::Traffic(table)) = &mut config.domain else { panic!("this config is of traffic") };
+        table
+    }
+
     fn networks_of(config: &Config) -> [NetworkFiles; 2] {
-        let traffic = config.traffic.as_ref().unwrap();
+        let traffic = traffic_in(&mut config.clone()).clone();
         [&traffic.network, &traffic.local_network].map(|network| NetworkFiles::of(network))
     }
 
@@ -286,7 +294,7 @@ mod tests {
         create(&path, Existing::Refuse, &config).unwrap();
         fs::write(path.join("precious"), "x").unwrap();
         let mut lost = config.clone();
-        lost.traffic.as_mut().unwrap().network = dir.path().join("nowhere");
+        traffic_in(&mut lost).network = dir.path().join("nowhere");
         for place in [path.clone(), dir.path().join("new/and/deep")] {
             let error = create(&place, Existing::MoveAside, &lost).unwrap_err();
             assert!(error.to_string().contains("nowhere.net.xml: no such network"), "{error}");
@@ -314,7 +322,7 @@ mod tests {
         for (network, folder) in [(&global, "g"), (&local, "l")] {
             network.copy_to(&dir.path().join(folder), "same").unwrap();
         }
-        let traffic = config.traffic.as_mut().unwrap();
+        let traffic = traffic_in(&mut config);
         traffic.network = dir.path().join("g/same");
         traffic.local_network = dir.path().join("l/same");
         let path = create(&dir.path().join("run"), Existing::Refuse, &config).unwrap();

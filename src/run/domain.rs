@@ -3,20 +3,15 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 
-use crate::config::Config;
+use crate::config::{Config, DomainConfig};
 use crate::domain::Domain;
 use crate::nn::use_vectors;
 use crate::traffic::Traffic;
-use crate::traffic::network::files::NetworkFiles;
-use crate::traffic::paper_grid::recognise::read_shape;
 use crate::traffic::sim::recording::Tape;
 use crate::training::files;
 use crate::warehouse::Warehouse;
-
-/// The networks of a run directory have the same names in all of them.
-const NETWORKS: [&str; 2] = ["global", "local"];
 
 /// Where a machine cannot compute as a config says; only the width that is fixed can be missing.
 pub const NO_SUCH_VECTORS: &str = "numerics.vector_width = \"256-bit\": not on this machine; \"widest\" is for all";
@@ -25,69 +20,55 @@ pub const NO_SUCH_VECTORS: &str = "numerics.vector_width = \"256-bit\": not on t
 /// the config says: every process that computes with them comes by here first.
 pub fn open(config: &Config) -> Result<Arc<dyn Domain>> {
     use_vectors(config.numerics.vector_width).context(NO_SUCH_VECTORS)?;
-    match (&config.traffic, &config.warehouse) {
-        (Some(traffic), _) => Ok(Arc::new(Traffic::open(traffic, &config.policy)?)),
-        (None, Some(warehouse)) => Ok(Arc::new(Warehouse::new(warehouse))),
-        (None, None) => unreachable!("a checked config has a domain"),
-    }
+    find(config)
 }
 
-/// Rows and columns of a config's agents.
-pub fn grid_shape(config: &Config) -> Result<(usize, usize)> {
-    match (&config.traffic, &config.warehouse) {
-        (Some(traffic), _) => {
-            let grid = read_shape(&NetworkFiles::of(&traffic.network).net)?;
-            Ok((grid.rows(), grid.cols()))
-        }
-        (None, Some(warehouse)) => Ok((warehouse.agents_per_side, warehouse.agents_per_side)),
-        (None, None) => unreachable!("a checked config has a domain"),
-    }
+/// Finds the domain of a config, to ask it something; nothing computes with it.
+pub fn find(config: &Config) -> Result<Arc<dyn Domain>> {
+    Ok(match table(config) {
+        DomainConfig::Traffic(table) => Arc::new(Traffic::open(table)?),
+        DomainConfig::Warehouse(table) => Arc::new(Warehouse::new(table)),
+    })
 }
 
-/// How many agents a config has.
-pub fn agents(config: &Config) -> Result<usize> {
-    grid_shape(config).map(|(rows, columns)| rows * columns)
-}
-
-/// As [`open`], but the first episode that the domain's simulators play goes on `tape`.
-pub fn open_recorded(config: &Config, tape: &Tape) -> Result<Traffic> {
-    let traffic = config.traffic.as_ref().context("only traffic is recorded; the warehouse draws with --render")?;
-    Ok(Traffic::open(traffic, &config.policy)?.record_on(tape))
+fn table(config: &Config) -> &DomainConfig {
+    config.domain.as_ref().expect("a config that was loaded has a domain")
 }
 
 /// The traffic domain of a config, if that is its domain, for what no other domain has.
 pub fn traffic(config: &Config) -> Result<Option<Traffic>> {
-    config.traffic.as_ref().map(|traffic| Traffic::open(traffic, &config.policy)).transpose()
+    match table(config) {
+        DomainConfig::Traffic(table) => Traffic::open(table).map(Some),
+        _ => Ok(None),
+    }
+}
+
+/// As [`open`], but the first episode that the domain's simulators play goes on `tape`.
+pub fn open_recorded(config: &Config, tape: &Tape) -> Result<Traffic> {
+    match traffic(config)? {
+        Some(traffic) => Ok(traffic.record_on(tape)),
+        None => bail!(
+            "only traffic is recorded, and this is {}; other domains may draw with --render",
+            table(config).name()
+        ),
+    }
 }
 
 /// Tries out what only a simulator can say of the domain's files, so that it is said before a run begins.
 pub fn check(config: &Config) -> Result<()> {
-    match &config.traffic {
-        Some(traffic) => Traffic::open(traffic, &config.policy)?.check_in_sumo(),
-        None => Ok(()),
-    }
+    find(config)?.try_out()
 }
 
 /// Whether the domain's files could be loaded from a run directory at `path`.
 pub fn check_place(config: &Config, path: &Path) -> Result<()> {
-    if config.traffic.is_some() {
-        for name in NETWORKS {
-            NetworkFiles::of(&path.join(files::NETWORKS).join(name)).check_paths()?;
-        }
-    }
-    Ok(())
+    find(config)?.check_place(&path.join(files::NETWORKS))
 }
 
 /// Copies the domain's files into the run directory `dir`, and returns the config as it stands there.
-pub fn keep_files(config: &Config, dir: &Path) -> Result<Config> {
+pub fn keep_files(config: &Config, domain: &dyn Domain, dir: &Path) -> Result<Config> {
+    let places = domain.keep_files(&dir.join(files::NETWORKS))?;
     let mut kept = config.clone();
-    if let Some(traffic) = &mut kept.traffic {
-        let folder = dir.join(files::NETWORKS);
-        std::fs::create_dir(&folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
-        for (network, name) in [&mut traffic.network, &mut traffic.local_network].into_iter().zip(NETWORKS) {
-            NetworkFiles::of(network).copy_to(&folder, name)?;
-            *network = Path::new(files::NETWORKS).join(name);
-        }
-    }
+    let paths = kept.domain.iter_mut().flat_map(DomainConfig::paths);
+    paths.zip(places).for_each(|((_, path), place)| *path = Path::new(files::NETWORKS).join(place));
     Ok(kept)
 }

@@ -17,7 +17,6 @@ use crate::domain::{Baseline, Domain};
 use crate::error::{Error, Result};
 use crate::evaluation::{Evaluation, Finding, comparison, json, play_episodes, table};
 use crate::plot::About;
-use crate::report::scenario::Scenario;
 use crate::terminal::answer;
 use crate::terminal::counting::EpisodeBar;
 use crate::traffic;
@@ -84,7 +83,7 @@ impl<'a> Session<'a> {
         let count = episodes.episodes.map_or(config.evaluation.final_episodes, |count| count as usize);
         let places = [("--csv", &output.csv), ("--plot", &output.plot), ("--render", &output.render)];
         directory::check_apart(&places.map(|(option, dir)| (option, dir.as_deref()))).map_err(Error::Usage)?;
-        let scenario = Scenario::of(config, domain.agents()).map_err(Error::Run)?.id();
+        let scenario = domain.scenario().map_err(Error::Run)?.id.word();
         let seed = episodes.seed.unwrap_or(config.evaluation.seed);
         Ok(Session { domain, episodes: count, seed, scenario, output })
     }

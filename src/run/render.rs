@@ -18,9 +18,7 @@ pub fn render(
     dir: &Path,
 ) -> Result<()> {
     if simulator.scene().is_none() {
-        bail!(
-            "--render: this domain draws no pictures; of traffic, --plot draws some and `replay` writes what sumo-gui plays"
-        );
+        bail!("--render: this domain draws no pictures; --plot may draw some, and `replay` write what sumo-gui plays");
     }
     let mut drawn = Vec::new();
     play_watched(simulator, controller, episode_seed(run, 0), &mut |simulator| {

@@ -6,7 +6,6 @@ use std::path::Path;
 use anyhow::Context;
 
 use super::directory::{self, Existing};
-use super::domain;
 use crate::cli;
 use crate::error::{Error, Result};
 use crate::report::{self, MARKDOWN, PAGE};
@@ -15,7 +14,7 @@ use crate::terminal::{answer, quoted, tell};
 pub fn report(args: &cli::Report) -> Result<()> {
     let existing = if args.force { Existing::MoveAside } else { Existing::Refuse };
     let out = directory::place(&args.out, existing).map_err(Error::Usage)?;
-    let report = report::report(&args.folders, &|run| domain::grid_shape(&run.config).ok()).map_err(Error::Usage)?;
+    let report = report::report(&args.folders).map_err(Error::Usage)?;
     directory::make(&out, existing, |dir| {
         report.files.iter().try_for_each(|(name, text)| write(&dir.join(name), text))
     })

@@ -33,7 +33,7 @@ pub fn train(args: &cli::Train) -> Result<()> {
     let workers = args.workers.unwrap_or_else(cores);
     let patience = Duration::from_secs(args.patience);
     match run.train(workers, patience) {
-        Ok(()) => answer(how_to_go_on(&run.dir, &run.config)).map_err(Error::Run),
+        Ok(()) => answer(how_to_go_on(&run)).map_err(Error::Run),
         Err(error) if error.is::<Interrupted>() => Err(Error::Interrupted(stopped(&run.dir))),
         Err(error) => {
             let way_out = format!("what was written so far stays; go on with: {}", resume_command(&run.dir));
@@ -138,7 +138,8 @@ fn resume_command(dir: &Path) -> String {
 }
 
 /// The commands name the config that the run keeps: it has the flags of the command line in it.
-fn how_to_go_on(dir: &Path, config: &Config) -> String {
+fn how_to_go_on(run: &Run) -> String {
+    let Run { dir, config, domain, .. } = run;
     let episodes = config.evaluation.final_episodes;
     let (program, place, run) = (program(), dir.display(), quoted(dir));
     let kept = quoted(&dir.join(files::CONFIG));
@@ -150,11 +151,14 @@ fn how_to_go_on(dir: &Path, config: &Config) -> String {
     } else {
         String::new()
     };
-    let rival = if config.traffic.is_some() { "actuated" } else { "oldest-item" };
+    let rival = domain.rival().map_or(String::new(), |rival| {
+        format!(
+            "\nand measure a controller on the same {episodes} episodes with:\n  \
+             {program} baseline {kept} --controller {rival}"
+        )
+    });
     format!(
         "\nwritten to {place}; repeat its last evaluation with:\n  \
-         {program} evaluate {run}\n\
-         and measure a controller on the same {episodes} episodes with:\n  \
-         {program} baseline {kept} --controller {rival}{watch}"
+         {program} evaluate {run}{rival}{watch}"
     )
 }

@@ -34,12 +34,15 @@ pub mod side;
 pub mod sim;
 pub mod tuning;
 
+use std::path::{Path, PathBuf};
+
 use anyhow::{Context, ensure};
 
 use crate::base::{AgentId, Rows, Seed};
-use crate::config::{PolicyConfig, TrafficConfig};
+use crate::config::TrafficConfig;
 use crate::domain::{
-    Baseline, Beginning, Bystander, Domain, GlobalSimulator, LocalSimulator, Measures, RegionSpec, Result,
+    Baseline, Beginning, Bystander, Domain, FirstRow, GlobalSimulator, LocalSimulator, Map, Measures, RegionSpec,
+    Result, RoughCosts, Scenario,
 };
 use crate::sumo::Simulation;
 use agents::region;
@@ -68,6 +71,12 @@ pub fn libm() -> Result<String> {
     Ok(Simulation::libm()?)
 }
 
+/// The networks of a run directory have the same names in all of them.
+const KEPT_AS: [&str; 2] = ["global", "local"];
+
+/// The key that names the network of the LS. Another network of it is another way to train, not another scenario.
+const LOCAL_NETWORK: &str = "traffic.local_network";
+
 /// A grid of traffic lights.
 #[derive(Clone)]
 pub struct Traffic {
@@ -75,7 +84,6 @@ pub struct Traffic {
     network: NetworkFiles,
     local_network: NetworkFiles,
     config: TrafficConfig,
-    switch_bias: f32,
     spec: RegionSpec,
     tape: Option<Tape>,
 }
@@ -83,7 +91,7 @@ pub struct Traffic {
 impl Traffic {
     /// Finds the networks and holds them against what this program makes; an error says which file is missing or wrong and how
     /// to make it. Cheap: what only SUMO can say, [`Traffic::check_in_sumo`] asks.
-    pub fn open(config: &TrafficConfig, policy: &PolicyConfig) -> Result<Traffic> {
+    pub fn open(config: &TrafficConfig) -> Result<Traffic> {
         let (network, local_network) = (NetworkFiles::of(&config.network), NetworkFiles::of(&config.local_network));
         network.check()?;
         local_network.check()?;
@@ -94,7 +102,6 @@ impl Traffic {
             network,
             local_network,
             config: config.clone(),
-            switch_bias: policy.initial_switch_bias,
             spec: region::spec(config.horizon, config.d_set),
             tape: None,
         })
@@ -207,7 +214,50 @@ impl Domain for Traffic {
 
     /// DEVIATION 11: our configs begin with a bias against switching, so that fewer agents get stuck in switching always.
     fn initial_action_bias(&self) -> Vec<f32> {
-        vec![0.0, self.switch_bias]
+        vec![0.0, self.config.initial_switch_bias]
+    }
+
+    fn scenario(&self) -> Result<Scenario> {
+        let scenario = Scenario::new("traffic", self.agents(), self.config.horizon);
+        let map = Map { rows: self.grid.rows(), columns: self.grid.cols(), first_row: FirstRow::Bottom };
+        let local_network = (LOCAL_NETWORK.to_owned(), self.local_network.checksum()?);
+        Ok(scenario.with_map(map).with_checksum(self.network.checksum()?).with_files([local_network]))
+    }
+
+    fn rival(&self) -> Option<&'static str> {
+        Some("actuated")
+    }
+
+    fn try_out(&self) -> Result<()> {
+        self.check_in_sumo()
+    }
+
+    fn check_place(&self, folder: &Path) -> Result<()> {
+        KEPT_AS.iter().try_for_each(|name| NetworkFiles::of(&folder.join(name)).check_paths())
+    }
+
+    fn keep_files(&self, folder: &Path) -> Result<Vec<PathBuf>> {
+        std::fs::create_dir(folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
+        for (network, name) in self.networks().into_iter().zip(KEPT_AS) {
+            network.copy_to(folder, name)?;
+        }
+        Ok(KEPT_AS.map(PathBuf::from).to_vec())
+    }
+
+    fn foreign_simulator(&self) -> Option<&'static str> {
+        Some("SUMO")
+    }
+
+    /// Measured with traffic_4.toml and traffic_100.toml.
+    fn rough_costs(&self) -> RoughCosts {
+        RoughCosts {
+            training_s: 37e-6,
+            training_on_gs_s: 40e-6,
+            influence_s: 1.6e-6,
+            evaluation_s: 25e-6,
+            process_mb: 120.0,
+            agent_mb: 4.0,
+        }
     }
 
     fn stuck(&self, measures: &Measures) -> Vec<bool> {

@@ -15,7 +15,7 @@ use super::rollout::{Actor, roll_out};
 use super::state::AgentsState;
 use super::stream::AgentStream;
 use crate::base::{AgentId, Dice, Phase, RandomPurpose, Rows, Seed, Stopwatch};
-use crate::config::{Config, Period, SimulatorKind};
+use crate::config::{Config, Period, Simulator};
 use crate::domain::{Domain, Result};
 use crate::influence::{AipLoss, Dataset, FreshLoss, TrainablePredictor, initial_predictor, measure, train};
 use crate::nn::{Adam, Threads};
@@ -48,12 +48,12 @@ pub fn initial_policies(domain: &dyn Domain, config: &Config, agents: &[AgentId]
 /// The influence predictors of `agents` as a run with this config begins.
 pub fn initial_aips(domain: &dyn Domain, config: &Config, agents: &[AgentId]) -> Box<dyn TrainablePredictor> {
     let seed = Seed::new(config.seed).fork(RandomPurpose::Aip);
-    initial_predictor(config.simulator, agents, domain.spec(), &config.aip, seed)
+    initial_predictor(config.predictor(), agents, domain.spec(), &config.aip, seed)
 }
 
 /// Agents per block. On the GS all agents act in one simulation, so they are one block.
 pub fn agents_per_block(config: &Config) -> usize {
-    if config.simulator == SimulatorKind::Gs { usize::MAX } else { (ROWS_PER_BLOCK / config.copies()).max(1) }
+    if config.simulator == Simulator::Global { usize::MAX } else { (ROWS_PER_BLOCK / config.copies()).max(1) }
 }
 
 impl AgentBlock {
@@ -138,13 +138,13 @@ impl AgentBlock {
             watch,
         };
         match self.config.simulator {
-            SimulatorKind::Gs => {
+            Simulator::Global => {
                 let simulator = learner.watch.time(Phase::Loading, || domain.global_simulator())?;
                 let resume = || GlobalEnvironment::resume(simulator, episodes, learner.streams);
                 let mut gs = learner.watch.time(Phase::Retracing, resume)?;
                 learner.learn(&mut gs, period, progress)
             }
-            SimulatorKind::Dials | SimulatorKind::UntrainedDials | SimulatorKind::MarginalDials => {
+            Simulator::Local(_) => {
                 let make = || domain.local_simulator(&self.agents, self.config.copies(), episodes);
                 let simulators = learner.watch.time(Phase::Loading, make)?;
                 let stagger = self.config.local_simulators.stagger;

@@ -76,7 +76,7 @@ impl Layouts {
     pub fn of(config: &Config, spec: &RegionSpec) -> Layouts {
         Layouts {
             policies: PolicyStack::shape(spec, &config.policy).layout(),
-            aips: influence::layout(config.simulator, spec, &config.aip),
+            aips: influence::layout(config.predictor(), spec, &config.aip),
         }
     }
 }

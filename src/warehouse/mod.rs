@@ -19,7 +19,10 @@ use anyhow::bail;
 
 use crate::base::{AgentId, Seed};
 use crate::config::WarehouseConfig;
-use crate::domain::{Baseline, Bystander, Domain, GlobalSimulator, LocalSimulator, Measures, RegionSpec, Result};
+use crate::domain::{
+    Baseline, Bystander, Domain, FirstRow, GlobalSimulator, LocalSimulator, Map, Measures, RegionSpec, Result,
+    RoughCosts, Scenario,
+};
 use global::{GlobalWarehouse, ITEMS};
 use hand_coded::Rule;
 use layout::Layout;
@@ -73,6 +76,28 @@ impl Domain for Warehouse {
         // The rules see ages, which no observation shows, so they live in the simulator.
         let simulator = Box::new(GlobalWarehouse::new(&self.layout, self.horizon, Some(rule)));
         Ok(Baseline { simulator, controller: Box::new(Bystander) })
+    }
+
+    fn scenario(&self) -> Result<Scenario> {
+        let side = self.agents().isqrt();
+        let map = Map { rows: side, columns: side, first_row: FirstRow::Top };
+        Ok(Scenario::new("warehouse", self.agents(), self.horizon).with_map(map))
+    }
+
+    fn rival(&self) -> Option<&'static str> {
+        Some("oldest-item")
+    }
+
+    /// Measured with warehouse_4.toml and warehouse_100.toml.
+    fn rough_costs(&self) -> RoughCosts {
+        RoughCosts {
+            training_s: 60e-6,
+            training_on_gs_s: 60e-6,
+            influence_s: 3e-6,
+            evaluation_s: 8e-6,
+            process_mb: 110.0,
+            agent_mb: 8.0,
+        }
     }
 
     fn stuck(&self, measures: &Measures) -> Vec<bool> {

@@ -14,7 +14,7 @@ use rustix::process::{Pid, Signal, kill_process};
 
 use super::LOGS;
 use super::plan::Task;
-use crate::config::{Config, to_toml};
+use crate::config::{Config, DomainConfig, to_toml};
 use crate::run::END_WITH;
 use crate::training::files::write_atomically;
 
@@ -105,10 +105,8 @@ fn beside(result: &Path) -> PathBuf {
 /// The config of a run, to be read from another folder.
 fn with_absolute_paths(config: &Config) -> Result<Config> {
     let mut config = config.clone();
-    if let Some(traffic) = &mut config.traffic {
-        for network in [&mut traffic.network, &mut traffic.local_network] {
-            *network = std::path::absolute(&network)?;
-        }
+    for (_, path) in config.domain.iter_mut().flat_map(DomainConfig::paths) {
+        *path = std::path::absolute(&path)?;
     }
     Ok(config)
 }

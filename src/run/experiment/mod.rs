@@ -40,7 +40,10 @@ pub fn experiment(args: &cli::Experiment) -> Result<()> {
     let folder = args.out.clone().unwrap_or_else(|| Path::new("results").join(name).join("runs"));
     let cores = args.cores.unwrap_or_else(machine_cores);
     let knowledge = Knowledge {
-        agents: &domain::agents,
+        simulated: &|config| {
+            let domain = domain::find(config)?;
+            Ok((domain.scenario()?, domain.rough_costs()))
+        },
         check_controller: &|config, name| domain::open(config)?.check_baseline(name),
     };
     let experiment = Experiment::read(&args.file, &knowledge).map_err(Error::Usage)?;

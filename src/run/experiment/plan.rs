@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 
-use crate::config::{Config, SimulatorKind};
+use crate::config::{Config, Simulator};
 use crate::experiment::estimate::{Estimate, Source, estimate};
 use crate::experiment::file::{Experiment, PlannedBaseline, PlannedRun};
 use crate::experiment::progress::{Stage, directory, stage, stage_of_baseline};
@@ -68,7 +68,7 @@ impl Task {
             steps: run.config.last_step(),
             share: stage.share(run),
             stage,
-            agents: run.agents,
+            agents: run.agents(),
             estimate: estimate(run, width, measured),
         })
     }
@@ -123,8 +123,8 @@ impl Tasks {
         let mut tasks: Vec<Task> =
             experiment.baselines.iter().map(|baseline| Task::of_baseline(baseline, folder)).collect();
         for run in &experiment.runs {
-            let gs = run.config.simulator == SimulatorKind::Gs;
-            let width = width(run.agents, gs, experiment.all_cores_from_agents, cores);
+            let gs = run.config.simulator == Simulator::Global;
+            let width = width(run.agents(), gs, experiment.all_cores_from_agents, cores);
             tasks.push(Task::of_run(run, folder, width, &measured, accept_other_build)?);
         }
         Ok(Tasks { tasks, cores })

@@ -1,0 +1,82 @@
+//! The table of a config that says which domain is simulated, and how.
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+
+use super::{TrafficConfig, WarehouseConfig};
+
+/// A domain with its table. A new domain is a variant here, a line in [`DomainConfig::table`] and its key in `written`.
+#[derive(Clone, Debug, PartialEq)]
+pub enum DomainConfig {
+    Traffic(TrafficConfig),
+    Warehouse(WarehouseConfig),
+}
+
+/// What every domain's table can say of itself.
+pub trait DomainTable {
+    /// Returns the table's name in a config, which is the domain's name.
+    fn name(&self) -> &'static str;
+
+    /// Returns the steps of an episode, the table's key `horizon`.
+    fn horizon(&self) -> usize;
+
+    /// Returns an error that names the key if a value makes no sense. The horizon is checked by the config.
+    fn check(&self) -> Result<()>;
+
+    /// Returns the keys that name files, with their values. They are the same in every table of the domain.
+    fn paths(&mut self) -> Vec<(&'static str, &mut PathBuf)> {
+        Vec::new()
+    }
+
+    /// Returns the keys that only local simulators read: on the GS they change nothing.
+    fn local_keys(&self) -> &'static [&'static str] {
+        &[]
+    }
+}
+
+impl DomainConfig {
+    fn table(&self) -> &dyn DomainTable {
+        match self {
+            DomainConfig::Traffic(table) => table,
+            DomainConfig::Warehouse(table) => table,
+        }
+    }
+
+    fn table_mut(&mut self) -> &mut dyn DomainTable {
+        match self {
+            DomainConfig::Traffic(table) => table,
+            DomainConfig::Warehouse(table) => table,
+        }
+    }
+
+    /// See [`DomainTable::name`].
+    pub fn name(&self) -> &'static str {
+        self.table().name()
+    }
+
+    /// See [`DomainTable::horizon`].
+    pub fn horizon(&self) -> usize {
+        self.table().horizon()
+    }
+
+    /// See [`DomainTable::check`].
+    pub fn check(&self) -> Result<()> {
+        self.table().check()
+    }
+
+    /// See [`DomainTable::paths`].
+    pub fn paths(&mut self) -> Vec<(&'static str, &mut PathBuf)> {
+        self.table_mut().paths()
+    }
+
+    /// See [`DomainTable::local_keys`].
+    pub fn local_keys(&self) -> &'static [&'static str] {
+        self.table().local_keys()
+    }
+
+    /// Returns a key of this table with the table's name before it, as `--set` takes it.
+    pub fn key(&self, key: &str) -> String {
+        format!("{}.{key}", self.name())
+    }
+}

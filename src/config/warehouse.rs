@@ -1,0 +1,41 @@
+//! `[warehouse]`
+
+use anyhow::{Result, ensure};
+use serde::{Deserialize, Serialize};
+
+use super::domain::DomainTable;
+
+/// More is a slip of the pen: it would end in memory that no machine has.
+const MOST_PER_SIDE: usize = 100;
+
+/// The warehouse domain.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WarehouseConfig {
+    /// The learning robots form a square of this side, with a ring of other robots around it.
+    pub agents_per_side: usize,
+    /// Steps of an episode.
+    #[serde(default = "default_horizon")]
+    pub horizon: usize,
+}
+
+fn default_horizon() -> usize {
+    100
+}
+
+impl DomainTable for WarehouseConfig {
+    fn name(&self) -> &'static str {
+        "warehouse"
+    }
+
+    fn horizon(&self) -> usize {
+        self.horizon
+    }
+
+    fn check(&self) -> Result<()> {
+        let side = self.agents_per_side;
+        ensure!(side >= 1, "warehouse.agents_per_side = {side}: must be at least 1 (the paper uses 2, 5, 7 and 10)");
+        ensure!(side <= MOST_PER_SIDE, "warehouse.agents_per_side = {side}: must be at most {MOST_PER_SIDE}");
+        Ok(())
+    }
+}

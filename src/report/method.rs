@@ -1,0 +1,168 @@
+//! What of a config makes a method.
+
+use std::collections::BTreeMap;
+
+use toml::{Table, Value};
+
+use crate::config::{Config, Simulator};
+use crate::domain::Scenario;
+
+/// What makes a method.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Method {
+    /// As configs name it.
+    pub simulator: String,
+    pub retraining: Retraining,
+    /// The keys of the config, as text: all but the seed, where it stops, the scenario, and what changes nothing.
+    pub keys: BTreeMap<String, String>,
+}
+
+impl Method {
+    /// `scenario`: of the run, for what it says of files.
+    pub fn of(config: &Config, scenario: &Scenario) -> Method {
+        let table = Table::try_from(config).expect("a config is a table");
+        let mut keys = BTreeMap::new();
+        flatten("", &table, &mut keys);
+        if let Some(mut domain) = config.domain.clone() {
+            // The same file has another path in every run; its checksum stands for it where it is known.
+            let paths: Vec<&str> = domain.paths().into_iter().map(|(key, _)| key).collect();
+            paths.into_iter().for_each(|key| drop(keys.remove(&domain.key(key))));
+            keys.extend(scenario.files.clone());
+            if config.simulator == Simulator::Global {
+                domain.local_keys().iter().for_each(|key| drop(keys.remove(&domain.key(key))));
+            }
+        }
+        Method::of_keys(config.simulator, keys)
+    }
+
+    fn of_keys(simulator: Simulator, mut keys: BTreeMap<String, String>) -> Method {
+        let retraining = if simulator.trains_predictors() { Retraining::of(&keys) } else { Retraining::Never };
+        keys.retain(|key, _| !is_no_method(key) && !is_idle(simulator, &retraining, key));
+        Method { simulator: simulator.name().to_owned(), retraining, keys }
+    }
+}
+
+fn flatten(prefix: &str, table: &Table, keys: &mut BTreeMap<String, String>) {
+    for (name, value) in table {
+        let key = format!("{prefix}{name}");
+        match value {
+            Value::Table(inner) => flatten(&format!("{key}."), inner, keys),
+            Value::String(text) => drop(keys.insert(key, text.clone())),
+            value => drop(keys.insert(key, value.to_string())),
+        }
+    }
+}
+
+/// What changes nothing in the learning.
+fn is_no_method(key: &str) -> bool {
+    ["seed", "stop_at_steps"].contains(&key) || key.starts_with("logging.") || key.starts_with("checkpoints.")
+}
+
+/// Keys that change nothing with this simulator, or with this way of training the AIPs again.
+fn is_idle(simulator: Simulator, retraining: &Retraining, key: &str) -> bool {
+    let Some(of_aips) = key.strip_prefix("aip.") else {
+        return match key {
+            // Only what they find on drift is acted upon.
+            "evaluation.aip_loss_episodes" => *retraining != Retraining::Drift,
+            key => simulator == Simulator::Global && key.starts_with("local_simulators."),
+        };
+    };
+    match of_aips {
+        key if !simulator.predictor().is_some_and(|predictor| predictor.reads(key)) => true,
+        "retrain_every_steps" => !matches!(retraining, Retraining::Every(_)),
+        "drift_threshold" => *retraining != Retraining::Drift,
+        _ => false,
+    }
+}
+
+/// When AIPs are trained again after step 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Retraining {
+    /// There is no training of AIPs at all.
+    Never,
+    /// Every F timesteps per agent, as in the paper.
+    Every(u64),
+    Once,
+    /// When their loss has grown.
+    Drift,
+}
+
+impl Retraining {
+    /// As the keys of a config say.
+    fn of(keys: &BTreeMap<String, String>) -> Self {
+        match keys.get("aip.retrain").map(String::as_str) {
+            Some("once") => Retraining::Once,
+            Some("drift") => Retraining::Drift,
+            _ => {
+                Retraining::Every(keys.get("aip.retrain_every_steps").and_then(|every| every.parse().ok()).unwrap_or(0))
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::before;
+
+    fn method_of(text: &str) -> Method {
+        let config: Config = toml::from_str(text).unwrap();
+        let scenario = before::scenario(&config, Some(4)).unwrap().unwrap();
+        Method::of(&config, &scenario)
+    }
+
+    #[test]
+    fn seeds_and_stops_are_no_methods_and_neither_is_what_a_simulator_ignores() {
+        let base = method_of("seed = 1\n[warehouse]\nagents_per_side = 2");
+        let stops = "stop_at_steps = 500\ncheckpoints.every_steps = 200";
+        let other = method_of(&format!("seed = 2\n{stops}\n[warehouse]\nagents_per_side = 2"));
+        assert_eq!(base, other);
+        assert_eq!((base.simulator.as_str(), base.retraining), ("dials", Retraining::Every(1_000_000)));
+        let gs = |epochs| {
+            let aip = format!("aip = {{ epochs = {epochs}, retrain_every_steps = {epochs}000 }}");
+            method_of(&format!("simulator = 'gs'\n{aip}\n[warehouse]\nagents_per_side = 2"))
+        };
+        assert_eq!(gs(1), gs(2));
+        let clip = method_of("ppo.clip = 0.2\n[warehouse]\nagents_per_side = 2");
+        assert_ne!(base, clip);
+    }
+
+    #[test]
+    fn f_matters_only_where_aips_are_trained_every_f_steps() {
+        let method = |retrain: &str, every: &str| {
+            let keys = [("aip.retrain", retrain), ("aip.retrain_every_steps", every), ("aip.drift_threshold", "1.5")];
+            Method::of_keys(Simulator::default(), keys.map(|(key, value)| (key.to_owned(), value.to_owned())).into())
+        };
+        assert_eq!(method("once", "100"), method("once", "200"));
+        assert_eq!(method("drift", "100"), method("drift", "200"));
+        assert_ne!(method("every", "100"), method("every", "200"));
+        assert_eq!(method("every", "100").retraining, Retraining::Every(100));
+        assert!(!method("once", "100").keys.contains_key("aip.drift_threshold"));
+        assert!(method("drift", "100").keys.contains_key("aip.drift_threshold"));
+    }
+
+    #[test]
+    fn the_episodes_that_measure_the_aips_matter_only_where_their_loss_decides() {
+        let method = |retrain: &str, episodes: usize| {
+            let text = format!(
+                "aip.retrain = '{retrain}'\nevaluation.aip_loss_episodes = {episodes}\n[warehouse]\nagents_per_side = 2"
+            );
+            method_of(&text)
+        };
+        assert_eq!(method("every", 4), method("every", 8));
+        assert_eq!(method("once", 4), method("once", 8));
+        assert_ne!(method("drift", 4), method("drift", 8));
+    }
+
+    #[test]
+    fn another_local_network_is_another_method_except_on_the_gs() {
+        let method = |simulator: &str, local: &str| {
+            let nets = concat!(env!("CARGO_MANIFEST_DIR"), "/sumo_nets");
+            let traffic = format!("[traffic]\nnetwork = '{nets}/grid_2x2'\nlocal_network = '{nets}/{local}'");
+            method_of(&format!("simulator = '{simulator}'\n{traffic}"))
+        };
+        assert_ne!(method("dials", "local"), method("dials", "grid_2x2"));
+        assert_eq!(method("gs", "local"), method("gs", "grid_2x2"));
+        assert_eq!(method("dials", "local"), method("dials", "../sumo_nets/local"), "the same file");
+    }
+}
