@@ -34,6 +34,7 @@ const OUTSIDE: &[(&str, &[&str])] = &[
     ("pulp", &["nn"]),
     ("rayon", &["nn"]),
     ("quick_xml", &["traffic"]),
+    ("roxmltree", &["traffic"]),
     ("clap", &["cli", "run", "main"]),
     ("indicatif", &["run"]),
     ("plotters", &["drawing", "plot", "report"]),
@@ -96,6 +97,13 @@ fn every_room_opens_only_its_own_doors() {
                 );
             }
         }
+    }
+}
+
+#[test]
+fn only_traffic_opens_sumo() {
+    for (room, used) in names_by_room() {
+        assert!(!used.contains("sumo") || ["traffic", "sumo"].contains(&room.as_str()), "src/{room} opens sumo");
     }
 }
 
