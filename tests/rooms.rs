@@ -37,6 +37,7 @@ const OUTSIDE: &[(&str, &[&str])] = &[
     ("pulp", &["nn"]),
     ("rayon", &["nn"]),
     ("quick_xml", &["traffic"]),
+    ("roxmltree", &["traffic"]),
     ("clap", &["cli", "run", "main"]),
     ("indicatif", &["terminal"]),
     ("signal_hook", &["terminal"]),
@@ -123,6 +124,13 @@ fn only_one_file_outside_config_and_the_domains_knows_a_domain_by_name() {
         {
             assert!(!code.contains(name), "src/{} names {name}", within.display());
         }
+    }
+}
+
+#[test]
+fn only_traffic_opens_sumo() {
+    for (room, used) in names_by_room() {
+        assert!(!used.contains("sumo") || ["traffic", "sumo"].contains(&room.as_str()), "src/{room} opens sumo");
     }
 }
 

@@ -7,7 +7,7 @@
 //!
 //! # Words
 //! - *Agent*: who runs the light of one intersection.
-//! - *Intersection*: where roads cross under a light. SUMO calls it a junction; so do its files and nobody else here.
+//! - *Intersection*: where roads cross under a light. *Junction* is SUMO's word; it stands only where its files are meant.
 //! - *Local region*: an intersection and its four incoming edges, which are all that its agent sees.
 //! - *Node*: an intersection or a dead end. *Edge*: a road from one node to the next, in one direction, with one *lane*.
 //!   The three are SUMO's words.
@@ -164,8 +164,8 @@ impl Traffic {
 }
 
 impl Trials for Traffic {
-    fn global(&self, by: HandCoded) -> Result<Box<dyn GlobalSimulator>> {
-        Ok(Box::new(Traffic::global(self, self.everywhere(by))?))
+    fn load_gs(&self, by: HandCoded) -> Result<Box<dyn GlobalSimulator>> {
+        Ok(Box::new(self.global(self.everywhere(by))?))
     }
 
     fn horizon(&self) -> usize {

@@ -44,7 +44,7 @@ impl HandCoded {
 /// What a controller may use to measure something before it begins.
 pub trait Trials {
     /// Loads the GS with all lights under this control.
-    fn global(&self, by: HandCoded) -> Result<Box<dyn GlobalSimulator>>;
+    fn load_gs(&self, by: HandCoded) -> Result<Box<dyn GlobalSimulator>>;
 
     /// Returns the number of steps in an episode.
     fn horizon(&self) -> usize;

@@ -40,7 +40,7 @@ impl Plan {
 
     /// Measures the flows on the GS, on episodes of their own, and works out the timings.
     pub fn timings(&self, agents: usize, trials: &dyn Trials) -> Result<Vec<Timing>> {
-        let mut gs = trials.global(HandCoded::rule(FixedTime::new(vec![MEANWHILE; agents])))?;
+        let mut gs = trials.load_gs(HandCoded::rule(FixedTime::new(vec![MEANWHILE; agents])))?;
         let (keep, mut cars) = (vec![KEEP; agents], Rows::<u32>::new(agents, EDGES));
         for episode in 0..self.episodes {
             gs.reset(Seed::new(0).fork(RandomPurpose::Webster).for_episode(episode as usize))?;
