@@ -22,10 +22,9 @@ const OBS: usize = 7;
 const ACTIONS: usize = 4;
 const STATE: usize = 6;
 
-/// Policies with and without a memory, and what they say of fixed observations.
+/// Policies without a memory or with one, and what they say of fixed observations.
 struct Case {
     stack: PolicyStack,
-    recurrent: bool,
     obs: Rows<f32>,
     /// Before the step and after it.
     states: [Rows<f32>; 2],
@@ -61,7 +60,7 @@ fn cases() -> [Case; 2] {
         if recurrent {
             (0..AGENTS * BATCH).for_each(|row| after.row_mut(row).copy_from_slice(states.row(row)));
         }
-        Case { stack, recurrent, obs, states: [before, after], logits: logits.concat(), values }
+        Case { stack, obs, states: [before, after], logits: logits.concat(), values }
     })
 }
 
@@ -79,24 +78,24 @@ fn tensor(rows: &Rows<f32>) -> Tensor {
 #[cfg(feature = "torch")]
 #[test]
 fn a_script_says_what_the_policies_say_for_any_batch() {
-    for case in cases() {
+    for (case, recurrent) in cases().into_iter().zip([false, true]) {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("policies.pt");
         case.stack.write_script(&path).unwrap();
         let module = CModule::load(&path).unwrap();
         let mut inputs = vec![IValue::Tensor(tensor(&case.obs))];
-        if case.recurrent {
+        if recurrent {
             inputs.push(IValue::Tensor(tensor(&case.states[0])));
         }
         let out = Tensor::try_from(module.forward_is(&inputs).unwrap()).unwrap();
-        let state_width = if case.recurrent { STATE } else { 0 };
+        let state_width = if recurrent { STATE } else { 0 };
         assert_eq!(out.size(), [AGENTS, BATCH, ACTIONS + 1 + state_width].map(|n| n as i64));
         let columns = |from: usize, count: usize| {
             Vec::<f32>::from(&out.narrow(2, from as i64, count as i64).contiguous().view([-1]))
         };
         assert_close(&columns(0, ACTIONS), &case.logits, "logits");
         assert_close(&columns(ACTIONS, 1), &case.values, "values");
-        if case.recurrent {
+        if recurrent {
             assert_close(&columns(ACTIONS + 1, STATE), case.states[1].as_slice(), "states");
         }
     }
