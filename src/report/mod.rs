@@ -1,13 +1,14 @@
-//! The paper's figures and tables from run directories alone: learning curves over seeds, bars, tables in the paper's
-//! layout with its own numbers beside ours, and every agent on its grid.
+//! The paper's figures and tables, made from run directories alone: learning curves over seeds, bars, and every agent
+//! on its grid. Tables have the paper's layout, with its numbers beside ours.
 //!
-//! - [`find`], [`run_dir`], [`csv_table`]: what runs left behind; nothing here ever sees a live run.
-//! - [`scenario`], [`group`]: which runs are comparable, and which differ in nothing but their seed.
-//! - [`statistics`], [`difference`], [`curves`], [`finals`]: what several seeds say together.
+//! - [`find`], [`run_dir`], [`csv_table`]: readers of the files that runs wrote. Nothing here sees a live run.
+//! - [`scenario`], [`group`]: which runs are comparable, and which differ only in their seed.
+//! - [`statistics`], [`difference`], [`curves`], [`finals`]: results over several seeds.
 //! - [`paper`]: the paper's numbers, each with its source.
-//! - [`chart`], [`document`], [`csv_file`]: pictures, pages and files; `pictures`, `tables` and `sections` fill
+//! - [`chart`], [`document`], [`csv_file`]: pictures, pages and files. `pictures`, `tables` and `sections` fill
 //!   them.
-//! - [`compare`]: two groups of runs against each other.
+//! - [`words`]: formats of numbers, and warnings.
+//! - [`compare`]: a comparison of two groups of runs.
 
 pub mod chart;
 pub mod compare;
@@ -35,26 +36,31 @@ use anyhow::{Result, ensure};
 use group::Sorted;
 use run_dir::RunRecord;
 
-/// Rows and columns of a run's agents, where somebody knows them: agents are numbered row by row.
+/// Rows and columns of a run's agents, numbered row by row; `None` if the grid is not known.
 pub type GridShape<'a> = &'a dyn Fn(&RunRecord) -> Option<(usize, usize)>;
 
-/// The page of a report.
+/// Name of the report's HTML page.
 pub const PAGE: &str = "report.html";
-/// The same as Markdown, with its pictures as files beside it.
+/// Name of the same report as Markdown, with its pictures as files beside it.
 pub const MARKDOWN: &str = "report.md";
 
 /// The files of a report.
 pub struct Report {
-    /// Names and contents.
+    /// Names and contents of the files.
     pub files: Vec<(String, String)>,
+    /// Number of runs in the report.
     pub runs: usize,
+    /// Number of groups in the report.
     pub groups: usize,
-    /// Runs that are missing, unfinished or cannot be used, in words.
+    /// Sentences about runs that are missing, unfinished or cannot be used.
     pub warnings: Vec<String>,
 }
 
-/// Makes a report of all runs under these folders. The same runs always make the same files. Folders without one run that was
-/// evaluated and can be read are an error that lists the first reasons.
+/// Makes a report of all runs under these folders. The same runs always make the same files.
+///
+/// # Errors
+///
+/// No run there was evaluated and can be read. The error lists the first reasons.
 pub fn report(folders: &[PathBuf], shape: GridShape) -> Result<Report> {
     let found = find::find(folders)?;
     let missing = found.missing.clone();

@@ -1,23 +1,24 @@
 //! The numbers of the paper: Suau et al., *Distributed Influence-Augmented Local Simulators for Parallel MARL in Large
 //! Networked Systems*, NeurIPS 2022.
 //!
-//! Returns are not printed there: they were read off its plots, and say so. Runtimes and memory are from its tables.
+//! The paper prints no returns. Those here were read off its plots, and [`figure`] says so. Runtimes and memory are
+//! from its tables.
 
 use super::scenario::{Domain, Retraining, Scenario};
 
-/// The sizes of its scenarios, in agents.
+/// Numbers of agents of the paper's scenarios.
 pub const SIZES: [usize; 4] = [4, 25, 49, 100];
-/// Timesteps per agent of its runs.
+/// Timesteps per agent of the paper's runs.
 pub const STEPS: u64 = 4_000_000;
-/// Checksums of the networks of these sizes, which lie under `sumo_nets`.
+/// Checksums of the road networks of these sizes, from `sumo_nets`.
 const NETWORKS: [u32; 4] = [0x2e9f_05c0, 0x93a8_b1ee, 0xcad9_7cd3, 0x5d49_296f];
 
-/// A scenario of the paper.
+/// Returns a scenario of the paper.
 pub fn scenario(domain: Domain, agents: usize) -> Scenario {
     Scenario { domain, agents, horizon: horizon(domain), network: None }
 }
 
-/// Steps of an episode.
+/// Returns the number of steps of an episode.
 fn horizon(domain: Domain) -> usize {
     match domain {
         Domain::Traffic => 300,
@@ -25,8 +26,8 @@ fn horizon(domain: Domain) -> usize {
     }
 }
 
-/// Whether numbers of the paper may stand beside a scenario: it has as many agents, episodes as long and the same network. A
-/// network that nobody kept is believed to be the one.
+/// Whether the paper's numbers apply to a scenario: it has the same number of agents, horizon and network. If the
+/// network is not known, it is taken to be the same.
 pub fn has(scenario: &Scenario) -> bool {
     column(scenario).is_some()
 }
@@ -36,7 +37,7 @@ pub fn has(scenario: &Scenario) -> bool {
 pub struct PaperReturn {
     pub steps: u64,
     pub mean: f64,
-    /// Where it is drawn.
+    /// Standard error, if the paper draws it.
     pub std_error: Option<f64>,
 }
 
@@ -46,7 +47,7 @@ impl PaperReturn {
     }
 }
 
-/// Where the returns are from.
+/// Returns the place in the paper that its returns were read from.
 pub fn figure(scenario: &Scenario) -> &'static str {
     match (scenario.domain, scenario.agents) {
         (Domain::Traffic, 4) => "figure of section Results, (1a), read off the plot",
@@ -59,7 +60,8 @@ pub fn figure(scenario: &Scenario) -> &'static str {
 pub const RUNTIME_SOURCE: &str = "appendix Runtimes";
 pub const MEMORY_SOURCE: &str = "appendix Memory Usage";
 
-/// F of the DIALS curves that the paper compares with the GS.
+/// Returns F, the steps between two trainings of the AIPs, of the DIALS curves that the paper compares with the GS
+/// (global simulator).
 pub fn best_retraining(domain: Domain) -> u64 {
     match domain {
         Domain::Traffic => 1_000_000,
@@ -73,7 +75,7 @@ fn column(scenario: &Scenario) -> Option<usize> {
     (network && scenario.horizon == horizon(scenario.domain)).then_some(column)
 }
 
-/// The curve of a method as far as it was read, in order of steps; empty for what the paper does not have.
+/// Returns the points that were read off the curve of a method, in order of steps; none if the paper has no such curve.
 pub fn curve(scenario: &Scenario, simulator: &str, retraining: Retraining) -> Vec<PaperReturn> {
     let Some(end) = final_return(scenario, simulator, retraining) else { return Vec::new() };
     let start = start(scenario).map(|mean| PaperReturn::new(0, mean, None));
@@ -85,7 +87,7 @@ pub fn curve(scenario: &Scenario, simulator: &str, retraining: Retraining) -> Ve
     start.into_iter().chain(middle).chain([end]).collect()
 }
 
-/// The return of random weights.
+/// Returns the paper's return at step 0, with random weights.
 pub fn start(scenario: &Scenario) -> Option<f64> {
     let starts = match scenario.domain {
         Domain::Traffic => [144.0, 162.0, 164.0, 163.5],
@@ -94,7 +96,7 @@ pub fn start(scenario: &Scenario) -> Option<f64> {
     Some(starts[column(scenario)?])
 }
 
-/// The dashed line: SUMO's actuated control for traffic, the oldest item for the warehouse.
+/// Returns the paper's dashed line: SUMO's actuated control for traffic, the oldest item first for the warehouse.
 pub fn hand_coded(scenario: &Scenario) -> Option<f64> {
     let returns = match scenario.domain {
         Domain::Traffic => [176.0, 175.0, 177.5, 175.0],
@@ -103,7 +105,7 @@ pub fn hand_coded(scenario: &Scenario) -> Option<f64> {
     Some(returns[column(scenario)?])
 }
 
-/// The end of a curve.
+/// Returns the last point of the paper's curve of a method.
 pub fn final_return(scenario: &Scenario, simulator: &str, retraining: Retraining) -> Option<PaperReturn> {
     let domain = scenario.domain;
     let at_end = |mean, std_error| PaperReturn::new(STEPS, mean, std_error);
@@ -112,7 +114,7 @@ pub fn final_return(scenario: &Scenario, simulator: &str, retraining: Retraining
             at_end(200.5, Some(7.0)),
             at_end(214.0, None),
             at_end(212.0, Some(7.0)),
-            // A week was over.
+            // This run ended earlier, after a week.
             PaperReturn::new(3_500_000, 190.0, Some(14.0)),
         ],
         (Domain::Traffic, "untrained-dials") => {
@@ -138,16 +140,16 @@ pub fn final_return(scenario: &Scenario, simulator: &str, retraining: Retraining
     Some(of_sizes[column(scenario)?])
 }
 
-/// Hours for 4M timesteps.
+/// Hours of the paper for 4M timesteps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PaperRuntime {
     pub agents_training: f64,
-    /// Data collection and influence training; none where there is none.
+    /// Hours of data collection and influence training; `None` for methods without them.
     pub influence: Option<f64>,
     pub total: f64,
 }
 
-/// The methods whose runtimes it has, in its order.
+/// The methods whose runtimes the paper has, in its order.
 pub const RUNTIMES: [(&str, Retraining); 6] = [
     ("gs", Retraining::Never),
     ("dials", Retraining::Every(100_000)),
@@ -157,8 +159,10 @@ pub const RUNTIMES: [(&str, Retraining); 6] = [
     ("untrained-dials", Retraining::Never),
 ];
 
-/// The table "Runtimes for the traffic control environment" or "... warehouse environment", measured on 128 CPUs (AMD
-/// EPYC 7452), one process per agent. Its heading "2 agents" stands over the scenario of 4.
+/// Returns a runtime from the table "Runtimes for the traffic control environment" or "... warehouse environment".
+///
+/// The paper measured them on 128 CPUs (AMD EPYC 7452), one process per agent. Its heading "2 agents" is that of the
+/// scenario with 4.
 pub fn runtime(scenario: &Scenario, simulator: &str, retraining: Retraining) -> Option<PaperRuntime> {
     let (domain, column) = (scenario.domain, column(scenario)?);
     let of_sizes = |hours: [f64; 4]| hours[column];
@@ -194,7 +198,7 @@ fn alone(hours: f64) -> PaperRuntime {
     PaperRuntime { agents_training: hours, influence: None, total: hours }
 }
 
-/// Peak memory in MB.
+/// Peak memory of the paper in MB.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PaperMemory {
     pub gs: f64,
@@ -202,7 +206,7 @@ pub struct PaperMemory {
     pub dials_total: f64,
 }
 
-/// The table "Peak Memory Usage in Megabytes (MB)".
+/// Returns a column of the table "Peak Memory Usage in Megabytes (MB)".
 pub fn memory(scenario: &Scenario) -> Option<PaperMemory> {
     let (gs, process, total) = match scenario.domain {
         Domain::Traffic => {
@@ -228,7 +232,7 @@ mod tests {
                 for every in [100_000, 500_000, 1_000_000, 4_000_000] {
                     let hours = runtime(&scenario, "dials", Retraining::Every(every)).unwrap();
                     let off = hours.total - hours.agents_training - hours.influence.unwrap();
-                    // The paper has 4.45 where 2.13 + 1.32 = 3.45.
+                    // The paper prints 4.45, but 2.13 + 1.32 = 3.45.
                     let slip = (domain, agents, every) == (Domain::Warehouse, 4, 100_000);
                     assert!((off - f64::from(u8::from(slip))).abs() < 0.015, "{domain:?} {agents} {every}: {off}");
                 }
@@ -245,7 +249,7 @@ mod tests {
         let points = curve(4, "dials", Retraining::Every(1_000_000));
         let points: Vec<(u64, f64)> = points.iter().map(|point| (point.steps, point.mean)).collect();
         assert_eq!(points, [(0, 144.0), (1_000_000, 182.0), (4_000_000, 214.0)]);
-        assert!(curve(4, "dials", Retraining::Every(100_000)).is_empty(), "no return of it was read");
+        assert!(curve(4, "dials", Retraining::Every(100_000)).is_empty(), "no return of this method was read");
         assert!(curve(9, "gs", Retraining::Never).is_empty());
     }
 
