@@ -1,4 +1,4 @@
-//! The hot functions of learning, at the shapes of the shipped configs: `cargo bench --bench learning`.
+//! Benchmarks of the hot functions of learning, with the shapes of the shipped configs: `cargo bench --bench learning`.
 //!
 //! Throughputs are agent-steps per second of the function alone. For the speed of a whole run: `dials-traffic bench`.
 
@@ -15,14 +15,14 @@ use dials_traffic::training::gae::advantages;
 use dials_traffic::training::ppo::{Decayed, update};
 use rand::Rng;
 
-/// The networks of a domain and how they are trained.
+/// Networks and training settings of a domain.
 struct Setting {
     name: &'static str,
     config: Config,
     spec: RegionSpec,
 }
 
-/// Traffic's feed-forward networks and the warehouse's recurrent ones.
+/// Returns the settings of traffic (feed-forward networks) and of the warehouse (recurrent networks).
 fn settings() -> [Setting; 2] {
     let config = |name: &str| {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(name);
@@ -50,7 +50,7 @@ impl Setting {
         PolicyStack::new(&AgentId::all(agents), &self.spec, &self.config.policy, &bias, Seed::new(1))
     }
 
-    /// A memory of random decisions.
+    /// Makes a memory of random decisions.
     fn memory(&self, agents: usize, dice: &mut Dice) -> Memory {
         let (capacity, state_width) = (self.config.ppo.memory, self.config.policy.recurrent.unwrap_or(0));
         let length = self.config.sequence_length();
@@ -69,12 +69,12 @@ impl Setting {
     }
 }
 
-/// A dice stream per agent.
+/// Makes a dice stream per agent.
 fn streams(count: usize) -> Vec<Dice> {
     AgentId::all(count).into_iter().map(|agent| Seed::new(2).for_agent(agent).dice()).collect()
 }
 
-/// Observations are mostly zeros.
+/// Draws zeros and ones, mostly zeros like observations.
 fn bits(count: usize, dice: &mut Dice) -> Vec<f32> {
     (0..count).map(|_| f32::from(u8::from(dice.random_bool(0.2)))).collect()
 }
@@ -106,7 +106,7 @@ fn ppo(criterion: &mut Criterion) {
             let memory = setting.memory(agents, &mut Seed::new(4).dice());
             let mut dice = streams(agents);
             let (config, watch) = (&setting.config.ppo, &mut Stopwatch::default());
-            // So small a rate that the policies stay as they are, however long this runs.
+            // The rate is so small that the policies do not change, however long this runs.
             let decayed = Decayed { learning_rate: 1e-12, clip: config.clip };
             group.throughput(Throughput::Elements((agents * config.memory) as u64));
             group.bench_function(BenchmarkId::new(setting.name, agents), |bencher| {

@@ -1,7 +1,7 @@
-//! Steps of the simulators under random actions: `cargo bench --bench simulators`.
+//! Benchmarks of the simulators under random actions: `cargo bench --bench simulators`.
 //!
-//! Throughputs are agent-steps per second of the simulator alone, without policies and AIPs. Episodes begin again at their
-//! horizon, so the cars are those of all parts of an episode.
+//! Throughputs are agent-steps per second of the simulator alone, without policies and AIPs (approximate influence
+//! predictors). Episodes restart at their horizon, so the traffic is that of a whole episode.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -16,7 +16,7 @@ use dials_traffic::traffic::Traffic;
 use dials_traffic::warehouse::Warehouse;
 use rand::Rng;
 
-/// Arrivals per edge and step, as at the boundary of the paper's grids.
+/// Probability of an arrival per edge and step, as at the boundary of the paper's grids.
 const ARRIVALS: f64 = 0.1;
 
 fn config(name: &str) -> Config {
@@ -34,7 +34,7 @@ fn warehouse(name: &str) -> Arc<dyn Domain> {
     Arc::new(Warehouse::new(&table))
 }
 
-/// Random actions that keep most lights as they are.
+/// Draws random actions. In traffic, most of them keep the light.
 fn act(spec: &RegionSpec, actions: &mut [Action], dice: &mut Dice) {
     for action in actions {
         *action = match spec.sources {
@@ -65,7 +65,7 @@ fn local(group: &mut BenchmarkGroup<'_, WallTime>, name: &str, domain: &dyn Doma
     });
 }
 
-/// The rows begin their episodes one after the other.
+/// Steps a local simulator. Its rows start their episodes at different steps.
 fn step_local(
     simulator: &mut dyn LocalSimulator,
     spec: &RegionSpec,

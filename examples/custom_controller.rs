@@ -1,4 +1,4 @@
-//! A traffic controller of your own against gap-out, on the same traffic.
+//! Compares your own traffic controller with gap-out, on the same traffic.
 //!
 //! ```sh
 //! cargo run --release --example custom_controller
@@ -20,7 +20,7 @@ use dials_traffic::traffic::side::Side;
 
 const EPISODES: usize = 10;
 
-/// Gives green to whichever road has more cars that come, but not before some seconds have passed.
+/// Gives green to the road with more incoming cars, but keeps every green for at least three steps.
 fn more_cars(at: &Intersection<'_>) -> Action {
     let cars = |sides: [Side; 2]| sides.into_iter().map(|side| at.incoming(side).len()).sum::<usize>();
     let (horizontal, vertical) = (cars([Side::West, Side::East]), cars([Side::South, Side::North]));
@@ -44,8 +44,8 @@ pub fn main() -> Result<()> {
     };
     let traffic = Traffic::open(&config)?;
 
-    // The seed is the traffic: both controllers meet the same cars. SUMO allows one simulation per process, so that of
-    // the first one is dropped before the second begins.
+    // The seed determines the traffic, so both controllers see the same cars. SUMO allows one simulation per process,
+    // so the first simulator is dropped before the second one starts.
     let play = |mut simulator: Box<dyn GlobalSimulator>| -> Result<Evaluation> {
         let episodes = play_episodes(&mut *simulator, &mut Bystander, Seed::new(1), EPISODES, &mut |_| ())?;
         Ok(Evaluation::new(&traffic, &episodes))
@@ -55,10 +55,13 @@ pub fn main() -> Result<()> {
     let gap_out = play(traffic.baseline("gap-out")?.simulator)?;
     for (name, found) in [("more-cars", &mine), ("gap-out", &gap_out)] {
         let all = found.of_all();
-        println!("{name:>10}: return {:.1} +- {:.1} (standard error)", all.mean, all.std_error);
+        println!(
+            "{name:>10}: return {:.1} +- {:.1} (standard error over {EPISODES} episodes)",
+            all.mean, all.std_error
+        );
     }
 
-    // What differs within an episode is the controllers' doing alone, so the difference is known better than either.
+    // Within an episode only the controllers differ, so the difference is more certain than either return.
     let mean = |found: &Evaluation| -> Vec<f64> {
         found.returns.iter().map(|agents| agents.iter().sum::<f64>() / agents.len() as f64).collect()
     };

@@ -1,8 +1,9 @@
-//! A domain of your own, trained with DIALS: a bucket brigade.
+//! Trains your own domain with DIALS: a bucket brigade.
 //!
-//! A pump fills buckets for the first of four people in a line; each can hold three, and may at any step walk to the
-//! next one and hand over all there are. A bucket that reaches the end of the walk is worth 1, the walk costs 1, and
-//! what does not fit into two hands is spilled. It pays to wait for three, and never to meet somebody with full hands.
+//! A pump fills buckets for the first of four people in a line. Each person can hold three buckets. At any step a
+//! person may walk to the next one and hand over all buckets. Each bucket handed over is worth 1, and the walk costs 1.
+//! Buckets that the next person cannot hold are spilled. It pays to wait for three buckets, and not to walk to a person
+//! whose hands are full.
 //!
 //! ```sh
 //! cargo run --release --example custom_domain
@@ -28,7 +29,7 @@ const PEOPLE: usize = 4;
 const HANDS: usize = 3;
 const WALK: Action = 1;
 
-/// One person as the others see it: the local state is the number of buckets held, the influence source how many arrive.
+/// People, each one a local region. Local state: the number of buckets held. Influence source: the number that arrive.
 struct People {
     spec: RegionSpec,
     held: Vec<u8>,
@@ -40,7 +41,7 @@ impl People {
         People { spec: spec.clone(), held: vec![0; rows], last: Transition::new(rows, spec) }
     }
 
-    /// How many buckets a person hands over with this action.
+    /// Returns the number of buckets that a person hands over with this action.
     fn handed_over(&self, row: usize, action: Action) -> u8 {
         if action == WALK { self.held[row] } else { 0 }
     }
@@ -51,7 +52,8 @@ impl People {
         self.show(row, (self.held[row] - handed_over + arriving).min(HANDS as u8));
     }
 
-    /// What a person sees, and what its AIP sees: the buckets held, one-hot.
+    /// Writes the observation and the d-set (the input of the AIP, the approximate influence predictor): the number of
+    /// buckets held, one-hot.
     fn show(&mut self, row: usize, held: u8) {
         self.held[row] = held;
         for table in [&mut self.last.percept.obs, &mut self.last.percept.d_set] {
@@ -61,7 +63,7 @@ impl People {
     }
 }
 
-/// The local simulator: any number of people, buckets arriving as their AIPs say.
+/// The local simulator: any number of people. AIPs decide how many buckets arrive.
 impl LocalSimulator for People {
     fn spec(&self) -> &RegionSpec {
         &self.spec
@@ -165,7 +167,10 @@ pub fn main() -> Result<()> {
     let spec = RegionSpec { obs_dim: HANDS + 1, d_set_dim: HANDS + 1, n_actions: 2, sources, horizon: 60 };
     let brigade = Arc::new(Brigade { spec: spec.clone() });
     let measured = conformance::check(&*brigade, Seed::new(1))?;
-    println!("the local simulator has {:.0} % of what the global one shows", 100.0 * measured.recall);
+    println!(
+        "the local simulator reproduces {:.0} % of the global one's non-zero observations",
+        100.0 * measured.recall
+    );
 
     let config = Config {
         total_steps: 40_000,

@@ -1,4 +1,4 @@
-"""The policies of a run in Python, with nothing but numpy and safetensors.
+"""Read the policies of a run in Python, with only numpy and safetensors.
 
     python3 examples/read_policies.py runs/traffic_4-dials-seed1/policies.safetensors
 """
@@ -10,10 +10,10 @@ from safetensors.numpy import load_file
 
 
 def judge(policies, obs, state=None):
-    """What every agent's network says: (logits [agents, batch, actions], values [agents, batch], next state).
+    """Return the networks' outputs: (logits [agents, batch, actions], values [agents, batch], next state).
 
-    obs: [agents, batch, obs_dim]. state: [agents, batch, hidden], zeros where an episode begins; policies without a GRU
-    have none.
+    obs: [agents, batch, obs_dim]. state: [agents, batch, hidden], zeros at the beginning of an episode; None for
+    policies without a GRU.
     """
     hidden = obs
     if "gru.input_weight" in policies:

@@ -1,8 +1,8 @@
-//! What all pictures have in common: an SVG that is drawn finely, pens and type in pixels, and colours.
+//! Common parts of all pictures: a finely drawn SVG, pens and fonts in pixels, and colours.
 //!
-//! Colours are told apart by colour-blind readers (the palette of Okabe and Ito, 2008), and shades go from light to dark in
-//! one hue, so that they are the same in black and white. Which picture shows what is in [`crate::plot`] (episodes) and
-//! [`crate::report`] (runs).
+//! Colour-blind readers can distinguish the colours (the palette of Okabe and Ito, 2008). Shades go from light to dark
+//! in one hue, so they keep their order in black and white. The pictures themselves are in [`crate::plot`] (episodes)
+//! and [`crate::report`] (runs).
 
 use anyhow::Result;
 use plotters::chart::MeshStyle;
@@ -10,18 +10,18 @@ use plotters::coord::Shift;
 use plotters::coord::ranged1d::ValueFormatter;
 use plotters::prelude::*;
 
-/// All of a picture, or a part of it.
+/// A whole picture, or a part of it.
 pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-/// Units per pixel: the drawing crate knows whole units only, and fine lines would have corners.
+/// Units per pixel. The drawing crate has only whole units; with one unit per pixel, fine lines would look ragged.
 pub const SCALE: u32 = 4;
 
-/// Of text and axes.
+/// Colour of text and axes.
 pub const INK: RGBColor = RGBColor(0x1a, 0x1a, 0x1a);
-/// Behind everything.
+/// Colour of the background.
 const PAPER: RGBColor = RGBColor(0xfe, 0xfe, 0xfe);
 
-// Okabe and Ito's palette without its yellow, which white paper swallows, and its black, which is the ink.
+// Okabe and Ito's palette without its yellow, which is invisible on white, and its black, which is the ink.
 pub const BLUE: RGBColor = RGBColor(0x00, 0x72, 0xb2);
 pub const ORANGE: RGBColor = RGBColor(0xe6, 0x9f, 0x00);
 pub const GREEN: RGBColor = RGBColor(0x00, 0x9e, 0x73);
@@ -29,28 +29,28 @@ pub const PURPLE: RGBColor = RGBColor(0xcc, 0x79, 0xa7);
 pub const VERMILLION: RGBColor = RGBColor(0xd5, 0x5e, 0x00);
 pub const SKY: RGBColor = RGBColor(0x56, 0xb4, 0xe9);
 
-/// Pixels as units.
+/// Converts pixels to units.
 pub fn px(pixels: impl Into<f64>) -> i32 {
     (pixels.into() * f64::from(SCALE)).round() as i32
 }
 
-/// A line of so many pixels.
+/// Makes the style of a line, `pixels` wide.
 pub fn pen(colour: impl Color, pixels: impl Into<f64>) -> ShapeStyle {
     ShapeStyle { color: colour.to_rgba(), filled: false, stroke_width: px(pixels) as u32 }
 }
 
-/// A text style of so many pixels.
+/// Makes the style of a text, `pixels` high.
 pub fn text(pixels: impl Into<f64>, colour: impl Color) -> TextStyle<'static> {
-    // The SVG backend divides sizes by this.
+    // The SVG backend divides font sizes by 1.24.
     ("sans-serif", f64::from(px(pixels)) * 1.24).into_font().color(&colour)
 }
 
-/// About how wide a text is drawn, in units: the crate measures no fonts without a font library.
+/// Estimates the width of a text in units, because the drawing crate cannot measure text without a font library.
 pub fn text_width(words: &str, pixels: f64) -> i32 {
     px(words.chars().count() as f64 * pixels * 0.56)
 }
 
-/// Draws axes and grid as every chart has them, with numbers of so many pixels.
+/// Draws axes and grid in the style of all charts. `numbers`: font size of the numbers, in pixels.
 pub fn draw_mesh<X, Y>(mesh: &mut MeshStyle<'_, '_, X, Y, SVGBackend<'_>>, numbers: f64) -> Result<()>
 where
     X: Ranged + ValueFormatter<X::ValueType>,
@@ -66,7 +66,7 @@ where
     Ok(())
 }
 
-/// The shade of a share from 0 (light) to 1 (dark).
+/// Returns the shade for a share from 0 (light) to 1 (dark).
 pub fn shade(share: f64) -> RGBColor {
     const STOPS: [[f64; 3]; 3] = [[247.0, 251.0, 255.0], [107.0, 174.0, 214.0], [8.0, 48.0, 107.0]];
     let place = share.clamp(0.0, 1.0) * 2.0;
@@ -75,12 +75,12 @@ pub fn shade(share: f64) -> RGBColor {
     RGBColor(red, green, blue)
 }
 
-/// Black or white, whichever is read over this colour.
+/// Returns black or white, whichever is readable on this colour.
 pub fn ink_over(colour: RGBColor) -> RGBColor {
     if luminance(colour) > 0.5 { BLACK } else { WHITE }
 }
 
-/// From 0 to 1, as the eye weighs colours (ITU-R BT.709, without gamma).
+/// Returns the brightness of a colour from 0 to 1, weighted as the eye does (ITU-R BT.709, without gamma).
 pub fn luminance(RGBColor(red, green, blue): RGBColor) -> f64 {
     (0.2126 * f64::from(red) + 0.7152 * f64::from(green) + 0.0722 * f64::from(blue)) / 255.0
 }
@@ -90,11 +90,11 @@ pub fn luminance(RGBColor(red, green, blue): RGBColor) -> f64 {
 pub struct Svg(String);
 
 impl Svg {
-    /// Draws a picture of so many pixels.
+    /// Draws a picture of `width` x `height` pixels.
     ///
     /// # Errors
     ///
-    /// Those of `paint`.
+    /// The errors of `paint` and of the drawing crate.
     pub fn draw(width: u32, height: u32, paint: impl FnOnce(&Area) -> Result<()>) -> Result<Svg> {
         let mut text = String::new();
         {
@@ -107,13 +107,13 @@ impl Svg {
         Ok(Svg(text.replacen(&drawn, &format!("width=\"{width}\" height=\"{height}\""), 1)))
     }
 
-    /// As a file of its own, on white.
+    /// Returns the picture as an SVG file, on white.
     pub fn file(&self) -> String {
         self.0.replace(&hex(PAPER), "#FFFFFF")
     }
 
-    /// As a part of a page of HTML, without paper and in the colour of the page's text. `title`, which must not hold any
-    /// markup, is what is read aloud.
+    /// Returns the picture as a part of an HTML page, without background and in the colour of the page's text. Screen
+    /// readers read `title`, which must not contain markup.
     pub fn inline(&self, title: &str) -> String {
         let named = format!("<svg role=\"img\" aria-label=\"{title}\" ");
         self.0.replacen("<svg ", &named, 1).replace(&hex(PAPER), "none").replace(&hex(INK), "currentColor")

@@ -1,4 +1,4 @@
-//! `experiment`: what is there is skipped, what was begun goes on, and a kill loses nothing.
+//! `experiment`: finished runs are skipped, unfinished ones are resumed, and a kill loses nothing.
 
 use std::fs;
 use std::os::unix::process::CommandExt;
@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use assert_cmd::Command;
 
-/// A warehouse of one robot, which trains in a moment.
+/// Config of a warehouse with one robot, which trains very fast.
 const CONFIG: &str = "total_steps = 256\n[warehouse]\nagents_per_side = 1\nhorizon = 8\n[policy]\nhidden = [8]\n\
                       [aip]\nhidden = [8]\nretrain_every_steps = 256\ndataset_steps = 64\nbatch = 8\nepochs = 1\n\
                       [evaluation]\nevery_steps = 128\nepisodes = 2\n";
@@ -93,7 +93,7 @@ fn a_run_that_a_killed_experiment_left_goes_on_to_the_same_numbers() {
     }
     killed.kill().unwrap();
     killed.wait().unwrap();
-    // The run ends with the experiment: nobody holds its directory any more.
+    // The run ends with the experiment, and releases its directory.
     let run = fs::File::open(place.runs().join("small-dials-seed1")).unwrap();
     let killed_at = Instant::now();
     while run.try_lock().is_err() {
@@ -118,7 +118,7 @@ fn a_run_that_a_killed_experiment_left_goes_on_to_the_same_numbers() {
 fn a_run_that_fails_stops_no_other_and_is_named() {
     let place = Place::new(TWO_SEEDS);
     place.experiment(&[]).assert().success();
-    // A run that begins again, and one whose file is shorter than its checkpoint left it.
+    // One run starts again. The other one's file is shorter than its checkpoint says.
     let [again, spoilt] = ["small-dials-seed1", "small-dials-seed2"].map(|run| place.runs().join(run));
     fs::remove_dir_all(&again).unwrap();
     fs::write(spoilt.join("returns.csv"), "steps,agent\n0,0\n").unwrap();
@@ -174,7 +174,7 @@ fn a_baseline_is_measured_as_the_runs_are_and_again_when_its_plan_has_changed() 
     place.experiment(&[]).assert().success();
     assert_eq!(measured("episodes"), 3);
 
-    // Other runs in another folder, on episodes of another length.
+    // Different runs in another folder, with a longer horizon.
     let longer = TWO_SEEDS.replace("[[grid]]", "set = ['warehouse.horizon=16']\n[[grid]]");
     fs::write(place.dir.path().join("e.toml"), longer).unwrap();
     place.experiment(&["--out", "longer/runs"]).assert().success();
@@ -209,7 +209,7 @@ fn another_run_in_the_way_is_left_alone() {
     fs::write(place.dir.path().join("e.toml"), changed).unwrap();
     let output = place.experiment(&[]).assert().code(2).get_output().clone();
     let said = text(&output.stderr);
-    assert!(said.contains("small-dials-seed1: holds another run than the experiment means"), "{said}");
+    assert!(said.contains("small-dials-seed1: holds a different run than planned"), "{said}");
     assert!(said.contains("ppo.clip: 0.1 there, 0.3 planned"), "{said}");
 }
 

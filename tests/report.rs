@@ -1,7 +1,7 @@
-//! `report` and `compare` on fixed small run directories, against what is known of them.
+//! `report` and `compare` on small fixed run directories, against known results.
 //!
-//! The runs under `tests/report/runs` are made up of round numbers. After a deliberate change of what a report says, remake
-//! the golden files with `UPDATE_GOLDEN=1 cargo test --test report`, and read the difference.
+//! The runs under `tests/report/runs` are invented, with round numbers. After a deliberate change of a report's text,
+//! remake the golden files with `UPDATE_GOLDEN=1 cargo test --test report`, and read the difference.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ fn home() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/report")
 }
 
-/// The program, called where the fixed runs are `runs`.
+/// Makes a command of the program in the folder that holds the fixed runs as `runs`.
 fn dials_traffic(args: &[&str]) -> Command {
     let mut command = assert_cmd::cargo::cargo_bin_cmd!("dials-traffic");
     command.current_dir(home()).args(args);
@@ -24,7 +24,7 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).unwrap()
 }
 
-/// A report of all fixed runs.
+/// Makes a report of all fixed runs. Returns its folders and what the program printed to stderr.
 fn report() -> (tempfile::TempDir, PathBuf, String) {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("report");
@@ -70,21 +70,22 @@ fn final_returns_and_runtimes_are_worked_out_by_hand() {
         let table = fs::read_to_string(out.join(file)).unwrap();
         table.lines().find(|line| line.starts_with(group)).unwrap().to_owned()
     };
-    // 214, 218 and 222: mean 218, deviation 4, standard error 4 / sqrt(3) = 2.3094, too few for an interval; each run's median
-    // agent is 0.5 higher; the worst agent is 3 below the worst run.
+    // 214, 218 and 222: mean 218, deviation 4, standard error 4 / sqrt(3) = 2.3094. Three are too few for an interval.
+    // Each run's median agent is 0.5 higher. The worst agent is 3 below the worst run.
     assert_eq!(
         line("final.csv", "traffic_4,DIALS F=1M"),
         "traffic_4,DIALS F=1M,4000064,true,3,4,218.0000,2.3094,,,218.0000,218.5000,211.0000,0,12"
     );
-    // Two periods of 410, 420 and 430 s and a last evaluation of 3 s: 823, 843 and 863; three evaluations of 3 s off: 814, 834
-    // and 854, of which 2 s collect and train AIPs. CPU: two periods of 700 s and 6 s; evaluations 5, 5 and 6 s.
+    // Two periods of 410, 420 and 430 s and a last evaluation of 3 s: 823, 843 and 863. Minus three evaluations of 3 s:
+    // 814, 834 and 854, of which 2 s collect data and train AIPs. CPU: two periods of 700 s and 6 s; evaluations 5, 5
+    // and 6 s.
     assert_eq!(
         line("costs.csv", "traffic_4,DIALS F=1M"),
         "traffic_4,DIALS F=1M,4000064,true,1,832.0000,2.0000,834.0000,,,843.0000,1406.0000,16.0000,202.0000,382.0000,262.0000"
     );
     // The unfinished run with seed 2 does not count.
     assert!(line("final.csv", "traffic_4,GS").starts_with("traffic_4,GS,4000064,true,1,4,200.0000,,,,200.0000,"));
-    // At 2M both do: 190 and 194.
+    // At 2M both runs count: 190 and 194.
     let curves = fs::read_to_string(out.join("curves.csv")).unwrap();
     assert!(curves.contains("traffic_4,GS,2000000,2,192.0000,2.0000,,,192.5000,"), "{curves}");
 }
@@ -174,7 +175,7 @@ fn a_folder_that_is_named_twice_counts_once() {
     assert_eq!(made("within", &["runs", "runs/traffic_4-gs-seed1", "../report/runs/baselines/.."]), once);
 }
 
-/// A copy of some fixed runs that a test may change, and a report of it.
+/// Copies some fixed runs, changes the copies and makes a report of them. Returns the folder and the Markdown.
 fn report_of(runs: &[&str], change: impl Fn(&Path)) -> (tempfile::TempDir, String) {
     let dir = copy_of(runs);
     change(&dir.path().join("runs"));
@@ -184,7 +185,7 @@ fn report_of(runs: &[&str], change: impl Fn(&Path)) -> (tempfile::TempDir, Strin
     (dir, markdown)
 }
 
-/// A folder with copies of some fixed runs under `runs`.
+/// Makes a folder with copies of some fixed runs under `runs`.
 fn copy_of(runs: &[&str]) -> tempfile::TempDir {
     let dir = tempfile::tempdir().unwrap();
     for run in runs {
@@ -216,12 +217,12 @@ fn scenarios_of_as_many_agents_stand_apart_and_only_the_papers_has_its_numbers()
         "training, 4, 100 steps | training, 4, 300 steps",
         "The paper has no such scenario.",
         "| 214.0 ± 1.0 at 4M | +0.0 |",
-        "runs/baselines/traffic_4-actuated.json: left out: was measured on traffic-9-300, of which there is no run",
+        "runs/baselines/traffic_4-actuated.json: left out: was measured on traffic-9-300, but there is no run of it",
     ] {
         assert!(markdown.contains(told), "`{told}` is not in {markdown}");
     }
     assert!(!markdown.contains("200.5 ± 7.0"), "the paper's GS has episodes of 300 steps");
-    // 0.5 h of ours at 100 steps, and nothing of the paper's in that column; its own 7.24 h in that of 300.
+    // The column of 100 steps has our 0.5 h and nothing from the paper. The column of 300 steps has the paper's 7.24 h.
     assert!(markdown.contains("| GS | 0.50 / - | - / 7.24 |"), "{markdown}");
     let page = fs::read_to_string(dir.path().join("report/report.html")).unwrap();
     for (at, _) in page.match_indices(" id=\"") {
@@ -242,7 +243,7 @@ fn an_ablation_is_drawn_row_by_row_and_panel_by_panel_against_its_reference() {
             }
             let clip = if setting.starts_with("clip") { "" } else { "clip = 0.1\n" };
             edit(&to.join("config.toml"), "clip = 0.1", &format!("{clip}{setting}"));
-            // 9.2 in the reference.
+            // The reference has 9.2.
             edit(&to.join("returns.csv"), "200064,all,9.2", "200064,all,9.7");
         }
     });
@@ -257,14 +258,14 @@ fn an_ablation_is_drawn_row_by_row_and_panel_by_panel_against_its_reference() {
         (rows.matches("\n+0.50 (n = 1, other episodes)\n").count(), rows.matches("\nthe reference\n").count()),
         (5, 1)
     );
-    assert!(panels.contains("in all: DIALS F=200K (1"));
-    assert!(!dir.path().join("report/final_return_warehouse.svg").exists(), "the rows say it");
+    assert!(panels.contains("in all panels: DIALS F=200K"));
+    assert!(!dir.path().join("report/final_return_warehouse.svg").exists(), "the ablation's rows show the same");
 }
 
 #[test]
 fn runs_that_are_shorter_than_the_papers_have_rows_of_their_own_among_its_runtimes() {
     let (_dir, markdown) = report_of(&["traffic_4-gs-seed2", "warehouse_4-dials-clip0.1-seed1"], |_| ());
-    // The paper's row without us, and ours: 900 s less 3 s of evaluation until 2M steps.
+    // The paper's row without ours, and our row: 900 s minus 3 s of evaluation, until 2M steps.
     assert!(markdown.contains("| GS | - / 7.24 |"), "{markdown}");
     assert!(markdown.contains("| GS, 2M steps, unfinished | 0.25 / - |"), "{markdown}");
     assert!(markdown.contains("| DIALS F=200K, 200K steps | 0.0144 / - |"), "{markdown}");
@@ -276,7 +277,7 @@ fn what_a_kill_cut_short_is_left_out_of_a_run_and_a_hole_leaves_the_run_out() {
     let (_dir, markdown) = report_of(&runs, |runs| {
         let returns = runs.join("traffic_4-dials-seed1/returns.csv");
         let text = fs::read_to_string(&returns).unwrap();
-        // The last evaluation has two agents of four, the second one half a line.
+        // The last evaluation keeps two agents of four, the second one with half a line.
         let end = text.find("4000064,1,").unwrap();
         fs::write(&returns, &text[..end + 12]).unwrap();
         let returns = runs.join("traffic_4-dials-seed2/returns.csv");
@@ -352,7 +353,7 @@ fn near(value: &Value, expected: f64) {
 fn the_same_seeds_are_compared_in_pairs() {
     let found =
         compare(&["runs/warehouse_4-dials-clip0.1-seed*", "runs/warehouse_4-dials-clip0.2-seed*", "--reach", "6.2"]);
-    // Finals 9.2 and 9.4 against 9.7 and 9.9: both pairs differ by 0.5. These runs did not write their episodes down.
+    // Final returns 9.2 and 9.4 against 9.7 and 9.9: both pairs differ by 0.5. These runs have no file of episodes.
     assert_eq!(found["paired_by"], "seed");
     near(&found["difference"], 0.5);
     assert_eq!(found["interval_95"], Value::Null, "two seeds are too few");
@@ -362,7 +363,7 @@ fn the_same_seeds_are_compared_in_pairs() {
     // A is at 6 at 100K and at 9.2 at the end; B is at 6.5 at 100K.
     near(&found["a"]["reached_steps"], 200_064.0);
     near(&found["b"]["reached_steps"], 100_000.0);
-    // 30 s less an evaluation of 3 s.
+    // 30 s minus an evaluation of 3 s.
     near(&found["b"]["reached_s"], 27.0);
     near(&found["runtime_ratio"], 1.0);
     // The median agent is 0.5 above the mean.
@@ -372,7 +373,7 @@ fn the_same_seeds_are_compared_in_pairs() {
 
 #[test]
 fn a_comparison_names_the_seeds_that_it_uses_and_counts_the_stuck_agents() {
-    // Of GS the unfinished run with seed 2 does not count; one of the 4 agents of seed 1 is stuck.
+    // The unfinished GS run with seed 2 does not count. One of the 4 agents of seed 1 is stuck.
     let found = compare(&["runs/traffic_4-gs-seed1,runs/traffic_4-gs-seed2", "runs/traffic_4-dials-seed1"]);
     assert_eq!(found["a"]["seeds"], serde_json::json!([1]));
     assert_eq!((&found["a"]["stuck_agents"], &found["a"]["agents"]), (&1.into(), &4.into()));
@@ -385,7 +386,8 @@ fn a_return_to_reach_is_a_number() {
     assert!(text(&output.stderr).contains("must be a finite number"), "{output:?}");
 }
 
-/// Five runs with seeds 1 to 5 of a fixed one, whose final return in each of its four episodes is raised by these.
+/// Copies a fixed run for seeds 1 to 5. `raised` is added to the final return of each copy, in all of its four
+/// episodes.
 fn five_seeds(runs: &Path, of: &str, name: &str, raised: [f64; 5]) {
     for (seed, raised) in (1..).zip(raised) {
         let to = runs.join(format!("{name}-seed{seed}"));
@@ -418,25 +420,27 @@ fn five_seeds_on_the_same_episodes_have_an_interval_of_their_paired_differences(
     five_seeds(&runs, "traffic_4-dials-seed1", "dials", [1.0, 3.0, 5.0, 7.0, 9.0]);
     let side = |name: &str| format!("{}/{name}-seed*", runs.display());
     let found = compare(&[&side("gs"), &side("dials")]);
-    // 200 + 0..4 against 214 + 1, 3, ..., 9: differences 15 to 19, mean 17, error sqrt(2.5 / 5) = 0.70711, t of 4 is 2.77645.
+    // 200 + 0..4 against 214 + 1, 3, ..., 9: differences 15 to 19, mean 17. Standard error sqrt(2.5 / 5) = 0.70711; t
+    // with 4 degrees of freedom: 2.77645.
     assert_eq!((&found["paired_by"], &found["a"]["episodes"]), (&"episode and seed".into(), &4.into()));
     near(&found["difference"], 17.0);
     near(&found["interval_95"][0], 17.0 - 2.77645 * 0.5_f64.sqrt());
     near(&found["differences"][4]["difference"], 19.0);
     assert_eq!(found["warnings"], serde_json::json!([]));
-    // 1406 s less 16 s of evaluations; the runs on the GS are of a version that did not measure it.
+    // 1406 s minus 16 s of evaluations. The runs on the GS are from a version that did not measure CPU time.
     near(&found["b"]["cpu_s"], 1390.0);
     assert_eq!(found["a"]["cpu_s"], Value::Null);
 
-    // Seeds 1 and 2 against 3 to 5 cannot be paired by seed, and are too few.
+    // Seeds 1 and 2 against 3 to 5 cannot be paired by seed, and are too few for an interval.
     let found = compare(&[&format!("{}/gs-seed[12]", runs.display()), &format!("{}/gs-seed[345]", runs.display())]);
     assert_eq!((&found["paired_by"], &found["interval_95"]), (&"episode".into(), &Value::Null));
-    // 0.5 and 3.
+    // Means of 0.5 and 3 above 200.
     near(&found["difference"], 2.5);
-    // 95 % of 200.5.
+    // 95 % of the lower final return, 200.5.
     near(&found["reach"], 190.475);
 
-    // Another seed of the episodes: only means are left, and the traffic's chance is in none of the spreads.
+    // With another seed of the episodes only means can be compared, and no spread contains the randomness of the
+    // traffic.
     for seed in 1..=5 {
         let config = runs.join(format!("dials-seed{seed}/config.toml"));
         let text = fs::read_to_string(&config).unwrap();
@@ -457,7 +461,7 @@ fn returns_stand_beside_the_strongest_controller_on_the_same_episodes() {
         edit(&weaker, "170.6", "90.6");
     });
     assert!(markdown.contains("| 95 % interval or seeds | − actuated | median run |"), "{markdown}");
-    // 200 to 204: 202 with an error of 0.70711, so 1.96 to each side; 31.4 more than 170.6 in every episode.
+    // 200 to 204: mean 202, standard error 0.70711, so 1.96 to each side. The mean is 31.4 above 170.6.
     assert!(markdown.contains("| 5 | 4M | 4 | 202.0 | 95 % [200.0, 204.0] | +31.4 [+29.4, +33.4] |"), "{markdown}");
     assert!(markdown.contains("| random | - | - | 4 | 90.6 | ± 0.9 standard error over 4 episodes |"), "{markdown}");
     assert!(!markdown.contains("not evaluated on the episodes of"), "{markdown}");

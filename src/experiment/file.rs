@@ -1,4 +1,4 @@
-//! The file of an experiment, and the runs that it means.
+//! The file of an experiment, and the runs that it plans.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,46 +11,48 @@ use crate::domain::{RoughCosts, Scenario};
 use crate::report::group::steps_text;
 use crate::report::method::{Method, Retraining};
 
-/// A grid of runs.
+/// Contents of an experiment's file.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ExperimentFile {
-    /// One run per seed of everything below, unless a grid has its own.
+    /// Seeds of all runs, unless a grid has its own. Every combination runs once per seed.
     pub seeds: Vec<u64>,
-    /// Settings of all runs, as `train --set` takes them.
+    /// Settings of all runs, in the form of `train --set`.
     #[serde(default)]
     pub set: Vec<String>,
-    /// Hand-coded controllers to measure on every scenario, for the dashed lines of the report.
+    /// Hand-coded controllers to measure on every scenario, for the report's dashed lines.
     #[serde(default)]
     pub controllers: Vec<String>,
-    /// Number of episodes that each of them plays. Left out: those of the last evaluation of a run, so that controllers and
-    /// runs are compared episode by episode.
+    /// Number of episodes that each of them plays. Default: that of the last evaluation of a run, so that controllers
+    /// and runs are compared episode by episode.
     #[serde(default)]
     pub controller_episodes: Option<u32>,
-    /// Runs of fewer agents stand beside each other, one core each; larger ones have all cores to themselves.
+    /// Number of agents from which on a run takes all cores. Runs with fewer agents run side by side, one core each.
     #[serde(default = "default_all_cores_from_agents")]
     pub all_cores_from_agents: usize,
     pub grid: Vec<Grid>,
 }
 
-/// All combinations of what it lists.
+/// All combinations of the listed configs, simulators, values of F and seeds.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Grid {
     /// Config files, relative to the file of the experiment.
     pub configs: Vec<PathBuf>,
-    /// Left out: the one that each config names.
+    /// Simulators. Default: the one in each config.
     #[serde(default)]
     pub simulators: Vec<Simulator>,
-    /// F, for simulators whose AIPs are trained. Left out: what each config says.
+    /// Values of F, the steps between two trainings of the AIPs (approximate influence predictors). Only for simulators
+    /// with trained AIPs. Default: the one in each config.
     #[serde(default)]
     pub retrain_every_steps: Vec<u64>,
+    /// Seeds of these runs. Default: those of the experiment.
     #[serde(default)]
     pub seeds: Option<Vec<u64>>,
-    /// Settings of these runs.
+    /// Settings of these runs, in addition to those of the experiment.
     #[serde(default)]
     pub set: Vec<String>,
-    /// A word in the names of these runs.
+    /// Word to add to the names of these runs.
     #[serde(default)]
     pub name: Option<String>,
 }
@@ -59,13 +61,13 @@ fn default_all_cores_from_agents() -> usize {
     25
 }
 
-/// A run that an experiment means to make.
+/// A run that an experiment plans.
 #[derive(Clone, Debug)]
 pub struct PlannedRun {
-    /// Of its directory.
+    /// Name of its directory.
     pub name: String,
     pub config_path: PathBuf,
-    /// What is laid over the config.
+    /// Settings that override the config file.
     pub settings: Vec<String>,
     pub config: Config,
     pub scenario: Scenario,
@@ -78,20 +80,20 @@ impl PlannedRun {
     }
 }
 
-/// A hand-coded controller that an experiment means to measure.
+/// A hand-coded controller that an experiment plans to measure.
 #[derive(Clone, Debug)]
 pub struct PlannedBaseline {
-    /// Of its file, without ending.
+    /// Name of its file, without extension.
     pub name: String,
-    /// That of the first run on its scenario, settings and all.
+    /// Config of the first run on its scenario, with its settings.
     pub config: Config,
-    /// [`crate::domain::ScenarioId::word`]
+    /// Id of the scenario: [`crate::domain::ScenarioId::word`].
     pub scenario: String,
     pub controller: String,
     pub episodes: usize,
 }
 
-/// All that an experiment means to do.
+/// All planned runs and baselines of an experiment.
 #[derive(Debug)]
 pub struct Experiment {
     pub baselines: Vec<PlannedBaseline>,
@@ -99,15 +101,15 @@ pub struct Experiment {
     pub all_cores_from_agents: usize,
 }
 
-/// What only the domain of a config knows.
+/// Facts that only the domain of a config knows.
 pub struct Knowledge<'a> {
     pub simulated: &'a dyn Fn(&Config) -> Result<(Scenario, RoughCosts)>,
-    /// An error where there is no such controller.
+    /// Returns an error if there is no such controller.
     pub check_controller: &'a dyn Fn(&Config, &str) -> Result<()>,
 }
 
 impl Experiment {
-    /// Reads a file and checks all of it. A run that comes twice is made once, as is a controller on a scenario.
+    /// Reads a file and checks all of it. A run that is listed twice is planned once. So is a controller on a scenario.
     pub fn read(path: &Path, knowledge: &Knowledge) -> Result<Experiment> {
         let failed = || format!("{}: cannot be read", path.display());
         let text = std::fs::read_to_string(path).with_context(failed)?;
@@ -127,13 +129,13 @@ impl Experiment {
                 let known = stems.entry(stem.clone()).or_insert_with(|| config_path.clone());
                 ensure!(
                     *known == config_path,
-                    "{}: {} and {} have the same file name, by which runs are named",
+                    "{}: {} and {} have the same file name, but runs are named after it",
                     path.display(),
                     known.display(),
                     config_path.display()
                 );
                 for run in combinations(&file, grid, &config_path) {
-                    experiment.add_run(run, knowledge).with_context(|| format!("{}: a run of it", path.display()))?;
+                    experiment.add_run(run, knowledge).with_context(|| format!("{}: planned run", path.display()))?;
                 }
             }
         }
@@ -150,7 +152,7 @@ impl Experiment {
                     continue;
                 }
                 (knowledge.check_controller)(&run.config, controller)?;
-                // A file of timings has a path.
+                // The name of a controller can contain the path of a file of timings.
                 let (stem, word) = (stem(&run.config_path), controller.replace('/', "_"));
                 let mut name = format!("{stem}-{word}");
                 if self.baselines.iter().any(|other| other.name == name) {
@@ -177,13 +179,13 @@ impl Experiment {
         let retraining = Method::of(&config, &scenario).retraining;
         ensure!(
             every.is_none() || matches!(retraining, Retraining::Every(_)),
-            "retrain_every_steps: means nothing with simulator = {} and aip.retrain = {}: leave it out, or give these runs a \
+            "retrain_every_steps: has no effect with simulator = {} and aip.retrain = {}: leave it out, or give these runs a \
              [[grid]] of their own",
             config.simulator.name(),
             toml::Value::try_from(config.aip.retrain)?.as_str().unwrap_or_default()
         );
         let name = format!("{}-{}{words}-seed{seed}", stem(&config_path), config.simulator.name());
-        // An F that is the config's own, or a grid that overlaps another.
+        // Two combinations give the same run if F is the config's own, or if grids overlap.
         if self.runs.iter().any(|run| run.config_path == config_path && run.config == config) {
             return Ok(());
         }
@@ -199,15 +201,15 @@ impl Experiment {
 struct Combination {
     config_path: PathBuf,
     settings: Vec<String>,
-    /// F, where the grid says it.
+    /// F, if the grid lists it.
     every: Option<u64>,
-    /// Between simulator and seed in the name.
+    /// Words between simulator and seed in the name.
     words: String,
     seed: u64,
 }
 
 fn combinations(file: &ExperimentFile, grid: &Grid, config_path: &Path) -> Vec<Combination> {
-    /// What is left out leaves it to the config.
+    /// Returns one `None` for an empty list: the config decides.
     fn one_of<T: Copy>(listed: &[T]) -> Vec<Option<T>> {
         if listed.is_empty() { vec![None] } else { listed.iter().copied().map(Some).collect() }
     }
@@ -239,7 +241,7 @@ mod tests {
 
     const CONFIG: &str = "[warehouse]\nagents_per_side = 2\n";
 
-    /// A domain whose only controller is `random`, and any `fixed-time`.
+    /// A domain that knows only the controllers `random` and `fixed-time...`.
     const KNOWLEDGE: Knowledge = Knowledge {
         simulated: &|config| Ok((Scenario::new("warehouse", 4, config.horizon()), RoughCosts::default())),
         check_controller: &|_, name| {
@@ -282,7 +284,7 @@ mod tests {
 
     #[test]
     fn a_run_that_two_grids_share_is_made_once() {
-        // 1000000 is what the config says when it says nothing.
+        // 1000000 is the default of the config.
         let text = "seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\n\
                     [[grid]]\nconfigs = ['small.toml']\nretrain_every_steps = [1000000, 500000]";
         assert_eq!(names(text), ["small-dials-seed1", "small-dials-F500K-seed1"]);
@@ -320,11 +322,11 @@ mod tests {
             (
                 "seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nset = ['aip.retrain=once']\n\
                  retrain_every_steps = [100000, 500000]",
-                "retrain_every_steps: means nothing with simulator = dials and aip.retrain = once",
+                "retrain_every_steps: has no effect with simulator = dials and aip.retrain = once",
             ),
             (
                 "seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nset = ['simulator=gs']\nretrain_every_steps = [100000]",
-                "retrain_every_steps: means nothing with simulator = gs",
+                "retrain_every_steps: has no effect with simulator = gs",
             ),
         ] {
             let error = format!("{:#}", read(text).unwrap_err());

@@ -1,11 +1,12 @@
-//! Experiments: a grid of runs (scenario x simulator x F x seed x settings), named in one file.
+//! Experiments: a grid of runs (scenario x simulator x F x seed x settings), described in one file. F is the number of
+//! steps between two trainings of the AIPs (approximate influence predictors).
 //!
-//! - [`mod@file`]: the TOML and the runs that it means.
-//! - [`progress`]: what of it is done already. The run directories are the only memory: a killed experiment loses nothing.
-//! - [`estimate`]: time and memory, from runs that are there.
-//! - [`schedule`]: how many runs stand beside each other on so many cores.
+//! - [`mod@file`]: the TOML file and the runs that it plans.
+//! - [`progress`]: which of them are done. Only the run directories record this, so a killed experiment loses nothing.
+//! - [`estimate`]: time and memory, estimated from existing runs.
+//! - [`schedule`]: which runs share the cores at the same time.
 //!
-//! This room starts nothing: `run` does.
+//! This room starts no runs: `run` does.
 
 pub mod estimate;
 pub mod file;

@@ -1,4 +1,4 @@
-//! What of an experiment is done already, as its run directories and measured baselines tell.
+//! Progress of an experiment, read from its run directories and measured baselines.
 
 use std::path::{Path, PathBuf};
 
@@ -12,16 +12,16 @@ use crate::report::method::Method;
 use crate::report::run_dir::{RunRecord, Status, is_run_dir, scenario_of};
 use crate::training::files::CONFIG;
 
-/// How far a planned run has come.
+/// Progress of a planned run or baseline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// There is no directory.
     New,
-    /// There is one, to be resumed; evaluated up to here.
+    /// There is a directory, to be resumed. `steps`: timesteps of the last evaluation.
     Begun {
         steps: u64,
     },
-    /// A baseline that was measured otherwise than it is planned now.
+    /// A baseline was measured, but not as planned now.
     Outdated,
     Finished,
 }
@@ -36,7 +36,7 @@ impl Stage {
         }
     }
 
-    /// Of its timesteps, from 0 to 1.
+    /// Returns the share of its timesteps that are done, from 0 to 1.
     pub fn share(self, run: &PlannedRun) -> f64 {
         match self {
             Stage::New | Stage::Outdated => 0.0,
@@ -46,26 +46,25 @@ impl Stage {
     }
 }
 
-/// The directory of a planned run.
+/// Returns the directory of a planned run.
 pub fn directory(folder: &Path, run: &PlannedRun) -> PathBuf {
     folder.join(&run.name)
 }
 
-/// Looks where a planned run stands; another run at its place is an error.
+/// Reads the progress of a planned run. A different run in its directory is an error.
 pub fn stage(folder: &Path, run: &PlannedRun) -> Result<Stage> {
     let dir = directory(folder, run);
     if !is_run_dir(&dir) {
-        ensure!(!dir.exists(), "{}: is in the way: it is no run directory", dir.display());
+        ensure!(!dir.exists(), "{}: exists, but is not a run directory", dir.display());
         return Ok(Stage::New);
     }
     if let Some(difference) = difference(&dir, run)? {
         bail!(
-            "{}: holds another run than the experiment means ({difference}); move it aside, or name another folder with \
-             --out",
+            "{}: holds a different run than planned ({difference}); move it away, or choose another folder with --out",
             dir.display()
         );
     }
-    // What cannot be read was cut short: resuming cuts it back to the checkpoint.
+    // Files that cannot be read were cut short. Resuming cuts them back to the checkpoint.
     Ok(match RunRecord::read(&dir).map(|record| record.status()) {
         Ok(Status::Finished) => Stage::Finished,
         Ok(Status::Unfinished { steps }) => Stage::Begun { steps },
@@ -73,7 +72,7 @@ pub fn stage(folder: &Path, run: &PlannedRun) -> Result<Stage> {
     })
 }
 
-/// Looks whether a controller was measured as planned.
+/// Reads whether a controller was measured as planned.
 pub fn stage_of_baseline(folder: &Path, planned: &PlannedBaseline) -> Stage {
     let path = baseline_file(folder, &planned.name);
     if !path.exists() {
@@ -83,13 +82,13 @@ pub fn stage_of_baseline(folder: &Path, planned: &PlannedBaseline) -> Stage {
     let as_planned = |there: Baseline| {
         (&there.scenario, &there.controller, there.episodes) == (scenario, controller, planned.episodes)
             && there.seed == Some(planned.config.evaluation.seed)
-            // Older versions did not write them down.
+            // Older versions did not write the returns of single episodes.
             && there.episode_returns.len() == planned.episodes
     };
     if read_json(&path).is_ok_and(as_planned) { Stage::Finished } else { Stage::Outdated }
 }
 
-/// The first thing in which the run in `dir` differs from the plan, in words.
+/// Describes the first difference between the run in `dir` and the plan; `None` if there is none.
 fn difference(dir: &Path, planned: &PlannedRun) -> Result<Option<String>> {
     let there = config::load_kept(&dir.join(CONFIG))?;
     let scenario = scenario_of(dir, &there, planned.agents())?;

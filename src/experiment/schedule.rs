@@ -1,12 +1,12 @@
-//! How runs share the cores: in the order of the plan, each as soon as enough cores are free.
+//! Schedule of runs on the cores: in the order of the plan, each run starts as soon as enough cores are free.
 
-/// Cores that a run takes: small ones take one and stand beside each other, large ones take all. Training on the GS takes
-/// one in any case, for there is one GS.
+/// Returns the number of cores for a run. Small runs take one core each and run side by side; large ones take all
+/// cores. Training on the GS (global simulator) always takes one core, because there is only one GS.
 pub fn width(agents: usize, on_the_gs: bool, all_cores_from_agents: usize, cores: usize) -> usize {
     if on_the_gs || agents < all_cores_from_agents { 1 } else { cores }
 }
 
-/// Cores, some of them taken.
+/// Number of cores, and how many of them are free.
 #[derive(Clone, Copy, Debug)]
 pub struct Cores {
     pub free: usize,
@@ -18,7 +18,7 @@ impl Cores {
         Cores { free: all, all }
     }
 
-    /// Takes cores if there are enough. A run that wants more than there are takes all.
+    /// Takes cores if enough are free, and returns whether it did. A run that wants more than there are takes all.
     pub fn take(&mut self, width: usize) -> bool {
         let width = width.min(self.all);
         let enough = width <= self.free;
@@ -33,7 +33,7 @@ impl Cores {
     }
 }
 
-/// A run as a schedule sees it.
+/// A run in a schedule.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Job {
     pub width: usize,
@@ -41,19 +41,19 @@ pub struct Job {
     pub memory_mb: f64,
 }
 
-/// What a whole schedule comes to.
+/// Duration and memory of a whole schedule.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Total {
     pub seconds: f64,
-    /// The most at any time.
+    /// Largest memory at any time.
     pub memory_mb: f64,
 }
 
-/// Plays a schedule.
+/// Simulates a schedule and returns its duration and memory.
 pub fn total(jobs: &[Job], cores: usize) -> Total {
     let mut cores = Cores::new(cores);
     let mut waiting = jobs.iter().peekable();
-    // Those at work, with the time at which they end.
+    // Running jobs, with their end times.
     let mut working: Vec<(f64, Job)> = Vec::new();
     let mut total = Total { seconds: 0.0, memory_mb: 0.0 };
     loop {
@@ -80,7 +80,8 @@ mod tests {
 
     #[test]
     fn small_runs_stand_beside_each_other_and_large_ones_alone() {
-        // On two cores: 10 and 30 begin at 0; the second 10 at 10, until 20; the large one waits for the 30, until 37.
+        // On two cores: 10 s and 30 s start at 0. The second 10 s run from 10 to 20. The large run waits for the 30 s,
+        // and ends at 37.
         let jobs = [job(1, 10.0), job(1, 30.0), job(1, 10.0), job(2, 7.0)];
         assert_eq!(total(&jobs, 2), Total { seconds: 37.0, memory_mb: 200.0 });
         assert_eq!(total(&jobs, 1).seconds, 57.0, "one after the other");

@@ -1,7 +1,7 @@
 //! A comparison of two groups of runs: final return, runtime, and the steps and time to reach a return.
 //!
-//! Returns are compared at the same number of timesteps: the last one that both groups reached. The difference is taken
-//! as in [`crate::base::statistics::difference`]: by episode and by seed if both are the same.
+//! Returns are compared at the same number of timesteps: the last one that both groups reached.
+//! [`crate::base::statistics::difference`] takes the difference: by episode and by seed if both are the same.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -103,6 +103,7 @@ pub struct Verdict {
     pub runtimes: [Option<f64>; 2],
     /// Mean CPU seconds up to these timesteps.
     pub cpu: [Option<CpuTime>; 2],
+    /// Return to reach.
     pub target: f64,
     pub reached: [Reached; 2],
     /// Keys of the configs that differ, with both values. `None`: this side does not use the key.
@@ -205,7 +206,7 @@ pub fn differing(a: &BTreeMap<String, String>, b: &BTreeMap<String, String>) -> 
 }
 
 impl Verdict {
-    /// For a person.
+    /// Writes the comparison as text.
     pub fn to_text(&self, a: &Side, b: &Side) -> String {
         let mut lines = Vec::new();
         for ((letter, side), runs) in [("A", a), ("B", b)].into_iter().zip(&self.runs) {
@@ -214,7 +215,7 @@ impl Verdict {
                 .map_or(String::new(), |on| format!(" ({} episodes of evaluation.seed {})", on.count, on.seed));
             lines.push(format!("{letter}: {}: {}, seed {}{on}", side.name, side.group.name(), seeds.join(", ")));
         }
-        // What only one side looks at follows from the simulator, which is told.
+        // Keys that only one side uses follow from the simulator, which has a line of its own.
         let both = self.differing.iter().filter_map(|(key, [a, b])| Some((key, a.as_ref()?, b.as_ref()?)));
         lines.extend(both.map(|(key, a, b)| format!("   {key}: {a} in A, {b} in B")));
         lines.push(format!("{}, at {} timesteps per agent", a.scenario.title(), steps_text(self.steps)));
@@ -260,12 +261,16 @@ impl Verdict {
         let interval = self.returns.iter().any(|spread| spread.interval.is_some());
         let interval = if interval { "; intervals: Student's t over seeds" } else { "" };
         lines.push(format!("returns: {}{interval}", pairing(self.difference.pairing)));
-        lines.push("runtime: wall time; CPU time: all processes; both without evaluations; steps and time to reach: median of the runs that did".to_owned());
+        lines.push(
+            "runtime: wall time; CPU time: all processes; both without evaluations; steps and time to reach: median of \
+             the runs that reached it"
+                .to_owned(),
+        );
         lines.extend(self.warnings.iter().map(|warning| format!("warning: {warning}")));
         lines.join("\n")
     }
 
-    /// All seeds with the return of each side and their difference.
+    /// Returns all seeds with the return of each side and their difference.
     fn seeds(&self) -> impl Iterator<Item = (u64, [Option<f64>; 2], Option<f64>)> + '_ {
         let seeds: BTreeSet<u64> = self.runs.iter().flatten().map(|(seed, _)| *seed).collect();
         seeds.into_iter().map(|seed| {
@@ -275,7 +280,7 @@ impl Verdict {
         })
     }
 
-    /// For a program.
+    /// Writes the comparison as JSON.
     pub fn to_json(&self, a: &Side, b: &Side) -> Value {
         let side = |index: usize, side: &Side| {
             let (returns, reached) = (&self.returns[index], &self.reached[index]);

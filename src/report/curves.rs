@@ -1,8 +1,8 @@
-//! Learning curves: what the runs of a group say together, step by step.
+//! Learning curves: returns and losses of the runs of a group, step by step.
 //!
-//! Runs of unequal length: a curve has a point at every step at which some run of the group was evaluated. A run counts
-//! at a point if it has come so far, interpolated on a straight line between two of its evaluations, and is never
-//! prolonged beyond its last one. A point tells how many runs it stands for.
+//! A curve has a point at every step at which some run of the group was evaluated. Between two evaluations, a run
+//! counts with a linear interpolation. After its last evaluation it does not count. A point knows how many runs count
+//! at it.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -15,11 +15,11 @@ use crate::base::statistics::{Spread, mean};
 pub struct CurvePoint {
     /// Timesteps per agent.
     pub steps: u64,
-    /// Of the mean return, over seeds.
+    /// Mean returns over seeds.
     pub returns: Spread,
-    /// The median agent of a run, mean over seeds.
+    /// Return of the median agent of a run, mean over seeds.
     pub median_agent: f64,
-    /// Mean wall time of these runs until here in seconds, evaluations excluded.
+    /// Mean wall time of these runs until here in seconds, without evaluations; `None` unless all of them know it.
     pub runtime_s: Option<f64>,
 }
 
@@ -27,24 +27,24 @@ pub struct CurvePoint {
 #[derive(Clone, Debug, PartialEq)]
 pub struct LossPoint {
     pub steps: u64,
-    /// Whether the AIPs have just been trained here, or are as they were.
+    /// Whether the loss was measured right after a training of the AIPs (approximate influence predictors).
     pub after_training: bool,
-    /// Nats per source, over seeds.
+    /// Cross-entropy in nats per influence source, over seeds.
     pub loss: Spread,
-    /// Of constant marginals, mean over seeds.
+    /// Cross-entropy of constant marginals, mean over seeds.
     pub marginals: f64,
 }
 
-/// What the cross-entropy of a group's AIPs was measured on.
+/// Data on which the cross-entropy of a group's AIPs was measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LossData {
-    /// Fresh GS episodes at evaluations and after trainings.
+    /// Fresh episodes of the GS (global simulator), at evaluations and after trainings.
     Fresh,
     /// The held-out episodes of each dataset, before and after the training on it.
     HeldOut,
 }
 
-/// The learning curve of a group.
+/// Makes the learning curve of a group.
 pub fn learning_curve(group: &Group) -> Vec<CurvePoint> {
     let steps: BTreeSet<u64> =
         group.runs.iter().flat_map(|run| run.evaluations.iter().map(|evaluation| evaluation.steps)).collect();
@@ -63,10 +63,11 @@ pub fn learning_curve(group: &Group) -> Vec<CurvePoint> {
     points.collect()
 }
 
-/// The cross-entropy of a group's AIPs, on fresh GS episodes where its runs measured that.
+/// Makes the curve of the cross-entropy of a group's AIPs, on fresh GS episodes if any run measured that.
 ///
-/// As a learning curve, at every step at which some run was measured or trained its AIPs. Runs need not train at the same
-/// steps: at the training of one, the others count with what they have there.
+/// It has a point at every step at which some run was measured or trained its AIPs, and interpolates like a learning
+/// curve. Runs need not train at the same steps: at the training of one, the others count with their value at that
+/// step.
 pub fn loss_curve(group: &Group) -> (LossData, Vec<LossPoint>) {
     let fresh = group.runs.iter().any(|run| !run.fresh_losses.is_empty());
     let data = if fresh { LossData::Fresh } else { LossData::HeldOut };
@@ -81,7 +82,8 @@ pub fn loss_curve(group: &Group) -> (LossData, Vec<LossPoint>) {
     (data, points.collect())
 }
 
-/// The cross-entropies of the single runs of a group, as [`loss_curve`] has them: steps and loss.
+/// Returns the cross-entropies of the single runs of a group, from the same data as [`loss_curve`]: steps, whether
+/// right after a training, and loss.
 pub fn loss_curves_of_seeds(group: &Group, data: LossData) -> Vec<Vec<(u64, bool, f64)>> {
     let curve = |run: &RunRecord| {
         measured(run, data)
@@ -92,7 +94,8 @@ pub fn loss_curves_of_seeds(group: &Group, data: LossData) -> Vec<Vec<(u64, bool
     group.runs.iter().map(curve).collect()
 }
 
-/// Trainings of AIPs that not all runs of a group have in common, after the first: steps and the loss right after it.
+/// Returns the trainings of AIPs that only some runs of a group have, without those at step 0: steps and the loss right
+/// after.
 pub fn single_trainings(group: &Group) -> Vec<(u64, f64)> {
     let of_runs: Vec<Measured> = group.runs.iter().map(|run| measured(run, LossData::Fresh)).collect();
     let trainings = of_runs.iter().flatten().filter(|((steps, after_training), _)| *after_training && *steps > 0);
@@ -102,11 +105,11 @@ pub fn single_trainings(group: &Group) -> Vec<(u64, f64)> {
     single.map(|((steps, _), [loss, _])| (*steps, *loss)).collect()
 }
 
-/// Losses of a run and of its marginals, by steps and whether the AIPs have just been trained.
+/// Losses of a run's AIPs and of constant marginals, by steps and whether right after a training.
 type Measured = BTreeMap<(u64, bool), [f64; 2]>;
 
-/// What a run has at a step, before or after a training if it has one there, else on the straight line between the places
-/// left and right of it.
+/// Returns the losses of a run at a step: if it trained there, those before or after the training. Between two measured
+/// steps it interpolates; outside of them: `None`.
 fn loss_at(run: &Measured, steps: u64, after_training: bool) -> Option<[f64; 2]> {
     let here: Vec<[f64; 2]> = run.range((steps, false)..=(steps, true)).map(|(_, loss)| *loss).collect();
     if let Some(loss) = if after_training { here.last() } else { here.first() } {
@@ -143,7 +146,7 @@ mod tests {
     use crate::report::method::Method;
     use crate::report::run_dir::FreshLoss;
 
-    /// Runs that measured losses at such steps; `true` right after a training. The marginals are 1 higher.
+    /// Makes runs with losses at these steps; `true`: right after a training. The marginals are 1 higher.
     fn group(runs: &[&[(u64, bool, f64)]]) -> Group {
         let run = |losses: &&[(u64, bool, f64)]| RunRecord {
             dir: Default::default(),
@@ -176,7 +179,7 @@ mod tests {
             .iter()
             .map(|point| (point.steps, point.after_training, point.loss.runs(), point.loss.mean))
             .collect();
-        // At 100 the second run is half way from 4 to 8; the third one has not come so far.
+        // At 100 the second run is half way from 4 to 8. The third run ended earlier.
         let expected = [(0, true, 3, 4.0), (100, false, 2, 5.0), (100, true, 2, 3.5), (200, false, 2, 5.0)];
         assert_eq!(found, expected);
         assert_eq!(points[1].marginals, 6.0);

@@ -1,11 +1,11 @@
-//! A report as a list of blocks, written once as Markdown and once as a page of HTML that needs nothing else.
+//! A report as a list of blocks. It is written as Markdown and as one HTML page that needs no other file.
 
 use std::fmt::Write;
 
 use crate::drawing::Svg;
 
 pub enum Block {
-    /// Level 1 to 3.
+    /// Level from 1 to 3, and text.
     Heading(usize, String),
     Paragraph(String),
     List(Vec<String>),
@@ -22,7 +22,7 @@ pub struct Table {
 }
 
 pub struct Figure {
-    /// Of the SVG file, without ending.
+    /// Name of the SVG file, without its extension.
     pub name: String,
     pub caption: String,
     pub svg: Svg,
@@ -41,7 +41,7 @@ impl Document {
         })
     }
 
-    /// Markdown with the figures as files beside it.
+    /// Writes Markdown that links the figures as files beside it.
     pub fn to_markdown(&self) -> String {
         let mut text = format!("# {}\n", self.title);
         for block in &self.blocks {
@@ -61,7 +61,7 @@ impl Document {
         text
     }
 
-    /// One page with its figures in it.
+    /// Writes one HTML page that contains its figures.
     pub fn to_html(&self) -> String {
         let title = escape(&self.title);
         let mut body = format!("<h1>{title}</h1>\n");
@@ -137,12 +137,12 @@ fn table_to_html(text: &mut String, table: &Table) {
     );
 }
 
-/// The id of a heading.
+/// Returns the HTML id of a heading.
 fn anchor(title: &str) -> String {
     title.to_lowercase().chars().map(|c| if c.is_alphanumeric() { c } else { '-' }).collect()
 }
 
-/// Text as it stands in HTML and XML.
+/// Escapes a text for HTML and XML.
 pub fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for c in text.chars() {

@@ -1,4 +1,4 @@
-//! What a group came to in the end: its return, its agents, its runtime and its memory.
+//! Final results of a group: return, agents, runtime and memory.
 
 use std::collections::BTreeSet;
 
@@ -8,28 +8,28 @@ use super::run_dir::{CpuTime, Memory, PeriodTime, Returns, RunRecord, Status};
 use crate::base::statistics::difference::{Episodes, Side, common_episodes};
 use crate::base::statistics::{Spread, mean, median};
 
-/// The end of a group.
+/// Final returns of a group.
 pub struct Final {
     /// Timesteps per agent at which the returns were measured.
     pub steps: u64,
-    /// Whether the runs that count are finished.
+    /// Whether the runs that count are finished. [`Group::finals`] says which ones count.
     pub finished: bool,
-    /// Of the mean return, over seeds.
+    /// Mean returns over seeds.
     pub returns: Spread,
-    /// Every run that counts, by seed.
+    /// Returns of every run that counts, by seed.
     pub runs: Side,
-    /// The median over seeds of the runs' mean returns.
+    /// Median over seeds of the runs' mean returns.
     pub median_run: f64,
-    /// The median agent of a run, mean over seeds.
+    /// Return of the median agent of a run, mean over seeds.
     pub median_agent: f64,
     pub worst_agent: AgentAt,
     /// Stuck agents of all runs that count.
     pub stuck: Vec<AgentAt>,
-    /// Agents of all runs that count.
+    /// Number of agents of all runs that count.
     pub agents: usize,
-    /// Per agent the mean over seeds.
+    /// Mean return of each agent over seeds.
     pub agent_means: Vec<f64>,
-    /// Of every run that counts: seed and agents.
+    /// Seed and agents' returns of every run that counts.
     pub agents_of_runs: Vec<(u64, Vec<Returns>)>,
 }
 
@@ -46,7 +46,7 @@ pub struct AgentAt {
 }
 
 impl Final {
-    /// None where no run of the group was evaluated.
+    /// Collects the final returns of a group; `None` if no run of it was evaluated.
     pub fn of(group: &Group) -> Option<Final> {
         let (steps, runs) = group.finals()?;
         let agents_of_runs: Vec<(u64, Vec<Returns>)> =
@@ -86,45 +86,45 @@ impl Final {
 }
 
 impl Final {
-    /// The episodes that all runs played; `None` if they differ or are not known.
+    /// Returns the episodes that all runs played; `None` if they differ or are not known.
     pub fn episodes(&self) -> Option<Episodes> {
         common_episodes(self.runs.iter().map(|(_, played)| played))
     }
 
-    /// Numbers of episodes of the runs, each once.
+    /// Returns the different numbers of episodes of the runs.
     pub fn episode_counts(&self) -> BTreeSet<usize> {
         self.runs.iter().filter_map(|(_, played)| played.count).collect()
     }
 }
 
-/// The agents at the last evaluation that is not later than `steps`.
+/// Returns the agents' returns at the last evaluation that is not later than `steps`.
 pub fn agents_at(run: &RunRecord, steps: u64) -> Vec<Returns> {
     let before = run.evaluations.iter().rev().find(|evaluation| evaluation.steps <= steps);
     before.map_or(Vec::new(), |evaluation| evaluation.agents.clone())
 }
 
-/// Wall and CPU time in seconds, the mean over the runs of a group.
+/// Wall and CPU time in seconds, means over the runs of a group.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Runtime {
     /// Timesteps per agent.
     pub steps: u64,
-    /// Whether these are all steps of the runs.
+    /// Whether the runs are finished.
     pub finished: bool,
     pub agents_training_s: f64,
-    /// Collection of datasets and training of the AIPs.
+    /// Time to collect datasets and train the AIPs (approximate influence predictors).
     pub influence_s: f64,
-    /// Their sum over seeds: wall time without evaluations.
+    /// Sum of the two over seeds: wall time without evaluations.
     pub total: Spread,
-    /// With the evaluations.
+    /// Wall time with the evaluations.
     pub wall_s: f64,
     /// CPU time of all processes; `None` unless all runs measured it.
     pub cpu: Option<CpuTime>,
-    /// The most worker processes of a run.
+    /// Largest number of worker processes of a run.
     pub workers: usize,
 }
 
 impl Runtime {
-    /// Of the runs that tell the final return, until the step at which they do.
+    /// Averages over the runs that count for the final return, up to the step of that return; `None` if there is none.
     pub fn of(group: &Group) -> Option<Runtime> {
         let (steps, runs) = group.finals()?;
         let times: Vec<PeriodTime> = runs.iter().filter_map(|run| run.time_at(steps)).collect();
@@ -144,7 +144,7 @@ impl Runtime {
     }
 }
 
-/// The mean over runs; `None` unless all of them measured it.
+/// Returns the mean over runs; `None` unless all of them measured CPU time.
 pub fn mean_cpu(times: &[PeriodTime]) -> Option<CpuTime> {
     let cpu: Vec<CpuTime> = times.iter().map(|time| time.cpu).collect::<Option<_>>()?;
     let mean_of = |part: fn(&CpuTime) -> f64| mean(&cpu.iter().map(part).collect::<Vec<_>>());
@@ -152,7 +152,7 @@ pub fn mean_cpu(times: &[PeriodTime]) -> Option<CpuTime> {
         .then(|| CpuTime { total_s: mean_of(|cpu| cpu.total_s), evaluation_s: mean_of(|cpu| cpu.evaluation_s) })
 }
 
-/// The largest memory of a group's runs.
+/// Returns the largest memory of a group's runs; `None` if no run measured it.
 pub fn peak_memory(group: &Group) -> Option<Memory> {
     group.runs.iter().filter_map(|run| run.memory).reduce(Memory::max)
 }
@@ -167,7 +167,7 @@ mod tests {
     #[test]
     fn the_runtime_of_unfinished_runs_is_until_the_step_that_all_have_reached() {
         let returns = Returns { mean: 1.0, median: 1.0, std_error: 0.0, stuck: 0 };
-        // 1 s per 1000 steps, of which a fifth are evaluations and a tenth the AIPs'; a period of 4000.
+        // 1 s per 1000 steps: a fifth for evaluations and a tenth for the AIPs. A period has 4000 steps.
         let run = |periods: u64| RunRecord {
             dir: Default::default(),
             config: toml::from_str("total_steps = 100000\n[warehouse]\nagents_per_side = 1").unwrap(),
@@ -201,9 +201,9 @@ mod tests {
             runs,
         };
         let time = Runtime::of(&group).unwrap();
-        // Both until 6000: 6 s, less 1.2 of evaluations, of which 0.6 the AIPs'.
+        // Both runs until 6000: 6 s, minus 1.2 s of evaluations. 0.6 s are for the AIPs.
         assert_eq!((time.steps, time.finished, time.wall_s), (6000, false, 6.0));
-        // Two threads at work all the time.
+        // Two threads work all the time.
         let cpu = time.cpu.unwrap();
         for (found, expected) in [
             (time.total.mean, 4.8),

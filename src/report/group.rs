@@ -1,4 +1,4 @@
-//! Runs that differ in nothing but their seed are a group; groups of one scenario stand beside each other.
+//! Groups of runs that differ only in their seed, and comparisons of the groups of one scenario.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,34 +12,36 @@ use super::run_dir::{RunRecord, Status};
 use crate::base::statistics::difference::{Difference, between};
 use crate::domain::ScenarioId;
 
-/// All groups of one scenario, in the order in which they are told: GS, DIALS by F, other simulators, variants last.
+/// All groups of one scenario, in the order of the report: GS (global simulator), DIALS by F (the steps between two
+/// trainings of the AIPs), other simulators, variants last.
 pub struct Comparison {
     pub scenario: ScenarioId,
-    /// Of the scenario, unique among the comparisons of a report: `traffic, 4 agents`.
+    /// Title of the scenario, unique among the comparisons of a report: `traffic, 4 agents`.
     pub title: String,
-    /// Unique among the comparisons of a report, fit for file names: `traffic_4`.
+    /// Name of the scenario in file names, unique among the comparisons of a report: `traffic_4`.
     pub slug: String,
     pub groups: Vec<Group>,
-    /// Where of an ablation: the group that has in every key what most groups have, and from which each other one departs.
+    /// Index of the reference of an ablation: the one group that has the value of most groups in every key. Every other
+    /// group departs from it.
     pub reference: Option<usize>,
-    /// Hand-coded controllers that were measured here.
+    /// Hand-coded controllers that were measured on this scenario.
     pub baselines: Vec<Baseline>,
 }
 
 impl Comparison {
-    /// As a heading begins.
+    /// Returns the title with a capital letter, for headings.
     pub fn heading(&self) -> String {
         self.title[..1].to_uppercase() + &self.title[1..]
     }
 
-    /// The number of agents, with what else sets the scenario apart.
+    /// Returns the number of agents, with whatever else distinguishes the scenario from others.
     pub fn size(&self) -> String {
         let size = self.scenario.agents.to_string();
         self.title.replacen(&self.scenario.title(), &size, 1)
     }
 
-    /// The label of a group, as short as it is clear in a picture of this scenario: without the tables of keys, and without
-    /// what the reference has as well.
+    /// Returns a short label of a group for a picture of this scenario. It leaves out the tables of keys if the last
+    /// words are unique, and the name of the method if the reference has the same.
     pub fn short_label(&self, group: &Group) -> String {
         let keys: BTreeSet<&String> =
             self.groups.iter().flat_map(|group| &group.overrides).map(|(key, _)| key).collect();
@@ -58,11 +60,11 @@ impl Comparison {
     }
 }
 
-/// Whom the groups of a scenario are measured against.
+/// A controller or a group whose return is subtracted from those of the groups of a scenario.
 #[derive(Clone)]
 pub enum Opponent<'a> {
     Controller(&'a Baseline),
-    /// A group with what it is called.
+    /// A group and its name.
     Group(&'a Group, String),
 }
 
@@ -74,8 +76,8 @@ impl Opponent<'_> {
         }
     }
 
-    /// The final return of a group minus the opponent's; `None` for the opponent itself, and for one that was measured at another
-    /// step.
+    /// Returns the final return of a group minus the opponent's. `None` for the opponent itself, and if the two were
+    /// measured at different steps.
     pub fn difference(&self, group: &Group, end: &Final) -> Option<Difference> {
         match self {
             Opponent::Controller(controller) => Some(minus_controller(&end.runs, controller)),
@@ -89,12 +91,13 @@ impl Opponent<'_> {
 }
 
 impl Comparison {
-    /// The reference of an ablation as an opponent.
+    /// Returns the reference of an ablation as an opponent.
     pub fn reference(&self) -> Option<Opponent<'_>> {
         Some(Opponent::Group(&self.groups[self.reference?], "the reference".to_owned()))
     }
 
-    /// The strongest controller, if any was measured, and the reference, or where there is none the first of several groups.
+    /// Returns the strongest controller, if any was measured, and the reference. If there is no reference, the first of
+    /// several groups takes its place.
     pub fn opponents(&self) -> Vec<Opponent<'_>> {
         let strongest = self.baselines.iter().max_by(|a, b| a.mean_return.total_cmp(&b.mean_return));
         let first = || match &self.groups[..] {
@@ -105,30 +108,30 @@ impl Comparison {
     }
 }
 
-/// The most keys that a label names.
+/// Largest number of keys that a label names.
 const MOST_KEYS: usize = 8;
 
-/// Runs of one method over several seeds; never empty.
+/// Runs of one method with several seeds; never empty.
 pub struct Group {
     pub method: Method,
-    /// Keys of the config that set it apart from most groups of the scenario, with its values.
+    /// Config keys whose values differ from those of most groups of the scenario, with the values of this group.
     pub overrides: Vec<(String, String)>,
-    /// By seed.
+    /// Runs in order of their seeds.
     pub runs: Vec<RunRecord>,
 }
 
 impl Group {
-    /// As the paper names it: `DIALS F=1M`.
+    /// Returns the paper's name of the method: `DIALS F=1M`.
     pub fn name(&self) -> String {
         method_name(self.simulator(), self.method.retraining)
     }
 
-    /// As configs name it.
+    /// Returns the name of the simulator in configs.
     pub fn simulator(&self) -> &str {
         &self.method.simulator
     }
 
-    /// The name and the overrides, or a run's directory where they are too many to read.
+    /// Returns the name and the overrides, or a run's directory if there are too many overrides to read.
     pub fn label(&self) -> String {
         if self.overrides.len() > MOST_KEYS {
             return format!("{}, as {}", self.name(), self.runs[0].dir.display());
@@ -141,8 +144,8 @@ impl Group {
         self.runs.iter().map(|run| run.config.seed).collect()
     }
 
-    /// The runs that tell the final return, and the step at which they do: the finished ones that went furthest, or,
-    /// where none is finished, all that were evaluated, at the last step that all of these have reached.
+    /// Returns the step of the final return and the runs that count for it: the finished runs with the most steps. If
+    /// no run is finished, all evaluated runs count, at the last step that all of them have reached.
     pub fn finals(&self) -> Option<(u64, Vec<&RunRecord>)> {
         let finished: Vec<&RunRecord> = self.runs.iter().filter(|run| run.status() == Status::Finished).collect();
         if let Some(furthest) = finished.iter().map(|run| last_step(run)).max() {
@@ -160,7 +163,7 @@ impl Group {
     }
 }
 
-/// As the paper names a simulator, with F where there is one.
+/// Returns the paper's name of a method: the simulator, with F if it has one.
 pub fn method_name(simulator: &str, retraining: Retraining) -> String {
     let name = if simulator == "gs" { "GS".to_owned() } else { simulator.replace("dials", "DIALS") };
     match retraining {
@@ -171,12 +174,13 @@ pub fn method_name(simulator: &str, retraining: Retraining) -> String {
     }
 }
 
-/// Of the last evaluation.
+/// Returns the step of the last evaluation.
 fn last_step(run: &RunRecord) -> u64 {
     run.evaluations.last().map_or(0, |evaluation| evaluation.steps)
 }
 
-/// `1M`, `500K`, `150K` for 150 016, `128`: periods are whole updates of the policies, so steps are seldom round.
+/// Writes a number of steps: `1M`, `500K`, `128`. It rounds 150 016 to `150K`, because periods are whole updates of the
+/// policies and steps are seldom round.
 pub fn steps_text(steps: u64) -> String {
     let rounded = |unit: f64, decimals: f64| (steps as f64 / unit * decimals).round() / decimals;
     match steps {
@@ -227,7 +231,7 @@ pub fn sort(found: Found) -> Result<Sorted> {
     }
     for (path, baseline) in found.baselines {
         if all.iter().all(|scenario| scenario.word() != baseline.scenario) {
-            let reason = format!("was measured on {}, of which there is no run", baseline.scenario);
+            let reason = format!("was measured on {}, but there is no run of it", baseline.scenario);
             left_out.push(LeftOut { dir: path, reason });
         }
     }
@@ -238,7 +242,8 @@ fn plain_slug(scenario: &ScenarioId) -> String {
     format!("{}_{}", scenario.domain, scenario.agents)
 }
 
-/// Every key that has more than one value among the methods, with the value that more than half of them have, if any.
+/// Returns every key with more than one value among the methods, and the value that more than half of them have, if
+/// any.
 fn keys_that_differ<'a>(
     methods: impl Iterator<Item = &'a BTreeMap<String, String>> + Clone,
 ) -> BTreeMap<String, Option<String>> {
@@ -255,7 +260,8 @@ fn keys_that_differ<'a>(
     differing
 }
 
-/// The one group that has the common value of every key of which methods have several values, if there are others.
+/// Returns the one group that has the common value of every key whose values differ. `None` if there is no other group,
+/// or not exactly one such group.
 fn reference(groups: &[Group], told_apart: &BTreeMap<String, Option<String>>) -> Option<usize> {
     let usual = |group: &Group| {
         let mut keys = told_apart.iter();
@@ -280,14 +286,14 @@ fn group(method: Method, told_apart: &BTreeMap<String, Option<String>>, runs: Ve
     Group { overrides, method, runs }
 }
 
-/// By seed; of several runs with one seed the one that went furthest stays.
+/// Sorts runs by seed. Of several runs with the same seed, only the one with the most steps stays.
 fn without_doubles(mut runs: Vec<RunRecord>, left_out: &mut Vec<LeftOut>) -> Vec<RunRecord> {
     runs.sort_by_key(|run| (run.config.seed, std::cmp::Reverse(last_step(run))));
     let mut kept: Vec<RunRecord> = Vec::new();
     for run in runs {
         match kept.last() {
             Some(last) if last.config.seed == run.config.seed => {
-                let reason = format!("has the config and the seed of {}", last.dir.display());
+                let reason = format!("has the same config and seed as {}", last.dir.display());
                 left_out.push(LeftOut { dir: run.dir, reason });
             }
             _ => kept.push(run),
@@ -310,10 +316,10 @@ mod tests {
         let common = |values: &[&str]| keys_that_differ(methods(values).iter()).remove("ppo.clip");
         assert_eq!(common(&["0.1", "0.1"]), None, "nothing differs");
         assert_eq!(common(&["0.1", "0.2", "0.1"]), Some(Some("0.1".to_owned())));
-        assert_eq!(common(&["0.1", "0.2"]), Some(None), "neither is the usual one");
+        assert_eq!(common(&["0.1", "0.2"]), Some(None), "neither is the common one");
     }
 
-    /// Groups of the warehouse, one per setting of our defaults.
+    /// Makes groups of the warehouse: our defaults, with one of these settings each.
     fn ablation(settings: &[&str]) -> Comparison {
         let runs = settings.iter().enumerate().map(|(index, setting)| RunRecord {
             dir: format!("runs/{index}").into(),

@@ -1,14 +1,15 @@
-//! The paper's figures and tables from run directories alone: learning curves over seeds, bars, tables in the paper's
-//! layout with its own numbers beside ours, and every agent on its grid.
+//! The paper's figures and tables, made from run directories alone: learning curves over seeds, bars, and every agent
+//! on its grid. Tables have the paper's layout, with its numbers beside ours.
 //!
-//! - [`find`], [`run_dir`], [`csv_table`]: what runs left behind; nothing here ever sees a live run, or knows a domain by
-//!   name. [`before`]: what older runs simulated.
-//! - [`method`], [`group`]: which runs are comparable, and which differ in nothing but their seed.
-//! - [`curves`], [`finals`]: what several seeds say together; `played`: what they played, for differences.
+//! - [`find`], [`run_dir`], [`csv_table`]: readers of the files that runs wrote. Nothing here sees a live run, or knows a
+//!   domain by name. [`before`]: what older runs simulated.
+//! - [`method`], [`group`]: which runs are comparable, and which differ only in their seed.
+//! - [`curves`], [`finals`]: results over several seeds; `played`: the episodes behind them, for differences.
 //! - [`paper`]: the paper's numbers, each with its source.
-//! - [`chart`], [`document`], [`csv_file`]: pictures, pages and files; `pictures`, `tables` and `sections` fill
+//! - [`chart`], [`document`], [`csv_file`]: pictures, pages and files. `pictures`, `tables` and `sections` fill
 //!   them.
-//! - [`compare`]: two groups of runs against each other.
+//! - [`words`]: formats of numbers, and warnings.
+//! - [`compare`]: a comparison of two groups of runs.
 
 pub mod before;
 pub mod chart;
@@ -35,23 +36,28 @@ use anyhow::{Result, ensure};
 
 use group::Sorted;
 
-/// The page of a report.
+/// Name of the report's HTML page.
 pub const PAGE: &str = "report.html";
-/// The same as Markdown, with its pictures as files beside it.
+/// Name of the same report as Markdown, with its pictures as files beside it.
 pub const MARKDOWN: &str = "report.md";
 
 /// The files of a report.
 pub struct Report {
-    /// Names and contents.
+    /// Names and contents of the files.
     pub files: Vec<(String, String)>,
+    /// Number of runs in the report.
     pub runs: usize,
+    /// Number of groups in the report.
     pub groups: usize,
-    /// Runs that are missing, unfinished or cannot be used, in words.
+    /// Sentences about runs that are missing, unfinished or cannot be used.
     pub warnings: Vec<String>,
 }
 
-/// Makes a report of all runs under these folders. The same runs always make the same files. Folders without one run that was
-/// evaluated and can be read are an error that lists the first reasons.
+/// Makes a report of all runs under these folders. The same runs always make the same files.
+///
+/// # Errors
+///
+/// No run there was evaluated and can be read. The error lists the first reasons.
 pub fn report(folders: &[PathBuf]) -> Result<Report> {
     let found = find::find(folders)?;
     let missing = found.missing.clone();

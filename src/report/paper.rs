@@ -1,7 +1,8 @@
 //! The numbers of the paper: Suau et al., *Distributed Influence-Augmented Local Simulators for Parallel MARL in Large
 //! Networked Systems*, NeurIPS 2022.
 //!
-//! Returns are not printed there: they were read off its plots, and say so. Runtimes and memory are from its tables.
+//! The paper prints no returns. Those here were read off its plots, and [`figure`] says so. Runtimes and memory are
+//! from its tables.
 
 use super::method::Retraining;
 use crate::domain::{Scenario, ScenarioId};
@@ -24,20 +25,20 @@ impl Environment {
     }
 }
 
-/// The sizes of its scenarios, in agents.
+/// Numbers of agents of the paper's scenarios.
 const SIZES: [usize; 4] = [4, 25, 49, 100];
-/// Timesteps per agent of its runs.
+/// Timesteps per agent of the paper's runs.
 pub const STEPS: u64 = 4_000_000;
-/// Checksums of the networks of these sizes, which lie under `sumo_nets`.
+/// Checksums of the road networks of these sizes, from `sumo_nets`.
 const NETWORKS: [&str; 4] = ["2e9f05c0", "93a8b1ee", "cad97cd3", "5d49296f"];
 
-/// The scenarios of the paper in a domain, by size; none in a domain that it does not have.
+/// Returns the scenarios of the paper in a domain, by size; none in a domain that it does not have.
 pub fn scenarios(domain: &str) -> Vec<ScenarioId> {
     let of_size = |environment| SIZES.map(|agents| Scenario::new(domain, agents, horizon(environment)).id).to_vec();
     Environment::of(domain).map_or(Vec::new(), of_size)
 }
 
-/// Steps of an episode.
+/// Returns the number of steps of an episode.
 fn horizon(environment: Environment) -> usize {
     match environment {
         Environment::Traffic => 300,
@@ -45,8 +46,8 @@ fn horizon(environment: Environment) -> usize {
     }
 }
 
-/// Whether numbers of the paper may stand beside a scenario: it has as many agents, episodes as long and the same network. A
-/// network that nobody kept is believed to be the one.
+/// Whether the paper's numbers apply to a scenario: it has the same number of agents, horizon and network. If the
+/// network is not known, it is taken to be the same.
 pub fn has(scenario: &ScenarioId) -> bool {
     place(scenario).is_some()
 }
@@ -56,7 +57,7 @@ pub fn has(scenario: &ScenarioId) -> bool {
 pub struct PaperReturn {
     pub steps: u64,
     pub mean: f64,
-    /// Where it is drawn.
+    /// Standard error, if the paper draws it.
     pub std_error: Option<f64>,
 }
 
@@ -66,7 +67,7 @@ impl PaperReturn {
     }
 }
 
-/// Where the returns are from.
+/// Returns the place in the paper that its returns were read from.
 pub fn figure(scenario: &ScenarioId) -> Option<&'static str> {
     let (environment, _) = place(scenario)?;
     Some(match (environment, scenario.agents) {
@@ -80,7 +81,8 @@ pub fn figure(scenario: &ScenarioId) -> Option<&'static str> {
 pub const RUNTIME_SOURCE: &str = "appendix Runtimes";
 pub const MEMORY_SOURCE: &str = "appendix Memory Usage";
 
-/// F of the DIALS curves that the paper compares with the GS.
+/// Returns F, the steps between two trainings of the AIPs, of the DIALS curves that the paper compares with the GS
+/// (global simulator).
 fn best_retraining(environment: Environment) -> u64 {
     match environment {
         Environment::Traffic => 1_000_000,
@@ -96,7 +98,7 @@ fn place(scenario: &ScenarioId) -> Option<(Environment, usize)> {
     (network && scenario.episode.length == horizon(environment)).then_some((environment, column))
 }
 
-/// The curve of a method as far as it was read, in order of steps; empty for what the paper does not have.
+/// Returns the points that were read off the curve of a method, in order of steps; none if the paper has no such curve.
 pub fn curve(scenario: &ScenarioId, simulator: &str, retraining: Retraining) -> Vec<PaperReturn> {
     let Some(end) = final_return(scenario, simulator, retraining) else { return Vec::new() };
     let start = start(scenario).map(|mean| PaperReturn::new(0, mean, None));
@@ -109,7 +111,7 @@ pub fn curve(scenario: &ScenarioId, simulator: &str, retraining: Retraining) -> 
     start.into_iter().chain(middle).chain([end]).collect()
 }
 
-/// The return of random weights.
+/// Returns the paper's return at step 0, with random weights.
 pub fn start(scenario: &ScenarioId) -> Option<f64> {
     let (environment, column) = place(scenario)?;
     let starts = match environment {
@@ -119,7 +121,7 @@ pub fn start(scenario: &ScenarioId) -> Option<f64> {
     Some(starts[column])
 }
 
-/// The dashed line: SUMO's actuated control for traffic, the oldest item for the warehouse.
+/// Returns the paper's dashed line: SUMO's actuated control for traffic, the oldest item first for the warehouse.
 pub fn hand_coded(scenario: &ScenarioId) -> Option<f64> {
     let (environment, column) = place(scenario)?;
     let returns = match environment {
@@ -129,7 +131,7 @@ pub fn hand_coded(scenario: &ScenarioId) -> Option<f64> {
     Some(returns[column])
 }
 
-/// The end of a curve.
+/// Returns the last point of the paper's curve of a method.
 pub fn final_return(scenario: &ScenarioId, simulator: &str, retraining: Retraining) -> Option<PaperReturn> {
     let (environment, column) = place(scenario)?;
     let at_end = |mean, std_error| PaperReturn::new(STEPS, mean, std_error);
@@ -138,7 +140,7 @@ pub fn final_return(scenario: &ScenarioId, simulator: &str, retraining: Retraini
             at_end(200.5, Some(7.0)),
             at_end(214.0, None),
             at_end(212.0, Some(7.0)),
-            // A week was over.
+            // This run ended earlier, after a week.
             PaperReturn::new(3_500_000, 190.0, Some(14.0)),
         ],
         (Environment::Traffic, "untrained-dials") => {
@@ -164,16 +166,16 @@ pub fn final_return(scenario: &ScenarioId, simulator: &str, retraining: Retraini
     Some(of_sizes[column])
 }
 
-/// Hours for 4M timesteps.
+/// Hours of the paper for 4M timesteps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PaperRuntime {
     pub agents_training: f64,
-    /// Data collection and influence training; none where there is none.
+    /// Hours of data collection and influence training; `None` for methods without them.
     pub influence: Option<f64>,
     pub total: f64,
 }
 
-/// The methods whose runtimes it has, in its order.
+/// The methods whose runtimes the paper has, in its order.
 pub const RUNTIMES: [(&str, Retraining); 6] = [
     ("gs", Retraining::Never),
     ("dials", Retraining::Every(100_000)),
@@ -183,8 +185,10 @@ pub const RUNTIMES: [(&str, Retraining); 6] = [
     ("untrained-dials", Retraining::Never),
 ];
 
-/// The table "Runtimes for the traffic control environment" or "... warehouse environment", measured on 128 CPUs (AMD
-/// EPYC 7452), one process per agent. Its heading "2 agents" stands over the scenario of 4.
+/// Returns a runtime from the table "Runtimes for the traffic control environment" or "... warehouse environment".
+///
+/// The paper measured them on 128 CPUs (AMD EPYC 7452), one process per agent. Its heading "2 agents" is that of the
+/// scenario with 4.
 pub fn runtime(scenario: &ScenarioId, simulator: &str, retraining: Retraining) -> Option<PaperRuntime> {
     let (environment, column) = place(scenario)?;
     let of_sizes = |hours: [f64; 4]| hours[column];
@@ -220,7 +224,7 @@ fn alone(hours: f64) -> PaperRuntime {
     PaperRuntime { agents_training: hours, influence: None, total: hours }
 }
 
-/// Peak memory in MB.
+/// Peak memory of the paper in MB.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PaperMemory {
     pub gs: f64,
@@ -228,7 +232,7 @@ pub struct PaperMemory {
     pub dials_total: f64,
 }
 
-/// The table "Peak Memory Usage in Megabytes (MB)".
+/// Returns a column of the table "Peak Memory Usage in Megabytes (MB)".
 pub fn memory(scenario: &ScenarioId) -> Option<PaperMemory> {
     let (environment, column) = place(scenario)?;
     let (gs, process, total) = match environment {
@@ -256,7 +260,7 @@ mod tests {
                 for every in [100_000, 500_000, 1_000_000, 4_000_000] {
                     let hours = runtime(&scenario, "dials", Retraining::Every(every)).unwrap();
                     let off = hours.total - hours.agents_training - hours.influence.unwrap();
-                    // The paper has 4.45 where 2.13 + 1.32 = 3.45.
+                    // The paper prints 4.45, but 2.13 + 1.32 = 3.45.
                     let slip = (domain, agents, every) == ("warehouse", 4, 100_000);
                     assert!((off - f64::from(u8::from(slip))).abs() < 0.015, "{domain} {agents} {every}: {off}");
                 }
@@ -274,7 +278,7 @@ mod tests {
         let points = curve(4, "dials", Retraining::Every(1_000_000));
         let points: Vec<(u64, f64)> = points.iter().map(|point| (point.steps, point.mean)).collect();
         assert_eq!(points, [(0, 144.0), (1_000_000, 182.0), (4_000_000, 214.0)]);
-        assert!(curve(4, "dials", Retraining::Every(100_000)).is_empty(), "no return of it was read");
+        assert!(curve(4, "dials", Retraining::Every(100_000)).is_empty(), "no return of this method was read");
         assert!(curve(9, "gs", Retraining::Never).is_empty());
     }
 

@@ -1,4 +1,4 @@
-//! Which numbers stand in which chart.
+//! The charts of a report: which numbers each one shows.
 
 use anyhow::Result;
 
@@ -19,7 +19,7 @@ use crate::base::statistics::{Bounds, ENOUGH_SEEDS, Spread};
 use crate::domain::{FirstRow, Map};
 use crate::drawing::Svg;
 
-/// Along which a learning curve is drawn.
+/// Horizontal axis of a learning curve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Against {
     Timesteps,
@@ -36,7 +36,7 @@ fn return_axis(comparison: &Comparison) -> Axis {
     Axis { label, format: |value| if value.abs() >= 50.0 { format!("{value:.0}") } else { format!("{value:.1}") } }
 }
 
-/// The learning curves of a scenario; none where no run has the figures.
+/// Draws the learning curves of a scenario; `None` if no run has the figures.
 pub fn learning(comparison: &Comparison, looks: &Looks, against: Against) -> Result<Option<Svg>> {
     let curves: Vec<(&Group, Vec<CurvePoint>)> =
         comparison.groups.iter().map(|group| (group, learning_curve(group))).collect();
@@ -82,7 +82,8 @@ pub fn learning(comparison: &Comparison, looks: &Looks, against: Against) -> Res
     draw(chart, comparison, looks).map(Some)
 }
 
-/// The curves of the single runs of a group that has too few for an interval; none for a single run, which is the mean.
+/// Returns the curves of the single runs if the group has too few for an interval. A single run has none: it is the
+/// mean.
 fn learning_of_seeds(group: &Group, against: Against, seconds: f64) -> Vec<Vec<(f64, f64)>> {
     if !shows_seeds(group.runs.len()) {
         return Vec::new();
@@ -104,17 +105,18 @@ fn shows_seeds(runs: usize) -> bool {
     (2..ENOUGH_SEEDS).contains(&runs)
 }
 
-/// What a reader must know of bands and pale lines.
+/// Explains bands and pale lines.
 fn note_on_seeds(lines: &[Line]) -> Option<String> {
     let bands = lines.iter().any(|line| line.points.iter().any(|point| point.band.is_some()));
     let bands = bands.then(|| "band: 95\u{a0}% Student's t interval over seeds".to_owned());
     let seeds = lines.iter().any(|line| !line.seeds.is_empty());
-    let seeds = seeds.then(|| format!("pale lines: single seeds, where there are fewer than {ENOUGH_SEEDS}"));
+    let seeds = seeds.then(|| format!("pale lines: single seeds, if fewer than {ENOUGH_SEEDS}"));
     let notes: Vec<String> = bands.into_iter().chain(seeds).collect();
     (!notes.is_empty()).then(|| notes.join("; "))
 }
 
-/// Many lines are drawn one by one against the reference, or, where there is none, without what is around them.
+/// Draws a chart. With many lines, each one gets a panel with the reference. If there is no reference, all share one
+/// chart without bands, seeds and companions.
 fn draw(mut chart: LineChart, comparison: &Comparison, looks: &Looks) -> Result<Svg> {
     let told = chart.note.clone();
     let with = |note: Option<String>| {
@@ -138,7 +140,8 @@ fn draw(mut chart: LineChart, comparison: &Comparison, looks: &Looks) -> Result<
     LineChart { companions: None, ..chart }.draw()
 }
 
-/// The final returns of an ablation, a row per group; none for what is none.
+/// Draws the final returns of an ablation, a row per group; `None` if there is no reference, or if it was not
+/// evaluated.
 pub fn ablation(comparison: &Comparison) -> Option<Result<Svg>> {
     let (opponent, reference) = (comparison.reference()?, &comparison.groups[comparison.reference?]);
     let of_reference = Final::of(reference)?;
@@ -165,17 +168,17 @@ pub fn ablation(comparison: &Comparison) -> Option<Result<Svg>> {
     let note = match (enough, few) {
         (true, false) => "diamond and bar: mean and 95 % Student's t interval over seeds; circles: seeds",
         (true, true) => {
-            "diamond: mean; bar: 95 % Student's t interval over seeds, from five on; circles: seeds; n: seeds that differ so"
+            "diamond: mean; bar: 95 % Student's t interval over seeds (five or more); circles: seeds; n: their number"
         }
         (false, _) => {
-            "diamond: mean; circles: seeds, too few for an interval; in brackets: the difference of each seed"
+            "diamond: mean; circles: seeds, too few for an interval; in brackets: the difference for each seed"
         }
     };
     let chart = RowChart {
         title: format!("{}: what each setting changes", comparison.heading()),
         x: Axis { label: format!("final {}", return_axis(comparison).label), ..return_axis(comparison) },
         rows,
-        header: ["mean", if enough { "to the reference [95 %]" } else { "to the reference" }, "stuck"]
+        header: ["mean", if enough { "minus the reference [95 %]" } else { "minus the reference" }, "stuck"]
             .map(str::to_owned),
         note: note.to_owned(),
     };
@@ -196,7 +199,7 @@ fn label_with_runs(comparison: &Comparison, group: &Group) -> String {
 }
 
 fn plain(value: f64) -> String {
-    // Enough for the ticks of an axis, and without the noise of their arithmetic.
+    // Three decimals are enough for the ticks of an axis, and hide their rounding errors.
     format!("{}", (value * 1000.0).round() / 1000.0)
 }
 
@@ -208,7 +211,7 @@ fn time_unit(longest_s: f64) -> (&'static str, f64) {
     }
 }
 
-/// Hand-coded controllers: what was measured, and what the paper has.
+/// Returns the levels of the hand-coded controllers: those measured here, and the paper's.
 fn levels(comparison: &Comparison) -> Vec<Level> {
     let measured = comparison.baselines.iter().map(|baseline| Level {
         label: format!("{}, measured: {}", baseline.controller, figure(baseline.mean_return)),
@@ -225,7 +228,7 @@ fn levels(comparison: &Comparison) -> Vec<Level> {
     measured.chain(paper).collect()
 }
 
-/// The paper's points within the steps that are drawn, for each of its methods that is there.
+/// Returns the paper's points within the steps that are drawn, for each of its methods that has a curve here.
 fn paper_marks(comparison: &Comparison, curves: &[(&Group, Vec<CurvePoint>)], looks: &Looks) -> Vec<Mark> {
     let last = curves.iter().filter_map(|(_, points)| points.last()).map(|point| point.steps).max().unwrap_or(0);
     let mut told = Vec::new();
@@ -247,7 +250,7 @@ fn paper_marks(comparison: &Comparison, curves: &[(&Group, Vec<CurvePoint>)], lo
     marks
 }
 
-/// The cross-entropy of the AIPs of a scenario; none where no AIP was trained.
+/// Draws the cross-entropy of the AIPs (approximate influence predictors) of a scenario; `None` if no AIP was trained.
 pub fn cross_entropy(comparison: &Comparison, looks: &Looks) -> Result<Option<Svg>> {
     let trained = comparison.groups.iter().filter(|group| group.simulator() != "untrained-dials");
     let curves: Vec<(&Group, LossData, Vec<LossPoint>)> = trained
@@ -264,7 +267,7 @@ pub fn cross_entropy(comparison: &Comparison, looks: &Looks) -> Result<Option<Sv
     let marks = curves.iter().filter_map(|(group, _, _)| {
         let points: Vec<_> =
             single_trainings(group).into_iter().map(|(steps, loss)| (steps as f64, loss, None)).collect();
-        let label = format!("{}: the AIPs of one seed trained", comparison.short_label(group));
+        let label = format!("{}: AIPs trained for some seeds only", comparison.short_label(group));
         (!points.is_empty()).then(|| Mark { label, look: looks.of(&group.label()), points })
     });
     let lines = curves.iter().map(|(group, data, points)| Line {
@@ -282,7 +285,7 @@ pub fn cross_entropy(comparison: &Comparison, looks: &Looks) -> Result<Option<Sv
     let note = match (of(LossData::Fresh), of(LossData::HeldOut)) {
         (true, false) => fresh.to_owned(),
         (false, _) => held_out.to_owned(),
-        (true, true) => format!("{fresh}, and where that was not measured {held_out}"),
+        (true, true) => format!("{fresh}; if that was not measured: {held_out}"),
     };
     let chart = LineChart {
         title: comparison.heading(),
@@ -298,12 +301,12 @@ pub fn cross_entropy(comparison: &Comparison, looks: &Looks) -> Result<Option<Sv
     draw(chart, comparison, looks).map(Some)
 }
 
-/// Untrained AIPs are so far off that nothing else could be seen.
+/// Whether a loss belongs in the chart. Those of untrained AIPs are so large that nothing else could be seen.
 fn is_trained(steps: u64, after_training: bool) -> bool {
     steps > 0 || after_training
 }
 
-/// As [`learning_of_seeds`].
+/// Returns the loss curves of the single runs, on the same condition as [`learning_of_seeds`].
 fn losses_of_seeds(group: &Group, data: LossData) -> Vec<Vec<(f64, f64)>> {
     if !shows_seeds(group.runs.len()) {
         return Vec::new();
@@ -315,7 +318,7 @@ fn losses_of_seeds(group: &Group, data: LossData) -> Vec<Vec<(f64, f64)>> {
     loss_curves_of_seeds(group, data).into_iter().map(curve).collect()
 }
 
-/// Final returns of a domain, a cluster per size.
+/// Draws the final returns of a domain, a cluster per size.
 pub fn final_bars(domain: &str, comparisons: &[&Comparison], looks: &Looks) -> Result<Svg> {
     let clusters = clusters(comparisons, |comparison, group| {
         let end = Final::of(group)?;
@@ -341,7 +344,7 @@ pub fn final_bars(domain: &str, comparisons: &[&Comparison], looks: &Looks) -> R
     chart.draw()
 }
 
-/// Runtimes of a domain, likewise.
+/// Draws the runtimes of a domain, a cluster per size.
 pub fn runtime_bars(domain: &str, comparisons: &[&Comparison], looks: &Looks) -> Result<Svg> {
     let groups = comparisons.iter().flat_map(|comparison| &comparison.groups);
     let longest = groups.filter_map(|group| Some(Runtime::of(group)?.total.mean)).fold(0.0, f64::max);
@@ -374,7 +377,8 @@ pub fn runtime_bars(domain: &str, comparisons: &[&Comparison], looks: &Looks) ->
     chart.draw()
 }
 
-/// As [`difference`], in the width of a picture: `+4.1 (+3.0, +5.0, +4.3)` for few seeds, whose number one sees.
+/// Writes a difference like [`difference`], but shorter, to fit a picture. With few seeds: `+4.1 (+3.0, +5.0, +4.3)`,
+/// without their number.
 fn short_difference(found: Difference, like: f64) -> String {
     if !found.pairing.by_episode() {
         return difference(&Difference { of_seeds: Vec::new(), ..found }, like);
@@ -388,30 +392,31 @@ fn short_difference(found: Difference, like: f64) -> String {
     }
 }
 
-/// The seeds of a bar that has too few for an interval, in this unit.
+/// Returns the values of the seeds in this unit, if they are too few for an interval.
 fn single(spread: &Spread, unit: f64) -> Vec<f64> {
     let values = spread.values.iter().map(|value| value / unit);
     if shows_seeds(spread.runs()) { values.collect() } else { Vec::new() }
 }
 
-/// What a reader must know of whiskers and circles.
+/// Explains whiskers and circles.
 fn note_on_bars(clusters: &[Cluster]) -> Option<String> {
     let bars = || clusters.iter().flat_map(|cluster| &cluster.bars);
     let whiskers = bars().any(|bar| bar.whisker.is_some());
     let whiskers = whiskers.then(|| "whiskers: 95\u{a0}% Student's t interval over seeds".to_owned());
     let circles = bars().any(|bar| !bar.points.is_empty());
-    let circles = circles.then(|| format!("circles: single seeds, where there are fewer than {ENOUGH_SEEDS}"));
+    let circles = circles.then(|| format!("circles: single seeds, if fewer than {ENOUGH_SEEDS}"));
     let notes: Vec<String> = whiskers.into_iter().chain(circles).collect();
     (!notes.is_empty()).then(|| notes.join("; "))
 }
 
-/// Where there are several scenarios, what is short in one may mean something else in another.
+/// Returns the label of a bar. It is the full one if there are several scenarios, because a short one may differ
+/// between them.
 fn bar_label(comparisons: &[&Comparison], comparison: &Comparison, group: &Group, finished: bool) -> String {
     let label = if comparisons.len() == 1 { comparison.short_label(group) } else { group.label() };
     format!("{label}{}", if finished { "" } else { ", unfinished" })
 }
 
-/// Three digits.
+/// Writes a number with three digits.
 fn short(value: f64) -> String {
     match value {
         v if v >= 100.0 => format!("{v:.0}"),
@@ -420,7 +425,8 @@ fn short(value: f64) -> String {
     }
 }
 
-/// Whether a run of so many steps may stand beside a figure of the paper.
+/// Whether a run of `steps` steps is long enough to compare with a figure of the paper: at least nine tenths of its
+/// steps.
 pub fn comparable(steps: u64, paper_steps: u64) -> bool {
     10 * steps >= 9 * paper_steps
 }
@@ -433,7 +439,7 @@ fn clusters(comparisons: &[&Comparison], bar: impl Fn(&Comparison, &Group) -> Op
     clusters.collect()
 }
 
-/// Every agent of a scenario at its end; none where nothing was evaluated.
+/// Draws every agent of a scenario at the end of its runs; `None` if nothing was evaluated.
 pub fn agents(comparison: &Comparison) -> Result<Option<Svg>> {
     let mut groups = Vec::new();
     for group in &comparison.groups {
@@ -459,21 +465,21 @@ pub fn agents(comparison: &Comparison) -> Result<Option<Svg>> {
     }
     let map = HeatMap {
         title: format!("{}: every agent at the end", comparison.heading()),
-        key: "mean return; a cross: stuck".to_owned(),
+        key: "mean return; cross: stuck".to_owned(),
         format: figure,
         groups,
     };
     map.draw().map(Some)
 }
 
-/// The map of so many agents where nobody knows it: a square if they make one, else a row.
+/// Returns rows and columns for agents whose grid is not known: a square if their number is one, else a single row.
 fn square(agents: usize) -> Map {
     let side = agents.isqrt();
     let (rows, columns) = if side * side == agents { (side, side) } else { (1, agents) };
     Map { rows, columns, first_row: FirstRow::Top }
 }
 
-/// Agents row by row, from the top.
+/// Arranges agents row by row. `upwards`: agent 0 is in the bottom row.
 fn on_the_map(agents: &[(f64, bool)], map: Map) -> Vec<Vec<Cell>> {
     let cell = |&(value, stuck): &(f64, bool)| Cell { value, stuck };
     let mut rows: Vec<Vec<Cell>> =

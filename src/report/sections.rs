@@ -11,7 +11,7 @@ use super::pictures::{self, Against};
 use super::tables;
 use crate::drawing::Svg;
 
-/// How the figures were made.
+/// Rules by which figures and tables are made, for the reader of a report.
 const RULES: [&str; 10] = [
     "Runs that differ only in their seed, or in where they were told to stop, form a group. A label names the config keys in \
      which a group differs from most groups of its scenario. If there are more than eight such keys, the label is the \
@@ -37,7 +37,7 @@ const RULES: [&str; 10] = [
     "The paper's returns were read off its plots. Its runtimes and memory are from its tables.",
 ];
 
-/// The whole report.
+/// Makes the whole report.
 pub fn document(comparisons: &[Comparison], warnings: &[String]) -> Result<Document> {
     let labels = label_order(comparisons);
     let looks = Looks::new(labels.iter().map(String::as_str));
@@ -142,7 +142,7 @@ fn figure(name: String, caption: String, svg: Svg) -> Block {
     Block::Figure(Figure { name, caption, svg })
 }
 
-/// The commands that made the runs, from `run.json`.
+/// Returns the commands that made the runs, from `run.json`.
 fn commands(comparisons: &[Comparison]) -> String {
     let runs = comparisons.iter().flat_map(|comparison| &comparison.groups).flat_map(|group| &group.runs);
     let commands = runs.filter_map(|run| {

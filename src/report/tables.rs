@@ -17,11 +17,12 @@ fn words(cells: &[&str]) -> Vec<String> {
     cells.iter().map(|&cell| cell.to_owned()).collect()
 }
 
-/// Columns of the table of final returns before and after the differences.
+/// Columns of the table of final returns before the differences.
 const BEFORE: [&str; 6] = ["method", "n", "steps", "episodes", "mean return", "95 % interval or seeds"];
+/// Columns of the table of final returns after the differences.
 const AFTER: [&str; 5] = ["median run", "median agent", "stuck agents", "paper", "ours − paper"];
 
-/// Final returns of one scenario, ours next to the paper's.
+/// Makes the table of final returns of one scenario, ours next to the paper's.
 pub fn finals(comparison: &Comparison) -> Table {
     let scenario = &comparison.scenario;
     let opponents = comparison.opponents();
@@ -102,7 +103,7 @@ fn caption_of_finals(comparison: &Comparison) -> String {
     caption
 }
 
-/// `100`, or `20 each` if every seed has episodes of its own or that is unknown.
+/// Writes the number of episodes: `100`, or `20 each` if seeds have different episodes or these are not known.
 fn episodes(end: &Final) -> String {
     let counts: Vec<String> = end.episode_counts().iter().map(usize::to_string).collect();
     match (end.episodes(), counts.is_empty()) {
@@ -112,7 +113,7 @@ fn episodes(end: &Final) -> String {
     }
 }
 
-/// The agents of one scenario: stuck ones, and the range of the others.
+/// Makes the table of the agents of one scenario: the stuck ones, and the range of returns.
 pub fn agents(comparison: &Comparison) -> Table {
     let rows = comparison.groups.iter().filter_map(|group| {
         let end = Final::of(group)?;
@@ -141,7 +142,7 @@ pub fn agents(comparison: &Comparison) -> Table {
     }
 }
 
-/// `1 (0, 3), 2 (1)`
+/// Lists stuck agents by seed: `1 (0, 3), 2 (1)`.
 fn stuck_agents(stuck: &[AgentAt]) -> String {
     let seeds: BTreeSet<u64> = stuck.iter().map(|agent| agent.seed).collect();
     let of_seed = |seed: u64| {
@@ -155,7 +156,7 @@ fn stuck_agents(stuck: &[AgentAt]) -> String {
     }
 }
 
-/// A column of a table by number of agents: a scenario of ours, or one that only the paper has.
+/// Column of a table by number of agents: one of our scenarios, or one that only the paper has.
 struct Column<'a> {
     scenario: ScenarioId,
     ours: Option<&'a Comparison>,
@@ -167,7 +168,7 @@ impl Column<'_> {
     }
 }
 
-/// Ours and the paper's, by size.
+/// Returns the columns of our scenarios and of the paper's, in order of size.
 fn columns<'a>(domain: &str, comparisons: &[&'a Comparison]) -> Vec<Column<'a>> {
     let ours =
         comparisons.iter().map(|&comparison| Column { scenario: comparison.scenario.clone(), ours: Some(comparison) });
@@ -181,7 +182,8 @@ fn columns<'a>(domain: &str, comparisons: &[&'a Comparison]) -> Vec<Column<'a>> 
     columns
 }
 
-/// Runtimes of a domain in the paper's layout: agents training, influence, total, each by the number of agents.
+/// Makes the table of runtimes of a domain in the paper's layout: agents training, influence, total, each by the number
+/// of agents.
 pub fn runtimes(domain: &str, comparisons: &[&Comparison]) -> Table {
     let columns = columns(domain, comparisons);
     let ours: Vec<Vec<(String, Runtime)>> = columns
@@ -240,7 +242,8 @@ pub fn runtimes(domain: &str, comparisons: &[&Comparison]) -> Table {
     }
 }
 
-/// The runtime of a group and the label of its row, which is the paper's only if it trained for as many steps.
+/// Returns the runtime of a group and the label of its row. The row is shared with the paper only if the number of
+/// steps is comparable.
 fn runtime_row(group: &Group) -> Option<(String, Runtime)> {
     let time = Runtime::of(group)?;
     let label = match (time.finished, comparable(time.steps, paper::STEPS)) {
@@ -253,7 +256,7 @@ fn runtime_row(group: &Group) -> Option<(String, Runtime)> {
     Some((label, time))
 }
 
-/// The number of workers of the runs, in words.
+/// Writes the number of workers of the runs in words.
 fn machines(comparisons: &[&Comparison]) -> String {
     let groups = comparisons.iter().flat_map(|comparison| &comparison.groups);
     let workers: BTreeSet<usize> = groups.filter_map(|group| Some(Runtime::of(group)?.workers)).collect();
@@ -270,7 +273,7 @@ fn beside(ours: Option<String>, paper: Option<String>) -> String {
     }
 }
 
-/// Peak memory of a domain in the paper's layout.
+/// Makes the table of peak memory of a domain in the paper's layout.
 pub fn memory(domain: &str, comparisons: &[&Comparison]) -> Table {
     let columns = columns(domain, comparisons);
     let ours = |column: &Column, simulator: &str| -> Option<Memory> {
@@ -310,7 +313,7 @@ pub fn memory(domain: &str, comparisons: &[&Comparison]) -> Table {
     }
 }
 
-/// Every run, with its progress.
+/// Makes the table of all runs with their progress.
 pub fn runs(comparisons: &[Comparison]) -> Table {
     let mut rows = Vec::new();
     for comparison in comparisons {

@@ -1,4 +1,4 @@
-//! How numbers are written, and the warnings about runs that are missing, unfinished or not comparable.
+//! Formats of numbers, and warnings about runs that are missing, unfinished or not comparable.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -10,12 +10,12 @@ use super::run_dir::Status;
 use crate::base::statistics::difference::{Difference, Pairing};
 use crate::base::statistics::{Bounds, ENOUGH_SEEDS, Spread};
 
-/// A return: one decimal for traffic, two for the warehouse.
+/// Writes a return: one decimal from 50 on (traffic), two below (warehouse).
 pub fn figure(value: f64) -> String {
     if value.abs() >= 50.0 { format!("{value:.1}") } else { format!("{value:.2}") }
 }
 
-/// A number with its sign and with the decimals that `like` has as a return.
+/// Writes a number with its sign and with the decimals of the return `like`.
 pub fn signed(value: f64, like: f64) -> String {
     let size = figure_like(value.abs(), like);
     // A rounded zero has no minus sign.
@@ -23,28 +23,28 @@ pub fn signed(value: f64, like: f64) -> String {
     format!("{}{size}", if negative { "-" } else { "+" })
 }
 
-/// A number with the decimals that `like` has as a return.
+/// Writes a number with the decimals of the return `like`.
 pub fn figure_like(value: f64, like: f64) -> String {
     if like.abs() >= 50.0 { format!("{value:.1}") } else { format!("{value:.2}") }
 }
 
-/// `217.4 ± 1.2`
+/// Writes a mean and its standard error, if there is one: `217.4 ± 1.2`.
 pub fn with_error(mean: f64, std_error: Option<f64>) -> String {
     std_error.map_or(figure(mean), |error| format!("{} ± {}", figure(mean), figure_like(error, mean)))
 }
 
-/// `[215.1, 219.7]`, with the decimals that `like` has as a return.
+/// Writes an interval with the decimals of the return `like`: `[215.1, 219.7]`.
 pub fn interval(interval: Option<Bounds>, like: f64) -> String {
     let ends = |Bounds { low, high }| format!("[{}, {}]", figure_like(low, like), figure_like(high, like));
     interval.map_or("-".to_owned(), ends)
 }
 
-/// `[+1.2, +3.4]`, the ends of an interval of a difference.
+/// Writes the interval of a difference: `[+1.2, +3.4]`.
 pub fn signed_interval(Bounds { low, high }: Bounds, like: f64) -> String {
     format!("[{}, {}]", signed(low, like), signed(high, like))
 }
 
-/// The certainty of a mean over seeds: `95 % [215.1, 219.7]`, or the values of a few seeds.
+/// Writes how certain a mean over seeds is: `95 % [215.1, 219.7]`, or with few seeds their values.
 pub fn certainty(spread: &Spread) -> String {
     let values = spread.values.iter().map(|value| figure_like(*value, spread.mean));
     match spread.interval {
@@ -54,7 +54,8 @@ pub fn certainty(spread: &Spread) -> String {
     }
 }
 
-/// `+4.1 [+1.2, +7.0]` with the interval of 95 %, or with few seeds `+4.1 (n = 3: +3.0, +5.0, +4.3)`. `like`: a return.
+/// Writes a difference with its 95 % interval, `+4.1 [+1.2, +7.0]`, or with few seeds, `+4.1 (n = 3: +3.0, +5.0,
+/// +4.3)`. `like`: a return, for the decimals.
 pub fn difference(of: &Difference, like: f64) -> String {
     let mean = signed(of.mean, like);
     let seeds = of.seeds[0].min(of.seeds[1]);
@@ -68,7 +69,7 @@ pub fn difference(of: &Difference, like: f64) -> String {
     }
 }
 
-/// How two sides were subtracted, in words.
+/// Says how two sides were paired before they were subtracted.
 pub fn pairing(pairing: Pairing) -> &'static str {
     match pairing {
         Pairing::EpisodeAndSeed => "paired by episode and by seed",
@@ -78,13 +79,13 @@ pub fn pairing(pairing: Pairing) -> &'static str {
     }
 }
 
-/// Hours with two decimals, or with four if there are few of them.
+/// Writes seconds as hours, with two decimals, or with four below 0.1 hours.
 pub fn hours(seconds: f64) -> String {
     let hours = seconds / 3600.0;
     if hours < 0.1 { format!("{hours:.4}") } else { format!("{hours:.2}") }
 }
 
-/// `42 s`, `3.4 min`, `2.1 h`
+/// Writes seconds in a readable unit: `42 s`, `3.4 min`, `2.1 h`.
 pub fn duration(seconds: f64) -> String {
     match seconds {
         s if s < 120.0 => format!("{s:.0} s"),
@@ -93,7 +94,7 @@ pub fn duration(seconds: f64) -> String {
     }
 }
 
-/// Everything that a reader must know before believing a figure.
+/// Lists everything that a reader must know before trusting a figure.
 pub fn warnings(comparisons: &[Comparison], missing: &[PathBuf], left_out: &[LeftOut]) -> Vec<String> {
     let mut warnings = Vec::new();
     warnings.extend(missing.iter().map(|run| format!("{}: not begun yet", run.display())));
@@ -127,7 +128,7 @@ pub fn warnings(comparisons: &[Comparison], missing: &[PathBuf], left_out: &[Lef
     warnings
 }
 
-/// Groups whose runs, or whose opponents, played other episodes.
+/// Lists groups whose runs played different episodes, or other episodes than their opponents.
 fn of_episodes(comparison: &Comparison) -> Vec<String> {
     let ends: Vec<_> =
         comparison.groups.iter().filter_map(|group| Some((group, group.label(), Final::of(group)?))).collect();
@@ -159,7 +160,7 @@ fn of_episodes(comparison: &Comparison) -> Vec<String> {
 /// Largest number of reasons that an error lists.
 const MOST_REASONS: usize = 3;
 
-/// The error for folders without a run that was evaluated and can be read. `warnings`: those of [`warnings`].
+/// Writes the error for folders without a run that was evaluated and can be read. `warnings`: those of [`warnings`].
 pub fn no_run(folders: &str, warnings: &[String]) -> String {
     let mut lines = vec![format!("{folders}: no run in it was evaluated and can be read:")];
     lines.extend(warnings.iter().take(MOST_REASONS).cloned());
@@ -189,7 +190,7 @@ mod tests {
         assert_eq!([signed(-3.0, 200.0), signed(0.456, 13.0), signed(-0.04, 200.0)], ["-3.0", "+0.46", "+0.0"]);
         let spread = |values: &[f64]| certainty(&Spread::of(values).unwrap());
         assert_eq!([spread(&[214.0]), spread(&[214.0, 218.04])], ["one seed", "seeds: 214.0, 218.0"]);
-        // Mean 3, error sqrt(0.5), t 2.776: 1.96.
+        // Mean 3, standard error sqrt(0.5), t 2.776: 1.96 to each side.
         assert_eq!(spread(&[1.0, 2.0, 3.0, 4.0, 5.0]), "95 % [1.04, 4.96]");
         assert_eq!((hours(3600.0).as_str(), hours(90.0).as_str()), ("1.00", "0.0250"));
         assert_eq!([42.0, 204.0, 7560.0].map(duration), ["42 s", "3.4 min", "2.1 h"]);

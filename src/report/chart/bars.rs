@@ -1,4 +1,4 @@
-//! Clusters of bars: a cluster per size of a scenario, a bar per method.
+//! Bar charts: a cluster per size of a scenario, a bar per method.
 
 use std::ops::Range;
 
@@ -19,9 +19,9 @@ const LEGEND: u32 = 250;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scale {
-    /// From 0.
+    /// Starts at 0.
     Linear,
-    /// Powers of 2, as the paper's runtimes have.
+    /// Has its ticks at powers of 2, as in the paper's charts of runtimes.
     Log2,
 }
 
@@ -30,7 +30,7 @@ pub struct Bar {
     pub look: Look,
     pub value: Option<f64>,
     pub whisker: Option<(f64, f64)>,
-    /// Single values, hollow circles.
+    /// Values of single seeds, drawn as hollow circles.
     pub points: Vec<f64>,
     /// The paper's value.
     pub paper: Option<f64>,
@@ -45,7 +45,7 @@ pub struct BarChart {
     pub title: String,
     pub x_label: String,
     pub y: Axis,
-    /// How the numbers on the bars are written.
+    /// Format of the numbers on the bars.
     pub format: fn(f64) -> String,
     pub scale: Scale,
     pub clusters: Vec<Cluster>,
@@ -108,7 +108,7 @@ impl BarChart {
                     if let Some(value) = bar.value {
                         let corners = [(left + 0.05 * width, place(low)), (left + 0.95 * width, place(value))];
                         area.draw(&Rectangle::new(corners, bar.look.colour.filled()))?;
-                        // At its foot, its marker tells it apart in black and white.
+                        // The marker at its foot identifies the bar in black and white.
                         let over = ink_over(bar.look.colour);
                         let foot = chart.backend_coord(&(middle, place(low)));
                         let tall = foot.1 - chart.backend_coord(&(middle, place(value))).1;
@@ -125,7 +125,7 @@ impl BarChart {
                         }
                         for &point in &bar.points {
                             let at = (middle, place(point));
-                            // Seen on the bar and above it.
+                            // Dark on white is visible on the bar and above it.
                             let circle = |colour| Look { colour, marker: Marker::Circle, ..bar.look };
                             mark(area, at, circle(WHITE), 7.0, true)?;
                             mark(area, at, circle(INK), 6.0, false)?;
@@ -180,7 +180,7 @@ impl BarChart {
     }
 }
 
-/// An axis whose numbers stand at whole powers on a scale of powers.
+/// An axis with its ticks at whole powers of 2 if the scale is [`Scale::Log2`].
 struct Ticked {
     axis: RangedCoordf64,
     scale: Scale,

@@ -1,4 +1,5 @@
-//! Agents on their grid: a panel per run, a cell per agent, shaded by its return; stuck ones are crossed.
+//! Heat maps of agents on their grid: a panel per run, a cell per agent, shaded by its return. Stuck agents have a
+//! cross.
 
 use anyhow::Result;
 use plotters::prelude::*;
@@ -13,9 +14,9 @@ const PANEL_LABEL: u32 = 18;
 const TITLE: u32 = 30;
 const KEY: u32 = 46;
 const MARGIN: u32 = 12;
-/// Panels beside each other.
+/// Largest number of panels side by side.
 const MOST_COLUMNS: usize = 6;
-/// Cells smaller than this have no number in them.
+/// Smallest side, in pixels, of a cell with a number in it.
 const NUMBER_FROM: f64 = 22.0;
 
 pub struct Cell {
@@ -23,7 +24,7 @@ pub struct Cell {
     pub stuck: bool,
 }
 
-/// Agents in rows as they are seen from above, the top one first.
+/// Agents in rows, seen from above, with the top row first.
 pub struct Panel {
     pub label: String,
     pub rows: Vec<Vec<Cell>>,
@@ -31,7 +32,7 @@ pub struct Panel {
 
 pub struct HeatMap {
     pub title: String,
-    /// What the shades mean.
+    /// Meaning of the shades.
     pub key: String,
     pub format: fn(f64) -> String,
     /// Label and panels of each row.
@@ -103,7 +104,7 @@ impl HeatMap {
         Ok(())
     }
 
-    /// The shades with their values.
+    /// Draws the scale of shades with its values.
     fn draw_key(&self, root: &Area, top: u32, (low, high): (f64, f64)) -> Result<()> {
         const STEPS: usize = 60;
         let (left, width, top) = (f64::from(MARGIN), 180.0, f64::from(top));
@@ -131,7 +132,7 @@ impl HeatMap {
     }
 }
 
-/// The darker, the higher.
+/// Returns the shade of a value: the higher, the darker.
 fn shade(value: f64, (low, high): (f64, f64)) -> RGBColor {
     drawing::shade((value - low) / (high - low))
 }

@@ -1,4 +1,4 @@
-//! The legend at the right of a chart: a sample, then the label.
+//! The legend of a chart: entries with a sample and a label.
 
 use anyhow::Result;
 use plotters::prelude::*;
@@ -9,10 +9,10 @@ use crate::drawing::{Area, INK, ink_over, px, text};
 
 const SIZE: f64 = 12.0;
 const LINE_HEIGHT: f64 = 16.0;
-/// Characters of a line.
+/// Largest number of characters in a line.
 const WRAP: usize = 29;
 
-/// What stands before a label.
+/// Sample before a label.
 #[derive(Clone, Copy)]
 pub enum Sample {
     /// A curve with its markers.
@@ -63,13 +63,13 @@ pub fn draw(area: &Area, entries: &[Entry]) -> Result<()> {
     Ok(())
 }
 
-/// Pixels that the entries take from top to bottom.
+/// Returns the height of the entries in pixels.
 pub fn height(entries: &[Entry]) -> u32 {
     let lines: usize = entries.iter().map(|entry| wrapped(&entry.label, WRAP).len()).sum();
     (lines as f64 * LINE_HEIGHT + entries.len() as f64 * 5.0 + 20.0) as u32
 }
 
-/// Breaks a label at blanks into lines of so many characters.
+/// Breaks a label at blanks into lines of at most `characters` characters, if its words are not longer.
 pub fn wrapped(label: &str, characters: usize) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in label.split(' ') {

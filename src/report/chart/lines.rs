@@ -1,4 +1,4 @@
-//! Lines over a common axis, with bands, single seeds, levels and points from elsewhere.
+//! Line charts with bands, single seeds, levels and points from the paper.
 
 use anyhow::Result;
 use plotters::coord::CoordTranslate;
@@ -13,10 +13,10 @@ use crate::drawing::{Area, INK, SCALE, Svg, draw_mesh, pen, px, text, text_width
 const WIDTH: u32 = 860;
 const HEIGHT: u32 = 400;
 const LEGEND: u32 = 250;
-/// Places along the axis at which a line shows its marker.
+/// Largest number of markers on a line.
 const MARKERS: usize = 8;
 
-/// What is measured along an axis, and how its numbers are written.
+/// Label of an axis, and format of its numbers.
 #[derive(Clone)]
 pub struct Axis {
     pub label: String,
@@ -27,9 +27,9 @@ pub struct Axis {
 pub struct LinePoint {
     pub x: f64,
     pub y: f64,
-    /// Shaded around the line.
+    /// Interval around the mean, drawn as a shaded band.
     pub band: Option<(f64, f64)>,
-    /// Whether all runs are in it; where not the line is thin.
+    /// Whether all runs count at this point. If not, the line is thin here.
     pub whole: bool,
 }
 
@@ -38,36 +38,36 @@ pub struct Line {
     pub label: String,
     pub look: Look,
     pub points: Vec<LinePoint>,
-    /// A thin line that belongs to it, named once for all lines.
+    /// Thin dotted line that belongs to this one, such as the median agent. The legend has one entry for all of them.
     pub companion: Vec<(f64, f64)>,
-    /// Pale lines of the single seeds.
+    /// Curves of single seeds, drawn as pale lines.
     pub seeds: Vec<Vec<(f64, f64)>>,
 }
 
 impl Line {
-    /// Without its companion.
+    /// Returns the line without its companion.
     fn bare(&self) -> Line {
         Line { companion: Vec::new(), ..self.clone() }
     }
 }
 
-/// A line across the chart.
+/// A horizontal line across the chart.
 #[derive(Clone)]
 pub struct Level {
     pub label: String,
-    /// A word, at its end.
+    /// Short name, written at its right end.
     pub name: String,
     pub y: f64,
-    /// In short dashes where it was measured here, in long ones where it is from elsewhere.
+    /// Whether it was measured here (short dashes) or is from the paper (long dashes).
     pub measured: bool,
 }
 
-/// Points from elsewhere. Nothing joins them: nobody knows what is between.
+/// Single points, such as the paper's. No line joins them, because the values between them are not known.
 #[derive(Clone)]
 pub struct Mark {
     pub label: String,
     pub look: Look,
-    /// x, y and the standard error.
+    /// x, y, and the standard error of y if it is known.
     pub points: Vec<(f64, f64, Option<f64>)>,
 }
 
@@ -76,34 +76,36 @@ pub struct LineChart {
     pub x: Axis,
     pub y: Axis,
     pub lines: Vec<Line>,
-    /// What the companions are.
+    /// Label of the companions; `None` if the chart has no entry for them.
     pub companions: Option<String>,
     pub levels: Vec<Level>,
     pub marks: Vec<Mark>,
-    /// To where the x axis goes, if no point goes further.
+    /// Smallest right end of the x axis. Points beyond it extend the axis.
     pub x_end: f64,
-    /// Told under the legend.
+    /// Text under the legend.
     pub note: String,
 }
 
-/// More lines than this are better drawn one by one, or without bands and seeds: nobody could see whose they are.
+/// Largest number of lines in a chart with bands and seeds. With more, a reader could not see which line they belong
+/// to.
 pub const MOST_BANDS: usize = 5;
-/// Panels beside each other.
+/// Number of panels side by side.
 const COLUMNS: usize = 3;
 const PANEL: u32 = 190;
-/// Characters of a line of a panel's title.
+/// Largest number of characters in a line of a panel's title.
 const PANEL_WRAP: usize = 44;
 const PANEL_LINE: u32 = 14;
 
 type Ranges = (std::ops::Range<f64>, std::ops::Range<f64>);
 
-/// How large a chart is drawn.
+/// Sizes of the parts of a chart.
 #[derive(Clone, Copy)]
 struct Size {
-    /// Of the numbers at the axes.
+    /// Font size of the numbers at the axes.
     numbers: f64,
-    /// Of the names of levels, and what they take at the right.
+    /// Font size of the names of levels.
     names: f64,
+    /// Space for these names at the right, in pixels.
     right: f64,
     ticks: usize,
     axis_titles: bool,
@@ -127,7 +129,7 @@ impl LineChart {
         })
     }
 
-    /// A panel for each line but the reference, which is in all of them.
+    /// Draws a panel for each line except the reference, which is in all of them.
     pub fn draw_against(&self, reference: usize) -> Result<Svg> {
         let others: Vec<&Line> =
             self.lines.iter().enumerate().filter(|(index, _)| *index != reference).map(|(_, line)| line).collect();
@@ -243,8 +245,8 @@ impl LineChart {
         Ok(())
     }
 
-    /// Writes the name of each level at its right end, a little apart where levels are close. `ends` are places of the
-    /// whole picture.
+    /// Writes the name of each level at its right end, and keeps names apart if levels are close. `ends`: right ends in
+    /// units of the whole picture.
     fn name_levels(&self, area: &Area, ends: &[(i32, i32)], size: Size) -> Result<()> {
         let corner = area.get_base_pixel();
         let mut order: Vec<usize> = (0..ends.len()).collect();
@@ -272,12 +274,12 @@ impl LineChart {
         for seed in &line.seeds {
             stroke(area, seed.clone(), (colour.mix(0.45), Dash::Solid), 0.8)?;
         }
-        // Where runs are missing the line is thin; both parts share the point between them.
+        // The line is thin from the first point at which runs are missing. Both parts share the point between them.
         let whole = line.points.iter().take_while(|point| point.whole).count();
         let places = |points: &[LinePoint]| points.iter().map(|point| (point.x, point.y)).collect::<Vec<_>>();
         stroke(area, places(&line.points[..whole]), (colour.to_rgba(), line.look.dash), 2.0)?;
         stroke(area, places(&line.points[whole.saturating_sub(1)..]), (colour.to_rgba(), line.look.dash), 0.8)?;
-        // Each line has its markers at other places.
+        // Each line has its markers at different points.
         let every = line.points.len().div_ceil(MARKERS).max(1);
         for point in line.points.iter().skip(index % every).step_by(every) {
             mark(area, (point.x, point.y), line.look, 7.0, true)?;
@@ -286,7 +288,7 @@ impl LineChart {
     }
 
     fn legend(&self) -> Vec<Entry> {
-        // As the lines end, from top to bottom.
+        // In the order of the lines' right ends, from top to bottom.
         let mut lines: Vec<&Line> = self.lines.iter().collect();
         let end = |line: &Line| line.points.last().map_or(f64::NEG_INFINITY, |point| point.y);
         lines.sort_by(|a, b| end(b).total_cmp(&end(a)));
@@ -296,9 +298,11 @@ impl LineChart {
 
     fn legend_against(&self, reference: &Line, of_reference: Look, of_other: Look) -> Vec<Entry> {
         let entry = |look: Look, label: &str| Entry { sample: Sample::Curve(look), label: label.to_owned() };
-        let mut entries =
-            vec![entry(of_reference, &format!("in all: {}", reference.label)), entry(of_other, "as the title says")];
-        // Marks have the look of their line, which no panel shows.
+        let mut entries = vec![
+            entry(of_reference, &format!("in all panels: {}", reference.label)),
+            entry(of_other, "method in the panel's title"),
+        ];
+        // Marks have the look of their line, which is not the one in the panels. One entry stands for all of them.
         entries.extend(self.legend_of_the_rest().filter(|entry| !matches!(entry.sample, Sample::Hollow(_))));
         entries.extend(self.marks.first().map(|_| Entry {
             sample: Sample::Hollow(of_other),
@@ -322,7 +326,7 @@ impl LineChart {
         companions.chain(levels).chain(marks).chain(note)
     }
 
-    /// What the axes span: all that is drawn, and some air.
+    /// Returns the ranges of the axes: everything that is drawn, and a margin.
     fn ranges(&self) -> Ranges {
         let points = || self.lines.iter().flat_map(|line| &line.points);
         let marks = || self.marks.iter().flat_map(|mark| &mark.points);
@@ -344,7 +348,7 @@ impl LineChart {
         (0.0..right * 1.015, (low - air)..(high + air))
     }
 
-    /// Pixels for the numbers of the y axis and its label.
+    /// Returns the width of the y axis with its numbers and label, in pixels.
     fn label_width(&self, y: &std::ops::Range<f64>, size: Size) -> f64 {
         let widest = [y.start, y.end].map(|value| text_width(&(self.y.format)(value), size.numbers)).into_iter().max();
         f64::from(widest.unwrap_or(0)) / f64::from(SCALE) + if size.axis_titles { 30.0 } else { 8.0 }
@@ -355,7 +359,7 @@ fn level_dash(level: &Level) -> Dash {
     if level.measured { Dash::Dashed } else { Dash::Long }
 }
 
-/// A vertical bar with two feet.
+/// Draws an error bar: a vertical line with a short bar at each end.
 pub fn whisker<CT, X>(
     area: &DrawingArea<SVGBackend<'_>, CT>,
     x: X,

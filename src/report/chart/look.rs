@@ -1,4 +1,4 @@
-//! How a method looks in all charts of a report: its colour, dash and marker.
+//! Looks of methods, the same in all charts of a report: colour, dash and marker.
 
 use std::collections::BTreeMap;
 
@@ -16,7 +16,7 @@ pub enum Dash {
     Solid,
     Dashed,
     Dotted,
-    /// No line of ours has it.
+    /// Only for levels from the paper; our lines never have it.
     Long,
 }
 
@@ -40,7 +40,7 @@ pub struct Look {
 impl Look {
     pub const FIRST: Look = Look { colour: COLOURS[0], dash: Dash::Solid, marker: Marker::Circle };
 
-    /// The first ones differ in everything, eighteen as lines and thirty with their markers.
+    /// Returns a look by its number. The first 18 differ in colour or dash, the first 30 if markers count too.
     fn number(index: usize) -> Look {
         const DASHES: [Dash; 3] = [Dash::Solid, Dash::Dashed, Dash::Dotted];
         const MARKERS: [Marker; 5] = [Marker::Circle, Marker::Square, Marker::Triangle, Marker::Diamond, Marker::Cross];
@@ -48,11 +48,11 @@ impl Look {
     }
 }
 
-/// A look for each label of a report, the same in all its charts.
+/// The look of each label of a report, the same in all its charts.
 pub struct Looks(BTreeMap<String, Look>);
 
 impl Looks {
-    /// Labels in the order in which looks are given out; one that comes again keeps its look.
+    /// Gives a look to each label, in order. A repeated label keeps its first look.
     pub fn new<'a>(labels: impl Iterator<Item = &'a str>) -> Self {
         let mut looks = BTreeMap::new();
         for label in labels {
@@ -87,7 +87,8 @@ where
     Ok(())
 }
 
-/// Draws a marker of so many pixels around a place: filled for ours, hollow for what is from elsewhere.
+/// Draws a marker around a place, `size` pixels wide. Our means are filled; single seeds and the paper's values are
+/// hollow.
 pub fn mark<CT: CoordTranslate>(
     area: &DrawingArea<SVGBackend<'_>, CT>,
     at: CT::From,

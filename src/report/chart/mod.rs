@@ -1,5 +1,5 @@
-//! Charts of numbers: lines, rows, bars and heat maps, with a dash and a marker for each method beside its colour, so that they
-//! are told apart in black and white too.
+//! Charts of numbers: lines, rows, bars and heat maps. Each method has a colour, a dash and a marker, so that charts
+//! can be read in black and white too.
 
 mod bars;
 mod heat;

@@ -1,4 +1,4 @@
-//! Rows with a mean each: an ablation, whose every row stands against the line of the reference.
+//! Row charts, for ablations: a mean per row, and a vertical line at the mean of the reference.
 
 use anyhow::Result;
 use plotters::prelude::*;
@@ -10,34 +10,35 @@ use super::look::{Dash, Look, Marker, mark, stroke};
 use crate::drawing::{INK, Svg, draw_mesh, px, text};
 
 const WIDTH: u32 = 860;
-/// Of the labels, and of the words at the right.
+/// Width of the labels at the left.
 const LABELS: u32 = 230;
+/// Width of the words at the right.
 const WORDS: u32 = 330;
-/// Right ends of their columns, from the right.
+/// Right ends of the columns of words, measured from the right of the picture.
 const COLUMNS: [u32; 3] = [276, 66, 8];
 const TITLE: u32 = 50;
 const AXIS: u32 = 48;
 const NOTE: u32 = 22;
 const LINE: u32 = 14;
-/// Characters of a line of a label.
+/// Largest number of characters in a line of a label.
 const WRAP: usize = 36;
 
 pub struct Row {
     pub label: String,
-    /// Each on its own, hollow.
+    /// Values of single seeds, drawn as hollow circles.
     pub points: Vec<f64>,
     pub mean: f64,
     pub interval: Option<(f64, f64)>,
-    /// What stands at the right, in columns.
+    /// Words at the right, one per column.
     pub words: [String; 3],
 }
 
 pub struct RowChart {
     pub title: String,
     pub x: Axis,
-    /// The reference first.
+    /// Rows from top to bottom; the first is the reference.
     pub rows: Vec<Row>,
-    /// Over the columns of words.
+    /// Headings of the columns of words.
     pub header: [String; 3],
     pub note: String,
 }
@@ -53,7 +54,7 @@ impl RowChart {
         Svg::draw(WIDTH, TITLE + all + AXIS + NOTE, |root| {
             let title = Text::new(self.title.clone(), (px(12.0), px(8.0)), text(15.0, INK));
             root.draw(&title)?;
-            // Rows go down from 0.
+            // Rows have negative y, from 0 down.
             let mut chart = ChartBuilder::on(root)
                 .margin_top(px(TITLE))
                 .margin_bottom(px(NOTE))
@@ -113,7 +114,7 @@ impl RowChart {
         })
     }
 
-    /// All that is drawn, and some air.
+    /// Returns the range of the axis: everything that is drawn, and a margin.
     fn range(&self) -> std::ops::Range<f64> {
         let ends = self.rows.iter().filter_map(|row| row.interval).flat_map(|(low, high)| [low, high]);
         let ends = ends.chain(self.rows.iter().map(|row| row.mean));
