@@ -14,13 +14,13 @@
 //! | local-form fPOSG: GS, LS, influence sources, d-set | [`domain`] |
 //! | AIPs and their training | [`influence`] |
 //! | policies and PPO | [`policy`], [`training::ppo`] |
-//! | "in parallel, for i in N" | [`training::fleet`], [`processes`] |
+//! | "in parallel, for i in N" | [`training::fleet`], [`fleet`] |
 //! | figures and tables of section Results and the appendix | [`experiment`], [`report`] |
 //!
 //! Rooms, in the order in which they may use each other (a test holds it): [`base`]; [`config`], [`domain`], [`sumo`];
-//! [`nn`]; [`traffic`], [`warehouse`]; [`drawing`], [`plot`]; [`influence`], [`policy`]; [`evaluation`]; [`training`]; [`report`],
-//! [`experiment`]; [`processes`], [`mod@bench`]; [`run`] with [`cli`] and [`error`]. Simulators never see a tensor; training
-//! never sees a process or SUMO; only [`run`] knows which domain and which fleet were chosen.
+//! [`nn`]; [`traffic`], [`warehouse`]; [`drawing`], [`plot`]; [`influence`], [`policy`]; [`evaluation`]; [`training`];
+//! [`fleet`], [`records`]; [`report`], [`experiment`], [`mod@bench`]; [`run`] with [`cli`] and [`error`]. Simulators never
+//! see a tensor; training never sees a file, a process or SUMO; only [`run`] knows which domain and which fleet were chosen.
 
 pub mod base;
 pub mod bench;
@@ -31,11 +31,12 @@ pub mod drawing;
 pub mod error;
 pub mod evaluation;
 pub mod experiment;
+pub mod fleet;
 pub mod influence;
 pub mod nn;
 pub mod plot;
 pub mod policy;
-pub mod processes;
+pub mod records;
 pub mod report;
 pub mod run;
 pub mod sumo;

@@ -19,10 +19,11 @@ const DOORS: &[(&str, &[&str])] = &[
     ("policy", &["base", "config", "domain", "nn"]),
     ("evaluation", &["base", "domain", "policy"]),
     ("training", &["base", "config", "domain", "nn", "influence", "policy", "evaluation"]),
+    ("fleet", &["base", "config", "domain", "nn", "evaluation", "influence", "policy", "training"]),
+    ("records", &["base", "config", "domain", "nn", "evaluation", "influence", "policy", "training"]),
     ("bench", &["base", "config", "domain", "nn", "influence", "policy", "training"]),
-    ("processes", &["base", "config", "domain", "nn", "evaluation", "influence", "policy", "training"]),
-    ("report", &["base", "config", "drawing", "traffic", "training"]),
-    ("experiment", &["config", "report", "training"]),
+    ("report", &["base", "config", "drawing", "records", "traffic"]),
+    ("experiment", &["config", "records", "report"]),
 ];
 
 /// Outside crates that only some rooms may use.

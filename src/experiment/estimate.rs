@@ -6,7 +6,7 @@
 
 use super::file::PlannedRun;
 use crate::config::{AipTraining, Config, SimulatorKind, schedule};
-use crate::report::run_dir::RunRecord;
+use crate::records::run_record::RunRecord;
 
 /// Core-seconds and memory of one kind of run.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -158,7 +158,7 @@ fn costs_of(runs: &[&RunRecord]) -> Option<Costs> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::run_dir::{Evaluation, Memory, PeriodTime, Returns};
+    use crate::records::run_record::{Evaluation, Memory, PeriodTime, Returns};
     use std::path::PathBuf;
 
     /// Episodes of 10 steps, 2 per evaluation and 8 per dataset.
@@ -186,7 +186,7 @@ mod tests {
         RunRecord {
             dir: PathBuf::new(),
             config: config(simulator, 1000),
-            about: serde_json::Value::Null,
+            about: Default::default(),
             evaluations: vec![Evaluation {
                 steps: 1000,
                 all: returns,

@@ -6,11 +6,11 @@ use anyhow::{Result, ensure};
 
 use super::file::{PlannedBaseline, PlannedRun, same_run};
 use crate::config::{self, Config};
+use crate::records::files::{CONFIG, is_run_dir};
+use crate::records::run_record::{RunRecord, Status};
 use crate::report::compare::differing;
 use crate::report::find::{Baseline, baseline_file, read_json};
-use crate::report::run_dir::{RunRecord, Status, is_run_dir};
 use crate::report::scenario::{Method, Scenario};
-use crate::training::files::CONFIG;
 
 /// How far a planned run has come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

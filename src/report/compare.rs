@@ -13,11 +13,11 @@ use super::difference::{Difference, Played, Side as Returns, between, common_epi
 use super::finals::{agents_at, mean_cpu};
 use super::find::{LeftOut, find};
 use super::group::{Group, Sorted, sort, steps_text};
-use super::run_dir::{CpuTime, PeriodTime, RunRecord, Status};
 use super::scenario::Scenario;
 use super::statistics::{ENOUGH_SEEDS, Spread};
 use super::words::{duration, figure, figure_like, interval, no_run, pairing, signed, signed_interval, warnings};
 use crate::base::statistics::{mean, median};
+use crate::records::run_record::{CpuTime, PeriodTime, RunRecord, Status};
 
 /// Of the worse final return: what both groups have to reach where nothing else is asked for.
 const REACH: f64 = 0.95;

@@ -7,9 +7,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::group::Group;
-use super::run_dir::RunRecord;
 use super::statistics::Spread;
 use crate::base::statistics::mean;
+use crate::records::run_record::RunRecord;
 
 /// A point of a learning curve.
 #[derive(Clone, Debug, PartialEq)]
@@ -140,7 +140,7 @@ fn measured(run: &RunRecord, data: LossData) -> Measured {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::run_dir::FreshLoss;
+    use crate::records::run_record::FreshLoss;
     use crate::report::scenario::Method;
 
     /// Runs that measured losses at such steps; `true` right after a training. The marginals are 1 higher.
@@ -148,7 +148,7 @@ mod tests {
         let run = |losses: &&[(u64, bool, f64)]| RunRecord {
             dir: Default::default(),
             config: toml::from_str("[warehouse]\nagents_per_side = 2").unwrap(),
-            about: serde_json::Value::Null,
+            about: Default::default(),
             evaluations: Vec::new(),
             aip_trainings: Vec::new(),
             fresh_losses: losses

@@ -7,8 +7,8 @@
 use crate::base::statistics::mean;
 
 use super::find::Baseline;
-use super::run_dir::RunRecord;
 use super::statistics::{Bounds, Estimate, interval_of, welch};
+use crate::records::run_record::RunRecord;
 
 /// The episodes of an evaluation. Evaluations with the same ones saw the same traffic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

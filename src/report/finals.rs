@@ -4,9 +4,9 @@ use std::collections::BTreeSet;
 
 use super::difference::{Episodes, Played, Side, common_episodes};
 use super::group::Group;
-use super::run_dir::{CpuTime, Memory, PeriodTime, Returns, RunRecord, Status};
 use super::statistics::Spread;
 use crate::base::statistics::{mean, median};
+use crate::records::run_record::{CpuTime, Memory, PeriodTime, Returns, RunRecord, Status};
 
 /// The end of a group.
 pub struct Final {
@@ -160,7 +160,7 @@ pub fn peak_memory(group: &Group) -> Option<Memory> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::run_dir::Evaluation;
+    use crate::records::run_record::Evaluation;
     use crate::report::scenario::Method;
 
     #[test]
@@ -170,7 +170,7 @@ mod tests {
         let run = |periods: u64| RunRecord {
             dir: Default::default(),
             config: toml::from_str("total_steps = 100000\n[warehouse]\nagents_per_side = 1").unwrap(),
-            about: serde_json::Value::Null,
+            about: Default::default(),
             evaluations: vec![Evaluation {
                 steps: periods * 4000 - 2000,
                 all: returns,

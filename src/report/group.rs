@@ -7,8 +7,8 @@ use anyhow::Result;
 use super::difference::{Difference, between, to_controller};
 use super::finals::Final;
 use super::find::{Baseline, Found, LeftOut};
-use super::run_dir::{RunRecord, Status};
 use super::scenario::{Method, Retraining, Scenario};
+use crate::records::run_record::{RunRecord, Status};
 
 /// All groups of one scenario, in the order in which they are told: GS, DIALS by F, other simulators, variants last.
 pub struct Comparison {
@@ -315,7 +315,7 @@ mod tests {
         let runs = settings.iter().enumerate().map(|(index, setting)| RunRecord {
             dir: format!("runs/{index}").into(),
             config: toml::from_str(&format!("{setting}\n[warehouse]\nagents_per_side = 2")).unwrap(),
-            about: serde_json::Value::Null,
+            about: Default::default(),
             evaluations: Vec::new(),
             aip_trainings: Vec::new(),
             fresh_losses: Vec::new(),

@@ -1,7 +1,7 @@
 //! The paper's figures and tables from run directories alone: learning curves over seeds, bars, tables in the paper's
 //! layout with its own numbers beside ours, and every agent on its grid.
 //!
-//! - [`find`], [`run_dir`], [`csv_table`]: what runs left behind; nothing here ever sees a live run.
+//! - [`find`]: which runs, baselines and plans lie under the folders of a report. Nothing here ever sees a live run.
 //! - [`scenario`], [`group`]: which runs are comparable, and which differ in nothing but their seed.
 //! - [`statistics`], [`difference`], [`curves`], [`finals`]: what several seeds say together.
 //! - [`paper`]: the paper's numbers, each with its source.
@@ -12,7 +12,6 @@
 pub mod chart;
 pub mod compare;
 pub mod csv_file;
-pub mod csv_table;
 pub mod curves;
 pub mod difference;
 pub mod document;
@@ -21,7 +20,6 @@ pub mod find;
 pub mod group;
 pub mod paper;
 mod pictures;
-pub mod run_dir;
 pub mod scenario;
 mod sections;
 pub mod statistics;
@@ -32,8 +30,8 @@ use std::path::PathBuf;
 
 use anyhow::{Result, ensure};
 
+use crate::records::run_record::RunRecord;
 use group::Sorted;
-use run_dir::RunRecord;
 
 /// Rows and columns of a run's agents, where somebody knows them: agents are numbered row by row.
 pub type GridShape<'a> = &'a dyn Fn(&RunRecord) -> Option<(usize, usize)>;

@@ -14,11 +14,11 @@ use super::difference::Difference;
 use super::finals::{Final, Runtime};
 use super::group::{Comparison, Group, steps_text};
 use super::paper;
-use super::run_dir::Returns;
 use super::scenario::Domain;
 use super::statistics::{Bounds, ENOUGH_SEEDS, Spread};
 use super::words::{difference, figure, signed};
 use crate::drawing::Svg;
+use crate::records::run_record::Returns;
 
 /// Along which a learning curve is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -7,8 +7,8 @@ use super::difference::{Difference, Pairing};
 use super::finals::Final;
 use super::find::LeftOut;
 use super::group::{Comparison, steps_text};
-use super::run_dir::Status;
 use super::statistics::{Bounds, ENOUGH_SEEDS, Spread};
+use crate::records::run_record::Status;
 
 /// A return: one decimal for traffic, two for the warehouse.
 pub fn figure(value: f64) -> String {

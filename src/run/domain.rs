@@ -8,10 +8,10 @@ use anyhow::{Context, Result};
 use crate::config::Config;
 use crate::domain::Domain;
 use crate::nn::use_vectors;
+use crate::records::files;
 use crate::traffic::Traffic;
 use crate::traffic::net_file::{NetworkFiles, read_shape};
 use crate::traffic::recording::Tape;
-use crate::training::files;
 use crate::warehouse::Warehouse;
 
 /// The networks of a run directory have the same names in all of them.

@@ -7,7 +7,7 @@ use super::terminal::answer;
 use crate::cli;
 use crate::domain::Domain;
 use crate::error::{Error, Result};
-use crate::training::files::{folder_of, write_beside};
+use crate::records::atomic::{folder_of, write_beside};
 
 pub fn export(args: &cli::Export) -> Result<()> {
     let mut run = directory::open(&args.run_dir).map_err(Error::Usage)?;

@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, ensure};
 use serde_json::{Map, Value, json};
 
-use super::directory;
+use super::places;
 use super::subject::Subject;
 use crate::domain::Domain;
 use crate::evaluation::{EpisodeReport, Evaluation, Interval, RETURN, figures};
-use crate::training::files::append;
+use crate::records::csv::append;
 
 /// A subject and the episodes that it played, which are the same for all subjects of a command.
 pub struct Finding {
@@ -216,7 +216,7 @@ impl CsvFiles {
         for file in [&files.episodes, &files.agents] {
             ensure!(!file.exists(), "{}: exists already; move it away or name another directory", file.display());
         }
-        directory::check_writable(dir)?;
+        places::check_writable(dir)?;
         Ok(files)
     }
 

@@ -2,13 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use super::build::Build;
+use super::build;
 use super::terminal::{answer, on_the_path};
 use crate::base::VectorWidth;
 use crate::error::{Error, Result};
 
 pub fn info() -> Result<()> {
-    let build = Build::here(VectorWidth::Widest).map_err(Error::Run)?;
+    let build = build::here(VectorWidth::Widest).map_err(Error::Run)?;
     let mut lines = vec![
         format!("dials-traffic {} (commit {})", build.dials_traffic, build.git_commit),
         format!("{} at {}", build.sumo, place(loaded_library("libsumocpp.so"))),

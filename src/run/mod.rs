@@ -11,6 +11,7 @@ mod export;
 mod findings;
 mod info;
 mod nets;
+mod places;
 mod plot;
 mod progress;
 mod render;

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail, ensure};
 
-use super::directory::{self, Existing};
+use super::places::{self, Existing};
 use crate::base::Seed;
 use crate::domain::{Colour, Controller, GlobalSimulator, Scene};
 use crate::evaluation::{episode_seed, play_watched};
@@ -32,7 +32,7 @@ pub fn render(
         scenes.push(simulator.scene().context("a picture of every step")?);
         Ok(())
     })?;
-    directory::make(dir, Existing::Refuse, |dir| {
+    places::make(dir, Existing::Refuse, |dir| {
         for (step, scene) in scenes.iter().enumerate() {
             fs::write(dir.join(format!("step_{step:03}.svg")), scene.to_svg(SCALE as f32))?;
         }

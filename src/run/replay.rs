@@ -5,8 +5,9 @@ use std::process::Command;
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
 
-use super::directory::{self, Existing};
+use super::directory;
 use super::domain;
+use super::places::{self, Existing};
 use super::subject::Subject;
 use super::terminal::{answer, on_the_path, quoted};
 use super::video::{SUMO_GUI, Video};
@@ -19,26 +20,26 @@ use crate::evaluation::{episode_seed, play};
 use crate::influence::{self, TrainablePredictor};
 use crate::nn::read_stack;
 use crate::policy::{JointPolicyController, PolicyStack, Selection};
+use crate::records::files;
 use crate::traffic::Traffic;
 use crate::traffic::recording::{Recording, Tape};
 use crate::traffic::replay;
 use crate::training::block::initial_aips;
 use crate::training::environment::Environment;
-use crate::training::files;
 use crate::training::ials::Ials;
 use crate::training::stream::{AgentStream, RowStream};
 
 pub fn replay(args: &cli::Replay) -> crate::error::Result<()> {
     let existing = if args.force { Existing::MoveAside } else { Existing::Refuse };
-    let dir = directory::place(&args.out, existing).map_err(Error::Usage)?;
-    directory::check_apart(&[("--out", Some(&args.out)), ("--video", args.video.as_deref())]).map_err(Error::Usage)?;
+    let dir = places::place(&args.out, existing).map_err(Error::Usage)?;
+    places::check_apart(&[("--out", Some(&args.out)), ("--video", args.video.as_deref())]).map_err(Error::Usage)?;
     let video = args.video.as_deref().map(|file| Video::asked_for(file, existing)).transpose().map_err(Error::Usage)?;
     if args.gui {
         check_screen().map_err(Error::Usage)?;
     }
     let episode = Episode::choose(args).map_err(Error::Usage)?;
     let recording = episode.play().map_err(Error::Run)?;
-    directory::make(&dir, existing, |staged| {
+    places::make(&dir, existing, |staged| {
         replay::write(&recording, staged)?;
         replay::check(&recording, staged)
     })

@@ -9,7 +9,7 @@ use super::directory::{self, TrainedRun};
 use crate::base::AgentId;
 use crate::domain::{Baseline, Domain};
 use crate::policy::{JointPolicyController, Selection};
-use crate::training::files;
+use crate::records::files;
 
 /// A controller or a run, as it is named on the command line.
 #[derive(Clone, Debug, PartialEq, Eq)]

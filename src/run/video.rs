@@ -12,15 +12,15 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail, ensure};
 use rustix::process::{Pid, Signal, kill_process_group};
 
-use super::directory::{self, Existing};
+use super::places::{self, Existing};
 use super::progress::EpisodeBar;
 use super::stop::stop_on_signals;
 use super::terminal::on_the_path;
 use crate::error::{self, Error};
+use crate::records::atomic::{folder_of, write_beside};
 use crate::traffic::grid::Grid;
 use crate::traffic::recording::Recording;
 use crate::traffic::replay::{Snapshot, view};
-use crate::training::files::{folder_of, write_beside};
 
 pub const SUMO_GUI: &str = "sumo-gui";
 const XVFB: &str = "Xvfb";
@@ -69,7 +69,7 @@ impl Video {
             ensure!(on_the_path(tool).is_some(), "--video: {tool} is not on the PATH: {way_out}");
         }
         ensure!(
-            existing != Existing::Refuse || directory::is_free(file),
+            existing != Existing::Refuse || places::is_free(file),
             "{}: exists already; name another one with --video, or move it aside with --force",
             file.display()
         );
@@ -102,8 +102,8 @@ impl Video {
                 Format::Mp4 => join_to_mp4(room.path(), film)?,
             }
             // Now that the new one is whole.
-            if self.existing == Existing::MoveAside && !directory::is_free(&self.file) {
-                directory::tell_moved(&self.file, &directory::move_aside(&self.file)?);
+            if self.existing == Existing::MoveAside && !places::is_free(&self.file) {
+                places::tell_moved(&self.file, &places::move_aside(&self.file)?);
             }
             Ok(())
         })

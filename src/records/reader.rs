@@ -1,0 +1,219 @@
+//! Reads a run directory that a run left behind or is still filling, perhaps one of another version.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::Result;
+
+use super::columns::{self, ALL};
+use super::csv_table::{CsvTable, Line};
+use super::files;
+use super::run_json::RunJson;
+use super::run_record::{AipTraining, CpuTime, Evaluation, FreshLoss, Memory, PeriodTime, Returns, RunRecord};
+use crate::base::Activity;
+use crate::config;
+use crate::training::drift::Moment;
+
+impl RunRecord {
+    pub fn read(dir: &Path) -> Result<RunRecord> {
+        let config = config::load(&dir.join(files::CONFIG), &[])?;
+        let timing = CsvTable::read(&dir.join(files::TIMING))?;
+        Ok(RunRecord {
+            config,
+            about: RunJson::read_if_there(dir)?,
+            evaluations: read_evaluations(
+                &CsvTable::read(&dir.join(files::RETURNS))?,
+                &CsvTable::read(&dir.join(files::EPISODES))?,
+            )?,
+            aip_trainings: read_aip_trainings(&CsvTable::read(&dir.join(files::AIP_LOSS))?)?,
+            fresh_losses: read_fresh_losses(&CsvTable::read(&dir.join(files::AIP_DRIFT))?)?,
+            periods: read_periods(&timing)?,
+            memory: read_memory(&CsvTable::read(&dir.join(files::MEMORY))?)?,
+            workers: timing
+                .lines()
+                .filter_map(|line| line.text(columns::WORKER)?.parse::<usize>().ok())
+                .max()
+                .unwrap_or(0)
+                + 1,
+            dir: dir.to_owned(),
+        })
+    }
+}
+
+/// `table`: `returns.csv`; `episodes`: `episodes.csv`.
+fn read_evaluations(table: &CsvTable, episodes: &CsvTable) -> Result<Vec<Evaluation>> {
+    let mut of_episodes = read_episodes(episodes)?;
+    let mut evaluations: Vec<Evaluation> = Vec::new();
+    for line in table.lines() {
+        let returns = Returns {
+            mean: line.required(columns::MEAN)?,
+            median: line.required(columns::MEDIAN)?,
+            std_error: line.required(columns::STD_ERROR)?,
+            stuck: line.number(columns::STUCK)?.unwrap_or(0.0) as usize,
+        };
+        match (line.text(columns::AGENT), evaluations.last_mut()) {
+            (Some(ALL), _) => {
+                let steps = line.steps()?;
+                let episodes = line.number(columns::EPISODES)?.map(|count| count as usize);
+                let episode_returns = of_episodes.remove(&steps).unwrap_or_default();
+                evaluations.push(Evaluation { steps, all: returns, agents: Vec::new(), episodes, episode_returns });
+            }
+            (_, Some(evaluation)) => evaluation.agents.push(returns),
+            (_, None) => anyhow::bail!("{}: begins with an agent and not with `{ALL}`", files::RETURNS),
+        }
+    }
+    let agents = evaluations.iter().map(|evaluation| evaluation.agents.len()).max().unwrap_or(0).max(1);
+    // Cut short by a kill.
+    evaluations.pop_if(|last| last.agents.len() < agents);
+    if let Some(bad) = evaluations.iter().find(|evaluation| evaluation.agents.len() != agents) {
+        let (steps, found) = (bad.steps, bad.agents.len());
+        anyhow::bail!("{}: tells of {found} of {agents} agents at step {steps}", files::RETURNS);
+    }
+    // Likewise: its episodes are written after it.
+    if let Some(last) =
+        evaluations.last_mut().filter(|last| last.episodes.is_some_and(|all| last.episode_returns.len() < all))
+    {
+        last.episode_returns.clear();
+    }
+    let uneven = |evaluation: &&Evaluation| {
+        let found = evaluation.episode_returns.len();
+        found > 0 && evaluation.episodes.is_some_and(|episodes| episodes != found)
+    };
+    if let Some(bad) = evaluations.iter().find(uneven) {
+        let (steps, found, all) = (bad.steps, bad.episode_returns.len(), bad.episodes.unwrap_or(0));
+        anyhow::bail!("{}: has {found} of {all} episodes at step {steps}", files::EPISODES);
+    }
+    Ok(evaluations)
+}
+
+/// Mean returns of all agents by steps, episode by episode.
+fn read_episodes(table: &CsvTable) -> Result<BTreeMap<u64, Vec<f64>>> {
+    let mut of_steps: BTreeMap<u64, Vec<f64>> = BTreeMap::new();
+    for line in table.lines() {
+        let (steps, episode) = (line.steps()?, line.required(columns::EPISODE)? as usize);
+        let returns = of_steps.entry(steps).or_default();
+        anyhow::ensure!(
+            episode == returns.len(),
+            "{}: has episode {episode} at step {steps} where episode {} belongs",
+            files::EPISODES,
+            returns.len()
+        );
+        returns.push(line.required(columns::RETURN)?);
+    }
+    Ok(of_steps)
+}
+
+fn of_all_sources(line: Line) -> bool {
+    line.text(columns::AGENT) == Some(ALL) && line.text(columns::SOURCE).is_none_or(|source| source == ALL)
+}
+
+fn read_aip_trainings(table: &CsvTable) -> Result<Vec<AipTraining>> {
+    let trainings = table.lines().filter(|&line| of_all_sources(line)).map(|line| {
+        Ok(AipTraining {
+            steps: line.steps()?,
+            before: line.required(columns::HELD_OUT_BEFORE)?,
+            after: line.required(columns::HELD_OUT_AFTER)?,
+            marginals: line.required(columns::HELD_OUT_MARGINALS)?,
+        })
+    });
+    trainings.collect()
+}
+
+fn read_fresh_losses(table: &CsvTable) -> Result<Vec<FreshLoss>> {
+    let losses = table.lines().filter(|&line| of_all_sources(line)).map(|line| {
+        Ok(FreshLoss {
+            steps: line.steps()?,
+            after_training: line.text(columns::AFTER) == Some(Moment::Training.name()),
+            loss: line.required(columns::LOSS)?,
+            marginals: line.required(columns::MARGINALS)?,
+        })
+    });
+    losses.collect()
+}
+
+/// The activities that are no training of policies. A file that lacks the column of one spent no time there.
+const EVALUATION: [Activity; 1] = [Activity::Evaluation];
+const INFLUENCE: [Activity; 2] = [Activity::Collection, Activity::AipTraining];
+
+/// Sums of seconds since the run began.
+fn read_periods(table: &CsvTable) -> Result<Vec<PeriodTime>> {
+    let spent = |line: Line, activities: &[Activity]| -> Result<f64> {
+        activities.iter().map(|&activity| Ok(line.number(&columns::seconds_of(activity))?.unwrap_or(0.0))).sum()
+    };
+    let (mut evaluation_s, mut influence_s) = (0.0, 0.0);
+    // A run of an older version has no such columns, and one that was begun by it has no sum.
+    let mut cpu = Some(CpuTime::default());
+    let mut periods = Vec::new();
+    for line in table.lines().filter(|line| line.text(columns::WORKER) == Some(ALL)) {
+        evaluation_s += spent(line, &EVALUATION)?;
+        influence_s += spent(line, &INFLUENCE)?;
+        let (steps, elapsed_s) = (line.steps()?, line.required(columns::ELAPSED_S)?);
+        cpu = match (cpu, line.number(columns::CPU_S)?) {
+            (Some(before), Some(more)) => Some(CpuTime {
+                total_s: before.total_s + more,
+                evaluation_s: before.evaluation_s + line.required(columns::CPU_EVALUATION_S)?,
+            }),
+            _ => None,
+        };
+        periods.push(PeriodTime { steps, elapsed_s, evaluation_s, influence_s, cpu });
+    }
+    Ok(periods)
+}
+
+fn read_memory(table: &CsvTable) -> Result<Option<Memory>> {
+    let mut memory: Option<Memory> = None;
+    for line in table.lines() {
+        let (rss, pss) = (line.required(columns::PEAK_RSS_MB)?, line.number(columns::PSS_MB)?);
+        let here = match line.text(columns::PROCESS) {
+            Some(ALL) => Memory { process_mb: 0.0, total_mb: rss, total_pss_mb: pss },
+            _ => Memory { process_mb: rss, total_mb: 0.0, total_pss_mb: None },
+        };
+        memory = Some(memory.map_or(here, |so_far| so_far.max(here)));
+    }
+    Ok(memory)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn evaluations(text: &str) -> Result<Vec<(u64, usize)>> {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join(files::RETURNS);
+        std::fs::write(&path, format!("steps,agent,mean,median,std_error\n{text}")).unwrap();
+        let read = read_evaluations(&CsvTable::read(&path)?, &CsvTable::read(&dir.path().join(files::EPISODES))?)?;
+        Ok(read.iter().map(|evaluation| (evaluation.steps, evaluation.agents.len())).collect())
+    }
+
+    #[test]
+    fn an_evaluation_that_was_cut_short_is_none_and_a_hole_in_the_middle_is_told() {
+        let block = |steps: u64, agents: usize| {
+            let names = std::iter::once("all".to_owned()).chain((0..agents).map(|agent| agent.to_string()));
+            names.map(|name| format!("{steps},{name},1,1,0\n")).collect::<String>()
+        };
+        assert_eq!(evaluations(&(block(0, 2) + &block(100, 1))).unwrap(), [(0, 2)]);
+        assert_eq!(evaluations(&block(0, 0)).unwrap(), [], "no agent is no evaluation");
+        let error = evaluations(&(block(0, 2) + &block(100, 1) + &block(200, 2))).unwrap_err().to_string();
+        assert_eq!(error, "returns.csv: tells of 1 of 2 agents at step 100");
+    }
+
+    #[test]
+    fn episodes_belong_to_the_evaluation_of_their_step() {
+        let dir = tempfile::tempdir().unwrap();
+        let read = |episodes: &str| -> Result<Vec<Evaluation>> {
+            let [returns, file] = [files::RETURNS, files::EPISODES].map(|name| dir.path().join(name));
+            let blocks = "0,all,1,1,0,1\n0,0,1,1,0,1\n100,all,2,2,0,2\n100,0,2,2,0,2\n";
+            std::fs::write(&returns, format!("steps,agent,mean,median,std_error,episodes\n{blocks}")).unwrap();
+            std::fs::write(&file, format!("steps,episode,return\n{episodes}")).unwrap();
+            read_evaluations(&CsvTable::read(&returns)?, &CsvTable::read(&file)?)
+        };
+        let found = read("0,0,1.000000\n100,0,1.500000\n100,1,2.500000\n").unwrap();
+        assert_eq!(found[0].episode_returns, [1.0]);
+        assert_eq!((found[1].episodes, &found[1].episode_returns[..]), (Some(2), &[1.5, 2.5][..]));
+        assert!(read("").unwrap()[1].episode_returns.is_empty(), "an older version wrote none");
+        let error = |episodes| read(episodes).unwrap_err().to_string();
+        assert!(read("0,0,1\n100,0,1.5\n").unwrap()[1].episode_returns.is_empty(), "they are being written");
+        assert_eq!(error("0,0,1\n0,1,1\n"), "episodes.csv: has 2 of 1 episodes at step 0");
+        assert_eq!(error("100,1,1.5\n"), "episodes.csv: has episode 1 at step 100 where episode 0 belongs");
+    }
+}
