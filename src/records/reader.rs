@@ -176,6 +176,72 @@ fn read_memory(table: &CsvTable) -> Result<Option<Memory>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::{Rows, Timesheet};
+    use crate::config::Config;
+    use crate::domain::Measures;
+    use crate::evaluation;
+    use crate::influence;
+    use crate::nn::{Layout, Moments};
+    use crate::records::run_log::{Layouts, RunLog};
+    use crate::training::answers::{AgentTraining, FleetLoad, Footprint, PolicyTraining, WorkerLoad};
+    use crate::training::journal::Journal;
+    use crate::training::ppo::{Decayed, Losses};
+    use crate::training::standing::Standing;
+    use crate::training::state::AgentsState;
+    use std::time::Duration;
+
+    #[test]
+    fn what_the_log_writes_the_reader_reads() {
+        let dir = tempfile::tempdir().unwrap();
+        let text = "warehouse = { agents_per_side = 2 }\n";
+        std::fs::write(dir.path().join(files::CONFIG), text).unwrap();
+        let config: Config = toml::from_str(text).unwrap();
+        let layout = || Layout::new(vec![("w".to_owned(), vec![1])]);
+        let mut log = RunLog::create(dir.path(), &config, Layouts { policies: layout(), aips: layout() }).unwrap();
+        let table = || Rows::from_vec(vec![0.5, 0.25], 1);
+        let moments = Moments { first: table(), second: table(), steps: 1 };
+        let agents = AgentsState { steps: 128, policies: table(), moments, aips: table(), streams: vec![] };
+
+        // Agents' means 2 and 4; episode means 1 and 5: deviation sqrt(8), standard error sqrt(8 / 2) = 2.
+        let returns = Rows::from_vec(vec![0.0, 2.0, 4.0, 6.0], 2);
+        let played = evaluation::Evaluation { returns, measures: Measures::default(), stuck: vec![false, true] };
+        log.evaluated(&agents, &played).unwrap();
+        let loss = |before, after| influence::AipLoss {
+            training: [vec![9.0], vec![9.0]],
+            held_out: [vec![before], vec![after]],
+            marginals: vec![0.5],
+            frequencies: vec![0.25],
+        };
+        log.aips_trained(&agents, &[loss(0.75, 0.25), loss(0.25, 0.25)]).unwrap();
+        let fresh = influence::FreshLoss { predictor: vec![0.375], marginals: vec![0.5] };
+        log.aips_measured(&agents, Moment::Training, &[fresh.clone(), fresh]).unwrap();
+        let mut timesheet = Timesheet::default();
+        timesheet.note(Activity::Evaluation, Duration::from_secs(3), &Default::default());
+        timesheet.note(Activity::Collection, Duration::from_secs(2), &Default::default());
+        timesheet.note_cpu(Duration::from_secs(7));
+        let mebibytes = |peak: u64, shared: u64| Footprint { peak_rss_kib: peak << 10, pss_kib: shared << 10 };
+        let worker = WorkerLoad { timesheet, footprint: mebibytes(30, 20) };
+        let load = FleetLoad { workers: vec![worker], coordinator: Some(mebibytes(40, 10)), ..FleetLoad::default() };
+        let of_agent = AgentTraining { mean_return: None, episodes: 0, losses: Losses::default() };
+        let decayed = Decayed { learning_rate: 1e-3, clip: 0.1 };
+        let training = PolicyTraining { agents: vec![of_agent; 2], counters: Vec::new(), decayed };
+        log.period_done(&agents, &Standing::default(), &training, load).unwrap();
+
+        let read = RunRecord::read(dir.path()).unwrap();
+        let [found] = &read.evaluations[..] else { panic!("{:?}", read.evaluations) };
+        assert_eq!((found.steps, found.all.mean, found.all.std_error, found.all.stuck), (128, 3.0, 2.0, 1));
+        assert_eq!((found.agents[1].mean, found.agents[1].stuck, found.episodes), (4.0, 1, Some(2)));
+        assert_eq!(found.episode_returns, [1.0, 5.0]);
+        let AipTraining { steps, before, after, marginals } = read.aip_trainings[0];
+        assert_eq!((steps, before, after, marginals), (128, 0.5, 0.25, 0.5));
+        let FreshLoss { after_training, loss, marginals, .. } = read.fresh_losses[0];
+        assert_eq!((after_training, loss, marginals), (true, 0.375, 0.5));
+        let time = read.total_time().unwrap();
+        assert_eq!((time.evaluation_s, time.influence_s, time.cpu.map(|cpu| cpu.total_s)), (3.0, 2.0, Some(7.0)));
+        let memory = read.memory.unwrap();
+        assert_eq!((memory.process_mb, memory.total_mb, memory.total_pss_mb), (40.0, 70.0, Some(30.0)));
+        assert_eq!(read.workers, 1);
+    }
 
     fn evaluations(text: &str) -> Result<Vec<(u64, usize)>> {
         let dir = tempfile::tempdir().unwrap();
