@@ -17,12 +17,11 @@ use dials_traffic::base::{AgentId, Dice, Rows, Seed};
 use dials_traffic::config::*;
 use dials_traffic::domain::*;
 use dials_traffic::evaluation::Evaluation;
-use dials_traffic::influence;
-use dials_traffic::policy::PolicyStack;
+use dials_traffic::fleet::inline::InlineFleet;
 use dials_traffic::training::dials;
-use dials_traffic::training::inline::InlineFleet;
+use dials_traffic::training::journal::Unrecorded;
 use dials_traffic::training::observer::Observer;
-use dials_traffic::training::run_log::{Layouts, RunLog};
+use dials_traffic::training::standing::Standing;
 use rand::Rng;
 
 const PEOPLE: usize = 4;
@@ -165,7 +164,7 @@ impl Observer for Printer {
 pub fn main() -> Result<()> {
     let sources = SourceSpec::Categorical { sources: 1, classes: HANDS + 1 };
     let spec = RegionSpec { obs_dim: HANDS + 1, d_set_dim: HANDS + 1, n_actions: 2, sources, horizon: 60 };
-    let brigade = Arc::new(Brigade { spec: spec.clone() });
+    let brigade = Arc::new(Brigade { spec });
     let measured = conformance::check(&*brigade, Seed::new(1))?;
     println!(
         "the local simulator reproduces {:.0} % of the global one's non-zero observations",
@@ -188,12 +187,6 @@ pub fn main() -> Result<()> {
         evaluation: EvaluationConfig { every_steps: 10_000, ..EvaluationConfig::default() },
         ..Config::default()
     };
-    let run_dir = tempfile::tempdir()?;
-    let layouts = Layouts {
-        policies: PolicyStack::shape(&spec, &config.policy).layout(),
-        aips: influence::layout(config.predictor(), &spec, &config.aip),
-    };
-    let mut log = RunLog::create(run_dir.path(), &config, layouts, Rc::new(Printer))?;
     let mut fleet = InlineFleet::new(brigade, &config, Rc::new(Printer));
-    dials::train(&config, &mut fleet, &mut log)
+    dials::train(&config, &mut fleet, Standing::default(), &mut Unrecorded, &Printer)
 }

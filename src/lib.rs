@@ -14,13 +14,14 @@
 //! | local-form fPOSG: GS, LS, influence sources, d-set | [`domain`] |
 //! | AIPs and their training | [`influence`] |
 //! | policies and PPO | [`policy`], [`training::ppo`] |
-//! | "in parallel, for i in N" | [`training::fleet`], [`processes`] |
+//! | "in parallel, for i in N" | [`training::fleet`], [`fleet`] |
 //! | figures and tables of section Results and the appendix | [`experiment`], [`report`] |
 //!
 //! Rooms, in the order in which they may use each other (a test holds it): [`base`]; [`config`], [`domain`], [`sumo`];
-//! [`nn`]; [`traffic`], [`warehouse`]; [`drawing`], [`plot`]; [`influence`], [`policy`]; [`evaluation`]; [`training`]; [`terminal`],
-//! [`film`]; [`cost`]; [`report`], [`experiment`]; [`processes`], [`mod@bench`]; [`run`] with [`cli`] and [`error`]. Simulators never see a tensor; training
-//! never sees a process or SUMO; only [`run`] knows which domain and which fleet were chosen, and there one file which domains there are.
+//! [`nn`]; [`traffic`], [`warehouse`]; [`drawing`], [`plot`]; [`influence`], [`policy`]; [`evaluation`]; [`training`];
+//! [`fleet`], [`records`]; [`terminal`], [`film`]; [`cost`]; [`report`], [`experiment`], [`mod@bench`]; [`run`] with
+//! [`cli`] and [`error`]. Simulators never see a tensor. Training never sees a file, a process or SUMO. Only [`run`]
+//! knows which domain and which fleet were chosen, and only one file there knows which domains there are.
 
 pub mod base;
 pub mod bench;
@@ -33,11 +34,12 @@ pub mod error;
 pub mod evaluation;
 pub mod experiment;
 pub mod film;
+pub mod fleet;
 pub mod influence;
 pub mod nn;
 pub mod plot;
 pub mod policy;
-pub mod processes;
+pub mod records;
 pub mod report;
 pub mod run;
 pub mod sumo;

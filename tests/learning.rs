@@ -7,11 +7,12 @@ use std::sync::Arc;
 use dials_traffic::config::Config;
 use dials_traffic::domain::toy::Coins;
 use dials_traffic::domain::{Domain, Result};
+use dials_traffic::fleet::inline::InlineFleet;
+use dials_traffic::records::files;
+use dials_traffic::records::run_log::{Layouts, RunLog};
 use dials_traffic::training::dials;
-use dials_traffic::training::files;
-use dials_traffic::training::inline::InlineFleet;
 use dials_traffic::training::observer::Silent;
-use dials_traffic::training::run_log::{Layouts, RunLog};
+use dials_traffic::training::standing::Standing;
 
 const HORIZON: usize = 50;
 
@@ -33,8 +34,8 @@ fn train(config: &Config, dir: &Path) -> Result<()> {
     let coins: Arc<dyn Domain> = Arc::new(Coins::new(HORIZON));
     let layouts = Layouts::of(config, coins.spec());
     let mut fleet = InlineFleet::new(coins, config, Rc::new(Silent));
-    let mut log = RunLog::create(dir, config, layouts, Rc::new(Silent)).unwrap();
-    dials::train(config, &mut fleet, &mut log)
+    let mut log = RunLog::create(dir, config, layouts).unwrap();
+    dials::train(config, &mut fleet, Standing::default(), &mut log, &Silent)
 }
 
 /// The column `name` of the lines about all agents, by steps.

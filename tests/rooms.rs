@@ -19,13 +19,14 @@ const DOORS: &[(&str, &[&str])] = &[
     ("policy", &["base", "config", "domain", "nn"]),
     ("evaluation", &["base", "domain", "policy"]),
     ("training", &["base", "config", "domain", "nn", "influence", "policy", "evaluation"]),
+    ("fleet", &["base", "config", "domain", "nn", "evaluation", "influence", "policy", "training"]),
+    ("records", &["base", "config", "domain", "nn", "evaluation", "influence", "policy", "training"]),
     ("terminal", &["base", "config", "evaluation", "influence", "training"]),
     ("film", &["domain", "terminal"]),
     ("cost", &["config"]),
     ("bench", &["base", "config", "cost", "domain", "nn", "influence", "policy", "training"]),
-    ("processes", &["base", "config", "domain", "nn", "evaluation", "influence", "policy", "training"]),
-    ("report", &["base", "config", "domain", "drawing", "training"]),
-    ("experiment", &["config", "cost", "domain", "report", "training"]),
+    ("report", &["base", "config", "domain", "drawing", "records"]),
+    ("experiment", &["config", "cost", "domain", "records", "report"]),
 ];
 
 /// Outside crates that only some rooms may use.

@@ -11,7 +11,8 @@ use crate::influence::{AipStack, Dataset};
 use crate::training::answers::FleetLoad;
 use crate::training::collect::Purpose;
 use crate::training::fleet::Fleet;
-use crate::training::run_log::RunLog;
+use crate::training::journal::Journal;
+use crate::training::standing::Standing;
 use crate::training::state::AgentsState;
 
 /// Shares of the time; the rest goes into the beginning of processes and into a first guess of the speed.
@@ -86,11 +87,12 @@ pub struct Plan<'a> {
 }
 
 /// Gives `fleet`, which was made for `plan.config`, orders of every kind.
-pub fn measure(plan: &Plan<'_>, fleet: &mut dyn Fleet, log: &mut RunLog) -> Result<Measured> {
+pub fn measure(plan: &Plan<'_>, fleet: &mut dyn Fleet, journal: &mut dyn Journal) -> Result<Measured> {
     let agents = fleet.agents().agents();
     let mut bench = Bench {
         fleet,
-        log,
+        journal,
+        standing: Standing::default(),
         evaluation_episodes: plan.config.evaluation.episodes,
         period: Period { start: 0, end: 0, train_aips: AipTraining::No, evaluate: false },
     };
@@ -172,7 +174,8 @@ fn repeated(dataset: &Dataset, episodes: usize) -> Dataset {
 
 struct Bench<'a> {
     fleet: &'a mut dyn Fleet,
-    log: &'a mut RunLog,
+    journal: &'a mut dyn Journal,
+    standing: Standing,
     evaluation_episodes: usize,
     period: Period,
 }
@@ -182,7 +185,7 @@ impl Bench<'_> {
         self.order(orders, Activity::Evaluation, 1.0, |bench| {
             let evaluation = bench.fleet.evaluate(bench.evaluation_episodes)?;
             let load = bench.fleet.take_load();
-            bench.log.evaluated(bench.fleet, &evaluation)?;
+            bench.journal.evaluated(bench.fleet.agents(), &evaluation)?;
             Ok(load)
         })
     }
@@ -203,7 +206,7 @@ impl Bench<'_> {
         self.order(orders, Activity::AipTraining, flops, |bench| {
             let losses = bench.fleet.train_aips(datasets, &bench.period)?;
             let load = bench.fleet.take_load();
-            bench.log.aips_trained(bench.fleet, &losses)?;
+            bench.journal.aips_trained(bench.fleet.agents(), &losses)?;
             Ok(load)
         })
     }
@@ -213,7 +216,8 @@ impl Bench<'_> {
         self.order(orders, Activity::Training, steps as f64 * agents as f64, |bench| {
             let training = bench.fleet.train_policies(&bench.period)?;
             let load = bench.fleet.take_load();
-            bench.log.period_done(bench.fleet, &training)?;
+            bench.standing.periods_done += 1;
+            bench.journal.period_done(bench.fleet.agents(), &bench.standing, &training, load.clone())?;
             Ok(load)
         })
     }

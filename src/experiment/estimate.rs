@@ -8,7 +8,7 @@ use super::file::PlannedRun;
 use crate::config::{Config, Simulator};
 use crate::cost::{Prices, Workload};
 use crate::domain::RoughCosts;
-use crate::report::run_dir::RunRecord;
+use crate::records::run_record::RunRecord;
 
 /// Core-seconds and memory of one kind of run.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -137,7 +137,7 @@ fn costs_of(runs: &[&RunRecord], fallback: UnitCosts) -> Option<UnitCosts> {
 mod tests {
     use super::*;
     use crate::domain::Scenario;
-    use crate::report::run_dir::{Evaluation, Memory, PeriodTime, Returns};
+    use crate::records::run_record::{Evaluation, Memory, PeriodTime, Returns};
     use std::path::PathBuf;
 
     /// Episodes of 10 steps, 2 per evaluation and 8 per dataset.
@@ -172,7 +172,7 @@ mod tests {
         RunRecord {
             dir: PathBuf::new(),
             config: config(simulator, 1000),
-            about: serde_json::Value::Null,
+            about: Default::default(),
             scenario: Some(Scenario::new("warehouse", agents, 10)),
             evaluations: vec![Evaluation {
                 steps: 1000,

@@ -6,11 +6,12 @@ use anyhow::{Result, bail, ensure};
 
 use super::file::{PlannedBaseline, PlannedRun};
 use crate::config;
+use crate::records::files::{CONFIG, is_run_dir};
+use crate::records::reader::scenario_of;
+use crate::records::run_record::{RunRecord, Status};
 use crate::report::compare::differing;
 use crate::report::find::{Baseline, baseline_file, read_json};
 use crate::report::method::Method;
-use crate::report::run_dir::{RunRecord, Status, is_run_dir, scenario_of};
-use crate::training::files::CONFIG;
 
 /// Progress of a planned run or baseline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

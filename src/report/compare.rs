@@ -13,11 +13,11 @@ use super::finals::{agents_at, mean_cpu};
 use super::find::{LeftOut, find};
 use super::group::{Group, Sorted, sort, steps_text};
 use super::played;
-use super::run_dir::{CpuTime, PeriodTime, RunRecord, Status};
 use super::words::{duration, figure, figure_like, interval, no_run, pairing, signed, signed_interval, warnings};
 use crate::base::statistics::difference::{Difference, Side as Returns, between, common_episodes};
 use crate::base::statistics::{ENOUGH_SEEDS, Spread, mean, median};
 use crate::domain::ScenarioId;
+use crate::records::run_record::{CpuTime, PeriodTime, RunRecord, Status};
 
 /// Default return to reach, as a share of the lower final return.
 const REACH: f64 = 0.95;

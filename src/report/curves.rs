@@ -7,8 +7,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::group::Group;
-use super::run_dir::RunRecord;
 use crate::base::statistics::{Spread, mean};
+use crate::records::run_record::RunRecord;
 
 /// A point of a learning curve.
 #[derive(Clone, Debug, PartialEq)]
@@ -143,15 +143,15 @@ fn measured(run: &RunRecord, data: LossData) -> Measured {
 mod tests {
     use super::*;
     use crate::domain::Scenario;
+    use crate::records::run_record::FreshLoss;
     use crate::report::method::Method;
-    use crate::report::run_dir::FreshLoss;
 
     /// Makes runs with losses at these steps; `true`: right after a training. The marginals are 1 higher.
     fn group(runs: &[&[(u64, bool, f64)]]) -> Group {
         let run = |losses: &&[(u64, bool, f64)]| RunRecord {
             dir: Default::default(),
             config: toml::from_str("[warehouse]\nagents_per_side = 2").unwrap(),
-            about: serde_json::Value::Null,
+            about: Default::default(),
             scenario: Some(Scenario::new("warehouse", 4, 100)),
             evaluations: Vec::new(),
             aip_trainings: Vec::new(),

@@ -4,9 +4,9 @@ use std::collections::BTreeSet;
 
 use super::group::Group;
 use super::played;
-use super::run_dir::{CpuTime, Memory, PeriodTime, Returns, RunRecord, Status};
 use crate::base::statistics::difference::{Episodes, Side, common_episodes};
 use crate::base::statistics::{Spread, mean, median};
+use crate::records::run_record::{CpuTime, Memory, PeriodTime, Returns, RunRecord, Status};
 
 /// Final returns of a group.
 pub struct Final {
@@ -161,8 +161,8 @@ pub fn peak_memory(group: &Group) -> Option<Memory> {
 mod tests {
     use super::*;
     use crate::domain::Scenario;
+    use crate::records::run_record::Evaluation;
     use crate::report::method::Method;
-    use crate::report::run_dir::Evaluation;
 
     #[test]
     fn the_runtime_of_unfinished_runs_is_until_the_step_that_all_have_reached() {
@@ -171,7 +171,7 @@ mod tests {
         let run = |periods: u64| RunRecord {
             dir: Default::default(),
             config: toml::from_str("total_steps = 100000\n[warehouse]\nagents_per_side = 1").unwrap(),
-            about: serde_json::Value::Null,
+            about: Default::default(),
             scenario: Some(Scenario::new("warehouse", 1, 100)),
             evaluations: vec![Evaluation {
                 steps: periods * 4000 - 2000,

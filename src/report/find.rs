@@ -8,7 +8,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, ensure};
 use serde::{Deserialize, Serialize};
 
-use super::run_dir::{RunRecord, is_run_dir};
+use crate::records::files::is_run_dir;
+use crate::records::run_record::RunRecord;
 
 /// What an experiment means to run, in its folder of runs.
 pub const PLAN: &str = "plan.json";

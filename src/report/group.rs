@@ -8,9 +8,9 @@ use super::finals::Final;
 use super::find::{Baseline, Found, LeftOut};
 use super::method::{Method, Retraining};
 use super::played::minus_controller;
-use super::run_dir::{RunRecord, Status};
 use crate::base::statistics::difference::{Difference, between};
 use crate::domain::ScenarioId;
+use crate::records::run_record::{RunRecord, Status};
 
 /// All groups of one scenario, in the order of the report: GS (global simulator), DIALS by F (the steps between two
 /// trainings of the AIPs), other simulators, variants last.
@@ -324,7 +324,7 @@ mod tests {
         let runs = settings.iter().enumerate().map(|(index, setting)| RunRecord {
             dir: format!("runs/{index}").into(),
             config: toml::from_str(&format!("{setting}\n[warehouse]\nagents_per_side = 2")).unwrap(),
-            about: serde_json::Value::Null,
+            about: Default::default(),
             scenario: Some(Scenario::new("warehouse", 4, 100)),
             evaluations: Vec::new(),
             aip_trainings: Vec::new(),

@@ -103,7 +103,7 @@ impl Retraining {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::before;
+    use crate::records::before;
 
     fn method_of(text: &str) -> Method {
         let config: Config = toml::from_str(text).unwrap();

@@ -1,8 +1,8 @@
 //! The paper's figures and tables, made from run directories alone: learning curves over seeds, bars, and every agent
 //! on its grid. Tables have the paper's layout, with its numbers beside ours.
 //!
-//! - [`find`], [`run_dir`], [`csv_table`]: readers of the files that runs wrote. Nothing here sees a live run, or knows a
-//!   domain by name. [`before`]: what older runs simulated.
+//! - [`find`]: the runs, baselines and plans under the folders of a report. Nothing here sees a live run, or knows a domain
+//!   by name.
 //! - [`method`], [`group`]: which runs are comparable, and which differ only in their seed.
 //! - [`curves`], [`finals`]: results over several seeds; `played`: the episodes behind them, for differences.
 //! - [`paper`]: the paper's numbers, each with its source.
@@ -11,11 +11,9 @@
 //! - [`words`]: formats of numbers, and warnings.
 //! - [`compare`]: a comparison of two groups of runs.
 
-pub mod before;
 pub mod chart;
 pub mod compare;
 pub mod csv_file;
-pub mod csv_table;
 pub mod curves;
 pub mod document;
 pub mod finals;
@@ -25,7 +23,6 @@ pub mod method;
 pub mod paper;
 mod pictures;
 mod played;
-pub mod run_dir;
 mod sections;
 mod tables;
 pub mod words;

@@ -250,7 +250,7 @@ pub fn memory(scenario: &ScenarioId) -> Option<PaperMemory> {
 mod tests {
     use super::*;
     use crate::domain::Episode;
-    use crate::report::before;
+    use crate::records::before;
 
     #[test]
     fn totals_are_the_sums_that_the_paper_prints_but_for_one_slip() {

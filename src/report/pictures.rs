@@ -12,12 +12,12 @@ use super::curves::{
 use super::finals::{Final, Runtime};
 use super::group::{Comparison, Group, steps_text};
 use super::paper;
-use super::run_dir::Returns;
 use super::words::{difference, figure, signed};
 use crate::base::statistics::difference::Difference;
 use crate::base::statistics::{Bounds, ENOUGH_SEEDS, Spread};
 use crate::domain::{FirstRow, Map};
 use crate::drawing::Svg;
+use crate::records::run_record::Returns;
 
 /// Horizontal axis of a learning curve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

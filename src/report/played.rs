@@ -1,8 +1,8 @@
 //! What runs and controllers played, for the statistics of their differences.
 
 use super::find::Baseline;
-use super::run_dir::RunRecord;
 use crate::base::statistics::difference::{Difference, Played, Side, to_controller};
+use crate::records::run_record::RunRecord;
 
 /// A run at a step; between two evaluations it has no episodes. `None` before its first evaluation and after its last.
 pub fn of_run(run: &RunRecord, steps: u64) -> Option<Played> {

@@ -145,9 +145,6 @@ fn figure(name: String, caption: String, svg: Svg) -> Block {
 /// Returns the commands that made the runs, from `run.json`.
 fn commands(comparisons: &[Comparison]) -> String {
     let runs = comparisons.iter().flat_map(|comparison| &comparison.groups).flat_map(|group| &group.runs);
-    let commands = runs.filter_map(|run| {
-        let words: Vec<&str> = run.about["command"].as_array()?.iter().filter_map(|word| word.as_str()).collect();
-        Some(format!("dials-traffic {}", words.get(1..)?.join(" ")))
-    });
+    let commands = runs.filter_map(|run| Some(format!("dials-traffic {}", run.about.command.get(1..)?.join(" "))));
     commands.collect::<Vec<_>>().join("\n")
 }

@@ -7,9 +7,9 @@ use super::finals::{AgentAt, Final, Runtime, peak_memory};
 use super::group::{Comparison, Group, method_name, steps_text};
 use super::paper::{self, PaperRuntime};
 use super::pictures::comparable;
-use super::run_dir::{Memory, Status};
 use super::words::{certainty, difference, figure, figure_like, hours, signed, with_error};
 use crate::domain::ScenarioId;
+use crate::records::run_record::{Memory, Status};
 
 const NOTHING: &str = "-";
 
@@ -325,7 +325,8 @@ pub fn runs(comparisons: &[Comparison]) -> Table {
                     Status::Unfinished { .. } => "unfinished",
                     Status::Empty => "begun",
                 };
-                let version = run.about["versions"]["git_commit"].as_str().unwrap_or(NOTHING);
+                let commit = run.about.versions.git_commit.as_str();
+                let version = if commit.is_empty() { NOTHING } else { commit };
                 rows.push(vec![
                     run.dir.display().to_string(),
                     comparison.title.clone(),

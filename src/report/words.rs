@@ -6,9 +6,9 @@ use std::path::PathBuf;
 use super::finals::Final;
 use super::find::LeftOut;
 use super::group::{Comparison, steps_text};
-use super::run_dir::Status;
 use crate::base::statistics::difference::{Difference, Pairing};
 use crate::base::statistics::{Bounds, ENOUGH_SEEDS, Spread};
+use crate::records::run_record::Status;
 
 /// Writes a return: one decimal from 50 on (traffic), two below (warehouse).
 pub fn figure(value: f64) -> String {

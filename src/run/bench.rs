@@ -7,7 +7,7 @@ use std::time::Duration;
 use anyhow::{Context, anyhow};
 use serde_json::json;
 
-use super::build::Build;
+use super::build;
 use super::domain;
 use super::train::{cores, settings_with};
 use crate::bench::costs::Costs;
@@ -17,12 +17,13 @@ use crate::cli;
 use crate::config::{Config, Predictor, Simulator, load};
 use crate::domain::Domain;
 use crate::error::{Error, Result};
+use crate::fleet::children::Children;
+use crate::fleet::{Coordinator, Options};
 use crate::nn::Peak;
-use crate::processes::{Options, ProcessFleet};
+use crate::records::run_log::{Layouts, RunLog};
 use crate::terminal::measuring::BenchProgress;
 use crate::terminal::{answer, tell};
 use crate::training::observer::Interrupted;
-use crate::training::run_log::{Layouts, RunLog};
 
 /// For the products at peak.
 const PEAK_TIME: Duration = Duration::from_secs(1);
@@ -80,9 +81,9 @@ fn run(
 ) -> anyhow::Result<Costs> {
     let short = short_orders(config, workers);
     let dir = tempfile::tempdir().context("no temporary directory for what a run writes")?;
-    let mut log = RunLog::create(dir.path(), config, Layouts::of(config, domain.spec()), progress.clone())?;
-    let options = Options { workers, patience: PATIENCE, log_dir: dir.path().to_owned() };
-    let mut fleet = ProcessFleet::start(domain.clone(), &short, options, progress.clone())?;
+    let mut log = RunLog::create(dir.path(), config, Layouts::of(config, domain.spec()))?;
+    let (crew, options) = (Children::new(dir.path()), Options { workers, patience: PATIENCE });
+    let mut fleet = Coordinator::start(domain.clone(), &short, crew, options, progress.clone())?;
     let plan = Plan { config: &short, spec: domain.spec(), workers, time, peak_flops };
     let measured = measure(&plan, &mut fleet, &mut log)?;
     let share = measured.share_of_an_episode(config, domain.agents());
@@ -133,7 +134,7 @@ fn as_json(
         "cores": cores(),
         "peak_gflops_of_a_core": peak.ours / 1e9,
         "peak_gflops_by_libtorch": peak.libtorch.map(|libtorch| libtorch / 1e9),
-        "versions": Build::here(config.numerics.vector_width)?,
+        "versions": build::here(config.numerics.vector_width)?,
         "fleets": table::json(costs),
     });
     Ok(object.to_string())

@@ -15,11 +15,11 @@ use crate::evaluation::{episode_seed, play};
 use crate::influence::{self, TrainablePredictor};
 use crate::nn::read_stack;
 use crate::policy::{JointPolicyController, PolicyStack, Selection};
+use crate::records::files;
 use crate::traffic::Traffic;
 use crate::traffic::sim::recording::{Recording, Tape};
 use crate::training::block::initial_aips;
 use crate::training::environment::Environment;
-use crate::training::files;
 use crate::training::ials::Ials;
 use crate::training::stream::{AgentStream, RowStream};
 

@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, ensure};
 
-use super::directory;
+use super::places;
 use crate::evaluation::Finding;
 use crate::evaluation::csv::{Lines, by_agent, by_episode};
-use crate::training::files::append;
+use crate::records::csv::append;
 
 /// The CSV files of `--csv`: they get the lines of a player as soon as it has played.
 pub struct CsvFiles {
@@ -22,7 +22,7 @@ impl CsvFiles {
         for file in [&files.episodes, &files.agents] {
             ensure!(!file.exists(), "{}: exists already; move it away or name another directory", file.display());
         }
-        directory::check_writable(dir)?;
+        places::check_writable(dir)?;
         Ok(files)
     }
 

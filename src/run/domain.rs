@@ -8,9 +8,9 @@ use anyhow::{Context, Result, bail};
 use crate::config::{Config, DomainConfig};
 use crate::domain::Domain;
 use crate::nn::use_vectors;
+use crate::records::files;
 use crate::traffic::Traffic;
 use crate::traffic::sim::recording::Tape;
-use crate::training::files;
 use crate::warehouse::Warehouse;
 
 /// Where a machine cannot compute as a config says; only the width that is fixed can be missing.

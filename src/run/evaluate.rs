@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 use super::csv_files::CsvFiles;
 use super::directory;
 use super::domain;
+use super::places;
 use super::plot::Plots;
 use super::render::render;
 use super::subject::{Background, Subject};
@@ -82,7 +83,7 @@ impl<'a> Session<'a> {
     ) -> Result<Session<'a>> {
         let count = episodes.episodes.map_or(config.evaluation.final_episodes, |count| count as usize);
         let places = [("--csv", &output.csv), ("--plot", &output.plot), ("--render", &output.render)];
-        directory::check_apart(&places.map(|(option, dir)| (option, dir.as_deref()))).map_err(Error::Usage)?;
+        places::check_apart(&places.map(|(option, dir)| (option, dir.as_deref()))).map_err(Error::Usage)?;
         let scenario = domain.scenario().map_err(Error::Run)?.id.word();
         let seed = episodes.seed.unwrap_or(config.evaluation.seed);
         Ok(Session { domain, episodes: count, seed, scenario, output })
@@ -99,7 +100,7 @@ impl<'a> Session<'a> {
             subject.check(self.domain)?;
             ensure!(!subjects[..number].contains(subject), "--compare: `{}` is named twice", subject.label());
         }
-        self.output.render.as_deref().map_or(Ok(()), |dir| directory::check_free(dir, "--render"))
+        self.output.render.as_deref().map_or(Ok(()), |dir| places::check_free(dir, "--render"))
     }
 
     /// Lets one subject after the other play the same episodes.

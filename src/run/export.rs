@@ -7,8 +7,8 @@ use crate::cli;
 use crate::domain::Domain;
 use crate::error::{Error, Result};
 use crate::nn::check_script;
+use crate::records::atomic::{folder_of, write_beside};
 use crate::terminal::answer;
-use crate::training::files::{folder_of, write_beside};
 
 pub fn export(args: &cli::Export) -> Result<()> {
     check_script().map_err(Error::Usage)?;

@@ -2,13 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use super::build::Build;
+use super::build;
 use crate::base::VectorWidth;
 use crate::error::{Error, Result};
+use crate::records::run_json::Versions;
 use crate::terminal::{answer, on_the_path};
 
 pub fn info() -> Result<()> {
-    let build = Build::here(VectorWidth::Widest).map_err(Error::Run)?;
+    let build = build::here(VectorWidth::Widest).map_err(Error::Run)?;
     let mut lines = vec![
         format!("dials-traffic {} (commit {})", build.dials_traffic, build.git_commit),
         format!("{} at {}", build.sumo, place(loaded_library("libsumocpp.so"))),
@@ -22,7 +23,7 @@ pub fn info() -> Result<()> {
 }
 
 /// Libtorch and its BLAS, if this program was built with them.
-fn libtorch(build: &Build) -> String {
+fn libtorch(build: &Versions) -> String {
     if !cfg!(feature = "torch") {
         return "libtorch none: built without the feature `torch`".to_owned();
     }

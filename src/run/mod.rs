@@ -21,6 +21,7 @@ mod experiment;
 mod export;
 mod info;
 mod nets;
+mod places;
 mod plot;
 mod render;
 mod replay;

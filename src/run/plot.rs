@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 
-use super::directory::{self, Existing};
 use super::domain;
+use super::places::{self, Existing};
 use crate::config::Config;
 use crate::domain::Domain;
 use crate::evaluation::Evaluation;
@@ -28,7 +28,7 @@ impl Plots {
     /// Checks that pictures can be made in `dir`, before long work begins. `None`: nobody asked for them.
     pub fn asked_for(dir: Option<&Path>, config: &Config) -> Result<Option<Plots>> {
         let Some(dir) = dir else { return Ok(None) };
-        directory::check_free(dir, "--plot")?;
+        places::check_free(dir, "--plot")?;
         let tape = Tape::default();
         let traffic = domain::open_recorded(config, &tape).context("--plot: there is nothing to draw from")?;
         Ok(Some(Plots { dir: dir.to_owned(), tape, traffic }))
@@ -49,7 +49,7 @@ impl Plots {
             ("signals.svg", plot::signal_timing(&trace, about)?),
             ("returns.svg", plot::returns_map(&trace, &evaluation.returns, about)?),
         ];
-        directory::make(&self.dir, Existing::Refuse, |dir| {
+        places::make(&self.dir, Existing::Refuse, |dir| {
             pictures.iter().try_for_each(|(name, svg)| {
                 fs::write(dir.join(name), svg.file())
                     .with_context(|| format!("{}: cannot be written", self.dir.display()))

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 
-use super::directory::{self, Existing};
+use super::places::{self, Existing};
 use crate::base::Seed;
 use crate::domain::{Controller, GlobalSimulator};
 use crate::evaluation::{episode_seed, play_watched};
@@ -25,6 +25,6 @@ pub fn render(
         drawn.push(simulator.scene().context("a picture of every step")?);
         Ok(())
     })?;
-    directory::make(dir, Existing::Refuse, |dir| scenes::write(&drawn, dir))
+    places::make(dir, Existing::Refuse, |dir| scenes::write(&drawn, dir))
         .with_context(|| format!("{}: cannot be written", dir.display()))
 }

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::cast::Episode;
-use super::directory::{self, Existing};
+use super::places::{self, Existing};
 use super::video::Video;
 use crate::cli;
 use crate::error::Error;
@@ -13,15 +13,15 @@ use crate::traffic::sim::replay::{self, Snapshot, view};
 
 pub fn replay(args: &cli::Replay) -> crate::error::Result<()> {
     let existing = if args.force { Existing::MoveAside } else { Existing::Refuse };
-    let dir = directory::place(&args.out, existing).map_err(Error::Usage)?;
-    directory::check_apart(&[("--out", Some(&args.out)), ("--video", args.video.as_deref())]).map_err(Error::Usage)?;
+    let dir = places::place(&args.out, existing).map_err(Error::Usage)?;
+    places::check_apart(&[("--out", Some(&args.out)), ("--video", args.video.as_deref())]).map_err(Error::Usage)?;
     let video = args.video.as_deref().map(|file| Video::asked_for(file, existing)).transpose().map_err(Error::Usage)?;
     if args.gui {
         check_screen().map_err(Error::Usage)?;
     }
     let episode = Episode::choose(args).map_err(Error::Usage)?;
     let recording = episode.play().map_err(Error::Run)?;
-    directory::make(&dir, existing, |staged| {
+    places::make(&dir, existing, |staged| {
         replay::write(&recording, staged)?;
         replay::check(&recording, staged)
     })

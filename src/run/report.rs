@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::Context;
 
-use super::directory::{self, Existing};
+use super::places::{self, Existing};
 use crate::cli;
 use crate::error::{Error, Result};
 use crate::report::{self, MARKDOWN, PAGE};
@@ -13,12 +13,10 @@ use crate::terminal::{answer, quoted, tell};
 
 pub fn report(args: &cli::Report) -> Result<()> {
     let existing = if args.force { Existing::MoveAside } else { Existing::Refuse };
-    let out = directory::place(&args.out, existing).map_err(Error::Usage)?;
+    let out = places::place(&args.out, existing).map_err(Error::Usage)?;
     let report = report::report(&args.folders).map_err(Error::Usage)?;
-    directory::make(&out, existing, |dir| {
-        report.files.iter().try_for_each(|(name, text)| write(&dir.join(name), text))
-    })
-    .map_err(Error::Usage)?;
+    places::make(&out, existing, |dir| report.files.iter().try_for_each(|(name, text)| write(&dir.join(name), text)))
+        .map_err(Error::Usage)?;
     report.warnings.iter().for_each(|warning| tell(format_args!("warning: {warning}")));
     let (page, markdown) = (out.join(PAGE), out.join(MARKDOWN));
     let (runs, groups) = (report.runs, report.groups);

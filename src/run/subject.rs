@@ -10,7 +10,7 @@ use crate::base::AgentId;
 use crate::domain::{Baseline, Domain};
 use crate::evaluation::Player;
 use crate::policy::{JointPolicyController, Selection};
-use crate::training::files;
+use crate::records::files;
 
 /// A controller or a run, as it is named on the command line.
 #[derive(Clone, Debug, PartialEq, Eq)]

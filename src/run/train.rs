@@ -7,22 +7,26 @@ use std::time::Duration;
 
 use clap::ValueEnum;
 
-use super::build::{Build, other_build, record_resume};
-use super::directory::{self, Existing};
+use super::build::{other_build, record_resume};
+use super::directory;
 use super::domain;
+use super::places::Existing;
 use crate::cli;
 use crate::config::{Config, load};
 use crate::domain::Domain;
 use crate::error::{Error, Result};
-use crate::processes::{Options, ProcessFleet};
+use crate::fleet::children::Children;
+use crate::fleet::inline::InlineFleet;
+use crate::fleet::{Coordinator, Options};
+use crate::records::files;
+use crate::records::run_json::Versions;
+use crate::records::run_log::{Layouts, RunLog};
 use crate::terminal::training::Progress;
 use crate::terminal::{answer, program, quoted, tell};
 use crate::training::dials;
-use crate::training::files;
 use crate::training::fleet::Fleet;
-use crate::training::inline::InlineFleet;
 use crate::training::observer::Interrupted;
-use crate::training::run_log::{Layouts, RunLog};
+use crate::training::standing::Standing;
 
 pub fn train(args: &cli::Train) -> Result<()> {
     let run = match (&args.resume, &args.config) {
@@ -50,7 +54,7 @@ struct Run {
     domain: Arc<dyn Domain>,
     resumed: bool,
     /// This build, where another one wrote the run so far.
-    other_build: Option<Build>,
+    other_build: Option<Versions>,
 }
 
 fn begin(args: &cli::Train, config_path: &Path) -> Result<Run> {
@@ -83,20 +87,26 @@ impl Run {
         let Run { dir, config, domain, resumed, other_build } = self;
         let progress = Rc::new(Progress::new(config, domain.agents(), stopped(dir))?);
         let layouts = Layouts::of(config, domain.spec());
-        let mut log = match resumed {
-            false => RunLog::create(dir, config, layouts, progress.clone())?,
-            true => RunLog::resume(dir, config, layouts, progress.clone())?,
+        let (mut log, checkpoint) = match resumed {
+            false => (RunLog::create(dir, config, layouts)?, None),
+            true => RunLog::resume(dir, config, layouts)?,
         };
         // Now that nobody else can be writing the run.
-        other_build.as_ref().map_or(Ok(()), |build| record_resume(dir, build, log.resumes_at()))?;
+        let resumes_at = checkpoint.as_ref().map_or(0, |checkpoint| checkpoint.agents.steps);
+        other_build.as_ref().map_or(Ok(()), |build| record_resume(dir, build, resumes_at))?;
         let mut fleet: Box<dyn Fleet> = match workers {
             0 => Box::new(InlineFleet::new(domain.clone(), config, progress.clone())),
             workers => {
-                let options = Options { workers, patience, log_dir: dir.clone() };
-                Box::new(ProcessFleet::start(domain.clone(), config, options, progress.clone())?)
+                let (crew, options) = (Children::new(dir), Options { workers, patience });
+                Box::new(Coordinator::start(domain.clone(), config, crew, options, progress.clone())?)
             }
         };
-        let outcome = dials::train(config, &mut *fleet, &mut log);
+        let mut standing = Standing::default();
+        if let Some(checkpoint) = checkpoint {
+            standing = checkpoint.progress.standing();
+            fleet.restore(checkpoint.agents)?;
+        }
+        let outcome = dials::train(config, &mut *fleet, standing, &mut log, &*progress);
         progress.finish();
         outcome
     }

@@ -4,16 +4,16 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{anyhow, ensure};
 
-use super::directory;
 use super::domain;
+use super::places;
 use super::subject::Subject;
 use crate::config::Config;
 use crate::error::{Error, Result};
+use crate::records::atomic::write_atomically;
 use crate::terminal::counting::EpisodeBar;
 use crate::terminal::tell;
 use crate::traffic::controllers::timing_file::{TimingFile, TunedOn};
 use crate::traffic::tuning;
-use crate::training::files::write_atomically;
 
 /// Where the files go.
 const FOLDER: &str = "tuned";
@@ -53,7 +53,7 @@ fn tuned_file(config: &Config, episodes: usize) -> Result<PathBuf> {
         tell(format_args!("{}: tuned before, and used again", path.display()));
         return Ok(path);
     }
-    directory::check_writable(Path::new(FOLDER)).map_err(Error::Usage)?;
+    places::check_writable(Path::new(FOLDER)).map_err(Error::Usage)?;
     tell(format_args!(
         "{FOLDER}: has no timings for this network, horizon and seed by this search and SUMO; looking for them"
     ));

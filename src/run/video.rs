@@ -5,11 +5,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, Result, ensure};
 
-use super::directory::{self, Existing};
+use super::places::{self, Existing};
 use crate::error::{self, Error};
 use crate::film::{Format, Pictures, Replay};
+use crate::records::atomic::{folder_of, write_beside};
 use crate::terminal::stop_on_signals;
-use crate::training::files::{folder_of, write_beside};
 
 /// A film that can be made: tools and place are there.
 pub struct Video {
@@ -25,7 +25,7 @@ impl Video {
             Format::of(file).with_context(|| format!("--video {}: must end in .gif or .mp4", file.display()))?;
         format.check_tools("--video")?;
         ensure!(
-            existing != Existing::Refuse || directory::is_free(file),
+            existing != Existing::Refuse || places::is_free(file),
             "{}: exists already; name another one with --video, or move it aside with --force",
             file.display()
         );
@@ -54,8 +54,8 @@ impl Video {
         write_beside(&self.file, |beside| {
             pictures.join(self.format, beside, stop)?;
             // Now that the new one is whole.
-            if self.existing == Existing::MoveAside && !directory::is_free(&self.file) {
-                directory::tell_moved(&self.file, &directory::move_aside(&self.file)?);
+            if self.existing == Existing::MoveAside && !places::is_free(&self.file) {
+                places::tell_moved(&self.file, &places::move_aside(&self.file)?);
             }
             Ok(())
         })

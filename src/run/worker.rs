@@ -2,8 +2,8 @@
 
 use super::domain;
 use crate::error::{Error, Result};
-use crate::processes::serve;
+use crate::fleet::children::serve_the_parent;
 
 pub fn worker() -> Result<()> {
-    serve(domain::open).map_err(Error::Run)
+    serve_the_parent(domain::open).map_err(Error::Run)
 }

@@ -4,7 +4,6 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use super::footprint::Footprint;
 use super::ppo::{Decayed, Losses};
 use crate::base::Timesheet;
 
@@ -57,4 +56,20 @@ pub struct FleetLoad {
 pub struct WorkerLoad {
     pub timesheet: Timesheet,
     pub footprint: Footprint,
+}
+
+/// Memory of a process, in KiB; 0 where the system does not tell.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Footprint {
+    /// The most resident memory it ever had, shared libraries counted in full.
+    pub peak_rss_kib: u64,
+    /// Its proportional share: shared pages count once among those who share them, so these add up.
+    pub pss_kib: u64,
+}
+
+impl Footprint {
+    /// The larger of each figure.
+    pub fn max(self, other: Footprint) -> Footprint {
+        Footprint { peak_rss_kib: self.peak_rss_kib.max(other.peak_rss_kib), pss_kib: self.pss_kib.max(other.pss_kib) }
+    }
 }

@@ -3,52 +3,78 @@
 use super::collect::Purpose;
 use super::drift::Moment;
 use super::fleet::Fleet;
-use super::run_log::RunLog;
-use crate::config::{AipTraining, Config, schedule};
+use super::journal::Journal;
+use super::observer::{Interrupted, Observer};
+use super::standing::Standing;
+use crate::config::{Config, schedule};
 use crate::domain::Result;
 
-/// Trains the policies of all agents as the config says and writes the run down as it goes.
+/// Trains the policies of all agents as the config says, from where they stand.
 ///
 /// The numbers are the lines of Algorithm 1. Training on the GS and with untrained AIPs is the same loop without
 /// lines 3 to 6; with marginals, lines 4 to 6 measure them instead of training AIPs.
-pub fn train(config: &Config, fleet: &mut dyn Fleet, run: &mut RunLog) -> Result<()> {
-    run.begin(fleet)?; // 1: policies and AIPs, fresh or as a checkpoint left them
-    for period in schedule(config).iter().skip(run.periods_done()) {
+pub fn train(
+    config: &Config,
+    fleet: &mut dyn Fleet,
+    standing: Standing,
+    journal: &mut dyn Journal,
+    observer: &dyn Observer,
+) -> Result<()> {
+    let mut run = Run { config, fleet, standing, journal, observer };
+    run.journal.begun(run.fleet.agents())?; // 1: policies and AIPs, fresh or as a checkpoint left them
+    for period in schedule(config).iter().skip(standing.periods_done) {
         // 2: repeat
         if period.evaluate {
-            evaluate(config.evaluation.episodes, config, fleet, run)?;
+            run.evaluate(config.evaluation.episodes)?;
         }
-        let train_aips = match period.train_aips {
-            AipTraining::No => false,
-            AipTraining::Yes => true,
-            AipTraining::IfDrifted => run.drift().percent() > config.aip.drift_threshold,
-        };
-        if train_aips {
-            let datasets = fleet.collect_datasets(Purpose::Training { steps: period.start })?; // 3
-            let losses = fleet.train_aips(datasets, period)?; // 4-6: in parallel, for every agent
-            run.aips_trained(fleet, &losses)?;
-            measure_aips(config, fleet, run, Moment::Training)?;
+        if run.standing.trains_aips(period, config) {
+            let datasets = run.fleet.collect_datasets(Purpose::Training { steps: period.start })?; // 3
+            let losses = run.fleet.train_aips(datasets, period)?; // 4-6: in parallel, for every agent
+            run.journal.aips_trained(run.fleet.agents(), &losses)?;
+            observer.aips_trained(run.fleet.agents().steps, &losses);
+            run.measure_aips(Moment::Training)?;
         }
-        let training = fleet.train_policies(period)?; // 7-12: in parallel, for every agent, F steps
-        run.period_done(fleet, &training)?;
+        let training = run.fleet.train_policies(period)?; // 7-12: in parallel, for every agent, F steps
+        run.standing.periods_done += 1;
+        let load = run.fleet.take_load();
+        run.journal.period_done(run.fleet.agents(), &run.standing, &training, load)?;
+        if observer.stop_requested() {
+            return Err(Interrupted.into()); // Nothing is lost here.
+        }
     } // 13: until end of training
-    evaluate(config.evaluation.final_episodes, config, fleet, run)?;
-    run.finished(fleet)
+    run.evaluate(config.evaluation.final_episodes)?;
+    let load = run.fleet.take_load();
+    run.journal.finished(run.fleet.agents(), load)
 }
 
-/// Evaluates the joint policy on the first `episodes` evaluation episodes, and the AIPs if the config asks for it.
-fn evaluate(episodes: usize, config: &Config, fleet: &mut dyn Fleet, run: &mut RunLog) -> Result<()> {
-    let evaluation = fleet.evaluate(episodes)?;
-    run.evaluated(fleet, &evaluation)?;
-    measure_aips(config, fleet, run, Moment::Evaluation)
+/// Algorithm 1 under way.
+struct Run<'a> {
+    config: &'a Config,
+    fleet: &'a mut dyn Fleet,
+    standing: Standing,
+    journal: &'a mut dyn Journal,
+    observer: &'a dyn Observer,
 }
 
-/// Measures the loss of the AIPs on fresh episodes of the GS under the joint policy, where the config asks for it.
-fn measure_aips(config: &Config, fleet: &mut dyn Fleet, run: &mut RunLog, after: Moment) -> Result<()> {
-    if !config.measures_aips() {
-        return Ok(());
+impl Run<'_> {
+    /// Evaluates the joint policy on the first `episodes` evaluation episodes, and the AIPs if the config asks for it.
+    fn evaluate(&mut self, episodes: usize) -> Result<()> {
+        let evaluation = self.fleet.evaluate(episodes)?;
+        self.journal.evaluated(self.fleet.agents(), &evaluation)?;
+        self.observer.evaluated(self.fleet.agents().steps, &evaluation);
+        self.measure_aips(Moment::Evaluation)
     }
-    let datasets = fleet.collect_datasets(Purpose::Measuring)?;
-    let losses = fleet.measure_aips(datasets)?;
-    run.aips_measured(fleet, after, &losses)
+
+    /// Measures the loss of the AIPs on fresh episodes of the GS under the joint policy, where the config asks for it.
+    fn measure_aips(&mut self, after: Moment) -> Result<()> {
+        if !self.config.measures_aips() {
+            return Ok(());
+        }
+        let datasets = self.fleet.collect_datasets(Purpose::Measuring)?;
+        let losses = self.fleet.measure_aips(datasets)?;
+        self.journal.aips_measured(self.fleet.agents(), after, &losses)?;
+        self.standing.drift.note(after, &losses);
+        self.observer.aips_measured(&losses, &self.standing.drift);
+        Ok(())
+    }
 }

@@ -15,8 +15,8 @@ use rustix::process::{Pid, Signal, kill_process};
 use super::LOGS;
 use super::plan::Task;
 use crate::config::{Config, DomainConfig, to_toml};
+use crate::records::atomic::write_atomically;
 use crate::run::END_WITH;
-use crate::training::files::write_atomically;
 
 /// A line that a process said on standard error.
 pub struct Said {

@@ -23,10 +23,10 @@ use crate::error::{Error, Result};
 use crate::experiment::file::{Experiment, Knowledge};
 use crate::experiment::progress::{Stage, directory, stage};
 use crate::experiment::schedule::Cores;
+use crate::records::atomic::{lock, write_atomically};
 use crate::report::find::{BASELINES, PLAN, Plan};
 use crate::terminal::experiment::Display;
 use crate::terminal::{Wish, answer, program, quoted, stop_on_signals, tell};
-use crate::training::files::{lock, write_atomically};
 use child::{Child, Said};
 use plan::{Task, Tasks};
 

@@ -10,8 +10,8 @@ use crate::experiment::estimate::{Estimate, Source, estimate};
 use crate::experiment::file::{Experiment, PlannedBaseline, PlannedRun};
 use crate::experiment::progress::{Stage, directory, stage, stage_of_baseline};
 use crate::experiment::schedule::{Job, Total, total, width};
+use crate::records::run_record::RunRecord;
 use crate::report::find::{baseline_file, find};
-use crate::report::run_dir::RunRecord;
 use crate::report::words::duration;
 use crate::terminal::experiment::Planned;
 

@@ -1,4 +1,4 @@
-//! One child process: its birth, its channel, its end.
+//! Workers that are child processes of this program: their birth, their channel, their end.
 //!
 //! Two threads stand between the coordinator and its child: one writes what is to be sent, one reads what the child
 //! says. So nothing that a child does or fails to do can block the coordinator.
@@ -6,7 +6,7 @@
 use std::fs::{self, OpenOptions};
 use std::io::Write;
 use std::net::Shutdown;
-use std::os::fd::OwnedFd;
+use std::os::fd::{AsFd, OwnedFd};
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::{Path, PathBuf};
@@ -17,10 +17,15 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
+use rustix::process::{Signal, set_parent_process_death_signal};
 
+use super::bell::{Bell, Cord};
 use super::channel::receive;
+use super::link::{Crew, Frame, Link, News};
 use super::log_tail::log_tail;
-use super::message::Report;
+use super::serve::serve;
+use crate::config::Config;
+use crate::domain::Domain;
 
 /// The hidden subcommand that makes this program a worker.
 const WORKER: &str = "worker";
@@ -29,21 +34,43 @@ const LAST_WORDS: Duration = Duration::from_millis(200);
 /// Time in which a killed child ends. One that hangs inside the kernel, as on a dead network disk, is left to it.
 const DYING: Duration = Duration::from_secs(2);
 
-/// An encoded message, with its header. Shared by all who are sent it.
-pub type Frame = Arc<Vec<u8>>;
-
-/// Something that a child said, or that it has gone.
-pub struct Event {
-    pub worker: usize,
-    /// Which of the processes that have had this number: news of a lost one come late.
-    pub generation: u64,
-    pub what: What,
+/// Does what the coordinator that started this process orders, until it goes. The channel is standard input.
+///
+/// `open_domain` makes the domain of a config: this room does not know which there are.
+pub fn serve_the_parent(open_domain: impl FnOnce(&Config) -> Result<Arc<dyn Domain>>) -> Result<()> {
+    // However the coordinator ends, this process ends with it: nobody else would.
+    set_parent_process_death_signal(Some(Signal::KILL)).context("cannot be tied to the coordinator's life")?;
+    let stdin = std::io::stdin().as_fd().try_clone_to_owned().context("no standard input")?;
+    serve(UnixStream::from(stdin), open_domain)
 }
 
-pub enum What {
-    Said(Report),
-    /// The channel is closed, or carries nonsense for this reason.
-    Gone(Option<anyhow::Error>),
+/// Child processes, each with a log of its own. A lost one can be replaced by another.
+pub struct Children {
+    /// For `worker_N.log`.
+    log_dir: PathBuf,
+    bell: Bell,
+}
+
+impl Children {
+    pub fn new(log_dir: &Path) -> Children {
+        Children { log_dir: log_dir.to_owned(), bell: Bell::new() }
+    }
+}
+
+impl Crew for Children {
+    type Link = Child;
+
+    fn start(&mut self, worker: usize) -> Result<Child> {
+        Child::spawn(worker, &self.log_dir.join(format!("worker_{worker}.log")), self.bell.cord())
+    }
+
+    fn can_replace(&self) -> bool {
+        true
+    }
+
+    fn wait(&mut self, at_most: Duration) {
+        self.bell.wait(at_most);
+    }
 }
 
 /// A running worker process. Dropping it kills it.
@@ -52,12 +79,14 @@ pub struct Child {
     stream: Arc<UnixStream>,
     /// Frames that the writer thread has not taken yet.
     outbox: Sender<Frame>,
+    /// From the reader thread.
+    inbox: Receiver<News>,
     log: PathBuf,
 }
 
 impl Child {
-    /// Starts this program as a worker; what it says goes to `events`, what it prints to `log`.
-    pub fn spawn(worker: usize, generation: u64, log: &Path, events: Sender<Event>) -> Result<Child> {
+    /// Starts this program as a worker; what it says rings, what it prints goes to `log`.
+    fn spawn(worker: usize, log: &Path, cord: Cord) -> Result<Child> {
         let (stream, theirs) = UnixStream::pair().context("no socket for a worker")?;
         let opened = OpenOptions::new().create(true).append(true).open(log);
         let log_file = opened.with_context(|| format!("{}: cannot be written", log.display()))?;
@@ -75,43 +104,16 @@ impl Child {
             .spawn()
             .context("a worker cannot be started")?;
         let (outbox, frames) = channel();
+        let (news, inbox) = channel();
         // From here on dropping it kills the process.
-        let child = Child { process, stream: Arc::new(stream), outbox, log: log.to_owned() };
+        let child = Child { process, stream: Arc::new(stream), outbox, inbox, log: log.to_owned() };
         let (reader, writer) = (child.stream.clone(), child.stream.clone());
         let name = |thread: &str| format!("worker {worker} {thread}");
-        let read = move || read_all(&reader, worker, generation, &events);
+        let read = move || read_all(&reader, &news, &cord);
         thread::Builder::new().name(name("reader")).spawn(read).context("no thread to hear a worker")?;
         let write = move || write_all(&writer, &frames);
         thread::Builder::new().name(name("writer")).spawn(write).context("no thread to speak to a worker")?;
         Ok(child)
-    }
-
-    /// Sends a frame, after those before it. Does not wait until the child reads it.
-    ///
-    /// Where the child has gone, [`What::Gone`] says so.
-    pub fn send(&self, frame: Frame) {
-        // Its writer ends early only when the child has gone.
-        let _ = self.outbox.send(frame);
-    }
-
-    /// State of the process as Linux names it, such as `S (sleeping)` or `T (stopped)`.
-    pub fn state(&self) -> Option<String> {
-        let status = fs::read_to_string(format!("/proc/{}/status", self.process.id())).ok()?;
-        Some(status.lines().find_map(|line| line.strip_prefix("State:"))?.trim().to_owned())
-    }
-
-    /// Returns how a child ended whose channel is closed, with the last lines of its log. Kills it if it does not end.
-    pub fn end(mut self) -> String {
-        let status = self.ended_within(LAST_WORDS).or_else(|| self.kill());
-        format!("{}; {}", describe(status), log_tail(&self.log))
-    }
-
-    /// Kills a child that hangs and returns the last lines of its log.
-    pub fn end_by_force(mut self) -> String {
-        match self.kill() {
-            Some(_) => log_tail(&self.log),
-            None => format!("process {} does not end; {}", self.process.id(), log_tail(&self.log)),
-        }
     }
 
     fn kill(&mut self) -> Option<ExitStatus> {
@@ -133,22 +135,53 @@ impl Child {
     }
 }
 
+impl Link for Child {
+    fn send(&self, frame: Frame) {
+        // Its writer ends early only when the child has gone.
+        let _ = self.outbox.send(frame);
+    }
+
+    fn next(&mut self) -> Option<News> {
+        self.inbox.try_recv().ok()
+    }
+
+    /// State of the process as Linux names it, such as `S (sleeping)` or `T (stopped)`.
+    fn state(&self) -> Option<String> {
+        let status = fs::read_to_string(format!("/proc/{}/status", self.process.id())).ok()?;
+        Some(status.lines().find_map(|line| line.strip_prefix("State:"))?.trim().to_owned())
+    }
+
+    /// Kills a child that does not end. Where to read on: the last lines of its log.
+    fn end(mut self) -> String {
+        let status = self.ended_within(LAST_WORDS).or_else(|| self.kill());
+        format!("{}; {}", describe(status), log_tail(&self.log))
+    }
+
+    fn end_by_force(mut self) -> String {
+        match self.kill() {
+            Some(_) => log_tail(&self.log),
+            None => format!("process {} does not end; {}", self.process.id(), log_tail(&self.log)),
+        }
+    }
+}
+
 impl Drop for Child {
     fn drop(&mut self) {
         self.kill();
     }
 }
 
-/// Passes on what a child says until it has gone.
-fn read_all(mut stream: &UnixStream, worker: usize, generation: u64, events: &Sender<Event>) {
+/// Passes on what a child says until it, or its [`Child`], has gone.
+fn read_all(mut stream: &UnixStream, news: &Sender<News>, cord: &Cord) {
     loop {
-        let what = match receive(&mut stream) {
-            Ok(Some(report)) => What::Said(report),
-            Ok(None) => What::Gone(None),
-            Err(error) => What::Gone(Some(error)),
+        let heard = match receive(&mut stream) {
+            Ok(Some(report)) => News::Said(report),
+            Ok(None) => News::Gone(None),
+            Err(error) => News::Gone(Some(error)),
         };
-        let last = matches!(what, What::Gone(_));
-        if events.send(Event { worker, generation, what }).is_err() || last {
+        let last = matches!(heard, News::Gone(_)) | news.send(heard).is_err();
+        cord.ring();
+        if last {
             break;
         }
     }

@@ -4,29 +4,12 @@ use std::fs;
 use std::time::Duration;
 
 use rustix::time::{ClockId, clock_gettime};
-use serde::{Deserialize, Serialize};
 
-/// Memory of a process, in KiB; 0 where the system does not tell.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Footprint {
-    /// The most resident memory it ever had, shared libraries counted in full.
-    pub peak_rss_kib: u64,
-    /// Its proportional share: shared pages count once among those who share them, so these add up.
-    pub pss_kib: u64,
-}
+use crate::training::answers::Footprint;
 
-impl Footprint {
-    /// The larger of each figure.
-    pub fn max(self, other: Footprint) -> Footprint {
-        Footprint { peak_rss_kib: self.peak_rss_kib.max(other.peak_rss_kib), pss_kib: self.pss_kib.max(other.pss_kib) }
-    }
-
-    pub fn of_this_process() -> Self {
-        Footprint {
-            peak_rss_kib: field("/proc/self/status", "VmHWM:"),
-            pss_kib: field("/proc/self/smaps_rollup", "Pss:"),
-        }
-    }
+/// The memory of this process.
+pub fn footprint() -> Footprint {
+    Footprint { peak_rss_kib: field("/proc/self/status", "VmHWM:"), pss_kib: field("/proc/self/smaps_rollup", "Pss:") }
 }
 
 /// Measures the CPU time of this process, user and system, all threads, from one reading to the next.
@@ -70,7 +53,7 @@ mod tests {
 
     #[test]
     fn a_process_knows_its_memory() {
-        let footprint = Footprint::of_this_process();
+        let footprint = footprint();
         assert!(footprint.peak_rss_kib > 1000 && footprint.pss_kib > 1000, "{footprint:?}");
     }
 

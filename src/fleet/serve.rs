@@ -1,44 +1,37 @@
-//! The worker's side of the channel.
+//! The worker's side of the channel, whatever carries it.
 
 use std::cell::{Cell, RefCell};
-use std::io::Write;
-use std::os::fd::AsFd;
-use std::os::unix::net::UnixStream;
+use std::io::{Read, Write};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
-use rustix::process::{Signal, set_parent_process_death_signal};
 
 use super::channel::{receive, send};
+use super::footprint::{CpuClock, footprint};
 use super::message::{Answer, Order, Report};
+use super::worker::Worker;
 use crate::base::Activity;
 use crate::config::Config;
 use crate::domain::Domain;
 use crate::nn::Threads;
 use crate::policy::JointPolicy;
 use crate::training::answers::WorkerLoad;
-use crate::training::footprint::{CpuClock, Footprint};
 use crate::training::observer::Observer;
-use crate::training::worker::Worker;
 
 /// How often at most progress is reported.
 const REPORT_EVERY: Duration = Duration::from_millis(100);
 
-/// Does what the coordinator at the other end of standard input orders, until it goes.
+/// Does what the coordinator at the other end of `stream` orders, until it goes.
 ///
 /// `open_domain` makes the domain of a config: this room does not know which there are.
-pub fn serve(open_domain: impl FnOnce(&Config) -> Result<Arc<dyn Domain>>) -> Result<()> {
-    // However the coordinator ends, this process ends with it: nobody else would.
-    set_parent_process_death_signal(Some(Signal::KILL)).context("cannot be tied to the coordinator's life")?;
-    let stdin = std::io::stdin().as_fd().try_clone_to_owned().context("no standard input")?;
-    let mut stream = UnixStream::from(stdin);
+pub fn serve(stream: impl Read + Write, open_domain: impl FnOnce(&Config) -> Result<Arc<dyn Domain>>) -> Result<()> {
     let reporter = Reporter {
-        stream: RefCell::new(stream.try_clone()?),
+        stream: RefCell::new(stream),
         last: Cell::new(Instant::now()),
         clock: RefCell::new(CpuClock::of_the_process()),
     };
-    let Some(order) = receive(&mut stream).context("this command is for the program itself, not for people")? else {
+    let Some(order) = reporter.next_order().context("this command is for the program itself, not for people")? else {
         return Ok(());
     };
     let Order::Begin { config_json, agents, threads } = order else { bail!("the first order must be to begin") };
@@ -52,7 +45,7 @@ pub fn serve(open_domain: impl FnOnce(&Config) -> Result<Arc<dyn Domain>>) -> Re
     let mut worker = Worker::new(open_domain(&config)?, &config, agents, &Threads::new(threads)?);
     reporter.done(Answer::Ready, &mut worker)?;
     let mut policies = None;
-    while let Some(order) = receive(&mut stream)? {
+    while let Some(order) = reporter.next_order()? {
         match carry_out(order, &mut worker, &mut policies, &reporter) {
             Ok(answer) => reporter.done(answer, &mut worker)?,
             Err(error) => reporter.send(&Report::Failed { reason: format!("{error:#}") })?,
@@ -65,7 +58,7 @@ fn carry_out(
     order: Order,
     worker: &mut Worker,
     policies: &mut Option<JointPolicy>,
-    reporter: &Reporter,
+    reporter: &Reporter<impl Read + Write>,
 ) -> Result<Answer> {
     let mut take_policies = || policies.take().context("the policies to play with must come first");
     Ok(match order {
@@ -95,14 +88,18 @@ fn carry_out(
     })
 }
 
-/// Tells the coordinator.
-struct Reporter {
-    stream: RefCell<UnixStream>,
+/// Speaks with the coordinator.
+struct Reporter<S> {
+    stream: RefCell<S>,
     last: Cell<Instant>,
     clock: RefCell<CpuClock>,
 }
 
-impl Reporter {
+impl<S: Read + Write> Reporter<S> {
+    fn next_order(&self) -> Result<Option<Order>> {
+        receive(&mut *self.stream.borrow_mut())
+    }
+
     fn send(&self, report: &Report) -> Result<()> {
         send(&mut *self.stream.borrow_mut(), report)
     }
@@ -110,7 +107,7 @@ impl Reporter {
     fn done(&self, answer: Answer, worker: &mut Worker) -> Result<()> {
         let mut timesheet = worker.take_timesheet();
         timesheet.note_cpu(self.clock.borrow_mut().lap());
-        let load = WorkerLoad { timesheet, footprint: Footprint::of_this_process() };
+        let load = WorkerLoad { timesheet, footprint: footprint() };
         self.send(&Report::Done { answer: Box::new(answer), load: Box::new(load) })
     }
 
@@ -124,7 +121,7 @@ impl Reporter {
     }
 }
 
-impl Observer for Reporter {
+impl<S: Read + Write> Observer for Reporter<S> {
     fn trained(&self, steps: u64) {
         self.progress(&Report::Trained { steps });
     }

@@ -8,6 +8,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, ensure};
 use csv::StringRecord;
 
+use super::columns;
+
 pub struct CsvTable {
     path: PathBuf,
     columns: HashMap<String, usize>,
@@ -65,7 +67,7 @@ impl<'a> Line<'a> {
 
     /// The timesteps per agent that every line begins with.
     pub fn steps(self) -> Result<u64> {
-        Ok(self.required("steps")? as u64)
+        Ok(self.required(columns::STEPS)? as u64)
     }
 
     fn bad(self, column: &str, text: &str, what: &str) -> String {

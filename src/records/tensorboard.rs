@@ -6,8 +6,9 @@
 //!
 //! Source of the format: `tensorboard/compat/proto/{event,summary}.proto` and `tensorflow/core/lib/io/record_writer.h`.
 
+use super::columns::{self, ALL};
 use super::files;
-use super::tables::{ALL, Line};
+use super::lines::Line;
 
 /// A named number at a step.
 pub type Scalar = (String, f32);
@@ -46,7 +47,7 @@ pub fn scalars_of(file: &str, header: &[String], lines: &[Line]) -> Vec<Scalar> 
         if line[1] == ALL {
             scalars.extend(numbers.map(|(column, number)| (format!("{table}/{column}"), number)));
         } else if file == files::RETURNS {
-            let mean = numbers.filter(|(column, _)| *column == "mean");
+            let mean = numbers.filter(|(column, _)| *column == columns::MEAN);
             scalars.extend(mean.map(|(_, number)| (format!("returns_of_agents/{}", line[1]), number)));
         }
     }

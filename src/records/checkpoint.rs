@@ -10,12 +10,13 @@ use anyhow::{Context, Result, bail, ensure};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 
-use super::drift::Drift;
-use super::files::write_beside;
-use super::state::AgentsState;
-use super::stream::AgentStream;
+use super::atomic::write_beside;
 use crate::base::Rows;
 use crate::nn::Moments;
+use crate::training::drift::Drift;
+use crate::training::standing::Standing;
+use crate::training::state::AgentsState;
+use crate::training::stream::AgentStream;
 
 /// How many checkpoints are kept, the newest ones.
 pub const KEPT: usize = 3;
@@ -41,6 +42,13 @@ pub struct Progress {
     /// How the AIPs stand since their last training.
     #[serde(default)]
     pub drift: Drift,
+}
+
+impl Progress {
+    /// Where Algorithm 1 goes on.
+    pub fn standing(&self) -> Standing {
+        Standing { periods_done: self.periods_done, drift: self.drift }
+    }
 }
 
 #[derive(Serialize, Deserialize)]

@@ -2,10 +2,10 @@
 
 use anyhow::{Result, bail};
 
-use super::answers::PolicyTraining;
-use super::state::AgentsState;
 use crate::base::Rows;
 use crate::influence::AipLoss;
+use crate::training::answers::PolicyTraining;
+use crate::training::state::AgentsState;
 
 /// An error that names the first agent whose policy is no network any more.
 pub fn check_policies(training: &PolicyTraining, state: &AgentsState) -> Result<()> {

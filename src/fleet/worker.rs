@@ -8,12 +8,6 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::answers::PolicyTraining;
-use super::block::{AgentBlock, agents_per_block};
-use super::collect::{Purpose, collect_episode};
-use super::observer::Observer;
-use super::state::AgentsState;
-use super::timed::{Timed, TimedController};
 use crate::base::{Activity, AgentId, Phase, Rows, Seed, Stopwatch, Timesheet};
 use crate::config::{Config, Period};
 use crate::domain::{Controller, Domain, GlobalSimulator, Result};
@@ -21,6 +15,12 @@ use crate::evaluation::{EpisodeReport, episode_seed, play};
 use crate::influence::{AipLoss, Dataset, FreshLoss};
 use crate::nn::Threads;
 use crate::policy::{JointPolicy, JointPolicyController, PolicyStack, Selection};
+use crate::training::answers::PolicyTraining;
+use crate::training::block::{AgentBlock, agents_per_block};
+use crate::training::collect::{Purpose, collect_episode};
+use crate::training::observer::Observer;
+use crate::training::state::AgentsState;
+use crate::training::timed::{Timed, TimedController};
 
 pub struct Worker {
     domain: Arc<dyn Domain>,

@@ -1,27 +1,28 @@
-//! What stands in the CSV files of a run, line by line. `docs/files.md` tells what each column means.
+//! What stands in the CSV files of a run, line by line, in the order of their [`columns`].
 
 use std::time::Duration;
 
-use super::answers::{FleetLoad, PolicyTraining};
-use super::drift::Moment;
-use super::footprint::Footprint;
-use super::ppo::Losses;
+use super::columns::{self, ALL};
 use crate::base::statistics::mean;
 use crate::base::{Activity, Phase, Timesheet};
 use crate::evaluation::{Evaluation, Summary};
 use crate::influence::{AipLoss, FreshLoss};
+use crate::training::answers::{FleetLoad, Footprint, PolicyTraining};
+use crate::training::drift::Moment;
+use crate::training::ppo::Losses;
 
 /// A line of a CSV file, one string per column.
 pub type Line = Vec<String>;
 
-/// What stands in the second column of the lines about all agents, workers or processes.
-pub const ALL: &str = "all";
+/// A header of columns that are always the same.
+pub fn header(columns: &[&str]) -> Line {
+    columns.iter().map(|&column| column.to_owned()).collect()
+}
 
 pub fn evaluation_header(evaluation: &Evaluation) -> Line {
-    let fixed = ["steps", "agent", "mean", "median", "std_error", "episodes", "stuck"];
     let per_agent = evaluation.measures.per_agent.iter().map(|(name, _)| name.clone());
     let system = evaluation.measures.system.iter().map(|(name, _)| name.clone());
-    fixed.map(str::to_owned).into_iter().chain(per_agent).chain(system).collect()
+    header(&columns::OF_RETURNS).into_iter().chain(per_agent).chain(system).collect()
 }
 
 /// A line for all agents (`stuck`: how many), then one per agent (`stuck`: 0 or 1; no figures of the whole system).
@@ -46,8 +47,6 @@ pub fn evaluation_lines(steps: u64, evaluation: &Evaluation) -> Vec<Line> {
     lines
 }
 
-pub const EPISODE_COLUMNS: [&str; 3] = ["steps", "episode", "return"];
-
 /// A line per episode of an evaluation, with the mean return of all agents.
 pub fn episode_lines(steps: u64, evaluation: &Evaluation) -> Vec<Line> {
     let episodes = evaluation.returns.iter().enumerate();
@@ -55,18 +54,6 @@ pub fn episode_lines(steps: u64, evaluation: &Evaluation) -> Vec<Line> {
         .map(|(episode, returns)| vec![steps.to_string(), episode.to_string(), format!("{:.6}", mean(returns))])
         .collect()
 }
-
-pub const AIP_COLUMNS: [&str; 9] = [
-    "steps",
-    "agent",
-    "source",
-    "training_before",
-    "training_after",
-    "held_out_before",
-    "held_out_after",
-    "held_out_marginals",
-    "frequency",
-];
 
 /// A line for the mean of all agents and sources, then per agent one for the mean of its sources and one per source.
 pub fn aip_lines(steps: u64, losses: &[AipLoss]) -> Vec<Line> {
@@ -91,19 +78,17 @@ pub fn aip_lines(steps: u64, losses: &[AipLoss]) -> Vec<Line> {
             })
             .collect();
         let agent = agent.to_string();
-        lines.push(line(&agent, "all", &mean_of(&of_sources)));
+        lines.push(line(&agent, ALL, &mean_of(&of_sources)));
         lines.extend(of_sources.iter().enumerate().map(|(source, values)| line(&agent, &source.to_string(), values)));
         of_agents.push(mean_of(&of_sources));
     }
-    lines.insert(0, line(ALL, "all", &mean_of(&of_agents)));
+    lines.insert(0, line(ALL, ALL, &mean_of(&of_agents)));
     lines
 }
 
 fn mean_of(rows: &[[f64; 6]]) -> [f64; 6] {
     std::array::from_fn(|column| rows.iter().map(|row| row[column]).sum::<f64>() / rows.len() as f64)
 }
-
-pub const DRIFT_COLUMNS: [&str; 5] = ["steps", "agent", "after", "loss", "marginals"];
 
 /// A line for the mean of all agents, then one per agent, each the mean of its sources.
 pub fn drift_lines(steps: u64, after: Moment, losses: &[FreshLoss]) -> Vec<Line> {
@@ -115,10 +100,8 @@ pub fn drift_lines(steps: u64, after: Moment, losses: &[FreshLoss]) -> Vec<Line>
 }
 
 pub fn training_header(training: &PolicyTraining) -> Line {
-    let fixed = ["steps", "agent", "mean_return", "episodes", "surrogate", "value_loss", "entropy", "kl", "clipped"];
-    let fixed = fixed.into_iter().chain(["learning_rate", "clip"]);
     let counters = training.counters.iter().map(|(name, _)| name.clone());
-    fixed.map(str::to_owned).chain(counters).collect()
+    header(&columns::OF_TRAINING).into_iter().chain(counters).collect()
 }
 
 /// A line for all agents with what the simulators counted, then one per agent.
@@ -158,14 +141,6 @@ pub struct Wall {
     pub exchange: Duration,
 }
 
-pub fn timing_header() -> Line {
-    let fixed =
-        ["steps", "worker", "wall_s", "elapsed_s", "cpu_s", "cpu_evaluation_s", "exchange_s"].map(str::to_owned);
-    let activities = Activity::ALL.map(|activity| format!("{}_s", activity.name()));
-    let phases = Phase::ALL.map(|phase| format!("{}_s", phase.name()));
-    fixed.into_iter().chain(activities).chain(["idle_s".to_owned()]).chain(phases).collect()
-}
-
 /// A line for the mean of all workers, then one per worker. What is neither an activity nor an exchange is idle. The
 /// phases are those of the policies' training. CPU time is the only sum: of all processes, the coordinator included.
 pub fn timing_lines(steps: u64, load: &FleetLoad, wall: &Wall) -> Vec<Line> {
@@ -191,8 +166,6 @@ pub fn timing_lines(steps: u64, load: &FleetLoad, wall: &Wall) -> Vec<Line> {
     let each = workers.iter().enumerate().map(|(index, worker)| line(index.to_string(), &[worker], Duration::ZERO));
     std::iter::once(line(ALL.to_owned(), &workers, load.coordinator_cpu)).chain(each).collect()
 }
-
-pub const MEMORY_COLUMNS: [&str; 4] = ["steps", "process", "peak_rss_mb", "pss_mb"];
 
 /// A line for the total, then one per process.
 pub fn memory_lines(steps: u64, load: &FleetLoad) -> Vec<Line> {
@@ -239,7 +212,7 @@ mod tests {
         };
         let [period, elapsed, exchange] = [21, 30, 1].map(Duration::from_secs);
         let lines = timing_lines(128, &load, &Wall { period, elapsed, exchange });
-        let header = timing_header();
+        let header = columns::of_timing();
         let column =
             |line: usize, name: &str| lines[line][header.iter().position(|column| column == name).unwrap()].as_str();
         let of_all = ["steps", "worker", "wall_s", "exchange_s", "training_s", "evaluation_s", "simulator_step_s"];

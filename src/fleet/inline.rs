@@ -4,12 +4,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::answers::{FleetLoad, PolicyTraining, WorkerLoad};
-use super::collect::Purpose;
-use super::fleet::Fleet;
-use super::footprint::{CpuClock, Footprint};
-use super::observer::{Interrupted, Observer};
-use super::state::AgentsState;
+use super::footprint::{CpuClock, footprint};
 use super::worker::Worker;
 use crate::base::{Activity, AgentId, Timesheet};
 use crate::config::{Config, Period};
@@ -17,6 +12,11 @@ use crate::domain::{Domain, Result};
 use crate::evaluation::Evaluation;
 use crate::influence::{AipLoss, Dataset, FreshLoss};
 use crate::nn::Threads;
+use crate::training::answers::{FleetLoad, PolicyTraining, WorkerLoad};
+use crate::training::collect::Purpose;
+use crate::training::fleet::Fleet;
+use crate::training::observer::{Interrupted, Observer};
+use crate::training::state::AgentsState;
 
 /// All agents in this process.
 pub struct InlineFleet {
@@ -109,7 +109,7 @@ impl Fleet for InlineFleet {
 
     fn take_load(&mut self) -> FleetLoad {
         self.timesheet.add(&Timesheet::of_cpu(self.clock.lap()));
-        let worker = WorkerLoad { timesheet: self.timesheet.take(), footprint: Footprint::of_this_process() };
+        let worker = WorkerLoad { timesheet: self.timesheet.take(), footprint: footprint() };
         FleetLoad { workers: vec![worker], at_work: std::mem::take(&mut self.at_work), ..FleetLoad::default() }
     }
 }

@@ -1,0 +1,57 @@
+//! A bell that wakes the coordinator when a worker has said something.
+
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::time::Duration;
+
+/// Rung by any number of [`Cord`]s. Rings that nobody waited for count as one.
+pub struct Bell {
+    rings: Receiver<()>,
+    cord: SyncSender<()>,
+}
+
+/// Rings its bell.
+#[derive(Clone)]
+pub struct Cord(SyncSender<()>);
+
+impl Bell {
+    pub fn new() -> Bell {
+        let (cord, rings) = sync_channel(1);
+        Bell { rings, cord }
+    }
+
+    pub fn cord(&self) -> Cord {
+        Cord(self.cord.clone())
+    }
+
+    /// Waits until the bell rings, if it has not since the last call, but not longer than `at_most`.
+    pub fn wait(&self, at_most: Duration) {
+        let _ = self.rings.recv_timeout(at_most);
+    }
+}
+
+impl Cord {
+    pub fn ring(&self) {
+        // A bell that rings already does not need another ring; one that has gone wakes nobody.
+        let _ = self.0.try_send(());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Instant;
+
+    #[test]
+    fn a_ring_before_the_wait_is_heard_and_two_are_one() {
+        let bell = Bell::new();
+        let cords = [bell.cord(), bell.cord()];
+        cords.iter().for_each(Cord::ring);
+        let begun = Instant::now();
+        bell.wait(Duration::from_secs(3600));
+        assert!(begun.elapsed() < Duration::from_secs(1800));
+        // Nobody rings any more, so this waits as long as it may.
+        let begun = Instant::now();
+        bell.wait(Duration::from_millis(5));
+        assert!(begun.elapsed() >= Duration::from_millis(5));
+    }
+}

@@ -1,0 +1,332 @@
+//! Workers that share the agents, seen from their coordinator: who owns whom, orders, deaths and patience.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use anyhow::{Result, bail};
+
+use super::channel::encode;
+use super::footprint::CpuClock;
+use super::link::{Crew, Link, News};
+use super::message::{Answer, Order, Report};
+use super::task::{Frames, Task, tell_progress};
+use crate::base::AgentId;
+use crate::config::{Config, Simulator};
+use crate::domain::Domain;
+use crate::training::answers::WorkerLoad;
+use crate::training::observer::{Interrupted, Observer};
+use crate::training::state::AgentsState;
+
+/// How often a worker may be lost at the same order before the run gives up.
+const DEATHS_IN_A_ROW: usize = 3;
+/// How often the fleet looks up from waiting.
+const LOOK_UP: Duration = Duration::from_millis(200);
+/// Longest silence that one look adds. A coordinator that was stopped itself (Ctrl-Z) has heard nobody meanwhile.
+const LONGEST_LOOK: Duration = Duration::from_secs(1);
+
+/// How many workers, and how long they may be silent.
+pub struct Options {
+    pub workers: usize,
+    /// Longest silence of a worker that has an order, be it that it does not read the order or that it hangs at work.
+    pub patience: Duration,
+}
+
+/// Workers that share the agents: each owns the ones that follow those of the worker before it. A
+/// [`Fleet`](crate::training::fleet::Fleet), whatever its crew consists of.
+///
+/// Training on the GS is one simulation, so there the first worker owns all agents and trains them with as many threads
+/// as there are workers; the others help with evaluation.
+pub struct Coordinator<C: Crew> {
+    pub(super) domain: Arc<dyn Domain>,
+    pub(super) config: Config,
+    crew: C,
+    options: Options,
+    pub(super) observer: Rc<dyn Observer>,
+    pub(super) workers: Vec<Slot<C::Link>>,
+    /// The agents at the last exchange, from which a lost worker goes on.
+    pub(super) agents: AgentsState,
+    pub(super) at_work: Duration,
+    pub(super) clock: CpuClock,
+}
+
+/// A worker, whichever process it is at the moment.
+pub(super) struct Slot<L> {
+    pub agents: Range<usize>,
+    link: Option<L>,
+    pub load: WorkerLoad,
+}
+
+impl<C: Crew> Coordinator<C> {
+    /// Starts the workers.
+    pub fn start(
+        domain: Arc<dyn Domain>,
+        config: &Config,
+        crew: C,
+        options: Options,
+        observer: Rc<dyn Observer>,
+    ) -> Result<Coordinator<C>> {
+        let owners = if config.simulator == Simulator::Global { 1 } else { options.workers };
+        let slot = |index: usize| Slot {
+            agents: if index < owners { share(domain.agents(), owners, index) } else { 0..0 },
+            link: None,
+            load: WorkerLoad::default(),
+        };
+        let mut fleet = Coordinator {
+            workers: (0..options.workers).map(slot).collect(),
+            agents: AgentsState::nobody(),
+            domain,
+            config: config.clone(),
+            crew,
+            options,
+            observer,
+            at_work: Duration::ZERO,
+            clock: CpuClock::from_now(),
+        };
+        let order = Frames::of(&Order::TellState)?;
+        let orders = fleet.owners().into_iter().map(|worker| (worker, order.clone())).collect();
+        let mut parts = Vec::new();
+        fleet.ask(orders, Stop::AtOnce, |_, _, answer| match answer {
+            Answer::State(state) => parts.push(state),
+            other => unreachable!("a state was asked for, not {other:?}"),
+        })?;
+        fleet.agents = AgentsState::joined(parts);
+        Ok(fleet)
+    }
+
+    /// The workers that own agents.
+    pub(super) fn owners(&self) -> Vec<usize> {
+        (0..self.workers.len()).filter(|&worker| !self.workers[worker].agents.is_empty()).collect()
+    }
+
+    /// Gives the orders and waits for all answers, which `take` is handed in the order of the orders with the state of
+    /// all agents and the agents of the worker. Lost workers are started again.
+    pub(super) fn ask(
+        &mut self,
+        orders: Vec<(usize, Frames)>,
+        stop: Stop,
+        mut take: impl FnMut(&mut AgentsState, Range<usize>, Answer),
+    ) -> Result<()> {
+        let begun = Instant::now();
+        let answers = self.ask_and_wait(orders, stop);
+        self.at_work += begun.elapsed();
+        // One by one, so that each is gone before the next is taken in.
+        for (worker, answer) in answers? {
+            take(&mut self.agents, self.workers[worker].agents.clone(), answer);
+        }
+        Ok(())
+    }
+
+    fn ask_and_wait(&mut self, orders: Vec<(usize, Frames)>, stop: Stop) -> Result<Vec<(usize, Answer)>> {
+        let mut open = BTreeMap::new();
+        let mut sequence = Vec::new();
+        for (worker, frames) in orders {
+            let mut task = Task::new(frames);
+            self.deliver(worker, &mut task)?;
+            open.insert(worker, task);
+            sequence.push(worker);
+        }
+        let mut answers = BTreeMap::new();
+        let mut looked = Instant::now();
+        while !open.is_empty() {
+            let anywhere = stop == Stop::AtOnce || !self.observer.keeps_results();
+            if anywhere && self.observer.stop_requested() {
+                return Err(Interrupted.into());
+            }
+            self.crew.wait(LOOK_UP);
+            let silence = looked.elapsed().min(LONGEST_LOOK);
+            looked = Instant::now();
+            open.values_mut().for_each(|task| task.silence += silence);
+            // All that has been said is heard before anybody is called silent.
+            for worker in 0..self.workers.len() {
+                while let Some(news) = self.workers[worker].link.as_mut().and_then(Link::next) {
+                    self.take_in(worker, news, &mut open, &mut answers)?;
+                }
+            }
+            for (&worker, task) in &mut open {
+                if task.silence > self.options.patience {
+                    self.lose(worker, Loss::Silent, Some(task))?;
+                }
+            }
+        }
+        let answer = |worker| (worker, answers.remove(&worker).expect("every order is answered"));
+        Ok(sequence.into_iter().map(answer).collect())
+    }
+
+    fn take_in(
+        &mut self,
+        worker: usize,
+        news: News,
+        open: &mut BTreeMap<usize, Task>,
+        answers: &mut BTreeMap<usize, Answer>,
+    ) -> Result<()> {
+        match news {
+            News::Said(report) => {
+                if let Some(answer) = self.hear(worker, report, open, answers.len())? {
+                    open.remove(&worker);
+                    answers.insert(worker, answer);
+                }
+                Ok(())
+            }
+            News::Gone(reason) => self.lose(worker, Loss::Gone(reason), open.get_mut(&worker)),
+        }
+    }
+
+    /// Takes in what a worker says; its answer where that is one.
+    fn hear(
+        &mut self,
+        worker: usize,
+        report: Report,
+        open: &mut BTreeMap<usize, Task>,
+        done: usize,
+    ) -> Result<Option<Answer>> {
+        if let Some(task) = open.get_mut(&worker) {
+            task.silence = Duration::ZERO;
+        }
+        match report {
+            Report::Failed { reason } => bail!("{}: {reason}", self.name(worker)),
+            Report::Done { answer, load } => {
+                let mine = &mut self.workers[worker].load;
+                mine.timesheet.add(&load.timesheet);
+                mine.footprint = mine.footprint.max(load.footprint);
+                // A worker that has begun or was restored says so before it turns to its order.
+                Ok(Some(*answer).filter(|answer| !matches!(answer, Answer::Ready)))
+            }
+            progress => {
+                if let Some(task) = open.get_mut(&worker) {
+                    task.progress = Some(progress);
+                    tell_progress(open.values(), done, &*self.observer);
+                }
+                Ok(None)
+            }
+        }
+    }
+
+    /// Sends a task to its worker, which is started first if it does not run. Does not wait for the worker.
+    fn deliver(&mut self, worker: usize, task: &mut Task) -> Result<()> {
+        if self.workers[worker].link.is_none() {
+            self.start_worker(worker)?;
+        }
+        task.silence = Duration::ZERO;
+        task.frames.send(self.workers[worker].link.as_ref().expect("it was just started"));
+        Ok(())
+    }
+
+    /// Starts a worker and puts it where the last exchange left its agents.
+    fn start_worker(&mut self, worker: usize) -> Result<()> {
+        let link = self.crew.start(worker)?;
+        let agents = self.workers[worker].agents.clone();
+        let begin = Order::Begin {
+            config_json: serde_json::to_string(&self.config)?,
+            agents: agents.map(AgentId).collect(),
+            threads: if self.config.simulator == Simulator::Global { self.options.workers } else { 1 },
+        };
+        link.send(encode(&begin)?.into());
+        self.send_state(worker, &link)?;
+        self.workers[worker].link = Some(link);
+        Ok(())
+    }
+
+    /// Sends a worker the state of its agents, if there is one.
+    fn send_state(&self, worker: usize, link: &C::Link) -> Result<()> {
+        let agents = self.workers[worker].agents.clone();
+        if self.agents.agents() > 0 && !agents.is_empty() {
+            link.send(encode(&Order::Restore(self.agents.share(agents)))?.into());
+        }
+        Ok(())
+    }
+
+    /// Lets all workers go on from a state of all agents.
+    pub(super) fn put_back(&mut self, agents: AgentsState) -> Result<()> {
+        self.agents = agents;
+        for worker in self.owners() {
+            if self.crew.can_replace() {
+                // The next order starts it again, in this state.
+                self.workers[worker].link = None;
+            } else if let Some(link) = &self.workers[worker].link {
+                self.send_state(worker, link)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// A worker has gone, or must go. With a task it is started again, if it can be, and given the task again.
+    fn lose(&mut self, worker: usize, loss: Loss, task: Option<&mut Task>) -> Result<()> {
+        let Some(link) = self.workers[worker].link.take() else { return Ok(()) };
+        let message = format!("{} {}", self.name(worker), loss.describe(link, self.options.patience));
+        if !self.crew.can_replace() {
+            bail!("{message}\na worker of this kind cannot be started again, so the run ends here");
+        }
+        let Some(task) = task else {
+            // It has nothing to do: the next order will start it again.
+            self.observer.worker_lost(&message);
+            return Ok(());
+        };
+        task.deaths += 1;
+        if task.deaths == DEATHS_IN_A_ROW {
+            bail!("{message}\ngiven up after {DEATHS_IN_A_ROW} deaths in a row at the same place");
+        }
+        self.observer.worker_lost(&format!("{message}\nstarted again from the last exchange"));
+        self.deliver(worker, task)
+    }
+
+    fn name(&self, worker: usize) -> String {
+        let agents = &self.workers[worker].agents;
+        match agents.len() {
+            0 => format!("worker {worker} (no agents of its own)"),
+            1 => format!("worker {worker} (agent {})", agents.start),
+            _ => format!("worker {worker} (agents {}..{})", agents.start, agents.end - 1),
+        }
+    }
+}
+
+/// Why a worker is given up.
+enum Loss {
+    /// Its stream has ended, or carries nonsense for this reason.
+    Gone(Option<anyhow::Error>),
+    /// It said nothing for longer than the patience.
+    Silent,
+}
+
+impl Loss {
+    /// Ends the worker and returns what became of it.
+    fn describe(self, link: impl Link, patience: Duration) -> String {
+        match self {
+            Loss::Gone(Some(reason)) => format!("died: {reason:#}; {}", link.end()),
+            Loss::Gone(None) => format!("died: {}", link.end()),
+            Loss::Silent => {
+                let state = link.state().unwrap_or_else(|| "unknown".to_owned());
+                let end = link.end_by_force();
+                format!("said nothing for {patience:?} (state: {state}) and was ended; {end}")
+            }
+        }
+    }
+}
+
+/// When a request to stop is heard.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Stop {
+    /// Nothing is lost by stopping right away.
+    AtOnce,
+    /// A period's work would be lost.
+    Later,
+}
+
+/// The `index`-th of `parts` nearly equal shares of `0..total`, one after another.
+pub(super) fn share(total: usize, parts: usize, index: usize) -> Range<usize> {
+    total * index / parts..total * (index + 1) / parts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shares_follow_each_other_and_are_nearly_equal() {
+        let shares: Vec<_> = (0..3).map(|index| share(10, 3, index)).collect();
+        assert_eq!(shares, [0..3, 3..6, 6..10]);
+        assert_eq!((0..4).map(|index| share(2, 4, index).len()).collect::<Vec<_>>(), [0, 1, 0, 1]);
+    }
+}

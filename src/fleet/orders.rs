@@ -1,0 +1,132 @@
+//! What Algorithm 1 asks of a fleet, as orders to the workers; the whole is made of their answers.
+
+use std::ops::Range;
+
+use anyhow::Result;
+
+use super::channel::encode;
+use super::coordinator::{Coordinator, Stop, share};
+use super::footprint::footprint;
+use super::link::{Crew, Frame};
+use super::message::{Answer, Order};
+use super::task::Frames;
+use crate::base::Activity;
+use crate::config::Period;
+use crate::evaluation::Evaluation;
+use crate::influence::{AipLoss, Dataset, FreshLoss};
+use crate::training::answers::{FleetLoad, PolicyTraining, WorkerLoad};
+use crate::training::collect::Purpose;
+use crate::training::fleet::Fleet;
+use crate::training::state::AgentsState;
+
+impl<C: Crew> Coordinator<C> {
+    /// An order with a share of `episodes` for every worker that gets some, and the joint policy to play them with.
+    fn by_episode(&self, episodes: usize, order: impl Fn(Range<usize>) -> Order) -> Result<Vec<(usize, Frames)>> {
+        let policies = Frame::new(encode(&Order::TakePolicies(self.agents.policies.clone()))?);
+        let shares = (0..self.workers.len()).map(|worker| (worker, share(episodes, self.workers.len(), worker)));
+        let some = shares.filter(|(_, share)| !share.is_empty());
+        some.map(|(worker, share)| Ok((worker, Frames::after(policies.clone(), &order(share))?))).collect()
+    }
+
+    /// An order with the datasets of its agents for every worker that owns some. `datasets`: one per agent.
+    fn by_owner(
+        &self,
+        mut datasets: Vec<Dataset>,
+        order: impl Fn(Vec<Dataset>) -> Order,
+    ) -> Result<Vec<(usize, Frames)>> {
+        let of_worker = |worker: usize| {
+            let theirs = datasets.drain(..self.workers[worker].agents.len()).collect();
+            Ok((worker, Frames::of(&order(theirs))?))
+        };
+        self.owners().into_iter().map(of_worker).collect()
+    }
+}
+
+impl<C: Crew> Fleet for Coordinator<C> {
+    fn agents(&self) -> &AgentsState {
+        &self.agents
+    }
+
+    fn restore(&mut self, agents: AgentsState) -> Result<()> {
+        self.put_back(agents)
+    }
+
+    fn evaluate(&mut self, episodes: usize) -> Result<Evaluation> {
+        self.observer.busy(Activity::Evaluation, 0.0);
+        let orders = self.by_episode(episodes, |episodes| Order::Evaluate { episodes })?;
+        let mut reports = Vec::new();
+        self.ask(orders, Stop::AtOnce, |_, _, answer| match answer {
+            Answer::Evaluated(part) => reports.extend(part),
+            other => unreachable!("episodes were asked for, not {other:?}"),
+        })?;
+        Ok(Evaluation::new(&*self.domain, &reports))
+    }
+
+    fn collect_datasets(&mut self, purpose: Purpose) -> Result<Vec<Dataset>> {
+        self.observer.busy(purpose.activity(&self.config), 0.0);
+        let spec = self.domain.spec().clone();
+        let order = |episodes| Order::Collect { purpose, episodes };
+        let orders = self.by_episode(purpose.episodes(&self.config, spec.horizon), order)?;
+        let mut datasets = vec![Dataset::new(&spec); self.domain.agents()];
+        self.ask(orders, Stop::AtOnce, |_, _, answer| match answer {
+            Answer::Collected(parts) => {
+                datasets.iter_mut().zip(&parts).for_each(|(dataset, part)| dataset.extend(part));
+            }
+            other => unreachable!("datasets were asked for, not {other:?}"),
+        })?;
+        Ok(datasets)
+    }
+
+    fn train_aips(&mut self, datasets: Vec<Dataset>, period: &Period) -> Result<Vec<AipLoss>> {
+        self.observer.busy(Activity::AipTraining, 0.0);
+        let orders = self.by_owner(datasets, |datasets| Order::TrainAips { datasets, period: *period })?;
+        let mut all = Vec::new();
+        self.ask(orders, Stop::AtOnce, |state, agents, answer| match answer {
+            Answer::AipsTrained { losses, aips } => {
+                all.extend(losses);
+                state.aips.replace(agents.start, &aips);
+            }
+            other => unreachable!("AIPs were asked for, not {other:?}"),
+        })?;
+        Ok(all)
+    }
+
+    fn measure_aips(&mut self, datasets: Vec<Dataset>) -> Result<Vec<FreshLoss>> {
+        self.observer.busy(Activity::Evaluation, 0.0);
+        let orders = self.by_owner(datasets, |datasets| Order::MeasureAips { datasets })?;
+        let mut all = Vec::new();
+        self.ask(orders, Stop::AtOnce, |_, _, answer| match answer {
+            Answer::AipsMeasured(losses) => all.extend(losses),
+            other => unreachable!("losses were asked for, not {other:?}"),
+        })?;
+        Ok(all)
+    }
+
+    fn train_policies(&mut self, period: &Period) -> Result<PolicyTraining> {
+        self.observer.trained(self.agents.steps);
+        let order = Frames::of(&Order::TrainPolicies { period: *period })?;
+        let orders = self.owners().into_iter().map(|worker| (worker, order.clone())).collect();
+        let mut parts = Vec::new();
+        self.ask(orders, Stop::Later, |whole, agents, answer| match answer {
+            Answer::PoliciesTrained { training, state } => {
+                parts.push(training);
+                whole.replace(agents.start, &state);
+            }
+            other => unreachable!("policies were asked for, not {other:?}"),
+        })?;
+        Ok(PolicyTraining::joined(parts))
+    }
+
+    fn take_load(&mut self) -> FleetLoad {
+        let workers = self
+            .workers
+            .iter_mut()
+            .map(|slot| WorkerLoad { timesheet: slot.load.timesheet.take(), footprint: slot.load.footprint });
+        FleetLoad {
+            workers: workers.collect(),
+            at_work: std::mem::take(&mut self.at_work),
+            coordinator: Some(footprint()),
+            coordinator_cpu: self.clock.lap(),
+        }
+    }
+}

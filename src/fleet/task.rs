@@ -1,0 +1,74 @@
+//! An order under way: what a worker was sent, and what has been heard of it since.
+
+use std::time::Duration;
+
+use anyhow::Result;
+
+use super::channel::encode;
+use super::link::{Frame, Link};
+use super::message::{Order, Report};
+use crate::base::Activity;
+use crate::training::observer::Observer;
+
+/// An encoded order, to be sent any number of times.
+#[derive(Clone)]
+pub struct Frames {
+    /// What the worker needs first.
+    before: Option<Frame>,
+    order: Frame,
+}
+
+impl Frames {
+    pub fn of(order: &Order) -> Result<Frames> {
+        Ok(Frames { before: None, order: encode(order)?.into() })
+    }
+
+    /// An order with a frame that prepares it.
+    pub fn after(before: Frame, order: &Order) -> Result<Frames> {
+        Ok(Frames { before: Some(before), ..Frames::of(order)? })
+    }
+
+    pub fn send(&self, link: &impl Link) {
+        self.before.iter().chain([&self.order]).for_each(|frame| link.send(frame.clone()));
+    }
+}
+
+/// An order that a worker has not answered yet.
+pub struct Task {
+    pub frames: Frames,
+    /// How often a worker was lost at it.
+    pub deaths: usize,
+    /// Time since the worker was given the order or was heard, as far as the coordinator was listening.
+    pub silence: Duration,
+    pub progress: Option<Report>,
+}
+
+impl Task {
+    pub fn new(frames: Frames) -> Task {
+        Task { frames, deaths: 0, silence: Duration::ZERO, progress: None }
+    }
+}
+
+/// Reports how far the workers have come with the same order; `done`: how many are done with it.
+///
+/// The slowest worker counts for training, the mean for everything else.
+pub fn tell_progress<'a>(open: impl Iterator<Item = &'a Task> + Clone, done: usize, observer: &dyn Observer) {
+    let reports = || open.clone().filter_map(|task| task.progress.as_ref());
+    let slowest = reports().filter_map(|report| match report {
+        Report::Trained { steps } => Some(*steps),
+        _ => None,
+    });
+    if let Some(steps) = slowest.min() {
+        observer.trained(steps);
+    }
+    let shares: Vec<(Activity, f64)> = reports()
+        .filter_map(|report| match report {
+            Report::Busy { activity, share } => Some((*activity, *share)),
+            _ => None,
+        })
+        .collect();
+    if let Some(&(activity, _)) = shares.first() {
+        let sum = shares.iter().map(|(_, share)| share).sum::<f64>() + done as f64;
+        observer.busy(activity, sum / (open.count() + done) as f64);
+    }
+}

@@ -1,0 +1,301 @@
+//! Workers that are threads of this process, and what the coordinator makes of their loss.
+
+use std::cell::RefCell;
+use std::io::{self, Read, Write};
+use std::rc::Rc;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
+use std::thread;
+use std::time::Duration;
+
+use anyhow::Result;
+
+use super::bell::{Bell, Cord};
+use super::channel::receive;
+use super::inline::InlineFleet;
+use super::link::{Crew, Frame, Link, News};
+use super::{Coordinator, Options, serve};
+use crate::config::Config;
+use crate::domain::Domain;
+use crate::domain::toy::Coins;
+use crate::training::answers::{FleetLoad, PolicyTraining};
+use crate::training::dials;
+use crate::training::fleet::Fleet;
+use crate::training::journal::{Journal, Unrecorded};
+use crate::training::observer::{Observer, Silent};
+use crate::training::standing::Standing;
+use crate::training::state::AgentsState;
+
+/// What becomes of a worker at a frame that it is sent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Fate {
+    Dies,
+    /// Says nothing any more, and ends when its link does.
+    Hangs,
+}
+
+/// The frame of a worker, counted from 0, at which its fate strikes.
+type FateAt = (usize, Fate);
+
+/// Threads, each of which serves at the other end of a pipe in memory.
+struct ThreadCrew {
+    domain: Arc<dyn Domain>,
+    bell: Bell,
+    can_replace: bool,
+    /// By worker; the next one in a list strikes whoever is started next under that number.
+    fates: Vec<Vec<FateAt>>,
+}
+
+impl Crew for ThreadCrew {
+    type Link = ThreadLink;
+
+    fn start(&mut self, worker: usize) -> Result<ThreadLink> {
+        let fate = self.fates[worker].pop();
+        let ((frames, incoming), (outgoing, said)) = (channel(), channel());
+        let (cord, domain) = (self.bell.cord(), self.domain.clone());
+        let pipe = Pipe { incoming, frames: 0, fate, rest: (Frame::default(), 0), outgoing: Some(outgoing), cord };
+        thread::spawn(move || serve(pipe, |_| Ok(domain)));
+        Ok(ThreadLink { frames, said })
+    }
+
+    fn can_replace(&self) -> bool {
+        self.can_replace
+    }
+
+    fn wait(&mut self, at_most: Duration) {
+        self.bell.wait(at_most);
+    }
+}
+
+struct ThreadLink {
+    frames: Sender<Frame>,
+    /// One message in each.
+    said: Receiver<Vec<u8>>,
+}
+
+impl Link for ThreadLink {
+    fn send(&self, frame: Frame) {
+        let _ = self.frames.send(frame);
+    }
+
+    fn next(&mut self) -> Option<News> {
+        match self.said.try_recv() {
+            Ok(message) => Some(match receive(&mut &message[..]) {
+                Ok(report) => News::Said(report.expect("no message is empty")),
+                Err(error) => News::Gone(Some(error)),
+            }),
+            Err(TryRecvError::Empty) => None,
+            Err(TryRecvError::Disconnected) => Some(News::Gone(None)),
+        }
+    }
+
+    fn state(&self) -> Option<String> {
+        None
+    }
+
+    fn end(self) -> String {
+        "its thread ended".to_owned()
+    }
+
+    fn end_by_force(self) -> String {
+        "its thread is left alone".to_owned()
+    }
+}
+
+/// The worker's end.
+struct Pipe {
+    incoming: Receiver<Frame>,
+    /// Number of frames that came so far.
+    frames: usize,
+    fate: Option<FateAt>,
+    /// The frame that is being read, and how much of it has been.
+    rest: (Frame, usize),
+    outgoing: Option<Sender<Vec<u8>>>,
+    cord: Cord,
+}
+
+impl Read for Pipe {
+    /// Reads nothing where the stream has ended.
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        if self.rest.1 == self.rest.0.len() {
+            let Ok(frame) = self.incoming.recv() else { return Ok(0) };
+            match self.fate {
+                Some((at, Fate::Dies)) if at == self.frames => return Ok(0),
+                Some((at, Fate::Hangs)) if at == self.frames => {
+                    while self.incoming.recv().is_ok() {}
+                    return Ok(0);
+                }
+                _ => {}
+            }
+            self.frames += 1;
+            self.rest = (frame, 0);
+        }
+        let (frame, read) = &mut self.rest;
+        let length = buffer.len().min(frame.len() - *read);
+        buffer[..length].copy_from_slice(&frame[*read..][..length]);
+        *read += length;
+        Ok(length)
+    }
+}
+
+impl Write for Pipe {
+    /// Takes a whole message at a time.
+    fn write(&mut self, message: &[u8]) -> io::Result<usize> {
+        let outgoing = self.outgoing.as_ref().expect("it is only taken at the end");
+        outgoing.send(message.to_vec()).map_err(|_| io::ErrorKind::BrokenPipe)?;
+        self.cord.ring();
+        Ok(message.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Drop for Pipe {
+    fn drop(&mut self) {
+        // The link hears of it only when this has gone, so it must go before the bell rings.
+        drop(self.outgoing.take());
+        self.cord.ring();
+    }
+}
+
+/// Remembers the warnings.
+#[derive(Default)]
+struct Warnings(RefCell<Vec<String>>);
+
+impl Observer for Warnings {
+    fn worker_lost(&self, message: &str) {
+        self.0.borrow_mut().push(message.to_owned());
+    }
+}
+
+/// Keeps where training stood after its first period.
+#[derive(Default)]
+struct Keeper(Option<(AgentsState, Standing)>);
+
+impl Journal for Keeper {
+    fn period_done(
+        &mut self,
+        agents: &AgentsState,
+        standing: &Standing,
+        _training: &PolicyTraining,
+        _load: FleetLoad,
+    ) -> Result<()> {
+        self.0.get_or_insert_with(|| (agents.clone(), *standing));
+        Ok(())
+    }
+}
+
+const PATIENCE: Duration = Duration::from_secs(3);
+
+/// Two periods; AIPs are trained before each.
+fn config() -> Config {
+    toml::from_str(
+        "total_steps = 500\n\
+         traffic = { network = 'none', local_network = 'none' }\n\
+         local_simulators = { copies = 2, stagger = true }\n\
+         policy = { hidden = [8] }\n\
+         ppo = { time_limit = 'bootstrap' }\n\
+         aip = { hidden = [4], retrain_every_steps = 250, dataset_steps = 100, batch = 16, epochs = 2 }\n\
+         evaluation = { every_steps = 250, episodes = 3, aip_loss_episodes = 2 }",
+    )
+    .unwrap()
+}
+
+fn coins() -> Arc<dyn Domain> {
+    Arc::new(Coins::new(20))
+}
+
+/// What a single worker makes of the two agents, and where they stood after the first period.
+fn undisturbed() -> (AgentsState, Keeper) {
+    let (config, mut keeper) = (config(), Keeper::default());
+    let mut fleet = InlineFleet::new(coins(), &config, Rc::new(Silent));
+    dials::train(&config, &mut fleet, Standing::default(), &mut keeper, &Silent).unwrap();
+    (fleet.agents().clone(), keeper)
+}
+
+/// Workers whose fates strike them in this order.
+fn crew<const N: usize>(can_replace: bool, fates: [&[FateAt]; N]) -> ThreadCrew {
+    let fates = fates.map(|fates| fates.iter().rev().copied().collect());
+    ThreadCrew { domain: coins(), bell: Bell::new(), can_replace, fates: fates.to_vec() }
+}
+
+/// Trains with a crew; returns what became of the agents, or the error, and the warnings.
+fn train(crew: ThreadCrew) -> (Result<AgentsState, String>, Vec<String>) {
+    let (config, warnings) = (config(), Rc::new(Warnings::default()));
+    let options = Options { workers: crew.fates.len(), patience: PATIENCE };
+    let outcome = Coordinator::start(coins(), &config, crew, options, warnings.clone()).and_then(|mut fleet| {
+        dials::train(&config, &mut fleet, Standing::default(), &mut Unrecorded, &*warnings)?;
+        Ok(fleet.agents().clone())
+    });
+    (outcome.map_err(|error| format!("{error:#}")), warnings.0.take())
+}
+
+// An owner's frames: 0 begin, 1 its state, 2 and 3 policies and evaluation, 4 and 5 policies and measuring,
+// 6 the AIPs' loss, 7 and 8 policies and datasets, 9 AIP training, 10 and 11 policies and measuring, 12 the AIPs' loss,
+// 13 training of policies. One that was replaced: 0 begin, 1 its state, 2 its order.
+
+#[test]
+fn any_number_of_workers_makes_what_a_single_one_makes() {
+    let (expected, _) = undisturbed();
+    assert!(train(crew(true, [&[]])).0.unwrap() == expected);
+    // Two agents, so worker 0 has none.
+    let (outcome, warnings) = train(crew(false, [&[], &[], &[]]));
+    assert!(outcome.unwrap() == expected && warnings.is_empty());
+}
+
+#[test]
+fn a_lost_worker_is_replaced_and_the_numbers_stay() {
+    let (outcome, warnings) = train(crew(true, [&[], &[(13, Fate::Dies), (2, Fate::Dies)]]));
+    assert!(outcome.unwrap() == undisturbed().0);
+    let warning = "worker 1 (agent 1) died: its thread ended\nstarted again from the last exchange";
+    assert_eq!(warnings, [warning, warning]);
+}
+
+#[test]
+fn three_deaths_in_a_row_are_too_many() {
+    let (outcome, warnings) = train(crew(true, [&[(13, Fate::Dies), (2, Fate::Dies), (2, Fate::Dies)], &[]]));
+    let error = outcome.unwrap_err();
+    assert_eq!(error, "worker 0 (agent 0) died: its thread ended\ngiven up after 3 deaths in a row at the same place");
+    assert_eq!(warnings.len(), 2);
+}
+
+#[test]
+fn a_worker_that_hangs_is_replaced_after_the_patience() {
+    let (outcome, warnings) = train(crew(true, [&[], &[(9, Fate::Hangs)]]));
+    assert!(outcome.unwrap() == undisturbed().0);
+    let warning = "worker 1 (agent 1) said nothing for 3s (state: unknown) and was ended; its thread is left alone";
+    assert!(warnings.len() == 1 && warnings[0].starts_with(warning), "{warnings:?}");
+}
+
+#[test]
+fn the_loss_of_a_worker_that_cannot_be_replaced_ends_the_run_and_names_it_and_its_agents() {
+    let end = "\na worker of this kind cannot be started again, so the run ends here";
+    for (fate, what) in [
+        (Fate::Dies, "died: its thread ended"),
+        (Fate::Hangs, "said nothing for 3s (state: unknown) and was ended; its thread is left alone"),
+    ] {
+        let (outcome, warnings) = train(crew(false, [&[], &[(13, fate)]]));
+        assert_eq!(outcome.unwrap_err(), format!("worker 1 (agent 1) {what}{end}"));
+        assert!(warnings.is_empty(), "{warnings:?}");
+    }
+    // One without agents only plays episodes, but its loss is no other.
+    let (outcome, _) = train(crew(false, [&[(1, Fate::Dies)], &[], &[]]));
+    assert_eq!(outcome.unwrap_err(), format!("worker 0 (no agents of its own) died: its thread ended{end}"));
+}
+
+#[test]
+fn training_goes_on_from_a_state_with_workers_that_run_or_are_started_again() {
+    let (expected, Keeper(kept)) = undisturbed();
+    let (agents, standing) = kept.unwrap();
+    assert_eq!(standing.periods_done, 1);
+    for can_replace in [true, false] {
+        let options = Options { workers: 2, patience: PATIENCE };
+        let crew = crew(can_replace, [&[], &[]]);
+        let mut fleet = Coordinator::start(coins(), &config(), crew, options, Rc::new(Silent)).unwrap();
+        fleet.restore(agents.clone()).unwrap();
+        dials::train(&config(), &mut fleet, standing, &mut Unrecorded, &Silent).unwrap();
+        assert!(*fleet.agents() == expected, "can_replace: {can_replace}");
+    }
+}

@@ -1,0 +1,67 @@
+//! Files that are written whole or not at all, so that a kill or a full disk loses nothing; and the lock of a run.
+
+use std::fs::{self, File};
+use std::path::Path;
+
+use anyhow::{Context, Result};
+
+/// Makes sure that one process at a time writes a run; the system lifts the lock when the process ends, however.
+pub fn lock(dir: &Path) -> Result<File> {
+    let folder = File::open(dir).with_context(|| format!("{}: cannot be opened", dir.display()))?;
+    folder.try_lock().with_context(|| format!("{}: another process is writing this run", dir.display()))?;
+    Ok(folder)
+}
+
+/// Writes a file beside its place and moves it there: readers see the old one or the new one, whole.
+pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
+    write_beside(path, |beside| Ok(fs::write(beside, bytes)?))
+}
+
+/// As [`write_atomically`], for a `write` that makes the file itself.
+pub fn write_beside(path: &Path, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
+    let failed = || format!("{}: cannot be written", path.display());
+    // In a folder of its own, where it has its own name: TorchScript's archives keep that.
+    let folder = tempfile::Builder::new().prefix(".new-").tempdir_in(folder_of(path)).with_context(failed)?;
+    let beside = folder.path().join(path.file_name().with_context(failed)?);
+    let kept = write(&beside).and_then(|()| Ok(File::open(&beside)?.sync_all()?));
+    kept.and_then(|()| Ok(fs::rename(&beside, path)?)).with_context(failed)
+}
+
+/// The folder that a file is in.
+pub fn folder_of(file: &Path) -> &Path {
+    file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::PermissionsExt;
+
+    #[test]
+    fn a_full_disk_is_a_clear_error_and_what_was_there_stays() {
+        let dir = tempfile::tempdir().unwrap();
+        let kept = dir.path().join("policies.safetensors");
+        write_atomically(&kept, b"good").unwrap();
+        let write_to_a_full_disk = |beside: &Path| {
+            fs::write(beside, b"new")?;
+            Ok(fs::write("/dev/full", b"er")?)
+        };
+        let error = format!("{:#}", write_beside(&kept, write_to_a_full_disk).unwrap_err());
+        assert!(error.contains("policies.safetensors: cannot be written: No space left on device"), "{error}");
+        assert_eq!(fs::read(&kept).unwrap(), b"good");
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1, "nothing is left behind");
+    }
+
+    #[test]
+    fn a_file_that_is_written_leaves_its_neighbours_alone() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = |name: &str| dir.path().join(name);
+        fs::write(path("policies.part"), b"precious").unwrap();
+        fs::write(path("plain"), b"").unwrap();
+        write_atomically(&path("policies.pt"), b"new").unwrap();
+        assert_eq!(fs::read(path("policies.part")).unwrap(), b"precious");
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 3);
+        let mode = |name: &str| fs::metadata(path(name)).unwrap().permissions().mode();
+        assert_eq!(mode("policies.pt"), mode("plain"), "and is for everyone whom the umask allows");
+    }
+}

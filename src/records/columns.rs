@@ -1,0 +1,86 @@
+//! The columns of each CSV file of a run: one list for who writes the file and who reads it.
+//!
+//! `docs/files.md` says what each column means. Some files have more columns after these, which the domain names.
+
+use crate::base::{Activity, Phase};
+
+/// The value in the second column of the lines about all agents, workers or processes.
+pub const ALL: &str = "all";
+
+/// Timesteps per agent. The first column of every file.
+pub const STEPS: &str = "steps";
+pub const AGENT: &str = "agent";
+pub const EPISODES: &str = "episodes";
+
+pub const MEAN: &str = "mean";
+pub const MEDIAN: &str = "median";
+pub const STD_ERROR: &str = "std_error";
+pub const STUCK: &str = "stuck";
+/// `returns.csv`, before the measures of the domain.
+pub const OF_RETURNS: [&str; 7] = [STEPS, AGENT, MEAN, MEDIAN, STD_ERROR, EPISODES, STUCK];
+
+pub const EPISODE: &str = "episode";
+pub const RETURN: &str = "return";
+/// `episodes.csv`
+pub const OF_EPISODES: [&str; 3] = [STEPS, EPISODE, RETURN];
+
+/// `training.csv`, before the counters of the simulators.
+pub const OF_TRAINING: [&str; 11] = [
+    STEPS,
+    AGENT,
+    "mean_return",
+    EPISODES,
+    "surrogate",
+    "value_loss",
+    "entropy",
+    "kl",
+    "clipped",
+    "learning_rate",
+    "clip",
+];
+
+pub const SOURCE: &str = "source";
+pub const HELD_OUT_BEFORE: &str = "held_out_before";
+pub const HELD_OUT_AFTER: &str = "held_out_after";
+pub const HELD_OUT_MARGINALS: &str = "held_out_marginals";
+/// `aip_loss.csv`
+pub const OF_AIP_LOSS: [&str; 9] = [
+    STEPS,
+    AGENT,
+    SOURCE,
+    "training_before",
+    "training_after",
+    HELD_OUT_BEFORE,
+    HELD_OUT_AFTER,
+    HELD_OUT_MARGINALS,
+    "frequency",
+];
+
+pub const AFTER: &str = "after";
+pub const LOSS: &str = "loss";
+pub const MARGINALS: &str = "marginals";
+/// `aip_drift.csv`
+pub const OF_AIP_DRIFT: [&str; 5] = [STEPS, AGENT, AFTER, LOSS, MARGINALS];
+
+pub const WORKER: &str = "worker";
+pub const ELAPSED_S: &str = "elapsed_s";
+pub const CPU_S: &str = "cpu_s";
+pub const CPU_EVALUATION_S: &str = "cpu_evaluation_s";
+
+/// `timing.csv`
+pub fn of_timing() -> Vec<String> {
+    let fixed = [STEPS, WORKER, "wall_s", ELAPSED_S, CPU_S, CPU_EVALUATION_S, "exchange_s"].map(str::to_owned);
+    let phases = Phase::ALL.map(|phase| format!("{}_s", phase.name()));
+    fixed.into_iter().chain(Activity::ALL.map(seconds_of)).chain(["idle_s".to_owned()]).chain(phases).collect()
+}
+
+/// The column of `timing.csv` with the seconds of an activity.
+pub fn seconds_of(activity: Activity) -> String {
+    format!("{}_s", activity.name())
+}
+
+pub const PROCESS: &str = "process";
+pub const PEAK_RSS_MB: &str = "peak_rss_mb";
+pub const PSS_MB: &str = "pss_mb";
+/// `memory.csv`
+pub const OF_MEMORY: [&str; 4] = [STEPS, PROCESS, PEAK_RSS_MB, PSS_MB];

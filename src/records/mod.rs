@@ -1,0 +1,43 @@
+//! The run directory: what a run leaves behind, written as it goes, and read again.
+//!
+//! CSV files grow by whole blocks of lines, one write per block; everything else is written beside its place and moved
+//! there. So a kill loses at most the current period, and what is there can be read at any time.
+//!
+//! | file | what |
+//! |---|---|
+//! | `config.toml`, `networks/` | the checked config and the SUMO networks it names: the run can be evaluated anywhere |
+//! | `run.json` | seed, command line, build and machine |
+//! | `returns.csv` | evaluations on the GS, per agent and for all |
+//! | `episodes.csv` | the mean return of all agents in each episode of each evaluation |
+//! | `training.csv` | each period of training, per agent: returns on the simulator it trained on, losses |
+//! | `aip_loss.csv` | each training of the AIPs, per agent and source |
+//! | `aip_drift.csv` | the loss of the AIPs on fresh episodes, per agent, where the config asks for it |
+//! | `timing.csv` | each period, per worker: seconds per phase |
+//! | `memory.csv` | each period, per process: memory |
+//! | `events.out.tfevents` | the numbers of these for TensorBoard, where the config asks for it |
+//! | `policies.safetensors`, `aips.safetensors` | the networks, `[agents, ...]` |
+//! | `checkpoints/` | the last few states to resume from |
+//!
+//! - [`files`], [`columns`]: the names of the files, and of the columns of each CSV file, for writers and readers.
+//! - [`atomic`], [`csv`], [`tensorboard`]: how files are written so that a kill or a full disk loses nothing.
+//! - `lines`: what stands in the CSV files. `finite`: what has diverged is not written.
+//! - [`checkpoint`]: the state of all agents, to go on from.
+//! - [`run_json`]: how the run was called, and what computed it.
+//! - [`run_log`]: the [`Journal`](crate::training::journal::Journal) that writes all this as training goes.
+//! - [`run_record`], [`reader`], [`csv_table`]: what a run directory says, also one of another version. `before`: what
+//!   older runs simulated. No live run is seen here.
+
+pub mod atomic;
+pub mod before;
+pub mod checkpoint;
+pub mod columns;
+pub mod csv;
+pub mod csv_table;
+pub mod files;
+mod finite;
+mod lines;
+pub mod reader;
+pub mod run_json;
+pub mod run_log;
+pub mod run_record;
+pub mod tensorboard;

@@ -1,0 +1,305 @@
+//! Reads a run directory that a run left behind or is still filling, perhaps one of another version.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::Result;
+
+use super::before;
+use super::columns::{self, ALL};
+use super::csv_table::{CsvTable, Line};
+use super::files;
+use super::run_json::RunJson;
+use super::run_record::{AipTraining, CpuTime, Evaluation, FreshLoss, Memory, PeriodTime, Returns, RunRecord};
+use crate::base::Activity;
+use crate::config::{self, Config};
+use crate::domain::Scenario;
+use crate::training::drift::Moment;
+
+impl RunRecord {
+    pub fn read(dir: &Path) -> Result<RunRecord> {
+        let config = config::load_kept(&dir.join(files::CONFIG))?;
+        let about = RunJson::read_if_there(dir)?;
+        let timing = CsvTable::read(&dir.join(files::TIMING))?;
+        let evaluations = read_evaluations(
+            &CsvTable::read(&dir.join(files::RETURNS))?,
+            &CsvTable::read(&dir.join(files::EPISODES))?,
+        )?;
+        let agents = evaluations.first().map(|first| first.agents.len());
+        Ok(RunRecord {
+            scenario: scenario_in(&about, &config, agents)?,
+            config,
+            about,
+            evaluations,
+            aip_trainings: read_aip_trainings(&CsvTable::read(&dir.join(files::AIP_LOSS))?)?,
+            fresh_losses: read_fresh_losses(&CsvTable::read(&dir.join(files::AIP_DRIFT))?)?,
+            periods: read_periods(&timing)?,
+            memory: read_memory(&CsvTable::read(&dir.join(files::MEMORY))?)?,
+            workers: timing
+                .lines()
+                .filter_map(|line| line.text(columns::WORKER)?.parse::<usize>().ok())
+                .max()
+                .unwrap_or(0)
+                + 1,
+            dir: dir.to_owned(),
+        })
+    }
+}
+
+/// Returns what the run in `dir` simulates. `config`: that of the run; `agents`: their number.
+pub fn scenario_of(dir: &Path, config: &Config, agents: usize) -> Result<Scenario> {
+    let about = RunJson::read_if_there(dir)?;
+    Ok(scenario_in(&about, config, Some(agents))?.expect("the number of agents is known"))
+}
+
+/// Returns the scenario of `run.json`. For older runs: as far as the config has it.
+fn scenario_in(about: &RunJson, config: &Config, agents: Option<usize>) -> Result<Option<Scenario>> {
+    match &about.scenario {
+        Some(scenario) => Ok(Some(scenario.clone())),
+        None => before::scenario(config, agents),
+    }
+}
+
+/// `table`: `returns.csv`; `episodes`: `episodes.csv`.
+fn read_evaluations(table: &CsvTable, episodes: &CsvTable) -> Result<Vec<Evaluation>> {
+    let mut of_episodes = read_episodes(episodes)?;
+    let mut evaluations: Vec<Evaluation> = Vec::new();
+    for line in table.lines() {
+        let returns = Returns {
+            mean: line.required(columns::MEAN)?,
+            median: line.required(columns::MEDIAN)?,
+            std_error: line.required(columns::STD_ERROR)?,
+            stuck: line.number(columns::STUCK)?.unwrap_or(0.0) as usize,
+        };
+        match (line.text(columns::AGENT), evaluations.last_mut()) {
+            (Some(ALL), _) => {
+                let steps = line.steps()?;
+                let episodes = line.number(columns::EPISODES)?.map(|count| count as usize);
+                let episode_returns = of_episodes.remove(&steps).unwrap_or_default();
+                evaluations.push(Evaluation { steps, all: returns, agents: Vec::new(), episodes, episode_returns });
+            }
+            (_, Some(evaluation)) => evaluation.agents.push(returns),
+            (_, None) => anyhow::bail!("{}: begins with an agent and not with `{ALL}`", files::RETURNS),
+        }
+    }
+    let agents = evaluations.iter().map(|evaluation| evaluation.agents.len()).max().unwrap_or(0).max(1);
+    // Cut short by a kill.
+    evaluations.pop_if(|last| last.agents.len() < agents);
+    if let Some(bad) = evaluations.iter().find(|evaluation| evaluation.agents.len() != agents) {
+        let (steps, found) = (bad.steps, bad.agents.len());
+        anyhow::bail!("{}: tells of {found} of {agents} agents at step {steps}", files::RETURNS);
+    }
+    // Likewise: its episodes are written after it.
+    if let Some(last) =
+        evaluations.last_mut().filter(|last| last.episodes.is_some_and(|all| last.episode_returns.len() < all))
+    {
+        last.episode_returns.clear();
+    }
+    let uneven = |evaluation: &&Evaluation| {
+        let found = evaluation.episode_returns.len();
+        found > 0 && evaluation.episodes.is_some_and(|episodes| episodes != found)
+    };
+    if let Some(bad) = evaluations.iter().find(uneven) {
+        let (steps, found, all) = (bad.steps, bad.episode_returns.len(), bad.episodes.unwrap_or(0));
+        anyhow::bail!("{}: has {found} of {all} episodes at step {steps}", files::EPISODES);
+    }
+    Ok(evaluations)
+}
+
+/// Mean returns of all agents by steps, episode by episode.
+fn read_episodes(table: &CsvTable) -> Result<BTreeMap<u64, Vec<f64>>> {
+    let mut of_steps: BTreeMap<u64, Vec<f64>> = BTreeMap::new();
+    for line in table.lines() {
+        let (steps, episode) = (line.steps()?, line.required(columns::EPISODE)? as usize);
+        let returns = of_steps.entry(steps).or_default();
+        anyhow::ensure!(
+            episode == returns.len(),
+            "{}: has episode {episode} at step {steps} where episode {} belongs",
+            files::EPISODES,
+            returns.len()
+        );
+        returns.push(line.required(columns::RETURN)?);
+    }
+    Ok(of_steps)
+}
+
+fn of_all_sources(line: Line) -> bool {
+    line.text(columns::AGENT) == Some(ALL) && line.text(columns::SOURCE).is_none_or(|source| source == ALL)
+}
+
+fn read_aip_trainings(table: &CsvTable) -> Result<Vec<AipTraining>> {
+    let trainings = table.lines().filter(|&line| of_all_sources(line)).map(|line| {
+        Ok(AipTraining {
+            steps: line.steps()?,
+            before: line.required(columns::HELD_OUT_BEFORE)?,
+            after: line.required(columns::HELD_OUT_AFTER)?,
+            marginals: line.required(columns::HELD_OUT_MARGINALS)?,
+        })
+    });
+    trainings.collect()
+}
+
+fn read_fresh_losses(table: &CsvTable) -> Result<Vec<FreshLoss>> {
+    let losses = table.lines().filter(|&line| of_all_sources(line)).map(|line| {
+        Ok(FreshLoss {
+            steps: line.steps()?,
+            after_training: line.text(columns::AFTER) == Some(Moment::Training.name()),
+            loss: line.required(columns::LOSS)?,
+            marginals: line.required(columns::MARGINALS)?,
+        })
+    });
+    losses.collect()
+}
+
+/// The activities that are no training of policies. A file that lacks the column of one spent no time there.
+const EVALUATION: [Activity; 1] = [Activity::Evaluation];
+const INFLUENCE: [Activity; 2] = [Activity::Collection, Activity::AipTraining];
+
+/// Sums of seconds since the run began.
+fn read_periods(table: &CsvTable) -> Result<Vec<PeriodTime>> {
+    let spent = |line: Line, activities: &[Activity]| -> Result<f64> {
+        activities.iter().map(|&activity| Ok(line.number(&columns::seconds_of(activity))?.unwrap_or(0.0))).sum()
+    };
+    let (mut evaluation_s, mut influence_s) = (0.0, 0.0);
+    // A run of an older version has no such columns, and one that was begun by it has no sum.
+    let mut cpu = Some(CpuTime::default());
+    let mut periods = Vec::new();
+    for line in table.lines().filter(|line| line.text(columns::WORKER) == Some(ALL)) {
+        evaluation_s += spent(line, &EVALUATION)?;
+        influence_s += spent(line, &INFLUENCE)?;
+        let (steps, elapsed_s) = (line.steps()?, line.required(columns::ELAPSED_S)?);
+        cpu = match (cpu, line.number(columns::CPU_S)?) {
+            (Some(before), Some(more)) => Some(CpuTime {
+                total_s: before.total_s + more,
+                evaluation_s: before.evaluation_s + line.required(columns::CPU_EVALUATION_S)?,
+            }),
+            _ => None,
+        };
+        periods.push(PeriodTime { steps, elapsed_s, evaluation_s, influence_s, cpu });
+    }
+    Ok(periods)
+}
+
+fn read_memory(table: &CsvTable) -> Result<Option<Memory>> {
+    let mut memory: Option<Memory> = None;
+    for line in table.lines() {
+        let (rss, pss) = (line.required(columns::PEAK_RSS_MB)?, line.number(columns::PSS_MB)?);
+        let here = match line.text(columns::PROCESS) {
+            Some(ALL) => Memory { process_mb: 0.0, total_mb: rss, total_pss_mb: pss },
+            _ => Memory { process_mb: rss, total_mb: 0.0, total_pss_mb: None },
+        };
+        memory = Some(memory.map_or(here, |so_far| so_far.max(here)));
+    }
+    Ok(memory)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::{Rows, Timesheet};
+    use crate::config::Config;
+    use crate::domain::Measures;
+    use crate::evaluation;
+    use crate::influence;
+    use crate::nn::{Layout, Moments};
+    use crate::records::run_log::{Layouts, RunLog};
+    use crate::training::answers::{AgentTraining, FleetLoad, Footprint, PolicyTraining, WorkerLoad};
+    use crate::training::journal::Journal;
+    use crate::training::ppo::{Decayed, Losses};
+    use crate::training::standing::Standing;
+    use crate::training::state::AgentsState;
+    use std::time::Duration;
+
+    #[test]
+    fn what_the_log_writes_the_reader_reads() {
+        let dir = tempfile::tempdir().unwrap();
+        let text = "warehouse = { agents_per_side = 2 }\n";
+        std::fs::write(dir.path().join(files::CONFIG), text).unwrap();
+        let config: Config = toml::from_str(text).unwrap();
+        let layout = || Layout::new(vec![("w".to_owned(), vec![1])]);
+        let mut log = RunLog::create(dir.path(), &config, Layouts { policies: layout(), aips: layout() }).unwrap();
+        let table = || Rows::from_vec(vec![0.5, 0.25], 1);
+        let moments = Moments { first: table(), second: table(), steps: 1 };
+        let agents = AgentsState { steps: 128, policies: table(), moments, aips: table(), streams: vec![] };
+
+        // Agents' means 2 and 4; episode means 1 and 5: deviation sqrt(8), standard error sqrt(8 / 2) = 2.
+        let returns = Rows::from_vec(vec![0.0, 2.0, 4.0, 6.0], 2);
+        let played = evaluation::Evaluation { returns, measures: Measures::default(), stuck: vec![false, true] };
+        log.evaluated(&agents, &played).unwrap();
+        let loss = |before, after| influence::AipLoss {
+            training: [vec![9.0], vec![9.0]],
+            held_out: [vec![before], vec![after]],
+            marginals: vec![0.5],
+            frequencies: vec![0.25],
+        };
+        log.aips_trained(&agents, &[loss(0.75, 0.25), loss(0.25, 0.25)]).unwrap();
+        let fresh = influence::FreshLoss { predictor: vec![0.375], marginals: vec![0.5] };
+        log.aips_measured(&agents, Moment::Training, &[fresh.clone(), fresh]).unwrap();
+        let mut timesheet = Timesheet::default();
+        timesheet.note(Activity::Evaluation, Duration::from_secs(3), &Default::default());
+        timesheet.note(Activity::Collection, Duration::from_secs(2), &Default::default());
+        timesheet.note_cpu(Duration::from_secs(7));
+        let mebibytes = |peak: u64, shared: u64| Footprint { peak_rss_kib: peak << 10, pss_kib: shared << 10 };
+        let worker = WorkerLoad { timesheet, footprint: mebibytes(30, 20) };
+        let load = FleetLoad { workers: vec![worker], coordinator: Some(mebibytes(40, 10)), ..FleetLoad::default() };
+        let of_agent = AgentTraining { mean_return: None, episodes: 0, losses: Losses::default() };
+        let decayed = Decayed { learning_rate: 1e-3, clip: 0.1 };
+        let training = PolicyTraining { agents: vec![of_agent; 2], counters: Vec::new(), decayed };
+        log.period_done(&agents, &Standing::default(), &training, load).unwrap();
+
+        let read = RunRecord::read(dir.path()).unwrap();
+        let [found] = &read.evaluations[..] else { panic!("{:?}", read.evaluations) };
+        assert_eq!((found.steps, found.all.mean, found.all.std_error, found.all.stuck), (128, 3.0, 2.0, 1));
+        assert_eq!((found.agents[1].mean, found.agents[1].stuck, found.episodes), (4.0, 1, Some(2)));
+        assert_eq!(found.episode_returns, [1.0, 5.0]);
+        let AipTraining { steps, before, after, marginals } = read.aip_trainings[0];
+        assert_eq!((steps, before, after, marginals), (128, 0.5, 0.25, 0.5));
+        let FreshLoss { after_training, loss, marginals, .. } = read.fresh_losses[0];
+        assert_eq!((after_training, loss, marginals), (true, 0.375, 0.5));
+        let time = read.total_time().unwrap();
+        assert_eq!((time.evaluation_s, time.influence_s, time.cpu.map(|cpu| cpu.total_s)), (3.0, 2.0, Some(7.0)));
+        let memory = read.memory.unwrap();
+        assert_eq!((memory.process_mb, memory.total_mb, memory.total_pss_mb), (40.0, 70.0, Some(30.0)));
+        assert_eq!(read.workers, 1);
+    }
+
+    fn evaluations(text: &str) -> Result<Vec<(u64, usize)>> {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join(files::RETURNS);
+        std::fs::write(&path, format!("steps,agent,mean,median,std_error\n{text}")).unwrap();
+        let read = read_evaluations(&CsvTable::read(&path)?, &CsvTable::read(&dir.path().join(files::EPISODES))?)?;
+        Ok(read.iter().map(|evaluation| (evaluation.steps, evaluation.agents.len())).collect())
+    }
+
+    #[test]
+    fn an_evaluation_that_was_cut_short_is_none_and_a_hole_in_the_middle_is_told() {
+        let block = |steps: u64, agents: usize| {
+            let names = std::iter::once("all".to_owned()).chain((0..agents).map(|agent| agent.to_string()));
+            names.map(|name| format!("{steps},{name},1,1,0\n")).collect::<String>()
+        };
+        assert_eq!(evaluations(&(block(0, 2) + &block(100, 1))).unwrap(), [(0, 2)]);
+        assert_eq!(evaluations(&block(0, 0)).unwrap(), [], "no agent is no evaluation");
+        let error = evaluations(&(block(0, 2) + &block(100, 1) + &block(200, 2))).unwrap_err().to_string();
+        assert_eq!(error, "returns.csv: tells of 1 of 2 agents at step 100");
+    }
+
+    #[test]
+    fn episodes_belong_to_the_evaluation_of_their_step() {
+        let dir = tempfile::tempdir().unwrap();
+        let read = |episodes: &str| -> Result<Vec<Evaluation>> {
+            let [returns, file] = [files::RETURNS, files::EPISODES].map(|name| dir.path().join(name));
+            let blocks = "0,all,1,1,0,1\n0,0,1,1,0,1\n100,all,2,2,0,2\n100,0,2,2,0,2\n";
+            std::fs::write(&returns, format!("steps,agent,mean,median,std_error,episodes\n{blocks}")).unwrap();
+            std::fs::write(&file, format!("steps,episode,return\n{episodes}")).unwrap();
+            read_evaluations(&CsvTable::read(&returns)?, &CsvTable::read(&file)?)
+        };
+        let found = read("0,0,1.000000\n100,0,1.500000\n100,1,2.500000\n").unwrap();
+        assert_eq!(found[0].episode_returns, [1.0]);
+        assert_eq!((found[1].episodes, &found[1].episode_returns[..]), (Some(2), &[1.5, 2.5][..]));
+        assert!(read("").unwrap()[1].episode_returns.is_empty(), "an older version wrote none");
+        let error = |episodes| read(episodes).unwrap_err().to_string();
+        assert!(read("0,0,1\n100,0,1.5\n").unwrap()[1].episode_returns.is_empty(), "they are being written");
+        assert_eq!(error("0,0,1\n0,1,1\n"), "episodes.csv: has 2 of 1 episodes at step 0");
+        assert_eq!(error("100,1,1.5\n"), "episodes.csv: has episode 1 at step 100 where episode 0 belongs");
+    }
+}

@@ -1,0 +1,180 @@
+//! `run.json`: how a run was called, and what it was computed with.
+
+use std::fs;
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use super::atomic::write_atomically;
+use super::files;
+use crate::domain::Scenario;
+
+/// What `run.json` holds. What a file of another version lacks is empty here.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct RunJson {
+    /// Words of the command line, the name of the program first.
+    pub command: Vec<String>,
+    /// Other builds that the run went on with, in order.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub resumed_with: Vec<Resumed>,
+    /// What the run simulates. Older runs have none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scenario: Option<Scenario>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub seed: Option<u64>,
+    /// The build that the run was begun with.
+    pub versions: Versions,
+    /// Keys of other versions of this program. They stay as they are.
+    #[serde(flatten)]
+    pub other: Map<String, Value>,
+}
+
+/// A build that a run went on with.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Resumed {
+    /// Timesteps per agent at which it took over.
+    pub steps: u64,
+    pub versions: Versions,
+}
+
+/// This program, its libraries and the machine. What is empty was not recorded.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Versions {
+    /// Name of the CPU, for information only.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub cpu: String,
+    /// Version of this program.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub dials_traffic: String,
+    /// Commit of the checkout that the program was built from, with `-dirty` where its sources had been changed.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub git_commit: String,
+    /// Library of `exp`, `ln` and so on.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub libm: String,
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub libtorch: String,
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub sumo: String,
+    /// Instructions that multiply matrices.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub vector_instructions: String,
+}
+
+impl RunJson {
+    /// Reads the file of the run in `dir`; an error if there is none.
+    pub fn read(dir: &Path) -> Result<RunJson> {
+        let path = dir.join(files::RUN);
+        let text = fs::read_to_string(&path).with_context(|| format!("{}: cannot be read", path.display()))?;
+        serde_json::from_str(&text)
+            .with_context(|| format!("{}: is not what this program writes there", path.display()))
+    }
+
+    /// Reads the file of the run in `dir`. Without one nothing is known of the run.
+    pub fn read_if_there(dir: &Path) -> Result<RunJson> {
+        if dir.join(files::RUN).exists() { RunJson::read(dir) } else { Ok(RunJson::default()) }
+    }
+
+    pub fn write(&self, dir: &Path) -> Result<()> {
+        let text = serde_json::to_string_pretty(self).context("run.json in memory")?;
+        write_atomically(&dir.join(files::RUN), format!("{text}\n").as_bytes())
+    }
+
+    /// The build that wrote the run last.
+    pub fn last_versions(&self) -> &Versions {
+        self.resumed_with.last().map_or(&self.versions, |resumed| &resumed.versions)
+    }
+}
+
+impl Versions {
+    /// Lists how the build that wrote a run differs from this one, a line each. Only what decides about numbers counts.
+    pub fn differences(&self, there: &Versions) -> Vec<String> {
+        let differing = self.decisive().into_iter().zip(there.decisive());
+        let differing = differing.filter(|((_, here), (_, there))| here != there);
+        let text = |version: &str| if version.is_empty() { "not recorded".to_owned() } else { version.to_owned() };
+        differing
+            .map(|((name, here), (_, there))| format!("{name}: {} there, {} here", text(there), text(here)))
+            .collect()
+    }
+
+    /// The versions that decide about numbers, with their names for people.
+    fn decisive(&self) -> [(&'static str, &str); 4] {
+        [
+            ("commit", &self.git_commit),
+            ("SUMO", &self.sumo),
+            ("libm", &self.libm),
+            ("vector instructions", &self.vector_instructions),
+        ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn versions() -> Versions {
+        Versions {
+            dials_traffic: "1.0.0".into(),
+            git_commit: "abc-dirty".into(),
+            sumo: "SUMO 1.15.0".into(),
+            libtorch: "1.13.1".into(),
+            libm: "glibc 2.36".into(),
+            vector_instructions: "avx512f".into(),
+            cpu: "A".into(),
+        }
+    }
+
+    #[test]
+    fn the_same_build_on_another_cpu_of_the_same_kind_is_no_other() {
+        let there = Versions { cpu: "B".into(), ..versions() };
+        assert_eq!(versions().differences(&there), [""; 0]);
+    }
+
+    #[test]
+    fn every_decisive_difference_is_named_with_both_values() {
+        let there = Versions { git_commit: "abc".into(), vector_instructions: "avx2+fma".into(), ..versions() };
+        let expected = ["commit: abc there, abc-dirty here", "vector instructions: avx2+fma there, avx512f here"];
+        assert_eq!(versions().differences(&there), expected);
+        let old = serde_json::from_value(json!({ "git_commit": "abc-dirty", "sumo": "SUMO 1.14.0" })).unwrap();
+        let expected = [
+            "SUMO: SUMO 1.14.0 there, SUMO 1.15.0 here",
+            "libm: not recorded there, glibc 2.36 here",
+            "vector instructions: not recorded there, avx512f here",
+        ];
+        assert_eq!(versions().differences(&old), expected);
+    }
+
+    #[test]
+    fn a_file_comes_back_with_the_keys_of_other_versions_in_it() {
+        let dir = tempfile::tempdir().unwrap();
+        let text = json!({ "seed": 7, "command": ["a", "b"], "versions": versions(), "weather": { "rain": true } });
+        fs::write(dir.path().join(files::RUN), text.to_string()).unwrap();
+        let mut run = RunJson::read(dir.path()).unwrap();
+        assert_eq!((run.seed, run.command.len(), run.last_versions()), (Some(7), 2, &versions()));
+        let other = Versions { libm: "glibc 2.31".into(), ..versions() };
+        run.resumed_with.push(Resumed { steps: 512, versions: other.clone() });
+        run.write(dir.path()).unwrap();
+        let again = RunJson::read(dir.path()).unwrap();
+        assert_eq!((&again, again.last_versions()), (&run, &other));
+        assert_eq!(again.other["weather"], json!({ "rain": true }));
+        // Alphabetical, without what is not known.
+        let keys: Value = serde_json::from_str(&fs::read_to_string(dir.path().join(files::RUN)).unwrap()).unwrap();
+        let keys: Vec<&String> = keys.as_object().unwrap().keys().collect();
+        assert_eq!(keys, ["command", "resumed_with", "seed", "versions", "weather"]);
+    }
+
+    #[test]
+    fn a_run_of_which_nothing_was_written_down_is_read_as_an_empty_one() {
+        let dir = tempfile::tempdir().unwrap();
+        assert_eq!(RunJson::read_if_there(dir.path()).unwrap(), RunJson::default());
+        assert!(RunJson::read(dir.path()).unwrap_err().to_string().contains("run.json: cannot be read"));
+        fs::write(dir.path().join(files::RUN), "[1]").unwrap();
+        let error = RunJson::read_if_there(dir.path()).unwrap_err().to_string();
+        assert!(error.contains("run.json: is not what this program writes there"), "{error}");
+    }
+}

@@ -1,0 +1,265 @@
+//! Writes a run down as it goes: the [`Journal`] that keeps a run directory.
+
+use std::collections::{BTreeMap, HashMap};
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use anyhow::{Context, Result};
+
+use super::atomic::{lock, write_atomically};
+use super::checkpoint::{self, Checkpoint, Progress};
+use super::columns;
+use super::csv::{append, append_block, cut};
+use super::files;
+use super::finite::{check_aips, check_policies};
+use super::lines::{
+    Line, Wall, aip_lines, drift_lines, episode_lines, evaluation_header, evaluation_lines, header, memory_lines,
+    timing_lines, training_header, training_lines,
+};
+use super::tensorboard::{Scalar, first_record, scalars_of, scalars_record};
+use crate::config::Config;
+use crate::domain::RegionSpec;
+use crate::evaluation::Evaluation;
+use crate::influence::{self, AipLoss, FreshLoss};
+use crate::nn::{Layout, write_stack};
+use crate::policy::PolicyStack;
+use crate::training::answers::{FleetLoad, PolicyTraining};
+use crate::training::drift::Moment;
+use crate::training::journal::Journal;
+use crate::training::standing::Standing;
+use crate::training::state::AgentsState;
+
+/// Writes a run down.
+pub struct RunLog {
+    dir: PathBuf,
+    layouts: Layouts,
+    tensorboard: bool,
+    /// Timesteps per agent at the last exchange.
+    steps: u64,
+    /// Wall time of the run before this process.
+    elapsed_before: Duration,
+    begun: Instant,
+    begun_period: Instant,
+    /// Held as long as this process may write.
+    _lock: File,
+}
+
+/// Where the networks that are saved keep their weights and biases.
+pub struct Layouts {
+    pub policies: Layout,
+    pub aips: Layout,
+}
+
+impl Layouts {
+    pub fn of(config: &Config, spec: &RegionSpec) -> Layouts {
+        Layouts {
+            policies: PolicyStack::shape(spec, &config.policy).layout(),
+            aips: influence::layout(config.predictor(), spec, &config.aip),
+        }
+    }
+}
+
+impl RunLog {
+    /// Writes a new run into `dir`, which exists and holds none.
+    pub fn create(dir: &Path, config: &Config, layouts: Layouts) -> Result<Self> {
+        let now = Instant::now();
+        Ok(RunLog {
+            dir: dir.to_owned(),
+            layouts,
+            tensorboard: config.logging.tensorboard,
+            steps: 0,
+            elapsed_before: Duration::ZERO,
+            begun: now,
+            begun_period: now,
+            _lock: lock(dir)?,
+        })
+    }
+
+    /// Goes on with the run in `dir`. Also returns its newest checkpoint; `None`: it has to begin again.
+    ///
+    /// What was written after the checkpoint is cut off: it will be written again, the same.
+    pub fn resume(dir: &Path, config: &Config, layouts: Layouts) -> Result<(Self, Option<Checkpoint>)> {
+        let mut log = RunLog::create(dir, config, layouts)?;
+        let checkpoint = Checkpoint::read_newest(&dir.join(files::CHECKPOINTS))?;
+        let beginning = Progress::default();
+        let progress = checkpoint.as_ref().map_or(&beginning, |checkpoint| &checkpoint.progress);
+        for name in files::GROWING {
+            cut(&dir.join(name), progress.file_lengths.get(name).copied().unwrap_or(0))?;
+        }
+        log.elapsed_before = Duration::from_secs_f64(progress.elapsed_s);
+        Ok((log, checkpoint))
+    }
+
+    fn append_load(&mut self, agents: &AgentsState, load: FleetLoad) -> Result<()> {
+        let steps = agents.steps;
+        let now = Instant::now();
+        let wall = Wall {
+            period: now - self.begun_period,
+            elapsed: self.elapsed_before + (now - self.begun),
+            exchange: (now - self.begun_period).saturating_sub(load.at_work),
+        };
+        self.append(files::TIMING, steps, &columns::of_timing(), &timing_lines(steps, &load, &wall))?;
+        self.append(files::MEMORY, steps, &header(&columns::OF_MEMORY), &memory_lines(steps, &load))?;
+        if steps > self.steps {
+            let agent_steps = (steps - self.steps) * agents.agents() as u64;
+            let per_second = agent_steps as f64 / wall.period.as_secs_f64();
+            self.tell_tensorboard(steps, &[("timing/agent_steps_per_s".to_owned(), per_second as f32)])?;
+        }
+        (self.steps, self.begun_period) = (steps, now);
+        Ok(())
+    }
+
+    fn append(&self, file: &str, steps: u64, header: &[String], lines: &[Line]) -> Result<()> {
+        append(&self.dir.join(file), header, lines)?;
+        self.tell_tensorboard(steps, &scalars_of(file, header, lines))
+    }
+
+    fn tell_tensorboard(&self, steps: u64, scalars: &[Scalar]) -> Result<()> {
+        if !self.tensorboard || scalars.is_empty() {
+            return Ok(());
+        }
+        let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |time| time.as_secs_f64());
+        append_block(&self.dir.join(files::EVENTS), |new| {
+            let first = if new { first_record(now) } else { Vec::new() };
+            Ok([first, scalars_record(now, steps, scalars)].concat())
+        })
+    }
+
+    fn file_lengths(&self) -> Result<BTreeMap<String, u64>> {
+        let mut lengths = BTreeMap::new();
+        for name in files::GROWING {
+            let path = self.dir.join(name);
+            if path.exists() {
+                let metadata = fs::metadata(&path).with_context(|| format!("{}: cannot be read", path.display()))?;
+                lengths.insert(name.to_owned(), metadata.len());
+            }
+        }
+        Ok(lengths)
+    }
+}
+
+impl Journal for RunLog {
+    fn begun(&mut self, agents: &AgentsState) -> Result<()> {
+        self.steps = agents.steps;
+        Ok(())
+    }
+
+    fn evaluated(&mut self, agents: &AgentsState, evaluation: &Evaluation) -> Result<()> {
+        let steps = agents.steps;
+        self.append(files::RETURNS, steps, &evaluation_header(evaluation), &evaluation_lines(steps, evaluation))?;
+        self.append(files::EPISODES, steps, &header(&columns::OF_EPISODES), &episode_lines(steps, evaluation))
+    }
+
+    /// What has diverged is an error and is not written.
+    fn aips_trained(&mut self, agents: &AgentsState, losses: &[AipLoss]) -> Result<()> {
+        check_aips(agents, losses)?;
+        self.append(files::AIP_LOSS, agents.steps, &header(&columns::OF_AIP_LOSS), &aip_lines(agents.steps, losses))?;
+        let stack = write_stack(&self.layouts.aips, &agents.aips, &about(agents.steps))?;
+        write_atomically(&self.dir.join(files::AIPS), &stack)
+    }
+
+    fn aips_measured(&mut self, agents: &AgentsState, after: Moment, losses: &[FreshLoss]) -> Result<()> {
+        let lines = drift_lines(agents.steps, after, losses);
+        self.append(files::AIP_DRIFT, agents.steps, &header(&columns::OF_AIP_DRIFT), &lines)
+    }
+
+    /// Also writes a checkpoint. What has diverged is an error and is not written.
+    fn period_done(
+        &mut self,
+        agents: &AgentsState,
+        standing: &Standing,
+        training: &PolicyTraining,
+        load: FleetLoad,
+    ) -> Result<()> {
+        check_policies(training, agents)?;
+        self.append(
+            files::TRAINING,
+            agents.steps,
+            &training_header(training),
+            &training_lines(agents.steps, training),
+        )?;
+        let stack = write_stack(&self.layouts.policies, &agents.policies, &about(agents.steps))?;
+        write_atomically(&self.dir.join(files::POLICIES), &stack)?;
+        self.append_load(agents, load)?;
+        let progress = Progress {
+            periods_done: standing.periods_done,
+            file_lengths: self.file_lengths()?,
+            elapsed_s: (self.elapsed_before + self.begun.elapsed()).as_secs_f64(),
+            drift: standing.drift,
+        };
+        checkpoint::write(&self.dir.join(files::CHECKPOINTS), agents, progress)
+    }
+
+    fn finished(&mut self, agents: &AgentsState, load: FleetLoad) -> Result<()> {
+        self.append_load(agents, load)
+    }
+}
+
+fn about(steps: u64) -> HashMap<String, String> {
+    HashMap::from([("steps".to_owned(), steps.to_string())])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::Rows;
+    use crate::influence::AipLoss;
+    use crate::nn::Moments;
+    use crate::training::answers::AgentTraining;
+    use crate::training::ppo::{Decayed, Losses};
+
+    /// Two agents with a policy of two parameters each, and what a period brought them.
+    fn period(policy: [f32; 4], value_loss: f64) -> (PolicyTraining, AgentsState) {
+        let losses = [0.0, value_loss].map(|value| Losses { value, ..Losses::default() });
+        let agents = losses.map(|losses| AgentTraining { mean_return: None, episodes: 0, losses });
+        let decayed = Decayed { learning_rate: 1e-3, clip: 0.1 };
+        let table = |values: &[f32]| Rows::from_vec(values.to_vec(), 2);
+        let moments = Moments { first: table(&[0.0; 4]), second: table(&[0.0; 4]), steps: 1 };
+        let state =
+            AgentsState { steps: 128, policies: table(&policy), moments, aips: table(&[0.0; 4]), streams: vec![] };
+        (PolicyTraining { agents: agents.to_vec(), counters: Vec::new(), decayed }, state)
+    }
+
+    fn contents(dir: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+        let files = [dir.to_owned(), dir.join(files::CHECKPOINTS)].map(|dir| fs::read_dir(dir).unwrap());
+        let paths = files.into_iter().flatten().map(|entry| entry.unwrap().path()).filter(|path| path.is_file());
+        paths.map(|path| (path.clone(), fs::read(path).unwrap())).collect()
+    }
+
+    #[test]
+    fn learning_that_diverged_is_not_written_over_what_was_good() {
+        let dir = tempfile::tempdir().unwrap();
+        let config: Config = toml::from_str("warehouse = { agents_per_side = 2 }").unwrap();
+        let layout = || Layout::new(vec![("w".to_owned(), vec![2])]);
+        let layouts = Layouts { policies: layout(), aips: layout() };
+        let mut log = RunLog::create(dir.path(), &config, layouts).unwrap();
+        let standing = Standing::default();
+        let (training, mut agents) = period([1.0, 2.0, 3.0, 4.0], 0.5);
+        log.period_done(&agents, &standing, &training, FleetLoad::default()).unwrap();
+        let good = contents(dir.path());
+        assert!(good.keys().any(|path| path.ends_with(files::POLICIES)) && good.len() >= 4);
+        for ((policy, loss), what) in [
+            (([1.0, 2.0, f32::NAN, 4.0], 0.5), "a parameter"),
+            (([1.0, 2.0, 3.0, f32::INFINITY], 0.5), "a parameter"),
+            (([1.0, 2.0, 3.0, 4.0], f64::NAN), "a loss"),
+        ] {
+            let (training, agents) = period(policy, loss);
+            let outcome = log.period_done(&agents, &standing, &training, FleetLoad::default());
+            let error = outcome.unwrap_err().to_string();
+            assert!(error.starts_with("agent 1: its policy diverged before step 128: "), "{error}");
+            assert!(error.contains(what) && error.contains("lower ppo.learning_rate"), "{error}");
+            assert!(contents(dir.path()) == good);
+        }
+        let loss = AipLoss {
+            training: [vec![0.1], vec![0.1]],
+            held_out: [vec![0.1], vec![0.1]],
+            marginals: vec![0.1],
+            frequencies: vec![0.5],
+        };
+        agents.aips = Rows::from_vec(vec![0.0, 0.0, 0.0, f32::NAN], 2);
+        let error = log.aips_trained(&agents, &[loss.clone(), loss]).unwrap_err().to_string();
+        assert!(error.starts_with("agent 1: its AIP diverged") && error.contains("aip.learning_rate"), "{error}");
+        assert!(contents(dir.path()) == good);
+    }
+}

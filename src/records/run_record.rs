@@ -1,0 +1,236 @@
+//! What a run directory says of its run, as numbers. `reader.rs` reads it.
+
+use std::path::PathBuf;
+
+use super::run_json::RunJson;
+use crate::config::Config;
+use crate::domain::Scenario;
+
+/// What a run directory tells.
+#[derive(Clone, Debug)]
+pub struct RunRecord {
+    pub dir: PathBuf,
+    pub config: Config,
+    pub about: RunJson,
+    /// What was simulated; `None` if the number of agents is not known.
+    pub scenario: Option<Scenario>,
+    /// In order of steps.
+    pub evaluations: Vec<Evaluation>,
+    /// Trainings of the AIPs, in order of steps.
+    pub aip_trainings: Vec<AipTraining>,
+    /// Cross-entropies of the AIPs on fresh GS data, in order of steps; empty where the run did not measure them.
+    pub fresh_losses: Vec<FreshLoss>,
+    /// In order of periods.
+    pub periods: Vec<PeriodTime>,
+    pub memory: Option<Memory>,
+    /// Worker processes, or 1 for a run without any.
+    pub workers: usize,
+}
+
+/// An evaluation of the joint policy on the GS.
+#[derive(Clone, Debug)]
+pub struct Evaluation {
+    /// Timesteps per agent.
+    pub steps: u64,
+    pub all: Returns,
+    /// Agent by agent.
+    pub agents: Vec<Returns>,
+    /// Number of episodes, if the file has it.
+    pub episodes: Option<usize>,
+    /// Mean returns of all agents, episode by episode; empty if the run did not write them down.
+    pub episode_returns: Vec<f64>,
+}
+
+/// Figures of an evaluation, of one agent or all.
+#[derive(Clone, Copy, Debug)]
+pub struct Returns {
+    pub mean: f64,
+    /// For all: over the agents' means.
+    pub median: f64,
+    /// Over the episodes.
+    pub std_error: f64,
+    /// Agents that are stuck; 0 or 1 for one agent.
+    pub stuck: usize,
+}
+
+/// Cross-entropy in nats, the mean of all agents and sources, on the held-out episodes of a dataset.
+#[derive(Clone, Copy, Debug)]
+pub struct AipTraining {
+    pub steps: u64,
+    pub before: f64,
+    pub after: f64,
+    /// Of the best constant.
+    pub marginals: f64,
+}
+
+/// Cross-entropy in nats, the mean of all agents and sources, on GS episodes that no AIP was trained on.
+#[derive(Clone, Copy, Debug)]
+pub struct FreshLoss {
+    pub steps: u64,
+    /// Whether the AIPs have just been trained here, or are as they were.
+    pub after_training: bool,
+    pub loss: f64,
+    /// Of the best constant.
+    pub marginals: f64,
+}
+
+/// Wall and CPU seconds since the run began, at the end of a period.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PeriodTime {
+    pub steps: u64,
+    pub elapsed_s: f64,
+    /// Of it: evaluations of policies and AIPs, which are no part of the training.
+    pub evaluation_s: f64,
+    /// Of it: collection of datasets and training of the AIPs.
+    pub influence_s: f64,
+    /// CPU time of all processes; `None` for runs that did not measure it.
+    pub cpu: Option<CpuTime>,
+}
+
+impl PeriodTime {
+    /// Wall time without the evaluations, as the paper counts it.
+    pub fn runtime_s(self) -> f64 {
+        self.elapsed_s - self.evaluation_s
+    }
+}
+
+/// CPU seconds of all processes, user and system.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CpuTime {
+    pub total_s: f64,
+    /// Part of it for evaluations.
+    pub evaluation_s: f64,
+}
+
+impl CpuTime {
+    /// CPU time without the evaluations.
+    pub fn runtime_s(self) -> f64 {
+        self.total_s - self.evaluation_s
+    }
+}
+
+/// Peak memory in MiB.
+#[derive(Clone, Copy, Debug)]
+pub struct Memory {
+    /// The largest process, shared libraries counted in full.
+    pub process_mb: f64,
+    /// All processes, likewise.
+    pub total_mb: f64,
+    /// All processes, shared pages counted once.
+    pub total_pss_mb: Option<f64>,
+}
+
+impl Memory {
+    /// The larger of each figure.
+    pub fn max(self, other: Memory) -> Memory {
+        Memory {
+            process_mb: self.process_mb.max(other.process_mb),
+            total_mb: self.total_mb.max(other.total_mb),
+            total_pss_mb: self.total_pss_mb.into_iter().chain(other.total_pss_mb).reduce(f64::max),
+        }
+    }
+}
+
+/// How far a run has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Status {
+    Finished,
+    /// Evaluated up to here.
+    Unfinished {
+        steps: u64,
+    },
+    /// Not evaluated yet, not even at its beginning.
+    Empty,
+}
+
+impl RunRecord {
+    pub fn status(&self) -> Status {
+        match self.evaluations.last() {
+            None => Status::Empty,
+            // Periods are whole updates of the policies, so the last one may end a little later than asked.
+            Some(last) if last.steps >= self.config.last_step() => Status::Finished,
+            Some(last) => Status::Unfinished { steps: last.steps },
+        }
+    }
+
+    /// The mean return of all agents at a step, interpolated between two evaluations; none outside of them.
+    pub fn return_at(&self, steps: u64) -> Option<f64> {
+        self.interpolated(steps, |evaluation| evaluation.all.mean)
+    }
+
+    /// The median over agents, likewise.
+    pub fn median_at(&self, steps: u64) -> Option<f64> {
+        self.interpolated(steps, |evaluation| evaluation.all.median)
+    }
+
+    fn interpolated(&self, steps: u64, figure: impl Fn(&Evaluation) -> f64) -> Option<f64> {
+        interpolate(self.evaluations.iter().map(|evaluation| (evaluation.steps, figure(evaluation))), steps)
+    }
+
+    /// Wall time without evaluations until a step, in seconds; none where the run has not come so far.
+    pub fn runtime_at(&self, steps: u64) -> Option<f64> {
+        Some(self.time_at(steps)?.runtime_s())
+    }
+
+    /// Wall time until a step: that of the last period that ends there, or in proportion between the ends of two periods;
+    /// none where the run has not come so far.
+    pub fn time_at(&self, steps: u64) -> Option<PeriodTime> {
+        let until = self.periods.iter().rev().find(|period| period.steps <= steps);
+        let next = self.periods.iter().find(|period| period.steps > steps);
+        let beginning =
+            || PeriodTime { cpu: next.and_then(|next| next.cpu).map(|_| CpuTime::default()), ..PeriodTime::default() };
+        let until = until.copied().unwrap_or_else(beginning);
+        if until.steps == steps {
+            return Some(until);
+        }
+        let next = next?;
+        let share = (steps - until.steps) as f64 / (next.steps - until.steps) as f64;
+        let part = |from: f64, to: f64| from + share * (to - from);
+        Some(PeriodTime {
+            steps,
+            elapsed_s: part(until.elapsed_s, next.elapsed_s),
+            evaluation_s: part(until.evaluation_s, next.evaluation_s),
+            influence_s: part(until.influence_s, next.influence_s),
+            cpu: until.cpu.zip(next.cpu).map(|(until, next)| CpuTime {
+                total_s: part(until.total_s, next.total_s),
+                evaluation_s: part(until.evaluation_s, next.evaluation_s),
+            }),
+        })
+    }
+
+    /// The whole of it so far.
+    pub fn total_time(&self) -> Option<PeriodTime> {
+        self.periods.last().copied()
+    }
+}
+
+/// Linear between the points left and right of `at`; none outside of them. Where two points share a place, the first
+/// counts.
+fn interpolate(points: impl Iterator<Item = (u64, f64)>, at: u64) -> Option<f64> {
+    let mut before = None;
+    for (place, value) in points {
+        if place == at {
+            return Some(value);
+        }
+        if place > at {
+            let (left, left_value): (u64, f64) = before?;
+            let share = (at - left) as f64 / (place - left) as f64;
+            return Some(left_value + share * (value - left_value));
+        }
+        before = Some((place, value));
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn between_two_evaluations_a_curve_is_a_straight_line_and_beyond_them_there_is_none() {
+        let at = |steps| interpolate([(100, 10.0), (300, 20.0), (300, 90.0)].into_iter(), steps);
+        // A quarter of the way from 100 to 300 the value is 10 + 10 / 4.
+        assert_eq!((at(100), at(150), at(300)), (Some(10.0), Some(12.5), Some(20.0)));
+        assert_eq!((at(99), at(301)), (None, None));
+    }
+}
