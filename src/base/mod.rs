@@ -3,6 +3,7 @@
 //! Nothing here knows about simulators, networks or learning, and nothing here does input or output.
 
 mod compact;
+mod ragged;
 mod rows;
 mod seed;
 pub mod statistics;
@@ -11,6 +12,7 @@ mod units;
 mod vectors;
 
 pub use compact::CompactRows;
+pub use ragged::Ragged;
 pub use rows::Rows;
 pub use seed::{Dice, Seed, scramble};
 pub use stopwatch::{Activity, Phase, Stopwatch, Timesheet};

@@ -55,6 +55,10 @@ impl<T: Copy + Default> Rows<T> {
         &mut self.data
     }
 
+    pub fn into_vec(self) -> Vec<T> {
+        self.data
+    }
+
     pub fn push(&mut self, row: &[T]) {
         assert_eq!(row.len(), self.width, "a row of another width");
         self.data.extend_from_slice(row);
