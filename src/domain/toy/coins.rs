@@ -13,7 +13,7 @@
 use anyhow::bail;
 use rand::Rng;
 
-use super::{
+use crate::domain::{
     Action, Baseline, Beginning, Controller, Domain, GlobalSimulator, InfluenceSample, LocalSimulator, Percept,
     RegionSpec, Result, SourceSpec, Transition,
 };
