@@ -5,11 +5,11 @@
 //! kind; episodes on the GS go in rounds, in which every worker plays one; a training of the AIPs costs what its
 //! operations cost in the measured ones.
 
-use super::floor::{Flops, aip_training_flops};
+use super::floor::{Flops, aip_trainings_flops};
 use super::measure::{Measured, Orders};
 use crate::base::Phase;
 use crate::config::{AipTraining, Config, schedule};
-use crate::domain::RegionSpec;
+use crate::domain::Kinds;
 
 /// How much of everything a run is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,23 +35,24 @@ struct Amounts {
 }
 
 impl Amounts {
-    fn of(config: &Config, spec: &RegionSpec, agents: usize) -> Amounts {
+    fn of(config: &Config, kinds: &Kinds) -> Amounts {
+        let (agents, horizon) = (kinds.agents(), kinds.horizon());
         let periods = schedule(config);
         let count = |of: fn(&crate::config::Period) -> bool| periods.iter().filter(|period| of(period)).count() as f64;
-        let episodes = config.dataset_episodes(spec.horizon);
+        let episodes = config.dataset_episodes(horizon);
         Amounts {
             agents: agents as f64,
             agent_steps: agents as f64 * config.last_step() as f64,
             periods: periods.len() as f64,
-            retraced: (periods.len() - 1) as f64 * (agents * config.copies() * spec.horizon) as f64 / 2.0,
+            retraced: (periods.len() - 1) as f64 * (agents * config.copies() * horizon) as f64 / 2.0,
             evaluations: count(|period| period.evaluate),
             evaluation_episodes: config.evaluation.episodes,
             final_episodes: config.evaluation.final_episodes,
             // Drift cannot be foreseen.
             retrainings: count(|period| period.train_aips == AipTraining::Yes),
             collection_episodes: episodes,
-            horizon: spec.horizon as f64,
-            retraining_flops: agents as f64 * aip_training_flops(config, spec, episodes),
+            horizon: horizon as f64,
+            retraining_flops: aip_trainings_flops(config, kinds, episodes),
         }
     }
 }
@@ -114,9 +115,9 @@ pub struct Costs {
 
 impl Costs {
     /// `config`: of the run, not of the short orders that were `measured`.
-    pub fn of(config: &Config, spec: &RegionSpec, agents: usize, peak_flops: f64, measured: &Measured) -> Costs {
-        let amounts = Amounts::of(config, spec, agents);
-        let flops = Flops::of(config, spec);
+    pub fn of(config: &Config, kinds: &Kinds, peak_flops: f64, measured: &Measured) -> Costs {
+        let amounts = Amounts::of(config, kinds);
+        let flops = Flops::of_all(config, kinds);
         let sumo = config.traffic.is_some();
         let products = |flops: f64| 1e6 * flops / peak_flops;
         let workers = measured.workers as f64;
@@ -226,7 +227,7 @@ fn per_order(orders: &Orders, phase: Phase) -> f64 {
 mod tests {
     use super::*;
     use crate::base::Stopwatch;
-    use crate::domain::SourceSpec;
+    use crate::domain::{RegionSpec, SourceSpec};
     use std::time::Duration;
 
     fn orders(count: usize, units: f64, wall: u64, slowest: u64, work: u64, phases: &[(Phase, u64)]) -> Orders {
@@ -238,18 +239,19 @@ mod tests {
 
     /// One agent, 1000 timesteps in ten periods, each with an evaluation of 3 episodes, one of 5 at the end; AIPs trained twice on 2 episodes
     /// of 10 steps. Networks as in the tests of the floor, and a machine of 1e6 operations per second.
-    fn setting() -> (Config, RegionSpec) {
+    fn setting() -> (Config, Kinds) {
         let config = "total_steps = 1000\ntraffic = { network = 'n', local_network = 'l', horizon = 10 }\n\
                       policy = { hidden = [3] }\nppo = { rollout_steps = 4, epochs = 3, time_limit = 'bootstrap' }\n\
                       aip = { hidden = [5], batch = 8, epochs = 2, held_out = 0.5, dataset_steps = 40, \
                       retrain_every_steps = 500 }\nevaluation = { every_steps = 100, episodes = 3, final_episodes = 5 }";
-        let sources = SourceSpec::Binary { sources: 2 };
-        (toml::from_str(config).unwrap(), RegionSpec { obs_dim: 4, d_set_dim: 2, n_actions: 2, sources, horizon: 10 })
+        let sources = SourceSpec::bits(2);
+        let spec = RegionSpec { obs_dim: 4, d_set_dim: 2, n_actions: 2, masks: false, sources, horizon: 10 };
+        (toml::from_str(config).unwrap(), Kinds::one(1, spec))
     }
 
     #[test]
     fn a_run_on_two_workers_is_worked_out_by_hand() {
-        let (config, spec) = setting();
+        let (config, kinds) = setting();
         let step = |seconds| (Phase::SimulatorStep, seconds);
         let measured = Measured {
             workers: 2,
@@ -262,7 +264,7 @@ mod tests {
             pss_kib: 1,
             peak_rss_kib: 1,
         };
-        let costs = Costs::of(&config, &spec, 1, 1e6, &measured);
+        let costs = Costs::of(&config, &kinds, 1e6, &measured);
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-6 * b.abs(), "{a} is not {b}");
         // In seconds per timestep, for 1000 timesteps:
         // step 4/200 = .02, forward 5/200 = .025, loading 2 * 10 / 1000 = .02, other (16 - 11)/200 = .025,

@@ -79,10 +79,10 @@ fn run(
 ) -> anyhow::Result<Costs> {
     let short = short_orders(config, workers);
     let dir = tempfile::tempdir().context("no temporary directory for what a run writes")?;
-    let mut log = RunLog::create(dir.path(), config, Layouts::of(config, domain.spec()), progress.clone())?;
+    let mut log = RunLog::create(dir.path(), config, Layouts::of(config, domain.kinds()), progress.clone())?;
     let options = Options { workers, patience: PATIENCE, log_dir: dir.path().to_owned() };
     let mut fleet = ProcessFleet::start(domain.clone(), &short, options, progress.clone())?;
-    let plan = Plan { config: &short, spec: domain.spec(), workers, time, peak_flops };
+    let plan = Plan { config: &short, kinds: domain.kinds(), workers, time, peak_flops };
     let measured = measure(&plan, &mut fleet, &mut log)?;
     let share = measured.share_of_an_episode(config, domain.agents());
     if share < 1.0 {
@@ -92,7 +92,7 @@ fn run(
             100.0 * share
         ));
     }
-    Ok(Costs::of(config, domain.spec(), domain.agents(), peak_flops, &measured))
+    Ok(Costs::of(config, domain.kinds(), peak_flops, &measured))
 }
 
 /// 1, 2, 4, ... and `most`.

@@ -12,13 +12,11 @@ use super::END_WITH;
 use super::build::Build;
 use super::domain;
 use super::terminal::tell;
-use crate::base::AgentId;
 use crate::config::{self, Config};
 use crate::domain::Domain;
-use crate::nn::read_stack;
-use crate::policy::{JointPolicy, PolicyStack};
-use crate::training::block::initial_policies;
+use crate::policy::{JointPolicy, JointPolicyController, Selection};
 use crate::training::files::{self, write_atomically};
+use crate::training::joint_layout::JointLayout;
 
 /// What to do where something is at the place of a new run directory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -137,8 +135,6 @@ fn command_line() -> Vec<String> {
 pub struct TrainedRun {
     pub config: Config,
     pub domain: Arc<dyn Domain>,
-    /// Policies of the right shape for [`crate::policy::JointPolicyController`].
-    pub stack: PolicyStack,
     pub policies: JointPolicy,
 }
 
@@ -159,11 +155,17 @@ pub fn open_config(path: &Path) -> Result<(Config, Arc<dyn Domain>)> {
 /// Reads a run directory with its policies.
 pub fn open(path: &Path) -> Result<TrainedRun> {
     let (config, domain) = open_config(path)?;
-    let stack = initial_policies(&*domain, &config, &AgentId::all(domain.agents()));
     let saved = path.join(files::POLICIES);
     ensure!(saved.is_file(), "{}: has no policies yet; they are written after the first period", path.display());
-    let policies = read_stack(&saved, stack.parameters().layout(), domain.agents())?;
-    Ok(TrainedRun { config, domain, stack, policies })
+    let policies = JointLayout::of_policies(domain.kinds(), &config.policy).read(&saved)?;
+    Ok(TrainedRun { config, domain, policies })
+}
+
+impl TrainedRun {
+    /// Its policies as they act on the GS.
+    pub fn controller(&self, selection: Selection) -> JointPolicyController {
+        JointPolicyController::new(self.domain.kinds(), &self.config.policy, &self.policies, selection)
+    }
 }
 
 /// `path` itself where there is nothing and numbers begin at 2, else the first free of `path` + `word` + number.

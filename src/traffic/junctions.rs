@@ -4,7 +4,7 @@
 use super::grid::{Grid, Side};
 use super::intersections::edges_of;
 use super::signals::Light;
-use crate::base::{AgentId, Rows};
+use crate::base::{AgentId, Ragged};
 use crate::sumo::{CarTable, LaneCars};
 
 /// All intersections, as the last step left them.
@@ -12,7 +12,7 @@ pub struct Junctions<'a> {
     pub(super) grid: Grid,
     pub(super) lights: &'a [Light],
     pub(super) shown_steps: &'a [u32],
-    pub(super) obs: &'a Rows<f32>,
+    pub(super) obs: &'a Ragged<f32>,
     pub(super) incoming: &'a CarTable,
     pub(super) outgoing: &'a CarTable,
 }

@@ -29,7 +29,7 @@ use anyhow::{Context, ensure};
 use crate::base::{AgentId, Rows, Seed};
 use crate::config::{PolicyConfig, TrafficConfig};
 use crate::domain::{
-    Baseline, Beginning, Bystander, Domain, GlobalSimulator, LocalSimulator, Measures, RegionSpec, Result,
+    Baseline, Beginning, Bystander, Domain, GlobalSimulator, Kind, Kinds, LocalSimulator, Measures, Result,
 };
 use controllers::HandCoded;
 use global::{GlobalTraffic, SignalControl};
@@ -56,7 +56,7 @@ pub struct Traffic {
     local_network: NetworkFiles,
     config: TrafficConfig,
     switch_bias: f32,
-    spec: RegionSpec,
+    kinds: Kinds,
     tape: Option<Tape>,
 }
 
@@ -69,13 +69,14 @@ impl Traffic {
         local_network.check()?;
         net_file::read_local(&local_network)?;
         net_file::for_sumo(&std::env::temp_dir()).context("forests of local simulators go there: set TMPDIR")?;
+        let grid = net_file::read_grid(&network)?;
         Ok(Traffic {
-            grid: net_file::read_grid(&network)?,
+            grid,
             network,
             local_network,
             config: config.clone(),
             switch_bias: policy.initial_switch_bias,
-            spec: region::spec(config.horizon, config.d_set),
+            kinds: Kinds::one(grid.agents().len(), region::spec(config.horizon, config.d_set)),
             tape: None,
         })
     }
@@ -138,12 +139,8 @@ impl Traffic {
 }
 
 impl Domain for Traffic {
-    fn spec(&self) -> &RegionSpec {
-        &self.spec
-    }
-
-    fn agents(&self) -> usize {
-        self.grid.rows() * self.grid.cols()
+    fn kinds(&self) -> &Kinds {
+        &self.kinds
     }
 
     fn global_simulator(&self) -> Result<Box<dyn GlobalSimulator>> {
@@ -177,7 +174,7 @@ impl Domain for Traffic {
     }
 
     /// DEVIATION 11: our configs begin with a bias against switching, so that fewer agents get stuck in switching always.
-    fn initial_action_bias(&self) -> Vec<f32> {
+    fn initial_action_bias(&self, _kind: &Kind) -> Vec<f32> {
         vec![0.0, self.switch_bias]
     }
 

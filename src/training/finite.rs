@@ -4,7 +4,7 @@ use anyhow::{Result, bail};
 
 use super::answers::PolicyTraining;
 use super::state::AgentsState;
-use crate::base::Rows;
+use crate::base::Ragged;
 use crate::influence::AipLoss;
 
 /// An error that names the first agent whose policy is no network any more.
@@ -37,7 +37,7 @@ pub fn check_aips(agents: &AgentsState, losses: &[AipLoss]) -> Result<()> {
     }
 }
 
-fn first_bad_row(table: &Rows<f32>) -> Option<usize> {
+fn first_bad_row(table: &Ragged<f32>) -> Option<usize> {
     table.iter().position(|row| !row.iter().all(|value| value.is_finite()))
 }
 

@@ -8,7 +8,7 @@
 //! - [`fleet`], [`worker`], [`block`]: who does it. This room never sees a process, a socket or SUMO.
 //! - [`drift`]: whether AIPs have to be trained again.
 //! - [`stream`]: what goes on from one period to the next, so that looking at training leaves no trace in it.
-//! - [`run_log`], [`checkpoint`], [`state`]: what a run leaves behind, and how it goes on from there.
+//! - [`run_log`], [`checkpoint`], [`joint_layout`], [`state`]: what a run leaves behind, and how it goes on from there.
 
 pub mod answers;
 pub mod block;
@@ -26,6 +26,7 @@ pub mod gae;
 pub mod global;
 pub mod ials;
 pub mod inline;
+pub mod joint_layout;
 pub mod observer;
 pub mod ppo;
 pub mod rollout;

@@ -33,6 +33,7 @@ use super::events::{Scalar, first_record, scalars_of, scalars_record};
 use super::files::{self, append, append_block, cut, lock, write_atomically};
 use super::finite::{check_aips, check_policies};
 use super::fleet::Fleet;
+use super::joint_layout::JointLayout;
 use super::observer::{Interrupted, Observer};
 use super::state::AgentsState;
 use super::tables::{
@@ -40,11 +41,9 @@ use super::tables::{
     evaluation_header, evaluation_lines, memory_lines, timing_header, timing_lines, training_header, training_lines,
 };
 use crate::config::Config;
-use crate::domain::RegionSpec;
+use crate::domain::Kinds;
 use crate::evaluation::Evaluation;
-use crate::influence::{self, AipLoss, FreshLoss};
-use crate::nn::{Layout, write_stack};
-use crate::policy::PolicyStack;
+use crate::influence::{AipLoss, FreshLoss};
 
 /// Writes a run down.
 pub struct RunLog {
@@ -68,15 +67,15 @@ pub struct RunLog {
 
 /// Where the networks that are saved keep their weights and biases.
 pub struct Layouts {
-    pub policies: Layout,
-    pub aips: Layout,
+    pub policies: JointLayout,
+    pub aips: JointLayout,
 }
 
 impl Layouts {
-    pub fn of(config: &Config, spec: &RegionSpec) -> Layouts {
+    pub fn of(config: &Config, kinds: &Kinds) -> Layouts {
         Layouts {
-            policies: PolicyStack::shape(spec, &config.policy).layout(),
-            aips: influence::layout(config.simulator, spec, &config.aip),
+            policies: JointLayout::of_policies(kinds, &config.policy),
+            aips: JointLayout::of_aips(kinds, config.simulator, &config.aip),
         }
     }
 }
@@ -155,7 +154,7 @@ impl RunLog {
         let agents = fleet.agents();
         check_aips(agents, losses)?;
         self.append(files::AIP_LOSS, agents.steps, &AIP_COLUMNS.map(str::to_owned), &aip_lines(agents.steps, losses))?;
-        let stack = write_stack(&self.layouts.aips, &agents.aips, &about(agents.steps))?;
+        let stack = self.layouts.aips.write(&agents.aips, &about(agents.steps))?;
         write_atomically(&self.dir.join(files::AIPS), &stack)?;
         self.observer.aips_trained(agents.steps, losses);
         Ok(())
@@ -183,7 +182,7 @@ impl RunLog {
             &training_header(training),
             &training_lines(agents.steps, training),
         )?;
-        let stack = write_stack(&self.layouts.policies, &agents.policies, &about(agents.steps))?;
+        let stack = self.layouts.policies.write(&agents.policies, &about(agents.steps))?;
         write_atomically(&self.dir.join(files::POLICIES), &stack)?;
         self.append_load(agents, load)?;
         self.periods_done += 1;
@@ -261,15 +260,18 @@ fn about(steps: u64) -> HashMap<String, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::Rows;
+    use crate::base::Ragged;
     use crate::config::Period;
+    use crate::domain::Domain;
+    use crate::domain::toy::Coins;
     use crate::influence::AipLoss;
     use crate::influence::Dataset;
-    use crate::nn::Moments;
+    use crate::nn::Layout;
     use crate::training::answers::AgentTraining;
     use crate::training::collect::Purpose;
     use crate::training::observer::Silent;
     use crate::training::ppo::{Decayed, Losses};
+    use crate::training::state::JointMoments;
 
     /// A fleet whose agents have become this; it does no work.
     struct Resting(AgentsState);
@@ -313,8 +315,8 @@ mod tests {
         let losses = [0.0, value_loss].map(|value| Losses { value, ..Losses::default() });
         let agents = losses.map(|losses| AgentTraining { mean_return: None, episodes: 0, losses });
         let decayed = Decayed { learning_rate: 1e-3, clip: 0.1 };
-        let table = |values: &[f32]| Rows::from_vec(values.to_vec(), 2);
-        let moments = Moments { first: table(&[0.0; 4]), second: table(&[0.0; 4]), steps: 1 };
+        let table = |values: &[f32]| Ragged::from_vec(values.to_vec(), [2, 2]).unwrap();
+        let moments = JointMoments { first: table(&[0.0; 4]), second: table(&[0.0; 4]), steps: 1 };
         let state =
             AgentsState { steps: 128, policies: table(&policy), moments, aips: table(&[0.0; 4]), streams: vec![] };
         (PolicyTraining { agents: agents.to_vec(), counters: Vec::new(), decayed }, Resting(state))
@@ -330,7 +332,8 @@ mod tests {
     fn learning_that_diverged_is_not_written_over_what_was_good() {
         let dir = tempfile::tempdir().unwrap();
         let config: Config = toml::from_str("warehouse = { agents_per_side = 2 }").unwrap();
-        let layout = || Layout::new(vec![("w".to_owned(), vec![2])]);
+        let coins = Coins::new(1);
+        let layout = || JointLayout::new(coins.kinds(), |_| Layout::new(vec![("w".to_owned(), vec![2])]));
         let layouts = Layouts { policies: layout(), aips: layout() };
         let mut log = RunLog::create(dir.path(), &config, layouts, Rc::new(Silent)).unwrap();
         let (training, mut fleet) = period([1.0, 2.0, 3.0, 4.0], 0.5);
@@ -354,7 +357,7 @@ mod tests {
             marginals: vec![0.1],
             frequencies: vec![0.5],
         };
-        fleet.0.aips = Rows::from_vec(vec![0.0, 0.0, 0.0, f32::NAN], 2);
+        fleet.0.aips = Ragged::from_vec(vec![0.0, 0.0, 0.0, f32::NAN], [2, 2]).unwrap();
         let error = log.aips_trained(&fleet, &[loss.clone(), loss]).unwrap_err().to_string();
         assert!(error.starts_with("agent 1: its AIP diverged") && error.contains("aip.learning_rate"), "{error}");
         assert!(contents(dir.path()) == good);
