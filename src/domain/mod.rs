@@ -8,6 +8,10 @@
 //! one row per agent, of whatever width its kind has.
 //!
 //! A new domain implements the three traits and passes [`conformance`]; [`toy`] has the smallest ones.
+//!
+//! - `spec`: the shape of a region; `kinds`: who has it; `percept`: what simulators show.
+//! - `scene`: a picture of the state.
+//! - [`conformance`]: what every domain must hold; [`toy`]: domains for tests.
 
 pub mod conformance;
 mod kinds;
