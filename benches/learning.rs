@@ -28,18 +28,25 @@ fn settings() -> [Setting; 2] {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(name);
         load(&path, &[]).unwrap()
     };
-    let traffic = SourceSpec::Binary { sources: 4 };
-    let warehouse = SourceSpec::Categorical { sources: 4, classes: 4 };
+    let traffic = SourceSpec::bits(4);
+    let warehouse = SourceSpec { classes: vec![4; 4] };
     [
         Setting {
             name: "traffic",
             config: config("traffic_4.toml"),
-            spec: RegionSpec { obs_dim: 40, d_set_dim: 40, n_actions: 2, sources: traffic, horizon: 300 },
+            spec: RegionSpec { obs_dim: 40, d_set_dim: 40, n_actions: 2, masks: false, sources: traffic, horizon: 300 },
         },
         Setting {
             name: "warehouse",
             config: config("warehouse_4.toml"),
-            spec: RegionSpec { obs_dim: 37, d_set_dim: 37, n_actions: 4, sources: warehouse, horizon: 100 },
+            spec: RegionSpec {
+                obs_dim: 37,
+                d_set_dim: 37,
+                n_actions: 4,
+                masks: false,
+                sources: warehouse,
+                horizon: 100,
+            },
         },
     ]
 }
@@ -54,7 +61,7 @@ impl Setting {
     fn memory(&self, agents: usize, dice: &mut Dice) -> Memory {
         let (capacity, state_width) = (self.config.ppo.memory, self.config.policy.recurrent.unwrap_or(0));
         let length = self.config.sequence_length();
-        let mut memory = Memory::new(agents, capacity, length, self.spec.obs_dim, state_width);
+        let mut memory = Memory::new(agents, capacity, length, &self.spec, state_width);
         for agent in 0..agents {
             for slot in 0..capacity {
                 let (obs, state) = (bits(self.spec.obs_dim, dice), numbers(state_width, dice));

@@ -11,7 +11,7 @@ use criterion::{
 };
 use dials_traffic::base::{AgentId, Dice, Rows, Seed};
 use dials_traffic::config::{Config, DomainConfig, load};
-use dials_traffic::domain::{Action, Beginning, Domain, GlobalSimulator, LocalSimulator, RegionSpec, SourceSpec};
+use dials_traffic::domain::{Action, Beginning, Domain, GlobalSimulator, LocalSimulator, RegionSpec};
 use dials_traffic::traffic::Traffic;
 use dials_traffic::warehouse::Warehouse;
 use rand::Rng;
@@ -37,24 +37,25 @@ fn warehouse(name: &str) -> Arc<dyn Domain> {
 /// Draws random actions. In traffic, most of them keep the light.
 fn act(spec: &RegionSpec, actions: &mut [Action], dice: &mut Dice) {
     for action in actions {
-        *action = match spec.sources {
-            SourceSpec::Binary { .. } => Action::from(dice.random_bool(0.1)),
-            SourceSpec::Categorical { .. } => dice.random_range(0..spec.n_actions) as Action,
+        *action = match spec.n_actions {
+            2 => Action::from(dice.random_bool(0.1)),
+            n_actions => dice.random_range(0..n_actions) as Action,
         };
     }
 }
 
 fn influence(spec: &RegionSpec, sources: &mut Rows<u8>, dice: &mut Dice) {
-    for source in sources.as_mut_slice() {
-        *source = match spec.sources {
-            SourceSpec::Binary { .. } => u8::from(dice.random_bool(ARRIVALS)),
-            SourceSpec::Categorical { classes, .. } => dice.random_range(0..classes) as u8,
+    let classes = spec.sources.classes.iter().cycle();
+    for (source, &classes) in sources.as_mut_slice().iter_mut().zip(classes) {
+        *source = match classes {
+            2 => u8::from(dice.random_bool(ARRIVALS)),
+            classes => dice.random_range(0..classes),
         };
     }
 }
 
 fn local(group: &mut BenchmarkGroup<'_, WallTime>, name: &str, domain: &dyn Domain, rows: usize) {
-    let spec = domain.spec().clone();
+    let spec = domain.kinds()[0].spec.clone();
     let mut simulator = domain.local_simulator(&[AgentId(0)], rows, Seed::new(1)).unwrap();
     simulator.reset(&Beginning::first(0..rows)).unwrap();
     let (mut actions, mut sources) = (vec![0; rows], Rows::new(rows, spec.sources.count()));
@@ -86,7 +87,7 @@ fn step_local(
 }
 
 fn global(group: &mut BenchmarkGroup<'_, WallTime>, name: &str, domain: &dyn Domain) {
-    let spec = domain.spec().clone();
+    let spec = domain.kinds()[0].spec.clone();
     let mut simulator = domain.global_simulator().unwrap();
     simulator.reset(Seed::new(1)).unwrap();
     let mut actions = vec![0; domain.agents()];

@@ -13,7 +13,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use anyhow::Result;
-use dials_traffic::base::{AgentId, Dice, Rows, Seed};
+use dials_traffic::base::{AgentId, Dice, Ragged, Rows, Seed};
 use dials_traffic::config::*;
 use dials_traffic::domain::*;
 use dials_traffic::evaluation::Evaluation;
@@ -28,94 +28,115 @@ const PEOPLE: usize = 4;
 const HANDS: usize = 3;
 const WALK: Action = 1;
 
-/// People, each one a local region. Local state: the number of buckets held. Influence source: the number that arrive.
-struct People {
-    spec: RegionSpec,
-    held: Vec<u8>,
-    last: Transition,
+/// One person, a local region. Local state: the number of buckets held. Influence source: the number that arrive.
+#[derive(Clone, Copy, Default)]
+struct Person {
+    held: u8,
 }
 
-impl People {
-    fn new(rows: usize, spec: &RegionSpec) -> Self {
-        People { spec: spec.clone(), held: vec![0; rows], last: Transition::new(rows, spec) }
+impl Person {
+    /// Returns the number of buckets that this person hands over with this action.
+    fn handed_over(self, action: Action) -> u8 {
+        if action == WALK { self.held } else { 0 }
     }
 
-    /// Returns the number of buckets that a person hands over with this action.
-    fn handed_over(&self, row: usize, action: Action) -> u8 {
-        if action == WALK { self.held[row] } else { 0 }
-    }
-
-    fn step(&mut self, row: usize, action: Action, arriving: u8) {
-        let handed_over = self.handed_over(row, action);
-        self.last.rewards[row] = f32::from(handed_over) - f32::from(action);
-        self.show(row, (self.held[row] - handed_over + arriving).min(HANDS as u8));
+    /// Makes the transition and returns the reward.
+    fn step(&mut self, action: Action, arriving: u8) -> f32 {
+        let handed_over = self.handed_over(action);
+        self.held = (self.held - handed_over + arriving).min(HANDS as u8);
+        f32::from(handed_over) - f32::from(action)
     }
 
     /// Writes the observation and the d-set (the input of the AIP, the approximate influence predictor): the number of
     /// buckets held, one-hot.
-    fn show(&mut self, row: usize, held: u8) {
-        self.held[row] = held;
-        for table in [&mut self.last.percept.obs, &mut self.last.percept.d_set] {
-            table.row_mut(row).fill(0.0);
-            table.row_mut(row)[usize::from(held)] = 1.0;
+    fn show(self, obs: &mut [f32], d_set: &mut [f32]) {
+        for row in [obs, d_set] {
+            row.fill(0.0);
+            row[usize::from(self.held)] = 1.0;
         }
     }
 }
 
 /// The local simulator: any number of people. AIPs decide how many buckets arrive.
+struct People {
+    spec: RegionSpec,
+    people: Vec<Person>,
+    last: Transition,
+}
+
+impl People {
+    fn show(&mut self, row: usize) {
+        let Percept { obs, d_set, .. } = &mut self.last.percept;
+        self.people[row].show(obs.row_mut(row), d_set.row_mut(row));
+    }
+}
+
 impl LocalSimulator for People {
     fn spec(&self) -> &RegionSpec {
         &self.spec
     }
 
     fn rows(&self) -> usize {
-        self.held.len()
+        self.people.len()
     }
 
     fn reset(&mut self, begin: &[Beginning]) -> Result<&Percept> {
-        begin.iter().for_each(|beginning| self.show(beginning.row, 0));
+        for beginning in begin {
+            self.people[beginning.row] = Person::default();
+            self.show(beginning.row);
+        }
         Ok(&self.last.percept)
     }
 
     fn step(&mut self, actions: &[Action], sources: &Rows<u8>) -> Result<&Transition> {
-        (0..actions.len()).for_each(|row| People::step(self, row, actions[row], sources.row(row)[0]));
+        for (row, &action) in actions.iter().enumerate() {
+            self.last.rewards[row] = self.people[row].step(action, sources.row(row)[0]);
+            self.show(row);
+        }
         Ok(&self.last)
     }
 }
 
 /// The global simulator: the whole line.
 struct Line {
-    people: People,
+    kinds: Kinds,
+    people: [Person; PEOPLE],
     pump: Dice,
-    d_set: Rows<f32>,
-    sources: Rows<u8>,
+    d_set: Ragged<f32>,
+    sources: Ragged<u8>,
+    last: JointTransition,
+}
+
+impl Line {
+    fn show(&mut self) {
+        let JointPercept { obs, d_set, .. } = &mut self.last.percept;
+        self.people.iter().enumerate().for_each(|(row, person)| person.show(obs.row_mut(row), d_set.row_mut(row)));
+    }
 }
 
 impl GlobalSimulator for Line {
-    fn spec(&self) -> &RegionSpec {
-        &self.people.spec
+    fn kinds(&self) -> &Kinds {
+        &self.kinds
     }
 
-    fn agents(&self) -> usize {
-        PEOPLE
-    }
-
-    fn reset(&mut self, episode: Seed) -> Result<&Percept> {
+    fn reset(&mut self, episode: Seed) -> Result<&JointPercept> {
         self.pump = episode.fork_named("pump").dice();
-        (0..PEOPLE).for_each(|person| self.people.show(person, 0));
-        Ok(&self.people.last.percept)
+        self.people = Default::default();
+        self.show();
+        Ok(&self.last.percept)
     }
 
-    fn step(&mut self, actions: &[Action]) -> Result<&Transition> {
-        self.d_set.copy_from(&self.people.last.percept.d_set);
+    fn step(&mut self, actions: &[Action]) -> Result<&JointTransition> {
+        self.d_set.copy_from(&self.last.percept.d_set);
         let mut arriving = u8::from(self.pump.random_bool(0.5));
-        for (person, &action) in actions.iter().enumerate() {
-            self.sources.row_mut(person)[0] = arriving;
-            let handed_over = self.people.handed_over(person, action);
-            self.people.step(person, action, arriving);
+        for (row, (person, &action)) in self.people.iter_mut().zip(actions).enumerate() {
+            self.sources.row_mut(row)[0] = arriving;
+            let handed_over = person.handed_over(action);
+            self.last.rewards[row] = person.step(action, arriving);
             arriving = handed_over;
         }
-        Ok(&self.people.last)
+        self.show();
+        Ok(&self.last)
     }
 
     fn influence_sample(&self) -> InfluenceSample<'_> {
@@ -123,26 +144,31 @@ impl GlobalSimulator for Line {
     }
 }
 
+/// All people are alike: one kind of agents.
 struct Brigade {
-    spec: RegionSpec,
+    kinds: Kinds,
 }
 
 impl Domain for Brigade {
-    fn spec(&self) -> &RegionSpec {
-        &self.spec
-    }
-
-    fn agents(&self) -> usize {
-        PEOPLE
+    fn kinds(&self) -> &Kinds {
+        &self.kinds
     }
 
     fn global_simulator(&self) -> Result<Box<dyn GlobalSimulator>> {
-        let (d_set, sources) = (Rows::new(PEOPLE, self.spec.d_set_dim), Rows::new(PEOPLE, 1));
-        Ok(Box::new(Line { people: People::new(PEOPLE, &self.spec), pump: Seed::new(0).dice(), d_set, sources }))
+        let last = JointTransition::new(&self.kinds);
+        Ok(Box::new(Line {
+            people: Default::default(),
+            pump: Seed::new(0).dice(),
+            d_set: last.percept.d_set.clone(),
+            sources: Ragged::new([1; PEOPLE]),
+            last,
+            kinds: self.kinds.clone(),
+        }))
     }
 
     fn local_simulator(&self, regions: &[AgentId], copies: usize, _seed: Seed) -> Result<Box<dyn LocalSimulator>> {
-        Ok(Box::new(People::new(regions.len() * copies, &self.spec)))
+        let (spec, rows) = (self.kinds[0].spec.clone(), regions.len() * copies);
+        Ok(Box::new(People { people: vec![Person::default(); rows], last: Transition::new(rows, &spec), spec }))
     }
 
     fn scenario(&self) -> Result<Scenario> {
@@ -162,9 +188,10 @@ impl Observer for Printer {
 }
 
 pub fn main() -> Result<()> {
-    let sources = SourceSpec::Categorical { sources: 1, classes: HANDS + 1 };
-    let spec = RegionSpec { obs_dim: HANDS + 1, d_set_dim: HANDS + 1, n_actions: 2, sources, horizon: 60 };
-    let brigade = Arc::new(Brigade { spec });
+    let sources = SourceSpec { classes: vec![HANDS as u8 + 1] };
+    let spec =
+        RegionSpec { obs_dim: HANDS + 1, d_set_dim: HANDS + 1, n_actions: 2, masks: false, sources, horizon: 60 };
+    let brigade = Arc::new(Brigade { kinds: Kinds::one(PEOPLE, spec) });
     let measured = conformance::check(&*brigade, Seed::new(1))?;
     println!(
         "the local simulator reproduces {:.0} % of the global one's non-zero observations",

@@ -52,7 +52,7 @@ pub fn play_watched(
     episode: Seed,
     watch: &mut dyn FnMut(&dyn GlobalSimulator) -> Result<()>,
 ) -> Result<EpisodeReport> {
-    let (agents, horizon) = (simulator.agents(), simulator.spec().horizon);
+    let (agents, horizon) = (simulator.agents(), simulator.kinds().horizon());
     let mut returns = vec![0.0; agents];
     let mut actions = vec![0; agents];
     controller.begin(episode);

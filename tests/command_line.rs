@@ -674,8 +674,7 @@ fn a_comparison_refuses_what_cannot_be_compared_before_anything_plays() {
     fs::write(&warehouse, "total_steps = 128\nwarehouse = { agents_per_side = 2 }\n").unwrap();
     let run = dir.path().join("run");
     train(warehouse.to_str().unwrap(), &run, &["--workers", "0", "--simulator", "gs"]).success();
-    let told =
-        ["run: its policies are those of 4 agents with 37 inputs and 4 actions, and here there are 4 with 40 and 2"];
+    let told = ["run: agent 0 has 37 inputs and 4 actions, and here 40 and 2"];
     assert_refused(&mut compare(&format!("never,{}", run.display())), &told);
     let run = run.to_str().unwrap();
     let told = ["run: is a run directory and no controller; `evaluate`, `replay` and --compare play it"];

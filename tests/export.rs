@@ -9,7 +9,7 @@ use std::process::Command;
 use dials_traffic::base::{AgentId, Rows, Seed};
 use dials_traffic::config::PolicyConfig;
 use dials_traffic::domain::{RegionSpec, SourceSpec};
-use dials_traffic::nn::write_stack;
+use dials_traffic::nn::{StackToWrite, write_stacks};
 use dials_traffic::policy::PolicyStack;
 use rand::Rng;
 use safetensors::tensor::{Dtype, TensorView};
@@ -39,8 +39,8 @@ fn random_rows(rows: usize, width: usize, name: &str) -> Rows<f32> {
 
 fn cases() -> [Case; 2] {
     [false, true].map(|recurrent| {
-        let sources = SourceSpec::Binary { sources: 1 };
-        let spec = RegionSpec { obs_dim: OBS, d_set_dim: 1, n_actions: ACTIONS, sources, horizon: 1 };
+        let sources = SourceSpec::bits(1);
+        let spec = RegionSpec { obs_dim: OBS, d_set_dim: 1, n_actions: ACTIONS, masks: false, sources, horizon: 1 };
         let config = PolicyConfig {
             recurrent: recurrent.then_some(STATE),
             hidden: if recurrent { vec![8] } else { vec![9, 8] },
@@ -131,7 +131,8 @@ fn the_python_reader_says_what_the_policies_say() {
         let dir = tempfile::tempdir().unwrap();
         let (policies, said) = (dir.path().join("policies.safetensors"), dir.path().join("said.safetensors"));
         let parameters = case.stack.parameters();
-        fs::write(&policies, write_stack(parameters.layout(), parameters.values(), &HashMap::new()).unwrap()).unwrap();
+        let stack = StackToWrite { prefix: "", layout: parameters.layout(), rows: parameters.values() };
+        fs::write(&policies, write_stacks(&[stack], &HashMap::new()).unwrap()).unwrap();
         let tables = [
             ("obs", vec![AGENTS, BATCH, OBS], case.obs.as_slice()),
             ("before", vec![AGENTS, BATCH, STATE], case.states[0].as_slice()),

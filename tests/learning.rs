@@ -32,7 +32,7 @@ fn config(simulator: &str) -> Config {
 
 fn train(config: &Config, dir: &Path) -> Result<()> {
     let coins: Arc<dyn Domain> = Arc::new(Coins::new(HORIZON));
-    let layouts = Layouts::of(config, coins.spec());
+    let layouts = Layouts::of(config, coins.kinds());
     let mut fleet = InlineFleet::new(coins, config, Rc::new(Silent));
     let mut log = RunLog::create(dir, config, layouts).unwrap();
     dials::train(config, &mut fleet, Standing::default(), &mut log, &Silent)

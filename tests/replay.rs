@@ -9,18 +9,17 @@ use std::process::{Command as Program, Stdio};
 use std::sync::{Mutex, PoisonError};
 
 use assert_cmd::Command;
-use dials_traffic::base::{AgentId, Rows, Seed};
+use dials_traffic::base::{Rows, Seed};
 use dials_traffic::config::{Config, DomainConfig, load};
 use dials_traffic::domain::{Beginning, Domain, LocalSimulator};
 use dials_traffic::evaluation::{episode_seed, play};
-use dials_traffic::nn::read_stack;
 use dials_traffic::policy::{JointPolicyController, Selection};
+use dials_traffic::records::joint_layout::JointLayout;
 use dials_traffic::traffic::Traffic;
 use dials_traffic::traffic::agents::phases::Light;
 use dials_traffic::traffic::controllers::NAMES;
 use dials_traffic::traffic::sim::recording::{Recording, Tape};
 use dials_traffic::traffic::sim::replay;
-use dials_traffic::training::block::initial_policies;
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 use rand::Rng;
@@ -160,9 +159,9 @@ fn sumo_plays_the_replay_of_trained_policies_as_the_episode_was() {
     let recording = record(
         &config,
         |traffic| {
-            let stack = initial_policies(traffic, &config, &AgentId::all(4));
-            let policies = read_stack(&run.join("policies.safetensors"), stack.parameters().layout(), 4).unwrap();
-            Some(JointPolicyController::new(stack, &policies, Selection::Sampled))
+            let layout = JointLayout::of_policies(traffic.kinds(), &config.policy);
+            let policies = layout.read(&run.join("policies.safetensors")).unwrap();
+            Some(JointPolicyController::new(traffic.kinds(), &config.policy, &policies, Selection::Sampled))
         },
         "",
     );

@@ -450,7 +450,7 @@ fn agreement(entry: EntryRule, entering: Entering, controller: &str) -> Agreemen
         ls.reset(&Beginning::first(0..agents)).unwrap();
         for (actions, sources, placements, global) in recording {
             let local = match entering {
-                Entering::ByRule => ls.step(&actions, &sources).unwrap(),
+                Entering::ByRule => ls.step(&actions, &sources.into_rows()).unwrap(),
                 Entering::Truly => ls.step_with(&actions, &placements).unwrap(),
             };
             for (global, local) in global.percept.obs.iter().zip(local.percept.obs.iter()) {
@@ -510,8 +510,8 @@ fn the_entry_rules_lose_few_bits() {
 #[test]
 fn the_closed_loop_has_the_cars_and_the_return_of_the_global_simulator() {
     let domain = traffic(EntryRule::Max);
-    let (agents, horizon) = (domain.agents(), domain.spec().horizon);
-    let mut datasets = vec![Dataset::new(domain.spec()); agents];
+    let (agents, horizon) = (domain.agents(), domain.kinds().horizon());
+    let mut datasets = Dataset::of_all(domain.kinds());
     let (mut global_cars, mut global_rewards) = (0.0, 0.0);
     {
         let mut gs = domain.global(controlled(&domain, "gap-out")).unwrap();
@@ -530,7 +530,7 @@ fn the_closed_loop_has_the_cars_and_the_return_of_the_global_simulator() {
     }
     let everybody = AgentId::all(agents);
     let config = AipConfig { hidden: vec![64, 64], epochs: 20, learning_rate: 3e-4, ..AipConfig::default() };
-    let mut aips = AipStack::new(&everybody, domain.spec(), &config, Seed::new(3));
+    let mut aips = AipStack::new(&everybody, &domain.kinds()[0].spec, &config, Seed::new(3));
     train(&mut aips, &everybody, &datasets, &config, Seed::new(4), &mut Stopwatch::default(), &mut |_| ());
 
     let rows = agents * 5;
@@ -578,7 +578,7 @@ fn the_switch_bias_is_added_to_the_output_bias_of_switching_and_to_nothing_else(
     let (plain, biased) = (policies(0.0), policies(-1.5));
     let (_, _, outputs) = plain.parameters().layout().blocks(4).last().unwrap();
     assert_eq!(outputs.len(), 3, "keep, switch and the value");
-    let (plain, biased) = (plain.joint_policy(), biased.joint_policy());
+    let (plain, biased) = (plain.parameters().values(), biased.parameters().values());
     for (plain, biased) in plain.iter().zip(biased.iter()) {
         assert_eq!(plain[..outputs.start], biased[..outputs.start]);
         let expected: Vec<f32> = plain[outputs.clone()].iter().zip([0.0, -1.5, 0.0]).map(|(b, by)| b + by).collect();

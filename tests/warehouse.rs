@@ -36,13 +36,14 @@ fn driven_by_the_recorded_sources_the_local_simulator_shows_every_bit_and_reward
         let mut ls = domain.local_simulator(&AgentId::all(agents), 1, seed).unwrap();
         let global = gs.reset(seed).unwrap();
         let local = ls.reset(&Beginning::first(0..agents)).unwrap();
-        assert_eq!(global.obs, local.obs, "also in the first items");
+        assert_eq!(global.obs.as_slice(), local.obs.as_slice(), "also in the first items");
         for _ in 0..100 {
             let actions: Vec<u8> = (0..agents).map(|_| dice.random_range(0..4)).collect();
             let global = gs.step(&actions).unwrap().clone();
-            let sources = gs.influence_sample().sources.clone();
+            let sources = gs.influence_sample().sources.clone().into_rows();
             let local = ls.step(&actions, &sources).unwrap();
-            assert_eq!((&global.percept.obs, &global.rewards), (&local.percept.obs, &local.rewards));
+            let (global_obs, local_obs) = (global.percept.obs.as_slice(), local.percept.obs.as_slice());
+            assert_eq!((global_obs, &global.rewards), (local_obs, &local.rewards));
         }
     }
 }
@@ -113,7 +114,7 @@ fn a_neighbour_takes_an_item_away_and_earns_nothing_here() {
 fn the_aip_learns_where_random_neighbours_stand_as_well_as_constants_can() {
     let domain = warehouse(2);
     let mut baseline = domain.baseline("random").unwrap();
-    let mut datasets = vec![Dataset::new(domain.spec()); 4];
+    let mut datasets = Dataset::of_all(domain.kinds());
     for episode in 0..100 {
         let seed = Seed::new(7).for_episode(episode);
         collect_episode(&mut *baseline.simulator, &mut *baseline.controller, seed, &mut datasets).unwrap();
@@ -121,7 +122,7 @@ fn the_aip_learns_where_random_neighbours_stand_as_well_as_constants_can() {
     // The paper's settings, for two agents.
     let config = AipConfig { recurrent: Some(64), hidden: vec![64], batch: 32, epochs: 300, ..AipConfig::default() };
     let agents = AgentId::all(2);
-    let mut aips = AipStack::new(&agents, domain.spec(), &config, Seed::new(8));
+    let mut aips = AipStack::new(&agents, &domain.kinds()[0].spec, &config, Seed::new(8));
     let losses =
         train(&mut aips, &agents, &datasets[..2], &config, Seed::new(9), &mut Stopwatch::default(), &mut |_| ());
     for loss in losses {

@@ -4,6 +4,7 @@
 
 mod compact;
 mod purpose;
+mod ragged;
 mod rows;
 mod seed;
 pub mod statistics;
@@ -13,6 +14,7 @@ mod vectors;
 
 pub use compact::CompactRows;
 pub use purpose::RandomPurpose;
+pub use ragged::Ragged;
 pub use rows::Rows;
 pub use seed::{Dice, Seed, scramble};
 pub use stopwatch::{Activity, Phase, Stopwatch, Timesheet};

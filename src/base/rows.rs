@@ -55,6 +55,10 @@ impl<T: Copy + Default> Rows<T> {
         &mut self.data
     }
 
+    pub fn into_vec(self) -> Vec<T> {
+        self.data
+    }
+
     pub fn push(&mut self, row: &[T]) {
         assert_eq!(row.len(), self.width, "a row of another width");
         self.data.extend_from_slice(row);
@@ -66,20 +70,9 @@ impl<T: Copy + Default> Rows<T> {
         self.data.extend_from_slice(&other.data);
     }
 
-    /// Overwrites the rows from `first` on.
-    pub fn replace(&mut self, first: usize, rows: &Rows<T>) {
-        assert_eq!(rows.width, self.width, "rows of another width");
-        self.data[first * self.width..][..rows.data.len()].copy_from_slice(&rows.data);
-    }
-
     pub fn copy_from(&mut self, other: &Rows<T>) {
         assert_eq!((self.len(), self.width), (other.len(), other.width), "tables of different shape");
         self.data.copy_from_slice(&other.data);
-    }
-
-    /// A copy of some of the rows.
-    pub fn slice(&self, rows: std::ops::Range<usize>) -> Rows<T> {
-        Rows { data: self.data[rows.start * self.width..rows.end * self.width].to_vec(), width: self.width }
     }
 
     pub fn fill(&mut self, value: T) {

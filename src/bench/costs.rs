@@ -7,12 +7,12 @@
 
 use std::ops::{Add, Mul};
 
-use super::floor::{Flops, aip_training_flops};
+use super::floor::{Flops, aip_trainings_flops};
 use super::measure::{Measured, Orders};
 use crate::base::Phase;
 use crate::config::Config;
 use crate::cost::{Prices, Workload};
-use crate::domain::RegionSpec;
+use crate::domain::Kinds;
 
 /// Phases of a simulator's step.
 const SIMULATING: [Phase; 3] = [Phase::Insertion, Phase::SimulatorStep, Phase::Reading];
@@ -92,23 +92,16 @@ pub struct Costs {
 impl Costs {
     /// `config`: that of the run, not of the short orders that were `measured`. `foreign`: whether another program makes
     /// the simulators' steps.
-    pub fn of(
-        config: &Config,
-        spec: &RegionSpec,
-        agents: usize,
-        foreign: bool,
-        peak_flops: f64,
-        measured: &Measured,
-    ) -> Costs {
-        let work = Workload::of(config, agents, config.last_step());
+    pub fn of(config: &Config, kinds: &Kinds, foreign: bool, peak_flops: f64, measured: &Measured) -> Costs {
+        let work = Workload::of(config, kinds.agents(), config.last_step());
         let machine = Machine { workers: measured.workers as f64, sumo: foreign, peak_flops };
         let Measured { training, evaluation, collection, aip_training, .. } = measured;
 
-        let flops = Flops::of(config, spec);
+        let flops = Flops::of_all(config, kinds);
         let of_episodes = |orders: &Orders, episodes: usize| {
             machine.on_the_gs(orders, episodes, work.gs_steps(episodes) * flops.acting)
         };
-        let retraining_flops = agents as f64 * aip_training_flops(config, spec, work.dataset_episodes);
+        let retraining_flops = aip_trainings_flops(config, kinds, work.dataset_episodes);
         let step = TrainingStep::of(training, &machine);
         let prices = Prices {
             step: step.price(training, &machine, flops.training),
@@ -273,7 +266,7 @@ fn per_order(orders: &Orders, phase: Phase) -> f64 {
 mod tests {
     use super::*;
     use crate::base::Stopwatch;
-    use crate::domain::SourceSpec;
+    use crate::domain::{RegionSpec, SourceSpec};
     use std::time::Duration;
 
     fn orders(count: usize, units: f64, wall: u64, slowest: u64, work: u64, phases: &[(Phase, u64)]) -> Orders {
@@ -285,18 +278,19 @@ mod tests {
 
     /// One agent, 1000 timesteps in ten periods, each with an evaluation of 3 episodes, one of 5 at the end; AIPs trained twice on 2 episodes
     /// of 10 steps. Networks as in the tests of the floor, and a machine of 1e6 operations per second.
-    fn setting() -> (Config, RegionSpec) {
+    fn setting() -> (Config, Kinds) {
         let config = "total_steps = 1000\ntraffic = { network = 'n', local_network = 'l', horizon = 10 }\n\
                       policy = { hidden = [3] }\nppo = { rollout_steps = 4, epochs = 3, time_limit = 'bootstrap' }\n\
                       aip = { hidden = [5], batch = 8, epochs = 2, held_out = 0.5, dataset_steps = 40, \
                       retrain_every_steps = 500 }\nevaluation = { every_steps = 100, episodes = 3, final_episodes = 5 }";
-        let sources = SourceSpec::Binary { sources: 2 };
-        (toml::from_str(config).unwrap(), RegionSpec { obs_dim: 4, d_set_dim: 2, n_actions: 2, sources, horizon: 10 })
+        let sources = SourceSpec::bits(2);
+        let spec = RegionSpec { obs_dim: 4, d_set_dim: 2, n_actions: 2, masks: false, sources, horizon: 10 };
+        (toml::from_str(config).unwrap(), Kinds::one(1, spec))
     }
 
     #[test]
     fn a_run_on_two_workers_is_worked_out_by_hand() {
-        let (config, spec) = setting();
+        let (config, kinds) = setting();
         let step = |seconds| (Phase::SimulatorStep, seconds);
         let measured = Measured {
             workers: 2,
@@ -309,7 +303,7 @@ mod tests {
             pss_kib: 1,
             peak_rss_kib: 1,
         };
-        let costs = Costs::of(&config, &spec, 1, true, 1e6, &measured);
+        let costs = Costs::of(&config, &kinds, true, 1e6, &measured);
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-6 * b.abs(), "{a} is not {b}");
         // In seconds per timestep, for 1000 timesteps:
         // step 4/200 = .02, forward 5/200 = .025, loading 2 * 10 / 1000 = .02, other (16 - 11)/200 = .025,

@@ -1,7 +1,7 @@
 //! The matrix products that a run asks for, in floating-point operations.
 
 use crate::config::{Config, TimeLimit, held_out_episodes};
-use crate::domain::RegionSpec;
+use crate::domain::{Kinds, RegionSpec};
 use crate::influence::{AipStack, sampling_flops};
 use crate::nn::Shape;
 use crate::policy::PolicyStack;
@@ -16,7 +16,17 @@ pub struct Flops {
 }
 
 impl Flops {
-    pub fn of(config: &Config, spec: &RegionSpec) -> Flops {
+    /// Means over the agents of all kinds.
+    pub fn of_all(config: &Config, kinds: &Kinds) -> Flops {
+        let mean = |pick: fn(Flops) -> f64| {
+            let sums = kinds.iter().map(|kind| kind.agents.len() as f64 * pick(Flops::of(config, &kind.spec)));
+            sums.sum::<f64>() / kinds.agents() as f64
+        };
+        Flops { training: mean(|flops| flops.training), acting: mean(|flops| flops.acting) }
+    }
+
+    /// Those of an agent of one kind.
+    fn of(config: &Config, spec: &RegionSpec) -> Flops {
         let (ppo, policy) = (&config.ppo, PolicyStack::shape(spec, &config.policy));
         let acting = policy.forward_flops();
         let update = ppo.epochs as f64 * (acting + policy.backward_flops(config.sequence_length()));
@@ -29,19 +39,23 @@ impl Flops {
     }
 }
 
-/// Operations of one agent's AIP training on a dataset of so many episodes: the gradient steps, and the loss before and
-/// after on all samples.
-pub fn aip_training_flops(config: &Config, spec: &RegionSpec, episodes: usize) -> f64 {
+/// Operations of all agents' AIP trainings on datasets of so many episodes.
+pub fn aip_trainings_flops(config: &Config, kinds: &Kinds, episodes: usize) -> f64 {
+    kinds.iter().map(|kind| kind.agents.len() as f64 * aip_training_flops(config, &kind.spec, episodes)).sum()
+}
+
+/// Those of one agent: the gradient steps, and the loss before and after on all samples.
+fn aip_training_flops(config: &Config, spec: &RegionSpec, episodes: usize) -> f64 {
     let aip: Shape = AipStack::shape(spec, &config.aip);
     let steps = if aip.recurrent.is_some() { spec.horizon } else { 1 };
-    let visits = config.aip.epochs * gradient_steps(config, spec, episodes) * config.aip.batch * steps;
+    let visits = config.aip.epochs * gradient_steps(config, spec.horizon, episodes) * config.aip.batch * steps;
     visits as f64 * (aip.forward_flops() + aip.backward_flops(steps))
         + 2.0 * (episodes * spec.horizon) as f64 * aip.forward_flops()
 }
 
 /// Gradient steps of an AIP per pass over such a dataset.
-pub fn gradient_steps(config: &Config, spec: &RegionSpec, episodes: usize) -> usize {
-    let sequences_per_episode = if config.aip.recurrent.is_some() { 1 } else { spec.horizon };
+pub fn gradient_steps(config: &Config, horizon: usize, episodes: usize) -> usize {
+    let sequences_per_episode = if config.aip.recurrent.is_some() { 1 } else { horizon };
     let training = episodes - held_out_episodes(episodes, config.aip.held_out);
     training * sequences_per_episode / config.aip.batch
 }
@@ -49,16 +63,20 @@ pub fn gradient_steps(config: &Config, spec: &RegionSpec, episodes: usize) -> us
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::AgentId;
     use crate::config::Simulator;
-    use crate::domain::SourceSpec;
+    use crate::domain::{Kind, SourceSpec};
 
     /// Policy 4 -> 3 -> (2 + 1): 21 weights; AIP 2 -> 5 -> 2: 20 weights.
     fn small() -> (Config, RegionSpec) {
         let config = "warehouse = { agents_per_side = 1, horizon = 10 }\npolicy = { hidden = [3] }\n\
                       ppo = { rollout_steps = 4, epochs = 3, time_limit = 'bootstrap' }\n\
                       aip = { hidden = [5], batch = 8, epochs = 2, held_out = 0.5 }";
-        let sources = SourceSpec::Binary { sources: 2 };
-        (toml::from_str(config).unwrap(), RegionSpec { obs_dim: 4, d_set_dim: 2, n_actions: 2, sources, horizon: 10 })
+        let sources = SourceSpec::bits(2);
+        (
+            toml::from_str(config).unwrap(),
+            RegionSpec { obs_dim: 4, d_set_dim: 2, n_actions: 2, masks: false, sources, horizon: 10 },
+        )
     }
 
     #[test]
@@ -78,5 +96,20 @@ mod tests {
         // Four episodes of 10, two held out: 20 samples make two batches of 8. Forward 40, backward 40 + 2 * 10 = 60:
         // 2 epochs * 16 samples * 100 = 3200, and the losses 2 * 40 samples * 40 = 3200.
         assert_eq!(aip_training_flops(&config, &spec, 4), 6400.0);
+    }
+
+    #[test]
+    fn agents_of_two_kinds_cost_their_mean() {
+        let (config, spec) = small();
+        let wider = RegionSpec { obs_dim: 5, ..spec.clone() };
+        let kind = |name: &str, spec, agents: [usize; 2]| Kind {
+            name: name.to_owned(),
+            spec,
+            agents: agents.map(AgentId).to_vec(),
+        };
+        let kinds = Kinds::new(vec![kind("a", spec, [0, 2]), kind("b", wider, [1, 3])]).unwrap();
+        // An input more: 2 * 3 operations more per pass.
+        assert_eq!(Flops::of_all(&config, &kinds).acting, (42.0 + 48.0) / 2.0);
+        assert_eq!(aip_trainings_flops(&config, &kinds, 4), 4.0 * 6400.0);
     }
 }

@@ -2,11 +2,11 @@
 
 use std::time::{Duration, Instant};
 
-use super::floor::{aip_training_flops, gradient_steps};
+use super::floor::{aip_trainings_flops, gradient_steps};
 use super::marginals::predict_marginals;
 use crate::base::{Activity, Phase, Stopwatch};
 use crate::config::{AipTraining, Config, Period};
-use crate::domain::{RegionSpec, Result};
+use crate::domain::{Kinds, Result};
 use crate::influence::{AipStack, Dataset};
 use crate::training::answers::FleetLoad;
 use crate::training::collect::Purpose;
@@ -79,7 +79,7 @@ impl Measured {
 pub struct Plan<'a> {
     /// As [`short_orders`] made it.
     pub config: &'a Config,
-    pub spec: &'a RegionSpec,
+    pub kinds: &'a Kinds,
     pub workers: usize,
     pub time: Duration,
     /// Of matrix products, per second.
@@ -101,21 +101,22 @@ pub fn measure(plan: &Plan<'_>, fleet: &mut dyn Fleet, journal: &mut dyn Journal
     let evaluation = repeat(part(EVALUATION), |orders| bench.evaluate(orders))?;
     let (mut collection, mut aip_training) = (Orders::default(), Orders::default());
     if plan.config.simulator.trains_predictors() {
-        let (mut datasets, mut seen): (Vec<Dataset>, Vec<Dataset>) = Default::default();
+        let (mut datasets, mut seen) = (Vec::new(), Dataset::of_all(plan.kinds));
         collection = repeat(part(COLLECTION), |orders| {
             datasets = bench.collect(orders)?;
-            seen.resize_with(agents, || Dataset::new(plan.spec));
             seen.iter_mut().zip(&datasets).for_each(|(seen, dataset)| seen.extend(dataset));
             Ok(())
         })?;
         let flops = part(AIP_TRAINING).as_secs_f64() * plan.peak_flops * OF_PEAK * plan.workers as f64;
-        let enough = episodes_for(plan, flops / agents as f64);
+        let enough = episodes_for(plan, flops);
         let datasets: Vec<Dataset> = datasets.iter().map(|dataset| repeated(dataset, enough)).collect();
-        let flops = agents as f64 * aip_training_flops(plan.config, plan.spec, datasets[0].episodes());
+        let flops = aip_trainings_flops(plan.config, plan.kinds, datasets[0].episodes());
         aip_training = repeat(part(AIP_TRAINING), |orders| bench.train_aips(orders, &datasets, flops))?;
         let mut state = bench.fleet.agents().clone();
-        let layout = AipStack::shape(plan.spec, &plan.config.aip).layout();
-        predict_marginals(&mut state.aips, &layout, plan.spec.sources, &seen);
+        for (agent, (spec, seen)) in plan.kinds.specs().zip(&seen).enumerate() {
+            let layout = AipStack::shape(spec, &plan.config.aip).layout();
+            predict_marginals(state.aips.row_mut(agent), &layout, &spec.sources, seen);
+        }
         bench.fleet.restore(state)?;
     }
     // The first update only shows how long one takes. What is measured begins with empty roads again.
@@ -151,13 +152,14 @@ fn repeat(time: Duration, mut order: impl FnMut(&mut Orders) -> Result<()>) -> R
     Ok(orders)
 }
 
-/// Episodes per dataset, up to a whole one, whose AIP training takes about so many operations per agent; always enough
+/// Episodes per dataset, up to a whole one, whose AIP trainings take about so many operations together; always enough
 /// for a gradient step.
 fn episodes_for(plan: &Plan<'_>, flops: f64) -> usize {
-    let whole = plan.config.dataset_episodes(plan.spec.horizon);
+    let horizon = plan.kinds.horizon();
+    let whole = plan.config.dataset_episodes(horizon);
     let mut episodes = 2;
-    let too_few = |episodes| gradient_steps(plan.config, plan.spec, episodes) == 0;
-    while too_few(episodes) || (episodes < whole && aip_training_flops(plan.config, plan.spec, episodes) < flops) {
+    let too_few = |episodes| gradient_steps(plan.config, horizon, episodes) == 0;
+    while too_few(episodes) || (episodes < whole && aip_trainings_flops(plan.config, plan.kinds, episodes) < flops) {
         episodes += 1;
     }
     episodes

@@ -1,7 +1,8 @@
 //! What every domain must hold, as one check that a test of the domain calls.
 //!
-//! Shapes and ranges, repeatability from the seed, the alignment of influence samples, that a reset of one row of a
-//! local simulator leaves the others alone, and that a row can be retraced in another simulator to the bit. How well the LS reproduces the GS when it is driven by the recorded sources
+//! For the GS: shapes and ranges, repeatability from the seed, and the alignment of influence samples. For the local
+//! simulators of every kind: that a reset of one row leaves the others alone, and that a row can be retraced in another
+//! simulator to the bit. How well the LS reproduces the GS when it is driven by the recorded sources
 //! is returned as shares of equal observation entries, which are 1 for domains whose local transition is exact, and the
 //! error of its rewards, which is 0 for them; others have measured bounds (traffic loses a car's exact position at the
 //! entry).
@@ -9,8 +10,8 @@
 use anyhow::ensure;
 use rand::Rng;
 
-use super::{Action, Beginning, Domain, Result};
-use crate::base::{AgentId, Dice, RandomPurpose, Rows, Seed};
+use super::{Action, Beginning, Domain, JointPercept, Kind, LocalSimulator, Result};
+use crate::base::{Dice, Ragged, RandomPurpose, Rows, Seed};
 
 /// What [`check`] measured with the LS driven by the GS's recorded sources and actions.
 #[derive(Clone, Copy, Debug)]
@@ -28,96 +29,180 @@ pub fn check(domain: &dyn Domain, seed: Seed) -> Result<Conformance> {
     let recording = record(domain, seed)?;
     ensure!(record(domain, seed)? == recording, "the GS does not repeat an episode from its seed");
     check_shapes(domain, &recording)?;
-    check_single_resets(domain, &recording, seed)?;
-    check_that_rows_can_be_retraced(domain, &recording, seed)?;
-    replay_locally(domain, &recording, seed)
+    let mut likeness = Likeness::default();
+    for kind in domain.kinds() {
+        let of_kind = recording.of_kind(kind);
+        check_single_resets(domain, kind, &of_kind, seed)?;
+        check_that_rows_can_be_retraced(domain, kind, &of_kind, seed)?;
+        replay_locally(domain, kind, &of_kind, seed, &mut likeness)?;
+    }
+    likeness.conformance()
 }
 
 /// An episode of the GS under random actions.
 #[derive(PartialEq)]
 struct Recording {
+    /// What every step led to.
+    percepts: Vec<JointPercept>,
+    actions: Vec<Vec<Action>>,
+    d_sets: Vec<Ragged<f32>>,
+    sources: Vec<Ragged<u8>>,
+    rewards: Vec<Vec<f32>>,
+}
+
+/// The same of the agents of one kind.
+struct OfKind {
     obs: Vec<Rows<f32>>,
     actions: Vec<Vec<Action>>,
-    d_sets: Vec<Rows<f32>>,
     sources: Vec<Rows<u8>>,
     rewards: Vec<Vec<f32>>,
 }
 
-fn random_actions(dice: &mut Dice, rows: usize, n_actions: usize) -> Vec<Action> {
-    (0..rows).map(|_| dice.random_range(0..n_actions) as Action).collect()
+impl Recording {
+    fn of_kind(&self, kind: &Kind) -> OfKind {
+        let agents = || kind.agents.iter().map(|agent| agent.0);
+        OfKind {
+            obs: self.percepts.iter().map(|percept| percept.obs.pick(agents()).into_rows()).collect(),
+            actions: self.actions.iter().map(|actions| agents().map(|agent| actions[agent]).collect()).collect(),
+            sources: self.sources.iter().map(|sources| sources.pick(agents()).into_rows()).collect(),
+            rewards: self.rewards.iter().map(|rewards| agents().map(|agent| rewards[agent]).collect()).collect(),
+        }
+    }
+}
+
+/// One of the allowed actions per agent; an empty mask allows all.
+fn random_actions(dice: &mut Dice, domain: &dyn Domain, percept: &JointPercept) -> Vec<Action> {
+    let of_agent = |(n_actions, mask): (usize, &[bool])| {
+        let allowed: Vec<usize> =
+            (0..n_actions).filter(|&action| mask.get(action).is_none_or(|&allowed| allowed)).collect();
+        allowed[dice.random_range(0..allowed.len())] as Action
+    };
+    domain.kinds().specs().map(|spec| spec.n_actions).zip(percept.masks.iter()).map(of_agent).collect()
 }
 
 fn record(domain: &dyn Domain, seed: Seed) -> Result<Recording> {
-    let spec = domain.spec();
     let mut gs = domain.global_simulator()?;
+    ensure!(gs.kinds() == domain.kinds(), "the GS has other kinds of agents than the domain");
     let mut dice = seed.fork(RandomPurpose::Actions).dice();
-    let mut d_set = {
-        let percept = gs.reset(seed.for_episode(0))?;
-        percept.d_set.clone()
-    };
-    let mut recording = Recording { obs: vec![], actions: vec![], d_sets: vec![], sources: vec![], rewards: vec![] };
-    for _ in 0..spec.horizon {
-        let actions = random_actions(&mut dice, domain.agents(), spec.n_actions);
+    let mut percept = gs.reset(seed.for_episode(0))?.clone();
+    let mut recording =
+        Recording { percepts: vec![], actions: vec![], d_sets: vec![], sources: vec![], rewards: vec![] };
+    for _ in 0..domain.kinds().horizon() {
+        check_masks(domain, &percept)?;
+        let actions = random_actions(&mut dice, domain, &percept);
         let transition = gs.step(&actions)?;
-        recording.obs.push(transition.percept.obs.clone());
+        recording.percepts.push(transition.percept.clone());
         recording.rewards.push(transition.rewards.clone());
-        let after = transition.percept.d_set.clone();
+        let after = transition.percept.clone();
         let sample = gs.influence_sample();
-        ensure!(*sample.d_set == d_set, "an influence sample does not hold the d-set from before the step");
+        ensure!(*sample.d_set == percept.d_set, "an influence sample does not hold the d-set from before the step");
         recording.d_sets.push(sample.d_set.clone());
         recording.sources.push(sample.sources.clone());
         recording.actions.push(actions);
-        d_set = after;
+        percept = after;
     }
     Ok(recording)
 }
 
+fn check_masks(domain: &dyn Domain, percept: &JointPercept) -> Result<()> {
+    ensure!(percept.masks.len() == domain.agents(), "the GS has masks for {} agents", percept.masks.len());
+    for (agent, (spec, mask)) in domain.kinds().specs().zip(percept.masks.iter()).enumerate() {
+        let width = if spec.masks { spec.n_actions } else { 0 };
+        ensure!(mask.len() == width, "agent {agent}: a mask of {} actions instead of {width}", mask.len());
+        ensure!(mask.is_empty() || mask.contains(&true), "agent {agent}: no action is allowed");
+    }
+    Ok(())
+}
+
 fn check_shapes(domain: &dyn Domain, recording: &Recording) -> Result<()> {
-    let spec = domain.spec();
-    let classes = spec.sources.classes() as u8;
-    for (obs, (sources, rewards)) in recording.obs.iter().zip(recording.sources.iter().zip(&recording.rewards)) {
-        ensure!((obs.len(), obs.width()) == (domain.agents(), spec.obs_dim), "observations of a wrong shape");
-        ensure!(sources.width() == spec.sources.count(), "influence sources of a wrong shape");
-        ensure!(sources.as_slice().iter().all(|&u| u < classes), "an influence source out of range");
+    let kinds = domain.kinds();
+    let of_episode = recording.percepts.iter().zip(recording.sources.iter().zip(&recording.rewards));
+    for (percept, (sources, rewards)) in of_episode {
+        for (table, widths, what) in [
+            (&percept.obs, kinds.specs().map(|spec| spec.obs_dim).collect::<Vec<_>>(), "observations"),
+            (&percept.d_set, kinds.specs().map(|spec| spec.d_set_dim).collect(), "d-sets"),
+        ] {
+            ensure!(table.widths().eq(widths), "{what} of a wrong shape");
+        }
+        ensure!(
+            sources.widths().eq(kinds.specs().map(|spec| spec.sources.count())),
+            "influence sources of a wrong shape"
+        );
+        for (sources, spec) in sources.iter().zip(kinds.specs()) {
+            ensure!(
+                sources.iter().zip(&spec.sources.classes).all(|(u, classes)| u < classes),
+                "an influence source out of range"
+            );
+        }
+        ensure!(rewards.len() == kinds.agents(), "rewards of a wrong number of agents");
         ensure!(rewards.iter().all(|r| r.is_finite()), "a reward that is not finite");
     }
     Ok(())
 }
 
+/// How much of the GS the LS showed, and the other way round.
+#[derive(Default)]
+struct Likeness {
+    /// Non-zero entries of observations.
+    of_global: u64,
+    of_local: u64,
+    of_both: u64,
+    rewards: u64,
+    reward_error: f64,
+}
+
+impl Likeness {
+    fn conformance(&self) -> Result<Conformance> {
+        ensure!(self.of_global > 0, "the GS showed nothing at all");
+        ensure!(self.of_local > 0, "the LS showed nothing at all");
+        let share = |part: u64, whole: u64| part as f64 / whole as f64;
+        Ok(Conformance {
+            recall: share(self.of_both, self.of_global),
+            precision: share(self.of_both, self.of_local),
+            reward_error: self.reward_error / self.rewards as f64,
+        })
+    }
+}
+
+/// Local simulators of all regions of a kind.
+fn local_simulator(domain: &dyn Domain, kind: &Kind, copies: usize, seed: Seed) -> Result<Box<dyn LocalSimulator>> {
+    let ls = domain.local_simulator(&kind.agents, copies, seed)?;
+    ensure!(*ls.spec() == kind.spec, "the LS of kind `{}` has another shape than the kind", kind.name);
+    ensure!(ls.rows() == kind.agents.len() * copies, "the LS of kind `{}` has {} rows", kind.name, ls.rows());
+    Ok(ls)
+}
+
 /// Drives one LS per agent by the recorded actions and sources and compares what it shows.
-fn replay_locally(domain: &dyn Domain, recording: &Recording, seed: Seed) -> Result<Conformance> {
-    let regions = AgentId::all(domain.agents());
-    let mut ls = domain.local_simulator(&regions, 1, seed.for_episode(0))?;
-    ls.reset(&Beginning::first(0..regions.len()))?;
-    let (mut of_global, mut of_local, mut of_both) = (0_u64, 0_u64, 0_u64);
-    let (mut rewards, mut reward_error) = (0_u64, 0.0);
+fn replay_locally(
+    domain: &dyn Domain,
+    kind: &Kind,
+    recording: &OfKind,
+    seed: Seed,
+    likeness: &mut Likeness,
+) -> Result<()> {
+    let mut ls = local_simulator(domain, kind, 1, seed.for_episode(0))?;
+    ls.reset(&Beginning::first(0..kind.agents.len()))?;
     for (t, actions) in recording.actions.iter().enumerate() {
         let local = ls.step(actions, &recording.sources[t])?;
+        ensure!(local.percept.masks.is_some() == kind.spec.masks, "masks of the LS that its spec does not tell of");
         for (&global, &local) in recording.obs[t].as_slice().iter().zip(local.percept.obs.as_slice()) {
-            of_global += u64::from(global != 0.0);
-            of_local += u64::from(local != 0.0);
-            of_both += u64::from(global != 0.0 && local == global);
+            likeness.of_global += u64::from(global != 0.0);
+            likeness.of_local += u64::from(local != 0.0);
+            likeness.of_both += u64::from(global != 0.0 && local == global);
         }
         for (global, local) in recording.rewards[t].iter().zip(&local.rewards) {
-            rewards += 1;
-            reward_error += f64::from((global - local).abs());
+            likeness.rewards += 1;
+            likeness.reward_error += f64::from((global - local).abs());
         }
     }
-    ensure!(of_global > 0, "the GS showed nothing at all");
-    ensure!(of_local > 0, "the LS showed nothing at all");
-    let share = |part: u64, whole: u64| part as f64 / whole as f64;
-    Ok(Conformance {
-        recall: share(of_both, of_global),
-        precision: share(of_both, of_local),
-        reward_error: reward_error / rewards as f64,
-    })
+    Ok(())
 }
 
 /// Two copies of every region in step with each other; one is reset alone, the other must not notice.
-fn check_single_resets(domain: &dyn Domain, recording: &Recording, seed: Seed) -> Result<()> {
-    let regions = AgentId::all(domain.agents());
+fn check_single_resets(domain: &dyn Domain, kind: &Kind, recording: &OfKind, seed: Seed) -> Result<()> {
+    let regions = &kind.agents;
     let trace = |reset_at: Option<usize>| -> Result<Vec<f32>> {
-        let mut ls = domain.local_simulator(&regions, 2, seed)?;
+        let mut ls = local_simulator(domain, kind, 2, seed)?;
         ls.reset(&Beginning::first(0..ls.rows()))?;
         let mut seen = Vec::new();
         for t in 0..recording.actions.len().min(60) {
@@ -144,15 +229,15 @@ fn check_single_resets(domain: &dyn Domain, recording: &Recording, seed: Seed) -
 /// Two copies of every region, one of them reset on the way. A second simulator, in which the first copies never lived
 /// through an earlier episode and the rows began at other times, must be led to the same place by the same actions and
 /// sources, and go on from there in the same way.
-fn check_that_rows_can_be_retraced(domain: &dyn Domain, recording: &Recording, seed: Seed) -> Result<()> {
+fn check_that_rows_can_be_retraced(domain: &dyn Domain, kind: &Kind, recording: &OfKind, seed: Seed) -> Result<()> {
     const COPIES: usize = 2;
-    let regions = AgentId::all(domain.agents());
+    let regions = &kind.agents;
     let steps = recording.actions.len().min(60);
     let reset_at = steps / 3;
     let second_copies = |episode| (0..regions.len()).map(move |region| Beginning { row: COPIES * region + 1, episode });
     let first_copies = |episode| (0..regions.len()).map(move |region| Beginning { row: COPIES * region, episode });
     let play = |begin: Vec<Beginning>, from: usize| -> Result<Vec<(Vec<f32>, Vec<f32>)>> {
-        let mut ls = domain.local_simulator(&regions, COPIES, seed)?;
+        let mut ls = local_simulator(domain, kind, COPIES, seed)?;
         ls.reset(&begin)?;
         let mut seen = Vec::new();
         for t in from..steps {

@@ -4,14 +4,21 @@
 //! many local regions in lockstep, each driven by the influence sources it is handed. Simulators never see a tensor and
 //! never hear of learning: they speak [`Rows`]. Learning never sees a car or a robot: it knows the [`RegionSpec`].
 //!
+//! Agents of equal shape form a [`Kind`]; a domain lists its [`Kinds`]. A local simulator has rows of one kind. The GS has
+//! one row per agent, of whatever width its kind has.
+//!
 //! Pictures of episodes are drawn from a [`Scene`] or a [`road_trace`].
 //!
-//! A new domain implements the three traits and passes [`conformance`]; [`toy`] is the smallest one.
+//! A new domain implements the three traits and passes [`conformance`]; [`toy`] has the smallest ones.
 //!
-//! - `spec`: the shape of a region. `scene`: pictures.
-//! - `scenario`: what is simulated, as a run writes it down. `rough_costs`: how long it takes, at a guess.
+//! - `spec`: the shape of a region; `kinds`: the agents that have it; `percept`: what simulators show.
+//! - `scenario`: what is simulated, as a run writes it down; `rough_costs`: a guess of how long it takes.
+//! - `scene`: a picture of the state; [`road_trace`]: an episode of traffic, for pictures.
+//! - [`conformance`]: what every domain must hold; [`toy`]: domains for tests.
 
 pub mod conformance;
+mod kinds;
+mod percept;
 pub mod road_trace;
 mod rough_costs;
 mod scenario;
@@ -24,54 +31,26 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 use serde::{Deserialize, Serialize};
 
-use crate::base::{AgentId, Rows, Seed, Stopwatch};
+use crate::base::{AgentId, Ragged, Rows, Seed, Stopwatch};
 
+pub use kinds::{Kind, Kinds, Place};
+pub use percept::{JointPercept, JointTransition, Percept, Transition};
 pub use rough_costs::RoughCosts;
 pub use scenario::{Episode, FirstRow, Map, Scenario, ScenarioId};
 pub use scene::{Colour, Scene};
-pub use spec::{Action, RegionSpec, SourceSpec};
+pub use spec::{Action, RegionSpec, SourceSpec, logits_of};
 
 /// Simulators fail for reasons of their own (SUMO, files); no room above chooses by the kind of failure.
 pub type Result<T> = anyhow::Result<T>;
-
-/// What a region shows at a decision, one row per (agent, copy).
-#[derive(Clone, Debug, PartialEq)]
-pub struct Percept {
-    /// `[rows, obs_dim]`
-    pub obs: Rows<f32>,
-    /// `[rows, d_set_dim]`
-    pub d_set: Rows<f32>,
-}
-
-impl Percept {
-    pub fn new(rows: usize, spec: &RegionSpec) -> Self {
-        Percept { obs: Rows::new(rows, spec.obs_dim), d_set: Rows::new(rows, spec.d_set_dim) }
-    }
-}
-
-/// What one step of a simulator brought.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Transition {
-    /// After the step.
-    pub percept: Percept,
-    /// `[rows]`
-    pub rewards: Vec<f32>,
-}
-
-impl Transition {
-    pub fn new(rows: usize, spec: &RegionSpec) -> Self {
-        Transition { percept: Percept::new(rows, spec), rewards: vec![0.0; rows] }
-    }
-}
 
 /// One sample `(l_t, u_t)` of every agent's dataset `D_i`: the d-set at a decision and the influence sources that acted
 /// during the step after it.
 #[derive(Clone, Copy, Debug)]
 pub struct InfluenceSample<'a> {
-    /// `[agents, d_set_dim]`
-    pub d_set: &'a Rows<f32>,
-    /// `[agents, sources]`
-    pub sources: &'a Rows<u8>,
+    /// One row per agent: `[d_set_dim]` of its kind.
+    pub d_set: &'a Ragged<f32>,
+    /// One row per agent: `[sources]` of its kind.
+    pub sources: &'a Ragged<u8>,
 }
 
 /// The global simulator: `s' ~ T(. | s, a)` for all agents at once, one row per agent.
@@ -79,14 +58,18 @@ pub struct InfluenceSample<'a> {
 /// It knows no horizon: whoever drives it ends the episode by `reset`. An episode follows from its seed and the joint
 /// actions alone.
 pub trait GlobalSimulator {
-    fn spec(&self) -> &RegionSpec;
-    fn agents(&self) -> usize;
+    /// Those of the domain.
+    fn kinds(&self) -> &Kinds;
+
+    fn agents(&self) -> usize {
+        self.kinds().agents()
+    }
 
     /// Begins an episode; everything random in it follows from `episode`.
-    fn reset(&mut self, episode: Seed) -> Result<&Percept>;
+    fn reset(&mut self, episode: Seed) -> Result<&JointPercept>;
 
     /// One step under the joint action, `[agents]`.
-    fn step(&mut self, actions: &[Action]) -> Result<&Transition>;
+    fn step(&mut self, actions: &[Action]) -> Result<&JointTransition>;
 
     /// The sample of the last step. The GS owns the alignment of the pair: an LS in the same local state that is fed
     /// these sources makes the same transition.
@@ -130,7 +113,7 @@ impl Beginning {
     }
 }
 
-/// The local simulators of many regions in lockstep: `x' ~ T_i(. | x, u, a)`, one row per (agent, copy).
+/// The local simulators of many regions of one kind in lockstep: `x' ~ T_i(. | x, u, a)`, one row per (agent, copy).
 ///
 /// It knows no horizon: whoever drives it ends the episode of a row by `reset`.
 ///
@@ -138,6 +121,7 @@ impl Beginning {
 /// actions and sources since the episode began; other rows and earlier episodes have no part in it. So training can be
 /// interrupted anywhere and goes on in a new simulator that is driven to the same place. [`conformance`] checks it.
 pub trait LocalSimulator {
+    /// That of its kind.
     fn spec(&self) -> &RegionSpec;
     fn rows(&self) -> usize;
 
@@ -172,8 +156,8 @@ pub trait Controller {
     /// An episode begins; everything random in the decisions follows from `episode`.
     fn begin(&mut self, episode: Seed);
 
-    /// Decides, one action per row of the percept.
-    fn act(&mut self, percept: &Percept, actions: &mut [Action]) -> Result<()>;
+    /// Decides, one action per agent.
+    fn act(&mut self, percept: &JointPercept, actions: &mut [Action]) -> Result<()>;
 }
 
 /// A hand-coded controller with the GS it runs on.
@@ -188,7 +172,7 @@ pub struct Bystander;
 impl Controller for Bystander {
     fn begin(&mut self, _episode: Seed) {}
 
-    fn act(&mut self, _percept: &Percept, actions: &mut [Action]) -> Result<()> {
+    fn act(&mut self, _percept: &JointPercept, actions: &mut [Action]) -> Result<()> {
         actions.fill(0);
         Ok(())
     }
@@ -196,12 +180,15 @@ impl Controller for Bystander {
 
 /// A networked system of agents with local regions.
 pub trait Domain: Send + Sync {
-    fn spec(&self) -> &RegionSpec;
-    fn agents(&self) -> usize;
+    fn kinds(&self) -> &Kinds;
+
+    fn agents(&self) -> usize {
+        self.kinds().agents()
+    }
 
     fn global_simulator(&self) -> Result<Box<dyn GlobalSimulator>>;
 
-    /// Local simulators of `regions`, `copies` of each: rows ordered by region, then copy.
+    /// Local simulators of `regions`, `copies` of each: rows ordered by region, then copy. All regions are of one kind.
     fn local_simulator(&self, regions: &[AgentId], copies: usize, seed: Seed) -> Result<Box<dyn LocalSimulator>>;
 
     /// The names that [`Domain::baseline`] takes, for help and error messages.
@@ -224,12 +211,12 @@ pub trait Domain: Send + Sync {
         bail!("controller `{name}`: this domain has no hand-coded control for some of its agents")
     }
 
-    /// What to add to the output biases of a fresh policy, per action: a prior on behaviour.
-    fn initial_action_bias(&self) -> Vec<f32> {
-        vec![0.0; self.spec().n_actions]
+    /// What to add to the output biases of a fresh policy of this kind, per action: a prior on behaviour.
+    fn initial_action_bias(&self, kind: &Kind) -> Vec<f32> {
+        vec![0.0; kind.spec.n_actions]
     }
 
-    /// The agents that sit in a degenerate behaviour, judged by the mean measures of an evaluation.
+    /// The agents that sit in a degenerate behaviour, judged by the mean measures of an evaluation: one value per agent.
     fn stuck(&self, _measures: &Measures) -> Vec<bool> {
         vec![false; self.agents()]
     }

@@ -3,7 +3,7 @@
 /// An action of one agent: an index below [`RegionSpec::n_actions`].
 pub type Action = u8;
 
-/// What one local region looks like. All regions of a domain have the same shape.
+/// What one local region looks like. All regions of a kind have the same shape.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RegionSpec {
     /// Width of an observation `o_i`.
@@ -11,42 +11,56 @@ pub struct RegionSpec {
     /// Width of the d-separating set, the part of the ALSH that the AIP is conditioned on at each step.
     pub d_set_dim: usize,
     pub n_actions: usize,
+    /// Whether percepts say which actions are allowed. Elsewhere all are, always.
+    pub masks: bool,
     pub sources: SourceSpec,
-    /// Steps of an episode.
+    /// Steps of an episode, the same for all kinds of a domain.
     pub horizon: usize,
 }
 
-/// The influence sources `u_i` of a region.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SourceSpec {
-    /// Independent bits (traffic: did a car enter on this edge?), each predicted by one sigmoid.
-    Binary { sources: usize },
-    /// Independent choices of one class each (warehouse: where does this neighbour stand?), each predicted by one
-    /// softmax. Class 0 stands for nothing happening.
-    Categorical { sources: usize, classes: usize },
+/// The influence sources `u_i` of a region: independent choices of one class each. Class 0 stands for nothing happening.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SourceSpec {
+    /// Number of classes of each source. Two classes are a bit (did a car enter on this edge?), predicted by one logit
+    /// and a sigmoid. More (where does this neighbour stand?) are predicted by as many logits and a softmax.
+    pub classes: Vec<u8>,
 }
 
 impl SourceSpec {
-    /// How many influence sources there are: the width of a row of sources.
-    pub fn count(self) -> usize {
-        match self {
-            SourceSpec::Binary { sources } | SourceSpec::Categorical { sources, .. } => sources,
-        }
+    /// Sources that happen or do not.
+    pub fn bits(sources: usize) -> SourceSpec {
+        SourceSpec { classes: vec![2; sources] }
     }
 
-    /// How many values a source can take.
-    pub fn classes(self) -> usize {
-        match self {
-            SourceSpec::Binary { .. } => 2,
-            SourceSpec::Categorical { classes, .. } => classes,
-        }
+    /// Number of influence sources: the width of a row of sources.
+    pub fn count(&self) -> usize {
+        self.classes.len()
     }
 
-    /// How many logits an AIP puts out for them.
-    pub fn logits(self) -> usize {
-        match self {
-            SourceSpec::Binary { sources } => sources,
-            SourceSpec::Categorical { sources, classes } => sources * classes,
-        }
+    /// Number of logits that an AIP puts out for them.
+    pub fn logits(&self) -> usize {
+        self.classes.iter().map(|&classes| logits_of(classes)).sum()
+    }
+
+    /// Number of classes of all sources together.
+    pub fn values(&self) -> usize {
+        self.classes.iter().map(|&classes| usize::from(classes)).sum()
+    }
+}
+
+/// Number of logits for a source of so many classes.
+pub fn logits_of(classes: u8) -> usize {
+    if classes == 2 { 1 } else { usize::from(classes) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bit_takes_one_logit_and_a_choice_of_more_one_per_class() {
+        let sources = SourceSpec { classes: vec![2, 3, 2, 5] };
+        assert_eq!((sources.count(), sources.logits(), sources.values()), (4, 1 + 3 + 1 + 5, 12));
+        assert_eq!(SourceSpec::bits(3).logits(), 3);
     }
 }

@@ -84,20 +84,20 @@ impl Fleet for InlineFleet {
 
     fn collect_datasets(&mut self, purpose: Purpose) -> Result<Vec<Dataset>> {
         self.begin(purpose.activity(&self.config))?;
-        let episodes = 0..purpose.episodes(&self.config, self.domain.spec().horizon);
+        let episodes = 0..purpose.episodes(&self.config, self.domain.kinds().horizon());
         self.work(|worker, agents, observer| worker.collect(&agents.policies, purpose, episodes, observer))
     }
 
     fn train_aips(&mut self, datasets: Vec<Dataset>, period: &Period) -> Result<Vec<AipLoss>> {
         self.begin(Activity::AipTraining)?;
-        let losses = self.work(|worker, _, observer| worker.train_aips(&datasets, period, observer));
+        let losses = self.work(|worker, _, observer| worker.train_aips(datasets, period, observer));
         self.agents.aips = self.worker.aips();
         Ok(losses)
     }
 
     fn measure_aips(&mut self, datasets: Vec<Dataset>) -> Result<Vec<FreshLoss>> {
         self.begin(Activity::Evaluation)?;
-        Ok(self.work(|worker, _, _| worker.measure_aips(&datasets)))
+        Ok(self.work(|worker, _, _| worker.measure_aips(datasets)))
     }
 
     fn train_policies(&mut self, period: &Period) -> Result<PolicyTraining> {

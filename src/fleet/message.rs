@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
-use crate::base::{Activity, AgentId, Rows};
+use crate::base::{Activity, AgentId, Ragged};
 use crate::config::Period;
 use crate::evaluation::EpisodeReport;
 use crate::influence::{AipLoss, Dataset, FreshLoss};
@@ -46,7 +46,7 @@ pub enum Answer {
     Collected(Vec<Dataset>),
     AipsTrained {
         losses: Vec<AipLoss>,
-        aips: Rows<f32>,
+        aips: Ragged<f32>,
     },
     AipsMeasured(Vec<FreshLoss>),
     PoliciesTrained {

@@ -64,10 +64,10 @@ impl<C: Crew> Fleet for Coordinator<C> {
 
     fn collect_datasets(&mut self, purpose: Purpose) -> Result<Vec<Dataset>> {
         self.observer.busy(purpose.activity(&self.config), 0.0);
-        let spec = self.domain.spec().clone();
+        let horizon = self.domain.kinds().horizon();
         let order = |episodes| Order::Collect { purpose, episodes };
-        let orders = self.by_episode(purpose.episodes(&self.config, spec.horizon), order)?;
-        let mut datasets = vec![Dataset::new(&spec); self.domain.agents()];
+        let orders = self.by_episode(purpose.episodes(&self.config, horizon), order)?;
+        let mut datasets = Dataset::of_all(self.domain.kinds());
         self.ask(orders, Stop::AtOnce, |_, _, answer| match answer {
             Answer::Collected(parts) => {
                 datasets.iter_mut().zip(&parts).for_each(|(dataset, part)| dataset.extend(part));

@@ -76,10 +76,10 @@ fn carry_out(
             Answer::Collected(worker.collect(&take_policies()?, purpose, episodes, reporter)?)
         }
         Order::TrainAips { datasets, period } => {
-            let losses = worker.train_aips(&datasets, &period, reporter);
+            let losses = worker.train_aips(datasets, &period, reporter);
             Answer::AipsTrained { losses, aips: worker.aips() }
         }
-        Order::MeasureAips { datasets } => Answer::AipsMeasured(worker.measure_aips(&datasets)),
+        Order::MeasureAips { datasets } => Answer::AipsMeasured(worker.measure_aips(datasets)),
         Order::TrainPolicies { period } => {
             let training = worker.train_policies(&period, reporter)?;
             Answer::PoliciesTrained { training, state: worker.state() }

@@ -8,15 +8,15 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
 
-use crate::base::{Activity, AgentId, Phase, Rows, Seed, Stopwatch, Timesheet};
-use crate::config::{Config, Period};
+use crate::base::{Activity, AgentId, Phase, Ragged, Seed, Stopwatch, Timesheet};
+use crate::config::{Config, Period, Simulator};
 use crate::domain::{Controller, Domain, GlobalSimulator, Result};
 use crate::evaluation::{EpisodeReport, episode_seed, play};
 use crate::influence::{AipLoss, Dataset, FreshLoss};
 use crate::nn::Threads;
-use crate::policy::{JointPolicy, JointPolicyController, PolicyStack, Selection};
+use crate::policy::{JointPolicy, JointPolicyController, Selection};
 use crate::training::answers::PolicyTraining;
-use crate::training::block::{AgentBlock, agents_per_block};
+use crate::training::block::{AgentBlock, agents_per_block, train_policies_on_the_gs};
 use crate::training::collect::{Purpose, collect_episode};
 use crate::training::observer::Observer;
 use crate::training::state::AgentsState;
@@ -26,16 +26,27 @@ pub struct Worker {
     domain: Arc<dyn Domain>,
     config: Config,
     blocks: Vec<AgentBlock>,
+    /// Where the agents of every block stand among those of the worker: a block has agents of one kind.
+    places: Vec<Vec<usize>>,
     timesheet: Timesheet,
 }
 
 impl Worker {
     /// `threads`: for the policies while they train.
     pub fn new(domain: Arc<dyn Domain>, config: &Config, agents: Vec<AgentId>, threads: &Threads) -> Self {
-        let per_block = agents_per_block(config).min(agents.len().max(1));
-        let block = |agents: &[AgentId]| AgentBlock::new(domain.clone(), config, agents, threads.clone());
+        let mut places = Vec::new();
+        for kind in 0..domain.kinds().count() {
+            let of_kind = |&place: &usize| domain.kinds().place(agents[place]).kind == kind;
+            let of_kind: Vec<usize> = (0..agents.len()).filter(of_kind).collect();
+            places.extend(of_kind.chunks(agents_per_block(config)).map(<[usize]>::to_vec));
+        }
+        let block = |places: &Vec<usize>| {
+            let agents: Vec<AgentId> = places.iter().map(|&place| agents[place]).collect();
+            AgentBlock::new(domain.clone(), config, &agents, threads.clone())
+        };
         Worker {
-            blocks: agents.chunks(per_block).map(block).collect(),
+            blocks: places.iter().map(block).collect(),
+            places,
             config: config.clone(),
             domain,
             timesheet: Timesheet::default(),
@@ -44,16 +55,40 @@ impl Worker {
 
     /// What its agents have become.
     pub fn state(&self) -> AgentsState {
-        AgentsState::joined(self.blocks.iter().map(AgentBlock::state).collect())
+        let joined = AgentsState::joined(self.blocks.iter().map(AgentBlock::state).collect());
+        match self.order() {
+            Some(order) => joined.share(order),
+            None => joined,
+        }
     }
 
     /// Goes on from a state of the same agents.
     pub fn restore(&mut self, state: &AgentsState) {
-        let mut first = 0;
-        for block in &mut self.blocks {
-            block.restore(state.share(first..first + block.agents()));
-            first += block.agents();
+        for (block, places) in self.blocks.iter_mut().zip(&self.places) {
+            block.restore(state.share(places.iter().copied()));
         }
+    }
+
+    /// Where each of its agents stands if one block follows another; `None` if that is its own order.
+    fn order(&self) -> Option<Vec<usize>> {
+        let places = self.places.concat();
+        let mut order: Vec<usize> = (0..places.len()).collect();
+        order.sort_by_key(|&index| places[index]);
+        (!places.is_sorted()).then_some(order)
+    }
+
+    /// What came of its agents one block after another, in their own order.
+    fn in_order<T>(&self, by_block: Vec<T>) -> Vec<T> {
+        let mut with_places: Vec<(usize, T)> = self.places.iter().flatten().copied().zip(by_block).collect();
+        with_places.sort_by_key(|&(place, _)| place);
+        with_places.into_iter().map(|(_, of_agent)| of_agent).collect()
+    }
+
+    /// What belongs to the agents of each block, out of one value per agent.
+    fn by_block<T>(&self, of_agents: Vec<T>) -> Vec<Vec<T>> {
+        let mut of_agents: Vec<Option<T>> = of_agents.into_iter().map(Some).collect();
+        let mut take = |&place: &usize| of_agents[place].take().expect("an agent is in one block");
+        self.places.iter().map(|places| places.iter().map(&mut take).collect()).collect()
     }
 
     /// The time spent since the last call.
@@ -70,7 +105,7 @@ impl Worker {
         observer: &dyn Observer,
     ) -> Result<Vec<Dataset>> {
         let seed = purpose.stream(&self.config);
-        let mut datasets = vec![Dataset::new(self.domain.spec()); self.domain.agents()];
+        let mut datasets = Dataset::of_all(self.domain.kinds());
         let activity = purpose.activity(&self.config);
         self.on_the_gs(activity, policies, |simulator, controller| {
             for (done, episode) in episodes.clone().enumerate() {
@@ -102,57 +137,59 @@ impl Worker {
     }
 
     /// Trains the AIPs of this worker's agents; `datasets`: theirs.
-    pub fn train_aips(&mut self, datasets: &[Dataset], period: &Period, observer: &dyn Observer) -> Vec<AipLoss> {
+    pub fn train_aips(&mut self, datasets: Vec<Dataset>, period: &Period, observer: &dyn Observer) -> Vec<AipLoss> {
         let (begun, mut watch) = (Instant::now(), Stopwatch::default());
         let count = self.blocks.len() as f64;
-        let mut rest = datasets;
         let mut losses = Vec::new();
-        for (done, block) in self.blocks.iter_mut().enumerate() {
-            let (theirs, others) = rest.split_at(block.agents());
-            rest = others;
+        let datasets = self.by_block(datasets);
+        for (done, (block, datasets)) in self.blocks.iter_mut().zip(&datasets).enumerate() {
             let progress = &mut |share| observer.busy(Activity::AipTraining, (done as f64 + share) / count);
-            losses.extend(block.train_aips(theirs, period, &mut watch, progress));
+            losses.extend(block.train_aips(datasets, period, &mut watch, progress));
         }
         self.timesheet.note(Activity::AipTraining, begun.elapsed(), &watch);
-        losses
+        self.in_order(losses)
     }
 
     /// The loss of the AIPs of this worker's agents; `datasets`: theirs.
-    pub fn measure_aips(&mut self, datasets: &[Dataset]) -> Vec<FreshLoss> {
+    pub fn measure_aips(&mut self, datasets: Vec<Dataset>) -> Vec<FreshLoss> {
         let (begun, mut watch) = (Instant::now(), Stopwatch::default());
-        let mut rest = datasets;
         let mut losses = Vec::new();
-        for block in &self.blocks {
-            let (theirs, others) = rest.split_at(block.agents());
-            rest = others;
-            losses.extend(block.measure_aips(theirs, &mut watch));
+        for (block, datasets) in self.blocks.iter().zip(&self.by_block(datasets)) {
+            losses.extend(block.measure_aips(datasets, &mut watch));
         }
         self.timesheet.note(Purpose::Measuring.activity(&self.config), begun.elapsed(), &watch);
-        losses
+        self.in_order(losses)
     }
 
     /// What the influence predictors of its agents have learnt, one row each.
-    pub fn aips(&self) -> Rows<f32> {
-        let join = |mut all: Rows<f32>, next: Rows<f32>| {
-            all.extend(&next);
-            all
-        };
-        self.blocks.iter().map(AgentBlock::aips).reduce(join).unwrap_or_else(|| Rows::new(0, 1))
+    pub fn aips(&self) -> Ragged<f32> {
+        let mut joined = Ragged::default();
+        self.blocks.iter().for_each(|block| joined.extend(&block.aips()));
+        match self.order() {
+            Some(order) => joined.pick(order),
+            None => joined,
+        }
     }
 
-    /// Trains the policies of its agents until the end of the period, block after block.
+    /// Trains the policies of its agents until the end of the period, block after block, or all at once on the GS.
     pub fn train_policies(&mut self, period: &Period, observer: &dyn Observer) -> Result<PolicyTraining> {
         let (begun, mut watch) = (Instant::now(), Stopwatch::default());
         let count = self.blocks.len() as u64;
         let mut parts = Vec::new();
-        for (done, block) in (0..).zip(&mut self.blocks) {
-            // As far as all agents are on average.
-            let average = |steps| (done * period.end + steps + (count - done - 1) * period.start) / count;
-            let progress = &mut |steps| observer.trained(average(steps));
-            parts.push(block.train_policies(period, &mut watch, progress)?);
+        if self.config.simulator == Simulator::Global {
+            let (domain, config, progress) = (&*self.domain, &self.config, &mut |steps| observer.trained(steps));
+            parts = train_policies_on_the_gs(domain, config, &mut self.blocks, period, &mut watch, progress)?;
+        } else {
+            for (done, block) in (0..).zip(&mut self.blocks) {
+                // As far as all agents are on average.
+                let average = |steps| (done * period.end + steps + (count - done - 1) * period.start) / count;
+                let progress = &mut |steps| observer.trained(average(steps));
+                parts.push(block.train_policies(period, &mut watch, progress)?);
+            }
         }
         self.timesheet.note(Activity::Training, begun.elapsed(), &watch);
-        Ok(PolicyTraining::joined(parts))
+        let training = PolicyTraining::joined(parts);
+        Ok(PolicyTraining { agents: self.in_order(training.agents), ..training })
     }
 
     /// Lets all agents' policies act on the GS, in episodes that `play` plays.
@@ -164,8 +201,9 @@ impl Worker {
     ) -> Result<()> {
         let (begun, mut watch) = (Instant::now(), Stopwatch::default());
         let mut simulator = Timed::new(watch.time(Phase::Loading, || self.domain.global_simulator())?);
-        let everybody = PolicyStack::blank(self.domain.agents(), self.domain.spec(), &self.config.policy);
-        let mut controller = TimedController::new(JointPolicyController::new(everybody, policies, Selection::Sampled));
+        let (kinds, config) = (self.domain.kinds(), &self.config.policy);
+        let mut controller =
+            TimedController::new(JointPolicyController::new(kinds, config, policies, Selection::Sampled));
         play(&mut simulator, &mut controller)?;
         watch.add(&simulator.take_watch());
         watch.add(&controller.watch);

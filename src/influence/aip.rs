@@ -33,7 +33,7 @@ impl AipStack {
     /// Randomly initialised AIPs, each agent's from its own stream.
     pub fn new(agents: &[AgentId], spec: &RegionSpec, config: &AipConfig, seed: Seed) -> Self {
         let net = Net::new(agents, AipStack::shape(spec, config), seed);
-        AipStack { sources: spec.sources, states: net.states(0), net }
+        AipStack { sources: spec.sources.clone(), states: net.states(0), net }
     }
 
     pub(super) fn parameters(&self) -> &Parameters {
@@ -81,14 +81,14 @@ impl InfluencePredictor for AipStack {
         let logits = self.logits(d_set);
         let rows = sources.as_mut_slice().chunks_exact_mut(self.sources.count());
         for ((row, logits), dice) in rows.zip(logits.iter()).zip(dice) {
-            sources::sample(self.sources, logits, dice, row);
+            sources::sample(&self.sources, logits, dice, row);
         }
     }
 }
 
 impl TrainablePredictor for AipStack {
-    fn sources(&self) -> SourceSpec {
-        self.sources
+    fn sources(&self) -> &SourceSpec {
+        &self.sources
     }
 
     fn values(&self) -> Rows<f32> {
@@ -127,8 +127,8 @@ mod tests {
 
     #[test]
     fn sampled_frequencies_are_the_predicted_probabilities() {
-        let sources = SourceSpec::Binary { sources: 2 };
-        let spec = RegionSpec { obs_dim: 1, d_set_dim: 1, n_actions: 2, sources, horizon: 1 };
+        let sources = SourceSpec::bits(2);
+        let spec = RegionSpec { obs_dim: 1, d_set_dim: 1, n_actions: 2, masks: false, sources, horizon: 1 };
         let mut aip =
             AipStack::new(&[AgentId(0)], &spec, &AipConfig { hidden: vec![1], ..AipConfig::default() }, Seed::new(0));
         // The hidden unit is off; the output biases are logit(0.2) = -1.3863 and logit(0.9) = 2.1972.

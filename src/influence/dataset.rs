@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::base::{CompactRows, Rows};
-use crate::domain::RegionSpec;
+use crate::domain::{Kinds, RegionSpec};
 
 /// Pairs `(l_t, u_t)` of one agent in the order in which the GS made them: whole episodes, one after another.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -23,6 +23,11 @@ impl Dataset {
             sources: Rows::new(0, spec.sources.count()),
             horizon: spec.horizon,
         }
+    }
+
+    /// Empty datasets, one per agent.
+    pub fn of_all(kinds: &Kinds) -> Vec<Dataset> {
+        kinds.specs().map(Dataset::new).collect()
     }
 
     pub fn len(&self) -> usize {

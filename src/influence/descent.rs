@@ -28,7 +28,7 @@ pub fn learn(
     watch: &mut Stopwatch,
     progress: &mut dyn FnMut(f64),
 ) {
-    let (steps, spec) = (sequence_length(aips, datasets), aips.sources());
+    let (steps, spec) = (sequence_length(aips, datasets), &aips.sources().clone());
     // Sequences of `steps` samples each.
     let batches = samples / steps / config.batch;
     let mut room = Room::default();
@@ -104,7 +104,7 @@ impl Room {
         self.d_sets.iter_mut().for_each(|x| *x = scaled(*x));
     }
 
-    fn forward(&mut self, network: Network<'_>, spec: SourceSpec) {
+    fn forward(&mut self, network: Network<'_>, spec: &SourceSpec) {
         let rows = self.sources.len() / spec.count();
         self.states.resize(rows / self.steps * network.state_width(), 0.0);
         self.starts.resize(rows, false);
@@ -113,7 +113,7 @@ impl Room {
     }
 
     /// The gradient of the cross-entropy, averaged over the samples and the sources.
-    fn differentiate(&mut self, spec: SourceSpec) {
+    fn differentiate(&mut self, spec: &SourceSpec) {
         let logits = self.trace.output();
         self.gradient.resize(logits.len(), 0.0);
         let scale = 1.0 / self.sources.len() as f32;
@@ -127,7 +127,7 @@ impl Room {
     fn cross_entropies(
         &mut self,
         network: Network<'_>,
-        spec: SourceSpec,
+        spec: &SourceSpec,
         dataset: &Dataset,
         steps: usize,
         samples: Range<usize>,

@@ -7,6 +7,7 @@ use std::ops::Range;
 
 use rand::Rng;
 
+use super::sources::of_sources;
 use super::{CrossEntropies, Dataset, InfluencePredictor, TrainablePredictor};
 use crate::base::{Dice, Rows, Stopwatch};
 use crate::config::AipConfig;
@@ -16,7 +17,7 @@ use crate::nn::Layout;
 /// One constant distribution per agent and source.
 pub struct Marginals {
     sources: SourceSpec,
-    /// One row per agent: of every source the probabilities of its classes, 0 and 1 for a bit.
+    /// One row per agent: of every source the probabilities of its classes, source after source.
     probabilities: Rows<f32>,
     /// Rows of one agent that it samples for.
     copies: usize,
@@ -25,15 +26,22 @@ pub struct Marginals {
 impl Marginals {
     /// Before anything is measured all classes are equally probable.
     pub fn new(agents: usize, spec: &RegionSpec) -> Self {
-        let sources = spec.sources;
-        let mut probabilities = Rows::new(agents, sources.count() * sources.classes());
-        probabilities.fill(1.0 / sources.classes() as f32);
+        let sources = spec.sources.clone();
+        let equal = |&classes: &u8| std::iter::repeat_n(1.0 / f32::from(classes), usize::from(classes));
+        let of_agent: Vec<f32> = sources.classes.iter().flat_map(equal).collect();
+        let probabilities = Rows::from_vec(of_agent.repeat(agents), sources.values());
         Marginals { sources, probabilities, copies: 0 }
     }
 
-    /// Where the probabilities lie in a row.
+    /// Where the probabilities lie in a row: a table `[sources, classes]` if all sources have as many classes, else one
+    /// after another.
     pub fn layout(spec: &RegionSpec) -> Layout {
-        Layout::new(vec![("probabilities".to_owned(), vec![spec.sources.count(), spec.sources.classes()])])
+        let SourceSpec { classes } = &spec.sources;
+        let shape = match classes[..] {
+            [first, ..] if classes.iter().all(|&other| other == first) => vec![classes.len(), usize::from(first)],
+            _ => vec![spec.sources.values()],
+        };
+        Layout::new(vec![("probabilities".to_owned(), shape)])
     }
 }
 
@@ -47,10 +55,10 @@ impl InfluencePredictor for Marginals {
     fn watch(&mut self, _d_set: &Rows<f32>) {}
 
     fn sample(&mut self, _d_set: &Rows<f32>, dice: &mut [Dice], sources: &mut Rows<u8>) {
-        let (count, classes) = (self.sources.count(), self.sources.classes());
+        let count = self.sources.count();
         for (row, (sources, dice)) in sources.as_mut_slice().chunks_exact_mut(count).zip(dice).enumerate() {
             let of_agent = self.probabilities.row(row / self.copies);
-            for (source, probabilities) in sources.iter_mut().zip(of_agent.chunks_exact(classes)) {
+            for (source, probabilities) in sources.iter_mut().zip(of_sources(&self.sources, of_agent, usize::from)) {
                 *source = draw(probabilities, dice);
             }
         }
@@ -58,8 +66,8 @@ impl InfluencePredictor for Marginals {
 }
 
 impl TrainablePredictor for Marginals {
-    fn sources(&self) -> SourceSpec {
-        self.sources
+    fn sources(&self) -> &SourceSpec {
+        &self.sources
     }
 
     fn values(&self) -> Rows<f32> {
@@ -80,7 +88,7 @@ impl TrainablePredictor for Marginals {
         progress: &mut dyn FnMut(f64),
     ) {
         for (agent, dataset) in datasets.iter().enumerate() {
-            let measured = frequencies(self.sources, dataset, 0..samples).into_iter().flatten();
+            let measured = frequencies(&self.sources, dataset, 0..samples).into_iter().flatten();
             self.probabilities.row_mut(agent).iter_mut().zip(measured).for_each(|(p, measured)| *p = measured as f32);
         }
         progress(1.0);
@@ -93,9 +101,9 @@ impl TrainablePredictor for Marginals {
         _watch: &mut Stopwatch,
     ) -> Vec<CrossEntropies> {
         let per_agent = datasets.iter().zip(self.probabilities.iter()).map(|(dataset, probabilities)| {
-            let constants = probabilities.chunks_exact(self.sources.classes());
+            let constants = of_sources(&self.sources, probabilities, usize::from);
             let constants = constants.map(|classes| classes.iter().map(|&p| f64::from(p)).collect::<Vec<f64>>());
-            let seen = frequencies(self.sources, dataset, samples.clone());
+            let seen = frequencies(&self.sources, dataset, samples.clone());
             constants.zip(seen).map(|(p, q)| cross_entropy_of_constants(&p, &q)).collect()
         });
         per_agent.collect()
@@ -114,8 +122,8 @@ fn draw(probabilities: &[f32], dice: &mut Dice) -> u8 {
 }
 
 /// How often each source took each of its values, `[sources][classes]`, in some of the samples.
-pub fn frequencies(sources: SourceSpec, dataset: &Dataset, samples: Range<usize>) -> Vec<Vec<f64>> {
-    let mut counts = vec![vec![0_u64; sources.classes()]; sources.count()];
+pub fn frequencies(sources: &SourceSpec, dataset: &Dataset, samples: Range<usize>) -> Vec<Vec<f64>> {
+    let mut counts: Vec<Vec<u64>> = sources.classes.iter().map(|&classes| vec![0; usize::from(classes)]).collect();
     for sample in samples.clone() {
         let observed = dataset.sources.row(sample);
         counts.iter_mut().zip(observed).for_each(|(counts, &u)| counts[usize::from(u)] += 1);
@@ -139,7 +147,7 @@ mod tests {
     use crate::influence::train;
 
     fn spec(sources: SourceSpec) -> RegionSpec {
-        RegionSpec { obs_dim: 1, d_set_dim: 1, n_actions: 2, sources, horizon: 10 }
+        RegionSpec { obs_dim: 1, d_set_dim: 1, n_actions: 2, masks: false, sources, horizon: 10 }
     }
 
     /// Ten episodes of ten samples whose sources are `u(sample)`.
@@ -166,7 +174,7 @@ mod tests {
 
     #[test]
     fn they_are_the_frequencies_of_the_training_episodes_and_their_loss_is_worked_out_by_hand() {
-        let spec = spec(SourceSpec::Binary { sources: 1 });
+        let spec = spec(SourceSpec::bits(1));
         // Agent 0: every third of the 90 training samples, and all ten that are held out. Agent 1: never.
         let datasets = [dataset(&spec, |t| vec![u8::from(t % 3 == 0 || t >= 90)]), dataset(&spec, |_| vec![0])];
         let (marginals, losses) = trained(&spec, &datasets);
@@ -181,8 +189,26 @@ mod tests {
     }
 
     #[test]
+    fn sources_of_different_numbers_of_classes_keep_their_own_frequencies() {
+        let spec = spec(SourceSpec { classes: vec![3, 2] });
+        assert_eq!(Marginals::layout(&spec).blocks(4).next().unwrap().1, [4, 5], "four agents, five classes in all");
+        let third = 1.0 / 3.0;
+        assert_eq!(Marginals::new(1, &spec).values().as_slice(), [third, third, third, 0.5, 0.5]);
+        // Among 90 samples every class of the choice comes 30 times, and the bit in every tenth.
+        let (mut marginals, _) = trained(&spec, &[dataset(&spec, |t| vec![(t % 3) as u8, u8::from(t % 10 == 0)])]);
+        assert_eq!(marginals.values().as_slice(), [third, third, third, 0.9, 0.1]);
+        let mut dice: Vec<Dice> = (0..10_000).map(|row| Seed::new(5).for_copy(row).dice()).collect();
+        let mut drawn = Rows::new(10_000, 2);
+        marginals.begin(10_000);
+        marginals.sample(&Rows::new(10_000, 1), &mut dice, &mut drawn);
+        // Standard errors: sqrt(2/9 / 10000) = 0.0047 and 0.003.
+        let share = |source: usize, class| drawn.iter().filter(|row| row[source] == class).count() as f64 / 1e4;
+        assert!((share(0, 2) - 1.0 / 3.0).abs() < 0.019 && (share(1, 1) - 0.1).abs() < 0.012);
+    }
+
+    #[test]
     fn every_copy_of_an_agent_draws_from_the_frequencies_of_its_agent() {
-        let spec = spec(SourceSpec::Categorical { sources: 2, classes: 3 });
+        let spec = spec(SourceSpec { classes: vec![3; 2] });
         let (always_two, mixed) = (dataset(&spec, |_| vec![2, 0]), dataset(&spec, |t| vec![(t % 5 / 2) as u8, 1])); // 2, 2 and 1 in five
         let (mut marginals, _) = trained(&spec, &[always_two, mixed]);
         let rows = 20_000;

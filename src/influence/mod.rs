@@ -48,7 +48,7 @@ pub trait InfluencePredictor {
 
 /// A predictor for each of some agents that learns from datasets: what a run trains, keeps, and goes on from.
 pub trait TrainablePredictor: InfluencePredictor {
-    fn sources(&self) -> SourceSpec;
+    fn sources(&self) -> &SourceSpec;
 
     /// What it has learnt, one row per agent, as [`layout`] lays it out.
     fn values(&self) -> Rows<f32>;

@@ -3,62 +3,66 @@
 use rand::Rng;
 
 use crate::base::Dice;
-use crate::domain::SourceSpec;
+use crate::domain::{SourceSpec, logits_of};
 use crate::nn::sigmoid;
 
+/// What belongs to each source, out of a row: as many values as `width` says for its number of classes.
+pub fn of_sources<'a>(
+    spec: &'a SourceSpec,
+    row: &'a [f32],
+    width: impl Fn(u8) -> usize + 'a,
+) -> impl Iterator<Item = &'a [f32]> {
+    let mut rest = row;
+    spec.classes.iter().map(move |&classes| {
+        let (values, others) = rest.split_at(width(classes));
+        rest = others;
+        values
+    })
+}
+
 /// Draws the sources of one row. `logits`: `[spec.logits()]`; `sources`: `[spec.count()]`, written.
-pub fn sample(spec: SourceSpec, logits: &[f32], dice: &mut Dice, sources: &mut [u8]) {
-    match spec {
-        SourceSpec::Binary { .. } => {
-            for (source, &logit) in sources.iter_mut().zip(logits) {
-                *source = u8::from(dice.random::<f32>() < sigmoid(logit));
-            }
-        }
-        SourceSpec::Categorical { classes, .. } => {
-            for (source, logits) in sources.iter_mut().zip(logits.chunks_exact(classes)) {
+pub fn sample(spec: &SourceSpec, logits: &[f32], dice: &mut Dice, sources: &mut [u8]) {
+    for (source, logits) in sources.iter_mut().zip(of_sources(spec, logits, logits_of)) {
+        *source = match logits {
+            &[logit] => u8::from(dice.random::<f32>() < sigmoid(logit)),
+            logits => {
                 let max = logits.iter().copied().fold(f32::NEG_INFINITY, f32::max);
                 let mut rest = dice.random::<f32>() * logits.iter().map(|logit| (logit - max).exp()).sum::<f32>();
                 let drawn = logits.iter().position(|logit| {
                     rest -= (logit - max).exp();
                     rest < 0.0
                 });
-                *source = drawn.unwrap_or(classes - 1) as u8; // rounding may leave a crumb
+                drawn.unwrap_or(logits.len() - 1) as u8 // rounding may leave a crumb
             }
-        }
+        };
     }
 }
 
 /// Adds the cross-entropy of each source, in nats, to `sums`, `[spec.count()]`.
-pub fn add_cross_entropies(spec: SourceSpec, logits: &[f32], observed: &[u8], sums: &mut [f64]) {
-    match spec {
-        SourceSpec::Binary { .. } => {
-            for ((sum, &logit), &u) in sums.iter_mut().zip(logits).zip(observed) {
-                *sum += binary_cross_entropy(f64::from(logit), u);
-            }
-        }
-        SourceSpec::Categorical { classes, .. } => {
-            for ((sum, logits), &u) in sums.iter_mut().zip(logits.chunks_exact(classes)).zip(observed) {
+pub fn add_cross_entropies(spec: &SourceSpec, logits: &[f32], observed: &[u8], sums: &mut [f64]) {
+    for ((sum, logits), &u) in sums.iter_mut().zip(of_sources(spec, logits, logits_of)).zip(observed) {
+        *sum += match logits {
+            &[logit] => binary_cross_entropy(f64::from(logit), u),
+            logits => {
                 let max = logits.iter().copied().fold(f32::NEG_INFINITY, f32::max);
                 let log_sum = logits.iter().map(|&logit| f64::from(logit - max).exp()).sum::<f64>().ln();
-                *sum += log_sum - f64::from(logits[usize::from(u)] - max);
+                log_sum - f64::from(logits[usize::from(u)] - max)
             }
-        }
+        };
     }
 }
 
 /// Writes the gradient of the row's cross-entropy, added up over the sources and multiplied by `scale`.
-pub fn write_gradient(spec: SourceSpec, logits: &[f32], observed: &[u8], scale: f32, gradient: &mut [f32]) {
-    match spec {
-        // d/dx of -(u ln s(x) + (1 - u) ln(1 - s(x))) is s(x) - u.
-        SourceSpec::Binary { .. } => {
-            for ((slope, &logit), &u) in gradient.iter_mut().zip(logits).zip(observed) {
-                *slope = (sigmoid(logit) - f32::from(u)) * scale;
-            }
-        }
-        // d/dx_k of -ln softmax(x)_u is softmax(x)_k - [k = u].
-        SourceSpec::Categorical { classes, .. } => {
-            let rows = gradient.chunks_exact_mut(classes).zip(logits.chunks_exact(classes));
-            for ((slopes, logits), &u) in rows.zip(observed) {
+pub fn write_gradient(spec: &SourceSpec, logits: &[f32], observed: &[u8], scale: f32, gradient: &mut [f32]) {
+    let mut rest = gradient;
+    for (logits, &u) in of_sources(spec, logits, logits_of).zip(observed) {
+        let (slopes, others) = std::mem::take(&mut rest).split_at_mut(logits.len());
+        rest = others;
+        match logits {
+            // d/dx of -(u ln s(x) + (1 - u) ln(1 - s(x))) is s(x) - u.
+            &[logit] => slopes[0] = (sigmoid(logit) - f32::from(u)) * scale,
+            // d/dx_k of -ln softmax(x)_u is softmax(x)_k - [k = u].
+            logits => {
                 let max = logits.iter().copied().fold(f32::NEG_INFINITY, f32::max);
                 let sum = logits.iter().map(|logit| (logit - max).exp()).sum::<f32>();
                 for (class, (slope, logit)) in slopes.iter_mut().zip(logits).enumerate() {
@@ -80,8 +84,18 @@ mod tests {
     use super::*;
     use crate::base::Seed;
 
-    const BITS: SourceSpec = SourceSpec::Binary { sources: 2 };
-    const CLASSES: SourceSpec = SourceSpec::Categorical { sources: 2, classes: 3 };
+    fn bits() -> SourceSpec {
+        SourceSpec::bits(2)
+    }
+
+    fn classes() -> SourceSpec {
+        SourceSpec { classes: vec![3; 2] }
+    }
+
+    /// A bit between choices of three and of four.
+    fn mixed() -> SourceSpec {
+        SourceSpec { classes: vec![3, 2, 4] }
+    }
 
     #[test]
     fn cross_entropies_are_worked_out_by_hand() {
@@ -94,21 +108,28 @@ mod tests {
         // softmax(0, ln 2, ln 5) = (1/8, 2/8, 5/8), softmax(0, 0, 1000) = (0, 0, 1)
         let mut sums = [0.0; 2];
         let logits = [0.0, 2_f32.ln(), 5_f32.ln(), 0.0, 0.0, 1000.0];
-        add_cross_entropies(CLASSES, &logits, &[1, 2], &mut sums);
+        add_cross_entropies(&classes(), &logits, &[1, 2], &mut sums);
         assert!((sums[0] - 4_f64.ln()).abs() < 1e-6 && sums[1] == 0.0, "{sums:?}");
+        // A bit with s(ln 3) = 3/4 between a choice of three equal ones and one of four.
+        let mut sums = [0.0; 3];
+        let logits = [0.0, 0.0, 0.0, 3_f32.ln(), 0.0, 0.0, 0.0, 0.0];
+        add_cross_entropies(&mixed(), &logits, &[2, 1, 3], &mut sums);
+        let expected = [3_f64.ln(), -0.75_f64.ln(), 4_f64.ln()];
+        assert!(sums.iter().zip(expected).all(|(sum, expected)| (sum - expected).abs() < 1e-6), "{sums:?}");
     }
 
     #[test]
     fn gradients_agree_with_finite_differences() {
-        for (spec, observed) in [(BITS, [1, 0]), (CLASSES, [2, 0])] {
+        let cases = [(bits(), vec![1, 0]), (classes(), vec![2, 0]), (mixed(), vec![1, 1, 3])];
+        for (spec, observed) in &cases {
             let logits: Vec<f32> = (0..spec.logits()).map(|i| (i as f32 * 0.7).sin()).collect();
             let loss = |logits: &[f32]| {
-                let mut sums = [0.0; 2];
-                add_cross_entropies(spec, logits, &observed, &mut sums);
+                let mut sums = vec![0.0; spec.count()];
+                add_cross_entropies(spec, logits, observed, &mut sums);
                 sums.iter().sum::<f64>() * 0.25
             };
             let mut gradient = vec![0.0; logits.len()];
-            write_gradient(spec, &logits, &observed, 0.25, &mut gradient);
+            write_gradient(spec, &logits, observed, 0.25, &mut gradient);
             for i in 0..logits.len() {
                 let shifted = |by: f32| {
                     let mut logits = logits.clone();
@@ -128,7 +149,7 @@ mod tests {
         let logits = [0.0, 2_f32.ln(), 5_f32.ln(), 5_f32.ln(), 2_f32.ln(), 0.0];
         for _ in 0..80_000 {
             let mut drawn = [9; 2];
-            sample(CLASSES, &logits, &mut dice, &mut drawn);
+            sample(&classes(), &logits, &mut dice, &mut drawn);
             drawn.iter().zip(&mut counts).for_each(|(&class, counts)| counts[usize::from(class)] += 1);
         }
         // Standard deviations: sqrt(80000 p (1 - p)) = 94, 122, 137.
@@ -138,7 +159,7 @@ mod tests {
         let mut ones = 0;
         for _ in 0..80_000 {
             let mut drawn = [9; 2];
-            sample(BITS, &[-(4_f32.ln()), 100.0], &mut dice, &mut drawn);
+            sample(&bits(), &[-(4_f32.ln()), 100.0], &mut dice, &mut drawn);
             assert_eq!(drawn[1], 1);
             ones += u32::from(drawn[0]);
         }

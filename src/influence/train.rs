@@ -71,8 +71,8 @@ mod tests {
     /// Two sources with a known conditional distribution: P(u_0 = 1 | x) is 0.9 where x_0 = 1 and 0.2 elsewhere;
     /// u_1 is a fair coin.
     fn known_dataset(agent: AgentId) -> Dataset {
-        let sources = SourceSpec::Binary { sources: 2 };
-        let spec = RegionSpec { obs_dim: 3, d_set_dim: 3, n_actions: 2, sources, horizon: 100 };
+        let sources = SourceSpec::bits(2);
+        let spec = RegionSpec { obs_dim: 3, d_set_dim: 3, n_actions: 2, masks: false, sources, horizon: 100 };
         let mut dataset = Dataset::new(&spec);
         let mut dice = Seed::new(21).for_agent(agent).dice();
         for _ in 0..20_000 {
@@ -88,8 +88,8 @@ mod tests {
     }
 
     fn trained(agents: &[AgentId]) -> (Vec<AipLoss>, Vec<f32>) {
-        let sources = SourceSpec::Binary { sources: 2 };
-        let spec = RegionSpec { obs_dim: 3, d_set_dim: 3, n_actions: 2, sources, horizon: 100 };
+        let sources = SourceSpec::bits(2);
+        let spec = RegionSpec { obs_dim: 3, d_set_dim: 3, n_actions: 2, masks: false, sources, horizon: 100 };
         let mut aips = AipStack::new(agents, &spec, &config(), Seed::new(1));
         let datasets: Vec<Dataset> = agents.iter().map(|&agent| known_dataset(agent)).collect();
         let losses =
@@ -116,8 +116,8 @@ mod tests {
     #[test]
     fn the_last_episodes_measure_and_are_not_trained_on() {
         // u = x in the first 18 episodes, u = 1 - x in the last two: whoever learns u = x is wrong there.
-        let sources = SourceSpec::Binary { sources: 1 };
-        let spec = RegionSpec { obs_dim: 1, d_set_dim: 1, n_actions: 2, sources, horizon: 100 };
+        let sources = SourceSpec::bits(1);
+        let spec = RegionSpec { obs_dim: 1, d_set_dim: 1, n_actions: 2, masks: false, sources, horizon: 100 };
         let mut dataset = Dataset::new(&spec);
         let mut dice = Seed::new(31).dice();
         for sample in 0..2000 {
@@ -144,8 +144,8 @@ mod tests {
 
     /// A source that repeats what the d-set showed two steps ago: only a memory can tell.
     fn delayed_dataset() -> Dataset {
-        let sources = SourceSpec::Categorical { sources: 1, classes: 3 };
-        let spec = RegionSpec { obs_dim: 3, d_set_dim: 3, n_actions: 2, sources, horizon: 20 };
+        let sources = SourceSpec { classes: vec![3] };
+        let spec = RegionSpec { obs_dim: 3, d_set_dim: 3, n_actions: 2, masks: false, sources, horizon: 20 };
         let mut dataset = Dataset::new(&spec);
         let mut dice = Seed::new(31).dice();
         for _ in 0..200 {
@@ -163,8 +163,8 @@ mod tests {
 
     #[test]
     fn an_aip_with_memory_learns_what_one_without_cannot() {
-        let sources = SourceSpec::Categorical { sources: 1, classes: 3 };
-        let spec = RegionSpec { obs_dim: 3, d_set_dim: 3, n_actions: 2, sources, horizon: 20 };
+        let sources = SourceSpec { classes: vec![3] };
+        let spec = RegionSpec { obs_dim: 3, d_set_dim: 3, n_actions: 2, masks: false, sources, horizon: 20 };
         let loss = |recurrent: Option<usize>| {
             let batch = if recurrent.is_some() { 20 } else { 128 };
             let config = AipConfig {

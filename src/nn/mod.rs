@@ -50,7 +50,7 @@ pub use network::{Network, Sequences, Trace};
 pub use parameters::Parameters;
 pub use script::{check_script, write_script};
 pub use shape::{Layout, Shape};
-pub use stack_file::{read_stack, write_stack};
+pub use stack_file::{StackToWrite, read_stack, write_stacks};
 pub use states::States;
 pub use threads::Threads;
 pub use vectors::{use_vectors, vector_instructions};

@@ -1,24 +1,34 @@
-//! Stacks as safetensors files that Python opens: one tensor `[agents, ...]` per weight and bias.
+//! Stacks as safetensors files that Python opens: one tensor `[agents, ...]` per stack, weight and bias.
 
 use std::collections::HashMap;
+use std::ops::Range;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail, ensure};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
 use super::Layout;
-use crate::base::Rows;
+use crate::base::{AgentId, Rows};
 
-/// The stack as the bytes of a safetensors file. `rows`: one row of parameters per agent, as `layout` lays them out.
-/// `about` goes into the file's metadata.
-pub fn write_stack(layout: &Layout, rows: &Rows<f32>, about: &HashMap<String, String>) -> Result<Vec<u8>> {
-    let tensors: Vec<(String, Vec<usize>, Vec<u8>)> = layout
-        .blocks(rows.len())
-        .map(|(name, shape, place)| {
+/// A stack to be written.
+pub struct StackToWrite<'a> {
+    /// What the names of its tensors begin with.
+    pub prefix: &'a str,
+    pub layout: &'a Layout,
+    /// One row of parameters per agent, as `layout` lays them out.
+    pub rows: &'a Rows<f32>,
+}
+
+/// The stacks as the bytes of a safetensors file. `about` goes into the file's metadata.
+pub fn write_stacks(stacks: &[StackToWrite<'_>], about: &HashMap<String, String>) -> Result<Vec<u8>> {
+    let tensors_of = |&StackToWrite { prefix, layout, rows }: &StackToWrite<'_>| -> Vec<(String, Vec<usize>, Vec<u8>)> {
+        let tensor = |(name, shape, place): (&str, Vec<usize>, Range<usize>)| {
             let values = rows.iter().flat_map(|row| &row[place.clone()]);
-            (name.to_owned(), shape, values.flat_map(|value| value.to_le_bytes()).collect())
-        })
-        .collect();
+            (format!("{prefix}{name}"), shape, values.flat_map(|value| value.to_le_bytes()).collect())
+        };
+        layout.blocks(rows.len()).map(tensor).collect()
+    };
+    let tensors: Vec<_> = stacks.iter().flat_map(tensors_of).collect();
     let views = tensors
         .iter()
         .map(|(name, shape, bytes)| Ok((name.as_str(), TensorView::new(Dtype::F32, shape.clone(), bytes)?)))
@@ -26,15 +36,16 @@ pub fn write_stack(layout: &Layout, rows: &Rows<f32>, about: &HashMap<String, St
     Ok(safetensors::serialize(views, Some(about.clone()))?)
 }
 
-/// Reads a file of [`write_stack`] back into one row per agent; an error says where the file is of another shape, or holds what
-/// is no finite number.
-pub fn read_stack(path: &Path, layout: &Layout, agents: usize) -> Result<Rows<f32>> {
+/// Reads the stack of this `prefix` out of a file of [`write_stacks`], one row for each of `agents`; an error says where the
+/// file is of another shape, or holds what is no finite number.
+pub fn read_stack(path: &Path, prefix: &str, layout: &Layout, agents: &[AgentId]) -> Result<Rows<f32>> {
     let bytes = std::fs::read(path).with_context(|| format!("{}: cannot be read", path.display()))?;
     let file = SafeTensors::deserialize(&bytes)
         .with_context(|| format!("{}: not a safetensors file, or cut short", path.display()))?;
-    let mut rows = Rows::new(agents, layout.width());
-    for (name, shape, place) in layout.blocks(agents) {
-        let tensor = file.tensor(name).with_context(|| format!("{}: no tensor `{name}`", path.display()))?;
+    let mut rows = Rows::new(agents.len(), layout.width());
+    for (name, shape, place) in layout.blocks(agents.len()) {
+        let name = format!("{prefix}{name}");
+        let tensor = file.tensor(&name).with_context(|| format!("{}: no tensor `{name}`", path.display()))?;
         ensure!(
             tensor.dtype() == Dtype::F32 && tensor.shape() == shape,
             "{}: `{name}` is {:?} {:?}; the config of this run asks for F32 {shape:?}",
@@ -42,8 +53,8 @@ pub fn read_stack(path: &Path, layout: &Layout, agents: usize) -> Result<Rows<f3
             tensor.dtype(),
             tensor.shape(),
         );
-        for (agent, bytes) in tensor.data().chunks_exact(4 * place.len()).enumerate() {
-            let row = &mut rows.row_mut(agent)[place.clone()];
+        for (row, (agent, bytes)) in agents.iter().zip(tensor.data().chunks_exact(4 * place.len())).enumerate() {
+            let row = &mut rows.row_mut(row)[place.clone()];
             let values = bytes.as_chunks::<4>().0.iter().map(|&value| f32::from_le_bytes(value));
             row.iter_mut().zip(values).for_each(|(to, from)| *to = from);
             if let Some(bad) = row.iter().find(|value| !value.is_finite()) {
@@ -61,17 +72,45 @@ pub fn read_stack(path: &Path, layout: &Layout, agents: usize) -> Result<Rows<f3
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::{AgentId, Seed};
+    use crate::base::Seed;
     use crate::nn::{Net, Shape};
+
+    fn write_stack(layout: &Layout, rows: &Rows<f32>) -> Vec<u8> {
+        write_stacks(&[StackToWrite { prefix: "", layout, rows }], &HashMap::new()).unwrap()
+    }
+
+    #[test]
+    fn stacks_of_one_file_come_back_by_their_prefixes() {
+        let net = |agents: &[AgentId], inputs| {
+            Net::new(agents, Shape { inputs, recurrent: None, hidden: vec![5], outputs: 2 }, Seed::new(1))
+        };
+        let (one, other) = ([AgentId(0), AgentId(2)], [AgentId(1)]);
+        let nets = [net(&one, 4), net(&other, 3)];
+        let [first, second] = nets.each_ref().map(Net::parameters);
+        let stacks = [("a.", first), ("b.", second)].map(|(prefix, parameters)| StackToWrite {
+            prefix,
+            layout: parameters.layout(),
+            rows: parameters.values(),
+        });
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), write_stacks(&stacks, &HashMap::new()).unwrap()).unwrap();
+        assert_eq!(read_stack(file.path(), "a.", first.layout(), &one).unwrap(), *first.values());
+        assert_eq!(read_stack(file.path(), "b.", second.layout(), &other).unwrap(), *second.values());
+        let error = read_stack(file.path(), "", first.layout(), &one).unwrap_err().to_string();
+        assert!(error.contains("no tensor `layers.0.weight`"), "{error}");
+    }
 
     #[test]
     fn a_stack_comes_back_as_it_was() {
         let shape = Shape { inputs: 4, recurrent: None, hidden: vec![5], outputs: 2 };
         let net = Net::new(&AgentId::all(3), shape, Seed::new(1));
-        let bytes = write_stack(net.parameters().layout(), net.parameters().values(), &HashMap::new()).unwrap();
+        let bytes = write_stack(net.parameters().layout(), net.parameters().values());
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), bytes).unwrap();
-        assert_eq!(read_stack(file.path(), net.parameters().layout(), 3).unwrap(), *net.parameters().values());
+        assert_eq!(
+            read_stack(file.path(), "", net.parameters().layout(), &AgentId::all(3)).unwrap(),
+            *net.parameters().values()
+        );
     }
 
     #[test]
@@ -85,8 +124,8 @@ mod tests {
             for (bad, word) in [(f32::NAN, "NaN"), (f32::INFINITY, "inf"), (f32::NEG_INFINITY, "-inf")] {
                 let mut values = net.parameters().values().clone();
                 values.row_mut(2)[column] = bad;
-                std::fs::write(file.path(), write_stack(layout, &values, &HashMap::new()).unwrap()).unwrap();
-                let error = read_stack(file.path(), layout, 3).unwrap_err().to_string();
+                std::fs::write(file.path(), write_stack(layout, &values)).unwrap();
+                let error = read_stack(file.path(), "", layout, &AgentId::all(3)).unwrap_err().to_string();
                 let told =
                     format!("{}: `{name}` of agent 2 holds {word}, which is no finite number", file.path().display());
                 assert!(error.starts_with(&told) && error.ends_with("or train again"), "{error}");
@@ -98,13 +137,13 @@ mod tests {
     fn a_stack_of_another_shape_or_a_torn_file_is_a_clear_error() {
         let shape = Shape { inputs: 4, recurrent: None, hidden: vec![5], outputs: 2 };
         let net = Net::new(&AgentId::all(3), shape, Seed::new(1));
-        let bytes = write_stack(net.parameters().layout(), net.parameters().values(), &HashMap::new()).unwrap();
+        let bytes = write_stack(net.parameters().layout(), net.parameters().values());
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), &bytes).unwrap();
-        let error = read_stack(file.path(), net.parameters().layout(), 2).unwrap_err().to_string();
+        let error = read_stack(file.path(), "", net.parameters().layout(), &AgentId::all(2)).unwrap_err().to_string();
         assert!(error.contains("asks for F32 [2, 4, 5]"), "{error}");
         std::fs::write(file.path(), &bytes[..bytes.len() / 2]).unwrap();
-        let error = read_stack(file.path(), net.parameters().layout(), 3).unwrap_err().to_string();
+        let error = read_stack(file.path(), "", net.parameters().layout(), &AgentId::all(3)).unwrap_err().to_string();
         assert!(error.contains("cut short"), "{error}");
     }
 }

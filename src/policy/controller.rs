@@ -1,8 +1,10 @@
-//! A joint policy that drives the GS: in evaluation and in the collection of datasets.
+//! Policies that act: a stack on rows of its kind, and a joint policy on the GS, in evaluation and in the collection of
+//! datasets.
 
 use super::{JointPolicy, PolicyStack, sampling};
-use crate::base::{AgentId, Dice, RandomPurpose, Seed};
-use crate::domain::{Action, Controller, Percept, Result};
+use crate::base::{AgentId, Dice, RandomPurpose, Rows, Seed};
+use crate::config::PolicyConfig;
+use crate::domain::{Action, Controller, JointPercept, Kind, Kinds, Percept, RegionSpec, Result};
 use crate::nn::States;
 
 /// How an action follows from its probabilities.
@@ -14,39 +16,75 @@ pub enum Selection {
     Greedy,
 }
 
-/// All agents' policies as a [`Controller`].
-pub struct JointPolicyController {
+/// The policies of some agents of one kind, one row each.
+pub struct StackController {
     stack: PolicyStack,
     selection: Selection,
     dice: Vec<Dice>,
     states: States,
 }
 
-impl JointPolicyController {
-    /// `stack`: policies of all agents of the GS, of the right shape; their parameters become `policies`.
-    pub fn new(mut stack: PolicyStack, policies: &JointPolicy, selection: Selection) -> Self {
+impl StackController {
+    /// `policies`: one row per agent.
+    pub fn new(spec: &RegionSpec, config: &PolicyConfig, policies: &Rows<f32>, selection: Selection) -> Self {
+        let mut stack = PolicyStack::blank(policies.len(), spec, config);
         stack.load(policies);
         let states = stack.states(stack.agents());
-        JointPolicyController { stack, selection, dice: Vec::new(), states }
+        StackController { stack, selection, dice: Vec::new(), states }
+    }
+
+    /// An episode begins. `agents`: whose dice the rows roll.
+    pub fn begin(&mut self, episode: Seed, agents: &[AgentId]) {
+        self.states = self.stack.states(self.stack.agents());
+        let acting = episode.fork(RandomPurpose::Acting);
+        self.dice = agents.iter().map(|&agent| acting.for_agent(agent).dice()).collect();
+    }
+
+    /// Decides, one action per row of the percept.
+    pub fn act(&mut self, percept: &Percept) -> Vec<Action> {
+        let judgement = self.stack.decide(percept, &mut self.states);
+        let mut log_probs = vec![0.0; self.stack.n_actions()];
+        let choose = |((logits, _), dice): ((&[f32], f32), &mut Dice)| {
+            sampling::log_softmax(logits, &mut log_probs);
+            match self.selection {
+                Selection::Sampled => sampling::draw(&log_probs, dice),
+                Selection::Greedy => sampling::most_probable(&log_probs),
+            }
+        };
+        judgement.rows().zip(&mut self.dice).map(choose).collect()
+    }
+}
+
+/// All agents' policies as a [`Controller`].
+pub struct JointPolicyController {
+    kinds: Kinds,
+    /// One per kind, with what its agents see.
+    stacks: Vec<(StackController, Percept)>,
+}
+
+impl JointPolicyController {
+    /// `policies`: one row per agent of `kinds`.
+    pub fn new(kinds: &Kinds, config: &PolicyConfig, policies: &JointPolicy, selection: Selection) -> Self {
+        let of_kind = |kind: &Kind| {
+            let policies = policies.pick(kind.agents.iter().map(|agent| agent.0)).into_rows();
+            let stack = StackController::new(&kind.spec, config, &policies, selection);
+            (stack, Percept::new(kind.agents.len(), &kind.spec))
+        };
+        JointPolicyController { stacks: kinds.iter().map(of_kind).collect(), kinds: kinds.clone() }
     }
 }
 
 impl Controller for JointPolicyController {
     fn begin(&mut self, episode: Seed) {
-        self.states = self.stack.states(self.stack.agents());
-        let acting = episode.fork(RandomPurpose::Acting);
-        self.dice = AgentId::all(self.stack.agents()).into_iter().map(|agent| acting.for_agent(agent).dice()).collect();
+        let stacks = self.stacks.iter_mut().zip(&self.kinds);
+        stacks.for_each(|((stack, _), kind)| stack.begin(episode, &kind.agents));
     }
 
-    fn act(&mut self, percept: &Percept, actions: &mut [Action]) -> Result<()> {
-        let judgement = self.stack.judge(&percept.obs, &mut self.states);
-        let mut log_probs = vec![0.0; self.stack.n_actions()];
-        for ((action, (logits, _)), dice) in actions.iter_mut().zip(judgement.rows()).zip(&mut self.dice) {
-            sampling::log_softmax(logits, &mut log_probs);
-            *action = match self.selection {
-                Selection::Sampled => sampling::draw(&log_probs, dice),
-                Selection::Greedy => sampling::most_probable(&log_probs),
-            };
+    fn act(&mut self, percept: &JointPercept, actions: &mut [Action]) -> Result<()> {
+        for (index, (stack, seen)) in self.stacks.iter_mut().enumerate() {
+            percept.of_kind(&self.kinds, index, seen);
+            let chosen = stack.act(seen);
+            self.kinds[index].agents.iter().zip(chosen).for_each(|(agent, action)| actions[agent.0] = action);
         }
         Ok(())
     }

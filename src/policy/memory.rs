@@ -1,7 +1,7 @@
 //! What an agent learns from: the samples of one update, in sequences.
 
 use crate::base::Rows;
-use crate::domain::Action;
+use crate::domain::{Action, RegionSpec};
 use crate::nn::States;
 
 /// One decision of one agent and what came of it.
@@ -26,16 +26,20 @@ pub struct Memory {
     capacity: usize,
     length: usize,
     obs: Rows<f32>,
+    /// The actions that were allowed; `None` if the kind has no masks.
+    masks: Option<Rows<bool>>,
     samples: Vec<Sample>,
     states: States,
 }
 
 impl Memory {
-    pub fn new(agents: usize, capacity: usize, length: usize, obs_dim: usize, state_width: usize) -> Self {
+    /// `spec`: of the agents' kind.
+    pub fn new(agents: usize, capacity: usize, length: usize, spec: &RegionSpec, state_width: usize) -> Self {
         Memory {
             capacity,
             length,
-            obs: Rows::new(agents * capacity, obs_dim),
+            obs: Rows::new(agents * capacity, spec.obs_dim),
+            masks: spec.masks.then(|| Rows::new(agents * capacity, spec.n_actions)),
             samples: vec![Sample::default(); agents * capacity],
             states: States::new(agents * capacity / length, state_width),
         }
@@ -60,6 +64,11 @@ impl Memory {
         self.obs.row(agent * self.capacity + slot)
     }
 
+    /// The actions that were allowed, or nothing where all always are.
+    pub fn mask(&self, agent: usize, slot: usize) -> &[bool] {
+        self.masks.as_ref().map_or(&[], |masks| masks.row(agent * self.capacity + slot))
+    }
+
     pub fn sample(&self, agent: usize, slot: usize) -> &Sample {
         &self.samples[agent * self.capacity + slot]
     }
@@ -71,6 +80,13 @@ impl Memory {
     /// The hidden state in which a sequence began.
     pub fn state(&self, agent: usize, sequence: usize) -> &[f32] {
         self.states.row(agent * self.sequences() + sequence)
+    }
+
+    /// Writes down which actions a decision was made from.
+    pub fn remember_mask(&mut self, agent: usize, slot: usize, mask: &[bool]) {
+        if let Some(masks) = &mut self.masks {
+            masks.row_mut(agent * self.capacity + slot).copy_from_slice(mask);
+        }
     }
 
     /// Writes down a decision and, where a sequence begins with it, the hidden state before it; its advantage and

@@ -1,4 +1,4 @@
-//! Policies: actor and critic of all agents as one stack, how actions are drawn, and the memory they learn from.
+//! Policies: actor and critic of all agents of a kind as one stack, how actions are drawn, and the memory they learn from.
 
 mod controller;
 mod memory;
@@ -6,16 +6,17 @@ pub mod sampling;
 
 use std::path::Path;
 
-use crate::base::{AgentId, Rows, Seed};
+use crate::base::{AgentId, Ragged, Rows, Seed};
 use crate::config::PolicyConfig;
-use crate::domain::{RegionSpec, Result};
+use crate::domain::{Percept, RegionSpec, Result};
 use crate::nn::{Adam, Learner, Net, Parameters, Shape, States, Threads, write_script};
 
-pub use controller::{JointPolicyController, Selection};
+pub use controller::{JointPolicyController, Selection, StackController};
 pub use memory::{Memory, Sample};
 
-/// The parameters of all agents' policies, one row per agent: what is exchanged, saved and evaluated.
-pub type JointPolicy = Rows<f32>;
+/// The parameters of all agents' policies, one row per agent, as wide as its kind has it: what is exchanged, saved and
+/// evaluated.
+pub type JointPolicy = Ragged<f32>;
 
 /// One policy and value network per agent: observation -> GRU, if any -> hidden layers -> logits and one value.
 ///
@@ -33,6 +34,8 @@ pub struct Judgement {
 
 impl Judgement {
     /// Logits of the actions and the value, row by row.
+    ///
+    /// Actions that are not allowed have the logit minus infinity.
     pub fn rows(&self) -> impl Iterator<Item = (&[f32], f32)> {
         let n_actions = self.outputs.width() - 1;
         self.outputs.iter().map(move |row| (&row[..n_actions], row[n_actions]))
@@ -81,15 +84,23 @@ impl PolicyStack {
         Judgement { outputs: self.net.step(obs, states) }
     }
 
+    /// One decision of what a percept shows, from the actions that it allows.
+    pub fn decide(&self, percept: &Percept, states: &mut States) -> Judgement {
+        let mut judgement = self.judge(&percept.obs, states);
+        if let Some(masks) = &percept.masks {
+            let width = judgement.outputs.width();
+            let rows = judgement.outputs.as_mut_slice().chunks_exact_mut(width).zip(masks.iter());
+            rows.for_each(|(outputs, mask)| sampling::forbid(outputs, mask));
+        }
+        judgement
+    }
+
     pub fn parameters(&self) -> &Parameters {
         self.net.parameters()
     }
 
-    pub fn joint_policy(&self) -> JointPolicy {
-        self.net.parameters().values().clone()
-    }
-
-    pub fn load(&mut self, policies: &JointPolicy) {
+    /// Takes over the parameters of `policies`, one row per agent of the stack.
+    pub fn load(&mut self, policies: &Rows<f32>) {
         self.net.parameters_mut().load(policies);
     }
 

@@ -6,6 +6,19 @@ use rand::Rng;
 use crate::base::Dice;
 use crate::domain::Action;
 
+/// Sets the logits of the actions that are not allowed to minus infinity, so that their probability is 0. `allowed`: one
+/// per logit, or nothing where all are.
+pub fn forbid(logits: &mut [f32], allowed: &[bool]) {
+    let forbidden = logits.iter_mut().zip(allowed).filter(|(_, allowed)| !**allowed);
+    forbidden.for_each(|(logit, _)| *logit = f32::NEG_INFINITY);
+}
+
+/// `-sum p ln p` of log-probabilities, without those that are forbidden.
+pub fn entropy(log_probs: &[f32]) -> f32 {
+    let term = |&log_prob: &f32| if log_prob == f32::NEG_INFINITY { 0.0 } else { log_prob.exp() * log_prob };
+    -log_probs.iter().map(term).sum::<f32>()
+}
+
 /// `ln softmax(logits)`.
 pub fn log_softmax(logits: &[f32], log_probs: &mut [f32]) {
     let max = logits.iter().copied().fold(f32::NEG_INFINITY, f32::max);
@@ -22,7 +35,9 @@ pub fn draw(log_probs: &[f32], dice: &mut Dice) -> Action {
             return action as Action;
         }
     }
-    (log_probs.len() - 1) as Action // rounding left a crumb
+    // Rounding left a crumb, for the last action that is allowed.
+    let last = log_probs.iter().rposition(|&log_prob| log_prob != f32::NEG_INFINITY);
+    last.unwrap_or(log_probs.len() - 1) as Action
 }
 
 /// The most probable action, the first one where several are.
@@ -47,6 +62,27 @@ mod tests {
                 assert!((log_prob.exp() - expected).abs() < 1e-5);
             }
         }
+    }
+
+    #[test]
+    fn what_is_forbidden_has_no_probability_and_the_rest_share_it() {
+        // Of softmax(ln 1, ln 2, ln 5) without the last: (1/3, 2/3); H = -(1/3 ln 1/3 + 2/3 ln 2/3) = 0.636514.
+        let mut logits = [0.0, 2_f32.ln(), 5_f32.ln()];
+        forbid(&mut logits, &[true, true, false]);
+        let mut log_probs = [0.0; 3];
+        log_softmax(&logits, &mut log_probs);
+        assert!((log_probs[0].exp() - 1.0 / 3.0).abs() < 1e-6 && (log_probs[1].exp() - 2.0 / 3.0).abs() < 1e-6);
+        assert_eq!(log_probs[2], f32::NEG_INFINITY);
+        assert!((entropy(&log_probs) - 0.636_514).abs() < 1e-6);
+        let mut dice = Seed::new(4).dice();
+        assert!((0..10_000).all(|_| draw(&log_probs, &mut dice) < 2));
+        // The largest number that dice give is below 1; these probabilities sum to less.
+        let short = [0.3_f32.ln(), f32::NEG_INFINITY];
+        assert!((0..100).all(|_| draw(&short, &mut dice) == 0), "a crumb goes to an action that is allowed");
+        assert_eq!(most_probable(&[f32::NEG_INFINITY, -3.0, -2.0, f32::NEG_INFINITY]), 2);
+        let mut untouched = [1.0, 2.0];
+        forbid(&mut untouched, &[]);
+        assert_eq!(untouched, [1.0, 2.0], "without a mask all are allowed");
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Checkpoints: the state of all agents in a file from which a run goes on as if nothing had happened.
 //!
-//! A safetensors file (little-endian, as all machines are that Debian's libtorch runs on) with one table `[agents, ...]` each for policies, moments and AIPs, and in its metadata what else
-//! there is to know, with a checksum. Written after every period; the last [`KEPT`] are kept.
+//! A safetensors file (little-endian, as all machines are that Debian's libtorch runs on) with one table each for policies, moments and AIPs,
+//! one agent after another, and in its metadata how many values each agent has and what else there is to know, with a checksum. Written after every period; the last [`KEPT`] are kept.
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
@@ -11,17 +11,16 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 
 use super::atomic::write_beside;
-use crate::base::Rows;
-use crate::nn::Moments;
+use crate::base::Ragged;
 use crate::training::drift::Drift;
 use crate::training::standing::Standing;
-use crate::training::state::AgentsState;
+use crate::training::state::{AgentsState, JointMoments};
 use crate::training::stream::AgentStream;
 
 /// How many checkpoints are kept, the newest ones.
 pub const KEPT: usize = 3;
 /// Counts up when a checkpoint of before cannot be read any more.
-const FORMAT: u32 = 2;
+const FORMAT: u32 = 3;
 const EXTENSION: &str = "safetensors";
 
 /// Where a run stands after a period.
@@ -56,6 +55,9 @@ struct About {
     format: u32,
     steps: u64,
     optimiser_steps: u32,
+    /// Parameters of every agent's policy and AIP: agents of different kinds have different networks.
+    policy_widths: Vec<usize>,
+    aip_widths: Vec<usize>,
     progress: Progress,
     /// Of the tables' bytes, one after another.
     crc32: u32,
@@ -65,7 +67,7 @@ struct About {
 const STREAMS: &str = "streams";
 const TABLES: [&str; 4] = ["policies", "first_moments", "second_moments", "aips"];
 
-fn tables_of(agents: &AgentsState) -> [&Rows<f32>; 4] {
+fn tables_of(agents: &AgentsState) -> [&Ragged<f32>; 4] {
     [&agents.policies, &agents.moments.first, &agents.moments.second, &agents.aips]
 }
 
@@ -79,12 +81,14 @@ pub fn write(folder: &Path, agents: &AgentsState, progress: Progress) -> Result<
         format: FORMAT,
         steps: agents.steps,
         optimiser_steps: agents.moments.steps,
+        policy_widths: agents.policies.widths().collect(),
+        aip_widths: agents.aips.widths().collect(),
         progress,
         crc32: checksum(bytes.into_iter().chain([&streams[..]])),
     };
     let mut views = Vec::new();
     for ((name, table), bytes) in TABLES.iter().zip(tables).zip(bytes) {
-        views.push((*name, TensorView::new(Dtype::F32, vec![table.len(), table.width()], bytes)?));
+        views.push((*name, TensorView::new(Dtype::F32, vec![table.as_slice().len()], bytes)?));
     }
     views.push((STREAMS, TensorView::new(Dtype::U8, vec![streams.len()], &streams)?));
     let metadata = HashMap::from([("checkpoint".to_owned(), serde_json::to_string(&about)?)]);
@@ -128,10 +132,12 @@ fn read(path: &Path) -> Result<Checkpoint> {
         checksum(tensors.iter().chain([&streams]).map(|tensor| tensor.data())) == about.crc32,
         "its checksum is wrong: it is damaged"
     );
-    let tables: Vec<Rows<f32>> = tensors.iter().map(rows_of).collect::<Result<_>>()?;
+    let widths = [&about.policy_widths, &about.policy_widths, &about.policy_widths, &about.aip_widths];
+    let tables = tensors.iter().zip(widths).map(|(tensor, widths)| rows_of(tensor, widths));
+    let tables: Vec<Ragged<f32>> = tables.collect::<Result<_>>()?;
     TABLES.iter().zip(&tables).try_for_each(|(name, table)| check_finite(name, table))?;
     let [policies, first, second, aips] = tables.try_into().expect("there are four tables");
-    let moments = Moments { first, second, steps: about.optimiser_steps };
+    let moments = JointMoments { first, second, steps: about.optimiser_steps };
     let streams: Vec<AgentStream> =
         postcard::from_bytes(streams.data()).context("where training stands is unreadable")?;
     ensure!(streams.len() == policies.len(), "it has {} policies and {} streams", policies.len(), streams.len());
@@ -139,14 +145,14 @@ fn read(path: &Path) -> Result<Checkpoint> {
     Ok(Checkpoint { agents, progress: about.progress })
 }
 
-fn rows_of(tensor: &TensorView<'_>) -> Result<Rows<f32>> {
-    let &[_, width] = tensor.shape() else { bail!("a table of shape {:?}", tensor.shape()) };
+fn rows_of(tensor: &TensorView<'_>, widths: &[usize]) -> Result<Ragged<f32>> {
     let values = tensor.data().as_chunks::<4>().0.iter().map(|&value| f32::from_le_bytes(value));
-    Ok(Rows::from_vec(values.collect(), width))
+    let rows = Ragged::from_vec(values.collect(), widths.iter().copied());
+    rows.with_context(|| format!("a table of shape {:?} for {} agents", tensor.shape(), widths.len()))
 }
 
 /// An error that names the first agent, if any, of which a table holds what is no finite number.
-fn check_finite(name: &str, table: &Rows<f32>) -> Result<()> {
+fn check_finite(name: &str, table: &Ragged<f32>) -> Result<()> {
     for (agent, row) in table.iter().enumerate() {
         if let Some(bad) = row.iter().find(|value| !value.is_finite()) {
             bail!("its table `{name}` holds {bad} for agent {agent}, which is no finite number");
@@ -180,15 +186,17 @@ mod tests {
     use crate::training::stream::{RowStream, Trail};
 
     fn checkpoint(steps: u64) -> Checkpoint {
-        let rows = |from: u8| Rows::from_vec((from..from + 6).map(f32::from).collect(), 2);
-        let moments = Moments { first: rows(10), second: rows(20), steps: 12 };
+        let rows = |from: u8, widths| Ragged::from_vec((from..from + 6).map(f32::from).collect(), widths).unwrap();
+        // The second agent is of another kind.
+        let (policies, aips) = ([1, 4, 1], [2, 2, 2]);
+        let moments = JointMoments { first: rows(10, policies), second: rows(20, policies), steps: 12 };
         let row = RowStream {
             trail: Trail { episode: 5, actions: vec![0, 1], sources: vec![1, 0, 0, 1], shown: 77 },
             rewards: 1.25,
             ..RowStream::begin(Seed::new(1).dice(), Seed::new(2).dice(), &[0.5])
         };
         let streams = vec![AgentStream { minibatches: Seed::new(3).dice(), rows: vec![row] }; 3];
-        let agents = AgentsState { steps, policies: rows(0), moments, aips: rows(30), streams };
+        let agents = AgentsState { steps, policies: rows(0, policies), moments, aips: rows(30, aips), streams };
         let file_lengths = BTreeMap::from([("returns.csv".to_owned(), 77)]);
         Checkpoint {
             agents,
@@ -219,7 +227,7 @@ mod tests {
     #[test]
     fn what_is_no_finite_number_is_refused_with_its_table_and_its_agent() {
         let dir = tempfile::tempdir().unwrap();
-        type Pick = fn(&mut AgentsState) -> &mut Rows<f32>;
+        type Pick = fn(&mut AgentsState) -> &mut Ragged<f32>;
         let tables: [(&str, Pick); 4] = [
             ("policies", |agents| &mut agents.policies),
             ("first_moments", |agents| &mut agents.moments.first),
@@ -255,7 +263,7 @@ mod tests {
         std::fs::write(&path, flipped).unwrap();
         assert!(error_of(dir.path()).contains("checksum"), "{}", error_of(dir.path()));
 
-        let place = whole.windows(10).position(|bytes| bytes == b"format\\\":2").unwrap();
+        let place = whole.windows(10).position(|bytes| bytes == b"format\\\":3").unwrap();
         let mut newer = whole.clone();
         newer[place + 9] = b'7';
         std::fs::write(&path, newer).unwrap();

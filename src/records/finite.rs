@@ -2,7 +2,7 @@
 
 use anyhow::{Result, bail};
 
-use crate::base::Rows;
+use crate::base::Ragged;
 use crate::influence::AipLoss;
 use crate::training::answers::PolicyTraining;
 use crate::training::state::AgentsState;
@@ -37,7 +37,7 @@ pub fn check_aips(agents: &AgentsState, losses: &[AipLoss]) -> Result<()> {
     }
 }
 
-fn first_bad_row(table: &Rows<f32>) -> Option<usize> {
+fn first_bad_row(table: &Ragged<f32>) -> Option<usize> {
     table.iter().position(|row| !row.iter().all(|value| value.is_finite()))
 }
 

@@ -21,7 +21,7 @@
 //! - [`files`], [`columns`]: the names of the files, and of the columns of each CSV file, for writers and readers.
 //! - [`atomic`], [`csv`], [`tensorboard`]: how files are written so that a kill or a full disk loses nothing.
 //! - `lines`: what stands in the CSV files. `finite`: what has diverged is not written.
-//! - [`checkpoint`]: the state of all agents, to go on from.
+//! - [`checkpoint`]: the state of all agents, to go on from. [`joint_layout`]: files of the networks of all agents.
 //! - [`run_json`]: how the run was called, and what computed it.
 //! - [`run_log`]: the [`Journal`](crate::training::journal::Journal) that writes all this as training goes.
 //! - [`run_record`], [`reader`], [`csv_table`]: what a run directory says, also one of another version. `before`: what
@@ -35,6 +35,7 @@ pub mod csv;
 pub mod csv_table;
 pub mod files;
 mod finite;
+pub mod joint_layout;
 mod lines;
 pub mod reader;
 pub mod run_json;

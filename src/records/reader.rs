@@ -196,18 +196,20 @@ fn read_memory(table: &CsvTable) -> Result<Option<Memory>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::{Rows, Timesheet};
+    use crate::base::{Ragged, Rows, Timesheet};
     use crate::config::Config;
-    use crate::domain::Measures;
+    use crate::domain::toy::Coins;
+    use crate::domain::{Domain, Measures};
     use crate::evaluation;
     use crate::influence;
-    use crate::nn::{Layout, Moments};
+    use crate::nn::Layout;
+    use crate::records::joint_layout::JointLayout;
     use crate::records::run_log::{Layouts, RunLog};
     use crate::training::answers::{AgentTraining, FleetLoad, Footprint, PolicyTraining, WorkerLoad};
     use crate::training::journal::Journal;
     use crate::training::ppo::{Decayed, Losses};
     use crate::training::standing::Standing;
-    use crate::training::state::AgentsState;
+    use crate::training::state::{AgentsState, JointMoments};
     use std::time::Duration;
 
     #[test]
@@ -216,10 +218,11 @@ mod tests {
         let text = "warehouse = { agents_per_side = 2 }\n";
         std::fs::write(dir.path().join(files::CONFIG), text).unwrap();
         let config: Config = toml::from_str(text).unwrap();
-        let layout = || Layout::new(vec![("w".to_owned(), vec![1])]);
+        let coins = Coins::new(1);
+        let layout = || JointLayout::new(coins.kinds(), |_| Layout::new(vec![("w".to_owned(), vec![1])]));
         let mut log = RunLog::create(dir.path(), &config, Layouts { policies: layout(), aips: layout() }).unwrap();
-        let table = || Rows::from_vec(vec![0.5, 0.25], 1);
-        let moments = Moments { first: table(), second: table(), steps: 1 };
+        let table = || Ragged::from_vec(vec![0.5, 0.25], [1, 1]).unwrap();
+        let moments = JointMoments { first: table(), second: table(), steps: 1 };
         let agents = AgentsState { steps: 128, policies: table(), moments, aips: table(), streams: vec![] };
 
         // Agents' means 2 and 4; episode means 1 and 5: deviation sqrt(8), standard error sqrt(8 / 2) = 2.

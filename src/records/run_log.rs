@@ -19,11 +19,10 @@ use super::lines::{
 };
 use super::tensorboard::{Scalar, first_record, scalars_of, scalars_record};
 use crate::config::Config;
-use crate::domain::RegionSpec;
+use crate::domain::Kinds;
 use crate::evaluation::Evaluation;
-use crate::influence::{self, AipLoss, FreshLoss};
-use crate::nn::{Layout, write_stack};
-use crate::policy::PolicyStack;
+use crate::influence::{AipLoss, FreshLoss};
+use crate::records::joint_layout::JointLayout;
 use crate::training::answers::{FleetLoad, PolicyTraining};
 use crate::training::drift::Moment;
 use crate::training::journal::Journal;
@@ -47,15 +46,15 @@ pub struct RunLog {
 
 /// Where the networks that are saved keep their weights and biases.
 pub struct Layouts {
-    pub policies: Layout,
-    pub aips: Layout,
+    pub policies: JointLayout,
+    pub aips: JointLayout,
 }
 
 impl Layouts {
-    pub fn of(config: &Config, spec: &RegionSpec) -> Layouts {
+    pub fn of(config: &Config, kinds: &Kinds) -> Layouts {
         Layouts {
-            policies: PolicyStack::shape(spec, &config.policy).layout(),
-            aips: influence::layout(config.predictor(), spec, &config.aip),
+            policies: JointLayout::of_policies(kinds, &config.policy),
+            aips: JointLayout::of_aips(kinds, config.predictor(), &config.aip),
         }
     }
 }
@@ -155,7 +154,7 @@ impl Journal for RunLog {
     fn aips_trained(&mut self, agents: &AgentsState, losses: &[AipLoss]) -> Result<()> {
         check_aips(agents, losses)?;
         self.append(files::AIP_LOSS, agents.steps, &header(&columns::OF_AIP_LOSS), &aip_lines(agents.steps, losses))?;
-        let stack = write_stack(&self.layouts.aips, &agents.aips, &about(agents.steps))?;
+        let stack = self.layouts.aips.write(&agents.aips, &about(agents.steps))?;
         write_atomically(&self.dir.join(files::AIPS), &stack)
     }
 
@@ -179,7 +178,7 @@ impl Journal for RunLog {
             &training_header(training),
             &training_lines(agents.steps, training),
         )?;
-        let stack = write_stack(&self.layouts.policies, &agents.policies, &about(agents.steps))?;
+        let stack = self.layouts.policies.write(&agents.policies, &about(agents.steps))?;
         write_atomically(&self.dir.join(files::POLICIES), &stack)?;
         self.append_load(agents, load)?;
         let progress = Progress {
@@ -203,19 +202,22 @@ fn about(steps: u64) -> HashMap<String, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::Rows;
+    use crate::base::Ragged;
+    use crate::domain::Domain;
+    use crate::domain::toy::Coins;
     use crate::influence::AipLoss;
-    use crate::nn::Moments;
+    use crate::nn::Layout;
     use crate::training::answers::AgentTraining;
     use crate::training::ppo::{Decayed, Losses};
+    use crate::training::state::JointMoments;
 
     /// Two agents with a policy of two parameters each, and what a period brought them.
     fn period(policy: [f32; 4], value_loss: f64) -> (PolicyTraining, AgentsState) {
         let losses = [0.0, value_loss].map(|value| Losses { value, ..Losses::default() });
         let agents = losses.map(|losses| AgentTraining { mean_return: None, episodes: 0, losses });
         let decayed = Decayed { learning_rate: 1e-3, clip: 0.1 };
-        let table = |values: &[f32]| Rows::from_vec(values.to_vec(), 2);
-        let moments = Moments { first: table(&[0.0; 4]), second: table(&[0.0; 4]), steps: 1 };
+        let table = |values: &[f32]| Ragged::from_vec(values.to_vec(), [2, 2]).unwrap();
+        let moments = JointMoments { first: table(&[0.0; 4]), second: table(&[0.0; 4]), steps: 1 };
         let state =
             AgentsState { steps: 128, policies: table(&policy), moments, aips: table(&[0.0; 4]), streams: vec![] };
         (PolicyTraining { agents: agents.to_vec(), counters: Vec::new(), decayed }, state)
@@ -231,7 +233,8 @@ mod tests {
     fn learning_that_diverged_is_not_written_over_what_was_good() {
         let dir = tempfile::tempdir().unwrap();
         let config: Config = toml::from_str("warehouse = { agents_per_side = 2 }").unwrap();
-        let layout = || Layout::new(vec![("w".to_owned(), vec![2])]);
+        let coins = Coins::new(1);
+        let layout = || JointLayout::new(coins.kinds(), |_| Layout::new(vec![("w".to_owned(), vec![2])]));
         let layouts = Layouts { policies: layout(), aips: layout() };
         let mut log = RunLog::create(dir.path(), &config, layouts).unwrap();
         let standing = Standing::default();
@@ -257,7 +260,7 @@ mod tests {
             marginals: vec![0.1],
             frequencies: vec![0.5],
         };
-        agents.aips = Rows::from_vec(vec![0.0, 0.0, 0.0, f32::NAN], 2);
+        agents.aips = Ragged::from_vec(vec![0.0, 0.0, 0.0, f32::NAN], [2, 2]).unwrap();
         let error = log.aips_trained(&agents, &[loss.clone(), loss]).unwrap_err().to_string();
         assert!(error.starts_with("agent 1: its AIP diverged") && error.contains("aip.learning_rate"), "{error}");
         assert!(contents(dir.path()) == good);

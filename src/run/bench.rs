@@ -81,10 +81,10 @@ fn run(
 ) -> anyhow::Result<Costs> {
     let short = short_orders(config, workers);
     let dir = tempfile::tempdir().context("no temporary directory for what a run writes")?;
-    let mut log = RunLog::create(dir.path(), config, Layouts::of(config, domain.spec()))?;
+    let mut log = RunLog::create(dir.path(), config, Layouts::of(config, domain.kinds()))?;
     let (crew, options) = (Children::new(dir.path()), Options { workers, patience: PATIENCE });
     let mut fleet = Coordinator::start(domain.clone(), &short, crew, options, progress.clone())?;
-    let plan = Plan { config: &short, spec: domain.spec(), workers, time, peak_flops };
+    let plan = Plan { config: &short, kinds: domain.kinds(), workers, time, peak_flops };
     let measured = measure(&plan, &mut fleet, &mut log)?;
     let share = measured.share_of_an_episode(config, domain.agents());
     if share < 1.0 {
@@ -95,7 +95,7 @@ fn run(
         ));
     }
     let foreign = domain.foreign_simulator().is_some();
-    Ok(Costs::of(config, domain.spec(), domain.agents(), foreign, peak_flops, &measured))
+    Ok(Costs::of(config, domain.kinds(), foreign, peak_flops, &measured))
 }
 
 /// 1, 2, 4, ... and `most`.

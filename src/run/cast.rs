@@ -7,15 +7,15 @@ use anyhow::{Context, Result, bail, ensure};
 use super::directory;
 use super::domain;
 use super::subject::Subject;
-use crate::base::{AgentId, RandomPurpose, Rows, Seed, Stopwatch};
+use crate::base::{AgentId, RandomPurpose, Seed, Stopwatch};
 use crate::cli;
 use crate::config::{Config, load};
-use crate::domain::{Controller, Domain};
+use crate::domain::Domain;
 use crate::evaluation::{episode_seed, play};
-use crate::influence::{self, TrainablePredictor};
-use crate::nn::read_stack;
-use crate::policy::{JointPolicyController, PolicyStack, Selection};
+use crate::influence::TrainablePredictor;
+use crate::policy::{JointPolicyController, Selection, StackController};
 use crate::records::files;
+use crate::records::joint_layout::JointLayout;
 use crate::traffic::Traffic;
 use crate::traffic::sim::recording::{Recording, Tape};
 use crate::training::block::initial_aips;
@@ -38,7 +38,7 @@ enum Cast {
     /// The whole grid under the trained policies.
     Policies(JointPolicyController),
     /// The local simulator of one agent under its policy, with cars from its AIP.
-    Local { agent: AgentId, policy: JointPolicyController, aip: Box<dyn TrainablePredictor> },
+    Local { agent: AgentId, policy: StackController, aip: Box<dyn TrainablePredictor> },
 }
 
 impl Episode {
@@ -64,14 +64,13 @@ impl Episode {
         let run = directory::open(subject)?;
         let selection = if args.greedy { Selection::Greedy } else { Selection::Sampled };
         let cast = match args.local {
-            None => Cast::Policies(JointPolicyController::new(run.stack, &run.policies, selection)),
+            None => Cast::Policies(run.controller(selection)),
             Some(agent) => {
                 let agents = run.domain.agents();
                 ensure!(agent < agents, "--local {agent}: this run has the agents 0 to {}", agents - 1);
                 let agent = AgentId(agent);
-                let stack = PolicyStack::blank(1, run.domain.spec(), &run.config.policy);
-                let policy = Rows::from_vec(run.policies.row(agent.0).to_vec(), run.policies.width());
-                let policy = JointPolicyController::new(stack, &policy, selection);
+                let (spec, policy) = (&run.domain.kinds().of(agent).spec, run.policies.pick([agent.0]).into_rows());
+                let policy = StackController::new(spec, &run.config.policy, &policy, selection);
                 Cast::Local { agent, policy, aip: aip_of(agent, &*run.domain, &run.config, subject)? }
             }
         };
@@ -95,11 +94,10 @@ impl Episode {
                 let stream =
                     AgentStream { minibatches: dice.clone(), rows: vec![RowStream::begin(dice.clone(), dice, &[])] };
                 let mut ials = Ials::resume(simulator, &mut *aip, &[stream], false)?;
-                policy.begin(self.seed.for_agent(agent));
-                let mut actions = [0];
-                for _ in 0..self.traffic.spec().horizon {
-                    policy.act(ials.percept(), &mut actions)?;
-                    ials.step(&actions, &mut Stopwatch::default())?;
+                policy.begin(self.seed.for_agent(agent), &AgentId::all(1));
+                for _ in 0..self.traffic.kinds().horizon() {
+                    let actions = policy.act(&ials.percepts()[0]);
+                    ials.step(&[actions], &mut Stopwatch::default())?;
                 }
             }
         }
@@ -115,9 +113,9 @@ fn aip_of(agent: AgentId, domain: &dyn Domain, config: &Config, run_dir: &Path) 
     let mut aip = initial_aips(domain, config, &[agent]);
     // What is never trained is never written either.
     if choice.learns() {
-        let layout = influence::layout(choice, domain.spec(), &config.aip);
-        let rows = read_stack(&run_dir.join(files::AIPS), &layout, domain.agents())?;
-        aip.load(&Rows::from_vec(rows.row(agent.0).to_vec(), rows.width()));
+        let layout = JointLayout::of_aips(domain.kinds(), choice, &config.aip);
+        let aips = layout.read(&run_dir.join(files::AIPS))?;
+        aip.load(&aips.pick([agent.0]).into_rows());
     }
     Ok(aip)
 }

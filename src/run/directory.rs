@@ -9,15 +9,13 @@ use super::END_WITH;
 use super::build;
 use super::domain;
 use super::places::{self, Existing};
-use crate::base::AgentId;
 use crate::config::{self, Config};
 use crate::domain::Domain;
-use crate::nn::read_stack;
-use crate::policy::{JointPolicy, PolicyStack};
+use crate::policy::{JointPolicy, JointPolicyController, Selection};
 use crate::records::atomic::write_atomically;
 use crate::records::files;
+use crate::records::joint_layout::JointLayout;
 use crate::records::run_json::RunJson;
-use crate::training::block::initial_policies;
 
 /// Makes the directory of a new run and returns its path. Self-contained: it holds config, networks and circumstances.
 pub fn create(path: &Path, existing: Existing, config: &Config) -> Result<PathBuf> {
@@ -62,8 +60,6 @@ fn command_line() -> Vec<String> {
 pub struct TrainedRun {
     pub config: Config,
     pub domain: Arc<dyn Domain>,
-    /// Policies of the right shape for [`crate::policy::JointPolicyController`].
-    pub stack: PolicyStack,
     pub policies: JointPolicy,
 }
 
@@ -84,11 +80,17 @@ pub fn open_config(path: &Path) -> Result<(Config, Arc<dyn Domain>)> {
 /// Reads a run directory with its policies.
 pub fn open(path: &Path) -> Result<TrainedRun> {
     let (config, domain) = open_config(path)?;
-    let stack = initial_policies(&*domain, &config, &AgentId::all(domain.agents()));
     let saved = path.join(files::POLICIES);
     ensure!(saved.is_file(), "{}: has no policies yet; they are written after the first period", path.display());
-    let policies = read_stack(&saved, stack.parameters().layout(), domain.agents())?;
-    Ok(TrainedRun { config, domain, stack, policies })
+    let policies = JointLayout::of_policies(domain.kinds(), &config.policy).read(&saved)?;
+    Ok(TrainedRun { config, domain, policies })
+}
+
+impl TrainedRun {
+    /// Its policies as they act on the GS.
+    pub fn controller(&self, selection: Selection) -> JointPolicyController {
+        JointPolicyController::new(self.domain.kinds(), &self.config.policy, &self.policies, selection)
+    }
 }
 
 #[cfg(test)]

@@ -1,39 +1,77 @@
 //! `export`: the policies for use outside of this program.
 
+use std::path::{Path, PathBuf};
+
 use anyhow::ensure;
 
 use super::directory;
 use crate::cli;
-use crate::domain::Domain;
+use crate::config::PolicyConfig;
+use crate::domain::{Kind, Kinds};
 use crate::error::{Error, Result};
 use crate::nn::check_script;
+use crate::policy::{JointPolicy, PolicyStack};
 use crate::records::atomic::{folder_of, write_beside};
 use crate::terminal::answer;
 
 pub fn export(args: &cli::Export) -> Result<()> {
     check_script().map_err(Error::Usage)?;
-    let mut run = directory::open(&args.run_dir).map_err(Error::Usage)?;
-    check_free(args).map_err(Error::Usage)?;
-    run.stack.load(&run.policies);
-    write_beside(&args.out, |beside| run.stack.write_script(beside)).map_err(Error::Usage)?;
-    answer(how_to_use(args, &*run.domain, run.config.policy.recurrent)).map_err(Error::Run)
+    let run = directory::open(&args.run_dir).map_err(Error::Usage)?;
+    let files = files_of(&args.out, run.domain.kinds());
+    files.iter().try_for_each(|file| check_free(file, args.force)).map_err(Error::Usage)?;
+    write_scripts(run.domain.kinds(), &run.config.policy, &run.policies, &files).map_err(Error::Usage)?;
+    let of_kinds = run.domain.kinds().iter().zip(&files);
+    let told: Vec<String> = of_kinds.map(|(kind, file)| how_to_use(file, kind, run.config.policy.recurrent)).collect();
+    answer(told.join("\n")).map_err(Error::Run)
 }
 
-fn check_free(args: &cli::Export) -> anyhow::Result<()> {
-    let out = args.out.display();
-    ensure!(!args.out.is_dir(), "{out}: is a directory; name a file with --out, such as policies.pt");
-    let folder = folder_of(&args.out);
-    ensure!(folder.is_dir(), "{out}: there is no directory {} to write it into; make it first", folder.display());
-    ensure!(args.force || !args.out.exists(), "{out}: exists already; name another file, or overwrite it with --force");
+/// `out` itself if all agents are of one kind, else a file per kind with the kind's name before the ending.
+fn files_of(out: &Path, kinds: &Kinds) -> Vec<PathBuf> {
+    let file = |kind: &Kind| {
+        if kinds.count() == 1 {
+            return out.to_owned();
+        }
+        let mut name = out.file_stem().unwrap_or_default().to_owned();
+        name.push(format!(".{}", kind.name));
+        if let Some(ending) = out.extension() {
+            name.push(".");
+            name.push(ending);
+        }
+        out.with_file_name(name)
+    };
+    kinds.iter().map(file).collect()
+}
+
+/// Writes a TorchScript module per kind. `files`: one per kind.
+fn write_scripts(
+    kinds: &Kinds,
+    config: &PolicyConfig,
+    policies: &JointPolicy,
+    files: &[PathBuf],
+) -> anyhow::Result<()> {
+    for (kind, file) in kinds.iter().zip(files) {
+        let mut stack = PolicyStack::blank(kind.agents.len(), &kind.spec, config);
+        stack.load(&policies.pick(kind.agents.iter().map(|agent| agent.0)).into_rows());
+        write_beside(file, |beside| stack.write_script(beside))?;
+    }
     Ok(())
 }
 
-fn how_to_use(args: &cli::Export, domain: &dyn Domain, recurrent: Option<usize>) -> String {
-    let (agents, obs_dim, path) = (domain.agents(), domain.spec().obs_dim, args.out.display());
-    let actions = domain.spec().n_actions;
+fn check_free(file: &Path, force: bool) -> anyhow::Result<()> {
+    let out = file.display();
+    ensure!(!file.is_dir(), "{out}: is a directory; name a file with --out, such as policies.pt");
+    let folder = folder_of(file);
+    ensure!(folder.is_dir(), "{out}: there is no directory {} to write it into; make it first", folder.display());
+    ensure!(force || !file.exists(), "{out}: exists already; name another file, or overwrite it with --force");
+    Ok(())
+}
+
+fn how_to_use(file: &Path, kind: &Kind, recurrent: Option<usize>) -> String {
+    let (agents, obs_dim, path) = (kind.agents.len(), kind.spec.obs_dim, file.display());
+    let actions = kind.spec.n_actions;
     let mut lines = vec![
         format!("wrote {path}; in Python:"),
-        format!("  policies = torch.jit.load({:?})", args.out),
+        format!("  policies = torch.jit.load({file:?})"),
         format!("  out = policies(obs)  # obs: float32 [{agents}, batch, {obs_dim}]"),
         format!("  logits, values = out[..., :{actions}], out[..., {actions}]"),
     ];
@@ -44,5 +82,61 @@ fn how_to_use(args: &cli::Export, domain: &dyn Domain, recurrent: Option<usize>)
             actions + 1
         ));
     }
+    if kind.spec.masks {
+        lines.push("  # before you choose, set the logits of the actions that are not allowed to -inf".to_owned());
+    }
     lines.join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::{AgentId, Seed};
+    use crate::domain::Domain;
+    use crate::domain::toy::{Coins, CoinsAndDice};
+    use crate::training::block::initial_policies;
+    use tch::{CModule, Tensor};
+
+    #[test]
+    fn every_kind_has_a_file_of_its_own() {
+        let files = |domain: &dyn Domain, out: &str| -> Vec<String> {
+            let files = files_of(Path::new(out), domain.kinds());
+            files.iter().map(|file| file.display().to_string()).collect()
+        };
+        assert_eq!(files(&Coins::new(1), "a/policies.pt"), ["a/policies.pt"]);
+        assert_eq!(files(&CoinsAndDice::new(1), "a/policies.pt"), ["a/policies.coin.pt", "a/policies.die.pt"]);
+        assert_eq!(files(&CoinsAndDice::new(1), "plain"), ["plain.coin", "plain.die"]);
+    }
+
+    #[test]
+    fn the_module_of_a_kind_says_what_its_policies_say() {
+        let (domain, config) = (CoinsAndDice::new(1), crate::config::Config::default());
+        let stacks = domain.kinds().iter().map(|kind| initial_policies(&domain, &config, &kind.agents));
+        let stacks: Vec<PolicyStack> = stacks.collect();
+        let row = |agent: usize| {
+            let place = domain.kinds().place(AgentId(agent));
+            stacks[place.kind].parameters().values().row(place.row)
+        };
+        let mut policies = JointPolicy::default();
+        (0..4).for_each(|agent| policies.push(row(agent)));
+        let dir = tempfile::tempdir().unwrap();
+        let files = files_of(&dir.path().join("policies.pt"), domain.kinds());
+        write_scripts(domain.kinds(), &config.policy, &policies, &files).unwrap();
+        let shown = Seed::new(1);
+        for ((kind, stack), file) in domain.kinds().iter().zip(&stacks).zip(&files) {
+            let mut gs = domain.global_simulator().unwrap();
+            let percept = gs.reset(shown).unwrap();
+            let obs = percept.obs.pick(kind.agents.iter().map(|agent| agent.0)).into_rows();
+            let ours: Vec<f32> = stack
+                .judge(&obs, &mut stack.states(2))
+                .rows()
+                .flat_map(|(logits, value)| logits.iter().copied().chain([value]).collect::<Vec<f32>>())
+                .collect();
+            let obs = Tensor::of_slice(obs.as_slice()).view([2, 1, kind.spec.obs_dim as i64]);
+            let theirs = CModule::load(file).unwrap().forward_ts(&[obs]).unwrap().contiguous().view([-1]);
+            let theirs = Vec::<f32>::from(&theirs);
+            assert_eq!(ours.len(), theirs.len());
+            assert!(ours.iter().zip(&theirs).all(|(a, b)| (a - b).abs() < 1e-5), "{ours:?} {theirs:?}");
+        }
+    }
 }

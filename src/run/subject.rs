@@ -9,7 +9,7 @@ use super::directory::{self, TrainedRun};
 use crate::base::AgentId;
 use crate::domain::{Baseline, Domain};
 use crate::evaluation::Player;
-use crate::policy::{JointPolicyController, Selection};
+use crate::policy::Selection;
 use crate::records::files;
 
 /// A controller or a run, as it is named on the command line.
@@ -129,7 +129,7 @@ impl Subject {
             Subject::Run { dir, greedy, background } => {
                 let run = fitting(dir, domain)?;
                 let selection = if *greedy { Selection::Greedy } else { Selection::Sampled };
-                let controller = Box::new(JointPolicyController::new(run.stack, &run.policies, selection));
+                let controller = Box::new(run.controller(selection));
                 let simulator = match background {
                     None => domain.global_simulator()?,
                     Some(background) => {
@@ -145,17 +145,27 @@ impl Subject {
 /// The run in `dir`, if its policies fit the agents of `domain`.
 fn fitting(dir: &Path, domain: &dyn Domain) -> Result<TrainedRun> {
     let run = directory::open(dir)?;
-    let shape = |domain: &dyn Domain| (domain.agents(), domain.spec().obs_dim, domain.spec().n_actions);
-    let ((agents, obs, actions), wanted) = (shape(&*run.domain), shape(domain));
+    let shapes = |domain: &dyn Domain| -> Vec<(usize, usize)> {
+        domain.kinds().specs().map(|spec| (spec.obs_dim, spec.n_actions)).collect()
+    };
+    let (theirs, ours) = (shapes(&*run.domain), shapes(domain));
+    let path = dir.display();
     ensure!(
-        (agents, obs, actions) == wanted,
-        "{}: its policies are those of {agents} agents with {obs} inputs and {actions} actions, and here there are {} with {} \
-         and {}; compare it with a config like its own",
-        dir.display(),
-        wanted.0,
-        wanted.1,
-        wanted.2
+        theirs.len() == ours.len(),
+        "{path}: its policies are those of {} agents, and here there are {}; compare it with a config like its own",
+        theirs.len(),
+        ours.len()
     );
+    for (agent, (theirs, ours)) in theirs.iter().zip(&ours).enumerate() {
+        ensure!(
+            theirs == ours,
+            "{path}: agent {agent} has {} inputs and {} actions, and here {} and {}; compare it with a config like its own",
+            theirs.0,
+            theirs.1,
+            ours.0,
+            ours.1
+        );
+    }
     Ok(run)
 }
 

@@ -86,7 +86,7 @@ impl Run {
     fn train(&self, workers: usize, patience: Duration) -> anyhow::Result<()> {
         let Run { dir, config, domain, resumed, other_build } = self;
         let progress = Rc::new(Progress::new(config, domain.agents(), stopped(dir))?);
-        let layouts = Layouts::of(config, domain.spec());
+        let layouts = Layouts::of(config, domain.kinds());
         let (mut log, checkpoint) = match resumed {
             false => (RunLog::create(dir, config, layouts)?, None),
             true => RunLog::resume(dir, config, layouts)?,

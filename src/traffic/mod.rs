@@ -41,7 +41,7 @@ use anyhow::{Context, ensure};
 use crate::base::{AgentId, Rows, Seed};
 use crate::config::TrafficConfig;
 use crate::domain::{
-    Baseline, Beginning, Bystander, Domain, FirstRow, GlobalSimulator, LocalSimulator, Map, Measures, RegionSpec,
+    Baseline, Beginning, Bystander, Domain, FirstRow, GlobalSimulator, Kind, Kinds, LocalSimulator, Map, Measures,
     Result, RoughCosts, Scenario,
 };
 use crate::sumo::Simulation;
@@ -84,7 +84,7 @@ pub struct Traffic {
     network: NetworkFiles,
     local_network: NetworkFiles,
     config: TrafficConfig,
-    spec: RegionSpec,
+    kinds: Kinds,
     tape: Option<Tape>,
 }
 
@@ -97,12 +97,13 @@ impl Traffic {
         local_network.check()?;
         read_local(&local_network)?;
         for_sumo(&std::env::temp_dir()).context("forests of local simulators go there: set TMPDIR")?;
+        let grid = read_grid(&network)?;
         Ok(Traffic {
-            grid: read_grid(&network)?,
+            grid,
             network,
             local_network,
             config: config.clone(),
-            spec: region::spec(config.horizon, config.d_set),
+            kinds: Kinds::one(grid.agents().len(), region::spec(config.horizon, config.d_set)),
             tape: None,
         })
     }
@@ -174,12 +175,8 @@ impl Trials for Traffic {
 }
 
 impl Domain for Traffic {
-    fn spec(&self) -> &RegionSpec {
-        &self.spec
-    }
-
-    fn agents(&self) -> usize {
-        self.grid.rows() * self.grid.cols()
+    fn kinds(&self) -> &Kinds {
+        &self.kinds
     }
 
     fn global_simulator(&self) -> Result<Box<dyn GlobalSimulator>> {
@@ -213,7 +210,7 @@ impl Domain for Traffic {
     }
 
     /// DEVIATION 11: our configs begin with a bias against switching, so that fewer agents get stuck in switching always.
-    fn initial_action_bias(&self) -> Vec<f32> {
+    fn initial_action_bias(&self, _kind: &Kind) -> Vec<f32> {
         vec![0.0, self.config.initial_switch_bias]
     }
 

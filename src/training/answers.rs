@@ -18,11 +18,16 @@ pub struct PolicyTraining {
 }
 
 impl PolicyTraining {
-    /// Of all agents, from those of some in the same period, in order.
+    /// Of all agents, from those of some in the same period, in order. Counters of one name are added up.
     pub fn joined(parts: Vec<PolicyTraining>) -> PolicyTraining {
         let join = |mut whole: PolicyTraining, next: PolicyTraining| {
             whole.agents.extend(next.agents);
-            whole.counters.iter_mut().zip(next.counters).for_each(|((_, count), (_, more))| *count += more);
+            for (name, more) in next.counters {
+                match whole.counters.iter_mut().find(|(known, _)| *known == name) {
+                    Some((_, count)) => *count += more,
+                    None => whole.counters.push((name, more)),
+                }
+            }
             whole
         };
         parts.into_iter().reduce(join).expect("somebody trained")

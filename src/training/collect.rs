@@ -48,7 +48,7 @@ pub fn collect_episode(
     episode: Seed,
     datasets: &mut [Dataset],
 ) -> Result<()> {
-    let horizon = simulator.spec().horizon;
+    let horizon = simulator.kinds().horizon();
     let mut actions = vec![0; simulator.agents()];
     policies.begin(episode);
     let mut percept = simulator.reset(episode)?.clone();
@@ -83,7 +83,7 @@ mod tests {
     fn a_dataset_holds_the_closed_form_influence_of_copying_coins() {
         let coins = Coins::new(500);
         let mut baseline = coins.baseline("copy").unwrap();
-        let mut datasets = vec![Dataset::new(coins.spec()); 2];
+        let mut datasets = Dataset::of_all(coins.kinds());
         for episode in 0..20 {
             let seed = Seed::new(8).for_episode(episode);
             collect_episode(&mut *baseline.simulator, &mut *baseline.controller, seed, &mut datasets).unwrap();

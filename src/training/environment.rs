@@ -6,18 +6,17 @@ use crate::domain::{Action, Percept, RegionSpec, Result};
 
 /// The GS, or an IALS: something that policies act in for as long as they like. Episodes that end begin again.
 ///
-/// Rows are ordered agent-major, `copies` of each agent.
+/// Rows are ordered agent-major, `copies` of each agent, and lie in one table per kind of agents: an IALS has one kind, the
+/// GS all those of the domain.
 pub trait Environment {
-    fn rows(&self) -> usize;
+    /// What the rows of each kind show at the decision that is due.
+    fn percepts(&self) -> &[Percept];
 
-    /// What the rows show at the decision that is due.
-    fn percept(&self) -> &Percept;
+    /// One decision of every row of every kind; returns what it brought the rows of each kind.
+    fn step(&mut self, actions: &[Vec<Action>], watch: &mut Stopwatch) -> Result<&[Experience]>;
 
-    /// One decision of every row.
-    fn step(&mut self, actions: &[Action], watch: &mut Stopwatch) -> Result<&Experience>;
-
-    /// Writes down how far its rows have come, so that another environment can go on from there.
-    fn leave(&mut self, streams: &mut [AgentStream]);
+    /// Writes down how far the rows of each kind have come, so that another environment can go on from there.
+    fn leave(&mut self, streams: &mut [&mut [AgentStream]]);
 }
 
 /// What one decision of every row brought.
@@ -25,7 +24,7 @@ pub trait Environment {
 pub struct Experience {
     /// `[rows]`
     pub rewards: Vec<f32>,
-    /// `[rows]`: the episode of the row ended with this step; [`Environment::percept`] already shows the next one.
+    /// `[rows]`: the episode of the row ended with this step; [`Environment::percepts`] already show the next one.
     pub ends: Vec<bool>,
     /// `[rows, obs_dim]`: the observation after the step, before the next episode begins. Written only where a row of
     /// `ends` is set.

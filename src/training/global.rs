@@ -7,57 +7,81 @@
 use anyhow::ensure;
 
 use super::environment::{Environment, Experience};
-use super::stream::{AgentStream, Trail, fingerprint, longest, rows_of, rows_of_mut};
+use super::stream::{AgentStream, Trail, fingerprint, rows_of, rows_of_mut};
 use super::timed::Timed;
 use crate::base::{Seed, Stopwatch};
-use crate::domain::{Action, GlobalSimulator, Percept, Result};
+use crate::domain::{Action, GlobalSimulator, JointPercept, Kinds, Percept, Result};
 
 /// The GS as an [`Environment`]: all regions end together, and the next episode has the next seed.
 pub struct GlobalEnvironment {
     simulator: Timed<dyn GlobalSimulator>,
+    kinds: Kinds,
     episodes: Seed,
-    /// One per agent; all of the same episode and length.
-    trails: Vec<Trail>,
-    percept: Percept,
-    experience: Experience,
+    /// One per agent of each kind; all of the same episode and length.
+    trails: Vec<Vec<Trail>>,
+    /// One per kind, as are the experiences.
+    percepts: Vec<Percept>,
+    experiences: Vec<Experience>,
+    /// What all agents do.
+    actions: Vec<Action>,
 }
 
 impl GlobalEnvironment {
-    /// Brings a new GS to where `streams`, one per agent, left the old one, and goes on from there. `episodes`: the
-    /// stream of the episodes' seeds.
+    /// Brings a new GS to where `streams`, one per agent of each kind, left the old one, and goes on from there.
+    /// `episodes`: the stream of the episodes' seeds.
     pub fn resume(
         simulator: Box<dyn GlobalSimulator>,
         episodes: Seed,
-        streams: &[AgentStream],
+        streams: &[&[AgentStream]],
     ) -> Result<GlobalEnvironment> {
         let mut simulator = Timed::new(simulator);
-        let trails: Vec<Trail> = rows_of(streams).map(|row| row.trail.clone()).collect();
-        let percept = retrace(&mut simulator, episodes, &trails)?;
+        let kinds = simulator.kinds().clone();
+        let trails: Vec<Vec<Trail>> =
+            streams.iter().map(|streams| rows_of(streams).map(|row| row.trail.clone()).collect()).collect();
+        let mut percepts: Vec<Percept> = kinds.iter().map(|kind| Percept::new(kind.agents.len(), &kind.spec)).collect();
+        retrace(&mut simulator, &kinds, episodes, &trails, &mut percepts)?;
         // What that took is known to the caller, and is no part of the steps to come.
         simulator.take_watch();
-        let experience = Experience::new(simulator.agents(), simulator.spec());
-        Ok(GlobalEnvironment { simulator, episodes, trails, percept, experience })
+        let experiences = kinds.iter().map(|kind| Experience::new(kind.agents.len(), &kind.spec)).collect();
+        let actions = vec![0; kinds.agents()];
+        Ok(GlobalEnvironment { simulator, kinds, episodes, trails, percepts, experiences, actions })
     }
 }
 
-/// Plays the trails again; returns what the GS shows at their end.
-fn retrace(simulator: &mut Timed<dyn GlobalSimulator>, episodes: Seed, trails: &[Trail]) -> Result<Percept> {
-    let episode = trails[0].episode;
-    let mut percept = simulator.reset(episode_seed(episodes, episode))?.clone();
-    for step in 0..longest(trails) {
-        let actions: Vec<Action> = trails.iter().map(|trail| trail.actions[step]).collect();
-        percept.clone_from(&simulator.step(&actions)?.percept);
+/// Plays the trails again and writes what the GS shows at their end.
+fn retrace(
+    simulator: &mut Timed<dyn GlobalSimulator>,
+    kinds: &Kinds,
+    episodes: Seed,
+    trails: &[Vec<Trail>],
+    percepts: &mut [Percept],
+) -> Result<()> {
+    let Trail { episode, .. } = trails[0][0];
+    show(simulator.reset(episode_seed(episodes, episode))?, kinds, percepts);
+    let mut actions: Vec<Action> = vec![0; kinds.agents()];
+    for step in 0..trails[0][0].steps() {
+        for (kind, trails) in kinds.iter().zip(trails) {
+            kind.agents.iter().zip(trails).for_each(|(agent, trail)| actions[agent.0] = trail.actions[step]);
+        }
+        show(&simulator.step(&actions)?.percept, kinds, percepts);
     }
-    for (agent, trail) in trails.iter().enumerate() {
-        ensure!(
-            trail.steps() == 0 || trail.shown == fingerprint(&percept, agent),
-            "the global simulator did not come back to where training left it, as agent {agent} sees it after {} steps of \
-             episode {episode}: another build of SUMO or of this program, or a simulator that does not follow from its \
-             seed and actions alone",
-            trail.steps()
-        );
+    for ((kind, trails), percept) in kinds.iter().zip(trails).zip(percepts) {
+        for (row, (agent, trail)) in kind.agents.iter().zip(trails).enumerate() {
+            ensure!(
+                trail.steps() == 0 || trail.shown == fingerprint(percept, row),
+                "the global simulator did not come back to where training left it, as agent {agent} sees it after {} steps of \
+                 episode {episode}: another build of SUMO or of this program, or a simulator that does not follow from its \
+                 seed and actions alone",
+                trail.steps()
+            );
+        }
     }
-    Ok(percept)
+    Ok(())
+}
+
+/// Hands every kind what its agents see.
+fn show(percept: &JointPercept, kinds: &Kinds, percepts: &mut [Percept]) {
+    percepts.iter_mut().enumerate().for_each(|(kind, of_kind)| percept.of_kind(kinds, kind, of_kind));
 }
 
 fn episode_seed(episodes: Seed, episode: u64) -> Seed {
@@ -65,38 +89,44 @@ fn episode_seed(episodes: Seed, episode: u64) -> Seed {
 }
 
 impl Environment for GlobalEnvironment {
-    fn rows(&self) -> usize {
-        self.simulator.agents()
+    fn percepts(&self) -> &[Percept] {
+        &self.percepts
     }
 
-    fn percept(&self) -> &Percept {
-        &self.percept
-    }
-
-    fn step(&mut self, actions: &[Action], watch: &mut Stopwatch) -> Result<&Experience> {
-        let horizon = self.simulator.spec().horizon;
-        let transition = self.simulator.step(actions)?;
-        self.trails.iter_mut().zip(actions).for_each(|(trail, &action)| trail.push(action, &[]));
-        let end = longest(&self.trails) == horizon;
-        self.experience.rewards.copy_from_slice(&transition.rewards);
-        self.experience.ends.fill(end);
+    fn step(&mut self, actions: &[Vec<Action>], watch: &mut Stopwatch) -> Result<&[Experience]> {
+        for ((kind, actions), trails) in self.kinds.iter().zip(actions).zip(&mut self.trails) {
+            for ((agent, &action), trail) in kind.agents.iter().zip(actions).zip(trails) {
+                self.actions[agent.0] = action;
+                trail.push(action, &[]);
+            }
+        }
+        let end = self.trails[0][0].steps() == self.kinds.horizon();
+        let transition = self.simulator.step(&self.actions)?;
+        for (kind, experience) in self.kinds.iter().zip(&mut self.experiences) {
+            let agents = || kind.agents.iter().map(|agent| agent.0);
+            experience.rewards.iter_mut().zip(agents()).for_each(|(reward, agent)| *reward = transition.rewards[agent]);
+            experience.ends.fill(end);
+            if end {
+                transition.percept.obs.pick_into(agents(), &mut experience.last_obs);
+            }
+        }
         let percept = if end {
-            self.experience.last_obs.copy_from(&transition.percept.obs);
-            self.trails.iter_mut().for_each(Trail::end_episode);
-            self.simulator.reset(episode_seed(self.episodes, self.trails[0].episode))?
+            self.trails.iter_mut().flatten().for_each(Trail::end_episode);
+            self.simulator.reset(episode_seed(self.episodes, self.trails[0][0].episode))?
         } else {
             &transition.percept
         };
-        self.percept.obs.copy_from(&percept.obs);
-        self.percept.d_set.copy_from(&percept.d_set);
+        show(percept, &self.kinds, &mut self.percepts);
         watch.add(&self.simulator.take_watch());
-        Ok(&self.experience)
+        Ok(&self.experiences)
     }
 
-    fn leave(&mut self, streams: &mut [AgentStream]) {
-        for (agent, (trail, stream)) in self.trails.iter_mut().zip(rows_of_mut(streams)).enumerate() {
-            trail.shown = fingerprint(&self.percept, agent);
-            stream.trail.clone_from(trail);
+    fn leave(&mut self, streams: &mut [&mut [AgentStream]]) {
+        for ((trails, percept), streams) in self.trails.iter_mut().zip(&self.percepts).zip(streams) {
+            for (row, (trail, stream)) in trails.iter_mut().zip(rows_of_mut(streams)).enumerate() {
+                trail.shown = fingerprint(percept, row);
+                stream.trail.clone_from(trail);
+            }
         }
     }
 }

@@ -1,5 +1,7 @@
 //! Algorithm 3: trajectories of the influence-augmented local simulators (IALS).
 
+use std::slice::from_ref;
+
 use anyhow::ensure;
 
 use super::environment::{Environment, Experience};
@@ -9,7 +11,7 @@ use crate::base::{Dice, Phase, Rows, Stopwatch};
 use crate::domain::{Action, Beginning, LocalSimulator, Percept, Result};
 use crate::influence::InfluencePredictor;
 
-/// Local simulators and the influence predictor that drives them, every row with an episode of its own.
+/// Local simulators of one kind and the influence predictor that drives them, every row with an episode of its own.
 pub struct Ials<'a> {
     simulator: Timed<dyn LocalSimulator>,
     predictor: &'a mut dyn InfluencePredictor,
@@ -81,7 +83,7 @@ fn retrace(
     predictor: &mut dyn InfluencePredictor,
     trails: &[Trail],
 ) -> Result<Percept> {
-    let sources = simulator.spec().sources;
+    let sources = simulator.spec().sources.clone();
     let steps = longest(trails);
     let beginning = |row: usize| Beginning { row, episode: trails[row].episode };
     let mut percept = simulator.reset(&(0..trails.len()).map(beginning).collect::<Vec<_>>())?.clone();
@@ -115,15 +117,12 @@ fn retrace(
 }
 
 impl Environment for Ials<'_> {
-    fn rows(&self) -> usize {
-        self.simulator.rows()
+    fn percepts(&self) -> &[Percept] {
+        from_ref(&self.percept)
     }
 
-    fn percept(&self) -> &Percept {
-        &self.percept
-    }
-
-    fn step(&mut self, actions: &[Action], watch: &mut Stopwatch) -> Result<&Experience> {
+    fn step(&mut self, actions: &[Vec<Action>], watch: &mut Stopwatch) -> Result<&[Experience]> {
+        let actions = &actions[0];
         // u_t ~ I(. | l_t): the AIP sees the d-set from before the step.
         watch.time(Phase::AipSampling, || {
             self.predictor.sample(&self.percept.d_set, &mut self.dice, &mut self.sources);
@@ -149,14 +148,13 @@ impl Environment for Ials<'_> {
             self.predictor.forget(&over.iter().map(|beginning| beginning.row).collect::<Vec<_>>());
             self.simulator.reset(&over)?
         };
-        self.percept.obs.copy_from(&percept.obs);
-        self.percept.d_set.copy_from(&percept.d_set);
+        self.percept.copy_from(percept);
         watch.add(&self.simulator.take_watch());
-        Ok(&self.experience)
+        Ok(from_ref(&self.experience))
     }
 
-    fn leave(&mut self, streams: &mut [AgentStream]) {
-        let rows = self.trails.iter_mut().zip(&self.dice).zip(rows_of_mut(streams));
+    fn leave(&mut self, streams: &mut [&mut [AgentStream]]) {
+        let rows = self.trails.iter_mut().zip(&self.dice).zip(rows_of_mut(streams[0]));
         for (row, ((trail, dice), stream)) in rows.enumerate() {
             trail.shown = fingerprint(&self.percept, row);
             stream.trail.clone_from(trail);
@@ -210,31 +208,31 @@ mod tests {
         let mut ials = Ials::resume(simulator, &mut spy, &[fresh()], stagger).unwrap();
         let (mut ends, mut shown) = (Vec::new(), Vec::new());
         for _ in 0..steps {
-            ends.push(ials.step(&[1, 1], &mut Stopwatch::default()).unwrap().ends.clone());
-            shown.push(ials.percept().obs.clone());
+            ends.push(ials.step(&[vec![1, 1]], &mut Stopwatch::default()).unwrap()[0].ends.clone());
+            shown.push(ials.percepts()[0].obs.clone());
         }
         (spy, ends, shown)
     }
 
     #[test]
     fn a_stream_goes_on_in_new_simulators_as_if_in_the_old_ones() {
-        let actions = |step: usize| [(step / 2 % 2) as Action, (step / 3 % 2) as Action];
+        let actions = |step: usize| [vec![(step / 2 % 2) as Action, (step / 3 % 2) as Action]];
         let watch = &mut Stopwatch::default();
         let coins = || Coins::new(4).local_simulator(&[AgentId(0)], 2, Seed::new(0)).unwrap();
         let (mut whole, mut parts) = ((Vec::new(), Vec::new()), (Vec::new(), Vec::new()));
         let mut spy = Spy { seen: vec![], forgotten: vec![] };
         let mut ials = Ials::resume(coins(), &mut spy, &[fresh()], true).unwrap();
         for step in 0..12 {
-            whole.0.push(ials.step(&actions(step), watch).unwrap().ends.clone());
-            whole.1.push(ials.percept().clone());
+            whole.0.push(ials.step(&actions(step), watch).unwrap()[0].ends.clone());
+            whole.1.push(ials.percepts()[0].clone());
         }
         let mut stream = [fresh()];
         for step in 0..12 {
             let mut spy = Spy { seen: vec![], forgotten: vec![] };
             let mut ials = Ials::resume(coins(), &mut spy, &stream, true).unwrap();
-            parts.0.push(ials.step(&actions(step), watch).unwrap().ends.clone());
-            parts.1.push(ials.percept().clone());
-            ials.leave(&mut stream);
+            parts.0.push(ials.step(&actions(step), watch).unwrap()[0].ends.clone());
+            parts.1.push(ials.percepts()[0].clone());
+            ials.leave(&mut [&mut stream]);
         }
         assert_eq!(whole, parts);
         let trails: Vec<_> = stream[0].rows.iter().map(|row| (row.trail.episode, row.trail.steps())).collect();

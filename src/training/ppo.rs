@@ -98,7 +98,8 @@ pub fn update(
                 watch.time(Phase::Forward, || {
                     learner.network().forward(&minibatch.obs, minibatch.sequences(), trace);
                     gradient.resize(trace.output().len(), 0.0);
-                    let of_batch = loss_and_gradient(trace.output(), &minibatch.samples, weights, gradient);
+                    let of_batch =
+                        loss_and_gradient(trace.output(), &minibatch.masks, &minibatch.samples, weights, gradient);
                     losses.add(&of_batch, 1.0 / gradient_steps as f64);
                 });
                 watch.time(Phase::Backward, || learner.network().backward(gradient, trace));
@@ -128,6 +129,8 @@ struct Minibatch {
     /// Steps of each sequence.
     length: usize,
     obs: Vec<f32>,
+    /// `[rows, n_actions]`; empty if the kind has no masks.
+    masks: Vec<bool>,
     samples: Vec<Sample>,
     states: Vec<f32>,
     starts: Vec<bool>,
@@ -138,6 +141,7 @@ impl Minibatch {
     fn gather(&mut self, memory: &Memory, agent: usize, sequences: &[usize]) {
         self.length = memory.length();
         self.obs.clear();
+        self.masks.clear();
         self.samples.clear();
         self.states.clear();
         self.starts.clear();
@@ -145,6 +149,7 @@ impl Minibatch {
             for sequence in sequences {
                 let slot = sequence * self.length + step;
                 self.obs.extend_from_slice(memory.obs(agent, slot));
+                self.masks.extend_from_slice(memory.mask(agent, slot));
                 let sample = *memory.sample(agent, slot);
                 self.samples.push(sample);
                 // A sequence begins in the state that it was recorded with, cleared or not.
@@ -161,19 +166,34 @@ impl Minibatch {
 
 /// The loss of one agent's minibatch, and its gradient with respect to the network's outputs.
 ///
-/// `outputs`, `gradient`: `[batch, n_actions + 1]`, logits and value.
-fn loss_and_gradient(outputs: &[f32], samples: &[Sample], weights: Weights, gradient: &mut [f32]) -> Losses {
+/// `outputs`, `gradient`: `[batch, n_actions + 1]`, logits and value; `masks`: `[batch, n_actions]`, or nothing where all
+/// actions are allowed.
+fn loss_and_gradient(
+    outputs: &[f32],
+    masks: &[bool],
+    samples: &[Sample],
+    weights: Weights,
+    gradient: &mut [f32],
+) -> Losses {
     let width = outputs.len() / samples.len();
     let n_actions = width - 1;
     let batch = samples.len() as f32;
-    let mut log_probs = vec![0.0; n_actions];
+    let (mut logits, mut log_probs) = (vec![0.0; n_actions], vec![0.0; n_actions]);
+    let mut masks = masks.chunks_exact(n_actions);
     let mut losses = Losses::default();
     let advantages = normalised(samples);
     let rows = outputs.chunks_exact(width).zip(gradient.chunks_exact_mut(width));
     for (((output, gradient), sample), advantage) in rows.zip(samples).zip(advantages) {
-        sampling::log_softmax(&output[..n_actions], &mut log_probs);
+        match masks.next() {
+            Some(mask) => {
+                logits.copy_from_slice(&output[..n_actions]);
+                sampling::forbid(&mut logits, mask);
+                sampling::log_softmax(&logits, &mut log_probs);
+            }
+            None => sampling::log_softmax(&output[..n_actions], &mut log_probs),
+        }
         let action = usize::from(sample.action);
-        let entropy = -log_probs.iter().map(|log_prob| log_prob.exp() * log_prob).sum::<f32>();
+        let entropy = sampling::entropy(&log_probs);
 
         let ratio = (log_probs[action] - sample.log_prob).exp();
         let clipped = ratio.clamp(1.0 - weights.clip, 1.0 + weights.clip);
@@ -186,7 +206,9 @@ fn loss_and_gradient(outputs: &[f32], samples: &[Sample], weights: Weights, grad
             // d ln pi(a) / d logit_k = [k = a] - p_k;  d H / d logit_k = -p_k (ln p_k + H)
             let surrogate_slope = policy_slope * (chosen - prob);
             let entropy_slope = -prob * (log_prob + entropy);
-            *gradient = -(surrogate_slope + weights.entropy * entropy_slope) / batch;
+            // What is forbidden has no probability, whatever its logit: d / d logit_k of everything is 0.
+            let forbidden = *log_prob == f32::NEG_INFINITY;
+            *gradient = if forbidden { 0.0 } else { -(surrogate_slope + weights.entropy * entropy_slope) / batch };
         }
 
         let value = output[n_actions];
@@ -247,7 +269,7 @@ mod tests {
         let samples = [sample(1, 0.7, 2.05, 1.0, 3.0), sample(0, 0.4, 0.5, -1.0, 1.2)];
         let outputs = [0.0, 3_f32.ln(), 2.0, 0.0, 0.0, 1.0];
         let mut gradient = [0.0; 6];
-        let losses = loss_and_gradient(&outputs, &samples, WEIGHTS, &mut gradient);
+        let losses = loss_and_gradient(&outputs, &[], &samples, WEIGHTS, &mut gradient);
         assert!((losses.surrogate - (0.757_61 - 0.883_88) / 2.0).abs() < 1e-5, "{losses:?}");
         assert!((losses.value - (1.0 + 0.36) / 2.0).abs() < 1e-5, "{losses:?}");
         assert!((losses.clipped - 0.5).abs() < 1e-12);
@@ -263,7 +285,7 @@ mod tests {
             misses += u32::from((old + (value - old)).powi(2) > value.powi(2));
             let mut gradient = [0.0; 6];
             let samples = [sample(0, 0.5, old, 1.0, 0.0); 2];
-            loss_and_gradient(&[0.0, 0.0, value, 0.0, 0.0, value], &samples, WEIGHTS, &mut gradient);
+            loss_and_gradient(&[0.0, 0.0, value, 0.0, 0.0, value], &[], &samples, WEIGHTS, &mut gradient);
             assert_eq!(gradient[2], value);
         }
         assert!(misses > 0, "some sums round the wrong way, or this test shows nothing");
@@ -274,7 +296,7 @@ mod tests {
         // Sample 1: p = 0.5, old 0.25: r = 2 > 1.1 with A > 0; sample 2: r = 0.5 < 0.9 with A < 0: both are clipped.
         let samples = [sample(0, 0.25, 0.0, 1.0, 0.0), sample(0, 1.0, 0.0, -1.0, 0.0)];
         let mut gradient = [9.0; 6];
-        let losses = loss_and_gradient(&[0.0; 6], &samples, WEIGHTS, &mut gradient);
+        let losses = loss_and_gradient(&[0.0; 6], &[], &samples, WEIGHTS, &mut gradient);
         assert!(close(&gradient, &[0.0; 6]), "{gradient:?}");
         // (1.1 * 0.70711 - 0.9 * 0.70711) / 2
         assert!((losses.surrogate - 0.070_711).abs() < 1e-5);
@@ -287,7 +309,7 @@ mod tests {
         let samples = [sample(0, 0.25, 0.0, 0.0, 0.0); 2];
         let outputs = [0.0, 3_f32.ln(), 0.0, 0.0, 3_f32.ln(), 0.0];
         let mut gradient = [0.0; 6];
-        let losses = loss_and_gradient(&outputs, &samples, weights, &mut gradient);
+        let losses = loss_and_gradient(&outputs, &[], &samples, weights, &mut gradient);
         assert!((losses.entropy - 0.562_335).abs() < 1e-5);
         assert!(close(&gradient, &[-0.010_299, 0.010_299, 0.0, -0.010_299, 0.010_299, 0.0]), "{gradient:?}");
     }
@@ -303,11 +325,11 @@ mod tests {
         ];
         let outputs: Vec<f32> = (0..16).map(|i| ((i * 7 % 11) as f32 - 5.0) / 12.0).collect();
         let loss = |outputs: &[f32]| {
-            let losses = loss_and_gradient(outputs, &samples, weights, &mut [0.0; 16]);
+            let losses = loss_and_gradient(outputs, &[], &samples, weights, &mut [0.0; 16]);
             -losses.surrogate + 0.7 * losses.value - 0.05 * losses.entropy
         };
         let mut gradient = [0.0; 16];
-        loss_and_gradient(&outputs, &samples, weights, &mut gradient);
+        loss_and_gradient(&outputs, &[], &samples, weights, &mut gradient);
         for i in 0..16 {
             let shifted = |by: f32| {
                 let mut outputs = outputs.clone();
@@ -317,6 +339,22 @@ mod tests {
             let slope = (shifted(1e-3) - shifted(-1e-3)) / 2e-3;
             assert!((slope - f64::from(gradient[i])).abs() < 1e-3, "output {i}: {slope} {}", gradient[i]);
         }
+    }
+
+    #[test]
+    fn an_action_that_is_masked_is_as_if_it_did_not_exist() {
+        // The same two actions, once alone and once with a third between them that is masked, whatever its logit.
+        let weights = Weights { clip: 0.2, value: 0.7, entropy: 0.05 };
+        let alone = [sample(0, 0.3, 0.4, 1.3, 0.9), sample(1, 0.28, -0.1, -0.4, 0.1)];
+        let masked = [alone[0], Sample { action: 2, ..alone[1] }];
+        let (mut two, mut three) = ([0.0; 6], [9.0; 8]);
+        let of_two = loss_and_gradient(&[0.1, -0.2, 0.5, 0.3, 0.2, -0.1], &[], &alone, weights, &mut two);
+        let outputs = [0.1, 7.0, -0.2, 0.5, 0.3, -3.0, 0.2, -0.1];
+        let masks = [true, false, true, true, false, true];
+        let of_three = loss_and_gradient(&outputs, &masks, &masked, weights, &mut three);
+        assert_eq!(of_two, of_three);
+        assert_eq!([three[1], three[5]], [0.0; 2], "it is not moved");
+        assert_eq!([three[0], three[2], three[3], three[4], three[6], three[7]], two);
     }
 
     #[test]

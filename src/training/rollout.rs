@@ -5,7 +5,7 @@ use super::gae::advantages;
 use super::stream::{AgentStream, RowStream, rows_of, rows_of_mut};
 use crate::base::{Dice, Phase, Stopwatch};
 use crate::config::{PpoConfig, TimeLimit};
-use crate::domain::{Action, Result};
+use crate::domain::{Action, Percept, Result};
 use crate::nn::States;
 use crate::policy::{Memory, PolicyStack, Sample, sampling};
 
@@ -87,69 +87,130 @@ impl Actor {
     }
 }
 
-/// Plays `rollout_steps` steps and writes them to the memory: for every agent the slots from `first_slot` on, copy after
-/// copy.
+/// The agents of one kind at play: who acts, and where it is written down.
+pub struct Player<'a> {
+    pub policies: &'a PolicyStack,
+    pub actor: &'a mut Actor,
+    pub memory: &'a mut Memory,
+}
+
+/// Plays `rollout_steps` steps and writes them to the memories: for every agent the slots from `first_slot` on, copy after
+/// copy. `players`: one per kind of the environment.
 pub fn roll_out(
     environment: &mut dyn Environment,
-    policies: &PolicyStack,
-    actor: &mut Actor,
-    memory: &mut Memory,
+    players: &mut [Player<'_>],
     first_slot: usize,
     config: &PpoConfig,
     watch: &mut Stopwatch,
 ) -> Result<()> {
-    let (rows, steps) = (environment.rows(), config.rollout_steps);
-    let copies = rows / policies.agents();
-    let slot = |t: usize, row: usize| (row / copies, first_slot + row % copies * steps + t);
-    let mut rewards = Vec::with_capacity(steps * rows);
-    let mut values = Vec::with_capacity(steps * rows);
-    let mut ends = Vec::with_capacity(steps * rows);
-    let mut actions: Vec<Action> = vec![0; rows];
-    for t in 0..steps {
-        watch.time(Phase::Acting, || {
-            let obs = &environment.percept().obs;
-            let before = actor.states.clone();
-            let judgement = policies.judge(obs, &mut actor.states);
-            let mut log_probs = vec![0.0; policies.n_actions()];
-            for (row, (logits, value)) in judgement.rows().enumerate() {
-                sampling::log_softmax(logits, &mut log_probs);
-                let action = sampling::draw(&log_probs, &mut actor.dice[row]);
-                let (agent, slot) = slot(t, row);
-                let log_prob = log_probs[usize::from(action)];
-                let sample = Sample { action, log_prob, value, start: actor.starts[row], ..Sample::default() };
-                memory.remember(agent, slot, obs.row(row), before.row(row), sample);
-                actions[row] = action;
-                values.push(value);
-            }
+    let rows = |percept: &Percept| percept.obs.len();
+    let mut rollouts: Vec<Rollout> =
+        environment.percepts().iter().map(|percept| Rollout::new(rows(percept), first_slot, config)).collect();
+    for t in 0..config.rollout_steps {
+        let actions: Vec<Vec<Action>> = watch.time(Phase::Acting, || {
+            let at_play = rollouts.iter_mut().zip(players.iter_mut()).zip(environment.percepts());
+            at_play.map(|((rollout, player), percept)| rollout.act(t, player, percept)).collect()
         });
-        let experience = environment.step(&actions, watch)?;
+        let experiences = environment.step(&actions, watch)?;
+        for ((rollout, player), experience) in rollouts.iter_mut().zip(players.iter_mut()).zip(experiences) {
+            rollout.take_in(player, experience, config, watch);
+        }
+    }
+    for ((rollout, player), percept) in rollouts.iter().zip(players).zip(environment.percepts()) {
+        rollout.finish(player, percept, config, watch);
+    }
+    Ok(())
+}
+
+/// What a rollout of one kind has come to so far.
+struct Rollout {
+    rows: usize,
+    /// Steps that it will have.
+    steps: usize,
+    first_slot: usize,
+    /// `[steps so far, rows]`, as are the values and the ends.
+    rewards: Vec<f32>,
+    values: Vec<f32>,
+    ends: Vec<bool>,
+}
+
+impl Rollout {
+    fn new(rows: usize, first_slot: usize, config: &PpoConfig) -> Rollout {
+        let steps = config.rollout_steps;
+        Rollout {
+            rows,
+            steps,
+            first_slot,
+            rewards: Vec::with_capacity(steps * rows),
+            values: Vec::with_capacity(steps * rows),
+            ends: Vec::with_capacity(steps * rows),
+        }
+    }
+
+    /// The agent of a row, and the slot for its step `t`.
+    fn slot(&self, t: usize, row: usize, agents: usize) -> (usize, usize) {
+        let copies = self.rows / agents;
+        (row / copies, self.first_slot + row % copies * self.steps + t)
+    }
+
+    /// Decides, one action per row.
+    fn act(&mut self, t: usize, player: &mut Player<'_>, percept: &Percept) -> Vec<Action> {
+        let Player { policies, actor, memory } = player;
+        let before = actor.states.clone();
+        let judgement = policies.decide(percept, &mut actor.states);
+        let mut log_probs = vec![0.0; policies.n_actions()];
+        let mut actions = Vec::with_capacity(self.rows);
+        for (row, (logits, value)) in judgement.rows().enumerate() {
+            sampling::log_softmax(logits, &mut log_probs);
+            let action = sampling::draw(&log_probs, &mut actor.dice[row]);
+            let (agent, slot) = self.slot(t, row, policies.agents());
+            let log_prob = log_probs[usize::from(action)];
+            let sample = Sample { action, log_prob, value, start: actor.starts[row], ..Sample::default() };
+            memory.remember(agent, slot, percept.obs.row(row), before.row(row), sample);
+            if let Some(masks) = &percept.masks {
+                memory.remember_mask(agent, slot, masks.row(row));
+            }
+            actions.push(action);
+            self.values.push(value);
+        }
+        actions
+    }
+
+    /// Takes in what the actions brought.
+    fn take_in(&mut self, player: &mut Player<'_>, experience: &Experience, config: &PpoConfig, watch: &mut Stopwatch) {
+        let Player { policies, actor, .. } = player;
         actor.returns.add(experience);
-        rewards.extend_from_slice(&experience.rewards);
-        ends.extend_from_slice(&experience.ends);
+        let now = self.rewards.len();
+        self.rewards.extend_from_slice(&experience.rewards);
+        self.ends.extend_from_slice(&experience.ends);
         if config.time_limit == TimeLimit::Bootstrap && experience.any_end() {
-            let rewards = &mut rewards[t * rows..];
+            let rewards = &mut self.rewards[now..];
             watch.time(Phase::Acting, || {
                 credit_what_would_come(policies, &actor.states, experience, config.gamma as f32, rewards);
             });
         }
         actor.starts.copy_from_slice(&experience.ends);
-        (0..rows).filter(|&row| experience.ends[row]).for_each(|row| actor.states.clear(row));
+        (0..self.rows).filter(|&row| experience.ends[row]).for_each(|row| actor.states.clear(row));
     }
-    let last_values: Vec<f32> = watch.time(Phase::Acting, || {
-        let mut states = actor.states.clone();
-        policies.judge(&environment.percept().obs, &mut states).rows().map(|(_, value)| value).collect()
-    });
-    watch.time(Phase::Bookkeeping, || {
-        let (gamma, lambda) = (config.gamma as f32, config.gae_lambda as f32);
-        let advantages = advantages(&rewards, &values, &ends, &last_values, gamma, lambda);
-        for (i, &advantage) in advantages.iter().enumerate() {
-            let (agent, slot) = slot(i / rows, i % rows);
-            let sample = memory.sample_mut(agent, slot);
-            sample.advantage = advantage;
-            sample.ret = advantage + sample.value;
-        }
-    });
-    Ok(())
+
+    /// Writes advantages and returns to the memory. `percept`: after the last step.
+    fn finish(&self, player: &mut Player<'_>, percept: &Percept, config: &PpoConfig, watch: &mut Stopwatch) {
+        let Player { policies, actor, memory } = player;
+        let last_values: Vec<f32> = watch.time(Phase::Acting, || {
+            let mut states = actor.states.clone();
+            policies.judge(&percept.obs, &mut states).rows().map(|(_, value)| value).collect()
+        });
+        watch.time(Phase::Bookkeeping, || {
+            let (gamma, lambda) = (config.gamma as f32, config.gae_lambda as f32);
+            let advantages = advantages(&self.rewards, &self.values, &self.ends, &last_values, gamma, lambda);
+            for (i, &advantage) in advantages.iter().enumerate() {
+                let (agent, slot) = self.slot(i / self.rows, i % self.rows, policies.agents());
+                let sample = memory.sample_mut(agent, slot);
+                sample.advantage = advantage;
+                sample.ret = advantage + sample.value;
+            }
+        });
+    }
 }
 
 /// Adds the discounted value of the last observation, seen in the state carried there, to the rewards of the rows whose
@@ -174,10 +235,12 @@ fn credit_what_would_come(
 
 #[cfg(test)]
 mod tests {
+    use std::slice::from_ref;
+
     use super::*;
     use crate::base::{AgentId, Rows, Seed};
     use crate::config::{Config, PolicyConfig};
-    use crate::domain::{Percept, RegionSpec, SourceSpec};
+    use crate::domain::{RegionSpec, SourceSpec};
 
     /// Two agents with two copies each. Row r shows the number 10 r + t at step t of its episode and is rewarded with
     /// r + t / 10; the episodes of row 1 end after every third step, the others never.
@@ -190,8 +253,8 @@ mod tests {
 
     impl Scripted {
         fn new() -> Self {
-            let sources = SourceSpec::Binary { sources: 1 };
-            let spec = RegionSpec { obs_dim: 1, d_set_dim: 1, n_actions: 2, sources, horizon: 3 };
+            let sources = SourceSpec::bits(1);
+            let spec = RegionSpec { obs_dim: 1, d_set_dim: 1, n_actions: 2, masks: false, sources, horizon: 3 };
             let mut scripted =
                 Scripted { ages: [0; 4], percept: Percept::new(4, &spec), experience: Experience::new(4, &spec), spec };
             scripted.show();
@@ -214,15 +277,11 @@ mod tests {
     }
 
     impl Environment for Scripted {
-        fn rows(&self) -> usize {
-            4
+        fn percepts(&self) -> &[Percept] {
+            from_ref(&self.percept)
         }
 
-        fn percept(&self) -> &Percept {
-            &self.percept
-        }
-
-        fn step(&mut self, _actions: &[Action], _watch: &mut Stopwatch) -> Result<&Experience> {
+        fn step(&mut self, _actions: &[Vec<Action>], _watch: &mut Stopwatch) -> Result<&[Experience]> {
             for row in 0..4 {
                 self.experience.rewards[row] = reward(row, self.ages[row]);
                 self.ages[row] += 1;
@@ -233,10 +292,10 @@ mod tests {
                 }
             }
             self.show();
-            Ok(&self.experience)
+            Ok(from_ref(&self.experience))
         }
 
-        fn leave(&mut self, _streams: &mut [AgentStream]) {
+        fn leave(&mut self, _streams: &mut [&mut [AgentStream]]) {
             unreachable!("these tests play within one period")
         }
     }
@@ -260,12 +319,13 @@ mod tests {
         let mut scripted = Scripted::new();
         let policies = policies(recurrent, &scripted.spec);
         let length = if recurrent.is_some() { 2 } else { 1 };
-        let mut memory = Memory::new(2, 16, length, 1, recurrent.unwrap_or(0));
+        let mut memory = Memory::new(2, 16, length, &scripted.spec, recurrent.unwrap_or(0));
         let mut actor = Actor::resume(&policies, &streams(&policies), 3);
         let config = PpoConfig { rollout_steps: T, time_limit, ..PpoConfig::default() };
         for first_slot in [0, 8] {
             let watch = &mut Stopwatch::default();
-            roll_out(&mut scripted, &policies, &mut actor, &mut memory, first_slot, &config, watch).unwrap();
+            let player = Player { policies: &policies, actor: &mut actor, memory: &mut memory };
+            roll_out(&mut scripted, &mut [player], first_slot, &config, watch).unwrap();
         }
         (memory, policies)
     }
@@ -354,10 +414,11 @@ mod tests {
         let mut scripted = Scripted::new();
         let policies = policies(None, &scripted.spec);
         let mut actor = Actor::resume(&policies, &streams(&policies), 3);
-        let mut memory = Memory::new(2, 8, 1, 1, 0);
+        let mut memory = Memory::new(2, 8, 1, &scripted.spec, 0);
         let config = PpoConfig { rollout_steps: T, ..PpoConfig::default() };
         let watch = &mut Stopwatch::default();
-        roll_out(&mut scripted, &policies, &mut actor, &mut memory, 0, &config, watch).unwrap();
+        let player = Player { policies: &policies, actor: &mut actor, memory: &mut memory };
+        roll_out(&mut scripted, &mut [player], 0, &config, watch).unwrap();
         // Row 1 ends once: 1.0 + 1.1 + 1.2.
         let means = actor.returns.means();
         assert!((means[0].0.unwrap() - 3.3).abs() < 1e-6 && means[0].1 == 1);

@@ -1,52 +1,62 @@
 //! What agents have become: all of a run that has to survive a period.
 
-use std::ops::Range;
-
 use serde::{Deserialize, Serialize};
 
 use super::stream::AgentStream;
-use crate::base::Rows;
-use crate::nn::Moments;
+use crate::base::Ragged;
 use crate::policy::JointPolicy;
 
-/// The state of some agents after a period, one row per agent in each table.
+/// The state of some agents after a period, one row per agent in each table, as wide as its kind has it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AgentsState {
     /// Timesteps per agent so far.
     pub steps: u64,
     pub policies: JointPolicy,
     /// Of the policies' optimiser. (That of the AIPs starts afresh at each training.)
-    pub moments: Moments,
+    pub moments: JointMoments,
     /// What the influence predictors have learnt: weights of AIPs, or constants.
-    pub aips: Rows<f32>,
+    pub aips: Ragged<f32>,
     /// Where their training stands: episodes under way and dice.
     pub streams: Vec<AgentStream>,
+}
+
+/// What the policies' optimisers remember: see [`crate::nn::Moments`].
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct JointMoments {
+    pub first: Ragged<f32>,
+    pub second: Ragged<f32>,
+    /// Gradient steps of every agent.
+    pub steps: u32,
 }
 
 impl AgentsState {
     /// The state of no agents at all.
     pub fn nobody() -> AgentsState {
-        let none = Rows::new(0, 1);
-        let moments = Moments { first: none.clone(), second: none.clone(), steps: 0 };
-        AgentsState { steps: 0, policies: none.clone(), moments, aips: none, streams: Vec::new() }
+        AgentsState {
+            steps: 0,
+            policies: Ragged::default(),
+            moments: JointMoments::default(),
+            aips: Ragged::default(),
+            streams: Vec::new(),
+        }
     }
 
     pub fn agents(&self) -> usize {
         self.policies.len()
     }
 
-    /// The share of some of the agents.
-    pub fn share(&self, agents: Range<usize>) -> AgentsState {
+    /// The share of some of the agents, in this order.
+    pub fn share(&self, agents: impl IntoIterator<Item = usize> + Clone) -> AgentsState {
         AgentsState {
             steps: self.steps,
-            policies: self.policies.slice(agents.clone()),
-            moments: Moments {
-                first: self.moments.first.slice(agents.clone()),
-                second: self.moments.second.slice(agents.clone()),
+            policies: self.policies.pick(agents.clone()),
+            moments: JointMoments {
+                first: self.moments.first.pick(agents.clone()),
+                second: self.moments.second.pick(agents.clone()),
                 steps: self.moments.steps,
             },
-            aips: self.aips.slice(agents.clone()),
-            streams: self.streams[agents].to_vec(),
+            aips: self.aips.pick(agents.clone()),
+            streams: agents.into_iter().map(|agent| self.streams[agent].clone()).collect(),
         }
     }
 
@@ -84,11 +94,11 @@ mod tests {
     #[test]
     fn shares_join_to_the_whole() {
         let stream = |agent| AgentStream { minibatches: Seed::new(agent).dice(), rows: vec![] };
-        let rows = |from: u8| Rows::from_vec((from..from + 6).map(f32::from).collect(), 2);
+        let rows = |from: u8| Ragged::from_vec((from..from + 6).map(f32::from).collect(), [2, 3, 1]).unwrap();
         let whole = AgentsState {
             steps: 128,
             policies: rows(0),
-            moments: Moments { first: rows(10), second: rows(20), steps: 12 },
+            moments: JointMoments { first: rows(10), second: rows(20), steps: 12 },
             aips: rows(30),
             streams: (0..3).map(stream).collect(),
         };
@@ -97,8 +107,13 @@ mod tests {
         assert_eq!(AgentsState::joined(vec![first, whole.share(1..3)]), whole);
         assert_eq!(AgentsState::joined(vec![]).agents(), 0);
         let mut replaced = whole.clone();
-        replaced.replace(1, &whole.share(0..2));
-        assert_eq!(replaced.share(1..3), whole.share(0..2));
+        let mut other = whole.share(1..3);
+        other.policies.row_mut(1)[0] = 77.0;
+        replaced.replace(1, &other);
+        assert_eq!(replaced.share(1..3), other);
         assert_eq!(replaced.share(0..1), whole.share(0..1));
+        let turned = whole.share([2, 0, 1]);
+        assert_eq!((turned.aips.row(0), turned.policies.row(2)), (&[35.0][..], &[2.0, 3.0, 4.0][..]));
+        assert_eq!(turned.share([1, 2, 0]), whole);
     }
 }

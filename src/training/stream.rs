@@ -128,6 +128,7 @@ mod tests {
         let percept = |values: [f32; 4]| Percept {
             obs: Rows::from_vec(values[..2].to_vec(), 2),
             d_set: Rows::from_vec(values[2..].to_vec(), 2),
+            masks: None,
         };
         let all = [[0.0; 4], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, -0.0]];
         let prints: Vec<u64> = all.iter().map(|&values| fingerprint(&percept(values), 0)).collect();

@@ -4,8 +4,8 @@ use std::time::{Duration, Instant};
 
 use crate::base::{Phase, Rows, Seed, Stopwatch};
 use crate::domain::{
-    Action, Beginning, Controller, GlobalSimulator, InfluenceSample, LocalSimulator, Measures, Percept, RegionSpec,
-    Result, Scene, Transition,
+    Action, Beginning, Controller, GlobalSimulator, InfluenceSample, JointPercept, JointTransition, Kinds,
+    LocalSimulator, Measures, Percept, RegionSpec, Result, Scene, Transition,
 };
 
 /// A simulator whose steps and resets are timed from outside. What it tells of its steps itself, as
@@ -33,22 +33,18 @@ impl<S: ?Sized> Timed<S> {
 }
 
 impl GlobalSimulator for Timed<dyn GlobalSimulator> {
-    fn spec(&self) -> &RegionSpec {
-        self.inner.spec()
+    fn kinds(&self) -> &Kinds {
+        self.inner.kinds()
     }
 
-    fn agents(&self) -> usize {
-        self.inner.agents()
-    }
-
-    fn reset(&mut self, episode: Seed) -> Result<&Percept> {
+    fn reset(&mut self, episode: Seed) -> Result<&JointPercept> {
         let begun = Instant::now();
         let percept = self.inner.reset(episode);
         self.resets += begun.elapsed();
         percept
     }
 
-    fn step(&mut self, actions: &[Action]) -> Result<&Transition> {
+    fn step(&mut self, actions: &[Action]) -> Result<&JointTransition> {
         let begun = Instant::now();
         let transition = self.inner.step(actions);
         self.steps += begun.elapsed();
@@ -123,7 +119,7 @@ impl<C: Controller> Controller for TimedController<C> {
         self.inner.begin(episode);
     }
 
-    fn act(&mut self, percept: &Percept, actions: &mut [Action]) -> Result<()> {
+    fn act(&mut self, percept: &JointPercept, actions: &mut [Action]) -> Result<()> {
         self.watch.time(Phase::Acting, || self.inner.act(percept, actions))
     }
 }

@@ -5,9 +5,9 @@ use super::items::{self, Appearances};
 use super::layout::Layout;
 use super::region::{self, Age, CENTRE, NEIGHBOURS, NO_ITEM, SHARED, SHELVES};
 use super::scene;
-use crate::base::{AgentId, Dice, RandomPurpose, Rows, Seed};
+use crate::base::{AgentId, Dice, Ragged, RandomPurpose, Seed};
 use crate::domain::{
-    Action, GlobalSimulator, InfluenceSample, Measures, Percept, RegionSpec, Result, Scene, Transition,
+    Action, GlobalSimulator, InfluenceSample, JointPercept, JointTransition, Kinds, Measures, Result, Scene,
 };
 
 /// The measure "items that a robot collected in an episode".
@@ -15,7 +15,7 @@ pub const ITEMS: &str = "items";
 
 /// The warehouse GS: one row per learning robot. The ring of robots around them goes for the closest item.
 pub struct GlobalWarehouse {
-    spec: RegionSpec,
+    kinds: Kinds,
     layout: Layout,
     /// What the learning robots do in spite of their actions, for hand-coded baselines.
     rule: Option<Rule>,
@@ -26,9 +26,9 @@ pub struct GlobalWarehouse {
     /// Per shelf.
     ages: Vec<Age>,
     appearances: Vec<Appearances>,
-    last: Transition,
-    d_set_before: Rows<f32>,
-    sources: Rows<u8>,
+    last: JointTransition,
+    d_set_before: Ragged<f32>,
+    sources: Ragged<u8>,
     tally: Tally,
 }
 
@@ -44,8 +44,8 @@ struct Tally {
 
 impl GlobalWarehouse {
     pub fn new(layout: &Layout, horizon: usize, rule: Option<Rule>) -> Self {
-        let spec = region::spec(horizon);
-        let (robots, agents) = (layout.robots(), layout.learners().len());
+        let kinds = Kinds::one(layout.learners().len(), region::spec(horizon));
+        let (robots, last) = (layout.robots(), JointTransition::new(&kinds));
         GlobalWarehouse {
             rule,
             cells: vec![CENTRE; robots],
@@ -53,12 +53,12 @@ impl GlobalWarehouse {
             dice: vec![Seed::new(0).dice(); robots],
             ages: vec![NO_ITEM; layout.shelves().len()],
             appearances: vec![Appearances::default(); layout.shelves().len()],
-            last: Transition::new(agents, &spec),
-            d_set_before: Rows::new(agents, spec.d_set_dim),
-            sources: Rows::new(agents, NEIGHBOURS),
+            d_set_before: last.percept.d_set.clone(),
+            last,
+            sources: Ragged::new(kinds.specs().map(|spec| spec.sources.count())),
             tally: Tally::default(),
             layout: layout.clone(),
-            spec,
+            kinds,
         }
     }
 
@@ -114,15 +114,11 @@ impl GlobalWarehouse {
 }
 
 impl GlobalSimulator for GlobalWarehouse {
-    fn spec(&self) -> &RegionSpec {
-        &self.spec
+    fn kinds(&self) -> &Kinds {
+        &self.kinds
     }
 
-    fn agents(&self) -> usize {
-        self.layout.learners().len()
-    }
-
-    fn reset(&mut self, episode: Seed) -> Result<&Percept> {
+    fn reset(&mut self, episode: Seed) -> Result<&JointPercept> {
         let stream = items::episode(episode, 0, 0);
         let shelves = self.layout.shelves().iter();
         self.appearances = shelves.map(|&(row, col)| Appearances::of_shelf(stream, row, col)).collect();
@@ -137,7 +133,7 @@ impl GlobalSimulator for GlobalWarehouse {
         Ok(&self.last.percept)
     }
 
-    fn step(&mut self, actions: &[Action]) -> Result<&Transition> {
+    fn step(&mut self, actions: &[Action]) -> Result<&JointTransition> {
         self.d_set_before.copy_from(&self.last.percept.d_set);
         self.ages.iter_mut().for_each(|age| *age += Age::from(*age >= 0));
         self.move_robots(actions);

@@ -20,8 +20,8 @@ use anyhow::bail;
 use crate::base::{AgentId, Seed};
 use crate::config::WarehouseConfig;
 use crate::domain::{
-    Baseline, Bystander, Domain, FirstRow, GlobalSimulator, LocalSimulator, Map, Measures, RegionSpec, Result,
-    RoughCosts, Scenario,
+    Baseline, Bystander, Domain, FirstRow, GlobalSimulator, Kinds, LocalSimulator, Map, Measures, Result, RoughCosts,
+    Scenario,
 };
 use global::{GlobalWarehouse, ITEMS};
 use hand_coded::Rule;
@@ -35,26 +35,20 @@ const STUCK_BELOW: f64 = 0.5;
 pub struct Warehouse {
     layout: Layout,
     horizon: usize,
-    spec: RegionSpec,
+    kinds: Kinds,
 }
 
 impl Warehouse {
     pub fn new(config: &WarehouseConfig) -> Self {
-        Warehouse {
-            layout: Layout::around(config.agents_per_side),
-            horizon: config.horizon,
-            spec: region::spec(config.horizon),
-        }
+        let layout = Layout::around(config.agents_per_side);
+        let kinds = Kinds::one(layout.learners().len(), region::spec(config.horizon));
+        Warehouse { layout, horizon: config.horizon, kinds }
     }
 }
 
 impl Domain for Warehouse {
-    fn spec(&self) -> &RegionSpec {
-        &self.spec
-    }
-
-    fn agents(&self) -> usize {
-        self.layout.learners().len()
+    fn kinds(&self) -> &Kinds {
+        &self.kinds
     }
 
     fn global_simulator(&self) -> Result<Box<dyn GlobalSimulator>> {

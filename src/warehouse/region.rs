@@ -46,7 +46,8 @@ pub fn spec(horizon: usize) -> RegionSpec {
         // The d-set is the observation: what neighbours did shows in the items that vanish.
         d_set_dim: CELLS + SHELVES,
         n_actions: MOVES,
-        sources: SourceSpec::Categorical { sources: NEIGHBOURS, classes: 4 },
+        masks: false,
+        sources: SourceSpec { classes: vec![4; NEIGHBOURS] },
         horizon,
     }
 }

@@ -27,7 +27,8 @@ pub fn spec(horizon: usize, d_set: DSet) -> RegionSpec {
             DSet::CellsAndArrivals => OCCUPANCY + EDGES,
         },
         n_actions: 2,
-        sources: SourceSpec::Binary { sources: EDGES },
+        masks: false,
+        sources: SourceSpec::bits(EDGES),
         horizon,
     }
 }

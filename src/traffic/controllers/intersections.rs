@@ -1,7 +1,7 @@
 //! What hand-coded controllers see of the intersections: more than an agent observes, such as queues and the cars that have
 //! left. Learning sees none of it.
 
-use crate::base::{AgentId, Rows};
+use crate::base::{AgentId, Ragged};
 use crate::sumo::{CarTable, LaneCars};
 use crate::traffic::agents::phases::Light;
 use crate::traffic::observe::edges_of;
@@ -13,7 +13,7 @@ pub struct Intersections<'a> {
     pub(in crate::traffic) grid: Grid,
     pub(in crate::traffic) lights: &'a [Light],
     pub(in crate::traffic) shown_steps: &'a [u32],
-    pub(in crate::traffic) obs: &'a Rows<f32>,
+    pub(in crate::traffic) obs: &'a Ragged<f32>,
     pub(in crate::traffic) incoming: &'a CarTable,
     pub(in crate::traffic) outgoing: &'a CarTable,
 }

@@ -10,9 +10,9 @@ use super::metrics::TrafficMetrics;
 use super::options;
 use super::recording::{Recorder, Tape};
 use super::tally::Tally;
-use crate::base::{Phase, Rows, Seed, Stopwatch};
+use crate::base::{Phase, Ragged, Seed, Stopwatch};
 use crate::config::DSet;
-use crate::domain::{Action, GlobalSimulator, InfluenceSample, Measures, Percept, RegionSpec, Result, Transition};
+use crate::domain::{Action, GlobalSimulator, InfluenceSample, JointPercept, JointTransition, Kinds, Measures, Result};
 use crate::sumo::{Car, CarTable, LaneCars, LaneId, SignalState, Simulation};
 use crate::traffic::agents::phases::Light;
 use crate::traffic::agents::region::{self, EDGES};
@@ -29,7 +29,7 @@ use crate::traffic::paper_grid::grid::{Grid, lane};
 /// Arrivals at the boundary follow from the SUMO seed of the episode alone, so controllers can be compared on the same
 /// traffic.
 pub struct GlobalTraffic {
-    spec: RegionSpec,
+    kinds: Kinds,
     grid: Grid,
     files: NetworkFiles,
     control: SignalControl,
@@ -51,10 +51,10 @@ pub struct GlobalTraffic {
     /// What the lights heard in the last step, `[agents]`, and what hand-coded control had to say.
     actions: Vec<Action>,
     hand_coded: Vec<Action>,
-    last: Transition,
+    last: JointTransition,
     /// The d-sets from before the last step and the arrivals during it.
-    d_set_before: Rows<f32>,
-    arrivals: Rows<u8>,
+    d_set_before: Ragged<f32>,
+    arrivals: Ragged<u8>,
     tally: Tally,
     watch: Stopwatch,
     recorder: Option<Recorder>,
@@ -72,7 +72,8 @@ impl GlobalTraffic {
         control: SignalControl,
         tape: Option<&Tape>,
     ) -> Result<GlobalTraffic> {
-        let spec = region::spec(horizon, d_set);
+        let kinds = Kinds::one(grid.agents().len(), region::spec(horizon, d_set));
+        let last = JointTransition::new(&kinds);
         let mut simulation = Simulation::load(&options(files, &control, Seed::new(0))?)?;
         let agents = grid.agents();
         let lanes: Vec<String> =
@@ -99,14 +100,14 @@ impl GlobalTraffic {
             outgoing: CarTable::new(),
             actions: vec![KEEP; agents.len()],
             hand_coded: vec![KEEP; agents.len()],
-            last: Transition::new(agents.len(), &spec),
-            d_set_before: Rows::new(agents.len(), spec.d_set_dim),
-            arrivals: Rows::new(agents.len(), EDGES),
+            d_set_before: last.percept.d_set.clone(),
+            last,
+            arrivals: Ragged::new(vec![EDGES; agents.len()]),
             tally: Tally::default(),
             watch: Stopwatch::default(),
             recorder,
             metrics: None,
-            spec,
+            kinds,
         })
     }
 
@@ -159,7 +160,7 @@ impl GlobalTraffic {
     }
 
     fn perceive(&mut self) {
-        let Transition { percept, rewards } = &mut self.last;
+        let JointTransition { percept, rewards } = &mut self.last;
         for (row, reward) in rewards.iter_mut().enumerate() {
             let edges = edges_of(&self.cars, row);
             observe::observe(edges, self.lights[row], percept.obs.row_mut(row));
@@ -170,15 +171,11 @@ impl GlobalTraffic {
 }
 
 impl GlobalSimulator for GlobalTraffic {
-    fn spec(&self) -> &RegionSpec {
-        &self.spec
+    fn kinds(&self) -> &Kinds {
+        &self.kinds
     }
 
-    fn agents(&self) -> usize {
-        self.lights.len()
-    }
-
-    fn reset(&mut self, episode: Seed) -> Result<&Percept> {
+    fn reset(&mut self, episode: Seed) -> Result<&JointPercept> {
         // DEVIATION 3: loading again also clears the backlog of cars that wait at the boundary; the authors' code lets it
         // leak into the next episode.
         let mut options = options(&self.files, &self.control, episode)?;
@@ -205,7 +202,7 @@ impl GlobalSimulator for GlobalTraffic {
         Ok(&self.last.percept)
     }
 
-    fn step(&mut self, actions: &[Action]) -> Result<&Transition> {
+    fn step(&mut self, actions: &[Action]) -> Result<&JointTransition> {
         ensure!(!self.metrics.as_ref().is_some_and(TrafficMetrics::finished), "the episode ended with its measures");
         let begun = Instant::now();
         self.decide(actions);

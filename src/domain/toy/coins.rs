@@ -1,4 +1,4 @@
-//! Two coupled coins: the smallest domain there is, with closed-form answers, for tests and as an example.
+//! Two coupled coins: the smallest domain there is.
 //!
 //! Each of two agents has a coin and sees the other's through noise. At a step agent `i` lays its coin as its action
 //! says, `x_i' = a_i`, and then sees its neighbour's, which is wrong with probability [`NOISE`]: this reading is its
@@ -13,11 +13,11 @@
 use anyhow::bail;
 use rand::Rng;
 
-use super::{
-    Action, Baseline, Beginning, Controller, Domain, GlobalSimulator, InfluenceSample, LocalSimulator, Percept,
-    RegionSpec, Result, Scenario, SourceSpec, Transition,
+use crate::base::{AgentId, Dice, Ragged, RandomPurpose, Rows, Seed};
+use crate::domain::{
+    Action, Baseline, Beginning, Controller, Domain, GlobalSimulator, InfluenceSample, JointPercept, JointTransition,
+    Kinds, LocalSimulator, Percept, RegionSpec, Result, Scenario, SourceSpec, Transition,
 };
-use crate::base::{AgentId, Dice, RandomPurpose, Rows, Seed};
 
 /// Probability that a coin is seen wrongly.
 pub const NOISE: f64 = 0.2;
@@ -25,40 +25,39 @@ const AGENTS: usize = 2;
 
 /// The domain of two coupled coins.
 pub struct Coins {
-    spec: RegionSpec,
+    kinds: Kinds,
 }
 
 impl Coins {
     pub fn new(horizon: usize) -> Self {
-        let sources = SourceSpec::Binary { sources: 1 };
-        Coins { spec: RegionSpec { obs_dim: 2, d_set_dim: 2, n_actions: 2, sources, horizon } }
+        let sources = SourceSpec::bits(1);
+        let spec = RegionSpec { obs_dim: 2, d_set_dim: 2, n_actions: 2, masks: false, sources, horizon };
+        Coins { kinds: Kinds::one(AGENTS, spec) }
     }
 }
 
 impl Domain for Coins {
-    fn spec(&self) -> &RegionSpec {
-        &self.spec
-    }
-
-    fn agents(&self) -> usize {
-        AGENTS
+    fn kinds(&self) -> &Kinds {
+        &self.kinds
     }
 
     fn global_simulator(&self) -> Result<Box<dyn GlobalSimulator>> {
         Ok(Box::new(GlobalCoins {
-            regions: Regions::new(AGENTS, &self.spec),
+            kinds: self.kinds.clone(),
+            last: JointTransition::new(&self.kinds),
             noise: Seed::new(0).dice(),
-            d_set: Rows::new(AGENTS, self.spec.d_set_dim),
-            sources: Rows::new(AGENTS, 1),
+            d_set: Ragged::new([2; AGENTS]),
+            sources: Ragged::new([1; AGENTS]),
         }))
     }
 
     fn local_simulator(&self, regions: &[AgentId], copies: usize, _seed: Seed) -> Result<Box<dyn LocalSimulator>> {
-        Ok(Box::new(LocalCoins { regions: Regions::new(regions.len() * copies, &self.spec) }))
+        let spec = self.kinds[0].spec.clone();
+        Ok(Box::new(LocalCoins { last: Transition::new(regions.len() * copies, &spec), spec }))
     }
 
     fn scenario(&self) -> Result<Scenario> {
-        Ok(Scenario::new("coins", AGENTS, self.spec.horizon))
+        Ok(Scenario::new("coins", AGENTS, self.kinds.horizon()))
     }
 
     fn baselines(&self) -> &'static [&'static str] {
@@ -75,64 +74,49 @@ impl Domain for Coins {
     }
 }
 
-/// The local transition, reward and observation of any number of regions.
-struct Regions {
-    spec: RegionSpec,
-    last: Transition,
+/// What a region shows to its agent and to its AIP: both coins.
+fn show(obs: &mut [f32], d_set: &mut [f32], coins: [f32; 2]) {
+    obs.copy_from_slice(&coins);
+    d_set.copy_from_slice(&coins);
 }
 
-impl Regions {
-    fn new(rows: usize, spec: &RegionSpec) -> Self {
-        Regions { spec: spec.clone(), last: Transition::new(rows, spec) }
-    }
-
-    fn reset(&mut self, row: usize) {
-        self.show(row, [0.0, 0.0]);
-    }
-
-    fn step(&mut self, row: usize, action: Action, source: u8) {
-        let seen = self.last.percept.obs.row(row)[1];
-        self.last.rewards[row] = f32::from(f32::from(action) == seen);
-        self.show(row, [f32::from(action), f32::from(source)]);
-    }
-
-    fn show(&mut self, row: usize, coins: [f32; 2]) {
-        self.last.percept.obs.row_mut(row).copy_from_slice(&coins);
-        self.last.percept.d_set.row_mut(row).copy_from_slice(&coins);
-    }
+/// The local transition and reward.
+fn step(obs: &mut [f32], d_set: &mut [f32], action: Action, source: u8) -> f32 {
+    let seen = obs[1];
+    show(obs, d_set, [f32::from(action), f32::from(source)]);
+    f32::from(f32::from(action) == seen)
 }
 
 struct GlobalCoins {
-    regions: Regions,
+    kinds: Kinds,
+    last: JointTransition,
     noise: Dice,
-    d_set: Rows<f32>,
-    sources: Rows<u8>,
+    d_set: Ragged<f32>,
+    sources: Ragged<u8>,
 }
 
 impl GlobalSimulator for GlobalCoins {
-    fn spec(&self) -> &RegionSpec {
-        &self.regions.spec
+    fn kinds(&self) -> &Kinds {
+        &self.kinds
     }
 
-    fn agents(&self) -> usize {
-        AGENTS
-    }
-
-    fn reset(&mut self, episode: Seed) -> Result<&Percept> {
+    fn reset(&mut self, episode: Seed) -> Result<&JointPercept> {
         self.noise = episode.fork(RandomPurpose::Noise).dice();
-        (0..AGENTS).for_each(|agent| self.regions.reset(agent));
-        Ok(&self.regions.last.percept)
+        self.last.percept.obs.fill(0.0);
+        self.last.percept.d_set.fill(0.0);
+        Ok(&self.last.percept)
     }
 
-    fn step(&mut self, actions: &[Action]) -> Result<&Transition> {
-        self.d_set.copy_from(&self.regions.last.percept.d_set);
+    fn step(&mut self, actions: &[Action]) -> Result<&JointTransition> {
+        let JointTransition { percept: JointPercept { obs, d_set, .. }, rewards } = &mut self.last;
+        self.d_set.copy_from(d_set);
         for agent in 0..AGENTS {
             let neighbour = actions[1 - agent];
             let source = neighbour ^ u8::from(self.noise.random_bool(NOISE));
             self.sources.row_mut(agent)[0] = source;
-            self.regions.step(agent, actions[agent], source);
+            rewards[agent] = step(obs.row_mut(agent), d_set.row_mut(agent), actions[agent], source);
         }
-        Ok(&self.regions.last)
+        Ok(&self.last)
     }
 
     fn influence_sample(&self) -> InfluenceSample<'_> {
@@ -141,28 +125,31 @@ impl GlobalSimulator for GlobalCoins {
 }
 
 struct LocalCoins {
-    regions: Regions,
+    spec: RegionSpec,
+    last: Transition,
 }
 
 impl LocalSimulator for LocalCoins {
     fn spec(&self) -> &RegionSpec {
-        &self.regions.spec
+        &self.spec
     }
 
     fn rows(&self) -> usize {
-        self.regions.last.rewards.len()
+        self.last.rewards.len()
     }
 
     fn reset(&mut self, begin: &[Beginning]) -> Result<&Percept> {
-        begin.iter().for_each(|beginning| self.regions.reset(beginning.row));
-        Ok(&self.regions.last.percept)
+        let Percept { obs, d_set, .. } = &mut self.last.percept;
+        begin.iter().for_each(|&Beginning { row, .. }| show(obs.row_mut(row), d_set.row_mut(row), [0.0, 0.0]));
+        Ok(&self.last.percept)
     }
 
     fn step(&mut self, actions: &[Action], sources: &Rows<u8>) -> Result<&Transition> {
+        let Transition { percept: Percept { obs, d_set, .. }, rewards } = &mut self.last;
         for (row, (&action, source)) in actions.iter().zip(sources.iter()).enumerate() {
-            self.regions.step(row, action, source[0]);
+            rewards[row] = step(obs.row_mut(row), d_set.row_mut(row), action, source[0]);
         }
-        Ok(&self.regions.last)
+        Ok(&self.last)
     }
 }
 
@@ -175,7 +162,7 @@ impl Controller for LayAtRandom {
         self.dice = episode.fork(RandomPurpose::Acting).dice();
     }
 
-    fn act(&mut self, _percept: &Percept, actions: &mut [Action]) -> Result<()> {
+    fn act(&mut self, _percept: &JointPercept, actions: &mut [Action]) -> Result<()> {
         actions.iter_mut().for_each(|action| *action = self.dice.random_range(0..2));
         Ok(())
     }
@@ -186,7 +173,7 @@ struct CopyTheNeighbour;
 impl Controller for CopyTheNeighbour {
     fn begin(&mut self, _episode: Seed) {}
 
-    fn act(&mut self, percept: &Percept, actions: &mut [Action]) -> Result<()> {
+    fn act(&mut self, percept: &JointPercept, actions: &mut [Action]) -> Result<()> {
         for (action, obs) in actions.iter_mut().zip(percept.obs.iter()) {
             *action = obs[1] as Action;
         }

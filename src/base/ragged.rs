@@ -1,0 +1,189 @@
+//! `Ragged<T>`: a table whose rows may differ in width, one row per agent.
+
+use serde::{Deserialize, Serialize};
+
+use super::Rows;
+
+/// Rows of different width, one after another in memory.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Ragged<T> {
+    data: Vec<T>,
+    /// Where each row ends in `data`; it begins where the one before it ends.
+    ends: Vec<usize>,
+}
+
+impl<T: Copy + Default> Ragged<T> {
+    /// Default values in rows of these widths.
+    pub fn new(widths: impl IntoIterator<Item = usize>) -> Self {
+        let mut end = 0;
+        let ends = widths.into_iter().map(|width| {
+            end += width;
+            end
+        });
+        let ends = ends.collect();
+        Ragged { data: vec![T::default(); end], ends }
+    }
+
+    /// Rows of these widths over values that are already in order; `None` if they are not as many as the widths ask for.
+    pub fn from_vec(data: Vec<T>, widths: impl IntoIterator<Item = usize>) -> Option<Self> {
+        let mut end = 0_usize;
+        let mut ends = Vec::new();
+        for width in widths {
+            end = end.checked_add(width)?;
+            ends.push(end);
+        }
+        (data.len() == end).then_some(Ragged { data, ends })
+    }
+
+    pub fn len(&self) -> usize {
+        self.ends.len()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.ends.is_empty()
+    }
+
+    fn begin(&self, row: usize) -> usize {
+        if row == 0 { 0 } else { self.ends[row - 1] }
+    }
+
+    pub fn row(&self, row: usize) -> &[T] {
+        &self.data[self.begin(row)..self.ends[row]]
+    }
+
+    pub fn row_mut(&mut self, row: usize) -> &mut [T] {
+        let begin = self.begin(row);
+        &mut self.data[begin..self.ends[row]]
+    }
+
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = &[T]> + Clone {
+        (0..self.len()).map(|row| self.row(row))
+    }
+
+    pub fn widths(&self) -> impl Iterator<Item = usize> {
+        self.iter().map(<[T]>::len)
+    }
+
+    pub fn as_slice(&self) -> &[T] {
+        &self.data
+    }
+
+    pub fn as_mut_slice(&mut self) -> &mut [T] {
+        &mut self.data
+    }
+
+    pub fn push(&mut self, row: &[T]) {
+        self.data.extend_from_slice(row);
+        self.ends.push(self.data.len());
+    }
+
+    /// Appends all rows of `other`.
+    pub fn extend(&mut self, other: &Ragged<T>) {
+        let begin = self.data.len();
+        self.data.extend_from_slice(&other.data);
+        self.ends.extend(other.ends.iter().map(|end| begin + end));
+    }
+
+    /// Overwrites the rows from `first` on.
+    pub fn replace(&mut self, first: usize, rows: &Ragged<T>) {
+        for (index, values) in rows.iter().enumerate() {
+            let row = self.row_mut(first + index);
+            assert_eq!(row.len(), values.len(), "row {} has another width", first + index);
+            row.copy_from_slice(values);
+        }
+    }
+
+    pub fn copy_from(&mut self, other: &Ragged<T>) {
+        assert_eq!(self.ends, other.ends, "tables of different shape");
+        self.data.copy_from_slice(&other.data);
+    }
+
+    /// A copy of some of the rows, in this order.
+    pub fn pick(&self, rows: impl IntoIterator<Item = usize>) -> Ragged<T> {
+        let mut picked = Ragged { data: Vec::new(), ends: Vec::new() };
+        rows.into_iter().for_each(|row| picked.push(self.row(row)));
+        picked
+    }
+
+    /// Copies some of the rows, in this order, into a table of as many rows of their width.
+    pub fn pick_into(&self, rows: impl ExactSizeIterator<Item = usize>, table: &mut Rows<T>) {
+        assert_eq!(rows.len(), table.len(), "another number of rows");
+        rows.enumerate().for_each(|(to, from)| table.row_mut(to).copy_from_slice(self.row(from)));
+    }
+
+    /// The same values as a table of one width. Panics where the rows differ in width.
+    pub fn into_rows(self) -> Rows<T> {
+        let width = self.ends.first().copied().unwrap_or(1);
+        assert!(self.widths().all(|other| other == width), "rows of different width");
+        Rows::from_vec(self.data, width)
+    }
+
+    pub fn fill(&mut self, value: T) {
+        self.data.fill(value);
+    }
+}
+
+impl<T: Copy + Default> From<Rows<T>> for Ragged<T> {
+    fn from(rows: Rows<T>) -> Self {
+        let (width, len) = (rows.width(), rows.len());
+        Ragged { data: rows.into_vec(), ends: (1..=len).map(|row| row * width).collect() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `[1 2] [3] [] [4 5 6]`
+    fn table() -> Ragged<i32> {
+        Ragged::from_vec(vec![1, 2, 3, 4, 5, 6], [2, 1, 0, 3]).unwrap()
+    }
+
+    #[test]
+    fn rows_keep_their_widths() {
+        let mut rows = table();
+        assert_eq!(rows.iter().collect::<Vec<_>>(), [&[1, 2][..], &[3], &[], &[4, 5, 6]]);
+        assert_eq!(rows.widths().collect::<Vec<_>>(), [2, 1, 0, 3]);
+        rows.row_mut(3)[1] = 9;
+        rows.row_mut(0).fill(0);
+        assert_eq!(rows.as_slice(), [0, 0, 3, 4, 9, 6]);
+        assert_eq!(Ragged::<u8>::new([2, 0, 1]), Ragged::from_vec(vec![0; 3], [2, 0, 1]).unwrap());
+        assert_eq!(Ragged::from_vec(vec![0; 4], [2, 1]), None, "a value too many");
+    }
+
+    #[test]
+    fn rows_are_picked_in_any_order_and_put_back() {
+        let rows = table();
+        assert_eq!(rows.pick([3, 0]).iter().collect::<Vec<_>>(), [&[4, 5, 6][..], &[1, 2]]);
+        let mut joined = rows.pick([1, 2]);
+        joined.extend(&rows.pick([3]));
+        assert_eq!(joined, rows.pick(1..4));
+        let mut replaced = Ragged::new(rows.widths());
+        replaced.replace(0, &rows.pick([0]));
+        replaced.replace(1, &joined);
+        assert_eq!(replaced, rows);
+    }
+
+    #[test]
+    fn a_table_of_one_width_goes_there_and_back() {
+        let rows = Rows::from_vec(vec![1, 2, 3, 4, 5, 6], 2);
+        let ragged = Ragged::from(rows.clone());
+        let mut last_and_first = Rows::new(2, 2);
+        ragged.pick_into([2, 0].into_iter(), &mut last_and_first);
+        assert_eq!(last_and_first.as_slice(), [5, 6, 1, 2]);
+        assert_eq!(ragged.into_rows(), rows);
+        assert_eq!(Ragged::<u8>::default().into_rows().len(), 0);
+    }
+
+    #[test]
+    #[should_panic(expected = "rows of different width")]
+    fn rows_of_different_width_are_no_table_of_one() {
+        table().into_rows();
+    }
+
+    #[test]
+    #[should_panic(expected = "row 1 has another width")]
+    fn a_row_is_not_replaced_by_a_wider_one() {
+        table().replace(0, &table().pick([0, 3]));
+    }
+}

@@ -1,0 +1,185 @@
+//! Kinds: agents whose regions have equal shape, and so share a stack of networks and a local simulator.
+
+use std::collections::BTreeSet;
+use std::ops::Index;
+
+use anyhow::ensure;
+
+use super::{RegionSpec, Result};
+use crate::base::AgentId;
+
+/// Agents of equal shape.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Kind {
+    /// Lower-case letters, digits, `-` and `_`: it becomes a part of the names of tensors and files.
+    pub name: String,
+    pub spec: RegionSpec,
+    /// In ascending order.
+    pub agents: Vec<AgentId>,
+}
+
+/// Where an agent stands: the index of its kind, and its place among the agents of that kind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Place {
+    pub kind: usize,
+    pub row: usize,
+}
+
+/// The kinds of a domain. Every agent is of exactly one of them; kinds may interleave.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Kinds {
+    kinds: Vec<Kind>,
+    /// One per agent.
+    places: Vec<Place>,
+}
+
+impl Kinds {
+    /// An error names what is wrong: together the kinds must hold the agents `0..n`, each once, and have one horizon.
+    pub fn new(kinds: Vec<Kind>) -> Result<Kinds> {
+        ensure!(!kinds.is_empty(), "a domain has at least one kind of agents");
+        let mut places = vec![None; kinds.iter().map(|kind| kind.agents.len()).sum()];
+        let mut names = BTreeSet::new();
+        for (index, kind) in kinds.iter().enumerate() {
+            let Kind { name, spec, agents } = kind;
+            let letters = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || "-_".contains(c);
+            ensure!(
+                !name.is_empty() && name.chars().all(letters),
+                "kind `{name}`: not a name of letters a to z, digits, - and _"
+            );
+            ensure!(names.insert(name), "kind `{name}`: there are two of this name");
+            ensure!(!agents.is_empty(), "kind `{name}`: it has no agents");
+            ensure!(agents.is_sorted(), "kind `{name}`: its agents are not in ascending order");
+            let horizon = kinds[0].spec.horizon;
+            ensure!(
+                spec.horizon == horizon,
+                "kind `{name}`: its horizon is {}, and that of others {horizon}",
+                spec.horizon
+            );
+            ensure!(
+                spec.sources.classes.iter().all(|&classes| classes > 1),
+                "kind `{name}`: a source of fewer than two classes"
+            );
+            for (row, agent) in agents.iter().enumerate() {
+                let place: Option<&mut Option<Place>> = places.get_mut(agent.0);
+                let place = place.ok_or_else(|| {
+                    anyhow::anyhow!("kind `{name}`: it has agent {agent}, and a number below is missing")
+                })?;
+                ensure!(
+                    place.is_none(),
+                    "kind `{name}`: it has agent {agent}, which another kind or place has already"
+                );
+                *place = Some(Place { kind: index, row });
+            }
+        }
+        let places = places.into_iter().map(|place| place.expect("n agents in n places, no two in one")).collect();
+        Ok(Kinds { kinds, places })
+    }
+
+    /// All agents are of one shape.
+    pub fn one(agents: usize, spec: RegionSpec) -> Kinds {
+        assert!(agents > 0, "a domain has at least one agent");
+        let places = (0..agents).map(|row| Place { kind: 0, row }).collect();
+        Kinds { kinds: vec![Kind { name: "agent".to_owned(), spec, agents: AgentId::all(agents) }], places }
+    }
+
+    /// Number of agents of all kinds.
+    pub fn agents(&self) -> usize {
+        self.places.len()
+    }
+
+    /// Number of kinds.
+    pub fn count(&self) -> usize {
+        self.kinds.len()
+    }
+
+    pub fn iter(&self) -> std::slice::Iter<'_, Kind> {
+        self.kinds.iter()
+    }
+
+    /// Steps of an episode, the same for all kinds.
+    pub fn horizon(&self) -> usize {
+        self.kinds[0].spec.horizon
+    }
+
+    pub fn place(&self, agent: AgentId) -> Place {
+        self.places[agent.0]
+    }
+
+    pub fn of(&self, agent: AgentId) -> &Kind {
+        &self.kinds[self.place(agent).kind]
+    }
+
+    /// The spec of every agent, in order.
+    pub fn specs(&self) -> impl Iterator<Item = &RegionSpec> + Clone {
+        self.places.iter().map(|place| &self.kinds[place.kind].spec)
+    }
+
+    /// What the names of a kind's tensors and files begin with: nothing where there is one kind only.
+    pub fn prefix(&self, kind: &Kind) -> String {
+        if self.kinds.len() == 1 { String::new() } else { format!("{}.", kind.name) }
+    }
+}
+
+impl Index<usize> for Kinds {
+    type Output = Kind;
+
+    fn index(&self, kind: usize) -> &Kind {
+        &self.kinds[kind]
+    }
+}
+
+impl<'a> IntoIterator for &'a Kinds {
+    type Item = &'a Kind;
+    type IntoIter = std::slice::Iter<'a, Kind>;
+
+    fn into_iter(self) -> Self::IntoIter {
+        self.iter()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::SourceSpec;
+
+    fn kind(name: &str, horizon: usize, agents: &[usize]) -> Kind {
+        let sources = SourceSpec::bits(1);
+        let spec = RegionSpec { obs_dim: 1, d_set_dim: 1, n_actions: 2, masks: false, sources, horizon };
+        Kind { name: name.to_owned(), spec, agents: agents.iter().map(|&agent| AgentId(agent)).collect() }
+    }
+
+    #[test]
+    fn kinds_may_interleave_and_every_agent_is_found() {
+        let kinds = Kinds::new(vec![kind("a", 5, &[0, 2]), kind("b", 5, &[1, 3, 4])]).unwrap();
+        assert_eq!((kinds.agents(), kinds.count(), kinds.horizon()), (5, 2, 5));
+        let places: Vec<(usize, usize)> =
+            AgentId::all(5).into_iter().map(|agent| kinds.place(agent)).map(|place| (place.kind, place.row)).collect();
+        assert_eq!(places, [(0, 0), (1, 0), (0, 1), (1, 1), (1, 2)]);
+        assert_eq!(kinds.of(AgentId(3)).name, "b");
+        assert_eq!([kinds.prefix(&kinds[0]), kinds.prefix(&kinds[1])], ["a.", "b."]);
+    }
+
+    #[test]
+    fn one_kind_has_all_agents_and_no_prefix() {
+        let kinds = Kinds::one(3, kind("x", 7, &[]).spec);
+        assert_eq!((kinds.agents(), kinds.count(), kinds[0].agents.len()), (3, 1, 3));
+        assert_eq!(kinds.prefix(&kinds[0]), "");
+    }
+
+    #[test]
+    fn what_does_not_partition_the_agents_is_refused() {
+        for (kinds, reason) in [
+            (vec![], "at least one kind"),
+            (vec![kind("a", 5, &[])], "kind `a`: it has no agents"),
+            (vec![kind("a", 5, &[0, 2])], "kind `a`: it has agent 2, and a number below is missing"),
+            (vec![kind("a", 5, &[0, 1]), kind("b", 5, &[1])], "kind `b`: it has agent 1, which another"),
+            (vec![kind("a", 5, &[1, 0])], "kind `a`: its agents are not in ascending order"),
+            (vec![kind("a", 5, &[0]), kind("a", 5, &[1])], "kind `a`: there are two of this name"),
+            (vec![kind("a.b", 5, &[0])], "kind `a.b`: not a name"),
+            (vec![kind("a", 5, &[0]), kind("b", 6, &[1])], "kind `b`: its horizon is 6, and that of others 5"),
+        ] {
+            let error = Kinds::new(kinds).unwrap_err().to_string();
+            assert!(error.contains(reason), "{error}");
+        }
+    }
+}

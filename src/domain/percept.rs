@@ -1,0 +1,102 @@
+//! What simulators show: percepts and transitions of rows of one kind (LS), and joint ones of all agents (GS).
+
+use super::{Kinds, RegionSpec};
+use crate::base::{Ragged, Rows};
+
+/// What regions of one kind show at a decision, one row per (agent, copy).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Percept {
+    /// `[rows, obs_dim]`
+    pub obs: Rows<f32>,
+    /// `[rows, d_set_dim]`
+    pub d_set: Rows<f32>,
+    /// `[rows, n_actions]`: the actions that are allowed now, at least one per row. `None` if the kind has no masks.
+    /// Policies never choose another action. What the simulator would make of one is its own affair, but it must go on.
+    pub masks: Option<Rows<bool>>,
+}
+
+impl Percept {
+    /// Nothing is shown, and every action is allowed.
+    pub fn new(rows: usize, spec: &RegionSpec) -> Self {
+        let all_allowed = || {
+            let mut masks = Rows::new(rows, spec.n_actions);
+            masks.fill(true);
+            masks
+        };
+        Percept {
+            obs: Rows::new(rows, spec.obs_dim),
+            d_set: Rows::new(rows, spec.d_set_dim),
+            masks: spec.masks.then(all_allowed),
+        }
+    }
+
+    pub fn copy_from(&mut self, other: &Percept) {
+        self.obs.copy_from(&other.obs);
+        self.d_set.copy_from(&other.d_set);
+        if let Some((mine, theirs)) = self.masks.as_mut().zip(other.masks.as_ref()) {
+            mine.copy_from(theirs);
+        }
+    }
+}
+
+/// What one step of a local simulator brought.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Transition {
+    /// After the step.
+    pub percept: Percept,
+    /// `[rows]`
+    pub rewards: Vec<f32>,
+}
+
+impl Transition {
+    pub fn new(rows: usize, spec: &RegionSpec) -> Self {
+        Transition { percept: Percept::new(rows, spec), rewards: vec![0.0; rows] }
+    }
+}
+
+/// What the regions of all agents show at a decision, one row per agent, as wide as its kind has it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JointPercept {
+    pub obs: Ragged<f32>,
+    pub d_set: Ragged<f32>,
+    /// The actions that are allowed now. The row of an agent whose kind has no masks is empty.
+    pub masks: Ragged<bool>,
+}
+
+impl JointPercept {
+    /// Nothing is shown, and every action is allowed.
+    pub fn new(kinds: &Kinds) -> Self {
+        let mut masks = Ragged::new(kinds.specs().map(|spec| if spec.masks { spec.n_actions } else { 0 }));
+        masks.fill(true);
+        JointPercept {
+            obs: Ragged::new(kinds.specs().map(|spec| spec.obs_dim)),
+            d_set: Ragged::new(kinds.specs().map(|spec| spec.d_set_dim)),
+            masks,
+        }
+    }
+
+    /// Copies what the agents of one kind see: `percept` has one row for each of them.
+    pub fn of_kind(&self, kinds: &Kinds, kind: usize, percept: &mut Percept) {
+        let agents = || kinds[kind].agents.iter().map(|agent| agent.0);
+        self.obs.pick_into(agents(), &mut percept.obs);
+        self.d_set.pick_into(agents(), &mut percept.d_set);
+        if let Some(masks) = &mut percept.masks {
+            self.masks.pick_into(agents(), masks);
+        }
+    }
+}
+
+/// What one step of the global simulator brought.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JointTransition {
+    /// After the step.
+    pub percept: JointPercept,
+    /// `[agents]`
+    pub rewards: Vec<f32>,
+}
+
+impl JointTransition {
+    pub fn new(kinds: &Kinds) -> Self {
+        JointTransition { percept: JointPercept::new(kinds), rewards: vec![0.0; kinds.agents()] }
+    }
+}

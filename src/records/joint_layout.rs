@@ -1,0 +1,91 @@
+//! Where the networks of all agents lie in a file: a stack per kind, the names of whose tensors begin with the kind's if
+//! there are several.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use crate::base::{AgentId, Ragged, Rows};
+use crate::config::{AipConfig, PolicyConfig, Predictor};
+use crate::domain::{Kind, Kinds, RegionSpec, Result};
+use crate::influence;
+use crate::nn::{Layout, StackToWrite, read_stack, write_stacks};
+use crate::policy::PolicyStack;
+
+/// The layouts of all kinds.
+pub struct JointLayout {
+    kinds: Vec<OfKind>,
+}
+
+struct OfKind {
+    prefix: String,
+    agents: Vec<AgentId>,
+    layout: Layout,
+}
+
+impl JointLayout {
+    /// `layout`: of the network of an agent.
+    pub fn new(kinds: &Kinds, layout: impl Fn(&RegionSpec) -> Layout) -> JointLayout {
+        let of_kind = |kind: &Kind| OfKind {
+            prefix: kinds.prefix(kind),
+            agents: kind.agents.clone(),
+            layout: layout(&kind.spec),
+        };
+        JointLayout { kinds: kinds.iter().map(of_kind).collect() }
+    }
+
+    pub fn of_policies(kinds: &Kinds, config: &PolicyConfig) -> JointLayout {
+        JointLayout::new(kinds, |spec| PolicyStack::shape(spec, config).layout())
+    }
+
+    pub fn of_aips(kinds: &Kinds, choice: Predictor, config: &AipConfig) -> JointLayout {
+        JointLayout::new(kinds, |spec| influence::layout(choice, spec, config))
+    }
+
+    /// The bytes of a file of these networks. `networks`: one row of parameters per agent.
+    pub fn write(&self, networks: &Ragged<f32>, about: &HashMap<String, String>) -> Result<Vec<u8>> {
+        let rows_of = |kind: &OfKind| networks.pick(kind.agents.iter().map(|agent| agent.0)).into_rows();
+        let rows: Vec<Rows<f32>> = self.kinds.iter().map(rows_of).collect();
+        let stacks: Vec<StackToWrite<'_>> = self
+            .kinds
+            .iter()
+            .zip(&rows)
+            .map(|(OfKind { prefix, layout, .. }, rows)| StackToWrite { prefix, layout, rows })
+            .collect();
+        write_stacks(&stacks, about)
+    }
+
+    /// The networks of such a file, one row of parameters per agent.
+    pub fn read(&self, path: &Path) -> Result<Ragged<f32>> {
+        let mut widths = vec![0; self.kinds.iter().map(|kind| kind.agents.len()).sum()];
+        let of_agents =
+            self.kinds.iter().flat_map(|kind| kind.agents.iter().map(|agent| (agent.0, kind.layout.width())));
+        of_agents.for_each(|(agent, width)| widths[agent] = width);
+        let mut networks = Ragged::new(widths);
+        for OfKind { prefix, agents, layout } in &self.kinds {
+            let rows = read_stack(path, prefix, layout, agents)?;
+            agents.iter().zip(rows.iter()).for_each(|(agent, row)| networks.row_mut(agent.0).copy_from_slice(row));
+        }
+        Ok(networks)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::Domain;
+    use crate::domain::toy::CoinsAndDice;
+
+    #[test]
+    fn networks_of_kinds_that_interleave_come_back_agent_by_agent() {
+        let domain = CoinsAndDice::new(5);
+        let layout = JointLayout::new(domain.kinds(), |spec| Layout::new(vec![("w".to_owned(), vec![spec.n_actions])]));
+        // Coins have two actions, dice three.
+        let networks = Ragged::from_vec((0..10).map(|i| i as f32).collect(), [2, 3, 2, 3]).unwrap();
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), layout.write(&networks, &HashMap::new()).unwrap()).unwrap();
+        assert_eq!(layout.read(file.path()).unwrap(), networks);
+        let dice = Layout::new(vec![("w".to_owned(), vec![3])]);
+        let rows = read_stack(file.path(), "die.", &dice, &[AgentId(1), AgentId(3)]).unwrap();
+        assert_eq!(rows.as_slice(), [2.0, 3.0, 4.0, 7.0, 8.0, 9.0]);
+    }
+}

@@ -1,0 +1,244 @@
+//! A domain of two kinds of agents, end to end: coins and dice, where every answer is known.
+
+use std::fs;
+use std::path::Path;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::time::Duration;
+
+use dials_traffic::base::{AgentId, Seed};
+use dials_traffic::bench::costs::Costs;
+use dials_traffic::bench::measure::{Plan, measure, short_orders};
+use dials_traffic::config::{AipTraining, Config, Period, schedule};
+use dials_traffic::domain::toy::CoinsAndDice;
+use dials_traffic::domain::{Controller, Domain, Result};
+use dials_traffic::evaluation::play;
+use dials_traffic::nn::{Threads, read_stack};
+use dials_traffic::policy::{JointPolicyController, PolicyStack, Selection};
+use dials_traffic::records::joint_layout::JointLayout;
+use dials_traffic::report::run_dir::RunRecord;
+use dials_traffic::training::dials;
+use dials_traffic::training::files;
+use dials_traffic::training::fleet::Fleet;
+use dials_traffic::training::inline::InlineFleet;
+use dials_traffic::training::observer::{Interrupted, Observer, Silent};
+use dials_traffic::training::run_log::{Layouts, RunLog};
+use dials_traffic::training::state::AgentsState;
+use dials_traffic::training::worker::Worker;
+
+const HORIZON: usize = 50;
+const RESULTS: [&str; 6] =
+    [files::RETURNS, files::TRAINING, files::AIP_LOSS, files::AIP_DRIFT, files::POLICIES, files::AIPS];
+
+fn domain() -> Arc<dyn Domain> {
+    Arc::new(CoinsAndDice::new(HORIZON))
+}
+
+fn config(simulator: &str) -> Config {
+    toml::from_str(&format!("simulator = '{simulator}'\n{CONFIG}")).unwrap()
+}
+
+/// Gamma is small because rewards follow at once.
+const CONFIG: &str = "seed = 3\ntotal_steps = 30000\n\
+    local_simulators = { copies = 4, stagger = true }\n\
+    policy = { hidden = [32] }\n\
+    ppo = { time_limit = 'bootstrap', learning_rate = 3e-3, gamma = 0.5 }\n\
+    aip = { hidden = [16], retrain_every_steps = 15000, dataset_steps = 5000, epochs = 20, learning_rate = 3e-3 }\n\
+    evaluation = { every_steps = 10000, episodes = 10, aip_loss_episodes = 10 }\n\
+    traffic = { network = 'none', local_network = 'none', horizon = 50 }\n";
+
+/// A short run of three periods, with memories.
+fn short(simulator: &str) -> Config {
+    let mut config = config(simulator);
+    config.total_steps = 3000;
+    config.policy.recurrent = Some(8);
+    config.policy.sequence_length = 8;
+    config.aip.recurrent = Some(6);
+    config.aip.batch = 4;
+    config.aip.epochs = 2;
+    config.aip.retrain_every_steps = 2000;
+    config.aip.dataset_steps = 500;
+    config.evaluation.every_steps = 1000;
+    config.evaluation.episodes = 2;
+    config
+}
+
+fn train(config: &Config, dir: &Path) -> Result<()> {
+    let layouts = Layouts::of(config, domain().kinds());
+    let mut log = RunLog::create(dir, config, layouts, Rc::new(Silent))?;
+    dials::train(config, &mut InlineFleet::new(domain(), config, Rc::new(Silent)), &mut log)
+}
+
+/// A column of the lines that `keys` stand at the beginning of, after the step.
+fn column(dir: &Path, file: &str, keys: &[&str], name: &str) -> Vec<f64> {
+    let mut reader = csv::Reader::from_path(dir.join(file)).unwrap();
+    let index = reader.headers().unwrap().iter().position(|header| header == name).unwrap();
+    let lines = reader.records().map(|record| record.unwrap());
+    let lines = lines.filter(|record| record.iter().skip(1).zip(keys).all(|(field, key)| field == *key));
+    lines.map(|record| record[index].parse().unwrap()).collect()
+}
+
+#[test]
+fn all_four_simulators_teach_both_kinds() {
+    for simulator in ["dials", "gs", "untrained-dials", "marginal-dials"] {
+        let dir = tempfile::tempdir().unwrap();
+        train(&config(simulator), dir.path()).unwrap();
+        for agent in ["0", "1", "2", "3"] {
+            let returns = column(dir.path(), files::RETURNS, &[agent], "mean");
+            assert!(returns[0] < 0.75 * HORIZON as f64, "{simulator}, agent {agent}: {returns:?}");
+            assert!(returns[3] > 0.95 * HORIZON as f64, "{simulator}, agent {agent}: {returns:?}");
+        }
+    }
+}
+
+#[test]
+fn the_aips_of_both_kinds_learn_the_closed_form_influence() {
+    let dir = tempfile::tempdir().unwrap();
+    train(&config("dials"), dir.path()).unwrap();
+    // After the training at 15000, when all nearly play their best: H(0.2) = 0.5004. A coin has one source, its die; a die
+    // has two, its coin and the other die.
+    for (agent, source) in [("0", "0"), ("1", "0"), ("2", "0"), ("3", "0")] {
+        let losses = column(dir.path(), files::AIP_LOSS, &[agent, source], "training_after");
+        assert!((losses[1] - 0.5004).abs() < 0.03, "agent {agent}: {losses:?}");
+    }
+    // The other die turns to one of two faces.
+    for agent in ["1", "3"] {
+        let losses = column(dir.path(), files::AIP_LOSS, &[agent, "1"], "training_after");
+        assert!(losses[1] < 2_f64.ln() + 0.01, "agent {agent}: {losses:?}");
+    }
+    // As it began, coins and dice were nearly random: constants lose ln 3 on a die, and ln 2 on a coin.
+    let constants = |agent, source| column(dir.path(), files::AIP_LOSS, &[agent, source], "held_out_marginals")[0];
+    assert!((constants("0", "0") - 3_f64.ln()).abs() < 0.1 && (constants("1", "0") - 2_f64.ln()).abs() < 0.1);
+    assert!(column(dir.path(), files::AIP_LOSS, &["0", "1"], "frequency").is_empty(), "a coin has no second source");
+
+    // What the run left behind is read by the report, and by whoever opens the tensors.
+    fs::write(dir.path().join(files::CONFIG), format!("simulator = 'dials'\n{CONFIG}")).unwrap();
+    let record = RunRecord::read(dir.path()).unwrap();
+    assert_eq!((record.agents(), record.evaluations.len(), record.aip_trainings.len()), (Some(4), 4, 2));
+    assert!(record.evaluations[3].all.mean > 0.95 * HORIZON as f64);
+    let (domain, config) = (domain(), config("dials"));
+    let saved = dir.path().join(files::POLICIES);
+    let policies = JointLayout::of_policies(domain.kinds(), &config.policy).read(&saved).unwrap();
+    for kind in domain.kinds() {
+        let layout = PolicyStack::shape(&kind.spec, &config.policy).layout();
+        let rows = read_stack(&saved, &format!("{}.", kind.name), &layout, &kind.agents).unwrap();
+        for (agent, row) in kind.agents.iter().zip(rows.iter()) {
+            assert_eq!(policies.row(agent.0), row);
+        }
+    }
+
+    // The policies that were saved play as well as those that were trained.
+    for selection in [Selection::Sampled, Selection::Greedy] {
+        let mut acting = JointPolicyController::new(domain.kinds(), &config.policy, &policies, selection);
+        let mut gs = domain.global_simulator().unwrap();
+        let returns = play(&mut *gs, &mut acting, Seed::new(9)).unwrap().returns;
+        assert!(returns.iter().all(|&total| total > 0.9 * HORIZON as f64), "{returns:?}");
+    }
+}
+
+#[test]
+fn a_masked_action_is_never_chosen() {
+    let (domain, config) = (domain(), config("dials"));
+    let policies = InlineFleet::new(domain.clone(), &config, Rc::new(Silent)).agents().policies.clone();
+    let mut gs = domain.global_simulator().unwrap();
+    for selection in [Selection::Sampled, Selection::Greedy] {
+        let mut acting = JointPolicyController::new(domain.kinds(), &config.policy, &policies, selection);
+        let mut actions = [0; 4];
+        for episode in 0..20 {
+            let seed = Seed::new(5).for_episode(episode);
+            acting.begin(seed);
+            let mut percept = gs.reset(seed).unwrap().clone();
+            for _ in 0..HORIZON {
+                acting.act(&percept, &mut actions).unwrap();
+                for die in [1, 3] {
+                    assert!(percept.masks.row(die)[usize::from(actions[die])], "{actions:?}");
+                }
+                percept = gs.step(&actions).unwrap().percept.clone();
+            }
+        }
+    }
+}
+
+/// Asks the log to stop after every period.
+struct Stop;
+
+impl Observer for Stop {
+    fn stop_requested(&self) -> bool {
+        true
+    }
+}
+
+#[test]
+fn a_run_that_was_stopped_goes_on_to_the_same_bytes() {
+    for simulator in ["dials", "gs", "marginal-dials"] {
+        let config = short(simulator);
+        let [whole, stopped] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+        train(&config, whole.path()).unwrap();
+        let layouts = || Layouts::of(&config, domain().kinds());
+        let periods = schedule(&config).len();
+        assert!(periods >= 3);
+        for period in 1..periods {
+            let dir = stopped.path();
+            let mut log = match period {
+                1 => RunLog::create(dir, &config, layouts(), Rc::new(Stop)).unwrap(),
+                _ => RunLog::resume(dir, &config, layouts(), Rc::new(Stop)).unwrap(),
+            };
+            let mut fleet = InlineFleet::new(domain(), &config, Rc::new(Silent));
+            assert!(dials::train(&config, &mut fleet, &mut log).unwrap_err().is::<Interrupted>());
+        }
+        let mut log = RunLog::resume(stopped.path(), &config, layouts(), Rc::new(Silent)).unwrap();
+        dials::train(&config, &mut InlineFleet::new(domain(), &config, Rc::new(Silent)), &mut log).unwrap();
+        for file in RESULTS {
+            let [whole, stopped] = [&whole, &stopped].map(|dir| fs::read(dir.path().join(file)).ok());
+            assert!(whole == stopped, "{simulator}: {file}");
+        }
+    }
+}
+
+#[test]
+fn workers_that_share_the_agents_bring_what_one_worker_brings() {
+    let config = short("dials");
+    let period = Period { start: 0, end: 1000, train_aips: AipTraining::Yes, evaluate: false };
+    let worker = |agents: Vec<AgentId>| Worker::new(domain(), &config, agents, &Threads::one());
+    let mut whole = worker(AgentId::all(4));
+    let purpose = dials_traffic::training::collect::Purpose::Training { steps: 0 };
+    let policies = whole.state().policies;
+    let datasets = whole.collect(&policies, purpose, 0..10, &Silent).unwrap();
+    let losses = whole.train_aips(datasets.clone(), &period, &Silent);
+    let training = whole.train_policies(&period, &Silent).unwrap();
+
+    // The second worker's agents are of both kinds, and those of the first of one.
+    let mut parts = Vec::new();
+    for agents in [0..1, 1..4] {
+        let mut part = worker(agents.clone().map(AgentId).collect());
+        assert_eq!(part.train_aips(datasets[agents.clone()].to_vec(), &period, &Silent), losses[agents.clone()]);
+        let measured = part.measure_aips(datasets[agents.clone()].to_vec());
+        assert_eq!(measured, whole.measure_aips(datasets.clone())[agents.clone()]);
+        assert_eq!(part.train_policies(&period, &Silent).unwrap().agents, training.agents[agents]);
+        parts.push(part.state());
+    }
+    let joined = AgentsState::joined(parts);
+    assert!(joined == whole.state());
+
+    // And a state that is handed back to others is what they go on from.
+    let mut other = worker(AgentId::all(4));
+    other.restore(&joined);
+    assert!(other.state() == joined && other.aips() == joined.aips);
+    let next = Period { start: 1000, end: 2000, ..period };
+    let [one, two] = [&mut whole, &mut other].map(|worker| worker.train_policies(&next, &Silent).unwrap().agents);
+    assert_eq!(one, two);
+}
+
+#[test]
+fn the_costs_of_both_kinds_are_measured() {
+    let config = short("dials");
+    let (domain, short, dir) = (domain(), short_orders(&config, 1), tempfile::tempdir().unwrap());
+    let layouts = Layouts::of(&config, domain.kinds());
+    let mut log = RunLog::create(dir.path(), &config, layouts, Rc::new(Silent)).unwrap();
+    let mut fleet = InlineFleet::new(domain.clone(), &short, Rc::new(Silent));
+    let time = Duration::from_millis(100);
+    let plan = Plan { config: &short, kinds: domain.kinds(), workers: 1, time, peak_flops: 1e9 };
+    let measured = measure(&plan, &mut fleet, &mut log).unwrap();
+    let costs = Costs::of(&config, domain.kinds(), 1e9, &measured);
+    assert!(costs.agent_steps_per_s() > 0.0 && costs.training.products > 0.0 && costs.aip_training.products > 0.0);
+}
