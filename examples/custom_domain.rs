@@ -172,7 +172,7 @@ impl Domain for Brigade {
     }
 
     fn scenario(&self) -> Result<Scenario> {
-        Ok(Scenario::new("brigade", PEOPLE, self.spec.horizon))
+        Ok(Scenario::new("brigade", PEOPLE, self.kinds.horizon()))
     }
 }
 
