@@ -13,18 +13,19 @@ use dials_traffic::config::{AipTraining, Config, Period, schedule};
 use dials_traffic::domain::toy::CoinsAndDice;
 use dials_traffic::domain::{Controller, Domain, Result};
 use dials_traffic::evaluation::play;
+use dials_traffic::fleet::inline::InlineFleet;
+use dials_traffic::fleet::worker::Worker;
 use dials_traffic::nn::{Threads, read_stack};
 use dials_traffic::policy::{JointPolicyController, PolicyStack, Selection};
+use dials_traffic::records::files;
 use dials_traffic::records::joint_layout::JointLayout;
-use dials_traffic::report::run_dir::RunRecord;
+use dials_traffic::records::run_log::{Layouts, RunLog};
+use dials_traffic::records::run_record::RunRecord;
 use dials_traffic::training::dials;
-use dials_traffic::training::files;
 use dials_traffic::training::fleet::Fleet;
-use dials_traffic::training::inline::InlineFleet;
 use dials_traffic::training::observer::{Interrupted, Observer, Silent};
-use dials_traffic::training::run_log::{Layouts, RunLog};
+use dials_traffic::training::standing::Standing;
 use dials_traffic::training::state::AgentsState;
-use dials_traffic::training::worker::Worker;
 
 const HORIZON: usize = 50;
 const RESULTS: [&str; 6] =
@@ -65,8 +66,9 @@ fn short(simulator: &str) -> Config {
 
 fn train(config: &Config, dir: &Path) -> Result<()> {
     let layouts = Layouts::of(config, domain().kinds());
-    let mut log = RunLog::create(dir, config, layouts, Rc::new(Silent))?;
-    dials::train(config, &mut InlineFleet::new(domain(), config, Rc::new(Silent)), &mut log)
+    let mut log = RunLog::create(dir, config, layouts)?;
+    let mut fleet = InlineFleet::new(domain(), config, Rc::new(Silent));
+    dials::train(config, &mut fleet, Standing::default(), &mut log, &Silent)
 }
 
 /// A column of the lines that `keys` stand at the beginning of, after the step.
@@ -114,7 +116,7 @@ fn the_aips_of_both_kinds_learn_the_closed_form_influence() {
     // What the run left behind is read by the report, and by whoever opens the tensors.
     fs::write(dir.path().join(files::CONFIG), format!("simulator = 'dials'\n{CONFIG}")).unwrap();
     let record = RunRecord::read(dir.path()).unwrap();
-    assert_eq!((record.agents(), record.evaluations.len(), record.aip_trainings.len()), (Some(4), 4, 2));
+    assert_eq!((record.evaluations[0].agents.len(), record.evaluations.len(), record.aip_trainings.len()), (4, 4, 2));
     assert!(record.evaluations[3].all.mean > 0.95 * HORIZON as f64);
     let (domain, config) = (domain(), config("dials"));
     let saved = dir.path().join(files::POLICIES);
@@ -159,7 +161,7 @@ fn a_masked_action_is_never_chosen() {
     }
 }
 
-/// Asks the log to stop after every period.
+/// Asks training to stop after every period.
 struct Stop;
 
 impl Observer for Stop {
@@ -177,17 +179,21 @@ fn a_run_that_was_stopped_goes_on_to_the_same_bytes() {
         let layouts = || Layouts::of(&config, domain().kinds());
         let periods = schedule(&config).len();
         assert!(periods >= 3);
-        for period in 1..periods {
-            let dir = stopped.path();
-            let mut log = match period {
-                1 => RunLog::create(dir, &config, layouts(), Rc::new(Stop)).unwrap(),
-                _ => RunLog::resume(dir, &config, layouts(), Rc::new(Stop)).unwrap(),
-            };
+        let go_on = |observer: &dyn Observer| {
+            let (mut log, checkpoint) = RunLog::resume(stopped.path(), &config, layouts()).unwrap();
             let mut fleet = InlineFleet::new(domain(), &config, Rc::new(Silent));
-            assert!(dials::train(&config, &mut fleet, &mut log).unwrap_err().is::<Interrupted>());
+            let standing = checkpoint.map_or(Standing::default(), |checkpoint| {
+                let standing = checkpoint.progress.standing();
+                fleet.restore(checkpoint.agents).unwrap();
+                standing
+            });
+            dials::train(&config, &mut fleet, standing, &mut log, observer)
+        };
+        // The first time there is no checkpoint: the run begins.
+        for _ in 1..periods {
+            assert!(go_on(&Stop).unwrap_err().is::<Interrupted>());
         }
-        let mut log = RunLog::resume(stopped.path(), &config, layouts(), Rc::new(Silent)).unwrap();
-        dials::train(&config, &mut InlineFleet::new(domain(), &config, Rc::new(Silent)), &mut log).unwrap();
+        go_on(&Silent).unwrap();
         for file in RESULTS {
             let [whole, stopped] = [&whole, &stopped].map(|dir| fs::read(dir.path().join(file)).ok());
             assert!(whole == stopped, "{simulator}: {file}");
@@ -234,11 +240,11 @@ fn the_costs_of_both_kinds_are_measured() {
     let config = short("dials");
     let (domain, short, dir) = (domain(), short_orders(&config, 1), tempfile::tempdir().unwrap());
     let layouts = Layouts::of(&config, domain.kinds());
-    let mut log = RunLog::create(dir.path(), &config, layouts, Rc::new(Silent)).unwrap();
+    let mut log = RunLog::create(dir.path(), &config, layouts).unwrap();
     let mut fleet = InlineFleet::new(domain.clone(), &short, Rc::new(Silent));
     let time = Duration::from_millis(100);
     let plan = Plan { config: &short, kinds: domain.kinds(), workers: 1, time, peak_flops: 1e9 };
     let measured = measure(&plan, &mut fleet, &mut log).unwrap();
-    let costs = Costs::of(&config, domain.kinds(), 1e9, &measured);
+    let costs = Costs::of(&config, domain.kinds(), false, 1e9, &measured);
     assert!(costs.agent_steps_per_s() > 0.0 && costs.training.products > 0.0 && costs.aip_training.products > 0.0);
 }
