@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use dials_traffic::base::{AgentId, Dice, Rows, Seed, Stopwatch};
+use dials_traffic::base::{AgentId, Dice, Rows, Seed, Stopwatch, Work};
 use dials_traffic::config::{AipConfig, Config, DSet, EntryRule, TrafficConfig};
 use dials_traffic::domain::{Action, Beginning, Bystander, Domain, GlobalSimulator, LocalSimulator, conformance};
 use dials_traffic::influence::{AipStack, Dataset, InfluencePredictor, train};
@@ -531,7 +531,14 @@ fn the_closed_loop_has_the_cars_and_the_return_of_the_global_simulator() {
     let everybody = AgentId::all(agents);
     let config = AipConfig { hidden: vec![64, 64], epochs: 20, learning_rate: 3e-4, ..AipConfig::default() };
     let mut aips = AipStack::new(&everybody, &domain.kinds()[0].spec, &config, Seed::new(3));
-    train(&mut aips, &everybody, &datasets, &config, Seed::new(4), &mut Stopwatch::default(), &mut |_| ());
+    train(
+        &mut aips,
+        &everybody,
+        &datasets,
+        &config,
+        Seed::new(4),
+        Work { watch: &mut Stopwatch::default(), progress: &mut |_| () },
+    );
 
     let rows = agents * 5;
     let mut dice: Vec<Dice> = (0..rows).map(|row| Seed::new(5).for_copy(row).dice()).collect();

@@ -11,6 +11,7 @@ pub mod statistics;
 mod stopwatch;
 mod units;
 mod vectors;
+mod work;
 
 pub use compact::CompactRows;
 pub use purpose::RandomPurpose;
@@ -20,3 +21,4 @@ pub use seed::{Dice, Seed, scramble};
 pub use stopwatch::{Activity, Phase, Stopwatch, Timesheet};
 pub use units::AgentId;
 pub use vectors::VectorWidth;
+pub use work::Work;

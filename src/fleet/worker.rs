@@ -8,7 +8,7 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
 
-use crate::base::{Activity, AgentId, Phase, Ragged, Seed, Stopwatch, Timesheet};
+use crate::base::{Activity, AgentId, Phase, Ragged, Seed, Stopwatch, Timesheet, Work};
 use crate::config::{Config, Period, Simulator};
 use crate::domain::{Controller, Domain, GlobalSimulator, Result};
 use crate::evaluation::{EpisodeReport, episode_seed, play};
@@ -144,7 +144,7 @@ impl Worker {
         let datasets = self.by_block(datasets);
         for (done, (block, datasets)) in self.blocks.iter_mut().zip(&datasets).enumerate() {
             let progress = &mut |share| observer.busy(Activity::AipTraining, (done as f64 + share) / count);
-            losses.extend(block.train_aips(datasets, period, &mut watch, progress));
+            losses.extend(block.train_aips(datasets, period, Work { watch: &mut watch, progress }));
         }
         self.timesheet.note(Activity::AipTraining, begun.elapsed(), &watch);
         self.in_order(losses)
@@ -178,13 +178,19 @@ impl Worker {
         let mut parts = Vec::new();
         if self.config.simulator == Simulator::Global {
             let (domain, config, progress) = (&*self.domain, &self.config, &mut |steps| observer.trained(steps));
-            parts = train_policies_on_the_gs(domain, config, &mut self.blocks, period, &mut watch, progress)?;
+            parts = train_policies_on_the_gs(
+                domain,
+                config,
+                &mut self.blocks,
+                period,
+                Work { watch: &mut watch, progress },
+            )?;
         } else {
             for (done, block) in (0..).zip(&mut self.blocks) {
                 // As far as all agents are on average.
                 let average = |steps| (done * period.end + steps + (count - done - 1) * period.start) / count;
                 let progress = &mut |steps| observer.trained(average(steps));
-                parts.push(block.train_policies(period, &mut watch, progress)?);
+                parts.push(block.train_policies(period, Work { watch: &mut watch, progress })?);
             }
         }
         self.timesheet.note(Activity::Training, begun.elapsed(), &watch);

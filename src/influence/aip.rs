@@ -1,9 +1,7 @@
 //! The AIPs of many agents as one stack.
 
-use std::ops::Range;
-
-use super::{CrossEntropies, Dataset, InfluencePredictor, TrainablePredictor, descent, sources};
-use crate::base::{AgentId, Dice, Rows, Seed, Stopwatch};
+use super::{InfluencePredictor, sources};
+use crate::base::{AgentId, Dice, Rows, Seed};
 use crate::config::AipConfig;
 use crate::domain::{RegionSpec, SourceSpec};
 use crate::nn::{Adam, Learner, Net, Parameters, Shape, States};
@@ -13,8 +11,8 @@ use crate::nn::{Adam, Learner, Net, Parameters, Shape, States};
 /// Source: DIALS paper, appendix "Hyperparameters" (traffic: 128 and 128; warehouse: GRU 64 and 64); the inputs are
 /// scaled to `(x - 0.5) / 0.5` as in the authors' code.
 pub struct AipStack {
-    sources: SourceSpec,
-    net: Net,
+    pub(super) sources: SourceSpec,
+    pub(super) net: Net,
     /// Of the rows that it samples for.
     states: States,
 }
@@ -83,41 +81,6 @@ impl InfluencePredictor for AipStack {
         for ((row, logits), dice) in rows.zip(logits.iter()).zip(dice) {
             sources::sample(&self.sources, logits, dice, row);
         }
-    }
-}
-
-impl TrainablePredictor for AipStack {
-    fn sources(&self) -> &SourceSpec {
-        &self.sources
-    }
-
-    fn values(&self) -> Rows<f32> {
-        self.parameters().values().clone()
-    }
-
-    fn load(&mut self, values: &Rows<f32>) {
-        self.net.parameters_mut().load(values);
-    }
-
-    fn learn(
-        &mut self,
-        datasets: &[Dataset],
-        samples: usize,
-        config: &AipConfig,
-        dice: &mut [Dice],
-        watch: &mut Stopwatch,
-        progress: &mut dyn FnMut(f64),
-    ) {
-        descent::learn(self, datasets, samples, config, dice, watch, progress);
-    }
-
-    fn cross_entropies(
-        &self,
-        datasets: &[Dataset],
-        samples: Range<usize>,
-        watch: &mut Stopwatch,
-    ) -> Vec<CrossEntropies> {
-        descent::cross_entropies(self, datasets, samples, watch)
     }
 }
 

@@ -6,7 +6,7 @@ use rand::seq::SliceRandom;
 
 use super::aip::scaled;
 use super::{AipStack, CrossEntropies, Dataset, TrainablePredictor, sources};
-use crate::base::{Dice, Phase, Stopwatch};
+use crate::base::{Dice, Phase, Rows, Stopwatch, Work};
 use crate::config::AipConfig;
 use crate::domain::SourceSpec;
 use crate::nn::{Adam, Network, Sequences, Trace};
@@ -14,20 +14,54 @@ use crate::nn::{Adam, Network, Sequences, Trace};
 /// Samples for which losses are measured at once.
 const LOSS_CHUNK: usize = 512;
 
+impl TrainablePredictor for AipStack {
+    fn sources(&self) -> &SourceSpec {
+        &self.sources
+    }
+
+    fn values(&self) -> Rows<f32> {
+        self.parameters().values().clone()
+    }
+
+    fn load(&mut self, values: &Rows<f32>) {
+        self.net.parameters_mut().load(values);
+    }
+
+    fn learn(
+        &mut self,
+        datasets: &[Dataset],
+        samples: usize,
+        config: &AipConfig,
+        dice: &mut [Dice],
+        work: Work<'_, f64>,
+    ) {
+        learn(self, datasets, samples, config, dice, work);
+    }
+
+    fn cross_entropies(
+        &self,
+        datasets: &[Dataset],
+        samples: Range<usize>,
+        watch: &mut Stopwatch,
+    ) -> Vec<CrossEntropies> {
+        cross_entropies(self, datasets, samples, watch)
+    }
+}
+
 /// Trains every agent's AIP on the first `samples` of its own dataset.
 ///
 /// Adam starts fresh and the incomplete last batch of an epoch is dropped, as in the authors' code; the weights go on
 /// from the previous training. AIPs with memory are trained on whole episodes, others on single samples. Minibatches
 /// are drawn from `dice`, one per agent.
-pub fn learn(
+fn learn(
     aips: &mut AipStack,
     datasets: &[Dataset],
     samples: usize,
     config: &AipConfig,
     dice: &mut [Dice],
-    watch: &mut Stopwatch,
-    progress: &mut dyn FnMut(f64),
+    work: Work<'_, f64>,
 ) {
+    let Work { watch, progress } = work;
     let (steps, spec) = (sequence_length(aips, datasets), &aips.sources().clone());
     // Sequences of `steps` samples each.
     let batches = samples / steps / config.batch;
@@ -53,7 +87,7 @@ pub fn learn(
 }
 
 /// Mean cross-entropy of every agent and source over some of the samples, whole episodes.
-pub fn cross_entropies(
+fn cross_entropies(
     aips: &AipStack,
     datasets: &[Dataset],
     samples: Range<usize>,

@@ -9,7 +9,7 @@ use rand::Rng;
 
 use super::sources::of_sources;
 use super::{CrossEntropies, Dataset, InfluencePredictor, TrainablePredictor};
-use crate::base::{Dice, Rows, Stopwatch};
+use crate::base::{Dice, Rows, Stopwatch, Work};
 use crate::config::AipConfig;
 use crate::domain::{RegionSpec, SourceSpec};
 use crate::nn::Layout;
@@ -84,14 +84,13 @@ impl TrainablePredictor for Marginals {
         samples: usize,
         _config: &AipConfig,
         _dice: &mut [Dice],
-        _watch: &mut Stopwatch,
-        progress: &mut dyn FnMut(f64),
+        work: Work<'_, f64>,
     ) {
         for (agent, dataset) in datasets.iter().enumerate() {
             let measured = frequencies(&self.sources, dataset, 0..samples).into_iter().flatten();
             self.probabilities.row_mut(agent).iter_mut().zip(measured).for_each(|(p, measured)| *p = measured as f32);
         }
-        progress(1.0);
+        (work.progress)(1.0);
     }
 
     fn cross_entropies(
@@ -166,8 +165,7 @@ mod tests {
             datasets,
             &AipConfig::default(),
             Seed::new(0),
-            &mut Stopwatch::default(),
-            &mut |_| (),
+            Work { watch: &mut Stopwatch::default(), progress: &mut |_| () },
         );
         (marginals, losses)
     }

@@ -15,7 +15,7 @@ mod train;
 
 use std::ops::Range;
 
-use crate::base::{AgentId, Dice, Rows, Seed, Stopwatch};
+use crate::base::{AgentId, Dice, Rows, Seed, Stopwatch, Work};
 use crate::config::{AipConfig, Predictor};
 use crate::domain::{RegionSpec, SourceSpec};
 use crate::nn::Layout;
@@ -57,15 +57,14 @@ pub trait TrainablePredictor: InfluencePredictor {
     fn load(&mut self, values: &Rows<f32>);
 
     /// Learns from the first `samples` of every agent's dataset, whole episodes. `dice`: one per agent.
-    /// `progress` is called with the share that is done.
+    /// `work`: progress is the share that is done.
     fn learn(
         &mut self,
         datasets: &[Dataset],
         samples: usize,
         config: &AipConfig,
         dice: &mut [Dice],
-        watch: &mut Stopwatch,
-        progress: &mut dyn FnMut(f64),
+        work: Work<'_, f64>,
     );
 
     /// The mean cross-entropies of every agent over some samples of its dataset, whole episodes.

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::marginals::{cross_entropy_of_constants, frequencies};
 use super::{CrossEntropies, Dataset, TrainablePredictor};
-use crate::base::{AgentId, Dice, Seed, Stopwatch};
+use crate::base::{AgentId, Dice, Seed, Stopwatch, Work};
 use crate::config::{AipConfig, held_out_episodes};
 
 /// What one training did to one agent's predictor.
@@ -23,23 +23,23 @@ pub struct AipLoss {
 /// Trains every agent's predictor on its own dataset and measures the loss before and after.
 ///
 /// `datasets`: one per agent of the stack, all of one length. The last `held_out` of the episodes only measure.
-/// `progress` is called with the share that is done.
+/// `work`: progress is the share that is done.
 pub fn train(
     predictor: &mut dyn TrainablePredictor,
     agents: &[AgentId],
     datasets: &[Dataset],
     config: &AipConfig,
     seed: Seed,
-    watch: &mut Stopwatch,
-    progress: &mut dyn FnMut(f64),
+    work: Work<'_, f64>,
 ) -> Vec<AipLoss> {
+    let Work { watch, progress } = work;
     let (first, last) = split(&datasets[0], config.held_out);
     let both = |predictor: &dyn TrainablePredictor, watch: &mut Stopwatch| {
         [0..first, first..last].map(|samples| predictor.cross_entropies(datasets, samples, watch))
     };
     let before = both(predictor, watch);
     let mut dice: Vec<Dice> = agents.iter().map(|&agent| seed.for_agent(agent).dice()).collect();
-    predictor.learn(datasets, first, config, &mut dice, watch, progress);
+    predictor.learn(datasets, first, config, &mut dice, Work { watch, progress });
     let after = both(predictor, watch);
     let per_agent = datasets.iter().enumerate().map(|(agent, dataset)| {
         let [seen, held_out] =
@@ -92,8 +92,14 @@ mod tests {
         let spec = RegionSpec { obs_dim: 3, d_set_dim: 3, n_actions: 2, masks: false, sources, horizon: 100 };
         let mut aips = AipStack::new(agents, &spec, &config(), Seed::new(1));
         let datasets: Vec<Dataset> = agents.iter().map(|&agent| known_dataset(agent)).collect();
-        let losses =
-            train(&mut aips, agents, &datasets, &config(), Seed::new(2), &mut Stopwatch::default(), &mut |_| ());
+        let losses = train(
+            &mut aips,
+            agents,
+            &datasets,
+            &config(),
+            Seed::new(2),
+            Work { watch: &mut Stopwatch::default(), progress: &mut |_| () },
+        );
         let values = aips.parameters().values().as_slice().to_vec();
         (losses, values)
     }
@@ -126,9 +132,15 @@ mod tests {
         }
         let config = AipConfig { hidden: vec![8], learning_rate: 1e-2, epochs: 30, ..AipConfig::default() };
         let mut aips = AipStack::new(&[AgentId(0)], &spec, &config, Seed::new(1));
-        let loss =
-            train(&mut aips, &[AgentId(0)], &[dataset], &config, Seed::new(2), &mut Stopwatch::default(), &mut |_| ())
-                .remove(0);
+        let loss = train(
+            &mut aips,
+            &[AgentId(0)],
+            &[dataset],
+            &config,
+            Seed::new(2),
+            Work { watch: &mut Stopwatch::default(), progress: &mut |_| () },
+        )
+        .remove(0);
         // Certain of u = x where it holds: p > 0.95, so -ln(1 - p) > 3 in the end. Trained on all it would be ln 10 = 2.3.
         assert!(loss.training[1][0] < 0.05, "{:?}", loss.training);
         assert!(loss.held_out[1][0] > 3.0, "{:?}", loss.held_out);
@@ -177,9 +189,16 @@ mod tests {
             };
             let mut aips = AipStack::new(&[AgentId(0)], &spec, &config, Seed::new(1));
             let datasets = [delayed_dataset()];
-            train(&mut aips, &[AgentId(0)], &datasets, &config, Seed::new(2), &mut Stopwatch::default(), &mut |_| ())
-                .remove(0)
-                .held_out[1][0]
+            train(
+                &mut aips,
+                &[AgentId(0)],
+                &datasets,
+                &config,
+                Seed::new(2),
+                Work { watch: &mut Stopwatch::default(), progress: &mut |_| () },
+            )
+            .remove(0)
+            .held_out[1][0]
         };
         // Without memory: the two first steps are sure (0), the others a die of three, 18 / 20 * ln 3 = 0.989 at least.
         let (with, without) = (loss(Some(16)), loss(None));

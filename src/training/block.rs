@@ -14,7 +14,7 @@ use super::ppo::{self, Decayed, Losses};
 use super::rollout::{Actor, Player, roll_out};
 use super::state::{AgentsState, JointMoments};
 use super::stream::AgentStream;
-use crate::base::{AgentId, Dice, Phase, Ragged, RandomPurpose, Seed, Stopwatch};
+use crate::base::{AgentId, Dice, Phase, Ragged, RandomPurpose, Seed, Stopwatch, Work};
 use crate::config::{Config, Period, Simulator};
 use crate::domain::{Domain, RegionSpec, Result};
 use crate::influence::{AipLoss, Dataset, FreshLoss, TrainablePredictor, initial_predictor, measure, train};
@@ -108,16 +108,10 @@ impl AgentBlock {
         self.predictor.load(&state.aips.into_rows());
     }
 
-    /// Trains the influence predictors; `datasets`: one per agent. `progress` is called with the share that is done.
-    pub fn train_aips(
-        &mut self,
-        datasets: &[Dataset],
-        period: &Period,
-        watch: &mut Stopwatch,
-        progress: &mut dyn FnMut(f64),
-    ) -> Vec<AipLoss> {
+    /// Trains the influence predictors; `datasets`: one per agent. `work`: progress is the share that is done.
+    pub fn train_aips(&mut self, datasets: &[Dataset], period: &Period, work: Work<'_, f64>) -> Vec<AipLoss> {
         let seed = Seed::new(self.config.seed).fork(RandomPurpose::AipMinibatches).for_steps(period.start);
-        train(&mut *self.predictor, &self.agents, datasets, &self.config.aip, seed, watch, progress)
+        train(&mut *self.predictor, &self.agents, datasets, &self.config.aip, seed, work)
     }
 
     /// Measures the loss of the influence predictors; `datasets`: one per agent.
@@ -130,21 +124,16 @@ impl AgentBlock {
         self.predictor.values().into()
     }
 
-    /// Trains the policies on local simulators until the end of the period (Algorithm 1, lines 7 to 12). `progress` is
-    /// called with the timesteps so far.
-    pub fn train_policies(
-        &mut self,
-        period: &Period,
-        watch: &mut Stopwatch,
-        progress: &mut dyn FnMut(u64),
-    ) -> Result<PolicyTraining> {
+    /// Trains the policies on local simulators until the end of the period (Algorithm 1, lines 7 to 12). `work`: progress
+    /// is the number of timesteps so far.
+    pub fn train_policies(&mut self, period: &Period, work: Work<'_, u64>) -> Result<PolicyTraining> {
         let AgentBlock { domain, config, agents, learner, predictor } = self;
         let make = || domain.local_simulator(agents, config.copies(), training_episodes(config));
-        let simulators = watch.time(Phase::Loading, make)?;
+        let simulators = work.watch.time(Phase::Loading, make)?;
         let stagger = config.local_simulators.stagger;
         let resume = || Ials::resume(simulators, &mut **predictor, &learner.streams, stagger);
-        let mut ials = watch.time(Phase::Retracing, resume)?;
-        let mut training = learn(&mut [learner], &mut ials, config, period, watch, progress)?.remove(0);
+        let mut ials = work.watch.time(Phase::Retracing, resume)?;
+        let mut training = learn(&mut [learner], &mut ials, config, period, work)?.remove(0);
         training.counters = ials.counters().into_iter().map(|(name, count)| (name.to_owned(), count)).collect();
         Ok(training)
     }
@@ -156,15 +145,14 @@ pub fn train_policies_on_the_gs(
     config: &Config,
     blocks: &mut [AgentBlock],
     period: &Period,
-    watch: &mut Stopwatch,
-    progress: &mut dyn FnMut(u64),
+    work: Work<'_, u64>,
 ) -> Result<Vec<PolicyTraining>> {
-    let simulator = watch.time(Phase::Loading, || domain.global_simulator())?;
+    let simulator = work.watch.time(Phase::Loading, || domain.global_simulator())?;
     let mut learners: Vec<&mut Learner> = blocks.iter_mut().map(|block| &mut block.learner).collect();
     let streams: Vec<&[AgentStream]> = learners.iter().map(|learner| &learner.streams[..]).collect();
     let resume = || GlobalEnvironment::resume(simulator, training_episodes(config), &streams);
-    let mut gs = watch.time(Phase::Retracing, resume)?;
-    learn(&mut learners, &mut gs, config, period, watch, progress)
+    let mut gs = work.watch.time(Phase::Retracing, resume)?;
+    learn(&mut learners, &mut gs, config, period, work)
 }
 
 fn training_episodes(config: &Config) -> Seed {
@@ -200,9 +188,9 @@ fn learn(
     environment: &mut dyn Environment,
     config: &Config,
     period: &Period,
-    watch: &mut Stopwatch,
-    progress: &mut dyn FnMut(u64),
+    work: Work<'_, u64>,
 ) -> Result<Vec<PolicyTraining>> {
+    let Work { watch, progress } = work;
     let ppo = &config.ppo;
     let copies = environment.percepts()[0].obs.len() / learners[0].policies.agents();
     let mut desks: Vec<Desk> = learners.iter().map(|learner| Desk::of(learner, config)).collect();
