@@ -1,6 +1,6 @@
 //! The warehouse domain: its promises, its reference figures, and a few steps written down.
 
-use dials_traffic::base::{AgentId, Rows, Seed, Stopwatch};
+use dials_traffic::base::{AgentId, Rows, Seed, Stopwatch, Work};
 use dials_traffic::config::{AipConfig, WarehouseConfig};
 use dials_traffic::domain::{Beginning, Domain, GlobalSimulator, LocalSimulator, conformance};
 use dials_traffic::evaluation::{Evaluation, play_episodes};
@@ -123,8 +123,14 @@ fn the_aip_learns_where_random_neighbours_stand_as_well_as_constants_can() {
     let config = AipConfig { recurrent: Some(64), hidden: vec![64], batch: 32, epochs: 300, ..AipConfig::default() };
     let agents = AgentId::all(2);
     let mut aips = AipStack::new(&agents, &domain.kinds()[0].spec, &config, Seed::new(8));
-    let losses =
-        train(&mut aips, &agents, &datasets[..2], &config, Seed::new(9), &mut Stopwatch::default(), &mut |_| ());
+    let losses = train(
+        &mut aips,
+        &agents,
+        &datasets[..2],
+        &config,
+        Seed::new(9),
+        Work { watch: &mut Stopwatch::default(), progress: &mut |_| () },
+    );
     for loss in losses {
         let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
         let [before, after, marginals] = [&loss.held_out[0], &loss.held_out[1], &loss.marginals].map(|v| mean(v));
