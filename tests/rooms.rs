@@ -4,30 +4,21 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Which rooms a room may use, beside itself. `run` (with `main`, `cli` and `error`) may use all.
-const DOORS: &[(&str, &[&str])] = &[
-    ("base", &[]),
-    ("config", &["base"]),
-    ("domain", &["base"]),
-    ("sumo", &["base"]),
-    ("nn", &["base"]),
-    ("traffic", &["base", "config", "domain", "sumo"]),
-    ("warehouse", &["base", "config", "domain"]),
-    ("drawing", &[]),
-    ("plot", &["base", "domain", "drawing"]),
-    ("influence", &["base", "config", "domain", "nn"]),
-    ("policy", &["base", "config", "domain", "nn"]),
-    ("evaluation", &["base", "domain", "policy"]),
-    ("training", &["base", "config", "domain", "nn", "influence", "policy", "evaluation"]),
-    ("fleet", &["base", "config", "domain", "nn", "evaluation", "influence", "policy", "training"]),
-    ("records", &["base", "config", "domain", "nn", "evaluation", "influence", "policy", "training"]),
-    ("terminal", &["base", "config", "evaluation", "influence", "training"]),
-    ("film", &["domain", "terminal"]),
-    ("cost", &["config"]),
-    ("bench", &["base", "config", "cost", "domain", "nn", "influence", "policy", "training"]),
-    ("report", &["base", "config", "domain", "drawing", "records"]),
-    ("experiment", &["config", "cost", "domain", "records", "report"]),
-];
+/// Rows of the table of rooms in docs/architecture.md: a room, and the rooms that it may use beside itself. Rooms of the
+/// row that may use all are left out.
+fn doors() -> Vec<(String, BTreeSet<String>)> {
+    let page = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/architecture.md")).unwrap();
+    let (_, table) = page.split_once("| room | what it holds | may use |\n").expect("the table of rooms");
+    let rows = table.lines().skip(1).take_while(|line| line.starts_with('|'));
+    let cells = rows.map(|row| row.trim_matches('|').split(" | ").map(str::trim).collect::<Vec<_>>());
+    let names = |cell: &str| cell.split('`').skip(1).step_by(2).map(str::to_owned).collect::<Vec<String>>();
+    let rooms = cells.filter(|cells| cells[2] != "all").map(|cells| {
+        let [room] = &names(cells[0])[..] else { panic!("a row is of one room: {cells:?}") };
+        let doors = if room == "base" { Vec::new() } else { names(cells[2]) };
+        (room.clone(), doors.into_iter().collect())
+    });
+    rooms.collect()
+}
 
 /// Outside crates that only some rooms may use.
 const OUTSIDE: &[(&str, &[&str])] = &[
@@ -88,23 +79,47 @@ fn names_by_room() -> BTreeMap<String, BTreeSet<String>> {
 fn every_room_opens_only_its_own_doors() {
     let names = names_by_room();
     assert!(names["training"].contains("influence"), "the reader of `use crate::` lines sees nothing: {names:?}");
+    let all_doors = doors();
+    for (place, (room, doors)) in all_doors.iter().enumerate() {
+        let above = |door: &String| all_doors[..place].iter().any(|(other, _)| other == door);
+        assert!(doors.iter().all(above), "{room} may use {doors:?}, which do not all stand above it");
+    }
     for (room, used) in names {
         if TOP.contains(&room.as_str()) {
             continue;
         }
-        let doors = DOORS.iter().find(|(name, _)| *name == room);
-        let (_, doors) = doors.unwrap_or_else(|| panic!("src/{room} is no room of this house yet: add it to DOORS"));
+        let doors = all_doors.iter().find(|(name, _)| *name == room);
+        let (_, doors) = doors.unwrap_or_else(|| panic!("src/{room} has no row in the table of docs/architecture.md"));
         for name in used {
             if let Some((_, rooms)) = OUTSIDE.iter().find(|(outside, _)| *outside == name) {
                 assert!(rooms.contains(&room.as_str()), "src/{room} uses {name}, which only {rooms:?} may");
             } else {
-                assert!(
-                    name == room || doors.contains(&name.as_str()),
-                    "src/{room} opens {name}; its doors: {doors:?}"
-                );
+                assert!(name == room || doors.contains(&name), "src/{room} opens {name}; its doors: {doors:?}");
             }
         }
     }
+}
+
+/// Every module that a `mod.rs` declares is named in its first comment.
+#[test]
+fn the_map_of_every_room_is_complete() {
+    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut maps = 0;
+    for file in source_files(&src).into_iter().filter(|file| file.ends_with("mod.rs")) {
+        let text = fs::read_to_string(&file).unwrap();
+        let map: String = text.lines().filter(|line| line.starts_with("//!")).collect();
+        let words: BTreeSet<&str> = map.split(|c: char| !c.is_alphanumeric() && c != '_').collect();
+        let declared = text.lines().filter_map(|line| {
+            let line = line.strip_prefix("pub ").unwrap_or(line);
+            line.strip_prefix("mod ")?.strip_suffix(';')
+        });
+        for module in declared {
+            maps += 1;
+            let place = file.strip_prefix(&src).unwrap().display();
+            assert!(words.contains(module), "src/{place} declares `{module}`, and its first comment does not name it");
+        }
+    }
+    assert!(maps > 100, "only {maps} modules were found");
 }
 
 /// A new domain is its own folder, its table in `config` and its line in `run/domain.rs`. The paper's numbers are of two
