@@ -55,7 +55,7 @@ fn main() {
     println!("cargo:rustc-link-search=native={}", library.display());
     println!("cargo:rustc-link-lib=dylib=sumocpp");
     if !library.starts_with("/usr") {
-        // Where the loader does not look by itself.
+        // The loader does not look here by itself.
         println!("cargo:rustc-link-arg=-Wl,-rpath,{}", library.display());
     }
 
@@ -65,7 +65,7 @@ fn main() {
     }
 }
 
-/// The first folder that holds `file`. A folder named by `variable_name` is the only candidate.
+/// Returns the first folder that holds `file`. A folder named by `variable_name` is the only candidate.
 fn find(
     file: &str,
     variable_name: &str,
@@ -90,7 +90,7 @@ fn find(
     None
 }
 
-/// A variable that names a folder; empty is as good as unset.
+/// Returns the folder that a variable names. An empty variable counts as unset.
 fn variable(name: &str) -> Option<PathBuf> {
     println!("cargo:rerun-if-env-changed={name}");
     env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from)
@@ -125,17 +125,17 @@ fn give_up(what: &str, tried: &[String], way_out: &str) -> ! {
     for (number, line) in tried.iter().enumerate() {
         eprintln!("  {}. {line}", number + 1);
     }
-    eprintln!("The way out: {way_out}\n");
+    eprintln!("What to do: {way_out}\n");
     exit(1)
 }
 
-/// What `dials-traffic info` and `run.json` say of this build.
+/// Sets the versions that `dials-traffic info` and `run.json` report of this build.
 fn tell_versions() {
     println!("cargo:rustc-env=DIALS_GIT_COMMIT={}", commit().unwrap_or("unknown".into()));
     println!("cargo:rustc-env=DIALS_LIBTORCH_VERSION={}", libtorch_version().unwrap_or("none".into()));
 }
 
-/// The version of libtorch; `None` in a build without the feature `torch`.
+/// Returns the version of libtorch; `None` in a build without the feature `torch`.
 fn libtorch_version() -> Option<String> {
     env::var_os("CARGO_FEATURE_TORCH")?;
     println!("cargo:rerun-if-env-changed=LIBTORCH");
@@ -149,11 +149,11 @@ fn libtorch_version() -> Option<String> {
     Some(["MAJOR", "MINOR", "PATCH"].map(number).join("."))
 }
 
-/// The commit of this checkout, with `-dirty` where a source has been changed since.
+/// Returns the commit of this checkout, with `-dirty` if a source has changed since.
 fn commit() -> Option<String> {
     const SOURCES: [&str; 4] = ["src", "build.rs", "Cargo.toml", "Cargo.lock"];
     SOURCES.iter().for_each(|source| println!("cargo:rerun-if-changed={source}"));
-    // Grows with every commit and checkout; in a worktree it is not under `.git`.
+    // The log grows with every commit and checkout. In a worktree it is not under `.git`.
     if let Some(log) = git(&["rev-parse", "--git-path", "logs/HEAD"]) {
         println!("cargo:rerun-if-changed={log}");
     }
@@ -162,7 +162,7 @@ fn commit() -> Option<String> {
     Some(if changed.is_empty() { commit } else { format!("{commit}-dirty") })
 }
 
-/// What git answers; nothing where it fails.
+/// Returns git's output; `None` if git fails.
 fn git(words: &[&str]) -> Option<String> {
     let output = Command::new("git")
         .arg("--no-optional-locks")

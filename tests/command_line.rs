@@ -502,7 +502,7 @@ fn paths_that_sumo_would_misread_are_refused() {
     let out = dir.path().join("run");
     let train = ["train", &config, "--out", out.to_str().unwrap()];
     let network = format!("traffic.network={}", comma.join("grid_2x2").display());
-    let told = ["a,b", "has a comma in it, where SUMO would split it in two"];
+    let told = ["a,b", "contains a comma, at which SUMO would split it"];
     assert_refused(dials_traffic(&train).args(["--set", &network]), &told);
     assert_refused(dials_traffic(&train).env("TMPDIR", &comma), &["set TMPDIR", told[0], told[1]]);
     assert_refused(&mut dials_traffic(&["train", &config, "--out", comma.join("run").to_str().unwrap()]), &told);

@@ -1,5 +1,5 @@
-//! Hand-coded controllers on the GS: their lights keep the times they promise, they can be mixed with policies, and a user
-//! can add one.
+//! Hand-coded controllers on the GS (global simulator): their lights keep their times, they can be mixed with policies,
+//! and a user can add one.
 
 use std::path::Path;
 
@@ -25,12 +25,12 @@ fn traffic() -> Traffic {
     Traffic::open(&config).unwrap()
 }
 
-/// What a light shows in an observation.
+/// Returns what the light of an observation shows.
 fn light(obs: &[f32]) -> Light {
     Light::ALL[obs[36..].iter().position(|&bit| bit == 1.0).unwrap()]
 }
 
-/// What the lights show in the steps of an episode in which all agents take this action, light by light.
+/// Returns what the lights show in the steps of an episode in which all agents take this action, light by light.
 fn shown(gs: &mut dyn GlobalSimulator, action: Action) -> Vec<Vec<Light>> {
     let mut shown = vec![Vec::new(); 4];
     gs.reset(Seed::new(4).for_episode(0)).unwrap();
@@ -46,7 +46,7 @@ fn shown_by(name: &str) -> Vec<Vec<Light>> {
     shown(&mut *simulator, KEEP)
 }
 
-/// How long each light was shown, without the last one, which the end of the episode cuts.
+/// Returns for how many steps each state was shown, without the last one, which the end of the episode cuts off.
 fn runs(shown: &[Light]) -> Vec<(Light, usize)> {
     let mut runs: Vec<(Light, usize)> =
         shown.chunk_by(|one, other| one == other).map(|run| (run[0], run.len())).collect();
@@ -63,8 +63,8 @@ fn fixed_time_shows_what_it_promises_from_the_offset_on() {
         (Light::HorizontalYellow, 3),
     ];
     for (agent, shown) in shown_by("fixed-time:vertical=12,horizontal=8,offsets=0-5-13-20").into_iter().enumerate() {
-        // At the beginning: 0 and 5 steps late are in vertical green (or yellow before it, which is not shown);
-        // 13 late is at step 13 of its cycle, 20 late at step 6.
+        // At the beginning, lights 0 and 5 steps late are in vertical green (or in the yellow before it, which is not
+        // shown). The one 13 late is at step 13 of its cycle, and the one 20 late at step 6.
         let offset = [0, 5, 13, 20][agent];
         for (step, &shown) in shown.iter().enumerate().skip(26) {
             let mut place = (step + 26 - offset) % 26;
@@ -94,15 +94,16 @@ fn no_green_is_shorter_than_the_minimum_and_yellow_takes_three_steps() {
             for &(light, steps) in &runs {
                 assert!(if light.is_green() { steps >= least } else { steps == 3 }, "{name}: {runs:?}");
             }
-            assert!(runs.iter().any(|&(_, steps)| steps == least), "{name} wants more: {runs:?}");
+            assert!(runs.iter().any(|&(_, steps)| steps == least), "{name} keeps green for longer: {runs:?}");
         }
     }
 }
 
 #[test]
 fn websters_greens_fit_the_flows_of_the_grid() {
-    // 0.1 cars per second and edge against 1580 per hour: a ratio of 0.228 per phase; C = 14 / (1 - 0.456) = 25.7, greens of
-    // 9.9. A few percent fewer cars get in or along in time, and the busiest of two edges has a few percent more.
+    // 0.1 cars per second and edge against 1580 per hour give a ratio of 0.228 per phase. C = 14 / (1 - 0.456) = 25.7,
+    // with greens of 9.9. A few percent fewer cars enter or arrive in time, and the busiest of two edges has a few
+    // percent more.
     for shown in shown_by("webster") {
         let greens = runs(&shown).into_iter().skip(1).filter(|(light, _)| light.is_green());
         let greens: Vec<usize> = greens.map(|(_, steps)| steps).collect();
@@ -110,12 +111,12 @@ fn websters_greens_fit_the_flows_of_the_grid() {
     }
 }
 
-/// Webster's saturation flow, 1580 cars per hour, for our vehicle type.
+/// Checks Webster's saturation flow, 1580 cars per hour, for our vehicle type.
 #[test]
 fn a_standing_queue_lets_a_car_past_the_line_every_2_28_seconds() {
     let mut ls = traffic().local(1).unwrap();
     ls.reset(&Beginning::first([0])).unwrap();
-    // West sees red until its edge is full.
+    // West has red until its edge is full.
     let step = |ls: &mut dials_traffic::traffic::sim::local::LocalTraffic, action, arrives| {
         ls.step(&[action], &Rows::from_vec(vec![arrives, 0, 0, 0], 4)).unwrap();
         ls.cars_on(0)[0].len()
@@ -130,7 +131,7 @@ fn a_standing_queue_lets_a_car_past_the_line_every_2_28_seconds() {
         passed_at.extend(std::iter::repeat_n(second, waiting - left));
         waiting = left;
     }
-    // From the fourth to the twelfth car: 8 headways, to the second.
+    // From the fourth to the twelfth car: 8 headways, measured in whole seconds.
     let seconds = passed_at[11] - passed_at[3];
     assert!((f64::from(seconds) - 8.0 * 2.28).abs() <= 1.0, "{passed_at:?}");
 }
@@ -151,7 +152,7 @@ fn a_background_runs_its_lights_and_leaves_the_others_to_the_actions() {
     let mixed = alone(&[1, 2], "always", KEEP);
     assert_eq!([0, 1, 2, 3].map(|agent| never(&mixed[agent])), [true, false, false, true]);
 
-    // SUMO's own program, too: least greens of 8 s.
+    // SUMO's own program too: its shortest greens are 8 s.
     let mixed = alone(&[1, 2], "actuated", SWITCH);
     for agent in [1, 2] {
         let runs = runs(&mixed[agent]);
@@ -160,14 +161,14 @@ fn a_background_runs_its_lights_and_leaves_the_others_to_the_actions() {
     assert!(always(&mixed[0]) && always(&mixed[3]));
 }
 
-/// What a user writes: a rule for one intersection.
+/// A rule for one intersection, as a user would write it.
 fn let_the_east_go(at: &Intersection<'_>) -> Action {
     let Some([green, _]) = at.green_and_red() else { return KEEP };
     let wanted = at.queue(Side::East) > 0;
     if wanted != green.contains(&Side::East) && at.shown_steps() >= 3 { SWITCH } else { KEEP }
 }
 
-/// What a user writes: a rule for all of them, with a memory.
+/// A rule for all intersections, with a memory, as a user would write it.
 struct OneAfterTheOther {
     step: usize,
 }

@@ -1,4 +1,4 @@
-//! The networks, held against SUMO itself: what lies in `sumo_nets/`, what the code makes, and what a forest is.
+//! The networks against SUMO itself: the files in `sumo_nets/`, the files that the code makes, and forests.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -17,7 +17,7 @@ use quick_xml::Reader;
 use quick_xml::events::Event;
 use tempfile::TempDir;
 
-/// The inflow of the saved grids: the authors' setup.
+/// Inflow of the saved grids: the authors' setup.
 const INFLOW: f64 = 0.1;
 
 fn room() -> TempDir {
@@ -32,7 +32,7 @@ fn saved(name: &str) -> NetworkFiles {
     NetworkFiles::of(&Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets").join(name))
 }
 
-/// The networks of `sumo_nets/`: the paper's grids and the local net.
+/// Returns the networks of `sumo_nets/`: the paper's grids and the local net.
 fn all_saved() -> Vec<(NetworkFiles, Grid)> {
     let grids = [2, 5, 7, 10].map(|size| (saved(&format!("grid_{size}x{size}")), grid(size, size)));
     grids.into_iter().chain([(saved("local"), Grid::SINGLE)]).collect()
@@ -48,7 +48,8 @@ fn make(shape: Grid, dir: &Path) -> NetworkFiles {
 
 type Attributes = BTreeMap<String, String>;
 
-/// All elements of one kind in a file, by a few lines of our own: the code under test has a reader too.
+/// Returns all elements of one kind in a file. It has its own reader, because the reader in the crate is under test
+/// too.
 fn elements(path: &Path, kind: &str) -> Vec<Attributes> {
     let text = fs::read_to_string(path).expect("a file of the test");
     let mut reader = Reader::from_str(&text);
@@ -69,7 +70,7 @@ fn elements(path: &Path, kind: &str) -> Vec<Attributes> {
     }
 }
 
-/// Runs `sumo` and returns its standard error. SUMO_HOME is taken away, for not everyone has it.
+/// Runs `sumo` and returns its standard error. SUMO_HOME is removed, because not everyone has it.
 fn sumo(arguments: &[&str]) -> String {
     let output = Command::new("sumo")
         .args(arguments)
@@ -95,7 +96,11 @@ fn remaking_the_saved_networks_gives_the_same_files_byte_for_byte() {
         };
         for (old, new) in all_files(&saved).into_iter().zip(all_files(&remade)) {
             let same = fs::read(old).expect("a saved file") == fs::read(new).expect("a remade file");
-            assert!(same, "{} differs from the remade one (the saved ones are of netconvert 1.15)", old.display());
+            assert!(
+                same,
+                "{} differs from the remade one (the saved ones were made by netconvert 1.15)",
+                old.display()
+            );
         }
     }
     assert_eq!(fs::read_dir(room.path()).expect("readable").count(), 5 * 4, "nothing else is left there");
@@ -126,7 +131,7 @@ fn every_edge_is_100_m_and_every_lane_inside_an_intersection_18_8_m_in_length_an
     }
 }
 
-/// Between the two ends of a straight lane.
+/// Returns the distance between the two ends of a straight lane.
 fn shape_length(shape: &str) -> f64 {
     let numbers: Vec<f64> = shape.split([' ', ',']).map(|number| number.parse().expect("a coordinate")).collect();
     let [x0, y0, x1, y1] = numbers[..] else { panic!("{shape} is not straight") };
@@ -212,7 +217,7 @@ fn whatever_is_made_here_passes_with_any_inflow() {
     write_forest(&local, 2, room.path()).expect("the local net");
 }
 
-/// A network's file, what is replaced in it, and what is told of it.
+/// A file of a network, what is replaced in it, and what the error says about it.
 struct Damage {
     ending: &'static str,
     from: &'static str,
@@ -224,7 +229,7 @@ const fn damage(ending: &'static str, [from, to]: [&'static str; 2], told: &'sta
     Damage { ending, from, to, told }
 }
 
-/// A damaged copy of a saved network; what it is called, and the file.
+/// Makes a damaged copy of a saved network. Returns its files and the path of the damaged one.
 fn damaged(name: &str, damage: &Damage, dir: &Path) -> (NetworkFiles, PathBuf) {
     let copy = saved(name).copy_to(dir, name).expect("a saved network");
     let file = dir.join(format!("{name}{}", damage.ending));
@@ -394,7 +399,7 @@ const DAMAGES: [Damage; 35] = [
         [r#"speedDev="0""#, r#"speedDev="0" sigma="0.5""#],
         r#"vType "car": sigma="0.5", and this program simulates none"#,
     ),
-    // Where they go and how they come.
+    // Routes and flows.
     damage(
         ROUTES,
         [r#"edges="w0_r0c0 r0c0_r0c1 r0c1_e0""#, r#"edges="w0_r0c0 r0c0_r1c0 r1c0_n0""#],
@@ -489,7 +494,7 @@ fn routes_cross_the_whole_grid_and_each_has_a_flow_of_the_given_probability() {
     let room = room();
     let network = write_grid(grid(3, 2), 0.25, room.path()).expect("netconvert is installed");
     let routes = elements(&network.routes, "route");
-    // From west and east 3 routes over 2 intersections = 3 edges; from south and north 2 over 3 = 4 edges.
+    // From west and east: 3 routes over 2 intersections = 3 edges. From south and north: 2 over 3 = 4 edges.
     let lengths: Vec<usize> = routes.iter().map(|route| route["edges"].split(' ').count()).collect();
     assert_eq!(lengths, [3, 3, 3, 4, 4, 3, 3, 3, 4, 4]);
     let flows = elements(&network.routes, "flow");
@@ -527,7 +532,7 @@ fn the_actuated_lights_take_over_when_their_file_is_loaded() {
     let network = saved("grid_2x2");
     let additional = format!("{},{}", network.actuated.display(), recorder.display());
     let said = sumo(&["-c", text(&network.config), "--end", "200", "-a", &additional]);
-    // SUMO 1.15 remarks that yellow ends by the clock alone; that is how the authors' baseline is.
+    // SUMO 1.15 warns that yellow ends by the clock alone, as in the authors' baseline.
     assert!(said.lines().all(|line| line.ends_with("has no controlling detector.")), "{said}");
 
     let states = elements(&record, "tlsState");
@@ -558,8 +563,8 @@ fn making_a_network_replaces_its_own_files_and_no_others() {
     }
     make(Grid::SINGLE, room.path());
     assert_ne!(fs::read_to_string(&ours).expect("a net"), "old");
-    assert_eq!(fs::read_to_string(&foreign).expect("as it was"), "old");
-    // As readable for others as any file that is written plainly.
+    assert_eq!(fs::read_to_string(&foreign).expect("unchanged"), "old");
+    // The files are as readable for others as any other written file.
     let mode = |path: &Path| fs::metadata(path).expect("a file").permissions().mode();
     assert_eq!(mode(&ours), mode(&foreign));
 }
@@ -569,10 +574,10 @@ fn a_directory_that_cannot_be_written_to_is_named_in_the_error() {
     let room = room();
     let file = room.path().join("file");
     fs::write(&file, "").expect("a writable directory");
-    // A file in the way, and a directory that takes no files, not even from root.
+    // A file in the place of the directory, and a directory that takes no files, not even from root.
     for dir in [file.join("nets"), PathBuf::from("/proc/self")] {
         let error = write_local(&dir).expect_err("not writable").to_string();
-        let expected = "could not be written to: make it writable or choose another directory";
+        let expected = "could not be written to; make it writable or choose another directory";
         assert_eq!(error, format!("{}: {expected}", dir.display()));
     }
     assert_eq!(fs::read_dir(room.path()).expect("readable").count(), 1);
@@ -613,7 +618,7 @@ fn a_net_that_is_not_one_of_our_grids_is_told_apart() {
     assert_eq!(foreign, format!("grid_9x9.net.xml: is not one of our grids: it has the junction 'gneJ1'; {way_out}"));
     assert!(error_of("<net/>").contains("it lacks the junction 'e0'"));
     assert!(error_of(&net.replace("r0c1_r0c0\"", "other\"")).contains("it has the edge 'other'"));
-    // A huge number in a name is a stranger's name, and no reason to count up to it.
+    // A huge number in a name is not one of our names, and must not make the code count up to it.
     assert!(error_of(&net.replace("id=\"r0c1\"", "id=\"r0c99999999999\"")).contains("it has the junction "));
 
     let missing = read_shape(&dir.join("grid_3x3.net.xml")).unwrap_err().to_string();
@@ -666,7 +671,7 @@ fn every_region_of_a_forest_has_its_own_light_and_its_own_routes() {
     }
 }
 
-/// Cars for one region: one from each side every few seconds, so that some queue at the red light.
+/// Returns cars for one region: one from each side every few seconds, so that some queue at the red light.
 fn cars(prefix: &str) -> Vec<(u32, String)> {
     let mut cars = Vec::new();
     for (side, route) in Grid::SINGLE.boundary_routes().iter().enumerate() {
@@ -683,7 +688,7 @@ fn cars(prefix: &str) -> Vec<(u32, String)> {
     cars
 }
 
-/// What `sumo` says of every car in every second, to 15 digits.
+/// Returns what `sumo` writes of every car in every second, to 15 digits.
 fn trajectories(net: &Path, routes: &Path, mut cars: Vec<(u32, String)>, dir: &Path) -> Vec<Attributes> {
     let (vehicles, fcd) = (dir.join("cars.rou.xml"), dir.join("fcd.xml"));
     cars.sort();
@@ -713,7 +718,7 @@ fn every_region_of_a_forest_moves_bit_for_bit_like_the_local_net_alone() {
             car.iter().map(|(key, value)| (key.clone(), value.replacen(prefix, "", 1))).collect()
         };
         let here: Vec<Attributes> = together.iter().filter(|car| car["id"].starts_with(prefix)).map(strip).collect();
-        assert!(here == alone, "{prefix} moves otherwise");
+        assert!(here == alone, "{prefix} moves differently");
     }
 }
 
@@ -738,7 +743,8 @@ fn a_free_car_drives_through_the_local_net_as_the_authors_do() {
     let seen = elements(&fcd, "vehicle");
     let positions: Vec<f64> = seen.iter().map(|car| car["pos"].parse().expect("a position")).collect();
     assert_eq!(positions[..reference.len()], reference);
-    // 12 has it 6.969 m behind the junction; ten seconds later 106.969 m, which is beyond the end of the net.
+    // In entry 12 it is 6.969 m behind the junction. Ten seconds later it would be at 106.969 m, beyond the end of the
+    // net.
     assert_eq!(positions.len(), 12 + 10);
     let lanes = [0, 10, 12].map(|second| seen[second]["lane"].as_str());
     assert_eq!(lanes, ["w0_r0c0_0", ":r0c0_3_0", "r0c0_e0_0"]);
@@ -753,7 +759,7 @@ fn a_forest_is_made_of_the_local_net_only() {
     assert!(grid.contains("grid_2x2.net.xml: is a grid of 2x2, and a forest is made of the local net"), "{grid}");
     assert!(refusal(&saved("local"), 0).ends_with("a forest of 0 regions: needs at least one"));
     assert!(refusal(&NetworkFiles::of(&room.path().join("local")), 3).contains("dials-traffic nets local --out "));
-    // A 1x1 grid is the local net plus flows, and flows would be nobody's arrivals.
+    // A 1x1 grid is the local net plus flows, and the cars of flows would not be arrivals.
     let flows = refusal(&make(Grid::SINGLE, &room.path().join("nets")), 3);
     assert!(flows.contains("grid_1x1.rou.xml: it has <flow id=\"w0\" type=\"car\""), "{flows}");
     assert!(flows.ends_with("make one with: dials-traffic nets local --out DIR"), "{flows}");

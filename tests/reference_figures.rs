@@ -1,4 +1,4 @@
-//! Returns of hand-coded controllers against those of an independent implementation of the same specification.
+//! Returns of hand-coded controllers, compared with those of an independent implementation of the same specification.
 
 use std::path::Path;
 
@@ -8,7 +8,8 @@ use dials_traffic::domain::Domain;
 use dials_traffic::evaluation::{Evaluation, play_episodes};
 use dials_traffic::traffic::Traffic;
 
-/// Asserts that the mean return over 40 episodes lies within 4 standard errors of the difference.
+/// Asserts that the mean return over 40 episodes differs from the reference by less than 4 standard errors of the
+/// difference.
 fn assert_return(grid: &str, controller: &str, reference: f64, reference_error: f64) {
     let nets = Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets");
     let config = TrafficConfig {

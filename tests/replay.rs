@@ -1,4 +1,4 @@
-//! Replays and pictures: what plain SUMO makes of a written episode, held against the episode.
+//! Replays and pictures: what plain SUMO plays from a written episode, compared with the episode.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -30,7 +30,7 @@ fn nets() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets")
 }
 
-/// A config of 512 timesteps on the 2x2 grid with episodes of 150 steps; `more` goes into its table of traffic.
+/// Writes a config of 512 timesteps on the 2x2 grid with episodes of 150 steps. `more` goes into its traffic table.
 fn write_config(dir: &Path, more: &str) -> PathBuf {
     let path = dir.join("small.toml");
     let nets = nets().display().to_string();
@@ -85,10 +85,11 @@ fn attribute(tag: &BytesStart, name: &str) -> String {
     tag.try_get_attribute(name).unwrap().unwrap_or_else(|| panic!("no {name}")).unescape_value().unwrap().into_owned()
 }
 
-/// Car, lane, position and speed.
+/// Sets of car, lane, position and speed.
 type Places = BTreeSet<(String, String, String)>;
 
-/// What plain `sumo` makes of a folder: for every step the cars with lane, position and speed as SUMO prints them.
+/// Returns what plain `sumo` plays from a folder: for every step the cars with lane, position and speed as SUMO prints
+/// them.
 fn sumo_plays(dir: &Path) -> Vec<Places> {
     let room = tempfile::tempdir().unwrap();
     let fcd = room.path().join("fcd.xml");
@@ -119,7 +120,7 @@ fn sumo_plays(dir: &Path) -> Vec<Places> {
     }
 }
 
-/// The same of a recording: 15 digits after the point, correctly rounded as SUMO's.
+/// Returns the same of a recording, with 15 digits after the point, correctly rounded like SUMO's.
 fn was(recording: &Recording) -> Vec<Places> {
     let names: BTreeMap<_, _> = recording.entries.iter().map(|entry| (entry.car.id, entry.car.name.clone())).collect();
     let lanes = &recording.roads.lanes;
@@ -133,7 +134,7 @@ fn was(recording: &Recording) -> Vec<Places> {
     steps.collect()
 }
 
-/// Asserts that plain SUMO plays the folder as it was recorded, and returns how many places of cars were compared.
+/// Asserts that plain SUMO plays the folder as it was recorded. Returns the number of compared places of cars.
 fn assert_same(dir: &Path, recording: &Recording) -> usize {
     let (played, was) = (sumo_plays(dir), was(recording));
     assert_eq!(played.len(), was.len(), "steps");
@@ -151,7 +152,7 @@ fn sumo_plays_the_replay_of_trained_policies_as_the_episode_was() {
     let folder = dir.path().join("replay");
     let args = ["replay", text(&run), "--out", text(&folder), "--episode-seed", "11"];
     dials_traffic(args).assert().success();
-    // It needs nothing outside of itself.
+    // The folder needs nothing outside of itself.
     let elsewhere = dir.path().join("elsewhere");
     fs::rename(&folder, &elsewhere).unwrap();
 
@@ -166,7 +167,7 @@ fn sumo_plays_the_replay_of_trained_policies_as_the_episode_was() {
         "",
     );
     assert_eq!(recording.steps.len(), 150);
-    // 8 flows of 0.1 per second for 150 s are 120 cars, and each is on the road for 20 s at least.
+    // 8 flows of 0.1 per second for 150 s are 120 cars, and each is on the road for at least 20 s.
     assert!(assert_same(&elsewhere, &recording) > 1500);
 }
 
@@ -189,7 +190,7 @@ fn sumo_plays_the_replay_of_a_local_simulator_as_the_episode_was() {
         let config = load(&write_config(dir.path(), &format!("entry = '{entry}'")), &[]).unwrap();
         let tape = Tape::default();
         let traffic = open(&config).record_on(&tape);
-        // Two copies, of which the first is recorded; more cars than there is room for.
+        // Two copies, the first of which is recorded, and more cars than there is room for.
         let mut ls = traffic.local(2).unwrap();
         let mut dice = Seed::new(5).dice();
         for episode in 0..2 {
@@ -223,8 +224,8 @@ fn an_agent_is_replayed_in_its_local_simulator_with_the_cars_of_its_aip() {
     let third = replay("third", &["3"]);
     assert_eq!(third.len(), 150);
     let cars: BTreeSet<&str> = third.iter().flatten().map(|(car, ..)| car.as_str()).collect();
-    // AIPs that have learnt little send a car with a probability of about a half: 4 x 150 x 0.5 = 300, and there is room
-    // for a third of them or so.
+    // AIPs (approximate influence predictors) with little training send a car with a probability of about a half: 4 x
+    // 150 x 0.5 = 300. There is room for about a third of them.
     assert!(cars.len() > 30, "{}", cars.len());
     assert!(third.iter().flatten().all(|(_, lane, _)| lane.contains("r0c0")), "under the names of the local net");
     assert!(third == replay("again", &["3"]), "the same seed, the same episode");
@@ -259,7 +260,7 @@ fn a_replay_is_the_first_episode_of_the_seed_it_names() {
         let seed = format!("<seed value=\"{}\"/>", episode.for_sumo());
         assert!(file("replay.sumocfg").contains(&seed), "{name}: {}", file("replay.sumocfg"));
 
-        // The same episode, which nobody records.
+        // The same episode, without a recording.
         let traffic = open(&config);
         let mut gs = traffic.baseline(&name).unwrap().simulator;
         gs.reset(episode).unwrap();
@@ -276,7 +277,7 @@ fn a_replay_is_the_first_episode_of_the_seed_it_names() {
     }
 }
 
-/// What every light of a file of programs shows, second by second.
+/// Returns what every light of a file of programs shows, second by second.
 fn signals(xml: &str) -> Vec<Vec<String>> {
     let mut reader = Reader::from_str(xml);
     let mut lights: Vec<Vec<String>> = Vec::new();
@@ -332,7 +333,7 @@ fn what_is_there_is_refused_or_moved_aside_but_never_lost() {
     let robots = ["replay", text(&warehouse), "--controller", "random", "--out", text(&other)];
     refused(&robots, &["only what SUMO simulates can be replayed"]);
     assert!(!other.exists());
-    // A PATH with sumo-gui alone: each tool that is missing is named with its package.
+    // With sumo-gui alone on the PATH, the error names each missing tool with its package.
     let bin = dir.path().join("bin");
     fs::create_dir(&bin).unwrap();
     std::os::unix::fs::symlink("/usr/bin/sumo-gui", bin.join("sumo-gui")).unwrap();
@@ -341,15 +342,16 @@ fn what_is_there_is_refused_or_moved_aside_but_never_lost() {
     assert!(said.contains("Xvfb is not on the PATH: install Debian's package xvfb"), "{said}");
 }
 
-/// xvfb-run looks for a free screen and takes it a little later: two at once may find the same.
+/// xvfb-run looks for a free screen and takes it a little later, so two at once may find the same one.
 static SCREEN: Mutex<()> = Mutex::new(());
 
-/// Whether sumo-gui can be run on a screen that nobody sees; says so where it cannot.
+/// Returns whether sumo-gui can run on a virtual screen; prints a message if not.
 fn has_xvfb() -> bool {
     let has =
         Program::new("xvfb-run").arg("--help").output().is_ok() && Program::new("xauth").arg("-V").output().is_ok();
     if !has {
-        // Straight to standard error: `println` and `eprintln` of a test that passes are not shown.
+        // Written straight to standard error, because the output of `println` and `eprintln` is not shown for tests
+        // that pass.
         let message = b"skipped: xvfb-run or xauth is not installed (Debian's packages xvfb and xauth)\n";
         std::io::stderr().write_all(message).unwrap();
     }
@@ -416,7 +418,7 @@ fn a_film_that_is_stopped_leaves_nothing_behind() {
     let dir = tempfile::tempdir().unwrap();
     let config = write_config(dir.path(), "");
     let place = |name: &str| dir.path().join(name);
-    // A sumo-gui that hangs, and Xvfb; both leave their number.
+    // A sumo-gui that hangs, and an Xvfb. Both write their process id to a file.
     fs::create_dir(place("bin")).unwrap();
     for (name, work) in [("sumo-gui", "sleep 600"), ("Xvfb", "/usr/bin/Xvfb \"$@\"")] {
         let script = format!("#!/bin/sh\necho $$ > $0.tmp && mv $0.tmp $0.pid\nexec {work}\n");
@@ -452,7 +454,7 @@ fn a_film_that_is_stopped_leaves_nothing_behind() {
     }
 }
 
-/// Waits for what happens soon, if it happens at all.
+/// Waits for something that should happen soon.
 fn wait_until(happened: impl Fn() -> bool) {
     for _ in 0..1200 {
         if happened() {
@@ -463,7 +465,7 @@ fn wait_until(happened: impl Fn() -> bool) {
     panic!("it does not happen");
 }
 
-/// Whether there is a process with this number that is more than a name.
+/// Returns whether a process with this id exists and is not a zombie.
 fn runs(id: &str) -> bool {
     fs::read_to_string(format!("/proc/{id}/stat")).is_ok_and(|state| !state.contains(") Z "))
 }
@@ -483,7 +485,8 @@ fn pictures_name_what_they_show_and_their_queues_are_those_of_sumo() {
     }
     assert!(picture("returns.svg").contains("mean over 2 episodes of seed 11"));
 
-    // Vertical green for ever: queues from west and east, none from south and north but where the way on is full.
+    // Vertical green all the time: queues from west and east, and none from south and north unless the way ahead is
+    // full.
     let args = ["replay", text(&config), "--controller", "never", "--out", text(&folder), "--episode-seed", "11"];
     dials_traffic(args).assert().success();
     let into = |lane: &str, side: usize| {
@@ -500,7 +503,7 @@ fn pictures_name_what_they_show_and_their_queues_are_those_of_sumo() {
     }
     let queues = picture("queues.svg");
     for (side, name) in ["west", "south"].into_iter().enumerate() {
-        // Per step and intersection: 150 and 4.
+        // 150 steps and 4 intersections.
         let words = format!("from the {name}: {:.2} cars on average", f64::from(standing[side]) / 600.0);
         assert!(queues.contains(&words), "{words}");
     }

@@ -1,6 +1,6 @@
-//! The room of SUMO from outside: one crossroad with a traffic light, made here with `netconvert`.
+//! The room of SUMO from outside, on one crossroad with a traffic light, made here with `netconvert`.
 //!
-//! libsumo has one simulation per process, so these tests, which run as threads of one process, also wait for each other.
+//! libsumo has one simulation per process. These tests run as threads of one process, so they wait for each other.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,8 @@ use dials_traffic::sumo::{
 /// The crossroad of the paper's traffic domain: 100 m edges, 10 m/s, straight on only. Lanes 3.2 m wide and a junction
 /// radius of 6.2 m make internal lanes of 18.8 m. The light's links are north, east, south, west.
 ///
-/// The tests share the folder, and nobody drops what is static: it lies among the build's temporary files, under one name.
+/// The tests share the folder, and statics are never dropped. So it is among the build's temporary files, under one
+/// name.
 static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("sumo_room");
     fs::create_dir_all(&folder).expect("a writable folder");
@@ -92,7 +93,7 @@ static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
     folder
 });
 
-/// IDM, without any draw: `speedDev` is 0.
+/// IDM, without random draws: `speedDev` is 0.
 const CAR: &str = r#"<vType id="car" carFollowModel="IDM" accel="2.6" decel="7.5" tau="1.0" minGap="2.5" length="5"
                             maxSpeed="10" impatience="0.5" speedFactor="1" speedDev="0"/>"#;
 
@@ -117,7 +118,7 @@ fn names(names: &[&str]) -> Vec<String> {
 /// A loaded crossroad with its way from west to east, and horizontal green.
 struct Road {
     simulation: Simulation,
-    /// The west incoming lane, the internal lane behind it, the east outgoing lane.
+    /// Lanes of the way: the west incoming lane, the internal lane behind it, the east outgoing lane.
     way: Vec<LaneId>,
     light: LightId,
     route: RouteId,
@@ -138,7 +139,7 @@ impl Road {
         self.simulation.set_lights(&[self.light], &[&letters.parse().unwrap()]).unwrap();
     }
 
-    /// The rule of the reference implementation: at 6 m with 9.5 m/s.
+    /// Inserts a car by the rule of the reference implementation: at 6 m with 9.5 m/s.
     fn insert(&mut self, car: u64) {
         self.insert_at(car, 6.0, DepartSpeed::Fixed(9.5));
     }
@@ -179,7 +180,7 @@ fn a_missing_net_is_reported_in_sumos_words_and_a_good_load_works_afterwards() {
 fn malformed_xml_is_reported_with_sumos_line() {
     let text = message(Simulation::load(&options_with("broken.net.xml", "road.rou.xml", &[])).unwrap_err());
     assert!(text.contains("Attribute 'to' is missing in definition of edge 'e'."), "{text}");
-    // `</net>` stands in line 3 where `</edge>` is missing: SUMO 1.15 counts one line too many.
+    // `</net>` is in line 3, where `</edge>` is missing. SUMO 1.15 counts one line too many.
     assert!(text.contains("broken.net.xml' At line/column 4/3"), "{text}");
 }
 
@@ -207,7 +208,7 @@ fn a_state_of_wrong_length_or_with_wrong_letters_is_refused_before_sumo_sees_it(
     let text = message(road.simulation.set_lights(&[road.light], &[&short]).unwrap_err());
     assert_eq!(text, "light `center` has 4 links, but the state `rG` has 2 letters");
     let text = message(SignalState::new("rGxG").unwrap_err());
-    assert_eq!(text, "signal state `rGxG`: `x` is no signal; SUMO's letters are rRyYgGuoOs");
+    assert_eq!(text, "signal state `rGxG`: `x` is not a signal; SUMO's letters are rRyYgGuoOs");
     assert!(SignalState::new("").is_err());
     let mut shown = Vec::new();
     road.simulation.read_lights(&[road.light], &mut shown).unwrap();
@@ -251,10 +252,10 @@ fn a_second_simulation_in_another_thread_waits_for_the_first() {
         says.send(()).unwrap();
         second.step();
     });
-    // No proof that it waits for ever, but a load takes milliseconds.
+    // This does not prove that it waits forever, but a load takes milliseconds.
     assert!(hears.recv_timeout(Duration::from_millis(300)).is_err());
     drop(first);
-    // Simulations of other tests may be before it in the queue.
+    // Simulations of other tests may be earlier in the queue.
     second.join().unwrap();
     assert!(hears.recv().is_ok());
 }
@@ -262,7 +263,7 @@ fn a_second_simulation_in_another_thread_waits_for_the_first() {
 #[test]
 fn an_inserted_car_is_where_it_was_put_after_one_step_under_its_serial() {
     let mut road = Road::load();
-    // 0.1 + 0.2 is not 0.3: numbers must arrive to the last bit.
+    // 0.1 + 0.2 is not 0.3: numbers must arrive exact to the last bit.
     let largest = (1 << 63) - 1;
     road.insert_at(largest, 60.0 + (0.1 + 0.2), DepartSpeed::Fixed(1.0 / 3.0));
     road.insert_at(7, 5.0, DepartSpeed::Max);
@@ -303,8 +304,8 @@ fn a_car_with_a_name_has_the_hash_of_its_name_with_the_top_bit_set() {
     let mut table = CarTable::new();
     simulation.step().unwrap();
     simulation.read_lanes(&lanes, &mut table).unwrap();
-    // FNV-1a 64 of "fo" is 08985907b541d342 (Fowler, Noll, Vo: test vectors). 2^63 is decimal but has no room in 63 bits;
-    // "007" is decimal, and 7.
+    // FNV-1a 64 of "fo" is 08985907b541d342 (Fowler, Noll, Vo: test vectors). 2^63 is decimal but does not fit 63 bits.
+    // "007" is decimal, and its value is 7.
     let ids = table.lane(0).ids;
     assert_eq!(ids[1..], [CarId(0x8898_5907_b541_d342), CarId(7)]);
     assert!(ids[0] > CarId(1 << 63));
@@ -323,7 +324,7 @@ fn insertions_that_sumo_would_misread_are_refused() {
     ] {
         assert!(matches!(road.simulation.insert(&[good, bad]), Err(Error::Insertion { .. })), "{bad:?}");
     }
-    // SUMO itself refuses a car that is faster than the road and one that is there already, and says which.
+    // SUMO itself refuses a car that is faster than the road and one that exists already, and names it.
     let fast = Insertion { car: 3, speed: DepartSpeed::Fixed(11.0), ..good };
     let text = message(road.simulation.insert(&[fast]).unwrap_err());
     assert!(text.contains("'3'") && text.contains("too high"), "{text}");
@@ -392,7 +393,7 @@ fn a_route_over_unconnected_edges_breaks_the_step_and_a_reload_heals() {
     let text = message(road.simulation.step().unwrap_err());
     assert!(text.contains("'5' has no valid route"), "{text}");
 
-    // From now on every call says so, even one that has nothing to do.
+    // From now on every call reports this, even one with nothing to do.
     assert!(matches!(road.simulation.step(), Err(Error::Broken { .. })));
     assert!(matches!(road.simulation.insert(&[]), Err(Error::Broken { .. })));
     let text = message(road.simulation.time_s().unwrap_err());
@@ -411,7 +412,7 @@ fn a_failed_reload_leaves_nothing_but_another_reload() {
     assert!(road.simulation.reload(&options_with("missing.net.xml", "road.rou.xml", &[])).is_err());
     let text = message(road.simulation.step().unwrap_err());
     assert!(text.contains("missing.net.xml"), "{text}");
-    // Loads, but has no route `eastward`... which is registered.
+    // This net loads, but it has no route `eastward`, which is registered.
     let text = message(road.simulation.reload(&["-n".into(), path("road.net.xml")]).unwrap_err());
     assert!(text.contains("'eastward' is not known"), "{text}");
     assert!(road.simulation.step().is_err());
@@ -493,7 +494,7 @@ fn departures_and_arrivals_are_counted_in_the_step_in_which_they_happen() {
 
 #[test]
 fn a_collision_is_counted_once_however_long_it_lasts() {
-    // A car at 17 m with 10 m/s behind one that stands at 20 m and is 5 m long.
+    // A car at 17 m with 10 m/s behind a standing one at 20 m that is 5 m long.
     let more = ["--collision.action", "warn"];
     let mut simulation = Simulation::load(&options_with("road.net.xml", "crash.rou.xml", &more)).unwrap();
     let collisions: Vec<u32> = (0..4)
@@ -542,7 +543,7 @@ fn an_id_of_an_earlier_simulation_is_an_error_and_no_crash() {
 fn a_panic_with_a_simulation_in_hand_leaves_room_for_the_next() {
     let panicked = thread::spawn(|| {
         let _road = Road::load();
-        std::panic::resume_unwind(Box::new("on purpose")); // a panic without its noise
+        std::panic::resume_unwind(Box::new("on purpose")); // A panic without a message on the terminal.
     });
     assert!(panicked.join().is_err());
     Road::load().step();

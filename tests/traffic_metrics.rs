@@ -1,5 +1,5 @@
-//! The traffic metrics against SUMO's own output: the program `sumo` plays the same episodes with the same lights, and what
-//! it writes of every car at every second is added up here again.
+//! The traffic metrics against SUMO's own output. The program `sumo` plays the same episodes with the same lights, and
+//! this test computes the metrics again from its output for every car at every second.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -19,7 +19,7 @@ fn nets() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets")
 }
 
-/// The 2x2 grid, with so many cars per step and edge.
+/// Returns the 2x2 grid with this probability of a car per step and edge.
 fn traffic(dir: &Path, inflow: &str) -> Traffic {
     for file in fs::read_dir(nets()).unwrap().map(|entry| entry.unwrap().path()) {
         let name = file.file_name().unwrap().to_str().unwrap().to_owned();
@@ -43,7 +43,7 @@ fn measured(domain: &Traffic, controller: &str, episode: Seed) -> EpisodeReport 
     play(&mut *simulator, &mut *controller, episode).unwrap()
 }
 
-/// The lights of the 2x2 grid as programs of SUMO's: what is shown, second by second.
+/// Returns the lights of the 2x2 grid as programs of SUMO's, which show `shown`, second by second.
 fn program(shown: impl Fn(usize) -> &'static str) -> String {
     let phases: String = (0..STEPS).map(|t| format!("<phase duration=\"1\" state=\"{}\"/>", shown(t))).collect();
     let grid = Grid::new(2, 2).unwrap();
@@ -56,7 +56,7 @@ fn program(shown: impl Fn(usize) -> &'static str) -> String {
     format!("<additional>{}</additional>", lights.collect::<String>())
 }
 
-/// What the program `sumo` writes of an episode.
+/// The output of the program `sumo` for an episode.
 struct Output {
     fcd: String,
     trips: String,
@@ -94,7 +94,7 @@ fn number(line: &str, name: &str) -> f64 {
     attribute(line, name).parse().unwrap()
 }
 
-/// The figures, added up from the cars of every second and their delays before departure.
+/// Returns the metrics, computed from the cars of every second and their delays before departure.
 fn recomputed(output: &Output) -> (BTreeMap<&'static str, f64>, [u64; 4]) {
     let incoming: Vec<BTreeSet<String>> = {
         let grid = Grid::new(2, 2).unwrap();
@@ -102,7 +102,7 @@ fn recomputed(output: &Output) -> (BTreeMap<&'static str, f64>, [u64; 4]) {
         grid.agents().into_iter().map(lanes).collect()
     };
     let intersection = |lane: &str| incoming.iter().position(|lanes| lanes.contains(lane));
-    // Of every car: seconds on the road, seconds after the first, seconds lost and waited in them, its lane.
+    // For every car: seconds on the road, seconds after the first, seconds lost and waited in them, and its lane.
     let mut cars: BTreeMap<String, (f64, f64, f64, String)> = BTreeMap::new();
     let (mut on_edges, mut speed_sum, mut halting) = (0.0, 0.0, 0.0);
     let mut passed = [0; 4];
@@ -163,8 +163,8 @@ fn assert_agreement(dir: &Path, controller: &str, lights: &Path, inflow: &str) {
     let system: BTreeMap<&str, f64> =
         report.measures.system.iter().map(|(name, value)| (name.as_str(), *value)).collect();
     for (name, expected) in &expected {
-        // SUMO counts a car's last step, in which it leaves at 9.9 to 10 m/s, and no second sees the car after it; and it
-        // rounds the time lost in a step to milliseconds.
+        // SUMO counts a car's last step, in which it leaves at 9.9 to 10 m/s, but no second shows the car after it.
+        // SUMO also rounds the time lost in a step to milliseconds.
         let tolerance = if *name == "delay_s" { 0.02 } else { 1e-6 };
         assert!((system[name] - expected).abs() < tolerance, "{controller}: {name} {} {expected}", system[name]);
     }
@@ -184,7 +184,7 @@ fn assert_agreement(dir: &Path, controller: &str, lights: &Path, inflow: &str) {
 #[test]
 fn the_metrics_of_switching_every_13_steps_are_those_of_sumos_own_output() {
     let dir = tempfile::tempdir().unwrap();
-    // The 13th action is heard before second 12; from then on 3 s of yellow and 10 s of green.
+    // The 13th action takes effect before second 12. From then on: 3 s of yellow and 10 s of green.
     let shown = program(|t| match (t + 1) % 26 {
         0..=2 if t > 3 => "ryry",
         13..=15 => "yryr",
@@ -199,7 +199,7 @@ fn the_metrics_of_switching_every_13_steps_are_those_of_sumos_own_output() {
 #[test]
 fn the_metrics_of_actuated_lights_and_of_a_long_backlog_are_those_of_sumos_own_output() {
     let dir = tempfile::tempdir().unwrap();
-    // So many cars that a hundred of them never enter.
+    // With this inflow, a hundred cars never enter.
     assert_agreement(dir.path(), "actuated", &dir.path().join("grid_2x2.actuated.add.xml"), "0.35");
 }
 
@@ -243,5 +243,5 @@ fn measures_in_full_can_be_asked_for_again_but_end_the_episode() {
     assert_eq!(gs.measures().unwrap(), first);
     let error = gs.step(&[0; 4]).unwrap_err().to_string();
     assert_eq!(error, "the episode ended with its measures");
-    assert_eq!(play(&mut *gs), first, "the next one is like it");
+    assert_eq!(play(&mut *gs), first, "the next episode is equal");
 }

@@ -1,4 +1,5 @@
-//! The traffic simulators on real SUMO: the forest, the reference trajectories, and the LS against the GS.
+//! The traffic simulators on real SUMO: the forest, the reference trajectories, and the LS (local simulator) against
+//! the GS (global simulator).
 
 use std::path::Path;
 
@@ -23,7 +24,7 @@ fn saved(name: &str) -> std::path::PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets").join(name)
 }
 
-/// All lights under a hand-coded controller.
+/// Returns control of all lights by a hand-coded controller.
 fn controlled(domain: &Traffic, controller: &str) -> SignalControl {
     let recipe = controllers::recipe(controller, Grid::new(2, 2).unwrap()).unwrap();
     domain.everywhere(recipe(domain).unwrap())
@@ -41,7 +42,7 @@ fn traffic(entry: EntryRule) -> Traffic {
     Traffic::open(&config).unwrap()
 }
 
-/// A forest as SUMO sees it, lanes and all.
+/// A forest as SUMO sees it, with its lanes.
 struct Forest {
     simulation: Simulation,
     regions: Vec<RegionHandles>,
@@ -88,7 +89,7 @@ impl Forest {
     }
 }
 
-/// What happens to a region in a test, from its own stream: cars at random, a light that changes at random.
+/// The events of a region in a test, from its own random stream: cars and changes of the light, both at random.
 struct Script {
     dice: Dice,
     light: Light,
@@ -101,7 +102,7 @@ impl Script {
         Script { dice: Seed::new(77).for_agent(AgentId(region)).dice(), light: Light::VerticalGreen, density: 0.15 }
     }
 
-    /// The entries of one step and the light.
+    /// Returns the entries of one step and the light.
     fn next(&mut self) -> ([bool; 4], Light) {
         if self.dice.random_bool(0.1) {
             self.light = Light::ALL[self.dice.random_range(0..4)];
@@ -110,7 +111,7 @@ impl Script {
     }
 }
 
-/// Positions and speeds, bit by bit, on the 12 lanes of every region at every step.
+/// Returns positions and speeds, bit by bit, on the 12 lanes of every region at every step.
 fn trace_of_forest(regions: &[usize], steps: usize) -> Vec<Vec<u64>> {
     let scripts = regions.iter().map(|&region| Script::of(region)).collect();
     trace_under(scripts, Forest::load(regions.len()), steps)
@@ -165,7 +166,7 @@ fn whether_a_forest_looks_for_collisions_makes_no_difference_because_there_are_n
     }
 }
 
-/// The forests of so many regions that lie in the temporary directory.
+/// Returns the forests of `regions` regions in the temporary directory.
 fn forests_on_disk(regions: usize) -> Vec<std::path::PathBuf> {
     let entries = std::fs::read_dir(std::env::temp_dir()).unwrap().filter_map(Result::ok);
     let nets = entries.map(|entry| entry.path().join(format!("forest_{regions}.net.xml")));
@@ -242,7 +243,7 @@ fn a_reset_intersection_begins_as_at_first() {
 fn a_row_that_is_reset_while_its_neighbours_drive_is_bit_identical_to_a_fresh_one() {
     let domain = traffic(EntryRule::Max);
     let row_of = |ls: &mut LocalTraffic, warm_up: usize| {
-        // The neighbours, and row 1 before its reset, drive by one stream, row 1 after it by another.
+        // The neighbours, and row 1 before its reset, use one random stream; row 1 uses another one after it.
         let (mut others, mut own) = (Seed::new(9).dice(), Seed::new(10).dice());
         let mut bits = Vec::new();
         for t in 0..warm_up + 150 {
@@ -280,8 +281,8 @@ fn a_row_that_is_reset_while_its_neighbours_drive_is_bit_identical_to_a_fresh_on
     }
 }
 
-/// The measured trajectory of a car that enters the west edge at 6 m with 9.5 m/s: `(edge, position, speed)` by second;
-/// edge 0 leads in, 1 is the junction, 2 leads out. SUMO 1.15, internal lane 18.8 m.
+/// The measured trajectory of a car that enters the west edge at 6 m with 9.5 m/s: `(edge, position, speed)` by second.
+/// Edge 0 leads in, 1 is the junction, 2 leads out. SUMO 1.15, internal lane 18.8 m.
 const FREE: &[(usize, f64, f64)] = &[
     (0, 6.0, 9.5),
     (0, 15.839, 9.839),
@@ -370,11 +371,11 @@ fn one_car_drives_the_two_reference_trajectories() {
             let (lane, car) = cars[0];
             assert_eq!(lane, edge, "second {second}: {car:?}");
             assert!((car.position_m - position_m).abs() < 6e-4, "second {second}: {car:?} not at {position_m}");
-            assert!((car.speed_mps - speed_mps).abs() < 6e-4, "second {second}: {car:?} not {speed_mps} m/s fast");
+            assert!((car.speed_mps - speed_mps).abs() < 6e-4, "second {second}: {car:?} not at {speed_mps} m/s");
         }
         forest.simulation.step().unwrap();
         forest.simulation.read_lanes(&lanes, &mut table).unwrap();
-        assert_eq!(table.cars(), 0, "then it has left");
+        assert_eq!(table.cars(), 0, "the car has left then");
     }
 }
 
@@ -390,21 +391,22 @@ fn a_light_state_that_is_none_of_ours_is_refused_before_sumo_sees_it() {
 fn the_traffic_domain_conforms() {
     let measured = conformance::check(&traffic(EntryRule::Max), Seed::new(3)).unwrap();
     println!("{measured:?}");
-    // The lights, always right, are about half of these bits; `the_entry_rules_lose_few_bits` counts the cells alone.
+    // The lights, which are always right, are about half of these bits. `the_entry_rules_lose_few_bits` counts the
+    // cells alone.
     assert!(measured.recall > 0.98 && measured.precision > 0.98, "{measured:?}");
     assert!(measured.reward_error < 0.02, "{measured:?}");
 }
 
-/// How the LS lets in the cars that entered in the GS.
+/// How cars that entered in the GS enter in the LS.
 #[derive(Clone, Copy, PartialEq)]
 enum Entering {
     ByRule,
-    /// At their true position and speed.
+    /// Enter at their true position and speed.
     Truly,
 }
 
-/// How the LS agrees with the GS when it is driven by the recorded sources and actions of 20 episodes. The lights, which
-/// are always right, do not count.
+/// Agreement of the LS with the GS when the recorded sources and actions of 20 episodes drive it. The lights, which are
+/// always right, do not count.
 #[derive(Debug)]
 struct Agreement {
     /// Share of the GS's occupied cells that the LS has too.
@@ -413,7 +415,7 @@ struct Agreement {
     precision: f64,
     /// Mean absolute difference of the rewards, per agent and step.
     reward_error: f64,
-    /// Mean reward in the GS, and in the LS.
+    /// Mean reward in the GS and in the LS.
     rewards: [f64; 2],
     /// Share of the rewards, per agent and step, that differ by at most 0.01.
     near_rewards: f64,
@@ -484,14 +486,14 @@ fn with_true_entries_the_local_simulator_is_the_global_one() {
         let found = agreement(EntryRule::Max, Entering::Truly, controller);
         println!("true entries, {controller}: {found:.4?}");
         assert!(found.recall >= 0.999 && found.precision >= 0.999, "{controller}: {found:?}");
-        // What remains is a car that follows one on the outgoing edge, where the LS knows no jam.
+        // The rest of the error comes from cars that follow another one on the outgoing edge, where the LS has no jam.
         assert!(found.reward_error < 0.001 && found.near_rewards > 0.99, "{controller}: {found:?}");
     }
 }
 
 #[test]
 fn the_entry_rules_lose_few_bits() {
-    // The floors lie below what was measured over 20 episodes on SUMO 1.15; gap-out stands for a good policy.
+    // The bounds are looser than what was measured over 20 episodes on SUMO 1.15. Gap-out stands for a good policy.
     for (entry, controller, recall, precision, reward_error) in [
         (EntryRule::Max, "random", 0.98, 0.98, 0.009),
         (EntryRule::Max, "gap-out", 0.955, 0.955, 0.009),

@@ -1,4 +1,4 @@
-//! The warehouse domain: its promises, its reference figures, and a few steps written down.
+//! The warehouse domain: its conformance, its reference figures, and a few steps in detail.
 
 use dials_traffic::base::{AgentId, Rows, Seed, Stopwatch, Work};
 use dials_traffic::config::{AipConfig, WarehouseConfig};
@@ -48,7 +48,7 @@ fn driven_by_the_recorded_sources_the_local_simulator_shows_every_bit_and_reward
     }
 }
 
-/// Asserts that the mean return lies within 4 standard errors of the difference.
+/// Asserts that the mean return differs from the reference by less than 4 standard errors of the difference.
 fn assert_return(side: usize, controller: &str, episodes: usize, reference: f64, reference_error: f64) {
     let domain = warehouse(side);
     let mut baseline = domain.baseline(controller).unwrap();
@@ -98,7 +98,7 @@ fn a_neighbour_takes_an_item_away_and_earns_nothing_here() {
     for episode in 0..2000 {
         let mut ls = LocalWarehouse::new(&layout, &[AgentId(0)], 1, 100, Seed::new(16).for_episode(episode));
         let there_before = ls.reset(&Beginning::first([0])).unwrap().obs.row(0)[25 + 7] == 1.0;
-        // The neighbour on the right stands on the first shared shelf.
+        // The neighbour on the right is on the first shared shelf.
         let transition = ls.step(&[UP], &Rows::from_vec(vec![1, 0, 0, 0], 4)).unwrap();
         assert_eq!(transition.rewards, [0.0]);
         if there_before {
@@ -106,7 +106,8 @@ fn a_neighbour_takes_an_item_away_and_earns_nothing_here() {
             gone += usize::from(transition.percept.obs.row(0)[25 + 7] == 0.0);
         }
     }
-    // 40 of 2000 expected (standard deviation 6.3), each of them gone unless its shelf is refilled in the same step (0.02).
+    // Expected: 40 of 2000 (standard deviation 6.3). Each of them is gone unless its shelf is refilled in the same step
+    // (0.02).
     assert!((20..60).contains(&there) && there - gone <= 4, "{gone} of {there}");
 }
 
@@ -138,7 +139,7 @@ fn the_aip_learns_where_random_neighbours_stand_as_well_as_constants_can() {
             "untrained {before:.3}, trained {:.3}, held out {after:.3}, marginals {marginals:.3}",
             mean(&loss.training[1])
         );
-        // ln 4, and more or less for what the random weights happen to prefer.
+        // About ln 4. The difference comes from the preferences of the random weights.
         assert!((before - 4_f64.ln()).abs() < 0.25);
         assert!((0.40..0.60).contains(&after) && after < marginals + 0.03, "{after} {marginals}");
     }
@@ -146,7 +147,7 @@ fn the_aip_learns_where_random_neighbours_stand_as_well_as_constants_can() {
 
 #[test]
 fn twenty_steps_are_as_they_were_written_down() {
-    // A regression test: if this changes, every figure of the warehouse does. First agent of the inner 2 x 2, moves
+    // A regression test: if this changes, every figure of the warehouse changes. First agent of the inner 2 x 2, moves
     // R R L U U D L L R D D U R U L U D D D U, cell and items after each step.
     let actions = [3, 3, 2, 0, 0, 1, 2, 2, 3, 1, 1, 0, 3, 0, 2, 0, 1, 1, 1, 0];
     let mut gs = GlobalWarehouse::new(&Layout::around(2), 100, None);

@@ -1,11 +1,12 @@
-//! What every domain must hold, as one check that a test of the domain calls.
+//! The properties that every domain must have, as one check that a test of the domain calls.
 //!
-//! For the GS: shapes and ranges, repeatability from the seed, and the alignment of influence samples. For the local
-//! simulators of every kind: that a reset of one row leaves the others alone, and that a row can be retraced in another
-//! simulator to the bit. How well the LS reproduces the GS when it is driven by the recorded sources
-//! is returned as shares of equal observation entries, which are 1 for domains whose local transition is exact, and the
-//! error of its rewards, which is 0 for them; others have measured bounds (traffic loses a car's exact position at the
-//! entry).
+//! For the GS (global simulator): shapes and ranges, repeatability from the seed, and the alignment of influence
+//! samples. For the LS (local simulators) of every kind: a reset of one row leaves the others alone, and a row can be
+//! retraced in another simulator, to the bit.
+//!
+//! The check also returns how well the LS reproduces the GS when the recorded sources drive it. Shares of equal
+//! observation entries are 1 for domains whose local transition is exact, and the error of the rewards is 0 for them.
+//! Others have measured bounds: traffic loses a car's exact position at the entry.
 
 use anyhow::ensure;
 use rand::Rng;
@@ -13,7 +14,7 @@ use rand::Rng;
 use super::{Action, Beginning, Domain, JointPercept, Kind, LocalSimulator, Result};
 use crate::base::{Dice, Ragged, RandomPurpose, Rows, Seed};
 
-/// What [`check`] measured with the LS driven by the GS's recorded sources and actions.
+/// What [`check`] measured with the LS, driven by the GS's recorded sources and actions.
 #[derive(Clone, Copy, Debug)]
 pub struct Conformance {
     /// Share of the GS's non-zero observation entries that the LS had too.
@@ -24,7 +25,7 @@ pub struct Conformance {
     pub reward_error: f64,
 }
 
-/// Runs the checks; an error says which promise is broken.
+/// Runs the checks. An error says which property does not hold.
 pub fn check(domain: &dyn Domain, seed: Seed) -> Result<Conformance> {
     let recording = record(domain, seed)?;
     ensure!(record(domain, seed)? == recording, "the GS does not repeat an episode from its seed");
@@ -42,7 +43,7 @@ pub fn check(domain: &dyn Domain, seed: Seed) -> Result<Conformance> {
 /// An episode of the GS under random actions.
 #[derive(PartialEq)]
 struct Recording {
-    /// What every step led to.
+    /// Percepts after every step.
     percepts: Vec<JointPercept>,
     actions: Vec<Vec<Action>>,
     d_sets: Vec<Ragged<f32>>,
@@ -50,7 +51,7 @@ struct Recording {
     rewards: Vec<Vec<f32>>,
 }
 
-/// The same of the agents of one kind.
+/// The recording of the agents of one kind.
 struct OfKind {
     obs: Vec<Rows<f32>>,
     actions: Vec<Vec<Action>>,
@@ -70,7 +71,7 @@ impl Recording {
     }
 }
 
-/// One of the allowed actions per agent; an empty mask allows all.
+/// Returns one of the allowed actions per agent; an empty mask allows all.
 fn random_actions(dice: &mut Dice, domain: &dyn Domain, percept: &JointPercept) -> Vec<Action> {
     let of_agent = |(n_actions, mask): (usize, &[bool])| {
         let allowed: Vec<usize> =
@@ -122,28 +123,28 @@ fn check_shapes(domain: &dyn Domain, recording: &Recording) -> Result<()> {
             (&percept.obs, kinds.specs().map(|spec| spec.obs_dim).collect::<Vec<_>>(), "observations"),
             (&percept.d_set, kinds.specs().map(|spec| spec.d_set_dim).collect(), "d-sets"),
         ] {
-            ensure!(table.widths().eq(widths), "{what} of a wrong shape");
+            ensure!(table.widths().eq(widths), "{what} have a wrong shape");
         }
         ensure!(
             sources.widths().eq(kinds.specs().map(|spec| spec.sources.count())),
-            "influence sources of a wrong shape"
+            "influence sources have a wrong shape"
         );
         for (sources, spec) in sources.iter().zip(kinds.specs()) {
             ensure!(
                 sources.iter().zip(&spec.sources.classes).all(|(u, classes)| u < classes),
-                "an influence source out of range"
+                "an influence source is out of range"
             );
         }
-        ensure!(rewards.len() == kinds.agents(), "rewards of a wrong number of agents");
-        ensure!(rewards.iter().all(|r| r.is_finite()), "a reward that is not finite");
+        ensure!(rewards.len() == kinds.agents(), "there are rewards for a wrong number of agents");
+        ensure!(rewards.iter().all(|r| r.is_finite()), "a reward is not finite");
     }
     Ok(())
 }
 
-/// How much of the GS the LS showed, and the other way round.
+/// Counts of observation entries that the GS and the LS showed, together and each on its own.
 #[derive(Default)]
 struct Likeness {
-    /// Non-zero entries of observations.
+    /// Number of non-zero entries of observations.
     of_global: u64,
     of_local: u64,
     of_both: u64,
@@ -164,7 +165,7 @@ impl Likeness {
     }
 }
 
-/// Local simulators of all regions of a kind.
+/// Makes local simulators of all regions of a kind.
 fn local_simulator(domain: &dyn Domain, kind: &Kind, copies: usize, seed: Seed) -> Result<Box<dyn LocalSimulator>> {
     let ls = domain.local_simulator(&kind.agents, copies, seed)?;
     ensure!(*ls.spec() == kind.spec, "the LS of kind `{}` has another shape than the kind", kind.name);
@@ -172,7 +173,7 @@ fn local_simulator(domain: &dyn Domain, kind: &Kind, copies: usize, seed: Seed) 
     Ok(ls)
 }
 
-/// Drives one LS per agent by the recorded actions and sources and compares what it shows.
+/// Drives one LS per agent by the recorded actions and sources, and compares its percepts with the recorded ones.
 fn replay_locally(
     domain: &dyn Domain,
     kind: &Kind,
@@ -184,7 +185,10 @@ fn replay_locally(
     ls.reset(&Beginning::first(0..kind.agents.len()))?;
     for (t, actions) in recording.actions.iter().enumerate() {
         let local = ls.step(actions, &recording.sources[t])?;
-        ensure!(local.percept.masks.is_some() == kind.spec.masks, "masks of the LS that its spec does not tell of");
+        ensure!(
+            local.percept.masks.is_some() == kind.spec.masks,
+            "the LS and its spec differ in whether there are masks"
+        );
         for (&global, &local) in recording.obs[t].as_slice().iter().zip(local.percept.obs.as_slice()) {
             likeness.of_global += u64::from(global != 0.0);
             likeness.of_local += u64::from(local != 0.0);
@@ -198,7 +202,7 @@ fn replay_locally(
     Ok(())
 }
 
-/// Two copies of every region in step with each other; one is reset alone, the other must not notice.
+/// Runs two copies of every region in lockstep. Resetting one alone must not affect the other.
 fn check_single_resets(domain: &dyn Domain, kind: &Kind, recording: &OfKind, seed: Seed) -> Result<()> {
     let regions = &kind.agents;
     let trace = |reset_at: Option<usize>| -> Result<Vec<f32>> {
@@ -226,9 +230,9 @@ fn check_single_resets(domain: &dyn Domain, kind: &Kind, recording: &OfKind, see
     Ok(())
 }
 
-/// Two copies of every region, one of them reset on the way. A second simulator, in which the first copies never lived
-/// through an earlier episode and the rows began at other times, must be led to the same place by the same actions and
-/// sources, and go on from there in the same way.
+/// Runs two copies of every region and resets one of them on the way. In a second simulator, the first copies have no
+/// earlier episode, and the rows begin at other times. The same actions and sources must lead it to the same state, and
+/// it must go on from there in the same way.
 fn check_that_rows_can_be_retraced(domain: &dyn Domain, kind: &Kind, recording: &OfKind, seed: Seed) -> Result<()> {
     const COPIES: usize = 2;
     let regions = &kind.agents;
@@ -262,9 +266,6 @@ fn check_that_rows_can_be_retraced(domain: &dyn Domain, kind: &Kind, recording: 
     let original = play(first_copies(0).chain(second_copies(0)).collect(), 0)?;
     let retraced = play(first_copies(7).chain(second_copies(1)).collect(), reset_at)?;
     let same = original[reset_at..].iter().zip(&retraced).all(|((_, original), (_, retraced))| original == retraced);
-    ensure!(
-        same,
-        "an episode of an LS is another one in a new LS: it does not follow from its actions and sources alone"
-    );
+    ensure!(same, "an episode of an LS differs in a new LS: it does not depend on its actions and sources alone");
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! Kinds: agents whose regions have equal shape, and so share a stack of networks and a local simulator.
+//! Kinds: agents whose regions have the same shape. They share a stack of networks and a local simulator.
 
 use std::collections::BTreeSet;
 use std::ops::Index;
@@ -8,33 +8,34 @@ use anyhow::ensure;
 use super::{RegionSpec, Result};
 use crate::base::AgentId;
 
-/// Agents of equal shape.
+/// The agents of one shape.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Kind {
-    /// Lower-case letters, digits, `-` and `_`: it becomes a part of the names of tensors and files.
+    /// Name of lower-case letters, digits, `-` and `_`. It becomes a part of the names of tensors and files.
     pub name: String,
     pub spec: RegionSpec,
-    /// In ascending order.
+    /// Agents in ascending order.
     pub agents: Vec<AgentId>,
 }
 
-/// Where an agent stands: the index of its kind, and its place among the agents of that kind.
+/// The place of an agent: the index of its kind, and its row among the agents of that kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Place {
     pub kind: usize,
     pub row: usize,
 }
 
-/// The kinds of a domain. Every agent is of exactly one of them; kinds may interleave.
+/// The kinds of a domain. Every agent belongs to exactly one of them; kinds may interleave.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Kinds {
     kinds: Vec<Kind>,
-    /// One per agent.
+    /// Place of each agent.
     places: Vec<Place>,
 }
 
 impl Kinds {
-    /// An error names what is wrong: together the kinds must hold the agents `0..n`, each once, and have one horizon.
+    /// Makes the kinds. Together they must hold the agents `0..n`, each once, and have one horizon. An error says what
+    /// is wrong.
     pub fn new(kinds: Vec<Kind>) -> Result<Kinds> {
         ensure!(!kinds.is_empty(), "a domain has at least one kind of agents");
         let mut places = vec![None; kinds.iter().map(|kind| kind.agents.len()).sum()];
@@ -52,21 +53,21 @@ impl Kinds {
             let horizon = kinds[0].spec.horizon;
             ensure!(
                 spec.horizon == horizon,
-                "kind `{name}`: its horizon is {}, and that of others {horizon}",
+                "kind `{name}`: its horizon is {}, but that of others is {horizon}",
                 spec.horizon
             );
             ensure!(
                 spec.sources.classes.iter().all(|&classes| classes > 1),
-                "kind `{name}`: a source of fewer than two classes"
+                "kind `{name}`: a source has fewer than two classes"
             );
             for (row, agent) in agents.iter().enumerate() {
                 let place: Option<&mut Option<Place>> = places.get_mut(agent.0);
                 let place = place.ok_or_else(|| {
-                    anyhow::anyhow!("kind `{name}`: it has agent {agent}, and a number below is missing")
+                    anyhow::anyhow!("kind `{name}`: it has agent {agent}, but a lower number is missing")
                 })?;
                 ensure!(
                     place.is_none(),
-                    "kind `{name}`: it has agent {agent}, which another kind or place has already"
+                    "kind `{name}`: it has agent {agent}, which another kind or place already has"
                 );
                 *place = Some(Place { kind: index, row });
             }
@@ -75,19 +76,19 @@ impl Kinds {
         Ok(Kinds { kinds, places })
     }
 
-    /// All agents are of one shape.
+    /// Makes a single kind of `agents` agents.
     pub fn one(agents: usize, spec: RegionSpec) -> Kinds {
         assert!(agents > 0, "a domain has at least one agent");
         let places = (0..agents).map(|row| Place { kind: 0, row }).collect();
         Kinds { kinds: vec![Kind { name: "agent".to_owned(), spec, agents: AgentId::all(agents) }], places }
     }
 
-    /// Number of agents of all kinds.
+    /// Returns the number of agents of all kinds.
     pub fn agents(&self) -> usize {
         self.places.len()
     }
 
-    /// Number of kinds.
+    /// Returns the number of kinds.
     pub fn count(&self) -> usize {
         self.kinds.len()
     }
@@ -96,7 +97,7 @@ impl Kinds {
         self.kinds.iter()
     }
 
-    /// Steps of an episode, the same for all kinds.
+    /// Returns the number of steps of an episode, the same for all kinds.
     pub fn horizon(&self) -> usize {
         self.kinds[0].spec.horizon
     }
@@ -109,12 +110,12 @@ impl Kinds {
         &self.kinds[self.place(agent).kind]
     }
 
-    /// The spec of every agent, in order.
+    /// Returns the spec of every agent, in order.
     pub fn specs(&self) -> impl Iterator<Item = &RegionSpec> + Clone {
         self.places.iter().map(|place| &self.kinds[place.kind].spec)
     }
 
-    /// What the names of a kind's tensors and files begin with: nothing where there is one kind only.
+    /// Returns the prefix of the names of a kind's tensors and files; empty if there is only one kind.
     pub fn prefix(&self, kind: &Kind) -> String {
         if self.kinds.len() == 1 { String::new() } else { format!("{}.", kind.name) }
     }
@@ -171,12 +172,12 @@ mod tests {
         for (kinds, reason) in [
             (vec![], "at least one kind"),
             (vec![kind("a", 5, &[])], "kind `a`: it has no agents"),
-            (vec![kind("a", 5, &[0, 2])], "kind `a`: it has agent 2, and a number below is missing"),
+            (vec![kind("a", 5, &[0, 2])], "kind `a`: it has agent 2, but a lower number is missing"),
             (vec![kind("a", 5, &[0, 1]), kind("b", 5, &[1])], "kind `b`: it has agent 1, which another"),
             (vec![kind("a", 5, &[1, 0])], "kind `a`: its agents are not in ascending order"),
             (vec![kind("a", 5, &[0]), kind("a", 5, &[1])], "kind `a`: there are two of this name"),
             (vec![kind("a.b", 5, &[0])], "kind `a.b`: not a name"),
-            (vec![kind("a", 5, &[0]), kind("b", 6, &[1])], "kind `b`: its horizon is 6, and that of others 5"),
+            (vec![kind("a", 5, &[0]), kind("b", 6, &[1])], "kind `b`: its horizon is 6, but that of others is 5"),
         ] {
             let error = Kinds::new(kinds).unwrap_err().to_string();
             assert!(error.contains(reason), "{error}");

@@ -1,19 +1,21 @@
-//! What a domain is: the traits between simulators and learning.
+//! Domains: the traits between simulators and learning.
 //!
-//! A [`Domain`] makes simulators. The [`GlobalSimulator`] (GS) moves the whole system; a [`LocalSimulator`] (LS) moves
-//! many local regions in lockstep, each driven by the influence sources it is handed. Simulators never see a tensor and
-//! never hear of learning: they speak [`Rows`]. Learning never sees a car or a robot: it knows the [`RegionSpec`].
+//! A [`Domain`] makes simulators. The [`GlobalSimulator`] (GS) moves the whole system. A [`LocalSimulator`] (LS) moves
+//! many local regions in lockstep, each driven by the influence sources that it gets. Simulators never see a tensor or
+//! anything of learning: they use [`Rows`] and [`Ragged`]. Learning never sees a car or a robot: it knows the
+//! [`RegionSpec`].
 //!
-//! Agents of equal shape form a [`Kind`]; a domain lists its [`Kinds`]. A local simulator has rows of one kind. The GS has
-//! one row per agent, of whatever width its kind has.
+//! Agents of equal shape form a [`Kind`]; a domain lists its [`Kinds`]. A local simulator has rows of one kind. The GS
+//! has one row per agent, as wide as its kind needs.
 //!
 //! Pictures of episodes are drawn from a [`Scene`] or a [`road_trace`].
 //!
 //! A new domain implements the three traits and passes [`conformance`]; [`toy`] has the smallest ones.
 //!
-//! - `spec`: the shape of a region; `kinds`: the agents that have it; `percept`: what simulators show.
-//! - `scenario`: what is simulated, as a run writes it down; `rough_costs`: a guess of how long it takes.
+//! - `spec`: the shape of a region; `kinds`: the agents that have it; `percept`: what simulators show to agents.
+//! - `scenario`: what a run simulates, for its files; `rough_costs`: a guess of how long a run takes.
 //! - `scene`: a picture of the state; [`road_trace`]: an episode of traffic, for pictures.
+//! - [`conformance`]: the properties that every domain must have; [`toy`]: domains for tests.
 //! - [`conformance`]: what every domain must hold; [`toy`]: domains for tests.
 
 pub mod conformance;
@@ -40,65 +42,65 @@ pub use scenario::{Episode, FirstRow, Map, Scenario, ScenarioId};
 pub use scene::{Colour, Scene};
 pub use spec::{Action, RegionSpec, SourceSpec, logits_of};
 
-/// Simulators fail for reasons of their own (SUMO, files); no room above chooses by the kind of failure.
+/// Result of a simulator. Its failures have many reasons (SUMO, files), and no room above distinguishes them.
 pub type Result<T> = anyhow::Result<T>;
 
-/// One sample `(l_t, u_t)` of every agent's dataset `D_i`: the d-set at a decision and the influence sources that acted
-/// during the step after it.
+/// One sample `(l_t, u_t)` of every agent's dataset `D_i`: the d-set (the variables that the AIP predicts from) at a
+/// decision, and the influence sources during the step after it.
 #[derive(Clone, Copy, Debug)]
 pub struct InfluenceSample<'a> {
-    /// One row per agent: `[d_set_dim]` of its kind.
+    /// D-sets, one row per agent: `[d_set_dim]` of its kind.
     pub d_set: &'a Ragged<f32>,
-    /// One row per agent: `[sources]` of its kind.
+    /// Influence sources, one row per agent: `[sources]` of its kind.
     pub sources: &'a Ragged<u8>,
 }
 
 /// The global simulator: `s' ~ T(. | s, a)` for all agents at once, one row per agent.
 ///
-/// It knows no horizon: whoever drives it ends the episode by `reset`. An episode follows from its seed and the joint
-/// actions alone.
+/// It knows no horizon: the caller ends the episode by `reset`. An episode depends on its seed and the joint actions
+/// alone.
 pub trait GlobalSimulator {
-    /// Those of the domain.
+    /// Returns the kinds of the domain.
     fn kinds(&self) -> &Kinds;
 
     fn agents(&self) -> usize {
         self.kinds().agents()
     }
 
-    /// Begins an episode; everything random in it follows from `episode`.
+    /// Begins an episode. Everything random in it follows from `episode`.
     fn reset(&mut self, episode: Seed) -> Result<&JointPercept>;
 
-    /// One step under the joint action, `[agents]`.
+    /// Makes one step under the joint action, `[agents]`.
     fn step(&mut self, actions: &[Action]) -> Result<&JointTransition>;
 
-    /// The sample of the last step. The GS owns the alignment of the pair: an LS in the same local state that is fed
-    /// these sources makes the same transition.
+    /// Returns the sample of the last step. The GS must align the pair: an LS in the same local state that gets these
+    /// sources makes the same transition.
     fn influence_sample(&self) -> InfluenceSample<'_>;
 
-    /// What else there is to tell of the episode so far.
+    /// Returns other figures of the episode so far.
     fn measures(&mut self) -> Result<Measures> {
         Ok(Measures::default())
     }
 
-    /// From the next reset on [`GlobalSimulator::measures`] tell all that the domain knows, at whatever cost, and end
-    /// the episode: then only a reset may follow.
+    /// Makes [`GlobalSimulator::measures`] return all that the domain knows, at any cost, from the next reset on. It
+    /// then ends the episode: only a reset may follow.
     fn measure_in_full(&mut self) -> Result<()> {
         Ok(())
     }
 
-    /// A picture of the state, where the domain draws one.
+    /// Returns a picture of the state, if the domain draws one.
     fn scene(&self) -> Option<Scene> {
         None
     }
 
-    /// How long its steps took since the last call, where it tells insertion, its own step and reading apart. What it
-    /// does not tell counts as its own step.
+    /// Returns how long its steps took since the last call, split into insertion, its own step and reading. Time that
+    /// is not split counts as its own step.
     fn take_watch(&mut self) -> Stopwatch {
         Stopwatch::default()
     }
 }
 
-/// An episode that begins in a row of a local simulator.
+/// An episode to begin in a row of a local simulator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Beginning {
     pub row: usize,
@@ -107,7 +109,7 @@ pub struct Beginning {
 }
 
 impl Beginning {
-    /// The first episodes of these rows.
+    /// Returns the first episodes of these rows.
     pub fn first(rows: impl IntoIterator<Item = usize>) -> Vec<Beginning> {
         rows.into_iter().map(|row| Beginning { row, episode: 0 }).collect()
     }
@@ -115,28 +117,28 @@ impl Beginning {
 
 /// The local simulators of many regions of one kind in lockstep: `x' ~ T_i(. | x, u, a)`, one row per (agent, copy).
 ///
-/// It knows no horizon: whoever drives it ends the episode of a row by `reset`.
+/// It knows no horizon: the caller ends the episode of a row by `reset`.
 ///
-/// What a row does follows from its region and copy, the seed of the simulator, the number of the episode, and the
-/// actions and sources since the episode began; other rows and earlier episodes have no part in it. So training can be
-/// interrupted anywhere and goes on in a new simulator that is driven to the same place. [`conformance`] checks it.
+/// What a row does depends on its region and copy, the seed of the simulator, the number of the episode, and the
+/// actions and sources since the episode began. It does not depend on other rows or earlier episodes. So training can
+/// stop anywhere and continue in a new simulator that is driven to the same state. [`conformance`] checks this.
 pub trait LocalSimulator {
-    /// That of its kind.
+    /// Returns the spec of its kind.
     fn spec(&self) -> &RegionSpec;
     fn rows(&self) -> usize;
 
     /// Begins these episodes, each in its row, and leaves the other rows as they are.
     fn reset(&mut self, begin: &[Beginning]) -> Result<&Percept>;
 
-    /// One step of every row. `actions`: `[rows]`; `sources`: `[rows, sources]`.
+    /// Makes one step of every row. `actions`: `[rows]`; `sources`: `[rows, sources]`.
     fn step(&mut self, actions: &[Action], sources: &Rows<u8>) -> Result<&Transition>;
 
-    /// Totals since the simulator was made, such as influences that could not be carried out.
+    /// Returns totals since the simulator was made, such as influences that could not be applied.
     fn counters(&self) -> Vec<(&'static str, u64)> {
         Vec::new()
     }
 
-    /// As [`GlobalSimulator::take_watch`].
+    /// Returns how long its steps took, like [`GlobalSimulator::take_watch`].
     fn take_watch(&mut self) -> Stopwatch {
         Stopwatch::default()
     }
@@ -145,28 +147,28 @@ pub trait LocalSimulator {
 /// Named figures of an episode beside the return.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Measures {
-    /// One value per agent.
+    /// Figures with one value per agent.
     pub per_agent: Vec<(String, Vec<f64>)>,
-    /// One value for the whole system.
+    /// Figures with one value for the whole system.
     pub system: Vec<(String, f64)>,
 }
 
 /// Decides for all agents of a GS: a joint policy or a hand-coded baseline.
 pub trait Controller {
-    /// An episode begins; everything random in the decisions follows from `episode`.
+    /// Begins an episode. Everything random in the decisions follows from `episode`.
     fn begin(&mut self, episode: Seed);
 
     /// Decides, one action per agent.
     fn act(&mut self, percept: &JointPercept, actions: &mut [Action]) -> Result<()>;
 }
 
-/// A hand-coded controller with the GS it runs on.
+/// A hand-coded controller with the GS that it runs on.
 pub struct Baseline {
     pub simulator: Box<dyn GlobalSimulator>,
     pub controller: Box<dyn Controller>,
 }
 
-/// Leaves everything to hand-coded control inside the simulator.
+/// A controller that leaves everything to hand-coded control inside the simulator.
 pub struct Bystander;
 
 impl Controller for Bystander {
@@ -188,48 +190,49 @@ pub trait Domain: Send + Sync {
 
     fn global_simulator(&self) -> Result<Box<dyn GlobalSimulator>>;
 
-    /// Local simulators of `regions`, `copies` of each: rows ordered by region, then copy. All regions are of one kind.
+    /// Makes local simulators of `regions`, `copies` of each: rows ordered by region, then copy. All regions are of one
+    /// kind.
     fn local_simulator(&self, regions: &[AgentId], copies: usize, seed: Seed) -> Result<Box<dyn LocalSimulator>>;
 
-    /// The names that [`Domain::baseline`] takes, for help and error messages.
+    /// Returns the names that [`Domain::baseline`] takes, for help and error messages.
     fn baselines(&self) -> &'static [&'static str] {
         &[]
     }
 
-    /// A hand-coded controller by name; an unknown name is an error that lists the known ones.
+    /// Makes a hand-coded controller by name. An unknown name is an error that lists the known ones.
     fn baseline(&self, name: &str) -> Result<Baseline> {
         anyhow::bail!("controller `{name}`: this domain has none")
     }
 
-    /// An error if [`Domain::baseline`] would not know the name.
+    /// Returns an error if [`Domain::baseline`] would not know the name.
     fn check_baseline(&self, name: &str) -> Result<()> {
         self.baseline(name).map(drop)
     }
 
-    /// A GS in which a hand-coded controller decides for these agents, whatever their actions say.
+    /// Makes a GS in which a hand-coded controller decides for these agents, whatever their actions say.
     fn with_background(&self, name: &str, _agents: &[AgentId]) -> Result<Box<dyn GlobalSimulator>> {
         bail!("controller `{name}`: this domain has no hand-coded control for some of its agents")
     }
 
-    /// What to add to the output biases of a fresh policy of this kind, per action: a prior on behaviour.
+    /// Returns what to add to the output biases of a new policy of this kind, per action: a prior on behaviour.
     fn initial_action_bias(&self, kind: &Kind) -> Vec<f32> {
         vec![0.0; kind.spec.n_actions]
     }
 
-    /// The agents that sit in a degenerate behaviour, judged by the mean measures of an evaluation: one value per agent.
+    /// Returns whether each agent is stuck in a degenerate behaviour, judged by the mean measures of an evaluation.
     fn stuck(&self, _measures: &Measures) -> Vec<bool> {
         vec![false; self.agents()]
     }
 
-    /// Describes what is simulated, for `run.json` and for whoever reads it.
+    /// Describes what is simulated, for `run.json` and its readers.
     fn scenario(&self) -> Result<Scenario>;
 
-    /// The hand-coded controller to measure a run against, one of [`Domain::baselines`].
+    /// Returns the hand-coded controller to compare a run with, one of [`Domain::baselines`].
     fn rival(&self) -> Option<&'static str> {
         None
     }
 
-    /// Tries out what only a simulator can say of the domain's files, so that it is said before a run begins.
+    /// Tests the domain's files in a simulator, so that errors are reported before a run begins.
     fn try_out(&self) -> Result<()> {
         Ok(())
     }
@@ -239,18 +242,19 @@ pub trait Domain: Send + Sync {
         Ok(())
     }
 
-    /// Makes `folder` and copies the domain's files into it. Returns their places in it, in the order of the config's keys
-    /// that name them; a domain without files makes nothing.
+    /// Makes `folder` and copies the domain's files into it. Returns their paths in it, in the order of the config's
+    /// keys that name them. A domain without files makes nothing.
     fn keep_files(&self, _folder: &Path) -> Result<Vec<PathBuf>> {
         Ok(Vec::new())
     }
 
-    /// The program of others that makes the steps of this domain's simulators, if one does. Its time cannot be avoided.
+    /// Returns the name of the external program that makes the steps of this domain's simulators, if there is one. Its
+    /// time cannot be avoided.
     fn foreign_simulator(&self) -> Option<&'static str> {
         None
     }
 
-    /// What a run costs where none was measured.
+    /// Returns rough costs of a run, for use without measurements.
     fn rough_costs(&self) -> RoughCosts {
         RoughCosts::default()
     }

@@ -1,4 +1,5 @@
-//! What simulators show: percepts and transitions of rows of one kind (LS), and joint ones of all agents (GS).
+//! What simulators show: percepts and transitions of rows of one kind (LS, local simulator), and joint ones of all
+//! agents (GS, global simulator).
 
 use super::{Kinds, RegionSpec};
 use crate::base::{Ragged, Rows};
@@ -6,17 +7,17 @@ use crate::base::{Ragged, Rows};
 /// What regions of one kind show at a decision, one row per (agent, copy).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Percept {
-    /// `[rows, obs_dim]`
+    /// Observations, `[rows, obs_dim]`.
     pub obs: Rows<f32>,
-    /// `[rows, d_set_dim]`
+    /// D-sets, `[rows, d_set_dim]`.
     pub d_set: Rows<f32>,
-    /// `[rows, n_actions]`: the actions that are allowed now, at least one per row. `None` if the kind has no masks.
-    /// Policies never choose another action. What the simulator would make of one is its own affair, but it must go on.
+    /// Actions that are allowed now, `[rows, n_actions]`, at least one per row. `None` if the kind has no masks.
+    /// Policies never choose another action. A simulator may treat another one as it likes, but it must go on.
     pub masks: Option<Rows<bool>>,
 }
 
 impl Percept {
-    /// Nothing is shown, and every action is allowed.
+    /// Makes a percept of zeros in which every action is allowed.
     pub fn new(rows: usize, spec: &RegionSpec) -> Self {
         let all_allowed = || {
             let mut masks = Rows::new(rows, spec.n_actions);
@@ -39,12 +40,12 @@ impl Percept {
     }
 }
 
-/// What one step of a local simulator brought.
+/// The result of one step of a local simulator.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Transition {
-    /// After the step.
+    /// Percept after the step.
     pub percept: Percept,
-    /// `[rows]`
+    /// Rewards, `[rows]`.
     pub rewards: Vec<f32>,
 }
 
@@ -54,17 +55,17 @@ impl Transition {
     }
 }
 
-/// What the regions of all agents show at a decision, one row per agent, as wide as its kind has it.
+/// What the regions of all agents show at a decision, one row per agent, as wide as its kind needs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointPercept {
     pub obs: Ragged<f32>,
     pub d_set: Ragged<f32>,
-    /// The actions that are allowed now. The row of an agent whose kind has no masks is empty.
+    /// Actions that are allowed now. The row of an agent whose kind has no masks is empty.
     pub masks: Ragged<bool>,
 }
 
 impl JointPercept {
-    /// Nothing is shown, and every action is allowed.
+    /// Makes a percept of zeros in which every action is allowed.
     pub fn new(kinds: &Kinds) -> Self {
         let mut masks = Ragged::new(kinds.specs().map(|spec| if spec.masks { spec.n_actions } else { 0 }));
         masks.fill(true);
@@ -75,7 +76,7 @@ impl JointPercept {
         }
     }
 
-    /// Copies what the agents of one kind see: `percept` has one row for each of them.
+    /// Copies what the agents of one kind see; `percept` has one row for each of them.
     pub fn of_kind(&self, kinds: &Kinds, kind: usize, percept: &mut Percept) {
         let agents = || kinds[kind].agents.iter().map(|agent| agent.0);
         self.obs.pick_into(agents(), &mut percept.obs);
@@ -86,12 +87,12 @@ impl JointPercept {
     }
 }
 
-/// What one step of the global simulator brought.
+/// The result of one step of the global simulator.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointTransition {
-    /// After the step.
+    /// Percept after the step.
     pub percept: JointPercept,
-    /// `[agents]`
+    /// Rewards, `[agents]`.
     pub rewards: Vec<f32>,
 }
 

@@ -1,11 +1,12 @@
-//! What cars and lights did on roads in an episode, second by second, for pictures: no simulator's types or names.
+//! Cars and lights on roads in an episode, second by second, for pictures. Has no simulator's types or names.
 
 /// An episode on a grid of roads. Lists of intersections are in the order of the agents.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RoadTrace {
     /// Number of steps, each of a second.
     pub seconds: usize,
-    /// Intersections from south to north and from west to east; agents are numbered row by row from the south-west corner.
+    /// Number of rows of intersections, and of columns. Agents are numbered row by row from the south-west corner,
+    /// eastwards and then northwards.
     pub rows: usize,
     pub columns: usize,
     /// Names of the intersections.
@@ -18,7 +19,7 @@ pub struct RoadTrace {
     pub corridors: Vec<Corridor>,
 }
 
-/// What a light showed, as a whole.
+/// What the light of an intersection showed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shown {
     /// Green for one of [`RoadTrace::greens`], by its index.
@@ -31,7 +32,7 @@ pub enum Shown {
 /// The approaches of all intersections from one side.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Approach {
-    /// The side: `west`.
+    /// Side, such as `west`.
     pub from: &'static str,
     /// Number of standing cars, `[intersections][seconds]`.
     pub standing: Vec<Vec<usize>>,
@@ -40,14 +41,14 @@ pub struct Approach {
 /// A row of intersections that cars drive through from one end to the other.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Corridor {
-    /// What it is: `row 1 of a grid of 2x2`.
+    /// Name, such as `row 1 of a grid of 2x2`.
     pub name: String,
-    /// The sides where it begins and ends: `west`, `east`.
+    /// Sides where the corridor begins and ends, such as `west`, `east`.
     pub from: &'static str,
     pub to: &'static str,
     pub length_m: f64,
     pub crossings: Vec<Crossing>,
-    /// Where each car was: seconds, and metres from the beginning.
+    /// Points of each car: seconds, and metres from the beginning.
     pub cars: Vec<Vec<(f64, f64)>>,
 }
 
@@ -55,7 +56,8 @@ pub struct Corridor {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Crossing {
     pub name: String,
-    /// Where its inside begins, at the stop line, and ends, in metres from the beginning of the corridor.
+    /// Place where its inside begins, at the stop line, and where it ends, in metres from the beginning of the
+    /// corridor.
     pub begin_m: f64,
     pub end_m: f64,
     /// What its light showed to the cars of the corridor in each second.
@@ -71,7 +73,7 @@ pub enum Aspect {
 }
 
 impl RoadTrace {
-    /// `2x3`: rows and columns.
+    /// Returns rows and columns, such as `2x3`.
     pub fn grid(&self) -> String {
         format!("{}x{}", self.rows, self.columns)
     }

@@ -1,23 +1,23 @@
-//! What a run costs where none was measured: enough for a first guess of how long it takes.
+//! Rough costs of a run without measurements: enough for a first guess of how long it takes.
 
 /// Core-seconds and memory, measured on two cores of a cloud machine with the configs of this project.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RoughCosts {
-    /// Training on local simulators, per agent and timestep.
+    /// Core-seconds of training on local simulators, per agent and timestep.
     pub training_s: f64,
-    /// Training on the GS, per agent and timestep.
+    /// Core-seconds of training on the GS (global simulator), per agent and timestep.
     pub training_on_gs_s: f64,
-    /// Collecting a dataset and training on it, per agent, GS step and epoch.
+    /// Core-seconds of collecting a dataset and training on it, per agent, GS step and epoch.
     pub influence_s: f64,
-    /// Evaluation, per agent and step of an episode.
+    /// Core-seconds of evaluation, per agent and step of an episode.
     pub evaluation_s: f64,
-    /// Memory of each process, whatever it does; MiB.
+    /// Memory of each process, whatever it does, in MiB.
     pub process_mb: f64,
-    /// Memory for each agent, in all processes together; MiB.
+    /// Memory for each agent, in all processes together, in MiB.
     pub agent_mb: f64,
 }
 
-/// Of a domain that says nothing: about what ours cost.
+/// Costs of a domain that gives none: about those of ours.
 impl Default for RoughCosts {
     fn default() -> Self {
         RoughCosts {

@@ -1,5 +1,5 @@
-//! What a run simulates, in words and numbers. Whoever starts a run writes it into `run.json`, so that whoever reads the run
-//! needs no domain.
+//! What a run simulates, in words and numbers. It is written into `run.json` when a run starts, so readers of the run
+//! need no domain.
 
 use std::collections::BTreeMap;
 
@@ -10,16 +10,16 @@ use serde::{Deserialize, Serialize};
 pub struct Scenario {
     #[serde(flatten)]
     pub id: ScenarioId,
-    /// Where the agents are; `None` where they are in no rows.
+    /// Places of the agents; `None` if they are not in rows.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub map: Option<Map>,
-    /// Checksums of files that another run of the scenario may have otherwise, by the keys of the config that name them.
-    /// They are part of how a run trains.
+    /// Checksums of files that may differ between runs of the scenario, by the keys of the config that name them. They
+    /// are part of how a run trains.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub files: BTreeMap<String, String>,
 }
 
-/// What must be the same so that returns mean the same.
+/// What must be the same for returns to be comparable.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct ScenarioId {
     /// Name of the domain, one lower-case word.
@@ -27,12 +27,12 @@ pub struct ScenarioId {
     /// Number of agents.
     pub agents: usize,
     pub episode: Episode,
-    /// Checksum of the files that the GS simulates, where there are any and they are known.
+    /// Checksum of the files that the GS (global simulator) simulates, if there are any and they are known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub checksum: Option<String>,
 }
 
-/// How long an episode is.
+/// The length of an episode.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Episode {
     pub length: usize,
@@ -40,7 +40,7 @@ pub struct Episode {
     pub unit: String,
 }
 
-/// Rows of agents, which are numbered row by row.
+/// A map of agents in rows. Agents are numbered row by row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Map {
     pub rows: usize,
@@ -48,7 +48,7 @@ pub struct Map {
     pub first_row: FirstRow,
 }
 
-/// Where a map has the row of agent 0.
+/// The side of a map where the row of agent 0 is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum FirstRow {
@@ -73,7 +73,7 @@ impl Scenario {
         Scenario { id: ScenarioId { checksum: Some(in_hex(checksum)), ..self.id }, ..self }
     }
 
-    /// Adds the CRC-32 of files that keys of the config name.
+    /// Adds the CRC-32 of the files that keys of the config name.
     pub fn with_files(self, files: impl IntoIterator<Item = (String, u32)>) -> Scenario {
         let files = files.into_iter().map(|(key, checksum)| (key, in_hex(checksum)));
         Scenario { files: files.collect(), ..self }
@@ -85,12 +85,12 @@ fn in_hex(checksum: u32) -> String {
 }
 
 impl ScenarioId {
-    /// Returns a title: `traffic, 4 agents`.
+    /// Returns a title, such as `traffic, 4 agents`.
     pub fn title(&self) -> String {
         format!("{}, {} agents", self.domain, self.agents)
     }
 
-    /// Returns the title, with what sets it apart from other scenarios of as many agents.
+    /// Returns the title, with what distinguishes it from other scenarios with the same number of agents.
     pub fn title_among<'a>(&self, scenarios: impl Iterator<Item = &'a ScenarioId> + Clone) -> String {
         let alike = scenarios.filter(|other| (&other.domain, other.agents) == (&self.domain, self.agents));
         let mut title = self.title();
@@ -103,7 +103,7 @@ impl ScenarioId {
         title
     }
 
-    /// Returns a word that no other scenario has: `traffic-4-300-1a2b3c4d`.
+    /// Returns a word that no other scenario has, such as `traffic-4-300-1a2b3c4d`.
     pub fn word(&self) -> String {
         let checksum = self.checksum.as_ref().map_or(String::new(), |checksum| format!("-{checksum}"));
         format!("{}-{}-{}{checksum}", self.domain, self.agents, self.episode.length)

@@ -29,7 +29,7 @@ impl Shape {
         }
     }
 
-    /// Left, top, right, bottom.
+    /// Returns left, top, right, bottom.
     fn bounds(self) -> [f32; 4] {
         match self {
             Shape::Rectangle { x, y, width, height } => [x, y, x + width, y + height],
@@ -51,7 +51,7 @@ impl Scene {
         self.shapes.push((Shape::Disc { x, y, radius }, colour));
     }
 
-    /// The picture as an SVG file, `scale` pixels per unit.
+    /// Returns the picture as an SVG file, `scale` pixels per unit.
     pub fn to_svg(&self, scale: f32) -> String {
         let hex = |Colour([r, g, b]): Colour| format!("#{r:02x}{g:02x}{b:02x}");
         let (width, height) = (self.width, self.height);
@@ -78,7 +78,7 @@ impl Scene {
         svg
     }
 
-    /// The picture as pixels, row-major, `scale` per unit: `(width, height, colours)`.
+    /// Returns the picture as pixels, row-major, `scale` per unit: `(width, height, colours)`.
     pub fn to_pixels(&self, scale: usize) -> (usize, usize, Vec<Colour>) {
         let size = |length: f32| (length * scale as f32).ceil() as usize;
         let (width, height) = (size(self.width), size(self.height));

@@ -1,54 +1,56 @@
-//! The shape of one local region: all that networks and learning need to know of a domain.
+//! The shape of one local region: everything that networks and learning need to know of a domain.
 
 /// An action of one agent: an index below [`RegionSpec::n_actions`].
 pub type Action = u8;
 
-/// What one local region looks like. All regions of a kind have the same shape.
+/// The shape of one local region. All regions of a kind have the same shape.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RegionSpec {
     /// Width of an observation `o_i`.
     pub obs_dim: usize,
-    /// Width of the d-separating set, the part of the ALSH that the AIP is conditioned on at each step.
+    /// Width of the d-separating set (d-set). It is the part of the ALSH (action-local-state history) that the AIP sees
+    /// at each step.
     pub d_set_dim: usize,
     pub n_actions: usize,
-    /// Whether percepts say which actions are allowed. Elsewhere all are, always.
+    /// Whether percepts say which actions are allowed. Otherwise all are, always.
     pub masks: bool,
     pub sources: SourceSpec,
-    /// Steps of an episode, the same for all kinds of a domain.
+    /// Number of steps of an episode, the same for all kinds of a domain.
     pub horizon: usize,
 }
 
-/// The influence sources `u_i` of a region: independent choices of one class each. Class 0 stands for nothing happening.
+/// The influence sources `u_i` of a region: independent choices of one class each. Class 0 means that nothing happens.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SourceSpec {
-    /// Number of classes of each source. Two classes are a bit (did a car enter on this edge?), predicted by one logit
-    /// and a sigmoid. More (where does this neighbour stand?) are predicted by as many logits and a softmax.
+    /// Number of classes of each source. A source of two classes is a bit (did a car enter on this edge?), predicted by
+    /// one logit and a sigmoid. A source of K > 2 classes (where is this neighbour?) is predicted by K logits and a
+    /// softmax.
     pub classes: Vec<u8>,
 }
 
 impl SourceSpec {
-    /// Sources that happen or do not.
+    /// Makes sources that happen or do not.
     pub fn bits(sources: usize) -> SourceSpec {
         SourceSpec { classes: vec![2; sources] }
     }
 
-    /// Number of influence sources: the width of a row of sources.
+    /// Returns the number of influence sources: the width of a row of sources.
     pub fn count(&self) -> usize {
         self.classes.len()
     }
 
-    /// Number of logits that an AIP puts out for them.
+    /// Returns the number of logits of an AIP for these sources.
     pub fn logits(&self) -> usize {
         self.classes.iter().map(|&classes| logits_of(classes)).sum()
     }
 
-    /// Number of classes of all sources together.
+    /// Returns the number of classes of all sources together.
     pub fn values(&self) -> usize {
         self.classes.iter().map(|&classes| usize::from(classes)).sum()
     }
 }
 
-/// Number of logits for a source of so many classes.
+/// Returns the number of logits for a source of `classes` classes.
 pub fn logits_of(classes: u8) -> usize {
     if classes == 2 { 1 } else { usize::from(classes) }
 }

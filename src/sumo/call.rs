@@ -1,6 +1,7 @@
-//! The one crossing: converts, calls, checks, and turns a code and its message into an error.
+//! The one crossing to C: converts, calls, checks, and turns a code and its message into an error.
 //!
-//! All `unsafe` that speaks to SUMO is in this file; the crate's only other is in `nn/product.rs`, where matrices are multiplied.
+//! All `unsafe` code that calls SUMO is in this file. The crate's only other `unsafe` code is in `nn/product.rs`, which
+//! multiplies matrices.
 
 use std::cell::Cell;
 use std::ffi::{CStr, CString, c_char, c_int};
@@ -16,11 +17,11 @@ use super::ids::{CarId, LaneId, LightId};
 use super::signal::SignalState;
 use super::table::CarTable;
 
-/// Who may cross: libsumo keeps its one simulation in globals without any lock.
+/// Lock of the right to cross, because libsumo keeps its one simulation in globals without any lock.
 static TURN: Mutex<()> = Mutex::new(());
 
 thread_local! {
-    /// Does this thread have the turn? A second wait in the same thread would never end.
+    /// Whether this thread has the turn. A second wait in the same thread would never end.
     static HAS_TURN: Cell<bool> = const { Cell::new(false) };
 }
 
@@ -32,9 +33,10 @@ pub(super) enum Kind {
     Route,
 }
 
-/// The right to cross. While it lives no other thread is inside libsumo; when it goes, so does the simulation.
+/// The right to cross. While it lives, no other thread is inside libsumo. When it is dropped, so is the simulation.
 ///
-/// Neither `Send` (the guard of [`TURN`] is not) nor `Sync` (two threads with a reference would be two threads inside).
+/// It is neither `Send` (the guard of [`TURN`] is not) nor `Sync` (two threads with a reference would be two threads
+/// inside).
 #[derive(Debug)]
 pub(super) struct Crossing {
     insertions: Vec<ffi::ds_insertion>,
@@ -50,7 +52,7 @@ impl Crossing {
         if HAS_TURN.get() {
             return Err(Error::AlreadyHeld);
         }
-        // A panic elsewhere poisons the lock but leaves nothing half-done: its simulation was closed on the way out.
+        // A panic elsewhere poisons the lock but leaves no call half-done: unwinding closed its simulation.
         let turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
         HAS_TURN.set(true);
         Ok(Crossing {
@@ -69,7 +71,7 @@ impl Crossing {
         ask(code).map_err(|text| Error::Load { options: options.join(" "), text })
     }
 
-    /// All or none; returns the number of the first one, and the others follow.
+    /// Registers all or none. Returns the number of the first one; the others follow.
     pub(super) fn register(&mut self, kind: Kind, names: &[String]) -> Result<u32> {
         let texts = Texts::new(names)?;
         let (kind, action) = match kind {
@@ -92,7 +94,7 @@ impl Crossing {
     pub(super) fn time_s(&self) -> Result<f64> {
         let mut seconds = 0.0;
         // SAFETY: we have the turn, and `Crossing` is not `Sync`, so a shared reference is as good as an exclusive one.
-        check(unsafe { ffi::ds_time(&mut seconds) }, "tell the time")?;
+        check(unsafe { ffi::ds_time(&mut seconds) }, "return the time")?;
         Ok(seconds)
     }
 
@@ -112,7 +114,7 @@ impl Crossing {
         Ok(())
     }
 
-    /// Hands the letters of each light to `each`, in the order of `lights`.
+    /// Passes the letters of each light to `each`, in the order of `lights`.
     pub(super) fn read_lights(&mut self, lights: &[LightId], mut each: impl FnMut(&str) -> Result<()>) -> Result<()> {
         let mut read = MaybeUninit::uninit();
         // SAFETY: as in `read_lanes`.
@@ -130,7 +132,7 @@ impl Crossing {
         Ok(())
     }
 
-    /// As many states as lights, each as long as its light has links.
+    /// Sets the lights. There is one state per light, with as many letters as its light has links.
     pub(super) fn set_lights(&mut self, lights: &[LightId], states: &[&SignalState]) -> Result<()> {
         assert_eq!(lights.len(), states.len(), "a state for each light");
         self.letters.clear();
@@ -236,7 +238,7 @@ impl Crossing {
 impl Drop for Crossing {
     fn drop(&mut self) {
         // SAFETY: we still have the turn: the lock's guard is a field, and fields are dropped after this.
-        // What SUMO says while it closes (say, of a full disk) is lost: there is nobody left to tell.
+        // SUMO's message while it closes (for example, of a full disk) is lost, because no caller could receive it.
         let _ = unsafe { ffi::ds_close() };
         HAS_TURN.set(false);
     }
@@ -245,7 +247,7 @@ impl Drop for Crossing {
 pub(super) fn version() -> Result<String> {
     let mut text = std::ptr::null();
     // SAFETY: this one may be called without the turn.
-    check(unsafe { ffi::ds_version(&mut text) }, "tell its version")?;
+    check(unsafe { ffi::ds_version(&mut text) }, "return its version")?;
     // SAFETY: the call succeeded, so `text` is a string that ends in zero and lives as long as the process.
     Ok(unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned())
 }
@@ -253,7 +255,7 @@ pub(super) fn version() -> Result<String> {
 pub(super) fn c_library() -> Result<String> {
     let mut version = std::ptr::null();
     // SAFETY: this one may be called without the turn.
-    check(unsafe { ffi::ds_c_library(&mut version) }, "tell the version of the C library")?;
+    check(unsafe { ffi::ds_c_library(&mut version) }, "return the version of the C library")?;
     // SAFETY: the call succeeded, so `version` is a string that ends in zero and lives as long as the process.
     Ok(unsafe { CStr::from_ptr(version) }.to_string_lossy().into_owned())
 }
@@ -262,7 +264,7 @@ pub(super) fn c_library() -> Result<String> {
 /// `pointer` is the beginning of `length` values that hold until the next call, or `length` is 0.
 unsafe fn array<'a, T>(pointer: *const T, length: usize) -> &'a [T] {
     if length == 0 {
-        return &[]; // an empty std::vector may point nowhere
+        return &[]; // The pointer of an empty std::vector may be null.
     }
     // SAFETY: the caller's promise.
     unsafe { slice::from_raw_parts(pointer, length) }
@@ -277,7 +279,7 @@ fn check(code: c_int, action: &'static str) -> Result<()> {
     ask(code).map_err(|text| Error::Refused { action, text })
 }
 
-/// If the call that returned `code` failed: why.
+/// Returns SUMO's message, as an error, if the call that returned `code` failed.
 fn ask(code: c_int) -> std::result::Result<(), String> {
     if code == 0 {
         return Ok(());
@@ -287,7 +289,7 @@ fn ask(code: c_int) -> std::result::Result<(), String> {
     Err(tidy(&message))
 }
 
-/// SUMO's words in one line, without the words that say nothing.
+/// Returns SUMO's words in one line, without those that carry no information.
 fn tidy(message: &str) -> String {
     let mut lines: Vec<&str> = Vec::new();
     for line in message.lines() {
@@ -300,8 +302,8 @@ fn tidy(message: &str) -> String {
     if lines.is_empty() { "it gave no reason".into() } else { lines.join(" ") }
 }
 
-/// Silence, and no look-up of XML schemas on the network. An option that the caller sets is the caller's, because SUMO
-/// refuses an option that is set twice.
+/// Options that silence SUMO and stop it from looking up XML schemas on the network. An option that the caller sets is
+/// left to the caller, because SUMO refuses an option that is set twice.
 const SILENCE: [[&str; 2]; 4] = [
     ["--no-step-log", "true"],
     ["--no-warnings", "true"],
@@ -315,7 +317,7 @@ fn with_silence(options: &[String]) -> Vec<String> {
     options.iter().cloned().chain(silence.map(|text| text.to_string())).collect()
 }
 
-/// Strings as C wants them: `pointers` point into `owned`.
+/// Strings in C's form: `pointers` point into `owned`.
 struct Texts {
     _owned: Vec<CString>,
     pointers: Vec<*const c_char>,

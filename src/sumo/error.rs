@@ -1,22 +1,23 @@
-//! What can go wrong with SUMO.
+//! Errors of SUMO and of this room.
 
-/// Why SUMO, or this room before it, refused.
+/// The reason why SUMO, or this room before it, refused a call.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// Waiting for the other simulation would wait for ever: it is held by the thread that would wait.
-    #[error("this thread already holds a simulation, and libsumo has room for one per process: drop the first one")]
+    /// The thread already holds a simulation. Waiting for it would never end, because the same thread would have to
+    /// drop it.
+    #[error("this thread already holds a simulation, but libsumo has room for one per process; drop the first one")]
     AlreadyHeld,
 
-    /// SUMO's text names the file and, for XML, the line.
+    /// SUMO could not load. Its text names the file and, for XML, the line.
     #[error("SUMO could not load `{options}`: {text}")]
     Load { options: String, text: String },
 
-    /// SUMO's text names the thing that it stumbled over.
+    /// SUMO refused a call. Its text names the thing at fault.
     #[error("SUMO could not {action}: {text}")]
     Refused { action: &'static str, text: String },
 
-    /// A step or a reload failed, and what is left of the simulation cannot be trusted.
+    /// A step or a reload failed, and the state of the simulation cannot be trusted.
     #[error("the simulation is broken until it is reloaded, because {cause}")]
     Broken { cause: String },
 
@@ -29,11 +30,11 @@ pub enum Error {
     #[error("car {car}: {reason}")]
     Insertion { car: u64, reason: String },
 
-    /// An id that another simulation handed out.
+    /// The id comes from another simulation.
     #[error("no light is registered under number {number}: ids do not outlive their simulation")]
     UnknownLight { number: u32 },
 
-    #[error("`{text}` has a zero byte in it and cannot be handed to SUMO")]
+    #[error("`{text}` contains a zero byte and cannot be passed to SUMO")]
     ZeroByte { text: String },
 }
 

@@ -1,4 +1,4 @@
-//! What bindgen makes of `shim/dials_sumo.h`.
+//! Bindings that bindgen makes from `shim/dials_sumo.h`.
 
 #![allow(dead_code, non_camel_case_types, clippy::all, reason = "bindgen writes it")]
 

@@ -1,4 +1,4 @@
-//! Numbers for what was registered by name, and for cars.
+//! Numbers for cars and for things registered by name.
 
 /// A registered lane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -15,8 +15,8 @@ pub struct LightId(pub(super) u32);
 #[repr(transparent)]
 pub struct RouteId(pub(super) u32);
 
-/// Who a car is: the serial under which it was inserted, or the value of its decimal name; for a car with any other
-/// name (SUMO's flows: `flow.17`) the FNV-1a hash of the name with the top bit set.
+/// The identity of a car: the serial under which it was inserted, or the value of its decimal name. For a car with any
+/// other name (SUMO's flows: `flow.17`) it is the FNV-1a hash of the name with the top bit set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(transparent)]
 pub struct CarId(pub u64);

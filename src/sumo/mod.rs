@@ -1,16 +1,18 @@
-//! SUMO, closed off: the one simulation of this process, and what may be asked of it.
+//! SUMO behind a safe interface: the one simulation of this process, and the questions it answers.
 //!
-//! Everything here is about roads in general: lanes, lights, routes, cars. It does not know what an agent or a region
-//! is, and nobody outside sees a C pointer or a C++ exception. A [`Simulation`] is a guard: libsumo keeps its state in
-//! globals, so there is one per process, and whoever holds the guard holds the right to speak to it. Lanes, lights and
-//! routes are *registered* once by name and are numbers from then on; a car is a number too ([`CarId`]), because names of
-//! thousands of cars per step would cost more than the step. Only its [`Departure`] tells a car's name.
+//! Everything here is about roads in general: lanes, lights, routes, cars. This room does not know what an agent or a
+//! region is, and no code outside sees a C pointer or a C++ exception.
 //!
-//! The way down: [`Simulation`] (meaning, checks) -> `call` (the only `unsafe`) -> `ffi` (made by bindgen) ->
-//! `shim/dials_sumo.cpp` (C++ in, plain C out) -> libsumo.
+//! A [`Simulation`] is a guard. libsumo keeps its state in globals, so there is one simulation per process, and only
+//! the holder of the guard can call it. Lanes, lights and routes are *registered* once by name and are numbers from
+//! then on. A car is a number too ([`CarId`]), because names of thousands of cars per step would cost more than the
+//! step. Only its [`Departure`] has a car's name.
 //!
-//! What is handed over: `ids` (lanes, lights, routes, cars), `table` (cars by lane), `events` (cars that enter, and what a step
-//! did), `signal` (what a light shows), `error` (why SUMO refused).
+//! From top to bottom: [`Simulation`] in `simulation` (meaning, checks) -> `call` (the only `unsafe`) -> `ffi` (made by
+//! bindgen) -> `shim/dials_sumo.cpp` (C++ in, plain C out) -> libsumo.
+//!
+//! Types of this interface: `ids` (lanes, lights, routes, cars), `table` (cars by lane), `events` (cars that enter, and
+//! counts of a step), `signal` (states of lights), `error` (why SUMO refused).
 
 mod call;
 mod error;

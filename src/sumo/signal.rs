@@ -1,16 +1,16 @@
-//! What a traffic light shows.
+//! The state of a traffic light.
 
 use std::fmt;
 use std::str::FromStr;
 
 use super::error::{Error, Result};
 
-/// SUMO documentation, "Simulation/Traffic Lights", section "Signal state definitions".
+/// Letters of a state. Source: SUMO documentation, "Simulation/Traffic Lights", section "Signal state definitions".
 const ALPHABET: &str = "rRyYgGuoOs";
 
 /// The state of one light: a letter per link, in the order of SUMO's link indices.
 ///
-/// Only SUMO's letters get in, because SUMO itself takes any letter without a word, and then shows it to nobody.
+/// Only SUMO's letters are accepted. SUMO itself takes any letter without a warning, and no car then sees it.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct SignalState(String);
 
@@ -25,12 +25,12 @@ impl SignalState {
         &self.0
     }
 
-    /// How many links it speaks to; never 0.
+    /// Returns the number of links of its light; never 0.
     pub fn links(&self) -> usize {
         self.0.len()
     }
 
-    /// Becomes another state without giving up its memory.
+    /// Changes to another state without giving up its memory.
     pub(super) fn overwrite(&mut self, letters: &str) -> Result<()> {
         check(letters)?;
         self.0.clear();
@@ -44,7 +44,7 @@ fn check(letters: &str) -> Result<()> {
         return refused(letters, "a light has at least one link".into());
     }
     match letters.chars().find(|&letter| !ALPHABET.contains(letter)) {
-        Some(letter) => refused(letters, format!("`{letter}` is no signal")),
+        Some(letter) => refused(letters, format!("`{letter}` is not a signal")),
         None => Ok(()),
     }
 }

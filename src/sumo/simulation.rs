@@ -13,7 +13,7 @@ use super::table::CarTable;
 #[derive(Debug)]
 pub struct Simulation {
     lights: Vec<Light>,
-    /// Why nothing but a reload is allowed any more.
+    /// Reason why only a reload is allowed.
     broken: Option<String>,
     crossing: Crossing,
 }
@@ -27,27 +27,29 @@ struct Light {
 impl Simulation {
     /// Loads SUMO with the options of its command line, without the program's name.
     ///
-    /// Waits while another thread holds a simulation; if this thread does, that is an error. After an error a good load
-    /// works.
+    /// Waits while another thread holds a simulation. If this thread holds one, that is an error. After an error, a
+    /// later load can succeed.
     pub fn load(options: &[String]) -> Result<Simulation> {
         let mut crossing = Crossing::wait()?;
         crossing.load(options)?;
         Ok(Simulation { lights: Vec::new(), broken: None, crossing })
     }
 
-    /// A new episode: loads again in place. What was registered stays registered, so the new net must have it too.
+    /// Loads again in place, for a new episode. Everything registered stays registered, so the new net must have it
+    /// too.
     pub fn reload(&mut self, options: &[String]) -> Result<()> {
         let outcome = self.load_again(options);
         self.broken = outcome.as_ref().err().map(|error| error.to_string());
         outcome
     }
 
-    /// The `i`-th id is that of the `i`-th name. All or none: a name that the net does not have is an error that says it.
+    /// Registers lanes. The `i`-th id is that of the `i`-th name. Registers all or none: a name that is not in the net
+    /// is an error that names it.
     pub fn register_lanes(&mut self, names: &[String]) -> Result<Vec<LaneId>> {
         self.register(Kind::Lane, names, LaneId)
     }
 
-    /// As [`register_lanes`](Self::register_lanes).
+    /// Registers lights, like [`register_lanes`](Self::register_lanes).
     pub fn register_lights(&mut self, names: &[String]) -> Result<Vec<LightId>> {
         let ids = self.register(Kind::Light, names, LightId)?;
         let links = self.count_links(&ids)?;
@@ -55,15 +57,15 @@ impl Simulation {
         Ok(ids)
     }
 
-    /// As [`register_lanes`](Self::register_lanes).
+    /// Registers routes, like [`register_lanes`](Self::register_lanes).
     pub fn register_routes(&mut self, names: &[String]) -> Result<Vec<RouteId>> {
         self.register(Kind::Route, names, RouteId)
     }
 
     /// Simulates one step.
     ///
-    /// An error leaves the step half-done, so that every later call but [`reload`](Self::reload) is an error too. The
-    /// usual reason is a car whose route SUMO found out to be impossible only when it had to insert the car.
+    /// An error leaves the step half-done, so every later call but [`reload`](Self::reload) is an error too. The usual
+    /// reason is a car with an impossible route, which SUMO notices only when it inserts the car.
     pub fn step(&mut self) -> Result<()> {
         self.check_whole()?;
         let outcome = self.crossing.step();
@@ -73,13 +75,13 @@ impl Simulation {
         outcome
     }
 
-    /// The simulated time in seconds.
+    /// Returns the simulated time in seconds.
     pub fn time_s(&self) -> Result<f64> {
         self.check_whole()?;
         self.crossing.time_s()
     }
 
-    /// Reads the cars on `lanes`, as the last step left them, into `table`.
+    /// Reads the cars on `lanes` after the last step into `table`.
     pub fn read_lanes(&mut self, lanes: &[LaneId], table: &mut CarTable) -> Result<()> {
         self.check_whole()?;
         if lanes.is_empty() {
@@ -89,7 +91,7 @@ impl Simulation {
         self.crossing.read_lanes(lanes, table)
     }
 
-    /// Shows `states[i]` at `lights[i]`, from the next step on and until told otherwise: the lights' own programs stop.
+    /// Shows `states[i]` at `lights[i]`, from the next step on until changed. The lights' own programs stop.
     pub fn set_lights(&mut self, lights: &[LightId], states: &[&SignalState]) -> Result<()> {
         self.check_whole()?;
         assert_eq!(lights.len(), states.len(), "a state for each light");
@@ -107,7 +109,7 @@ impl Simulation {
         if lights.is_empty() { Ok(()) } else { self.crossing.set_lights(lights, states) }
     }
 
-    /// What `lights` show: `states` becomes as long as `lights`.
+    /// Reads what `lights` show. `states` becomes as long as `lights`.
     pub fn read_lights(&mut self, lights: &[LightId], states: &mut Vec<SignalState>) -> Result<()> {
         self.check_whole()?;
         states.truncate(lights.len());
@@ -125,14 +127,14 @@ impl Simulation {
         })
     }
 
-    /// Hands `lights` over to one of the programs that their net or an additional file has for them.
+    /// Lets one of the programs in the net or an additional file run `lights`.
     pub fn set_programs(&mut self, lights: &[LightId], program: &str) -> Result<()> {
         self.check_whole()?;
         if lights.is_empty() { Ok(()) } else { self.crossing.set_programs(lights, program) }
     }
 
-    /// Lets cars of vehicle type `car` enter in the next step, on the first lane of their route. A car that finds no room
-    /// waits, until there is some or until [`clear_pending`](Self::clear_pending).
+    /// Lets cars of vehicle type `car` enter in the next step, on the first lane of their route. A car that finds no
+    /// room waits until there is room or until [`clear_pending`](Self::clear_pending).
     ///
     /// If SUMO refuses a car, the cars before it in `cars` are in and those after it are not.
     pub fn insert(&mut self, cars: &[Insertion]) -> Result<()> {
@@ -147,30 +149,30 @@ impl Simulation {
         self.crossing.clear_pending()
     }
 
-    /// Takes all cars off `lanes`, at once. Cars that wait to enter are not on a lane.
+    /// Removes all cars from `lanes` at once. Cars that wait to enter are not on a lane.
     pub fn remove_cars(&mut self, lanes: &[LaneId]) -> Result<()> {
         self.check_whole()?;
         if lanes.is_empty() { Ok(()) } else { self.crossing.remove_cars(lanes) }
     }
 
-    /// The cars that entered in the last step.
+    /// Returns the cars that entered in the last step.
     pub fn departures(&mut self) -> Result<Vec<Departure>> {
         self.check_whole()?;
         self.crossing.departures()
     }
 
-    /// What happened in the last step.
+    /// Returns the counts of the last step.
     pub fn counts(&mut self) -> Result<StepCounts> {
         self.check_whole()?;
         self.crossing.counts()
     }
 
-    /// The version of the linked library, such as `SUMO 1.15.0`. Needs no simulation and waits for none.
+    /// Returns the version of the linked library, such as `SUMO 1.15.0`. Needs no simulation and waits for none.
     pub fn version() -> Result<String> {
         call::version()
     }
 
-    /// The library whose `exp`, `ln` and so on SUMO and this program use, such as `glibc 2.36`.
+    /// Returns the library whose `exp`, `ln` and so on SUMO and this program use, such as `glibc 2.36`.
     pub fn libm() -> Result<String> {
         let version = call::c_library()?;
         Ok(if version.is_empty() { "unknown".to_owned() } else { format!("glibc {version}") })
@@ -186,7 +188,7 @@ impl Simulation {
     fn load_again(&mut self, options: &[String]) -> Result<()> {
         self.crossing.load(options)?;
         let lights: Vec<LightId> = (0..self.lights.len() as u32).map(LightId).collect();
-        let links = self.count_links(&lights)?; // the net may be another one
+        let links = self.count_links(&lights)?; // The net can be another one.
         for (light, links) in self.lights.iter_mut().zip(links) {
             light.links = links;
         }
@@ -202,7 +204,7 @@ impl Simulation {
         Ok((first..).take(names.len()).map(id).collect())
     }
 
-    /// A light's state has a letter per link, whatever program shows it.
+    /// Returns the number of links of each light. A light's state has a letter per link, whatever program shows it.
     fn count_links(&mut self, lights: &[LightId]) -> Result<Vec<usize>> {
         let mut links = Vec::with_capacity(lights.len());
         if !lights.is_empty() {
@@ -215,17 +217,18 @@ impl Simulation {
     }
 }
 
-/// What SUMO would take in another sense: `nan` and `inf` are numbers to it, and a negative position counts from the end.
+/// Checks for values that SUMO would misread: it takes `nan` and `inf` as numbers, and counts a negative position from
+/// the end.
 fn check_insertion(insertion: &Insertion) -> Result<()> {
     let refused = |reason: String| Err(Error::Insertion { car: insertion.car, reason });
     if insertion.car >= 1 << 63 {
-        return refused("serials from 2^63 on are kept for cars with names".into());
+        return refused("serials from 2^63 on are reserved for cars with names".into());
     }
     if !is_number(insertion.position_m) {
         return refused(format!("position {} m is not on the road", insertion.position_m));
     }
     match insertion.speed {
-        DepartSpeed::Fixed(speed_mps) if !is_number(speed_mps) => refused(format!("{speed_mps} m/s is no speed")),
+        DepartSpeed::Fixed(speed_mps) if !is_number(speed_mps) => refused(format!("{speed_mps} m/s is not a speed")),
         _ => Ok(()),
     }
 }

@@ -2,22 +2,22 @@
 
 use super::ids::CarId;
 
-/// A car slower than this stands in a queue (SUMO's own bound).
+/// Speed below which a car stands in a queue (SUMO's own bound).
 const HALTING_MPS: f64 = 0.1;
 
 /// One car on a lane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Car {
     pub id: CarId,
-    /// From the lane's beginning to the car's front bumper.
+    /// Distance from the lane's beginning to the car's front bumper.
     pub position_m: f64,
     pub speed_mps: f64,
 }
 
-/// The cars on the lanes of one read, lane after lane in flat buffers that the next read uses again.
+/// The cars on the lanes of one read, lane after lane in flat buffers that the next read reuses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CarTable {
-    /// Lane `i` of the read has the cars `starts[i]..starts[i + 1]`.
+    /// Bounds of the lanes: lane `i` of the read has the cars `starts[i]..starts[i + 1]`.
     starts: Vec<u32>,
     ids: Vec<CarId>,
     positions_m: Vec<f64>,
@@ -29,17 +29,17 @@ impl CarTable {
         CarTable { starts: vec![0], ids: Vec::new(), positions_m: Vec::new(), speeds_mps: Vec::new() }
     }
 
-    /// How many lanes were read.
+    /// Returns the number of lanes read.
     pub fn lanes(&self) -> usize {
         self.starts.len() - 1
     }
 
-    /// How many cars there are on all of them.
+    /// Returns the number of cars on all of them.
     pub fn cars(&self) -> usize {
         self.ids.len()
     }
 
-    /// The cars of the `lane`-th lane of the read.
+    /// Returns the cars of the `lane`-th lane of the read.
     pub fn lane(&self, lane: usize) -> LaneCars<'_> {
         let cars = self.starts[lane] as usize..self.starts[lane + 1] as usize;
         LaneCars {
@@ -53,7 +53,7 @@ impl CarTable {
         (0..self.lanes()).map(|lane| self.lane(lane))
     }
 
-    /// Takes over one read. `starts` begins with 0 and ends with the number of cars.
+    /// Copies one read into the table. `starts` begins with 0 and ends with the number of cars.
     pub(super) fn fill(&mut self, starts: &[u32], ids: &[u64], positions_m: &[f64], speeds_mps: &[f64]) {
         refill(&mut self.starts, starts.iter().copied());
         refill(&mut self.ids, ids.iter().map(|&id| CarId(id)));
@@ -73,7 +73,7 @@ fn refill<T>(buffer: &mut Vec<T>, values: impl Iterator<Item = T>) {
     buffer.extend(values);
 }
 
-/// The cars of one lane, the rearmost first; the three slices are equally long.
+/// The cars of one lane, the rearmost first. The three slices have the same length.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LaneCars<'a> {
     pub ids: &'a [CarId],
@@ -90,7 +90,7 @@ impl<'a> LaneCars<'a> {
         self.ids.is_empty()
     }
 
-    /// How many of them stand.
+    /// Returns the number of cars that stand.
     pub fn halting(&self) -> usize {
         self.speeds_mps.iter().filter(|&&speed| speed < HALTING_MPS).count()
     }

@@ -1,7 +1,7 @@
-//! Arrivals: who entered a lane in a step, known by identity.
+//! Arrivals: the cars that entered a lane in a step, found by their ids.
 //!
-//! A car that entered is the rearmost on its lane: cars leave in the order in which they came, and no second car fits in
-//! behind it within a second.
+//! A car that has just entered is the rearmost on its lane. Cars leave in the order in which they came, and a second
+//! car does not fit in behind it within a second.
 
 use crate::sumo::{CarId, CarTable, LaneCars};
 
@@ -10,12 +10,12 @@ pub fn has_arrival(now: LaneCars<'_>, before: LaneCars<'_>) -> bool {
     rearmost(now).is_some_and(|car| rearmost(before) != Some(car))
 }
 
-/// Returns whether it was this car that entered the lane last.
+/// Returns whether this car was the last to enter the lane.
 pub fn is_rearmost(car: CarId, lane: LaneCars<'_>) -> bool {
     rearmost(lane) == Some(car)
 }
 
-/// Writes 1 for every lane that a car entered between two reads, else 0.
+/// Writes 1 for every lane that a car entered between two reads, and 0 for the others.
 pub fn note(arrivals: &mut [u8], now: &CarTable, before: &CarTable) {
     for (arrived, (now, before)) in arrivals.iter_mut().zip(now.iter().zip(before.iter())) {
         *arrived = u8::from(has_arrival(now, before));
@@ -39,7 +39,7 @@ mod tests {
     fn a_new_rearmost_car_is_an_arrival_and_a_car_that_left_is_none() {
         let [first, second, third] = [CarId(1), CarId(2), CarId(3)];
         assert!(has_arrival(lane(&[first]), lane(&[])));
-        assert!(has_arrival(lane(&[third, second]), lane(&[second, first])), "one came while another one left");
+        assert!(has_arrival(lane(&[third, second]), lane(&[second, first])), "one came while another left");
         assert!(!has_arrival(lane(&[second]), lane(&[second, first])));
         assert!(!has_arrival(lane(&[]), lane(&[first])));
         assert!(is_rearmost(second, lane(&[second, first])) && !is_rearmost(first, lane(&[second, first])));

@@ -8,7 +8,7 @@ pub const KEEP: Action = 0;
 /// Give the other direction green, after yellow.
 pub const SWITCH: Action = 1;
 
-/// Steps that yellow is shown.
+/// Number of steps of yellow.
 pub const YELLOW_STEPS: u8 = 3;
 
 /// A light and how long it has been yellow.
@@ -19,8 +19,10 @@ pub struct Signal {
 }
 
 impl Signal {
-    /// DEVIATION 2: every episode begins with vertical green under the agent's control; in the authors' code a light runs
-    /// its program until the agent's first switch.
+    /// Returns the light at the beginning of an episode.
+    ///
+    /// DEVIATION 2: every episode begins with vertical green under the agent's control. In the authors' code a light
+    /// runs its program until the agent's first switch.
     pub fn at_the_beginning() -> Self {
         Signal { light: Light::VerticalGreen, yellow_steps: 0 }
     }
@@ -29,7 +31,7 @@ impl Signal {
         self.light
     }
 
-    /// What is shown in the step that follows the action. Yellow lasts three steps and hears no action.
+    /// Sets what the light shows in the step that follows the action. Yellow lasts three steps and ignores actions.
     pub fn act(&mut self, action: Action) {
         if self.light.is_green() {
             if action == SWITCH {

@@ -1,26 +1,31 @@
 //! The traffic domain: a grid of intersections on SUMO, every light an agent.
 //!
-//! - [`agents`], [`side`]: what an agent is; [`light`], [`observe`], [`arrivals`]: what it does, sees and is rewarded for.
-//! - [`paper_grid`]: the road networks of the paper; [`network`]: networks as files; [`cut`]: local regions cut out of them.
-//! - [`sim`]: the simulators, recordings of them and replays.
+//! - [`agents`], [`side`]: what an agent is; [`light`], [`observe`], [`arrivals`]: its actions, observations, rewards
+//!   and influence sources.
+//! - [`paper_grid`]: the road networks of the paper; [`network`]: networks as files; [`cut`]: local regions cut out of
+//!   them.
+//! - [`sim`]: the simulators, their recordings and replays.
 //! - [`controllers`]: hand-coded baselines; [`tuning`]: the search for the best fixed-time lights.
 //!
 //! # Words
-//! - *Agent*: who runs the light of one intersection.
-//! - *Intersection*: where roads cross under a light. *Junction* is SUMO's word; it stands only where its files are meant.
-//! - *Local region*: an intersection and its four incoming edges, which are all that its agent sees.
-//! - *Node*: an intersection or a dead end. *Edge*: a road from one node to the next, in one direction, with one *lane*.
-//!   The three are SUMO's words.
+//! - *Agent*: what runs the light of one intersection.
+//! - *Intersection*: a place where roads cross under a light. *Junction* is SUMO's word, used only for SUMO's files.
+//! - *Local region*: an intersection and its four incoming edges. Its agent sees nothing else.
+//! - *Node*: an intersection or a dead end. *Edge*: a road from one node to the next, in one direction, with one
+//!   *lane*. The three are SUMO's words.
 //! - *Car*: what SUMO calls a vehicle.
 //! - *Influence source*: an incoming edge of a local region, as the place where cars come in from outside.
+//! - *GS*: the global simulator. *LS*: a local simulator. *AIP*: the approximate influence predictor, which predicts
+//!   arrivals.
 //! - *Arrival*: a car came in at a source in this step. The AIP predicts arrivals, and the GS observes them.
 //! - *Placement*: where and how fast the LS puts an arriving car. A car that does not fit in is a *dropped arrival*.
-//! - *Insertion*, *departure*: SUMO's words for the order to let a car in, and for the car that entered.
-//! - *Entry*: in a recording, the car that entered and what SUMO was told of it.
-//! - *Light*: what a light shows. *Signal*: the light of one intersection under its agent, which knows how long it was yellow.
+//! - *Insertion*: SUMO's word for the order to let a car in. *Departure*: SUMO's word for the car that entered.
+//! - *Entry*: in a recording, the car that entered and the order that SUMO got for it.
+//! - *Light*: what a light shows. *Signal*: the light of one intersection under its agent, with the time that it was
+//!   yellow.
 //!
-//! The only room of the library that opens [`crate::sumo`]. libsumo holds one simulation per process: a simulator of this
-//! room must be dropped before the thread makes the next one.
+//! This is the only room of the library that opens [`crate::sumo`]. libsumo holds one simulation per process, so drop a
+//! simulator of this room before the thread makes the next one.
 
 pub mod agents;
 pub mod arrivals;
@@ -57,8 +62,8 @@ use sim::local::{self, LocalTraffic};
 use sim::recording::Tape;
 use sim::tally::P_SWITCH;
 
-/// An agent that switches this often is stuck: its lights are yellow most of the time. Agents that learn are near 0.1
-/// to 0.3, the local optimum of switching almost always is near 1, and random weights are near 0.5.
+/// Share of switches above which an agent is stuck: its lights are yellow most of the time. Agents that learn are near
+/// 0.1 to 0.3. The local optimum of switching almost always is near 1, and random weights are near 0.5.
 const STUCK_ABOVE: f64 = 0.75;
 
 /// Returns the version of the linked SUMO, such as `SUMO 1.15.0`.
@@ -71,10 +76,10 @@ pub fn libm() -> Result<String> {
     Ok(Simulation::libm()?)
 }
 
-/// The networks of a run directory have the same names in all of them.
+/// Names of the two networks in a run directory, the same in every run directory.
 const KEPT_AS: [&str; 2] = ["global", "local"];
 
-/// The key that names the network of the LS. Another network of it is another way to train, not another scenario.
+/// Key of the network of the LS. Another network there is another way to train, not another scenario.
 const LOCAL_NETWORK: &str = "traffic.local_network";
 
 /// A grid of traffic lights.
@@ -89,8 +94,8 @@ pub struct Traffic {
 }
 
 impl Traffic {
-    /// Finds the networks and holds them against what this program makes; an error says which file is missing or wrong and how
-    /// to make it. Cheap: what only SUMO can say, [`Traffic::check_in_sumo`] asks.
+    /// Finds the networks and compares them with what this program makes. An error says which file is missing or wrong
+    /// and how to make it. Cheap: [`Traffic::check_in_sumo`] checks what only SUMO can say.
     pub fn open(config: &TrafficConfig) -> Result<Traffic> {
         let (network, local_network) = (NetworkFiles::of(&config.network), NetworkFiles::of(&config.local_network));
         network.check()?;
@@ -108,24 +113,25 @@ impl Traffic {
         })
     }
 
-    /// The first episode of its simulators, global or local, goes on this tape.
+    /// Makes the first episode of its simulators, global or local, go on this tape.
     pub fn record_on(self, tape: &Tape) -> Traffic {
         Traffic { tape: Some(tape.clone()), ..self }
     }
 
-    /// Its intersections.
+    /// Returns the grid of intersections.
     pub fn grid(&self) -> Grid {
         self.grid
     }
 
-    /// Loads both networks in SUMO and plays a step in each, so that what is wrong with them is told before a run begins.
-    /// Tens of milliseconds; SUMO is closed again.
+    /// Loads both networks in SUMO and plays a step in each, so that a faulty network is reported before a run begins.
+    /// Takes tens of milliseconds; SUMO is closed again.
     pub fn check_in_sumo(&self) -> Result<()> {
         self.try_global().with_context(|| cannot_be_simulated(&self.network.net))?;
         self.try_local().with_context(|| cannot_be_simulated(&self.local_network.net))
     }
 
-    /// With the actuated lights, which takes all files of the network and more of them than the agents' control does.
+    /// Tries the GS with the actuated lights, which need all files of the network and more of their content than the
+    /// agents' control.
     fn try_global(&self) -> Result<()> {
         let mut gs = self.global(self.everywhere(HandCoded::Actuated))?;
         gs.reset(Seed::new(0))?;
@@ -138,7 +144,7 @@ impl Traffic {
         ls.reset(&Beginning::first([0]))?;
         ls.step(&[light::KEEP], &Rows::from_vec(vec![1; region::EDGES], region::EDGES))?;
         let dropped = ls.counters().into_iter().find(|(name, _)| *name == local::DROPPED).map_or(0, |(_, count)| count);
-        ensure!(dropped == 0, "its empty edges let in all cars but {dropped}");
+        ensure!(dropped == 0, "{dropped} cars did not fit on its empty edges");
         Ok(())
     }
 
@@ -146,18 +152,18 @@ impl Traffic {
         [&self.network, &self.local_network]
     }
 
-    /// The GS as itself, for what the trait does not tell.
+    /// Loads the GS with its own type, for what the trait does not offer.
     pub fn global(&self, control: SignalControl) -> Result<GlobalTraffic> {
         let TrafficConfig { horizon, d_set, .. } = self.config;
         GlobalTraffic::load(self.grid, &self.network, horizon, d_set, control, self.tape.as_ref())
     }
 
-    /// All lights under hand-coded control.
+    /// Returns control of all lights by hand-coded control.
     pub fn everywhere(&self, by: HandCoded) -> SignalControl {
         SignalControl::HandCoded { by, agents: self.grid.agents() }
     }
 
-    /// An LS of so many rows as itself.
+    /// Loads an LS of `rows` rows with its own type.
     pub fn local(&self, rows: usize) -> Result<LocalTraffic> {
         let TrafficConfig { horizon, d_set, entry, .. } = self.config;
         LocalTraffic::load(&self.local_network, rows, horizon, d_set, entry, self.tape.as_ref())
@@ -203,13 +209,14 @@ impl Domain for Traffic {
     }
 
     fn with_background(&self, name: &str, agents: &[AgentId]) -> Result<Box<dyn GlobalSimulator>> {
-        // What a controller measures before it begins is no episode for the tape.
+        // An episode in which a controller measures something before it begins does not go on the tape.
         let off_tape = Traffic { tape: None, ..self.clone() };
         let by = controllers::recipe(name, self.grid)?(&off_tape)?;
         Ok(Box::new(self.global(SignalControl::HandCoded { by, agents: agents.to_vec() })?))
     }
 
-    /// DEVIATION 11: our configs begin with a bias against switching, so that fewer agents get stuck in switching always.
+    /// DEVIATION 11: our configs begin with a bias against switching, so that fewer agents get stuck in switching
+    /// always.
     fn initial_action_bias(&self, _kind: &Kind) -> Vec<f32> {
         vec![0.0, self.config.initial_switch_bias]
     }

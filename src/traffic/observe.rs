@@ -1,10 +1,11 @@
-//! What the agent of one intersection observes, what its AIP sees, what it is rewarded for. Pure.
+//! The observation of an intersection's agent, the d-set of its AIP (approximate influence predictor), and its reward.
+//! Pure.
 
 use super::agents::phases::Light;
 use super::agents::region::{CELL_M, CELLS, EDGE_M, EDGES, OCCUPANCY, SPEED_LIMIT_MPS};
 use crate::sumo::{CarTable, LaneCars};
 
-/// Returns the cars on the lanes of one intersection, in a read of [`EDGES`] lanes of all of them.
+/// Returns the cars on the lanes of one intersection. `cars` has [`EDGES`] lanes for each of them.
 pub fn edges_of(cars: &CarTable, row: usize) -> [LaneCars<'_>; EDGES] {
     std::array::from_fn(|edge| cars.lane(EDGES * row + edge))
 }
@@ -23,17 +24,19 @@ pub fn observe(edges: [LaneCars<'_>; EDGES], light: Light, obs: &mut [f32]) {
     obs[OCCUPANCY + light as usize] = 1.0;
 }
 
-/// Writes the d-set: the occupancy bits of the observation and, where there is room for them, the arrivals.
+/// Writes the d-set (the variables that the AIP predicts from): the occupancy bits of the observation and, if `d_set`
+/// has room for them, the arrivals.
 ///
-/// DEVIATION 9: the arrivals (`d_set = "cells+arrivals"`). The cells cannot see a car that has just entered, though one
-/// arrival hardly ever follows another in the next step; with them the AIP's cross-entropy falls by 4 %.
+/// DEVIATION 9: the arrivals (`d_set = "cells+arrivals"`). The cells do not show a car that has just entered, but an
+/// arrival in the next step is then very unlikely. With the arrivals, the AIP's cross-entropy falls by 4 %.
 pub fn d_separate(obs: &[f32], arrivals: &[u8], d_set: &mut [f32]) {
     let (cells, events) = d_set.split_at_mut(OCCUPANCY);
     cells.copy_from_slice(&obs[..OCCUPANCY]);
     events.iter_mut().zip(arrivals).for_each(|(bit, &arrived)| *bit = f32::from(arrived));
 }
 
-/// Mean speed of the cars on the incoming edges, entry cells included, as a share of the limit; 0 without cars.
+/// Returns the mean speed of the cars on the incoming edges, entry cells included, as a share of the limit; 0 without
+/// cars.
 pub fn reward(edges: [LaneCars<'_>; EDGES]) -> f32 {
     let cars: usize = edges.iter().map(LaneCars::len).sum();
     if cars == 0 {

@@ -1,4 +1,4 @@
-//! The four sides of an intersection: their order stands here and nowhere else.
+//! The four sides of an intersection. Their order is defined here and nowhere else.
 
 /// A side of an intersection, seen from its middle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -15,15 +15,15 @@ impl Side {
 
     /// Order of the links of an intersection: the reverse of [`Side::ALL`] (the authors' setup).
     ///
-    /// The letters of a light's state are in this order, and netconvert numbers the lanes inside an intersection by it.
+    /// The letters of a light's state and netconvert's numbers of the lanes inside an intersection are in this order.
     pub const LINK_ORDER: [Side; 4] = {
         let [first, second, third, fourth] = Side::ALL;
         [fourth, third, second, first]
     };
 
-    /// Both ends of the road from west to east.
+    /// Ends of the road from west to east.
     pub const HORIZONTAL: [Side; 2] = [Side::West, Side::East];
-    /// Both ends of the road from south to north.
+    /// Ends of the road from south to north.
     pub const VERTICAL: [Side; 2] = [Side::South, Side::North];
 
     /// Returns the place of this side in [`Side::ALL`].

@@ -1,4 +1,4 @@
-//! Tuning fixed-time lights on the GS: the search with SUMO as the judge.
+//! Tuning of fixed-time lights on the GS (global simulator): the search, with SUMO to score the candidates.
 
 use anyhow::Result;
 
@@ -14,7 +14,7 @@ use crate::domain::GlobalSimulator;
 use crate::sumo::Simulation;
 
 impl TunedOn {
-    /// What a tuning on `traffic` would depend on.
+    /// Returns what a tuning on `traffic` would depend on.
     pub fn of(traffic: &Traffic, episodes: usize, seed: u64) -> Result<TunedOn> {
         let name = traffic.network.net.file_name().unwrap_or_default().to_string_lossy();
         Ok(TunedOn {
@@ -29,8 +29,8 @@ impl TunedOn {
     }
 }
 
-/// Looks for the timings with the greatest mean return. All candidates play the same episodes, which are none of those
-/// of an evaluation.
+/// Searches for the timings with the greatest mean return. All candidates play the same episodes, none of which is an
+/// evaluation episode.
 pub fn tune(traffic: &Traffic, episodes: usize, seed: u64, report: &mut dyn FnMut(Standing)) -> Result<TimingFile> {
     let mut gs = traffic.global(SignalControl::Agents)?;
     let horizon = traffic.config.horizon;
@@ -49,7 +49,7 @@ pub fn tune(traffic: &Traffic, episodes: usize, seed: u64, report: &mut dyn FnMu
     })
 }
 
-/// The mean return of an agent in one episode.
+/// Returns the mean return of an agent in one episode.
 fn play(gs: &mut GlobalTraffic, episode: Seed, horizon: usize) -> Result<f64> {
     gs.reset(episode)?;
     let keep = vec![KEEP; gs.agents()];

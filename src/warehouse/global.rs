@@ -1,4 +1,4 @@
-//! The global simulator: the whole warehouse.
+//! The global simulator (GS): the whole warehouse.
 
 use super::hand_coded::{self, Rule};
 use super::items::{self, Appearances};
@@ -10,20 +10,20 @@ use crate::domain::{
     Action, GlobalSimulator, InfluenceSample, JointPercept, JointTransition, Kinds, Measures, Result, Scene,
 };
 
-/// The measure "items that a robot collected in an episode".
+/// Name of the measure "items that a robot collected in an episode".
 pub const ITEMS: &str = "items";
 
-/// The warehouse GS: one row per learning robot. The ring of robots around them goes for the closest item.
+/// The warehouse GS: one row per learning robot. The other robots, in a ring around them, go for the closest item.
 pub struct GlobalWarehouse {
     kinds: Kinds,
     layout: Layout,
-    /// What the learning robots do in spite of their actions, for hand-coded baselines.
+    /// Rule that the learning robots follow instead of their actions, for hand-coded baselines.
     rule: Option<Rule>,
-    /// Cell within its region, per robot.
+    /// Cell of each robot within its region.
     cells: Vec<u8>,
     memories: Vec<hand_coded::Memory>,
     dice: Vec<Dice>,
-    /// Per shelf.
+    /// Age of the item on each shelf.
     ages: Vec<Age>,
     appearances: Vec<Appearances>,
     last: JointTransition,
@@ -35,9 +35,9 @@ pub struct GlobalWarehouse {
 #[derive(Clone, Debug, Default)]
 struct Tally {
     steps: u64,
-    /// Items collected, per agent.
+    /// Number of items collected, per agent.
     collected: Vec<u64>,
-    /// Sums over steps.
+    /// Sums over steps of the number of waiting items, and of their ages.
     waiting: u64,
     age: u64,
 }
@@ -70,7 +70,7 @@ impl GlobalWarehouse {
         region::shelf_at(self.cells[robot]).map(|shelf| self.layout.region(robot)[shelf])
     }
 
-    /// All robots move at once, those without a policy by what they see before the move.
+    /// Moves all robots at once. Those without a policy decide by what they see before the move.
     fn move_robots(&mut self, actions: &[Action]) {
         let mut agents = 0;
         for robot in 0..self.layout.robots() {
@@ -93,7 +93,7 @@ impl GlobalWarehouse {
         for (agent, &robot) in self.layout.learners().iter().enumerate() {
             let neighbours = self.layout.neighbours(robot);
             for (side, (source, neighbour)) in self.sources.row_mut(agent).iter_mut().zip(neighbours).enumerate() {
-                // What is to my right is on the neighbour's left.
+                // The shelves to my right are on the neighbour's left.
                 let shared = &SHARED[(side + 2) % NEIGHBOURS];
                 *source = region::class_of(region::shelf_at(self.cells[neighbour]), shared);
             }

@@ -12,10 +12,10 @@ use crate::domain::Action;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rule {
     Random,
-    /// To the item with the fewest moves, ties to the first in row-major order, and on to that shelf as long as it
-    /// holds an item, be it a new one. Does not see an item under itself.
+    /// Goes to the item with the fewest moves; ties go to the first in row-major order. Continues to that shelf as long
+    /// as it holds an item, even a new one. Does not see an item on its own cell.
     ClosestItem,
-    /// To the item with the greatest age, ties to the first in row-major order, which is the earliest created.
+    /// Goes to the item with the greatest age. Ties go to the first in row-major order, which was created first.
     OldestItem,
 }
 
@@ -32,7 +32,7 @@ impl Rule {
     }
 }
 
-/// What a robot that follows a rule remembers.
+/// The memory of a robot that follows a rule.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Memory {
     target: Option<usize>,
@@ -41,7 +41,8 @@ pub struct Memory {
 /// The shelves in row-major order of their cells.
 const ROW_MAJOR: [usize; SHELVES] = [0, 1, 2, 6, 7, 8, 9, 10, 11, 3, 4, 5];
 
-/// The next move of a robot on `cell` that sees items of these ages. A robot without anything to do moves at random.
+/// Returns the next move of a robot on `cell` that sees items of these ages. A robot with nothing to do moves at
+/// random.
 pub fn decide(rule: Rule, memory: &mut Memory, cell: u8, ages: &[Age; SHELVES], dice: &mut Dice) -> Action {
     let target = match rule {
         Rule::Random => None,
@@ -69,7 +70,8 @@ fn place(cell: u8) -> (usize, usize) {
     (usize::from(cell) / SIDE, usize::from(cell) % SIDE)
 }
 
-/// Moves from a cell to a shelf. From one shelf to another of the same side the way leads over the floor.
+/// Returns the number of moves from a cell to a shelf. From one shelf to another of the same side, the way leads over
+/// the floor.
 fn distance(cell: u8, shelf: usize) -> usize {
     let ((row, col), (to_row, to_col)) = (place(cell), place(SHELF_CELLS[shelf]));
     let same_side = (row == to_row && at_end(row)) || (col == to_col && at_end(col));
@@ -80,7 +82,7 @@ fn at_end(place: usize) -> bool {
     place == 0 || place == SIDE - 1
 }
 
-/// The first move of a shortest way to another shelf: off the shelf one is on, along the side, onto the shelf.
+/// Returns the first move of a shortest way to another shelf: off the current shelf, along the side, onto the shelf.
 fn towards(cell: u8, shelf: usize) -> Action {
     let ((row, col), (to_row, to_col)) = (place(cell), place(SHELF_CELLS[shelf]));
     if shelf_at(cell).is_some() {
@@ -118,7 +120,7 @@ mod tests {
         all
     }
 
-    /// Walks until it stands on the shelf; how many moves that took.
+    /// Walks to the shelf and returns the number of moves.
     fn walk(mut cell: u8, shelf: usize) -> usize {
         (0..20)
             .find(|_| {
@@ -152,7 +154,7 @@ mod tests {
         assert_eq!(memory.target, Some(3));
         let nearer_too = items(&[(3, 0), (1, 9)]);
         decide(Rule::ClosestItem, &mut memory, CENTRE, &nearer_too, &mut dice);
-        assert_eq!(memory.target, Some(3), "also where the item is a new one");
+        assert_eq!(memory.target, Some(3), "also if the item is a new one");
         decide(Rule::ClosestItem, &mut memory, CENTRE, &items(&[(1, 9)]), &mut dice);
         assert_eq!(memory.target, Some(1));
     }

@@ -1,7 +1,7 @@
 //! Where and when items appear: one random stream per shelf.
 //!
-//! A stream moves on at every step, whether its shelf is free or not, and follows from the shelf's place in the
-//! warehouse. So an LS that draws from the streams of the GS sees the same items appear.
+//! A stream advances at every step, whether its shelf is free or not. It depends on the shelf's place in the warehouse.
+//! So an LS (local simulator) that draws from the streams of the GS (global simulator) sees the same items appear.
 
 use super::region::Age;
 use crate::base::{RandomPurpose, Seed, scramble};
@@ -10,31 +10,33 @@ use crate::base::{RandomPurpose, Seed, scramble};
 const APPEARANCE: f64 = 0.02;
 const THRESHOLD: u64 = (APPEARANCE * u64::MAX as f64) as u64;
 
-/// The state of one shelf's stream: SplitMix64 (Steele et al. 2014), eight bytes, so that a region's twelve fit into
-/// two cache lines.
+/// The state of one shelf's stream: SplitMix64 (Steele et al. 2014). It takes eight bytes, so a region's twelve fit
+/// into two cache lines.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Appearances(u64);
 
 impl Appearances {
-    /// The stream of a shelf, given by its row and column on the floor of the warehouse, in one episode.
+    /// Returns the stream of a shelf in one episode. The shelf is given by its row and column on the floor of the
+    /// warehouse.
     pub fn of_shelf(episode: Seed, row: usize, col: usize) -> Self {
         Appearances(episode.bits() ^ (((row as u64) << 32 | col as u64) + 1).wrapping_mul(0x9e6c_63d0_876a_68de))
             .warmed_up()
     }
 
-    /// Does an item appear in this step, where the shelf is free?
+    /// Returns whether an item appears in this step if the shelf is free.
     pub fn draw(&mut self) -> bool {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         scramble(self.0) < THRESHOLD
     }
 
-    /// Neighbouring shelves differ in few bits; afterwards in half of them.
+    /// Mixes the bits. Neighbouring shelves differ in few bits before it, and in half of them after it.
     fn warmed_up(self) -> Self {
         Appearances(scramble(self.0))
     }
 }
 
-/// Lets items appear on free shelves, also on those emptied in this step; `ages` and `appearances` shelf by shelf.
+/// Lets items appear on free shelves, also on those emptied in this step. `ages` and `appearances` have one entry per
+/// shelf.
 pub fn appear(ages: &mut [Age], appearances: &mut [Appearances]) {
     for (age, appearances) in ages.iter_mut().zip(appearances) {
         let appears = appearances.draw();
@@ -44,8 +46,8 @@ pub fn appear(ages: &mut [Age], appearances: &mut [Appearances]) {
     }
 }
 
-/// The stream of items of one episode of one copy. The GS is copy 0 of an episode of its own, so an LS that is made with
-/// the GS's episode seed has its items, in the first episode of its first copy.
+/// Returns the seed of the items of one episode of one copy. The GS is copy 0 in its first episode. So an LS made with
+/// the GS's episode seed has the GS's items in the first episode of its first copy.
 pub fn episode(simulator: Seed, copy: usize, episode: u64) -> Seed {
     simulator.fork(RandomPurpose::Items).for_copy(copy).for_episode(episode as usize)
 }

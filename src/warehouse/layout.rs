@@ -1,23 +1,23 @@
-//! The floor: n x n overlapping regions, and who learns.
+//! The floor: n x n overlapping regions, and which robots learn.
 
 use super::region::{NEIGHBOURS, SHELF_CELLS, SHELVES, SIDE};
 
-/// Steps from one region's corner to the next one's: neighbours share a row or column.
+/// Number of cells from one region's corner to the next one's: neighbours share a row or column.
 const STRIDE: usize = SIDE - 1;
 
-/// A warehouse of `robots_per_side` squared robots, of which the inner ones learn: only they have four neighbours.
+/// A warehouse of `robots_per_side` squared robots. Only the inner ones learn, because only they have four neighbours.
 #[derive(Clone, Debug)]
 pub struct Layout {
     robots_per_side: usize,
     /// Places of all shelves on the floor, row-major: (row, column).
     shelves: Vec<(usize, usize)>,
-    /// For every robot the twelve shelves of its region, as indices of `shelves`.
+    /// Twelve shelves of each robot's region, as indices of `shelves`.
     regions: Vec<[usize; SHELVES]>,
     learners: Vec<usize>,
 }
 
 impl Layout {
-    /// A warehouse with `agents_per_side` squared learning robots and a ring of others around them.
+    /// Makes a warehouse with `agents_per_side` squared learning robots and a ring of others around them.
     pub fn around(agents_per_side: usize) -> Self {
         let n = agents_per_side + 2;
         let cells = STRIDE * n + 1;
@@ -41,12 +41,12 @@ impl Layout {
         self.regions.len()
     }
 
-    /// Cells along a side of the floor.
+    /// Returns the number of cells along a side of the floor.
     pub fn cells_per_side(&self) -> usize {
         STRIDE * self.robots_per_side + 1
     }
 
-    /// The robots that learn, in the order of agents.
+    /// Returns the robots that learn, in the order of agents.
     pub fn learners(&self) -> &[usize] {
         &self.learners
     }
@@ -59,12 +59,12 @@ impl Layout {
         &self.regions[robot]
     }
 
-    /// Row and column of the upper left corner of a robot's region.
+    /// Returns row and column of the upper left corner of a robot's region.
     pub fn corner(&self, robot: usize) -> (usize, usize) {
         (STRIDE * (robot / self.robots_per_side), STRIDE * (robot % self.robots_per_side))
     }
 
-    /// The neighbours of a learning robot: to the right, below, to the left, above.
+    /// Returns the neighbours of a learning robot: to the right, below, to the left, above.
     pub fn neighbours(&self, learner: usize) -> [usize; NEIGHBOURS] {
         let n = self.robots_per_side;
         [learner + 1, learner + n, learner - 1, learner - n]

@@ -1,4 +1,5 @@
-//! The local simulators: the regions of many robots in lockstep, neighbours as the AIPs say.
+//! The local simulators (LS): the regions of many robots in lockstep. The AIPs (approximate influence predictors) say
+//! where the neighbours are.
 
 use std::iter::repeat_n;
 
@@ -13,7 +14,7 @@ pub struct LocalWarehouse {
     spec: RegionSpec,
     seed: Seed,
     copies: usize,
-    /// Place of every row's shelves on the floor of the warehouse, which names their streams.
+    /// Places of every row's shelves on the floor of the warehouse, which determine their streams.
     places: Vec<[(usize, usize); SHELVES]>,
     cells: Vec<u8>,
     ages: Vec<[Age; SHELVES]>,

@@ -1,11 +1,12 @@
-//! The warehouse domain: robots that fetch items from shelves which they share with their neighbours.
+//! The warehouse domain: robots that fetch items from shelves that they share with their neighbours.
 //!
-//! Native and without SUMO, so it runs anywhere in seconds; and more strongly coupled than traffic. Source: DIALS paper,
-//! section "Environments", with the rules of the authors' code where the paper is silent.
+//! It is native and needs no SUMO, so it runs anywhere in seconds. Its agents are more strongly coupled than in
+//! traffic. Source: DIALS paper, section "Environments", with the rules of the authors' code where the paper gives
+//! none.
 //!
-//! - [`layout`], [`region`], [`items`]: the floor, one robot's region (pure), where items appear.
-//! - [`global`]: the GS, the whole warehouse; [`local`]: the LS, single regions.
-//! - [`hand_coded`]: robots without a policy.
+//! - [`layout`]: the floor; [`region`]: one robot's region (pure); [`items`]: where and when items appear.
+//! - [`global`]: the GS (global simulator), the whole warehouse; [`local`]: the LS (local simulator), single regions.
+//! - [`hand_coded`]: robots without a policy; `scene`: a picture of the warehouse.
 
 pub mod global;
 pub mod hand_coded;
@@ -28,7 +29,8 @@ use hand_coded::Rule;
 use layout::Layout;
 use local::LocalWarehouse;
 
-/// A robot that collects fewer items per episode is stuck. Random moves collect about two, policies more than ten.
+/// Share of collected items below which a robot is stuck: items per episode. Random moves collect about two, policies
+/// more than ten.
 const STUCK_BELOW: f64 = 0.5;
 
 /// A warehouse of learning robots.
@@ -67,7 +69,7 @@ impl Domain for Warehouse {
         let Some(rule) = Rule::by_name(name) else {
             bail!("controller `{name}`: unknown; one of {}", Rule::NAMES.join(", "));
         };
-        // The rules see ages, which no observation shows, so they live in the simulator.
+        // The rules use ages, which no observation shows, so they run inside the simulator.
         let simulator = Box::new(GlobalWarehouse::new(&self.layout, self.horizon, Some(rule)));
         Ok(Baseline { simulator, controller: Box::new(Bystander) })
     }

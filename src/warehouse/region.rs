@@ -1,4 +1,4 @@
-//! The local region of one robot, pure: 5 x 5 cells, twelve of them shelves.
+//! The local region of one robot: 5 x 5 cells, twelve of them shelves. Pure.
 //!
 //! ```text
 //!   .  0  1  2  .        shelves by the number of their bit in an observation;
@@ -10,11 +10,11 @@
 
 use crate::domain::{Action, RegionSpec, SourceSpec};
 
-/// Cells along a side.
+/// Number of cells along a side.
 pub const SIDE: usize = 5;
 pub const CELLS: usize = SIDE * SIDE;
 pub const SHELVES: usize = 12;
-/// Where a robot begins: the middle.
+/// Cell where a robot begins: the middle.
 pub const CENTRE: u8 = 12;
 /// Moves.
 pub const UP: Action = 0;
@@ -24,26 +24,27 @@ pub const RIGHT: Action = 3;
 pub const MOVES: usize = 4;
 pub const NEIGHBOURS: usize = 4;
 
-/// Age of an item, in steps since it appeared; [`NO_ITEM`] where there is none.
+/// Age of an item, in steps since it appeared; [`NO_ITEM`] if there is none.
 pub type Age = i32;
 pub const NO_ITEM: Age = -1;
 
-/// The shelves shared with the neighbours to the right, below, to the left and above, in row or column order: the order
-/// of influence sources, whose class k > 0 says that the neighbour stands on the k-th of its three, 0 that it does not.
+/// Shelves shared with the neighbours to the right, below, to the left and above, in row or column order. This is the
+/// order of influence sources. Class k > 0 of a source says that the neighbour is on the k-th of its three shelves;
+/// class 0 says that it is on none.
 pub const SHARED: [[usize; 3]; NEIGHBOURS] = [[7, 9, 11], [3, 4, 5], [6, 8, 10], [0, 1, 2]];
 
-/// The cell of each shelf, row-major.
+/// Cell of each shelf, row-major.
 pub const SHELF_CELLS: [u8; SHELVES] = [1, 2, 3, 21, 22, 23, 5, 9, 10, 14, 15, 19];
 
 const NO_SHELF: u8 = u8::MAX;
 const SHELF_AT: [u8; CELLS] = shelves_by_cell();
 const AFTER_MOVE: [[u8; MOVES]; CELLS] = moves();
 
-/// The shape of a warehouse region.
+/// Returns the shape of a warehouse region.
 pub fn spec(horizon: usize) -> RegionSpec {
     RegionSpec {
         obs_dim: CELLS + SHELVES,
-        // The d-set is the observation: what neighbours did shows in the items that vanish.
+        // The d-set is the observation: items that vanish show what neighbours did.
         d_set_dim: CELLS + SHELVES,
         n_actions: MOVES,
         masks: false,
@@ -52,18 +53,19 @@ pub fn spec(horizon: usize) -> RegionSpec {
     }
 }
 
-/// The shelf that a robot on this cell stands on.
+/// Returns the shelf that a robot on this cell is on.
 pub fn shelf_at(cell: u8) -> Option<usize> {
     let shelf = SHELF_AT[usize::from(cell)];
     (shelf != NO_SHELF).then_some(usize::from(shelf))
 }
 
-/// Where a robot is after a move. On a shelf only the move back inward works; walls and the region's rim hold.
+/// Returns the cell of a robot after a move. On a shelf, only the move back inward works; walls and the region's rim
+/// stop a robot.
 pub fn after_move(cell: u8, action: Action) -> u8 {
     AFTER_MOVE[usize::from(cell)][usize::from(action)]
 }
 
-/// The class of an influence source: which of three shared shelves the neighbour stands on, 0 for none.
+/// Returns the class of an influence source: which of three shared shelves the neighbour is on, 0 for none.
 pub fn class_of(shelf: Option<usize>, shared: &[usize; 3]) -> u8 {
     shared.iter().position(|&other| Some(other) == shelf).map_or(0, |place| place as u8 + 1)
 }
@@ -76,7 +78,7 @@ pub fn observe(cell: u8, ages: &[Age; SHELVES], obs: &mut [f32]) {
     items.iter_mut().zip(ages).for_each(|(bit, &age)| *bit = f32::from(u8::from(age >= 0)));
 }
 
-/// The age of the item under the robot as a share of the greatest in its region, 0 without one.
+/// Returns the age of the item under the robot as a share of the greatest in its region; 0 without an item.
 pub fn reward(shelf: Option<usize>, ages: &[Age; SHELVES]) -> f32 {
     match shelf.map(|shelf| ages[shelf]) {
         Some(age) if age >= 0 => {
@@ -184,7 +186,7 @@ mod tests {
         let mut ages = [NO_ITEM; SHELVES];
         (ages[2], ages[7], ages[8]) = (3, 12, 12);
         assert_eq!(reward(Some(2), &ages), 0.25);
-        assert_eq!(reward(Some(7), &ages), 1.0, "the oldest, also where there are two of them");
+        assert_eq!(reward(Some(7), &ages), 1.0, "the oldest, also if there are two of them");
         assert_eq!([reward(Some(0), &ages), reward(None, &ages)], [0.0, 0.0]);
     }
 

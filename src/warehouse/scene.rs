@@ -10,14 +10,14 @@ const SHELF: Colour = Colour([0xd9, 0xd4, 0xc5]);
 const REGION: Colour = Colour([0xa8, 0xa2, 0x92]);
 const LEARNER: Colour = Colour([0x1f, 0x5f, 0xa8]);
 const OTHER_ROBOT: Colour = Colour([0x9d, 0xb4, 0xcc]);
-/// Of an item, from new to [`OLD`] steps and older.
+/// Colour of a new item. With age it becomes that of an old one, which an item keeps from [`OLD`] steps on.
 const NEW_ITEM: [f32; 3] = [255.0, 224.0, 130.0];
 const OLD_ITEM: [f32; 3] = [183.0, 62.0, 12.0];
 const OLD: f32 = 15.0;
 
 /// Draws floor, shelves, items shaded by age, robots (the learning ones dark), and the rims of the regions.
 ///
-/// `ages`: one per shelf of the floor; `cells`: where each robot is within its region.
+/// `ages`: one per shelf of the floor; `cells`: the cell of each robot within its region.
 pub fn draw(layout: &Layout, ages: &[Age], cells: &[u8]) -> Scene {
     let side = layout.cells_per_side();
     let mut scene = Scene::new(side as f32, side as f32, FLOOR);

@@ -1,14 +1,14 @@
-//! Two coupled coins: the smallest domain there is.
+//! Two coupled coins: the smallest possible domain.
 //!
-//! Each of two agents has a coin and sees the other's through noise. At a step agent `i` lays its coin as its action
-//! says, `x_i' = a_i`, and then sees its neighbour's, which is wrong with probability [`NOISE`]: this reading is its
+//! Each of two agents has a coin and sees the other's through noise. At a step, agent `i` lays its coin as its action
+//! says, `x_i' = a_i`. It then sees its neighbour's coin, wrongly with probability [`NOISE`]. This reading is its
 //! influence source, `u_i = a_j xor noise`, and becomes part of its local state, `y_i' = u_i`. The reward is 1 for
 //! laying the coin as the neighbour's was last seen, `a_i = y_i`.
 //!
-//! - Random coins earn half of the horizon, copying what was seen earns all of it.
-//! - Where the neighbour lays coins at random, `u_i` is a fair coin: cross-entropy ln 2.
-//! - Where the neighbour copies what it sees, `P(u_i = x_i) = (1 - e)^2 + e^2 = 0.68` for `e = 0.2`, because my coin of
-//!   now passed its eyes and passes mine again: cross-entropy `H(0.32) = 0.6269`.
+//! - Random coins earn half of the horizon; copying what was seen earns all of it.
+//! - If the neighbour lays coins at random, `u_i` is a fair coin: cross-entropy ln 2.
+//! - If the neighbour copies what it sees, `P(u_i = x_i) = (1 - e)^2 + e^2 = 0.68` for `e = 0.2`. My coin passes first
+//!   the neighbour's eyes and then mine. Cross-entropy: `H(0.32) = 0.6269`.
 
 use anyhow::bail;
 use rand::Rng;
@@ -74,13 +74,13 @@ impl Domain for Coins {
     }
 }
 
-/// What a region shows to its agent and to its AIP: both coins.
+/// Writes what a region shows to its agent and to its AIP: both coins.
 fn show(obs: &mut [f32], d_set: &mut [f32], coins: [f32; 2]) {
     obs.copy_from_slice(&coins);
     d_set.copy_from_slice(&coins);
 }
 
-/// The local transition and reward.
+/// Makes the local transition and returns the reward.
 fn step(obs: &mut [f32], d_set: &mut [f32], action: Action, source: u8) -> f32 {
     let seen = obs[1];
     show(obs, d_set, [f32::from(action), f32::from(source)]);

@@ -1,20 +1,21 @@
 //! Coins and dice: a domain of two kinds of agents, whose numbers interleave.
 //!
-//! Two pairs of a coin and a die: agents 0 and 1, and agents 2 and 3. At a step every agent lays its coin or die as its
-//! action says, `x_i' = a_i`, and then sees others: these readings are its influence sources.
+//! There are two pairs of a coin and a die: agents 0 and 1, and agents 2 and 3. At a step, every agent lays its coin or
+//! die as its action says, `x_i' = a_i`. It then sees others: these readings are its influence sources.
 //!
-//! - A **coin** (two actions) sees its die, exactly: one source of three classes. The reward is 1 for laying 1 where the
-//!   die last seen showed 0, and for laying 0 where it did not.
-//! - A **die** (three actions) sees its coin, wrong with probability [`NOISE`], and the other die, exactly: one source
-//!   of two classes and one of three. It must turn: the face that it shows is masked. The reward is 1 for turning by one
-//!   where the coin last seen showed 1, and by two where it showed 0.
+//! - A **coin** (two actions) sees its die exactly: one source of three classes. The reward is 1 for laying 1 if the
+//!   die last seen showed 0, and for laying 0 if it did not.
+//! - A **die** (three actions) sees its coin, wrongly with probability [`NOISE`], and the other die, exactly: one
+//!   source of two classes and one of three. It must turn: the face that it shows is masked. The reward is 1 for
+//!   turning by one if the coin last seen showed 1, and by two if it showed 0.
 //!
-//! What is known in closed form:
+//! Known in closed form:
 //!
-//! - Agents that draw from their allowed actions at random earn half of the horizon, the best ones all of it.
-//! - A random die shows each of two faces next: cross-entropy ln 2 for whoever knows its face, ln 3 for constants.
-//! - The best die turns by what it saw of the coin: cross-entropy `H(0.2) = 0.5004` for whoever knows coin and die.
-//! - The best coin shows what its die showed: cross-entropy `H(0.2)` for the die, which knows its own face.
+//! - Agents that choose among their allowed actions at random earn half of the horizon; the best ones earn all of it.
+//! - A random die shows one of two faces next. Cross-entropy: ln 2 if its face is known, ln 3 for a constant
+//!   prediction.
+//! - The best die turns by what it saw of the coin. Cross-entropy: `H(0.2) = 0.5004` if coin and die are known.
+//! - The best coin shows what its die showed. Cross-entropy: `H(0.2)` for the die, which knows its own face.
 
 use anyhow::bail;
 use rand::Rng;
@@ -112,7 +113,7 @@ enum Region {
 }
 
 impl Region {
-    /// As an episode begins.
+    /// State at the beginning of an episode.
     const COIN: Region = Region::Coin { coin: 0, die: 0 };
     const DIE: Region = Region::Die { face: 0, coin: 0, other: 0 };
 
@@ -123,7 +124,7 @@ impl Region {
         };
     }
 
-    /// The best action.
+    /// Returns the best action.
     fn best(self) -> Action {
         match self {
             Region::Coin { die, .. } => u8::from(die == 0),
@@ -141,7 +142,7 @@ impl Region {
         reward
     }
 
-    /// Writes what the agent sees, which is its AIP's d-set too, and the actions that are allowed.
+    /// Writes what the agent sees, which is also its AIP's d-set, and the actions that are allowed.
     fn show(self, obs: &mut [f32], d_set: &mut [f32], mask: &mut [bool]) {
         obs.fill(0.0);
         match self {
@@ -161,7 +162,7 @@ impl Region {
     }
 }
 
-/// The GS.
+/// The GS (global simulator).
 struct Table {
     kinds: Kinds,
     regions: Vec<Region>,
@@ -212,7 +213,7 @@ impl GlobalSimulator for Table {
     }
 }
 
-/// The LS of agents of one kind.
+/// The LS (local simulator) of agents of one kind.
 struct Seats {
     spec: RegionSpec,
     regions: Vec<Region>,
@@ -265,7 +266,7 @@ impl Controller for AtRandom {
     fn act(&mut self, percept: &JointPercept, actions: &mut [Action]) -> Result<()> {
         for (action, mask) in actions.iter_mut().zip(percept.masks.iter()) {
             *action = self.dice.random_range(0..2);
-            // Of a die's faces, the first or the second one that is allowed.
+            // Among a die's faces: the first or the second one that is allowed.
             if let Some(masked) = mask.iter().position(|&allowed| !allowed) {
                 *action += u8::from(usize::from(*action) >= masked);
             }

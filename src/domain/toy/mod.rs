@@ -1,7 +1,7 @@
-//! The smallest domains there are, with closed-form answers, for tests and as examples.
+//! The smallest possible domains, with answers in closed form, for tests and as examples.
 //!
 //! - `coins`: two coupled coins, one kind of agents.
-//! - `coins_and_dice`: two kinds of agents, of which one has action masks.
+//! - `coins_and_dice`: two kinds of agents, one with action masks.
 
 mod coins;
 mod coins_and_dice;

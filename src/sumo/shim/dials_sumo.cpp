@@ -1,4 +1,4 @@
-// The plain-C side of libsumo: see dials_sumo.h for the rules that every function keeps.
+// The plain-C side of libsumo. See dials_sumo.h for the rules of every function.
 
 #include "dials_sumo.h"
 
@@ -25,16 +25,16 @@ namespace {
 
 thread_local std::string last_error;
 
-// Registered names, by kind and index: kept as std::string so that no call has to make one.
+// Registered names, by kind and index, as std::string so that no call has to make one.
 std::vector<std::string> names_of[3];
 
 // Cars that were added since the last step: SUMO does not list them as pending yet.
 std::vector<std::string> fresh;
 
-// How many cars were taken off the road since the last step: SUMO lists them as arrived.
+// Number of cars that were taken off the road since the last step. SUMO lists them as arrived.
 uint32_t removed = 0;
 
-// What SUMO says to the terminal while we are inside.
+// Collects what SUMO writes to the terminal while we are inside.
 class Ear : public std::streambuf {
 public:
     std::string heard;
@@ -53,9 +53,9 @@ protected:
     }
 };
 
-// Turns std::cerr and std::cout towards the ear. A failed load throws a bare "Process Error" and writes the real
-// reason to std::cerr, whatever --error-log says (measured on SUMO 1.15). What other threads write to these streams of
-// C++ in the meantime goes the same way; Rust's own output does not.
+// Redirects std::cerr and std::cout to the ear. A failed load throws a bare "Process Error" and writes the real reason
+// to std::cerr, whatever --error-log says (measured on SUMO 1.15). Output of other threads to these C++ streams is
+// redirected too during that time; Rust's own output is not.
 class Hush {
 public:
     Hush() : cerr_(std::cerr.rdbuf(&ear)), cout_(std::cout.rdbuf(&ear)) { ear.heard.clear(); }
@@ -78,13 +78,13 @@ int failed(const char *what) noexcept {
     try {
         last_error.assign(what).append("\n").append(Hush::ear.heard);
     } catch (...) {
-        last_error.clear(); // out of memory
+        last_error.clear(); // Out of memory.
     }
     return 1;
 }
 
-// Runs `work` in silence and turns whatever it throws into a code: TraCIException, FatalTraCIError, ProcessError and
-// IOError all occur, and all are std::exceptions.
+// Runs `work` in silence and turns any exception into a code. TraCIException, FatalTraCIError, ProcessError and IOError
+// all occur, and all are std::exceptions.
 template <typename Work> int guarded(Work work) noexcept {
     Hush hush;
     try {
@@ -105,7 +105,7 @@ const std::string &name(ds_kind kind, uint32_t index) {
     return names_of[kind][index];
 }
 
-// Throws SUMO's own sentence, which has the name in it, if the net has no such thing.
+// Throws SUMO's own message, which contains the name, if the net has no such thing.
 void must_exist(ds_kind kind, const std::string &name) {
     switch (kind) {
     case DS_LANE:
@@ -120,14 +120,14 @@ void must_exist(ds_kind kind, const std::string &name) {
     }
 }
 
-// Shortest text that reads back as the same number, whatever the locale.
+// Returns the shortest text that reads back as the same number, whatever the locale.
 template <typename Number> std::string decimal(Number number) {
     char digits[32];
     const auto end = std::to_chars(digits, digits + sizeof digits, number).ptr;
     return std::string(digits, end);
 }
 
-// A car's name as a number: its value if it is decimal and fits 63 bits, else FNV-1a 64 with the top bit set.
+// Returns a car's name as a number: its value if it is decimal and fits 63 bits, else FNV-1a 64 with the top bit set.
 uint64_t identity(const std::string &name) {
     constexpr uint64_t top = uint64_t(1) << 63;
     uint64_t value = 0;
@@ -153,7 +153,8 @@ void forget_step() {
 const char *ds_last_error(void) { return last_error.c_str(); }
 
 int ds_version(const char **text) {
-    // Not guarded: this may be asked while another thread is inside, and the streams are one per process.
+    // Not guarded, because this may be called while another thread is inside, and the streams are shared by the
+    // process.
     try {
         static const std::string version = Simulation::getVersion().second;
         *text = version.c_str();
@@ -178,7 +179,7 @@ int ds_load(const char *const *options, size_t count) {
         forget_step();
         Simulation::load(std::vector<std::string>(options, options + count));
         if (!Simulation::isLoaded()) {
-            throw std::runtime_error("These options load no network."); // such as --help
+            throw std::runtime_error("These options load no network."); // Such as --help.
         }
         for (const auto kind : {DS_LANE, DS_LIGHT, DS_ROUTE}) {
             for (const auto &name : names_of[kind]) {
@@ -289,9 +290,9 @@ int ds_insert(const struct ds_insertion *cars, size_t count) {
 
 int ds_clear_pending(void) {
     return guarded([] {
-        // clearPending drops only cars that a step has already tried to insert; a car that was added after the last step
-        // survives it and would enter in the next one (measured on SUMO 1.15). Unlike a car on the road, such a car is
-        // gone at once when it is removed, and is not listed as arrived.
+        // clearPending drops only cars that a step has already tried to insert. A car that was added after the last
+        // step survives it and would enter in the next one (measured on SUMO 1.15). Unlike a car on the road, such a
+        // car disappears at once when it is removed, and is not listed as arrived.
         Simulation::clearPending();
         for (const auto &car : fresh) {
             Vehicle::remove(car);
@@ -351,7 +352,7 @@ int ds_counts(struct ds_counts *counts) {
         counts->arrived = static_cast<uint32_t>(Simulation::getArrivedNumber()) - removed;
         counts->pending = static_cast<uint32_t>(Simulation::getPendingVehicles().size());
         counts->teleports = static_cast<uint32_t>(Simulation::getStartingTeleportNumber());
-        // A new collision lists both of its cars once; getCollisions would repeat it in every step that it lasts.
+        // A new collision lists both of its cars once. getCollisions would repeat it in every step while it lasts.
         counts->collisions = static_cast<uint32_t>(Simulation::getCollidingVehiclesNumber()) / 2;
         counts->emergency_stops = static_cast<uint32_t>(Simulation::getEmergencyStoppingVehiclesNumber());
     });

@@ -1,9 +1,9 @@
 /* The few calls of libsumo that this crate needs, in plain C; `bindgen` reads this file.
  *
- * Every function returns 0, or 1 with a text in ds_last_error(). No exception leaves, nothing reaches the terminal.
- * Only ds_last_error, ds_version and ds_c_library may be called while another thread is inside: the simulation is one per process.
- * Lanes, lights and routes are registered once by name and cross as indices. Arrays that a function hands out belong to
- * the shim and hold until the next call. */
+ * Every function returns 0, or 1 with a text in ds_last_error(). No exception leaves, and nothing reaches the terminal.
+ * Only ds_last_error, ds_version and ds_c_library may be called while another thread is inside, because there is one
+ * simulation per process. Lanes, lights and routes are registered once by name and are passed as indices. Arrays that a
+ * function returns belong to the shim and are valid until the next call. */
 #ifndef DIALS_SUMO_H
 #define DIALS_SUMO_H
 
@@ -14,16 +14,16 @@
 extern "C" {
 #endif
 
-/* Why the last call of this thread failed. */
+/* Returns why the last call of this thread failed. */
 const char *ds_last_error(void);
 
-/* Such as "SUMO 1.15.0"; needs no simulation. */
+/* Returns SUMO's version, such as "SUMO 1.15.0". Needs no simulation. */
 int ds_version(const char **text);
 
-/* Such as "2.36": the GNU C library, with its libm, that is loaded; empty for another one. Never fails. */
+/* Returns the version of the loaded GNU C library with its libm, such as "2.36"; empty for another library. Never fails. */
 int ds_c_library(const char **version);
 
-/* Loads, or loads again in place. Fails, too, if a registered name is unknown to the new net. */
+/* Loads, or loads again in place. Also fails if a registered name is unknown to the new net. */
 int ds_load(const char *const *options, size_t count);
 
 /* Ends the simulation and forgets all registered names. */
@@ -31,13 +31,13 @@ int ds_close(void);
 
 enum ds_kind { DS_LANE, DS_LIGHT, DS_ROUTE };
 
-/* All or none: names[i] becomes index *first + i of its kind. */
+/* Registers all or none: names[i] becomes index *first + i of its kind. */
 int ds_register(enum ds_kind kind, const char *const *names, size_t count, uint32_t *first);
 
 int ds_step(void);
 int ds_time(double *seconds);
 
-/* The cars of the i-th lane asked for are starts[i] .. starts[i + 1] in the other arrays. */
+/* The cars of the i-th lane of the call are starts[i] .. starts[i + 1] in the other arrays. */
 struct ds_cars {
     const uint32_t *starts;
     const uint64_t *cars;
@@ -46,7 +46,7 @@ struct ds_cars {
 };
 int ds_read_lanes(const uint32_t *lanes, size_t count, struct ds_cars *cars);
 
-/* The state of the i-th light asked for is starts[i] .. starts[i + 1] in letters. */
+/* The state of the i-th light of the call is starts[i] .. starts[i + 1] in letters. */
 struct ds_states {
     const uint32_t *starts;
     const char *letters;
@@ -58,21 +58,21 @@ int ds_set_programs(const uint32_t *lights, size_t count, const char *program);
 struct ds_insertion {
     uint64_t car;
     double position;
-    double speed; /* negative: "max" */
+    double speed; /* Negative: "max". */
     uint32_t route;
 };
 int ds_insert(const struct ds_insertion *cars, size_t count);
 int ds_clear_pending(void);
 int ds_remove_cars(const uint32_t *lanes, size_t count);
 
-/* The cars that entered in the last step. The four texts of car i are starts[4 * i] .. starts[4 * i + 4] in letters: its
- * name, its type, its route, and the edges of the route with blanks between. Numbers are those of after the step. */
+/* The cars that entered in the last step. The four texts of car i are starts[4 * i] .. starts[4 * i + 4] in letters:
+ * its name, its type, its route, and the edges of the route with blanks between. Numbers are those after the step. */
 struct ds_departures {
     size_t count;
     const uint32_t *starts;
     const char *letters;
     const uint64_t *cars;
-    const uint32_t *lanes; /* index on the edge */
+    const uint32_t *lanes; /* Index on the edge. */
     const double *positions;
     const double *speeds;
     const double *speed_factors;

@@ -1,7 +1,7 @@
-//! What an agent is: pure, without SUMO's simulation and without files.
+//! What an agent is. Pure: no SUMO simulation and no files.
 //!
 //! - [`region`]: the shape of a local region.
-//! - [`phases`]: what the light of an intersection can show.
+//! - [`phases`]: the phases that the light of an intersection can show.
 
 pub mod phases;
 pub mod region;

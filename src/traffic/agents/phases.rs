@@ -1,4 +1,4 @@
-//! The phases of a light: which sides have green, and in which order they follow.
+//! The phases of a light: which sides have green, and in which order the phases follow each other.
 
 use crate::sumo::SignalState;
 use crate::traffic::side::Side;
@@ -16,7 +16,7 @@ impl Light {
     pub const ALL: [Light; 4] =
         [Light::HorizontalGreen, Light::HorizontalYellow, Light::VerticalYellow, Light::VerticalGreen];
 
-    /// Order in which the phases follow each other, round and round.
+    /// Order in which the phases follow each other, again and again.
     pub const CYCLE: [Light; 4] =
         [Light::VerticalGreen, Light::VerticalYellow, Light::HorizontalGreen, Light::HorizontalYellow];
 
@@ -38,7 +38,7 @@ impl Light {
         SignalState::new(self.letters()).expect("the letters are SUMO's")
     }
 
-    /// Returns the light that a state of SUMO's shows, if it is one of [`Light::ALL`].
+    /// Returns the light that a state in SUMO's letters shows; `None` if it is not one of [`Light::ALL`].
     pub fn of(state: &SignalState) -> Option<Light> {
         let shows = |light: &Light| Side::LINK_ORDER.iter().map(|&from| light.letter(from)).eq(state.as_str().chars());
         Light::ALL.into_iter().find(shows)
@@ -48,7 +48,7 @@ impl Light {
         matches!(self, Light::HorizontalGreen | Light::VerticalGreen)
     }
 
-    /// Returns the sides whose cars have green, and those whose cars have red; `None` during yellow.
+    /// Returns the sides whose cars have green, then the sides whose cars have red; `None` during yellow.
     pub fn green_and_red(self) -> Option<[[Side; 2]; 2]> {
         match self {
             Light::HorizontalGreen => Some([Side::HORIZONTAL, Side::VERTICAL]),
@@ -57,7 +57,7 @@ impl Light {
         }
     }
 
-    /// Returns what follows when the light changes.
+    /// Returns the light that follows this one in the cycle.
     pub fn next(self) -> Light {
         let place = Light::CYCLE.iter().position(|&light| light == self).expect("every light is in the cycle");
         Light::CYCLE[(place + 1) % Light::CYCLE.len()]

@@ -1,24 +1,25 @@
-//! The local region of one intersection: its four incoming edges, and the shape of what is seen of them.
+//! The local region of one intersection: its four incoming edges and the shape of the agent's observation of them.
 //!
-//! An incoming edge is 100 m long and cut into cells of 10 m, counted from the stop line. The agent sees nine of them;
-//! the tenth, the *entry cell*, is where influence enters, and hidden. Cars inside the intersection belong to no edge.
+//! An incoming edge is 100 m long. It is cut into cells of 10 m, counted from the stop line. The agent sees nine of
+//! them. It does not see the tenth, the *entry cell*, where influence enters. Cars inside the intersection belong to no
+//! edge.
 
 use super::phases::Light;
 use crate::config::DSet;
 use crate::domain::{RegionSpec, SourceSpec};
 use crate::traffic::side::Side;
 
-/// Incoming edges, in the order of [`Side::ALL`]; each is an influence source.
+/// Number of incoming edges, in the order of [`Side::ALL`]. Each is an influence source.
 pub const EDGES: usize = Side::ALL.len();
-/// Visible cells per edge.
+/// Number of visible cells per edge.
 pub const CELLS: usize = 9;
 pub const CELL_M: f64 = 10.0;
 pub const EDGE_M: f64 = 100.0;
 pub const SPEED_LIMIT_MPS: f64 = 10.0;
-/// Width of the occupancy bits.
+/// Number of occupancy bits.
 pub const OCCUPANCY: usize = EDGES * CELLS;
 
-/// The shape of a traffic region.
+/// Returns the shape of a traffic region.
 pub fn spec(horizon: usize, d_set: DSet) -> RegionSpec {
     RegionSpec {
         obs_dim: OCCUPANCY + Light::ALL.len(),

@@ -1,18 +1,18 @@
-//! How a controller is named: `name:key=value,key=value`.
+//! The text that names a controller: `name:key=value,key=value`.
 
 use std::ops::RangeInclusive;
 use std::str::FromStr;
 
 use anyhow::{Context, Result, bail, ensure};
 
-/// What a green may last, in steps.
+/// Possible lengths of a green, in steps.
 pub const GREENS: RangeInclusive<u32> = 1..=3600;
 
-/// A name with its parameters, which a controller takes out one by one.
+/// A controller's name with its parameters. The controller takes the parameters one by one.
 pub struct Arguments<'a> {
     text: &'a str,
     name: &'a str,
-    /// As they were written, until they are taken.
+    /// Parameters that are not taken yet, as they were written.
     left: Vec<&'a str>,
     known: Vec<&'static str>,
 }
@@ -28,7 +28,7 @@ impl<'a> Arguments<'a> {
         self.name
     }
 
-    /// The value of a parameter, if it was given.
+    /// Returns the value of a parameter; `None` if it was not given.
     pub fn take(&mut self, key: &'static str) -> Result<Option<&'a str>> {
         self.known.push(key);
         let value = |parameter: &&'a str| parameter.split_once('=').filter(|&(name, _)| name == key);
@@ -38,12 +38,12 @@ impl<'a> Arguments<'a> {
         Ok(values.first().copied())
     }
 
-    /// A number of steps within [`GREENS`], or `default`.
+    /// Returns a number of steps within [`GREENS`], or `default` if it was not given.
     pub fn steps(&mut self, key: &'static str, default: u32) -> Result<u32> {
         Ok(self.number(key, "a whole number from 1 to 3600", |steps| GREENS.contains(steps))?.unwrap_or(default))
     }
 
-    /// A number that is `good`; `what` says which ones are.
+    /// Returns a number that is `good`; `what` says in the error which numbers are.
     pub fn number<T: FromStr>(
         &mut self,
         key: &'static str,
@@ -55,12 +55,12 @@ impl<'a> Arguments<'a> {
         number.map(Some).with_context(|| format!("controller `{}`: {key} = {text}: must be {what}", self.text))
     }
 
-    /// An error about one of the parameters.
+    /// Returns an error about one of the parameters.
     pub fn refuse(&self, why: impl std::fmt::Display) -> anyhow::Error {
         anyhow::anyhow!("controller `{}`: {why}", self.text)
     }
 
-    /// An error if some parameter was not taken.
+    /// Returns an error if some parameter was not taken.
     pub fn all_taken(&self) -> Result<()> {
         let Some(parameter) = self.left.first() else { return Ok(()) };
         let known = if self.known.is_empty() { "none".to_owned() } else { self.known.join(", ") };

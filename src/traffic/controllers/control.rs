@@ -1,4 +1,4 @@
-//! What hand-coded control of lights is: the trait of controllers, and what they may ask for.
+//! Hand-coded control of lights: the trait of controllers, and what they can measure.
 
 use anyhow::Result;
 
@@ -8,11 +8,11 @@ use crate::domain::{Action, GlobalSimulator};
 
 /// Decides for the lights of all intersections.
 pub trait LightController {
-    /// An episode begins; everything random in the decisions follows from `episode`.
+    /// Begins an episode. Everything random in the decisions follows from `episode`.
     fn begin(&mut self, _episode: Seed) {}
 
-    /// Decides whether each light shall keep what it shows or switch, one action per intersection. What is said during
-    /// yellow is not heard.
+    /// Decides for each light whether to keep it or to switch: one action per intersection. Actions during yellow have
+    /// no effect.
     fn act(&mut self, intersections: &Intersections<'_>, actions: &mut [Action]);
 }
 
@@ -41,9 +41,9 @@ impl HandCoded {
     }
 }
 
-/// What a controller may use to measure something before it begins.
+/// What a controller can use to measure something before it begins.
 pub trait Trials {
-    /// Loads the GS with all lights under this control.
+    /// Loads the GS (global simulator) with all lights under this control.
     fn load_gs(&self, by: HandCoded) -> Result<Box<dyn GlobalSimulator>>;
 
     /// Returns the number of steps in an episode.

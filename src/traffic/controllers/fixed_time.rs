@@ -1,4 +1,4 @@
-//! Fixed time: every light goes round by the clock, whatever drives.
+//! Fixed time: every light follows a clock, whatever the traffic.
 
 use std::path::Path;
 
@@ -15,11 +15,11 @@ use crate::traffic::controllers::intersections::Intersections;
 use crate::traffic::light::{KEEP, SWITCH};
 use crate::traffic::paper_grid::grid::Grid;
 
-/// Steps of green, if none are named.
+/// Steps of green, if the parameters do not say.
 const GREEN: u32 = 10;
 
-/// One timing per intersection. Every episode begins with vertical green; where the clock says otherwise, the light turns
-/// yellow at once.
+/// Fixed-time lights: one timing per intersection. Every episode begins with vertical green; if the clock says
+/// otherwise, the light turns yellow at once.
 pub struct FixedTime {
     timings: Vec<Timing>,
     step: u32,
@@ -47,9 +47,11 @@ impl LightController for FixedTime {
     }
 }
 
-/// The timings that the parameters ask for: `green`, or `vertical` and `horizontal`, and `offsets`, which are `none`,
-/// `checkerboard` (half a cycle for every other intersection) or one per agent, such as `0-13-13-0`; or a `file` that the
-/// tuner wrote.
+/// Returns the timings for these parameters: `green`, or `vertical` and `horizontal`, and `offsets`; or a `file` that
+/// the tuner wrote.
+///
+/// `offsets` are `none`, `checkerboard` (half a cycle for every other intersection) or one per agent, such as
+/// `0-13-13-0`.
 pub fn timings(arguments: &mut Arguments<'_>, grid: Grid) -> Result<Vec<Timing>> {
     if let Some(file) = arguments.take("file")? {
         return TimingFile::timings(Path::new(file), grid);

@@ -1,4 +1,4 @@
-//! Gap-out: hold green as long as somebody uses it.
+//! Gap-out: keep green as long as a car uses it.
 
 use crate::domain::Action;
 use crate::traffic::agents::phases::Light;
@@ -9,8 +9,8 @@ use crate::traffic::side::Side;
 const GREEN_CELLS: usize = 3;
 const RED_CELLS: usize = 4;
 
-/// Switches where no car is within three cells before a green line and some car is within four before a red one. Needs no
-/// more than an observation.
+/// Switches when no car is within three cells before a green line and some car is within four before a red one. Needs
+/// no more than an observation.
 pub fn decide(obs: &[f32]) -> Action {
     let shown = Light::ALL.into_iter().find(|&light| obs[OCCUPANCY + light as usize] != 0.0);
     let Some([green, red]) = shown.and_then(Light::green_and_red) else { return KEEP };
@@ -19,7 +19,7 @@ pub fn decide(obs: &[f32]) -> Action {
     if !used && wanted { SWITCH } else { KEEP }
 }
 
-/// Returns whether a car is in one of the first cells before the stop line of a side.
+/// Returns whether a car is in one of the first `cells` cells before the stop line of a side.
 fn has_car_within(obs: &[f32], side: Side, cells: usize) -> bool {
     obs[side.index() * CELLS..][..cells].iter().any(|&bit| bit != 0.0)
 }
@@ -28,7 +28,7 @@ fn has_car_within(obs: &[f32], side: Side, cells: usize) -> bool {
 mod tests {
     use super::*;
 
-    /// Cars in these cells of the edges west, south, east, north.
+    /// Returns an observation with cars in these cells of the edges west, south, east, north.
     fn obs(cars: &[(usize, usize)], light: Light) -> Vec<f32> {
         let mut obs = vec![0.0; OCCUPANCY + 4];
         cars.iter().for_each(|&(edge, cell)| obs[edge * CELLS + cell] = 1.0);

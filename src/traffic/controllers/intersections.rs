@@ -1,5 +1,5 @@
-//! What hand-coded controllers see of the intersections: more than an agent observes, such as queues and the cars that have
-//! left. Learning sees none of it.
+//! What hand-coded controllers see of the intersections. It is more than an agent observes: also queues and the cars
+//! that have left. Learning uses none of it.
 
 use crate::base::{AgentId, Ragged};
 use crate::sumo::{CarTable, LaneCars};
@@ -8,7 +8,7 @@ use crate::traffic::observe::edges_of;
 use crate::traffic::paper_grid::grid::Grid;
 use crate::traffic::side::Side;
 
-/// All intersections, as the last step left them.
+/// All intersections, as they are after the last step.
 pub struct Intersections<'a> {
     pub(in crate::traffic) grid: Grid,
     pub(in crate::traffic) lights: &'a [Light],
@@ -23,7 +23,7 @@ impl<'a> Intersections<'a> {
         self.grid
     }
 
-    /// One per agent, in their order.
+    /// Returns the intersections, one per agent, in the order of the agents.
     pub fn iter(&self) -> impl Iterator<Item = Intersection<'a>> {
         (0..self.lights.len()).map(|row| Intersection {
             grid: self.grid,
@@ -53,42 +53,42 @@ impl<'a> Intersection<'a> {
         self.agent
     }
 
-    /// What the light has shown in the last step; at the beginning of an episode, what it will show.
+    /// Returns what the light showed in the last step; at the beginning of an episode, what it will show.
     pub fn light(&self) -> Light {
         self.light
     }
 
-    /// For how many steps it has shown that.
+    /// Returns the number of steps for which the light has shown that.
     pub fn shown_steps(&self) -> u32 {
         self.shown_steps
     }
 
-    /// Returns the sides whose cars have green, and those whose cars have red; `None` during yellow.
+    /// Returns the sides whose cars have green, then the sides whose cars have red; `None` during yellow.
     pub fn green_and_red(&self) -> Option<[[Side; 2]; 2]> {
         self.light.green_and_red()
     }
 
-    /// What a policy would observe, 40 bits.
+    /// Returns what a policy would observe, 40 bits.
     pub fn obs(&self) -> &'a [f32] {
         self.obs
     }
 
-    /// The cars that come from a side.
+    /// Returns the cars that come from a side.
     pub fn incoming(&self, from: Side) -> LaneCars<'a> {
         self.incoming[from.index()]
     }
 
-    /// The cars on the edge that leaves towards a side.
+    /// Returns the cars on the edge that leaves towards a side.
     pub fn outgoing(&self, to: Side) -> LaneCars<'a> {
         self.outgoing[to.index()]
     }
 
-    /// Whether the edge towards a side leaves the net.
+    /// Returns whether the edge towards a side leaves the net.
     pub fn leaves_the_net(&self, to: Side) -> bool {
         self.grid.leaves(self.agent, to)
     }
 
-    /// The cars that come from a side and stand.
+    /// Returns the number of standing cars that come from a side.
     pub fn queue(&self, from: Side) -> usize {
         self.incoming(from).halting()
     }
@@ -103,15 +103,15 @@ pub(super) mod tests {
     const STANDING: [f64; 16] = [0.0; 16];
     const MOVING: [f64; 16] = [5.0; 16];
 
-    /// So many standing cars, followed by so many that move.
+    /// Returns `standing` cars that stand, followed by `moving` cars that move.
     fn cars(standing: usize, moving: usize) -> LaneCars<'static> {
         let count = standing + moving;
         let speeds_mps = [&STANDING[..standing], &MOVING[..moving]].concat().leak();
         LaneCars { ids: &IDS[..count], positions_m: &MOVING[..count], speeds_mps }
     }
 
-    /// The middle of three intersections in a row, with `(standing, moving)` cars that come from west, south, east and
-    /// north, and so many on the edges that leave there.
+    /// Returns the middle of three intersections in a row, with `(standing, moving)` cars that come from west, south,
+    /// east and north, and these numbers of cars on the edges that leave there.
     pub fn middle(
         light: Light,
         shown_steps: u32,

@@ -22,7 +22,7 @@ mod tests {
     #[test]
     fn the_longest_single_queue_gets_green() {
         let decide = |light, incoming| decide(&middle(light, MIN_GREEN, incoming, [0; 4]), MIN_GREEN);
-        // 3 from the west against 2 from each of south and north; the cars that move do not count.
+        // 3 from the west against 2 each from south and north; moving cars do not count.
         let cars = [(3, 0), (2, 6), (0, 0), (2, 0)];
         assert_eq!(decide(Light::VerticalGreen, cars), SWITCH);
         assert_eq!(decide(Light::HorizontalGreen, cars), KEEP);

@@ -1,8 +1,9 @@
-//! Max-pressure: green for the direction in which there is most to push.
+//! Max-pressure: green for the direction with the greater pressure.
 //!
 //! Source: Varaiya, "Max pressure control of a network of signalized intersections", Transportation Research Part C 36,
-//! 2013. Without turns a movement leads from one edge to one other, so its pressure is the number of cars that come less
-//! the number on the edge ahead; an edge that leaves the net holds nobody back and counts as empty, as there.
+//! 2013. Without turns, a movement leads from one edge to one other edge. So its pressure is the number of cars that
+//! come minus the number of cars on the edge ahead. An edge that leaves the net holds no car back and counts as empty,
+//! as in the paper.
 
 use crate::domain::Action;
 use crate::traffic::controllers::intersections::Intersection;
@@ -37,9 +38,9 @@ mod tests {
         // West and east 3 + 1 = 4, south and north 2 + 1 = 3.
         assert_eq!(decide(Light::VerticalGreen, [3, 2, 1, 1], [0; 4]), SWITCH);
         assert_eq!(decide(Light::HorizontalGreen, [3, 2, 1, 1], [0; 4]), KEEP);
-        // 1 on the edge to the east takes 1 from the pressure of those who come from the west: 3 against 3.
+        // 1 car on the edge to the east takes 1 from the pressure of the cars from the west: 3 against 3.
         assert_eq!(decide(Light::VerticalGreen, [3, 2, 1, 1], [0, 0, 1, 0]), KEEP, "a tie keeps");
-        // To the south and the north the cars leave the net.
+        // Cars to the south and the north leave the net.
         assert_eq!(decide(Light::HorizontalGreen, [1, 2, 1, 1], [0, 9, 0, 9]), SWITCH);
         assert_eq!(decide(Light::HorizontalYellow, [0, 9, 0, 9], [0; 4]), KEEP);
     }

@@ -1,14 +1,18 @@
-//! Hand-coded controllers of traffic lights: to compare policies with, and to run the lights around them.
+//! Hand-coded controllers of traffic lights: baselines for policies, and control of the lights around the agents.
 //!
-//! All but SUMO's own `actuated` are [`LightController`]s. They live in the GS and see its [`Intersections`], which is more than
-//! a policy observes, and their lights obey the same rules: keep or switch, three steps of yellow. To add one, implement
-//! the trait (or write a function of one [`Intersection`] and wrap it in [`Each`]), and give it a name in [`recipe`] and
-//! [`NAMES`]. A program of its own needs no name: it hands its controller to [`crate::traffic::Traffic::global`].
+//! All but SUMO's own `actuated` are [`LightController`]s. They live in the GS (global simulator) and see its
+//! [`Intersections`], which is more than a policy observes. Their lights obey the same rules: keep or switch, with
+//! three steps of yellow.
 //!
-//! - `control`: what a controller is; [`intersections`]: what it sees.
+//! To add one, implement the trait, or write a function of one [`Intersection`] and wrap it in [`Each`]. Then give it a
+//! name in [`recipe`] and [`NAMES`]. A program of its own needs no name: it passes its controller to
+//! [`crate::traffic::Traffic::global`].
+//!
+//! - `control`: the trait of controllers; [`intersections`]: what a controller sees.
 //! - `simple`, [`gap_out`], `longest_queue`, `max_pressure`, `fixed_time`, `webster`: the controllers.
-//! - `timing`, [`timing_file`], [`search`]: timings of fixed-time lights, kept in files and looked for.
-//! - `arguments`: how a controller is named.
+//! - `timing`, [`timing_file`]: timings of fixed-time lights, and their files; [`search`]: the search for the best
+//!   ones.
+//! - `arguments`: the text that names a controller.
 
 mod arguments;
 mod control;
@@ -35,7 +39,7 @@ pub use intersections::{Intersection, Intersections};
 pub use simple::{Constant, Random, SwitchEvery};
 pub use timing::Timing;
 
-/// What [`recipe`] takes; K stands for a number of steps.
+/// Names that [`recipe`] takes; K is a number of steps.
 pub const NAMES: &[&str] = &[
     "random",
     "never",
@@ -51,15 +55,15 @@ pub const NAMES: &[&str] = &[
 
 const SWITCH_EVERY: &str = "switch-every-";
 
-/// Steps of green before a switch, if none are named. Of 1 to 15 max-pressure does best with these on 2x2 (184 against 173
-/// with 5 or 1); to longest-queue all from 5 on are the same.
+/// Steps of green before a switch, if the parameters do not say. Of 1 to 15, max-pressure does best with these on 2x2
+/// (184, against 173 with 5 or 1). For longest-queue, all values from 5 on give the same result.
 const MIN_GREEN: u32 = 10;
 
-/// How a controller is made for a grid; what it needs to measure first, it measures then.
+/// A function that makes a controller for a grid. It first measures what the controller needs to know.
 pub type Recipe = Box<dyn Fn(&dyn Trials) -> Result<HandCoded>>;
 
-/// A controller by its name, with parameters: `max-pressure:min-green=5`. An unknown name is an error that lists the known
-/// ones, and an unknown parameter one that lists those of the controller.
+/// Returns the controller that a text names, with parameters: `max-pressure:min-green=5`. Errors: an unknown name (the
+/// error lists the known ones) and an unknown parameter (it lists those of the controller).
 pub fn recipe(text: &str, grid: Grid) -> Result<Recipe> {
     let mut arguments = Arguments::of(text);
     let recipe: Recipe = match arguments.name() {

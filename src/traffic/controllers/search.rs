@@ -1,9 +1,11 @@
 //! The search for the best fixed-time lights, over cycle, split and offsets, on the same episodes for every candidate.
 //!
-//! Pure: what a candidate earns in an episode is asked of the caller. First a grid of greens and of waves (offsets that grow
-//! by quarters of the cycle along rows and columns; half and half is the checkerboard), on some of the episodes. Then the
-//! best of them on all episodes; and from the winner a walk: each green, row and column is changed a little, and kept
-//! where that earns more. One change at a time is judged on common random numbers, so small gains show.
+//! Pure: the caller says what a candidate earns in an episode. The search has three parts:
+//! - It tries a grid of greens and of waves on some of the episodes. In a wave, offsets grow by quarters of the cycle
+//!   along rows and columns; a half along both is the checkerboard.
+//! - It tries the best of them on all episodes.
+//! - From the winner it walks: it changes each green, row and column a little, and keeps changes that earn more. Each
+//!   change is judged on common random numbers, so small gains show.
 
 use std::ops::Range;
 
@@ -13,21 +15,21 @@ use super::timing::Timing;
 use crate::base::statistics::mean;
 use crate::traffic::paper_grid::grid::Grid;
 
-/// Goes up with every change of what is searched or of what counts as the best: timings of another version are looked for
-/// again.
+/// Version of the search. Bump when the space of the search or the choice of the best changes; timings of another
+/// version are searched again.
 pub const VERSION: u32 = 1;
 
-/// Greens of the first grid, steps.
+/// Greens of the first grid, in steps.
 const GREENS: [u32; 8] = [4, 6, 8, 10, 12, 15, 19, 24];
-/// How many of its candidates play all episodes.
+/// Number of candidates of the first grid that play all episodes.
 const FINALISTS: usize = 6;
-/// How often the walk tries everything.
+/// Number of times that the walk tries every change.
 const ROUNDS: usize = 3;
-/// By how many steps the walk changes a green or an offset.
+/// Steps by which the walk changes a green or an offset.
 const GREEN_CHANGES: [i64; 4] = [1, -1, 2, -2];
 const OFFSET_CHANGES: [i64; 6] = [1, -1, 2, -2, 4, -4];
 
-/// Timings with one cycle and split for all, and offsets that are the sum of one per row and one per column.
+/// Timings with one cycle and split for all intersections. Each offset is the sum of one per row and one per column.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Candidate {
     vertical: u32,
@@ -37,7 +39,7 @@ struct Candidate {
 }
 
 impl Candidate {
-    /// Offsets that grow by so many quarters of the cycle from row to row and from column to column.
+    /// Returns timings whose offsets grow by these quarters of the cycle from row to row and from column to column.
     fn wave(grid: Grid, green: u32, by_row: usize, by_col: usize) -> Candidate {
         let mut candidate = Candidate { vertical: green, horizontal: green, rows: vec![], cols: vec![] };
         let cycle = candidate.cycle();
@@ -59,7 +61,8 @@ impl Candidate {
         offsets.map(|offset| Timing { vertical, horizontal, offset }).collect()
     }
 
-    /// What one change makes of it; offsets keep their share of a changed cycle.
+    /// Returns the candidates that one change makes of this one. When the cycle changes, offsets keep their share of
+    /// it.
     fn neighbours(&self) -> Vec<Candidate> {
         let mut found = Vec::new();
         for by in GREEN_CHANGES {
@@ -89,27 +92,28 @@ impl Candidate {
     }
 }
 
-/// Returns a green that is longer by some steps; 0 where it would be negative.
+/// Returns a green that is longer by some steps; 0 if it would be negative.
 fn lengthened(green: u32, by: i64) -> u32 {
     u32::try_from(i64::from(green) + by).unwrap_or(0)
 }
 
-/// Returns by how many quarters of the cycle offsets grow; along a single row or column nothing grows.
+/// Returns the numbers of quarters of the cycle by which offsets can grow. Along a single row or column there is only
+/// 0.
 fn quarters(count: usize) -> Range<usize> {
     if count > 1 { 0..4 } else { 0..1 }
 }
 
-/// Where a search stands.
+/// Progress of a search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Standing {
-    /// Episodes played, and how many there will be at most.
+    /// Number of episodes played, and the most that there can be.
     pub played: usize,
     pub at_most: usize,
-    /// The best mean so far.
+    /// Best mean so far.
     pub best: f64,
 }
 
-/// What a search asks: what timings earn in an episode, and to hear where it stands.
+/// What a search needs: what timings earn in an episode, and a function that it reports its progress to.
 pub struct Search<'a> {
     pub grid: Grid,
     pub episodes: usize,
@@ -118,7 +122,7 @@ pub struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// The best timings found and their mean over the episodes.
+    /// Returns the best timings found and their mean over the episodes.
     pub fn run(mut self) -> Result<(Vec<Timing>, f64)> {
         let waves = self.waves();
         let some = self.episodes.div_ceil(3);
@@ -145,7 +149,7 @@ impl Search<'_> {
         for _ in 0..ROUNDS {
             let before = best.clone();
             let count = best.neighbours().len();
-            // By number, so that a change is tried on top of those that were kept.
+            // Changes are counted by number, so that each is tried on top of those that were kept.
             for number in 0..count {
                 let Some(challenger) = best.neighbours().into_iter().nth(number) else { break };
                 if let Some(better) = self.challenge(&challenger, &earned, some, &mut standing)? {
@@ -172,7 +176,7 @@ impl Search<'_> {
         waves
     }
 
-    /// Plays on until so many episodes are played.
+    /// Plays more episodes until this number of them is played.
     fn play(
         &mut self,
         candidate: &Candidate,
@@ -189,7 +193,8 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// What the challenger earns, if that is more. It has lost when it has not earned more in the first few episodes.
+    /// Returns the challenger's mean, if it earns more. It loses early if it does not earn more in the first few
+    /// episodes.
     fn challenge(
         &mut self,
         challenger: &Candidate,
@@ -212,7 +217,7 @@ impl Search<'_> {
 mod tests {
     use super::*;
 
-    /// A search for timings that are hidden in the score.
+    /// Searches for timings that are hidden in the score.
     fn find(rows: usize, cols: usize, wanted: &[Timing]) -> (Vec<Timing>, f64) {
         let distance = |one: u32, other: u32, cycle: u32| {
             let ahead = (one + cycle - other % cycle) % cycle;
@@ -225,7 +230,7 @@ mod tests {
                     + f64::from(timing.horizontal.abs_diff(wanted.horizontal))
                     + 0.1 * distance(timing.offset, wanted.offset, timing.cycle())
             });
-            // The episodes differ by far more than the timings do.
+            // Episodes differ by far more than timings do.
             Ok(1000.0 * (episode as f64).sin() - error.sum::<f64>())
         };
         let grid = Grid::new(rows, cols).unwrap();

@@ -1,4 +1,4 @@
-//! Controllers that do not look: random, never, always, every K steps.
+//! Controllers that do not look at the traffic: random, never, always, every K steps.
 
 use rand::Rng;
 
@@ -8,7 +8,7 @@ use crate::domain::Action;
 use crate::traffic::controllers::intersections::Intersections;
 use crate::traffic::light::{KEEP, SWITCH};
 
-/// Switches with probability one half, each light at each step on its own.
+/// Switches with probability one half, independently for each light and step.
 pub struct Random {
     dice: Dice,
 }
@@ -29,7 +29,7 @@ impl LightController for Random {
     }
 }
 
-/// The same action for ever.
+/// Takes the same action at every step.
 pub struct Constant(Action);
 
 impl Constant {

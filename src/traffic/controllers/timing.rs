@@ -2,14 +2,14 @@
 
 use crate::traffic::light::YELLOW_STEPS;
 
-/// The timing of one light, in steps. It goes round: vertical green, yellow, horizontal green, yellow.
+/// The timing of one light, in steps. It repeats: vertical green, yellow, horizontal green, yellow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timing {
     /// Green for the cars from south and north, at least 1.
     pub vertical: u32,
     /// Green for the cars from west and east, at least 1.
     pub horizontal: u32,
-    /// How long after the beginning of the episode a vertical green begins.
+    /// Number of steps from the beginning of the episode to the beginning of a vertical green.
     pub offset: u32,
 }
 
@@ -18,7 +18,7 @@ impl Timing {
         self.vertical + self.horizontal + 2 * u32::from(YELLOW_STEPS)
     }
 
-    /// Whether the cars from south and north have green at a step, or will have it next.
+    /// Returns whether the cars from south and north have green at a step, or will have it next.
     pub fn is_vertical(self, step: u32) -> bool {
         let cycle = self.cycle();
         let place = (step + cycle - self.offset % cycle) % cycle;

@@ -1,4 +1,4 @@
-//! Timings that the tuner found, kept in a file that says what they were tuned on.
+//! Timings that the tuner found, in a file that says what they were tuned on.
 
 use std::path::Path;
 
@@ -9,19 +9,19 @@ use super::arguments::GREENS;
 use super::timing::Timing;
 use crate::traffic::paper_grid::grid::Grid;
 
-/// What helps where a file does not.
+/// Advice if a file does not help.
 const WAY_OUT: &str = "`dials-traffic baseline CONFIG --controller fixed-time --tune` makes one that fits";
 
-/// A TOML file, for people and for `fixed-time:file=PATH`. All times are steps.
+/// A TOML file, for readers and for `fixed-time:file=PATH`. All times are in steps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TimingFile {
     /// Green for the cars from south and north, and from west and east; the same at all intersections.
     pub vertical: u32,
     pub horizontal: u32,
-    /// How long after the beginning of an episode a vertical green begins, agent by agent.
+    /// Number of steps from the beginning of an episode to the beginning of a vertical green, for each agent.
     pub offsets: Vec<u32>,
-    /// On the episodes of the tuning.
+    /// Mean return on the episodes of the tuning.
     pub mean_return: f64,
     pub tuned_on: TunedOn,
 }
@@ -30,15 +30,15 @@ pub struct TimingFile {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TunedOn {
-    /// Its name; the folder may be another one tomorrow.
+    /// Name of the network, without its folder, because the folder can change.
     pub network: String,
-    /// CRC-32 of its net and its routes.
+    /// CRC-32 of the net and the routes.
     pub network_crc32: String,
     pub horizon: usize,
     pub episodes: usize,
-    /// As text, since TOML's numbers end at 2^63.
+    /// Seed as text, because TOML's numbers end at 2^63.
     pub seed: String,
-    /// [`super::search::VERSION`]
+    /// [`super::search::VERSION`] of the search.
     pub search_version: u32,
     pub sumo_version: String,
 }
@@ -62,7 +62,7 @@ impl TimingFile {
         ))
     }
 
-    /// What a file has for the intersections of `grid`, one timing for each.
+    /// Reads the timings for the intersections of `grid` from a file, one for each.
     pub fn timings(path: &Path, grid: Grid) -> Result<Vec<Timing>> {
         let TimingFile { vertical, horizontal, offsets, tuned_on, .. } = TimingFile::read(path)?;
         ensure!(
@@ -125,7 +125,7 @@ mod tests {
         let on_all = format!("{on}search_version = 1\nsumo_version = '1.15.0'\n");
         assert_eq!(error(&timings(9, &on_all)), "timings for the 4 intersections of n do not fit a grid of 2x3");
         assert_eq!(error(&timings(9, on)), "is no file of tuned timings of this version");
-        // With 1 and the yellows of 6 it would be a cycle of 2^32, which is 0.
+        // With 1 and the yellows of 6, the cycle would be 2^32, which is 0.
         assert_eq!(error(&timings(u32::MAX - 6, &on_all)), "vertical = 4294967289: must be from 1 to 3600 steps");
         assert_eq!(error(&timings(0, &on_all)), "vertical = 0: must be from 1 to 3600 steps");
     }

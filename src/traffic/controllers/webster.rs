@@ -1,9 +1,9 @@
-//! Webster's fixed time: cycle and greens from measured flows, intersection by intersection.
+//! Webster's fixed time: cycle and greens from measured flows, for each intersection.
 //!
-//! Source: Webster, "Traffic signal settings", Road Research Technical Paper 39, 1958. With the flow ratio `y` of a
-//! phase, the flow of its busiest edge over the saturation flow, `Y` their sum and `L` the lost time of a cycle, the delay
-//! is least near the cycle `C = (1.5 L + 5) / (1 - Y)`, of which each phase gets the green `(C - L) y / Y`. What is lost are
-//! the two yellows of 3 s: `L = 6`.
+//! Source: Webster, "Traffic signal settings", Road Research Technical Paper 39, 1958. The flow ratio `y` of a phase is
+//! the flow of its busiest edge over the saturation flow. `Y` is the sum of the flow ratios, and `L` the lost time of a
+//! cycle. The delay is least near the cycle `C = (1.5 L + 5) / (1 - Y)`, of which each phase gets the green `(C - L) y
+//! / Y`. The lost time is the two yellows of 3 s: `L = 6`.
 
 use anyhow::Result;
 
@@ -15,16 +15,16 @@ use crate::base::{RandomPurpose, Rows, Seed};
 use crate::traffic::agents::region::EDGES;
 use crate::traffic::light::{KEEP, YELLOW_STEPS};
 
-/// Cars per hour that a standing queue of our vehicle type lets past the stop line: one in 2.28 s.
+/// Cars per hour that pass the stop line from a standing queue of our vehicle type: one in 2.28 s.
 const SATURATION_PER_H: f64 = 1580.0;
-/// The longest cycle; nearer to saturation the formula goes to infinity.
+/// Longest cycle. Near saturation, the formula goes to infinity.
 const LONGEST_CYCLE_S: f64 = 120.0;
-/// Episodes that measure the flows.
+/// Number of episodes that measure the flows.
 const EPISODES: u32 = 5;
-/// Under which the flows are measured.
+/// Timing of the lights while the flows are measured.
 const MEANWHILE: Timing = Timing { vertical: 10, horizontal: 10, offset: 0 };
 
-/// How the timings are to be found.
+/// How to find the timings.
 pub struct Plan {
     episodes: u32,
     saturation_per_h: f64,
@@ -38,7 +38,7 @@ impl Plan {
         Ok(Plan { episodes: episodes.unwrap_or(EPISODES), saturation_per_h: saturation.unwrap_or(SATURATION_PER_H) })
     }
 
-    /// Measures the flows on the GS, on episodes of their own, and works out the timings.
+    /// Measures the flows on the GS (global simulator), on separate episodes, and computes the timings.
     pub fn timings(&self, agents: usize, trials: &dyn Trials) -> Result<Vec<Timing>> {
         let mut gs = trials.load_gs(HandCoded::rule(FixedTime::new(vec![MEANWHILE; agents])))?;
         let (keep, mut cars) = (vec![KEEP; agents], Rows::<u32>::new(agents, EDGES));
@@ -56,13 +56,13 @@ impl Plan {
     }
 }
 
-/// `ratios`: flow over saturation flow on the edges from west, south, east and north.
+/// Returns the timing of one light. `ratios`: flow over saturation flow on the edges from west, south, east and north.
 fn timing([west, south, east, north]: [f64; EDGES]) -> Timing {
     let (vertical, horizontal) = (south.max(north), west.max(east));
     let sum = vertical + horizontal;
     let lost_s = 2.0 * f64::from(YELLOW_STEPS);
     let cycle_s = if sum < 1.0 { ((1.5 * lost_s + 5.0) / (1.0 - sum)).min(LONGEST_CYCLE_S) } else { LONGEST_CYCLE_S };
-    // Without a car the phases share equally.
+    // Without cars, the phases have equal shares.
     let share = if sum > 0.0 { vertical / sum } else { 0.5 };
     let green = |share: f64| (((cycle_s - lost_s) * share).round() as u32).max(1);
     Timing { vertical: green(share), horizontal: green(1.0 - share), offset: 0 }
@@ -87,7 +87,7 @@ mod tests {
         assert_eq!(timing([0.0; 4]), (4, 4));
         // Beyond saturation 120 s, 114 of them green, 2 : 1.
         assert_eq!(timing([0.0, 0.8, 0.4, 0.0]), (76, 38));
-        // A road without cars still gets its step.
+        // A road without cars still gets one step.
         assert_eq!(timing([0.0, 0.5, 0.0, 0.0]), (22, 1));
     }
 }

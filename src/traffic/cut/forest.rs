@@ -1,10 +1,10 @@
 //! The forest: many single-intersection regions side by side in one SUMO net, because SUMO allows one simulation per
-//! process, and because one step of many regions costs less than many steps of one.
+//! process. One step of many regions also costs less than many steps of one.
 //!
 //! A forest is the text of the local net, once per region, with other ids: region 3's light is `f3.r0c0`. All regions
-//! keep the *same coordinates*. They do not see each other, for no road joins them; and SUMO's arithmetic on positions
-//! rounds alike in all of them, so that each is bit-identical to the local net simulated alone. (Moved to other
-//! coordinates, speeds differ in the last digit, and the difference grows.)
+//! keep the *same coordinates*. They do not see each other, because no road joins them. SUMO's arithmetic on positions
+//! rounds alike in all of them, so each is bit-identical to the local net simulated alone. (At other coordinates,
+//! speeds differ in the last digit, and the difference grows.)
 
 use std::borrow::Cow;
 use std::io;
@@ -20,35 +20,35 @@ use crate::traffic::network::xml::{Xml, document_with, leaf, nest};
 use crate::traffic::paper_grid::grid::{self, Grid};
 use crate::traffic::paper_grid::recognise::read_local;
 
-/// Where the files of a forest are.
+/// Paths of the files of a forest.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ForestFiles {
     pub net: PathBuf,
-    /// The vehicle type once, and four routes per region.
+    /// File of the vehicle type, once, and of four routes per region.
     pub routes: PathBuf,
 }
 
-/// One intersection of a forest, numbered from 0, and the names of what belongs to it.
+/// One intersection of a forest, numbered from 0. Its methods return the names of its lanes, routes and so on.
 ///
 /// All arrays: west, south, east, north.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Region(pub usize);
 
-/// The agent of a local net.
+/// The only agent of a local net.
 const ONLY: AgentId = AgentId(0);
 
 impl Region {
-    /// The lanes that lead to the intersection, `[from west, from south, from east, from north]`.
+    /// Returns the lanes that lead to the intersection, `[from west, from south, from east, from north]`.
     pub fn incoming_lanes(self) -> [String; 4] {
         Grid::SINGLE.incoming_edges(ONLY).map(|edge| self.rename(&grid::lane(&edge)))
     }
 
-    /// The lanes inside the intersection, by the side that their cars come from.
+    /// Returns the lanes inside the intersection, by the side that their cars come from.
     pub fn internal_lanes(self) -> [String; 4] {
         Grid::SINGLE.internal_lanes(ONLY).map(|lane| self.rename(&lane))
     }
 
-    /// The lanes that leave the intersection, `[to west, to south, to east, to north]`.
+    /// Returns the lanes that leave the intersection, `[to west, to south, to east, to north]`.
     pub fn outgoing_lanes(self) -> [String; 4] {
         Grid::SINGLE.outgoing_edges(ONLY).map(|edge| self.rename(&grid::lane(&edge)))
     }
@@ -57,21 +57,21 @@ impl Region {
         self.rename(&Grid::SINGLE.light(ONLY))
     }
 
-    /// The routes by the side that they begin on.
+    /// Returns the routes by the side that they begin on.
     pub fn routes(self) -> [String; 4] {
         let routes: Vec<String> = Grid::SINGLE.boundary_routes().iter().map(|route| self.rename(&route.id)).collect();
         routes.try_into().expect("a single intersection has four routes")
     }
 
-    /// What something of this region is called in the local net; `None`: it is none of this region's.
+    /// Returns the name in the local net of something in this region; `None` if it does not belong to this region.
     pub(in crate::traffic) fn in_the_local_net(self, id: &str) -> Option<&str> {
         id.strip_prefix(&format!("f{}.", self.0))
     }
 
-    /// The name that something of the local net has in this region.
+    /// Returns the name in this region of something in the local net.
     pub(in crate::traffic) fn rename(self, id: &str) -> String {
         match id.strip_prefix(':') {
-            // SUMO knows internal edges and lanes by the colon, and finds their intersection by the name behind it.
+            // SUMO knows internal edges and lanes by the colon, and finds their intersection by the name after it.
             Some(internal) => format!(":f{}.{internal}", self.0),
             None => format!("f{}.{id}", self.0),
         }
@@ -82,7 +82,8 @@ impl Region {
     }
 }
 
-/// Writes a forest of `regions` copies of the `local` network into `dir`. Milliseconds: no netconvert takes part.
+/// Writes a forest of `regions` copies of the `local` network into `dir`. Takes milliseconds, because netconvert is not
+/// needed.
 pub fn write_forest(local: &NetworkFiles, regions: usize, dir: &Path) -> Result<ForestFiles> {
     ensure!(regions >= 1, "{}: a forest of 0 regions: needs at least one", dir.display());
     local.check()?;
@@ -97,11 +98,11 @@ pub fn write_forest(local: &NetworkFiles, regions: usize, dir: &Path) -> Result<
     Ok(ForestFiles { net, routes })
 }
 
-/// The text of a file of the local net, once per region.
+/// Returns the text of a file of the local net, once per region.
 fn replicate(local: &Element, regions: usize) -> String {
     document_with(&local.name, local.attributes.iter().map(|(key, value)| (key, value)), |xml| {
-        // SUMO wants all edges before the lights, the lights before the junctions, and so on, so the regions go side
-        // by side within each kind.
+        // SUMO wants all edges before the lights, the lights before the junctions, and so on. So the regions go side by
+        // side within each kind.
         for same_kind in local.children.chunk_by(|a, b| a.name == b.name) {
             let copies = if is_shared(&same_kind[0]) { 1 } else { regions };
             for region in (0..copies).map(Region) {
@@ -112,13 +113,13 @@ fn replicate(local: &Element, regions: usize) -> String {
     })
 }
 
-/// What all regions have in common: where the net lies, and the vehicle type.
+/// Returns whether all regions have this element in common: the place of the net and the vehicle type.
 fn is_shared(element: &Element) -> bool {
     matches!(element.name.as_str(), "location" | "vType")
 }
 
-/// The attributes that hold names of a region's things, one name or several with blanks between. The local net has no other
-/// elements than ours: [`read_local`] compares it.
+/// Returns the attributes that hold names of things in a region: one name, or several with blanks between. The local
+/// net has no elements but ours: [`read_local`] checks that.
 ///
 /// Seen in the files of netconvert 1.15. The `index` and the bits of a `<request>` and the `linkIndex` of a
 /// `<connection>` count within their intersection, so they stay.

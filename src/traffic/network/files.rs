@@ -1,7 +1,10 @@
 //! The files of a network.
 //!
-//! A *network* is four files with one name: `grid_2x2.net.xml` (roads and lights), `.rou.xml` (vehicle type, routes, flows),
-//! `.actuated.add.xml` (actuated lights, for those who want to load them) and `.sumocfg` (what `sumo -c` takes).
+//! A *network* is four files with one name:
+//! - `grid_2x2.net.xml`: roads and lights.
+//! - `.rou.xml`: vehicle type, routes, flows.
+//! - `.actuated.add.xml`: actuated lights, loaded only if wanted.
+//! - `.sumocfg`: the configuration for `sumo -c`.
 
 use std::ffi::OsString;
 use std::fs;
@@ -13,21 +16,22 @@ use super::way_out::no_such_network;
 use super::write_together;
 use super::xml::{document, section};
 
-/// Where the files of one network are.
+/// Paths of the files of one network.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NetworkFiles {
-    /// The roads and the lights with their static program.
+    /// File of the roads and of the lights with their static program.
     pub net: PathBuf,
-    /// The vehicle type and the routes, and the flows of a grid.
+    /// File of the vehicle type and the routes, and of the flows of a grid.
     pub routes: PathBuf,
-    /// The actuated program of every light.
+    /// File of the actuated program of every light.
     pub actuated: PathBuf,
-    /// Net and routes together, for `sumo -c` and `sumo-gui -c`.
+    /// Configuration with net and routes, for `sumo -c` and `sumo-gui -c`.
     pub config: PathBuf,
 }
 
 impl NetworkFiles {
-    /// The network that a config names: directory and name, such as `../sumo_nets/grid_2x2`. They need not exist.
+    /// Returns the network that a config names by directory and name, such as `../sumo_nets/grid_2x2`. The files need
+    /// not exist.
     pub fn of(prefix: &Path) -> NetworkFiles {
         NetworkFiles {
             net: with_ending(prefix, ".net.xml"),
@@ -37,7 +41,7 @@ impl NetworkFiles {
         }
     }
 
-    /// CRC-32 of what decides about roads and cars: the net and its routes.
+    /// Returns the CRC-32 of what determines roads and cars: the net and its routes.
     pub fn checksum(&self) -> Result<u32> {
         let mut hasher = crc32fast::Hasher::new();
         for file in [&self.net, &self.routes] {
@@ -46,7 +50,7 @@ impl NetworkFiles {
         Ok(hasher.finalize())
     }
 
-    /// An error with the way out if one of the files is missing or SUMO could not take its path.
+    /// Returns an error with advice if one of the files is missing or SUMO could not take its path.
     pub fn check(&self) -> Result<()> {
         self.check_paths()?;
         match self.all().into_iter().find(|path| !path.is_file()) {
@@ -55,13 +59,13 @@ impl NetworkFiles {
         }
     }
 
-    /// An error if SUMO could not take the path of one of the files, there or not.
+    /// Returns an error if SUMO could not take the path of one of the files. The files need not exist.
     pub fn check_paths(&self) -> Result<()> {
         self.all().into_iter().try_for_each(|path| for_sumo(path).map(drop))
     }
 
-    /// Copies the network into another directory under a name of its own, for a run directory that needs nothing outside
-    /// of itself. What `sumo -c` takes is written anew, for it names the others.
+    /// Copies the network into another directory under another name, for a run directory that needs nothing outside of
+    /// itself. Writes the file for `sumo -c` anew, because it names the others.
     pub fn copy_to(&self, dir: &Path, name: &str) -> Result<NetworkFiles> {
         self.check()?;
         let copy = NetworkFiles::of(&dir.join(name));
@@ -80,7 +84,7 @@ impl NetworkFiles {
     }
 }
 
-/// Returns a path with more text at its end; `with_extension` would take a dot in the name for an extension.
+/// Returns a path with text added at its end. `with_extension` would take a dot in the name for an extension.
 fn with_ending(prefix: &Path, ending: &str) -> PathBuf {
     let mut path = OsString::from(prefix);
     path.push(ending);
@@ -92,23 +96,25 @@ fn whole(path: &Path) -> Result<Vec<u8>> {
     fs::read(path).with_context(|| format!("{}: could not be read", path.display()))
 }
 
-/// A path as SUMO takes it among its options: text, and one file only.
+/// Returns a path as SUMO takes it among its options: as text that names one file only.
 pub(in crate::traffic) fn for_sumo(path: &Path) -> Result<String> {
     let place = path.display();
-    let text = path.to_str().with_context(|| format!("{place}: is not UTF-8, as SUMO's options are; rename it"))?;
-    ensure!(!text.contains(','), "{place}: has a comma in it, where SUMO would split it in two; rename it");
+    let text =
+        path.to_str().with_context(|| format!("{place}: is not UTF-8, which SUMO's options must be; rename it"))?;
+    ensure!(!text.contains(','), "{place}: contains a comma, at which SUMO would split it; rename it");
     Ok(text.to_owned())
 }
 
-/// Returns the configuration that `sumo -c` and `sumo-gui -c` take for a network of this name; the other files lie beside it.
+/// Returns the configuration for `sumo -c` and `sumo-gui -c` of a network of this name; the other files are in the same
+/// directory.
 pub(in crate::traffic) fn config(name: &str) -> String {
     let (net, routes) = (format!("{name}.net.xml"), format!("{name}.rou.xml"));
     document("configuration", |xml| {
         section(xml, "input", &[("net-file", &net), ("route-files", &routes)])?;
         section(xml, "time", &[("begin", "0"), ("end", "3600"), ("step-length", "1")])?;
-        // A car that waits is never lifted over the jam (the authors' setup).
+        // A waiting car is never moved past the jam (the authors' setup).
         section(xml, "processing", &[("time-to-teleport", "-1")])?;
-        // Without it SUMO warns of a missing SUMO_HOME, where it would look for the schemas.
+        // Without it, SUMO warns of a missing SUMO_HOME, where it would look for the schemas.
         section(xml, "report", &[("xml-validation", "never")])
     })
 }

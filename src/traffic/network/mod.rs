@@ -1,7 +1,8 @@
-//! Networks as files, whoever made them.
+//! Networks as files, from any source.
 //!
-//! - [`files`]: which files a network is; `together`: several files written at once; `way_out`: what to do without them.
-//! - `tree`, `xml`: XML read and written.
+//! - [`files`]: the files of a network; `together`: several files written at once; `way_out`: advice if they are
+//!   missing or wrong.
+//! - `tree`: XML read into a tree; `xml`: XML written.
 
 pub mod files;
 mod together;

@@ -11,12 +11,12 @@ use tempfile::NamedTempFile;
 /// Writes files into one directory, all of them or none: each is written under another name first, then renamed.
 pub fn write_together(dir: &Path, files: &[(PathBuf, Vec<u8>)]) -> Result<()> {
     let unwritable =
-        || format!("{}: could not be written to: make it writable or choose another directory", dir.display());
+        || format!("{}: could not be written to; make it writable or choose another directory", dir.display());
     fs::create_dir_all(dir).with_context(unwritable)?;
     let mut staged = Vec::new();
     for (path, content) in files {
-        ensure!(!path.is_dir(), "{}: is a directory, where a file is to be written: move it away", path.display());
-        // A temporary file is for its owner alone by default; these are for everyone whom the umask allows.
+        ensure!(!path.is_dir(), "{}: is a directory, but a file must be written there; move it away", path.display());
+        // A temporary file is readable by its owner only, by default; these get the permissions that the umask allows.
         let mut temporary = tempfile::Builder::new();
         let temporary = temporary.prefix(".writing-").permissions(Permissions::from_mode(0o666));
         let mut file = temporary.tempfile_in(dir).with_context(unwritable)?;

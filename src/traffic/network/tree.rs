@@ -1,7 +1,7 @@
-//! XML files read as a tree of elements that can be kept, compared and made by hand.
+//! XML files read as a tree of elements that can be kept, compared and built by hand.
 //!
-//! SUMO's files keep everything in attributes, so text between elements is skipped, as are comments. So are attributes with
-//! a namespace: they say where a schema lies.
+//! SUMO's files keep everything in attributes, so text between elements is skipped, as are comments. Attributes with a
+//! namespace are skipped too: they name the place of a schema.
 
 use std::fs;
 use std::path::Path;
@@ -13,7 +13,7 @@ use roxmltree::{Document, Node};
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Element {
     pub name: String,
-    /// In the order of the file.
+    /// Attributes in the order of the file.
     pub attributes: Vec<(String, String)>,
     pub children: Vec<Element>,
 }
@@ -23,7 +23,7 @@ impl Element {
         self.attributes.iter().find(|(key, _)| key == name).map(|(_, value)| value.as_str())
     }
 
-    /// The children of one kind.
+    /// Returns the children of one kind.
     pub fn all<'a>(&'a self, name: &'a str) -> impl Iterator<Item = &'a Element> {
         self.children.iter().filter(move |child| child.name == name)
     }
@@ -63,7 +63,7 @@ mod tests {
 
     #[test]
     fn an_error_says_where() {
-        // The end tag begins at line 2, column 3 and names another element than the one that is open.
+        // The end tag begins at line 2, column 3 and names another element than the open one.
         assert_eq!(error_of("<net>\n  </nets>"), "x.xml: is not XML: expected 'net' tag, not 'nets' at 2:3");
         assert!(
             error_of("<net a=1/>").starts_with("x.xml: is not XML: ") && error_of("<net a=1/>").ends_with(" at 1:8")

@@ -1,18 +1,18 @@
-//! What to say of a network that is missing or wrong: with the command that makes it.
+//! Messages about a network that is missing or wrong, with the command that makes it.
 
 use std::path::Path;
 
-/// What to say of a network in which something is wrong, with the command that remakes it.
+/// Returns the message about a network with an error in it, with the command that remakes it.
 pub fn cannot_be_simulated(net: &Path) -> String {
     format!("{}: this network cannot be simulated; remake it with: {}", net.display(), command_for(net))
 }
 
-/// What to say of a file of a network that is not there, with the command that makes it.
+/// Returns the message about a missing file of a network, with the command that makes it.
 pub fn no_such_network(missing: &Path) -> String {
     format!("{}: no such network; make it with: {}", missing.display(), command_for(missing))
 }
 
-/// The command that makes the network that a file belongs to.
+/// Returns the command that makes the network that a file belongs to.
 pub fn command_for(path: &Path) -> String {
     let dir = path.parent().filter(|dir| !dir.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let file = path.file_name().unwrap_or_default().to_string_lossy();

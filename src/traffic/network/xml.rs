@@ -1,4 +1,4 @@
-//! XML files as SUMO takes them, written element by element.
+//! XML files in the form that SUMO reads, written element by element.
 
 use std::io;
 
@@ -8,7 +8,7 @@ use quick_xml::events::{BytesDecl, Event};
 /// A file that is being written.
 pub type Xml = Writer<Vec<u8>>;
 
-/// A whole file with this root element.
+/// Returns a whole file with this root element.
 pub fn document(root: &str, fill: impl FnOnce(&mut Xml) -> io::Result<()>) -> String {
     const BARE: [(&str, &str); 0] = [];
     document_with(root, BARE, fill)
@@ -27,7 +27,7 @@ pub fn document_with<K: AsRef<str>, V: AsRef<str>>(
     String::from_utf8(xml.into_inner()).expect("only strings were written")
 }
 
-/// An element with others inside.
+/// Writes an element with others inside.
 pub fn nest<K: AsRef<str>, V: AsRef<str>>(
     xml: &mut Xml,
     name: &str,
@@ -41,7 +41,7 @@ pub fn nest<K: AsRef<str>, V: AsRef<str>>(
     element.write_inner_content(fill).map(|_| ())
 }
 
-/// An element with attributes only.
+/// Writes an element with attributes only.
 pub fn leaf<K: AsRef<str>, V: AsRef<str>>(
     xml: &mut Xml,
     name: &str,
@@ -54,7 +54,7 @@ pub fn leaf<K: AsRef<str>, V: AsRef<str>>(
     element.write_empty().map(|_| ())
 }
 
-/// The options of one kind in a configuration.
+/// Writes the options of one kind in a configuration.
 pub fn section(xml: &mut Xml, name: &str, options: &[(&str, &str)]) -> io::Result<()> {
     const BARE: [(&str, &str); 0] = [];
     nest(xml, name, BARE, |xml| options.iter().try_for_each(|(option, value)| leaf(xml, option, [("value", value)])))

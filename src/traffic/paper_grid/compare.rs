@@ -1,8 +1,9 @@
-//! A file of a network held against what this program writes for a grid of that size, element by element.
+//! A file of a network compared, element by element, with what this program writes for a grid of that size.
 //!
-//! Observations, rewards, controllers, metrics and local simulators assume the lengths, limits, lanes, connections, lights and
-//! vehicles of our own networks. Others with the same names would give wrong returns without a word, so all of it is compared.
-//! What may differ: how often cars arrive ([`Allowed::Probability`], and flows left out), and what is only drawn.
+//! Observations, rewards, controllers, metrics and local simulators assume the lengths, limits, lanes, connections,
+//! lights and vehicles of our own networks. Others with the same names would give wrong returns without a warning, so
+//! all of it is compared. Two things may differ: how often cars arrive ([`Allowed::Probability`], and flows left out),
+//! and what is only drawn.
 
 use std::collections::HashMap;
 use std::fmt;
@@ -10,13 +11,13 @@ use std::num::ParseFloatError;
 
 use crate::traffic::network::tree::Element;
 
-/// The first difference between an element of a file and the one that this program would write: what it is, with both values.
-/// The order of the elements within another does not matter.
+/// Returns the first difference between an element of a file and the element that this program would write: what it is,
+/// with both values. The order of the elements within another does not matter.
 pub fn difference(found: &Element, expected: &Element) -> Option<String> {
     within(found, expected, &found.name)
 }
 
-/// `name`: what `found` is called in a message.
+/// Compares one element. `name`: what `found` is called in a message.
 fn within(found: &Element, expected: &Element, name: &str) -> Option<String> {
     in_attributes(found, expected, name).or_else(|| in_children(found, expected, name))
 }
@@ -59,7 +60,8 @@ fn in_children(found: &Element, expected: &Element, name: &str) -> Option<String
     missing.next().map(|(_, child)| format!("it lacks {}, which this program simulates", tag(child)))
 }
 
-/// The elements within another, each with what it is called: no two have the same name unless one is there twice.
+/// Returns the elements within another, each with its name in messages. No two have the same name unless one is there
+/// twice.
 fn named<'a>(parent: &'a Element, name: &str) -> impl Iterator<Item = (String, &'a Element)> {
     let mut counts: HashMap<&str, usize> = HashMap::new();
     parent.children.iter().map(move |child| {
@@ -68,7 +70,7 @@ fn named<'a>(parent: &'a Element, name: &str) -> impl Iterator<Item = (String, &
         let kind = &child.name;
         let called = match (child.attribute("id"), child.attribute("from")) {
             (Some(id), _) => format!("{kind} {id:?}"),
-            // Straight on and nothing else: one connection per edge.
+            // Roads lead straight on only: one connection per edge.
             (None, Some(from)) => format!("{kind} from {from:?}"),
             (None, None) => format!("{kind} {count} of {name}"),
         };
@@ -76,38 +78,38 @@ fn named<'a>(parent: &'a Element, name: &str) -> impl Iterator<Item = (String, &
     })
 }
 
-/// `<edge id="a" from="b" to="c">`, without the elements in it.
+/// Returns the tag of an element, such as `<edge id="a" from="b" to="c">`, without the elements in it.
 fn tag(element: &Element) -> String {
     let attributes = element.attributes.iter().map(|(key, value)| format!(" {key}=\"{value}\""));
     format!("<{}{}>", element.name, attributes.collect::<String>())
 }
 
-/// An element that SUMO's arithmetic does not see: where on the map a net lies.
+/// Returns whether SUMO's arithmetic ignores an element: the place of a net on the map.
 fn is_drawn_only(element: &Element) -> bool {
     element.name == "location" && element.children.is_empty()
 }
 
-/// What an attribute may be.
+/// Values that an attribute may have.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Allowed<'a> {
-    /// This and nothing else; numbers may be written otherwise, `100` for `100.00`.
+    /// This value only. Numbers may be written otherwise: `100` for `100.00`.
     Value {
         key: &'a str,
         value: &'a str,
     },
-    /// Above 0 and at most 1: how often cars arrive is the user's choice.
+    /// Above 0 and at most 1: the user chooses how often cars arrive.
     Probability,
-    /// Drawn only, or about the file itself.
+    /// Any value: it is only drawn, or is about the file itself.
     Anything,
     Nothing,
 }
 
 impl<'a> Allowed<'a> {
-    /// `value`: what this program writes; `None`: it does not write this attribute.
+    /// Returns the values allowed. `value`: what this program writes; `None`: it does not write this attribute.
     fn of(element: &str, key: &'a str, value: Option<&'a str>) -> Allowed<'a> {
         match (element, key) {
             ("flow", "probability") => Allowed::Probability,
-            // Which side of the road cars drive on is the only attribute of a net that moves them.
+            // The side of the road that cars drive on is the only attribute of a net that affects their motion.
             ("net", key) if key != "lefthand" => Allowed::Anything,
             ("junction", "shape") | ("vType", "guiShape" | "imgFile") | (_, "color" | "name") => Allowed::Anything,
             _ => value.map_or(Allowed::Nothing, |value| Allowed::Value { key, value }),
@@ -135,12 +137,12 @@ impl fmt::Display for Allowed<'_> {
     }
 }
 
-/// Attributes whose digits are no number: `0101` is not `101`.
+/// Returns whether an attribute's digits are not a number: `0101` is not `101`.
 fn is_text(key: &str) -> bool {
     matches!(key, "response" | "foes" | "id" | "programID")
 }
 
-/// Whether both are lists of the same numbers, with blanks or commas between them.
+/// Returns whether both are lists of the same numbers, with blanks or commas between them.
 fn same_numbers(found: &str, expected: &str) -> bool {
     matches!((numbers(found), numbers(expected)), (Ok(found), Ok(expected)) if found == expected)
 }

@@ -1,6 +1,6 @@
-//! What stands in the files of a network: pure, text out.
+//! The content of the files of a network. Pure: returns text.
 //!
-//! The first four are *plain XML*, netconvert's input (nodes, edges, connections, lights), the others are SUMO's own.
+//! The first four are *plain XML*, netconvert's input (nodes, edges, connections, lights). The others are SUMO's own.
 
 use std::io;
 
@@ -10,23 +10,23 @@ use crate::traffic::agents::region::{EDGE_M, SPEED_LIMIT_MPS};
 use crate::traffic::network::xml::{Xml, document, leaf, nest};
 use crate::traffic::side::Side;
 
-/// The corner radius of an intersection (the authors' setup).
+/// Corner radius of an intersection (the authors' setup).
 pub const RADIUS_M: f64 = 6.2;
 /// SUMO's default width of a lane.
 pub const LANE_WIDTH_M: f64 = 3.2;
-/// From the centre of an intersection to its stop lines: one lane of the crossing road and the radius lie between.
-/// So a lane inside an intersection is 18.8 m long, as in the authors' setup.
+/// Distance from the centre of an intersection to its stop lines: one lane of the crossing road plus the radius. So a
+/// lane inside an intersection is 18.8 m long, as in the authors' setup.
 pub const HALF_INTERSECTION_M: f64 = LANE_WIDTH_M + RADIUS_M;
-/// From a dead end to the centre of its intersection.
+/// Distance from a dead end to the centre of its intersection.
 const REACH_M: f64 = EDGE_M + HALF_INTERSECTION_M;
-/// From centre to centre.
+/// Distance from centre to centre.
 const SPACING_M: f64 = EDGE_M + 2.0 * HALF_INTERSECTION_M;
 
-/// The only vehicle type; IDM and its numbers: the authors' setup, sigma is unused by IDM.
+/// The only vehicle type. IDM and its numbers: the authors' setup; IDM does not use sigma.
 ///
-/// DEVIATION 1: speedDev is 0, where the authors' cars draw a speed factor. Theirs end up with a desired speed of exactly
-/// 10 all the same, for SUMO raises the factor to fit departSpeed and maxSpeed caps it; without the draw a trajectory
-/// depends on arrivals and lights alone.
+/// DEVIATION 1: speedDev is 0; the authors' cars draw a speed factor. Their desired speed is still exactly 10, because
+/// SUMO raises the factor to fit departSpeed and maxSpeed caps it. Without the draw, a trajectory depends on arrivals
+/// and lights alone.
 const VEHICLE_TYPE: [(&str, &str); 11] = [
     ("id", "car"),
     ("carFollowModel", "IDM"),
@@ -41,14 +41,14 @@ const VEHICLE_TYPE: [(&str, &str); 11] = [
     ("speedDev", "0"),
 ];
 
-/// Braking harder than the `decel` of the vehicle type is an emergency.
+/// Deceleration above which braking is an emergency: the `decel` of the vehicle type.
 pub const DECEL_MPS2: f64 = 7.5;
 
-/// Seconds of each phase of the static program, in the order of [`Light::CYCLE`]. 10 s of green are our choice, as good as any while nobody controls; 3 s of
-/// yellow are the authors'.
+/// Seconds of each phase of the static program, in the order of [`Light::CYCLE`]. 10 s of green are our choice; any
+/// value would do as long as nobody controls. 3 s of yellow are the authors'.
 pub const STATIC_S: [&str; 4] = ["10", "3", "10", "3"];
 
-/// The intersections and the dead ends with their places. The south-west intersection is at (0, 0).
+/// Returns the intersections and the dead ends with their places. The south-west intersection is at (0, 0).
 pub fn nodes(grid: Grid) -> String {
     document("nodes", |xml| {
         grid.nodes().into_iter().try_for_each(|node| {
@@ -79,12 +79,12 @@ pub fn edges(grid: Grid) -> String {
     })
 }
 
-/// Straight on and nothing else (the authors' setup): no turns, and no turnarounds.
+/// Returns the connections, straight on only (the authors' setup): no turns and no turnarounds.
 pub fn connections(grid: Grid) -> String {
     document("connections", |xml| straight_on(xml, grid, |_, _| Vec::new()))
 }
 
-/// The program that runs when nobody controls the lights: fixed time, and which letter rules which connection.
+/// Returns the program that runs when nobody controls the lights: fixed time, and which letter rules which connection.
 pub fn lights(grid: Grid) -> String {
     document("tlLogics", |xml| {
         for agent in grid.agents() {
@@ -101,7 +101,8 @@ pub fn lights(grid: Grid) -> String {
     })
 }
 
-/// The vehicle type, the routes, and where `inflow` is given one flow per route: each step a car with that probability.
+/// Returns the vehicle type, the routes and, if `inflow` is given, one flow per route: in each step, a car with that
+/// probability.
 pub fn routes(grid: Grid, inflow: Option<f64>) -> String {
     let routes = grid.boundary_routes();
     document("routes", |xml| {
@@ -112,13 +113,13 @@ pub fn routes(grid: Grid, inflow: Option<f64>) -> String {
         let Some(inflow) = inflow else { return Ok(()) };
         routes.iter().try_for_each(|route| {
             let attributes = [
-                ("id", route.from.to_string()), // So a car is called `w0.17`.
+                ("id", route.from.to_string()), // A car is then called `w0.17`.
                 ("type", "car".into()),
                 ("route", route.id.clone()),
                 ("begin", "0".into()),
-                ("end", "86400".into()), // A day: sumo-gui plays on.
+                ("end", "86400".into()), // A day, so that sumo-gui plays on.
                 ("probability", inflow.to_string()),
-                ("departLane", "free".into()), // This and the speed: the authors' setup.
+                ("departLane", "free".into()), // The lane and the speed: the authors' setup.
                 ("departSpeed", "10".into()),
             ];
             leaf(xml, "flow", attributes)
@@ -126,7 +127,7 @@ pub fn routes(grid: Grid, inflow: Option<f64>) -> String {
     })
 }
 
-/// SUMO's actuated controller, the paper's hand-coded baseline. Its numbers: the authors' setup.
+/// Returns SUMO's actuated controller, the paper's hand-coded baseline. Its numbers: the authors' setup.
 ///
 /// SUMO 1.15 warns that no detector controls the yellow phases, and shows them for their least time, 3 s.
 pub fn actuated(grid: Grid) -> String {
@@ -150,7 +151,7 @@ pub fn actuated(grid: Grid) -> String {
     })
 }
 
-/// One `<connection>` per way through an intersection, with what `more(light, side)` adds.
+/// Writes one `<connection>` per way through an intersection, with the attributes that `more(light, side)` adds.
 fn straight_on(
     xml: &mut Xml,
     grid: Grid,
@@ -176,7 +177,7 @@ fn at(index: usize) -> f64 {
     SPACING_M * index as f64
 }
 
-/// Metres east and north of the south-west intersection.
+/// Returns the metres east and north of the south-west intersection.
 pub fn place(grid: Grid, node: Node) -> (f64, f64) {
     match node {
         Node::Intersection { row, col } => (at(col), at(row)),

@@ -1,7 +1,7 @@
-//! What the files of a grid hold, as elements: pure, to hold the files of others against.
+//! The expected content of a grid's files, as elements, to compare other files with. Pure.
 //!
-//! Routes and lights are read back from the text that [`content`] writes. The net is netconvert's, so this module says what
-//! netconvert makes of our plain XML; a test holds that it does so for grids of many shapes.
+//! Routes and lights are read back from the text that [`content`] writes. The net is made by netconvert, so this module
+//! states what netconvert makes of our plain XML. A test checks that for grids of many shapes.
 
 use super::content::{self, HALF_INTERSECTION_M, LANE_WIDTH_M, RADIUS_M, STATIC_S};
 use super::grid::{self, Grid, Node};
@@ -11,8 +11,8 @@ use crate::traffic::agents::region::{EDGE_M, SPEED_LIMIT_MPS};
 use crate::traffic::network::tree::{Element, parse};
 use crate::traffic::side::Side;
 
-/// The net of a grid, without what is only drawn (shapes of intersections, the place on the map). In the order of netconvert's
-/// kinds: internal edges, edges, lights, junctions, connections.
+/// Returns the net of a grid, without what is only drawn (shapes of intersections, the place on the map). In the order
+/// of netconvert's kinds: internal edges, edges, lights, junctions, connections.
 pub fn net(grid: Grid) -> Element {
     let agents = grid.agents();
     let mut all: Vec<Element> = agents.iter().flat_map(|&agent| internal_edges(grid, agent)).collect();
@@ -24,12 +24,12 @@ pub fn net(grid: Grid) -> Element {
     element("net", [], all)
 }
 
-/// The vehicle type, the routes, and one flow per route where `inflow` is given.
+/// Returns the vehicle type, the routes and, if `inflow` is given, one flow per route.
 pub fn routes(grid: Grid, inflow: Option<f64>) -> Element {
     parse(&content::routes(grid, inflow)).expect("what this program writes is XML")
 }
 
-/// The actuated lights.
+/// Returns the actuated lights.
 pub fn actuated(grid: Grid) -> Element {
     parse(&content::actuated(grid)).expect("what this program writes is XML")
 }
@@ -39,12 +39,12 @@ fn element<const N: usize>(name: &str, attributes: [(&str, String); N], children
     Element { name: name.to_owned(), attributes: attributes.into(), children }
 }
 
-/// The ways through an intersection, one per side that cars come from.
+/// Returns the ways through an intersection, one per side that cars come from.
 fn internal_edges(grid: Grid, agent: AgentId) -> [Element; 4] {
     let here = grid.intersection(agent);
     Side::LINK_ORDER.map(|side| {
         let (from, to) = (grid.neighbour(agent, side), grid.neighbour(agent, side.opposite()));
-        // From the stop line of the edge that comes in to the beginning of the edge that goes out.
+        // From the stop line of the incoming edge to the beginning of the outgoing edge.
         let shape = [ends(grid, from, here)[1], ends(grid, here, to)[0]];
         let id = internal_edge(here, side);
         let lane = lane(&id, 2.0 * HALF_INTERSECTION_M, shape);
@@ -69,7 +69,7 @@ fn edge(grid: Grid, from: Node, to: Node) -> Element {
     element("edge", attributes, vec![lane])
 }
 
-/// The only lane of an edge.
+/// Returns the only lane of an edge.
 fn lane(edge: &str, length_m: f64, shape: [(f64, f64); 2]) -> Element {
     let attributes = [
         ("id", grid::lane(edge)),
@@ -81,8 +81,8 @@ fn lane(edge: &str, length_m: f64, shape: [(f64, f64); 2]) -> Element {
     element("lane", attributes, Vec::new())
 }
 
-/// Where the lane from one node to its neighbour begins and ends: half a lane to the right of the line between them, from stop
-/// line to stop line.
+/// Returns where the lane from one node to its neighbour begins and ends, from stop line to stop line. It is half a
+/// lane to the right of the line between the nodes.
 fn ends(grid: Grid, from: Node, to: Node) -> [(f64, f64); 2] {
     let ((x0, y0), (x1, y1)) = (content::place(grid, from), content::place(grid, to));
     let length = (x1 - x0).hypot(y1 - y0);
@@ -108,7 +108,7 @@ fn intersection(grid: Grid, agent: AgentId) -> Element {
     let here = grid.intersection(agent);
     let incoming = Side::LINK_ORDER.map(|side| grid::lane(&grid::edge(grid.neighbour(agent, side), here)));
     let inside = Side::LINK_ORDER.map(|side| grid::lane(&internal_edge(here, side)));
-    // Where the light is out, east and west give way to north and south; and each crosses the ways of the other two.
+    // If the light is out, east and west give way to north and south. Each way crosses the two of the other direction.
     let requests = Side::LINK_ORDER.map(|side| {
         let (response, foes) = if has_priority(side) { ("0000", "1010") } else { ("0101", "0101") };
         let bits = [("response", response.into()), ("foes", foes.into()), ("cont", "0".into())];
@@ -128,12 +128,12 @@ fn intersection(grid: Grid, agent: AgentId) -> Element {
     element("junction", attributes, requests.into())
 }
 
-/// Whether netconvert lets the cars from a side go first.
+/// Returns whether netconvert gives the cars from a side priority.
 fn has_priority(from: Side) -> bool {
     matches!(from, Side::North | Side::South)
 }
 
-/// The dead end that an edge leads to, if it does.
+/// Returns the dead end that an edge leads to, if it leads to one.
 fn dead_end(grid: Grid, from: Node, to: Node) -> Option<Element> {
     let Node::Boundary { .. } = to else { return None };
     let (x, y) = content::place(grid, to);
@@ -148,7 +148,8 @@ fn dead_end(grid: Grid, from: Node, to: Node) -> Option<Element> {
     Some(element("junction", attributes, Vec::new()))
 }
 
-/// Straight on and nothing else: from each edge that comes in onto the way through, and from there onto the edge that goes out.
+/// Returns the connections straight on: from each incoming edge onto the way through, and from there onto the outgoing
+/// edge.
 fn connections(grid: Grid, agent: AgentId) -> Vec<Element> {
     let here = grid.intersection(agent);
     let both = Side::LINK_ORDER.map(|side| {
@@ -179,7 +180,7 @@ fn connections(grid: Grid, agent: AgentId) -> Vec<Element> {
     both.into_iter().flatten().collect()
 }
 
-/// As netconvert writes lengths, coordinates and speeds.
+/// Returns a length, coordinate or speed as netconvert writes it.
 fn metres(value: f64) -> String {
     format!("{value:.2}")
 }

@@ -1,11 +1,11 @@
-//! The grid: which intersections there are, how they are joined, and what everything is called.
+//! The grid: its intersections, how they are joined, and all names.
 //!
 //! A grid of R x C *intersections*, each with a traffic light, whose roads end in dead-end *boundary* nodes. An agent
 //! is an intersection; agents are numbered row-major from the south-west corner, as in the authors' setup. Names are
 //! readable in sumo-gui: intersection `r0c1`, boundary `w0` (west end of row 0), edge `w0_r0c0` (from, to), its only
-//! lane `w0_r0c0_0`. Arrays of four, one thing per side of an intersection, are in the order of `Side::ALL`.
+//! lane `w0_r0c0_0`. Arrays of four, one entry per side of an intersection, are in the order of `Side::ALL`.
 //!
-//! Pure: nothing here knows SUMO or a file; `make` writes a grid down, `forest` replicates the smallest one.
+//! Pure: nothing here knows SUMO or a file. `make` writes a grid to files; `forest` copies the smallest one many times.
 
 use std::fmt;
 
@@ -14,7 +14,7 @@ use anyhow::{Result, ensure};
 use crate::base::AgentId;
 use crate::traffic::side::Side;
 
-/// Where edges begin and end. `Display` is the name.
+/// A node where edges begin and end. `Display` writes its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Node {
     Intersection {
@@ -37,27 +37,27 @@ impl fmt::Display for Node {
     }
 }
 
-/// The name of the edge from one node to its neighbour.
+/// Returns the name of the edge from one node to its neighbour.
 pub fn edge(from: Node, to: Node) -> String {
     format!("{from}_{to}")
 }
 
-/// The name of an edge's only lane.
+/// Returns the name of an edge's only lane.
 pub fn lane(edge: &str) -> String {
     format!("{edge}_0")
 }
 
-/// The edges from one end of a row or column to the other.
+/// A route: the edges from one end of a row or column to the other.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Route {
-    /// `w0_to_e0`.
+    /// Name, such as `w0_to_e0`.
     pub id: String,
-    /// The dead end where it begins.
+    /// Dead end where the route begins.
     pub from: Node,
     pub edges: Vec<String>,
 }
 
-/// `rows` x `cols` intersections, at least one of each.
+/// A grid of `rows` x `cols` intersections, at least one of each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Grid {
     rows: usize,
@@ -65,10 +65,10 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// One intersection: the shape of a local net.
+    /// The grid of one intersection: the shape of a local net.
     pub const SINGLE: Grid = Grid { rows: 1, cols: 1 };
 
-    /// Intersections that a grid may have; the paper's largest has 100.
+    /// Largest number of intersections in a grid; the paper's largest has 100.
     pub const MOST: usize = 10_000;
 
     pub fn new(rows: usize, cols: usize) -> Result<Grid> {
@@ -89,18 +89,18 @@ impl Grid {
         self.cols
     }
 
-    /// One agent per intersection, row-major from the south-west corner.
+    /// Returns the agents, one per intersection, row-major from the south-west corner.
     pub fn agents(self) -> Vec<AgentId> {
         AgentId::all(self.rows * self.cols)
     }
 
-    /// The intersection of an agent.
+    /// Returns the intersection of an agent.
     pub fn intersection(self, agent: AgentId) -> Node {
         let (row, col) = self.place(agent);
         Node::Intersection { row, col }
     }
 
-    /// The node that a road leads to when it leaves the agent's intersection on `side`.
+    /// Returns the node at the other end of the road that leaves the agent's intersection on `side`.
     pub fn neighbour(self, agent: AgentId, side: Side) -> Node {
         let (row, col) = self.place(agent);
         match side {
@@ -113,42 +113,42 @@ impl Grid {
         }
     }
 
-    /// The edges that lead to the agent's intersection `[from west, from south, from east, from north]`.
+    /// Returns the edges that lead to the agent's intersection `[from west, from south, from east, from north]`.
     pub fn incoming_edges(self, agent: AgentId) -> [String; 4] {
         Side::ALL.map(|side| edge(self.neighbour(agent, side), self.intersection(agent)))
     }
 
-    /// The edges that leave the agent's intersection `[to west, to south, to east, to north]`.
+    /// Returns the edges that leave the agent's intersection `[to west, to south, to east, to north]`.
     pub fn outgoing_edges(self, agent: AgentId) -> [String; 4] {
         Side::ALL.map(|side| edge(self.intersection(agent), self.neighbour(agent, side)))
     }
 
-    /// The lanes inside the agent's intersection, by the side that their cars come from. They belong to no edge of the
-    /// grid: cars on them are neither observed nor rewarded.
+    /// Returns the lanes inside the agent's intersection, by the side that their cars come from. They belong to no edge
+    /// of the grid: cars on them are neither observed nor rewarded.
     pub fn internal_lanes(self, agent: AgentId) -> [String; 4] {
         // netconvert numbers the internal edges of an intersection like the links of its light.
         Side::ALL.map(|side| format!(":{}_{}_0", self.intersection(agent), side.link_index()))
     }
 
-    /// The agent's traffic light: named like its intersection.
+    /// Returns the agent's traffic light, which has the name of its intersection.
     pub fn light(self, agent: AgentId) -> String {
         self.intersection(agent).to_string()
     }
 
-    /// One route per boundary edge that leads in, straight through the whole grid to the other side: first all that
-    /// come from the west, then from the south, the east and the north.
+    /// Returns one route per boundary edge that leads in, straight through the whole grid to the other side. The routes
+    /// from the west come first, then those from the south, the east and the north.
     pub fn boundary_routes(self) -> Vec<Route> {
         self.boundary().into_iter().map(|(side, index)| self.route(side, index)).collect()
     }
 
-    /// The intersections in the order of their agents, then the dead ends in the order of `boundary_routes`.
+    /// Returns the intersections in the order of their agents, then the dead ends in the order of `boundary_routes`.
     pub fn nodes(self) -> Vec<Node> {
         let intersections = self.agents().into_iter().map(|agent| self.intersection(agent));
         let boundary = self.boundary().into_iter().map(|(side, index)| Node::Boundary { side, index });
         intersections.chain(boundary).collect()
     }
 
-    /// Every edge once, as (from, to).
+    /// Returns every edge once, as (from, to).
     pub fn edges(self) -> Vec<(Node, Node)> {
         let mut edges = Vec::new();
         for agent in self.agents() {
@@ -164,12 +164,12 @@ impl Grid {
         edges
     }
 
-    /// Whether the road that leaves the agent's intersection on `side` leaves the grid.
+    /// Returns whether the road that leaves the agent's intersection on `side` leaves the grid.
     pub fn leaves(self, agent: AgentId, side: Side) -> bool {
         matches!(self.neighbour(agent, side), Node::Boundary { .. })
     }
 
-    /// Row and column of an agent.
+    /// Returns the row and the column of an agent.
     pub fn place(self, agent: AgentId) -> (usize, usize) {
         assert!(agent.0 < self.rows * self.cols, "agent {agent} lives outside a grid of {self}");
         (agent.0 / self.cols, agent.0 % self.cols)
@@ -179,7 +179,7 @@ impl Grid {
         Side::ALL.into_iter().flat_map(|side| (0..self.ends(side)).map(move |index| (side, index))).collect()
     }
 
-    /// How many roads end on one side of the grid.
+    /// Returns the number of roads that end on one side of the grid.
     fn ends(self, side: Side) -> usize {
         match side {
             Side::West | Side::East => self.rows,

@@ -1,4 +1,4 @@
-//! A grid made into the files of a network. Roads and lights are made by Debian's `netconvert` from our plain XML.
+//! A grid written as the files of a network. Debian's `netconvert` makes roads and lights from our plain XML.
 
 use std::fs;
 use std::io::ErrorKind;
@@ -12,7 +12,7 @@ use super::grid::Grid;
 use crate::traffic::network::files::{NetworkFiles, config};
 use crate::traffic::network::write_together;
 
-/// Writes the network `grid_{rows}x{cols}` into `dir`; `inflow` is the probability of a car per step on each edge that
+/// Writes the network `grid_{rows}x{cols}` into `dir`. `inflow` is the probability of a car per step on each edge that
 /// leads in (0.1 in the authors' setup).
 pub fn write_grid(grid: Grid, inflow: f64, dir: &Path) -> Result<NetworkFiles> {
     ensure!((0.0..=1.0).contains(&inflow), "inflow = {inflow}: must be a probability, from 0 to 1");
@@ -25,7 +25,7 @@ pub fn write_local(dir: &Path) -> Result<NetworkFiles> {
     write_network("local", Grid::SINGLE, None, dir, "netconvert")
 }
 
-/// Everything is made in a temporary directory first, so an error leaves `dir` as it was.
+/// Writes a network. Everything is made in a temporary directory first, so an error leaves `dir` unchanged.
 fn write_network(name: &str, grid: Grid, inflow: Option<f64>, dir: &Path, netconvert: &str) -> Result<NetworkFiles> {
     let files = NetworkFiles::of(&dir.join(name));
     files.check_paths()?;
@@ -40,7 +40,7 @@ fn write_network(name: &str, grid: Grid, inflow: Option<f64>, dir: &Path, netcon
     Ok(files)
 }
 
-/// netconvert's net of a grid.
+/// Returns the net that netconvert makes of a grid.
 fn convert(grid: Grid, netconvert: &str) -> Result<String> {
     let room = tempfile::tempdir().context("could not make a temporary directory")?;
     let inputs = [
@@ -55,7 +55,7 @@ fn convert(grid: Grid, netconvert: &str) -> Result<String> {
         fs::write(room.path().join(file), text).context("could not write to the temporary directory")?;
         command.args([option, file]);
     }
-    // Normalisation would move the south-west corner of the bounding box, a dead end's, to (0, 0).
+    // Normalisation would move the south-west corner of the bounding box, which is that of a dead end, to (0, 0).
     command.args(["--offset.disable-normalization", "--no-turnarounds", "--xml-validation", "never"]);
     command.args(["--output-file", "net.xml"]);
     run(command)?;
@@ -75,7 +75,8 @@ fn run(mut command: Command) -> Result<()> {
     Ok(())
 }
 
-/// The net without the comment that netconvert begins it with: date and temporary paths would make every net different.
+/// Returns the net without netconvert's comment at the beginning: its date and temporary paths would make every net
+/// different.
 fn without_comment(net: &str) -> String {
     let comment = net.find("<!--").filter(|&begin| net.find("<net").is_none_or(|root| begin < root));
     let end = comment.and_then(|begin| net[begin..].find("-->").map(|length| begin + length + "-->".len()));

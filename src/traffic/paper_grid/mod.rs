@@ -1,13 +1,15 @@
-//! The paper's grid: made, written down so that SUMO and sumo-gui can open it, and recognised again.
+//! The paper's grid: made, written to files that SUMO and sumo-gui can open, and recognised again.
 //!
-//! Recognised means: every number in it that observations, rewards, controllers and simulators assume is the one that this
-//! program writes. Only how often cars arrive may differ. Making a network twice gives the same files byte for byte.
+//! A grid is recognised if every number that observations, rewards, controllers and simulators assume is the one that
+//! this program writes. Only how often cars arrive may differ. Making a network twice gives the same files byte for
+//! byte.
 //!
 //! The *local* net is the 1x1 grid without flows, because its cars are sampled.
 //!
-//! - [`grid`]: which intersections and roads there are, and their names.
+//! - [`grid`]: the intersections and roads, and their names.
 //! - `content`: the text of the files; [`make`]: the files themselves, with the help of netconvert.
-//! - `expected`, `compare`, [`recognise`]: files of others held against ours.
+//! - `expected`: the content that files must have; `compare`: files compared with it; [`recognise`]: our networks
+//!   recognised.
 
 mod compare;
 mod content;

@@ -1,4 +1,4 @@
-//! Networks of this program recognised by their names, and held against what it writes.
+//! Networks of this program recognised by their names, and compared with what it writes.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -11,13 +11,13 @@ use crate::traffic::network::files::NetworkFiles;
 use crate::traffic::network::tree::{Element, read};
 use crate::traffic::network::way_out::{cannot_be_simulated, command_for, no_such_network};
 
-/// The shape of one of our grids, recovered from the names in its `net.xml`. What else is in it, [`read_grid`] compares.
+/// Returns the shape of one of our grids, from the names in its `net.xml`. [`read_grid`] compares the rest.
 pub fn read_shape(net: &Path) -> Result<Grid> {
     shape_of(net, &read_net(net)?)
 }
 
-/// The grid that a network is made for, after its net, its routes and its actuated lights were held against what this program
-/// writes for a grid of that size. An error names the file, the element, both values and the way out.
+/// Returns the grid that a network is made for. First compares its net, its routes and its actuated lights with what
+/// this program writes for a grid of that size. An error names the file, the element, both values and the way out.
 pub fn read_grid(files: &NetworkFiles) -> Result<Grid> {
     let net = read_net(&files.net)?;
     let grid = shape_of(&files.net, &net)?;
@@ -29,7 +29,7 @@ pub fn read_grid(files: &NetworkFiles) -> Result<Grid> {
     Ok(grid)
 }
 
-/// The net and the routes of the local network; an error with the way out if they are any others.
+/// Reads the net and the routes of the local network. If they are of another network: an error with the way out.
 pub(in crate::traffic) fn read_local(files: &NetworkFiles) -> Result<[Element; 2]> {
     let net = read_net(&files.net)?;
     let shape = shape_of(&files.net, &net)?;
@@ -45,7 +45,7 @@ pub(in crate::traffic) fn read_local(files: &NetworkFiles) -> Result<[Element; 2
     Ok([net, routes])
 }
 
-/// What to do where a local net is needed.
+/// Returns the advice if a local net is needed.
 fn make_local() -> String {
     "make one with: dials-traffic nets local --out DIR".to_owned()
 }
@@ -64,12 +64,13 @@ fn read_net(net: &Path) -> Result<Element> {
     Ok(root)
 }
 
-/// Another file of a network.
+/// Reads another file of a network.
 fn read_beside(files: &NetworkFiles, path: &Path) -> Result<Element> {
     read(path).with_context(|| cannot_be_simulated(&files.net))
 }
 
-/// The command that remakes a network of this shape where it is; elsewhere if it is called otherwise than that.
+/// Returns the command that remakes a network of this shape in its place, or in another directory if it has another
+/// name.
 fn way_out(net: &Path, grid: Grid) -> String {
     if net.file_name().is_some_and(|name| name == format!("grid_{grid}.net.xml").as_str()) {
         return format!("remake it with: {}", command_for(net));
@@ -77,7 +78,7 @@ fn way_out(net: &Path, grid: Grid) -> String {
     format!("make one with: dials-traffic nets grid --rows {} --cols {} --out DIR", grid.rows(), grid.cols())
 }
 
-/// The grid whose intersections and edges have the names in a net.
+/// Returns the grid whose intersections and edges have the names in a net.
 fn shape_of(net: &Path, root: &Element) -> Result<Grid> {
     let junctions = names(root, "junction");
     let grid = shape(&junctions).with_context(|| format!("{}: is too large", net.display()))?;
@@ -95,19 +96,19 @@ fn shape_of(net: &Path, root: &Element) -> Result<Grid> {
     }
 }
 
-/// The ids of one kind of element, without those inside of intersections.
+/// Returns the ids of one kind of element, without those inside of intersections.
 fn names(root: &Element, kind: &str) -> BTreeSet<String> {
     let ids = root.all(kind).filter_map(|element| element.attribute("id"));
     ids.filter(|id| !id.starts_with(':')).map(str::to_owned).collect()
 }
 
-/// The smallest grid that has all the intersections named.
+/// Returns the smallest grid that has all the intersections named.
 fn shape(junctions: &BTreeSet<String>) -> Result<Grid> {
     let places = junctions.iter().filter_map(|name| {
         let (row, col) = name.strip_prefix('r')?.split_once('c')?;
         Some((row.parse::<usize>().ok()?, col.parse::<usize>().ok()?))
     });
-    // A grid has fewer rows and columns than its net has junctions; a larger number is a name of somebody else's.
+    // A grid has fewer rows and columns than its net has junctions. A larger number is the name of something else.
     let places = places.filter(|&(row, col)| row.max(col) < junctions.len());
     let (rows, cols) = places.fold((1, 1), |(rows, cols), (row, col)| (rows.max(row + 1), cols.max(col + 1)));
     Grid::new(rows, cols)

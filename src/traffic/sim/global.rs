@@ -1,4 +1,4 @@
-//! The global simulator: the whole grid in one SUMO net, cars flowing in at its boundary.
+//! The global simulator (GS): the whole grid in one SUMO net, with cars that flow in at its boundary.
 
 use std::time::Instant;
 
@@ -26,7 +26,7 @@ use crate::traffic::paper_grid::grid::{Grid, lane};
 
 /// The traffic GS: one row per intersection.
 ///
-/// Arrivals at the boundary follow from the SUMO seed of the episode alone, so controllers can be compared on the same
+/// Arrivals at the boundary depend only on the SUMO seed of the episode, so controllers can be compared on the same
 /// traffic.
 pub struct GlobalTraffic {
     kinds: Kinds,
@@ -38,32 +38,32 @@ pub struct GlobalTraffic {
     /// What every light shows, `[agents]`, now and a step ago.
     lights: Vec<Light>,
     lights_before: Vec<Light>,
-    /// For how many steps every light has shown what it shows.
+    /// Number of steps for which every light has shown what it shows.
     shown_steps: Vec<u32>,
-    /// What SUMO last said of them, where it runs them.
+    /// States that SUMO last gave, if it runs the lights.
     states: Vec<SignalState>,
     /// Cars on the incoming lanes, now and a step ago.
     cars: CarTable,
     cars_before: CarTable,
-    /// The outgoing lanes, [`EDGES`] per row, and the cars on them; read for hand-coded control alone.
+    /// Outgoing lanes, [`EDGES`] per row, and the cars on them; read only for hand-coded control.
     outgoing_lanes: Vec<LaneId>,
     outgoing: CarTable,
-    /// What the lights heard in the last step, `[agents]`, and what hand-coded control had to say.
+    /// Actions of the last step that the lights obeyed, `[agents]`, and those of hand-coded control.
     actions: Vec<Action>,
     hand_coded: Vec<Action>,
     last: JointTransition,
-    /// The d-sets from before the last step and the arrivals during it.
+    /// D-sets from before the last step and the arrivals during it.
     d_set_before: Ragged<f32>,
     arrivals: Ragged<u8>,
     tally: Tally,
     watch: Stopwatch,
     recorder: Option<Recorder>,
-    /// Where somebody asked for them.
+    /// Metrics, if they are wanted.
     metrics: Option<TrafficMetrics>,
 }
 
 impl GlobalTraffic {
-    /// The first episode goes on the `tape`.
+    /// Loads the simulator. The first episode goes on the `tape`.
     pub fn load(
         grid: Grid,
         files: &NetworkFiles,
@@ -111,29 +111,30 @@ impl GlobalTraffic {
         })
     }
 
-    /// Returns the car that arrived at an edge of an intersection in the last step, if one did. This is more than the AIP
-    /// predicts: for tests of the physics.
+    /// Returns the car that arrived at an edge of an intersection in the last step, if there is one. This is more than
+    /// the AIP (approximate influence predictor) predicts; it is for tests of the physics.
     pub fn arrival(&self, agent: usize, edge: usize) -> Option<Car> {
         let arrived = self.arrivals.row(agent)[edge] == 1;
         arrived.then(|| self.cars.lane(EDGES * agent + edge).iter().next().expect("an arrival is a car on the edge"))
     }
 
-    /// The cars on the incoming edges of an intersection after the last step.
+    /// Returns the cars on the incoming edges of an intersection after the last step.
     pub fn cars_on(&self, agent: usize) -> [LaneCars<'_>; EDGES] {
         edges_of(&self.cars, agent)
     }
 
-    /// What the lights heard in the last step, one action per agent; of no meaning where SUMO runs them.
+    /// Returns the actions of the last step that the lights obeyed, one per agent. They have no meaning if SUMO runs
+    /// the lights.
     pub fn actions(&self) -> &[Action] {
         &self.actions
     }
 
-    /// From the next reset on somebody else runs the lights.
+    /// Gives the lights to another control from the next reset on.
     pub fn hand_over(&mut self, control: SignalControl) {
         self.control = control;
     }
 
-    /// Makes `self.actions` of those of the step and of what hand-coded control decides.
+    /// Sets `self.actions` from the actions of the step and the decisions of hand-coded control.
     fn decide(&mut self, actions: &[Action]) {
         self.actions.copy_from_slice(actions);
         if let SignalControl::HandCoded { by: HandCoded::Rule(controller), agents } = &mut self.control {
@@ -176,8 +177,8 @@ impl GlobalSimulator for GlobalTraffic {
     }
 
     fn reset(&mut self, episode: Seed) -> Result<&JointPercept> {
-        // DEVIATION 3: loading again also clears the backlog of cars that wait at the boundary; the authors' code lets it
-        // leak into the next episode.
+        // DEVIATION 3: loading again also clears the backlog of cars that wait at the boundary. In the authors' code it
+        // leaks into the next episode.
         let mut options = options(&self.files, &self.control, episode)?;
         if let Some(metrics) = &mut self.metrics {
             metrics.begin();
@@ -217,8 +218,8 @@ impl GlobalSimulator for GlobalTraffic {
         for (steps, (before, now)) in self.shown_steps.iter_mut().zip(self.lights_before.iter().zip(&self.lights)) {
             *steps = if before == now { *steps + 1 } else { 1 };
         }
-        // DEVIATION 4: an influence source is the event that a car entered the edge in this step; in the authors' code it is
-        // the occupancy of the entry cell.
+        // DEVIATION 4: an influence source is the event that a car entered the edge in this step. In the authors' code
+        // it is the occupancy of the entry cell.
         arrivals::note(self.arrivals.as_mut_slice(), &self.cars, &self.cars_before);
         self.perceive();
         self.tally.lights(&self.lights_before, &self.lights);
@@ -234,8 +235,8 @@ impl GlobalSimulator for GlobalTraffic {
         Ok(&self.last)
     }
 
-    /// DEVIATION 5: the d-set of t and the arrivals from t to t + 1, which is what the LS samples. The authors pair both
-    /// at t and use the prediction one step later.
+    /// DEVIATION 5: the d-set of t and the arrivals from t to t + 1, which is what the LS (local simulator) samples.
+    /// The authors pair both at t and use the prediction one step later.
     fn influence_sample(&self) -> InfluenceSample<'_> {
         InfluenceSample { d_set: &self.d_set_before, sources: &self.arrivals }
     }
@@ -248,8 +249,8 @@ impl GlobalSimulator for GlobalTraffic {
     fn measures(&mut self) -> Result<Measures> {
         let Some(metrics) = &mut self.metrics else { return Ok(self.tally.measures()) };
         if !metrics.finished() {
-            // SUMO writes the trips of the cars that are still on the road when it closes the simulation, as it does before
-            // it loads another one.
+            // SUMO writes the trips of the cars that are still on the road when it closes the simulation. It closes it
+            // before it loads another one.
             self.simulation.reload(&options(&self.files, &self.control, Seed::new(0))?)?;
             metrics.finish()?;
         }
@@ -285,7 +286,7 @@ mod tests {
     use crate::base::AgentId;
     use crate::traffic::paper_grid::recognise::read_shape;
 
-    /// When every car wanted to enter, in seconds; of an episode in which this action is taken at every step.
+    /// Returns when every car wanted to enter, in seconds, in an episode with this action at every step.
     fn wished_departures(control: SignalControl, action: Action) -> BTreeMap<String, i64> {
         let files = NetworkFiles::of(&Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets/grid_2x2"));
         let grid = read_shape(&files.net).unwrap();
@@ -300,7 +301,7 @@ mod tests {
             .map(|line| {
                 let text = |name: &str| line.split(&format!(" {name}=\"")).nth(1).unwrap().split('"').next().unwrap();
                 let seconds = |name: &str| text(name).parse::<f64>().unwrap() as i64;
-                // A car that never entered departs at -1 and was late by the whole time since its wish.
+                // A car that never entered departs at -1. Its delay is the whole time since it wanted to enter.
                 let departed = if seconds("depart") < 0 { 300 } else { seconds("depart") };
                 (text("id").to_owned(), departed - seconds("departDelay"))
             })

@@ -1,4 +1,4 @@
-//! The intersections of a loaded net, whichever it is: their lights, and the cars on their incoming lanes.
+//! The intersections of any loaded net: their lights, and the cars on their incoming lanes.
 
 use crate::domain::{Action, Result};
 use crate::sumo::{CarTable, LaneId, LightId, SignalState, Simulation};
@@ -11,14 +11,15 @@ pub struct IntersectionHandles {
     lanes: Vec<LaneId>,
     lights: Vec<LightId>,
     signals: Vec<Signal>,
-    /// Which lights a program of SUMO's runs.
+    /// Whether one of SUMO's programs runs the light, for each light.
     by_program: Vec<bool>,
-    /// The states of [`Light::ALL`].
+    /// States of [`Light::ALL`].
     states: [SignalState; 4],
 }
 
 impl IntersectionHandles {
-    /// `lanes`: [`crate::traffic::agents::region::EDGES`] incoming lanes of every intersection; `lights`: one of each.
+    /// Registers lanes and lights. `lanes`: [`crate::traffic::agents::region::EDGES`] incoming lanes per intersection;
+    /// `lights`: one per intersection.
     pub fn register(simulation: &mut Simulation, lanes: &[String], lights: &[String]) -> Result<Self> {
         Ok(IntersectionHandles {
             lanes: simulation.register_lanes(lanes)?,
@@ -37,7 +38,7 @@ impl IntersectionHandles {
         self.signals[row].light()
     }
 
-    /// Sets the lights of these rows as an episode begins.
+    /// Sets the lights of these rows to the beginning of an episode.
     pub fn reset(&mut self, simulation: &mut Simulation, rows: &[usize]) -> Result<()> {
         for &row in rows {
             self.signals[row] = Signal::at_the_beginning();
@@ -46,7 +47,8 @@ impl IntersectionHandles {
         self.show(simulation, rows)
     }
 
-    /// Lets every agent act on its light, unless a program of SUMO's runs it; SUMO hears of the lights that change.
+    /// Lets every agent act on its light, unless one of SUMO's programs runs it. Only lights that change are sent to
+    /// SUMO.
     pub fn act(&mut self, simulation: &mut Simulation, actions: &[Action]) -> Result<()> {
         assert_eq!(actions.len(), self.len(), "one action per intersection");
         let mut changed = Vec::new();
@@ -63,8 +65,8 @@ impl IntersectionHandles {
         self.show(simulation, &changed)
     }
 
-    /// What all lights show, into `shown`, one per row. Lights that a program runs and that show anything else than the four
-    /// states of a [`Light`] are an error. `states` is memory that is used again and again.
+    /// Writes what all lights show into `shown`, one per row. It is an error if a light that a program runs shows
+    /// anything but the four states of a [`Light`]. `states` is memory for reuse.
     pub fn read_lights(
         &self,
         simulation: &mut Simulation,
@@ -85,7 +87,7 @@ impl IntersectionHandles {
         Ok(())
     }
 
-    /// Leaves the lights of these rows to a program of SUMO's.
+    /// Lets one of SUMO's programs run the lights of these rows.
     pub fn hand_to_program(&mut self, simulation: &mut Simulation, program: &str, rows: &[usize]) -> Result<()> {
         rows.iter().for_each(|&row| self.by_program[row] = true);
         let lights: Vec<LightId> = rows.iter().map(|&row| self.lights[row]).collect();

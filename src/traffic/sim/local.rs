@@ -1,4 +1,5 @@
-//! The local simulators: a forest of single intersections into which the AIPs send cars.
+//! The local simulators (LS): a forest of single intersections into which the AIPs (approximate influence predictors)
+//! send cars.
 
 use std::path::Path;
 use std::time::Instant;
@@ -19,10 +20,10 @@ use crate::traffic::network::files::NetworkFiles;
 use crate::traffic::observe::{self, edges_of};
 use crate::traffic::paper_grid::grid::Grid;
 
-/// The counter of sampled arrivals that found no room.
+/// Name of the counter of sampled arrivals that found no room.
 pub const DROPPED: &str = "dropped_arrivals";
 
-/// SUMO's. Without speed factors to draw and without flows, it changes nothing.
+/// SUMO's seed. It changes nothing, because there are no speed factors to draw and no flows.
 const SEED: u32 = 0;
 
 /// Where and how fast an arriving car is put on its edge.
@@ -34,18 +35,18 @@ pub struct Placement {
 
 /// The traffic LS of many regions: one intersection of a forest per row.
 ///
-/// Nothing in it is random: what happens follows from actions and sources.
+/// Nothing in it is random: actions and sources determine everything.
 pub struct LocalTraffic {
     spec: RegionSpec,
     entry_rule: EntryRule,
     simulation: Simulation,
     handles: IntersectionHandles,
-    /// Incoming, internal and outgoing lanes per row: all that a reset has to clear.
+    /// Incoming, internal and outgoing lanes per row: all lanes that a reset has to clear.
     all_lanes: Vec<Vec<LaneId>>,
-    /// [`EDGES`] per row.
+    /// Routes, [`EDGES`] per row.
     routes: Vec<RouteId>,
     cars: CarTable,
-    /// Cars on each incoming edge at the last decision.
+    /// Number of cars on each incoming edge at the last decision.
     cars_on: Rows<usize>,
     arrivals: Rows<u8>,
     last: Transition,
@@ -70,7 +71,8 @@ impl LocalTraffic {
         let dir = tempfile::tempdir().context("no temporary directory for the forest of local simulators")?;
         let files = write_forest(local, rows, dir.path())?;
         let mut simulation = Simulation::load(&options(&files.net, &files.routes)?)?;
-        // SUMO has read them to their end and is never told to load them again; so a killed process leaves none behind.
+        // SUMO has read the files completely and never loads them again. They go now, so a killed process leaves none
+        // behind.
         dir.close().context("the files of the forest of local simulators cannot be removed")?;
         let regions: Vec<Region> = (0..rows).map(Region).collect();
         let incoming: Vec<String> = regions.iter().flat_map(|region| region.incoming_lanes()).collect();
@@ -104,8 +106,8 @@ impl LocalTraffic {
         })
     }
 
-    /// Makes one step in which a car arrives at every edge that has a placement (`[rows][EDGES]`). A car that does not fit
-    /// in is dropped. [`LocalSimulator::step`] calls it with the placements of its rule.
+    /// Makes one step in which a car arrives at every edge that has a placement (`[rows][EDGES]`). A car that does not
+    /// fit in is dropped. [`LocalSimulator::step`] calls it with the placements of its rule.
     pub fn step_with(&mut self, actions: &[Action], placements: &[[Option<Placement>; EDGES]]) -> Result<&Transition> {
         let begun = Instant::now();
         self.handles.act(&mut self.simulation, actions)?;
@@ -155,7 +157,7 @@ impl LocalTraffic {
         Ok(&self.last)
     }
 
-    /// The cars on the incoming edges of a row after the last step, also of one that was reset since.
+    /// Returns the cars on the incoming edges of a row after the last step, even if the row was reset since.
     pub fn cars_on(&self, row: usize) -> [LaneCars<'_>; EDGES] {
         edges_of(&self.cars, row)
     }
@@ -167,8 +169,8 @@ impl LocalTraffic {
                 let speed = if cars_on_edge > 8 { 3.0 } else { 9.5 };
                 Placement { position_m: 6.0, speed: DepartSpeed::Fixed(speed) }
             }
-            // DEVIATION 10: as far back and as fast as it can. The authors' rule drops one car in nine, because a fixed
-            // speed is often unsafe behind a car that has just entered.
+            // DEVIATION 10: the car enters as far back and as fast as it can. The authors' rule drops one car in nine,
+            // because a fixed speed is often unsafe behind a car that has just entered.
             EntryRule::Max => Placement { position_m: 5.0, speed: DepartSpeed::Max },
         }
     }
@@ -228,8 +230,8 @@ impl LocalSimulator for LocalTraffic {
 
 fn options(net: &Path, routes: &Path) -> Result<Vec<String>> {
     let mut options = options::common(net, routes, SEED)?;
-    // On one lane without overtaking nobody collides, and to look for it takes 3 % of a step (a test holds that it
-    // changes nothing, however dense the traffic).
+    // On one lane without overtaking there are no collisions, and looking for them takes 3 % of a step. A test checks
+    // that this option changes nothing, however dense the traffic.
     options.extend(["--collision.action".to_owned(), "none".to_owned()]);
     Ok(options)
 }

@@ -1,5 +1,6 @@
-//! The traffic metrics beside the return that only evaluations and baselines ask for: what a car's trip came to, as SUMO
-//! tells it, and queues, speeds and throughput per intersection. Training and collection do without and pay nothing.
+//! The traffic metrics beside the return: means of the cars' trips from SUMO's own output, and queues, speeds and
+//! throughput per intersection. Only evaluations and baselines ask for them. Training and collection do not measure
+//! them and pay nothing.
 
 use anyhow::Result;
 
@@ -8,10 +9,10 @@ use crate::sumo::CarTable;
 use crate::traffic::agents::region::EDGES;
 use crate::traffic::arrivals::has_arrival;
 
-/// The figures of an episode.
+/// The metrics of an episode.
 pub struct TrafficMetrics {
     trip_file: TripFile,
-    /// Known when the episode is over.
+    /// Means of the trips, known when the episode is over.
     trips: Option<Trips>,
     steps: u64,
     intersections: Vec<Sums>,
@@ -36,7 +37,7 @@ impl TrafficMetrics {
         })
     }
 
-    /// What SUMO must be loaded with.
+    /// Returns the options that SUMO must be loaded with.
     pub fn options(&self) -> [String; 8] {
         self.trip_file.options()
     }
@@ -59,18 +60,18 @@ impl TrafficMetrics {
         }
     }
 
-    /// Whether [`TrafficMetrics::finish`] was called since the beginning.
+    /// Returns whether [`TrafficMetrics::finish`] was called since the beginning.
     pub fn finished(&self) -> bool {
         self.trips.is_some()
     }
 
-    /// Reads the trips, once SUMO has closed the simulation of the episode.
+    /// Reads the trips. Call it when SUMO has closed the simulation of the episode.
     pub fn finish(&mut self) -> Result<()> {
         self.trips = Some(self.trip_file.read()?);
         Ok(())
     }
 
-    /// Figures of the whole net; `arrived` cars left it.
+    /// Returns the metrics of the whole net; `arrived` cars left it.
     pub fn of_net(&self, arrived: u64) -> Vec<(&'static str, f64)> {
         let Trips { travel_time_s, delay_s, waiting_time_s } = self.trips.expect("the episode is over");
         let halting: u64 = self.intersections.iter().map(|intersection| intersection.halting_car_steps).sum();
@@ -83,7 +84,7 @@ impl TrafficMetrics {
         ]
     }
 
-    /// Figures of every intersection.
+    /// Returns the metrics of every intersection.
     pub fn of_agents(&self) -> Vec<(&'static str, Vec<f64>)> {
         let each = |figure: &dyn Fn(&Sums) -> f64| self.intersections.iter().map(figure).collect();
         vec![
@@ -93,7 +94,7 @@ impl TrafficMetrics {
         ]
     }
 
-    /// What SUMO wrote of the trips.
+    /// Returns the text that SUMO wrote about the trips.
     #[cfg(test)]
     pub fn trips_as_text(mut self) -> String {
         self.trip_file.text().expect("the trips of an episode")

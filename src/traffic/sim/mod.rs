@@ -2,9 +2,10 @@
 //!
 //! - [`global`]: the global simulator (GS), a whole grid with inflow at its boundary; [`control`]: who runs its lights.
 //! - [`local`]: the local simulators (LS), a forest of single intersections.
-//! - `handles`: the intersections of a loaded net; `options`: what SUMO is loaded with.
+//! - `handles`: the intersections of a loaded net; `options`: SUMO's options.
 //! - [`tally`]: what every episode counts; `metrics`, `trips`: what only evaluations measure.
-//! - [`recording`], [`replay`], [`trace`]: an episode written down, as files that SUMO plays, and for pictures.
+//! - [`recording`]: an episode recorded; [`replay`]: a recording as files that SUMO plays; [`trace`]: a recording for
+//!   pictures.
 
 pub mod control;
 pub mod global;

@@ -8,10 +8,10 @@ use crate::traffic::network::files::for_sumo;
 
 /// A step is a second.
 pub const STEP_LENGTH_S: &str = "1";
-/// Cars wait for ever rather than teleport.
+/// Time after which a waiting car teleports: never.
 pub const TIME_TO_TELEPORT_S: &str = "-1";
 
-/// Returns what GS and LS have in common.
+/// Returns the options that GS (global simulator) and LS (local simulator) have in common.
 pub fn common(net: &Path, routes: &Path, seed: u32) -> Result<Vec<String>> {
     let options = [
         ["--net-file", &for_sumo(net)?],

@@ -1,8 +1,8 @@
 //! Recordings: what happened on the road in an episode, to the last bit.
 //!
-//! A [`Tape`] is handed to a [`super::Traffic`]; the first episode that one of its simulators plays goes on it, whoever
-//! controls the lights, and comes off as a [`Recording`], of which [`super::replay`] makes files for SUMO and
-//! [`super::trace`] what pictures show. Simulators without a tape ask SUMO for nothing more than they need.
+//! A [`super::Traffic`] gets a [`Tape`]. The first episode that one of its simulators plays goes on the tape, whatever
+//! controls the lights. It comes off as a [`Recording`]. [`super::replay`] turns it into files for SUMO, and
+//! [`super::trace`] into data for pictures. Simulators without a tape ask SUMO for no more than they need.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -15,29 +15,29 @@ use crate::traffic::network::files::NetworkFiles;
 use crate::traffic::network::tree::{Element, read};
 use crate::traffic::paper_grid::grid::{Grid, lane};
 
-/// Room for one episode. Clones are the same tape.
+/// A tape for one episode. Clones are the same tape.
 #[derive(Clone, Debug, Default)]
 pub struct Tape(Arc<Mutex<Option<Recording>>>);
 
 impl Tape {
-    /// What is on it; the tape is blank then.
+    /// Takes the recording off the tape; the tape is blank then.
     pub fn take(&self) -> Option<Recording> {
         self.with(Option::take)
     }
 
     fn with<T>(&self, work: impl FnOnce(&mut Option<Recording>) -> T) -> T {
-        // A panic elsewhere leaves a recording that is whole up to its last step.
+        // After a panic elsewhere, the recording is complete up to its last step.
         work(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
     }
 }
 
-/// One episode.
+/// The recording of one episode.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
     pub roads: Arc<Roads>,
-    /// The seed that SUMO was given.
+    /// Seed that SUMO got.
     pub seed: u32,
-    /// The cars that entered, in the order in which they did.
+    /// Cars that entered, in the order in which they entered.
     pub entries: Vec<Entry>,
     pub steps: Vec<Step>,
 }
@@ -47,23 +47,23 @@ pub struct Recording {
 pub struct Entry {
     pub step: usize,
     pub car: Departure,
-    /// What SUMO was told, which is not always the speed that it came to: SUMO 1.15 refuses some cars that ask for the very
-    /// speed that it had itself found safe, for the want of a last bit.
+    /// Speed that SUMO was told, which is not always the speed that it chose. SUMO 1.15 refuses some cars that ask for
+    /// exactly the speed that it had found safe itself, because of the last bit.
     pub speed: DepartSpeed,
 }
 
-/// Where it happened.
+/// The roads of the recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Roads {
     pub grid: Grid,
-    /// The text of the net's file.
+    /// Text of the net's file.
     pub net: String,
     pub(super) vehicle_types: Vec<Element>,
-    /// All of them: those of the edges in the order of [`Grid::edges`], then those inside of intersections.
+    /// All lanes: those of the edges in the order of [`Grid::edges`], then those inside of intersections.
     pub lanes: Vec<Lane>,
-    /// Of the lanes, by name.
+    /// Numbers of the lanes, by name.
     numbers: HashMap<String, usize>,
-    /// One per agent.
+    /// Names of the lights, one per agent.
     pub lights: Vec<String>,
 }
 
@@ -78,12 +78,12 @@ pub struct Lane {
 pub struct Step {
     /// What every light showed during the step, in the order of [`Roads::lights`].
     pub signals: Vec<SignalState>,
-    /// The cars as the step left them, lane by lane in the order of [`Roads::lanes`].
+    /// Cars after the step, lane by lane in the order of [`Roads::lanes`].
     pub cars: CarTable,
 }
 
 impl Recording {
-    /// The cars on a lane as each step left them.
+    /// Returns the cars on a lane after each step.
     pub fn on_lane<'a>(&'a self, name: &str) -> Result<impl Iterator<Item = LaneCars<'a>> + use<'a>> {
         let lane = self.roads.number(name)?;
         Ok(self.steps.iter().map(move |step| step.cars.lane(lane)))
@@ -91,7 +91,7 @@ impl Recording {
 }
 
 impl Roads {
-    /// Metres of a lane.
+    /// Returns the length of a lane in metres.
     pub fn length_m(&self, name: &str) -> Result<f64> {
         Ok(self.lanes[self.number(name)?].length_m)
     }
@@ -122,20 +122,20 @@ impl Roads {
     }
 }
 
-/// What a simulator with a tape has beside it.
+/// What a simulator with a tape needs for recording.
 pub(super) struct Recorder {
     tape: Tape,
     roads: Arc<Roads>,
-    /// The part of a forest that is recorded, under the names of the local net.
+    /// Part of a forest that is recorded, under the names of the local net.
     region: Option<Region>,
     lanes: Vec<LaneId>,
     lights: Vec<LightId>,
-    /// Whether the episode goes on the tape: there is room for the first one only.
+    /// Whether the episode goes on the tape. The tape has room for the first one only.
     on: bool,
 }
 
 impl Recorder {
-    /// `files`: the network of `grid`, which is the local one for a `region` of a forest.
+    /// Makes a recorder. `files`: the network of `grid`, which is the local one for a `region` of a forest.
     pub fn new(
         tape: &Tape,
         simulation: &mut Simulation,
@@ -157,7 +157,7 @@ impl Recorder {
         })
     }
 
-    /// An episode begins, for which SUMO was given this seed.
+    /// Begins an episode for which SUMO got this seed.
     pub fn begin(&mut self, seed: u32) {
         self.on = self.tape.with(|tape| {
             let room = tape.as_ref().is_none_or(|recording| recording.steps.is_empty());
@@ -168,18 +168,20 @@ impl Recorder {
         });
     }
 
-    /// A step was made, before which these cars were inserted; SUMO's flows insert others.
+    /// Records a step, before which these cars were inserted. SUMO's flows insert others.
     pub fn step(&mut self, simulation: &mut Simulation, inserted: &[Insertion]) -> Result<()> {
         if !self.on {
             return Ok(());
         }
         let mut step = Step { signals: Vec::new(), cars: CarTable::new() };
-        // SUMO moves its own programs on at the beginning of a step, so what a light shows now it has shown throughout.
+        // SUMO moves its own programs on at the beginning of a step, so a light has shown its state during the whole
+        // step.
         simulation.read_lights(&self.lights, &mut step.signals)?;
         simulation.read_lanes(&self.lanes, &mut step.cars)?;
         let cars: Vec<Departure> = simulation.departures()?.into_iter().filter_map(|car| self.renamed(car)).collect();
         self.tape.with(|tape| {
-            let recording = tape.as_mut().context("the tape was taken away in the middle of an episode")?;
+            let recording =
+                tape.as_mut().context("the recording was taken off the tape in the middle of an episode")?;
             let number = recording.steps.len();
             recording.entries.extend(cars.into_iter().map(|car| {
                 let told = inserted.iter().find(|insertion| insertion.car == car.id.0).map(|insertion| insertion.speed);
@@ -190,7 +192,7 @@ impl Recorder {
         })
     }
 
-    /// The car under the names of the recorded roads, if it is on them.
+    /// Returns the car under the names of the recorded roads, if it is on them.
     fn renamed(&self, car: Departure) -> Option<Departure> {
         let Some(region) = self.region else { return Some(car) };
         let rename = |name: &String| region.in_the_local_net(name).map(str::to_owned);

@@ -1,8 +1,8 @@
 //! Replays: a recorded episode as a folder that plain `sumo` and `sumo-gui` play, car by car and to the last bit.
 //!
-//! The folder needs nothing outside of itself: the net, one `<vehicle>` per car that entered, one light program per
-//! intersection that shows what was shown, and a configuration that names them. Nothing in it decides anything any more,
-//! and SUMO's cars draw nothing at random, so they move as they did.
+//! The folder needs nothing outside of itself. It holds the net, one `<vehicle>` per car that entered, one light
+//! program per intersection that shows what was shown, and a configuration that names them. No part of it makes
+//! decisions, and SUMO's cars draw nothing at random, so they move as before.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -17,12 +17,12 @@ use crate::traffic::network::tree::Element;
 use crate::traffic::network::write_together;
 use crate::traffic::network::xml::{Xml, document, leaf, nest, section};
 
-/// The one name of the files of a replay.
+/// Name of all files of a replay.
 const NAME: &str = "replay";
 const SIGNALS: &str = "replay.signals.add.xml";
 const VIEW: &str = "view.xml";
 
-/// What `sumo -c` and `sumo-gui -c` take in the folder of a replay.
+/// Returns the configuration for `sumo -c` and `sumo-gui -c` in the folder of a replay.
 pub fn config_in(dir: &Path) -> PathBuf {
     NetworkFiles::of(&dir.join(NAME)).config
 }
@@ -41,8 +41,8 @@ pub fn write(recording: &Recording, dir: &Path) -> Result<()> {
     write_together(dir, &contents)
 }
 
-/// Lets SUMO play the folder and compares: an error unless every car is in the same place, equally fast, in every step,
-/// bit for bit. No simulation may be held.
+/// Lets SUMO play the folder and compares. It is an error unless in every step every car is in the same place, equally
+/// fast, bit for bit. The caller must hold no simulation.
 pub fn check(recording: &Recording, dir: &Path) -> Result<()> {
     let config = config_in(dir);
     let mut simulation = Simulation::load(&["-c".to_owned(), for_sumo(&config)?])?;
@@ -63,7 +63,7 @@ pub fn check(recording: &Recording, dir: &Path) -> Result<()> {
     Ok(())
 }
 
-/// The cars with what they began with; SUMO wants them in the order of their departures.
+/// Returns the cars with their state at entry. SUMO wants them in the order of their departures.
 fn vehicles(recording: &Recording) -> String {
     let mut routes: Vec<(&str, &[String])> =
         recording.entries.iter().map(|entry| (entry.car.route.as_str(), entry.car.edges.as_slice())).collect();
@@ -101,7 +101,7 @@ fn copy(xml: &mut Xml, element: &Element) -> io::Result<()> {
     nest(xml, &element.name, attributes, |xml| element.children.iter().try_for_each(|child| copy(xml, child)))
 }
 
-/// One program per light, which shows what was shown.
+/// Returns one program per light, which shows what was shown.
 fn signals(recording: &Recording) -> String {
     document("additional", |xml| {
         recording.roads.lights.iter().enumerate().try_for_each(|(light, id)| {
@@ -116,21 +116,21 @@ fn signals(recording: &Recording) -> String {
     })
 }
 
-/// How long sumo-gui shows a step.
+/// Time for which sumo-gui shows a step.
 const WATCHING_DELAY_MS: u32 = 100;
 
-/// A picture that sumo-gui shall take.
+/// A picture for sumo-gui to take.
 pub struct Snapshot {
-    /// Where to; the ending says the format.
+    /// Path of the picture; its ending gives the format.
     pub file: PathBuf,
-    /// The step before which it is taken.
+    /// Step before which it is taken.
     pub step: usize,
 }
 
-/// How sumo-gui shows the roads; plain sumo does not look at it.
+/// Returns how sumo-gui shows the roads; plain sumo ignores it.
 ///
-/// Cars and roads are wider than they are, so that a whole grid can be watched; a car that stands is red, one at half of
-/// the limit yellow and one at the limit blue, which all kinds of colour vision tell apart.
+/// Cars and roads are drawn wider than they are, so that a whole grid can be watched. A standing car is red, a car at
+/// half of the limit yellow and a car at the limit blue. People with any kind of colour vision can tell these apart.
 pub fn view(delay_ms: u32, snapshots: &[Snapshot]) -> String {
     const BOXES: &str = "1";
     const BY_SPEED: &str = "8";
@@ -158,7 +158,7 @@ pub fn view(delay_ms: u32, snapshots: &[Snapshot]) -> String {
     })
 }
 
-/// One grey for everything of a kind.
+/// Writes one grey for everything of a kind.
 fn all_grey(xml: &mut Xml, name: &str) -> io::Result<()> {
     let entry = [("name", name), ("color", "90,90,90")];
     nest(xml, "colorScheme", [("name", "uniform")], |xml| leaf(xml, "entry", entry))

@@ -1,4 +1,4 @@
-//! What the global simulator counts in every episode, also in training.
+//! What the global simulator (GS) counts in every episode, also in training.
 
 use crate::domain::{Measures, Result};
 use crate::sumo::{CarTable, Simulation};
@@ -6,13 +6,13 @@ use crate::traffic::agents::phases::Light;
 use crate::traffic::arrivals::has_arrival;
 use crate::traffic::paper_grid::DECEL_MPS2;
 
-/// The measure "share of the steps beginning with green in which the light was switched".
+/// Name of the measure "share of the steps beginning with green in which the light was switched".
 pub const P_SWITCH: &str = "p_switch_given_green";
 
 /// Counts of an episode.
 #[derive(Clone, Debug, Default)]
 pub struct Tally {
-    /// Steps that began with green and those of them that showed yellow, per agent.
+    /// Number of steps that began with green, and number of those that showed yellow, per agent.
     greens: Vec<(u64, u64)>,
     car_steps: u64,
     speed_sum_mps: f64,
@@ -40,7 +40,7 @@ impl Tally {
         self.car_steps += now.cars() as u64;
         for (now, before) in now.iter().zip(before.iter()) {
             self.speed_sum_mps += now.speeds_mps.iter().sum::<f64>();
-            // Cars neither overtake nor teleport: after the one that is new, if any, they stand in the same order.
+            // Cars neither overtake nor teleport. After the new one, if there is one, they stay in the same order.
             let new = usize::from(has_arrival(now, before));
             let braked = now.speeds_mps[new..]
                 .iter()

@@ -1,4 +1,4 @@
-//! Recordings as traces: what the pictures of an episode show.
+//! Recordings as traces: the data for pictures of an episode.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +11,7 @@ use crate::traffic::agents::phases::Light;
 use crate::traffic::paper_grid::grid::lane;
 use crate::traffic::side::Side;
 
-/// What happened, with a corridor from west to east for every row of the grid, the southernmost first.
+/// Returns the trace, with a corridor from west to east for every row of the grid, the southernmost first.
 pub fn trace(recording: &Recording) -> Result<RoadTrace> {
     let grid = recording.roads.grid;
     let agents = grid.agents();
@@ -37,7 +37,7 @@ fn shown(light: Option<Light>) -> Shown {
     }
 }
 
-/// `side`: an index into [`Side::ALL`].
+/// Returns the approach from one side. `side`: an index into [`Side::ALL`].
 fn approach(recording: &Recording, side: usize) -> Result<Approach> {
     let grid = recording.roads.grid;
     let standing = |agent: AgentId| -> Result<Vec<usize>> {
@@ -48,13 +48,13 @@ fn approach(recording: &Recording, side: usize) -> Result<Approach> {
     Ok(Approach { from: name(Side::ALL[side]), standing })
 }
 
-/// The way through a row from west to east.
+/// Returns the way through a row from west to east.
 fn corridor(recording: &Recording, row: usize) -> Result<Corridor> {
     let grid = recording.roads.grid;
     let agents: Vec<AgentId> = (0..grid.cols()).map(|col| AgentId(row * grid.cols() + col)).collect();
     let west = Side::ALL.iter().position(|&side| side == Side::West).expect("all sides are there");
     let east = Side::ALL.iter().position(|&side| side == Side::East).expect("all sides are there");
-    // Per intersection the lane that leads to it and the one inside of it; then the lane that leads out.
+    // Per intersection: the lane that leads to it and the lane inside it. Then the lane that leads out.
     let mut lanes = Vec::new();
     for &agent in &agents {
         lanes.push(lane(&grid.incoming_edges(agent)[west]));

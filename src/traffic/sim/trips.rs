@@ -1,4 +1,4 @@
-//! What SUMO itself tells of every car's trip: its tripinfo output, read when an episode is over.
+//! SUMO's own data on every car's trip: its tripinfo output, read when an episode is over.
 
 use std::fs::File;
 use std::io::{Read, Seek};
@@ -7,7 +7,7 @@ use std::os::fd::AsRawFd;
 use anyhow::{Context, Result};
 use roxmltree::{Document, Node};
 
-/// Where SUMO writes the trips of an episode: a file without a name, so that a killed process leaves none behind.
+/// The file to which SUMO writes the trips of an episode. It has no name, so a killed process leaves none behind.
 pub struct TripFile {
     file: File,
 }
@@ -15,13 +15,14 @@ pub struct TripFile {
 /// Means over the trips of an episode, in seconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Trips {
-    /// From entering the net to leaving it or to the end of the episode, over all cars that entered.
+    /// Travel time from entering the net to leaving it or to the end of the episode. The mean is over all cars that
+    /// entered.
     pub travel_time_s: f64,
-    /// Time lost to driving slower than allowed, and to waiting at the boundary before entering; over all cars, those that
-    /// never entered too. Source: Ault and Sharon, "Reinforcement Learning Benchmarks for Traffic Signal Control"
-    /// (RESCO), NeurIPS Datasets and Benchmarks 2021.
+    /// Time lost by driving slower than allowed and by waiting at the boundary before entering. The mean is over all
+    /// cars, including those that never entered. Source: Ault and Sharon, "Reinforcement Learning Benchmarks for
+    /// Traffic Signal Control" (RESCO), NeurIPS Datasets and Benchmarks 2021.
     pub delay_s: f64,
-    /// Time below 0.1 m/s after entering, over all cars that entered.
+    /// Time below 0.1 m/s after entering. The mean is over all cars that entered.
     pub waiting_time_s: f64,
 }
 
@@ -30,7 +31,8 @@ impl TripFile {
         Ok(TripFile { file: tempfile::tempfile().context("no temporary file for SUMO's trips: set TMPDIR")? })
     }
 
-    /// What makes SUMO write the trips, from the beginning of the file. Digits: as many as there are in a millisecond.
+    /// Returns the options that make SUMO write the trips, from the beginning of the file, with the digits of a
+    /// millisecond.
     pub fn options(&self) -> [String; 8] {
         let place = format!("/proc/self/fd/{}", self.file.as_raw_fd());
         [
@@ -46,7 +48,8 @@ impl TripFile {
         .map(str::to_owned)
     }
 
-    /// Returns the means of the trips that SUMO wrote. It writes those of the cars on the road when it closes the simulation.
+    /// Returns the means of the trips that SUMO wrote. SUMO writes those of the cars on the road when it closes the
+    /// simulation.
     pub fn read(&mut self) -> Result<Trips> {
         means(&self.text()?)
     }
@@ -54,7 +57,10 @@ impl TripFile {
     /// Returns what SUMO wrote.
     pub fn text(&mut self) -> Result<String> {
         let mut text = String::new();
-        self.file.rewind().and_then(|()| self.file.read_to_string(&mut text)).context("SUMO's trips cannot be read")?;
+        self.file
+            .rewind()
+            .and_then(|()| self.file.read_to_string(&mut text))
+            .context("SUMO's trips could not be read")?;
         Ok(text)
     }
 }
@@ -84,7 +90,7 @@ fn number(trip: Node<'_, '_>, name: &str) -> Result<f64> {
     number.with_context(|| format!("a trip of SUMO's has no number `{name}`"))
 }
 
-/// Returns 0 where there are no cars.
+/// Returns the mean; 0 if there are no cars.
 fn mean(sum: f64, cars: u32) -> f64 {
     sum / f64::from(cars.max(1))
 }
