@@ -88,7 +88,7 @@ fn how_to_use(file: &Path, kind: &Kind, recurrent: Option<usize>) -> String {
     lines.join("\n")
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "torch"))]
 mod tests {
     use super::*;
     use crate::base::{AgentId, Seed};

@@ -59,6 +59,10 @@ impl GlobalSimulator for Timed<dyn GlobalSimulator> {
         self.inner.measures()
     }
 
+    fn measure_in_full(&mut self) -> Result<()> {
+        self.inner.measure_in_full()
+    }
+
     fn scene(&self) -> Option<Scene> {
         self.inner.scene()
     }
