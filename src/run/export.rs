@@ -88,7 +88,8 @@ fn how_to_use(file: &Path, kind: &Kind, recurrent: Option<usize>) -> String {
     lines.join("\n")
 }
 
-#[cfg(all(test, feature = "torch"))]
+#[cfg(test)]
+#[cfg(feature = "torch")]
 mod tests {
     use super::*;
     use crate::base::{AgentId, Seed};
