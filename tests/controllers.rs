@@ -161,7 +161,7 @@ fn a_background_runs_its_lights_and_leaves_the_others_to_the_actions() {
     assert!(always(&mixed[0]) && always(&mixed[3]));
 }
 
-/// A rule for one intersection, as a user would write it.
+/// Switches by a rule for one intersection, as a user would write it.
 fn let_the_east_go(at: &Intersection<'_>) -> Action {
     let Some([green, _]) = at.green_and_red() else { return KEEP };
     let wanted = at.queue(Side::East) > 0;

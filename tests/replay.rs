@@ -303,7 +303,7 @@ fn a_folder_that_sumo_plays_otherwise_is_found_out() {
     replay::write(&recording, dir.path()).unwrap();
     let error = replay::check(&recording, dir.path()).unwrap_err().to_string();
     let step = recording.entries[3].step;
-    assert!(error.starts_with(&format!("SUMO plays step {step} of the replay otherwise")), "{error}");
+    assert!(error.starts_with(&format!("SUMO plays step {step} of the replay differently")), "{error}");
 }
 
 #[test]

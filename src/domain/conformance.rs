@@ -14,7 +14,7 @@ use rand::Rng;
 use super::{Action, Beginning, Domain, JointPercept, Kind, LocalSimulator, Result};
 use crate::base::{Dice, Ragged, RandomPurpose, Rows, Seed};
 
-/// What [`check`] measured with the LS, driven by the GS's recorded sources and actions.
+/// The figures that [`check`] measured with the LS, driven by the GS's recorded sources and actions.
 #[derive(Clone, Copy, Debug)]
 pub struct Conformance {
     /// Share of the GS's non-zero observation entries that the LS had too.

@@ -45,7 +45,7 @@ pub use spec::{Action, RegionSpec, SourceSpec, logits_of};
 /// Result of a simulator. Its failures have many reasons (SUMO, files), and no room above distinguishes them.
 pub type Result<T> = anyhow::Result<T>;
 
-/// One sample `(l_t, u_t)` of every agent's dataset `D_i`: the d-set (the variables that the AIP predicts from) at a
+/// One sample `(l_t, u_t)` of every agent's dataset `D_i`: the d-set (the variables that influence predictors see) at a
 /// decision, and the influence sources during the step after it.
 #[derive(Clone, Copy, Debug)]
 pub struct InfluenceSample<'a> {
@@ -119,8 +119,8 @@ impl Beginning {
 ///
 /// It knows no horizon: the caller ends the episode of a row by `reset`.
 ///
-/// What a row does depends on its region and copy, the seed of the simulator, the number of the episode, and the
-/// actions and sources since the episode began. It does not depend on other rows or earlier episodes. So training can
+/// A row depends on its region and copy, the seed of the simulator and the number of the episode. It also depends on
+/// the actions and sources since the episode began, but not on other rows or earlier episodes. So training can
 /// stop anywhere and continue in a new simulator that is driven to the same state. [`conformance`] checks this.
 pub trait LocalSimulator {
     /// Returns the spec of its kind.

@@ -4,7 +4,7 @@
 use super::{Kinds, RegionSpec};
 use crate::base::{Ragged, Rows};
 
-/// What regions of one kind show at a decision, one row per (agent, copy).
+/// A percept: the data that regions of one kind show at a decision, one row per (agent, copy).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Percept {
     /// Observations, `[rows, obs_dim]`.
@@ -55,7 +55,7 @@ impl Transition {
     }
 }
 
-/// What the regions of all agents show at a decision, one row per agent, as wide as its kind needs.
+/// The percept of the regions of all agents at a decision, one row per agent, as wide as its kind needs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointPercept {
     pub obs: Ragged<f32>,

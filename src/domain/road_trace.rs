@@ -13,13 +13,13 @@ pub struct RoadTrace {
     pub names: Vec<String>,
     /// Directions that a light can give green to, in words for a legend.
     pub greens: Vec<&'static str>,
-    /// What the light of each intersection showed in each second.
+    /// State of the light of each intersection in each second.
     pub lights: Vec<Vec<Shown>>,
     pub approaches: Vec<Approach>,
     pub corridors: Vec<Corridor>,
 }
 
-/// What the light of an intersection showed.
+/// The state of an intersection's light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shown {
     /// Green for one of [`RoadTrace::greens`], by its index.
@@ -60,11 +60,11 @@ pub struct Crossing {
     /// corridor.
     pub begin_m: f64,
     pub end_m: f64,
-    /// What its light showed to the cars of the corridor in each second.
+    /// Aspect that its light showed to the cars of the corridor in each second.
     pub aspects: Vec<Aspect>,
 }
 
-/// What a light shows to one approach.
+/// The colour that a light shows to one approach.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Aspect {
     Green,

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-/// What a run simulates.
+/// The scenario that a run simulates.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Scenario {
     #[serde(flatten)]
@@ -19,7 +19,7 @@ pub struct Scenario {
     pub files: BTreeMap<String, String>,
 }
 
-/// What must be the same for returns to be comparable.
+/// The identity of a scenario: the values that must be equal for returns to be comparable.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct ScenarioId {
     /// Name of the domain, one lower-case word.
@@ -36,7 +36,7 @@ pub struct ScenarioId {
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Episode {
     pub length: usize,
-    /// What is counted, in the plural.
+    /// Unit of the length, in the plural.
     pub unit: String,
 }
 

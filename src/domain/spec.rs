@@ -8,8 +8,8 @@ pub type Action = u8;
 pub struct RegionSpec {
     /// Width of an observation `o_i`.
     pub obs_dim: usize,
-    /// Width of the d-separating set (d-set). It is the part of the ALSH (action-local-state history) that the AIP sees
-    /// at each step.
+    /// Width of the d-separating set (d-set): what the AIP (approximate influence predictor) sees at each step. It is a
+    /// part of the ALSH (action-local-state history).
     pub d_set_dim: usize,
     pub n_actions: usize,
     /// Whether percepts say which actions are allowed. Otherwise all are, always.

@@ -1,6 +1,9 @@
 //! Pictures of an episode on roads as SVG: one function per picture.
 //!
 //! They are drawn from a [`crate::domain::road_trace`]: which simulator it comes from is unknown here.
+//!
+//! - `queues`: standing cars per approach, over time; `returns_map`: the return of every agent on the grid.
+//! - `signal_timing`: which approach has green when; `space_time`: cars of a corridor as lines, lights as bars.
 
 mod queues;
 mod returns_map;

@@ -5,6 +5,7 @@
 //!   what a run is computed with.
 //! - `subject`, `cast`: what is evaluated, and who plays the episode that is replayed.
 //! - What belongs to one flag: `render`, `plot`, `video`, `tune`, and `csv_files` for `--csv`.
+//! - `places`: directories of files, made whole or not at all.
 //! - `blas`: one thread for libtorch, which `bench` times.
 
 mod bench;

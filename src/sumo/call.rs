@@ -25,7 +25,7 @@ thread_local! {
     static HAS_TURN: Cell<bool> = const { Cell::new(false) };
 }
 
-/// What can be registered by name.
+/// The kinds of things that can be registered by name.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Kind {
     Lane,
@@ -103,8 +103,8 @@ impl Crossing {
         // SAFETY: we have the turn; a `LaneId` is laid out as a `u32`; `read` is only written to.
         let code = unsafe { ffi::ds_read_lanes(lanes.as_ptr().cast(), lanes.len(), read.as_mut_ptr()) };
         check(code, "read the lanes")?;
-        // SAFETY: the call succeeded, so `read` is written and its arrays hold until the next call, which needs
-        // `&mut self`: `starts` has an entry per lane and a last one, which is the length of the other three.
+        // SAFETY: the call succeeded, so `read` is written. Its arrays are valid until the next call, which needs
+        // `&mut self`. `starts` has an entry per lane and a last one, which is the length of the other three.
         unsafe {
             let read = read.assume_init();
             let starts = array(read.starts, lanes.len() + 1);
@@ -187,8 +187,8 @@ impl Crossing {
         let mut read = MaybeUninit::uninit();
         // SAFETY: as in `read_lanes`.
         check(unsafe { ffi::ds_read_departures(read.as_mut_ptr()) }, "read the departures")?;
-        // SAFETY: as in `read_lanes`; `starts` has four entries per car and a last one, which is the length of `letters`,
-        // and the other arrays have an entry per car.
+        // SAFETY: as in `read_lanes`. `starts` has four entries per car and a last one, which is the length of
+        // `letters`. The other arrays have an entry per car.
         let (starts, letters, cars, lanes, positions, speeds, factors) = unsafe {
             let read: ffi::ds_departures = read.assume_init();
             let starts = array(read.starts, 4 * read.count + 1);

@@ -41,7 +41,7 @@ pub struct Departure {
     pub speed_factor: f64,
 }
 
-/// What happened in the last step.
+/// The counts of the last step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StepCounts {
     /// Number of cars that entered.

@@ -3,8 +3,8 @@
 //! Everything here is about roads in general: lanes, lights, routes, cars. This room does not know what an agent or a
 //! region is, and no code outside sees a C pointer or a C++ exception.
 //!
-//! A [`Simulation`] is a guard. libsumo keeps its state in globals, so there is one simulation per process, and only
-//! the holder of the guard can call it. Lanes, lights and routes are *registered* once by name and are numbers from
+//! A [`Simulation`] is a guard. libsumo keeps its state in globals, so there is one simulation per process. Only the
+//! holder of the guard can call it. Lanes, lights and routes are *registered* once by name and are numbers from
 //! then on. A car is a number too ([`CarId`]), because names of thousands of cars per step would cost more than the
 //! step. Only its [`Departure`] has a car's name.
 //!

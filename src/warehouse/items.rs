@@ -46,8 +46,8 @@ pub fn appear(ages: &mut [Age], appearances: &mut [Appearances]) {
     }
 }
 
-/// Returns the seed of the items of one episode of one copy. The GS is copy 0 in its first episode. So an LS made with
-/// the GS's episode seed has the GS's items in the first episode of its first copy.
+/// Returns the seed of the items of one episode of one copy. The GS passes the seed of its episode as `simulator`, and
+/// 0 for the others. So an LS made with that seed has the GS's items in the first episode of its first copy.
 pub fn episode(simulator: Seed, copy: usize, episode: u64) -> Seed {
     simulator.fork(RandomPurpose::Items).for_copy(copy).for_episode(episode as usize)
 }

@@ -29,8 +29,8 @@ use hand_coded::Rule;
 use layout::Layout;
 use local::LocalWarehouse;
 
-/// Share of collected items below which a robot is stuck: items per episode. Random moves collect about two, policies
-/// more than ten.
+/// Number of collected items per episode below which a robot is stuck. Random moves collect about two, policies more
+/// than ten.
 const STUCK_BELOW: f64 = 0.5;
 
 /// A warehouse of learning robots.

@@ -44,7 +44,8 @@ const AFTER_MOVE: [[u8; MOVES]; CELLS] = moves();
 pub fn spec(horizon: usize) -> RegionSpec {
     RegionSpec {
         obs_dim: CELLS + SHELVES,
-        // The d-set is the observation: items that vanish show what neighbours did.
+        // The d-set (the variables that the AIP predicts from) is the observation: items that vanish show what
+        // neighbours did.
         d_set_dim: CELLS + SHELVES,
         n_actions: MOVES,
         masks: false,

@@ -1,5 +1,8 @@
 //! Charts of numbers: lines, rows, bars and heat maps. Each method has a colour, a dash and a marker, so that charts
 //! can be read in black and white too.
+//!
+//! - `lines`, `rows`, `bars`, `heat`: the four kinds of charts.
+//! - `legend`: samples with labels; `look`: colour, dash and marker of each method.
 
 mod bars;
 mod heat;

@@ -2,6 +2,8 @@
 //!
 //! Every run is a `train` of its own process, tied to the life of this one. The run directories are the only memory, so
 //! an experiment that was killed goes on when it is called again.
+//!
+//! - `plan`: the runs to make, with their time and memory; `child`: one process of an experiment.
 
 mod child;
 mod plan;

@@ -20,7 +20,7 @@ const char *ds_last_error(void);
 /* Returns SUMO's version, such as "SUMO 1.15.0". Needs no simulation. */
 int ds_version(const char **text);
 
-/* Returns the version of the loaded GNU C library with its libm, such as "2.36"; empty for another library. Never fails. */
+/* Returns the version of the loaded GNU C library with its libm, such as "2.36"; empty for another one. Never fails. */
 int ds_c_library(const char **version);
 
 /* Loads, or loads again in place. Also fails if a registered name is unknown to the new net. */

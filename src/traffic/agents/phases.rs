@@ -3,7 +3,7 @@
 use crate::sumo::SignalState;
 use crate::traffic::side::Side;
 
-/// What a light shows. The order is that of the one-hot light in an observation.
+/// The state that a light shows. The order is that of the one-hot light in an observation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Light {
     HorizontalGreen,

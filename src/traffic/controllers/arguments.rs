@@ -66,7 +66,7 @@ impl<'a> Arguments<'a> {
         let known = if self.known.is_empty() { "none".to_owned() } else { self.known.join(", ") };
         match parameter.split_once('=') {
             Some((key, _)) => bail!(self.refuse(format!("has no parameter `{key}`; it takes {known}"))),
-            None => bail!(self.refuse(format!("`{parameter}` is no parameter: write key=value"))),
+            None => bail!(self.refuse(format!("`{parameter}` is not a parameter; write key=value"))),
         }
     }
 }

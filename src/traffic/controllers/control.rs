@@ -41,7 +41,7 @@ impl HandCoded {
     }
 }
 
-/// What a controller can use to measure something before it begins.
+/// Trial runs, for a controller that must measure something before it begins.
 pub trait Trials {
     /// Loads the GS (global simulator) with all lights under this control.
     fn load_gs(&self, by: HandCoded) -> Result<Box<dyn GlobalSimulator>>;

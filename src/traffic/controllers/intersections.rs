@@ -110,8 +110,8 @@ pub(super) mod tests {
         LaneCars { ids: &IDS[..count], positions_m: &MOVING[..count], speeds_mps }
     }
 
-    /// Returns the middle of three intersections in a row, with `(standing, moving)` cars that come from west, south,
-    /// east and north, and these numbers of cars on the edges that leave there.
+    /// Returns the middle of three intersections in a row. `incoming`: `(standing, moving)` cars from west, south, east
+    /// and north; `outgoing`: number of cars on the edges that leave in these directions.
     pub fn middle(
         light: Light,
         shown_steps: u32,

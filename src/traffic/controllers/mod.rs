@@ -127,7 +127,7 @@ mod tests {
         assert_eq!(error("gap-out:green=5"), "controller `gap-out:green=5`: has no parameter `green`; it takes none");
         let told = "controller `longest-queue:min-green=0`: min-green = 0: must be a whole number from 1 to 3600";
         assert_eq!(error("longest-queue:min-green=0"), told);
-        let told = "controller `fixed-time:green`: `green` is no parameter: write key=value";
+        let told = "controller `fixed-time:green`: `green` is not a parameter; write key=value";
         assert_eq!(error("fixed-time:green"), told);
         let told = "controller `max-pressure:min-green=5,min-green=6`: min-green is given twice";
         assert_eq!(error("max-pressure:min-green=5,min-green=6"), told);

@@ -113,7 +113,7 @@ pub struct Standing {
     pub best: f64,
 }
 
-/// What a search needs: what timings earn in an episode, and a function that it reports its progress to.
+/// A search, with the functions that return what timings earn in an episode and that report progress.
 pub struct Search<'a> {
     pub grid: Grid,
     pub episodes: usize,

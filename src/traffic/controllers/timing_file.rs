@@ -26,7 +26,7 @@ pub struct TimingFile {
     pub tuned_on: TunedOn,
 }
 
-/// What timings depend on.
+/// Everything that timings depend on.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TunedOn {
@@ -47,7 +47,7 @@ impl TimingFile {
     pub fn read(path: &Path) -> Result<TimingFile> {
         let place = path.display();
         let text = std::fs::read_to_string(path).with_context(|| format!("{place}: cannot be read; {WAY_OUT}"))?;
-        let foreign = || format!("{place}: is no file of tuned timings of this version; {WAY_OUT}");
+        let foreign = || format!("{place}: is not a file of tuned timings of this version; {WAY_OUT}");
         let file: TimingFile = toml::from_str(&text).with_context(foreign)?;
         for (name, green) in [("vertical", file.vertical), ("horizontal", file.horizontal)] {
             ensure!(GREENS.contains(&green), "{place}: {name} = {green}: must be from 1 to 3600 steps; {WAY_OUT}");
@@ -124,7 +124,7 @@ mod tests {
         let on = "network = 'n'\nnetwork_crc32 = '0'\nhorizon = 300\nepisodes = 10\nseed = '1'\n";
         let on_all = format!("{on}search_version = 1\nsumo_version = '1.15.0'\n");
         assert_eq!(error(&timings(9, &on_all)), "timings for the 4 intersections of n do not fit a grid of 2x3");
-        assert_eq!(error(&timings(9, on)), "is no file of tuned timings of this version");
+        assert_eq!(error(&timings(9, on)), "is not a file of tuned timings of this version");
         // With 1 and the yellows of 6, the cycle would be 2^32, which is 0.
         assert_eq!(error(&timings(u32::MAX - 6, &on_all)), "vertical = 4294967289: must be from 1 to 3600 steps");
         assert_eq!(error(&timings(0, &on_all)), "vertical = 0: must be from 1 to 3600 steps");

@@ -24,7 +24,7 @@ const EPISODES: u32 = 5;
 /// Timing of the lights while the flows are measured.
 const MEANWHILE: Timing = Timing { vertical: 10, horizontal: 10, offset: 0 };
 
-/// How to find the timings.
+/// The measurement that the timings are computed from.
 pub struct Plan {
     episodes: u32,
     saturation_per_h: f64,

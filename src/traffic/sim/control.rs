@@ -3,7 +3,7 @@
 use crate::base::AgentId;
 use crate::traffic::controllers::HandCoded;
 
-/// Who runs the lights.
+/// The control that runs the lights.
 pub enum SignalControl {
     /// The actions of each step run the lights.
     Agents,

@@ -35,7 +35,7 @@ pub struct GlobalTraffic {
     control: SignalControl,
     simulation: Simulation,
     handles: IntersectionHandles,
-    /// What every light shows, `[agents]`, now and a step ago.
+    /// State that every light shows, `[agents]`, now and a step ago.
     lights: Vec<Light>,
     lights_before: Vec<Light>,
     /// Number of steps for which every light has shown what it shows.
@@ -52,7 +52,7 @@ pub struct GlobalTraffic {
     actions: Vec<Action>,
     hand_coded: Vec<Action>,
     last: JointTransition,
-    /// D-sets from before the last step and the arrivals during it.
+    /// D-sets (the variables that AIPs predict from) from before the last step, and the arrivals during it.
     d_set_before: Ragged<f32>,
     arrivals: Ragged<u8>,
     tally: Tally,

@@ -82,7 +82,7 @@ impl IntersectionHandles {
         simulation.read_lights(&lights, states)?;
         for (row, state) in rows.into_iter().zip(states) {
             shown[row] = Light::of(state)
-                .ok_or_else(|| anyhow::anyhow!("a light shows `{state}`, which is no state of our grids"))?;
+                .ok_or_else(|| anyhow::anyhow!("a light shows `{state}`, which is not a state of our grids"))?;
         }
         Ok(())
     }

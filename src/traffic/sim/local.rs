@@ -26,7 +26,7 @@ pub const DROPPED: &str = "dropped_arrivals";
 /// SUMO's seed. It changes nothing, because there are no speed factors to draw and no flows.
 const SEED: u32 = 0;
 
-/// Where and how fast an arriving car is put on its edge.
+/// The position and speed with which an arriving car is put on its edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
     pub position_m: f64,

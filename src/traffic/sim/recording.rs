@@ -1,7 +1,7 @@
 //! Recordings: what happened on the road in an episode, to the last bit.
 //!
-//! A [`super::Traffic`] gets a [`Tape`]. The first episode that one of its simulators plays goes on the tape, whatever
-//! controls the lights. It comes off as a [`Recording`]. [`super::replay`] turns it into files for SUMO, and
+//! A [`crate::traffic::Traffic`] gets a [`Tape`]. The first episode that one of its simulators plays goes on the tape,
+//! whatever controls the lights. It comes off as a [`Recording`]. [`super::replay`] turns it into files for SUMO, and
 //! [`super::trace`] into data for pictures. Simulators without a tape ask SUMO for no more than they need.
 
 use std::collections::HashMap;
@@ -76,7 +76,7 @@ pub struct Lane {
 /// One step of a second: step `t` leads from second `t` to second `t + 1`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Step {
-    /// What every light showed during the step, in the order of [`Roads::lights`].
+    /// State that every light showed during the step, in the order of [`Roads::lights`].
     pub signals: Vec<SignalState>,
     /// Cars after the step, lane by lane in the order of [`Roads::lanes`].
     pub cars: CarTable,
@@ -122,7 +122,7 @@ impl Roads {
     }
 }
 
-/// What a simulator with a tape needs for recording.
+/// The tools for recording of a simulator with a tape.
 pub(super) struct Recorder {
     tape: Tape,
     roads: Arc<Roads>,

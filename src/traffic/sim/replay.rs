@@ -1,8 +1,8 @@
 //! Replays: a recorded episode as a folder that plain `sumo` and `sumo-gui` play, car by car and to the last bit.
 //!
 //! The folder needs nothing outside of itself. It holds the net, one `<vehicle>` per car that entered, one light
-//! program per intersection that shows what was shown, and a configuration that names them. No part of it makes
-//! decisions, and SUMO's cars draw nothing at random, so they move as before.
+//! program per intersection and a configuration that names them. The programs show what was shown. No part of the
+//! folder makes decisions, and SUMO's cars draw nothing at random, so they move as before.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -56,8 +56,8 @@ pub fn check(recording: &Recording, dir: &Path) -> Result<()> {
         simulation.read_lanes(&lanes, &mut played.cars)?;
         ensure!(
             played == *recorded,
-            "SUMO plays step {number} of the replay otherwise than it was; only networks whose cars draw nothing at random, \
-             such as those of `dials-traffic nets`, can be replayed"
+            "SUMO plays step {number} of the replay differently from the recording; only networks whose cars draw nothing at \
+             random, such as those of `dials-traffic nets`, can be replayed"
         );
     }
     Ok(())
