@@ -1,4 +1,4 @@
-//! The command line: types and help texts only.
+//! The command line: only types and help texts.
 
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
@@ -20,7 +20,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 pub struct Cli {
     #[command(subcommand)]
     pub command: Command,
-    /// End together with the process of this id, which must be the parent of this one
+    /// End when the process with this id ends; it must be the parent of this one
     #[arg(long, global = true, hide = true, value_name = "PID")]
     pub end_with: Option<u32>,
 }
@@ -68,7 +68,7 @@ pub struct Train {
     /// run.json records it
     #[arg(long, conflicts_with = "config")]
     pub accept_other_build: bool,
-    /// Number of worker processes that share the agents; 0: no other process. It does not change the results
+    /// Number of worker processes that share the agents; 0: all work in this process. It does not change the results
     /// [default: the number of cores]
     #[arg(long)]
     pub workers: Option<usize>,

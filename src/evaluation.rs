@@ -1,7 +1,8 @@
-//! Episodes on the GS under a controller, and what they come to.
+//! Evaluation: plays episodes on the global simulator (GS) under a controller, and summarises them.
 //!
-//! - `finding`: who played, and the episodes.
-//! - `table`, `comparison`: for a person, one player or several; [`json`], [`csv`]: for programs.
+//! - `finding`: a player and its episodes.
+//! - `table`: one player, as text. `comparison`: several players, as text.
+//! - [`json`], [`csv`]: the same figures for programs.
 
 mod comparison;
 pub mod csv;
@@ -22,13 +23,13 @@ pub use table::table;
 /// The name of the return among the [`figures`] of an episode.
 pub const RETURN: &str = "return";
 
-/// The stream of an evaluation episode. `evaluation`: `evaluation.seed` of the config, by default the same for all
-/// runs, so that policies and controllers are compared on the same traffic.
+/// Returns the seed of an evaluation episode. `evaluation`: `evaluation.seed` of the config. By default it is the same
+/// for all runs, so that policies and controllers are compared on the same traffic.
 pub fn episode_seed(evaluation: Seed, episode: usize) -> Seed {
     evaluation.fork(RandomPurpose::Evaluation).for_episode(episode)
 }
 
-/// What one episode came to.
+/// The results of one episode.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EpisodeReport {
     /// Sum of rewards, per agent.
@@ -45,7 +46,7 @@ pub fn play(
     play_watched(simulator, controller, episode, &mut |_| Ok(()))
 }
 
-/// As [`play`]; `watch` is shown the simulator at the beginning and after every step.
+/// Plays one episode like [`play`]. `watch` gets the simulator at the beginning and after every step.
 pub fn play_watched(
     simulator: &mut dyn GlobalSimulator,
     controller: &mut dyn Controller,
@@ -75,17 +76,18 @@ pub struct Evaluation {
     pub returns: Rows<f64>,
     /// Means over the episodes.
     pub measures: Measures,
-    /// The agents that sit in a degenerate behaviour.
+    /// Whether each agent is stuck in a degenerate behaviour.
     pub stuck: Vec<bool>,
 }
 
-/// Mean, spread and middle of a return.
+/// Mean, median and standard error of a return.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Summary {
     pub mean: f64,
-    /// For one agent: over episodes. For all: over the agents' means, so that one lost agent does not hide the others.
+    /// Median. For one agent: over episodes. For all agents: over their means, so that one bad agent does not hide the
+    /// others.
     pub median: f64,
-    /// Of the mean, over episodes. 0 for a single episode, which has no spread to tell.
+    /// Standard error of the mean over episodes. 0 for a single episode, which has no spread.
     pub std_error: f64,
 }
 
@@ -111,7 +113,7 @@ impl Evaluation {
         Summary { mean: mean(&returns), median: median(&returns), std_error: std_error(&returns).unwrap_or(0.0) }
     }
 
-    /// The mean return of all agents.
+    /// Summarises the mean return of all agents.
     pub fn of_all(&self) -> Summary {
         let episodes: Vec<f64> = self.returns.iter().map(mean).collect();
         let agents: Vec<f64> = (0..self.agents()).map(|agent| self.of_agent(agent).mean).collect();
@@ -119,7 +121,7 @@ impl Evaluation {
     }
 }
 
-/// Plays the episodes `0..episodes` of an evaluation seed; `progress` is called with the number that is done.
+/// Plays the episodes `0..episodes` of an evaluation seed; `progress` is called with the number of finished episodes.
 pub fn play_episodes(
     simulator: &mut dyn GlobalSimulator,
     controller: &mut dyn Controller,
@@ -135,7 +137,9 @@ pub fn play_episodes(
     Ok(reports)
 }
 
-/// What every episode came to as a whole, by name: the mean return of the agents first, then the measures of the system.
+/// Returns the figures of the whole system, by name, with one value per episode.
+///
+/// The mean return of the agents comes first, then the measures of the system.
 pub fn figures(episodes: &[EpisodeReport]) -> Vec<(String, Vec<f64>)> {
     let returns = episodes.iter().map(|episode| mean(&episode.returns)).collect();
     let measures = episodes[0].measures.system.iter().enumerate().map(|(index, (name, _))| {
@@ -173,7 +177,8 @@ mod tests {
     fn summaries_are_worked_out_by_hand() {
         let evaluation =
             Evaluation::new(&Coins::new(1), &[report([1.0, 10.0]), report([2.0, 20.0]), report([6.0, 0.0])]);
-        // Agent 0: mean 3, median 2, deviation sqrt((4 + 1 + 9) / 2) = 2.6458, standard error 2.6458 / sqrt(3) = 1.5275.
+        // Agent 0: mean 3, median 2, deviation sqrt((4 + 1 + 9) / 2) = 2.6458, standard error 2.6458 / sqrt(3) =
+        // 1.5275.
         let first = evaluation.of_agent(0);
         assert_eq!((first.mean, first.median), (3.0, 2.0));
         assert!((first.std_error - 1.527_525).abs() < 1e-6);

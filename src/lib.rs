@@ -1,27 +1,49 @@
 //! Distributed influence-augmented local simulators (DIALS) for multi-agent reinforcement learning in large networked
 //! systems, on traffic grids simulated by SUMO and on a native warehouse.
 //!
-//! Many agents learn at once. Instead of training them in one slow *global simulator* (GS), each learns in a *local
-//! simulator* (LS) of its own region, into which an *approximate influence predictor* (AIP), a network that is trained
-//! on the GS every F steps, samples what the rest of the system does. LS and AIP together are an
-//! *influence-augmented local simulator* (IALS). Source: Suau et al., NeurIPS 2022.
+//! Many agents learn at once. They do not train in one slow *global simulator* (GS). Each agent learns in a *local
+//! simulator* (LS) of its own region. An *approximate influence predictor* (AIP) samples what the rest of the system
+//! does to this region. The AIP is a network that is retrained on data from the GS every F steps. LS and AIP together
+//! are an *influence-augmented local simulator* (IALS). Source: Suau et al., NeurIPS 2022.
 //!
 //! | paper | code |
 //! |---|---|
 //! | Algorithm 1, MARL with DIALS | [`training::dials`] |
 //! | Algorithm 2, datasets from the GS | [`training::collect`] |
 //! | Algorithm 3, trajectories with the IALS | [`training::ials`] |
-//! | local-form fPOSG: GS, LS, influence sources, d-set | [`domain`] |
+//! | local-form fPOSG: GS, LS, influence sources, d-set (the AIP's inputs) | [`domain`] |
 //! | AIPs and their training | [`influence`] |
 //! | policies and PPO | [`policy`], [`training::ppo`] |
 //! | "in parallel, for i in N" | [`training::fleet`], [`fleet`] |
 //! | figures and tables of section Results and the appendix | [`experiment`], [`report`] |
 //!
-//! Rooms, in the order in which they may use each other (a test holds it): [`base`]; [`config`], [`domain`], [`sumo`];
-//! [`nn`]; [`traffic`], [`warehouse`]; [`drawing`], [`plot`]; [`influence`], [`policy`]; [`evaluation`]; [`training`];
-//! [`fleet`], [`records`]; [`terminal`], [`film`]; [`cost`]; [`report`], [`experiment`], [`mod@bench`]; [`run`] with
-//! [`cli`] and [`error`]. Simulators never see a tensor. Training never sees a file, a process or SUMO. Only [`run`]
-//! knows which domain and which fleet were chosen, and only one file there knows which domains there are.
+//! The top-level modules are called rooms. A room may use only rooms above or beside it; a test checks this.
+//!
+//! | room | what is in it |
+//! |---|---|
+//! | [`base`] | seeds, rows of numbers, ids and units, stopwatches, statistics |
+//! | [`config`] | the config: read once, checked once |
+//! | [`domain`] | the traits between simulators and learning |
+//! | [`sumo`] | libsumo behind a safe interface |
+//! | [`nn`] | stacked networks, one per agent |
+//! | [`traffic`], [`warehouse`] | the two domains |
+//! | [`drawing`], [`plot`] | SVG drawing, and pictures of a traffic episode |
+//! | [`influence`] | AIPs and other influence predictors |
+//! | [`policy`] | policies, how they draw actions, and the memory that they learn from |
+//! | [`evaluation`] | evaluation episodes on the GS, and their figures |
+//! | [`training`] | Algorithms 1 to 3 and PPO |
+//! | [`fleet`] | workers and their coordinator |
+//! | [`records`] | run directories: writing and reading |
+//! | [`terminal`] | printed lines, progress bars, Ctrl-C |
+//! | [`film`] | films of episodes |
+//! | [`cost`] | how often a run does what, and what that costs |
+//! | [`report`] | figures and tables from run directories |
+//! | [`experiment`] | grids of runs, described in one file |
+//! | [`mod@bench`] | training speed of a config |
+//! | [`run`], [`cli`], [`error`] | the subcommands, the command line, the errors |
+//!
+//! Simulators never see a tensor. Training never sees a file, a process or SUMO. Only [`run`] knows which domain and
+//! which fleet were chosen. Only one file there knows all domains.
 
 pub mod base;
 pub mod bench;

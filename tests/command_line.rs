@@ -1,4 +1,4 @@
-//! The command line as a user meets it: what it prints, writes and refuses.
+//! The command line as users see it: what it prints, writes and refuses.
 
 use std::collections::HashMap;
 use std::ffi::OsStr;
@@ -21,7 +21,7 @@ fn nets() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets")
 }
 
-/// A config of 512 timesteps on the 2x2 grid, with lines of `more` at its top.
+/// Writes a config of 512 timesteps on the 2x2 grid that begins with the lines of `more`.
 fn write_config(dir: &Path, more: &str) -> String {
     let path = dir.join("small.toml");
     let nets = nets().display().to_string();
@@ -51,7 +51,7 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).unwrap()
 }
 
-/// Asserts exit code 2 and one error that says all of `parts`.
+/// Asserts exit code 2 and one error that contains all of `parts`.
 fn assert_refused(command: &mut Command, parts: &[&str]) {
     let output = command.assert().code(2).get_output().clone();
     let said = text(&output.stderr);
@@ -89,7 +89,7 @@ fn a_run_leaves_a_directory_that_can_be_evaluated_anywhere() {
     assert_eq!(run["command"][1], "train");
     assert!(run["versions"]["sumo"].as_str().unwrap().contains("1.15"));
 
-    // It has its own networks, so it can go anywhere.
+    // A run directory has its own networks, so it can be moved anywhere.
     let elsewhere = dir.path().join("elsewhere");
     fs::rename(&out, &elsewhere).unwrap();
     fs::remove_file(&config).unwrap();
@@ -209,7 +209,7 @@ fn the_commands_that_a_run_prints_work_as_printed() {
     let room = dir.path().join("it's a room");
     fs::create_dir(&room).unwrap();
     let (config, out) = (write_config(&room, SHORT), room.join("run"));
-    // Nobody finds the program on this PATH.
+    // The program is not on this PATH.
     let output = dials_traffic(&["train", &config, "--out", out.to_str().unwrap(), "--workers", "0"])
         .env("PATH", "/usr/bin:/bin")
         .assert()
@@ -265,7 +265,7 @@ fn the_largest_seed_trains_and_evaluates() {
     assert_eq!(found["seed"], u64::MAX);
 }
 
-/// A pipe whose reader has gone.
+/// Returns a pipe whose reader has closed it.
 fn closed_pipe() -> Stdio {
     let (reader, writer) = std::io::pipe().unwrap();
     drop(reader);
@@ -288,7 +288,7 @@ fn readers_that_go_away_are_no_reason_to_fail() {
         let output = program().args(args).stdout(closed_pipe()).stderr(Stdio::piped()).output().unwrap();
         assert_eq!((output.status.code(), text(&output.stderr).as_str()), (Some(0), ""), "{args:?}");
     }
-    // An error is an error with its exit code, also where nobody hears it.
+    // An error has its exit code even if nobody can read its text.
     let status = program().args(["evaluate", "no/such"]).stderr(closed_pipe()).status().unwrap();
     assert_eq!(status.code(), Some(2));
 }
@@ -340,7 +340,7 @@ fn bad_configs_are_refused_and_nothing_is_written() {
     );
 }
 
-/// A copy of the networks where one file is changed.
+/// Makes a copy of the networks in which one file is changed.
 fn spoiled_nets(dir: &Path, file: &str, spoil: impl Fn(String) -> String) -> PathBuf {
     let copy = dir.join("spoiled");
     fs::create_dir_all(&copy).unwrap();
@@ -400,7 +400,7 @@ fn wrong_networks_are_refused_with_their_name_before_anything_is_written() {
     );
 }
 
-/// Replaces a text in a file, wherever it is.
+/// Replaces every occurrence of a text in a file.
 fn edit(path: &Path, from: &str, to: &str) {
     let before = fs::read_to_string(path).unwrap();
     assert!(before.contains(from), "{from} is not in {}", path.display());
@@ -427,7 +427,7 @@ fn a_net_with_shorter_lanes_is_refused_by_whatever_would_simulate_it_before_anyt
     let baseline = ["baseline", &config, "--controller", "never"];
     assert_refused(&mut dials_traffic(&[&baseline[..], &places].concat()), &[told, way_out]);
 
-    // A run keeps a copy of its networks under names of its own.
+    // A run keeps a copy of its networks under fixed names.
     edit(
         &run.join("networks/global.net.xml"),
         "\"e0_r0c1_0\" index=\"0\" speed=\"10.00\"",
@@ -455,7 +455,7 @@ fn weights_that_are_no_finite_numbers_are_refused_wherever_they_would_be_played_
     let (config, out) = (write_config(dir.path(), SHORT), dir.path().join("run"));
     train(&config, &out, &[]).success();
     for (file, bad) in [("policies.safetensors", f32::NAN), ("aips.safetensors", f32::INFINITY)] {
-        // The last number of a file is the last of some tensor: that of the last agent.
+        // The last number of a file is the last of a tensor, so it belongs to the last agent.
         let mut bytes = fs::read(out.join(file)).unwrap();
         let end = bytes.len();
         bytes[end - 4..].copy_from_slice(&bad.to_le_bytes());
@@ -477,7 +477,7 @@ fn weights_that_are_no_finite_numbers_are_refused_wherever_they_would_be_played_
     let compare = ["baseline", &config, "--compare", &format!("never,{run}"), "--episodes", "1"];
     assert_refused(&mut dials_traffic(&compare), &of_policies);
 
-    // AIPs are played by `replay --local` alone.
+    // Only `replay --local` plays AIPs (approximate influence predictors).
     let retrained = dir.path().join("retrained");
     train(&config, &retrained, &[]).success();
     fs::copy(out.join("aips.safetensors"), retrained.join("aips.safetensors")).unwrap();
@@ -565,7 +565,7 @@ fn baselines_print_a_table_or_json_and_refuse_unknown_names() {
     );
 }
 
-/// Column -> value, line by line.
+/// Reads a CSV file. Returns a map from column to value for each line.
 fn read_csv(path: &Path) -> Vec<HashMap<String, String>> {
     let mut reader = csv::Reader::from_path(path).unwrap();
     reader.deserialize().map(|line| line.unwrap()).collect()
@@ -580,8 +580,8 @@ fn controllers_and_runs_are_compared_on_the_same_traffic() {
     let list = format!("never,gap-out,{run}");
     let args = ["baseline", &config, "--compare", &list, "--episodes", "3", "--seed", "4"];
     let table = text(&dials_traffic(&args).assert().success().get_output().stdout);
-    assert!(table.starts_with("mean +- 95 % interval over 3 episodes"), "{table}");
-    for part in ["return", "delay_s", "queue_length", "\nnever ", "\ngap-out ", run, "less never, episode by episode"] {
+    assert!(table.starts_with("mean +- half of its 95 % interval over 3 episodes"), "{table}");
+    for part in ["return", "delay_s", "queue_length", "\nnever ", "\ngap-out ", run, "minus never, paired by episode"] {
         assert!(table.contains(part), "`{part}`: {table}");
     }
     assert!(table.lines().all(|line| line.chars().count() <= 118 || line.starts_with(run)), "{table}");
@@ -605,7 +605,7 @@ fn controllers_and_runs_are_compared_on_the_same_traffic() {
     let number = |line: &HashMap<String, String>, key: &str| line[key].parse::<f64>().unwrap();
     for (index, line) in lines.iter().enumerate() {
         assert_eq!(line["episode"], (index % 3).to_string());
-        // As many cars want in under all of them.
+        // The number of arriving cars is the same for all players.
         let wanted = |line| number(line, "departed") + number(line, "backlog");
         assert_eq!(wanted(line), wanted(&lines[index % 3]));
     }
@@ -616,7 +616,7 @@ fn controllers_and_runs_are_compared_on_the_same_traffic() {
     let returns = agents[..4].iter().map(|line| number(line, "return")).sum::<f64>() / 4.0;
     assert!((returns - number(&lines[0], "return")).abs() < 1e-9);
 
-    // Alone, each is what it is in the comparison.
+    // Each player has the same figures alone as in the comparison.
     let alone = dials_traffic(&["evaluate", run, "--episodes", "3", "--seed", "4", "--json"]).assert().success();
     let alone: Value = serde_json::from_slice(&alone.get_output().stdout).unwrap();
     for key in ["mean_return", "delay_s", "half_width_95", "per_agent"] {
@@ -624,7 +624,7 @@ fn controllers_and_runs_are_compared_on_the_same_traffic() {
     }
     assert_refused(dials_traffic(&args).args(["--csv", csv.to_str().unwrap()]), &["episodes.csv: exists already"]);
 
-    // Sampled or greedy: the title and the label say which.
+    // The title and the label say whether policies are sampled or greedy.
     assert!(table.contains("the same traffic for all, sampled policies\n"), "{table}");
     let csv = dir.path().join("greedy");
     let greedy = dials_traffic(&args).args(["--greedy", "--csv", csv.to_str().unwrap()]).assert().success();
@@ -651,11 +651,11 @@ fn a_controller_is_itself_where_a_directory_has_its_name() {
         command
     };
     let table = text(&compare("never,fixed-time,fixed-time:green=10").assert().success().get_output().stdout);
-    assert!(table.contains("\nless never, episode by episode\n"), "{table}");
+    assert!(table.contains("\nminus never, paired by episode\n"), "{table}");
     assert_refused(&mut compare("gap-out,./never"), &["./never: not a run directory"]);
-    // Greens of 10 are what `fixed-time` has anyway.
+    // 10 is the default of `green`.
     let table = text(&compare("fixed-time,fixed-time:green=10").assert().success().get_output().stdout);
-    let told = "less fixed-time, episode by episode\nno figure differs in any episode\n";
+    let told = "minus fixed-time, paired by episode\nno figure differs in any episode\n";
     assert!(table.ends_with(told), "{table}");
 }
 
@@ -674,10 +674,10 @@ fn a_comparison_refuses_what_cannot_be_compared_before_anything_plays() {
     fs::write(&warehouse, "total_steps = 128\nwarehouse = { agents_per_side = 2 }\n").unwrap();
     let run = dir.path().join("run");
     train(warehouse.to_str().unwrap(), &run, &["--workers", "0", "--simulator", "gs"]).success();
-    let told = ["run: agent 0 has 37 inputs and 4 actions, and here 40 and 2"];
+    let told = ["run: agent 0 has 37 inputs and 4 actions, but 40 and 2 in this config"];
     assert_refused(&mut compare(&format!("never,{}", run.display())), &told);
     let run = run.to_str().unwrap();
-    let told = ["run: is a run directory and no controller; `evaluate`, `replay` and --compare play it"];
+    let told = ["run: is a run directory, not a controller; use `evaluate`, `replay` or --compare"];
     assert_refused(&mut dials_traffic(&["baseline", &config, "--controller", run]), &told);
 }
 
@@ -733,15 +733,15 @@ fn fixed_time_is_tuned_once_and_the_file_says_on_what() {
         assert!(kept.contains(part), "`{part}`: {kept}");
     }
     let again = baseline(&tune).assert().success().get_output().clone();
-    assert!(text(&again.stderr).contains("tuned before, and used again"));
+    assert!(text(&again.stderr).contains("uses the timings of an earlier search"));
     assert_eq!(again.stdout, first.stdout);
     let by_hand = format!("fixed-time:file={}", file.display());
     assert_eq!(baseline(&["--controller", &by_hand]).assert().success().get_output().stdout, first.stdout);
 
     fs::write(file, kept.replace("horizon = 40", "horizon = 50")).unwrap();
-    assert_refused(&mut baseline(&tune), &["says that it was tuned on something else; move it away"]);
+    assert_refused(&mut baseline(&tune), &["was tuned for another setting; move it away"]);
     assert_refused(&mut baseline(&["--controller", "gap-out", "--tune"]), &["--tune: tunes fixed-time"]);
-    let told = ["--tune: looks for all timings of fixed-time; `fixed-time:green=8` has some already"];
+    let told = ["--tune: searches all timings of fixed-time, but `fixed-time:green=8` already sets some of them"];
     assert_refused(&mut baseline(&["--controller", "fixed-time:green=8", "--tune"]), &told);
     baseline(&["--controller", "fixed-time", "--tune-episodes", "1"]).assert().code(2);
     let warehouse = dir.path().join("warehouse.toml");
@@ -768,7 +768,7 @@ fn some_agents_are_evaluated_in_front_of_a_hand_coded_background() {
 
     assert_refused(
         &mut evaluate(&["--background", "never", "--agents", "0,4"]),
-        &["--agents: there is no agent 4, but 0 to 3"],
+        &["--agents: there is no agent 4; the agents are 0 to 3"],
     );
     assert_refused(&mut evaluate(&["--background", "fastest", "--agents", "0"]), &["controller `fastest`: unknown"]);
     evaluate(&["--background", "never"]).assert().code(2);

@@ -1,4 +1,4 @@
-//! README and docs/ keep their promises about the program.
+//! What README and docs/ say about the program is true.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -20,7 +20,7 @@ fn read(path: &str) -> String {
     fs::read_to_string(root().join(path)).unwrap_or_else(|error| panic!("{path}: {error}"))
 }
 
-/// All text under a folder.
+/// Returns the text of all files under a folder.
 fn texts(folder: &Path) -> Vec<String> {
     let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
     entries
@@ -28,7 +28,7 @@ fn texts(folder: &Path) -> Vec<String> {
         .collect()
 }
 
-/// Pages that people write, relative to the root.
+/// Returns the pages that people write, relative to the root.
 fn pages() -> Vec<String> {
     let of_docs = fs::read_dir(root().join("docs")).unwrap().map(|entry| entry.unwrap().file_name());
     let of_docs = of_docs.map(|name| format!("docs/{}", name.to_str().unwrap())).filter(|name| name.ends_with(".md"));
@@ -36,24 +36,24 @@ fn pages() -> Vec<String> {
     others.map(str::to_owned).into_iter().chain(of_docs).collect()
 }
 
-/// The text under a heading, up to the next one of any level.
+/// Returns the text under a heading, up to the next heading of any level.
 fn section<'a>(page: &'a str, heading: &str) -> &'a str {
     let (_, rest) = page.split_once(&format!("\n{heading}\n")).unwrap_or_else(|| panic!("no heading: {heading}"));
     rest.split("\n#").next().unwrap()
 }
 
-/// The words in backticks.
+/// Returns the words in backticks.
 fn code_words(text: &str) -> Vec<&str> {
     text.split('`').skip(1).step_by(2).collect()
 }
 
-/// The words in backticks in the first column of all tables of a text.
+/// Returns the words in backticks in the first column of all tables of a text.
 fn first_column(text: &str) -> BTreeSet<String> {
     let rows = text.lines().filter_map(|line| line.strip_prefix("| ")?.split(" |").next());
     rows.flat_map(code_words).map(str::to_owned).collect()
 }
 
-/// The number that a text begins with, where `after` follows it.
+/// Returns the number at the beginning of a text, if `after` follows it.
 fn number_before(text: &str, after: &str) -> Option<u32> {
     text.split_once(after)?.0.parse().ok()
 }
@@ -91,7 +91,7 @@ fn the_readmes_test_command_is_the_one_that_is_checked() {
     assert!(checked.lines().any(|line| line.starts_with("./setup.sh ") && line.ends_with("&& cargo test --release")));
 }
 
-/// A GitHub anchor: lower case, hyphens for spaces, no other punctuation.
+/// Returns the GitHub anchor of a heading: lower case, hyphens for spaces, no other punctuation.
 fn anchor(heading: &str) -> String {
     let kept = heading.chars().filter(|&c| c.is_alphanumeric() || c == ' ' || c == '-' || c == '_');
     kept.map(|c| if c == ' ' { '-' } else { c }).collect::<String>().to_lowercase()
@@ -143,12 +143,12 @@ fn every_source_file_that_the_docs_name_is_there() {
     }
 }
 
-/// The blocks of shell commands of a page.
+/// Returns the blocks of shell commands of a page.
 fn shell_blocks(page: &str) -> Vec<&str> {
     page.split("```sh\n").skip(1).map(|rest| rest.split("\n```").next().unwrap()).collect()
 }
 
-/// The simple commands of a block, as lists of words: lines are joined, comments dropped, `&&` separates.
+/// Returns the simple commands of a block, as lists of words. Joins continued lines, drops comments and splits at `&&`.
 fn commands(block: &str) -> Vec<Vec<String>> {
     let block = block.replace("\\\n", " ");
     let mut commands = Vec::new();
@@ -193,17 +193,17 @@ fn every_shell_command_of_the_docs_can_be_typed() {
     assert!(parsed > 20, "only {parsed} commands were found");
 }
 
-/// A config of each domain with what it requires.
+/// A config for each domain with only the required keys.
 const DOMAINS: [&str; 2] = ["[traffic]\nnetwork = 'n'\nlocal_network = 'l'\n", "[warehouse]\nagents_per_side = 2\n"];
 
-/// The keys that an error about an unknown one lists.
+/// Returns the keys that an error about an unknown key lists.
 fn expected_keys(error: &str) -> Vec<String> {
     let (_, known) = error.split_once("expected ").unwrap_or_else(|| panic!("{error}"));
     code_words(known.lines().next().unwrap()).into_iter().map(str::to_owned).collect()
 }
 
-/// Every key that the program knows, with its default. Keys without one are those that it names when it is given a key
-/// that it does not know.
+/// Returns every key that the program knows, with its default. Keys without a default come from the error about an
+/// unknown key.
 fn config_keys() -> BTreeMap<String, Option<Value>> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("c.toml");
@@ -227,7 +227,7 @@ fn config_keys() -> BTreeMap<String, Option<Value>> {
                         note(format!("{key}.{inner}"), table.get(inner), required);
                     }
                 }
-                // The table of the other domain, or one in which nothing has a default.
+                // The table of a domain, whose keys are read with its own config.
                 None if key == "traffic" || key == "warehouse" => {}
                 default => note(key.clone(), default, false),
             }
@@ -269,11 +269,11 @@ fn every_key_of_an_experiment_is_explained() {
     }
 }
 
-/// What a few steps of both domains leave behind, with a comparison and a report.
+/// The files of a few steps of both domains, with an evaluation and a report.
 struct Written {
     folder: tempfile::TempDir,
     runs: [PathBuf; 2],
-    /// What `evaluate --json` prints about them.
+    /// Output of `evaluate --json` for each run.
     json: [serde_json::Value; 2],
 }
 
@@ -300,7 +300,7 @@ impl Written {
         Written { folder, runs: [traffic, warehouse], json: [traffic_json, warehouse_json] }
     }
 
-    /// The folders that hold CSV files of a kind.
+    /// Returns the folders that hold CSV files of a kind.
     fn folders(&self, kind: &str) -> Vec<PathBuf> {
         match kind {
             "a run" => self.runs.to_vec(),
@@ -317,7 +317,7 @@ fn succeed(mut command: Command) -> Vec<u8> {
     output.stdout
 }
 
-/// The columns of all CSV files in these folders, by the name of the file.
+/// Returns the columns of all CSV files in these folders, by the name of the file.
 fn columns_of(folders: &[PathBuf]) -> BTreeMap<String, BTreeSet<String>> {
     let mut columns: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
     for path in folders.iter().flat_map(|folder| fs::read_dir(folder).unwrap()).map(|entry| entry.unwrap().path()) {

@@ -1,4 +1,4 @@
-//! The examples run to their end. (One process: SUMO is in one of them only.)
+//! The examples run to their end. They can share this process, because only one of them uses SUMO.
 
 #[path = "../examples/custom_controller.rs"]
 mod custom_controller;

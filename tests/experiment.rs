@@ -52,7 +52,7 @@ fn an_experiment_makes_all_its_runs_and_then_has_nothing_to_do() {
     let place = Place::new(TWO_SEEDS);
     let assert = place.experiment(&[]).assert().success();
     let said = text(&assert.get_output().stdout);
-    assert!(said.contains("5 done now, 0 were done before"), "{said}");
+    assert!(said.contains("5 done now, 0 done earlier"), "{said}");
     assert!(said.contains("report results/e/runs --out results/e/report"), "{said}");
     for run in ["small-dials-seed1", "small-dials-seed2", "small-gs-seed1", "small-gs-seed2"] {
         assert!(place.returns(run).contains("\n256,all,"), "{run}");
@@ -62,7 +62,7 @@ fn an_experiment_makes_all_its_runs_and_then_has_nothing_to_do() {
 
     let before = fs::metadata(place.runs().join("small-gs-seed1/returns.csv")).unwrap().modified().unwrap();
     let assert = place.experiment(&[]).assert().success();
-    assert!(text(&assert.get_output().stdout).contains("0 done now, 5 were done before"));
+    assert!(text(&assert.get_output().stdout).contains("0 done now, 5 done earlier"));
     let after = fs::metadata(place.runs().join("small-gs-seed1/returns.csv")).unwrap().modified().unwrap();
     assert_eq!(before, after);
 }

@@ -1,4 +1,4 @@
-//! Policies outside of this program: the files that it writes say the same there.
+//! Exported policies give the same results outside of this program.
 
 use std::collections::HashMap;
 use std::fs;
@@ -22,11 +22,11 @@ const OBS: usize = 7;
 const ACTIONS: usize = 4;
 const STATE: usize = 6;
 
-/// Policies without a memory or with one, and what they say of fixed observations.
+/// Policies, recurrent or not, and their outputs for fixed observations.
 struct Case {
     stack: PolicyStack,
     obs: Rows<f32>,
-    /// Before the step and after it.
+    /// States before and after the step.
     states: [Rows<f32>; 2],
     logits: Vec<f32>,
     values: Vec<f32>,
@@ -101,7 +101,7 @@ fn a_script_says_what_the_policies_say_for_any_batch() {
     }
 }
 
-/// Reads the policies with the example and compares what it says with what the Rust side said.
+/// Reads the policies with the Python example and compares its outputs with those of the Rust side.
 const PYTHON: &str = "
 import sys
 sys.path.insert(0, sys.argv[1])
@@ -121,7 +121,7 @@ if state is not None:
 fn the_python_reader_says_what_the_policies_say() {
     let python = |args: &[&str]| Command::new("python3").args(args).output();
     if !python(&["-c", "import numpy, safetensors"]).is_ok_and(|output| output.status.success()) {
-        // Straight to standard error: `println` and `eprintln` of a test that passes are not shown.
+        // Write to standard error directly, because `println` and `eprintln` of a passing test are not shown.
         let message = b"skipped: needs python3 with numpy and safetensors (pip install numpy safetensors)\n";
         std::io::stderr().write_all(message).unwrap();
         return;

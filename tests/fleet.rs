@@ -309,7 +309,7 @@ fn ctrl_c_stops_at_the_next_exchange_and_a_second_one_at_once() {
     kill_process(pid, Signal::INT).unwrap();
     let (status, said) = ended(coordinator);
     assert_eq!(status.code(), Some(130), "{said}");
-    assert!(said.contains("stopped; go on with: ") && said.contains(" train --resume "), "{said}");
+    assert!(said.contains("stopped; resume with: ") && said.contains(" train --resume "), "{said}");
     assert_no_orphans(&workers);
 
     let mut command = program();
@@ -328,8 +328,8 @@ fn ctrl_c_stops_at_the_next_exchange_and_a_second_one_at_once() {
     run.assert_undisturbed();
 }
 
-/// Two periods of about a second on the GS, where the second worker owns no agents. The joint policy is as large as in the
-/// configs that are shipped: larger than what a socket takes in without a reader.
+/// Two periods of about a second on the GS, where the second worker owns no agents. The joint policy is as large as in
+/// the configs that are shipped: larger than what a socket takes in without a reader.
 const REAL_SIZE: [&str; 10] = [
     "--simulator",
     "gs",
@@ -487,7 +487,7 @@ fn ctrl_c_is_obeyed_while_a_worker_is_stopped() {
     // Now the evaluation waits for the stopped worker, and nothing is lost by stopping.
     wait_until_idle(run.process_of(0));
     let (code, said) = coordinator.stopped();
-    assert!(code == Some(130) && said.contains("stopped; go on with: "), "{said}");
+    assert!(code == Some(130) && said.contains("stopped; resume with: "), "{said}");
 
     // A period that waits for the stopped worker is finished or lost. That is for the person to choose.
     let coordinator = Watched::resume(&run, &[], "resumed");
@@ -497,7 +497,7 @@ fn ctrl_c_is_obeyed_while_a_worker_is_stopped() {
     coordinator.wait_for_words("stopping at the end of this period, where nothing is lost");
     coordinator.wait_for_words("Ctrl-C again stops now and loses at most this period");
     let (code, said) = coordinator.stopped();
-    assert!(code == Some(130) && said.contains("stopped; go on with: "), "{said}");
+    assert!(code == Some(130) && said.contains("stopped; resume with: "), "{said}");
 
     let coordinator = Watched::resume(&run, &["--patience", "5"], "resumed_again");
     let stopped_before_it_begins = wait_for_a_program(&coordinator.process);

@@ -1,14 +1,14 @@
-//! The figures of a player as lines of CSV files.
+//! The figures of a player, as lines of CSV files.
 
 use super::{Finding, figures};
 
-/// Lines of a file, below its header.
+/// The header and the lines of a CSV file.
 pub struct Lines {
     pub header: Vec<String>,
     pub lines: Vec<Vec<String>>,
 }
 
-/// A line per episode.
+/// Returns one line per episode.
 pub fn by_episode(finding: &Finding) -> Lines {
     let label = &finding.player.label;
     let figures = figures(&finding.episodes);
@@ -20,7 +20,7 @@ pub fn by_episode(finding: &Finding) -> Lines {
     Lines { header: header(&["controller", "episode"], names), lines: lines.collect() }
 }
 
-/// A line per episode and agent.
+/// Returns one line per episode and agent.
 pub fn by_agent(finding: &Finding) -> Lines {
     let label = &finding.player.label;
     let mut lines = Vec::new();

@@ -1,4 +1,4 @@
-//! Who played, and the episodes that were played.
+//! A player and the episodes that it played.
 
 use serde_json::Value;
 
@@ -12,11 +12,11 @@ pub struct Player {
     pub label: String,
     /// Keys and values that identify it in JSON.
     pub keys: Vec<(&'static str, Value)>,
-    /// How its policies act, if it has some.
+    /// How its policies choose actions; `None` for a controller.
     pub policies: Option<Selection>,
 }
 
-/// A player and the episodes that it played, which are the same for all players of a command.
+/// A player and its episodes. All players of a command play the same episodes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
     pub player: Player,
@@ -24,7 +24,7 @@ pub struct Finding {
 }
 
 impl Finding {
-    /// Mean return of one agent.
+    /// Returns the mean return of one agent, with its 95 % interval.
     pub fn of_agent(&self, agent: usize) -> Interval {
         Interval::of(&self.episodes.iter().map(|episode| episode.returns[agent]).collect::<Vec<_>>())
     }

@@ -1,8 +1,9 @@
-//! How long a run will take and how much memory, from runs that were measured.
+//! Estimates the time and memory of a run from measured runs.
 //!
-//! Measured are core-seconds: per agent and timestep of training, per agent, sample and epoch of the AIPs' training, per
-//! agent and timestep of evaluation. Runs of the same domain and simulator count, those with the nearest number of agents. Where
-//! there are none, constants stand in that were measured on two cores of a cloud machine with the configs of this project.
+//! The costs are in core-seconds per agent: for a timestep of training, for a sample and epoch of the training of the
+//! approximate influence predictors (AIPs), and for a timestep of evaluation. They come from runs of the same domain
+//! and simulator with the nearest number of agents. If there are none, constants are used. These were measured on two
+//! cores of a cloud machine with the configs of this project.
 
 use super::file::PlannedRun;
 use crate::config::{Config, Simulator};
@@ -13,20 +14,20 @@ use crate::records::run_record::RunRecord;
 /// Core-seconds and memory of one kind of run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UnitCosts {
-    /// Per agent and timestep.
+    /// Core-seconds of training per agent and timestep.
     pub training_s: f64,
-    /// Per agent, GS step of a dataset and epoch, for collecting it and training on it.
+    /// Core-seconds of collecting a dataset and training on it, per agent, epoch and step of the global simulator (GS).
     pub influence_s: f64,
-    /// Per agent and step of an evaluation episode.
+    /// Core-seconds of evaluation per agent and step of an episode.
     pub evaluation_s: f64,
-    /// Of each process, whatever it does; MiB.
+    /// Memory of each process without its agents, in MiB.
     pub process_mb: f64,
-    /// For each agent, in all processes together.
+    /// Memory of each agent, in all processes together, in MiB.
     pub agent_mb: f64,
 }
 
 impl UnitCosts {
-    /// What one of everything takes on so many cores, in seconds of wall time.
+    /// Returns the seconds of wall time for one of everything on `cores` cores.
     fn prices(&self, work: &Workload, training_cores: usize, cores: usize) -> Prices<f64> {
         let cores = cores as f64;
         let of_episodes = |episodes: usize| work.gs_steps(episodes) * self.evaluation_s / cores;
@@ -34,27 +35,28 @@ impl UnitCosts {
             step: self.training_s / training_cores as f64,
             evaluation: of_episodes(work.evaluation_episodes),
             final_evaluation: of_episodes(work.final_episodes),
-            // With the collection before it: files of runs have both in one column.
+            // This includes the collection, because run directories have both in one column.
             aip_training: work.samples_per_retraining() * self.influence_s / cores,
             ..Prices::default()
         }
     }
 }
 
-/// Cores that the policies' training takes: there is one GS.
+/// Returns the number of cores that train policies. With the GS it is one, because there is only one GS.
 fn training_cores(config: &Config, cores: usize) -> usize {
     if config.simulator == Simulator::Global { 1 } else { cores }
 }
 
-/// Where an estimate is from.
+/// The source of an estimate.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Source {
-    /// Runs in the same folder, so many.
+    /// Number of measured runs in the same folder.
     Measured(usize),
+    /// The constants of this project.
     Constants,
 }
 
-/// What one run will take from its beginning to its end.
+/// Time and memory of one run from its beginning to its end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimate {
     pub seconds: f64,
@@ -62,7 +64,7 @@ pub struct Estimate {
     pub source: Source,
 }
 
-/// Estimates one run on so many cores.
+/// Estimates the time and memory of one run on `cores` cores.
 pub fn estimate(run: &PlannedRun, cores: usize, measured: &[RunRecord]) -> Estimate {
     let nearest = nearest(run, measured);
     let rough = costs_without_runs(run);
@@ -82,7 +84,7 @@ fn costs_without_runs(run: &PlannedRun) -> UnitCosts {
     UnitCosts { training_s, influence_s, evaluation_s, process_mb, agent_mb }
 }
 
-/// Measured runs of the same domain and simulator, those with the nearest number of agents.
+/// Returns the finished measured runs of the same domain and simulator with the nearest number of agents.
 fn nearest<'a>(run: &PlannedRun, measured: &'a [RunRecord]) -> Vec<&'a RunRecord> {
     let alike = |other: &&RunRecord| {
         other.scenario.as_ref().is_some_and(|scenario| scenario.id.domain == run.scenario.id.domain)
@@ -119,7 +121,7 @@ fn costs_of(runs: &[&RunRecord], fallback: UnitCosts) -> Option<UnitCosts> {
             *sum += value;
         }
         let total = run.memory.map_or(0.0, |memory| memory.total_pss_mb.unwrap_or(memory.total_mb));
-        // What is above the agents' share is the processes' own.
+        // The processes have what the agents do not need.
         let of_agents = agents as f64 * fallback.agent_mb;
         process_mb = process_mb.max((total - of_agents) / (cores + 1.0));
     }
@@ -161,7 +163,7 @@ mod tests {
         }
     }
 
-    /// A finished run of 1000 steps that took so long.
+    /// A finished run of 1000 steps that took these times.
     fn measured(
         simulator: &str,
         agents: usize,
@@ -199,7 +201,7 @@ mod tests {
         let found = estimate(&planned("dials", 2000, 9), 2, &records);
         assert!((found.seconds - 99.9).abs() < 1e-9, "{found:?}");
         assert_eq!(found.source, Source::Measured(1));
-        // 332 MiB less 4 agents x 8 MiB are 2 processes of 150 MiB; now there are 3 and 9 agents.
+        // 332 MiB minus 4 agents x 8 MiB are 2 processes of 150 MiB each. Now there are 3 processes and 9 agents.
         assert!((found.memory_mb - (3.0 * 150.0 + 9.0 * 8.0)).abs() < 1e-9, "{found:?}");
     }
 

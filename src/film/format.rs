@@ -9,9 +9,10 @@ use super::helper::SETPRIV;
 use super::screen::XVFB;
 use crate::terminal::on_the_path;
 
-/// Steps that are shown in a second.
+/// Number of steps that a film shows per second.
 pub(super) const STEPS_PER_SECOND: u16 = 10;
 
+/// The format of a film.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
     Gif,
@@ -19,7 +20,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// The format that the ending of a file names.
+    /// Returns the format for the ending of a file name. Any other ending: `None`.
     pub fn of(file: &Path) -> Option<Format> {
         match file.extension().and_then(|ending| ending.to_str()) {
             Some("gif") => Some(Format::Gif),
@@ -28,14 +29,15 @@ impl Format {
         }
     }
 
-    /// An error with the way out if a program is missing that makes such films. `option`: who asked for one.
+    /// Checks that all programs for such a film are installed. The error says what to install. `option`: the flag to
+    /// name in it.
     pub fn check_tools(self, option: &str) -> Result<()> {
         let mut tools = vec![(SUMO_GUI, "sumo"), (XVFB, "xvfb"), (SETPRIV, "util-linux")];
         if self == Format::Mp4 {
             tools.push(("ffmpeg", "ffmpeg"));
         }
         for (tool, package) in tools {
-            let gif = if tool == "ffmpeg" { ", or film a .gif, which needs none" } else { "" };
+            let gif = if tool == "ffmpeg" { ", or make a .gif, which does not need it" } else { "" };
             let way_out = format!("install Debian's package {package}{gif}");
             ensure!(on_the_path(tool).is_some(), "{option}: {tool} is not on the PATH: {way_out}");
         }

@@ -1,4 +1,4 @@
-//! Pictures joined to a GIF.
+//! Joins pictures to a GIF.
 
 use std::fs::File;
 use std::io::BufReader;
@@ -11,7 +11,7 @@ use super::format::STEPS_PER_SECOND;
 use crate::terminal::check_stop;
 use crate::terminal::counting::EpisodeBar;
 
-/// Writes `film`, one frame per picture.
+/// Writes the GIF `film`, one frame per picture.
 pub fn join(frames: &[PathBuf], film: &Path, stop: &AtomicBool) -> Result<()> {
     let bar = EpisodeBar::of(frames.len(), "pictures joined");
     let file = File::create(film).context("the film cannot be written")?;
@@ -36,9 +36,9 @@ pub fn join(frames: &[PathBuf], film: &Path, stop: &AtomicBool) -> Result<()> {
     Ok(())
 }
 
-/// Width, height and pixels of four bytes.
+/// Reads a PNG file. Returns width, height and the pixels, four bytes each.
 fn read_picture(path: &Path) -> Result<(u16, u16, Vec<u8>)> {
-    let failed = || format!("{}: is no picture of sumo-gui's", path.display());
+    let failed = || format!("{}: is not a picture that sumo-gui writes", path.display());
     let file = BufReader::new(File::open(path).with_context(failed)?);
     let mut decoder = png::Decoder::new(file);
     decoder.set_transformations(png::Transformations::ALPHA | png::Transformations::STRIP_16);

@@ -1,4 +1,4 @@
-//! sumo-gui for a person.
+//! Opens sumo-gui for a person.
 
 use std::path::Path;
 use std::process::Command;
@@ -7,17 +7,17 @@ use anyhow::{Context, Result, ensure};
 
 use crate::terminal::{on_the_path, quoted};
 
-/// The program.
+/// Name of the program.
 pub(super) const SUMO_GUI: &str = "sumo-gui";
 
-/// An error with the way out if sumo-gui could not be opened.
+/// Checks that sumo-gui can be opened. The error says what to do.
 pub fn check_screen() -> Result<()> {
     ensure!(on_the_path(SUMO_GUI).is_some(), "--gui: sumo-gui is not on the PATH: install Debian's package sumo");
     let display = std::env::var_os("DISPLAY").filter(|display| !display.is_empty());
     ensure!(
         display.is_some(),
-        "--gui: there is no screen here (DISPLAY is not set); make a film with --video, or take the folder to a machine \
-         that has one: it needs nothing but SUMO"
+        "--gui: there is no screen here (DISPLAY is not set); make a film with --video, or copy the folder to a \
+         machine with a screen and SUMO"
     );
     Ok(())
 }
@@ -32,7 +32,7 @@ pub fn watch(config: &Path) -> Result<()> {
         .context("sumo-gui could not be started")?;
     ensure!(
         status.success(),
-        "sumo-gui ended with {status}; the folder is whole, open it with: sumo-gui -c {}",
+        "sumo-gui ended with {status}; the folder is complete, try to open it with: sumo-gui -c {}",
         quoted(config)
     );
     Ok(())

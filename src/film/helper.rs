@@ -1,4 +1,4 @@
-//! Programs that work for this one and end with it.
+//! Helper programs, which end together with this one.
 
 use std::fs::File;
 use std::os::unix::process::CommandExt;
@@ -10,18 +10,20 @@ use std::time::Duration;
 use anyhow::{Context, Result};
 use rustix::process::{Pid, Signal, kill_process_group};
 
-/// The program that ties others to the life of this one.
+/// Program that makes another program end together with this one.
 pub(super) const SETPRIV: &str = "setpriv";
 
-/// A program that ends with this one, however that ends: setpriv asks the system for it and then becomes the program.
+/// Returns a command for a program that ends together with this one, however this one ends.
+///
+/// setpriv asks the system for that and then becomes the program.
 pub fn tied(program: &str) -> Command {
     let mut command = Command::new(SETPRIV);
-    // Ctrl-C at the terminal is for this program, which ends its helpers in its own time.
+    // Ctrl-C at the terminal goes to this program alone, which then ends its helpers.
     command.args(["--pdeathsig", "TERM", "--", program]).process_group(0).stdin(Stdio::null());
     command
 }
 
-/// A program that works for this one. Dropping it ends it and what it has started.
+/// A running helper program. Dropping it ends the program and everything that it has started.
 pub struct Helper(pub Child);
 
 impl Helper {
@@ -32,7 +34,7 @@ impl Helper {
 
 impl Drop for Helper {
     fn drop(&mut self) {
-        // First in a way that lets it clear up, as Xvfb does.
+        // TERM first, so that programs such as Xvfb can clean up.
         for signal in [Signal::TERM, Signal::KILL] {
             for _ in 0..40 {
                 if !matches!(self.0.try_wait(), Ok(None)) {
@@ -45,7 +47,7 @@ impl Drop for Helper {
     }
 }
 
-/// A file for what a program says.
+/// Creates a file for the output of a program.
 pub fn listener(file: &Path) -> Result<File> {
     File::create(file).context("the temporary directory cannot be written to")
 }

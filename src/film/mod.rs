@@ -1,12 +1,12 @@
 //! Films of episodes: GIF and mp4.
 //!
-//! - `replay`: what is filmed; `format`: GIF or mp4, and what each needs.
-//! - `pictures`: sumo-gui takes a picture per step on a `screen` that nobody sees, and `gif` or `mp4` joins them.
-//! - `gui`: sumo-gui itself, and how it is opened for a person.
-//! - `helper`: programs that end with this one.
-//! - [`scenes`]: pictures that a domain draws itself, as SVG and as one GIF.
+//! - `replay`: the episode that is filmed. `format`: GIF or mp4, and the programs that each needs.
+//! - `pictures`: sumo-gui takes one picture per step on a virtual `screen`. `gif` and `mp4` join them.
+//! - `gui`: opens sumo-gui for a person.
+//! - `helper`: helper programs, which end together with this one.
+//! - [`scenes`]: pictures that a domain draws itself, as SVG files and as one GIF.
 //!
-//! A replay is a folder that sumo-gui plays; how it came about is unknown here.
+//! A replay is a folder that sumo-gui plays. This room does not know how the episode was made.
 
 mod format;
 mod gif;

@@ -1,4 +1,4 @@
-//! Pictures joined to an mp4, by ffmpeg.
+//! Joins pictures to an mp4, with ffmpeg.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -7,12 +7,12 @@ use anyhow::{Context, Result, ensure};
 
 use super::format::STEPS_PER_SECOND;
 
-/// Writes `film` from the pictures in `room`.
+/// Writes the mp4 `film` from the pictures in the folder `room`.
 pub fn join(room: &Path, film: &Path) -> Result<()> {
     let output = Command::new("ffmpeg")
         .args(["-loglevel", "error", "-framerate", &STEPS_PER_SECOND.to_string(), "-i"])
         .arg(room.join("%06d.png"))
-        // What every player shows: sides of even length, and this format of pixels.
+        // Every player can show an even width and height with this pixel format.
         .args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p", "-movflags", "+faststart"])
         .arg(film)
         .stdin(Stdio::null())

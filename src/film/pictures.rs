@@ -1,4 +1,4 @@
-//! sumo-gui plays a replay on a screen that nobody sees and takes a picture per step; joined, they are a film.
+//! Takes the pictures of a film: sumo-gui plays a replay on a virtual screen and takes one picture per step.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -17,16 +17,16 @@ use super::{Format, Replay, gif, mp4};
 use crate::terminal::check_stop;
 use crate::terminal::counting::EpisodeBar;
 
-/// Steps that sumo-gui plays beyond the last picture: where it ends with one it often crashes (SUMO 1.15).
+/// Number of steps that sumo-gui plays after the last picture. If it ends with a picture, it often crashes (SUMO 1.15).
 const REST_STEPS: usize = 30;
 
-/// How long sumo-gui may take for a picture; it takes some of them in a second.
+/// Longest time that sumo-gui may need for one picture. Usually it takes several per second.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// What sumo-gui's window has beside the roads, in pixels (measured on SUMO 1.15).
+/// Width and height of sumo-gui's window minus those of the roads, in pixels (measured with SUMO 1.15).
 const FRAME: (usize, usize) = (10, 215);
 
-/// The pictures of a replay, in a temporary place. Taking and joining end with an error soon after `stop` is set.
+/// The pictures of a replay, in a temporary directory. Taking and joining end with an error soon after `stop` is set.
 pub struct Pictures {
     room: TempDir,
     files: Vec<PathBuf>,
@@ -34,7 +34,7 @@ pub struct Pictures {
 
 impl Pictures {
     pub fn take(replay: &Replay, stop: &AtomicBool) -> Result<Pictures> {
-        let room = tempfile::tempdir().context("no temporary directory for the pictures")?;
+        let room = tempfile::tempdir().context("cannot make a temporary directory for the pictures")?;
         let files = take_pictures(replay, room.path(), stop)?;
         Ok(Pictures { room, files })
     }
@@ -52,7 +52,7 @@ fn picture(number: usize) -> String {
     format!("{number:06}.png")
 }
 
-/// Lets sumo-gui play and take a picture before every step.
+/// Lets sumo-gui play the replay and take a picture before every step.
 fn take_pictures(replay: &Replay, room: &Path, stop: &AtomicBool) -> Result<Vec<PathBuf>> {
     let frames: Vec<PathBuf> = (0..replay.steps).map(|step| room.join(picture(step))).collect();
     let settings = room.join("view.xml");
@@ -68,7 +68,7 @@ fn take_pictures(replay: &Replay, room: &Path, stop: &AtomicBool) -> Result<Vec<
     gui.stdout(Stdio::null()).stderr(listener(&said)?);
     let end = wait_for(&mut Helper::start(gui)?, &frames, PATIENCE, stop)?;
     let missing = frames.iter().filter(|frame| !frame.exists()).count();
-    // How it ended is nothing to us where all pictures are there.
+    // If all pictures are there, it does not matter how sumo-gui ended.
     ensure!(
         missing == 0,
         "sumo-gui took {} of {} pictures and {end}: {}",
@@ -79,13 +79,13 @@ fn take_pictures(replay: &Replay, room: &Path, stop: &AtomicBool) -> Result<Vec<
     Ok(frames)
 }
 
-/// Waits until sumo-gui has ended, or has taken no picture for so long; tells which.
+/// Waits until sumo-gui has ended, or has taken no picture for `patience`. Returns which of them it was, in words.
 fn wait_for(gui: &mut Helper, frames: &[PathBuf], patience: Duration, stop: &AtomicBool) -> Result<String> {
     let bar = EpisodeBar::of(frames.len(), "pictures");
     let (mut taken, mut since) = (0, Instant::now());
     let end = loop {
         check_stop(stop)?;
-        if let Some(status) = gui.0.try_wait().context("sumo-gui cannot be waited for")? {
+        if let Some(status) = gui.0.try_wait().context("cannot wait for sumo-gui")? {
             break format!("ended with {status}");
         }
         let new = frames[taken..].iter().take_while(|frame| frame.exists()).count();
@@ -93,7 +93,7 @@ fn wait_for(gui: &mut Helper, frames: &[PathBuf], patience: Duration, stop: &Ato
             (taken, since) = (taken + new, Instant::now());
             bar.set(taken);
         } else if since.elapsed() > patience {
-            break format!("no other for {} s", patience.as_secs());
+            break format!("then none for {} s", patience.as_secs());
         }
         thread::sleep(Duration::from_millis(50));
     };
@@ -101,7 +101,7 @@ fn wait_for(gui: &mut Helper, frames: &[PathBuf], patience: Duration, stop: &Ato
     Ok(end)
 }
 
-/// Pixels of the roads: the longer side grows with the grid, within what a film can have.
+/// Returns width and height of the roads, in pixels. The longer side grows with the grid, from 800 to 1200.
 fn canvas(columns: usize, rows: usize) -> (usize, usize) {
     let (cols, rows) = (columns + 1, rows + 1);
     let scale = (200 * cols.max(rows)).clamp(800, 1200) as f64 / cols.max(rows) as f64;
@@ -120,7 +120,7 @@ mod tests {
         let mut hung = Helper::start(command).unwrap();
         let frames = [PathBuf::from("/no/such.png")];
         let wait = |hung: &mut Helper, stop| wait_for(hung, &frames, Duration::ZERO, &AtomicBool::new(stop));
-        assert_eq!(wait(&mut hung, false).unwrap(), "no other for 0 s");
+        assert_eq!(wait(&mut hung, false).unwrap(), "then none for 0 s");
         assert_eq!(wait(&mut hung, true).unwrap_err().to_string(), "stopped");
         let place = PathBuf::from(format!("/proc/{}", hung.0.id()));
         assert!(place.exists());

@@ -1,16 +1,17 @@
-//! What is filmed.
+//! The episode that is filmed.
 
 use std::path::{Path, PathBuf};
 
 /// An episode that sumo-gui plays.
 pub struct Replay<'a> {
-    /// Path of what `sumo-gui -c` takes.
+    /// Path of the file for `sumo-gui -c`.
     pub config: &'a Path,
-    /// Number of steps, each of which is a picture.
+    /// Number of steps; each becomes one picture.
     pub steps: usize,
-    /// Intersections from west to east and from south to north, which give the film its shape.
+    /// Number of intersections from west to east. With `rows` it gives the film its shape.
     pub columns: usize,
+    /// Number of intersections from south to north.
     pub rows: usize,
-    /// Returns sumo-gui's settings under which it writes these pictures, the i-th before step i.
+    /// Function that returns settings with which sumo-gui writes these pictures, the i-th before step i.
     pub settings: &'a dyn Fn(&[PathBuf]) -> String,
 }

@@ -1,4 +1,4 @@
-//! Pictures of an episode that a domain draws itself.
+//! Pictures of an episode that the domain draws itself.
 
 use std::fs::{self, File};
 use std::path::Path;
@@ -9,7 +9,7 @@ use crate::domain::{Colour, Scene};
 
 /// Pixels per unit of a scene.
 const SCALE: usize = 16;
-/// Hundredths of a second that the animation shows a step.
+/// Time that the animation shows each step, in hundredths of a second.
 const STEP_TIME: u16 = 20;
 
 /// Writes `step_NNN.svg` for every scene, and `episode.gif`, into `dir`.
@@ -26,7 +26,7 @@ fn animate(scenes: &[Scene], path: &Path) -> Result<()> {
     let mut palette: Vec<Colour> = frames.iter().flat_map(|(_, _, pixels)| pixels.iter().copied()).collect();
     palette.sort_unstable();
     palette.dedup();
-    ensure!(palette.len() <= 256, "{} colours, and a GIF holds 256", palette.len());
+    ensure!(palette.len() <= 256, "{} colours, but a GIF holds at most 256", palette.len());
     let colours: Vec<u8> = palette.iter().flat_map(|colour| colour.0).collect();
     let file = File::create(path)?;
     let mut encoder = gif::Encoder::new(file, width as u16, height as u16, &colours)?;

@@ -1,4 +1,4 @@
-//! A screen that nobody sees: Xvfb.
+//! A virtual screen: Xvfb.
 
 use std::fs;
 use std::io::{BufRead, BufReader};
@@ -9,12 +9,12 @@ use anyhow::{Context, Result, ensure};
 
 use super::helper::{Helper, listener, tied};
 
-/// The program.
+/// Name of the program.
 pub(super) const XVFB: &str = "Xvfb";
 
-/// A screen that nobody sees.
+/// A virtual screen. Dropping it closes it.
 pub struct Screen {
-    /// Among X's screens.
+    /// Value of `DISPLAY` for programs on this screen.
     pub name: String,
     _server: Helper,
 }
@@ -23,13 +23,13 @@ impl Screen {
     pub fn open(width: usize, height: usize, room: &Path) -> Result<Screen> {
         let said = room.join("screen.txt");
         let mut server = tied(XVFB);
-        // It takes a number that is free and writes it to its standard output when it is ready.
+        // Xvfb picks a free screen number and writes it to its standard output when it is ready.
         server.args(["-displayfd", "1", "-nolisten", "tcp", "-screen", "0", &format!("{width}x{height}x24")]);
         server.stdout(Stdio::piped()).stderr(listener(&said)?);
         let mut server = Helper::start(server)?;
         let mut number = String::new();
-        let out = server.0.stdout.take().expect("it is piped");
-        BufReader::new(out).read_line(&mut number).context("Xvfb cannot be heard")?;
+        let out = server.0.stdout.take().expect("standard output is piped");
+        BufReader::new(out).read_line(&mut number).context("cannot read the output of Xvfb")?;
         let said = fs::read_to_string(&said).unwrap_or_default();
         ensure!(!number.trim().is_empty(), "Xvfb opened no screen: {}", said.trim());
         Ok(Screen { name: format!(":{}", number.trim()), _server: server })

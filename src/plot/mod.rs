@@ -1,9 +1,9 @@
-//! Pictures of an episode on roads as SVG: one function per picture.
+//! Pictures of a traffic episode as SVG: one file and one function per picture.
 //!
-//! They are drawn from a [`crate::domain::road_trace`]: which simulator it comes from is unknown here.
+//! - `space_time`: the cars of one corridor over time. `signal_timing`: the lights over time.
+//! - `queues`: standing cars over time. `returns_map`: the return of every agent on a map.
 //!
-//! - `queues`: standing cars per approach, over time; `returns_map`: the return of every agent on the grid.
-//! - `signal_timing`: which approach has green when; `space_time`: cars of a corridor as lines, lights as bars.
+//! They are drawn from a [`crate::domain::road_trace`]. This room does not know which simulator made it.
 
 mod queues;
 mod returns_map;
@@ -22,7 +22,7 @@ pub use returns_map::returns_map;
 pub use signal_timing::signal_timing;
 pub use space_time::space_time;
 
-/// What was played: under the title of every picture.
+/// What was played. Every picture shows it under its title.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct About {
     /// Run or config, policies or controller.
@@ -38,16 +38,16 @@ impl About {
 
 type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
-/// What should not catch the eye: grids, the second line of a title.
+/// Colour of text and lines that should not catch the eye, such as the second line of a title.
 const FAINT: RGBColor = RGBColor(110, 110, 110);
 const PALE: RGBColor = RGBColor(232, 232, 232);
 
-/// Pixels that every picture keeps free around it.
+/// Margin around every picture, in pixels.
 const MARGIN: i32 = 18;
-/// Pixels of the title and the line under it.
+/// Height of the title and the line under it, in pixels.
 const HEAD: i32 = 64;
 
-/// A picture of this width and height in pixels, with a head; `draw` is given what is below.
+/// Draws a picture of this width and height in pixels: a head, and below it what `draw` draws.
 fn picture(
     (width, height): (i32, i32),
     title: &str,
@@ -61,7 +61,7 @@ fn picture(
     })
 }
 
-/// The axes of a chart: `values` beside it, seconds below it unless the chart below it tells them.
+/// Draws the axes of a chart. `values`: label of the vertical axis. `seconds`: whether to label the time axis.
 fn draw_axes(chart: &mut Chart<'_, '_>, values: &str, value_labels: usize, seconds: bool) -> Result<()> {
     draw_mesh(
         chart
@@ -126,7 +126,7 @@ mod tests {
         About { subject: "controller x".to_owned(), seed: 7 }
     }
 
-    /// How often a colour fills something.
+    /// Counts the shapes that are filled with a colour.
     fn filled(svg: &str, RGBColor(red, green, blue): RGBColor) -> usize {
         svg.matches(&format!("fill=\"#{red:02X}{green:02X}{blue:02X}\"")).count()
     }
@@ -134,7 +134,7 @@ mod tests {
     #[test]
     fn a_bar_lasts_as_long_as_a_light_shows_the_same() {
         let svg = signal_timing(&trace(), &about()).unwrap().file();
-        // Two seconds of green in one bar; and each colour once in the legend.
+        // Two seconds of green make one bar. Each colour is in the legend once.
         let yellow = filled(&svg, ORANGE);
         assert_eq!((filled(&svg, BLUE), filled(&svg, RGBColor(170, 214, 240)), yellow), (2, 3, 2));
         assert!(svg.contains("green for the main road") && svg.contains("first episode of seed 7"), "{svg}");
@@ -153,7 +153,7 @@ mod tests {
         let svg = space_time(&trace.corridors[0], trace.seconds, &about()).unwrap().file();
         assert!(svg.contains("Space and time: the main road, from bridge to harbour"), "{svg}");
         assert!(svg.contains("distance from the bridge end (m)"), "{svg}");
-        // Red at the end of `a` and throughout at `b`, and in the legend.
+        // Three red shapes: one at the end of `a`, one for all of `b`, and one in the legend.
         assert_eq!(filled(&svg, RGBColor(178, 24, 43)), 3);
     }
 

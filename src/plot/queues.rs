@@ -1,4 +1,4 @@
-//! Queues: cars that stand, per approach, over time.
+//! Queues: standing cars per approach over time.
 
 use anyhow::Result;
 
@@ -7,7 +7,7 @@ use crate::domain::road_trace::{Approach, RoadTrace};
 
 const SIZE: (i32, i32) = (1100, 690);
 
-/// Cars standing on the approaches, side by side: mean over all intersections, and the longest queue.
+/// Draws the standing cars, one panel per approach: the mean over all intersections, and the longest queue.
 pub fn queues(trace: &RoadTrace, about: &About) -> Result<Svg> {
     let steps = trace.seconds;
     let standing = || trace.approaches.iter().flat_map(|approach| &approach.standing);
@@ -61,7 +61,7 @@ fn draw_legend(area: &Area<'_>, several: bool) -> Result<()> {
     Ok(())
 }
 
-/// A value holds for a second.
+/// Returns the corners of a line on which each value holds for one second.
 fn stairs(values: &[f64]) -> Vec<(f64, f64)> {
     let step = |(second, &value): (usize, &f64)| [(second as f64, value), ((second + 1) as f64, value)];
     values.iter().enumerate().flat_map(step).collect()

@@ -7,13 +7,14 @@ use crate::base::Rows;
 use crate::base::statistics::mean;
 use crate::domain::road_trace::RoadTrace;
 
-/// Pixels of the map's longer side as far as they come to sensible squares, of the scale beside it, and of the least width
-/// that a title needs.
+/// Length of the map's longer side in pixels, unless its squares would become too small or too large.
 const MAP: i32 = 420;
+/// Width of the colour scale beside the map, in pixels.
 const SCALE: i32 = 110;
+/// Least width of the picture, so that the title fits, in pixels.
 const LEAST_WIDTH: i32 = 640;
 
-/// Mean return of every agent at its place on the roads of `trace`; `returns`: `[episodes, agents]`.
+/// Draws the mean return of every agent at its place on the roads of `trace`. `returns`: `[episodes, agents]`.
 pub fn returns_map(trace: &RoadTrace, returns: &Rows<f64>, about: &About) -> Result<Svg> {
     let episodes = returns.len();
     let of_agent = |agent: usize| mean(&returns.iter().map(|episode| episode[agent]).collect::<Vec<_>>());
@@ -50,7 +51,7 @@ pub fn returns_map(trace: &RoadTrace, returns: &Rows<f64>, about: &About) -> Res
     })
 }
 
-/// From the lowest return at the bottom to the highest at the top.
+/// Draws the colour scale, from the lowest return at the bottom to the highest at the top.
 fn draw_scale(area: &Area<'_>, x: i32, height: i32, low: f64, high: f64) -> Result<()> {
     for y in (0..height).step_by(px(1) as usize) {
         let share = 1.0 - f64::from(y) / f64::from(height - 1);

@@ -1,4 +1,4 @@
-//! Signal timing: who has green when, one bar per intersection.
+//! Signal timing: which direction has green when, one bar per intersection.
 
 use anyhow::Result;
 
@@ -10,7 +10,7 @@ const AROUND: i32 = HEAD + MARGIN + LEGEND + AXIS;
 const LEGEND: i32 = 26;
 const AXIS: i32 = 44;
 
-/// One bar per intersection, agent 0 at the bottom as on the map.
+/// Draws one bar per intersection, with agent 0 at the bottom as on the map.
 pub fn signal_timing(trace: &RoadTrace, about: &About) -> Result<Svg> {
     let seconds = trace.seconds as f64;
     let count = trace.names.len();
@@ -46,7 +46,7 @@ pub fn signal_timing(trace: &RoadTrace, about: &About) -> Result<Svg> {
     })
 }
 
-/// Of the directions that can have green. Dark and light: with yellow three shades of grey, too.
+/// Colours of the directions that can have green. The first two and yellow also differ when printed in grey.
 const GREENS: [RGBColor; 4] = [BLUE, RGBColor(170, 214, 240), GREEN, PURPLE];
 
 fn colour(shown: Shown) -> RGBColor {

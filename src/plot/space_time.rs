@@ -1,4 +1,4 @@
-//! Space and time: the cars of one corridor as lines, the lights they meet as bars.
+//! Space and time: the cars of one corridor as lines, the lights on their way as bars.
 
 use anyhow::Result;
 
@@ -6,14 +6,15 @@ use super::*;
 use crate::domain::road_trace::{Aspect, Corridor};
 
 const WIDTH: i32 = 1100;
-/// Pixels per edge of the corridor, and of what is around the chart.
+/// Height per edge of the corridor, in pixels.
 const EDGE_HEIGHT: i32 = 105;
+/// Height of everything around the chart, in pixels.
 const AROUND: i32 = HEAD + 110;
 
-/// The cars that drove through a corridor in an episode of so many seconds.
+/// Draws the cars that drove through a corridor. `seconds`: length of the episode.
 ///
-/// A line is a car: steep where it is fast, flat where it waits. At each stop line a bar shows the light: the thicker,
-/// the less it lets through.
+/// Each line is a car: steep if it is fast, flat if it waits. At each stop line a bar shows the light. A thicker bar
+/// lets fewer cars through.
 pub fn space_time(corridor: &Corridor, seconds: usize, about: &About) -> Result<Svg> {
     let Corridor { name, from, to, length_m, crossings, cars } = corridor;
     let seconds = seconds as f64;
@@ -26,7 +27,7 @@ pub fn space_time(corridor: &Corridor, seconds: usize, about: &About) -> Result<
             .y_label_area_size(px(58))
             .margin_right(px(48))
             .build_cartesian_2d(0.0..seconds, 0.0..*length_m)?;
-        // The insides of the intersections, so that the stop lines are seen where they are.
+        // Shade the inside of the intersections, so that the stop lines are visible.
         for crossing in crossings {
             let (from, to) = (crossing.begin_m, crossing.end_m);
             chart.draw_series([Rectangle::new([(0.0, from), (seconds, to)], PALE.filled())])?;
@@ -52,7 +53,7 @@ pub fn space_time(corridor: &Corridor, seconds: usize, about: &About) -> Result<
     })
 }
 
-/// Height in metres of the chart, and colour.
+/// Returns the height of a light's bar, in metres of the chart, and its colour.
 fn bar(aspect: Aspect) -> (f64, RGBColor) {
     match aspect {
         Aspect::Green => (3.0, RGBColor(90, 190, 130)),

@@ -1,4 +1,4 @@
-//! The numbers of a report as CSV files, one line per thing, in full precision.
+//! The numbers of a report as CSV files.
 
 use anyhow::{Context, Result};
 
@@ -13,7 +13,7 @@ pub struct CsvFile {
     pub text: String,
 }
 
-/// All CSV files.
+/// Returns all CSV files.
 pub fn files(comparisons: &[Comparison]) -> Result<Vec<CsvFile>> {
     Ok(vec![
         curves(comparisons)?,
@@ -89,7 +89,7 @@ fn finals(comparisons: &[Comparison]) -> Result<CsvFile> {
     })
 }
 
-/// Differences of final returns: a line for all seeds, then one per seed.
+/// Writes the differences of final returns: one line for all seeds, then one per seed.
 fn differences(comparisons: &[Comparison]) -> Result<CsvFile> {
     let header = ["against", "paired_by", "seed", "difference", "low95", "high95"];
     write("differences.csv", &header, comparisons, |comparison, group| {
@@ -109,7 +109,7 @@ fn differences(comparisons: &[Comparison]) -> Result<CsvFile> {
     })
 }
 
-/// The learning curve of every seed.
+/// Writes the learning curve of every seed.
 fn seeds(comparisons: &[Comparison]) -> Result<CsvFile> {
     let header = ["seed", "steps", "episodes", "mean", "median_agent", "runtime_s"];
     write("seeds.csv", &header, comparisons, |_, group| {
@@ -176,7 +176,7 @@ fn costs(comparisons: &[Comparison]) -> Result<CsvFile> {
     })
 }
 
-/// Every line begins with the scenario and the group.
+/// Writes a CSV file. Every line begins with the scenario and the group.
 fn write(
     name: &'static str,
     header: &[&str],
@@ -201,7 +201,7 @@ fn spread(spread: &Spread) -> [String; 5] {
     [spread.runs().to_string(), number(spread.mean), optional(spread.std_error), optional(low), optional(high)]
 }
 
-/// Four decimals, as run directories have them: enough for returns and seconds.
+/// Formats a number with four decimals, as in run directories. That is enough for returns and seconds.
 fn number(value: f64) -> String {
     format!("{value:.4}")
 }

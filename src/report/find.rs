@@ -1,4 +1,4 @@
-//! What lies under the folders that a report is made of: run directories, measured baselines, and plans of experiments.
+//! Finds the material of a report in its folders: run directories, measured baselines, and plans of experiments.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -11,32 +11,32 @@ use serde::{Deserialize, Serialize};
 use crate::records::files::is_run_dir;
 use crate::records::run_record::RunRecord;
 
-/// What an experiment means to run, in its folder of runs.
+/// Name of the file with the plan of an experiment, in its folder of runs.
 pub const PLAN: &str = "plan.json";
-/// Where an experiment keeps what `baseline --json` said.
+/// Name of the folder in which an experiment keeps the output of `baseline --json`.
 pub const BASELINES: &str = "baselines";
-/// Folders below each other that are searched.
+/// Number of folder levels that are searched.
 const DEPTH: usize = 6;
 
-/// What an experiment means to make.
+/// The plan of an experiment.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Plan {
-    /// Names of folders beside the plan.
+    /// Names of the run directories, which are in the same folder as the plan.
     pub runs: Vec<String>,
-    /// Names of files among the baselines, without their ending.
+    /// Names of the baseline files, without `.json`.
     #[serde(default)]
     pub baselines: Vec<String>,
 }
 
-/// Where the plan of a folder puts a baseline.
+/// Returns the path of a baseline in an experiment's folder of runs.
 pub fn baseline_file(folder: &Path, name: &str) -> PathBuf {
     folder.join(BASELINES).join(format!("{name}.json"))
 }
 
-/// A hand-coded controller that was measured, as `baseline --json` tells it.
+/// A measured hand-coded controller, as `baseline --json` prints it.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub struct Baseline {
-    /// [`crate::domain::ScenarioId::word`]
+    /// Name of the scenario, from [`crate::domain::ScenarioId::word`].
     pub scenario: String,
     pub controller: String,
     pub mean_return: f64,
@@ -45,7 +45,7 @@ pub struct Baseline {
     /// Seed of the episodes; `None` in files of older versions.
     #[serde(default)]
     pub seed: Option<u64>,
-    /// Mean returns of all agents, episode by episode; empty in files of older versions.
+    /// Mean return of all agents in each episode; empty in files of older versions.
     #[serde(default)]
     pub episode_returns: Vec<f64>,
 }
@@ -57,7 +57,7 @@ pub struct LeftOut {
     pub reason: String,
 }
 
-/// In one line.
+/// Writes the path and the reason in one line.
 impl fmt::Display for LeftOut {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let reason: Vec<&str> = self.reason.split_whitespace().collect();
@@ -65,19 +65,19 @@ impl fmt::Display for LeftOut {
     }
 }
 
-/// All that was found.
+/// Everything that was found.
 #[derive(Default)]
 pub struct Found {
     pub runs: Vec<RunRecord>,
-    /// What cannot be read.
+    /// Runs and baselines that cannot be read.
     pub unreadable: Vec<LeftOut>,
     /// Runs and baselines of a plan that are not there yet.
     pub missing: Vec<PathBuf>,
-    /// Each once, with the file that it is from.
+    /// Baselines, each once, with its file.
     pub baselines: Vec<(PathBuf, Baseline)>,
 }
 
-/// Searches folders; one without any run in it is an error.
+/// Searches folders. A folder without any run in it is an error.
 pub fn find(folders: &[PathBuf]) -> Result<Found> {
     let mut found = Found::default();
     let mut seen = BTreeMap::new();
@@ -85,15 +85,17 @@ pub fn find(folders: &[PathBuf]) -> Result<Found> {
         ensure!(folder.is_dir(), "{}: no such folder", folder.display());
         ensure!(
             search(folder, DEPTH, &mut seen, &mut found)?,
-            "{}: holds no run directory; `dials-traffic train` and `dials-traffic experiment` make them",
+            "{}: holds no run directory; make one with `dials-traffic train` or `dials-traffic experiment`",
             folder.display()
         );
     }
     Ok(found)
 }
 
-/// Whether there is a run, or the plan of one, in a folder. `seen` knows it of the folders that were searched: the same one
-/// may be named twice, or lie in another.
+/// Searches a folder. Returns whether it holds a run, or the plan of one.
+///
+/// `seen`: the answers for the folders that were searched already. The same folder may be named twice, or be inside
+/// another.
 fn search(folder: &Path, depth: usize, seen: &mut BTreeMap<PathBuf, bool>, found: &mut Found) -> Result<bool> {
     let failed = || format!("{}: cannot be read", folder.display());
     let place = folder.canonicalize().with_context(failed)?;
@@ -125,14 +127,14 @@ fn search(folder: &Path, depth: usize, seen: &mut BTreeMap<PathBuf, bool>, found
     Ok(holds)
 }
 
-/// What `--force` moved aside, or what is hidden, counts only where it is named.
+/// Returns whether `--force` moved a folder aside, or it is hidden. Such a folder counts only if it is named.
 fn is_aside(folder: &Path) -> bool {
     let name = folder.file_name().unwrap_or_default().to_string_lossy();
     let aside = name.rsplit_once(".old-").is_some_and(|(_, number)| number.bytes().all(|byte| byte.is_ascii_digit()));
     aside || name.starts_with('.')
 }
 
-/// Whether there is one that is not empty.
+/// Reads the plan in a folder. Returns whether there is one that names a run.
 fn read_plan(folder: &Path, found: &mut Found) -> Result<bool> {
     let path = folder.join(PLAN);
     if !path.is_file() {
@@ -152,7 +154,7 @@ fn read_baselines(folder: &Path, found: &mut Found) -> Result<()> {
     paths.sort();
     for path in paths {
         match read_json(&path) {
-            // Two experiments on one scenario measure the same.
+            // Two experiments on one scenario measure the same baselines.
             Ok(baseline) if found.baselines.iter().any(|(_, other)| *other == baseline) => {}
             Ok(baseline) => found.baselines.push((path, baseline)),
             Err(error) => found.unreadable.push(LeftOut { dir: path, reason: format!("{error:#}") }),
@@ -164,5 +166,5 @@ fn read_baselines(folder: &Path, found: &mut Found) -> Result<()> {
 /// Reads a plan or a baseline.
 pub fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
     let text = fs::read_to_string(path).with_context(|| format!("{}: cannot be read", path.display()))?;
-    serde_json::from_str(&text).with_context(|| format!("{}: is not what this program writes there", path.display()))
+    serde_json::from_str(&text).with_context(|| format!("{}: is not a file of this program", path.display()))
 }

@@ -1,4 +1,4 @@
-//! What of a config makes a method.
+//! The part of a config that defines a method: runs of one method differ only in seed, scenario and length.
 
 use std::collections::BTreeMap;
 
@@ -7,24 +7,25 @@ use toml::{Table, Value};
 use crate::config::{Config, Simulator};
 use crate::domain::Scenario;
 
-/// What makes a method.
+/// A method: a way of training, whatever the seed and the scenario.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Method {
-    /// As configs name it.
+    /// Name of the simulator in configs.
     pub simulator: String,
     pub retraining: Retraining,
-    /// The keys of the config, as text: all but the seed, where it stops, the scenario, and what changes nothing.
+    /// Keys of the config with their values as text. Left out: the seed, the stop, the scenario, and keys that change
+    /// nothing.
     pub keys: BTreeMap<String, String>,
 }
 
 impl Method {
-    /// `scenario`: of the run, for what it says of files.
+    /// Returns the method of a config. `scenario`: scenario of the run, which has the checksums of its files.
     pub fn of(config: &Config, scenario: &Scenario) -> Method {
         let table = Table::try_from(config).expect("a config is a table");
         let mut keys = BTreeMap::new();
         flatten("", &table, &mut keys);
         if let Some(mut domain) = config.domain.clone() {
-            // The same file has another path in every run; its checksum stands for it where it is known.
+            // The same file has another path in every run, so its checksum replaces the path, if it is known.
             let paths: Vec<&str> = domain.paths().into_iter().map(|(key, _)| key).collect();
             paths.into_iter().for_each(|key| drop(keys.remove(&domain.key(key))));
             keys.extend(scenario.files.clone());
@@ -53,16 +54,17 @@ fn flatten(prefix: &str, table: &Table, keys: &mut BTreeMap<String, String>) {
     }
 }
 
-/// What changes nothing in the learning.
+/// Returns whether a key changes nothing in the learning.
 fn is_no_method(key: &str) -> bool {
     ["seed", "stop_at_steps"].contains(&key) || key.starts_with("logging.") || key.starts_with("checkpoints.")
 }
 
-/// Keys that change nothing with this simulator, or with this way of training the AIPs again.
+/// Returns whether a key changes nothing with this simulator, or with this retraining of the approximate influence
+/// predictors (AIPs).
 fn is_idle(simulator: Simulator, retraining: &Retraining, key: &str) -> bool {
     let Some(of_aips) = key.strip_prefix("aip.") else {
         return match key {
-            // Only what they find on drift is acted upon.
+            // Only retraining on drift depends on what these episodes measure.
             "evaluation.aip_loss_episodes" => *retraining != Retraining::Drift,
             key => simulator == Simulator::Global && key.starts_with("local_simulators."),
         };
@@ -75,20 +77,21 @@ fn is_idle(simulator: Simulator, retraining: &Retraining, key: &str) -> bool {
     }
 }
 
-/// When AIPs are trained again after step 0.
+/// When AIPs are retrained after step 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Retraining {
-    /// There is no training of AIPs at all.
+    /// The AIPs are never trained, or there are none.
     Never,
     /// Every F timesteps per agent, as in the paper.
     Every(u64),
+    /// Only at step 0.
     Once,
-    /// When their loss has grown.
+    /// When the loss of the AIPs has grown.
     Drift,
 }
 
 impl Retraining {
-    /// As the keys of a config say.
+    /// Reads the retraining from the keys of a config.
     fn of(keys: &BTreeMap<String, String>) -> Self {
         match keys.get("aip.retrain").map(String::as_str) {
             Some("once") => Retraining::Once,

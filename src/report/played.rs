@@ -1,10 +1,12 @@
-//! What runs and controllers played, for the statistics of their differences.
+//! The episodes that runs and controllers played, for the statistics of their differences.
 
 use super::find::Baseline;
 use crate::base::statistics::difference::{Difference, Played, Side, to_controller};
 use crate::records::run_record::RunRecord;
 
-/// A run at a step; between two evaluations it has no episodes. `None` before its first evaluation and after its last.
+/// Returns what a run played at a step. Between two evaluations there are no episodes.
+///
+/// Before the first evaluation and after the last: `None`.
 pub fn of_run(run: &RunRecord, steps: u64) -> Option<Played> {
     let here = run.evaluations.iter().find(|evaluation| evaluation.steps == steps);
     let returns = here.map(|evaluation| evaluation.episode_returns.clone()).unwrap_or_default();
@@ -12,7 +14,7 @@ pub fn of_run(run: &RunRecord, steps: u64) -> Option<Played> {
     Some(Played::new(run.return_at(steps)?, count, Some(run.config.evaluation.seed), returns))
 }
 
-/// A group minus a controller.
+/// Returns the difference of a group minus a controller.
 ///
 /// Panics if the group is empty.
 pub fn minus_controller(group: &Side, controller: &Baseline) -> Difference {

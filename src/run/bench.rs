@@ -1,4 +1,4 @@
-//! `bench`
+//! `bench`: measures how fast a config trains, with several numbers of workers.
 
 use std::rc::Rc;
 use std::sync::Arc;
@@ -25,9 +25,9 @@ use crate::terminal::measuring::BenchProgress;
 use crate::terminal::{answer, tell};
 use crate::training::observer::Interrupted;
 
-/// For the products at peak.
+/// Time for measuring matrix products at peak speed.
 const PEAK_TIME: Duration = Duration::from_secs(1);
-/// A worker that says nothing for so long is lost.
+/// A worker that is silent for this long is lost.
 const PATIENCE: Duration = Duration::from_secs(600);
 
 pub fn bench(args: &cli::Bench) -> Result<()> {
@@ -35,7 +35,7 @@ pub fn bench(args: &cli::Bench) -> Result<()> {
     super::blas::keep_to_one_thread();
     let config = load(&args.config, &settings_with(&args.settings, args.simulator)).map_err(Error::Usage)?;
     if config.simulator == Simulator::Local(Predictor::Marginals) {
-        let reason = "marginal-dials costs what dials does, but for the training of AIPs: measure dials";
+        let reason = "marginal-dials costs the same as dials without the training of AIPs; measure dials instead";
         return Err(Error::Usage(anyhow!("{}: {reason}", args.config.display())));
     }
     domain::check(&config).map_err(Error::Usage)?;
@@ -70,7 +70,7 @@ pub fn bench(args: &cli::Bench) -> Result<()> {
     Ok(())
 }
 
-/// One fleet in a temporary place.
+/// Measures one fleet in a temporary directory.
 fn run(
     config: &Config,
     domain: &Arc<dyn Domain>,
@@ -80,7 +80,7 @@ fn run(
     progress: &Rc<BenchProgress>,
 ) -> anyhow::Result<Costs> {
     let short = short_orders(config, workers);
-    let dir = tempfile::tempdir().context("no temporary directory for what a run writes")?;
+    let dir = tempfile::tempdir().context("cannot make a temporary directory for the files of the run")?;
     let mut log = RunLog::create(dir.path(), config, Layouts::of(config, domain.kinds()))?;
     let (crew, options) = (Children::new(dir.path()), Options { workers, patience: PATIENCE });
     let mut fleet = Coordinator::start(domain.clone(), &short, crew, options, progress.clone())?;
@@ -90,7 +90,7 @@ fn run(
     if share < 1.0 {
         tell(format_args!(
             "warning: {workers} workers: only {:.0} % of an episode was simulated, and episodes begin empty; a larger \
-             --seconds is closer to a whole run",
+             --seconds gives a better estimate of a whole run",
             100.0 * share
         ));
     }
@@ -98,7 +98,7 @@ fn run(
     Ok(Costs::of(config, domain.kinds(), foreign, peak_flops, &measured))
 }
 
-/// 1, 2, 4, ... and `most`.
+/// Returns 1, 2, 4, ... and `most`.
 fn doubling(most: usize) -> Vec<usize> {
     let powers = std::iter::successors(Some(1), |workers| Some(workers * 2)).take_while(|&workers| workers < most);
     powers.chain([most]).collect()

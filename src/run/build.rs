@@ -1,5 +1,7 @@
-//! What a run is computed with: this program, its libraries and the machine. It stands in `run.json` and is compared
-//! when the run is resumed, because the same seed gives the same files only with the same build.
+//! The build that computes a run: this program, its libraries and the machine.
+//!
+//! It is written to `run.json` and compared when the run is resumed, because the same seed gives the same files only
+//! with the same build.
 
 use std::fs;
 use std::path::Path;
@@ -12,7 +14,7 @@ use crate::nn::vector_instructions;
 use crate::records::run_json::{Resumed, RunJson, Versions};
 use crate::traffic;
 
-/// This program on this machine, where its networks use vector registers of this width.
+/// Returns the build of this process. `width`: width of the vector registers that its networks use.
 pub fn here(width: VectorWidth) -> Result<Versions> {
     Ok(Versions {
         dials_traffic: env!("CARGO_PKG_VERSION").to_owned(),
@@ -25,8 +27,9 @@ pub fn here(width: VectorWidth) -> Result<Versions> {
     })
 }
 
-/// Returns this build if the one that wrote the run in `dir` last is another; an error that names all differences
-/// unless that is accepted.
+/// Returns this build if another build wrote the run in `dir` last, and `None` if it is the same.
+///
+/// If it is another and `accepted` is false, the error names all differences.
 pub fn other_build(dir: &Path, width: VectorWidth, accepted: bool) -> Result<Option<Versions>> {
     let here = here(width)?;
     let differences = here.differences(RunJson::read(dir)?.last_versions());
@@ -36,7 +39,7 @@ pub fn other_build(dir: &Path, width: VectorWidth, accepted: bool) -> Result<Opt
     if !accepted {
         bail!(
             "{}: was written by another build or on another machine, so its numbers may change from here on:\n  {}\n  \
-             to go on all the same, add --accept-other-build",
+             to resume anyway, add --accept-other-build",
             dir.display(),
             differences.join("\n  ")
         );
@@ -44,7 +47,7 @@ pub fn other_build(dir: &Path, width: VectorWidth, accepted: bool) -> Result<Opt
     Ok(Some(here))
 }
 
-/// Adds to `run.json` that the run in `dir` goes on with this build, from this timestep per agent.
+/// Records in `run.json` that this build resumes the run in `dir` at this timestep per agent.
 pub fn record_resume(dir: &Path, build: &Versions, steps: u64) -> Result<()> {
     let mut run = RunJson::read(dir)?;
     run.resumed_with.push(Resumed { steps, versions: build.clone() });

@@ -1,4 +1,4 @@
-//! Who plays the episode that `replay` records: a controller, trained policies, or one agent's local simulator.
+//! The players of the episode that `replay` records: a controller, trained policies, or one agent's local simulator.
 
 use std::path::Path;
 
@@ -23,7 +23,7 @@ use crate::training::environment::Environment;
 use crate::training::ials::Ials;
 use crate::training::stream::{AgentStream, RowStream};
 
-/// What is to be played, checked and loaded.
+/// An episode that is ready to be played: checked and loaded.
 pub struct Episode {
     tape: Tape,
     traffic: Traffic,
@@ -31,13 +31,13 @@ pub struct Episode {
     cast: Cast,
 }
 
-/// Who plays it.
+/// The players of an episode.
 enum Cast {
-    /// The whole grid under a hand-coded controller.
+    /// A hand-coded controller on the whole grid.
     Baseline(String),
-    /// The whole grid under the trained policies.
+    /// The trained policies on the whole grid.
     Policies(JointPolicyController),
-    /// The local simulator of one agent under its policy, with cars from its AIP.
+    /// The policy of one agent in its local simulator, with cars from its approximate influence predictor (AIP).
     Local { agent: AgentId, policy: StackController, aip: Box<dyn TrainablePredictor> },
 }
 
@@ -47,7 +47,8 @@ impl Episode {
         let subject = &args.subject;
         let with = |config: &Config, cast: Cast| -> Result<Episode> {
             let seed = episode_seed(Seed::new(args.episode_seed.unwrap_or(config.evaluation.seed)), 0);
-            let traffic = domain::open_recorded(config, &tape).context("only what SUMO simulates can be replayed")?;
+            let traffic =
+                domain::open_recorded(config, &tape).context("only episodes that SUMO simulates can be replayed")?;
             Ok(Episode { tape: tape.clone(), traffic, seed, cast })
         };
         if let Some(controller) = &args.controller {
@@ -59,7 +60,7 @@ impl Episode {
             return Ok(episode);
         }
         if subject.is_file() {
-            bail!("{}: a config has no policies; name a --controller, or a run directory", subject.display());
+            bail!("{}: a config has no policies; add --controller, or name a run directory", subject.display());
         }
         let run = directory::open(subject)?;
         let selection = if args.greedy { Selection::Greedy } else { Selection::Sampled };
@@ -77,7 +78,7 @@ impl Episode {
         with(&run.config, cast)
     }
 
-    /// Plays it and returns what was recorded.
+    /// Plays the episode and returns its recording.
     pub fn play(self) -> Result<Recording> {
         match self.cast {
             Cast::Baseline(name) => {
@@ -105,13 +106,16 @@ impl Episode {
     }
 }
 
-/// The AIP of an agent as the run left it.
+/// Reads the AIP of an agent from a run directory.
 fn aip_of(agent: AgentId, domain: &dyn Domain, config: &Config, run_dir: &Path) -> Result<Box<dyn TrainablePredictor>> {
     let choice = config.simulator.predictor().with_context(|| {
-        format!("{}: was trained on the GS and has no AIPs to drive a local simulator with", run_dir.display())
+        format!(
+            "{}: was trained on the GS and has no AIPs, so its local simulators cannot be replayed",
+            run_dir.display()
+        )
     })?;
     let mut aip = initial_aips(domain, config, &[agent]);
-    // What is never trained is never written either.
+    // A predictor that is never trained is never written.
     if choice.learns() {
         let layout = JointLayout::of_aips(domain.kinds(), choice, &config.aip);
         let aips = layout.read(&run_dir.join(files::AIPS))?;

@@ -1,4 +1,4 @@
-//! `compare`
+//! `compare`: compares two groups of runs.
 
 use std::path::PathBuf;
 
@@ -17,7 +17,8 @@ pub fn compare(args: &cli::Compare) -> Result<()> {
     answer(found).map_err(Error::Run)
 }
 
-/// The folders that a side names: a path, a pattern such as `runs/x-seed*`, or several of them with commas between.
+/// Returns the folders that a side names: a path, a pattern such as `runs/x-seed*`, or several of them, separated by
+/// commas.
 fn folders(name: &str) -> anyhow::Result<Vec<PathBuf>> {
     let whole = PathBuf::from(name);
     if whole.exists() {
@@ -30,7 +31,7 @@ fn folders(name: &str) -> anyhow::Result<Vec<PathBuf>> {
             folders.push(path);
             continue;
         }
-        let matches = glob::glob(part).with_context(|| format!("{part}: is neither a folder nor a pattern"))?;
+        let matches = glob::glob(part).with_context(|| format!("{part}: is neither a folder nor a valid pattern"))?;
         let before = folders.len();
         folders.extend(matches.filter_map(|path| path.ok().filter(|path| path.is_dir())));
         ensure!(folders.len() > before, "{part}: no such folder");

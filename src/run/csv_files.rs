@@ -1,4 +1,4 @@
-//! `--csv`: files that are written player by player.
+//! `--csv`: the CSV files of `evaluate` and `baseline`.
 
 use std::path::{Path, PathBuf};
 
@@ -9,14 +9,14 @@ use crate::evaluation::Finding;
 use crate::evaluation::csv::{Lines, by_agent, by_episode};
 use crate::records::csv::append;
 
-/// The CSV files of `--csv`: they get the lines of a player as soon as it has played.
+/// The CSV files of `--csv`. The lines of each player are written as soon as it has played.
 pub struct CsvFiles {
     episodes: PathBuf,
     agents: PathBuf,
 }
 
 impl CsvFiles {
-    /// Makes the directory; files that are there already are an error, and so is a place that cannot be written to.
+    /// Makes the directory. If one of the files exists or cannot be written, this is an error.
     pub fn create(dir: &Path) -> Result<CsvFiles> {
         let files = CsvFiles { episodes: dir.join("episodes.csv"), agents: dir.join("agents.csv") };
         for file in [&files.episodes, &files.agents] {

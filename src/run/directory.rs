@@ -1,4 +1,4 @@
-//! Run directories: made, described, and opened again.
+//! Makes and opens run directories.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -17,16 +17,18 @@ use crate::records::files;
 use crate::records::joint_layout::JointLayout;
 use crate::records::run_json::RunJson;
 
-/// Makes the directory of a new run and returns its path. Self-contained: it holds config, networks and circumstances.
+/// Makes the directory of a new run and returns its path.
+///
+/// The directory is self-contained: it holds the config, the networks and the circumstances of the run.
 pub fn create(path: &Path, existing: Existing, config: &Config) -> Result<PathBuf> {
     let path = places::place(path, existing)?;
-    // Later the run loads its networks from here.
+    // The run loads its networks from there later.
     domain::check_place(config, &path)?;
     places::make(&path, existing, |dir| describe(dir, config))?;
     Ok(path)
 }
 
-/// Writes config, networks and circumstances.
+/// Writes the config, the networks and `run.json`.
 fn describe(dir: &Path, config: &Config) -> Result<()> {
     let domain = domain::find(config)?;
     let kept = domain::keep_files(config, &*domain, dir)?;
@@ -42,7 +44,7 @@ fn describe(dir: &Path, config: &Config) -> Result<()> {
     run.write(dir)
 }
 
-/// How the program was called, without what ties it to the life of an experiment.
+/// Returns the words of the command line, without the hidden flag that ends a run together with its experiment.
 fn command_line() -> Vec<String> {
     let mut words = std::env::args_os().map(|word| word.to_string_lossy().into_owned());
     let mut kept = Vec::new();
@@ -56,7 +58,7 @@ fn command_line() -> Vec<String> {
     kept
 }
 
-/// What [`open`] finds: a run that can be evaluated.
+/// A run with trained policies.
 pub struct TrainedRun {
     pub config: Config,
     pub domain: Arc<dyn Domain>,
@@ -77,17 +79,21 @@ pub fn open_config(path: &Path) -> Result<(Config, Arc<dyn Domain>)> {
     Ok((config, domain))
 }
 
-/// Reads a run directory with its policies.
+/// Reads a run directory: its config, domain and policies.
 pub fn open(path: &Path) -> Result<TrainedRun> {
     let (config, domain) = open_config(path)?;
     let saved = path.join(files::POLICIES);
-    ensure!(saved.is_file(), "{}: has no policies yet; they are written after the first period", path.display());
+    ensure!(
+        saved.is_file(),
+        "{}: has no policies yet; they are written at the end of the first period",
+        path.display()
+    );
     let policies = JointLayout::of_policies(domain.kinds(), &config.policy).read(&saved)?;
     Ok(TrainedRun { config, domain, policies })
 }
 
 impl TrainedRun {
-    /// Its policies as they act on the GS.
+    /// Returns the policies as a controller for the global simulator (GS).
     pub fn controller(&self, selection: Selection) -> JointPolicyController {
         JointPolicyController::new(self.domain.kinds(), &self.config.policy, &self.policies, selection)
     }

@@ -1,4 +1,4 @@
-//! Which domain a config names: the only place that knows them all.
+//! Finds the domain that a config names. Only this file knows all domains.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -13,17 +13,20 @@ use crate::traffic::Traffic;
 use crate::traffic::sim::recording::Tape;
 use crate::warehouse::Warehouse;
 
-/// Where a machine cannot compute as a config says; only the width that is fixed can be missing.
-pub const NO_SUCH_VECTORS: &str = "numerics.vector_width = \"256-bit\": not on this machine; \"widest\" is for all";
+/// Error if a machine cannot compute as a config says. Only the fixed width can be missing.
+pub const NO_SUCH_VECTORS: &str =
+    "numerics.vector_width = \"256-bit\": this machine has no such vector instructions; \"widest\" works everywhere";
 
-/// Opens the domain of a config, with whatever files it needs, and from now on lets the networks of this process compute as
-/// the config says: every process that computes with them comes by here first.
+/// Opens the domain of a config and reads the files that it needs.
+///
+/// Also sets the vector width of this process's networks as the config says. So every process must call this before it
+/// computes with networks.
 pub fn open(config: &Config) -> Result<Arc<dyn Domain>> {
     use_vectors(config.numerics.vector_width).context(NO_SUCH_VECTORS)?;
     find(config)
 }
 
-/// Finds the domain of a config, to ask it something; nothing computes with it.
+/// Opens the domain of a config only to ask it something. Leaves the vector width as it is.
 pub fn find(config: &Config) -> Result<Arc<dyn Domain>> {
     Ok(match table(config) {
         DomainConfig::Traffic(table) => Arc::new(Traffic::open(table)?),
@@ -35,7 +38,7 @@ fn table(config: &Config) -> &DomainConfig {
     config.domain.as_ref().expect("a config that was loaded has a domain")
 }
 
-/// The traffic domain of a config, if that is its domain, for what no other domain has.
+/// Returns the traffic domain of a config, or `None` if the config names another domain.
 pub fn traffic(config: &Config) -> Result<Option<Traffic>> {
     match table(config) {
         DomainConfig::Traffic(table) => Traffic::open(table).map(Some),
@@ -43,28 +46,27 @@ pub fn traffic(config: &Config) -> Result<Option<Traffic>> {
     }
 }
 
-/// As [`open`], but the first episode that the domain's simulators play goes on `tape`.
+/// Opens the traffic domain of a config. The first episode that its simulators play is recorded on `tape`.
 pub fn open_recorded(config: &Config, tape: &Tape) -> Result<Traffic> {
     match traffic(config)? {
         Some(traffic) => Ok(traffic.record_on(tape)),
-        None => bail!(
-            "only traffic is recorded, and this is {}; other domains may draw with --render",
-            table(config).name()
-        ),
+        None => {
+            bail!("only traffic can be recorded, and this is {}; for another domain try --render", table(config).name())
+        }
     }
 }
 
-/// Tries out what only a simulator can say of the domain's files, so that it is said before a run begins.
+/// Tries the domain's files in its simulator, so that errors in them are reported before a run begins.
 pub fn check(config: &Config) -> Result<()> {
     find(config)?.try_out()
 }
 
-/// Whether the domain's files could be loaded from a run directory at `path`.
+/// Checks that the domain's files could be loaded from a run directory at `path`.
 pub fn check_place(config: &Config, path: &Path) -> Result<()> {
     find(config)?.check_place(&path.join(files::NETWORKS))
 }
 
-/// Copies the domain's files into the run directory `dir`, and returns the config as it stands there.
+/// Copies the domain's files into the run directory `dir` and returns a config with the paths of the copies.
 pub fn keep_files(config: &Config, domain: &dyn Domain, dir: &Path) -> Result<Config> {
     let places = domain.keep_files(&dir.join(files::NETWORKS))?;
     let mut kept = config.clone();

@@ -1,4 +1,4 @@
-//! `evaluate` and `baseline`: the same episodes, the same figures.
+//! `evaluate` and `baseline`: both play the same episodes and print the same figures.
 
 use anyhow::ensure;
 use serde_json::{Value, json};
@@ -64,12 +64,12 @@ pub fn baseline(args: &cli::Baseline) -> Result<()> {
     session.draw(plots.as_ref(), finding, format!("controller {} on {config}", finding.player.label))
 }
 
-/// Episodes that are to be played, and what shall be told of them.
+/// The episodes of one command and its output options.
 struct Session<'a> {
     domain: &'a dyn Domain,
     episodes: usize,
     seed: u64,
-    /// As `report` knows it.
+    /// Scenario in the words of `report`.
     scenario: String,
     output: &'a cli::Output,
 }
@@ -89,7 +89,7 @@ impl<'a> Session<'a> {
         Ok(Session { domain, episodes: count, seed, scenario, output })
     }
 
-    /// Tells what is wrong with a subject, or with a place to write to, before anything plays.
+    /// Checks all subjects and all output places before anything plays.
     fn prepare(&self, subjects: &[Subject]) -> Result<Option<CsvFiles>> {
         self.check(subjects).map_err(Error::Usage)?;
         self.output.csv.as_deref().map(CsvFiles::create).transpose().map_err(Error::Usage)
@@ -103,7 +103,7 @@ impl<'a> Session<'a> {
         self.output.render.as_deref().map_or(Ok(()), |dir| places::check_free(dir, "--render"))
     }
 
-    /// Lets one subject after the other play the same episodes.
+    /// Lets all subjects play the same episodes, one subject after the other.
     fn play(&self, subjects: Vec<Subject>, csv: Option<CsvFiles>) -> Result<Vec<Finding>> {
         let bar = EpisodeBar::new(subjects.len() * self.episodes);
         let mut findings = Vec::new();
@@ -133,7 +133,7 @@ impl<'a> Session<'a> {
         answer(found).map_err(Error::Run)
     }
 
-    /// Draws the pictures that were asked for, after the figures were told.
+    /// Draws the pictures of `--plot`, after the figures were printed.
     fn draw(&self, plots: Option<&Plots>, finding: &Finding, subject: String) -> Result<()> {
         let Some(plots) = plots else { return Ok(()) };
         let evaluation = Evaluation::new(self.domain, &finding.episodes);

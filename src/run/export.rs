@@ -1,4 +1,4 @@
-//! `export`: the policies for use outside of this program.
+//! `export`: writes the policies for use outside of this program.
 
 use std::path::{Path, PathBuf};
 
@@ -25,7 +25,8 @@ pub fn export(args: &cli::Export) -> Result<()> {
     answer(told.join("\n")).map_err(Error::Run)
 }
 
-/// `out` itself if all agents are of one kind, else a file per kind with the kind's name before the ending.
+/// Returns the output files: `out` itself if all agents are of one kind.
+/// Otherwise there is one file per kind, with the kind's name before the ending.
 fn files_of(out: &Path, kinds: &Kinds) -> Vec<PathBuf> {
     let file = |kind: &Kind| {
         if kinds.count() == 1 {
@@ -42,7 +43,7 @@ fn files_of(out: &Path, kinds: &Kinds) -> Vec<PathBuf> {
     kinds.iter().map(file).collect()
 }
 
-/// Writes a TorchScript module per kind. `files`: one per kind.
+/// Writes one TorchScript module per kind. `files`: one path per kind.
 fn write_scripts(
     kinds: &Kinds,
     config: &PolicyConfig,
@@ -61,8 +62,8 @@ fn check_free(file: &Path, force: bool) -> anyhow::Result<()> {
     let out = file.display();
     ensure!(!file.is_dir(), "{out}: is a directory; name a file with --out, such as policies.pt");
     let folder = folder_of(file);
-    ensure!(folder.is_dir(), "{out}: there is no directory {} to write it into; make it first", folder.display());
-    ensure!(force || !file.exists(), "{out}: exists already; name another file, or overwrite it with --force");
+    ensure!(folder.is_dir(), "{out}: there is no directory {}; make it first", folder.display());
+    ensure!(force || !file.exists(), "{out}: exists already; name another file, or add --force to overwrite it");
     Ok(())
 }
 
@@ -78,7 +79,7 @@ fn how_to_use(file: &Path, kind: &Kind, recurrent: Option<usize>) -> String {
     if let Some(width) = recurrent {
         lines[2] = format!("  out = policies(obs, states)  # obs: float32 [{agents}, batch, {obs_dim}]");
         lines.push(format!(
-            "  states = out[..., {}:]  # float32 [{agents}, batch, {width}], zeros where an episode begins",
+            "  states = out[..., {}:]  # float32 [{agents}, batch, {width}], zeros when an episode begins",
             actions + 1
         ));
     }

@@ -1,4 +1,4 @@
-//! `info`: versions, and where each part was found.
+//! `info`: prints versions and where each part was found.
 
 use std::path::{Path, PathBuf};
 
@@ -22,10 +22,10 @@ pub fn info() -> Result<()> {
     answer(lines.join("\n")).map_err(Error::Run)
 }
 
-/// Libtorch and its BLAS, if this program was built with them.
+/// Describes libtorch and its BLAS, if this program was built with them.
 fn libtorch(build: &Versions) -> String {
     if !cfg!(feature = "torch") {
-        return "libtorch none: built without the feature `torch`".to_owned();
+        return "no libtorch: built without the feature `torch`".to_owned();
     }
     let [torch, blas] = ["libtorch_cpu.so", "blas"].map(|library| place(loaded_library(library)));
     format!("libtorch {} at {torch}\nBLAS at {blas}", build.libtorch)
@@ -35,7 +35,7 @@ fn place(found: Option<PathBuf>) -> String {
     found.map_or("(not found)".to_owned(), |path| path.display().to_string())
 }
 
-/// The file of a shared library that this process has loaded, by a part of its name.
+/// Finds the file of a shared library that this process has loaded. `name`: part of its file name.
 fn loaded_library(name: &str) -> Option<PathBuf> {
     let maps = std::fs::read_to_string("/proc/self/maps").ok()?;
     let files = maps.lines().filter_map(|line| line.split_whitespace().nth(5));

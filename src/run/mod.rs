@@ -1,12 +1,14 @@
 //! One file per subcommand: config -> domain -> fleet -> training -> run directory.
 //!
-//! - `train` and `worker`; `evaluate` (with `baseline`), `export`, `bench`, `experiment`, `report`, `compare`, `replay`, `nets`, `info`.
-//! - `domain`: which domain a config names. `directory`: run directories, and making any directory whole or not at all. `build`:
-//!   what a run is computed with.
-//! - `subject`, `cast`: what is evaluated, and who plays the episode that is replayed.
-//! - What belongs to one flag: `render`, `plot`, `video`, `tune`, and `csv_files` for `--csv`.
-//! - `places`: directories of files, made whole or not at all.
-//! - `blas`: one thread for libtorch, which `bench` times.
+//! - Subcommands: `train` and its `worker`, `evaluate` (also `baseline`), `export`, `bench`, `experiment`, `report`,
+//!   `compare`, `replay`, `nets`, `info`.
+//! - `domain`: finds the domain that a config names. Only this file knows all domains.
+//! - `directory`: makes and opens run directories. `places`: makes any directory whole or not at all, and checks output
+//!   paths.
+//! - `build`: the program, libraries and machine that compute a run.
+//! - `subject`: what `evaluate` and `baseline` play. `cast`: the players of the episode that `replay` records.
+//! - One flag each: `csv_files` (`--csv`), `plot`, `render`, `tune`, `video`.
+//! - `blas`: keeps libtorch to one thread for `bench`.
 
 mod bench;
 #[cfg(feature = "torch")]
@@ -39,7 +41,7 @@ use rustix::process::{Signal, getppid, set_parent_process_death_signal};
 use crate::cli::{Cli, Command};
 use crate::error::{Error, Result};
 
-/// Does what was asked.
+/// Runs one command.
 pub fn run(cli: Cli) -> Result<()> {
     if let Some(parent) = cli.end_with {
         end_with(parent).map_err(Error::Run)?;
@@ -60,13 +62,14 @@ pub fn run(cli: Cli) -> Result<()> {
     }
 }
 
-/// The flag that names the process whose end is the end of this one.
+/// The hidden flag that names the parent process. When the parent ends, this process ends too.
 const END_WITH: &str = "--end-with";
 
-/// Ties the life of this process to that of the one that started it, however that ends.
+/// Makes the system kill this process when its parent ends, however the parent ends.
 fn end_with(parent: u32) -> anyhow::Result<()> {
-    set_parent_process_death_signal(Some(Signal::KILL)).context("cannot be tied to the life of its parent")?;
-    // It may have ended before.
+    set_parent_process_death_signal(Some(Signal::KILL))
+        .context("cannot arrange to end together with the parent process")?;
+    // The parent may have ended before the call above.
     let lives = getppid().is_some_and(|pid| pid.as_raw_nonzero().get() as u32 == parent);
     ensure!(lives, "the process that started this one has ended");
     Ok(())

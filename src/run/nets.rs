@@ -1,4 +1,4 @@
-//! `nets`
+//! `nets`: writes SUMO networks.
 
 use crate::cli;
 use crate::error::{Error, Result};

@@ -1,4 +1,4 @@
-//! Makes directories of files, whole or not at all, and keeps apart what options name.
+//! Makes directories whole or not at all, and checks that the output paths of options do not overlap.
 
 use std::fs::{self, Permissions};
 use std::os::unix::fs::PermissionsExt;
@@ -9,10 +9,10 @@ use anyhow::{Context, Result, ensure};
 use crate::records::atomic::folder_of;
 use crate::terminal::tell;
 
-/// What to do where something is at the place of a new run directory.
+/// What to do if the path of a new directory exists already.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Existing {
-    /// An error.
+    /// Report an error.
     Refuse,
     /// Move it to the first free of `path.old-1`, `path.old-2`, ...
     MoveAside,
@@ -20,7 +20,7 @@ pub enum Existing {
     Number,
 }
 
-/// Where [`make`] will make a directory; an error if something is there that must not be.
+/// Returns the path at which [`make`] will make a directory. With `Existing::Refuse` an existing path is an error.
 pub fn place(path: &Path, existing: Existing) -> Result<PathBuf> {
     let path = match existing {
         Existing::Refuse | Existing::MoveAside => path.to_owned(),
@@ -34,10 +34,11 @@ pub fn place(path: &Path, existing: Existing) -> Result<PathBuf> {
     Ok(path)
 }
 
-/// Makes the directory `path`, a [`place`], with what `fill` writes into the directory that it is handed.
+/// Makes the directory `path`, which comes from [`place`]. `fill` writes its content into the directory that it is
+/// given.
 ///
-/// It is filled under another name beside its place and moved there whole, so that an error leaves everything as it was,
-/// and so that what is moved aside may be where the content comes from.
+/// The new directory is filled under a temporary name beside `path` and then renamed. So an error leaves everything as
+/// it was. And the old directory, which is moved aside last, may be the source of the content.
 pub fn make<T>(path: &Path, existing: Existing, fill: impl FnOnce(&Path) -> Result<T>) -> Result<T> {
     let parent = folder_of(path);
     let new_folders: Vec<&Path> = parent.ancestors().take_while(|folder| !folder.exists()).collect();
@@ -56,7 +57,7 @@ fn fill_and_move<T>(
     if !parent.exists() {
         fs::create_dir_all(parent).with_context(failed)?;
     }
-    // A temporary directory is for its owner alone by default; this one is for everyone whom the umask allows.
+    // By default only the owner may enter a temporary directory; here the umask decides.
     let mut builder = tempfile::Builder::new();
     let builder = builder.prefix(".new-").permissions(Permissions::from_mode(0o777));
     let staged = builder.tempdir_in(parent).with_context(failed)?;
@@ -72,11 +73,11 @@ fn fill_and_move<T>(
         (_, None) => {}
     }
     moved?;
-    drop(staged.keep()); // Nothing is at that name any more.
+    drop(staged.keep()); // It was renamed: there is nothing left to remove.
     Ok(filled)
 }
 
-/// Renames what is at `path` to the first free of `path.old-1`, `path.old-2`, ... and returns that.
+/// Renames `path` to the first free of `path.old-1`, `path.old-2`, ... and returns the new path.
 pub fn move_aside(path: &Path) -> Result<PathBuf> {
     let aside = first_free(path, ".old-", 1);
     fs::rename(path, &aside).with_context(|| format!("{}: cannot be moved aside", path.display()))?;
@@ -87,7 +88,7 @@ pub fn tell_moved(path: &Path, aside: &Path) {
     tell(format_args!("moved {} to {}", path.display(), aside.display()));
 }
 
-/// `path` itself where there is nothing and numbers begin at 2, else the first free of `path` + `word` + number.
+/// Returns `path` itself if it is free and numbers begin at 2, otherwise the first free of `path` + `word` + number.
 fn first_free(path: &Path, word: &str, first: usize) -> PathBuf {
     if first > 1 && is_free(path) {
         return path.to_owned();
@@ -100,27 +101,27 @@ fn first_free(path: &Path, word: &str, first: usize) -> PathBuf {
     candidates.find(|candidate| is_free(candidate)).expect("numbers go on")
 }
 
-/// An error if something is where `option` shall make a directory.
+/// Checks that nothing is at `path`, where `option` will make a directory.
 pub fn check_free(path: &Path, option: &str) -> Result<()> {
     ensure!(is_free(path), "{}: exists already; name another directory with {option}", path.display());
     Ok(())
 }
 
-/// Makes a directory where there is none; an error if no file can be made in it.
+/// Makes the directory if there is none, and checks that a file can be made in it.
 pub fn check_writable(dir: &Path) -> Result<()> {
     let failed = || format!("{}: cannot be written to", dir.display());
     fs::create_dir_all(dir).with_context(failed)?;
     tempfile::tempfile_in(dir).map(drop).with_context(failed)
 }
 
-/// An error if two of the places that options name are the same, or one is within another.
+/// Checks that no two options name the same place, and that none lies within another.
 pub fn check_apart(places: &[(&str, Option<&Path>)]) -> Result<()> {
     let places: Vec<_> = places.iter().filter_map(|&(option, path)| Some((option, path?, real(path?)))).collect();
     for (number, (option, path, place)) in places.iter().enumerate() {
         for (other, _, taken) in &places[..number] {
             ensure!(
                 !place.starts_with(taken) && !taken.starts_with(place),
-                "{}: {other} and {option} must not write to the same place, nor one within the other's; name another one",
+                "{}: {other} and {option} must not write to the same place or into each other; name another path",
                 path.display()
             );
         }
@@ -128,14 +129,14 @@ pub fn check_apart(places: &[(&str, Option<&Path>)]) -> Result<()> {
     Ok(())
 }
 
-/// A path without links, as far as it exists.
+/// Resolves the links in a path, as far as it exists.
 fn real(path: &Path) -> PathBuf {
     let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let known = path.ancestors().find_map(|known| Some((known.canonicalize().ok()?, path.strip_prefix(known).ok()?)));
     known.map(|(known, rest)| known.join(rest)).unwrap_or(path)
 }
 
-/// Nothing is there, not even a link that leads nowhere.
+/// Returns whether nothing is at `path`, not even a broken link.
 pub fn is_free(path: &Path) -> bool {
     path.symlink_metadata().is_err()
 }

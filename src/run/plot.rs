@@ -1,4 +1,4 @@
-//! `--plot`: pictures of an evaluation.
+//! `--plot`: draws an evaluation as SVG files.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -16,25 +16,25 @@ use crate::traffic::Traffic;
 use crate::traffic::sim::recording::Tape;
 use crate::traffic::sim::trace::trace;
 
-/// What will be drawn when the episodes are over.
+/// The recording and the output directory of `--plot`. The pictures are drawn after the episodes.
 pub struct Plots {
     dir: PathBuf,
     tape: Tape,
-    /// It records the first episode.
+    /// Domain whose first episode is recorded on `tape`.
     traffic: Traffic,
 }
 
 impl Plots {
-    /// Checks that pictures can be made in `dir`, before long work begins. `None`: nobody asked for them.
+    /// Checks that pictures can be made in `dir`, before long work begins. `None`: the option was not given.
     pub fn asked_for(dir: Option<&Path>, config: &Config) -> Result<Option<Plots>> {
         let Some(dir) = dir else { return Ok(None) };
         places::check_free(dir, "--plot")?;
         let tape = Tape::default();
-        let traffic = domain::open_recorded(config, &tape).context("--plot: there is nothing to draw from")?;
+        let traffic = domain::open_recorded(config, &tape).context("--plot: nothing can be drawn")?;
         Ok(Some(Plots { dir: dir.to_owned(), tape, traffic }))
     }
 
-    /// The domain whose episodes are to be played.
+    /// Returns the domain to play the episodes on.
     pub fn domain(&self) -> &dyn Domain {
         &self.traffic
     }

@@ -1,4 +1,4 @@
-//! `--render`: pictures of an episode.
+//! `--render`: draws an episode, one picture per step.
 
 use std::path::Path;
 
@@ -10,7 +10,9 @@ use crate::domain::{Controller, GlobalSimulator};
 use crate::evaluation::{episode_seed, play_watched};
 use crate::film::scenes;
 
-/// Plays the first evaluation episode of `run` and makes the directory `dir`: `step_NNN.svg` for every step and `episode.gif`.
+/// Plays the first evaluation episode of the seed `run` and draws it into the new directory `dir`.
+///
+/// The files are `step_NNN.svg` for every step, and `episode.gif`.
 pub fn render(
     simulator: &mut dyn GlobalSimulator,
     controller: &mut dyn Controller,
@@ -18,7 +20,7 @@ pub fn render(
     dir: &Path,
 ) -> Result<()> {
     if simulator.scene().is_none() {
-        bail!("--render: this domain draws no pictures; --plot may draw some, and `replay` write what sumo-gui plays");
+        bail!("--render: this domain draws no pictures; try --plot, or `replay` for sumo-gui");
     }
     let mut drawn = Vec::new();
     play_watched(simulator, controller, episode_seed(run, 0), &mut |simulator| {

@@ -1,4 +1,4 @@
-//! `replay`: one episode as a folder that SUMO plays, on a screen if there is one, as a film if somebody asks for it.
+//! `replay`: writes one episode as a folder that SUMO plays; on request opens it in sumo-gui or films it.
 
 use std::path::PathBuf;
 
@@ -28,7 +28,7 @@ pub fn replay(args: &cli::Replay) -> crate::error::Result<()> {
     .map_err(Error::Run)?;
     let config = replay::config_in(&dir);
     answer(format_args!(
-        "written to {}: {} steps, {} cars; SUMO plays it as it was, to the last bit\nwatch it with: sumo-gui -c {}",
+        "written to {}: {} steps, {} cars; SUMO replays it to the last bit\nwatch it with: sumo-gui -c {}",
         dir.display(),
         recording.steps.len(),
         recording.entries.len(),
@@ -43,7 +43,7 @@ pub fn replay(args: &cli::Replay) -> crate::error::Result<()> {
         let (grid, steps) = (recording.roads.grid, recording.steps.len());
         let (columns, rows) = (grid.cols(), grid.rows());
         video.make(&Replay { config: &config, steps, columns, rows, settings: &snapshots })?;
-        answer(format_args!("filmed {}", video.file().display())).map_err(Error::Run)?;
+        answer(format_args!("wrote the film {}", video.file().display())).map_err(Error::Run)?;
     }
     if args.gui { watch(&config).map_err(Error::Run) } else { Ok(()) }
 }

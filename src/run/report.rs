@@ -1,4 +1,4 @@
-//! `report`
+//! `report`: writes the figures and tables of run directories.
 
 use std::fs;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! What `evaluate` and `baseline` play: a hand-coded controller by its name, or the policies of a run directory.
+//! The players of `evaluate` and `baseline`: hand-coded controllers by name, and the policies of run directories.
 
 use std::path::{Path, PathBuf};
 
@@ -12,14 +12,14 @@ use crate::evaluation::Player;
 use crate::policy::Selection;
 use crate::records::files;
 
-/// A controller or a run, as it is named on the command line.
+/// A controller or a run, as the command line names it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Subject {
     Controller(String),
     Run { dir: PathBuf, greedy: bool, background: Option<Background> },
 }
 
-/// Hand-coded control around the policies of some agents.
+/// A hand-coded controller for all agents except those that use their policies.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Background {
     pub controller: String,
@@ -34,9 +34,10 @@ impl Background {
 }
 
 impl Subject {
-    /// The subjects of a list that is separated by commas. What looks like a path is a run, and so is a directory unless a
-    /// controller of `domain` has its name. The parameters of a controller are separated by commas, too: `key=value` belongs
-    /// to the name before it.
+    /// Reads a list of subjects, separated by commas.
+    ///
+    /// A word with a `/` in its name is a run. So is a directory, unless a controller of `domain` has the same name.
+    /// The parameters of a controller are separated by commas, too: `key=value` belongs to the name before it.
     pub fn list(text: &str, greedy: bool, domain: &dyn Domain) -> Result<Vec<Subject>> {
         let mut words: Vec<String> = Vec::new();
         for word in text.split(',') {
@@ -59,7 +60,7 @@ impl Subject {
         Ok(words.into_iter().map(subject).collect())
     }
 
-    /// What it is called in tables and files.
+    /// Returns the name of the subject in tables and files.
     pub fn label(&self) -> String {
         match self {
             Subject::Controller(name) => name.clone(),
@@ -75,7 +76,7 @@ impl Subject {
         }
     }
 
-    /// As findings name it.
+    /// Returns the subject as findings describe it.
     pub fn player(&self) -> Player {
         let policies = match self {
             Subject::Controller(_) => None,
@@ -85,7 +86,7 @@ impl Subject {
         Player { label: self.label(), keys: self.keys(), policies }
     }
 
-    /// What identifies it in JSON.
+    /// Returns the JSON keys and values that identify the subject.
     fn keys(&self) -> Vec<(&'static str, Value)> {
         match self {
             Subject::Controller(name) => vec![("controller", json!(name))],
@@ -100,20 +101,20 @@ impl Subject {
         }
     }
 
-    /// An error if it could not be played on the GS of `domain`.
+    /// Checks that the subject can be played on the global simulator (GS) of `domain`.
     pub fn check(&self, domain: &dyn Domain) -> Result<()> {
         match self {
             Subject::Controller(name) => domain.check_baseline(name).map_err(|unknown| {
                 if !Path::new(name).join(files::CONFIG).is_file() {
                     return unknown;
                 }
-                anyhow!("{name}: is a run directory and no controller; `evaluate`, `replay` and --compare play it")
+                anyhow!("{name}: is a run directory, not a controller; use `evaluate`, `replay` or --compare")
             }),
             Subject::Run { dir, background, .. } => {
                 if let Some(Background { controller, policies_of }) = background {
                     let agents = domain.agents();
                     if let Some(unknown) = policies_of.iter().find(|agent| agent.0 >= agents) {
-                        bail!("--agents: there is no agent {unknown}, but 0 to {}", agents - 1);
+                        bail!("--agents: there is no agent {unknown}; the agents are 0 to {}", agents - 1);
                     }
                     domain.check_baseline(controller)?;
                 }
@@ -122,7 +123,7 @@ impl Subject {
         }
     }
 
-    /// Itself, with the GS of `domain` to play on. A process may hold one of them at a time.
+    /// Opens the subject and the GS of `domain`. A process can hold only one SUMO simulation at a time.
     pub fn open(&self, domain: &dyn Domain) -> Result<Baseline> {
         match self {
             Subject::Controller(name) => domain.baseline(name),
@@ -142,7 +143,7 @@ impl Subject {
     }
 }
 
-/// The run in `dir`, if its policies fit the agents of `domain`.
+/// Reads the run in `dir`. If its policies do not fit the agents of `domain`, this is an error.
 fn fitting(dir: &Path, domain: &dyn Domain) -> Result<TrainedRun> {
     let run = directory::open(dir)?;
     let shapes = |domain: &dyn Domain| -> Vec<(usize, usize)> {
@@ -152,14 +153,14 @@ fn fitting(dir: &Path, domain: &dyn Domain) -> Result<TrainedRun> {
     let path = dir.display();
     ensure!(
         theirs.len() == ours.len(),
-        "{path}: its policies are those of {} agents, and here there are {}; compare it with a config like its own",
+        "{path}: has policies for {} agents, but this config has {}; use one like the run's own",
         theirs.len(),
         ours.len()
     );
     for (agent, (theirs, ours)) in theirs.iter().zip(&ours).enumerate() {
         ensure!(
             theirs == ours,
-            "{path}: agent {agent} has {} inputs and {} actions, and here {} and {}; compare it with a config like its own",
+            "{path}: agent {agent} has {} inputs and {} actions, but {} and {} in this config; use one like the run's own",
             theirs.0,
             theirs.1,
             ours.0,
@@ -186,7 +187,11 @@ mod tests {
             ["fixed-time:green=10,offsets=checkerboard", "gap-out", "max-pressure:min-green=5"]
         );
         assert_eq!(labels("random"), ["random"]);
-        assert_eq!(labels("gap-out,green=10"), ["gap-out", "green=10"], "gap-out begins no list of parameters");
+        assert_eq!(
+            labels("gap-out,green=10"),
+            ["gap-out", "green=10"],
+            "there is no colon after gap-out, so it has no parameters"
+        );
     }
 
     #[test]

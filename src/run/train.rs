@@ -1,4 +1,4 @@
-//! `train`
+//! `train`: trains the policies of all agents and writes a run directory.
 
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -40,20 +40,20 @@ pub fn train(args: &cli::Train) -> Result<()> {
         Ok(()) => answer(how_to_go_on(&run)).map_err(Error::Run),
         Err(error) if error.is::<Interrupted>() => Err(Error::Interrupted(stopped(&run.dir))),
         Err(error) => {
-            let way_out = format!("what was written so far stays; go on with: {}", resume_command(&run.dir));
+            let way_out = format!("the files written so far are kept; resume with: {}", resume_command(&run.dir));
             tell(way_out);
             Err(Error::Run(error))
         }
     }
 }
 
-/// A run that is ready to begin or to go on.
+/// A run that is ready to begin or to resume.
 struct Run {
     dir: PathBuf,
     config: Config,
     domain: Arc<dyn Domain>,
     resumed: bool,
-    /// This build, where another one wrote the run so far.
+    /// This build, if another build wrote the run so far.
     other_build: Option<Versions>,
 }
 
@@ -67,7 +67,7 @@ fn begin(args: &cli::Train, config_path: &Path) -> Result<Run> {
     };
     let dir = args.out.clone().unwrap_or_else(|| default_dir(config_path, &config));
     let dir = directory::create(&dir, existing, &config).map_err(Error::Usage)?;
-    // From here on with the networks of the run directory: the ones that were named may just have been moved aside.
+    // Use the networks of the run directory from here on, because the original ones may just have been moved aside.
     open(&dir)
 }
 
@@ -91,7 +91,7 @@ impl Run {
             false => (RunLog::create(dir, config, layouts)?, None),
             true => RunLog::resume(dir, config, layouts)?,
         };
-        // Now that nobody else can be writing the run.
+        // `RunLog` has locked the directory, so nobody else can be writing this run.
         let resumes_at = checkpoint.as_ref().map_or(0, |checkpoint| checkpoint.agents.steps);
         other_build.as_ref().map_or(Ok(()), |build| record_resume(dir, build, resumes_at))?;
         let mut fleet: Box<dyn Fleet> = match workers {
@@ -112,7 +112,7 @@ impl Run {
     }
 }
 
-/// The flags that stand for keys of the config, as settings of these keys.
+/// Returns the flags that override keys of the config, as `KEY=VALUE` settings.
 fn settings(args: &cli::Train) -> Vec<String> {
     let mut settings = settings_with(&args.settings, args.simulator);
     settings.extend(args.seed.map(|seed| format!("seed={seed}")));
@@ -121,14 +121,14 @@ fn settings(args: &cli::Train) -> Vec<String> {
     settings
 }
 
-/// `--set` and `--simulator`, which stands for a key.
+/// Returns the settings of `--set`, and `--simulator` as a setting.
 pub fn settings_with(settings: &[String], simulator: Option<cli::Simulator>) -> Vec<String> {
     let simulator = simulator.and_then(|kind| kind.to_possible_value());
     let simulator = simulator.map(|kind| format!("simulator={}", kind.get_name()));
     settings.iter().cloned().chain(simulator).collect()
 }
 
-/// How many workers there are where nobody says it.
+/// Returns the default number of workers: one per core.
 pub fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
@@ -138,16 +138,16 @@ fn default_dir(config_path: &Path, config: &Config) -> PathBuf {
     Path::new("runs").join(format!("{name}-{}-seed{}", config.simulator.name(), config.seed))
 }
 
-/// The last words of a run that somebody stopped.
+/// Returns the last line of a run that was stopped.
 fn stopped(dir: &Path) -> String {
-    format!("stopped; go on with: {}", resume_command(dir))
+    format!("stopped; resume with: {}", resume_command(dir))
 }
 
 fn resume_command(dir: &Path) -> String {
     format!("{} train --resume {}", program(), quoted(dir))
 }
 
-/// The commands name the config that the run keeps: it has the flags of the command line in it.
+/// Returns the commands to try next. They use the run's copy of the config, which includes the command-line flags.
 fn how_to_go_on(run: &Run) -> String {
     let Run { dir, config, domain, .. } = run;
     let episodes = config.evaluation.final_episodes;

@@ -1,4 +1,4 @@
-//! `--tune`: the best fixed-time lights for a network, looked for once and kept in a file.
+//! `--tune`: searches the best fixed-time controller for a network, once, and caches it in a file.
 
 use std::path::{Path, PathBuf};
 
@@ -15,12 +15,12 @@ use crate::terminal::tell;
 use crate::traffic::controllers::timing_file::{TimingFile, TunedOn};
 use crate::traffic::tuning;
 
-/// Where the files go.
+/// Folder of the cached timings.
 const FOLDER: &str = "tuned";
-/// The controller that is tuned.
+/// Name of the controller that is tuned.
 const FIXED_TIME: &str = "fixed-time";
 
-/// Puts the best fixed time that can be found in the place of every `fixed-time` without parameters.
+/// Replaces every `fixed-time` without parameters by the best timings that the search finds.
 pub fn tune_fixed_time(config: &Config, episodes: usize, subjects: &mut [Subject]) -> Result<()> {
     let is_fixed_time = |subject: &&mut Subject| **subject == Subject::Controller(FIXED_TIME.to_owned());
     let untuned: Vec<&mut Subject> = subjects.iter_mut().filter(is_fixed_time).collect();
@@ -29,10 +29,10 @@ pub fn tune_fixed_time(config: &Config, episodes: usize, subjects: &mut [Subject
         if let Some(timed) = subjects.iter().find(|subject| is_timed(subject)) {
             let name = timed.label();
             return Err(Error::Usage(anyhow!(
-                "--tune: looks for all timings of {FIXED_TIME}; `{name}` has some already"
+                "--tune: searches all timings of {FIXED_TIME}, but `{name}` already sets some of them"
             )));
         }
-        return Err(Error::Usage(anyhow!("--tune: tunes {FIXED_TIME}, and that is no controller of this command")));
+        return Err(Error::Usage(anyhow!("--tune: tunes {FIXED_TIME}, which is not a controller of this command")));
     }
     let file = tuned_file(config, episodes)?;
     let name = format!("{FIXED_TIME}:file={}", file.display());
@@ -40,7 +40,7 @@ pub fn tune_fixed_time(config: &Config, episodes: usize, subjects: &mut [Subject
     Ok(())
 }
 
-/// The file for what timings depend on: the one that is there already, or a new one.
+/// Returns the file of the timings for this network, horizon, seed, search and SUMO. If there is none, makes it.
 fn tuned_file(config: &Config, episodes: usize) -> Result<PathBuf> {
     let Some(traffic) = domain::traffic(config).map_err(Error::Usage)? else {
         return Err(Error::Usage(anyhow!("--tune: only traffic lights can be tuned")));
@@ -50,12 +50,12 @@ fn tuned_file(config: &Config, episodes: usize) -> Result<PathBuf> {
     let path = Path::new(FOLDER).join(format!("{}-{key:08x}.toml", wanted.network));
     if path.exists() {
         check_kept(&path, &wanted).map_err(Error::Usage)?;
-        tell(format_args!("{}: tuned before, and used again", path.display()));
+        tell(format_args!("{}: uses the timings of an earlier search", path.display()));
         return Ok(path);
     }
     places::check_writable(Path::new(FOLDER)).map_err(Error::Usage)?;
     tell(format_args!(
-        "{FOLDER}: has no timings for this network, horizon and seed by this search and SUMO; looking for them"
+        "{FOLDER}: has no timings for this network, horizon, seed, search and SUMO version; searching for them"
     ));
     let bar = EpisodeBar::new(1);
     let found = tuning::tune(&traffic, episodes, config.seed, &mut |standing| {
@@ -72,6 +72,6 @@ fn tuned_file(config: &Config, episodes: usize) -> Result<PathBuf> {
 
 fn check_kept(path: &Path, wanted: &TunedOn) -> anyhow::Result<()> {
     let kept = TimingFile::read(path)?;
-    ensure!(kept.tuned_on == *wanted, "{}: says that it was tuned on something else; move it away", path.display());
+    ensure!(kept.tuned_on == *wanted, "{}: was tuned for another setting; move it away", path.display());
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! `replay --video`: where a film goes, and what Ctrl-C leaves of it.
+//! `replay --video`: films a replay.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -11,7 +11,7 @@ use crate::film::{Format, Pictures, Replay};
 use crate::records::atomic::{folder_of, write_beside};
 use crate::terminal::stop_on_signals;
 
-/// A film that can be made: tools and place are there.
+/// A film that can be made: its tools and its folder were checked.
 pub struct Video {
     file: PathBuf,
     format: Format,
@@ -19,18 +19,18 @@ pub struct Video {
 }
 
 impl Video {
-    /// Checks tools and place before any work begins.
+    /// Checks the tools and the output file before any work begins.
     pub fn asked_for(file: &Path, existing: Existing) -> Result<Video> {
         let format =
             Format::of(file).with_context(|| format!("--video {}: must end in .gif or .mp4", file.display()))?;
         format.check_tools("--video")?;
         ensure!(
             existing != Existing::Refuse || places::is_free(file),
-            "{}: exists already; name another one with --video, or move it aside with --force",
+            "{}: exists already; name another file with --video, or add --force to move it aside",
             file.display()
         );
         let folder = folder_of(file);
-        ensure!(folder.is_dir(), "{}: no such directory for the film", folder.display());
+        ensure!(folder.is_dir(), "{}: there is no such directory for the film; make it first", folder.display());
         Ok(Video { file: file.to_owned(), format, existing })
     }
 
@@ -38,7 +38,7 @@ impl Video {
         &self.file
     }
 
-    /// Films a replay. Ctrl-C ends that and leaves nothing behind.
+    /// Films a replay. Ctrl-C stops this and leaves no file behind.
     pub fn make(&self, replay: &Replay) -> error::Result<()> {
         let stop = stop_on_signals(|_| ()).map_err(Error::Run)?;
         match self.film(replay, &stop) {
@@ -53,7 +53,7 @@ impl Video {
         let pictures = Pictures::take(replay, stop)?;
         write_beside(&self.file, |beside| {
             pictures.join(self.format, beside, stop)?;
-            // Now that the new one is whole.
+            // The new film is complete, so the old one can go.
             if self.existing == Existing::MoveAside && !places::is_free(&self.file) {
                 places::tell_moved(&self.file, &places::move_aside(&self.file)?);
             }

@@ -1,4 +1,4 @@
-//! `worker`: what `train` starts its worker processes with.
+//! `worker`: the hidden command that `train` starts as its worker processes.
 
 use super::domain;
 use crate::error::{Error, Result};

@@ -1,8 +1,8 @@
-//! What workers do, in words.
+//! Names of the activities of workers.
 
 use crate::base::Activity;
 
-/// What a worker is doing, in words for a person.
+/// Returns what a worker is doing, in words.
 pub fn doing(activity: Activity) -> &'static str {
     match activity {
         Activity::Training => "training policies",

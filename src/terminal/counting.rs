@@ -1,10 +1,10 @@
-//! A bar over what is counted.
+//! A progress bar for things that are counted.
 
 use std::fmt::Display;
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// A bar over episodes, or over other things that are counted, on a terminal only.
+/// A progress bar for episodes or other things that are counted. It is shown on a terminal only.
 pub struct EpisodeBar {
     bar: ProgressBar,
 }
@@ -14,9 +14,9 @@ impl EpisodeBar {
         EpisodeBar::of(episodes, "episodes")
     }
 
-    /// `things`: what is counted, in the plural.
+    /// Makes a bar for `count` things. `things`: their name, in the plural.
     pub fn of(count: usize, things: &str) -> Self {
-        // indicatif draws to standard error, and nothing where that is no terminal.
+        // indicatif draws to standard error, and only if that is a terminal.
         let style = ProgressStyle::with_template(&format!(
             "{{bar:30.cyan/blue}} {{pos}}/{{len}} {things}  {{eta}} left  {{msg}}"
         ));

@@ -1,8 +1,8 @@
-//! Times in words.
+//! Durations as text.
 
 use std::time::Duration;
 
-/// `42 s`, `3 min 20 s`, `2 h 5 min`
+/// Returns a duration as text: `42 s`, `3 min 20 s` or `2 h 5 min`.
 pub fn duration(duration: Duration) -> String {
     let seconds = duration.as_secs();
     match (seconds / 3600, seconds / 60 % 60, seconds % 60) {

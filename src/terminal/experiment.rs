@@ -1,4 +1,4 @@
-//! What a person sees of an experiment: a line per run at work and one for the whole; plain lines where there is no terminal.
+//! The progress of `experiment`: a bar per running process and one for the whole. Without a terminal: plain lines.
 
 use std::collections::BTreeMap;
 use std::io::IsTerminal;
@@ -10,37 +10,39 @@ use super::duration::duration;
 use super::tell;
 use super::training::plain_line;
 
-/// How often plain lines tell of all runs at work.
+/// Interval between plain lines about all running processes.
 const PLAIN_LINES_EVERY: Duration = Duration::from_secs(60);
-/// Of a bar whose task has no timesteps.
+/// Length of the bar of a task that has no timesteps.
 const NO_STEPS: u64 = 1;
 
 /// A process of an experiment before it begins.
 pub struct Planned {
     pub name: String,
-    /// Estimated time of all of it.
+    /// Estimated time of the whole task.
     pub seconds: f64,
-    /// Share of it that was done earlier, from 0 to 1.
+    /// Share that was done earlier, from 0 to 1.
     pub share: f64,
-    /// Timesteps of all of it; 0 for what has none.
+    /// Timesteps per agent of the whole run; 0 for a baseline.
     pub steps: u64,
 }
 
+/// The progress display of an experiment.
 pub struct Display {
     bars: MultiProgress,
     terminal: bool,
     whole: ProgressBar,
     begun: Instant,
     last_plain: Instant,
-    /// By task; those at work have a bar.
+    /// State of each task, by name. Running tasks have a bar.
     tasks: BTreeMap<String, State>,
 }
 
 struct State {
     /// Estimated seconds of the whole task.
     weight: f64,
-    /// Of them, what was done before and is done now.
+    /// Share of the task that was done before this experiment began.
     share_before: f64,
+    /// Share of the task that is done now.
     share: f64,
     steps: u64,
     bar: Option<ProgressBar>,
@@ -66,7 +68,7 @@ impl Display {
         Display { bars, terminal, whole, begun: now, last_plain: now, tasks }
     }
 
-    /// A line that stays.
+    /// Prints a line above the bars.
     pub fn say(&self, line: &str) {
         match self.terminal {
             true => self.bars.suspend(|| tell(line)),
@@ -79,7 +81,7 @@ impl Display {
         let style = ProgressStyle::with_template("{bar:30.cyan/blue} {percent:>3} %  {prefix}  {msg}");
         let bar = ProgressBar::new(state.steps.max(NO_STEPS)).with_style(style.expect("the template is well-formed"));
         let bar = self.bars.insert_before(&self.whole, bar).with_prefix(task.to_owned());
-        bar.set_message("at work");
+        bar.set_message("running");
         bar.set_position((state.share * state.steps as f64) as u64);
         if !self.terminal {
             let resumed = if state.share > 0.0 { "resumed" } else { "began" };
@@ -88,7 +90,7 @@ impl Display {
         state.bar = Some(bar);
     }
 
-    /// A process has written a line to standard error.
+    /// Updates the bar of a task from a line that its process printed on standard error.
     pub fn heard(&mut self, task: &str, line: &str) {
         let Some(state) = self.tasks.get_mut(task) else { return };
         if let (Some((steps, words)), Some(bar)) = (plain_line(line), &state.bar) {
@@ -99,7 +101,7 @@ impl Display {
         }
     }
 
-    /// `why` where it did not end well.
+    /// Reports the end of a task. `why`: its error, if it failed.
     pub fn ended(&mut self, task: &str, why: Option<&str>) {
         let Some(state) = self.tasks.get_mut(task) else { return };
         let words = state.bar.take().map_or(String::new(), |bar| {
@@ -132,13 +134,13 @@ impl Display {
         }
     }
 
-    /// As fast as so far, with runs weighed by what they are estimated to take.
+    /// Estimates the time left from the speed so far. Tasks are weighted by their estimated time.
     fn time_left(&self) -> Option<Duration> {
         let sum =
             |share: &dyn Fn(&State) -> f64| self.tasks.values().map(|state| state.weight * share(state)).sum::<f64>();
         let done = sum(&|state| state.share - state.share_before);
         let left = sum(&|state| 1.0 - state.share);
-        // One percent says enough.
+        // Below one percent an estimate would be too rough.
         (done > 0.01 * (done + left)).then(|| self.begun.elapsed().mul_f64(left / done))
     }
 

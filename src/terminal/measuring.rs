@@ -13,7 +13,9 @@ use super::{Wish, stop_on_signals, tell};
 use crate::base::Activity;
 use crate::training::observer::Observer;
 
-/// The progress of `bench`, on a terminal; elsewhere a line per fleet. Nothing is lost by stopping anywhere.
+/// The progress of `bench`: a status line on a terminal, elsewhere one line per fleet.
+///
+/// The first Ctrl-C stops at once, because nothing can be lost.
 pub struct BenchProgress {
     line: ProgressBar,
     fleet: RefCell<String>,
@@ -21,20 +23,20 @@ pub struct BenchProgress {
 }
 
 impl BenchProgress {
-    /// Listens for Ctrl-C from here on.
+    /// Starts the display, and listens for Ctrl-C from here on.
     pub fn new() -> anyhow::Result<Self> {
         let style = ProgressStyle::with_template("{spinner} {elapsed}  {msg}").expect("the template is well-formed");
         let line = ProgressBar::new_spinner().with_style(style);
-        line.set_message("matrix products at peak");
+        line.set_message("peak speed of matrix products");
         let place = line.clone();
         let stop = stop_on_signals(move |wish| match wish {
-            Wish::Stop => (), // it stops at once
+            Wish::Stop => (), // `bench` stops at once
             Wish::StopNow => place.suspend(|| tell("stopped")),
         })?;
         Ok(BenchProgress { line, fleet: RefCell::default(), stop })
     }
 
-    /// The turn of a fleet of so many workers, of at most `most`.
+    /// Shows that the fleet with this number of workers is measured. `most`: the largest number that will be.
     pub fn begin(&self, workers: usize, most: usize) {
         let fleet = format!("{workers} of {most} workers");
         if !stderr().is_terminal() {

@@ -1,13 +1,14 @@
-//! What a person at the terminal sees and says: lines, bars, commands to copy, and Ctrl-C.
+//! The terminal: printed lines, progress bars, commands to copy, and Ctrl-C.
 //!
-//! - `say`: lines on standard error, answers on standard output.
-//! - `shell`: programs on the PATH, and paths as words of a command to copy.
+//! - `say`: messages on standard error, results on standard output.
+//! - `shell`: finds programs on the PATH, and quotes paths for commands to copy.
 //! - `stop`: Ctrl-C and SIGTERM.
-//! - [`training`], [`measuring`], [`experiment`], [`counting`]: the progress of `train`, of `bench`, of `experiment`, and of what
-//!   is counted, such as episodes. A bar on a terminal, plain lines elsewhere.
-//! - `activity`, `duration`: their words.
+//! - [`training`], [`measuring`], [`experiment`]: the progress of `train`, `bench` and `experiment`. They show bars on
+//!   a terminal and plain lines elsewhere.
+//! - [`counting`]: a bar for episodes and other things that are counted.
+//! - `activity`, `duration`: activities and durations as text.
 //!
-//! What it shows it is told; it starts nothing and reads no file.
+//! This room only shows what other rooms hand to it. It starts no work and reads no file.
 
 mod activity;
 pub mod counting;

@@ -1,10 +1,10 @@
-//! Commands to copy: how the shell finds programs, and paths as its words.
+//! Commands to copy: finds programs as the shell does, and quotes paths.
 
 use std::path::{Path, PathBuf};
 
 const PROGRAM: &str = "dials-traffic";
 
-/// How a command to copy names this program: as the shell finds it, or by its path where the shell does not.
+/// Returns the name of this program for a command to copy. If the shell would not find it, this is its path.
 pub fn program() -> String {
     match std::env::current_exe() {
         Ok(path) if on_the_path(PROGRAM).is_none() => quoted(&path),
@@ -12,19 +12,19 @@ pub fn program() -> String {
     }
 }
 
-/// Where the shell finds a program.
+/// Finds a program on the PATH.
 pub fn on_the_path(program: &str) -> Option<PathBuf> {
     std::env::split_paths(&std::env::var_os("PATH")?).map(|folder| folder.join(program)).find(|path| path.is_file())
 }
 
-/// A path as one word of a POSIX shell.
+/// Quotes a path as one word of a POSIX shell.
 pub fn quoted(path: &Path) -> String {
     let text = path.to_string_lossy();
     let plain = |c: char| c.is_alphanumeric() || "_-./+:=@%,".contains(c);
     if !text.is_empty() && text.chars().all(plain) {
         return text.into_owned();
     }
-    // Nothing is special between single quotes but the single quote, which is put between two such strings.
+    // Between single quotes only the single quote is special, so it is escaped outside of them.
     format!("'{}'", text.replace('\'', r"'\''"))
 }
 
@@ -39,6 +39,6 @@ mod tests {
             let output = std::process::Command::new("sh").args(["-c", &command]).output().unwrap();
             assert_eq!(String::from_utf8(output.stdout).unwrap(), path, "{command}");
         }
-        assert_eq!(quoted(Path::new("runs/a-1.b")), "runs/a-1.b", "what needs no quotes has none");
+        assert_eq!(quoted(Path::new("runs/a-1.b")), "runs/a-1.b", "a plain path gets no quotes");
     }
 }

@@ -18,7 +18,7 @@ use crate::influence::{AipLoss, FreshLoss};
 use crate::training::drift::Drift;
 use crate::training::observer::Observer;
 
-/// How often a plain line is printed while policies train.
+/// Interval between plain lines while policies train.
 const PLAIN_LINE_EVERY: Duration = Duration::from_secs(10);
 
 /// The progress of `train`.
@@ -27,28 +27,30 @@ pub struct Progress {
     agents: usize,
     last_step: u64,
     begun: Instant,
-    /// Time and steps of the policies' training so far, without everything else.
+    /// Time and steps of the policies' training so far, without any other work.
     rate: RefCell<Rate>,
     last_line: Cell<Instant>,
     found: RefCell<Found>,
-    /// Set by Ctrl-C.
+    /// Flag that Ctrl-C sets.
     stop: Arc<AtomicBool>,
     doing: Doing,
 }
 
-/// What the run is doing. `None`: it is starting.
+/// The current activity of the run. `None`: it is starting.
 type Doing = Arc<Mutex<Option<Activity>>>;
 
+/// Measures the speed of the policies' training.
 #[derive(Default)]
 struct Rate {
     trained: Duration,
     steps: u64,
-    /// When and at which step the last report came.
+    /// Time of the last report. `None`: the clock is stopped.
     since: Option<Instant>,
+    /// Step of the last report.
     at: u64,
 }
 
-/// The last figures.
+/// The newest figures of the run.
 #[derive(Default)]
 struct Found {
     mean_return: Option<f64>,
@@ -56,9 +58,10 @@ struct Found {
 }
 
 impl Progress {
-    /// Listens for Ctrl-C from here on: the first one asks to stop where nothing is lost, the second ends the process.
+    /// Starts the display, and listens for Ctrl-C from here on.
     ///
-    /// `last_words`: what a person reads after the second.
+    /// The first Ctrl-C asks to stop where nothing is lost, the second ends the process. `last_words`: the line that is
+    /// printed after the second.
     pub fn new(config: &Config, agents: usize, last_words: String) -> anyhow::Result<Self> {
         let bar = stderr().is_terminal().then(|| {
             let style = "{bar:30.cyan/blue} {human_pos}/{human_len} steps  {msg}";
@@ -100,11 +103,11 @@ impl Progress {
         *self.doing.lock().unwrap_or_else(PoisonError::into_inner) = Some(activity);
     }
 
-    /// `12 345 agent-steps/s, 3 min left, return 201.2, AIP loss 0.301`
+    /// Returns a message such as `12345 agent-steps/s, 3 min 20 s left, return 201.2, AIP loss 0.301`.
     fn message(&self, steps: u64) -> String {
         let rate = self.rate.borrow();
         let mut parts = Vec::new();
-        // Two reports in a row may tell of the same step: that of the slowest worker.
+        // Two reports in a row may be of the same step, which is that of the slowest worker.
         if rate.steps > 0 && !rate.trained.is_zero() {
             let per_second = rate.steps as f64 / rate.trained.as_secs_f64();
             parts.push(format!("{:.0} agent-steps/s", per_second * self.agents as f64));
@@ -123,7 +126,7 @@ impl Observer for Progress {
         self.note(Activity::Training);
         let mut rate = self.rate.borrow_mut();
         let now = Instant::now();
-        // The first report of a period only starts the clock. A lost worker's replay steps back.
+        // The first report of a period only starts the clock. After a lost worker the step may go back.
         if let Some(since) = rate.since.replace(now)
             && steps >= rate.at
         {
@@ -173,7 +176,8 @@ impl Observer for Progress {
         let (before, after, marginals) =
             (mean(|loss| &loss.held_out[0]), mean(|loss| &loss.held_out[1]), mean(|loss| &loss.marginals));
         self.say(&format!(
-            "step {steps}: AIP loss {before:.3} -> {after:.3} held out (constant marginals {marginals:.3})"
+            "step {steps}: AIP loss on held-out episodes {before:.3} -> {after:.3} \
+             (constant predictor: {marginals:.3}, lower is better)"
         ));
         self.found.borrow_mut().aip_loss = Some(after);
     }
@@ -181,10 +185,15 @@ impl Observer for Progress {
     fn aips_measured(&self, losses: &[FreshLoss], drift: &Drift) {
         let [loss, marginals] = FreshLoss::means_of_all(losses);
         let grown = match drift.percent() {
-            percent if percent.is_finite() => format!(", {percent:+.1} % against them since the last training"),
+            percent if percent.is_finite() => {
+                let worse = if percent < 0.0 { "better" } else { "worse" };
+                format!("; relative to it {:.1} % {worse} than after the last training", percent.abs())
+            }
             _ => String::new(),
         };
-        self.say(&format!("  AIP loss {loss:.3} on fresh episodes, constant marginals {marginals:.3}{grown}"));
+        self.say(&format!(
+            "  AIP loss on new episodes {loss:.3} (constant predictor: {marginals:.3}, lower is better{grown})"
+        ));
         self.found.borrow_mut().aip_loss = Some(loss);
     }
 
@@ -197,7 +206,7 @@ impl Observer for Progress {
     }
 }
 
-/// Says a line that stays, above the bar if there is one.
+/// Prints a line, above the bar if there is one.
 fn say(bar: Option<&ProgressBar>, line: &str) {
     match bar {
         Some(bar) => bar.suspend(|| tell(line)),
@@ -205,16 +214,16 @@ fn say(bar: Option<&ProgressBar>, line: &str) {
     }
 }
 
-/// What a person reads after the first Ctrl-C.
+/// Returns the line that is printed after the first Ctrl-C.
 fn stopping(now: Option<Activity>) -> String {
     let place = match now {
         Some(Activity::Training) => "at the end of this period, where nothing is lost".to_owned(),
-        other => format!("as soon as nothing is lost (now {})", other.map_or("starting", doing)),
+        other => format!("as soon as nothing is lost by it (now {})", other.map_or("starting", doing)),
     };
-    format!("stopping {place}; Ctrl-C again stops now and loses at most this period")
+    format!("stopping {place}; press Ctrl-C again to stop now and lose at most this period")
 }
 
-/// What a plain line about a step says: the timesteps per agent, and the words after them. None for any other line.
+/// Reads a plain line about a step: returns the timesteps per agent and the words after them. Any other line: `None`.
 pub fn plain_line(line: &str) -> Option<(u64, &str)> {
     let (steps, words) = line.strip_prefix("step ")?.split_once(": ")?;
     let done = steps.split_once('/').map_or(steps, |(done, _)| done);

@@ -1,4 +1,4 @@
-//! One process of an experiment: this program, called with other arguments.
+//! One process of an experiment: this program, started with other arguments.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{BufRead, BufReader, Write};
@@ -18,7 +18,7 @@ use crate::config::{Config, DomainConfig, to_toml};
 use crate::records::atomic::write_atomically;
 use crate::run::END_WITH;
 
-/// A line that a process said on standard error.
+/// A line that a process printed on standard error.
 pub struct Said {
     /// Name of its task.
     pub task: String,
@@ -28,14 +28,15 @@ pub struct Said {
 /// A running process.
 pub struct Child {
     process: std::process::Child,
-    /// Returns the last words that tell why it ended.
+    /// Thread that returns the last line that says why the process ended.
     listener: Option<JoinHandle<Option<String>>>,
-    /// Where its result goes when it is whole.
+    /// Path of the result file once it is complete.
     result: Option<PathBuf>,
 }
 
 impl Child {
-    /// Starts a task. What it says goes to `said` and to its log; what it answers to its result, if that is one.
+    /// Starts a task. Its standard error goes to `said` and to its log. Its standard output goes to its result file, if
+    /// it has one, otherwise to the log.
     pub fn start(task: &Task, folder: &Path, said: Sender<Said>) -> Result<Child> {
         let log = folder.join(LOGS).join(format!("{}.log", task.name));
         let failed = || format!("{}: cannot be written", log.display());
@@ -49,7 +50,7 @@ impl Child {
             ),
             None => Stdio::from(file.try_clone().with_context(failed)?),
         };
-        // Not the path of the program, where another build may stand by now.
+        // Not the path of the program: another build may be there by now.
         let mut process = Command::new("/proc/self/exe")
             .arg0(std::env::args_os().next().unwrap_or_default())
             .args(&task.arguments)
@@ -57,7 +58,7 @@ impl Child {
             .stdin(Stdio::null())
             .stdout(stdout)
             .stderr(Stdio::piped())
-            // Ctrl-C at the terminal is for the experiment, which asks its runs to stop once.
+            // Ctrl-C at the terminal goes to the experiment alone, which then asks its runs to stop.
             .process_group(0)
             .spawn()
             .with_context(|| format!("{}: cannot be started", task.name))?;
@@ -66,22 +67,22 @@ impl Child {
         Ok(Child { process, listener, result: task.result.clone() })
     }
 
-    /// To stop where nothing is lost.
+    /// Asks the process to stop where nothing is lost.
     pub fn ask_to_stop(&self) {
-        // One that has just ended cannot be asked, and need not.
+        // If the process has just ended, the signal fails, which does no harm.
         let _ = kill_process(Pid::from_child(&self.process), Signal::TERM);
     }
 
-    /// How it ended, if it has: well, or with its last words.
+    /// Returns how the process ended: well, or with an error line. `None`: it is still running.
     pub fn ended(&mut self) -> Result<Option<std::result::Result<(), String>>> {
-        let Some(status) = self.process.try_wait().context("a process that cannot be waited for")? else {
+        let Some(status) = self.process.try_wait().context("cannot wait for a process")? else {
             return Ok(None);
         };
-        // What it said before is no reason for a signal from outside.
+        // An earlier line does not explain a signal from outside.
         if status.signal().is_some() {
             return Ok(Some(Err(status.to_string())));
         }
-        // Its words may come later than its end; and where its workers still hold on to them, it has not ended.
+        // Its last lines may arrive after its end. If its workers still hold the pipe open, it has not ended.
         if self.listener.as_ref().is_some_and(|listener| !listener.is_finished()) {
             return Ok(None);
         }
@@ -97,12 +98,12 @@ impl Child {
     }
 }
 
-/// What is being written until it is whole.
+/// Returns the temporary path of a result that is not complete yet.
 fn beside(result: &Path) -> PathBuf {
     result.with_extension("part")
 }
 
-/// The config of a run, to be read from another folder.
+/// Returns the config with absolute paths, so that it can be read from another folder.
 fn with_absolute_paths(config: &Config) -> Result<Config> {
     let mut config = config.clone();
     for (_, path) in config.domain.iter_mut().flat_map(DomainConfig::paths) {
@@ -114,7 +115,7 @@ fn with_absolute_paths(config: &Config) -> Result<Config> {
 fn listen(stderr: ChildStderr, mut log: File, task: String, said: &Sender<Said>) -> Option<String> {
     let mut last = None;
     for line in BufReader::new(stderr).lines().map_while(|line| line.ok()) {
-        // Where nobody listens or the disk is full the run goes on.
+        // If the disk is full or the receiver has gone, the run continues.
         let _ = writeln!(log, "{line}");
         if line.starts_with("error: ") || line.starts_with("stopped") {
             last = Some(line.clone());

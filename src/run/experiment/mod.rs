@@ -1,9 +1,9 @@
-//! `experiment`: makes all runs of a file that are not there yet, over the cores of this machine.
+//! `experiment`: makes all runs of a file that are not finished yet, in parallel on the cores of this machine.
 //!
-//! Every run is a `train` of its own process, tied to the life of this one. The run directories are the only memory, so
-//! an experiment that was killed goes on when it is called again.
+//! Every run is a `train` in its own process, which ends when this one ends. All progress is in the run directories. So
+//! an experiment that was killed resumes when it is called again.
 //!
-//! - `plan`: the runs to make, with their time and memory; `child`: one process of an experiment.
+//! - `plan`: the tasks, with their estimated time and memory. `child`: one running process.
 
 mod child;
 mod plan;
@@ -32,9 +32,9 @@ use crate::terminal::{Wish, answer, program, quoted, stop_on_signals, tell};
 use child::{Child, Said};
 use plan::{Task, Tasks};
 
-/// Where the processes' words go, in the folder of the runs.
+/// Folder of the logs of the processes, in the folder of the runs.
 const LOGS: &str = "logs";
-/// How often it is looked whether a process has ended.
+/// Interval between two checks whether a process has ended.
 const LOOK_EVERY: Duration = Duration::from_millis(200);
 
 pub fn experiment(args: &cli::Experiment) -> Result<()> {
@@ -79,16 +79,16 @@ pub fn experiment(args: &cli::Experiment) -> Result<()> {
     let failed = outcome.failed.len();
     match outcome {
         Outcome { failed: names, .. } if failed > 0 => Err(Error::Run(anyhow!(
-            "{failed} of {} failed: {}; their last words are in {}; the others are done, and these go on with: {again}",
+            "{failed} of {} failed: {}; their logs are in {}; the others are done; to try these again: {again}",
             outcome.tasks,
             names.join(", "),
             folder.join(LOGS).display()
         ))),
-        Outcome { interrupted: true, .. } => Err(Error::Interrupted(format!("stopped; go on with: {again}"))),
+        Outcome { interrupted: true, .. } => Err(Error::Interrupted(format!("stopped; resume with: {again}"))),
         Outcome { tasks, .. } => {
             let report = folder.with_file_name("report");
             answer(format_args!(
-                "{tasks} done now, {finished} were done before; make the report with:\n  {} report {} --out {}",
+                "{tasks} done now, {finished} done earlier; make the report with:\n  {} report {} --out {}",
                 program(),
                 quoted(&folder),
                 quoted(&report)
@@ -98,7 +98,7 @@ pub fn experiment(args: &cli::Experiment) -> Result<()> {
     }
 }
 
-/// An error if a run that would be resumed was written by another build.
+/// Checks that no run that would be resumed was written by another build.
 fn check_builds(experiment: &Experiment, folder: &Path) -> anyhow::Result<()> {
     for run in &experiment.runs {
         if matches!(stage(folder, run)?, Stage::Begun { .. }) {
@@ -108,14 +108,14 @@ fn check_builds(experiment: &Experiment, folder: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What came of an experiment.
+/// The result of an experiment.
 struct Outcome {
     tasks: usize,
     failed: Vec<String>,
     interrupted: bool,
 }
 
-/// An experiment at work.
+/// A running experiment.
 struct Work {
     folder: PathBuf,
     waiting: Vec<Task>,
@@ -128,17 +128,17 @@ struct Work {
 }
 
 impl Work {
-    /// `again`: the command that goes on with the experiment.
+    /// Begins the work. `again`: the command that resumes the experiment.
     fn begin(tasks: Tasks, folder: &Path, cores: usize, again: &str) -> anyhow::Result<Work> {
-        let last_words = format!("stopped; go on with: {again}");
+        let last_words = format!("stopped; resume with: {again}");
         let stop = stop_on_signals(move |wish| match wish {
-            Wish::Stop => (), // said by `carry_out`
+            Wish::Stop => (), // `carry_out` prints it
             Wish::StopNow => tell(&last_words),
         })?;
         let mut waiting = tasks.unfinished();
         let outcome = Outcome { tasks: waiting.len(), failed: Vec::new(), interrupted: false };
         let display = Display::new(waiting.iter().map(Task::planned).collect());
-        // The next one is taken from the end.
+        // The next task is taken from the end.
         waiting.reverse();
         Ok(Work {
             folder: folder.to_owned(),
@@ -157,7 +157,7 @@ impl Work {
             if self.stop.load(Ordering::Relaxed) && !self.outcome.interrupted {
                 self.outcome.interrupted = true;
                 self.waiting.clear();
-                self.display.say("stopping at the end of each run's period; Ctrl-C again stops at once");
+                self.display.say("stopping each run at the end of its period; press Ctrl-C again to stop now");
                 self.working.iter().for_each(|(_, child)| child.ask_to_stop());
             }
             while let Some(task) = self.waiting.pop_if(|task| self.cores.take(task.width)) {

@@ -1,4 +1,4 @@
-//! What there is to do, with the time and the memory that it will take.
+//! The tasks of an experiment, with their estimated time and memory.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -19,21 +19,21 @@ use crate::terminal::experiment::Planned;
 #[derive(Clone, Debug)]
 pub struct Task {
     pub name: String,
-    /// What the program is called with.
+    /// Arguments of the program.
     pub arguments: Vec<OsString>,
-    /// Where its standard output goes, if it is the result.
+    /// File for its standard output, if that is its result.
     pub result: Option<PathBuf>,
-    /// A config to write before it begins.
+    /// Config to write before it begins, with its path.
     pub config: Option<(PathBuf, Config)>,
-    /// Cores that it takes.
+    /// Number of cores that it uses.
     pub width: usize,
-    /// Timesteps of the whole run; 0 for what has none.
+    /// Timesteps per agent of the whole run; 0 for a baseline.
     pub steps: u64,
     pub stage: Stage,
-    /// From 0 to 1, what is behind it.
+    /// Share that is done, from 0 to 1.
     pub share: f64,
     pub agents: usize,
-    /// Of the whole task.
+    /// Time and memory of the whole task.
     pub estimate: Estimate,
 }
 
@@ -94,7 +94,7 @@ impl Task {
         }
     }
 
-    /// As it is shown to a person.
+    /// Returns the task as the progress display needs it.
     pub fn planned(&self) -> Planned {
         let Task { name, estimate, share, steps, .. } = self;
         Planned { name: name.clone(), seconds: estimate.seconds, share: *share, steps: *steps }
@@ -113,7 +113,7 @@ pub struct Tasks {
 }
 
 impl Tasks {
-    /// Looks what is there. `accept_other_build`: whether runs are resumed that another build wrote.
+    /// Looks which tasks are done. `accept_other_build`: whether to resume runs that another build wrote.
     pub fn look(experiment: &Experiment, folder: &Path, cores: usize, accept_other_build: bool) -> Result<Tasks> {
         let measured = if folder.is_dir() {
             find(&[folder.to_owned()]).map_or(Vec::new(), |found| found.runs)
@@ -134,12 +134,12 @@ impl Tasks {
         self.tasks.iter().filter(|task| task.stage == Stage::Finished).count()
     }
 
-    /// What is not finished, in order.
+    /// Returns the tasks that are not finished, in order.
     pub fn unfinished(self) -> Vec<Task> {
         self.tasks.into_iter().filter(|task| task.stage != Stage::Finished).collect()
     }
 
-    /// The answer of `--dry-run`.
+    /// Returns the table that `--dry-run` prints.
     pub fn table(&self) -> String {
         let widest = self.tasks.iter().map(|task| task.name.chars().count()).max().unwrap_or(0).max(8);
         let header = format!(
@@ -173,7 +173,7 @@ impl Tasks {
         let guessed = to_do.iter().filter(|task| task.steps > 0 && task.estimate.source == Source::Constants).count();
         if guessed > 0 {
             lines.push(format!(
-                "{guessed} of the estimates are from another machine; they get better when the first runs are done"
+                "{guessed} of the estimates are from another machine; they improve after the first runs"
             ));
         }
         lines.join("\n")
