@@ -273,7 +273,7 @@ fn three_deaths_in_a_row_end_the_run_with_a_checkpoint_to_resume_from() {
     }
     let (status, said) = ended(coordinator);
     assert_eq!(status.code(), Some(1), "{said}");
-    assert!(said.contains("given up after 3 deaths in a row at the same place"), "{said}");
+    assert!(said.contains("gave up after 3 deaths in a row at the same place"), "{said}");
     assert!(said.contains("train --resume"), "{said}");
     let (status, said) = run.resume(&["--workers", "2"]);
     assert!(status.success(), "{said}");
@@ -517,7 +517,7 @@ fn a_damaged_checkpoint_is_refused_and_the_one_before_it_serves() {
     let (status, said) = run.resume(&["--workers", "2"]);
     assert_eq!(status.code(), Some(1));
     let name = newest.file_name().unwrap().to_str().unwrap();
-    assert!(said.contains(name) && said.contains("remove it to go on from the checkpoint before it"), "{said}");
+    assert!(said.contains(name) && said.contains("remove it to continue from the checkpoint before it"), "{said}");
     assert!(said.contains("cut short"), "{said}");
     fs::remove_file(&newest).unwrap();
     let (status, said) = run.resume(&["--workers", "2"]);
