@@ -1,7 +1,7 @@
-//! Episodes on the GS under a controller, and what they come to.
+//! Episodes on the GS (global simulator) under a controller, and their figures.
 //!
-//! - `finding`: who played, and the episodes.
-//! - `table`, `comparison`: for a person, one player or several; [`json`], [`csv`]: for programs.
+//! - `finding`: a player (a controller or policies) and its episodes.
+//! - `table`, `comparison`: text for people, for one player or several; [`json`], [`csv`]: output for programs.
 
 mod comparison;
 pub mod csv;
@@ -19,16 +19,16 @@ pub use comparison::comparison;
 pub use finding::{Finding, Player};
 pub use table::table;
 
-/// The name of the return among the [`figures`] of an episode.
+/// Name of the return among the [`figures`] of an episode.
 pub const RETURN: &str = "return";
 
-/// The stream of an evaluation episode. `evaluation`: `evaluation.seed` of the config, by default the same for all
-/// runs, so that policies and controllers are compared on the same traffic.
+/// Returns the stream of an evaluation episode. `evaluation`: `evaluation.seed` of the config, by default the same for
+/// all runs. So policies and controllers are compared on the same traffic.
 pub fn episode_seed(evaluation: Seed, episode: usize) -> Seed {
     evaluation.fork(RandomPurpose::Evaluation).for_episode(episode)
 }
 
-/// What one episode came to.
+/// Result of one episode.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EpisodeReport {
     /// Sum of rewards, per agent.
@@ -45,7 +45,7 @@ pub fn play(
     play_watched(simulator, controller, episode, &mut |_| Ok(()))
 }
 
-/// As [`play`]; `watch` is shown the simulator at the beginning and after every step.
+/// Does the same as [`play`]; `watch` gets the simulator at the beginning and after every step.
 pub fn play_watched(
     simulator: &mut dyn GlobalSimulator,
     controller: &mut dyn Controller,
@@ -75,17 +75,18 @@ pub struct Evaluation {
     pub returns: Rows<f64>,
     /// Means over the episodes.
     pub measures: Measures,
-    /// The agents that sit in a degenerate behaviour.
+    /// Whether each agent is stuck in a degenerate behaviour.
     pub stuck: Vec<bool>,
 }
 
-/// Mean, spread and middle of a return.
+/// Mean, spread and median of a return.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Summary {
     pub mean: f64,
-    /// For one agent: over episodes. For all: over the agents' means, so that one lost agent does not hide the others.
+    /// Median. For one agent: over episodes. For all: over the agents' means, so that one failed agent does not hide
+    /// the others.
     pub median: f64,
-    /// Of the mean, over episodes. 0 for a single episode, which has no spread to tell.
+    /// Standard error of the mean over episodes; 0 for a single episode, which has no spread.
     pub std_error: f64,
 }
 
@@ -111,7 +112,7 @@ impl Evaluation {
         Summary { mean: mean(&returns), median: median(&returns), std_error: std_error(&returns).unwrap_or(0.0) }
     }
 
-    /// The mean return of all agents.
+    /// Returns the figures of all agents: of their mean return.
     pub fn of_all(&self) -> Summary {
         let episodes: Vec<f64> = self.returns.iter().map(mean).collect();
         let agents: Vec<f64> = (0..self.agents()).map(|agent| self.of_agent(agent).mean).collect();
@@ -119,7 +120,7 @@ impl Evaluation {
     }
 }
 
-/// Plays the episodes `0..episodes` of an evaluation seed; `progress` is called with the number that is done.
+/// Plays the episodes `0..episodes` of an evaluation seed; `progress` is called with the number of finished episodes.
 pub fn play_episodes(
     simulator: &mut dyn GlobalSimulator,
     controller: &mut dyn Controller,
@@ -135,7 +136,8 @@ pub fn play_episodes(
     Ok(reports)
 }
 
-/// What every episode came to as a whole, by name: the mean return of the agents first, then the measures of the system.
+/// Returns the figures of every episode as a whole, by name: first the mean return of the agents, then the measures of
+/// the system.
 pub fn figures(episodes: &[EpisodeReport]) -> Vec<(String, Vec<f64>)> {
     let returns = episodes.iter().map(|episode| mean(&episode.returns)).collect();
     let measures = episodes[0].measures.system.iter().enumerate().map(|(index, (name, _))| {

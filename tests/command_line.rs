@@ -464,7 +464,7 @@ fn weights_that_are_no_finite_numbers_are_refused_wherever_they_would_be_played_
     let (run, new) = (out.to_str().unwrap(), dir.path().join("new"));
     let new_path = new.to_str().unwrap();
     let of_policies =
-        ["policies.safetensors: `layers.", "of agent 3 holds NaN, which is no finite number", "train again"];
+        ["policies.safetensors: `layers.", "of agent 3 holds NaN, which is not a finite number", "train again"];
     for args in [
         &["evaluate", run, "--csv", new_path][..],
         #[cfg(feature = "torch")]
@@ -580,8 +580,16 @@ fn controllers_and_runs_are_compared_on_the_same_traffic() {
     let list = format!("never,gap-out,{run}");
     let args = ["baseline", &config, "--compare", &list, "--episodes", "3", "--seed", "4"];
     let table = text(&dials_traffic(&args).assert().success().get_output().stdout);
-    assert!(table.starts_with("mean +- 95 % interval over 3 episodes"), "{table}");
-    for part in ["return", "delay_s", "queue_length", "\nnever ", "\ngap-out ", run, "less never, episode by episode"] {
+    assert!(table.starts_with("mean +- half of its 95 % interval over 3 episodes"), "{table}");
+    for part in [
+        "return",
+        "delay_s",
+        "queue_length",
+        "\nnever ",
+        "\ngap-out ",
+        run,
+        "difference from never (paired by episode)",
+    ] {
         assert!(table.contains(part), "`{part}`: {table}");
     }
     assert!(table.lines().all(|line| line.chars().count() <= 118 || line.starts_with(run)), "{table}");
@@ -651,11 +659,11 @@ fn a_controller_is_itself_where_a_directory_has_its_name() {
         command
     };
     let table = text(&compare("never,fixed-time,fixed-time:green=10").assert().success().get_output().stdout);
-    assert!(table.contains("\nless never, episode by episode\n"), "{table}");
+    assert!(table.contains("\ndifference from never (paired by episode)\n"), "{table}");
     assert_refused(&mut compare("gap-out,./never"), &["./never: not a run directory"]);
     // Greens of 10 are what `fixed-time` has anyway.
     let table = text(&compare("fixed-time,fixed-time:green=10").assert().success().get_output().stdout);
-    let told = "less fixed-time, episode by episode\nno figure differs in any episode\n";
+    let told = "difference from fixed-time (paired by episode)\nno figure differs in any episode\n";
     assert!(table.ends_with(told), "{table}");
 }
 

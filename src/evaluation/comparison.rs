@@ -1,4 +1,4 @@
-//! Several players side by side for a person.
+//! Several players side by side, as text for people.
 
 use super::{Finding, figures};
 use crate::base::statistics::Interval;
@@ -7,10 +7,10 @@ use crate::policy::Selection;
 /// Values of all episodes by name.
 type Figures = Vec<(String, Vec<f64>)>;
 
-/// The widest line of a comparison.
+/// Width of the widest line of a comparison.
 const WIDTH: usize = 118;
 
-/// Several players, one line each, and their differences to the first of them, episode by episode.
+/// Writes a line for each player, and a line for each difference from the first player, paired by episode.
 pub fn comparison(findings: &[Finding]) -> String {
     let episodes = findings[0].episodes.len();
     let figures: Vec<Figures> = findings.iter().map(|finding| figures(&finding.episodes)).collect();
@@ -23,12 +23,13 @@ pub fn comparison(findings: &[Finding]) -> String {
         Some(Selection::Sampled) => ", sampled policies",
         None => "",
     };
-    let title = format!("mean +- 95 % interval over {episodes} episodes, the same traffic for all{policies}");
+    let title =
+        format!("mean +- half of its 95 % interval over {episodes} episodes, the same traffic for all{policies}");
     let mut text = format!("{title}\n{}", blocks(&names, &labels, &means));
     if let [reference, others @ ..] = &figures[..]
         && !others.is_empty()
     {
-        // Of a figure in which nobody differs there is nothing to tell.
+        // Skip figures that are the same for all.
         let differs = |column: &usize| others.iter().any(|figures| figures[*column] != reference[*column]);
         let columns: Vec<usize> = (0..names.len()).filter(differs).collect();
         let names: Vec<&str> = columns.iter().map(|&column| names[column]).collect();
@@ -41,28 +42,29 @@ pub fn comparison(findings: &[Finding]) -> String {
             true => "no figure differs in any episode".to_owned(),
             false => blocks(&names, &labels[1..], &differences),
         };
-        text += &format!("\n\nless {}, episode by episode\n{table}", labels[0]);
+        text += &format!("\n\ndifference from {} (paired by episode)\n{table}", labels[0]);
     }
     text
 }
 
-/// `215.7 +- 2.3`
+/// Formats a mean: `215.7 +- 2.3`.
 fn cell(Interval { mean, half_width }: Interval) -> String {
     let digits = if mean.abs() < 20.0 { 2 } else { 1 };
     match half_width {
-        // Of values that are all the same, or of a single one.
+        // All values are the same, or there is only one.
         None | Some(0.0) => format!("{mean:.digits$}"),
         Some(half_width) => format!("{mean:.digits$} +- {half_width:.digits$}"),
     }
 }
 
-/// `+3.41 +- 1.20`, for a difference.
+/// Formats a difference: `+3.41 +- 1.20`.
 fn signed_cell(interval: Interval) -> String {
     let cell = cell(interval);
     if cell.starts_with('-') { cell } else { format!("+{cell}") }
 }
 
-/// A table with a line per label, cut into as many tables side by side, one under the other, as lines of [`WIDTH`] need.
+/// Makes a table with a line per label. If it is wider than [`WIDTH`], it is cut into several tables, one below the
+/// other.
 fn blocks(names: &[&str], labels: &[String], cells: &[Vec<String>]) -> String {
     let label_width = labels.iter().map(|label| label.chars().count()).max().unwrap_or(0);
     let widths: Vec<usize> = (0..names.len())

@@ -2,13 +2,13 @@
 
 use super::{Finding, figures};
 
-/// Lines of a file, below its header.
+/// Lines of a CSV file, and its header.
 pub struct Lines {
     pub header: Vec<String>,
     pub lines: Vec<Vec<String>>,
 }
 
-/// A line per episode.
+/// Makes a line per episode.
 pub fn by_episode(finding: &Finding) -> Lines {
     let label = &finding.player.label;
     let figures = figures(&finding.episodes);
@@ -20,7 +20,7 @@ pub fn by_episode(finding: &Finding) -> Lines {
     Lines { header: header(&["controller", "episode"], names), lines: lines.collect() }
 }
 
-/// A line per episode and agent.
+/// Makes a line per episode and agent.
 pub fn by_agent(finding: &Finding) -> Lines {
     let label = &finding.player.label;
     let mut lines = Vec::new();

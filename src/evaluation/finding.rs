@@ -1,4 +1,4 @@
-//! Who played, and the episodes that were played.
+//! Players, and the episodes that they played.
 
 use serde_json::Value;
 
@@ -6,17 +6,17 @@ use super::EpisodeReport;
 use crate::base::statistics::Interval;
 use crate::policy::Selection;
 
-/// A controller or policies, as tables and files name them.
+/// A controller or policies, with their name in tables and files.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Player {
     pub label: String,
-    /// Keys and values that identify it in JSON.
+    /// Keys and values that identify the player in JSON.
     pub keys: Vec<(&'static str, Value)>,
-    /// How its policies act, if it has some.
+    /// How its policies choose actions, if it has policies.
     pub policies: Option<Selection>,
 }
 
-/// A player and the episodes that it played, which are the same for all players of a command.
+/// A player and its episodes. All players of a command play the same episodes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
     pub player: Player,
@@ -24,7 +24,7 @@ pub struct Finding {
 }
 
 impl Finding {
-    /// Mean return of one agent.
+    /// Returns the mean return of one agent with its interval.
     pub fn of_agent(&self, agent: usize) -> Interval {
         Interval::of(&self.episodes.iter().map(|episode| episode.returns[agent]).collect::<Vec<_>>())
     }

@@ -1,4 +1,4 @@
-//! The figures of players for programs.
+//! The figures of players as JSON, for programs.
 
 use serde_json::{Map, Value, json};
 
@@ -6,7 +6,7 @@ use super::{Evaluation, Finding, RETURN, figures};
 use crate::base::statistics::Interval;
 use crate::domain::Domain;
 
-/// All figures of one player.
+/// Returns all figures of one player.
 pub fn of_one(domain: &dyn Domain, finding: &Finding) -> Map<String, Value> {
     let evaluation = Evaluation::new(domain, &finding.episodes);
     let all = evaluation.of_all();
@@ -41,7 +41,7 @@ pub fn of_one(domain: &dyn Domain, finding: &Finding) -> Map<String, Value> {
     object
 }
 
-/// All figures of several players, and their differences to the first of them.
+/// Returns all figures of several players, and their differences from the first of them.
 pub fn of_all(domain: &dyn Domain, findings: &[Finding]) -> Map<String, Value> {
     let reference = figures(&findings[0].episodes);
     let differences = findings[1..].iter().map(|finding| {

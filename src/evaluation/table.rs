@@ -1,17 +1,17 @@
-//! One player for a person: its figures, and a line per agent.
+//! One player as text for people: its figures, and a line per agent.
 
 use super::{Evaluation, Finding, figures};
 use crate::base::statistics::Interval;
 use crate::domain::Domain;
 
-/// One player, with a line per agent.
+/// Writes one player, with a line per agent.
 pub fn table(domain: &dyn Domain, finding: &Finding) -> String {
     let evaluation = Evaluation::new(domain, &finding.episodes);
     let figures = figures(&finding.episodes);
     let ((name, returns), measures) = figures.split_first().expect("there is always a return");
     let (all, returns) = (evaluation.of_all(), Interval::of(returns));
     let mut lines = vec![format!(
-        "{name} {:.1}{} (mean and 95 % interval over {} episodes), median of the agents {:.1}",
+        "{name} {:.1}{} (mean and half of its 95 % interval over {} episodes), median of the agents {:.1}",
         returns.mean,
         returns.half_width.map_or(String::new(), |half_width| format!(" +- {half_width:.1}")),
         evaluation.episodes(),

@@ -59,7 +59,7 @@ pub fn read_stack(path: &Path, prefix: &str, layout: &Layout, agents: &[AgentId]
             row.iter_mut().zip(values).for_each(|(to, from)| *to = from);
             if let Some(bad) = row.iter().find(|value| !value.is_finite()) {
                 bail!(
-                    "{}: `{name}` of agent {agent} holds {bad}, which is no finite number: the file is damaged; copy it \
+                    "{}: `{name}` of agent {agent} holds {bad}, which is not a finite number: the file is damaged; copy it \
                      again from where it was whole, or train again",
                     path.display()
                 );
@@ -126,8 +126,10 @@ mod tests {
                 values.row_mut(2)[column] = bad;
                 std::fs::write(file.path(), write_stack(layout, &values)).unwrap();
                 let error = read_stack(file.path(), "", layout, &AgentId::all(3)).unwrap_err().to_string();
-                let told =
-                    format!("{}: `{name}` of agent 2 holds {word}, which is no finite number", file.path().display());
+                let told = format!(
+                    "{}: `{name}` of agent 2 holds {word}, which is not a finite number",
+                    file.path().display()
+                );
                 assert!(error.starts_with(&told) && error.ends_with("or train again"), "{error}");
             }
         }
