@@ -323,7 +323,11 @@ fn bad_configs_are_refused_and_nothing_is_written() {
     refused(&good, &["--set", "ppo.clip=-1"], &["ppo.clip = -1: must be a positive number"]);
     refused(&good, &["--set", "ppo.nonsense=1"], &["unknown field `nonsense`"]);
     refused(&good, &["--steps", "0"], &["stop_at_steps = 0: must be at least 1"]);
-    refused(&good, &["--steps", "513"], &["stop_at_steps = 513: lies beyond total_steps = 512", "raise total_steps"]);
+    refused(
+        &good,
+        &["--steps", "513"],
+        &["stop_at_steps = 513: is larger than total_steps = 512", "raise total_steps"],
+    );
     refused(&good, &["--set", "aip.epochs=0"], &["aip.epochs = 0: must be at least 1", "untrained-dials"]);
     refused(
         &good,

@@ -1,10 +1,10 @@
-//! The rooms of the house open only the doors that they may open.
+//! Each room may use only certain other rooms.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Which rooms a room may use, beside itself. `run` (with `main`, `cli` and `error`) may use all.
+/// Rooms that a room may use, besides itself. `run` (with `main`, `cli` and `error`) may use all.
 const DOORS: &[(&str, &[&str])] = &[
     ("base", &[]),
     ("config", &["base"]),
@@ -56,7 +56,7 @@ fn source_files(folder: &Path) -> Vec<PathBuf> {
     files.filter(|path| path.extension().is_some_and(|extension| extension == "rs")).collect()
 }
 
-/// Room -> what its code names: `crate::x` and outside crates; comments and tests of a file aside.
+/// Returns the names in each room's code: `crate::x` and outside crates, without the comments and tests of a file.
 fn names_by_room() -> BTreeMap<String, BTreeSet<String>> {
     let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
     let mut names: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
@@ -87,28 +87,28 @@ fn names_by_room() -> BTreeMap<String, BTreeSet<String>> {
 #[test]
 fn every_room_opens_only_its_own_doors() {
     let names = names_by_room();
-    assert!(names["training"].contains("influence"), "the reader of `use crate::` lines sees nothing: {names:?}");
+    assert!(names["training"].contains("influence"), "the search for `use crate::` lines finds nothing: {names:?}");
     for (room, used) in names {
         if TOP.contains(&room.as_str()) {
             continue;
         }
         let doors = DOORS.iter().find(|(name, _)| *name == room);
-        let (_, doors) = doors.unwrap_or_else(|| panic!("src/{room} is no room of this house yet: add it to DOORS"));
+        let (_, doors) = doors.unwrap_or_else(|| panic!("src/{room} is a new room: add it to DOORS"));
         for name in used {
             if let Some((_, rooms)) = OUTSIDE.iter().find(|(outside, _)| *outside == name) {
                 assert!(rooms.contains(&room.as_str()), "src/{room} uses {name}, which only {rooms:?} may");
             } else {
                 assert!(
                     name == room || doors.contains(&name.as_str()),
-                    "src/{room} opens {name}; its doors: {doors:?}"
+                    "src/{room} uses {name}, but may only use {doors:?}"
                 );
             }
         }
     }
 }
 
-/// A new domain is its own folder, its table in `config` and its line in `run/domain.rs`. The paper's numbers are of two
-/// domains, so their file may name them.
+/// A new domain needs only its own folder, its table in `config` and its line in `run/domain.rs`. The paper's numbers
+/// are about two domains, so their file may name them.
 #[test]
 fn only_one_file_outside_config_and_the_domains_knows_a_domain_by_name() {
     let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
@@ -131,7 +131,7 @@ fn only_one_file_outside_config_and_the_domains_knows_a_domain_by_name() {
 #[test]
 fn only_traffic_opens_sumo() {
     for (room, used) in names_by_room() {
-        assert!(!used.contains("sumo") || ["traffic", "sumo"].contains(&room.as_str()), "src/{room} opens sumo");
+        assert!(!used.contains("sumo") || ["traffic", "sumo"].contains(&room.as_str()), "src/{room} uses sumo");
     }
 }
 
@@ -142,7 +142,7 @@ fn unsafe_code_lives_in_two_places() {
         let text = fs::read_to_string(&file).unwrap();
         let within = file.strip_prefix(&src).unwrap();
         if text.contains("unsafe {") && !within.starts_with("sumo") {
-            assert_eq!(within, Path::new("nn/product.rs"), "unsafe code outside of its rooms");
+            assert_eq!(within, Path::new("nn/product.rs"), "unsafe code outside its rooms");
         }
     }
 }

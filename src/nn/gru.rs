@@ -174,8 +174,8 @@ pub fn backward(
     }
 }
 
-/// Of one row: `carried` holds the gradient by the state after the step that comes from later steps, and afterwards the
-/// direct part of that by the state before it.
+/// Computes the gradients of one row. `carried` holds the gradient by the state after the step that comes from later
+/// steps. Afterwards it holds the direct part of the gradient by the state before the step.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx2"))]
 fn differentiate_row(
     outside: &[f32],

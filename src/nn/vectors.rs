@@ -1,7 +1,7 @@
 //! The width of the vector registers that matrix products use.
 //!
-//! Only products give other bits for another width, because they add up several sums side by side. All other loops work
-//! element by element, without fused multiply-add, and give the same bits everywhere.
+//! Only the bits of products depend on the width, because products add up several sums side by side. All other loops
+//! work element by element, without fused multiply-add, and give the same bits everywhere.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -56,7 +56,8 @@ fn has_avx2_and_fma() -> bool {
     false
 }
 
-/// The crates `gemm` and `pulp` each choose for themselves. A few CPUs have only a part of what `pulp` wants.
+/// Returns the widest registers. The crates `gemm` and `pulp` each choose for themselves, and a few CPUs have only some
+/// of the instructions that `pulp` needs.
 #[cfg(target_arch = "x86_64")]
 fn widest() -> String {
     let of_gemm = match () {
