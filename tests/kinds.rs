@@ -226,7 +226,7 @@ fn workers_that_share_the_agents_bring_what_one_worker_brings() {
     let joined = AgentsState::joined(parts);
     assert!(joined == whole.state());
 
-    // A state that is given to other workers is where they continue.
+    // Other workers continue from a state that they are given.
     let mut other = worker(AgentId::all(4));
     other.restore(&joined);
     assert!(other.state() == joined && other.aips() == joined.aips);

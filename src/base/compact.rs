@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-/// A growing table of f32 rows. It takes one bit per entry as long as all entries are 0 or 1, as d-sets (inputs of
-/// influence predictors) are in both of the paper's domains. From the first other entry on, it takes four bytes per
+/// A growing table of f32 rows. It takes one bit per entry while all entries are 0 or 1, as in the d-sets (inputs of
+/// influence predictors) of both of the paper's domains. From the first other entry on, it takes four bytes per
 /// entry. Either way the values are exact.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CompactRows {

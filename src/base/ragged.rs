@@ -135,7 +135,7 @@ impl<T: Copy + Default> From<Rows<T>> for Ragged<T> {
 mod tests {
     use super::*;
 
-    /// `[1 2] [3] [] [4 5 6]`
+    /// Makes the table `[1 2] [3] [] [4 5 6]`.
     fn table() -> Ragged<i32> {
         Ragged::from_vec(vec![1, 2, 3, 4, 5, 6], [2, 1, 0, 3]).unwrap()
     }

@@ -19,7 +19,7 @@ impl<T: Copy + Default> Rows<T> {
 
     /// Makes a table from values that are already in row-major order.
     pub fn from_vec(data: Vec<T>, width: usize) -> Self {
-        assert!(width > 0 && data.len().is_multiple_of(width), "{} values are no rows of {width}", data.len());
+        assert!(width > 0 && data.len().is_multiple_of(width), "{} values do not make rows of {width}", data.len());
         Rows { data, width }
     }
 
@@ -93,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    #[should_panic(expected = "5 values are no rows of 2")]
+    #[should_panic(expected = "5 values do not make rows of 2")]
     fn a_torn_table_is_refused() {
         Rows::from_vec(vec![0; 5], 2);
     }

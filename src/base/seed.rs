@@ -26,7 +26,8 @@ impl Seed {
         self.fork_named(purpose.text())
     }
 
-    /// Returns the stream of a purpose that is not in the list: for domains and controllers of other crates, and for tests.
+    /// Returns the stream of a purpose that is not in the list: for domains and controllers of other crates, and for
+    /// tests.
     pub fn fork_named(self, purpose: &str) -> Self {
         // FNV-1a: the standard library's hasher is not stable between Rust versions, and runs must repeat.
         let name = purpose

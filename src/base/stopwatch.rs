@@ -37,7 +37,7 @@ impl Activity {
 pub enum Phase {
     /// Making simulators (traffic: networks are written and read).
     Loading,
-    /// Bringing simulators back to where the last period left them.
+    /// Bringing simulators back to their state at the end of the last period.
     Retracing,
     /// Beginning episodes (traffic: cars are removed, lights set; on the GS the network is read again).
     Reset,

@@ -276,9 +276,9 @@ mod tests {
         Orders { count, units, wall: seconds(wall), slowest: seconds(slowest), work: seconds(work), phases: watch }
     }
 
-    /// One agent, 1000 timesteps in ten periods, each with an evaluation of 3 episodes, and one of 5 at the end. AIPs
-    /// are trained twice on 2 episodes of 10 steps. Networks as in the tests of the floor, and a machine of 1e6
-    /// operations per second.
+    /// Returns one agent, 1000 timesteps in ten periods, each with an evaluation of 3 episodes, and one of 5 at the
+    /// end. AIPs are trained twice on 2 episodes of 10 steps. Networks as in the tests of the floor, and a machine of
+    /// 1e6 operations per second.
     fn setting() -> (Config, Kinds) {
         let config = "total_steps = 1000\ntraffic = { network = 'n', local_network = 'l', horizon = 10 }\n\
                       policy = { hidden = [3] }\nppo = { rollout_steps = 4, epochs = 3, time_limit = 'bootstrap' }\n\
@@ -313,7 +313,8 @@ mod tests {
         near(costs.training.ours, 0.1009e6);
         near(costs.idle, 0.01e6);
         near(costs.other, 0.025e6);
-        // 3 episodes are two rounds of 2 x 3 s: 12 s, ten times; 5 are three rounds: 18 s. SUMO 2 s per episode: 35 times.
+        // 3 episodes are two rounds of 2 x 3 s: 12 s, ten times; 5 are three rounds: 18 s. SUMO 2 s per episode: 35
+        // times.
         near(costs.evaluation.ours, 0.138e6);
         near(costs.evaluation.sumo, 0.07e6);
         // 4 episodes are two rounds of 2 x 4 s: 16 s, twice; SUMO 3 s per episode: 12 s, twice.

@@ -67,7 +67,7 @@ mod tests {
     use crate::config::Simulator;
     use crate::domain::{Kind, SourceSpec};
 
-    /// Policy 4 -> 3 -> (2 + 1): 21 weights; AIP 2 -> 5 -> 2: 20 weights.
+    /// Returns small networks. Policy 4 -> 3 -> (2 + 1): 21 weights; AIP 2 -> 5 -> 2: 20 weights.
     fn small() -> (Config, RegionSpec) {
         let config = "warehouse = { agents_per_side = 1, horizon = 10 }\npolicy = { hidden = [3] }\n\
                       ppo = { rollout_steps = 4, epochs = 3, time_limit = 'bootstrap' }\n\

@@ -62,8 +62,8 @@ fn check_schedule(config: &Config) -> Result<()> {
         at_least(1, "stop_at_steps", steps, "leave it out to train for total_steps")?;
         ensure!(
             steps <= config.total_steps,
-            "stop_at_steps = {steps}: is larger than total_steps = {}; to train longer raise total_steps, over which learning \
-             rate and clip decay",
+            "stop_at_steps = {steps}: is larger than total_steps = {}; to train longer raise total_steps, over which \
+             learning rate and clip decay",
             config.total_steps
         );
     }
@@ -88,7 +88,8 @@ fn check_schedule(config: &Config) -> Result<()> {
         let periods = config.last_step() / every;
         ensure!(
             periods <= MOST_PERIODS,
-            "{key} = {every}: would cut {} timesteps into {periods} periods, and {MOST_PERIODS} are the most; raise it",
+            "{key} = {every}: would cut {} timesteps into {periods} periods, but at most {MOST_PERIODS} are allowed; \
+             raise it",
             config.last_step()
         );
     }
@@ -167,8 +168,8 @@ fn check_aip(config: &Config) -> Result<()> {
     ensure!(
         !(config.simulator.trains_predictors() && aip.retrain == Retrain::Drift)
             || config.evaluation.aip_loss_episodes > 0,
-        "aip.retrain = \"drift\": needs the loss of the AIPs at evaluations; set evaluation.aip_loss_episodes, to 4 for \
-         traffic or 20 for the warehouse"
+        "aip.retrain = \"drift\": needs the loss of the AIPs at evaluations; set evaluation.aip_loss_episodes, to 4 \
+         for traffic or 20 for the warehouse"
     );
     ensure!(
         aip.held_out > 0.0 && aip.held_out < 1.0,

@@ -6,7 +6,7 @@ use anyhow::Result;
 
 use super::{TrafficConfig, WarehouseConfig};
 
-/// A domain with its table. A new domain needs a variant here, a line in [`DomainConfig::table`] and its key in
+/// A domain with its table. A new domain needs a variant here, a line in `DomainConfig::table` and its key in
 /// `written`.
 #[derive(Clone, Debug, PartialEq)]
 pub enum DomainConfig {

@@ -176,7 +176,7 @@ mod tests {
         }
         // 10^15 / 128 = 7.8 * 10^12 periods.
         let periods = error_of(SMALL, &["total_steps=1000000000000000", "evaluation.every_steps=128"]);
-        assert!(periods.contains("into 7812500000000 periods, and 1000000 are the most; raise it"), "{periods}");
+        assert!(periods.contains("into 7812500000000 periods, but at most 1000000 are allowed; raise it"), "{periods}");
         let longest = ["evaluation.every_steps=1000000000", "aip.retrain_every_steps=1000000000"];
         load_text(SMALL, &["total_steps=1000000000000000", longest[0], longest[1]]).unwrap();
     }

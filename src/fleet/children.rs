@@ -210,7 +210,7 @@ fn describe(status: Option<ExitStatus>) -> String {
     match status.map(|status| (status.code(), status.signal())) {
         Some((Some(code), _)) => format!("exit code {code}"),
         Some((_, Some(9))) => "signal 9 (killed; out of memory?)".to_owned(),
-        Some((_, Some(6))) => "signal 6 (aborted, as by an assertion inside SUMO)".to_owned(),
+        Some((_, Some(6))) => "signal 6 (aborted, for example by an assertion inside SUMO)".to_owned(),
         Some((_, Some(signal))) => format!("signal {signal}"),
         _ => "in an unknown way".to_owned(),
     }

@@ -58,7 +58,7 @@ impl InlineFleet {
         answer
     }
 
-    /// Reports what begins. An error if somebody asked to stop: before these orders nothing is lost.
+    /// Reports what begins. An error if the run was asked to stop: before these orders nothing is lost.
     fn begin(&self, activity: Activity) -> Result<()> {
         self.observer.busy(activity, 0.0);
         if self.observer.stop_requested() { Err(Interrupted.into()) } else { Ok(()) }

@@ -189,7 +189,7 @@ impl Journal for Keeper {
 
 const PATIENCE: Duration = Duration::from_secs(3);
 
-/// A config of two periods, with a training of the AIPs before each.
+/// Makes a config of two periods, with a training of the AIPs before each.
 fn config() -> Config {
     toml::from_str(
         "total_steps = 500\n\

@@ -135,7 +135,7 @@ pub fn frequencies(sources: &SourceSpec, dataset: &Dataset, samples: Range<usize
 
 /// Returns the cross-entropy of predicting the frequencies `p` if the true ones are `q`.
 ///
-/// A class that was never seen in training is predicted as half an event in 1e6, so that one surprise in the held-out
+/// A class that was never seen in training is predicted as half an event in 1e6. So one surprise in the held-out
 /// episodes does not make the mean infinite.
 pub fn cross_entropy_of_constants(p: &[f64], q: &[f64]) -> f64 {
     p.iter().zip(q).map(|(p, q)| q * -p.max(5e-7).ln()).sum()
@@ -180,7 +180,7 @@ mod tests {
         let datasets = [dataset(&spec, |t| vec![u8::from(t % 3 == 0 || t >= 90)]), dataset(&spec, |_| vec![0])];
         let (marginals, losses) = trained(&spec, &datasets);
         assert_eq!(marginals.values().as_slice(), [2.0 / 3.0, 1.0 / 3.0, 1.0, 0.0]);
-        // Before: ln 2 everywhere. H(1/3) = 0.636514; held out -ln(1/3) = 1.098612, and 0 where nothing ever happens.
+        // Before: ln 2 everywhere. H(1/3) = 0.636514; held out -ln(1/3) = 1.098612, and 0 if nothing ever happens.
         for (loss, [training, held_out]) in losses.iter().zip([[0.636_514, 1.098_612], [0.0, 0.0]]) {
             assert!((loss.training[0][0] - 2_f64.ln()).abs() < 1e-7 && (loss.held_out[0][0] - 2_f64.ln()).abs() < 1e-7);
             assert!((loss.training[1][0] - training).abs() < 1e-6, "{loss:?}");

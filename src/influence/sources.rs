@@ -75,7 +75,7 @@ pub fn write_gradient(spec: &SourceSpec, logits: &[f32], observed: &[u8], scale:
     }
 }
 
-/// `-(u ln s(x) + (1 - u) ln(1 - s(x)))`, without overflow for any logit `x`.
+/// Computes `-(u ln s(x) + (1 - u) ln(1 - s(x)))`, without overflow for any logit `x`.
 fn binary_cross_entropy(logit: f64, u: u8) -> f64 {
     logit.max(0.0) - logit * f64::from(u) + (-logit.abs()).exp().ln_1p()
 }

@@ -28,7 +28,7 @@ pub const BLOCKS: usize = 4;
 /// Results of a forward pass that the backward pass needs, and the memory that both work in.
 #[derive(Default)]
 pub struct GruTrace {
-    /// State before each row, zero where an episode begins: `[steps x sequences, hidden]`.
+    /// State before each row, zero if an episode begins: `[steps x sequences, hidden]`.
     before: Vec<f32>,
     /// Gates r, z, n and `Whn h + bhn` of each row: `[rows, 4 hidden]`.
     gates: Vec<f32>,

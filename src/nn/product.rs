@@ -1,7 +1,7 @@
 //! Products of small matrices: the crate `gemm`, and for few rows kernels of our own.
 //!
-//! `gemm` multiplies the shapes of these networks (32 x 256 by 256 x 128) about twice as fast as libtorch with OpenBLAS:
-//! it has kernels for 512-bit registers and little cost per call.
+//! `gemm` multiplies the shapes of these networks (32 x 256 by 256 x 128) about twice as fast as libtorch with
+//! OpenBLAS: it has kernels for 512-bit registers and little cost per call.
 
 use std::ops::Range;
 
@@ -25,9 +25,9 @@ pub struct Matrix<'a> {
 }
 
 impl<'a> Matrix<'a> {
-    /// `values`: whole rows of `columns` each, one after another.
+    /// Makes a matrix. `values`: whole rows of `columns` each, one after another.
     pub fn new(values: &'a [f32], columns: usize) -> Self {
-        assert!(values.len().is_multiple_of(columns), "{} values are no rows of {columns}", values.len());
+        assert!(values.len().is_multiple_of(columns), "{} values do not make rows of {columns}", values.len());
         Matrix { values, rows: values.len() / columns, columns, transposed: false }
     }
 
@@ -171,7 +171,8 @@ fn by_256_bits(_: Matrix<'_>, _: Matrix<'_>, _: Range<usize>, _: &mut [f32], _: 
     unreachable!("`use_vectors` refuses it here");
 }
 
-/// Computes `out = inputs x weight + bias`. `weight`: `[in, out]`; `bias`: `[out]`; `inputs`: `[rows, in]`; `out`: `[rows, out]`.
+/// Computes `out = inputs x weight + bias`. `weight`: `[in, out]`; `bias`: `[out]`; `inputs`: `[rows, in]`; `out`:
+/// `[rows, out]`.
 pub fn affine(inputs: &[f32], weight: &[f32], bias: &[f32], out: &mut [f32]) {
     out.chunks_exact_mut(bias.len()).for_each(|row| row.copy_from_slice(bias));
     multiply(Matrix::new(inputs, weight.len() / bias.len()), Matrix::new(weight, bias.len()), out, Before::Add);

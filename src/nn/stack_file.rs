@@ -59,8 +59,8 @@ pub fn read_stack(path: &Path, prefix: &str, layout: &Layout, agents: &[AgentId]
             row.iter_mut().zip(values).for_each(|(to, from)| *to = from);
             if let Some(bad) = row.iter().find(|value| !value.is_finite()) {
                 bail!(
-                    "{}: `{name}` of agent {agent} holds {bad}, which is not a finite number: the file is damaged; copy it \
-                     again from where it was whole, or train again",
+                    "{}: `{name}` of agent {agent} holds {bad}, which is not a finite number: the file is damaged; \
+                     copy it again from an undamaged one, or train again",
                     path.display()
                 );
             }

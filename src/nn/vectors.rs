@@ -20,7 +20,7 @@ pub fn use_vectors(width: VectorWidth) -> Result<()> {
     Ok(())
 }
 
-/// Width of the registers in use.
+/// Returns the width of the registers in use.
 pub(super) fn vector_width() -> VectorWidth {
     if ARE_256_BITS.load(Ordering::Relaxed) { VectorWidth::Bits256 } else { VectorWidth::Widest }
 }
@@ -56,8 +56,8 @@ fn has_avx2_and_fma() -> bool {
     false
 }
 
-/// Returns the widest registers. The crates `gemm` and `pulp` each choose for themselves, and a few CPUs have only some
-/// of the instructions that `pulp` needs.
+/// Returns the names of the widest instructions. The crates `gemm` and `pulp` each choose for themselves, and a few
+/// CPUs have only some of the instructions that `pulp` needs.
 #[cfg(target_arch = "x86_64")]
 fn widest() -> String {
     let of_gemm = match () {

@@ -45,17 +45,17 @@ impl Memory {
         }
     }
 
-    /// Number of samples per agent.
+    /// Returns the number of samples per agent.
     pub fn capacity(&self) -> usize {
         self.capacity
     }
 
-    /// Number of steps per sequence.
+    /// Returns the number of steps per sequence.
     pub fn length(&self) -> usize {
         self.length
     }
 
-    /// Number of sequences per agent; sequence s has the slots from `s * length` on.
+    /// Returns the number of sequences per agent; sequence s has the slots from `s * length` on.
     pub fn sequences(&self) -> usize {
         self.capacity / self.length
     }

@@ -9,7 +9,7 @@ use super::standing::Standing;
 use crate::config::{Config, schedule};
 use crate::domain::Result;
 
-/// Trains the policies of all agents as the config says, from where they are.
+/// Trains the policies of all agents as the config says, from their current state.
 ///
 /// The numbers are the lines of Algorithm 1. Training on the GS (global simulator) and with untrained AIPs (approximate
 /// influence predictors) is the same loop without lines 3 to 6. With marginals, lines 4 to 6 measure them instead of

@@ -1,8 +1,8 @@
 //! Training on the global simulator (GS): the baseline that DIALS is compared with.
 //!
 //! DEVIATION 6: every agent has its own policy and bootstraps with its own value. The authors' code shares one policy
-//! object among the agents and bootstraps all of them with the last agent's observation, so its GS curves are not a fair
-//! baseline.
+//! object among the agents and bootstraps all of them with the last agent's observation, so its GS curves are not a
+//! fair baseline.
 
 use anyhow::ensure;
 
@@ -69,9 +69,9 @@ fn retrace(
         for (row, (agent, trail)) in kind.agents.iter().zip(trails).enumerate() {
             ensure!(
                 trail.steps() == 0 || trail.shown == fingerprint(percept, row),
-                "the global simulator did not come back to where training left it, as agent {agent} sees it after {} steps of \
-                 episode {episode}; possible causes: another build of SUMO or of this program, or a simulator whose state \
-                 depends on more than its seed and actions",
+                "the global simulator did not come back to where training left it, as agent {agent} sees it after {} \
+                 steps of episode {episode}; possible causes: another build of SUMO or of this program, or a \
+                 simulator whose state depends on more than its seed and actions",
                 trail.steps()
             );
         }

@@ -109,8 +109,8 @@ fn retrace(
         ensure!(
             trail.steps() == 0 || trail.shown == fingerprint(&percept, row),
             "local simulator {row} did not come back to where training left it after {} steps of its episode {}; \
-             possible causes: another build of SUMO or of this program, or a simulator whose state depends on more than its \
-             actions and sources",
+             possible causes: another build of SUMO or of this program, or a simulator whose state depends on more than \
+             its actions and sources",
             trail.steps(),
             trail.episode
         );

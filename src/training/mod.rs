@@ -11,7 +11,7 @@
 //! - [`block`]: a share of the agents with their networks; [`state`]: the state of agents after a period; [`answers`]:
 //!   results of the work.
 //! - [`fleet`]: the workers, as a trait. This room never sees a process, a socket or SUMO.
-//! - [`journal`], [`observer`]: who is told of the progress. This room never sees a file.
+//! - [`journal`], [`observer`]: those who watch the progress. This room never sees a file.
 //! - [`standing`]: how far Algorithm 1 has come; [`drift`]: whether the AIPs must be trained again.
 //! - [`stream`]: what continues from one period to the next, so that evaluations do not change the training.
 

@@ -23,7 +23,7 @@ pub trait Observer {
     /// A worker was lost and started again.
     fn worker_lost(&self, _message: &str) {}
 
-    /// Returns whether somebody asked the run to stop at the next place where nothing is lost.
+    /// Returns whether the run was asked to stop at the next point at which nothing is lost.
     fn stop_requested(&self) -> bool {
         false
     }
@@ -39,7 +39,7 @@ pub struct Silent;
 
 impl Observer for Silent {}
 
-/// The run stopped because somebody asked for it; it can be resumed.
+/// The run was stopped on request; it can be resumed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("stopped")]
 pub struct Interrupted;

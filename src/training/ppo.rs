@@ -217,7 +217,7 @@ fn loss_and_gradient(
         let near = sample.value + moved.clamp(-weights.clip, weights.clip);
         let (error, near_error) = (value - sample.ret, near - sample.ret);
         let value_loss = (error * error).max(near_error * near_error);
-        // The clipped term depends on the value only inside the clip range, where both terms are equal except for
+        // The clipped term depends on the value only inside the clip range. There both terms are equal except for
         // rounding. `v_old + (v - v_old)` may miss `v` by a digit, which must not decide.
         let inside = moved.abs() <= weights.clip;
         let value_slope = if inside || error * error >= near_error * near_error { 2.0 * error } else { 0.0 };

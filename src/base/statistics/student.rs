@@ -5,7 +5,7 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 /// Confidence of all intervals.
 const CONFIDENCE: f64 = 0.95;
 
-/// Returns the quantile of Student's t distribution: 95 % lie between minus this value and this value. `freedom`:
+/// Returns the quantile of Student's t distribution: minus this value and this value enclose 95 %. `freedom`:
 /// degrees of freedom, more than 0.
 pub fn student_t(freedom: f64) -> f64 {
     let distribution = StudentsT::new(0.0, 1.0, freedom).expect("a positive number of degrees of freedom");
