@@ -17,7 +17,7 @@ const FOR_EVER: Duration = Duration::from_secs(120);
 #[derive(Clone, Copy)]
 enum Domain {
     Traffic,
-    /// With recurrent policies and AIPs.
+    /// The warehouse, with recurrent policies and AIPs.
     Warehouse,
 }
 

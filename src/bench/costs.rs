@@ -151,7 +151,7 @@ impl Costs {
     }
 }
 
-/// Machine on which was measured.
+/// Machine of the measurement.
 struct Machine {
     workers: f64,
     /// Whether the simulators are SUMO's.
@@ -276,9 +276,9 @@ mod tests {
         Orders { count, units, wall: seconds(wall), slowest: seconds(slowest), work: seconds(work), phases: watch }
     }
 
-    /// Returns one agent, 1000 timesteps in ten periods, each with an evaluation of 3 episodes, and one of 5 at the
-    /// end. AIPs are trained twice on 2 episodes of 10 steps. Networks as in the tests of the floor, and a machine of
-    /// 1e6 operations per second.
+    /// Returns a run of one agent, 1000 timesteps in ten periods, each with an evaluation of 3 episodes, and one of 5
+    /// at the end. AIPs are trained twice on 2 episodes of 10 steps. Networks as in the tests of the floor, and a
+    /// machine of 1e6 operations per second.
     fn setting() -> (Config, Kinds) {
         let config = "total_steps = 1000\ntraffic = { network = 'n', local_network = 'l', horizon = 10 }\n\
                       policy = { hidden = [3] }\nppo = { rollout_steps = 4, epochs = 3, time_limit = 'bootstrap' }\n\

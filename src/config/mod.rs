@@ -45,7 +45,7 @@ pub struct Config {
     pub total_steps: u64,
     /// Timesteps per agent after which to stop early. The decay is still over `total_steps`.
     pub stop_at_steps: Option<u64>,
-    /// Domain of the run, as the config has the table of one domain. `None` for a domain that does not come from a
+    /// Domain of the run, from the one table of a domain in the config. `None` for a domain that does not come from a
     /// config.
     pub domain: Option<DomainConfig>,
     pub local_simulators: LocalSimulatorsConfig,
@@ -164,7 +164,7 @@ pub enum Retrain {
     Every,
     /// Never.
     Once,
-    /// At evaluations that find that their loss on new episodes of the GS has grown: the AIPs themselves determine F.
+    /// After evaluations that find that the AIPs' loss on new episodes of the GS has grown. The AIPs then determine F.
     Drift,
 }
 

@@ -1,4 +1,4 @@
-//! The cost of a whole run of a config: only here is counted how often a run does what.
+//! The cost of a whole run of a config. Only this room counts how often a run does what.
 //!
 //! - `workload`: the amounts of work in a run, from its schedule.
 //! - `prices`: the cost of one unit of each kind of work, and the cost of the run.

@@ -119,7 +119,7 @@ fn draw(probabilities: &[f32], dice: &mut Dice) -> u8 {
         rest < 0.0
     });
     let possible = || probabilities.iter().rposition(|&p| p > 0.0).expect("some class was seen");
-    drawn.unwrap_or_else(possible) as u8 // rounding may leave a rest
+    drawn.unwrap_or_else(possible) as u8 // rounding may leave a remainder
 }
 
 /// Counts how often each source took each of its values, `[sources][classes]`, in some of the samples.

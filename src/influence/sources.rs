@@ -33,7 +33,7 @@ pub fn sample(spec: &SourceSpec, logits: &[f32], dice: &mut Dice, sources: &mut 
                     rest -= (logit - max).exp();
                     rest < 0.0
                 });
-                drawn.unwrap_or(logits.len() - 1) as u8 // rounding may leave a rest
+                drawn.unwrap_or(logits.len() - 1) as u8 // rounding may leave a remainder
             }
         };
     }

@@ -129,8 +129,7 @@ mod tests {
         let loss =
             train(&mut aips, &[AgentId(0)], &[dataset], &config, Seed::new(2), &mut Stopwatch::default(), &mut |_| ())
                 .remove(0);
-        // It becomes certain of u = x: p > 0.95, so -ln(1 - p) > 3 on the rest. Trained on all episodes it would be ln
-        // 10 = 2.3.
+        // In the end u = x is certain: p > 0.95, so -ln(1 - p) > 3 on the rest. Trained on all: ln 10 = 2.3.
         assert!(loss.training[1][0] < 0.05, "{:?}", loss.training);
         assert!(loss.held_out[1][0] > 3.0, "{:?}", loss.held_out);
     }

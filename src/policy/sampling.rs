@@ -35,7 +35,7 @@ pub fn draw(log_probs: &[f32], dice: &mut Dice) -> Action {
             return action as Action;
         }
     }
-    // Rounding left a rest, which goes to the last action that is allowed.
+    // Rounding left a remainder, which goes to the last action that is allowed.
     let last = log_probs.iter().rposition(|&log_prob| log_prob != f32::NEG_INFINITY);
     last.unwrap_or(log_probs.len() - 1) as Action
 }
@@ -78,7 +78,7 @@ mod tests {
         assert!((0..10_000).all(|_| draw(&log_probs, &mut dice) < 2));
         // The largest number that dice give is below 1; these probabilities sum to less.
         let short = [0.3_f32.ln(), f32::NEG_INFINITY];
-        assert!((0..100).all(|_| draw(&short, &mut dice) == 0), "the rest goes to an action that is allowed");
+        assert!((0..100).all(|_| draw(&short, &mut dice) == 0), "the remainder goes to an action that is allowed");
         assert_eq!(most_probable(&[f32::NEG_INFINITY, -3.0, -2.0, f32::NEG_INFINITY]), 2);
         let mut untouched = [1.0, 2.0];
         forbid(&mut untouched, &[]);

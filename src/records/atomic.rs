@@ -13,7 +13,7 @@ pub fn lock(dir: &Path) -> Result<File> {
     Ok(folder)
 }
 
-/// Writes a file elsewhere and moves it to its place. Readers see the old file or the new one, never a part.
+/// Writes a file beside its place and moves it there. Readers see the old file or the new one, never a part.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
     write_beside(path, |beside| Ok(fs::write(beside, bytes)?))
 }

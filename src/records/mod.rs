@@ -1,13 +1,12 @@
 //! The run directory: the files of a run, written as it proceeds, and read again.
 //!
-//! CSV files grow by whole blocks of lines, one write per block. All other files are written elsewhere first and then
-//! moved to their place. So a kill loses at most the current period, and the files can be read at any time. GS: global
+//! CSV files grow by whole blocks of lines, one write per block. All other files are written beside their place and
+//! then moved there. So a kill loses at most the current period, and the files can be read at any time. GS: global
 //! simulator; AIPs: approximate influence predictors.
 //!
 //! | file | what |
 //! |---|---|
-//! | `config.toml`, `networks/` | the checked config and the SUMO networks it names: the run can be evaluated on any
-//! machine |
+//! | `config.toml`, `networks/` | the checked config and its SUMO networks: the run can be evaluated anywhere |
 //! | `run.json` | seed, command line, build and machine |
 //! | `returns.csv` | evaluations on the GS, per agent and for all |
 //! | `episodes.csv` | the mean return of all agents in each episode of each evaluation |

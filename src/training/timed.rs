@@ -136,7 +136,7 @@ mod tests {
 
     impl LocalSimulator for Telling {
         fn spec(&self) -> &RegionSpec {
-            unreachable!("nobody asks")
+            unreachable!("not used in these tests")
         }
 
         fn rows(&self) -> usize {
@@ -144,7 +144,7 @@ mod tests {
         }
 
         fn reset(&mut self, _begin: &[Beginning]) -> Result<&Percept> {
-            unreachable!("nobody asks")
+            unreachable!("not used in these tests")
         }
 
         fn step(&mut self, _actions: &[Action], _sources: &Rows<u8>) -> Result<&Transition> {
