@@ -20,7 +20,7 @@ pub use comparison::comparison;
 pub use finding::{Finding, Player};
 pub use table::table;
 
-/// The name of the return among the [`figures`] of an episode.
+/// Name of the return among the [`figures`] of an episode.
 pub const RETURN: &str = "return";
 
 /// Returns the seed of an evaluation episode. `evaluation`: `evaluation.seed` of the config. By default it is the same

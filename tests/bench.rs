@@ -1,4 +1,4 @@
-//! `bench` as a user meets it. How fast anything is, no test can know; that the parts make a whole, it can.
+//! `bench` as a user sees it. No test can know how fast anything is, but a test can check that the parts add up.
 
 use std::fs;
 use std::io::{BufRead, BufReader, Read};
@@ -15,7 +15,7 @@ const WAREHOUSE: &str = "[warehouse]\nagents_per_side = 2\nhorizon = 50\n[local_
     [policy]\nrecurrent = 24\nhidden = [16]\nsequence_length = 8\n[ppo]\nrollout_steps = 8\n\
     [aip]\nrecurrent = 8\nhidden = [8]\ndataset_steps = 500\nbatch = 4\nepochs = 5\n[evaluation]\nepisodes = 3\n";
 
-/// A place of its own for what is written, and a config in it.
+/// A folder for the output, with a config in it.
 struct Place {
     dir: tempfile::TempDir,
     config: PathBuf,

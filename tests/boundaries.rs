@@ -1,15 +1,15 @@
-//! Training is one stream: how often one looks at it, writes it down, kills it or shares it out changes no bit of what is
-//! learned.
+//! Training is one stream: evaluations, checkpoints, kills and the number of workers change no bit of what is learned.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-/// The timesteps of every run here. Copies play 250 of them: four episodes of traffic, five of the warehouse.
+/// Timesteps of every run here. Copies play 250 of them: four episodes of traffic, five of the warehouse.
 const STEPS: u64 = 2_000;
 
-/// A horizon that no period of these tests is a multiple of, and AIPs that are trained again in the middle of an episode.
+/// Makes a config with a horizon that does not divide any period, and AIPs that are retrained in the middle of an
+/// episode.
 fn config(domain: &str, recurrent: bool) -> String {
     let nets = Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets").display().to_string();
     let domain = match domain {
@@ -68,7 +68,7 @@ fn finish(mut command: Command) {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
-/// Policies are the same whether a run is evaluated once, at periods that fit nothing, or at every update.
+/// Asserts equal policies whether a run is evaluated once, at periods that fit nothing, or at every update.
 fn assert_that_looking_leaves_no_trace(domain: &str, recurrent: bool) {
     let config = config(domain, recurrent);
     for simulator in ["gs", "dials", "marginal-dials", "untrained-dials"] {
@@ -79,7 +79,7 @@ fn assert_that_looking_leaves_no_trace(domain: &str, recurrent: bool) {
     let once = Run::new(&config).train("dials", STEPS, &["--workers", "1"]);
     let always = Run::new(&config).train("dials", STEPS, &["--workers", "0", "--set", "checkpoints.every_steps=256"]);
     assert!(once == always, "{domain}, recurrent {recurrent}: written down at every second update");
-    // So that the test can fail: what the numbers come from is in the file.
+    // The test can fail: the file depends on what is learned.
     let other = Run::new(&config).train("dials", STEPS, &["--workers", "0", "--set", "aip.retrain_every_steps=500"]);
     assert!(once != other, "{domain}, recurrent {recurrent}: F changes what is learned");
 }

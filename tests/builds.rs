@@ -1,4 +1,4 @@
-//! What `run.json` says of the build, what it takes to go on with another one, and registers of one width for all.
+//! What `run.json` says of the build, when a run may continue with another build, and registers of one width for all.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use assert_cmd::Command;
 use serde_json::{Value, json};
 
-/// A warehouse of four robots, two periods; with a GRU, minibatches and weights that fill registers of any width.
+/// A warehouse of four robots, two periods. It has a GRU, minibatches and weights that fill registers of any width.
 const CONFIG: &str = "total_steps = 256\n[warehouse]\nagents_per_side = 2\nhorizon = 16\n\
                       [policy]\nrecurrent = 32\nhidden = [32]\n[ppo]\nrollout_steps = 8\n\
                       [aip]\nhidden = [32]\nretrain_every_steps = 256\ndataset_steps = 64\nbatch = 16\nepochs = 2\n\
@@ -45,7 +45,7 @@ fn run_json(run: &Path) -> Value {
     serde_json::from_slice(&fs::read(run.join("run.json")).unwrap()).unwrap()
 }
 
-/// Lets a finished run look as if it had been stopped after its first period.
+/// Makes a finished run look as if it had been stopped after its first period.
 fn lose_the_last_period(run: &Path) {
     fs::remove_file(run.join("checkpoints/step_000000000256.safetensors")).unwrap();
     let returns = fs::read_to_string(run.join("returns.csv")).unwrap();
@@ -53,7 +53,7 @@ fn lose_the_last_period(run: &Path) {
     fs::write(run.join("returns.csv"), &returns[..whole]).unwrap();
 }
 
-/// Lets a run look as if other software had written it, on another machine.
+/// Makes a run look as if other software had written it, on another machine.
 fn pretend_another_build(run: &Path) {
     let mut about = run_json(run);
     about["versions"]["git_commit"] = json!("0123456789ab-dirty");
@@ -64,7 +64,7 @@ fn pretend_another_build(run: &Path) {
     fs::write(run.join("run.json"), about.to_string()).unwrap();
 }
 
-/// Asserts exit code 2 and an error that names the run and all that differs, with both values, and the way out.
+/// Asserts exit code 2 and an error that names the run, all differences with both values, and the way out.
 fn assert_refused(mut command: Command, run: &str, here: &Value) {
     let output = command.assert().code(2).get_output().clone();
     let said = String::from_utf8(output.stderr).unwrap();
@@ -116,7 +116,7 @@ fn a_run_of_another_build_goes_on_only_where_that_is_asked_for_and_records_it() 
     expected["resumed_with"] = json!([{ "steps": 128, "versions": here }]);
     assert_eq!(run_json(&run), expected);
 
-    // From here on this is the build of the run.
+    // From here on, this is the build of the run.
     lose_the_last_period(&run);
     resume(&["--accept-other-build"]).assert().success();
     lose_the_last_period(&run);
@@ -169,7 +169,7 @@ fn registers_of_256_bits_are_used_by_every_process_of_a_run_and_of_its_evaluatio
     assert_eq!(used[1], "avx2+fma");
     assert_eq!(results(&widest) == results(&inline), used[0] == used[1], "{used:?}");
     assert!(fs::read_to_string(inline.join("config.toml")).unwrap().contains("vector_width = \"256-bit\""));
-    // Runs of both kinds in one process, each as it was trained.
+    // Runs of both widths in one process, each as it was trained.
     let together = place
         .command(&["baseline", "c.toml", "--compare", "./widest,./inline,./workers", "--json", "--seed", "1"])
         .assert()

@@ -323,7 +323,11 @@ fn bad_configs_are_refused_and_nothing_is_written() {
     refused(&good, &["--set", "ppo.clip=-1"], &["ppo.clip = -1: must be a positive number"]);
     refused(&good, &["--set", "ppo.nonsense=1"], &["unknown field `nonsense`"]);
     refused(&good, &["--steps", "0"], &["stop_at_steps = 0: must be at least 1"]);
-    refused(&good, &["--steps", "513"], &["stop_at_steps = 513: lies beyond total_steps = 512", "raise total_steps"]);
+    refused(
+        &good,
+        &["--steps", "513"],
+        &["stop_at_steps = 513: is larger than total_steps = 512", "raise total_steps"],
+    );
     refused(&good, &["--set", "aip.epochs=0"], &["aip.epochs = 0: must be at least 1", "untrained-dials"]);
     refused(
         &good,
@@ -464,7 +468,7 @@ fn weights_that_are_no_finite_numbers_are_refused_wherever_they_would_be_played_
     let (run, new) = (out.to_str().unwrap(), dir.path().join("new"));
     let new_path = new.to_str().unwrap();
     let of_policies =
-        ["policies.safetensors: `layers.", "of agent 3 holds NaN, which is no finite number", "train again"];
+        ["policies.safetensors: `layers.", "of agent 3 holds NaN, which is not a finite number", "train again"];
     for args in [
         &["evaluate", run, "--csv", new_path][..],
         #[cfg(feature = "torch")]
@@ -581,7 +585,15 @@ fn controllers_and_runs_are_compared_on_the_same_traffic() {
     let args = ["baseline", &config, "--compare", &list, "--episodes", "3", "--seed", "4"];
     let table = text(&dials_traffic(&args).assert().success().get_output().stdout);
     assert!(table.starts_with("mean +- half of its 95 % interval over 3 episodes"), "{table}");
-    for part in ["return", "delay_s", "queue_length", "\nnever ", "\ngap-out ", run, "minus never, paired by episode"] {
+    for part in [
+        "return",
+        "delay_s",
+        "queue_length",
+        "\nnever ",
+        "\ngap-out ",
+        run,
+        "difference from never (paired by episode)",
+    ] {
         assert!(table.contains(part), "`{part}`: {table}");
     }
     assert!(table.lines().all(|line| line.chars().count() <= 118 || line.starts_with(run)), "{table}");
@@ -651,11 +663,11 @@ fn a_controller_is_itself_where_a_directory_has_its_name() {
         command
     };
     let table = text(&compare("never,fixed-time,fixed-time:green=10").assert().success().get_output().stdout);
-    assert!(table.contains("\nminus never, paired by episode\n"), "{table}");
+    assert!(table.contains("\ndifference from never (paired by episode)\n"), "{table}");
     assert_refused(&mut compare("gap-out,./never"), &["./never: not a run directory"]);
     // 10 is the default of `green`.
     let table = text(&compare("fixed-time,fixed-time:green=10").assert().success().get_output().stdout);
-    let told = "minus fixed-time, paired by episode\nno figure differs in any episode\n";
+    let told = "difference from fixed-time (paired by episode)\nno figure differs in any episode\n";
     assert!(table.ends_with(told), "{table}");
 }
 

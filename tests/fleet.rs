@@ -11,17 +11,17 @@ use rustix::process::{Pid, Signal, kill_process};
 
 const RESULTS: [&str; 6] =
     ["returns.csv", "aip_loss.csv", "aip_drift.csv", "training.csv", "policies.safetensors", "aips.safetensors"];
-/// However slow the machine is, a wait that lasts longer than this waits for something that will not come.
+/// Time limit. However slow the machine is, a wait that lasts longer will never end.
 const FOR_EVER: Duration = Duration::from_secs(120);
 
 #[derive(Clone, Copy)]
 enum Domain {
     Traffic,
-    /// With recurrent policies and AIPs.
+    /// The warehouse, with recurrent policies and AIPs.
     Warehouse,
 }
 
-/// Three periods of about a second, an AIP training before the first and the last.
+/// Writes a config of three periods of about a second, with an AIP training before the first and the last.
 fn write_config(dir: &Path, domain: Domain) -> PathBuf {
     let text = match domain {
         Domain::Traffic => traffic_config(),
@@ -111,7 +111,7 @@ impl Run {
     }
 }
 
-/// What a run in a single process makes.
+/// Returns the files of a run in a single process.
 fn undisturbed() -> &'static Vec<Vec<u8>> {
     static RESULTS: OnceLock<Vec<Vec<u8>>> = OnceLock::new();
     RESULTS.get_or_init(|| {
@@ -134,7 +134,7 @@ fn ended(child: Child) -> (ExitStatus, String) {
     (output.status, String::from_utf8_lossy(&output.stderr).into_owned())
 }
 
-/// The worker processes of a coordinator, by their parent in /proc.
+/// Returns the worker processes of a coordinator, by their parent in /proc.
 fn workers_of(coordinator: &Child) -> Vec<Pid> {
     let parent = coordinator.id().to_string();
     let stat = |pid: i32| -> Option<(String, String)> {
@@ -191,7 +191,7 @@ fn aips_that_are_trained_again_on_drift_are_the_same_for_any_fleet_and_after_a_k
     let settings: Vec<String> = settings.iter().flat_map(|set| ["--set".to_owned(), format!("aip.{set}")]).collect();
     let settings: Vec<&str> = settings.iter().map(String::as_str).collect();
     let run = assert_the_same_for_any_fleet_and_after_a_kill(Domain::Traffic, &settings);
-    // So that the test can fail: AIPs are found 2.0 % worse at the second evaluation and 4.0 % at the third.
+    // The test can fail: AIPs are found 2.0 % worse at the second evaluation and 4.0 % at the third.
     let drift = fs::read_to_string(run.out.join("aip_drift.csv")).unwrap();
     let trainings: Vec<&str> = drift.lines().filter(|line| line.contains(",all,training,")).collect();
     assert!(trainings.len() == 2 && trainings[1].starts_with("10112,"), "{drift}");
@@ -214,7 +214,7 @@ fn assert_the_same_for_any_fleet_and_after_a_kill(domain: Domain, settings: &[&s
     let (status, said) = run.resume(&["--workers", "2"]);
     assert!(status.success(), "{said}");
     assert!(run.results() == alone.results());
-    // Wall times differ, but not the length of their records: nothing is lost and nothing stands there twice.
+    // Wall times differ, but not the length of their records: nothing is missing and nothing is written twice.
     let [mine, theirs] = [&run, &alone].map(|run| fs::metadata(run.out.join("events.out.tfevents")).unwrap().len());
     assert!(mine == theirs && mine > 1000, "{mine} {theirs}");
     alone
@@ -273,7 +273,7 @@ fn three_deaths_in_a_row_end_the_run_with_a_checkpoint_to_resume_from() {
     }
     let (status, said) = ended(coordinator);
     assert_eq!(status.code(), Some(1), "{said}");
-    assert!(said.contains("given up after 3 deaths in a row at the same place"), "{said}");
+    assert!(said.contains("gave up after 3 deaths in a row at the same place"), "{said}");
     assert!(said.contains("train --resume"), "{said}");
     let (status, said) = run.resume(&["--workers", "2"]);
     assert!(status.success(), "{said}");
@@ -282,7 +282,7 @@ fn three_deaths_in_a_row_end_the_run_with_a_checkpoint_to_resume_from() {
 
 #[test]
 fn a_coordinator_killed_at_any_moment_leaves_no_orphan_and_resumes_to_the_same_files() {
-    // Before the first checkpoint, right after one, and within the periods that follow.
+    // Before the first checkpoint, right after one, and during the periods that follow.
     for (checkpoints, delay_ms) in [(0, 700), (1, 0), (1, 250), (2, 150)] {
         let run = Run::new();
         let mut coordinator = run.start(&["--workers", "2"]);
@@ -292,7 +292,7 @@ fn a_coordinator_killed_at_any_moment_leaves_no_orphan_and_resumes_to_the_same_f
         coordinator.kill().unwrap();
         assert_eq!(ended(coordinator).0.signal(), Some(9));
         assert_no_orphans(&workers);
-        // And with another number of workers.
+        // And with a different number of workers.
         let (status, said) = run.resume(&["--workers", "3"]);
         assert!(status.success(), "{said}");
         run.assert_undisturbed();
@@ -343,7 +343,7 @@ const REAL_SIZE: [&str; 10] = [
     "2",
 ];
 
-/// A coordinator whose words can be read while it works. Dropping it kills it.
+/// A coordinator whose output can be read while it works. Dropping it kills it.
 struct Watched {
     process: Child,
     said: PathBuf,
@@ -379,7 +379,7 @@ impl Watched {
         kill_process(Pid::from_child(&self.process), Signal::INT).unwrap();
     }
 
-    /// Its exit code, once it has ended, and what it said.
+    /// Returns the exit code, once the coordinator has ended, and its output.
     fn ended(mut self) -> (Option<i32>, String) {
         let begun = Instant::now();
         loop {
@@ -391,7 +391,7 @@ impl Watched {
         }
     }
 
-    /// Its exit code after Ctrl-C, and what it said. None of its workers may outlive it.
+    /// Returns the exit code after Ctrl-C, and the output. None of its workers may outlive it.
     fn stopped(self) -> (Option<i32>, String) {
         let workers = workers_of(&self.process);
         self.interrupt();
@@ -409,7 +409,7 @@ impl Drop for Watched {
 }
 
 impl Run {
-    /// The newest process of a worker, by its log, once it has begun.
+    /// Returns the newest process of a worker, from its log, once it has begun.
     fn process_of(&self, worker: usize) -> Pid {
         let log = self.out.join(format!("worker_{worker}.log"));
         let newest = || {
@@ -421,7 +421,7 @@ impl Run {
         newest().unwrap()
     }
 
-    /// Asserts that training on the GS made what it makes when nobody disturbs it.
+    /// Asserts that training on the GS made the same files as without a disturbance.
     fn assert_undisturbed_on_the_gs(&self) {
         static UNDISTURBED: OnceLock<[Vec<u8>; 3]> = OnceLock::new();
         let results = |run: &Run| {
@@ -452,7 +452,7 @@ fn wait_until_idle(pid: Pid) {
     });
 }
 
-/// The first worker that has become a program of its own and is no copy of the coordinator any more.
+/// Waits for the first worker that is a program of its own and no longer a copy of the coordinator.
 fn wait_for_a_program(coordinator: &Child) -> Pid {
     let is_worker = |pid: &Pid| {
         let words = fs::read(format!("/proc/{}/cmdline", pid.as_raw_nonzero())).unwrap_or_default();
@@ -468,7 +468,7 @@ fn a_stopped_worker_without_agents_is_replaced_after_the_patience() {
     let run = Run::new();
     let coordinator = Watched::start(&run, &["--patience", "5"]);
     coordinator.wait_for_words("step 0: return");
-    // It has nothing to do until its next order comes with the joint policy, which it does not read.
+    // It has nothing to do until the next order sends the joint policy, which it does not read.
     kill_process(run.process_of(1), Signal::STOP).unwrap();
     let (code, said) = coordinator.ended();
     assert_eq!(code, Some(0), "{said}");
@@ -484,12 +484,12 @@ fn ctrl_c_is_obeyed_while_a_worker_is_stopped() {
     coordinator.wait_for_words("step 0: return");
     kill_process(run.process_of(1), Signal::STOP).unwrap();
     run.wait_for_checkpoints(1);
-    // Now the evaluation waits for the stopped worker, and nothing is lost by stopping.
+    // Now the evaluation waits for the stopped worker, and stopping loses nothing.
     wait_until_idle(run.process_of(0));
     let (code, said) = coordinator.stopped();
     assert!(code == Some(130) && said.contains("stopped; resume with: "), "{said}");
 
-    // A period that waits for the stopped worker is finished or lost. That is for the person to choose.
+    // A period that waits for the stopped worker is finished or lost. The user must choose.
     let coordinator = Watched::resume(&run, &[], "resumed");
     coordinator.wait_for_words(": return");
     kill_process(run.process_of(0), Signal::STOP).unwrap();
@@ -517,7 +517,7 @@ fn a_damaged_checkpoint_is_refused_and_the_one_before_it_serves() {
     let (status, said) = run.resume(&["--workers", "2"]);
     assert_eq!(status.code(), Some(1));
     let name = newest.file_name().unwrap().to_str().unwrap();
-    assert!(said.contains(name) && said.contains("remove it to go on from the checkpoint before it"), "{said}");
+    assert!(said.contains(name) && said.contains("remove it to continue from the checkpoint before it"), "{said}");
     assert!(said.contains("cut short"), "{said}");
     fs::remove_file(&newest).unwrap();
     let (status, said) = run.resume(&["--workers", "2"]);

@@ -1,4 +1,4 @@
-//! A domain of two kinds of agents, end to end: coins and dice, where every answer is known.
+//! A domain of two kinds of agents, end to end: coins and dice, for which every answer is known.
 
 use std::fs;
 use std::path::Path;
@@ -48,7 +48,7 @@ const CONFIG: &str = "seed = 3\ntotal_steps = 30000\n\
     evaluation = { every_steps = 10000, episodes = 10, aip_loss_episodes = 10 }\n\
     traffic = { network = 'none', local_network = 'none', horizon = 50 }\n";
 
-/// A short run of three periods, with memories.
+/// Makes a short run of three periods, with memories.
 fn short(simulator: &str) -> Config {
     let mut config = config(simulator);
     config.total_steps = 3000;
@@ -71,7 +71,7 @@ fn train(config: &Config, dir: &Path) -> Result<()> {
     dials::train(config, &mut fleet, Standing::default(), &mut log, &Silent)
 }
 
-/// A column of the lines that `keys` stand at the beginning of, after the step.
+/// Returns a column of the lines that have `keys` after the step.
 fn column(dir: &Path, file: &str, keys: &[&str], name: &str) -> Vec<f64> {
     let mut reader = csv::Reader::from_path(dir.join(file)).unwrap();
     let index = reader.headers().unwrap().iter().position(|header| header == name).unwrap();
@@ -97,8 +97,8 @@ fn all_four_simulators_teach_both_kinds() {
 fn the_aips_of_both_kinds_learn_the_closed_form_influence() {
     let dir = tempfile::tempdir().unwrap();
     train(&config("dials"), dir.path()).unwrap();
-    // After the training at 15000, when all nearly play their best: H(0.2) = 0.5004. A coin has one source, its die; a die
-    // has two, its coin and the other die.
+    // After the training at 15000, when all play almost perfectly: H(0.2) = 0.5004. A coin has one source, its die; a
+    // die has two, its coin and the other die.
     for (agent, source) in [("0", "0"), ("1", "0"), ("2", "0"), ("3", "0")] {
         let losses = column(dir.path(), files::AIP_LOSS, &[agent, source], "training_after");
         assert!((losses[1] - 0.5004).abs() < 0.03, "agent {agent}: {losses:?}");
@@ -108,12 +108,12 @@ fn the_aips_of_both_kinds_learn_the_closed_form_influence() {
         let losses = column(dir.path(), files::AIP_LOSS, &[agent, "1"], "training_after");
         assert!(losses[1] < 2_f64.ln() + 0.01, "agent {agent}: {losses:?}");
     }
-    // As it began, coins and dice were nearly random: constants lose ln 3 on a die, and ln 2 on a coin.
+    // At the beginning, coins and dice were almost random: constants lose ln 3 on a die, and ln 2 on a coin.
     let constants = |agent, source| column(dir.path(), files::AIP_LOSS, &[agent, source], "held_out_marginals")[0];
     assert!((constants("0", "0") - 3_f64.ln()).abs() < 0.1 && (constants("1", "0") - 2_f64.ln()).abs() < 0.1);
     assert!(column(dir.path(), files::AIP_LOSS, &["0", "1"], "frequency").is_empty(), "a coin has no second source");
 
-    // What the run left behind is read by the report, and by whoever opens the tensors.
+    // The report can read the run, and other programs can open the tensors.
     fs::write(dir.path().join(files::CONFIG), format!("simulator = 'dials'\n{CONFIG}")).unwrap();
     let record = RunRecord::read(dir.path()).unwrap();
     assert_eq!((record.evaluations[0].agents.len(), record.evaluations.len(), record.aip_trainings.len()), (4, 4, 2));
@@ -129,7 +129,7 @@ fn the_aips_of_both_kinds_learn_the_closed_form_influence() {
         }
     }
 
-    // The policies that were saved play as well as those that were trained.
+    // The saved policies play as well as the trained ones.
     for selection in [Selection::Sampled, Selection::Greedy] {
         let mut acting = JointPolicyController::new(domain.kinds(), &config.policy, &policies, selection);
         let mut gs = domain.global_simulator().unwrap();
@@ -161,7 +161,7 @@ fn a_masked_action_is_never_chosen() {
     }
 }
 
-/// Asks training to stop after every period.
+/// An observer that asks training to stop after every period.
 struct Stop;
 
 impl Observer for Stop {
@@ -189,7 +189,7 @@ fn a_run_that_was_stopped_goes_on_to_the_same_bytes() {
             });
             dials::train(&config, &mut fleet, standing, &mut log, observer)
         };
-        // The first time there is no checkpoint: the run begins.
+        // The first time there is no checkpoint, so the run begins.
         for _ in 1..periods {
             assert!(go_on(&Stop).unwrap_err().is::<Interrupted>());
         }
@@ -213,7 +213,7 @@ fn workers_that_share_the_agents_bring_what_one_worker_brings() {
     let losses = whole.train_aips(datasets.clone(), &period, &Silent);
     let training = whole.train_policies(&period, &Silent).unwrap();
 
-    // The second worker's agents are of both kinds, and those of the first of one.
+    // The second worker has agents of both kinds, the first worker of one kind.
     let mut parts = Vec::new();
     for agents in [0..1, 1..4] {
         let mut part = worker(agents.clone().map(AgentId).collect());
@@ -226,7 +226,7 @@ fn workers_that_share_the_agents_bring_what_one_worker_brings() {
     let joined = AgentsState::joined(parts);
     assert!(joined == whole.state());
 
-    // And a state that is handed back to others is what they go on from.
+    // Other workers continue from a state that they are given.
     let mut other = worker(AgentId::all(4));
     other.restore(&joined);
     assert!(other.state() == joined && other.aips() == joined.aips);

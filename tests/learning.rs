@@ -1,4 +1,4 @@
-//! DIALS end to end on two coupled coins, where every answer is known.
+//! DIALS end to end on two coupled coins, for which every answer is known.
 
 use std::path::Path;
 use std::rc::Rc;
@@ -16,7 +16,8 @@ use dials_traffic::training::standing::Standing;
 
 const HORIZON: usize = 50;
 
-/// Gamma is small because rewards follow at once: long returns would only drown them in the shared hidden layer.
+/// Makes a config. Gamma is small because rewards follow at once: long returns would hide them in the shared hidden
+/// layer.
 fn config(simulator: &str) -> Config {
     toml::from_str(&format!(
         "seed = 3\nsimulator = '{simulator}'\ntotal_steps = 30000\n\
@@ -38,7 +39,7 @@ fn train(config: &Config, dir: &Path) -> Result<()> {
     dials::train(config, &mut fleet, Standing::default(), &mut log, &Silent)
 }
 
-/// The column `name` of the lines about all agents, by steps.
+/// Returns the column `name` of the lines about all agents, by steps.
 fn column(dir: &Path, file: &str, name: &str) -> Vec<(u64, f64)> {
     let mut reader = csv::Reader::from_path(dir.join(file)).unwrap();
     let index = reader.headers().unwrap().iter().position(|header| header == name).unwrap();
@@ -80,8 +81,8 @@ fn the_loss_on_fresh_episodes_is_that_of_the_closed_form() {
     // At 0 before and after the training, at 10000 and 20000, after the training at 15000 (not evaluated), at the end.
     let steps: Vec<u64> = losses.iter().map(|&(steps, _)| steps).collect();
     assert_eq!(steps, [0, 0, 10_112, 15_104, 20_096, 30_080]);
-    // The coins copy in the end: H(0.32) = 0.6269 and ln 2 = 0.6931. 40 x 50 x 2 samples: standard error 0.35 / sqrt(4000)
-    // = 0.006. The best constants lose ln 2 at most, and less where a coin is not quite fair: H(0.58) = 0.6803.
+    // The coins copy in the end: H(0.32) = 0.6269 and ln 2 = 0.6931. 40 x 50 x 2 samples: standard error 0.35 /
+    // sqrt(4000) = 0.006. The best constants lose at most ln 2, and less if a coin is not quite fair: H(0.58) = 0.6803.
     let (last, constant) = (losses[5].1, marginals[5].1);
     assert!((last - 0.6269).abs() < 0.025, "{losses:?}");
     assert!((0.6803..=2_f64.ln()).contains(&constant), "{marginals:?}");
@@ -92,7 +93,7 @@ fn the_marginals_of_the_coins_are_those_of_a_fair_coin() {
     let dir = tempfile::tempdir().unwrap();
     train(&config("marginal-dials"), dir.path()).unwrap();
     for name in ["training_after", "held_out_after", "held_out_marginals"] {
-        // At 15000 the coins copy, and noise turns them as often to 0 as to 1: ln 2 = 0.6931, where AIPs reach 0.6269.
+        // At 15000 the coins copy, and noise turns them to 0 as often as to 1: ln 2 = 0.6931, while AIPs reach 0.6269.
         let losses = column(dir.path(), files::AIP_LOSS, name);
         assert!(losses.len() == 2 && (losses[1].1 - 2_f64.ln()).abs() < 0.01, "{name} {losses:?}");
     }

@@ -286,7 +286,7 @@ fn what_a_kill_cut_short_is_left_out_of_a_run_and_a_hole_leaves_the_run_out() {
         fs::write(&returns, hole.join("\n") + "\n").unwrap();
     });
     assert!(markdown.contains("runs/traffic_4-dials-seed1: unfinished, at 2M of 4M steps"), "{markdown}");
-    let told = "runs/traffic_4-dials-seed2: left out: returns.csv: tells of 3 of 4 agents at step 2000000";
+    let told = "runs/traffic_4-dials-seed2: left out: returns.csv: has 3 of 4 agents at step 2000000";
     assert!(markdown.contains(told), "{markdown}");
 }
 
@@ -307,9 +307,9 @@ fn a_run_with_a_figure_that_is_no_finite_number_is_left_out_with_its_file_line_a
     });
     for told in [
         "runs/traffic_4-dials-seed1: left out: runs/traffic_4-dials-seed1/returns.csv: line 7: `mean` holds \"NaN\", which is \
-         no finite number",
+         not a finite number",
         "runs/traffic_4-dials-seed3: left out: runs/traffic_4-dials-seed3/timing.csv: line 2: `elapsed_s` holds \"inf\", which \
-         is no finite number",
+         is not a finite number",
     ] {
         assert!(markdown.contains(told), "`{told}` is not in {markdown}");
     }

@@ -1,4 +1,4 @@
-//! The rooms of the house open only the doors that they may open.
+//! Each room may use only certain other rooms.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -47,7 +47,7 @@ fn source_files(folder: &Path) -> Vec<PathBuf> {
     files.filter(|path| path.extension().is_some_and(|extension| extension == "rs")).collect()
 }
 
-/// Room -> what its code names: `crate::x` and outside crates; comments and tests of a file aside.
+/// Returns the names in each room's code: `crate::x` and outside crates, without the comments and tests of a file.
 fn names_by_room() -> BTreeMap<String, BTreeSet<String>> {
     let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
     let mut names: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
@@ -146,7 +146,7 @@ fn only_one_file_outside_config_and_the_domains_knows_a_domain_by_name() {
 #[test]
 fn only_traffic_opens_sumo() {
     for (room, used) in names_by_room() {
-        assert!(!used.contains("sumo") || ["traffic", "sumo"].contains(&room.as_str()), "src/{room} opens sumo");
+        assert!(!used.contains("sumo") || ["traffic", "sumo"].contains(&room.as_str()), "src/{room} uses sumo");
     }
 }
 
@@ -157,7 +157,7 @@ fn unsafe_code_lives_in_two_places() {
         let text = fs::read_to_string(&file).unwrap();
         let within = file.strip_prefix(&src).unwrap();
         if text.contains("unsafe {") && !within.starts_with("sumo") {
-            assert_eq!(within, Path::new("nn/product.rs"), "unsafe code outside of its rooms");
+            assert_eq!(within, Path::new("nn/product.rs"), "unsafe code outside its rooms");
         }
     }
 }

@@ -2,8 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-/// A growing table of f32 rows that takes one bit per entry as long as all entries are 0 or 1, as d-sets are in both of
-/// the paper's domains, and four bytes from the first other entry on. Either way it gives back what it was given.
+/// A growing table of f32 rows. It takes one bit per entry while all entries are 0 or 1, as in the d-sets (inputs of
+/// influence predictors) of both of the paper's domains. From the first other entry on, it takes four bytes per
+/// entry. Either way the values are exact.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CompactRows {
     width: usize,
@@ -13,7 +14,7 @@ pub struct CompactRows {
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 enum Entries {
-    /// Each row begins with a fresh byte.
+    /// Bits; each row begins with a new byte.
     Bits(Vec<u8>),
     Values(Vec<f32>),
 }
@@ -36,7 +37,7 @@ impl CompactRows {
     }
 
     pub fn push(&mut self, row: &[f32]) {
-        assert_eq!(row.len(), self.width, "a row of another width");
+        assert_eq!(row.len(), self.width, "a row of a different width");
         if !row.iter().all(|&entry| entry == 0.0 || entry == 1.0) {
             self.unpack();
         }
@@ -65,7 +66,7 @@ impl CompactRows {
 
     /// Appends all rows of `other`.
     pub fn extend(&mut self, other: &CompactRows) {
-        assert_eq!(other.width, self.width, "rows of another width");
+        assert_eq!(other.width, self.width, "rows of a different width");
         match (&mut self.entries, &other.entries) {
             (Entries::Bits(mine), Entries::Bits(theirs)) => {
                 mine.extend_from_slice(theirs);

@@ -1,6 +1,11 @@
-//! Words that every room speaks: seeds, rows of numbers, ids and units, stopwatches, statistics.
+//! What every room uses. Nothing here knows about simulators, networks or learning, and nothing here does input or
+//! output.
 //!
-//! Nothing here knows about simulators, networks or learning, and nothing here does input or output.
+//! - `seed`, `purpose`: random streams by name, and the list of their purposes.
+//! - `rows`, `ragged`, `compact`: tables of one width, of rows of different widths, and of bits.
+//! - `units`: ids of agents and other units; `vectors`: the width of vector registers.
+//! - `stopwatch`: time by activity and phase.
+//! - [`statistics`]: means, intervals and differences.
 
 mod compact;
 mod purpose;

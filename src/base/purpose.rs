@@ -1,10 +1,10 @@
-//! Purposes of randomness: the one list of what this crate draws random numbers for.
+//! Purposes of randomness: the one list of all uses of random numbers in this crate.
 
 macro_rules! purposes {
     ($($(#[$doc:meta])* $name:ident = $text:literal,)*) => {
-        /// What a random stream is for.
+        /// Purpose of a random stream.
         ///
-        /// A stream depends on the text of its purpose alone. So a variant may be renamed, and a text must stay.
+        /// A stream depends only on the text of its purpose. So a variant may be renamed, but its text must not change.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum RandomPurpose {
             $($(#[$doc])* $name,)*

@@ -4,16 +4,16 @@ use serde::{Deserialize, Serialize};
 
 use super::Rows;
 
-/// Rows of different width, one after another in memory.
+/// Rows of different widths, one after another in memory.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Ragged<T> {
     data: Vec<T>,
-    /// Where each row ends in `data`; it begins where the one before it ends.
+    /// End of each row in `data`. A row begins where the one before it ends.
     ends: Vec<usize>,
 }
 
 impl<T: Copy + Default> Ragged<T> {
-    /// Default values in rows of these widths.
+    /// Makes a table of default values with rows of these widths.
     pub fn new(widths: impl IntoIterator<Item = usize>) -> Self {
         let mut end = 0;
         let ends = widths.into_iter().map(|width| {
@@ -24,7 +24,8 @@ impl<T: Copy + Default> Ragged<T> {
         Ragged { data: vec![T::default(); end], ends }
     }
 
-    /// Rows of these widths over values that are already in order; `None` if they are not as many as the widths ask for.
+    /// Makes rows of these widths from values that are already in order. If their number does not fit the widths:
+    /// `None`.
     pub fn from_vec(data: Vec<T>, widths: impl IntoIterator<Item = usize>) -> Option<Self> {
         let mut end = 0_usize;
         let mut ends = Vec::new();
@@ -88,33 +89,33 @@ impl<T: Copy + Default> Ragged<T> {
     pub fn replace(&mut self, first: usize, rows: &Ragged<T>) {
         for (index, values) in rows.iter().enumerate() {
             let row = self.row_mut(first + index);
-            assert_eq!(row.len(), values.len(), "row {} has another width", first + index);
+            assert_eq!(row.len(), values.len(), "row {} has a different width", first + index);
             row.copy_from_slice(values);
         }
     }
 
     pub fn copy_from(&mut self, other: &Ragged<T>) {
-        assert_eq!(self.ends, other.ends, "tables of different shape");
+        assert_eq!(self.ends, other.ends, "tables of different shapes");
         self.data.copy_from_slice(&other.data);
     }
 
-    /// A copy of some of the rows, in this order.
+    /// Copies some of the rows, in this order.
     pub fn pick(&self, rows: impl IntoIterator<Item = usize>) -> Ragged<T> {
         let mut picked = Ragged { data: Vec::new(), ends: Vec::new() };
         rows.into_iter().for_each(|row| picked.push(self.row(row)));
         picked
     }
 
-    /// Copies some of the rows, in this order, into a table of as many rows of their width.
+    /// Copies some of the rows, in this order, into a table of the same number of rows and of their width.
     pub fn pick_into(&self, rows: impl ExactSizeIterator<Item = usize>, table: &mut Rows<T>) {
-        assert_eq!(rows.len(), table.len(), "another number of rows");
+        assert_eq!(rows.len(), table.len(), "a different number of rows");
         rows.enumerate().for_each(|(to, from)| table.row_mut(to).copy_from_slice(self.row(from)));
     }
 
-    /// The same values as a table of one width. Panics where the rows differ in width.
+    /// Returns the same values as a table of one width. Panics if the rows differ in width.
     pub fn into_rows(self) -> Rows<T> {
         let width = self.ends.first().copied().unwrap_or(1);
-        assert!(self.widths().all(|other| other == width), "rows of different width");
+        assert!(self.widths().all(|other| other == width), "rows of different widths");
         Rows::from_vec(self.data, width)
     }
 
@@ -134,7 +135,7 @@ impl<T: Copy + Default> From<Rows<T>> for Ragged<T> {
 mod tests {
     use super::*;
 
-    /// `[1 2] [3] [] [4 5 6]`
+    /// Makes the table `[1 2] [3] [] [4 5 6]`.
     fn table() -> Ragged<i32> {
         Ragged::from_vec(vec![1, 2, 3, 4, 5, 6], [2, 1, 0, 3]).unwrap()
     }
@@ -148,7 +149,7 @@ mod tests {
         rows.row_mut(0).fill(0);
         assert_eq!(rows.as_slice(), [0, 0, 3, 4, 9, 6]);
         assert_eq!(Ragged::<u8>::new([2, 0, 1]), Ragged::from_vec(vec![0; 3], [2, 0, 1]).unwrap());
-        assert_eq!(Ragged::from_vec(vec![0; 4], [2, 1]), None, "a value too many");
+        assert_eq!(Ragged::from_vec(vec![0; 4], [2, 1]), None, "one value too many");
     }
 
     #[test]
@@ -176,13 +177,13 @@ mod tests {
     }
 
     #[test]
-    #[should_panic(expected = "rows of different width")]
+    #[should_panic(expected = "rows of different widths")]
     fn rows_of_different_width_are_no_table_of_one() {
         table().into_rows();
     }
 
     #[test]
-    #[should_panic(expected = "row 1 has another width")]
+    #[should_panic(expected = "row 1 has a different width")]
     fn a_row_is_not_replaced_by_a_wider_one() {
         table().replace(0, &table().pick([0, 3]));
     }

@@ -1,9 +1,9 @@
-//! `Rows<T>`: the currency between simulators and networks.
+//! `Rows<T>`: tables that simulators and networks exchange.
 
 use serde::{Deserialize, Serialize};
 
-/// A dense table in row-major order, one row per (agent, copy) and agents first, so that the rows of one agent are
-/// neighbours and `[agents, copies, width]` is a view of the same memory.
+/// A dense table in row-major order, one row per (agent, copy), ordered by agent. So the rows of one agent are
+/// neighbours, and `[agents, copies, width]` is a view of the same memory.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Rows<T> {
     data: Vec<T>,
@@ -11,15 +11,15 @@ pub struct Rows<T> {
 }
 
 impl<T: Copy + Default> Rows<T> {
-    /// `rows` x `width` default values.
+    /// Makes a table of `rows` x `width` default values.
     pub fn new(rows: usize, width: usize) -> Self {
         assert!(width > 0, "a row has at least one column");
         Rows { data: vec![T::default(); rows * width], width }
     }
 
-    /// A table over values that are already in row-major order.
+    /// Makes a table from values that are already in row-major order.
     pub fn from_vec(data: Vec<T>, width: usize) -> Self {
-        assert!(width > 0 && data.len().is_multiple_of(width), "{} values are no rows of {width}", data.len());
+        assert!(width > 0 && data.len().is_multiple_of(width), "{} values do not make rows of {width}", data.len());
         Rows { data, width }
     }
 
@@ -60,18 +60,18 @@ impl<T: Copy + Default> Rows<T> {
     }
 
     pub fn push(&mut self, row: &[T]) {
-        assert_eq!(row.len(), self.width, "a row of another width");
+        assert_eq!(row.len(), self.width, "a row of a different width");
         self.data.extend_from_slice(row);
     }
 
     /// Appends all rows of `other`.
     pub fn extend(&mut self, other: &Rows<T>) {
-        assert_eq!(other.width, self.width, "rows of another width");
+        assert_eq!(other.width, self.width, "rows of a different width");
         self.data.extend_from_slice(&other.data);
     }
 
     pub fn copy_from(&mut self, other: &Rows<T>) {
-        assert_eq!((self.len(), self.width), (other.len(), other.width), "tables of different shape");
+        assert_eq!((self.len(), self.width), (other.len(), other.width), "tables of different shapes");
         self.data.copy_from_slice(&other.data);
     }
 
@@ -93,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    #[should_panic(expected = "5 values are no rows of 2")]
+    #[should_panic(expected = "5 values do not make rows of 2")]
     fn a_torn_table_is_refused() {
         Rows::from_vec(vec![0; 5], 2);
     }

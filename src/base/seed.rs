@@ -1,22 +1,22 @@
 //! Randomness by name: every draw comes from the stream of its (run, purpose, agent, copy, episode).
 //!
-//! A stream depends on its name alone and never on what other streams drew, so the numbers of a run do not change with
-//! the number of workers, the order of the agents or a feature that draws more.
+//! A stream depends only on its name, never on what other streams drew. So the numbers of a run do not change with the
+//! number of workers, the order of the agents or a feature that draws more.
 
 use rand::SeedableRng;
 use rand_xoshiro::Xoshiro256PlusPlus;
 
 use super::{AgentId, RandomPurpose};
 
-/// The generator behind every draw: small (32 bytes), fast, and its state can be written down.
+/// Generator of every random number: small (32 bytes) and fast, and its state can be saved.
 pub type Dice = Xoshiro256PlusPlus;
 
-/// A name in the tree of random streams; the root is the seed of the run.
+/// Name in the tree of random streams; the root is the seed of the run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Seed(u64);
 
 impl Seed {
-    /// The root of a run's streams.
+    /// Makes the root of a run's streams.
     pub fn new(run: u64) -> Self {
         Seed(mix(run))
     }
@@ -26,7 +26,8 @@ impl Seed {
         self.fork_named(purpose.text())
     }
 
-    /// Returns the stream of a purpose that is not in the list: for domains and controllers of other crates, and for tests.
+    /// Returns the stream of a purpose that is not in the list: for domains and controllers of other crates, and for
+    /// tests.
     pub fn fork_named(self, purpose: &str) -> Self {
         // FNV-1a: the standard library's hasher is not stable between Rust versions, and runs must repeat.
         let name = purpose
@@ -47,7 +48,7 @@ impl Seed {
         self.fork(RandomPurpose::Episode).child(episode as u64)
     }
 
-    /// The stream of something that happens at these timesteps per agent.
+    /// Returns the stream of an event at this number of timesteps per agent.
     pub fn for_steps(self, steps: u64) -> Self {
         self.fork(RandomPurpose::Steps).child(steps)
     }
@@ -56,12 +57,12 @@ impl Seed {
         Dice::seed_from_u64(self.0)
     }
 
-    /// The seed of a generator that a room has of its own.
+    /// Returns the seed for a generator that a room has of its own.
     pub fn bits(self) -> u64 {
         self.0
     }
 
-    /// A seed for SUMO, which takes a non-negative 31-bit integer.
+    /// Returns a seed for SUMO, which takes a non-negative 31-bit integer.
     pub fn for_sumo(self) -> u32 {
         (self.0 >> 33) as u32
     }
@@ -75,7 +76,8 @@ fn mix(value: u64) -> u64 {
     scramble(value.wrapping_add(0x9e37_79b9_7f4a_7c15))
 }
 
-/// The finaliser of SplitMix64 (Steele et al. 2014): a bijection in which every input bit reaches every output bit.
+/// Applies the finaliser of SplitMix64 (Steele et al. 2014): a bijection in which every input bit reaches every output
+/// bit.
 pub fn scramble(bits: u64) -> u64 {
     let z = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);

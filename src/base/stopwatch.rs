@@ -1,17 +1,17 @@
-//! Where the time goes: what workers do between two exchanges, and which phases it is made of.
+//! Where the time goes: the activities of workers between two exchanges, and their phases.
 
 use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
-/// What a worker is asked to do between two exchanges (the lines of Algorithm 1).
+/// Activity of a worker between two exchanges (the lines of Algorithm 1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Activity {
     /// Training of the policies.
     Training,
-    /// Algorithm 2: datasets from the GS.
+    /// Algorithm 2: datasets from the GS (global simulator).
     Collection,
-    /// Training of the AIPs.
+    /// Training of the AIPs (approximate influence predictors).
     AipTraining,
     /// Evaluation episodes on the GS.
     Evaluation,
@@ -21,7 +21,7 @@ impl Activity {
     pub const ALL: [Activity; 4] =
         [Activity::Training, Activity::Collection, Activity::AipTraining, Activity::Evaluation];
 
-    /// As in the columns of `timing.csv`.
+    /// Returns its name in the columns of `timing.csv`.
     pub fn name(self) -> &'static str {
         match self {
             Activity::Training => "training",
@@ -32,26 +32,26 @@ impl Activity {
     }
 }
 
-/// What the time of an activity goes into. No activity has all of them.
+/// Phase of an activity. No activity has all of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Phase {
-    /// Simulators are made (traffic: networks written and read).
+    /// Making simulators (traffic: networks are written and read).
     Loading,
-    /// Simulators are brought back to where the last period left them.
+    /// Bringing simulators back to their state at the end of the last period.
     Retracing,
-    /// Episodes begin (traffic: cars taken off, lights set; on the GS the network read again).
+    /// Beginning episodes (traffic: cars are removed, lights set; on the GS the network is read again).
     Reset,
-    /// The simulator is told what shall happen (traffic: lights and cars).
+    /// Setting the simulator's inputs (traffic: lights and cars).
     Insertion,
     /// The simulator's own step (traffic: inside SUMO).
     SimulatorStep,
-    /// What happened is read and turned into observations and rewards.
+    /// Reading the results and turning them into observations and rewards.
     Reading,
-    /// Forward passes of the policies for decisions and advantages, and the draw of actions.
+    /// Forward passes of the policies for decisions and advantages, and drawing actions.
     Acting,
     /// Sampling of influence sources from the AIPs.
     AipSampling,
-    /// What is remembered is written down and laid out for the networks: advantages, minibatches.
+    /// Writing samples to memory and arranging them for the networks: advantages, minibatches.
     Bookkeeping,
     /// Forward passes of a training, with the loss.
     Forward,
@@ -77,7 +77,7 @@ impl Phase {
         Phase::Adam,
     ];
 
-    /// As in the columns of `timing.csv`.
+    /// Returns its name in the columns of `timing.csv`.
     pub fn name(self) -> &'static str {
         match self {
             Phase::Loading => "loading",
@@ -96,7 +96,8 @@ impl Phase {
     }
 }
 
-/// Adds up wall time per phase. A reading costs tens of nanoseconds: it belongs around the work of many rows, not of one.
+/// A sum of wall time per phase. A reading costs tens of nanoseconds, so time the work of many rows at once, not of
+/// one.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Stopwatch {
     spent: [Duration; Phase::ALL.len()],
@@ -110,7 +111,7 @@ impl Stopwatch {
         result
     }
 
-    /// Time that somebody else measured.
+    /// Adds time that was measured elsewhere.
     pub fn note(&mut self, phase: Phase, time: Duration) {
         self.spent[phase as usize] += time;
     }
@@ -121,7 +122,7 @@ impl Stopwatch {
         }
     }
 
-    /// The same shares of another total: of phases that threads measured side by side, in wall time.
+    /// Scales all phases to another total: turns phases that threads measured side by side into wall time.
     pub fn scaled_to(&self, total: Duration) -> Stopwatch {
         let factor = total.as_secs_f64() / self.total().as_secs_f64().max(f64::MIN_POSITIVE);
         Stopwatch { spent: self.spent.map(|spent| spent.mul_f64(factor)) }
@@ -131,18 +132,18 @@ impl Stopwatch {
         self.spent[phase as usize]
     }
 
-    /// All phases together.
+    /// Returns the time of all phases together.
     pub fn total(&self) -> Duration {
         self.spent.iter().sum()
     }
 
-    /// Reads all phases and starts again from zero.
+    /// Returns all phases and starts again from zero.
     pub fn take(&mut self) -> Stopwatch {
         std::mem::take(self)
     }
 }
 
-/// The wall time of every activity and its phases, and the CPU time of the process.
+/// Wall time of every activity and its phases, and CPU time of the process.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Timesheet {
     activities: [(Duration, Stopwatch); Activity::ALL.len()],
@@ -153,7 +154,7 @@ pub struct Timesheet {
 }
 
 impl Timesheet {
-    /// An activity took the time `whole`; `phases` of it are known.
+    /// Adds an activity that took the time `whole`; `phases` of it are known.
     pub fn note(&mut self, activity: Activity, whole: Duration, phases: &Stopwatch) {
         let (time, watch) = &mut self.activities[activity as usize];
         *time += whole;
@@ -170,13 +171,13 @@ impl Timesheet {
         }
     }
 
-    /// CPU time that belongs to no activity.
+    /// Makes a timesheet of CPU time that belongs to no activity.
     pub fn of_cpu(cpu: Duration) -> Timesheet {
         Timesheet { cpu, ..Timesheet::default() }
     }
 
-    /// Adds the CPU time in which all that is noted here was done: shared by wall time, so all of it goes to an activity that
-    /// stands here alone.
+    /// Adds the CPU time of all the activities noted here. It is shared among them by wall time, so a single activity
+    /// gets all of it.
     pub fn note_cpu(&mut self, cpu: Duration) {
         self.cpu += cpu;
         let total = self.total().as_secs_f64();
@@ -187,17 +188,17 @@ impl Timesheet {
         }
     }
 
-    /// CPU time of the process, all threads; a part of it may belong to no activity.
+    /// Returns the CPU time of the process, all threads. A part of it may belong to no activity.
     pub fn cpu(&self) -> Duration {
         self.cpu
     }
 
-    /// CPU time of an activity.
+    /// Returns the CPU time of an activity.
     pub fn cpu_of(&self, activity: Activity) -> Duration {
         self.cpu_of[activity as usize]
     }
 
-    /// With what is in none of its phases.
+    /// Returns the wall time of an activity, including time in none of its phases.
     pub fn whole(&self, activity: Activity) -> Duration {
         self.activities[activity as usize].0
     }
@@ -206,12 +207,12 @@ impl Timesheet {
         &self.activities[activity as usize].1
     }
 
-    /// All activities together.
+    /// Returns the time of all activities together.
     pub fn total(&self) -> Duration {
         self.activities.iter().map(|(whole, _)| *whole).sum()
     }
 
-    /// Reads everything and starts again from zero.
+    /// Returns everything and starts again from zero.
     pub fn take(&mut self) -> Timesheet {
         std::mem::take(self)
     }

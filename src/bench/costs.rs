@@ -1,9 +1,9 @@
 //! From orders to the cost of a whole run, in core-microseconds per agent-step.
 //!
 //! A core-microsecond is a microsecond of wall time on one core: with two workers a microsecond of wall time costs two.
-//! What happens once per order (simulators made, messages, files) counts as often as the schedule has orders of the
-//! kind; episodes on the GS go in rounds, in which every worker plays one; a training of the AIPs costs what its
-//! operations cost in the measured ones.
+//! Work that is done once per order (making simulators, messages, files) counts once for each order of the schedule.
+//! Episodes on the GS (global simulator) go in rounds, in which every worker plays one. A training of the AIPs
+//! (approximate influence predictors) costs what its operations cost in the measured trainings.
 
 use std::ops::{Add, Mul};
 
@@ -17,13 +17,13 @@ use crate::domain::Kinds;
 /// Phases of a simulator's step.
 const SIMULATING: [Phase; 3] = [Phase::Insertion, Phase::SimulatorStep, Phase::Reading];
 
-/// A cost beside what cannot be avoided, in core-microseconds per agent-step.
+/// A cost with its lower bound, in core-microseconds per agent-step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Cost {
     pub ours: f64,
-    /// Inside SUMO's own step; nothing for simulators of our own, which could be faster.
+    /// Part inside SUMO's own step; 0 for simulators of our own, which could be faster.
     pub sumo: f64,
-    /// Matrix products at the speed of large ones.
+    /// Cost of the matrix products at the speed of large products.
     pub products: f64,
     /// Parts of `ours`, in the order of [`Phase::ALL`].
     pub phases: [f64; Phase::ALL.len()],
@@ -69,29 +69,29 @@ impl Mul<f64> for Cost {
     }
 }
 
-/// What a run costs on a fleet.
+/// Cost of a run on a fleet.
 #[derive(Clone, Debug)]
 pub struct Costs {
     pub workers: usize,
-    /// Of the policies' training: what is in no phase.
+    /// Part of the policies' training that is in no phase.
     pub other: f64,
-    /// Of the policies' training: workers that wait for the slowest one.
+    /// Part of the policies' training in which workers wait for the slowest one.
     pub idle: f64,
-    /// Messages and files between the orders.
+    /// Cost of messages and files between the orders.
     pub exchange: f64,
     pub training: Cost,
     pub evaluation: Cost,
     pub collection: Cost,
     pub aip_training: Cost,
-    /// Steps of the GS per second of wall time while datasets are collected.
+    /// Number of steps of the GS per second of wall time while datasets are collected.
     pub gs_steps_per_s: Option<f64>,
     pub pss_kib: u64,
     pub peak_rss_kib: u64,
 }
 
 impl Costs {
-    /// `config`: that of the run, not of the short orders that were `measured`. `foreign`: whether another program makes
-    /// the simulators' steps.
+    /// Computes the costs. `config`: that of the run, not that of the short orders in `measured`. `foreign`: whether
+    /// another program makes the simulators' steps.
     pub fn of(config: &Config, kinds: &Kinds, foreign: bool, peak_flops: f64, measured: &Measured) -> Costs {
         let work = Workload::of(config, kinds.agents(), config.last_step());
         let machine = Machine { workers: measured.workers as f64, sumo: foreign, peak_flops };
@@ -139,24 +139,24 @@ impl Costs {
         }
     }
 
-    /// Everything.
+    /// Returns the cost of everything.
     pub fn all(&self) -> Cost {
         let exchange = Cost { ours: self.exchange, ..Cost::default() };
         exchange + self.training + self.evaluation + self.collection + self.aip_training
     }
 
-    /// Timesteps of agents per second of wall time, everything included.
+    /// Returns the timesteps of agents per second of wall time, everything included.
     pub fn agent_steps_per_s(&self) -> f64 {
         1e6 * self.workers as f64 / self.all().ours
     }
 }
 
-/// What was measured on.
+/// Machine of the measurement.
 struct Machine {
     workers: f64,
     /// Whether the simulators are SUMO's.
     sumo: bool,
-    /// Of matrix products, per second.
+    /// Peak speed of matrix products, in operations per second.
     peak_flops: f64,
 }
 
@@ -165,12 +165,12 @@ impl Machine {
         1e6 * flops / self.peak_flops
     }
 
-    /// SUMO's own step among the phases.
+    /// Returns SUMO's own step among the phases.
     fn sumo_step(&self, phases: &[f64]) -> f64 {
         if self.sumo { phases[Phase::SimulatorStep as usize] } else { 0.0 }
     }
 
-    /// The price of so many episodes on the GS: of their rounds, and of what comes once per order.
+    /// Returns the price of N episodes on the GS: of their rounds, and of the work once per order.
     fn on_the_gs(&self, orders: &Orders, episodes: usize, flops: f64) -> Cost {
         if orders.count == 0 {
             return Cost::default();
@@ -187,7 +187,7 @@ impl Machine {
         }
     }
 
-    /// The price of a training of all AIPs that takes so many operations.
+    /// Returns the price of a training of all AIPs with this number of operations.
     fn aip_training(&self, orders: &Orders, flops: f64) -> Cost {
         if orders.count == 0 {
             return Cost::default();
@@ -201,7 +201,7 @@ impl Machine {
         }
     }
 
-    /// The price of the messages and files of an order.
+    /// Returns the price of the messages and files of an order.
     fn exchange(&self, orders: &Orders) -> f64 {
         let load = orders.beginning().as_secs_f64() / self.workers;
         let outside = orders.wall.as_secs_f64() - orders.slowest.as_secs_f64() - load;
@@ -209,7 +209,7 @@ impl Machine {
     }
 }
 
-/// What a timestep of training costs beside its phases.
+/// Cost of a timestep of training besides its phases.
 struct TrainingStep {
     other: f64,
     idle: f64,
@@ -223,7 +223,7 @@ impl TrainingStep {
         TrainingStep { other: work.max(0.0), idle: 1e6 * waited.max(0.0) / training.units }
     }
 
-    /// The price of the whole timestep, in which the networks take so many operations.
+    /// Returns the price of the whole timestep. `flops`: operations of its networks.
     fn price(&self, training: &Orders, machine: &Machine, flops: f64) -> Cost {
         let mut phases = Phase::ALL.map(|phase| per_unit(training, phase));
         Orders::BEGINNING.iter().for_each(|&phase| phases[phase as usize] = 0.0);
@@ -236,12 +236,12 @@ impl TrainingStep {
     }
 }
 
-/// The price of a timestep that simulators play again. The measured orders begin with empty roads and play none.
+/// Returns the price of a timestep that simulators replay. The measured orders begin with empty roads and replay none.
 fn again(training: &Orders) -> Cost {
     in_phase(Phase::Retracing, SIMULATING.iter().map(|&phase| per_unit(training, phase)).sum())
 }
 
-/// The price of the simulators that a period makes.
+/// Returns the price of the simulators that a period makes.
 fn loading(training: &Orders) -> Cost {
     in_phase(Phase::Loading, per_order(training, Phase::Loading))
 }
@@ -252,12 +252,12 @@ fn in_phase(phase: Phase, us: f64) -> Cost {
     cost
 }
 
-/// Core-microseconds of a phase per unit.
+/// Returns the core-microseconds of a phase per unit.
 fn per_unit(orders: &Orders, phase: Phase) -> f64 {
     1e6 * orders.phases.spent(phase).as_secs_f64() / orders.units
 }
 
-/// Core-microseconds of a phase per order.
+/// Returns the core-microseconds of a phase per order.
 fn per_order(orders: &Orders, phase: Phase) -> f64 {
     1e6 * orders.phases.spent(phase).as_secs_f64() / orders.count.max(1) as f64
 }
@@ -276,8 +276,9 @@ mod tests {
         Orders { count, units, wall: seconds(wall), slowest: seconds(slowest), work: seconds(work), phases: watch }
     }
 
-    /// One agent, 1000 timesteps in ten periods, each with an evaluation of 3 episodes, one of 5 at the end; AIPs trained twice on 2 episodes
-    /// of 10 steps. Networks as in the tests of the floor, and a machine of 1e6 operations per second.
+    /// Returns a run of one agent, 1000 timesteps in ten periods, each with an evaluation of 3 episodes, and one of 5
+    /// at the end. AIPs are trained twice on 2 episodes of 10 steps. Networks as in the tests of the floor, and a
+    /// machine of 1e6 operations per second.
     fn setting() -> (Config, Kinds) {
         let config = "total_steps = 1000\ntraffic = { network = 'n', local_network = 'l', horizon = 10 }\n\
                       policy = { hidden = [3] }\nppo = { rollout_steps = 4, epochs = 3, time_limit = 'bootstrap' }\n\
@@ -308,11 +309,12 @@ mod tests {
         // In seconds per timestep, for 1000 timesteps:
         // step 4/200 = .02, forward 5/200 = .025, loading 2 * 10 / 1000 = .02, other (16 - 11)/200 = .025,
         // idle (16 - 14)/200 = .01.
-        // Nine periods retrace half an episode of 10 steps: .02 x 45 / 1000 = .0009.
+        // Nine periods replay half an episode of 10 steps: .02 x 45 / 1000 = .0009.
         near(costs.training.ours, 0.1009e6);
         near(costs.idle, 0.01e6);
         near(costs.other, 0.025e6);
-        // 3 episodes are two rounds of 2 x 3 s: 12 s, ten times; 5 are three rounds: 18 s. SUMO 2 s per episode: 35 times.
+        // 3 episodes are two rounds of 2 x 3 s: 12 s, ten times; 5 are three rounds: 18 s. SUMO 2 s per episode: 35
+        // times.
         near(costs.evaluation.ours, 0.138e6);
         near(costs.evaluation.sumo, 0.07e6);
         // 4 episodes are two rounds of 2 x 4 s: 16 s, twice; SUMO 3 s per episode: 12 s, twice.

@@ -1,4 +1,4 @@
-//! The matrix products that a run asks for, in floating-point operations.
+//! The floor under a run's cost: its matrix products, in floating-point operations.
 
 use crate::config::{Config, TimeLimit, held_out_episodes};
 use crate::domain::{Kinds, RegionSpec};
@@ -6,17 +6,17 @@ use crate::influence::{AipStack, sampling_flops};
 use crate::nn::Shape;
 use crate::policy::PolicyStack;
 
-/// Operations per agent and unit of work.
+/// Number of operations per agent and unit of work. AIP: approximate influence predictor; GS: global simulator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flops {
-    /// Per timestep of training: PPO, acting, and sampling from the AIP.
+    /// Operations per timestep of training: PPO, acting, and sampling from the AIP.
     pub training: f64,
-    /// Per step on the GS, in evaluation and collection.
+    /// Operations per step on the GS, in evaluation and collection.
     pub acting: f64,
 }
 
 impl Flops {
-    /// Means over the agents of all kinds.
+    /// Returns the means over the agents of all kinds.
     pub fn of_all(config: &Config, kinds: &Kinds) -> Flops {
         let mean = |pick: fn(Flops) -> f64| {
             let sums = kinds.iter().map(|kind| kind.agents.len() as f64 * pick(Flops::of(config, &kind.spec)));
@@ -25,12 +25,12 @@ impl Flops {
         Flops { training: mean(|flops| flops.training), acting: mean(|flops| flops.acting) }
     }
 
-    /// Those of an agent of one kind.
+    /// Returns the operations of an agent of one kind.
     fn of(config: &Config, spec: &RegionSpec) -> Flops {
         let (ppo, policy) = (&config.ppo, PolicyStack::shape(spec, &config.policy));
         let acting = policy.forward_flops();
         let update = ppo.epochs as f64 * (acting + policy.backward_flops(config.sequence_length()));
-        // Beside every decision, the value after the last step of a rollout and, where it counts, of an episode.
+        // Besides every decision: the value after the last step of a rollout and, if it counts, of an episode.
         let last_values = 1.0 / ppo.rollout_steps as f64
             + if ppo.time_limit == TimeLimit::Bootstrap { 1.0 / config.horizon() as f64 } else { 0.0 };
         let predictor = config.simulator.predictor();
@@ -39,12 +39,12 @@ impl Flops {
     }
 }
 
-/// Operations of all agents' AIP trainings on datasets of so many episodes.
+/// Returns the operations of all agents' AIP trainings on datasets of N episodes.
 pub fn aip_trainings_flops(config: &Config, kinds: &Kinds, episodes: usize) -> f64 {
     kinds.iter().map(|kind| kind.agents.len() as f64 * aip_training_flops(config, &kind.spec, episodes)).sum()
 }
 
-/// Those of one agent: the gradient steps, and the loss before and after on all samples.
+/// Returns the operations of one agent: the gradient steps, and the loss before and after on all samples.
 fn aip_training_flops(config: &Config, spec: &RegionSpec, episodes: usize) -> f64 {
     let aip: Shape = AipStack::shape(spec, &config.aip);
     let steps = if aip.recurrent.is_some() { spec.horizon } else { 1 };
@@ -53,7 +53,7 @@ fn aip_training_flops(config: &Config, spec: &RegionSpec, episodes: usize) -> f6
         + 2.0 * (episodes * spec.horizon) as f64 * aip.forward_flops()
 }
 
-/// Gradient steps of an AIP per pass over such a dataset.
+/// Returns the gradient steps of an AIP per pass over such a dataset.
 pub fn gradient_steps(config: &Config, horizon: usize, episodes: usize) -> usize {
     let sequences_per_episode = if config.aip.recurrent.is_some() { 1 } else { horizon };
     let training = episodes - held_out_episodes(episodes, config.aip.held_out);
@@ -67,7 +67,7 @@ mod tests {
     use crate::config::Simulator;
     use crate::domain::{Kind, SourceSpec};
 
-    /// Policy 4 -> 3 -> (2 + 1): 21 weights; AIP 2 -> 5 -> 2: 20 weights.
+    /// Returns small networks. Policy 4 -> 3 -> (2 + 1): 21 weights; AIP 2 -> 5 -> 2: 20 weights.
     fn small() -> (Config, RegionSpec) {
         let config = "warehouse = { agents_per_side = 1, horizon = 10 }\npolicy = { hidden = [3] }\n\
                       ppo = { rollout_steps = 4, epochs = 3, time_limit = 'bootstrap' }\n\

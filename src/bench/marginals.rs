@@ -1,17 +1,18 @@
-//! AIPs that predict how often things happen, without having been trained for it.
+//! AIPs (approximate influence predictors) that predict the frequencies of events, without training.
 //!
-//! A benchmark trains AIPs for a moment only, and such AIPs send many times too many cars into the local simulators,
-//! whose steps are then many times too slow. Constant ones send as many as the GS does, at the same cost per sample.
+//! A benchmark trains AIPs only for a moment. Such AIPs send many times too many cars into the local simulators, whose
+//! steps then take many times too long. Constant AIPs send as many cars as the GS (global simulator), at the same cost
+//! per sample.
 
 use crate::domain::SourceSpec;
 use crate::influence::{Dataset, frequencies};
 use crate::nn::Layout;
 
-/// Half an event: what was never seen is not impossible.
+/// Half an event, so that an unseen event is not impossible.
 const HALF: f64 = 0.5;
 
-/// Makes an agent's AIP predict the frequencies in its dataset whatever it sees: the weights of the last layer become
-/// zero and its biases the logits of the frequencies. `aip`: its parameters.
+/// Makes an agent's AIP predict the frequencies in its dataset for any input. The weights of the last layer become
+/// zero, and its biases the logits of the frequencies. `aip`: its parameters.
 pub fn predict_marginals(aip: &mut [f32], layout: &Layout, spec: &SourceSpec, dataset: &Dataset) {
     let blocks: Vec<_> = layout.blocks(1).map(|(_, _, place)| place).collect();
     let [.., weight, bias] = &blocks[..] else { unreachable!("a network has a last layer") };
@@ -39,7 +40,7 @@ mod tests {
     use crate::domain::RegionSpec;
     use crate::influence::{AipStack, InfluencePredictor, TrainablePredictor};
 
-    /// Draws from AIPs that predict the marginals of a dataset in which class 1 came in a quarter of the samples.
+    /// Draws from AIPs that predict the marginals of a dataset in which a quarter of the samples have class 1.
     fn share_of_ones(sources: SourceSpec) -> f64 {
         let spec = RegionSpec { obs_dim: 2, d_set_dim: 2, n_actions: 2, masks: false, sources, horizon: 1000 };
         let mut dataset = Dataset::new(&spec);

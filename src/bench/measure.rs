@@ -15,17 +15,18 @@ use crate::training::journal::Journal;
 use crate::training::standing::Standing;
 use crate::training::state::AgentsState;
 
-/// Shares of the time; the rest goes into the beginning of processes and into a first guess of the speed.
+/// Shares of the time. The rest is for the start of processes and for a first guess of the speed.
 const EVALUATION: f64 = 0.1;
 const COLLECTION: f64 = 0.15;
 const AIP_TRAINING: f64 = 0.15;
 const TRAINING: f64 = 0.5;
-/// Passes over a dataset: few, but so many that the losses before and after them weigh little.
+/// Number of passes over a dataset: few, but enough that the losses before and after them cost little in comparison.
 const AIP_EPOCHS: usize = 8;
-/// A guess of how far trainings of AIPs come behind products at their best; it only decides how long they are measured.
+/// Guess of the speed of AIP (approximate influence predictor) trainings, as a share of the peak. It only decides how
+/// long they are measured.
 const OF_PEAK: f64 = 0.4;
 
-/// A config under which every order to a fleet of so many workers is a short one, each worker with a share of it.
+/// Returns a config with which every order to a fleet of N workers is short, and each worker has a share of it.
 pub fn short_orders(config: &Config, workers: usize) -> Config {
     let mut short = config.clone();
     short.evaluation.episodes = workers;
@@ -35,22 +36,22 @@ pub fn short_orders(config: &Config, workers: usize) -> Config {
     short
 }
 
-/// What orders of one kind took, together.
+/// Times of the orders of one kind, added up.
 #[derive(Clone, Debug, Default)]
 pub struct Orders {
     pub count: usize,
-    /// Of the work itself, in the unit of the activity: see [`Measured`].
+    /// Amount of work, in the unit of the activity: see [`Measured`].
     pub units: f64,
-    /// From the order to the last answer, and to the files that a run writes then.
+    /// Wall time from the order to the last answer, including the files that a run then writes.
     pub wall: Duration,
     /// Time of the slowest worker of each order, without its beginning: [`Orders::BEGINNING`].
     pub slowest: Duration,
-    /// Added up over the workers.
+    /// Time of work, added up over the workers.
     pub work: Duration,
     pub phases: Stopwatch,
 }
 
-/// What a fleet came to. An activity that the config does not ask for has no orders.
+/// Measurements of a fleet. An activity that the config does not use has no orders.
 #[derive(Clone, Debug)]
 pub struct Measured {
     pub workers: usize,
@@ -62,31 +63,32 @@ pub struct Measured {
     pub collection: Orders,
     /// Units: floating-point operations in matrix products.
     pub aip_training: Orders,
-    /// Memory of all processes together, in KiB, shared pages counted once: the largest seen after an order.
+    /// Memory of all processes together, in KiB, shared pages counted once: the maximum after any order.
     pub pss_kib: u64,
-    /// The most resident memory of a single process, in KiB.
+    /// Peak resident memory of a single process, in KiB.
     pub peak_rss_kib: u64,
 }
 
 impl Measured {
-    /// How much of an episode every local simulator, or the GS, played while the policies trained.
+    /// Returns the part of an episode that every local simulator, or the GS (global simulator), played while the
+    /// policies trained.
     pub fn share_of_an_episode(&self, config: &Config, agents: usize) -> f64 {
         self.training.units / (agents * config.copies() * config.horizon()) as f64
     }
 }
 
-/// What is measured.
+/// Settings of a measurement.
 pub struct Plan<'a> {
-    /// As [`short_orders`] made it.
+    /// Config that [`short_orders`] made.
     pub config: &'a Config,
     pub kinds: &'a Kinds,
     pub workers: usize,
     pub time: Duration,
-    /// Of matrix products, per second.
+    /// Peak speed of matrix products, in operations per second.
     pub peak_flops: f64,
 }
 
-/// Gives `fleet`, which was made for `plan.config`, orders of every kind.
+/// Gives orders of every kind to `fleet`, which was made for `plan.config`.
 pub fn measure(plan: &Plan<'_>, fleet: &mut dyn Fleet, journal: &mut dyn Journal) -> Result<Measured> {
     let agents = fleet.agents().agents();
     let mut bench = Bench {
@@ -119,7 +121,7 @@ pub fn measure(plan: &Plan<'_>, fleet: &mut dyn Fleet, journal: &mut dyn Journal
         }
         bench.fleet.restore(state)?;
     }
-    // The first update only shows how long one takes. What is measured begins with empty roads again.
+    // The first update only shows how long one takes. The measurement starts again with empty roads.
     let memory = plan.config.ppo.memory as u64;
     let mut guess = Orders::default();
     let beginning = bench.fleet.agents().streams.clone();
@@ -143,7 +145,7 @@ pub fn measure(plan: &Plan<'_>, fleet: &mut dyn Fleet, journal: &mut dyn Journal
     })
 }
 
-/// Orders until the time is over, at least one.
+/// Repeats orders until the time is over, at least one.
 fn repeat(time: Duration, mut order: impl FnMut(&mut Orders) -> Result<()>) -> Result<Orders> {
     let mut orders = Orders::default();
     while orders.count == 0 || orders.wall < time {
@@ -152,8 +154,8 @@ fn repeat(time: Duration, mut order: impl FnMut(&mut Orders) -> Result<()>) -> R
     Ok(orders)
 }
 
-/// Episodes per dataset, up to a whole one, whose AIP trainings take about so many operations together; always enough
-/// for a gradient step.
+/// Returns the number of episodes per dataset for which the AIP trainings take about `flops` operations together. It is
+/// at most a whole dataset, and always enough for a gradient step.
 fn episodes_for(plan: &Plan<'_>, flops: f64) -> usize {
     let horizon = plan.kinds.horizon();
     let whole = plan.config.dataset_episodes(horizon);
@@ -165,7 +167,7 @@ fn episodes_for(plan: &Plan<'_>, flops: f64) -> usize {
     episodes
 }
 
-/// The episodes of `dataset` again and again, at least `episodes` of them.
+/// Repeats the episodes of `dataset` until there are at least `episodes`.
 fn repeated(dataset: &Dataset, episodes: usize) -> Dataset {
     let mut longer = dataset.clone();
     while longer.episodes() < episodes {
@@ -194,7 +196,7 @@ impl Bench<'_> {
 
     fn collect(&mut self, orders: &mut Orders) -> Result<Vec<Dataset>> {
         let mut datasets = Vec::new();
-        // Other episodes each time: the traffic of one varies by several percent, and the marginals come from them.
+        // Different episodes each time: the traffic of one varies by several percent, and the marginals come from them.
         let order = orders.count as u64;
         self.order(orders, Activity::Collection, 1.0, |bench| {
             datasets = bench.fleet.collect_datasets(Purpose::Training { steps: order })?;
@@ -224,7 +226,7 @@ impl Bench<'_> {
         })
     }
 
-    /// `give`: gives the order, writes down what it brought, and returns what the workers did for it.
+    /// Times one order. `give`: gives the order, writes its results, and returns what the workers have spent on it.
     fn order(
         &mut self,
         orders: &mut Orders,
@@ -240,10 +242,11 @@ impl Bench<'_> {
 }
 
 impl Orders {
-    /// Phases in which simulators are made and brought to where training stands. They do not grow with the work.
+    /// Phases in which simulators are made and brought to the current state of training. They do not grow with the
+    /// work.
     pub const BEGINNING: [Phase; 2] = [Phase::Loading, Phase::Retracing];
 
-    /// Time spent in [`Orders::BEGINNING`], added up over the workers.
+    /// Returns the time spent in [`Orders::BEGINNING`], added up over the workers.
     pub fn beginning(&self) -> Duration {
         beginning(&self.phases)
     }

@@ -1,10 +1,11 @@
-//! How fast a config trains: orders of every kind to a real fleet, timed, and what a whole run would cost by them.
+//! How fast a config trains: orders of every kind to a real fleet, timed, and the cost of a whole run extrapolated from
+//! them.
 //!
-//! - [`measure`]: gives the orders, a few of each, and keeps what they took.
-//! - [`costs`]: from there to core-microseconds per agent-step of the run that the config describes, with everything as often as
-//!   [`crate::cost`] counts it.
-//! - [`floor`]: the arithmetic that cannot be avoided, counted from the shapes of the networks.
-//! - `marginals`: AIPs under which local simulators are as busy as in a run.
+//! - [`measure`]: gives the orders, a few of each, and keeps their times.
+//! - [`costs`]: the costs of the whole run of a config, in core-microseconds per agent-step. [`crate::cost`] counts how
+//!   often everything happens.
+//! - [`floor`]: a lower bound: the arithmetic of the networks, counted from their shapes.
+//! - `marginals`: AIPs (approximate influence predictors) with which local simulators are as busy as in a run.
 //! - [`table`]: the costs for people and for programs.
 //!
 //! This room does not know which fleet it is given, and keeps nothing of what the agents learn.

@@ -11,7 +11,7 @@ struct Line(String, Vec<String>);
 const LABEL: usize = 30;
 const COLUMN: usize = 12;
 
-/// Lines of text.
+/// Returns lines of text.
 pub fn text(costs: &[Costs]) -> String {
     let line =
         |label: &str, value: &dyn Fn(&Costs) -> String| Line(label.to_owned(), costs.iter().map(value).collect());
@@ -41,7 +41,7 @@ pub fn text(costs: &[Costs]) -> String {
     }
     lines.push(us("messages and files", &|costs| costs.exchange));
     lines.push(us("all", &|costs| costs.all().ours));
-    lines.push(heading("floor: SUMO's own step + products at peak, and how many times that is spent"));
+    lines.push(heading("floor: SUMO's own step + products at peak, and the cost as a multiple of it"));
     let floors = activities.into_iter().chain([("all", Costs::all as fn(&Costs) -> Cost)]);
     for (name, cost) in floors {
         if costs.iter().any(|costs| cost(costs).ours > 0.0) {
@@ -63,7 +63,7 @@ pub fn text(costs: &[Costs]) -> String {
     lines.iter().map(Line::to_string).collect::<Vec<_>>().join("\n")
 }
 
-/// One object per fleet.
+/// Returns one object per fleet.
 pub fn json(costs: &[Costs]) -> Value {
     costs.iter().map(object).collect()
 }
@@ -102,7 +102,7 @@ fn object(costs: &Costs) -> Value {
     })
 }
 
-/// A part of the costs, by name.
+/// Part of the costs, by name.
 type Part = (&'static str, fn(&Costs) -> Cost);
 
 fn activities() -> [Part; 4] {
@@ -130,7 +130,7 @@ fn mebibytes(kib: u64) -> f64 {
     kib as f64 / 1024.0
 }
 
-/// `57 000`
+/// Formats a number in groups of three digits: `57 000`.
 fn grouped(value: f64) -> String {
     let digits = format!("{value:.0}");
     let groups: Vec<&[u8]> = digits.as_bytes().rchunks(3).rev().collect();

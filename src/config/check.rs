@@ -1,4 +1,4 @@
-//! Which values make sense. Each error names the key, the value, what is allowed, and where it helps the paper's value.
+//! Which values make sense. Each error names the key, the value and what is allowed; if useful, also the paper's value.
 
 use anyhow::{Result, ensure};
 
@@ -17,7 +17,7 @@ pub(super) fn check(config: &Config) -> Result<()> {
     config.domain.as_ref().map_or(Ok(()), |domain| check_datasets(config, domain.horizon()))
 }
 
-/// An error if there is no domain to simulate.
+/// Returns an error if there is no domain to simulate.
 pub(super) fn check_domain(config: &Config) -> Result<()> {
     ensure!(config.domain.is_some(), "no domain: add a table [traffic] or [warehouse], as the files under configs/ do");
     Ok(())
@@ -29,10 +29,10 @@ fn check_horizon(key: &str, horizon: usize) -> Result<()> {
     Ok(())
 }
 
-/// Steps of an episode that a domain may have; see [`check_sizes`].
+/// Largest number of steps of an episode; see [`check_sizes`].
 const MOST_STEPS: usize = 1_000_000;
 
-/// What is larger is a slip of the pen; it would end in memory that no machine has, or in numbers that overflow.
+/// Rejects sizes that must be typing errors: they would need more memory than any machine has, or overflow.
 fn check_sizes(config: &Config) -> Result<()> {
     let Config { ppo, aip, .. } = config;
     let sizes = [
@@ -53,7 +53,7 @@ fn check_sizes(config: &Config) -> Result<()> {
     })
 }
 
-/// Periods of training that a run may have: each one begins simulators and writes a checkpoint.
+/// Largest number of training periods in a run: each one starts simulators and writes a checkpoint.
 const MOST_PERIODS: u64 = 1_000_000;
 
 fn check_schedule(config: &Config) -> Result<()> {
@@ -62,8 +62,8 @@ fn check_schedule(config: &Config) -> Result<()> {
         at_least(1, "stop_at_steps", steps, "leave it out to train for total_steps")?;
         ensure!(
             steps <= config.total_steps,
-            "stop_at_steps = {steps}: lies beyond total_steps = {}; to train longer raise total_steps, over which learning \
-             rate and clip decay",
+            "stop_at_steps = {steps}: is larger than total_steps = {}; to train longer raise total_steps, over which \
+             learning rate and clip decay",
             config.total_steps
         );
     }
@@ -88,7 +88,8 @@ fn check_schedule(config: &Config) -> Result<()> {
         let periods = config.last_step() / every;
         ensure!(
             periods <= MOST_PERIODS,
-            "{key} = {every}: would cut {} timesteps into {periods} periods, and {MOST_PERIODS} are the most; raise it",
+            "{key} = {every}: would cut {} timesteps into {periods} periods, but at most {MOST_PERIODS} are allowed; \
+             raise it",
             config.last_step()
         );
     }
@@ -132,7 +133,7 @@ fn check_ppo(config: &Config) -> Result<()> {
     not_negative("ppo.value_coefficient", ppo.value_coefficient, "the paper uses 1")
 }
 
-/// Of a network. Two layers of this width have 16 million parameters, and there is a network per agent.
+/// Largest size of a network. Two layers of this width have 16 million parameters, and there is one network per agent.
 const MOST_LAYERS: usize = 16;
 const MOST_WIDTH: usize = 4096;
 
@@ -167,8 +168,8 @@ fn check_aip(config: &Config) -> Result<()> {
     ensure!(
         !(config.simulator.trains_predictors() && aip.retrain == Retrain::Drift)
             || config.evaluation.aip_loss_episodes > 0,
-        "aip.retrain = \"drift\": needs the loss of the AIPs at evaluations; set evaluation.aip_loss_episodes, to 4 for \
-         traffic or 20 for the warehouse"
+        "aip.retrain = \"drift\": needs the loss of the AIPs at evaluations; set evaluation.aip_loss_episodes, to 4 \
+         for traffic or 20 for the warehouse"
     );
     ensure!(
         aip.held_out > 0.0 && aip.held_out < 1.0,
@@ -199,7 +200,7 @@ fn check_datasets(config: &Config, horizon: usize) -> Result<()> {
     Ok(())
 }
 
-/// How many of `episodes` are held out: at least one, and at least one stays.
+/// Returns how many of `episodes` are held out: at least one, and at least one is not.
 pub fn held_out_episodes(episodes: usize, share: f64) -> usize {
     ((episodes as f64 * share) as usize).clamp(1, episodes - 1)
 }

@@ -6,22 +6,24 @@ use anyhow::Result;
 
 use super::{TrafficConfig, WarehouseConfig};
 
-/// A domain with its table. A new domain is a variant here, a line in [`DomainConfig::table`] and its key in `written`.
+/// A domain with its table. A new domain needs a variant here, a line in `DomainConfig::table` and its key in
+/// `written`.
 #[derive(Clone, Debug, PartialEq)]
 pub enum DomainConfig {
     Traffic(TrafficConfig),
     Warehouse(WarehouseConfig),
 }
 
-/// What every domain's table can say of itself.
+/// What the table of every domain must provide.
 pub trait DomainTable {
     /// Returns the table's name in a config, which is the domain's name.
     fn name(&self) -> &'static str;
 
-    /// Returns the steps of an episode, the table's key `horizon`.
+    /// Returns the number of steps of an episode, the table's key `horizon`.
     fn horizon(&self) -> usize;
 
-    /// Returns an error that names the key if a value makes no sense. The horizon is checked by the config.
+    /// Returns an error that names the key if a value makes no sense. The horizon is checked elsewhere, for all
+    /// domains.
     fn check(&self) -> Result<()>;
 
     /// Returns the keys that name files, with their values. They are the same in every table of the domain.
@@ -29,7 +31,7 @@ pub trait DomainTable {
         Vec::new()
     }
 
-    /// Returns the keys that only local simulators read: on the GS they change nothing.
+    /// Returns the keys that only local simulators read. On the global simulator (GS) they change nothing.
     fn local_keys(&self) -> &'static [&'static str] {
         &[]
     }

@@ -8,17 +8,17 @@ use toml::{Table, Value};
 use super::renamed::rename;
 use super::{Config, DomainConfig, check};
 
-/// Reads `path`, lays the settings of `--set key=value` over it, and checks the result.
+/// Reads `path`, applies the settings of `--set key=value`, and checks the result.
 ///
-/// Relative paths in the config count from the folder of the config file.
+/// Relative paths in the config are relative to the folder of the config file.
 pub fn load(path: &Path, settings: &[String]) -> Result<Config> {
     let config = read(path, settings)?;
     check::check_domain(&config).map_err(|error| anyhow!("{}: {error}", path.display()))?;
     Ok(config)
 }
 
-/// Reads the config that a run directory keeps. Unlike one to [`load`] it may have no domain: the run then simulated one
-/// that does not come from a config.
+/// Reads the config in a run directory. Unlike a config for [`load`] it may have no domain: then the run simulated a
+/// domain that does not come from a config.
 pub fn load_kept(path: &Path) -> Result<Config> {
     read(path, &[])
 }
@@ -28,14 +28,14 @@ fn read(path: &Path, settings: &[String]) -> Result<Config> {
     let in_file = |error: &dyn std::fmt::Display| anyhow!("{}: {error}", path.display());
     let mut table: Table = toml::from_str(&text).map_err(|error| in_file(&error))?;
     if !rename(&mut table).map_err(|error| in_file(&error))? {
-        // Once as it stands, because only errors of the parser know the line ...
+        // Parsed first without the settings, because only these errors contain the line number ...
         let _: Config = toml::from_str(&text).map_err(|error| in_file(&error))?;
     }
     for setting in settings {
         lay_over(&mut table, setting)?;
         rename(&mut table).map_err(|error| anyhow!("--set {setting}: {error}"))?;
     }
-    // ... and once with the settings, whose errors name the key instead.
+    // ... and then with the settings, whose errors name the key instead.
     let mut config: Config = serde_path_to_error::deserialize(Value::Table(table))
         .map_err(|error| anyhow!("--set: {}{}", place_of(&error), error.inner().to_string().trim()))?;
     let folder = path.parent().unwrap_or(Path::new("."));
@@ -46,12 +46,12 @@ fn read(path: &Path, settings: &[String]) -> Result<Config> {
     Ok(config)
 }
 
-/// The key of an error, if it is of a single one.
+/// Returns the key of an error, if it is about a single one.
 fn place_of<E>(error: &serde_path_to_error::Error<E>) -> String {
     if error.path().iter().next().is_some() { format!("{}: ", error.path()) } else { String::new() }
 }
 
-/// The config as the text of a config file.
+/// Returns the config as the text of a config file.
 pub fn to_toml(config: &Config) -> Result<String> {
     Ok(toml::to_string(config)?)
 }
@@ -176,7 +176,7 @@ mod tests {
         }
         // 10^15 / 128 = 7.8 * 10^12 periods.
         let periods = error_of(SMALL, &["total_steps=1000000000000000", "evaluation.every_steps=128"]);
-        assert!(periods.contains("into 7812500000000 periods, and 1000000 are the most; raise it"), "{periods}");
+        assert!(periods.contains("into 7812500000000 periods, but at most 1000000 are allowed; raise it"), "{periods}");
         let longest = ["evaluation.every_steps=1000000000", "aip.retrain_every_steps=1000000000"];
         load_text(SMALL, &["total_steps=1000000000000000", longest[0], longest[1]]).unwrap();
     }
@@ -217,7 +217,7 @@ mod tests {
         assert!(epochs.contains("aip.epochs = 0: must be at least 1 (for AIPs that are never trained: simulator ="));
         let later = error_of(SMALL, &["total_steps=1000", "stop_at_steps=1001"]);
         assert!(
-            later.contains("stop_at_steps = 1001: lies beyond total_steps = 1000; to train longer raise"),
+            later.contains("stop_at_steps = 1001: is larger than total_steps = 1000; to train longer raise"),
             "{later}"
         );
         let missing = load(Path::new("no/such.toml"), &[]).unwrap_err();

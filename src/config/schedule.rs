@@ -1,4 +1,4 @@
-//! The periods of a run: what Algorithm 1 does between two exchanges.
+//! The periods of a run: the work of Algorithm 1 between two exchanges.
 
 use std::collections::BTreeSet;
 
@@ -6,15 +6,15 @@ use serde::{Deserialize, Serialize};
 
 use super::{Config, Retrain};
 
-/// A stretch of training without messages, and what comes before it.
+/// A stretch of training without messages, and what is done before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Period {
     /// Timesteps per agent at which it begins and ends.
     pub start: u64,
     pub end: u64,
-    /// Evaluate the joint policy first.
+    /// Whether to evaluate the joint policy first.
     pub evaluate: bool,
-    /// Then collect datasets and train the AIPs.
+    /// Whether to then collect datasets and train the AIPs (approximate influence predictors).
     pub train_aips: AipTraining,
 }
 
@@ -23,11 +23,11 @@ pub struct Period {
 pub enum AipTraining {
     No,
     Yes,
-    /// Where the evaluation finds that their loss has grown.
+    /// Only if the evaluation finds that their loss has grown.
     IfDrifted,
 }
 
-/// All periods of a run, in order.
+/// Returns all periods of a run, in order.
 pub fn schedule(config: &Config) -> Vec<Period> {
     let last = config.last_step();
     let evaluate_every = config.evaluation.every_steps;
@@ -72,7 +72,7 @@ mod tests {
         let trains = |period: &Period| match period.train_aips {
             AipTraining::No => false,
             AipTraining::Yes => true,
-            AipTraining::IfDrifted => panic!("no drift is asked for"),
+            AipTraining::IfDrifted => panic!("this config does not use drift"),
         };
         schedule(config).iter().map(|p| (p.start, p.end, trains(p), p.evaluate)).collect()
     }
@@ -115,7 +115,7 @@ mod tests {
             let mut config = config("dials", 150, 60, 50);
             config.aip.retrain = retrain;
             let periods = schedule(&config);
-            assert_eq!(periods.iter().map(|p| p.start).collect::<Vec<_>>(), [0, 50, 100], "F is not asked for");
+            assert_eq!(periods.iter().map(|p| p.start).collect::<Vec<_>>(), [0, 50, 100], "F is not used");
             assert!(periods.iter().all(|p| p.evaluate));
             assert_eq!(periods.iter().map(|p| p.train_aips).collect::<Vec<_>>(), [AipTraining::Yes, later, later]);
             config.simulator = Simulator::Local(Predictor::Untrained);

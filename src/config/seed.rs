@@ -1,4 +1,4 @@
-//! Seeds in files: TOML's integers end at 2^63 - 1 and seeds at 2^64 - 1, so what does not fit is written as text.
+//! Seeds in files. TOML's integers end at 2^63 - 1 and seeds at 2^64 - 1, so larger seeds are written as text.
 
 use std::fmt;
 

@@ -1,28 +1,28 @@
-//! What the policies train on: which simulators, and for local ones what predicts the influence on them.
+//! What the policies train on: which simulators, and for local ones, what predicts the influence on them.
 //!
-//! Configs and the command line name the four combinations that there are.
+//! Configs and the command line have one name for each of the four combinations.
 
 use serde::{Deserialize, Serialize};
 
-/// What the policies train on.
+/// Simulators that the policies train on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(from = "Name", into = "Name")]
 pub enum Simulator {
     /// The global simulator.
     Global,
-    /// Local simulators, with sources from this predictor.
+    /// Local simulators; this predictor supplies the influence sources.
     Local(Predictor),
 }
 
-/// What predicts the influence on a local region.
+/// Predictor of the influence on a local region.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Predictor {
-    /// AIPs that are trained every F steps.
+    /// Approximate influence predictors (AIPs) that are trained every F steps.
     #[default]
     Network,
     /// Random AIPs that are never trained.
     Untrained,
-    /// Constant probabilities instead of AIPs, measured on the GS when DIALS would train its AIPs.
+    /// Constant probabilities instead of AIPs, measured on the global simulator (GS) when DIALS would train its AIPs.
     Marginals,
 }
 
@@ -76,7 +76,7 @@ impl Predictor {
     }
 }
 
-/// A simulator in a config.
+/// Name of a simulator in a config.
 #[derive(Clone, Copy, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 enum Name {

@@ -1,4 +1,4 @@
-//! `[traffic]`
+//! The table `[traffic]`.
 
 use std::path::PathBuf;
 
@@ -7,45 +7,45 @@ use serde::{Deserialize, Serialize};
 
 use super::domain::DomainTable;
 
-/// The traffic domain.
+/// Settings of the traffic domain. GS: global simulator; LS: local simulator; AIP: approximate influence predictor.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrafficConfig {
-    /// The grid that the GS simulates: its path without `.net.xml`, relative to the config file.
+    /// Grid that the GS simulates: its path without `.net.xml`, relative to the config file.
     pub network: PathBuf,
-    /// The single intersection that the LS simulates, likewise.
+    /// Single intersection that the LS simulates: its path in the same form.
     pub local_network: PathBuf,
-    /// Steps (seconds) of an episode.
+    /// Number of steps (seconds) of an episode.
     #[serde(default = "default_horizon")]
     pub horizon: usize,
-    /// What the AIP sees.
+    /// Inputs of the AIP.
     #[serde(default)]
     pub d_set: DSet,
-    /// How an LS lets a car in.
+    /// How a car enters an LS.
     #[serde(default)]
     pub entry: EntryRule,
-    /// Added to the initial bias of the logit of "switch".
+    /// Value that is added to the initial bias of the logit of "switch".
     #[serde(default)]
     pub initial_switch_bias: f32,
 }
 
-/// The d-separating set of the traffic domain.
+/// The d-set (d-separating set) of the traffic domain.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum DSet {
     /// The 36 occupancy bits of the observation.
     #[default]
     #[serde(rename = "cells")]
     Cells,
-    /// These and 4 bits: did a car enter this edge in the last step?
+    /// The same bits and 4 more: did a car enter this edge in the last step?
     #[serde(rename = "cells+arrivals")]
     CellsAndArrivals,
 }
 
-/// How a local traffic simulator lets a car in.
+/// How a car enters a local traffic simulator.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum EntryRule {
-    /// At 6 m with 9.5 m/s, or 3 m/s where more than 8 cars are on the edge.
+    /// At 6 m with 9.5 m/s, or with 3 m/s if more than 8 cars are on the edge.
     #[default]
     Reference,
     /// At 5 m, as fast as is safe.

@@ -1,20 +1,20 @@
-//! `[warehouse]`
+//! The table `[warehouse]`.
 
 use anyhow::{Result, ensure};
 use serde::{Deserialize, Serialize};
 
 use super::domain::DomainTable;
 
-/// More is a slip of the pen: it would end in memory that no machine has.
+/// Largest side. A larger one is a typing error and would need more memory than any machine has.
 const MOST_PER_SIDE: usize = 100;
 
-/// The warehouse domain.
+/// Settings of the warehouse domain.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WarehouseConfig {
-    /// The learning robots form a square of this side, with a ring of other robots around it.
+    /// Side of the square of learning robots. A ring of other robots surrounds it.
     pub agents_per_side: usize,
-    /// Steps of an episode.
+    /// Number of steps of an episode.
     #[serde(default = "default_horizon")]
     pub horizon: usize,
 }

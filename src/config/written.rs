@@ -1,4 +1,4 @@
-//! A config in TOML or JSON: every domain has a table of its own there, and a run has one of them.
+//! A config as TOML or JSON: every domain has a table of its own there, and a run has one of them.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,7 +7,7 @@ use super::{
     NumericsConfig, PolicyConfig, PpoConfig, Simulator, TrafficConfig, WarehouseConfig, seed,
 };
 
-/// The keys of a config, in the order in which they are written. [`Config`] explains them.
+/// Keys of a config, in the order in which they are written. [`Config`] explains them.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Written {

@@ -1,10 +1,10 @@
-//! What a whole run of a config costs: the one place that counts how often a run does what.
+//! The cost of a whole run of a config. Only this room counts how often a run does what.
 //!
-//! - `workload`: how much of everything a run is, from its schedule.
-//! - `prices`: what one of everything costs, and from there what the run costs.
+//! - `workload`: the amounts of work in a run, from its schedule.
+//! - `prices`: the cost of one unit of each kind of work, and the cost of the run.
 //!
-//! [`mod@crate::bench`] brings prices from short orders to a real fleet, [`crate::experiment`] from runs that are done. What a price
-//! is counted in is theirs to say: seconds, or microseconds with their parts.
+//! [`mod@crate::bench`] gets prices from short orders to a real fleet, [`crate::experiment`] from finished runs. They
+//! choose the unit of a price: seconds, or microseconds with their parts.
 
 mod prices;
 mod workload;

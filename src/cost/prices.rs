@@ -1,29 +1,29 @@
-//! From what one of everything costs to what a run costs.
+//! From the price of each kind of work to the cost of a run.
 
 use std::ops::{Add, Mul};
 
 use super::Workload;
 
-/// What one of everything costs a run. `T`: a number, or several that are added up each on its own.
+/// Price of each kind of work. `T`: a number, or several numbers that are added up separately.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Prices<T> {
-    /// A timestep of an agent in training.
+    /// Price of a timestep of an agent in training.
     pub step: T,
-    /// A timestep of an agent that is played again to go on after a period.
+    /// Price of a timestep of an agent that is replayed to continue after a period.
     pub retraced_step: T,
-    /// A period, whatever its length.
+    /// Price of a period, whatever its length.
     pub period: T,
-    /// An evaluation, with all its episodes.
+    /// Price of an evaluation, with all its episodes.
     pub evaluation: T,
-    /// The evaluation at the end.
+    /// Price of the evaluation at the end.
     pub final_evaluation: T,
-    /// A collection of datasets for all agents.
+    /// Price of a collection of datasets for all agents.
     pub collection: T,
-    /// A training of all AIPs.
+    /// Price of a training of all AIPs (approximate influence predictors).
     pub aip_training: T,
 }
 
-/// What a run costs, by what it does.
+/// Cost of a run, by activity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RunCost<T> {
     pub training: T,
@@ -33,7 +33,7 @@ pub struct RunCost<T> {
 }
 
 impl<T: Copy + Add<Output = T> + Mul<f64, Output = T>> Prices<T> {
-    /// The cost of a run.
+    /// Returns the cost of a run.
     pub fn of_run(&self, work: &Workload) -> RunCost<T> {
         let retrainings = work.retrainings as f64;
         RunCost {
@@ -48,7 +48,7 @@ impl<T: Copy + Add<Output = T> + Mul<f64, Output = T>> Prices<T> {
 }
 
 impl<T: Add<Output = T>> RunCost<T> {
-    /// Everything.
+    /// Returns the total.
     pub fn sum(self) -> T {
         self.training + self.evaluation + self.collection + self.aip_training
     }

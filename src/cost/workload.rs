@@ -1,36 +1,36 @@
-//! How much of everything a run is.
+//! The amounts of work in a run.
 
 use crate::config::{AipTraining, Config, schedule};
 
-/// The work of a run of `agents` agents.
+/// Work of a run of `agents` agents. AIPs: approximate influence predictors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Workload {
     pub agents: usize,
     /// Timesteps per agent.
     pub steps: u64,
-    /// Steps of an episode.
+    /// Number of steps of an episode.
     pub horizon: usize,
-    /// Rows of simulators per agent.
+    /// Number of simulator rows per agent.
     pub copies: usize,
-    /// Stretches of training between two exchanges of the workers.
+    /// Number of periods: stretches of training between two exchanges of the workers.
     pub periods: usize,
-    /// Evaluations before and between periods.
+    /// Number of evaluations before and between periods.
     pub evaluations: usize,
-    /// Episodes of each of them, and of the one at the end.
+    /// Number of episodes of each of them. The evaluation at the end has its own number.
     pub evaluation_episodes: usize,
     pub final_episodes: usize,
-    /// Trainings of the AIPs, each with a collection before it.
+    /// Number of trainings of the AIPs, each with a collection before it.
     pub retrainings: usize,
-    /// Episodes of a collection.
+    /// Number of episodes of a collection.
     pub dataset_episodes: usize,
-    /// Passes of a training of the AIPs over its dataset.
+    /// Number of passes of a training of the AIPs over its dataset.
     pub epochs: usize,
 }
 
 impl Workload {
-    /// The work until the timestep `until` per agent, with the evaluation at the end.
+    /// Computes the work until the timestep `until` per agent, with the evaluation at the end.
     ///
-    /// With `aip.retrain = "drift"` only the trainings that are certain count: drift cannot be foreseen.
+    /// With `aip.retrain = "drift"` only the certain trainings count, because drift cannot be foreseen.
     pub fn of(config: &Config, agents: usize, until: u64) -> Workload {
         let periods = schedule(config);
         let begun = || periods.iter().filter(|period| period.start < until);
@@ -50,28 +50,28 @@ impl Workload {
         }
     }
 
-    /// Timesteps of all agents in training.
+    /// Returns the timesteps of all agents in training.
     pub fn agent_steps(&self) -> f64 {
         self.agents as f64 * self.steps as f64
     }
 
-    /// Timesteps of all agents that simulators play again to go on after a period. A period begins with episodes of any
-    /// age, half a horizon on average.
+    /// Returns the timesteps of all agents that simulators replay to continue after a period. The episodes under way at
+    /// that point are half a horizon old on average.
     pub fn retraced_steps(&self) -> f64 {
         self.periods.saturating_sub(1) as f64 * (self.agents * self.copies * self.horizon) as f64 / 2.0
     }
 
-    /// Timesteps of all agents in so many episodes on the GS.
+    /// Returns the timesteps of all agents in this number of episodes on the GS (global simulator).
     pub fn gs_steps(&self, episodes: usize) -> f64 {
         self.agents as f64 * episodes as f64 * self.horizon as f64
     }
 
-    /// Timesteps of all agents in all evaluations.
+    /// Returns the timesteps of all agents in all evaluations.
     pub fn evaluated_steps(&self) -> f64 {
         self.gs_steps(self.evaluations * self.evaluation_episodes + self.final_episodes)
     }
 
-    /// Samples of all agents that one training of the AIPs goes over, those of each epoch anew.
+    /// Returns the samples of all agents in one training of the AIPs; each epoch counts again.
     pub fn samples_per_retraining(&self) -> f64 {
         self.gs_steps(self.dataset_episodes) * self.epochs as f64
     }
@@ -93,7 +93,7 @@ mod tests {
         let whole = Workload::of(&config, 4, 1000);
         assert_eq!((whole.periods, whole.evaluations, whole.retrainings, whole.dataset_episodes), (10, 10, 2, 4));
         assert_eq!(whole.agent_steps(), 4000.0);
-        // Nine periods go on in the middle of 4 x 3 episodes of 10 steps.
+        // Nine periods continue in the middle of 4 x 3 episodes of 10 steps.
         assert_eq!(whole.retraced_steps(), 540.0);
         // 10 x 3 + 5 episodes of 10 steps; 4 episodes of 10 steps in 7 epochs.
         assert_eq!((whole.evaluated_steps(), whole.samples_per_retraining()), (1400.0, 1120.0));

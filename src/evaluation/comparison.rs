@@ -42,7 +42,7 @@ pub fn comparison(findings: &[Finding]) -> String {
             true => "no figure differs in any episode".to_owned(),
             false => blocks(&names, &labels[1..], &differences),
         };
-        text += &format!("\n\nminus {}, paired by episode\n{table}", labels[0]);
+        text += &format!("\n\ndifference from {} (paired by episode)\n{table}", labels[0]);
     }
     text
 }

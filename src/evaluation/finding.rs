@@ -6,11 +6,11 @@ use super::EpisodeReport;
 use crate::base::statistics::Interval;
 use crate::policy::Selection;
 
-/// A controller or policies, as tables and files name them.
+/// A controller or policies, with their name in tables and files.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Player {
     pub label: String,
-    /// Keys and values that identify it in JSON.
+    /// Keys and values that identify the player in JSON.
     pub keys: Vec<(&'static str, Value)>,
     /// How its policies choose actions; `None` for a controller.
     pub policies: Option<Selection>,

@@ -1,15 +1,15 @@
-//! A bell that wakes the coordinator when a worker has said something.
+//! A bell that wakes the coordinator when a worker has sent something.
 
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::Duration;
 
-/// Rung by any number of [`Cord`]s. Rings that nobody waited for count as one.
+/// A bell that any number of [`Cord`]s ring. Several rings before a wait count as one.
 pub struct Bell {
     rings: Receiver<()>,
     cord: SyncSender<()>,
 }
 
-/// Rings its bell.
+/// A cord that rings its bell.
 #[derive(Clone)]
 pub struct Cord(SyncSender<()>);
 
@@ -31,7 +31,7 @@ impl Bell {
 
 impl Cord {
     pub fn ring(&self) {
-        // A bell that rings already does not need another ring; one that has gone wakes nobody.
+        // If the bell rings already, another ring is not needed. If the bell is gone, nobody waits.
         let _ = self.0.try_send(());
     }
 }
@@ -49,7 +49,7 @@ mod tests {
         let begun = Instant::now();
         bell.wait(Duration::from_secs(3600));
         assert!(begun.elapsed() < Duration::from_secs(1800));
-        // Nobody rings any more, so this waits as long as it may.
+        // Nobody rings again, so this waits until the time is over.
         let begun = Instant::now();
         bell.wait(Duration::from_millis(5));
         assert!(begun.elapsed() >= Duration::from_millis(5));

@@ -7,12 +7,13 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 const MAGIC: [u8; 4] = *b"DIAL";
-/// Counts up whenever a message changes its shape: programs of different builds must not misread each other.
+/// Number of the protocol. Bump when a message changes its shape: programs of different builds must not misread each
+/// other.
 const PROTOCOL: u16 = 2;
-/// Longer messages are a sign of a torn stream: the datasets and states of 10 000 agents are shorter.
+/// Length limit in bytes. Longer messages mean a broken stream: the datasets and states of 10 000 agents are shorter.
 const LONGEST: u64 = 1 << 36;
 
-/// A message with its header, ready to be sent, any number of times.
+/// Encodes a message with its header. The frame can be sent any number of times.
 pub fn encode<T: Serialize>(message: &T) -> Result<Vec<u8>> {
     let mut frame = Vec::new();
     frame.extend(MAGIC);
@@ -29,7 +30,7 @@ pub fn send<T: Serialize>(stream: &mut impl Write, message: &T) -> Result<()> {
     Ok(stream.write_all(&encode(message)?)?)
 }
 
-/// The next message, or nothing where the other side has gone.
+/// Reads the next message. If the other side has closed the stream: `None`.
 pub fn receive<T: DeserializeOwned>(stream: &mut impl Read) -> Result<Option<T>> {
     let mut header = [0; 14];
     match stream.read_exact(&mut header) {
@@ -38,18 +39,18 @@ pub fn receive<T: DeserializeOwned>(stream: &mut impl Read) -> Result<Option<T>>
     }
     let (magic, rest) = header.split_at(4);
     let (protocol, length) = rest.split_at(2);
-    ensure!(magic == MAGIC, "something that is no message of ours came through the channel");
+    ensure!(magic == MAGIC, "the channel received data that is not one of our messages");
     let protocol = u16::from_le_bytes(protocol.try_into().expect("two bytes"));
     ensure!(
         protocol == PROTOCOL,
-        "a message of protocol {protocol} came, and this program speaks {PROTOCOL}: coordinator and workers must be \
+        "received a message of protocol {protocol}, but this program uses {PROTOCOL}: coordinator and workers must be \
          the same build"
     );
     let length = u64::from_le_bytes(length.try_into().expect("eight bytes"));
-    ensure!(length <= LONGEST, "a message of {length} bytes was announced, which none of ours has");
+    ensure!(length <= LONGEST, "a message of {length} bytes was announced, which is longer than any of ours");
     let mut payload = Vec::new();
     let read = stream.take(length).read_to_end(&mut payload)?;
-    ensure!(read as u64 == length, "a message broke off after {read} of {length} bytes");
+    ensure!(read as u64 == length, "a message ended after {read} of {length} bytes");
     Ok(Some(postcard::from_bytes(&payload).context("a message cannot be decoded")?))
 }
 
@@ -77,11 +78,11 @@ mod tests {
         let frame = encode(&vec![1_u32, 2, 3]).unwrap();
         let mut newer = frame.clone();
         newer[4] = 9;
-        assert!(error_of(&newer).contains("a message of protocol 9 came, and this program speaks 2"));
-        assert!(error_of(b"GET / HTTP/1.1\r\n").contains("no message of ours"));
-        assert!(error_of(&frame[..frame.len() - 1]).contains("broke off after 3 of 4 bytes"));
+        assert!(error_of(&newer).contains("received a message of protocol 9, but this program uses 2"));
+        assert!(error_of(b"GET / HTTP/1.1\r\n").contains("not one of our messages"));
+        assert!(error_of(&frame[..frame.len() - 1]).contains("ended after 3 of 4 bytes"));
         let mut endless = frame;
         endless[13] = 0xff;
-        assert!(error_of(&endless).contains("which none of ours has"));
+        assert!(error_of(&endless).contains("which is longer than any of ours"));
     }
 }

@@ -1,7 +1,7 @@
-//! Workers that are child processes of this program: their birth, their channel, their end.
+//! Workers that are child processes of this program: how they start, their channel, how they end.
 //!
-//! Two threads stand between the coordinator and its child: one writes what is to be sent, one reads what the child
-//! says. So nothing that a child does or fails to do can block the coordinator.
+//! Two threads work between the coordinator and its child: one writes what is to be sent, one reads what the child
+//! sends. So nothing that a child does or fails to do can block the coordinator.
 
 use std::fs::{self, OpenOptions};
 use std::io::Write;
@@ -31,22 +31,24 @@ use crate::domain::Domain;
 const WORKER: &str = "worker";
 /// Time in which a child whose channel is closed may end by itself.
 const LAST_WORDS: Duration = Duration::from_millis(200);
-/// Time in which a killed child ends. One that hangs inside the kernel, as on a dead network disk, is left to it.
+/// Time in which a killed child must end. A child that hangs inside the kernel, for example on a dead network disk, is
+/// left alone.
 const DYING: Duration = Duration::from_secs(2);
 
-/// Does what the coordinator that started this process orders, until it goes. The channel is standard input.
+/// Does what the coordinator that started this process orders, until the channel is closed. The channel is standard
+/// input.
 ///
-/// `open_domain` makes the domain of a config: this room does not know which there are.
+/// `open_domain` makes the domain of a config, because this room does not know which domains there are.
 pub fn serve_the_parent(open_domain: impl FnOnce(&Config) -> Result<Arc<dyn Domain>>) -> Result<()> {
-    // However the coordinator ends, this process ends with it: nobody else would.
-    set_parent_process_death_signal(Some(Signal::KILL)).context("cannot be tied to the coordinator's life")?;
+    // However the coordinator ends, this process must end with it, because nothing else would end it.
+    set_parent_process_death_signal(Some(Signal::KILL)).context("cannot make this worker end with its coordinator")?;
     let stdin = std::io::stdin().as_fd().try_clone_to_owned().context("no standard input")?;
     serve(UnixStream::from(stdin), open_domain)
 }
 
-/// Child processes, each with a log of its own. A lost one can be replaced by another.
+/// Child processes, each with its own log. A lost one can be replaced by another.
 pub struct Children {
-    /// For `worker_N.log`.
+    /// Folder of the logs, `worker_N.log`.
     log_dir: PathBuf,
     bell: Bell,
 }
@@ -79,46 +81,52 @@ pub struct Child {
     stream: Arc<UnixStream>,
     /// Frames that the writer thread has not taken yet.
     outbox: Sender<Frame>,
-    /// From the reader thread.
+    /// News from the reader thread.
     inbox: Receiver<News>,
     log: PathBuf,
 }
 
 impl Child {
-    /// Starts this program as a worker; what it says rings, what it prints goes to `log`.
+    /// Starts this program as a worker. Its messages ring the bell; its output goes to `log`.
     fn spawn(worker: usize, log: &Path, cord: Cord) -> Result<Child> {
         let (stream, theirs) = UnixStream::pair().context("no socket for a worker")?;
         let opened = OpenOptions::new().create(true).append(true).open(log);
         let log_file = opened.with_context(|| format!("{}: cannot be written", log.display()))?;
-        // Not the path of the program, where another build may stand by now. Not from another thread: the worker asks
-        // the system to be killed when the thread that started it ends.
+        // Not the path of the program, because that may be another build by now. Not from another thread, because the
+        // worker asks the system to kill it when the thread that started it ends.
         let process = Command::new("/proc/self/exe")
             .arg(WORKER)
-            // Or BLAS, which came with libtorch, would keep a thread per core in every worker, for nothing.
+            // Otherwise BLAS, which came with libtorch, would keep a thread per core in every worker for nothing.
             .env("OPENBLAS_NUM_THREADS", "1")
             .stdin(Stdio::from(OwnedFd::from(theirs)))
             .stdout(log_file.try_clone()?)
             .stderr(log_file)
-            // Ctrl-C at the terminal is for the coordinator, which ends its workers in its own time.
+            // Ctrl-C at the terminal is for the coordinator, which ends its workers when it is ready.
             .process_group(0)
             .spawn()
-            .context("a worker cannot be started")?;
+            .context("cannot start a worker")?;
         let (outbox, frames) = channel();
         let (news, inbox) = channel();
-        // From here on dropping it kills the process.
+        // From here on, dropping it kills the process.
         let child = Child { process, stream: Arc::new(stream), outbox, inbox, log: log.to_owned() };
         let (reader, writer) = (child.stream.clone(), child.stream.clone());
         let name = |thread: &str| format!("worker {worker} {thread}");
         let read = move || read_all(&reader, &news, &cord);
-        thread::Builder::new().name(name("reader")).spawn(read).context("no thread to hear a worker")?;
+        thread::Builder::new()
+            .name(name("reader"))
+            .spawn(read)
+            .context("cannot start the thread that reads from a worker")?;
         let write = move || write_all(&writer, &frames);
-        thread::Builder::new().name(name("writer")).spawn(write).context("no thread to speak to a worker")?;
+        thread::Builder::new()
+            .name(name("writer"))
+            .spawn(write)
+            .context("cannot start the thread that writes to a worker")?;
         Ok(child)
     }
 
     fn kill(&mut self) -> Option<ExitStatus> {
         drop(self.process.kill());
-        // Both threads end, even if the process does not.
+        // Ends both threads, even if the process does not end.
         drop(self.stream.shutdown(Shutdown::Both));
         self.ended_within(DYING)
     }
@@ -145,13 +153,13 @@ impl Link for Child {
         self.inbox.try_recv().ok()
     }
 
-    /// State of the process as Linux names it, such as `S (sleeping)` or `T (stopped)`.
+    /// Returns the state of the process as Linux names it, such as `S (sleeping)` or `T (stopped)`.
     fn state(&self) -> Option<String> {
         let status = fs::read_to_string(format!("/proc/{}/status", self.process.id())).ok()?;
         Some(status.lines().find_map(|line| line.strip_prefix("State:"))?.trim().to_owned())
     }
 
-    /// Kills a child that does not end. Where to read on: the last lines of its log.
+    /// Kills a child that does not end. Returns how it ended and the last lines of its log.
     fn end(mut self) -> String {
         let status = self.ended_within(LAST_WORDS).or_else(|| self.kill());
         format!("{}; {}", describe(status), log_tail(&self.log))
@@ -171,7 +179,7 @@ impl Drop for Child {
     }
 }
 
-/// Passes on what a child says until it, or its [`Child`], has gone.
+/// Passes on what a child sends until the child or its [`Child`] has gone.
 fn read_all(mut stream: &UnixStream, news: &Sender<News>, cord: &Cord) {
     loop {
         let heard = match receive(&mut stream) {
@@ -187,11 +195,11 @@ fn read_all(mut stream: &UnixStream, news: &Sender<News>, cord: &Cord) {
     }
 }
 
-/// Writes the frames to a child until it, or its [`Child`], has gone.
+/// Writes the frames to a child until the child or its [`Child`] has gone.
 fn write_all(mut stream: &UnixStream, frames: &Receiver<Frame>) {
     for frame in frames {
         if stream.write_all(&frame).is_err() {
-            // So that the reader hears of it, whatever the reason.
+            // Makes the reader notice, whatever the reason.
             drop(stream.shutdown(Shutdown::Both));
             break;
         }
@@ -202,8 +210,8 @@ fn describe(status: Option<ExitStatus>) -> String {
     match status.map(|status| (status.code(), status.signal())) {
         Some((Some(code), _)) => format!("exit code {code}"),
         Some((_, Some(9))) => "signal 9 (killed; out of memory?)".to_owned(),
-        Some((_, Some(6))) => "signal 6 (aborted, as by an assertion inside SUMO)".to_owned(),
+        Some((_, Some(6))) => "signal 6 (aborted, for example by an assertion inside SUMO)".to_owned(),
         Some((_, Some(signal))) => format!("signal {signal}"),
-        _ => "nobody knows how".to_owned(),
+        _ => "in an unknown way".to_owned(),
     }
 }

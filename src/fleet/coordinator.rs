@@ -1,4 +1,4 @@
-//! Workers that share the agents, seen from their coordinator: who owns whom, orders, deaths and patience.
+//! The coordinator of workers that share the agents: which worker owns which agents, orders, deaths and patience.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -20,25 +20,25 @@ use crate::training::answers::WorkerLoad;
 use crate::training::observer::{Interrupted, Observer};
 use crate::training::state::AgentsState;
 
-/// How often a worker may be lost at the same order before the run gives up.
+/// Number of times that a worker may be lost at the same order before the run gives up.
 const DEATHS_IN_A_ROW: usize = 3;
-/// How often the fleet looks up from waiting.
+/// Interval at which the fleet checks its workers while it waits.
 const LOOK_UP: Duration = Duration::from_millis(200);
-/// Longest silence that one look adds. A coordinator that was stopped itself (Ctrl-Z) has heard nobody meanwhile.
+/// Longest silence that one check adds. While the coordinator itself was stopped (Ctrl-Z), it could hear nobody.
 const LONGEST_LOOK: Duration = Duration::from_secs(1);
 
-/// How many workers, and how long they may be silent.
+/// Number of workers, and how long they may be silent.
 pub struct Options {
     pub workers: usize,
-    /// Longest silence of a worker that has an order, be it that it does not read the order or that it hangs at work.
+    /// Longest silence of a worker that has an order, whether it does not read the order or hangs at work.
     pub patience: Duration,
 }
 
-/// Workers that share the agents: each owns the ones that follow those of the worker before it. A
+/// Workers that share the agents: each owns a block of consecutive agents, in the order of the workers. A
 /// [`Fleet`](crate::training::fleet::Fleet), whatever its crew consists of.
 ///
-/// Training on the GS is one simulation, so there the first worker owns all agents and trains them with as many threads
-/// as there are workers; the others help with evaluation.
+/// Training on the global simulator (GS) is one simulation. So there the first worker owns all agents and trains them
+/// with as many threads as there are workers; the others help with evaluation.
 pub struct Coordinator<C: Crew> {
     pub(super) domain: Arc<dyn Domain>,
     pub(super) config: Config,
@@ -46,7 +46,7 @@ pub struct Coordinator<C: Crew> {
     options: Options,
     pub(super) observer: Rc<dyn Observer>,
     pub(super) workers: Vec<Slot<C::Link>>,
-    /// The agents at the last exchange, from which a lost worker goes on.
+    /// Agents at the last exchange, from which a lost worker continues.
     pub(super) agents: AgentsState,
     pub(super) at_work: Duration,
     pub(super) clock: CpuClock,
@@ -90,18 +90,18 @@ impl<C: Crew> Coordinator<C> {
         let mut parts = Vec::new();
         fleet.ask(orders, Stop::AtOnce, |_, _, answer| match answer {
             Answer::State(state) => parts.push(state),
-            other => unreachable!("a state was asked for, not {other:?}"),
+            other => unreachable!("a state was requested, not {other:?}"),
         })?;
         fleet.agents = AgentsState::joined(parts);
         Ok(fleet)
     }
 
-    /// The workers that own agents.
+    /// Returns the workers that own agents.
     pub(super) fn owners(&self) -> Vec<usize> {
         (0..self.workers.len()).filter(|&worker| !self.workers[worker].agents.is_empty()).collect()
     }
 
-    /// Gives the orders and waits for all answers, which `take` is handed in the order of the orders with the state of
+    /// Gives the orders and waits for all answers. `take` gets them in the order of the orders, each with the state of
     /// all agents and the agents of the worker. Lost workers are started again.
     pub(super) fn ask(
         &mut self,
@@ -112,7 +112,7 @@ impl<C: Crew> Coordinator<C> {
         let begun = Instant::now();
         let answers = self.ask_and_wait(orders, stop);
         self.at_work += begun.elapsed();
-        // One by one, so that each is gone before the next is taken in.
+        // One by one, so that each is freed before the next is processed.
         for (worker, answer) in answers? {
             take(&mut self.agents, self.workers[worker].agents.clone(), answer);
         }
@@ -139,7 +139,7 @@ impl<C: Crew> Coordinator<C> {
             let silence = looked.elapsed().min(LONGEST_LOOK);
             looked = Instant::now();
             open.values_mut().for_each(|task| task.silence += silence);
-            // All that has been said is heard before anybody is called silent.
+            // All messages are read before any worker counts as silent.
             for worker in 0..self.workers.len() {
                 while let Some(news) = self.workers[worker].link.as_mut().and_then(Link::next) {
                     self.take_in(worker, news, &mut open, &mut answers)?;
@@ -174,7 +174,7 @@ impl<C: Crew> Coordinator<C> {
         }
     }
 
-    /// Takes in what a worker says; its answer where that is one.
+    /// Processes a message of a worker; returns its answer if it is one.
     fn hear(
         &mut self,
         worker: usize,
@@ -191,7 +191,7 @@ impl<C: Crew> Coordinator<C> {
                 let mine = &mut self.workers[worker].load;
                 mine.timesheet.add(&load.timesheet);
                 mine.footprint = mine.footprint.max(load.footprint);
-                // A worker that has begun or was restored says so before it turns to its order.
+                // A worker that has begun or was restored says so before it starts its order.
                 Ok(Some(*answer).filter(|answer| !matches!(answer, Answer::Ready)))
             }
             progress => {
@@ -204,7 +204,7 @@ impl<C: Crew> Coordinator<C> {
         }
     }
 
-    /// Sends a task to its worker, which is started first if it does not run. Does not wait for the worker.
+    /// Sends a task to its worker, which is started first if it is not running. Does not wait for the worker.
     fn deliver(&mut self, worker: usize, task: &mut Task) -> Result<()> {
         if self.workers[worker].link.is_none() {
             self.start_worker(worker)?;
@@ -214,7 +214,7 @@ impl<C: Crew> Coordinator<C> {
         Ok(())
     }
 
-    /// Starts a worker and puts it where the last exchange left its agents.
+    /// Starts a worker and gives it the state of its agents at the last exchange.
     fn start_worker(&mut self, worker: usize) -> Result<()> {
         let link = self.crew.start(worker)?;
         let agents = self.workers[worker].agents.clone();
@@ -238,7 +238,7 @@ impl<C: Crew> Coordinator<C> {
         Ok(())
     }
 
-    /// Lets all workers go on from a state of all agents.
+    /// Makes all workers continue from a state of all agents.
     pub(super) fn put_back(&mut self, agents: AgentsState) -> Result<()> {
         self.agents = agents;
         for worker in self.owners() {
@@ -252,7 +252,8 @@ impl<C: Crew> Coordinator<C> {
         Ok(())
     }
 
-    /// A worker has gone, or must go. With a task it is started again, if it can be, and given the task again.
+    /// Handles the loss of a worker, or ends a worker. With a task it is started again, if it can be, and gets the task
+    /// again.
     fn lose(&mut self, worker: usize, loss: Loss, task: Option<&mut Task>) -> Result<()> {
         let Some(link) = self.workers[worker].link.take() else { return Ok(()) };
         let message = format!("{} {}", self.name(worker), loss.describe(link, self.options.patience));
@@ -260,13 +261,13 @@ impl<C: Crew> Coordinator<C> {
             bail!("{message}\na worker of this kind cannot be started again, so the run ends here");
         }
         let Some(task) = task else {
-            // It has nothing to do: the next order will start it again.
+            // It has no order: the next order starts it again.
             self.observer.worker_lost(&message);
             return Ok(());
         };
         task.deaths += 1;
         if task.deaths == DEATHS_IN_A_ROW {
-            bail!("{message}\ngiven up after {DEATHS_IN_A_ROW} deaths in a row at the same place");
+            bail!("{message}\ngave up after {DEATHS_IN_A_ROW} deaths in a row at the same place");
         }
         self.observer.worker_lost(&format!("{message}\nstarted again from the last exchange"));
         self.deliver(worker, task)
@@ -282,16 +283,16 @@ impl<C: Crew> Coordinator<C> {
     }
 }
 
-/// Why a worker is given up.
+/// Reason for giving a worker up.
 enum Loss {
-    /// Its stream has ended, or carries nonsense for this reason.
+    /// The stream has ended, or carries invalid data for this reason.
     Gone(Option<anyhow::Error>),
-    /// It said nothing for longer than the patience.
+    /// The worker said nothing for longer than the patience.
     Silent,
 }
 
 impl Loss {
-    /// Ends the worker and returns what became of it.
+    /// Ends the worker and returns what happened to it.
     fn describe(self, link: impl Link, patience: Duration) -> String {
         match self {
             Loss::Gone(Some(reason)) => format!("died: {reason:#}; {}", link.end()),
@@ -305,16 +306,16 @@ impl Loss {
     }
 }
 
-/// When a request to stop is heard.
+/// When a request to stop takes effect.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Stop {
-    /// Nothing is lost by stopping right away.
+    /// At once, because nothing is lost.
     AtOnce,
-    /// A period's work would be lost.
+    /// Later, because a period's work would be lost.
     Later,
 }
 
-/// The `index`-th of `parts` nearly equal shares of `0..total`, one after another.
+/// Returns the `index`-th of `parts` nearly equal consecutive shares of `0..total`.
 pub(super) fn share(total: usize, parts: usize, index: usize) -> Range<usize> {
     total * index / parts..total * (index + 1) / parts
 }

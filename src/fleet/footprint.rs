@@ -1,4 +1,4 @@
-//! How much memory and CPU time this process takes, as Linux counts them.
+//! Memory and CPU time of this process, as Linux counts them.
 
 use std::fs;
 use std::time::Duration;
@@ -7,28 +7,28 @@ use rustix::time::{ClockId, clock_gettime};
 
 use crate::training::answers::Footprint;
 
-/// The memory of this process.
+/// Measures the memory of this process.
 pub fn footprint() -> Footprint {
     Footprint { peak_rss_kib: field("/proc/self/status", "VmHWM:"), pss_kib: field("/proc/self/smaps_rollup", "Pss:") }
 }
 
-/// Measures the CPU time of this process, user and system, all threads, from one reading to the next.
+/// A clock of the CPU time of this process, user and system, all threads, from one reading to the next.
 pub struct CpuClock {
     last: Duration,
 }
 
 impl CpuClock {
-    /// Counts from the beginning of the process.
+    /// Makes a clock that counts from the beginning of the process.
     pub fn of_the_process() -> Self {
         CpuClock { last: Duration::ZERO }
     }
 
-    /// Counts from now on.
+    /// Makes a clock that counts from now on.
     pub fn from_now() -> Self {
         CpuClock { last: cpu_time() }
     }
 
-    /// The CPU time since the last call.
+    /// Returns the CPU time since the last call.
     pub fn lap(&mut self) -> Duration {
         let now = cpu_time();
         let lap = now.saturating_sub(self.last);

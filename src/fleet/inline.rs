@@ -58,7 +58,7 @@ impl InlineFleet {
         answer
     }
 
-    /// Says what begins. An error if somebody asked to stop: nothing is lost by that before these orders.
+    /// Reports what begins. An error if the run was asked to stop: before these orders nothing is lost.
     fn begin(&self, activity: Activity) -> Result<()> {
         self.observer.busy(activity, 0.0);
         if self.observer.stop_requested() { Err(Interrupted.into()) } else { Ok(()) }

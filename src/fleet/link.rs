@@ -1,4 +1,4 @@
-//! What a coordinator knows of its workers, whatever they are: child processes, processes on other machines, threads.
+//! The coordinator's view of its workers, whatever they are: child processes, processes on other machines, threads.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -7,13 +7,13 @@ use anyhow::Result;
 
 use super::message::Report;
 
-/// An encoded message, with its header. Shared by all who are sent it.
+/// An encoded message with its header, shared by all receivers.
 pub type Frame = Arc<Vec<u8>>;
 
-/// What a link has heard.
+/// News from a link.
 pub enum News {
     Said(Report),
-    /// The stream has ended, or carries nonsense for this reason.
+    /// The stream has ended, or carries invalid data for this reason.
     Gone(Option<anyhow::Error>),
 }
 
@@ -21,21 +21,21 @@ pub enum News {
 ///
 /// Nothing that a worker does or fails to do may block a link.
 pub trait Link {
-    /// Sends a frame, after those before it. Does not wait until the worker reads it.
+    /// Sends a frame, after the earlier ones. Does not wait until the worker reads it.
     ///
-    /// If the worker has gone, [`News::Gone`] says so.
+    /// If the worker has gone, [`News::Gone`] reports it.
     fn send(&self, frame: Frame);
 
-    /// Returns what the worker said next; `None`: nothing yet. Does not wait.
+    /// Returns the worker's next message; if there is none yet: `None`. Does not wait.
     fn next(&mut self) -> Option<News>;
 
-    /// Returns what a worker is doing that says nothing, if the system knows it.
+    /// Returns what a silent worker is doing, if the system knows it.
     fn state(&self) -> Option<String>;
 
-    /// Ends a worker whose stream has ended. Returns how it ended and where to read on.
+    /// Ends a worker whose stream has ended. Returns how it ended and where to read more.
     fn end(self) -> String;
 
-    /// Ends a worker that hangs. Returns where to read on.
+    /// Ends a worker that hangs. Returns where to read more.
     fn end_by_force(self) -> String;
 }
 
@@ -43,11 +43,11 @@ pub trait Link {
 pub trait Crew {
     type Link: Link;
 
-    /// Starts a worker that waits for its first order. A worker that was lost is started again where
-    /// [`Crew::can_replace`] allows it.
+    /// Starts a worker that waits for its first order. A worker that was lost is started again if [`Crew::can_replace`]
+    /// allows it.
     fn start(&mut self, worker: usize) -> Result<Self::Link>;
 
-    /// Whether a worker that was lost can be started again. If not, its loss is the end of the run.
+    /// Returns whether a worker that was lost can be started again. If not, its loss is the end of the run.
     fn can_replace(&self) -> bool;
 
     /// Waits until a link has news, but not longer than `at_most`.

@@ -23,7 +23,7 @@ fn last_bytes(log: &Path) -> Result<Vec<u8>> {
     let length = file.metadata()?.len();
     file.seek(SeekFrom::Start(length.saturating_sub(BYTES)))?;
     let mut bytes = Vec::new();
-    // No further than it was then: the worker may still be writing.
+    // No further than its length at that time, because the worker may still be writing.
     file.take(BYTES).read_to_end(&mut bytes)?;
     Ok(bytes)
 }
@@ -38,7 +38,7 @@ mod tests {
     fn the_last_lines_of_a_log_of_a_terabyte_are_shown() {
         let dir = tempfile::tempdir().unwrap();
         let log = dir.path().join("worker_0.log");
-        // A sparse file, which takes no room. Reading all of it would take all memory.
+        // A sparse file, which takes no disk space. Reading all of it would take all memory.
         File::create(&log).unwrap().set_len(1 << 40).unwrap();
         let lines: String = (0..10).map(|line| format!("\nline {line}")).collect();
         OpenOptions::new().append(true).open(&log).unwrap().write_all(lines.as_bytes()).unwrap();

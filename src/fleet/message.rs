@@ -1,4 +1,4 @@
-//! What coordinator and workers say to each other.
+//! Messages between coordinator and workers.
 
 use std::ops::Range;
 
@@ -13,17 +13,17 @@ use crate::training::answers::{PolicyTraining, WorkerLoad};
 use crate::training::collect::Purpose;
 use crate::training::state::AgentsState;
 
-/// From the coordinator. Every order is answered by one [`Report::Done`] or [`Report::Failed`];
-/// those that only prepare the next one by [`Answer::Ready`].
+/// Orders from the coordinator. Every order is answered by one [`Report::Done`] or [`Report::Failed`]. Orders that only
+/// prepare the next one are answered by [`Answer::Ready`].
 #[derive(Debug, Serialize, Deserialize)]
 pub enum Order {
-    /// The first one: what the run is, whom the worker owns, and how many threads may train their policies.
+    /// First order: what the run is, which agents the worker owns, and how many threads may train their policies.
     Begin { config_json: String, agents: Vec<AgentId>, threads: usize },
-    /// Go on from this state of its agents.
+    /// Continue from this state of its agents.
     Restore(AgentsState),
-    /// Tell the state of its agents.
+    /// Return the state of its agents.
     TellState,
-    /// The policies of all agents, for the next order to play episodes.
+    /// Policies of all agents, with which the next order plays episodes.
     TakePolicies(JointPolicy),
     /// Play these episodes and return the datasets of all agents.
     Collect { purpose: Purpose, episodes: Range<usize> },
@@ -37,10 +37,10 @@ pub enum Order {
     Evaluate { episodes: Range<usize> },
 }
 
-/// What an order brought.
+/// Result of an order.
 #[derive(Debug, Serialize, Deserialize)]
 pub enum Answer {
-    /// For the next order.
+    /// Ready for the next order.
     Ready,
     State(AgentsState),
     Collected(Vec<Dataset>),
@@ -56,14 +56,14 @@ pub enum Answer {
     Evaluated(Vec<EpisodeReport>),
 }
 
-/// From a worker.
+/// Messages from a worker.
 #[derive(Debug, Serialize, Deserialize)]
 pub enum Report {
-    /// Policies are trained for so many timesteps per agent.
+    /// Policies have been trained for this number of timesteps per agent.
     Trained { steps: u64 },
-    /// This share of something else is done.
+    /// This share of another activity is done.
     Busy { activity: Activity, share: f64 },
-    /// The order is done; what the worker has been doing since the last one.
+    /// The order is done. `load`: what the worker has spent since the last one.
     Done { answer: Box<Answer>, load: Box<WorkerLoad> },
     /// The order cannot be done, for this reason, and would fail again.
     Failed { reason: String },

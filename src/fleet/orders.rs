@@ -1,4 +1,4 @@
-//! What Algorithm 1 asks of a fleet, as orders to the workers; the whole is made of their answers.
+//! The steps of Algorithm 1 as orders to the workers, and the results put together from their answers.
 
 use std::ops::Range;
 
@@ -20,7 +20,7 @@ use crate::training::fleet::Fleet;
 use crate::training::state::AgentsState;
 
 impl<C: Crew> Coordinator<C> {
-    /// An order with a share of `episodes` for every worker that gets some, and the joint policy to play them with.
+    /// Makes an order for every worker that gets a share of `episodes`, and sends the joint policy first.
     fn by_episode(&self, episodes: usize, order: impl Fn(Range<usize>) -> Order) -> Result<Vec<(usize, Frames)>> {
         let policies = Frame::new(encode(&Order::TakePolicies(self.agents.policies.clone()))?);
         let shares = (0..self.workers.len()).map(|worker| (worker, share(episodes, self.workers.len(), worker)));
@@ -28,7 +28,7 @@ impl<C: Crew> Coordinator<C> {
         some.map(|(worker, share)| Ok((worker, Frames::after(policies.clone(), &order(share))?))).collect()
     }
 
-    /// An order with the datasets of its agents for every worker that owns some. `datasets`: one per agent.
+    /// Makes an order with the datasets of its agents for every worker that owns some. `datasets`: one per agent.
     fn by_owner(
         &self,
         mut datasets: Vec<Dataset>,
@@ -57,7 +57,7 @@ impl<C: Crew> Fleet for Coordinator<C> {
         let mut reports = Vec::new();
         self.ask(orders, Stop::AtOnce, |_, _, answer| match answer {
             Answer::Evaluated(part) => reports.extend(part),
-            other => unreachable!("episodes were asked for, not {other:?}"),
+            other => unreachable!("episodes were requested, not {other:?}"),
         })?;
         Ok(Evaluation::new(&*self.domain, &reports))
     }
@@ -72,7 +72,7 @@ impl<C: Crew> Fleet for Coordinator<C> {
             Answer::Collected(parts) => {
                 datasets.iter_mut().zip(&parts).for_each(|(dataset, part)| dataset.extend(part));
             }
-            other => unreachable!("datasets were asked for, not {other:?}"),
+            other => unreachable!("datasets were requested, not {other:?}"),
         })?;
         Ok(datasets)
     }
@@ -86,7 +86,7 @@ impl<C: Crew> Fleet for Coordinator<C> {
                 all.extend(losses);
                 state.aips.replace(agents.start, &aips);
             }
-            other => unreachable!("AIPs were asked for, not {other:?}"),
+            other => unreachable!("AIPs were requested, not {other:?}"),
         })?;
         Ok(all)
     }
@@ -97,7 +97,7 @@ impl<C: Crew> Fleet for Coordinator<C> {
         let mut all = Vec::new();
         self.ask(orders, Stop::AtOnce, |_, _, answer| match answer {
             Answer::AipsMeasured(losses) => all.extend(losses),
-            other => unreachable!("losses were asked for, not {other:?}"),
+            other => unreachable!("losses were requested, not {other:?}"),
         })?;
         Ok(all)
     }
@@ -112,7 +112,7 @@ impl<C: Crew> Fleet for Coordinator<C> {
                 parts.push(training);
                 whole.replace(agents.start, &state);
             }
-            other => unreachable!("policies were asked for, not {other:?}"),
+            other => unreachable!("policies were requested, not {other:?}"),
         })?;
         Ok(PolicyTraining::joined(parts))
     }

@@ -19,12 +19,12 @@ use crate::policy::JointPolicy;
 use crate::training::answers::WorkerLoad;
 use crate::training::observer::Observer;
 
-/// How often at most progress is reported.
+/// Shortest time between two progress reports.
 const REPORT_EVERY: Duration = Duration::from_millis(100);
 
-/// Does what the coordinator at the other end of `stream` orders, until it goes.
+/// Does what the coordinator at the other end of `stream` orders, until the stream ends.
 ///
-/// `open_domain` makes the domain of a config: this room does not know which there are.
+/// `open_domain` makes the domain of a config, because this room does not know which domains there are.
 pub fn serve(stream: impl Read + Write, open_domain: impl FnOnce(&Config) -> Result<Arc<dyn Domain>>) -> Result<()> {
     let reporter = Reporter {
         stream: RefCell::new(stream),
@@ -36,7 +36,7 @@ pub fn serve(stream: impl Read + Write, open_domain: impl FnOnce(&Config) -> Res
     };
     let Order::Begin { config_json, agents, threads } = order else { bail!("the first order must be to begin") };
     let config: Config = serde_json::from_str(&config_json)?;
-    // For the log; where that cannot be written the work goes on.
+    // A line for the log. If it cannot be written, the work continues.
     let owned = match agents.first().zip(agents.last()) {
         Some((first, last)) => format!("owns agents {first} to {last}"),
         None => "owns no agents and plays episodes".to_owned(),
@@ -60,9 +60,9 @@ fn carry_out(
     policies: &mut Option<JointPolicy>,
     reporter: &Reporter<impl Read + Write>,
 ) -> Result<Answer> {
-    let mut take_policies = || policies.take().context("the policies to play with must come first");
+    let mut take_policies = || policies.take().context("no policies were sent before this order");
     Ok(match order {
-        Order::Begin { .. } => bail!("the worker has already begun"),
+        Order::Begin { .. } => bail!("this worker has already begun"),
         Order::Restore(state) => {
             worker.restore(&state);
             Answer::Ready
@@ -88,7 +88,7 @@ fn carry_out(
     })
 }
 
-/// Speaks with the coordinator.
+/// The worker's connection to the coordinator.
 struct Reporter<S> {
     stream: RefCell<S>,
     last: Cell<Instant>,
@@ -115,7 +115,7 @@ impl<S: Read + Write> Reporter<S> {
         let now = Instant::now();
         if now - self.last.get() >= REPORT_EVERY {
             self.last.set(now);
-            // A coordinator that has gone is noticed at the next order; until then there is nobody to tell.
+            // If the coordinator has gone, the next order shows it; until then nobody reads.
             drop(self.send(report));
         }
     }

@@ -1,4 +1,4 @@
-//! An order under way: what a worker was sent, and what has been heard of it since.
+//! An order in progress: what a worker was sent, and what it has reported since then.
 
 use std::time::Duration;
 
@@ -10,10 +10,10 @@ use super::message::{Order, Report};
 use crate::base::Activity;
 use crate::training::observer::Observer;
 
-/// An encoded order, to be sent any number of times.
+/// An encoded order that can be sent any number of times.
 #[derive(Clone)]
 pub struct Frames {
-    /// What the worker needs first.
+    /// Message that the worker needs first.
     before: Option<Frame>,
     order: Frame,
 }
@@ -23,7 +23,7 @@ impl Frames {
         Ok(Frames { before: None, order: encode(order)?.into() })
     }
 
-    /// An order with a frame that prepares it.
+    /// Makes an order with a frame that is sent before it.
     pub fn after(before: Frame, order: &Order) -> Result<Frames> {
         Ok(Frames { before: Some(before), ..Frames::of(order)? })
     }
@@ -36,9 +36,9 @@ impl Frames {
 /// An order that a worker has not answered yet.
 pub struct Task {
     pub frames: Frames,
-    /// How often a worker was lost at it.
+    /// Number of times that a worker was lost at it.
     pub deaths: usize,
-    /// Time since the worker was given the order or was heard, as far as the coordinator was listening.
+    /// Time since the worker got the order or last reported, as far as the coordinator was listening.
     pub silence: Duration,
     pub progress: Option<Report>,
 }
@@ -49,9 +49,9 @@ impl Task {
     }
 }
 
-/// Reports how far the workers have come with the same order; `done`: how many are done with it.
+/// Reports the progress of the workers that have the same order; `done`: how many have finished it.
 ///
-/// The slowest worker counts for training, the mean for everything else.
+/// In training, the slowest worker counts; in all other activities, the mean.
 pub fn tell_progress<'a>(open: impl Iterator<Item = &'a Task> + Clone, done: usize, observer: &dyn Observer) {
     let reports = || open.clone().filter_map(|task| task.progress.as_ref());
     let slowest = reports().filter_map(|report| match report {

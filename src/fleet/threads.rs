@@ -1,4 +1,4 @@
-//! Workers that are threads of this process, and what the coordinator makes of their loss.
+//! Tests: workers that are threads of this process, and how the coordinator handles their loss.
 
 use std::cell::RefCell;
 use std::io::{self, Read, Write};
@@ -26,23 +26,23 @@ use crate::training::observer::{Observer, Silent};
 use crate::training::standing::Standing;
 use crate::training::state::AgentsState;
 
-/// What becomes of a worker at a frame that it is sent.
+/// What happens to a worker at a certain frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Fate {
     Dies,
-    /// Says nothing any more, and ends when its link does.
+    /// The worker says nothing more, and ends when its link ends.
     Hangs,
 }
 
-/// The frame of a worker, counted from 0, at which its fate strikes.
+/// Number of the worker's frame, from 0, at which its fate strikes, and the fate.
 type FateAt = (usize, Fate);
 
-/// Threads, each of which serves at the other end of a pipe in memory.
+/// A crew of threads, each of which serves at the other end of a pipe in memory.
 struct ThreadCrew {
     domain: Arc<dyn Domain>,
     bell: Bell,
     can_replace: bool,
-    /// By worker; the next one in a list strikes whoever is started next under that number.
+    /// Fates by worker. The next one in a list strikes the next worker that is started with that number.
     fates: Vec<Vec<FateAt>>,
 }
 
@@ -69,7 +69,7 @@ impl Crew for ThreadCrew {
 
 struct ThreadLink {
     frames: Sender<Frame>,
-    /// One message in each.
+    /// Messages, one in each item.
     said: Receiver<Vec<u8>>,
 }
 
@@ -102,20 +102,20 @@ impl Link for ThreadLink {
     }
 }
 
-/// The worker's end.
+/// The worker's end of the pipe.
 struct Pipe {
     incoming: Receiver<Frame>,
-    /// Number of frames that came so far.
+    /// Number of frames so far.
     frames: usize,
     fate: Option<FateAt>,
-    /// The frame that is being read, and how much of it has been.
+    /// Frame that is being read, and number of its bytes read so far.
     rest: (Frame, usize),
     outgoing: Option<Sender<Vec<u8>>>,
     cord: Cord,
 }
 
 impl Read for Pipe {
-    /// Reads nothing where the stream has ended.
+    /// Reads nothing if the stream has ended.
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         if self.rest.1 == self.rest.0.len() {
             let Ok(frame) = self.incoming.recv() else { return Ok(0) };
@@ -139,7 +139,7 @@ impl Read for Pipe {
 }
 
 impl Write for Pipe {
-    /// Takes a whole message at a time.
+    /// Writes a whole message at a time.
     fn write(&mut self, message: &[u8]) -> io::Result<usize> {
         let outgoing = self.outgoing.as_ref().expect("it is only taken at the end");
         outgoing.send(message.to_vec()).map_err(|_| io::ErrorKind::BrokenPipe)?;
@@ -154,13 +154,13 @@ impl Write for Pipe {
 
 impl Drop for Pipe {
     fn drop(&mut self) {
-        // The link hears of it only when this has gone, so it must go before the bell rings.
+        // The link sees the end only when this is dropped, so drop it before the bell rings.
         drop(self.outgoing.take());
         self.cord.ring();
     }
 }
 
-/// Remembers the warnings.
+/// An observer that keeps the warnings.
 #[derive(Default)]
 struct Warnings(RefCell<Vec<String>>);
 
@@ -170,7 +170,7 @@ impl Observer for Warnings {
     }
 }
 
-/// Keeps where training stood after its first period.
+/// A journal that keeps the state after the first period.
 #[derive(Default)]
 struct Keeper(Option<(AgentsState, Standing)>);
 
@@ -189,7 +189,7 @@ impl Journal for Keeper {
 
 const PATIENCE: Duration = Duration::from_secs(3);
 
-/// Two periods; AIPs are trained before each.
+/// Makes a config of two periods, with a training of the AIPs before each.
 fn config() -> Config {
     toml::from_str(
         "total_steps = 500\n\
@@ -207,7 +207,7 @@ fn coins() -> Arc<dyn Domain> {
     Arc::new(Coins::new(20))
 }
 
-/// What a single worker makes of the two agents, and where they stood after the first period.
+/// Returns what a single worker makes of the two agents, and their state after the first period.
 fn undisturbed() -> (AgentsState, Keeper) {
     let (config, mut keeper) = (config(), Keeper::default());
     let mut fleet = InlineFleet::new(coins(), &config, Rc::new(Silent));
@@ -215,13 +215,13 @@ fn undisturbed() -> (AgentsState, Keeper) {
     (fleet.agents().clone(), keeper)
 }
 
-/// Workers whose fates strike them in this order.
+/// Makes workers whose fates strike them in this order.
 fn crew<const N: usize>(can_replace: bool, fates: [&[FateAt]; N]) -> ThreadCrew {
     let fates = fates.map(|fates| fates.iter().rev().copied().collect());
     ThreadCrew { domain: coins(), bell: Bell::new(), can_replace, fates: fates.to_vec() }
 }
 
-/// Trains with a crew; returns what became of the agents, or the error, and the warnings.
+/// Trains with a crew. Returns the agents or the error, and the warnings.
 fn train(crew: ThreadCrew) -> (Result<AgentsState, String>, Vec<String>) {
     let (config, warnings) = (config(), Rc::new(Warnings::default()));
     let options = Options { workers: crew.fates.len(), patience: PATIENCE };
@@ -232,15 +232,15 @@ fn train(crew: ThreadCrew) -> (Result<AgentsState, String>, Vec<String>) {
     (outcome.map_err(|error| format!("{error:#}")), warnings.0.take())
 }
 
-// An owner's frames: 0 begin, 1 its state, 2 and 3 policies and evaluation, 4 and 5 policies and measuring,
-// 6 the AIPs' loss, 7 and 8 policies and datasets, 9 AIP training, 10 and 11 policies and measuring, 12 the AIPs' loss,
-// 13 training of policies. One that was replaced: 0 begin, 1 its state, 2 its order.
+// Frames of an owner: 0 begin, 1 its state, 2 and 3 policies and evaluation, 4 and 5 policies and measuring, 6 the
+// AIPs' loss, 7 and 8 policies and datasets, 9 AIP training, 10 and 11 policies and measuring, 12 the AIPs' loss, 13
+// training of policies. Frames of a replaced worker: 0 begin, 1 its state, 2 its order.
 
 #[test]
 fn any_number_of_workers_makes_what_a_single_one_makes() {
     let (expected, _) = undisturbed();
     assert!(train(crew(true, [&[]])).0.unwrap() == expected);
-    // Two agents, so worker 0 has none.
+    // There are two agents, so worker 0 has none.
     let (outcome, warnings) = train(crew(false, [&[], &[], &[]]));
     assert!(outcome.unwrap() == expected && warnings.is_empty());
 }
@@ -257,7 +257,7 @@ fn a_lost_worker_is_replaced_and_the_numbers_stay() {
 fn three_deaths_in_a_row_are_too_many() {
     let (outcome, warnings) = train(crew(true, [&[(13, Fate::Dies), (2, Fate::Dies), (2, Fate::Dies)], &[]]));
     let error = outcome.unwrap_err();
-    assert_eq!(error, "worker 0 (agent 0) died: its thread ended\ngiven up after 3 deaths in a row at the same place");
+    assert_eq!(error, "worker 0 (agent 0) died: its thread ended\ngave up after 3 deaths in a row at the same place");
     assert_eq!(warnings.len(), 2);
 }
 
@@ -280,7 +280,7 @@ fn the_loss_of_a_worker_that_cannot_be_replaced_ends_the_run_and_names_it_and_it
         assert_eq!(outcome.unwrap_err(), format!("worker 1 (agent 1) {what}{end}"));
         assert!(warnings.is_empty(), "{warnings:?}");
     }
-    // One without agents only plays episodes, but its loss is no other.
+    // A worker without agents only plays episodes, but its loss counts as any other.
     let (outcome, _) = train(crew(false, [&[(1, Fate::Dies)], &[], &[]]));
     assert_eq!(outcome.unwrap_err(), format!("worker 0 (no agents of its own) died: its thread ended{end}"));
 }

@@ -1,8 +1,8 @@
-//! A worker: a share of the agents for the whole run, with everything that belongs to them.
+//! A worker: a share of the agents for the whole run, with all that belongs to them.
 //!
-//! Policies, AIPs and optimisers live in its [`AgentBlock`]s; local simulators only for the length of a period, because
-//! libsumo holds one simulation per process and the worker serves the GS in between. A period begins where
-//! [`AgentsState`] left the one before it, down to the cars on the road.
+//! Its [`AgentBlock`]s hold policies, AIPs (approximate influence predictors) and optimisers. Local simulators exist
+//! only during a period, because libsumo holds one simulation per process, and between periods the worker runs the
+//! global simulator (GS). A period begins where [`AgentsState`] left the one before it, down to the cars on the road.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -26,13 +26,13 @@ pub struct Worker {
     domain: Arc<dyn Domain>,
     config: Config,
     blocks: Vec<AgentBlock>,
-    /// Where the agents of every block stand among those of the worker: a block has agents of one kind.
+    /// Places of the agents of every block among those of the worker: a block has agents of one kind.
     places: Vec<Vec<usize>>,
     timesheet: Timesheet,
 }
 
 impl Worker {
-    /// `threads`: for the policies while they train.
+    /// Makes a worker. `threads`: for training the policies.
     pub fn new(domain: Arc<dyn Domain>, config: &Config, agents: Vec<AgentId>, threads: &Threads) -> Self {
         let mut places = Vec::new();
         for kind in 0..domain.kinds().count() {
@@ -53,7 +53,7 @@ impl Worker {
         }
     }
 
-    /// What its agents have become.
+    /// Returns the state of its agents.
     pub fn state(&self) -> AgentsState {
         let joined = AgentsState::joined(self.blocks.iter().map(AgentBlock::state).collect());
         match self.order() {
@@ -62,14 +62,15 @@ impl Worker {
         }
     }
 
-    /// Goes on from a state of the same agents.
+    /// Continues from a state of the same agents.
     pub fn restore(&mut self, state: &AgentsState) {
         for (block, places) in self.blocks.iter_mut().zip(&self.places) {
             block.restore(state.share(places.iter().copied()));
         }
     }
 
-    /// Where each of its agents stands if one block follows another; `None` if that is its own order.
+    /// Returns the place of each of its agents when the blocks are put one after another; `None` if that is its own
+    /// order.
     fn order(&self) -> Option<Vec<usize>> {
         let places = self.places.concat();
         let mut order: Vec<usize> = (0..places.len()).collect();
@@ -77,26 +78,26 @@ impl Worker {
         (!places.is_sorted()).then_some(order)
     }
 
-    /// What came of its agents one block after another, in their own order.
+    /// Puts the results of its agents, block after block, into their own order.
     fn in_order<T>(&self, by_block: Vec<T>) -> Vec<T> {
         let mut with_places: Vec<(usize, T)> = self.places.iter().flatten().copied().zip(by_block).collect();
         with_places.sort_by_key(|&(place, _)| place);
         with_places.into_iter().map(|(_, of_agent)| of_agent).collect()
     }
 
-    /// What belongs to the agents of each block, out of one value per agent.
+    /// Splits one value per agent into the values of each block.
     fn by_block<T>(&self, of_agents: Vec<T>) -> Vec<Vec<T>> {
         let mut of_agents: Vec<Option<T>> = of_agents.into_iter().map(Some).collect();
         let mut take = |&place: &usize| of_agents[place].take().expect("an agent is in one block");
         self.places.iter().map(|places| places.iter().map(&mut take).collect()).collect()
     }
 
-    /// The time spent since the last call.
+    /// Returns the time spent since the last call.
     pub fn take_timesheet(&mut self) -> Timesheet {
         self.timesheet.take()
     }
 
-    /// Algorithm 2 for some of the episodes: the datasets of *all* agents, in the order of the episodes.
+    /// Runs Algorithm 2 for some of the episodes. Returns the datasets of *all* agents, in the order of the episodes.
     pub fn collect(
         &mut self,
         policies: &JointPolicy,
@@ -136,7 +137,7 @@ impl Worker {
         Ok(reports)
     }
 
-    /// Trains the AIPs of this worker's agents; `datasets`: theirs.
+    /// Trains the AIPs of this worker's agents; `datasets`: those of these agents.
     pub fn train_aips(&mut self, datasets: Vec<Dataset>, period: &Period, observer: &dyn Observer) -> Vec<AipLoss> {
         let (begun, mut watch) = (Instant::now(), Stopwatch::default());
         let count = self.blocks.len() as f64;
@@ -150,7 +151,7 @@ impl Worker {
         self.in_order(losses)
     }
 
-    /// The loss of the AIPs of this worker's agents; `datasets`: theirs.
+    /// Measures the loss of the AIPs of this worker's agents; `datasets`: those of these agents.
     pub fn measure_aips(&mut self, datasets: Vec<Dataset>) -> Vec<FreshLoss> {
         let (begun, mut watch) = (Instant::now(), Stopwatch::default());
         let mut losses = Vec::new();
@@ -161,7 +162,7 @@ impl Worker {
         self.in_order(losses)
     }
 
-    /// What the influence predictors of its agents have learnt, one row each.
+    /// Returns what the influence predictors of its agents have learnt, one row each.
     pub fn aips(&self) -> Ragged<f32> {
         let mut joined = Ragged::default();
         self.blocks.iter().for_each(|block| joined.extend(&block.aips()));
@@ -187,7 +188,7 @@ impl Worker {
             )?;
         } else {
             for (done, block) in (0..).zip(&mut self.blocks) {
-                // As far as all agents are on average.
+                // The mean over all agents.
                 let average = |steps| (done * period.end + steps + (count - done - 1) * period.start) / count;
                 let progress = &mut |steps| observer.trained(average(steps));
                 parts.push(block.train_policies(period, Work { watch: &mut watch, progress })?);

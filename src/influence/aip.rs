@@ -1,4 +1,4 @@
-//! The AIPs of many agents as one stack.
+//! The approximate influence predictors (AIPs) of many agents as one stack.
 
 use super::{InfluencePredictor, sources};
 use crate::base::{AgentId, Dice, Rows, Seed};
@@ -8,17 +8,17 @@ use crate::nn::{Adam, Learner, Net, Parameters, Shape, States};
 
 /// One AIP per agent: d-set -> GRU, if any -> hidden layers -> logits of the influence sources.
 ///
-/// Source: DIALS paper, appendix "Hyperparameters" (traffic: 128 and 128; warehouse: GRU 64 and 64); the inputs are
+/// Source: DIALS paper, appendix "Hyperparameters" (traffic: 128 and 128; warehouse: GRU 64 and 64). The inputs are
 /// scaled to `(x - 0.5) / 0.5` as in the authors' code.
 pub struct AipStack {
     pub(super) sources: SourceSpec,
     pub(super) net: Net,
-    /// Of the rows that it samples for.
+    /// Hidden states of the rows that it samples for.
     states: States,
 }
 
 impl AipStack {
-    /// What an AIP looks like.
+    /// Returns the shape of an AIP.
     pub fn shape(spec: &RegionSpec, config: &AipConfig) -> Shape {
         Shape {
             inputs: spec.d_set_dim,
@@ -28,7 +28,7 @@ impl AipStack {
         }
     }
 
-    /// Randomly initialised AIPs, each agent's from its own stream.
+    /// Makes AIPs with random parameters, each agent's from its own stream.
     pub fn new(agents: &[AgentId], spec: &RegionSpec, config: &AipConfig, seed: Seed) -> Self {
         let net = Net::new(agents, AipStack::shape(spec, config), seed);
         AipStack { sources: spec.sources.clone(), states: net.states(0), net }
@@ -42,19 +42,19 @@ impl AipStack {
         &self.net
     }
 
-    /// One step of all rows.
+    /// Runs one step of all rows.
     fn logits(&mut self, d_set: &Rows<f32>) -> Rows<f32> {
         let inputs = Rows::from_vec(d_set.as_slice().iter().map(|&x| scaled(x)).collect(), d_set.width());
         self.net.step(&inputs, &mut self.states)
     }
 
-    /// Every agent's AIP with its part of the optimiser, for `steps` gradient steps each.
+    /// Returns every agent's AIP with its part of the optimiser, for `steps` gradient steps each.
     pub(super) fn learners<'a>(&'a mut self, adam: &'a mut Adam, steps: u32) -> Vec<Learner<'a>> {
         adam.learners(&mut self.net, steps)
     }
 }
 
-/// What an AIP is shown of a d-set.
+/// Scales a value of a d-set for the network.
 pub(super) fn scaled(x: f32) -> f32 {
     (x - 0.5) / 0.5
 }

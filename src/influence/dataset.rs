@@ -5,14 +5,15 @@ use serde::{Deserialize, Serialize};
 use crate::base::{CompactRows, Rows};
 use crate::domain::{Kinds, RegionSpec};
 
-/// Pairs `(l_t, u_t)` of one agent in the order in which the GS made them: whole episodes, one after another.
+/// Pairs `(l_t, u_t)` of one agent in the order in which the GS (global simulator) made them: whole episodes, one after
+/// another.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Dataset {
     /// `[samples, d_set_dim]`
     pub d_sets: CompactRows,
     /// `[samples, sources]`
     pub sources: Rows<u8>,
-    /// Samples per episode.
+    /// Number of samples per episode.
     pub horizon: usize,
 }
 
@@ -25,7 +26,7 @@ impl Dataset {
         }
     }
 
-    /// Empty datasets, one per agent.
+    /// Makes empty datasets, one per agent.
     pub fn of_all(kinds: &Kinds) -> Vec<Dataset> {
         kinds.specs().map(Dataset::new).collect()
     }

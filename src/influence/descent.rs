@@ -1,4 +1,4 @@
-//! How AIPs learn: gradient descent on the cross-entropy, one agent after another.
+//! How AIPs (approximate influence predictors) learn: gradient descent on the cross-entropy, one agent after another.
 
 use std::ops::Range;
 
@@ -11,7 +11,7 @@ use crate::config::AipConfig;
 use crate::domain::SourceSpec;
 use crate::nn::{Adam, Network, Sequences, Trace};
 
-/// Samples for which losses are measured at once.
+/// Number of samples for which losses are measured at once.
 const LOSS_CHUNK: usize = 512;
 
 impl TrainablePredictor for AipStack {
@@ -50,9 +50,9 @@ impl TrainablePredictor for AipStack {
 
 /// Trains every agent's AIP on the first `samples` of its own dataset.
 ///
-/// Adam starts fresh and the incomplete last batch of an epoch is dropped, as in the authors' code; the weights go on
-/// from the previous training. AIPs with memory are trained on whole episodes, others on single samples. Minibatches
-/// are drawn from `dice`, one per agent.
+/// Adam starts from zero and the incomplete last batch of an epoch is dropped, as in the authors' code. The weights
+/// continue from the previous training. AIPs with memory are trained on whole episodes, others on single samples.
+/// Minibatches are drawn from `dice`, one per agent.
 fn learn(
     aips: &mut AipStack,
     datasets: &[Dataset],
@@ -86,7 +86,7 @@ fn learn(
     }
 }
 
-/// Mean cross-entropy of every agent and source over some of the samples, whole episodes.
+/// Returns the mean cross-entropy of every agent and source over some of the samples, whole episodes.
 fn cross_entropies(
     aips: &AipStack,
     datasets: &[Dataset],
@@ -101,22 +101,23 @@ fn cross_entropies(
     datasets.iter().enumerate().map(of_agent).collect()
 }
 
-/// Samples that an AIP sees in one go: an episode where it has a memory.
+/// Returns the number of samples that an AIP sees in one sequence: an episode if it has a memory, else 1.
 fn sequence_length(aips: &AipStack, datasets: &[Dataset]) -> usize {
     if aips.net().shape().recurrent.is_some() { datasets[0].horizon } else { 1 }
 }
 
-/// What a training works in, one agent after another: some sequences of its dataset, rows ordered step, sequence.
+/// Working memory of a training, one agent after another: some sequences of its dataset, rows ordered by step, then by
+/// sequence.
 #[derive(Default)]
 struct Room {
     steps: usize,
     d_sets: Vec<f32>,
     sources: Vec<u8>,
-    /// Sequences begin with episodes: in cleared states, and with no episode that begins within.
+    /// Cleared states: sequences begin with episodes, and no episode begins within.
     states: Vec<f32>,
     starts: Vec<bool>,
     trace: Trace,
-    /// Of the loss by the logits.
+    /// Gradient of the loss by the logits.
     gradient: Vec<f32>,
 }
 
@@ -146,7 +147,7 @@ impl Room {
         network.forward(&self.d_sets, sequences, &mut self.trace);
     }
 
-    /// The gradient of the cross-entropy, averaged over the samples and the sources.
+    /// Computes the gradient of the cross-entropy, averaged over the samples and the sources.
     fn differentiate(&mut self, spec: &SourceSpec) {
         let logits = self.trace.output();
         self.gradient.resize(logits.len(), 0.0);
@@ -157,7 +158,7 @@ impl Room {
         }
     }
 
-    /// Mean cross-entropy of every source over some of the samples, which are whole sequences of `steps`.
+    /// Returns the mean cross-entropy of every source over some of the samples, which are whole sequences of `steps`.
     fn cross_entropies(
         &mut self,
         network: Network<'_>,

@@ -1,7 +1,8 @@
-//! Constant predictors: how often each influence source took each value on the GS, whatever the d-set shows.
+//! Constant predictors: how often each influence source took each value on the global simulator (GS), whatever the
+//! d-set shows.
 //!
-//! They are the predictors of marginal-DIALS, which asks what an AIP adds to knowing how busy the neighbours are, and
-//! the yardstick beside the loss of the AIPs.
+//! They are the predictors of marginal-DIALS. It shows what an AIP (approximate influence predictor) adds to knowing
+//! how busy the neighbours are. They are also the yardstick for the loss of the AIPs.
 
 use std::ops::Range;
 
@@ -17,14 +18,14 @@ use crate::nn::Layout;
 /// One constant distribution per agent and source.
 pub struct Marginals {
     sources: SourceSpec,
-    /// One row per agent: of every source the probabilities of its classes, source after source.
+    /// Probabilities, one row per agent: those of all classes of each source, source after source.
     probabilities: Rows<f32>,
-    /// Rows of one agent that it samples for.
+    /// Number of rows of one agent that it samples for.
     copies: usize,
 }
 
 impl Marginals {
-    /// Before anything is measured all classes are equally probable.
+    /// Makes predictors for which all classes are equally probable, as nothing is measured yet.
     pub fn new(agents: usize, spec: &RegionSpec) -> Self {
         let sources = spec.sources.clone();
         let equal = |&classes: &u8| std::iter::repeat_n(1.0 / f32::from(classes), usize::from(classes));
@@ -33,8 +34,8 @@ impl Marginals {
         Marginals { sources, probabilities, copies: 0 }
     }
 
-    /// Where the probabilities lie in a row: a table `[sources, classes]` if all sources have as many classes, else one
-    /// after another.
+    /// Returns the layout of a row of probabilities: a table `[sources, classes]` if all sources have the same number
+    /// of classes, else one source after another.
     pub fn layout(spec: &RegionSpec) -> Layout {
         let SourceSpec { classes } = &spec.sources;
         let shape = match classes[..] {
@@ -117,10 +118,10 @@ fn draw(probabilities: &[f32], dice: &mut Dice) -> u8 {
         rest < 0.0
     });
     let possible = || probabilities.iter().rposition(|&p| p > 0.0).expect("some class was seen");
-    drawn.unwrap_or_else(possible) as u8 // rounding may leave a crumb
+    drawn.unwrap_or_else(possible) as u8 // rounding may leave a remainder
 }
 
-/// How often each source took each of its values, `[sources][classes]`, in some of the samples.
+/// Counts how often each source took each of its values, `[sources][classes]`, in some of the samples.
 pub fn frequencies(sources: &SourceSpec, dataset: &Dataset, samples: Range<usize>) -> Vec<Vec<f64>> {
     let mut counts: Vec<Vec<u64>> = sources.classes.iter().map(|&classes| vec![0; usize::from(classes)]).collect();
     for sample in samples.clone() {
@@ -131,9 +132,9 @@ pub fn frequencies(sources: &SourceSpec, dataset: &Dataset, samples: Range<usize
     counts.iter().map(|counts| counts.iter().map(share).collect()).collect()
 }
 
-/// Cross-entropy of predicting the frequencies `p` where the true ones are `q`.
+/// Returns the cross-entropy of predicting the frequencies `p` if the true ones are `q`.
 ///
-/// A class that was never seen in training is predicted as half an event in 1e6, so that one surprise in the held-out
+/// A class that was never seen in training is predicted as half an event in 1e6. So one surprise in the held-out
 /// episodes does not make the mean infinite.
 pub fn cross_entropy_of_constants(p: &[f64], q: &[f64]) -> f64 {
     p.iter().zip(q).map(|(p, q)| q * -p.max(5e-7).ln()).sum()
@@ -149,7 +150,7 @@ mod tests {
         RegionSpec { obs_dim: 1, d_set_dim: 1, n_actions: 2, masks: false, sources, horizon: 10 }
     }
 
-    /// Ten episodes of ten samples whose sources are `u(sample)`.
+    /// Makes ten episodes of ten samples whose sources are `u(sample)`.
     fn dataset(spec: &RegionSpec, u: impl Fn(usize) -> Vec<u8>) -> Dataset {
         let mut dataset = Dataset::new(spec);
         (0..100).for_each(|sample| dataset.push(&[0.0], &u(sample)));
@@ -177,12 +178,12 @@ mod tests {
         let datasets = [dataset(&spec, |t| vec![u8::from(t % 3 == 0 || t >= 90)]), dataset(&spec, |_| vec![0])];
         let (marginals, losses) = trained(&spec, &datasets);
         assert_eq!(marginals.values().as_slice(), [2.0 / 3.0, 1.0 / 3.0, 1.0, 0.0]);
-        // Before: ln 2 everywhere. H(1/3) = 0.636514; held out -ln(1/3) = 1.098612, and 0 where nothing ever happens.
+        // Before: ln 2 everywhere. H(1/3) = 0.636514; held out -ln(1/3) = 1.098612, and 0 if nothing ever happens.
         for (loss, [training, held_out]) in losses.iter().zip([[0.636_514, 1.098_612], [0.0, 0.0]]) {
             assert!((loss.training[0][0] - 2_f64.ln()).abs() < 1e-7 && (loss.held_out[0][0] - 2_f64.ln()).abs() < 1e-7);
             assert!((loss.training[1][0] - training).abs() < 1e-6, "{loss:?}");
             assert!((loss.held_out[1][0] - held_out).abs() < 1e-6, "{loss:?}");
-            assert!((loss.marginals[0] - held_out).abs() < 1e-6, "they are the constants that AIPs are compared with");
+            assert!((loss.marginals[0] - held_out).abs() < 1e-6, "these are the constants that AIPs are compared with");
         }
     }
 

@@ -1,4 +1,4 @@
-//! The loss of the influence predictors on fresh episodes of the GS, from which they do not learn.
+//! The loss of the influence predictors on new episodes of the GS (global simulator), from which they do not learn.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,27 +6,27 @@ use super::marginals::{cross_entropy_of_constants, frequencies};
 use super::{CrossEntropies, Dataset, TrainablePredictor};
 use crate::base::Stopwatch;
 
-/// How well one agent's predictor foresaw fresh episodes.
+/// Loss of one agent's predictor on new episodes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FreshLoss {
     pub predictor: CrossEntropies,
-    /// Of the best constants there are for these very episodes: no constant predictor is better.
+    /// Loss of the best constants for these very episodes: no constant predictor is better.
     pub marginals: CrossEntropies,
 }
 
 impl FreshLoss {
-    /// Means over the sources: of the predictor and of the constants.
+    /// Returns means over the sources: of the predictor and of the constants.
     pub fn means(&self) -> [f64; 2] {
         [&self.predictor, &self.marginals].map(|losses| losses.iter().sum::<f64>() / losses.len() as f64)
     }
 
-    /// The same over all agents.
+    /// Returns the same means over all agents.
     pub fn means_of_all(losses: &[FreshLoss]) -> [f64; 2] {
         [0, 1].map(|which| losses.iter().map(|loss| loss.means()[which]).sum::<f64>() / losses.len() as f64)
     }
 }
 
-/// Measures every agent's predictor on its own dataset, all of which are of one length.
+/// Measures every agent's predictor on its own dataset. All datasets have the same length.
 pub fn measure(predictor: &dyn TrainablePredictor, datasets: &[Dataset], watch: &mut Stopwatch) -> Vec<FreshLoss> {
     let losses = predictor.cross_entropies(datasets, 0..datasets[0].len(), watch);
     let per_agent = losses.into_iter().zip(datasets).map(|(predictor_loss, dataset)| {

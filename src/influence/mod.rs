@@ -1,9 +1,14 @@
-//! Influence predictors: `I(u_t | l_t)`, what the rest of the system does to a local region.
+//! Influence predictors: `I(u_t | l_t)`, the influence of the rest of the system on a local region.
 //!
-//! An [`InfluencePredictor`] samples the influence sources that drive a local simulator. [`AipStack`] is the paper's
-//! approximate influence predictor (AIP), one network per agent; never trained, it is the predictor of untrained-DIALS.
-//! [`Marginals`] are constants, the predictors of marginal-DIALS. [`train`] fits either to a [`Dataset`] that was
-//! collected from the GS, and [`measure`] tells their loss on one they have not seen.
+//! An [`InfluencePredictor`] samples the influence sources `u_t` that drive a local simulator, given the d-set `l_t`,
+//! the inputs that d-separate the region from the rest. [`AipStack`] is the paper's approximate influence predictor
+//! (AIP), one network per agent; without training it is the predictor of untrained-DIALS. [`Marginals`] are constants,
+//! the predictors of marginal-DIALS.
+//!
+//! - `aip`, `marginals`: the two predictors.
+//! - `dataset`: pairs `(l_t, u_t)` of one agent from the global simulator (GS).
+//! - `train`, `descent`: fit a predictor to a [`Dataset`]; `measure`: its loss on one that it has not seen.
+//! - `sources`: the distribution that logits stand for: sampling, cross-entropy and its gradient.
 
 mod aip;
 mod dataset;
@@ -29,15 +34,15 @@ pub use train::{AipLoss, train};
 /// Mean cross-entropy of every influence source, in nats.
 pub type CrossEntropies = Vec<f64>;
 
-/// Samples the influence sources of many regions, one row per (agent, copy).
+/// A sampler of the influence sources of many regions, one row per (agent, copy).
 pub trait InfluencePredictor {
-    /// So many rows come from now on, and an episode begins in each.
+    /// Sets the number of rows from now on. An episode begins in each.
     fn begin(&mut self, rows: usize);
 
-    /// Episodes begin in these rows: forget what was seen of the old ones.
+    /// Forgets the history of these rows, because episodes begin in them.
     fn forget(&mut self, rows: &[usize]);
 
-    /// Sees the d-sets of a decision whose sources are known already, and draws nothing.
+    /// Reads the d-sets of a decision whose sources are already known, and draws nothing.
     fn watch(&mut self, d_set: &Rows<f32>);
 
     /// Draws `u_t` for every row, each from the dice of its row.
@@ -46,18 +51,18 @@ pub trait InfluencePredictor {
     fn sample(&mut self, d_set: &Rows<f32>, dice: &mut [Dice], sources: &mut Rows<u8>);
 }
 
-/// A predictor for each of some agents that learns from datasets: what a run trains, keeps, and goes on from.
+/// A predictor for each of some agents that learns from datasets. A run trains it, saves it, and continues from it.
 pub trait TrainablePredictor: InfluencePredictor {
     fn sources(&self) -> &SourceSpec;
 
-    /// What it has learnt, one row per agent, as [`layout`] lays it out.
+    /// Returns what it has learnt, one row per agent, as [`layout`] describes it.
     fn values(&self) -> Rows<f32>;
 
-    /// Takes over what another one has learnt.
+    /// Copies what another one has learnt.
     fn load(&mut self, values: &Rows<f32>);
 
-    /// Learns from the first `samples` of every agent's dataset, whole episodes. `dice`: one per agent.
-    /// `work`: progress is the share that is done.
+    /// Learns from the first `samples` of every agent's dataset, whole episodes. `dice`: one per agent. `progress` is
+    /// called with the share that is done.
     fn learn(
         &mut self,
         datasets: &[Dataset],
@@ -67,7 +72,7 @@ pub trait TrainablePredictor: InfluencePredictor {
         work: Work<'_, f64>,
     );
 
-    /// The mean cross-entropies of every agent over some samples of its dataset, whole episodes.
+    /// Returns the mean cross-entropies of every agent over some samples of its dataset, whole episodes.
     fn cross_entropies(
         &self,
         datasets: &[Dataset],
@@ -76,7 +81,7 @@ pub trait TrainablePredictor: InfluencePredictor {
     ) -> Vec<CrossEntropies>;
 }
 
-/// The predictor of `agents` as a run with this choice begins, each agent's from its own stream.
+/// Makes the first predictor of `agents` for this choice, each agent's from its own stream.
 pub fn initial_predictor(
     choice: Predictor,
     agents: &[AgentId],
@@ -90,7 +95,7 @@ pub fn initial_predictor(
     }
 }
 
-/// How the predictor of such a run lays out what it has learnt.
+/// Returns the layout of what such a predictor has learnt.
 pub fn layout(choice: Predictor, spec: &RegionSpec, config: &AipConfig) -> Layout {
     match choice {
         Predictor::Marginals => Marginals::layout(spec),
@@ -98,7 +103,8 @@ pub fn layout(choice: Predictor, spec: &RegionSpec, config: &AipConfig) -> Layou
     }
 }
 
-/// Floating-point operations in matrix products with which such a predictor samples the sources of one decision.
+/// Returns the floating-point operations in matrix products with which such a predictor samples the sources of one
+/// decision.
 pub fn sampling_flops(choice: Predictor, spec: &RegionSpec, config: &AipConfig) -> f64 {
     match choice {
         Predictor::Marginals => 0.0,

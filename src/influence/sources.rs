@@ -1,4 +1,5 @@
-//! The distribution of influence sources that an AIP's logits stand for: sampling, cross-entropy and its gradient.
+//! The distribution of influence sources that the logits of an AIP (approximate influence predictor) stand for:
+//! sampling, cross-entropy and its gradient.
 
 use rand::Rng;
 
@@ -6,7 +7,7 @@ use crate::base::Dice;
 use crate::domain::{SourceSpec, logits_of};
 use crate::nn::sigmoid;
 
-/// What belongs to each source, out of a row: as many values as `width` says for its number of classes.
+/// Splits a row into the parts of the sources: as many values each as `width` returns for its number of classes.
 pub fn of_sources<'a>(
     spec: &'a SourceSpec,
     row: &'a [f32],
@@ -32,7 +33,7 @@ pub fn sample(spec: &SourceSpec, logits: &[f32], dice: &mut Dice, sources: &mut 
                     rest -= (logit - max).exp();
                     rest < 0.0
                 });
-                drawn.unwrap_or(logits.len() - 1) as u8 // rounding may leave a crumb
+                drawn.unwrap_or(logits.len() - 1) as u8 // rounding may leave a remainder
             }
         };
     }
@@ -74,7 +75,7 @@ pub fn write_gradient(spec: &SourceSpec, logits: &[f32], observed: &[u8], scale:
     }
 }
 
-/// `-(u ln s(x) + (1 - u) ln(1 - s(x)))`, without overflow for any logit `x`.
+/// Computes `-(u ln s(x) + (1 - u) ln(1 - s(x)))`, without overflow for any logit `x`.
 fn binary_cross_entropy(logit: f64, u: u8) -> f64 {
     logit.max(0.0) - logit * f64::from(u) + (-logit.abs()).exp().ln_1p()
 }
@@ -92,7 +93,7 @@ mod tests {
         SourceSpec { classes: vec![3; 2] }
     }
 
-    /// A bit between choices of three and of four.
+    /// Returns a bit between choices of three and of four.
     fn mixed() -> SourceSpec {
         SourceSpec { classes: vec![3, 2, 4] }
     }

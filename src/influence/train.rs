@@ -1,4 +1,4 @@
-//! Training of the influence predictors on the datasets (Algorithm 1, lines 4 to 6), and what it did to their loss.
+//! Training of the influence predictors on the datasets (Algorithm 1, lines 4 to 6), and its effect on their loss.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,14 +7,14 @@ use super::{CrossEntropies, Dataset, TrainablePredictor};
 use crate::base::{AgentId, Dice, Seed, Stopwatch, Work};
 use crate::config::{AipConfig, held_out_episodes};
 
-/// What one training did to one agent's predictor.
+/// Effect of one training on one agent's predictor.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AipLoss {
-    /// On the episodes it was trained on, before and after.
+    /// Loss on the episodes it was trained on, before and after.
     pub training: [CrossEntropies; 2],
-    /// On the episodes held out, before and after.
+    /// Loss on the held-out episodes, before and after.
     pub held_out: [CrossEntropies; 2],
-    /// On the episodes held out, of the best constant: the frequency in the training episodes.
+    /// Loss of the best constant on the held-out episodes: the frequency in the training episodes.
     pub marginals: CrossEntropies,
     /// How often each source was not 0 in the training episodes.
     pub frequencies: Vec<f64>,
@@ -22,8 +22,8 @@ pub struct AipLoss {
 
 /// Trains every agent's predictor on its own dataset and measures the loss before and after.
 ///
-/// `datasets`: one per agent of the stack, all of one length. The last `held_out` of the episodes only measure.
-/// `work`: progress is the share that is done.
+/// `datasets`: one per agent of the stack, all of the same length. The last `held_out` of the episodes only measure.
+/// `progress` is called with the share that is done.
 pub fn train(
     predictor: &mut dyn TrainablePredictor,
     agents: &[AgentId],
@@ -54,7 +54,7 @@ pub fn train(
     per_agent.collect()
 }
 
-/// Where the training samples end and the held-out ones end.
+/// Returns where the training samples end and where the held-out ones end.
 fn split(dataset: &Dataset, share: f64) -> (usize, usize) {
     let episodes = dataset.episodes();
     let training = episodes - held_out_episodes(episodes, share);
@@ -68,8 +68,8 @@ mod tests {
     use crate::influence::AipStack;
     use rand::Rng;
 
-    /// Two sources with a known conditional distribution: P(u_0 = 1 | x) is 0.9 where x_0 = 1 and 0.2 elsewhere;
-    /// u_1 is a fair coin.
+    /// Makes two sources with a known conditional distribution: P(u_0 = 1 | x) is 0.9 if x_0 = 1 and 0.2 otherwise; u_1
+    /// is a fair coin.
     fn known_dataset(agent: AgentId) -> Dataset {
         let sources = SourceSpec::bits(2);
         let spec = RegionSpec { obs_dim: 3, d_set_dim: 3, n_actions: 2, masks: false, sources, horizon: 100 };
@@ -121,7 +121,7 @@ mod tests {
 
     #[test]
     fn the_last_episodes_measure_and_are_not_trained_on() {
-        // u = x in the first 18 episodes, u = 1 - x in the last two: whoever learns u = x is wrong there.
+        // u = x in the first 18 episodes, u = 1 - x in the last two: a predictor that learns u = x is wrong there.
         let sources = SourceSpec::bits(1);
         let spec = RegionSpec { obs_dim: 1, d_set_dim: 1, n_actions: 2, masks: false, sources, horizon: 100 };
         let mut dataset = Dataset::new(&spec);
@@ -154,7 +154,7 @@ mod tests {
         assert_eq!(alone, together[together.len() / 2..]);
     }
 
-    /// A source that repeats what the d-set showed two steps ago: only a memory can tell.
+    /// Makes a source that repeats what the d-set showed two steps ago: only a memory can predict it.
     fn delayed_dataset() -> Dataset {
         let sources = SourceSpec { classes: vec![3] };
         let spec = RegionSpec { obs_dim: 3, d_set_dim: 3, n_actions: 2, masks: false, sources, horizon: 20 };

@@ -1,4 +1,4 @@
-//! How much arithmetic a network asks for: the floor under its cost.
+//! Amount of arithmetic of a network: the floor under its cost.
 
 use std::time::{Duration, Instant};
 
@@ -6,15 +6,15 @@ use super::Shape;
 use super::product::{Before, Matrix, multiply};
 
 impl Shape {
-    /// Floating-point operations in the matrix products of a forward pass, per row: a multiplication and an addition per
-    /// weight. Biases and activations are not counted.
+    /// Returns the floating-point operations in the matrix products of a forward pass, per row: a multiplication and an
+    /// addition per weight. Biases and activations are not counted.
     pub fn forward_flops(&self) -> f64 {
         2.0 * (self.input_weights() + self.state_weights() + self.layer_weights()) as f64
     }
 
-    /// As [`Shape::forward_flops`], of the gradients of all weights in sequences of `steps`: by every weight, and through
-    /// every weight to what lies before it. Nothing flows to the inputs of the network nor to the state before the
-    /// first step.
+    /// Returns the operations of the gradients of all weights in sequences of `steps`, counted as in
+    /// [`Shape::forward_flops`]: by every weight, and through every weight to the layer before it. Nothing flows to the
+    /// inputs of the network nor to the state before the first step.
     pub fn backward_flops(&self, steps: usize) -> f64 {
         let first = if self.recurrent.is_none() {
             self.layers().next().map_or(0, |(inputs, outputs)| inputs * outputs)
@@ -38,20 +38,20 @@ impl Shape {
     }
 }
 
-/// Side of the square matrices whose product shows what the machine can do.
+/// Side of the square matrices whose product shows the machine's peak speed.
 pub(super) const SIDE: usize = 1024;
 
-/// Floating-point operations per second of matrix products at their best, on one thread.
+/// Peak speed of matrix products, in floating-point operations per second on one thread.
 #[derive(Clone, Copy, Debug)]
 pub struct Peak {
-    /// By the library that our networks use.
+    /// Speed of the library that our networks use.
     pub ours: f64,
-    /// By libtorch, which most software of this kind uses; `None` in a build without the feature `torch`.
+    /// Speed of libtorch, which most software of this kind uses; `None` in a build without the feature `torch`.
     pub libtorch: Option<f64>,
 }
 
 impl Peak {
-    /// 1024 x 1024 x 1024 in f32, the fastest of as many as fit into `time`.
+    /// Measures products of 1024 x 1024 x 1024 in f32: the fastest of those that fit into `time`.
     pub fn measure(time: Duration) -> Peak {
         let matrix = vec![0.5; SIDE * SIDE];
         let mut product = vec![0.0; SIDE * SIDE];
@@ -65,7 +65,7 @@ impl Peak {
     }
 }
 
-/// Operations per second of the fastest of as many products of [`SIDE`] as fit into `time`.
+/// Returns the operations per second of the fastest product of [`SIDE`] among those that fit into `time`.
 pub(super) fn fastest(time: Duration, mut product: impl FnMut()) -> f64 {
     let begun = Instant::now();
     let mut fastest = f64::INFINITY;

@@ -28,7 +28,7 @@ pub const BLOCKS: usize = 4;
 /// Results of a forward pass that the backward pass needs, and the memory that both work in.
 #[derive(Default)]
 pub struct GruTrace {
-    /// State before each row, zero where an episode begins: `[steps x sequences, hidden]`.
+    /// State before each row, zero if an episode begins: `[steps x sequences, hidden]`.
     before: Vec<f32>,
     /// Gates r, z, n and `Whn h + bhn` of each row: `[rows, 4 hidden]`.
     gates: Vec<f32>,
@@ -174,8 +174,8 @@ pub fn backward(
     }
 }
 
-/// Of one row: `carried` holds the gradient by the state after the step that comes from later steps, and afterwards the
-/// direct part of that by the state before it.
+/// Computes the gradients of one row. `carried` holds the gradient by the state after the step that comes from later
+/// steps. Afterwards it holds the direct part of the gradient by the state before the step.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx2"))]
 fn differentiate_row(
     outside: &[f32],

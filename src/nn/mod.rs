@@ -11,14 +11,15 @@
 //!
 //! This room does not know what the numbers mean.
 //!
-//! - [`shape`], [`parameters`]: layers of a network, and its row of parameters; [`stack_file`]: as a safetensors file.
-//! - [`net`]: a stack; [`network`]: one network of it, forward and backward; [`gru`]: its recurrent part; [`states`]: what
-//!   that remembers.
-//! - [`adam`]: the optimiser.
-//! - [`product`], [`few_rows`], [`activations`], [`buffer`]: the arithmetic; [`vectors`]: the width of its registers;
-//!   `order_of_sums` (tests): how products of that width add up.
-//! - [`threads`]: threads that share the agents.
-//! - [`flops`]: amount of arithmetic, for benchmarks; [`script`]: TorchScript export.
+//! - `shape`, `parameters`: layers of a network, and its row of parameters; `stack_file`: as a safetensors file.
+//! - `net`: a stack; `network`: one network of it, forward and backward; `gru`: its recurrent part; `states`:
+//!   the hidden states between steps.
+//! - `adam`: the optimiser.
+//! - `product`, `few_rows`, `activations`, `buffer`: the arithmetic; `vectors`: the width of its registers;
+//!   `order_of_sums` (tests): the order in which products of 256 bits add up.
+//! - `threads`: threads that share the agents.
+//! - `flops`: amount of arithmetic, for benchmarks; `yardstick`: the speed of libtorch, to compare with.
+//! - `script`: TorchScript export; `no_script` replaces it in builds without libtorch.
 
 mod activations;
 mod adam;

@@ -157,7 +157,7 @@ mod tests {
             }
         }
 
-        /// What is an agent's of a table.
+        /// Returns the part of a table that belongs to an agent.
         fn share<'a, T>(&self, table: &'a [T], agent: usize) -> &'a [T] {
             &table[agent * table.len() / self.agents..(agent + 1) * table.len() / self.agents]
         }
@@ -171,7 +171,7 @@ mod tests {
             network.forward(self.share(self.inputs.as_slice(), agent), sequences, trace);
         }
 
-        /// The outputs of all agents.
+        /// Returns the outputs of all agents.
         fn outputs(&self, net: &Net) -> Vec<f32> {
             let mut trace = Trace::default();
             let of_agent = |agent| {
@@ -181,7 +181,7 @@ mod tests {
             (0..self.agents).flat_map(of_agent).collect()
         }
 
-        /// Outputs and gradient of one agent.
+        /// Returns outputs and gradient of one agent.
         fn outputs_and_gradient(&self, network: Network<'_>, agent: usize) -> (Vec<f32>, Vec<f32>) {
             let mut trace = Trace::default();
             self.forward(network, agent, &mut trace);
@@ -189,7 +189,7 @@ mod tests {
             (trace.output().to_vec(), trace.gradient().to_vec())
         }
 
-        /// That of one agent alone.
+        /// Returns the material of one agent alone.
         fn of_agent(&self, agent: usize) -> Material {
             let mut states = States::new(self.states.rows() / self.agents, self.states.row(0).len());
             states.as_mut_slice().copy_from_slice(self.share(self.states.as_slice(), agent));
@@ -204,7 +204,7 @@ mod tests {
         }
     }
 
-    /// One row through a network without memory.
+    /// Runs one row through a network without memory.
     fn one_row(net: &Net, inputs: &[f32], by_output: &[f32]) -> (Vec<f32>, Vec<f32>) {
         let mut trace = Trace::default();
         net.network(0).forward(inputs, Sequences { steps: 1, states: &[], starts: &[] }, &mut trace);
@@ -247,7 +247,7 @@ mod tests {
         states.set_row(0, &[0.4]);
         let output = net.step(&Rows::from_vec(vec![0.3], 1), &mut states);
         assert!((output.row(0)[0] - 0.484_946).abs() < 1e-6, "{output:?}");
-        assert_eq!(states.row(0), output.row(0), "the state moves on");
+        assert_eq!(states.row(0), output.row(0), "the state is updated");
         // dL/dh' = 1: dn = 0.25 * (1 - 0.547279) = 0.113180, dz = (0.4 - 0.739783) * 0.1875 = -0.063709,
         // dr = dn * 1.3 * 0.25 = 0.036784
         let mut trace = Trace::default();
@@ -271,7 +271,7 @@ mod tests {
         for recurrent in [None, Some(6)] {
             let shape = Shape { inputs: 5, recurrent, hidden: vec![7, 6], outputs: 3 };
             let material = Material::new(&shape, 2, 4, 3);
-            // A seed with which no ReLU opens or closes within the shifts.
+            // A seed with which no ReLU changes sides within the shifts.
             let mut net = Net::new(&AgentId::all(2), shape, Seed::new(8));
             let loss = |net: &Net| -> f64 {
                 material.outputs(net).iter().zip(&material.output_gradient).map(|(y, w)| f64::from(y * w)).sum()

@@ -39,24 +39,24 @@ pub struct Trace {
 }
 
 impl Trace {
-    /// `[rows, outputs]`
+    /// Returns the outputs of the last forward pass, `[rows, outputs]`.
     pub fn output(&self) -> &[f32] {
         self.values.last().expect("there was a forward pass")
     }
 
-    /// Gradient of the loss by the parameters, from the last backward pass.
+    /// Returns the gradient of the loss by the parameters, from the last backward pass.
     pub fn gradient(&self) -> &[f32] {
         &self.gradient
     }
 
-    /// States after the last step, `[sequences, state_width]`; `length`: number of values in them.
+    /// Returns the states after the last step, `[sequences, state_width]`; `length`: number of values in them.
     pub(super) fn last_states(&self, length: usize) -> &[f32] {
         &self.gru.outputs[self.gru.outputs.len() - length..]
     }
 }
 
 impl Network<'_> {
-    /// Width of the hidden state; 0 without a GRU.
+    /// Returns the width of the hidden state; 0 without a GRU.
     pub fn state_width(self) -> usize {
         self.shape.state_width()
     }
@@ -113,7 +113,7 @@ impl Network<'_> {
                 std::mem::swap(by_after, by_before);
             }
             if layer > 0 {
-                // The gradient passes where the ReLU's output is positive.
+                // The gradient passes if the ReLU's output is positive.
                 by_after.iter_mut().zip(before).for_each(|(by, &value)| *by = if value > 0.0 { *by } else { 0.0 });
             }
         }

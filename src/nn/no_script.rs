@@ -1,4 +1,4 @@
-//! Stands in for `script` in a build without the feature `torch`: every call is the same error.
+//! Replaces `script` in a build without the feature `torch`: every call returns the same error.
 
 use std::path::Path;
 
@@ -9,8 +9,8 @@ use super::Net;
 /// Returns the error that says how to build with libtorch.
 pub fn check_script() -> Result<()> {
     bail!(
-        "TorchScript is written by libtorch, and this program was built without it; build it with libtorch installed and \
-         the feature `torch`, which is on by default: cargo build --release"
+        "TorchScript is written by libtorch, and this program was built without it; build it with libtorch installed \
+         and the feature `torch`, which is on by default: cargo build --release"
     )
 }
 

@@ -1,7 +1,7 @@
 //! A test: the order in which products of 256 bits add up, in plain Rust.
 //!
-//! All that these products do is multiply, add, and multiply and add in one (`mul_add`, rounded once), each of which has
-//! one right answer by IEEE 754. So whoever does them in this order gets these bits, on every machine.
+//! These products only multiply, add, and multiply and add in one operation (`mul_add`, rounded once). Each of these
+//! has exactly one right result by IEEE 754. So this order gives the same bits on every machine.
 
 use rand::Rng;
 
@@ -11,12 +11,12 @@ use super::vectors::vector_instructions;
 use crate::base::{Dice, Seed, VectorWidth};
 
 const LANES: usize = 8;
-/// Numbers of the inner dimension that are added up in one go.
+/// Numbers of the inner dimension that are added up in one call.
 const DEPTH: usize = 512;
-/// Largest product that the kernels which add up across a register compute, in numbers that come out.
+/// Largest product, in numbers of the output, for the kernels that add up across a register.
 const ACROSS: usize = 16 * 16;
 
-/// A product whose numbers can be asked for one by one.
+/// A product whose numbers can be computed one by one.
 struct Shape<'a> {
     left: Matrix<'a>,
     right: Matrix<'a>,
@@ -27,7 +27,7 @@ struct Shape<'a> {
 }
 
 impl Shape<'_> {
-    /// Row and column of the factors along the inner dimension.
+    /// Returns the row and the column of the factors, along the inner dimension.
     fn factors(&self, row: usize, column: usize, depth: usize) -> Vec<(f32, f32)> {
         let ((left_row, left_column), (right_row, right_column)) = (self.left.strides(), self.right.strides());
         let left = |k: usize| self.left_values[row * left_row as usize + k * left_column as usize];
@@ -35,7 +35,7 @@ impl Shape<'_> {
         (0..depth).map(|k| (left(k), right(k))).collect()
     }
 
-    /// `start`: what stood there, where the product is added to it.
+    /// Computes one number of the product. `start`: the old number, if the product is added to it.
     fn number(&self, factors: &[(f32, f32)], start: Option<f32>, transposed: [bool; 2]) -> f32 {
         if self.rows <= FEW_ROWS && transposed == [false, true] && start.is_none() {
             return few_rows(factors);
@@ -71,18 +71,18 @@ impl Shape<'_> {
     }
 }
 
-/// One after the other.
+/// Adds up one after the other.
 fn in_a_row(factors: &[(f32, f32)], start: f32) -> f32 {
     factors.iter().fold(start, |sum, (l, r)| l.mul_add(*r, sum))
 }
 
-/// One after the other, rounded after the multiplication, too.
+/// Adds up one after the other, and also rounds after each multiplication.
 fn not_fused(factors: &[(f32, f32)], start: Option<f32>) -> f32 {
     let sum = factors.iter().fold(start, |sum, (l, r)| Some(sum.map_or(l * r, |sum| l * r + sum)));
     sum.expect("there are factors")
 }
 
-/// Every lane of a register for itself.
+/// Adds up every lane of a register separately.
 fn lanes(factors: &[(f32, f32)], mut sums: [f32; LANES]) -> [f32; LANES] {
     for chunk in factors.chunks(LANES) {
         sums.iter_mut().zip(chunk).for_each(|(sum, (l, r))| *sum = l.mul_add(*r, *sum));
@@ -90,7 +90,7 @@ fn lanes(factors: &[(f32, f32)], mut sums: [f32; LANES]) -> [f32; LANES] {
     sums
 }
 
-/// The upper half onto the lower, and again.
+/// Adds the upper half to the lower half, and repeats.
 fn halved(x: [f32; LANES]) -> f32 {
     let four: [f32; 4] = std::array::from_fn(|i| x[i] + x[i + 4]);
     (four[0] + four[2]) + (four[1] + four[3])
@@ -100,13 +100,14 @@ fn across(factors: &[(f32, f32)]) -> f32 {
     halved(lanes(factors, [0.0; LANES]))
 }
 
-/// What fills no register comes last, not fused.
+/// Adds up few rows. What does not fill a register comes last, not fused.
 fn few_rows(factors: &[(f32, f32)]) -> f32 {
     let (whole, rest) = factors.split_at(factors.len() / LANES * LANES);
     across(whole) + rest.iter().map(|(l, r)| l * r).sum::<f32>()
 }
 
-/// Eight registers by turns, added up in pairs; then one; then lane by lane; then what fills no register.
+/// Adds up in eight registers in turn, then in pairs; then in one; then lane by lane; last what does not fill a
+/// register.
 fn eight_registers(factors: &[(f32, f32)]) -> f32 {
     let (eights, rest) = factors.split_at(factors.len() / (8 * LANES) * 8 * LANES);
     let mut sums = [[0.0; LANES]; 8];
@@ -121,7 +122,8 @@ fn eight_registers(factors: &[(f32, f32)]) -> f32 {
     in_a_row(rest, sum)
 }
 
-/// Rows, depth and columns: few and many of each, whole registers and not, and more depth than is added up in one go.
+/// Rows, depth and columns: few and many of each, whole registers and parts, and more depth than is added up in one
+/// call.
 const SHAPES: [[usize; 3]; 18] = [
     [1, 1, 1],
     [1, 2, 300],
@@ -167,7 +169,7 @@ fn product(width: VectorWidth, shape: &Shape<'_>, before: Before) -> Vec<f32> {
     out
 }
 
-/// Whether this machine has the instructions; without them there is nothing to test.
+/// Returns whether this machine has the instructions. Without them there is nothing to test.
 fn has_256_bits() -> bool {
     let has = vector_instructions(VectorWidth::Bits256);
     has.inspect_err(|error| eprintln!("not tested: {error}")).is_ok()

@@ -24,12 +24,12 @@ impl Parameters {
         &self.layout
     }
 
-    /// Number of parameters per agent.
+    /// Returns the number of parameters per agent.
     pub fn width(&self) -> usize {
         self.layout.width()
     }
 
-    /// All values, `[agents, width]`.
+    /// Returns all values, `[agents, width]`.
     pub fn values(&self) -> &Rows<f32> {
         &self.values
     }
@@ -38,7 +38,7 @@ impl Parameters {
         (&self.layout, &mut self.values)
     }
 
-    /// All values, for writing.
+    /// Returns all values, for writing.
     pub fn values_mut(&mut self) -> &mut Rows<f32> {
         &mut self.values
     }

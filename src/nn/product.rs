@@ -1,7 +1,7 @@
 //! Products of small matrices: the crate `gemm`, and for few rows kernels of our own.
 //!
-//! `gemm` multiplies the shapes of these networks (32 x 256 by 256 x 128) about twice as fast as libtorch with OpenBLAS:
-//! it has kernels for 512-bit registers and little cost per call.
+//! `gemm` multiplies the shapes of these networks (32 x 256 by 256 x 128) about twice as fast as libtorch with
+//! OpenBLAS: it has kernels for 512-bit registers and little cost per call.
 
 use std::ops::Range;
 
@@ -11,8 +11,8 @@ use super::few_rows::{FEW_ROWS, add_row_by_matrix, dot_products};
 use super::vectors::vector_width;
 use crate::base::VectorWidth;
 
-/// Largest inner dimension of one call of `gemm`, which adds that many numbers up in one go. It cuts longer ones by the
-/// size of the machine's caches, and then the order of sums would depend on the machine.
+/// Largest inner dimension of one call of `gemm`, which adds up that many numbers in one go. `gemm` cuts longer ones by
+/// the size of the machine's caches, and then the order of sums would depend on the machine.
 const DEPTH: usize = 512;
 
 /// A borrowed matrix: row after row or, if transposed, column after column.
@@ -25,9 +25,9 @@ pub struct Matrix<'a> {
 }
 
 impl<'a> Matrix<'a> {
-    /// `values`: whole rows of `columns` each, one after another.
+    /// Makes a matrix. `values`: whole rows of `columns` each, one after another.
     pub fn new(values: &'a [f32], columns: usize) -> Self {
-        assert!(values.len().is_multiple_of(columns), "{} values are no rows of {columns}", values.len());
+        assert!(values.len().is_multiple_of(columns), "{} values do not make rows of {columns}", values.len());
         Matrix { values, rows: values.len() / columns, columns, transposed: false }
     }
 
@@ -47,7 +47,7 @@ impl<'a> Matrix<'a> {
     }
 }
 
-/// What happens to the old numbers of the output.
+/// Treatment of the old numbers of the output.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Before {
     Overwrite,
@@ -59,7 +59,7 @@ pub fn multiply(left: Matrix<'_>, right: Matrix<'_>, out: &mut [f32], before: Be
     multiply_with(vector_width(), left, right, out, before);
 }
 
-/// Computes [`multiply`] with vector registers of this width.
+/// Computes the product of [`multiply`] with vector registers of this width.
 pub(super) fn multiply_with(
     width: VectorWidth,
     left: Matrix<'_>,
@@ -79,7 +79,7 @@ pub(super) fn multiply_with(
         }
         return add_row_by_matrix(width, left.values, right.values, out);
     }
-    // Once where there is nothing to add up, too: zeros come out.
+    // Also once if there is nothing to add up: the result is zeros.
     for first in (0..depth.max(1)).step_by(DEPTH) {
         let inner = first..depth.min(first + DEPTH);
         match width {
@@ -135,7 +135,7 @@ fn by_256_bits(left: Matrix<'_>, right: Matrix<'_>, inner: Range<usize>, out: &m
         _ => (right.transposed(), left.transposed(), columns as isize, 1),
     };
     let ((left_row, left_column), (right_row, right_column)) = (left.strides(), right.strides());
-    // SAFETY: as in `by_widest`; and the kernels are those of the instructions that `simd` is the proof of.
+    // SAFETY: as in `by_widest`. Also, `simd` proves that the machine has the instructions of these kernels.
     unsafe {
         gemm_basic_generic::<_, f32, LANES, { MR_DIV_N * LANES }, NR, MR_DIV_N, H_M, H_N>(
             simd,
@@ -171,13 +171,14 @@ fn by_256_bits(_: Matrix<'_>, _: Matrix<'_>, _: Range<usize>, _: &mut [f32], _: 
     unreachable!("`use_vectors` refuses it here");
 }
 
-/// Computes `out = inputs x weight + bias`. `weight`: `[in, out]`; `bias`: `[out]`; `inputs`: `[rows, in]`; `out`: `[rows, out]`.
+/// Computes `out = inputs x weight + bias`. `weight`: `[in, out]`; `bias`: `[out]`; `inputs`: `[rows, in]`; `out`:
+/// `[rows, out]`.
 pub fn affine(inputs: &[f32], weight: &[f32], bias: &[f32], out: &mut [f32]) {
     out.chunks_exact_mut(bias.len()).for_each(|row| row.copy_from_slice(bias));
     multiply(Matrix::new(inputs, weight.len() / bias.len()), Matrix::new(weight, bias.len()), out, Before::Add);
 }
 
-/// Adds up the rows, as for the gradient of a bias.
+/// Adds up the rows, for the gradient of a bias.
 pub fn sum_rows(rows: &[f32], sums: &mut [f32]) {
     sums.fill(0.0);
     for row in rows.chunks_exact(sums.len()) {
@@ -195,7 +196,7 @@ mod tests {
         (0..count).map(|_| dice.random_range(-1.0..1.0)).collect()
     }
 
-    /// As the definition says, in double precision.
+    /// Computes a number by definition, in double precision.
     fn by_definition(left: Matrix<'_>, right: Matrix<'_>, row: usize, column: usize) -> f64 {
         let at = |matrix: Matrix<'_>, row: usize, column: usize| {
             let (down, across) = matrix.strides();

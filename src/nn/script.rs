@@ -10,20 +10,20 @@ use super::Net;
 use super::gru::{INPUT, INPUT_BIAS, STATE, STATE_BIAS};
 use super::network::first_layer;
 
-/// Checks that this build can write scripts: it can.
+/// Checks that this build can write scripts, which it can.
 pub fn check_script() -> Result<()> {
     Ok(())
 }
 
 /// Writes the networks of all agents as one module, parameters included.
 ///
-/// `forward(inputs)` takes `[agents, batch, in]`, for any batch, and returns the outputs, `[agents, batch, out]`. With a GRU
-/// it is one step: `forward(inputs, states)` takes the states before it as well, `[agents, batch, hidden]`, and returns the
-/// outputs and then the states after it in one table, `[agents, batch, out + hidden]`, because what is traced has a
-/// single result.
+/// `forward(inputs)` takes `[agents, batch, in]`, for any batch, and returns the outputs, `[agents, batch, out]`. With
+/// a GRU it is one step. `forward(inputs, states)` also takes the states before it, `[agents, batch, hidden]`. It
+/// returns the outputs and then the states after it in one table, `[agents, batch, out + hidden]`, because a traced
+/// function has a single result.
 pub fn write_script(net: &Net, path: &Path) -> Result<()> {
     let (shape, agents) = (net.shape(), net.parameters().agents() as i64);
-    // Their values do not matter: the operations on them are written down.
+    // Their values do not matter: only the operations on them are recorded.
     let table = |width: usize| Tensor::zeros(&[agents, 2, width as i64], (Kind::Float, Device::Cpu));
     let arguments: Vec<Tensor> = [shape.inputs].into_iter().chain(shape.recurrent).map(table).collect();
     let stack = Stack::of(net);
@@ -36,14 +36,14 @@ pub fn write_script(net: &Net, path: &Path) -> Result<()> {
         _ => unreachable!("the arguments are inputs and perhaps states"),
     };
     let module = tch::no_grad(|| CModule::create_by_tracing("Networks", "forward", &arguments, &mut forward))?;
-    // Below the first line of its error libtorch tells where in C++ it came from.
+    // The lines after the first one say where in C++ the error comes from.
     let first_line =
         |error: tch::TchError| anyhow!("{}", error.to_string().lines().next().unwrap_or_default().to_owned());
     module.save(path).map_err(first_line).with_context(|| format!("{}: cannot be written", path.display()))
 }
 
-/// The networks as tensors. They are made before anything is traced: of a tensor that is made meanwhile the module would
-/// remember the making, and not the values.
+/// The networks as tensors. They are made before the trace. If a tensor is made during the trace, the module records
+/// how it is made and not its values.
 struct Stack {
     /// Weights and biases in the order of the layout, `[agents, ...]`.
     blocks: Vec<Tensor>,
@@ -66,12 +66,12 @@ impl Stack {
         }
     }
 
-    /// `bias + inputs x weight` for every agent.
+    /// Computes `bias + inputs x weight` for every agent.
     fn affine(&self, inputs: &Tensor, weight: usize, bias: usize) -> Tensor {
         self.blocks[bias].baddbmm(inputs, &self.blocks[weight], 1, 1)
     }
 
-    /// The state after one step; the same arithmetic as [`super::gru::forward`].
+    /// Computes the state after one step, with the same arithmetic as [`super::gru::forward`].
     fn gru_step(&self, inputs: &Tensor, state: &Tensor) -> Tensor {
         let from_inputs = self.affine(inputs, INPUT, INPUT_BIAS).chunk(3, 2); // r, z, n: [agents, batch, hidden] each
         let from_state = self.affine(state, STATE, STATE_BIAS).chunk(3, 2);

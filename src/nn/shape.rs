@@ -1,4 +1,4 @@
-//! The layers of a network, and where its weights and biases are within a row of parameters.
+//! The layers of a network, and the places of its weights and biases in a row of parameters.
 
 use std::ops::Range;
 
@@ -13,7 +13,7 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// Width of the hidden state; 0 without a GRU.
+    /// Returns the width of the hidden state; 0 without a GRU.
     pub fn state_width(&self) -> usize {
         self.recurrent.unwrap_or(0)
     }
@@ -46,8 +46,8 @@ impl Shape {
 
     /// Returns the bounds of the initial values, in order: (number of values, bound).
     ///
-    /// The same as torch's `Linear` and `GRU`: U(-b, b) for weights and biases, with `b = 1 / sqrt(inputs)` for a linear
-    /// layer and `1 / sqrt(width)` for a GRU.
+    /// The same as torch's `Linear` and `GRU`: U(-b, b) for weights and biases, with `b = 1 / sqrt(inputs)` for a
+    /// linear layer and `1 / sqrt(width)` for a GRU.
     pub(super) fn initial_bounds(&self) -> Vec<(usize, f32)> {
         let gru = self.recurrent.map(|width| {
             let length = (self.inputs + width + 2) * 3 * width;
@@ -90,7 +90,7 @@ impl Layout {
         Layout { width, blocks }
     }
 
-    /// Number of parameters per agent.
+    /// Returns the number of parameters per agent.
     pub fn width(&self) -> usize {
         self.width
     }

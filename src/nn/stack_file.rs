@@ -12,14 +12,14 @@ use crate::base::{AgentId, Rows};
 
 /// A stack to be written.
 pub struct StackToWrite<'a> {
-    /// What the names of its tensors begin with.
+    /// Beginning of the names of its tensors.
     pub prefix: &'a str,
     pub layout: &'a Layout,
-    /// One row of parameters per agent, as `layout` lays them out.
+    /// Parameters, one row per agent, as `layout` describes them.
     pub rows: &'a Rows<f32>,
 }
 
-/// The stacks as the bytes of a safetensors file. `about` goes into the file's metadata.
+/// Returns the stacks as the bytes of a safetensors file. `about` goes into the file's metadata.
 pub fn write_stacks(stacks: &[StackToWrite<'_>], about: &HashMap<String, String>) -> Result<Vec<u8>> {
     let tensors_of = |&StackToWrite { prefix, layout, rows }: &StackToWrite<'_>| -> Vec<(String, Vec<usize>, Vec<u8>)> {
         let tensor = |(name, shape, place): (&str, Vec<usize>, Range<usize>)| {
@@ -36,8 +36,8 @@ pub fn write_stacks(stacks: &[StackToWrite<'_>], about: &HashMap<String, String>
     Ok(safetensors::serialize(views, Some(about.clone()))?)
 }
 
-/// Reads the stack of this `prefix` out of a file of [`write_stacks`], one row for each of `agents`; an error says where the
-/// file is of another shape, or holds what is no finite number.
+/// Reads the stack with this `prefix` from a file of [`write_stacks`], one row for each of `agents`. An error says how
+/// the file has a different shape, or which value is not a finite number.
 pub fn read_stack(path: &Path, prefix: &str, layout: &Layout, agents: &[AgentId]) -> Result<Rows<f32>> {
     let bytes = std::fs::read(path).with_context(|| format!("{}: cannot be read", path.display()))?;
     let file = SafeTensors::deserialize(&bytes)
@@ -59,8 +59,8 @@ pub fn read_stack(path: &Path, prefix: &str, layout: &Layout, agents: &[AgentId]
             row.iter_mut().zip(values).for_each(|(to, from)| *to = from);
             if let Some(bad) = row.iter().find(|value| !value.is_finite()) {
                 bail!(
-                    "{}: `{name}` of agent {agent} holds {bad}, which is no finite number: the file is damaged; copy it \
-                     again from where it was whole, or train again",
+                    "{}: `{name}` of agent {agent} holds {bad}, which is not a finite number: the file is damaged; \
+                     copy it again from an undamaged one, or train again",
                     path.display()
                 );
             }
@@ -126,8 +126,10 @@ mod tests {
                 values.row_mut(2)[column] = bad;
                 std::fs::write(file.path(), write_stack(layout, &values)).unwrap();
                 let error = read_stack(file.path(), "", layout, &AgentId::all(3)).unwrap_err().to_string();
-                let told =
-                    format!("{}: `{name}` of agent 2 holds {word}, which is no finite number", file.path().display());
+                let told = format!(
+                    "{}: `{name}` of agent 2 holds {word}, which is not a finite number",
+                    file.path().display()
+                );
                 assert!(error.starts_with(&told) && error.ends_with("or train again"), "{error}");
             }
         }

@@ -23,7 +23,7 @@ impl States {
         &self.values[row * self.width..(row + 1) * self.width]
     }
 
-    /// All states, one after another.
+    /// Returns all states, one after another.
     pub fn as_slice(&self) -> &[f32] {
         &self.values
     }

@@ -1,7 +1,7 @@
 //! The width of the vector registers that matrix products use.
 //!
-//! Only products give other bits for another width, because they add up several sums side by side. All other loops work
-//! element by element, without fused multiply-add, and give the same bits everywhere.
+//! Only the bits of products depend on the width, because products add up several sums side by side. All other loops
+//! work element by element, without fused multiply-add, and give the same bits everywhere.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -20,7 +20,7 @@ pub fn use_vectors(width: VectorWidth) -> Result<()> {
     Ok(())
 }
 
-/// Width of the registers in use.
+/// Returns the width of the registers in use.
 pub(super) fn vector_width() -> VectorWidth {
     if ARE_256_BITS.load(Ordering::Relaxed) { VectorWidth::Bits256 } else { VectorWidth::Widest }
 }
@@ -56,7 +56,8 @@ fn has_avx2_and_fma() -> bool {
     false
 }
 
-/// The crates `gemm` and `pulp` each choose for themselves. A few CPUs have only a part of what `pulp` wants.
+/// Returns the names of the widest instructions. The crates `gemm` and `pulp` each choose for themselves, and a few
+/// CPUs have only some of the instructions that `pulp` needs.
 #[cfg(target_arch = "x86_64")]
 fn widest() -> String {
     let of_gemm = match () {

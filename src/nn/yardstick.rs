@@ -1,4 +1,4 @@
-//! The yardstick beside our matrix products: the same product by libtorch, in one thread.
+//! The speed of libtorch's matrix products in one thread, to compare with ours.
 
 use std::time::Duration;
 
@@ -6,7 +6,7 @@ use tch::{Device, Kind, Tensor};
 
 use super::flops::{SIDE, fastest};
 
-/// Operations per second of libtorch's products at their best.
+/// Returns the operations per second of libtorch's products at their best.
 pub fn libtorch_peak(time: Duration) -> f64 {
     tch::set_num_threads(1);
     let size = [SIDE as i64, SIDE as i64];

@@ -1,5 +1,5 @@
-//! Policies that act: a stack on rows of its kind, and a joint policy on the GS, in evaluation and in the collection of
-//! datasets.
+//! Policies that act: a stack on rows of its kind, and a joint policy on the GS (global simulator), in evaluation and
+//! in the collection of datasets.
 
 use super::{JointPolicy, PolicyStack, sampling};
 use crate::base::{AgentId, Dice, RandomPurpose, Rows, Seed};
@@ -7,7 +7,7 @@ use crate::config::PolicyConfig;
 use crate::domain::{Action, Controller, JointPercept, Kind, Kinds, Percept, RegionSpec, Result};
 use crate::nn::States;
 
-/// How an action follows from its probabilities.
+/// How an action is chosen from its probabilities.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Selection {
     /// Drawn from the policy, as in training.
@@ -25,7 +25,7 @@ pub struct StackController {
 }
 
 impl StackController {
-    /// `policies`: one row per agent.
+    /// Makes a controller. `policies`: one row per agent.
     pub fn new(spec: &RegionSpec, config: &PolicyConfig, policies: &Rows<f32>, selection: Selection) -> Self {
         let mut stack = PolicyStack::blank(policies.len(), spec, config);
         stack.load(policies);
@@ -33,14 +33,14 @@ impl StackController {
         StackController { stack, selection, dice: Vec::new(), states }
     }
 
-    /// An episode begins. `agents`: whose dice the rows roll.
+    /// Begins an episode. `agents`: the agents whose dice the rows use.
     pub fn begin(&mut self, episode: Seed, agents: &[AgentId]) {
         self.states = self.stack.states(self.stack.agents());
         let acting = episode.fork(RandomPurpose::Acting);
         self.dice = agents.iter().map(|&agent| acting.for_agent(agent).dice()).collect();
     }
 
-    /// Decides, one action per row of the percept.
+    /// Chooses one action per row of the percept.
     pub fn act(&mut self, percept: &Percept) -> Vec<Action> {
         let judgement = self.stack.decide(percept, &mut self.states);
         let mut log_probs = vec![0.0; self.stack.n_actions()];
@@ -58,12 +58,12 @@ impl StackController {
 /// All agents' policies as a [`Controller`].
 pub struct JointPolicyController {
     kinds: Kinds,
-    /// One per kind, with what its agents see.
+    /// Stacks, one per kind, each with what its agents see.
     stacks: Vec<(StackController, Percept)>,
 }
 
 impl JointPolicyController {
-    /// `policies`: one row per agent of `kinds`.
+    /// Makes a controller. `policies`: one row per agent of `kinds`.
     pub fn new(kinds: &Kinds, config: &PolicyConfig, policies: &JointPolicy, selection: Selection) -> Self {
         let of_kind = |kind: &Kind| {
             let policies = policies.pick(kind.agents.iter().map(|agent| agent.0)).into_rows();

@@ -1,4 +1,8 @@
-//! Policies: actor and critic of all agents of a kind as one stack, how actions are drawn, and the memory they learn from.
+//! Policies: actor and critic of all agents of a kind as one stack.
+//!
+//! - `controller`: policies that act, in evaluation and in the collection of datasets.
+//! - [`sampling`]: how actions are drawn.
+//! - `memory`: the samples that policies learn from.
 
 mod controller;
 mod memory;
@@ -14,7 +18,7 @@ use crate::nn::{Adam, Learner, Net, Parameters, Shape, States, Threads, write_sc
 pub use controller::{JointPolicyController, Selection, StackController};
 pub use memory::{Memory, Sample};
 
-/// The parameters of all agents' policies, one row per agent, as wide as its kind has it: what is exchanged, saved and
+/// Parameters of all agents' policies, one row per agent, as wide as its kind has it. They are exchanged, saved and
 /// evaluated.
 pub type JointPolicy = Ragged<f32>;
 
@@ -26,14 +30,14 @@ pub struct PolicyStack {
     net: Net,
 }
 
-/// What the networks say about a batch of observations, rows as the observations.
+/// Outputs of the networks for a batch of observations, one row per observation.
 pub struct Judgement {
     /// `[rows, n_actions + 1]`
     outputs: Rows<f32>,
 }
 
 impl Judgement {
-    /// Logits of the actions and the value, row by row.
+    /// Returns the logits of the actions and the value, row by row.
     ///
     /// Actions that are not allowed have the logit minus infinity.
     pub fn rows(&self) -> impl Iterator<Item = (&[f32], f32)> {
@@ -43,7 +47,7 @@ impl Judgement {
 }
 
 impl PolicyStack {
-    /// What a policy looks like.
+    /// Returns the shape of a policy network.
     pub fn shape(spec: &RegionSpec, config: &PolicyConfig) -> Shape {
         Shape {
             inputs: spec.obs_dim,
@@ -53,15 +57,15 @@ impl PolicyStack {
         }
     }
 
-    /// Randomly initialised policies, each agent's from its own stream; `action_bias` is added to the initial biases
-    /// of the logits.
+    /// Makes policies with random parameters, each agent's from its own stream. `action_bias` is added to the initial
+    /// biases of the logits.
     pub fn new(agents: &[AgentId], spec: &RegionSpec, config: &PolicyConfig, action_bias: &[f32], seed: Seed) -> Self {
         let mut net = Net::new(agents, PolicyStack::shape(spec, config), seed);
         net.shift_output(action_bias);
         PolicyStack { n_actions: spec.n_actions, net }
     }
 
-    /// Policies without values yet, for somebody who loads them.
+    /// Makes policies whose parameters are still to be loaded.
     pub fn blank(agents: usize, spec: &RegionSpec, config: &PolicyConfig) -> Self {
         PolicyStack { n_actions: spec.n_actions, net: Net::blank(agents, PolicyStack::shape(spec, config)) }
     }
@@ -74,17 +78,17 @@ impl PolicyStack {
         self.n_actions
     }
 
-    /// Cleared states for so many rows.
+    /// Makes cleared states for this number of rows.
     pub fn states(&self, rows: usize) -> States {
         self.net.states(rows)
     }
 
-    /// One decision. `obs`: rows ordered agent-major, one per row of `states`, which move on.
+    /// Runs one decision. `obs`: rows ordered by agent, then by copy, one per row of `states`, which are updated.
     pub fn judge(&self, obs: &Rows<f32>, states: &mut States) -> Judgement {
         Judgement { outputs: self.net.step(obs, states) }
     }
 
-    /// One decision of what a percept shows, from the actions that it allows.
+    /// Runs one decision on what a percept shows. Only the actions that it allows count.
     pub fn decide(&self, percept: &Percept, states: &mut States) -> Judgement {
         let mut judgement = self.judge(&percept.obs, states);
         if let Some(masks) = &percept.masks {
@@ -99,19 +103,19 @@ impl PolicyStack {
         self.net.parameters()
     }
 
-    /// Takes over the parameters of `policies`, one row per agent of the stack.
+    /// Copies the parameters of `policies`, one row per agent of the stack.
     pub fn load(&mut self, policies: &Rows<f32>) {
         self.net.parameters_mut().load(policies);
     }
 
-    /// Writes the policies as a TorchScript module: `forward(obs)`, or `forward(obs, states)` for policies with a GRU,
-    /// returns one table `[agents, batch, ..]` of the logits, the value and, with a GRU, the next state. `obs`: `[agents,
-    /// batch, obs_dim]`, for any batch.
+    /// Writes the policies as a TorchScript module. `forward(obs)`, or `forward(obs, states)` for policies with a GRU,
+    /// returns one table `[agents, batch, ..]` of the logits, the value and, with a GRU, the next state. `obs`:
+    /// `[agents, batch, obs_dim]`, for any batch.
     pub fn write_script(&self, path: &Path) -> Result<()> {
         write_script(&self.net, path)
     }
 
-    /// With these threads from now on.
+    /// Uses these threads from now on.
     pub fn use_threads(&mut self, threads: Threads) {
         self.net.use_threads(threads);
     }
@@ -120,7 +124,7 @@ impl PolicyStack {
         self.net.threads()
     }
 
-    /// Every agent's policy with its part of the optimiser, for `steps` gradient steps each.
+    /// Returns every agent's policy with its part of the optimiser, for `steps` gradient steps each.
     pub fn learners<'a>(&'a mut self, adam: &'a mut Adam, steps: u32) -> Vec<Learner<'a>> {
         adam.learners(&mut self.net, steps)
     }

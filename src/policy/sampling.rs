@@ -1,25 +1,25 @@
-//! From logits to actions and log-probabilities, in Rust and in one order of operations, so that a row gives the same
-//! numbers in any company.
+//! From logits to actions and log-probabilities, in Rust and in one order of operations. So a row gives the same
+//! numbers whatever the other rows are.
 
 use rand::Rng;
 
 use crate::base::Dice;
 use crate::domain::Action;
 
-/// Sets the logits of the actions that are not allowed to minus infinity, so that their probability is 0. `allowed`: one
-/// per logit, or nothing where all are.
+/// Sets the logits of the actions that are not allowed to minus infinity, so that their probability is 0. `allowed`:
+/// one per logit, or empty if all are.
 pub fn forbid(logits: &mut [f32], allowed: &[bool]) {
     let forbidden = logits.iter_mut().zip(allowed).filter(|(_, allowed)| !**allowed);
     forbidden.for_each(|(logit, _)| *logit = f32::NEG_INFINITY);
 }
 
-/// `-sum p ln p` of log-probabilities, without those that are forbidden.
+/// Computes `-sum p ln p` of log-probabilities, without the forbidden ones.
 pub fn entropy(log_probs: &[f32]) -> f32 {
     let term = |&log_prob: &f32| if log_prob == f32::NEG_INFINITY { 0.0 } else { log_prob.exp() * log_prob };
     -log_probs.iter().map(term).sum::<f32>()
 }
 
-/// `ln softmax(logits)`.
+/// Computes `ln softmax(logits)`.
 pub fn log_softmax(logits: &[f32], log_probs: &mut [f32]) {
     let max = logits.iter().copied().fold(f32::NEG_INFINITY, f32::max);
     let log_sum = logits.iter().map(|logit| (logit - max).exp()).sum::<f32>().ln() + max;
@@ -35,12 +35,12 @@ pub fn draw(log_probs: &[f32], dice: &mut Dice) -> Action {
             return action as Action;
         }
     }
-    // Rounding left a crumb, for the last action that is allowed.
+    // Rounding left a remainder, which goes to the last action that is allowed.
     let last = log_probs.iter().rposition(|&log_prob| log_prob != f32::NEG_INFINITY);
     last.unwrap_or(log_probs.len() - 1) as Action
 }
 
-/// The most probable action, the first one where several are.
+/// Returns the most probable action; if several are equally probable, the first.
 pub fn most_probable(log_probs: &[f32]) -> Action {
     let best =
         (1..log_probs.len()).fold(0, |best, action| if log_probs[action] > log_probs[best] { action } else { best });
@@ -66,7 +66,7 @@ mod tests {
 
     #[test]
     fn what_is_forbidden_has_no_probability_and_the_rest_share_it() {
-        // Of softmax(ln 1, ln 2, ln 5) without the last: (1/3, 2/3); H = -(1/3 ln 1/3 + 2/3 ln 2/3) = 0.636514.
+        // softmax(ln 1, ln 2, ln 5) without the last: (1/3, 2/3); H = -(1/3 ln 1/3 + 2/3 ln 2/3) = 0.636514.
         let mut logits = [0.0, 2_f32.ln(), 5_f32.ln()];
         forbid(&mut logits, &[true, true, false]);
         let mut log_probs = [0.0; 3];
@@ -78,7 +78,7 @@ mod tests {
         assert!((0..10_000).all(|_| draw(&log_probs, &mut dice) < 2));
         // The largest number that dice give is below 1; these probabilities sum to less.
         let short = [0.3_f32.ln(), f32::NEG_INFINITY];
-        assert!((0..100).all(|_| draw(&short, &mut dice) == 0), "a crumb goes to an action that is allowed");
+        assert!((0..100).all(|_| draw(&short, &mut dice) == 0), "the remainder goes to an action that is allowed");
         assert_eq!(most_probable(&[f32::NEG_INFINITY, -3.0, -2.0, f32::NEG_INFINITY]), 2);
         let mut untouched = [1.0, 2.0];
         forbid(&mut untouched, &[]);

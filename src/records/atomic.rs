@@ -1,33 +1,34 @@
-//! Files that are written whole or not at all, so that a kill or a full disk loses nothing; and the lock of a run.
+//! Files that are written completely or not at all, so that a kill or a full disk loses nothing; and the lock of a run.
 
 use std::fs::{self, File};
 use std::path::Path;
 
 use anyhow::{Context, Result};
 
-/// Makes sure that one process at a time writes a run; the system lifts the lock when the process ends, however.
+/// Makes sure that only one process at a time writes a run. The system releases the lock when the process ends, in
+/// whatever way.
 pub fn lock(dir: &Path) -> Result<File> {
     let folder = File::open(dir).with_context(|| format!("{}: cannot be opened", dir.display()))?;
     folder.try_lock().with_context(|| format!("{}: another process is writing this run", dir.display()))?;
     Ok(folder)
 }
 
-/// Writes a file beside its place and moves it there: readers see the old one or the new one, whole.
+/// Writes a file beside its place and moves it there. Readers see the old file or the new one, never a part.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
     write_beside(path, |beside| Ok(fs::write(beside, bytes)?))
 }
 
-/// As [`write_atomically`], for a `write` that makes the file itself.
+/// Does the same as [`write_atomically`], for a `write` that makes the file itself.
 pub fn write_beside(path: &Path, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
     let failed = || format!("{}: cannot be written", path.display());
-    // In a folder of its own, where it has its own name: TorchScript's archives keep that.
+    // In a temporary folder, under its final name, because TorchScript archives keep the name.
     let folder = tempfile::Builder::new().prefix(".new-").tempdir_in(folder_of(path)).with_context(failed)?;
     let beside = folder.path().join(path.file_name().with_context(failed)?);
     let kept = write(&beside).and_then(|()| Ok(File::open(&beside)?.sync_all()?));
     kept.and_then(|()| Ok(fs::rename(&beside, path)?)).with_context(failed)
 }
 
-/// The folder that a file is in.
+/// Returns the folder that a file is in.
 pub fn folder_of(file: &Path) -> &Path {
     file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
@@ -49,7 +50,7 @@ mod tests {
         let error = format!("{:#}", write_beside(&kept, write_to_a_full_disk).unwrap_err());
         assert!(error.contains("policies.safetensors: cannot be written: No space left on device"), "{error}");
         assert_eq!(fs::read(&kept).unwrap(), b"good");
-        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1, "nothing is left behind");
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1, "no temporary file remains");
     }
 
     #[test]
@@ -62,6 +63,6 @@ mod tests {
         assert_eq!(fs::read(path("policies.part")).unwrap(), b"precious");
         assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 3);
         let mode = |name: &str| fs::metadata(path(name)).unwrap().permissions().mode();
-        assert_eq!(mode("policies.pt"), mode("plain"), "and is for everyone whom the umask allows");
+        assert_eq!(mode("policies.pt"), mode("plain"), "the umask decides who may read it");
     }
 }

@@ -1,7 +1,7 @@
 //! What older runs simulated: their `run.json` has no `scenario`.
 //!
-//! Versions that did not write it had two domains, and this is the one place that still knows their configs by key. It
-//! works out from the text of a config, and from the network files that it names, what these runs would have written.
+//! Versions that did not write it had two domains, and only this file still knows their configs by key. From the text
+//! of a config, and from the network files that it names, it works out what these runs would have written.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ use toml::{Table, Value};
 use crate::config::Config;
 use crate::domain::{FirstRow, Map, Scenario};
 
-/// Works out the scenario of a run. `agents`: their number, where an evaluation tells it. `None` where nothing does.
+/// Works out the scenario of a run. `agents`: their number, if an evaluation shows it. If nothing shows it: `None`.
 pub fn scenario(config: &Config, agents: Option<usize>) -> Result<Option<Scenario>> {
     let domain = config.domain.as_ref().context("it has no domain, and its run.json no scenario")?;
     let config = Table::try_from(config)?;
@@ -31,14 +31,14 @@ pub fn scenario(config: &Config, agents: Option<usize>) -> Result<Option<Scenari
     }
     let key = "local_network";
     if let Some(network) = table.get(key).and_then(Value::as_str) {
-        // One that cannot be read says nothing.
+        // A file that cannot be read gives no checksum.
         let checksum = checksum(network).ok().flatten();
         scenario = scenario.with_files(checksum.map(|checksum| (domain.key(key), checksum)));
     }
     Ok(Some(scenario))
 }
 
-/// Checksum of a network whose files are there: the net and its routes. A run keeps them byte by byte.
+/// Computes the checksum of a network if its files are there: the net and its routes. A run keeps them byte by byte.
 fn checksum(network: &str) -> Result<Option<u32>> {
     let files = [".net.xml", ".rou.xml"].map(|ending| PathBuf::from(format!("{network}{ending}")));
     if !files.iter().all(|file| file.is_file()) {
@@ -51,7 +51,8 @@ fn checksum(network: &str) -> Result<Option<u32>> {
     Ok(Some(hasher.finalize()))
 }
 
-/// A grid of intersections: as its net says, or else a square if they make one, or a row. Row 0 is in the south.
+/// Returns a grid of intersections: the grid of its net, or else a square if the number allows it, or a row. Row 0 is
+/// in the south.
 fn map_of(network: &str, agents: usize) -> Map {
     let side = agents.isqrt();
     let square = if side * side == agents { (side, side) } else { (1, agents) };
@@ -60,7 +61,7 @@ fn map_of(network: &str, agents: usize) -> Map {
     Map { rows, columns, first_row: FirstRow::Bottom }
 }
 
-/// Rows and columns of a net whose intersections are called `r0c0`, `r0c1`, ...
+/// Returns the rows and columns of a net whose intersections are called `r0c0`, `r0c1`, ...
 fn shape_of(net: &Path) -> Option<(usize, usize)> {
     let text = fs::read_to_string(net).ok()?;
     let junctions = text.split("<junction id=\"r").skip(1).filter_map(|rest| {
@@ -99,7 +100,11 @@ mod tests {
         let domain = Traffic::open(&traffic).unwrap();
         let older = Config { domain: Some(crate::config::DomainConfig::Traffic(traffic)), ..Config::default() };
         assert_eq!(scenario(&older, Some(4)).unwrap().unwrap(), domain.scenario().unwrap());
-        assert_eq!(scenario(&older, None).unwrap(), None, "it was never evaluated, so nobody counted its agents");
+        assert_eq!(
+            scenario(&older, None).unwrap(),
+            None,
+            "it was never evaluated, so the number of its agents is unknown"
+        );
 
         let warehouse = crate::config::WarehouseConfig { agents_per_side: 3, horizon: 50 };
         let domain = Warehouse::new(&warehouse);

@@ -1,7 +1,9 @@
-//! Checkpoints: the state of all agents in a file from which a run goes on as if nothing had happened.
+//! Checkpoints: the state of all agents in a file from which a run continues as if it had not stopped.
 //!
-//! A safetensors file (little-endian, as all machines are that Debian's libtorch runs on) with one table each for policies, moments and AIPs,
-//! one agent after another, and in its metadata how many values each agent has and what else there is to know, with a checksum. Written after every period; the last [`KEPT`] are kept.
+//! A safetensors file (little-endian, like all machines on which Debian's libtorch runs). It has one table each for
+//! policies, moments and AIPs (approximate influence predictors), one agent after another. Its metadata holds the
+//! number of values of each agent, the other state, and a checksum. A checkpoint is written after every period; the
+//! last [`KEPT`] are kept.
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
@@ -17,34 +19,34 @@ use crate::training::standing::Standing;
 use crate::training::state::{AgentsState, JointMoments};
 use crate::training::stream::AgentStream;
 
-/// How many checkpoints are kept, the newest ones.
+/// Number of checkpoints that are kept, the newest ones.
 pub const KEPT: usize = 3;
-/// Counts up when a checkpoint of before cannot be read any more.
+/// Bump when older checkpoints can no longer be read.
 const FORMAT: u32 = 3;
 const EXTENSION: &str = "safetensors";
 
-/// Where a run stands after a period.
+/// State of a run after a period.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Checkpoint {
     pub agents: AgentsState,
     pub progress: Progress,
 }
 
-/// Where the schedule and the files of the run stand.
+/// State of the schedule and of the files of the run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Progress {
     pub periods_done: usize,
-    /// Bytes of every CSV file.
+    /// Length of every CSV file in bytes.
     pub file_lengths: BTreeMap<String, u64>,
     /// Wall time of the run so far.
     pub elapsed_s: f64,
-    /// How the AIPs stand since their last training.
+    /// Drift of the AIPs since their last training.
     #[serde(default)]
     pub drift: Drift,
 }
 
 impl Progress {
-    /// Where Algorithm 1 goes on.
+    /// Returns where Algorithm 1 continues.
     pub fn standing(&self) -> Standing {
         Standing { periods_done: self.periods_done, drift: self.drift }
     }
@@ -55,15 +57,15 @@ struct About {
     format: u32,
     steps: u64,
     optimiser_steps: u32,
-    /// Parameters of every agent's policy and AIP: agents of different kinds have different networks.
+    /// Number of parameters of every agent's policy and AIP: agents of different kinds have different networks.
     policy_widths: Vec<usize>,
     aip_widths: Vec<usize>,
     progress: Progress,
-    /// Of the tables' bytes, one after another.
+    /// Checksum of the tables' bytes, one after another.
     crc32: u32,
 }
 
-/// The bytes of all agents' streams, in postcard's format.
+/// Key of the bytes of all agents' streams, in postcard's format.
 const STREAMS: &str = "streams";
 const TABLES: [&str; 4] = ["policies", "first_moments", "second_moments", "aips"];
 
@@ -76,7 +78,7 @@ pub fn write(folder: &Path, agents: &AgentsState, progress: Progress) -> Result<
     std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
     let tables = tables_of(agents);
     let bytes = tables.map(|table| bytemuck::cast_slice::<f32, u8>(table.as_slice()));
-    let streams = postcard::to_stdvec(&agents.streams).context("where training stands cannot be written down")?;
+    let streams = postcard::to_stdvec(&agents.streams).context("the state of training cannot be encoded")?;
     let about = About {
         format: FORMAT,
         steps: agents.steps,
@@ -93,7 +95,7 @@ pub fn write(folder: &Path, agents: &AgentsState, progress: Progress) -> Result<
     views.push((STREAMS, TensorView::new(Dtype::U8, vec![streams.len()], &streams)?));
     let metadata = HashMap::from([("checkpoint".to_owned(), serde_json::to_string(&about)?)]);
     let path = folder.join(format!("step_{:012}.{EXTENSION}", agents.steps));
-    // Straight to the file: the tables of a hundred agents need no second place in memory.
+    // Directly to the file: the tables of a hundred agents need no second copy in memory.
     write_beside(&path, |beside| Ok(safetensors::serialize_to_file(views, Some(metadata), beside)?))?;
     let all = list(folder)?;
     for old in &all[..all.len().saturating_sub(KEPT)] {
@@ -103,12 +105,12 @@ pub fn write(folder: &Path, agents: &AgentsState, progress: Progress) -> Result<
 }
 
 impl Checkpoint {
-    /// Reads the newest checkpoint of `folder`, if there is one; a damaged one is an error that tells the way out.
+    /// Reads the newest checkpoint of `folder`, if there is one. The error about a damaged one says what to do.
     pub fn read_newest(folder: &Path) -> Result<Option<Checkpoint>> {
         let Some(newest) = list(folder)?.pop() else { return Ok(None) };
         let checkpoint = read(&newest).with_context(|| {
             let name = newest.display();
-            format!("{name}: cannot be resumed from; remove it to go on from the checkpoint before it")
+            format!("{name}: cannot be resumed from; remove it to continue from the checkpoint before it")
         })?;
         Ok(Some(checkpoint))
     }
@@ -116,13 +118,13 @@ impl Checkpoint {
 
 fn read(path: &Path) -> Result<Checkpoint> {
     let bytes = std::fs::read(path)?;
-    let file = SafeTensors::deserialize(&bytes).context("it is cut short, or no safetensors file")?;
+    let file = SafeTensors::deserialize(&bytes).context("it is cut short, or not a safetensors file")?;
     let (_, header) = SafeTensors::read_metadata(&bytes)?;
     let about = header.metadata().as_ref().and_then(|metadata| metadata.get("checkpoint"));
-    let about: serde_json::Value = serde_json::from_str(about.context("it is no checkpoint")?)?;
+    let about: serde_json::Value = serde_json::from_str(about.context("it is not a checkpoint")?)?;
     ensure!(
         about["format"] == FORMAT,
-        "it has format {}, and this program reads format {FORMAT}: go on with the version that wrote it",
+        "it has format {}, and this program reads format {FORMAT}: continue with the version that wrote it",
         about["format"]
     );
     let about: About = serde_json::from_value(about)?;
@@ -139,7 +141,7 @@ fn read(path: &Path) -> Result<Checkpoint> {
     let [policies, first, second, aips] = tables.try_into().expect("there are four tables");
     let moments = JointMoments { first, second, steps: about.optimiser_steps };
     let streams: Vec<AgentStream> =
-        postcard::from_bytes(streams.data()).context("where training stands is unreadable")?;
+        postcard::from_bytes(streams.data()).context("the state of training cannot be read")?;
     ensure!(streams.len() == policies.len(), "it has {} policies and {} streams", policies.len(), streams.len());
     let agents = AgentsState { steps: about.steps, policies, moments, aips, streams };
     Ok(Checkpoint { agents, progress: about.progress })
@@ -151,11 +153,11 @@ fn rows_of(tensor: &TensorView<'_>, widths: &[usize]) -> Result<Ragged<f32>> {
     rows.with_context(|| format!("a table of shape {:?} for {} agents", tensor.shape(), widths.len()))
 }
 
-/// An error that names the first agent, if any, of which a table holds what is no finite number.
+/// Returns an error that names the first agent whose row holds a value that is not a finite number.
 fn check_finite(name: &str, table: &Ragged<f32>) -> Result<()> {
     for (agent, row) in table.iter().enumerate() {
         if let Some(bad) = row.iter().find(|value| !value.is_finite()) {
-            bail!("its table `{name}` holds {bad} for agent {agent}, which is no finite number");
+            bail!("its table `{name}` holds {bad} for agent {agent}, which is not a finite number");
         }
     }
     Ok(())
@@ -167,7 +169,7 @@ fn checksum<'a>(parts: impl Iterator<Item = &'a [u8]>) -> u32 {
     hasher.finalize()
 }
 
-/// The checkpoints of a folder, oldest first; none where there is no folder.
+/// Lists the checkpoints of a folder, oldest first. Without a folder the list is empty.
 fn list(folder: &Path) -> Result<Vec<PathBuf>> {
     if !folder.exists() {
         return Ok(Vec::new());
@@ -256,7 +258,7 @@ mod tests {
         std::fs::write(&path, &whole[..whole.len() - 9]).unwrap();
         let error = error_of(dir.path());
         assert!(error.contains("step_000000000128.safetensors") && error.contains("cut short"), "{error}");
-        assert!(error.contains("remove it to go on from the checkpoint before it"), "{error}");
+        assert!(error.contains("remove it to continue from the checkpoint before it"), "{error}");
 
         let mut flipped = whole.clone();
         *flipped.last_mut().unwrap() ^= 1;

@@ -1,13 +1,13 @@
-//! The columns of each CSV file of a run: one list for who writes the file and who reads it.
+//! The columns of each CSV file of a run: one list for the writer and the reader of the file.
 //!
-//! `docs/files.md` says what each column means. Some files have more columns after these, which the domain names.
+//! `docs/files.md` explains each column. Some files have more columns after these, which the domain names.
 
 use crate::base::{Activity, Phase};
 
 /// The value in the second column of the lines about all agents, workers or processes.
 pub const ALL: &str = "all";
 
-/// Timesteps per agent. The first column of every file.
+/// Name of the first column of every file: timesteps per agent.
 pub const STEPS: &str = "steps";
 pub const AGENT: &str = "agent";
 pub const EPISODES: &str = "episodes";
@@ -67,14 +67,14 @@ pub const ELAPSED_S: &str = "elapsed_s";
 pub const CPU_S: &str = "cpu_s";
 pub const CPU_EVALUATION_S: &str = "cpu_evaluation_s";
 
-/// `timing.csv`
+/// Returns the columns of `timing.csv`.
 pub fn of_timing() -> Vec<String> {
     let fixed = [STEPS, WORKER, "wall_s", ELAPSED_S, CPU_S, CPU_EVALUATION_S, "exchange_s"].map(str::to_owned);
     let phases = Phase::ALL.map(|phase| format!("{}_s", phase.name()));
     fixed.into_iter().chain(Activity::ALL.map(seconds_of)).chain(["idle_s".to_owned()]).chain(phases).collect()
 }
 
-/// The column of `timing.csv` with the seconds of an activity.
+/// Returns the column of `timing.csv` with the seconds of an activity.
 pub fn seconds_of(activity: Activity) -> String {
     format!("{}_s", activity.name())
 }

@@ -1,4 +1,4 @@
-//! CSV files that grow by whole blocks of lines, one write per block, and are cut back to where a checkpoint left them.
+//! CSV files that grow by whole blocks of lines, one write per block, and are cut back to the length at a checkpoint.
 
 use std::fs::{self, OpenOptions};
 use std::io::Write;
@@ -6,7 +6,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
 
-/// Appends lines to a CSV file in one write; a new file begins with the header. Where that fails the file is as before.
+/// Appends lines to a CSV file in one write; a new file begins with the header. If that fails, the file is as before.
 pub fn append(path: &Path, header: &[String], lines: &[Vec<String>]) -> Result<()> {
     append_block(path, |new| {
         let mut writer = csv::Writer::from_writer(Vec::new());
@@ -18,8 +18,8 @@ pub fn append(path: &Path, header: &[String], lines: &[Vec<String>]) -> Result<(
     })
 }
 
-/// Appends what `block` makes to a file in one write; `block` is told whether the file is new. Where that fails the file
-/// is as before.
+/// Appends what `block` makes to a file in one write; `block` gets whether the file is new. If that fails, the file is
+/// as before.
 pub fn append_block(path: &Path, block: impl FnOnce(bool) -> Result<Vec<u8>>) -> Result<()> {
     let failed = || format!("{}: cannot be written", path.display());
     let mut file = OpenOptions::new().append(true).create(true).open(path).with_context(failed)?;
@@ -28,9 +28,9 @@ pub fn append_block(path: &Path, block: impl FnOnce(bool) -> Result<Vec<u8>>) ->
     file.write_all(&block).inspect_err(|_| drop(file.set_len(before))).with_context(failed)
 }
 
-/// Cuts a growing file to a length that it had before.
+/// Cuts a growing file to an earlier length.
 pub fn cut(path: &Path, length: u64) -> Result<()> {
-    let failed = || format!("{}: cannot be cut to where its checkpoint left it", path.display());
+    let failed = || format!("{}: cannot be cut to its length at the checkpoint", path.display());
     if length == 0 {
         return match fs::remove_file(path) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(error).with_context(failed),
@@ -41,7 +41,7 @@ pub fn cut(path: &Path, length: u64) -> Result<()> {
     let now = file.metadata().with_context(failed)?.len();
     ensure!(
         now >= length,
-        "{}: has {now} bytes, but had {length} when the newest checkpoint was written: it was changed since",
+        "{}: has {now} bytes, but had {length} when the newest checkpoint was written: it was changed after that",
         path.display()
     );
     file.set_len(length).with_context(failed)
@@ -76,7 +76,7 @@ mod tests {
         assert_eq!(fs::read_to_string(&path).unwrap(), "header\n1\n2\n3\n");
         cut(&path, length).unwrap();
         assert_eq!(fs::read_to_string(&path).unwrap(), "header\n1\n2\n");
-        assert!(cut(&path, length + 1).unwrap_err().to_string().contains("it was changed since"));
+        assert!(cut(&path, length + 1).unwrap_err().to_string().contains("it was changed after that"));
         cut(&path, 0).unwrap();
         assert!(!path.exists());
         cut(&path, 0).unwrap();

@@ -1,6 +1,6 @@
 //! A CSV file of a run directory, read by the names of its columns.
 //!
-//! Files of other versions may have more columns, or fewer: what is not there is `None`.
+//! Files of other versions may have more columns, or fewer. What is missing is `None`.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -17,8 +17,8 @@ pub struct CsvTable {
 }
 
 impl CsvTable {
-    /// Reads a file; one that is not there has no lines. A last line that does not end is none: whoever wrote it was killed,
-    /// or is writing it.
+    /// Reads a file; a missing file has no lines. An unfinished last line does not count: its writer was killed, or is
+    /// still writing.
     pub fn read(path: &Path) -> Result<CsvTable> {
         let mut table = CsvTable { path: path.to_owned(), columns: HashMap::new(), lines: Vec::new() };
         if !path.exists() {
@@ -46,7 +46,7 @@ pub struct Line<'a> {
 }
 
 impl<'a> Line<'a> {
-    /// What stands in a column; none where there is no such column or nothing in it.
+    /// Returns the text in a column. If there is no such column, or nothing in it: `None`.
     pub fn text(self, column: &str) -> Option<&'a str> {
         let field = self.fields.get(*self.table.columns.get(column)?)?;
         (!field.is_empty()).then_some(field)
@@ -55,17 +55,17 @@ impl<'a> Line<'a> {
     /// Returns [`Line::text`] as a number; an error if it is not a finite one.
     pub fn number(self, column: &str) -> Result<Option<f64>> {
         let Some(text) = self.text(column) else { return Ok(None) };
-        let number: f64 = text.parse().with_context(|| self.bad(column, text, "no number"))?;
-        ensure!(number.is_finite(), self.bad(column, text, "no finite number"));
+        let number: f64 = text.parse().with_context(|| self.bad(column, text, "not a number"))?;
+        ensure!(number.is_finite(), self.bad(column, text, "not a finite number"));
         Ok(Some(number))
     }
 
-    /// A number that has to be there.
+    /// Returns a number that must be there.
     pub fn required(self, column: &str) -> Result<f64> {
         self.number(column)?.with_context(|| format!("{}: has no `{column}`", self.place()))
     }
 
-    /// The timesteps per agent that every line begins with.
+    /// Returns the timesteps per agent, with which every line begins.
     pub fn steps(self) -> Result<u64> {
         Ok(self.required(columns::STEPS)? as u64)
     }
@@ -74,7 +74,7 @@ impl<'a> Line<'a> {
         format!("{}: `{column}` holds {text:?}, which is {what}", self.place())
     }
 
-    /// File and line, the header being line 1.
+    /// Returns file and line; the header is line 1.
     fn place(self) -> String {
         let file = self.table.path.display();
         self.fields.position().map_or(file.to_string(), |position| format!("{file}: line {}", position.line()))
@@ -101,7 +101,7 @@ mod tests {
         let error = line.required("elapsed_s").unwrap_err().to_string();
         assert!(error.ends_with("t.csv: line 2: has no `elapsed_s`"), "{error}");
         let error = line.number("worker").unwrap_err().to_string();
-        assert!(error.ends_with("t.csv: line 2: `worker` holds \"all\", which is no number"), "{error}");
+        assert!(error.ends_with("t.csv: line 2: `worker` holds \"all\", which is not a number"), "{error}");
     }
 
     #[test]
@@ -111,7 +111,7 @@ mod tests {
         assert_eq!(told[0], Ok(1.5));
         for (told, (line, text)) in told[1..].iter().zip([(3, "NaN"), (4, "-inf"), (5, "1e999")]) {
             let error = told.as_ref().unwrap_err();
-            let expected = format!("t.csv: line {line}: `mean` holds {text:?}, which is no finite number");
+            let expected = format!("t.csv: line {line}: `mean` holds {text:?}, which is not a finite number");
             assert!(error.ends_with(&expected), "{error}");
         }
     }
@@ -119,7 +119,7 @@ mod tests {
     #[test]
     fn a_last_line_that_does_not_end_is_none() {
         let steps = |text| table(text).lines().map(|line| line.steps().unwrap()).collect::<Vec<_>>();
-        assert_eq!(steps("steps,mean\n10,1.5\n20,1"), [10], "2, 20 or 200 000? nobody knows");
+        assert_eq!(steps("steps,mean\n10,1.5\n20,1"), [10], "it could be 2, 20 or 200 000");
         assert_eq!(steps("steps,mean\n10,1.5\n20,1\n"), [10, 20]);
         assert!(steps("ste").is_empty());
     }

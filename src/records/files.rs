@@ -10,16 +10,16 @@ pub const AIP_LOSS: &str = "aip_loss.csv";
 pub const AIP_DRIFT: &str = "aip_drift.csv";
 pub const TIMING: &str = "timing.csv";
 pub const MEMORY: &str = "memory.csv";
-/// For TensorBoard, which looks for this word in a name.
+/// Name of the file for TensorBoard, which looks for this word in a name.
 pub const EVENTS: &str = "events.out.tfevents";
 pub const POLICIES: &str = "policies.safetensors";
 pub const AIPS: &str = "aips.safetensors";
 pub const CHECKPOINTS: &str = "checkpoints";
 
-/// The files that grow as the run goes.
+/// Files that grow during the run.
 pub const GROWING: [&str; 8] = [RETURNS, EPISODES, TRAINING, AIP_LOSS, AIP_DRIFT, TIMING, MEMORY, EVENTS];
 
-/// A run directory is a folder with a config.
+/// Returns whether a folder is a run directory: one with a config.
 pub fn is_run_dir(path: &std::path::Path) -> bool {
     path.join(CONFIG).is_file()
 }

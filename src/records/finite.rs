@@ -1,4 +1,4 @@
-//! Learning that has diverged: told before it is written over what was good.
+//! Learning that has diverged: an error before the good files are overwritten.
 
 use anyhow::{Result, bail};
 
@@ -7,7 +7,7 @@ use crate::influence::AipLoss;
 use crate::training::answers::PolicyTraining;
 use crate::training::state::AgentsState;
 
-/// An error that names the first agent whose policy is no network any more.
+/// Returns an error that names the first agent whose policy has diverged.
 pub fn check_policies(training: &PolicyTraining, state: &AgentsState) -> Result<()> {
     for (agent, training) in training.agents.iter().enumerate() {
         let losses = training.losses;
@@ -24,7 +24,7 @@ pub fn check_policies(training: &PolicyTraining, state: &AgentsState) -> Result<
     Ok(())
 }
 
-/// The same of the AIPs.
+/// Returns an error that names the first agent whose AIP (approximate influence predictor) has diverged.
 pub fn check_aips(agents: &AgentsState, losses: &[AipLoss]) -> Result<()> {
     for (agent, loss) in losses.iter().enumerate() {
         if !loss.training.iter().chain(&loss.held_out).flatten().all(|loss| loss.is_finite()) {
@@ -43,7 +43,7 @@ fn first_bad_row(table: &Ragged<f32>) -> Option<usize> {
 
 fn diverged(whose: &str, agent: usize, what: &str, steps: u64, key: &str) -> Result<()> {
     bail!(
-        "agent {agent}: its {whose} diverged before step {steps}: {what} is not a finite number any more; it was not \
-         written, and the checkpoint before it is intact: lower {key} in the config of the run and resume, or begin anew"
+        "agent {agent}: its {whose} diverged before step {steps}: {what} is no longer a finite number; it was not \
+         written, and the last checkpoint is intact: lower {key} in the config of the run and resume, or start again"
     )
 }

@@ -1,5 +1,5 @@
-//! Where the networks of all agents lie in a file: a stack per kind, the names of whose tensors begin with the kind's if
-//! there are several.
+//! Places of the networks of all agents in a file: one stack per kind. If there are several kinds, the names of the
+//! tensors begin with the kind's name.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -23,7 +23,7 @@ struct OfKind {
 }
 
 impl JointLayout {
-    /// `layout`: of the network of an agent.
+    /// Makes the layouts. `layout`: returns the layout of an agent's network.
     pub fn new(kinds: &Kinds, layout: impl Fn(&RegionSpec) -> Layout) -> JointLayout {
         let of_kind = |kind: &Kind| OfKind {
             prefix: kinds.prefix(kind),
@@ -41,7 +41,7 @@ impl JointLayout {
         JointLayout::new(kinds, |spec| influence::layout(choice, spec, config))
     }
 
-    /// The bytes of a file of these networks. `networks`: one row of parameters per agent.
+    /// Returns the bytes of a file of these networks. `networks`: one row of parameters per agent.
     pub fn write(&self, networks: &Ragged<f32>, about: &HashMap<String, String>) -> Result<Vec<u8>> {
         let rows_of = |kind: &OfKind| networks.pick(kind.agents.iter().map(|agent| agent.0)).into_rows();
         let rows: Vec<Rows<f32>> = self.kinds.iter().map(rows_of).collect();
@@ -54,7 +54,7 @@ impl JointLayout {
         write_stacks(&stacks, about)
     }
 
-    /// The networks of such a file, one row of parameters per agent.
+    /// Reads the networks of such a file, one row of parameters per agent.
     pub fn read(&self, path: &Path) -> Result<Ragged<f32>> {
         let mut widths = vec![0; self.kinds.iter().map(|kind| kind.agents.len()).sum()];
         let of_agents =

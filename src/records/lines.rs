@@ -1,4 +1,4 @@
-//! What stands in the CSV files of a run, line by line, in the order of their [`columns`].
+//! The lines of the CSV files of a run, in the order of their [`columns`].
 
 use std::time::Duration;
 
@@ -14,7 +14,7 @@ use crate::training::ppo::Losses;
 /// A line of a CSV file, one string per column.
 pub type Line = Vec<String>;
 
-/// A header of columns that are always the same.
+/// Makes a header of fixed columns.
 pub fn header(columns: &[&str]) -> Line {
     columns.iter().map(|&column| column.to_owned()).collect()
 }
@@ -25,7 +25,8 @@ pub fn evaluation_header(evaluation: &Evaluation) -> Line {
     header(&columns::OF_RETURNS).into_iter().chain(per_agent).chain(system).collect()
 }
 
-/// A line for all agents (`stuck`: how many), then one per agent (`stuck`: 0 or 1; no figures of the whole system).
+/// Makes a line for all agents (`stuck`: their number), then one per agent (`stuck`: 0 or 1; no figures of the whole
+/// system).
 pub fn evaluation_lines(steps: u64, evaluation: &Evaluation) -> Vec<Line> {
     let line = |agent: String, summary: Summary, stuck: usize| {
         let mut line = vec![steps.to_string(), agent];
@@ -47,7 +48,7 @@ pub fn evaluation_lines(steps: u64, evaluation: &Evaluation) -> Vec<Line> {
     lines
 }
 
-/// A line per episode of an evaluation, with the mean return of all agents.
+/// Makes a line per episode of an evaluation, with the mean return of all agents.
 pub fn episode_lines(steps: u64, evaluation: &Evaluation) -> Vec<Line> {
     let episodes = evaluation.returns.iter().enumerate();
     episodes
@@ -55,7 +56,8 @@ pub fn episode_lines(steps: u64, evaluation: &Evaluation) -> Vec<Line> {
         .collect()
 }
 
-/// A line for the mean of all agents and sources, then per agent one for the mean of its sources and one per source.
+/// Makes a line for the mean of all agents and sources. Then for each agent, one line for the mean of its sources and
+/// one per source.
 pub fn aip_lines(steps: u64, losses: &[AipLoss]) -> Vec<Line> {
     let mut of_agents: Vec<[f64; 6]> = Vec::new();
     let mut lines = Vec::new();
@@ -90,7 +92,7 @@ fn mean_of(rows: &[[f64; 6]]) -> [f64; 6] {
     std::array::from_fn(|column| rows.iter().map(|row| row[column]).sum::<f64>() / rows.len() as f64)
 }
 
-/// A line for the mean of all agents, then one per agent, each the mean of its sources.
+/// Makes a line for the mean of all agents, then one per agent, each the mean of its sources.
 pub fn drift_lines(steps: u64, after: Moment, losses: &[FreshLoss]) -> Vec<Line> {
     let line = |agent: String, [loss, marginals]: [f64; 2]| {
         vec![steps.to_string(), agent, after.name().to_owned(), format!("{loss:.5}"), format!("{marginals:.5}")]
@@ -104,7 +106,7 @@ pub fn training_header(training: &PolicyTraining) -> Line {
     header(&columns::OF_TRAINING).into_iter().chain(counters).collect()
 }
 
-/// A line for all agents with what the simulators counted, then one per agent.
+/// Makes a line for all agents with what the simulators counted, then one per agent.
 pub fn training_lines(steps: u64, training: &PolicyTraining) -> Vec<Line> {
     let agents = training.agents.len() as f64;
     let mut total = Losses::default();
@@ -135,14 +137,14 @@ pub fn training_lines(steps: u64, training: &PolicyTraining) -> Vec<Line> {
 /// Wall time of a period.
 pub struct Wall {
     pub period: Duration,
-    /// Of the run so far.
+    /// Wall time of the run so far.
     pub elapsed: Duration,
-    /// In which no worker had an order.
+    /// Wall time in which no worker had an order.
     pub exchange: Duration,
 }
 
-/// A line for the mean of all workers, then one per worker. What is neither an activity nor an exchange is idle. The
-/// phases are those of the policies' training. CPU time is the only sum: of all processes, the coordinator included.
+/// Makes a line for the mean of all workers, then one per worker. Idle time is neither an activity nor an exchange. The
+/// phases are those of the policies' training. Only CPU time is a sum: of all processes, the coordinator included.
 pub fn timing_lines(steps: u64, load: &FleetLoad, wall: &Wall) -> Vec<Line> {
     let workers: Vec<&Timesheet> = load.workers.iter().map(|worker| &worker.timesheet).collect();
     let line = |worker: String, of: &[&Timesheet], coordinator_cpu: Duration| {
@@ -167,7 +169,7 @@ pub fn timing_lines(steps: u64, load: &FleetLoad, wall: &Wall) -> Vec<Line> {
     std::iter::once(line(ALL.to_owned(), &workers, load.coordinator_cpu)).chain(each).collect()
 }
 
-/// A line for the total, then one per process.
+/// Makes a line for the total, then one per process.
 pub fn memory_lines(steps: u64, load: &FleetLoad) -> Vec<Line> {
     let workers = load.workers.iter().enumerate().map(|(index, worker)| (index.to_string(), worker.footprint));
     let coordinator = load.coordinator.map(|footprint| ("coordinator".to_owned(), footprint));
@@ -198,7 +200,7 @@ mod tests {
             timesheet.note(Activity::Training, Duration::from_secs(training), &phases);
             // Two threads train.
             timesheet.note_cpu(Duration::from_secs(2 * training));
-            // Steps of an evaluation are none of the training's.
+            // Steps of an evaluation do not count as training.
             let mut of_evaluation = Timesheet::default();
             of_evaluation.note(Activity::Evaluation, Duration::from_secs(evaluation), &phases);
             of_evaluation.note_cpu(Duration::from_secs(evaluation));

@@ -1,31 +1,33 @@
-//! The run directory: what a run leaves behind, written as it goes, and read again.
+//! The run directory: the files of a run, written as it proceeds, and read again.
 //!
-//! CSV files grow by whole blocks of lines, one write per block; everything else is written beside its place and moved
-//! there. So a kill loses at most the current period, and what is there can be read at any time.
+//! CSV files grow by whole blocks of lines, one write per block. All other files are written beside their place and
+//! then moved there. So a kill loses at most the current period, and the files can be read at any time. GS: global
+//! simulator; AIPs: approximate influence predictors.
 //!
 //! | file | what |
 //! |---|---|
-//! | `config.toml`, `networks/` | the checked config and the SUMO networks it names: the run can be evaluated anywhere |
+//! | `config.toml`, `networks/` | the checked config and its SUMO networks: the run can be evaluated anywhere |
 //! | `run.json` | seed, command line, build and machine |
 //! | `returns.csv` | evaluations on the GS, per agent and for all |
 //! | `episodes.csv` | the mean return of all agents in each episode of each evaluation |
 //! | `training.csv` | each period of training, per agent: returns on the simulator it trained on, losses |
 //! | `aip_loss.csv` | each training of the AIPs, per agent and source |
-//! | `aip_drift.csv` | the loss of the AIPs on fresh episodes, per agent, where the config asks for it |
+//! | `aip_drift.csv` | the loss of the AIPs on new episodes, per agent, if the config asks for it |
 //! | `timing.csv` | each period, per worker: seconds per phase |
 //! | `memory.csv` | each period, per process: memory |
-//! | `events.out.tfevents` | the numbers of these for TensorBoard, where the config asks for it |
+//! | `events.out.tfevents` | the numbers of these for TensorBoard, if the config asks for it |
 //! | `policies.safetensors`, `aips.safetensors` | the networks, `[agents, ...]` |
 //! | `checkpoints/` | the last few states to resume from |
 //!
 //! - [`files`], [`columns`]: the names of the files, and of the columns of each CSV file, for writers and readers.
 //! - [`atomic`], [`csv`], [`tensorboard`]: how files are written so that a kill or a full disk loses nothing.
-//! - `lines`: what stands in the CSV files. `finite`: what has diverged is not written.
-//! - [`checkpoint`]: the state of all agents, to go on from. [`joint_layout`]: files of the networks of all agents.
+//! - `lines`: the lines of the CSV files. `finite`: refuses to write networks that have diverged.
+//! - [`checkpoint`]: the state of all agents, from which a run continues. [`joint_layout`]: files of the networks of
+//!   all agents.
 //! - [`run_json`]: how the run was called, and what computed it.
-//! - [`run_log`]: the [`Journal`](crate::training::journal::Journal) that writes all this as training goes.
-//! - [`run_record`], [`reader`], [`csv_table`]: what a run directory says, also one of another version. `before`: what
-//!   older runs simulated. No live run is seen here.
+//! - [`run_log`]: the [`Journal`](crate::training::journal::Journal) that writes all this during training.
+//! - [`run_record`], [`reader`], [`csv_table`]: the contents of a run directory, also of other versions. [`before`]:
+//!   what older runs simulated. These files never see a live run.
 
 pub mod atomic;
 pub mod before;

@@ -1,4 +1,4 @@
-//! Reads a run directory that a run left behind or is still filling, perhaps one of another version.
+//! Reads a run directory, also of a running or an older run.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -52,7 +52,7 @@ pub fn scenario_of(dir: &Path, config: &Config, agents: usize) -> Result<Scenari
     Ok(scenario_in(&about, config, Some(agents))?.expect("the number of agents is known"))
 }
 
-/// Returns the scenario of `run.json`. For older runs: as far as the config has it.
+/// Returns the scenario of `run.json`. For older runs: what the config shows of it.
 fn scenario_in(about: &RunJson, config: &Config, agents: Option<usize>) -> Result<Option<Scenario>> {
     match &about.scenario {
         Some(scenario) => Ok(Some(scenario.clone())),
@@ -60,7 +60,7 @@ fn scenario_in(about: &RunJson, config: &Config, agents: Option<usize>) -> Resul
     }
 }
 
-/// `table`: `returns.csv`; `episodes`: `episodes.csv`.
+/// Reads the evaluations. `table`: `returns.csv`; `episodes`: `episodes.csv`.
 fn read_evaluations(table: &CsvTable, episodes: &CsvTable) -> Result<Vec<Evaluation>> {
     let mut of_episodes = read_episodes(episodes)?;
     let mut evaluations: Vec<Evaluation> = Vec::new();
@@ -79,17 +79,17 @@ fn read_evaluations(table: &CsvTable, episodes: &CsvTable) -> Result<Vec<Evaluat
                 evaluations.push(Evaluation { steps, all: returns, agents: Vec::new(), episodes, episode_returns });
             }
             (_, Some(evaluation)) => evaluation.agents.push(returns),
-            (_, None) => anyhow::bail!("{}: begins with an agent and not with `{ALL}`", files::RETURNS),
+            (_, None) => anyhow::bail!("{}: begins with an agent instead of `{ALL}`", files::RETURNS),
         }
     }
     let agents = evaluations.iter().map(|evaluation| evaluation.agents.len()).max().unwrap_or(0).max(1);
-    // Cut short by a kill.
+    // A kill cut the last evaluation short.
     evaluations.pop_if(|last| last.agents.len() < agents);
     if let Some(bad) = evaluations.iter().find(|evaluation| evaluation.agents.len() != agents) {
         let (steps, found) = (bad.steps, bad.agents.len());
-        anyhow::bail!("{}: tells of {found} of {agents} agents at step {steps}", files::RETURNS);
+        anyhow::bail!("{}: has {found} of {agents} agents at step {steps}", files::RETURNS);
     }
-    // Likewise: its episodes are written after it.
+    // The same for its episodes, which are written after it.
     if let Some(last) =
         evaluations.last_mut().filter(|last| last.episodes.is_some_and(|all| last.episode_returns.len() < all))
     {
@@ -106,7 +106,7 @@ fn read_evaluations(table: &CsvTable, episodes: &CsvTable) -> Result<Vec<Evaluat
     Ok(evaluations)
 }
 
-/// Mean returns of all agents by steps, episode by episode.
+/// Reads the mean returns of all agents by steps, episode by episode.
 fn read_episodes(table: &CsvTable) -> Result<BTreeMap<u64, Vec<f64>>> {
     let mut of_steps: BTreeMap<u64, Vec<f64>> = BTreeMap::new();
     for line in table.lines() {
@@ -114,7 +114,7 @@ fn read_episodes(table: &CsvTable) -> Result<BTreeMap<u64, Vec<f64>>> {
         let returns = of_steps.entry(steps).or_default();
         anyhow::ensure!(
             episode == returns.len(),
-            "{}: has episode {episode} at step {steps} where episode {} belongs",
+            "{}: has episode {episode} at step {steps}, where episode {} is expected",
             files::EPISODES,
             returns.len()
         );
@@ -151,17 +151,17 @@ fn read_fresh_losses(table: &CsvTable) -> Result<Vec<FreshLoss>> {
     losses.collect()
 }
 
-/// The activities that are no training of policies. A file that lacks the column of one spent no time there.
+/// Activities that are not part of training the policies. If a file lacks the column of one, no time was spent on it.
 const EVALUATION: [Activity; 1] = [Activity::Evaluation];
 const INFLUENCE: [Activity; 2] = [Activity::Collection, Activity::AipTraining];
 
-/// Sums of seconds since the run began.
+/// Reads sums of seconds since the run began.
 fn read_periods(table: &CsvTable) -> Result<Vec<PeriodTime>> {
     let spent = |line: Line, activities: &[Activity]| -> Result<f64> {
         activities.iter().map(|&activity| Ok(line.number(&columns::seconds_of(activity))?.unwrap_or(0.0))).sum()
     };
     let (mut evaluation_s, mut influence_s) = (0.0, 0.0);
-    // A run of an older version has no such columns, and one that was begun by it has no sum.
+    // Runs of an older version have no such columns, and a run that was begun by it has no sum.
     let mut cpu = Some(CpuTime::default());
     let mut periods = Vec::new();
     for line in table.lines().filter(|line| line.text(columns::WORKER) == Some(ALL)) {
@@ -281,9 +281,9 @@ mod tests {
             names.map(|name| format!("{steps},{name},1,1,0\n")).collect::<String>()
         };
         assert_eq!(evaluations(&(block(0, 2) + &block(100, 1))).unwrap(), [(0, 2)]);
-        assert_eq!(evaluations(&block(0, 0)).unwrap(), [], "no agent is no evaluation");
+        assert_eq!(evaluations(&block(0, 0)).unwrap(), [], "without agents there is no evaluation");
         let error = evaluations(&(block(0, 2) + &block(100, 1) + &block(200, 2))).unwrap_err().to_string();
-        assert_eq!(error, "returns.csv: tells of 1 of 2 agents at step 100");
+        assert_eq!(error, "returns.csv: has 1 of 2 agents at step 100");
     }
 
     #[test]
@@ -299,10 +299,10 @@ mod tests {
         let found = read("0,0,1.000000\n100,0,1.500000\n100,1,2.500000\n").unwrap();
         assert_eq!(found[0].episode_returns, [1.0]);
         assert_eq!((found[1].episodes, &found[1].episode_returns[..]), (Some(2), &[1.5, 2.5][..]));
-        assert!(read("").unwrap()[1].episode_returns.is_empty(), "an older version wrote none");
+        assert!(read("").unwrap()[1].episode_returns.is_empty(), "an older version did not write any");
         let error = |episodes| read(episodes).unwrap_err().to_string();
-        assert!(read("0,0,1\n100,0,1.5\n").unwrap()[1].episode_returns.is_empty(), "they are being written");
+        assert!(read("0,0,1\n100,0,1.5\n").unwrap()[1].episode_returns.is_empty(), "they are still being written");
         assert_eq!(error("0,0,1\n0,1,1\n"), "episodes.csv: has 2 of 1 episodes at step 0");
-        assert_eq!(error("100,1,1.5\n"), "episodes.csv: has episode 1 at step 100 where episode 0 belongs");
+        assert_eq!(error("100,1,1.5\n"), "episodes.csv: has episode 1 at step 100, where episode 0 is expected");
     }
 }

@@ -11,13 +11,13 @@ use super::atomic::write_atomically;
 use super::files;
 use crate::domain::Scenario;
 
-/// What `run.json` holds. What a file of another version lacks is empty here.
+/// Contents of `run.json`. What a file of another version lacks is empty here.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct RunJson {
-    /// Words of the command line, the name of the program first.
+    /// Words of the command line; the first is the name of the program.
     pub command: Vec<String>,
-    /// Other builds that the run went on with, in order.
+    /// Other builds with which the run was continued, in order.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub resumed_with: Vec<Resumed>,
     /// What the run simulates. Older runs have none.
@@ -25,14 +25,14 @@ pub struct RunJson {
     pub scenario: Option<Scenario>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seed: Option<u64>,
-    /// The build that the run was begun with.
+    /// Build that the run was begun with.
     pub versions: Versions,
-    /// Keys of other versions of this program. They stay as they are.
+    /// Keys of other versions of this program. They are kept unchanged.
     #[serde(flatten)]
     pub other: Map<String, Value>,
 }
 
-/// A build that a run went on with.
+/// A build with which a run was continued.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Resumed {
     /// Timesteps per agent at which it took over.
@@ -40,7 +40,7 @@ pub struct Resumed {
     pub versions: Versions,
 }
 
-/// This program, its libraries and the machine. What is empty was not recorded.
+/// This program, its libraries and the machine. A field that was not recorded is empty.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Versions {
@@ -50,7 +50,7 @@ pub struct Versions {
     /// Version of this program.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub dials_traffic: String,
-    /// Commit of the checkout that the program was built from, with `-dirty` where its sources had been changed.
+    /// Commit of the checkout that the program was built from, with `-dirty` if its sources had been changed.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub git_commit: String,
     /// Library of `exp`, `ln` and so on.
@@ -71,10 +71,10 @@ impl RunJson {
         let path = dir.join(files::RUN);
         let text = fs::read_to_string(&path).with_context(|| format!("{}: cannot be read", path.display()))?;
         serde_json::from_str(&text)
-            .with_context(|| format!("{}: is not what this program writes there", path.display()))
+            .with_context(|| format!("{}: is not a file that this program wrote", path.display()))
     }
 
-    /// Reads the file of the run in `dir`. Without one nothing is known of the run.
+    /// Reads the file of the run in `dir`. Without a file, everything is empty.
     pub fn read_if_there(dir: &Path) -> Result<RunJson> {
         if dir.join(files::RUN).exists() { RunJson::read(dir) } else { Ok(RunJson::default()) }
     }
@@ -84,14 +84,15 @@ impl RunJson {
         write_atomically(&dir.join(files::RUN), format!("{text}\n").as_bytes())
     }
 
-    /// The build that wrote the run last.
+    /// Returns the build that wrote the run last.
     pub fn last_versions(&self) -> &Versions {
         self.resumed_with.last().map_or(&self.versions, |resumed| &resumed.versions)
     }
 }
 
 impl Versions {
-    /// Lists how the build that wrote a run differs from this one, a line each. Only what decides about numbers counts.
+    /// Lists the differences between the build that wrote a run and this one, a line each. Only what can change numbers
+    /// counts.
     pub fn differences(&self, there: &Versions) -> Vec<String> {
         let differing = self.decisive().into_iter().zip(there.decisive());
         let differing = differing.filter(|((_, here), (_, there))| here != there);
@@ -101,7 +102,7 @@ impl Versions {
             .collect()
     }
 
-    /// The versions that decide about numbers, with their names for people.
+    /// Returns the versions that can change numbers, with their names for people.
     fn decisive(&self) -> [(&'static str, &str); 4] {
         [
             ("commit", &self.git_commit),
@@ -162,7 +163,7 @@ mod tests {
         let again = RunJson::read(dir.path()).unwrap();
         assert_eq!((&again, again.last_versions()), (&run, &other));
         assert_eq!(again.other["weather"], json!({ "rain": true }));
-        // Alphabetical, without what is not known.
+        // Alphabetical, without unknown values.
         let keys: Value = serde_json::from_str(&fs::read_to_string(dir.path().join(files::RUN)).unwrap()).unwrap();
         let keys: Vec<&String> = keys.as_object().unwrap().keys().collect();
         assert_eq!(keys, ["command", "resumed_with", "seed", "versions", "weather"]);
@@ -175,6 +176,6 @@ mod tests {
         assert!(RunJson::read(dir.path()).unwrap_err().to_string().contains("run.json: cannot be read"));
         fs::write(dir.path().join(files::RUN), "[1]").unwrap();
         let error = RunJson::read_if_there(dir.path()).unwrap_err().to_string();
-        assert!(error.contains("run.json: is not what this program writes there"), "{error}");
+        assert!(error.contains("run.json: is not a file that this program wrote"), "{error}");
     }
 }

@@ -1,4 +1,4 @@
-//! Writes a run down as it goes: the [`Journal`] that keeps a run directory.
+//! The [`Journal`] that writes a run directory during the run.
 
 use std::collections::{BTreeMap, HashMap};
 use std::fs::{self, File};
@@ -29,7 +29,7 @@ use crate::training::journal::Journal;
 use crate::training::standing::Standing;
 use crate::training::state::AgentsState;
 
-/// Writes a run down.
+/// A journal that writes a run directory.
 pub struct RunLog {
     dir: PathBuf,
     layouts: Layouts,
@@ -40,11 +40,11 @@ pub struct RunLog {
     elapsed_before: Duration,
     begun: Instant,
     begun_period: Instant,
-    /// Held as long as this process may write.
+    /// Lock that is held as long as this process may write.
     _lock: File,
 }
 
-/// Where the networks that are saved keep their weights and biases.
+/// Places of weights and biases in the networks that are saved.
 pub struct Layouts {
     pub policies: JointLayout,
     pub aips: JointLayout,
@@ -60,7 +60,7 @@ impl Layouts {
 }
 
 impl RunLog {
-    /// Writes a new run into `dir`, which exists and holds none.
+    /// Starts a new run in `dir`, which exists and holds no run.
     pub fn create(dir: &Path, config: &Config, layouts: Layouts) -> Result<Self> {
         let now = Instant::now();
         Ok(RunLog {
@@ -75,9 +75,10 @@ impl RunLog {
         })
     }
 
-    /// Goes on with the run in `dir`. Also returns its newest checkpoint; `None`: it has to begin again.
+    /// Continues the run in `dir`. Also returns its newest checkpoint; if there is none, the run must begin again:
+    /// `None`.
     ///
-    /// What was written after the checkpoint is cut off: it will be written again, the same.
+    /// Everything written after the checkpoint is cut off. It will be written again, with the same numbers.
     pub fn resume(dir: &Path, config: &Config, layouts: Layouts) -> Result<(Self, Option<Checkpoint>)> {
         let mut log = RunLog::create(dir, config, layouts)?;
         let checkpoint = Checkpoint::read_newest(&dir.join(files::CHECKPOINTS))?;
@@ -150,7 +151,7 @@ impl Journal for RunLog {
         self.append(files::EPISODES, steps, &header(&columns::OF_EPISODES), &episode_lines(steps, evaluation))
     }
 
-    /// What has diverged is an error and is not written.
+    /// Networks that have diverged are an error and are not written.
     fn aips_trained(&mut self, agents: &AgentsState, losses: &[AipLoss]) -> Result<()> {
         check_aips(agents, losses)?;
         self.append(files::AIP_LOSS, agents.steps, &header(&columns::OF_AIP_LOSS), &aip_lines(agents.steps, losses))?;
@@ -163,7 +164,7 @@ impl Journal for RunLog {
         self.append(files::AIP_DRIFT, agents.steps, &header(&columns::OF_AIP_DRIFT), &lines)
     }
 
-    /// Also writes a checkpoint. What has diverged is an error and is not written.
+    /// Also writes a checkpoint. Networks that have diverged are an error and are not written.
     fn period_done(
         &mut self,
         agents: &AgentsState,
@@ -211,7 +212,7 @@ mod tests {
     use crate::training::ppo::{Decayed, Losses};
     use crate::training::state::JointMoments;
 
-    /// Two agents with a policy of two parameters each, and what a period brought them.
+    /// Returns two agents with a policy of two parameters each, and the results of a period.
     fn period(policy: [f32; 4], value_loss: f64) -> (PolicyTraining, AgentsState) {
         let losses = [0.0, value_loss].map(|value| Losses { value, ..Losses::default() });
         let agents = losses.map(|losses| AgentTraining { mean_return: None, episodes: 0, losses });

@@ -1,4 +1,4 @@
-//! What a run directory says of its run, as numbers. `reader.rs` reads it.
+//! The contents of a run directory as numbers. `reader.rs` reads them.
 
 use std::path::PathBuf;
 
@@ -6,7 +6,7 @@ use super::run_json::RunJson;
 use crate::config::Config;
 use crate::domain::Scenario;
 
-/// What a run directory tells.
+/// Contents of a run directory.
 #[derive(Clone, Debug)]
 pub struct RunRecord {
     pub dir: PathBuf,
@@ -14,16 +14,17 @@ pub struct RunRecord {
     pub about: RunJson,
     /// What was simulated; `None` if the number of agents is not known.
     pub scenario: Option<Scenario>,
-    /// In order of steps.
+    /// Evaluations, in order of steps.
     pub evaluations: Vec<Evaluation>,
-    /// Trainings of the AIPs, in order of steps.
+    /// Trainings of the AIPs (approximate influence predictors), in order of steps.
     pub aip_trainings: Vec<AipTraining>,
-    /// Cross-entropies of the AIPs on fresh GS data, in order of steps; empty where the run did not measure them.
+    /// Cross-entropies of the AIPs on new GS (global simulator) data, in order of steps; empty if the run did not
+    /// measure them.
     pub fresh_losses: Vec<FreshLoss>,
-    /// In order of periods.
+    /// Times of the periods, in order.
     pub periods: Vec<PeriodTime>,
     pub memory: Option<Memory>,
-    /// Worker processes, or 1 for a run without any.
+    /// Number of worker processes, or 1 for a run without any.
     pub workers: usize,
 }
 
@@ -33,44 +34,44 @@ pub struct Evaluation {
     /// Timesteps per agent.
     pub steps: u64,
     pub all: Returns,
-    /// Agent by agent.
+    /// Returns of each agent.
     pub agents: Vec<Returns>,
     /// Number of episodes, if the file has it.
     pub episodes: Option<usize>,
-    /// Mean returns of all agents, episode by episode; empty if the run did not write them down.
+    /// Mean returns of all agents, episode by episode; empty if the run did not record them.
     pub episode_returns: Vec<f64>,
 }
 
-/// Figures of an evaluation, of one agent or all.
+/// Figures of an evaluation, of one agent or of all.
 #[derive(Clone, Copy, Debug)]
 pub struct Returns {
     pub mean: f64,
-    /// For all: over the agents' means.
+    /// Median. For all agents: over the agents' means.
     pub median: f64,
-    /// Over the episodes.
+    /// Standard error of the mean over the episodes.
     pub std_error: f64,
-    /// Agents that are stuck; 0 or 1 for one agent.
+    /// Number of stuck agents; 0 or 1 for one agent.
     pub stuck: usize,
 }
 
-/// Cross-entropy in nats, the mean of all agents and sources, on the held-out episodes of a dataset.
+/// Cross-entropy in nats on the held-out episodes of a dataset; the mean of all agents and sources.
 #[derive(Clone, Copy, Debug)]
 pub struct AipTraining {
     pub steps: u64,
     pub before: f64,
     pub after: f64,
-    /// Of the best constant.
+    /// Cross-entropy of the best constant.
     pub marginals: f64,
 }
 
-/// Cross-entropy in nats, the mean of all agents and sources, on GS episodes that no AIP was trained on.
+/// Cross-entropy in nats on GS episodes that no AIP was trained on; the mean of all agents and sources.
 #[derive(Clone, Copy, Debug)]
 pub struct FreshLoss {
     pub steps: u64,
-    /// Whether the AIPs have just been trained here, or are as they were.
+    /// Whether the AIPs have just been trained here.
     pub after_training: bool,
     pub loss: f64,
-    /// Of the best constant.
+    /// Cross-entropy of the best constant.
     pub marginals: f64,
 }
 
@@ -79,16 +80,16 @@ pub struct FreshLoss {
 pub struct PeriodTime {
     pub steps: u64,
     pub elapsed_s: f64,
-    /// Of it: evaluations of policies and AIPs, which are no part of the training.
+    /// Part of it for evaluations of policies and AIPs, which are not part of the training.
     pub evaluation_s: f64,
-    /// Of it: collection of datasets and training of the AIPs.
+    /// Part of it for the collection of datasets and the training of the AIPs.
     pub influence_s: f64,
     /// CPU time of all processes; `None` for runs that did not measure it.
     pub cpu: Option<CpuTime>,
 }
 
 impl PeriodTime {
-    /// Wall time without the evaluations, as the paper counts it.
+    /// Returns the wall time without the evaluations, as the paper counts it.
     pub fn runtime_s(self) -> f64 {
         self.elapsed_s - self.evaluation_s
     }
@@ -103,7 +104,7 @@ pub struct CpuTime {
 }
 
 impl CpuTime {
-    /// CPU time without the evaluations.
+    /// Returns the CPU time without the evaluations.
     pub fn runtime_s(self) -> f64 {
         self.total_s - self.evaluation_s
     }
@@ -112,16 +113,16 @@ impl CpuTime {
 /// Peak memory in MiB.
 #[derive(Clone, Copy, Debug)]
 pub struct Memory {
-    /// The largest process, shared libraries counted in full.
+    /// Memory of the largest process, shared libraries counted in full.
     pub process_mb: f64,
-    /// All processes, likewise.
+    /// Memory of all processes, shared libraries counted in full in each.
     pub total_mb: f64,
-    /// All processes, shared pages counted once.
+    /// Memory of all processes, shared pages counted once.
     pub total_pss_mb: Option<f64>,
 }
 
 impl Memory {
-    /// The larger of each figure.
+    /// Returns the larger value of each figure.
     pub fn max(self, other: Memory) -> Memory {
         Memory {
             process_mb: self.process_mb.max(other.process_mb),
@@ -131,15 +132,15 @@ impl Memory {
     }
 }
 
-/// How far a run has come.
+/// Progress of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
     Finished,
-    /// Evaluated up to here.
+    /// The run has evaluations up to this step.
     Unfinished {
         steps: u64,
     },
-    /// Not evaluated yet, not even at its beginning.
+    /// The run has no evaluation yet, not even at its beginning.
     Empty,
 }
 
@@ -147,18 +148,18 @@ impl RunRecord {
     pub fn status(&self) -> Status {
         match self.evaluations.last() {
             None => Status::Empty,
-            // Periods are whole updates of the policies, so the last one may end a little later than asked.
+            // Periods are whole updates of the policies, so the last one may end a little later than the config says.
             Some(last) if last.steps >= self.config.last_step() => Status::Finished,
             Some(last) => Status::Unfinished { steps: last.steps },
         }
     }
 
-    /// The mean return of all agents at a step, interpolated between two evaluations; none outside of them.
+    /// Returns the mean return of all agents at a step, interpolated between two evaluations. Outside of them: `None`.
     pub fn return_at(&self, steps: u64) -> Option<f64> {
         self.interpolated(steps, |evaluation| evaluation.all.mean)
     }
 
-    /// The median over agents, likewise.
+    /// Returns the median over agents in the same way.
     pub fn median_at(&self, steps: u64) -> Option<f64> {
         self.interpolated(steps, |evaluation| evaluation.all.median)
     }
@@ -167,13 +168,13 @@ impl RunRecord {
         interpolate(self.evaluations.iter().map(|evaluation| (evaluation.steps, figure(evaluation))), steps)
     }
 
-    /// Wall time without evaluations until a step, in seconds; none where the run has not come so far.
+    /// Returns the wall time without evaluations until a step, in seconds. If the run has not come so far: `None`.
     pub fn runtime_at(&self, steps: u64) -> Option<f64> {
         Some(self.time_at(steps)?.runtime_s())
     }
 
-    /// Wall time until a step: that of the last period that ends there, or in proportion between the ends of two periods;
-    /// none where the run has not come so far.
+    /// Returns the time until a step: at the end of the last period that ends there, or interpolated between the ends
+    /// of two periods. If the run has not come so far: `None`.
     pub fn time_at(&self, steps: u64) -> Option<PeriodTime> {
         let until = self.periods.iter().rev().find(|period| period.steps <= steps);
         let next = self.periods.iter().find(|period| period.steps > steps);
@@ -198,14 +199,14 @@ impl RunRecord {
         })
     }
 
-    /// The whole of it so far.
+    /// Returns the time of the whole run so far.
     pub fn total_time(&self) -> Option<PeriodTime> {
         self.periods.last().copied()
     }
 }
 
-/// Linear between the points left and right of `at`; none outside of them. Where two points share a place, the first
-/// counts.
+/// Interpolates linearly between the points left and right of `at`. Outside of them: `None`. If two points have the
+/// same place, the first counts.
 fn interpolate(points: impl Iterator<Item = (u64, f64)>, at: u64) -> Option<f64> {
     let mut before = None;
     for (place, value) in points {

@@ -1,8 +1,8 @@
-//! TensorBoard event files: what the CSV files say, for people who watch runs in TensorBoard.
+//! TensorBoard event files: the numbers of the CSV files, for people who watch runs in TensorBoard.
 //!
 //! A file of records (TFRecord: length, checksum, data, checksum), each a protocol buffer `Event` with scalars. Records
-//! are only ever appended, and one that is written again after a resume has the length of the first, so the file is cut
-//! back to a checkpoint as the CSV files are, and no step stands in it twice.
+//! are only ever appended, and a record that is written again after a resume has the same length. So the file is cut
+//! back to a checkpoint like the CSV files, and no step appears in it twice.
 //!
 //! Source of the format: `tensorboard/compat/proto/{event,summary}.proto` and `tensorflow/core/lib/io/record_writer.h`.
 
@@ -13,14 +13,14 @@ use super::lines::Line;
 /// A named number at a step.
 pub type Scalar = (String, f32);
 
-/// The record that an event file begins with.
+/// Returns the first record of an event file.
 pub fn first_record(wall_time_s: f64) -> Vec<u8> {
     let mut event = event_at(wall_time_s, 0);
     put_bytes(&mut event, 3, b"brain.Event:2"); // file_version
     record(&event)
 }
 
-/// One record with all scalars of a step.
+/// Makes one record with all scalars of a step.
 pub fn scalars_record(wall_time_s: f64, step: u64, scalars: &[Scalar]) -> Vec<u8> {
     let mut summary = Vec::new();
     for (tag, number) in scalars {
@@ -35,8 +35,8 @@ pub fn scalars_record(wall_time_s: f64, step: u64, scalars: &[Scalar]) -> Vec<u8
     record(&event)
 }
 
-/// The scalars of a block of lines that goes into a CSV file: every number of the line about all agents as
-/// `file/column`, and of each agent the mean return as `returns_of_agents/N`.
+/// Returns the scalars of a block of lines of a CSV file. Every number of the line about all agents becomes
+/// `file/column`, and the mean return of each agent becomes `returns_of_agents/N`.
 pub fn scalars_of(file: &str, header: &[String], lines: &[Line]) -> Vec<Scalar> {
     let table = file.strip_suffix(".csv").unwrap_or(file);
     let mut scalars = Vec::new();
@@ -54,7 +54,7 @@ pub fn scalars_of(file: &str, header: &[String], lines: &[Line]) -> Vec<Scalar> 
     scalars
 }
 
-// Kinds of fields on the wire.
+// Types of fields on the wire.
 const VARINT: u8 = 0;
 const FIXED_64: u8 = 1;
 const BYTES: u8 = 2;
@@ -82,7 +82,7 @@ fn put_bytes(out: &mut Vec<u8>, field: u8, bytes: &[u8]) {
     out.extend(bytes);
 }
 
-/// Seven bits per byte, the lowest first; the eighth says that more follow.
+/// Writes seven bits per byte, the lowest first; the eighth bit says that more follow.
 fn put_varint(out: &mut Vec<u8>, mut number: u64) {
     while number >= 0x80 {
         out.push(number as u8 | 0x80);
@@ -96,7 +96,7 @@ fn record(data: &[u8]) -> Vec<u8> {
     [&length[..], &masked_checksum(&length), data, &masked_checksum(data)].concat()
 }
 
-/// A checksum that stays one where data holds checksums itself.
+/// Computes a checksum that works for data that holds checksums itself.
 fn masked_checksum(data: &[u8]) -> [u8; 4] {
     crc32c::crc32c(data).rotate_right(15).wrapping_add(0xa282_ead8).to_le_bytes()
 }
@@ -140,7 +140,7 @@ mod tests {
         let agents = [("returns_of_agents/0", 4.0), ("returns_of_agents/1", 7.0)];
         assert_eq!(scalars_of("returns.csv", &header, &lines), named(&[&all[..], &agents].concat()));
         assert_eq!(scalars_of("training.csv", &header, &lines[1..]), []);
-        // What is no number is left out: a period without episodes has no mean return, and sources are called `all`.
+        // NaN is left out: a period without episodes has no mean return, and sources are called `all`.
         let header = row("steps,agent,source,training_after,frequency");
         let found = scalars_of("aip_loss.csv", &header, &[row("0,all,all,0.31,"), row("0,0,all,0.3,0.1")]);
         assert_eq!(found, named(&[("aip_loss/training_after", 0.31)]));

@@ -1,4 +1,4 @@
-//! What workers bring back from their work.
+//! Results that workers return.
 
 use std::time::Duration;
 
@@ -7,18 +7,18 @@ use serde::{Deserialize, Serialize};
 use super::ppo::{Decayed, Losses};
 use crate::base::Timesheet;
 
-/// What a period of training brought.
+/// Results of one period of training.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct PolicyTraining {
     pub agents: Vec<AgentTraining>,
     /// Totals that the local simulators counted in the period.
     pub counters: Vec<(String, u64)>,
-    /// Of the period's last update, the same for all agents.
+    /// Settings of the period's last update, the same for all agents.
     pub decayed: Decayed,
 }
 
 impl PolicyTraining {
-    /// Of all agents, from those of some in the same period, in order. Counters of one name are added up.
+    /// Joins the results of groups of agents in the same period, in order. Counters of the same name are added up.
     pub fn joined(parts: Vec<PolicyTraining>) -> PolicyTraining {
         let join = |mut whole: PolicyTraining, next: PolicyTraining| {
             whole.agents.extend(next.agents);
@@ -34,46 +34,46 @@ impl PolicyTraining {
     }
 }
 
-/// One agent's share of it.
+/// One agent's results of a period.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AgentTraining {
-    /// Of the episodes that ended in the period, on the simulator that it trained on.
+    /// Mean return of the episodes that ended in the period, on the simulator that the agent trained on.
     pub mean_return: Option<f64>,
     pub episodes: u64,
     /// Means over the period's updates.
     pub losses: Losses,
 }
 
-/// What a fleet has been doing.
+/// What a fleet has spent.
 #[derive(Clone, Debug, Default)]
 pub struct FleetLoad {
     pub workers: Vec<WorkerLoad>,
-    /// Wall time in which at least one worker had an order; the rest went into exchanges and files.
+    /// Wall time in which at least one worker had an order. Messages and files took the rest.
     pub at_work: Duration,
-    /// Of the process that gives the orders, where that is none of the workers.
+    /// Memory of the coordinator's process; `None` if that process is itself the worker.
     pub coordinator: Option<Footprint>,
-    /// CPU time of that process.
+    /// CPU time of the coordinator's process.
     pub coordinator_cpu: Duration,
 }
 
-/// What one worker has been doing.
+/// What one worker has spent.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct WorkerLoad {
     pub timesheet: Timesheet,
     pub footprint: Footprint,
 }
 
-/// Memory of a process, in KiB; 0 where the system does not tell.
+/// Memory of a process, in KiB; 0 if the system does not report it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Footprint {
-    /// The most resident memory it ever had, shared libraries counted in full.
+    /// Peak resident memory, shared libraries counted in full.
     pub peak_rss_kib: u64,
-    /// Its proportional share: shared pages count once among those who share them, so these add up.
+    /// Proportional share: each shared page is divided among the processes that share it, so these can be added up.
     pub pss_kib: u64,
 }
 
 impl Footprint {
-    /// The larger of each figure.
+    /// Returns the larger value of each figure.
     pub fn max(self, other: Footprint) -> Footprint {
         Footprint { peak_rss_kib: self.peak_rss_kib.max(other.peak_rss_kib), pss_kib: self.pss_kib.max(other.pss_kib) }
     }

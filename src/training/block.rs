@@ -1,8 +1,8 @@
-//! A block of agents of one kind that are trained together, on one stack of networks and one forest of local simulators.
+//! A block: agents of one kind that are trained together, on one stack of networks and one forest of local simulators.
 //!
-//! A worker trains its blocks one after the other, each for the whole period: between two exchanges agents know nothing
-//! of each other, so the order changes no number, and networks and cars of a few agents stay in the cache where those of
-//! a hundred do not. On the GS all blocks act in one simulation, one per kind.
+//! A worker trains its blocks one after the other, each for the whole period. Between two exchanges agents know nothing
+//! of each other, so the order changes no number. The networks and cars of a few agents stay in the cache; those of a
+//! hundred do not. On the global simulator (GS) all blocks act in one simulation, one block per kind.
 
 use std::sync::Arc;
 
@@ -21,11 +21,12 @@ use crate::influence::{AipLoss, Dataset, FreshLoss, TrainablePredictor, initial_
 use crate::nn::{Adam, Moments, Threads};
 use crate::policy::{Memory, PolicyStack};
 
-/// Local simulators per block. The cars of a larger forest leave the cache between two steps: measured on traffic, SUMO
-/// costs the same per intersection with 8 and 16, 10 % more with 32, 15 % more with 64 and 60 % more with 128.
+/// Number of local simulators per block. The cars of a larger forest leave the cache between two steps. Measured on
+/// traffic, SUMO costs the same per intersection with 8 and 16, 10 % more with 32, 15 % more with 64 and 60 % more with
+/// 128.
 const ROWS_PER_BLOCK: usize = 16;
 
-/// Everything that belongs to some agents of one kind for the whole run.
+/// All that belongs to some agents of one kind during the whole run.
 pub struct AgentBlock {
     domain: Arc<dyn Domain>,
     config: Config,
@@ -34,38 +35,38 @@ pub struct AgentBlock {
     predictor: Box<dyn TrainablePredictor>,
 }
 
-/// What PPO changes.
+/// The part that PPO changes.
 struct Learner {
     spec: RegionSpec,
     policies: PolicyStack,
     adam: Adam,
     /// Timesteps per agent so far.
     steps: u64,
-    /// One per agent.
+    /// One stream per agent.
     streams: Vec<AgentStream>,
 }
 
-/// The policies of `agents`, which are of one kind, as a run with this config begins.
+/// Makes the first policies of `agents`, which are of one kind.
 pub fn initial_policies(domain: &dyn Domain, config: &Config, agents: &[AgentId]) -> PolicyStack {
     let seed = Seed::new(config.seed).fork(RandomPurpose::Policy);
     let kind = domain.kinds().of(agents[0]);
     PolicyStack::new(agents, &kind.spec, &config.policy, &domain.initial_action_bias(kind), seed)
 }
 
-/// The influence predictors of `agents`, which are of one kind, as a run with this config begins.
+/// Makes the first influence predictors of `agents`, which are of one kind.
 pub fn initial_aips(domain: &dyn Domain, config: &Config, agents: &[AgentId]) -> Box<dyn TrainablePredictor> {
     let seed = Seed::new(config.seed).fork(RandomPurpose::Aip);
     let spec = &domain.kinds().of(agents[0]).spec;
     initial_predictor(config.predictor(), agents, spec, &config.aip, seed)
 }
 
-/// Agents per block. On the GS all agents act in one simulation, so those of a kind are one block.
+/// Returns the number of agents per block. On the GS all agents act in one simulation, so there is one block per kind.
 pub fn agents_per_block(config: &Config) -> usize {
     if config.simulator == Simulator::Global { usize::MAX } else { (ROWS_PER_BLOCK / config.copies()).max(1) }
 }
 
 impl AgentBlock {
-    /// `agents`: at least one, all of one kind.
+    /// Makes a block. `agents`: at least one, all of one kind.
     pub fn new(domain: Arc<dyn Domain>, config: &Config, agents: &[AgentId], threads: Threads) -> Self {
         let mut policies = initial_policies(&*domain, config, agents);
         policies.use_threads(threads);
@@ -85,7 +86,7 @@ impl AgentBlock {
         }
     }
 
-    /// What its agents have become.
+    /// Returns the state of the agents.
     pub fn state(&self) -> AgentsState {
         let Learner { policies, adam, steps, streams, .. } = &self.learner;
         let Moments { first, second, steps: optimiser_steps } = adam.moments().clone();
@@ -98,7 +99,7 @@ impl AgentBlock {
         }
     }
 
-    /// Goes on from a state of the same agents.
+    /// Continues from a state of the same agents.
     pub fn restore(&mut self, state: AgentsState) {
         let JointMoments { first, second, steps } = state.moments;
         self.learner.steps = state.steps;
@@ -119,7 +120,7 @@ impl AgentBlock {
         measure(&*self.predictor, datasets, watch)
     }
 
-    /// What its influence predictors have learnt, one row per agent.
+    /// Returns what the influence predictors have learnt, one row per agent.
     pub fn aips(&self) -> Ragged<f32> {
         self.predictor.values().into()
     }
@@ -139,7 +140,7 @@ impl AgentBlock {
     }
 }
 
-/// The same on the GS, where all kinds act at once. `blocks`: one per kind, with all its agents.
+/// Trains the policies on the GS, on which all kinds act at once. `blocks`: one per kind, with all its agents.
 pub fn train_policies_on_the_gs(
     domain: &dyn Domain,
     config: &Config,
@@ -159,7 +160,7 @@ fn training_episodes(config: &Config) -> Seed {
     Seed::new(config.seed).fork(RandomPurpose::TrainingEpisodes)
 }
 
-/// What a learner works with in a period.
+/// A learner's working memory for a period.
 struct Desk {
     memory: Memory,
     actor: Actor,
@@ -181,8 +182,8 @@ impl Desk {
     }
 }
 
-/// Rollouts and updates in turn, until the steps reach the end of the period: its first multiple of the memory.
-/// `learners`: one per kind of the environment, all equally far.
+/// Alternates rollouts and updates until the first multiple of the memory at or after the end of the period.
+/// `learners`: one per kind of the environment, all after the same number of steps.
 fn learn(
     learners: &mut [&mut Learner],
     environment: &mut dyn Environment,

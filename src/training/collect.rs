@@ -1,4 +1,5 @@
-//! Algorithm 2: datasets for the AIPs from the GS under the joint policy.
+//! Algorithm 2: datasets for the approximate influence predictors (AIPs), from the global simulator (GS) under the
+//! joint policy.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,12 +8,12 @@ use crate::config::{Config, Retrain};
 use crate::domain::{Controller, GlobalSimulator, Result};
 use crate::influence::Dataset;
 
-/// What datasets are for. Each purpose has a stream of episodes of its own, which no evaluation plays.
+/// Purpose of a dataset. Each purpose has its own stream of episodes, which no evaluation plays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Purpose {
-    /// To train the AIPs, at these timesteps per agent of the schedule.
+    /// Training of the AIPs, at this number of timesteps per agent.
     Training { steps: u64 },
-    /// To measure their loss: the same episodes every time, so that only the policies and the AIPs change.
+    /// Measuring the loss of the AIPs: the same episodes every time, so that only the policies and the AIPs change.
     Measuring,
 }
 
@@ -24,7 +25,7 @@ impl Purpose {
         }
     }
 
-    /// The stream of its episodes.
+    /// Returns the stream of the episodes.
     pub fn stream(self, config: &Config) -> Seed {
         match self {
             Purpose::Training { steps } => Seed::new(config.seed).fork(RandomPurpose::Collection).for_steps(steps),
@@ -32,7 +33,8 @@ impl Purpose {
         }
     }
 
-    /// What its time is spent on. If AIPs are trained again on drift, measuring their loss is a part of the training.
+    /// Returns the activity that the time is booked on. If AIPs are retrained on drift, measuring their loss is part of
+    /// the training.
     pub fn activity(self, config: &Config) -> Activity {
         match self {
             Purpose::Measuring if config.aip.retrain != Retrain::Drift => Activity::Evaluation,
@@ -72,7 +74,7 @@ mod tests {
     #[test]
     fn every_purpose_has_episodes_of_its_own() {
         let mut config = Config::default();
-        config.seed = config.evaluation.seed; // as close as the two can be
+        config.seed = config.evaluation.seed; // as close as the two seeds can be
         let purposes = [Purpose::Measuring, Purpose::Training { steps: 0 }, Purpose::Training { steps: 1 }];
         let mut streams = purposes.map(|purpose| purpose.stream(&config).for_episode(0)).to_vec();
         streams.push(crate::evaluation::episode_seed(Seed::new(config.evaluation.seed), 0));

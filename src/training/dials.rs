@@ -9,10 +9,11 @@ use super::standing::Standing;
 use crate::config::{Config, schedule};
 use crate::domain::Result;
 
-/// Trains the policies of all agents as the config says, from where they stand.
+/// Trains the policies of all agents as the config says, from their current state.
 ///
-/// The numbers are the lines of Algorithm 1. Training on the GS and with untrained AIPs is the same loop without
-/// lines 3 to 6; with marginals, lines 4 to 6 measure them instead of training AIPs.
+/// The numbers are the lines of Algorithm 1. Training on the GS (global simulator) and with untrained AIPs (approximate
+/// influence predictors) is the same loop without lines 3 to 6. With marginals, lines 4 to 6 measure them instead of
+/// training AIPs.
 pub fn train(
     config: &Config,
     fleet: &mut dyn Fleet,
@@ -21,7 +22,7 @@ pub fn train(
     observer: &dyn Observer,
 ) -> Result<()> {
     let mut run = Run { config, fleet, standing, journal, observer };
-    run.journal.begun(run.fleet.agents())?; // 1: policies and AIPs, fresh or as a checkpoint left them
+    run.journal.begun(run.fleet.agents())?; // 1: policies and AIPs, new or from a checkpoint
     for period in schedule(config).iter().skip(standing.periods_done) {
         // 2: repeat
         if period.evaluate {
@@ -47,7 +48,7 @@ pub fn train(
     run.journal.finished(run.fleet.agents(), load)
 }
 
-/// Algorithm 1 under way.
+/// Algorithm 1 in progress.
 struct Run<'a> {
     config: &'a Config,
     fleet: &'a mut dyn Fleet,
@@ -65,7 +66,7 @@ impl Run<'_> {
         self.measure_aips(Moment::Evaluation)
     }
 
-    /// Measures the loss of the AIPs on fresh episodes of the GS under the joint policy, where the config asks for it.
+    /// Measures the loss of the AIPs on new episodes of the GS under the joint policy, if the config asks for it.
     fn measure_aips(&mut self, after: Moment) -> Result<()> {
         if !self.config.measures_aips() {
             return Ok(());

@@ -1,9 +1,11 @@
-//! Drift: policies go on learning, and AIPs that were trained on what the policies of before did grow stale.
+//! Drift: AIPs (approximate influence predictors) that were trained on earlier policies become outdated as policies
+//! learn.
 //!
-//! It shows in their loss on fresh episodes of the GS under the joint policy of now. Arrivals become easier or harder to
-//! predict as policies learn, whatever AIPs know of them, so the loss counts as a share of that of the best constants on the same
-//! episodes, and its growth since right after the last training. In our ablation of the warehouse the loss of AIPs
-//! that were trained once falls from 0.50 to 0.39 nats while they get worse than constants.
+//! Drift shows in their loss on new episodes of the GS (global simulator) under the current joint policy. As policies
+//! learn, arrivals also become easier or harder to predict, whatever the AIPs know. So the loss is divided by the loss
+//! of the best constants on the same episodes. What counts is the growth of this share since the last training. In our
+//! ablation of the warehouse, the loss of AIPs that were trained once falls from 0.50 to 0.39 nats while they become
+//! worse than constants.
 
 use serde::{Deserialize, Serialize};
 
@@ -27,12 +29,13 @@ impl Moment {
     }
 }
 
-/// The loss of the AIPs on fresh episodes as a share of that of the best constants, both the mean of all agents and sources.
+/// Loss of the AIPs on new episodes, divided by the loss of the best constants. Both are means over all agents and
+/// sources.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Drift {
-    /// Right after the last training, if there was one.
+    /// Share right after the last training, if there was one.
     share_after_training: Option<f64>,
-    /// At the last measurement.
+    /// Share at the last measurement.
     share_now: Option<f64>,
 }
 
@@ -45,7 +48,7 @@ impl Drift {
         }
     }
 
-    /// By how many percent that share has grown since the last training; not a number before there was one.
+    /// Returns by how many percent the share has grown since the last training; NaN before the first training.
     pub fn percent(&self) -> f64 {
         match (self.share_after_training, self.share_now) {
             (Some(then), Some(now)) => 100.0 * (now / then - 1.0),
@@ -67,7 +70,7 @@ mod tests {
     fn it_is_the_growth_of_the_mean_loss_beside_that_of_constants_since_the_last_training() {
         let mut drift = Drift::default();
         drift.note(Moment::Evaluation, &losses([0.7, 0.7], 0.5));
-        assert!(drift.percent().is_nan(), "nothing was trained yet, so nothing can have drifted");
+        assert!(drift.percent().is_nan(), "before the first training nothing can have drifted");
         drift.note(Moment::Training, &losses([0.2, 0.3], 0.5));
         assert_eq!(drift.percent(), 0.0);
         drift.note(Moment::Evaluation, &losses([0.25, 0.3], 0.5));

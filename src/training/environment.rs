@@ -4,29 +4,30 @@ use super::stream::AgentStream;
 use crate::base::{Rows, Stopwatch};
 use crate::domain::{Action, Percept, RegionSpec, Result};
 
-/// The GS, or an IALS: something that policies act in for as long as they like. Episodes that end begin again.
+/// A simulator without end that policies act in: the global simulator (GS) or the influence-augmented local simulators
+/// (IALS). When an episode ends, the next one begins.
 ///
-/// Rows are ordered agent-major, `copies` of each agent, and lie in one table per kind of agents: an IALS has one kind, the
-/// GS all those of the domain.
+/// Rows are ordered by agent, then by copy, in one table per kind of agents. An IALS has one kind, the GS all kinds of
+/// the domain.
 pub trait Environment {
-    /// What the rows of each kind show at the decision that is due.
+    /// Returns what the rows of each kind show at the next decision.
     fn percepts(&self) -> &[Percept];
 
-    /// One decision of every row of every kind; returns what it brought the rows of each kind.
+    /// Makes one decision in every row of every kind, and returns what it brought the rows of each kind.
     fn step(&mut self, actions: &[Vec<Action>], watch: &mut Stopwatch) -> Result<&[Experience]>;
 
-    /// Writes down how far the rows of each kind have come, so that another environment can go on from there.
+    /// Writes down how far the rows of each kind have come, so that another environment can continue from there.
     fn leave(&mut self, streams: &mut [&mut [AgentStream]]);
 }
 
-/// What one decision of every row brought.
+/// Result of one decision in every row.
 #[derive(Clone, Debug)]
 pub struct Experience {
     /// `[rows]`
     pub rewards: Vec<f32>,
-    /// `[rows]`: the episode of the row ended with this step; [`Environment::percepts`] already show the next one.
+    /// `[rows]`: whether the row's episode ended with this step; [`Environment::percepts`] already show the next one.
     pub ends: Vec<bool>,
-    /// `[rows, obs_dim]`: the observation after the step, before the next episode begins. Written only where a row of
+    /// `[rows, obs_dim]`: the observation after the step, before the next episode begins. Written only for rows whose
     /// `ends` is set.
     pub last_obs: Rows<f32>,
 }

@@ -1,4 +1,4 @@
-//! Who does the work: the fleet of workers, as Algorithm 1 sees it.
+//! The fleet of workers, as Algorithm 1 sees it.
 
 use super::answers::{FleetLoad, PolicyTraining};
 use super::collect::Purpose;
@@ -8,21 +8,21 @@ use crate::domain::Result;
 use crate::evaluation::Evaluation;
 use crate::influence::{AipLoss, Dataset, FreshLoss};
 
-/// Workers that together own all agents. Results do not depend on how many there are.
+/// Workers that together own all agents. Results do not depend on the number of workers.
 pub trait Fleet {
-    /// The agents as they are: as the run began, or after the last training.
+    /// Returns the agents after the last training, or as the run began.
     fn agents(&self) -> &AgentsState;
 
-    /// Goes on from a state of all agents.
+    /// Continues from a state of all agents.
     fn restore(&mut self, agents: AgentsState) -> Result<()>;
 
     /// Evaluates the joint policy on the GS, on the first `episodes` evaluation episodes.
     fn evaluate(&mut self, episodes: usize) -> Result<Evaluation>;
 
-    /// Algorithm 2: one dataset per agent, under the joint policy.
+    /// Runs Algorithm 2: one dataset per agent, under the joint policy.
     fn collect_datasets(&mut self, purpose: Purpose) -> Result<Vec<Dataset>>;
 
-    /// Trains every agent's AIP on its dataset and returns their losses.
+    /// Trains every agent's AIP (approximate influence predictor) on its dataset and returns the losses.
     fn train_aips(&mut self, datasets: Vec<Dataset>, period: &Period) -> Result<Vec<AipLoss>>;
 
     /// Measures the loss of every agent's AIP on its dataset.
@@ -31,6 +31,6 @@ pub trait Fleet {
     /// Trains all policies until the end of the period.
     fn train_policies(&mut self, period: &Period) -> Result<PolicyTraining>;
 
-    /// What the fleet has been doing since the last call.
+    /// Returns what the fleet has spent since the last call.
     fn take_load(&mut self) -> FleetLoad;
 }

@@ -1,11 +1,11 @@
 //! Generalised advantage estimation.
 
-/// Generalised advantage estimates of one rollout, each row on its own.
+/// Computes generalised advantage estimates of one rollout, each row on its own.
 ///
-/// `rewards`, `values`, `ends`: `[T, rows]`, step-major; `last_values`: `[rows]`, the value after the last step.
-/// `ends` says where the episode ended *after* that step, and cuts the sum there. Where the end only cuts the recording
-/// (`time_limit = "bootstrap"`), the caller has already added the discounted value of the last observation to the reward.
-/// Returns the advantages `[T, rows]`; the returns are advantages + values.
+/// `rewards`, `values`, `ends`: `[T, rows]`, step-major; `last_values`: `[rows]`, the value after the last step. `ends`
+/// says whether the episode ended *after* that step, and cuts the sum there. If the end only cuts the recording
+/// (`time_limit = "bootstrap"`), the caller has already added the discounted value of the last observation to the
+/// reward. Returns the advantages `[T, rows]`; the returns are advantages + values.
 ///
 /// Source: Schulman et al. 2016, eq. 16; gamma and lambda: DIALS paper, appendix "Hyperparameters".
 pub fn advantages(

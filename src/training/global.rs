@@ -1,8 +1,8 @@
-//! Training on the global simulator: the baseline that DIALS is compared with.
+//! Training on the global simulator (GS): the baseline that DIALS is compared with.
 //!
 //! DEVIATION 6: every agent has its own policy and bootstraps with its own value. The authors' code shares one policy
-//! object among the agents and bootstraps all of them with the last agent's observation, so its GS curves are not a fair
-//! baseline.
+//! object among the agents and bootstraps all of them with the last agent's observation, so its GS curves are not a
+//! fair baseline.
 
 use anyhow::ensure;
 
@@ -17,18 +17,18 @@ pub struct GlobalEnvironment {
     simulator: Timed<dyn GlobalSimulator>,
     kinds: Kinds,
     episodes: Seed,
-    /// One per agent of each kind; all of the same episode and length.
+    /// One trail per agent of each kind, all of the same episode and length.
     trails: Vec<Vec<Trail>>,
-    /// One per kind, as are the experiences.
+    /// One percept per kind; the same for the experiences.
     percepts: Vec<Percept>,
     experiences: Vec<Experience>,
-    /// What all agents do.
+    /// Actions of all agents.
     actions: Vec<Action>,
 }
 
 impl GlobalEnvironment {
-    /// Brings a new GS to where `streams`, one per agent of each kind, left the old one, and goes on from there.
-    /// `episodes`: the stream of the episodes' seeds.
+    /// Brings a new GS to the state in which `streams`, one per agent of each kind, left the old one, and continues
+    /// from there. `episodes`: the stream of the episodes' seeds.
     pub fn resume(
         simulator: Box<dyn GlobalSimulator>,
         episodes: Seed,
@@ -40,7 +40,7 @@ impl GlobalEnvironment {
             streams.iter().map(|streams| rows_of(streams).map(|row| row.trail.clone()).collect()).collect();
         let mut percepts: Vec<Percept> = kinds.iter().map(|kind| Percept::new(kind.agents.len(), &kind.spec)).collect();
         retrace(&mut simulator, &kinds, episodes, &trails, &mut percepts)?;
-        // What that took is known to the caller, and is no part of the steps to come.
+        // The caller has timed this; it is not part of the steps to come.
         simulator.take_watch();
         let experiences = kinds.iter().map(|kind| Experience::new(kind.agents.len(), &kind.spec)).collect();
         let actions = vec![0; kinds.agents()];
@@ -48,7 +48,7 @@ impl GlobalEnvironment {
     }
 }
 
-/// Plays the trails again and writes what the GS shows at their end.
+/// Replays the trails and writes what the GS shows at their end.
 fn retrace(
     simulator: &mut Timed<dyn GlobalSimulator>,
     kinds: &Kinds,
@@ -69,9 +69,9 @@ fn retrace(
         for (row, (agent, trail)) in kind.agents.iter().zip(trails).enumerate() {
             ensure!(
                 trail.steps() == 0 || trail.shown == fingerprint(percept, row),
-                "the global simulator did not come back to where training left it, as agent {agent} sees it after {} steps of \
-                 episode {episode}: another build of SUMO or of this program, or a simulator that does not follow from its \
-                 seed and actions alone",
+                "the global simulator did not come back to where training left it, as agent {agent} sees it after {} \
+                 steps of episode {episode}; possible causes: another build of SUMO or of this program, or a \
+                 simulator whose state depends on more than its seed and actions",
                 trail.steps()
             );
         }
@@ -79,7 +79,7 @@ fn retrace(
     Ok(())
 }
 
-/// Hands every kind what its agents see.
+/// Copies to every kind what its agents see.
 fn show(percept: &JointPercept, kinds: &Kinds, percepts: &mut [Percept]) {
     percepts.iter_mut().enumerate().for_each(|(kind, of_kind)| percept.of_kind(kinds, kind, of_kind));
 }

@@ -11,12 +11,12 @@ use crate::base::{Dice, Phase, Rows, Stopwatch};
 use crate::domain::{Action, Beginning, LocalSimulator, Percept, Result};
 use crate::influence::InfluencePredictor;
 
-/// Local simulators of one kind and the influence predictor that drives them, every row with an episode of its own.
+/// Local simulators of one kind, and the influence predictor that drives them. Every row has its own episode.
 pub struct Ials<'a> {
     simulator: Timed<dyn LocalSimulator>,
     predictor: &'a mut dyn InfluencePredictor,
     dice: Vec<Dice>,
-    /// Steps by which the first episode of each row is shorter.
+    /// Number of steps by which the first episode of each row is shorter.
     head_starts: Vec<usize>,
     trails: Vec<Trail>,
     percept: Percept,
@@ -27,14 +27,14 @@ pub struct Ials<'a> {
 }
 
 impl<'a> Ials<'a> {
-    /// Brings new simulators to where `streams` left the old ones, and goes on from there.
+    /// Brings new simulators to the state in which `streams` left the old ones, and continues from there.
     ///
     /// `streams`: one per agent, all with the same number of copies. With `stagger`, the first episode of copy c begins
-    /// as if `c / copies` of the horizon had passed, so that the copies of an agent later end at different times and its
-    /// memory holds all parts of an episode.
+    /// as if `c / copies` of the horizon had passed. So the copies of an agent end at different times, and its memory
+    /// holds all parts of an episode.
     ///
-    /// The predictor sees the d-sets of the trails again. So an AIP that was trained since goes on with what it would
-    /// remember itself.
+    /// The predictor sees the d-sets (its inputs) of the trails again. So an AIP (approximate influence predictor) that
+    /// was trained since then has the hidden state that it would have had itself.
     pub fn resume(
         simulator: Box<dyn LocalSimulator>,
         predictor: &'a mut dyn InfluencePredictor,
@@ -46,7 +46,7 @@ impl<'a> Ials<'a> {
         predictor.begin(trails.len());
         let percept = retrace(&mut simulator, predictor, &trails)?;
         let counted = simulator.counters().into_iter().map(|(_, count)| count).collect();
-        // What that took is known to the caller, and is no part of the steps to come.
+        // The caller has timed this; it is not part of the steps to come.
         simulator.take_watch();
         let spec = simulator.spec();
         let head_start = |copy: usize, copies: usize| if stagger { copy * spec.horizon / copies } else { 0 };
@@ -68,16 +68,17 @@ impl<'a> Ials<'a> {
         })
     }
 
-    /// What the local simulators counted since [`Ials::resume`].
+    /// Returns what the local simulators counted since [`Ials::resume`].
     pub fn counters(&self) -> Vec<(&'static str, u64)> {
         let totals = self.simulator.counters().into_iter().zip(&self.counted);
         totals.map(|((name, total), before)| (name, total - before)).collect()
     }
 }
 
-/// Plays the trails in new simulators; returns what the rows show at their ends.
+/// Replays the trails in new simulators. Returns what the rows show at their ends.
 ///
-/// All trails end together. A row whose episode is younger than the oldest waits, and is reset when its time comes.
+/// All trails end together. A row whose episode is younger than the oldest one waits, and is reset when its episode
+/// begins.
 fn retrace(
     simulator: &mut Timed<dyn LocalSimulator>,
     predictor: &mut dyn InfluencePredictor,
@@ -107,8 +108,9 @@ fn retrace(
     for (row, trail) in trails.iter().enumerate() {
         ensure!(
             trail.steps() == 0 || trail.shown == fingerprint(&percept, row),
-            "local simulator {row} did not come back to where training left it after {} steps of its episode {}: another \
-             build of SUMO or of this program, or a simulator that does not follow from its actions and sources alone",
+            "local simulator {row} did not come back to where training left it after {} steps of its episode {}; \
+             possible causes: another build of SUMO or of this program, or a simulator whose state depends on more than \
+             its actions and sources",
             trail.steps(),
             trail.episode
         );
@@ -171,7 +173,7 @@ mod tests {
     use crate::domain::toy::Coins;
     use crate::training::stream::RowStream;
 
-    /// Predicts a constant and writes down what it was shown.
+    /// A predictor that predicts a constant and records what it was shown.
     struct Spy {
         seen: Vec<Rows<f32>>,
         forgotten: Vec<Vec<usize>>,
@@ -196,7 +198,7 @@ mod tests {
         }
     }
 
-    /// An agent with two copies at the beginning of its training.
+    /// Returns the stream of an agent with two copies at the beginning of its training.
     fn fresh() -> AgentStream {
         let dice = Seed::new(0).dice();
         AgentStream { minibatches: dice.clone(), rows: vec![RowStream::begin(dice.clone(), dice, &[]); 2] }
@@ -249,7 +251,7 @@ mod tests {
         let (spy, _, shown) = run(false, 3);
         assert_eq!(spy.seen[0].as_slice(), [0.0; 4], "an episode begins with both coins at 0");
         assert_eq!(spy.seen[1], shown[0]);
-        assert_eq!(shown[0].as_slice(), [1.0; 4], "action 1 and source 1 lay both coins as 1");
+        assert_eq!(shown[0].as_slice(), [1.0; 4], "action 1 and source 1 turn both coins to 1");
     }
 
     #[test]

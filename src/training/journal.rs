@@ -1,4 +1,4 @@
-//! What Algorithm 1 reports as it goes. Who listens may write files; training does not know.
+//! What Algorithm 1 reports as it proceeds. The listener may write files; training does not know.
 
 use super::answers::{FleetLoad, PolicyTraining};
 use super::drift::Moment;
@@ -8,11 +8,12 @@ use crate::domain::Result;
 use crate::evaluation::Evaluation;
 use crate::influence::{AipLoss, FreshLoss};
 
-/// Writes down what happened. It answers no question: how training goes on is in [`Standing`]. An error ends training.
+/// A record of what happened. It returns no information: how training continues is in [`Standing`]. An error ends the
+/// training.
 ///
-/// `agents`: all of them, as they are after what happened.
+/// `agents`: all agents, as they are after the event.
 pub trait Journal {
-    /// Training begins, or goes on, with these agents.
+    /// Training begins, or continues, with these agents.
     fn begun(&mut self, _agents: &AgentsState) -> Result<()> {
         Ok(())
     }
@@ -27,12 +28,12 @@ pub trait Journal {
         Ok(())
     }
 
-    /// The loss of the AIPs was measured on fresh episodes.
+    /// The loss of the AIPs was measured on new episodes.
     fn aips_measured(&mut self, _agents: &AgentsState, _after: Moment, _losses: &[FreshLoss]) -> Result<()> {
         Ok(())
     }
 
-    /// A period of training is over. Training can go on from here with `agents` and `standing`.
+    /// A period of training is over. Training can continue from here with `agents` and `standing`.
     fn period_done(
         &mut self,
         _agents: &AgentsState,
@@ -49,7 +50,7 @@ pub trait Journal {
     }
 }
 
-/// Writes nothing down.
+/// A journal that records nothing.
 pub struct Unrecorded;
 
 impl Journal for Unrecorded {}

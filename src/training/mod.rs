@@ -1,15 +1,19 @@
-//! Learning: Algorithms 1 to 3 of the paper and PPO.
+//! Learning: Algorithms 1 to 3 of the paper, and PPO.
+//!
+//! The global simulator (GS) simulates the whole system. Local simulators (LS) simulate one region each, driven by the
+//! approximate influence predictors (AIPs); both together are the influence-augmented local simulators (IALS).
 //!
 //! - [`dials`]: Algorithm 1, the whole training on one screen.
 //! - [`collect`]: Algorithm 2, datasets from the GS.
-//! - [`ials`]: Algorithm 3, trajectories from local simulators and AIPs; [`global`] is the GS in the same role.
-//! - [`environment`]: what both are to a learning agent. [`timed`]: simulators that tell how long their calls took.
-//! - [`rollout`], [`gae`], [`ppo`]: what an agent makes of its trajectories.
-//! - [`block`]: a share of the agents with their networks. [`state`]: what agents have become. [`answers`]: what work brings.
-//! - [`fleet`]: who does the work. This room never sees a process, a socket or SUMO.
-//! - [`journal`], [`observer`]: who hears of it. This room never sees a file.
-//! - [`standing`], [`drift`]: how Algorithm 1 goes on, and whether AIPs have to be trained again.
-//! - [`stream`]: what goes on from one period to the next, so that looking at training leaves no trace in it.
+//! - [`ials`]: Algorithm 3, trajectories from the IALS; [`global`]: the GS in the same role.
+//! - [`environment`]: what a learning agent sees of either; [`timed`]: simulators whose calls are timed.
+//! - [`rollout`], [`gae`], [`ppo`]: trajectories, their advantages, and the update of the policies.
+//! - [`block`]: a share of the agents with their networks; [`state`]: the state of agents after a period; [`answers`]:
+//!   results of the work.
+//! - [`fleet`]: the workers, as a trait. This room never sees a process, a socket or SUMO.
+//! - [`journal`], [`observer`]: those who watch the progress. This room never sees a file.
+//! - [`standing`]: how far Algorithm 1 has come; [`drift`]: whether the AIPs must be trained again.
+//! - [`stream`]: what continues from one period to the next, so that evaluations do not change the training.
 
 pub mod answers;
 pub mod block;

@@ -1,6 +1,6 @@
 //! Proximal policy optimisation: the clipped loss and its gradient, and the update of all agents from a memory.
 //!
-//! Source: Schulman et al. 2017, eq. 7 and 9; constants: DIALS paper, appendix "Hyperparameters". To the letter, after
+//! Source: Schulman et al. 2017, eq. 7 and 9; constants: DIALS paper, appendix "Hyperparameters". The details follow
 //! the authors' code:
 //!
 //! - the loss of a minibatch is `-surrogate + c1 * value loss - beta * entropy`, each a mean over the minibatch;
@@ -29,7 +29,7 @@ pub struct Decayed {
 }
 
 impl Decayed {
-    /// Their values after the share `done` of the total steps.
+    /// Returns their values after the share `done` of the total steps.
     pub fn at(config: &PpoConfig, done: f64) -> Self {
         let decay = |from: f64, to: f64| from + (to - from) * done.clamp(0.0, 1.0);
         Decayed { learning_rate: decay(config.learning_rate, 1e-10), clip: decay(config.clip, 1e-5) }
@@ -57,7 +57,7 @@ pub struct Losses {
 }
 
 impl Losses {
-    /// Adds `weight` times another mean.
+    /// Adds `weight` times other means.
     pub fn add(&mut self, other: &Losses, weight: f64) {
         self.surrogate += weight * other.surrogate;
         self.value += weight * other.value;
@@ -67,9 +67,10 @@ impl Losses {
     }
 }
 
-/// Updates all policies of the stack from the memory; returns the mean losses of each agent over the update.
+/// Updates all policies of the stack from the memory. Returns the mean losses of each agent over the update.
 ///
-/// `dice`: one per agent, for its minibatches. Every agent makes all of its gradient steps before the next one begins.
+/// `dice`: one per agent, for its minibatches. Every agent makes all of its gradient steps before the next agent
+/// begins.
 pub fn update(
     policies: &mut PolicyStack,
     adam: &mut Adam,
@@ -114,19 +115,19 @@ pub fn update(
     done.into_iter().map(|(losses, _)| losses).collect()
 }
 
-/// What an update works in, one agent after another.
+/// Working memory of an update, used by one agent after another.
 #[derive(Default)]
 struct Room {
     minibatch: Minibatch,
     trace: Trace,
-    /// Of the loss by the outputs of the network.
+    /// Gradient of the loss by the outputs of the network.
     gradient: Vec<f32>,
 }
 
-/// Some sequences of one agent's memory; rows ordered step, sequence.
+/// Some sequences of one agent's memory; rows are ordered by step, then by sequence.
 #[derive(Default)]
 struct Minibatch {
-    /// Steps of each sequence.
+    /// Number of steps of each sequence.
     length: usize,
     obs: Vec<f32>,
     /// `[rows, n_actions]`; empty if the kind has no masks.
@@ -152,7 +153,7 @@ impl Minibatch {
                 self.masks.extend_from_slice(memory.mask(agent, slot));
                 let sample = *memory.sample(agent, slot);
                 self.samples.push(sample);
-                // A sequence begins in the state that it was recorded with, cleared or not.
+                // A sequence begins in the state that it was recorded with, whether that was cleared or not.
                 self.starts.push(step > 0 && sample.start);
             }
         }
@@ -164,9 +165,9 @@ impl Minibatch {
     }
 }
 
-/// The loss of one agent's minibatch, and its gradient with respect to the network's outputs.
+/// Returns the loss of one agent's minibatch, and writes its gradient with respect to the network's outputs.
 ///
-/// `outputs`, `gradient`: `[batch, n_actions + 1]`, logits and value; `masks`: `[batch, n_actions]`, or nothing where all
+/// `outputs`, `gradient`: `[batch, n_actions + 1]`, logits and value; `masks`: `[batch, n_actions]`, or empty if all
 /// actions are allowed.
 fn loss_and_gradient(
     outputs: &[f32],
@@ -198,7 +199,7 @@ fn loss_and_gradient(
         let ratio = (log_probs[action] - sample.log_prob).exp();
         let clipped = ratio.clamp(1.0 - weights.clip, 1.0 + weights.clip);
         let surrogate = (ratio * advantage).min(clipped * advantage);
-        // Where the clipped term is the smaller one, the surrogate no longer depends on the policy.
+        // If the clipped term is the smaller one, the surrogate does not depend on the policy.
         let policy_slope = if ratio * advantage <= clipped * advantage { ratio * advantage } else { 0.0 };
         for (logit, (gradient, log_prob)) in gradient[..n_actions].iter_mut().zip(&log_probs).enumerate() {
             let prob = log_prob.exp();
@@ -206,7 +207,7 @@ fn loss_and_gradient(
             // d ln pi(a) / d logit_k = [k = a] - p_k;  d H / d logit_k = -p_k (ln p_k + H)
             let surrogate_slope = policy_slope * (chosen - prob);
             let entropy_slope = -prob * (log_prob + entropy);
-            // What is forbidden has no probability, whatever its logit: d / d logit_k of everything is 0.
+            // A forbidden action has probability 0, whatever its logit, so all derivatives by that logit are 0.
             let forbidden = *log_prob == f32::NEG_INFINITY;
             *gradient = if forbidden { 0.0 } else { -(surrogate_slope + weights.entropy * entropy_slope) / batch };
         }
@@ -216,8 +217,8 @@ fn loss_and_gradient(
         let near = sample.value + moved.clamp(-weights.clip, weights.clip);
         let (error, near_error) = (value - sample.ret, near - sample.ret);
         let value_loss = (error * error).max(near_error * near_error);
-        // The clipped term depends on the value only inside the clip range, where both terms are the same but for
-        // rounding: `v_old + (v - v_old)` may miss `v` by a digit, and must not decide.
+        // The clipped term depends on the value only inside the clip range. There both terms are equal except for
+        // rounding. `v_old + (v - v_old)` may miss `v` by a digit, which must not decide.
         let inside = moved.abs() <= weights.clip;
         let value_slope = if inside || error * error >= near_error * near_error { 2.0 * error } else { 0.0 };
         gradient[n_actions] = weights.value * value_slope / batch;
@@ -234,7 +235,7 @@ fn loss_and_gradient(
     losses
 }
 
-/// The advantages with mean 0 and (unbiased) standard deviation 1.
+/// Returns the advantages with mean 0 and (unbiased) standard deviation 1.
 fn normalised(samples: &[Sample]) -> impl Iterator<Item = f32> {
     let count = samples.len() as f32;
     let mean = samples.iter().map(|sample| sample.advantage).sum::<f32>() / count;

@@ -11,18 +11,18 @@ use crate::policy::{Memory, PolicyStack, Sample, sampling};
 
 /// Returns of the episodes that ended in this period, per agent.
 ///
-/// First episodes that staggering cut short do not count.
+/// First episodes that were cut short by staggering do not count.
 #[derive(Clone, Debug)]
 pub struct EpisodeReturns {
     horizon: usize,
-    /// Sum of rewards and steps since the episode began, per row.
+    /// Sum of rewards and number of steps since the episode began, per row.
     running: Vec<(f64, usize)>,
     /// Sum of returns and number of episodes, per agent.
     finished: Vec<(f64, u64)>,
 }
 
 impl EpisodeReturns {
-    /// Goes on with the episodes that are under way.
+    /// Continues the current episodes.
     fn resume(streams: &[AgentStream], horizon: usize) -> Self {
         let running = rows_of(streams).map(|row| (row.rewards, row.trail.steps()));
         EpisodeReturns { horizon, running: running.collect(), finished: vec![(0.0, 0); streams.len()] }
@@ -44,26 +44,26 @@ impl EpisodeReturns {
         }
     }
 
-    /// Mean return and number of episodes, per agent; no mean where no episode ended.
+    /// Returns the mean return and the number of episodes, per agent. If no episode ended: `None` and 0.
     pub fn means(&self) -> Vec<(Option<f64>, u64)> {
         let mean = |&(sum, episodes): &(f64, u64)| ((episodes > 0).then(|| sum / episodes as f64), episodes);
         self.finished.iter().map(mean).collect()
     }
 }
 
-/// An agent's hands and eyes while it trains: what carries on from one rollout to the next.
+/// Acting state of some agents in training: what continues from one rollout to the next.
 pub struct Actor {
-    /// One per row, for its actions.
+    /// Dice for the actions, one per row.
     pub dice: Vec<Dice>,
     /// Hidden states of the policies, one per row.
     pub states: States,
-    /// An episode begins with the next decision of the row.
+    /// Whether an episode begins with the row's next decision.
     pub starts: Vec<bool>,
     pub returns: EpisodeReturns,
 }
 
 impl Actor {
-    /// Goes on where `streams` left off, one per agent.
+    /// Continues where `streams`, one per agent, left off.
     pub fn resume(policies: &PolicyStack, streams: &[AgentStream], horizon: usize) -> Self {
         let rows: Vec<&RowStream> = rows_of(streams).collect();
         let mut states = policies.states(rows.len());
@@ -76,7 +76,7 @@ impl Actor {
         }
     }
 
-    /// Writes down how far it has come.
+    /// Writes the acting state to the streams.
     pub fn leave(&self, streams: &mut [AgentStream]) {
         let rows = self.dice.iter().zip(&self.returns.running).zip(rows_of_mut(streams));
         for (row, ((dice, (rewards, _)), stream)) in rows.enumerate() {
@@ -87,15 +87,15 @@ impl Actor {
     }
 }
 
-/// The agents of one kind at play: who acts, and where it is written down.
+/// Agents of one kind that play: their policies, their acting state and their memory.
 pub struct Player<'a> {
     pub policies: &'a PolicyStack,
     pub actor: &'a mut Actor,
     pub memory: &'a mut Memory,
 }
 
-/// Plays `rollout_steps` steps and writes them to the memories: for every agent the slots from `first_slot` on, copy after
-/// copy. `players`: one per kind of the environment.
+/// Plays `rollout_steps` steps and writes them to the memories. For every agent they fill the slots from `first_slot`
+/// on, copy after copy. `players`: one per kind of the environment.
 pub fn roll_out(
     environment: &mut dyn Environment,
     players: &mut [Player<'_>],
@@ -122,13 +122,13 @@ pub fn roll_out(
     Ok(())
 }
 
-/// What a rollout of one kind has come to so far.
+/// What a rollout of one kind holds so far.
 struct Rollout {
     rows: usize,
-    /// Steps that it will have.
+    /// Number of steps that it will have.
     steps: usize,
     first_slot: usize,
-    /// `[steps so far, rows]`, as are the values and the ends.
+    /// `[steps so far, rows]`; the same for the values and the ends.
     rewards: Vec<f32>,
     values: Vec<f32>,
     ends: Vec<bool>,
@@ -147,13 +147,13 @@ impl Rollout {
         }
     }
 
-    /// The agent of a row, and the slot for its step `t`.
+    /// Returns the agent of a row, and the slot for its step `t`.
     fn slot(&self, t: usize, row: usize, agents: usize) -> (usize, usize) {
         let copies = self.rows / agents;
         (row / copies, self.first_slot + row % copies * self.steps + t)
     }
 
-    /// Decides, one action per row.
+    /// Chooses one action per row.
     fn act(&mut self, t: usize, player: &mut Player<'_>, percept: &Percept) -> Vec<Action> {
         let Player { policies, actor, memory } = player;
         let before = actor.states.clone();
@@ -176,7 +176,7 @@ impl Rollout {
         actions
     }
 
-    /// Takes in what the actions brought.
+    /// Records what the actions brought.
     fn take_in(&mut self, player: &mut Player<'_>, experience: &Experience, config: &PpoConfig, watch: &mut Stopwatch) {
         let Player { policies, actor, .. } = player;
         actor.returns.add(experience);
@@ -193,7 +193,7 @@ impl Rollout {
         (0..self.rows).filter(|&row| experience.ends[row]).for_each(|row| actor.states.clear(row));
     }
 
-    /// Writes advantages and returns to the memory. `percept`: after the last step.
+    /// Writes advantages and returns to the memory. `percept`: what the rows show after the last step.
     fn finish(&self, player: &mut Player<'_>, percept: &Percept, config: &PpoConfig, watch: &mut Stopwatch) {
         let Player { policies, actor, memory } = player;
         let last_values: Vec<f32> = watch.time(Phase::Acting, || {
@@ -213,10 +213,10 @@ impl Rollout {
     }
 }
 
-/// Adds the discounted value of the last observation, seen in the state carried there, to the rewards of the rows whose
-/// episode the time limit cut.
+/// Adds the discounted value of the last observation to the rewards of the rows whose episode the time limit cut. The
+/// value is computed with the policy's hidden state at that step.
 ///
-/// DEVIATION 8: in the authors' code nothing comes after the horizon (`time_limit = "terminal"`); but an agent sees no
+/// DEVIATION 8: in the authors' code nothing comes after the horizon (`time_limit = "terminal"`). But an agent sees no
 /// clock, so its critic cannot know.
 fn credit_what_would_come(
     policies: &PolicyStack,
@@ -242,8 +242,8 @@ mod tests {
     use crate::config::{Config, PolicyConfig};
     use crate::domain::{RegionSpec, SourceSpec};
 
-    /// Two agents with two copies each. Row r shows the number 10 r + t at step t of its episode and is rewarded with
-    /// r + t / 10; the episodes of row 1 end after every third step, the others never.
+    /// Two agents with two copies each. Row r shows the number 10 r + t at step t of its episode, and its reward is r +
+    /// t / 10. The episodes of row 1 end after every third step, the others never.
     struct Scripted {
         spec: RegionSpec,
         ages: [usize; 4],
@@ -300,7 +300,7 @@ mod tests {
         }
     }
 
-    /// A network whose value is the observation plus, with memory, something of the state.
+    /// Makes networks whose value is the observation plus, with memory, a part of the state.
     fn policies(recurrent: Option<usize>, spec: &RegionSpec) -> PolicyStack {
         let config = PolicyConfig { recurrent, hidden: vec![4], ..PolicyConfig::default() };
         PolicyStack::new(&AgentId::all(2), spec, &config, &[0.0; 2], Seed::new(6))
@@ -308,13 +308,13 @@ mod tests {
 
     const T: usize = 4;
 
-    /// Two agents with two copies each at the beginning of their training.
+    /// Returns the streams of two agents with two copies each at the beginning of training.
     fn streams(policies: &PolicyStack) -> Vec<AgentStream> {
         let config: Config = toml::from_str("seed = 7\nlocal_simulators.copies = 2").unwrap();
         AgentId::all(2).into_iter().map(|agent| AgentStream::begin(&config, policies, agent)).collect()
     }
 
-    /// Two rollouts of four steps into a memory of 16 per agent.
+    /// Records two rollouts of four steps in a memory of 16 per agent.
     fn recorded(recurrent: Option<usize>, time_limit: TimeLimit) -> (Memory, PolicyStack) {
         let mut scripted = Scripted::new();
         let policies = policies(recurrent, &scripted.spec);
@@ -330,7 +330,7 @@ mod tests {
         (memory, policies)
     }
 
-    /// What row `row` lives through, step by step for both rollouts and the step after: (age, state before).
+    /// Returns what row `row` goes through, step by step, in both rollouts and the step after: (age, state before).
     fn lived(policies: &PolicyStack, row: usize) -> (Vec<usize>, Vec<f32>, Vec<f32>) {
         let (mut ages, mut values, mut last_values) = (vec![], vec![], vec![]);
         let mut states = policies.states(2);

@@ -1,19 +1,19 @@
-//! Where Algorithm 1 stands between two periods: all that decides how it goes on, besides the config and the agents.
+//! How far Algorithm 1 has come between two periods. With the config and the agents, it decides how training continues.
 
 use super::drift::Drift;
 use crate::config::{AipTraining, Config, Period};
 
-/// Where training stands. The default is its beginning.
+/// How far training has come. The default is its beginning.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Standing {
     /// Number of periods of the schedule that are over.
     pub periods_done: usize,
-    /// How the AIPs have drifted since their last training.
+    /// Drift of the AIPs (approximate influence predictors) since their last training.
     pub drift: Drift,
 }
 
 impl Standing {
-    /// Whether the AIPs are trained before the policies in this period.
+    /// Returns whether the AIPs are trained before the policies in this period.
     pub fn trains_aips(&self, period: &Period, config: &Config) -> bool {
         match period.train_aips {
             AipTraining::No => false,
@@ -39,7 +39,7 @@ mod tests {
             })
         };
         let mut standing = Standing::default();
-        assert_eq!(trains(&standing), [false, false, true], "nothing was trained yet, so nothing can have drifted");
+        assert_eq!(trains(&standing), [false, false, true], "before the first training nothing can have drifted");
         let losses = |loss| [FreshLoss { predictor: vec![loss], marginals: vec![0.5] }];
         standing.drift.note(Moment::Training, &losses(0.2));
         // 0.208 / 0.2 is 4 % more, 0.212 / 0.2 is 6 %.

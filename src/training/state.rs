@@ -1,4 +1,4 @@
-//! What agents have become: all of a run that has to survive a period.
+//! The state of agents: everything in a run that must survive a period.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,31 +6,31 @@ use super::stream::AgentStream;
 use crate::base::Ragged;
 use crate::policy::JointPolicy;
 
-/// The state of some agents after a period, one row per agent in each table, as wide as its kind has it.
+/// State of some agents after a period. Each table has one row per agent, as wide as its kind has it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AgentsState {
     /// Timesteps per agent so far.
     pub steps: u64,
     pub policies: JointPolicy,
-    /// Of the policies' optimiser. (That of the AIPs starts afresh at each training.)
+    /// Moments of the policies' optimiser. (The optimiser of the AIPs starts from zero at each training.)
     pub moments: JointMoments,
-    /// What the influence predictors have learnt: weights of AIPs, or constants.
+    /// What the influence predictors have learnt: weights of AIPs (approximate influence predictors), or constants.
     pub aips: Ragged<f32>,
-    /// Where their training stands: episodes under way and dice.
+    /// Unfinished episodes, and dice.
     pub streams: Vec<AgentStream>,
 }
 
-/// What the policies' optimisers remember: see [`crate::nn::Moments`].
+/// Moments of the policies' optimisers: see [`crate::nn::Moments`].
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct JointMoments {
     pub first: Ragged<f32>,
     pub second: Ragged<f32>,
-    /// Gradient steps of every agent.
+    /// Number of gradient steps of every agent.
     pub steps: u32,
 }
 
 impl AgentsState {
-    /// The state of no agents at all.
+    /// Returns the state of no agents at all.
     pub fn nobody() -> AgentsState {
         AgentsState {
             steps: 0,
@@ -45,7 +45,7 @@ impl AgentsState {
         self.policies.len()
     }
 
-    /// The share of some of the agents, in this order.
+    /// Returns the state of some of the agents, in this order.
     pub fn share(&self, agents: impl IntoIterator<Item = usize> + Clone) -> AgentsState {
         AgentsState {
             steps: self.steps,
@@ -60,7 +60,7 @@ impl AgentsState {
         }
     }
 
-    /// Takes over the state of the agents from `first` on, one after another.
+    /// Overwrites the state of the agents from `first` on.
     pub fn replace(&mut self, first: usize, part: &AgentsState) {
         self.steps = part.steps;
         self.moments.steps = part.moments.steps;
@@ -71,7 +71,7 @@ impl AgentsState {
         self.streams[first..][..part.streams.len()].clone_from_slice(&part.streams);
     }
 
-    /// The state of all agents, from those of some, in order.
+    /// Joins the states of groups of agents, in order, into the state of all.
     pub fn joined(parts: Vec<AgentsState>) -> AgentsState {
         let join = |mut whole: AgentsState, next: AgentsState| {
             debug_assert_eq!((whole.steps, whole.moments.steps), (next.steps, next.moments.steps));

@@ -1,9 +1,10 @@
-//! The stream of training: what goes on from one period to the next besides networks and optimisers.
+//! The stream of training: what continues from one period to the next besides networks and optimisers.
 //!
-//! Evaluations, datasets and checkpoints cut training into periods, and at each cut the simulators are lost: SUMO holds
+//! Evaluations, datasets and checkpoints cut training into periods, and at each cut the simulators are lost. SUMO holds
 //! one simulation per process, and cannot save the middle of one exactly. But a local region follows from its actions
-//! and influence sources since its episode began, and the GS from its seed and actions. A [`Trail`] keeps these. Played
-//! again in a new simulator they lead to the same state, to the bit, so that training goes on as if nobody had looked.
+//! and influence sources since its episode began, and the global simulator (GS) from its seed and actions. A [`Trail`]
+//! keeps these. Replayed in a new simulator, they lead to exactly the same state. So training continues as if there had
+//! been no cut.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,16 +13,16 @@ use crate::config::Config;
 use crate::domain::{Action, Percept};
 use crate::policy::PolicyStack;
 
-/// Training of one agent as it stands between two rollouts.
+/// State of one agent's training between two rollouts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AgentStream {
     /// Dice for the order of its minibatches.
     pub minibatches: Dice,
-    /// One per copy of the agent's region.
+    /// One stream per copy of the agent's region.
     pub rows: Vec<RowStream>,
 }
 
-/// One copy of an agent's region as it stands between two rollouts.
+/// State of one copy of an agent's region between two rollouts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RowStream {
     pub trail: Trail,
@@ -29,35 +30,36 @@ pub struct RowStream {
     pub acting: Dice,
     /// Dice for the influence sources; unused on the GS.
     pub influence: Dice,
-    /// Hidden state of the policy; empty without memory. It cannot be computed again: earlier policies took part in it.
+    /// Hidden state of the policy; empty without memory. It cannot be recomputed, because earlier policies took part in
+    /// it.
     pub state: Vec<f32>,
     /// Sum of the rewards since the episode began.
     pub rewards: f64,
 }
 
-/// All that a local region has lived through since its episode began.
+/// All actions and influences of a local region since its episode began.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Trail {
     /// Number of the episode in this row, from 0.
     pub episode: u64,
-    /// One per step.
+    /// Actions, one per step.
     pub actions: Vec<Action>,
     /// Influence sources, step after step; empty on the GS.
     pub sources: Vec<u8>,
-    /// Fingerprint of what the row shows now, to check that playing the trail again leads to the same place. Written
+    /// Fingerprint of what the row shows now. It checks that a replay of the trail leads to the same place. Written
     /// when a period ends.
     pub shown: u64,
 }
 
 impl RowStream {
-    /// A row whose first episode begins. `state`: the hidden state of its policy.
+    /// Makes a row whose first episode begins. `state`: the hidden state of its policy.
     pub fn begin(acting: Dice, influence: Dice, state: &[f32]) -> RowStream {
         RowStream { trail: Trail::default(), acting, influence, state: state.to_vec(), rewards: 0.0 }
     }
 }
 
 impl AgentStream {
-    /// The stream of an agent when training begins.
+    /// Makes the stream of an agent at the beginning of training.
     pub fn begin(config: &Config, policies: &PolicyStack, agent: AgentId) -> AgentStream {
         let stream = |purpose: RandomPurpose| Seed::new(config.seed).fork(purpose).for_agent(agent);
         let dice = |purpose: RandomPurpose, copy: usize| stream(purpose).for_copy(copy).dice();
@@ -72,34 +74,34 @@ impl AgentStream {
     }
 }
 
-/// The rows of some agents, agent-major.
+/// Returns the rows of some agents, ordered by agent.
 pub fn rows_of(streams: &[AgentStream]) -> impl Iterator<Item = &RowStream> {
     streams.iter().flat_map(|stream| &stream.rows)
 }
 
-/// As [`rows_of`].
+/// Returns the rows of [`rows_of`], for writing.
 pub fn rows_of_mut(streams: &mut [AgentStream]) -> impl Iterator<Item = &mut RowStream> {
     streams.iter_mut().flat_map(|stream| &mut stream.rows)
 }
 
 impl Trail {
-    /// Steps since the episode began.
+    /// Returns the number of steps since the episode began.
     pub fn steps(&self) -> usize {
         self.actions.len()
     }
 
-    /// The sources of a step, each `width` wide.
+    /// Returns the sources of a step; `width`: number of sources.
     pub fn sources_at(&self, step: usize, width: usize) -> &[u8] {
         &self.sources[step * width..][..width]
     }
 
-    /// The row made a step.
+    /// Appends a step.
     pub fn push(&mut self, action: Action, sources: &[u8]) {
         self.actions.push(action);
         self.sources.extend_from_slice(sources);
     }
 
-    /// The episode ended, and the next one begins.
+    /// Ends the episode and begins the next one.
     pub fn end_episode(&mut self) {
         self.episode += 1;
         self.actions.clear();
@@ -107,12 +109,13 @@ impl Trail {
     }
 }
 
-/// The longest of some trails.
+/// Returns the number of steps of the longest trail.
 pub fn longest(trails: &[Trail]) -> usize {
     trails.iter().map(Trail::steps).max().unwrap_or(0)
 }
 
-/// A number that hardly any two percepts of a row share. Stable across builds: checkpoints hold it.
+/// Returns a number that hardly any two percepts of a row share. It is stable across builds, because checkpoints hold
+/// it.
 pub fn fingerprint(percept: &Percept, row: usize) -> u64 {
     let tables: [&Rows<f32>; 2] = [&percept.obs, &percept.d_set];
     let values = tables.into_iter().flat_map(|table| table.row(row));

@@ -1,4 +1,4 @@
-//! Simulators and controllers that tell how long their calls took.
+//! Simulators and controllers whose calls are timed.
 
 use std::time::{Duration, Instant};
 
@@ -8,8 +8,8 @@ use crate::domain::{
     LocalSimulator, Measures, Percept, RegionSpec, Result, Scene, Transition,
 };
 
-/// A simulator whose steps and resets are timed from outside. What it tells of its steps itself, as
-/// [`GlobalSimulator::take_watch`] has it, is taken out of them.
+/// A simulator whose steps and resets are timed from outside. Phases that the simulator itself measured within its
+/// steps, see [`GlobalSimulator::take_watch`], are subtracted.
 pub struct Timed<S: ?Sized> {
     inner: Box<S>,
     steps: Duration,
@@ -21,7 +21,7 @@ impl<S: ?Sized> Timed<S> {
         Timed { inner, steps: Duration::ZERO, resets: Duration::ZERO }
     }
 
-    /// `told`: by the simulator itself, of its steps.
+    /// Splits the measured times into phases. `told`: what the simulator itself measured within its steps.
     fn split(&mut self, told: Stopwatch) -> Stopwatch {
         let mut watch = told;
         let untold = self.steps.saturating_sub(watch.total());
@@ -135,12 +135,12 @@ mod tests {
     use crate::domain::Domain;
     use crate::domain::toy::Coins;
 
-    /// Says that a part of its steps was reading, and how long.
+    /// A simulator that reports a part of its steps as reading.
     struct Telling(Duration);
 
     impl LocalSimulator for Telling {
         fn spec(&self) -> &RegionSpec {
-            unreachable!("nobody asks")
+            unreachable!("not used in these tests")
         }
 
         fn rows(&self) -> usize {
@@ -148,11 +148,11 @@ mod tests {
         }
 
         fn reset(&mut self, _begin: &[Beginning]) -> Result<&Percept> {
-            unreachable!("nobody asks")
+            unreachable!("not used in these tests")
         }
 
         fn step(&mut self, _actions: &[Action], _sources: &Rows<u8>) -> Result<&Transition> {
-            anyhow::bail!("this one only tells the time")
+            anyhow::bail!("this one only reports times")
         }
 
         fn counters(&self) -> Vec<(&'static str, u64)> {
@@ -175,7 +175,7 @@ mod tests {
         let watch = timed.take_watch();
         let seconds = |phase| watch.spent(phase).as_secs();
         assert_eq!((seconds(Phase::Reading), seconds(Phase::SimulatorStep), seconds(Phase::Reset)), (2, 5, 1));
-        assert_eq!(timed.take_watch().total(), told, "the second time only what is told anew");
+        assert_eq!(timed.take_watch().total(), told, "the second call returns only what was reported since the first");
     }
 
     #[test]

@@ -1,32 +1,33 @@
-//! Differences of final returns: paired by episode and by seed where both sides played the same episodes.
+//! Differences of final returns, paired by episode and by seed if both sides played the same episodes.
 //!
-//! The difference of a seed is the mean over the episodes of the difference in each. So what the traffic of these episodes
-//! adds to both sides drops out, and only the seeds are left to spread. What is said of a difference is said of these
+//! The difference of a seed is the mean over the episodes of the difference in each. So the effect of the traffic,
+//! which is the same on both sides, cancels out, and only the spread between seeds remains. The result holds for these
 //! episodes.
 
 use super::{Bounds, UncertainMean, interval_of, mean, welch};
 
-/// The episodes of an evaluation. Evaluations with the same ones saw the same traffic.
+/// Episodes of an evaluation. Two evaluations with the same episodes saw the same traffic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Episodes {
-    /// `evaluation.seed`
+    /// Value of `evaluation.seed`.
     pub seed: u64,
     pub count: usize,
 }
 
-/// What a run, or a controller, came to on its episodes.
+/// Result of a run, or of a controller, on its episodes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Played {
     /// Mean return of all agents.
     pub mean: f64,
     /// Number of episodes, if it is known.
     pub count: Option<usize>,
-    /// The episodes with the mean return of all agents in each; `None` for files of versions that did not write them down.
+    /// Episodes, and the mean return of all agents in each; `None` for files of versions that did not record them.
     pub on: Option<(Episodes, Vec<f64>)>,
 }
 
 impl Played {
-    /// `seed`: `evaluation.seed`; `returns`: the mean return of all agents in each episode, empty if it was not written down.
+    /// Makes a result. `seed`: `evaluation.seed`; `returns`: the mean return of all agents in each episode, empty if
+    /// not recorded.
     pub fn new(mean: f64, count: Option<usize>, seed: Option<u64>, returns: Vec<f64>) -> Played {
         let episodes = seed.map(|seed| Episodes { seed, count: returns.len() });
         Played { mean, count, on: episodes.filter(|_| !returns.is_empty()).map(|episodes| (episodes, returns)) }
@@ -37,22 +38,22 @@ impl Played {
     }
 }
 
-/// The episodes that all of them have in common.
+/// Returns the episodes that all of them have in common.
 pub fn common_episodes<'a>(mut all: impl Iterator<Item = &'a Played>) -> Option<Episodes> {
     let first = all.next()?.episodes()?;
     all.all(|played| played.episodes() == Some(first)).then_some(first)
 }
 
-/// What is subtracted from what.
+/// How values are paired for the subtraction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pairing {
     /// The same seed on the same episode.
     EpisodeAndSeed,
-    /// The same episode; the seeds are not the same, or the other side is a controller and has none.
+    /// The same episode. The seeds are different, or the other side is a controller, which has no seed.
     Episode,
-    /// The same seed; the episodes are not known to be the same.
+    /// The same seed. The episodes may be different.
     Seed,
-    /// Only means.
+    /// Nothing is paired, only means are compared.
     Nothing,
 }
 
@@ -66,7 +67,7 @@ impl Pairing {
         }
     }
 
-    /// Whether both sides played the same episodes.
+    /// Returns whether both sides played the same episodes.
     pub fn by_episode(self) -> bool {
         matches!(self, Pairing::EpisodeAndSeed | Pairing::Episode)
     }
@@ -77,25 +78,27 @@ impl Pairing {
 pub struct Difference {
     pub mean: f64,
     pub pairing: Pairing,
-    /// Seeds of either side; a controller has the other side's.
+    /// Number of seeds of each side; a controller has that of the other side.
     pub seeds: [usize; 2],
     /// Differences seed by seed; empty if the seeds of two groups are not the same.
     pub of_seeds: Vec<(u64, f64)>,
-    /// Student's t interval of 95 % over seeds. `None` with too few of them, and where the episodes differ between the sides
-    /// but not between the seeds of a side: then the chance of the traffic is in the difference and not in its spread.
+    /// Student's t interval of 95 % over seeds. `None` with too few seeds. Also `None` if the episodes differ between
+    /// the sides but not between the seeds of a side: then the difference contains the chance of the traffic, but its
+    /// spread does not.
     pub interval: Option<Bounds>,
 }
 
-/// A side: the runs of a group by seed.
+/// One side: the runs of a group by seed.
 pub type Side = Vec<(u64, Played)>;
 
-/// `b - a`, of two groups.
+/// Computes `b - a` for two groups.
 ///
 /// Panics if a side is empty.
 pub fn between(a: &Side, b: &Side) -> Difference {
     let all = || a.iter().chain(b).map(|(_, played)| played);
     let same_episodes = common_episodes(all()).is_some();
-    // Versions that did not write episodes down gave every seed its own: then its spread holds the traffic's, too.
+    // Versions that did not record episodes used different ones for every seed. So their spread contains that of the
+    // traffic.
     let own_episodes = all().all(|played| played.on.is_none());
     let same_seeds = a.len() == b.len() && a.iter().zip(b).all(|((left, _), (right, _))| left == right);
     let [of_a, of_b] = [a, b].map(means);
@@ -121,7 +124,7 @@ pub fn between(a: &Side, b: &Side) -> Difference {
     }
 }
 
-/// A group minus a controller. `std_error`: of the controller's mean over its episodes.
+/// Computes a group minus a controller. `std_error`: standard error of the controller's mean over its episodes.
 ///
 /// Panics if the group is empty.
 pub fn to_controller(group: &Side, controller: &Played, std_error: f64) -> Difference {
@@ -148,7 +151,8 @@ pub fn to_controller(group: &Side, controller: &Played, std_error: f64) -> Diffe
     }
 }
 
-/// `b - a`: the mean over the episodes of the difference in each, or the difference of the means if the episodes differ.
+/// Computes `b - a`: the mean over the episodes of the difference in each. If the episodes differ: the difference of
+/// the means.
 fn of_pair(a: &Played, b: &Played) -> f64 {
     match (&a.on, &b.on) {
         (Some((of_a, a)), Some((of_b, b))) if of_a == of_b => {
@@ -179,17 +183,17 @@ mod tests {
         Played::new(mean(returns), Some(returns.len()), Some(seed), returns.to_vec())
     }
 
-    /// A run of a version that did not write its episodes down.
+    /// Makes a run of a version that did not record its episodes.
     fn old(mean: f64) -> Played {
         Played::new(mean, Some(20), None, Vec::new())
     }
 
-    /// Seeds 1, 2, ... with these runs.
+    /// Makes a side of these runs, with seeds 1, 2, ...
     fn side(runs: impl IntoIterator<Item = Played>) -> Side {
         (1..).zip(runs).collect()
     }
 
-    /// Forty episodes with a mean of 12 and a standard error of 1.
+    /// Makes forty episodes with a mean of 12 and a standard error of 1.
     fn controller(seed: Option<u64>, returns: &[f64]) -> (Played, f64) {
         (Played::new(12.0, Some(40), seed, returns.to_vec()), 1.0)
     }
@@ -239,7 +243,7 @@ mod tests {
         for (a, b) in [(on(0, 2), on(1, 2)), (on(0, 2), on(0, 3)), (on(0, 2), side(values.map(old)))] {
             let found = between(&a, &b);
             assert_eq!((found.mean, found.pairing, found.interval), (0.0, Pairing::Seed, None));
-            assert_eq!(found.of_seeds.len(), 5, "the seeds are told all the same");
+            assert_eq!(found.of_seeds.len(), 5, "the differences of the seeds are returned anyway");
         }
         let found = between(&side(values.map(old)), &side(values.map(old)));
         assert_eq!(found.pairing, Pairing::Seed);

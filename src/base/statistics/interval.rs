@@ -2,23 +2,24 @@
 
 use super::{mean, std_error, student_t};
 
-/// A mean and how far the truth may lie from it.
+/// A mean with the half-width of its interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interval {
     pub mean: f64,
-    /// Half the width of the 95 % confidence interval of the mean, by Student's t with one degree of freedom less than
-    /// there are values. None for a single value, which has no spread to tell.
+    /// Half of the width of the 95 % confidence interval of the mean, by Student's t. The degrees of freedom are the
+    /// number of values minus one. `None` for a single value, which has no spread.
     pub half_width: Option<f64>,
 }
 
 impl Interval {
-    /// Of independent `values`, at least one.
+    /// Computes the interval of independent `values`, at least one.
     pub fn of(values: &[f64]) -> Interval {
         let half_width = std_error(values).map(|std_error| student_t((values.len() - 1) as f64) * std_error);
         Interval { mean: mean(values), half_width }
     }
 
-    /// Of the differences `values - reference`, episode by episode: on the same traffic they spread less than the values.
+    /// Computes the interval of the differences `values - reference`, paired by episode. On the same traffic they
+    /// spread less than the values.
     pub fn of_differences(values: &[f64], reference: &[f64]) -> Interval {
         assert_eq!(values.len(), reference.len(), "pairs of episodes");
         let differences: Vec<f64> = values.iter().zip(reference).map(|(value, reference)| value - reference).collect();
@@ -54,7 +55,7 @@ mod tests {
 
     #[test]
     fn differences_are_taken_episode_by_episode() {
-        // 1 everywhere, though the values themselves spread widely.
+        // The differences are all 1, although the values spread widely.
         let interval = Interval::of_differences(&[11.0, 101.0, 51.0], &[10.0, 100.0, 50.0]);
         assert_eq!(interval, Interval { mean: 1.0, half_width: Some(0.0) });
     }

@@ -3,11 +3,12 @@
 //! - `summary`: mean, median, variance, standard error.
 //! - `student`: quantiles of Student's t distribution.
 //! - `interval`: a mean with the half-width of its interval, over episodes.
-//! - `spread`: what several seeds say of one figure, with an interval if there are enough of them.
+//! - `spread`: one figure over several seeds, with an interval if there are enough of them.
 //! - `welch`: the interval of a difference between two groups of unequal variance.
-//! - [`difference`]: differences of final returns, paired by episode and by seed where both sides played the same episodes.
+//! - [`difference`]: differences of final returns, paired by episode and by seed if both sides played the same
+//!   episodes.
 //!
-//! Every interval is one of 95 %.
+//! Every interval is a 95 % confidence interval.
 
 pub mod difference;
 mod interval;

@@ -1,9 +1,9 @@
-//! What several seeds say of one figure.
+//! The spread of one figure over several seeds.
 
 use super::{mean, std_error, student_t};
 
-/// Number of seeds from which on an interval is given. With fewer the seeds themselves say more: Student's t multiplies the
-/// standard error by 4.3 with three seeds and by 12.7 with two.
+/// Smallest number of seeds for an interval. With fewer, the values of the seeds are more informative: Student's t
+/// multiplies the standard error by 4.3 with three seeds and by 12.7 with two.
 pub const ENOUGH_SEEDS: usize = 5;
 
 /// Lower and upper end.
@@ -19,20 +19,20 @@ impl Bounds {
     }
 }
 
-/// What the runs of a group say of one figure.
+/// One figure of the runs of a group.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spread {
     /// Values of the seeds, at least one.
     pub values: Vec<f64>,
     pub mean: f64,
-    /// Standard error of the mean over seeds; a single seed has none.
+    /// Standard error of the mean over seeds; `None` for a single seed.
     pub std_error: Option<f64>,
     /// Student's t interval of 95 % of the mean over seeds; `None` with fewer than [`ENOUGH_SEEDS`].
     pub interval: Option<Bounds>,
 }
 
 impl Spread {
-    /// `None` if there are no values.
+    /// Computes the spread. If there are no values: `None`.
     pub fn of(values: &[f64]) -> Option<Self> {
         (!values.is_empty()).then(|| Spread {
             values: values.to_vec(),
@@ -42,13 +42,13 @@ impl Spread {
         })
     }
 
-    /// Number of seeds.
+    /// Returns the number of seeds.
     pub fn runs(&self) -> usize {
         self.values.len()
     }
 }
 
-/// Student's t interval of 95 % of the mean of one value per seed; `None` with fewer than [`ENOUGH_SEEDS`].
+/// Computes Student's t interval of 95 % of the mean of one value per seed; `None` with fewer than [`ENOUGH_SEEDS`].
 pub fn interval_of(values: &[f64]) -> Option<Bounds> {
     let error = std_error(values).filter(|_| values.len() >= ENOUGH_SEEDS)?;
     Some(Bounds::around(mean(values), student_t((values.len() - 1) as f64) * error))

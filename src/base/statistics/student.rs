@@ -2,11 +2,11 @@
 
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-/// Of all intervals.
+/// Confidence of all intervals.
 const CONFIDENCE: f64 = 0.95;
 
-/// The quantile of Student's t distribution within which, on both sides of 0, 95 % lie. `freedom`: degrees of freedom, more
-/// than 0.
+/// Returns the quantile of Student's t distribution: minus this value and this value enclose 95 %. `freedom`:
+/// degrees of freedom, more than 0.
 pub fn student_t(freedom: f64) -> f64 {
     let distribution = StudentsT::new(0.0, 1.0, freedom).expect("a positive number of degrees of freedom");
     distribution.inverse_cdf(1.0 - (1.0 - CONFIDENCE) / 2.0)

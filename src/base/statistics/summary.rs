@@ -1,13 +1,13 @@
 //! Mean, median, variance and standard error.
 
-/// The arithmetic mean; not a number where there are no values.
+/// Computes the arithmetic mean; NaN if there are no values.
 pub fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-/// The middle value, or the mean of the two in the middle.
+/// Computes the middle value, or the mean of the two in the middle.
 ///
-/// Panics where there are no values.
+/// Panics if there are no values.
 pub fn median(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -15,13 +15,13 @@ pub fn median(values: &[f64]) -> f64 {
     if sorted.len().is_multiple_of(2) { (sorted[middle - 1] + sorted[middle]) / 2.0 } else { sorted[middle] }
 }
 
-/// The standard error of the mean, with the unbiased variance; a single value has none.
+/// Computes the standard error of the mean, with the unbiased variance; `None` for a single value.
 pub fn std_error(values: &[f64]) -> Option<f64> {
     let count = values.len() as f64;
     (values.len() > 1).then(|| (variance(values) / count).sqrt())
 }
 
-/// The unbiased variance of two values or more.
+/// Computes the unbiased variance of two values or more.
 pub fn variance(values: &[f64]) -> f64 {
     let mean = mean(values);
     values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (values.len() - 1) as f64

@@ -1,8 +1,8 @@
-//! Two groups of unequal variance.
+//! Comparison of two groups of unequal variance.
 
 use super::{Bounds, ENOUGH_SEEDS, mean, student_t, variance};
 
-/// A mean, and how well it is known.
+/// A mean and its uncertainty.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UncertainMean {
     pub mean: f64,
@@ -13,7 +13,7 @@ pub struct UncertainMean {
 }
 
 impl UncertainMean {
-    /// The mean of one value per seed; `None` with fewer than [`ENOUGH_SEEDS`].
+    /// Computes the mean of one value per seed; `None` with fewer than [`ENOUGH_SEEDS`].
     pub fn of(values: &[f64]) -> Option<Self> {
         let count = values.len() as f64;
         (values.len() >= ENOUGH_SEEDS).then(|| UncertainMean {
@@ -24,13 +24,13 @@ impl UncertainMean {
     }
 }
 
-/// The 95 % interval of `b - a`, of two means of unequal variance.
+/// Computes the 95 % interval of `b - a`, for two means of unequal variance.
 ///
 /// Source: Welch 1947.
 pub fn welch(a: UncertainMean, b: UncertainMean) -> Bounds {
     let variance = a.variance + b.variance;
     let below = a.variance.powi(2) / a.freedom + b.variance.powi(2) / b.freedom;
-    // Without any variance every freedom gives the same interval, of no width.
+    // Without any variance, every number of degrees of freedom gives the same interval, of width 0.
     let freedom = if below > 0.0 { variance.powi(2) / below } else { 1.0 };
     Bounds::around(b.mean - a.mean, student_t(freedom) * variance.sqrt())
 }
@@ -58,7 +58,7 @@ mod tests {
 
     #[test]
     fn a_mean_over_seeds_is_uncertain_by_their_variance_and_needs_five_of_them() {
-        // 1 to 5: mean 3, variance 2.5, of the mean 0.5.
+        // 1 to 5: mean 3, variance 2.5; variance of the mean 0.5.
         let mean = UncertainMean::of(&[1.0, 2.0, 3.0, 4.0, 5.0]).unwrap();
         assert_near(mean.variance, 0.5, 1e-12);
         assert_eq!((mean.mean, mean.freedom), (3.0, 4.0));
