@@ -28,26 +28,26 @@ pub struct Cli {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Train the policies of all agents and write a run directory
-    Train(Train),
+    Train(TrainArgs),
     /// Evaluate the policies of a run directory on the global simulator
-    Evaluate(Evaluate),
+    Evaluate(EvaluateArgs),
     /// Write the policies of a run directory as a TorchScript module, for Python and C++
-    Export(Export),
+    Export(ExportArgs),
     /// Run a hand-coded controller on the global simulator of a config
-    Baseline(Baseline),
+    Baseline(BaselineArgs),
     /// Measure training speed, phase by phase, against a lower bound
-    Bench(Bench),
+    Bench(BenchArgs),
     /// Run all experiments of a file in parallel; resumes where it stopped
-    Experiment(Experiment),
+    Experiment(ExperimentArgs),
     /// Draw curves, bars and tables of run directories, next to the paper's numbers
-    Report(Report),
+    Report(ReportArgs),
     /// Compare two groups of runs: final return with its interval, runtime, steps to a return
-    Compare(Compare),
+    Compare(CompareArgs),
     /// Write an episode as a folder that plain `sumo` and `sumo-gui` can play
-    Replay(Replay),
+    Replay(ReplayArgs),
     /// Write SUMO networks that `sumo` and `sumo-gui` can open
     #[command(subcommand)]
-    Nets(Nets),
+    Nets(NetsCommand),
     /// Print versions and where each part was found
     Info,
     /// A worker process; `train` starts it
@@ -56,7 +56,7 @@ pub enum Command {
 }
 
 #[derive(Debug, Args)]
-pub struct Train {
+pub struct TrainArgs {
     /// Config file, such as configs/smoke_traffic.toml
     #[arg(required_unless_present = "resume")]
     pub config: Option<PathBuf>,
@@ -83,7 +83,7 @@ pub struct Train {
     pub steps: Option<u64>,
     /// Simulator and predictor that the policies train with; overrides the config
     #[arg(long, value_enum)]
-    pub simulator: Option<Simulator>,
+    pub simulator: Option<SimulatorName>,
     /// Also write the numbers of the CSV files to a TensorBoard event file
     #[arg(long)]
     pub tensorboard: bool,
@@ -99,7 +99,7 @@ pub struct Train {
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum Simulator {
+pub enum SimulatorName {
     /// Local simulators with influence predictors (AIPs) that are retrained every F steps
     Dials,
     /// The global simulator
@@ -111,11 +111,11 @@ pub enum Simulator {
 }
 
 #[derive(Debug, Args)]
-pub struct Evaluate {
+pub struct EvaluateArgs {
     /// Run directory written by `train`
     pub run_dir: PathBuf,
     #[command(flatten)]
-    pub episodes: Episodes,
+    pub episodes: EpisodesArgs,
     /// Take the most probable action instead of sampling
     #[arg(long)]
     pub greedy: bool,
@@ -126,11 +126,11 @@ pub struct Evaluate {
     #[arg(long, value_name = "AGENT,...", value_delimiter = ',', requires = "background")]
     pub agents: Vec<usize>,
     #[command(flatten)]
-    pub output: Output,
+    pub output: OutputArgs,
 }
 
 #[derive(Debug, Args)]
-pub struct Export {
+pub struct ExportArgs {
     /// Run directory written by `train`
     pub run_dir: PathBuf,
     /// Output file, such as policies.pt
@@ -142,7 +142,7 @@ pub struct Export {
 }
 
 #[derive(Debug, Args)]
-pub struct Baseline {
+pub struct BaselineArgs {
     /// Config file; its network and horizon are used
     pub config: PathBuf,
     /// Hand-coded controller; an unknown name lists all names
@@ -162,13 +162,13 @@ pub struct Baseline {
           value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub tune_episodes: u32,
     #[command(flatten)]
-    pub episodes: Episodes,
+    pub episodes: EpisodesArgs,
     #[command(flatten)]
-    pub output: Output,
+    pub output: OutputArgs,
 }
 
 #[derive(Debug, Args)]
-pub struct Bench {
+pub struct BenchArgs {
     /// Config file, such as configs/traffic_100.toml
     pub config: PathBuf,
     /// Measure with 1, 2, 4, ... and N worker processes [default: the number of cores]
@@ -179,7 +179,7 @@ pub struct Bench {
     pub seconds: u64,
     /// Simulator and predictor that the policies train with; overrides the config
     #[arg(long, value_enum)]
-    pub simulator: Option<Simulator>,
+    pub simulator: Option<SimulatorName>,
     /// Override a key of the config, such as local_simulators.copies=4; can be repeated
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub settings: Vec<String>,
@@ -189,7 +189,7 @@ pub struct Bench {
 }
 
 #[derive(Debug, Args)]
-pub struct Episodes {
+pub struct EpisodesArgs {
     /// Number of episodes [default: evaluation.final_episodes of the config]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub episodes: Option<u32>,
@@ -199,7 +199,7 @@ pub struct Episodes {
 }
 
 #[derive(Debug, Args)]
-pub struct Output {
+pub struct OutputArgs {
     /// Print one JSON object instead of a table
     #[arg(long)]
     pub json: bool,
@@ -216,7 +216,7 @@ pub struct Output {
 }
 
 #[derive(Debug, Args)]
-pub struct Replay {
+pub struct ReplayArgs {
     /// Run directory written by `train`; with --controller a config file
     #[arg(value_name = "RUN_DIR|CONFIG")]
     pub subject: PathBuf,
@@ -247,7 +247,7 @@ pub struct Replay {
 }
 
 #[derive(Debug, Args)]
-pub struct Experiment {
+pub struct ExperimentArgs {
     /// Experiment file, such as experiments/small_simulators_traffic.toml
     pub file: PathBuf,
     /// Folder for the run directories [default: results/FILE/runs]
@@ -265,7 +265,7 @@ pub struct Experiment {
 }
 
 #[derive(Debug, Args)]
-pub struct Report {
+pub struct ReportArgs {
     /// Run directories, or folders that contain them
     #[arg(required = true, value_name = "DIR")]
     pub folders: Vec<PathBuf>,
@@ -278,7 +278,7 @@ pub struct Report {
 }
 
 #[derive(Debug, Args)]
-pub struct Compare {
+pub struct CompareArgs {
     /// Run directory, folder of runs or pattern such as 'runs/x-seed*'; separate several by commas
     pub a: String,
     /// The other side of the comparison, in the same form
@@ -297,7 +297,7 @@ fn finite(text: &str) -> Result<f64, String> {
 }
 
 #[derive(Debug, Subcommand)]
-pub enum Nets {
+pub enum NetsCommand {
     /// Write a grid of R x C intersections with traffic flowing in at its boundary
     Grid {
         #[arg(long)]

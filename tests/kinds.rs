@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use dials_traffic::base::{AgentId, Seed};
 use dials_traffic::bench::costs::Costs;
-use dials_traffic::bench::measure::{Plan, measure, short_orders};
+use dials_traffic::bench::measure::{MeasurePlan, measure, short_orders};
 use dials_traffic::config::{AipTraining, Config, Period, schedule};
 use dials_traffic::domain::toy::CoinsAndDice;
 use dials_traffic::domain::{Controller, Domain, Result};
@@ -243,7 +243,7 @@ fn the_costs_of_both_kinds_are_measured() {
     let mut log = RunLog::create(dir.path(), &config, layouts).unwrap();
     let mut fleet = InlineFleet::new(domain.clone(), &short, Rc::new(Silent));
     let time = Duration::from_millis(100);
-    let plan = Plan { config: &short, kinds: domain.kinds(), workers: 1, time, peak_flops: 1e9 };
+    let plan = MeasurePlan { config: &short, kinds: domain.kinds(), workers: 1, time, peak_flops: 1e9 };
     let measured = measure(&plan, &mut fleet, &mut log).unwrap();
     let costs = Costs::of(&config, domain.kinds(), false, 1e9, &measured);
     assert!(costs.agent_steps_per_s() > 0.0 && costs.training.products > 0.0 && costs.aip_training.products > 0.0);

@@ -8,7 +8,7 @@ use dials_traffic::influence::{AipStack, Dataset, train};
 use dials_traffic::training::collect::collect_episode;
 use dials_traffic::warehouse::Warehouse;
 use dials_traffic::warehouse::global::GlobalWarehouse;
-use dials_traffic::warehouse::layout::Layout;
+use dials_traffic::warehouse::layout::FloorPlan;
 use dials_traffic::warehouse::local::LocalWarehouse;
 use dials_traffic::warehouse::region::{DOWN, LEFT, RIGHT, UP};
 use rand::Rng;
@@ -75,7 +75,7 @@ fn hand_coded_robots_earn_what_an_independent_implementation_measured() {
 #[test]
 fn an_item_under_two_robots_rewards_both_and_is_gone_afterwards() {
     // Agents 0 and 1 share a side; both walk onto its middle shelf, agent 0 from the left, agent 1 from the right.
-    let layout = Layout::around(2);
+    let layout = FloorPlan::around(2);
     let (mut both, mut either) = (0, 0);
     for episode in 0..400 {
         let mut gs = GlobalWarehouse::new(&layout, 100, None);
@@ -93,7 +93,7 @@ fn an_item_under_two_robots_rewards_both_and_is_gone_afterwards() {
 
 #[test]
 fn a_neighbour_takes_an_item_away_and_earns_nothing_here() {
-    let layout = Layout::around(1);
+    let layout = FloorPlan::around(1);
     let (mut there, mut gone) = (0, 0);
     for episode in 0..2000 {
         let mut ls = LocalWarehouse::new(&layout, &[AgentId(0)], 1, 100, Seed::new(16).for_episode(episode));
@@ -150,7 +150,7 @@ fn twenty_steps_are_as_they_were_written_down() {
     // A regression test: if this changes, every figure of the warehouse changes. First agent of the inner 2 x 2, moves
     // R R L U U D L L R D D U R U L U D D D U, cell and items after each step.
     let actions = [3, 3, 2, 0, 0, 1, 2, 2, 3, 1, 1, 0, 3, 0, 2, 0, 1, 1, 1, 0];
-    let mut gs = GlobalWarehouse::new(&Layout::around(2), 100, None);
+    let mut gs = GlobalWarehouse::new(&FloorPlan::around(2), 100, None);
     gs.reset(Seed::new(42)).unwrap();
     let mut written = Vec::new();
     for action in actions {

@@ -78,7 +78,7 @@ impl Measured {
 }
 
 /// Settings of a measurement.
-pub struct Plan<'a> {
+pub struct MeasurePlan<'a> {
     /// Config that [`short_orders`] made.
     pub config: &'a Config,
     pub kinds: &'a Kinds,
@@ -89,7 +89,7 @@ pub struct Plan<'a> {
 }
 
 /// Gives orders of every kind to `fleet`, which was made for `plan.config`.
-pub fn measure(plan: &Plan<'_>, fleet: &mut dyn Fleet, journal: &mut dyn Journal) -> Result<Measured> {
+pub fn measure(plan: &MeasurePlan<'_>, fleet: &mut dyn Fleet, journal: &mut dyn Journal) -> Result<Measured> {
     let agents = fleet.agents().agents();
     let mut bench = Bench {
         fleet,
@@ -156,7 +156,7 @@ fn repeat(time: Duration, mut order: impl FnMut(&mut Orders) -> Result<()>) -> R
 
 /// Returns the number of episodes per dataset for which the AIP trainings take about `flops` operations together. It is
 /// at most a whole dataset, and always enough for a gradient step.
-fn episodes_for(plan: &Plan<'_>, flops: f64) -> usize {
+fn episodes_for(plan: &MeasurePlan<'_>, flops: f64) -> usize {
     let horizon = plan.kinds.horizon();
     let whole = plan.config.dataset_episodes(horizon);
     let mut episodes = 2;

@@ -6,7 +6,7 @@ use super::costs::{Cost, Costs};
 use crate::base::Phase;
 
 /// A label, and a value for every fleet.
-struct Line(String, Vec<String>);
+struct TableRow(String, Vec<String>);
 
 const LABEL: usize = 30;
 const COLUMN: usize = 12;
@@ -14,7 +14,7 @@ const COLUMN: usize = 12;
 /// Returns lines of text.
 pub fn text(costs: &[Costs]) -> String {
     let line =
-        |label: &str, value: &dyn Fn(&Costs) -> String| Line(label.to_owned(), costs.iter().map(value).collect());
+        |label: &str, value: &dyn Fn(&Costs) -> String| TableRow(label.to_owned(), costs.iter().map(value).collect());
     let us = |label: &str, value: &dyn Fn(&Costs) -> f64| line(label, &|costs| format!("{:.2}", value(costs)));
     let percent = |part: f64, costs: &Costs| format!("{:.0} %", 100.0 * part / costs.all().ours);
     let mut lines = vec![
@@ -60,7 +60,7 @@ pub fn text(costs: &[Costs]) -> String {
     if costs.iter().any(|costs| costs.gs_steps_per_s.is_some()) {
         lines.push(line("GS steps/s in collection", &|costs| costs.gs_steps_per_s.map_or(String::new(), grouped)));
     }
-    lines.iter().map(Line::to_string).collect::<Vec<_>>().join("\n")
+    lines.iter().map(TableRow::to_string).collect::<Vec<_>>().join("\n")
 }
 
 /// Returns one object per fleet.
@@ -137,13 +137,13 @@ fn grouped(value: f64) -> String {
     groups.iter().map(|group| String::from_utf8_lossy(group)).collect::<Vec<_>>().join(" ")
 }
 
-fn heading(text: &str) -> Line {
-    Line(format!("\n{text}"), Vec::new())
+fn heading(text: &str) -> TableRow {
+    TableRow(format!("\n{text}"), Vec::new())
 }
 
-impl std::fmt::Display for Line {
+impl std::fmt::Display for TableRow {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Line(label, values) = self;
+        let TableRow(label, values) = self;
         if values.is_empty() {
             return f.write_str(label);
         }

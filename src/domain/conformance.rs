@@ -42,7 +42,7 @@ pub fn check(domain: &dyn Domain, seed: Seed) -> Result<Conformance> {
 
 /// An episode of the GS under random actions.
 #[derive(PartialEq)]
-struct Recording {
+struct GsRecording {
     /// Percepts after every step.
     percepts: Vec<JointPercept>,
     actions: Vec<Vec<Action>>,
@@ -59,7 +59,7 @@ struct OfKind {
     rewards: Vec<Vec<f32>>,
 }
 
-impl Recording {
+impl GsRecording {
     fn of_kind(&self, kind: &Kind) -> OfKind {
         let agents = || kind.agents.iter().map(|agent| agent.0);
         OfKind {
@@ -81,13 +81,13 @@ fn random_actions(dice: &mut Dice, domain: &dyn Domain, percept: &JointPercept) 
     domain.kinds().specs().map(|spec| spec.n_actions).zip(percept.masks.iter()).map(of_agent).collect()
 }
 
-fn record(domain: &dyn Domain, seed: Seed) -> Result<Recording> {
+fn record(domain: &dyn Domain, seed: Seed) -> Result<GsRecording> {
     let mut gs = domain.global_simulator()?;
     ensure!(gs.kinds() == domain.kinds(), "the GS has other kinds of agents than the domain");
     let mut dice = seed.fork(RandomPurpose::Actions).dice();
     let mut percept = gs.reset(seed.for_episode(0))?.clone();
     let mut recording =
-        Recording { percepts: vec![], actions: vec![], d_sets: vec![], sources: vec![], rewards: vec![] };
+        GsRecording { percepts: vec![], actions: vec![], d_sets: vec![], sources: vec![], rewards: vec![] };
     for _ in 0..domain.kinds().horizon() {
         check_masks(domain, &percept)?;
         let actions = random_actions(&mut dice, domain, &percept);
@@ -115,7 +115,7 @@ fn check_masks(domain: &dyn Domain, percept: &JointPercept) -> Result<()> {
     Ok(())
 }
 
-fn check_shapes(domain: &dyn Domain, recording: &Recording) -> Result<()> {
+fn check_shapes(domain: &dyn Domain, recording: &GsRecording) -> Result<()> {
     let kinds = domain.kinds();
     let of_episode = recording.percepts.iter().zip(recording.sources.iter().zip(&recording.rewards));
     for (percept, (sources, rewards)) in of_episode {

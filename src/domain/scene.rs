@@ -12,28 +12,30 @@ pub struct Scene {
     width: f32,
     height: f32,
     background: Colour,
-    shapes: Vec<(Shape, Colour)>,
+    shapes: Vec<(SceneShape, Colour)>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Shape {
+enum SceneShape {
     Rectangle { x: f32, y: f32, width: f32, height: f32 },
     Disc { x: f32, y: f32, radius: f32 },
 }
 
-impl Shape {
+impl SceneShape {
     fn covers(self, px: f32, py: f32) -> bool {
         match self {
-            Shape::Rectangle { x, y, width, height } => (x..x + width).contains(&px) && (y..y + height).contains(&py),
-            Shape::Disc { x, y, radius } => (px - x).powi(2) + (py - y).powi(2) <= radius * radius,
+            SceneShape::Rectangle { x, y, width, height } => {
+                (x..x + width).contains(&px) && (y..y + height).contains(&py)
+            }
+            SceneShape::Disc { x, y, radius } => (px - x).powi(2) + (py - y).powi(2) <= radius * radius,
         }
     }
 
     /// Returns left, top, right, bottom.
     fn bounds(self) -> [f32; 4] {
         match self {
-            Shape::Rectangle { x, y, width, height } => [x, y, x + width, y + height],
-            Shape::Disc { x, y, radius } => [x - radius, y - radius, x + radius, y + radius],
+            SceneShape::Rectangle { x, y, width, height } => [x, y, x + width, y + height],
+            SceneShape::Disc { x, y, radius } => [x - radius, y - radius, x + radius, y + radius],
         }
     }
 }
@@ -44,11 +46,11 @@ impl Scene {
     }
 
     pub fn rectangle(&mut self, x: f32, y: f32, width: f32, height: f32, colour: Colour) {
-        self.shapes.push((Shape::Rectangle { x, y, width, height }, colour));
+        self.shapes.push((SceneShape::Rectangle { x, y, width, height }, colour));
     }
 
     pub fn disc(&mut self, x: f32, y: f32, radius: f32, colour: Colour) {
-        self.shapes.push((Shape::Disc { x, y, radius }, colour));
+        self.shapes.push((SceneShape::Disc { x, y, radius }, colour));
     }
 
     /// Returns the picture as an SVG file, `scale` pixels per unit.
@@ -65,10 +67,10 @@ impl Scene {
         for &(shape, colour) in &self.shapes {
             let fill = hex(colour);
             let written = match shape {
-                Shape::Rectangle { x, y, width, height } => {
+                SceneShape::Rectangle { x, y, width, height } => {
                     writeln!(svg, "<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" fill=\"{fill}\"/>")
                 }
-                Shape::Disc { x, y, radius } => {
+                SceneShape::Disc { x, y, radius } => {
                     writeln!(svg, "<circle cx=\"{x}\" cy=\"{y}\" r=\"{radius}\" fill=\"{fill}\"/>")
                 }
             };

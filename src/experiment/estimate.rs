@@ -139,7 +139,7 @@ fn costs_of(runs: &[&RunRecord], fallback: UnitCosts) -> Option<UnitCosts> {
 mod tests {
     use super::*;
     use crate::domain::Scenario;
-    use crate::records::run_record::{Evaluation, Memory, PeriodTime, Returns};
+    use crate::records::run_record::{EvaluationRecord, MemoryRecord, PeriodTime, Returns};
     use std::path::PathBuf;
 
     /// Episodes of 10 steps, 2 per evaluation and 8 per dataset.
@@ -176,7 +176,7 @@ mod tests {
             config: config(simulator, 1000),
             about: Default::default(),
             scenario: Some(Scenario::new("warehouse", agents, 10)),
-            evaluations: vec![Evaluation {
+            evaluations: vec![EvaluationRecord {
                 steps: 1000,
                 all: returns,
                 agents: vec![returns; agents],
@@ -186,7 +186,7 @@ mod tests {
             aip_trainings: Vec::new(),
             fresh_losses: Vec::new(),
             periods: vec![PeriodTime { steps: 1000, elapsed_s, evaluation_s, influence_s, cpu: None }],
-            memory: Some(Memory { process_mb: 0.0, total_mb: 0.0, total_pss_mb: Some(332.0) }),
+            memory: Some(MemoryRecord { process_mb: 0.0, total_mb: 0.0, total_pss_mb: Some(332.0) }),
             workers,
         }
     }

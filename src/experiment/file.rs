@@ -30,13 +30,13 @@ pub struct ExperimentFile {
     /// Number of agents from which on a run takes all cores. Runs with fewer agents run side by side, one core each.
     #[serde(default = "default_all_cores_from_agents")]
     pub all_cores_from_agents: usize,
-    pub grid: Vec<Grid>,
+    pub grid: Vec<RunGrid>,
 }
 
 /// All combinations of the listed configs, simulators, values of F and seeds.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Grid {
+pub struct RunGrid {
     /// Config files, relative to the file of the experiment.
     pub configs: Vec<PathBuf>,
     /// Simulators. Default: the one in each config.
@@ -208,7 +208,7 @@ struct Combination {
     seed: u64,
 }
 
-fn combinations(file: &ExperimentFile, grid: &Grid, config_path: &Path) -> Vec<Combination> {
+fn combinations(file: &ExperimentFile, grid: &RunGrid, config_path: &Path) -> Vec<Combination> {
     /// Returns one `None` for an empty list: the config decides.
     fn one_of<T: Copy>(listed: &[T]) -> Vec<Option<T>> {
         if listed.is_empty() { vec![None] } else { listed.iter().copied().map(Some).collect() }

@@ -10,7 +10,7 @@ use crate::records::files::{CONFIG, is_run_dir};
 use crate::records::reader::scenario_of;
 use crate::records::run_record::{RunRecord, Status};
 use crate::report::compare::differing;
-use crate::report::find::{Baseline, baseline_file, read_json};
+use crate::report::find::{BaselineRecord, baseline_file, read_json};
 use crate::report::method::Method;
 
 /// Progress of a planned run or baseline.
@@ -80,7 +80,7 @@ pub fn stage_of_baseline(folder: &Path, planned: &PlannedBaseline) -> Stage {
         return Stage::New;
     }
     let (scenario, controller) = (&planned.scenario, &planned.controller);
-    let as_planned = |there: Baseline| {
+    let as_planned = |there: BaselineRecord| {
         (&there.scenario, &there.controller, there.episodes) == (scenario, controller, planned.episodes)
             && there.seed == Some(planned.config.evaluation.seed)
             // Older versions did not write the returns of single episodes.

@@ -60,10 +60,10 @@ impl Children {
 }
 
 impl Crew for Children {
-    type Link = Child;
+    type Link = ChildProcess;
 
-    fn start(&mut self, worker: usize) -> Result<Child> {
-        Child::spawn(worker, &self.log_dir.join(format!("worker_{worker}.log")), self.bell.cord())
+    fn start(&mut self, worker: usize) -> Result<ChildProcess> {
+        ChildProcess::spawn(worker, &self.log_dir.join(format!("worker_{worker}.log")), self.bell.cord())
     }
 
     fn can_replace(&self) -> bool {
@@ -76,7 +76,7 @@ impl Crew for Children {
 }
 
 /// A running worker process. Dropping it kills it.
-pub struct Child {
+pub struct ChildProcess {
     process: std::process::Child,
     stream: Arc<UnixStream>,
     /// Frames that the writer thread has not taken yet.
@@ -86,9 +86,9 @@ pub struct Child {
     log: PathBuf,
 }
 
-impl Child {
+impl ChildProcess {
     /// Starts this program as a worker. Its messages ring the bell; its output goes to `log`.
-    fn spawn(worker: usize, log: &Path, cord: Cord) -> Result<Child> {
+    fn spawn(worker: usize, log: &Path, cord: Cord) -> Result<ChildProcess> {
         let (stream, theirs) = UnixStream::pair().context("no socket for a worker")?;
         let opened = OpenOptions::new().create(true).append(true).open(log);
         let log_file = opened.with_context(|| format!("{}: cannot be written", log.display()))?;
@@ -108,7 +108,7 @@ impl Child {
         let (outbox, frames) = channel();
         let (news, inbox) = channel();
         // From here on, dropping it kills the process.
-        let child = Child { process, stream: Arc::new(stream), outbox, inbox, log: log.to_owned() };
+        let child = ChildProcess { process, stream: Arc::new(stream), outbox, inbox, log: log.to_owned() };
         let (reader, writer) = (child.stream.clone(), child.stream.clone());
         let name = |thread: &str| format!("worker {worker} {thread}");
         let read = move || read_all(&reader, &news, &cord);
@@ -143,7 +143,7 @@ impl Child {
     }
 }
 
-impl Link for Child {
+impl Link for ChildProcess {
     fn send(&self, frame: Frame) {
         // Its writer ends early only when the child has gone.
         let _ = self.outbox.send(frame);
@@ -173,13 +173,13 @@ impl Link for Child {
     }
 }
 
-impl Drop for Child {
+impl Drop for ChildProcess {
     fn drop(&mut self) {
         self.kill();
     }
 }
 
-/// Passes on what a child sends until the child or its [`Child`] has gone.
+/// Passes on what a child sends until the child or its [`ChildProcess`] has gone.
 fn read_all(mut stream: &UnixStream, news: &Sender<News>, cord: &Cord) {
     loop {
         let heard = match receive(&mut stream) {
@@ -195,7 +195,7 @@ fn read_all(mut stream: &UnixStream, news: &Sender<News>, cord: &Cord) {
     }
 }
 
-/// Writes the frames to a child until the child or its [`Child`] has gone.
+/// Writes the frames to a child until the child or its [`ChildProcess`] has gone.
 fn write_all(mut stream: &UnixStream, frames: &Receiver<Frame>) {
     for frame in frames {
         if stream.write_all(&frame).is_err() {

@@ -11,7 +11,7 @@ use anyhow::{Result, bail};
 use super::channel::encode;
 use super::footprint::CpuClock;
 use super::link::{Crew, Link, News};
-use super::message::{Answer, Order, Report};
+use super::message::{Answer, Order, WorkerReport};
 use super::task::{Frames, Task, tell_progress};
 use crate::base::AgentId;
 use crate::config::{Config, Simulator};
@@ -178,7 +178,7 @@ impl<C: Crew> Coordinator<C> {
     fn hear(
         &mut self,
         worker: usize,
-        report: Report,
+        report: WorkerReport,
         open: &mut BTreeMap<usize, Task>,
         done: usize,
     ) -> Result<Option<Answer>> {
@@ -186,8 +186,8 @@ impl<C: Crew> Coordinator<C> {
             task.silence = Duration::ZERO;
         }
         match report {
-            Report::Failed { reason } => bail!("{}: {reason}", self.name(worker)),
-            Report::Done { answer, load } => {
+            WorkerReport::Failed { reason } => bail!("{}: {reason}", self.name(worker)),
+            WorkerReport::Done { answer, load } => {
                 let mine = &mut self.workers[worker].load;
                 mine.timesheet.add(&load.timesheet);
                 mine.footprint = mine.footprint.max(load.footprint);

@@ -5,14 +5,14 @@ use std::time::Duration;
 
 use anyhow::Result;
 
-use super::message::Report;
+use super::message::WorkerReport;
 
 /// An encoded message with its header, shared by all receivers.
 pub type Frame = Arc<Vec<u8>>;
 
 /// News from a link.
 pub enum News {
-    Said(Report),
+    Said(WorkerReport),
     /// The stream has ended, or carries invalid data for this reason.
     Gone(Option<anyhow::Error>),
 }

@@ -13,7 +13,7 @@ use crate::training::answers::{PolicyTraining, WorkerLoad};
 use crate::training::collect::Purpose;
 use crate::training::state::AgentsState;
 
-/// Orders from the coordinator. Every order is answered by one [`Report::Done`] or [`Report::Failed`]. Orders that only
+/// Orders from the coordinator. Every order is answered by one [`WorkerReport::Done`] or [`WorkerReport::Failed`]. Orders that only
 /// prepare the next one are answered by [`Answer::Ready`].
 #[derive(Debug, Serialize, Deserialize)]
 pub enum Order {
@@ -58,7 +58,7 @@ pub enum Answer {
 
 /// Messages from a worker.
 #[derive(Debug, Serialize, Deserialize)]
-pub enum Report {
+pub enum WorkerReport {
     /// Policies have been trained for this number of timesteps per agent.
     Trained { steps: u64 },
     /// This share of another activity is done.

@@ -35,5 +35,5 @@ mod threads;
 pub mod worker;
 
 pub use coordinator::{Coordinator, Options};
-pub use message::Report;
+pub use message::WorkerReport;
 pub use serve::serve;

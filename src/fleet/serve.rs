@@ -9,7 +9,7 @@ use anyhow::{Context, Result, bail};
 
 use super::channel::{receive, send};
 use super::footprint::{CpuClock, footprint};
-use super::message::{Answer, Order, Report};
+use super::message::{Answer, Order, WorkerReport};
 use super::worker::Worker;
 use crate::base::Activity;
 use crate::config::Config;
@@ -48,7 +48,7 @@ pub fn serve(stream: impl Read + Write, open_domain: impl FnOnce(&Config) -> Res
     while let Some(order) = reporter.next_order()? {
         match carry_out(order, &mut worker, &mut policies, &reporter) {
             Ok(answer) => reporter.done(answer, &mut worker)?,
-            Err(error) => reporter.send(&Report::Failed { reason: format!("{error:#}") })?,
+            Err(error) => reporter.send(&WorkerReport::Failed { reason: format!("{error:#}") })?,
         }
     }
     Ok(())
@@ -100,7 +100,7 @@ impl<S: Read + Write> Reporter<S> {
         receive(&mut *self.stream.borrow_mut())
     }
 
-    fn send(&self, report: &Report) -> Result<()> {
+    fn send(&self, report: &WorkerReport) -> Result<()> {
         send(&mut *self.stream.borrow_mut(), report)
     }
 
@@ -108,10 +108,10 @@ impl<S: Read + Write> Reporter<S> {
         let mut timesheet = worker.take_timesheet();
         timesheet.note_cpu(self.clock.borrow_mut().lap());
         let load = WorkerLoad { timesheet, footprint: footprint() };
-        self.send(&Report::Done { answer: Box::new(answer), load: Box::new(load) })
+        self.send(&WorkerReport::Done { answer: Box::new(answer), load: Box::new(load) })
     }
 
-    fn progress(&self, report: &Report) {
+    fn progress(&self, report: &WorkerReport) {
         let now = Instant::now();
         if now - self.last.get() >= REPORT_EVERY {
             self.last.set(now);
@@ -123,10 +123,10 @@ impl<S: Read + Write> Reporter<S> {
 
 impl<S: Read + Write> Observer for Reporter<S> {
     fn trained(&self, steps: u64) {
-        self.progress(&Report::Trained { steps });
+        self.progress(&WorkerReport::Trained { steps });
     }
 
     fn busy(&self, activity: Activity, share: f64) {
-        self.progress(&Report::Busy { activity, share });
+        self.progress(&WorkerReport::Busy { activity, share });
     }
 }

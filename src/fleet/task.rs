@@ -6,7 +6,7 @@ use anyhow::Result;
 
 use super::channel::encode;
 use super::link::{Frame, Link};
-use super::message::{Order, Report};
+use super::message::{Order, WorkerReport};
 use crate::base::Activity;
 use crate::training::observer::Observer;
 
@@ -40,7 +40,7 @@ pub struct Task {
     pub deaths: usize,
     /// Time since the worker got the order or last reported, as far as the coordinator was listening.
     pub silence: Duration,
-    pub progress: Option<Report>,
+    pub progress: Option<WorkerReport>,
 }
 
 impl Task {
@@ -55,7 +55,7 @@ impl Task {
 pub fn tell_progress<'a>(open: impl Iterator<Item = &'a Task> + Clone, done: usize, observer: &dyn Observer) {
     let reports = || open.clone().filter_map(|task| task.progress.as_ref());
     let slowest = reports().filter_map(|report| match report {
-        Report::Trained { steps } => Some(*steps),
+        WorkerReport::Trained { steps } => Some(*steps),
         _ => None,
     });
     if let Some(steps) = slowest.min() {
@@ -63,7 +63,7 @@ pub fn tell_progress<'a>(open: impl Iterator<Item = &'a Task> + Clone, done: usi
     }
     let shares: Vec<(Activity, f64)> = reports()
         .filter_map(|report| match report {
-            Report::Busy { activity, share } => Some((*activity, *share)),
+            WorkerReport::Busy { activity, share } => Some((*activity, *share)),
             _ => None,
         })
         .collect();

@@ -65,7 +65,7 @@ fn learn(
     let (steps, spec) = (sequence_length(aips, datasets), &aips.sources().clone());
     // Sequences of `steps` samples each.
     let batches = samples / steps / config.batch;
-    let mut room = Room::default();
+    let mut room = LearningBuffers::default();
     let mut adam = Adam::new(aips.parameters());
     let learners = aips.learners(&mut adam, (config.epochs * batches) as u32);
     for (index, ((mut learner, dataset), dice)) in learners.into_iter().zip(datasets).zip(dice).enumerate() {
@@ -94,7 +94,7 @@ fn cross_entropies(
     watch: &mut Stopwatch,
 ) -> Vec<CrossEntropies> {
     let (steps, spec) = (sequence_length(aips, datasets), aips.sources());
-    let mut room = Room::default();
+    let mut room = LearningBuffers::default();
     let of_agent = |(agent, dataset)| {
         room.cross_entropies(aips.net().network(agent), spec, dataset, steps, samples.clone(), watch)
     };
@@ -109,7 +109,7 @@ fn sequence_length(aips: &AipStack, datasets: &[Dataset]) -> usize {
 /// Working memory of a training, one agent after another: some sequences of its dataset, rows ordered by step, then by
 /// sequence.
 #[derive(Default)]
-struct Room {
+struct LearningBuffers {
     steps: usize,
     d_sets: Vec<f32>,
     sources: Vec<u8>,
@@ -121,7 +121,7 @@ struct Room {
     gradient: Vec<f32>,
 }
 
-impl Room {
+impl LearningBuffers {
     /// Copies sequences of `steps` samples.
     fn gather(&mut self, dataset: &Dataset, steps: usize, sequences: impl ExactSizeIterator<Item = usize> + Clone) {
         let (rows, width) = (sequences.len() * steps, dataset.d_sets.width());

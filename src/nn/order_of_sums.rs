@@ -17,7 +17,7 @@ const DEPTH: usize = 512;
 const ACROSS: usize = 16 * 16;
 
 /// A product whose numbers can be computed one by one.
-struct Shape<'a> {
+struct TestProduct<'a> {
     left: Matrix<'a>,
     right: Matrix<'a>,
     rows: usize,
@@ -26,7 +26,7 @@ struct Shape<'a> {
     right_values: &'a [f32],
 }
 
-impl Shape<'_> {
+impl TestProduct<'_> {
     /// Returns the row and the column of the factors, along the inner dimension.
     fn factors(&self, row: usize, column: usize, depth: usize) -> Vec<(f32, f32)> {
         let ((left_row, left_column), (right_row, right_column)) = (self.left.strides(), self.right.strides());
@@ -150,20 +150,20 @@ fn random(count: usize, dice: &mut Dice) -> Vec<f32> {
 }
 
 /// Calls `each` with every shape in every order of its factors, its name, and whether the factors are transposed.
-fn for_all_products(mut each: impl FnMut(&Shape<'_>, usize, [bool; 2], &str)) {
+fn for_all_products(mut each: impl FnMut(&TestProduct<'_>, usize, [bool; 2], &str)) {
     let mut dice = Seed::new(3).dice();
     for [rows, depth, columns] in SHAPES {
         let (a, b) = (random(rows * depth, &mut dice), random(depth * columns, &mut dice));
         for transposed in [[false, false], [false, true], [true, false], [true, true]] {
             let left = if transposed[0] { Matrix::new(&a, rows).transposed() } else { Matrix::new(&a, depth) };
             let right = if transposed[1] { Matrix::new(&b, depth).transposed() } else { Matrix::new(&b, columns) };
-            let shape = Shape { left, right, rows, columns, left_values: &a, right_values: &b };
+            let shape = TestProduct { left, right, rows, columns, left_values: &a, right_values: &b };
             each(&shape, depth, transposed, &format!("{rows} x {depth} x {columns}, transposed {transposed:?}"));
         }
     }
 }
 
-fn product(width: VectorWidth, shape: &Shape<'_>, before: Before) -> Vec<f32> {
+fn product(width: VectorWidth, shape: &TestProduct<'_>, before: Before) -> Vec<f32> {
     let mut out: Vec<f32> = (0..shape.rows * shape.columns).map(|i| 0.1 * i as f32).collect();
     multiply_with(width, shape.left, shape.right, &mut out, before);
     out

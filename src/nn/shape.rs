@@ -62,11 +62,11 @@ impl Shape {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layout {
     width: usize,
-    blocks: Vec<Block>,
+    blocks: Vec<ParameterBlock>,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]
-struct Block {
+struct ParameterBlock {
     name: String,
     /// Shape for one agent, such as `[in, out]`.
     shape: Vec<usize>,
@@ -82,7 +82,7 @@ impl Layout {
             .into_iter()
             .map(|(name, shape)| {
                 let len = shape.iter().product();
-                let block = Block { name, shape, offset: width, len };
+                let block = ParameterBlock { name, shape, offset: width, len };
                 width += len;
                 block
             })

@@ -29,12 +29,12 @@ const EXTENSION: &str = "safetensors";
 #[derive(Clone, Debug, PartialEq)]
 pub struct Checkpoint {
     pub agents: AgentsState,
-    pub progress: Progress,
+    pub progress: RunProgress,
 }
 
 /// State of the schedule and of the files of the run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Progress {
+pub struct RunProgress {
     pub periods_done: usize,
     /// Length of every CSV file in bytes.
     pub file_lengths: BTreeMap<String, u64>,
@@ -45,7 +45,7 @@ pub struct Progress {
     pub drift: Drift,
 }
 
-impl Progress {
+impl RunProgress {
     /// Returns where Algorithm 1 continues.
     pub fn standing(&self) -> Standing {
         Standing { periods_done: self.periods_done, drift: self.drift }
@@ -60,7 +60,7 @@ struct About {
     /// Number of parameters of every agent's policy and AIP: agents of different kinds have different networks.
     policy_widths: Vec<usize>,
     aip_widths: Vec<usize>,
-    progress: Progress,
+    progress: RunProgress,
     /// Checksum of the tables' bytes, one after another.
     crc32: u32,
 }
@@ -74,7 +74,7 @@ fn tables_of(agents: &AgentsState) -> [&Ragged<f32>; 4] {
 }
 
 /// Writes a checkpoint into `folder` and removes those that are no longer kept.
-pub fn write(folder: &Path, agents: &AgentsState, progress: Progress) -> Result<()> {
+pub fn write(folder: &Path, agents: &AgentsState, progress: RunProgress) -> Result<()> {
     std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
     let tables = tables_of(agents);
     let bytes = tables.map(|table| bytemuck::cast_slice::<f32, u8>(table.as_slice()));
@@ -202,7 +202,7 @@ mod tests {
         let file_lengths = BTreeMap::from([("returns.csv".to_owned(), 77)]);
         Checkpoint {
             agents,
-            progress: Progress { periods_done: 2, file_lengths, elapsed_s: 1.5, drift: Drift::default() },
+            progress: RunProgress { periods_done: 2, file_lengths, elapsed_s: 1.5, drift: Drift::default() },
         }
     }
 

@@ -34,25 +34,25 @@ impl CsvTable {
         Ok(table)
     }
 
-    pub fn lines(&self) -> impl Iterator<Item = Line<'_>> {
-        self.lines.iter().map(|fields| Line { table: self, fields })
+    pub fn lines(&self) -> impl Iterator<Item = TableLine<'_>> {
+        self.lines.iter().map(|fields| TableLine { table: self, fields })
     }
 }
 
 #[derive(Clone, Copy)]
-pub struct Line<'a> {
+pub struct TableLine<'a> {
     table: &'a CsvTable,
     fields: &'a StringRecord,
 }
 
-impl<'a> Line<'a> {
+impl<'a> TableLine<'a> {
     /// Returns the text in a column. If there is no such column, or nothing in it: `None`.
     pub fn text(self, column: &str) -> Option<&'a str> {
         let field = self.fields.get(*self.table.columns.get(column)?)?;
         (!field.is_empty()).then_some(field)
     }
 
-    /// Returns [`Line::text`] as a number; an error if it is not a finite one.
+    /// Returns [`TableLine::text`] as a number; an error if it is not a finite one.
     pub fn number(self, column: &str) -> Result<Option<f64>> {
         let Some(text) = self.text(column) else { return Ok(None) };
         let number: f64 = text.parse().with_context(|| self.bad(column, text, "not a number"))?;

@@ -12,14 +12,14 @@ use crate::training::drift::Moment;
 use crate::training::ppo::Losses;
 
 /// A line of a CSV file, one string per column.
-pub type Line = Vec<String>;
+pub type CsvLine = Vec<String>;
 
 /// Makes a header of fixed columns.
-pub fn header(columns: &[&str]) -> Line {
+pub fn header(columns: &[&str]) -> CsvLine {
     columns.iter().map(|&column| column.to_owned()).collect()
 }
 
-pub fn evaluation_header(evaluation: &Evaluation) -> Line {
+pub fn evaluation_header(evaluation: &Evaluation) -> CsvLine {
     let per_agent = evaluation.measures.per_agent.iter().map(|(name, _)| name.clone());
     let system = evaluation.measures.system.iter().map(|(name, _)| name.clone());
     header(&columns::OF_RETURNS).into_iter().chain(per_agent).chain(system).collect()
@@ -27,7 +27,7 @@ pub fn evaluation_header(evaluation: &Evaluation) -> Line {
 
 /// Makes a line for all agents (`stuck`: their number), then one per agent (`stuck`: 0 or 1; no figures of the whole
 /// system).
-pub fn evaluation_lines(steps: u64, evaluation: &Evaluation) -> Vec<Line> {
+pub fn evaluation_lines(steps: u64, evaluation: &Evaluation) -> Vec<CsvLine> {
     let line = |agent: String, summary: Summary, stuck: usize| {
         let mut line = vec![steps.to_string(), agent];
         line.extend([summary.mean, summary.median, summary.std_error].map(|value| format!("{value:.4}")));
@@ -49,7 +49,7 @@ pub fn evaluation_lines(steps: u64, evaluation: &Evaluation) -> Vec<Line> {
 }
 
 /// Makes a line per episode of an evaluation, with the mean return of all agents.
-pub fn episode_lines(steps: u64, evaluation: &Evaluation) -> Vec<Line> {
+pub fn episode_lines(steps: u64, evaluation: &Evaluation) -> Vec<CsvLine> {
     let episodes = evaluation.returns.iter().enumerate();
     episodes
         .map(|(episode, returns)| vec![steps.to_string(), episode.to_string(), format!("{:.6}", mean(returns))])
@@ -58,10 +58,10 @@ pub fn episode_lines(steps: u64, evaluation: &Evaluation) -> Vec<Line> {
 
 /// Makes a line for the mean of all agents and sources. Then for each agent, one line for the mean of its sources and
 /// one per source.
-pub fn aip_lines(steps: u64, losses: &[AipLoss]) -> Vec<Line> {
+pub fn aip_lines(steps: u64, losses: &[AipLoss]) -> Vec<CsvLine> {
     let mut of_agents: Vec<[f64; 6]> = Vec::new();
     let mut lines = Vec::new();
-    let line = |agent: &str, source: &str, values: &[f64; 6]| -> Line {
+    let line = |agent: &str, source: &str, values: &[f64; 6]| -> CsvLine {
         let keys = [steps.to_string(), agent.to_owned(), source.to_owned()];
         keys.into_iter().chain(values.map(|value| format!("{value:.5}"))).collect()
     };
@@ -93,7 +93,7 @@ fn mean_of(rows: &[[f64; 6]]) -> [f64; 6] {
 }
 
 /// Makes a line for the mean of all agents, then one per agent, each the mean of its sources.
-pub fn drift_lines(steps: u64, after: Moment, losses: &[FreshLoss]) -> Vec<Line> {
+pub fn drift_lines(steps: u64, after: Moment, losses: &[FreshLoss]) -> Vec<CsvLine> {
     let line = |agent: String, [loss, marginals]: [f64; 2]| {
         vec![steps.to_string(), agent, after.name().to_owned(), format!("{loss:.5}"), format!("{marginals:.5}")]
     };
@@ -101,13 +101,13 @@ pub fn drift_lines(steps: u64, after: Moment, losses: &[FreshLoss]) -> Vec<Line>
     std::iter::once(line(ALL.to_owned(), FreshLoss::means_of_all(losses))).chain(of_agents).collect()
 }
 
-pub fn training_header(training: &PolicyTraining) -> Line {
+pub fn training_header(training: &PolicyTraining) -> CsvLine {
     let counters = training.counters.iter().map(|(name, _)| name.clone());
     header(&columns::OF_TRAINING).into_iter().chain(counters).collect()
 }
 
 /// Makes a line for all agents with what the simulators counted, then one per agent.
-pub fn training_lines(steps: u64, training: &PolicyTraining) -> Vec<Line> {
+pub fn training_lines(steps: u64, training: &PolicyTraining) -> Vec<CsvLine> {
     let agents = training.agents.len() as f64;
     let mut total = Losses::default();
     training.agents.iter().for_each(|agent| total.add(&agent.losses, 1.0 / agents));
@@ -145,7 +145,7 @@ pub struct Wall {
 
 /// Makes a line for the mean of all workers, then one per worker. Idle time is neither an activity nor an exchange. The
 /// phases are those of the policies' training. Only CPU time is a sum: of all processes, the coordinator included.
-pub fn timing_lines(steps: u64, load: &FleetLoad, wall: &Wall) -> Vec<Line> {
+pub fn timing_lines(steps: u64, load: &FleetLoad, wall: &Wall) -> Vec<CsvLine> {
     let workers: Vec<&Timesheet> = load.workers.iter().map(|worker| &worker.timesheet).collect();
     let line = |worker: String, of: &[&Timesheet], coordinator_cpu: Duration| {
         let mean = |pick: &dyn Fn(&Timesheet) -> Duration| {
@@ -163,14 +163,17 @@ pub fn timing_lines(steps: u64, load: &FleetLoad, wall: &Wall) -> Vec<Line> {
         let [cpu, cpu_of_evaluation] = cpu.map(|time| time.as_secs_f64());
         let whole = [period, elapsed, cpu, cpu_of_evaluation, exchange];
         let seconds = whole.into_iter().chain(activities).chain([idle]).chain(phases);
-        [steps.to_string(), worker].into_iter().chain(seconds.map(|seconds| format!("{seconds:.3}"))).collect::<Line>()
+        [steps.to_string(), worker]
+            .into_iter()
+            .chain(seconds.map(|seconds| format!("{seconds:.3}")))
+            .collect::<CsvLine>()
     };
     let each = workers.iter().enumerate().map(|(index, worker)| line(index.to_string(), &[worker], Duration::ZERO));
     std::iter::once(line(ALL.to_owned(), &workers, load.coordinator_cpu)).chain(each).collect()
 }
 
 /// Makes a line for the total, then one per process.
-pub fn memory_lines(steps: u64, load: &FleetLoad) -> Vec<Line> {
+pub fn memory_lines(steps: u64, load: &FleetLoad) -> Vec<CsvLine> {
     let workers = load.workers.iter().enumerate().map(|(index, worker)| (index.to_string(), worker.footprint));
     let coordinator = load.coordinator.map(|footprint| ("coordinator".to_owned(), footprint));
     let processes: Vec<(String, Footprint)> = workers.chain(coordinator).collect();

@@ -7,10 +7,12 @@ use anyhow::Result;
 
 use super::before;
 use super::columns::{self, ALL};
-use super::csv_table::{CsvTable, Line};
+use super::csv_table::{CsvTable, TableLine};
 use super::files;
 use super::run_json::RunJson;
-use super::run_record::{AipTraining, CpuTime, Evaluation, FreshLoss, Memory, PeriodTime, Returns, RunRecord};
+use super::run_record::{
+    AipTrainingRecord, CpuTime, EvaluationRecord, FreshLossRecord, MemoryRecord, PeriodTime, Returns, RunRecord,
+};
 use crate::base::Activity;
 use crate::config::{self, Config};
 use crate::domain::Scenario;
@@ -61,9 +63,9 @@ fn scenario_in(about: &RunJson, config: &Config, agents: Option<usize>) -> Resul
 }
 
 /// Reads the evaluations. `table`: `returns.csv`; `episodes`: `episodes.csv`.
-fn read_evaluations(table: &CsvTable, episodes: &CsvTable) -> Result<Vec<Evaluation>> {
+fn read_evaluations(table: &CsvTable, episodes: &CsvTable) -> Result<Vec<EvaluationRecord>> {
     let mut of_episodes = read_episodes(episodes)?;
-    let mut evaluations: Vec<Evaluation> = Vec::new();
+    let mut evaluations: Vec<EvaluationRecord> = Vec::new();
     for line in table.lines() {
         let returns = Returns {
             mean: line.required(columns::MEAN)?,
@@ -76,7 +78,13 @@ fn read_evaluations(table: &CsvTable, episodes: &CsvTable) -> Result<Vec<Evaluat
                 let steps = line.steps()?;
                 let episodes = line.number(columns::EPISODES)?.map(|count| count as usize);
                 let episode_returns = of_episodes.remove(&steps).unwrap_or_default();
-                evaluations.push(Evaluation { steps, all: returns, agents: Vec::new(), episodes, episode_returns });
+                evaluations.push(EvaluationRecord {
+                    steps,
+                    all: returns,
+                    agents: Vec::new(),
+                    episodes,
+                    episode_returns,
+                });
             }
             (_, Some(evaluation)) => evaluation.agents.push(returns),
             (_, None) => anyhow::bail!("{}: begins with an agent instead of `{ALL}`", files::RETURNS),
@@ -95,7 +103,7 @@ fn read_evaluations(table: &CsvTable, episodes: &CsvTable) -> Result<Vec<Evaluat
     {
         last.episode_returns.clear();
     }
-    let uneven = |evaluation: &&Evaluation| {
+    let uneven = |evaluation: &&EvaluationRecord| {
         let found = evaluation.episode_returns.len();
         found > 0 && evaluation.episodes.is_some_and(|episodes| episodes != found)
     };
@@ -123,13 +131,13 @@ fn read_episodes(table: &CsvTable) -> Result<BTreeMap<u64, Vec<f64>>> {
     Ok(of_steps)
 }
 
-fn of_all_sources(line: Line) -> bool {
+fn of_all_sources(line: TableLine) -> bool {
     line.text(columns::AGENT) == Some(ALL) && line.text(columns::SOURCE).is_none_or(|source| source == ALL)
 }
 
-fn read_aip_trainings(table: &CsvTable) -> Result<Vec<AipTraining>> {
+fn read_aip_trainings(table: &CsvTable) -> Result<Vec<AipTrainingRecord>> {
     let trainings = table.lines().filter(|&line| of_all_sources(line)).map(|line| {
-        Ok(AipTraining {
+        Ok(AipTrainingRecord {
             steps: line.steps()?,
             before: line.required(columns::HELD_OUT_BEFORE)?,
             after: line.required(columns::HELD_OUT_AFTER)?,
@@ -139,9 +147,9 @@ fn read_aip_trainings(table: &CsvTable) -> Result<Vec<AipTraining>> {
     trainings.collect()
 }
 
-fn read_fresh_losses(table: &CsvTable) -> Result<Vec<FreshLoss>> {
+fn read_fresh_losses(table: &CsvTable) -> Result<Vec<FreshLossRecord>> {
     let losses = table.lines().filter(|&line| of_all_sources(line)).map(|line| {
-        Ok(FreshLoss {
+        Ok(FreshLossRecord {
             steps: line.steps()?,
             after_training: line.text(columns::AFTER) == Some(Moment::Training.name()),
             loss: line.required(columns::LOSS)?,
@@ -157,7 +165,7 @@ const INFLUENCE: [Activity; 2] = [Activity::Collection, Activity::AipTraining];
 
 /// Reads sums of seconds since the run began.
 fn read_periods(table: &CsvTable) -> Result<Vec<PeriodTime>> {
-    let spent = |line: Line, activities: &[Activity]| -> Result<f64> {
+    let spent = |line: TableLine, activities: &[Activity]| -> Result<f64> {
         activities.iter().map(|&activity| Ok(line.number(&columns::seconds_of(activity))?.unwrap_or(0.0))).sum()
     };
     let (mut evaluation_s, mut influence_s) = (0.0, 0.0);
@@ -180,13 +188,13 @@ fn read_periods(table: &CsvTable) -> Result<Vec<PeriodTime>> {
     Ok(periods)
 }
 
-fn read_memory(table: &CsvTable) -> Result<Option<Memory>> {
-    let mut memory: Option<Memory> = None;
+fn read_memory(table: &CsvTable) -> Result<Option<MemoryRecord>> {
+    let mut memory: Option<MemoryRecord> = None;
     for line in table.lines() {
         let (rss, pss) = (line.required(columns::PEAK_RSS_MB)?, line.number(columns::PSS_MB)?);
         let here = match line.text(columns::PROCESS) {
-            Some(ALL) => Memory { process_mb: 0.0, total_mb: rss, total_pss_mb: pss },
-            _ => Memory { process_mb: rss, total_mb: 0.0, total_pss_mb: None },
+            Some(ALL) => MemoryRecord { process_mb: 0.0, total_mb: rss, total_pss_mb: pss },
+            _ => MemoryRecord { process_mb: rss, total_mb: 0.0, total_pss_mb: None },
         };
         memory = Some(memory.map_or(here, |so_far| so_far.max(here)));
     }
@@ -255,9 +263,9 @@ mod tests {
         assert_eq!((found.steps, found.all.mean, found.all.std_error, found.all.stuck), (128, 3.0, 2.0, 1));
         assert_eq!((found.agents[1].mean, found.agents[1].stuck, found.episodes), (4.0, 1, Some(2)));
         assert_eq!(found.episode_returns, [1.0, 5.0]);
-        let AipTraining { steps, before, after, marginals } = read.aip_trainings[0];
+        let AipTrainingRecord { steps, before, after, marginals } = read.aip_trainings[0];
         assert_eq!((steps, before, after, marginals), (128, 0.5, 0.25, 0.5));
-        let FreshLoss { after_training, loss, marginals, .. } = read.fresh_losses[0];
+        let FreshLossRecord { after_training, loss, marginals, .. } = read.fresh_losses[0];
         assert_eq!((after_training, loss, marginals), (true, 0.375, 0.5));
         let time = read.total_time().unwrap();
         assert_eq!((time.evaluation_s, time.influence_s, time.cpu.map(|cpu| cpu.total_s)), (3.0, 2.0, Some(7.0)));
@@ -289,7 +297,7 @@ mod tests {
     #[test]
     fn episodes_belong_to_the_evaluation_of_their_step() {
         let dir = tempfile::tempdir().unwrap();
-        let read = |episodes: &str| -> Result<Vec<Evaluation>> {
+        let read = |episodes: &str| -> Result<Vec<EvaluationRecord>> {
             let [returns, file] = [files::RETURNS, files::EPISODES].map(|name| dir.path().join(name));
             let blocks = "0,all,1,1,0,1\n0,0,1,1,0,1\n100,all,2,2,0,2\n100,0,2,2,0,2\n";
             std::fs::write(&returns, format!("steps,agent,mean,median,std_error,episodes\n{blocks}")).unwrap();

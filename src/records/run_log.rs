@@ -8,13 +8,13 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use anyhow::{Context, Result};
 
 use super::atomic::{lock, write_atomically};
-use super::checkpoint::{self, Checkpoint, Progress};
+use super::checkpoint::{self, Checkpoint, RunProgress};
 use super::columns;
 use super::csv::{append, append_block, cut};
 use super::files;
 use super::finite::{check_aips, check_policies};
 use super::lines::{
-    Line, Wall, aip_lines, drift_lines, episode_lines, evaluation_header, evaluation_lines, header, memory_lines,
+    CsvLine, Wall, aip_lines, drift_lines, episode_lines, evaluation_header, evaluation_lines, header, memory_lines,
     timing_lines, training_header, training_lines,
 };
 use super::tensorboard::{Scalar, first_record, scalars_of, scalars_record};
@@ -82,7 +82,7 @@ impl RunLog {
     pub fn resume(dir: &Path, config: &Config, layouts: Layouts) -> Result<(Self, Option<Checkpoint>)> {
         let mut log = RunLog::create(dir, config, layouts)?;
         let checkpoint = Checkpoint::read_newest(&dir.join(files::CHECKPOINTS))?;
-        let beginning = Progress::default();
+        let beginning = RunProgress::default();
         let progress = checkpoint.as_ref().map_or(&beginning, |checkpoint| &checkpoint.progress);
         for name in files::GROWING {
             cut(&dir.join(name), progress.file_lengths.get(name).copied().unwrap_or(0))?;
@@ -110,7 +110,7 @@ impl RunLog {
         Ok(())
     }
 
-    fn append(&self, file: &str, steps: u64, header: &[String], lines: &[Line]) -> Result<()> {
+    fn append(&self, file: &str, steps: u64, header: &[String], lines: &[CsvLine]) -> Result<()> {
         append(&self.dir.join(file), header, lines)?;
         self.tell_tensorboard(steps, &scalars_of(file, header, lines))
     }
@@ -182,7 +182,7 @@ impl Journal for RunLog {
         let stack = self.layouts.policies.write(&agents.policies, &about(agents.steps))?;
         write_atomically(&self.dir.join(files::POLICIES), &stack)?;
         self.append_load(agents, load)?;
-        let progress = Progress {
+        let progress = RunProgress {
             periods_done: standing.periods_done,
             file_lengths: self.file_lengths()?,
             elapsed_s: (self.elapsed_before + self.begun.elapsed()).as_secs_f64(),

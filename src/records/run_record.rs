@@ -15,22 +15,22 @@ pub struct RunRecord {
     /// What was simulated; `None` if the number of agents is not known.
     pub scenario: Option<Scenario>,
     /// Evaluations, in order of steps.
-    pub evaluations: Vec<Evaluation>,
+    pub evaluations: Vec<EvaluationRecord>,
     /// Trainings of the AIPs (approximate influence predictors), in order of steps.
-    pub aip_trainings: Vec<AipTraining>,
+    pub aip_trainings: Vec<AipTrainingRecord>,
     /// Cross-entropies of the AIPs on new GS (global simulator) data, in order of steps; empty if the run did not
     /// measure them.
-    pub fresh_losses: Vec<FreshLoss>,
+    pub fresh_losses: Vec<FreshLossRecord>,
     /// Times of the periods, in order.
     pub periods: Vec<PeriodTime>,
-    pub memory: Option<Memory>,
+    pub memory: Option<MemoryRecord>,
     /// Number of worker processes, or 1 for a run without any.
     pub workers: usize,
 }
 
 /// An evaluation of the joint policy on the GS.
 #[derive(Clone, Debug)]
-pub struct Evaluation {
+pub struct EvaluationRecord {
     /// Timesteps per agent.
     pub steps: u64,
     pub all: Returns,
@@ -56,7 +56,7 @@ pub struct Returns {
 
 /// Cross-entropy in nats on the held-out episodes of a dataset; the mean of all agents and sources.
 #[derive(Clone, Copy, Debug)]
-pub struct AipTraining {
+pub struct AipTrainingRecord {
     pub steps: u64,
     pub before: f64,
     pub after: f64,
@@ -66,7 +66,7 @@ pub struct AipTraining {
 
 /// Cross-entropy in nats on GS episodes that no AIP was trained on; the mean of all agents and sources.
 #[derive(Clone, Copy, Debug)]
-pub struct FreshLoss {
+pub struct FreshLossRecord {
     pub steps: u64,
     /// Whether the AIPs have just been trained here.
     pub after_training: bool,
@@ -112,7 +112,7 @@ impl CpuTime {
 
 /// Peak memory in MiB.
 #[derive(Clone, Copy, Debug)]
-pub struct Memory {
+pub struct MemoryRecord {
     /// Memory of the largest process, shared libraries counted in full.
     pub process_mb: f64,
     /// Memory of all processes, shared libraries counted in full in each.
@@ -121,10 +121,10 @@ pub struct Memory {
     pub total_pss_mb: Option<f64>,
 }
 
-impl Memory {
+impl MemoryRecord {
     /// Returns the larger value of each figure.
-    pub fn max(self, other: Memory) -> Memory {
-        Memory {
+    pub fn max(self, other: MemoryRecord) -> MemoryRecord {
+        MemoryRecord {
             process_mb: self.process_mb.max(other.process_mb),
             total_mb: self.total_mb.max(other.total_mb),
             total_pss_mb: self.total_pss_mb.into_iter().chain(other.total_pss_mb).reduce(f64::max),
@@ -164,7 +164,7 @@ impl RunRecord {
         self.interpolated(steps, |evaluation| evaluation.all.median)
     }
 
-    fn interpolated(&self, steps: u64, figure: impl Fn(&Evaluation) -> f64) -> Option<f64> {
+    fn interpolated(&self, steps: u64, figure: impl Fn(&EvaluationRecord) -> f64) -> Option<f64> {
         interpolate(self.evaluations.iter().map(|evaluation| (evaluation.steps, figure(evaluation))), steps)
     }
 

@@ -8,7 +8,7 @@
 
 use super::columns::{self, ALL};
 use super::files;
-use super::lines::Line;
+use super::lines::CsvLine;
 
 /// A named number at a step.
 pub type Scalar = (String, f32);
@@ -37,7 +37,7 @@ pub fn scalars_record(wall_time_s: f64, step: u64, scalars: &[Scalar]) -> Vec<u8
 
 /// Returns the scalars of a block of lines of a CSV file. Every number of the line about all agents becomes
 /// `file/column`, and the mean return of each agent becomes `returns_of_agents/N`.
-pub fn scalars_of(file: &str, header: &[String], lines: &[Line]) -> Vec<Scalar> {
+pub fn scalars_of(file: &str, header: &[String], lines: &[CsvLine]) -> Vec<Scalar> {
     let table = file.strip_suffix(".csv").unwrap_or(file);
     let mut scalars = Vec::new();
     for line in lines {
@@ -130,7 +130,7 @@ mod tests {
 
     #[test]
     fn lines_about_all_agents_become_scalars_and_those_of_agents_their_mean_return() {
-        let row = |text: &str| -> Line { text.split(',').map(str::to_owned).collect() };
+        let row = |text: &str| -> CsvLine { text.split(',').map(str::to_owned).collect() };
         let header = row("steps,agent,mean,median,stuck");
         let lines = ["128,all,5.5,6,1", "128,0,4,4,1", "128,1,7,7,0"].map(row);
         let named = |named: &[(&str, f32)]| -> Vec<Scalar> {

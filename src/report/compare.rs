@@ -14,7 +14,7 @@ use super::find::{LeftOut, find};
 use super::group::{Group, Sorted, sort, steps_text};
 use super::played;
 use super::words::{duration, figure, figure_like, interval, no_run, pairing, signed, signed_interval, warnings};
-use crate::base::statistics::difference::{Difference, Side as Returns, between, common_episodes};
+use crate::base::statistics::difference::{BySeed, Difference, between, common_episodes};
 use crate::base::statistics::{ENOUGH_SEEDS, Spread, mean, median};
 use crate::domain::ScenarioId;
 use crate::records::run_record::{CpuTime, PeriodTime, RunRecord, Status};
@@ -23,7 +23,7 @@ use crate::records::run_record::{CpuTime, PeriodTime, RunRecord, Status};
 const REACH: f64 = 0.95;
 
 /// One side of a comparison: runs of one method.
-pub struct Side {
+pub struct ComparedSide {
     /// Its name on the command line.
     pub name: String,
     pub scenario: ScenarioId,
@@ -31,9 +31,9 @@ pub struct Side {
     left_out: Vec<LeftOut>,
 }
 
-impl Side {
+impl ComparedSide {
     /// Reads the runs under these folders. Their configs may differ in the seed only.
-    pub fn open(name: &str, folders: &[PathBuf]) -> Result<Side> {
+    pub fn open(name: &str, folders: &[PathBuf]) -> Result<ComparedSide> {
         let found = find(folders)?;
         let missing = found.missing.clone();
         let Sorted { mut comparisons, left_out } = sort(found)?;
@@ -52,7 +52,7 @@ impl Side {
         let comparison = comparisons.pop().with_context(|| no_run(name, &warnings(&[], &missing, &left_out)))?;
         let group = comparison.groups.into_iter().next().expect("the one that was counted");
         ensure!(group.finals().is_some(), "{name}: has no run that was evaluated yet");
-        Ok(Side { name: name.to_owned(), scenario: comparison.scenario, group, left_out })
+        Ok(ComparedSide { name: name.to_owned(), scenario: comparison.scenario, group, left_out })
     }
 }
 
@@ -93,7 +93,7 @@ pub struct Verdict {
     pub steps: u64,
     pub returns: [Spread; 2],
     /// The runs that are compared, by seed.
-    pub runs: [Returns; 2],
+    pub runs: [BySeed; 2],
     /// Return of the median agent of a run, mean over seeds.
     pub median_agents: [f64; 2],
     /// Number of stuck agents and of all agents, over all runs.
@@ -112,7 +112,7 @@ pub struct Verdict {
 }
 
 /// Compares two sides. `target`: the return to reach; by default 95 % of the lower final return.
-pub fn compare(a: &Side, b: &Side, target: Option<f64>) -> Result<Verdict> {
+pub fn compare(a: &ComparedSide, b: &ComparedSide, target: Option<f64>) -> Result<Verdict> {
     ensure!(
         a.scenario == b.scenario,
         "{} is {} and {} is {}: returns of different scenarios (domain, agents, horizon, network) cannot be compared",
@@ -127,7 +127,7 @@ pub fn compare(a: &Side, b: &Side, target: Option<f64>) -> Result<Verdict> {
     let runs = [runs_a, runs_b];
     let played = runs.each_ref().map(|runs| {
         let played = runs.iter().filter_map(|run| Some((run.config.seed, played::of_run(run, steps)?)));
-        played.collect::<Returns>()
+        played.collect::<BySeed>()
     });
     let returns = played.each_ref().map(|side| side.iter().map(|(_, played)| played.mean).collect::<Vec<f64>>());
     let found = between(&played[0], &played[1]);
@@ -207,7 +207,7 @@ pub fn differing(a: &BTreeMap<String, String>, b: &BTreeMap<String, String>) -> 
 
 impl Verdict {
     /// Writes the comparison as text.
-    pub fn to_text(&self, a: &Side, b: &Side) -> String {
+    pub fn to_text(&self, a: &ComparedSide, b: &ComparedSide) -> String {
         let mut lines = Vec::new();
         for ((letter, side), runs) in [("A", a), ("B", b)].into_iter().zip(&self.runs) {
             let seeds: Vec<String> = runs.iter().map(|(seed, _)| seed.to_string()).collect();
@@ -274,15 +274,15 @@ impl Verdict {
     fn seeds(&self) -> impl Iterator<Item = (u64, [Option<f64>; 2], Option<f64>)> + '_ {
         let seeds: BTreeSet<u64> = self.runs.iter().flatten().map(|(seed, _)| *seed).collect();
         seeds.into_iter().map(|seed| {
-            let value = |side: &Returns| side.iter().find(|(own, _)| *own == seed).map(|(_, played)| played.mean);
+            let value = |side: &BySeed| side.iter().find(|(own, _)| *own == seed).map(|(_, played)| played.mean);
             let difference = self.difference.of_seeds.iter().find(|(own, _)| *own == seed).map(|(_, value)| *value);
             (seed, self.runs.each_ref().map(value), difference)
         })
     }
 
     /// Writes the comparison as JSON.
-    pub fn to_json(&self, a: &Side, b: &Side) -> Value {
-        let side = |index: usize, side: &Side| {
+    pub fn to_json(&self, a: &ComparedSide, b: &ComparedSide) -> Value {
+        let side = |index: usize, side: &ComparedSide| {
             let (returns, reached) = (&self.returns[index], &self.reached[index]);
             let episodes = common_episodes(self.runs[index].iter().map(|(_, played)| played));
             json!({

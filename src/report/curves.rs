@@ -143,7 +143,7 @@ fn measured(run: &RunRecord, data: LossData) -> Measured {
 mod tests {
     use super::*;
     use crate::domain::Scenario;
-    use crate::records::run_record::FreshLoss;
+    use crate::records::run_record::FreshLossRecord;
     use crate::report::method::Method;
 
     /// Makes runs with losses at these steps; `true`: right after a training. The marginals are 1 higher.
@@ -157,7 +157,12 @@ mod tests {
             aip_trainings: Vec::new(),
             fresh_losses: losses
                 .iter()
-                .map(|&(steps, after_training, loss)| FreshLoss { steps, after_training, loss, marginals: loss + 1.0 })
+                .map(|&(steps, after_training, loss)| FreshLossRecord {
+                    steps,
+                    after_training,
+                    loss,
+                    marginals: loss + 1.0,
+                })
                 .collect(),
             periods: Vec::new(),
             memory: None,

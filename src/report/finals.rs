@@ -4,9 +4,9 @@ use std::collections::BTreeSet;
 
 use super::group::Group;
 use super::played;
-use crate::base::statistics::difference::{Episodes, Side, common_episodes};
+use crate::base::statistics::difference::{BySeed, Episodes, common_episodes};
 use crate::base::statistics::{Spread, mean, median};
-use crate::records::run_record::{CpuTime, Memory, PeriodTime, Returns, RunRecord, Status};
+use crate::records::run_record::{CpuTime, MemoryRecord, PeriodTime, Returns, RunRecord, Status};
 
 /// Final returns of a group.
 pub struct Final {
@@ -17,7 +17,7 @@ pub struct Final {
     /// Mean returns over seeds.
     pub returns: Spread,
     /// Returns of every run that counts, by seed.
-    pub runs: Side,
+    pub runs: BySeed,
     /// Median over seeds of the runs' mean returns.
     pub median_run: f64,
     /// Return of the median agent of a run, mean over seeds.
@@ -59,7 +59,7 @@ impl Final {
                 })
             })
             .collect();
-        let of_runs: Side =
+        let of_runs: BySeed =
             runs.iter().filter_map(|run| Some((run.config.seed, played::of_run(run, steps)?))).collect();
         let means: Vec<f64> = of_runs.iter().map(|(_, played)| played.mean).collect();
         let medians: Vec<f64> = runs.iter().filter_map(|run| run.median_at(steps)).collect();
@@ -153,15 +153,15 @@ pub fn mean_cpu(times: &[PeriodTime]) -> Option<CpuTime> {
 }
 
 /// Returns the largest memory of a group's runs; `None` if no run measured it.
-pub fn peak_memory(group: &Group) -> Option<Memory> {
-    group.runs.iter().filter_map(|run| run.memory).reduce(Memory::max)
+pub fn peak_memory(group: &Group) -> Option<MemoryRecord> {
+    group.runs.iter().filter_map(|run| run.memory).reduce(MemoryRecord::max)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::domain::Scenario;
-    use crate::records::run_record::Evaluation;
+    use crate::records::run_record::EvaluationRecord;
     use crate::report::method::Method;
 
     #[test]
@@ -173,7 +173,7 @@ mod tests {
             config: toml::from_str("total_steps = 100000\n[warehouse]\nagents_per_side = 1").unwrap(),
             about: Default::default(),
             scenario: Some(Scenario::new("warehouse", 1, 100)),
-            evaluations: vec![Evaluation {
+            evaluations: vec![EvaluationRecord {
                 steps: periods * 4000 - 2000,
                 all: returns,
                 agents: vec![returns],

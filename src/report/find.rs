@@ -20,7 +20,7 @@ const DEPTH: usize = 6;
 
 /// The plan of an experiment.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct Plan {
+pub struct ExperimentPlan {
     /// Names of the run directories, which are in the same folder as the plan.
     pub runs: Vec<String>,
     /// Names of the baseline files, without `.json`.
@@ -35,7 +35,7 @@ pub fn baseline_file(folder: &Path, name: &str) -> PathBuf {
 
 /// A measured hand-coded controller, as `baseline --json` prints it.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
-pub struct Baseline {
+pub struct BaselineRecord {
     /// Name of the scenario, from [`crate::domain::ScenarioId::word`].
     pub scenario: String,
     pub controller: String,
@@ -74,7 +74,7 @@ pub struct Found {
     /// Runs and baselines of a plan that are not there yet.
     pub missing: Vec<PathBuf>,
     /// Baselines, each once, with its file.
-    pub baselines: Vec<(PathBuf, Baseline)>,
+    pub baselines: Vec<(PathBuf, BaselineRecord)>,
 }
 
 /// Searches folders. A folder without any run in it is an error.
@@ -140,7 +140,7 @@ fn read_plan(folder: &Path, found: &mut Found) -> Result<bool> {
     if !path.is_file() {
         return Ok(false);
     }
-    let plan: Plan = read_json(&path)?;
+    let plan: ExperimentPlan = read_json(&path)?;
     found.missing.extend(plan.runs.iter().map(|name| folder.join(name)).filter(|run| !is_run_dir(run)));
     let baselines = plan.baselines.iter().map(|name| baseline_file(folder, name));
     found.missing.extend(baselines.filter(|baseline| !baseline.is_file()));

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use anyhow::Result;
 
 use super::finals::Final;
-use super::find::{Baseline, Found, LeftOut};
+use super::find::{BaselineRecord, Found, LeftOut};
 use super::method::{Method, Retraining};
 use super::played::minus_controller;
 use crate::base::statistics::difference::{Difference, between};
@@ -25,7 +25,7 @@ pub struct Comparison {
     /// group departs from it.
     pub reference: Option<usize>,
     /// Hand-coded controllers that were measured on this scenario.
-    pub baselines: Vec<Baseline>,
+    pub baselines: Vec<BaselineRecord>,
 }
 
 impl Comparison {
@@ -63,7 +63,7 @@ impl Comparison {
 /// A controller or a group whose return is subtracted from those of the groups of a scenario.
 #[derive(Clone)]
 pub enum Opponent<'a> {
-    Controller(&'a Baseline),
+    Controller(&'a BaselineRecord),
     /// A group and its name.
     Group(&'a Group, String),
 }

@@ -9,17 +9,17 @@ use crate::domain::{Scenario, ScenarioId};
 
 /// What it experiments on. Its tables are of these two.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Environment {
+enum PaperDomain {
     Traffic,
     Warehouse,
 }
 
-impl Environment {
+impl PaperDomain {
     /// Returns the one of this name; `None` for what the paper does not have.
-    fn of(domain: &str) -> Option<Environment> {
+    fn of(domain: &str) -> Option<PaperDomain> {
         match domain {
-            "traffic" => Some(Environment::Traffic),
-            "warehouse" => Some(Environment::Warehouse),
+            "traffic" => Some(PaperDomain::Traffic),
+            "warehouse" => Some(PaperDomain::Warehouse),
             _ => None,
         }
     }
@@ -35,14 +35,14 @@ const NETWORKS: [&str; 4] = ["2e9f05c0", "93a8b1ee", "cad97cd3", "5d49296f"];
 /// Returns the scenarios of the paper in a domain, by size; none in a domain that it does not have.
 pub fn scenarios(domain: &str) -> Vec<ScenarioId> {
     let of_size = |environment| SIZES.map(|agents| Scenario::new(domain, agents, horizon(environment)).id).to_vec();
-    Environment::of(domain).map_or(Vec::new(), of_size)
+    PaperDomain::of(domain).map_or(Vec::new(), of_size)
 }
 
 /// Returns the number of steps of an episode.
-fn horizon(environment: Environment) -> usize {
+fn horizon(environment: PaperDomain) -> usize {
     match environment {
-        Environment::Traffic => 300,
-        Environment::Warehouse => 100,
+        PaperDomain::Traffic => 300,
+        PaperDomain::Warehouse => 100,
     }
 }
 
@@ -71,10 +71,10 @@ impl PaperReturn {
 pub fn figure(scenario: &ScenarioId) -> Option<&'static str> {
     let (environment, _) = place(scenario)?;
     Some(match (environment, scenario.agents) {
-        (Environment::Traffic, 4) => "figure of section Results, (1a), read off the plot",
-        (Environment::Warehouse, 4) => "figure of section Results, (1b), read off the plot",
-        (Environment::Traffic, _) => "appendix Results, figure of traffic, read off the plot",
-        (Environment::Warehouse, _) => "appendix Results, figure of the warehouse, read off the plot",
+        (PaperDomain::Traffic, 4) => "figure of section Results, (1a), read off the plot",
+        (PaperDomain::Warehouse, 4) => "figure of section Results, (1b), read off the plot",
+        (PaperDomain::Traffic, _) => "appendix Results, figure of traffic, read off the plot",
+        (PaperDomain::Warehouse, _) => "appendix Results, figure of the warehouse, read off the plot",
     })
 }
 
@@ -83,16 +83,16 @@ pub const MEMORY_SOURCE: &str = "appendix Memory Usage";
 
 /// Returns F, the steps between two trainings of the AIPs, of the DIALS curves that the paper compares with the GS
 /// (global simulator).
-fn best_retraining(environment: Environment) -> u64 {
+fn best_retraining(environment: PaperDomain) -> u64 {
     match environment {
-        Environment::Traffic => 1_000_000,
-        Environment::Warehouse => 4_000_000,
+        PaperDomain::Traffic => 1_000_000,
+        PaperDomain::Warehouse => 4_000_000,
     }
 }
 
 /// The environment, and the column of its size in a table.
-fn place(scenario: &ScenarioId) -> Option<(Environment, usize)> {
-    let environment = Environment::of(&scenario.domain)?;
+fn place(scenario: &ScenarioId) -> Option<(PaperDomain, usize)> {
+    let environment = PaperDomain::of(&scenario.domain)?;
     let column = SIZES.iter().position(|&size| size == scenario.agents)?;
     let network = scenario.checksum.as_ref().is_none_or(|checksum| checksum == NETWORKS[column]);
     (network && scenario.episode.length == horizon(environment)).then_some((environment, column))
@@ -104,8 +104,8 @@ pub fn curve(scenario: &ScenarioId, simulator: &str, retraining: Retraining) -> 
     let start = start(scenario).map(|mean| PaperReturn::new(0, mean, None));
     let (environment, _) = place(scenario).expect("it has a final return");
     let middle = match (environment, scenario.agents, simulator) {
-        (Environment::Traffic, 4, "dials") => Some(PaperReturn::new(1_000_000, 182.0, None)),
-        (Environment::Warehouse, 4, "dials") => Some(PaperReturn::new(1_000_000, 10.0, None)),
+        (PaperDomain::Traffic, 4, "dials") => Some(PaperReturn::new(1_000_000, 182.0, None)),
+        (PaperDomain::Warehouse, 4, "dials") => Some(PaperReturn::new(1_000_000, 10.0, None)),
         _ => None,
     };
     start.into_iter().chain(middle).chain([end]).collect()
@@ -115,8 +115,8 @@ pub fn curve(scenario: &ScenarioId, simulator: &str, retraining: Retraining) -> 
 pub fn start(scenario: &ScenarioId) -> Option<f64> {
     let (environment, column) = place(scenario)?;
     let starts = match environment {
-        Environment::Traffic => [144.0, 162.0, 164.0, 163.5],
-        Environment::Warehouse => [1.5, 1.9, 2.0, 2.1],
+        PaperDomain::Traffic => [144.0, 162.0, 164.0, 163.5],
+        PaperDomain::Warehouse => [1.5, 1.9, 2.0, 2.1],
     };
     Some(starts[column])
 }
@@ -125,8 +125,8 @@ pub fn start(scenario: &ScenarioId) -> Option<f64> {
 pub fn hand_coded(scenario: &ScenarioId) -> Option<f64> {
     let (environment, column) = place(scenario)?;
     let returns = match environment {
-        Environment::Traffic => [176.0, 175.0, 177.5, 175.0],
-        Environment::Warehouse => [13.1, 14.5, 13.9, 14.5],
+        PaperDomain::Traffic => [176.0, 175.0, 177.5, 175.0],
+        PaperDomain::Warehouse => [13.1, 14.5, 13.9, 14.5],
     };
     Some(returns[column])
 }
@@ -136,30 +136,30 @@ pub fn final_return(scenario: &ScenarioId, simulator: &str, retraining: Retraini
     let (environment, column) = place(scenario)?;
     let at_end = |mean, std_error| PaperReturn::new(STEPS, mean, std_error);
     let of_sizes = match (environment, simulator) {
-        (Environment::Traffic, "gs") => [
+        (PaperDomain::Traffic, "gs") => [
             at_end(200.5, Some(7.0)),
             at_end(214.0, None),
             at_end(212.0, Some(7.0)),
             // This run ended earlier, after a week.
             PaperReturn::new(3_500_000, 190.0, Some(14.0)),
         ],
-        (Environment::Traffic, "untrained-dials") => {
+        (PaperDomain::Traffic, "untrained-dials") => {
             [at_end(172.0, Some(2.0)), at_end(163.0, None), at_end(158.5, None), at_end(149.0, None)]
         }
-        (Environment::Warehouse, "gs") => [
+        (PaperDomain::Warehouse, "gs") => [
             at_end(8.1, Some(1.0)),
             at_end(11.4, None),
             at_end(10.2, Some(1.1)),
             PaperReturn::new(2_000_000, 9.6, Some(1.5)),
         ],
-        (Environment::Warehouse, "untrained-dials") => {
+        (PaperDomain::Warehouse, "untrained-dials") => {
             [at_end(4.3, Some(0.6)), at_end(3.8, None), at_end(3.4, None), at_end(3.2, None)]
         }
         (_, "dials") if retraining == Retraining::Every(best_retraining(environment)) => match environment {
-            Environment::Traffic => {
+            PaperDomain::Traffic => {
                 [at_end(214.0, Some(1.0)), at_end(215.0, None), at_end(213.0, None), at_end(208.5, None)]
             }
-            Environment::Warehouse => [at_end(13.3, None), at_end(13.2, None), at_end(13.2, None), at_end(13.2, None)],
+            PaperDomain::Warehouse => [at_end(13.3, None), at_end(13.2, None), at_end(13.2, None), at_end(13.2, None)],
         },
         _ => return None,
     };
@@ -193,24 +193,24 @@ pub fn runtime(scenario: &ScenarioId, simulator: &str, retraining: Retraining) -
     let (environment, column) = place(scenario)?;
     let of_sizes = |hours: [f64; 4]| hours[column];
     let training = match environment {
-        Environment::Traffic => of_sizes([1.48, 1.93, 2.70, 3.70]),
-        Environment::Warehouse => of_sizes([2.13, 2.56, 3.19, 5.55]),
+        PaperDomain::Traffic => of_sizes([1.48, 1.93, 2.70, 3.70]),
+        PaperDomain::Warehouse => of_sizes([2.13, 2.56, 3.19, 5.55]),
     };
     match (environment, simulator) {
-        (Environment::Traffic, "gs") => Some(alone(of_sizes([7.24, 46.96, 105.41, 261.06]))),
-        (Environment::Warehouse, "gs") => Some(alone(of_sizes([14.84, 97.04, 208.18, 468.46]))),
+        (PaperDomain::Traffic, "gs") => Some(alone(of_sizes([7.24, 46.96, 105.41, 261.06]))),
+        (PaperDomain::Warehouse, "gs") => Some(alone(of_sizes([14.84, 97.04, 208.18, 468.46]))),
         (_, "untrained-dials") => Some(alone(training)),
         (_, "dials") => {
             let Retraining::Every(steps) = retraining else { return None };
             let (influence, total) = match (environment, steps) {
-                (Environment::Traffic, 100_000) => ([0.66, 3.74, 8.60, 22.38], [2.14, 5.67, 11.30, 26.08]),
-                (Environment::Traffic, 500_000) => ([0.13, 0.75, 1.72, 4.48], [1.61, 2.68, 4.42, 8.18]),
-                (Environment::Traffic, 1_000_000) => ([0.07, 0.37, 0.86, 2.24], [1.55, 2.30, 3.56, 5.94]),
-                (Environment::Traffic, 4_000_000) => ([0.02, 0.09, 0.21, 0.56], [1.50, 2.02, 2.91, 4.26]),
-                (Environment::Warehouse, 100_000) => ([1.32, 7.11, 15.19, 45.45], [4.45, 9.67, 18.38, 51.00]),
-                (Environment::Warehouse, 500_000) => ([0.26, 1.42, 3.04, 9.09], [2.39, 3.98, 6.23, 14.64]),
-                (Environment::Warehouse, 1_000_000) => ([0.13, 0.71, 1.52, 4.54], [2.26, 3.27, 4.71, 10.09]),
-                (Environment::Warehouse, 4_000_000) => ([0.03, 0.18, 0.38, 1.13], [2.16, 2.74, 3.57, 6.68]),
+                (PaperDomain::Traffic, 100_000) => ([0.66, 3.74, 8.60, 22.38], [2.14, 5.67, 11.30, 26.08]),
+                (PaperDomain::Traffic, 500_000) => ([0.13, 0.75, 1.72, 4.48], [1.61, 2.68, 4.42, 8.18]),
+                (PaperDomain::Traffic, 1_000_000) => ([0.07, 0.37, 0.86, 2.24], [1.55, 2.30, 3.56, 5.94]),
+                (PaperDomain::Traffic, 4_000_000) => ([0.02, 0.09, 0.21, 0.56], [1.50, 2.02, 2.91, 4.26]),
+                (PaperDomain::Warehouse, 100_000) => ([1.32, 7.11, 15.19, 45.45], [4.45, 9.67, 18.38, 51.00]),
+                (PaperDomain::Warehouse, 500_000) => ([0.26, 1.42, 3.04, 9.09], [2.39, 3.98, 6.23, 14.64]),
+                (PaperDomain::Warehouse, 1_000_000) => ([0.13, 0.71, 1.52, 4.54], [2.26, 3.27, 4.71, 10.09]),
+                (PaperDomain::Warehouse, 4_000_000) => ([0.03, 0.18, 0.38, 1.13], [2.16, 2.74, 3.57, 6.68]),
                 _ => return None,
             };
             let influence = Some(of_sizes(influence));
@@ -236,10 +236,10 @@ pub struct PaperMemory {
 pub fn memory(scenario: &ScenarioId) -> Option<PaperMemory> {
     let (environment, column) = place(scenario)?;
     let (gs, process, total) = match environment {
-        Environment::Traffic => {
+        PaperDomain::Traffic => {
             ([375.3, 392.7, 412.5, 457.4], [219.5, 221.0, 225.8, 228.7], [878.0, 5525.0, 11064.2, 22870.0])
         }
-        Environment::Warehouse => {
+        PaperDomain::Warehouse => {
             ([339.3, 391.8, 469.6, 607.4], [195.6, 201.9, 203.7, 207.5], [782.4, 5047.5, 9981.3, 20750.0])
         }
     };

@@ -1,7 +1,7 @@
 //! The episodes that runs and controllers played, for the statistics of their differences.
 
-use super::find::Baseline;
-use crate::base::statistics::difference::{Difference, Played, Side, to_controller};
+use super::find::BaselineRecord;
+use crate::base::statistics::difference::{BySeed, Difference, Played, to_controller};
 use crate::records::run_record::RunRecord;
 
 /// Returns what a run played at a step. Between two evaluations there are no episodes.
@@ -17,8 +17,8 @@ pub fn of_run(run: &RunRecord, steps: u64) -> Option<Played> {
 /// Returns the difference of a group minus a controller.
 ///
 /// Panics if the group is empty.
-pub fn minus_controller(group: &Side, controller: &Baseline) -> Difference {
-    let Baseline { mean_return, episodes, seed, episode_returns, .. } = controller;
+pub fn minus_controller(group: &BySeed, controller: &BaselineRecord) -> Difference {
+    let BaselineRecord { mean_return, episodes, seed, episode_returns, .. } = controller;
     let played = Played::new(*mean_return, Some(*episodes), *seed, episode_returns.clone());
     to_controller(group, &played, controller.std_error)
 }

@@ -9,7 +9,7 @@ use super::paper::{self, PaperRuntime};
 use super::pictures::comparable;
 use super::words::{certainty, difference, figure, figure_like, hours, signed, with_error};
 use crate::domain::ScenarioId;
-use crate::records::run_record::{Memory, Status};
+use crate::records::run_record::{MemoryRecord, Status};
 
 const NOTHING: &str = "-";
 
@@ -276,7 +276,7 @@ fn beside(ours: Option<String>, paper: Option<String>) -> String {
 /// Makes the table of peak memory of a domain in the paper's layout.
 pub fn memory(domain: &str, comparisons: &[&Comparison]) -> Table {
     let columns = columns(domain, comparisons);
-    let ours = |column: &Column, simulator: &str| -> Option<Memory> {
+    let ours = |column: &Column, simulator: &str| -> Option<MemoryRecord> {
         let groups = column.ours.iter().flat_map(|comparison| &comparison.groups);
         let groups = groups.filter(|group| group.simulator() == simulator);
         groups.filter_map(peak_memory).max_by(|a, b| a.total_mb.total_cmp(&b.total_mb))

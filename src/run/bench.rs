@@ -11,7 +11,7 @@ use super::build;
 use super::domain;
 use super::train::{cores, settings_with};
 use crate::bench::costs::Costs;
-use crate::bench::measure::{Plan, measure, short_orders};
+use crate::bench::measure::{MeasurePlan, measure, short_orders};
 use crate::bench::table;
 use crate::cli;
 use crate::config::{Config, Predictor, Simulator, load};
@@ -30,7 +30,7 @@ const PEAK_TIME: Duration = Duration::from_secs(1);
 /// A worker that is silent for this long is lost.
 const PATIENCE: Duration = Duration::from_secs(600);
 
-pub fn bench(args: &cli::Bench) -> Result<()> {
+pub fn bench(args: &cli::BenchArgs) -> Result<()> {
     #[cfg(feature = "torch")]
     super::blas::keep_to_one_thread();
     let config = load(&args.config, &settings_with(&args.settings, args.simulator)).map_err(Error::Usage)?;
@@ -84,7 +84,7 @@ fn run(
     let mut log = RunLog::create(dir.path(), config, Layouts::of(config, domain.kinds()))?;
     let (crew, options) = (Children::new(dir.path()), Options { workers, patience: PATIENCE });
     let mut fleet = Coordinator::start(domain.clone(), &short, crew, options, progress.clone())?;
-    let plan = Plan { config: &short, kinds: domain.kinds(), workers, time, peak_flops };
+    let plan = MeasurePlan { config: &short, kinds: domain.kinds(), workers, time, peak_flops };
     let measured = measure(&plan, &mut fleet, &mut log)?;
     let share = measured.share_of_an_episode(config, domain.agents());
     if share < 1.0 {
@@ -104,7 +104,7 @@ fn doubling(most: usize) -> Vec<usize> {
     powers.chain([most]).collect()
 }
 
-fn as_text(args: &cli::Bench, config: &Config, domain: &dyn Domain, peak: Peak, costs: &[Costs]) -> String {
+fn as_text(args: &cli::BenchArgs, config: &Config, domain: &dyn Domain, peak: Peak, costs: &[Costs]) -> String {
     format!(
         "{}: {} agents, {} timesteps each; about {} s per column\n\
          one core: {:.0} GFLOP/s in matrix products at peak (1024 x 1024 x 1024, f32{})\n\n{}",
@@ -119,7 +119,7 @@ fn as_text(args: &cli::Bench, config: &Config, domain: &dyn Domain, peak: Peak, 
 }
 
 fn as_json(
-    args: &cli::Bench,
+    args: &cli::BenchArgs,
     config: &Config,
     domain: &dyn Domain,
     peak: Peak,

@@ -24,7 +24,7 @@ use crate::training::ials::Ials;
 use crate::training::stream::{AgentStream, RowStream};
 
 /// An episode that is ready to be played: checked and loaded.
-pub struct Episode {
+pub struct ReplayedEpisode {
     tape: Tape,
     traffic: Traffic,
     seed: Seed,
@@ -41,15 +41,15 @@ enum Cast {
     Local { agent: AgentId, policy: StackController, aip: Box<dyn TrainablePredictor> },
 }
 
-impl Episode {
-    pub fn choose(args: &cli::Replay) -> Result<Episode> {
+impl ReplayedEpisode {
+    pub fn choose(args: &cli::ReplayArgs) -> Result<ReplayedEpisode> {
         let tape = Tape::default();
         let subject = &args.subject;
-        let with = |config: &Config, cast: Cast| -> Result<Episode> {
+        let with = |config: &Config, cast: Cast| -> Result<ReplayedEpisode> {
             let seed = episode_seed(Seed::new(args.episode_seed.unwrap_or(config.evaluation.seed)), 0);
             let traffic =
                 domain::open_recorded(config, &tape).context("only episodes that SUMO simulates can be replayed")?;
-            Ok(Episode { tape: tape.clone(), traffic, seed, cast })
+            Ok(ReplayedEpisode { tape: tape.clone(), traffic, seed, cast })
         };
         if let Some(controller) = &args.controller {
             let path = if subject.is_dir() { subject.join(files::CONFIG) } else { subject.clone() };

@@ -22,7 +22,7 @@ use crate::terminal::answer;
 use crate::terminal::counting::EpisodeBar;
 use crate::traffic;
 
-pub fn evaluate(args: &cli::Evaluate) -> Result<()> {
+pub fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
     let (config, domain) = directory::open_config(&args.run_dir).map_err(Error::Usage)?;
     let agents = args.agents.iter().copied().map(AgentId).collect();
     let background = args.background.clone().map(|controller| Background { controller, policies_of: agents });
@@ -37,7 +37,7 @@ pub fn evaluate(args: &cli::Evaluate) -> Result<()> {
     session.draw(plots.as_ref(), &findings[0], format!("policies of {}", findings[0].player.label))
 }
 
-pub fn baseline(args: &cli::Baseline) -> Result<()> {
+pub fn baseline(args: &cli::BaselineArgs) -> Result<()> {
     let config = load(&args.config, &[]).map_err(Error::Usage)?;
     let domain = domain::open(&config).map_err(Error::Usage)?;
     domain::check(&config).map_err(Error::Usage)?;
@@ -71,15 +71,15 @@ struct Session<'a> {
     seed: u64,
     /// Scenario in the words of `report`.
     scenario: String,
-    output: &'a cli::Output,
+    output: &'a cli::OutputArgs,
 }
 
 impl<'a> Session<'a> {
     fn new(
         domain: &'a dyn Domain,
         config: &Config,
-        episodes: &cli::Episodes,
-        output: &'a cli::Output,
+        episodes: &cli::EpisodesArgs,
+        output: &'a cli::OutputArgs,
     ) -> Result<Session<'a>> {
         let count = episodes.episodes.map_or(config.evaluation.final_episodes, |count| count as usize);
         let places = [("--csv", &output.csv), ("--plot", &output.plot), ("--render", &output.render)];

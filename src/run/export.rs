@@ -14,7 +14,7 @@ use crate::policy::{JointPolicy, PolicyStack};
 use crate::records::atomic::{folder_of, write_beside};
 use crate::terminal::answer;
 
-pub fn export(args: &cli::Export) -> Result<()> {
+pub fn export(args: &cli::ExportArgs) -> Result<()> {
     check_script().map_err(Error::Usage)?;
     let run = directory::open(&args.run_dir).map_err(Error::Usage)?;
     let files = files_of(&args.out, run.domain.kinds());

@@ -6,12 +6,12 @@ use crate::terminal::{answer, quoted};
 use crate::traffic::paper_grid::grid::Grid;
 use crate::traffic::paper_grid::make::{write_grid, write_local};
 
-pub fn nets(args: &cli::Nets) -> Result<()> {
+pub fn nets(args: &cli::NetsCommand) -> Result<()> {
     let written = match args {
-        cli::Nets::Grid { rows, cols, inflow, out } => {
+        cli::NetsCommand::Grid { rows, cols, inflow, out } => {
             Grid::new(*rows, *cols).and_then(|grid| write_grid(grid, *inflow, out))
         }
-        cli::Nets::Local { out } => write_local(out),
+        cli::NetsCommand::Local { out } => write_local(out),
     };
     let files = written.map_err(Error::Usage)?;
     let (net, config) = (files.net.display(), quoted(&files.config));

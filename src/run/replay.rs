@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::cast::Episode;
+use super::cast::ReplayedEpisode;
 use super::places::{self, Existing};
 use super::video::Video;
 use crate::cli;
@@ -11,7 +11,7 @@ use crate::film::{Replay, check_screen, watch};
 use crate::terminal::{answer, quoted};
 use crate::traffic::sim::replay::{self, Snapshot, view};
 
-pub fn replay(args: &cli::Replay) -> crate::error::Result<()> {
+pub fn replay(args: &cli::ReplayArgs) -> crate::error::Result<()> {
     let existing = if args.force { Existing::MoveAside } else { Existing::Refuse };
     let dir = places::place(&args.out, existing).map_err(Error::Usage)?;
     places::check_apart(&[("--out", Some(&args.out)), ("--video", args.video.as_deref())]).map_err(Error::Usage)?;
@@ -19,7 +19,7 @@ pub fn replay(args: &cli::Replay) -> crate::error::Result<()> {
     if args.gui {
         check_screen().map_err(Error::Usage)?;
     }
-    let episode = Episode::choose(args).map_err(Error::Usage)?;
+    let episode = ReplayedEpisode::choose(args).map_err(Error::Usage)?;
     let recording = episode.play().map_err(Error::Run)?;
     places::make(&dir, existing, |staged| {
         replay::write(&recording, staged)?;

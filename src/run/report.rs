@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::report::{self, MARKDOWN, PAGE};
 use crate::terminal::{answer, quoted, tell};
 
-pub fn report(args: &cli::Report) -> Result<()> {
+pub fn report(args: &cli::ReportArgs) -> Result<()> {
     let existing = if args.force { Existing::MoveAside } else { Existing::Refuse };
     let out = places::place(&args.out, existing).map_err(Error::Usage)?;
     let report = report::report(&args.folders).map_err(Error::Usage)?;

@@ -28,7 +28,7 @@ use crate::training::fleet::Fleet;
 use crate::training::observer::Interrupted;
 use crate::training::standing::Standing;
 
-pub fn train(args: &cli::Train) -> Result<()> {
+pub fn train(args: &cli::TrainArgs) -> Result<()> {
     let run = match (&args.resume, &args.config) {
         (Some(dir), _) => resume(dir, args.accept_other_build)?,
         (None, Some(config)) => begin(args, config)?,
@@ -57,7 +57,7 @@ struct Run {
     other_build: Option<Versions>,
 }
 
-fn begin(args: &cli::Train, config_path: &Path) -> Result<Run> {
+fn begin(args: &cli::TrainArgs, config_path: &Path) -> Result<Run> {
     let config = load(config_path, &settings(args)).map_err(Error::Usage)?;
     domain::check(&config).map_err(Error::Usage)?;
     let existing = match (args.force, &args.out) {
@@ -113,7 +113,7 @@ impl Run {
 }
 
 /// Returns the flags that override keys of the config, as `KEY=VALUE` settings.
-fn settings(args: &cli::Train) -> Vec<String> {
+fn settings(args: &cli::TrainArgs) -> Vec<String> {
     let mut settings = settings_with(&args.settings, args.simulator);
     settings.extend(args.seed.map(|seed| format!("seed={seed}")));
     settings.extend(args.steps.map(|steps| format!("stop_at_steps={steps}")));
@@ -122,7 +122,7 @@ fn settings(args: &cli::Train) -> Vec<String> {
 }
 
 /// Returns the settings of `--set`, and `--simulator` as a setting.
-pub fn settings_with(settings: &[String], simulator: Option<cli::Simulator>) -> Vec<String> {
+pub fn settings_with(settings: &[String], simulator: Option<cli::SimulatorName>) -> Vec<String> {
     let simulator = simulator.and_then(|kind| kind.to_possible_value());
     let simulator = simulator.map(|kind| format!("simulator={}", kind.get_name()));
     settings.iter().cloned().chain(simulator).collect()

@@ -12,14 +12,14 @@ use super::table::CarTable;
 /// It stays in its thread. Other threads that want to load wait for the drop.
 #[derive(Debug)]
 pub struct Simulation {
-    lights: Vec<Light>,
+    lights: Vec<LoadedLight>,
     /// Reason why only a reload is allowed.
     broken: Option<String>,
     crossing: Crossing,
 }
 
 #[derive(Debug)]
-struct Light {
+struct LoadedLight {
     name: String,
     links: usize,
 }
@@ -53,7 +53,7 @@ impl Simulation {
     pub fn register_lights(&mut self, names: &[String]) -> Result<Vec<LightId>> {
         let ids = self.register(Kind::Light, names, LightId)?;
         let links = self.count_links(&ids)?;
-        self.lights.extend(names.iter().zip(links).map(|(name, links)| Light { name: name.clone(), links }));
+        self.lights.extend(names.iter().zip(links).map(|(name, links)| LoadedLight { name: name.clone(), links }));
         Ok(ids)
     }
 

@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::Traffic;
-use super::controllers::search::{self, Search, Standing};
+use super::controllers::search::{self, Ranked, Search};
 use super::controllers::timing_file::{TimingFile, TunedOn};
 use super::controllers::{FixedTime, HandCoded, Timing};
 use super::light::KEEP;
@@ -31,7 +31,7 @@ impl TunedOn {
 
 /// Searches for the timings with the greatest mean return. All candidates play the same episodes, none of which is an
 /// evaluation episode.
-pub fn tune(traffic: &Traffic, episodes: usize, seed: u64, report: &mut dyn FnMut(Standing)) -> Result<TimingFile> {
+pub fn tune(traffic: &Traffic, episodes: usize, seed: u64, report: &mut dyn FnMut(Ranked)) -> Result<TimingFile> {
     let mut gs = traffic.global(SignalControl::Agents)?;
     let horizon = traffic.config.horizon;
     let mut score = |timings: &[Timing], episode: usize| {

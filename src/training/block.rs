@@ -11,7 +11,7 @@ use super::environment::Environment;
 use super::global::GlobalEnvironment;
 use super::ials::Ials;
 use super::ppo::{self, Decayed, Losses};
-use super::rollout::{Actor, Player, roll_out};
+use super::rollout::{Actor, KindAtPlay, roll_out};
 use super::state::{AgentsState, JointMoments};
 use super::stream::AgentStream;
 use crate::base::{AgentId, Dice, Phase, Ragged, RandomPurpose, Seed, Stopwatch, Work};
@@ -31,12 +31,12 @@ pub struct AgentBlock {
     domain: Arc<dyn Domain>,
     config: Config,
     agents: Vec<AgentId>,
-    learner: Learner,
+    learner: KindLearner,
     predictor: Box<dyn TrainablePredictor>,
 }
 
 /// The part that PPO changes.
-struct Learner {
+struct KindLearner {
     spec: RegionSpec,
     policies: PolicyStack,
     adam: Adam,
@@ -70,7 +70,7 @@ impl AgentBlock {
     pub fn new(domain: Arc<dyn Domain>, config: &Config, agents: &[AgentId], threads: Threads) -> Self {
         let mut policies = initial_policies(&*domain, config, agents);
         policies.use_threads(threads);
-        let learner = Learner {
+        let learner = KindLearner {
             spec: domain.kinds().of(agents[0]).spec.clone(),
             adam: Adam::new(policies.parameters()),
             streams: agents.iter().map(|&agent| AgentStream::begin(config, &policies, agent)).collect(),
@@ -88,7 +88,7 @@ impl AgentBlock {
 
     /// Returns the state of the agents.
     pub fn state(&self) -> AgentsState {
-        let Learner { policies, adam, steps, streams, .. } = &self.learner;
+        let KindLearner { policies, adam, steps, streams, .. } = &self.learner;
         let Moments { first, second, steps: optimiser_steps } = adam.moments().clone();
         AgentsState {
             steps: *steps,
@@ -149,7 +149,7 @@ pub fn train_policies_on_the_gs(
     work: Work<'_, u64>,
 ) -> Result<Vec<PolicyTraining>> {
     let simulator = work.watch.time(Phase::Loading, || domain.global_simulator())?;
-    let mut learners: Vec<&mut Learner> = blocks.iter_mut().map(|block| &mut block.learner).collect();
+    let mut learners: Vec<&mut KindLearner> = blocks.iter_mut().map(|block| &mut block.learner).collect();
     let streams: Vec<&[AgentStream]> = learners.iter().map(|learner| &learner.streams[..]).collect();
     let resume = || GlobalEnvironment::resume(simulator, training_episodes(config), &streams);
     let mut gs = work.watch.time(Phase::Retracing, resume)?;
@@ -170,8 +170,8 @@ struct Desk {
 }
 
 impl Desk {
-    fn of(learner: &Learner, config: &Config) -> Desk {
-        let Learner { spec, policies, streams, .. } = learner;
+    fn of(learner: &KindLearner, config: &Config) -> Desk {
+        let KindLearner { spec, policies, streams, .. } = learner;
         let (agents, state_width) = (policies.agents(), config.policy.recurrent.unwrap_or(0));
         Desk {
             memory: Memory::new(agents, config.ppo.memory, config.sequence_length(), spec, state_width),
@@ -185,7 +185,7 @@ impl Desk {
 /// Alternates rollouts and updates until the first multiple of the memory at or after the end of the period.
 /// `learners`: one per kind of the environment, all after the same number of steps.
 fn learn(
-    learners: &mut [&mut Learner],
+    learners: &mut [&mut KindLearner],
     environment: &mut dyn Environment,
     config: &Config,
     period: &Period,
@@ -200,17 +200,18 @@ fn learn(
     let decayed_at = |steps: u64| Decayed::at(ppo, steps as f64 / config.total_steps as f64);
     let mut decayed = decayed_at(steps);
     for _ in 0..updates {
-        let player = |(learner, desk)| -> Player<'_> {
-            let (Learner { policies, .. }, Desk { actor, memory, .. }): (&&mut Learner, &mut Desk) = (learner, desk);
-            Player { policies, actor, memory }
+        let player = |(learner, desk)| -> KindAtPlay<'_> {
+            let (KindLearner { policies, .. }, Desk { actor, memory, .. }): (&&mut KindLearner, &mut Desk) =
+                (learner, desk);
+            KindAtPlay { policies, actor, memory }
         };
-        let mut players: Vec<Player> = learners.iter().zip(&mut desks).map(player).collect();
+        let mut players: Vec<KindAtPlay> = learners.iter().zip(&mut desks).map(player).collect();
         for slot in (0..ppo.memory).step_by(ppo.rollout_steps * copies) {
             roll_out(environment, &mut players, slot, ppo, watch)?;
         }
         decayed = decayed_at(steps);
         for (learner, desk) in learners.iter_mut().zip(&mut desks) {
-            let Learner { policies, adam, .. } = &mut **learner;
+            let KindLearner { policies, adam, .. } = &mut **learner;
             let of_update = ppo::update(policies, adam, &desk.memory, &mut desk.minibatches, ppo, decayed, watch);
             let weight = 1.0 / updates as f64;
             desk.losses.iter_mut().zip(&of_update).for_each(|(mean, of_update)| mean.add(of_update, weight));

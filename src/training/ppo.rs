@@ -88,8 +88,8 @@ pub fn update(
     let learners = policies.learners(adam, gradient_steps as u32);
     let agents = learners.into_iter().zip(dice).enumerate().collect();
     let begun = Instant::now();
-    let done = threads.map(agents, 2, |room: &mut Room, (agent, (mut learner, dice))| {
-        let Room { minibatch, trace, gradient } = room;
+    let done = threads.map(agents, 2, |room: &mut UpdateBuffers, (agent, (mut learner, dice))| {
+        let UpdateBuffers { minibatch, trace, gradient } = room;
         let (mut losses, mut watch) = (Losses::default(), Stopwatch::default());
         let mut order: Vec<usize> = (0..memory.sequences()).collect();
         for _ in 0..config.epochs {
@@ -117,7 +117,7 @@ pub fn update(
 
 /// Working memory of an update, used by one agent after another.
 #[derive(Default)]
-struct Room {
+struct UpdateBuffers {
     minibatch: Minibatch,
     trace: Trace,
     /// Gradient of the loss by the outputs of the network.

@@ -88,7 +88,7 @@ impl Actor {
 }
 
 /// Agents of one kind that play: their policies, their acting state and their memory.
-pub struct Player<'a> {
+pub struct KindAtPlay<'a> {
     pub policies: &'a PolicyStack,
     pub actor: &'a mut Actor,
     pub memory: &'a mut Memory,
@@ -98,7 +98,7 @@ pub struct Player<'a> {
 /// on, copy after copy. `players`: one per kind of the environment.
 pub fn roll_out(
     environment: &mut dyn Environment,
-    players: &mut [Player<'_>],
+    players: &mut [KindAtPlay<'_>],
     first_slot: usize,
     config: &PpoConfig,
     watch: &mut Stopwatch,
@@ -154,8 +154,8 @@ impl Rollout {
     }
 
     /// Chooses one action per row.
-    fn act(&mut self, t: usize, player: &mut Player<'_>, percept: &Percept) -> Vec<Action> {
-        let Player { policies, actor, memory } = player;
+    fn act(&mut self, t: usize, player: &mut KindAtPlay<'_>, percept: &Percept) -> Vec<Action> {
+        let KindAtPlay { policies, actor, memory } = player;
         let before = actor.states.clone();
         let judgement = policies.decide(percept, &mut actor.states);
         let mut log_probs = vec![0.0; policies.n_actions()];
@@ -177,8 +177,14 @@ impl Rollout {
     }
 
     /// Records what the actions brought.
-    fn take_in(&mut self, player: &mut Player<'_>, experience: &Experience, config: &PpoConfig, watch: &mut Stopwatch) {
-        let Player { policies, actor, .. } = player;
+    fn take_in(
+        &mut self,
+        player: &mut KindAtPlay<'_>,
+        experience: &Experience,
+        config: &PpoConfig,
+        watch: &mut Stopwatch,
+    ) {
+        let KindAtPlay { policies, actor, .. } = player;
         actor.returns.add(experience);
         let now = self.rewards.len();
         self.rewards.extend_from_slice(&experience.rewards);
@@ -194,8 +200,8 @@ impl Rollout {
     }
 
     /// Writes advantages and returns to the memory. `percept`: what the rows show after the last step.
-    fn finish(&self, player: &mut Player<'_>, percept: &Percept, config: &PpoConfig, watch: &mut Stopwatch) {
-        let Player { policies, actor, memory } = player;
+    fn finish(&self, player: &mut KindAtPlay<'_>, percept: &Percept, config: &PpoConfig, watch: &mut Stopwatch) {
+        let KindAtPlay { policies, actor, memory } = player;
         let last_values: Vec<f32> = watch.time(Phase::Acting, || {
             let mut states = actor.states.clone();
             policies.judge(&percept.obs, &mut states).rows().map(|(_, value)| value).collect()
@@ -324,7 +330,7 @@ mod tests {
         let config = PpoConfig { rollout_steps: T, time_limit, ..PpoConfig::default() };
         for first_slot in [0, 8] {
             let watch = &mut Stopwatch::default();
-            let player = Player { policies: &policies, actor: &mut actor, memory: &mut memory };
+            let player = KindAtPlay { policies: &policies, actor: &mut actor, memory: &mut memory };
             roll_out(&mut scripted, &mut [player], first_slot, &config, watch).unwrap();
         }
         (memory, policies)
@@ -417,7 +423,7 @@ mod tests {
         let mut memory = Memory::new(2, 8, 1, &scripted.spec, 0);
         let config = PpoConfig { rollout_steps: T, ..PpoConfig::default() };
         let watch = &mut Stopwatch::default();
-        let player = Player { policies: &policies, actor: &mut actor, memory: &mut memory };
+        let player = KindAtPlay { policies: &policies, actor: &mut actor, memory: &mut memory };
         roll_out(&mut scripted, &mut [player], 0, &config, watch).unwrap();
         // Row 1 ends once: 1.0 + 1.1 + 1.2.
         let means = actor.returns.means();

@@ -2,7 +2,7 @@
 
 use super::hand_coded::{self, Rule};
 use super::items::{self, Appearances};
-use super::layout::Layout;
+use super::layout::FloorPlan;
 use super::region::{self, Age, CENTRE, NEIGHBOURS, NO_ITEM, SHARED, SHELVES};
 use super::scene;
 use crate::base::{AgentId, Dice, Ragged, RandomPurpose, Seed};
@@ -16,12 +16,12 @@ pub const ITEMS: &str = "items";
 /// The warehouse GS: one row per learning robot. The other robots, in a ring around them, go for the closest item.
 pub struct GlobalWarehouse {
     kinds: Kinds,
-    layout: Layout,
+    layout: FloorPlan,
     /// Rule that the learning robots follow instead of their actions, for hand-coded baselines.
     rule: Option<Rule>,
     /// Cell of each robot within its region.
     cells: Vec<u8>,
-    memories: Vec<hand_coded::Memory>,
+    memories: Vec<hand_coded::ItemMemory>,
     dice: Vec<Dice>,
     /// Age of the item on each shelf.
     ages: Vec<Age>,
@@ -43,13 +43,13 @@ struct Tally {
 }
 
 impl GlobalWarehouse {
-    pub fn new(layout: &Layout, horizon: usize, rule: Option<Rule>) -> Self {
+    pub fn new(layout: &FloorPlan, horizon: usize, rule: Option<Rule>) -> Self {
         let kinds = Kinds::one(layout.learners().len(), region::spec(horizon));
         let (robots, last) = (layout.robots(), JointTransition::new(&kinds));
         GlobalWarehouse {
             rule,
             cells: vec![CENTRE; robots],
-            memories: vec![hand_coded::Memory::default(); robots],
+            memories: vec![hand_coded::ItemMemory::default(); robots],
             dice: vec![Seed::new(0).dice(); robots],
             ages: vec![NO_ITEM; layout.shelves().len()],
             appearances: vec![Appearances::default(); layout.shelves().len()],
@@ -124,7 +124,7 @@ impl GlobalSimulator for GlobalWarehouse {
         self.appearances = shelves.map(|&(row, col)| Appearances::of_shelf(stream, row, col)).collect();
         let robots = AgentId::all(self.layout.robots()).into_iter();
         self.dice = robots.map(|robot| episode.fork(RandomPurpose::Robots).for_agent(robot).dice()).collect();
-        self.memories.fill(hand_coded::Memory::default());
+        self.memories.fill(hand_coded::ItemMemory::default());
         self.cells.fill(CENTRE);
         self.ages.fill(NO_ITEM);
         self.tally = Tally { collected: vec![0; self.agents()], ..Tally::default() };

@@ -34,7 +34,7 @@ impl Rule {
 
 /// The memory of a robot that follows a rule.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Memory {
+pub struct ItemMemory {
     target: Option<usize>,
 }
 
@@ -43,7 +43,7 @@ const ROW_MAJOR: [usize; SHELVES] = [0, 1, 2, 6, 7, 8, 9, 10, 11, 3, 4, 5];
 
 /// Returns the next move of a robot on `cell` that sees items of these ages. A robot with nothing to do moves at
 /// random.
-pub fn decide(rule: Rule, memory: &mut Memory, cell: u8, ages: &[Age; SHELVES], dice: &mut Dice) -> Action {
+pub fn decide(rule: Rule, memory: &mut ItemMemory, cell: u8, ages: &[Age; SHELVES], dice: &mut Dice) -> Action {
     let target = match rule {
         Rule::Random => None,
         Rule::ClosestItem => closest(memory.target, cell, ages),
@@ -148,7 +148,7 @@ mod tests {
     #[test]
     fn the_closest_item_is_kept_as_a_target_while_it_is_there() {
         let mut dice = Seed::new(0).dice();
-        let mut memory = Memory::default();
+        let mut memory = ItemMemory::default();
         let far = items(&[(3, 5)]);
         decide(Rule::ClosestItem, &mut memory, CENTRE, &far, &mut dice);
         assert_eq!(memory.target, Some(3));
@@ -163,7 +163,7 @@ mod tests {
     fn ties_go_to_the_first_in_row_major_order() {
         let mut dice = Seed::new(0).dice();
         for rule in [Rule::ClosestItem, Rule::OldestItem] {
-            let mut memory = Memory::default();
+            let mut memory = ItemMemory::default();
             // Left (2, 0) and bottom (4, 2) are both two moves away.
             decide(rule, &mut memory, CENTRE, &items(&[(4, 7), (8, 7)]), &mut dice);
             assert_eq!(memory.target, Some(8));
@@ -172,7 +172,7 @@ mod tests {
 
     #[test]
     fn the_oldest_item_is_chosen_by_age() {
-        let mut memory = Memory::default();
+        let mut memory = ItemMemory::default();
         let action = decide(Rule::OldestItem, &mut memory, CENTRE, &items(&[(1, 3), (4, 8)]), &mut Seed::new(0).dice());
         assert_eq!((memory.target, action), (Some(4), DOWN));
     }
@@ -184,7 +184,7 @@ mod tests {
         for rule in [Rule::Random, Rule::ClosestItem, Rule::OldestItem] {
             let mut seen = [false; MOVES];
             for _ in 0..100 {
-                let action = decide(rule, &mut Memory::default(), SHELF_CELLS[0], &on_its_only_item, &mut dice);
+                let action = decide(rule, &mut ItemMemory::default(), SHELF_CELLS[0], &on_its_only_item, &mut dice);
                 seen[usize::from(action)] = true;
             }
             assert_eq!(seen, [true; MOVES], "{rule:?}");

@@ -7,7 +7,7 @@ const STRIDE: usize = SIDE - 1;
 
 /// A warehouse of `robots_per_side` squared robots. Only the inner ones learn, because only they have four neighbours.
 #[derive(Clone, Debug)]
-pub struct Layout {
+pub struct FloorPlan {
     robots_per_side: usize,
     /// Places of all shelves on the floor, row-major: (row, column).
     shelves: Vec<(usize, usize)>,
@@ -16,7 +16,7 @@ pub struct Layout {
     learners: Vec<usize>,
 }
 
-impl Layout {
+impl FloorPlan {
     /// Makes a warehouse with `agents_per_side` squared learning robots and a ring of others around them.
     pub fn around(agents_per_side: usize) -> Self {
         let n = agents_per_side + 2;
@@ -34,7 +34,7 @@ impl Layout {
             .collect();
         let inner = |robot: &usize| [robot / n, robot % n].iter().all(|&place| place > 0 && place < n - 1);
         let learners = (0..n * n).filter(inner).collect();
-        Layout { robots_per_side: n, regions, learners, shelves }
+        FloorPlan { robots_per_side: n, regions, learners, shelves }
     }
 
     pub fn robots(&self) -> usize {
@@ -78,7 +78,7 @@ mod tests {
 
     #[test]
     fn four_agents_are_the_inner_robots_of_sixteen() {
-        let layout = Layout::around(2);
+        let layout = FloorPlan::around(2);
         assert_eq!((layout.robots(), layout.cells_per_side()), (16, 17));
         assert_eq!(layout.learners(), [5, 6, 9, 10]);
         // 5 x 5 lines of 16 cells in each direction, 3 of 4 of them shelves.
@@ -89,7 +89,7 @@ mod tests {
 
     #[test]
     fn neighbours_share_three_shelves_on_opposite_sides() {
-        let layout = Layout::around(2);
+        let layout = FloorPlan::around(2);
         for &learner in layout.learners() {
             for (side, neighbour) in layout.neighbours(learner).into_iter().enumerate() {
                 let opposite = (side + 2) % 4;

@@ -4,7 +4,7 @@
 use std::iter::repeat_n;
 
 use super::items::{self, Appearances};
-use super::layout::Layout;
+use super::layout::FloorPlan;
 use super::region::{self, Age, CENTRE, NO_ITEM, SHARED, SHELVES};
 use crate::base::{AgentId, Rows, Seed};
 use crate::domain::{Action, Beginning, LocalSimulator, Percept, RegionSpec, Result, Transition};
@@ -23,7 +23,7 @@ pub struct LocalWarehouse {
 }
 
 impl LocalWarehouse {
-    pub fn new(layout: &Layout, agents: &[AgentId], copies: usize, horizon: usize, seed: Seed) -> Self {
+    pub fn new(layout: &FloorPlan, agents: &[AgentId], copies: usize, horizon: usize, seed: Seed) -> Self {
         let spec = region::spec(horizon);
         let rows = agents.len() * copies;
         LocalWarehouse {
@@ -46,7 +46,7 @@ impl LocalWarehouse {
 }
 
 /// Returns the places of the shelves of an agent's region.
-fn shelves_of(layout: &Layout, agent: AgentId) -> [(usize, usize); SHELVES] {
+fn shelves_of(layout: &FloorPlan, agent: AgentId) -> [(usize, usize); SHELVES] {
     layout.region(layout.learners()[agent.0]).map(|shelf| layout.shelves()[shelf])
 }
 

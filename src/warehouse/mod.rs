@@ -26,7 +26,7 @@ use crate::domain::{
 };
 use global::{GlobalWarehouse, ITEMS};
 use hand_coded::Rule;
-use layout::Layout;
+use layout::FloorPlan;
 use local::LocalWarehouse;
 
 /// Number of collected items per episode below which a robot is stuck. Random moves collect about two, policies more
@@ -35,14 +35,14 @@ const STUCK_BELOW: f64 = 0.5;
 
 /// A warehouse of learning robots.
 pub struct Warehouse {
-    layout: Layout,
+    layout: FloorPlan,
     horizon: usize,
     kinds: Kinds,
 }
 
 impl Warehouse {
     pub fn new(config: &WarehouseConfig) -> Self {
-        let layout = Layout::around(config.agents_per_side);
+        let layout = FloorPlan::around(config.agents_per_side);
         let kinds = Kinds::one(layout.learners().len(), region::spec(config.horizon));
         Warehouse { layout, horizon: config.horizon, kinds }
     }

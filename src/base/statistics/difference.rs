@@ -89,12 +89,12 @@ pub struct Difference {
 }
 
 /// One side: the runs of a group by seed.
-pub type Side = Vec<(u64, Played)>;
+pub type BySeed = Vec<(u64, Played)>;
 
 /// Computes `b - a` for two groups.
 ///
 /// Panics if a side is empty.
-pub fn between(a: &Side, b: &Side) -> Difference {
+pub fn between(a: &BySeed, b: &BySeed) -> Difference {
     let all = || a.iter().chain(b).map(|(_, played)| played);
     let same_episodes = common_episodes(all()).is_some();
     // Versions that did not record episodes used different ones for every seed. So their spread contains that of the
@@ -127,7 +127,7 @@ pub fn between(a: &Side, b: &Side) -> Difference {
 /// Computes a group minus a controller. `std_error`: standard error of the controller's mean over its episodes.
 ///
 /// Panics if the group is empty.
-pub fn to_controller(group: &Side, controller: &Played, std_error: f64) -> Difference {
+pub fn to_controller(group: &BySeed, controller: &Played, std_error: f64) -> Difference {
     let all = group.iter().map(|(_, played)| played).chain([controller]);
     let same_episodes = common_episodes(all).is_some();
     let of_seeds: Vec<(u64, f64)> = group.iter().map(|(seed, own)| (*seed, of_pair(controller, own))).collect();
@@ -162,7 +162,7 @@ fn of_pair(a: &Played, b: &Played) -> f64 {
     }
 }
 
-fn means(side: &Side) -> Vec<f64> {
+fn means(side: &BySeed) -> Vec<f64> {
     side.iter().map(|(_, played)| played.mean).collect()
 }
 
@@ -189,7 +189,7 @@ mod tests {
     }
 
     /// Makes a side of these runs, with seeds 1, 2, ...
-    fn side(runs: impl IntoIterator<Item = Played>) -> Side {
+    fn side(runs: impl IntoIterator<Item = Played>) -> BySeed {
         (1..).zip(runs).collect()
     }
 
@@ -198,7 +198,7 @@ mod tests {
         (Played::new(12.0, Some(40), seed, returns.to_vec()), 1.0)
     }
 
-    fn minus(group: &Side, (controller, std_error): (Played, f64)) -> Difference {
+    fn minus(group: &BySeed, (controller, std_error): (Played, f64)) -> Difference {
         to_controller(group, &controller, std_error)
     }
 
@@ -228,7 +228,7 @@ mod tests {
     fn other_seeds_on_the_same_episodes_are_compared_as_welch_does() {
         let values = [1.0, 2.0, 3.0, 4.0, 5.0];
         let a = side(values.map(|value| played(0, &[value])));
-        let b: Side = (11..).zip(values.map(|value| played(0, &[value + 7.0]))).collect();
+        let b: BySeed = (11..).zip(values.map(|value| played(0, &[value + 7.0]))).collect();
         let found = between(&a, &b);
         assert_eq!((found.mean, found.pairing), (7.0, Pairing::Episode));
         assert!(found.of_seeds.is_empty());

@@ -56,8 +56,8 @@ impl CoinsAndDice {
         CoinsAndDice { kinds: Kinds::new(vec![coins, dice]).expect("four agents of two kinds") }
     }
 
-    fn region(&self, agent: AgentId) -> Region {
-        if self.kinds.place(agent).kind == 0 { Region::COIN } else { Region::DIE }
+    fn region(&self, agent: AgentId) -> CoinOrDie {
+        if self.kinds.place(agent).kind == 0 { CoinOrDie::COIN } else { CoinOrDie::DIE }
     }
 }
 
@@ -107,28 +107,28 @@ impl Domain for CoinsAndDice {
 
 /// The local state of an agent: what it laid and what it saw.
 #[derive(Clone, Copy)]
-enum Region {
+enum CoinOrDie {
     Coin { coin: u8, die: u8 },
     Die { face: u8, coin: u8, other: u8 },
 }
 
-impl Region {
+impl CoinOrDie {
     /// State at the beginning of an episode.
-    const COIN: Region = Region::Coin { coin: 0, die: 0 };
-    const DIE: Region = Region::Die { face: 0, coin: 0, other: 0 };
+    const COIN: CoinOrDie = CoinOrDie::Coin { coin: 0, die: 0 };
+    const DIE: CoinOrDie = CoinOrDie::Die { face: 0, coin: 0, other: 0 };
 
     fn begin(&mut self) {
         *self = match self {
-            Region::Coin { .. } => Region::COIN,
-            Region::Die { .. } => Region::DIE,
+            CoinOrDie::Coin { .. } => CoinOrDie::COIN,
+            CoinOrDie::Die { .. } => CoinOrDie::DIE,
         };
     }
 
     /// Returns the best action.
     fn best(self) -> Action {
         match self {
-            Region::Coin { die, .. } => u8::from(die == 0),
-            Region::Die { face, coin, .. } => (face + if coin == 1 { 1 } else { 2 }) % FACES,
+            CoinOrDie::Coin { die, .. } => u8::from(die == 0),
+            CoinOrDie::Die { face, coin, .. } => (face + if coin == 1 { 1 } else { 2 }) % FACES,
         }
     }
 
@@ -136,8 +136,8 @@ impl Region {
     fn step(&mut self, action: Action, sources: &[u8]) -> f32 {
         let reward = f32::from(u8::from(action == self.best()));
         *self = match self {
-            Region::Coin { .. } => Region::Coin { coin: action, die: sources[0] },
-            Region::Die { .. } => Region::Die { face: action, coin: sources[0], other: sources[1] },
+            CoinOrDie::Coin { .. } => CoinOrDie::Coin { coin: action, die: sources[0] },
+            CoinOrDie::Die { .. } => CoinOrDie::Die { face: action, coin: sources[0], other: sources[1] },
         };
         reward
     }
@@ -146,11 +146,11 @@ impl Region {
     fn show(self, obs: &mut [f32], d_set: &mut [f32], mask: &mut [bool]) {
         obs.fill(0.0);
         match self {
-            Region::Coin { coin, die } => {
+            CoinOrDie::Coin { coin, die } => {
                 obs[0] = f32::from(coin);
                 obs[1 + usize::from(die)] = 1.0;
             }
-            Region::Die { face, coin, other } => {
+            CoinOrDie::Die { face, coin, other } => {
                 obs[usize::from(face)] = 1.0;
                 obs[3] = f32::from(coin);
                 obs[4 + usize::from(other)] = 1.0;
@@ -165,7 +165,7 @@ impl Region {
 /// The GS (global simulator).
 struct Table {
     kinds: Kinds,
-    regions: Vec<Region>,
+    regions: Vec<CoinOrDie>,
     noise: Dice,
     d_set: Ragged<f32>,
     sources: Ragged<u8>,
@@ -188,7 +188,7 @@ impl GlobalSimulator for Table {
 
     fn reset(&mut self, episode: Seed) -> Result<&JointPercept> {
         self.noise = episode.fork(RandomPurpose::Noise).dice();
-        self.regions.iter_mut().for_each(Region::begin);
+        self.regions.iter_mut().for_each(CoinOrDie::begin);
         self.show();
         Ok(&self.last.percept)
     }
@@ -216,7 +216,7 @@ impl GlobalSimulator for Table {
 /// The LS (local simulator) of agents of one kind.
 struct Seats {
     spec: RegionSpec,
-    regions: Vec<Region>,
+    regions: Vec<CoinOrDie>,
     last: Transition,
 }
 
@@ -284,8 +284,8 @@ impl Controller for Best {
         let class = |one_hot: &[f32]| one_hot.iter().position(|&x| x == 1.0).unwrap_or(0) as u8;
         for (action, obs) in actions.iter_mut().zip(percept.obs.iter()) {
             let region = match obs.len() {
-                4 => Region::Coin { coin: obs[0] as u8, die: class(&obs[1..]) },
-                _ => Region::Die { face: class(&obs[..3]), coin: obs[3] as u8, other: class(&obs[4..]) },
+                4 => CoinOrDie::Coin { coin: obs[0] as u8, die: class(&obs[1..]) },
+                _ => CoinOrDie::Die { face: class(&obs[..3]), coin: obs[3] as u8, other: class(&obs[4..]) },
             };
             *action = region.best();
         }

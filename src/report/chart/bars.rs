@@ -8,7 +8,7 @@ use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use super::legend::{self, Entry, Sample};
+use super::legend::{self, LegendEntry, LegendSample};
 use super::lines::{Axis, whisker};
 use super::look::{Look, Marker, mark};
 use crate::drawing::{INK, Svg, draw_mesh, ink_over, px, text, text_width};
@@ -141,20 +141,20 @@ impl BarChart {
         })
     }
 
-    fn legend(&self) -> Vec<Entry> {
-        let mut entries: Vec<Entry> = Vec::new();
+    fn legend(&self) -> Vec<LegendEntry> {
+        let mut entries: Vec<LegendEntry> = Vec::new();
         let bars = || self.clusters.iter().flat_map(|cluster| &cluster.bars);
         for bar in bars() {
             if entries.iter().all(|entry| entry.label != bar.label) {
-                entries.push(Entry { sample: Sample::Bar(bar.look), label: bar.label.clone() });
+                entries.push(LegendEntry { sample: LegendSample::Bar(bar.look), label: bar.label.clone() });
             }
         }
         if let Some(bar) = bars().find(|bar| bar.paper.is_some()) {
             let look = Look { colour: INK, marker: Marker::Diamond, ..bar.look };
-            entries.push(Entry { sample: Sample::Hollow(look), label: "the paper".to_owned() });
+            entries.push(LegendEntry { sample: LegendSample::Hollow(look), label: "the paper".to_owned() });
         }
         if !self.note.is_empty() {
-            entries.push(Entry { sample: Sample::Nothing, label: self.note.clone() });
+            entries.push(LegendEntry { sample: LegendSample::Nothing, label: self.note.clone() });
         }
         entries
     }

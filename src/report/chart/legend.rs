@@ -14,7 +14,7 @@ const WRAP: usize = 29;
 
 /// Sample before a label.
 #[derive(Clone, Copy)]
-pub enum Sample {
+pub enum LegendSample {
     /// A curve with its markers.
     Curve(Look),
     /// A line across the chart.
@@ -26,32 +26,32 @@ pub enum Sample {
     Nothing,
 }
 
-pub struct Entry {
-    pub sample: Sample,
+pub struct LegendEntry {
+    pub sample: LegendSample,
     pub label: String,
 }
 
 /// Draws entries from the top of an area.
-pub fn draw(area: &Area, entries: &[Entry]) -> Result<()> {
+pub fn draw(area: &Area, entries: &[LegendEntry]) -> Result<()> {
     let mut y = px(10.0);
     for entry in entries {
         let (left, right, middle) = (px(4.0), px(32.0), px(18.0));
         match entry.sample {
-            Sample::Curve(look) => {
+            LegendSample::Curve(look) => {
                 stroke(area, vec![(left, y), (right, y)], (look.colour.to_rgba(), look.dash), 2.0)?;
                 mark(area, (middle, y), look, 8.0, true)?;
             }
-            Sample::Level(colour, dash) => {
+            LegendSample::Level(colour, dash) => {
                 stroke(area, vec![(left, y), (right, y)], (colour.to_rgba(), dash), 1.5)?;
             }
-            Sample::Hollow(look) => mark(area, (middle, y), look, 9.0, false)?,
-            Sample::Bar(look) => {
+            LegendSample::Hollow(look) => mark(area, (middle, y), look, 9.0, false)?,
+            LegendSample::Bar(look) => {
                 let corners = [(left + px(6.0), y - px(6.0)), (right - px(6.0), y + px(6.0))];
                 area.draw(&Rectangle::new(corners, look.colour.filled()))?;
                 let over = ink_over(look.colour);
                 mark(area, (middle, y), Look { colour: over, ..look }, 7.0, true)?;
             }
-            Sample::Nothing => {}
+            LegendSample::Nothing => {}
         }
         for line in wrapped(&entry.label, WRAP) {
             let style = text(SIZE, INK).pos(Pos::new(HPos::Left, VPos::Center));
@@ -64,7 +64,7 @@ pub fn draw(area: &Area, entries: &[Entry]) -> Result<()> {
 }
 
 /// Returns the height of the entries in pixels.
-pub fn height(entries: &[Entry]) -> u32 {
+pub fn height(entries: &[LegendEntry]) -> u32 {
     let lines: usize = entries.iter().map(|entry| wrapped(&entry.label, WRAP).len()).sum();
     (lines as f64 * LINE_HEIGHT + entries.len() as f64 * 5.0 + 20.0) as u32
 }

@@ -6,7 +6,7 @@ use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use super::legend::{self, Entry, Sample};
+use super::legend::{self, LegendEntry, LegendSample};
 use super::look::{Dash, Look, Marker, mark, stroke};
 use crate::drawing::{Area, INK, SCALE, Svg, draw_mesh, pen, px, text, text_width};
 
@@ -162,7 +162,7 @@ impl LineChart {
             })
             .collect();
         let entries = self.legend_against(reference, of_reference, of_other);
-        let legend_columns: Vec<&[Entry]> = entries.chunks(entries.len().div_ceil(COLUMNS).max(1)).collect();
+        let legend_columns: Vec<&[LegendEntry]> = entries.chunks(entries.len().div_ceil(COLUMNS).max(1)).collect();
         let legend_height = legend_columns.iter().map(|entries| legend::height(entries)).max().unwrap_or(0);
         let titles: Vec<Vec<String>> = panels.iter().map(|panel| legend::wrapped(&panel.title, PANEL_WRAP)).collect();
         let title_heights: Vec<u32> = titles
@@ -287,42 +287,48 @@ impl LineChart {
         Ok(())
     }
 
-    fn legend(&self) -> Vec<Entry> {
+    fn legend(&self) -> Vec<LegendEntry> {
         // In the order of the lines' right ends, from top to bottom.
         let mut lines: Vec<&Line> = self.lines.iter().collect();
         let end = |line: &Line| line.points.last().map_or(f64::NEG_INFINITY, |point| point.y);
         lines.sort_by(|a, b| end(b).total_cmp(&end(a)));
-        let lines = lines.into_iter().map(|line| Entry { sample: Sample::Curve(line.look), label: line.label.clone() });
+        let lines = lines
+            .into_iter()
+            .map(|line| LegendEntry { sample: LegendSample::Curve(line.look), label: line.label.clone() });
         lines.chain(self.legend_of_the_rest()).collect()
     }
 
-    fn legend_against(&self, reference: &Line, of_reference: Look, of_other: Look) -> Vec<Entry> {
-        let entry = |look: Look, label: &str| Entry { sample: Sample::Curve(look), label: label.to_owned() };
+    fn legend_against(&self, reference: &Line, of_reference: Look, of_other: Look) -> Vec<LegendEntry> {
+        let entry =
+            |look: Look, label: &str| LegendEntry { sample: LegendSample::Curve(look), label: label.to_owned() };
         let mut entries = vec![
             entry(of_reference, &format!("in all panels: {}", reference.label)),
             entry(of_other, "method in the panel's title"),
         ];
         // Marks have the look of their line, which is not the one in the panels. One entry stands for all of them.
-        entries.extend(self.legend_of_the_rest().filter(|entry| !matches!(entry.sample, Sample::Hollow(_))));
-        entries.extend(self.marks.first().map(|_| Entry {
-            sample: Sample::Hollow(of_other),
+        entries.extend(self.legend_of_the_rest().filter(|entry| !matches!(entry.sample, LegendSample::Hollow(_))));
+        entries.extend(self.marks.first().map(|_| LegendEntry {
+            sample: LegendSample::Hollow(of_other),
             label: self.marks.iter().map(|mark| mark.label.as_str()).collect::<Vec<_>>().join("; "),
         }));
         entries
     }
 
-    fn legend_of_the_rest(&self) -> impl Iterator<Item = Entry> {
+    fn legend_of_the_rest(&self) -> impl Iterator<Item = LegendEntry> {
         let companions = self
             .companions
             .iter()
-            .map(|label| Entry { sample: Sample::Level(INK, Dash::Dotted), label: label.clone() });
-        let levels = self
-            .levels
+            .map(|label| LegendEntry { sample: LegendSample::Level(INK, Dash::Dotted), label: label.clone() });
+        let levels = self.levels.iter().map(|level| LegendEntry {
+            sample: LegendSample::Level(INK, level_dash(level)),
+            label: level.label.clone(),
+        });
+        let marks = self
+            .marks
             .iter()
-            .map(|level| Entry { sample: Sample::Level(INK, level_dash(level)), label: level.label.clone() });
-        let marks =
-            self.marks.iter().map(|mark| Entry { sample: Sample::Hollow(mark.look), label: mark.label.clone() });
-        let note = (!self.note.is_empty()).then(|| Entry { sample: Sample::Nothing, label: self.note.clone() });
+            .map(|mark| LegendEntry { sample: LegendSample::Hollow(mark.look), label: mark.label.clone() });
+        let note =
+            (!self.note.is_empty()).then(|| LegendEntry { sample: LegendSample::Nothing, label: self.note.clone() });
         companions.chain(levels).chain(marks).chain(note)
     }
 

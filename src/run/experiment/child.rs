@@ -13,7 +13,7 @@ use anyhow::{Context, Result};
 use rustix::process::{Pid, Signal, kill_process};
 
 use super::LOGS;
-use super::plan::Task;
+use super::plan::PlannedWork;
 use crate::config::{Config, DomainConfig, to_toml};
 use crate::records::atomic::write_atomically;
 use crate::run::END_WITH;
@@ -26,7 +26,7 @@ pub struct Said {
 }
 
 /// A running process.
-pub struct Child {
+pub struct RunProcess {
     process: std::process::Child,
     /// Thread that returns the last line that says why the process ended.
     listener: Option<JoinHandle<Option<String>>>,
@@ -34,10 +34,10 @@ pub struct Child {
     result: Option<PathBuf>,
 }
 
-impl Child {
+impl RunProcess {
     /// Starts a task. Its standard error goes to `said` and to its log. Its standard output goes to its result file, if
     /// it has one, otherwise to the log.
-    pub fn start(task: &Task, folder: &Path, said: Sender<Said>) -> Result<Child> {
+    pub fn start(task: &PlannedWork, folder: &Path, said: Sender<Said>) -> Result<RunProcess> {
         let log = folder.join(LOGS).join(format!("{}.log", task.name));
         let failed = || format!("{}: cannot be written", log.display());
         if let Some((path, config)) = &task.config {
@@ -64,7 +64,7 @@ impl Child {
             .with_context(|| format!("{}: cannot be started", task.name))?;
         let (stderr, name) = (process.stderr.take().expect("it was asked for"), task.name.clone());
         let listener = Some(std::thread::spawn(move || listen(stderr, file, name, &said)));
-        Ok(Child { process, listener, result: task.result.clone() })
+        Ok(RunProcess { process, listener, result: task.result.clone() })
     }
 
     /// Asks the process to stop where nothing is lost.

@@ -26,18 +26,18 @@ use crate::experiment::file::{Experiment, Knowledge};
 use crate::experiment::progress::{Stage, directory, stage};
 use crate::experiment::schedule::Cores;
 use crate::records::atomic::{lock, write_atomically};
-use crate::report::find::{BASELINES, PLAN, Plan};
+use crate::report::find::{BASELINES, ExperimentPlan, PLAN};
 use crate::terminal::experiment::Display;
 use crate::terminal::{Wish, answer, program, quoted, stop_on_signals, tell};
-use child::{Child, Said};
-use plan::{Task, Tasks};
+use child::{RunProcess, Said};
+use plan::{PlannedWork, Tasks};
 
 /// Folder of the logs of the processes, in the folder of the runs.
 const LOGS: &str = "logs";
 /// Interval between two checks whether a process has ended.
 const LOOK_EVERY: Duration = Duration::from_millis(200);
 
-pub fn experiment(args: &cli::Experiment) -> Result<()> {
+pub fn experiment(args: &cli::ExperimentArgs) -> Result<()> {
     let name = args.file.file_stem().unwrap_or_default();
     let folder = args.out.clone().unwrap_or_else(|| Path::new("results").join(name).join("runs"));
     let cores = args.cores.unwrap_or_else(machine_cores);
@@ -67,7 +67,7 @@ pub fn experiment(args: &cli::Experiment) -> Result<()> {
     if !args.accept_other_build {
         check_builds(&experiment, &folder).map_err(Error::Usage)?;
     }
-    let plan = Plan {
+    let plan = ExperimentPlan {
         runs: experiment.runs.iter().map(|run| run.name.clone()).collect(),
         baselines: experiment.baselines.iter().map(|baseline| baseline.name.clone()).collect(),
     };
@@ -118,8 +118,8 @@ struct Outcome {
 /// A running experiment.
 struct Work {
     folder: PathBuf,
-    waiting: Vec<Task>,
-    working: Vec<(Task, Child)>,
+    waiting: Vec<PlannedWork>,
+    working: Vec<(PlannedWork, RunProcess)>,
     cores: Cores,
     display: Display,
     said: (Sender<Said>, Receiver<Said>),
@@ -137,7 +137,7 @@ impl Work {
         })?;
         let mut waiting = tasks.unfinished();
         let outcome = Outcome { tasks: waiting.len(), failed: Vec::new(), interrupted: false };
-        let display = Display::new(waiting.iter().map(Task::planned).collect());
+        let display = Display::new(waiting.iter().map(PlannedWork::planned).collect());
         // The next task is taken from the end.
         waiting.reverse();
         Ok(Work {
@@ -161,7 +161,7 @@ impl Work {
                 self.working.iter().for_each(|(_, child)| child.ask_to_stop());
             }
             while let Some(task) = self.waiting.pop_if(|task| self.cores.take(task.width)) {
-                let child = Child::start(&task, &self.folder, self.said.0.clone())?;
+                let child = RunProcess::start(&task, &self.folder, self.said.0.clone())?;
                 self.display.began(&task.name);
                 self.working.push((task, child));
             }

@@ -17,7 +17,7 @@ use crate::terminal::experiment::Planned;
 
 /// One process of the experiment.
 #[derive(Clone, Debug)]
-pub struct Task {
+pub struct PlannedWork {
     pub name: String,
     /// Arguments of the program.
     pub arguments: Vec<OsString>,
@@ -37,14 +37,14 @@ pub struct Task {
     pub estimate: Estimate,
 }
 
-impl Task {
+impl PlannedWork {
     fn of_run(
         run: &PlannedRun,
         folder: &Path,
         width: usize,
         measured: &[RunRecord],
         accept_other_build: bool,
-    ) -> Result<Task> {
+    ) -> Result<PlannedWork> {
         let stage = stage(folder, run)?;
         let dir = directory(folder, run);
         let mut arguments: Vec<OsString> = vec!["train".into()];
@@ -59,7 +59,7 @@ impl Task {
             }
         }
         arguments.extend(["--workers".into(), width.to_string().into()]);
-        Ok(Task {
+        Ok(PlannedWork {
             name: run.name.clone(),
             arguments,
             result: None,
@@ -73,14 +73,14 @@ impl Task {
         })
     }
 
-    fn of_baseline(baseline: &PlannedBaseline, folder: &Path) -> Task {
+    fn of_baseline(baseline: &PlannedBaseline, folder: &Path) -> PlannedWork {
         let result = baseline_file(folder, &baseline.name);
         let stage = stage_of_baseline(folder, baseline);
         let config = result.with_extension("toml");
         let mut arguments: Vec<OsString> = vec!["baseline".into(), config.clone().into()];
         arguments.extend(["--controller", &baseline.controller, "--json", "--episodes"].map(OsString::from));
         arguments.push(baseline.episodes.to_string().into());
-        Task {
+        PlannedWork {
             name: baseline.name.clone(),
             arguments,
             result: Some(result),
@@ -96,7 +96,7 @@ impl Task {
 
     /// Returns the task as the progress display needs it.
     pub fn planned(&self) -> Planned {
-        let Task { name, estimate, share, steps, .. } = self;
+        let PlannedWork { name, estimate, share, steps, .. } = self;
         Planned { name: name.clone(), seconds: estimate.seconds, share: *share, steps: *steps }
     }
 
@@ -108,7 +108,7 @@ impl Task {
 
 /// All processes of an experiment, done or not.
 pub struct Tasks {
-    tasks: Vec<Task>,
+    tasks: Vec<PlannedWork>,
     cores: usize,
 }
 
@@ -120,12 +120,12 @@ impl Tasks {
         } else {
             Vec::new()
         };
-        let mut tasks: Vec<Task> =
-            experiment.baselines.iter().map(|baseline| Task::of_baseline(baseline, folder)).collect();
+        let mut tasks: Vec<PlannedWork> =
+            experiment.baselines.iter().map(|baseline| PlannedWork::of_baseline(baseline, folder)).collect();
         for run in &experiment.runs {
             let gs = run.config.simulator == Simulator::Global;
             let width = width(run.agents(), gs, experiment.all_cores_from_agents, cores);
-            tasks.push(Task::of_run(run, folder, width, &measured, accept_other_build)?);
+            tasks.push(PlannedWork::of_run(run, folder, width, &measured, accept_other_build)?);
         }
         Ok(Tasks { tasks, cores })
     }
@@ -135,7 +135,7 @@ impl Tasks {
     }
 
     /// Returns the tasks that are not finished, in order.
-    pub fn unfinished(self) -> Vec<Task> {
+    pub fn unfinished(self) -> Vec<PlannedWork> {
         self.tasks.into_iter().filter(|task| task.stage != Stage::Finished).collect()
     }
 
@@ -146,7 +146,7 @@ impl Tasks {
             "{:<widest$}  {:<14} {:>6} {:>5} {:>10} {:>10}",
             "run", "stage", "agents", "cores", "time left", "memory"
         );
-        let row = |task: &Task| {
+        let row = |task: &PlannedWork| {
             let Job { seconds, memory_mb, .. } = task.job();
             let (stage, agents) =
                 (task.stage.name(), if task.agents > 0 { task.agents.to_string() } else { "-".to_owned() });
@@ -156,7 +156,7 @@ impl Tasks {
             };
             format!("{:<widest$}  {stage:<14} {agents:>6} {:>5} {time:>10} {memory:>10}", task.name, task.width)
         };
-        let to_do: Vec<&Task> = self.tasks.iter().filter(|task| task.stage != Stage::Finished).collect();
+        let to_do: Vec<&PlannedWork> = self.tasks.iter().filter(|task| task.stage != Stage::Finished).collect();
         let jobs: Vec<Job> = to_do.iter().map(|task| task.job()).collect();
         let Total { seconds, memory_mb } = total(&jobs, self.cores);
         let mut lines = vec![header];

@@ -77,7 +77,7 @@ pub fn recipe(text: &str, grid: Grid) -> Result<Recipe> {
             Box::new(move |_| Ok(HandCoded::rule(FixedTime::new(timings.clone()))))
         }
         "webster" => {
-            let plan = webster::Plan::of(&mut arguments)?;
+            let plan = webster::TimingPlan::of(&mut arguments)?;
             let agents = grid.agents().len();
             Box::new(move |trials| Ok(HandCoded::rule(FixedTime::new(plan.timings(agents, trials)?))))
         }

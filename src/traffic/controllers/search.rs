@@ -105,7 +105,7 @@ fn quarters(count: usize) -> Range<usize> {
 
 /// Progress of a search.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Standing {
+pub struct Ranked {
     /// Number of episodes played, and the most that there can be.
     pub played: usize,
     pub at_most: usize,
@@ -118,7 +118,7 @@ pub struct Search<'a> {
     pub grid: Grid,
     pub episodes: usize,
     pub score: &'a mut dyn FnMut(&[Timing], usize) -> Result<f64>,
-    pub report: &'a mut dyn FnMut(Standing),
+    pub report: &'a mut dyn FnMut(Ranked),
 }
 
 impl Search<'_> {
@@ -128,7 +128,7 @@ impl Search<'_> {
         let some = self.episodes.div_ceil(3);
         let walk_at_most = ROUNDS * waves[0].neighbours().len() * self.episodes;
         let at_most = waves.len() * some + FINALISTS * (self.episodes - some) + walk_at_most;
-        let mut standing = Standing { played: 0, at_most, best: f64::NEG_INFINITY };
+        let mut standing = Ranked { played: 0, at_most, best: f64::NEG_INFINITY };
 
         let mut tried = Vec::new();
         for candidate in waves {
@@ -182,7 +182,7 @@ impl Search<'_> {
         candidate: &Candidate,
         episodes: usize,
         earned: &mut Vec<f64>,
-        standing: &mut Standing,
+        standing: &mut Ranked,
     ) -> Result<()> {
         let timings = candidate.timings();
         while earned.len() < episodes {
@@ -200,7 +200,7 @@ impl Search<'_> {
         challenger: &Candidate,
         champion: &[f64],
         some: usize,
-        standing: &mut Standing,
+        standing: &mut Ranked,
     ) -> Result<Option<Vec<f64>>> {
         let mut earned = Vec::new();
         for episodes in [some, self.episodes] {

@@ -25,17 +25,20 @@ const EPISODES: u32 = 5;
 const MEANWHILE: Timing = Timing { vertical: 10, horizontal: 10, offset: 0 };
 
 /// The measurement that the timings are computed from.
-pub struct Plan {
+pub struct TimingPlan {
     episodes: u32,
     saturation_per_h: f64,
 }
 
-impl Plan {
-    pub fn of(arguments: &mut Arguments<'_>) -> Result<Plan> {
+impl TimingPlan {
+    pub fn of(arguments: &mut Arguments<'_>) -> Result<TimingPlan> {
         let what = "a number of cars per hour, above 0";
         let saturation = arguments.number("saturation", what, |&flow: &f64| flow > 0.0 && flow.is_finite())?;
         let episodes = arguments.number("episodes", "a whole number, at least 1", |&episodes: &u32| episodes >= 1)?;
-        Ok(Plan { episodes: episodes.unwrap_or(EPISODES), saturation_per_h: saturation.unwrap_or(SATURATION_PER_H) })
+        Ok(TimingPlan {
+            episodes: episodes.unwrap_or(EPISODES),
+            saturation_per_h: saturation.unwrap_or(SATURATION_PER_H),
+        })
     }
 
     /// Measures the flows on the GS (global simulator), on separate episodes, and computes the timings.
