@@ -66,7 +66,7 @@ fn open(config: &Config) -> Traffic {
     Traffic::open(table).unwrap()
 }
 
-/// Plays the first episode of [`SEED`] beside the program under test.
+/// Plays the first episode of [`SEED`] in this process, to compare it with the program under test.
 fn record(config: &Config, cast: impl FnOnce(&Traffic) -> Option<JointPolicyController>, baseline: &str) -> Recording {
     let tape = Tape::default();
     let traffic = open(config).record_on(&tape);

@@ -82,8 +82,8 @@ pub trait GlobalSimulator {
         Ok(Measures::default())
     }
 
-    /// Makes [`GlobalSimulator::measures`] return all that the domain knows, at any cost, from the next reset on. It
-    /// then ends the episode: only a reset may follow.
+    /// Makes [`GlobalSimulator::measures`] return all that the domain knows, at any cost, from the next reset on.
+    /// Calling it then ends the episode: only a reset may follow.
     fn measure_in_full(&mut self) -> Result<()> {
         Ok(())
     }
@@ -144,7 +144,7 @@ pub trait LocalSimulator {
     }
 }
 
-/// Named figures of an episode beside the return.
+/// Named figures of an episode, other than the return.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Measures {
     /// Figures with one value per agent.

@@ -2,8 +2,8 @@
 //!
 //! Source: Webster, "Traffic signal settings", Road Research Technical Paper 39, 1958. The flow ratio `y` of a phase is
 //! the flow of its busiest edge over the saturation flow. `Y` is the sum of the flow ratios, and `L` the lost time of a
-//! cycle. The delay is least near the cycle `C = (1.5 L + 5) / (1 - Y)`, of which each phase gets the green `(C - L) y
-//! / Y`. The lost time is the two yellows of 3 s: `L = 6`.
+//! cycle. The delay is least near the cycle `C = (1.5 L + 5) / (1 - Y)`. Of it, each phase gets the green
+//! `(C - L) y / Y`. The lost time is the two yellows of 3 s: `L = 6`.
 
 use anyhow::Result;
 

@@ -1,4 +1,4 @@
-//! The traffic metrics beside the return: means of the cars' trips from SUMO's own output, and queues, speeds and
+//! The traffic metrics other than the return: means of the cars' trips from SUMO's own output, and queues, speeds and
 //! throughput per intersection. Only evaluations and baselines ask for them. Training and collection do not measure
 //! them and pay nothing.
 

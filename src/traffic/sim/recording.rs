@@ -122,7 +122,7 @@ impl Roads {
     }
 }
 
-/// The tools for recording of a simulator with a tape.
+/// The tape of a simulator, with what is needed to record on it.
 pub(super) struct Recorder {
     tape: Tape,
     roads: Arc<Roads>,
