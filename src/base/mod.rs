@@ -4,7 +4,7 @@
 //! - `seed`, `purpose`: random streams by name, and the list of their purposes.
 //! - `rows`, `ragged`, `compact`: tables of one width, of rows of different widths, and of bits.
 //! - `units`: ids of agents and other units; `vectors`: the width of vector registers.
-//! - `stopwatch`: time by activity and phase.
+//! - `stopwatch`: time by activity and phase; `work`: where a long computation reports its times and its progress.
 //! - [`statistics`]: means, intervals and differences.
 
 mod compact;
