@@ -1,4 +1,4 @@
-//! The part of a config that defines a method: runs of one method differ only in seed, scenario and length.
+//! The part of a config that defines a method.
 
 use std::collections::BTreeMap;
 

@@ -1,13 +1,15 @@
 //! One file per subcommand: config -> domain -> fleet -> training -> run directory.
 //!
-//! - Subcommands: `train` and its `worker`, `evaluate` (also `baseline`), `export`, `bench`, `experiment`, `report`,
-//!   `compare`, `replay`, `nets`, `info`.
+//! - `train`: trains policies and writes a run directory. `worker`: its worker processes.
+//! - `evaluate`: plays and measures saved policies; also `baseline`, which does so with hand-coded controllers.
+//! - `experiment`: makes all runs of a file. `report`, `compare`: summarise runs. `bench`: measures training speed.
+//! - `export`: policies as TorchScript. `replay`: an episode for sumo-gui. `nets`: SUMO networks. `info`: versions.
 //! - `domain`: finds the domain that a config names. Only this file knows all domains.
 //! - `directory`: makes and opens run directories. `places`: makes any directory whole or not at all, and checks output
 //!   paths.
 //! - `build`: the program, libraries and machine that compute a run.
 //! - `subject`: what `evaluate` and `baseline` play. `cast`: the players of the episode that `replay` records.
-//! - One flag each: `csv_files` (`--csv`), `plot`, `render`, `tune`, `video`.
+//! - One flag each: `csv_files` (`--csv`), `plot` and `render` (pictures), `tune` (fixed-time lights), `video` (films).
 //! - `blas`: keeps libtorch to one thread for `bench`.
 
 mod bench;

@@ -24,7 +24,7 @@ pub fn render(
     }
     let mut drawn = Vec::new();
     play_watched(simulator, controller, episode_seed(run, 0), &mut |simulator| {
-        drawn.push(simulator.scene().context("a picture of every step")?);
+        drawn.push(simulator.scene().context("the domain drew no picture of a step")?);
         Ok(())
     })?;
     places::make(dir, Existing::Refuse, |dir| scenes::write(&drawn, dir))

@@ -153,14 +153,14 @@ fn fitting(dir: &Path, domain: &dyn Domain) -> Result<TrainedRun> {
     let path = dir.display();
     ensure!(
         theirs.len() == ours.len(),
-        "{path}: has policies for {} agents, but this config has {}; use one like the run's own",
+        "{path}: has policies for {} agents, but this config has {}; use one like the run's",
         theirs.len(),
         ours.len()
     );
     for (agent, (theirs, ours)) in theirs.iter().zip(&ours).enumerate() {
         ensure!(
             theirs == ours,
-            "{path}: agent {agent} has {} inputs and {} actions, but {} and {} in this config; use one like the run's own",
+            "{path}: agent {agent} has {} inputs and {} actions, but {} and {} in this config; use one like the run's",
             theirs.0,
             theirs.1,
             ours.0,

@@ -155,7 +155,7 @@ fn how_to_go_on(run: &Run) -> String {
     let kept = quoted(&dir.join(files::CONFIG));
     let watch = if config.logging.tensorboard {
         format!(
-            "\nand watch it, beside other runs, with:\n  tensorboard --logdir {}",
+            "\nand watch it next to other runs with:\n  tensorboard --logdir {}",
             quoted(dir.parent().unwrap_or(dir))
         )
     } else {

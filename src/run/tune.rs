@@ -61,7 +61,7 @@ fn tuned_file(config: &Config, episodes: usize) -> Result<PathBuf> {
     let found = tuning::tune(&traffic, episodes, config.seed, &mut |standing| {
         bar.set_length(standing.at_most);
         bar.set(standing.played);
-        bar.tell(format_args!("at most, best return {:.1}", standing.best));
+        bar.tell(format_args!("(at most); best return so far {:.1}", standing.best));
     });
     bar.finish();
     let found = found.map_err(Error::Run)?;

@@ -53,7 +53,7 @@ impl Video {
         let pictures = Pictures::take(replay, stop)?;
         write_beside(&self.file, |beside| {
             pictures.join(self.format, beside, stop)?;
-            // The new film is complete, so the old one can go.
+            // The new film is complete, so the old one can be moved aside.
             if self.existing == Existing::MoveAside && !places::is_free(&self.file) {
                 places::tell_moved(&self.file, &places::move_aside(&self.file)?);
             }

@@ -160,9 +160,9 @@ impl Observer for Progress {
     fn evaluated(&self, steps: u64, evaluation: &Evaluation) {
         let all = evaluation.of_all();
         let stuck = evaluation.stuck.iter().filter(|&&stuck| stuck).count();
-        let stuck = if stuck > 0 { format!(", {stuck} stuck") } else { String::new() };
+        let stuck = if stuck > 0 { format!(", {stuck} stuck agents") } else { String::new() };
         self.say(&format!(
-            "step {steps}: return {:.1} +- {:.1}, median {:.1}{stuck}",
+            "step {steps}: return {:.1} +- {:.1} (standard error), median of the agents {:.1}{stuck}",
             all.mean, all.std_error, all.median
         ));
         self.found.borrow_mut().mean_return = Some(all.mean);

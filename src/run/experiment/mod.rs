@@ -60,7 +60,7 @@ pub fn experiment(args: &cli::ExperimentArgs) -> Result<()> {
             fs::create_dir_all(folder).with_context(|| format!("{}: cannot be made", folder.display()))
         })
         .and_then(|()| {
-            lock(&folder).with_context(|| format!("{}: another experiment is at work here", folder.display()))
+            lock(&folder).with_context(|| format!("{}: another experiment is running here", folder.display()))
         })
         .map_err(Error::Usage)?;
     let tasks = Tasks::look(&experiment, &folder, cores, args.accept_other_build).map_err(Error::Usage)?;
