@@ -133,7 +133,7 @@ pub struct EvaluateArgs {
 pub struct ExportArgs {
     /// Run directory written by `train`
     pub run_dir: PathBuf,
-    /// Output file, such as policies.pt
+    /// Output file, such as policies.pt; one per kind of agents (policies.KIND.pt) if there are several
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
     /// Overwrite the file if it exists

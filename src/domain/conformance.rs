@@ -52,7 +52,7 @@ struct GsRecording {
 }
 
 /// The recording of the agents of one kind.
-struct OfKind {
+struct KindRecording {
     obs: Vec<Rows<f32>>,
     actions: Vec<Vec<Action>>,
     sources: Vec<Rows<u8>>,
@@ -60,9 +60,9 @@ struct OfKind {
 }
 
 impl GsRecording {
-    fn of_kind(&self, kind: &Kind) -> OfKind {
+    fn of_kind(&self, kind: &Kind) -> KindRecording {
         let agents = || kind.agents.iter().map(|agent| agent.0);
-        OfKind {
+        KindRecording {
             obs: self.percepts.iter().map(|percept| percept.obs.pick(agents()).into_rows()).collect(),
             actions: self.actions.iter().map(|actions| agents().map(|agent| actions[agent]).collect()).collect(),
             sources: self.sources.iter().map(|sources| sources.pick(agents()).into_rows()).collect(),
@@ -102,6 +102,7 @@ fn record(domain: &dyn Domain, seed: Seed) -> Result<GsRecording> {
         recording.actions.push(actions);
         percept = after;
     }
+    check_masks(domain, &percept)?;
     Ok(recording)
 }
 
@@ -177,7 +178,7 @@ fn local_simulator(domain: &dyn Domain, kind: &Kind, copies: usize, seed: Seed) 
 fn replay_locally(
     domain: &dyn Domain,
     kind: &Kind,
-    recording: &OfKind,
+    recording: &KindRecording,
     seed: Seed,
     likeness: &mut Likeness,
 ) -> Result<()> {
@@ -185,10 +186,7 @@ fn replay_locally(
     ls.reset(&Beginning::first(0..kind.agents.len()))?;
     for (t, actions) in recording.actions.iter().enumerate() {
         let local = ls.step(actions, &recording.sources[t])?;
-        ensure!(
-            local.percept.masks.is_some() == kind.spec.masks,
-            "the LS and its spec differ in whether there are masks"
-        );
+        check_local_masks(kind, local.percept.masks.as_ref())?;
         for (&global, &local) in recording.obs[t].as_slice().iter().zip(local.percept.obs.as_slice()) {
             likeness.of_global += u64::from(global != 0.0);
             likeness.of_local += u64::from(local != 0.0);
@@ -202,8 +200,22 @@ fn replay_locally(
     Ok(())
 }
 
+fn check_local_masks(kind: &Kind, masks: Option<&Rows<bool>>) -> Result<()> {
+    ensure!(masks.is_some() == kind.spec.masks, "the LS and its spec differ in whether there are masks");
+    for mask in masks.into_iter().flat_map(Rows::iter) {
+        ensure!(
+            mask.len() == kind.spec.n_actions,
+            "the LS of kind `{}` has a mask of {} actions",
+            kind.name,
+            mask.len()
+        );
+        ensure!(mask.contains(&true), "the LS of kind `{}` allows no action", kind.name);
+    }
+    Ok(())
+}
+
 /// Runs two copies of every region in lockstep. Resetting one alone must not affect the other.
-fn check_single_resets(domain: &dyn Domain, kind: &Kind, recording: &OfKind, seed: Seed) -> Result<()> {
+fn check_single_resets(domain: &dyn Domain, kind: &Kind, recording: &KindRecording, seed: Seed) -> Result<()> {
     let regions = &kind.agents;
     let trace = |reset_at: Option<usize>| -> Result<Vec<f32>> {
         let mut ls = local_simulator(domain, kind, 2, seed)?;
@@ -233,7 +245,12 @@ fn check_single_resets(domain: &dyn Domain, kind: &Kind, recording: &OfKind, see
 /// Runs two copies of every region and resets one of them on the way. In a second simulator, the first copies have no
 /// earlier episode, and the rows begin at other times. The same actions and sources must lead it to the same state, and
 /// it must go on from there in the same way.
-fn check_that_rows_can_be_retraced(domain: &dyn Domain, kind: &Kind, recording: &OfKind, seed: Seed) -> Result<()> {
+fn check_that_rows_can_be_retraced(
+    domain: &dyn Domain,
+    kind: &Kind,
+    recording: &KindRecording,
+    seed: Seed,
+) -> Result<()> {
     const COPIES: usize = 2;
     let regions = &kind.agents;
     let steps = recording.actions.len().min(60);
@@ -256,6 +273,8 @@ fn check_that_rows_can_be_retraced(domain: &dyn Domain, kind: &Kind, recording: 
                 let mut values = transition.percept.obs.row(row).to_vec();
                 values.extend(transition.percept.d_set.row(row));
                 values.push(transition.rewards[row]);
+                let mask = transition.percept.masks.iter().flat_map(|masks| masks.row(row));
+                values.extend(mask.map(|&allowed| f32::from(u8::from(allowed))));
                 values
             };
             let of_copy = |copy: usize| (0..regions.len()).flat_map(|region| values(COPIES * region + copy)).collect();

@@ -16,7 +16,6 @@
 //! - `scenario`: what a run simulates, for its files; `rough_costs`: a guess of how long a run takes.
 //! - `scene`: a picture of the state; [`road_trace`]: an episode of traffic, for pictures.
 //! - [`conformance`]: the properties that every domain must have; [`toy`]: domains for tests.
-//! - [`conformance`]: what every domain must hold; [`toy`]: domains for tests.
 
 pub mod conformance;
 mod kinds;

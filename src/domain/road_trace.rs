@@ -47,14 +47,14 @@ pub struct Corridor {
     pub from: &'static str,
     pub to: &'static str,
     pub length_m: f64,
-    pub crossings: Vec<Crossing>,
+    pub crossings: Vec<CorridorLight>,
     /// Points of each car: seconds, and metres from the beginning.
     pub cars: Vec<Vec<(f64, f64)>>,
 }
 
 /// An intersection on a corridor.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Crossing {
+pub struct CorridorLight {
     pub name: String,
     /// Place where its inside begins, at the stop line, and where it ends, in metres from the beginning of the
     /// corridor.

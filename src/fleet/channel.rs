@@ -9,7 +9,7 @@ use serde::de::DeserializeOwned;
 const MAGIC: [u8; 4] = *b"DIAL";
 /// Number of the protocol. Bump when a message changes its shape: programs of different builds must not misread each
 /// other.
-const PROTOCOL: u16 = 2;
+const PROTOCOL: u16 = 3;
 /// Length limit in bytes. Longer messages mean a broken stream: the datasets and states of 10 000 agents are shorter.
 const LONGEST: u64 = 1 << 36;
 
@@ -78,7 +78,7 @@ mod tests {
         let frame = encode(&vec![1_u32, 2, 3]).unwrap();
         let mut newer = frame.clone();
         newer[4] = 9;
-        assert!(error_of(&newer).contains("received a message of protocol 9, but this program uses 2"));
+        assert!(error_of(&newer).contains("received a message of protocol 9, but this program uses 3"));
         assert!(error_of(b"GET / HTTP/1.1\r\n").contains("not one of our messages"));
         assert!(error_of(&frame[..frame.len() - 1]).contains("ended after 3 of 4 bytes"));
         let mut endless = frame;

@@ -15,9 +15,9 @@ use super::channel::receive;
 use super::inline::InlineFleet;
 use super::link::{Crew, Frame, Link, News};
 use super::{Coordinator, Options, serve};
-use crate::config::Config;
+use crate::config::{Config, Predictor, Simulator};
 use crate::domain::Domain;
-use crate::domain::toy::Coins;
+use crate::domain::toy::{Coins, CoinsAndDice};
 use crate::training::answers::{FleetLoad, PolicyTraining};
 use crate::training::dials;
 use crate::training::fleet::Fleet;
@@ -223,10 +223,14 @@ fn crew<const N: usize>(can_replace: bool, fates: [&[FateAt]; N]) -> ThreadCrew 
 
 /// Trains with a crew. Returns the agents or the error, and the warnings.
 fn train(crew: ThreadCrew) -> (Result<AgentsState, String>, Vec<String>) {
-    let (config, warnings) = (config(), Rc::new(Warnings::default()));
+    train_as(&config(), crew)
+}
+
+fn train_as(config: &Config, crew: ThreadCrew) -> (Result<AgentsState, String>, Vec<String>) {
+    let (domain, warnings) = (crew.domain.clone(), Rc::new(Warnings::default()));
     let options = Options { workers: crew.fates.len(), patience: PATIENCE };
-    let outcome = Coordinator::start(coins(), &config, crew, options, warnings.clone()).and_then(|mut fleet| {
-        dials::train(&config, &mut fleet, Standing::default(), &mut Unrecorded, &*warnings)?;
+    let outcome = Coordinator::start(domain, config, crew, options, warnings.clone()).and_then(|mut fleet| {
+        dials::train(config, &mut fleet, Standing::default(), &mut Unrecorded, &*warnings)?;
         Ok(fleet.agents().clone())
     });
     (outcome.map_err(|error| format!("{error:#}")), warnings.0.take())
@@ -297,5 +301,21 @@ fn training_goes_on_from_a_state_with_workers_that_run_or_are_started_again() {
         fleet.restore(agents.clone()).unwrap();
         dials::train(&config(), &mut fleet, standing, &mut Unrecorded, &Silent).unwrap();
         assert!(*fleet.agents() == expected, "can_replace: {can_replace}");
+    }
+}
+
+#[test]
+fn agents_of_two_kinds_that_take_turns_are_shared_out_and_put_together_again() {
+    let domain: Arc<dyn Domain> = Arc::new(CoinsAndDice::new(20));
+    for simulator in [Simulator::Local(Predictor::Network), Simulator::Global] {
+        let config = Config { simulator, ..config() };
+        let mut alone = InlineFleet::new(domain.clone(), &config, Rc::new(Silent));
+        dials::train(&config, &mut alone, Standing::default(), &mut Unrecorded, &Silent).unwrap();
+        let lost: [&[FateAt]; 3] = [&[], &[(2, Fate::Dies)], &[]];
+        for crew in [crew(true, [&[]]), crew(false, [&[], &[]]), crew(false, [&[], &[], &[]]), crew(true, lost)] {
+            let workers = crew.fates.len();
+            let (outcome, _) = train_as(&config, ThreadCrew { domain: domain.clone(), ..crew });
+            assert!(outcome.unwrap() == *alone.agents(), "{simulator:?}, {workers} workers");
+        }
     }
 }

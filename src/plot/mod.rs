@@ -85,11 +85,11 @@ fn anchored(style: TextStyle<'static>, horizontal: HPos, vertical: VPos) -> Text
 mod tests {
     use super::*;
     use crate::base::Rows;
-    use crate::domain::road_trace::{Approach, Aspect, Corridor, Crossing, RoadTrace, Shown};
+    use crate::domain::road_trace::{Approach, Aspect, Corridor, CorridorLight, RoadTrace, Shown};
 
     /// Two intersections side by side for four seconds.
     fn trace() -> RoadTrace {
-        let crossing = |name: &str, begin_m, aspects: [Aspect; 4]| Crossing {
+        let crossing = |name: &str, begin_m, aspects: [Aspect; 4]| CorridorLight {
             name: name.to_owned(),
             begin_m,
             end_m: begin_m + 10.0,

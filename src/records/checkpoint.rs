@@ -53,7 +53,7 @@ impl RunProgress {
 }
 
 #[derive(Serialize, Deserialize)]
-struct About {
+struct Metadata {
     format: u32,
     steps: u64,
     optimiser_steps: u32,
@@ -79,7 +79,7 @@ pub fn write(folder: &Path, agents: &AgentsState, progress: RunProgress) -> Resu
     let tables = tables_of(agents);
     let bytes = tables.map(|table| bytemuck::cast_slice::<f32, u8>(table.as_slice()));
     let streams = postcard::to_stdvec(&agents.streams).context("the state of training cannot be encoded")?;
-    let about = About {
+    let about = Metadata {
         format: FORMAT,
         steps: agents.steps,
         optimiser_steps: agents.moments.steps,
@@ -127,7 +127,7 @@ fn read(path: &Path) -> Result<Checkpoint> {
         "it has format {}, and this program reads format {FORMAT}: continue with the version that wrote it",
         about["format"]
     );
-    let about: About = serde_json::from_value(about)?;
+    let about: Metadata = serde_json::from_value(about)?;
     let tensors = TABLES.iter().map(|name| file.tensor(name)).collect::<Result<Vec<_>, _>>()?;
     let streams = file.tensor(STREAMS)?;
     ensure!(

@@ -1,6 +1,6 @@
 //! The columns of each CSV file of a run: one list for the writer and the reader of the file.
 //!
-//! `docs/files.md` explains each column. Some files have more columns after these, which the domain names.
+//! `docs/figures.md` explains each column. Some files have more columns after these, which the domain names.
 
 use crate::base::{Activity, Phase};
 

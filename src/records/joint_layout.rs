@@ -13,10 +13,10 @@ use crate::policy::PolicyStack;
 
 /// The layouts of all kinds.
 pub struct JointLayout {
-    kinds: Vec<OfKind>,
+    kinds: Vec<KindLayout>,
 }
 
-struct OfKind {
+struct KindLayout {
     prefix: String,
     agents: Vec<AgentId>,
     layout: Layout,
@@ -25,7 +25,7 @@ struct OfKind {
 impl JointLayout {
     /// Makes the layouts. `layout`: returns the layout of an agent's network.
     pub fn new(kinds: &Kinds, layout: impl Fn(&RegionSpec) -> Layout) -> JointLayout {
-        let of_kind = |kind: &Kind| OfKind {
+        let of_kind = |kind: &Kind| KindLayout {
             prefix: kinds.prefix(kind),
             agents: kind.agents.clone(),
             layout: layout(&kind.spec),
@@ -43,13 +43,13 @@ impl JointLayout {
 
     /// Returns the bytes of a file of these networks. `networks`: one row of parameters per agent.
     pub fn write(&self, networks: &Ragged<f32>, about: &HashMap<String, String>) -> Result<Vec<u8>> {
-        let rows_of = |kind: &OfKind| networks.pick(kind.agents.iter().map(|agent| agent.0)).into_rows();
+        let rows_of = |kind: &KindLayout| networks.pick(kind.agents.iter().map(|agent| agent.0)).into_rows();
         let rows: Vec<Rows<f32>> = self.kinds.iter().map(rows_of).collect();
         let stacks: Vec<StackToWrite<'_>> = self
             .kinds
             .iter()
             .zip(&rows)
-            .map(|(OfKind { prefix, layout, .. }, rows)| StackToWrite { prefix, layout, rows })
+            .map(|(KindLayout { prefix, layout, .. }, rows)| StackToWrite { prefix, layout, rows })
             .collect();
         write_stacks(&stacks, about)
     }
@@ -61,7 +61,7 @@ impl JointLayout {
             self.kinds.iter().flat_map(|kind| kind.agents.iter().map(|agent| (agent.0, kind.layout.width())));
         of_agents.for_each(|(agent, width)| widths[agent] = width);
         let mut networks = Ragged::new(widths);
-        for OfKind { prefix, agents, layout } in &self.kinds {
+        for KindLayout { prefix, agents, layout } in &self.kinds {
             let rows = read_stack(path, prefix, layout, agents)?;
             agents.iter().zip(rows.iter()).for_each(|(agent, row)| networks.row_mut(agent.0).copy_from_slice(row));
         }

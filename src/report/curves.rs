@@ -71,7 +71,7 @@ pub fn learning_curve(group: &Group) -> Vec<CurvePoint> {
 pub fn loss_curve(group: &Group) -> (LossData, Vec<LossPoint>) {
     let fresh = group.runs.iter().any(|run| !run.fresh_losses.is_empty());
     let data = if fresh { LossData::Fresh } else { LossData::HeldOut };
-    let of_runs: Vec<Measured> = group.runs.iter().map(|run| measured(run, data)).collect();
+    let of_runs: Vec<LossesBySteps> = group.runs.iter().map(|run| measured(run, data)).collect();
     let places: BTreeSet<(u64, bool)> = of_runs.iter().flat_map(|run| run.keys().copied()).collect();
     let points = places.into_iter().filter_map(|(steps, after_training)| {
         let here: Vec<[f64; 2]> = of_runs.iter().filter_map(|run| loss_at(run, steps, after_training)).collect();
@@ -97,7 +97,7 @@ pub fn loss_curves_of_seeds(group: &Group, data: LossData) -> Vec<Vec<(u64, bool
 /// Returns the trainings of AIPs that only some runs of a group have, without those at step 0: steps and the loss right
 /// after.
 pub fn single_trainings(group: &Group) -> Vec<(u64, f64)> {
-    let of_runs: Vec<Measured> = group.runs.iter().map(|run| measured(run, LossData::Fresh)).collect();
+    let of_runs: Vec<LossesBySteps> = group.runs.iter().map(|run| measured(run, LossData::Fresh)).collect();
     let trainings = of_runs.iter().flatten().filter(|((steps, after_training), _)| *after_training && *steps > 0);
     let single = trainings.filter(|(place, _)| {
         of_runs.iter().any(|run| !run.contains_key(place) && loss_at(run, place.0, true).is_some())
@@ -106,11 +106,11 @@ pub fn single_trainings(group: &Group) -> Vec<(u64, f64)> {
 }
 
 /// Losses of a run's AIPs and of constant marginals, by steps and whether right after a training.
-type Measured = BTreeMap<(u64, bool), [f64; 2]>;
+type LossesBySteps = BTreeMap<(u64, bool), [f64; 2]>;
 
 /// Returns the losses of a run at a step: if it trained there, those before or after the training. Between two measured
 /// steps it interpolates; outside of them: `None`.
-fn loss_at(run: &Measured, steps: u64, after_training: bool) -> Option<[f64; 2]> {
+fn loss_at(run: &LossesBySteps, steps: u64, after_training: bool) -> Option<[f64; 2]> {
     let here: Vec<[f64; 2]> = run.range((steps, false)..=(steps, true)).map(|(_, loss)| *loss).collect();
     if let Some(loss) = if after_training { here.last() } else { here.first() } {
         return Some(*loss);
@@ -121,7 +121,7 @@ fn loss_at(run: &Measured, steps: u64, after_training: bool) -> Option<[f64; 2]>
     Some(std::array::from_fn(|index| before[index] + share * (behind[index] - before[index])))
 }
 
-fn measured(run: &RunRecord, data: LossData) -> Measured {
+fn measured(run: &RunRecord, data: LossData) -> LossesBySteps {
     match data {
         LossData::Fresh => run
             .fresh_losses

@@ -27,7 +27,7 @@ thread_local! {
 
 /// The kinds of things that can be registered by name.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Kind {
+pub(super) enum IdKind {
     Lane,
     Light,
     Route,
@@ -72,12 +72,12 @@ impl Crossing {
     }
 
     /// Registers all or none. Returns the number of the first one; the others follow.
-    pub(super) fn register(&mut self, kind: Kind, names: &[String]) -> Result<u32> {
+    pub(super) fn register(&mut self, kind: IdKind, names: &[String]) -> Result<u32> {
         let texts = Texts::new(names)?;
         let (kind, action) = match kind {
-            Kind::Lane => (ffi::DS_LANE, "register the lanes"),
-            Kind::Light => (ffi::DS_LIGHT, "register the lights"),
-            Kind::Route => (ffi::DS_ROUTE, "register the routes"),
+            IdKind::Lane => (ffi::DS_LANE, "register the lanes"),
+            IdKind::Light => (ffi::DS_LIGHT, "register the lights"),
+            IdKind::Route => (ffi::DS_ROUTE, "register the routes"),
         };
         let mut first = 0;
         // SAFETY: as in `load`; `first` outlives the call.

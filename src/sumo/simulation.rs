@@ -1,6 +1,6 @@
 //! The one simulation of this process.
 
-use super::call::{self, Crossing, Kind};
+use super::call::{self, Crossing, IdKind};
 use super::error::{Error, Result};
 use super::events::{DepartSpeed, Departure, Insertion, StepCounts};
 use super::ids::{LaneId, LightId, RouteId};
@@ -46,12 +46,12 @@ impl Simulation {
     /// Registers lanes. The `i`-th id is that of the `i`-th name. Registers all or none: a name that is not in the net
     /// is an error that names it.
     pub fn register_lanes(&mut self, names: &[String]) -> Result<Vec<LaneId>> {
-        self.register(Kind::Lane, names, LaneId)
+        self.register(IdKind::Lane, names, LaneId)
     }
 
     /// Registers lights, like [`register_lanes`](Self::register_lanes).
     pub fn register_lights(&mut self, names: &[String]) -> Result<Vec<LightId>> {
-        let ids = self.register(Kind::Light, names, LightId)?;
+        let ids = self.register(IdKind::Light, names, LightId)?;
         let links = self.count_links(&ids)?;
         self.lights.extend(names.iter().zip(links).map(|(name, links)| LoadedLight { name: name.clone(), links }));
         Ok(ids)
@@ -59,7 +59,7 @@ impl Simulation {
 
     /// Registers routes, like [`register_lanes`](Self::register_lanes).
     pub fn register_routes(&mut self, names: &[String]) -> Result<Vec<RouteId>> {
-        self.register(Kind::Route, names, RouteId)
+        self.register(IdKind::Route, names, RouteId)
     }
 
     /// Simulates one step.
@@ -195,7 +195,7 @@ impl Simulation {
         Ok(())
     }
 
-    fn register<Id>(&mut self, kind: Kind, names: &[String], id: fn(u32) -> Id) -> Result<Vec<Id>> {
+    fn register<Id>(&mut self, kind: IdKind, names: &[String], id: fn(u32) -> Id) -> Result<Vec<Id>> {
         self.check_whole()?;
         if names.is_empty() {
             return Ok(Vec::new());

@@ -30,7 +30,7 @@ pub struct Progress {
     /// Time and steps of the policies' training so far, without any other work.
     rate: RefCell<Rate>,
     last_line: Cell<Instant>,
-    found: RefCell<Found>,
+    found: RefCell<Latest>,
     /// Flag that Ctrl-C sets.
     stop: Arc<AtomicBool>,
     doing: Doing,
@@ -52,7 +52,7 @@ struct Rate {
 
 /// The newest figures of the run.
 #[derive(Default)]
-struct Found {
+struct Latest {
     mean_return: Option<f64>,
     aip_loss: Option<f64>,
 }

@@ -21,7 +21,7 @@ pub fn train(
     journal: &mut dyn Journal,
     observer: &dyn Observer,
 ) -> Result<()> {
-    let mut run = Run { config, fleet, standing, journal, observer };
+    let mut run = Training { config, fleet, standing, journal, observer };
     run.journal.begun(run.fleet.agents())?; // 1: policies and AIPs, new or from a checkpoint
     for period in schedule(config).iter().skip(standing.periods_done) {
         // 2: repeat
@@ -49,7 +49,7 @@ pub fn train(
 }
 
 /// Algorithm 1 in progress.
-struct Run<'a> {
+struct Training<'a> {
     config: &'a Config,
     fleet: &'a mut dyn Fleet,
     standing: Standing,
@@ -57,7 +57,7 @@ struct Run<'a> {
     observer: &'a dyn Observer,
 }
 
-impl Run<'_> {
+impl Training<'_> {
     /// Evaluates the joint policy on the first `episodes` evaluation episodes, and the AIPs if the config asks for it.
     fn evaluate(&mut self, episodes: usize) -> Result<()> {
         let evaluation = self.fleet.evaluate(episodes)?;

@@ -118,8 +118,9 @@ pub fn longest(trails: &[Trail]) -> usize {
 /// it.
 pub fn fingerprint(percept: &Percept, row: usize) -> u64 {
     let tables: [&Rows<f32>; 2] = [&percept.obs, &percept.d_set];
-    let values = tables.into_iter().flat_map(|table| table.row(row));
-    values.fold(0, |hash, value| scramble(hash.wrapping_add(1) ^ u64::from(value.to_bits())))
+    let values = tables.into_iter().flat_map(|table| table.row(row)).map(|value| u64::from(value.to_bits()));
+    let allowed = percept.masks.iter().flat_map(|masks| masks.row(row)).map(|&allowed| u64::from(allowed));
+    values.chain(allowed).fold(0, |hash, bits| scramble(hash.wrapping_add(1) ^ bits))
 }
 
 #[cfg(test)]
@@ -137,6 +138,8 @@ mod tests {
         let prints: Vec<u64> = all.iter().map(|&values| fingerprint(&percept(values), 0)).collect();
         assert!((0..5).all(|i| (0..i).all(|j| prints[i] != prints[j])), "{prints:?}");
         assert_eq!(fingerprint(&percept([0.0; 4]), 0), prints[0]);
+        let masked = |mask: [bool; 2]| Percept { masks: Some(Rows::from_vec(mask.to_vec(), 2)), ..percept([0.0; 4]) };
+        assert_ne!(fingerprint(&masked([true, false]), 0), fingerprint(&masked([true, true]), 0));
     }
 
     #[test]

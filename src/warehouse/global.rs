@@ -29,11 +29,11 @@ pub struct GlobalWarehouse {
     last: JointTransition,
     d_set_before: Ragged<f32>,
     sources: Ragged<u8>,
-    tally: Tally,
+    tally: Collected,
 }
 
 #[derive(Clone, Debug, Default)]
-struct Tally {
+struct Collected {
     steps: u64,
     /// Number of items collected, per agent.
     collected: Vec<u64>,
@@ -56,7 +56,7 @@ impl GlobalWarehouse {
             d_set_before: last.percept.d_set.clone(),
             last,
             sources: Ragged::new(kinds.specs().map(|spec| spec.sources.count())),
-            tally: Tally::default(),
+            tally: Collected::default(),
             layout: layout.clone(),
             kinds,
         }
@@ -127,7 +127,7 @@ impl GlobalSimulator for GlobalWarehouse {
         self.memories.fill(hand_coded::ItemMemory::default());
         self.cells.fill(CENTRE);
         self.ages.fill(NO_ITEM);
-        self.tally = Tally { collected: vec![0; self.agents()], ..Tally::default() };
+        self.tally = Collected { collected: vec![0; self.agents()], ..Collected::default() };
         items::appear(&mut self.ages, &mut self.appearances);
         self.observe();
         Ok(&self.last.percept)
@@ -170,7 +170,7 @@ impl GlobalSimulator for GlobalWarehouse {
     }
 }
 
-impl Tally {
+impl Collected {
     fn step(&mut self, ages: &[Age]) {
         self.steps += 1;
         for &age in ages.iter().filter(|&&age| age >= 0) {

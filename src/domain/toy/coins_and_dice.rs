@@ -72,7 +72,7 @@ impl Domain for CoinsAndDice {
 
     fn global_simulator(&self) -> Result<Box<dyn GlobalSimulator>> {
         let last = JointTransition::new(&self.kinds);
-        Ok(Box::new(Table {
+        Ok(Box::new(TableGame {
             regions: AgentId::all(self.agents()).into_iter().map(|agent| self.region(agent)).collect(),
             noise: Seed::new(0).dice(),
             d_set: last.percept.d_set.clone(),
@@ -163,7 +163,7 @@ impl CoinOrDie {
 }
 
 /// The GS (global simulator).
-struct Table {
+struct TableGame {
     kinds: Kinds,
     regions: Vec<CoinOrDie>,
     noise: Dice,
@@ -172,7 +172,7 @@ struct Table {
     last: JointTransition,
 }
 
-impl Table {
+impl TableGame {
     fn show(&mut self) {
         let JointPercept { obs, d_set, masks } = &mut self.last.percept;
         for (agent, region) in self.regions.iter().enumerate() {
@@ -181,7 +181,7 @@ impl Table {
     }
 }
 
-impl GlobalSimulator for Table {
+impl GlobalSimulator for TableGame {
     fn kinds(&self) -> &Kinds {
         &self.kinds
     }

@@ -75,7 +75,7 @@ pub fn experiment(args: &cli::ExperimentArgs) -> Result<()> {
     write_atomically(&folder.join(PLAN), &plan).map_err(Error::Usage)?;
     let finished = tasks.finished();
     let again = format!("{} experiment {} --out {}", program(), quoted(&args.file), quoted(&folder));
-    let outcome = Work::begin(tasks, &folder, cores, &again).and_then(Work::carry_out).map_err(Error::Run)?;
+    let outcome = Batch::begin(tasks, &folder, cores, &again).and_then(Batch::carry_out).map_err(Error::Run)?;
     let failed = outcome.failed.len();
     match outcome {
         Outcome { failed: names, .. } if failed > 0 => Err(Error::Run(anyhow!(
@@ -116,7 +116,7 @@ struct Outcome {
 }
 
 /// A running experiment.
-struct Work {
+struct Batch {
     folder: PathBuf,
     waiting: Vec<PlannedWork>,
     working: Vec<(PlannedWork, RunProcess)>,
@@ -127,9 +127,9 @@ struct Work {
     outcome: Outcome,
 }
 
-impl Work {
+impl Batch {
     /// Begins the work. `again`: the command that resumes the experiment.
-    fn begin(tasks: Tasks, folder: &Path, cores: usize, again: &str) -> anyhow::Result<Work> {
+    fn begin(tasks: Tasks, folder: &Path, cores: usize, again: &str) -> anyhow::Result<Batch> {
         let last_words = format!("stopped; resume with: {again}");
         let stop = stop_on_signals(move |wish| match wish {
             Wish::Stop => (), // `carry_out` prints it
@@ -140,7 +140,7 @@ impl Work {
         let display = Display::new(waiting.iter().map(PlannedWork::planned).collect());
         // The next task is taken from the end.
         waiting.reverse();
-        Ok(Work {
+        Ok(Batch {
             folder: folder.to_owned(),
             waiting,
             working: Vec::new(),

@@ -6,7 +6,7 @@ use anyhow::Result;
 
 use super::recording::Recording;
 use crate::base::AgentId;
-use crate::domain::road_trace::{Approach, Aspect, Corridor, Crossing, RoadTrace, Shown};
+use crate::domain::road_trace::{Approach, Aspect, Corridor, CorridorLight, RoadTrace, Shown};
 use crate::traffic::agents::phases::Light;
 use crate::traffic::paper_grid::grid::lane;
 use crate::traffic::side::Side;
@@ -73,7 +73,7 @@ fn corridor(recording: &Recording, row: usize) -> Result<Corridor> {
         begins_m.push(begins_m[number] + recording.roads.length_m(name)?);
     }
     let letter = Side::West.link_index();
-    let crossing = |(col, &agent): (usize, &AgentId)| Crossing {
+    let crossing = |(col, &agent): (usize, &AgentId)| CorridorLight {
         name: grid.light(agent),
         begin_m: begins_m[2 * col + 1],
         end_m: begins_m[2 * col + 2],
