@@ -495,7 +495,7 @@ fn ctrl_c_is_obeyed_while_a_worker_is_stopped() {
     kill_process(run.process_of(0), Signal::STOP).unwrap();
     coordinator.interrupt();
     coordinator.wait_for_words("stopping at the end of this period, where nothing is lost");
-    coordinator.wait_for_words("Ctrl-C again stops now and loses at most this period");
+    coordinator.wait_for_words("press Ctrl-C again to stop now and lose at most this period");
     let (code, said) = coordinator.stopped();
     assert!(code == Some(130) && said.contains("stopped; resume with: "), "{said}");
 
