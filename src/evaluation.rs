@@ -96,7 +96,11 @@ impl Evaluation {
         let mut returns = Rows::new(0, domain.agents());
         episodes.iter().for_each(|episode| returns.push(&episode.returns));
         let measures = mean_measures(episodes);
-        let stuck = domain.stuck(&measures);
+        let mut stuck = vec![false; domain.agents()];
+        for kind in domain.kinds().iter() {
+            let of_kind = domain.stuck(kind, &measures);
+            kind.agents.iter().zip(of_kind).for_each(|(agent, is_stuck)| stuck[agent.0] = is_stuck);
+        }
         Evaluation { returns, measures, stuck }
     }
 
@@ -167,7 +171,8 @@ fn mean_measures(episodes: &[EpisodeReport]) -> Measures {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::domain::toy::Coins;
+    use crate::domain::Bystander;
+    use crate::domain::toy::{Coins, CoinsAndDice};
 
     fn report(returns: [f64; 2]) -> EpisodeReport {
         EpisodeReport { returns: returns.to_vec(), measures: Measures::default() }
@@ -187,6 +192,18 @@ mod tests {
         let all = evaluation.of_all();
         assert_eq!((all.mean, all.median), (6.5, 6.5));
         assert!((all.std_error - 2.362_908).abs() < 1e-6);
+    }
+
+    #[test]
+    fn each_kind_has_its_own_test_for_stuck_agents() {
+        let domain = CoinsAndDice::new(20);
+        let mut simulator = domain.global_simulator().unwrap();
+        // All agents always take action 0. That is degenerate for the coins 0 and 2, and not for the dice 1 and 3.
+        let episodes = play_episodes(&mut *simulator, &mut Bystander, Seed::new(1), 2, &mut |_| ()).unwrap();
+        assert_eq!(Evaluation::new(&domain, &episodes).stuck, [true, false, true, false]);
+        let mut best = domain.baseline("best").unwrap();
+        let episodes = play_episodes(&mut *best.simulator, &mut *best.controller, Seed::new(1), 2, &mut |_| ());
+        assert_eq!(Evaluation::new(&domain, &episodes.unwrap()).stuck, [false; 4]);
     }
 
     #[test]

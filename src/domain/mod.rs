@@ -218,9 +218,10 @@ pub trait Domain: Send + Sync {
         vec![0.0; kind.spec.n_actions]
     }
 
-    /// Returns whether each agent is stuck in a degenerate behaviour, judged by the mean measures of an evaluation.
-    fn stuck(&self, _measures: &Measures) -> Vec<bool> {
-        vec![false; self.agents()]
+    /// Returns whether each agent of a kind, in the order of the kind, is stuck in a degenerate behaviour. `measures`:
+    /// those of all agents, as means over the episodes of an evaluation.
+    fn stuck(&self, kind: &Kind, _measures: &Measures) -> Vec<bool> {
+        vec![false; kind.agents.len()]
     }
 
     /// Describes what is simulated, for `run.json` and its readers.

@@ -264,9 +264,9 @@ impl Domain for Traffic {
         }
     }
 
-    fn stuck(&self, measures: &Measures) -> Vec<bool> {
+    fn stuck(&self, kind: &Kind, measures: &Measures) -> Vec<bool> {
         let (_, shares) =
             measures.per_agent.iter().find(|(name, _)| *name == P_SWITCH).expect("the traffic GS measures it");
-        shares.iter().map(|&share| share > STUCK_ABOVE).collect()
+        kind.agents.iter().map(|agent| shares[agent.0] > STUCK_ABOVE).collect()
     }
 }

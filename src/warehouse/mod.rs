@@ -21,8 +21,8 @@ use anyhow::bail;
 use crate::base::{AgentId, Seed};
 use crate::config::WarehouseConfig;
 use crate::domain::{
-    Baseline, Bystander, Domain, FirstRow, GlobalSimulator, Kinds, LocalSimulator, Map, Measures, Result, RoughCosts,
-    Scenario,
+    Baseline, Bystander, Domain, FirstRow, GlobalSimulator, Kind, Kinds, LocalSimulator, Map, Measures, Result,
+    RoughCosts, Scenario,
 };
 use global::{GlobalWarehouse, ITEMS};
 use hand_coded::Rule;
@@ -96,9 +96,9 @@ impl Domain for Warehouse {
         }
     }
 
-    fn stuck(&self, measures: &Measures) -> Vec<bool> {
+    fn stuck(&self, kind: &Kind, measures: &Measures) -> Vec<bool> {
         let (_, items) =
             measures.per_agent.iter().find(|(name, _)| name == ITEMS).expect("the warehouse GS counts them");
-        items.iter().map(|&items| items < STUCK_BELOW).collect()
+        kind.agents.iter().map(|agent| items[agent.0] < STUCK_BELOW).collect()
     }
 }

@@ -24,7 +24,7 @@ use super::NOISE;
 use crate::base::{AgentId, Dice, Ragged, RandomPurpose, Rows, Seed};
 use crate::domain::{
     Action, Baseline, Beginning, Controller, Domain, GlobalSimulator, InfluenceSample, JointPercept, JointTransition,
-    Kind, Kinds, LocalSimulator, Percept, RegionSpec, Result, Scenario, SourceSpec, Transition,
+    Kind, Kinds, LocalSimulator, Measures, Percept, RegionSpec, Result, Scenario, SourceSpec, Transition,
 };
 
 /// Number of faces of a die.
@@ -77,6 +77,8 @@ impl Domain for CoinsAndDice {
             noise: Seed::new(0).dice(),
             d_set: last.percept.d_set.clone(),
             sources: Ragged::new(self.kinds.specs().map(|spec| spec.sources.count())),
+            firsts: vec![0; self.agents()],
+            steps: 0,
             last,
             kinds: self.kinds.clone(),
         }))
@@ -89,6 +91,14 @@ impl Domain for CoinsAndDice {
             last: Transition::new(regions.len() * copies, &kind.spec),
             spec: kind.spec.clone(),
         }))
+    }
+
+    /// A coin that always shows side 0 is stuck. A die is never stuck.
+    fn stuck(&self, kind: &Kind, measures: &Measures) -> Vec<bool> {
+        let (_, shares) = &measures.per_agent[0];
+        let is_stuck =
+            |agent: &AgentId| matches!(self.region(*agent), CoinOrDie::Coin { .. }) && shares[agent.0] > 0.99;
+        kind.agents.iter().map(is_stuck).collect()
     }
 
     fn baselines(&self) -> &'static [&'static str] {
@@ -169,6 +179,9 @@ struct TableGame {
     noise: Dice,
     d_set: Ragged<f32>,
     sources: Ragged<u8>,
+    /// Number of steps of the episode in which each agent took action 0.
+    firsts: Vec<u32>,
+    steps: u32,
     last: JointTransition,
 }
 
@@ -189,6 +202,8 @@ impl GlobalSimulator for TableGame {
     fn reset(&mut self, episode: Seed) -> Result<&JointPercept> {
         self.noise = episode.fork(RandomPurpose::Noise).dice();
         self.regions.iter_mut().for_each(CoinOrDie::begin);
+        self.firsts.fill(0);
+        self.steps = 0;
         self.show();
         Ok(&self.last.percept)
     }
@@ -201,6 +216,8 @@ impl GlobalSimulator for TableGame {
             self.sources.row_mut(coin)[0] = actions[die];
             self.sources.row_mut(die).copy_from_slice(&[seen, actions[DICE[1 - pair]]]);
         }
+        self.steps += 1;
+        self.firsts.iter_mut().zip(actions).for_each(|(count, &action)| *count += u32::from(action == 0));
         for (agent, region) in self.regions.iter_mut().enumerate() {
             self.last.rewards[agent] = region.step(actions[agent], self.sources.row(agent));
         }
@@ -210,6 +227,12 @@ impl GlobalSimulator for TableGame {
 
     fn influence_sample(&self) -> InfluenceSample<'_> {
         InfluenceSample { d_set: &self.d_set, sources: &self.sources }
+    }
+
+    fn measures(&mut self) -> Result<Measures> {
+        let share = |&count: &u32| f64::from(count) / f64::from(self.steps);
+        let shares = self.firsts.iter().map(share).collect();
+        Ok(Measures { per_agent: vec![("share_of_action_0".to_owned(), shares)], system: Vec::new() })
     }
 }
 
