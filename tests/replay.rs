@@ -331,7 +331,7 @@ fn what_is_there_is_refused_or_moved_aside_but_never_lost() {
     refused(&["replay", text(&config), "--controller", "no", "--out", text(&other)], &["controller `no`: unknown"]);
     let warehouse = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/smoke_warehouse.toml");
     let robots = ["replay", text(&warehouse), "--controller", "random", "--out", text(&other)];
-    refused(&robots, &["only what SUMO simulates can be replayed"]);
+    refused(&robots, &["only episodes that SUMO simulates can be replayed"]);
     assert!(!other.exists());
     // With sumo-gui alone on the PATH, the error names each missing tool with its package.
     let bin = dir.path().join("bin");
