@@ -18,7 +18,8 @@
 //! - `product`, `few_rows`, `activations`, `buffer`: the arithmetic; `vectors`: the width of its registers;
 //!   `order_of_sums` (tests): the order in which products of 256 bits add up.
 //! - `threads`: threads that share the agents.
-//! - `flops`: amount of arithmetic, for benchmarks; `yardstick`: the speed of libtorch, to compare with.
+//! - `flops`: amount of arithmetic, for benchmarks; `peak`: how fast products are at their best; `yardstick`: how fast
+//!   libtorch's are.
 //! - `script`: TorchScript export; `no_script` replaces it in builds without libtorch.
 
 mod activations;
@@ -32,6 +33,7 @@ mod network;
 #[cfg(test)]
 mod order_of_sums;
 mod parameters;
+mod peak;
 mod product;
 #[cfg_attr(not(feature = "torch"), path = "no_script.rs")]
 mod script;
@@ -45,10 +47,10 @@ mod yardstick;
 
 pub use activations::sigmoid;
 pub use adam::{Adam, Learner, Moments};
-pub use flops::Peak;
 pub use net::Net;
 pub use network::{Network, Sequences, Trace};
 pub use parameters::Parameters;
+pub use peak::Peak;
 pub use script::{check_script, write_script};
 pub use shape::{Layout, Shape};
 pub use stack_file::{StackToWrite, read_stack, write_stacks};

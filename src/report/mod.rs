@@ -4,6 +4,7 @@
 //! - [`find`]: the runs, baselines and plans under the folders of a report. Nothing here sees a live run, or knows a domain
 //!   by name.
 //! - [`method`], [`group`]: which runs are comparable, and which differ only in their seed.
+//! - [`opponent`]: what the groups of a scenario are compared with.
 //! - [`curves`], [`finals`]: results over several seeds; `played`: the episodes behind them, for differences.
 //! - [`paper`]: the paper's numbers, each with its source.
 //! - [`chart`], [`document`], [`csv_file`]: pictures, pages and files. `pictures`, `tables` and `sections` fill
@@ -20,6 +21,7 @@ pub mod finals;
 pub mod find;
 pub mod group;
 pub mod method;
+pub mod opponent;
 pub mod paper;
 mod pictures;
 mod played;
