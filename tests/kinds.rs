@@ -19,6 +19,7 @@ use dials_traffic::nn::{Threads, read_stack};
 use dials_traffic::policy::{JointPolicyController, PolicyStack, Selection};
 use dials_traffic::records::files;
 use dials_traffic::records::joint_layout::JointLayout;
+use dials_traffic::records::run_json::RunJson;
 use dials_traffic::records::run_log::{Layouts, RunLog};
 use dials_traffic::records::run_record::RunRecord;
 use dials_traffic::training::dials;
@@ -115,7 +116,13 @@ fn the_aips_of_both_kinds_learn_the_closed_form_influence() {
 
     // The report can read the run, and other programs can open the tensors.
     fs::write(dir.path().join(files::CONFIG), format!("simulator = 'dials'\n{CONFIG}")).unwrap();
+    let about = RunJson { scenario: Some(domain().scenario().unwrap()), ..RunJson::default() };
+    about.write(dir.path()).unwrap();
     let record = RunRecord::read(dir.path()).unwrap();
+    assert_eq!(record.scenario.as_ref().unwrap().id.domain, "coins-and-dice");
+    let report = dials_traffic::report::report(&[dir.path().to_owned()]).unwrap();
+    let (_, page) = report.files.iter().find(|(name, _)| name == "report.md").unwrap();
+    assert!(report.runs == 1 && page.contains("coins-and-dice, 4 agents"), "{page}");
     assert_eq!((record.evaluations[0].agents.len(), record.evaluations.len(), record.aip_trainings.len()), (4, 4, 2));
     assert!(record.evaluations[3].all.mean > 0.95 * HORIZON as f64);
     let (domain, config) = (domain(), config("dials"));
