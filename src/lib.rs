@@ -22,6 +22,7 @@
 //! | room | what is in it |
 //! |---|---|
 //! | [`base`] | seeds, rows of numbers, ids and units, stopwatches, statistics |
+//! | [`outside`] | files and names that others wrote, read and shown safely |
 //! | [`config`] | the config: read once, checked once |
 //! | [`domain`] | the traits between simulators and learning |
 //! | [`sumo`] | libsumo behind a safe interface |
@@ -59,6 +60,7 @@ pub mod film;
 pub mod fleet;
 pub mod influence;
 pub mod nn;
+pub mod outside;
 pub mod plot;
 pub mod policy;
 pub mod records;

@@ -1,0 +1,10 @@
+//! What comes from outside this program: files that others may have written, and names that others chose.
+//!
+//! - `file`: reads regular files only, up to a size. A pipe, a device or a file without end is an error, not a hang.
+//! - `printable`: names as they may reach a terminal, a picture or a report.
+
+mod file;
+mod printable;
+
+pub use file::{read_bytes, read_text};
+pub use printable::{Printable, is_printable};

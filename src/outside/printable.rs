@@ -1,0 +1,51 @@
+//! Names that others chose, as they may be shown.
+
+use std::fmt::{self, Display, Formatter, Write};
+
+/// Returns whether a character may be shown: it moves no cursor, rings no bell and turns no direction of reading.
+pub fn is_printable(letter: char) -> bool {
+    let turns =
+        matches!(letter, '\u{200E}' | '\u{200F}' | '\u{061C}' | '\u{202A}'..='\u{202E}' | '\u{2066}'..='\u{2069}');
+    // The line and paragraph separators end a line like a control character, and no XML holds the last two.
+    let ends = matches!(letter, '\u{2028}' | '\u{2029}' | '\u{FFFE}' | '\u{FFFF}');
+    !letter.is_control() && !turns && !ends
+}
+
+/// A text shown with every character that is not printable replaced by its escape, such as `\u{1b}`.
+#[derive(Clone, Copy, Debug)]
+pub struct Printable<T>(pub T);
+
+impl<T: Display> Display for Printable<T> {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        write!(Filter(f), "{}", self.0)
+    }
+}
+
+struct Filter<'a, 'b>(&'a mut Formatter<'b>);
+
+impl Write for Filter<'_, '_> {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        for part in text.split_inclusive(|letter| !is_printable(letter)) {
+            let letter = part.chars().next_back().filter(|&letter| !is_printable(letter));
+            let whole = &part[..part.len() - letter.map_or(0, char::len_utf8)];
+            self.0.write_str(whole)?;
+            letter.map_or(Ok(()), |letter| write!(self.0, "{}", letter.escape_default()))?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_would_act_on_a_terminal_is_escaped_and_the_rest_stays() {
+        let shown = |text: &str| Printable(text).to_string();
+        assert_eq!(shown("a\u{1b}]0;owned\u{7}b"), "a\\u{1b}]0;owned\\u{7}b");
+        assert_eq!(shown("two\nlines\tand\r"), "two\\nlines\\tand\\r");
+        assert_eq!(shown("\u{202E}txt.exe"), "\\u{202e}txt.exe");
+        assert_eq!(shown("Kreuzung Süd 交差点 <b> = 1"), "Kreuzung Süd 交差点 <b> = 1");
+        assert_eq!(shown(""), "");
+    }
+}
