@@ -10,7 +10,7 @@ use super::places;
 use super::plot::Plots;
 use super::render::render;
 use super::subject::{Background, Subject};
-use super::tune::tune_fixed_time;
+use super::tune::tune;
 use crate::base::{AgentId, Seed};
 use crate::cli;
 use crate::config::{Config, load};
@@ -52,7 +52,7 @@ pub fn baseline(args: &cli::BaselineArgs) -> Result<()> {
     };
     let csv = session.prepare(&subjects)?;
     if args.tune {
-        tune_fixed_time(&config, args.tune_episodes as usize, &mut subjects)?;
+        tune(&config, args.tune_episodes as usize, &mut subjects)?;
     }
     let findings = session.play(subjects, csv)?;
     if args.compare.is_some() {

@@ -1,4 +1,4 @@
-//! `--tune`: searches the best fixed-time controller for a network, once, and caches it in a file.
+//! `--tune`: searches the best timings of the lights that go by the clock, once per network, and caches them in a file.
 
 use std::path::{Path, PathBuf};
 
@@ -13,41 +13,48 @@ use crate::records::atomic::write_atomically;
 use crate::terminal::counting::EpisodeBar;
 use crate::terminal::tell;
 use crate::traffic::controllers::timing_file::{TimingFile, TunedOn};
+use crate::traffic::controllers::{COORDINATED, FIXED_TIME};
 use crate::traffic::tuning;
 
 /// Folder of the cached timings.
 const FOLDER: &str = "tuned";
-/// Name of the controller that is tuned.
-const FIXED_TIME: &str = "fixed-time";
+/// Controllers that are tuned.
+const TUNED: [&str; 2] = [FIXED_TIME, COORDINATED];
 
-/// Replaces every `fixed-time` without parameters by the best timings that the search finds.
-pub fn tune_fixed_time(config: &Config, episodes: usize, subjects: &mut [Subject]) -> Result<()> {
-    let is_fixed_time = |subject: &&mut Subject| **subject == Subject::Controller(FIXED_TIME.to_owned());
-    let untuned: Vec<&mut Subject> = subjects.iter_mut().filter(is_fixed_time).collect();
+/// Replaces every `fixed-time` and `coordinated` without parameters by the best timings that the search finds.
+pub fn tune(config: &Config, episodes: usize, subjects: &mut [Subject]) -> Result<()> {
+    let is = |subject: &Subject, name: &str| *subject == Subject::Controller(name.to_owned());
+    let untuned = TUNED.into_iter().filter(|name| subjects.iter().any(|subject| is(subject, name)));
+    let untuned: Vec<&str> = untuned.collect();
     if untuned.is_empty() {
-        let is_timed = |subject: &Subject| matches!(subject, Subject::Controller(name) if name.starts_with(FIXED_TIME));
-        if let Some(timed) = subjects.iter().find(|subject| is_timed(subject)) {
-            let name = timed.label();
-            return Err(Error::Usage(anyhow!(
-                "--tune: searches all timings of {FIXED_TIME}, but `{name}` already sets some of them"
-            )));
-        }
-        return Err(Error::Usage(anyhow!("--tune: tunes {FIXED_TIME}, which is not a controller of this command")));
+        let timed = subjects.iter().find_map(|subject| match subject {
+            Subject::Controller(name) => Some((name, TUNED.into_iter().find(|tuned| name.starts_with(tuned))?)),
+            Subject::Run { .. } => None,
+        });
+        return Err(Error::Usage(match timed {
+            Some((name, tuned)) => {
+                anyhow!("--tune: searches all timings of {tuned}, but `{name}` already sets some of them")
+            }
+            None => anyhow!("--tune: tunes {}, which are no controllers of this command", TUNED.join(" and ")),
+        }));
     }
-    let file = tuned_file(config, episodes)?;
-    let name = format!("{FIXED_TIME}:file={}", file.display());
-    untuned.into_iter().for_each(|subject| *subject = Subject::Controller(name.clone()));
+    for controller in untuned {
+        let file = tuned_file(config, controller, episodes)?;
+        let tuned = Subject::Controller(format!("{controller}:file={}", file.display()));
+        subjects.iter_mut().filter(|subject| is(subject, controller)).for_each(|subject| *subject = tuned.clone());
+    }
     Ok(())
 }
 
-/// Returns the file of the timings for this network, horizon, seed, search and SUMO. If there is none, makes it.
-fn tuned_file(config: &Config, episodes: usize) -> Result<PathBuf> {
+/// Returns the file of a controller's timings for this network, horizon, seed, search and SUMO. If there is none, makes
+/// it.
+fn tuned_file(config: &Config, controller: &str, episodes: usize) -> Result<PathBuf> {
     let Some(traffic) = domain::traffic(config).map_err(Error::Usage)? else {
         return Err(Error::Usage(anyhow!("--tune: only traffic lights can be tuned")));
     };
-    let wanted = TunedOn::of(&traffic, episodes, config.seed).map_err(Error::Usage)?;
-    let key = crc32fast::hash(format!("{wanted:?}").as_bytes());
-    let path = Path::new(FOLDER).join(format!("{}-{key:08x}.toml", wanted.network));
+    let wanted = TunedOn::of(&traffic, controller, episodes, config.seed).map_err(Error::Usage)?;
+    let key = crc32fast::hash(&serde_json::to_vec(&wanted).expect("names and numbers are JSON"));
+    let path = Path::new(FOLDER).join(format!("{}-{controller}-{key:08x}.toml", wanted.network));
     if path.exists() {
         check_kept(&path, &wanted).map_err(Error::Usage)?;
         tell(format_args!("{}: uses the timings of an earlier search", path.display()));
@@ -55,10 +62,11 @@ fn tuned_file(config: &Config, episodes: usize) -> Result<PathBuf> {
     }
     places::check_writable(Path::new(FOLDER)).map_err(Error::Usage)?;
     tell(format_args!(
-        "{FOLDER}: has no timings for this network, horizon, seed, search and SUMO version; searching for them"
+        "{FOLDER}: has no timings of {controller} for this network, horizon, seed, search and SUMO version; searching for \
+         them"
     ));
     let bar = EpisodeBar::new(1);
-    let found = tuning::tune(&traffic, episodes, config.seed, &mut |standing| {
+    let found = tuning::tune(&traffic, wanted, config.seed, &mut |standing| {
         bar.set_length(standing.at_most);
         bar.set(standing.played);
         bar.tell(format_args!("(at most); best return so far {:.1}", standing.best));

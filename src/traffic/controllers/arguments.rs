@@ -5,6 +5,8 @@ use std::str::FromStr;
 
 use anyhow::{Context, Result, bail, ensure};
 
+use super::timing::Leeway;
+
 /// Possible lengths of a green, in steps.
 pub const GREENS: RangeInclusive<u32> = 1..=3600;
 
@@ -41,6 +43,11 @@ impl<'a> Arguments<'a> {
     /// Returns a number of steps within [`GREENS`], or `default` if it was not given.
     pub fn steps(&mut self, key: &'static str, default: u32) -> Result<u32> {
         Ok(self.number(key, "a whole number from 1 to 3600", |steps| GREENS.contains(steps))?.unwrap_or(default))
+    }
+
+    /// Returns a number of steps by which a light may leave its clock; `None` if it was not given.
+    pub fn leeway(&mut self, key: &'static str) -> Result<Option<u32>> {
+        self.number(key, "a whole number from 0 to 60", |&steps| steps <= Leeway::MOST)
     }
 
     /// Returns a number that is `good`; `what` says in the error which numbers are.

@@ -54,18 +54,23 @@ impl LightController for FixedTime {
 /// `0-13-13-0`.
 pub fn timings(arguments: &mut Arguments<'_>, grid: Grid) -> Result<Vec<Timing>> {
     if let Some(file) = arguments.take("file")? {
-        return TimingFile::timings(Path::new(file), grid);
+        return Ok(TimingFile::plan(Path::new(file), super::FIXED_TIME, grid)?.timings);
     }
+    clock(arguments, grid, "none")
+}
+
+/// Returns the timings for `green`, `vertical`, `horizontal` and `offsets`; `usual`: the offsets, if they do not say.
+pub fn clock(arguments: &mut Arguments<'_>, grid: Grid, usual: &'static str) -> Result<Vec<Timing>> {
     let green = arguments.steps("green", GREEN)?;
     let (vertical, horizontal) = (arguments.steps("vertical", green)?, arguments.steps("horizontal", green)?);
     let timing = Timing { vertical, horizontal, offset: 0 };
-    let offsets = offsets(arguments, grid, timing.cycle())?;
+    let offsets = offsets(arguments, grid, timing.cycle(), usual)?;
     Ok(offsets.into_iter().map(|offset| Timing { offset, ..timing }).collect())
 }
 
-fn offsets(arguments: &mut Arguments<'_>, grid: Grid, cycle: u32) -> Result<Vec<u32>> {
+fn offsets(arguments: &mut Arguments<'_>, grid: Grid, cycle: u32, usual: &str) -> Result<Vec<u32>> {
     let agents = grid.agents();
-    match arguments.take("offsets")?.unwrap_or("none") {
+    match arguments.take("offsets")?.unwrap_or(usual) {
         "none" => Ok(vec![0; agents.len()]),
         "checkerboard" => {
             let places = agents.into_iter().map(|agent| grid.place(agent));

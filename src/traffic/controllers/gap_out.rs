@@ -20,7 +20,7 @@ pub fn decide(obs: &[f32]) -> Action {
 }
 
 /// Returns whether a car is in one of the first `cells` cells before the stop line of a side.
-fn has_car_within(obs: &[f32], side: Side, cells: usize) -> bool {
+pub(super) fn has_car_within(obs: &[f32], side: Side, cells: usize) -> bool {
     obs[side.index() * CELLS..][..cells].iter().any(|&bit| bit != 0.0)
 }
 

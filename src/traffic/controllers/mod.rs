@@ -9,13 +9,14 @@
 //! [`crate::traffic::Traffic::global`].
 //!
 //! - `control`: the trait of controllers; [`intersections`]: what a controller sees.
-//! - `simple`, [`gap_out`], `longest_queue`, `max_pressure`, `fixed_time`, `webster`: the controllers.
+//! - `simple`, [`gap_out`], `longest_queue`, `max_pressure`, `fixed_time`, `webster`, `coordinated`: the controllers.
 //! - `timing`, [`timing_file`]: timings of fixed-time lights, and their files; [`search`]: the search for the best
 //!   ones.
 //! - `arguments`: the text that names a controller.
 
 mod arguments;
 mod control;
+mod coordinated;
 mod fixed_time;
 pub mod gap_out;
 pub mod intersections;
@@ -34,10 +35,11 @@ use crate::traffic::paper_grid::grid::Grid;
 use arguments::Arguments;
 
 pub use control::{Each, HandCoded, LightController, Trials};
+pub use coordinated::Coordinated;
 pub use fixed_time::FixedTime;
 pub use intersections::{Intersection, Intersections};
 pub use simple::{Constant, Random, SwitchEvery};
-pub use timing::Timing;
+pub use timing::{ClockPlan, Leeway, Timing};
 
 /// Names that [`recipe`] takes; K is a number of steps.
 pub const NAMES: &[&str] = &[
@@ -47,11 +49,17 @@ pub const NAMES: &[&str] = &[
     "switch-every-K",
     "actuated",
     "gap-out",
-    "fixed-time",
+    FIXED_TIME,
+    COORDINATED,
     "webster",
     "max-pressure",
     "longest-queue",
 ];
+
+/// Name of the lights that follow a clock whatever the traffic.
+pub const FIXED_TIME: &str = "fixed-time";
+/// Name of the lights that follow a clock with some leeway.
+pub const COORDINATED: &str = "coordinated";
 
 const SWITCH_EVERY: &str = "switch-every-";
 
@@ -72,9 +80,13 @@ pub fn recipe(text: &str, grid: Grid) -> Result<Recipe> {
         "always" => Box::new(|_| Ok(HandCoded::rule(Constant::always()))),
         "actuated" => Box::new(|_| Ok(HandCoded::Actuated)),
         "gap-out" => Box::new(|_| Ok(HandCoded::rule(Each(|at: &Intersection<'_>| gap_out::decide(at.obs()))))),
-        "fixed-time" => {
+        FIXED_TIME => {
             let timings = fixed_time::timings(&mut arguments, grid)?;
             Box::new(move |_| Ok(HandCoded::rule(FixedTime::new(timings.clone()))))
+        }
+        COORDINATED => {
+            let plan = coordinated::plan(&mut arguments, grid)?;
+            Box::new(move |_| Ok(HandCoded::rule(Coordinated::new(plan.clone()))))
         }
         "webster" => {
             let plan = webster::TimingPlan::of(&mut arguments)?;

@@ -1,17 +1,18 @@
-//! The search for the best fixed-time lights, over cycle, split and offsets, on the same episodes for every candidate.
+//! The search for the best lights that go by the clock, over cycle, split, offsets and leeway, on the same episodes for
+//! every candidate.
 //!
 //! Pure: the caller says what a candidate earns in an episode. The search has three parts:
 //! - It tries a grid of greens and of waves on some of the episodes. In a wave, offsets grow by quarters of the cycle
 //!   along rows and columns; a half along both is the checkerboard.
 //! - It tries the best of them on all episodes.
-//! - From the winner it walks: it changes each green, row and column a little, and keeps changes that earn more. Each
-//!   change is judged on common random numbers, so small gains show.
+//! - From the winner it walks: it changes each green, row and column and the leeway a little, and keeps changes that
+//!   earn more. Each change is judged on common random numbers, so small gains show.
 
 use std::ops::Range;
 
 use anyhow::Result;
 
-use super::timing::Timing;
+use super::timing::{ClockPlan, Leeway, Timing};
 use crate::base::statistics::mean;
 use crate::traffic::paper_grid::grid::Grid;
 
@@ -28,6 +29,7 @@ const ROUNDS: usize = 3;
 /// Steps by which the walk changes a green or an offset.
 const GREEN_CHANGES: [i64; 4] = [1, -1, 2, -2];
 const OFFSET_CHANGES: [i64; 6] = [1, -1, 2, -2, 4, -4];
+const LEEWAY_CHANGES: [(i64, i64); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
 
 /// Timings with one cycle and split for all intersections. Each offset is the sum of one per row and one per column.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -36,12 +38,14 @@ struct Candidate {
     horizontal: u32,
     rows: Vec<u32>,
     cols: Vec<u32>,
+    /// Leeway of all intersections; `None`: the lights have none.
+    leeway: Option<Leeway>,
 }
 
 impl Candidate {
     /// Returns timings whose offsets grow by these quarters of the cycle from row to row and from column to column.
-    fn wave(grid: Grid, green: u32, by_row: usize, by_col: usize) -> Candidate {
-        let mut candidate = Candidate { vertical: green, horizontal: green, rows: vec![], cols: vec![] };
+    fn wave(grid: Grid, green: u32, by_row: usize, by_col: usize, leeway: Option<Leeway>) -> Candidate {
+        let mut candidate = Candidate { vertical: green, horizontal: green, rows: vec![], cols: vec![], leeway };
         let cycle = candidate.cycle();
         let offsets =
             |count: usize, quarters: usize| (0..count).map(|i| (i * quarters % 4) as u32 * cycle / 4).collect();
@@ -52,6 +56,10 @@ impl Candidate {
 
     fn cycle(&self) -> u32 {
         Timing { vertical: self.vertical, horizontal: self.horizontal, offset: 0 }.cycle()
+    }
+
+    fn plan(&self) -> ClockPlan {
+        ClockPlan { timings: self.timings(), leeway: self.leeway.unwrap_or(Leeway::NONE) }
     }
 
     fn timings(&self) -> Vec<Timing> {
@@ -88,6 +96,11 @@ impl Candidate {
             }
         }
         found.retain(|candidate| candidate.vertical >= 1 && candidate.horizontal >= 1);
+        for (early, late) in self.leeway.iter().flat_map(|_| LEEWAY_CHANGES) {
+            let change =
+                |Leeway { early: e, late: l }| Leeway { early: lengthened(e, early), late: lengthened(l, late) };
+            found.push(Candidate { leeway: self.leeway.map(change), ..self.clone() });
+        }
         found
     }
 }
@@ -117,13 +130,15 @@ pub struct Ranked {
 pub struct Search<'a> {
     pub grid: Grid,
     pub episodes: usize,
-    pub score: &'a mut dyn FnMut(&[Timing], usize) -> Result<f64>,
+    /// Leeway to begin with; `None`: the lights have none.
+    pub leeway: Option<Leeway>,
+    pub score: &'a mut dyn FnMut(&ClockPlan, usize) -> Result<f64>,
     pub report: &'a mut dyn FnMut(Ranked),
 }
 
 impl Search<'_> {
-    /// Returns the best timings found and their mean over the episodes.
-    pub fn run(mut self) -> Result<(Vec<Timing>, f64)> {
+    /// Returns the best plan found and its mean over the episodes.
+    pub fn run(mut self) -> Result<(ClockPlan, f64)> {
         let waves = self.waves();
         let some = self.episodes.div_ceil(3);
         let walk_at_most = ROUNDS * waves[0].neighbours().len() * self.episodes;
@@ -161,7 +176,7 @@ impl Search<'_> {
                 break;
             }
         }
-        Ok((best.timings(), mean(&earned)))
+        Ok((best.plan(), mean(&earned)))
     }
 
     fn waves(&self) -> Vec<Candidate> {
@@ -169,7 +184,7 @@ impl Search<'_> {
         for green in GREENS {
             for by_row in quarters(self.grid.rows()) {
                 for by_col in quarters(self.grid.cols()) {
-                    waves.push(Candidate::wave(self.grid, green, by_row, by_col));
+                    waves.push(Candidate::wave(self.grid, green, by_row, by_col, self.leeway));
                 }
             }
         }
@@ -184,9 +199,9 @@ impl Search<'_> {
         earned: &mut Vec<f64>,
         standing: &mut Ranked,
     ) -> Result<()> {
-        let timings = candidate.timings();
+        let plan = candidate.plan();
         while earned.len() < episodes {
-            earned.push((self.score)(&timings, earned.len())?);
+            earned.push((self.score)(&plan, earned.len())?);
             standing.played += 1;
             (self.report)(*standing);
         }
@@ -218,24 +233,35 @@ mod tests {
     use super::*;
 
     /// Searches for timings that are hidden in the score.
-    fn find(rows: usize, cols: usize, wanted: &[Timing]) -> (Vec<Timing>, f64) {
+    fn find(rows: usize, cols: usize, wanted: &[Timing]) -> Vec<Timing> {
+        let wanted = ClockPlan { timings: wanted.to_vec(), leeway: Leeway::NONE };
+        let found = find_plan(rows, cols, None, &wanted);
+        assert_eq!(found.leeway, Leeway::NONE);
+        found.timings
+    }
+
+    /// Searches for a plan that is hidden in the score.
+    fn find_plan(rows: usize, cols: usize, leeway: Option<Leeway>, wanted: &ClockPlan) -> ClockPlan {
         let distance = |one: u32, other: u32, cycle: u32| {
             let ahead = (one + cycle - other % cycle) % cycle;
             f64::from(ahead.min(cycle - ahead))
         };
         let mut standings = Vec::new();
-        let mut score = |timings: &[Timing], episode: usize| {
-            let error = timings.iter().zip(wanted).map(|(timing, wanted)| {
+        let mut score = |plan: &ClockPlan, episode: usize| {
+            let leeway =
+                plan.leeway.early.abs_diff(wanted.leeway.early) + plan.leeway.late.abs_diff(wanted.leeway.late);
+            let error = plan.timings.iter().zip(&wanted.timings).map(|(timing, wanted)| {
                 f64::from(timing.vertical.abs_diff(wanted.vertical))
                     + f64::from(timing.horizontal.abs_diff(wanted.horizontal))
                     + 0.1 * distance(timing.offset, wanted.offset, timing.cycle())
             });
             // Episodes differ by far more than timings do.
-            Ok(1000.0 * (episode as f64).sin() - error.sum::<f64>())
+            Ok(1000.0 * (episode as f64).sin() - error.sum::<f64>() - f64::from(leeway))
         };
         let grid = Grid::new(rows, cols).unwrap();
-        let search = Search { grid, episodes: 7, score: &mut score, report: &mut |standing| standings.push(standing) };
-        let found = search.run().unwrap();
+        let report = &mut |standing| standings.push(standing);
+        let search = Search { grid, episodes: 7, leeway, score: &mut score, report };
+        let (found, _) = search.run().unwrap();
         assert!(standings.windows(2).all(|pair| pair[1].played == pair[0].played + 1));
         assert!(standings.iter().all(|standing| standing.played <= standing.at_most));
         found
@@ -245,7 +271,7 @@ mod tests {
     fn a_checkerboard_of_unequal_greens_is_found() {
         let timing = |offset| Timing { vertical: 11, horizontal: 9, offset };
         let wanted = [timing(0), timing(13), timing(13), timing(0)];
-        let (found, _) = find(2, 2, &wanted);
+        let found = find(2, 2, &wanted);
         assert_eq!(found, wanted);
     }
 
@@ -253,8 +279,15 @@ mod tests {
     fn a_wave_along_a_single_row_is_found() {
         // A quarter of the cycle of 22 (5, after rounding down) is nearest to 7 steps; the walk does the rest.
         let wanted = [0, 7, 14].map(|offset| Timing { vertical: 8, horizontal: 8, offset });
-        let (found, _) = find(1, 3, &wanted);
+        let found = find(1, 3, &wanted);
         assert_eq!(found, wanted);
+    }
+
+    #[test]
+    fn the_leeway_is_searched_for_if_there_is_one() {
+        let timing = |offset| Timing { vertical: 10, horizontal: 10, offset };
+        let wanted = ClockPlan { timings: vec![timing(0), timing(13)], leeway: Leeway { early: 1, late: 3 } };
+        assert_eq!(find_plan(1, 2, Some(Leeway::default()), &wanted), wanted);
     }
 
     #[test]
@@ -263,8 +296,9 @@ mod tests {
         let offsets =
             |candidate: &Candidate| candidate.timings().iter().map(|timing| timing.offset).collect::<Vec<_>>();
         // A cycle of 26: half of it is 13.
-        assert_eq!(offsets(&Candidate::wave(grid, 10, 2, 2)), [0, 13, 0, 13, 0, 13]);
-        let candidate = Candidate { vertical: 10, horizontal: 10, rows: vec![0, 5], cols: vec![1, 2, 25] };
+        assert_eq!(offsets(&Candidate::wave(grid, 10, 2, 2, None)), [0, 13, 0, 13, 0, 13]);
+        let candidate =
+            Candidate { vertical: 10, horizontal: 10, rows: vec![0, 5], cols: vec![1, 2, 25], leeway: None };
         assert_eq!(offsets(&candidate), [1, 2, 25, 6, 7, 4]);
     }
 }

@@ -6,13 +6,13 @@ use anyhow::{Context, Result, ensure};
 use serde::{Deserialize, Serialize};
 
 use super::arguments::GREENS;
-use super::timing::Timing;
+use super::timing::{ClockPlan, Leeway, Timing};
 use crate::traffic::paper_grid::grid::Grid;
 
 /// Advice if a file does not help.
-const WAY_OUT: &str = "`dials-traffic baseline CONFIG --controller fixed-time --tune` makes one that fits";
+const WAY_OUT: &str = "`dials-traffic baseline CONFIG --controller NAME --tune` makes one that fits";
 
-/// A TOML file, for readers and for `fixed-time:file=PATH`. All times are in steps.
+/// A TOML file, for readers and for `fixed-time:file=PATH` or `coordinated:file=PATH`. All times are in steps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TimingFile {
@@ -21,6 +21,11 @@ pub struct TimingFile {
     pub horizontal: u32,
     /// Number of steps from the beginning of an episode to the beginning of a vertical green, for each agent.
     pub offsets: Vec<u32>,
+    /// Leeway of `coordinated`: 0 for `fixed-time`.
+    #[serde(default)]
+    pub early: u32,
+    #[serde(default)]
+    pub late: u32,
     /// Mean return on the episodes of the tuning.
     pub mean_return: f64,
     pub tuned_on: TunedOn,
@@ -30,6 +35,8 @@ pub struct TimingFile {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TunedOn {
+    /// Name of the controller: `fixed-time` or `coordinated`.
+    pub controller: String,
     /// Name of the network, without its folder, because the folder can change.
     pub network: String,
     /// CRC-32 of the net and the routes.
@@ -52,27 +59,38 @@ impl TimingFile {
         for (name, green) in [("vertical", file.vertical), ("horizontal", file.horizontal)] {
             ensure!(GREENS.contains(&green), "{place}: {name} = {green}: must be from 1 to 3600 steps; {WAY_OUT}");
         }
+        for (name, steps) in [("early", file.early), ("late", file.late)] {
+            let most = Leeway::MOST;
+            ensure!(steps <= most, "{place}: {name} = {steps}: must be at most {most} steps; {WAY_OUT}");
+        }
         Ok(file)
     }
 
     pub fn to_toml(&self) -> Result<String> {
         Ok(format!(
-            "# Fixed-time timings, in steps; play them with: --controller fixed-time:file=FILE\n{}",
+            "# Timings of lights, in steps; play them with: --controller {}:file=FILE\n{}",
+            self.tuned_on.controller,
             toml::to_string(self)?
         ))
     }
 
-    /// Reads the timings for the intersections of `grid` from a file, one for each.
-    pub fn timings(path: &Path, grid: Grid) -> Result<Vec<Timing>> {
-        let TimingFile { vertical, horizontal, offsets, tuned_on, .. } = TimingFile::read(path)?;
+    /// Reads what a controller follows at the intersections of `grid` from a file that was tuned for it.
+    pub fn plan(path: &Path, controller: &str, grid: Grid) -> Result<ClockPlan> {
+        let TimingFile { vertical, horizontal, offsets, early, late, tuned_on, .. } = TimingFile::read(path)?;
+        let place = path.display();
+        ensure!(
+            tuned_on.controller == controller,
+            "{place}: has timings of {}, not of {controller}; {WAY_OUT}",
+            tuned_on.controller
+        );
         ensure!(
             offsets.len() == grid.agents().len(),
-            "{}: timings for the {} intersections of {} do not fit a grid of {grid}; {WAY_OUT}",
-            path.display(),
+            "{place}: timings for the {} intersections of {} do not fit a grid of {grid}; {WAY_OUT}",
             offsets.len(),
             tuned_on.network
         );
-        Ok(offsets.into_iter().map(|offset| Timing { vertical, horizontal, offset }).collect())
+        let timings = offsets.into_iter().map(|offset| Timing { vertical, horizontal, offset }).collect();
+        Ok(ClockPlan { timings, leeway: Leeway { early, late } })
     }
 }
 
@@ -86,8 +104,11 @@ mod tests {
             vertical: 9,
             horizontal: 11,
             offsets: vec![0, 13, 13, 0],
+            early: 3,
+            late: 1,
             mean_return: 205.25,
             tuned_on: TunedOn {
+                controller: "coordinated".into(),
                 network: "grid_2x2".into(),
                 network_crc32: "00c0ffee".into(),
                 horizon: 300,
@@ -102,8 +123,12 @@ mod tests {
         std::fs::write(&path, file.to_toml().unwrap()).unwrap();
         let read = TimingFile::read(&path).unwrap();
         assert_eq!(read, file);
-        let timings = TimingFile::timings(&path, Grid::new(2, 2).unwrap()).unwrap();
-        assert_eq!(timings[1], Timing { vertical: 9, horizontal: 11, offset: 13 });
+        let grid = Grid::new(2, 2).unwrap();
+        let plan = TimingFile::plan(&path, "coordinated", grid).unwrap();
+        assert_eq!(plan.timings[1], Timing { vertical: 9, horizontal: 11, offset: 13 });
+        assert_eq!(plan.leeway, Leeway { early: 3, late: 1 });
+        let error = TimingFile::plan(&path, "fixed-time", grid).unwrap_err().to_string();
+        assert!(error.contains("has timings of coordinated, not of fixed-time"), "{error}");
     }
 
     #[test]
@@ -112,7 +137,7 @@ mod tests {
         let path = dir.path().join("a.toml");
         let error = |text: &str| {
             std::fs::write(&path, text).unwrap();
-            let error = TimingFile::timings(&path, Grid::new(2, 3).unwrap()).unwrap_err().to_string();
+            let error = TimingFile::plan(&path, "fixed-time", Grid::new(2, 3).unwrap()).unwrap_err().to_string();
             let told = error.strip_prefix(&format!("{}: ", path.display())).unwrap_or_else(|| panic!("{error}"));
             told.strip_suffix(&format!("; {WAY_OUT}")).unwrap_or_else(|| panic!("{error}")).to_owned()
         };
@@ -121,7 +146,8 @@ mod tests {
                 "vertical = {vertical}\nhorizontal = 1\noffsets = [0, 0, 0, 0]\nmean_return = 1.0\n[tuned_on]\n{tuned_on}"
             )
         };
-        let on = "network = 'n'\nnetwork_crc32 = '0'\nhorizon = 300\nepisodes = 10\nseed = '1'\n";
+        let on =
+            "controller = 'fixed-time'\nnetwork = 'n'\nnetwork_crc32 = '0'\nhorizon = 300\nepisodes = 10\nseed = '1'\n";
         let on_all = format!("{on}search_version = 1\nsumo_version = '1.15.0'\n");
         assert_eq!(error(&timings(9, &on_all)), "timings for the 4 intersections of n do not fit a grid of 2x3");
         assert_eq!(error(&timings(9, on)), "is not a file of tuned timings of this version");
