@@ -34,14 +34,7 @@ fn more_cars(at: &Intersection<'_>) -> Action {
 
 pub fn main() -> Result<()> {
     let nets = Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets");
-    let config = TrafficConfig {
-        network: nets.join("grid_2x2"),
-        local_network: nets.join("local"),
-        horizon: 300,
-        d_set: Default::default(),
-        entry: Default::default(),
-        initial_switch_bias: 0.0,
-    };
+    let config = TrafficConfig::new(nets.join("grid_2x2"), nets.join("local"));
     let traffic = Traffic::open(&config)?;
 
     // The seed determines the traffic, so both controllers see the same cars. SUMO allows one simulation per process,

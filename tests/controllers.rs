@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use dials_traffic::base::{AgentId, Rows, Seed};
-use dials_traffic::config::{DSet, EntryRule, TrafficConfig};
+use dials_traffic::config::{EntryRule, TrafficConfig};
 use dials_traffic::domain::{Action, Baseline, Beginning, Domain, GlobalSimulator, LocalSimulator};
 use dials_traffic::traffic::Traffic;
 use dials_traffic::traffic::agents::phases::Light;
@@ -14,14 +14,8 @@ use dials_traffic::traffic::side::Side;
 
 fn traffic() -> Traffic {
     let nets = Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets");
-    let config = TrafficConfig {
-        network: nets.join("grid_2x2"),
-        local_network: nets.join("local"),
-        horizon: 300,
-        d_set: DSet::Cells,
-        entry: EntryRule::Max,
-        initial_switch_bias: 0.0,
-    };
+    let config =
+        TrafficConfig { entry: EntryRule::Max, ..TrafficConfig::new(nets.join("grid_2x2"), nets.join("local")) };
     Traffic::open(&config).unwrap()
 }
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use dials_traffic::base::Seed;
-use dials_traffic::config::{DSet, EntryRule, TrafficConfig};
+use dials_traffic::config::{EntryRule, TrafficConfig};
 use dials_traffic::domain::Domain;
 use dials_traffic::evaluation::{Evaluation, play_episodes};
 use dials_traffic::traffic::Traffic;
@@ -12,14 +12,7 @@ use dials_traffic::traffic::Traffic;
 /// difference.
 fn assert_return(grid: &str, controller: &str, reference: f64, reference_error: f64) {
     let nets = Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets");
-    let config = TrafficConfig {
-        network: nets.join(grid),
-        local_network: nets.join("local"),
-        horizon: 300,
-        d_set: DSet::Cells,
-        entry: EntryRule::Max,
-        initial_switch_bias: 0.0,
-    };
+    let config = TrafficConfig { entry: EntryRule::Max, ..TrafficConfig::new(nets.join(grid), nets.join("local")) };
     let domain = Traffic::open(&config).unwrap();
     let mut baseline = domain.baseline(controller).unwrap();
     let (simulator, acting) = (&mut *baseline.simulator, &mut *baseline.controller);

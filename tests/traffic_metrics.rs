@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use dials_traffic::base::Seed;
-use dials_traffic::config::{DSet, EntryRule, TrafficConfig};
+use dials_traffic::config::{EntryRule, TrafficConfig};
 use dials_traffic::domain::{Baseline, Domain};
 use dials_traffic::evaluation::{EpisodeReport, play};
 use dials_traffic::traffic::Traffic;
@@ -27,12 +27,9 @@ fn traffic(dir: &Path, inflow: &str) -> Traffic {
         fs::write(dir.join(name), text.replace("probability=\"0.1\"", &format!("probability=\"{inflow}\""))).unwrap();
     }
     let config = TrafficConfig {
-        network: dir.join("grid_2x2"),
-        local_network: dir.join("local"),
         horizon: STEPS,
-        d_set: DSet::Cells,
         entry: EntryRule::Max,
-        initial_switch_bias: 0.0,
+        ..TrafficConfig::new(dir.join("grid_2x2"), dir.join("local"))
     };
     Traffic::open(&config).unwrap()
 }

@@ -31,14 +31,8 @@ fn controlled(domain: &Traffic, controller: &str) -> SignalControl {
 }
 
 fn traffic(entry: EntryRule) -> Traffic {
-    let config = TrafficConfig {
-        network: saved("grid_2x2"),
-        local_network: saved("local"),
-        horizon: 300,
-        d_set: DSet::CellsAndArrivals,
-        entry,
-        initial_switch_bias: 0.0,
-    };
+    let config =
+        TrafficConfig { d_set: DSet::CellsAndArrivals, entry, ..TrafficConfig::new(saved("grid_2x2"), saved("local")) };
     Traffic::open(&config).unwrap()
 }
 
@@ -481,6 +475,32 @@ fn agreement(entry: EntryRule, entering: Entering, controller: &str) -> Agreemen
 }
 
 #[test]
+fn with_a_clock_the_domain_conforms_and_every_row_has_its_own_time() {
+    let config = TrafficConfig { clock: Some(7), ..TrafficConfig::new(saved("grid_2x2"), saved("local")) };
+    let domain = Traffic::open(&config).unwrap();
+    let mut ls = domain.local_simulator(&AgentId::all(2), 1, Seed::new(0)).unwrap();
+    let second = |obs: &Rows<f32>, row: usize| obs.row(row)[40..].iter().position(|&bit| bit == 1.0).unwrap();
+    let nobody = Rows::new(2, 4);
+    let first = ls.reset(&Beginning::first([0, 1])).unwrap();
+    assert_eq!([0, 1].map(|row| second(&first.obs, row)), [0, 0]);
+    for step in 1..20 {
+        let obs = &ls.step(&[0, 0], &nobody).unwrap().percept.obs;
+        let since_reset = if step > 10 { step - 10 } else { step };
+        assert_eq!([0, 1].map(|row| second(obs, row)), [step % 7, since_reset % 7], "step {step}");
+        if step == 10 {
+            assert_eq!(second(&ls.reset(&Beginning::first([1])).unwrap().obs, 1), 0);
+        }
+    }
+    drop(ls);
+    let mut gs = domain.global_simulator().unwrap();
+    gs.reset(Seed::new(1)).unwrap();
+    (0..9).for_each(|_| drop(gs.step(&[0; 4]).unwrap().clone()));
+    let transition = gs.step(&[0; 4]).unwrap();
+    assert!((0..4).all(|row| transition.percept.obs.row(row)[40..] == [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]));
+    assert!((0..4).all(|row| transition.percept.d_set.row(row)[36..] == [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]));
+}
+
+#[test]
 fn with_true_entries_the_local_simulator_is_the_global_one() {
     for controller in ["random", "gap-out"] {
         let found = agreement(EntryRule::Max, Entering::Truly, controller);
@@ -574,14 +594,8 @@ fn the_closed_loop_has_the_cars_and_the_return_of_the_global_simulator() {
 fn the_switch_bias_is_added_to_the_output_bias_of_switching_and_to_nothing_else() {
     let config: Config = toml::from_str("policy = { hidden = [8, 4] }").unwrap();
     let policies = |initial_switch_bias: f32| {
-        let traffic_config = TrafficConfig {
-            network: saved("grid_2x2"),
-            local_network: saved("local"),
-            horizon: 300,
-            d_set: DSet::Cells,
-            entry: EntryRule::Reference,
-            initial_switch_bias,
-        };
+        let traffic_config =
+            TrafficConfig { initial_switch_bias, ..TrafficConfig::new(saved("grid_2x2"), saved("local")) };
         initial_policies(&Traffic::open(&traffic_config).unwrap(), &config, &AgentId::all(4))
     };
     let (plain, biased) = (policies(0.0), policies(-1.5));

@@ -21,12 +21,33 @@ pub struct TrafficConfig {
     /// Inputs of the AIP.
     #[serde(default)]
     pub d_set: DSet,
+    /// Number of steps after which a clock begins again that agents and AIPs see, one input per step; left out: they see
+    /// none. A fixed-time light of 10 + 3 + 10 + 3 steps has 26.
+    ///
+    /// DEVIATION 13: the paper's agents see no clock. With one they can agree on green waves.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub clock: Option<usize>,
     /// How a car enters an LS.
     #[serde(default)]
     pub entry: EntryRule,
     /// Value that is added to the initial bias of the logit of "switch".
     #[serde(default)]
     pub initial_switch_bias: f32,
+}
+
+impl TrafficConfig {
+    /// Returns the settings of a config that names nothing but its networks.
+    pub fn new(network: impl Into<PathBuf>, local_network: impl Into<PathBuf>) -> TrafficConfig {
+        TrafficConfig {
+            network: network.into(),
+            local_network: local_network.into(),
+            horizon: default_horizon(),
+            d_set: DSet::default(),
+            clock: None,
+            entry: EntryRule::default(),
+            initial_switch_bias: 0.0,
+        }
+    }
 }
 
 /// The d-set (d-separating set) of the traffic domain.
@@ -52,6 +73,9 @@ pub enum EntryRule {
     Max,
 }
 
+/// The longest clock, in steps: each is an input of the networks.
+const MAX_CLOCK: usize = 300;
+
 fn default_horizon() -> usize {
     300
 }
@@ -68,6 +92,9 @@ impl DomainTable for TrafficConfig {
     fn check(&self) -> Result<()> {
         let bias = self.initial_switch_bias;
         ensure!(bias.is_finite(), "traffic.initial_switch_bias = {bias}: must be a finite number");
+        if let Some(clock) = self.clock {
+            ensure!((2..=MAX_CLOCK).contains(&clock), "traffic.clock = {clock}: must be from 2 to {MAX_CLOCK} steps");
+        }
         Ok(())
     }
 

@@ -90,12 +90,8 @@ mod tests {
     #[test]
     fn an_older_run_has_the_scenario_that_the_domain_would_write_today() {
         let traffic = crate::config::TrafficConfig {
-            network: nets("grid_2x2").into(),
-            local_network: nets("local").into(),
             horizon: 50,
-            d_set: Default::default(),
-            entry: Default::default(),
-            initial_switch_bias: 0.0,
+            ..crate::config::TrafficConfig::new(nets("grid_2x2"), nets("local"))
         };
         let domain = Traffic::open(&traffic).unwrap();
         let older = Config { domain: Some(crate::config::DomainConfig::Traffic(traffic)), ..Config::default() };

@@ -108,7 +108,7 @@ impl Traffic {
             network,
             local_network,
             config: config.clone(),
-            kinds: Kinds::one(grid.agents().len(), region::spec(config.horizon, config.d_set)),
+            kinds: Kinds::one(grid.agents().len(), region::spec(config)),
             tape: None,
         })
     }
@@ -154,8 +154,7 @@ impl Traffic {
 
     /// Loads the GS with its own type, for what the trait does not offer.
     pub fn global(&self, control: SignalControl) -> Result<GlobalTraffic> {
-        let TrafficConfig { horizon, d_set, .. } = self.config;
-        GlobalTraffic::load(self.grid, &self.network, horizon, d_set, control, self.tape.as_ref())
+        GlobalTraffic::load(self.grid, &self.network, &self.config, control, self.tape.as_ref())
     }
 
     /// Returns control of all lights by hand-coded control.
@@ -165,8 +164,7 @@ impl Traffic {
 
     /// Loads an LS of `rows` rows with its own type.
     pub fn local(&self, rows: usize) -> Result<LocalTraffic> {
-        let TrafficConfig { horizon, d_set, entry, .. } = self.config;
-        LocalTraffic::load(&self.local_network, rows, horizon, d_set, entry, self.tape.as_ref())
+        LocalTraffic::load(&self.local_network, rows, &self.config, self.tape.as_ref())
     }
 }
 

@@ -5,7 +5,7 @@
 //! edge.
 
 use super::phases::Light;
-use crate::config::DSet;
+use crate::config::{DSet, TrafficConfig};
 use crate::domain::{RegionSpec, SourceSpec};
 use crate::traffic::side::Side;
 
@@ -19,14 +19,20 @@ pub const SPEED_LIMIT_MPS: f64 = 10.0;
 /// Number of occupancy bits.
 pub const OCCUPANCY: usize = EDGES * CELLS;
 
+/// First bit of the clock in an observation, if agents see one.
+pub const CLOCK: usize = OCCUPANCY + Light::ALL.len();
+
 /// Returns the shape of a traffic region.
-pub fn spec(horizon: usize, d_set: DSet) -> RegionSpec {
+pub fn spec(config: &TrafficConfig) -> RegionSpec {
+    let &TrafficConfig { horizon, d_set, clock, .. } = config;
+    let clock = clock.unwrap_or(0);
+    let arrivals = match d_set {
+        DSet::Cells => 0,
+        DSet::CellsAndArrivals => EDGES,
+    };
     RegionSpec {
-        obs_dim: OCCUPANCY + Light::ALL.len(),
-        d_set_dim: match d_set {
-            DSet::Cells => OCCUPANCY,
-            DSet::CellsAndArrivals => OCCUPANCY + EDGES,
-        },
+        obs_dim: CLOCK + clock,
+        d_set_dim: OCCUPANCY + arrivals + clock,
         n_actions: 2,
         masks: false,
         sources: SourceSpec::bits(EDGES),

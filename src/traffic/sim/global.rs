@@ -11,7 +11,7 @@ use super::options;
 use super::recording::{Recorder, Tape};
 use super::tally::Tally;
 use crate::base::{Phase, Ragged, Seed, Stopwatch};
-use crate::config::DSet;
+use crate::config::TrafficConfig;
 use crate::domain::{Action, GlobalSimulator, InfluenceSample, JointPercept, JointTransition, Kinds, Measures, Result};
 use crate::sumo::{Car, CarTable, LaneCars, LaneId, SignalState, Simulation};
 use crate::traffic::agents::phases::Light;
@@ -40,6 +40,8 @@ pub struct GlobalTraffic {
     lights_before: Vec<Light>,
     /// Number of steps for which every light has shown what it shows.
     shown_steps: Vec<u32>,
+    /// Number of steps since the episode began.
+    age: usize,
     /// States that SUMO last gave, if it runs the lights.
     states: Vec<SignalState>,
     /// Cars on the incoming lanes, now and a step ago.
@@ -67,12 +69,11 @@ impl GlobalTraffic {
     pub fn load(
         grid: Grid,
         files: &NetworkFiles,
-        horizon: usize,
-        d_set: DSet,
+        config: &TrafficConfig,
         control: SignalControl,
         tape: Option<&Tape>,
     ) -> Result<GlobalTraffic> {
-        let kinds = Kinds::one(grid.agents().len(), region::spec(horizon, d_set));
+        let kinds = Kinds::one(grid.agents().len(), region::spec(config));
         let last = JointTransition::new(&kinds);
         let mut simulation = Simulation::load(&options(files, &control, Seed::new(0))?)?;
         let agents = grid.agents();
@@ -93,6 +94,7 @@ impl GlobalTraffic {
             lights: vec![Light::VerticalGreen; agents.len()],
             lights_before: vec![Light::VerticalGreen; agents.len()],
             shown_steps: vec![0; agents.len()],
+            age: 0,
             states: Vec::new(),
             cars: CarTable::new(),
             cars_before: CarTable::new(),
@@ -164,7 +166,7 @@ impl GlobalTraffic {
         let JointTransition { percept, rewards } = &mut self.last;
         for (row, reward) in rewards.iter_mut().enumerate() {
             let edges = edges_of(&self.cars, row);
-            observe::observe(edges, self.lights[row], percept.obs.row_mut(row));
+            observe::observe(edges, self.lights[row], self.age, percept.obs.row_mut(row));
             observe::d_separate(percept.obs.row(row), self.arrivals.row(row), percept.d_set.row_mut(row));
             *reward = observe::reward(edges);
         }
@@ -191,6 +193,7 @@ impl GlobalSimulator for GlobalTraffic {
         self.handles.hand_to_program(&mut self.simulation, "actuated", &by_program)?;
         self.read()?;
         self.shown_steps.fill(0);
+        self.age = 0;
         self.arrivals.fill(0);
         self.tally = Tally::new(self.agents());
         self.perceive();
@@ -215,6 +218,7 @@ impl GlobalSimulator for GlobalTraffic {
         self.watch.time(Phase::SimulatorStep, || self.simulation.step())?;
         let begun = Instant::now();
         self.read()?;
+        self.age += 1;
         for (steps, (before, now)) in self.shown_steps.iter_mut().zip(self.lights_before.iter().zip(&self.lights)) {
             *steps = if before == now { *steps + 1 } else { 1 };
         }
@@ -290,7 +294,8 @@ mod tests {
     fn wished_departures(control: SignalControl, action: Action) -> BTreeMap<String, i64> {
         let files = NetworkFiles::of(&Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets/grid_2x2"));
         let grid = read_shape(&files.net).unwrap();
-        let mut gs = GlobalTraffic::load(grid, &files, 300, DSet::Cells, control, None).unwrap();
+        let config = TrafficConfig::new("", "");
+        let mut gs = GlobalTraffic::load(grid, &files, &config, control, None).unwrap();
         gs.measure_in_full().unwrap();
         gs.reset(Seed::new(21).for_episode(0)).unwrap();
         (0..300).for_each(|_| drop(gs.step(&[action; 4]).unwrap().clone()));

@@ -10,7 +10,7 @@ use super::handles::IntersectionHandles;
 use super::options;
 use super::recording::{Recorder, Tape};
 use crate::base::{Phase, Rows, Stopwatch};
-use crate::config::{DSet, EntryRule};
+use crate::config::{EntryRule, TrafficConfig};
 use crate::domain::{Action, Beginning, LocalSimulator, Percept, RegionSpec, Result, Transition};
 use crate::sumo::{CarId, CarTable, DepartSpeed, Insertion, LaneCars, LaneId, RouteId, Simulation};
 use crate::traffic::agents::region::{self, EDGES};
@@ -49,6 +49,8 @@ pub struct LocalTraffic {
     /// Number of cars on each incoming edge at the last decision.
     cars_on: Rows<usize>,
     arrivals: Rows<u8>,
+    /// Number of steps since the episode of each row began.
+    ages: Vec<usize>,
     last: Transition,
     serial: u64,
     sampled: u64,
@@ -62,12 +64,10 @@ impl LocalTraffic {
     pub fn load(
         local: &NetworkFiles,
         rows: usize,
-        horizon: usize,
-        d_set: DSet,
-        entry: EntryRule,
+        config: &TrafficConfig,
         tape: Option<&Tape>,
     ) -> Result<LocalTraffic> {
-        let spec = region::spec(horizon, d_set);
+        let spec = region::spec(config);
         let dir = tempfile::tempdir().context("no temporary directory for the forest of local simulators")?;
         let files = write_forest(local, rows, dir.path())?;
         let mut simulation = Simulation::load(&options(&files.net, &files.routes)?)?;
@@ -88,7 +88,7 @@ impl LocalTraffic {
         let record = |tape| Recorder::new(tape, &mut simulation, Grid::SINGLE, local, Some(Region(0)));
         let recorder = tape.map(record).transpose()?;
         Ok(LocalTraffic {
-            entry_rule: entry,
+            entry_rule: config.entry,
             simulation,
             handles,
             all_lanes,
@@ -96,6 +96,7 @@ impl LocalTraffic {
             cars: CarTable::new(),
             cars_on: Rows::new(rows, EDGES),
             arrivals: Rows::new(rows, EDGES),
+            ages: vec![0; rows],
             last: Transition::new(rows, &spec),
             serial: 0,
             sampled: 0,
@@ -145,7 +146,8 @@ impl LocalTraffic {
         let Transition { percept, rewards } = &mut self.last;
         for (row, reward) in rewards.iter_mut().enumerate() {
             let edges = edges_of(&self.cars, row);
-            observe::observe(edges, self.handles.light(row), percept.obs.row_mut(row));
+            self.ages[row] += 1;
+            observe::observe(edges, self.handles.light(row), self.ages[row], percept.obs.row_mut(row));
             observe::d_separate(percept.obs.row(row), self.arrivals.row(row), percept.d_set.row_mut(row));
             *reward = observe::reward(edges);
             self.cars_on.row_mut(row).iter_mut().zip(edges).for_each(|(count, edge)| *count = edge.len());
@@ -199,8 +201,9 @@ impl LocalSimulator for LocalTraffic {
         for row in rows {
             self.cars_on.row_mut(row).fill(0);
             self.arrivals.row_mut(row).fill(0);
+            self.ages[row] = 0;
             let percept = &mut self.last.percept;
-            observe::observe([empty; EDGES], self.handles.light(row), percept.obs.row_mut(row));
+            observe::observe([empty; EDGES], self.handles.light(row), 0, percept.obs.row_mut(row));
             observe::d_separate(percept.obs.row(row), self.arrivals.row(row), percept.d_set.row_mut(row));
         }
         Ok(&self.last.percept)
