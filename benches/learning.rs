@@ -12,7 +12,7 @@ use dials_traffic::influence::{AipStack, InfluencePredictor};
 use dials_traffic::nn::Adam;
 use dials_traffic::policy::{Memory, PolicyStack, Sample, sampling};
 use dials_traffic::training::gae::advantages;
-use dials_traffic::training::ppo::{Decayed, update};
+use dials_traffic::training::ppo::{Decayed, Learns, Settings, update};
 use rand::Rng;
 
 /// Networks and training settings of a domain.
@@ -115,9 +115,10 @@ fn ppo(criterion: &mut Criterion) {
             let (config, watch) = (&setting.config.ppo, &mut Stopwatch::default());
             // The rate is so small that the policies do not change, however long this runs.
             let decayed = Decayed { learning_rate: 1e-12, clip: config.clip };
+            let settings = Settings { ppo: config, decayed, learns: Learns::Everything, shared: false };
             group.throughput(Throughput::Elements((agents * config.memory) as u64));
             group.bench_function(BenchmarkId::new(setting.name, agents), |bencher| {
-                bencher.iter(|| update(&mut policies, &mut adam, &memory, &mut dice, config, decayed, watch));
+                bencher.iter(|| update(&mut policies, &mut adam, &memory, &mut dice, settings, watch));
             });
         }
     }

@@ -9,30 +9,44 @@ import numpy as np
 from safetensors.numpy import load_file
 
 
-def judge(policies, obs, state=None):
-    """Return the networks' outputs: (logits [agents, batch, actions], values [agents, batch], next state).
-
-    obs: [agents, batch, obs_dim]. state: [agents, batch, hidden], zeros at the beginning of an episode; None for
-    policies without a GRU.
-    """
+def network(policies, obs, state=None, prefix=""):
+    """Return the outputs of the networks whose tensors begin with `prefix`, and their next state."""
     hidden = obs
-    if "gru.input_weight" in policies:
-        from_obs = np.split(obs @ policies["gru.input_weight"] + policies["gru.input_bias"], 3, axis=-1)
-        from_state = np.split(state @ policies["gru.state_weight"] + policies["gru.state_bias"], 3, axis=-1)
+    if prefix + "gru.input_weight" in policies:
+        gru = {name: policies[f"{prefix}gru.{name}"] for name in ("input_weight", "input_bias", "state_weight", "state_bias")}
+        from_obs = np.split(obs @ gru["input_weight"] + gru["input_bias"], 3, axis=-1)
+        from_state = np.split(state @ gru["state_weight"] + gru["state_bias"], 3, axis=-1)
         r, z = (1 / (1 + np.exp(-(from_obs[gate] + from_state[gate]))) for gate in (0, 1))
         n = np.tanh(from_obs[2] + r * from_state[2])
         hidden = state = (1 - z) * n + z * state
-    layers = sum(name.startswith("layers.") for name in policies) // 2
+    layers = sum(name.startswith(prefix + "layers.") for name in policies) // 2
     for layer in range(layers):
-        hidden = hidden @ policies[f"layers.{layer}.weight"] + policies[f"layers.{layer}.bias"]
+        hidden = hidden @ policies[f"{prefix}layers.{layer}.weight"] + policies[f"{prefix}layers.{layer}.bias"]
         hidden = np.maximum(hidden, 0) if layer + 1 < layers else hidden
-    return hidden[..., :-1], hidden[..., -1], state
+    return hidden, state
+
+
+def judge(policies, obs, state=None):
+    """Return what the policies say: (logits [agents, batch, actions], values [agents, batch], next state).
+
+    obs: [agents, batch, obs_dim]. state: [agents, batch, hidden], zeros at the beginning of an episode; None for
+    policies without a GRU. A critic with a network of its own has a state of its own, which follows the policy's.
+    """
+    if "critic.layers.0.weight" not in policies:
+        outputs, state = network(policies, obs, state)
+        return outputs[..., :-1], outputs[..., -1], state
+    actor_state, critic_state = (None, None) if state is None else np.split(state, 2, axis=-1)
+    logits, actor_state = network(policies, obs, actor_state)
+    values, critic_state = network(policies, obs, critic_state, "critic.")
+    state = None if state is None else np.concatenate([actor_state, critic_state], axis=-1)
+    return logits, values[..., 0], state
 
 
 if __name__ == "__main__":
     policies = load_file(sys.argv[1])
     agents, obs_dim, _ = policies.get("gru.input_weight", policies["layers.0.weight"]).shape
-    memory = np.zeros((agents, 1, policies["gru.state_weight"].shape[1])) if "gru.state_weight" in policies else None
+    widths = [weight.shape[1] for name, weight in policies.items() if name.endswith("gru.state_weight")]
+    memory = np.zeros((agents, 1, sum(widths))) if widths else None
     logits, values, _ = judge(policies, np.zeros((agents, 1, obs_dim)), memory)
     probabilities = np.exp(logits) / np.exp(logits).sum(axis=-1, keepdims=True)
     for agent in range(agents):

@@ -37,18 +37,21 @@ fn random_rows(rows: usize, width: usize, name: &str) -> Rows<f32> {
     Rows::from_vec((0..rows * width).map(|_| dice.random_range(-1.0..1.0)).collect(), width)
 }
 
-fn cases() -> [Case; 2] {
-    [false, true].map(|recurrent| {
+/// Returns policies without and with a memory, each with one network and with a critic of its own.
+fn cases() -> [Case; 4] {
+    [(false, false), (true, false), (false, true), (true, true)].map(|(recurrent, separate_critic)| {
         let sources = SourceSpec::bits(1);
         let spec = RegionSpec { obs_dim: OBS, d_set_dim: 1, n_actions: ACTIONS, masks: false, sources, horizon: 1 };
         let config = PolicyConfig {
             recurrent: recurrent.then_some(STATE),
             hidden: if recurrent { vec![8] } else { vec![9, 8] },
+            separate_critic,
             ..PolicyConfig::default()
         };
         let stack = PolicyStack::new(&AgentId::all(AGENTS), &spec, &config, &[0.0; ACTIONS], Seed::new(2));
         let obs = random_rows(AGENTS * BATCH, OBS, "obs");
-        let before = random_rows(AGENTS * BATCH, STATE, "states");
+        let width = if separate_critic { 2 * STATE } else { STATE };
+        let before = random_rows(AGENTS * BATCH, width, "states");
         let mut states = stack.states(AGENTS * BATCH);
         if recurrent {
             before.iter().enumerate().for_each(|(row, state)| states.set_row(row, state));
@@ -78,25 +81,25 @@ fn tensor(rows: &Rows<f32>) -> Tensor {
 #[cfg(feature = "torch")]
 #[test]
 fn a_script_says_what_the_policies_say_for_any_batch() {
-    for (case, recurrent) in cases().into_iter().zip([false, true]) {
+    for case in cases() {
+        let state_width = case.stack.state_width();
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("policies.pt");
         case.stack.write_script(&path).unwrap();
         let module = CModule::load(&path).unwrap();
         let mut inputs = vec![IValue::Tensor(tensor(&case.obs))];
-        if recurrent {
+        if state_width > 0 {
             inputs.push(IValue::Tensor(tensor(&case.states[0])));
         }
         let out = Tensor::try_from(module.forward_is(&inputs).unwrap()).unwrap();
-        let state_width = if recurrent { STATE } else { 0 };
         assert_eq!(out.size(), [AGENTS, BATCH, ACTIONS + 1 + state_width].map(|n| n as i64));
         let columns = |from: usize, count: usize| {
             Vec::<f32>::from(&out.narrow(2, from as i64, count as i64).contiguous().view([-1]))
         };
         assert_close(&columns(0, ACTIONS), &case.logits, "logits");
         assert_close(&columns(ACTIONS, 1), &case.values, "values");
-        if recurrent {
-            assert_close(&columns(ACTIONS + 1, STATE), case.states[1].as_slice(), "states");
+        if state_width > 0 {
+            assert_close(&columns(ACTIONS + 1, state_width), case.states[1].as_slice(), "states");
         }
     }
 }
@@ -135,8 +138,8 @@ fn the_python_reader_says_what_the_policies_say() {
         fs::write(&policies, write_stacks(&[stack], &HashMap::new()).unwrap()).unwrap();
         let tables = [
             ("obs", vec![AGENTS, BATCH, OBS], case.obs.as_slice()),
-            ("before", vec![AGENTS, BATCH, STATE], case.states[0].as_slice()),
-            ("after", vec![AGENTS, BATCH, STATE], case.states[1].as_slice()),
+            ("before", vec![AGENTS, BATCH, case.states[0].width()], case.states[0].as_slice()),
+            ("after", vec![AGENTS, BATCH, case.states[1].width()], case.states[1].as_slice()),
             ("logits", vec![AGENTS, BATCH, ACTIONS], &case.logits[..]),
             ("values", vec![AGENTS, BATCH], &case.values[..]),
         ];

@@ -2,22 +2,29 @@
 //! the GS (global simulator).
 
 use std::path::Path;
+use std::rc::Rc;
+use std::sync::Arc;
 
 use dials_traffic::base::{AgentId, Dice, Rows, Seed, Stopwatch, Work};
 use dials_traffic::config::{AipConfig, Config, DSet, EntryRule, TrafficConfig};
 use dials_traffic::domain::{Action, Beginning, Bystander, Domain, GlobalSimulator, LocalSimulator, conformance};
+use dials_traffic::fleet::inline::InlineFleet;
 use dials_traffic::influence::{AipStack, Dataset, InfluencePredictor, train};
+use dials_traffic::policy::Demonstrations;
 use dials_traffic::sumo::{CarTable, DepartSpeed, Insertion, SignalState, Simulation};
 use dials_traffic::traffic::Traffic;
 use dials_traffic::traffic::agents::phases::Light;
 use dials_traffic::traffic::controllers::{self, gap_out};
 use dials_traffic::traffic::cut::forest::{Region, write_forest};
+use dials_traffic::traffic::light::{KEEP, SWITCH};
 use dials_traffic::traffic::network::files::NetworkFiles;
 use dials_traffic::traffic::paper_grid::grid::Grid;
 use dials_traffic::traffic::sim::control::SignalControl;
 use dials_traffic::traffic::sim::local::{LocalTraffic, Placement};
 use dials_traffic::training::block::initial_policies;
 use dials_traffic::training::collect::collect_episode;
+use dials_traffic::training::fleet::Fleet;
+use dials_traffic::training::observer::Silent;
 use rand::Rng;
 
 fn saved(name: &str) -> std::path::PathBuf {
@@ -621,4 +628,61 @@ fn actuated_lights_run_by_sumos_program_and_hear_no_action() {
     let kept = lights(0);
     assert_eq!(kept, lights(1));
     assert!(kept.iter().any(|light| light[0] == 1.0) && kept.iter().any(|light| light[3] == 1.0));
+}
+
+#[test]
+fn what_lights_did_is_read_from_them_whoever_ran_them() {
+    let domain = traffic(EntryRule::Max);
+    for controller in ["gap-out", "actuated"] {
+        let mut gs = domain.with_background(controller, &AgentId::all(4)).unwrap();
+        gs.reset(Seed::new(5)).unwrap();
+        let mut before = vec![Light::VerticalGreen; 4];
+        let (mut kept, mut switched, mut yellow) = (0, 0, 0);
+        for _ in 0..300 {
+            let now: Vec<Light> = gs.step(&[1; 4]).unwrap().percept.obs.iter().map(light_of).collect();
+            let mut actions = vec![Some(1); 4];
+            gs.carried_out(&mut actions);
+            for (action, (before, now)) in actions.into_iter().zip(before.iter().zip(&now)) {
+                match action {
+                    Some(KEEP) => kept += u32::from(before == now && now.is_green()),
+                    Some(_) => switched += u32::from(before.is_green() && *now == before.next()),
+                    None => yellow += u32::from(!before.is_green()),
+                }
+            }
+            before = now;
+        }
+        // 4 lights for 300 steps. Every switch is followed by three steps of yellow, but for the last ones.
+        assert_eq!(kept + switched + yellow, 1200, "{controller}: every step is one of the three");
+        assert!(switched > 30 && (3 * switched - 12..=3 * switched).contains(&yellow), "{controller}: {switched}");
+    }
+}
+
+/// Returns what the light of an observation shows.
+fn light_of(obs: &[f32]) -> Light {
+    Light::ALL[obs[36..].iter().position(|&bit| bit == 1.0).unwrap()]
+}
+
+#[test]
+fn policies_that_imitate_gap_out_act_as_it_does() {
+    // Gap-out looks at nothing but the observation, so a policy can learn it in full.
+    let domain: Arc<dyn Domain> = Arc::new(traffic(EntryRule::Max));
+    let config: Config = toml::from_str(
+        "traffic = { network = 'none', local_network = 'none' }\n\
+         policy = { hidden = [64], imitate = 'gap-out' }\n\
+         imitation = { dataset_steps = 12000, epochs = 10, minibatch = 64, learning_rate = 3e-3 }",
+    )
+    .unwrap();
+    let mut fleet = InlineFleet::new(domain, &config, Rc::new(Silent));
+    let demonstrations = fleet.collect_demonstrations("gap-out").unwrap();
+    assert!(demonstrations.iter().all(|of_agent| of_agent.episodes() == 40));
+    let switches = |of_agent: &Demonstrations| {
+        let decisions = || of_agent.actions.iter().flatten();
+        decisions().filter(|&&action| action == SWITCH).count() as f64 / decisions().count() as f64
+    };
+    let switches: Vec<f64> = demonstrations.iter().map(switches).collect();
+    for (agent, loss) in fleet.imitate(demonstrations).unwrap().into_iter().enumerate() {
+        // Whoever always keeps is right in the other steps, and wrong in every switch.
+        assert!(switches[agent] > 0.08, "{switches:?}");
+        assert!(loss.accuracy[1] > 0.985 && loss.cross_entropy[1] < 0.05, "agent {agent}: {loss:?}");
+    }
 }

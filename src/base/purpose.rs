@@ -43,6 +43,10 @@ purposes! {
     Collection = "collection",
     /// Episodes of the GS that the loss of AIPs is measured on.
     AipLoss = "aip loss",
+    /// Episodes of the GS in which a controller is imitated.
+    Demonstrations = "demonstrations",
+    /// Order of the minibatches of an imitation.
+    ImitationMinibatches = "imitation minibatches",
     /// Episodes of evaluations.
     Evaluation = "evaluation",
     /// Episodes that fixed-time lights are tuned on.

@@ -2,7 +2,7 @@
 
 use anyhow::{Result, ensure};
 
-use super::{Config, Retrain};
+use super::{Config, Retrain, imitation};
 
 pub(super) fn check(config: &Config) -> Result<()> {
     if let Some(domain) = &config.domain {
@@ -14,7 +14,11 @@ pub(super) fn check(config: &Config) -> Result<()> {
     check_ppo(config)?;
     check_networks(config)?;
     check_aip(config)?;
-    config.domain.as_ref().map_or(Ok(()), |domain| check_datasets(config, domain.horizon()))
+    imitation::check(config)?;
+    config.domain.as_ref().map_or(Ok(()), |domain| {
+        check_datasets(config, domain.horizon())?;
+        imitation::check_episodes(config, domain.horizon())
+    })
 }
 
 /// Returns an error if there is no domain to simulate.
@@ -34,7 +38,7 @@ const MOST_STEPS: usize = 1_000_000;
 
 /// Rejects sizes that must be typing errors: they would need more memory than any machine has, or overflow.
 fn check_sizes(config: &Config) -> Result<()> {
-    let Config { ppo, aip, .. } = config;
+    let Config { ppo, aip, imitation, .. } = config;
     let sizes = [
         (1_000_000_000_000_000, "total_steps", config.total_steps),
         (10_000, "local_simulators.copies", config.local_simulators.copies as u64),
@@ -43,6 +47,8 @@ fn check_sizes(config: &Config) -> Result<()> {
         (100_000, "ppo.epochs", ppo.epochs as u64),
         (10_000_000, "aip.dataset_steps", aip.dataset_steps as u64),
         (100_000, "aip.epochs", aip.epochs as u64),
+        (10_000_000, "imitation.dataset_steps", imitation.dataset_steps as u64),
+        (100_000, "imitation.epochs", imitation.epochs as u64),
         (100_000, "evaluation.episodes", config.evaluation.episodes as u64),
         (100_000, "evaluation.final_episodes", config.evaluation.final_episodes as u64),
         (100_000, "evaluation.aip_loss_episodes", config.evaluation.aip_loss_episodes as u64),
@@ -205,12 +211,12 @@ pub fn held_out_episodes(episodes: usize, share: f64) -> usize {
     ((episodes as f64 * share) as usize).clamp(1, episodes - 1)
 }
 
-fn at_least(least: u64, key: &str, value: u64, advice: &str) -> Result<()> {
+pub(super) fn at_least(least: u64, key: &str, value: u64, advice: &str) -> Result<()> {
     ensure!(value >= least, "{key} = {value}: must be at least {least} ({advice})");
     Ok(())
 }
 
-fn positive(key: &str, value: f64, advice: &str) -> Result<()> {
+pub(super) fn positive(key: &str, value: f64, advice: &str) -> Result<()> {
     ensure!(value > 0.0 && value.is_finite(), "{key} = {value}: must be a positive number ({advice})");
     Ok(())
 }

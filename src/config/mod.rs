@@ -6,11 +6,13 @@
 //! - `load`, `renamed`, `written`, `seed`: from text to a [`Config`] and back, older keys included.
 //! - `domain`, `traffic`, `warehouse`: the table of a domain; a run has one.
 //! - `simulator`: what the policies train on, and what predicts the influence there.
+//! - `imitation`: the imitation of a controller before PPO.
 //! - `check`: which values make sense.
 //! - `schedule`: the periods of a run.
 
 mod check;
 mod domain;
+mod imitation;
 mod load;
 mod renamed;
 mod schedule;
@@ -24,6 +26,7 @@ use serde::{Deserialize, Serialize};
 
 pub use check::held_out_episodes;
 pub use domain::{DomainConfig, DomainTable};
+pub use imitation::ImitationConfig;
 pub use load::{load, load_kept, to_toml};
 pub use schedule::{AipTraining, Period, schedule};
 pub use simulator::{Predictor, Simulator};
@@ -49,7 +52,9 @@ pub struct Config {
     /// config.
     pub domain: Option<DomainConfig>,
     pub local_simulators: LocalSimulatorsConfig,
+    pub gs: GsConfig,
     pub policy: PolicyConfig,
+    pub imitation: ImitationConfig,
     pub ppo: PpoConfig,
     pub aip: AipConfig,
     pub evaluation: EvaluationConfig,
@@ -70,6 +75,15 @@ pub struct LocalSimulatorsConfig {
     pub stagger: bool,
 }
 
+/// Settings of training on the GS (global simulator). No other training reads them.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct GsConfig {
+    /// Whether the agents of a kind share one policy, and bootstrap with the value of the last one of them, as in the
+    /// authors' code. See DEVIATION 6: by default every agent learns for itself.
+    pub shared_policy: bool,
+}
+
 /// Settings of an agent's policy and value network.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -81,6 +95,17 @@ pub struct PolicyConfig {
     pub hidden: Vec<usize>,
     /// Number of steps over which the gradient flows back through a GRU; divides `ppo.rollout_steps`.
     pub sequence_length: usize,
+    /// Hand-coded controller that the policies imitate before PPO begins, as the command line names it. If left out,
+    /// policies begin at random.
+    ///
+    /// DEVIATION 14: the paper's policies begin at random. With this key they begin with what an engineer knows.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub imitate: Option<String>,
+    /// Whether the value has a network of its own, with the same hidden layers as the policy.
+    ///
+    /// DEVIATION 15: in the paper policy and value share all layers but the last. Then the value's large errors change
+    /// the layers that the policy needs.
+    pub separate_critic: bool,
 }
 
 /// Settings of PPO, as in Schulman et al. 2017.
@@ -223,7 +248,9 @@ impl Default for Config {
             stop_at_steps: None,
             domain: None,
             local_simulators: LocalSimulatorsConfig::default(),
+            gs: GsConfig::default(),
             policy: PolicyConfig::default(),
+            imitation: ImitationConfig::default(),
             ppo: PpoConfig::default(),
             aip: AipConfig::default(),
             evaluation: EvaluationConfig::default(),
@@ -242,7 +269,13 @@ impl Default for LocalSimulatorsConfig {
 
 impl Default for PolicyConfig {
     fn default() -> Self {
-        PolicyConfig { recurrent: None, hidden: vec![256, 128], sequence_length: 8 }
+        PolicyConfig {
+            recurrent: None,
+            hidden: vec![256, 128],
+            sequence_length: 8,
+            imitate: None,
+            separate_critic: false,
+        }
     }
 }
 
@@ -317,6 +350,16 @@ impl Config {
     /// Returns the number of steps of the sequences that a policy is trained on.
     pub fn sequence_length(&self) -> usize {
         if self.policy.recurrent.is_some() { self.policy.sequence_length } else { 1 }
+    }
+
+    /// Returns whether the agents of a kind share one policy.
+    pub fn shares_policies(&self) -> bool {
+        self.gs.shared_policy && self.simulator == Simulator::Global
+    }
+
+    /// Returns the timesteps per agent at the beginning of training in which only the critic learns.
+    pub fn critic_steps(&self) -> u64 {
+        if self.policy.imitate.is_some() { self.imitation.critic_steps } else { 0 }
     }
 
     /// Returns the number of episodes per dataset.

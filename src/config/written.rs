@@ -3,8 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::{
-    AipConfig, CheckpointsConfig, Config, DomainConfig, EvaluationConfig, LocalSimulatorsConfig, LoggingConfig,
-    NumericsConfig, PolicyConfig, PpoConfig, Simulator, TrafficConfig, WarehouseConfig, seed,
+    AipConfig, CheckpointsConfig, Config, DomainConfig, EvaluationConfig, GsConfig, ImitationConfig,
+    LocalSimulatorsConfig, LoggingConfig, NumericsConfig, PolicyConfig, PpoConfig, Simulator, TrafficConfig,
+    WarehouseConfig, seed,
 };
 
 /// Keys of a config, in the order in which they are written. [`Config`] explains them.
@@ -22,7 +23,9 @@ pub(super) struct Written {
     #[serde(skip_serializing_if = "Option::is_none")]
     warehouse: Option<WarehouseConfig>,
     local_simulators: LocalSimulatorsConfig,
+    gs: GsConfig,
     policy: PolicyConfig,
+    imitation: ImitationConfig,
     ppo: PpoConfig,
     aip: AipConfig,
     evaluation: EvaluationConfig,
@@ -52,7 +55,9 @@ impl From<Config> for Written {
             traffic,
             warehouse,
             local_simulators: config.local_simulators,
+            gs: config.gs,
             policy: config.policy,
+            imitation: config.imitation,
             ppo: config.ppo,
             aip: config.aip,
             evaluation: config.evaluation,
@@ -76,7 +81,9 @@ impl TryFrom<Written> for Config {
             stop_at_steps: written.stop_at_steps,
             domain: only([traffic, warehouse].into_iter().flatten())?,
             local_simulators: written.local_simulators,
+            gs: written.gs,
             policy: written.policy,
+            imitation: written.imitation,
             ppo: written.ppo,
             aip: written.aip,
             evaluation: written.evaluation,

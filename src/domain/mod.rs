@@ -76,6 +76,11 @@ pub trait GlobalSimulator {
     /// sources makes the same transition.
     fn influence_sample(&self) -> InfluenceSample<'_>;
 
+    /// Writes what the agents did in the last step. `actions` holds the actions that the step was given, `[agents]`. They
+    /// are replaced where hand-coded control inside the simulator decided. `None`: no action would have changed
+    /// anything.
+    fn carried_out(&self, _actions: &mut [Option<Action>]) {}
+
     /// Returns other figures of the episode so far.
     fn measures(&mut self) -> Result<Measures> {
         Ok(Measures::default())

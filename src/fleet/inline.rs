@@ -12,9 +12,11 @@ use crate::domain::{Domain, Result};
 use crate::evaluation::Evaluation;
 use crate::influence::{AipLoss, Dataset, FreshLoss};
 use crate::nn::Threads;
+use crate::policy::Demonstrations;
 use crate::training::answers::{FleetLoad, PolicyTraining, WorkerLoad};
 use crate::training::collect::Purpose;
 use crate::training::fleet::Fleet;
+use crate::training::imitation::ImitationLoss;
 use crate::training::observer::{Interrupted, Observer};
 use crate::training::state::AgentsState;
 
@@ -80,6 +82,19 @@ impl Fleet for InlineFleet {
         self.begin(Activity::Evaluation)?;
         let reports = self.work(|worker, agents, observer| worker.evaluate(&agents.policies, 0..episodes, observer))?;
         Ok(Evaluation::new(&*self.domain, &reports))
+    }
+
+    fn collect_demonstrations(&mut self, controller: &str) -> Result<Vec<Demonstrations>> {
+        self.begin(Activity::Collection)?;
+        let episodes = 0..self.config.imitation.episodes(self.domain.kinds().horizon());
+        self.work(|worker, _, observer| worker.demonstrate(controller, episodes, observer))
+    }
+
+    fn imitate(&mut self, demonstrations: Vec<Demonstrations>) -> Result<Vec<ImitationLoss>> {
+        self.begin(Activity::Training)?;
+        let losses = self.work(|worker, _, observer| worker.imitate(demonstrations, observer));
+        self.agents.policies = self.worker.policies();
+        Ok(losses)
     }
 
     fn collect_datasets(&mut self, purpose: Purpose) -> Result<Vec<Dataset>> {

@@ -8,9 +8,10 @@ use crate::base::{Activity, AgentId, Ragged};
 use crate::config::Period;
 use crate::evaluation::EpisodeReport;
 use crate::influence::{AipLoss, Dataset, FreshLoss};
-use crate::policy::JointPolicy;
+use crate::policy::{Demonstrations, JointPolicy};
 use crate::training::answers::{PolicyTraining, WorkerLoad};
 use crate::training::collect::Purpose;
+use crate::training::imitation::ImitationLoss;
 use crate::training::state::AgentsState;
 
 /// Orders from the coordinator. Every order is answered by one [`WorkerReport::Done`] or [`WorkerReport::Failed`]. Orders that only
@@ -25,6 +26,10 @@ pub enum Order {
     TellState,
     /// Policies of all agents, with which the next order plays episodes.
     TakePolicies(JointPolicy),
+    /// Let a controller play these episodes and return what all agents saw and did.
+    Demonstrate { controller: String, episodes: Range<usize> },
+    /// Make the policies of its agents imitate their demonstrations.
+    Imitate { demonstrations: Vec<Demonstrations> },
     /// Play these episodes and return the datasets of all agents.
     Collect { purpose: Purpose, episodes: Range<usize> },
     /// Train the AIPs of its agents on their datasets.
@@ -43,6 +48,11 @@ pub enum Answer {
     /// Ready for the next order.
     Ready,
     State(AgentsState),
+    Demonstrated(Vec<Demonstrations>),
+    Imitated {
+        losses: Vec<ImitationLoss>,
+        policies: JointPolicy,
+    },
     Collected(Vec<Dataset>),
     AipsTrained {
         losses: Vec<AipLoss>,

@@ -14,28 +14,31 @@ use crate::base::Activity;
 use crate::config::Period;
 use crate::evaluation::Evaluation;
 use crate::influence::{AipLoss, Dataset, FreshLoss};
+use crate::policy::Demonstrations;
 use crate::training::answers::{FleetLoad, PolicyTraining, WorkerLoad};
 use crate::training::collect::Purpose;
 use crate::training::fleet::Fleet;
+use crate::training::imitation::ImitationLoss;
 use crate::training::state::AgentsState;
 
 impl<C: Crew> Coordinator<C> {
     /// Makes an order for every worker that gets a share of `episodes`, and sends the joint policy first.
     fn by_episode(&self, episodes: usize, order: impl Fn(Range<usize>) -> Order) -> Result<Vec<(usize, Frames)>> {
         let policies = Frame::new(encode(&Order::TakePolicies(self.agents.policies.clone()))?);
-        let shares = (0..self.workers.len()).map(|worker| (worker, share(episodes, self.workers.len(), worker)));
-        let some = shares.filter(|(_, share)| !share.is_empty());
-        some.map(|(worker, share)| Ok((worker, Frames::after(policies.clone(), &order(share))?))).collect()
+        let shares = self.shares(episodes).into_iter();
+        shares.map(|(worker, share)| Ok((worker, Frames::after(policies.clone(), &order(share))?))).collect()
     }
 
-    /// Makes an order with the datasets of its agents for every worker that owns some. `datasets`: one per agent.
-    fn by_owner(
-        &self,
-        mut datasets: Vec<Dataset>,
-        order: impl Fn(Vec<Dataset>) -> Order,
-    ) -> Result<Vec<(usize, Frames)>> {
+    /// Shares `episodes` out among the workers. Returns the workers that get some.
+    fn shares(&self, episodes: usize) -> Vec<(usize, Range<usize>)> {
+        let shares = (0..self.workers.len()).map(|worker| (worker, share(episodes, self.workers.len(), worker)));
+        shares.filter(|(_, share)| !share.is_empty()).collect()
+    }
+
+    /// Makes an order with the data of its agents for every worker that owns some. `data`: one item per agent.
+    fn by_owner<T>(&self, mut data: Vec<T>, order: impl Fn(Vec<T>) -> Order) -> Result<Vec<(usize, Frames)>> {
         let of_worker = |worker: usize| {
-            let theirs = datasets.drain(..self.workers[worker].agents.len()).collect();
+            let theirs = data.drain(..self.workers[worker].agents.len()).collect();
             Ok((worker, Frames::of(&order(theirs))?))
         };
         self.owners().into_iter().map(of_worker).collect()
@@ -60,6 +63,34 @@ impl<C: Crew> Fleet for Coordinator<C> {
             other => unreachable!("episodes were requested, not {other:?}"),
         })?;
         Ok(Evaluation::new(&*self.domain, &reports))
+    }
+
+    fn collect_demonstrations(&mut self, controller: &str) -> Result<Vec<Demonstrations>> {
+        self.observer.busy(Activity::Collection, 0.0);
+        let episodes = self.config.imitation.episodes(self.domain.kinds().horizon());
+        let order = |episodes| Order::Demonstrate { controller: controller.to_owned(), episodes };
+        let shares = self.shares(episodes).into_iter();
+        let orders = shares.map(|(worker, share)| Ok((worker, Frames::of(&order(share))?))).collect::<Result<_>>()?;
+        let mut all = Demonstrations::of_all(self.domain.kinds());
+        self.ask(orders, Stop::AtOnce, |_, _, answer| match answer {
+            Answer::Demonstrated(parts) => all.iter_mut().zip(&parts).for_each(|(whole, part)| whole.extend(part)),
+            other => unreachable!("demonstrations were requested, not {other:?}"),
+        })?;
+        Ok(all)
+    }
+
+    fn imitate(&mut self, demonstrations: Vec<Demonstrations>) -> Result<Vec<ImitationLoss>> {
+        self.observer.busy(Activity::Training, 0.0);
+        let orders = self.by_owner(demonstrations, |demonstrations| Order::Imitate { demonstrations })?;
+        let mut all = Vec::new();
+        self.ask(orders, Stop::AtOnce, |state, agents, answer| match answer {
+            Answer::Imitated { losses, policies } => {
+                all.extend(losses);
+                state.policies.replace(agents.start, &policies);
+            }
+            other => unreachable!("policies were requested, not {other:?}"),
+        })?;
+        Ok(all)
     }
 
     fn collect_datasets(&mut self, purpose: Purpose) -> Result<Vec<Dataset>> {

@@ -72,6 +72,13 @@ fn carry_out(
             Answer::Ready
         }
         Order::TellState => Answer::State(worker.state()),
+        Order::Demonstrate { controller, episodes } => {
+            Answer::Demonstrated(worker.demonstrate(&controller, episodes, reporter)?)
+        }
+        Order::Imitate { demonstrations } => {
+            let losses = worker.imitate(demonstrations, reporter);
+            Answer::Imitated { losses, policies: worker.policies() }
+        }
         Order::Collect { purpose, episodes } => {
             Answer::Collected(worker.collect(&take_policies()?, purpose, episodes, reporter)?)
         }

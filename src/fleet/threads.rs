@@ -15,7 +15,7 @@ use super::channel::receive;
 use super::inline::InlineFleet;
 use super::link::{Crew, Frame, Link, News};
 use super::{Coordinator, Options, serve};
-use crate::config::{Config, Predictor, Simulator};
+use crate::config::{Config, PolicyConfig, Predictor, Simulator};
 use crate::domain::Domain;
 use crate::domain::toy::{Coins, CoinsAndDice};
 use crate::training::answers::{FleetLoad, PolicyTraining};
@@ -318,4 +318,80 @@ fn agents_of_two_kinds_that_take_turns_are_shared_out_and_put_together_again() {
             assert!(outcome.unwrap() == *alone.agents(), "{simulator:?}, {workers} workers");
         }
     }
+}
+
+/// Makes configs with an imitation: coins without memory, and coins and dice with one and with critics of their own.
+fn imitating() -> [(Arc<dyn Domain>, Config); 2] {
+    let mut coins_config = config();
+    coins_config.policy.imitate = Some("copy".to_owned());
+    let imitation = &mut coins_config.imitation;
+    (imitation.dataset_steps, imitation.minibatch, imitation.epochs, imitation.critic_steps) = (100, 16, 2, 300);
+    let mut of_both = coins_config.clone();
+    of_both.policy.imitate = Some("best".to_owned());
+    (of_both.policy.recurrent, of_both.policy.separate_critic) = (Some(5), true);
+    (of_both.imitation.minibatch, of_both.ppo.rollout_steps) = (2, 16);
+    [(coins(), coins_config), (Arc::new(CoinsAndDice::new(20)), of_both)]
+}
+
+fn trained_alone(domain: &Arc<dyn Domain>, config: &Config) -> (AgentsState, Keeper) {
+    let mut keeper = Keeper::default();
+    let mut fleet = InlineFleet::new(domain.clone(), config, Rc::new(Silent));
+    dials::train(config, &mut fleet, Standing::default(), &mut keeper, &Silent).unwrap();
+    (fleet.agents().clone(), keeper)
+}
+
+// With an imitation, an owner's frame 2 is its share of the episodes and frame 3 the imitation.
+
+#[test]
+fn an_imitation_is_the_same_for_any_number_of_workers_and_through_deaths() {
+    for (domain, config) in imitating() {
+        let (expected, _) = trained_alone(&domain, &config);
+        let without = Config { policy: PolicyConfig { imitate: None, ..config.policy.clone() }, ..config.clone() };
+        assert!(trained_alone(&domain, &without).0.policies != expected.policies);
+        let lost: [&[FateAt]; 2] = [&[(3, Fate::Dies), (2, Fate::Dies)], &[(2, Fate::Dies)]];
+        for crew in [crew(true, [&[]]), crew(false, [&[], &[]]), crew(false, [&[], &[], &[]]), crew(true, lost)] {
+            let (workers, deaths) = (crew.fates.len(), crew.fates.iter().map(Vec::len).sum::<usize>());
+            let (outcome, warnings) = train_as(&config, ThreadCrew { domain: domain.clone(), ..crew });
+            assert!(outcome.unwrap() == expected, "{workers} workers");
+            assert_eq!(warnings.len(), deaths, "{warnings:?}");
+        }
+    }
+}
+
+#[test]
+fn a_run_that_imitated_goes_on_from_a_state_without_imitating_again() {
+    for (domain, config) in imitating() {
+        let (expected, Keeper(kept)) = trained_alone(&domain, &config);
+        // At 256 steps, when the critic has learnt alone for a while and has not finished.
+        let (agents, standing) = kept.unwrap();
+        let mut fleet = InlineFleet::new(domain.clone(), &config, Rc::new(Silent));
+        fleet.restore(agents).unwrap();
+        dials::train(&config, &mut fleet, standing, &mut Unrecorded, &Silent).unwrap();
+        assert!(*fleet.agents() == expected);
+    }
+}
+
+#[test]
+fn agents_of_a_kind_that_share_a_policy_have_the_same_one_for_any_number_of_workers() {
+    let domain: Arc<dyn Domain> = Arc::new(CoinsAndDice::new(20));
+    let mut config = Config { simulator: Simulator::Global, ..config() };
+    let (alone, _) = trained_alone(&domain, &config);
+    assert!(alone.policies.row(0) != alone.policies.row(2));
+    config.gs.shared_policy = true;
+    let (agents, Keeper(kept)) = trained_alone(&domain, &config);
+    for [one, other] in [[0, 2], [1, 3]] {
+        assert_eq!(agents.policies.row(one), agents.policies.row(other));
+        assert_eq!(agents.moments.second.row(one), agents.moments.second.row(other));
+    }
+    for crew in [crew(true, [&[]]), crew(false, [&[], &[]])] {
+        assert!(train_as(&config, ThreadCrew { domain: domain.clone(), ..crew }).0.unwrap() == agents);
+    }
+    let (half, standing) = kept.unwrap();
+    let mut fleet = InlineFleet::new(domain, &config, Rc::new(Silent));
+    fleet.restore(half).unwrap();
+    dials::train(&config, &mut fleet, standing, &mut Unrecorded, &Silent).unwrap();
+    assert!(*fleet.agents() == agents);
+    // Local simulators know nothing of it.
+    let local = Config { simulator: Simulator::default(), ..config };
+    assert!(trained_alone(&coins(), &local).0 == undisturbed().0);
 }

@@ -8,16 +8,17 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
 
-use crate::base::{Activity, AgentId, Phase, Ragged, Seed, Stopwatch, Timesheet, Work};
+use crate::base::{Activity, AgentId, Phase, Ragged, RandomPurpose, Seed, Stopwatch, Timesheet, Work};
 use crate::config::{Config, Period, Simulator};
-use crate::domain::{Controller, Domain, GlobalSimulator, Result};
+use crate::domain::{Baseline, Controller, Domain, GlobalSimulator, Result};
 use crate::evaluation::{EpisodeReport, episode_seed, play};
 use crate::influence::{AipLoss, Dataset, FreshLoss};
 use crate::nn::Threads;
-use crate::policy::{JointPolicy, JointPolicyController, Selection};
+use crate::policy::{Demonstrations, JointPolicy, JointPolicyController, Selection};
 use crate::training::answers::PolicyTraining;
 use crate::training::block::{AgentBlock, agents_per_block, train_policies_on_the_gs};
 use crate::training::collect::{Purpose, collect_episode};
+use crate::training::imitation::{ImitationLoss, demonstrate};
 use crate::training::observer::Observer;
 use crate::training::state::AgentsState;
 use crate::training::timed::{Timed, TimedController};
@@ -118,6 +119,43 @@ impl Worker {
         Ok(datasets)
     }
 
+    /// Lets a hand-coded controller play some of the episodes in which it is imitated. Returns the demonstrations of
+    /// *all* agents, in the order of the episodes.
+    pub fn demonstrate(
+        &mut self,
+        controller: &str,
+        episodes: Range<usize>,
+        observer: &dyn Observer,
+    ) -> Result<Vec<Demonstrations>> {
+        let (begun, mut watch) = (Instant::now(), Stopwatch::default());
+        let seed = Seed::new(self.config.seed).fork(RandomPurpose::Demonstrations);
+        let mut demonstrations = Demonstrations::of_all(self.domain.kinds());
+        let Baseline { simulator, mut controller } = watch.time(Phase::Loading, || self.domain.baseline(controller))?;
+        let mut simulator = Timed::new(simulator);
+        for (done, episode) in episodes.clone().enumerate() {
+            demonstrate(&mut simulator, &mut *controller, seed.for_episode(episode), &mut demonstrations)?;
+            observer.busy(Activity::Collection, (done + 1) as f64 / episodes.len() as f64);
+        }
+        watch.add(&simulator.take_watch());
+        drop(simulator);
+        self.timesheet.note(Activity::Collection, begun.elapsed(), &watch);
+        Ok(demonstrations)
+    }
+
+    /// Makes the policies of this worker's agents imitate their demonstrations.
+    pub fn imitate(&mut self, demonstrations: Vec<Demonstrations>, observer: &dyn Observer) -> Vec<ImitationLoss> {
+        let (begun, mut watch) = (Instant::now(), Stopwatch::default());
+        let count = self.blocks.len() as f64;
+        let mut losses = Vec::new();
+        let demonstrations = self.by_block(demonstrations);
+        for (done, (block, demonstrations)) in self.blocks.iter_mut().zip(&demonstrations).enumerate() {
+            let progress = &mut |share| observer.busy(Activity::Training, (done as f64 + share) / count);
+            losses.extend(block.imitate(demonstrations, Work { watch: &mut watch, progress }));
+        }
+        self.timesheet.note(Activity::Training, begun.elapsed(), &watch);
+        self.in_order(losses)
+    }
+
     /// Plays some of the evaluation episodes.
     pub fn evaluate(
         &mut self,
@@ -164,8 +202,18 @@ impl Worker {
 
     /// Returns what the influence predictors of its agents have learnt, one row each.
     pub fn aips(&self) -> Ragged<f32> {
+        self.joined(AgentBlock::aips)
+    }
+
+    /// Returns the policies of its agents, one row each.
+    pub fn policies(&self) -> JointPolicy {
+        self.joined(AgentBlock::policies)
+    }
+
+    /// Joins a table of every block into one of its agents.
+    fn joined(&self, table: impl Fn(&AgentBlock) -> Ragged<f32>) -> Ragged<f32> {
         let mut joined = Ragged::default();
-        self.blocks.iter().for_each(|block| joined.extend(&block.aips()));
+        self.blocks.iter().for_each(|block| joined.extend(&table(block)));
         match self.order() {
             Some(order) => joined.pick(order),
             None => joined,

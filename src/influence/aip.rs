@@ -25,6 +25,7 @@ impl AipStack {
             recurrent: config.recurrent,
             hidden: config.hidden.clone(),
             outputs: spec.sources.logits(),
+            apart: 0,
         }
     }
 

@@ -48,6 +48,19 @@ impl Adam {
         self.moments = moments;
     }
 
+    /// Forgets all gradients: the next step is again a first one.
+    pub fn begin_again(&mut self) {
+        self.moments.first.fill(0.0);
+        self.moments.second.fill(0.0);
+        self.moments.steps = 0;
+    }
+
+    /// Copies the moments of the first agent to all others.
+    pub fn spread_first(&mut self) {
+        spread_first(&mut self.moments.first);
+        spread_first(&mut self.moments.second);
+    }
+
     /// Returns every agent's network with its part of the optimiser, for `steps` gradient steps each.
     ///
     /// One learner can take all its steps before the next one begins, while its network is in the cache.
@@ -62,6 +75,13 @@ impl Adam {
         rows.map(|(values, (first, second))| Learner { shape, layout, values, first, second, step: begin, end: *taken })
             .collect()
     }
+}
+
+/// Copies the first row of a table to all others.
+pub(super) fn spread_first(rows: &mut Rows<f32>) {
+    let width = rows.width();
+    let (first, others) = rows.as_mut_slice().split_at_mut(width);
+    others.chunks_exact_mut(width).for_each(|row| row.copy_from_slice(first));
 }
 
 /// One agent's network and its part of the optimiser.
@@ -118,8 +138,11 @@ mod tests {
     use crate::nn::Shape;
 
     fn line() -> Net {
-        let mut net =
-            Net::new(&[AgentId(0)], Shape { inputs: 1, recurrent: None, hidden: vec![], outputs: 1 }, Seed::new(0));
+        let mut net = Net::new(
+            &[AgentId(0)],
+            Shape { inputs: 1, recurrent: None, hidden: vec![], outputs: 1, apart: 0 },
+            Seed::new(0),
+        );
         net.parameters_mut().load(&Rows::from_vec(vec![1.0, -1.0], 2));
         net
     }
@@ -139,6 +162,19 @@ mod tests {
         for (value, expected) in net.parameters().values().as_slice().iter().zip([0.806_782, -1.193_218]) {
             assert!((value - expected).abs() < 1e-6, "{value} {expected}");
         }
+    }
+
+    #[test]
+    fn an_optimiser_that_begins_again_takes_its_first_step_again() {
+        let mut net = line();
+        let mut adam = Adam::new(net.parameters());
+        adam.learners(&mut net, 1)[0].descend(&[2.0; 2], 0.1);
+        adam.begin_again();
+        assert_eq!(adam, Adam::new(net.parameters()));
+        adam.learners(&mut net, 1)[0].descend(&[-7.0; 2], 0.1);
+        // A first step is as long as the learning rate, whatever the gradient: forth and back.
+        let values = net.parameters().values().as_slice();
+        assert!((values[0] - 1.0).abs() < 1e-6 && (values[1] + 1.0).abs() < 1e-6, "{values:?}");
     }
 
     #[test]

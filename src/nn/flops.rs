@@ -8,20 +8,24 @@ impl Shape {
     /// Returns the floating-point operations in the matrix products of a forward pass, per row: a multiplication and an
     /// addition per weight. Biases and activations are not counted.
     pub fn forward_flops(&self) -> f64 {
-        2.0 * (self.input_weights() + self.state_weights() + self.layer_weights()) as f64
+        let weights = |tower: &Shape| tower.input_weights() + tower.state_weights() + tower.layer_weights();
+        2.0 * self.towers().iter().map(weights).sum::<usize>() as f64
     }
 
     /// Returns the operations of the gradients of all weights in sequences of `steps`, counted as in
     /// [`Shape::forward_flops`]: by every weight, and through every weight to the layer before it. Nothing flows to the
     /// inputs of the network nor to the state before the first step.
     pub fn backward_flops(&self, steps: usize) -> f64 {
-        let first = if self.recurrent.is_none() {
-            self.layers().next().map_or(0, |(inputs, outputs)| inputs * outputs)
-        } else {
-            0
+        let of_tower = |tower: &Shape| {
+            let first = if tower.recurrent.is_none() {
+                tower.layers().next().map_or(0, |(inputs, outputs)| inputs * outputs)
+            } else {
+                0
+            };
+            let through_states = tower.state_weights() as f64 * (steps - 1) as f64 / steps as f64;
+            tower.forward_flops() + 2.0 * ((tower.layer_weights() - first) as f64 + through_states)
         };
-        let through_states = self.state_weights() as f64 * (steps - 1) as f64 / steps as f64;
-        self.forward_flops() + 2.0 * ((self.layer_weights() - first) as f64 + through_states)
+        self.towers().iter().map(of_tower).sum()
     }
 
     fn input_weights(&self) -> usize {
@@ -58,12 +62,15 @@ mod tests {
 
     #[test]
     fn the_products_of_small_networks_are_counted_by_hand() {
-        let shape = Shape { inputs: 4, recurrent: None, hidden: vec![3], outputs: 2 };
+        let shape = Shape { inputs: 4, recurrent: None, hidden: vec![3], outputs: 2, apart: 0 };
         // Weights 4 x 3 + 3 x 2 = 18: forward 36. Gradients by the weights 36, through the last layer 2 x 6 = 12.
         assert_eq!((shape.forward_flops(), shape.backward_flops(1)), (36.0, 48.0));
-        let shape = Shape { inputs: 4, recurrent: Some(2), hidden: vec![3], outputs: 1 };
+        let shape = Shape { inputs: 4, recurrent: Some(2), hidden: vec![3], outputs: 1, apart: 0 };
         // Weights: inputs 4 x 6 = 24, states 2 x 6 = 12, layers 2 x 3 + 3 x 1 = 9, together 45: forward 90.
         // Backward in sequences of 4: 90, through the layers 2 x 9 = 18, through the states 2 x 12 x 3/4 = 18.
         assert_eq!((shape.forward_flops(), shape.backward_flops(4)), (90.0, 126.0));
+        // Two towers of one output each cost twice as much as one.
+        let apart = Shape { outputs: 2, apart: 1, ..shape };
+        assert_eq!((apart.forward_flops(), apart.backward_flops(4)), (180.0, 252.0));
     }
 }

@@ -2,7 +2,8 @@
 
 use rand::Rng;
 
-use super::network::{Network, Sequences, Trace, first_layer};
+use super::adam::spread_first;
+use super::network::{Network, Sequences, Trace};
 use super::shape::{Layout, Shape};
 use super::{Parameters, States, Threads};
 use crate::base::{AgentId, Rows, Seed};
@@ -51,6 +52,11 @@ impl Net {
         &mut self.parameters
     }
 
+    /// Copies the parameters of the first agent to all others.
+    pub fn spread_first(&mut self) {
+        spread_first(self.parameters.values_mut());
+    }
+
     /// Uses these threads from now on.
     pub fn use_threads(&mut self, threads: Threads) {
         self.threads = threads;
@@ -70,9 +76,9 @@ impl Net {
         (&self.shape, layout, values)
     }
 
-    /// Adds `bias` to the biases of the last layer, one value per output, for all agents.
+    /// Adds `bias` to the biases of the last layer of the first tower, one value per output, for all agents.
     pub fn shift_output(&mut self, bias: &[f32]) {
-        let range = self.parameters.layout().range(first_layer(&self.shape) + 2 * self.shape.hidden.len() + 1);
+        let range = self.parameters.layout().range(self.shape.blocks_per_tower() - 1);
         let width = self.parameters.width();
         for row in self.parameters.values_mut().as_mut_slice().chunks_exact_mut(width) {
             row[range.clone()].iter_mut().zip(bias).for_each(|(value, shift)| *value += shift);
@@ -119,7 +125,7 @@ mod tests {
 
     fn feed_forward(sizes: &[usize]) -> Shape {
         let (inputs, outputs) = (sizes[0], sizes[sizes.len() - 1]);
-        Shape { inputs, recurrent: None, hidden: sizes[1..sizes.len() - 1].to_vec(), outputs }
+        Shape { inputs, recurrent: None, hidden: sizes[1..sizes.len() - 1].to_vec(), outputs, apart: 0 }
     }
 
     fn random_rows(rows: usize, width: usize, name: &str) -> Rows<f32> {
@@ -235,7 +241,7 @@ mod tests {
 
     #[test]
     fn a_gru_of_width_one_is_worked_out_by_hand() {
-        let shape = Shape { inputs: 1, recurrent: Some(1), hidden: vec![], outputs: 1 };
+        let shape = Shape { inputs: 1, recurrent: Some(1), hidden: vec![], outputs: 1, apart: 0 };
         let mut net = Net::new(&[AgentId(0)], shape, Seed::new(0));
         // Weights of r, z, n: input (0, 0, 1), state (0, 0, 2), biases input (0, ln 3, 0), state (0, 0, 0.5);
         // output weight 1, bias 0.
@@ -267,9 +273,43 @@ mod tests {
     }
 
     #[test]
-    fn gradients_agree_with_finite_differences() {
+    fn two_towers_compute_what_two_networks_with_their_parameters_compute() {
         for recurrent in [None, Some(6)] {
-            let shape = Shape { inputs: 5, recurrent, hidden: vec![7, 6], outputs: 3 };
+            let both = Shape { inputs: 5, recurrent, hidden: vec![7], outputs: 3, apart: 1 };
+            let material = Material::new(&both, 1, 4, 3);
+            let net = Net::new(&[AgentId(0)], both.clone(), Seed::new(8));
+            let row = net.parameters().values().row(0);
+            let (outputs, gradient) = material.outputs_and_gradient(net.network(0), 0);
+            let (mut first_parameter, mut first_output) = (0, 0);
+            for (tower, shape) in both.towers().into_iter().enumerate() {
+                let mut alone = Net::blank(1, shape.clone());
+                let width = alone.parameters().width();
+                let own = first_parameter..first_parameter + width;
+                alone.parameters_mut().load(&Rows::from_vec(row[own.clone()].to_vec(), width));
+                let mut its = Material::new(&both, 1, 4, 3);
+                let state = shape.state_width();
+                its.states = States::new(3, state);
+                for sequence in 0..3 {
+                    let whole = material.states.row(sequence);
+                    its.states.set_row(sequence, &whole[tower * state..][..state]);
+                }
+                let columns = |table: &[f32]| -> Vec<f32> {
+                    table.chunks_exact(3).flat_map(|row| &row[first_output..][..shape.outputs]).copied().collect()
+                };
+                its.output_gradient = columns(&material.output_gradient);
+                let (of_alone, gradient_alone) = its.outputs_and_gradient(alone.network(0), 0);
+                assert_eq!(of_alone, columns(&outputs), "tower {tower}");
+                assert_eq!(gradient_alone, gradient[own], "tower {tower}");
+                first_parameter += width;
+                first_output += shape.outputs;
+            }
+        }
+    }
+
+    #[test]
+    fn gradients_agree_with_finite_differences() {
+        for (recurrent, apart) in [(None, 0), (Some(6), 0), (None, 1), (Some(6), 1)] {
+            let shape = Shape { inputs: 5, recurrent, hidden: vec![7, 6], outputs: 3, apart };
             let material = Material::new(&shape, 2, 4, 3);
             // A seed with which no ReLU changes sides within the shifts.
             let mut net = Net::new(&AgentId::all(2), shape, Seed::new(8));
@@ -287,14 +327,17 @@ mod tests {
                 };
                 let slope = (at(step) - at(-step)) / f64::from(2.0 * step);
                 let gradient = f64::from(gradients[parameter]);
-                assert!((slope - gradient).abs() < 1e-2, "{recurrent:?}, parameter {parameter}: {slope} {gradient}");
+                assert!(
+                    (slope - gradient).abs() < 1e-2,
+                    "{recurrent:?}, {apart} apart, parameter {parameter}: {slope} {gradient}"
+                );
             }
         }
     }
 
     #[test]
     fn a_packed_sequence_equals_a_loop_over_its_steps() {
-        let shape = Shape { inputs: 37, recurrent: Some(64), hidden: vec![32], outputs: 5 };
+        let shape = Shape { inputs: 37, recurrent: Some(64), hidden: vec![32], outputs: 5, apart: 0 };
         let (agents, steps, batch) = (2, 8, 4);
         let material = Material::new(&shape, agents, steps, batch);
         let net = Net::new(&AgentId::all(agents), shape, Seed::new(3));
@@ -322,7 +365,7 @@ mod tests {
     fn a_stack_of_networks_equals_single_networks_bit_for_bit() {
         let agents = [AgentId(4), AgentId(0), AgentId(9)];
         let traffic = feed_forward(&[40, 256, 128, 3]);
-        let warehouse = Shape { inputs: 37, recurrent: Some(256), hidden: vec![128], outputs: 5 };
+        let warehouse = Shape { inputs: 37, recurrent: Some(256), hidden: vec![128], outputs: 5, apart: 0 };
         for (shape, steps, batch) in [
             (&traffic, 1, 1),
             (&traffic, 1, 8),

@@ -3,7 +3,7 @@
 use super::buffer::resized;
 use super::gru::{self, GruTrace};
 use super::product::{Before, Matrix, affine, multiply, sum_rows};
-use super::shape::{Layout, Shape};
+use super::shape::{Layout, Shape, TowerBlocks};
 
 /// One agent's network: a shape over a row of parameters.
 #[derive(Clone, Copy)]
@@ -29,19 +29,36 @@ pub struct Sequences<'a> {
 /// One trace serves many passes, of any agent, without new memory.
 #[derive(Default)]
 pub struct Trace {
+    towers: [TowerTrace; 2],
+    /// Outputs and last states of two towers side by side. One tower has its own.
+    side_by_side: Option<SideBySide>,
+    /// Gradient of the loss by the parameters, after a backward pass.
+    gradient: Vec<f32>,
+}
+
+/// The trace of one tower.
+#[derive(Default)]
+struct TowerTrace {
     gru: GruTrace,
     /// Inputs, then the values after each layer and its ReLU. The last one is the output.
     values: Vec<Vec<f32>>,
-    /// Gradient of the loss by the parameters, after a backward pass.
-    gradient: Vec<f32>,
     /// Gradients of the loss by the values of two neighbouring layers.
     by_layer: [Vec<f32>; 2],
+}
+
+#[derive(Default)]
+struct SideBySide {
+    outputs: Vec<f32>,
+    states: Vec<f32>,
 }
 
 impl Trace {
     /// Returns the outputs of the last forward pass, `[rows, outputs]`.
     pub fn output(&self) -> &[f32] {
-        self.values.last().expect("there was a forward pass")
+        match &self.side_by_side {
+            Some(both) => &both.outputs,
+            None => self.towers[0].output(),
+        }
     }
 
     /// Returns the gradient of the loss by the parameters, from the last backward pass.
@@ -49,8 +66,26 @@ impl Trace {
         &self.gradient
     }
 
+    /// Returns the same gradient, for writing.
+    pub fn gradient_mut(&mut self) -> &mut [f32] {
+        &mut self.gradient
+    }
+
     /// Returns the states after the last step, `[sequences, state_width]`; `length`: number of values in them.
     pub(super) fn last_states(&self, length: usize) -> &[f32] {
+        match &self.side_by_side {
+            Some(both) => &both.states,
+            None => self.towers[0].last_states(length),
+        }
+    }
+}
+
+impl TowerTrace {
+    fn output(&self) -> &[f32] {
+        self.values.last().expect("there was a forward pass")
+    }
+
+    fn last_states(&self, length: usize) -> &[f32] {
         &self.gru.outputs[self.gru.outputs.len() - length..]
     }
 }
@@ -65,24 +100,28 @@ impl Network<'_> {
     ///
     /// A network without a GRU ignores the sequences.
     pub fn forward(self, inputs: &[f32], sequences: Sequences<'_>, trace: &mut Trace) {
-        let Network { shape, layout, values } = self;
-        let rows = inputs.len() / shape.inputs;
-        trace.values.resize_with(shape.hidden.len() + 2, Vec::new);
-        resized(&mut trace.values[0], inputs.len()).copy_from_slice(inputs);
-        if shape.recurrent.is_some() {
-            let Sequences { steps, states, starts } = sequences;
-            gru::forward(layout, values, inputs, steps, states, starts, &mut trace.gru);
+        if self.shape.apart == 0 {
+            trace.side_by_side = None;
+            self.tower(self.shape, 0).forward(inputs, sequences, &mut trace.towers[0]);
+            return;
         }
-        for (layer, (_, outputs)) in shape.layers().enumerate() {
-            let block = first_layer(shape) + 2 * layer;
-            let (before, after) = trace.values.split_at_mut(layer + 1);
-            let before = if layer == 0 && shape.recurrent.is_some() { &trace.gru.outputs } else { &before[layer] };
-            let after = resized(&mut after[0], rows * outputs);
-            affine(before, &values[layout.range(block)], &values[layout.range(block + 1)], after);
-            if layer < shape.hidden.len() {
-                // Not `max`, which would hide a NaN.
-                after.iter_mut().for_each(|value| *value = if *value < 0.0 { 0.0 } else { *value });
+        let shapes = self.shape.towers();
+        let width = self.state_width();
+        let SideBySide { outputs, states } = trace.side_by_side.get_or_insert_default();
+        resized(outputs, inputs.len() / self.shape.inputs * self.shape.outputs);
+        resized(states, sequences.states.len());
+        let (mut first_output, mut first_state) = (0, 0);
+        for (index, (shape, trace)) in shapes.iter().zip(&mut trace.towers).enumerate() {
+            let own = shape.state_width();
+            let states_before = columns(sequences.states, width, first_state, own);
+            let sequences = Sequences { states: &states_before, ..sequences };
+            self.tower(shape, index).forward(inputs, sequences, trace);
+            put_columns(trace.output(), shape.outputs, outputs, self.shape.outputs, first_output);
+            if own > 0 {
+                put_columns(trace.last_states(states_before.len()), own, states, width, first_state);
             }
+            first_output += shape.outputs;
+            first_state += own;
         }
     }
 
@@ -90,25 +129,91 @@ impl Network<'_> {
     ///
     /// `by_output`: gradient of the loss by the outputs of the forward pass, `[rows, outputs]`.
     pub fn backward(self, by_output: &[f32], trace: &mut Trace) {
-        let Network { shape, layout, values } = self;
-        let gradient = resized(&mut trace.gradient, layout.width());
+        let gradient = resized(&mut trace.gradient, self.layout.width());
+        if self.shape.apart == 0 {
+            self.tower(self.shape, 0).backward(by_output, &mut trace.towers[0], gradient);
+            return;
+        }
+        let mut first = 0;
+        for (index, (shape, trace)) in self.shape.towers().iter().zip(&mut trace.towers).enumerate() {
+            let by_output = columns(by_output, self.shape.outputs, first, shape.outputs);
+            self.tower(shape, index).backward(&by_output, trace, gradient);
+            first += shape.outputs;
+        }
+    }
+}
+
+/// Returns `count` neighbouring columns of a table of `width` columns.
+fn columns(table: &[f32], width: usize, first: usize, count: usize) -> Vec<f32> {
+    if count == 0 {
+        return Vec::new();
+    }
+    table.chunks_exact(width).flat_map(|row| &row[first..first + count]).copied().collect()
+}
+
+/// Writes all columns of a table into neighbouring columns of a wider one.
+fn put_columns(table: &[f32], count: usize, into: &mut [f32], width: usize, first: usize) {
+    let rows = into.chunks_exact_mut(width).zip(table.chunks_exact(count));
+    rows.for_each(|(into, row)| into[first..first + count].copy_from_slice(row));
+}
+
+/// One tower of a network: a shape without outputs apart, over its blocks in the network's row.
+#[derive(Clone, Copy)]
+struct Tower<'a> {
+    shape: &'a Shape,
+    blocks: TowerBlocks<'a>,
+    values: &'a [f32],
+}
+
+impl<'a> Network<'a> {
+    fn tower(self, shape: &'a Shape, index: usize) -> Tower<'a> {
+        let blocks = TowerBlocks { layout: self.layout, first: index * shape.blocks_per_tower() };
+        Tower { shape, blocks, values: self.values }
+    }
+}
+
+impl Tower<'_> {
+    fn forward(self, inputs: &[f32], sequences: Sequences<'_>, trace: &mut TowerTrace) {
+        let Tower { shape, blocks, values } = self;
+        let rows = inputs.len() / shape.inputs;
+        trace.values.resize_with(shape.hidden.len() + 2, Vec::new);
+        resized(&mut trace.values[0], inputs.len()).copy_from_slice(inputs);
+        if shape.recurrent.is_some() {
+            let Sequences { steps, states, starts } = sequences;
+            gru::forward(blocks, values, inputs, steps, states, starts, &mut trace.gru);
+        }
+        for (layer, (_, outputs)) in shape.layers().enumerate() {
+            let block = shape.first_layer() + 2 * layer;
+            let (before, after) = trace.values.split_at_mut(layer + 1);
+            let before = if layer == 0 && shape.recurrent.is_some() { &trace.gru.outputs } else { &before[layer] };
+            let after = resized(&mut after[0], rows * outputs);
+            affine(before, &values[blocks.range(block)], &values[blocks.range(block + 1)], after);
+            if layer < shape.hidden.len() {
+                // Not `max`, which would hide a NaN.
+                after.iter_mut().for_each(|value| *value = if *value < 0.0 { 0.0 } else { *value });
+            }
+        }
+    }
+
+    fn backward(self, by_output: &[f32], trace: &mut TowerTrace, gradient: &mut [f32]) {
+        let Tower { shape, blocks, values } = self;
         let rows = by_output.len() / shape.outputs;
         let [by_after, by_before] = &mut trace.by_layer;
         resized(by_after, by_output.len()).copy_from_slice(by_output);
         for (layer, (inputs, outputs)) in shape.layers().enumerate().rev() {
-            let block = first_layer(shape) + 2 * layer;
+            let block = shape.first_layer() + 2 * layer;
             let recurrent_below = layer == 0 && shape.recurrent.is_some();
             let before = if recurrent_below { &trace.gru.outputs } else { &trace.values[layer] };
             let after = Matrix::new(by_after, outputs);
             multiply(
                 Matrix::new(before, inputs).transposed(),
                 after,
-                &mut gradient[layout.range(block)],
+                &mut gradient[blocks.range(block)],
                 Before::Overwrite,
             );
-            sum_rows(by_after, &mut gradient[layout.range(block + 1)]);
+            sum_rows(by_after, &mut gradient[blocks.range(block + 1)]);
             if layer > 0 || recurrent_below {
-                let weight = Matrix::new(&values[layout.range(block)], outputs);
+                let weight = Matrix::new(&values[blocks.range(block)], outputs);
                 multiply(after, weight.transposed(), resized(by_before, rows * inputs), Before::Overwrite);
                 std::mem::swap(by_after, by_before);
             }
@@ -118,12 +223,7 @@ impl Network<'_> {
             }
         }
         if shape.recurrent.is_some() {
-            gru::backward(layout, values, &trace.values[0], by_after, &mut trace.gru, gradient);
+            gru::backward(blocks, values, &trace.values[0], by_after, &mut trace.gru, gradient);
         }
     }
-}
-
-/// Returns the block of the first linear layer's weight.
-pub(super) fn first_layer(shape: &Shape) -> usize {
-    if shape.recurrent.is_some() { gru::BLOCKS } else { 0 }
 }

@@ -8,7 +8,7 @@ use tch::{CModule, Device, Kind, Tensor};
 
 use super::Net;
 use super::gru::{INPUT, INPUT_BIAS, STATE, STATE_BIAS};
-use super::network::first_layer;
+use super::shape::Shape;
 
 /// Checks that this build can write scripts, which it can.
 pub fn check_script() -> Result<()> {
@@ -25,13 +25,19 @@ pub fn write_script(net: &Net, path: &Path) -> Result<()> {
     let (shape, agents) = (net.shape(), net.parameters().agents() as i64);
     // Their values do not matter: only the operations on them are recorded.
     let table = |width: usize| Tensor::zeros(&[agents, 2, width as i64], (Kind::Float, Device::Cpu));
-    let arguments: Vec<Tensor> = [shape.inputs].into_iter().chain(shape.recurrent).map(table).collect();
-    let stack = Stack::of(net);
+    let states = Some(shape.state_width()).filter(|&width| width > 0);
+    let arguments: Vec<Tensor> = [shape.inputs].into_iter().chain(states).map(table).collect();
+    let towers: Vec<Tower> =
+        shape.towers().iter().enumerate().map(|(index, shape)| Tower::of(net, shape, index)).collect();
     let mut forward = |arguments: &[Tensor]| match arguments {
-        [inputs] => vec![stack.layers(inputs)],
+        [inputs] => vec![side_by_side(towers.iter().map(|tower| tower.layers(inputs)).collect())],
         [inputs, states] => {
-            let states = stack.gru_step(inputs, states);
-            vec![Tensor::cat(&[stack.layers(&states), states], 2)]
+            let before = states.chunk(towers.len() as i64, 2);
+            let states: Vec<Tensor> =
+                towers.iter().zip(&before).map(|(tower, state)| tower.gru_step(inputs, state)).collect();
+            let outputs = towers.iter().zip(&states).map(|(tower, state)| tower.layers(state));
+            let both: Vec<Tensor> = outputs.collect();
+            vec![side_by_side(both.into_iter().chain(states).collect())]
         }
         _ => unreachable!("the arguments are inputs and perhaps states"),
     };
@@ -42,27 +48,34 @@ pub fn write_script(net: &Net, path: &Path) -> Result<()> {
     module.save(path).map_err(first_line).with_context(|| format!("{}: cannot be written", path.display()))
 }
 
-/// The networks as tensors. They are made before the trace. If a tensor is made during the trace, the module records
+/// Joins the last columns of tables with the same rows.
+fn side_by_side(mut tables: Vec<Tensor>) -> Tensor {
+    if tables.len() == 1 { tables.remove(0) } else { Tensor::cat(&tables, 2) }
+}
+
+/// One tower of all networks as tensors. They are made before the trace. If a tensor is made during the trace, the module records
 /// how it is made and not its values.
-struct Stack {
+struct Tower {
     /// Weights and biases in the order of the layout, `[agents, ...]`.
     blocks: Vec<Tensor>,
     first_layer: usize,
     hidden: usize,
 }
 
-impl Stack {
-    fn of(net: &Net) -> Stack {
+impl Tower {
+    /// `shape`: that of the tower alone; `index`: its number in the network.
+    fn of(net: &Net, shape: &Shape, index: usize) -> Tower {
         let parameters = net.parameters();
         let block = |(_, shape, place): (&str, Vec<usize>, Range<usize>)| {
             let values: Vec<f32> = parameters.values().iter().flat_map(|row| &row[place.clone()]).copied().collect();
             let shape: Vec<i64> = shape.into_iter().map(|n| n as i64).collect();
             Tensor::of_slice(&values).view(&shape[..])
         };
-        Stack {
-            blocks: parameters.layout().blocks(parameters.agents()).map(block).collect(),
-            first_layer: first_layer(net.shape()),
-            hidden: net.shape().hidden.len(),
+        let (first, count) = (index * shape.blocks_per_tower(), shape.blocks_per_tower());
+        Tower {
+            blocks: parameters.layout().blocks(parameters.agents()).skip(first).take(count).map(block).collect(),
+            first_layer: shape.first_layer(),
+            hidden: shape.hidden.len(),
         }
     }
 

@@ -2,7 +2,12 @@
 
 use std::ops::Range;
 
+use super::gru;
+
 /// The layers of a network: inputs -> GRU, if any -> hidden layers with ReLU -> linear outputs.
+///
+/// Some outputs can be apart: a second *tower* with the same inputs and the same hidden layers makes them. The two
+/// towers share nothing but the inputs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Shape {
     pub inputs: usize,
@@ -10,15 +15,58 @@ pub struct Shape {
     pub recurrent: Option<usize>,
     pub hidden: Vec<usize>,
     pub outputs: usize,
+    /// Number of outputs, the last ones, that the second tower makes; 0 if there is one tower.
+    pub apart: usize,
 }
 
+/// Beginning of the names of the second tower's blocks. Only policies have one, for their critic.
+const APART: &str = "critic.";
+
 impl Shape {
-    /// Returns the width of the hidden state; 0 without a GRU.
+    /// Returns the width of the hidden state, that of the first tower and then that of the second; 0 without a GRU.
     pub fn state_width(&self) -> usize {
-        self.recurrent.unwrap_or(0)
+        self.recurrent.unwrap_or(0) * if self.apart > 0 { 2 } else { 1 }
     }
 
-    /// Returns the number of inputs and outputs of each linear layer.
+    /// Returns the shapes of its towers, which have one tower each.
+    pub(super) fn towers(&self) -> Vec<Shape> {
+        let outputs = [self.outputs - self.apart, self.apart].into_iter().filter(|&outputs| outputs > 0);
+        outputs.map(|outputs| Shape { outputs, apart: 0, ..self.clone() }).collect()
+    }
+
+    /// Returns the number of blocks of a tower.
+    pub(super) fn blocks_per_tower(&self) -> usize {
+        self.first_layer() + 2 * (self.hidden.len() + 1)
+    }
+
+    /// Returns the block of the first linear layer's weight in a tower.
+    pub(super) fn first_layer(&self) -> usize {
+        if self.recurrent.is_some() { gru::BLOCKS } else { 0 }
+    }
+
+    /// Returns which parameters matter to the last output alone, one flag per parameter. They are all of its tower if
+    /// no other output is in it, else its weights and its bias in the last layer.
+    pub fn only_for_the_last_output(&self) -> Vec<bool> {
+        let layout = self.layout();
+        let of_last_tower = if self.apart > 0 { self.apart } else { self.outputs };
+        let mut flags = vec![false; layout.width()];
+        if of_last_tower == 1 {
+            let first = layout.range(self.blocks_per_tower() * (self.towers().len() - 1)).start;
+            flags[first..].fill(true);
+        } else {
+            // The last two blocks: `[in, outputs]` and `[1, outputs]`.
+            for block in layout.blocks.len() - 2..layout.blocks.len() {
+                flags[layout.range(block)]
+                    .iter_mut()
+                    .skip(of_last_tower - 1)
+                    .step_by(of_last_tower)
+                    .for_each(|flag| *flag = true);
+            }
+        }
+        flags
+    }
+
+    /// Returns the number of inputs and outputs of each linear layer. Only for one tower.
     pub(super) fn layers(&self) -> impl DoubleEndedIterator<Item = (usize, usize)> + ExactSizeIterator {
         let inputs = |layer: usize| match layer {
             0 => self.recurrent.unwrap_or(self.inputs),
@@ -28,20 +76,26 @@ impl Shape {
         (0..self.hidden.len() + 1).map(move |layer| (inputs(layer), outputs(layer)))
     }
 
-    /// Returns the places of the weights and biases.
+    /// Returns the places of the weights and biases, those of the first tower first.
     pub fn layout(&self) -> Layout {
+        let prefixes = ["", APART];
+        Layout::new(prefixes.iter().zip(self.towers()).flat_map(|(prefix, tower)| tower.blocks(prefix)).collect())
+    }
+
+    /// Returns names and shapes of the weights and biases of one tower.
+    fn blocks(&self, prefix: &str) -> Vec<(String, Vec<usize>)> {
         let mut blocks = Vec::new();
         if let Some(width) = self.recurrent {
-            blocks.push(("gru.input_weight".to_owned(), vec![self.inputs, 3 * width]));
-            blocks.push(("gru.state_weight".to_owned(), vec![width, 3 * width]));
-            blocks.push(("gru.input_bias".to_owned(), vec![1, 3 * width]));
-            blocks.push(("gru.state_bias".to_owned(), vec![1, 3 * width]));
+            blocks.push((format!("{prefix}gru.input_weight"), vec![self.inputs, 3 * width]));
+            blocks.push((format!("{prefix}gru.state_weight"), vec![width, 3 * width]));
+            blocks.push((format!("{prefix}gru.input_bias"), vec![1, 3 * width]));
+            blocks.push((format!("{prefix}gru.state_bias"), vec![1, 3 * width]));
         }
         for (index, (inputs, outputs)) in self.layers().enumerate() {
-            blocks.push((format!("layers.{index}.weight"), vec![inputs, outputs]));
-            blocks.push((format!("layers.{index}.bias"), vec![1, outputs]));
+            blocks.push((format!("{prefix}layers.{index}.weight"), vec![inputs, outputs]));
+            blocks.push((format!("{prefix}layers.{index}.bias"), vec![1, outputs]));
         }
-        Layout::new(blocks)
+        blocks
     }
 
     /// Returns the bounds of the initial values, in order: (number of values, bound).
@@ -49,12 +103,15 @@ impl Shape {
     /// The same as torch's `Linear` and `GRU`: U(-b, b) for weights and biases, with `b = 1 / sqrt(inputs)` for a
     /// linear layer and `1 / sqrt(width)` for a GRU.
     pub(super) fn initial_bounds(&self) -> Vec<(usize, f32)> {
-        let gru = self.recurrent.map(|width| {
-            let length = (self.inputs + width + 2) * 3 * width;
-            (length, 1.0 / (width as f32).sqrt())
-        });
-        let layer = |(inputs, outputs): (usize, usize)| ((inputs + 1) * outputs, 1.0 / (inputs as f32).sqrt());
-        gru.into_iter().chain(self.layers().map(layer)).collect()
+        let of_tower = |tower: Shape| {
+            let gru = tower.recurrent.map(|width| {
+                let length = (tower.inputs + width + 2) * 3 * width;
+                (length, 1.0 / (width as f32).sqrt())
+            });
+            let layer = |(inputs, outputs): (usize, usize)| ((inputs + 1) * outputs, 1.0 / (inputs as f32).sqrt());
+            gru.into_iter().chain(tower.layers().map(layer)).collect::<Vec<_>>()
+        };
+        self.towers().into_iter().flat_map(of_tower).collect()
     }
 }
 
@@ -107,5 +164,53 @@ impl Layout {
     pub(super) fn range(&self, block: usize) -> Range<usize> {
         let block = &self.blocks[block];
         block.offset..block.offset + block.len
+    }
+}
+
+/// The blocks of one tower in the layout of a network.
+#[derive(Clone, Copy)]
+pub(super) struct TowerBlocks<'a> {
+    pub layout: &'a Layout,
+    /// Its first block.
+    pub first: usize,
+}
+
+impl TowerBlocks<'_> {
+    /// Returns the place of a block within the row of the whole network.
+    pub fn range(self, block: usize) -> Range<usize> {
+        self.layout.range(self.first + block)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_second_tower_has_the_same_hidden_layers_and_follows_the_first_one() {
+        let shape = Shape { inputs: 3, recurrent: Some(2), hidden: vec![4], outputs: 3, apart: 1 };
+        let layout = shape.layout();
+        let blocks: Vec<(&str, Vec<usize>)> = layout.blocks(1).map(|(name, shape, _)| (name, shape)).collect();
+        assert_eq!(blocks.len(), 16);
+        assert_eq!(blocks[6], ("layers.1.weight", vec![1, 4, 2]));
+        assert_eq!(blocks[8], ("critic.gru.input_weight", vec![1, 3, 6]));
+        assert_eq!(blocks[14], ("critic.layers.1.weight", vec![1, 4, 1]));
+        assert_eq!(shape.state_width(), 4);
+        // A tower: GRU (3 + 2 + 2) * 6 = 42, layer 2 * 4 + 4 = 12, outputs 4 * 2 + 2 = 10 or 4 + 1 = 5.
+        assert_eq!(layout.width(), 64 + 59);
+        assert_eq!(shape.initial_bounds().iter().map(|(length, _)| length).sum::<usize>(), 123);
+    }
+
+    #[test]
+    fn the_last_output_has_its_column_of_the_last_layer_or_a_tower_for_itself() {
+        let shape = Shape { inputs: 1, recurrent: None, hidden: vec![2], outputs: 3, apart: 0 };
+        // Weight and bias of the hidden layer: 4. Weight of the outputs [2, 3], bias [1, 3].
+        let flags: Vec<usize> = shape.only_for_the_last_output().iter().map(|&flag| usize::from(flag)).collect();
+        assert_eq!(flags, [0, 0, 0, 0, 0, 0, 1, 0, 0, 1, 0, 0, 1]);
+        let apart = Shape { apart: 1, ..shape };
+        // First tower: 4 + 2 * 2 + 2 = 10, second: 4 + 2 + 1 = 7.
+        let flags = apart.only_for_the_last_output();
+        assert_eq!((flags.len(), flags.iter().position(|&flag| flag)), (17, Some(10)));
+        assert!(flags[10..].iter().all(|&flag| flag));
     }
 }

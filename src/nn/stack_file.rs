@@ -82,7 +82,7 @@ mod tests {
     #[test]
     fn stacks_of_one_file_come_back_by_their_prefixes() {
         let net = |agents: &[AgentId], inputs| {
-            Net::new(agents, Shape { inputs, recurrent: None, hidden: vec![5], outputs: 2 }, Seed::new(1))
+            Net::new(agents, Shape { inputs, recurrent: None, hidden: vec![5], outputs: 2, apart: 0 }, Seed::new(1))
         };
         let (one, other) = ([AgentId(0), AgentId(2)], [AgentId(1)]);
         let nets = [net(&one, 4), net(&other, 3)];
@@ -102,7 +102,7 @@ mod tests {
 
     #[test]
     fn a_stack_comes_back_as_it_was() {
-        let shape = Shape { inputs: 4, recurrent: None, hidden: vec![5], outputs: 2 };
+        let shape = Shape { inputs: 4, recurrent: None, hidden: vec![5], outputs: 2, apart: 0 };
         let net = Net::new(&AgentId::all(3), shape, Seed::new(1));
         let bytes = write_stack(net.parameters().layout(), net.parameters().values());
         let file = tempfile::NamedTempFile::new().unwrap();
@@ -116,7 +116,7 @@ mod tests {
     #[test]
     fn a_parameter_that_is_no_finite_number_is_refused_with_its_tensor_and_its_agent() {
         // Three inputs and four outputs without hidden layers: 12 weights, then 4 biases.
-        let shape = Shape { inputs: 3, recurrent: None, hidden: Vec::new(), outputs: 4 };
+        let shape = Shape { inputs: 3, recurrent: None, hidden: Vec::new(), outputs: 4, apart: 0 };
         let net = Net::new(&AgentId::all(3), shape, Seed::new(1));
         let layout = net.parameters().layout();
         let file = tempfile::NamedTempFile::new().unwrap();
@@ -137,7 +137,7 @@ mod tests {
 
     #[test]
     fn a_stack_of_another_shape_or_a_torn_file_is_a_clear_error() {
-        let shape = Shape { inputs: 4, recurrent: None, hidden: vec![5], outputs: 2 };
+        let shape = Shape { inputs: 4, recurrent: None, hidden: vec![5], outputs: 2, apart: 0 };
         let net = Net::new(&AgentId::all(3), shape, Seed::new(1));
         let bytes = write_stack(net.parameters().layout(), net.parameters().values());
         let file = tempfile::NamedTempFile::new().unwrap();

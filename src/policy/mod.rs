@@ -2,9 +2,10 @@
 //!
 //! - `controller`: policies that act, in evaluation and in the collection of datasets.
 //! - [`sampling`]: how actions are drawn.
-//! - `memory`: the samples that policies learn from.
+//! - `memory`: the samples that policies learn from; `demonstrations`: what a controller did, to be imitated.
 
 mod controller;
+mod demonstrations;
 mod memory;
 pub mod sampling;
 
@@ -16,13 +17,15 @@ use crate::domain::{Percept, RegionSpec, Result};
 use crate::nn::{Adam, Learner, Net, Parameters, Shape, States, Threads, write_script};
 
 pub use controller::{JointPolicyController, Selection, StackController};
+pub use demonstrations::Demonstrations;
 pub use memory::{Memory, Sample};
 
 /// Parameters of all agents' policies, one row per agent, as wide as its kind has it. They are exchanged, saved and
 /// evaluated.
 pub type JointPolicy = Ragged<f32>;
 
-/// One policy and value network per agent: observation -> GRU, if any -> hidden layers -> logits and one value.
+/// One policy and value network per agent: observation -> GRU, if any -> hidden layers -> logits and one value. The
+/// critic, which gives the value, can have a GRU and hidden layers of its own (`policy.separate_critic`).
 ///
 /// Source: DIALS paper, appendix "Hyperparameters" (traffic: 256 and 128; warehouse: GRU 256 and 128).
 pub struct PolicyStack {
@@ -54,6 +57,7 @@ impl PolicyStack {
             recurrent: config.recurrent,
             hidden: config.hidden.clone(),
             outputs: spec.n_actions + 1,
+            apart: usize::from(config.separate_critic),
         }
     }
 
@@ -78,6 +82,16 @@ impl PolicyStack {
         self.n_actions
     }
 
+    /// Returns the width of the hidden state; 0 without memory.
+    pub fn state_width(&self) -> usize {
+        self.net.shape().state_width()
+    }
+
+    /// Returns which parameters are the critic's alone, one flag per parameter of an agent.
+    pub fn only_critic(&self) -> Vec<bool> {
+        self.net.shape().only_for_the_last_output()
+    }
+
     /// Makes cleared states for this number of rows.
     pub fn states(&self, rows: usize) -> States {
         self.net.states(rows)
@@ -97,6 +111,11 @@ impl PolicyStack {
             rows.for_each(|(outputs, mask)| sampling::forbid(outputs, mask));
         }
         judgement
+    }
+
+    /// Copies the policy of the first agent to all others.
+    pub fn spread_first(&mut self) {
+        self.net.spread_first();
     }
 
     pub fn parameters(&self) -> &Parameters {

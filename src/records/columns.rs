@@ -24,6 +24,10 @@ pub const RETURN: &str = "return";
 /// `episodes.csv`
 pub const OF_EPISODES: [&str; 3] = [STEPS, EPISODE, RETURN];
 
+/// `imitation.csv`
+pub const OF_IMITATION: [&str; 6] =
+    [STEPS, AGENT, "cross_entropy_before", "cross_entropy_after", "accuracy_before", "accuracy_after"];
+
 /// `training.csv`, before the counters of the simulators.
 pub const OF_TRAINING: [&str; 11] = [
     STEPS,

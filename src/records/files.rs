@@ -5,6 +5,7 @@ pub const NETWORKS: &str = "networks";
 pub const RUN: &str = "run.json";
 pub const RETURNS: &str = "returns.csv";
 pub const EPISODES: &str = "episodes.csv";
+pub const IMITATION: &str = "imitation.csv";
 pub const TRAINING: &str = "training.csv";
 pub const AIP_LOSS: &str = "aip_loss.csv";
 pub const AIP_DRIFT: &str = "aip_drift.csv";
@@ -17,7 +18,7 @@ pub const AIPS: &str = "aips.safetensors";
 pub const CHECKPOINTS: &str = "checkpoints";
 
 /// Files that grow during the run.
-pub const GROWING: [&str; 8] = [RETURNS, EPISODES, TRAINING, AIP_LOSS, AIP_DRIFT, TIMING, MEMORY, EVENTS];
+pub const GROWING: [&str; 9] = [IMITATION, RETURNS, EPISODES, TRAINING, AIP_LOSS, AIP_DRIFT, TIMING, MEMORY, EVENTS];
 
 /// Returns whether a folder is a run directory: one with a config.
 pub fn is_run_dir(path: &std::path::Path) -> bool {

@@ -5,6 +5,7 @@ use anyhow::{Result, bail};
 use crate::base::Ragged;
 use crate::influence::AipLoss;
 use crate::training::answers::PolicyTraining;
+use crate::training::imitation::ImitationLoss;
 use crate::training::state::AgentsState;
 
 /// Returns an error that names the first agent whose policy has diverged.
@@ -22,6 +23,19 @@ pub fn check_policies(training: &PolicyTraining, state: &AgentsState) -> Result<
         }
     }
     Ok(())
+}
+
+/// Returns an error that names the first agent whose policy has diverged while it imitated a controller.
+pub fn check_imitation(agents: &AgentsState, losses: &[ImitationLoss]) -> Result<()> {
+    let bad_loss = |loss: &ImitationLoss| !loss.cross_entropy.iter().all(|value| value.is_finite());
+    let key = "imitation.learning_rate";
+    if let Some(agent) = losses.iter().position(bad_loss) {
+        return diverged("imitation", agent, "a loss", agents.steps, key);
+    }
+    match first_bad_row(&agents.policies) {
+        Some(agent) => diverged("imitation", agent, "a parameter", agents.steps, key),
+        None => Ok(()),
+    }
 }
 
 /// Returns an error that names the first agent whose AIP (approximate influence predictor) has diverged.

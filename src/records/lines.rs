@@ -9,6 +9,7 @@ use crate::evaluation::{Evaluation, Summary};
 use crate::influence::{AipLoss, FreshLoss};
 use crate::training::answers::{FleetLoad, Footprint, PolicyTraining};
 use crate::training::drift::Moment;
+use crate::training::imitation::ImitationLoss;
 use crate::training::ppo::Losses;
 
 /// A line of a CSV file, one string per column.
@@ -54,6 +55,16 @@ pub fn episode_lines(steps: u64, evaluation: &Evaluation) -> Vec<CsvLine> {
     episodes
         .map(|(episode, returns)| vec![steps.to_string(), episode.to_string(), format!("{:.6}", mean(returns))])
         .collect()
+}
+
+/// Makes a line for the mean of all agents, then one per agent.
+pub fn imitation_lines(steps: u64, losses: &[ImitationLoss]) -> Vec<CsvLine> {
+    let line = |agent: String, loss: &ImitationLoss| {
+        let values = loss.cross_entropy.into_iter().chain(loss.accuracy);
+        [steps.to_string(), agent].into_iter().chain(values.map(|value| format!("{value:.5}"))).collect()
+    };
+    let of_agents = losses.iter().enumerate().map(|(agent, loss)| line(agent.to_string(), loss));
+    std::iter::once(line(ALL.to_owned(), &ImitationLoss::mean_of(losses))).chain(of_agents).collect()
 }
 
 /// Makes a line for the mean of all agents and sources. Then for each agent, one line for the mean of its sources and

@@ -8,6 +8,7 @@
 //! |---|---|
 //! | `config.toml`, `networks/` | the checked config and its SUMO networks: the run can be evaluated anywhere |
 //! | `run.json` | seed, command line, scenario, build and machine |
+//! | `imitation.csv` | the imitation of a controller before training, per agent, if the config asks for it |
 //! | `returns.csv` | evaluations on the GS, per agent and for all |
 //! | `episodes.csv` | the mean return of all agents in each episode of each evaluation |
 //! | `training.csv` | each period of training, per agent: returns on the simulator it trained on, losses |

@@ -12,10 +12,10 @@ use super::checkpoint::{self, Checkpoint, RunProgress};
 use super::columns;
 use super::csv::{append, append_block, cut};
 use super::files;
-use super::finite::{check_aips, check_policies};
+use super::finite::{check_aips, check_imitation, check_policies};
 use super::lines::{
-    CsvLine, Wall, aip_lines, drift_lines, episode_lines, evaluation_header, evaluation_lines, header, memory_lines,
-    timing_lines, training_header, training_lines,
+    CsvLine, Wall, aip_lines, drift_lines, episode_lines, evaluation_header, evaluation_lines, header, imitation_lines,
+    memory_lines, timing_lines, training_header, training_lines,
 };
 use super::tensorboard::{Scalar, first_record, scalars_of, scalars_record};
 use crate::config::Config;
@@ -25,6 +25,7 @@ use crate::influence::{AipLoss, FreshLoss};
 use crate::records::joint_layout::JointLayout;
 use crate::training::answers::{FleetLoad, PolicyTraining};
 use crate::training::drift::Moment;
+use crate::training::imitation::ImitationLoss;
 use crate::training::journal::Journal;
 use crate::training::standing::Standing;
 use crate::training::state::AgentsState;
@@ -143,6 +144,13 @@ impl Journal for RunLog {
     fn begun(&mut self, agents: &AgentsState) -> Result<()> {
         self.steps = agents.steps;
         Ok(())
+    }
+
+    /// Policies that have diverged are an error.
+    fn imitated(&mut self, agents: &AgentsState, losses: &[ImitationLoss]) -> Result<()> {
+        check_imitation(agents, losses)?;
+        let (steps, lines) = (agents.steps, imitation_lines(agents.steps, losses));
+        self.append(files::IMITATION, steps, &header(&columns::OF_IMITATION), &lines)
     }
 
     fn evaluated(&mut self, agents: &AgentsState, evaluation: &Evaluation) -> Result<()> {

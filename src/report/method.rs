@@ -38,7 +38,8 @@ impl Method {
 
     fn of_keys(simulator: Simulator, mut keys: BTreeMap<String, String>) -> Method {
         let retraining = if simulator.trains_predictors() { Retraining::of(&keys) } else { Retraining::Never };
-        keys.retain(|key, _| !is_no_method(key) && !is_idle(simulator, &retraining, key));
+        let imitates = keys.contains_key("policy.imitate");
+        keys.retain(|key, _| !is_no_method(key) && !is_idle(simulator, &retraining, imitates, key));
         Method { simulator: simulator.name().to_owned(), retraining, keys }
     }
 }
@@ -60,12 +61,14 @@ fn is_no_method(key: &str) -> bool {
 }
 
 /// Returns whether a key changes nothing with this simulator, or with this retraining of the approximate influence
-/// predictors (AIPs).
-fn is_idle(simulator: Simulator, retraining: &Retraining, key: &str) -> bool {
+/// predictors (AIPs). `imitates`: whether the policies imitate a controller first.
+fn is_idle(simulator: Simulator, retraining: &Retraining, imitates: bool, key: &str) -> bool {
     let Some(of_aips) = key.strip_prefix("aip.") else {
         return match key {
             // Only retraining on drift depends on what these episodes measure.
             "evaluation.aip_loss_episodes" => *retraining != Retraining::Drift,
+            key if key.starts_with("imitation.") => !imitates,
+            key if key.starts_with("gs.") => simulator != Simulator::Global,
             key => simulator == Simulator::Global && key.starts_with("local_simulators."),
         };
     };
@@ -128,6 +131,16 @@ mod tests {
         assert_eq!(gs(1), gs(2));
         let clip = method_of("ppo.clip = 0.2\n[warehouse]\nagents_per_side = 2");
         assert_ne!(base, clip);
+    }
+
+    #[test]
+    fn settings_of_an_imitation_matter_only_where_there_is_one_and_those_of_the_gs_only_there() {
+        let warehouse = |keys: &str| method_of(&format!("{keys}\n[warehouse]\nagents_per_side = 2"));
+        assert_eq!(warehouse(""), warehouse("imitation.epochs = 3\ngs.shared_policy = true"));
+        let imitates = "policy.imitate = 'oldest-item'";
+        assert_ne!(warehouse(""), warehouse(imitates));
+        assert_ne!(warehouse(imitates), warehouse(&format!("{imitates}\nimitation.epochs = 3")));
+        assert_ne!(warehouse("simulator = 'gs'"), warehouse("simulator = 'gs'\ngs.shared_policy = true"));
     }
 
     #[test]

@@ -56,9 +56,14 @@ pub fn open_recorded(config: &Config, tape: &Tape) -> Result<Traffic> {
     }
 }
 
-/// Tries the domain's files in its simulator, so that errors in them are reported before a run begins.
+/// Tries the domain's files in its simulator, so that errors in them are reported before a run begins. The same for
+/// the name of a controller to imitate.
 pub fn check(config: &Config) -> Result<()> {
-    find(config)?.try_out()
+    let domain = find(config)?;
+    if let Some(name) = &config.policy.imitate {
+        domain.check_baseline(name).context("policy.imitate: not a controller of this domain")?;
+    }
+    domain.try_out()
 }
 
 /// Checks that the domain's files could be loaded from a run directory at `path`.

@@ -21,7 +21,7 @@ pub fn export(args: &cli::ExportArgs) -> Result<()> {
     files.iter().try_for_each(|file| check_free(file, args.force)).map_err(Error::Usage)?;
     write_scripts(run.domain.kinds(), &run.config.policy, &run.policies, &files).map_err(Error::Usage)?;
     let of_kinds = run.domain.kinds().iter().zip(&files);
-    let told: Vec<String> = of_kinds.map(|(kind, file)| how_to_use(file, kind, run.config.policy.recurrent)).collect();
+    let told: Vec<String> = of_kinds.map(|(kind, file)| how_to_use(file, kind, &run.config.policy)).collect();
     answer(told.join("\n")).map_err(Error::Run)
 }
 
@@ -67,7 +67,7 @@ fn check_free(file: &Path, force: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn how_to_use(file: &Path, kind: &Kind, recurrent: Option<usize>) -> String {
+fn how_to_use(file: &Path, kind: &Kind, config: &PolicyConfig) -> String {
     let (agents, obs_dim, path) = (kind.agents.len(), kind.spec.obs_dim, file.display());
     let actions = kind.spec.n_actions;
     let mut lines = vec![
@@ -76,7 +76,8 @@ fn how_to_use(file: &Path, kind: &Kind, recurrent: Option<usize>) -> String {
         format!("  out = policies(obs)  # obs: float32 [{agents}, batch, {obs_dim}]"),
         format!("  logits, values = out[..., :{actions}], out[..., {actions}]"),
     ];
-    if let Some(width) = recurrent {
+    let width = PolicyStack::shape(&kind.spec, config).state_width();
+    if width > 0 {
         lines[2] = format!("  out = policies(obs, states)  # obs: float32 [{agents}, batch, {obs_dim}]");
         lines.push(format!(
             "  states = out[..., {}:]  # float32 [{agents}, batch, {width}], zeros when an episode begins",

@@ -16,6 +16,7 @@ use crate::config::Config;
 use crate::evaluation::Evaluation;
 use crate::influence::{AipLoss, FreshLoss};
 use crate::training::drift::Drift;
+use crate::training::imitation::ImitationLoss;
 use crate::training::observer::Observer;
 
 /// Interval between plain lines while policies train.
@@ -155,6 +156,18 @@ impl Observer for Progress {
         if let Some(bar) = &self.bar {
             bar.set_message(format!("{what} {:.0} %", 100.0 * share));
         }
+    }
+
+    fn imitated(&self, controller: &str, losses: &[ImitationLoss]) {
+        let ImitationLoss { cross_entropy, accuracy } = ImitationLoss::mean_of(losses);
+        self.say(&format!(
+            "imitated {controller}: the same action on held-out episodes in {:.1} % -> {:.1} % of the decisions, \
+             cross-entropy {:.3} -> {:.3}",
+            100.0 * accuracy[0],
+            100.0 * accuracy[1],
+            cross_entropy[0],
+            cross_entropy[1]
+        ));
     }
 
     fn evaluated(&self, steps: u64, evaluation: &Evaluation) {

@@ -10,7 +10,8 @@ use super::answers::{AgentTraining, PolicyTraining};
 use super::environment::Environment;
 use super::global::GlobalEnvironment;
 use super::ials::Ials;
-use super::ppo::{self, Decayed, Losses};
+use super::imitation::{ImitationLoss, imitate};
+use super::ppo::{self, Decayed, Learns, Losses, Settings};
 use super::rollout::{Actor, KindAtPlay, roll_out};
 use super::state::{AgentsState, JointMoments};
 use super::stream::AgentStream;
@@ -19,7 +20,7 @@ use crate::config::{Config, Period, Simulator};
 use crate::domain::{Domain, RegionSpec, Result};
 use crate::influence::{AipLoss, Dataset, FreshLoss, TrainablePredictor, initial_predictor, measure, train};
 use crate::nn::{Adam, Moments, Threads};
-use crate::policy::{Memory, PolicyStack};
+use crate::policy::{Demonstrations, JointPolicy, Memory, PolicyStack};
 
 /// Number of local simulators per block. The cars of a larger forest leave the cache between two steps. Measured on
 /// traffic, SUMO costs the same per intersection with 8 and 16, 10 % more with 32, 15 % more with 64 and 60 % more with
@@ -50,7 +51,11 @@ struct KindLearner {
 pub fn initial_policies(domain: &dyn Domain, config: &Config, agents: &[AgentId]) -> PolicyStack {
     let seed = Seed::new(config.seed).fork(RandomPurpose::Policy);
     let kind = domain.kinds().of(agents[0]);
-    PolicyStack::new(agents, &kind.spec, &config.policy, &domain.initial_action_bias(kind), seed)
+    let mut policies = PolicyStack::new(agents, &kind.spec, &config.policy, &domain.initial_action_bias(kind), seed);
+    if config.shares_policies() {
+        policies.spread_first();
+    }
+    policies
 }
 
 /// Makes the first influence predictors of `agents`, which are of one kind.
@@ -115,6 +120,17 @@ impl AgentBlock {
         train(&mut *self.predictor, &self.agents, datasets, &self.config.aip, seed, work)
     }
 
+    /// Makes the policies imitate `demonstrations`, one per agent. `work`: progress is the share that is done.
+    pub fn imitate(&mut self, demonstrations: &[Demonstrations], work: Work<'_, f64>) -> Vec<ImitationLoss> {
+        let seed = Seed::new(self.config.seed).fork(RandomPurpose::ImitationMinibatches);
+        imitate(&mut self.learner.policies, &self.agents, demonstrations, &self.config.imitation, seed, work)
+    }
+
+    /// Returns the policies, one row per agent.
+    pub fn policies(&self) -> JointPolicy {
+        self.learner.policies.parameters().values().clone().into()
+    }
+
     /// Measures the loss of the influence predictors; `datasets`: one per agent.
     pub fn measure_aips(&self, datasets: &[Dataset], watch: &mut Stopwatch) -> Vec<FreshLoss> {
         measure(&*self.predictor, datasets, watch)
@@ -172,7 +188,7 @@ struct Desk {
 impl Desk {
     fn of(learner: &KindLearner, config: &Config) -> Desk {
         let KindLearner { spec, policies, streams, .. } = learner;
-        let (agents, state_width) = (policies.agents(), config.policy.recurrent.unwrap_or(0));
+        let (agents, state_width) = (policies.agents(), policies.state_width());
         Desk {
             memory: Memory::new(agents, config.ppo.memory, config.sequence_length(), spec, state_width),
             actor: Actor::resume(policies, streams, spec.horizon),
@@ -180,6 +196,11 @@ impl Desk {
             losses: vec![Losses::default(); agents],
         }
     }
+}
+
+/// Returns what learns in an update after this number of timesteps per agent.
+fn learns_at(config: &Config, steps: u64) -> Learns {
+    if steps < config.critic_steps() { Learns::Critic } else { Learns::Everything }
 }
 
 /// Alternates rollouts and updates until the first multiple of the memory at or after the end of the period.
@@ -197,22 +218,36 @@ fn learn(
     let mut desks: Vec<Desk> = learners.iter().map(|learner| Desk::of(learner, config)).collect();
     let mut steps = learners[0].steps;
     let updates = period.end.saturating_sub(steps).div_ceil(ppo.memory as u64);
-    let decayed_at = |steps: u64| Decayed::at(ppo, steps as f64 / config.total_steps as f64);
+    let shared = config.shares_policies();
+    let decayed_at = |steps: u64| {
+        let decayed = Decayed::at(ppo, steps as f64 / config.total_steps as f64);
+        match learns_at(config, steps) {
+            Learns::Everything => decayed,
+            // Alone, a critic that begins at random learns as fast as the policy has imitated.
+            Learns::Critic => Decayed { learning_rate: config.imitation.learning_rate, ..decayed },
+        }
+    };
     let mut decayed = decayed_at(steps);
     for _ in 0..updates {
         let player = |(learner, desk)| -> KindAtPlay<'_> {
             let (KindLearner { policies, .. }, Desk { actor, memory, .. }): (&&mut KindLearner, &mut Desk) =
                 (learner, desk);
-            KindAtPlay { policies, actor, memory }
+            KindAtPlay { policies, actor, memory, shared_bootstrap: shared }
         };
         let mut players: Vec<KindAtPlay> = learners.iter().zip(&mut desks).map(player).collect();
         for slot in (0..ppo.memory).step_by(ppo.rollout_steps * copies) {
             roll_out(environment, &mut players, slot, ppo, watch)?;
         }
         decayed = decayed_at(steps);
+        let settings = Settings { ppo, decayed, learns: learns_at(config, steps), shared };
+        let before = steps.checked_sub(ppo.memory as u64).map(|before| learns_at(config, before));
         for (learner, desk) in learners.iter_mut().zip(&mut desks) {
             let KindLearner { policies, adam, .. } = &mut **learner;
-            let of_update = ppo::update(policies, adam, &desk.memory, &mut desk.minibatches, ppo, decayed, watch);
+            if before.is_some_and(|before| before != settings.learns) {
+                // The actor's first steps would be far too long with the step count of the critic.
+                adam.begin_again();
+            }
+            let of_update = ppo::update(policies, adam, &desk.memory, &mut desk.minibatches, settings, watch);
             let weight = 1.0 / updates as f64;
             desk.losses.iter_mut().zip(&of_update).for_each(|(mean, of_update)| mean.add(of_update, weight));
         }

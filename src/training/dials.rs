@@ -23,6 +23,7 @@ pub fn train(
 ) -> Result<()> {
     let mut run = Training { config, fleet, standing, journal, observer };
     run.journal.begun(run.fleet.agents())?; // 1: policies and AIPs, new or from a checkpoint
+    run.imitate_at_the_beginning()?; // if the config names a controller; not in the paper
     for period in schedule(config).iter().skip(standing.periods_done) {
         // 2: repeat
         if period.evaluate {
@@ -58,6 +59,16 @@ struct Training<'a> {
 }
 
 impl Training<'_> {
+    /// Makes new policies imitate the controller that the config names, if it names one.
+    fn imitate_at_the_beginning(&mut self) -> Result<()> {
+        let (0, Some(controller)) = (self.standing.periods_done, &self.config.policy.imitate) else { return Ok(()) };
+        let demonstrations = self.fleet.collect_demonstrations(controller)?;
+        let losses = self.fleet.imitate(demonstrations)?;
+        self.journal.imitated(self.fleet.agents(), &losses)?;
+        self.observer.imitated(controller, &losses);
+        Ok(())
+    }
+
     /// Evaluates the joint policy on the first `episodes` evaluation episodes, and the AIPs if the config asks for it.
     fn evaluate(&mut self, episodes: usize) -> Result<()> {
         let evaluation = self.fleet.evaluate(episodes)?;

@@ -2,11 +2,13 @@
 
 use super::answers::{FleetLoad, PolicyTraining};
 use super::collect::Purpose;
+use super::imitation::ImitationLoss;
 use super::state::AgentsState;
 use crate::config::Period;
 use crate::domain::Result;
 use crate::evaluation::Evaluation;
 use crate::influence::{AipLoss, Dataset, FreshLoss};
+use crate::policy::Demonstrations;
 
 /// Workers that together own all agents. Results do not depend on the number of workers.
 pub trait Fleet {
@@ -18,6 +20,12 @@ pub trait Fleet {
 
     /// Evaluates the joint policy on the GS, on the first `episodes` evaluation episodes.
     fn evaluate(&mut self, episodes: usize) -> Result<Evaluation>;
+
+    /// Lets a controller play on the GS. Returns what every agent saw and did.
+    fn collect_demonstrations(&mut self, controller: &str) -> Result<Vec<Demonstrations>>;
+
+    /// Makes every agent's policy imitate its demonstrations, and returns how well it does.
+    fn imitate(&mut self, demonstrations: Vec<Demonstrations>) -> Result<Vec<ImitationLoss>>;
 
     /// Runs Algorithm 2: one dataset per agent, under the joint policy.
     fn collect_datasets(&mut self, purpose: Purpose) -> Result<Vec<Dataset>>;

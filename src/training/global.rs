@@ -2,7 +2,7 @@
 //!
 //! DEVIATION 6: every agent has its own policy and bootstraps with its own value. The authors' code shares one policy
 //! object among the agents and bootstraps all of them with the last agent's observation, so its GS curves are not a
-//! fair baseline.
+//! fair baseline. `gs.shared_policy` does the same: all rows of a kind hold one policy, see [`super::ppo::update`].
 
 use anyhow::ensure;
 

@@ -2,6 +2,7 @@
 
 use super::answers::{FleetLoad, PolicyTraining};
 use super::drift::Moment;
+use super::imitation::ImitationLoss;
 use super::standing::Standing;
 use super::state::AgentsState;
 use crate::domain::Result;
@@ -15,6 +16,11 @@ use crate::influence::{AipLoss, FreshLoss};
 pub trait Journal {
     /// Training begins, or continues, with these agents.
     fn begun(&mut self, _agents: &AgentsState) -> Result<()> {
+        Ok(())
+    }
+
+    /// The policies have imitated a controller.
+    fn imitated(&mut self, _agents: &AgentsState, _losses: &[ImitationLoss]) -> Result<()> {
         Ok(())
     }
 

@@ -1,6 +1,7 @@
 //! Observers of a run, which may also ask it to stop.
 
 use super::drift::Drift;
+use super::imitation::ImitationLoss;
 use crate::base::Activity;
 use crate::evaluation::Evaluation;
 use crate::influence::{AipLoss, FreshLoss};
@@ -12,6 +13,9 @@ pub trait Observer {
 
     /// Another activity is going on, and this share of it (`0..=1`) is done.
     fn busy(&self, _activity: Activity, _share: f64) {}
+
+    /// The policies have imitated a controller.
+    fn imitated(&self, _controller: &str, _losses: &[ImitationLoss]) {}
 
     fn evaluated(&self, _steps: u64, _evaluation: &Evaluation) {}
 

@@ -11,6 +11,7 @@
 //!
 //! Losses are means within an agent and sums over agents, so every agent learns as if alone.
 
+use std::ops::Range;
 use std::time::Instant;
 
 use rand::seq::SliceRandom;
@@ -18,7 +19,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::base::{Dice, Phase, Stopwatch};
 use crate::config::PpoConfig;
-use crate::nn::{Adam, Sequences, Trace};
+use crate::nn::{Adam, Learner, Sequences, Trace};
 use crate::policy::{Memory, PolicyStack, Sample, sampling};
 
 /// The two settings that decay over a run.
@@ -36,10 +37,31 @@ impl Decayed {
     }
 }
 
+/// The part of the networks that an update changes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Learns {
+    Everything,
+    /// The critic alone: what only the value depends on. Its loss is not clipped. The clip would keep a critic that
+    /// begins at random from moving further than the clip range per update.
+    Critic,
+}
+
+/// Settings of an update.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings<'a> {
+    pub ppo: &'a PpoConfig,
+    pub decayed: Decayed,
+    pub learns: Learns,
+    /// Whether all agents of the stack have one policy, see [`update`].
+    pub shared: bool,
+}
+
 /// Weights of the loss.
 #[derive(Clone, Copy, Debug)]
 struct Weights {
     clip: f32,
+    /// Clip range of the value.
+    value_clip: f32,
     value: f32,
     entropy: f32,
 }
@@ -70,49 +92,35 @@ impl Losses {
 /// Updates all policies of the stack from the memory. Returns the mean losses of each agent over the update.
 ///
 /// `dice`: one per agent, for its minibatches. Every agent makes all of its gradient steps before the next agent
-/// begins.
+/// begins. If the policies are shared, the first agent learns from the samples of all agents, in minibatches of the
+/// same size, and the others copy its policy and its optimiser.
 pub fn update(
     policies: &mut PolicyStack,
     adam: &mut Adam,
     memory: &Memory,
     dice: &mut [Dice],
-    config: &PpoConfig,
-    decayed: Decayed,
+    settings: Settings<'_>,
     watch: &mut Stopwatch,
 ) -> Vec<Losses> {
-    let weights =
-        Weights { clip: decayed.clip as f32, value: config.value_coefficient as f32, entropy: config.entropy as f32 };
-    let batches = memory.capacity() / config.minibatch;
-    let gradient_steps = config.epochs * batches;
+    let all = policies.agents();
+    let (learning, taught) = if settings.shared { (1, all) } else { (all, 1) };
+    let steps = settings.ppo.epochs * taught * (memory.capacity() / settings.ppo.minibatch);
+    let only = (settings.learns == Learns::Critic).then(|| policies.only_critic());
     let threads = policies.threads().clone();
-    let learners = policies.learners(adam, gradient_steps as u32);
-    let agents = learners.into_iter().zip(dice).enumerate().collect();
+    let learners = policies.learners(adam, steps as u32);
+    let agents = learners.into_iter().zip(dice).enumerate().take(learning).collect();
     let begun = Instant::now();
-    let done = threads.map(agents, 2, |room: &mut UpdateBuffers, (agent, (mut learner, dice))| {
-        let UpdateBuffers { minibatch, trace, gradient } = room;
-        let (mut losses, mut watch) = (Losses::default(), Stopwatch::default());
-        let mut order: Vec<usize> = (0..memory.sequences()).collect();
-        for _ in 0..config.epochs {
-            order.shuffle(dice);
-            for sequences in order.chunks_exact(config.minibatch / memory.length()) {
-                watch.time(Phase::Bookkeeping, || minibatch.gather(memory, agent, sequences));
-                watch.time(Phase::Forward, || {
-                    learner.network().forward(&minibatch.obs, minibatch.sequences(), trace);
-                    gradient.resize(trace.output().len(), 0.0);
-                    let of_batch =
-                        loss_and_gradient(trace.output(), &minibatch.masks, &minibatch.samples, weights, gradient);
-                    losses.add(&of_batch, 1.0 / gradient_steps as f64);
-                });
-                watch.time(Phase::Backward, || learner.network().backward(gradient, trace));
-                watch.time(Phase::Adam, || learner.descend(trace.gradient(), decayed.learning_rate));
-            }
-        }
-        (losses, watch)
+    let done = threads.map(agents, 2, |room: &mut UpdateBuffers, (agent, (learner, dice))| {
+        room.learn(learner, memory, agent..agent + taught, dice, settings, only.as_deref())
     });
     let mut phases = Stopwatch::default();
     done.iter().for_each(|(_, of_agent)| phases.add(of_agent));
     watch.add(&phases.scaled_to(begun.elapsed()));
-    done.into_iter().map(|(losses, _)| losses).collect()
+    if settings.shared {
+        policies.spread_first();
+        adam.spread_first();
+    }
+    done.into_iter().flat_map(|(losses, _)| vec![losses; taught]).collect()
 }
 
 /// Working memory of an update, used by one agent after another.
@@ -124,7 +132,57 @@ struct UpdateBuffers {
     gradient: Vec<f32>,
 }
 
-/// Some sequences of one agent's memory; rows are ordered by step, then by sequence.
+impl UpdateBuffers {
+    /// Makes all gradient steps of one learner, from the memories of `agents`. Returns the mean losses.
+    ///
+    /// `only`: which parameters change; `None` for all.
+    fn learn(
+        &mut self,
+        mut learner: Learner<'_>,
+        memory: &Memory,
+        agents: Range<usize>,
+        dice: &mut Dice,
+        settings: Settings<'_>,
+        only: Option<&[bool]>,
+    ) -> (Losses, Stopwatch) {
+        let Settings { ppo, decayed, .. } = settings;
+        let clip = decayed.clip as f32;
+        let weights = Weights {
+            clip,
+            value_clip: if only.is_some() { f32::INFINITY } else { clip },
+            value: ppo.value_coefficient as f32,
+            entropy: ppo.entropy as f32,
+        };
+        let UpdateBuffers { minibatch, trace, gradient } = self;
+        let (mut losses, mut watch) = (Losses::default(), Stopwatch::default());
+        let gradient_steps = ppo.epochs * agents.len() * (memory.capacity() / ppo.minibatch);
+        let mut order: Vec<(usize, usize)> =
+            agents.flat_map(|agent| (0..memory.sequences()).map(move |sequence| (agent, sequence))).collect();
+        for _ in 0..ppo.epochs {
+            order.shuffle(dice);
+            for sequences in order.chunks_exact(ppo.minibatch / memory.length()) {
+                watch.time(Phase::Bookkeeping, || minibatch.gather(memory, sequences));
+                watch.time(Phase::Forward, || {
+                    learner.network().forward(&minibatch.obs, minibatch.sequences(), trace);
+                    gradient.resize(trace.output().len(), 0.0);
+                    let of_batch =
+                        loss_and_gradient(trace.output(), &minibatch.masks, &minibatch.samples, weights, gradient);
+                    losses.add(&of_batch, 1.0 / gradient_steps as f64);
+                });
+                watch.time(Phase::Backward, || learner.network().backward(gradient, trace));
+                if let Some(only) = only {
+                    // Without a gradient Adam leaves a parameter as it is.
+                    let frozen = trace.gradient_mut().iter_mut().zip(only).filter(|(_, learns)| !**learns);
+                    frozen.for_each(|(slope, _)| *slope = 0.0);
+                }
+                watch.time(Phase::Adam, || learner.descend(trace.gradient(), decayed.learning_rate));
+            }
+        }
+        (losses, watch)
+    }
+}
+
+/// Some sequences of the memory; rows are ordered by step, then by sequence.
 #[derive(Default)]
 struct Minibatch {
     /// Number of steps of each sequence.
@@ -138,8 +196,8 @@ struct Minibatch {
 }
 
 impl Minibatch {
-    /// Copies sequences of an agent's memory.
-    fn gather(&mut self, memory: &Memory, agent: usize, sequences: &[usize]) {
+    /// Copies sequences of the memory: pairs of an agent and the number of its sequence.
+    fn gather(&mut self, memory: &Memory, sequences: &[(usize, usize)]) {
         self.length = memory.length();
         self.obs.clear();
         self.masks.clear();
@@ -147,7 +205,7 @@ impl Minibatch {
         self.states.clear();
         self.starts.clear();
         for step in 0..self.length {
-            for sequence in sequences {
+            for &(agent, sequence) in sequences {
                 let slot = sequence * self.length + step;
                 self.obs.extend_from_slice(memory.obs(agent, slot));
                 self.masks.extend_from_slice(memory.mask(agent, slot));
@@ -157,7 +215,8 @@ impl Minibatch {
                 self.starts.push(step > 0 && sample.start);
             }
         }
-        sequences.iter().for_each(|&sequence| self.states.extend_from_slice(memory.state(agent, sequence)));
+        let states = sequences.iter().map(|&(agent, sequence)| memory.state(agent, sequence));
+        states.for_each(|state| self.states.extend_from_slice(state));
     }
 
     fn sequences(&self) -> Sequences<'_> {
@@ -214,12 +273,12 @@ fn loss_and_gradient(
 
         let value = output[n_actions];
         let moved = value - sample.value;
-        let near = sample.value + moved.clamp(-weights.clip, weights.clip);
+        let near = sample.value + moved.clamp(-weights.value_clip, weights.value_clip);
         let (error, near_error) = (value - sample.ret, near - sample.ret);
         let value_loss = (error * error).max(near_error * near_error);
         // The clipped term depends on the value only inside the clip range. There both terms are equal except for
         // rounding. `v_old + (v - v_old)` may miss `v` by a digit, which must not decide.
-        let inside = moved.abs() <= weights.clip;
+        let inside = moved.abs() <= weights.value_clip;
         let value_slope = if inside || error * error >= near_error * near_error { 2.0 * error } else { 0.0 };
         gradient[n_actions] = weights.value * value_slope / batch;
 
@@ -246,9 +305,14 @@ fn normalised(samples: &[Sample]) -> impl Iterator<Item = f32> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use rand::Rng;
 
-    const WEIGHTS: Weights = Weights { clip: 0.1, value: 1.0, entropy: 0.0 };
+    use super::*;
+    use crate::base::{AgentId, Seed};
+    use crate::config::PolicyConfig;
+    use crate::domain::{RegionSpec, SourceSpec};
+
+    const WEIGHTS: Weights = Weights { clip: 0.1, value_clip: 0.1, value: 1.0, entropy: 0.0 };
 
     fn sample(action: u8, old_prob: f32, value: f32, advantage: f32, ret: f32) -> Sample {
         Sample { action, log_prob: old_prob.ln(), value, advantage, ret, start: false }
@@ -317,7 +381,7 @@ mod tests {
 
     #[test]
     fn the_gradient_agrees_with_finite_differences() {
-        let weights = Weights { clip: 0.2, value: 0.7, entropy: 0.05 };
+        let weights = Weights { clip: 0.2, value_clip: 0.2, value: 0.7, entropy: 0.05 };
         let samples = [
             sample(2, 0.30, 0.4, 1.3, 0.9),
             sample(0, 0.28, -0.1, -0.4, 0.1),
@@ -345,7 +409,7 @@ mod tests {
     #[test]
     fn an_action_that_is_masked_is_as_if_it_did_not_exist() {
         // The same two actions, once alone and once with a third between them that is masked, whatever its logit.
-        let weights = Weights { clip: 0.2, value: 0.7, entropy: 0.05 };
+        let weights = Weights { clip: 0.2, value_clip: 0.2, value: 0.7, entropy: 0.05 };
         let alone = [sample(0, 0.3, 0.4, 1.3, 0.9), sample(1, 0.28, -0.1, -0.4, 0.1)];
         let masked = [alone[0], Sample { action: 2, ..alone[1] }];
         let (mut two, mut three) = ([0.0; 6], [9.0; 8]);
@@ -366,5 +430,89 @@ mod tests {
         assert!((half.learning_rate - 1.250_000_5e-4).abs() < 1e-12 && (half.clip - 0.050_005).abs() < 1e-12);
         let end = Decayed::at(&config, 1.0);
         assert!((end.learning_rate - 1e-10).abs() < 1e-18 && (end.clip - 1e-5).abs() < 1e-12);
+    }
+
+    /// Returns a stack of three agents and a memory of 16 random samples for each.
+    fn material(recurrent: Option<usize>, separate_critic: bool) -> (PolicyStack, Memory) {
+        let sources = SourceSpec::bits(1);
+        let spec = RegionSpec { obs_dim: 4, d_set_dim: 1, n_actions: 2, masks: false, sources, horizon: 8 };
+        let policy = PolicyConfig { recurrent, hidden: vec![6], separate_critic, ..PolicyConfig::default() };
+        let stack = PolicyStack::new(&AgentId::all(3), &spec, &policy, &[0.0; 2], Seed::new(1));
+        let length = if recurrent.is_some() { 4 } else { 1 };
+        let mut memory = Memory::new(3, 16, length, &spec, stack.state_width());
+        let mut dice = Seed::new(2).dice();
+        for (agent, slot) in (0..3).flat_map(|agent| (0..16).map(move |slot| (agent, slot))) {
+            let mut numbers = |count| (0..count).map(|_| dice.random_range(-1.0..1.0)).collect::<Vec<f32>>();
+            let (obs, state, rest) = (numbers(4), numbers(stack.state_width()), numbers(2));
+            let sample =
+                Sample { advantage: rest[0], ret: 5.0 + rest[1], ..sample(slot as u8 % 2, 0.5, 0.0, 0.0, 0.0) };
+            memory.remember(agent, slot, &obs, &state, sample);
+        }
+        (stack, memory)
+    }
+
+    fn updated(stack: &mut PolicyStack, adam: &mut Adam, memory: &Memory, learns: Learns, shared: bool) -> Vec<Losses> {
+        let ppo = PpoConfig { memory: 16, minibatch: 8, ..PpoConfig::default() };
+        let decayed = Decayed { learning_rate: 1e-2, clip: 0.1 };
+        let mut dice: Vec<Dice> = (0..3).map(|agent| Seed::new(3).for_agent(AgentId(agent)).dice()).collect();
+        let settings = Settings { ppo: &ppo, decayed, learns, shared };
+        update(stack, adam, memory, &mut dice, settings, &mut Stopwatch::default())
+    }
+
+    #[test]
+    fn while_the_critic_learns_alone_no_bit_of_the_actor_moves() {
+        for (recurrent, separate) in [(None, false), (None, true), (Some(3), false), (Some(3), true)] {
+            let (mut stack, memory) = material(recurrent, separate);
+            let before = stack.parameters().values().clone();
+            let mut adam = Adam::new(stack.parameters());
+            let losses = [0, 1].map(|_| updated(&mut stack, &mut adam, &memory, Learns::Critic, false)[0].value);
+            assert!(losses[1] < losses[0], "{losses:?}");
+            let critic = stack.only_critic();
+            for agent in 0..3 {
+                let rows = before.row(agent).iter().zip(stack.parameters().values().row(agent));
+                let moved: Vec<bool> = rows.map(|(before, after)| before.to_bits() != after.to_bits()).collect();
+                assert!(moved.iter().zip(&critic).all(|(moved, critic)| *critic || !moved), "{recurrent:?} {separate}");
+                assert!(moved.iter().any(|&moved| moved));
+                let moments = adam.moments();
+                for (index, _) in critic.iter().enumerate().filter(|(_, critic)| !**critic) {
+                    assert_eq!((moments.first.row(agent)[index], moments.second.row(agent)[index]), (0.0, 0.0));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_critic_alone_is_not_held_back_by_the_clip() {
+        // v = 0.5, v_old = 0, R = 5: with a clip of 0.1 the value has already moved too far; 2 (0.5 - 5) / 2 = -4.5.
+        let samples = [sample(0, 0.5, 0.0, 1.0, 5.0); 2];
+        let outputs = [0.0, 0.0, 0.5, 0.0, 0.0, 0.5];
+        let mut gradient = [9.0; 6];
+        loss_and_gradient(&outputs, &[], &samples, WEIGHTS, &mut gradient);
+        assert_eq!(gradient[2], 0.0);
+        let alone = Weights { value_clip: f32::INFINITY, ..WEIGHTS };
+        loss_and_gradient(&outputs, &[], &samples, alone, &mut gradient);
+        assert_eq!(gradient[2], -4.5);
+    }
+
+    #[test]
+    fn agents_with_one_policy_keep_it_and_learn_from_the_samples_of_all() {
+        let (mut stack, mut memory) = material(Some(3), false);
+        stack.spread_first();
+        let mut adam = Adam::new(stack.parameters());
+        let before = stack.parameters().values().row(0).to_vec();
+        let losses = updated(&mut stack, &mut adam, &memory, Learns::Everything, true);
+        assert_eq!(losses, vec![losses[0]; 3]);
+        // 3 epochs of 3 agents with 2 minibatches each.
+        assert_eq!(adam.moments().steps, 18);
+        let rows = stack.parameters().values().clone();
+        assert!((1..3).all(|agent| rows.row(agent) == rows.row(0)) && rows.row(0) != before);
+        let moments = adam.moments();
+        assert!([&moments.first, &moments.second].iter().all(|rows| rows.row(2) == rows.row(0)));
+        // A sample of the last agent changes the policy of all.
+        let (mut other, _) = material(Some(3), false);
+        other.spread_first();
+        memory.sample_mut(2, 15).ret += 1.0;
+        updated(&mut other, &mut Adam::new(stack.parameters()), &memory, Learns::Everything, true);
+        assert_ne!(other.parameters().values().row(0), rows.row(0));
     }
 }

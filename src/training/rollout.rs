@@ -3,7 +3,7 @@
 use super::environment::{Environment, Experience};
 use super::gae::advantages;
 use super::stream::{AgentStream, RowStream, rows_of, rows_of_mut};
-use crate::base::{Dice, Phase, Stopwatch};
+use crate::base::{Dice, Phase, Rows, Stopwatch};
 use crate::config::{PpoConfig, TimeLimit};
 use crate::domain::{Action, Percept, Result};
 use crate::nn::States;
@@ -92,6 +92,19 @@ pub struct KindAtPlay<'a> {
     pub policies: &'a PolicyStack,
     pub actor: &'a mut Actor,
     pub memory: &'a mut Memory,
+    /// Whether the value of the last agent stands for what would come for all agents, see `gs.shared_policy`.
+    pub shared_bootstrap: bool,
+}
+
+impl KindAtPlay<'_> {
+    /// Returns the values of these observations, one per row, which stand for what would come. Updates `states`.
+    fn bootstrap(&self, obs: &Rows<f32>, states: &mut States) -> Vec<f32> {
+        let mut values: Vec<f32> = self.policies.judge(obs, states).rows().map(|(_, value)| value).collect();
+        if let (true, Some(&last)) = (self.shared_bootstrap, values.last()) {
+            values.fill(last);
+        }
+        values
+    }
 }
 
 /// Plays `rollout_steps` steps and writes them to the memories. For every agent they fill the slots from `first_slot`
@@ -155,7 +168,7 @@ impl Rollout {
 
     /// Chooses one action per row.
     fn act(&mut self, t: usize, player: &mut KindAtPlay<'_>, percept: &Percept) -> Vec<Action> {
-        let KindAtPlay { policies, actor, memory } = player;
+        let KindAtPlay { policies, actor, memory, .. } = player;
         let before = actor.states.clone();
         let judgement = policies.decide(percept, &mut actor.states);
         let mut log_probs = vec![0.0; policies.n_actions()];
@@ -184,28 +197,26 @@ impl Rollout {
         config: &PpoConfig,
         watch: &mut Stopwatch,
     ) {
-        let KindAtPlay { policies, actor, .. } = player;
-        actor.returns.add(experience);
+        player.actor.returns.add(experience);
         let now = self.rewards.len();
         self.rewards.extend_from_slice(&experience.rewards);
         self.ends.extend_from_slice(&experience.ends);
         if config.time_limit == TimeLimit::Bootstrap && experience.any_end() {
             let rewards = &mut self.rewards[now..];
             watch.time(Phase::Acting, || {
-                credit_what_would_come(policies, &actor.states, experience, config.gamma as f32, rewards);
+                credit_what_would_come(player, experience, config.gamma as f32, rewards);
             });
         }
+        let actor = &mut player.actor;
         actor.starts.copy_from_slice(&experience.ends);
         (0..self.rows).filter(|&row| experience.ends[row]).for_each(|row| actor.states.clear(row));
     }
 
     /// Writes advantages and returns to the memory. `percept`: what the rows show after the last step.
     fn finish(&self, player: &mut KindAtPlay<'_>, percept: &Percept, config: &PpoConfig, watch: &mut Stopwatch) {
-        let KindAtPlay { policies, actor, memory } = player;
-        let last_values: Vec<f32> = watch.time(Phase::Acting, || {
-            let mut states = actor.states.clone();
-            policies.judge(&percept.obs, &mut states).rows().map(|(_, value)| value).collect()
-        });
+        let last_values =
+            watch.time(Phase::Acting, || player.bootstrap(&percept.obs, &mut player.actor.states.clone()));
+        let KindAtPlay { policies, memory, .. } = player;
         watch.time(Phase::Bookkeeping, || {
             let (gamma, lambda) = (config.gamma as f32, config.gae_lambda as f32);
             let advantages = advantages(&self.rewards, &self.values, &self.ends, &last_values, gamma, lambda);
@@ -224,15 +235,9 @@ impl Rollout {
 ///
 /// DEVIATION 8: in the authors' code nothing comes after the horizon (`time_limit = "terminal"`). But an agent sees no
 /// clock, so its critic cannot know.
-fn credit_what_would_come(
-    policies: &PolicyStack,
-    states: &States,
-    experience: &Experience,
-    gamma: f32,
-    rewards: &mut [f32],
-) {
-    let judgement = policies.judge(&experience.last_obs, &mut states.clone());
-    for ((reward, &end), (_, value)) in rewards.iter_mut().zip(&experience.ends).zip(judgement.rows()) {
+fn credit_what_would_come(player: &KindAtPlay<'_>, experience: &Experience, gamma: f32, rewards: &mut [f32]) {
+    let values = player.bootstrap(&experience.last_obs, &mut player.actor.states.clone());
+    for ((reward, &end), value) in rewards.iter_mut().zip(&experience.ends).zip(values) {
         if end {
             *reward += gamma * value;
         }
@@ -244,7 +249,7 @@ mod tests {
     use std::slice::from_ref;
 
     use super::*;
-    use crate::base::{AgentId, Rows, Seed};
+    use crate::base::{AgentId, Seed};
     use crate::config::{Config, PolicyConfig};
     use crate::domain::{RegionSpec, SourceSpec};
 
@@ -330,7 +335,8 @@ mod tests {
         let config = PpoConfig { rollout_steps: T, time_limit, ..PpoConfig::default() };
         for first_slot in [0, 8] {
             let watch = &mut Stopwatch::default();
-            let player = KindAtPlay { policies: &policies, actor: &mut actor, memory: &mut memory };
+            let player =
+                KindAtPlay { policies: &policies, actor: &mut actor, memory: &mut memory, shared_bootstrap: false };
             roll_out(&mut scripted, &mut [player], first_slot, &config, watch).unwrap();
         }
         (memory, policies)
@@ -393,6 +399,22 @@ mod tests {
     }
 
     #[test]
+    fn with_a_shared_bootstrap_the_value_of_the_last_row_stands_for_all() {
+        let spec = Scripted::new().spec;
+        let policies = policies(None, &spec);
+        let mut actor = Actor::resume(&policies, &streams(&policies), 3);
+        let mut memory = Memory::new(2, 16, 1, &spec, 0);
+        let obs = Rows::from_vec(vec![0.1, 0.2, 0.3, 0.4], 1);
+        let mut values = |shared_bootstrap| {
+            let player = KindAtPlay { policies: &policies, actor: &mut actor, memory: &mut memory, shared_bootstrap };
+            player.bootstrap(&obs, &mut policies.states(4))
+        };
+        let own = values(false);
+        assert!(own[0] != own[3]);
+        assert_eq!(values(true), [own[3]; 4]);
+    }
+
+    #[test]
     fn a_sequence_keeps_the_state_that_it_began_in() {
         let (memory, policies) = recorded(Some(3), TimeLimit::Terminal);
         for row in 0..4 {
@@ -423,7 +445,8 @@ mod tests {
         let mut memory = Memory::new(2, 8, 1, &scripted.spec, 0);
         let config = PpoConfig { rollout_steps: T, ..PpoConfig::default() };
         let watch = &mut Stopwatch::default();
-        let player = KindAtPlay { policies: &policies, actor: &mut actor, memory: &mut memory };
+        let player =
+            KindAtPlay { policies: &policies, actor: &mut actor, memory: &mut memory, shared_bootstrap: false };
         roll_out(&mut scripted, &mut [player], 0, &config, watch).unwrap();
         // Row 1 ends once: 1.0 + 1.1 + 1.2.
         let means = actor.returns.means();

@@ -55,6 +55,10 @@ impl GlobalSimulator for Timed<dyn GlobalSimulator> {
         self.inner.influence_sample()
     }
 
+    fn carried_out(&self, actions: &mut [Option<Action>]) {
+        self.inner.carried_out(actions);
+    }
+
     fn measures(&mut self) -> Result<Measures> {
         self.inner.measures()
     }

@@ -19,6 +19,8 @@ pub struct GlobalWarehouse {
     layout: FloorPlan,
     /// Rule that the learning robots follow instead of their actions, for hand-coded baselines.
     rule: Option<Rule>,
+    /// Last moves of the learning robots, `[agents]`.
+    moves: Vec<Action>,
     /// Cell of each robot within its region.
     cells: Vec<u8>,
     memories: Vec<hand_coded::ItemMemory>,
@@ -48,6 +50,7 @@ impl GlobalWarehouse {
         let (robots, last) = (layout.robots(), JointTransition::new(&kinds));
         GlobalWarehouse {
             rule,
+            moves: vec![0; layout.learners().len()],
             cells: vec![CENTRE; robots],
             memories: vec![hand_coded::ItemMemory::default(); robots],
             dice: vec![Seed::new(0).dice(); robots],
@@ -84,7 +87,10 @@ impl GlobalWarehouse {
                     hand_coded::decide(rule, memory, self.cells[robot], &ages, dice)
                 }
             };
-            agents += usize::from(learns);
+            if learns {
+                self.moves[agents] = action;
+                agents += 1;
+            }
             self.cells[robot] = region::after_move(self.cells[robot], action);
         }
     }
@@ -151,6 +157,10 @@ impl GlobalSimulator for GlobalWarehouse {
 
     fn influence_sample(&self) -> InfluenceSample<'_> {
         InfluenceSample { d_set: &self.d_set_before, sources: &self.sources }
+    }
+
+    fn carried_out(&self, actions: &mut [Option<Action>]) {
+        actions.iter_mut().zip(&self.moves).for_each(|(action, &made)| *action = Some(made));
     }
 
     fn measures(&mut self) -> Result<Measures> {

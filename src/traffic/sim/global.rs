@@ -19,7 +19,7 @@ use crate::traffic::agents::region::{self, EDGES};
 use crate::traffic::arrivals;
 use crate::traffic::controllers::HandCoded;
 use crate::traffic::controllers::intersections::Intersections;
-use crate::traffic::light::KEEP;
+use crate::traffic::light::{KEEP, SWITCH};
 use crate::traffic::network::files::{NetworkFiles, for_sumo};
 use crate::traffic::observe::{self, edges_of};
 use crate::traffic::paper_grid::grid::{Grid, lane};
@@ -243,6 +243,13 @@ impl GlobalSimulator for GlobalTraffic {
     /// The authors pair both at t and use the prediction one step later.
     fn influence_sample(&self) -> InfluenceSample<'_> {
         InfluenceSample { d_set: &self.d_set_before, sources: &self.arrivals }
+    }
+
+    /// Read from the lights, so that it is known of SUMO's own programs, too. Yellow takes its time whatever the action.
+    fn carried_out(&self, actions: &mut [Option<Action>]) {
+        for (action, (before, now)) in actions.iter_mut().zip(self.lights_before.iter().zip(&self.lights)) {
+            *action = before.is_green().then_some(if before == now { KEEP } else { SWITCH });
+        }
     }
 
     fn measure_in_full(&mut self) -> Result<()> {

@@ -1,0 +1,71 @@
+//! Demonstrations: what one agent saw and did while a hand-coded controller decided for it.
+
+use serde::{Deserialize, Serialize};
+
+use crate::base::{CompactRows, Rows};
+use crate::domain::{Action, Kinds, RegionSpec};
+
+/// Observations and actions of one agent in the order in which the GS (global simulator) made them: whole episodes, one
+/// after another.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Demonstrations {
+    /// `[samples, obs_dim]`
+    pub obs: CompactRows,
+    /// Actions that were allowed, `[samples, n_actions]`; `None` if the kind has no masks.
+    masks: Option<Rows<bool>>,
+    /// Actions of the controller. `None`: no action would have changed anything, so there is nothing to imitate.
+    pub actions: Vec<Option<Action>>,
+    /// Number of samples per episode.
+    pub horizon: usize,
+}
+
+impl Demonstrations {
+    pub fn new(spec: &RegionSpec) -> Self {
+        Demonstrations {
+            obs: CompactRows::new(spec.obs_dim),
+            masks: spec.masks.then(|| Rows::new(0, spec.n_actions)),
+            actions: Vec::new(),
+            horizon: spec.horizon,
+        }
+    }
+
+    /// Makes empty demonstrations, one per agent.
+    pub fn of_all(kinds: &Kinds) -> Vec<Demonstrations> {
+        kinds.specs().map(Demonstrations::new).collect()
+    }
+
+    pub fn len(&self) -> usize {
+        self.actions.len()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.actions.is_empty()
+    }
+
+    pub fn episodes(&self) -> usize {
+        self.len() / self.horizon
+    }
+
+    /// Returns the actions that were allowed; empty if all always are.
+    pub fn mask(&self, sample: usize) -> &[bool] {
+        self.masks.as_ref().map_or(&[], |masks| masks.row(sample))
+    }
+
+    /// Appends a decision. `mask`: the actions that were allowed, or empty.
+    pub fn push(&mut self, obs: &[f32], mask: &[bool], action: Option<Action>) {
+        self.obs.push(obs);
+        if let Some(masks) = &mut self.masks {
+            masks.push(mask);
+        }
+        self.actions.push(action);
+    }
+
+    /// Appends the episodes of other demonstrations of the same agent.
+    pub fn extend(&mut self, other: &Demonstrations) {
+        self.obs.extend(&other.obs);
+        if let (Some(mine), Some(theirs)) = (&mut self.masks, &other.masks) {
+            mine.extend(theirs);
+        }
+        self.actions.extend_from_slice(&other.actions);
+    }
+}
