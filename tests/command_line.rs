@@ -64,6 +64,18 @@ fn assert_refused(command: &mut Command, parts: &[&str]) {
 }
 
 #[test]
+fn a_controller_to_imitate_that_does_not_exist_is_refused_before_anything_begins() {
+    let dir = tempfile::tempdir().unwrap();
+    let (config, out) = (write_config(dir.path(), SHORT), dir.path().join("run"));
+    for (name, told) in [("gapout", "unknown; one of random"), ("gap-out:green=5", "has no parameter `green`")] {
+        let setting = format!("policy.imitate={name}");
+        let args = ["train", &config, "--out", out.to_str().unwrap(), "--set", &setting];
+        assert_refused(&mut dials_traffic(&args), &["policy.imitate: not a controller of this domain", told]);
+        assert!(!out.exists());
+    }
+}
+
+#[test]
 fn a_run_leaves_a_directory_that_can_be_evaluated_anywhere() {
     let dir = tempfile::tempdir().unwrap();
     let (config, out) = (write_config(dir.path(), SHORT), dir.path().join("run"));

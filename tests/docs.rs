@@ -282,7 +282,16 @@ impl Written {
         let folder = tempfile::tempdir().unwrap();
         let run = |domain: &str| {
             let out = folder.path().join("runs").join(domain);
-            let small = ["aip.epochs=1", "evaluation.episodes=1", "evaluation.final_episodes=1"];
+            let imitate = if domain == "traffic" { "policy.imitate=gap-out" } else { "policy.imitate=oldest-item" };
+            let small = [
+                "aip.epochs=1",
+                "evaluation.episodes=1",
+                "evaluation.final_episodes=1",
+                imitate,
+                "imitation.dataset_steps=600",
+                "imitation.minibatch=4",
+                "imitation.epochs=1",
+            ];
             let mut command = Command::cargo_bin("dials-traffic").unwrap();
             command.arg("train").arg(root().join(format!("configs/smoke_{domain}.toml"))).arg("--out").arg(&out);
             command.args(["--steps", "128", "--workers", "1", "--tensorboard"]);

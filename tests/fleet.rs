@@ -221,6 +221,24 @@ fn assert_the_same_for_any_fleet_and_after_a_kill(domain: Domain, settings: &[&s
 }
 
 #[test]
+fn an_imitation_is_the_same_for_any_fleet_and_after_a_kill() {
+    let small = ["imitation.dataset_steps=300", "imitation.minibatch=32", "imitation.critic_steps=6000"];
+    for (domain, more) in [
+        (Domain::Traffic, ["policy.imitate=actuated", "policy.separate_critic=false", "imitation.epochs=2"]),
+        (Domain::Warehouse, ["policy.imitate=closest-item", "policy.separate_critic=true", "imitation.minibatch=2"]),
+    ] {
+        let settings: Vec<&str> = small.iter().chain(&more).flat_map(|setting| ["--set", setting]).collect();
+        let run = assert_the_same_for_any_fleet_and_after_a_kill(domain, &settings);
+        let imitation = fs::read_to_string(run.out.join("imitation.csv")).unwrap();
+        assert_eq!(
+            imitation.lines().count(),
+            6,
+            "a header, a line for all and one for each of four agents: {imitation}"
+        );
+    }
+}
+
+#[test]
 fn training_on_the_global_simulator_is_the_same_for_any_fleet() {
     let results = ["0", "1", "3"].map(|workers| {
         let run = Run::new();

@@ -663,6 +663,38 @@ fn light_of(obs: &[f32]) -> Light {
 }
 
 #[test]
+fn advice_that_is_followed_plays_the_episode_of_the_controller_and_other_actions_are_obeyed() {
+    let domain = traffic(EntryRule::Max);
+    let background = |name: &str| domain.with_background(name, &AgentId::all(4)).unwrap();
+    for controller in ["gap-out", "coordinated"] {
+        let play = |advised: bool| {
+            let mut gs = background(controller);
+            gs.reset(Seed::new(5)).unwrap();
+            let step = |_| {
+                let mut actions = vec![SWITCH; 4];
+                assert!(!advised || gs.advise(&mut actions));
+                gs.step(&actions).unwrap().clone()
+            };
+            (0..100).map(step).collect::<Vec<_>>()
+        };
+        let alone = play(false);
+        assert!(alone == play(true), "{controller}");
+    }
+    let mut gs = background("gap-out");
+    for step in 0..16 {
+        if step == 0 {
+            gs.reset(Seed::new(5)).unwrap();
+        }
+        gs.advise(&mut [KEEP; 4]);
+        // As if there were no controller: always switching has a period of 8 steps.
+        let shown = gs.step(&[SWITCH; 4]).unwrap().percept.obs.iter().map(light_of).collect::<Vec<_>>();
+        assert_eq!(shown[0].is_green(), step % 4 == 3, "step {step}");
+    }
+    drop(gs);
+    assert!(!background("actuated").advise(&mut [KEEP; 4]), "SUMO's own lights cannot be asked");
+}
+
+#[test]
 fn policies_that_imitate_gap_out_act_as_it_does() {
     // Gap-out looks at nothing but the observation, so a policy can learn it in full.
     let domain: Arc<dyn Domain> = Arc::new(traffic(EntryRule::Max));

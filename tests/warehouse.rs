@@ -2,10 +2,12 @@
 
 use dials_traffic::base::{AgentId, Rows, Seed, Stopwatch, Work};
 use dials_traffic::config::{AipConfig, WarehouseConfig};
-use dials_traffic::domain::{Beginning, Domain, GlobalSimulator, LocalSimulator, conformance};
+use dials_traffic::domain::{Baseline, Beginning, Domain, GlobalSimulator, LocalSimulator, conformance};
 use dials_traffic::evaluation::{Evaluation, play_episodes};
 use dials_traffic::influence::{AipStack, Dataset, train};
+use dials_traffic::policy::Demonstrations;
 use dials_traffic::training::collect::collect_episode;
+use dials_traffic::training::imitation::demonstrate;
 use dials_traffic::warehouse::Warehouse;
 use dials_traffic::warehouse::global::GlobalWarehouse;
 use dials_traffic::warehouse::layout::FloorPlan;
@@ -185,3 +187,40 @@ const GOLDEN: [&str; 20] = [
     "17 ...#...##...",
     "12 ...#...##...",
 ];
+
+#[test]
+fn advice_that_is_followed_plays_the_episode_of_the_rule_and_slips_leave_it() {
+    let domain = warehouse(2);
+    for rule in ["closest-item", "oldest-item", "random"] {
+        let play = |advised: bool| {
+            let mut gs = domain.baseline(rule).unwrap().simulator;
+            gs.reset(Seed::new(5)).unwrap();
+            let step = |_| {
+                let mut actions = vec![UP; 4];
+                assert!(!advised || gs.advise(&mut actions));
+                let transition = gs.step(&actions).unwrap().clone();
+                let mut made: Vec<_> = vec![None; 4];
+                gs.carried_out(&mut made);
+                assert!(!advised || made == actions.into_iter().map(Some).collect::<Vec<_>>());
+                (transition, made)
+            };
+            (0..100).map(step).collect::<Vec<_>>()
+        };
+        assert!(play(false) == play(true), "{rule}");
+    }
+    assert!(!domain.global_simulator().unwrap().advise(&mut [UP; 4]), "there is nobody to ask");
+    let seen = |slips: f64| {
+        let Baseline { mut simulator, mut controller } = domain.baseline("closest-item").unwrap();
+        let mut all = Demonstrations::of_all(domain.kinds());
+        demonstrate(&mut *simulator, &mut *controller, Seed::new(5), slips, &mut all).unwrap();
+        all
+    };
+    let without = seen(0.0);
+    let alone = domain.baseline("closest-item").unwrap().simulator.reset(Seed::new(5)).unwrap().obs.row(0).to_vec();
+    let mut first = vec![0.0; alone.len()];
+    without[0].obs.read(0, &mut first);
+    assert_eq!(first, alone);
+    assert!(without[0].len() == 100 && without != seen(0.1));
+    // Whatever the slips: what is learnt is the rule's own next move, which is the same at the beginning.
+    assert_eq!(without[0].actions[0], seen(1.0)[0].actions[0]);
+}

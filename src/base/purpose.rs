@@ -45,6 +45,8 @@ purposes! {
     AipLoss = "aip loss",
     /// Episodes of the GS in which a controller is imitated.
     Demonstrations = "demonstrations",
+    /// Slips in these episodes.
+    Slips = "slips",
     /// Order of the minibatches of an imitation.
     ImitationMinibatches = "imitation minibatches",
     /// Episodes of evaluations.

@@ -226,7 +226,7 @@ fn not_negative(key: &str, value: f64, advice: &str) -> Result<()> {
     Ok(())
 }
 
-fn share(key: &str, value: f64, advice: &str) -> Result<()> {
+pub(super) fn share(key: &str, value: f64, advice: &str) -> Result<()> {
     ensure!((0.0..=1.0).contains(&value), "{key} = {value}: must be between 0 and 1 ({advice})");
     Ok(())
 }

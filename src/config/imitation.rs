@@ -3,7 +3,7 @@
 use anyhow::{Result, ensure};
 use serde::{Deserialize, Serialize};
 
-use super::check::{at_least, held_out_episodes, positive};
+use super::check::{at_least, held_out_episodes, positive, share};
 use super::{Config, Simulator};
 
 /// Settings of the imitation, for `policy.imitate`.
@@ -12,6 +12,9 @@ use super::{Config, Simulator};
 pub struct ImitationConfig {
     /// Number of GS (global simulator) steps that the controller plays, rounded up to whole episodes.
     pub dataset_steps: usize,
+    /// Share of the decisions in which a random action is carried out instead of the controller's. So policies also
+    /// learn what the controller does where it would not have come by itself, and where small errors lead them.
+    pub slips: f64,
     /// Share of the episodes, the last ones, that only measure the imitation.
     pub held_out: f64,
     /// Number of passes over the dataset.
@@ -28,6 +31,7 @@ impl Default for ImitationConfig {
     fn default() -> Self {
         ImitationConfig {
             dataset_steps: 30_000,
+            slips: 0.05,
             held_out: 0.1,
             epochs: 10,
             minibatch: 128,
@@ -50,6 +54,7 @@ pub(super) fn check(config: &Config) -> Result<()> {
     at_least(1, "imitation.dataset_steps", imitation.dataset_steps as u64, "30000 is the default")?;
     at_least(1, "imitation.epochs", imitation.epochs as u64, "10 is the default")?;
     at_least(1, "imitation.minibatch", imitation.minibatch as u64, "128 is the default")?;
+    share("imitation.slips", imitation.slips, "0.05 is the default")?;
     positive("imitation.learning_rate", imitation.learning_rate, "1e-3 is the default")?;
     ensure!(
         imitation.held_out > 0.0 && imitation.held_out < 1.0,
@@ -107,6 +112,7 @@ mod tests {
             ("imitation.epochs = 0", "imitation.epochs = 0: must be at least 1"),
             ("imitation.minibatch = 0", "imitation.minibatch = 0: must be at least 1"),
             ("imitation.dataset_steps = 90000000", "imitation.dataset_steps = 90000000: must be at most 10000000"),
+            ("imitation.slips = 1.5", "imitation.slips = 1.5: must be between 0 and 1"),
             ("imitation.held_out = 1.0", "imitation.held_out = 1: must be between 0 and 1"),
             ("imitation.learning_rate = nan", "imitation.learning_rate = NaN: must be a positive number"),
         ] {

@@ -76,6 +76,13 @@ pub trait GlobalSimulator {
     /// sources makes the same transition.
     fn influence_sample(&self) -> InfluenceSample<'_>;
 
+    /// Writes what hand-coded control inside the simulator would do now into `actions`, `[agents]`. The next step then
+    /// carries out the actions that it is given. Returns whether there is such control and it can be asked; if not,
+    /// nothing changes.
+    fn advise(&mut self, _actions: &mut [Action]) -> bool {
+        false
+    }
+
     /// Writes what the agents did in the last step. `actions` holds the actions that the step was given, `[agents]`. They
     /// are replaced where hand-coded control inside the simulator decided. `None`: no action would have changed
     /// anything.

@@ -133,7 +133,8 @@ impl Worker {
         let Baseline { simulator, mut controller } = watch.time(Phase::Loading, || self.domain.baseline(controller))?;
         let mut simulator = Timed::new(simulator);
         for (done, episode) in episodes.clone().enumerate() {
-            demonstrate(&mut simulator, &mut *controller, seed.for_episode(episode), &mut demonstrations)?;
+            let seed = seed.for_episode(episode);
+            demonstrate(&mut simulator, &mut *controller, seed, self.config.imitation.slips, &mut demonstrations)?;
             observer.busy(Activity::Collection, (done + 1) as f64 / episodes.len() as f64);
         }
         watch.add(&simulator.take_watch());

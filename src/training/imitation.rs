@@ -5,10 +5,11 @@
 
 use std::ops::Range;
 
+use rand::Rng;
 use rand::seq::SliceRandom;
 use serde::{Deserialize, Serialize};
 
-use crate::base::{AgentId, Dice, Phase, Seed, Stopwatch, Work};
+use crate::base::{AgentId, Dice, Phase, RandomPurpose, Seed, Stopwatch, Work};
 use crate::config::{ImitationConfig, held_out_episodes};
 use crate::domain::{Action, Controller, GlobalSimulator, Result};
 use crate::nn::{Adam, Network, Sequences, Trace};
@@ -37,24 +38,41 @@ impl ImitationLoss {
     }
 }
 
-/// Plays one episode and appends what every agent saw and did to its demonstrations.
+/// Plays one episode and appends what every agent saw, and what the controller decided, to its demonstrations.
+///
+/// In a share of the decisions, `slips`, a random action is carried out instead. A copy that has only seen what the
+/// controller itself gets into does not know how to come back from its own small errors. (Laskey et al. 2017, "DART".)
+/// Control that cannot be asked before the step, such as SUMO's own, never slips.
 pub fn demonstrate(
     simulator: &mut dyn GlobalSimulator,
     controller: &mut dyn Controller,
     episode: Seed,
+    slips: f64,
     demonstrations: &mut [Demonstrations],
 ) -> Result<()> {
-    let mut actions: Vec<Action> = vec![0; simulator.agents()];
+    let n_actions: Vec<usize> = simulator.kinds().specs().map(|spec| spec.n_actions).collect();
+    let mut dice = episode.fork(RandomPurpose::Slips).dice();
+    let mut decided: Vec<Action> = vec![0; simulator.agents()];
     let mut done: Vec<Option<Action>> = vec![None; simulator.agents()];
     controller.begin(episode);
     let mut percept = simulator.reset(episode)?.clone();
     for _ in 0..simulator.kinds().horizon() {
-        controller.act(&percept, &mut actions)?;
+        controller.act(&percept, &mut decided)?;
+        let advised = simulator.advise(&mut decided);
+        let mut actions = decided.clone();
+        if advised {
+            for (action, &n_actions) in actions.iter_mut().zip(&n_actions) {
+                if dice.random_bool(slips) {
+                    *action = dice.random_range(0..n_actions) as Action;
+                }
+            }
+        }
         let after = simulator.step(&actions)?.percept.clone();
         done.iter_mut().zip(&actions).for_each(|(done, &action)| *done = Some(action));
         simulator.carried_out(&mut done);
-        for (agent, (demonstrations, &action)) in demonstrations.iter_mut().zip(&done).enumerate() {
+        for (agent, demonstrations) in demonstrations.iter_mut().enumerate() {
             let mask = percept.masks.row(agent);
+            let action = if advised { done[agent].and(Some(decided[agent])) } else { done[agent] };
             // A policy cannot take an action that is not allowed, so there it cannot learn it either.
             let action = action.filter(|&action| mask.get(usize::from(action)) != Some(&false));
             demonstrations.push(percept.obs.row(agent), mask, action);
@@ -262,7 +280,8 @@ mod tests {
         let Baseline { mut simulator, mut controller } = domain.baseline(controller).unwrap();
         let mut all = Demonstrations::of_all(domain.kinds());
         for episode in 0..config.episodes(domain.kinds().horizon()) {
-            demonstrate(&mut *simulator, &mut *controller, Seed::new(2).for_episode(episode), &mut all).unwrap();
+            let seed = Seed::new(2).for_episode(episode);
+            demonstrate(&mut *simulator, &mut *controller, seed, config.slips, &mut all).unwrap();
         }
         let kind = &domain.kinds()[kind];
         let theirs: Vec<Demonstrations> = kind.agents.iter().map(|agent| all[agent.0].clone()).collect();

@@ -55,6 +55,10 @@ impl GlobalSimulator for Timed<dyn GlobalSimulator> {
         self.inner.influence_sample()
     }
 
+    fn advise(&mut self, actions: &mut [Action]) -> bool {
+        self.inner.advise(actions)
+    }
+
     fn carried_out(&self, actions: &mut [Option<Action>]) {
         self.inner.carried_out(actions);
     }

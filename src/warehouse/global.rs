@@ -19,6 +19,9 @@ pub struct GlobalWarehouse {
     layout: FloorPlan,
     /// Rule that the learning robots follow instead of their actions, for hand-coded baselines.
     rule: Option<Rule>,
+    /// Whether the rule was asked for the next actions of the learning robots. Then the step carries out what it is
+    /// given.
+    advised: bool,
     /// Last moves of the learning robots, `[agents]`.
     moves: Vec<Action>,
     /// Cell of each robot within its region.
@@ -50,6 +53,7 @@ impl GlobalWarehouse {
         let (robots, last) = (layout.robots(), JointTransition::new(&kinds));
         GlobalWarehouse {
             rule,
+            advised: false,
             moves: vec![0; layout.learners().len()],
             cells: vec![CENTRE; robots],
             memories: vec![hand_coded::ItemMemory::default(); robots],
@@ -73,19 +77,23 @@ impl GlobalWarehouse {
         region::shelf_at(self.cells[robot]).map(|shelf| self.layout.region(robot)[shelf])
     }
 
+    /// Returns what a robot that follows a rule does now.
+    fn ask(&mut self, rule: Rule, robot: usize) -> Action {
+        let ages = self.ages_around(robot);
+        let (memory, dice) = (&mut self.memories[robot], &mut self.dice[robot]);
+        hand_coded::decide(rule, memory, self.cells[robot], &ages, dice)
+    }
+
     /// Moves all robots at once. Those without a policy decide by what they see before the move.
     fn move_robots(&mut self, actions: &[Action]) {
+        let advised = std::mem::take(&mut self.advised);
         let mut agents = 0;
         for robot in 0..self.layout.robots() {
             let learns = self.layout.learners().get(agents) == Some(&robot);
-            let rule = if learns { self.rule } else { Some(Rule::ClosestItem) };
+            let rule = if learns { self.rule.filter(|_| !advised) } else { Some(Rule::ClosestItem) };
             let action = match rule {
                 None => actions[agents],
-                Some(rule) => {
-                    let ages = self.ages_around(robot);
-                    let (memory, dice) = (&mut self.memories[robot], &mut self.dice[robot]);
-                    hand_coded::decide(rule, memory, self.cells[robot], &ages, dice)
-                }
+                Some(rule) => self.ask(rule, robot),
             };
             if learns {
                 self.moves[agents] = action;
@@ -132,6 +140,7 @@ impl GlobalSimulator for GlobalWarehouse {
         self.dice = robots.map(|robot| episode.fork(RandomPurpose::Robots).for_agent(robot).dice()).collect();
         self.memories.fill(hand_coded::ItemMemory::default());
         self.cells.fill(CENTRE);
+        self.advised = false;
         self.ages.fill(NO_ITEM);
         self.tally = Collected { collected: vec![0; self.agents()], ..Collected::default() };
         items::appear(&mut self.ages, &mut self.appearances);
@@ -157,6 +166,15 @@ impl GlobalSimulator for GlobalWarehouse {
 
     fn influence_sample(&self) -> InfluenceSample<'_> {
         InfluenceSample { d_set: &self.d_set_before, sources: &self.sources }
+    }
+
+    fn advise(&mut self, actions: &mut [Action]) -> bool {
+        let Some(rule) = self.rule else { return false };
+        for (agent, action) in actions.iter_mut().enumerate() {
+            *action = self.ask(rule, self.layout.learners()[agent]);
+        }
+        self.advised = true;
+        true
     }
 
     fn carried_out(&self, actions: &mut [Option<Action>]) {

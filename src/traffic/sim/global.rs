@@ -53,6 +53,8 @@ pub struct GlobalTraffic {
     /// Actions of the last step that the lights obeyed, `[agents]`, and those of hand-coded control.
     actions: Vec<Action>,
     hand_coded: Vec<Action>,
+    /// Whether hand-coded control was asked for its next actions, which it gives once per step.
+    advised: bool,
     last: JointTransition,
     /// D-sets (the variables that AIPs predict from) from before the last step, and the arrivals during it.
     d_set_before: Ragged<f32>,
@@ -102,6 +104,7 @@ impl GlobalTraffic {
             outgoing: CarTable::new(),
             actions: vec![KEEP; agents.len()],
             hand_coded: vec![KEEP; agents.len()],
+            advised: false,
             d_set_before: last.percept.d_set.clone(),
             last,
             arrivals: Ragged::new(vec![EDGES; agents.len()]),
@@ -139,7 +142,18 @@ impl GlobalTraffic {
     /// Sets `self.actions` from the actions of the step and the decisions of hand-coded control.
     fn decide(&mut self, actions: &[Action]) {
         self.actions.copy_from_slice(actions);
-        if let SignalControl::HandCoded { by: HandCoded::Rule(controller), agents } = &mut self.control {
+        // Who asked for advice has heard it, and decides.
+        if !std::mem::take(&mut self.advised)
+            && self.ask()
+            && let SignalControl::HandCoded { agents, .. } = &self.control
+        {
+            agents.iter().for_each(|agent| self.actions[agent.0] = self.hand_coded[agent.0]);
+        }
+    }
+
+    /// Sets `self.hand_coded` to what a rule would do now at all lights. Returns whether there is a rule.
+    fn ask(&mut self) -> bool {
+        if let SignalControl::HandCoded { by: HandCoded::Rule(controller), .. } = &mut self.control {
             let intersections = Intersections {
                 grid: self.grid,
                 lights: &self.lights,
@@ -149,8 +163,9 @@ impl GlobalTraffic {
                 outgoing: &self.outgoing,
             };
             controller.act(&intersections, &mut self.hand_coded);
-            agents.iter().for_each(|agent| self.actions[agent.0] = self.hand_coded[agent.0]);
+            return true;
         }
+        false
     }
 
     /// Reads cars and lights after a step or a reset.
@@ -193,6 +208,7 @@ impl GlobalSimulator for GlobalTraffic {
         self.handles.hand_to_program(&mut self.simulation, "actuated", &by_program)?;
         self.read()?;
         self.shown_steps.fill(0);
+        self.advised = false;
         self.age = 0;
         self.arrivals.fill(0);
         self.tally = Tally::new(self.agents());
@@ -243,6 +259,15 @@ impl GlobalSimulator for GlobalTraffic {
     /// The authors pair both at t and use the prediction one step later.
     fn influence_sample(&self) -> InfluenceSample<'_> {
         InfluenceSample { d_set: &self.d_set_before, sources: &self.arrivals }
+    }
+
+    /// A program of SUMO cannot be asked.
+    fn advise(&mut self, actions: &mut [Action]) -> bool {
+        self.advised = self.ask();
+        if self.advised {
+            actions.copy_from_slice(&self.hand_coded);
+        }
+        self.advised
     }
 
     /// Read from the lights, so that it is known of SUMO's own programs, too. Yellow takes its time whatever the action.
