@@ -64,6 +64,52 @@ fn all_four_simulators_teach_the_coins_to_copy() {
 }
 
 #[test]
+fn a_critic_of_its_own_and_one_policy_for_all_learn_the_coins_too() {
+    for (simulator, setting) in [("dials", "separate critic"), ("gs", "shared policy")] {
+        let dir = tempfile::tempdir().unwrap();
+        let mut config = config(simulator);
+        config.policy.separate_critic = setting == "separate critic";
+        config.gs.shared_policy = setting == "shared policy";
+        train(&config, dir.path()).unwrap();
+        let returns = column(dir.path(), files::RETURNS, "mean");
+        assert!(returns[0].1 < 0.75 * HORIZON as f64, "{setting}: {returns:?}");
+        assert!(returns[3].1 > 0.97 * HORIZON as f64, "{setting}: {returns:?}");
+        let bytes = std::fs::read(dir.path().join(files::POLICIES)).unwrap();
+        let saved = safetensors::SafeTensors::deserialize(&bytes).unwrap();
+        assert_eq!(saved.tensor("critic.layers.0.weight").is_ok(), config.policy.separate_critic);
+        let weights = saved.tensor("layers.0.weight").unwrap();
+        let (one, other) = weights.data().split_at(weights.data().len() / 2);
+        assert_eq!(one == other, config.gs.shared_policy, "the policies of the two agents");
+    }
+}
+
+#[test]
+fn policies_that_imitate_begin_with_the_return_of_the_controller_and_keep_it_while_the_critic_learns() {
+    for simulator in ["dials", "gs"] {
+        let dir = tempfile::tempdir().unwrap();
+        let mut config = config(simulator);
+        config.policy.imitate = Some("copy".to_owned());
+        config.imitation.dataset_steps = 5000;
+        config.imitation.minibatch = 32;
+        config.imitation.learning_rate = 2e-3;
+        config.imitation.critic_steps = 10_000;
+        train(&config, dir.path()).unwrap();
+        let returns = column(dir.path(), files::RETURNS, "mean");
+        assert!(returns.iter().all(|&(_, mean)| mean > 0.97 * HORIZON as f64), "{simulator}: {returns:?}");
+        assert_eq!(returns[0].1, returns[1].1, "{simulator}: at 10112 steps only the critic has learnt");
+        let rates = column(dir.path(), files::TRAINING, "learning_rate");
+        assert!(rates[0].1 == 2e-3 && rates[1].1 < 1.6e-3, "{simulator}: {rates:?}");
+        for (name, least, most) in [("accuracy_before", 0.2, 0.8), ("accuracy_after", 0.99, 1.0)] {
+            let [(0, accuracy)] = column(dir.path(), files::IMITATION, name)[..] else { panic!("one line for all") };
+            assert!((least..=most).contains(&accuracy), "{name} {accuracy}");
+        }
+        // Rewards are near 1, gamma is 0.5: all values are near 2, and the loss of a new critic is near 4.
+        let losses = column(dir.path(), files::TRAINING, "value_loss");
+        assert!(losses[0].1 < 0.5 && losses[1].1 < 0.05, "{simulator}: {losses:?}");
+    }
+}
+
+#[test]
 fn the_aips_learn_the_closed_form_influence_of_coins_that_copy() {
     let dir = tempfile::tempdir().unwrap();
     train(&config("dials"), dir.path()).unwrap();

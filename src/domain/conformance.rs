@@ -97,6 +97,12 @@ fn record(domain: &dyn Domain, seed: Seed) -> Result<GsRecording> {
         let after = transition.percept.clone();
         let sample = gs.influence_sample();
         ensure!(*sample.d_set == percept.d_set, "an influence sample does not hold the d-set from before the step");
+        let mut done: Vec<Option<Action>> = actions.iter().copied().map(Some).collect();
+        gs.carried_out(&mut done);
+        ensure!(
+            done.iter().zip(&actions).all(|(done, action)| done.is_none_or(|done| done == *action)),
+            "without hand-coded control, the GS says that agents did something else than they were told"
+        );
         recording.d_sets.push(sample.d_set.clone());
         recording.sources.push(sample.sources.clone());
         recording.actions.push(actions);

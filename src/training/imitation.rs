@@ -6,7 +6,7 @@
 use std::ops::Range;
 
 use rand::Rng;
-use rand::seq::SliceRandom;
+use rand::seq::{IteratorRandom, SliceRandom};
 use serde::{Deserialize, Serialize};
 
 use crate::base::{AgentId, Dice, Phase, RandomPurpose, Seed, Stopwatch, Work};
@@ -61,9 +61,11 @@ pub fn demonstrate(
         let advised = simulator.advise(&mut decided);
         let mut actions = decided.clone();
         if advised {
-            for (action, &n_actions) in actions.iter_mut().zip(&n_actions) {
+            for ((action, &n_actions), mask) in actions.iter_mut().zip(&n_actions).zip(percept.masks.iter()) {
                 if dice.random_bool(slips) {
-                    *action = dice.random_range(0..n_actions) as Action;
+                    let allowed = |action: &usize| mask.get(*action) != Some(&false);
+                    let slip = (0..n_actions).filter(allowed).choose(&mut dice);
+                    *action = slip.expect("some action is allowed") as Action;
                 }
             }
         }
