@@ -16,9 +16,11 @@ use dials_traffic::evaluation::play;
 use dials_traffic::fleet::inline::InlineFleet;
 use dials_traffic::fleet::worker::Worker;
 use dials_traffic::nn::{Threads, read_stack};
+use dials_traffic::outside::Directory;
 use dials_traffic::policy::{JointPolicyController, PolicyStack, Selection};
 use dials_traffic::records::files;
 use dials_traffic::records::joint_layout::JointLayout;
+use dials_traffic::records::resume_point::ResumePoint;
 use dials_traffic::records::run_json::RunJson;
 use dials_traffic::records::run_log::{Layouts, RunLog};
 use dials_traffic::records::run_record::RunRecord;
@@ -130,7 +132,8 @@ fn the_aips_of_both_kinds_learn_the_closed_form_influence() {
     let policies = JointLayout::of_policies(domain.kinds(), &config.policy).read(&saved).unwrap();
     for kind in domain.kinds() {
         let layout = PolicyStack::shape(&kind.spec, &config.policy).layout();
-        let rows = read_stack(&saved, &format!("{}.", kind.name), &layout, &kind.agents).unwrap();
+        let rows =
+            read_stack(&fs::read(&saved).unwrap(), &saved, &format!("{}.", kind.name), &layout, &kind.agents).unwrap();
         for (agent, row) in kind.agents.iter().zip(rows.iter()) {
             assert_eq!(policies.row(agent.0), row);
         }
@@ -187,7 +190,9 @@ fn a_run_that_was_stopped_goes_on_to_the_same_bytes() {
         let periods = schedule(&config).len();
         assert!(periods >= 3);
         let go_on = |observer: &dyn Observer| {
-            let (mut log, checkpoint) = RunLog::resume(stopped.path(), &config, layouts()).unwrap();
+            let directory = Directory::lock(stopped.path()).unwrap();
+            let point = ResumePoint::find(&directory).unwrap();
+            let (mut log, checkpoint) = RunLog::resume(directory, point, &config, layouts()).unwrap();
             let mut fleet = InlineFleet::new(domain(), &config, Rc::new(Silent));
             let standing = checkpoint.map_or(Standing::default(), |checkpoint| {
                 let standing = checkpoint.progress.standing();

@@ -11,7 +11,7 @@
 //! - `coordinator`: which worker owns which agents, orders, deaths and patience. `orders`: the steps of Algorithm 1 as
 //!   orders to workers. `task`: an order in progress.
 //! - [`link`]: the worker's stream as the coordinator sees it. [`children`]: child processes; `bell` wakes the
-//!   coordinator, `log_tail` shows the end of a log.
+//!   coordinator, `log` is what a worker printed.
 //! - `message`, `channel`: the messages, and how they are written to a stream. `serve`: the worker's side of it.
 //! - `footprint`: memory and CPU time of this process.
 //! - `threads`: a crew of threads, with which the tests kill and hang workers.
@@ -25,7 +25,7 @@ mod coordinator;
 mod footprint;
 pub mod inline;
 pub mod link;
-mod log_tail;
+mod log;
 mod message;
 mod orders;
 mod serve;

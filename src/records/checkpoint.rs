@@ -6,14 +6,14 @@
 //! last [`KEPT`] are kept.
 
 use std::collections::{BTreeMap, HashMap};
-use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 
-use super::atomic::write_beside;
+use super::growing::Mark;
 use crate::base::Ragged;
+use crate::outside::Directory;
 use crate::training::drift::Drift;
 use crate::training::standing::Standing;
 use crate::training::state::{AgentsState, JointMoments};
@@ -22,8 +22,11 @@ use crate::training::stream::AgentStream;
 /// Number of checkpoints that are kept, the newest ones.
 pub const KEPT: usize = 3;
 /// Bump when older checkpoints can no longer be read.
-const FORMAT: u32 = 3;
-const EXTENSION: &str = "safetensors";
+const FORMAT: u32 = 4;
+/// Beginning and end of the name of a checkpoint. Its step stands between them.
+const BEGINNING: &str = "step_";
+const ENDING: &str = ".safetensors";
+const DIGITS: usize = 12;
 
 /// State of a run after a period.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,8 +39,8 @@ pub struct Checkpoint {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RunProgress {
     pub periods_done: usize,
-    /// Length of every CSV file in bytes.
-    pub file_lengths: BTreeMap<String, u64>,
+    /// How far every growing file has come.
+    pub growing: BTreeMap<String, Mark>,
     /// Wall time of the run so far.
     pub elapsed_s: f64,
     /// Drift of the AIPs since their last training.
@@ -74,8 +77,7 @@ fn tables_of(agents: &AgentsState) -> [&Ragged<f32>; 4] {
 }
 
 /// Writes a checkpoint into `folder` and removes those that are no longer kept.
-pub fn write(folder: &Path, agents: &AgentsState, progress: RunProgress) -> Result<()> {
-    std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
+pub fn write(folder: &Directory, agents: &AgentsState, progress: RunProgress) -> Result<()> {
     let tables = tables_of(agents);
     let bytes = tables.map(|table| bytemuck::cast_slice::<f32, u8>(table.as_slice()));
     let streams = postcard::to_stdvec(&agents.streams).context("the state of training cannot be encoded")?;
@@ -94,32 +96,27 @@ pub fn write(folder: &Path, agents: &AgentsState, progress: RunProgress) -> Resu
     }
     views.push((STREAMS, TensorView::new(Dtype::U8, vec![streams.len()], &streams)?));
     let metadata = HashMap::from([("checkpoint".to_owned(), serde_json::to_string(&about)?)]);
-    let path = folder.join(format!("step_{:012}.{EXTENSION}", agents.steps));
+    let name = format!("{BEGINNING}{:0DIGITS$}{ENDING}", agents.steps);
     // Directly to the file: the tables of a hundred agents need no second copy in memory.
-    write_beside(&path, |beside| Ok(safetensors::serialize_to_file(views, Some(metadata), beside)?))?;
+    folder.write_with(&name, |beside, _| Ok(safetensors::serialize_to_file(views, Some(metadata), beside)?))?;
     let all = list(folder)?;
-    for old in &all[..all.len().saturating_sub(KEPT)] {
-        std::fs::remove_file(old).with_context(|| format!("{}: cannot be removed", old.display()))?;
-    }
-    Ok(())
+    all[..all.len().saturating_sub(KEPT)].iter().try_for_each(|old| folder.remove(old))
 }
 
 impl Checkpoint {
-    /// Reads the newest checkpoint of `folder`, if there is one. The error about a damaged one says what to do.
-    pub fn read_newest(folder: &Path) -> Result<Option<Checkpoint>> {
-        let Some(newest) = list(folder)?.pop() else { return Ok(None) };
-        let checkpoint = read(&newest).with_context(|| {
-            let name = newest.display();
-            format!("{name}: cannot be resumed from; remove it to continue from the checkpoint before it")
-        })?;
-        Ok(Some(checkpoint))
+    /// Reads a checkpoint. The error about a damaged one says what to do.
+    pub fn read(folder: &Directory, name: &str) -> Result<Checkpoint> {
+        let bytes = folder.read(name, u64::MAX)?.unwrap_or_default();
+        decode(&bytes).with_context(|| {
+            let path = folder.path_of(name);
+            format!("{}: cannot be resumed from; remove it to continue from the checkpoint before it", path.display())
+        })
     }
 }
 
-fn read(path: &Path) -> Result<Checkpoint> {
-    let bytes = std::fs::read(path)?;
-    let file = SafeTensors::deserialize(&bytes).context("it is cut short, or not a safetensors file")?;
-    let (_, header) = SafeTensors::read_metadata(&bytes)?;
+fn decode(bytes: &[u8]) -> Result<Checkpoint> {
+    let file = SafeTensors::deserialize(bytes).context("it is cut short, or not a safetensors file")?;
+    let (_, header) = SafeTensors::read_metadata(bytes)?;
     let about = header.metadata().as_ref().and_then(|metadata| metadata.get("checkpoint"));
     let about: serde_json::Value = serde_json::from_str(about.context("it is not a checkpoint")?)?;
     ensure!(
@@ -169,21 +166,23 @@ fn checksum<'a>(parts: impl Iterator<Item = &'a [u8]>) -> u32 {
     hasher.finalize()
 }
 
-/// Lists the checkpoints of a folder, oldest first. Without a folder the list is empty.
-fn list(folder: &Path) -> Result<Vec<PathBuf>> {
-    if !folder.exists() {
-        return Ok(Vec::new());
-    }
-    let entries = std::fs::read_dir(folder).with_context(|| format!("{}: cannot be read", folder.display()))?;
-    let mut files = entries.map(|entry| Ok(entry?.path())).collect::<Result<Vec<_>>>()?;
-    files.retain(|path| path.extension().is_some_and(|extension| extension == EXTENSION));
-    files.sort();
-    Ok(files)
+/// Returns whether a file has the name of a checkpoint.
+pub fn is_checkpoint(name: &str) -> bool {
+    let steps = name.strip_prefix(BEGINNING).and_then(|rest| rest.strip_suffix(ENDING));
+    steps.is_some_and(|steps| steps.len() == DIGITS && steps.bytes().all(|byte| byte.is_ascii_digit()))
+}
+
+/// Lists the checkpoints of a folder, oldest first.
+pub fn list(folder: &Directory) -> Result<Vec<String>> {
+    let names = folder.names()?.into_iter().filter_map(|name| name.into_string().ok());
+    Ok(names.filter(|name| is_checkpoint(name)).collect())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::path::Path;
+
     use crate::base::Seed;
     use crate::training::stream::{RowStream, Trail};
 
@@ -199,31 +198,39 @@ mod tests {
         };
         let streams = vec![AgentStream { minibatches: Seed::new(3).dice(), rows: vec![row] }; 3];
         let agents = AgentsState { steps, policies: rows(0, policies), moments, aips: rows(30, aips), streams };
-        let file_lengths = BTreeMap::from([("returns.csv".to_owned(), 77)]);
+        let growing = BTreeMap::from([("returns.csv".to_owned(), Mark { bytes: 77, crc32c: 5 })]);
         Checkpoint {
             agents,
-            progress: RunProgress { periods_done: 2, file_lengths, elapsed_s: 1.5, drift: Drift::default() },
+            progress: RunProgress { periods_done: 2, growing, elapsed_s: 1.5, drift: Drift::default() },
         }
     }
 
     fn save(steps: u64, folder: &Path) {
         let Checkpoint { agents, progress } = checkpoint(steps);
-        write(folder, &agents, progress).unwrap();
+        write(&Directory::open(folder).unwrap(), &agents, progress).unwrap();
+    }
+
+    fn newest(folder: &Path) -> Result<Checkpoint> {
+        let folder = Directory::open(folder)?;
+        Checkpoint::read(&folder, list(&folder)?.last().unwrap())
     }
 
     fn error_of(folder: &Path) -> String {
-        format!("{:#}", Checkpoint::read_newest(folder).unwrap_err())
+        format!("{:#}", newest(folder).unwrap_err())
     }
 
     #[test]
     fn the_newest_comes_back_and_the_last_three_are_kept() {
         let dir = tempfile::tempdir().unwrap();
-        assert_eq!(Checkpoint::read_newest(&dir.path().join("none")).unwrap(), None);
+        for other in ["best.safetensors", "step_old_copy.safetensors", "step_0000000001280.safetensors"] {
+            std::fs::write(dir.path().join(other), "precious").unwrap();
+        }
         for steps in [900, 1_000, 20_000, 300_000, 4_000_000] {
             save(steps, dir.path());
         }
-        assert_eq!(Checkpoint::read_newest(dir.path()).unwrap(), Some(checkpoint(4_000_000)));
-        assert_eq!(list(dir.path()).unwrap().len(), KEPT);
+        assert_eq!(newest(dir.path()).unwrap(), checkpoint(4_000_000));
+        assert_eq!(list(&Directory::open(dir.path()).unwrap()).unwrap().len(), KEPT);
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), KEPT + 3, "other files stay");
     }
 
     #[test]
@@ -240,7 +247,7 @@ mod tests {
             for (bad, word) in [(f32::NAN, "NaN"), (f32::INFINITY, "inf")] {
                 let Checkpoint { mut agents, progress } = checkpoint(128);
                 table(&mut agents).row_mut(2)[0] = bad;
-                write(dir.path(), &agents, progress).unwrap();
+                write(&Directory::open(dir.path()).unwrap(), &agents, progress).unwrap();
                 let error = error_of(dir.path());
                 assert!(error.contains("step_000000000128.safetensors: cannot be resumed from; remove it"), "{error}");
                 assert!(error.contains(&format!("`{name}` holds {word} for agent 2")), "{error}");
@@ -252,7 +259,7 @@ mod tests {
     fn damage_is_found_and_the_file_is_named() {
         let dir = tempfile::tempdir().unwrap();
         save(128, dir.path());
-        let path = list(dir.path()).unwrap().pop().unwrap();
+        let path = dir.path().join("step_000000000128.safetensors");
         let whole = std::fs::read(&path).unwrap();
 
         std::fs::write(&path, &whole[..whole.len() - 9]).unwrap();
@@ -265,7 +272,7 @@ mod tests {
         std::fs::write(&path, flipped).unwrap();
         assert!(error_of(dir.path()).contains("checksum"), "{}", error_of(dir.path()));
 
-        let place = whole.windows(10).position(|bytes| bytes == b"format\\\":3").unwrap();
+        let place = whole.windows(10).position(|bytes| bytes == b"format\\\":4").unwrap();
         let mut newer = whole.clone();
         newer[place + 9] = b'7';
         std::fs::write(&path, newer).unwrap();

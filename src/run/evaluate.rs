@@ -104,7 +104,7 @@ impl<'a> Session<'a> {
     }
 
     /// Lets all subjects play the same episodes, one subject after the other.
-    fn play(&self, subjects: Vec<Subject>, csv: Option<CsvFiles>) -> Result<Vec<Finding>> {
+    fn play(&self, subjects: Vec<Subject>, mut csv: Option<CsvFiles>) -> Result<Vec<Finding>> {
         let bar = EpisodeBar::new(subjects.len() * self.episodes);
         let mut findings = Vec::new();
         for (number, subject) in subjects.into_iter().enumerate() {
@@ -118,7 +118,7 @@ impl<'a> Session<'a> {
                 .measure_in_full()
                 .and_then(|()| play_episodes(simulator, controller, Seed::new(self.seed), self.episodes, progress));
             let finding = Finding { player: subject.player(), episodes: played.map_err(Error::Run)? };
-            csv.as_ref().map_or(Ok(()), |csv| csv.append(&finding)).map_err(Error::Run)?;
+            csv.as_mut().map_or(Ok(()), |csv| csv.append(&finding)).map_err(Error::Run)?;
             findings.push(finding);
         }
         bar.finish();

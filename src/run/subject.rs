@@ -11,6 +11,7 @@ use crate::domain::{Baseline, Domain};
 use crate::evaluation::Player;
 use crate::policy::Selection;
 use crate::records::files;
+use crate::terminal::tell;
 
 /// A controller or a run, as the command line names it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -129,6 +130,10 @@ impl Subject {
             Subject::Controller(name) => domain.baseline(name),
             Subject::Run { dir, greedy, background } => {
                 let run = fitting(dir, domain)?;
+                if let Some(steps) = run.still_trained_at {
+                    let path = dir.display();
+                    tell(format_args!("{path}: is still being trained; its policies are those of step {steps}"));
+                }
                 let selection = if *greedy { Selection::Greedy } else { Selection::Sampled };
                 let controller = Box::new(run.controller(selection));
                 let simulator = match background {

@@ -1,6 +1,7 @@
 //! One process of an experiment: this program, started with other arguments.
 
-use std::fs::{self, File, OpenOptions};
+use std::ffi::OsStr;
+use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Write};
 use std::os::unix::process::CommandExt;
 use std::os::unix::process::ExitStatusExt;
@@ -15,7 +16,9 @@ use rustix::process::{Pid, Signal, kill_process};
 use super::LOGS;
 use super::plan::PlannedWork;
 use crate::config::{Config, DomainConfig, to_toml};
+use crate::outside::Directory;
 use crate::records::atomic::write_atomically;
+use crate::report::find::BASELINES;
 use crate::run::END_WITH;
 
 /// A line that a process printed on standard error.
@@ -38,16 +41,19 @@ impl RunProcess {
     /// Starts a task. Its standard error goes to `said` and to its log. Its standard output goes to its result file, if
     /// it has one, otherwise to the log.
     pub fn start(task: &PlannedWork, folder: &Path, said: Sender<Said>) -> Result<RunProcess> {
-        let log = folder.join(LOGS).join(format!("{}.log", task.name));
-        let failed = || format!("{}: cannot be written", log.display());
+        let folder = Directory::open(folder)?;
+        let (logs, log) = (folder.make_subdirectory(LOGS)?, format!("{}.log", task.name));
+        let failed = || format!("{}: cannot be written", logs.path_of(&log).display());
         if let Some((path, config)) = &task.config {
             write_atomically(path, to_toml(&with_absolute_paths(config)?)?.as_bytes())?;
         }
-        let file = OpenOptions::new().create(true).append(true).open(&log).with_context(failed)?;
+        let file = logs.open_to_append(&log)?;
         let stdout = match &task.result {
-            Some(result) => Stdio::from(
-                File::create(beside(result)).with_context(|| format!("{}: cannot be written", result.display()))?,
-            ),
+            Some(result) => {
+                let beside = beside(result);
+                let name = beside.file_name().and_then(OsStr::to_str).context("a result has no name")?;
+                Stdio::from(folder.make_subdirectory(BASELINES)?.open_anew(name)?)
+            }
             None => Stdio::from(file.try_clone().with_context(failed)?),
         };
         // Not the path of the program: another build may be there by now.
