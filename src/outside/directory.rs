@@ -360,3 +360,101 @@ fn check_own(stat: &Stat, path: &Path) -> Result<()> {
 fn is_not_found(error: &Error) -> bool {
     error.downcast_ref::<Errno>() == Some(&Errno::NOENT)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+    use std::os::unix::fs::{PermissionsExt, symlink};
+
+    use rustix::fs::mknodat;
+
+    fn error<T>(outcome: Result<T>) -> String {
+        format!("{:#}", outcome.err().expect("it is refused"))
+    }
+
+    #[test]
+    fn nothing_but_a_file_of_its_own_is_opened_or_replaced() {
+        let dir = tempfile::tempdir().unwrap();
+        let (directory, outside) = (Directory::open(dir.path()).unwrap(), tempfile::NamedTempFile::new().unwrap());
+        fs::write(outside.path(), "precious").unwrap();
+        let path = |name: &str| dir.path().join(name);
+        symlink(outside.path(), path("link")).unwrap();
+        symlink("/nowhere/at/all", path("broken")).unwrap();
+        fs::write(path("file"), "x").unwrap();
+        fs::hard_link(path("file"), path("second")).unwrap();
+        mknodat(CWD, path("pipe"), FileType::Fifo, 0o600.into(), 0).unwrap();
+        for (name, what) in [
+            ("link", "link: is a link"),
+            ("broken", "broken: is a link"),
+            ("second", "second: has 2 names (hard links)"),
+            ("pipe", "pipe: is not a regular file"),
+        ] {
+            let errors = [
+                error(directory.check(name)),
+                error(directory.open_file(name)),
+                error(directory.open_to_append(name)),
+                error(directory.open_anew(name)),
+                error(directory.write(name, b"new")),
+            ];
+            for error in errors {
+                assert!(error.contains(what) && error.contains("move it away"), "{error}");
+            }
+        }
+        symlink(outside.path().parent().unwrap(), path("folder")).unwrap();
+        assert!(error(directory.make_subdirectory("folder")).contains("folder: is a link"));
+        directory.remove("link").unwrap();
+        assert!(outside.path().exists() && !path("link").exists() && path("pipe").exists());
+        assert_eq!(fs::read(outside.path()).unwrap(), b"precious");
+        assert_eq!(fs::read(path("file")).unwrap(), b"x");
+    }
+
+    #[test]
+    fn a_name_leads_nowhere_else() {
+        let dir = tempfile::tempdir().unwrap();
+        let directory = Directory::open(dir.path()).unwrap();
+        for name in ["", ".", "..", "a/b", "../a", "/etc/passwd", "a/"] {
+            assert!(error(directory.write(name, b"x")).contains("is not the name of a file"), "{name}");
+        }
+        assert_eq!(directory.names().unwrap(), [""; 0]);
+    }
+
+    #[test]
+    fn a_file_is_replaced_as_a_whole_or_not_at_all() {
+        let dir = tempfile::tempdir().unwrap();
+        let directory = Directory::open(dir.path()).unwrap();
+        fs::write(dir.path().join("plain"), "").unwrap();
+        directory.write("a", b"old").unwrap();
+        let mode = |name: &str| fs::metadata(dir.path().join(name)).unwrap().permissions().mode();
+        assert_eq!(mode("a"), mode("plain"), "the umask decides who may read it");
+        let torn = directory.write_with("a", |beside, mut file| {
+            file.write_all(b"ne")?;
+            assert_eq!(fs::read(beside)?, b"ne", "it can be written by its path, too");
+            Ok(fs::write("/dev/full", "w")?)
+        });
+        assert!(error(torn).contains("a: cannot be written: No space left on device"));
+        assert_eq!(directory.read("a", 3).unwrap().unwrap(), b"old");
+        assert!(error(directory.read("a", 2)).contains("a: has more than 2 bytes, the limit"));
+        assert_eq!(directory.read("b", 3).unwrap(), None);
+        assert_eq!(directory.names().unwrap(), ["a", "plain"], "no temporary file remains");
+    }
+
+    #[test]
+    fn a_directory_that_goes_away_is_followed_and_its_path_is_not() {
+        let dir = tempfile::tempdir().unwrap();
+        let place = |name: &str| dir.path().canonicalize().unwrap().join(name);
+        fs::create_dir(place("run")).unwrap();
+        let directory = Directory::lock(&place("run")).unwrap();
+        assert_eq!(directory.whereabouts(), Whereabouts::InPlace);
+        assert!(error(Directory::lock(&place("run"))).contains("run: another process is writing this run"));
+        fs::rename(place("run"), place("elsewhere")).unwrap();
+        fs::create_dir(place("run")).unwrap();
+        assert_eq!(directory.whereabouts(), Whereabouts::Moved(place("elsewhere")));
+        directory.write("a", b"x").unwrap();
+        assert!(place("elsewhere/a").exists() && !place("run/a").exists());
+        assert!(error(directory.check_in_place()).contains("run: was moved to "));
+        fs::remove_dir_all(place("elsewhere")).unwrap();
+        assert!(error(directory.write("a", b"x")).contains("run: was removed while this run was written"));
+        assert!(error(directory.open_to_append("a")).contains("run: was removed while this run was written"));
+    }
+}

@@ -98,7 +98,7 @@ pub fn misfit(directory: &Directory, name: &str, mark: Mark) -> Result<Option<St
     let failed = || format!("{}: cannot be read", directory.path_of(name).display());
     let length = file.metadata().with_context(failed)?.len();
     if length < mark.bytes {
-        return Ok(Some(format!("it is shorter, {length} of {} bytes", mark.bytes)));
+        return Ok(Some(format!("lost {} bytes", mark.bytes - length)));
     }
     let (mut found, mut part, mut file) = (Mark::default(), vec![0; PART], file.take(mark.bytes));
     loop {
@@ -108,7 +108,7 @@ pub fn misfit(directory: &Directory, name: &str, mark: Mark) -> Result<Option<St
         }
         found = found.after(&part[..read]);
     }
-    Ok((found != mark).then(|| "it was changed".to_owned()))
+    Ok((found != mark).then(|| "was changed".to_owned()))
 }
 
 #[cfg(test)]
@@ -160,8 +160,8 @@ mod tests {
             misfit(&directory, "a.csv", file.mark()).unwrap()
         };
         assert_eq!(is("header\n1\n2\n3\n"), None);
-        assert_eq!(is("header\n1\n3\n").as_deref(), Some("it was changed"));
-        assert_eq!(is("header\n1\n").as_deref(), Some("it is shorter, 9 of 11 bytes"));
+        assert_eq!(is("header\n1\n3\n").as_deref(), Some("was changed"));
+        assert_eq!(is("header\n1\n").as_deref(), Some("lost 2 bytes"));
         fs::remove_file(&path).unwrap();
         assert_eq!(misfit(&directory, "a.csv", file.mark()).unwrap().as_deref(), Some("is missing"));
         assert_eq!(misfit(&directory, "a.csv", Mark::default()).unwrap(), None);

@@ -7,9 +7,9 @@ use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use super::atomic::write_atomically;
 use super::files;
 use crate::domain::Scenario;
+use crate::outside::Directory;
 
 /// Contents of `run.json`. What a file of another version lacks is empty here.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -81,7 +81,7 @@ impl RunJson {
 
     pub fn write(&self, dir: &Path) -> Result<()> {
         let text = serde_json::to_string_pretty(self).context("run.json in memory")?;
-        write_atomically(&dir.join(files::RUN), format!("{text}\n").as_bytes())
+        Directory::open(dir)?.write(files::RUN, format!("{text}\n").as_bytes())
     }
 
     /// Returns the build that wrote the run last.

@@ -202,9 +202,11 @@ impl Journal for RunLog {
             elapsed_s: (self.elapsed_before + self.begun.elapsed()).as_secs_f64(),
             drift: standing.drift,
         };
-        checkpoint::write(&self.directory.make_subdirectory(files::CHECKPOINTS)?, agents, progress)?;
+        let folder = self.directory.make_subdirectory(files::CHECKPOINTS);
+        let written = folder.and_then(|folder| checkpoint::write(&folder, agents, progress));
         // Not earlier: if the directory was moved, nothing is lost.
-        self.directory.check_in_place()
+        self.directory.check_in_place()?;
+        written
     }
 
     fn finished(&mut self, agents: &AgentsState, load: FleetLoad) -> Result<()> {
