@@ -5,6 +5,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
+use anyhow::anyhow;
 use clap::ValueEnum;
 
 use super::build::{other_build, record_resume};
@@ -54,7 +55,10 @@ pub fn train(args: &cli::TrainArgs) -> Result<()> {
             }
             answer(how_to_go_on(&place, &config, &*domain)).map_err(Error::Run)
         }
-        (Ok(()), None) => Err(Error::Run(directory.check_in_place().expect_err("it was removed"))),
+        (Ok(()), None) => {
+            let path = directory.path().display();
+            Err(Error::Run(anyhow!("{path}: was removed while this run was written")))
+        }
         (Err(error), place) if error.is::<Interrupted>() => {
             Err(Error::Interrupted(place.map_or("stopped".to_owned(), |place| stopped(&place))))
         }

@@ -105,8 +105,10 @@ pub fn experiment(args: &cli::ExperimentArgs) -> Result<()> {
 fn check_nobody_trains(experiment: &Experiment, folder: &Path) -> anyhow::Result<()> {
     for run in &experiment.runs {
         let dir = directory(folder, run);
+        // The run of an experiment that was just killed ends within a moment.
+        let free = !Directory::is_locked(&dir) || Directory::lock(&dir).is_ok();
         ensure!(
-            !Directory::is_locked(&dir),
+            free,
             "{}: another process is writing this run; wait until it has ended, or choose another folder with --out",
             dir.display()
         );
