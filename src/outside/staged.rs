@@ -149,8 +149,8 @@ fn sweep_directories(parent: &Directory) -> Result<()> {
         let Ok(Some(left_over)) = parent.subdirectory(name) else { continue };
         let ours = left_over.stat()?.st_uid == geteuid().as_raw();
         if ours && left_over.try_lock().unwrap_or(false) && is_at(parent, name, &left_over) {
-            empty(&left_over)?;
-            parent.remove_empty(name)?;
+            // What cannot be removed stays, and harms nobody.
+            let _ = empty(&left_over).and_then(|()| parent.remove_empty(name));
         }
     }
     Ok(())
