@@ -20,6 +20,7 @@ use dials_traffic::policy::{JointPolicyController, PolicyStack, Selection};
 use dials_traffic::records::files;
 use dials_traffic::records::joint_layout::JointLayout;
 use dials_traffic::records::run_json::RunJson;
+use dials_traffic::records::checkpoint::owner::Owner;
 use dials_traffic::records::run_log::{Layouts, RunLog};
 use dials_traffic::records::run_record::RunRecord;
 use dials_traffic::training::dials;
@@ -67,7 +68,7 @@ fn short(simulator: &str) -> Config {
 
 fn train(config: &Config, dir: &Path) -> Result<()> {
     let layouts = Layouts::of(config, domain().kinds());
-    let mut log = RunLog::create(dir, config, layouts)?;
+    let mut log = RunLog::create(dir, Owner::of(config, &*domain())?, layouts)?;
     let mut fleet = InlineFleet::new(domain(), config, Rc::new(Silent));
     dials::train(config, &mut fleet, Standing::default(), &mut log, &Silent)
 }
@@ -187,10 +188,11 @@ fn a_run_that_was_stopped_goes_on_to_the_same_bytes() {
         let periods = schedule(&config).len();
         assert!(periods >= 3);
         let go_on = |observer: &dyn Observer| {
-            let (mut log, checkpoint) = RunLog::resume(stopped.path(), &config, layouts()).unwrap();
+            let owner = Owner::of(&config, &*domain()).unwrap();
+            let (mut log, checkpoint) = RunLog::resume(stopped.path(), owner, layouts()).unwrap();
             let mut fleet = InlineFleet::new(domain(), &config, Rc::new(Silent));
             let standing = checkpoint.map_or(Standing::default(), |checkpoint| {
-                let standing = checkpoint.progress.standing();
+                let standing = checkpoint.progress.standing;
                 fleet.restore(checkpoint.agents).unwrap();
                 standing
             });
@@ -247,7 +249,7 @@ fn the_costs_of_both_kinds_are_measured() {
     let config = short("dials");
     let (domain, short, dir) = (domain(), short_orders(&config, 1), tempfile::tempdir().unwrap());
     let layouts = Layouts::of(&config, domain.kinds());
-    let mut log = RunLog::create(dir.path(), &config, layouts).unwrap();
+    let mut log = RunLog::create(dir.path(), Owner::of(&config, &*domain).unwrap(), layouts).unwrap();
     let mut fleet = InlineFleet::new(domain.clone(), &short, Rc::new(Silent));
     let time = Duration::from_millis(100);
     let plan = MeasurePlan { config: &short, kinds: domain.kinds(), workers: 1, time, peak_flops: 1e9 };

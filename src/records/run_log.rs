@@ -8,6 +8,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use anyhow::{Context, Result};
 
 use super::atomic::{lock, write_atomically};
+use super::checkpoint::owner::Owner;
 use super::checkpoint::{self, Checkpoint, RunProgress};
 use super::columns;
 use super::csv::{append, append_block, cut};
@@ -33,7 +34,7 @@ use crate::training::state::AgentsState;
 pub struct RunLog {
     dir: PathBuf,
     layouts: Layouts,
-    tensorboard: bool,
+    owner: Owner,
     /// Timesteps per agent at the last exchange.
     steps: u64,
     /// Wall time of the run before this process.
@@ -61,12 +62,12 @@ impl Layouts {
 
 impl RunLog {
     /// Starts a new run in `dir`, which exists and holds no run.
-    pub fn create(dir: &Path, config: &Config, layouts: Layouts) -> Result<Self> {
+    pub fn create(dir: &Path, owner: Owner, layouts: Layouts) -> Result<Self> {
         let now = Instant::now();
         Ok(RunLog {
             dir: dir.to_owned(),
             layouts,
-            tensorboard: config.logging.tensorboard,
+            owner,
             steps: 0,
             elapsed_before: Duration::ZERO,
             begun: now,
@@ -79,9 +80,9 @@ impl RunLog {
     /// `None`.
     ///
     /// Everything written after the checkpoint is cut off. It will be written again, with the same numbers.
-    pub fn resume(dir: &Path, config: &Config, layouts: Layouts) -> Result<(Self, Option<Checkpoint>)> {
-        let mut log = RunLog::create(dir, config, layouts)?;
-        let checkpoint = Checkpoint::read_newest(&dir.join(files::CHECKPOINTS))?;
+    pub fn resume(dir: &Path, owner: Owner, layouts: Layouts) -> Result<(Self, Option<Checkpoint>)> {
+        let mut log = RunLog::create(dir, owner, layouts)?;
+        let checkpoint = Checkpoint::read_newest(&dir.join(files::CHECKPOINTS), &log.owner)?;
         let beginning = RunProgress::default();
         let progress = checkpoint.as_ref().map_or(&beginning, |checkpoint| &checkpoint.progress);
         for name in files::GROWING {
@@ -116,7 +117,7 @@ impl RunLog {
     }
 
     fn tell_tensorboard(&self, steps: u64, scalars: &[Scalar]) -> Result<()> {
-        if !self.tensorboard || scalars.is_empty() {
+        if !self.owner.config.logging.tensorboard || scalars.is_empty() {
             return Ok(());
         }
         let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |time| time.as_secs_f64());
@@ -183,12 +184,11 @@ impl Journal for RunLog {
         write_atomically(&self.dir.join(files::POLICIES), &stack)?;
         self.append_load(agents, load)?;
         let progress = RunProgress {
-            periods_done: standing.periods_done,
+            standing: *standing,
             file_lengths: self.file_lengths()?,
             elapsed_s: (self.elapsed_before + self.begun.elapsed()).as_secs_f64(),
-            drift: standing.drift,
         };
-        checkpoint::write(&self.dir.join(files::CHECKPOINTS), agents, progress)
+        checkpoint::write(&self.dir.join(files::CHECKPOINTS), &self.owner, agents, progress)
     }
 
     fn finished(&mut self, agents: &AgentsState, load: FleetLoad) -> Result<()> {
@@ -237,7 +237,7 @@ mod tests {
         let coins = Coins::new(1);
         let layout = || JointLayout::new(coins.kinds(), |_| Layout::new(vec![("w".to_owned(), vec![2])]));
         let layouts = Layouts { policies: layout(), aips: layout() };
-        let mut log = RunLog::create(dir.path(), &config, layouts).unwrap();
+        let mut log = RunLog::create(dir.path(), Owner::of(&config, &coins).unwrap(), layouts).unwrap();
         let standing = Standing::default();
         let (training, mut agents) = period([1.0, 2.0, 3.0, 4.0], 0.5);
         log.period_done(&agents, &standing, &training, FleetLoad::default()).unwrap();

@@ -18,6 +18,7 @@ use crate::error::{Error, Result};
 use crate::fleet::children::Children;
 use crate::fleet::inline::InlineFleet;
 use crate::fleet::{Coordinator, Options};
+use crate::records::checkpoint::owner::{NotOfThisRun, Owner};
 use crate::records::files;
 use crate::records::run_json::Versions;
 use crate::records::run_log::{Layouts, RunLog};
@@ -39,6 +40,7 @@ pub fn train(args: &cli::TrainArgs) -> Result<()> {
     match run.train(workers, patience) {
         Ok(()) => answer(how_to_go_on(&run)).map_err(Error::Run),
         Err(error) if error.is::<Interrupted>() => Err(Error::Interrupted(stopped(&run.dir))),
+        Err(error) if error.is::<NotOfThisRun>() => Err(Error::Usage(error)),
         Err(error) => {
             let way_out = format!("the files written so far are kept; resume with: {}", resume_command(&run.dir));
             tell(way_out);
@@ -86,10 +88,10 @@ impl Run {
     fn train(&self, workers: usize, patience: Duration) -> anyhow::Result<()> {
         let Run { dir, config, domain, resumed, other_build } = self;
         let progress = Rc::new(Progress::new(config, domain.agents(), stopped(dir))?);
-        let layouts = Layouts::of(config, domain.kinds());
+        let (owner, layouts) = (Owner::of(config, &**domain)?, Layouts::of(config, domain.kinds()));
         let (mut log, checkpoint) = match resumed {
-            false => (RunLog::create(dir, config, layouts)?, None),
-            true => RunLog::resume(dir, config, layouts)?,
+            false => (RunLog::create(dir, owner, layouts)?, None),
+            true => RunLog::resume(dir, owner, layouts)?,
         };
         // `RunLog` has locked the directory, so nobody else can be writing this run.
         let resumes_at = checkpoint.as_ref().map_or(0, |checkpoint| checkpoint.agents.steps);
@@ -103,7 +105,7 @@ impl Run {
         };
         let mut standing = Standing::default();
         if let Some(checkpoint) = checkpoint {
-            standing = checkpoint.progress.standing();
+            standing = checkpoint.progress.standing;
             fleet.restore(checkpoint.agents)?;
         }
         let outcome = dials::train(config, &mut *fleet, standing, &mut log, &*progress);
