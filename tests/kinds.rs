@@ -17,10 +17,11 @@ use dials_traffic::fleet::inline::InlineFleet;
 use dials_traffic::fleet::worker::Worker;
 use dials_traffic::nn::{Threads, read_stack};
 use dials_traffic::policy::{JointPolicyController, PolicyStack, Selection};
+use dials_traffic::records::checkpoint::owner::Owner;
+use dials_traffic::records::checkpoint::{self, Checkpoint};
 use dials_traffic::records::files;
 use dials_traffic::records::joint_layout::JointLayout;
 use dials_traffic::records::run_json::RunJson;
-use dials_traffic::records::checkpoint::owner::Owner;
 use dials_traffic::records::run_log::{Layouts, RunLog};
 use dials_traffic::records::run_record::RunRecord;
 use dials_traffic::training::dials;
@@ -207,7 +208,18 @@ fn a_run_that_was_stopped_goes_on_to_the_same_bytes() {
             let [whole, stopped] = [&whole, &stopped].map(|dir| fs::read(dir.path().join(file)).ok());
             assert!(whole == stopped, "{simulator}: {file}");
         }
+        assert_that_agents_of_other_kinds_are_refused(&config, stopped.path());
     }
+}
+
+/// Asserts that the states of a coin and of a die cannot change places in a checkpoint.
+fn assert_that_agents_of_other_kinds_are_refused(config: &Config, dir: &Path) {
+    let (owner, folder) = (Owner::of(config, &*domain()).unwrap(), dir.join(files::CHECKPOINTS));
+    let Checkpoint { mut agents, progress } = Checkpoint::read_newest(&folder, &owner).unwrap().unwrap();
+    agents.streams.swap(0, 1);
+    checkpoint::write(&folder, &owner, &agents, progress).unwrap();
+    let error = format!("{:#}", Checkpoint::read_newest(&folder, &owner).unwrap_err());
+    assert!(error.contains("cannot be resumed from") && error.contains(": agent "), "{error}");
 }
 
 #[test]

@@ -83,6 +83,9 @@ impl RunLog {
     pub fn resume(dir: &Path, owner: Owner, layouts: Layouts) -> Result<(Self, Option<Checkpoint>)> {
         let mut log = RunLog::create(dir, owner, layouts)?;
         let checkpoint = Checkpoint::read_newest(&dir.join(files::CHECKPOINTS), &log.owner)?;
+        if checkpoint.is_none() {
+            log.owner.check_described(dir)?;
+        }
         let beginning = RunProgress::default();
         let progress = checkpoint.as_ref().map_or(&beginning, |checkpoint| &checkpoint.progress);
         for name in files::GROWING {
