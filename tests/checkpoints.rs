@@ -403,7 +403,8 @@ fn a_state_that_training_cannot_lead_to_is_refused_with_its_reason() {
 #[test]
 fn a_file_of_another_form_is_refused_with_its_reason() {
     let sound = Sound::new("dials");
-    let texts: [(&str, fn(&mut Value)); 21] = [
+    type ChangeText = fn(&mut Value);
+    let texts: [(&str, ChangeText); 21] = [
         ("unknown field `weather`", |text| text["weather"] = json!(1)),
         ("unknown field `weather`", |text| text["progress"]["weather"] = json!(1)),
         ("unknown field `weather`", |text| text["progress"]["standing"]["weather"] = json!(1)),
@@ -433,7 +434,8 @@ fn a_file_of_another_form_is_refused_with_its_reason() {
     for (told, change) in texts {
         sound.assert_error(&sound.crafted(|text, _| change(text)), told);
     }
-    let parts: [(&str, fn(&mut Vec<Part<'_>>)); 12] = [
+    type ChangeParts = fn(&mut Vec<Part<'_>>);
+    let parts: [(&str, ChangeParts); 12] = [
         ("it has no tensor `policies`", |parts| drop(parts.remove(0))),
         ("it has no tensor `streams`", |parts| drop(parts.pop())),
         ("its digest is wrong", |parts| parts.push(Part::flat("more", Dtype::U8, b"1"))),
@@ -460,7 +462,8 @@ fn a_file_of_another_form_is_refused_with_its_reason() {
         });
         sound.assert_error(&bytes, told);
     }
-    let metadata: [(&str, fn(&mut HashMap<String, String>)); 5] = [
+    type ChangeMetadata = fn(&mut HashMap<String, String>);
+    let metadata: [(&str, ChangeMetadata); 5] = [
         ("it has no digest", |metadata| drop(metadata.remove("digest"))),
         ("its digest is wrong", |metadata| metadata.get_mut("digest").unwrap().make_ascii_uppercase()),
         ("its digest is wrong", |metadata| metadata.get_mut("checkpoint").unwrap().push(' ')),
