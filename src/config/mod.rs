@@ -8,11 +8,13 @@
 //! - `simulator`: what the policies train on, and what predicts the influence there.
 //! - `check`: which values make sense.
 //! - `schedule`: the periods of a run.
+//! - [`resume`]: what may change when a run is resumed.
 
 mod check;
 mod domain;
 mod load;
 mod renamed;
+pub mod resume;
 mod schedule;
 mod seed;
 mod simulator;
@@ -25,7 +27,7 @@ use serde::{Deserialize, Serialize};
 pub use check::held_out_episodes;
 pub use domain::{DomainConfig, DomainTable};
 pub use load::{load, load_kept, to_toml};
-pub use schedule::{AipTraining, Period, schedule};
+pub use schedule::{AipTraining, Period, rest_of_schedule, schedule};
 pub use simulator::{Predictor, Simulator};
 pub use traffic::{DSet, EntryRule, TrafficConfig};
 pub use warehouse::WarehouseConfig;

@@ -211,6 +211,7 @@ mod tests {
     use crate::evaluation;
     use crate::influence;
     use crate::nn::Layout;
+    use crate::records::checkpoint::owner::Owner;
     use crate::records::joint_layout::JointLayout;
     use crate::records::run_log::{Layouts, RunLog};
     use crate::training::answers::{AgentTraining, FleetLoad, Footprint, PolicyTraining, WorkerLoad};
@@ -228,7 +229,8 @@ mod tests {
         let config: Config = toml::from_str(text).unwrap();
         let coins = Coins::new(1);
         let layout = || JointLayout::new(coins.kinds(), |_| Layout::new(vec![("w".to_owned(), vec![1])]));
-        let mut log = RunLog::create(dir.path(), &config, Layouts { policies: layout(), aips: layout() }).unwrap();
+        let owner = Owner::of(&config, &coins).unwrap();
+        let mut log = RunLog::create(dir.path(), owner, Layouts { policies: layout(), aips: layout() }).unwrap();
         let table = || Ragged::from_vec(vec![0.5, 0.25], [1, 1]).unwrap();
         let moments = JointMoments { first: table(), second: table(), steps: 1 };
         let agents = AgentsState { steps: 128, policies: table(), moments, aips: table(), streams: vec![] };

@@ -4,6 +4,7 @@ use std::fmt;
 
 use anyhow::Result;
 
+use super::checkpoint::owner::Owner;
 use super::checkpoint::{self, Checkpoint};
 use super::files;
 use super::growing::{Mark, misfit};
@@ -46,17 +47,17 @@ impl ResumePoint {
     /// Prepares a run directory, which this process has locked, for writing. Then finds where its run goes on.
     ///
     /// What is not a file of the run itself, such as a link, is an error. What killed writes left behind is removed.
-    pub fn find(directory: &Directory) -> Result<ResumePoint> {
+    pub fn find(directory: &Directory, owner: &Owner) -> Result<ResumePoint> {
         files::WRITTEN.iter().chain(&files::GROWING).try_for_each(|name| directory.check(name))?;
         sweep_files(directory, |name| files::WRITTEN.contains(&name))?;
         let Some(folder) = directory.subdirectory(files::CHECKPOINTS)? else {
-            return ResumePoint::beginning(directory);
+            return ResumePoint::beginning(directory, owner);
         };
         sweep_files(&folder, checkpoint::is_checkpoint)?;
         let names = checkpoint::list(&folder)?;
         let (mut newer, mut first) = (Vec::new(), None);
         for name in names.iter().rev() {
-            let checkpoint = Checkpoint::read(&folder, name)?;
+            let checkpoint = Checkpoint::read(&folder, name, owner)?;
             let Some(misfit) = first_misfit(directory, &checkpoint)? else {
                 let goes_on = |misfit: Misfit| {
                     format!(
@@ -72,11 +73,12 @@ impl ResumePoint {
         }
         match first {
             Some(misfit) => Err(NothingFits { misfit, checkpoints: names.len() }.into()),
-            None => ResumePoint::beginning(directory),
+            None => ResumePoint::beginning(directory, owner),
         }
     }
 
-    fn beginning(directory: &Directory) -> Result<ResumePoint> {
+    fn beginning(directory: &Directory, owner: &Owner) -> Result<ResumePoint> {
+        owner.check_described(directory.path())?;
         // The policies are written shortly before the first checkpoint.
         let trained = directory.open_file(files::POLICIES)?.is_some();
         let path = directory.path().display();

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::Result;
 
+use super::checkpoint::owner::Owner;
 use super::checkpoint::{self, Checkpoint, RunProgress};
 use super::columns;
 use super::csv::block;
@@ -37,7 +38,7 @@ pub struct RunLog {
     /// Files that grow, in the order of [`files::GROWING`].
     growing: [GrowingFile; files::GROWING.len()],
     layouts: Layouts,
-    tensorboard: bool,
+    owner: Owner,
     /// Timesteps per agent at the last exchange.
     steps: u64,
     /// Wall time of the run before this process.
@@ -63,18 +64,18 @@ impl Layouts {
 
 impl RunLog {
     /// Starts a new run in `dir`, which exists and holds no run.
-    pub fn create(dir: &Path, config: &Config, layouts: Layouts) -> Result<Self> {
-        Ok(RunLog::begin(Directory::lock(dir)?, config, layouts))
+    pub fn create(dir: &Path, owner: Owner, layouts: Layouts) -> Result<Self> {
+        Ok(RunLog::begin(Directory::lock(dir)?, owner, layouts))
     }
 
     /// Starts a new run in a directory that this process has locked and that holds no run.
-    pub fn begin(directory: Directory, config: &Config, layouts: Layouts) -> Self {
+    pub fn begin(directory: Directory, owner: Owner, layouts: Layouts) -> Self {
         let now = Instant::now();
         RunLog {
             directory,
             growing: files::GROWING.map(|name| GrowingFile::new(name, Mark::default())),
             layouts,
-            tensorboard: config.logging.tensorboard,
+            owner,
             steps: 0,
             elapsed_before: Duration::ZERO,
             begun: now,
@@ -89,10 +90,10 @@ impl RunLog {
     pub fn resume(
         directory: Directory,
         point: ResumePoint,
-        config: &Config,
+        owner: Owner,
         layouts: Layouts,
     ) -> Result<(Self, Option<Checkpoint>)> {
-        let mut log = RunLog::begin(directory, config, layouts);
+        let mut log = RunLog::begin(directory, owner, layouts);
         if let Some(folder) = log.directory.subdirectory(files::CHECKPOINTS)? {
             point.newer.iter().try_for_each(|name| folder.remove(name))?;
             folder.sync()?;
@@ -129,7 +130,7 @@ impl RunLog {
     }
 
     fn tell_tensorboard(&mut self, steps: u64, scalars: &[Scalar]) -> Result<()> {
-        if !self.tensorboard || scalars.is_empty() {
+        if !self.owner.config.logging.tensorboard || scalars.is_empty() {
             return Ok(());
         }
         let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |time| time.as_secs_f64());
@@ -197,13 +198,12 @@ impl Journal for RunLog {
         self.directory.write(files::POLICIES, &stack)?;
         self.append_load(agents, load)?;
         let progress = RunProgress {
-            periods_done: standing.periods_done,
+            standing: *standing,
             growing: self.sync()?,
             elapsed_s: (self.elapsed_before + self.begun.elapsed()).as_secs_f64(),
-            drift: standing.drift,
         };
         let folder = self.directory.make_subdirectory(files::CHECKPOINTS);
-        let written = folder.and_then(|folder| checkpoint::write(&folder, agents, progress));
+        let written = folder.and_then(|folder| checkpoint::write(&folder, &self.owner, agents, progress));
         // Not earlier: if the directory was moved, nothing is lost.
         self.directory.check_in_place()?;
         written
@@ -259,7 +259,7 @@ mod tests {
         let coins = Coins::new(1);
         let layout = || JointLayout::new(coins.kinds(), |_| Layout::new(vec![("w".to_owned(), vec![2])]));
         let layouts = Layouts { policies: layout(), aips: layout() };
-        let mut log = RunLog::create(dir.path(), &config, layouts).unwrap();
+        let mut log = RunLog::create(dir.path(), Owner::of(&config, &coins).unwrap(), layouts).unwrap();
         let standing = Standing::default();
         let (training, mut agents) = period([1.0, 2.0, 3.0, 4.0], 0.5);
         log.period_done(&agents, &standing, &training, FleetLoad::default()).unwrap();

@@ -21,6 +21,7 @@ use crate::fleet::children::Children;
 use crate::fleet::{Coordinator, Options};
 use crate::nn::Peak;
 use crate::outside::Directory;
+use crate::records::checkpoint::owner::Owner;
 use crate::records::run_log::{Layouts, RunLog};
 use crate::terminal::measuring::BenchProgress;
 use crate::terminal::{answer, tell};
@@ -84,7 +85,7 @@ fn run(
     let dir = tempfile::tempdir().context("cannot make a temporary directory for the files of the run")?;
     let directory = Directory::lock(dir.path())?;
     let (crew, options) = (Children::new(&directory), Options { workers, patience: PATIENCE });
-    let mut log = RunLog::begin(directory, config, Layouts::of(config, domain.kinds()));
+    let mut log = RunLog::begin(directory, Owner::of(config, &**domain)?, Layouts::of(config, domain.kinds()));
     let mut fleet = Coordinator::start(domain.clone(), &short, crew, options, progress.clone())?;
     let plan = MeasurePlan { config: &short, kinds: domain.kinds(), workers, time, peak_flops };
     let measured = measure(&plan, &mut fleet, &mut log)?;

@@ -20,6 +20,7 @@ use crate::fleet::children::Children;
 use crate::fleet::inline::InlineFleet;
 use crate::fleet::{Coordinator, Options};
 use crate::outside::{Directory, Whereabouts};
+use crate::records::checkpoint::owner::{NotOfThisRun, Owner};
 use crate::records::files;
 use crate::records::resume_point::{NothingFits, ResumePoint};
 use crate::records::run_json::Versions;
@@ -78,6 +79,8 @@ struct Run {
     directory: Directory,
     config: Config,
     domain: Arc<dyn Domain>,
+    /// What of the run its checkpoints carry.
+    owner: Owner,
     /// Point from which the run continues. `None`: it is new.
     resumed: Option<ResumePoint>,
     /// This build, if another build wrote the run so far.
@@ -102,7 +105,10 @@ fn resume(dir: &Path, accept_other_build: bool) -> Result<Run> {
     directory::check(dir).map_err(Error::Usage)?;
     let run = open(Directory::lock(dir).map_err(Error::Run)?)?;
     let other_build = other_build(dir, run.config.numerics.vector_width, accept_other_build).map_err(Error::Usage)?;
-    let point = ResumePoint::find(&run.directory).map_err(|error| {
+    let point = ResumePoint::find(&run.directory, &run.owner).map_err(|error| {
+        if error.is::<NotOfThisRun>() {
+            return Error::Usage(error);
+        }
         if error.is::<NothingFits>() {
             let (program, config, run) = (program(), quoted(&dir.join(files::CONFIG)), quoted(dir));
             tell(format_args!(
@@ -118,18 +124,19 @@ fn resume(dir: &Path, accept_other_build: bool) -> Result<Run> {
 
 fn open(directory: Directory) -> Result<Run> {
     let (config, domain) = directory::open_config(directory.path()).map_err(Error::Usage)?;
-    Ok(Run { directory, config, domain, resumed: None, other_build: None })
+    let owner = Owner::of(&config, &*domain).map_err(Error::Usage)?;
+    Ok(Run { directory, config, domain, owner, resumed: None, other_build: None })
 }
 
 impl Run {
     fn train(self, workers: usize, patience: Duration) -> anyhow::Result<()> {
-        let Run { directory, config, domain, resumed, other_build } = self;
+        let Run { directory, config, domain, owner, resumed, other_build } = self;
         let (dir, config) = (directory.path(), &config);
         let progress = Rc::new(Progress::new(config, domain.agents(), stopped(dir))?);
         let layouts = Layouts::of(config, domain.kinds());
         let (mut log, checkpoint) = match resumed {
-            None => (RunLog::begin(directory.clone(), config, layouts), None),
-            Some(point) => RunLog::resume(directory.clone(), point, config, layouts)?,
+            None => (RunLog::begin(directory.clone(), owner, layouts), None),
+            Some(point) => RunLog::resume(directory.clone(), point, owner, layouts)?,
         };
         let resumes_at = checkpoint.as_ref().map_or(0, |checkpoint| checkpoint.agents.steps);
         other_build.as_ref().map_or(Ok(()), |build| record_resume(dir, build, resumes_at))?;
@@ -142,7 +149,7 @@ impl Run {
         };
         let mut standing = Standing::default();
         if let Some(checkpoint) = checkpoint {
-            standing = checkpoint.progress.standing();
+            standing = checkpoint.progress.standing;
             fleet.restore(checkpoint.agents)?;
         }
         let outcome = dials::train(config, &mut *fleet, standing, &mut log, &*progress);

@@ -6,7 +6,7 @@ use super::fleet::Fleet;
 use super::journal::Journal;
 use super::observer::{Interrupted, Observer};
 use super::standing::Standing;
-use crate::config::{Config, schedule};
+use crate::config::{Config, rest_of_schedule};
 use crate::domain::Result;
 
 /// Trains the policies of all agents as the config says, from their current state.
@@ -23,9 +23,9 @@ pub fn train(
 ) -> Result<()> {
     let mut run = Training { config, fleet, standing, journal, observer };
     run.journal.begun(run.fleet.agents())?; // 1: policies and AIPs, new or from a checkpoint
-    for period in schedule(config).iter().skip(standing.periods_done) {
+    for period in &rest_of_schedule(config, standing.until) {
         // 2: repeat
-        if period.evaluate {
+        if period.evaluate && run.standing.evaluated_at != Some(run.fleet.agents().steps) {
             run.evaluate(config.evaluation.episodes)?;
         }
         if run.standing.trains_aips(period, config) {
@@ -36,7 +36,7 @@ pub fn train(
             run.measure_aips(Moment::Training)?;
         }
         let training = run.fleet.train_policies(period)?; // 7-12: in parallel, for every agent, F steps
-        run.standing.periods_done += 1;
+        run.standing.until = period.end;
         let load = run.fleet.take_load();
         run.journal.period_done(run.fleet.agents(), &run.standing, &training, load)?;
         if observer.stop_requested() {
@@ -62,6 +62,7 @@ impl Training<'_> {
     fn evaluate(&mut self, episodes: usize) -> Result<()> {
         let evaluation = self.fleet.evaluate(episodes)?;
         self.journal.evaluated(self.fleet.agents(), &evaluation)?;
+        self.standing.evaluated_at = Some(self.fleet.agents().steps);
         self.observer.evaluated(self.fleet.agents().steps, &evaluation);
         self.measure_aips(Moment::Evaluation)
     }
