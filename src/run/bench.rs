@@ -20,6 +20,7 @@ use crate::error::{Error, Result};
 use crate::fleet::children::Children;
 use crate::fleet::{Coordinator, Options};
 use crate::nn::Peak;
+use crate::outside::temporary_dir;
 use crate::records::run_log::{Layouts, RunLog};
 use crate::terminal::measuring::BenchProgress;
 use crate::terminal::{answer, tell};
@@ -80,7 +81,7 @@ fn run(
     progress: &Rc<BenchProgress>,
 ) -> anyhow::Result<Costs> {
     let short = short_orders(config, workers);
-    let dir = tempfile::tempdir().context("cannot make a temporary directory for the files of the run")?;
+    let dir = temporary_dir().context("the files of the measured run have no place")?;
     let mut log = RunLog::create(dir.path(), config, Layouts::of(config, domain.kinds()))?;
     let (crew, options) = (Children::new(dir.path()), Options { workers, patience: PATIENCE });
     let mut fleet = Coordinator::start(domain.clone(), &short, crew, options, progress.clone())?;

@@ -7,10 +7,14 @@ use serde::{Deserialize, Serialize};
 
 use super::arguments::GREENS;
 use super::timing::Timing;
+use crate::outside::read_text;
 use crate::traffic::paper_grid::grid::Grid;
 
 /// Advice if a file does not help.
 const WAY_OUT: &str = "`dials-traffic baseline CONFIG --controller fixed-time --tune` makes one that fits";
+
+/// Largest file. Offsets of 10 000 intersections have 50 kB.
+const MOST_BYTES: u64 = 1 << 20;
 
 /// A TOML file, for readers and for `fixed-time:file=PATH`. All times are in steps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -46,7 +50,7 @@ pub struct TunedOn {
 impl TimingFile {
     pub fn read(path: &Path) -> Result<TimingFile> {
         let place = path.display();
-        let text = std::fs::read_to_string(path).with_context(|| format!("{place}: cannot be read; {WAY_OUT}"))?;
+        let text = read_text(path, MOST_BYTES).with_context(|| format!("{place}: cannot be read; {WAY_OUT}"))?;
         let foreign = || format!("{place}: is not a file of tuned timings of this version; {WAY_OUT}");
         let file: TimingFile = toml::from_str(&text).with_context(foreign)?;
         for (name, green) in [("vertical", file.vertical), ("horizontal", file.horizontal)] {
