@@ -11,7 +11,7 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result, anyhow, bail, ensure};
+use anyhow::{Context, Result, anyhow};
 
 use super::{END_WITH, domain};
 use crate::config::Config;
@@ -52,14 +52,20 @@ pub fn survive(config: &Config, domain: &dyn Domain) -> Result<()> {
     // Ctrl-C at the terminal ends this process, and the child ends with it.
     command.process_group(0);
     let simulator = domain.foreign_simulator().unwrap_or("the simulator");
-    watch(command, serde_json::to_string(config)?, PATIENCE, simulator).with_context(|| {
-        let names: Vec<String> = files.iter().map(|file: &PathBuf| file.display().to_string()).collect();
-        format!("{}: {simulator} cannot load this network or make a step in it; use another network", names.join(" or "))
-    })
+    let end = watch(command, serde_json::to_string(config)?, PATIENCE)?;
+    let names: Vec<String> = files.iter().map(|file: &PathBuf| file.display().to_string()).collect();
+    judge(end, &names.join(" or "), simulator)
 }
 
-/// Runs a command on an input and waits until it ends. Its failure, its death and its silence are errors.
-fn watch(mut command: Command, input: String, patience: Duration, simulator: &str) -> Result<()> {
+/// The end of a child and its last words.
+struct End {
+    /// Nothing if the child had not ended in time. It is killed then.
+    status: Option<ExitStatus>,
+    said: String,
+}
+
+/// Runs a command on an input until it ends.
+fn watch(mut command: Command, input: String, patience: Duration) -> Result<End> {
     command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
     let mut child = command.spawn().context("cannot start a process that tries it")?;
     let mut stdin = child.stdin.take().expect("it was piped");
@@ -75,10 +81,7 @@ fn watch(mut command: Command, input: String, patience: Duration, simulator: &st
     // Both pipes are closed with the child, so both threads end.
     drop(write.join());
     let said = read.join().map_err(|_| anyhow!("cannot read what the process that tries it says"))?;
-    match status? {
-        Some(status) => judge(status, &said, simulator),
-        None => bail!("it was not done after {} s{}", patience.as_secs(), quoted(&said)),
-    }
+    Ok(End { status: status?, said })
 }
 
 fn ended_within(child: &mut Child, patience: Duration) -> Result<Option<ExitStatus>> {
@@ -104,7 +107,15 @@ fn last_words(stderr: &mut impl Read) -> String {
     String::from_utf8_lossy(&kept).trim().to_owned()
 }
 
-fn judge(status: ExitStatus, said: &str, simulator: &str) -> Result<()> {
+/// Returns the error of a child that failed, died or did not end. `files`: the strange files that it tried.
+fn judge(End { status, said }: End, files: &str, simulator: &str) -> Result<()> {
+    let died = |how: String| {
+        let words =
+            if said.is_empty() { String::new() } else { format!("; its last words: {}", said.replace('\n', " ")) };
+        anyhow!("{}", Printable(format!("{how}{words}")))
+            .context(format!("{files}: {simulator} cannot simulate this network; use another one"))
+    };
+    let Some(status) = status else { return Err(died("it was not loaded in time".to_owned())) };
     if let Some(signal) = status.signal() {
         let how = match signal {
             6 => " (aborted, for example by an assertion)",
@@ -112,15 +123,18 @@ fn judge(status: ExitStatus, said: &str, simulator: &str) -> Result<()> {
             11 => " (it read foreign memory)",
             _ => "",
         };
-        bail!("{simulator} died of signal {signal}{how}{}", quoted(said));
+        return Err(died(format!("{simulator} died of signal {signal}{how}")));
     }
-    let causes = said.strip_prefix("error: ").unwrap_or(said).replace("\n  caused by: ", ": ");
-    ensure!(status.success(), "{}", Printable(causes));
-    Ok(())
-}
-
-fn quoted(said: &str) -> String {
-    if said.is_empty() { String::new() } else { format!("; its last words: {}", Printable(said.replace('\n', " "))) }
+    match (status.success(), said.strip_prefix("error: ")) {
+        (true, _) => Ok(()),
+        // The child found the same error that this process would have found.
+        (false, Some(error)) => {
+            let mut causes = error.rsplit("\n  caused by: ").map(|cause| Printable(cause).to_string());
+            let root = anyhow!(causes.next().unwrap_or_default());
+            Err(causes.fold(root, anyhow::Error::context))
+        }
+        (false, None) => Err(died(format!("it ended with {status}"))),
+    }
 }
 
 #[cfg(test)]
@@ -130,7 +144,8 @@ mod tests {
     fn told(script: &str, patience: Duration) -> String {
         let mut command = Command::new("sh");
         command.args(["-c", script]);
-        match watch(command, "x".repeat(1 << 20), patience, "SUMO") {
+        let end = watch(command, "x".repeat(1 << 20), patience).unwrap();
+        match judge(end, "a.net.xml", "SUMO") {
             Ok(()) => "survived".to_owned(),
             Err(error) => format!("{error:#}"),
         }
@@ -139,14 +154,19 @@ mod tests {
     #[test]
     fn the_death_of_the_child_is_an_error_like_any_other() {
         let long = Duration::from_secs(60);
+        let died = "a.net.xml: SUMO cannot simulate this network; use another one";
         assert_eq!(told("cat > /dev/null", long), "survived");
         assert_eq!(
             told("echo 'Assertion `x` failed.' >&2; kill -ABRT $$", long),
-            "SUMO died of signal 6 (aborted, for example by an assertion); its last words: Assertion `x` failed."
+            format!(
+                "{died}: SUMO died of signal 6 (aborted, for example by an assertion); \
+                 its last words: Assertion `x` failed."
+            )
         );
-        assert_eq!(told("kill -SEGV $$", long), "SUMO died of signal 11 (it read foreign memory)");
+        assert_eq!(told("kill -SEGV $$", long), format!("{died}: SUMO died of signal 11 (it read foreign memory)"));
+        assert_eq!(told("exit 101", long), format!("{died}: it ended with exit status: 101"));
         assert_eq!(told("printf 'error: a\\n  caused by: b\\n' >&2; exit 2", long), "a: b");
-        assert_eq!(told("exec sleep 1000", Duration::from_millis(50)), "it was not done after 0 s");
+        assert_eq!(told("exec sleep 1000", Duration::from_millis(50)), format!("{died}: it was not loaded in time"));
     }
 
     #[test]

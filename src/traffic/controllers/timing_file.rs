@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, anyhow, ensure};
 use serde::{Deserialize, Serialize};
 
 use super::arguments::GREENS;
 use super::timing::Timing;
-use crate::outside::read_text;
+use crate::outside::{Printable, read_text};
 use crate::traffic::paper_grid::grid::Grid;
 
 /// Advice if a file does not help.
@@ -52,7 +52,8 @@ impl TimingFile {
         let place = path.display();
         let text = read_text(path, MOST_BYTES).with_context(|| format!("{place}: cannot be read; {WAY_OUT}"))?;
         let foreign = || format!("{place}: is not a file of tuned timings of this version; {WAY_OUT}");
-        let file: TimingFile = toml::from_str(&text).with_context(foreign)?;
+        let file: TimingFile =
+            toml::from_str(&text).map_err(|error| anyhow!(reason(&error, &text))).with_context(foreign)?;
         for (name, green) in [("vertical", file.vertical), ("horizontal", file.horizontal)] {
             ensure!(GREENS.contains(&green), "{place}: {name} = {green}: must be from 1 to 3600 steps; {WAY_OUT}");
         }
@@ -78,6 +79,15 @@ impl TimingFile {
         );
         Ok(offsets.into_iter().map(|offset| Timing { vertical, horizontal, offset }).collect())
     }
+}
+
+/// Returns where and why a text is not TOML, without the line itself, which may be endless.
+fn reason(error: &toml::de::Error, text: &str) -> String {
+    const MOST: usize = 300;
+    let before = error.span().and_then(|span| text.get(..span.start));
+    let line = before.map_or(String::new(), |before| format!("line {}: ", before.matches('\n').count() + 1));
+    let message: String = error.message().chars().take(MOST).collect();
+    format!("{line}{}", Printable(message))
 }
 
 #[cfg(test)]

@@ -138,7 +138,8 @@ mod tests {
         std::fs::write(&path, text).unwrap();
         let content = Content::read(&path).unwrap();
         std::fs::write(&path, "<edgeData/>").unwrap();
-        let expected = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<net v=\"&lt;&quot;\">\n    <edge id=\"ä\"/>\n</net>\n";
+        let expected =
+            "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<net v=\"&lt;&quot;\">\n    <edge id=\"ä\"/>\n</net>\n";
         assert_eq!(content.text(), expected);
     }
 }

@@ -38,7 +38,8 @@ const ELEMENTS: [(&str, &str); 17] = [
 ];
 
 /// Attributes that name a file, on whatever element.
-const ATTRIBUTES: [(&str, &str); 4] = [("file", "writes"), ("output", "writes"), ("href", "reads"), ("imgFile", "reads")];
+const ATTRIBUTES: [(&str, &str); 4] =
+    [("file", "writes"), ("output", "writes"), ("href", "reads"), ("imgFile", "reads")];
 
 /// Beginnings of the keys of `<param>` that give a vehicle a device which writes. The surrogate safety device writes
 /// into the working directory even without a file name.

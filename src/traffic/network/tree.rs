@@ -65,7 +65,9 @@ pub fn parse(text: &str) -> Result<Element> {
     let options = ParsingOptions { nodes_limit: MOST_NODES, ..ParsingOptions::default() };
     let document = Document::parse_with_options(text, options).map_err(|error| match error {
         roxmltree::Error::NodesLimitReached => anyhow!("has more than {MOST_NODES} elements, the limit"),
-        roxmltree::Error::DtdDetected => anyhow!("has a document type (<!DOCTYPE ...>), which SUMO's files do not need"),
+        roxmltree::Error::DtdDetected => {
+            anyhow!("has a document type (<!DOCTYPE ...>), which SUMO's files do not need")
+        }
         error => anyhow!("is not XML: {error}"),
     })?;
     element(document.root_element(), text, 1)
@@ -94,7 +96,10 @@ fn check_effort(text: &str) -> Result<()> {
         let name: String = tag.chars().take_while(|letter| letter.is_alphanumeric()).take(40).collect();
         bail!("has the element <{name}> with more than {MOST_ATTRIBUTES} attributes, the limit");
     }
-    ensure!(text.matches("xmlns").nth(MOST_NAMESPACES).is_none(), "has more than {MOST_NAMESPACES} namespaces, the limit");
+    ensure!(
+        text.matches("xmlns").nth(MOST_NAMESPACES).is_none(),
+        "has more than {MOST_NAMESPACES} namespaces, the limit"
+    );
     Ok(())
 }
 
