@@ -53,6 +53,9 @@ pub enum Command {
     /// A worker process; `train` starts it
     #[command(hide = true)]
     Worker,
+    /// Tries the files of a config in their simulator; this program starts it
+    #[command(hide = true)]
+    TryOut,
 }
 
 #[derive(Debug, Args)]

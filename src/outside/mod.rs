@@ -3,14 +3,17 @@
 //! - `file`: reads regular files only, up to a size. A pipe, a device or a file without end is an error, not a hang.
 //! - `directory`: a directory that is opened once, may be locked, and whose files are never reached through a link.
 //! - `staged`: directories that are filled under a temporary name, and the sweeping of what kills left behind.
+//! - `temporary`: temporary files, with an error that names the place.
 //! - `printable`: names as they may reach a terminal, a picture or a report.
 
 mod directory;
 mod file;
 mod printable;
 mod staged;
+mod temporary;
 
 pub use directory::{Directory, Whereabouts};
 pub use file::{read_bytes, read_text};
 pub use printable::{Printable, is_printable};
 pub use staged::{StagedDirectory, rename_to_free, sweep_files};
+pub use temporary::{cannot_write_temporary, temporary_dir, temporary_file};

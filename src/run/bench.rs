@@ -20,7 +20,7 @@ use crate::error::{Error, Result};
 use crate::fleet::children::Children;
 use crate::fleet::{Coordinator, Options};
 use crate::nn::Peak;
-use crate::outside::Directory;
+use crate::outside::{Directory, temporary_dir};
 use crate::records::checkpoint::owner::Owner;
 use crate::records::run_log::{Layouts, RunLog};
 use crate::terminal::measuring::BenchProgress;
@@ -82,7 +82,7 @@ fn run(
     progress: &Rc<BenchProgress>,
 ) -> anyhow::Result<Costs> {
     let short = short_orders(config, workers);
-    let dir = tempfile::tempdir().context("cannot make a temporary directory for the files of the run")?;
+    let dir = temporary_dir().context("the files of the measured run have no place")?;
     let directory = Directory::lock(dir.path())?;
     let (crew, options) = (Children::new(&directory), Options { workers, patience: PATIENCE });
     let mut log = RunLog::begin(directory, Owner::of(config, &**domain)?, Layouts::of(config, domain.kinds()));

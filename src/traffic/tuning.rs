@@ -16,10 +16,10 @@ use crate::sumo::Simulation;
 impl TunedOn {
     /// Returns what a tuning on `traffic` would depend on.
     pub fn of(traffic: &Traffic, episodes: usize, seed: u64) -> Result<TunedOn> {
-        let name = traffic.network.net.file_name().unwrap_or_default().to_string_lossy();
+        let name = traffic.network.files.net.file_name().unwrap_or_default().to_string_lossy();
         Ok(TunedOn {
             network: name.strip_suffix(".net.xml").unwrap_or(&name).to_owned(),
-            network_crc32: format!("{:08x}", traffic.network.checksum()?),
+            network_crc32: format!("{:08x}", traffic.network.checksum()),
             horizon: traffic.config.horizon,
             episodes,
             seed: seed.to_string(),

@@ -2,15 +2,19 @@
 
 use std::path::Path;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, anyhow, ensure};
 use serde::{Deserialize, Serialize};
 
 use super::arguments::GREENS;
 use super::timing::Timing;
+use crate::outside::{Printable, read_text};
 use crate::traffic::paper_grid::grid::Grid;
 
 /// Advice if a file does not help.
 const WAY_OUT: &str = "`dials-traffic baseline CONFIG --controller fixed-time --tune` makes one that fits";
+
+/// Largest file. Offsets of 10 000 intersections have 50 kB.
+const MOST_BYTES: u64 = 1 << 20;
 
 /// A TOML file, for readers and for `fixed-time:file=PATH`. All times are in steps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -46,9 +50,10 @@ pub struct TunedOn {
 impl TimingFile {
     pub fn read(path: &Path) -> Result<TimingFile> {
         let place = path.display();
-        let text = std::fs::read_to_string(path).with_context(|| format!("{place}: cannot be read; {WAY_OUT}"))?;
+        let text = read_text(path, MOST_BYTES).with_context(|| format!("{place}: cannot be read; {WAY_OUT}"))?;
         let foreign = || format!("{place}: is not a file of tuned timings of this version; {WAY_OUT}");
-        let file: TimingFile = toml::from_str(&text).with_context(foreign)?;
+        let file: TimingFile =
+            toml::from_str(&text).map_err(|error| anyhow!(reason(&error, &text))).with_context(foreign)?;
         for (name, green) in [("vertical", file.vertical), ("horizontal", file.horizontal)] {
             ensure!(GREENS.contains(&green), "{place}: {name} = {green}: must be from 1 to 3600 steps; {WAY_OUT}");
         }
@@ -74,6 +79,15 @@ impl TimingFile {
         );
         Ok(offsets.into_iter().map(|offset| Timing { vertical, horizontal, offset }).collect())
     }
+}
+
+/// Returns where and why a text is not TOML, without the line itself, which may be endless.
+fn reason(error: &toml::de::Error, text: &str) -> String {
+    const MOST: usize = 300;
+    let before = error.span().and_then(|span| text.get(..span.start));
+    let line = before.map_or(String::new(), |before| format!("line {}: ", before.matches('\n').count() + 1));
+    let message: String = error.message().chars().take(MOST).collect();
+    format!("{line}{}", Printable(message))
 }
 
 #[cfg(test)]

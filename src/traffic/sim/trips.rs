@@ -7,6 +7,8 @@ use std::os::fd::AsRawFd;
 use anyhow::{Context, Result};
 use roxmltree::{Document, Node};
 
+use crate::outside::temporary_file;
+
 /// The file to which SUMO writes the trips of an episode. It has no name, so a killed process leaves none behind.
 pub struct TripFile {
     file: File,
@@ -28,7 +30,7 @@ pub struct Trips {
 
 impl TripFile {
     pub fn new() -> Result<TripFile> {
-        Ok(TripFile { file: tempfile::tempfile().context("no temporary file for SUMO's trips: set TMPDIR")? })
+        Ok(TripFile { file: temporary_file().context("SUMO's trips have no place")? })
     }
 
     /// Returns the options that make SUMO write the trips, from the beginning of the file, with the digits of a
