@@ -9,6 +9,10 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
 use super::Layout;
 use crate::base::{AgentId, Rows};
+use crate::outside::read_bytes;
+
+/// Largest file: 10 000 agents with 100 000 parameters each.
+const LARGEST_FILE: u64 = 4 << 30;
 
 /// A stack to be written.
 pub struct StackToWrite<'a> {
@@ -39,7 +43,7 @@ pub fn write_stacks(stacks: &[StackToWrite<'_>], about: &HashMap<String, String>
 /// Reads the stack with this `prefix` from a file of [`write_stacks`], one row for each of `agents`. An error says how
 /// the file has a different shape, or which value is not a finite number.
 pub fn read_stack(path: &Path, prefix: &str, layout: &Layout, agents: &[AgentId]) -> Result<Rows<f32>> {
-    let bytes = std::fs::read(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+    let bytes = read_bytes(path, LARGEST_FILE).with_context(|| format!("{}: cannot be read", path.display()))?;
     let file = SafeTensors::deserialize(&bytes)
         .with_context(|| format!("{}: not a safetensors file, or cut short", path.display()))?;
     let mut rows = Rows::new(agents.len(), layout.width());
