@@ -142,12 +142,17 @@ mod tests {
             let (ours, theirs) = (BoundedAxis::from(start..end), RangedCoordf64::from(start..end));
             let most = random.random_range(2..12);
             let [found, expected] = [ours.key_points(BoldPoints(most)), theirs.key_points(BoldPoints(most))];
-            assert_eq!(found.len(), expected.len(), "{start} to {end}, {most}: {found:?}, {expected:?}");
+            // Rounding sometimes costs the crate its last tick.
+            let more = found.len().checked_sub(expected.len());
+            assert!(matches!(more, Some(0 | 1)), "{start} to {end}, {most}: {found:?}, {expected:?}");
             let near = |(a, b): (&f64, &f64)| (a - b).abs() < 1e-9 * size;
             assert!(found.iter().zip(&expected).all(near), "{start} to {end}: {found:?}, {expected:?}");
             let value = random.random_range(start..end);
             assert_eq!(ours.map(&value, (0, 1000)), theirs.map(&value, (0, 1000)));
         }
-        assert_eq!(ticks(-0.3, 0.3, 4).iter().map(|tick| format!("{tick:.1}")).collect::<Vec<_>>(), ["-0.2", "0.0", "0.2"]);
+        assert_eq!(
+            ticks(-0.3, 0.3, 4).iter().map(|tick| format!("{tick:.1}")).collect::<Vec<_>>(),
+            ["-0.2", "0.0", "0.2"]
+        );
     }
 }

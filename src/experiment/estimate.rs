@@ -138,8 +138,8 @@ fn costs_of(runs: &[&RunRecord], fallback: UnitCosts) -> Option<UnitCosts> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::outside::FileName;
     use crate::domain::Scenario;
+    use crate::outside::FileName;
     use crate::records::run_record::{EvaluationRecord, MemoryRecord, PeriodTime, Returns};
     use std::path::PathBuf;
 

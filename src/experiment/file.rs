@@ -400,10 +400,13 @@ mod tests {
         let grid = "[[grid]]\nconfigs = ['small.toml']\n";
         let error = |text: &str| format!("{:#}", read(text).unwrap_err());
         let long = "x".repeat(190);
-        assert!(error(&format!("seeds = [1]\n{grid}name = '{long}'")).contains("has 213 bytes, and at most 200"));
+        assert!(error(&format!("seeds = [1]\n{grid}name = '{long}'")).contains("bytes, and at most 200 are allowed"));
         let long = format!("fixed-time:file={long}");
         let long = error(&format!("seeds = [1]\ncontrollers = ['{long}']\n{grid}"));
-        assert!(long.contains("e.toml: controllers: `small-fixed-time:file=xxx") && long.contains("at most 200"), "{long}");
+        assert!(
+            long.contains("e.toml: controllers: `small-fixed-time:file=xxx") && long.contains("at most 200"),
+            "{long}"
+        );
         let bell = error(&format!("seeds = [1]\ncontrollers = [\"fixed-time:file=\\u0007\"]\n{grid}"));
         assert!(bell.contains("fixed-time:file=\\u{7}` cannot be the name of a file"), "{bell}");
     }

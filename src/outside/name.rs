@@ -94,7 +94,8 @@ mod tests {
             assert!(error.chars().all(is_printable), "{error}");
         }
         let longest = "x".repeat(200);
-        for name in ["small-dials-F1M-seed7", "small-fixed-time:file=a_b.toml", "Süd 交差点", "a..b", "=1", &longest] {
+        for name in ["small-dials-F1M-seed7", "small-fixed-time:file=a_b.toml", "Süd 交差点", "a..b", "=1", &longest]
+        {
             assert_eq!(&*FileName::new(name).unwrap(), name);
         }
     }

@@ -14,7 +14,9 @@ use anyhow::Result;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use crate::drawing::{Area, BLUE, BoundedAxis, GREEN, INK, ORANGE, PURPLE, SKY, Svg, draw_mesh, ink_over, pen, px, shade, text};
+use crate::drawing::{
+    Area, BLUE, BoundedAxis, GREEN, INK, ORANGE, PURPLE, SKY, Svg, draw_mesh, ink_over, pen, px, shade, text,
+};
 
 pub use queues::queues;
 pub use returns_map::returns_map;

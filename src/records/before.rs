@@ -53,7 +53,8 @@ fn checksum(network: &str) -> Result<Option<u32>> {
     }
     let mut hasher = crc32fast::Hasher::new();
     for file in &files {
-        hasher.update(&read_bytes(file, LARGEST_NETWORK).with_context(|| format!("{}: cannot be read", file.display()))?);
+        hasher
+            .update(&read_bytes(file, LARGEST_NETWORK).with_context(|| format!("{}: cannot be read", file.display()))?);
     }
     Ok(Some(hasher.finalize()))
 }

@@ -182,9 +182,15 @@ mod tests {
         assert_eq!((line.steps().unwrap(), line.text("worker"), line.text("new")), (10, Some("all"), None));
         assert_eq!(line.number("elapsed_s").unwrap(), None);
         let error = line.required("elapsed_s").unwrap_err().to_string();
-        assert!(error.ends_with("t.csv: line 2: has no `elapsed_s`; the file is damaged: copy it again, or train again"), "{error}");
+        assert!(
+            error.ends_with("t.csv: line 2: has no `elapsed_s`; the file is damaged: copy it again, or train again"),
+            "{error}"
+        );
         let error = line.number("worker").unwrap_err().to_string();
-        assert!(error.contains("t.csv: line 2: `worker` holds \"all\", which is not a number; the file is damaged"), "{error}");
+        assert!(
+            error.contains("t.csv: line 2: `worker` holds \"all\", which is not a number; the file is damaged"),
+            "{error}"
+        );
     }
 
     #[test]
@@ -237,7 +243,10 @@ mod tests {
         assert_eq!(steps("0\n5\n7\n", true).unwrap(), [0, 5, 7]);
         for (text, later) in [("0\n5\n4\n", false), ("0\n5\n5\n", true)] {
             let error = steps(text, later).unwrap_err().to_string();
-            assert!(error.contains("t.csv: line 4: `steps` holds ") && error.contains("later than 5 before"), "{error}");
+            assert!(
+                error.contains("t.csv: line 4: `steps` holds ") && error.contains("later than 5 before"),
+                "{error}"
+            );
         }
     }
 

@@ -388,7 +388,8 @@ mod tests {
     fn a_run_whose_files_disagree_on_the_agents_is_refused() {
         let dir = tempfile::tempdir().unwrap();
         std::fs::write(dir.path().join(files::CONFIG), "warehouse = { agents_per_side = 2 }\n").unwrap();
-        let scenario = r#"{ "scenario": { "domain": "ants", "agents": 3, "episode": { "length": 5, "unit": "days" } } }"#;
+        let scenario =
+            r#"{ "scenario": { "domain": "ants", "agents": 3, "episode": { "length": 5, "unit": "days" } } }"#;
         std::fs::write(dir.path().join(files::RUN), scenario).unwrap();
         let returns = "steps,agent,mean,median,std_error\n0,all,1,1,0\n0,0,1,1,0\n";
         std::fs::write(dir.path().join(files::RETURNS), returns).unwrap();

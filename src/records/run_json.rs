@@ -107,7 +107,8 @@ fn check(scenario: &Scenario) -> Result<()> {
             && word.starts_with(|first: char| first.is_ascii_alphanumeric())
             && word.bytes().all(|letter| letter.is_ascii_alphanumeric() || b"-_".contains(&letter))
     };
-    let told = |what, word| format!("scenario: {what} is `{}`, which is not a word of letters and digits", excerpt(word));
+    let told =
+        |what, word| format!("scenario: {what} is `{}`, which is not a word of letters and digits", excerpt(word));
     ensure!(plain(&id.domain), told("domain", &id.domain));
     if let Some(checksum) = &id.checksum {
         ensure!(plain(checksum), told("checksum", checksum));
@@ -238,7 +239,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join(files::RUN);
         let told = || format!("{:#}", RunJson::read_if_there(dir.path()).unwrap_err());
-        fs::write(&path, "[".repeat(1 << 20)).unwrap();
+        fs::write(&path, format!("{{\"x\":{}", "[".repeat(1 << 20))).unwrap();
         assert!(told().contains("is not a file that this program wrote: recursion limit exceeded"), "{}", told());
         fs::File::create(&path).unwrap().set_len(LARGEST_FILE + 1).unwrap();
         assert!(told().contains("it has more than 8388608 bytes, the limit"), "{}", told());

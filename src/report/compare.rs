@@ -152,9 +152,9 @@ pub fn compare(a: &ComparedSide, b: &ComparedSide, target: Option<f64>) -> Resul
     for (side, runs) in sides.iter().zip(&runs) {
         warnings.extend(side.left_out.iter().map(LeftOut::to_string));
         let unused = side.group.runs.iter().filter(|run| !runs.iter().any(|used| used.dir == run.dir));
-        warnings.extend(
-            unused.map(|run| format!("{}: left out, because it has fewer steps than the others", Printable(run.dir.display()))),
-        );
+        warnings.extend(unused.map(|run| {
+            format!("{}: left out, because it has fewer steps than the others", Printable(run.dir.display()))
+        }));
         if runs.iter().any(|run| run.status() != Status::Finished) {
             warnings.push(format!("{}: not finished", side.name));
         }

@@ -48,9 +48,13 @@ impl Document {
         for block in &self.blocks {
             text.push('\n');
             match block {
-                Block::Heading(level, title) => line(&mut text, format_args!("{} {}", "#".repeat(*level), plain_line(title))),
+                Block::Heading(level, title) => {
+                    line(&mut text, format_args!("{} {}", "#".repeat(*level), plain_line(title)))
+                }
                 Block::Paragraph(words) => line(&mut text, plain_line(words)),
-                Block::List(items) => items.iter().for_each(|item| line(&mut text, format_args!("- {}", plain_line(item)))),
+                Block::List(items) => {
+                    items.iter().for_each(|item| line(&mut text, format_args!("- {}", plain_line(item))))
+                }
                 Block::Table(table) => table_to_markdown(&mut text, table),
                 Block::Figure(figure) => {
                     let (caption, name) = (markdown(&figure.caption), &figure.name);
@@ -87,7 +91,13 @@ impl Document {
                     let svg = figure.svg.inline(&caption);
                     line(&mut body, format_args!("<figure>\n{svg}<figcaption>{caption}</figcaption>\n</figure>"));
                 }
-                Block::Code(commands) => line(&mut body, format_args!("<pre>{}</pre>", commands.iter().map(|command| escape(command)).collect::<Vec<_>>().join("\n"))),
+                Block::Code(commands) => line(
+                    &mut body,
+                    format_args!(
+                        "<pre>{}</pre>",
+                        commands.iter().map(|command| escape(command)).collect::<Vec<_>>().join("\n")
+                    ),
+                ),
             }
         }
         let contents: String = self
@@ -115,7 +125,7 @@ fn line(text: &mut String, words: impl std::fmt::Display) {
 
 fn table_to_markdown(text: &mut String, table: &Table) {
     let row = |cells: &[String]| {
-        let cells: Vec<String> = cells.iter().map(|cell| markdown(cell)).collect();
+        let cells: Vec<String> = cells.iter().map(|cell| markdown_cell(cell)).collect();
         format!("| {} |", cells.join(" | "))
     };
     line(text, format_args!("**{}**\n", markdown(&table.caption)));
@@ -147,22 +157,22 @@ fn anchor(title: &str) -> String {
     title.to_lowercase().chars().map(|c| if c.is_alphanumeric() { c } else { '-' }).collect()
 }
 
-/// Escapes a text of one line for Markdown: no name in it is markup, a link, an image or an end of a cell.
+/// Escapes a text of one line for Markdown: no name in it is markup, a link or an image.
 ///
-/// Two things that our own sentences use stay: a config key between backticks, and brackets around numbers.
+/// Two things that our own sentences use stay: a few words between backticks, and brackets around numbers.
 fn markdown(text: &str) -> String {
     let text = Printable(text).to_string();
     let mut escaped = String::with_capacity(text.len());
     let mut rest = &text[..];
     while let Some(letter) = rest.chars().next() {
-        let key = key_between_backticks(rest);
-        let part = &rest[..key.unwrap_or(letter.len_utf8())];
+        let quoted = between_backticks(rest);
+        let part = &rest[..quoted.unwrap_or(letter.len_utf8())];
         let next = rest[part.len()..].chars().next();
         match letter {
-            '`' if key.is_some() => escaped += part,
+            '`' if quoted.is_some() => escaped += part,
             '<' => escaped += "&lt;",
             '&' => escaped += "&amp;",
-            '|' | '\\' | '`' | '*' | '~' => escaped.extend(['\\', letter]),
+            '\\' | '`' | '*' | '~' => escaped.extend(['\\', letter]),
             // A link, an image, or the definition of one.
             ']' if matches!(next, Some('(' | '[' | ':')) => escaped += "\\]",
             _ => escaped.push(letter),
@@ -178,11 +188,19 @@ fn plain_line(text: &str) -> String {
     if escaped.starts_with(['#', '>', '+', '-', '=']) { format!("\\{escaped}") } else { escaped }
 }
 
-/// Returns the length of a config key between backticks at the beginning of a text, if there is one.
-fn key_between_backticks(text: &str) -> Option<usize> {
-    let (key, _) = text.strip_prefix('`')?.split_once('`')?;
-    let plain = |letter: u8| letter.is_ascii_alphanumeric() || b"._".contains(&letter);
-    (!key.is_empty() && key.bytes().all(plain)).then_some(key.len() + 2)
+/// Escapes the text of a cell: no name in it ends the cell.
+fn markdown_cell(text: &str) -> String {
+    markdown(text).replace('|', "\\|")
+}
+
+/// Most characters between two backticks that stay.
+const QUOTED: usize = 60;
+
+/// Returns the length of a few plain words between backticks at the beginning of a text, if there are any.
+fn between_backticks(text: &str) -> Option<usize> {
+    let (words, _) = text.strip_prefix('`')?.split_once('`')?;
+    let plain = (1..=QUOTED).contains(&words.len()) && !words.contains(['<', '>', '&', '[', ']', '|', '\\']);
+    plain.then_some(words.len() + 2)
 }
 
 fn printable_lines(lines: &[String]) -> String {
@@ -238,13 +256,14 @@ mod tests {
             ("`<b>`", "\\`&lt;b>\\`"),
             ("two\nlines\u{1b}[1m\u{202e}", "two\\\\nlines\\\\u{1b}[1m\\\\u{202e}"),
             ("-3.00", "-3.00"),
-            ("=cmd()|*b*", "=cmd()\\|\\*b\\*"),
+            ("=cmd()|*b*", "=cmd()|\\*b\\*"),
             ("runs/a_b-c", "runs/a_b-c"),
             ("`ppo.clip` 95 % [1.0, 2.0] + 1 - 2", "`ppo.clip` 95 % [1.0, 2.0] + 1 - 2"),
             ("-", "-"),
         ] {
             assert_eq!(markdown(name), told);
         }
+        assert_eq!(["a|b", "a\\|`b|c`"].map(markdown_cell), ["a\\|b", "a\\\\\\|\\`b\\|c\\`"]);
         assert_eq!(["# a", "> a", "- a", "a - b"].map(plain_line), ["\\# a", "\\> a", "\\- a", "a - b"]);
     }
 
