@@ -7,6 +7,10 @@ use toml::{Table, Value};
 
 use super::renamed::rename;
 use super::{Config, DomainConfig, check};
+use crate::outside::read_text;
+
+/// Largest config file. One with every key has three kibibytes.
+const LARGEST_FILE: u64 = 1 << 20;
 
 /// Reads `path`, applies the settings of `--set key=value`, and checks the result.
 ///
@@ -24,7 +28,7 @@ pub fn load_kept(path: &Path) -> Result<Config> {
 }
 
 fn read(path: &Path, settings: &[String]) -> Result<Config> {
-    let text = std::fs::read_to_string(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+    let text = read_text(path, LARGEST_FILE).with_context(|| format!("{}: cannot be read", path.display()))?;
     let in_file = |error: &dyn std::fmt::Display| anyhow!("{}: {error}", path.display());
     let mut table: Table = toml::from_str(&text).map_err(|error| in_file(&error))?;
     if !rename(&mut table).map_err(|error| in_file(&error))? {

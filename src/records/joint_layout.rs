@@ -11,8 +11,11 @@ use crate::config::{AipConfig, PolicyConfig, Predictor};
 use crate::domain::{Kind, Kinds, RegionSpec, Result};
 use crate::influence;
 use crate::nn::{Layout, StackToWrite, about_stacks, read_stack, write_stacks};
+use crate::outside::read_bytes;
 use crate::policy::PolicyStack;
 
+/// Largest file: 10 000 agents with 100 000 parameters each.
+const LARGEST_FILE: u64 = 4 << 30;
 /// Key of the timesteps per agent at which a file was written.
 pub const STEPS: &str = "steps";
 
@@ -68,7 +71,7 @@ impl JointLayout {
     ///
     /// The file is read once: a run that is being trained replaces it at any moment.
     pub fn read_with_steps(&self, path: &Path) -> Result<(Ragged<f32>, Option<u64>)> {
-        let bytes = std::fs::read(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+        let bytes = read_bytes(path, LARGEST_FILE).with_context(|| format!("{}: cannot be read", path.display()))?;
         let mut widths = vec![0; self.kinds.iter().map(|kind| kind.agents.len()).sum()];
         let of_agents =
             self.kinds.iter().flat_map(|kind| kind.agents.iter().map(|agent| (agent.0, kind.layout.width())));

@@ -24,7 +24,7 @@ use crate::outside::{Directory, temporary_dir};
 use crate::records::checkpoint::owner::Owner;
 use crate::records::run_log::{Layouts, RunLog};
 use crate::terminal::measuring::BenchProgress;
-use crate::terminal::{answer, tell};
+use crate::terminal::{answer, json as in_json, tell};
 use crate::training::observer::Interrupted;
 
 /// Time for measuring matrix products at peak speed.
@@ -140,7 +140,7 @@ fn as_json(
         "versions": build::here(config.numerics.vector_width)?,
         "fleets": table::json(costs),
     });
-    Ok(object.to_string())
+    Ok(in_json(object))
 }
 
 #[cfg(test)]

@@ -18,8 +18,8 @@ use crate::domain::{Baseline, Domain};
 use crate::error::{Error, Result};
 use crate::evaluation::{Evaluation, Finding, comparison, json, play_episodes, table};
 use crate::plot::About;
-use crate::terminal::answer;
 use crate::terminal::counting::EpisodeBar;
+use crate::terminal::{answer, json as in_json};
 use crate::traffic;
 
 pub fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
@@ -157,6 +157,6 @@ impl<'a> Session<'a> {
         object.insert("scenario".into(), json!(self.scenario));
         object.insert("seed".into(), json!(self.seed));
         object.insert("sumo_version".into(), json!(traffic::sumo_version().map_err(Error::Run)?));
-        Ok(Value::Object(object).to_string())
+        Ok(in_json(Value::Object(object)))
     }
 }

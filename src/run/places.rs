@@ -25,6 +25,8 @@ pub enum Existing {
 
 /// Returns the path at which [`make`] will make a directory. With `Existing::Refuse` an existing path is an error.
 pub fn place(path: &Path, existing: Existing) -> Result<PathBuf> {
+    // `..` and `/` have no name that a number could be added to.
+    ensure!(path.file_name().is_some(), "{}: has no name of its own; name a new directory", path.display());
     let path = match existing {
         Existing::Refuse | Existing::MoveAside => path.to_owned(),
         Existing::Number => first_free(path, "-", 2),
@@ -235,5 +237,15 @@ mod tests {
             assert!(error.contains(": --x and --y must not write to the same place"), "{error}");
         }
         check_apart(&[("--x", None), ("--y", Some(&place("a"))), ("--z", None)]).unwrap();
+    }
+
+    #[test]
+    fn a_new_directory_has_a_name() {
+        for nameless in ["..", "/", "a/..", ""] {
+            for existing in [Existing::Refuse, Existing::MoveAside, Existing::Number] {
+                let error = place(Path::new(nameless), existing).unwrap_err().to_string();
+                assert!(error.ends_with("has no name of its own; name a new directory"), "{error}");
+            }
+        }
     }
 }

@@ -9,6 +9,7 @@ use super::places;
 use super::subject::Subject;
 use crate::config::Config;
 use crate::error::{Error, Result};
+use crate::outside::FileName;
 use crate::records::atomic::write_atomically;
 use crate::terminal::counting::EpisodeBar;
 use crate::terminal::tell;
@@ -47,7 +48,8 @@ fn tuned_file(config: &Config, episodes: usize) -> Result<PathBuf> {
     };
     let wanted = TunedOn::of(&traffic, episodes, config.seed).map_err(Error::Usage)?;
     let key = crc32fast::hash(format!("{wanted:?}").as_bytes());
-    let path = Path::new(FOLDER).join(format!("{}-{key:08x}.toml", wanted.network));
+    let name = FileName::new(format!("{}-{key:08x}.toml", wanted.network)).map_err(Error::Usage)?;
+    let path = Path::new(FOLDER).join(name);
     if path.exists() {
         check_kept(&path, &wanted).map_err(Error::Usage)?;
         tell(format_args!("{}: uses the timings of an earlier search", path.display()));
