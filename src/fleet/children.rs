@@ -26,6 +26,7 @@ use super::log_tail::log_tail;
 use super::serve::serve;
 use crate::config::Config;
 use crate::domain::Domain;
+use crate::machine::why_aborted;
 
 /// The hidden subcommand that makes this program a worker.
 const WORKER: &str = "worker";
@@ -99,7 +100,7 @@ impl ChildProcess {
             // Otherwise BLAS, which came with libtorch, would keep a thread per core in every worker for nothing.
             .env("OPENBLAS_NUM_THREADS", "1")
             .stdin(Stdio::from(OwnedFd::from(theirs)))
-            .stdout(log_file.try_clone()?)
+            .stdout(log_file.try_clone().with_context(|| format!("{}: cannot be written", log.display()))?)
             .stderr(log_file)
             // Ctrl-C at the terminal is for the coordinator, which ends its workers when it is ready.
             .process_group(0)
@@ -162,7 +163,8 @@ impl Link for ChildProcess {
     /// Kills a child that does not end. Returns how it ended and the last lines of its log.
     fn end(mut self) -> String {
         let status = self.ended_within(LAST_WORDS).or_else(|| self.kill());
-        format!("{}; {}", describe(status), log_tail(&self.log))
+        let tail = log_tail(&self.log);
+        format!("{}; {tail}", describe(status, &tail))
     }
 
     fn end_by_force(mut self) -> String {
@@ -206,11 +208,12 @@ fn write_all(mut stream: &UnixStream, frames: &Receiver<Frame>) {
     }
 }
 
-fn describe(status: Option<ExitStatus>) -> String {
+/// Returns how a worker ended; `log`: its last lines, which tell one abort from another.
+fn describe(status: Option<ExitStatus>, log: &str) -> String {
     match status.map(|status| (status.code(), status.signal())) {
         Some((Some(code), _)) => format!("exit code {code}"),
         Some((_, Some(9))) => "signal 9 (killed; out of memory?)".to_owned(),
-        Some((_, Some(6))) => "signal 6 (aborted, for example by an assertion inside SUMO)".to_owned(),
+        Some((_, Some(6))) => format!("signal 6 ({})", why_aborted(log)),
         Some((_, Some(signal))) => format!("signal {signal}"),
         _ => "in an unknown way".to_owned(),
     }

@@ -7,7 +7,7 @@ use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
 use std::process::{ChildStderr, Command, Stdio};
 use std::sync::mpsc::Sender;
-use std::thread::JoinHandle;
+use std::thread::{self, JoinHandle};
 
 use anyhow::{Context, Result};
 use rustix::process::{Pid, Signal, kill_process};
@@ -15,6 +15,8 @@ use rustix::process::{Pid, Signal, kill_process};
 use super::LOGS;
 use super::plan::PlannedWork;
 use crate::config::{Config, DomainConfig, to_toml};
+use crate::fleet::log_tail;
+use crate::machine::why_aborted;
 use crate::records::atomic::write_atomically;
 use crate::run::END_WITH;
 
@@ -25,11 +27,16 @@ pub struct Said {
     pub line: String,
 }
 
+/// Number of the signal by which a process aborts.
+const ABORTED: i32 = 6;
+
 /// A running process.
 pub struct RunProcess {
     process: std::process::Child,
     /// Thread that returns the last line that says why the process ended.
     listener: Option<JoinHandle<Option<String>>>,
+    /// What it printed on standard error.
+    log: PathBuf,
     /// Path of the result file once it is complete.
     result: Option<PathBuf>,
 }
@@ -63,8 +70,17 @@ impl RunProcess {
             .spawn()
             .with_context(|| format!("{}: cannot be started", task.name))?;
         let (stderr, name) = (process.stderr.take().expect("it was asked for"), task.name.clone());
-        let listener = Some(std::thread::spawn(move || listen(stderr, file, name, &said)));
-        Ok(RunProcess { process, listener, result: task.result.clone() })
+        let listener = thread::Builder::new().name(format!("{} listener", task.name));
+        match listener.spawn(move || listen(stderr, file, name, &said)) {
+            Ok(listener) => {
+                Ok(RunProcess { process, listener: Some(listener), log, result: task.result.clone() })
+            }
+            Err(error) => {
+                drop(process.kill());
+                drop(process.wait());
+                Err(error).with_context(|| format!("{}: cannot start the thread that reads from it", task.name))
+            }
+        }
     }
 
     /// Asks the process to stop where nothing is lost.
@@ -79,12 +95,15 @@ impl RunProcess {
             return Ok(None);
         };
         // An earlier line does not explain a signal from outside.
-        if status.signal().is_some() {
+        if status.signal().is_some_and(|signal| signal != ABORTED) {
             return Ok(Some(Err(status.to_string())));
         }
         // Its last lines may arrive after its end. If its workers still hold the pipe open, it has not ended.
         if self.listener.as_ref().is_some_and(|listener| !listener.is_finished()) {
             return Ok(None);
+        }
+        if status.signal() == Some(ABORTED) {
+            return Ok(Some(Err(format!("{status}: {}", why_aborted(&log_tail(&self.log))))));
         }
         let words = self.listener.take().and_then(|listener| listener.join().ok().flatten());
         if !status.success() {
