@@ -185,7 +185,9 @@ fn too_few_open_files_are_one_error_with_the_way_out() {
     let mut told = 0;
     for files in 4..12 {
         let limit = format!("--nofile={files}:{files}");
-        for args in [vec!["evaluate", "run", "--csv", "csv"], vec!["replay", "run", "--out", "x"], vec!["report", "run"]] {
+        for args in
+            [vec!["evaluate", "run", "--csv", "csv"], vec!["replay", "run", "--out", "x"], vec!["report", "run"]]
+        {
             let ended = run(limited(&limit, &args).current_dir(dir.path()));
             ended.assert_orderly();
             if ended.stderr.contains("Too many open files") {
@@ -311,7 +313,10 @@ fn standard_output_on_a_full_disk_is_named_with_the_way_out() {
     let output = program(["info"]).stdout(full).output().unwrap();
     let told = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(1));
-    assert!(told.contains("standard output: cannot be written") && told.contains("way out: the disk is full"), "{told}");
+    assert!(
+        told.contains("standard output: cannot be written") && told.contains("way out: the disk is full"),
+        "{told}"
+    );
 }
 
 #[test]

@@ -197,7 +197,8 @@ mod tests {
 
     #[test]
     fn a_table_that_is_read_has_the_values_of_its_rows() {
-        let read = |ends: &str| serde_json::from_str::<Ragged<u8>>(&format!(r#"{{"data": [1, 2, 3], "ends": {ends}}}"#));
+        let read =
+            |ends: &str| serde_json::from_str::<Ragged<u8>>(&format!(r#"{{"data": [1, 2, 3], "ends": {ends}}}"#));
         assert_eq!(read("[1, 1, 3]").unwrap(), Ragged::from_vec(vec![1, 2, 3], [1, 0, 2]).unwrap());
         for ends in ["[1, 4]", "[3, 1]", "[2]", "[]", "[18446744073709551615]"] {
             assert!(read(ends).unwrap_err().to_string().contains("do not fit its 3 values"), "{ends}");

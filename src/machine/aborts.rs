@@ -18,7 +18,10 @@ mod tests {
     #[test]
     fn the_last_lines_tell_one_abort_from_another() {
         for (log, why) in [
-            ("terminate called after throwing an instance of 'std::bad_alloc'\n  what():  std::bad_alloc", "out of memory"),
+            (
+                "terminate called after throwing an instance of 'std::bad_alloc'\n  what():  std::bad_alloc",
+                "out of memory",
+            ),
             ("memory allocation of 48 bytes failed", "out of memory"),
             ("./src/microsim/MSLane.cpp:7: Assertion `false' failed.", "an assertion"),
             ("/usr/include/c++/12/bits/stl_vector.h:1123: Assertion '__n < this->size()' failed.", "an assertion"),

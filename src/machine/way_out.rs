@@ -35,7 +35,9 @@ pub fn way_out(message: &str) -> Option<String> {
              limit, for example with `ulimit -n 4096`, or take fewer --workers",
             allowed_open_files()
         ),
-        FBIG => format!("a file may not grow further{} (ulimit -f); raise the limit", limit(Resource::Fsize, 1024, " KiB")),
+        FBIG => {
+            format!("a file may not grow further{} (ulimit -f); raise the limit", limit(Resource::Fsize, 1024, " KiB"))
+        }
         NOSPC => "the disk is full; free space (`df -h`) or files (`df -i`), or name another place".to_owned(),
         ROFS => "this file system can only be read; name another place".to_owned(),
         DQUOT => "your quota of this disk is used up (`quota -s`); remove files, or name another place".to_owned(),

@@ -128,7 +128,7 @@ fn as_json(
     costs: &[Costs],
 ) -> anyhow::Result<String> {
     let object = json!({
-        "config": args.config,
+        "config": crate::terminal::path_as_text(&args.config),
         "simulator": config.simulator,
         "agents": domain.agents(),
         "timesteps_per_agent": config.last_step(),

@@ -36,6 +36,11 @@ pub fn quoted_word(word: &OsStr) -> String {
     }
 }
 
+/// Returns a path for JSON: as it is if it is UTF-8, otherwise as bash reads it, in `$'...'`.
+pub fn path_as_text(path: &Path) -> String {
+    path.to_str().map_or_else(|| quoted(path), str::to_owned)
+}
+
 fn quoted_text(text: &str) -> String {
     let plain = |c: char| c.is_alphanumeric() || "_-./+:=@%,".contains(c);
     if !text.is_empty() && text.chars().all(plain) {

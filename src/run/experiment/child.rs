@@ -72,9 +72,7 @@ impl RunProcess {
         let (stderr, name) = (process.stderr.take().expect("it was asked for"), task.name.clone());
         let listener = thread::Builder::new().name(format!("{} listener", task.name));
         match listener.spawn(move || listen(stderr, file, name, &said)) {
-            Ok(listener) => {
-                Ok(RunProcess { process, listener: Some(listener), log, result: task.result.clone() })
-            }
+            Ok(listener) => Ok(RunProcess { process, listener: Some(listener), log, result: task.result.clone() }),
             Err(error) => {
                 drop(process.kill());
                 drop(process.wait());
