@@ -6,10 +6,34 @@ use serde::{Deserialize, Serialize};
 /// influence predictors) of both of the paper's domains. From the first other entry on, it takes four bytes per
 /// entry. Either way the values are exact.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "WrittenRows")]
 pub struct CompactRows {
     width: usize,
     len: usize,
     entries: Entries,
+}
+
+/// Rows as they are read, not yet checked.
+#[derive(Deserialize)]
+struct WrittenRows {
+    width: usize,
+    len: usize,
+    entries: Entries,
+}
+
+impl TryFrom<WrittenRows> for CompactRows {
+    type Error = String;
+
+    fn try_from(WrittenRows { width, len, entries }: WrittenRows) -> Result<Self, String> {
+        let (each, has) = match &entries {
+            Entries::Bits(bits) => (width.div_ceil(8), bits.len()),
+            Entries::Values(values) => (width, values.len()),
+        };
+        match each.checked_mul(len) == Some(has) {
+            true => Ok(CompactRows { width, len, entries }),
+            false => Err(format!("{has} entries do not make {len} rows of {width}")),
+        }
+    }
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

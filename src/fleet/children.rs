@@ -25,6 +25,7 @@ use super::log::Log;
 use super::serve::serve;
 use crate::config::Config;
 use crate::domain::Domain;
+use crate::machine::why_aborted;
 use crate::outside::Directory;
 
 /// The hidden subcommand that makes this program a worker.
@@ -160,7 +161,8 @@ impl Link for ChildProcess {
     /// Kills a child that does not end. Returns how it ended and the last lines of its log.
     fn end(mut self) -> String {
         let status = self.ended_within(LAST_WORDS).or_else(|| self.kill());
-        format!("{}; {}", describe(status), self.log.tail())
+        let tail = self.log.tail();
+        format!("{}; {tail}", describe(status, &tail))
     }
 
     fn end_by_force(mut self) -> String {
@@ -204,11 +206,12 @@ fn write_all(mut stream: &UnixStream, frames: &Receiver<Frame>) {
     }
 }
 
-fn describe(status: Option<ExitStatus>) -> String {
+/// Returns how a worker ended; `log`: its last lines, which tell one abort from another.
+fn describe(status: Option<ExitStatus>, log: &str) -> String {
     match status.map(|status| (status.code(), status.signal())) {
         Some((Some(code), _)) => format!("exit code {code}"),
         Some((_, Some(9))) => "signal 9 (killed; out of memory?)".to_owned(),
-        Some((_, Some(6))) => "signal 6 (aborted, for example by an assertion inside SUMO)".to_owned(),
+        Some((_, Some(6))) => format!("signal 6 ({})", why_aborted(log)),
         Some((_, Some(signal))) => format!("signal {signal}"),
         _ => "in an unknown way".to_owned(),
     }

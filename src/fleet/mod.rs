@@ -9,7 +9,7 @@
 //! - [`worker`]: a share of the agents for the whole run, and the work that can be ordered.
 //! - [`inline`]: the smallest fleet, one worker in this process.
 //! - `coordinator`: which worker owns which agents, orders, deaths and patience. `orders`: the steps of Algorithm 1 as
-//!   orders to workers. `task`: an order in progress.
+//!   orders to workers. `task`: an order in progress. `expected`: what a worker may say.
 //! - [`link`]: the worker's stream as the coordinator sees it. [`children`]: child processes; `bell` wakes the
 //!   coordinator, `log` is what a worker printed.
 //! - `message`, `channel`: the messages, and how they are written to a stream. `serve`: the worker's side of it.
@@ -22,6 +22,7 @@ mod bell;
 mod channel;
 pub mod children;
 mod coordinator;
+mod expected;
 mod footprint;
 pub mod inline;
 pub mod link;
@@ -35,5 +36,6 @@ mod threads;
 pub mod worker;
 
 pub use coordinator::{Coordinator, Options};
+pub use log::Log;
 pub use message::WorkerReport;
 pub use serve::serve;

@@ -19,6 +19,7 @@ use crate::domain::Domain;
 use crate::error::{Error, Result};
 use crate::fleet::children::Children;
 use crate::fleet::{Coordinator, Options};
+use crate::machine::allow_open_files;
 use crate::nn::Peak;
 use crate::outside::{Directory, temporary_dir};
 use crate::records::checkpoint::owner::Owner;
@@ -42,7 +43,8 @@ pub fn bench(args: &cli::BenchArgs) -> Result<()> {
     }
     domain::check(&config).map_err(Error::Usage)?;
     let domain = domain::open(&config).map_err(Error::Usage)?;
-    let most = args.workers.map_or_else(cores, usize::from);
+    let most = args.workers.unwrap_or_else(cores);
+    allow_open_files(most, 1, "--workers").map_err(Error::Usage)?;
     let progress = Rc::new(BenchProgress::new().map_err(Error::Run)?);
     let peak = Peak::measure(PEAK_TIME);
     let mut costs = Vec::new();
@@ -129,7 +131,7 @@ fn as_json(
     costs: &[Costs],
 ) -> anyhow::Result<String> {
     let object = json!({
-        "config": args.config,
+        "config": crate::terminal::path_as_text(&args.config),
         "simulator": config.simulator,
         "agents": domain.agents(),
         "timesteps_per_agent": config.last_step(),

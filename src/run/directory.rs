@@ -1,5 +1,6 @@
 //! Makes and opens run directories.
 
+use std::ffi::OsString;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -17,6 +18,7 @@ use crate::records::atomic::write_atomically;
 use crate::records::files;
 use crate::records::joint_layout::JointLayout;
 use crate::records::run_json::RunJson;
+use crate::terminal::quoted_word;
 
 /// Makes the directory of a new run and returns it, locked.
 ///
@@ -48,8 +50,11 @@ fn describe(dir: &Path, config: &Config) -> Result<()> {
 }
 
 /// Returns the words of the command line, without the hidden flag that ends a run together with its experiment.
+///
+/// JSON is UTF-8: a word of other bytes is kept as bash reads it, in `$'...'`.
 fn command_line() -> Vec<String> {
-    let mut words = std::env::args_os().map(|word| word.to_string_lossy().into_owned());
+    let as_text = |word: OsString| word.into_string().unwrap_or_else(|bytes| quoted_word(&bytes));
+    let mut words = std::env::args_os().map(as_text);
     let mut kept = Vec::new();
     while let Some(word) = words.next() {
         if word == END_WITH {

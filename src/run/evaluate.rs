@@ -41,7 +41,7 @@ pub fn baseline(args: &cli::BaselineArgs) -> Result<()> {
     let config = load(&args.config, &[]).map_err(Error::Usage)?;
     let domain = domain::open(&config).map_err(Error::Usage)?;
     domain::check(&config).map_err(Error::Usage)?;
-    let about = [("config", json!(args.config))];
+    let about = [("config", json!(crate::terminal::path_as_text(&args.config)))];
     let plots = Plots::asked_for(args.output.plot.as_deref(), &config).map_err(Error::Usage)?;
     let domain = plots.as_ref().map_or(&*domain, Plots::domain);
     let session = Session::new(domain, &config, &args.episodes, &args.output)?;

@@ -19,6 +19,7 @@ use crate::error::{Error, Result};
 use crate::fleet::children::Children;
 use crate::fleet::inline::InlineFleet;
 use crate::fleet::{Coordinator, Options};
+use crate::machine::allow_open_files;
 use crate::outside::{Directory, Whereabouts};
 use crate::records::checkpoint::owner::{NotOfThisRun, Owner};
 use crate::records::files;
@@ -33,12 +34,13 @@ use crate::training::observer::Interrupted;
 use crate::training::standing::Standing;
 
 pub fn train(args: &cli::TrainArgs) -> Result<()> {
+    allow_open_files(args.workers.unwrap_or_else(cores), 1, "--workers").map_err(Error::Usage)?;
     let run = match (&args.resume, &args.config) {
         (Some(dir), _) => resume(dir, args.accept_other_build)?,
         (None, Some(config)) => begin(args, config)?,
         (None, None) => unreachable!("clap asks for one of them"),
     };
-    let workers = args.workers.unwrap_or_else(cores);
+    let workers = run.workers(args.workers);
     let patience = Duration::from_secs(args.patience);
     let (directory, config, domain) = (run.directory.clone(), run.config.clone(), run.domain.clone());
     let outcome = run.train(workers, patience);
@@ -129,6 +131,19 @@ fn open(directory: Directory) -> Result<Run> {
 }
 
 impl Run {
+    /// Returns how many workers to start: not more than have work.
+    fn workers(&self, asked: Option<usize>) -> usize {
+        let most = most_workers(&self.config, self.domain.agents());
+        if let Some(asked) = asked.filter(|&asked| asked > most) {
+            tell(format_args!(
+                "note: --workers {asked}: starting {most}, because there are {} agents and never more than {most} \
+                 episodes or agents to share out",
+                self.domain.agents()
+            ));
+        }
+        asked.unwrap_or_else(cores).min(most)
+    }
+
     fn train(self, workers: usize, patience: Duration) -> anyhow::Result<()> {
         let Run { directory, config, domain, owner, resumed, other_build } = self;
         let (dir, config) = (directory.path(), &config);
@@ -156,6 +171,13 @@ impl Run {
         progress.finish();
         outcome
     }
+}
+
+/// Returns the largest number of workers that each have agents or episodes at some time of the run.
+fn most_workers(config: &Config, agents: usize) -> usize {
+    let (evaluation, datasets) = (&config.evaluation, config.dataset_episodes(config.horizon()));
+    let shared = [evaluation.episodes, evaluation.final_episodes, evaluation.aip_loss_episodes, datasets];
+    shared.into_iter().fold(agents, usize::max)
 }
 
 /// Returns the flags that override keys of the config, as `KEY=VALUE` settings.

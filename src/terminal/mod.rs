@@ -21,5 +21,5 @@ mod stop;
 pub mod training;
 
 pub use say::{answer, json, tell};
-pub use shell::{on_the_path, program, quoted};
+pub use shell::{on_the_path, path_as_text, program, quoted, quoted_word};
 pub use stop::{Wish, check_stop, stop_on_signals};

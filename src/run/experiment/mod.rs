@@ -25,6 +25,7 @@ use crate::error::{Error, Result};
 use crate::experiment::file::{Experiment, Knowledge};
 use crate::experiment::progress::{Stage, directory, stage};
 use crate::experiment::schedule::Cores;
+use crate::machine::allow_open_files;
 use crate::outside::Directory;
 use crate::records::atomic::write_atomically;
 use crate::report::find::{BASELINES, ExperimentPlan, PLAN};
@@ -42,6 +43,7 @@ pub fn experiment(args: &cli::ExperimentArgs) -> Result<()> {
     let name = args.file.file_stem().unwrap_or_default();
     let folder = args.out.clone().unwrap_or_else(|| Path::new("results").join(name).join("runs"));
     let cores = args.cores.unwrap_or_else(machine_cores);
+    allow_open_files(cores, 2, "--cores").map_err(Error::Usage)?;
     let knowledge = Knowledge {
         simulated: &|config| {
             let domain = domain::find(config)?;

@@ -88,7 +88,7 @@ fn means(text: &str) -> Result<Trips> {
 }
 
 fn number(trip: Node<'_, '_>, name: &str) -> Result<f64> {
-    let number = trip.attribute(name).and_then(|text| text.parse().ok());
+    let number = trip.attribute(name).and_then(|text| text.parse().ok()).filter(|number: &f64| number.is_finite());
     number.with_context(|| format!("a trip of SUMO's has no number `{name}`"))
 }
 
@@ -120,5 +120,9 @@ mod tests {
         assert_eq!(means("<tripinfos>").unwrap_err().to_string(), "SUMO's trips are not XML");
         let error = means("<tripinfos><tripinfo depart=\"1\"/></tripinfos>").unwrap_err().to_string();
         assert_eq!(error, "a trip of SUMO's has no number `timeLoss`");
+        for odd in ["nan", "inf", "-inf", "", "1e999"] {
+            let text = format!("<tripinfos><tripinfo depart=\"1\" timeLoss=\"{odd}\" departDelay=\"0\"/></tripinfos>");
+            assert_eq!(means(&text).unwrap_err().to_string(), error, "{odd}");
+        }
     }
 }
