@@ -6,10 +6,32 @@ use serde::{Deserialize, Serialize};
 /// influence predictors) of both of the paper's domains. From the first other entry on, it takes four bytes per
 /// entry. Either way the values are exact.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Parts")]
 pub struct CompactRows {
     width: usize,
     len: usize,
     entries: Entries,
+}
+
+/// A table as it was received, which may contradict itself.
+#[derive(Deserialize)]
+struct Parts {
+    width: usize,
+    len: usize,
+    entries: Entries,
+}
+
+impl TryFrom<Parts> for CompactRows {
+    type Error = &'static str;
+
+    fn try_from(Parts { width, len, entries }: Parts) -> Result<Self, Self::Error> {
+        let (per_row, there) = match &entries {
+            Entries::Bits(bits) => (width.div_ceil(8), bits.len()),
+            Entries::Values(values) => (width, values.len()),
+        };
+        let fits = per_row.checked_mul(len) == Some(there) && (width > 0 || len == 0);
+        if fits { Ok(CompactRows { width, len, entries }) } else { Err("a table whose entries do not make its rows") }
+    }
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -122,5 +144,19 @@ mod tests {
         joined.extend(&packed);
         joined.extend(&rows);
         assert_eq!(rows_of(&joined), [&bits[..], &bits[..], &with_values[..]].concat());
+    }
+    #[test]
+    fn a_table_that_contradicts_itself_is_not_received() {
+        let received = |width: usize, len: usize, entries: Entries| {
+            let parts = postcard::to_stdvec(&(width, len, entries)).unwrap();
+            postcard::from_bytes::<CompactRows>(&parts).map(|rows| rows.len())
+        };
+        // Ten bits take two bytes per row.
+        assert_eq!(received(10, 2, Entries::Bits(vec![0; 4])).unwrap(), 2);
+        assert_eq!(received(3, 2, Entries::Values(vec![0.5; 6])).unwrap(), 2);
+        for (width, len) in [(10, 3), (17, 2), (10, usize::MAX), (0, 5)] {
+            assert!(received(width, len, Entries::Bits(vec![0; 4])).is_err(), "{len} rows of {width}");
+        }
+        assert!(received(0, 1 << 60, Entries::Values(Vec::new())).is_err());
     }
 }

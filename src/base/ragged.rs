@@ -6,10 +6,27 @@ use super::Rows;
 
 /// Rows of different widths, one after another in memory.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Parts<T>", bound(deserialize = "T: Deserialize<'de>"))]
 pub struct Ragged<T> {
     data: Vec<T>,
     /// End of each row in `data`. A row begins where the one before it ends.
     ends: Vec<usize>,
+}
+
+/// A table as it was received, which may contradict itself.
+#[derive(Deserialize)]
+struct Parts<T> {
+    data: Vec<T>,
+    ends: Vec<usize>,
+}
+
+impl<T> TryFrom<Parts<T>> for Ragged<T> {
+    type Error = &'static str;
+
+    fn try_from(Parts { data, ends }: Parts<T>) -> Result<Self, Self::Error> {
+        let fits = ends.is_sorted() && ends.last().copied().unwrap_or(0) == data.len();
+        if fits { Ok(Ragged { data, ends }) } else { Err("a table whose rows do not fit its values") }
+    }
 }
 
 impl<T: Copy + Default> Ragged<T> {
@@ -174,6 +191,19 @@ mod tests {
         assert_eq!(last_and_first.as_slice(), [5, 6, 1, 2]);
         assert_eq!(ragged.into_rows(), rows);
         assert_eq!(Ragged::<u8>::default().into_rows().len(), 0);
+    }
+
+    #[test]
+    fn a_table_that_contradicts_itself_is_not_received() {
+        let received = |parts: (&[u8], &[usize])| {
+            postcard::from_bytes::<Ragged<u8>>(&postcard::to_stdvec(&parts).unwrap())
+                .map(|rows| rows.pick(0..rows.len()))
+        };
+        assert_eq!(received((&[1, 2, 3], &[2, 2, 3])).unwrap(), Ragged::from_vec(vec![1, 2, 3], [2, 0, 1]).unwrap());
+        assert_eq!(received((&[], &[])).unwrap(), Ragged::default());
+        for ends in [&[2][..], &[4], &[2, 1, 3], &[usize::MAX, 3], &[]] {
+            assert!(received((&[1, 2, 3], ends)).is_err(), "{ends:?}");
+        }
     }
 
     #[test]
