@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use rustix::process::{Resource, Rlimit, Signal, set_parent_process_death_signal, setrlimit};
 
 use super::driver::{BEGUN, CHILD, ENDED, FAILED, Order, save};
-use super::mutate::{Form, Pool, mutated};
+use super::mutate::{Pool, mutated};
 use super::place::check_outside;
 use super::targets::Target;
 use super::verdict::{Verdict, kind_of};
@@ -43,7 +43,9 @@ pub fn main() {
 }
 
 fn note(info: &PanicHookInfo<'_>) {
-    let words = info.payload_as_str().unwrap_or("a panic without words");
+    let payload = info.payload();
+    let text = payload.downcast_ref::<String>().map(String::as_str).or_else(|| payload.downcast_ref::<&str>().copied());
+    let words = text.unwrap_or("a panic without words");
     let place = info.location().map_or(String::new(), |place| format!("{}:{}: ", place.file(), place.line()));
     let told = format!("{place}{words}");
     eprintln!("{told}");
@@ -64,8 +66,8 @@ fn try_all(order: &Order) {
     let seeds = (target.seeds)();
     let corpus = corpus(target.name);
     limit_memory();
-    let mut pool = Pool::new(seeds.iter().cloned().chain(corpus).collect());
-    let as_they_are: Vec<Vec<u8>> = pool.seeds.iter().cloned().chain(deep_nest(target.form, &seeds[0])).collect();
+    let as_they_are: Vec<Vec<u8>> = seeds.iter().cloned().chain(corpus).chain((target.more)()).collect();
+    let mut pool = Pool::new(as_they_are.iter().filter(|bytes| bytes.len() <= LARGEST).cloned().collect());
     let (mut kinds, mut failures) = (BTreeSet::new(), BTreeMap::<String, usize>::new());
     let end = Instant::now() + Duration::from_secs_f64(order.seconds);
     for index in order.first..order.end {
@@ -106,13 +108,6 @@ fn try_all(order: &Order) {
         }
         println!("{FAILED} {index} {message}");
     }
-}
-
-/// Returns a seed with so many elements in one another that no stack holds a call for each.
-fn deep_nest(form: Form, seed: &[u8]) -> Option<Vec<u8>> {
-    let end = seed.iter().rposition(|&byte| byte == b'<').filter(|_| form == Form::Xml)?;
-    let nested = ["<a>".repeat(500_000), "</a>".repeat(500_000)].concat();
-    Some([&seed[..end], nested.as_bytes(), &seed[end..]].concat())
 }
 
 /// Returns the saved inputs of a target, in the order of their names.

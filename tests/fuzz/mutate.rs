@@ -23,7 +23,7 @@ pub enum Form {
 /// What inputs are made of. It grows with those that led to something new.
 pub struct Pool {
     /// Real files, and saved inputs.
-    pub seeds: Vec<Vec<u8>>,
+    seeds: Vec<Vec<u8>>,
     accepted: Vec<Vec<u8>>,
     /// One of each kind of error.
     refused: Vec<Vec<u8>>,

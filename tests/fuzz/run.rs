@@ -1,8 +1,12 @@
-//! A small trained run of the warehouse: the seeds of checkpoints, networks and resumes.
+//! A small trained run of the warehouse: the seeds of checkpoints, networks and resumes. Only this file opens
+//! checkpoints.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
+
+use anyhow::Result;
+use dials_traffic::records::checkpoint::{self, Checkpoint};
 
 use super::program;
 
@@ -69,4 +73,21 @@ pub fn checkpoints(run: &Path) -> Vec<PathBuf> {
     let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).filter(|path| path.is_file()).collect();
     paths.sort();
     paths
+}
+
+/// Returns the bytes of the newest checkpoint of a run, and its name.
+pub fn newest_checkpoint(run: &Path) -> (String, Vec<u8>) {
+    let path = checkpoints(run).pop().expect("the run has checkpoints");
+    let name = path.file_name().and_then(|name| name.to_str()).expect("a name of ours");
+    (name.to_owned(), fs::read(&path).expect("a readable file"))
+}
+
+/// Reads the newest checkpoint in a folder as one of these runs.
+pub fn read_checkpoint(folder: &Path) -> Result<Option<Checkpoint>> {
+    Checkpoint::read_newest(folder)
+}
+
+/// Writes a checkpoint as one of these runs would.
+pub fn write_checkpoint(folder: &Path, Checkpoint { agents, progress }: Checkpoint) -> Result<()> {
+    checkpoint::write(folder, &agents, progress)
 }

@@ -1,9 +1,9 @@
 //! Checkpoints: a damaged one is refused, or it is the same state.
 
 use std::fs;
-use std::path::Path;
 use std::sync::OnceLock;
 
+use anyhow::Result;
 use dials_traffic::records::checkpoint::Checkpoint;
 
 use crate::place::empty;
@@ -11,30 +11,34 @@ use crate::run;
 use crate::verdict::Verdict;
 
 pub fn seeds() -> Vec<Vec<u8>> {
-    let files = ["whole", "other"].map(|name| run::checkpoints(&run::dir(name)));
-    files.iter().flatten().map(|path| fs::read(path).expect("a checkpoint")).collect()
+    vec![run::newest_checkpoint(&run::dir("whole")).1]
+}
+
+/// Checkpoints that are whole, but of another step or another run: parts of them may get into one.
+pub fn strangers() -> Vec<Vec<u8>> {
+    ["half", "other"].map(|name| run::newest_checkpoint(&run::dir(name)).1).into()
 }
 
 pub fn call(bytes: &[u8]) -> Verdict {
-    static STATES: OnceLock<Vec<Checkpoint>> = OnceLock::new();
-    let states = STATES.get_or_init(|| {
-        let state = |bytes: &Vec<u8>| read(bytes).expect("a whole checkpoint").expect("it is there");
-        seeds().iter().map(state).collect()
-    });
+    static STATE: OnceLock<Checkpoint> = OnceLock::new();
+    let state = STATE.get_or_init(|| read(&seeds()[0]).expect("a whole checkpoint").expect("it is there"));
     match read(bytes) {
         Err(error) => Verdict::refused(error),
         Ok(None) => panic!("the checkpoint is not seen"),
+        Ok(Some(other)) if strangers().iter().any(|stranger| stranger == bytes) => {
+            assert!(other != *state, "a stranger is taken for the checkpoint");
+            Verdict::Accepted
+        }
         Ok(Some(checkpoint)) => {
-            assert!(states.contains(&checkpoint), "another state is read: {:?}", checkpoint.progress);
+            assert!(checkpoint == *state, "another state is read: {:?}", checkpoint.progress);
             Verdict::Accepted
         }
     }
 }
 
-fn read(bytes: &[u8]) -> anyhow::Result<Option<Checkpoint>> {
-    let [name, ..] = &run::checkpoints(&run::dir("whole"))[..] else { unreachable!("the run has checkpoints") };
+fn read(bytes: &[u8]) -> Result<Option<Checkpoint>> {
     let folder = empty("checkpoints");
-    fs::write(folder.join(Path::new(name).file_name().expect("a file has a name")), bytes)
-        .expect("a file to work with");
-    Checkpoint::read_newest(&folder)
+    let (name, _) = run::newest_checkpoint(&run::dir("whole"));
+    fs::write(folder.join(name), bytes).expect("a file to work with");
+    run::read_checkpoint(&folder)
 }

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use dials_traffic::records::checkpoint::{self, Checkpoint, RunProgress};
+use dials_traffic::records::checkpoint::{Checkpoint, RunProgress};
 use dials_traffic::training::state::AgentsState;
 use serde::{Deserialize, Serialize};
 
@@ -19,7 +19,7 @@ struct State {
 }
 
 pub fn seeds() -> Vec<Vec<u8>> {
-    let newest = Checkpoint::read_newest(&run::dir("half").join("checkpoints")).expect("a whole checkpoint");
+    let newest = run::read_checkpoint(&run::dir("half").join("checkpoints")).expect("a whole checkpoint");
     let Checkpoint { agents, progress } = newest.expect("the run has one");
     vec![serde_json::to_vec_pretty(&State { progress, agents }).expect("numbers can be written")]
 }
@@ -34,7 +34,9 @@ pub fn call(bytes: &[u8]) -> Verdict {
     copy(&run::dir("half"), &dir);
     let folder = dir.join("checkpoints");
     fs::remove_dir_all(&folder).expect("the run has checkpoints");
-    checkpoint::write(&folder, &agents, progress).expect("a state can be written");
+    if let Err(error) = run::write_checkpoint(&folder, Checkpoint { agents, progress }) {
+        return Verdict::refused(error);
+    }
     let outcome = program::run(&["train", "--resume", "run", "--workers", "0"]);
     if outcome.code == 0 { Verdict::Accepted } else { Verdict::Refused(outcome.stderr) }
 }

@@ -29,10 +29,15 @@ pub struct Target {
     /// Number of inputs that are tried at every start of the tests.
     pub short: u64,
     /// Returns inputs that must be accepted.
-    pub seeds: fn() -> Vec<Vec<u8>>,
+    pub seeds: Seeds,
+    /// Returns further inputs, which may be refused.
+    pub more: Seeds,
     /// Panics if the input leads to what must not happen.
-    pub call: fn(&[u8]) -> Verdict,
+    pub call: Call,
 }
+
+type Seeds = fn() -> Vec<Vec<u8>>;
+type Call = fn(&[u8]) -> Verdict;
 
 impl Target {
     pub fn named(name: &str) -> &'static Target {
@@ -40,35 +45,44 @@ impl Target {
     }
 }
 
-type Call = fn(&[u8]) -> Verdict;
-type Seeds = fn() -> Vec<Vec<u8>>;
-
 const fn target(name: &'static str, form: Form, short: u64, seeds: Seeds, call: Call) -> Target {
-    Target { name, form, short, seeds, call }
+    Target { name, form, short, seeds, more: Vec::new, call }
 }
 
 pub const TARGETS: &[Target] = &[
     target("config", Form::Text, 400, config::seeds, config::call),
-    target("net", Form::Xml, 150, networks::net_seeds, networks::net),
-    target("local_net", Form::Xml, 150, networks::local_net_seeds, networks::local_net),
-    target("routes", Form::Xml, 150, networks::routes_seeds, networks::routes),
-    target("local_routes", Form::Xml, 150, networks::local_routes_seeds, networks::local_routes),
-    target("actuated", Form::Xml, 150, networks::actuated_seeds, networks::actuated),
+    Target { more: networks::deep_nest, ..target("net", Form::Xml, 60, networks::net_seeds, networks::net) },
+    Target {
+        more: networks::deep_nest,
+        ..target("local_net", Form::Xml, 60, networks::local_net_seeds, networks::local_net)
+    },
+    Target { more: networks::deep_nest, ..target("routes", Form::Xml, 60, networks::routes_seeds, networks::routes) },
+    Target {
+        more: networks::deep_nest,
+        ..target("local_routes", Form::Xml, 60, networks::local_routes_seeds, networks::local_routes)
+    },
+    Target {
+        more: networks::deep_nest,
+        ..target("actuated", Form::Xml, 60, networks::actuated_seeds, networks::actuated)
+    },
     target("timings", Form::Text, 400, timings::seeds, timings::call),
     target("experiment", Form::Text, 300, experiment::seeds, experiment::call),
-    target("returns_csv", Form::Text, 150, report::returns_seeds, report::returns),
-    target("episodes_csv", Form::Text, 150, report::episodes_seeds, report::episodes),
-    target("aip_loss_csv", Form::Text, 150, report::aip_loss_seeds, report::aip_loss),
-    target("aip_drift_csv", Form::Text, 150, report::aip_drift_seeds, report::aip_drift),
-    target("timing_csv", Form::Text, 150, report::timing_seeds, report::timing),
-    target("memory_csv", Form::Text, 150, report::memory_seeds, report::memory),
-    target("kept_config", Form::Text, 150, report::config_seeds, report::config),
-    target("run_json", Form::Text, 150, report::run_json_seeds, report::run_json),
-    target("plan_json", Form::Text, 150, report::plan_seeds, report::plan),
-    target("baseline_json", Form::Text, 150, report::baseline_seeds, report::baseline),
-    target("resume", Form::Text, 20, resume::seeds, resume::call),
-    target("checkpoint", Form::Tensors, 400, checkpoint::seeds, checkpoint::call),
-    target("crafted", Form::Text, 40, crafted::seeds, crafted::call),
+    target("returns_csv", Form::Text, 80, report::returns_seeds, report::returns),
+    target("episodes_csv", Form::Text, 80, report::episodes_seeds, report::episodes),
+    target("aip_loss_csv", Form::Text, 80, report::aip_loss_seeds, report::aip_loss),
+    target("aip_drift_csv", Form::Text, 80, report::aip_drift_seeds, report::aip_drift),
+    target("timing_csv", Form::Text, 80, report::timing_seeds, report::timing),
+    target("memory_csv", Form::Text, 80, report::memory_seeds, report::memory),
+    target("kept_config", Form::Text, 80, report::config_seeds, report::config),
+    target("run_json", Form::Text, 80, report::run_json_seeds, report::run_json),
+    target("plan_json", Form::Text, 80, report::plan_seeds, report::plan),
+    target("baseline_json", Form::Text, 80, report::baseline_seeds, report::baseline),
+    target("resume", Form::Text, 14, resume::seeds, resume::call),
+    Target {
+        more: checkpoint::strangers,
+        ..target("checkpoint", Form::Tensors, 600, checkpoint::seeds, checkpoint::call)
+    },
+    target("crafted", Form::Text, 24, crafted::seeds, crafted::call),
     target("policies", Form::Tensors, 400, networks_of_agents::policies_seeds, networks_of_agents::policies),
     target("aips", Form::Tensors, 400, networks_of_agents::aips_seeds, networks_of_agents::aips),
     target("orders", Form::Messages, 400, messages::orders_seeds, messages::orders),

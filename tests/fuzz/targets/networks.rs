@@ -45,6 +45,12 @@ network_file!(routes, routes_seeds, "grid_2x2.rou.xml", Freedom::Arrivals);
 network_file!(local_routes, local_routes_seeds, "local.rou.xml", Freedom::None);
 network_file!(actuated, actuated_seeds, "grid_2x2.actuated.add.xml", Freedom::None);
 
+/// Elements in one another, so many that no stack holds a call for each.
+pub fn deep_nest() -> Vec<Vec<u8>> {
+    let depth = 500_000;
+    vec![["<net>".repeat(depth), "</net>".repeat(depth)].concat().into_bytes()]
+}
+
 /// Simulates with one file of a network replaced. An accepted one simulates the same as the original.
 fn with_file(file: &str, bytes: &[u8], freedom: Freedom) -> Verdict {
     static ORIGINAL: OnceLock<Vec<Value>> = OnceLock::new();
