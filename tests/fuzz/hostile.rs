@@ -54,6 +54,7 @@ pub const NAMES: &[&str] = &[
     "../outside/new",
     "../outside/canary",
     "../../outside/new",
+    "../../../outside/canary",
     "/dev/zero",
     "/dev/full",
     "/proc/self/mem",

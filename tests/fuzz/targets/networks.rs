@@ -13,7 +13,7 @@ use crate::place::{empty, work};
 use crate::program;
 use crate::verdict::Verdict;
 
-const CONFIG: &str = "[traffic]\nnetwork = 'nets/grid_2x2'\nlocal_network = 'nets/local'\nhorizon = 40\n\
+const CONFIG: &str = "[traffic]\nnetwork = 'grid_2x2'\nlocal_network = 'local'\nhorizon = 40\n\
                       [aip]\ndataset_steps = 200\nbatch = 8\n[evaluation]\nepisodes = 1\nfinal_episodes = 1\n";
 const NETWORKS: [&str; 2] = ["grid_2x2", "local"];
 const ENDINGS: [&str; 4] = ["net.xml", "rou.xml", "actuated.add.xml", "sumocfg"];
@@ -54,12 +54,13 @@ pub fn deep_nest() -> Vec<Vec<u8>> {
 /// Simulates with one file of a network replaced. An accepted one simulates the same as the original.
 fn with_file(file: &str, bytes: &[u8], freedom: Freedom) -> Verdict {
     static ORIGINAL: OnceLock<Vec<Value>> = OnceLock::new();
-    let nets = empty("nets");
+    // Beside the folder outside, because SUMO writes relative to the file that says where to.
+    let nets = work();
     for (network, ending) in NETWORKS.iter().flat_map(|network| ENDINGS.map(|ending| (network, ending))) {
         let name = format!("{network}.{ending}");
         fs::copy(of_project("sumo_nets").join(&name), nets.join(&name)).expect("a file of this project");
     }
-    let path = work().join("config.toml");
+    let path = nets.join("config.toml");
     fs::write(&path, CONFIG).expect("a file to work with");
     let original = ORIGINAL.get_or_init(|| play().expect("our own network can be played"));
     fs::write(nets.join(file), bytes).expect("a file to work with");
