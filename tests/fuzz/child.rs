@@ -23,8 +23,9 @@ const MEMORY: u64 = 1 << 30;
 const STACK: usize = 8 << 20;
 /// Number of inputs that are saved of each kind of failure.
 const SAVED: usize = 3;
-/// Largest size of an input of which others are made.
+/// Largest size of an input of which others are made, and of a seed.
 const LARGEST: usize = 1 << 16;
+const LARGEST_SEED: usize = 1 << 20;
 
 /// File with the input under way, in the folder above the one to work in.
 pub const CURRENT: &str = "input";
@@ -67,7 +68,7 @@ fn try_all(order: &Order) {
     let corpus = corpus(target.name);
     limit_memory();
     let as_they_are: Vec<Vec<u8>> = seeds.iter().cloned().chain(corpus).chain((target.more)()).collect();
-    let mut pool = Pool::new(as_they_are.iter().filter(|bytes| bytes.len() <= LARGEST).cloned().collect());
+    let mut pool = Pool::new(as_they_are.iter().filter(|bytes| bytes.len() <= LARGEST_SEED).cloned().collect());
     let (mut kinds, mut failures) = (BTreeSet::new(), BTreeMap::<String, usize>::new());
     let end = Instant::now() + Duration::from_secs_f64(order.seconds);
     for index in order.first..order.end {
