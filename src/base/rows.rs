@@ -112,6 +112,16 @@ mod tests {
     }
 
     #[test]
+    fn a_torn_table_is_not_received() {
+        let received = |width| {
+            let parts = postcard::to_stdvec(&(vec![1_u8, 2, 3, 4, 5, 6], width)).unwrap();
+            postcard::from_bytes::<Rows<u8>>(&parts).map(|rows| rows.len())
+        };
+        assert_eq!([2, 6].map(|width: usize| received(width).unwrap()), [3, 1]);
+        assert!([0, 4, usize::MAX].into_iter().all(|width| received(width).is_err()));
+    }
+
+    #[test]
     #[should_panic(expected = "5 values do not make rows of 2")]
     fn a_torn_table_is_refused() {
         Rows::from_vec(vec![0; 5], 2);

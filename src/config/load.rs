@@ -202,6 +202,16 @@ mod tests {
     }
 
     #[test]
+    fn workers_get_every_number_to_the_last_bit() {
+        for rate in [1.1111111111111112e107, 3e127, 2.5e-4] {
+            let config = load_text(SMALL, &[&format!("ppo.learning_rate={rate:e}")]).unwrap();
+            assert_eq!(config.ppo.learning_rate, rate);
+            let json = serde_json::to_string(&config).unwrap();
+            assert_eq!(serde_json::from_str::<Config>(&json).unwrap().ppo.learning_rate, rate);
+        }
+    }
+
+    #[test]
     fn bad_input_names_the_key_and_what_is_allowed() {
         let unknown = error_of(&format!("{SMALL}[aip]\nretrian = 3\n"), &[]);
         assert!(unknown.contains("unknown field `retrian`") && unknown.contains("line 5"), "{unknown}");

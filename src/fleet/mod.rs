@@ -35,7 +35,12 @@ mod task;
 mod threads;
 pub mod worker;
 
+// The ends of the channel, for tests that send nonsense through it.
+#[doc(hidden)]
+pub use channel::{encode, receive};
 pub use coordinator::{Coordinator, Options};
 pub use log::Log;
 pub use message::WorkerReport;
+#[doc(hidden)]
+pub use message::{Answer, Order};
 pub use serve::serve;

@@ -57,6 +57,8 @@ impl TimingFile {
         for (name, green) in [("vertical", file.vertical), ("horizontal", file.horizontal)] {
             ensure!(GREENS.contains(&green), "{place}: {name} = {green}: must be from 1 to 3600 steps; {WAY_OUT}");
         }
+        let mean = file.mean_return;
+        ensure!(mean.is_finite(), "{place}: mean_return = {mean}: must be a finite number; {WAY_OUT}");
         Ok(file)
     }
 
@@ -142,5 +144,9 @@ mod tests {
         // With 1 and the yellows of 6, the cycle would be 2^32, which is 0.
         assert_eq!(error(&timings(u32::MAX - 6, &on_all)), "vertical = 4294967289: must be from 1 to 3600 steps");
         assert_eq!(error(&timings(0, &on_all)), "vertical = 0: must be from 1 to 3600 steps");
+        for (bad, word) in [("nan", "NaN"), ("-inf", "-inf")] {
+            let told = error(&timings(9, &on_all).replace("1.0", bad));
+            assert_eq!(told, format!("mean_return = {word}: must be a finite number"));
+        }
     }
 }
