@@ -91,8 +91,10 @@ impl<'a> Play<'a> {
             self.make_it_run(false);
             self.end();
         }
-        for (fault, words) in compare(&self.undisturbed.stage, &self.stage) {
-            self.found(fault, &words);
+        if self.done {
+            for (fault, words) in compare(&self.undisturbed.stage, &self.stage) {
+                self.found(fault, &words);
+            }
         }
         self.book.lock().unwrap().done(self.starts);
     }
