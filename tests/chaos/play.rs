@@ -107,7 +107,8 @@ impl<'a> Play<'a> {
 
     fn fits(&self, card: Card) -> bool {
         match &self.coordinator {
-            Some(_) => !card.needs_a_start() && !(card.needs_a_worker() && self.workers == 0),
+            Some(_) if card.needs_a_worker() => self.workers > 0,
+            Some(_) => !card.needs_a_start(),
             None => true,
         }
     }
