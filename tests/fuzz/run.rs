@@ -6,7 +6,11 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use anyhow::Result;
+use dials_traffic::config::{self, DomainConfig};
+use dials_traffic::outside::Directory;
+use dials_traffic::records::checkpoint::owner::Owner;
 use dials_traffic::records::checkpoint::{self, Checkpoint};
+use dials_traffic::warehouse::Warehouse;
 
 use super::program;
 
@@ -84,10 +88,22 @@ pub fn newest_checkpoint(run: &Path) -> (String, Vec<u8>) {
 
 /// Reads the newest checkpoint in a folder as one of these runs.
 pub fn read_checkpoint(folder: &Path) -> Result<Option<Checkpoint>> {
-    Checkpoint::read_newest(folder)
+    let folder = Directory::open(folder)?;
+    let newest = checkpoint::list(&folder)?.pop();
+    newest.map(|name| Checkpoint::read(&folder, &name, owner())).transpose()
 }
 
 /// Writes a checkpoint as one of these runs would.
 pub fn write_checkpoint(folder: &Path, Checkpoint { agents, progress }: Checkpoint) -> Result<()> {
-    checkpoint::write(folder, &agents, progress)
+    checkpoint::write(&Directory::open(folder)?, owner(), &agents, progress)
+}
+
+/// Returns the run `whole` as the owner of checkpoints.
+fn owner() -> &'static Owner {
+    static OWNER: OnceLock<Owner> = OnceLock::new();
+    OWNER.get_or_init(|| {
+        let config = config::load(&dir("whole").join("config.toml"), &[]).expect("the config of a run");
+        let Some(DomainConfig::Warehouse(table)) = &config.domain else { panic!("the run is of the warehouse") };
+        Owner::of(&config, &Warehouse::new(table)).expect("the warehouse has a scenario")
+    })
 }

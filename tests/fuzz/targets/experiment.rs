@@ -64,8 +64,8 @@ pub fn call(bytes: &[u8]) -> Verdict {
         Ok(experiment) => experiment,
         Err(error) => return Verdict::refused(error),
     };
-    let runs: Vec<&str> = experiment.runs.iter().map(|run| run.name.as_str()).collect();
-    let baselines: Vec<&str> = experiment.baselines.iter().map(|baseline| baseline.name.as_str()).collect();
+    let runs: Vec<&str> = experiment.runs.iter().map(|run| &*run.name).collect();
+    let baselines: Vec<&str> = experiment.baselines.iter().map(|baseline| &*baseline.name).collect();
     for names in [runs, baselines] {
         names.iter().for_each(|name| check_name(name));
         assert_eq!(names.iter().collect::<BTreeSet<_>>().len(), names.len(), "two have one name");
