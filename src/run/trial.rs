@@ -171,7 +171,7 @@ mod tests {
 
     #[test]
     fn endless_words_are_cut() {
-        let told = told("yes 'no end' | head -c 1000000 >&2; kill -SEGV $$", Duration::from_secs(60));
+        let told = told("yes 'no end' | head -n 100000 >&2; kill -SEGV $$", Duration::from_secs(60));
         assert!(told.len() < LAST_WORDS + 200 && told.ends_with("no end"), "{}", told.len());
     }
 }

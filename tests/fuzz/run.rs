@@ -95,6 +95,7 @@ pub fn read_checkpoint(folder: &Path) -> Result<Option<Checkpoint>> {
 
 /// Writes a checkpoint as one of these runs would.
 pub fn write_checkpoint(folder: &Path, Checkpoint { agents, progress }: Checkpoint) -> Result<()> {
+    fs::create_dir_all(folder)?;
     checkpoint::write(&Directory::open(folder)?, owner(), &agents, progress)
 }
 
