@@ -1,9 +1,14 @@
 //! The command line: only types and help texts.
 
-use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
+use clap::builder::RangedU64ValueParser;
 use clap::{Args, Parser, Subcommand, ValueEnum};
+
+/// Largest number of processes that may be asked for. More must be a typing error.
+const MOST_WORKERS: u64 = 4096;
+/// Longest patience in seconds.
+const A_YEAR_S: u64 = 365 * 24 * 3600;
 
 /// Multi-agent traffic-light control with distributed influence-augmented local simulators (DIALS) on SUMO.
 ///
@@ -53,6 +58,9 @@ pub enum Command {
     /// A worker process; `train` starts it
     #[command(hide = true)]
     Worker,
+    /// Tries the files of a config in their simulator; this program starts it
+    #[command(hide = true)]
+    TryOut,
 }
 
 #[derive(Debug, Args)]
@@ -68,12 +76,13 @@ pub struct TrainArgs {
     /// run.json records it
     #[arg(long, conflicts_with = "config")]
     pub accept_other_build: bool,
-    /// Number of worker processes that share the agents; 0: all work in this process. It does not change the results
-    /// [default: the number of cores]
-    #[arg(long)]
+    /// Number of worker processes that share the agents; 0: all work in this process. It does not change the results.
+    /// Workers that would have neither agents nor episodes are not started [default: the number of cores]
+    #[arg(long, value_parser = RangedU64ValueParser::<usize>::new().range(..=MOST_WORKERS))]
     pub workers: Option<usize>,
     /// Restart a worker that has been silent for N seconds
-    #[arg(long, value_name = "SECONDS", default_value_t = 600, value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "SECONDS", default_value_t = 600,
+          value_parser = clap::value_parser!(u64).range(1..=A_YEAR_S))]
     pub patience: u64,
     /// Seed of all random numbers; overrides the config
     #[arg(long)]
@@ -172,8 +181,8 @@ pub struct BenchArgs {
     /// Config file, such as configs/traffic_100.toml
     pub config: PathBuf,
     /// Measure with 1, 2, 4, ... and N worker processes [default: the number of cores]
-    #[arg(long)]
-    pub workers: Option<NonZeroUsize>,
+    #[arg(long, value_parser = RangedU64ValueParser::<usize>::new().range(1..=MOST_WORKERS))]
+    pub workers: Option<usize>,
     /// Approximate measuring time for each number of workers
     #[arg(long, value_name = "SECONDS", default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..=86_400))]
     pub seconds: u64,
@@ -254,7 +263,7 @@ pub struct ExperimentArgs {
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Number of cores to use [default: all]
-    #[arg(long, value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=4096))]
+    #[arg(long, value_parser = RangedU64ValueParser::<usize>::new().range(1..=MOST_WORKERS))]
     pub cores: Option<usize>,
     /// Only list the runs and estimate time and memory
     #[arg(long)]

@@ -3,12 +3,19 @@
 //! Colour-blind readers can distinguish the colours (the palette of Okabe and Ito, 2008). Shades go from light to dark
 //! in one hue, so they keep their order in black and white. The pictures themselves are in [`crate::plot`] (episodes)
 //! and [`crate::report`] (runs).
+//!
+//! - `axis`: an axis of numbers that ends its work for any numbers. `xml`: names in a picture never break its XML.
+
+mod axis;
+mod xml;
 
 use anyhow::Result;
 use plotters::chart::MeshStyle;
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::ValueFormatter;
 use plotters::prelude::*;
+
+pub use axis::BoundedAxis;
 
 /// A whole picture, or a part of it.
 pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
@@ -104,7 +111,8 @@ impl Svg {
             area.present()?;
         }
         let drawn = format!("width=\"{}\" height=\"{}\"", width * SCALE, height * SCALE);
-        Ok(Svg(text.replacen(&drawn, &format!("width=\"{width}\" height=\"{height}\""), 1)))
+        let text = text.replacen(&drawn, &format!("width=\"{width}\" height=\"{height}\""), 1);
+        Ok(Svg(xml::with_printable_names(&text)))
     }
 
     /// Returns the picture as an SVG file, on white.
@@ -135,5 +143,16 @@ mod tests {
         assert_eq!((shade(0.0), shade(1.0)), (RGBColor(247, 251, 255), RGBColor(8, 48, 107)));
         assert_eq!((shade(-1.0), shade(2.0)), (shade(0.0), shade(1.0)));
         assert_eq!((ink_over(shade(0.0)), ink_over(shade(1.0))), (BLACK, WHITE));
+    }
+
+    #[test]
+    fn a_name_in_a_picture_breaks_nothing() {
+        let name = "\u{1b}[31m</text>\n\u{7}\u{0}\u{ffff}\u{202E}]]> & 'ü'";
+        let write = |area: &Area| Ok(area.draw_text(name, &text(11, INK), (0, 0))?);
+        let svg = Svg::draw(100, 50, write).unwrap().file();
+        let tree = roxmltree::Document::parse(&svg).unwrap();
+        let words: Vec<&str> = tree.descendants().filter_map(|node| node.text()).map(str::trim).collect();
+        let told = "\\u{1b}[31m</text>\\n\\u{7}\\u{0}\\u{ffff}\\u{202e}]]> & 'ü'";
+        assert!(words.contains(&told), "{words:?}");
     }
 }

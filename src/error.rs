@@ -1,7 +1,8 @@
 //! The errors of a command, with their exit codes.
 
 use std::fmt;
-use std::process::ExitCode;
+
+use crate::machine::way_out;
 
 /// An error that a person at the terminal reads.
 #[derive(Debug)]
@@ -17,23 +18,24 @@ pub enum Error {
 pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {
-    pub fn exit_code(&self) -> ExitCode {
+    pub fn exit_code(&self) -> u8 {
         match self {
-            Error::Usage(_) => ExitCode::from(2),
-            Error::Run(_) => ExitCode::from(1),
-            Error::Interrupted(_) => ExitCode::from(130),
+            Error::Usage(_) => 2,
+            Error::Run(_) => 1,
+            Error::Interrupted(_) => 130,
         }
     }
 }
 
-/// `error: what`, then a line `caused by: why` per cause.
+/// `error: what`, then a line `caused by: why` per cause, then a line `way out: how` for an error of the system.
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Error::Interrupted(message) => f.write_str(message),
             Error::Usage(error) | Error::Run(error) => {
                 write!(f, "error: {error}")?;
-                error.chain().skip(1).try_for_each(|cause| write!(f, "\n  caused by: {cause}"))
+                error.chain().skip(1).try_for_each(|cause| write!(f, "\n  caused by: {cause}"))?;
+                way_out(&format!("{error:#}")).map_or(Ok(()), |way_out| write!(f, "\n  way out: {way_out}"))
             }
         }
     }
@@ -50,5 +52,12 @@ mod tests {
     fn the_chain_of_causes_is_told_line_by_line() {
         let error = Error::Run(anyhow!("disk full").context("run.json: cannot be written"));
         assert_eq!(error.to_string(), "error: run.json: cannot be written\n  caused by: disk full");
+    }
+
+    #[test]
+    fn an_error_of_the_system_ends_with_its_way_out() {
+        let error = Error::Run(anyhow!("No space left on device (os error 28)").context("run.json: cannot be written"));
+        let told = error.to_string();
+        assert!(told.contains("\n  caused by: No space left on device (os error 28)\n  way out: the disk"), "{told}");
     }
 }

@@ -23,6 +23,7 @@
 //! |---|---|
 //! | [`base`] | seeds, rows of numbers, ids and units, stopwatches, statistics |
 //! | [`outside`] | files and names that others wrote, read and shown safely |
+//! | [`machine`] | limits of the machine: memory, open files, disks |
 //! | [`config`] | the config: read once, checked once |
 //! | [`domain`] | the traits between simulators and learning |
 //! | [`sumo`] | libsumo behind a safe interface |
@@ -59,6 +60,7 @@ pub mod experiment;
 pub mod film;
 pub mod fleet;
 pub mod influence;
+pub mod machine;
 pub mod nn;
 pub mod outside;
 pub mod plot;

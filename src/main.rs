@@ -1,18 +1,22 @@
 //! The program: parse the command line, run, print the error, exit.
 
-use std::process::ExitCode;
-
 use clap::Parser;
 use dials_traffic::cli::Cli;
+use dials_traffic::machine::{Allocator, end_now, survive_full_files};
 use dials_traffic::run;
 use dials_traffic::terminal::tell;
 
-fn main() -> ExitCode {
-    match run::run(Cli::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
+#[global_allocator]
+static ALLOCATOR: Allocator = Allocator;
+
+fn main() {
+    let cli = Cli::parse();
+    let outcome = survive_full_files().map_err(dials_traffic::error::Error::Run).and_then(|()| run::run(cli));
+    end_now(match outcome {
+        Ok(()) => 0,
         Err(error) => {
             tell(&error);
             error.exit_code()
         }
-    }
+    })
 }

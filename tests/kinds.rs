@@ -16,9 +16,13 @@ use dials_traffic::evaluation::play;
 use dials_traffic::fleet::inline::InlineFleet;
 use dials_traffic::fleet::worker::Worker;
 use dials_traffic::nn::{Threads, read_stack};
+use dials_traffic::outside::Directory;
 use dials_traffic::policy::{JointPolicyController, PolicyStack, Selection};
+use dials_traffic::records::checkpoint::owner::Owner;
+use dials_traffic::records::checkpoint::{self, Checkpoint};
 use dials_traffic::records::files;
 use dials_traffic::records::joint_layout::JointLayout;
+use dials_traffic::records::resume_point::ResumePoint;
 use dials_traffic::records::run_json::RunJson;
 use dials_traffic::records::run_log::{Layouts, RunLog};
 use dials_traffic::records::run_record::RunRecord;
@@ -67,7 +71,7 @@ fn short(simulator: &str) -> Config {
 
 fn train(config: &Config, dir: &Path) -> Result<()> {
     let layouts = Layouts::of(config, domain().kinds());
-    let mut log = RunLog::create(dir, config, layouts)?;
+    let mut log = RunLog::create(dir, Owner::of(config, &*domain())?, layouts)?;
     let mut fleet = InlineFleet::new(domain(), config, Rc::new(Silent));
     dials::train(config, &mut fleet, Standing::default(), &mut log, &Silent)
 }
@@ -130,7 +134,8 @@ fn the_aips_of_both_kinds_learn_the_closed_form_influence() {
     let policies = JointLayout::of_policies(domain.kinds(), &config.policy).read(&saved).unwrap();
     for kind in domain.kinds() {
         let layout = PolicyStack::shape(&kind.spec, &config.policy).layout();
-        let rows = read_stack(&saved, &format!("{}.", kind.name), &layout, &kind.agents).unwrap();
+        let rows =
+            read_stack(&fs::read(&saved).unwrap(), &saved, &format!("{}.", kind.name), &layout, &kind.agents).unwrap();
         for (agent, row) in kind.agents.iter().zip(rows.iter()) {
             assert_eq!(policies.row(agent.0), row);
         }
@@ -187,10 +192,13 @@ fn a_run_that_was_stopped_goes_on_to_the_same_bytes() {
         let periods = schedule(&config).len();
         assert!(periods >= 3);
         let go_on = |observer: &dyn Observer| {
-            let (mut log, checkpoint) = RunLog::resume(stopped.path(), &config, layouts()).unwrap();
+            let directory = Directory::lock(stopped.path()).unwrap();
+            let owner = Owner::of(&config, &*domain()).unwrap();
+            let point = ResumePoint::find(&directory, &owner).unwrap();
+            let (mut log, checkpoint) = RunLog::resume(directory, point, owner, layouts()).unwrap();
             let mut fleet = InlineFleet::new(domain(), &config, Rc::new(Silent));
             let standing = checkpoint.map_or(Standing::default(), |checkpoint| {
-                let standing = checkpoint.progress.standing();
+                let standing = checkpoint.progress.standing;
                 fleet.restore(checkpoint.agents).unwrap();
                 standing
             });
@@ -205,7 +213,20 @@ fn a_run_that_was_stopped_goes_on_to_the_same_bytes() {
             let [whole, stopped] = [&whole, &stopped].map(|dir| fs::read(dir.path().join(file)).ok());
             assert!(whole == stopped, "{simulator}: {file}");
         }
+        assert_that_agents_of_other_kinds_are_refused(&config, stopped.path());
     }
+}
+
+/// Asserts that the states of a coin and of a die cannot change places in a checkpoint.
+fn assert_that_agents_of_other_kinds_are_refused(config: &Config, dir: &Path) {
+    let owner = Owner::of(config, &*domain()).unwrap();
+    let folder = Directory::open(&dir.join(files::CHECKPOINTS)).unwrap();
+    let newest = || Checkpoint::read(&folder, checkpoint::list(&folder).unwrap().last().unwrap(), &owner);
+    let Checkpoint { mut agents, progress } = newest().unwrap();
+    agents.streams.swap(0, 1);
+    checkpoint::write(&folder, &owner, &agents, progress).unwrap();
+    let error = format!("{:#}", newest().unwrap_err());
+    assert!(error.contains("cannot be resumed from") && error.contains(": agent "), "{error}");
 }
 
 #[test]
@@ -247,7 +268,7 @@ fn the_costs_of_both_kinds_are_measured() {
     let config = short("dials");
     let (domain, short, dir) = (domain(), short_orders(&config, 1), tempfile::tempdir().unwrap());
     let layouts = Layouts::of(&config, domain.kinds());
-    let mut log = RunLog::create(dir.path(), &config, layouts).unwrap();
+    let mut log = RunLog::create(dir.path(), Owner::of(&config, &*domain).unwrap(), layouts).unwrap();
     let mut fleet = InlineFleet::new(domain.clone(), &short, Rc::new(Silent));
     let time = Duration::from_millis(100);
     let plan = MeasurePlan { config: &short, kinds: domain.kinds(), workers: 1, time, peak_flops: 1e9 };

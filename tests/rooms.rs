@@ -31,7 +31,7 @@ const OUTSIDE: &[(&str, &[&str])] = &[
     ("roxmltree", &["traffic"]),
     ("clap", &["cli", "run", "main"]),
     ("indicatif", &["terminal"]),
-    ("signal_hook", &["terminal"]),
+    ("signal_hook", &["terminal", "machine"]),
     ("gif", &["film"]),
     ("png", &["film"]),
     ("plotters", &["drawing", "plot", "report"]),
@@ -165,13 +165,14 @@ fn only_traffic_opens_sumo() {
 }
 
 #[test]
-fn unsafe_code_lives_in_two_places() {
+fn unsafe_code_lives_in_three_places() {
     let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
     for file in source_files(&src) {
         let text = fs::read_to_string(&file).unwrap();
         let within = file.strip_prefix(&src).unwrap();
         if text.contains("unsafe {") && !within.starts_with("sumo") {
-            assert_eq!(within, Path::new("nn/product.rs"), "unsafe code outside its rooms");
+            let places = ["nn/product.rs", "machine/allocator.rs"].map(Path::new);
+            assert!(places.contains(&within), "unsafe code outside its rooms: {}", within.display());
         }
     }
 }

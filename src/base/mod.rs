@@ -22,7 +22,7 @@ pub use compact::CompactRows;
 pub use purpose::RandomPurpose;
 pub use ragged::Ragged;
 pub use rows::Rows;
-pub use seed::{Dice, Seed, scramble};
+pub use seed::{Dice, Seed, is_stuck, scramble};
 pub use stopwatch::{Activity, Phase, Stopwatch, Timesheet};
 pub use units::AgentId;
 pub use vectors::VectorWidth;

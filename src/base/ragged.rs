@@ -6,10 +6,29 @@ use super::Rows;
 
 /// Rows of different widths, one after another in memory.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "WrittenRagged<T>")]
 pub struct Ragged<T> {
     data: Vec<T>,
     /// End of each row in `data`. A row begins where the one before it ends.
     ends: Vec<usize>,
+}
+
+/// A table as it is read, not yet checked.
+#[derive(Deserialize)]
+struct WrittenRagged<T> {
+    data: Vec<T>,
+    ends: Vec<usize>,
+}
+
+impl<T> TryFrom<WrittenRagged<T>> for Ragged<T> {
+    type Error = String;
+
+    fn try_from(WrittenRagged { data, ends }: WrittenRagged<T>) -> Result<Self, String> {
+        match ends.is_sorted() && ends.last().copied().unwrap_or(0) == data.len() {
+            true => Ok(Ragged { data, ends }),
+            false => Err(format!("the rows of a table do not fit its {} values", data.len())),
+        }
+    }
 }
 
 impl<T: Copy + Default> Ragged<T> {
@@ -174,6 +193,19 @@ mod tests {
         assert_eq!(last_and_first.as_slice(), [5, 6, 1, 2]);
         assert_eq!(ragged.into_rows(), rows);
         assert_eq!(Ragged::<u8>::default().into_rows().len(), 0);
+    }
+
+    #[test]
+    fn a_table_that_is_read_has_the_values_of_its_rows() {
+        let read =
+            |ends: &str| serde_json::from_str::<Ragged<u8>>(&format!(r#"{{"data": [1, 2, 3], "ends": {ends}}}"#));
+        assert_eq!(read("[1, 1, 3]").unwrap(), Ragged::from_vec(vec![1, 2, 3], [1, 0, 2]).unwrap());
+        for ends in ["[1, 4]", "[3, 1]", "[2]", "[]", "[18446744073709551615]"] {
+            assert!(read(ends).unwrap_err().to_string().contains("do not fit its 3 values"), "{ends}");
+        }
+        let rows = |width: &str| serde_json::from_str::<Rows<u8>>(&format!(r#"{{"data": [1, 2], "width": {width}}}"#));
+        assert_eq!(rows("2").unwrap().len(), 1);
+        assert!(rows("0").is_err() && rows("3").is_err());
     }
 
     #[test]

@@ -5,9 +5,28 @@ use serde::{Deserialize, Serialize};
 /// A dense table in row-major order, one row per (agent, copy), ordered by agent. So the rows of one agent are
 /// neighbours, and `[agents, copies, width]` is a view of the same memory.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "WrittenRows<T>")]
 pub struct Rows<T> {
     data: Vec<T>,
     width: usize,
+}
+
+/// Rows as they are read, not yet checked.
+#[derive(Deserialize)]
+struct WrittenRows<T> {
+    data: Vec<T>,
+    width: usize,
+}
+
+impl<T> TryFrom<WrittenRows<T>> for Rows<T> {
+    type Error = String;
+
+    fn try_from(WrittenRows { data, width }: WrittenRows<T>) -> Result<Self, String> {
+        match data.len().checked_rem(width).unwrap_or(data.len()) {
+            0 => Ok(Rows { data, width }),
+            _ => Err(format!("{} values do not make rows of {width}", data.len())),
+        }
+    }
 }
 
 impl<T: Copy + Default> Rows<T> {
@@ -90,6 +109,16 @@ mod tests {
         assert_eq!(rows.len(), 3);
         assert_eq!(rows.row(1), [3, 4]);
         assert_eq!(rows.as_slice(), [1, 2, 3, 4, 5, 6]);
+    }
+
+    #[test]
+    fn a_torn_table_is_not_received() {
+        let received = |width| {
+            let parts = postcard::to_stdvec(&(vec![1_u8, 2, 3, 4, 5, 6], width)).unwrap();
+            postcard::from_bytes::<Rows<u8>>(&parts).map(|rows| rows.len())
+        };
+        assert_eq!([2, 6].map(|width: usize| received(width).unwrap()), [3, 1]);
+        assert!([0, 4, usize::MAX].into_iter().all(|width| received(width).is_err()));
     }
 
     #[test]

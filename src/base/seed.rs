@@ -3,7 +3,7 @@
 //! A stream depends only on its name, never on what other streams drew. So the numbers of a run do not change with the
 //! number of workers, the order of the agents or a feature that draws more.
 
-use rand::SeedableRng;
+use rand::{RngCore, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
 use super::{AgentId, RandomPurpose};
@@ -74,6 +74,14 @@ impl Seed {
 
 fn mix(value: u64) -> u64 {
     scramble(value.wrapping_add(0x9e37_79b9_7f4a_7c15))
+}
+
+/// Returns whether dice are in the one state that they never leave. No seed leads to it.
+pub fn is_stuck(dice: &Dice) -> bool {
+    // All other states are in one cycle, so no other is its own successor.
+    let mut next = dice.clone();
+    next.next_u64();
+    next == *dice
 }
 
 /// Applies the finaliser of SplitMix64 (Steele et al. 2014): a bijection in which every input bit reaches every output

@@ -212,6 +212,12 @@ impl Timesheet {
         self.activities.iter().map(|(whole, _)| *whole).sum()
     }
 
+    /// Returns the longest of its times. A sum of many times that are not absurdly long cannot overflow.
+    pub fn longest(&self) -> Duration {
+        let walls = self.activities.iter().flat_map(|(whole, phases)| phases.spent.iter().chain([whole]));
+        walls.chain(&self.cpu_of).fold(self.cpu, |longest, &time| longest.max(time))
+    }
+
     /// Returns everything and starts again from zero.
     pub fn take(&mut self) -> Timesheet {
         std::mem::take(self)

@@ -220,7 +220,7 @@ impl Bench<'_> {
         self.order(orders, Activity::Training, steps as f64 * agents as f64, |bench| {
             let training = bench.fleet.train_policies(&bench.period)?;
             let load = bench.fleet.take_load();
-            bench.standing.periods_done += 1;
+            bench.standing.until = bench.period.end;
             bench.journal.period_done(bench.fleet.agents(), &bench.standing, &training, load.clone())?;
             Ok(load)
         })

@@ -7,6 +7,10 @@ use toml::{Table, Value};
 
 use super::renamed::rename;
 use super::{Config, DomainConfig, check};
+use crate::outside::read_text;
+
+/// Largest config file. One with every key has three kibibytes.
+const LARGEST_FILE: u64 = 1 << 20;
 
 /// Reads `path`, applies the settings of `--set key=value`, and checks the result.
 ///
@@ -24,7 +28,7 @@ pub fn load_kept(path: &Path) -> Result<Config> {
 }
 
 fn read(path: &Path, settings: &[String]) -> Result<Config> {
-    let text = std::fs::read_to_string(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+    let text = read_text(path, LARGEST_FILE).with_context(|| format!("{}: cannot be read", path.display()))?;
     let in_file = |error: &dyn std::fmt::Display| anyhow!("{}: {error}", path.display());
     let mut table: Table = toml::from_str(&text).map_err(|error| in_file(&error))?;
     if !rename(&mut table).map_err(|error| in_file(&error))? {
@@ -194,6 +198,16 @@ mod tests {
         for (setting, told) in [("seed=-1", "integer `-1`"), ("seed=x", "\"x\""), ("seed=1.5", "1.5")] {
             let error = error_of(SMALL, &[setting]);
             assert!(error.contains(told) && error.contains("a number from 0 to 18446744073709551615"), "{error}");
+        }
+    }
+
+    #[test]
+    fn workers_get_every_number_to_the_last_bit() {
+        for rate in [1.1111111111111112e107, 3e127, 2.5e-4] {
+            let config = load_text(SMALL, &[&format!("ppo.learning_rate={rate:e}")]).unwrap();
+            assert_eq!(config.ppo.learning_rate, rate);
+            let json = serde_json::to_string(&config).unwrap();
+            assert_eq!(serde_json::from_str::<Config>(&json).unwrap().ppo.learning_rate, rate);
         }
     }
 

@@ -9,12 +9,14 @@
 //! - `imitation`: the imitation of a controller before PPO.
 //! - `check`: which values make sense.
 //! - `schedule`: the periods of a run.
+//! - [`resume`]: what may change when a run is resumed.
 
 mod check;
 mod domain;
 mod imitation;
 mod load;
 mod renamed;
+pub mod resume;
 mod schedule;
 mod seed;
 mod simulator;
@@ -28,7 +30,7 @@ pub use check::held_out_episodes;
 pub use domain::{DomainConfig, DomainTable};
 pub use imitation::ImitationConfig;
 pub use load::{load, load_kept, to_toml};
-pub use schedule::{AipTraining, Period, schedule};
+pub use schedule::{AipTraining, Period, rest_of_schedule, schedule};
 pub use simulator::{Predictor, Simulator};
 pub use traffic::{DSet, EntryRule, TrafficConfig};
 pub use warehouse::WarehouseConfig;

@@ -54,6 +54,19 @@ pub fn schedule(config: &Config) -> Vec<Period> {
     periods.collect()
 }
 
+/// Returns the periods that remain when training has come to the end of a period, `until`.
+///
+/// The schedule may have changed since then, so that `until` lies within a period. Then only the rest of this period is
+/// trained: what is done before a period belongs to its start.
+pub fn rest_of_schedule(config: &Config, until: u64) -> Vec<Period> {
+    let mut rest = schedule(config);
+    rest.retain(|period| period.end > until);
+    if let Some(first) = rest.first_mut().filter(|first| first.start < until) {
+        *first = Period { start: until, evaluate: false, train_aips: AipTraining::No, ..*first };
+    }
+    rest
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -135,5 +148,17 @@ mod tests {
         let mut config = config("dials", 1000, 1000, 100);
         config.stop_at_steps = Some(150);
         assert_eq!(bounds(&config), [(0, 100, true, true), (100, 150, false, true)]);
+    }
+
+    #[test]
+    fn a_schedule_goes_on_at_its_own_bounds_and_within_a_period_of_another_one() {
+        let config = config("dials", 250, 100, 60);
+        let all = schedule(&config);
+        assert_eq!(rest_of_schedule(&config, 0), all);
+        assert_eq!(rest_of_schedule(&config, 100), all[2..]);
+        assert_eq!(rest_of_schedule(&config, 250), []);
+        let rest = rest_of_schedule(&config, 130);
+        let rest_of_period = Period { start: 130, end: 180, train_aips: AipTraining::No, evaluate: false };
+        assert_eq!((rest[0], &rest[1..]), (rest_of_period, &all[4..]));
     }
 }

@@ -249,6 +249,12 @@ pub trait Domain: Send + Sync {
         Ok(())
     }
 
+    /// Returns the files of which it is not known that the simulator survives them. Another process must try the domain
+    /// out first.
+    fn strange_files(&self) -> Vec<PathBuf> {
+        Vec::new()
+    }
+
     /// Returns an error if the domain's files could not be loaded from `folder`, which need not exist yet.
     fn check_place(&self, _folder: &Path) -> Result<()> {
         Ok(())

@@ -1,6 +1,7 @@
 //! The figures of a player, as lines of CSV files.
 
 use super::{Finding, figures};
+use crate::outside::csv_name;
 
 /// The header and the lines of a CSV file.
 pub struct Lines {
@@ -10,7 +11,7 @@ pub struct Lines {
 
 /// Returns one line per episode.
 pub fn by_episode(finding: &Finding) -> Lines {
-    let label = &finding.player.label;
+    let label = csv_name(&finding.player.label);
     let figures = figures(&finding.episodes);
     let lines = (0..finding.episodes.len()).map(|episode| {
         let values = figures.iter().map(|(_, values)| values[episode].to_string());
@@ -22,7 +23,7 @@ pub fn by_episode(finding: &Finding) -> Lines {
 
 /// Returns one line per episode and agent.
 pub fn by_agent(finding: &Finding) -> Lines {
-    let label = &finding.player.label;
+    let label = csv_name(&finding.player.label);
     let mut lines = Vec::new();
     for (number, episode) in finding.episodes.iter().enumerate() {
         for (agent, of_agent) in episode.returns.iter().enumerate() {
@@ -36,5 +37,5 @@ pub fn by_agent(finding: &Finding) -> Lines {
 }
 
 fn header<'a>(fixed: &[&str], names: impl Iterator<Item = &'a String>) -> Vec<String> {
-    fixed.iter().map(|&name| name.to_owned()).chain(names.cloned()).collect()
+    fixed.iter().map(|&name| name.to_owned()).chain(names.map(|name| csv_name(name))).collect()
 }

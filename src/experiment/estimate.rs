@@ -139,6 +139,7 @@ fn costs_of(runs: &[&RunRecord], fallback: UnitCosts) -> Option<UnitCosts> {
 mod tests {
     use super::*;
     use crate::domain::Scenario;
+    use crate::outside::FileName;
     use crate::records::run_record::{EvaluationRecord, MemoryRecord, PeriodTime, Returns};
     use std::path::PathBuf;
 
@@ -154,7 +155,7 @@ mod tests {
     fn planned(simulator: &str, total_steps: u64, agents: usize) -> PlannedRun {
         let config = config(simulator, total_steps);
         PlannedRun {
-            name: "a".to_owned(),
+            name: FileName::new("a").unwrap(),
             config_path: PathBuf::new(),
             settings: Vec::new(),
             config,

@@ -8,8 +8,14 @@ use serde::Deserialize;
 
 use crate::config::{self, Config, Simulator};
 use crate::domain::{RoughCosts, Scenario};
+use crate::outside::{FileName, read_text};
 use crate::report::group::steps_text;
 use crate::report::method::{Method, Retraining};
+
+/// Largest file. That of the largest experiment here has two kibibytes.
+const LARGEST_FILE: u64 = 1 << 20;
+/// Largest number of combinations that a file may list.
+const MOST_RUNS: usize = 10_000;
 
 /// Contents of an experiment's file.
 #[derive(Clone, Debug, Deserialize)]
@@ -54,7 +60,7 @@ pub struct RunGrid {
     pub set: Vec<String>,
     /// Word to add to the names of these runs.
     #[serde(default)]
-    pub name: Option<String>,
+    pub name: Option<FileName>,
 }
 
 fn default_all_cores_from_agents() -> usize {
@@ -65,7 +71,7 @@ fn default_all_cores_from_agents() -> usize {
 #[derive(Clone, Debug)]
 pub struct PlannedRun {
     /// Name of its directory.
-    pub name: String,
+    pub name: FileName,
     pub config_path: PathBuf,
     /// Settings that override the config file.
     pub settings: Vec<String>,
@@ -84,7 +90,7 @@ impl PlannedRun {
 #[derive(Clone, Debug)]
 pub struct PlannedBaseline {
     /// Name of its file, without extension.
-    pub name: String,
+    pub name: FileName,
     /// Config of the first run on its scenario, with its settings.
     pub config: Config,
     /// Id of the scenario: [`crate::domain::ScenarioId::word`].
@@ -112,12 +118,18 @@ impl Experiment {
     /// Reads a file and checks all of it. A run that is listed twice is planned once. So is a controller on a scenario.
     pub fn read(path: &Path, knowledge: &Knowledge) -> Result<Experiment> {
         let failed = || format!("{}: cannot be read", path.display());
-        let text = std::fs::read_to_string(path).with_context(failed)?;
+        let text = read_text(path, LARGEST_FILE).with_context(failed)?;
         let file: ExperimentFile = toml::from_str(&text).map_err(|error| anyhow!("{}: {error}", path.display()))?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let mut experiment =
             Experiment { baselines: Vec::new(), runs: Vec::new(), all_cores_from_agents: file.all_cores_from_agents };
         ensure!(!file.grid.is_empty(), "{}: has no [[grid]], and so no runs", path.display());
+        let listed = file.grid.iter().map(|grid| grid.combinations(&file)).fold(0, usize::saturating_add);
+        ensure!(
+            listed <= MOST_RUNS,
+            "{}: lists {listed} runs, but at most {MOST_RUNS} are allowed; split it into several experiments",
+            path.display()
+        );
         let mut stems: BTreeMap<String, PathBuf> = BTreeMap::new();
         for grid in &file.grid {
             ensure!(!grid.configs.is_empty(), "{}: a [[grid]] without configs has no runs", path.display());
@@ -155,11 +167,11 @@ impl Experiment {
                 // The name of a controller can contain the path of a file of timings.
                 let (stem, word) = (stem(&run.config_path), controller.replace('/', "_"));
                 let mut name = format!("{stem}-{word}");
-                if self.baselines.iter().any(|other| other.name == name) {
+                if self.baselines.iter().any(|other| *other.name == *name) {
                     name = format!("{stem}-{scenario}-{word}");
                 }
                 self.baselines.push(PlannedBaseline {
-                    name,
+                    name: FileName::new(name)?,
                     config: run.config.clone(),
                     scenario: scenario.clone(),
                     controller: controller.clone(),
@@ -184,7 +196,7 @@ impl Experiment {
             config.simulator.name(),
             toml::Value::try_from(config.aip.retrain)?.as_str().unwrap_or_default()
         );
-        let name = format!("{}-{}{words}-seed{seed}", stem(&config_path), config.simulator.name());
+        let name = FileName::new(format!("{}-{}{words}-seed{seed}", stem(&config_path), config.simulator.name()))?;
         // Two combinations give the same run if F is the config's own, or if grids overlap.
         if self.runs.iter().any(|run| run.config_path == config_path && run.config == config) {
             return Ok(());
@@ -195,6 +207,15 @@ impl Experiment {
         );
         self.runs.push(PlannedRun { name, config_path, settings, config, scenario, rough_costs });
         Ok(())
+    }
+}
+
+impl RunGrid {
+    /// Returns the number of its combinations, counted as if every simulator had every F.
+    fn combinations(&self, file: &ExperimentFile) -> usize {
+        let seeds = self.seeds.as_ref().unwrap_or(&file.seeds).len();
+        let factors = [self.configs.len(), self.simulators.len().max(1), self.retrain_every_steps.len().max(1), seeds];
+        factors.into_iter().fold(1, usize::saturating_mul)
     }
 }
 
@@ -260,7 +281,7 @@ mod tests {
     }
 
     fn names(text: &str) -> Vec<String> {
-        read(text).unwrap().runs.into_iter().map(|run| run.name).collect()
+        read(text).unwrap().runs.into_iter().map(|run| run.name.to_string()).collect()
     }
 
     #[test]
@@ -298,7 +319,7 @@ mod tests {
             read(&format!("seeds = [7]\nset = ['total_steps=1000']\n{grid}{changed}name = 'clip'")).unwrap();
         let [base, clip] = [0, 1].map(|run| &experiment.runs[run]);
         assert_eq!((base.config.total_steps, base.config.ppo.clip, base.config.seed), (1000, 0.1, 7));
-        assert_eq!((clip.name.as_str(), clip.config.ppo.clip), ("small-dials-clip-seed7", 0.2));
+        assert_eq!((&*clip.name, clip.config.ppo.clip), ("small-dials-clip-seed7", 0.2));
         let error = format!("{:#}", read(&format!("seeds = [7]\n{grid}{changed}")).unwrap_err());
         assert!(error.contains("two runs would be called small-dials-seed7: give a [[grid]] a `name`"), "{error}");
     }
@@ -315,6 +336,12 @@ mod tests {
             ("seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nsimulators = ['ials']", "unknown variant `ials`"),
             ("seeds = []\n[[grid]]\nconfigs = ['small.toml']", "without seeds"),
             ("seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nseeds = []", "without seeds"),
+            (
+                "seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nname = '/../../../X'",
+                "`/../../../X` cannot be the name of a file or a directory: it contains `/`",
+            ),
+            ("seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nname = \"\\u001b[31m\"", "it contains a character that"),
+            ("seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nname = '..'", "it begins with `.`"),
             (
                 "seeds = [1]\ncontrollers = ['nobody']\n[[grid]]\nconfigs = ['small.toml']",
                 "controller `nobody`: unknown",
@@ -355,7 +382,7 @@ mod tests {
         ))
         .unwrap();
         let found: Vec<(&str, usize)> =
-            experiment.baselines.iter().map(|baseline| (baseline.name.as_str(), baseline.config.horizon())).collect();
+            experiment.baselines.iter().map(|baseline| (&*baseline.name, baseline.config.horizon())).collect();
         assert_eq!(
             found,
             [
@@ -366,5 +393,30 @@ mod tests {
             ]
         );
         assert_eq!(experiment.runs.len(), 4);
+    }
+
+    #[test]
+    fn no_name_of_an_experiment_leaves_its_folder_or_is_too_long_for_it() {
+        let grid = "[[grid]]\nconfigs = ['small.toml']\n";
+        let error = |text: &str| format!("{:#}", read(text).unwrap_err());
+        let long = "x".repeat(190);
+        assert!(error(&format!("seeds = [1]\n{grid}name = '{long}'")).contains("bytes, and at most 200 are allowed"));
+        let long = format!("fixed-time:file={long}");
+        let long = error(&format!("seeds = [1]\ncontrollers = ['{long}']\n{grid}"));
+        assert!(
+            long.contains("e.toml: controllers: `small-fixed-time:file=xxx") && long.contains("at most 200"),
+            "{long}"
+        );
+        let bell = error(&format!("seeds = [1]\ncontrollers = [\"fixed-time:file=\\u0007\"]\n{grid}"));
+        assert!(bell.contains("fixed-time:file=\\u{7}` cannot be the name of a file"), "{bell}");
+    }
+
+    #[test]
+    fn a_file_that_lists_more_runs_than_anybody_makes_is_refused_before_any_is_planned() {
+        let many: Vec<String> = (0..2000).map(|number| number.to_string()).collect();
+        let many = many.join(",");
+        let text = format!("seeds = [{many}]\n[[grid]]\nconfigs = ['small.toml']\nretrain_every_steps = [{many}]");
+        let error = read(&text).unwrap_err().to_string();
+        assert!(error.contains("e.toml: lists 4000000 runs, but at most 10000 are allowed"), "{error}");
     }
 }

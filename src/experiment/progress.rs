@@ -10,7 +10,7 @@ use crate::records::files::{CONFIG, is_run_dir};
 use crate::records::reader::scenario_of;
 use crate::records::run_record::{RunRecord, Status};
 use crate::report::compare::differing;
-use crate::report::find::{BaselineRecord, baseline_file, read_json};
+use crate::report::find::{BaselineRecord, baseline_file, read_baseline};
 use crate::report::method::Method;
 
 /// Progress of a planned run or baseline.
@@ -86,7 +86,7 @@ pub fn stage_of_baseline(folder: &Path, planned: &PlannedBaseline) -> Stage {
             // Older versions did not write the returns of single episodes.
             && there.episode_returns.len() == planned.episodes
     };
-    if read_json(&path).is_ok_and(as_planned) { Stage::Finished } else { Stage::Outdated }
+    if read_baseline(&path).is_ok_and(as_planned) { Stage::Finished } else { Stage::Outdated }
 }
 
 /// Describes the first difference between the run in `dir` and the plan; `None` if there is none.

@@ -14,6 +14,7 @@ use super::gui::SUMO_GUI;
 use super::helper::{Helper, listener, tied};
 use super::screen::Screen;
 use super::{Format, Replay, gif, mp4};
+use crate::outside::temporary_dir;
 use crate::terminal::check_stop;
 use crate::terminal::counting::EpisodeBar;
 
@@ -34,7 +35,7 @@ pub struct Pictures {
 
 impl Pictures {
     pub fn take(replay: &Replay, stop: &AtomicBool) -> Result<Pictures> {
-        let room = tempfile::tempdir().context("cannot make a temporary directory for the pictures")?;
+        let room = temporary_dir().context("the pictures have no place")?;
         let files = take_pictures(replay, room.path(), stop)?;
         Ok(Pictures { room, files })
     }

@@ -3,13 +3,12 @@
 //! Two threads work between the coordinator and its child: one writes what is to be sent, one reads what the child
 //! sends. So nothing that a child does or fails to do can block the coordinator.
 
-use std::fs::{self, OpenOptions};
+use std::fs;
 use std::io::Write;
 use std::net::Shutdown;
 use std::os::fd::{AsFd, OwnedFd};
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
-use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus, Stdio};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -22,10 +21,12 @@ use rustix::process::{Signal, set_parent_process_death_signal};
 use super::bell::{Bell, Cord};
 use super::channel::receive;
 use super::link::{Crew, Frame, Link, News};
-use super::log_tail::log_tail;
+use super::log::Log;
 use super::serve::serve;
 use crate::config::Config;
 use crate::domain::Domain;
+use crate::machine::why_aborted;
+use crate::outside::Directory;
 
 /// The hidden subcommand that makes this program a worker.
 const WORKER: &str = "worker";
@@ -49,13 +50,13 @@ pub fn serve_the_parent(open_domain: impl FnOnce(&Config) -> Result<Arc<dyn Doma
 /// Child processes, each with its own log. A lost one can be replaced by another.
 pub struct Children {
     /// Folder of the logs, `worker_N.log`.
-    log_dir: PathBuf,
+    logs: Directory,
     bell: Bell,
 }
 
 impl Children {
-    pub fn new(log_dir: &Path) -> Children {
-        Children { log_dir: log_dir.to_owned(), bell: Bell::new() }
+    pub fn new(logs: &Directory) -> Children {
+        Children { logs: logs.clone(), bell: Bell::new() }
     }
 }
 
@@ -63,7 +64,7 @@ impl Crew for Children {
     type Link = ChildProcess;
 
     fn start(&mut self, worker: usize) -> Result<ChildProcess> {
-        ChildProcess::spawn(worker, &self.log_dir.join(format!("worker_{worker}.log")), self.bell.cord())
+        ChildProcess::spawn(worker, Log::open(&self.logs, format!("worker_{worker}.log"))?, self.bell.cord())
     }
 
     fn can_replace(&self) -> bool {
@@ -83,15 +84,13 @@ pub struct ChildProcess {
     outbox: Sender<Frame>,
     /// News from the reader thread.
     inbox: Receiver<News>,
-    log: PathBuf,
+    log: Log,
 }
 
 impl ChildProcess {
     /// Starts this program as a worker. Its messages ring the bell; its output goes to `log`.
-    fn spawn(worker: usize, log: &Path, cord: Cord) -> Result<ChildProcess> {
+    fn spawn(worker: usize, log: Log, cord: Cord) -> Result<ChildProcess> {
         let (stream, theirs) = UnixStream::pair().context("no socket for a worker")?;
-        let opened = OpenOptions::new().create(true).append(true).open(log);
-        let log_file = opened.with_context(|| format!("{}: cannot be written", log.display()))?;
         // Not the path of the program, because that may be another build by now. Not from another thread, because the
         // worker asks the system to kill it when the thread that started it ends.
         let process = Command::new("/proc/self/exe")
@@ -99,8 +98,8 @@ impl ChildProcess {
             // Otherwise BLAS, which came with libtorch, would keep a thread per core in every worker for nothing.
             .env("OPENBLAS_NUM_THREADS", "1")
             .stdin(Stdio::from(OwnedFd::from(theirs)))
-            .stdout(log_file.try_clone()?)
-            .stderr(log_file)
+            .stdout(log.file()?)
+            .stderr(log.file()?)
             // Ctrl-C at the terminal is for the coordinator, which ends its workers when it is ready.
             .process_group(0)
             .spawn()
@@ -108,7 +107,7 @@ impl ChildProcess {
         let (outbox, frames) = channel();
         let (news, inbox) = channel();
         // From here on, dropping it kills the process.
-        let child = ChildProcess { process, stream: Arc::new(stream), outbox, inbox, log: log.to_owned() };
+        let child = ChildProcess { process, stream: Arc::new(stream), outbox, inbox, log };
         let (reader, writer) = (child.stream.clone(), child.stream.clone());
         let name = |thread: &str| format!("worker {worker} {thread}");
         let read = move || read_all(&reader, &news, &cord);
@@ -162,13 +161,14 @@ impl Link for ChildProcess {
     /// Kills a child that does not end. Returns how it ended and the last lines of its log.
     fn end(mut self) -> String {
         let status = self.ended_within(LAST_WORDS).or_else(|| self.kill());
-        format!("{}; {}", describe(status), log_tail(&self.log))
+        let tail = self.log.tail();
+        format!("{}; {tail}", describe(status, &tail))
     }
 
     fn end_by_force(mut self) -> String {
         match self.kill() {
-            Some(_) => log_tail(&self.log),
-            None => format!("process {} does not end; {}", self.process.id(), log_tail(&self.log)),
+            Some(_) => self.log.tail(),
+            None => format!("process {} does not end; {}", self.process.id(), self.log.tail()),
         }
     }
 }
@@ -206,11 +206,12 @@ fn write_all(mut stream: &UnixStream, frames: &Receiver<Frame>) {
     }
 }
 
-fn describe(status: Option<ExitStatus>) -> String {
+/// Returns how a worker ended; `log`: its last lines, which tell one abort from another.
+fn describe(status: Option<ExitStatus>, log: &str) -> String {
     match status.map(|status| (status.code(), status.signal())) {
         Some((Some(code), _)) => format!("exit code {code}"),
         Some((_, Some(9))) => "signal 9 (killed; out of memory?)".to_owned(),
-        Some((_, Some(6))) => "signal 6 (aborted, for example by an assertion inside SUMO)".to_owned(),
+        Some((_, Some(6))) => format!("signal 6 ({})", why_aborted(log)),
         Some((_, Some(signal))) => format!("signal {signal}"),
         _ => "in an unknown way".to_owned(),
     }

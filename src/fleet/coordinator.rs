@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Result, bail};
 
 use super::channel::encode;
+use super::expected::Speaker;
 use super::footprint::CpuClock;
 use super::link::{Crew, Link, News};
 use super::message::{Answer, Order, WorkerReport};
@@ -90,7 +91,7 @@ impl<C: Crew> Coordinator<C> {
         let mut parts = Vec::new();
         fleet.ask(orders, Stop::AtOnce, |_, _, answer| match answer {
             Answer::State(state) => parts.push(state),
-            other => unreachable!("a state was requested, not {other:?}"),
+            other => unreachable!("`expected` lets only a state pass, not {other:?}"),
         })?;
         fleet.agents = AgentsState::joined(parts);
         Ok(fleet)
@@ -164,6 +165,9 @@ impl<C: Crew> Coordinator<C> {
     ) -> Result<()> {
         match news {
             News::Said(report) => {
+                if let Err(reason) = self.check(worker, &report, open) {
+                    return self.lose(worker, Loss::Nonsense(reason), open.get_mut(&worker));
+                }
                 if let Some(answer) = self.hear(worker, report, open, answers.len())? {
                     open.remove(&worker);
                     answers.insert(worker, answer);
@@ -172,6 +176,13 @@ impl<C: Crew> Coordinator<C> {
             }
             News::Gone(reason) => self.lose(worker, Loss::Gone(reason), open.get_mut(&worker)),
         }
+    }
+
+    /// Returns an error if a message of a worker cannot be right.
+    fn check(&self, worker: usize, report: &WorkerReport, open: &BTreeMap<usize, Task>) -> Result<()> {
+        let agents = self.workers[worker].agents.clone();
+        let speaker = Speaker { config: &self.config, kinds: self.domain.kinds(), agents };
+        speaker.check(report, open.get(&worker).map(|task| task.frames.expected))
     }
 
     /// Processes a message of a worker; returns its answer if it is one.
@@ -287,6 +298,8 @@ impl<C: Crew> Coordinator<C> {
 enum Loss {
     /// The stream has ended, or carries invalid data for this reason.
     Gone(Option<anyhow::Error>),
+    /// The worker said what cannot be right, for this reason.
+    Nonsense(anyhow::Error),
     /// The worker said nothing for longer than the patience.
     Silent,
 }
@@ -297,6 +310,9 @@ impl Loss {
         match self {
             Loss::Gone(Some(reason)) => format!("died: {reason:#}; {}", link.end()),
             Loss::Gone(None) => format!("died: {}", link.end()),
+            Loss::Nonsense(reason) => {
+                format!("sent what cannot be right ({reason:#}) and was ended; {}", link.end_by_force())
+            }
             Loss::Silent => {
                 let state = link.state().unwrap_or_else(|| "unknown".to_owned());
                 let end = link.end_by_force();

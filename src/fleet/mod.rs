@@ -9,9 +9,9 @@
 //! - [`worker`]: a share of the agents for the whole run, and the work that can be ordered.
 //! - [`inline`]: the smallest fleet, one worker in this process.
 //! - `coordinator`: which worker owns which agents, orders, deaths and patience. `orders`: the steps of Algorithm 1 as
-//!   orders to workers. `task`: an order in progress.
+//!   orders to workers. `task`: an order in progress. `expected`: what a worker may say.
 //! - [`link`]: the worker's stream as the coordinator sees it. [`children`]: child processes; `bell` wakes the
-//!   coordinator, `log_tail` shows the end of a log.
+//!   coordinator, `log` is what a worker printed.
 //! - `message`, `channel`: the messages, and how they are written to a stream. `serve`: the worker's side of it.
 //! - `footprint`: memory and CPU time of this process.
 //! - `threads`: a crew of threads, with which the tests kill and hang workers.
@@ -22,10 +22,11 @@ mod bell;
 mod channel;
 pub mod children;
 mod coordinator;
+mod expected;
 mod footprint;
 pub mod inline;
 pub mod link;
-mod log_tail;
+mod log;
 mod message;
 mod orders;
 mod serve;
@@ -34,6 +35,12 @@ mod task;
 mod threads;
 pub mod worker;
 
+// The ends of the channel, for tests that send nonsense through it.
+#[doc(hidden)]
+pub use channel::{encode, receive};
 pub use coordinator::{Coordinator, Options};
+pub use log::Log;
 pub use message::WorkerReport;
+#[doc(hidden)]
+pub use message::{Answer, Order};
 pub use serve::serve;

@@ -2,10 +2,11 @@
 
 use std::ops::Range;
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 
 use super::channel::encode;
 use super::coordinator::{Coordinator, Stop, share};
+use super::expected::same_names;
 use super::footprint::footprint;
 use super::link::{Crew, Frame};
 use super::message::{Answer, Order};
@@ -60,8 +61,10 @@ impl<C: Crew> Fleet for Coordinator<C> {
         let mut reports = Vec::new();
         self.ask(orders, Stop::AtOnce, |_, _, answer| match answer {
             Answer::Evaluated(part) => reports.extend(part),
-            other => unreachable!("episodes were requested, not {other:?}"),
+            other => unreachable!("`expected` lets only episodes pass, not {other:?}"),
         })?;
+        let alike = reports.iter().all(|report| same_names(&reports[0], &report.measures));
+        ensure!(alike, "the workers played episodes with different measures");
         Ok(Evaluation::new(&*self.domain, &reports))
     }
 
@@ -103,7 +106,7 @@ impl<C: Crew> Fleet for Coordinator<C> {
             Answer::Collected(parts) => {
                 datasets.iter_mut().zip(&parts).for_each(|(dataset, part)| dataset.extend(part));
             }
-            other => unreachable!("datasets were requested, not {other:?}"),
+            other => unreachable!("`expected` lets only datasets pass, not {other:?}"),
         })?;
         Ok(datasets)
     }
@@ -117,7 +120,7 @@ impl<C: Crew> Fleet for Coordinator<C> {
                 all.extend(losses);
                 state.aips.replace(agents.start, &aips);
             }
-            other => unreachable!("AIPs were requested, not {other:?}"),
+            other => unreachable!("`expected` lets only AIPs pass, not {other:?}"),
         })?;
         Ok(all)
     }
@@ -128,7 +131,7 @@ impl<C: Crew> Fleet for Coordinator<C> {
         let mut all = Vec::new();
         self.ask(orders, Stop::AtOnce, |_, _, answer| match answer {
             Answer::AipsMeasured(losses) => all.extend(losses),
-            other => unreachable!("losses were requested, not {other:?}"),
+            other => unreachable!("`expected` lets only losses pass, not {other:?}"),
         })?;
         Ok(all)
     }
@@ -143,7 +146,7 @@ impl<C: Crew> Fleet for Coordinator<C> {
                 parts.push(training);
                 whole.replace(agents.start, &state);
             }
-            other => unreachable!("policies were requested, not {other:?}"),
+            other => unreachable!("`expected` lets only policies pass, not {other:?}"),
         })?;
         Ok(PolicyTraining::joined(parts))
     }

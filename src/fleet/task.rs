@@ -5,6 +5,7 @@ use std::time::Duration;
 use anyhow::Result;
 
 use super::channel::encode;
+use super::expected::Expected;
 use super::link::{Frame, Link};
 use super::message::{Order, WorkerReport};
 use crate::base::Activity;
@@ -16,11 +17,13 @@ pub struct Frames {
     /// Message that the worker needs first.
     before: Option<Frame>,
     order: Frame,
+    /// Answer that the order must get.
+    pub expected: Expected,
 }
 
 impl Frames {
     pub fn of(order: &Order) -> Result<Frames> {
-        Ok(Frames { before: None, order: encode(order)?.into() })
+        Ok(Frames { before: None, order: encode(order)?.into(), expected: Expected::of(order) })
     }
 
     /// Makes an order with a frame that is sent before it.

@@ -11,18 +11,23 @@ use std::time::Duration;
 use anyhow::Result;
 
 use super::bell::{Bell, Cord};
-use super::channel::receive;
+use super::channel::{encode, receive};
 use super::inline::InlineFleet;
 use super::link::{Crew, Frame, Link, News};
+use super::message::{Answer, WorkerReport};
 use super::{Coordinator, Options, serve};
+use crate::base::{Activity, Ragged, Timesheet};
 use crate::config::{Config, PolicyConfig, Predictor, Simulator};
-use crate::domain::Domain;
 use crate::domain::toy::{Coins, CoinsAndDice};
-use crate::training::answers::{FleetLoad, PolicyTraining};
+use crate::domain::{Domain, Measures};
+use crate::evaluation::EpisodeReport;
+use crate::influence::{Dataset, FreshLoss};
+use crate::training::answers::{AgentTraining, FleetLoad, Footprint, PolicyTraining, WorkerLoad};
 use crate::training::dials;
 use crate::training::fleet::Fleet;
 use crate::training::journal::{Journal, Unrecorded};
 use crate::training::observer::{Observer, Silent};
+use crate::training::ppo::{Decayed, Losses};
 use crate::training::standing::Standing;
 use crate::training::state::AgentsState;
 
@@ -32,6 +37,8 @@ enum Fate {
     Dies,
     /// The worker says nothing more, and ends when its link ends.
     Hangs,
+    /// The worker sends the message of this number in [`lies`] and then hangs.
+    Lies(usize),
 }
 
 /// Number of the worker's frame, from 0, at which its fate strikes, and the fate.
@@ -121,7 +128,10 @@ impl Read for Pipe {
             let Ok(frame) = self.incoming.recv() else { return Ok(0) };
             match self.fate {
                 Some((at, Fate::Dies)) if at == self.frames => return Ok(0),
-                Some((at, Fate::Hangs)) if at == self.frames => {
+                Some((at, fate @ (Fate::Hangs | Fate::Lies(_)))) if at == self.frames => {
+                    if let Fate::Lies(number) = fate {
+                        self.write_all(&encode(&lies().remove(number)).expect("it can be encoded"))?;
+                    }
                     while self.incoming.recv().is_ok() {}
                     return Ok(0);
                 }
@@ -289,11 +299,63 @@ fn the_loss_of_a_worker_that_cannot_be_replaced_ends_the_run_and_names_it_and_it
     assert_eq!(outcome.unwrap_err(), format!("worker 0 (no agents of its own) died: its thread ended{end}"));
 }
 
+/// Makes messages that no worker of two coins may send, whatever its order is.
+fn lies() -> Vec<WorkerReport> {
+    let done = |answer, load| WorkerReport::Done { answer: Box::new(answer), load: Box::new(load) };
+    let said = |answer| done(answer, WorkerLoad::default());
+    let report = |returns: &[f64]| EpisodeReport { returns: returns.to_vec(), measures: Measures::default() };
+    let losses = Losses { surrogate: 0.0, value: 0.0, entropy: 0.0, kl: 0.0, clipped: 0.0 };
+    let agent = AgentTraining { mean_return: None, episodes: 0, losses };
+    let config = config();
+    let training = |agents: Vec<AgentTraining>| PolicyTraining {
+        agents,
+        counters: vec![("cars".to_owned(), u64::MAX)],
+        decayed: Decayed::at(&config.ppo, 0.0),
+    };
+    let slow = WorkerLoad { timesheet: Timesheet::of_cpu(Duration::MAX), footprint: Footprint::default() };
+    let large = Footprint { peak_rss_kib: u64::MAX, pss_kib: u64::MAX };
+    let wide = Ragged::from_vec(vec![0.0; 3], [3]).unwrap();
+    vec![
+        WorkerReport::Trained { steps: u64::MAX },
+        WorkerReport::Busy { activity: Activity::Evaluation, share: f64::NAN },
+        WorkerReport::Busy { activity: Activity::Collection, share: 1e300 },
+        said(Answer::State(AgentsState::nobody())),
+        said(Answer::State(AgentsState { steps: 7, policies: wide.clone(), ..AgentsState::nobody() })),
+        said(Answer::Collected(vec![])),
+        said(Answer::Collected(vec![Dataset::new(&coins().kinds().iter().next().unwrap().spec); 2])),
+        said(Answer::AipsTrained { losses: vec![], aips: wide }),
+        said(Answer::AipsMeasured(vec![FreshLoss { predictor: vec![], marginals: vec![0.1; 9] }])),
+        said(Answer::PoliciesTrained { training: training(vec![]), state: AgentsState::nobody() }),
+        said(Answer::PoliciesTrained { training: training(vec![agent]), state: AgentsState::nobody() }),
+        said(Answer::Evaluated(vec![])),
+        said(Answer::Evaluated(vec![report(&[0.5]); 2])),
+        said(Answer::Evaluated(vec![report(&[0.5, f64::NAN]); 2])),
+        done(Answer::Ready, slow),
+        done(Answer::Ready, WorkerLoad { footprint: large, ..WorkerLoad::default() }),
+    ]
+}
+
+#[test]
+fn a_worker_that_says_what_cannot_be_right_is_replaced_and_the_numbers_stay() {
+    let (expected, _) = undisturbed();
+    // Every lie strikes at one of the orders. Three lies in a row would end the run.
+    let numbers: Vec<usize> = (0..lies().len()).collect();
+    for (index, numbers) in numbers.chunks(2).enumerate() {
+        let at = [1, 3, 5, 6, 8, 9, 13][index % 7];
+        // The worker in its place gets the same order at frame 2, or at frame 1 if there is no state yet.
+        let fates: Vec<FateAt> = numbers.iter().zip([at, at.min(2)]).map(|(&lie, at)| (at, Fate::Lies(lie))).collect();
+        let (outcome, warnings) = train(crew(true, [&[], &fates]));
+        assert!(outcome.unwrap() == expected, "lies {numbers:?} at frame {at}");
+        let warned = |warning: &String| warning.starts_with("worker 1 (agent 1) sent what cannot be right (");
+        assert!(warnings.len() == 2 && warnings.iter().all(warned), "lies {numbers:?} at {at}: {warnings:?}");
+    }
+}
+
 #[test]
 fn training_goes_on_from_a_state_with_workers_that_run_or_are_started_again() {
     let (expected, Keeper(kept)) = undisturbed();
     let (agents, standing) = kept.unwrap();
-    assert_eq!(standing.periods_done, 1);
+    assert_eq!((standing.until, agents.steps), (250, 256));
     for can_replace in [true, false] {
         let options = Options { workers: 2, patience: PATIENCE };
         let crew = crew(can_replace, [&[], &[]]);

@@ -6,13 +6,14 @@
 
 use std::ops::Range;
 
+use anyhow::ensure;
 use rand::Rng;
 
 use super::sources::of_sources;
 use super::{CrossEntropies, Dataset, InfluencePredictor, TrainablePredictor};
 use crate::base::{Dice, Rows, Stopwatch, Work};
 use crate::config::AipConfig;
-use crate::domain::{RegionSpec, SourceSpec};
+use crate::domain::{RegionSpec, Result, SourceSpec};
 use crate::nn::Layout;
 
 /// One constant distribution per agent and source.
@@ -43,6 +44,18 @@ impl Marginals {
             _ => vec![spec.sources.values()],
         };
         Layout::new(vec![("probabilities".to_owned(), shape)])
+    }
+
+    /// Returns an error if the probabilities of a source do not add up to 1, or if one is negative.
+    pub(super) fn check(sources: &SourceSpec, probabilities: &[f32]) -> Result<()> {
+        for (source, classes) in of_sources(sources, probabilities, usize::from).enumerate() {
+            let sum: f32 = classes.iter().sum();
+            ensure!(
+                classes.iter().all(|&p| p >= 0.0) && (sum - 1.0).abs() < 1e-3,
+                "the probabilities of influence source {source} are {classes:?}, which are no distribution"
+            );
+        }
+        Ok(())
     }
 }
 

@@ -22,7 +22,7 @@ use std::ops::Range;
 
 use crate::base::{AgentId, Dice, Rows, Seed, Stopwatch, Work};
 use crate::config::{AipConfig, Predictor};
-use crate::domain::{RegionSpec, SourceSpec};
+use crate::domain::{RegionSpec, Result, SourceSpec};
 use crate::nn::Layout;
 
 pub use aip::AipStack;
@@ -100,6 +100,15 @@ pub fn layout(choice: Predictor, spec: &RegionSpec, config: &AipConfig) -> Layou
     match choice {
         Predictor::Marginals => Marginals::layout(spec),
         Predictor::Network | Predictor::Untrained => AipStack::shape(spec, config).layout(),
+    }
+}
+
+/// Returns an error that says why an agent's row of values cannot be what such a predictor has learnt. Its width is that
+/// of [`layout`], and all values are finite.
+pub fn check_values(choice: Predictor, spec: &RegionSpec, values: &[f32]) -> Result<()> {
+    match choice {
+        Predictor::Marginals => Marginals::check(&spec.sources, values),
+        Predictor::Network | Predictor::Untrained => Ok(()),
     }
 }
 

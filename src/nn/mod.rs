@@ -53,7 +53,7 @@ pub use parameters::Parameters;
 pub use peak::Peak;
 pub use script::{check_script, write_script};
 pub use shape::{Layout, Shape};
-pub use stack_file::{StackToWrite, read_stack, write_stacks};
+pub use stack_file::{StackToWrite, about_stacks, read_stack, write_stacks};
 pub use states::States;
 pub use threads::Threads;
 pub use vectors::{use_vectors, vector_instructions};

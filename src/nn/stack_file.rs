@@ -36,11 +36,18 @@ pub fn write_stacks(stacks: &[StackToWrite<'_>], about: &HashMap<String, String>
     Ok(safetensors::serialize(views, Some(about.clone()))?)
 }
 
+/// Returns what [`write_stacks`] was told `about` a file. `bytes`: those of the file. If there is nothing: empty.
+pub fn about_stacks(bytes: &[u8]) -> HashMap<String, String> {
+    let header = SafeTensors::read_metadata(bytes);
+    header.ok().and_then(|(_, header)| header.metadata().clone()).unwrap_or_default()
+}
+
 /// Reads the stack with this `prefix` from a file of [`write_stacks`], one row for each of `agents`. An error says how
 /// the file has a different shape, or which value is not a finite number.
-pub fn read_stack(path: &Path, prefix: &str, layout: &Layout, agents: &[AgentId]) -> Result<Rows<f32>> {
-    let bytes = std::fs::read(path).with_context(|| format!("{}: cannot be read", path.display()))?;
-    let file = SafeTensors::deserialize(&bytes)
+///
+/// `bytes`: those of the file; `path`: where it is, for messages.
+pub fn read_stack(bytes: &[u8], path: &Path, prefix: &str, layout: &Layout, agents: &[AgentId]) -> Result<Rows<f32>> {
+    let file = SafeTensors::deserialize(bytes)
         .with_context(|| format!("{}: not a safetensors file, or cut short", path.display()))?;
     let mut rows = Rows::new(agents.len(), layout.width());
     for (name, shape, place) in layout.blocks(agents.len()) {
@@ -75,6 +82,10 @@ mod tests {
     use crate::base::Seed;
     use crate::nn::{Net, Shape};
 
+    fn read_file(path: &Path, prefix: &str, layout: &Layout, agents: &[AgentId]) -> Result<Rows<f32>> {
+        read_stack(&std::fs::read(path).unwrap(), path, prefix, layout, agents)
+    }
+
     fn write_stack(layout: &Layout, rows: &Rows<f32>) -> Vec<u8> {
         write_stacks(&[StackToWrite { prefix: "", layout, rows }], &HashMap::new()).unwrap()
     }
@@ -94,9 +105,9 @@ mod tests {
         });
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), write_stacks(&stacks, &HashMap::new()).unwrap()).unwrap();
-        assert_eq!(read_stack(file.path(), "a.", first.layout(), &one).unwrap(), *first.values());
-        assert_eq!(read_stack(file.path(), "b.", second.layout(), &other).unwrap(), *second.values());
-        let error = read_stack(file.path(), "", first.layout(), &one).unwrap_err().to_string();
+        assert_eq!(read_file(file.path(), "a.", first.layout(), &one).unwrap(), *first.values());
+        assert_eq!(read_file(file.path(), "b.", second.layout(), &other).unwrap(), *second.values());
+        let error = read_file(file.path(), "", first.layout(), &one).unwrap_err().to_string();
         assert!(error.contains("no tensor `layers.0.weight`"), "{error}");
     }
 
@@ -108,7 +119,7 @@ mod tests {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), bytes).unwrap();
         assert_eq!(
-            read_stack(file.path(), "", net.parameters().layout(), &AgentId::all(3)).unwrap(),
+            read_file(file.path(), "", net.parameters().layout(), &AgentId::all(3)).unwrap(),
             *net.parameters().values()
         );
     }
@@ -125,7 +136,7 @@ mod tests {
                 let mut values = net.parameters().values().clone();
                 values.row_mut(2)[column] = bad;
                 std::fs::write(file.path(), write_stack(layout, &values)).unwrap();
-                let error = read_stack(file.path(), "", layout, &AgentId::all(3)).unwrap_err().to_string();
+                let error = read_file(file.path(), "", layout, &AgentId::all(3)).unwrap_err().to_string();
                 let told = format!(
                     "{}: `{name}` of agent 2 holds {word}, which is not a finite number",
                     file.path().display()
@@ -142,10 +153,10 @@ mod tests {
         let bytes = write_stack(net.parameters().layout(), net.parameters().values());
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), &bytes).unwrap();
-        let error = read_stack(file.path(), "", net.parameters().layout(), &AgentId::all(2)).unwrap_err().to_string();
+        let error = read_file(file.path(), "", net.parameters().layout(), &AgentId::all(2)).unwrap_err().to_string();
         assert!(error.contains("asks for F32 [2, 4, 5]"), "{error}");
         std::fs::write(file.path(), &bytes[..bytes.len() / 2]).unwrap();
-        let error = read_stack(file.path(), "", net.parameters().layout(), &AgentId::all(3)).unwrap_err().to_string();
+        let error = read_file(file.path(), "", net.parameters().layout(), &AgentId::all(3)).unwrap_err().to_string();
         assert!(error.contains("cut short"), "{error}");
     }
 }

@@ -11,6 +11,17 @@ pub fn is_printable(letter: char) -> bool {
     !letter.is_control() && !turns && !ends
 }
 
+/// Longest part of a text that an error quotes, in characters.
+const EXCERPT: usize = 80;
+
+/// Returns the beginning of a text for an error: printable, and short however long the text is.
+pub fn excerpt(text: &str) -> String {
+    match text.char_indices().nth(EXCERPT) {
+        Some((end, _)) => format!("{}...", Printable(&text[..end])),
+        None => Printable(text).to_string(),
+    }
+}
+
 /// A text shown with every character that is not printable replaced by its escape, such as `\u{1b}`.
 #[derive(Clone, Copy, Debug)]
 pub struct Printable<T>(pub T);
@@ -47,5 +58,12 @@ mod tests {
         assert_eq!(shown("\u{202E}txt.exe"), "\\u{202e}txt.exe");
         assert_eq!(shown("Kreuzung Süd 交差点 <b> = 1"), "Kreuzung Süd 交差点 <b> = 1");
         assert_eq!(shown(""), "");
+    }
+
+    #[test]
+    fn an_error_quotes_the_beginning_of_a_long_text() {
+        assert_eq!(excerpt("a\u{1b}b"), "a\\u{1b}b");
+        assert_eq!(excerpt(&"ü".repeat(80)), "ü".repeat(80));
+        assert_eq!(excerpt(&"ü".repeat(1 << 20)), format!("{}...", "ü".repeat(80)));
     }
 }

@@ -11,11 +11,12 @@ mod signal_timing;
 mod space_time;
 
 use anyhow::Result;
-use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use crate::drawing::{Area, BLUE, GREEN, INK, ORANGE, PURPLE, SKY, Svg, draw_mesh, ink_over, pen, px, shade, text};
+use crate::drawing::{
+    Area, BLUE, BoundedAxis, GREEN, INK, ORANGE, PURPLE, SKY, Svg, draw_mesh, ink_over, pen, px, shade, text,
+};
 
 pub use queues::queues;
 pub use returns_map::returns_map;
@@ -36,7 +37,7 @@ impl About {
     }
 }
 
-type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<BoundedAxis, BoundedAxis>>;
 
 /// Colour of text and lines that should not catch the eye, such as the second line of a title.
 const FAINT: RGBColor = RGBColor(110, 110, 110);

@@ -33,7 +33,10 @@ pub fn queues(trace: &RoadTrace, about: &About) -> Result<Svg> {
                 .x_label_area_size(px(if last { 40 } else { 6 }))
                 .y_label_area_size(px(58))
                 .margin_right(px(10))
-                .build_cartesian_2d(0.0..steps as f64, 0.0..longest as f64 + 0.5)?;
+                .build_cartesian_2d(
+                    BoundedAxis::from(0.0..steps as f64),
+                    BoundedAxis::from(0.0..longest as f64 + 0.5),
+                )?;
             draw_axes(&mut chart, "cars", 4, last)?;
             chart.draw_series(AreaSeries::new(stairs(&means), 0.0, SKY.mix(0.55)))?;
             chart.draw_series(LineSeries::new(stairs(&means), pen(BLUE, 2)))?;

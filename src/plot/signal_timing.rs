@@ -26,7 +26,7 @@ pub fn signal_timing(trace: &RoadTrace, about: &About) -> Result<Svg> {
             .x_label_area_size(px(AXIS))
             .y_label_area_size(px(58))
             .margin_right(px(10))
-            .build_cartesian_2d(0.0..seconds, 0.0..count as f64)?;
+            .build_cartesian_2d(BoundedAxis::from(0.0..seconds), BoundedAxis::from(0.0..count as f64))?;
         draw_axes(&mut chart, "", 0, true)?;
         let (left, top) = area.get_base_pixel();
         for (agent, (name, shown)) in trace.names.iter().zip(&trace.lights).enumerate() {

@@ -26,7 +26,7 @@ pub fn space_time(corridor: &Corridor, seconds: usize, about: &About) -> Result<
             .x_label_area_size(px(44))
             .y_label_area_size(px(58))
             .margin_right(px(48))
-            .build_cartesian_2d(0.0..seconds, 0.0..*length_m)?;
+            .build_cartesian_2d(BoundedAxis::from(0.0..seconds), BoundedAxis::from(0.0..*length_m))?;
         // Shade the inside of the intersections, so that the stop lines are visible.
         for crossing in crossings {
             let (from, to) = (crossing.begin_m, crossing.end_m);

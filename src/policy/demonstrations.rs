@@ -46,6 +46,18 @@ impl Demonstrations {
         self.len() / self.horizon
     }
 
+    /// Returns whether these are `samples` samples of a region, with actions that it has.
+    pub fn fits(&self, spec: &RegionSpec, samples: usize) -> bool {
+        let Demonstrations { obs, masks, actions, horizon } = self;
+        let masks = match masks {
+            Some(masks) => spec.masks && (masks.len(), masks.width()) == (samples, spec.n_actions),
+            None => !spec.masks,
+        };
+        (obs.len(), obs.width(), actions.len(), *horizon) == (samples, spec.obs_dim, samples, spec.horizon)
+            && masks
+            && actions.iter().flatten().all(|&action| usize::from(action) < spec.n_actions)
+    }
+
     /// Returns the actions that were allowed; empty if all always are.
     pub fn mask(&self, sample: usize) -> &[bool] {
         self.masks.as_ref().map_or(&[], |masks| masks.row(sample))

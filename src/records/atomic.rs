@@ -1,17 +1,11 @@
-//! Files that are written completely or not at all, so that a kill or a full disk loses nothing; and the lock of a run.
+//! Single files that are written completely or not at all, so that a kill or a full disk loses nothing.
 
 use std::fs::{self, File};
 use std::path::Path;
 
 use anyhow::{Context, Result};
 
-/// Makes sure that only one process at a time writes a run. The system releases the lock when the process ends, in
-/// whatever way.
-pub fn lock(dir: &Path) -> Result<File> {
-    let folder = File::open(dir).with_context(|| format!("{}: cannot be opened", dir.display()))?;
-    folder.try_lock().with_context(|| format!("{}: another process is writing this run", dir.display()))?;
-    Ok(folder)
-}
+use crate::outside::Directory;
 
 /// Writes a file beside its place and moves it there. Readers see the old file or the new one, never a part.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
@@ -22,10 +16,12 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
 pub fn write_beside(path: &Path, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
     let failed = || format!("{}: cannot be written", path.display());
     // In a temporary folder, under its final name, because TorchScript archives keep the name.
-    let folder = tempfile::Builder::new().prefix(".new-").tempdir_in(folder_of(path)).with_context(failed)?;
+    let parent = folder_of(path);
+    let folder = tempfile::Builder::new().prefix(".new-").tempdir_in(parent).with_context(failed)?;
     let beside = folder.path().join(path.file_name().with_context(failed)?);
     let kept = write(&beside).and_then(|()| Ok(File::open(&beside)?.sync_all()?));
-    kept.and_then(|()| Ok(fs::rename(&beside, path)?)).with_context(failed)
+    kept.and_then(|()| Ok(fs::rename(&beside, path)?)).with_context(failed)?;
+    Directory::open(parent)?.sync()
 }
 
 /// Returns the folder that a file is in.

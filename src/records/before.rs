@@ -3,7 +3,6 @@
 //! Versions that did not write it had two domains, and only this file still knows their configs by key. From the text
 //! of a config, and from the network files that it names, it works out what these runs would have written.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
@@ -11,13 +10,21 @@ use toml::{Table, Value};
 
 use crate::config::Config;
 use crate::domain::{FirstRow, Map, Scenario};
+use crate::outside::{read_bytes, read_text};
+
+/// Largest file of a network. That of a grid of 100 intersections has three mebibytes.
+const LARGEST_NETWORK: u64 = 256 << 20;
+/// Most agents on a side of a warehouse, and most rows or columns of a grid.
+const LONGEST_SIDE: usize = 1000;
 
 /// Works out the scenario of a run. `agents`: their number, if an evaluation shows it. If nothing shows it: `None`.
 pub fn scenario(config: &Config, agents: Option<usize>) -> Result<Option<Scenario>> {
     let domain = config.domain.as_ref().context("it has no domain, and its run.json no scenario")?;
     let config = Table::try_from(config)?;
     let table = config[domain.name()].as_table().context("a domain has a table")?;
-    let side = table.get("agents_per_side").and_then(Value::as_integer).map(|side| side as usize);
+    let side = table.get("agents_per_side").and_then(Value::as_integer);
+    let side = side.map(|side| usize::try_from(side).ok().filter(|side| (1..=LONGEST_SIDE).contains(side)));
+    let side = side.map(|side| side.context("agents_per_side: must be a number from 1 to 1000")).transpose()?;
     let Some(agents) = agents.or(side.map(|side| side * side)) else { return Ok(None) };
     let mut scenario = Scenario::new(domain.name(), agents, domain.horizon());
     if let Some(side) = side {
@@ -46,7 +53,8 @@ fn checksum(network: &str) -> Result<Option<u32>> {
     }
     let mut hasher = crc32fast::Hasher::new();
     for file in &files {
-        hasher.update(&fs::read(file).with_context(|| format!("{}: cannot be read", file.display()))?);
+        hasher
+            .update(&read_bytes(file, LARGEST_NETWORK).with_context(|| format!("{}: cannot be read", file.display()))?);
     }
     Ok(Some(hasher.finalize()))
 }
@@ -63,10 +71,11 @@ fn map_of(network: &str, agents: usize) -> Map {
 
 /// Returns the rows and columns of a net whose intersections are called `r0c0`, `r0c1`, ...
 fn shape_of(net: &Path) -> Option<(usize, usize)> {
-    let text = fs::read_to_string(net).ok()?;
+    let text = read_text(net, LARGEST_NETWORK).ok()?;
     let junctions = text.split("<junction id=\"r").skip(1).filter_map(|rest| {
         let (row, column) = rest.split('"').next()?.split_once('c')?;
-        Some((row.parse::<usize>().ok()?, column.parse::<usize>().ok()?))
+        let place = |text: &str| text.parse::<usize>().ok().filter(|&place| place < LONGEST_SIDE);
+        Some((place(row)?, place(column)?))
     });
     let (row, column) = junctions.reduce(|(rows, columns), (row, column)| (rows.max(row), columns.max(column)))?;
     Some((row + 1, column + 1))

@@ -17,6 +17,9 @@ pub const POLICIES: &str = "policies.safetensors";
 pub const AIPS: &str = "aips.safetensors";
 pub const CHECKPOINTS: &str = "checkpoints";
 
+/// Files that are replaced as a whole.
+pub const WRITTEN: [&str; 4] = [CONFIG, RUN, POLICIES, AIPS];
+
 /// Files that grow during the run.
 pub const GROWING: [&str; 9] = [IMITATION, RETURNS, EPISODES, TRAINING, AIP_LOSS, AIP_DRIFT, TIMING, MEMORY, EVENTS];
 

@@ -4,12 +4,20 @@
 use std::collections::HashMap;
 use std::path::Path;
 
+use anyhow::Context;
+
 use crate::base::{AgentId, Ragged, Rows};
 use crate::config::{AipConfig, PolicyConfig, Predictor};
 use crate::domain::{Kind, Kinds, RegionSpec, Result};
 use crate::influence;
-use crate::nn::{Layout, StackToWrite, read_stack, write_stacks};
+use crate::nn::{Layout, StackToWrite, about_stacks, read_stack, write_stacks};
+use crate::outside::read_bytes;
 use crate::policy::PolicyStack;
+
+/// Largest file: 10 000 agents with 100 000 parameters each.
+const LARGEST_FILE: u64 = 4 << 30;
+/// Key of the timesteps per agent at which a file was written.
+pub const STEPS: &str = "steps";
 
 /// The layouts of all kinds.
 pub struct JointLayout {
@@ -56,16 +64,25 @@ impl JointLayout {
 
     /// Reads the networks of such a file, one row of parameters per agent.
     pub fn read(&self, path: &Path) -> Result<Ragged<f32>> {
+        Ok(self.read_with_steps(path)?.0)
+    }
+
+    /// Reads the networks of such a file, and the timesteps per agent at which it was written, if it says so.
+    ///
+    /// The file is read once: a run that is being trained replaces it at any moment.
+    pub fn read_with_steps(&self, path: &Path) -> Result<(Ragged<f32>, Option<u64>)> {
+        let bytes = read_bytes(path, LARGEST_FILE).with_context(|| format!("{}: cannot be read", path.display()))?;
         let mut widths = vec![0; self.kinds.iter().map(|kind| kind.agents.len()).sum()];
         let of_agents =
             self.kinds.iter().flat_map(|kind| kind.agents.iter().map(|agent| (agent.0, kind.layout.width())));
         of_agents.for_each(|(agent, width)| widths[agent] = width);
         let mut networks = Ragged::new(widths);
         for KindLayout { prefix, agents, layout } in &self.kinds {
-            let rows = read_stack(path, prefix, layout, agents)?;
+            let rows = read_stack(&bytes, path, prefix, layout, agents)?;
             agents.iter().zip(rows.iter()).for_each(|(agent, row)| networks.row_mut(agent.0).copy_from_slice(row));
         }
-        Ok(networks)
+        let steps = about_stacks(&bytes).get(STEPS).and_then(|steps| steps.parse().ok());
+        Ok((networks, steps))
     }
 }
 
@@ -85,7 +102,8 @@ mod tests {
         std::fs::write(file.path(), layout.write(&networks, &HashMap::new()).unwrap()).unwrap();
         assert_eq!(layout.read(file.path()).unwrap(), networks);
         let dice = Layout::new(vec![("w".to_owned(), vec![3])]);
-        let rows = read_stack(file.path(), "die.", &dice, &[AgentId(1), AgentId(3)]).unwrap();
+        let bytes = std::fs::read(file.path()).unwrap();
+        let rows = read_stack(&bytes, file.path(), "die.", &dice, &[AgentId(1), AgentId(3)]).unwrap();
         assert_eq!(rows.as_slice(), [2.0, 3.0, 4.0, 7.0, 8.0, 9.0]);
     }
 }

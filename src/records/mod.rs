@@ -1,8 +1,9 @@
 //! The run directory: the files of a run, written as it proceeds, and read again.
 //!
 //! CSV files grow by whole blocks of lines, one write per block. All other files are written beside their place and
-//! then moved there. So a kill loses at most the current period, and the files can be read at any time. GS: global
-//! simulator; AIPs: approximate influence predictors.
+//! then moved there. So a kill loses at most the current period, and the files can be read at any time. Who writes
+//! holds the directory's lock, and reaches the files through the opened directory. GS: global simulator; AIPs:
+//! approximate influence predictors.
 //!
 //! | file | what |
 //! |---|---|
@@ -21,10 +22,11 @@
 //! | `checkpoints/` | the last few states to resume from |
 //!
 //! - [`files`], [`columns`]: the names of the files, and of the columns of each CSV file, for writers and readers.
-//! - [`atomic`], [`csv`], [`tensorboard`]: how files are written so that a kill or a full disk loses nothing.
+//! - [`growing`], [`csv`], [`tensorboard`]: files that grow, so that a kill or a full disk loses nothing, and a change
+//!   by others is noticed. [`atomic`]: the same for single files elsewhere.
 //! - `lines`: the lines of the CSV files. `finite`: refuses to write networks that have diverged.
-//! - [`checkpoint`]: the state of all agents, from which a run continues. [`joint_layout`]: files of the networks of
-//!   all agents.
+//! - [`checkpoint`]: the state of all agents, from which a run continues. [`resume_point`]: which checkpoint fits the
+//!   files. [`joint_layout`]: files of the networks of all agents.
 //! - [`run_json`]: how the run was called, and what computed it.
 //! - [`run_log`]: the [`Journal`](crate::training::journal::Journal) that writes all this during training.
 //! - [`run_record`], [`reader`], [`csv_table`]: the contents of a run directory, also of other versions. [`before`]:
@@ -38,9 +40,11 @@ pub mod csv;
 pub mod csv_table;
 pub mod files;
 mod finite;
+pub mod growing;
 pub mod joint_layout;
 mod lines;
 pub mod reader;
+pub mod resume_point;
 pub mod run_json;
 pub mod run_log;
 pub mod run_record;

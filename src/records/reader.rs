@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 
 use super::before;
 use super::columns::{self, ALL};
-use super::csv_table::{CsvTable, TableLine};
+use super::csv_table::{CsvTable, Order, TableLine};
 use super::files;
 use super::run_json::RunJson;
 use super::run_record::{
@@ -17,6 +17,9 @@ use crate::base::Activity;
 use crate::config::{self, Config};
 use crate::domain::Scenario;
 use crate::training::drift::Moment;
+
+/// Largest number of worker processes of a run. Every one of them has at least an agent.
+const MOST_WORKERS: u64 = 1_000_000;
 
 impl RunRecord {
     pub fn read(dir: &Path) -> Result<RunRecord> {
@@ -28,8 +31,18 @@ impl RunRecord {
             &CsvTable::read(&dir.join(files::EPISODES))?,
         )?;
         let agents = evaluations.first().map(|first| first.agents.len());
+        let scenario = scenario_in(&about, &config, agents)?;
+        if let (Some(scenario), Some(found)) = (&scenario, agents) {
+            let agents = scenario.id.agents;
+            ensure!(
+                found == agents,
+                "{}: {} has {found} agents, but the scenario has {agents}",
+                dir.display(),
+                files::RETURNS
+            );
+        }
         Ok(RunRecord {
-            scenario: scenario_in(&about, &config, agents)?,
+            scenario,
             config,
             about,
             evaluations,
@@ -37,12 +50,7 @@ impl RunRecord {
             fresh_losses: read_fresh_losses(&CsvTable::read(&dir.join(files::AIP_DRIFT))?)?,
             periods: read_periods(&timing)?,
             memory: read_memory(&CsvTable::read(&dir.join(files::MEMORY))?)?,
-            workers: timing
-                .lines()
-                .filter_map(|line| line.text(columns::WORKER)?.parse::<usize>().ok())
-                .max()
-                .unwrap_or(0)
-                + 1,
+            workers: read_workers(&timing)?,
             dir: dir.to_owned(),
         })
     }
@@ -62,21 +70,36 @@ fn scenario_in(about: &RunJson, config: &Config, agents: Option<usize>) -> Resul
     }
 }
 
+/// Returns the number of workers: one more than the largest number of one.
+fn read_workers(timing: &CsvTable) -> Result<usize> {
+    let mut last = 0;
+    for line in timing.lines().filter(|line| line.text(columns::WORKER).is_some_and(|worker| worker != ALL)) {
+        let worker = line.required_whole(columns::WORKER)?;
+        ensure!(
+            worker < MOST_WORKERS,
+            line.bad(columns::WORKER, &worker.to_string(), "too large for the number of a worker")
+        );
+        last = last.max(worker);
+    }
+    Ok(last as usize + 1)
+}
+
 /// Reads the evaluations. `table`: `returns.csv`; `episodes`: `episodes.csv`.
 fn read_evaluations(table: &CsvTable, episodes: &CsvTable) -> Result<Vec<EvaluationRecord>> {
     let mut of_episodes = read_episodes(episodes)?;
     let mut evaluations: Vec<EvaluationRecord> = Vec::new();
+    let mut order = Order::default();
     for line in table.lines() {
         let returns = Returns {
             mean: line.required(columns::MEAN)?,
             median: line.required(columns::MEDIAN)?,
             std_error: line.required(columns::STD_ERROR)?,
-            stuck: line.number(columns::STUCK)?.unwrap_or(0.0) as usize,
+            stuck: line.whole(columns::STUCK)?.unwrap_or(0) as usize,
         };
         match (line.text(columns::AGENT), evaluations.last_mut()) {
             (Some(ALL), _) => {
-                let steps = line.steps()?;
-                let episodes = line.number(columns::EPISODES)?.map(|count| count as usize);
+                let steps = order.later(line)?;
+                let episodes = line.whole(columns::EPISODES)?.map(|count| count as usize);
                 let episode_returns = of_episodes.remove(&steps).unwrap_or_default();
                 evaluations.push(EvaluationRecord {
                     steps,
@@ -86,7 +109,15 @@ fn read_evaluations(table: &CsvTable, episodes: &CsvTable) -> Result<Vec<Evaluat
                     episode_returns,
                 });
             }
-            (_, Some(evaluation)) => evaluation.agents.push(returns),
+            (_, Some(evaluation)) => {
+                let (steps, agent) = (line.steps()?, line.required_whole(columns::AGENT)?);
+                let (of, next) = (evaluation.steps, evaluation.agents.len());
+                ensure!(steps == of, line.bad(columns::STEPS, &steps.to_string(), &format!("not the {of} of `{ALL}`")));
+                // A hole is told below, with what is missing.
+                let what = format!("not the number of the next agent, at least {next}");
+                ensure!(agent >= next as u64, line.bad(columns::AGENT, &agent.to_string(), &what));
+                evaluation.agents.push(returns);
+            }
             (_, None) => anyhow::bail!("{}: begins with an agent instead of `{ALL}`", files::RETURNS),
         }
     }
@@ -117,8 +148,9 @@ fn read_evaluations(table: &CsvTable, episodes: &CsvTable) -> Result<Vec<Evaluat
 /// Reads the mean returns of all agents by steps, episode by episode.
 fn read_episodes(table: &CsvTable) -> Result<BTreeMap<u64, Vec<f64>>> {
     let mut of_steps: BTreeMap<u64, Vec<f64>> = BTreeMap::new();
+    let mut order = Order::default();
     for line in table.lines() {
-        let (steps, episode) = (line.steps()?, line.required(columns::EPISODE)? as usize);
+        let (steps, episode) = (order.next(line)?, line.required_whole(columns::EPISODE)? as usize);
         let returns = of_steps.entry(steps).or_default();
         anyhow::ensure!(
             episode == returns.len(),
@@ -136,9 +168,10 @@ fn of_all_sources(line: TableLine) -> bool {
 }
 
 fn read_aip_trainings(table: &CsvTable) -> Result<Vec<AipTrainingRecord>> {
+    let mut order = Order::default();
     let trainings = table.lines().filter(|&line| of_all_sources(line)).map(|line| {
         Ok(AipTrainingRecord {
-            steps: line.steps()?,
+            steps: order.next(line)?,
             before: line.required(columns::HELD_OUT_BEFORE)?,
             after: line.required(columns::HELD_OUT_AFTER)?,
             marginals: line.required(columns::HELD_OUT_MARGINALS)?,
@@ -148,9 +181,10 @@ fn read_aip_trainings(table: &CsvTable) -> Result<Vec<AipTrainingRecord>> {
 }
 
 fn read_fresh_losses(table: &CsvTable) -> Result<Vec<FreshLossRecord>> {
+    let mut order = Order::default();
     let losses = table.lines().filter(|&line| of_all_sources(line)).map(|line| {
         Ok(FreshLossRecord {
-            steps: line.steps()?,
+            steps: order.next(line)?,
             after_training: line.text(columns::AFTER) == Some(Moment::Training.name()),
             loss: line.required(columns::LOSS)?,
             marginals: line.required(columns::MARGINALS)?,
@@ -171,11 +205,11 @@ fn read_periods(table: &CsvTable) -> Result<Vec<PeriodTime>> {
     let (mut evaluation_s, mut influence_s) = (0.0, 0.0);
     // Runs of an older version have no such columns, and a run that was begun by it has no sum.
     let mut cpu = Some(CpuTime::default());
-    let mut periods = Vec::new();
+    let (mut periods, mut order) = (Vec::new(), Order::default());
     for line in table.lines().filter(|line| line.text(columns::WORKER) == Some(ALL)) {
         evaluation_s += spent(line, &EVALUATION)?;
         influence_s += spent(line, &INFLUENCE)?;
-        let (steps, elapsed_s) = (line.steps()?, line.required(columns::ELAPSED_S)?);
+        let (steps, elapsed_s) = (order.next(line)?, line.required(columns::ELAPSED_S)?);
         cpu = match (cpu, line.number(columns::CPU_S)?) {
             (Some(before), Some(more)) => Some(CpuTime {
                 total_s: before.total_s + more,
@@ -211,6 +245,7 @@ mod tests {
     use crate::evaluation;
     use crate::influence;
     use crate::nn::Layout;
+    use crate::records::checkpoint::owner::Owner;
     use crate::records::joint_layout::JointLayout;
     use crate::records::run_log::{Layouts, RunLog};
     use crate::training::answers::{AgentTraining, FleetLoad, Footprint, PolicyTraining, WorkerLoad};
@@ -228,7 +263,8 @@ mod tests {
         let config: Config = toml::from_str(text).unwrap();
         let coins = Coins::new(1);
         let layout = || JointLayout::new(coins.kinds(), |_| Layout::new(vec![("w".to_owned(), vec![1])]));
-        let mut log = RunLog::create(dir.path(), &config, Layouts { policies: layout(), aips: layout() }).unwrap();
+        let owner = Owner::of(&config, &coins).unwrap();
+        let mut log = RunLog::create(dir.path(), owner, Layouts { policies: layout(), aips: layout() }).unwrap();
         let table = || Ragged::from_vec(vec![0.5, 0.25], [1, 1]).unwrap();
         let moments = JointMoments { first: table(), second: table(), steps: 1 };
         let agents = AgentsState { steps: 128, policies: table(), moments, aips: table(), streams: vec![] };
@@ -312,5 +348,54 @@ mod tests {
         assert!(read("0,0,1\n100,0,1.5\n").unwrap()[1].episode_returns.is_empty(), "they are still being written");
         assert_eq!(error("0,0,1\n0,1,1\n"), "episodes.csv: has 2 of 1 episodes at step 0");
         assert_eq!(error("100,1,1.5\n"), "episodes.csv: has episode 1 at step 100, where episode 0 is expected");
+    }
+
+    #[test]
+    fn lines_that_this_program_never_writes_are_refused() {
+        let block = "0,all,1,1,0\n0,0,1,1,0\n0,1,1,1,0\n";
+        for (text, told) in [
+            ("100,all,1,1,0\n50,all,1,1,0\n", "`steps` holds \"50\", which is not later than 100 before it"),
+            ("100,all,1,1,0\n100,all,1,1,0\n", "`steps` holds \"100\", which is not later than 100 before it"),
+            ("-1,all,1,1,0\n", "`steps` holds \"-1\", which is not a whole number"),
+            ("9e15,all,1,1,0\n", "`steps` holds \"9e15\", which is not a whole number"),
+            ("10000000000000000,all,1,1,0\n", "which is not a whole number from 0 to 1000000000000000"),
+            ("100,all,,1,0\n", "line 5: has no `mean`"),
+            ("100,all,1,inf,0\n", "line 5: `median` holds \"inf\", which is not a finite number"),
+            ("100,all,1,1,1e300\n", "line 5: `std_error` holds \"1e300\", which is too large"),
+            ("100,all,1,1,0\n99,0,1,1,0\n", "line 6: `steps` holds \"99\", which is not the 100 of `all`"),
+            ("100,all,1,1,0\n100,,1,1,0\n", "line 6: has no `agent`"),
+            ("100,all,1,1,0\n100,x,1,1,0\n", "line 6: `agent` holds \"x\", which is not a whole number"),
+            ("100,all,1,1,0\n100,0,1,1,0\n100,0,1,1,0\n", "`agent` holds \"0\", which is not the number of the next"),
+        ] {
+            let error = evaluations(&format!("{block}{text}")).unwrap_err().to_string();
+            assert!(error.contains(told) && error.contains("returns.csv"), "{error}");
+        }
+    }
+
+    #[test]
+    fn workers_are_counted_by_their_numbers() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join(files::TIMING);
+        let workers = |lines: &str| {
+            std::fs::write(&path, format!("steps,worker\n{lines}")).unwrap();
+            read_workers(&CsvTable::read(&path).unwrap()).map_err(|error| error.to_string())
+        };
+        assert_eq!([workers(""), workers("1,all\n1,0\n1,3\n2,all\n")], [Ok(1), Ok(4)]);
+        for absurd in ["18446744073709551615", "1000000", "-1", "x"] {
+            assert!(workers(&format!("1,{absurd}\n")).unwrap_err().contains("line 2: `worker` holds"), "{absurd}");
+        }
+    }
+
+    #[test]
+    fn a_run_whose_files_disagree_on_the_agents_is_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        std::fs::write(dir.path().join(files::CONFIG), "warehouse = { agents_per_side = 2 }\n").unwrap();
+        let scenario =
+            r#"{ "scenario": { "domain": "ants", "agents": 3, "episode": { "length": 5, "unit": "days" } } }"#;
+        std::fs::write(dir.path().join(files::RUN), scenario).unwrap();
+        let returns = "steps,agent,mean,median,std_error\n0,all,1,1,0\n0,0,1,1,0\n";
+        std::fs::write(dir.path().join(files::RETURNS), returns).unwrap();
+        let error = RunRecord::read(dir.path()).unwrap_err().to_string();
+        assert!(error.ends_with("returns.csv has 1 agents, but the scenario has 3"), "{error}");
     }
 }

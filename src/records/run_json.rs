@@ -1,15 +1,21 @@
 //! `run.json`: how a run was called, and what it was computed with.
 
-use std::fs;
 use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use super::atomic::write_atomically;
 use super::files;
 use crate::domain::Scenario;
+use crate::outside::{Directory, excerpt, is_printable, read_text};
+
+/// Largest file. A command line has at most two mebibytes on Linux, and escapes may double it.
+const LARGEST_FILE: u64 = 8 << 20;
+/// Longest word of a scenario in bytes. Files and headings of a report are named after them.
+const LONGEST_WORD: usize = 50;
+/// Largest number of agents.
+const MOST_AGENTS: usize = 1_000_000;
 
 /// Contents of `run.json`. What a file of another version lacks is empty here.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -69,9 +75,11 @@ impl RunJson {
     /// Reads the file of the run in `dir`; an error if there is none.
     pub fn read(dir: &Path) -> Result<RunJson> {
         let path = dir.join(files::RUN);
-        let text = fs::read_to_string(&path).with_context(|| format!("{}: cannot be read", path.display()))?;
-        serde_json::from_str(&text)
-            .with_context(|| format!("{}: is not a file that this program wrote", path.display()))
+        let text = read_text(&path, LARGEST_FILE).with_context(|| format!("{}: cannot be read", path.display()))?;
+        let failed = || format!("{}: is not a file that this program wrote", path.display());
+        let run: RunJson = serde_json::from_str(&text).with_context(failed)?;
+        run.scenario.as_ref().map_or(Ok(()), check).with_context(failed)?;
+        Ok(run)
     }
 
     /// Reads the file of the run in `dir`. Without a file, everything is empty.
@@ -81,13 +89,37 @@ impl RunJson {
 
     pub fn write(&self, dir: &Path) -> Result<()> {
         let text = serde_json::to_string_pretty(self).context("run.json in memory")?;
-        write_atomically(&dir.join(files::RUN), format!("{text}\n").as_bytes())
+        Directory::open(dir)?.write(files::RUN, format!("{text}\n").as_bytes())
     }
 
     /// Returns the build that wrote the run last.
     pub fn last_versions(&self) -> &Versions {
         self.resumed_with.last().map_or(&self.versions, |resumed| &resumed.versions)
     }
+}
+
+/// Checks the words of a scenario. Reports name files after them.
+fn check(scenario: &Scenario) -> Result<()> {
+    let id = &scenario.id;
+    let plain = |word: &str| {
+        (1..=LONGEST_WORD).contains(&word.len())
+            && word.starts_with(|first: char| first.is_ascii_alphanumeric())
+            && word.bytes().all(|letter| letter.is_ascii_alphanumeric() || b"-_".contains(&letter))
+    };
+    let told =
+        |what, word| format!("scenario: {what} is `{}`, which is not a word of letters and digits", excerpt(word));
+    ensure!(plain(&id.domain), told("domain", &id.domain));
+    if let Some(checksum) = &id.checksum {
+        ensure!(plain(checksum), told("checksum", checksum));
+    }
+    let unit = &id.episode.unit;
+    ensure!(unit.len() <= LONGEST_WORD && unit.chars().all(is_printable), told("unit", unit));
+    ensure!(
+        (1..=MOST_AGENTS).contains(&id.agents),
+        "scenario: agents is {}, which is not a number from 1 to {MOST_AGENTS}",
+        id.agents
+    );
+    Ok(())
 }
 
 impl Versions {
@@ -117,6 +149,7 @@ impl Versions {
 mod tests {
     use super::*;
     use serde_json::json;
+    use std::fs;
 
     fn versions() -> Versions {
         Versions {
@@ -177,5 +210,40 @@ mod tests {
         fs::write(dir.path().join(files::RUN), "[1]").unwrap();
         let error = RunJson::read_if_there(dir.path()).unwrap_err().to_string();
         assert!(error.contains("run.json: is not a file that this program wrote"), "{error}");
+    }
+
+    #[test]
+    fn a_scenario_has_plain_words_because_files_are_named_after_them() {
+        let dir = tempfile::tempdir().unwrap();
+        let read = |domain: &str, agents: u64, unit: &str, checksum: &str| {
+            let episode = json!({ "length": 5, "unit": unit });
+            let scenario = json!({ "domain": domain, "agents": agents, "episode": episode, "checksum": checksum });
+            fs::write(dir.path().join(files::RUN), json!({ "scenario": scenario }).to_string()).unwrap();
+            RunJson::read(dir.path()).map_err(|error| format!("{error:#}"))
+        };
+        read("traffic", 4, "steps", "1a2b3c4d").unwrap();
+        let long = "a".repeat(51);
+        for bad in ["", "../x", "/x", "-x", "a b", "ü", "a\u{1b}b", "a\nb", "a](b)", &long] {
+            assert!(read(bad, 4, "steps", "1").unwrap_err().contains("scenario: domain is `"), "{bad:?}");
+            assert!(read("ants", 4, "steps", bad).unwrap_err().contains("scenario: checksum is `"), "{bad:?}");
+        }
+        assert!(read("ants", 4, "st\u{202e}eps", "1").unwrap_err().contains("scenario: unit is `st\\u{202e}eps`"));
+        for agents in [0, 1_000_001, u64::MAX] {
+            assert!(read("ants", agents, "steps", "1").unwrap_err().contains("scenario: agents is"), "{agents}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_file_of_ours_is_refused_however_large_or_deep_it_is() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join(files::RUN);
+        let told = || format!("{:#}", RunJson::read_if_there(dir.path()).unwrap_err());
+        fs::write(&path, format!("{{\"x\":{}", "[".repeat(1 << 20))).unwrap();
+        assert!(told().contains("is not a file that this program wrote: recursion limit exceeded"), "{}", told());
+        fs::File::create(&path).unwrap().set_len(LARGEST_FILE + 1).unwrap();
+        assert!(told().contains("it has more than 8388608 bytes, the limit"), "{}", told());
+        fs::remove_file(&path).unwrap();
+        fs::create_dir(&path).unwrap();
+        assert!(told().contains("it is not a regular file"), "{}", told());
     }
 }

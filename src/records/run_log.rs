@@ -1,28 +1,30 @@
 //! The [`Journal`] that writes a run directory during the run.
 
 use std::collections::{BTreeMap, HashMap};
-use std::fs::{self, File};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 
-use super::atomic::{lock, write_atomically};
+use super::checkpoint::owner::Owner;
 use super::checkpoint::{self, Checkpoint, RunProgress};
 use super::columns;
-use super::csv::{append, append_block, cut};
+use super::csv::block;
 use super::files;
 use super::finite::{check_aips, check_imitation, check_policies};
+use super::growing::{GrowingFile, Mark};
 use super::lines::{
     CsvLine, Wall, aip_lines, drift_lines, episode_lines, evaluation_header, evaluation_lines, header, imitation_lines,
     memory_lines, timing_lines, training_header, training_lines,
 };
+use super::resume_point::ResumePoint;
 use super::tensorboard::{Scalar, first_record, scalars_of, scalars_record};
 use crate::config::Config;
 use crate::domain::Kinds;
 use crate::evaluation::Evaluation;
 use crate::influence::{AipLoss, FreshLoss};
-use crate::records::joint_layout::JointLayout;
+use crate::outside::Directory;
+use crate::records::joint_layout::{JointLayout, STEPS};
 use crate::training::answers::{FleetLoad, PolicyTraining};
 use crate::training::drift::Moment;
 use crate::training::imitation::ImitationLoss;
@@ -32,17 +34,18 @@ use crate::training::state::AgentsState;
 
 /// A journal that writes a run directory.
 pub struct RunLog {
-    dir: PathBuf,
+    /// Run directory, which is locked as long as this process may write.
+    directory: Directory,
+    /// Files that grow, in the order of [`files::GROWING`].
+    growing: [GrowingFile; files::GROWING.len()],
     layouts: Layouts,
-    tensorboard: bool,
+    owner: Owner,
     /// Timesteps per agent at the last exchange.
     steps: u64,
     /// Wall time of the run before this process.
     elapsed_before: Duration,
     begun: Instant,
     begun_period: Instant,
-    /// Lock that is held as long as this process may write.
-    _lock: File,
 }
 
 /// Places of weights and biases in the networks that are saved.
@@ -62,34 +65,45 @@ impl Layouts {
 
 impl RunLog {
     /// Starts a new run in `dir`, which exists and holds no run.
-    pub fn create(dir: &Path, config: &Config, layouts: Layouts) -> Result<Self> {
+    pub fn create(dir: &Path, owner: Owner, layouts: Layouts) -> Result<Self> {
+        Ok(RunLog::begin(Directory::lock(dir)?, owner, layouts))
+    }
+
+    /// Starts a new run in a directory that this process has locked and that holds no run.
+    pub fn begin(directory: Directory, owner: Owner, layouts: Layouts) -> Self {
         let now = Instant::now();
-        Ok(RunLog {
-            dir: dir.to_owned(),
+        RunLog {
+            directory,
+            growing: files::GROWING.map(|name| GrowingFile::new(name, Mark::default())),
             layouts,
-            tensorboard: config.logging.tensorboard,
+            owner,
             steps: 0,
             elapsed_before: Duration::ZERO,
             begun: now,
             begun_period: now,
-            _lock: lock(dir)?,
-        })
+        }
     }
 
-    /// Continues the run in `dir`. Also returns its newest checkpoint; if there is none, the run must begin again:
-    /// `None`.
+    /// Continues a run in a directory that this process has locked, from a point of that run. Also returns the
+    /// checkpoint of that point.
     ///
     /// Everything written after the checkpoint is cut off. It will be written again, with the same numbers.
-    pub fn resume(dir: &Path, config: &Config, layouts: Layouts) -> Result<(Self, Option<Checkpoint>)> {
-        let mut log = RunLog::create(dir, config, layouts)?;
-        let checkpoint = Checkpoint::read_newest(&dir.join(files::CHECKPOINTS))?;
-        let beginning = RunProgress::default();
-        let progress = checkpoint.as_ref().map_or(&beginning, |checkpoint| &checkpoint.progress);
-        for name in files::GROWING {
-            cut(&dir.join(name), progress.file_lengths.get(name).copied().unwrap_or(0))?;
+    pub fn resume(
+        directory: Directory,
+        point: ResumePoint,
+        owner: Owner,
+        layouts: Layouts,
+    ) -> Result<(Self, Option<Checkpoint>)> {
+        let mut log = RunLog::begin(directory, owner, layouts);
+        if let Some(folder) = log.directory.subdirectory(files::CHECKPOINTS)? {
+            point.newer.iter().try_for_each(|name| folder.remove(name))?;
+            folder.sync()?;
         }
-        log.elapsed_before = Duration::from_secs_f64(progress.elapsed_s);
-        Ok((log, checkpoint))
+        log.growing = files::GROWING.map(|name| GrowingFile::new(name, point.mark(name)));
+        log.growing.iter().try_for_each(|file| file.cut(&log.directory))?;
+        let progress = point.checkpoint.as_ref().map(|checkpoint| &checkpoint.progress);
+        log.elapsed_before = Duration::from_secs_f64(progress.map_or(0.0, |progress| progress.elapsed_s));
+        Ok((log, point.checkpoint))
     }
 
     fn append_load(&mut self, agents: &AgentsState, load: FleetLoad) -> Result<()> {
@@ -111,32 +125,33 @@ impl RunLog {
         Ok(())
     }
 
-    fn append(&self, file: &str, steps: u64, header: &[String], lines: &[CsvLine]) -> Result<()> {
-        append(&self.dir.join(file), header, lines)?;
+    fn append(&mut self, file: &str, steps: u64, header: &[String], lines: &[CsvLine]) -> Result<()> {
+        self.grow(file, |new| block(header, lines, new))?;
         self.tell_tensorboard(steps, &scalars_of(file, header, lines))
     }
 
-    fn tell_tensorboard(&self, steps: u64, scalars: &[Scalar]) -> Result<()> {
-        if !self.tensorboard || scalars.is_empty() {
+    fn tell_tensorboard(&mut self, steps: u64, scalars: &[Scalar]) -> Result<()> {
+        if !self.owner.config.logging.tensorboard || scalars.is_empty() {
             return Ok(());
         }
         let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |time| time.as_secs_f64());
-        append_block(&self.dir.join(files::EVENTS), |new| {
+        self.grow(files::EVENTS, |new| {
             let first = if new { first_record(now) } else { Vec::new() };
             Ok([first, scalars_record(now, steps, scalars)].concat())
         })
     }
 
-    fn file_lengths(&self) -> Result<BTreeMap<String, u64>> {
-        let mut lengths = BTreeMap::new();
-        for name in files::GROWING {
-            let path = self.dir.join(name);
-            if path.exists() {
-                let metadata = fs::metadata(&path).with_context(|| format!("{}: cannot be read", path.display()))?;
-                lengths.insert(name.to_owned(), metadata.len());
-            }
-        }
-        Ok(lengths)
+    fn grow(&mut self, file: &str, block: impl FnOnce(bool) -> Result<Vec<u8>>) -> Result<()> {
+        let place = files::GROWING.iter().position(|name| *name == file).expect("the file grows");
+        self.growing[place].append(&self.directory, block)
+    }
+
+    /// Makes everything written so far durable, so that a checkpoint may count on it. Returns how far the files are.
+    fn sync(&mut self) -> Result<BTreeMap<String, Mark>> {
+        self.growing.iter_mut().try_for_each(|file| file.sync(&self.directory))?;
+        self.directory.sync()?;
+        let marks = files::GROWING.iter().zip(&self.growing).map(|(name, file)| ((*name).to_owned(), file.mark()));
+        Ok(marks.filter(|(_, mark)| mark.bytes > 0).collect())
     }
 }
 
@@ -164,7 +179,7 @@ impl Journal for RunLog {
         check_aips(agents, losses)?;
         self.append(files::AIP_LOSS, agents.steps, &header(&columns::OF_AIP_LOSS), &aip_lines(agents.steps, losses))?;
         let stack = self.layouts.aips.write(&agents.aips, &about(agents.steps))?;
-        write_atomically(&self.dir.join(files::AIPS), &stack)
+        self.directory.write(files::AIPS, &stack)
     }
 
     fn aips_measured(&mut self, agents: &AgentsState, after: Moment, losses: &[FreshLoss]) -> Result<()> {
@@ -188,29 +203,36 @@ impl Journal for RunLog {
             &training_lines(agents.steps, training),
         )?;
         let stack = self.layouts.policies.write(&agents.policies, &about(agents.steps))?;
-        write_atomically(&self.dir.join(files::POLICIES), &stack)?;
+        self.directory.write(files::POLICIES, &stack)?;
         self.append_load(agents, load)?;
         let progress = RunProgress {
-            periods_done: standing.periods_done,
-            file_lengths: self.file_lengths()?,
+            standing: *standing,
+            growing: self.sync()?,
             elapsed_s: (self.elapsed_before + self.begun.elapsed()).as_secs_f64(),
-            drift: standing.drift,
         };
-        checkpoint::write(&self.dir.join(files::CHECKPOINTS), agents, progress)
+        let folder = self.directory.make_subdirectory(files::CHECKPOINTS);
+        let written = folder.and_then(|folder| checkpoint::write(&folder, &self.owner, agents, progress));
+        // Not earlier: if the directory was moved, nothing is lost.
+        self.directory.check_in_place()?;
+        written
     }
 
     fn finished(&mut self, agents: &AgentsState, load: FleetLoad) -> Result<()> {
-        self.append_load(agents, load)
+        self.append_load(agents, load)?;
+        self.sync().map(drop)
     }
 }
 
 fn about(steps: u64) -> HashMap<String, String> {
-    HashMap::from([("steps".to_owned(), steps.to_string())])
+    HashMap::from([(STEPS.to_owned(), steps.to_string())])
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs;
+    use std::path::PathBuf;
+
     use crate::base::Ragged;
     use crate::domain::Domain;
     use crate::domain::toy::Coins;
@@ -245,7 +267,7 @@ mod tests {
         let coins = Coins::new(1);
         let layout = || JointLayout::new(coins.kinds(), |_| Layout::new(vec![("w".to_owned(), vec![2])]));
         let layouts = Layouts { policies: layout(), aips: layout() };
-        let mut log = RunLog::create(dir.path(), &config, layouts).unwrap();
+        let mut log = RunLog::create(dir.path(), Owner::of(&config, &coins).unwrap(), layouts).unwrap();
         let standing = Standing::default();
         let (training, mut agents) = period([1.0, 2.0, 3.0, 4.0], 0.5);
         log.period_done(&agents, &standing, &training, FleetLoad::default()).unwrap();

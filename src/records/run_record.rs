@@ -165,7 +165,7 @@ impl RunRecord {
     }
 
     fn interpolated(&self, steps: u64, figure: impl Fn(&EvaluationRecord) -> f64) -> Option<f64> {
-        interpolate(self.evaluations.iter().map(|evaluation| (evaluation.steps, figure(evaluation))), steps)
+        interpolate(&self.evaluations, |evaluation| (evaluation.steps, figure(evaluation)), steps)
     }
 
     /// Returns the wall time without evaluations until a step, in seconds. If the run has not come so far: `None`.
@@ -176,8 +176,9 @@ impl RunRecord {
     /// Returns the time until a step: at the end of the last period that ends there, or interpolated between the ends
     /// of two periods. If the run has not come so far: `None`.
     pub fn time_at(&self, steps: u64) -> Option<PeriodTime> {
-        let until = self.periods.iter().rev().find(|period| period.steps <= steps);
-        let next = self.periods.iter().find(|period| period.steps > steps);
+        // Periods are in order of steps.
+        let (until, next) = self.periods.split_at(self.periods.partition_point(|period| period.steps <= steps));
+        let (until, next) = (until.last(), next.first());
         let beginning =
             || PeriodTime { cpu: next.and_then(|next| next.cpu).map(|_| CpuTime::default()), ..PeriodTime::default() };
         let until = until.copied().unwrap_or_else(beginning);
@@ -206,21 +207,16 @@ impl RunRecord {
 }
 
 /// Interpolates linearly between the points left and right of `at`. Outside of them: `None`. If two points have the
-/// same place, the first counts.
-fn interpolate(points: impl Iterator<Item = (u64, f64)>, at: u64) -> Option<f64> {
-    let mut before = None;
-    for (place, value) in points {
-        if place == at {
-            return Some(value);
-        }
-        if place > at {
-            let (left, left_value): (u64, f64) = before?;
-            let share = (at - left) as f64 / (place - left) as f64;
-            return Some(left_value + share * (value - left_value));
-        }
-        before = Some((place, value));
+/// same place, the first counts. `items` are in order of the places of their points.
+fn interpolate<T>(items: &[T], point: impl Fn(&T) -> (u64, f64), at: u64) -> Option<f64> {
+    let (before, here) = items.split_at(items.partition_point(|item| point(item).0 < at));
+    let (place, value) = point(here.first()?);
+    if place == at {
+        return Some(value);
     }
-    None
+    let (left, left_value) = point(before.last()?);
+    let share = (at - left) as f64 / (place - left) as f64;
+    Some(left_value + share * (value - left_value))
 }
 
 #[cfg(test)]
@@ -229,7 +225,7 @@ mod tests {
 
     #[test]
     fn between_two_evaluations_a_curve_is_a_straight_line_and_beyond_them_there_is_none() {
-        let at = |steps| interpolate([(100, 10.0), (300, 20.0), (300, 90.0)].into_iter(), steps);
+        let at = |steps| interpolate(&[(100, 10.0), (300, 20.0), (300, 90.0)], |&point| point, steps);
         // A quarter of the way from 100 to 300 the value is 10 + 10 / 4.
         assert_eq!((at(100), at(150), at(300)), (Some(10.0), Some(12.5), Some(20.0)));
         assert_eq!((at(99), at(301)), (None, None));

@@ -17,6 +17,7 @@ use super::words::{duration, figure, figure_like, interval, no_run, pairing, sig
 use crate::base::statistics::difference::{BySeed, Difference, between, common_episodes};
 use crate::base::statistics::{ENOUGH_SEEDS, Spread, mean, median};
 use crate::domain::ScenarioId;
+use crate::outside::Printable;
 use crate::records::run_record::{CpuTime, PeriodTime, RunRecord, Status};
 
 /// Default return to reach, as a share of the lower final return.
@@ -151,9 +152,9 @@ pub fn compare(a: &ComparedSide, b: &ComparedSide, target: Option<f64>) -> Resul
     for (side, runs) in sides.iter().zip(&runs) {
         warnings.extend(side.left_out.iter().map(LeftOut::to_string));
         let unused = side.group.runs.iter().filter(|run| !runs.iter().any(|used| used.dir == run.dir));
-        warnings.extend(
-            unused.map(|run| format!("{}: left out, because it has fewer steps than the others", run.dir.display())),
-        );
+        warnings.extend(unused.map(|run| {
+            format!("{}: left out, because it has fewer steps than the others", Printable(run.dir.display()))
+        }));
         if runs.iter().any(|run| run.status() != Status::Finished) {
             warnings.push(format!("{}: not finished", side.name));
         }
@@ -217,7 +218,7 @@ impl Verdict {
         }
         // Keys that only one side uses follow from the simulator, which has a line of its own.
         let both = self.differing.iter().filter_map(|(key, [a, b])| Some((key, a.as_ref()?, b.as_ref()?)));
-        lines.extend(both.map(|(key, a, b)| format!("   {key}: {a} in A, {b} in B")));
+        lines.extend(both.map(|(key, a, b)| Printable(format!("   {key}: {a} in A, {b} in B")).to_string()));
         lines.push(format!("{}, at {} timesteps per agent", a.scenario.title(), steps_text(self.steps)));
         lines.push(String::new());
         let row = |what: &str, a: String, b: String, both: String| format!("{what:<24}{a:>20}{b:>20}   {both}");

@@ -6,6 +6,7 @@ use super::curves::{LossData, learning_curve, loss_curve};
 use super::finals::{Final, Runtime, peak_memory};
 use super::group::{Comparison, Group};
 use crate::base::statistics::Spread;
+use crate::outside::csv_name;
 
 /// A file of the report.
 pub struct CsvFile {
@@ -96,7 +97,7 @@ fn differences(comparisons: &[Comparison]) -> Result<CsvFile> {
         let Some(end) = Final::of(group) else { return Vec::new() };
         let found = comparison.opponents().into_iter().filter_map(|opponent| {
             let found = opponent.difference(group, &end)?;
-            let place = [opponent.name().to_owned(), found.pairing.name().to_owned()];
+            let place = [csv_name(opponent.name()), found.pairing.name().to_owned()];
             let (low, high) = (found.interval.map(|ends| ends.low), found.interval.map(|ends| ends.high));
             let all = ["all".to_owned(), number(found.mean), optional(low), optional(high)];
             let of_seeds = found.of_seeds.iter();
@@ -188,7 +189,8 @@ fn write(
     for comparison in comparisons {
         for group in &comparison.groups {
             for line in lines(comparison, group) {
-                writer.write_record([comparison.slug.clone(), group.label()].iter().chain(&line))?;
+                let place = [&comparison.slug, &group.label()].map(|name| csv_name(name));
+                writer.write_record(place.iter().chain(&line))?;
             }
         }
     }

@@ -5,9 +5,10 @@ use std::fmt;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use serde::{Deserialize, Serialize};
 
+use crate::outside::{FileName, Printable, read_text};
 use crate::records::files::is_run_dir;
 use crate::records::run_record::RunRecord;
 
@@ -17,19 +18,23 @@ pub const PLAN: &str = "plan.json";
 pub const BASELINES: &str = "baselines";
 /// Number of folder levels that are searched.
 const DEPTH: usize = 6;
+/// Largest plan or baseline. A plan of 100 000 runs has eight mebibytes.
+const LARGEST_FILE: u64 = 16 << 20;
+/// Largest figure of a baseline, without its sign; the same as that of a run.
+const LARGEST: f64 = 1e15;
 
 /// The plan of an experiment.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct ExperimentPlan {
     /// Names of the run directories, which are in the same folder as the plan.
-    pub runs: Vec<String>,
+    pub runs: Vec<FileName>,
     /// Names of the baseline files, without `.json`.
     #[serde(default)]
-    pub baselines: Vec<String>,
+    pub baselines: Vec<FileName>,
 }
 
 /// Returns the path of a baseline in an experiment's folder of runs.
-pub fn baseline_file(folder: &Path, name: &str) -> PathBuf {
+pub fn baseline_file(folder: &Path, name: &FileName) -> PathBuf {
     folder.join(BASELINES).join(format!("{name}.json"))
 }
 
@@ -50,18 +55,18 @@ pub struct BaselineRecord {
     pub episode_returns: Vec<f64>,
 }
 
-/// A run or a baseline that is not used, and why.
+/// A run, a baseline, a plan or a folder that is not used, and why.
 #[derive(Clone, Debug)]
 pub struct LeftOut {
     pub dir: PathBuf,
     pub reason: String,
 }
 
-/// Writes the path and the reason in one line.
+/// Writes the path and the reason in one printable line.
 impl fmt::Display for LeftOut {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let reason: Vec<&str> = self.reason.split_whitespace().collect();
-        write!(f, "{}: left out: {}", self.dir.display(), reason.join(" "))
+        write!(f, "{}: left out: {}", Printable(self.dir.display()), Printable(reason.join(" ")))
     }
 }
 
@@ -69,12 +74,18 @@ impl fmt::Display for LeftOut {
 #[derive(Default)]
 pub struct Found {
     pub runs: Vec<RunRecord>,
-    /// Runs and baselines that cannot be read.
+    /// Runs, baselines, plans and folders that cannot be read.
     pub unreadable: Vec<LeftOut>,
     /// Runs and baselines of a plan that are not there yet.
     pub missing: Vec<PathBuf>,
     /// Baselines, each once, with its file.
     pub baselines: Vec<(PathBuf, BaselineRecord)>,
+}
+
+impl Found {
+    fn leave_out(&mut self, path: &Path, error: &anyhow::Error) {
+        self.unreadable.push(LeftOut { dir: path.to_owned(), reason: format!("{error:#}") });
+    }
 }
 
 /// Searches folders. A folder without any run in it is an error.
@@ -105,22 +116,27 @@ fn search(folder: &Path, depth: usize, seen: &mut BTreeMap<PathBuf, bool>, found
     if is_run_dir(folder) {
         match RunRecord::read(folder) {
             Ok(run) => found.runs.push(run),
-            Err(error) => {
-                found.unreadable.push(LeftOut { dir: folder.to_owned(), reason: format!("{error:#}") });
-            }
+            Err(error) => found.leave_out(folder, &error),
         }
         seen.insert(place, true);
         return Ok(true);
     }
-    let mut holds = read_plan(folder, found)?;
-    let mut entries: Vec<PathBuf> =
-        fs::read_dir(folder).with_context(failed)?.map(|entry| Ok(entry?.path())).collect::<Result<_>>()?;
-    entries.sort();
+    let mut holds = read_plan(folder, found);
+    let entries = match entries_of(folder) {
+        Ok(entries) => entries,
+        Err(error) => {
+            found.leave_out(folder, &error);
+            Vec::new()
+        }
+    };
     for entry in entries.iter().filter(|entry| entry.is_dir() && depth > 0 && !is_aside(entry)) {
         if entry.file_name().is_some_and(|name| name == BASELINES) {
-            read_baselines(entry, found)?;
+            read_baselines(entry, found);
         } else {
-            holds |= search(entry, depth - 1, seen, found)?;
+            match search(entry, depth - 1, seen, found) {
+                Ok(inside) => holds |= inside,
+                Err(error) => found.leave_out(entry, &error),
+            }
         }
     }
     seen.insert(place, holds);
@@ -134,37 +150,64 @@ fn is_aside(folder: &Path) -> bool {
     aside || name.starts_with('.')
 }
 
-/// Reads the plan in a folder. Returns whether there is one that names a run.
-fn read_plan(folder: &Path, found: &mut Found) -> Result<bool> {
+/// Returns the paths in a folder, in order.
+fn entries_of(folder: &Path) -> Result<Vec<PathBuf>> {
+    let entries = fs::read_dir(folder).and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect());
+    let mut paths: Vec<PathBuf> = entries.with_context(|| format!("{}: cannot be read", folder.display()))?;
+    paths.sort();
+    Ok(paths)
+}
+
+/// Reads the plan in a folder. Returns whether there is one that names a run, or one that cannot be read.
+fn read_plan(folder: &Path, found: &mut Found) -> bool {
     let path = folder.join(PLAN);
-    if !path.is_file() {
-        return Ok(false);
+    if path.symlink_metadata().is_err() {
+        return false;
     }
-    let plan: ExperimentPlan = read_json(&path)?;
+    let plan: ExperimentPlan = match read_json(&path) {
+        Ok(plan) => plan,
+        Err(error) => {
+            found.leave_out(&path, &error);
+            return true;
+        }
+    };
     found.missing.extend(plan.runs.iter().map(|name| folder.join(name)).filter(|run| !is_run_dir(run)));
     let baselines = plan.baselines.iter().map(|name| baseline_file(folder, name));
     found.missing.extend(baselines.filter(|baseline| !baseline.is_file()));
-    Ok(!plan.runs.is_empty())
+    !plan.runs.is_empty()
 }
 
-fn read_baselines(folder: &Path, found: &mut Found) -> Result<()> {
-    let entries = fs::read_dir(folder).with_context(|| format!("{}: cannot be read", folder.display()))?;
-    let mut paths: Vec<PathBuf> = entries.map(|entry| Ok(entry?.path())).collect::<Result<_>>()?;
+fn read_baselines(folder: &Path, found: &mut Found) {
+    let mut paths = match entries_of(folder) {
+        Ok(paths) => paths,
+        Err(error) => return found.leave_out(folder, &error),
+    };
     paths.retain(|path| path.extension().is_some_and(|extension| extension == "json"));
-    paths.sort();
     for path in paths {
-        match read_json(&path) {
+        match read_baseline(&path) {
             // Two experiments on one scenario measure the same baselines.
             Ok(baseline) if found.baselines.iter().any(|(_, other)| *other == baseline) => {}
             Ok(baseline) => found.baselines.push((path, baseline)),
-            Err(error) => found.unreadable.push(LeftOut { dir: path, reason: format!("{error:#}") }),
+            Err(error) => found.leave_out(&path, &error),
         }
     }
-    Ok(())
+}
+
+/// Reads a baseline. A number in it that is no figure is an error.
+pub fn read_baseline(path: &Path) -> Result<BaselineRecord> {
+    let baseline: BaselineRecord = read_json(path)?;
+    let means = [("mean_return", baseline.mean_return), ("std_error", baseline.std_error)];
+    let figures = means.into_iter().chain(baseline.episode_returns.iter().map(|&value| ("episode_returns", value)));
+    for (key, value) in figures {
+        if value.is_nan() || value.abs() > LARGEST {
+            bail!("{}: `{key}` holds {value:e}, which is too large for a figure; measure it again", path.display());
+        }
+    }
+    Ok(baseline)
 }
 
 /// Reads a plan or a baseline.
-pub fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
-    let text = fs::read_to_string(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
+    let text = read_text(path, LARGEST_FILE).with_context(|| format!("{}: cannot be read", path.display()))?;
     serde_json::from_str(&text).with_context(|| format!("{}: is not a file of this program", path.display()))
 }

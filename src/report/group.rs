@@ -28,7 +28,8 @@ pub struct Comparison {
 impl Comparison {
     /// Returns the title with a capital letter, for headings.
     pub fn heading(&self) -> String {
-        self.title[..1].to_uppercase() + &self.title[1..]
+        let mut letters = self.title.chars();
+        letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
     }
 
     /// Returns the number of agents, with whatever else distinguishes the scenario from others.

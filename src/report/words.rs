@@ -8,6 +8,7 @@ use super::find::LeftOut;
 use super::group::{Comparison, steps_text};
 use crate::base::statistics::difference::{Difference, Pairing};
 use crate::base::statistics::{Bounds, ENOUGH_SEEDS, Spread};
+use crate::outside::Printable;
 use crate::records::run_record::Status;
 
 /// Writes a return: one decimal from 50 on (traffic), two below (warehouse).
@@ -97,14 +98,14 @@ pub fn duration(seconds: f64) -> String {
 /// Lists everything that a reader must know before trusting a figure.
 pub fn warnings(comparisons: &[Comparison], missing: &[PathBuf], left_out: &[LeftOut]) -> Vec<String> {
     let mut warnings = Vec::new();
-    warnings.extend(missing.iter().map(|run| format!("{}: not begun yet", run.display())));
+    warnings.extend(missing.iter().map(|run| format!("{}: not begun yet", Printable(run.display()))));
     warnings.extend(left_out.iter().map(LeftOut::to_string));
     for comparison in comparisons {
         let all_seeds: BTreeSet<u64> = comparison.groups.iter().flat_map(|group| group.seeds()).collect();
         for group in &comparison.groups {
             let furthest = group.finals().map_or(0, |(steps, _)| steps);
             for run in &group.runs {
-                let (place, planned) = (run.dir.display(), steps_text(run.config.last_step()));
+                let (place, planned) = (Printable(run.dir.display()), steps_text(run.config.last_step()));
                 match run.status() {
                     Status::Unfinished { steps } => {
                         warnings.push(format!("{place}: unfinished, at {} of {planned} steps", steps_text(steps)));

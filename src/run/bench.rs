@@ -19,10 +19,13 @@ use crate::domain::Domain;
 use crate::error::{Error, Result};
 use crate::fleet::children::Children;
 use crate::fleet::{Coordinator, Options};
+use crate::machine::allow_open_files;
 use crate::nn::Peak;
+use crate::outside::{Directory, temporary_dir};
+use crate::records::checkpoint::owner::Owner;
 use crate::records::run_log::{Layouts, RunLog};
 use crate::terminal::measuring::BenchProgress;
-use crate::terminal::{answer, tell};
+use crate::terminal::{answer, json as in_json, tell};
 use crate::training::observer::Interrupted;
 
 /// Time for measuring matrix products at peak speed.
@@ -40,7 +43,8 @@ pub fn bench(args: &cli::BenchArgs) -> Result<()> {
     }
     domain::check(&config).map_err(Error::Usage)?;
     let domain = domain::open(&config).map_err(Error::Usage)?;
-    let most = args.workers.map_or_else(cores, usize::from);
+    let most = args.workers.unwrap_or_else(cores);
+    allow_open_files(most, 1, "--workers").map_err(Error::Usage)?;
     let progress = Rc::new(BenchProgress::new().map_err(Error::Run)?);
     let peak = Peak::measure(PEAK_TIME);
     let mut costs = Vec::new();
@@ -80,9 +84,10 @@ fn run(
     progress: &Rc<BenchProgress>,
 ) -> anyhow::Result<Costs> {
     let short = short_orders(config, workers);
-    let dir = tempfile::tempdir().context("cannot make a temporary directory for the files of the run")?;
-    let mut log = RunLog::create(dir.path(), config, Layouts::of(config, domain.kinds()))?;
-    let (crew, options) = (Children::new(dir.path()), Options { workers, patience: PATIENCE });
+    let dir = temporary_dir().context("the files of the measured run have no place")?;
+    let directory = Directory::lock(dir.path())?;
+    let (crew, options) = (Children::new(&directory), Options { workers, patience: PATIENCE });
+    let mut log = RunLog::begin(directory, Owner::of(config, &**domain)?, Layouts::of(config, domain.kinds()));
     let mut fleet = Coordinator::start(domain.clone(), &short, crew, options, progress.clone())?;
     let plan = MeasurePlan { config: &short, kinds: domain.kinds(), workers, time, peak_flops };
     let measured = measure(&plan, &mut fleet, &mut log)?;
@@ -126,7 +131,7 @@ fn as_json(
     costs: &[Costs],
 ) -> anyhow::Result<String> {
     let object = json!({
-        "config": args.config,
+        "config": crate::terminal::path_as_text(&args.config),
         "simulator": config.simulator,
         "agents": domain.agents(),
         "timesteps_per_agent": config.last_step(),
@@ -137,7 +142,7 @@ fn as_json(
         "versions": build::here(config.numerics.vector_width)?,
         "fleets": table::json(costs),
     });
-    Ok(object.to_string())
+    Ok(in_json(object))
 }
 
 #[cfg(test)]

@@ -7,13 +7,13 @@ use anyhow::{Context, ensure};
 use crate::cli;
 use crate::error::{Error, Result};
 use crate::report::compare::{ComparedSide, compare as compare_sides};
-use crate::terminal::answer;
+use crate::terminal::{answer, json};
 
 pub fn compare(args: &cli::CompareArgs) -> Result<()> {
     let side = |name: &str| ComparedSide::open(name, &folders(name)?);
     let (a, b) = (side(&args.a).map_err(Error::Usage)?, side(&args.b).map_err(Error::Usage)?);
     let verdict = compare_sides(&a, &b, args.reach).map_err(Error::Usage)?;
-    let found = if args.json { verdict.to_json(&a, &b).to_string() } else { verdict.to_text(&a, &b) };
+    let found = if args.json { json(verdict.to_json(&a, &b)) } else { verdict.to_text(&a, &b) };
     answer(found).map_err(Error::Run)
 }
 

@@ -1,6 +1,7 @@
 //! Makes and opens run directories.
 
-use std::path::{Path, PathBuf};
+use std::ffi::OsString;
+use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Result, ensure};
@@ -11,21 +12,25 @@ use super::domain;
 use super::places::{self, Existing};
 use crate::config::{self, Config};
 use crate::domain::Domain;
+use crate::outside::{Directory, Whereabouts};
 use crate::policy::{JointPolicy, JointPolicyController, Selection};
 use crate::records::atomic::write_atomically;
 use crate::records::files;
 use crate::records::joint_layout::JointLayout;
 use crate::records::run_json::RunJson;
+use crate::terminal::quoted_word;
 
-/// Makes the directory of a new run and returns its path.
+/// Makes the directory of a new run and returns it, locked.
 ///
 /// The directory is self-contained: it holds the config, the networks and the circumstances of the run.
-pub fn create(path: &Path, existing: Existing, config: &Config) -> Result<PathBuf> {
-    let path = places::place(path, existing)?;
+pub fn create(path: &Path, existing: Existing, config: &Config) -> Result<Directory> {
     // The run loads its networks from there later.
-    domain::check_place(config, &path)?;
-    places::make(&path, existing, |dir| describe(dir, config))?;
-    Ok(path)
+    domain::check_place(config, &places::place(path, existing)?)?;
+    places::make(path, existing, |dir| {
+        describe(dir, config)?;
+        // The checkpoints to come are worth nothing without these files.
+        Directory::open(dir)?.sync_tree()
+    })
 }
 
 /// Writes the config, the networks and `run.json`.
@@ -45,8 +50,11 @@ fn describe(dir: &Path, config: &Config) -> Result<()> {
 }
 
 /// Returns the words of the command line, without the hidden flag that ends a run together with its experiment.
+///
+/// JSON is UTF-8: a word of other bytes is kept as bash reads it, in `$'...'`.
 fn command_line() -> Vec<String> {
-    let mut words = std::env::args_os().map(|word| word.to_string_lossy().into_owned());
+    let as_text = |word: OsString| word.into_string().unwrap_or_else(|bytes| quoted_word(&bytes));
+    let mut words = std::env::args_os().map(as_text);
     let mut kept = Vec::new();
     while let Some(word) = words.next() {
         if word == END_WITH {
@@ -63,24 +71,22 @@ pub struct TrainedRun {
     pub config: Config,
     pub domain: Arc<dyn Domain>,
     pub policies: JointPolicy,
+    /// Timesteps per agent of these policies, if somebody is still training the run.
+    pub still_trained_at: Option<u64>,
 }
 
 /// Reads the config of a run directory and opens its domain.
 pub fn open_config(path: &Path) -> Result<(Config, Arc<dyn Domain>)> {
-    let config_path = path.join(files::CONFIG);
-    ensure!(
-        config_path.is_file(),
-        "{}: not a run directory: it has no {}; `dials-traffic train` makes one",
-        path.display(),
-        files::CONFIG
-    );
-    let config = config::load(&config_path, &[])?;
+    check(path)?;
+    let config = config::load(&path.join(files::CONFIG), &[])?;
     let domain = domain::open(&config)?;
     Ok((config, domain))
 }
 
 /// Reads a run directory: its config, domain and policies.
 pub fn open(path: &Path) -> Result<TrainedRun> {
+    check(path)?;
+    let directory = Directory::open(path)?;
     let (config, domain) = open_config(path)?;
     let saved = path.join(files::POLICIES);
     ensure!(
@@ -88,8 +94,25 @@ pub fn open(path: &Path) -> Result<TrainedRun> {
         "{}: has no policies yet; they are written at the end of the first period",
         path.display()
     );
-    let policies = JointLayout::of_policies(domain.kinds(), &config.policy).read(&saved)?;
-    Ok(TrainedRun { config, domain, policies })
+    let (policies, steps) = JointLayout::of_policies(domain.kinds(), &config.policy).read_with_steps(&saved)?;
+    ensure!(
+        directory.whereabouts() == Whereabouts::InPlace,
+        "{}: was moved while it was read; try again",
+        path.display()
+    );
+    let still_trained_at = steps.filter(|_| Directory::is_locked(path));
+    Ok(TrainedRun { config, domain, policies, still_trained_at })
+}
+
+/// Checks that there is a run directory.
+pub fn check(path: &Path) -> Result<()> {
+    ensure!(
+        files::is_run_dir(path),
+        "{}: not a run directory: it has no {}; `dials-traffic train` makes one",
+        path.display(),
+        files::CONFIG
+    );
+    Ok(())
 }
 
 impl TrainedRun {
@@ -141,9 +164,10 @@ mod tests {
         fs::write(path.join("precious"), "x").unwrap();
         let error = create(&path, Existing::Refuse, &config).unwrap_err().to_string();
         assert!(error.contains("exists already") && error.contains("--force"), "{error}");
-        assert_eq!(create(&path, Existing::Number, &config).unwrap(), dir.path().join("a.b-2"));
-        assert_eq!(create(&path, Existing::Number, &config).unwrap(), dir.path().join("a.b-3"));
-        assert_eq!(create(&dir.path().join("c"), Existing::Number, &config).unwrap(), dir.path().join("c"));
+        let numbered = |path: &Path| create(path, Existing::Number, &config).unwrap().path().to_owned();
+        assert_eq!(numbered(&path), dir.path().join("a.b-2"));
+        assert_eq!(numbered(&path), dir.path().join("a.b-3"));
+        assert_eq!(numbered(&dir.path().join("c")), dir.path().join("c"));
         create(&path, Existing::MoveAside, &config).unwrap();
         assert!(!path.join("precious").exists());
         assert!(dir.path().join("a.b.old-1/precious").exists());
@@ -188,7 +212,8 @@ mod tests {
         let traffic = traffic_in(&mut config);
         traffic.network = dir.path().join("g/same");
         traffic.local_network = dir.path().join("l/same");
-        let path = create(&dir.path().join("run"), Existing::Refuse, &config).unwrap();
+        let path = dir.path().join("run");
+        create(&path, Existing::Refuse, &config).unwrap();
         let kept = networks_of(&config::load(&path.join(files::CONFIG), &[]).unwrap());
         for (kept, original) in kept.iter().zip([&global, &local]) {
             assert_eq!(fs::read(&kept.net).unwrap(), fs::read(&original.net).unwrap());

@@ -3,8 +3,9 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 
+use super::trial;
 use crate::config::{Config, DomainConfig};
 use crate::domain::Domain;
 use crate::nn::use_vectors;
@@ -17,11 +18,24 @@ use crate::warehouse::Warehouse;
 pub const NO_SUCH_VECTORS: &str =
     "numerics.vector_width = \"256-bit\": this machine has no such vector instructions; \"widest\" works everywhere";
 
-/// Opens the domain of a config and reads the files that it needs.
+/// Opens the domain of a config and reads the files that it needs. Strange files are tried in another process first.
 ///
 /// Also sets the vector width of this process's networks as the config says. So every process must call this before it
 /// computes with networks.
 pub fn open(config: &Config) -> Result<Arc<dyn Domain>> {
+    let domain = open_tried(config)?;
+    ensure!(
+        !config.shares_policies() || domain.kinds().count() == 1,
+        "gs.shared_policy = true: the agents of this domain are of {} kinds, and only agents of one kind can share a \
+         policy",
+        domain.kinds().count()
+    );
+    trial::survive(config, &*domain)?;
+    Ok(domain)
+}
+
+/// Opens the domain of a config, like [`open`], in a process that may end with it: nothing is tried first.
+pub fn open_tried(config: &Config) -> Result<Arc<dyn Domain>> {
     use_vectors(config.numerics.vector_width).context(NO_SUCH_VECTORS)?;
     find(config)
 }
@@ -49,7 +63,10 @@ pub fn traffic(config: &Config) -> Result<Option<Traffic>> {
 /// Opens the traffic domain of a config. The first episode that its simulators play is recorded on `tape`.
 pub fn open_recorded(config: &Config, tape: &Tape) -> Result<Traffic> {
     match traffic(config)? {
-        Some(traffic) => Ok(traffic.record_on(tape)),
+        Some(traffic) => {
+            trial::survive(config, &traffic)?;
+            Ok(traffic.record_on(tape))
+        }
         None => {
             bail!("only traffic can be recorded, and this is {}; for another domain try --render", table(config).name())
         }
@@ -63,6 +80,13 @@ pub fn check(config: &Config) -> Result<()> {
     if let Some(name) = &config.policy.imitate {
         domain.check_baseline(name).context("policy.imitate: not a controller of this domain")?;
     }
+    ensure!(
+        !config.shares_policies() || domain.kinds().count() == 1,
+        "gs.shared_policy = true: the agents of this domain are of {} kinds, and only agents of one kind can share a \
+         policy",
+        domain.kinds().count()
+    );
+    trial::survive(config, &*domain)?;
     domain.try_out()
 }
 

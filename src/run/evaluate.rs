@@ -18,8 +18,8 @@ use crate::domain::{Baseline, Domain};
 use crate::error::{Error, Result};
 use crate::evaluation::{Evaluation, Finding, comparison, json, play_episodes, table};
 use crate::plot::About;
-use crate::terminal::answer;
 use crate::terminal::counting::EpisodeBar;
+use crate::terminal::{answer, json as in_json};
 use crate::traffic;
 
 pub fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
@@ -41,7 +41,7 @@ pub fn baseline(args: &cli::BaselineArgs) -> Result<()> {
     let config = load(&args.config, &[]).map_err(Error::Usage)?;
     let domain = domain::open(&config).map_err(Error::Usage)?;
     domain::check(&config).map_err(Error::Usage)?;
-    let about = [("config", json!(args.config))];
+    let about = [("config", json!(crate::terminal::path_as_text(&args.config)))];
     let plots = Plots::asked_for(args.output.plot.as_deref(), &config).map_err(Error::Usage)?;
     let domain = plots.as_ref().map_or(&*domain, Plots::domain);
     let session = Session::new(domain, &config, &args.episodes, &args.output)?;
@@ -104,7 +104,7 @@ impl<'a> Session<'a> {
     }
 
     /// Lets all subjects play the same episodes, one subject after the other.
-    fn play(&self, subjects: Vec<Subject>, csv: Option<CsvFiles>) -> Result<Vec<Finding>> {
+    fn play(&self, subjects: Vec<Subject>, mut csv: Option<CsvFiles>) -> Result<Vec<Finding>> {
         let bar = EpisodeBar::new(subjects.len() * self.episodes);
         let mut findings = Vec::new();
         for (number, subject) in subjects.into_iter().enumerate() {
@@ -118,7 +118,7 @@ impl<'a> Session<'a> {
                 .measure_in_full()
                 .and_then(|()| play_episodes(simulator, controller, Seed::new(self.seed), self.episodes, progress));
             let finding = Finding { player: subject.player(), episodes: played.map_err(Error::Run)? };
-            csv.as_ref().map_or(Ok(()), |csv| csv.append(&finding)).map_err(Error::Run)?;
+            csv.as_mut().map_or(Ok(()), |csv| csv.append(&finding)).map_err(Error::Run)?;
             findings.push(finding);
         }
         bar.finish();
@@ -157,6 +157,6 @@ impl<'a> Session<'a> {
         object.insert("scenario".into(), json!(self.scenario));
         object.insert("seed".into(), json!(self.seed));
         object.insert("sumo_version".into(), json!(traffic::sumo_version().map_err(Error::Run)?));
-        Ok(Value::Object(object).to_string())
+        Ok(in_json(Value::Object(object)))
     }
 }

@@ -4,6 +4,7 @@
 //! - `evaluate`: plays and measures saved policies; also `baseline`, which does so with hand-coded controllers.
 //! - `experiment`: makes all runs of a file. `report`, `compare`: summarise runs. `bench`: measures training speed.
 //! - `export`: policies as TorchScript. `replay`: an episode for sumo-gui. `nets`: SUMO networks. `info`: versions.
+//! - `trial`: files that might crash a simulator, tried in a child process; also the hidden command of that child.
 //! - `domain`: finds the domain that a config names. Only this file knows all domains.
 //! - `directory`: makes and opens run directories. `places`: makes any directory whole or not at all, and checks output
 //!   paths.
@@ -33,6 +34,7 @@ mod replay;
 mod report;
 mod subject;
 mod train;
+mod trial;
 mod tune;
 mod video;
 mod worker;
@@ -61,6 +63,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Command::Nets(args) => nets::nets(&args),
         Command::Info => info::info(),
         Command::Worker => worker::worker(),
+        Command::TryOut => trial::try_out(),
     }
 }
 

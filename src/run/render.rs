@@ -29,4 +29,5 @@ pub fn render(
     })?;
     places::make(dir, Existing::Refuse, |dir| scenes::write(&drawn, dir))
         .with_context(|| format!("{}: cannot be written", dir.display()))
+        .map(drop)
 }

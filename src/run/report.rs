@@ -8,6 +8,7 @@ use anyhow::Context;
 use super::places::{self, Existing};
 use crate::cli;
 use crate::error::{Error, Result};
+use crate::outside::Printable;
 use crate::report::{self, MARKDOWN, PAGE};
 use crate::terminal::{answer, quoted, tell};
 
@@ -17,7 +18,7 @@ pub fn report(args: &cli::ReportArgs) -> Result<()> {
     let report = report::report(&args.folders).map_err(Error::Usage)?;
     places::make(&out, existing, |dir| report.files.iter().try_for_each(|(name, text)| write(&dir.join(name), text)))
         .map_err(Error::Usage)?;
-    report.warnings.iter().for_each(|warning| tell(format_args!("warning: {warning}")));
+    report.warnings.iter().for_each(|warning| tell(format_args!("warning: {}", Printable(warning))));
     let (page, markdown) = (out.join(PAGE), out.join(MARKDOWN));
     let (runs, groups) = (report.runs, report.groups);
     let told = format!("{runs} runs in {groups} groups; open {} or read {}", quoted(&page), quoted(&markdown));

@@ -11,6 +11,7 @@ use crate::domain::{Baseline, Domain};
 use crate::evaluation::Player;
 use crate::policy::Selection;
 use crate::records::files;
+use crate::terminal::tell;
 
 /// A controller or a run, as the command line names it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -91,7 +92,7 @@ impl Subject {
         match self {
             Subject::Controller(name) => vec![("controller", json!(name))],
             Subject::Run { dir, greedy, background } => {
-                let mut keys = vec![("run", json!(dir)), ("greedy", json!(greedy))];
+                let mut keys = vec![("run", json!(crate::terminal::path_as_text(dir))), ("greedy", json!(greedy))];
                 if let Some(Background { controller, policies_of }) = background {
                     let agents: Vec<usize> = policies_of.iter().map(|agent| agent.0).collect();
                     keys.extend([("background", json!(controller)), ("policies_of", json!(agents))]);
@@ -129,6 +130,10 @@ impl Subject {
             Subject::Controller(name) => domain.baseline(name),
             Subject::Run { dir, greedy, background } => {
                 let run = fitting(dir, domain)?;
+                if let Some(steps) = run.still_trained_at {
+                    let path = dir.display();
+                    tell(format_args!("{path}: is still being trained; its policies are those of step {steps}"));
+                }
                 let selection = if *greedy { Selection::Greedy } else { Selection::Sampled };
                 let controller = Box::new(run.controller(selection));
                 let simulator = match background {

@@ -5,6 +5,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
+use anyhow::anyhow;
 use clap::ValueEnum;
 
 use super::build::{other_build, record_resume};
@@ -18,7 +19,11 @@ use crate::error::{Error, Result};
 use crate::fleet::children::Children;
 use crate::fleet::inline::InlineFleet;
 use crate::fleet::{Coordinator, Options};
+use crate::machine::allow_open_files;
+use crate::outside::{Directory, Whereabouts};
+use crate::records::checkpoint::owner::{NotOfThisRun, Owner};
 use crate::records::files;
+use crate::records::resume_point::{NothingFits, ResumePoint};
 use crate::records::run_json::Versions;
 use crate::records::run_log::{Layouts, RunLog};
 use crate::terminal::training::Progress;
@@ -29,19 +34,42 @@ use crate::training::observer::Interrupted;
 use crate::training::standing::Standing;
 
 pub fn train(args: &cli::TrainArgs) -> Result<()> {
+    allow_open_files(args.workers.unwrap_or_else(cores), 1, "--workers").map_err(Error::Usage)?;
     let run = match (&args.resume, &args.config) {
         (Some(dir), _) => resume(dir, args.accept_other_build)?,
         (None, Some(config)) => begin(args, config)?,
         (None, None) => unreachable!("clap asks for one of them"),
     };
-    let workers = args.workers.unwrap_or_else(cores);
+    let workers = run.workers(args.workers);
     let patience = Duration::from_secs(args.patience);
-    match run.train(workers, patience) {
-        Ok(()) => answer(how_to_go_on(&run)).map_err(Error::Run),
-        Err(error) if error.is::<Interrupted>() => Err(Error::Interrupted(stopped(&run.dir))),
-        Err(error) => {
-            let way_out = format!("the files written so far are kept; resume with: {}", resume_command(&run.dir));
-            tell(way_out);
+    let (directory, config, domain) = (run.directory.clone(), run.config.clone(), run.domain.clone());
+    let outcome = run.train(workers, patience);
+    // The path may lead elsewhere by now.
+    let place = match directory.whereabouts() {
+        Whereabouts::InPlace => Some(directory.path().to_owned()),
+        Whereabouts::Moved(place) => Some(place),
+        Whereabouts::Removed => None,
+    };
+    match (outcome, place) {
+        (Ok(()), Some(place)) => {
+            if place != directory.path() {
+                let (path, place) = (directory.path().display(), place.display());
+                tell(format_args!("warning: {path}: was moved to {place} while this run was written"));
+            }
+            answer(how_to_go_on(&place, &config, &*domain)).map_err(Error::Run)
+        }
+        (Ok(()), None) => {
+            let path = directory.path().display();
+            Err(Error::Run(anyhow!("{path}: was removed while this run was written")))
+        }
+        (Err(error), place) if error.is::<Interrupted>() => {
+            Err(Error::Interrupted(place.map_or("stopped".to_owned(), |place| stopped(&place))))
+        }
+        (Err(error), place) => {
+            if let Some(place) = place {
+                let way_out = format!("the files written so far are kept; resume with: {}", resume_command(&place));
+                tell(way_out);
+            }
             Err(Error::Run(error))
         }
     }
@@ -49,10 +77,14 @@ pub fn train(args: &cli::TrainArgs) -> Result<()> {
 
 /// A run that is ready to begin or to resume.
 struct Run {
-    dir: PathBuf,
+    /// Run directory, which this process has locked.
+    directory: Directory,
     config: Config,
     domain: Arc<dyn Domain>,
-    resumed: bool,
+    /// What of the run its checkpoints carry.
+    owner: Owner,
+    /// Point from which the run continues. `None`: it is new.
+    resumed: Option<ResumePoint>,
     /// This build, if another build wrote the run so far.
     other_build: Option<Versions>,
 }
@@ -66,50 +98,86 @@ fn begin(args: &cli::TrainArgs, config_path: &Path) -> Result<Run> {
         (false, None) => Existing::Number,
     };
     let dir = args.out.clone().unwrap_or_else(|| default_dir(config_path, &config));
-    let dir = directory::create(&dir, existing, &config).map_err(Error::Usage)?;
+    let directory = directory::create(&dir, existing, &config).map_err(Error::Usage)?;
     // Use the networks of the run directory from here on, because the original ones may just have been moved aside.
-    open(&dir)
+    open(directory)
 }
 
 fn resume(dir: &Path, accept_other_build: bool) -> Result<Run> {
-    let run = open(dir)?;
+    directory::check(dir).map_err(Error::Usage)?;
+    let run = open(Directory::lock(dir).map_err(Error::Run)?)?;
     let other_build = other_build(dir, run.config.numerics.vector_width, accept_other_build).map_err(Error::Usage)?;
-    Ok(Run { resumed: true, other_build, ..run })
+    let point = ResumePoint::find(&run.directory, &run.owner).map_err(|error| {
+        if error.is::<NotOfThisRun>() {
+            return Error::Usage(error);
+        }
+        if error.is::<NothingFits>() {
+            let (program, config, run) = (program(), quoted(&dir.join(files::CONFIG)), quoted(dir));
+            tell(format_args!(
+                "put the file back from a copy; or move this run aside and begin it again with: {program} train {config} \
+                 --out {run} --force"
+            ));
+        }
+        Error::Run(error)
+    })?;
+    point.warning.iter().for_each(tell);
+    Ok(Run { resumed: Some(point), other_build, ..run })
 }
 
-fn open(dir: &Path) -> Result<Run> {
-    let (config, domain) = directory::open_config(dir).map_err(Error::Usage)?;
-    Ok(Run { dir: dir.to_owned(), config, domain, resumed: false, other_build: None })
+fn open(directory: Directory) -> Result<Run> {
+    let (config, domain) = directory::open_config(directory.path()).map_err(Error::Usage)?;
+    let owner = Owner::of(&config, &*domain).map_err(Error::Usage)?;
+    Ok(Run { directory, config, domain, owner, resumed: None, other_build: None })
 }
 
 impl Run {
-    fn train(&self, workers: usize, patience: Duration) -> anyhow::Result<()> {
-        let Run { dir, config, domain, resumed, other_build } = self;
+    /// Returns how many workers to start: not more than have work.
+    fn workers(&self, asked: Option<usize>) -> usize {
+        let most = most_workers(&self.config, self.domain.agents());
+        if let Some(asked) = asked.filter(|&asked| asked > most) {
+            tell(format_args!(
+                "note: --workers {asked}: starting {most}, because there are {} agents and never more than {most} \
+                 episodes or agents to share out",
+                self.domain.agents()
+            ));
+        }
+        asked.unwrap_or_else(cores).min(most)
+    }
+
+    fn train(self, workers: usize, patience: Duration) -> anyhow::Result<()> {
+        let Run { directory, config, domain, owner, resumed, other_build } = self;
+        let (dir, config) = (directory.path(), &config);
         let progress = Rc::new(Progress::new(config, domain.agents(), stopped(dir))?);
         let layouts = Layouts::of(config, domain.kinds());
         let (mut log, checkpoint) = match resumed {
-            false => (RunLog::create(dir, config, layouts)?, None),
-            true => RunLog::resume(dir, config, layouts)?,
+            None => (RunLog::begin(directory.clone(), owner, layouts), None),
+            Some(point) => RunLog::resume(directory.clone(), point, owner, layouts)?,
         };
-        // `RunLog` has locked the directory, so nobody else can be writing this run.
         let resumes_at = checkpoint.as_ref().map_or(0, |checkpoint| checkpoint.agents.steps);
         other_build.as_ref().map_or(Ok(()), |build| record_resume(dir, build, resumes_at))?;
         let mut fleet: Box<dyn Fleet> = match workers {
             0 => Box::new(InlineFleet::new(domain.clone(), config, progress.clone())),
             workers => {
-                let (crew, options) = (Children::new(dir), Options { workers, patience });
+                let (crew, options) = (Children::new(&directory), Options { workers, patience });
                 Box::new(Coordinator::start(domain.clone(), config, crew, options, progress.clone())?)
             }
         };
         let mut standing = Standing::default();
         if let Some(checkpoint) = checkpoint {
-            standing = checkpoint.progress.standing();
+            standing = checkpoint.progress.standing;
             fleet.restore(checkpoint.agents)?;
         }
         let outcome = dials::train(config, &mut *fleet, standing, &mut log, &*progress);
         progress.finish();
         outcome
     }
+}
+
+/// Returns the largest number of workers that each have agents or episodes at some time of the run.
+fn most_workers(config: &Config, agents: usize) -> usize {
+    let (evaluation, datasets) = (&config.evaluation, config.dataset_episodes(config.horizon()));
+    let shared = [evaluation.episodes, evaluation.final_episodes, evaluation.aip_loss_episodes, datasets];
+    shared.into_iter().fold(agents, usize::max)
 }
 
 /// Returns the flags that override keys of the config, as `KEY=VALUE` settings.
@@ -148,8 +216,7 @@ fn resume_command(dir: &Path) -> String {
 }
 
 /// Returns the commands to try next. They use the run's copy of the config, which includes the command-line flags.
-fn how_to_go_on(run: &Run) -> String {
-    let Run { dir, config, domain, .. } = run;
+fn how_to_go_on(dir: &Path, config: &Config, domain: &dyn Domain) -> String {
     let episodes = config.evaluation.final_episodes;
     let (program, place, run) = (program(), dir.display(), quoted(dir));
     let kept = quoted(&dir.join(files::CONFIG));

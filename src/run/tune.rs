@@ -9,6 +9,7 @@ use super::places;
 use super::subject::Subject;
 use crate::config::Config;
 use crate::error::{Error, Result};
+use crate::outside::FileName;
 use crate::records::atomic::write_atomically;
 use crate::terminal::counting::EpisodeBar;
 use crate::terminal::tell;
@@ -54,7 +55,8 @@ fn tuned_file(config: &Config, controller: &str, episodes: usize) -> Result<Path
     };
     let wanted = TunedOn::of(&traffic, controller, episodes, config.seed).map_err(Error::Usage)?;
     let key = crc32fast::hash(&serde_json::to_vec(&wanted).expect("names and numbers are JSON"));
-    let path = Path::new(FOLDER).join(format!("{}-{controller}-{key:08x}.toml", wanted.network));
+    let name = format!("{}-{controller}-{key:08x}.toml", wanted.network);
+    let path = Path::new(FOLDER).join(FileName::new(name).map_err(Error::Usage)?);
     if path.exists() {
         check_kept(&path, &wanted).map_err(Error::Usage)?;
         tell(format_args!("{}: uses the timings of an earlier search", path.display()));

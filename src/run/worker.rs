@@ -5,5 +5,5 @@ use crate::error::{Error, Result};
 use crate::fleet::children::serve_the_parent;
 
 pub fn worker() -> Result<()> {
-    serve_the_parent(domain::open).map_err(Error::Run)
+    serve_the_parent(domain::open_tried).map_err(Error::Run)
 }

@@ -209,7 +209,7 @@ impl Crossing {
                 name: text(4 * car),
                 vehicle_type: text(4 * car + 1),
                 route: text(4 * car + 2),
-                edges: text(4 * car + 3).split(' ').map(str::to_owned).collect(),
+                edges: text(4 * car + 3).split('\u{1f}').map(str::to_owned).collect(),
                 lane: lanes[car],
                 position_m: positions[car],
                 speed_mps: speeds[car],

@@ -4,6 +4,8 @@ use std::fmt::Display;
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::outside::Printable;
+
 /// A progress bar for episodes or other things that are counted. It is shown on a terminal only.
 pub struct EpisodeBar {
     bar: ProgressBar,
@@ -33,7 +35,7 @@ impl EpisodeBar {
     }
 
     pub fn tell(&self, message: impl Display) {
-        self.bar.set_message(message.to_string());
+        self.bar.set_message(Printable(message).to_string());
     }
 
     pub fn finish(&self) {

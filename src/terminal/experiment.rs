@@ -9,6 +9,7 @@ use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use super::duration::duration;
 use super::tell;
 use super::training::plain_line;
+use crate::outside::Printable;
 
 /// Interval between plain lines about all running processes.
 const PLAIN_LINES_EVERY: Duration = Duration::from_secs(60);
@@ -80,7 +81,7 @@ impl Display {
         let Some(state) = self.tasks.get_mut(task) else { return };
         let style = ProgressStyle::with_template("{bar:30.cyan/blue} {percent:>3} %  {prefix}  {msg}");
         let bar = ProgressBar::new(state.steps.max(NO_STEPS)).with_style(style.expect("the template is well-formed"));
-        let bar = self.bars.insert_before(&self.whole, bar).with_prefix(task.to_owned());
+        let bar = self.bars.insert_before(&self.whole, bar).with_prefix(Printable(task).to_string());
         bar.set_message("running");
         bar.set_position((state.share * state.steps as f64) as u64);
         if !self.terminal {
@@ -97,7 +98,7 @@ impl Display {
             let steps = steps.min(state.steps);
             state.share = steps as f64 / state.steps.max(NO_STEPS) as f64;
             bar.set_position(steps);
-            bar.set_message(words.to_owned());
+            bar.set_message(Printable(words).to_string());
         }
     }
 

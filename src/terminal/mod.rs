@@ -1,6 +1,6 @@
 //! The terminal: printed lines, progress bars, commands to copy, and Ctrl-C.
 //!
-//! - `say`: messages on standard error, results on standard output.
+//! - `say`: messages on standard error, results on standard output. Names in them cannot act on the terminal.
 //! - `shell`: finds programs on the PATH, and quotes paths for commands to copy.
 //! - `stop`: Ctrl-C and SIGTERM.
 //! - [`training`], [`measuring`], [`experiment`]: the progress of `train`, `bench` and `experiment`. They show bars on
@@ -20,6 +20,6 @@ mod shell;
 mod stop;
 pub mod training;
 
-pub use say::{answer, tell};
-pub use shell::{on_the_path, program, quoted};
+pub use say::{answer, json, tell};
+pub use shell::{on_the_path, path_as_text, program, quoted, quoted_word};
 pub use stop::{Wish, check_stop, stop_on_signals};

@@ -113,7 +113,7 @@ impl Progress {
             let per_second = rate.steps as f64 / rate.trained.as_secs_f64();
             parts.push(format!("{:.0} agent-steps/s", per_second * self.agents as f64));
             let left = self.last_step.saturating_sub(steps) as f64 / per_second;
-            parts.push(format!("{} left", duration(Duration::from_secs_f64(left))));
+            parts.push(format!("{} left", duration(Duration::try_from_secs_f64(left).unwrap_or(Duration::MAX))));
         }
         let found = self.found.borrow();
         parts.extend(found.mean_return.map(|value| format!("return {value:.1}")));

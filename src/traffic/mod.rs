@@ -52,10 +52,11 @@ use crate::domain::{
 use crate::sumo::Simulation;
 use agents::region;
 use controllers::{HandCoded, Trials};
-use network::files::{NetworkFiles, for_sumo};
+use network::contents::Network;
+use network::files::NetworkFiles;
 use network::way_out::cannot_be_simulated;
 use paper_grid::grid::Grid;
-use paper_grid::recognise::{read_grid, read_local};
+use paper_grid::recognise::{recognise_grid, recognise_local};
 use sim::control::SignalControl;
 use sim::global::GlobalTraffic;
 use sim::local::{self, LocalTraffic};
@@ -86,8 +87,10 @@ const LOCAL_NETWORK: &str = "traffic.local_network";
 #[derive(Clone)]
 pub struct Traffic {
     grid: Grid,
-    network: NetworkFiles,
-    local_network: NetworkFiles,
+    network: Network,
+    local_network: Network,
+    /// Nets that hold more than this program writes.
+    strange: Vec<PathBuf>,
     config: TrafficConfig,
     kinds: Kinds,
     tape: Option<Tape>,
@@ -97,16 +100,18 @@ impl Traffic {
     /// Finds the networks and compares them with what this program makes. An error says which file is missing or wrong
     /// and how to make it. Cheap: [`Traffic::check_in_sumo`] checks what only SUMO can say.
     pub fn open(config: &TrafficConfig) -> Result<Traffic> {
-        let (network, local_network) = (NetworkFiles::of(&config.network), NetworkFiles::of(&config.local_network));
-        network.check()?;
-        local_network.check()?;
-        read_local(&local_network)?;
-        for_sumo(&std::env::temp_dir()).context("forests of local simulators go there: set TMPDIR")?;
-        let grid = read_grid(&network)?;
+        let [global, local] = [&config.network, &config.local_network].map(|prefix| NetworkFiles::of(prefix));
+        global.check()?;
+        local.check()?;
+        let local = recognise_local(&local)?;
+        let global = recognise_grid(&global)?;
+        let grid = global.grid;
+        let strange = [&local, &global].into_iter().filter(|found| !found.is_ours);
         Ok(Traffic {
             grid,
-            network,
-            local_network,
+            strange: strange.map(|found| found.network.files.net.clone()).collect(),
+            network: global.network,
+            local_network: local.network,
             config: config.clone(),
             kinds: Kinds::one(grid.agents().len(), region::spec(config)),
             tape: None,
@@ -126,8 +131,8 @@ impl Traffic {
     /// Loads both networks in SUMO and plays a step in each, so that a faulty network is reported before a run begins.
     /// Takes tens of milliseconds; SUMO is closed again.
     pub fn check_in_sumo(&self) -> Result<()> {
-        self.try_global().with_context(|| cannot_be_simulated(&self.network.net))?;
-        self.try_local().with_context(|| cannot_be_simulated(&self.local_network.net))
+        self.try_global().with_context(|| cannot_be_simulated(&self.network.files.net))?;
+        self.try_local().with_context(|| cannot_be_simulated(&self.local_network.files.net))
     }
 
     /// Tries the GS with the actuated lights, which need all files of the network and more of their content than the
@@ -146,10 +151,6 @@ impl Traffic {
         let dropped = ls.counters().into_iter().find(|(name, _)| *name == local::DROPPED).map_or(0, |(_, count)| count);
         ensure!(dropped == 0, "{dropped} cars did not fit on its empty edges");
         Ok(())
-    }
-
-    pub fn networks(&self) -> [&NetworkFiles; 2] {
-        [&self.network, &self.local_network]
     }
 
     /// Loads the GS with its own type, for what the trait does not offer.
@@ -222,8 +223,8 @@ impl Domain for Traffic {
     fn scenario(&self) -> Result<Scenario> {
         let scenario = Scenario::new("traffic", self.agents(), self.config.horizon);
         let map = Map { rows: self.grid.rows(), columns: self.grid.cols(), first_row: FirstRow::Bottom };
-        let local_network = (LOCAL_NETWORK.to_owned(), self.local_network.checksum()?);
-        Ok(scenario.with_map(map).with_checksum(self.network.checksum()?).with_files([local_network]))
+        let local_network = (LOCAL_NETWORK.to_owned(), self.local_network.checksum());
+        Ok(scenario.with_map(map).with_checksum(self.network.checksum()).with_files([local_network]))
     }
 
     fn rival(&self) -> Option<&'static str> {
@@ -234,13 +235,17 @@ impl Domain for Traffic {
         self.check_in_sumo()
     }
 
+    fn strange_files(&self) -> Vec<PathBuf> {
+        self.strange.clone()
+    }
+
     fn check_place(&self, folder: &Path) -> Result<()> {
         KEPT_AS.iter().try_for_each(|name| NetworkFiles::of(&folder.join(name)).check_paths())
     }
 
     fn keep_files(&self, folder: &Path) -> Result<Vec<PathBuf>> {
         std::fs::create_dir(folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
-        for (network, name) in self.networks().into_iter().zip(KEPT_AS) {
+        for (network, name) in [&self.network, &self.local_network].into_iter().zip(KEPT_AS) {
             network.copy_to(folder, name)?;
         }
         Ok(KEPT_AS.map(PathBuf::from).to_vec())

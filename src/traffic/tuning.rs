@@ -16,11 +16,11 @@ use crate::sumo::Simulation;
 impl TunedOn {
     /// Returns what a tuning of `controller` on `traffic` would depend on.
     pub fn of(traffic: &Traffic, controller: &str, episodes: usize, seed: u64) -> Result<TunedOn> {
-        let name = traffic.network.net.file_name().unwrap_or_default().to_string_lossy();
+        let name = traffic.network.files.net.file_name().unwrap_or_default().to_string_lossy();
         Ok(TunedOn {
             controller: controller.to_owned(),
             network: name.strip_suffix(".net.xml").unwrap_or(&name).to_owned(),
-            network_crc32: format!("{:08x}", traffic.network.checksum()?),
+            network_crc32: format!("{:08x}", traffic.network.checksum()),
             horizon: traffic.config.horizon,
             episodes,
             seed: seed.to_string(),

@@ -24,7 +24,7 @@ impl PolicyTraining {
             whole.agents.extend(next.agents);
             for (name, more) in next.counters {
                 match whole.counters.iter_mut().find(|(known, _)| *known == name) {
-                    Some((_, count)) => *count += more,
+                    Some((_, count)) => *count = count.saturating_add(more),
                     None => whole.counters.push((name, more)),
                 }
             }

@@ -6,7 +6,7 @@ use super::fleet::Fleet;
 use super::journal::Journal;
 use super::observer::{Interrupted, Observer};
 use super::standing::Standing;
-use crate::config::{Config, schedule};
+use crate::config::{Config, rest_of_schedule};
 use crate::domain::Result;
 
 /// Trains the policies of all agents as the config says, from their current state.
@@ -24,9 +24,9 @@ pub fn train(
     let mut run = Training { config, fleet, standing, journal, observer };
     run.journal.begun(run.fleet.agents())?; // 1: policies and AIPs, new or from a checkpoint
     run.imitate_at_the_beginning()?; // if the config names a controller; not in the paper
-    for period in schedule(config).iter().skip(standing.periods_done) {
+    for period in &rest_of_schedule(config, standing.until) {
         // 2: repeat
-        if period.evaluate {
+        if period.evaluate && run.standing.evaluated_at != Some(run.fleet.agents().steps) {
             run.evaluate(config.evaluation.episodes)?;
         }
         if run.standing.trains_aips(period, config) {
@@ -37,7 +37,7 @@ pub fn train(
             run.measure_aips(Moment::Training)?;
         }
         let training = run.fleet.train_policies(period)?; // 7-12: in parallel, for every agent, F steps
-        run.standing.periods_done += 1;
+        run.standing.until = period.end;
         let load = run.fleet.take_load();
         run.journal.period_done(run.fleet.agents(), &run.standing, &training, load)?;
         if observer.stop_requested() {
@@ -61,7 +61,7 @@ struct Training<'a> {
 impl Training<'_> {
     /// Makes new policies imitate the controller that the config names, if it names one.
     fn imitate_at_the_beginning(&mut self) -> Result<()> {
-        let (0, Some(controller)) = (self.standing.periods_done, &self.config.policy.imitate) else { return Ok(()) };
+        let (0, Some(controller)) = (self.standing.until, &self.config.policy.imitate) else { return Ok(()) };
         let demonstrations = self.fleet.collect_demonstrations(controller)?;
         let losses = self.fleet.imitate(demonstrations)?;
         self.journal.imitated(self.fleet.agents(), &losses)?;
@@ -73,6 +73,7 @@ impl Training<'_> {
     fn evaluate(&mut self, episodes: usize) -> Result<()> {
         let evaluation = self.fleet.evaluate(episodes)?;
         self.journal.evaluated(self.fleet.agents(), &evaluation)?;
+        self.standing.evaluated_at = Some(self.fleet.agents().steps);
         self.observer.evaluated(self.fleet.agents().steps, &evaluation);
         self.measure_aips(Moment::Evaluation)
     }

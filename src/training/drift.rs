@@ -32,11 +32,12 @@ impl Moment {
 /// Loss of the AIPs on new episodes, divided by the loss of the best constants. Both are means over all agents and
 /// sources.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Drift {
     /// Share right after the last training, if there was one.
-    share_after_training: Option<f64>,
+    pub(super) share_after_training: Option<f64>,
     /// Share at the last measurement.
-    share_now: Option<f64>,
+    pub(super) share_now: Option<f64>,
 }
 
 impl Drift {

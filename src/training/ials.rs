@@ -49,7 +49,7 @@ impl<'a> Ials<'a> {
         // The caller has timed this; it is not part of the steps to come.
         simulator.take_watch();
         let spec = simulator.spec();
-        let head_start = |copy: usize, copies: usize| if stagger { copy * spec.horizon / copies } else { 0 };
+        let head_start = |copy: usize, copies: usize| if stagger { head_start(copy, copies, spec.horizon) } else { 0 };
         let copies = |stream: &AgentStream| stream.rows.len();
         let head_starts = streams.iter().flat_map(|stream| {
             let copies = copies(stream);
@@ -73,6 +73,11 @@ impl<'a> Ials<'a> {
         let totals = self.simulator.counters().into_iter().zip(&self.counted);
         totals.map(|((name, total), before)| (name, total - before)).collect()
     }
+}
+
+/// Returns the number of steps by which the first episode of a staggered copy is shorter.
+pub(super) fn head_start(copy: usize, copies: usize, horizon: usize) -> usize {
+    copy * horizon / copies
 }
 
 /// Replays the trails in new simulators. Returns what the rows show at their ends.

@@ -1,13 +1,19 @@
 //! How far Algorithm 1 has come between two periods. With the config and the agents, it decides how training continues.
 
+use serde::{Deserialize, Serialize};
+
 use super::drift::Drift;
 use crate::config::{AipTraining, Config, Period};
 
 /// How far training has come. The default is its beginning.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Standing {
-    /// Number of periods of the schedule that are over.
-    pub periods_done: usize,
+    /// End of the last period that is over, in timesteps per agent. Not a number of periods: the schedule may change
+    /// when a run is resumed.
+    pub until: u64,
+    /// Timesteps per agent at the last evaluation. A schedule that has changed does not repeat it.
+    pub evaluated_at: Option<u64>,
     /// Drift of the AIPs (approximate influence predictors) since their last training.
     pub drift: Drift,
 }

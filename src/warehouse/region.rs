@@ -83,7 +83,8 @@ pub fn observe(cell: u8, ages: &[Age; SHELVES], obs: &mut [f32]) {
 pub fn reward(shelf: Option<usize>, ages: &[Age; SHELVES]) -> f32 {
     match shelf.map(|shelf| ages[shelf]) {
         Some(age) if age >= 0 => {
-            let oldest = ages.iter().copied().max().expect("there are shelves");
+            // An item is at least one step old when it is collected. If all were new, 0 / 0 would be no number.
+            let oldest = ages.iter().copied().max().expect("there are shelves").max(1);
             age as f32 / oldest as f32
         }
         _ => 0.0,

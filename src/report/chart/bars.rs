@@ -4,18 +4,19 @@ use std::ops::Range;
 
 use anyhow::Result;
 use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint, Ranged};
-use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::legend::{self, LegendEntry, LegendSample};
-use super::lines::{Axis, whisker};
+use super::lines::{Axis, MOST_FOR_NUMBERS, whisker};
 use super::look::{Look, Marker, mark};
-use crate::drawing::{INK, Svg, draw_mesh, ink_over, px, text, text_width};
+use crate::drawing::{BoundedAxis, INK, Svg, draw_mesh, ink_over, px, text, text_width};
 
 const WIDTH: u32 = 860;
 const HEIGHT: u32 = 400;
 const LEGEND: u32 = 250;
+/// Largest number of ticks at powers of 2.
+const MOST_POWERS: usize = 32;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scale {
@@ -77,9 +78,9 @@ impl BarChart {
                 .caption(&self.title, text(15.0, INK))
                 .margin(px(8.0))
                 .x_label_area_size(px(42.0))
-                .y_label_area_size(widest.unwrap_or(0) + px(30.0))
+                .y_label_area_size((widest.unwrap_or(0) + px(30.0)).min(px(MOST_FOR_NUMBERS)))
                 .build_cartesian_2d(
-                    0.0..self.clusters.len() as f64,
+                    BoundedAxis::from(0.0..self.clusters.len() as f64),
                     Ticked::new(place(low)..place(high), self.scale),
                 )?;
             draw_mesh(
@@ -182,13 +183,13 @@ impl BarChart {
 
 /// An axis with its ticks at whole powers of 2 if the scale is [`Scale::Log2`].
 struct Ticked {
-    axis: RangedCoordf64,
+    axis: BoundedAxis,
     scale: Scale,
 }
 
 impl Ticked {
     fn new(range: Range<f64>, scale: Scale) -> Self {
-        Ticked { axis: range.into(), scale }
+        Ticked { axis: BoundedAxis::from(range), scale }
     }
 }
 
@@ -204,11 +205,50 @@ impl Ranged for Ticked {
         let Range { start, end } = self.axis.range();
         match self.scale {
             Scale::Linear => self.axis.key_points(hint),
-            Scale::Log2 => (start.ceil() as i32..=end.floor() as i32).map(f64::from).collect(),
+            Scale::Log2 => {
+                let powers = start.ceil() as i32..=end.floor() as i32;
+                let every = powers.clone().count().div_ceil(MOST_POWERS).max(1);
+                powers.step_by(every).map(f64::from).collect()
+            }
         }
     }
 
     fn range(&self) -> Range<f64> {
         self.axis.range()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whatever_the_values_are_a_chart_is_drawn() {
+        let odd = [f64::MAX, f64::MIN, 1e300, -1e300, 5e-324, -0.0, 0.0, 1.0, -3.0, f64::INFINITY, f64::NAN];
+        for scale in [Scale::Linear, Scale::Log2] {
+            for first in odd {
+                for second in odd {
+                    let bar = |value: f64| Bar {
+                        label: "a".to_owned(),
+                        look: Look::FIRST,
+                        value: Some(value),
+                        whisker: Some((second, first)),
+                        points: vec![first, second],
+                        paper: Some(second),
+                    };
+                    let chart = BarChart {
+                        title: String::new(),
+                        x_label: String::new(),
+                        y: Axis { label: String::new(), format: |value| format!("{value:.1}") },
+                        format: |value| format!("{value:.1}"),
+                        scale,
+                        clusters: vec![Cluster { label: "4".to_owned(), bars: vec![bar(first), bar(second)] }],
+                        note: String::new(),
+                    };
+                    let svg = chart.draw().unwrap().file();
+                    roxmltree::Document::parse(&svg).unwrap();
+                }
+            }
+        }
     }
 }

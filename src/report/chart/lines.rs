@@ -2,17 +2,18 @@
 
 use anyhow::Result;
 use plotters::coord::CoordTranslate;
-use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::legend::{self, LegendEntry, LegendSample};
 use super::look::{Dash, Look, Marker, mark, stroke};
-use crate::drawing::{Area, INK, SCALE, Svg, draw_mesh, pen, px, text, text_width};
+use crate::drawing::{Area, BoundedAxis, INK, SCALE, Svg, draw_mesh, pen, px, text, text_width};
 
 const WIDTH: u32 = 860;
 const HEIGHT: u32 = 400;
 const LEGEND: u32 = 250;
+/// Largest width of the numbers at a vertical axis, in pixels. Longer numbers reach into the margin.
+pub const MOST_FOR_NUMBERS: u32 = 130;
 /// Largest number of markers on a line.
 const MARKERS: usize = 8;
 
@@ -202,8 +203,8 @@ impl LineChart {
             .margin(px(8.0))
             .margin_right(px(right))
             .x_label_area_size(px(if titled { 42.0 } else { 20.0 }))
-            .y_label_area_size(px(self.label_width(&y, size)))
-            .build_cartesian_2d(x, y)?;
+            .y_label_area_size(px(self.label_width(&y, size).min(f64::from(MOST_FOR_NUMBERS))))
+            .build_cartesian_2d(BoundedAxis::from(x), BoundedAxis::from(y))?;
         draw_mesh(
             chart
                 .configure_mesh()
@@ -265,7 +266,7 @@ impl LineChart {
 
     fn draw_line(
         &self,
-        area: &DrawingArea<SVGBackend<'_>, Cartesian2d<RangedCoordf64, RangedCoordf64>>,
+        area: &DrawingArea<SVGBackend<'_>, Cartesian2d<BoundedAxis, BoundedAxis>>,
         index: usize,
         line: &Line,
     ) -> Result<()> {
@@ -383,4 +384,41 @@ where
         area.draw(&(EmptyElement::at((x.clone(), end)) + foot))?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whatever_the_values_are_a_chart_is_drawn() {
+        let odd = [f64::MAX, f64::MIN, 1e300, -1e300, 1e15, 5e-324, -0.0, 0.0, 1.0, f64::INFINITY, f64::NAN];
+        for first in odd {
+            for second in odd {
+                let point = |x: f64, y: f64| LinePoint { x, y, band: Some((second, first)), whole: true };
+                let look = Look { dash: Dash::Dotted, ..Look::FIRST };
+                let line = Line {
+                    label: "a".to_owned(),
+                    look,
+                    points: vec![point(0.0, first), point(1.0, second), point(first, second)],
+                    companion: vec![(0.0, second), (second, first)],
+                    seeds: vec![vec![(0.0, first), (1.0, second)]],
+                };
+                let chart = LineChart {
+                    title: String::new(),
+                    x: Axis { label: String::new(), format: |value| format!("{value:.1}") },
+                    y: Axis { label: String::new(), format: |value| format!("{value:.1}") },
+                    lines: vec![line.clone(), line],
+                    companions: None,
+                    levels: vec![Level { label: String::new(), name: String::new(), y: second, measured: true }],
+                    marks: vec![Mark { label: String::new(), look, points: vec![(first, second, Some(first))] }],
+                    x_end: 0.0,
+                    note: String::new(),
+                };
+                for svg in [chart.draw().unwrap(), chart.draw_against(0).unwrap()] {
+                    roxmltree::Document::parse(&svg.file()).unwrap();
+                }
+            }
+        }
+    }
 }

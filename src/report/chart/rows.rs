@@ -7,7 +7,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use super::legend::wrapped;
 use super::lines::Axis;
 use super::look::{Dash, Look, Marker, mark, stroke};
-use crate::drawing::{INK, Svg, draw_mesh, px, text};
+use crate::drawing::{BoundedAxis, INK, Svg, draw_mesh, px, text};
 
 const WIDTH: u32 = 860;
 /// Width of the labels at the left.
@@ -61,7 +61,7 @@ impl RowChart {
                 .margin_left(px(LABELS))
                 .margin_right(px(WORDS))
                 .x_label_area_size(px(AXIS))
-                .build_cartesian_2d(self.range(), -f64::from(all)..0.0)?;
+                .build_cartesian_2d(BoundedAxis::from(self.range()), BoundedAxis::from(-f64::from(all)..0.0))?;
             draw_mesh(
                 chart
                     .configure_mesh()

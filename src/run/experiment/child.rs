@@ -1,13 +1,14 @@
 //! One process of an experiment: this program, started with other arguments.
 
-use std::fs::{self, File, OpenOptions};
+use std::ffi::OsStr;
+use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Write};
 use std::os::unix::process::CommandExt;
 use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
 use std::process::{ChildStderr, Command, Stdio};
 use std::sync::mpsc::Sender;
-use std::thread::JoinHandle;
+use std::thread::{self, JoinHandle};
 
 use anyhow::{Context, Result};
 use rustix::process::{Pid, Signal, kill_process};
@@ -15,7 +16,11 @@ use rustix::process::{Pid, Signal, kill_process};
 use super::LOGS;
 use super::plan::PlannedWork;
 use crate::config::{Config, DomainConfig, to_toml};
+use crate::fleet::Log;
+use crate::machine::why_aborted;
+use crate::outside::Directory;
 use crate::records::atomic::write_atomically;
+use crate::report::find::BASELINES;
 use crate::run::END_WITH;
 
 /// A line that a process printed on standard error.
@@ -25,11 +30,16 @@ pub struct Said {
     pub line: String,
 }
 
+/// Number of the signal by which a process aborts.
+const ABORTED: i32 = 6;
+
 /// A running process.
 pub struct RunProcess {
     process: std::process::Child,
     /// Thread that returns the last line that says why the process ended.
     listener: Option<JoinHandle<Option<String>>>,
+    /// What it printed on standard error.
+    log: Log,
     /// Path of the result file once it is complete.
     result: Option<PathBuf>,
 }
@@ -38,17 +48,19 @@ impl RunProcess {
     /// Starts a task. Its standard error goes to `said` and to its log. Its standard output goes to its result file, if
     /// it has one, otherwise to the log.
     pub fn start(task: &PlannedWork, folder: &Path, said: Sender<Said>) -> Result<RunProcess> {
-        let log = folder.join(LOGS).join(format!("{}.log", task.name));
-        let failed = || format!("{}: cannot be written", log.display());
+        let folder = Directory::open(folder)?;
+        let log = Log::open(&folder.make_subdirectory(LOGS)?, format!("{}.log", task.name))?;
         if let Some((path, config)) = &task.config {
             write_atomically(path, to_toml(&with_absolute_paths(config)?)?.as_bytes())?;
         }
-        let file = OpenOptions::new().create(true).append(true).open(&log).with_context(failed)?;
+        let file = log.file()?;
         let stdout = match &task.result {
-            Some(result) => Stdio::from(
-                File::create(beside(result)).with_context(|| format!("{}: cannot be written", result.display()))?,
-            ),
-            None => Stdio::from(file.try_clone().with_context(failed)?),
+            Some(result) => {
+                let beside = beside(result);
+                let name = beside.file_name().and_then(OsStr::to_str).context("a result has no name")?;
+                Stdio::from(folder.make_subdirectory(BASELINES)?.open_anew(name)?)
+            }
+            None => Stdio::from(log.file()?),
         };
         // Not the path of the program: another build may be there by now.
         let mut process = Command::new("/proc/self/exe")
@@ -63,8 +75,15 @@ impl RunProcess {
             .spawn()
             .with_context(|| format!("{}: cannot be started", task.name))?;
         let (stderr, name) = (process.stderr.take().expect("it was asked for"), task.name.clone());
-        let listener = Some(std::thread::spawn(move || listen(stderr, file, name, &said)));
-        Ok(RunProcess { process, listener, result: task.result.clone() })
+        let listener = thread::Builder::new().name(format!("{} listener", task.name));
+        match listener.spawn(move || listen(stderr, file, name, &said)) {
+            Ok(listener) => Ok(RunProcess { process, listener: Some(listener), log, result: task.result.clone() }),
+            Err(error) => {
+                drop(process.kill());
+                drop(process.wait());
+                Err(error).with_context(|| format!("{}: cannot start the thread that reads from it", task.name))
+            }
+        }
     }
 
     /// Asks the process to stop where nothing is lost.
@@ -79,12 +98,15 @@ impl RunProcess {
             return Ok(None);
         };
         // An earlier line does not explain a signal from outside.
-        if status.signal().is_some() {
+        if status.signal().is_some_and(|signal| signal != ABORTED) {
             return Ok(Some(Err(status.to_string())));
         }
         // Its last lines may arrive after its end. If its workers still hold the pipe open, it has not ended.
         if self.listener.as_ref().is_some_and(|listener| !listener.is_finished()) {
             return Ok(None);
+        }
+        if status.signal() == Some(ABORTED) {
+            return Ok(Some(Err(format!("{status}: {}", why_aborted(&self.log.tail())))));
         }
         let words = self.listener.take().and_then(|listener| listener.join().ok().flatten());
         if !status.success() {

@@ -15,7 +15,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
 
-use anyhow::{Context, anyhow};
+use anyhow::{Context, anyhow, ensure};
 
 use super::build::other_build;
 use super::domain;
@@ -25,7 +25,9 @@ use crate::error::{Error, Result};
 use crate::experiment::file::{Experiment, Knowledge};
 use crate::experiment::progress::{Stage, directory, stage};
 use crate::experiment::schedule::Cores;
-use crate::records::atomic::{lock, write_atomically};
+use crate::machine::allow_open_files;
+use crate::outside::Directory;
+use crate::records::atomic::write_atomically;
 use crate::report::find::{BASELINES, ExperimentPlan, PLAN};
 use crate::terminal::experiment::Display;
 use crate::terminal::{Wish, answer, program, quoted, stop_on_signals, tell};
@@ -41,6 +43,7 @@ pub fn experiment(args: &cli::ExperimentArgs) -> Result<()> {
     let name = args.file.file_stem().unwrap_or_default();
     let folder = args.out.clone().unwrap_or_else(|| Path::new("results").join(name).join("runs"));
     let cores = args.cores.unwrap_or_else(machine_cores);
+    allow_open_files(cores, 2, "--cores").map_err(Error::Usage)?;
     let knowledge = Knowledge {
         simulated: &|config| {
             let domain = domain::find(config)?;
@@ -60,10 +63,12 @@ pub fn experiment(args: &cli::ExperimentArgs) -> Result<()> {
             fs::create_dir_all(folder).with_context(|| format!("{}: cannot be made", folder.display()))
         })
         .and_then(|()| {
-            lock(&folder).with_context(|| format!("{}: another experiment is running here", folder.display()))
+            Directory::lock(&folder)
+                .with_context(|| format!("{}: another experiment is running here", folder.display()))
         })
         .map_err(Error::Usage)?;
     let tasks = Tasks::look(&experiment, &folder, cores, args.accept_other_build).map_err(Error::Usage)?;
+    check_nobody_trains(&experiment, &folder).map_err(Error::Usage)?;
     if !args.accept_other_build {
         check_builds(&experiment, &folder).map_err(Error::Usage)?;
     }
@@ -96,6 +101,21 @@ pub fn experiment(args: &cli::ExperimentArgs) -> Result<()> {
             .map_err(Error::Run)
         }
     }
+}
+
+/// Checks that no other process trains a run of this experiment.
+fn check_nobody_trains(experiment: &Experiment, folder: &Path) -> anyhow::Result<()> {
+    for run in &experiment.runs {
+        let dir = directory(folder, run);
+        // The run of an experiment that was just killed ends within a moment.
+        let free = !Directory::is_locked(&dir) || Directory::lock(&dir).is_ok();
+        ensure!(
+            free,
+            "{}: another process is writing this run; wait until it has ended, or choose another folder with --out",
+            dir.display()
+        );
+    }
+    Ok(())
 }
 
 /// Checks that no run that would be resumed was written by another build.

@@ -60,7 +60,7 @@ impl PlannedWork {
         }
         arguments.extend(["--workers".into(), width.to_string().into()]);
         Ok(PlannedWork {
-            name: run.name.clone(),
+            name: run.name.to_string(),
             arguments,
             result: None,
             config: None,
@@ -81,7 +81,7 @@ impl PlannedWork {
         arguments.extend(["--controller", &baseline.controller, "--json", "--episodes"].map(OsString::from));
         arguments.push(baseline.episodes.to_string().into());
         PlannedWork {
-            name: baseline.name.clone(),
+            name: baseline.name.to_string(),
             arguments,
             result: Some(result),
             config: Some((config, baseline.config.clone())),

@@ -2,6 +2,7 @@
 
 #include "dials_sumo.h"
 
+#include <algorithm>
 #include <charconv>
 #include <iostream>
 #include <stdexcept>
@@ -34,21 +35,23 @@ std::vector<std::string> fresh;
 // Number of cars that were taken off the road since the last step. SUMO lists them as arrived.
 uint32_t removed = 0;
 
-// Collects what SUMO writes to the terminal while we are inside.
+// Collects what SUMO writes to the terminal while we are inside: the beginning, because a broken network can bring an
+// error for each of a million elements.
 class Ear : public std::streambuf {
 public:
+    static constexpr size_t most = 16 * 1024;
     std::string heard;
 
 protected:
     int_type overflow(int_type letter) override {
-        if (!traits_type::eq_int_type(letter, traits_type::eof())) {
+        if (!traits_type::eq_int_type(letter, traits_type::eof()) && heard.size() < most) {
             heard.push_back(traits_type::to_char_type(letter));
         }
         return traits_type::not_eof(letter);
     }
 
     std::streamsize xsputn(const char *text, std::streamsize length) override {
-        heard.append(text, static_cast<size_t>(length));
+        heard.append(text, std::min(static_cast<size_t>(length), most - std::min(most, heard.size())));
         return length;
     }
 };
@@ -328,7 +331,8 @@ int ds_read_departures(struct ds_departures *out) {
         for (const auto &car : Simulation::getDepartedIDList()) {
             std::string edges;
             for (const auto &edge : Vehicle::getRoute(car)) {
-                edges.append(edges.empty() ? "" : " ").append(edge);
+                // Names may hold blanks, but no XML holds this separator.
+                edges.append(edges.empty() ? "" : "\x1f").append(edge);
             }
             for (const auto &text : {car, Vehicle::getTypeID(car), Vehicle::getRouteID(car), edges}) {
                 letters += text;

@@ -66,7 +66,7 @@ int ds_clear_pending(void);
 int ds_remove_cars(const uint32_t *lanes, size_t count);
 
 /* The cars that entered in the last step. The four texts of car i are starts[4 * i] .. starts[4 * i + 4] in letters:
- * its name, its type, its route, and the edges of the route with blanks between. Numbers are those after the step. */
+ * its name, its type, its route, and the edges of the route with \x1f between. Numbers are those after the step. */
 struct ds_departures {
     size_t count;
     const uint32_t *starts;

@@ -2,15 +2,19 @@
 
 use std::path::Path;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, anyhow, ensure};
 use serde::{Deserialize, Serialize};
 
 use super::arguments::GREENS;
 use super::timing::{ClockPlan, Leeway, Timing};
+use crate::outside::{Printable, read_text};
 use crate::traffic::paper_grid::grid::Grid;
 
 /// Advice if a file does not help.
 const WAY_OUT: &str = "`dials-traffic baseline CONFIG --controller NAME --tune` makes one that fits";
+
+/// Largest file. Offsets of 10 000 intersections have 50 kB.
+const MOST_BYTES: u64 = 1 << 20;
 
 /// A TOML file, for readers and for `fixed-time:file=PATH` or `coordinated:file=PATH`. All times are in steps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -53,9 +57,10 @@ pub struct TunedOn {
 impl TimingFile {
     pub fn read(path: &Path) -> Result<TimingFile> {
         let place = path.display();
-        let text = std::fs::read_to_string(path).with_context(|| format!("{place}: cannot be read; {WAY_OUT}"))?;
+        let text = read_text(path, MOST_BYTES).with_context(|| format!("{place}: cannot be read; {WAY_OUT}"))?;
         let foreign = || format!("{place}: is not a file of tuned timings of this version; {WAY_OUT}");
-        let file: TimingFile = toml::from_str(&text).with_context(foreign)?;
+        let file: TimingFile =
+            toml::from_str(&text).map_err(|error| anyhow!(reason(&error, &text))).with_context(foreign)?;
         for (name, green) in [("vertical", file.vertical), ("horizontal", file.horizontal)] {
             ensure!(GREENS.contains(&green), "{place}: {name} = {green}: must be from 1 to 3600 steps; {WAY_OUT}");
         }
@@ -63,6 +68,8 @@ impl TimingFile {
             let most = Leeway::MOST;
             ensure!(steps <= most, "{place}: {name} = {steps}: must be at most {most} steps; {WAY_OUT}");
         }
+        let mean = file.mean_return;
+        ensure!(mean.is_finite(), "{place}: mean_return = {mean}: must be a finite number; {WAY_OUT}");
         Ok(file)
     }
 
@@ -92,6 +99,15 @@ impl TimingFile {
         let timings = offsets.into_iter().map(|offset| Timing { vertical, horizontal, offset }).collect();
         Ok(ClockPlan { timings, leeway: Leeway { early, late } })
     }
+}
+
+/// Returns where and why a text is not TOML, without the line itself, which may be endless.
+fn reason(error: &toml::de::Error, text: &str) -> String {
+    const MOST: usize = 300;
+    let before = error.span().and_then(|span| text.get(..span.start));
+    let line = before.map_or(String::new(), |before| format!("line {}: ", before.matches('\n').count() + 1));
+    let message: String = error.message().chars().take(MOST).collect();
+    format!("{line}{}", Printable(message))
 }
 
 #[cfg(test)]
@@ -154,5 +170,9 @@ mod tests {
         // With 1 and the yellows of 6, the cycle would be 2^32, which is 0.
         assert_eq!(error(&timings(u32::MAX - 6, &on_all)), "vertical = 4294967289: must be from 1 to 3600 steps");
         assert_eq!(error(&timings(0, &on_all)), "vertical = 0: must be from 1 to 3600 steps");
+        for (bad, word) in [("nan", "NaN"), ("-inf", "-inf")] {
+            let told = error(&timings(9, &on_all).replace("1.0", bad));
+            assert_eq!(told, format!("mean_return = {word}: must be a finite number"));
+        }
     }
 }

@@ -13,12 +13,13 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, ensure};
 
 use crate::base::AgentId;
+use crate::traffic::network::contents::Network;
 use crate::traffic::network::files::NetworkFiles;
 use crate::traffic::network::tree::Element;
 use crate::traffic::network::write_together;
 use crate::traffic::network::xml::{Xml, document_with, leaf, nest};
 use crate::traffic::paper_grid::grid::{self, Grid};
-use crate::traffic::paper_grid::recognise::read_local;
+use crate::traffic::paper_grid::recognise::recognise_local;
 
 /// Paths of the files of a forest.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -82,19 +83,27 @@ impl Region {
     }
 }
 
-/// Writes a forest of `regions` copies of the `local` network into `dir`. Takes milliseconds, because netconvert is not
-/// needed.
+/// Texts of the files of a forest: the net and the routes.
+pub(in crate::traffic) struct Forest {
+    pub net: String,
+    pub routes: String,
+}
+
+impl Forest {
+    /// Makes a forest of `regions` copies of a local network. Takes milliseconds, because netconvert is not needed.
+    pub fn of(local: &Network, regions: usize) -> Forest {
+        Forest { net: replicate(&local.net.root, regions), routes: replicate(&local.routes.root, regions) }
+    }
+}
+
+/// Writes a forest of `regions` copies of the `local` network into `dir`, to be looked at or played by plain SUMO.
 pub fn write_forest(local: &NetworkFiles, regions: usize, dir: &Path) -> Result<ForestFiles> {
     ensure!(regions >= 1, "{}: a forest of 0 regions: needs at least one", dir.display());
     local.check()?;
-    let [local_net, local_routes] = read_local(local)?;
+    let forest = Forest::of(&recognise_local(local)?.network, regions);
     let prefix = dir.join(format!("forest_{regions}"));
     let NetworkFiles { net, routes, .. } = NetworkFiles::of(&prefix);
-    let contents = [
-        (net.clone(), replicate(&local_net, regions).into_bytes()),
-        (routes.clone(), replicate(&local_routes, regions).into_bytes()),
-    ];
-    write_together(dir, &contents)?;
+    write_together(dir, &[(net.clone(), forest.net.into_bytes()), (routes.clone(), forest.routes.into_bytes())])?;
     Ok(ForestFiles { net, routes })
 }
 
@@ -119,7 +128,7 @@ fn is_shared(element: &Element) -> bool {
 }
 
 /// Returns the attributes that hold names of things in a region: one name, or several with blanks between. The local
-/// net has no elements but ours: [`read_local`] checks that.
+/// net has no elements but ours: [`recognise_local`] checks that.
 ///
 /// Seen in the files of netconvert 1.15. The `index` and the bits of a `<request>` and the `linkIndex` of a
 /// `<connection>` count within their intersection, so they stay.

@@ -7,11 +7,11 @@
 //! - `.sumocfg`: the configuration for `sumo -c`.
 
 use std::ffi::OsString;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 
+use super::tree::read_whole;
 use super::way_out::no_such_network;
 use super::write_together;
 use super::xml::{document, section};
@@ -41,15 +41,6 @@ impl NetworkFiles {
         }
     }
 
-    /// Returns the CRC-32 of what determines roads and cars: the net and its routes.
-    pub fn checksum(&self) -> Result<u32> {
-        let mut hasher = crc32fast::Hasher::new();
-        for file in [&self.net, &self.routes] {
-            hasher.update(&fs::read(file).with_context(|| format!("{}: cannot be read", file.display()))?);
-        }
-        Ok(hasher.finalize())
-    }
-
     /// Returns an error with advice if one of the files is missing or SUMO could not take its path.
     pub fn check(&self) -> Result<()> {
         self.check_paths()?;
@@ -68,15 +59,8 @@ impl NetworkFiles {
     /// itself. Writes the file for `sumo -c` anew, because it names the others.
     pub fn copy_to(&self, dir: &Path, name: &str) -> Result<NetworkFiles> {
         self.check()?;
-        let copy = NetworkFiles::of(&dir.join(name));
-        let contents = [
-            (copy.net.clone(), whole(&self.net)?),
-            (copy.routes.clone(), whole(&self.routes)?),
-            (copy.actuated.clone(), whole(&self.actuated)?),
-            (copy.config.clone(), config(name).into_bytes()),
-        ];
-        write_together(dir, &contents)?;
-        Ok(copy)
+        let [net, routes, actuated] = [&self.net, &self.routes, &self.actuated].map(|path| read_whole(path));
+        write_copy([&net?, &routes?, &actuated?], dir, name)
     }
 
     fn all(&self) -> [&Path; 4] {
@@ -91,9 +75,17 @@ fn with_ending(prefix: &Path, ending: &str) -> PathBuf {
     PathBuf::from(path)
 }
 
-/// Returns the bytes of a file.
-fn whole(path: &Path) -> Result<Vec<u8>> {
-    fs::read(path).with_context(|| format!("{}: could not be read", path.display()))
+/// Writes net, routes and actuated lights of a network, with a new file for `sumo -c`.
+pub(super) fn write_copy([net, routes, actuated]: [&[u8]; 3], dir: &Path, name: &str) -> Result<NetworkFiles> {
+    let copy = NetworkFiles::of(&dir.join(name));
+    let contents = [
+        (copy.net.clone(), net.to_vec()),
+        (copy.routes.clone(), routes.to_vec()),
+        (copy.actuated.clone(), actuated.to_vec()),
+        (copy.config.clone(), config(name).into_bytes()),
+    ];
+    write_together(dir, &contents)?;
+    Ok(copy)
 }
 
 /// Returns a path as SUMO takes it among its options: as text that names one file only.

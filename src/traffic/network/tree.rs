@@ -1,13 +1,28 @@
-//! XML files read as a tree of elements that can be kept, compared and built by hand.
+//! XML files read as a tree of elements that can be kept, compared, built by hand and written again.
 //!
 //! SUMO's files keep everything in attributes, so text between elements is skipped, as are comments. Attributes with a
 //! namespace are skipped too: they name the place of a schema.
+//!
+//! The files may come from a stranger. Whatever another reader of XML might understand differently is refused: a
+//! document type, other encodings, names with a prefix. So is everything that has no end.
 
-use std::fs;
 use std::path::Path;
 
-use anyhow::{Context, Result, anyhow};
-use roxmltree::{Document, Node};
+use anyhow::{Context, Result, anyhow, bail, ensure};
+use roxmltree::{Document, Node, ParsingOptions};
+
+use crate::outside::read_bytes;
+
+/// Largest file. A grid of 10 000 intersections has 55 MB.
+const MOST_BYTES: u64 = 256 << 20;
+/// Largest number of elements, comments and texts between them. A grid of 10 000 intersections has 800 000.
+const MOST_NODES: u32 = 8_000_000;
+/// Deepest element. SUMO's own files have at most six levels.
+const DEEPEST: usize = 32;
+/// Largest number of attributes of an element. Finding doubles among them takes quadratic time.
+const MOST_ATTRIBUTES: usize = 256;
+/// Largest number of declared namespaces in a file. Each is copied into every element inside.
+const MOST_NAMESPACES: usize = 16;
 
 /// One element and everything inside it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -29,24 +44,87 @@ impl Element {
     }
 }
 
-/// Returns the root element of a file. An error says where the file is not XML.
-pub fn read(path: &Path) -> Result<Element> {
-    let text = fs::read_to_string(path).with_context(|| format!("{}: could not be read", path.display()))?;
-    parse(&text).map_err(|error| anyhow!("{}: is not XML: {error}", path.display()))
+/// Returns the bytes of a file up to the limit.
+pub fn read_whole(path: &Path) -> Result<Vec<u8>> {
+    read_bytes(path, MOST_BYTES).with_context(|| format!("{}: could not be read", path.display()))
+}
+
+/// Returns the root element of a file with these bytes. An error says where the file is not XML.
+pub fn parse_file(path: &Path, bytes: &[u8]) -> Result<Element> {
+    let place = path.display();
+    let text = std::str::from_utf8(bytes).map_err(|error| {
+        anyhow!("{place}: is not UTF-8 text from byte {} on; save it as UTF-8", error.valid_up_to())
+    })?;
+    parse(text).map_err(|error| anyhow!("{place}: {error:#}"))
 }
 
 /// Returns the root element of a text.
-pub fn parse(text: &str) -> Result<Element, roxmltree::Error> {
-    Ok(element(Document::parse(text)?.root_element()))
+pub fn parse(text: &str) -> Result<Element> {
+    check_declaration(text)?;
+    check_effort(text)?;
+    let options = ParsingOptions { nodes_limit: MOST_NODES, ..ParsingOptions::default() };
+    let document = Document::parse_with_options(text, options).map_err(|error| match error {
+        roxmltree::Error::NodesLimitReached => anyhow!("has more than {MOST_NODES} elements, the limit"),
+        roxmltree::Error::DtdDetected => {
+            anyhow!("has a document type (<!DOCTYPE ...>), which SUMO's files do not need")
+        }
+        error => anyhow!("is not XML: {error}"),
+    })?;
+    element(document.root_element(), text, 1)
 }
 
-fn element(node: Node<'_, '_>) -> Element {
-    let plain = node.attributes().filter(|attribute| attribute.namespace().is_none());
-    Element {
-        name: node.tag_name().name().to_owned(),
-        attributes: plain.map(|attribute| (attribute.name().to_owned(), attribute.value().to_owned())).collect(),
-        children: node.children().filter(Node::is_element).map(element).collect(),
+/// Returns an error if the text declares another encoding than its own. SUMO would then read other characters.
+fn check_declaration(text: &str) -> Result<()> {
+    let text = text.strip_prefix('\u{FEFF}').unwrap_or(text);
+    let Some((declared, _)) = text.strip_prefix("<?xml").and_then(|rest| rest.split_once("?>")) else { return Ok(()) };
+    for word in declared.split_ascii_whitespace() {
+        let plain = word.replace('\'', "\"").to_ascii_lowercase();
+        let known = ["version=\"1.0\"", "encoding=\"utf-8\"", "encoding=\"us-ascii\"", "encoding=\"ascii\""];
+        ensure!(
+            known.contains(&plain.as_str()) || plain.starts_with("standalone="),
+            "declares {word}, and this program reads version=\"1.0\" and encoding=\"UTF-8\" only; save it as UTF-8"
+        );
     }
+    Ok(())
+}
+
+/// Returns an error if reading the text could take quadratic time.
+fn check_effort(text: &str) -> Result<()> {
+    // No tag holds a `<`, so the text from one to the next is at least one tag.
+    let tag = text.split('<').find(|tag| tag.len() > 4 * MOST_ATTRIBUTES && attributes(tag) > MOST_ATTRIBUTES);
+    if let Some(tag) = tag {
+        let name: String = tag.chars().take_while(|letter| letter.is_alphanumeric()).take(40).collect();
+        bail!("has the element <{name}> with more than {MOST_ATTRIBUTES} attributes, the limit");
+    }
+    ensure!(
+        text.matches("xmlns").nth(MOST_NAMESPACES).is_none(),
+        "has more than {MOST_NAMESPACES} namespaces, the limit"
+    );
+    Ok(())
+}
+
+/// Returns at least the number of attributes in a tag.
+fn attributes(tag: &str) -> usize {
+    let begins = |rest: &str| rest.trim_ascii_start().starts_with(['"', '\'']);
+    tag.split('=').skip(1).filter(|rest| begins(rest)).count()
+}
+
+fn element(node: Node<'_, '_>, text: &str, depth: usize) -> Result<Element> {
+    let name = node.tag_name().name();
+    ensure!(depth <= DEEPEST, "has elements inside of elements, {DEEPEST} deep and deeper; SUMO's files are flat");
+    let tag = text[node.range()].trim_start_matches('<');
+    ensure!(
+        tag.starts_with(name),
+        "has the element <{}>, whose name has a prefix; SUMO skips it",
+        tag.split(|letter: char| letter.is_whitespace() || matches!(letter, '>' | '/')).next().unwrap_or(name)
+    );
+    let plain = node.attributes().filter(|attribute| attribute.namespace().is_none());
+    let inside = node.children().filter(Node::is_element);
+    Ok(Element {
+        name: name.to_owned(),
+        attributes: plain.map(|attribute| (attribute.name().to_owned(), attribute.value().to_owned())).collect(),
+        children: inside.map(|child| element(child, text, depth + 1)).collect::<Result<_>>()?,
+    })
 }
 
 #[cfg(test)]
@@ -54,11 +132,7 @@ mod tests {
     use super::*;
 
     fn error_of(text: &str) -> String {
-        let dir = tempfile::tempdir().expect("a temporary directory");
-        let path = dir.path().join("x.xml");
-        fs::write(&path, text).expect("a writable temporary directory");
-        let message = format!("{:#}", read(&path).expect_err("the text is not XML"));
-        message.replace(&format!("{}/", dir.path().display()), "")
+        format!("{:#}", parse_file(Path::new("x.xml"), text.as_bytes()).expect_err("the text is not XML"))
     }
 
     #[test]
@@ -86,5 +160,44 @@ mod tests {
     fn where_the_schema_lies_is_not_kept() {
         let root = parse("<net xmlns:xsi=\"http://a\" xsi:noNamespaceSchemaLocation=\"b\" version=\"1.9\"/>").unwrap();
         assert_eq!(root.attributes, [("version".to_owned(), "1.9".to_owned())]);
+    }
+
+    #[test]
+    fn what_another_reader_would_read_otherwise_is_refused() {
+        for declared in [r#"version="1.0" encoding="UTF-8""#, "version='1.0'  encoding='utf-8' standalone=\"yes\""] {
+            parse(&format!("\u{FEFF}<?xml {declared} ?><a/>")).expect(declared);
+        }
+        for (declared, word) in [
+            (r#"version="1.0" encoding="UTF-7""#, r#"encoding="UTF-7""#),
+            (r#"version="encoding='UTF-8'" encoding="UTF-7""#, r#"version="encoding='UTF-8'""#),
+            (r#"version="1.1""#, r#"version="1.1""#),
+            (r#"version="1.0" encoding = "UTF-7""#, "encoding"),
+        ] {
+            let told = error_of(&format!("<?xml {declared}?><a/>"));
+            assert!(told.starts_with(&format!("x.xml: declares {word}, and this program reads")), "{told}");
+        }
+        assert!(error_of("<!DOCTYPE a [<!ENTITY b SYSTEM 'c'>]><a>&b;</a>").starts_with("x.xml: has a document type"));
+        let told = error_of("<a><q:edgeData xmlns:q='u' id='x'/></a>");
+        assert_eq!(told, "x.xml: has the element <q:edgeData>, whose name has a prefix; SUMO skips it");
+        assert_eq!(
+            format!("{:#}", parse_file(Path::new("x.xml"), b"<a b='\xff'/>").unwrap_err()),
+            "x.xml: is not UTF-8 text from byte 6 on; save it as UTF-8"
+        );
+    }
+
+    #[test]
+    fn what_has_no_end_is_refused_at_once() {
+        let deep = 500_000;
+        let nested = ["<a>".repeat(deep), "</a>".repeat(deep)].concat();
+        assert!(error_of(&nested).starts_with("x.xml: has elements inside of elements, 32 deep"));
+        let attributes: String = (0..1_000_000).map(|number| format!(" a{number} = \"\"")).collect();
+        assert_eq!(
+            error_of(&format!("<b><edge{attributes}/></b>")),
+            "x.xml: has the element <edge> with more than 256 attributes, the limit"
+        );
+        let spaces: String = (0..100_000).map(|number| format!("<a xmlns:q{number}='u'>")).collect();
+        assert_eq!(error_of(&spaces), "x.xml: has more than 16 namespaces, the limit");
+        let many = format!("<a>{}</a>", "<b/>".repeat(MOST_NODES as usize));
+        assert_eq!(error_of(&many), "x.xml: has more than 8000000 elements, the limit");
     }
 }

@@ -5,6 +5,8 @@ use std::io;
 use quick_xml::Writer;
 use quick_xml::events::{BytesDecl, Event};
 
+use super::tree::Element;
+
 /// A file that is being written.
 pub type Xml = Writer<Vec<u8>>;
 
@@ -25,6 +27,23 @@ pub fn document_with<K: AsRef<str>, V: AsRef<str>>(
         .expect("memory takes what is written to it");
     xml.get_mut().push(b'\n');
     String::from_utf8(xml.into_inner()).expect("only strings were written")
+}
+
+/// Returns a whole file with these elements.
+pub fn text(root: &Element) -> String {
+    document_with(&root.name, pairs(root), |xml| root.children.iter().try_for_each(|child| element(xml, child)))
+}
+
+/// Writes an element with everything inside it.
+pub fn element(xml: &mut Xml, from: &Element) -> io::Result<()> {
+    if from.children.is_empty() {
+        return leaf(xml, &from.name, pairs(from));
+    }
+    nest(xml, &from.name, pairs(from), |xml| from.children.iter().try_for_each(|child| element(xml, child)))
+}
+
+fn pairs(element: &Element) -> impl Iterator<Item = (&String, &String)> {
+    element.attributes.iter().map(|(key, value)| (key, value))
 }
 
 /// Writes an element with others inside.

@@ -9,6 +9,7 @@ use anyhow::{Context, Result, bail, ensure};
 
 use super::content;
 use super::grid::Grid;
+use crate::outside::{cannot_write_temporary, temporary_dir};
 use crate::traffic::network::files::{NetworkFiles, config};
 use crate::traffic::network::write_together;
 
@@ -42,7 +43,7 @@ fn write_network(name: &str, grid: Grid, inflow: Option<f64>, dir: &Path, netcon
 
 /// Returns the net that netconvert makes of a grid.
 fn convert(grid: Grid, netconvert: &str) -> Result<String> {
-    let room = tempfile::tempdir().context("could not make a temporary directory")?;
+    let room = temporary_dir()?;
     let inputs = [
         ("--node-files", "nod.xml", content::nodes(grid)),
         ("--edge-files", "edg.xml", content::edges(grid)),
@@ -52,7 +53,7 @@ fn convert(grid: Grid, netconvert: &str) -> Result<String> {
     let mut command = Command::new(netconvert);
     command.current_dir(room.path()).stdin(Stdio::null());
     for (option, file, text) in inputs {
-        fs::write(room.path().join(file), text).context("could not write to the temporary directory")?;
+        fs::write(room.path().join(file), text).map_err(|error| cannot_write_temporary(&error))?;
         command.args([option, file]);
     }
     // Normalisation would move the south-west corner of the bounding box, which is that of a dead end, to (0, 0).

@@ -7,42 +7,66 @@ use anyhow::{Context, Result, bail, ensure};
 
 use super::grid::{self, Grid};
 use super::{INFLOW, compare, expected};
+use crate::outside::Printable;
+use crate::traffic::network::contents::{Content, Network};
 use crate::traffic::network::files::NetworkFiles;
-use crate::traffic::network::tree::{Element, read};
-use crate::traffic::network::way_out::{cannot_be_simulated, command_for, no_such_network};
+use crate::traffic::network::tree::Element;
+use crate::traffic::network::way_out::command_for;
 
 /// Returns the shape of one of our grids, from the names in its `net.xml`. [`read_grid`] compares the rest.
 pub fn read_shape(net: &Path) -> Result<Grid> {
-    shape_of(net, &read_net(net)?)
+    shape_of(net, &Content::read_net(net)?.root)
 }
 
 /// Returns the grid that a network is made for. First compares its net, its routes and its actuated lights with what
 /// this program writes for a grid of that size. An error names the file, the element, both values and the way out.
 pub fn read_grid(files: &NetworkFiles) -> Result<Grid> {
-    let net = read_net(&files.net)?;
-    let grid = shape_of(&files.net, &net)?;
-    let way_out = || way_out(&files.net, grid);
-    check_content(&files.net, &net, &expected::net(grid), way_out)?;
-    let (routes, actuated) = (read_beside(files, &files.routes)?, read_beside(files, &files.actuated)?);
-    check_content(&files.routes, &routes, &expected::routes(grid, Some(INFLOW)), way_out)?;
-    check_content(&files.actuated, &actuated, &expected::actuated(grid), way_out)?;
-    Ok(grid)
+    recognise_grid(files).map(|found| found.grid)
 }
 
-/// Reads the net and the routes of the local network. If they are of another network: an error with the way out.
-pub(in crate::traffic) fn read_local(files: &NetworkFiles) -> Result<[Element; 2]> {
-    let net = read_net(&files.net)?;
-    let shape = shape_of(&files.net, &net)?;
+/// A network that was recognised.
+pub(in crate::traffic) struct Recognised {
+    pub grid: Grid,
+    pub network: Network,
+    /// Whether its files hold nothing but what this program writes. If not, they also hold what is only drawn, in words
+    /// that SUMO may not expect.
+    pub is_ours: bool,
+}
+
+/// Reads a network once and compares it, like [`read_grid`].
+pub(in crate::traffic) fn recognise_grid(files: &NetworkFiles) -> Result<Recognised> {
+    let network = Network::read(files)?;
+    let grid = shape_of(&files.net, &network.net.root)?;
+    let is_ours = compare_all(&network, grid, Some(INFLOW), || way_out(&files.net, grid))?;
+    Ok(Recognised { grid, network, is_ours })
+}
+
+/// Reads the local network once. If it is another network: an error with the way out.
+pub(in crate::traffic) fn recognise_local(files: &NetworkFiles) -> Result<Recognised> {
+    let network = Network::read(files)?;
+    let grid = shape_of(&files.net, &network.net.root)?;
     ensure!(
-        shape == Grid::SINGLE,
-        "{}: is a grid of {shape}, and a forest is made of the local net; {}",
+        grid == Grid::SINGLE,
+        "{}: is a grid of {grid}, and a forest is made of the local net; {}",
         files.net.display(),
         make_local()
     );
-    check_content(&files.net, &net, &expected::net(shape), make_local)?;
-    let routes = read_beside(files, &files.routes)?;
-    check_content(&files.routes, &routes, &expected::routes(shape, None), make_local)?;
-    Ok([net, routes])
+    let is_ours = compare_all(&network, grid, None, make_local)?;
+    Ok(Recognised { grid, network, is_ours })
+}
+
+/// Compares all files of a network with what this program writes. Returns whether they hold nothing else.
+fn compare_all(network: &Network, grid: Grid, inflow: Option<f64>, way_out: impl Fn() -> String) -> Result<bool> {
+    let Network { files, net, routes, actuated } = network;
+    let pairs = [
+        (&files.net, &net.root, expected::net(grid)),
+        (&files.routes, &routes.root, expected::routes(grid, inflow)),
+        (&files.actuated, &actuated.root, expected::actuated(grid)),
+    ];
+    for (path, found, expected) in &pairs {
+        check_content(path, found, expected, &way_out)?;
+    }
+    Ok(pairs.iter().all(|(_, found, expected)| compare::holds_nothing_else(found, expected)))
 }
 
 /// Returns the advice if a local net is needed.
@@ -52,21 +76,16 @@ fn make_local() -> String {
 
 fn check_content(path: &Path, found: &Element, expected: &Element, way_out: impl Fn() -> String) -> Result<()> {
     match compare::difference(found, expected) {
-        Some(difference) => bail!("{}: {difference}; {}", path.display(), way_out()),
+        Some(difference) => bail!("{}: {}; {}", path.display(), shown(&difference), way_out()),
         None => Ok(()),
     }
 }
 
-fn read_net(net: &Path) -> Result<Element> {
-    ensure!(net.exists(), no_such_network(net));
-    let root = read(net)?;
-    ensure!(root.name == "net", "{}: is not a SUMO network: its root is <{}>, not <net>", net.display(), root.name);
-    Ok(root)
-}
-
-/// Reads another file of a network.
-fn read_beside(files: &NetworkFiles, path: &Path) -> Result<Element> {
-    read(path).with_context(|| cannot_be_simulated(&files.net))
+/// Returns a text from a file as it may be shown: without what moves a cursor, and not endless.
+fn shown(text: &str) -> String {
+    const MOST: usize = 600;
+    let cut = text.char_indices().nth(MOST).map(|(end, _)| format!("{} ...", &text[..end]));
+    Printable(cut.as_deref().unwrap_or(text)).to_string()
 }
 
 /// Returns the command that remakes a network of this shape in its place, or in another directory if it has another
@@ -90,7 +109,7 @@ fn shape_of(net: &Path, root: &Element) -> Result<Grid> {
     match difference {
         Some(difference) => {
             let way_out = "make one with: dials-traffic nets grid --rows R --cols C --out DIR";
-            bail!("{}: is not one of our grids: {difference}; {way_out}", net.display())
+            bail!("{}: is not one of our grids: {}; {way_out}", net.display(), shown(&difference))
         }
         None => Ok(grid),
     }

@@ -20,7 +20,7 @@ use crate::traffic::arrivals;
 use crate::traffic::controllers::HandCoded;
 use crate::traffic::controllers::intersections::Intersections;
 use crate::traffic::light::{KEEP, SWITCH};
-use crate::traffic::network::files::{NetworkFiles, for_sumo};
+use crate::traffic::network::contents::{Loadable, Network};
 use crate::traffic::observe::{self, edges_of};
 use crate::traffic::paper_grid::grid::{Grid, lane};
 
@@ -31,7 +31,7 @@ use crate::traffic::paper_grid::grid::{Grid, lane};
 pub struct GlobalTraffic {
     kinds: Kinds,
     grid: Grid,
-    files: NetworkFiles,
+    loadable: Loadable,
     control: SignalControl,
     simulation: Simulation,
     handles: IntersectionHandles,
@@ -70,14 +70,16 @@ impl GlobalTraffic {
     /// Loads the simulator. The first episode goes on the `tape`.
     pub fn load(
         grid: Grid,
-        files: &NetworkFiles,
+        network: &Network,
         config: &TrafficConfig,
         control: SignalControl,
         tape: Option<&Tape>,
     ) -> Result<GlobalTraffic> {
         let kinds = Kinds::one(grid.agents().len(), region::spec(config));
         let last = JointTransition::new(&kinds);
-        let mut simulation = Simulation::load(&options(files, &control, Seed::new(0))?)?;
+        let loadable = network.for_sumo()?;
+        let options = options(&loadable, &control, Seed::new(0));
+        let mut simulation = Simulation::load(&options).map_err(|error| loadable.explain(&error))?;
         let agents = grid.agents();
         let lanes: Vec<String> =
             agents.iter().flat_map(|&agent| grid.incoming_edges(agent)).map(|edge| lane(&edge)).collect();
@@ -85,11 +87,11 @@ impl GlobalTraffic {
             agents.iter().flat_map(|&agent| grid.outgoing_edges(agent)).map(|edge| lane(&edge)).collect();
         let lights: Vec<String> = agents.iter().map(|&agent| grid.light(agent)).collect();
         let handles = IntersectionHandles::register(&mut simulation, &lanes, &lights)?;
-        let recorder = tape.map(|tape| Recorder::new(tape, &mut simulation, grid, files, None)).transpose()?;
+        let recorder = tape.map(|tape| Recorder::new(tape, &mut simulation, grid, network, None)).transpose()?;
         let outgoing_lanes = simulation.register_lanes(&outgoing)?;
         Ok(GlobalTraffic {
             grid,
-            files: files.clone(),
+            loadable,
             control,
             simulation,
             handles,
@@ -196,12 +198,12 @@ impl GlobalSimulator for GlobalTraffic {
     fn reset(&mut self, episode: Seed) -> Result<&JointPercept> {
         // DEVIATION 3: loading again also clears the backlog of cars that wait at the boundary. In the authors' code it
         // leaks into the next episode.
-        let mut options = options(&self.files, &self.control, episode)?;
+        let mut options = options(&self.loadable, &self.control, episode);
         if let Some(metrics) = &mut self.metrics {
             metrics.begin();
             options.extend(metrics.options());
         }
-        self.simulation.reload(&options)?;
+        self.simulation.reload(&options).map_err(|error| self.loadable.explain(&error))?;
         let by_program = self.control.by_program();
         let ours: Vec<usize> = (0..self.agents()).filter(|row| !by_program.contains(row)).collect();
         self.handles.reset(&mut self.simulation, &ours)?;
@@ -287,7 +289,8 @@ impl GlobalSimulator for GlobalTraffic {
         if !metrics.finished() {
             // SUMO writes the trips of the cars that are still on the road when it closes the simulation. It closes it
             // before it loads another one.
-            self.simulation.reload(&options(&self.files, &self.control, Seed::new(0))?)?;
+            let options = options(&self.loadable, &self.control, Seed::new(0));
+            self.simulation.reload(&options).map_err(|error| self.loadable.explain(&error))?;
             metrics.finish()?;
         }
         let mut measures = self.tally.measures();
@@ -305,12 +308,12 @@ fn with_owned_name<T>((name, value): (&str, T)) -> (String, T) {
     (name.to_owned(), value)
 }
 
-fn options(files: &NetworkFiles, control: &SignalControl, episode: Seed) -> Result<Vec<String>> {
-    let mut options = options::common(&files.net, &files.routes, episode.for_sumo())?;
+fn options(network: &Loadable, control: &SignalControl, episode: Seed) -> Vec<String> {
+    let mut options = options::common(&network.net, &network.routes, episode.for_sumo());
     if !control.by_program().is_empty() {
-        options.extend(["--additional-files".to_owned(), for_sumo(&files.actuated)?]);
+        options.extend(["--additional-files".to_owned(), network.actuated.path()]);
     }
-    Ok(options)
+    options
 }
 
 #[cfg(test)]
@@ -320,14 +323,16 @@ mod tests {
 
     use super::*;
     use crate::base::AgentId;
-    use crate::traffic::paper_grid::recognise::read_shape;
+    use crate::traffic::network::files::NetworkFiles;
+    use crate::traffic::paper_grid::recognise::{Recognised, recognise_grid};
 
     /// Returns when every car wanted to enter, in seconds, in an episode with this action at every step.
     fn wished_departures(control: SignalControl, action: Action) -> BTreeMap<String, i64> {
         let files = NetworkFiles::of(&Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets/grid_2x2"));
-        let grid = read_shape(&files.net).unwrap();
+        let Recognised { grid, network, is_ours } = recognise_grid(&files).unwrap();
+        assert!(is_ours);
         let config = TrafficConfig::new("", "");
-        let mut gs = GlobalTraffic::load(grid, &files, &config, control, None).unwrap();
+        let mut gs = GlobalTraffic::load(grid, &network, &config, control, None).unwrap();
         gs.measure_in_full().unwrap();
         gs.reset(Seed::new(21).for_episode(0)).unwrap();
         (0..300).for_each(|_| drop(gs.step(&[action; 4]).unwrap().clone()));

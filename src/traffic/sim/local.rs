@@ -1,10 +1,9 @@
 //! The local simulators (LS): a forest of single intersections into which the AIPs (approximate influence predictors)
 //! send cars.
 
-use std::path::Path;
 use std::time::Instant;
 
-use anyhow::Context;
+use anyhow::{Context, ensure};
 
 use super::handles::IntersectionHandles;
 use super::options;
@@ -15,8 +14,9 @@ use crate::domain::{Action, Beginning, LocalSimulator, Percept, RegionSpec, Resu
 use crate::sumo::{CarId, CarTable, DepartSpeed, Insertion, LaneCars, LaneId, RouteId, Simulation};
 use crate::traffic::agents::region::{self, EDGES};
 use crate::traffic::arrivals::is_rearmost;
-use crate::traffic::cut::forest::{Region, write_forest};
-use crate::traffic::network::files::NetworkFiles;
+use crate::traffic::cut::forest::{Forest, Region};
+use crate::traffic::network::contents::Network;
+use crate::traffic::network::memory_file::MemoryFile;
 use crate::traffic::observe::{self, edges_of};
 use crate::traffic::paper_grid::grid::Grid;
 
@@ -61,19 +61,15 @@ pub struct LocalTraffic {
 
 impl LocalTraffic {
     /// Loads a forest of `rows` copies of the `local` net. The first episode of the first row goes on the `tape`.
-    pub fn load(
-        local: &NetworkFiles,
-        rows: usize,
-        config: &TrafficConfig,
-        tape: Option<&Tape>,
-    ) -> Result<LocalTraffic> {
+    pub fn load(local: &Network, rows: usize, config: &TrafficConfig, tape: Option<&Tape>) -> Result<LocalTraffic> {
         let spec = region::spec(config);
-        let dir = tempfile::tempdir().context("no temporary directory for the forest of local simulators")?;
-        let files = write_forest(local, rows, dir.path())?;
-        let mut simulation = Simulation::load(&options(&files.net, &files.routes)?)?;
-        // SUMO has read the files completely and never loads them again. They go now, so a killed process leaves none
-        // behind.
-        dir.close().context("the files of the forest of local simulators cannot be removed")?;
+        ensure!(rows >= 1, "a forest of 0 regions: needs at least one");
+        let forest = Forest::of(local, rows);
+        let (net, routes) = (MemoryFile::new(&forest.net)?, MemoryFile::new(&forest.routes)?);
+        // SUMO reads both completely and never loads them again, so their memory is given back at once.
+        let mut simulation = Simulation::load(&options(&net, &routes))
+            .with_context(|| format!("{}: {rows} copies of this network side by side", local.files.net.display()))?;
+        drop((net, routes, forest));
         let regions: Vec<Region> = (0..rows).map(Region).collect();
         let incoming: Vec<String> = regions.iter().flat_map(|region| region.incoming_lanes()).collect();
         let lights: Vec<String> = regions.iter().map(|region| region.light()).collect();
@@ -231,10 +227,10 @@ impl LocalSimulator for LocalTraffic {
     }
 }
 
-fn options(net: &Path, routes: &Path) -> Result<Vec<String>> {
-    let mut options = options::common(net, routes, SEED)?;
+fn options(net: &MemoryFile, routes: &MemoryFile) -> Vec<String> {
+    let mut options = options::common(net, routes, SEED);
     // On one lane without overtaking there are no collisions, and looking for them takes 3 % of a step. A test checks
     // that this option changes nothing, however dense the traffic.
     options.extend(["--collision.action".to_owned(), "none".to_owned()]);
-    Ok(options)
+    options
 }

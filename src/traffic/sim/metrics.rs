@@ -5,9 +5,8 @@
 use anyhow::Result;
 
 use super::trips::{TripFile, Trips};
-use crate::sumo::CarTable;
+use crate::sumo::{CarTable, LaneCars};
 use crate::traffic::agents::region::EDGES;
-use crate::traffic::arrivals::has_arrival;
 
 /// The metrics of an episode.
 pub struct TrafficMetrics {
@@ -56,7 +55,7 @@ impl TrafficMetrics {
             intersection.car_steps += now.len() as u64;
             intersection.speed_sum_mps += now.speeds_mps.iter().sum::<f64>();
             intersection.halting_car_steps += now.halting() as u64;
-            intersection.passed += (before.len() + usize::from(has_arrival(now, before)) - now.len()) as u64;
+            intersection.passed += left(now, before);
         }
     }
 
@@ -102,5 +101,41 @@ impl TrafficMetrics {
 
     fn per_edge_step(&self, sum: u64, intersections: usize) -> f64 {
         sum as f64 / ((EDGES * intersections) as u64 * self.steps.max(1)) as f64
+    }
+}
+
+/// Returns the number of cars that left a lane between two reads, however many came.
+fn left(now: LaneCars<'_>, before: LaneCars<'_>) -> u64 {
+    before.ids.iter().filter(|car| !now.ids.contains(car)).count() as u64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sumo::CarId;
+
+    fn lane(ids: &[CarId]) -> LaneCars<'_> {
+        const NUMBERS: [f64; 3] = [0.0; 3];
+        LaneCars { ids, positions_m: &NUMBERS[..ids.len()], speeds_mps: &NUMBERS[..ids.len()] }
+    }
+
+    #[test]
+    fn cars_that_left_are_counted_however_many_came() {
+        let [a, b, c] = [CarId(1), CarId(2), CarId(3)];
+        assert_eq!(left(lane(&[c]), lane(&[b, a])), 2);
+        assert_eq!(left(lane(&[b, a]), lane(&[b, a])), 0);
+        // On an odd net, several cars may come at once, ahead of others, or in another order.
+        assert_eq!(left(lane(&[a, b, c]), lane(&[])), 0);
+        assert_eq!(left(lane(&[a, c, b]), lane(&[b, a])), 0);
+        assert_eq!(left(lane(&[]), lane(&[])), 0);
+    }
+
+    #[test]
+    fn an_episode_without_cars_or_steps_has_figures_that_are_numbers() {
+        let mut metrics = TrafficMetrics::new(2).unwrap();
+        metrics.begin();
+        metrics.trips = Some(Trips::default());
+        assert!(metrics.of_net(0).iter().all(|(_, value)| *value == 0.0));
+        assert!(metrics.of_agents().iter().all(|(_, values)| values == &[0.0, 0.0]));
     }
 }

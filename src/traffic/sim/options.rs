@@ -1,10 +1,6 @@
 //! The options with which SUMO is loaded.
 
-use std::path::Path;
-
-use anyhow::Result;
-
-use crate::traffic::network::files::for_sumo;
+use crate::traffic::network::memory_file::MemoryFile;
 
 /// A step is a second.
 pub const STEP_LENGTH_S: &str = "1";
@@ -12,13 +8,13 @@ pub const STEP_LENGTH_S: &str = "1";
 pub const TIME_TO_TELEPORT_S: &str = "-1";
 
 /// Returns the options that GS (global simulator) and LS (local simulator) have in common.
-pub fn common(net: &Path, routes: &Path, seed: u32) -> Result<Vec<String>> {
+pub fn common(net: &MemoryFile, routes: &MemoryFile, seed: u32) -> Vec<String> {
     let options = [
-        ["--net-file", &for_sumo(net)?],
-        ["--route-files", &for_sumo(routes)?],
+        ["--net-file", &net.path()],
+        ["--route-files", &routes.path()],
         ["--seed", &seed.to_string()],
         ["--step-length", STEP_LENGTH_S],
         ["--time-to-teleport", TIME_TO_TELEPORT_S],
     ];
-    Ok(options.as_flattened().iter().map(|&text| text.to_owned()).collect())
+    options.as_flattened().iter().map(|&text| text.to_owned()).collect()
 }

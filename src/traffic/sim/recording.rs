@@ -11,8 +11,8 @@ use anyhow::{Context, Result};
 
 use crate::sumo::{CarTable, DepartSpeed, Departure, Insertion, LaneCars, LaneId, LightId, SignalState, Simulation};
 use crate::traffic::cut::forest::Region;
-use crate::traffic::network::files::NetworkFiles;
-use crate::traffic::network::tree::{Element, read};
+use crate::traffic::network::contents::Network;
+use crate::traffic::network::tree::Element;
 use crate::traffic::paper_grid::grid::{Grid, lane};
 
 /// A tape for one episode. Clones are the same tape.
@@ -56,7 +56,7 @@ pub struct Entry {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Roads {
     pub grid: Grid,
-    /// Text of the net's file.
+    /// Text of the net, as SUMO loaded it.
     pub net: String,
     pub(super) vehicle_types: Vec<Element>,
     /// All lanes: those of the edges in the order of [`Grid::edges`], then those inside of intersections.
@@ -100,10 +100,9 @@ impl Roads {
         self.numbers.get(lane).copied().with_context(|| format!("no lane `{lane}` was recorded"))
     }
 
-    fn of(grid: Grid, files: &NetworkFiles) -> Result<Roads> {
-        let place = files.net.display();
-        let net = std::fs::read_to_string(&files.net).with_context(|| format!("{place}: could not be read"))?;
-        let root = read(&files.net)?;
+    fn of(grid: Grid, network: &Network) -> Result<Roads> {
+        let place = network.files.net.display();
+        let root = &network.net.root;
         let lengths: HashMap<&str, f64> = root
             .all("edge")
             .flat_map(|edge| edge.all("lane"))
@@ -115,10 +114,11 @@ impl Roads {
         let internal = grid.agents().into_iter().flat_map(|agent| grid.internal_lanes(agent));
         let lanes = edges.chain(internal).map(|name| Ok(Lane { length_m: length(&name)?, name }));
         let lanes = lanes.collect::<Result<Vec<Lane>>>()?;
-        let vehicle_types = read(&files.routes)?.children.into_iter().filter(|child| child.name.starts_with("vType"));
+        let children = network.routes.root.children.iter();
+        let vehicle_types = children.filter(|child| child.name.starts_with("vType")).cloned();
         let lights = grid.agents().into_iter().map(|agent| grid.light(agent)).collect();
         let numbers = lanes.iter().enumerate().map(|(number, lane)| (lane.name.clone(), number)).collect();
-        Ok(Roads { grid, net, vehicle_types: vehicle_types.collect(), lanes, numbers, lights })
+        Ok(Roads { grid, net: network.net.text(), vehicle_types: vehicle_types.collect(), lanes, numbers, lights })
     }
 }
 
@@ -135,15 +135,15 @@ pub(super) struct Recorder {
 }
 
 impl Recorder {
-    /// Makes a recorder. `files`: the network of `grid`, which is the local one for a `region` of a forest.
+    /// Makes a recorder. `network`: that of `grid`, which is the local one for a `region` of a forest.
     pub fn new(
         tape: &Tape,
         simulation: &mut Simulation,
         grid: Grid,
-        files: &NetworkFiles,
+        network: &Network,
         region: Option<Region>,
     ) -> Result<Recorder> {
-        let roads = Roads::of(grid, files)?;
+        let roads = Roads::of(grid, network)?;
         let name = |name: &String| region.map_or_else(|| name.clone(), |region| region.rename(name));
         let lanes: Vec<String> = roads.lanes.iter().map(|lane| name(&lane.name)).collect();
         let lights: Vec<String> = roads.lights.iter().map(name).collect();

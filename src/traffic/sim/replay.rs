@@ -13,9 +13,8 @@ use super::options::{STEP_LENGTH_S, TIME_TO_TELEPORT_S};
 use super::recording::{Entry, Recording, Step};
 use crate::sumo::{CarTable, DepartSpeed, SignalState, Simulation};
 use crate::traffic::network::files::{NetworkFiles, for_sumo};
-use crate::traffic::network::tree::Element;
 use crate::traffic::network::write_together;
-use crate::traffic::network::xml::{Xml, document, leaf, nest, section};
+use crate::traffic::network::xml::{Xml, document, element, leaf, nest, section};
 
 /// Name of all files of a replay.
 const NAME: &str = "replay";
@@ -70,7 +69,7 @@ fn vehicles(recording: &Recording) -> String {
     routes.sort_unstable();
     routes.dedup();
     document("routes", |xml| {
-        recording.roads.vehicle_types.iter().try_for_each(|kind| copy(xml, kind))?;
+        recording.roads.vehicle_types.iter().try_for_each(|kind| element(xml, kind))?;
         routes.iter().try_for_each(|(id, edges)| leaf(xml, "route", [("id", *id), ("edges", &edges.join(" "))]))?;
         recording.entries.iter().try_for_each(|Entry { step, car, speed }| {
             let speed = match speed {
@@ -91,14 +90,6 @@ fn vehicles(recording: &Recording) -> String {
             leaf(xml, "vehicle", attributes)
         })
     })
-}
-
-fn copy(xml: &mut Xml, element: &Element) -> io::Result<()> {
-    let attributes = element.attributes.iter().map(|(key, value)| (key, value));
-    if element.children.is_empty() {
-        return leaf(xml, &element.name, attributes);
-    }
-    nest(xml, &element.name, attributes, |xml| element.children.iter().try_for_each(|child| copy(xml, child)))
 }
 
 /// Returns one program per light, which shows what was shown.

@@ -7,6 +7,8 @@ use std::os::fd::AsRawFd;
 use anyhow::{Context, Result};
 use roxmltree::{Document, Node};
 
+use crate::outside::temporary_file;
+
 /// The file to which SUMO writes the trips of an episode. It has no name, so a killed process leaves none behind.
 pub struct TripFile {
     file: File,
@@ -28,7 +30,7 @@ pub struct Trips {
 
 impl TripFile {
     pub fn new() -> Result<TripFile> {
-        Ok(TripFile { file: tempfile::tempfile().context("no temporary file for SUMO's trips: set TMPDIR")? })
+        Ok(TripFile { file: temporary_file().context("SUMO's trips have no place")? })
     }
 
     /// Returns the options that make SUMO write the trips, from the beginning of the file, with the digits of a
@@ -86,7 +88,7 @@ fn means(text: &str) -> Result<Trips> {
 }
 
 fn number(trip: Node<'_, '_>, name: &str) -> Result<f64> {
-    let number = trip.attribute(name).and_then(|text| text.parse().ok());
+    let number = trip.attribute(name).and_then(|text| text.parse().ok()).filter(|number: &f64| number.is_finite());
     number.with_context(|| format!("a trip of SUMO's has no number `{name}`"))
 }
 
@@ -118,5 +120,9 @@ mod tests {
         assert_eq!(means("<tripinfos>").unwrap_err().to_string(), "SUMO's trips are not XML");
         let error = means("<tripinfos><tripinfo depart=\"1\"/></tripinfos>").unwrap_err().to_string();
         assert_eq!(error, "a trip of SUMO's has no number `timeLoss`");
+        for odd in ["nan", "inf", "-inf", "", "1e999"] {
+            let text = format!("<tripinfos><tripinfo depart=\"1\" timeLoss=\"{odd}\" departDelay=\"0\"/></tripinfos>");
+            assert_eq!(means(&text).unwrap_err().to_string(), error, "{odd}");
+        }
     }
 }

@@ -1,0 +1,264 @@
+//! What a worker may say. The coordinator puts answers together by their sizes, so it checks these first: a worker that
+//! says what cannot be right is lost, like one that dies.
+
+use std::ops::{Range, RangeInclusive};
+use std::time::Duration;
+
+use anyhow::{Result, ensure};
+
+use super::message::{Answer, Order, WorkerReport};
+use crate::base::{AgentId, Ragged};
+use crate::config::{Config, Simulator};
+use crate::domain::{Kinds, Measures, RegionSpec};
+use crate::evaluation::EpisodeReport;
+use crate::influence::{Dataset, layout};
+use crate::policy::{Demonstrations, PolicyStack};
+use crate::training::answers::{PolicyTraining, WorkerLoad};
+use crate::training::state::AgentsState;
+
+/// Longest time that a worker may report, about ten years.
+const LONGEST: Duration = Duration::from_secs(10 * 365 * 24 * 3600);
+/// Largest memory that a worker may report.
+const LARGEST_KIB: u64 = 1 << 50;
+
+/// The answer that an order must get.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Expected {
+    /// The order only prepares the next one.
+    Ready,
+    /// State at the beginning of a run.
+    State,
+    Demonstrations {
+        episodes: usize,
+    },
+    Imitated,
+    Datasets {
+        episodes: usize,
+    },
+    AipsTrained,
+    AipsMeasured,
+    /// Agents that were trained up to this step.
+    PoliciesTrained {
+        end: u64,
+    },
+    Reports {
+        episodes: usize,
+    },
+}
+
+impl Expected {
+    pub fn of(order: &Order) -> Expected {
+        match order {
+            Order::Begin { .. } | Order::Restore(_) | Order::TakePolicies(_) => Expected::Ready,
+            Order::TellState => Expected::State,
+            Order::Demonstrate { episodes, .. } => Expected::Demonstrations { episodes: episodes.len() },
+            Order::Imitate { .. } => Expected::Imitated,
+            Order::Collect { episodes, .. } => Expected::Datasets { episodes: episodes.len() },
+            Order::TrainAips { .. } => Expected::AipsTrained,
+            Order::MeasureAips { .. } => Expected::AipsMeasured,
+            Order::TrainPolicies { period } => Expected::PoliciesTrained { end: period.end },
+            Order::Evaluate { episodes } => Expected::Reports { episodes: episodes.len() },
+        }
+    }
+}
+
+/// A run and the agents of one worker, by which its words are checked.
+pub struct Speaker<'a> {
+    pub config: &'a Config,
+    pub kinds: &'a Kinds,
+    pub agents: Range<usize>,
+}
+
+impl Speaker<'_> {
+    /// Returns an error if a report cannot be right. `expected`: what its open order must be answered by, if it has one.
+    pub fn check(&self, report: &WorkerReport, expected: Option<Expected>) -> Result<()> {
+        match report {
+            WorkerReport::Failed { .. } => Ok(()),
+            WorkerReport::Trained { steps } => {
+                let end = match expected {
+                    Some(Expected::PoliciesTrained { end }) => end,
+                    _ => anyhow::bail!("it trained without an order to"),
+                };
+                let most = self.last_update(end);
+                ensure!(*steps <= most, "it trained for {steps} steps, of at most {most}");
+                Ok(())
+            }
+            WorkerReport::Busy { share, .. } => {
+                ensure!((0.0..1.01).contains(share), "it has done {share} of its work");
+                Ok(())
+            }
+            WorkerReport::Done { answer, load } => {
+                check_load(load)?;
+                match &**answer {
+                    // A worker that has begun or was restored says so, too.
+                    Answer::Ready => Ok(()),
+                    answer => self.check_answer(answer, expected),
+                }
+            }
+        }
+    }
+
+    fn check_answer(&self, answer: &Answer, expected: Option<Expected>) -> Result<()> {
+        match (answer, expected) {
+            (Answer::State(state), Some(Expected::State)) => {
+                self.check_state(state, 0..=0)?;
+                ensure!(state.moments.steps == 0, "its optimisers have made steps already");
+                Ok(())
+            }
+            (Answer::Demonstrated(demonstrations), Some(Expected::Demonstrations { episodes })) => {
+                self.check_demonstrations(demonstrations, episodes)
+            }
+            (Answer::Imitated { losses, policies }, Some(Expected::Imitated)) => {
+                ensure!(losses.len() == self.agents.len(), "{} of its agents have imitated", losses.len());
+                self.check_table("policies", policies, self.policy_widths())
+            }
+            (Answer::Collected(datasets), Some(Expected::Datasets { episodes })) => {
+                self.check_datasets(datasets, episodes)
+            }
+            (Answer::AipsTrained { losses, aips }, Some(Expected::AipsTrained)) => {
+                self.check_losses(losses.iter().map(|loss| {
+                    let lengths = loss.training.iter().chain(&loss.held_out).chain([&loss.marginals]).map(Vec::len);
+                    lengths.chain([loss.frequencies.len()]).collect()
+                }))?;
+                self.check_table("AIPs", aips, self.aip_widths())
+            }
+            (Answer::AipsMeasured(losses), Some(Expected::AipsMeasured)) => {
+                self.check_losses(losses.iter().map(|loss| vec![loss.predictor.len(), loss.marginals.len()]))
+            }
+            (Answer::PoliciesTrained { training, state }, Some(Expected::PoliciesTrained { end })) => {
+                self.check_training(training)?;
+                self.check_state(state, end..=self.last_update(end))
+            }
+            (Answer::Evaluated(reports), Some(Expected::Reports { episodes })) => self.check_reports(reports, episodes),
+            (_, None) => anyhow::bail!("it answered without an order"),
+            (_, Some(_)) => anyhow::bail!("it answered another order than the one it has"),
+        }
+    }
+
+    /// Returns the last step that a period may end at: its last update may begin just before `end`.
+    fn last_update(&self, end: u64) -> u64 {
+        end.saturating_add(self.config.ppo.memory as u64)
+    }
+
+    fn specs(&self) -> impl Iterator<Item = &RegionSpec> {
+        self.agents.clone().map(|agent| &self.kinds.of(AgentId(agent)).spec)
+    }
+
+    fn policy_widths(&self) -> Vec<usize> {
+        self.specs().map(|spec| PolicyStack::shape(spec, &self.config.policy).layout().width()).collect()
+    }
+
+    fn aip_widths(&self) -> Vec<usize> {
+        self.specs().map(|spec| layout(self.config.predictor(), spec, &self.config.aip).width()).collect()
+    }
+
+    fn check_table(&self, name: &str, table: &Ragged<f32>, widths: Vec<usize>) -> Result<()> {
+        ensure!(table.widths().eq(widths), "its {name} have another shape than those of its agents");
+        Ok(())
+    }
+
+    fn check_state(&self, state: &AgentsState, steps: RangeInclusive<u64>) -> Result<()> {
+        ensure!(steps.contains(&state.steps), "its agents are at step {}, not at {}", state.steps, steps.start());
+        self.check_table("policies", &state.policies, self.policy_widths())?;
+        self.check_table("moments", &state.moments.first, self.policy_widths())?;
+        self.check_table("moments", &state.moments.second, self.policy_widths())?;
+        self.check_table("AIPs", &state.aips, self.aip_widths())?;
+        ensure!(state.streams.len() == self.agents.len(), "it has {} streams of training", state.streams.len());
+        let global = self.config.simulator == Simulator::Global;
+        for (spec, stream) in self.specs().zip(&state.streams) {
+            ensure!(stream.rows.len() == self.config.copies(), "an agent has {} copies", stream.rows.len());
+            let width = PolicyStack::shape(spec, &self.config.policy).state_width();
+            let sources = if global { 0 } else { spec.sources.count() };
+            for row in &stream.rows {
+                let trail = &row.trail;
+                ensure!(row.state.len() == width, "a hidden state has {} values, not {width}", row.state.len());
+                ensure!(trail.steps() <= spec.horizon, "an episode has {} steps", trail.steps());
+                ensure!(
+                    trail.sources.len() == trail.steps() * sources,
+                    "an episode of {} steps has {} sources",
+                    trail.steps(),
+                    trail.sources.len()
+                );
+                let known = trail.actions.iter().all(|&action| usize::from(action) < spec.n_actions);
+                ensure!(known, "an action is not one of {}", spec.n_actions);
+            }
+        }
+        Ok(())
+    }
+
+    /// Checks the datasets of all agents, not only those of the worker.
+    fn check_datasets(&self, datasets: &[Dataset], episodes: usize) -> Result<()> {
+        let agents = self.kinds.agents();
+        ensure!(datasets.len() == agents, "it made {} datasets, not {agents}", datasets.len());
+        for (agent, (dataset, spec)) in datasets.iter().zip(self.kinds.specs()).enumerate() {
+            let Dataset { d_sets, sources, horizon } = dataset;
+            let samples = episodes * spec.horizon;
+            let shapes = (d_sets.width(), sources.width(), *horizon);
+            ensure!(
+                shapes == (spec.d_set_dim, spec.sources.count(), spec.horizon)
+                    && d_sets.len() == samples
+                    && sources.len() == samples,
+                "the dataset of agent {agent} does not have {samples} samples of its region"
+            );
+            let known = |row: &[u8]| row.iter().zip(&spec.sources.classes).all(|(class, classes)| class < classes);
+            ensure!(sources.iter().all(known), "the dataset of agent {agent} has unknown influence sources");
+        }
+        Ok(())
+    }
+
+    /// Checks the demonstrations of all agents, not only those of the worker.
+    fn check_demonstrations(&self, demonstrations: &[Demonstrations], episodes: usize) -> Result<()> {
+        let agents = self.kinds.agents();
+        ensure!(demonstrations.len() == agents, "it made demonstrations of {} agents", demonstrations.len());
+        for (agent, (made, spec)) in demonstrations.iter().zip(self.kinds.specs()).enumerate() {
+            let samples = episodes * spec.horizon;
+            ensure!(
+                made.fits(spec, samples),
+                "the demonstrations of agent {agent} do not have {samples} samples of its region"
+            );
+        }
+        Ok(())
+    }
+
+    /// Checks the numbers of losses of every agent: one per influence source.
+    fn check_losses(&self, losses: impl ExactSizeIterator<Item = Vec<usize>>) -> Result<()> {
+        ensure!(losses.len() == self.agents.len(), "it measured the AIPs of {} agents", losses.len());
+        let fits = |(spec, lengths): (&RegionSpec, Vec<usize>)| lengths.iter().all(|&it| it == spec.sources.count());
+        ensure!(self.specs().zip(losses).all(fits), "it measured other influence sources than its agents have");
+        Ok(())
+    }
+
+    fn check_training(&self, training: &PolicyTraining) -> Result<()> {
+        ensure!(training.agents.len() == self.agents.len(), "it trained {} agents", training.agents.len());
+        Ok(())
+    }
+
+    fn check_reports(&self, reports: &[EpisodeReport], episodes: usize) -> Result<()> {
+        ensure!(reports.len() == episodes, "it played {} episodes, not {episodes}", reports.len());
+        let agents = self.kinds.agents();
+        for EpisodeReport { returns, measures } in reports {
+            ensure!(
+                returns.len() == agents && measures.per_agent.iter().all(|(_, values)| values.len() == agents),
+                "its episodes are not of {agents} agents"
+            );
+            ensure!(returns.iter().all(|value| value.is_finite()), "a return is not a finite number");
+            ensure!(same_names(&reports[0], measures), "its episodes have different measures");
+        }
+        Ok(())
+    }
+}
+
+/// Returns whether an episode has the measures of another one.
+pub fn same_names(first: &EpisodeReport, other: &Measures) -> bool {
+    let Measures { per_agent, system } = &first.measures;
+    per_agent.iter().map(|(name, _)| name).eq(other.per_agent.iter().map(|(name, _)| name))
+        && system.iter().map(|(name, _)| name).eq(other.system.iter().map(|(name, _)| name))
+}
+
+fn check_load(load: &WorkerLoad) -> Result<()> {
+    let WorkerLoad { timesheet, footprint } = load;
+    ensure!(timesheet.longest() <= LONGEST, "it worked for {:?}", timesheet.longest());
+    let largest = footprint.peak_rss_kib.max(footprint.pss_kib);
+    ensure!(largest <= LARGEST_KIB, "it uses {largest} KiB of memory");
+    Ok(())
+}

@@ -1,0 +1,33 @@
+//! Why a process of this program aborted.
+
+/// Returns why a process ended by signal 6, from its last lines.
+pub fn why_aborted(log: &str) -> &'static str {
+    if log.contains("bad_alloc") || log.contains("memory allocation of ") {
+        "out of memory; take fewer --workers or a smaller local_simulators.copies"
+    } else if log.contains("ssertion") {
+        "an assertion inside SUMO or another library"
+    } else {
+        "aborted; its log may say why"
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_lines_tell_one_abort_from_another() {
+        for (log, why) in [
+            (
+                "terminate called after throwing an instance of 'std::bad_alloc'\n  what():  std::bad_alloc",
+                "out of memory",
+            ),
+            ("memory allocation of 48 bytes failed", "out of memory"),
+            ("./src/microsim/MSLane.cpp:7: Assertion `false' failed.", "an assertion"),
+            ("/usr/include/c++/12/bits/stl_vector.h:1123: Assertion '__n < this->size()' failed.", "an assertion"),
+            ("process 7 owns agents 0 to 3", "aborted"),
+        ] {
+            assert!(why_aborted(log).starts_with(why), "{log}");
+        }
+    }
+}

@@ -1,0 +1,19 @@
+//! Ends of the process that the system would choose, and the end that the program chooses.
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use anyhow::{Context, Result};
+use signal_hook::consts::SIGXFSZ;
+
+/// Makes a write beyond the limit of a file's size an error. Otherwise the system kills the process.
+pub fn survive_full_files() -> Result<()> {
+    // Nobody reads the flag: a signal that is handled does not kill.
+    signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false))).context("cannot handle signals")?;
+    Ok(())
+}
+
+/// Ends the process at once. Skips the destructors of C and C++ libraries: they may hang where memory is short.
+pub fn end_now(code: u8) -> ! {
+    signal_hook::low_level::exit(code.into())
+}

@@ -1,0 +1,84 @@
+//! What a person can do about an error of the system.
+
+use rustix::io::Errno;
+use rustix::process::{Resource, getrlimit};
+
+use super::open_files::allowed_open_files;
+
+const AGAIN: i32 = Errno::AGAIN.raw_os_error();
+const NOMEM: i32 = Errno::NOMEM.raw_os_error();
+const PERM: i32 = Errno::PERM.raw_os_error();
+const ACCESS: i32 = Errno::ACCESS.raw_os_error();
+const NFILE: i32 = Errno::NFILE.raw_os_error();
+const MFILE: i32 = Errno::MFILE.raw_os_error();
+const FBIG: i32 = Errno::FBIG.raw_os_error();
+const NOSPC: i32 = Errno::NOSPC.raw_os_error();
+const ROFS: i32 = Errno::ROFS.raw_os_error();
+const DQUOT: i32 = Errno::DQUOT.raw_os_error();
+
+/// Returns the way out of the system's error in the text of an error message, if there is one.
+///
+/// The text is searched, because errors of workers and of libraries arrive as text.
+pub fn way_out(message: &str) -> Option<String> {
+    Some(match error_number(message)? {
+        AGAIN => format!(
+            "no more processes or threads are allowed{} (ulimit -u); end other programs, or take fewer --workers",
+            limit(Resource::Nproc, 1, "")
+        ),
+        NOMEM => "memory is exhausted; take fewer --workers or a smaller local_simulators.copies, or raise the limit \
+               (ulimit -v)"
+            .to_owned(),
+        PERM | ACCESS => "check with `ls -ld` who may read and write there, or name another place".to_owned(),
+        NFILE => "all programs together have too many files open (fs.file-max); end other programs".to_owned(),
+        MFILE => format!(
+            "a process may have {} files open (ulimit -n), and a run needs about 32 and one more per worker; raise the \
+             limit, for example with `ulimit -n 4096`, or take fewer --workers",
+            allowed_open_files()
+        ),
+        FBIG => {
+            format!("a file may not grow further{} (ulimit -f); raise the limit", limit(Resource::Fsize, 1024, " KiB"))
+        }
+        NOSPC => "the disk is full; free space (`df -h`) or files (`df -i`), or name another place".to_owned(),
+        ROFS => "this file system can only be read; name another place".to_owned(),
+        DQUOT => "your quota of this disk is used up (`quota -s`); remove files, or name another place".to_owned(),
+        _ => return None,
+    })
+}
+
+/// Returns ` than N`, or nothing if there is no limit.
+fn limit(resource: Resource, unit: u64, name: &str) -> String {
+    getrlimit(resource).current.map_or(String::new(), |limit| format!(" than {}{name}", limit / unit))
+}
+
+/// Returns the number of Linux in the last `(os error N)` of a text.
+fn error_number(message: &str) -> Option<i32> {
+    let (_, rest) = message.rsplit_once("(os error ")?;
+    rest.split_once(')')?.0.parse().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Error;
+
+    #[test]
+    fn errors_of_the_system_have_a_way_out_and_others_have_none() {
+        for (number, way) in [
+            (AGAIN, "ulimit -u"),
+            (NOMEM, "ulimit -v"),
+            (ACCESS, "ls -ld"),
+            (NFILE, "fs.file-max"),
+            (MFILE, "ulimit -n"),
+            (FBIG, "ulimit -f"),
+            (NOSPC, "df -h"),
+            (ROFS, "only be read"),
+            (DQUOT, "quota"),
+        ] {
+            let message = format!("run.json: cannot be written: {} at path \"/x\"", Error::from_raw_os_error(number));
+            assert!(way_out(&message).unwrap().contains(way), "{message}");
+        }
+        assert_eq!(way_out(&format!("x: {}", Error::from_raw_os_error(2))), None);
+        assert_eq!(way_out("run.json: is no JSON"), None);
+        assert_eq!(way_out("(os error "), None);
+    }
+}

@@ -1,0 +1,108 @@
+//! Where a run goes on: at the newest checkpoint whose files are all still what they were when it was written.
+
+use std::fmt;
+
+use anyhow::Result;
+
+use super::checkpoint::owner::Owner;
+use super::checkpoint::{self, Checkpoint};
+use super::files;
+use super::growing::{Mark, misfit};
+use crate::outside::{Directory, sweep_files};
+
+/// The point from which a run continues.
+pub struct ResumePoint {
+    /// `None`: there is no checkpoint, so the run begins again.
+    pub checkpoint: Option<Checkpoint>,
+    /// Names of the checkpoints after it, which no longer fit the files.
+    pub newer: Vec<String>,
+    /// Line for the user, if something was lost.
+    pub warning: Option<String>,
+}
+
+/// The error if no checkpoint fits the files. It names the first file that differs from the newest one.
+#[derive(Debug, thiserror::Error)]
+#[error("{misfit}; none of the {checkpoints} checkpoints fits the files, so the run cannot be resumed")]
+pub struct NothingFits {
+    misfit: Misfit,
+    checkpoints: usize,
+}
+
+/// A file that differs from what a checkpoint says.
+#[derive(Debug)]
+struct Misfit {
+    path: String,
+    what: String,
+    /// Timesteps per agent of that checkpoint.
+    steps: u64,
+}
+
+impl fmt::Display for Misfit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {} since the checkpoint of step {}", self.path, self.what, self.steps)
+    }
+}
+
+impl ResumePoint {
+    /// Prepares a run directory, which this process has locked, for writing. Then finds where its run goes on.
+    ///
+    /// What is not a file of the run itself, such as a link, is an error. What killed writes left behind is removed.
+    pub fn find(directory: &Directory, owner: &Owner) -> Result<ResumePoint> {
+        files::WRITTEN.iter().chain(&files::GROWING).try_for_each(|name| directory.check(name))?;
+        sweep_files(directory, |name| files::WRITTEN.contains(&name))?;
+        let Some(folder) = directory.subdirectory(files::CHECKPOINTS)? else {
+            return ResumePoint::beginning(directory, owner);
+        };
+        sweep_files(&folder, checkpoint::is_checkpoint)?;
+        let names = checkpoint::list(&folder)?;
+        let (mut newer, mut first) = (Vec::new(), None);
+        for name in names.iter().rev() {
+            let checkpoint = Checkpoint::read(&folder, name, owner)?;
+            let Some(misfit) = first_misfit(directory, &checkpoint)? else {
+                let goes_on = |misfit: Misfit| {
+                    format!(
+                        "warning: {misfit}; the run goes on from step {}, and trains again from there",
+                        checkpoint.agents.steps
+                    )
+                };
+                let warning = first.map(goes_on);
+                return Ok(ResumePoint { checkpoint: Some(checkpoint), newer, warning });
+            };
+            first.get_or_insert(misfit);
+            newer.push(name.clone());
+        }
+        match first {
+            Some(misfit) => Err(NothingFits { misfit, checkpoints: names.len() }.into()),
+            None => ResumePoint::beginning(directory, owner),
+        }
+    }
+
+    fn beginning(directory: &Directory, owner: &Owner) -> Result<ResumePoint> {
+        owner.check_described(directory.path())?;
+        // The policies are written shortly before the first checkpoint.
+        let trained = directory.open_file(files::POLICIES)?.is_some();
+        let path = directory.path().display();
+        let warning =
+            trained.then(|| format!("warning: {path}: has no checkpoint, so the run begins again from step 0"));
+        Ok(ResumePoint { checkpoint: None, newer: Vec::new(), warning })
+    }
+
+    /// Returns how far a growing file had come.
+    pub fn mark(&self, file: &str) -> Mark {
+        self.checkpoint.as_ref().map_or(Mark::default(), |checkpoint| mark_in(checkpoint, file))
+    }
+}
+
+fn mark_in(checkpoint: &Checkpoint, file: &str) -> Mark {
+    checkpoint.progress.growing.get(file).copied().unwrap_or_default()
+}
+
+fn first_misfit(directory: &Directory, checkpoint: &Checkpoint) -> Result<Option<Misfit>> {
+    for name in files::GROWING {
+        if let Some(what) = misfit(directory, name, mark_in(checkpoint, name))? {
+            let path = directory.path_of(name).display().to_string();
+            return Ok(Some(Misfit { path, what, steps: checkpoint.agents.steps }));
+        }
+    }
+    Ok(None)
+}

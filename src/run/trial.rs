@@ -1,0 +1,177 @@
+//! Files that might crash a simulator, tried in a child process first.
+//!
+//! SUMO aborts or reads foreign memory on some networks, and a process that does so cannot say why. So a child of this
+//! program loads a strange network and plays a step. If the child dies, that is an error like any other. Networks that
+//! this program writes are known to be good, and cost nothing here.
+
+use std::io::{Read, Write};
+use std::os::unix::process::{CommandExt, ExitStatusExt};
+use std::path::PathBuf;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result, anyhow};
+
+use super::{END_WITH, domain};
+use crate::config::Config;
+use crate::domain::Domain;
+use crate::error;
+use crate::outside::Printable;
+
+/// The hidden subcommand of the child.
+const TRY_OUT: &str = "try-out";
+/// Longest time for a trial. A grid of 10 000 intersections takes 30 s.
+const PATIENCE: Duration = Duration::from_secs(300);
+/// Time between two looks at the child.
+const LOOK_EVERY: Duration = Duration::from_millis(5);
+/// Bytes of the child's words that are kept, from the end.
+const LAST_WORDS: usize = 2000;
+
+/// The hidden command: tries the files of the config on standard input.
+pub fn try_out() -> error::Result<()> {
+    let config = || -> Result<Config> {
+        let mut json = String::new();
+        std::io::stdin().read_to_string(&mut json).context("no config on standard input")?;
+        serde_json::from_str(&json).context("this command is for the program itself, not for people")
+    };
+    let config = config().map_err(error::Error::Usage)?;
+    domain::find(&config).and_then(|domain| domain.try_out()).map_err(error::Error::Usage)
+}
+
+/// Lets a child try the files of a domain, if it is not known that the simulator survives them.
+///
+/// The error names the files, says how the child ended and what it said last.
+pub fn survive(config: &Config, domain: &dyn Domain) -> Result<()> {
+    let files = domain.strange_files();
+    if files.is_empty() {
+        return Ok(());
+    }
+    let mut command = Command::new("/proc/self/exe");
+    command.args([TRY_OUT, END_WITH, &std::process::id().to_string()]);
+    // Ctrl-C at the terminal ends this process, and the child ends with it.
+    command.process_group(0);
+    let simulator = domain.foreign_simulator().unwrap_or("the simulator");
+    let end = watch(command, serde_json::to_string(config)?, PATIENCE)?;
+    let names: Vec<String> = files.iter().map(|file: &PathBuf| file.display().to_string()).collect();
+    judge(end, &names.join(" or "), simulator)
+}
+
+/// The end of a child and its last words.
+struct End {
+    /// Nothing if the child had not ended in time. It is killed then.
+    status: Option<ExitStatus>,
+    said: String,
+}
+
+/// Runs a command on an input until it ends.
+fn watch(mut command: Command, input: String, patience: Duration) -> Result<End> {
+    command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
+    let mut child = command.spawn().context("cannot start a process that tries it")?;
+    let mut stdin = child.stdin.take().expect("it was piped");
+    let mut stderr = child.stderr.take().expect("it was piped");
+    // A child that has died does not read. Its end says more than this error would.
+    let write = thread::spawn(move || drop(stdin.write_all(input.as_bytes())));
+    let read = thread::spawn(move || last_words(&mut stderr));
+    let status = ended_within(&mut child, patience);
+    if !matches!(status, Ok(Some(_))) {
+        drop(child.kill());
+        drop(child.wait());
+    }
+    // Both pipes are closed with the child, so both threads end.
+    drop(write.join());
+    let said = read.join().map_err(|_| anyhow!("cannot read what the process that tries it says"))?;
+    Ok(End { status: status?, said })
+}
+
+fn ended_within(child: &mut Child, patience: Duration) -> Result<Option<ExitStatus>> {
+    let begun = Instant::now();
+    loop {
+        if let Some(status) = child.try_wait().context("cannot wait for the process that tries it")? {
+            return Ok(Some(status));
+        }
+        if begun.elapsed() >= patience {
+            return Ok(None);
+        }
+        thread::sleep(LOOK_EVERY);
+    }
+}
+
+/// Reads to the end and keeps the last words.
+fn last_words(stderr: &mut impl Read) -> String {
+    let (mut kept, mut piece) = (Vec::new(), [0; LAST_WORDS]);
+    while let Ok(length @ 1..) = stderr.read(&mut piece) {
+        kept.extend_from_slice(&piece[..length]);
+        kept.drain(..kept.len().saturating_sub(LAST_WORDS));
+    }
+    String::from_utf8_lossy(&kept).trim().to_owned()
+}
+
+/// Returns the error of a child that failed, died or did not end. `files`: the strange files that it tried.
+fn judge(End { status, said }: End, files: &str, simulator: &str) -> Result<()> {
+    let died = |how: String| {
+        let words =
+            if said.is_empty() { String::new() } else { format!("; its last words: {}", said.replace('\n', " ")) };
+        anyhow!("{}", Printable(format!("{how}{words}")))
+            .context(format!("{files}: {simulator} cannot simulate this network; use another one"))
+    };
+    let Some(status) = status else { return Err(died("it was not loaded in time".to_owned())) };
+    if let Some(signal) = status.signal() {
+        let how = match signal {
+            6 => " (aborted, for example by an assertion)",
+            9 => " (killed, for example because memory ran out)",
+            11 => " (it read foreign memory)",
+            _ => "",
+        };
+        return Err(died(format!("{simulator} died of signal {signal}{how}")));
+    }
+    match (status.success(), said.strip_prefix("error: ")) {
+        (true, _) => Ok(()),
+        // The child found the same error that this process would have found.
+        (false, Some(error)) => {
+            let mut causes = error.rsplit("\n  caused by: ").map(|cause| Printable(cause).to_string());
+            let root = anyhow!(causes.next().unwrap_or_default());
+            Err(causes.fold(root, anyhow::Error::context))
+        }
+        (false, None) => Err(died(format!("it ended with {status}"))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn told(script: &str, patience: Duration) -> String {
+        let mut command = Command::new("sh");
+        command.args(["-c", script]);
+        let end = watch(command, "x".repeat(1 << 20), patience).unwrap();
+        match judge(end, "a.net.xml", "SUMO") {
+            Ok(()) => "survived".to_owned(),
+            Err(error) => format!("{error:#}"),
+        }
+    }
+
+    #[test]
+    fn the_death_of_the_child_is_an_error_like_any_other() {
+        let long = Duration::from_secs(60);
+        let died = "a.net.xml: SUMO cannot simulate this network; use another one";
+        assert_eq!(told("cat > /dev/null", long), "survived");
+        assert_eq!(
+            told("echo 'Assertion `x` failed.' >&2; kill -ABRT $$", long),
+            format!(
+                "{died}: SUMO died of signal 6 (aborted, for example by an assertion); \
+                 its last words: Assertion `x` failed."
+            )
+        );
+        assert_eq!(told("kill -SEGV $$", long), format!("{died}: SUMO died of signal 11 (it read foreign memory)"));
+        assert_eq!(told("exit 101", long), format!("{died}: it ended with exit status: 101"));
+        assert_eq!(told("printf 'error: a\\n  caused by: b\\n' >&2; exit 2", long), "a: b");
+        assert_eq!(told("exec sleep 1000", Duration::from_millis(50)), format!("{died}: it was not loaded in time"));
+    }
+
+    #[test]
+    fn endless_words_are_cut() {
+        let told = told("yes 'no end' | head -n 100000 >&2; kill -SEGV $$", Duration::from_secs(60));
+        assert!(told.len() < LAST_WORDS + 200 && told.ends_with("no end"), "{}", told.len());
+    }
+}

@@ -1,0 +1,48 @@
+//! Texts that SUMO loads like files, but that nobody else can change, and that leave nothing behind.
+
+use std::fs::File;
+use std::io::Write;
+use std::os::fd::AsRawFd;
+
+use anyhow::{Context, Result};
+use rustix::fs::{MemfdFlags, SealFlags, fcntl_add_seals, memfd_create};
+
+/// A text in memory that SUMO of this process can load by its path.
+///
+/// It is sealed: what SUMO loads, now or in a later episode, is what this program wrote. It goes with the process,
+/// however that ends, and needs no temporary directory.
+pub struct MemoryFile(File);
+
+impl MemoryFile {
+    pub fn new(text: &str) -> Result<MemoryFile> {
+        let flags = MemfdFlags::CLOEXEC | MemfdFlags::ALLOW_SEALING;
+        let descriptor = memfd_create("network", flags).context("no file in memory for a network of SUMO")?;
+        let mut file = File::from(descriptor);
+        file.write_all(text.as_bytes()).context("no memory for a network of SUMO")?;
+        fcntl_add_seals(&file, SealFlags::WRITE | SealFlags::GROW | SealFlags::SHRINK | SealFlags::SEAL)
+            .context("a network of SUMO in memory cannot be sealed")?;
+        Ok(MemoryFile(file))
+    }
+
+    /// Returns its path within this process.
+    pub fn path(&self) -> String {
+        format!("/proc/self/fd/{}", self.0.as_raw_fd())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+
+    #[test]
+    fn it_reads_like_a_file_and_cannot_be_written() {
+        let file = MemoryFile::new("<net/>").unwrap();
+        for _ in 0..2 {
+            assert_eq!(fs::read_to_string(file.path()).unwrap(), "<net/>");
+        }
+        assert!(fs::write(file.path(), "<edgeData/>").is_err());
+        assert_eq!(fs::read_to_string(file.path()).unwrap(), "<net/>");
+    }
+}

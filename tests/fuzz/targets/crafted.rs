@@ -1,0 +1,90 @@
+//! Checkpoints that somebody wrote with another state in them: whole, and with a right checksum.
+
+use std::fs;
+
+use dials_traffic::base::Ragged;
+use dials_traffic::records::checkpoint::{Checkpoint, RunProgress};
+use dials_traffic::training::state::{AgentsState, JointMoments};
+use dials_traffic::training::stream::AgentStream;
+use serde::{Deserialize, Serialize};
+
+use crate::place::{copy, empty};
+use crate::program;
+use crate::run;
+use crate::verdict::Verdict;
+
+/// The state of a checkpoint as text, which is mutated: all but the thousands of parameters.
+#[derive(Serialize, Deserialize)]
+struct State {
+    progress: RunProgress,
+    steps: u64,
+    gradient_steps: u32,
+    policies: Vec<usize>,
+    first_moments: Vec<usize>,
+    second_moments: Vec<usize>,
+    aips: Vec<usize>,
+    streams: Vec<AgentStream>,
+}
+
+/// Largest number of parameters of a table.
+const LARGEST: usize = 1 << 20;
+
+fn original() -> Checkpoint {
+    let newest = run::read_checkpoint(&run::dir("half").join("checkpoints")).expect("a whole checkpoint");
+    newest.expect("the run has one")
+}
+
+pub fn seeds() -> Vec<Vec<u8>> {
+    let Checkpoint { agents, progress } = original();
+    let widths = |table: &Ragged<f32>| table.widths().collect();
+    let state = State {
+        progress,
+        steps: agents.steps,
+        gradient_steps: agents.moments.steps,
+        policies: widths(&agents.policies),
+        first_moments: widths(&agents.moments.first),
+        second_moments: widths(&agents.moments.second),
+        aips: widths(&agents.aips),
+        streams: agents.streams,
+    };
+    vec![serde_json::to_vec_pretty(&state).expect("numbers can be written")]
+}
+
+/// The program refuses such a checkpoint, or goes on from it to the end.
+pub fn call(bytes: &[u8]) -> Verdict {
+    let state: State = match serde_json::from_slice(bytes) {
+        Ok(state) => state,
+        Err(error) => return Verdict::refused(error),
+    };
+    let Some(agents) = agents(&state) else { return Verdict::refused("more parameters than are tried") };
+    let dir = empty("run");
+    copy(&run::dir("half"), &dir);
+    let folder = dir.join("checkpoints");
+    fs::remove_dir_all(&folder).expect("the run has checkpoints");
+    if let Err(error) = run::write_checkpoint(&folder, Checkpoint { agents, progress: state.progress }) {
+        return Verdict::refused(error);
+    }
+    let outcome = program::run(&["train", "--resume", "run", "--workers", "0"]);
+    if outcome.code == 0 { Verdict::Accepted } else { Verdict::Refused(outcome.stderr) }
+}
+
+/// Returns the agents of a state, with the parameters of the original one, as often as they fit in.
+fn agents(state: &State) -> Option<AgentsState> {
+    let original = original().agents;
+    let table = |values: &Ragged<f32>, widths: &[usize]| {
+        let sum =
+            widths.iter().try_fold(0_usize, |sum, &width| sum.checked_add(width)).filter(|&sum| sum <= LARGEST)?;
+        Ragged::from_vec(values.as_slice().iter().copied().cycle().take(sum).collect(), widths.iter().copied())
+    };
+    Some(AgentsState {
+        steps: state.steps,
+        policies: table(&original.policies, &state.policies)?,
+        moments: JointMoments {
+            first: table(&original.moments.first, &state.first_moments)?,
+            second: table(&original.moments.second, &state.second_moments)?,
+            steps: state.gradient_steps,
+        },
+        aips: table(&original.aips, &state.aips)?,
+        streams: state.streams.clone(),
+    })
+}

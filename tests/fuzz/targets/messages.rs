@@ -1,0 +1,95 @@
+//! What coordinator and workers say to each other.
+
+use dials_traffic::base::{AgentId, Ragged, Seed};
+use dials_traffic::fleet::{Answer, Order, WorkerReport, encode, receive};
+use dials_traffic::training::answers::WorkerLoad;
+use dials_traffic::training::state::{AgentsState, JointMoments};
+use dials_traffic::training::stream::{AgentStream, RowStream, Trail};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use crate::verdict::Verdict;
+
+fn state() -> AgentsState {
+    let rows = |from: u8| Ragged::from_vec((from..from + 6).map(f32::from).collect(), [2, 3, 1]).expect("it fits");
+    let row = RowStream {
+        trail: Trail { episode: 5, actions: vec![0, 1], sources: vec![1, 0, 0, 1], shown: 77 },
+        rewards: 1.25,
+        ..RowStream::begin(Seed::new(1).dice(), Seed::new(2).dice(), &[0.5])
+    };
+    AgentsState {
+        steps: 128,
+        policies: rows(0),
+        moments: JointMoments { first: rows(10), second: rows(20), steps: 12 },
+        aips: rows(30),
+        streams: vec![AgentStream { minibatches: Seed::new(3).dice(), rows: vec![row] }; 3],
+    }
+}
+
+fn encoded<T: Serialize>(messages: &[T]) -> Vec<Vec<u8>> {
+    messages.iter().map(|message| encode(message).expect("a message can be encoded")).collect()
+}
+
+pub fn orders_seeds() -> Vec<Vec<u8>> {
+    let config_json = "{\"warehouse\": {\"agents_per_side\": 2}}".to_owned();
+    let begin = Order::Begin { config_json, agents: AgentId::all(3), threads: 1 };
+    let state = state();
+    encoded(&[
+        begin,
+        Order::TellState,
+        Order::TakePolicies(state.policies.clone()),
+        Order::Restore(state),
+        Order::Evaluate { episodes: 3..7 },
+    ])
+}
+
+pub fn reports_seeds() -> Vec<Vec<u8>> {
+    let done = |answer| WorkerReport::Done { answer: Box::new(answer), load: Box::new(WorkerLoad::default()) };
+    encoded(&[
+        WorkerReport::Trained { steps: 128 },
+        WorkerReport::Failed { reason: "the disk is full".to_owned() },
+        done(Answer::Ready),
+        done(Answer::State(state())),
+    ])
+}
+
+pub fn orders(bytes: &[u8]) -> Verdict {
+    read_all::<Order>(bytes, |order| match order {
+        Order::Restore(state) => check(state),
+        Order::TakePolicies(policies) => drop(policies.iter().count()),
+        _ => {}
+    })
+}
+
+pub fn reports(bytes: &[u8]) -> Verdict {
+    read_all::<WorkerReport>(bytes, |report| {
+        if let WorkerReport::Done { answer, .. } = report
+            && let Answer::State(state) = &**answer
+        {
+            check(state);
+        }
+    })
+}
+
+/// Reads messages until the stream ends. Each one that is accepted means the same when it is sent on.
+fn read_all<T: Serialize + DeserializeOwned>(mut bytes: &[u8], check: impl Fn(&T)) -> Verdict {
+    loop {
+        match receive::<T>(&mut bytes) {
+            Err(error) => return Verdict::refused(error),
+            Ok(None) => return Verdict::Accepted,
+            Ok(Some(message)) => {
+                check(&message);
+                let sent = encode(&message).expect("an accepted message can be sent on");
+                let again = receive::<T>(&mut &sent[..]).expect("it was sent by us").expect("it is there");
+                assert!(encode(&again).expect("it was sent once") == sent, "it changes on its way");
+            }
+        }
+    }
+}
+
+/// Tables that contradict themselves would panic here, as they would in a worker.
+fn check(state: &AgentsState) {
+    for table in [&state.policies, &state.moments.first, &state.moments.second, &state.aips] {
+        std::hint::black_box(table.iter().map(<[f32]>::len).sum::<usize>());
+    }
+}

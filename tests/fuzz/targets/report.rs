@@ -1,0 +1,163 @@
+//! Every file that a report reads: in run directories, in plans of experiments, and measured baselines.
+
+use std::fs;
+
+use dials_traffic::outside::is_printable;
+use dials_traffic::records::run_json::RunJson;
+use dials_traffic::records::run_record::RunRecord;
+use dials_traffic::report::{self, Report};
+
+use super::{of_project, read_all};
+use crate::place::{copy, empty};
+use crate::verdict::Verdict;
+
+/// Runs of the report, copied from those of its own tests. The file of a target replaces one of the first.
+const RUNS: [&str; 3] = ["traffic_4-dials-seed1", "traffic_4-dials-seed2", "traffic_4-gs-seed1"];
+const SAVED: &str = "tests/report/runs";
+
+/// Names the file of a target, relative to the folder of runs, and its seeds.
+macro_rules! file_of_runs {
+    ($call:ident, $seeds:ident, $file:literal, $shown:expr) => {
+        pub fn $seeds() -> Vec<Vec<u8>> {
+            read_all(&[concat!("tests/report/runs/", $file)])
+        }
+
+        pub fn $call(bytes: &[u8]) -> Verdict {
+            with_file($file, bytes, $shown)
+        }
+    };
+}
+
+file_of_runs!(returns, returns_seeds, "traffic_4-dials-seed1/returns.csv", Shown::Numbers);
+file_of_runs!(episodes, episodes_seeds, "traffic_4-dials-seed1/episodes.csv", Shown::Numbers);
+file_of_runs!(aip_loss, aip_loss_seeds, "traffic_4-dials-seed1/aip_loss.csv", Shown::Numbers);
+file_of_runs!(timing, timing_seeds, "traffic_4-dials-seed1/timing.csv", Shown::Numbers);
+file_of_runs!(memory, memory_seeds, "traffic_4-dials-seed1/memory.csv", Shown::Numbers);
+file_of_runs!(config, config_seeds, "traffic_4-dials-seed1/config.toml", Shown::Names);
+file_of_runs!(plan, plan_seeds, "plan.json", Shown::Names);
+file_of_runs!(baseline, baseline_seeds, "baselines/traffic_4-actuated.json", Shown::Names);
+
+const DRIFT: &str = "steps,agent,after,loss,marginals
+0,all,evaluation,0.69,0.31
+0,0,evaluation,0.69,0.31
+0,all,training,0.30,0.31
+2000000,all,evaluation,0.32,0.312
+";
+
+pub fn aip_drift_seeds() -> Vec<Vec<u8>> {
+    vec![DRIFT.into()]
+}
+
+pub fn aip_drift(bytes: &[u8]) -> Verdict {
+    with_file("traffic_4-dials-seed1/aip_drift.csv", bytes, Shown::Numbers)
+}
+
+const SCENARIO: &str = "{
+  \"command\": [\"dials-traffic\", \"train\", \"configs/traffic_4.toml\"],
+  \"resumed_with\": [{\"steps\": 2000000, \"versions\": {\"git_commit\": \"0123456789ab\"}}],
+  \"scenario\": {
+    \"domain\": \"traffic\",
+    \"agents\": 4,
+    \"episode\": {\"length\": 300, \"unit\": \"steps\"},
+    \"checksum\": \"0123abcd\",
+    \"files\": {\"traffic.local_network\": \"0123abcd\"},
+    \"map\": {\"rows\": 2, \"columns\": 2, \"first_row\": \"bottom\"}
+  },
+  \"seed\": 1,
+  \"versions\": {\"git_commit\": \"0123456789ab\"},
+  \"later\": 1.5
+}
+";
+
+pub fn run_json_seeds() -> Vec<Vec<u8>> {
+    read_all(&["tests/report/runs/traffic_4-dials-seed1/run.json"]).into_iter().chain([SCENARIO.into()]).collect()
+}
+
+/// What is accepted comes back equal when it is written and read again, as a resume does.
+pub fn run_json(bytes: &[u8]) -> Verdict {
+    let verdict = with_file("traffic_4-dials-seed1/run.json", bytes, Shown::Names);
+    let dir = empty("again");
+    fs::write(dir.join("run.json"), bytes).expect("a file to work with");
+    if let Ok(read) = RunJson::read(&dir) {
+        read.write(&dir).expect("what was read can be written");
+        let again = RunJson::read(&dir).expect("it was written by us");
+        assert!(again == read, "it is read again as {again:?}");
+    }
+    verdict
+}
+
+/// What of a file a report shows.
+#[derive(PartialEq)]
+enum Shown {
+    Numbers,
+    Names,
+}
+
+/// Makes a report with one file replaced.
+fn with_file(file: &str, bytes: &[u8], shown: Shown) -> Verdict {
+    let runs = empty("runs");
+    RUNS.iter().for_each(|run| copy(&of_project(SAVED).join(run), &runs.join(run)));
+    copy(&of_project(SAVED).join("baselines"), &runs.join("baselines"));
+    fs::write(runs.join(file), bytes).expect("a file to work with");
+    let first = runs.join(RUNS[0]);
+    if let Ok(record) = RunRecord::read(&first) {
+        check_finite(&record);
+    }
+    match report::report(&[runs]) {
+        Err(error) => Verdict::refused(error),
+        Ok(report) => {
+            check_files(&report, &shown);
+            match report.warnings.iter().find(|warning| warning.contains("left out")) {
+                Some(warning) => Verdict::Refused(warning.clone()),
+                None => Verdict::Accepted,
+            }
+        }
+    }
+}
+
+/// Panics if a figure of a run is not a finite number.
+fn check_finite(record: &RunRecord) {
+    let returns = record.evaluations.iter().flat_map(|evaluation| {
+        let all = [evaluation.all.mean, evaluation.all.median, evaluation.all.std_error];
+        let agents = evaluation.agents.iter().flat_map(|agent| [agent.mean, agent.median, agent.std_error]);
+        all.into_iter().chain(agents).chain(evaluation.episode_returns.iter().copied())
+    });
+    let losses = record.aip_trainings.iter().flat_map(|training| [training.before, training.after, training.marginals]);
+    let fresh = record.fresh_losses.iter().flat_map(|fresh| [fresh.loss, fresh.marginals]);
+    let times = record.periods.iter().flat_map(|period| [period.elapsed_s, period.evaluation_s, period.influence_s]);
+    let memory = record.memory.iter().flat_map(|memory| [memory.process_mb, memory.total_mb]);
+    let bad = returns.chain(losses).chain(fresh).chain(times).chain(memory).find(|figure| !figure.is_finite());
+    assert!(bad.is_none(), "a figure of the run is {bad:?}");
+}
+
+/// Panics if a file of a report is malformed, holds what acts on a reader, or a figure that is not a finite number.
+fn check_files(report: &Report, shown: &Shown) {
+    for (name, text) in &report.files {
+        let bad = text.chars().find(|&letter| !"\n\t".contains(letter) && !is_printable(letter));
+        assert!(bad.is_none(), "{name} holds {bad:?}");
+        assert!(!text.contains("<script>alert"), "{name} holds a script of somebody else");
+        if name.ends_with(".svg") {
+            let parsed = roxmltree::Document::parse(text);
+            assert!(parsed.is_ok(), "{name} is malformed: {}", parsed.unwrap_err());
+        }
+        if name.ends_with(".csv") {
+            check_cells(name, text);
+        }
+        // A name may be any word, and a warning on a page may quote one.
+        if *shown == Shown::Numbers && !name.starts_with("report.") {
+            let mut words = text.split(|letter: char| !letter.is_alphanumeric());
+            let bad = words.find(|word| ["nan", "inf", "infinity"].contains(&word.to_ascii_lowercase().as_str()));
+            assert!(bad.is_none(), "{name} holds a figure that is {bad:?}");
+        }
+    }
+}
+
+/// Panics if a spreadsheet would compute a cell.
+fn check_cells(name: &str, text: &str) {
+    let mut reader = csv::Reader::from_reader(text.as_bytes());
+    for line in reader.records() {
+        let line = line.unwrap_or_else(|error| panic!("{name} is malformed: {error}"));
+        let bad = line.iter().find(|cell| cell.starts_with(['=', '@', '+']));
+        assert!(bad.is_none(), "{name} has a cell that a spreadsheet computes: {bad:?}");
+    }
+}
