@@ -64,9 +64,18 @@ fn rewrite(dice: &mut Dice, bytes: &mut Vec<u8>) {
     bytes.splice(place, other.bytes());
 }
 
+/// Returns the stretches from a `<` to the next `>`. In one pass from the end, because a deep nest has very many.
 fn tags(bytes: &[u8]) -> Vec<Range<usize>> {
-    let begins = (0..bytes.len()).filter(|&place| bytes[place] == b'<');
-    begins.filter_map(|begin| Some(begin..begin + bytes[begin..].iter().position(|&byte| byte == b'>')? + 1)).collect()
+    let (mut found, mut end) = (Vec::new(), None);
+    for (place, byte) in bytes.iter().enumerate().rev() {
+        match (byte, end) {
+            (b'>', _) => end = Some(place + 1),
+            (b'<', Some(end)) => found.push(place..end),
+            _ => {}
+        }
+    }
+    found.reverse();
+    found
 }
 
 /// Returns the elements without others inside, and those from a first tag to the next closing one.
@@ -75,10 +84,15 @@ fn elements(bytes: &[u8]) -> Vec<Range<usize>> {
     let closing = |place: &Range<usize>| bytes[place.clone()].starts_with(b"</");
     let single = tags.iter().filter(|place| bytes[(*place).clone()].ends_with(b"/>")).cloned();
     let whole = tags.windows(2).filter(|pair| !closing(&pair[0]) && closing(&pair[1]));
-    let longer = tags.iter().enumerate().filter(|(_, place)| !closing(place)).filter_map(|(number, place)| {
-        let end = tags[number..].iter().find(|other| closing(other))?;
-        Some(place.start..end.end)
-    });
+    let (mut longer, mut end) = (Vec::new(), None);
+    for place in tags.iter().rev() {
+        match (closing(place), end) {
+            (true, _) => end = Some(place.end),
+            (false, Some(end)) => longer.push(place.start..end),
+            (false, None) => {}
+        }
+    }
+    longer.reverse();
     single.chain(whole.map(|pair| pair[0].start..pair[1].end)).chain(longer).collect()
 }
 

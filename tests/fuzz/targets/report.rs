@@ -135,7 +135,9 @@ fn check_files(report: &Report, shown: &Shown) {
     for (name, text) in &report.files {
         let bad = text.chars().find(|&letter| !"\n\t".contains(letter) && !is_printable(letter));
         assert!(bad.is_none(), "{name} holds {bad:?}");
-        assert!(!text.contains("<script>alert"), "{name} holds a script of somebody else");
+        // In a table, a name is only a name.
+        let acts = text.contains("<script>alert") && !name.ends_with(".csv");
+        assert!(!acts, "{name} holds a script of somebody else");
         if name.ends_with(".svg") {
             let parsed = roxmltree::Document::parse(text);
             assert!(parsed.is_ok(), "{name} is malformed: {}", parsed.unwrap_err());
