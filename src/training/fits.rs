@@ -178,7 +178,7 @@ fn check_row(row: &RowStream, copy: usize, steps: u64, config: &Config, spec: &R
             anyhow::bail!("an influence source has the value {bad}, but it has {classes} classes");
         }
     }
-    let width = config.policy.recurrent.unwrap_or(0);
+    let width = PolicyStack::shape(spec, &config.policy).state_width();
     ensure!(state.len() == width, "the hidden state of its policy has {} values, not {width}", state.len());
     ensure!(
         state.iter().all(|value| value.is_finite()) && rewards.is_finite(),

@@ -9,6 +9,7 @@ use crate::config::Config;
 use crate::config::resume::{Difference, differences, differing};
 use crate::domain::{Domain, Kinds};
 use crate::outside::Printable;
+use crate::policy::PolicyStack;
 use crate::records::files;
 use crate::records::run_json::RunJson;
 use crate::training::fits::Widths;
@@ -78,9 +79,9 @@ impl Owner {
         let Widths { policies, aips } = Widths::of(&self.config, &self.kinds);
         let sum = |widths: &[usize]| widths.iter().map(|&width| width as u64).sum::<u64>();
         let dice = 4 * NUMBER;
-        let state = 4 * self.config.policy.recurrent.unwrap_or(0) as u64;
         let streams = self.kinds.specs().map(|spec| {
             let trail = 5 * NUMBER + (spec.horizon * (1 + spec.sources.count())) as u64;
+            let state = 4 * PolicyStack::shape(spec, &self.config.policy).state_width() as u64;
             let row = trail + 2 * dice + NUMBER + state + 8;
             dice + NUMBER + self.config.copies() as u64 * row
         });
