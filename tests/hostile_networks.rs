@@ -434,6 +434,31 @@ fn what_only_sumo_can_judge_is_tried_in_another_process() {
 }
 
 #[test]
+fn elements_in_another_order_do_not_crash_the_program() {
+    let room = Room::new();
+    let config = room.path("c.toml").display().to_string();
+    let baseline = ["baseline", &config, "--controller", "actuated", "--episodes", "1"];
+    let path = room.path("nets/grid_2x2.net.xml");
+    let net = fs::read_to_string(&path).unwrap();
+    let moved_to_the_front = |begin: &str, end: &str| {
+        let from = net.find(begin).unwrap();
+        let to = from + net[from..].find(end).unwrap() + end.len();
+        let front = net.find("<edge ").unwrap();
+        [&net[..front], &net[from..to], &net[front..from], &net[to..]].concat()
+    };
+    // SUMO needs the edges before their connections, and dies without them.
+    for changed in
+        [moved_to_the_front("<connection ", "/>"), moved_to_the_front("<junction id=\"r0c0\"", "</junction>")]
+    {
+        fs::write(&path, changed).unwrap();
+        let output = room.command(&baseline).output().unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        let refused = output.status.code() == Some(2) && said.contains("nets/grid_2x2.net.xml: ");
+        assert!(refused || output.status.success(), "{}: {said}", output.status);
+    }
+}
+
+#[test]
 fn a_file_without_end_is_refused_at_once() {
     let room = Room::new();
     let config = room.path("c.toml").display().to_string();

@@ -406,6 +406,19 @@ fn without_a_checkpoint_that_fits_the_way_out_works() {
     assert_undisturbed(&run);
 }
 
+#[test]
+fn results_without_any_checkpoint_are_not_thrown_away() {
+    let place = Place::new();
+    let run = place.train();
+    for checkpoint in names(&run.join("checkpoints")) {
+        fs::remove_file(run.join("checkpoints").join(checkpoint)).unwrap();
+    }
+    let before = fs::read(run.join("returns.csv")).unwrap();
+    let said = fail(place.resume("0"), 1);
+    all_of(&said, &["run: has results, but no checkpoint any more", "--force"]);
+    assert!(fs::read(run.join("returns.csv")).unwrap() == before, "nothing was changed");
+}
+
 fn copy(from: &Path, to: &Path) {
     fs::create_dir(to).unwrap();
     for entry in fs::read_dir(from).unwrap() {

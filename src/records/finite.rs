@@ -58,6 +58,6 @@ fn first_bad_row(table: &Ragged<f32>) -> Option<usize> {
 fn diverged(whose: &str, agent: usize, what: &str, steps: u64, key: &str) -> Result<()> {
     bail!(
         "agent {agent}: its {whose} diverged before step {steps}: {what} is no longer a finite number; it was not \
-         written, and the last checkpoint is intact: lower {key} in the config of the run and resume, or start again"
+         written, and the last checkpoint is intact; lower {key} and begin a new run, because a resume keeps the settings"
     )
 }

@@ -10,6 +10,9 @@ use super::files;
 use super::growing::{Mark, misfit};
 use crate::outside::{Directory, sweep_files};
 
+/// Largest CSV file that is looked into.
+const LARGEST_FILE: u64 = 256 << 20;
+
 /// The point from which a run continues.
 pub struct ResumePoint {
     /// `None`: there is no checkpoint, so the run begins again.
@@ -20,13 +23,11 @@ pub struct ResumePoint {
     pub warning: Option<String>,
 }
 
-/// The error if no checkpoint fits the files. It names the first file that differs from the newest one.
+/// The error if no checkpoint fits the files. It names the first file that differs from the newest one, or says that
+/// there is no checkpoint at all.
 #[derive(Debug, thiserror::Error)]
-#[error("{misfit}; none of the {checkpoints} checkpoints fits the files, so the run cannot be resumed")]
-pub struct NothingFits {
-    misfit: Misfit,
-    checkpoints: usize,
-}
+#[error("{0}")]
+pub struct NothingFits(String);
 
 /// A file that differs from what a checkpoint says.
 #[derive(Debug)]
@@ -72,16 +73,27 @@ impl ResumePoint {
             newer.push(name.clone());
         }
         match first {
-            Some(misfit) => Err(NothingFits { misfit, checkpoints: names.len() }.into()),
+            Some(misfit) => Err(NothingFits(format!(
+                "{misfit}; none of the {} checkpoints fits the files, so the run cannot be resumed",
+                names.len()
+            ))
+            .into()),
             None => ResumePoint::beginning(directory, owner),
         }
     }
 
     fn beginning(directory: &Directory, owner: &Owner) -> Result<ResumePoint> {
         owner.check_described(directory.path())?;
+        let path = directory.path().display();
+        // In its first period a run has one evaluation at most, and no line of training but of this period.
+        for file in [files::RETURNS, files::TRAINING] {
+            if blocks_in(directory, file)? > 1 {
+                let what = "has results, but no checkpoint any more, so it cannot be resumed";
+                return Err(NothingFits(format!("{path}: {what}")).into());
+            }
+        }
         // The policies are written shortly before the first checkpoint.
         let trained = directory.open_file(files::POLICIES)?.is_some();
-        let path = directory.path().display();
         let warning =
             trained.then(|| format!("warning: {path}: has no checkpoint, so the run begins again from step 0"));
         Ok(ResumePoint { checkpoint: None, newer: Vec::new(), warning })
@@ -91,6 +103,15 @@ impl ResumePoint {
     pub fn mark(&self, file: &str) -> Mark {
         self.checkpoint.as_ref().map_or(Mark::default(), |checkpoint| mark_in(checkpoint, file))
     }
+}
+
+/// Returns of how many numbers of timesteps a CSV file of the run has lines.
+fn blocks_in(directory: &Directory, file: &str) -> Result<usize> {
+    let bytes = directory.read(file, LARGEST_FILE)?.unwrap_or_default();
+    let lines = bytes.split(|&byte| byte == b'\n').skip(1).filter(|line| !line.is_empty());
+    let mut steps: Vec<&[u8]> = lines.map(|line| line.split(|&byte| byte == b',').next().unwrap_or(line)).collect();
+    steps.dedup();
+    Ok(steps.len())
 }
 
 fn mark_in(checkpoint: &Checkpoint, file: &str) -> Mark {

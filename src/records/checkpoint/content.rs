@@ -17,6 +17,11 @@ use crate::outside::Printable;
 const TEXT: &str = "checkpoint";
 const DIGEST: &str = "digest";
 
+/// A checkpoint of another version of this program.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct OtherFormat(String);
+
 /// A tensor of the file.
 #[derive(Clone)]
 pub struct Part<'a> {
@@ -83,11 +88,13 @@ fn check_format(about: &serde_json::Value) -> Result<()> {
     let format = about["format"].as_u64().context("its metadata has no format")?;
     let version = about["version"].as_str().filter(|version| version.len() < 100);
     let writer = version.map_or(String::new(), |version| format!(", dials-traffic {}", Printable(version)));
-    ensure!(
-        format == u64::from(FORMAT),
+    if format == u64::from(FORMAT) {
+        return Ok(());
+    }
+    Err(OtherFormat(format!(
         "it has format {format}, and this program reads format {FORMAT}: continue with the version that wrote it{writer}"
-    );
-    Ok(())
+    ))
+    .into())
 }
 
 /// Every field is preceded by its length, so that no two checkpoints give the same bytes to the digest.

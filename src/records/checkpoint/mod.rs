@@ -31,7 +31,7 @@ use crate::training::fits::{Widths, check_standing, check_state};
 use crate::training::standing::Standing;
 use crate::training::state::{AgentsState, JointMoments};
 use crate::training::stream::AgentStream;
-use content::{Part, seal, unseal};
+use content::{OtherFormat, Part, seal, unseal};
 use owner::{NotOfThisRun, Owner};
 
 /// Number of checkpoints that are kept, the newest ones.
@@ -120,8 +120,8 @@ impl Checkpoint {
     /// Reads a checkpoint of a run. The error about a damaged one says what to do. One that is not of this run is a
     /// [`NotOfThisRun`].
     pub fn read(folder: &Directory, name: &str, owner: &Owner) -> Result<Checkpoint> {
+        let bytes = folder.read(name, owner.most_bytes())?.unwrap_or_default();
         let read = || {
-            let bytes = folder.read(name, owner.most_bytes())?.context("it has gone")?;
             let checkpoint = Checkpoint::from_bytes(&bytes, owner)?;
             let (inside, outside) = (checkpoint.agents.steps, steps_of(name));
             ensure!(Some(inside) == outside, "its name is not that of step {inside}, which it holds");
@@ -130,6 +130,10 @@ impl Checkpoint {
         let path = folder.path_of(name);
         read().map_err(|error: anyhow::Error| match error.downcast::<NotOfThisRun>() {
             Ok(NotOfThisRun(reason)) => NotOfThisRun(format!("{}: {reason}", path.display())).into(),
+            // It is not damaged, so it must not be removed.
+            Err(error) if error.is::<OtherFormat>() => {
+                error.context(format!("{}: cannot be resumed from", path.display()))
+            }
             Err(error) => error.context(format!(
                 "{}: cannot be resumed from; remove it to continue from the checkpoint before it",
                 path.display()

@@ -19,7 +19,6 @@ use crate::config::{Config, DomainConfig, to_toml};
 use crate::fleet::Log;
 use crate::machine::why_aborted;
 use crate::outside::Directory;
-use crate::records::atomic::write_atomically;
 use crate::report::find::BASELINES;
 use crate::run::END_WITH;
 
@@ -51,7 +50,9 @@ impl RunProcess {
         let folder = Directory::open(folder)?;
         let log = Log::open(&folder.make_subdirectory(LOGS)?, format!("{}.log", task.name))?;
         if let Some((path, config)) = &task.config {
-            write_atomically(path, to_toml(&with_absolute_paths(config)?)?.as_bytes())?;
+            let name = path.file_name().and_then(OsStr::to_str).context("a config has no name")?;
+            let text = to_toml(&with_absolute_paths(config)?)?;
+            folder.make_subdirectory(BASELINES)?.write(name, text.as_bytes())?;
         }
         let file = log.file()?;
         let stdout = match &task.result {
