@@ -29,7 +29,7 @@ pub fn holds_nothing_else(found: &Element, expected: &Element) -> bool {
     });
     let inside: HashMap<String, &Element> = named(expected, &expected.name).collect();
     known
-        && found.children.iter().is_sorted_by_key(|child| place_in_file(child))
+        && found.children.iter().is_sorted_by_key(place_in_file)
         && named(found, &expected.name).all(|(called, child)| match inside.get(&called) {
             Some(other) => holds_nothing_else(child, other),
             None => child.attributes.iter().all(|(key, value)| is_drawn_plainly(&child.name, key, value)),
