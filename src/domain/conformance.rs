@@ -101,7 +101,7 @@ fn record(domain: &dyn Domain, seed: Seed) -> Result<GsRecording> {
         gs.carried_out(&mut done);
         ensure!(
             done.iter().zip(&actions).all(|(done, action)| done.is_none_or(|done| done == *action)),
-            "without hand-coded control, the GS says that agents did something else than they were told"
+            "without hand-coded control, the GS reports other actions than it was given"
         );
         recording.d_sets.push(sample.d_set.clone());
         recording.sources.push(sample.sources.clone());

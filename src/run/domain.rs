@@ -24,12 +24,6 @@ pub const NO_SUCH_VECTORS: &str =
 /// computes with networks.
 pub fn open(config: &Config) -> Result<Arc<dyn Domain>> {
     let domain = open_tried(config)?;
-    ensure!(
-        !config.shares_policies() || domain.kinds().count() == 1,
-        "gs.shared_policy = true: the agents of this domain are of {} kinds, and only agents of one kind can share a \
-         policy",
-        domain.kinds().count()
-    );
     trial::survive(config, &*domain)?;
     Ok(domain)
 }
