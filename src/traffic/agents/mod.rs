@@ -1,7 +1,13 @@
 //! What an agent is. Pure: no SUMO simulation and no files.
 //!
-//! - [`region`]: the shape of a local region.
-//! - [`phases`]: the phases that the light of an intersection can show.
+//! - [`plan`]: everything about one agent; [`region_plan`]: the lanes around its light; [`phase_plan`]: what its light
+//!   can show; [`sensor`]: the columns of its observation.
+//! - [`region`]: the shape of a local region of the paper's grids.
+//! - [`phases`]: the phases that the light of an intersection of theirs can show.
 
+pub mod phase_plan;
 pub mod phases;
+pub mod plan;
 pub mod region;
+pub mod region_plan;
+pub mod sensor;
