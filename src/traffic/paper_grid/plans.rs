@@ -1,12 +1,15 @@
 //! The plans of a grid's agents: four approaches of one lane, four exits, and a light with two greens.
 
+use std::sync::Arc;
+
 use super::grid::{Grid, lane};
 use crate::base::AgentId;
-use crate::config::TrafficConfig;
+use crate::config::{DSet, TrafficConfig};
+use crate::domain::Kinds;
 use crate::traffic::agents::phase_plan::{Choice, Interval, PhasePlan};
 use crate::traffic::agents::phases::Light;
-use crate::traffic::agents::plan::AgentPlan;
-use crate::traffic::agents::region::{CELLS, EDGE_M, EDGES, SPEED_LIMIT_MPS};
+use crate::traffic::agents::plan::{AgentPlan, JointPlan};
+use crate::traffic::agents::region::{self, CELLS, EDGE_M, EDGES, SPEED_LIMIT_MPS};
 use crate::traffic::agents::region_plan::{Approach, Exit, Link, RegionPlan};
 use crate::traffic::agents::sensor::{CarColumns, LightColumns, Sensor};
 use crate::traffic::light::YELLOW_STEPS;
@@ -16,15 +19,22 @@ use crate::traffic::side::Side;
 /// Greens of every light, in the order of their indices. An episode begins with the first one.
 const GREENS: [Light; 2] = [Light::VerticalGreen, Light::HorizontalGreen];
 
+/// Returns the plan of a grid. Its agents are all of one kind.
+pub fn joint_plan(grid: Grid, config: &TrafficConfig) -> JointPlan {
+    let kinds = Kinds::one(grid.agents().len(), region::spec(config));
+    JointPlan { agents: plans(grid, config), kinds, decision_steps: 1 }
+}
+
 /// Returns the plans of all agents of a grid, in their order.
 pub fn plans(grid: Grid, config: &TrafficConfig) -> Vec<AgentPlan> {
+    let phases = Arc::new(phases());
     let plan = |agent| {
         let (x, y) = place(grid, grid.intersection(agent));
         AgentPlan {
             light: grid.light(agent),
             place_m: [x, y],
-            region: region(grid, agent),
-            phases: phases(),
+            region: around(grid, agent),
+            phases: phases.clone(),
             sensor: sensor(config),
         }
     };
@@ -43,11 +53,12 @@ fn sensor(config: &TrafficConfig) -> Sensor {
         cars: CarColumns::Cells(vec![CELLS; EDGES]),
         light: LightColumns::FourStates,
         clock: config.clock.unwrap_or(0),
+        arrivals_in_d_set: config.d_set == DSet::CellsAndArrivals,
     }
 }
 
 /// Returns the lanes of one intersection. Approaches and links are in the order of [`Side::ALL`].
-fn region(grid: Grid, agent: AgentId) -> RegionPlan {
+fn around(grid: Grid, agent: AgentId) -> RegionPlan {
     let (incoming, outgoing) = (grid.incoming_edges(agent), grid.outgoing_edges(agent));
     let approach = |from: &Side| Approach {
         lane: lane(&incoming[from.index()]),
@@ -74,7 +85,6 @@ mod tests {
     use super::*;
     use crate::domain::Action;
     use crate::traffic::agents::phase_plan::Shown;
-    use crate::traffic::agents::region;
 
     #[test]
     fn plans_have_the_shape_and_the_letters_of_a_grid() {
