@@ -121,7 +121,7 @@ fn the_aips_of_both_kinds_learn_the_closed_form_influence() {
     // The report can read the run, and other programs can open the tensors.
     fs::write(dir.path().join(files::CONFIG), format!("simulator = 'dials'\n{CONFIG}")).unwrap();
     let about = RunJson { scenario: Some(domain().scenario().unwrap()), ..RunJson::default() };
-    about.write(dir.path()).unwrap();
+    about.write(&Directory::open(dir.path()).unwrap()).unwrap();
     let record = RunRecord::read(dir.path()).unwrap();
     assert_eq!(record.scenario.as_ref().unwrap().id.domain, "coins-and-dice");
     let report = dials_traffic::report::report(&[dir.path().to_owned()]).unwrap();

@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 use anyhow::ensure;
 
 use super::directory;
+use super::outputs::check_not_of_a_run;
 use crate::cli;
 use crate::config::PolicyConfig;
 use crate::domain::{Kind, Kinds};
 use crate::error::{Error, Result};
 use crate::nn::check_script;
+use crate::outside::{folder_of, write_whole_with};
 use crate::policy::{JointPolicy, PolicyStack};
-use crate::records::atomic::{folder_of, write_beside};
 use crate::terminal::answer;
 
 pub fn export(args: &cli::ExportArgs) -> Result<()> {
@@ -53,7 +54,7 @@ fn write_scripts(
     for (kind, file) in kinds.iter().zip(files) {
         let mut stack = PolicyStack::blank(kind.agents.len(), &kind.spec, config);
         stack.load(&policies.pick(kind.agents.iter().map(|agent| agent.0)).into_rows());
-        write_beside(file, |beside| stack.write_script(beside))?;
+        write_whole_with(file, |beside| stack.write_script(beside))?;
     }
     Ok(())
 }
@@ -63,6 +64,7 @@ fn check_free(file: &Path, force: bool) -> anyhow::Result<()> {
     ensure!(!file.is_dir(), "{out}: is a directory; name a file with --out, such as policies.pt");
     let folder = folder_of(file);
     ensure!(folder.is_dir(), "{out}: there is no directory {}; make it first", folder.display());
+    check_not_of_a_run("--out", file)?;
     ensure!(force || !file.exists(), "{out}: exists already; name another file, or add --force to overwrite it");
     Ok(())
 }

@@ -85,7 +85,7 @@ pub fn write(folder: &Directory, owner: &Owner, agents: &AgentsState, progress: 
     sealed(owner, agents, progress, |views, metadata| {
         // Directly to the file: the tables of a hundred agents need no second copy in memory.
         let write = |beside: &Path| Ok(safetensors::serialize_to_file(views, Some(metadata), beside)?);
-        folder.write_with(&name_of(agents.steps), |beside, _| write(beside))
+        folder.write_with(&name_of(agents.steps), write)
     })?;
     let all = list(folder)?;
     all[..all.len().saturating_sub(KEPT)].iter().try_for_each(|old| folder.remove(old))

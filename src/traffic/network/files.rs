@@ -13,8 +13,8 @@ use anyhow::{Context, Result, bail, ensure};
 
 use super::tree::read_whole;
 use super::way_out::no_such_network;
-use super::write_together;
 use super::xml::{document, section};
+use crate::outside::write_together;
 
 /// Paths of the files of one network.
 #[derive(Clone, Debug, PartialEq, Eq)]
