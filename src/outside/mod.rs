@@ -24,9 +24,9 @@ mod whole;
 
 pub use cell::csv_name;
 pub use directory::{Directory, Whereabouts};
-pub use file::{read_bytes, read_text};
+pub use file::{LARGEST_NETWORK, read_bytes, read_text};
 pub use name::FileName;
-pub use printable::{Printable, excerpt, is_printable};
+pub use printable::{Printable, beginning, excerpt, is_printable};
 pub use quoted::{path_as_text, quoted, quoted_word};
 pub use staged::{StagedDirectory, rename_to_free, sweep};
 pub use temporary::{cannot_write_temporary, temporary_dir, temporary_file};

@@ -1,7 +1,7 @@
 //! The files of an opened directory: regular files with one name, never reached by a path or through a link.
 
 use std::fs::File;
-use std::io::{Read, Write};
+use std::io::Write;
 use std::path::{Component, Path};
 
 use anyhow::{Context, Error, Result, anyhow, bail};
@@ -9,6 +9,7 @@ use rustix::fs::{AtFlags, FileType, Mode, OFlags, Stat, fstat, openat, renameat,
 use rustix::io::Errno;
 
 use super::Directory;
+use super::file::read_limited;
 use super::whole::replace;
 
 impl Directory {
@@ -33,13 +34,8 @@ impl Directory {
     /// Reads a whole file of at most `at_most` bytes; `None` if there is none.
     pub fn read(&self, name: &str, at_most: u64) -> Result<Option<Vec<u8>>> {
         let Some(file) = self.open_file(name)? else { return Ok(None) };
-        let mut bytes = Vec::new();
         let failed = || format!("{}: cannot be read", self.path_of(name).display());
-        file.take(at_most.saturating_add(1)).read_to_end(&mut bytes).with_context(failed)?;
-        if bytes.len() as u64 > at_most {
-            bail!("{}: has more than {at_most} bytes, the limit", self.path_of(name).display());
-        }
-        Ok(Some(bytes))
+        read_limited(&file, at_most).map(Some).with_context(failed)
     }
 
     /// Opens a file to append to and to read from, and makes it if there is none.
@@ -214,7 +210,7 @@ mod tests {
         });
         assert!(error(torn).contains("a: cannot be written: No space left on device"));
         assert_eq!(directory.read("a", 3).unwrap().unwrap(), b"old");
-        assert!(error(directory.read("a", 2)).contains("a: has more than 2 bytes, the limit"));
+        assert!(error(directory.read("a", 2)).contains("a: cannot be read: it has more than 2 bytes, the limit"));
         assert_eq!(directory.read("b", 3).unwrap(), None);
         assert_eq!(directory.names().unwrap(), ["a", "plain"], "no temporary file remains");
     }

@@ -6,12 +6,10 @@ use anyhow::Result;
 
 use super::checkpoint::owner::Owner;
 use super::checkpoint::{self, Checkpoint};
+use super::csv_table::LARGEST_FILE;
 use super::files;
 use super::growing::{Mark, misfit};
 use crate::outside::{Directory, sweep};
-
-/// Largest CSV file that is looked into.
-const LARGEST_FILE: u64 = 256 << 20;
 
 /// The point from which a run continues.
 pub struct ResumePoint {

@@ -121,6 +121,7 @@ mod tests {
     use std::fs;
 
     use crate::config::{DomainConfig, TrafficConfig};
+    use crate::traffic::network::contents::Network;
     use crate::traffic::network::files::NetworkFiles;
 
     /// A config that is loaded from `dir`, with the networks of this project.
@@ -200,7 +201,7 @@ mod tests {
         let mut config = config_in(dir.path());
         let [global, local] = networks_of(&config);
         for (network, folder) in [(&global, "g"), (&local, "l")] {
-            network.copy_to(&dir.path().join(folder), "same").unwrap();
+            Network::read(network).unwrap().copy_to(&dir.path().join(folder), "same").unwrap();
         }
         let traffic = traffic_in(&mut config);
         traffic.network = dir.path().join("g/same");

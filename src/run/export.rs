@@ -6,12 +6,13 @@ use anyhow::ensure;
 
 use super::directory;
 use super::outputs::check_not_of_a_run;
+use super::python::to_load;
 use crate::cli;
 use crate::config::PolicyConfig;
 use crate::domain::{Kind, Kinds};
 use crate::error::{Error, Result};
 use crate::nn::check_script;
-use crate::outside::{folder_of, write_whole_with};
+use crate::outside::{Printable, folder_of, write_whole_with};
 use crate::policy::{JointPolicy, PolicyStack};
 use crate::terminal::answer;
 
@@ -70,11 +71,11 @@ fn check_free(file: &Path, force: bool) -> anyhow::Result<()> {
 }
 
 fn how_to_use(file: &Path, kind: &Kind, config: &PolicyConfig) -> String {
-    let (agents, obs_dim, path) = (kind.agents.len(), kind.spec.obs_dim, file.display());
+    let (agents, obs_dim, path) = (kind.agents.len(), kind.spec.obs_dim, Printable(file.display()));
     let actions = kind.spec.n_actions;
     let mut lines = vec![
         format!("wrote {path}; in Python:"),
-        format!("  policies = torch.jit.load({file:?})"),
+        format!("  policies = torch.jit.load({})", to_load(file)),
         format!("  out = policies(obs)  # obs: float32 [{agents}, batch, {obs_dim}]"),
         format!("  logits, values = out[..., :{actions}], out[..., {actions}]"),
     ];
