@@ -154,13 +154,14 @@ fn a_run_that_another_process_trains_is_not_moved_aside() {
     let mut training = place.start("long.toml", "all/busy");
     for words in [
         &["train", "c.toml", "--out", "all/busy", "--force", "--workers", "0"][..],
-        &["report", "run", "--out", "all/busy", "--force"],
         // It is within the directory to be moved.
         &["report", "run", "--out", "all", "--force"],
     ] {
         let said = fail(place.command(words), 2);
         all_of(&said, &["all/busy: another process is writing this run", "nothing was moved"]);
     }
+    let said = fail(place.command(&["report", "run", "--out", "all/busy", "--force"]), 2);
+    all_of(&said, &["all/busy: is a run directory"]);
     let said = fail(place.command(&["train", "--resume", "all/busy"]), 1);
     all_of(&said, &["all/busy: another process is writing this run"]);
     assert!(training.goes_on());

@@ -7,6 +7,7 @@ use anyhow::{Context, Result, bail, ensure};
 
 use super::experiment::LOGS;
 use super::places::is_free;
+use crate::outside::folder_of;
 use crate::records::files;
 use crate::report::find::{BASELINES, PLAN};
 
@@ -28,8 +29,10 @@ pub fn check_writable(dir: &Path) -> Result<()> {
 /// `path`: a file or a directory that the option would make or fill. A new name beside their own names is free, and so
 /// is the directory of the run itself.
 pub fn check_not_of_a_run(option: &str, path: &Path) -> Result<()> {
-    let place = real(path);
-    for folder in place.ancestors() {
+    // A link in a run stands in the way of the run, wherever it leads.
+    let as_named = path.file_name().map_or_else(|| real(path), |name| real(folder_of(path)).join(name));
+    let places = [real(path), as_named];
+    for (place, folder) in places.iter().flat_map(|place| place.ancestors().map(move |folder| (place, folder))) {
         let within = place.strip_prefix(folder).expect("it is an ancestor").components().next();
         let Some(name) = within.and_then(|first| first.as_os_str().to_str()) else { continue };
         let owner = match (is_run(folder), folder.join(PLAN).is_file()) {
@@ -113,11 +116,13 @@ mod tests {
         fs::write(place("run/run.json"), "").unwrap();
         fs::write(place("plan.json"), "").unwrap();
         std::os::unix::fs::symlink(place("run"), place("link")).unwrap();
+        std::os::unix::fs::symlink(place("elsewhere"), place("run/aips.safetensors")).unwrap();
         for own in [
             "run/networks",
             "run/networks/deep/in",
             "run/../run/checkpoints/x",
             "link/policies.safetensors",
+            "run/aips.safetensors",
             "run/episodes.csv",
             "run/worker_12.log",
             "plan.json",
