@@ -48,7 +48,8 @@ pub fn other_build(dir: &Path, width: VectorWidth, accepted: bool) -> Result<Opt
     Ok(Some(here))
 }
 
-/// Records in `run.json` that this build resumes the run in a directory, which it has locked, at this timestep per agent.
+/// Records in `run.json` that this build resumes a run at this timestep per agent. `directory`: the run, which this
+/// process has locked.
 pub fn record_resume(directory: &Directory, build: &Versions, steps: u64) -> Result<()> {
     let mut run = RunJson::read(directory.path())?;
     run.resumed_with.push(Resumed { steps, versions: build.clone() });

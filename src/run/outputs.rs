@@ -41,7 +41,7 @@ pub fn check_not_of_a_run(option: &str, path: &Path) -> Result<()> {
             _ => continue,
         };
         bail!(
-            "{}: {option} must not write here, because `{name}` belongs to the {owner} in {}; name a path outside of it",
+            "{}: {option} must not write here: `{name}` belongs to the {owner} in {}; name a path outside of it",
             path.display(),
             folder.display()
         );
@@ -130,7 +130,7 @@ mod tests {
             "logs",
         ] {
             let error = check_not_of_a_run("--out", &place(own)).unwrap_err().to_string();
-            assert!(error.contains(": --out must not write here, because `"), "{error}");
+            assert!(error.contains(": --out must not write here: `"), "{error}");
             assert!(error.ends_with("; name a path outside of it"), "{error}");
         }
         for free in ["run", "run/policies.pt", "run/pictures/networks", "run/worker_x.log", "run-2", "networks", "x"] {

@@ -25,8 +25,10 @@ pub struct Recognised {
     pub is_ours: bool,
 }
 
-/// Reads a network once and finds the grid that it is made for. Compares its net, its routes and its actuated lights with
-/// what this program writes for a grid of that size. An error names the file, the element, both values and the way out.
+/// Reads a network once and finds the grid that it is made for.
+///
+/// Compares its net, its routes and its actuated lights with what this program writes for a grid of that size. An error
+/// names the file, the element, both values and the way out.
 pub fn recognise_grid(files: &NetworkFiles) -> Result<Recognised> {
     let network = Network::read(files)?;
     let grid = shape_of(&files.net, &network.net.root)?;
