@@ -20,14 +20,14 @@ use crate::fleet::children::Children;
 use crate::fleet::inline::InlineFleet;
 use crate::fleet::{Coordinator, Options};
 use crate::machine::allow_open_files;
-use crate::outside::{Directory, Whereabouts};
+use crate::outside::{Directory, Whereabouts, quoted};
 use crate::records::checkpoint::owner::{NotOfThisRun, Owner};
 use crate::records::files;
 use crate::records::resume_point::{NothingFits, ResumePoint};
 use crate::records::run_json::Versions;
 use crate::records::run_log::{Layouts, RunLog};
 use crate::terminal::training::Progress;
-use crate::terminal::{answer, program, quoted, tell};
+use crate::terminal::{answer, program, tell};
 use crate::training::dials;
 use crate::training::fleet::Fleet;
 use crate::training::observer::Interrupted;
@@ -154,7 +154,7 @@ impl Run {
             Some(point) => RunLog::resume(directory.clone(), point, owner, layouts)?,
         };
         let resumes_at = checkpoint.as_ref().map_or(0, |checkpoint| checkpoint.agents.steps);
-        other_build.as_ref().map_or(Ok(()), |build| record_resume(dir, build, resumes_at))?;
+        other_build.as_ref().map_or(Ok(()), |build| record_resume(&directory, build, resumes_at))?;
         let mut fleet: Box<dyn Fleet> = match workers {
             0 => Box::new(InlineFleet::new(domain.clone(), config, progress.clone())),
             workers => {

@@ -9,10 +9,12 @@
 //!
 //! - [`content`]: the bytes of the file, under one digest.
 //! - [`owner`]: the run that it belongs to: what of the config and of the scenario may have changed since.
+//! - `size`: the largest size that a checkpoint of a run can have.
 //! - [`fits`](crate::training::fits): sizes, actions, trails and counts, each of which follows from the config.
 
 pub mod content;
 pub mod owner;
+mod size;
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
@@ -33,6 +35,7 @@ use crate::training::state::{AgentsState, JointMoments};
 use crate::training::stream::AgentStream;
 use content::{OtherFormat, Part, seal, unseal};
 use owner::{NotOfThisRun, Owner};
+use size::most_bytes;
 
 /// Number of checkpoints that are kept, the newest ones.
 pub const KEPT: usize = 3;
@@ -85,7 +88,7 @@ pub fn write(folder: &Directory, owner: &Owner, agents: &AgentsState, progress: 
     sealed(owner, agents, progress, |views, metadata| {
         // Directly to the file: the tables of a hundred agents need no second copy in memory.
         let write = |beside: &Path| Ok(safetensors::serialize_to_file(views, Some(metadata), beside)?);
-        folder.write_with(&name_of(agents.steps), |beside, _| write(beside))
+        folder.write_with(&name_of(agents.steps), write)
     })?;
     let all = list(folder)?;
     all[..all.len().saturating_sub(KEPT)].iter().try_for_each(|old| folder.remove(old))
@@ -120,7 +123,7 @@ impl Checkpoint {
     /// Reads a checkpoint of a run. The error about a damaged one says what to do. One that is not of this run is a
     /// [`NotOfThisRun`].
     pub fn read(folder: &Directory, name: &str, owner: &Owner) -> Result<Checkpoint> {
-        let bytes = folder.read(name, owner.most_bytes())?.unwrap_or_default();
+        let bytes = folder.read(name, most_bytes(owner))?.unwrap_or_default();
         let read = || {
             let checkpoint = Checkpoint::from_bytes(&bytes, owner)?;
             let (inside, outside) = (checkpoint.agents.steps, steps_of(name));
@@ -265,7 +268,7 @@ mod tests {
         let Widths { policies, aips } = Widths::of(&config, &owner.kinds);
         let values: usize = 3 * policies.iter().sum::<usize>() + aips.iter().sum::<usize>();
         let streams = owner.kinds.agents() * 4 * 300;
-        assert!(owner.most_bytes() > (4 * values + streams) as u64);
-        assert!(owner.most_bytes() < (4 * values + 4 * streams + (2 << 20)) as u64, "and not for much more");
+        assert!(most_bytes(&owner) > (4 * values + streams) as u64);
+        assert!(most_bytes(&owner) < (4 * values + 4 * streams + (2 << 20)) as u64, "and not for much more");
     }
 }

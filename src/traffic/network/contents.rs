@@ -8,11 +8,12 @@ use std::sync::Arc;
 
 use anyhow::{Context, Error, Result, anyhow, ensure};
 
-use super::files::{NetworkFiles, write_copy};
+use super::files::{NetworkFiles, config};
 use super::memory_file::MemoryFile;
 use super::tree::{Element, parse_file, read_whole};
 use super::way_out::{cannot_be_simulated, no_such_network};
 use super::{other_files, xml};
+use crate::outside::write_together;
 use crate::sumo;
 
 /// The content of one file.
@@ -76,9 +77,18 @@ impl Network {
         hasher.finalize()
     }
 
-    /// Writes the network into another directory under another name, as [`NetworkFiles::copy_to`] does.
+    /// Copies the network into another directory under another name, for a run directory that needs nothing outside of
+    /// itself. Writes the file for `sumo -c` anew, because it names the others.
     pub fn copy_to(&self, dir: &Path, name: &str) -> Result<NetworkFiles> {
-        write_copy([&self.net.bytes, &self.routes.bytes, &self.actuated.bytes], dir, name)
+        let copy = NetworkFiles::of(&dir.join(name));
+        let contents = [
+            (copy.net.clone(), self.net.bytes.clone()),
+            (copy.routes.clone(), self.routes.bytes.clone()),
+            (copy.actuated.clone(), self.actuated.bytes.clone()),
+            (copy.config.clone(), config(name).into_bytes()),
+        ];
+        write_together(dir, &contents)?;
+        Ok(copy)
     }
 
     /// Puts the network where SUMO of this process can load it.

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use crate::outside::quoted;
+
 /// Returns the message about a network with an error in it, with the command that remakes it.
 pub fn cannot_be_simulated(net: &Path) -> String {
     format!("{}: this network cannot be simulated; remake it with: {}", net.display(), command_for(net))
@@ -24,7 +26,7 @@ pub fn command_for(path: &Path) -> String {
         _ if name == "local" => "local".to_owned(),
         _ => "grid --rows R --cols C".to_owned(),
     };
-    format!("dials-traffic nets {which} --out {}", dir.display())
+    format!("dials-traffic nets {which} --out {}", quoted(dir))
 }
 
 #[cfg(test)]
