@@ -11,7 +11,7 @@ use crate::outside::Printable;
 use crate::traffic::network::contents::{Content, Network};
 use crate::traffic::network::files::NetworkFiles;
 use crate::traffic::network::tree::Element;
-use crate::traffic::network::way_out::command_for;
+use crate::traffic::network::way_out::{Role, command_for, make_local};
 
 /// Returns the shape of one of our grids, from the names in its `net.xml`. [`read_grid`] compares the rest.
 pub fn read_shape(net: &Path) -> Result<Grid> {
@@ -35,7 +35,7 @@ pub(in crate::traffic) struct Recognised {
 
 /// Reads a network once and compares it, like [`read_grid`].
 pub(in crate::traffic) fn recognise_grid(files: &NetworkFiles) -> Result<Recognised> {
-    let network = Network::read(files)?;
+    let network = Network::read(files, Role::Global)?;
     let grid = shape_of(&files.net, &network.net.root)?;
     let is_ours = compare_all(&network, grid, Some(INFLOW), || way_out(&files.net, grid))?;
     Ok(Recognised { grid, network, is_ours })
@@ -43,7 +43,7 @@ pub(in crate::traffic) fn recognise_grid(files: &NetworkFiles) -> Result<Recogni
 
 /// Reads the local network once. If it is another network: an error with the way out.
 pub(in crate::traffic) fn recognise_local(files: &NetworkFiles) -> Result<Recognised> {
-    let network = Network::read(files)?;
+    let network = Network::read(files, Role::Local)?;
     let grid = shape_of(&files.net, &network.net.root)?;
     ensure!(
         grid == Grid::SINGLE,
@@ -67,11 +67,6 @@ fn compare_all(network: &Network, grid: Grid, inflow: Option<f64>, way_out: impl
         check_content(path, found, expected, &way_out)?;
     }
     Ok(pairs.iter().all(|(_, found, expected)| compare::holds_nothing_else(found, expected)))
-}
-
-/// Returns the advice if a local net is needed.
-fn make_local() -> String {
-    "make one with: dials-traffic nets local --out DIR".to_owned()
 }
 
 fn check_content(path: &Path, found: &Element, expected: &Element, way_out: impl Fn() -> String) -> Result<()> {
