@@ -17,7 +17,7 @@ mod staged;
 mod temporary;
 
 pub use cell::csv_name;
-pub use directory::{Directory, Whereabouts};
+pub use directory::{Busy, Directory, Whereabouts};
 pub use file::{read_bytes, read_text};
 pub use name::FileName;
 pub use printable::{Printable, excerpt, is_printable};

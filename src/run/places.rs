@@ -3,9 +3,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, anyhow, bail, ensure};
+use anyhow::{Context, Result, ensure};
 
-use crate::outside::{Directory, StagedDirectory, rename_to_free};
+use crate::outside::{Busy, Directory, StagedDirectory, rename_to_free};
 use crate::records::atomic::folder_of;
 use crate::terminal::tell;
 
@@ -100,11 +100,8 @@ pub fn move_aside(path: &Path) -> Result<PathBuf> {
 
 /// Locks a directory that is to be moved, and checks that nobody writes a run within it.
 fn hold(path: &Path) -> Result<Directory> {
-    let held = Directory::lock(path).map_err(|error| anyhow!("{error:#}; nothing was moved"))?;
-    match locked_within(path, LEVELS) {
-        Some(busy) => bail!("{}: another process is writing this run; nothing was moved", busy.display()),
-        None => Ok(held),
-    }
+    let held = Directory::lock(path)?;
+    locked_within(path, LEVELS).map_or(Ok(held), |busy| Err(Busy(busy).into()))
 }
 
 /// Finds a directory within `path` that another process writes. Follows no link.
