@@ -200,8 +200,7 @@ fn a_run_whose_files_are_torn_is_named_and_resumed_by_the_way_out() {
     }
     for more in [&["--dry-run"][..], &[]] {
         let said = text(&place.experiment(more).assert().code(2).get_output().stderr);
-        for part in ["small-dials-seed1: this run cannot be read", "train --resume`", "timing.csv: line ", "no number"]
-        {
+        for part in ["small-dials-seed1: this run cannot be read", "train --resume`", "timing.csv: cannot be read"] {
             assert!(said.contains(part), "`{part}` is not in: {said}");
         }
     }
