@@ -97,7 +97,8 @@ fn a_checkpoint_gets_its_name_when_all_that_it_counts_on_is_on_the_disk() {
     let possible = Command::new("strace").args(["-o", "/dev/null", "true"]).output();
     if !possible.as_ref().is_ok_and(|output| output.status.success()) {
         // Not `eprintln`, which is hidden when a test passes.
-        return writeln!(stderr(), "not tested: the order of syncs: strace cannot be used here: {possible:?}").unwrap();
+        let line = format!("not tested: the order of syncs: strace cannot be used here: {possible:?}\n");
+        return stderr().write_all(line.as_bytes()).unwrap();
     }
     let dir = tempfile::tempdir().unwrap();
     let place = dir.path().canonicalize().unwrap();

@@ -207,7 +207,8 @@ fn too_few_open_files_are_one_error_with_the_way_out() {
 
 /// Says what this machine cannot test, even if the output of tests that pass is hidden.
 fn not_tested(what: &str, why: &str) {
-    writeln!(std::io::stderr(), "not tested: {what}: {}", why.trim()).unwrap();
+    let line = format!("not tested: {what}: {}\n", why.trim());
+    std::io::stderr().write_all(line.as_bytes()).unwrap();
 }
 
 /// Returns the program as a user with nothing else running and at most `most` processes and threads. Only root can do
