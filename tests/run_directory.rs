@@ -140,6 +140,23 @@ fn assert_undisturbed(run: &Path) {
     }
 }
 
+#[test]
+fn every_step_has_one_evaluation_wherever_a_run_ends() {
+    let place = Place::new();
+    // An update takes 128 steps. At step 192, where the next evaluation would be, training is at 256 already.
+    let sets = ["--set", "evaluation.every_steps=192", "--steps", "200"];
+    let words = [&["train", "c.toml", "--out", "run", "--workers", "0"][..], &sets].concat();
+    succeed(place.command(&words));
+    for file in ["returns.csv", "training.csv"] {
+        let text = fs::read_to_string(place.path("run").join(file)).unwrap();
+        let steps: Vec<&str> =
+            text.lines().filter_map(|line| line.split_once(",all,").map(|(steps, _)| steps)).collect();
+        let expected = if file == "returns.csv" { &["0", "256"][..] } else { &["256"] };
+        assert_eq!(steps, expected, "{file}");
+    }
+    succeed(place.command(&["report", "run"]));
+}
+
 fn all_of(text: &str, parts: &[&str]) {
     for part in parts {
         assert!(text.contains(part), "`{part}` is not in: {text}");
@@ -157,13 +174,13 @@ fn a_run_that_another_process_trains_is_not_moved_aside() {
         // It is within the directory to be moved.
         &["report", "run", "--out", "all", "--force"],
     ] {
-        let said = fail(place.command(words), 2);
-        all_of(&said, &["all/busy: another process is writing this run", "nothing was moved"]);
+        let said = fail(place.command(words), 1);
+        all_of(&said, &["all/busy: another process is writing this run; wait until it has ended"]);
     }
     let said = fail(place.command(&["report", "run", "--out", "all/busy", "--force"]), 2);
     all_of(&said, &["all/busy: is a run directory"]);
     let said = fail(place.command(&["train", "--resume", "all/busy"]), 1);
-    all_of(&said, &["all/busy: another process is writing this run"]);
+    all_of(&said, &["all/busy: another process is writing this run; wait until it has ended"]);
     assert!(training.goes_on());
     assert_eq!(names(&place.path("all")), ["busy"]);
     assert_eq!(names(place.dir.path()), ["all", "c.toml", "long.toml", "run"]);
@@ -176,8 +193,8 @@ fn an_experiment_names_the_run_that_another_process_trains() {
     fs::write(place.path("e.toml"), file).unwrap();
     fs::create_dir(place.path("out")).unwrap();
     let mut training = place.start("long.toml", "out/long-dials-seed1");
-    let said = fail(place.command(&["experiment", "e.toml", "--out", "out"]), 2);
-    all_of(&said, &["out/long-dials-seed1: another process is writing this run"]);
+    let said = fail(place.command(&["experiment", "e.toml", "--out", "out"]), 1);
+    all_of(&said, &["out/long-dials-seed1: another process is writing this run; wait until it has ended"]);
     assert!(training.goes_on());
 }
 

@@ -31,6 +31,11 @@ pub struct Directory {
     path: PathBuf,
 }
 
+/// The error if another process writes a run. It passes: the same command works when that process has ended.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: another process is writing this run; wait until it has ended, or name another directory", .0.display())]
+pub struct Busy(pub PathBuf);
+
 /// Where an opened directory is now.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Whereabouts {
@@ -59,7 +64,7 @@ impl Directory {
                 return Ok(directory);
             } // Otherwise it was moved aside before it was locked.
         }
-        bail!("{}: another process is writing this run", path.display())
+        Err(Busy(path.to_owned()).into())
     }
 
     /// Tries to lock the directory. Returns whether this process may write there.

@@ -23,7 +23,7 @@ mod temporary;
 mod whole;
 
 pub use cell::csv_name;
-pub use directory::{Directory, Whereabouts};
+pub use directory::{Busy, Directory, Whereabouts};
 pub use file::{LARGEST_NETWORK, read_bytes, read_text};
 pub use name::FileName;
 pub use printable::{Printable, beginning, excerpt, is_printable};

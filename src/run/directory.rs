@@ -68,11 +68,12 @@ pub struct TrainedRun {
     pub still_trained_at: Option<u64>,
 }
 
-/// Reads the config of a run directory and opens its domain.
-pub fn open_config(path: &Path) -> Result<(Config, Arc<dyn Domain>)> {
+/// Reads the config of a run directory and opens its domain. `open`: [`domain::open`], or [`domain::open_tried`] if its
+/// networks were tried already.
+pub fn open_config(path: &Path, open: fn(&Config) -> Result<Arc<dyn Domain>>) -> Result<(Config, Arc<dyn Domain>)> {
     check(path)?;
     let config = config::load(&path.join(files::CONFIG), &[])?;
-    let domain = domain::open(&config)?;
+    let domain = open(&config)?;
     Ok((config, domain))
 }
 
@@ -80,7 +81,7 @@ pub fn open_config(path: &Path) -> Result<(Config, Arc<dyn Domain>)> {
 pub fn open(path: &Path) -> Result<TrainedRun> {
     check(path)?;
     let directory = Directory::open(path)?;
-    let (config, domain) = open_config(path)?;
+    let (config, domain) = open_config(path, domain::open)?;
     let saved = path.join(files::POLICIES);
     ensure!(
         saved.is_file(),

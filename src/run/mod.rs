@@ -47,11 +47,17 @@ use rustix::process::{Signal, getppid, set_parent_process_death_signal};
 
 use crate::cli::{Cli, Command};
 use crate::error::{Error, Result};
+use crate::machine::note_option_for_processes;
 
 /// Runs one command.
 pub fn run(cli: Cli) -> Result<()> {
     if let Some(parent) = cli.end_with {
         end_with(parent).map_err(Error::Run)?;
+    }
+    match &cli.command {
+        Command::Train(_) | Command::Bench(_) | Command::Worker => note_option_for_processes("--workers"),
+        Command::Experiment(_) => note_option_for_processes("--cores"),
+        _ => (),
     }
     match cli.command {
         Command::Train(args) => train::train(&args),

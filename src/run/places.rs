@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, anyhow, ensure};
+use anyhow::{Context, Result, ensure};
 
 use crate::outside::{Directory, StagedDirectory, folder_of, rename_to_free};
 use crate::records::files::is_run_dir;
@@ -112,12 +112,8 @@ fn put_back(aside: &Path, place: &Path) -> Result<()> {
 
 /// Locks a directory that is to be moved and all runs within it, so that nobody begins to write one meanwhile.
 fn hold(path: &Path) -> Result<Vec<Directory>> {
-    let mut held = Vec::new();
-    let locked = Directory::lock(path).and_then(|directory| {
-        held.push(directory);
-        hold_within(path, LEVELS, &mut held)
-    });
-    locked.map_err(|error| anyhow!("{error:#}; nothing was moved"))?;
+    let mut held = vec![Directory::lock(path)?];
+    hold_within(path, LEVELS, &mut held)?;
     Ok(held)
 }
 

@@ -57,7 +57,7 @@ use agents::region;
 use controllers::{HandCoded, Trials};
 use network::contents::Network;
 use network::files::NetworkFiles;
-use network::way_out::cannot_be_simulated;
+use network::way_out::{Role, cannot_be_simulated};
 use paper_grid::grid::Grid;
 use paper_grid::plans::joint_plan;
 use paper_grid::recognise::{recognise_grid, recognise_local};
@@ -135,8 +135,8 @@ impl Traffic {
     /// Loads both networks in SUMO and plays a step in each, so that a faulty network is reported before a run begins.
     /// Takes tens of milliseconds; SUMO is closed again.
     pub fn check_in_sumo(&self) -> Result<()> {
-        self.try_global().with_context(|| cannot_be_simulated(&self.network.files.net))?;
-        self.try_local().with_context(|| cannot_be_simulated(&self.local_network.files.net))
+        self.try_global().with_context(|| cannot_be_simulated(&self.network.files.net, Role::Global))?;
+        self.try_local().with_context(|| cannot_be_simulated(&self.local_network.files.net, Role::Local))
     }
 
     /// Tries the GS with the actuated lights, which need all files of the network and more of their content than the

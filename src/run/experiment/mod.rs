@@ -27,7 +27,7 @@ use crate::experiment::file::{Experiment, Knowledge};
 use crate::experiment::progress::{Stage, directory, stage};
 use crate::experiment::schedule::Cores;
 use crate::machine::allow_open_files;
-use crate::outside::{Directory, quoted};
+use crate::outside::{Busy, Directory, quoted};
 use crate::report::find::{BASELINES, ExperimentPlan, PLAN};
 use crate::terminal::experiment::Display;
 use crate::terminal::{Wish, answer, program, stop_on_signals, tell};
@@ -49,7 +49,7 @@ pub fn experiment(args: &cli::ExperimentArgs) -> Result<()> {
             let domain = domain::find(config)?;
             Ok((domain.scenario()?, domain.rough_costs()))
         },
-        check_controller: &|config, name| domain::open(config)?.check_baseline(name),
+        check_controller: &|config, name| domain::find(config)?.check_baseline(name),
     };
     let experiment = Experiment::read(&args.file, &knowledge).map_err(Error::Usage)?;
     if args.dry_run {
@@ -110,11 +110,7 @@ fn check_nobody_trains(experiment: &Experiment, folder: &Path) -> anyhow::Result
         let dir = directory(folder, run);
         // The run of an experiment that was just killed ends within a moment.
         let free = !Directory::is_locked(&dir) || Directory::lock(&dir).is_ok();
-        ensure!(
-            free,
-            "{}: another process is writing this run; wait until it has ended, or choose another folder with --out",
-            dir.display()
-        );
+        ensure!(free, Busy(dir));
     }
     Ok(())
 }

@@ -11,7 +11,7 @@ use anyhow::{Context, Error, Result, anyhow, ensure};
 use super::files::{NetworkFiles, config};
 use super::memory_file::MemoryFile;
 use super::tree::{Element, parse_file, read_whole};
-use super::way_out::{cannot_be_simulated, no_such_network};
+use super::way_out::{Role, cannot_be_simulated, no_such_network};
 use super::{other_files, xml};
 use crate::outside::write_together;
 use crate::sumo;
@@ -58,9 +58,10 @@ pub struct Network {
 
 impl Network {
     /// Reads all files of a network but the configuration, which this program neither reads nor loads.
-    pub fn read(files: &NetworkFiles) -> Result<Network> {
+    pub fn read(files: &NetworkFiles, role: Role) -> Result<Network> {
         let net = Content::read_net(&files.net)?;
-        let beside = |path: &Path| Content::read(path).with_context(|| cannot_be_simulated(&files.net)).map(Arc::new);
+        let told = || cannot_be_simulated(&files.net, role);
+        let beside = |path: &Path| Content::read(path).with_context(told).map(Arc::new);
         Ok(Network {
             files: files.clone(),
             net: Arc::new(net),
@@ -111,12 +112,16 @@ impl Loadable {
     /// Returns an error of SUMO with the paths that the user knows.
     pub fn explain(&self, error: &sumo::Error) -> Error {
         let Loadable { files, net, routes, actuated } = self;
-        let names = [(net, &files.net), (routes, &files.routes), (actuated, &files.actuated)];
-        let told = names.into_iter().fold(error.to_string(), |told, (memory, path)| {
-            renamed(&told, &memory.path(), &path.display().to_string())
-        });
-        anyhow!(told)
+        explain(error, &[(net, &files.net), (routes, &files.routes), (actuated, &files.actuated)])
     }
+}
+
+/// Returns an error of SUMO in which each file in memory has the path of the user's file that it was made of.
+pub fn explain(error: &sumo::Error, names: &[(&MemoryFile, &Path)]) -> Error {
+    let told = names
+        .iter()
+        .fold(error.to_string(), |told, (memory, path)| renamed(&told, &memory.path(), &path.display().to_string()));
+    anyhow!(told)
 }
 
 /// Returns a text with one path replaced by another, but not where it is the beginning of a longer one.

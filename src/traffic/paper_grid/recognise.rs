@@ -11,7 +11,7 @@ use crate::outside::beginning;
 use crate::traffic::network::contents::Network;
 use crate::traffic::network::files::NetworkFiles;
 use crate::traffic::network::tree::Element;
-use crate::traffic::network::way_out::command_for;
+use crate::traffic::network::way_out::{Role, command_for, make_local};
 
 /// Number of characters of a difference that an error shows.
 const MOST_LETTERS: usize = 600;
@@ -30,7 +30,7 @@ pub struct Recognised {
 /// Compares its net, its routes and its actuated lights with what this program writes for a grid of that size. An error
 /// names the file, the element, both values and the way out.
 pub fn recognise_grid(files: &NetworkFiles) -> Result<Recognised> {
-    let network = Network::read(files)?;
+    let network = Network::read(files, Role::Global)?;
     let grid = shape_of(&files.net, &network.net.root)?;
     let is_ours = compare_all(&network, grid, Some(INFLOW), || way_out(&files.net, grid))?;
     Ok(Recognised { grid, network, is_ours })
@@ -38,7 +38,7 @@ pub fn recognise_grid(files: &NetworkFiles) -> Result<Recognised> {
 
 /// Reads the local network once. If it is another network: an error with the way out.
 pub(in crate::traffic) fn recognise_local(files: &NetworkFiles) -> Result<Recognised> {
-    let network = Network::read(files)?;
+    let network = Network::read(files, Role::Local)?;
     let grid = shape_of(&files.net, &network.net.root)?;
     ensure!(
         grid == Grid::SINGLE,
@@ -62,11 +62,6 @@ fn compare_all(network: &Network, grid: Grid, inflow: Option<f64>, way_out: impl
         check_content(path, found, expected, &way_out)?;
     }
     Ok(pairs.iter().all(|(_, found, expected)| compare::holds_nothing_else(found, expected)))
-}
-
-/// Returns the advice if a local net is needed.
-fn make_local() -> String {
-    "make one with: dials-traffic nets local --out DIR".to_owned()
 }
 
 fn check_content(path: &Path, found: &Element, expected: &Element, way_out: impl Fn() -> String) -> Result<()> {

@@ -17,7 +17,7 @@ use crate::traffic::agents::region::{self, EDGES};
 use crate::traffic::arrivals::is_rearmost;
 use crate::traffic::cars_at::CarsAt;
 use crate::traffic::cut::forest::{Forest, Region};
-use crate::traffic::network::contents::Network;
+use crate::traffic::network::contents::{Network, explain};
 use crate::traffic::network::memory_file::MemoryFile;
 use crate::traffic::observe::{self, LightView};
 use crate::traffic::paper_grid::grid::Grid;
@@ -72,7 +72,9 @@ impl LocalTraffic {
         let forest = Forest::of(local, rows);
         let (net, routes) = (MemoryFile::new(&forest.net)?, MemoryFile::new(&forest.routes)?);
         // SUMO reads both completely and never loads them again, so their memory is given back at once.
+        let made_of = [(&net, &*local.files.net), (&routes, &*local.files.routes)];
         let mut simulation = Simulation::load(&options(&net, &routes))
+            .map_err(|error| explain(&error, &made_of))
             .with_context(|| format!("{}: {rows} copies of this network side by side", local.files.net.display()))?;
         drop((net, routes, forest));
         let regions: Vec<Region> = (0..rows).map(Region).collect();
