@@ -11,6 +11,7 @@ use dials_traffic::base::AgentId;
 use dials_traffic::traffic::cut::forest::{Region, write_forest};
 use dials_traffic::traffic::network::contents::Network;
 use dials_traffic::traffic::network::files::NetworkFiles;
+use dials_traffic::traffic::network::way_out::Role;
 use dials_traffic::traffic::paper_grid::grid::{Grid, Node, lane};
 use dials_traffic::traffic::paper_grid::make::{write_grid, write_local};
 use dials_traffic::traffic::paper_grid::recognise::recognise_grid;
@@ -236,7 +237,7 @@ fn recognised(network: &NetworkFiles) -> Result<Grid> {
 }
 
 fn copied(network: &NetworkFiles, dir: &Path, name: &str) -> Result<NetworkFiles> {
-    Network::read(network)?.copy_to(dir, name)
+    Network::read(network, Role::Global)?.copy_to(dir, name)
 }
 
 /// Makes a damaged copy of a saved network. Returns its files and the path of the damaged one.

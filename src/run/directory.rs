@@ -124,6 +124,7 @@ mod tests {
     use crate::config::{DomainConfig, TrafficConfig};
     use crate::traffic::network::contents::Network;
     use crate::traffic::network::files::NetworkFiles;
+    use crate::traffic::network::way_out::Role;
 
     /// A config that is loaded from `dir`, with the networks of this project.
     fn config_in(dir: &Path) -> Config {
@@ -202,7 +203,7 @@ mod tests {
         let mut config = config_in(dir.path());
         let [global, local] = networks_of(&config);
         for (network, folder) in [(&global, "g"), (&local, "l")] {
-            Network::read(network).unwrap().copy_to(&dir.path().join(folder), "same").unwrap();
+            Network::read(network, Role::Global).unwrap().copy_to(&dir.path().join(folder), "same").unwrap();
         }
         let traffic = traffic_in(&mut config);
         traffic.network = dir.path().join("g/same");

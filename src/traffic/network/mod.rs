@@ -1,6 +1,6 @@
 //! Networks as files, from any source.
 //!
-//! - [`files`]: the files of a network; `way_out`: advice if they are missing or wrong.
+//! - [`files`]: the files of a network; [`way_out`]: advice if they are missing or wrong.
 //! - [`contents`]: a network read once, for everything that is done with it; `memory_file`: texts that SUMO loads.
 //! - `other_files`: everything by which SUMO would write or read another file, refused.
 //! - `tree`: XML read into a tree; `xml`: XML written.
@@ -10,5 +10,5 @@ pub mod files;
 pub(super) mod memory_file;
 mod other_files;
 pub(super) mod tree;
-pub(super) mod way_out;
+pub mod way_out;
 pub(super) mod xml;
