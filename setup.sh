@@ -9,6 +9,7 @@ packages=(
   libopenblas0-pthread  # libtorch's BLAS: with the reference BLAS that yardstick is many times slower
   libclang-dev g++      # to bind libsumo: bindgen needs libclang, the shim needs a C++17 compiler
   pkg-config
+  python3               # sumo_nets/make.py makes the shipped scenarios again; a test runs it
   "$@"
 )
 

@@ -32,8 +32,9 @@ fn texts(folder: &Path) -> Vec<String> {
 fn pages() -> Vec<String> {
     let of_docs = fs::read_dir(root().join("docs")).unwrap().map(|entry| entry.unwrap().file_name());
     let of_docs = of_docs.map(|name| format!("docs/{}", name.to_str().unwrap())).filter(|name| name.ends_with(".md"));
-    let others = ["README.md", "CHANGELOG.md", "configs/README.md", "experiments/README.md", "results/README.md"];
-    others.map(str::to_owned).into_iter().chain(of_docs).collect()
+    let others = ["README.md", "CHANGELOG.md"];
+    let of_folders = ["configs", "experiments", "results", "sumo_nets"].map(|folder| format!("{folder}/README.md"));
+    others.map(str::to_owned).into_iter().chain(of_folders).chain(of_docs).collect()
 }
 
 /// Returns the text under a heading, up to the next heading of any level.

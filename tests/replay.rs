@@ -374,10 +374,11 @@ fn sumo_gui_opens_every_saved_network_and_a_replay() {
         return;
     }
     let _screen = SCREEN.lock().unwrap_or_else(PoisonError::into_inner);
-    let configs = fs::read_dir(nets()).unwrap().map(|entry| entry.unwrap().path());
+    let entries = |folder: &Path| fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect::<Vec<_>>();
+    let files = entries(&nets()).into_iter().flat_map(|path| if path.is_dir() { entries(&path) } else { vec![path] });
     let configs: Vec<PathBuf> =
-        configs.filter(|path| path.extension().is_some_and(|ending| ending == "sumocfg")).collect();
-    assert_eq!(configs.len(), 5);
+        files.filter(|path| path.extension().is_some_and(|ending| ending == "sumocfg")).collect();
+    assert_eq!(configs.len(), 5 + 3);
     configs.iter().for_each(|config| sumo_gui_plays(config, &["--end", "20"]));
 
     let dir = tempfile::tempdir().unwrap();

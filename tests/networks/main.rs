@@ -1,4 +1,7 @@
 //! The networks against SUMO itself: the files in `sumo_nets/`, the files that the code makes, and forests.
+//! `shipped` has the scenarios of `sumo_nets/` that the code does not make.
+
+mod shipped;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -54,8 +57,11 @@ type Attributes = BTreeMap<String, String>;
 /// Returns all elements of one kind in a file. It has its own reader, because the reader in the crate is under test
 /// too.
 fn elements(path: &Path, kind: &str) -> Vec<Attributes> {
-    let text = fs::read_to_string(path).expect("a file of the test");
-    let mut reader = Reader::from_str(&text);
+    elements_of(&fs::read_to_string(path).expect("a file of the test"), kind)
+}
+
+fn elements_of(text: &str, kind: &str) -> Vec<Attributes> {
+    let mut reader = Reader::from_str(text);
     let mut found = Vec::new();
     loop {
         match reader.read_event().expect("XML") {

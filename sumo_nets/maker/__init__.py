@@ -1,0 +1,8 @@
+"""Makers of the scenarios in sumo_nets/, one module each. `make.py` calls them.
+
+network.py: nodes, edges and connections to a road network, by netconvert
+ways.py: fastest ways through a network
+programs.py: programs of lights, as greens with yellow and red between them
+traffic.py: vehicle types, vehicles and flows, and the files of a scenario
+grid_4x4_turns.py, town.py, arterial.py: one scenario each
+"""

@@ -1,0 +1,48 @@
+"""Programs of lights. A green is written as `{edge: directions}` and becomes a state of letters."""
+
+import re
+
+from .network import element
+
+YELLOW_S = 3
+
+
+def green_state(links, green):
+    """Returns the letters of a green: `G` where a car has the right of way, `g` where it gives way.
+
+    `green` maps an edge towards the light to the directions that may go: `s`, `r`, `l`, or `L` for a left turn that
+    gives way to the traffic from the other side.
+    """
+    letters = ["r"] * (1 + max(index for index, _, _ in links))
+    for index, edge, direction in links:
+        if direction in green.get(edge, ""):
+            letters[index] = "G"
+        elif direction.upper() in green.get(edge, ""):
+            letters[index] = "g"
+    return "".join(letters)
+
+
+def program(light, links, greens, offset_s=0, all_red_s=0):
+    """Returns a static program: `greens` are pairs of a duration in seconds and a green, in their order.
+
+    Links that lose green are yellow before. Where nobody stays green, all are red for `all_red_s` after it.
+    """
+    states = [(seconds, green_state(links, green)) for seconds, green in greens]
+    phases = []
+    for (seconds, state), (_, after) in zip(states, states[1:] + states[:1]):
+        phases.append((seconds, state))
+        ends = [now in "Gg" and then == "r" for now, then in zip(state, after)]
+        phases.append((YELLOW_S, "".join("y" if end else now for end, now in zip(ends, state))))
+        if all_red_s and all(end for end, now in zip(ends, state) if now in "Gg"):
+            phases.append((all_red_s, "r" * len(state)))
+    rows = [element("phase", {"duration": seconds, "state": state}) for seconds, state in phases]
+    return element("tlLogic", {"id": light, "type": "static", "programID": "0", "offset": offset_s}, rows)
+
+
+def with_programs(net, programs):
+    """Returns the network with other programs; `programs` maps a light to the text of its program."""
+    for light, text in programs.items():
+        pattern = rf'<tlLogic id="{re.escape(light)}".*?</tlLogic>'
+        net, count = re.subn(pattern, text.replace("\n", "\n    "), net, flags=re.DOTALL)
+        assert count == 1, f"{light} has one program"
+    return net
