@@ -1,5 +1,7 @@
 //! The sensor of one agent: the columns of its observation.
 
+use super::region_plan::RegionPlan;
+
 /// Which columns an observation has, in this order: cars, light, clock.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Sensor {
@@ -30,6 +32,32 @@ pub enum LightColumns {
 }
 
 impl Sensor {
+    /// Returns the name of every column: what it shows, and of which lane. The lanes are those of the agent's region.
+    pub fn columns(&self, region: &RegionPlan) -> Vec<String> {
+        let lanes = region.approaches.iter().map(|approach| &approach.lane);
+        let mut names: Vec<String> = match &self.cars {
+            CarColumns::Cells(cells) => {
+                let cells = lanes.zip(cells);
+                cells.flat_map(|(lane, &cells)| (0..cells).map(move |cell| format!("{lane}[{cell}]"))).collect()
+            }
+            CarColumns::QueueAndDensity(_) => {
+                lanes.flat_map(|lane| [format!("queue {lane}"), format!("density {lane}")]).collect()
+            }
+        };
+        match self.light {
+            LightColumns::FourStates => {
+                let states = ["horizontal green", "horizontal yellow", "vertical yellow", "vertical green"];
+                names.extend(states.map(str::to_owned));
+            }
+            LightColumns::TargetAndAge(greens) => {
+                names.extend((0..greens).map(|green| format!("green[{green}]")));
+                names.extend(["between greens", "time since change"].map(str::to_owned));
+            }
+        }
+        names.extend((0..self.clock).map(|column| format!("clock[{column}]")));
+        names
+    }
+
     /// Returns the number of columns.
     pub fn width(&self) -> usize {
         let cars = match &self.cars {

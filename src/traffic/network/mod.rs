@@ -3,6 +3,7 @@
 //! - [`files`]: the files of a network; `together`: several files written at once; `way_out`: advice if they are
 //!   missing or wrong.
 //! - [`contents`]: a network read once, for everything that is done with it; `memory_file`: texts that SUMO loads.
+//! - [`roads`]: what a net is: junctions, edges, lanes, connections, programs of lights.
 //! - `other_files`: everything by which SUMO would write or read another file, refused.
 //! - `tree`: XML read into a tree; `xml`: XML written.
 
@@ -10,6 +11,7 @@ pub mod contents;
 pub mod files;
 pub(super) mod memory_file;
 mod other_files;
+pub mod roads;
 mod together;
 pub(super) mod tree;
 pub(super) mod way_out;
