@@ -35,7 +35,7 @@ pub struct MapRegion {
     pub lanes: Vec<Line>,
 }
 
-/// Colours of the regions, again and again.
+/// Colours of the regions.
 const COLOURS: [RGBColor; 6] = [BLUE, ORANGE, GREEN, PURPLE, VERMILLION, SKY];
 /// Longer side of the map in pixels.
 const LONGER: f64 = 1000.0;
@@ -59,10 +59,11 @@ pub fn regions_map(map: &RegionsMap) -> Result<Svg> {
     let tall = height.max(if names { 22 * map.regions.len() as i32 } else { 0 });
     let title = format!("Lights and their regions: {}", map.subject);
     let about = format!(
-        "{} learn: numbers, approaches in full colour, other roads of the region pale; {} keep their program: crosses",
+        "{} learn (numbers), {} keep their program (crosses); full colour: approaches, pale: other roads of the region",
         map.regions.len(),
         map.keeping.len()
     );
+    let colours = colours(&map.regions);
     let size = (2 * MARGIN + width.max(420) + list, HEAD + MARGIN + tall + 24);
     picture(size, &title, &about, |area| {
         for outline in map.junctions.iter().filter(|outline| outline.len() >= 3) {
@@ -75,7 +76,7 @@ pub fn regions_map(map: &RegionsMap) -> Result<Svg> {
             Ok(())
         };
         draw(&map.lanes, FAINT.mix(0.45))?;
-        let coloured = || map.regions.iter().zip(COLOURS.iter().cycle());
+        let coloured = || map.regions.iter().zip(&colours);
         for (region, colour) in coloured() {
             draw(&region.lanes, colour.mix(0.35))?;
         }
@@ -97,6 +98,23 @@ pub fn regions_map(map: &RegionsMap) -> Result<Svg> {
         }
         draw_scale(area, &frame, tall)
     })
+}
+
+/// Returns a colour for each region: the one whose regions so far are the furthest away.
+fn colours(regions: &[MapRegion]) -> Vec<RGBColor> {
+    let mut nearest = vec![[f64::INFINITY; COLOURS.len()]; regions.len()];
+    let mut colours = Vec::with_capacity(regions.len());
+    for (number, region) in regions.iter().enumerate() {
+        let furthest =
+            (0..COLOURS.len()).rev().max_by(|&one, &other| nearest[number][one].total_cmp(&nearest[number][other]));
+        let colour = furthest.expect("there are colours");
+        colours.push(COLOURS[colour]);
+        for (other, nearest) in regions.iter().zip(&mut nearest) {
+            let [east, north] = [0, 1].map(|axis| other.place_m[axis] - region.place_m[axis]);
+            nearest[colour] = nearest[colour].min(east.hypot(north));
+        }
+    }
+    colours
 }
 
 /// Draws a light as a disc with its agent's number.

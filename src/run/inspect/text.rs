@@ -80,7 +80,11 @@ fn describe_phases(text: &mut String, phases: &PhasePlan) {
 
 fn describe_lanes(text: &mut String, plan: &AgentPlan) {
     let region = &plan.region;
-    line(text, format_args!("  {}:", some(region.approaches.len(), "approach lane")));
+    let at_stop_line = region.approaches.iter().filter(|approach| approach.ahead_m == 0.0).count();
+    line(
+        text,
+        format_args!("  {}, {at_stop_line} of them at the stop line:", some(region.approaches.len(), "approach lane")),
+    );
     let head = ["lane", "length m", "to the stop line m", "limit m/s", "letters"].map(str::to_owned);
     let rows = region.approaches.iter().map(|approach| {
         let mut letters: Vec<usize> = approach.links.iter().map(|&link| region.links[link].letter).collect();

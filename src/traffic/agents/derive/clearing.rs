@@ -65,3 +65,45 @@ pub fn is_lost(old: char, new: char) -> bool {
 fn letters<'a>(from: &'a SignalState, to: &'a SignalState) -> impl Iterator<Item = (char, char)> + 'a {
     from.as_str().chars().zip(to.as_str().chars())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::traffic::network::roads::example;
+
+    fn state(letters: &str) -> SignalState {
+        SignalState::new(letters).unwrap()
+    }
+
+    fn shown(from: &str, to: &str, times: &Times) -> String {
+        let intervals = between(&state(from), &state(to), times);
+        let shown = intervals.iter().map(|Interval { state, steps }| format!("{state} {steps}"));
+        shown.collect::<Vec<_>>().join(", ")
+    }
+
+    #[test]
+    fn who_loses_green_shows_yellow_and_all_others_keep_their_letter() {
+        let times = Times { yellow_s: 3, own: HashMap::new(), other: 0 };
+        assert_eq!(shown("GGggrrrGGGg", "rrGGrrrrrrG", &times), "yyggrrryyyg 3");
+        assert_eq!(shown("GgGGoO", "sRgGoO", &times), "yyGGoO 3");
+        assert_eq!(shown("GgrG", "gGrG", &times), "", "only g and G change");
+        assert_eq!(shown("Gr", "GG", &times), "", "nobody loses green");
+    }
+
+    #[test]
+    fn all_red_is_as_long_as_in_the_program() {
+        let roads = example::roads(&[]);
+        let times = Times::of(&roads.programs[0], 4, None);
+        assert_eq!(shown("GGrr", "rrGG", &times), "yyrr 4, rrrr 2");
+        assert_eq!(shown("rrGG", "GGrr", &times), "rryy 4", "the program has no all red here");
+        assert_eq!(shown("GGrr", "Grrr", &times), "Gyrr 4, Grrr 2", "the program has no such change: the longest");
+        let times = Times::of(&roads.programs[0], 3, Some(1));
+        assert_eq!(shown("rrGG", "GGrr", &times), "rryy 3, rrrr 1");
+    }
+
+    #[test]
+    fn parts_of_seconds_are_rounded_up() {
+        let roads = example::roads(&[("duration=\"2\"", "duration=\"1.2\"")]);
+        assert_eq!(shown("GGrr", "rrGG", &Times::of(&roads.programs[0], 3, None)), "yyrr 3, rrrr 2");
+    }
+}

@@ -6,6 +6,7 @@
 //! - [`region`]: the roads around a light; [`lanes`]: its approaches, exits and links; `sight`: what its agent sees.
 //! - [`keeping`]: why a light keeps its program; [`safety`]: no two links that cross have green at once.
 //! - [`overrides`]: what the file `agents.toml` says otherwise; [`padding`]: one shape for all agents.
+//! - `tests`: all of it together.
 
 pub mod clearing;
 pub mod greens;
@@ -16,13 +17,17 @@ pub mod padding;
 pub mod region;
 pub mod safety;
 mod sight;
+#[cfg(test)]
+mod tests;
+
+use std::collections::{BTreeSet, HashMap};
 
 use anyhow::{Result, bail};
 
 use super::phase_plan::{Choice, PhasePlan};
 use super::plan::AgentPlan;
-use crate::traffic::network::roads::Roads;
 use crate::traffic::network::roads::program::Program;
+use crate::traffic::network::roads::{JunctionNo, Roads};
 use keeping::{Keeping, Why};
 use overrides::{LightOverride, Overrides};
 use region::Region;
@@ -86,6 +91,7 @@ impl Derived {
 /// not safe.
 pub fn derive(roads: &Roads, rules: &Rules, overrides: &Overrides) -> Result<Derived> {
     let programs = programs(roads);
+    let lit = region::lit_junctions(roads);
     if programs.is_empty() {
         bail!(
             "has no traffic light: no element <tlLogic>; give a junction one in netedit, or with netconvert --tls.set"
@@ -94,7 +100,7 @@ pub fn derive(roads: &Roads, rules: &Rules, overrides: &Overrides) -> Result<Der
     overrides.check_names(&programs)?;
     let mut derived = Derived { agents: Vec::new(), keeping: Vec::new() };
     for program in programs {
-        match agent(roads, rules, overrides, program)? {
+        match agent(roads, &lit, rules, overrides, program)? {
             Ok(agent) => derived.agents.push(agent),
             Err(why) => {
                 overrides.check_may_keep(&program.light, &why)?;
@@ -113,19 +119,27 @@ pub fn derive(roads: &Roads, rules: &Rules, overrides: &Overrides) -> Result<Der
 
 /// Returns the program of each light that its greens come from: the one named `0`, or the first one.
 fn programs(roads: &Roads) -> Vec<&Program> {
+    let mut places: HashMap<&str, usize> = HashMap::new();
     let mut programs: Vec<&Program> = Vec::new();
     for program in &roads.programs {
-        match programs.iter_mut().find(|earlier| earlier.light == program.light) {
-            None => programs.push(program),
-            Some(earlier) if program.id == "0" => *earlier = program,
-            Some(_) => {}
+        let place = *places.entry(&program.light).or_insert(programs.len());
+        if place == programs.len() {
+            programs.push(program);
+        } else if program.id == "0" {
+            programs[place] = program;
         }
     }
     programs
 }
 
-/// Returns the agent of a light, or why it keeps its program.
-fn agent(roads: &Roads, rules: &Rules, overrides: &Overrides, program: &Program) -> Result<Result<Agent, Why>> {
+/// Returns the agent of a light, or why it keeps its program. `lit`: all junctions under a light.
+fn agent(
+    roads: &Roads,
+    lit: &BTreeSet<JunctionNo>,
+    rules: &Rules,
+    overrides: &Overrides,
+    program: &Program,
+) -> Result<Result<Agent, Why>> {
     let light = &program.light;
     if !overrides.learns(light) {
         return Ok(Err(Why::Excluded));
@@ -133,7 +147,7 @@ fn agent(roads: &Roads, rules: &Rules, overrides: &Overrides, program: &Program)
     if !["static", "actuated"].contains(&program.kind.as_str()) {
         return Ok(Err(Why::Kind(program.kind.clone())));
     }
-    if !roads.connections.iter().any(|link| link.signal.as_ref().is_some_and(|signal| signal.light == *light)) {
+    if roads.of_light(light).next().is_none() {
         return Ok(Err(Why::NoLink));
     }
     if roads.under_light(light).next().is_none() {
@@ -152,7 +166,7 @@ fn agent(roads: &Roads, rules: &Rules, overrides: &Overrides, program: &Program)
     let clearing = |from: usize, to: usize| clearing::between(&greens[from], &greens[to], &times);
     let phases = PhasePlan::new(greens.clone(), Choice::Target, rules.min_green_s, clearing);
     safety::check(roads, program, &phases)?;
-    let region = Region::of(roads, light, rules.approach_m, own.approaches.as_deref())?;
+    let region = Region::of(roads, lit, light, rules.approach_m, own.approaches.as_deref())?;
     let lanes = lanes::region_plan(roads, light, &region);
     let sensor = sight::sensor(&lanes, rules, phases.greens().len());
     let plan = AgentPlan { light: light.clone(), place_m: region.place_m(roads), region: lanes, phases, sensor };

@@ -132,3 +132,47 @@ fn read_greens(written: Vec<String>) -> Result<Vec<SignalState>> {
     }
     Ok(greens)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_read_and_what_it_does_not_name_stays() {
+        let file = "learn = ['a', 'b']\n[light.'b c']\ngreens = ['Gr', 'rg']\nall_red_s = 0";
+        let read = Overrides::parse(file).unwrap();
+        assert_eq!([read.learns("a"), read.learns("c")], [true, false]);
+        assert_eq!((read.of("b c").all_red_s, read.of("b c").yellow_s), (Some(0), None));
+        assert_eq!(read.of("a"), &LightOverride::default());
+        let keep = Overrides::parse("keep = ['a']").unwrap();
+        assert_eq!([keep.learns("a"), keep.learns("c")], [false, true]);
+        assert!(Overrides::default().learns("a"));
+    }
+
+    #[test]
+    fn a_wrong_value_is_told_with_its_light_and_key() {
+        for (file, told) in [
+            ("learn = ['a']\nkeep = ['b']", "learn and keep: name the lights that learn, or those that do not"),
+            ("[light.a]\nyellow_s = 0", "light `a`: yellow_s: must be from 1 to 60"),
+            ("[light.a]\nall_red_s = 61", "light `a`: all_red_s: must be at most 60"),
+            ("[light.a]\napproaches = []", "light `a`: approaches: must name at least one edge"),
+            (
+                "[light.a]\ngreens = ['G']",
+                "light `a`: greens: must be at least two; with fewer there is nothing to choose",
+            ),
+            ("[light.a]\ngreens = ['Gr', 'Gr']", "light `a`: greens: `Gr` is there twice"),
+            ("[light.a]\ngreens = ['Gr', 'yG']", "light `a`: greens: `yG` must have a G or g, and neither y, Y nor u"),
+        ] {
+            assert_eq!(format!("{:#}", Overrides::parse(file).unwrap_err()), told);
+        }
+        for (file, part) in [
+            ("lern = ['a']", "unknown field `lern`"),
+            ("[light.a]\nyellow = 3", "unknown field `yellow`"),
+            ("[light.a]\nyellow_s = -3", "yellow_s"),
+            ("[light.a]\ngreens = ['Gx', 'rG']", "light `a`: greens: "),
+        ] {
+            let error = format!("{:#}", Overrides::parse(file).unwrap_err());
+            assert!(error.contains(part), "{error}");
+        }
+    }
+}

@@ -25,3 +25,22 @@ impl Padding {
         Padding { columns, actions, padded }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::traffic::agents::derive::overrides::Overrides;
+    use crate::traffic::agents::derive::{Rules, derive};
+    use crate::traffic::network::roads::example::{LIGHT_AT_U, roads};
+
+    #[test]
+    fn agents_of_one_kind_are_as_wide_as_the_widest() {
+        let overrides = Overrides::parse("[light.U]\ngreens = ['Grr', 'rGG', 'rrG']").unwrap();
+        let plans = derive(&roads(&LIGHT_AT_U), &Rules::default(), &overrides).unwrap().plans();
+        // J sees 10 + 5 + 5 cells and has two greens; U sees 15 + 8 + 5 cells and has three.
+        assert_eq!(plans.iter().map(|plan| plan.sensor.width()).collect::<Vec<_>>(), [24, 33]);
+        let padding = Padding::of(plans.iter());
+        assert_eq!((padding.columns, padding.actions), (33, 3));
+        assert!((padding.padded - 9.0 / 66.0).abs() < 1e-12, "{}", padding.padded);
+    }
+}

@@ -26,10 +26,17 @@ impl Region {
     /// Makes the region of a light that controls cars.
     ///
     /// It goes backwards through uncontrolled junctions until `approach_m` is covered. It never goes through a light or
-    /// a turn-around. `only`: names of the edges that it may go to; without it any.
+    /// a turn-around. `lit`: what [`lit_junctions`] returns. `only`: names of the edges that it may go to; without it
+    /// any.
     ///
     /// Errors: one of these edges is not in the net or does not lead to the light.
-    pub fn of(roads: &Roads, light: &str, approach_m: f64, only: Option<&[String]>) -> Result<Region> {
+    pub fn of(
+        roads: &Roads,
+        lit: &BTreeSet<JunctionNo>,
+        light: &str,
+        approach_m: f64,
+        only: Option<&[String]>,
+    ) -> Result<Region> {
         let only = only.map(|names| edges(roads, light, names)).transpose()?;
         let may_see = |lane: LaneNo| only.as_ref().is_none_or(|only| only.contains(&roads.lane(lane).edge));
         let at_stop_line = roads.under_light(light).map(|link| link.from).filter(|&lane| may_see(lane));
@@ -39,7 +46,7 @@ impl Region {
             ahead_m: at_stop_line.map(|lane| (lane, 0.0)).collect(),
             approach_m,
         };
-        region.go_back(roads, &lit_junctions(roads), may_see);
+        region.go_back(roads, lit, may_see);
         for edge in only.into_iter().flatten() {
             let seen = region.ahead_m.keys().any(|&lane| roads.lane(lane).edge == edge);
             ensure!(
@@ -108,7 +115,7 @@ fn edges(roads: &Roads, light: &str, names: &[String]) -> Result<BTreeSet<EdgeNo
 }
 
 /// Returns the junctions at which a light controls cars.
-fn lit_junctions(roads: &Roads) -> BTreeSet<JunctionNo> {
+pub fn lit_junctions(roads: &Roads) -> BTreeSet<JunctionNo> {
     let links = roads.connections.iter().filter(|link| link.signal.is_some() && roads.carries_cars(link));
     links.filter_map(|link| roads.end_of(link.from)).collect()
 }

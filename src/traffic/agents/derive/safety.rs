@@ -45,3 +45,21 @@ pub fn conflicts(crossing: &BTreeSet<[usize; 2]>, own: &[&SignalState], state: &
     let bad = crossing.iter().filter(|pair| both(state, pair) && !own.iter().any(|own| both(own, pair)));
     bad.copied().collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_that_cross_may_have_green_at_once_only_if_the_program_gives_it_to_both() {
+        let crossing = BTreeSet::from([[0, 1], [1, 2], [2, 2]]);
+        let state = |letters: &str| SignalState::new(letters).unwrap();
+        let own = [state("GGr"), state("rGg")];
+        let own: Vec<&SignalState> = own.iter().collect();
+        let found = |letters: &str| conflicts(&crossing, &own, &state(letters));
+        assert!(found("GGr").is_empty(), "the program does so");
+        assert_eq!(found("GGG"), [[1, 2]]);
+        assert!(found("GrG").is_empty(), "0 and 2 do not cross; cars of one letter are no pair");
+        assert!(found("rgG").is_empty(), "g yields");
+    }
+}

@@ -51,6 +51,8 @@ pub struct Roads {
     from_lane: Vec<Vec<usize>>,
     /// Connections that end at each lane, as indices into [`Roads::connections`].
     to_lane: Vec<Vec<usize>>,
+    /// Connections that each light controls, as indices into [`Roads::connections`].
+    of_light: HashMap<String, Vec<usize>>,
 }
 
 /// A place where edges meet. The inside of a large junction has junctions of its own, of kind `internal`.
@@ -192,12 +194,14 @@ impl Roads {
         self.lane(connection.from).carries_cars && self.lane(connection.to).carries_cars
     }
 
+    /// Returns the connections that a light controls, in the order of the file. Some may be for people on foot.
+    pub fn of_light(&self, light: &str) -> impl Iterator<Item = &Connection> {
+        self.of_light.get(light).into_iter().flatten().map(|&number| &self.connections[number])
+    }
+
     /// Returns the connections of cars that a light controls, in the order of the file.
-    pub fn under_light<'a>(&'a self, light: &'a str) -> impl Iterator<Item = &'a Connection> {
-        let obeys = move |connection: &&Connection| {
-            connection.signal.as_ref().is_some_and(|signal| signal.light == light) && self.carries_cars(connection)
-        };
-        self.connections.iter().filter(obeys)
+    pub fn under_light(&self, light: &str) -> impl Iterator<Item = &Connection> {
+        self.of_light(light).filter(|connection| self.carries_cars(connection))
     }
 
     /// Returns the length of a connection within its junction, in metres.

@@ -1,6 +1,6 @@
 //! The elements of a `.net.xml`, read into [`Roads`].
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use anyhow::{Result, ensure};
 
@@ -41,6 +41,9 @@ impl Roads {
             let connection = roads.read_connection(element, &letters)?;
             roads.from_lane[connection.from.0].push(roads.connections.len());
             roads.to_lane[connection.to.0].push(roads.connections.len());
+            if let Some(signal) = &connection.signal {
+                roads.of_light.entry(signal.light.clone()).or_default().push(roads.connections.len());
+            }
             roads.connections.push(connection);
         }
         Ok(roads)
@@ -149,11 +152,13 @@ impl Roads {
     }
 
     fn refuse_double_programs(&self) -> Result<()> {
-        for (number, program) in self.programs.iter().enumerate() {
-            let earlier = self.programs[..number].iter().find(|other| other.light == program.light);
-            let Some(earlier) = earlier else { continue };
+        let mut first: HashMap<&str, &Program> = HashMap::new();
+        let mut names = HashSet::new();
+        for program in &self.programs {
             let named = format!("<tlLogic id=\"{}\" programID=\"{}\">", program.light, program.id);
-            ensure!(earlier.id != program.id, "{named}: there are two programs of this id; rename one of them");
+            let earlier = *first.entry(&program.light).or_insert(program);
+            let is_new = names.insert((&program.light, &program.id));
+            ensure!(is_new, "{named}: there are two programs of this id; rename one of them");
             let [letters, others] = [program.letters(), earlier.letters()];
             ensure!(
                 letters == others,
