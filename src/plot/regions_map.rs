@@ -184,3 +184,58 @@ fn shortened(name: &str) -> String {
         None => name.to_owned(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn region(name: &str, place_m: [f64; 2]) -> MapRegion {
+        let approach = vec![[place_m[0] - 100.0, place_m[1]], place_m];
+        MapRegion { name: name.to_owned(), place_m, approaches: vec![approach.clone()], lanes: vec![approach] }
+    }
+
+    #[test]
+    fn neighbours_have_different_colours() {
+        let regions: Vec<MapRegion> =
+            (0..9).map(|number| region("a", [f64::from(number % 3) * 100.0, f64::from(number / 3) * 100.0])).collect();
+        let colours = colours(&regions);
+        for (one, other) in [(0, 1), (1, 2), (0, 3), (3, 4), (4, 5), (4, 7), (7, 8), (5, 8), (6, 7), (3, 6)] {
+            assert_ne!(colours[one], colours[other], "{one} and {other}");
+        }
+    }
+
+    #[test]
+    fn north_is_up_and_every_light_has_its_number_and_its_name() {
+        let map = RegionsMap {
+            subject: "town".to_owned(),
+            junctions: vec![vec![], vec![[0.0, 0.0], [5.0, 0.0], [5.0, 5.0]]],
+            lanes: vec![vec![[0.0, 0.0], [1000.0, 0.0]], vec![[0.0, 500.0], [0.0, 0.0]]],
+            regions: vec![region("first", [100.0, 0.0]), region(&"x".repeat(50), [1000.0, 400.0])],
+            keeping: vec![[500.0, 500.0]],
+        };
+        let frame = Frame::around(&map);
+        // 1000 m are 1000 pixels.
+        assert_eq!([frame.point([0.0, 500.0]), frame.point([1000.0, 0.0])], [(0, 0), (px(1000), px(500))]);
+        let svg = regions_map(&map).unwrap().file();
+        for part in [
+            ">\nfirst\n".to_owned(),
+            format!(">\n{}...\n", "x".repeat(38)),
+            "2 learn (numbers), 1 keep their program (crosses)".to_owned(),
+            ">\n100 m\n".to_owned(),
+        ] {
+            assert!(svg.contains(&part), "{part}\n{svg}");
+        }
+    }
+
+    #[test]
+    fn a_net_without_shapes_has_a_map_too() {
+        let map = RegionsMap {
+            subject: String::new(),
+            junctions: Vec::new(),
+            lanes: vec![Vec::new()],
+            regions: vec![region("a", [0.0, 0.0])],
+            keeping: Vec::new(),
+        };
+        regions_map(&map).unwrap();
+    }
+}

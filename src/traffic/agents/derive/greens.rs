@@ -108,6 +108,7 @@ mod tests {
             light: "a".to_owned(),
             id: "0".to_owned(),
             kind: "static".to_owned(),
+            offset_s: 0.0,
             phases: phases.iter().map(phase).collect(),
         }
     }

@@ -16,6 +16,8 @@ pub struct Program {
     pub id: String,
     /// SUMO's type, such as `static` or `actuated`.
     pub kind: String,
+    /// Time by which the program runs late, in seconds.
+    pub offset_s: f64,
     /// Phases in their order, at least one. Their states have the same length.
     pub phases: Vec<Phase>,
 }
@@ -57,9 +59,9 @@ impl Program {
                 phases.len() - 1
             );
         }
-        number_or(element, "offset", f64::NEG_INFINITY, 0.0)?;
+        let offset_s = number_or(element, "offset", f64::NEG_INFINITY, 0.0)?;
         let or = |name: &str, default: &str| element.attribute(name).unwrap_or(default).to_owned();
-        Ok(Program { light, id: or("programID", "0"), kind: or("type", "static"), phases })
+        Ok(Program { light, id: or("programID", "0"), kind: or("type", "static"), offset_s, phases })
     }
 
     /// Returns the number of letters of its states.
