@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use dials_traffic::sumo::SignalState;
-use dials_traffic::traffic::agents::derive::greens::{Change, changes, is_yellow};
+use dials_traffic::traffic::agents::derive::greens::{Change, Greens, is_yellow};
 use dials_traffic::traffic::agents::derive::overrides::Overrides;
 use dials_traffic::traffic::agents::derive::padding::Padding;
 use dials_traffic::traffic::agents::derive::{Agent, Derived, Rules, clearing, derive, safety};
@@ -68,9 +68,7 @@ fn every_lane_that_an_agent_sees_leads_to_its_light() {
         for Agent { plan, region, .. } in &derived.agents {
             let light = format!("{}, light {}", known.name, plan.light);
             let letters: BTreeSet<usize> = plan.region.links.iter().map(|link| link.letter).collect();
-            let own: BTreeSet<usize> =
-                roads.under_light(&plan.light).map(|link| link.signal.as_ref().unwrap().letter).collect();
-            assert_eq!(letters, own, "{light}: all letters for cars have a link");
+            assert_eq!(letters, roads.letters_of_cars(&plan.light), "{light}: all letters for cars have a link");
             for approach in &plan.region.approaches {
                 let lane = roads.lane_named(&approach.lane).unwrap();
                 assert!(roads.lane(lane).carries_cars && approach.ahead_m < 150.0, "{light}: {approach:?}");
@@ -106,10 +104,11 @@ fn is_yellow_at(state: &SignalState, letter: usize) -> bool {
 #[test]
 fn every_link_that_loses_green_is_yellow_in_the_derived_state_as_in_the_own_program() {
     let (mut compared, mut equal) = (0, 0);
-    for (known, _, derived) in networks() {
+    for (known, roads, derived) in networks() {
         for Agent { plan, program, .. } in &derived.agents {
             let greens = plan.phases.greens();
-            for change in changes(program) {
+            let cars = roads.letters_of_cars(&plan.light);
+            for change in Greens::of(program, &cars).changes() {
                 let place = |state| greens.iter().position(|green| green == state).unwrap();
                 let [from, to] = [change.from, change.to].map(place);
                 let shown = plan.phases.clearing(from, to);

@@ -3,10 +3,9 @@
 
 use std::collections::HashMap;
 
-use super::greens::{self, changes, goes};
+use super::greens::{Greens, goes};
 use crate::sumo::SignalState;
 use crate::traffic::agents::phase_plan::Interval;
-use crate::traffic::network::roads::program::Program;
 
 /// Durations of the states between the greens of a light.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -22,13 +21,13 @@ impl Times {
     /// Returns the durations of a light. `all_red_s`: that of all changes; without it the program's own.
     ///
     /// A change that the program does not have is as long as the longest that it has. So no light is less safe.
-    pub fn of(program: &Program, yellow_s: u32, all_red_s: Option<u32>) -> Times {
+    pub fn of(greens: &Greens, yellow_s: u32, all_red_s: Option<u32>) -> Times {
         if let Some(other) = all_red_s {
             return Times { yellow_s, own: HashMap::new(), other };
         }
         let mut own: HashMap<[SignalState; 2], u32> = HashMap::new();
-        for change in changes(program) {
-            let red = change.between.iter().filter(|phase| !greens::is_yellow(&phase.state));
+        for change in greens.changes() {
+            let red = change.between.iter().filter(|phase| greens.is_all_red(phase));
             let seconds = red.map(|phase| phase.duration_s).sum::<f64>().ceil() as u32;
             let known = own.entry([change.from.clone(), change.to.clone()]).or_default();
             *known = seconds.max(*known);
@@ -93,17 +92,21 @@ mod tests {
     #[test]
     fn all_red_is_as_long_as_in_the_program() {
         let roads = example::roads(&[]);
-        let times = Times::of(&roads.programs[0], 4, None);
+        let cars = roads.letters_of_cars("J");
+        let greens = Greens::of(&roads.programs[0], &cars);
+        let times = Times::of(&greens, 4, None);
         assert_eq!(shown("GGrr", "rrGG", &times), "yyrr 4, rrrr 2");
         assert_eq!(shown("rrGG", "GGrr", &times), "rryy 4", "the program has no all red here");
         assert_eq!(shown("GGrr", "Grrr", &times), "Gyrr 4, Grrr 2", "the program has no such change: the longest");
-        let times = Times::of(&roads.programs[0], 3, Some(1));
+        let times = Times::of(&greens, 3, Some(1));
         assert_eq!(shown("rrGG", "GGrr", &times), "rryy 3, rrrr 1");
     }
 
     #[test]
     fn parts_of_seconds_are_rounded_up() {
         let roads = example::roads(&[("duration=\"2\"", "duration=\"1.2\"")]);
-        assert_eq!(shown("GGrr", "rrGG", &Times::of(&roads.programs[0], 3, None)), "yyrr 3, rrrr 2");
+        let cars = roads.letters_of_cars("J");
+        let greens = Greens::of(&roads.programs[0], &cars);
+        assert_eq!(shown("GGrr", "rrGG", &Times::of(&greens, 3, None)), "yyrr 3, rrrr 2");
     }
 }

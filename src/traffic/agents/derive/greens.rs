@@ -5,7 +5,7 @@ use std::collections::{BTreeSet, VecDeque};
 use crate::sumo::SignalState;
 use crate::traffic::network::roads::program::{Phase, Program};
 
-/// Longest phase without a green of its own that is taken for a part of a change, in seconds.
+/// Longest phase without a green of its own that is a part of a change, in seconds.
 const LONGEST_CLEARING_S: f64 = 5.0;
 
 /// A way of a program from one green to the next.
@@ -15,17 +15,6 @@ pub struct Change<'a> {
     pub to: &'a SignalState,
     /// Phases in between, such as yellow and all red.
     pub between: Vec<&'a Phase>,
-}
-
-/// Returns the distinct greens of a program, in the order in which they first appear.
-pub fn greens(program: &Program) -> Vec<SignalState> {
-    let mut greens: Vec<SignalState> = Vec::new();
-    for (number, phase) in program.phases.iter().enumerate() {
-        if is_green(program, number) && !greens.contains(&phase.state) {
-            greens.push(phase.state.clone());
-        }
-    }
-    greens
 }
 
 /// Returns whether a letter lets cars go.
@@ -38,58 +27,102 @@ pub fn is_yellow(state: &SignalState) -> bool {
     state.as_str().contains(['y', 'Y', 'u'])
 }
 
-/// Returns whether a state shows green and no yellow.
-pub fn shows_green(state: &SignalState) -> bool {
-    !is_yellow(state) && state.as_str().contains(goes)
+/// Returns whether a state shows no yellow, and green for cars. `cars`: letters that cars obey.
+fn shows_green(state: &SignalState, cars: &BTreeSet<usize>) -> bool {
+    !is_yellow(state) && cars.iter().any(|&letter| goes(state.as_str().as_bytes()[letter].into()))
 }
 
-/// Returns whether a phase is a green, and not a part of the change between two others.
-fn is_green(program: &Program, phase: usize) -> bool {
-    shows_green(&program.phases[phase].state) && !is_clearing(program, phase)
+/// The greens of a program.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Greens<'a> {
+    program: &'a Program,
+    /// Letters that cars obey.
+    cars: &'a BTreeSet<usize>,
+    states: Vec<SignalState>,
+    /// Green of each phase, as an index into `states`; `None`: the phase is a part of a change.
+    of_phase: Vec<Option<usize>>,
+}
+
+impl<'a> Greens<'a> {
+    /// Finds the greens of a program: the distinct phases with green and without yellow, in the order in which they
+    /// first appear. Two phases that are the same for cars are one green. `cars`: letters that cars obey.
+    pub fn of(program: &'a Program, cars: &'a BTreeSet<usize>) -> Greens<'a> {
+        let letters =
+            |state: &SignalState| -> Vec<u8> { cars.iter().map(|&letter| state.as_str().as_bytes()[letter]).collect() };
+        let mut states: Vec<SignalState> = Vec::new();
+        let mut of_phase = Vec::new();
+        for (number, Phase { state, .. }) in program.phases.iter().enumerate() {
+            if !shows_green(state, cars) || is_clearing(program, number, cars) {
+                of_phase.push(None);
+                continue;
+            }
+            let known = states.iter().position(|green| letters(green) == letters(state));
+            of_phase.push(Some(known.unwrap_or(states.len())));
+            if known.is_none() {
+                states.push(state.clone());
+            }
+        }
+        Greens { program, cars, states, of_phase }
+    }
+
+    /// Returns the greens, in the order of the program.
+    pub fn states(&self) -> &[SignalState] {
+        &self.states
+    }
+
+    /// Returns whether cars that lose green wait in a phase of a change: it has no yellow. A phase for people on foot
+    /// does not count.
+    pub fn is_all_red(&self, phase: &Phase) -> bool {
+        let mut letters = phase.state.as_str().chars().enumerate();
+        letters.all(|(number, letter)| !matches!(letter, 'y' | 'Y') && (self.cars.contains(&number) || !goes(letter)))
+    }
+
+    /// Returns the ways of the program from each of its greens to the next ones; from one phase to another, the one with
+    /// the fewest phases.
+    pub fn changes(&self) -> Vec<Change<'_>> {
+        let mut changes = Vec::new();
+        for (phase, green) in self.of_phase.iter().enumerate() {
+            if let &Some(green) = green {
+                self.add_changes(phase, green, &mut changes);
+            }
+        }
+        changes
+    }
+
+    fn add_changes<'b>(&'b self, phase: usize, green: usize, changes: &mut Vec<Change<'b>>) {
+        let mut seen = BTreeSet::from([phase]);
+        let mut open: VecDeque<(usize, Vec<&Phase>)> = VecDeque::from([(phase, Vec::new())]);
+        while let Some((last, between)) = open.pop_front() {
+            for next in self.program.after(last).into_iter().filter(|next| seen.insert(*next)) {
+                match self.of_phase[next] {
+                    Some(other) if other == green => {}
+                    Some(other) => {
+                        let [from, to] = [&self.states[green], &self.states[other]];
+                        changes.push(Change { from, to, between: between.clone() });
+                    }
+                    None => open.push_back((next, [&between[..], &[&self.program.phases[next]]].concat())),
+                }
+            }
+        }
+    }
 }
 
 /// Returns whether a phase is all red but for links that have green before, during and after the change.
 ///
-/// It is short, follows yellow, and gives green to nobody who did not have it. netconvert writes such phases with
+/// It is short, follows yellow, and gives green to no car that did not have it. netconvert writes such phases with
 /// `--tls.allred.time`.
-fn is_clearing(program: &Program, phase: usize) -> bool {
+fn is_clearing(program: &Program, phase: usize, cars: &BTreeSet<usize>) -> bool {
     let phases = &program.phases;
     let count = phases.len();
     let state = |number: usize| &phases[number % count].state;
     let after_yellow = is_yellow(state(phase + count - 1));
     let mut earlier = (1..count).map(|back| state(phase + count - back));
     let mut later = (1..count).map(|on| state(phase + on));
-    let neighbours = [earlier.find(|state| shows_green(state)), later.find(|state| shows_green(state))];
+    let neighbours = [earlier.find(|state| shows_green(state, cars)), later.find(|state| shows_green(state, cars))];
     let [Some(before), Some(after)] = neighbours else { return false };
-    let letters = state(phase).as_str().chars().zip(before.as_str().chars()).zip(after.as_str().chars());
-    let keeps = |((now, before), after)| !goes(now) || (goes(before) && goes(after));
-    after_yellow && phases[phase].duration_s <= LONGEST_CLEARING_S && letters.into_iter().all(keeps)
-}
-
-/// Returns the ways of a program from each of its greens to the next ones; from one to another, the one with the fewest
-/// phases.
-pub fn changes(program: &Program) -> Vec<Change<'_>> {
-    let mut changes = Vec::new();
-    for from in (0..program.phases.len()).filter(|&phase| is_green(program, phase)) {
-        let mut seen = BTreeSet::from([from]);
-        let mut open: VecDeque<(usize, Vec<&Phase>)> = VecDeque::from([(from, Vec::new())]);
-        while let Some((last, between)) = open.pop_front() {
-            for next in program.after(last).into_iter().filter(|next| seen.insert(*next)) {
-                let phase = &program.phases[next];
-                if is_green(program, next) {
-                    changes.push(Change {
-                        from: &program.phases[from].state,
-                        to: &phase.state,
-                        between: between.clone(),
-                    });
-                } else {
-                    open.push_back((next, [&between[..], &[phase]].concat()));
-                }
-            }
-        }
-    }
-    changes.retain(|change| change.from != change.to);
-    changes
+    let goes_in = |state: &SignalState, letter: usize| goes(state.as_str().as_bytes()[letter].into());
+    let keeps = |&letter: &usize| !goes_in(state(phase), letter) || (goes_in(before, letter) && goes_in(after, letter));
+    after_yellow && phases[phase].duration_s <= LONGEST_CLEARING_S && cars.iter().all(keeps)
 }
 
 #[cfg(test)]
@@ -113,13 +146,21 @@ mod tests {
         }
     }
 
+    /// Returns greens and changes of a program whose letters are all for cars.
     fn told(program: &Program) -> (Vec<String>, Vec<String>) {
+        told_of(program, program.letters())
+    }
+
+    /// Returns greens and changes of a program whose first letters are for cars.
+    fn told_of(program: &Program, cars: usize) -> (Vec<String>, Vec<String>) {
+        let cars = (0..cars).collect();
+        let greens = Greens::of(program, &cars);
         let change = |change: Change| {
             let between: Vec<&str> = change.between.iter().map(|phase| phase.state.as_str()).collect();
             format!("{} {} {}", change.from, between.join(" "), change.to)
         };
-        let changes = changes(program).into_iter().map(change).collect();
-        (greens(program).iter().map(SignalState::to_string).collect(), changes)
+        let changes = greens.changes().into_iter().map(change).collect();
+        (greens.states().iter().map(SignalState::to_string).collect(), changes)
     }
 
     #[test]
@@ -161,5 +202,19 @@ mod tests {
         program.phases[3].next = vec![3];
         let (_, changes) = told(&program);
         assert_eq!(changes, ["Grr yrr rrG", "Grr yrr rGr", "rrG rry Grr"], "a ring without a green leads nowhere");
+    }
+
+    #[test]
+    fn phases_that_differ_for_people_on_foot_are_one_green() {
+        // The last letter is a crossing: green with the first green, then clearing, then a phase of its own.
+        let program = program(&[("GrG", 20.0), ("Grr", 5.0), ("yrr", 3.0), ("rGr", 20.0), ("ryr", 3.0), ("rrG", 15.0)]);
+        let (greens, changes) = told_of(&program, 2);
+        assert_eq!(greens, ["GrG", "rGr"]);
+        assert_eq!(changes, ["GrG yrr rGr", "rGr ryr rrG GrG"]);
+        let cars = BTreeSet::from([0, 1]);
+        let greens = Greens::of(&program, &cars);
+        let red: Vec<bool> = program.phases.iter().map(|phase| greens.is_all_red(phase)).collect();
+        assert_eq!(red, [false, true, false, true, false, false], "neither yellow nor people on foot");
+        assert_eq!(told_of(&program, 3).0, ["GrG", "Grr", "rGr", "rrG"], "cars on the crossing");
     }
 }

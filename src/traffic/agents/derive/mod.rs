@@ -28,6 +28,7 @@ use super::phase_plan::{Choice, PhasePlan};
 use super::plan::AgentPlan;
 use crate::traffic::network::roads::program::Program;
 use crate::traffic::network::roads::{JunctionNo, Roads};
+use greens::Greens;
 use keeping::{Keeping, Why};
 use overrides::{LightOverride, Overrides};
 use region::Region;
@@ -154,17 +155,16 @@ fn agent(
         return Ok(Err(Why::NoCars));
     }
     let own = overrides.of(light);
-    let greens = match &own.greens {
-        Some(greens) => greens.clone(),
-        None => greens::greens(program),
-    };
+    let cars = roads.letters_of_cars(light);
+    let of_program = Greens::of(program, &cars);
+    let greens = own.greens.as_deref().unwrap_or(of_program.states());
     if greens.len() < 2 {
         return Ok(Err(Why::Greens(greens.len())));
     }
     let LightOverride { yellow_s, all_red_s, .. } = own;
-    let times = clearing::Times::of(program, yellow_s.unwrap_or(rules.yellow_s), *all_red_s);
+    let times = clearing::Times::of(&of_program, yellow_s.unwrap_or(rules.yellow_s), *all_red_s);
     let clearing = |from: usize, to: usize| clearing::between(&greens[from], &greens[to], &times);
-    let phases = PhasePlan::new(greens.clone(), Choice::Target, rules.min_green_s, clearing);
+    let phases = PhasePlan::new(greens.to_vec(), Choice::Target, rules.min_green_s, clearing);
     safety::check(roads, program, &phases)?;
     let region = Region::of(roads, lit, light, rules.approach_m, own.approaches.as_deref())?;
     let lanes = lanes::region_plan(roads, light, &region);

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use serde::Deserialize;
 
-use super::greens::shows_green;
+use super::greens::{goes, is_yellow};
 use super::keeping::Why;
 use crate::sumo::SignalState;
 use crate::traffic::network::roads::program::Program;
@@ -124,7 +124,8 @@ fn read_greens(written: Vec<String>) -> Result<Vec<SignalState>> {
     let mut greens: Vec<SignalState> = Vec::new();
     for letters in written {
         let green = SignalState::new(letters).context("greens")?;
-        ensure!(shows_green(&green), "greens: `{green}` must have a G or g, and neither y, Y nor u");
+        let is_green = !is_yellow(&green) && green.as_str().contains(goes);
+        ensure!(is_green, "greens: `{green}` must have a G or g, and neither y, Y nor u");
         if greens.contains(&green) {
             bail!("greens: `{green}` is there twice");
         }

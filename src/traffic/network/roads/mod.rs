@@ -17,7 +17,7 @@ pub mod program;
 mod read;
 mod shape;
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 
 use program::Program;
 
@@ -202,6 +202,11 @@ impl Roads {
     /// Returns the connections of cars that a light controls, in the order of the file.
     pub fn under_light(&self, light: &str) -> impl Iterator<Item = &Connection> {
         self.of_light(light).filter(|connection| self.carries_cars(connection))
+    }
+
+    /// Returns the letters of a light that cars obey.
+    pub fn letters_of_cars(&self, light: &str) -> BTreeSet<usize> {
+        self.under_light(light).filter_map(|link| Some(link.signal.as_ref()?.letter)).collect()
     }
 
     /// Returns the length of a connection within its junction, in metres.
