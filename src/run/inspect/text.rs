@@ -5,6 +5,7 @@ use std::fmt::{Display, Write};
 use super::Inspected;
 use crate::traffic::agents::derive::Agent;
 use crate::traffic::agents::derive::keeping::Keeping;
+use crate::traffic::agents::derive::safety;
 use crate::traffic::agents::phase_plan::{Interval, PhasePlan};
 use crate::traffic::agents::plan::AgentPlan;
 
@@ -29,6 +30,13 @@ pub fn described(inspected: &Inspected) -> String {
             padding.columns,
             padding.actions,
             100.0 * padding.padded
+        ),
+    );
+    let states: usize = derived.agents.iter().map(|agent| safety::states(&agent.plan.phases).count()).sum();
+    line(
+        &mut text,
+        format_args!(
+            "{states} states checked: links that cross never have G at once, unless their own program does so"
         ),
     );
     for (number, agent) in derived.agents.iter().enumerate() {

@@ -77,8 +77,8 @@ impl<'a> Greens<'a> {
         letters.all(|(number, letter)| !matches!(letter, 'y' | 'Y') && (self.cars.contains(&number) || !goes(letter)))
     }
 
-    /// Returns the ways of the program from each of its greens to the next ones; from one phase to another, the one with
-    /// the fewest phases.
+    /// Returns the ways of the program from each of its greens to the next ones. From one phase to another it is the
+    /// one with the fewest phases.
     pub fn changes(&self) -> Vec<Change<'_>> {
         let mut changes = Vec::new();
         for (phase, green) in self.of_phase.iter().enumerate() {

@@ -5,13 +5,16 @@
 //!
 //! - `attributes`: numbers and names out of an element, with errors that name element and attribute. `shape`: lines.
 //! - [`program`]: what lights show by themselves. `carries`: which lanes are for cars.
-//! - `crossing`: which links of a light cross each other. `example`: a net for tests.
+//! - `crossing`: which links of a light cross each other. `example`: a net for tests. `faults`: tests
+//!   of nets with errors.
 
 mod attributes;
 mod carries;
 mod crossing;
 #[cfg(test)]
 pub(in crate::traffic) mod example;
+#[cfg(test)]
+mod faults;
 pub mod file;
 pub mod program;
 mod read;
