@@ -71,3 +71,17 @@ impl Sensor {
         cars + light + self.clock
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_papers_light_and_a_clock_have_names_too() {
+        let region = RegionPlan { approaches: Vec::new(), exits: Vec::new(), links: Vec::new() };
+        let sensor = Sensor { cars: CarColumns::Cells(Vec::new()), light: LightColumns::FourStates, clock: 2 };
+        let names = sensor.columns(&region);
+        assert_eq!((names.len(), sensor.width()), (6, 6));
+        assert_eq!([&names[0], &names[3], &names[5]], ["horizontal green", "vertical green", "clock[1]"]);
+    }
+}

@@ -5,6 +5,8 @@ use std::collections::{BTreeSet, VecDeque};
 use crate::sumo::SignalState;
 use crate::traffic::network::roads::program::{Phase, Program};
 
+/// Largest number of greens of a light. All changes between them are made beforehand.
+pub const MOST_GREENS: usize = 64;
 /// Longest phase without a green of its own that is a part of a change, in seconds.
 const LONGEST_CLEARING_S: f64 = 5.0;
 
@@ -45,7 +47,8 @@ pub struct Greens<'a> {
 
 impl<'a> Greens<'a> {
     /// Finds the greens of a program: the distinct phases with green and without yellow, in the order in which they
-    /// first appear. Two phases that are the same for cars are one green. `cars`: letters that cars obey.
+    /// first appear. Two phases that are the same for cars are one green. `cars`: letters that cars obey. Stops at more
+    /// than [`MOST_GREENS`].
     pub fn of(program: &'a Program, cars: &'a BTreeSet<usize>) -> Greens<'a> {
         let letters =
             |state: &SignalState| -> Vec<u8> { cars.iter().map(|&letter| state.as_str().as_bytes()[letter]).collect() };
@@ -57,6 +60,10 @@ impl<'a> Greens<'a> {
                 continue;
             }
             let known = states.iter().position(|green| letters(green) == letters(state));
+            if known.is_none() && states.len() > MOST_GREENS {
+                of_phase.push(None);
+                continue;
+            }
             of_phase.push(Some(known.unwrap_or(states.len())));
             if known.is_none() {
                 states.push(state.clone());

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use super::greens::MOST_GREENS;
+
 /// A light that does not learn. It shows its own program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Keeping {
@@ -21,7 +23,7 @@ pub enum Why {
     NoLink,
     /// Neither passenger cars nor buses can come to it.
     NoCars,
-    /// It has fewer than two greens: this number.
+    /// It has fewer than two greens, or too many: this number.
     Greens(usize),
 }
 
@@ -33,6 +35,7 @@ impl Why {
             Why::Kind(_) => "make its program static, with netconvert --tls.default-type static --tls.rebuild",
             Why::NoLink => "control its connections in netedit",
             Why::NoCars => "allow cars on its lanes in netedit",
+            Why::Greens(greens) if *greens > MOST_GREENS => "name its greens in agents.toml",
             Why::Greens(_) => "give its program a second green in netedit, or name its greens in agents.toml",
         }
     }
@@ -48,6 +51,9 @@ impl fmt::Display for Why {
             Why::NoLink => f.write_str("it controls no connection"),
             Why::NoCars => f.write_str("no lane for passenger cars or buses leads to it"),
             Why::Greens(0) => f.write_str("its program has no green"),
+            Why::Greens(greens) if *greens > MOST_GREENS => {
+                write!(f, "its program has more than {MOST_GREENS} greens, the limit")
+            }
             Why::Greens(_) => f.write_str("its program has one green only, so there is nothing to choose"),
         }
     }

@@ -1,6 +1,6 @@
 //! The lanes of a region as its agent and its controllers know them: approaches, exits and links.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use super::region::Region;
 use crate::traffic::agents::region_plan::{Approach, Exit, Link, RegionPlan};
@@ -19,19 +19,19 @@ pub fn region_plan(roads: &Roads, light: &str, region: &Region) -> RegionPlan {
     ways.sort_by_key(|(letter, link)| (*letter, link.from, link.to));
     let order = lanes_in_order(roads, region, &ways);
     let mut leaving: Vec<LaneNo> = Vec::new();
+    let mut exit_of: HashMap<LaneNo, usize> = HashMap::new();
     for (_, link) in &ways {
-        if !leaving.contains(&link.to) {
+        exit_of.entry(link.to).or_insert_with(|| {
             leaving.push(link.to);
-        }
+            leaving.len() - 1
+        });
     }
-    let place = |lanes: &[LaneNo], lane: LaneNo| {
-        lanes.iter().position(|&other| other == lane).expect("the lanes of all links are in the lists")
-    };
+    let approach_of: HashMap<LaneNo, usize> = order.iter().enumerate().map(|(place, &lane)| (lane, place)).collect();
     let links: Vec<Link> = ways
         .iter()
-        .map(|(letter, link)| Link { letter: *letter, from: place(&order, link.from), to: place(&leaving, link.to) })
+        .map(|(letter, link)| Link { letter: *letter, from: approach_of[&link.from], to: exit_of[&link.to] })
         .collect();
-    let reached = links_reached(roads, &order, &links);
+    let reached = links_reached(roads, &order, &approach_of, &links);
     let approaches = order.iter().zip(reached).map(|(&lane, links)| {
         let ahead_m = region.ahead_m[&lane];
         let lane = roads.lane(lane);
@@ -48,35 +48,41 @@ pub fn region_plan(roads: &Roads, light: &str, region: &Region) -> RegionPlan {
 
 /// Returns the lanes of the approaches in their order.
 fn lanes_in_order(roads: &Roads, region: &Region, ways: &[(usize, &Connection)]) -> Vec<LaneNo> {
-    let edge_of = |lane: LaneNo| roads.lane(lane).edge;
-    let first_letter = |edge: EdgeNo| {
-        let letters = ways.iter().filter(|(_, link)| edge_of(link.from) == edge).map(|(letter, _)| *letter);
-        letters.min().unwrap_or(usize::MAX)
-    };
-    let distance_m = |edge: EdgeNo| {
-        let lanes = region.ahead_m.iter().filter(|(lane, _)| edge_of(**lane) == edge);
-        lanes.map(|(_, ahead_m)| *ahead_m).fold(f64::INFINITY, f64::min)
-    };
-    let edges: BTreeSet<EdgeNo> = region.ahead_m.keys().map(|&lane| edge_of(lane)).collect();
+    let mut found: BTreeMap<EdgeNo, (usize, f64)> = BTreeMap::new();
+    for (&lane, &ahead_m) in &region.ahead_m {
+        let (_, nearest_m) = found.entry(roads.lane(lane).edge).or_insert((usize::MAX, ahead_m));
+        *nearest_m = nearest_m.min(ahead_m);
+    }
+    for (letter, link) in ways {
+        let (first, _) = found.get_mut(&roads.lane(link.from).edge).expect("links begin at lanes of the region");
+        *first = (*first).min(*letter);
+    }
     let mut edges: Vec<(usize, f64, EdgeNo)> =
-        edges.into_iter().map(|edge| (first_letter(edge), distance_m(edge), edge)).collect();
+        found.into_iter().map(|(edge, (letter, nearest_m))| (letter, nearest_m, edge)).collect();
     edges.sort_by(|one, other| (one.0.cmp(&other.0)).then(one.1.total_cmp(&other.1)).then(one.2.cmp(&other.2)));
     let lanes = edges.iter().flat_map(|(_, _, edge)| &roads.edge(*edge).lanes).copied();
     lanes.filter(|lane| region.ahead_m.contains_key(lane)).collect()
 }
 
 /// Returns the links that cars on each lane can come to without changing lanes.
-fn links_reached(roads: &Roads, lanes: &[LaneNo], links: &[Link]) -> Vec<BTreeSet<usize>> {
-    let direct = |lane: usize| (0..links.len()).filter(|&link| links[link].from == lane).collect();
-    let mut reached: Vec<BTreeSet<usize>> = (0..lanes.len()).map(direct).collect();
+/// `places`: the place of each lane among `lanes`.
+fn links_reached(
+    roads: &Roads,
+    lanes: &[LaneNo],
+    places: &HashMap<LaneNo, usize>,
+    links: &[Link],
+) -> Vec<BTreeSet<usize>> {
+    let mut reached = vec![BTreeSet::new(); lanes.len()];
+    for (number, link) in links.iter().enumerate() {
+        reached[link.from].insert(number);
+    }
     // Links pass back from lane to lane until nothing changes, because there may be rings.
     loop {
         let before = reached.clone();
         for (place, &lane) in lanes.iter().enumerate() {
             let next = roads.from_lane(lane).filter(|way| way.signal.is_none() && !way.turns_around);
-            let next = next.filter_map(|way| lanes.iter().position(|&other| other == way.to));
-            for next in next.collect::<Vec<_>>() {
-                let more = reached[next].clone();
+            for next in next.filter_map(|way| places.get(&way.to)) {
+                let more = reached[*next].clone();
                 reached[place].extend(more);
             }
         }

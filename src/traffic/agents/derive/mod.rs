@@ -28,7 +28,7 @@ use super::phase_plan::{Choice, PhasePlan};
 use super::plan::AgentPlan;
 use crate::traffic::network::roads::program::Program;
 use crate::traffic::network::roads::{JunctionNo, Roads};
-use greens::Greens;
+use greens::{Greens, MOST_GREENS};
 use keeping::{Keeping, Why};
 use overrides::{LightOverride, Overrides};
 use region::Region;
@@ -158,7 +158,7 @@ fn agent(
     let cars = roads.letters_of_cars(light);
     let of_program = Greens::of(program, &cars);
     let greens = own.greens.as_deref().unwrap_or(of_program.states());
-    if greens.len() < 2 {
+    if !(2..=MOST_GREENS).contains(&greens.len()) {
         return Ok(Err(Why::Greens(greens.len())));
     }
     let LightOverride { yellow_s, all_red_s, .. } = own;

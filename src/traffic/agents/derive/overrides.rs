@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use serde::Deserialize;
 
-use super::greens::{goes, is_yellow};
+use super::greens::{MOST_GREENS, goes, is_yellow};
 use super::keeping::Why;
 use crate::sumo::SignalState;
 use crate::traffic::network::roads::program::Program;
@@ -121,6 +121,7 @@ fn read_light(written: WrittenLight) -> Result<LightOverride> {
 
 fn read_greens(written: Vec<String>) -> Result<Vec<SignalState>> {
     ensure!(written.len() >= 2, "greens: must be at least two; with fewer there is nothing to choose");
+    ensure!(written.len() <= MOST_GREENS, "greens: must be at most {MOST_GREENS}");
     let mut greens: Vec<SignalState> = Vec::new();
     for letters in written {
         let green = SignalState::new(letters).context("greens")?;

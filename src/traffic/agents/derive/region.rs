@@ -62,13 +62,16 @@ impl Region {
     /// Adds what lies before the lanes of the region. Lanes are visited in the order of the distance of their
     /// beginnings, so each is visited at the shortest one.
     fn go_back(&mut self, roads: &Roads, lit: &BTreeSet<JunctionNo>, may_see: impl Fn(LaneNo) -> bool) {
-        let begins_m = |lane: LaneNo, ahead_m: f64| ahead_m + roads.lane(lane).length_m;
+        // Distances are not negative, so their bits are in the same order.
+        let begin = |lane: LaneNo, ahead_m: f64| ((ahead_m + roads.lane(lane).length_m).to_bits(), lane);
+        let mut open: BTreeSet<(u64, LaneNo)> =
+            self.ahead_m.iter().map(|(&lane, &ahead_m)| begin(lane, ahead_m)).collect();
         let mut visited = BTreeSet::new();
-        loop {
-            let open = self.ahead_m.iter().filter(|(lane, _)| !visited.contains(*lane));
-            let begins = open.map(|(&lane, &ahead_m)| (lane, begins_m(lane, ahead_m)));
-            let Some((lane, distance_m)) = begins.min_by(|(_, one), (_, other)| one.total_cmp(other)) else { return };
-            visited.insert(lane);
+        while let Some((distance, lane)) = open.pop_first() {
+            if !visited.insert(lane) {
+                continue;
+            }
+            let distance_m = f64::from_bits(distance);
             let Some(junction) = roads.begin_of(lane).filter(|junction| !lit.contains(junction)) else { continue };
             // Cars on these have just left the light.
             let leaves = |lane: LaneNo| roads.begin_of(lane).is_some_and(|begin| self.own.contains(&begin));
@@ -84,8 +87,11 @@ impl Region {
                 self.passed.push(junction);
             }
             for (lane, ahead_m) in before {
-                let known = self.ahead_m.entry(lane).or_insert(ahead_m);
-                *known = known.min(ahead_m);
+                let known = self.ahead_m.entry(lane).or_insert(f64::INFINITY);
+                if ahead_m < *known {
+                    *known = ahead_m;
+                    open.insert(begin(lane, ahead_m));
+                }
             }
         }
     }

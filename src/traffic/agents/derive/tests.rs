@@ -142,6 +142,27 @@ fn lights_without_a_choice_keep_their_program_and_the_reason_is_told() {
 }
 
 #[test]
+fn a_light_with_too_many_greens_keeps_its_program() {
+    // Seven links at U. Letters are binary numbers from 1 on.
+    let state = |number: usize| (0..7).map(|bit| if number >> bit & 1 == 1 { 'G' } else { 'r' }).collect::<String>();
+    let phase = |number: usize| format!(r#"<phase duration="9" state="{}"/>"#, state(number));
+    let program = |greens: usize| {
+        format!(r#"<tlLogic id="U">{}</tlLogic><junction id="W""#, (1..=greens).map(phase).collect::<String>())
+    };
+    let links: String = (0..7)
+        .map(|letter| {
+            format!(r#"<connection from="far" fromLane="0" to="near" toLane="0" tl="U" linkIndex="{letter}"/>"#)
+        })
+        .collect();
+    let links = links + "</net>";
+    let with = |greens: usize| {
+        derived(&[("<junction id=\"W\"", &program(greens)), ("</net>", &links)], Rules::default(), "").unwrap()
+    };
+    assert_eq!(with(64).agents[1].plan.phases.greens().len(), 64);
+    assert_eq!(with(65).keeping[0].why.to_string(), "its program has more than 64 greens, the limit");
+}
+
+#[test]
 fn a_net_without_a_light_that_can_learn_is_refused() {
     let told = error(&[("state=\"GGrr\"", "state=\"rrGG\"")], "");
     assert_eq!(

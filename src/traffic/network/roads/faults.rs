@@ -123,3 +123,15 @@ fn every_fault_is_told_with_element_id_and_attribute() {
     let other = parse("<routes/>").unwrap();
     assert_eq!(Roads::read(&other).unwrap_err().to_string(), "is not a SUMO network: its root is <routes>, not <net>");
 }
+
+#[test]
+fn a_program_has_an_end() {
+    let phases = "<phase duration=\"9\" state=\"GGrr\"/>".repeat(496) + "</tlLogic>";
+    let error = |old: &str, new: &str| {
+        let net = parse(&changed(&[(old, new)])).unwrap();
+        Roads::read(&net).unwrap_err().to_string()
+    };
+    assert_eq!(error("</tlLogic>", &phases), "<tlLogic id=\"J\">: has more than 500 phases, the limit");
+    let told = error("GGrr", &"G".repeat(1001));
+    assert_eq!(told, "<tlLogic id=\"J\">: has states of more than 1000 letters, the limit");
+}

@@ -7,6 +7,10 @@ use crate::outside::excerpt;
 use crate::sumo::SignalState;
 use crate::traffic::network::tree::Element;
 
+/// Largest number of phases of a program, and of letters of a state. Lights of real cities have a tenth of it.
+const MOST_PHASES: usize = 500;
+const MOST_LETTERS: usize = 1000;
+
 /// A program of a light.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Program {
@@ -40,7 +44,9 @@ impl Program {
         let phases = element.all("phase").map(|phase| read_phase(phase).with_context(|| tag(element)));
         let phases = phases.collect::<Result<Vec<_>>>()?;
         ensure!(!phases.is_empty(), "{}: has no <phase>; a light shows at least one", tag(element));
+        ensure!(phases.len() <= MOST_PHASES, "{}: has more than {MOST_PHASES} phases, the limit", tag(element));
         let length = phases[0].state.links();
+        ensure!(length <= MOST_LETTERS, "{}: has states of more than {MOST_LETTERS} letters, the limit", tag(element));
         for (number, phase) in phases.iter().enumerate() {
             let links = phase.state.links();
             ensure!(
