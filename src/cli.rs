@@ -320,6 +320,22 @@ pub enum NetsCommand {
         #[arg(long)]
         out: PathBuf,
     },
+    /// Show what becomes of the lights of a SUMO network: greens, yellows, approaches, exits, observation columns, and
+    /// which lights keep their program and why
+    Inspect {
+        /// Scenario or net of SUMO
+        #[arg(value_name = "FILE.sumocfg|FILE.net.xml")]
+        file: PathBuf,
+        /// What to change for some lights: docs/networks.md
+        #[arg(long, value_name = "AGENTS_TOML")]
+        agents: Option<PathBuf>,
+        /// Print one JSON object instead of text
+        #[arg(long)]
+        json: bool,
+        /// Draw a map of the lights and their regions into this new directory
+        #[arg(long, value_name = "DIR")]
+        plot: Option<PathBuf>,
+    },
     /// Write the single intersection of the local simulators
     Local {
         /// Output directory

@@ -2,10 +2,12 @@
 //!
 //! - `space_time`: the cars of one corridor over time. `signal_timing`: the lights over time.
 //! - `queues`: standing cars over time. `returns_map`: the return of every agent on a map.
+//! - `regions_map`: a road network with the local regions of its lights.
 //!
-//! They are drawn from a [`crate::domain::road_trace`]. This room does not know which simulator made it.
+//! Those of an episode are drawn from a [`crate::domain::road_trace`]. This room does not know which simulator made it.
 
 mod queues;
+mod regions_map;
 mod returns_map;
 mod signal_timing;
 mod space_time;
@@ -19,6 +21,7 @@ use crate::drawing::{
 };
 
 pub use queues::queues;
+pub use regions_map::{Line, MapRegion, RegionsMap, regions_map};
 pub use returns_map::returns_map;
 pub use signal_timing::signal_timing;
 pub use space_time::space_time;

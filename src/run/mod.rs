@@ -4,7 +4,7 @@
 //! - `evaluate`: plays and measures saved policies; also `baseline`, which does so with hand-coded controllers.
 //! - `experiment`: makes all runs of a file. `report`, `compare`: summarise runs. `bench`: measures training speed.
 //! - `export`: policies as TorchScript; `python`: paths in lines of Python. `replay`: an episode for sumo-gui.
-//! - `nets`: SUMO networks. `info`: versions.
+//! - `nets`: SUMO networks, made and inspected (`inspect`). `info`: versions.
 //! - `trial`: files that might crash a simulator, tried in a child process; also the hidden command of that child.
 //! - `domain`: finds the domain that a config names. Only this file knows all domains.
 //! - `directory`: makes and opens run directories. `places`: makes any directory whole or not at all. `outputs`: checks
@@ -27,6 +27,7 @@ mod evaluate;
 mod experiment;
 mod export;
 mod info;
+mod inspect;
 mod nets;
 mod outputs;
 mod places;

@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use super::region_plan::RegionPlan;
+
 /// Which columns an observation has, in this order: cars, light, clock.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Sensor {
@@ -34,6 +36,32 @@ pub enum LightColumns {
 }
 
 impl Sensor {
+    /// Returns the name of every column: what it shows, and of which lane. The lanes are those of the agent's region.
+    pub fn columns(&self, region: &RegionPlan) -> Vec<String> {
+        let lanes = region.approaches.iter().map(|approach| &approach.lane);
+        let mut names: Vec<String> = match &self.cars {
+            CarColumns::Cells(cells) => {
+                let cells = lanes.zip(cells);
+                cells.flat_map(|(lane, &cells)| (0..cells).map(move |cell| format!("{lane}[{cell}]"))).collect()
+            }
+            CarColumns::QueueAndDensity(_) => {
+                lanes.flat_map(|lane| [format!("queue {lane}"), format!("density {lane}")]).collect()
+            }
+        };
+        match self.light {
+            LightColumns::FourStates => {
+                let states = ["horizontal green", "horizontal yellow", "vertical yellow", "vertical green"];
+                names.extend(states.map(str::to_owned));
+            }
+            LightColumns::TargetAndAge(greens) => {
+                names.extend((0..greens).map(|green| format!("green[{green}]")));
+                names.extend(["between greens", "time since change"].map(str::to_owned));
+            }
+        }
+        names.extend((0..self.clock).map(|column| format!("clock[{column}]")));
+        names
+    }
+
     /// Returns the number of columns.
     pub fn width(&self) -> usize {
         self.clock_columns().end
@@ -61,5 +89,24 @@ impl LightColumns {
             LightColumns::FourStates => 4,
             LightColumns::TargetAndAge(greens) => greens + 2,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_papers_light_and_a_clock_have_names_too() {
+        let region = RegionPlan { approaches: Vec::new(), exits: Vec::new(), links: Vec::new() };
+        let sensor = Sensor {
+            cars: CarColumns::Cells(Vec::new()),
+            light: LightColumns::FourStates,
+            clock: 2,
+            arrivals_in_d_set: false,
+        };
+        let names = sensor.columns(&region);
+        assert_eq!((names.len(), sensor.width()), (6, 6));
+        assert_eq!([&names[0], &names[3], &names[5]], ["horizontal green", "vertical green", "clock[1]"]);
     }
 }

@@ -1,0 +1,163 @@
+//! A network as text for people.
+
+use std::fmt::{Display, Write};
+
+use super::Inspected;
+use crate::traffic::agents::derive::Agent;
+use crate::traffic::agents::derive::keeping::Keeping;
+use crate::traffic::agents::derive::safety;
+use crate::traffic::agents::phase_plan::{Interval, PhasePlan};
+use crate::traffic::agents::plan::AgentPlan;
+
+/// Returns the whole text.
+pub fn described(inspected: &Inspected) -> String {
+    let Inspected { net, derived, padding, rules, .. } = inspected;
+    let (learning, keeping) = (derived.agents.len(), derived.keeping.len());
+    let lights = some(learning + keeping, "light");
+    let mut text = String::new();
+    line(&mut text, format_args!("{}: {lights}; {learning} learn, {keeping} keep their program", net.display()));
+    line(
+        &mut text,
+        format_args!(
+            "an agent sees {} m before its stop lines; yellow: {} s; green: {} s at least",
+            rules.approach_m, rules.yellow_s, rules.min_green_s
+        ),
+    );
+    line(
+        &mut text,
+        format_args!(
+            "all agents are of one kind: {} columns, {} actions; {:.0} % of the columns are padding",
+            padding.columns,
+            padding.actions,
+            100.0 * padding.padded
+        ),
+    );
+    let states: usize = derived.agents.iter().map(|agent| safety::states(&agent.plan.phases).count()).sum();
+    line(
+        &mut text,
+        format_args!(
+            "{states} states checked: links that cross never have G at once, unless their own program does so"
+        ),
+    );
+    for (number, agent) in derived.agents.iter().enumerate() {
+        describe(&mut text, inspected, number, agent);
+    }
+    for Keeping { light, why } in &derived.keeping {
+        line(&mut text, format_args!("\nlight {light}: keeps its program\n  why: {why}\n  way out: {}", why.way_out()));
+    }
+    text
+}
+
+fn describe(text: &mut String, inspected: &Inspected, number: usize, agent: &Agent) {
+    let Agent { plan, region, .. } = agent;
+    let [x, y] = plan.place_m;
+    line(text, format_args!("\nlight {}: learns, agent {number}", plan.light));
+    line(text, format_args!("  place: {x:.1}, {y:.1}"));
+    let ids = |junctions: &mut dyn Iterator<Item = _>| {
+        let ids: Vec<&str> = junctions.map(|&junction| inspected.roads.junction(junction).id.as_str()).collect();
+        if ids.is_empty() { "none".to_owned() } else { ids.join(", ") }
+    };
+    line(text, format_args!("  junctions under the light: {}", ids(&mut region.own.iter())));
+    line(text, format_args!("  uncontrolled junctions on the way to it: {}", ids(&mut region.passed.iter())));
+    describe_phases(text, &plan.phases);
+    describe_lanes(text, plan);
+    describe_columns(text, plan);
+}
+
+fn describe_phases(text: &mut String, phases: &PhasePlan) {
+    line(text, format_args!("  {}, and what is shown before another one:", some(phases.greens().len(), "green")));
+    for (from, green) in phases.greens().iter().enumerate() {
+        line(text, format_args!("    {from}  {green}"));
+        // Often the way to several greens is the same.
+        let mut ways: Vec<(&[Interval], Vec<String>)> = Vec::new();
+        for to in (0..phases.greens().len()).filter(|&to| to != from) {
+            let clearing = phases.clearing(from, to);
+            match ways.iter_mut().find(|(known, _)| *known == clearing) {
+                Some((_, targets)) => targets.push(to.to_string()),
+                None => ways.push((clearing, vec![to.to_string()])),
+            }
+        }
+        for (clearing, targets) in ways {
+            let states: Vec<String> =
+                clearing.iter().map(|Interval { state, steps }| format!("{state} {steps} s")).collect();
+            let states = if states.is_empty() { "nothing to clear".to_owned() } else { states.join(", ") };
+            line(text, format_args!("       {states}  before {}", targets.join(", ")));
+        }
+    }
+}
+
+fn describe_lanes(text: &mut String, plan: &AgentPlan) {
+    let region = &plan.region;
+    let at_stop_line = region.approaches.iter().filter(|approach| approach.ahead_m == 0.0).count();
+    line(
+        text,
+        format_args!("  {}, {at_stop_line} of them at the stop line:", some(region.approaches.len(), "approach lane")),
+    );
+    let head = ["lane", "length m", "to the stop line m", "limit m/s", "letters"].map(str::to_owned);
+    let rows = region.approaches.iter().map(|approach| {
+        let mut letters: Vec<usize> = approach.links.iter().map(|&link| region.links[link].letter).collect();
+        letters.sort_unstable();
+        letters.dedup();
+        let letters: Vec<String> = letters.iter().map(usize::to_string).collect();
+        [
+            approach.lane.clone(),
+            format!("{:.1}", approach.length_m),
+            format!("{:.1}", approach.ahead_m),
+            format!("{:.1}", approach.speed_limit_mps),
+            letters.join(" "),
+        ]
+    });
+    aligned(text, [head].into_iter().chain(rows).collect());
+    line(text, format_args!("  {}:", some(region.links.len(), "link")));
+    let head = ["letter", "from", "to"].map(str::to_owned);
+    let rows = region.links.iter().map(|link| {
+        let [from, to] = [&region.approaches[link.from].lane, &region.exits[link.to].lane];
+        [link.letter.to_string(), from.clone(), to.clone()]
+    });
+    aligned(text, [head].into_iter().chain(rows).collect());
+    line(text, format_args!("  {}:", some(region.exits.len(), "exit lane")));
+    let rows = region.exits.iter().map(|exit| {
+        let leads = if exit.leaves_the_net { "leaves the net" } else { "leads to another light" };
+        [exit.lane.clone(), format!("{:.1} m", exit.length_m), leads.to_owned()]
+    });
+    aligned(text, rows.collect());
+}
+
+/// Writes the columns of the observation, a line for neighbours that differ only in the number at the end.
+fn describe_columns(text: &mut String, plan: &AgentPlan) {
+    let names = plan.sensor.columns(&plan.region);
+    line(text, format_args!("  {}:", some(names.len(), "observation column")));
+    let stem = |name: &str| name.rsplit_once('[').map_or(name.to_owned(), |(stem, _)| stem.to_owned());
+    let mut first = 0;
+    let mut rows = Vec::new();
+    for group in names.chunk_by(|one, other| stem(one) == stem(other)) {
+        let last = first + group.len() - 1;
+        let [begin, end] = [&group[0], &group[group.len() - 1]];
+        rows.push(match group.len() {
+            1 => [first.to_string(), begin.clone()],
+            _ => [format!("{first}-{last}"), format!("{begin} to {}", &end[stem(end).len()..])],
+        });
+        first = last + 1;
+    }
+    aligned(text, rows);
+}
+
+/// Writes rows as columns of equal width.
+fn aligned<const N: usize>(text: &mut String, rows: Vec<[String; N]>) {
+    let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
+    let widths: [usize; N] = std::array::from_fn(width);
+    for row in &rows {
+        let cells = row.iter().zip(widths).map(|(cell, width)| format!("{cell:width$}"));
+        line(text, format_args!("    {}", cells.collect::<Vec<_>>().join("  ").trim_end()));
+    }
+}
+
+fn line(text: &mut String, words: impl Display) {
+    writeln!(text, "{words}").expect("a text takes what is written to it");
+}
+
+/// Returns a number with its noun, such as `1 light` or `2 lights`.
+fn some(number: usize, noun: &str) -> String {
+    let plural = if number == 1 { "" } else { "s" };
+    format!("{number} {noun}{plural}")
+}

@@ -1,0 +1,46 @@
+//! One shape for all agents: as wide as the widest observation, with as many actions as the light with the most greens.
+
+use crate::traffic::agents::plan::AgentPlan;
+
+/// The common shape of agents that form one kind. Smaller agents have columns of zeros at the end, and actions at the
+/// end that they must not take.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Padding {
+    /// Number of columns of every observation.
+    pub columns: usize,
+    /// Number of actions of every agent.
+    pub actions: usize,
+    /// Share of the columns of all agents that are padding, from 0 to 1.
+    pub padded: f64,
+}
+
+impl Padding {
+    /// Returns the shape of these agents; at least one.
+    pub fn of<'a>(plans: impl Iterator<Item = &'a AgentPlan> + Clone) -> Padding {
+        let agents = plans.clone().count();
+        let widths = plans.clone().map(|plan| plan.sensor.width());
+        let columns = widths.clone().max().expect("a net has agents");
+        let actions = plans.map(|plan| plan.phases.actions()).max().expect("a net has agents");
+        let padded = 1.0 - widths.sum::<usize>() as f64 / (agents * columns) as f64;
+        Padding { columns, actions, padded }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::traffic::agents::derive::overrides::Overrides;
+    use crate::traffic::agents::derive::{Rules, derive};
+    use crate::traffic::network::roads::example::{LIGHT_AT_U, roads};
+
+    #[test]
+    fn agents_of_one_kind_are_as_wide_as_the_widest() {
+        let overrides = Overrides::parse("[light.U]\ngreens = ['Grr', 'rGG', 'rrG']").unwrap();
+        let plans = derive(&roads(&LIGHT_AT_U), &Rules::default(), &overrides).unwrap().plans();
+        // J sees 10 + 5 + 5 cells and has two greens; U sees 15 + 8 + 5 cells and has three.
+        assert_eq!(plans.iter().map(|plan| plan.sensor.width()).collect::<Vec<_>>(), [24, 33]);
+        let padding = Padding::of(plans.iter());
+        assert_eq!((padding.columns, padding.actions), (33, 3));
+        assert!((padding.padded - 9.0 / 66.0).abs() < 1e-12, "{}", padding.padded);
+    }
+}

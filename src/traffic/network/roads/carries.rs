@@ -1,0 +1,46 @@
+//! Which lanes are for cars.
+
+use crate::traffic::network::tree::Element;
+
+/// Vehicle classes that an agent sees. Footpaths, cycle tracks and rails have neither.
+const CARS: [&str; 2] = ["passenger", "bus"];
+
+/// Returns whether passenger cars or buses may use a lane. `allow` wins over `disallow`; without both, everybody may.
+///
+/// Source: SUMO 1.15, `parseVehicleClasses` in `src/utils/common/SUMOVehicleClass.cpp`.
+pub fn carries_cars(lane: &Element) -> bool {
+    let listed = |key: &str| lane.attribute(key).map(|classes| classes.split_whitespace().collect::<Vec<_>>());
+    let names = |classes: &[&str], car: &str| classes.contains(&car) || classes.contains(&"all");
+    match (listed("allow").filter(|allowed| !allowed.is_empty()), listed("disallow")) {
+        (Some(allowed), _) => CARS.iter().any(|car| names(&allowed, car)),
+        (None, Some(forbidden)) => CARS.iter().any(|car| !names(&forbidden, car)),
+        (None, None) => true,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::traffic::network::tree::parse;
+
+    #[test]
+    fn footpaths_and_rails_are_not_for_cars_and_bus_lanes_are() {
+        for (attributes, expected) in [
+            ("", true),
+            ("allow=''", true),
+            ("allow='all'", true),
+            ("allow='bus taxi'", true),
+            ("allow='passenger' disallow='all'", true),
+            ("disallow='tram rail'", true),
+            ("disallow='passenger'", true),
+            ("disallow='passenger bus'", false),
+            ("disallow='all'", false),
+            ("allow='pedestrian'", false),
+            ("allow='rail_urban tram'", false),
+            ("allow='bicycle pedestrian'", false),
+        ] {
+            let lane = parse(&format!("<lane {attributes}/>")).unwrap();
+            assert_eq!(carries_cars(&lane), expected, "{attributes}");
+        }
+    }
+}

@@ -1,0 +1,59 @@
+//! Which links of a light cross each other, from the right of way of its junctions.
+
+use std::collections::BTreeSet;
+
+use anyhow::{Result, ensure};
+
+use super::{Connection, Function, Junction, JunctionNo, LaneNo, Roads};
+
+impl Roads {
+    /// Returns the links of a junction in the order of its requests.
+    ///
+    /// Source: SUMO 1.15, `MSRightOfWayJunction::postloadInit`: lane by lane, without the ways onto pavements.
+    pub fn links_of(&self, junction: JunctionNo) -> Vec<&Connection> {
+        let incoming = &self.junction(junction).incoming;
+        let is = |lane: LaneNo, function| self.edge(self.lane(lane).edge).function == function;
+        let on_foot = |link: &&Connection| {
+            let [from, to] = [link.from, link.to].map(|lane| is(lane, Function::WalkingArea));
+            to || (from && !is(link.to, Function::Crossing))
+        };
+        let links = incoming.iter().flat_map(|&lane| self.from_lane(lane));
+        links.filter(|link| !on_foot(link)).collect()
+    }
+
+    /// Returns the junctions at which a light controls cars, in the order of the file.
+    pub fn junctions_of(&self, light: &str) -> BTreeSet<JunctionNo> {
+        self.under_light(light).filter_map(|link| self.end_of(link.from)).collect()
+    }
+
+    /// Returns all pairs of letters of a light whose cars cross each other's way. The smaller letter comes first.
+    ///
+    /// Errors: a junction has another number of requests than of links.
+    pub fn crossing_letters(&self, light: &str) -> Result<BTreeSet<[usize; 2]>> {
+        let mut pairs = BTreeSet::new();
+        for junction in self.junctions_of(light) {
+            let links = self.links_of(junction);
+            let Junction { id, requests, .. } = self.junction(junction);
+            // A junction without rules has no requests.
+            ensure!(
+                requests.is_empty() || requests.len() == links.len(),
+                "<junction id=\"{id}\">: has {} elements <request>, but {} links; make the net again with netconvert",
+                requests.len(),
+                links.len()
+            );
+            let letter = |link: &Connection| match &link.signal {
+                Some(signal) if signal.light == light && self.carries_cars(link) => Some(signal.letter),
+                _ => None,
+            };
+            for (link, request) in links.iter().zip(requests) {
+                let crossed = links.iter().zip(&request.crosses).filter(|(_, crosses)| **crosses);
+                for (other, _) in crossed {
+                    if let (Some(one), Some(two)) = (letter(link), letter(other)) {
+                        pairs.insert([one.min(two), one.max(two)]);
+                    }
+                }
+            }
+        }
+        Ok(pairs)
+    }
+}

@@ -1,0 +1,95 @@
+//! `nets inspect` as users see it.
+
+use std::fs;
+use std::path::Path;
+
+use assert_cmd::Command;
+use serde_json::Value;
+
+fn inspect(args: &[&str]) -> Command {
+    let mut command = assert_cmd::cargo::cargo_bin_cmd!("dials-traffic");
+    command.args(["nets", "inspect"]).args(args);
+    command
+}
+
+fn net(name: &str) -> String {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets").join(name).to_str().unwrap().to_owned()
+}
+
+fn answer(args: &[&str]) -> String {
+    let output = inspect(args).assert().success().get_output().clone();
+    String::from_utf8(output.stdout).unwrap()
+}
+
+fn refusal(args: &[&str]) -> String {
+    let output = inspect(args).assert().code(2).get_output().clone();
+    assert!(output.stdout.is_empty());
+    String::from_utf8(output.stderr).unwrap()
+}
+
+#[test]
+fn a_scenario_and_its_net_are_told_alike_and_for_people() {
+    let told = answer(&[&net("grid_2x2.sumocfg")]);
+    assert_eq!(told, answer(&[&net("grid_2x2.net.xml")]));
+    for part in [
+        "grid_2x2.net.xml: 4 lights; 4 learn, 0 keep their program\n",
+        "all agents are of one kind: 44 columns, 2 actions; 0 % of the columns are padding\n",
+        "learns, agent 3\n",
+        "  2 greens, and what is shown before another one:\n    0  GrGr\n       yryr 3 s  before 1\n    1  rGrG\n",
+        "  4 approach lanes, 4 of them at the stop line:\n",
+        "\n    40-41  green[0] to [1]\n    42     between greens\n    43     time since change\n",
+    ] {
+        assert!(told.contains(part), "{part}\n{told}");
+    }
+}
+
+#[test]
+fn json_has_all_that_the_text_has() {
+    let told: Value = serde_json::from_str(&answer(&[&net("grid_2x2.net.xml"), "--json"])).unwrap();
+    assert_eq!(told["kind"], serde_json::json!({ "columns": 44, "actions": 2, "padded_share": 0.0 }));
+    let lights = told["learning"].as_array().unwrap();
+    assert_eq!((lights.len(), told["keeping"].as_array().unwrap().len()), (4, 0));
+    for light in lights {
+        assert_eq!(light["columns"].as_array().unwrap().len(), 44);
+        let sizes =
+            ["approaches", "links", "exits", "greens", "changes"].map(|key| light[key].as_array().unwrap().len());
+        assert_eq!(sizes, [4, 4, 4, 2, 2]);
+        assert_eq!(light["changes"][0]["states"], serde_json::json!([{ "state": "yryr", "seconds": 3 }]));
+    }
+}
+
+#[test]
+fn a_file_says_otherwise_and_the_map_is_drawn() {
+    let dir = tempfile::tempdir().unwrap();
+    let [agents, map] = ["agents.toml", "map"].map(|name| dir.path().join(name));
+    let lights: Value = serde_json::from_str(&answer(&[&net("grid_2x2.net.xml"), "--json"])).unwrap();
+    let first = lights["learning"][0]["light"].as_str().unwrap();
+    fs::write(&agents, format!("keep = ['{first}']")).unwrap();
+    let [agents, map] = [&agents, &map].map(|path| path.to_str().unwrap());
+    let told = answer(&[&net("grid_2x2.net.xml"), "--agents", agents, "--plot", map]);
+    assert!(told.contains(&format!("light {first}: keeps its program\n  why: agents.toml says so\n")), "{told}");
+    let svg = fs::read_to_string(Path::new(map).join("regions.svg")).unwrap();
+    assert!(svg.contains("3 learn (numbers), 1 keep their program (crosses)"), "{svg}");
+    assert!(refusal(&[&net("grid_2x2.net.xml"), "--plot", map]).contains("map: exists already"));
+}
+
+#[test]
+fn what_cannot_be_inspected_is_refused_with_its_place() {
+    let dir = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| {
+        let path = dir.path().join(name);
+        fs::write(&path, text).unwrap();
+        path.to_str().unwrap().to_owned()
+    };
+    let missing = dir.path().join("none.net.xml").display().to_string();
+    assert!(refusal(&[&missing]).starts_with(&format!("error: {missing}: could not be read\n")));
+    let no_net = write("a.sumocfg", "<configuration><input/></configuration>");
+    assert!(refusal(&[&no_net]).contains("a.sumocfg: names no <net-file"));
+    let routes = write("b.net.xml", "<routes/>");
+    assert!(refusal(&[&routes]).contains("b.net.xml: is not a SUMO network: its root is <routes>, not <net>"));
+    let dark = write("c.net.xml", "<net/>");
+    assert!(refusal(&[&dark]).contains("c.net.xml: has no traffic light: no element <tlLogic>"));
+    let wrong = write("agents.toml", "[light.x]\nyelow_s = 3");
+    let told = refusal(&[&net("grid_2x2.net.xml"), "--agents", &wrong]);
+    assert!(told.contains("agents.toml: ") && told.contains("unknown field `yelow_s`"), "{told}");
+}
