@@ -50,12 +50,14 @@ use crate::domain::{
     Result, RoughCosts, Scenario,
 };
 use crate::sumo::Simulation;
+use agents::plan::AgentPlan;
 use agents::region;
 use controllers::{HandCoded, Trials};
 use network::contents::Network;
 use network::files::NetworkFiles;
 use network::way_out::cannot_be_simulated;
 use paper_grid::grid::Grid;
+use paper_grid::plans::plans;
 use paper_grid::recognise::{recognise_grid, recognise_local};
 use sim::control::SignalControl;
 use sim::global::GlobalTraffic;
@@ -126,6 +128,11 @@ impl Traffic {
     /// Returns the grid of intersections.
     pub fn grid(&self) -> Grid {
         self.grid
+    }
+
+    /// Returns the plans of all agents, in their order.
+    pub fn plans(&self) -> Vec<AgentPlan> {
+        plans(self.grid, &self.config)
     }
 
     /// Loads both networks in SUMO and plays a step in each, so that a faulty network is reported before a run begins.
@@ -204,13 +211,13 @@ impl Domain for Traffic {
     }
 
     fn check_baseline(&self, name: &str) -> Result<()> {
-        controllers::recipe(name, self.grid).map(drop)
+        controllers::recipe(name, &self.plans()).map(drop)
     }
 
     fn with_background(&self, name: &str, agents: &[AgentId]) -> Result<Box<dyn GlobalSimulator>> {
         // An episode in which a controller measures something before it begins does not go on the tape.
         let off_tape = Traffic { tape: None, ..self.clone() };
-        let by = controllers::recipe(name, self.grid)?(&off_tape)?;
+        let by = controllers::recipe(name, &self.plans())?(&off_tape)?;
         Ok(Box::new(self.global(SignalControl::HandCoded { by, agents: agents.to_vec() })?))
     }
 

@@ -14,15 +14,18 @@ use crate::base::{Phase, Ragged, Seed, Stopwatch};
 use crate::config::TrafficConfig;
 use crate::domain::{Action, GlobalSimulator, InfluenceSample, JointPercept, JointTransition, Kinds, Measures, Result};
 use crate::sumo::{Car, CarTable, LaneCars, LaneId, SignalState, Simulation};
+use crate::traffic::agents::phase_plan::Shown;
 use crate::traffic::agents::phases::Light;
+use crate::traffic::agents::plan::AgentPlan;
 use crate::traffic::agents::region::{self, EDGES};
 use crate::traffic::arrivals;
-use crate::traffic::controllers::HandCoded;
 use crate::traffic::controllers::intersections::Intersections;
+use crate::traffic::controllers::{self, HandCoded, actuated};
 use crate::traffic::light::{KEEP, SWITCH};
 use crate::traffic::network::contents::{Loadable, Network};
 use crate::traffic::observe::{self, edges_of};
 use crate::traffic::paper_grid::grid::{Grid, lane};
+use crate::traffic::paper_grid::plans::plans;
 
 /// The traffic GS: one row per intersection.
 ///
@@ -30,7 +33,7 @@ use crate::traffic::paper_grid::grid::{Grid, lane};
 /// traffic.
 pub struct GlobalTraffic {
     kinds: Kinds,
-    grid: Grid,
+    plans: Vec<AgentPlan>,
     loadable: Loadable,
     control: SignalControl,
     simulation: Simulation,
@@ -90,7 +93,7 @@ impl GlobalTraffic {
         let recorder = tape.map(|tape| Recorder::new(tape, &mut simulation, grid, network, None)).transpose()?;
         let outgoing_lanes = simulation.register_lanes(&outgoing)?;
         Ok(GlobalTraffic {
-            grid,
+            plans: plans(grid, config),
             loadable,
             control,
             simulation,
@@ -156,15 +159,16 @@ impl GlobalTraffic {
     /// Sets `self.hand_coded` to what a rule would do now at all lights. Returns whether there is a rule.
     fn ask(&mut self) -> bool {
         if let SignalControl::HandCoded { by: HandCoded::Rule(controller), .. } = &mut self.control {
+            let shown: Vec<Shown> = self.lights.iter().map(|light| light.shown()).collect();
             let intersections = Intersections {
-                grid: self.grid,
-                lights: &self.lights,
+                plans: &self.plans,
+                shown: &shown,
                 shown_steps: &self.shown_steps,
                 obs: &self.last.percept.obs,
-                incoming: &self.cars,
-                outgoing: &self.outgoing,
+                approaches: &self.cars,
+                exits: &self.outgoing,
             };
-            controller.act(&intersections, &mut self.hand_coded);
+            controllers::ask(&mut **controller, &intersections, &mut self.hand_coded);
             return true;
         }
         false
@@ -204,10 +208,10 @@ impl GlobalSimulator for GlobalTraffic {
             options.extend(metrics.options());
         }
         self.simulation.reload(&options).map_err(|error| self.loadable.explain(&error))?;
-        let by_program = self.control.by_program();
+        let (program, by_program) = self.control.by_program().unwrap_or_default();
         let ours: Vec<usize> = (0..self.agents()).filter(|row| !by_program.contains(row)).collect();
         self.handles.reset(&mut self.simulation, &ours)?;
-        self.handles.hand_to_program(&mut self.simulation, "actuated", &by_program)?;
+        self.handles.hand_to_program(&mut self.simulation, program, &by_program)?;
         self.read()?;
         self.shown_steps.fill(0);
         self.advised = false;
@@ -310,7 +314,7 @@ fn with_owned_name<T>((name, value): (&str, T)) -> (String, T) {
 
 fn options(network: &Loadable, control: &SignalControl, episode: Seed) -> Vec<String> {
     let mut options = options::common(&network.net, &network.routes, episode.for_sumo());
-    if !control.by_program().is_empty() {
+    if control.by_program().is_some_and(|(program, _)| program == actuated::PROGRAM) {
         options.extend(["--additional-files".to_owned(), network.actuated.path()]);
     }
     options
