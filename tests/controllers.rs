@@ -146,7 +146,15 @@ fn a_background_runs_its_lights_and_leaves_the_others_to_the_actions() {
     let mixed = alone(&[1, 2], "always", KEEP);
     assert_eq!([0, 1, 2, 3].map(|agent| never(&mixed[agent])), [true, false, false, true]);
 
-    // SUMO's own program too: its shortest greens are 8 s.
+    // The net's own program: 10 s of green.
+    let mixed = alone(&[1, 2], "program", SWITCH);
+    for agent in [1, 2] {
+        let runs = runs(&mixed[agent]);
+        assert!(runs.len() > 10 && runs.iter().all(|&(light, steps)| steps == if light.is_green() { 10 } else { 3 }));
+    }
+    assert!(always(&mixed[0]) && always(&mixed[3]));
+
+    // SUMO's actuated program too: its shortest greens are 8 s.
     let mixed = alone(&[1, 2], "actuated", SWITCH);
     for agent in [1, 2] {
         let runs = runs(&mixed[agent]);
@@ -155,11 +163,11 @@ fn a_background_runs_its_lights_and_leaves_the_others_to_the_actions() {
     assert!(always(&mixed[0]) && always(&mixed[3]));
 }
 
-/// Switches by a rule for one intersection, as a user would write it.
-fn let_the_east_go(at: &Intersection<'_>) -> Action {
-    let Some([green, _]) = at.green_and_red() else { return KEEP };
-    let wanted = at.queue(Side::East) > 0;
-    if wanted != green.contains(&Side::East) && at.shown_steps() >= 3 { SWITCH } else { KEEP }
+/// A rule for one intersection, as a user would write it: green for the road to the east and the west while a car stands
+/// on the approach from the east, else for the other road.
+fn let_the_east_go(at: &Intersection<'_>) -> usize {
+    let wanted = usize::from(at.queue(Side::East.index()) > 0);
+    if at.shown_steps() >= 3 { wanted } else { at.target() }
 }
 
 /// A rule for all intersections, with a memory, as a user would write it.
@@ -172,10 +180,12 @@ impl LightController for OneAfterTheOther {
         self.step = 0;
     }
 
-    fn act(&mut self, intersections: &Intersections<'_>, actions: &mut [Action]) {
+    fn act(&mut self, intersections: &Intersections<'_>, targets: &mut [usize]) {
         for intersection in intersections.iter() {
             let agent = intersection.agent().0;
-            actions[agent] = if self.step % 40 == 10 * agent { SWITCH } else { KEEP };
+            if self.step % 40 == 10 * agent {
+                targets[agent] = intersection.next(targets[agent]);
+            }
         }
         self.step += 1;
     }

@@ -14,11 +14,11 @@ use dials_traffic::policy::Demonstrations;
 use dials_traffic::sumo::{CarTable, DepartSpeed, Insertion, SignalState, Simulation};
 use dials_traffic::traffic::Traffic;
 use dials_traffic::traffic::agents::phases::Light;
-use dials_traffic::traffic::controllers::{self, gap_out};
+use dials_traffic::traffic::controllers;
 use dials_traffic::traffic::cut::forest::{Region, write_forest};
 use dials_traffic::traffic::light::{KEEP, SWITCH};
 use dials_traffic::traffic::network::files::NetworkFiles;
-use dials_traffic::traffic::paper_grid::grid::Grid;
+use dials_traffic::traffic::side::Side;
 use dials_traffic::traffic::sim::control::SignalControl;
 use dials_traffic::traffic::sim::local::{LocalTraffic, Placement};
 use dials_traffic::training::block::initial_policies;
@@ -33,7 +33,7 @@ fn saved(name: &str) -> std::path::PathBuf {
 
 /// Returns control of all lights by a hand-coded controller.
 fn controlled(domain: &Traffic, controller: &str) -> SignalControl {
-    let recipe = controllers::recipe(controller, Grid::new(2, 2).unwrap()).unwrap();
+    let recipe = controllers::recipe(controller, &domain.plans()).unwrap();
     domain.everywhere(recipe(domain).unwrap())
 }
 
@@ -577,7 +577,7 @@ fn the_closed_loop_has_the_cars_and_the_return_of_the_global_simulator() {
     for _ in 0..4 {
         let mut percept = ls.reset(&Beginning::first(0..rows)).unwrap().clone();
         for _ in 0..horizon {
-            actions.iter_mut().zip(percept.obs.iter()).for_each(|(action, obs)| *action = gap_out::decide(obs));
+            actions.iter_mut().zip(percept.obs.iter()).for_each(|(action, obs)| *action = gap_out(obs));
             aips.sample(&percept.d_set, &mut dice, &mut sources);
             let transition = ls.step(&actions, &sources).unwrap();
             local_rewards += transition.rewards.iter().map(|&r| f64::from(r)).sum::<f64>();
@@ -613,6 +613,14 @@ fn the_switch_bias_is_added_to_the_output_bias_of_switching_and_to_nothing_else(
         let expected: Vec<f32> = plain[outputs.clone()].iter().zip([0.0, -1.5, 0.0]).map(|(b, by)| b + by).collect();
         assert_eq!(biased[outputs.clone()], expected);
     }
+}
+
+/// Returns what gap-out does with an observation: an LS has no controllers of its own.
+fn gap_out(obs: &[f32]) -> Action {
+    let Some([green, red]) = light_of(obs).green_and_red() else { return KEEP };
+    let car = |side: &Side, cells: usize| obs[9 * side.index()..][..cells].contains(&1.0);
+    let (used, wanted) = (green.iter().any(|side| car(side, 3)), red.iter().any(|side| car(side, 4)));
+    if !used && wanted { SWITCH } else { KEEP }
 }
 
 /// Reads the light as the GS itself reports it.

@@ -70,12 +70,12 @@ fn tuned_file(config: &Config, controller: &str, episodes: usize) -> Result<Path
     let found = tuning::tune(&traffic, wanted, config.seed, &mut |standing| {
         bar.set_length(standing.at_most);
         bar.set(standing.played);
-        bar.tell(format_args!("(at most); best return so far {:.1}", standing.best));
+        bar.tell(format_args!("(at most); best {} so far", standing.best));
     });
     bar.finish();
     let found = found.map_err(Error::Run)?;
     found.to_toml().and_then(|text| write_whole(&path, text.as_bytes())).map_err(Error::Run)?;
-    tell(format_args!("{}: tuned on {episodes} episodes, return {:.1}", path.display(), found.mean_return));
+    tell(format_args!("{}: tuned on {episodes} episodes, {}", path.display(), found.score()));
     Ok(path)
 }
 

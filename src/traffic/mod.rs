@@ -52,7 +52,7 @@ use crate::domain::{
     Result, RoughCosts, Scenario,
 };
 use crate::sumo::Simulation;
-use agents::plan::JointPlan;
+use agents::plan::{AgentPlan, JointPlan};
 use agents::region;
 use controllers::{HandCoded, Trials};
 use network::contents::Network;
@@ -132,6 +132,11 @@ impl Traffic {
         self.grid
     }
 
+    /// Returns the plans of all agents, in their order.
+    pub fn plans(&self) -> &[AgentPlan] {
+        &self.plan.agents
+    }
+
     /// Loads both networks in SUMO and plays a step in each, so that a faulty network is reported before a run begins.
     /// Takes tens of milliseconds; SUMO is closed again.
     pub fn check_in_sumo(&self) -> Result<()> {
@@ -208,13 +213,13 @@ impl Domain for Traffic {
     }
 
     fn check_baseline(&self, name: &str) -> Result<()> {
-        controllers::recipe(name, self.grid).map(drop)
+        controllers::recipe(name, self.plans()).map(drop)
     }
 
     fn with_background(&self, name: &str, agents: &[AgentId]) -> Result<Box<dyn GlobalSimulator>> {
         // An episode in which a controller measures something before it begins does not go on the tape.
         let off_tape = Traffic { tape: None, ..self.clone() };
-        let by = controllers::recipe(name, self.grid)?(&off_tape)?;
+        let by = controllers::recipe(name, self.plans())?(&off_tape)?;
         Ok(Box::new(self.global(SignalControl::HandCoded { by, agents: agents.to_vec() })?))
     }
 

@@ -7,11 +7,11 @@ mod map;
 mod text;
 
 use std::borrow::Cow;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow};
 
+use super::outputs;
 use super::places::{self, Existing};
 use crate::error::{Error, Result as CommandResult};
 use crate::outside::read_text;
@@ -45,7 +45,7 @@ pub fn inspect(path: &Path, agents: Option<&Path>, as_json: bool, plot: Option<&
 }
 
 fn prepared(path: &Path, agents: Option<&Path>, plot: Option<&Path>) -> Result<Inspected> {
-    plot.map_or(Ok(()), |dir| places::check_free(dir, "--plot"))?;
+    plot.map_or(Ok(()), |dir| outputs::check_free(dir, "--plot"))?;
     let net = net_of(path)?;
     let roads = file::read(&net)?;
     let overrides = agents.map_or(Ok(Overrides::default()), read_overrides)?;
@@ -69,9 +69,7 @@ fn read_overrides(path: &Path) -> Result<Overrides> {
 fn draw(inspected: &Inspected, dir: &Path) -> Result<()> {
     const NAME: &str = "regions.svg";
     let svg = map::drawn(inspected)?;
-    places::make(dir, Existing::Refuse, |staged| {
-        fs::write(staged.join(NAME), svg.file()).with_context(|| format!("{}: cannot be written", dir.display()))
-    })?;
+    places::make(dir, Existing::Refuse, |staged| staged.put(NAME, svg.file().as_bytes()))?;
     tell(format_args!("drew {NAME} into {}", dir.display()));
     Ok(())
 }

@@ -1,7 +1,7 @@
 //! What an agent is. Pure: no SUMO simulation and no files.
 //!
 //! - [`plan`]: everything about one agent; [`region_plan`]: the lanes around its light; [`phase_plan`]: what its light
-//!   can show; [`sensor`]: the columns of its observation.
+//!   can show; [`sensor`]: the columns of its observation; `service`: which lanes a green serves.
 //! - [`derive`]: all of this for the lights of any road network.
 //! - [`region`]: the shape of a local region of the paper's grids.
 //! - [`phases`]: the phases that the light of an intersection of theirs can show.
@@ -13,3 +13,4 @@ pub mod plan;
 pub mod region;
 pub mod region_plan;
 pub mod sensor;
+mod service;

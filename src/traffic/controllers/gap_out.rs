@@ -1,49 +1,51 @@
 //! Gap-out: keep green as long as a car uses it.
 
-use crate::domain::Action;
-use crate::traffic::agents::phases::Light;
-use crate::traffic::agents::region::{CELLS, OCCUPANCY};
-use crate::traffic::light::{KEEP, SWITCH};
-use crate::traffic::side::Side;
+use super::intersections::Intersection;
 
-const GREEN_CELLS: usize = 3;
-const RED_CELLS: usize = 4;
+/// Distances before the stop line within which a car uses a green, and within which it wants another one.
+const USED_M: f64 = 30.0;
+const WANTED_M: f64 = 40.0;
 
-/// Switches when no car is within three cells before a green line and some car is within four before a red one. Needs
-/// no more than an observation.
-pub fn decide(obs: &[f32]) -> Action {
-    let shown = Light::ALL.into_iter().find(|&light| obs[OCCUPANCY + light as usize] != 0.0);
-    let Some([green, red]) = shown.and_then(Light::green_and_red) else { return KEEP };
-    let used = green.into_iter().any(|side| has_car_within(obs, side, GREEN_CELLS));
-    let wanted = red.into_iter().any(|side| has_car_within(obs, side, RED_CELLS));
-    if !used && wanted { SWITCH } else { KEEP }
-}
-
-/// Returns whether a car is in one of the first `cells` cells before the stop line of a side.
-pub(super) fn has_car_within(obs: &[f32], side: Side, cells: usize) -> bool {
-    obs[side.index() * CELLS..][..cells].iter().any(|&bit| bit != 0.0)
+/// Keeps the green while a car uses it. Then goes to the next green that a car wants. On the paper's grids it needs no
+/// more than an observation.
+pub fn decide(at: &Intersection<'_>) -> usize {
+    let Some(green) = at.green().filter(|&green| !at.uses(green, USED_M)) else { return at.target() };
+    at.others(green).find(|&other| at.wants(other, green, WANTED_M)).unwrap_or(green)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::traffic::agents::phase_plan::Shown;
+    use crate::traffic::controllers::examples::{At, crossing, middle};
 
-    /// Returns an observation with cars in these cells of the edges west, south, east, north.
-    fn obs(cars: &[(usize, usize)], light: Light) -> Vec<f32> {
-        let mut obs = vec![0.0; OCCUPANCY + 4];
-        cars.iter().for_each(|&(edge, cell)| obs[edge * CELLS + cell] = 1.0);
-        obs[OCCUPANCY + light as usize] = 1.0;
-        obs
+    /// Decides at a light of a grid with a car at each of these distances before the lines of west, south, east, north.
+    fn decided(shown: Shown, cars: &[(usize, f64)]) -> usize {
+        let plan = middle();
+        let at = cars.iter().fold(At::new(&plan, shown), |at, &(side, metres)| at.cars(side, &[(metres, 9.0)]));
+        decide(&at.build())
     }
 
     #[test]
     fn green_is_given_away_when_nobody_uses_it_and_somebody_wants_it() {
-        assert_eq!(decide(&obs(&[(1, 3)], Light::HorizontalGreen)), SWITCH, "a car 30 m before red");
-        assert_eq!(decide(&obs(&[(1, 4)], Light::HorizontalGreen)), KEEP, "a car 40 m before red does not count yet");
-        assert_eq!(decide(&obs(&[(1, 0), (0, 2)], Light::HorizontalGreen)), KEEP, "a car 20 m before green holds it");
-        assert_eq!(decide(&obs(&[(1, 0), (0, 3)], Light::HorizontalGreen)), SWITCH, "a car 30 m before green does not");
-        assert_eq!(decide(&obs(&[(0, 0), (2, 0)], Light::VerticalGreen)), SWITCH);
-        assert_eq!(decide(&obs(&[], Light::VerticalGreen)), KEEP);
-        assert_eq!(decide(&obs(&[(0, 0)], Light::VerticalYellow)), KEEP);
+        let [vertical, horizontal] = [Shown::Green(0), Shown::Green(1)];
+        assert_eq!(decided(horizontal, &[(1, 39.0)]), 0, "a car 39 m before red");
+        assert_eq!(decided(horizontal, &[(1, 40.0)]), 1, "a car 40 m before red does not count yet");
+        assert_eq!(decided(horizontal, &[(1, 0.0), (0, 29.0)]), 1, "a car 29 m before green holds it");
+        assert_eq!(decided(horizontal, &[(1, 0.0), (0, 30.0)]), 0, "a car 30 m before green does not");
+        assert_eq!(decided(vertical, &[(0, 0.0), (2, 0.0)]), 1);
+        assert_eq!(decided(vertical, &[]), 0);
+        assert_eq!(decided(Shown::Between { from: 0, to: 1 }, &[(1, 0.0)]), 1);
+    }
+
+    #[test]
+    fn the_next_green_that_somebody_wants_is_shown() {
+        let plan = crossing();
+        let decided = |green, approach| decide(&At::new(&plan, Shown::Green(green)).queue(approach, 1).build());
+        assert_eq!(decided(0, 2), 2, "nobody turns left from the west");
+        assert_eq!(decided(3, 3), 0);
+        assert_eq!(decided(0, 1), 1);
+        assert_eq!(decided(2, 1), 3, "it comes before green 1 and lets the left turn from the west go, too");
+        assert_eq!(decided(2, 2), 3, "a car that stands at a green that is not its own");
     }
 }

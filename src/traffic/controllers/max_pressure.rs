@@ -1,53 +1,81 @@
-//! Max-pressure: green for the direction with the greater pressure.
+//! Max-pressure: the green with the greatest pressure.
 //!
 //! Source: Varaiya, "Max pressure control of a network of signalized intersections", Transportation Research Part C 36,
-//! 2013. Without turns, a movement leads from one edge to one other edge. So its pressure is the number of cars that
-//! come minus the number of cars on the edge ahead. An edge that leaves the net holds no car back and counts as empty,
-//! as in the paper.
+//! 2013. The pressure of a green is the number of cars that it lets go minus the number of cars on the exits that it
+//! leads to. A car on a lane that several links share counts for each green with the share of links that it opens. An
+//! exit that leaves the net holds no car back and counts as empty, as in the paper.
 
-use crate::domain::Action;
-use crate::traffic::controllers::intersections::Intersection;
-use crate::traffic::light::{KEEP, SWITCH};
-use crate::traffic::side::Side;
+use super::intersections::Intersection;
 
-/// Switches when the directions with red have the greater pressure.
-pub fn decide(at: &Intersection<'_>, min_green: u32) -> Action {
-    let Some([green, red]) = at.green_and_red().filter(|_| at.shown_steps() >= min_green) else { return KEEP };
-    let pressure = |sides: [Side; 2]| -> i64 { sides.into_iter().map(|from| pressure(at, from)).sum() };
-    if pressure(red) > pressure(green) { SWITCH } else { KEEP }
+/// Goes to another green if that has the greater pressure.
+pub fn decide(at: &Intersection<'_>, min_green: u32) -> usize {
+    let Some(green) = at.green().filter(|_| at.shown_steps() >= min_green) else { return at.target() };
+    let (mut best, mut most) = (green, pressure(at, green));
+    for other in at.others(green) {
+        let pressure = pressure(at, other);
+        if pressure > most {
+            (best, most) = (other, pressure);
+        }
+    }
+    best
 }
 
-fn pressure(at: &Intersection<'_>, from: Side) -> i64 {
-    let to = from.opposite();
-    let ahead = if at.leaves_the_net(to) { 0 } else { at.outgoing(to).len() };
-    at.incoming(from).len() as i64 - ahead as i64
+/// Returns the pressure of a green, in cars. All approaches of the region count, also those behind other junctions.
+fn pressure(at: &Intersection<'_>, green: usize) -> f64 {
+    let plan = at.plan();
+    let coming = plan.served(green).map(|approach| plan.share(green, approach) * at.cars(approach).len() as f64);
+    let leads_to =
+        |exit: usize| plan.region.links.iter().enumerate().any(|(link, way)| way.to == exit && plan.opens(green, link));
+    let exits = plan.region.exits.iter().enumerate().filter(|&(exit, lane)| !lane.leaves_the_net && leads_to(exit));
+    let ahead: usize = exits.map(|(exit, _)| at.exit_cars(exit).len()).sum();
+    coming.sum::<f64>() - ahead as f64
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::traffic::agents::phases::Light;
+    use crate::traffic::agents::phase_plan::Shown;
     use crate::traffic::controllers::MIN_GREEN;
-    use crate::traffic::controllers::intersections::tests::middle;
+    use crate::traffic::controllers::examples::{At, crossing, middle};
 
     #[test]
     fn the_greater_pressure_gets_green() {
-        let decide = |light, incoming: [usize; 4], outgoing| {
-            decide(&middle(light, MIN_GREEN, incoming.map(|cars| (0, cars)), outgoing), MIN_GREEN)
+        let plan = middle();
+        let decided = |shown, coming: [usize; 4], gone: [usize; 4]| {
+            let at = (0..4).fold(At::new(&plan, shown), |at, side| at.queue(side, coming[side]).gone(side, gone[side]));
+            decide(&at.build(), MIN_GREEN)
         };
+        let [vertical, horizontal] = [Shown::Green(0), Shown::Green(1)];
         // West and east 3 + 1 = 4, south and north 2 + 1 = 3.
-        assert_eq!(decide(Light::VerticalGreen, [3, 2, 1, 1], [0; 4]), SWITCH);
-        assert_eq!(decide(Light::HorizontalGreen, [3, 2, 1, 1], [0; 4]), KEEP);
+        assert_eq!(decided(vertical, [3, 2, 1, 1], [0; 4]), 1);
+        assert_eq!(decided(horizontal, [3, 2, 1, 1], [0; 4]), 1);
         // 1 car on the edge to the east takes 1 from the pressure of the cars from the west: 3 against 3.
-        assert_eq!(decide(Light::VerticalGreen, [3, 2, 1, 1], [0, 0, 1, 0]), KEEP, "a tie keeps");
+        assert_eq!(decided(vertical, [3, 2, 1, 1], [0, 0, 1, 0]), 0, "a tie keeps");
         // Cars to the south and the north leave the net.
-        assert_eq!(decide(Light::HorizontalGreen, [1, 2, 1, 1], [0, 9, 0, 9]), SWITCH);
-        assert_eq!(decide(Light::HorizontalYellow, [0, 9, 0, 9], [0; 4]), KEEP);
+        assert_eq!(decided(horizontal, [1, 2, 1, 1], [0, 9, 0, 9]), 0);
+        assert_eq!(decided(Shown::Between { from: 0, to: 1 }, [0, 9, 0, 9], [0; 4]), 1);
+    }
+
+    #[test]
+    fn cars_upstream_count_and_cars_on_shared_lanes_count_in_part() {
+        let plan = crossing();
+        let pressures = |at: At<'_>| {
+            let at = at.build();
+            [0, 1, 2, 3].map(|green| pressure(&at, green))
+        };
+        let shown = || At::new(&plan, Shown::Green(1));
+        assert_eq!(pressures(shown().queue(0, 2).queue(3, 1).queue(4, 3)), [6.0, 0.0, 0.0, 0.0]);
+        assert_eq!(pressures(shown().queue(2, 3)), [0.0, 0.0, 1.5, 1.5]);
+        // Two cars on the way north hold back greens 1, 2 and 3. Both links to the west leave the net.
+        assert_eq!(pressures(shown().gone(1, 2).gone(2, 5)), [0.0, -2.0, -2.0, -2.0]);
+        assert_eq!(decide(&shown().queue(0, 1).queue(1, 2).build(), MIN_GREEN), 1);
+        assert_eq!(decide(&shown().queue(2, 3).build(), MIN_GREEN), 2, "the first of equals");
     }
 
     #[test]
     fn nobody_switches_before_the_minimum_green() {
-        let decide = |shown| decide(&middle(Light::VerticalGreen, shown, [(5, 0), (0, 0), (0, 0), (0, 0)], [0; 4]), 8);
-        assert_eq!([7, 8].map(decide), [KEEP, SWITCH]);
+        let plan = middle();
+        let decided = |steps| decide(&At::new(&plan, Shown::Green(0)).since(steps).queue(0, 5).build(), 8);
+        assert_eq!([7, 8].map(decided), [0, 1]);
     }
 }

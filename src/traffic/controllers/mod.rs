@@ -1,29 +1,41 @@
 //! Hand-coded controllers of traffic lights: baselines for policies, and control of the lights around the agents.
 //!
-//! All but SUMO's own `actuated` are [`LightController`]s. They live in the GS (global simulator) and see its
-//! [`Intersections`], which is more than a policy observes. Their lights obey the same rules: keep or switch, with
-//! three steps of yellow.
+//! All but SUMO's own programs are [`LightController`]s. They live in the GS (global simulator) and see its
+//! [`Intersections`], which is more than a policy observes. They say which green each light should show. Their lights
+//! obey the same rules as those of policies, so yellow comes before it.
 //!
 //! To add one, implement the trait, or write a function of one [`Intersection`] and wrap it in [`Each`]. Then give it a
 //! name in [`recipe`] and [`NAMES`]. A program of its own needs no name: it passes its controller to
 //! [`crate::traffic::Traffic::global`].
 //!
 //! - `control`: the trait of controllers; [`intersections`]: what a controller sees.
-//! - `simple`, [`gap_out`], `longest_queue`, `max_pressure`, `fixed_time`, `webster`, `coordinated`: the controllers.
-//! - `timing`, [`timing_file`]: timings of fixed-time lights, and their files; [`search`]: the search for the best
-//!   ones.
-//! - `arguments`: the text that names a controller.
+//! - `simple`, `gap_out`, `longest_queue`, `max_pressure`, `fixed_time`, `coordinated`, `webster`: the controllers;
+//!   [`actuated`]: the programs of SUMO's actuated lights.
+//! - `flows`, `flow_ratios`: what Webster's formula needs to know.
+//! - `timing`: what lights that go by the clock follow; [`timing_file`], `fitted`: its files; [`search`]: the search for
+//!   the best one; `split`, `neighbours`: green time divided, and every other light found.
+//! - `arguments`: the text that names a controller; `clock_text`: its part about the clock.
+//! - `examples`: lights made by hand, for tests.
 
+pub mod actuated;
 mod arguments;
+mod clock_text;
 mod control;
 mod coordinated;
+#[cfg(test)]
+pub mod examples;
+mod fitted;
 mod fixed_time;
-pub mod gap_out;
+mod flow_ratios;
+mod flows;
+mod gap_out;
 pub mod intersections;
 mod longest_queue;
 mod max_pressure;
+mod neighbours;
 pub mod search;
 mod simple;
+mod split;
 mod timing;
 pub mod timing_file;
 mod webster;
@@ -31,15 +43,19 @@ mod webster;
 use anyhow::{Result, bail};
 
 use crate::base::Seed;
-use crate::traffic::paper_grid::grid::Grid;
+use crate::traffic::agents::phase_plan::Choice;
+use crate::traffic::agents::plan::AgentPlan;
 use arguments::Arguments;
 
+pub(super) use control::ask;
 pub use control::{Each, HandCoded, LightController, Trials};
 pub use coordinated::Coordinated;
 pub use fixed_time::FixedTime;
+pub use flow_ratios::FlowRatios;
 pub use intersections::{Intersection, Intersections};
 pub use simple::{Constant, Random, SwitchEvery};
 pub use timing::{ClockPlan, Leeway, Timing};
+pub use webster::TimingPlan;
 
 /// Names that [`recipe`] takes; K is a number of steps.
 pub const NAMES: &[&str] = &[
@@ -47,6 +63,7 @@ pub const NAMES: &[&str] = &[
     "never",
     "always",
     "switch-every-K",
+    PROGRAM,
     "actuated",
     "gap-out",
     FIXED_TIME,
@@ -56,6 +73,8 @@ pub const NAMES: &[&str] = &[
     "longest-queue",
 ];
 
+/// Name of the lights that follow their own programs.
+pub const PROGRAM: &str = "program";
 /// Name of the lights that follow a clock whatever the traffic.
 pub const FIXED_TIME: &str = "fixed-time";
 /// Name of the lights that follow a clock with some leeway.
@@ -67,31 +86,31 @@ const SWITCH_EVERY: &str = "switch-every-";
 /// (184, against 173 with 5 or 1). For longest-queue, all values from 5 on give the same result.
 const MIN_GREEN: u32 = 10;
 
-/// A function that makes a controller for a grid. It first measures what the controller needs to know.
+/// A function that makes a controller. It first measures what the controller needs to know.
 pub type Recipe = Box<dyn Fn(&dyn Trials) -> Result<HandCoded>>;
 
-/// Returns the controller that a text names, with parameters: `max-pressure:min-green=5`. Errors: an unknown name (the
-/// error lists the known ones) and an unknown parameter (it lists those of the controller).
-pub fn recipe(text: &str, grid: Grid) -> Result<Recipe> {
+/// Returns the controller of these lights that a text names, with parameters: `max-pressure:min-green=5`. Errors: an
+/// unknown name (the error lists the known ones) and an unknown parameter (it lists those of the controller).
+pub fn recipe(text: &str, plans: &[AgentPlan]) -> Result<Recipe> {
     let mut arguments = Arguments::of(text);
     let recipe: Recipe = match arguments.name() {
         "random" => Box::new(|_| Ok(HandCoded::rule(Random::new(Seed::new(0))))),
-        "never" => Box::new(|_| Ok(HandCoded::rule(Constant::never()))),
-        "always" => Box::new(|_| Ok(HandCoded::rule(Constant::always()))),
+        "never" => Box::new(|_| Ok(HandCoded::rule(Constant::Never))),
+        "always" => Box::new(|_| Ok(HandCoded::rule(Constant::Always))),
+        PROGRAM => Box::new(|_| Ok(HandCoded::OwnProgram)),
         "actuated" => Box::new(|_| Ok(HandCoded::Actuated)),
-        "gap-out" => Box::new(|_| Ok(HandCoded::rule(Each(|at: &Intersection<'_>| gap_out::decide(at.obs()))))),
+        "gap-out" => Box::new(|_| Ok(HandCoded::rule(Each(gap_out::decide)))),
         FIXED_TIME => {
-            let timings = fixed_time::timings(&mut arguments, grid)?;
+            let ClockPlan { timings, .. } = clock_text::fixed_time(&mut arguments, plans)?;
             Box::new(move |_| Ok(HandCoded::rule(FixedTime::new(timings.clone()))))
         }
         COORDINATED => {
-            let plan = coordinated::plan(&mut arguments, grid)?;
+            let plan = clock_text::coordinated(&mut arguments, plans)?;
             Box::new(move |_| Ok(HandCoded::rule(Coordinated::new(plan.clone()))))
         }
         "webster" => {
-            let plan = webster::TimingPlan::of(&mut arguments)?;
-            let agents = grid.agents().len();
-            Box::new(move |trials| Ok(HandCoded::rule(FixedTime::new(plan.timings(agents, trials)?))))
+            let (plan, plans) = (TimingPlan::of(&mut arguments)?, plans.to_vec());
+            Box::new(move |trials| Ok(HandCoded::rule(FixedTime::new(plan.timings(&plans, trials)?))))
         }
         "max-pressure" => {
             let min_green = arguments.steps("min-green", MIN_GREEN)?;
@@ -115,17 +134,24 @@ pub fn recipe(text: &str, grid: Grid) -> Result<Recipe> {
     Ok(recipe)
 }
 
+/// Returns whether all lights are those of the paper's grids: green 0 for the cars from south and north, green 1 for the
+/// others. Lights of other nets choose their green.
+pub fn are_of_a_grid(plans: &[AgentPlan]) -> bool {
+    plans.iter().all(|plan| plan.phases.choice() == Choice::KeepOrSwitch)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use examples::{crossing, middle};
 
     fn error(name: &str) -> String {
-        recipe(name, Grid::new(2, 2).unwrap()).err().unwrap_or_else(|| panic!("{name} is taken")).to_string()
+        recipe(name, &[middle()]).err().unwrap_or_else(|| panic!("{name} is taken")).to_string()
     }
 
     #[test]
     fn unknown_names_get_the_list_and_bad_numbers_the_reason() {
-        let list = "unknown; one of random, never, always, switch-every-K, actuated, gap-out, fixed-time";
+        let list = "unknown; one of random, never, always, switch-every-K, program, actuated, gap-out";
         assert!(error("fixed").contains(list), "{}", error("fixed"));
         for name in ["switch-every-0", "switch-every-", "switch-every-ten"] {
             assert!(error(name).contains("K must be a number of steps"));
@@ -149,7 +175,7 @@ mod tests {
     fn every_name_of_the_list_is_taken() {
         for name in NAMES {
             let name = name.replace('K', "10");
-            assert!(recipe(&name, Grid::SINGLE).is_ok(), "{name}");
+            assert!(recipe(&name, &[middle()]).is_ok() && recipe(&name, &[crossing()]).is_ok(), "{name}");
         }
     }
 }

@@ -3,12 +3,11 @@
 use rand::Rng;
 
 use super::control::LightController;
+use super::intersections::Intersections;
 use crate::base::{Dice, RandomPurpose, Seed};
-use crate::domain::Action;
-use crate::traffic::controllers::intersections::Intersections;
-use crate::traffic::light::{KEEP, SWITCH};
 
-/// Switches with probability one half, independently for each light and step.
+/// Leaves its green with probability one half, independently for each light and step. All other greens are equally
+/// likely.
 pub struct Random {
     dice: Dice,
 }
@@ -24,31 +23,35 @@ impl LightController for Random {
         *self = Random::new(episode);
     }
 
-    fn act(&mut self, _intersections: &Intersections<'_>, actions: &mut [Action]) {
-        actions.fill_with(|| Action::from(self.dice.random::<bool>()));
+    fn act(&mut self, intersections: &Intersections<'_>, targets: &mut [usize]) {
+        for (target, at) in targets.iter_mut().zip(intersections.iter()) {
+            if self.dice.random::<bool>() {
+                let others = at.plan().greens() - 1;
+                let steps = if others == 1 { 1 } else { self.dice.random_range(1..=others) };
+                *target = (*target + steps) % (others + 1);
+            }
+        }
     }
 }
 
-/// Takes the same action at every step.
-pub struct Constant(Action);
-
-impl Constant {
-    pub fn never() -> Self {
-        Constant(KEEP)
-    }
-
-    pub fn always() -> Self {
-        Constant(SWITCH)
-    }
+/// Does the same at every step.
+pub enum Constant {
+    /// Keeps all lights as they are.
+    Never,
+    /// Sends all lights to their next green.
+    Always,
 }
 
 impl LightController for Constant {
-    fn act(&mut self, _intersections: &Intersections<'_>, actions: &mut [Action]) {
-        actions.fill(self.0);
+    fn act(&mut self, intersections: &Intersections<'_>, targets: &mut [usize]) {
+        match self {
+            Constant::Never => (),
+            Constant::Always => to_next(intersections, targets),
+        }
     }
 }
 
-/// Switches all lights at every K-th step: three steps of yellow, K - 3 of green (at least one).
+/// Sends all lights to their next green at every K-th step: some steps of yellow, the rest of green (at least one).
 pub struct SwitchEvery {
     steps: usize,
     step: usize,
@@ -65,8 +68,14 @@ impl LightController for SwitchEvery {
         self.step = 0;
     }
 
-    fn act(&mut self, _intersections: &Intersections<'_>, actions: &mut [Action]) {
+    fn act(&mut self, intersections: &Intersections<'_>, targets: &mut [usize]) {
         self.step += 1;
-        actions.fill(if self.step.is_multiple_of(self.steps) { SWITCH } else { KEEP });
+        if self.step.is_multiple_of(self.steps) {
+            to_next(intersections, targets);
+        }
     }
+}
+
+fn to_next(intersections: &Intersections<'_>, targets: &mut [usize]) {
+    targets.iter_mut().zip(intersections.plans).for_each(|(target, plan)| *target = plan.phases.next(*target));
 }

@@ -1,28 +1,28 @@
 //! Webster's fixed time: cycle and greens from measured flows, for each intersection.
 //!
-//! Source: Webster, "Traffic signal settings", Road Research Technical Paper 39, 1958. The flow ratio `y` of a phase is
-//! the flow of its busiest edge over the saturation flow. `Y` is the sum of the flow ratios, and `L` the lost time of a
-//! cycle. The delay is least near the cycle `C = (1.5 L + 5) / (1 - Y)`. Of it, each phase gets the green
-//! `(C - L) y / Y`. The lost time is the two yellows of 3 s: `L = 6`.
+//! Source: Webster, "Traffic signal settings", Road Research Technical Paper 39, 1958. The flow ratio `y` of a green is
+//! the flow of its busiest approach over the saturation flow. `Y` is the sum of the flow ratios, and `L` the lost time
+//! of a cycle, in which no green is shown. The delay is least near the cycle `C = (1.5 L + 5) / (1 - Y)`. Of it, each
+//! green gets `(C - L) y / Y`.
 
 use anyhow::Result;
 
+use super::are_of_a_grid;
 use super::arguments::Arguments;
-use super::control::{HandCoded, Trials};
+use super::clock_text;
+use super::control::{Each, Trials};
 use super::fixed_time::FixedTime;
+use super::flow_ratios::{FlowRatios, LONGEST_CYCLE_S, flow_ratios};
+use super::flows::{self, Flows};
 use super::timing::Timing;
-use crate::base::{RandomPurpose, Rows, Seed};
-use crate::traffic::agents::region::EDGES;
-use crate::traffic::light::{KEEP, YELLOW_STEPS};
+use super::{MIN_GREEN, max_pressure};
+use crate::traffic::agents::plan::AgentPlan;
+use crate::traffic::controllers::intersections::Intersection;
 
-/// Cars per hour that pass the stop line from a standing queue of our vehicle type: one in 2.28 s.
+/// Cars per hour that pass the stop line from a standing queue of the vehicle type of the paper's grids: one in 2.28 s.
 const SATURATION_PER_H: f64 = 1580.0;
-/// Longest cycle. Near saturation, the formula goes to infinity.
-const LONGEST_CYCLE_S: f64 = 120.0;
 /// Number of episodes that measure the flows.
 const EPISODES: u32 = 5;
-/// Timing of the lights while the flows are measured.
-const MEANWHILE: Timing = Timing { vertical: 10, horizontal: 10, offset: 0 };
 
 /// The measurement that the timings are computed from.
 pub struct TimingPlan {
@@ -30,67 +30,101 @@ pub struct TimingPlan {
     saturation_per_h: f64,
 }
 
+impl Default for TimingPlan {
+    fn default() -> Self {
+        TimingPlan { episodes: EPISODES, saturation_per_h: SATURATION_PER_H }
+    }
+}
+
 impl TimingPlan {
     pub fn of(arguments: &mut Arguments<'_>) -> Result<TimingPlan> {
         let what = "a number of cars per hour, above 0";
         let saturation = arguments.number("saturation", what, |&flow: &f64| flow > 0.0 && flow.is_finite())?;
         let episodes = arguments.number("episodes", "a whole number, at least 1", |&episodes: &u32| episodes >= 1)?;
+        let usual = TimingPlan::default();
         Ok(TimingPlan {
-            episodes: episodes.unwrap_or(EPISODES),
-            saturation_per_h: saturation.unwrap_or(SATURATION_PER_H),
+            episodes: episodes.unwrap_or(usual.episodes),
+            saturation_per_h: saturation.unwrap_or(usual.saturation_per_h),
         })
     }
 
     /// Measures the flows on the GS (global simulator), on separate episodes, and computes the timings.
-    pub fn timings(&self, agents: usize, trials: &dyn Trials) -> Result<Vec<Timing>> {
-        let mut gs = trials.load_gs(HandCoded::rule(FixedTime::new(vec![MEANWHILE; agents])))?;
-        let (keep, mut cars) = (vec![KEEP; agents], Rows::<u32>::new(agents, EDGES));
-        for episode in 0..self.episodes {
-            gs.reset(Seed::new(0).fork(RandomPurpose::Webster).for_episode(episode as usize))?;
-            for _ in 0..trials.horizon() {
-                gs.step(&keep)?;
-                let arrivals = gs.influence_sample().sources.as_slice();
-                cars.as_mut_slice().iter_mut().zip(arrivals).for_each(|(sum, &arrived)| *sum += u32::from(arrived));
-            }
-        }
-        let seconds = f64::from(self.episodes) * trials.horizon() as f64;
-        let saturation = self.saturation_per_h / 3600.0 * seconds;
-        Ok(cars.iter().map(|edges| timing(std::array::from_fn(|edge| f64::from(edges[edge]) / saturation))).collect())
+    pub fn timings(&self, plans: &[AgentPlan], trials: &dyn Trials) -> Result<Vec<Timing>> {
+        let ratios = self.ratios(plans, trials)?;
+        Ok(plans.iter().zip(&ratios).map(|(plan, ratios)| timing(plan, ratios)).collect())
+    }
+
+    /// Measures the flows and returns the flow ratios of the greens of each light.
+    pub fn ratios(&self, plans: &[AgentPlan], trials: &dyn Trials) -> Result<Vec<FlowRatios>> {
+        let Flows { cars, seconds } = if are_of_a_grid(plans) {
+            flows::measure(plans, trials, self.episodes, FixedTime::new(clock_text::usual(plans)))?
+        } else {
+            // Lights that jam would hide what wants to pass.
+            let rule = Each(|at: &Intersection<'_>| max_pressure::decide(at, MIN_GREEN));
+            flows::measure(plans, trials, self.episodes, rule)?
+        };
+        let saturation = self.saturation_per_h / 3600.0 * f64::from(seconds);
+        let of_light = |(plan, cars): (&AgentPlan, &[u32])| {
+            let ratios: Vec<f64> = cars.iter().map(|&cars| f64::from(cars) / saturation).collect();
+            flow_ratios(plan, &ratios)
+        };
+        Ok(plans.iter().zip(cars.iter()).map(of_light).collect())
     }
 }
 
-/// Returns the timing of one light. `ratios`: flow over saturation flow on the edges from west, south, east and north.
-fn timing([west, south, east, north]: [f64; EDGES]) -> Timing {
-    let (vertical, horizontal) = (south.max(north), west.max(east));
-    let sum = vertical + horizontal;
-    let lost_s = 2.0 * f64::from(YELLOW_STEPS);
+/// Returns the timing of one light.
+pub fn timing(plan: &AgentPlan, ratios: &FlowRatios) -> Timing {
+    let (sum, lost_s) = (ratios.sum(), ratios.lost_s);
     let cycle_s = if sum < 1.0 { ((1.5 * lost_s + 5.0) / (1.0 - sum)).min(LONGEST_CYCLE_S) } else { LONGEST_CYCLE_S };
-    // Without cars, the phases have equal shares.
-    let share = if sum > 0.0 { vertical / sum } else { 0.5 };
-    let green = |share: f64| (((cycle_s - lost_s) * share).round() as u32).max(1);
-    Timing { vertical: green(share), horizontal: green(1.0 - share), offset: 0 }
+    let green_s = (cycle_s - lost_s).max(0.0);
+    let least = plan.phases.min_green_steps().max(1);
+    let mut greens = vec![0; plan.greens()];
+    // The last share is what is left, so that the shares sum up to 1.
+    let mut left = 1.0;
+    for (place, &(green, ratio)) in ratios.greens.iter().enumerate() {
+        // Without cars, the greens have equal shares.
+        let share = if sum > 0.0 { ratio / sum } else { 1.0 / ratios.greens.len() as f64 };
+        let share = if place + 1 == ratios.greens.len() { left } else { share };
+        greens[green] = ((green_s * share).round() as u32).max(least);
+        left -= share;
+    }
+    Timing::new(&plan.phases, &greens, 0)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::traffic::controllers::examples::{crossing, middle};
 
     #[test]
     fn greens_are_websters() {
-        let timing = |ratios| {
-            let Timing { vertical, horizontal, offset } = super::timing(ratios);
-            assert_eq!(offset, 0);
-            (vertical, horizontal)
+        let plan = middle();
+        // Ratios of the approaches from west, south, east and north.
+        let greens = |ratios: [f64; 4]| {
+            let timing = timing(&plan, &flow_ratios(&plan, &ratios));
+            assert_eq!(timing.offset(), 0);
+            (timing.greens()[0], timing.greens()[1])
         };
         // Y = 0.3 + 0.2: C = 14 / 0.5 = 28, of which 22 are green: 13.2 and 8.8.
-        assert_eq!(timing([0.2, 0.3, 0.1, 0.0]), (13, 9));
+        assert_eq!(greens([0.2, 0.3, 0.1, 0.0]), (13, 9));
         // Y = 0.23 + 0.23: C = 14 / 0.54 = 25.93, greens of 9.96.
-        assert_eq!(timing([0.23; 4]), (10, 10));
+        assert_eq!(greens([0.23; 4]), (10, 10));
         // Without cars C = 14, greens of 4.
-        assert_eq!(timing([0.0; 4]), (4, 4));
+        assert_eq!(greens([0.0; 4]), (4, 4));
         // Beyond saturation 120 s, 114 of them green, 2 : 1.
-        assert_eq!(timing([0.0, 0.8, 0.4, 0.0]), (76, 38));
+        assert_eq!(greens([0.0, 0.8, 0.4, 0.0]), (76, 38));
         // A road without cars still gets one step.
-        assert_eq!(timing([0.0, 0.5, 0.0, 0.0]), (22, 1));
+        assert_eq!(greens([0.0, 0.5, 0.0, 0.0]), (22, 1));
+    }
+
+    #[test]
+    fn a_light_with_more_greens_has_more_lost_time_and_leaves_out_what_others_serve() {
+        let plan = crossing();
+        // L = 16 for four greens. Y = 0.3 + 0.1 + 0.1 + 0.1, C = 29 / 0.4 = 72.5, of which 56.5 are green.
+        let ratios = FlowRatios { greens: vec![(0, 0.3), (1, 0.1), (2, 0.1), (3, 0.1)], lost_s: 16.0 };
+        assert_eq!(timing(&plan, &ratios).greens(), [28, 9, 9, 9]);
+        // C = 29 / 0.98 = 29.6, of which 13.6 are green. No green is shorter than the light's least of 5 steps.
+        let ratios = FlowRatios { greens: vec![(0, 0.02), (1, 0.0), (2, 0.0), (3, 0.0)], lost_s: 16.0 };
+        assert_eq!(timing(&plan, &ratios).greens(), [14, 5, 5, 5]);
     }
 }

@@ -12,13 +12,9 @@ pub enum SignalControl {
 }
 
 impl SignalControl {
-    /// Returns the rows that one of SUMO's programs runs.
-    pub fn by_program(&self) -> Vec<usize> {
-        match self {
-            SignalControl::HandCoded { by: HandCoded::Actuated, agents } => {
-                agents.iter().map(|agent| agent.0).collect()
-            }
-            _ => Vec::new(),
-        }
+    /// Returns the program of SUMO that runs lights, with their rows; `None` if none does.
+    pub fn by_program(&self) -> Option<(&'static str, Vec<usize>)> {
+        let SignalControl::HandCoded { by, agents } = self else { return None };
+        by.program().map(|program| (program, agents.iter().map(|agent| agent.0).collect()))
     }
 }

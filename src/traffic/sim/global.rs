@@ -15,12 +15,11 @@ use crate::base::{Phase, Ragged, Seed, Stopwatch};
 use crate::domain::{Action, GlobalSimulator, InfluenceSample, JointPercept, JointTransition, Kinds, Measures, Result};
 use crate::sumo::{Car, CarTable, LaneId, SignalState, Simulation};
 use crate::traffic::agents::phase_plan::Shown;
-use crate::traffic::agents::phases::Light;
 use crate::traffic::agents::plan::{AgentPlan, JointPlan};
 use crate::traffic::arrivals;
 use crate::traffic::cars_at::CarsAt;
-use crate::traffic::controllers::HandCoded;
 use crate::traffic::controllers::intersections::Intersections;
+use crate::traffic::controllers::{self, HandCoded, actuated};
 use crate::traffic::light::KEEP;
 use crate::traffic::network::contents::{Loadable, Network};
 use crate::traffic::observe::{self, LightView};
@@ -32,7 +31,6 @@ use crate::traffic::paper_grid::grid::Grid;
 /// traffic.
 pub struct GlobalTraffic {
     plan: Arc<JointPlan>,
-    grid: Grid,
     loadable: Loadable,
     control: SignalControl,
     simulation: Simulation,
@@ -94,7 +92,6 @@ impl GlobalTraffic {
         let recorder = tape.map(|tape| Recorder::new(tape, &mut simulation, grid, network, None)).transpose()?;
         let outgoing_lanes = simulation.register_lanes(&outgoing)?;
         Ok(GlobalTraffic {
-            grid,
             loadable,
             control,
             simulation,
@@ -161,16 +158,15 @@ impl GlobalTraffic {
     /// Sets `self.hand_coded` to what a rule would do now at all lights. Returns whether there is a rule.
     fn ask(&mut self) -> bool {
         if let SignalControl::HandCoded { by: HandCoded::Rule(controller), .. } = &mut self.control {
-            let lights: Vec<Light> = self.shown.iter().map(|&shown| light_of(shown)).collect();
             let intersections = Intersections {
-                grid: self.grid,
-                lights: &lights,
+                plans: &self.plan.agents,
+                shown: &self.shown,
                 shown_steps: &self.shown_steps,
                 obs: &self.last.percept.obs,
-                incoming: &self.cars,
-                outgoing: &self.outgoing,
+                approaches: &self.cars,
+                exits: &self.outgoing,
             };
-            controller.act(&intersections, &mut self.hand_coded);
+            controllers::ask(&mut **controller, &intersections, &mut self.hand_coded);
             return true;
         }
         false
@@ -253,10 +249,10 @@ impl GlobalSimulator for GlobalTraffic {
             options.extend(metrics.options());
         }
         self.simulation.reload(&options).map_err(|error| self.loadable.explain(&error))?;
-        let by_program = self.control.by_program();
+        let (program, by_program) = self.control.by_program().unwrap_or_default();
         let ours: Vec<usize> = (0..self.agents()).filter(|row| !by_program.contains(row)).collect();
         self.handles.reset(&mut self.simulation, &ours)?;
-        self.handles.hand_to_program(&mut self.simulation, "actuated", &by_program)?;
+        self.handles.hand_to_program(&mut self.simulation, program, &by_program)?;
         self.read()?;
         self.shown_steps.fill(0);
         self.advised = false;
@@ -335,23 +331,13 @@ impl GlobalSimulator for GlobalTraffic {
     }
 }
 
-/// Returns the light of a grid that shows this.
-fn light_of(shown: Shown) -> Light {
-    match shown {
-        Shown::Green(0) => Light::VerticalGreen,
-        Shown::Green(_) => Light::HorizontalGreen,
-        Shown::Between { from: 0, .. } => Light::VerticalYellow,
-        Shown::Between { .. } => Light::HorizontalYellow,
-    }
-}
-
 fn with_owned_name<T>((name, value): (&str, T)) -> (String, T) {
     (name.to_owned(), value)
 }
 
 fn options(network: &Loadable, control: &SignalControl, episode: Seed) -> Vec<String> {
     let mut options = options::common(&network.net, &network.routes, episode.for_sumo());
-    if !control.by_program().is_empty() {
+    if control.by_program().is_some_and(|(program, _)| program == actuated::PROGRAM) {
         options.extend(["--additional-files".to_owned(), network.actuated.path()]);
     }
     options

@@ -2,8 +2,10 @@
 
 use std::fs;
 
-use dials_traffic::traffic::controllers::timing_file::TimingFile;
+use dials_traffic::config::TrafficConfig;
+use dials_traffic::traffic::controllers::timing_file::{Score, TimingFile};
 use dials_traffic::traffic::paper_grid::grid::Grid;
+use dials_traffic::traffic::paper_grid::plans::plans;
 
 use crate::place::work;
 use crate::verdict::Verdict;
@@ -34,8 +36,8 @@ pub fn seeds() -> Vec<Vec<u8>> {
 pub fn call(bytes: &[u8]) -> Verdict {
     let path = work().join("timings.toml");
     fs::write(&path, bytes).expect("a file to work with");
-    let grid = Grid::new(2, 2).expect("a small grid");
-    let plan = |controller| TimingFile::plan(&path, controller, grid);
+    let lights = plans(Grid::new(2, 2).expect("a small grid"), &TrafficConfig::new("", ""));
+    let plan = |controller| TimingFile::plan(&path, controller, &lights);
     let plan = match plan("fixed-time").or_else(|_| plan("coordinated")) {
         Ok(plan) => plan,
         Err(error) => return Verdict::refused(error),
@@ -43,11 +45,12 @@ pub fn call(bytes: &[u8]) -> Verdict {
     for timing in &plan.timings {
         // More steps than the longest episode has.
         for step in (0..=1_000_000).step_by(99_991) {
-            std::hint::black_box((timing.is_vertical(step), timing.until_change(step), timing.since_change(step)));
+            std::hint::black_box((timing.target(step), timing.until_change(step), timing.since_change(step)));
         }
     }
     let file = TimingFile::read(&path).expect("it was just read");
-    assert!(file.mean_return.is_finite(), "its mean return is {}", file.mean_return);
+    let (Score::Return(mean) | Score::DelaySeconds(mean)) = file.score();
+    assert!(mean.is_finite(), "its score is {mean}");
     fs::write(&path, file.to_toml().expect("accepted timings can be written")).expect("a file to work with");
     assert!(TimingFile::read(&path).expect("it was written by us") == file, "it is read again as another file");
     Verdict::Accepted

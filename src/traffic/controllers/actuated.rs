@@ -1,0 +1,85 @@
+//! SUMO's actuated lights, made of the phases of the lights' own programs.
+
+use crate::traffic::network::xml::{document, leaf, nest};
+
+/// Name of the actuated program among those of a light.
+pub const PROGRAM: &str = "actuated";
+
+/// Shortest and longest green in seconds, unless the own program gives its own.
+const GREEN_S: [f64; 2] = [5.0, 50.0];
+
+/// A phase of a light's own program.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ProgramPhase<'a> {
+    pub state: &'a str,
+    pub duration_s: f64,
+    /// SUMO's `minDur` and `maxDur`, if the program gives them.
+    pub least_s: Option<f64>,
+    pub most_s: Option<f64>,
+    /// Phases that may follow; empty: the next one in their order.
+    pub next: &'a [usize],
+}
+
+/// Returns an additional file with an actuated program for each light: its name, and the phases of its own program.
+///
+/// Greens last as long as cars come, within their limits. Yellow and all red last as long as in the own program.
+pub fn programs<'a>(lights: impl IntoIterator<Item = (&'a str, Vec<ProgramPhase<'a>>)>) -> String {
+    document("additional", |xml| {
+        lights.into_iter().try_for_each(|(light, phases)| {
+            let head = [("id", light), ("type", "actuated"), ("programID", PROGRAM), ("offset", "0")];
+            nest(xml, "tlLogic", head, |xml| phases.iter().try_for_each(|phase| leaf(xml, "phase", attributes(phase))))
+        })
+    })
+}
+
+fn attributes(phase: &ProgramPhase<'_>) -> Vec<(&'static str, String)> {
+    let &ProgramPhase { state, duration_s, least_s, most_s, next } = phase;
+    let (least_s, most_s) = if is_green(state) {
+        let most_s = most_s.unwrap_or(GREEN_S[1].max(least_s.unwrap_or(0.0)));
+        (least_s.unwrap_or(GREEN_S[0]).min(most_s), most_s)
+    } else {
+        (duration_s, duration_s)
+    };
+    let duration_s = if is_green(state) { least_s } else { duration_s };
+    let times = [("duration", duration_s), ("minDur", least_s), ("maxDur", most_s)];
+    let times = times.map(|(name, seconds)| (name, seconds.to_string()));
+    let next: Vec<String> = next.iter().map(usize::to_string).collect();
+    let next = (!next.is_empty()).then(|| ("next", next.join(" ")));
+    times.into_iter().chain([("state", state.to_owned())]).chain(next).collect()
+}
+
+/// Returns whether some link has green and none has yellow.
+fn is_green(state: &str) -> bool {
+    !state.contains(['y', 'Y']) && state.contains(['g', 'G'])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn greens_get_limits_and_everything_else_keeps_its_time() {
+        let phase = |state, duration_s| ProgramPhase { state, duration_s, least_s: None, most_s: None, next: &[] };
+        let phases = vec![
+            phase("GGrr", 33.0),
+            phase("Yyrr", 4.5),
+            phase("rrrr", 2.0),
+            ProgramPhase { least_s: Some(8.0), most_s: Some(20.0), next: &[0, 2], ..phase("rrGg", 12.0) },
+            ProgramPhase { most_s: Some(3.0), ..phase("Grrr", 9.0) },
+            ProgramPhase { least_s: Some(60.0), ..phase("rGrr", 70.0) },
+        ];
+        let expected = r#"<?xml version="1.0" encoding="UTF-8"?>
+<additional>
+    <tlLogic id="a&amp;b" type="actuated" programID="actuated" offset="0">
+        <phase duration="5" minDur="5" maxDur="50" state="GGrr"/>
+        <phase duration="4.5" minDur="4.5" maxDur="4.5" state="Yyrr"/>
+        <phase duration="2" minDur="2" maxDur="2" state="rrrr"/>
+        <phase duration="8" minDur="8" maxDur="20" state="rrGg" next="0 2"/>
+        <phase duration="3" minDur="3" maxDur="3" state="Grrr"/>
+        <phase duration="60" minDur="60" maxDur="60" state="rGrr"/>
+    </tlLogic>
+</additional>
+"#;
+        assert_eq!(programs([("a&b", phases)]), expected);
+    }
+}
