@@ -4,6 +4,7 @@
 //! - `directory`: a directory that is opened once, may be locked, and whose files are never reached through a link.
 //! - `staged`: directories that are filled under a temporary name, and the sweeping of what kills left behind.
 //! - `temporary`: temporary files, with an error that names the place.
+//! - [`tree`]: XML read into a tree, with limits.
 //! - `printable`: names as they may reach a terminal, a picture or a report.
 //! - `name`: names that may become files and directories.
 //! - `cell`: names as fields of a CSV file.
@@ -15,6 +16,7 @@ mod name;
 mod printable;
 mod staged;
 mod temporary;
+pub mod tree;
 
 pub use cell::csv_name;
 pub use directory::{Directory, Whereabouts};

@@ -11,6 +11,7 @@ use crate::domain::Domain;
 use crate::nn::use_vectors;
 use crate::records::files;
 use crate::traffic::Traffic;
+use crate::traffic::scenario::SumoScenario;
 use crate::traffic::sim::recording::Tape;
 use crate::warehouse::Warehouse;
 
@@ -38,6 +39,10 @@ pub fn open_tried(config: &Config) -> Result<Arc<dyn Domain>> {
 pub fn find(config: &Config) -> Result<Arc<dyn Domain>> {
     Ok(match table(config) {
         DomainConfig::Traffic(table) => Arc::new(Traffic::open(table)?),
+        DomainConfig::Scenario(table) => {
+            SumoScenario::read(table)?;
+            bail!("{}: was read and found whole, but scenarios cannot be simulated yet", table.scenario.display())
+        }
         DomainConfig::Warehouse(table) => Arc::new(Warehouse::new(table)),
     })
 }

@@ -4,6 +4,7 @@
 //!   and influence sources.
 //! - [`paper_grid`]: the road networks of the paper; [`network`]: networks as files; [`cut`]: local regions cut out of
 //!   them.
+//! - [`scenario`]: the scenario of a user, a .sumocfg with its files.
 //! - [`sim`]: the simulators, their recordings and replays.
 //! - [`controllers`]: hand-coded baselines; [`tuning`]: the search for the best fixed-time lights.
 //!
@@ -35,6 +36,7 @@ pub mod light;
 pub mod network;
 pub mod observe;
 pub mod paper_grid;
+pub mod scenario;
 pub mod side;
 pub mod sim;
 pub mod tuning;

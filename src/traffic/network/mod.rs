@@ -4,15 +4,15 @@
 //!   missing or wrong.
 //! - [`contents`]: a network read once, for everything that is done with it; `memory_file`: texts that SUMO loads.
 //! - `other_files`: everything by which SUMO would write or read another file, refused.
-//! - `tree`: XML read into a tree; `xml`: XML written.
+//! - `xml`: XML written. It is read into trees by [`tree`].
 
 pub mod contents;
 pub mod files;
 pub(super) mod memory_file;
 mod other_files;
 mod together;
-pub(super) mod tree;
 pub(super) mod way_out;
 pub(super) mod xml;
 
+pub(super) use crate::outside::tree;
 pub(super) use together::write_together;

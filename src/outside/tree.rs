@@ -11,7 +11,7 @@ use std::path::Path;
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use roxmltree::{Document, Node, ParsingOptions};
 
-use crate::outside::read_bytes;
+use super::read_bytes;
 
 /// Largest file. A grid of 10 000 intersections has 55 MB.
 const MOST_BYTES: u64 = 256 << 20;
