@@ -28,7 +28,7 @@ const OUTSIDE: &[(&str, &[&str])] = &[
     ("pulp", &["nn"]),
     ("rayon", &["nn"]),
     ("quick_xml", &["traffic"]),
-    ("roxmltree", &["outside"]),
+    ("roxmltree", &["outside", "traffic"]),
     ("clap", &["cli", "run", "main"]),
     ("indicatif", &["terminal"]),
     ("signal_hook", &["terminal", "machine"]),

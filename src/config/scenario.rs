@@ -14,8 +14,8 @@ use super::sumocfg::{MOST_SECONDS, Sumocfg};
 pub struct ScenarioConfig {
     /// Path of the .sumocfg, relative to the config file.
     pub scenario: PathBuf,
-    /// Path of a file that overrides what is derived from the net: which lights learn, greens, approaches, yellow. It is
-    /// relative to the config file.
+    /// Path of a file that overrides what is derived from the net: which lights learn, greens, approaches, yellow. It
+    /// is relative to the config file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub agents: Option<PathBuf>,
     /// Second at which an episode begins. If left out, that of the .sumocfg; a loaded config has a value.
@@ -123,8 +123,8 @@ impl DomainTable for ScenarioConfig {
         let decisions = (end - begin) / u64::from(self.decision_s);
         ensure!(
             (1..=MOST_DECISIONS).contains(&decisions),
-            "traffic.decision_s = {}: from {begin} to {end} s there are {decisions} decisions, but there must be from 1 \
-             to {MOST_DECISIONS}",
+            "traffic.decision_s = {}: from {begin} to {end} s there are {decisions} decisions, but there must be from \
+             1 to {MOST_DECISIONS}",
             self.decision_s
         );
         Ok(())

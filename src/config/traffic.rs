@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use super::domain::DomainTable;
 
-/// Settings of the traffic domain for a grid. GS: global simulator; LS: local simulator; AIP: approximate influence predictor.
+/// Settings of the traffic domain for a grid. GS: global simulator; LS: local simulator; AIP: approximate influence
+/// predictor.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TrafficConfig {
     /// Grid that the GS simulates: its path without `.net.xml`, relative to the config file.

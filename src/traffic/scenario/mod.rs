@@ -163,8 +163,8 @@ impl SumoScenario {
         self.all().map(|file| file.path.clone()).collect()
     }
 
-    /// Returns the CRC-32 of everything that decides what returns mean: the files as SUMO loads them, times, options, the
-    /// overrides and the config's rules for the lights. A copy has the same.
+    /// Returns the CRC-32 of everything that decides what returns mean: the files as SUMO loads them, times, options,
+    /// the overrides and the config's rules for the lights. A copy has the same.
     pub fn checksum(&self) -> u32 {
         let mut hasher = crc32fast::Hasher::new();
         let mut add = |text: &str| {

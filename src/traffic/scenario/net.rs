@@ -3,9 +3,10 @@
 use std::collections::HashSet;
 use std::path::Path;
 
-use anyhow::{Result, bail, ensure};
+use anyhow::{Result, ensure};
 
 use super::place::Place;
+use crate::outside::excerpt;
 use crate::traffic::network::tree::Element;
 
 /// Shortest and longest lane in metres, and fastest speed limit in metres per second.
@@ -15,7 +16,12 @@ const FASTEST_MPS: f64 = 200.0;
 
 /// Returns an error if the net cannot be simulated. `programs`: the lights' programs in other files.
 pub fn check(file: &Path, net: &Element, programs: &[&Element]) -> Result<()> {
-    ensure!(net.name == "net", "{}: is no net of SUMO: its root is <{}>, not <net>", file.display(), net.name);
+    ensure!(
+        net.name == "net",
+        "{}: is no net of SUMO: its root is <{}>, not <net>",
+        file.display(),
+        excerpt(&net.name)
+    );
     let own: Vec<&Element> = net.all("tlLogic").collect();
     let lights: HashSet<&str> = own.iter().chain(programs).filter_map(|light| light.attribute("id")).collect();
     ensure!(
@@ -39,7 +45,10 @@ pub fn check(file: &Path, net: &Element, programs: &[&Element]) -> Result<()> {
     for light in own {
         let place = Place::new(file, light);
         let program = (place.needed("id")?, place.needed("programID")?);
-        ensure!(known.insert(program), place.fault(format!("program {} stands twice; remove one of them", program.1)));
+        ensure!(
+            known.insert(program),
+            place.fault(format!("program {} stands twice; remove one of them", excerpt(program.1)))
+        );
         refuse_rail(place)?;
     }
     for connection in net.all("connection") {
@@ -70,12 +79,9 @@ fn check_lanes(place: Place<'_>) -> Result<()> {
 }
 
 fn refuse_rail(place: Place<'_>) -> Result<()> {
-    if let Some(kind) = place.element.attribute("type").filter(|kind| kind.starts_with("rail_")) {
-        bail!(
-            place.fault(format!(
-                "type=\"{kind}\": this program does not simulate trains; remove the track from the net"
-            ))
-        );
-    }
+    ensure!(
+        !place.element.attribute("type").is_some_and(|kind| kind.starts_with("rail_")),
+        place.fault_in("type", "this program does not simulate trains; remove the track from the net")
+    );
     Ok(())
 }

@@ -6,6 +6,7 @@ use std::path::Path;
 use anyhow::{Context, Result, ensure};
 
 use super::place::Place;
+use crate::outside::excerpt;
 use crate::traffic::network::tree::Element;
 
 /// Index of an edge.
@@ -96,7 +97,10 @@ impl<'a> Streets<'a> {
                     place
                         .fault_in(
                             lane_key,
-                            format!("edge {} has no such lane", place.element.attribute(key).unwrap_or_default()),
+                            format!(
+                                "edge {} has no such lane",
+                                excerpt(place.element.attribute(key).unwrap_or_default())
+                            ),
                         )
                         .to_string()
                 })

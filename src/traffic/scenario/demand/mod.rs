@@ -13,6 +13,7 @@ use anyhow::{Result, ensure};
 
 use super::place::Place;
 use super::streets::{Reached, Street, Streets};
+use crate::outside::excerpt;
 use crate::traffic::network::tree::Element;
 
 /// Largest number of vehicles of an episode.
@@ -107,12 +108,13 @@ impl<'a> Demand<'a> {
         );
         ensure!(
             self.expected <= MOST_VEHICLES,
-            "{}: {:.0} vehicles depart from {begin} to {end} s, and at most {MOST_VEHICLES} are allowed; correct the flows",
+            "{}: {:.0} vehicles depart from {begin} to {end} s, and at most {MOST_VEHICLES} are allowed; correct the \
+             flows",
             scenario.display(),
             self.expected
         );
         let told = |(file, count): (PathBuf, usize)| {
-            format!("{}: {count} vehicles and flows depart before {begin} s or from {end} s on", file.display())
+            format!("{}: {count} of its vehicles and flows depart before {begin} s or from {end} s on", file.display())
         };
         Ok(self.outside.into_iter().map(told).collect())
     }
@@ -136,9 +138,135 @@ impl<'a> Demand<'a> {
     fn streets_in(&self, place: Place<'a>, key: &str) -> Result<Vec<Street>> {
         let list = place.needed(key)?;
         let find = |id: &str| {
-            let unknown = || place.fault(format!("{key}: the net has no edge {}", crate::outside::excerpt(id)));
+            let unknown = || place.fault(format!("{key}: the net has no edge {}", excerpt(id)));
             self.streets.find(id).ok_or_else(unknown)
         };
         list.split_ascii_whitespace().map(find).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::traffic::network::tree::parse;
+
+    /// A road from a to b and c. Only buses may go on to c, by the second lane.
+    const NET: &str = r#"<net>
+        <edge id="a"><lane id="a_0"/><lane id="a_1" allow="bus tram"/></edge>
+        <edge id="b"><lane id="b_0" disallow="truck"/></edge>
+        <edge id="c"><lane id="c_0"/></edge>
+        <edge id=":j_0" function="internal"><lane id=":j_0_0"/></edge>
+        <junction id="j"/>
+        <connection from="a" to="b" fromLane="0" toLane="0"/>
+        <connection from="a" to="c" fromLane="1" toLane="0"/>
+        <connection from="c" to="b" fromLane="0" toLane="0"/>
+        <connection from=":j_0" to="b" fromLane="0" toLane="0"/>
+    </net>"#;
+
+    const TYPES: &str = "<vType id='bus' vClass='bus'/><vType id='truck' vClass='truck'/>\
+                         <vType id='train' vClass='rail'/><vTypeDistribution id='any' vTypes='bus truck'/>\
+                         <vTypeDistribution id='odd' vTypes='bus train'/>\
+                         <taz id='z' edges='a b'/><taz id='y'><tazSource id='a'/></taz>";
+
+    /// Reads elements after the types. Returns what is told in the end, or the error.
+    fn read_with(options: &[(&str, &str)], elements: &str) -> Result<Vec<String>, String> {
+        let net = parse(NET).unwrap();
+        let streets = Streets::of(Path::new("net"), &net).unwrap();
+        let options: Vec<(String, String)> =
+            options.iter().map(|&(key, value)| (key.to_owned(), value.to_owned())).collect();
+        let root = parse(&format!("<routes>{TYPES}{elements}</routes>")).unwrap();
+        let mut demand = Demand::new(&streets, &options, (100, 200));
+        let read = demand.read(Path::new("rou"), &root, Order::Sorted);
+        read.and_then(|()| demand.finish(Path::new("cfg"))).map_err(|error| error.to_string())
+    }
+
+    fn read(elements: &str) -> Result<Vec<String>, String> {
+        read_with(&[], elements)
+    }
+
+    #[test]
+    fn a_way_is_one_that_the_class_may_drive() {
+        for fine in [
+            "<trip id='v' depart='100' from='a' to='b'/>",
+            "<trip id='v' depart='100' type='bus' from='a' to='c'/>",
+            "<trip id='v' depart='100' type='bus' from='a' via='c' to='b'/>",
+            "<trip id='v' depart='100' from='a' to='a'/>",
+            "<vehicle id='v' depart='100' type='bus'><route edges='a c b'/></vehicle>",
+            // Some cars of a distribution could, so SUMO decides.
+            "<trip id='v' depart='100' type='any' from='a' to='c'/>",
+            "<vehicle id='v' depart='100'><routeDistribution><route edges='a b'/><route edges='b'/></routeDistribution>\
+             </vehicle>",
+            "<flow id='v' begin='50' end='150' period='exp(0.1)' from='a' to='b'/>",
+        ] {
+            assert_eq!(read(fine), Ok(vec![]), "{fine}");
+        }
+        for (element, told) in [
+            (
+                "<trip id='v' depart='100' from='a' to='c'/>",
+                "rou: <trip id=\"v\">: there is no way from edge a to edge c for the class passenger; correct the trip",
+            ),
+            (
+                "<trip id='v' depart='100' type='truck' from='b' to='b'/>",
+                "rou: <trip id=\"v\">: edge b has no lane for the class truck; correct the route",
+            ),
+            (
+                "<trip id='v' depart='100' type='bus' from='a' via='b' to='c'/>",
+                "rou: <trip id=\"v\">: there is no way from edge b to edge c for the class bus; correct the trip",
+            ),
+            (
+                "<vehicle id='v' depart='100'><route edges='a c b'/></vehicle>",
+                "rou: <vehicle id=\"v\">: its route goes from edge a to edge c, and the net has no such connection for \
+                 the class passenger; correct the route",
+            ),
+            (
+                "<trip id='v' depart='100' from=':j_0' to='b'/>",
+                "rou: <trip id=\"v\">: from=\":j_0\": the net has no such edge; correct it or remove the element",
+            ),
+            (
+                "<trip id='v' depart='100' type='odd' from='a' to='c'/>",
+                "rou: <trip id=\"v\">: type=\"odd\": its class is rail, and this program simulates roads; remove it",
+            ),
+        ] {
+            assert_eq!(read(element), Err(told.to_owned()));
+        }
+    }
+
+    #[test]
+    fn a_way_that_is_never_driven_is_not_checked() {
+        let early = "<trip id='u' depart='99' from='a' to='c'/><trip id='v' depart='100' from='a' to='b'/>";
+        assert_eq!(
+            read(early),
+            Ok(vec!["rou: 1 of its vehicles and flows depart before 100 s or from 200 s on".to_owned()])
+        );
+        let lost = "<trip id='v' depart='100' from='a' to='c'/>";
+        assert!(read(lost).is_err());
+        assert_eq!(read_with(&[("ignore-route-errors", "true")], lost), Ok(vec![]), "SUMO was told to leave it out");
+    }
+
+    #[test]
+    fn zones_and_junctions_must_be_there() {
+        assert_eq!(read("<trip id='v' depart='100' fromTaz='y' toTaz='z'/>"), Ok(vec![]));
+        let unknown = read("<trip id='v' depart='100' fromTaz='z' toTaz='x'/>").unwrap_err();
+        assert_eq!(unknown, "rou: <trip id=\"v\">: toTaz=\"x\": no <taz> of this id is defined before it");
+        let junctions = "<trip id='v' depart='100' fromJunction='j' toJunction='j'/>";
+        assert_eq!(read_with(&[("junction-taz", "true")], junctions), Ok(vec![]));
+        assert!(
+            read(junctions).unwrap_err().ends_with("<junction-taz value=\"true\"/> in the .sumocfg for it; add it")
+        );
+        let edge = read("<taz id='w'><tazSink id='x'/></taz>").unwrap_err();
+        assert_eq!(edge, "rou: <tazSink id=\"x\">: id=\"x\": the net has no such edge");
+    }
+
+    #[test]
+    fn an_absurd_number_of_cars_is_refused() {
+        // 1 000 000 per hour on 400 flows in 100 s: 11 million.
+        let flow = |id: usize| format!("<flow id='{id}' vehsPerHour='1000000' from='a' to='b'/>");
+        let flows: String = (0..400).map(flow).collect();
+        assert_eq!(
+            read(&flows).unwrap_err(),
+            "cfg: 11111111 vehicles depart from 100 to 200 s, and at most 10000000 are allowed; correct the flows"
+        );
+        let nobody = read("<flow id='f' begin='0' end='100' number='200' from='a' to='b'/>").unwrap_err();
+        assert_eq!(nobody, "cfg: no vehicle departs from 100 to 200 s; add a route file, or correct begin and end");
     }
 }

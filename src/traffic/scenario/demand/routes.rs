@@ -5,6 +5,7 @@ use anyhow::{Result, ensure};
 use super::super::place::Place;
 use super::super::streets::Street;
 use super::Demand;
+use crate::outside::excerpt;
 
 impl<'a> Demand<'a> {
     /// Adds a route or a distribution of routes with an id of its own.
@@ -56,8 +57,8 @@ impl<'a> Demand<'a> {
                 self.streets.is_followed(step[0], step[1], class),
                 place.fault(format!(
                     "its route goes from edge {} to edge {}, and the net has no such connection{}; correct the route",
-                    self.streets.name(step[0]),
-                    self.streets.name(step[1]),
+                    self.named(step[0]),
+                    self.named(step[1]),
                     for_class(class)
                 ))
             );
@@ -81,8 +82,8 @@ impl<'a> Demand<'a> {
                 reached.contains(to),
                 place.fault(format!(
                     "there is no way from edge {} to edge {}{}; correct the trip",
-                    self.streets.name(from),
-                    self.streets.name(to),
+                    self.named(from),
+                    self.named(to),
                     for_class(class)
                 ))
             );
@@ -90,19 +91,20 @@ impl<'a> Demand<'a> {
         Ok(())
     }
 
+    /// Returns the id of an edge for an error.
+    fn named(&self, street: Street) -> String {
+        excerpt(self.streets.name(street))
+    }
+
     fn check_open(&self, place: Place<'a>, street: Street, class: Option<&str>) -> Result<()> {
         ensure!(
             self.streets.is_open(street, class),
-            place.fault(format!(
-                "edge {} has no lane{}; correct the route",
-                self.streets.name(street),
-                for_class(class)
-            ))
+            place.fault(format!("edge {} has no lane{}; correct the route", self.named(street), for_class(class)))
         );
         Ok(())
     }
 }
 
 fn for_class(class: Option<&str>) -> String {
-    class.map_or(String::new(), |class| format!(" for the class {class}"))
+    class.map_or(String::new(), |class| format!(" for the class {}", excerpt(class)))
 }

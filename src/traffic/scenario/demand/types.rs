@@ -6,6 +6,7 @@ use anyhow::{Result, ensure};
 
 use super::super::place::Place;
 use super::Demand;
+use crate::outside::excerpt;
 
 /// Types that SUMO knows by itself, with their classes. A file may define them anew.
 const PREDEFINED: [(&str, &str); 6] = [
@@ -60,7 +61,9 @@ impl<'a> Demand<'a> {
         }
         for id in place.element.attribute("vTypes").unwrap_or_default().split_ascii_whitespace() {
             let class = self.types.get(id).copied();
-            classes.push(class.ok_or_else(|| place.fault(format!("vTypes: no type {id} is defined before it")))?);
+            classes.push(
+                class.ok_or_else(|| place.fault(format!("vTypes: no type {} is defined before it", excerpt(id))))?,
+            );
         }
         ensure!(!classes.is_empty(), place.fault("holds no type; add one or remove it"));
         let first = classes[0];
