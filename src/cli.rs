@@ -65,7 +65,7 @@ pub enum Command {
 
 #[derive(Debug, Args)]
 pub struct TrainArgs {
-    /// Config file, such as configs/smoke_traffic.toml
+    /// Config file, such as configs/smoke_traffic.toml, or a .sumocfg
     #[arg(required_unless_present = "resume")]
     pub config: Option<PathBuf>,
     /// Resume the run in this directory from its newest checkpoint
@@ -152,7 +152,7 @@ pub struct ExportArgs {
 
 #[derive(Debug, Args)]
 pub struct BaselineArgs {
-    /// Config file; its network and horizon are used
+    /// Config file, or a .sumocfg; its network and horizon are used
     pub config: PathBuf,
     /// Hand-coded controller; an unknown name lists all names
     #[arg(long, value_name = "NAME", required_unless_present = "compare", conflicts_with = "compare")]
@@ -178,7 +178,7 @@ pub struct BaselineArgs {
 
 #[derive(Debug, Args)]
 pub struct BenchArgs {
-    /// Config file, such as configs/traffic_100.toml
+    /// Config file, such as configs/traffic_100.toml, or a .sumocfg
     pub config: PathBuf,
     /// Measure with 1, 2, 4, ... and N worker processes [default: the number of cores]
     #[arg(long, value_parser = RangedU64ValueParser::<usize>::new().range(1..=MOST_WORKERS))]
@@ -226,7 +226,7 @@ pub struct OutputArgs {
 
 #[derive(Debug, Args)]
 pub struct ReplayArgs {
-    /// Run directory written by `train`; with --controller a config file
+    /// Run directory written by `train`; with --controller a config file or a .sumocfg
     #[arg(value_name = "RUN_DIR|CONFIG")]
     pub subject: PathBuf,
     /// Replay a hand-coded controller of `baseline` instead of the trained policies

@@ -194,8 +194,12 @@ fn every_shell_command_of_the_docs_can_be_typed() {
     assert!(parsed > 20, "only {parsed} commands were found");
 }
 
-/// A config for each domain with only the required keys.
-const DOMAINS: [&str; 2] = ["[traffic]\nnetwork = 'n'\nlocal_network = 'l'\n", "[warehouse]\nagents_per_side = 2\n"];
+/// A config for each domain, and for both ways of traffic, with only the required keys.
+const DOMAINS: [&str; 3] = [
+    "[traffic]\nnetwork = 'n'\nlocal_network = 'l'\n",
+    "[traffic]\nscenario = 's.sumocfg'\nbegin_s = 0\nend_s = 60\n",
+    "[warehouse]\nagents_per_side = 2\n",
+];
 
 /// Returns the keys that an error about an unknown key lists.
 fn expected_keys(error: &str) -> Vec<String> {
@@ -218,7 +222,9 @@ fn config_keys() -> BTreeMap<String, Option<Value>> {
             expected_keys(&error.to_string())
         };
         let mut note = |key: String, default: Option<&Value>, required: bool| {
-            keys.insert(key, default.filter(|_| !required).cloned());
+            // The keys of one way of traffic have no default in a config of the other.
+            let known: &mut Option<Value> = keys.entry(key).or_default();
+            *known = known.take().or(default.filter(|_| !required).cloned());
         };
         for key in known("").iter().chain(defaults.keys()) {
             match defaults.get(key) {

@@ -2,7 +2,7 @@
 
 use anyhow::{Result, ensure};
 
-use super::{Config, Retrain, imitation};
+use super::{Config, DomainConfig, Retrain, imitation};
 
 pub(super) fn check(config: &Config) -> Result<()> {
     if let Some(domain) = &config.domain {
@@ -16,7 +16,10 @@ pub(super) fn check(config: &Config) -> Result<()> {
     check_aip(config)?;
     imitation::check(config)?;
     config.domain.as_ref().map_or(Ok(()), |domain| {
-        check_datasets(config, domain.horizon())?;
+        // The episodes of a scenario are as long as its user wants, and on the GS nobody collects datasets.
+        if config.simulator.trains_predictors() || !matches!(domain, DomainConfig::Scenario(_)) {
+            check_datasets(config, domain.horizon())?;
+        }
         imitation::check_episodes(config, domain.horizon())
     })
 }

@@ -4,13 +4,16 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 
-use super::{TrafficConfig, WarehouseConfig};
+use super::{ScenarioConfig, TrafficConfig, WarehouseConfig};
 
 /// A domain with its table. A new domain needs a variant here, a line in `DomainConfig::table` and its key in
 /// `written`.
 #[derive(Clone, Debug, PartialEq)]
 pub enum DomainConfig {
+    /// Traffic on a grid of ours.
     Traffic(TrafficConfig),
+    /// Traffic on a net of the user. Its table is `[traffic]`, too.
+    Scenario(ScenarioConfig),
     Warehouse(WarehouseConfig),
 }
 
@@ -26,7 +29,7 @@ pub trait DomainTable {
     /// domains.
     fn check(&self) -> Result<()>;
 
-    /// Returns the keys that name files, with their values. They are the same in every table of the domain.
+    /// Returns the keys that name files, with their values.
     fn paths(&mut self) -> Vec<(&'static str, &mut PathBuf)> {
         Vec::new()
     }
@@ -41,6 +44,7 @@ impl DomainConfig {
     fn table(&self) -> &dyn DomainTable {
         match self {
             DomainConfig::Traffic(table) => table,
+            DomainConfig::Scenario(table) => table,
             DomainConfig::Warehouse(table) => table,
         }
     }
@@ -48,6 +52,7 @@ impl DomainConfig {
     fn table_mut(&mut self) -> &mut dyn DomainTable {
         match self {
             DomainConfig::Traffic(table) => table,
+            DomainConfig::Scenario(table) => table,
             DomainConfig::Warehouse(table) => table,
         }
     }

@@ -1,4 +1,4 @@
-//! From a file and `--set key=value` to a checked config.
+//! From a file and `--set key=value` to a checked config. The file is a config, or a .sumocfg with default settings.
 
 use std::path::Path;
 
@@ -11,6 +11,9 @@ use crate::outside::read_text;
 
 /// Largest config file. One with every key has three kibibytes.
 const LARGEST_FILE: u64 = 1 << 20;
+
+/// Settings that stand for a .sumocfg, without the table of its domain.
+const SCENARIO_DEFAULTS: &str = include_str!("scenario_defaults.toml");
 
 /// Reads `path`, applies the settings of `--set key=value`, and checks the result.
 ///
@@ -28,13 +31,8 @@ pub fn load_kept(path: &Path) -> Result<Config> {
 }
 
 fn read(path: &Path, settings: &[String]) -> Result<Config> {
-    let text = read_text(path, LARGEST_FILE).with_context(|| format!("{}: cannot be read", path.display()))?;
-    let in_file = |error: &dyn std::fmt::Display| anyhow!("{}: {error}", path.display());
-    let mut table: Table = toml::from_str(&text).map_err(|error| in_file(&error))?;
-    if !rename(&mut table).map_err(|error| in_file(&error))? {
-        // Parsed first without the settings, because only these errors contain the line number ...
-        let _: Config = toml::from_str(&text).map_err(|error| in_file(&error))?;
-    }
+    let is_scenario = path.extension().is_some_and(|extension| extension == "sumocfg");
+    let mut table = if is_scenario { defaults_for(path)? } else { table_in(path)? };
     for setting in settings {
         lay_over(&mut table, setting)?;
         rename(&mut table).map_err(|error| anyhow!("--set {setting}: {error}"))?;
@@ -46,8 +44,33 @@ fn read(path: &Path, settings: &[String]) -> Result<Config> {
     for (_, file) in config.domain.iter_mut().flat_map(DomainConfig::paths) {
         *file = folder.join(&file);
     }
+    if let Some(DomainConfig::Scenario(table)) = &mut config.domain {
+        table.fill_in()?;
+    }
     check::check(&config).map_err(|error| anyhow!("{}: {error}", path.display()))?;
     Ok(config)
+}
+
+/// Reads a config file.
+fn table_in(path: &Path) -> Result<Table> {
+    let text = read_text(path, LARGEST_FILE).with_context(|| format!("{}: cannot be read", path.display()))?;
+    let in_file = |error: &dyn std::fmt::Display| anyhow!("{}: {error}", path.display());
+    let mut table: Table = toml::from_str(&text).map_err(|error| in_file(&error))?;
+    if !rename(&mut table).map_err(|error| in_file(&error))? {
+        // Parsed first without the settings, because only these errors contain the line number ...
+        let _: Config = toml::from_str(&text).map_err(|error| in_file(&error))?;
+    }
+    Ok(table)
+}
+
+/// Returns the config that stands for a .sumocfg.
+fn defaults_for(scenario: &Path) -> Result<Table> {
+    let mut table: Table = SCENARIO_DEFAULTS.parse().expect("a test reads it");
+    let name = scenario.file_name().and_then(|name| name.to_str());
+    let name = name.with_context(|| format!("{}: is not UTF-8; rename it", scenario.display()))?;
+    let traffic = Table::from_iter([("scenario".to_owned(), Value::String(name.to_owned()))]);
+    table.insert("traffic".to_owned(), Value::Table(traffic));
+    Ok(table)
 }
 
 /// Returns the key of an error, if it is about a single one.

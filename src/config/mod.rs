@@ -4,7 +4,10 @@
 //! the paper's for traffic (appendix "Hyperparameters"); the files under `configs/` show where they differ.
 //!
 //! - `load`, `renamed`, `written`, `seed`: from text to a [`Config`] and back, older keys included.
-//! - `domain`, `traffic`, `warehouse`: the table of a domain; a run has one.
+//! - `domain`, `warehouse`: the table of a domain; a run has one.
+//! - `traffic_table`: the two ways to fill the table of traffic: `traffic` for a grid, `scenario` for a .sumocfg, with
+//!   its `reward`.
+//! - [`sumocfg`], `sumo_options`, [`sumo_time`]: a .sumocfg read, and which of its options this program carries over.
 //! - `simulator`: what the policies train on, and what predicts the influence there.
 //! - `imitation`: the imitation of a controller before PPO.
 //! - `check`: which values make sense.
@@ -17,10 +20,16 @@ mod imitation;
 mod load;
 mod renamed;
 pub mod resume;
+mod reward;
+mod scenario;
 mod schedule;
 mod seed;
 mod simulator;
+mod sumo_options;
+pub mod sumo_time;
+pub mod sumocfg;
 mod traffic;
+mod traffic_table;
 mod warehouse;
 mod written;
 
@@ -30,6 +39,8 @@ pub use check::held_out_episodes;
 pub use domain::{DomainConfig, DomainTable};
 pub use imitation::ImitationConfig;
 pub use load::{load, load_kept, to_toml};
+pub use reward::{Reward, RewardTerm};
+pub use scenario::{Observation, ScenarioConfig};
 pub use schedule::{AipTraining, Period, rest_of_schedule, schedule};
 pub use simulator::{Predictor, Simulator};
 pub use traffic::{DSet, EntryRule, TrafficConfig};

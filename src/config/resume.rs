@@ -120,6 +120,8 @@ mod tests {
             ("aip.retrain", _) => json!("once"),
             ("traffic.d_set", _) => json!("cells+arrivals"),
             ("traffic.entry", _) => json!("max"),
+            ("traffic.observation", _) => json!("queues"),
+            ("traffic.reward", _) => json!("queue"),
             ("numerics.vector_width", _) => json!("256-bit"),
             (_, Value::Bool(value)) => json!(!value),
             (_, Value::Array(_)) => json!([3]),
@@ -139,12 +141,14 @@ mod tests {
     fn every_key_is_either_in_the_list_or_refused_by_its_name() {
         let warehouse: Config = toml::from_str("[warehouse]\nagents_per_side = 2\n").unwrap();
         let mut keys = BTreeMap::new();
-        for original in [config(), warehouse] {
+        let scenario: Config =
+            toml::from_str("[traffic]\nscenario = 's'\nagents = 'a'\nbegin_s = 0\nend_s = 60\n").unwrap();
+        for original in [config(), scenario, warehouse] {
             let json = to_json(&original);
             let mut values = BTreeMap::new();
             flatten("", &json, &mut values);
             for (key, value) in values {
-                if key.ends_with("network") {
+                if ["network", "scenario", "agents"].iter().any(|file| key.ends_with(file)) {
                     assert_eq!(value, json!(""), "the contents of files count, and not their places");
                     continue;
                 }

@@ -1,4 +1,4 @@
-//! The table `[traffic]`.
+//! The table `[traffic]` for a grid.
 
 use std::path::PathBuf;
 
@@ -7,31 +7,27 @@ use serde::{Deserialize, Serialize};
 
 use super::domain::DomainTable;
 
-/// Settings of the traffic domain. GS: global simulator; LS: local simulator; AIP: approximate influence predictor.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// Settings of the traffic domain for a grid. GS: global simulator; LS: local simulator; AIP: approximate influence
+/// predictor.
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TrafficConfig {
     /// Grid that the GS simulates: its path without `.net.xml`, relative to the config file.
     pub network: PathBuf,
     /// Single intersection that the LS simulates: its path in the same form.
     pub local_network: PathBuf,
     /// Number of steps (seconds) of an episode.
-    #[serde(default = "default_horizon")]
     pub horizon: usize,
     /// Inputs of the AIP.
-    #[serde(default)]
     pub d_set: DSet,
     /// Number of steps after which a clock begins again that agents and AIPs see, one input per step; left out: they see
     /// none. A fixed-time light of 10 + 3 + 10 + 3 steps has 26.
     ///
     /// DEVIATION 13: the paper's agents see no clock. With one they can agree on green waves.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub clock: Option<usize>,
     /// How a car enters an LS.
-    #[serde(default)]
     pub entry: EntryRule,
     /// Value that is added to the initial bias of the logit of "switch".
-    #[serde(default)]
     pub initial_switch_bias: f32,
 }
 
@@ -41,7 +37,7 @@ impl TrafficConfig {
         TrafficConfig {
             network: network.into(),
             local_network: local_network.into(),
-            horizon: default_horizon(),
+            horizon: 300,
             d_set: DSet::default(),
             clock: None,
             entry: EntryRule::default(),
@@ -75,10 +71,6 @@ pub enum EntryRule {
 
 /// The longest clock, in steps: each is an input of the networks.
 const MAX_CLOCK: usize = 300;
-
-fn default_horizon() -> usize {
-    300
-}
 
 impl DomainTable for TrafficConfig {
     fn name(&self) -> &'static str {

@@ -2,10 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::traffic_table::TrafficTable;
 use super::{
     AipConfig, CheckpointsConfig, Config, DomainConfig, EvaluationConfig, GsConfig, ImitationConfig,
-    LocalSimulatorsConfig, LoggingConfig, NumericsConfig, PolicyConfig, PpoConfig, Simulator, TrafficConfig,
-    WarehouseConfig, seed,
+    LocalSimulatorsConfig, LoggingConfig, NumericsConfig, PolicyConfig, PpoConfig, Simulator, WarehouseConfig, seed,
 };
 
 /// Keys of a config, in the order in which they are written. [`Config`] explains them.
@@ -19,7 +19,7 @@ pub(super) struct Written {
     #[serde(skip_serializing_if = "Option::is_none")]
     stop_at_steps: Option<u64>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    traffic: Option<TrafficConfig>,
+    traffic: Option<TrafficTable>,
     #[serde(skip_serializing_if = "Option::is_none")]
     warehouse: Option<WarehouseConfig>,
     local_simulators: LocalSimulatorsConfig,
@@ -44,7 +44,8 @@ impl From<Config> for Written {
     fn from(config: Config) -> Self {
         let (traffic, warehouse) = match config.domain {
             None => (None, None),
-            Some(DomainConfig::Traffic(table)) => (Some(table), None),
+            Some(DomainConfig::Traffic(table)) => (Some(TrafficTable::Grid(table)), None),
+            Some(DomainConfig::Scenario(table)) => (Some(TrafficTable::Scenario(table)), None),
             Some(DomainConfig::Warehouse(table)) => (None, Some(table)),
         };
         Written {
@@ -72,7 +73,10 @@ impl TryFrom<Written> for Config {
     type Error = String;
 
     fn try_from(written: Written) -> Result<Self, String> {
-        let traffic = written.traffic.map(DomainConfig::Traffic);
+        let traffic = written.traffic.map(|table| match table {
+            TrafficTable::Grid(table) => DomainConfig::Traffic(table),
+            TrafficTable::Scenario(table) => DomainConfig::Scenario(table),
+        });
         let warehouse = written.warehouse.map(DomainConfig::Warehouse);
         Ok(Config {
             seed: written.seed,

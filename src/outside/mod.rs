@@ -6,6 +6,7 @@
 //! - `whole`: files that are written completely or not at all. `staged`: the directories of a temporary name that they
 //!   and new directories are made in, and the sweeping of what kills left behind.
 //! - `temporary`: temporary files, with an error that names the place.
+//! - [`tree`]: XML read into a tree, with limits.
 //! - `printable`: names as they may reach a terminal, a picture or a report.
 //! - `quoted`: words of a command to copy. They come back from a shell as they were.
 //! - `name`: names that may become files and directories.
@@ -20,6 +21,7 @@ mod printable;
 mod quoted;
 mod staged;
 mod temporary;
+pub mod tree;
 mod whole;
 
 pub use cell::csv_name;

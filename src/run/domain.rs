@@ -6,7 +6,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail, ensure};
 
 use super::trial;
-use crate::config::{Config, DomainConfig};
+use crate::config::{Config, DomainConfig, Simulator};
 use crate::domain::Domain;
 use crate::nn::use_vectors;
 use crate::records::files;
@@ -39,6 +39,7 @@ pub fn open_tried(config: &Config) -> Result<Arc<dyn Domain>> {
 pub fn find(config: &Config) -> Result<Arc<dyn Domain>> {
     Ok(match table(config) {
         DomainConfig::Traffic(table) => Arc::new(Traffic::open(table)?),
+        DomainConfig::Scenario(table) => Arc::new(Traffic::open_scenario(table)?),
         DomainConfig::Warehouse(table) => Arc::new(Warehouse::new(table)),
     })
 }
@@ -51,7 +52,8 @@ fn table(config: &Config) -> &DomainConfig {
 pub fn traffic(config: &Config) -> Result<Option<Traffic>> {
     match table(config) {
         DomainConfig::Traffic(table) => Traffic::open(table).map(Some),
-        _ => Ok(None),
+        DomainConfig::Scenario(table) => Traffic::open_scenario(table).map(Some),
+        DomainConfig::Warehouse(_) => Ok(None),
     }
 }
 
@@ -71,6 +73,11 @@ pub fn open_recorded(config: &Config, tape: &Tape) -> Result<Traffic> {
 /// Tries the domain's files in its simulator, so that errors in them are reported before a run begins. The same for
 /// the name of a controller to imitate. Returns the domain. Leaves the vector width as it is.
 pub fn check(config: &Config) -> Result<Arc<dyn Domain>> {
+    ensure!(
+        config.simulator == Simulator::Global || !matches!(table(config), DomainConfig::Scenario(_)),
+        "simulator = \"{}\": a scenario has no local simulators yet; train on the global one with --simulator gs",
+        config.simulator.name()
+    );
     let domain = find(config)?;
     if let Some(name) = &config.policy.imitate {
         domain.check_baseline(name).context("policy.imitate: not a controller of this domain")?;

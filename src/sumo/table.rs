@@ -110,6 +110,12 @@ impl<'a> LaneCars<'a> {
         self.speeds_mps.iter().filter(|&&speed| speed < HALTING_MPS).count()
     }
 
+    /// Returns the cars, each with whether it stands.
+    pub fn standing(&self) -> impl ExactSizeIterator<Item = (CarId, bool)> + use<'a> {
+        let LaneCars { ids, speeds_mps, .. } = *self;
+        ids.iter().zip(speeds_mps).map(|(&id, &speed)| (id, speed < HALTING_MPS))
+    }
+
     pub fn iter(&self) -> impl ExactSizeIterator<Item = Car> + use<'a> {
         let LaneCars { ids, positions_m, speeds_mps } = *self;
         ids.iter().zip(positions_m).zip(speeds_mps).map(|((&id, &position_m), &speed_mps)| Car {

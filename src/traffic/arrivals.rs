@@ -16,10 +16,10 @@ pub fn is_rearmost(car: CarId, lane: LaneCars<'_>) -> bool {
     rearmost(lane) == Some(car)
 }
 
-/// Writes 1 for every lane that a car entered between two reads of one light's lanes, and 0 for the others.
+/// Writes 1 for every lane that a car entered between two reads of one light's lanes, and leaves the others.
 pub fn note(arrivals: &mut [u8], now: CarsAt<'_>, before: CarsAt<'_>) {
     for (arrived, (now, before)) in arrivals.iter_mut().zip(now.iter().zip(before.iter())) {
-        *arrived = u8::from(has_arrival(now, before));
+        *arrived |= u8::from(has_arrival(now, before));
     }
 }
 

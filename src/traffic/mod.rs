@@ -1,9 +1,11 @@
-//! The traffic domain: a grid of intersections on SUMO, every light an agent.
+//! The traffic domain: lights on SUMO, each an agent, on the paper's grids or on a scenario of the user.
 //!
-//! - [`agents`], [`side`]: what an agent is; [`light`], [`observe`], [`arrivals`]: its actions, observations, rewards
-//!   and influence sources; [`cars_at`]: the cars that they are made from.
+//! - [`agents`], [`side`]: what an agent is; [`light`], [`observe`], [`reward`], [`arrivals`]: its actions, observations,
+//!   rewards and influence sources; [`cars_at`]: the cars that they are made from.
 //! - [`paper_grid`]: the road networks of the paper; [`network`]: networks as files; [`cut`]: local regions cut out of
 //!   them.
+//! - [`scenario`]: the scenario of a user, a .sumocfg with its files.
+//! - `ground`: what differs between a grid and a scenario.
 //! - [`sim`]: the simulators, their recordings and replays.
 //! - [`controllers`]: hand-coded baselines; [`tuning`]: the search for the best fixed-time lights.
 //!
@@ -32,10 +34,13 @@ pub mod arrivals;
 pub mod cars_at;
 pub mod controllers;
 pub mod cut;
+mod ground;
 pub mod light;
 pub mod network;
 pub mod observe;
 pub mod paper_grid;
+pub mod reward;
+pub mod scenario;
 pub mod side;
 pub mod sim;
 pub mod tuning;
@@ -43,33 +48,26 @@ pub mod tuning;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::{Context, ensure};
+use anyhow::Context;
 
-use crate::base::{AgentId, Rows, Seed};
-use crate::config::TrafficConfig;
+use crate::base::{AgentId, Seed};
+use crate::config::{ScenarioConfig, TrafficConfig};
 use crate::domain::{
-    Baseline, Beginning, Bystander, Domain, FirstRow, GlobalSimulator, Kind, Kinds, LocalSimulator, Map, Measures,
-    Result, RoughCosts, Scenario,
+    Baseline, Bystander, Domain, GlobalSimulator, Kind, Kinds, LocalSimulator, Measures, Result, RoughCosts, Scenario,
 };
 use crate::sumo::Simulation;
 use agents::plan::{AgentPlan, JointPlan};
-use agents::region;
 use controllers::{HandCoded, Trials};
-use network::contents::Network;
-use network::files::NetworkFiles;
-use network::way_out::{Role, cannot_be_simulated};
+use ground::Ground;
+use ground::on_grid::OnGrid;
+use ground::on_scenario::OnScenario;
 use paper_grid::grid::Grid;
 use paper_grid::plans::joint_plan;
-use paper_grid::recognise::{recognise_grid, recognise_local};
 use sim::control::SignalControl;
 use sim::global::GlobalTraffic;
-use sim::local::{self, LocalTraffic};
+use sim::local::LocalTraffic;
 use sim::recording::Tape;
 use sim::tally::P_SWITCH;
-
-/// Share of switches above which an agent is stuck: its lights are yellow most of the time. Agents that learn are near
-/// 0.1 to 0.3. The local optimum of switching almost always is near 1, and random weights are near 0.5.
-const STUCK_ABOVE: f64 = 0.75;
 
 /// Returns the version of the linked SUMO, such as `SUMO 1.15.0`.
 pub fn sumo_version() -> Result<String> {
@@ -81,45 +79,27 @@ pub fn libm() -> Result<String> {
     Ok(Simulation::libm()?)
 }
 
-/// Names of the two networks in a run directory, the same in every run directory.
-const KEPT_AS: [&str; 2] = ["global", "local"];
-
-/// Key of the network of the LS. Another network there is another way to train, not another scenario.
-const LOCAL_NETWORK: &str = "traffic.local_network";
-
-/// A grid of traffic lights.
+/// Traffic lights on a road network.
 #[derive(Clone)]
 pub struct Traffic {
-    grid: Grid,
-    network: Network,
-    local_network: Network,
-    /// Nets that hold more than this program writes.
-    strange: Vec<PathBuf>,
-    config: TrafficConfig,
     plan: Arc<JointPlan>,
+    ground: Arc<dyn Ground>,
     tape: Option<Tape>,
 }
 
 impl Traffic {
-    /// Finds the networks and compares them with what this program makes. An error says which file is missing or wrong
-    /// and how to make it. Cheap: [`Traffic::check_in_sumo`] checks what only SUMO can say.
+    /// Finds the networks of a grid and compares them with what this program makes. An error says which file is missing
+    /// or wrong and how to make it. Cheap: [`Traffic::check_in_sumo`] checks what only SUMO can say.
     pub fn open(config: &TrafficConfig) -> Result<Traffic> {
-        let [global, local] = [&config.network, &config.local_network].map(|prefix| NetworkFiles::of(prefix));
-        global.check()?;
-        local.check()?;
-        let local = recognise_local(&local)?;
-        let global = recognise_grid(&global)?;
-        let grid = global.grid;
-        let strange = [&local, &global].into_iter().filter(|found| !found.is_ours);
-        Ok(Traffic {
-            grid,
-            strange: strange.map(|found| found.network.files.net.clone()).collect(),
-            network: global.network,
-            local_network: local.network,
-            config: config.clone(),
-            plan: Arc::new(joint_plan(grid, config)),
-            tape: None,
-        })
+        let ground = OnGrid::open(config)?;
+        Ok(Traffic { plan: Arc::new(joint_plan(ground.shape(), config)), ground: Arc::new(ground), tape: None })
+    }
+
+    /// Reads a scenario of the user. An error says which file is missing or wrong, and what to do. Cheap, like
+    /// [`Traffic::open`].
+    pub fn open_scenario(config: &ScenarioConfig) -> Result<Traffic> {
+        let ground = OnScenario::open(config)?;
+        Ok(Traffic { plan: Arc::new(ground.joint_plan()), ground: Arc::new(ground), tape: None })
     }
 
     /// Makes the first episode of its simulators, global or local, go on this tape.
@@ -127,9 +107,9 @@ impl Traffic {
         Traffic { tape: Some(tape.clone()), ..self }
     }
 
-    /// Returns the grid of intersections.
-    pub fn grid(&self) -> Grid {
-        self.grid
+    /// Returns the grid of intersections, if it is one.
+    pub fn grid(&self) -> Option<Grid> {
+        self.ground.grid()
     }
 
     /// Returns the plans of all agents, in their order.
@@ -137,11 +117,11 @@ impl Traffic {
         &self.plan.agents
     }
 
-    /// Loads both networks in SUMO and plays a step in each, so that a faulty network is reported before a run begins.
-    /// Takes tens of milliseconds; SUMO is closed again.
+    /// Loads everything in SUMO and plays a step, so that a faulty network is reported before a run begins. For a grid it
+    /// takes tens of milliseconds; SUMO is closed again.
     pub fn check_in_sumo(&self) -> Result<()> {
-        self.try_global().with_context(|| cannot_be_simulated(&self.network.files.net, Role::Global))?;
-        self.try_local().with_context(|| cannot_be_simulated(&self.local_network.files.net, Role::Local))
+        self.try_global().with_context(|| self.ground.cannot_be_simulated())?;
+        self.ground.try_local()
     }
 
     /// Tries the GS with the actuated lights, which need all files of the network and more of their content than the
@@ -153,28 +133,20 @@ impl Traffic {
         Ok(())
     }
 
-    fn try_local(&self) -> Result<()> {
-        let mut ls = self.local(1)?;
-        ls.reset(&Beginning::first([0]))?;
-        ls.step(&[light::KEEP], &Rows::from_vec(vec![1; region::EDGES], region::EDGES))?;
-        let dropped = ls.counters().into_iter().find(|(name, _)| *name == local::DROPPED).map_or(0, |(_, count)| count);
-        ensure!(dropped == 0, "{dropped} cars did not fit on its empty edges");
-        Ok(())
-    }
-
     /// Loads the GS with its own type, for what the trait does not offer.
     pub fn global(&self, control: SignalControl) -> Result<GlobalTraffic> {
-        GlobalTraffic::load(self.plan.clone(), self.grid, &self.network, control, self.tape.as_ref())
+        let tape = self.tape.as_ref().map(|tape| self.ground.tape(tape)).transpose()?;
+        GlobalTraffic::load(self.plan.clone(), self.ground.source()?, control, tape)
     }
 
     /// Returns control of all lights by hand-coded control.
     pub fn everywhere(&self, by: HandCoded) -> SignalControl {
-        SignalControl::HandCoded { by, agents: self.grid.agents() }
+        SignalControl::HandCoded { by, agents: AgentId::all(self.agents()) }
     }
 
     /// Loads an LS of `rows` rows with its own type.
     pub fn local(&self, rows: usize) -> Result<LocalTraffic> {
-        LocalTraffic::load(&self.local_network, rows, &self.config, self.tape.as_ref())
+        self.ground.local(rows, self.tape.as_ref())
     }
 }
 
@@ -184,7 +156,7 @@ impl Trials for Traffic {
     }
 
     fn horizon(&self) -> usize {
-        self.config.horizon
+        self.ground.horizon()
     }
 }
 
@@ -208,7 +180,7 @@ impl Domain for Traffic {
 
     fn baseline(&self, name: &str) -> Result<Baseline> {
         // Hand-coded control sees more than an observation shows, so it lives in the simulator.
-        let simulator = self.with_background(name, &self.grid.agents())?;
+        let simulator = self.with_background(name, &AgentId::all(self.agents()))?;
         Ok(Baseline { simulator, controller: Box::new(Bystander) })
     }
 
@@ -223,21 +195,16 @@ impl Domain for Traffic {
         Ok(Box::new(self.global(SignalControl::HandCoded { by, agents: agents.to_vec() })?))
     }
 
-    /// DEVIATION 11: our configs begin with a bias against switching, so that fewer agents get stuck in switching
-    /// always.
-    fn initial_action_bias(&self, _kind: &Kind) -> Vec<f32> {
-        vec![0.0, self.config.initial_switch_bias]
+    fn initial_action_bias(&self, kind: &Kind) -> Vec<f32> {
+        self.ground.initial_action_bias(kind.spec.n_actions)
     }
 
     fn scenario(&self) -> Result<Scenario> {
-        let scenario = Scenario::new("traffic", self.agents(), self.config.horizon);
-        let map = Map { rows: self.grid.rows(), columns: self.grid.cols(), first_row: FirstRow::Bottom };
-        let local_network = (LOCAL_NETWORK.to_owned(), self.local_network.checksum());
-        Ok(scenario.with_map(map).with_checksum(self.network.checksum()).with_files([local_network]))
+        self.ground.scenario(self.agents())
     }
 
     fn rival(&self) -> Option<&'static str> {
-        Some("actuated")
+        Some(self.ground.rival())
     }
 
     fn try_out(&self) -> Result<()> {
@@ -245,19 +212,15 @@ impl Domain for Traffic {
     }
 
     fn strange_files(&self) -> Vec<PathBuf> {
-        self.strange.clone()
+        self.ground.strange_files()
     }
 
     fn check_place(&self, folder: &Path) -> Result<()> {
-        KEPT_AS.iter().try_for_each(|name| NetworkFiles::of(&folder.join(name)).check_paths())
+        self.ground.check_place(folder)
     }
 
     fn keep_files(&self, folder: &Path) -> Result<Vec<PathBuf>> {
-        std::fs::create_dir(folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
-        for (network, name) in [&self.network, &self.local_network].into_iter().zip(KEPT_AS) {
-            network.copy_to(folder, name)?;
-        }
-        Ok(KEPT_AS.map(PathBuf::from).to_vec())
+        self.ground.keep_files(folder)
     }
 
     fn foreign_simulator(&self) -> Option<&'static str> {
@@ -279,6 +242,6 @@ impl Domain for Traffic {
     fn stuck(&self, kind: &Kind, measures: &Measures) -> Vec<bool> {
         let (_, shares) =
             measures.per_agent.iter().find(|(name, _)| *name == P_SWITCH).expect("the traffic GS measures it");
-        kind.agents.iter().map(|agent| shares[agent.0] > STUCK_ABOVE).collect()
+        kind.agents.iter().map(|agent| self.ground.is_stuck(shares[agent.0])).collect()
     }
 }

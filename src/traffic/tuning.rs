@@ -5,7 +5,7 @@ use anyhow::{Context, Result};
 use super::Traffic;
 use super::controllers::search::{Judge, Ranked, grid, net};
 use super::controllers::timing_file::{Score, TimingFile, TunedOn};
-use super::controllers::{COORDINATED, ClockPlan, Coordinated, HandCoded, Leeway, TimingPlan, are_of_a_grid};
+use super::controllers::{COORDINATED, ClockPlan, Coordinated, HandCoded, Leeway, TimingPlan};
 use super::light::KEEP;
 use super::sim::control::SignalControl;
 use super::sim::global::GlobalTraffic;
@@ -16,15 +16,15 @@ use crate::sumo::Simulation;
 impl TunedOn {
     /// Returns what a tuning of `controller` on `traffic` would depend on.
     pub fn of(traffic: &Traffic, controller: &str, episodes: usize, seed: u64) -> Result<TunedOn> {
-        let name = traffic.network.files.net.file_name().unwrap_or_default().to_string_lossy();
+        let (network, checksum) = traffic.ground.identity();
         Ok(TunedOn {
             controller: controller.to_owned(),
-            network: name.strip_suffix(".net.xml").unwrap_or(&name).to_owned(),
-            network_crc32: format!("{:08x}", traffic.network.checksum()),
-            horizon: traffic.config.horizon,
+            network,
+            network_crc32: format!("{checksum:08x}"),
+            horizon: traffic.ground.horizon(),
             episodes,
             seed: seed.to_string(),
-            search_version: if are_of_a_grid(&traffic.plans()) { grid::VERSION } else { net::VERSION },
+            search_version: if traffic.grid().is_some() { grid::VERSION } else { net::VERSION },
             sumo_version: Simulation::version()?,
         })
     }
@@ -43,17 +43,17 @@ pub struct Standing {
 /// episode.
 pub fn tune(traffic: &Traffic, wanted: TunedOn, seed: u64, report: &mut dyn FnMut(Standing)) -> Result<TimingFile> {
     let plans = traffic.plans();
-    let by = Objective::of_a_grid(are_of_a_grid(&plans));
+    let by = Objective::of_a_grid(traffic.grid().is_some());
     // Measured before the GS of the search is loaded, because SUMO allows one simulation per process.
     let ratios = match by {
         Objective::Return => Vec::new(),
-        Objective::Delay => TimingPlan::default().ratios(&plans, traffic)?,
+        Objective::Delay => TimingPlan::default().ratios(plans, traffic)?,
     };
     let mut gs = traffic.global(SignalControl::Agents)?;
     if by == Objective::Delay {
         gs.measure_in_full()?;
     }
-    let horizon = traffic.config.horizon;
+    let horizon = traffic.ground.horizon();
     let mut score = |plan: &ClockPlan, episode: usize| {
         // Without leeway these are fixed-time lights.
         gs.hand_over(traffic.everywhere(HandCoded::rule(Coordinated::new(plan.clone()))));
@@ -62,14 +62,14 @@ pub fn tune(traffic: &Traffic, wanted: TunedOn, seed: u64, report: &mut dyn FnMu
     let mut report = |Ranked { played, at_most, best }| report(Standing { played, at_most, best: by.score(best) });
     let leeway = (wanted.controller == COORDINATED).then(Leeway::default);
     let judge = Judge { episodes: wanted.episodes, score: &mut score, report: &mut report };
-    let (found, mean) = match by {
-        Objective::Return => {
-            let shape = grid::Shape { rows: traffic.grid.rows(), cols: traffic.grid.cols(), phases: &plans[0].phases };
+    let (found, mean) = match traffic.grid() {
+        Some(of) => {
+            let shape = grid::Shape { rows: of.rows(), cols: of.cols(), phases: &plans[0].phases };
             grid::Search { grid: shape, leeway, judge }.run()?
         }
-        Objective::Delay => net::Search { plans: &plans, ratios: &ratios, leeway, judge }.run()?,
+        None => net::Search { plans, ratios: &ratios, leeway, judge }.run()?,
     };
-    Ok(TimingFile::new(&plans, &found, by.score(mean), wanted))
+    Ok(TimingFile::new(plans, &found, by.score(mean), wanted))
 }
 
 /// What a search looks for. The greater, the better.

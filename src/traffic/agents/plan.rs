@@ -7,6 +7,7 @@ use std::sync::Arc;
 use super::phase_plan::PhasePlan;
 use super::region_plan::RegionPlan;
 use super::sensor::Sensor;
+use crate::config::Reward;
 use crate::domain::Kinds;
 
 /// The plans of all agents, and what they have in common.
@@ -16,6 +17,10 @@ pub struct JointPlan {
     pub kinds: Kinds,
     /// Number of steps of SUMO, seconds, from one decision of the agents to the next.
     pub decision_steps: usize,
+    pub reward: Reward,
+    /// Deceleration in metres per second squared above which braking is an emergency. `None` if cars of several types
+    /// drive: then only the stops are counted that SUMO calls emergencies.
+    pub emergency_decel_mps2: Option<f64>,
 }
 
 /// Everything that simulators need to know of one agent.

@@ -52,15 +52,6 @@ impl HandCoded {
     pub fn rule(controller: impl LightController + 'static) -> HandCoded {
         HandCoded::Rule(Box::new(controller))
     }
-
-    /// Returns SUMO's name of the program that runs the lights; `None` for a rule.
-    pub fn program(&self) -> Option<&'static str> {
-        match self {
-            HandCoded::OwnProgram => Some("0"),
-            HandCoded::Actuated => Some(super::actuated::PROGRAM),
-            HandCoded::Rule(_) => None,
-        }
-    }
 }
 
 /// Trial runs, for a controller that must measure something before it begins.

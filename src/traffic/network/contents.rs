@@ -26,10 +26,24 @@ pub struct Content {
 impl Content {
     /// Reads a file. If SUMO, given this file, would open another one: an error.
     pub fn read(path: &Path) -> Result<Content> {
-        let bytes = read_whole(path)?;
-        let root = parse_file(path, &bytes)?;
+        Content::read_cleaned(path, |_| Ok(false))
+    }
+
+    /// Reads a file like [`Content::read`], but first changes what it holds. `clean` returns whether it changed anything;
+    /// then copies hold no other byte of the file.
+    pub fn read_cleaned(path: &Path, clean: impl FnOnce(&mut Element) -> Result<bool>) -> Result<Content> {
+        let mut bytes = read_whole(path)?;
+        let mut root = parse_file(path, &bytes)?;
+        if clean(&mut root)? {
+            bytes = xml::text(&root).into_bytes();
+        }
         other_files::refuse(path, &root)?;
         Ok(Content { bytes, root })
+    }
+
+    /// Returns what copies of the file hold.
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
     }
 
     /// Reads the roads of a network.
@@ -125,7 +139,7 @@ pub fn explain(error: &sumo::Error, names: &[(&MemoryFile, &Path)]) -> Error {
 }
 
 /// Returns a text with one path replaced by another, but not where it is the beginning of a longer one.
-fn renamed(text: &str, path: &str, name: &str) -> String {
+pub(in crate::traffic) fn renamed(text: &str, path: &str, name: &str) -> String {
     let mut pieces = text.split(path);
     let mut told = pieces.next().unwrap_or_default().to_owned();
     for piece in pieces {

@@ -4,13 +4,14 @@
 //! - [`contents`]: a network read once, for everything that is done with it; `memory_file`: texts that SUMO loads.
 //! - [`roads`]: what a net is: junctions, edges, lanes, connections, programs of lights.
 //! - `other_files`: everything by which SUMO would write or read another file, refused.
-//! - `tree`: XML read into a tree; `xml`: XML written.
+//! - `xml`: XML written. It is read into trees by [`tree`].
 
 pub mod contents;
 pub mod files;
 pub(super) mod memory_file;
 mod other_files;
 pub mod roads;
-pub(super) mod tree;
 pub mod way_out;
 pub(super) mod xml;
+
+pub(super) use crate::outside::tree;

@@ -20,7 +20,5 @@ pub mod make;
 pub mod plans;
 pub mod recognise;
 
-pub(super) use content::DECEL_MPS2;
-
 /// Probability of a car per step on each edge that leads in, in the authors' setup.
 const INFLOW: f64 = 0.1;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::grid::{Grid, lane};
 use crate::base::AgentId;
-use crate::config::{DSet, TrafficConfig};
+use crate::config::{DSet, Reward, RewardTerm, TrafficConfig};
 use crate::domain::Kinds;
 use crate::traffic::agents::phase_plan::{Choice, Interval, PhasePlan};
 use crate::traffic::agents::phases::Light;
@@ -13,7 +13,7 @@ use crate::traffic::agents::region::{self, CELLS, EDGE_M, EDGES, SPEED_LIMIT_MPS
 use crate::traffic::agents::region_plan::{Approach, Exit, Link, RegionPlan};
 use crate::traffic::agents::sensor::{CarColumns, LightColumns, Sensor};
 use crate::traffic::light::YELLOW_STEPS;
-use crate::traffic::paper_grid::content::place;
+use crate::traffic::paper_grid::content::{DECEL_MPS2, place};
 use crate::traffic::side::Side;
 
 /// Greens of every light, in the order of their indices. An episode begins with the first one.
@@ -22,7 +22,13 @@ const GREENS: [Light; 2] = [Light::VerticalGreen, Light::HorizontalGreen];
 /// Returns the plan of a grid. Its agents are all of one kind.
 pub fn joint_plan(grid: Grid, config: &TrafficConfig) -> JointPlan {
     let kinds = Kinds::one(grid.agents().len(), region::spec(config));
-    JointPlan { agents: plans(grid, config), kinds, decision_steps: 1 }
+    JointPlan {
+        agents: plans(grid, config),
+        kinds,
+        decision_steps: 1,
+        reward: Reward::from(RewardTerm::MeanSpeed),
+        emergency_decel_mps2: Some(DECEL_MPS2),
+    }
 }
 
 /// Returns the plans of all agents of a grid, in their order.

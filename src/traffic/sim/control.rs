@@ -12,9 +12,18 @@ pub enum SignalControl {
 }
 
 impl SignalControl {
-    /// Returns the program of SUMO that runs lights, with their rows; `None` if none does.
-    pub fn by_program(&self) -> Option<(&'static str, Vec<usize>)> {
-        let SignalControl::HandCoded { by, agents } = self else { return None };
-        by.program().map(|program| (program, agents.iter().map(|agent| agent.0).collect()))
+    /// Returns whether SUMO's actuated programs run lights.
+    pub fn is_actuated(&self) -> bool {
+        matches!(self, SignalControl::HandCoded { by: HandCoded::Actuated, .. })
+    }
+
+    /// Returns the rows that programs of SUMO run.
+    pub fn by_program(&self) -> Vec<usize> {
+        match self {
+            SignalControl::HandCoded { by: HandCoded::Actuated | HandCoded::OwnProgram, agents } => {
+                agents.iter().map(|agent| agent.0).collect()
+            }
+            _ => Vec::new(),
+        }
     }
 }

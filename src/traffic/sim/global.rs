@@ -8,8 +8,8 @@ use anyhow::ensure;
 use super::control::SignalControl;
 use super::handles::{IntersectionHandles, Place};
 use super::metrics::TrafficMetrics;
-use super::options;
 use super::recording::{Recorder, Tape};
+use super::source::Source;
 use super::tally::Tally;
 use crate::base::{Phase, Ragged, Seed, Stopwatch};
 use crate::domain::{Action, GlobalSimulator, InfluenceSample, JointPercept, JointTransition, Kinds, Measures, Result};
@@ -21,9 +21,10 @@ use crate::traffic::cars_at::CarsAt;
 use crate::traffic::controllers::intersections::Intersections;
 use crate::traffic::controllers::{self, HandCoded, actuated};
 use crate::traffic::light::KEEP;
-use crate::traffic::network::contents::{Loadable, Network};
+use crate::traffic::network::contents::Network;
 use crate::traffic::observe::{self, LightView};
 use crate::traffic::paper_grid::grid::Grid;
+use crate::traffic::reward::{self, Waiting};
 
 /// The traffic GS: one row per intersection. A step of it is a decision of the agents, which may take several seconds.
 ///
@@ -31,7 +32,7 @@ use crate::traffic::paper_grid::grid::Grid;
 /// traffic.
 pub struct GlobalTraffic {
     plan: Arc<JointPlan>,
-    loadable: Loadable,
+    source: Source,
     control: SignalControl,
     simulation: Simulation,
     handles: IntersectionHandles,
@@ -48,8 +49,12 @@ pub struct GlobalTraffic {
     /// Cars on the approaches, now and a second ago.
     cars: CarTable,
     cars_before: CarTable,
-    /// Exits of all rows, and the cars on them; read only for hand-coded control.
+    /// Time that cars have waited, per row; noted only for a reward that needs it.
+    waiting: Vec<Waiting>,
+    /// Exits of all rows, the first one of each row, and the cars on them; read only for hand-coded control and for a
+    /// reward that needs them.
     outgoing_lanes: Vec<LaneId>,
+    first_exit: Vec<usize>,
     outgoing: CarTable,
     /// Actions of the last step that the lights obeyed, `[agents]`, and those of hand-coded control.
     actions: Vec<Action>,
@@ -67,19 +72,24 @@ pub struct GlobalTraffic {
     metrics: Option<TrafficMetrics>,
 }
 
+/// A tape for an episode on a grid.
+pub struct GridTape<'a> {
+    pub tape: &'a Tape,
+    pub grid: Grid,
+    pub network: &'a Network,
+}
+
 impl GlobalTraffic {
     /// Loads the simulator. The first episode goes on the `tape`.
     pub fn load(
         plan: Arc<JointPlan>,
-        grid: Grid,
-        network: &Network,
+        source: Source,
         control: SignalControl,
-        tape: Option<&Tape>,
+        tape: Option<GridTape<'_>>,
     ) -> Result<GlobalTraffic> {
         let last = JointTransition::new(&plan.kinds);
-        let loadable = network.for_sumo()?;
-        let options = options(&loadable, &control, Seed::new(0));
-        let mut simulation = Simulation::load(&options).map_err(|error| loadable.explain(&error))?;
+        let options = source.options(control.is_actuated(), Seed::new(0).for_sumo());
+        let mut simulation = Simulation::load(&options).map_err(|error| source.explain(&error))?;
         let place = |agent: &AgentPlan| Place {
             light: agent.light.clone(),
             approaches: agent.region.approaches.iter().map(|approach| approach.lane.clone()).collect(),
@@ -87,12 +97,15 @@ impl GlobalTraffic {
         };
         let handles = IntersectionHandles::register(&mut simulation, plan.agents.iter().map(place).collect())?;
         let exits = plan.agents.iter().flat_map(|agent| &agent.region.exits);
+        let first_exit = starts(plan.agents.iter().map(|agent| agent.region.exits.len()));
         let outgoing: Vec<String> = exits.map(|exit| exit.lane.clone()).collect();
         let agents = plan.agents.len();
-        let recorder = tape.map(|tape| Recorder::new(tape, &mut simulation, grid, network, None)).transpose()?;
+        let record = |GridTape { tape, grid, network }| Recorder::new(tape, &mut simulation, grid, network, None);
+        let recorder = tape.map(record).transpose()?;
         let outgoing_lanes = simulation.register_lanes(&outgoing)?;
         Ok(GlobalTraffic {
-            loadable,
+            source,
+            waiting: vec![Waiting::default(); agents],
             control,
             simulation,
             handles,
@@ -105,7 +118,8 @@ impl GlobalTraffic {
             cars: CarTable::new(),
             cars_before: CarTable::new(),
             outgoing_lanes,
-            outgoing: CarTable::new(),
+            outgoing: CarTable::of(vec![Vec::new(); outgoing.len()]),
+            first_exit,
             actions: vec![KEEP; agents],
             hand_coded: vec![KEEP; agents],
             advised: false,
@@ -193,6 +207,11 @@ impl GlobalTraffic {
             let [now, before] = [&self.cars, &self.cars_before].map(|cars| self.handles.cars_at(cars, row));
             arrivals::note(self.arrivals.row_mut(row), now, before);
         }
+        if reward::needs_waiting(&self.plan.reward) {
+            for (row, waiting) in self.waiting.iter_mut().enumerate() {
+                waiting.note(self.handles.cars_at(&self.cars, row));
+            }
+        }
         self.tally.lights(&self.shown_before, &self.shown);
         self.tally.cars(&self.cars, &self.cars_before);
         self.tally.step(&mut self.simulation)?;
@@ -213,7 +232,8 @@ impl GlobalTraffic {
     /// Reads cars and lights after a second or a reset.
     fn read(&mut self) -> Result<()> {
         self.handles.read_cars(&mut self.simulation, &mut self.cars)?;
-        if let SignalControl::HandCoded { by: HandCoded::Rule(_), .. } = self.control {
+        let by_rule = matches!(self.control, SignalControl::HandCoded { by: HandCoded::Rule(_), .. });
+        if by_rule || reward::needs_exits(&self.plan.reward) {
             self.simulation.read_lanes(&self.outgoing_lanes, &mut self.outgoing)?;
         }
         self.handles.read_lights(&mut self.simulation, &mut self.states, &mut self.shown)
@@ -226,7 +246,8 @@ impl GlobalTraffic {
             let light = LightView { shown: self.shown[row], shown_steps: self.shown_steps[row], age: self.age };
             observe::observe(plan, cars, light, percept.obs.row_mut(row));
             observe::d_separate(plan, percept.obs.row(row), self.arrivals.row(row), percept.d_set.row_mut(row));
-            *reward = observe::mean_speed(&plan.region, cars);
+            let exits = CarsAt::new(&self.outgoing, self.first_exit[row], plan.region.exits.len());
+            *reward = reward::reward(&self.plan.reward, &plan.region, cars, exits, &self.waiting[row]);
             let may_leave = self.handles.signal(row).may_leave(&plan.phases);
             for (action, allowed) in percept.masks.row_mut(row).iter_mut().enumerate() {
                 *allowed = action < plan.phases.actions() && (may_leave || action == light.shown.target());
@@ -243,13 +264,14 @@ impl GlobalSimulator for GlobalTraffic {
     fn reset(&mut self, episode: Seed) -> Result<&JointPercept> {
         // DEVIATION 3: loading again also clears the backlog of cars that wait at the boundary. In the authors' code it
         // leaks into the next episode.
-        let mut options = options(&self.loadable, &self.control, episode);
+        let mut options = self.source.options(self.control.is_actuated(), episode.for_sumo());
         if let Some(metrics) = &mut self.metrics {
             metrics.begin();
             options.extend(metrics.options());
         }
-        self.simulation.reload(&options).map_err(|error| self.loadable.explain(&error))?;
-        let (program, by_program) = self.control.by_program().unwrap_or_default();
+        self.simulation.reload(&options).map_err(|error| self.source.explain(&error))?;
+        let by_program = self.control.by_program();
+        let program = self.control.is_actuated().then_some(actuated::PROGRAM);
         let ours: Vec<usize> = (0..self.agents()).filter(|row| !by_program.contains(row)).collect();
         self.handles.reset(&mut self.simulation, &ours)?;
         self.handles.hand_to_program(&mut self.simulation, program, &by_program)?;
@@ -258,7 +280,8 @@ impl GlobalSimulator for GlobalTraffic {
         self.advised = false;
         self.age = 0;
         self.arrivals.fill(0);
-        self.tally = Tally::new(self.agents());
+        self.tally = Tally::new(self.agents(), self.plan.emergency_decel_mps2);
+        self.waiting.fill(Waiting::default());
         self.perceive();
         if let Some(recorder) = &mut self.recorder {
             recorder.begin(episode.for_sumo());
@@ -273,6 +296,8 @@ impl GlobalSimulator for GlobalTraffic {
         ensure!(!self.metrics.as_ref().is_some_and(TrafficMetrics::finished), "the episode ended with its measures");
         self.d_set_before.copy_from(&self.last.percept.d_set);
         self.shown_at_decision.copy_from_slice(&self.shown);
+        self.waiting.iter_mut().for_each(Waiting::decide);
+        self.arrivals.fill(0);
         for _ in 0..self.plan.decision_steps {
             self.second(actions)?;
         }
@@ -316,8 +341,8 @@ impl GlobalSimulator for GlobalTraffic {
         if !metrics.finished() {
             // SUMO writes the trips of the cars that are still on the road when it closes the simulation. It closes it
             // before it loads another one.
-            let options = options(&self.loadable, &self.control, Seed::new(0));
-            self.simulation.reload(&options).map_err(|error| self.loadable.explain(&error))?;
+            let options = self.source.options(self.control.is_actuated(), Seed::new(0).for_sumo());
+            self.simulation.reload(&options).map_err(|error| self.source.explain(&error))?;
             metrics.finish()?;
         }
         let mut measures = self.tally.measures();
@@ -335,12 +360,10 @@ fn with_owned_name<T>((name, value): (&str, T)) -> (String, T) {
     (name.to_owned(), value)
 }
 
-fn options(network: &Loadable, control: &SignalControl, episode: Seed) -> Vec<String> {
-    let mut options = options::common(&network.net, &network.routes, episode.for_sumo());
-    if control.by_program().is_some_and(|(program, _)| program == actuated::PROGRAM) {
-        options.extend(["--additional-files".to_owned(), network.actuated.path()]);
-    }
-    options
+/// Returns the index of the first of each group, if groups of these lengths follow each other.
+fn starts(lengths: impl Iterator<Item = usize>) -> Vec<usize> {
+    let begin = |next: &mut usize, length: usize| Some(std::mem::replace(next, *next + length));
+    lengths.scan(0, begin).collect()
 }
 
 #[cfg(test)]
@@ -361,7 +384,7 @@ mod tests {
         let Recognised { grid, network, is_ours } = recognise_grid(&files).unwrap();
         assert!(is_ours);
         let plan = Arc::new(joint_plan(grid, &TrafficConfig::new("", "")));
-        let mut gs = GlobalTraffic::load(plan, grid, &network, control, None).unwrap();
+        let mut gs = GlobalTraffic::load(plan, Source::Grid(network.for_sumo().unwrap()), control, None).unwrap();
         gs.measure_in_full().unwrap();
         gs.reset(Seed::new(21).for_episode(0)).unwrap();
         (0..300).for_each(|_| drop(gs.step(&[action; 4]).unwrap().clone()));

@@ -107,11 +107,16 @@ impl IntersectionHandles {
         Ok(())
     }
 
-    /// Lets one of SUMO's programs run the lights of these rows.
-    pub fn hand_to_program(&mut self, simulation: &mut Simulation, program: &str, rows: &[usize]) -> Result<()> {
+    /// Lets one of SUMO's programs run the lights of these rows. `None`: the one that SUMO has begun with.
+    pub fn hand_to_program(
+        &mut self,
+        simulation: &mut Simulation,
+        program: Option<&str>,
+        rows: &[usize],
+    ) -> Result<()> {
         rows.iter().for_each(|&row| self.by_program[row] = Some(0));
         let lights: Vec<LightId> = rows.iter().map(|&row| self.lights[row]).collect();
-        Ok(simulation.set_programs(&lights, program)?)
+        program.map_or(Ok(()), |program| Ok(simulation.set_programs(&lights, program)?))
     }
 
     pub fn read_cars(&self, simulation: &mut Simulation, cars: &mut CarTable) -> Result<()> {

@@ -2,7 +2,7 @@
 //!
 //! - [`global`]: the global simulator (GS), a whole grid with inflow at its boundary; [`control`]: who runs its lights.
 //! - [`local`]: the local simulators (LS), a forest of single intersections.
-//! - `handles`: the intersections of a loaded net; `options`: SUMO's options.
+//! - `source`: what a GS loads; `handles`: the intersections of a loaded net; `options`: SUMO's options.
 //! - [`tally`]: what every episode counts; `metrics`, `trips`: what only evaluations measure.
 //! - [`recording`]: an episode recorded; [`replay`]: a recording as files that SUMO plays; [`trace`]: a recording for
 //!   pictures.
@@ -15,6 +15,7 @@ mod metrics;
 mod options;
 pub mod recording;
 pub mod replay;
+pub(super) mod source;
 pub mod tally;
 pub mod trace;
 mod trips;

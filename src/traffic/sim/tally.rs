@@ -4,7 +4,6 @@ use crate::domain::{Measures, Result};
 use crate::sumo::{CarTable, Simulation};
 use crate::traffic::agents::phase_plan::Shown;
 use crate::traffic::arrivals::has_arrival;
-use crate::traffic::paper_grid::DECEL_MPS2;
 
 /// Name of the measure "share of the steps beginning with green in which the light was switched".
 pub const P_SWITCH: &str = "p_switch_given_green";
@@ -21,12 +20,15 @@ pub struct Tally {
     backlog: u64,
     teleports: u64,
     collisions: u64,
-    emergency_brakes: u64,
+    /// Deceleration above which braking is an emergency, if all cars have the same one.
+    emergency_decel_mps2: Option<f64>,
+    /// Number of brakings harder than that; if there is none, of stops that SUMO calls emergencies.
+    emergencies: u64,
 }
 
 impl Tally {
-    pub fn new(agents: usize) -> Self {
-        Tally { greens: vec![(0, 0); agents], ..Tally::default() }
+    pub fn new(agents: usize, emergency_decel_mps2: Option<f64>) -> Self {
+        Tally { greens: vec![(0, 0); agents], emergency_decel_mps2, ..Tally::default() }
     }
 
     pub fn lights(&mut self, before: &[Shown], now: &[Shown]) {
@@ -40,13 +42,14 @@ impl Tally {
         self.car_steps += now.cars() as u64;
         for (now, before) in now.iter().zip(before.iter()) {
             self.speed_sum_mps += now.speeds_mps.iter().sum::<f64>();
+            let Some(decel) = self.emergency_decel_mps2 else { continue };
             // Cars neither overtake nor teleport. After the new one, if there is one, they stay in the same order.
             let new = usize::from(has_arrival(now, before));
             let braked = now.speeds_mps[new..]
                 .iter()
                 .zip(before.speeds_mps)
-                .filter(|(now, before)| *before - *now > DECEL_MPS2 + 1e-9);
-            self.emergency_brakes += braked.count() as u64;
+                .filter(|(now, before)| *before - *now > decel + 1e-9);
+            self.emergencies += braked.count() as u64;
         }
     }
 
@@ -57,10 +60,14 @@ impl Tally {
         self.teleports += u64::from(counts.teleports);
         self.collisions += u64::from(counts.collisions);
         self.backlog = u64::from(counts.pending);
+        if self.emergency_decel_mps2.is_none() {
+            self.emergencies += u64::from(counts.emergency_stops);
+        }
         Ok(())
     }
 
     pub fn measures(&self) -> Measures {
+        let emergencies = if self.emergency_decel_mps2.is_some() { "emergency_brakes" } else { "emergency_stops" };
         let system = [
             ("mean_speed_mps", self.speed_sum_mps / self.car_steps.max(1) as f64),
             ("departed", self.departed as f64),
@@ -68,7 +75,7 @@ impl Tally {
             ("backlog", self.backlog as f64),
             ("teleports", self.teleports as f64),
             ("collisions", self.collisions as f64),
-            ("emergency_brakes", self.emergency_brakes as f64),
+            (emergencies, self.emergencies as f64),
         ];
         Measures {
             per_agent: vec![(P_SWITCH.to_owned(), self.greens.iter().map(share_switched).collect())],

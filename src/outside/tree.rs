@@ -11,7 +11,7 @@ use std::path::Path;
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use roxmltree::{Document, Node, ParsingOptions};
 
-use crate::outside::{LARGEST_NETWORK, read_bytes};
+use super::{LARGEST_NETWORK, read_bytes};
 
 /// Largest number of elements, comments and texts between them. A grid of 10 000 intersections has 800 000.
 const MOST_NODES: u32 = 8_000_000;
@@ -21,6 +21,9 @@ const DEEPEST: usize = 32;
 const MOST_ATTRIBUTES: usize = 256;
 /// Largest number of declared namespaces in a file. Each is copied into every element inside.
 const MOST_NAMESPACES: usize = 16;
+
+/// Beginning of a file that gzip packed. SUMO reads such files, too.
+const GZIP: &[u8] = &[0x1f, 0x8b];
 
 /// One element and everything inside it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -50,6 +53,7 @@ pub fn read_whole(path: &Path) -> Result<Vec<u8>> {
 /// Returns the root element of a file with these bytes. An error says where the file is not XML.
 pub fn parse_file(path: &Path, bytes: &[u8]) -> Result<Element> {
     let place = path.display();
+    ensure!(!bytes.starts_with(GZIP), "{place}: is compressed; unpack it with gunzip and name the unpacked file");
     let text = std::str::from_utf8(bytes).map_err(|error| {
         anyhow!("{place}: is not UTF-8 text from byte {} on; save it as UTF-8", error.valid_up_to())
     })?;
@@ -180,6 +184,10 @@ mod tests {
         assert_eq!(
             format!("{:#}", parse_file(Path::new("x.xml"), b"<a b='\xff'/>").unwrap_err()),
             "x.xml: is not UTF-8 text from byte 6 on; save it as UTF-8"
+        );
+        assert_eq!(
+            format!("{:#}", parse_file(Path::new("x.xml.gz"), b"\x1f\x8b\x08").unwrap_err()),
+            "x.xml.gz: is compressed; unpack it with gunzip and name the unpacked file"
         );
     }
 

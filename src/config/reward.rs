@@ -1,0 +1,136 @@
+//! The reward of a light in a scenario: a name, or a weighted sum of named terms.
+
+use std::collections::BTreeMap;
+use std::fmt::{self, Formatter};
+
+use anyhow::{Result, ensure};
+use serde::de::{Deserializer, Error, MapAccess, Visitor, value::StrDeserializer};
+use serde::{Deserialize, Serialize, Serializer};
+
+/// What a light can be paid for. All of it is measured on its own approaches and exits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RewardTerm {
+    /// Mean of the cars' speed as a share of their own allowed speed.
+    MeanSpeed,
+    /// Minus the number of waiting cars.
+    Queue,
+    /// Minus the pressure: cars that come less cars that leave.
+    Pressure,
+    /// Minus the waiting time of all cars.
+    Wait,
+    /// Waiting time before the decision minus the waiting time after it.
+    DiffWaitingTime,
+}
+
+/// Weights of terms, at least one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reward(BTreeMap<RewardTerm, f64>);
+
+/// Largest weight. A larger one must be a typing error.
+const MOST_WEIGHT: f64 = 1e6;
+
+impl Reward {
+    /// Returns the terms with their weights, in the order of [`RewardTerm`].
+    pub fn terms(&self) -> impl Iterator<Item = (RewardTerm, f64)> {
+        self.0.iter().map(|(&term, &weight)| (term, weight))
+    }
+
+    pub(super) fn check(&self) -> Result<()> {
+        ensure!(
+            self.0.values().any(|&weight| weight != 0.0),
+            "traffic.reward: has no weight other than 0; name a reward, such as \"wait\""
+        );
+        for (term, weight) in &self.0 {
+            let name = serde_json::to_value(term)?;
+            let name = name.as_str().expect("a term is written as its name");
+            ensure!(
+                weight.abs() <= MOST_WEIGHT,
+                "traffic.reward.{name} = {weight}: must be from -{MOST_WEIGHT} to {MOST_WEIGHT}"
+            );
+        }
+        Ok(())
+    }
+}
+
+impl From<RewardTerm> for Reward {
+    fn from(term: RewardTerm) -> Reward {
+        Reward(BTreeMap::from([(term, 1.0)]))
+    }
+}
+
+/// The waiting time: the best published learners of RESCO's maps were paid for it. Which reward is best is to be
+/// measured.
+impl Default for Reward {
+    fn default() -> Reward {
+        Reward::from(RewardTerm::Wait)
+    }
+}
+
+impl Serialize for Reward {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self.0.first_key_value() {
+            Some((term, 1.0)) if self.0.len() == 1 => term.serialize(serializer),
+            _ => self.0.serialize(serializer),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Reward {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Reward, D::Error> {
+        deserializer.deserialize_any(NameOrWeights)
+    }
+}
+
+struct NameOrWeights;
+
+impl<'de> Visitor<'de> for NameOrWeights {
+    type Value = Reward;
+
+    fn expecting(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        f.write_str("the name of a reward, or a table of weights such as { queue = 0.5, wait = 0.5 }")
+    }
+
+    fn visit_str<E: Error>(self, name: &str) -> Result<Reward, E> {
+        RewardTerm::deserialize(StrDeserializer::new(name)).map(Reward::from)
+    }
+
+    fn visit_map<M: MapAccess<'de>>(self, mut map: M) -> Result<Reward, M::Error> {
+        let mut weights = BTreeMap::new();
+        while let Some((term, weight)) = map.next_entry()? {
+            weights.insert(term, weight);
+        }
+        Ok(Reward(weights))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(json: &str) -> Result<Reward, String> {
+        serde_json::from_str(json).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn a_reward_is_a_name_or_weights_and_comes_back_as_it_was_written() {
+        assert_eq!(read("\"wait\"").unwrap(), Reward::default());
+        for json in ["\"mean-speed\"", "\"diff-waiting-time\"", "{\"queue\":0.5,\"pressure\":2.0}", "{\"wait\":0.5}"] {
+            assert_eq!(serde_json::to_string(&read(json).unwrap()).unwrap(), json);
+        }
+        assert_eq!(read("{\"wait\":1.0}").unwrap(), Reward::default());
+    }
+
+    #[test]
+    fn what_is_no_reward_is_refused() {
+        let unknown = "unknown variant `speed`, expected one of `mean-speed`, `queue`, `pressure`, `wait`, \
+                       `diff-waiting-time`";
+        assert!(read("\"speed\"").unwrap_err().starts_with(unknown));
+        assert!(read("{\"speed\":1}").unwrap_err().starts_with(unknown));
+        assert!(read("3").unwrap_err().contains("expected the name of a reward, or a table of weights"));
+        let refused = |json: &str| read(json).unwrap().check().unwrap_err().to_string();
+        assert!(refused("{}").contains("has no weight other than 0"));
+        assert!(refused("{\"wait\":0}").contains("has no weight other than 0"));
+        assert_eq!(refused("{\"wait\":1e7}"), "traffic.reward.wait = 10000000: must be from -1000000 to 1000000");
+    }
+}

@@ -1,0 +1,63 @@
+//! Where the cars drive, and everything in which one place differs from another.
+//!
+//! - [`on_grid`]: a grid of the paper, with local simulators. [`on_scenario`]: a scenario of the user.
+
+pub mod on_grid;
+pub mod on_scenario;
+
+use std::path::{Path, PathBuf};
+
+use crate::domain::{Result, Scenario};
+use crate::traffic::paper_grid::grid::Grid;
+use crate::traffic::sim::global::GridTape;
+use crate::traffic::sim::local::LocalTraffic;
+use crate::traffic::sim::recording::Tape;
+use crate::traffic::sim::source::Source;
+
+/// A road network with its cars.
+pub trait Ground: Send + Sync {
+    /// Returns the grid, if it is one.
+    fn grid(&self) -> Option<Grid>;
+
+    /// Returns the number of steps in an episode.
+    fn horizon(&self) -> usize;
+
+    /// Puts everything that the GS (global simulator) loads into memory.
+    fn source(&self) -> Result<Source>;
+
+    /// Returns what the GS needs to record on a tape. It is an error if its episodes cannot be recorded.
+    fn tape<'a>(&'a self, tape: &'a Tape) -> Result<GridTape<'a>>;
+
+    /// Loads local simulators of `rows` rows. It is an error if there are none.
+    fn local(&self, rows: usize, tape: Option<&Tape>) -> Result<LocalTraffic>;
+
+    /// Loads the local simulator, if there is one, and plays a step. An error names the file.
+    fn try_local(&self) -> Result<()>;
+
+    /// Returns the message about files that SUMO cannot simulate, with the way out.
+    fn cannot_be_simulated(&self) -> String;
+
+    /// Describes what is simulated.
+    fn scenario(&self, agents: usize) -> Result<Scenario>;
+
+    /// Returns the name and the CRC-32 that timings of lights are tuned for.
+    fn identity(&self) -> (String, u32);
+
+    /// Returns the files of which it is not known that SUMO survives them.
+    fn strange_files(&self) -> Vec<PathBuf>;
+
+    /// See [`crate::domain::Domain::check_place`].
+    fn check_place(&self, folder: &Path) -> Result<()>;
+
+    /// See [`crate::domain::Domain::keep_files`].
+    fn keep_files(&self, folder: &Path) -> Result<Vec<PathBuf>>;
+
+    /// Returns what to add to the output biases of a new policy, per action.
+    fn initial_action_bias(&self, actions: usize) -> Vec<f32>;
+
+    /// Returns whether an agent is stuck that ends this share of its green steps.
+    fn is_stuck(&self, p_switch: f64) -> bool;
+
+    /// Returns the controller to compare a run with.
+    fn rival(&self) -> &'static str;
+}

@@ -1,0 +1,169 @@
+//! A scenario of the user, with an agent for each light that can learn.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, anyhow, bail};
+
+use super::Ground;
+use crate::config::{DomainTable, Observation, ScenarioConfig};
+use crate::domain::{Kinds, RegionSpec, Result, Scenario, SourceSpec};
+use crate::traffic::agents::derive::overrides::Overrides;
+use crate::traffic::agents::derive::padding::Padding;
+use crate::traffic::agents::derive::{CarsSeen, Derived, Rules, derive};
+use crate::traffic::agents::plan::{AgentPlan, JointPlan};
+use crate::traffic::controllers::actuated::{self, ProgramPhase};
+use crate::traffic::network::memory_file::MemoryFile;
+use crate::traffic::network::roads::Roads;
+use crate::traffic::network::roads::program::{Phase, Program};
+use crate::traffic::paper_grid::grid::Grid;
+use crate::traffic::scenario::SumoScenario;
+use crate::traffic::sim::global::GridTape;
+use crate::traffic::sim::local::LocalTraffic;
+use crate::traffic::sim::recording::Tape;
+use crate::traffic::sim::source::Source;
+
+/// A scenario with the agents that were derived from it.
+pub struct OnScenario {
+    files: SumoScenario,
+    derived: Derived,
+    config: ScenarioConfig,
+}
+
+impl OnScenario {
+    /// Reads a scenario and derives its agents. An error names file, element and the way out.
+    pub fn open(config: &ScenarioConfig) -> Result<OnScenario> {
+        let files = SumoScenario::read(config)?;
+        let place = || files.path().display().to_string();
+        let roads = Roads::read(files.net()).with_context(place)?;
+        let overrides = match files.agents() {
+            None => Overrides::default(),
+            Some((path, text)) => Overrides::parse(text).map_err(|error| anyhow!("{}: {error:#}", path.display()))?,
+        };
+        let derived = derive(&roads, &rules(config), &overrides).with_context(place)?;
+        Ok(OnScenario { files, derived, config: config.clone() })
+    }
+
+    /// Returns the plan of its agents. They are of one kind, as wide as the widest of them needs.
+    pub fn joint_plan(&self) -> JointPlan {
+        let agents = self.derived.plans();
+        let kinds = Kinds::one(agents.len(), self.spec(&agents));
+        JointPlan {
+            agents,
+            kinds,
+            decision_steps: self.config.decision_s as usize,
+            reward: self.config.reward.clone(),
+            emergency_decel_mps2: None,
+        }
+    }
+
+    fn spec(&self, agents: &[AgentPlan]) -> RegionSpec {
+        let Padding { columns, actions, .. } = Padding::of(agents.iter());
+        let cars = agents.iter().map(|agent| agent.sensor.car_columns()).max().expect("a scenario has agents");
+        let approaches = agents.iter().map(|agent| agent.region.approaches.len()).max();
+        RegionSpec {
+            obs_dim: columns,
+            d_set_dim: cars,
+            n_actions: actions,
+            masks: true,
+            sources: SourceSpec::bits(approaches.expect("a scenario has agents")),
+            horizon: self.config.horizon(),
+        }
+    }
+}
+
+/// Returns what the config says of all lights.
+fn rules(config: &ScenarioConfig) -> Rules {
+    let cars = match config.observation {
+        Observation::Cells => CarsSeen::Cells,
+        Observation::Queues => CarsSeen::Queues,
+    };
+    Rules { approach_m: config.approach_m, yellow_s: config.yellow_s, min_green_s: config.min_green_s, cars }
+}
+
+/// Returns the phases of a program, for the actuated one that is made of them.
+fn phases(program: &Program) -> Vec<ProgramPhase<'_>> {
+    let phase = |phase: &Phase| {
+        let [least, most] = phase.limits_s;
+        // Without limits of its own, a phase has its duration twice.
+        (least != phase.duration_s || most != phase.duration_s).then_some([least, most])
+    };
+    let limits = program.phases.iter().map(phase);
+    let made = program.phases.iter().zip(limits).map(|(phase, limits)| ProgramPhase {
+        state: phase.state.as_str(),
+        duration_s: phase.duration_s,
+        least_s: limits.map(|[least, _]| least),
+        most_s: limits.map(|[_, most]| most),
+        next: &phase.next,
+    });
+    made.collect()
+}
+
+impl Ground for OnScenario {
+    fn grid(&self) -> Option<Grid> {
+        None
+    }
+
+    fn horizon(&self) -> usize {
+        self.config.horizon()
+    }
+
+    fn source(&self) -> Result<Source> {
+        let lights = self.derived.agents.iter().map(|agent| (agent.plan.light.as_str(), phases(&agent.program)));
+        let actuated = MemoryFile::new(&actuated::programs(lights))?;
+        Ok(Source::Scenario { files: self.files.for_sumo()?, actuated })
+    }
+
+    fn tape<'a>(&'a self, _tape: &'a Tape) -> Result<GridTape<'a>> {
+        bail!("{}: only grids of `dials-traffic nets` can be recorded", self.files.path().display())
+    }
+
+    fn local(&self, _rows: usize, _tape: Option<&Tape>) -> Result<LocalTraffic> {
+        bail!(
+            "{}: a scenario has no local simulators; train on the global one with --simulator gs",
+            self.files.path().display()
+        )
+    }
+
+    fn try_local(&self) -> Result<()> {
+        Ok(())
+    }
+
+    fn cannot_be_simulated(&self) -> String {
+        let path = self.files.path().display();
+        format!("{path}: SUMO cannot simulate this scenario; try it with: sumo -c {path}")
+    }
+
+    fn scenario(&self, agents: usize) -> Result<Scenario> {
+        Ok(Scenario::new("traffic", agents, self.horizon()).with_checksum(self.files.checksum()))
+    }
+
+    fn identity(&self) -> (String, u32) {
+        let name = self.files.path().file_stem().unwrap_or_default().to_string_lossy();
+        (name.into_owned(), self.files.checksum())
+    }
+
+    fn strange_files(&self) -> Vec<PathBuf> {
+        self.files.files()
+    }
+
+    fn check_place(&self, folder: &Path) -> Result<()> {
+        crate::traffic::network::files::for_sumo(folder).map(drop)
+    }
+
+    fn keep_files(&self, folder: &Path) -> Result<Vec<PathBuf>> {
+        self.files.keep_in(folder)
+    }
+
+    fn initial_action_bias(&self, actions: usize) -> Vec<f32> {
+        vec![0.0; actions]
+    }
+
+    /// A light that never ends a green serves nobody else.
+    fn is_stuck(&self, p_switch: f64) -> bool {
+        p_switch == 0.0
+    }
+
+    fn rival(&self) -> &'static str {
+        "program"
+    }
+}

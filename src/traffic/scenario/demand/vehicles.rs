@@ -1,0 +1,162 @@
+//! Trips, vehicles and flows.
+
+use anyhow::{Result, ensure};
+
+use super::super::place::Place;
+use super::super::streets::Street;
+use super::Demand;
+
+/// Limits of the numbers of a flow, beyond which they are absurd.
+const FLOW: [(&str, f64, f64); 5] = [
+    ("number", 0.0, 1e7),
+    ("period", 0.01, 1e9),
+    ("vehsPerHour", 0.0, 1e6),
+    ("perHour", 0.0, 1e6),
+    ("probability", 0.0, 1.0),
+];
+
+/// Attributes that put persons or containers into a vehicle.
+const LOADS: [&str; 2] = ["personNumber", "containerNumber"];
+
+/// Pairs of attributes that name the ends of a trip.
+const ENDS: [(&str, &str); 3] = [("from", "to"), ("fromTaz", "toTaz"), ("fromJunction", "toJunction")];
+
+impl<'a> Demand<'a> {
+    /// Adds a trip, a vehicle or a flow. Returns the second of its first departure.
+    pub(super) fn add_driver(&mut self, place: Place<'a>) -> Result<f64> {
+        let id = place.needed("id")?;
+        ensure!(
+            self.drivers.insert(id),
+            place.fault("a vehicle, trip or flow of this id is defined twice; rename one of them")
+        );
+        for key in LOADS {
+            ensure!(
+                place.element.attribute(key).is_none_or(|number| number == "0"),
+                place.fault_in(key, "this program does not simulate persons and containers; remove it")
+            );
+        }
+        let class = self.class_of(place)?;
+        let (departs_s, vehicles) =
+            if place.element.name == "flow" { self.flow(place)? } else { self.departure(place)? };
+        let drives = vehicles > 0.0;
+        if drives {
+            self.expected += vehicles;
+        } else {
+            *self.outside.entry(place.file.to_owned()).or_default() += 1;
+        }
+        let inner = place.element.children.iter().find(|child| child.name != "param");
+        let routes = match (place.element.attribute("route"), inner) {
+            _ if place.element.name == "trip" => None,
+            (Some(id), _) => Some(self.known_routes(place, "route", id)?),
+            (None, Some(inner)) => Some(self.routes_in(place.within(inner))?),
+            (None, None) => None,
+        };
+        let must_drive = drives && !self.lenient;
+        match routes {
+            Some(routes) if must_drive => {
+                routes.iter().try_for_each(|route| self.check_connected(place, route, class))?
+            }
+            Some(_) => {}
+            None => {
+                let stations = self.stations(place)?;
+                if must_drive {
+                    self.check_reachable(place, &stations, class)?;
+                }
+            }
+        }
+        Ok(departs_s)
+    }
+
+    /// Returns when a vehicle or trip departs, and 1 if this is within an episode.
+    fn departure(&self, place: Place<'a>) -> Result<(f64, f64)> {
+        let text = place.needed("depart")?;
+        ensure!(
+            !["triggered", "containerTriggered", "split"].contains(&text),
+            place.fault_in("depart", "this program does not simulate persons and trains; set a second")
+        );
+        let departs_s = place.time("depart")?.expect("it is there");
+        let (begin, end) = self.window_s;
+        Ok((departs_s, if (begin..end).contains(&departs_s) { 1.0 } else { 0.0 }))
+    }
+
+    /// Returns when a flow begins, and the expected number of its vehicles within an episode.
+    fn flow(&self, place: Place<'a>) -> Result<(f64, f64)> {
+        let (begin, end) = self.window_s;
+        let begins = place.time("begin")?.unwrap_or(begin);
+        let ends = place.time("end")?.unwrap_or(end);
+        ensure!(ends >= begins, place.fault_in("end", format!("is before its begin, {begins} s; correct one of them")));
+        let mut numbers = Vec::new();
+        for (key, least, most) in FLOW {
+            // A period may be a distribution, such as exp(0.1).
+            let is_random =
+                key == "period" && place.element.attribute(key).is_some_and(|text| text.starts_with("exp("));
+            numbers.push(if is_random { Some(1.0) } else { place.number(key, least, most)? });
+        }
+        let [number, period, per_hour, per_hour_too, probability] = numbers[..] else {
+            unreachable!("as many as keys")
+        };
+        let shared = (ends.min(end) - begins.max(begin)).max(0.0);
+        let rate =
+            per_hour.or(per_hour_too).map(|rate| rate / 3600.0).or(period.map(|period| 1.0 / period)).or(probability);
+        let vehicles = match (number, rate) {
+            (None, None) => {
+                return Err(place.fault("has none of number, period, vehsPerHour, perHour and probability; add one"));
+            }
+            (Some(number), None) if ends > begins => number * shared / (ends - begins),
+            (Some(number), None) => {
+                if (begin..end).contains(&begins) {
+                    number
+                } else {
+                    0.0
+                }
+            }
+            (number, Some(rate)) => (rate * shared).min(number.unwrap_or(f64::INFINITY)),
+        };
+        Ok((begins, vehicles))
+    }
+
+    /// Returns the edges that a trip must come by, from the first to the last. From or to a zone there are none.
+    fn stations(&self, place: Place<'a>) -> Result<Vec<Street>> {
+        let given = |key: &str| place.element.attribute(key).is_some();
+        let Some((from, to)) = ENDS.into_iter().find(|(from, to)| given(from) || given(to)) else {
+            let needs = if place.element.name == "vehicle" { "a route" } else { "a route, or from and to" };
+            return Err(place.fault(format!("has no way to go: it needs {needs}; add it or remove the element")));
+        };
+        if place.element.name == "vehicle" {
+            return Err(place.fault("has no route; write <trip> where SUMO should find the way"));
+        }
+        match from {
+            "from" => {
+                let mut stations = vec![self.street(place, from)?];
+                if place.element.attribute("via").is_some_and(|via| !via.is_empty()) {
+                    stations.extend(self.streets_in(place, "via")?);
+                }
+                stations.push(self.street(place, to)?);
+                Ok(stations)
+            }
+            "fromTaz" => {
+                for key in [from, to] {
+                    let known = self.zones.contains(place.needed(key)?);
+                    ensure!(known, place.fault_in(key, "no <taz> of this id is defined before it"));
+                }
+                Ok(Vec::new())
+            }
+            _ => {
+                for key in [from, to] {
+                    let known = self.streets.has_junction(place.needed(key)?);
+                    ensure!(known, place.fault_in(key, "the net has no such junction"));
+                }
+                ensure!(
+                    self.has_zones_of_junctions,
+                    place.fault_in(from, "SUMO needs <junction-taz value=\"true\"/> in the .sumocfg for it; add it")
+                );
+                Ok(Vec::new())
+            }
+        }
+    }
+
+    fn street(&self, place: Place<'a>, key: &str) -> Result<Street> {
+        let unknown = || place.fault_in(key, "the net has no such edge; correct it or remove the element");
+        self.streets.find(place.needed(key)?).ok_or_else(unknown)
+    }
+}

@@ -1,0 +1,43 @@
+//! What a GS (global simulator) loads into SUMO.
+
+use anyhow::Error;
+
+use super::options;
+use crate::sumo;
+use crate::traffic::network::contents;
+use crate::traffic::network::memory_file::MemoryFile;
+use crate::traffic::scenario::loadable;
+
+/// The files of a whole network, in memory.
+pub enum Source {
+    /// A grid of ours.
+    Grid(contents::Loadable),
+    /// A scenario, and actuated programs for its agents.
+    Scenario { files: loadable::Loadable, actuated: MemoryFile },
+}
+
+impl Source {
+    /// Returns the options that make SUMO load it. `actuated`: also the actuated programs.
+    pub fn options(&self, actuated: bool, seed: u32) -> Vec<String> {
+        match self {
+            Source::Grid(files) => {
+                let mut options = options::common(&files.net, &files.routes, seed);
+                if actuated {
+                    options.extend(["--additional-files".to_owned(), files.actuated.path()]);
+                }
+                options
+            }
+            Source::Scenario { files, actuated: programs } => {
+                files.options(seed, if actuated { std::slice::from_ref(programs) } else { &[] })
+            }
+        }
+    }
+
+    /// Returns an error of SUMO with the paths that the user knows.
+    pub fn explain(&self, error: &sumo::Error) -> Error {
+        match self {
+            Source::Grid(files) => files.explain(error),
+            Source::Scenario { files, .. } => files.explain(error),
+        }
+    }
+}

@@ -1,0 +1,378 @@
+//! Ways to break a scenario, and what is said of each.
+
+use std::fs;
+
+use dials_traffic::config::ScenarioConfig;
+use dials_traffic::traffic::scenario::SumoScenario;
+
+use crate::room::{BUSES, CARS, MORE, NET, Room, SUMOCFG, names, table};
+
+/// A file, a text in it, what takes its place, and the error.
+type Break = (&'static str, &'static str, &'static str, &'static str);
+
+/// Ways to break the .sumocfg.
+const BROKEN_CONFIGURATIONS: &[Break] = &[
+    (
+        SUMOCFG,
+        "net.net.xml",
+        "no.net.xml",
+        "DIR/x.sumocfg: <net-file> names DIR/no.net.xml, and there is no such file; correct the path",
+    ),
+    (
+        SUMOCFG,
+        "cars.rou.xml",
+        "../no.xml",
+        "DIR/x.sumocfg: <route-files> names DIR/../no.xml, and there is no such file; correct the path",
+    ),
+    (
+        SUMOCFG,
+        "more.add.xml",
+        "/no/such.add.xml",
+        "DIR/x.sumocfg: <additional-files> names /no/such.add.xml, and there is no such file; correct the path",
+    ),
+    (SUMOCFG, "cars.rou.xml", "/dev/zero", "/dev/zero: could not be read: it is not a regular file"),
+    (SUMOCFG, "<net-file value=\"net.net.xml\"/>", "", "DIR/x.sumocfg: names no net; add <net-file value=\"...\"/>"),
+    (
+        SUMOCFG,
+        "net.net.xml",
+        "more.add.xml",
+        "DIR/more.add.xml: is no net of SUMO: its root is <additional>, not <net>",
+    ),
+    (
+        SUMOCFG,
+        "cars.rou.xml",
+        "net.net.xml",
+        "DIR/net.net.xml: is a net, and <route-files> of DIR/x.sumocfg names it; correct the path",
+    ),
+    (
+        SUMOCFG,
+        "<begin value=\"100\"/>",
+        "<begin value=\"400\"/>",
+        "DIR/x.sumocfg: <begin value=\"400\">: must be before <end value=\"400\">, so nothing would be simulated",
+    ),
+    (
+        SUMOCFG,
+        "<end value=\"400\"/>",
+        "<end value=\"noon\"/>",
+        "DIR/x.sumocfg: <end>: `noon` is no time: it must be seconds, such as 3600, or 01:00:00",
+    ),
+    (
+        SUMOCFG,
+        "<end value=\"400\"/>",
+        "",
+        "DIR/x.sumocfg: traffic.end_s: is missing here and in the .sumocfg; set it to a second",
+    ),
+    (
+        SUMOCFG,
+        "<end value=\"400\"/>",
+        "<end value=\"9000000000\"/>",
+        "DIR/x.sumocfg: traffic.decision_s = 5: from 100 to 9000000000 s there are 1799999980 decisions, but there must be from 1 to 1000000",
+    ),
+    (
+        SUMOCFG,
+        "<time>",
+        "<time><step-length value=\"0.5\"/>",
+        "DIR/x.sumocfg: <step-length>: is 0.5, and this program simulates steps of 1 s; remove it or set it to 1",
+    ),
+    (
+        SUMOCFG,
+        "<processing>",
+        "<processing><lateral-resolution value=\"0.8\"/>",
+        "DIR/x.sumocfg: <lateral-resolution>: is 0.8, and this program does not know the sublane model, in which cars share a lane; remove it",
+    ),
+    (
+        SUMOCFG,
+        "<processing>",
+        "<processing><mesosim value=\"true\"/>",
+        "DIR/x.sumocfg: <mesosim>: is true, and this program simulates single cars and lanes; remove it",
+    ),
+    (
+        SUMOCFG,
+        "<input>",
+        "<input><load-state value=\"s.xml\"/>",
+        "DIR/x.sumocfg: <load-state>: is s.xml, and it reads a file that this program does not copy into a run directory; remove it",
+    ),
+    (
+        SUMOCFG,
+        "<processing>",
+        "<processing><frobnicate value=\"1\"/>",
+        "DIR/x.sumocfg: <frobnicate>: is no option of SUMO that this program knows; remove it",
+    ),
+    (
+        SUMOCFG,
+        "<processing>",
+        "<processing><eager-insert value=\"--tripinfo-output=VICTIM\"/>",
+        "DIR/x.sumocfg: <eager-insert>: is `--tripinfo-output=VICTIM`, which is no value of it; remove it",
+    ),
+    (SUMOCFG, "<time>", "<time><begin value=\"7\"/>", "DIR/x.sumocfg: <begin>: is given twice; remove one of them"),
+    (SUMOCFG, "</configuration>", "", "DIR/x.sumocfg: is not XML: the root node was opened but never closed"),
+    (
+        SUMOCFG,
+        "<configuration>",
+        "<!DOCTYPE x [<!ENTITY y SYSTEM '/etc/passwd'>]><configuration>",
+        "DIR/x.sumocfg: has a document type (<!DOCTYPE ...>), which SUMO's files do not need",
+    ),
+];
+
+/// Ways to break the net.
+const BROKEN_NETS: &[Break] = &[
+    (
+        NET,
+        "<edge id=\"e0_r0c1\"",
+        "<edge id=\"e1_r1c1\"",
+        "DIR/net.net.xml: <edge id=\"e1_r1c1\">: stands twice; remove one of them",
+    ),
+    (
+        NET,
+        "<connection from=\"e0_r0c1\"",
+        "<connection from=\"no\"",
+        "DIR/net.net.xml: <connection>: from=\"no\": the net has no such edge",
+    ),
+    (
+        NET,
+        "tl=\"r0c1\"",
+        "tl=\"no\"",
+        "DIR/net.net.xml: <connection>: tl=\"no\": there is no light (<tlLogic>) of this id",
+    ),
+    (
+        NET,
+        "fromLane=\"0\"",
+        "fromLane=\"7\"",
+        "DIR/net.net.xml: <connection>: fromLane=\"7\": edge e0_r0c1 has no such lane",
+    ),
+    (
+        NET,
+        "<tlLogic id=\"r0c0\" type=\"static\"",
+        "<tlLogic id=\"r0c0\" type=\"rail_crossing\"",
+        "DIR/net.net.xml: <tlLogic id=\"r0c0\">: type=\"rail_crossing\": this program does not simulate trains; remove the track from the net",
+    ),
+    (
+        NET,
+        "</net>",
+        "<busStop id=\"s\" lane=\"w0_r0c0_0\"/></net>",
+        "DIR/net.net.xml: <busStop id=\"s\">: this program does not simulate stops; remove it",
+    ),
+    (NET, "</net>", "<frob/></net>", "DIR/net.net.xml: <frob>: is no element that this program knows here; remove it"),
+];
+
+/// Ways to break the demand.
+const BROKEN_DEMANDS: &[Break] = &[
+    (
+        CARS,
+        "from=\"w0_r0c0\"",
+        "from=\"no\"",
+        "DIR/cars.rou.xml: <trip id=\"early\">: from=\"no\": the net has no such edge; correct it or remove the element",
+    ),
+    (CARS, "r0c1_r0c0 r0c0_w0", "no r0c0_w0", "DIR/cars.rou.xml: <route id=\"west\">: edges: the net has no edge no"),
+    (
+        CARS,
+        "edges=\"s0_r0c0 r0c0_r1c0\"",
+        "edges=\"s0_r0c0 e0_r0c1\"",
+        "DIR/cars.rou.xml: <vehicle id=\"w\">: its route goes from edge s0_r0c0 to edge e0_r0c1, and the net has no such connection for the class passenger; correct the route",
+    ),
+    (
+        CARS,
+        "from=\"n1_r1c1\" to=\"r0c1_s1\"",
+        "from=\"n1_r1c1\" to=\"r0c0_w0\"",
+        "DIR/cars.rou.xml: <flow id=\"f\">: there is no way from edge n1_r1c1 to edge r0c0_w0; correct the trip",
+    ),
+    (
+        CARS,
+        "route=\"west\"",
+        "route=\"east\"",
+        "DIR/cars.rou.xml: <vehicle id=\"v\">: route=\"east\": no route of this id is defined before it; define it or correct the id",
+    ),
+    (
+        CARS,
+        "type=\"mixed\"",
+        "type=\"bus\"",
+        "DIR/cars.rou.xml: <flow id=\"f\">: type=\"bus\": no type of this id is defined before it; define it in this file or an additional file",
+    ),
+    (
+        CARS,
+        "id=\"v\"",
+        "id=\"t\"",
+        "DIR/cars.rou.xml: <vehicle id=\"t\">: a vehicle, trip or flow of this id is defined twice; rename one of them",
+    ),
+    (
+        BUSES,
+        "id=\"g\"",
+        "id=\"f\"",
+        "DIR/buses.rou.xml: <flow id=\"f\">: a vehicle, trip or flow of this id is defined twice; rename one of them",
+    ),
+    (
+        BUSES,
+        "id=\"bus\"",
+        "id=\"car\"",
+        "DIR/buses.rou.xml: <vType id=\"car\">: a type of this id is defined twice; remove one of them",
+    ),
+    (
+        CARS,
+        "<trip id=\"early\"",
+        "<route id=\"west\" edges=\"e0_r0c1\"/><trip id=\"early\"",
+        "DIR/cars.rou.xml: <route id=\"west\">: a route of this id is defined twice; remove one of them",
+    ),
+    (
+        CARS,
+        "depart=\"120.00\"",
+        "depart=\"later\"",
+        "DIR/cars.rou.xml: <trip id=\"t\">: depart: `later` is no time: it must be seconds, such as 3600, or 01:00:00",
+    ),
+    (CARS, "depart=\"120.00\"", "", "DIR/cars.rou.xml: <trip id=\"t\">: has no depart; add the attribute"),
+    (
+        CARS,
+        "depart=\"120.00\"",
+        "depart=\"triggered\"",
+        "DIR/cars.rou.xml: <trip id=\"t\">: depart=\"triggered\": this program does not simulate persons and trains; set a second",
+    ),
+    (
+        CARS,
+        "depart=\"120.00\"",
+        "depart=\"140.00\"",
+        "DIR/cars.rou.xml: <vehicle id=\"v\">: depart=\"130\": comes after one that departs at 140 s, and SUMO would leave it out; sort the file by departure",
+    ),
+    (
+        CARS,
+        "route=\"west\"",
+        "",
+        "DIR/cars.rou.xml: <vehicle id=\"v\">: has no way to go: it needs a route; add it or remove the element",
+    ),
+    (
+        CARS,
+        "period=\"8\"",
+        "",
+        "DIR/cars.rou.xml: <flow id=\"f\">: has none of number, period, vehsPerHour, perHour and probability; add one",
+    ),
+    (
+        CARS,
+        "period=\"8\"",
+        "probability=\"8\"",
+        "DIR/cars.rou.xml: <flow id=\"f\">: probability=\"8\": must be from 0 to 1; correct it",
+    ),
+    (
+        CARS,
+        "period=\"8\"",
+        "number=\"1e99\"",
+        "DIR/cars.rou.xml: <flow id=\"f\">: number=\"1e99\": must be from 0 to 10000000; correct it",
+    ),
+    (CARS, "period=\"8\"", "period=\"often\"", "DIR/cars.rou.xml: <flow id=\"f\">: period=\"often\": is no number"),
+    (
+        CARS,
+        "end=\"390\"",
+        "end=\"149\"",
+        "DIR/cars.rou.xml: <flow id=\"f\">: end=\"149\": is before its begin, 150 s; correct one of them",
+    ),
+    (
+        CARS,
+        "route=\"west\"/>",
+        "route=\"west\"><stop lane=\"r0c0_w0_0\" duration=\"9\"/></vehicle>",
+        "DIR/cars.rou.xml: <stop> in <vehicle id=\"v\">: this program does not simulate stops; remove it",
+    ),
+    (
+        CARS,
+        "</routes>",
+        "<person id=\"p\" depart=\"150\"><walk edges=\"w0_r0c0\"/></person></routes>",
+        "DIR/cars.rou.xml: <person id=\"p\">: this program does not simulate persons; remove it",
+    ),
+    (
+        CARS,
+        "</routes>",
+        "<trp id=\"p\" depart=\"150\"/></routes>",
+        "DIR/cars.rou.xml: <trp id=\"p\">: is no element that this program knows here; remove it",
+    ),
+    (
+        BUSES,
+        "vClass=\"bus\"",
+        "vClass=\"tram\"",
+        "DIR/buses.rou.xml: <flow id=\"g\">: type=\"bus\": its class is tram, and this program simulates roads; remove it",
+    ),
+    (
+        BUSES,
+        "length=\"12\"",
+        "length=\"12000\"",
+        "DIR/buses.rou.xml: <vType id=\"bus\">: length=\"12000\": must be from 0.1 to 200; correct it",
+    ),
+    (
+        MORE,
+        "vTypes=\"car lorry\"",
+        "vTypes=\"car ship\"",
+        "DIR/more.add.xml: <vTypeDistribution id=\"mixed\">: vTypes: no type ship is defined before it",
+    ),
+    (
+        MORE,
+        "</additional>",
+        "<rerouter id=\"r\" edges=\"w0_r0c0\" file=\"VICTIM\"/></additional>",
+        "DIR/more.add.xml: <rerouter id=\"r\">: this program does not simulate rerouters; remove it",
+    ),
+    (
+        MORE,
+        "</additional>",
+        "<include href=\"VICTIM\"/></additional>",
+        "DIR/more.add.xml: <include>: is no element that this program knows here; remove it",
+    ),
+    (
+        MORE,
+        "length=\"4.3\" speedDev=\"0.1\"/>",
+        "length=\"4.3\"><param key=\"device.ssm.file\" value=\"VICTIM\"/></vType>",
+        "DIR/more.add.xml: has <param key=\"device.ssm.file\">, by which SUMO writes another file; remove it",
+    ),
+    (
+        MORE,
+        "</additional>",
+        "<tlLogic id=\"r0c0\" type=\"actuated\" programID=\"1\"><phase duration=\"9\" state=\"GGGG\"/><param key=\"w0_r0c0_0\" value=\"loop\"/></tlLogic></additional>",
+        "DIR/more.add.xml: <tlLogic id=\"r0c0\">: asks the detector loop, and this program leaves detectors out; remove the parameter, and SUMO places detectors of its own",
+    ),
+];
+
+#[test]
+fn every_broken_scenario_gets_one_clear_error() {
+    let breaks = || [BROKEN_CONFIGURATIONS, BROKEN_NETS, BROKEN_DEMANDS].concat();
+    assert!(breaks().len() >= 50);
+    for (file, from, to, told) in breaks() {
+        let room = Room::new();
+        let victim = room.victim().display().to_string();
+        room.change(file, from, &to.replace("VICTIM", &victim));
+        let before = names(room.dir.path());
+        assert_eq!(
+            room.error(),
+            told.replace("VICTIM", &victim).replace(&format!("{}/", room.dir.path().display()), "DIR/")
+        );
+        assert_eq!(
+            (names(room.dir.path()), fs::read_to_string(room.victim()).unwrap()),
+            (before, "precious".to_owned())
+        );
+    }
+}
+
+#[test]
+fn a_net_without_lights_and_a_time_without_traffic_are_refused() {
+    let room = Room::new();
+    let net = fs::read_to_string(room.path(NET)).unwrap();
+    let light = |line: &str| ["<tlLogic", "<phase", "</tlLogic"].iter().any(|tag| line.trim_start().starts_with(tag));
+    let dark: Vec<String> = net.lines().filter(|line| !light(line)).map(|line| format!("{line}\n")).collect();
+    fs::write(room.path(NET), dark.concat()).unwrap();
+    assert_eq!(
+        room.error(),
+        "DIR/net.net.xml: has no traffic light (<tlLogic>); make some with: netconvert -s DIR/net.net.xml --tls.set \
+         JUNCTION,... -o NEW.net.xml"
+    );
+    let room = Room::new();
+    let table = ScenarioConfig { begin_s: Some(500), end_s: Some(600), ..table(room.config(&[]).unwrap()) };
+    let error = SumoScenario::read(&table).unwrap_err().to_string();
+    assert!(
+        error.ends_with("x.sumocfg: no vehicle departs from 500 to 600 s; add a route file, or correct begin and end")
+    );
+}
+
+#[test]
+fn a_broken_scenario_ends_a_command_before_it_writes_anything() {
+    let room = Room::new();
+    room.change(CARS, "from=\"w0_r0c0\"", "from=\"no\"");
+    fs::create_dir(room.path("here")).unwrap();
+    let mut command = assert_cmd::cargo::cargo_bin_cmd!("dials-traffic");
+    let output = command.args(["train", "../x.sumocfg"]).current_dir(room.path("here")).output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(said.contains("../cars.rou.xml: <trip id=\"early\">: from=\"no\": the net has no such edge"), "{said}");
+    assert_eq!(names(&room.path("here")), [""; 0]);
+}
