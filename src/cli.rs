@@ -12,7 +12,7 @@ const A_YEAR_S: u64 = 365 * 24 * 3600;
 
 /// Multi-agent traffic-light control with distributed influence-augmented local simulators (DIALS) on SUMO.
 ///
-/// Exit codes: 0 done, 1 the run failed, 2 usage error, 130 interrupted.
+/// Exit codes: 0 done, 1 the run failed or another process is writing it, 2 usage error, 130 interrupted.
 #[derive(Debug, Parser)]
 #[command(
     name = "dials-traffic",

@@ -3,11 +3,13 @@
 use std::fmt;
 
 use crate::machine::way_out;
+use crate::outside::Busy;
 
 /// An error that a person at the terminal reads.
 #[derive(Debug)]
 pub enum Error {
-    /// A usage error: a bad config, a missing file, a place that cannot be written. Nothing has begun. Exit code 2.
+    /// A usage error: a bad config, a missing file, a place that cannot be written. Nothing has begun. Exit code 2. But 1
+    /// if another process writes the run: the same command may work later.
     Usage(anyhow::Error),
     /// The work failed. Exit code 1.
     Run(anyhow::Error),
@@ -20,6 +22,7 @@ pub type Result<T> = std::result::Result<T, Error>;
 impl Error {
     pub fn exit_code(&self) -> u8 {
         match self {
+            Error::Usage(error) if error.is::<Busy>() => 1,
             Error::Usage(_) => 2,
             Error::Run(_) => 1,
             Error::Interrupted(_) => 130,

@@ -505,7 +505,7 @@ fn a_crafted_file_in_a_run_directory_is_an_error_that_names_it_and_the_way_out()
     let run = sound.place.dir.path().join("run");
     let path = checkpoint(&run, AT);
     let way_out =
-        "step_000000000384.safetensors: cannot be resumed from; remove it to continue from the checkpoint before";
+        "step_000000000384.safetensors: cannot be resumed from; move it away to continue from the checkpoint before";
     for (bytes, told) in [
         (sound.file_of(|c| row(c).trail.actions[0] = 200), "it took action 200"),
         (sound.file_of(|c| c.agents.streams = Vec::<AgentStream>::new()), "0 streams for 4 agents"),

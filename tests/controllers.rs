@@ -113,7 +113,7 @@ fn a_standing_queue_lets_a_car_past_the_line_every_2_28_seconds() {
     // West has red until its edge is full.
     let step = |ls: &mut dials_traffic::traffic::sim::local::LocalTraffic, action, arrives| {
         ls.step(&[action], &Rows::from_vec(vec![arrives, 0, 0, 0], 4)).unwrap();
-        ls.cars_on(0)[0].len()
+        ls.cars_on(0).lane(0).len()
     };
     let mut waiting = 0;
     (0..120).for_each(|_| waiting = step(&mut ls, KEEP, 1));

@@ -189,17 +189,24 @@ fn a_baseline_is_measured_as_the_runs_are_and_again_when_its_plan_has_changed() 
 }
 
 #[test]
-fn a_run_whose_files_are_torn_is_resumed() {
+fn a_run_whose_files_are_torn_is_named_and_resumed_by_the_way_out() {
     let place = Place::new(TWO_SEEDS);
     place.experiment(&[]).assert().success();
     let run = place.runs().join("small-dials-seed1");
+    let returns = place.returns("small-dials-seed1");
     for torn in ["memory.csv", "timing.csv"] {
         let text = fs::read_to_string(run.join(torn)).unwrap();
         fs::write(run.join(torn), format!("{text}256,all,no number,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1\n")).unwrap();
     }
-    let dry = text(&place.experiment(&["--dry-run"]).assert().success().get_output().stdout);
-    assert!(dry.lines().any(|line| line.starts_with("small-dials-seed1") && line.contains("to be resumed")), "{dry}");
-    place.experiment(&[]).assert().success();
+    for more in [&["--dry-run"][..], &[]] {
+        let said = text(&place.experiment(more).assert().code(2).get_output().stderr);
+        for part in ["small-dials-seed1: this run cannot be read", "train --resume`", "timing.csv: cannot be read"] {
+            assert!(said.contains(part), "`{part}` is not in: {said}");
+        }
+    }
+    let mut resume = assert_cmd::cargo::cargo_bin_cmd!("dials-traffic");
+    resume.args(["train", "--workers", "0", "--resume"]).arg(&run).assert().success();
+    assert_eq!(place.returns("small-dials-seed1"), returns);
     let dry = text(&place.experiment(&["--dry-run"]).assert().success().get_output().stdout);
     assert!(dry.contains("0 to do, 5 finished"), "{dry}");
 }

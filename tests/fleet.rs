@@ -535,7 +535,7 @@ fn a_damaged_checkpoint_is_refused_and_the_one_before_it_serves() {
     let (status, said) = run.resume(&["--workers", "2"]);
     assert_eq!(status.code(), Some(1));
     let name = newest.file_name().unwrap().to_str().unwrap();
-    assert!(said.contains(name) && said.contains("remove it to continue from the checkpoint before it"), "{said}");
+    assert!(said.contains(name) && said.contains("move it away to continue from the checkpoint before it"), "{said}");
     assert!(said.contains("cut short"), "{said}");
     fs::remove_file(&newest).unwrap();
     let (status, said) = run.resume(&["--workers", "2"]);

@@ -3,15 +3,18 @@
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::Write;
+use std::mem::MaybeUninit;
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::process::Stdio;
+use std::time::{Duration, Instant};
 
 use assert_cmd::Command;
 use dials_traffic::base::Seed;
 use dials_traffic::config::{Config, DomainConfig, load};
 use dials_traffic::domain::Domain;
 use dials_traffic::traffic::Traffic;
+use rustix::fs::inotify;
 use tempfile::TempDir;
 
 const NET: &str = ".net.xml";
@@ -431,6 +434,80 @@ fn what_only_sumo_can_judge_is_tried_in_another_process() {
     let file = room.damage("nets/grid_2x2", &damage(NET, "origBoundary=\"-", "origBoundary=\"x"));
     let train = ["train", &config, "--out", "run"];
     room.assert_refused(&[&baseline, &train], &file, "Attribute 'origBoundary' in definition of a location");
+}
+
+#[test]
+fn an_error_in_a_local_net_of_any_name_has_its_path_and_the_command_that_makes_another() {
+    let room = Room::new();
+    room.restore("local", "nets/cross");
+    let text = fs::read_to_string(room.path("c.toml")).unwrap().replace("nets/local", "nets/cross");
+    fs::write(room.path("c.toml"), text).unwrap();
+    let file = room.damage("nets/cross", &damage(NET, "origBoundary=\"-", "origBoundary=\"x"));
+    let config = room.path("c.toml").display().to_string();
+    let baseline = ["baseline", &config, "--controller", "never", "--episodes", "1"];
+    let told = "cross.net.xml: this network cannot be simulated; make one with: dials-traffic nets local --out DIR";
+    room.assert_refused(&[&baseline], &file, told);
+    let said = String::from_utf8(room.command(&baseline).output().unwrap().stderr).unwrap();
+    assert!(said.contains("Attribute 'origBoundary'") && !said.contains("/proc/self/fd"), "{said}");
+}
+
+/// Runs a command and returns how many processes of the program there were, itself included.
+fn processes_of(room: &Room, words: &[&str]) -> usize {
+    // A copy that no other test starts. The system opens it once for each process.
+    let program = room.path("program");
+    fs::copy(env!("CARGO_BIN_EXE_dials-traffic"), &program).unwrap();
+    let watch = inotify::init(inotify::CreateFlags::NONBLOCK | inotify::CreateFlags::CLOEXEC).unwrap();
+    // Without reads in between, the system would count two openings as one.
+    inotify::add_watch(&watch, &program, inotify::WatchFlags::OPEN | inotify::WatchFlags::ACCESS).unwrap();
+    let mut command = Command::new(&program);
+    command.args(words).current_dir(room.path("here")).timeout(Duration::from_secs(120)).assert().success();
+    let mut buffer = [MaybeUninit::uninit(); 4096];
+    let mut events = inotify::Reader::new(&watch, &mut buffer);
+    let mut openings = 0;
+    while let Ok(event) = events.next() {
+        openings += usize::from(event.events().contains(inotify::ReadFlags::OPEN));
+    }
+    openings
+}
+
+#[test]
+fn a_strange_network_is_tried_once_per_command() {
+    let room = Room::new();
+    room.damage("nets/grid_2x2", &damage(NET, r#"<junction id="e0""#, r#"<junction name="Main St" id="e0""#));
+    let config = room.path("c.toml").display().to_string();
+    let (run, pictures) = (room.path("run").display().to_string(), room.path("pictures").display().to_string());
+    for words in [
+        &["train", &config, "--out", &run, "--workers", "0"][..],
+        &["evaluate", &run, "--episodes", "1", "--plot", &pictures],
+        &["baseline", &config, "--compare", &format!("never,{run}"), "--episodes", "1"],
+        &["baseline", &config, "--controller", "never", "--episodes", "1", "--plot", &format!("{pictures}2")],
+        &["replay", &run, "--out", &room.path("replay").display().to_string()],
+    ] {
+        // The run has its own copy of the networks, so a comparison with it has two scenarios to try.
+        let trials = if words.contains(&"--compare") { 2 } else { 1 };
+        assert_eq!(processes_of(&room, words), 1 + trials, "{words:?}");
+    }
+}
+
+#[test]
+fn a_trial_has_a_limit_on_its_memory() {
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_dials-traffic"));
+    let mut trial = command.arg("try-out").stdin(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+    // It waits for its config now, with the limit or before it.
+    let limits = format!("/proc/{}/limits", trial.id());
+    let begun = Instant::now();
+    loop {
+        let text = fs::read_to_string(&limits).unwrap();
+        let memory = text.lines().find_map(|line| line.strip_prefix("Max address space")).unwrap();
+        let most: Option<u64> = memory.split_whitespace().nth(1).unwrap().parse().ok();
+        if most.is_some_and(|bytes| (4 << 30..64 << 30).contains(&bytes)) {
+            break;
+        }
+        assert!(begun.elapsed() < Duration::from_secs(60), "{text}");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    drop(trial.stdin.take());
+    assert!(!trial.wait().unwrap().success(), "it had no config");
 }
 
 #[test]

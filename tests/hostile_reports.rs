@@ -166,7 +166,7 @@ fn no_name_is_markup_in_the_pages_of_a_report() {
         assert!(widths.iter().all(|width| *width == widths[0]), "{table}");
     }
     // The commands of the report are one word for each word of run.json.
-    assert!(markdown.contains(r"'; rm -rf ~' '```\n# owned'"), "{markdown}");
+    assert!(markdown.contains(r"'; rm -rf ~' $'```\012# owned'"), "{markdown}");
 }
 
 #[test]

@@ -71,7 +71,7 @@ fn short(simulator: &str) -> Config {
 
 fn train(config: &Config, dir: &Path) -> Result<()> {
     let layouts = Layouts::of(config, domain().kinds());
-    let mut log = RunLog::create(dir, Owner::of(config, &*domain())?, layouts)?;
+    let mut log = RunLog::begin(Directory::lock(dir)?, Owner::of(config, &*domain())?, layouts);
     let mut fleet = InlineFleet::new(domain(), config, Rc::new(Silent));
     dials::train(config, &mut fleet, Standing::default(), &mut log, &Silent)
 }
@@ -121,7 +121,7 @@ fn the_aips_of_both_kinds_learn_the_closed_form_influence() {
     // The report can read the run, and other programs can open the tensors.
     fs::write(dir.path().join(files::CONFIG), format!("simulator = 'dials'\n{CONFIG}")).unwrap();
     let about = RunJson { scenario: Some(domain().scenario().unwrap()), ..RunJson::default() };
-    about.write(dir.path()).unwrap();
+    about.write(&Directory::open(dir.path()).unwrap()).unwrap();
     let record = RunRecord::read(dir.path()).unwrap();
     assert_eq!(record.scenario.as_ref().unwrap().id.domain, "coins-and-dice");
     let report = dials_traffic::report::report(&[dir.path().to_owned()]).unwrap();
@@ -268,7 +268,7 @@ fn the_costs_of_both_kinds_are_measured() {
     let config = short("dials");
     let (domain, short, dir) = (domain(), short_orders(&config, 1), tempfile::tempdir().unwrap());
     let layouts = Layouts::of(&config, domain.kinds());
-    let mut log = RunLog::create(dir.path(), Owner::of(&config, &*domain).unwrap(), layouts).unwrap();
+    let mut log = RunLog::begin(Directory::lock(dir.path()).unwrap(), Owner::of(&config, &*domain).unwrap(), layouts);
     let mut fleet = InlineFleet::new(domain.clone(), &short, Rc::new(Silent));
     let time = Duration::from_millis(100);
     let plan = MeasurePlan { config: &short, kinds: domain.kinds(), workers: 1, time, peak_flops: 1e9 };

@@ -8,6 +8,7 @@ use dials_traffic::config::Config;
 use dials_traffic::domain::toy::Coins;
 use dials_traffic::domain::{Domain, Result};
 use dials_traffic::fleet::inline::InlineFleet;
+use dials_traffic::outside::Directory;
 use dials_traffic::records::checkpoint::owner::Owner;
 use dials_traffic::records::files;
 use dials_traffic::records::run_log::{Layouts, RunLog};
@@ -36,7 +37,7 @@ fn train(config: &Config, dir: &Path) -> Result<()> {
     let coins: Arc<dyn Domain> = Arc::new(Coins::new(HORIZON));
     let (owner, layouts) = (Owner::of(config, &*coins)?, Layouts::of(config, coins.kinds()));
     let mut fleet = InlineFleet::new(coins, config, Rc::new(Silent));
-    let mut log = RunLog::create(dir, owner, layouts).unwrap();
+    let mut log = RunLog::begin(Directory::lock(dir)?, owner, layouts);
     dials::train(config, &mut fleet, Standing::default(), &mut log, &Silent)
 }
 

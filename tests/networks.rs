@@ -6,12 +6,15 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use anyhow::Result;
 use dials_traffic::base::AgentId;
 use dials_traffic::traffic::cut::forest::{Region, write_forest};
+use dials_traffic::traffic::network::contents::Network;
 use dials_traffic::traffic::network::files::NetworkFiles;
+use dials_traffic::traffic::network::way_out::Role;
 use dials_traffic::traffic::paper_grid::grid::{Grid, Node, lane};
 use dials_traffic::traffic::paper_grid::make::{write_grid, write_local};
-use dials_traffic::traffic::paper_grid::recognise::{read_grid, read_shape};
+use dials_traffic::traffic::paper_grid::recognise::recognise_grid;
 use dials_traffic::traffic::side::Side;
 use quick_xml::Reader;
 use quick_xml::events::Event;
@@ -187,7 +190,7 @@ fn a_grid_of_any_shape_can_be_made_played_and_recognised() {
     for (rows, cols) in [(1, 1), (1, 3), (3, 2)] {
         let network = make(grid(rows, cols), room.path());
         network.check().expect("all files are there");
-        assert_eq!(read_grid(&network).expect("one of our grids"), grid(rows, cols));
+        assert_eq!(recognised(&network).expect("one of our grids"), grid(rows, cols));
         assert_eq!(sumo(&["-c", text(&network.config), "--end", "100"]), "");
     }
 }
@@ -195,8 +198,7 @@ fn a_grid_of_any_shape_can_be_made_played_and_recognised() {
 #[test]
 fn the_saved_networks_are_recognised() {
     for (network, shape) in all_saved() {
-        assert_eq!(read_grid(&network).expect("one of our grids"), shape);
-        assert_eq!(read_shape(&network.net).expect("one of our grids"), shape);
+        assert_eq!(recognised(&network).expect("one of our grids"), shape);
     }
 }
 
@@ -206,12 +208,12 @@ fn whatever_is_made_here_passes_with_any_inflow() {
     for rows in 1..=10 {
         for cols in [1, 2, 3, 10] {
             let network = make(grid(rows, cols), room.path());
-            assert_eq!(read_grid(&network).expect("one of our grids"), grid(rows, cols));
+            assert_eq!(recognised(&network).expect("one of our grids"), grid(rows, cols));
         }
     }
     for inflow in [0.0, 1e-3, 0.25, 1.0] {
         let network = write_grid(grid(2, 3), inflow, room.path()).expect("netconvert is installed");
-        assert_eq!(read_grid(&network).expect("one of our grids"), grid(2, 3));
+        assert_eq!(recognised(&network).expect("one of our grids"), grid(2, 3));
     }
     let local = write_local(room.path()).expect("netconvert is installed");
     write_forest(&local, 2, room.path()).expect("the local net");
@@ -229,9 +231,18 @@ const fn damage(ending: &'static str, [from, to]: [&'static str; 2], told: &'sta
     Damage { ending, from, to, told }
 }
 
+/// Returns the grid that a network is made for.
+fn recognised(network: &NetworkFiles) -> Result<Grid> {
+    recognise_grid(network).map(|found| found.grid)
+}
+
+fn copied(network: &NetworkFiles, dir: &Path, name: &str) -> Result<NetworkFiles> {
+    Network::read(network, Role::Global)?.copy_to(dir, name)
+}
+
 /// Makes a damaged copy of a saved network. Returns its files and the path of the damaged one.
 fn damaged(name: &str, damage: &Damage, dir: &Path) -> (NetworkFiles, PathBuf) {
-    let copy = saved(name).copy_to(dir, name).expect("a saved network");
+    let copy = copied(&saved(name), dir, name).expect("a saved network");
     let file = dir.join(format!("{name}{}", damage.ending));
     let before = fs::read_to_string(&file).expect("a copy");
     assert!(before.contains(damage.from), "{} is not in {}", damage.from, file.display());
@@ -432,7 +443,7 @@ fn a_grid_with_our_names_and_other_content_is_refused_with_the_file_the_element_
     let room = room();
     for damage in &DAMAGES {
         let (network, file) = damaged("grid_2x2", damage, room.path());
-        let told = format!("{:#}", read_grid(&network).expect_err(damage.told));
+        let told = format!("{:#}", recognised(&network).expect_err(damage.told));
         assert!(told.starts_with(&format!("{}: {}", file.display(), damage.told)), "{told}\nis not\n{}", damage.told);
         let way_out =
             format!("remake it with: dials-traffic nets grid --rows 2 --cols 2 --out {}", room.path().display());
@@ -475,17 +486,17 @@ fn cars_may_come_more_often_from_one_side_or_not_at_all() {
     let often = flow.replace("0.1", "0.35").leak();
     for to in [often, ""] {
         let (network, _) = damaged("grid_2x2", &damage(ROUTES, [flow, to], ""), room.path());
-        assert_eq!(read_grid(&network).expect("one of our grids"), grid(2, 2));
+        assert_eq!(recognised(&network).expect("one of our grids"), grid(2, 2));
     }
 }
 
 #[test]
 fn a_network_that_is_called_otherwise_is_remade_elsewhere() {
     let room = room();
-    let copy = saved("grid_2x2").copy_to(room.path(), "global").expect("a saved network");
+    let copy = copied(&saved("grid_2x2"), room.path(), "global").expect("a saved network");
     let net = fs::read_to_string(&copy.net).expect("a copy");
     fs::write(&copy.net, net.replace("10.00", "15.00")).expect("a writable directory");
-    let told = read_grid(&copy).expect_err("another limit").to_string();
+    let told = recognised(&copy).expect_err("another limit").to_string();
     assert!(told.ends_with("make one with: dials-traffic nets grid --rows 2 --cols 2 --out DIR"), "{told}");
 }
 
@@ -587,15 +598,15 @@ fn a_directory_that_cannot_be_written_to_is_named_in_the_error() {
 fn a_copied_network_plays_in_its_new_directory() {
     let room = room();
     let dir = room.path().join("run/networks");
-    let copy = saved("grid_2x2").copy_to(&dir, "global").expect("a saved network");
+    let copy = copied(&saved("grid_2x2"), &dir, "global").expect("a saved network");
     assert_eq!(copy, NetworkFiles::of(&dir.join("global")));
     assert_eq!(sumo(&["-c", text(&copy.config), "--end", "50"]), "");
 
     let before = fs::read(&copy.net).expect("a net");
-    copy.copy_to(&dir, "global").expect("a network may be copied onto itself");
+    copied(&copy, &dir, "global").expect("a network may be copied onto itself");
     assert_eq!(fs::read(&copy.net).expect("a net"), before);
 
-    let missing = NetworkFiles::of(&dir.join("grid_4x4")).copy_to(room.path(), "global").unwrap_err().to_string();
+    let missing = copied(&NetworkFiles::of(&dir.join("grid_4x4")), room.path(), "global").unwrap_err().to_string();
     assert!(missing.contains("grid_4x4.net.xml: no such network; make it with: "), "{missing}");
 }
 
@@ -605,10 +616,10 @@ fn a_net_that_is_not_one_of_our_grids_is_told_apart() {
     let dir = room.path();
     let network = make(grid(1, 2), dir);
     let net = fs::read_to_string(&network.net).expect("a net");
+    let copy = copied(&network, dir, "grid_9x9").expect("a network");
     let error_of = |text: &str| {
-        let path = dir.join("grid_9x9.net.xml");
-        fs::write(&path, text).expect("a writable directory");
-        format!("{:#}", read_shape(&path).unwrap_err()).replace(&format!("{}/", dir.display()), "")
+        fs::write(&copy.net, text).expect("a writable directory");
+        format!("{:#}", recognised(&copy).unwrap_err()).replace(&format!("{}/", dir.display()), "")
     };
     // The cut leaves 100 bytes: two lines of declaration, then a tag that does not end.
     assert!(error_of(&net[..100]).starts_with("grid_9x9.net.xml: is not XML: "));
@@ -621,7 +632,7 @@ fn a_net_that_is_not_one_of_our_grids_is_told_apart() {
     // A huge number in a name is not one of our names, and must not make the code count up to it.
     assert!(error_of(&net.replace("id=\"r0c1\"", "id=\"r0c99999999999\"")).contains("it has the junction "));
 
-    let missing = read_shape(&dir.join("grid_3x3.net.xml")).unwrap_err().to_string();
+    let missing = recognised(&NetworkFiles::of(&dir.join("grid_3x3"))).unwrap_err().to_string();
     let command = format!("dials-traffic nets grid --rows 3 --cols 3 --out {}", dir.display());
     assert!(missing.ends_with(&format!("grid_3x3.net.xml: no such network; make it with: {command}")), "{missing}");
 }

@@ -140,6 +140,23 @@ fn assert_undisturbed(run: &Path) {
     }
 }
 
+#[test]
+fn every_step_has_one_evaluation_wherever_a_run_ends() {
+    let place = Place::new();
+    // An update takes 128 steps. At step 192, where the next evaluation would be, training is at 256 already.
+    let sets = ["--set", "evaluation.every_steps=192", "--steps", "200"];
+    let words = [&["train", "c.toml", "--out", "run", "--workers", "0"][..], &sets].concat();
+    succeed(place.command(&words));
+    for file in ["returns.csv", "training.csv"] {
+        let text = fs::read_to_string(place.path("run").join(file)).unwrap();
+        let steps: Vec<&str> =
+            text.lines().filter_map(|line| line.split_once(",all,").map(|(steps, _)| steps)).collect();
+        let expected = if file == "returns.csv" { &["0", "256"][..] } else { &["256"] };
+        assert_eq!(steps, expected, "{file}");
+    }
+    succeed(place.command(&["report", "run"]));
+}
+
 fn all_of(text: &str, parts: &[&str]) {
     for part in parts {
         assert!(text.contains(part), "`{part}` is not in: {text}");
@@ -154,15 +171,16 @@ fn a_run_that_another_process_trains_is_not_moved_aside() {
     let mut training = place.start("long.toml", "all/busy");
     for words in [
         &["train", "c.toml", "--out", "all/busy", "--force", "--workers", "0"][..],
-        &["report", "run", "--out", "all/busy", "--force"],
         // It is within the directory to be moved.
         &["report", "run", "--out", "all", "--force"],
     ] {
-        let said = fail(place.command(words), 2);
-        all_of(&said, &["all/busy: another process is writing this run", "nothing was moved"]);
+        let said = fail(place.command(words), 1);
+        all_of(&said, &["all/busy: another process is writing this run; wait until it has ended"]);
     }
+    let said = fail(place.command(&["report", "run", "--out", "all/busy", "--force"]), 2);
+    all_of(&said, &["all/busy: is a run directory"]);
     let said = fail(place.command(&["train", "--resume", "all/busy"]), 1);
-    all_of(&said, &["all/busy: another process is writing this run"]);
+    all_of(&said, &["all/busy: another process is writing this run; wait until it has ended"]);
     assert!(training.goes_on());
     assert_eq!(names(&place.path("all")), ["busy"]);
     assert_eq!(names(place.dir.path()), ["all", "c.toml", "long.toml", "run"]);
@@ -175,8 +193,8 @@ fn an_experiment_names_the_run_that_another_process_trains() {
     fs::write(place.path("e.toml"), file).unwrap();
     fs::create_dir(place.path("out")).unwrap();
     let mut training = place.start("long.toml", "out/long-dials-seed1");
-    let said = fail(place.command(&["experiment", "e.toml", "--out", "out"]), 2);
-    all_of(&said, &["out/long-dials-seed1: another process is writing this run"]);
+    let said = fail(place.command(&["experiment", "e.toml", "--out", "out"]), 1);
+    all_of(&said, &["out/long-dials-seed1: another process is writing this run; wait until it has ended"]);
     assert!(training.goes_on());
 }
 
@@ -191,6 +209,51 @@ fn an_experiment_writes_no_log_through_a_link() {
     let said = fail(place.command(&["experiment", "e.toml", "--out", "out"]), 1);
     all_of(&said, &["out/logs/c-dials-seed1.log: is a link", "move it away"]);
     assert_eq!(fs::read(place.path("outside")).unwrap(), b"precious\n");
+}
+
+#[test]
+fn an_experiment_writes_no_baseline_through_a_link() {
+    let place = Place::new();
+    let file = "seeds = [1]\ncontrollers = ['random']\ncontroller_episodes = 1\n\
+                [[grid]]\nconfigs = ['c.toml']\nsimulators = ['dials']\n";
+    fs::write(place.path("e.toml"), file).unwrap();
+    fs::create_dir(place.path("out")).unwrap();
+    fs::create_dir(place.path("theirs")).unwrap();
+    for name in ["c-random.json", "c-random.toml", "c-random.part"] {
+        fs::write(place.path("theirs").join(name), "precious").unwrap();
+    }
+    symlink(place.path("theirs"), place.path("out/baselines")).unwrap();
+    let said = fail(place.command(&["experiment", "e.toml", "--out", "out"]), 1);
+    all_of(&said, &["out/baselines: is a link", "move it away"]);
+    for name in names(&place.path("theirs")) {
+        assert_eq!(fs::read(place.path("theirs").join(&name)).unwrap(), b"precious", "{name}");
+    }
+    assert_eq!(names(&place.path("theirs")).len(), 3);
+}
+
+#[test]
+fn no_option_writes_over_the_files_of_a_run() {
+    let place = Place::new();
+    let run = place.train();
+    let before = names(&run);
+    for (words, told) in [
+        (&["nets", "local", "--out", "run/networks"][..], "run/networks: --out must not write here"),
+        (&["nets", "local", "--out", "run/checkpoints/x"], "run/checkpoints/x: --out must not write here"),
+        (&["evaluate", "run", "--episodes", "1", "--csv", "run"], "run/episodes.csv: --csv must not write here"),
+        (&["evaluate", "run", "--render", "run/checkpoints/x"], "run/checkpoints/x: --render must not write here"),
+        (&["report", "run", "--out", "run", "--force"], "run: is a run directory; name another directory with --out"),
+        (&["report", "run", "--out", "run/run.json", "--force"], "run/run.json: --out must not write here"),
+        (&["train", "c.toml", "--out", "run/checkpoints/x"], "run/checkpoints/x: --out must not write here"),
+        (&["experiment", "e.toml", "--out", "run/networks"], "run/networks: --out must not write here"),
+    ] {
+        fs::write(place.path("e.toml"), "seeds = [1]\n[[grid]]\nconfigs = ['c.toml']\nsimulators = ['gs']\n").unwrap();
+        all_of(&fail(place.command(words), 2), &[told]);
+        assert_eq!(names(&run), before, "{words:?}");
+    }
+    // New names beside those of the run are free.
+    succeed(place.command(&["report", "run", "--out", "run/report"]));
+    succeed(place.resume("0"));
+    assert_undisturbed(&run);
 }
 
 #[test]
@@ -319,8 +382,13 @@ fn what_killed_writes_left_behind_is_swept_and_nothing_else() {
     // A folder like those that earlier versions made, but with something else in it.
     fs::create_dir(place.path("run/.new-photos")).unwrap();
     fs::write(place.path("run/.new-photos/cat.jpg"), "x").unwrap();
+    let folders = ["run/.dials-traffic-new-d4E5f6", "run/checkpoints/.dials-traffic-new-d4E5f6"];
+    folders.iter().for_each(|name| {
+        fs::create_dir(place.path(name)).unwrap();
+        fs::write(place.path(name).join("policies.safetensors"), "x").unwrap();
+    });
     succeed(place.resume("0"));
-    ours.iter().chain(&earlier).for_each(|name| assert!(!place.path(name).exists(), "{name}"));
+    ours.iter().chain(&earlier).chain(&folders).for_each(|name| assert!(!place.path(name).exists(), "{name}"));
     theirs.iter().for_each(|name| assert_eq!(fs::read(place.path(name)).unwrap(), b"x", "{name}"));
     assert!(place.path("run/.new-photos/cat.jpg").exists());
     assert_undisturbed(&run);

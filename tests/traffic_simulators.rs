@@ -210,7 +210,7 @@ fn a_reset_of_one_intersection_leaves_the_others_bit_identical() {
             let sources = Rows::from_vec((0..12).map(|_| u8::from(dice.random_bool(0.1))).collect(), 4);
             ls.step(&actions, &sources).unwrap();
             for row in [0, 2] {
-                for edge in ls.cars_on(row) {
+                for edge in ls.cars_on(row).iter() {
                     bits.extend(edge.positions_m.iter().chain(edge.speeds_mps).map(|value| value.to_bits()));
                 }
             }
@@ -263,7 +263,7 @@ fn a_row_that_is_reset_while_its_neighbours_drive_is_bit_identical_to_a_fresh_on
             if own_episode {
                 bits.push(u64::from(transition.rewards[1].to_bits()));
                 bits.extend(transition.percept.obs.row(1).iter().map(|value| u64::from(value.to_bits())));
-                for edge in ls.cars_on(1) {
+                for edge in ls.cars_on(1).iter() {
                     bits.push(edge.len() as u64);
                     bits.extend(edge.positions_m.iter().chain(edge.speeds_mps).map(|value| value.to_bits()));
                 }
@@ -552,8 +552,7 @@ fn the_closed_loop_has_the_cars_and_the_return_of_the_global_simulator() {
             for _ in 0..horizon {
                 let transition = gs.step(&vec![0; agents]).unwrap();
                 global_rewards += transition.rewards.iter().map(|&r| f64::from(r)).sum::<f64>();
-                global_cars +=
-                    (0..agents).flat_map(|agent| gs.cars_on(agent)).map(|edge| edge.len() as f64).sum::<f64>();
+                global_cars += (0..agents).map(|agent| gs.cars_on(agent).cars() as f64).sum::<f64>();
             }
         }
     }
@@ -583,7 +582,7 @@ fn the_closed_loop_has_the_cars_and_the_return_of_the_global_simulator() {
             let transition = ls.step(&actions, &sources).unwrap();
             local_rewards += transition.rewards.iter().map(|&r| f64::from(r)).sum::<f64>();
             percept = transition.percept.clone();
-            local_cars += (0..rows).flat_map(|row| ls.cars_on(row)).map(|edge| edge.len() as f64).sum::<f64>();
+            local_cars += (0..rows).map(|row| ls.cars_on(row).cars() as f64).sum::<f64>();
         }
     }
     let counters = ls.counters();

@@ -281,7 +281,7 @@ mod tests {
     /// machine of 1e6 operations per second.
     fn setting() -> (Config, Kinds) {
         let config = "total_steps = 1000\ntraffic = { network = 'n', local_network = 'l', horizon = 10 }\n\
-                      policy = { hidden = [3] }\nppo = { rollout_steps = 4, epochs = 3, time_limit = 'bootstrap' }\n\
+                      policy = { hidden = [3] }\nppo = { memory = 100, rollout_steps = 4, epochs = 3, time_limit = 'bootstrap' }\n\
                       aip = { hidden = [5], batch = 8, epochs = 2, held_out = 0.5, dataset_steps = 40, \
                       retrain_every_steps = 500 }\nevaluation = { every_steps = 100, episodes = 3, final_episodes = 5 }";
         let sources = SourceSpec::bits(2);

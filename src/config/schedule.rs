@@ -27,7 +27,10 @@ pub enum AipTraining {
     IfDrifted,
 }
 
-/// Returns all periods of a run, in order.
+/// Returns all periods of a run, in order. The last one trains.
+///
+/// The policies are updated after every `ppo.memory` timesteps, so a period ends at the first update at or after its
+/// end. What would begin after the last update is left out: it would evaluate where the run ends with an evaluation.
 pub fn schedule(config: &Config) -> Vec<Period> {
     let last = config.last_step();
     let evaluate_every = config.evaluation.every_steps;
@@ -36,6 +39,7 @@ pub fn schedule(config: &Config) -> Vec<Period> {
     let mut bounds: BTreeSet<u64> = (0..last).step_by(evaluate_every as usize).collect();
     bounds.extend(retrain_every.iter().flat_map(|&every| (0..last).step_by(every as usize)));
     bounds.extend(config.checkpoints.every_steps.iter().flat_map(|&every| (0..last).step_by(every as usize)));
+    bounds.retain(|&start| start == 0 || trains(config, start, last));
     bounds.insert(last);
     let train_aips = |start: u64| match config.aip.retrain {
         _ if !trains_aips => AipTraining::No,
@@ -57,14 +61,19 @@ pub fn schedule(config: &Config) -> Vec<Period> {
 /// Returns the periods that remain when training has come to the end of a period, `until`.
 ///
 /// The schedule may have changed since then, so that `until` lies within a period. Then only the rest of this period is
-/// trained: what is done before a period belongs to its start.
+/// trained: what is done before a period belongs to its start. If nothing is left to train in it, it is left out.
 pub fn rest_of_schedule(config: &Config, until: u64) -> Vec<Period> {
     let mut rest = schedule(config);
-    rest.retain(|period| period.end > until);
+    rest.retain(|period| period.start >= until || trains(config, until, period.end));
     if let Some(first) = rest.first_mut().filter(|first| first.start < until) {
         *first = Period { start: until, evaluate: false, train_aips: AipTraining::No, ..*first };
     }
     rest
+}
+
+/// Returns whether there is an update of the policies between two bounds of periods.
+fn trains(config: &Config, start: u64, end: u64) -> bool {
+    start.checked_next_multiple_of(config.ppo.memory as u64).is_some_and(|steps| steps < end)
 }
 
 #[cfg(test)]
@@ -75,7 +84,7 @@ mod tests {
     fn config(simulator: &str, total: u64, retrain: u64, evaluate: u64) -> Config {
         toml::from_str(&format!(
             "simulator = '{simulator}'\ntotal_steps = {total}\n\
-             aip.retrain_every_steps = {retrain}\nevaluation.every_steps = {evaluate}\n\
+             aip.retrain_every_steps = {retrain}\nevaluation.every_steps = {evaluate}\nppo.memory = 10\n\
              [traffic]\nnetwork = 'n'\nlocal_network = 'l'"
         ))
         .unwrap()
@@ -148,6 +157,36 @@ mod tests {
         let mut config = config("dials", 1000, 1000, 100);
         config.stop_at_steps = Some(150);
         assert_eq!(bounds(&config), [(0, 100, true, true), (100, 150, false, true)]);
+    }
+
+    #[test]
+    fn the_last_period_trains_so_that_every_step_has_one_evaluation() {
+        for (total, expected) in [
+            // At step 200 training is at 256, the second update of 128 steps. Nothing of 200 to 256 is left to train.
+            (250, vec![(0, 100, true, true), (100, 250, false, true)]),
+            (256, vec![(0, 100, true, true), (100, 256, false, true)]),
+            (257, vec![(0, 100, true, true), (100, 200, false, true), (200, 257, false, true)]),
+            (1, vec![(0, 1, true, true)]),
+        ] {
+            let mut config = config("dials", total, 1000, 100);
+            config.ppo.memory = 128;
+            assert_eq!(bounds(&config), expected, "{total} steps");
+        }
+        let mut config = config("dials", 100_001, 100_000, 100_000);
+        config.ppo.memory = 128;
+        // 782 updates are 100 096 steps.
+        assert_eq!(bounds(&config), [(0, 100_001, true, true)]);
+    }
+
+    #[test]
+    fn a_run_that_goes_on_does_not_begin_with_a_period_that_trains_nothing() {
+        let mut config = config("dials", 300, 1000, 200);
+        config.ppo.memory = 128;
+        let last = Period { start: 200, end: 300, evaluate: true, train_aips: AipTraining::No };
+        // It stopped at step 150, where training is at 256: after the end of this period.
+        assert_eq!(rest_of_schedule(&config, 150), [last]);
+        config.stop_at_steps = Some(200);
+        assert_eq!(rest_of_schedule(&config, 150), []);
     }
 
     #[test]

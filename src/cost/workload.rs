@@ -86,6 +86,7 @@ mod tests {
         // Periods of 100 steps, an evaluation at the beginning of each, AIPs trained at 0 and at 500.
         let config: Config = toml::from_str(
             "total_steps = 1000\nwarehouse = { agents_per_side = 2, horizon = 10 }\nlocal_simulators = { copies = 3 }\n\
+             ppo = { memory = 100 }\n\
              aip = { epochs = 7, dataset_steps = 40, retrain_every_steps = 500 }\n\
              evaluation = { every_steps = 100, episodes = 3, final_episodes = 5 }",
         )

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, bail, ensure};
+use anyhow::{Context, Result, bail, ensure};
 
 use super::file::{PlannedBaseline, PlannedRun};
 use crate::config;
@@ -52,7 +52,8 @@ pub fn directory(folder: &Path, run: &PlannedRun) -> PathBuf {
     folder.join(&run.name)
 }
 
-/// Reads the progress of a planned run. A different run in its directory is an error.
+/// Reads the progress of a planned run. A different run in its directory is an error. So is one with files that no
+/// killed run leaves behind: only a person can say what became of them.
 pub fn stage(folder: &Path, run: &PlannedRun) -> Result<Stage> {
     let dir = directory(folder, run);
     if !is_run_dir(&dir) {
@@ -65,11 +66,17 @@ pub fn stage(folder: &Path, run: &PlannedRun) -> Result<Stage> {
             dir.display()
         );
     }
-    // Files that cannot be read were cut short. Resuming cuts them back to the checkpoint.
-    Ok(match RunRecord::read(&dir).map(|record| record.status()) {
-        Ok(Status::Finished) => Stage::Finished,
-        Ok(Status::Unfinished { steps }) => Stage::Begun { steps },
-        Ok(Status::Empty) | Err(_) => Stage::Begun { steps: 0 },
+    let record = RunRecord::read(&dir).with_context(|| {
+        format!(
+            "{}: this run cannot be read; `dials-traffic train --resume` with this directory goes back to a checkpoint \
+             that fits its files; or move the directory away, and the run is trained again",
+            dir.display()
+        )
+    })?;
+    Ok(match record.status() {
+        Status::Finished => Stage::Finished,
+        Status::Unfinished { steps } => Stage::Begun { steps },
+        Status::Empty => Stage::Begun { steps: 0 },
     })
 }
 

@@ -5,7 +5,8 @@ use std::process::Command;
 
 use anyhow::{Context, Result, ensure};
 
-use crate::terminal::{on_the_path, quoted};
+use crate::outside::quoted;
+use crate::terminal::on_the_path;
 
 /// Name of the program.
 pub(super) const SUMO_GUI: &str = "sumo-gui";

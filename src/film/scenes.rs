@@ -1,11 +1,9 @@
 //! Pictures of an episode that the domain draws itself.
 
-use std::fs::{self, File};
-use std::path::Path;
-
 use anyhow::{Result, ensure};
 
 use crate::domain::{Colour, Scene};
+use crate::outside::Directory;
 
 /// Pixels per unit of a scene.
 const SCALE: usize = 16;
@@ -13,14 +11,15 @@ const SCALE: usize = 16;
 const STEP_TIME: u16 = 20;
 
 /// Writes `step_NNN.svg` for every scene, and `episode.gif`, into `dir`.
-pub fn write(scenes: &[Scene], dir: &Path) -> Result<()> {
+pub fn write(scenes: &[Scene], dir: &Directory) -> Result<()> {
     for (step, scene) in scenes.iter().enumerate() {
-        fs::write(dir.join(format!("step_{step:03}.svg")), scene.to_svg(SCALE as f32))?;
+        dir.put(&format!("step_{step:03}.svg"), scene.to_svg(SCALE as f32).as_bytes())?;
     }
-    animate(scenes, &dir.join("episode.gif"))
+    dir.put("episode.gif", &animate(scenes)?)
 }
 
-fn animate(scenes: &[Scene], path: &Path) -> Result<()> {
+/// Returns an animation of the scenes as the bytes of a GIF.
+fn animate(scenes: &[Scene]) -> Result<Vec<u8>> {
     let frames: Vec<(usize, usize, Vec<Colour>)> = scenes.iter().map(|scene| scene.to_pixels(SCALE)).collect();
     let (width, height) = (frames[0].0, frames[0].1);
     let mut palette: Vec<Colour> = frames.iter().flat_map(|(_, _, pixels)| pixels.iter().copied()).collect();
@@ -28,8 +27,8 @@ fn animate(scenes: &[Scene], path: &Path) -> Result<()> {
     palette.dedup();
     ensure!(palette.len() <= 256, "{} colours, but a GIF holds at most 256", palette.len());
     let colours: Vec<u8> = palette.iter().flat_map(|colour| colour.0).collect();
-    let file = File::create(path)?;
-    let mut encoder = gif::Encoder::new(file, width as u16, height as u16, &colours)?;
+    let mut bytes = Vec::new();
+    let mut encoder = gif::Encoder::new(&mut bytes, width as u16, height as u16, &colours)?;
     encoder.set_repeat(gif::Repeat::Infinite)?;
     for (_, _, pixels) in &frames {
         let indices: Vec<u8> = pixels
@@ -41,5 +40,6 @@ fn animate(scenes: &[Scene], path: &Path) -> Result<()> {
         frame.buffer = indices.into();
         encoder.write_frame(&frame)?;
     }
-    Ok(())
+    drop(encoder);
+    Ok(bytes)
 }

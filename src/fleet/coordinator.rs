@@ -18,6 +18,7 @@ use crate::base::AgentId;
 use crate::config::{Config, Simulator};
 use crate::domain::Domain;
 use crate::training::answers::WorkerLoad;
+use crate::training::fits::{Fit, Widths};
 use crate::training::observer::{Interrupted, Observer};
 use crate::training::state::AgentsState;
 
@@ -43,6 +44,8 @@ pub struct Options {
 pub struct Coordinator<C: Crew> {
     pub(super) domain: Arc<dyn Domain>,
     pub(super) config: Config,
+    /// Sizes of what the workers say.
+    widths: Widths,
     crew: C,
     options: Options,
     pub(super) observer: Rc<dyn Observer>,
@@ -78,6 +81,7 @@ impl<C: Crew> Coordinator<C> {
         let mut fleet = Coordinator {
             workers: (0..options.workers).map(slot).collect(),
             agents: AgentsState::nobody(),
+            widths: Widths::of(config, domain.kinds()),
             domain,
             config: config.clone(),
             crew,
@@ -181,8 +185,8 @@ impl<C: Crew> Coordinator<C> {
     /// Returns an error if a message of a worker cannot be right.
     fn check(&self, worker: usize, report: &WorkerReport, open: &BTreeMap<usize, Task>) -> Result<()> {
         let agents = self.workers[worker].agents.clone();
-        let speaker = Speaker { config: &self.config, kinds: self.domain.kinds(), agents };
-        speaker.check(report, open.get(&worker).map(|task| task.frames.expected))
+        let fit = Fit { config: &self.config, kinds: self.domain.kinds(), widths: &self.widths, agents };
+        Speaker(fit).check(report, open.get(&worker).map(|task| task.frames.expected))
     }
 
     /// Processes a message of a worker; returns its answer if it is one.

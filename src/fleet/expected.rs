@@ -1,19 +1,17 @@
 //! What a worker may say. The coordinator puts answers together by their sizes, so it checks these first: a worker that
 //! says what cannot be right is lost, like one that dies.
 
-use std::ops::{Range, RangeInclusive};
 use std::time::Duration;
 
 use anyhow::{Result, ensure};
 
 use super::message::{Answer, Order, WorkerReport};
-use crate::base::{AgentId, Ragged};
-use crate::config::{Config, Simulator};
-use crate::domain::{Kinds, Measures, RegionSpec};
+use crate::domain::{Measures, RegionSpec};
 use crate::evaluation::EpisodeReport;
-use crate::influence::{Dataset, layout};
-use crate::policy::{Demonstrations, PolicyStack};
+use crate::influence::Dataset;
+use crate::policy::Demonstrations;
 use crate::training::answers::{PolicyTraining, WorkerLoad};
+use crate::training::fits::Fit;
 use crate::training::state::AgentsState;
 
 /// Longest time that a worker may report, about ten years.
@@ -62,12 +60,8 @@ impl Expected {
     }
 }
 
-/// A run and the agents of one worker, by which its words are checked.
-pub struct Speaker<'a> {
-    pub config: &'a Config,
-    pub kinds: &'a Kinds,
-    pub agents: Range<usize>,
-}
+/// The agents of one worker, by which its words are checked.
+pub struct Speaker<'a>(pub Fit<'a>);
 
 impl Speaker<'_> {
     /// Returns an error if a report cannot be right. `expected`: what its open order must be answered by, if it has one.
@@ -100,17 +94,13 @@ impl Speaker<'_> {
 
     fn check_answer(&self, answer: &Answer, expected: Option<Expected>) -> Result<()> {
         match (answer, expected) {
-            (Answer::State(state), Some(Expected::State)) => {
-                self.check_state(state, 0..=0)?;
-                ensure!(state.moments.steps == 0, "its optimisers have made steps already");
-                Ok(())
-            }
+            (Answer::State(state), Some(Expected::State)) => self.check_state(state, 0),
             (Answer::Demonstrated(demonstrations), Some(Expected::Demonstrations { episodes })) => {
                 self.check_demonstrations(demonstrations, episodes)
             }
             (Answer::Imitated { losses, policies }, Some(Expected::Imitated)) => {
-                ensure!(losses.len() == self.agents.len(), "{} of its agents have imitated", losses.len());
-                self.check_table("policies", policies, self.policy_widths())
+                ensure!(losses.len() == self.0.agents.len(), "{} of its agents have imitated", losses.len());
+                self.0.check_policies("policies", policies)
             }
             (Answer::Collected(datasets), Some(Expected::Datasets { episodes })) => {
                 self.check_datasets(datasets, episodes)
@@ -120,14 +110,14 @@ impl Speaker<'_> {
                     let lengths = loss.training.iter().chain(&loss.held_out).chain([&loss.marginals]).map(Vec::len);
                     lengths.chain([loss.frequencies.len()]).collect()
                 }))?;
-                self.check_table("AIPs", aips, self.aip_widths())
+                self.0.check_aips("aips", aips)
             }
             (Answer::AipsMeasured(losses), Some(Expected::AipsMeasured)) => {
                 self.check_losses(losses.iter().map(|loss| vec![loss.predictor.len(), loss.marginals.len()]))
             }
             (Answer::PoliciesTrained { training, state }, Some(Expected::PoliciesTrained { end })) => {
                 self.check_training(training)?;
-                self.check_state(state, end..=self.last_update(end))
+                self.check_state(state, self.last_update(end))
             }
             (Answer::Evaluated(reports), Some(Expected::Reports { episodes })) => self.check_reports(reports, episodes),
             (_, None) => anyhow::bail!("it answered without an order"),
@@ -135,62 +125,21 @@ impl Speaker<'_> {
         }
     }
 
-    /// Returns the last step that a period may end at: its last update may begin just before `end`.
+    /// Returns the step at which a period ends: that of the first update at or after `end`.
     fn last_update(&self, end: u64) -> u64 {
-        end.saturating_add(self.config.ppo.memory as u64)
+        end.checked_next_multiple_of(self.0.config.ppo.memory as u64).unwrap_or(u64::MAX)
     }
 
-    fn specs(&self) -> impl Iterator<Item = &RegionSpec> {
-        self.agents.clone().map(|agent| &self.kinds.of(AgentId(agent)).spec)
-    }
-
-    fn policy_widths(&self) -> Vec<usize> {
-        self.specs().map(|spec| PolicyStack::shape(spec, &self.config.policy).layout().width()).collect()
-    }
-
-    fn aip_widths(&self) -> Vec<usize> {
-        self.specs().map(|spec| layout(self.config.predictor(), spec, &self.config.aip).width()).collect()
-    }
-
-    fn check_table(&self, name: &str, table: &Ragged<f32>, widths: Vec<usize>) -> Result<()> {
-        ensure!(table.widths().eq(widths), "its {name} have another shape than those of its agents");
-        Ok(())
-    }
-
-    fn check_state(&self, state: &AgentsState, steps: RangeInclusive<u64>) -> Result<()> {
-        ensure!(steps.contains(&state.steps), "its agents are at step {}, not at {}", state.steps, steps.start());
-        self.check_table("policies", &state.policies, self.policy_widths())?;
-        self.check_table("moments", &state.moments.first, self.policy_widths())?;
-        self.check_table("moments", &state.moments.second, self.policy_widths())?;
-        self.check_table("AIPs", &state.aips, self.aip_widths())?;
-        ensure!(state.streams.len() == self.agents.len(), "it has {} streams of training", state.streams.len());
-        let global = self.config.simulator == Simulator::Global;
-        for (spec, stream) in self.specs().zip(&state.streams) {
-            ensure!(stream.rows.len() == self.config.copies(), "an agent has {} copies", stream.rows.len());
-            let width = PolicyStack::shape(spec, &self.config.policy).state_width();
-            let sources = if global { 0 } else { spec.sources.count() };
-            for row in &stream.rows {
-                let trail = &row.trail;
-                ensure!(row.state.len() == width, "a hidden state has {} values, not {width}", row.state.len());
-                ensure!(trail.steps() <= spec.horizon, "an episode has {} steps", trail.steps());
-                ensure!(
-                    trail.sources.len() == trail.steps() * sources,
-                    "an episode of {} steps has {} sources",
-                    trail.steps(),
-                    trail.sources.len()
-                );
-                let known = trail.actions.iter().all(|&action| usize::from(action) < spec.n_actions);
-                ensure!(known, "an action is not one of {}", spec.n_actions);
-            }
-        }
-        Ok(())
+    fn check_state(&self, state: &AgentsState, steps: u64) -> Result<()> {
+        ensure!(state.steps == steps, "its agents are at step {}, not at {steps}", state.steps);
+        self.0.check(state)
     }
 
     /// Checks the datasets of all agents, not only those of the worker.
     fn check_datasets(&self, datasets: &[Dataset], episodes: usize) -> Result<()> {
-        let agents = self.kinds.agents();
+        let agents = self.0.kinds.agents();
         ensure!(datasets.len() == agents, "it made {} datasets, not {agents}", datasets.len());
-        for (agent, (dataset, spec)) in datasets.iter().zip(self.kinds.specs()).enumerate() {
+        for (agent, (dataset, spec)) in datasets.iter().zip(self.0.kinds.specs()).enumerate() {
             let Dataset { d_sets, sources, horizon } = dataset;
             let samples = episodes * spec.horizon;
             let shapes = (d_sets.width(), sources.width(), *horizon);
@@ -208,9 +157,9 @@ impl Speaker<'_> {
 
     /// Checks the demonstrations of all agents, not only those of the worker.
     fn check_demonstrations(&self, demonstrations: &[Demonstrations], episodes: usize) -> Result<()> {
-        let agents = self.kinds.agents();
+        let agents = self.0.kinds.agents();
         ensure!(demonstrations.len() == agents, "it made demonstrations of {} agents", demonstrations.len());
-        for (agent, (made, spec)) in demonstrations.iter().zip(self.kinds.specs()).enumerate() {
+        for (agent, (made, spec)) in demonstrations.iter().zip(self.0.kinds.specs()).enumerate() {
             let samples = episodes * spec.horizon;
             ensure!(
                 made.fits(spec, samples),
@@ -222,20 +171,20 @@ impl Speaker<'_> {
 
     /// Checks the numbers of losses of every agent: one per influence source.
     fn check_losses(&self, losses: impl ExactSizeIterator<Item = Vec<usize>>) -> Result<()> {
-        ensure!(losses.len() == self.agents.len(), "it measured the AIPs of {} agents", losses.len());
+        ensure!(losses.len() == self.0.agents.len(), "it measured the AIPs of {} agents", losses.len());
         let fits = |(spec, lengths): (&RegionSpec, Vec<usize>)| lengths.iter().all(|&it| it == spec.sources.count());
-        ensure!(self.specs().zip(losses).all(fits), "it measured other influence sources than its agents have");
+        ensure!(self.0.specs().zip(losses).all(fits), "it measured other influence sources than its agents have");
         Ok(())
     }
 
     fn check_training(&self, training: &PolicyTraining) -> Result<()> {
-        ensure!(training.agents.len() == self.agents.len(), "it trained {} agents", training.agents.len());
+        ensure!(training.agents.len() == self.0.agents.len(), "it trained {} agents", training.agents.len());
         Ok(())
     }
 
     fn check_reports(&self, reports: &[EpisodeReport], episodes: usize) -> Result<()> {
         ensure!(reports.len() == episodes, "it played {} episodes, not {episodes}", reports.len());
-        let agents = self.kinds.agents();
+        let agents = self.0.kinds.agents();
         for EpisodeReport { returns, measures } in reports {
             ensure!(
                 returns.len() == agents && measures.per_agent.iter().all(|(_, values)| values.len() == agents),

@@ -315,6 +315,12 @@ fn lies() -> Vec<WorkerReport> {
     let slow = WorkerLoad { timesheet: Timesheet::of_cpu(Duration::MAX), footprint: Footprint::default() };
     let large = Footprint { peak_rss_kib: u64::MAX, pss_kib: u64::MAX };
     let wide = Ragged::from_vec(vec![0.0; 3], [3]).unwrap();
+    // Agent 1 after the first period. Each of these has the right sizes.
+    let trained = |change: fn(&mut AgentsState)| {
+        let mut state = undisturbed().1.0.expect("there is a first period").0.share([1]);
+        change(&mut state);
+        said(Answer::PoliciesTrained { training: training(vec![agent]), state })
+    };
     vec![
         WorkerReport::Trained { steps: u64::MAX },
         WorkerReport::Busy { activity: Activity::Evaluation, share: f64::NAN },
@@ -332,6 +338,8 @@ fn lies() -> Vec<WorkerReport> {
         said(Answer::Evaluated(vec![report(&[0.5, f64::NAN]); 2])),
         done(Answer::Ready, slow),
         done(Answer::Ready, WorkerLoad { footprint: large, ..WorkerLoad::default() }),
+        trained(|state| state.moments.steps += 1),
+        trained(|state| state.streams[0].rows[0].trail.sources.fill(200)),
     ]
 }
 
@@ -348,6 +356,18 @@ fn a_worker_that_says_what_cannot_be_right_is_replaced_and_the_numbers_stay() {
         assert!(outcome.unwrap() == expected, "lies {numbers:?} at frame {at}");
         let warned = |warning: &String| warning.starts_with("worker 1 (agent 1) sent what cannot be right (");
         assert!(warnings.len() == 2 && warnings.iter().all(warned), "lies {numbers:?} at {at}: {warnings:?}");
+    }
+}
+
+#[test]
+fn a_state_to_which_training_does_not_lead_is_not_believed() {
+    let last = lies().len() - 1;
+    let lies = [(13, Fate::Lies(last - 1)), (2, Fate::Lies(last))];
+    let (outcome, warnings) = train(crew(true, [&[], &lies]));
+    assert!(outcome.unwrap() == undisturbed().0);
+    assert_eq!(warnings.len(), 2, "{warnings:?}");
+    for (warning, what) in warnings.iter().zip(["its optimiser has made", "an influence source has the value 200"]) {
+        assert!(warning.contains(what), "{warning}");
     }
 }
 

@@ -1,13 +1,16 @@
 //! Why a process of this program aborted.
 
+use super::processes::option_for_processes;
+use super::way_out::LessMemory;
+
 /// Returns why a process ended by signal 6, from its last lines.
-pub fn why_aborted(log: &str) -> &'static str {
+pub fn why_aborted(log: &str) -> String {
     if log.contains("bad_alloc") || log.contains("memory allocation of ") {
-        "out of memory; take fewer --workers or a smaller local_simulators.copies"
+        format!("out of memory; {}", LessMemory(option_for_processes()))
     } else if log.contains("ssertion") {
-        "an assertion inside SUMO or another library"
+        "an assertion inside SUMO or another library".to_owned()
     } else {
-        "aborted; its log may say why"
+        "aborted; its log may say why".to_owned()
     }
 }
 

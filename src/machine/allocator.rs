@@ -6,7 +6,9 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::io::Write;
 use std::os::fd::AsFd;
 
+use super::processes::option_for_processes;
 use super::signals::end_now;
+use super::way_out::LessMemory;
 
 /// The allocator that `main` registers.
 pub struct Allocator;
@@ -50,8 +52,8 @@ fn refused(size: usize) -> ! {
     let mut rest = &mut line[..];
     let _ = writeln!(
         rest,
-        "error: out of memory: the system refused {size} more bytes\n  way out: take fewer --workers or a smaller \
-         local_simulators.copies, or raise the limit (ulimit -v)"
+        "error: out of memory: the system refused {size} more bytes\n  way out: {}",
+        LessMemory(option_for_processes())
     );
     let left = rest.len();
     // The file itself, because the lock of standard error may be held.

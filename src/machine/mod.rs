@@ -2,18 +2,24 @@
 //!
 //! - `aborts`: why a process of this program aborted.
 //! - `allocator`: memory that the system refuses ends the process with an error, not with an abort.
+//! - `memory`: a process that reads what may be endless gets a limit on its memory.
 //! - `open_files`: the limit on open files is raised where a command needs many.
+//! - `processes`: the option that says how many processes a command starts.
 //! - `signals`: a file that reaches its limit is an error of the write, not the death of the process.
 //! - `way_out`: what a person can do about an error of the system.
 
 mod aborts;
 mod allocator;
+mod memory;
 mod open_files;
+mod processes;
 mod signals;
 mod way_out;
 
 pub use aborts::why_aborted;
 pub use allocator::Allocator;
+pub use memory::limit_memory;
 pub use open_files::allow_open_files;
+pub use processes::note_option_for_processes;
 pub use signals::{end_now, survive_full_files};
 pub use way_out::way_out;

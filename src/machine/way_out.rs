@@ -1,9 +1,12 @@
 //! What a person can do about an error of the system.
 
+use std::fmt;
+
 use rustix::io::Errno;
 use rustix::process::{Resource, getrlimit};
 
 use super::open_files::allowed_open_files;
+use super::processes::option_for_processes;
 
 const AGAIN: i32 = Errno::AGAIN.raw_os_error();
 const NOMEM: i32 = Errno::NOMEM.raw_os_error();
@@ -20,20 +23,26 @@ const DQUOT: i32 = Errno::DQUOT.raw_os_error();
 ///
 /// The text is searched, because errors of workers and of libraries arrive as text.
 pub fn way_out(message: &str) -> Option<String> {
+    way_out_with(message, option_for_processes())
+}
+
+/// Returns [`way_out`] for a command with this option for the number of its processes.
+fn way_out_with(message: &str, option: Option<&str>) -> Option<String> {
     Some(match error_number(message)? {
         AGAIN => format!(
-            "no more processes or threads are allowed{} (ulimit -u); end other programs, or take fewer --workers",
-            limit(Resource::Nproc, 1, "")
+            "no more processes or threads are allowed{} (ulimit -u); end other programs, or {}",
+            limit(Resource::Nproc, 1, ""),
+            option.map_or("raise the limit".to_owned(), |option| format!("take fewer {option}"))
         ),
-        NOMEM => "memory is exhausted; take fewer --workers or a smaller local_simulators.copies, or raise the limit \
-               (ulimit -v)"
-            .to_owned(),
+        NOMEM => format!("memory is exhausted; {}", LessMemory(option)),
         PERM | ACCESS => "check with `ls -ld` who may read and write there, or name another place".to_owned(),
         NFILE => "all programs together have too many files open (fs.file-max); end other programs".to_owned(),
         MFILE => format!(
-            "a process may have {} files open (ulimit -n), and a run needs about 32 and one more per worker; raise the \
-             limit, for example with `ulimit -n 4096`, or take fewer --workers",
-            allowed_open_files()
+            "a process may have {} files open (ulimit -n), and this command needs about 32{}; raise the limit, for \
+             example with `ulimit -n 4096`{}",
+            allowed_open_files(),
+            option.map_or("", |_| " and a few more for each process that it starts"),
+            option.map_or(String::new(), |option| format!(", or take fewer {option}"))
         ),
         FBIG => {
             format!("a file may not grow further{} (ulimit -f); raise the limit", limit(Resource::Fsize, 1024, " KiB"))
@@ -43,6 +52,20 @@ pub fn way_out(message: &str) -> Option<String> {
         DQUOT => "your quota of this disk is used up (`quota -s`); remove files, or name another place".to_owned(),
         _ => return None,
     })
+}
+
+/// What to do about exhausted memory, in a command with this option for the number of its processes. Showing it takes no
+/// memory.
+pub(super) struct LessMemory<'a>(pub Option<&'a str>);
+
+impl fmt::Display for LessMemory<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            Some(option) => write!(f, "take fewer {option} or a smaller local_simulators.copies")?,
+            None => f.write_str("end other programs")?,
+        }
+        f.write_str(", or raise the limit (ulimit -v)")
+    }
 }
 
 /// Returns ` than N`, or nothing if there is no limit.
@@ -76,6 +99,11 @@ mod tests {
         ] {
             let message = format!("run.json: cannot be written: {} at path \"/x\"", Error::from_raw_os_error(number));
             assert!(way_out(&message).unwrap().contains(way), "{message}");
+        }
+        for number in [AGAIN, NOMEM, MFILE] {
+            let told = |option| way_out_with(&Error::from_raw_os_error(number).to_string(), option).unwrap();
+            assert!(told(Some("--cores")).contains("take fewer --cores"), "{}", told(Some("--cores")));
+            assert!(!told(None).contains("--") && told(None).contains("raise the limit"), "{}", told(None));
         }
         assert_eq!(way_out(&format!("x: {}", Error::from_raw_os_error(2))), None);
         assert_eq!(way_out("run.json: is no JSON"), None);

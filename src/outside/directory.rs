@@ -1,26 +1,23 @@
 //! A directory that others can reach too. It is opened once, and its files are reached through it alone.
 //!
-//! Its path may lead elsewhere in the meantime, and a file in it may have been replaced by a link. So no file is
-//! opened, replaced or removed by its path, and none but a regular file with one name.
+//! Its path may lead elsewhere in the meantime, and a directory in it may have been replaced by a link.
 
 use std::ffi::{OsStr, OsString};
-use std::fs::File;
-use std::io::{Read, Write};
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
 use std::os::unix::ffi::OsStrExt;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread;
 use std::time::Duration;
 
 use anyhow::{Context, Error, Result, anyhow, bail};
 use rustix::fs::{
-    AtFlags, CWD, Dir, FileType, FlockOperation, Mode, OFlags, Stat, flock, fstat, mkdirat, openat, renameat, stat,
-    statat, unlinkat,
+    AtFlags, CWD, Dir, FileType, FlockOperation, Mode, OFlags, Stat, flock, fstat, mkdirat, openat, stat, statat,
+    unlinkat,
 };
 use rustix::io::Errno;
 
-use super::staged::staged_name;
+use super::own_files::single;
 
 /// Time between two attempts to lock a directory. A reader who asks whether it is locked holds it for a moment.
 const AGAIN: Duration = Duration::from_millis(20);
@@ -33,6 +30,11 @@ pub struct Directory {
     /// Path by which it was opened, for messages.
     path: PathBuf,
 }
+
+/// The error if another process writes a run. It passes: the same command works when that process has ended.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: another process is writing this run; wait until it has ended, or name another directory", .0.display())]
+pub struct Busy(pub PathBuf);
 
 /// Where an opened directory is now.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -62,7 +64,7 @@ impl Directory {
                 return Ok(directory);
             } // Otherwise it was moved aside before it was locked.
         }
-        bail!("{}: another process is writing this run", path.display())
+        Err(Busy(path.to_owned()).into())
     }
 
     /// Tries to lock the directory. Returns whether this process may write there.
@@ -70,7 +72,7 @@ impl Directory {
         match flock(&self.opened, FlockOperation::NonBlockingLockExclusive) {
             Ok(()) => Ok(true),
             Err(Errno::WOULDBLOCK) => Ok(false),
-            Err(error) => Err(error).with_context(|| format!("{}: cannot be locked", self.path.display())),
+            Err(error) => Err(cannot_be_locked(error, &self.path)),
         }
     }
 
@@ -98,7 +100,7 @@ impl Directory {
         if here(&self.path) {
             return Whereabouts::InPlace;
         }
-        match std::fs::read_link(self.own_path(&self.opened)) {
+        match std::fs::read_link(self.reached_while_open()) {
             Ok(place) if here(&place) => Whereabouts::Moved(place),
             _ => Whereabouts::Removed,
         }
@@ -164,94 +166,6 @@ impl Directory {
         made.with_context(|| format!("{}: was removed while it was made", self.path_of(name).display()))
     }
 
-    /// Checks that nothing but a regular file with one name stands at `name`, if anything does.
-    pub fn check(&self, name: &str) -> Result<()> {
-        match statat(&self.opened, single(name)?, AtFlags::SYMLINK_NOFOLLOW) {
-            Ok(stat) => check_own(&stat, &self.path_of(name)),
-            Err(Errno::NOENT) => Ok(()),
-            Err(error) => Err(self.failed(error.into(), name, "cannot be read")),
-        }
-    }
-
-    /// Opens a file for reading; `None` if there is none.
-    pub fn open_file(&self, name: &str) -> Result<Option<File>> {
-        match self.open_own(name, OFlags::RDONLY) {
-            Ok(file) => Ok(Some(file)),
-            Err(error) if is_not_found(&error) => Ok(None),
-            Err(error) => Err(error),
-        }
-    }
-
-    /// Reads a whole file of at most `at_most` bytes; `None` if there is none.
-    pub fn read(&self, name: &str, at_most: u64) -> Result<Option<Vec<u8>>> {
-        let Some(file) = self.open_file(name)? else { return Ok(None) };
-        let mut bytes = Vec::new();
-        let failed = || format!("{}: cannot be read", self.path_of(name).display());
-        file.take(at_most.saturating_add(1)).read_to_end(&mut bytes).with_context(failed)?;
-        if bytes.len() as u64 > at_most {
-            bail!("{}: has more than {at_most} bytes, the limit", self.path_of(name).display());
-        }
-        Ok(Some(bytes))
-    }
-
-    /// Opens a file to append to and to read from, and makes it if there is none.
-    pub fn open_to_append(&self, name: &str) -> Result<File> {
-        self.open_own(name, OFlags::RDWR | OFlags::APPEND | OFlags::CREATE)
-    }
-
-    /// Opens a file to append to and to read from. If there is none, this is an error.
-    pub fn open_to_go_on(&self, name: &str) -> Result<File> {
-        self.open_own(name, OFlags::RDWR | OFlags::APPEND)
-    }
-
-    /// Opens a new, empty file in the place of `name`.
-    pub fn open_anew(&self, name: &str) -> Result<File> {
-        let file = self.open_own(name, OFlags::RDWR | OFlags::CREATE)?;
-        file.set_len(0).with_context(|| format!("{}: cannot be written", self.path_of(name).display()))?;
-        Ok(file)
-    }
-
-    /// Replaces a file. Readers see the old file or the new one, never a part, also after a loss of power.
-    pub fn write(&self, name: &str, bytes: &[u8]) -> Result<()> {
-        self.write_with(name, |_, mut file| Ok(file.write_all(bytes)?))
-    }
-
-    /// Does the same as [`Directory::write`], with a `write` that gets a file beside the place, and its path.
-    pub fn write_with(&self, name: &str, write: impl FnOnce(&Path, &File) -> Result<()>) -> Result<()> {
-        self.check(name)?;
-        let (beside, file) = self.open_beside(name)?;
-        let placed = write(&self.own_path(&file), &file)
-            .and_then(|()| Ok(file.sync_all()?))
-            .and_then(|()| Ok(renameat(&self.opened, &beside, &self.opened, name)?));
-        if let Err(error) = placed {
-            // If this fails too, the next one who locks the directory sweeps it.
-            let _ = unlinkat(&self.opened, &beside, AtFlags::empty());
-            return Err(self.failed(error, name, "cannot be written"));
-        }
-        self.sync()
-    }
-
-    /// Makes a file under a temporary name.
-    fn open_beside(&self, name: &str) -> Result<(String, File)> {
-        let flags = OFlags::RDWR | OFlags::CREATE | OFlags::EXCL | OFlags::NOFOLLOW | OFlags::CLOEXEC;
-        loop {
-            let beside = staged_name();
-            match openat(&self.opened, &beside, flags, Mode::from(0o666)) {
-                Ok(file) => return Ok((beside, File::from(file))),
-                Err(Errno::EXIST) => {}
-                Err(error) => return Err(self.failed(error.into(), name, "cannot be written")),
-            }
-        }
-    }
-
-    /// Removes a file or a link, never what a link leads to. If there is none, nothing happens.
-    pub fn remove(&self, name: &str) -> Result<()> {
-        match unlinkat(&self.opened, single(name)?, AtFlags::empty()) {
-            Ok(()) | Err(Errno::NOENT) => Ok(()),
-            Err(error) => Err(self.failed(error.into(), name, "cannot be removed")),
-        }
-    }
-
     /// Makes all files in this directory and below durable.
     pub fn sync_tree(&self) -> Result<()> {
         for name in self.names()? {
@@ -298,32 +212,17 @@ impl Directory {
         fstat(&self.opened).with_context(|| format!("{}: cannot be read", self.path.display()))
     }
 
-    fn open_own(&self, name: &str, how: OFlags) -> Result<File> {
-        self.check(name)?;
-        // Opening a pipe waits for its other end, but for this flag.
-        let flags = how | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
-        let file = match openat(&self.opened, single(name)?, flags, Mode::from(0o666)) {
-            Ok(file) => File::from(file),
-            Err(error) => {
-                self.check(name)?; // It was replaced in between.
-                return Err(self.failed(error.into(), name, "cannot be opened"));
-            }
-        };
-        check_own(&fstat(&file)?, &self.path_of(name))?;
-        Ok(file)
-    }
-
     /// Returns the error of an operation. If the directory itself has gone, the error says so instead.
-    fn failed(&self, error: Error, name: &str, what: &str) -> Error {
+    pub(super) fn failed(&self, error: Error, name: &str, what: &str) -> Error {
         match self.check_in_place() {
             Err(gone) => gone,
             Ok(()) => error.context(format!("{}: {what}", self.path_of(name).display())),
         }
     }
 
-    /// Returns a path that leads to an opened file as long as it is open.
-    fn own_path(&self, file: impl AsFd) -> PathBuf {
-        PathBuf::from(format!("/proc/self/fd/{}", file.as_fd().as_raw_fd()))
+    /// Returns a path by which this process reaches the directory as long as it is open, wherever it is moved.
+    pub(super) fn reached_while_open(&self) -> PathBuf {
+        PathBuf::from(format!("/proc/self/fd/{}", self.opened.as_raw_fd()))
     }
 }
 
@@ -333,110 +232,26 @@ impl AsFd for Directory {
     }
 }
 
-/// Returns a name that leads nowhere but to an entry of a directory itself.
-fn single(name: &str) -> Result<&str> {
-    let mut parts = Path::new(name).components();
-    match (parts.next(), parts.next()) {
-        (Some(Component::Normal(part)), None) if part == name => Ok(name),
-        _ => Err(anyhow!("{name:?}: is not the name of a file in a directory; choose one without `/`")),
+/// Returns the error about a directory that could not be locked.
+fn cannot_be_locked(error: Errno, path: &Path) -> Error {
+    let place = path.display();
+    match error {
+        // What the file systems of Linux answer that keep no locks, among them some of networks and of containers.
+        Errno::NOLCK | Errno::NOSYS | Errno::OPNOTSUPP | Errno::INVAL | Errno::BADF => {
+            let way_out = "use a directory on another file system, or mount this one with locks";
+            anyhow!(error).context(format!("{place}: its file system cannot lock directories; {way_out}"))
+        }
+        _ => anyhow!(error).context(format!("{place}: cannot be locked")),
     }
-}
-
-/// Checks that a file is reached by its name alone, so that nobody else's file is written.
-fn check_own(stat: &Stat, path: &Path) -> Result<()> {
-    let what = match FileType::from_raw_mode(stat.st_mode) {
-        FileType::RegularFile if stat.st_nlink <= 1 => return Ok(()),
-        FileType::RegularFile => format!("has {} names (hard links)", stat.st_nlink),
-        FileType::Symlink => "is a link".to_owned(),
-        _ => "is not a regular file".to_owned(),
-    };
-    bail!(
-        "{}: {what}, and this program uses only files of its own here: move it away, and put a copy of the file in its \
-         place if it is needed",
-        path.display()
-    )
-}
-
-fn is_not_found(error: &Error) -> bool {
-    error.downcast_ref::<Errno>() == Some(&Errno::NOENT)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use std::fs;
-    use std::os::unix::fs::{PermissionsExt, symlink};
-
-    use rustix::fs::mknodat;
 
     fn error<T>(outcome: Result<T>) -> String {
         format!("{:#}", outcome.err().expect("it is refused"))
-    }
-
-    #[test]
-    fn nothing_but_a_file_of_its_own_is_opened_or_replaced() {
-        let dir = tempfile::tempdir().unwrap();
-        let (directory, outside) = (Directory::open(dir.path()).unwrap(), tempfile::NamedTempFile::new().unwrap());
-        fs::write(outside.path(), "precious").unwrap();
-        let path = |name: &str| dir.path().join(name);
-        symlink(outside.path(), path("link")).unwrap();
-        symlink("/nowhere/at/all", path("broken")).unwrap();
-        fs::write(path("file"), "x").unwrap();
-        fs::hard_link(path("file"), path("second")).unwrap();
-        mknodat(CWD, path("pipe"), FileType::Fifo, 0o600.into(), 0).unwrap();
-        for (name, what) in [
-            ("link", "link: is a link"),
-            ("broken", "broken: is a link"),
-            ("second", "second: has 2 names (hard links)"),
-            ("pipe", "pipe: is not a regular file"),
-        ] {
-            let errors = [
-                error(directory.check(name)),
-                error(directory.open_file(name)),
-                error(directory.open_to_append(name)),
-                error(directory.open_anew(name)),
-                error(directory.write(name, b"new")),
-            ];
-            for error in errors {
-                assert!(error.contains(what) && error.contains("move it away"), "{error}");
-            }
-        }
-        symlink(outside.path().parent().unwrap(), path("folder")).unwrap();
-        assert!(error(directory.make_subdirectory("folder")).contains("folder: is a link"));
-        directory.remove("link").unwrap();
-        assert!(outside.path().exists() && !path("link").exists() && path("pipe").exists());
-        assert_eq!(fs::read(outside.path()).unwrap(), b"precious");
-        assert_eq!(fs::read(path("file")).unwrap(), b"x");
-    }
-
-    #[test]
-    fn a_name_leads_nowhere_else() {
-        let dir = tempfile::tempdir().unwrap();
-        let directory = Directory::open(dir.path()).unwrap();
-        for name in ["", ".", "..", "a/b", "../a", "/etc/passwd", "a/"] {
-            assert!(error(directory.write(name, b"x")).contains("is not the name of a file"), "{name}");
-        }
-        assert_eq!(directory.names().unwrap(), [""; 0]);
-    }
-
-    #[test]
-    fn a_file_is_replaced_as_a_whole_or_not_at_all() {
-        let dir = tempfile::tempdir().unwrap();
-        let directory = Directory::open(dir.path()).unwrap();
-        fs::write(dir.path().join("plain"), "").unwrap();
-        directory.write("a", b"old").unwrap();
-        let mode = |name: &str| fs::metadata(dir.path().join(name)).unwrap().permissions().mode();
-        assert_eq!(mode("a"), mode("plain"), "the umask decides who may read it");
-        let torn = directory.write_with("a", |beside, mut file| {
-            file.write_all(b"ne")?;
-            assert_eq!(fs::read(beside)?, b"ne", "it can be written by its path, too");
-            Ok(fs::write("/dev/full", "w")?)
-        });
-        assert!(error(torn).contains("a: cannot be written: No space left on device"));
-        assert_eq!(directory.read("a", 3).unwrap().unwrap(), b"old");
-        assert!(error(directory.read("a", 2)).contains("a: has more than 2 bytes, the limit"));
-        assert_eq!(directory.read("b", 3).unwrap(), None);
-        assert_eq!(directory.names().unwrap(), ["a", "plain"], "no temporary file remains");
     }
 
     #[test]
@@ -456,5 +271,14 @@ mod tests {
         fs::remove_dir_all(place("elsewhere")).unwrap();
         assert!(error(directory.write("a", b"x")).contains("run: was removed while this run was written"));
         assert!(error(directory.open_to_append("a")).contains("run: was removed while this run was written"));
+    }
+    #[test]
+    fn a_file_system_without_locks_is_an_error_with_a_way_out() {
+        let told = |errno| format!("{:#}", cannot_be_locked(errno, Path::new("runs/a")));
+        for errno in [Errno::NOLCK, Errno::NOSYS, Errno::OPNOTSUPP, Errno::INVAL] {
+            let told = told(errno);
+            assert!(told.starts_with("runs/a: its file system cannot lock directories; use a directory on"), "{told}");
+        }
+        assert!(told(Errno::IO).starts_with("runs/a: cannot be locked: "), "{}", told(Errno::IO));
     }
 }

@@ -1,11 +1,14 @@
 //! Files that others may have written, read whole.
 
-use std::fs::OpenOptions;
+use std::fs::{File, OpenOptions};
 use std::io::{Error, ErrorKind, Read, Result};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
 
 use rustix::fs::OFlags;
+
+/// Largest file of a network in bytes. That of a grid of 10 000 intersections has 55 MB.
+pub const LARGEST_NETWORK: u64 = 256 << 20;
 
 /// Reads a regular file of at most `at_most` bytes.
 ///
@@ -15,17 +18,22 @@ pub fn read_bytes(path: &Path, at_most: u64) -> Result<Vec<u8>> {
     // Without this flag, opening a pipe waits for somebody who writes to it.
     let flags = OFlags::NONBLOCK.bits().cast_signed();
     let file = OpenOptions::new().read(true).custom_flags(flags).open(path)?;
-    let metadata = file.metadata()?;
-    if !metadata.is_file() {
+    if !file.metadata()?.is_file() {
         return Err(Error::new(ErrorKind::InvalidInput, "it is not a regular file"));
     }
+    read_limited(&file, at_most)
+}
+
+/// Reads an open file of at most `at_most` bytes. A longer one is an error of kind `FileTooLarge`.
+pub(super) fn read_limited(file: &File, at_most: u64) -> Result<Vec<u8>> {
     let too_large = || Error::new(ErrorKind::FileTooLarge, format!("it has more than {at_most} bytes, the limit"));
-    if metadata.len() > at_most {
+    let length = file.metadata()?.len();
+    if length > at_most {
         return Err(too_large());
     }
-    let mut bytes = Vec::with_capacity(metadata.len() as usize);
+    let mut bytes = Vec::with_capacity(length as usize);
     // The file may grow while it is read.
-    file.take(at_most + 1).read_to_end(&mut bytes)?;
+    file.take(at_most.saturating_add(1)).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > at_most { Err(too_large()) } else { Ok(bytes) }
 }
 

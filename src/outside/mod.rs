@@ -1,11 +1,14 @@
 //! What comes from outside this program: files that others may have written, and names that others chose.
 //!
 //! - `file`: reads regular files only, up to a size. A pipe, a device or a file without end is an error, not a hang.
-//! - `directory`: a directory that is opened once, may be locked, and whose files are never reached through a link.
-//! - `staged`: directories that are filled under a temporary name, and the sweeping of what kills left behind.
+//! - `directory`: a directory that is opened once and may be locked. `own_files`: its files, which are never reached
+//!   through a link.
+//! - `whole`: files that are written completely or not at all. `staged`: the directories of a temporary name that they
+//!   and new directories are made in, and the sweeping of what kills left behind.
 //! - `temporary`: temporary files, with an error that names the place.
 //! - [`tree`]: XML read into a tree, with limits.
 //! - `printable`: names as they may reach a terminal, a picture or a report.
+//! - `quoted`: words of a command to copy. They come back from a shell as they were.
 //! - `name`: names that may become files and directories.
 //! - `cell`: names as fields of a CSV file.
 
@@ -13,15 +16,20 @@ mod cell;
 mod directory;
 mod file;
 mod name;
+mod own_files;
 mod printable;
+mod quoted;
 mod staged;
 mod temporary;
 pub mod tree;
+mod whole;
 
 pub use cell::csv_name;
-pub use directory::{Directory, Whereabouts};
-pub use file::{read_bytes, read_text};
+pub use directory::{Busy, Directory, Whereabouts};
+pub use file::{LARGEST_NETWORK, read_bytes, read_text};
 pub use name::FileName;
-pub use printable::{Printable, excerpt, is_printable};
-pub use staged::{StagedDirectory, rename_to_free, sweep_files};
+pub use printable::{Printable, beginning, excerpt, is_printable};
+pub use quoted::{path_as_text, quoted, quoted_word};
+pub use staged::{StagedDirectory, rename_to_free, sweep};
 pub use temporary::{cannot_write_temporary, temporary_dir, temporary_file};
+pub use whole::{folder_of, write_together, write_whole, write_whole_with};

@@ -16,7 +16,12 @@ const EXCERPT: usize = 80;
 
 /// Returns the beginning of a text for an error: printable, and short however long the text is.
 pub fn excerpt(text: &str) -> String {
-    match text.char_indices().nth(EXCERPT) {
+    beginning(text, EXCERPT)
+}
+
+/// Returns the beginning of a text, printable and of at most `most` characters before they are escaped.
+pub fn beginning(text: &str, most: usize) -> String {
+    match text.char_indices().nth(most) {
         Some((end, _)) => format!("{}...", Printable(&text[..end])),
         None => Printable(text).to_string(),
     }

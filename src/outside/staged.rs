@@ -1,7 +1,7 @@
-//! What is made under a temporary name and then moved to its place, and the sweeping of what a kill left of it.
+//! What is made in a directory of a temporary name and then moved to its place, and the sweeping of what a kill left.
 //!
-//! The name says that it is of this program. A directory under it is locked as long as it is filled. So one that nobody
-//! has locked is left over.
+//! The name says that it is of this program. The directory is locked as long as it is filled. So one that nobody has
+//! locked is left over.
 
 use std::ffi::OsStr;
 use std::path::Path;
@@ -21,7 +21,7 @@ const STAGED_EARLIER: &str = ".new-";
 const RANDOM: usize = 6;
 
 /// Returns a new temporary name.
-pub(super) fn staged_name() -> String {
+fn staged_name() -> String {
     format!("{STAGED}{}", Alphanumeric.sample_string(&mut rand::rng(), RANDOM))
 }
 
@@ -41,31 +41,27 @@ pub struct StagedDirectory {
 
 impl StagedDirectory {
     /// Makes a directory in `parent`. First sweeps what killed processes left there.
-    pub fn make_in(parent: &Path) -> Result<StagedDirectory> {
-        let parent = Directory::open(parent)?;
-        sweep_directories(&parent)?;
+    pub fn make_in(parent: &Directory) -> Result<StagedDirectory> {
+        sweep_directories(parent)?;
         loop {
             let name = staged_name();
-            match mkdirat(&parent, &name, Mode::from(0o777)) {
+            match mkdirat(parent, &name, Mode::from(0o777)) {
                 Ok(()) => {}
                 Err(Errno::EXIST) => continue,
-                Err(error) => {
-                    return Err(error).with_context(|| format!("{}: cannot be written to", parent.path().display()));
-                }
+                Err(error) => return Err(error.into()),
             }
             // Until it is locked, another process may sweep it.
-            if let Some(directory) = parent.subdirectory(&name)?
-                && directory.try_lock()?
-                && is_at(&parent, &name, &directory)
-            {
-                return Ok(StagedDirectory { parent, name, directory, placed: false });
+            let Some(directory) = parent.subdirectory(&name)? else { continue };
+            let locked = directory.try_lock().inspect_err(|_| drop(parent.remove_empty(&name)))?;
+            if locked && is_at(parent, &name, &directory) {
+                return Ok(StagedDirectory { parent: parent.clone(), name, directory, placed: false });
             }
         }
     }
 
-    /// Returns the path of the directory under its temporary name.
-    pub fn path(&self) -> &Path {
-        self.directory.path()
+    /// Returns the directory under its temporary name.
+    pub fn directory(&self) -> &Directory {
+        &self.directory
     }
 
     /// Moves the directory to a free place in the same parent and returns it, still locked. If the place is taken:
@@ -111,11 +107,12 @@ pub fn rename_to_free(folder: &Directory, from: &OsStr, to: &OsStr) -> Result<bo
     }
 }
 
-/// Removes the temporary files that killed writes left in a directory, which the caller has locked.
+/// Removes what killed writes left in a directory of a run, which the caller has locked.
 ///
-/// Earlier versions wrote each file in a folder of its own. Such a folder is removed if it holds nothing but files that
-/// `is_ours` knows by their names.
-pub fn sweep_files(directory: &Directory, is_ours: impl Fn(&str) -> bool) -> Result<()> {
+/// Earlier versions wrote a file under a temporary name, or in a folder of its own. Such a folder is removed if it
+/// holds nothing but files that `is_ours` knows by their names.
+pub fn sweep(directory: &Directory, is_ours: impl Fn(&str) -> bool) -> Result<()> {
+    sweep_directories(directory)?;
     for name in directory.names()? {
         let Some(name) = name.to_str() else { continue };
         match directory.kind_of(name)? {
@@ -138,7 +135,8 @@ pub fn sweep_files(directory: &Directory, is_ours: impl Fn(&str) -> bool) -> Res
     Ok(())
 }
 
-/// Removes the staged directories of this user in `parent` that nobody has locked.
+/// Removes the staged directories of this user in `parent` that nobody has locked. Leaves those on a file system that
+/// cannot lock them.
 fn sweep_directories(parent: &Directory) -> Result<()> {
     for name in parent.names()? {
         let Some(name) = name.to_str().filter(|name| is_staged(name, STAGED)) else { continue };
@@ -190,6 +188,10 @@ mod tests {
         directory.names().unwrap().into_iter().map(|name| name.into_string().unwrap()).collect()
     }
 
+    fn staged_in(dir: &Path) -> StagedDirectory {
+        StagedDirectory::make_in(&Directory::open(dir).unwrap()).unwrap()
+    }
+
     #[test]
     fn only_names_of_this_program_are_temporary() {
         assert!(is_staged(&staged_name(), STAGED));
@@ -204,8 +206,8 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let place = |name: &str| dir.path().join(name);
         fs::create_dir(place("taken")).unwrap();
-        let mut staged = StagedDirectory::make_in(dir.path()).unwrap();
-        fs::write(staged.path().join("a"), "x").unwrap();
+        let mut staged = staged_in(dir.path());
+        staged.directory().put("a", b"x").unwrap();
         assert!(staged.move_to(&place("taken")).unwrap().is_none(), "even an empty directory is not replaced");
         let moved = staged.move_to(&place("free")).unwrap().unwrap();
         drop(staged);
@@ -221,10 +223,10 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let outside = tempfile::tempdir().unwrap();
         fs::write(outside.path().join("precious"), "x").unwrap();
-        let first = StagedDirectory::make_in(dir.path()).unwrap();
-        fs::create_dir(first.path().join("networks")).unwrap();
-        symlink(outside.path(), first.path().join("networks/link")).unwrap();
-        let second = StagedDirectory::make_in(dir.path()).unwrap();
+        let first = staged_in(dir.path());
+        let networks = first.directory().make_subdirectory("networks").unwrap();
+        symlink(outside.path(), networks.path_of("link")).unwrap();
+        let second = staged_in(dir.path());
         assert_eq!(names(dir.path()).len(), 2, "the first is locked, so it stays");
         drop((first, second));
         assert_eq!(names(dir.path()), [""; 0]);

@@ -11,10 +11,8 @@ use std::path::Path;
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use roxmltree::{Document, Node, ParsingOptions};
 
-use super::read_bytes;
+use super::{LARGEST_NETWORK, read_bytes};
 
-/// Largest file. A grid of 10 000 intersections has 55 MB.
-const MOST_BYTES: u64 = 256 << 20;
 /// Largest number of elements, comments and texts between them. A grid of 10 000 intersections has 800 000.
 const MOST_NODES: u32 = 8_000_000;
 /// Deepest element. SUMO's own files have at most six levels.
@@ -49,7 +47,7 @@ impl Element {
 
 /// Returns the bytes of a file up to the limit.
 pub fn read_whole(path: &Path) -> Result<Vec<u8>> {
-    read_bytes(path, MOST_BYTES).with_context(|| format!("{}: could not be read", path.display()))
+    read_bytes(path, LARGEST_NETWORK).with_context(|| format!("{}: could not be read", path.display()))
 }
 
 /// Returns the root element of a file with these bytes. An error says where the file is not XML.

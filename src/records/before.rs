@@ -10,10 +10,8 @@ use toml::{Table, Value};
 
 use crate::config::Config;
 use crate::domain::{FirstRow, Map, Scenario};
-use crate::outside::{read_bytes, read_text};
+use crate::outside::{LARGEST_NETWORK, read_bytes, read_text};
 
-/// Largest file of a network. That of a grid of 100 intersections has three mebibytes.
-const LARGEST_NETWORK: u64 = 256 << 20;
 /// Most agents on a side of a warehouse, and most rows or columns of a grid.
 const LONGEST_SIDE: usize = 1000;
 

@@ -14,12 +14,12 @@ use super::columns;
 use crate::outside::{excerpt, read_text};
 
 /// Largest file. That of a run with 100 agents and 40 000 evaluations is smaller.
-const LARGEST_FILE: u64 = 256 << 20;
+pub const LARGEST_FILE: u64 = 256 << 20;
 /// Longest line in bytes. A line has a few dozen numbers.
 const LONGEST_LINE: usize = 64 << 10;
 /// Largest figure of a run, without its sign. No return, loss, time or memory is larger, and squares of this one are
 /// numbers still.
-const LARGEST: f64 = 1e15;
+pub const LARGEST: f64 = 1e15;
 /// What to do about a damaged file.
 const WAY_OUT: &str = "the file is damaged: copy it again, or train again";
 

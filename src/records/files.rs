@@ -23,6 +23,13 @@ pub const WRITTEN: [&str; 4] = [CONFIG, RUN, POLICIES, AIPS];
 /// Files that grow during the run.
 pub const GROWING: [&str; 9] = [IMITATION, RETURNS, EPISODES, TRAINING, AIP_LOSS, AIP_DRIFT, TIMING, MEMORY, EVENTS];
 
+/// Returns whether a run directory uses this name, or may use it later.
+pub fn is_own(name: &str) -> bool {
+    let worker = name.strip_prefix("worker_").and_then(|rest| rest.strip_suffix(".log"));
+    let is_log = worker.is_some_and(|number| !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit()));
+    is_log || [NETWORKS, CHECKPOINTS].iter().chain(&WRITTEN).chain(&GROWING).any(|&own| own == name)
+}
+
 /// Returns whether a folder is a run directory: one with a config.
 pub fn is_run_dir(path: &std::path::Path) -> bool {
     path.join(CONFIG).is_file()

@@ -23,16 +23,15 @@
 //!
 //! - [`files`], [`columns`]: the names of the files, and of the columns of each CSV file, for writers and readers.
 //! - [`growing`], [`csv`], [`tensorboard`]: files that grow, so that a kill or a full disk loses nothing, and a change
-//!   by others is noticed. [`atomic`]: the same for single files elsewhere.
+//!   by others is noticed.
 //! - `lines`: the lines of the CSV files. `finite`: refuses to write networks that have diverged.
 //! - [`checkpoint`]: the state of all agents, from which a run continues. [`resume_point`]: which checkpoint fits the
 //!   files. [`joint_layout`]: files of the networks of all agents.
-//! - [`run_json`]: how the run was called, and what computed it.
+//! - [`run_json`]: how the run was called, and what computed it. [`word`]: a word of its command line.
 //! - [`run_log`]: the [`Journal`](crate::training::journal::Journal) that writes all this during training.
 //! - [`run_record`], [`reader`], [`csv_table`]: the contents of a run directory, also of other versions. [`before`]:
 //!   what older runs simulated. These files never see a live run.
 
-pub mod atomic;
 pub mod before;
 pub mod checkpoint;
 pub mod columns;
@@ -49,3 +48,4 @@ pub mod run_json;
 pub mod run_log;
 pub mod run_record;
 pub mod tensorboard;
+pub mod word;

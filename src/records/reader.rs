@@ -245,6 +245,7 @@ mod tests {
     use crate::evaluation;
     use crate::influence;
     use crate::nn::Layout;
+    use crate::outside::Directory;
     use crate::records::checkpoint::owner::Owner;
     use crate::records::joint_layout::JointLayout;
     use crate::records::run_log::{Layouts, RunLog};
@@ -264,7 +265,8 @@ mod tests {
         let coins = Coins::new(1);
         let layout = || JointLayout::new(coins.kinds(), |_| Layout::new(vec![("w".to_owned(), vec![1])]));
         let owner = Owner::of(&config, &coins).unwrap();
-        let mut log = RunLog::create(dir.path(), owner, Layouts { policies: layout(), aips: layout() }).unwrap();
+        let mut log =
+            RunLog::begin(Directory::lock(dir.path()).unwrap(), owner, Layouts { policies: layout(), aips: layout() });
         let table = || Ragged::from_vec(vec![0.5, 0.25], [1, 1]).unwrap();
         let moments = JointMoments { first: table(), second: table(), steps: 1 };
         let agents = AgentsState { steps: 128, policies: table(), moments, aips: table(), streams: vec![] };

@@ -6,12 +6,10 @@ use anyhow::Result;
 
 use super::checkpoint::owner::Owner;
 use super::checkpoint::{self, Checkpoint};
+use super::csv_table::LARGEST_FILE;
 use super::files;
 use super::growing::{Mark, misfit};
-use crate::outside::{Directory, sweep_files};
-
-/// Largest CSV file that is looked into.
-const LARGEST_FILE: u64 = 256 << 20;
+use crate::outside::{Directory, sweep};
 
 /// The point from which a run continues.
 pub struct ResumePoint {
@@ -50,11 +48,11 @@ impl ResumePoint {
     /// What is not a file of the run itself, such as a link, is an error. What killed writes left behind is removed.
     pub fn find(directory: &Directory, owner: &Owner) -> Result<ResumePoint> {
         files::WRITTEN.iter().chain(&files::GROWING).try_for_each(|name| directory.check(name))?;
-        sweep_files(directory, |name| files::WRITTEN.contains(&name))?;
+        sweep(directory, |name| files::WRITTEN.contains(&name))?;
         let Some(folder) = directory.subdirectory(files::CHECKPOINTS)? else {
             return ResumePoint::beginning(directory, owner);
         };
-        sweep_files(&folder, checkpoint::is_checkpoint)?;
+        sweep(&folder, checkpoint::is_checkpoint)?;
         let names = checkpoint::list(&folder)?;
         let (mut newer, mut first) = (Vec::new(), None);
         for name in names.iter().rev() {

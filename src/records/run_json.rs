@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::files;
+use super::word::Word;
 use crate::domain::Scenario;
 use crate::outside::{Directory, excerpt, is_printable, read_text};
 
@@ -22,7 +23,7 @@ const MOST_AGENTS: usize = 1_000_000;
 #[serde(default)]
 pub struct RunJson {
     /// Words of the command line; the first is the name of the program.
-    pub command: Vec<String>,
+    pub command: Vec<Word>,
     /// Other builds with which the run was continued, in order.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub resumed_with: Vec<Resumed>,
@@ -87,9 +88,9 @@ impl RunJson {
         if dir.join(files::RUN).exists() { RunJson::read(dir) } else { Ok(RunJson::default()) }
     }
 
-    pub fn write(&self, dir: &Path) -> Result<()> {
+    pub fn write(&self, directory: &Directory) -> Result<()> {
         let text = serde_json::to_string_pretty(self).context("run.json in memory")?;
-        Directory::open(dir)?.write(files::RUN, format!("{text}\n").as_bytes())
+        directory.write(files::RUN, format!("{text}\n").as_bytes())
     }
 
     /// Returns the build that wrote the run last.
@@ -192,7 +193,7 @@ mod tests {
         assert_eq!((run.seed, run.command.len(), run.last_versions()), (Some(7), 2, &versions()));
         let other = Versions { libm: "glibc 2.31".into(), ..versions() };
         run.resumed_with.push(Resumed { steps: 512, versions: other.clone() });
-        run.write(dir.path()).unwrap();
+        run.write(&Directory::open(dir.path()).unwrap()).unwrap();
         let again = RunJson::read(dir.path()).unwrap();
         assert_eq!((&again, again.last_versions()), (&run, &other));
         assert_eq!(again.other["weather"], json!({ "rain": true }));

@@ -1,7 +1,6 @@
 //! The [`Journal`] that writes a run directory during the run.
 
 use std::collections::{BTreeMap, HashMap};
-use std::path::Path;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::Result;
@@ -64,11 +63,6 @@ impl Layouts {
 }
 
 impl RunLog {
-    /// Starts a new run in `dir`, which exists and holds no run.
-    pub fn create(dir: &Path, owner: Owner, layouts: Layouts) -> Result<Self> {
-        Ok(RunLog::begin(Directory::lock(dir)?, owner, layouts))
-    }
-
     /// Starts a new run in a directory that this process has locked and that holds no run.
     pub fn begin(directory: Directory, owner: Owner, layouts: Layouts) -> Self {
         let now = Instant::now();
@@ -231,7 +225,7 @@ fn about(steps: u64) -> HashMap<String, String> {
 mod tests {
     use super::*;
     use std::fs;
-    use std::path::PathBuf;
+    use std::path::{Path, PathBuf};
 
     use crate::base::Ragged;
     use crate::domain::Domain;
@@ -267,7 +261,7 @@ mod tests {
         let coins = Coins::new(1);
         let layout = || JointLayout::new(coins.kinds(), |_| Layout::new(vec![("w".to_owned(), vec![2])]));
         let layouts = Layouts { policies: layout(), aips: layout() };
-        let mut log = RunLog::create(dir.path(), Owner::of(&config, &coins).unwrap(), layouts).unwrap();
+        let mut log = RunLog::begin(Directory::lock(dir.path()).unwrap(), Owner::of(&config, &coins).unwrap(), layouts);
         let standing = Standing::default();
         let (training, mut agents) = period([1.0, 2.0, 3.0, 4.0], 0.5);
         log.period_done(&agents, &standing, &training, FleetLoad::default()).unwrap();

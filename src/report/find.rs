@@ -9,6 +9,7 @@ use anyhow::{Context, Result, bail, ensure};
 use serde::{Deserialize, Serialize};
 
 use crate::outside::{FileName, Printable, read_text};
+use crate::records::csv_table::LARGEST;
 use crate::records::files::is_run_dir;
 use crate::records::run_record::RunRecord;
 
@@ -20,8 +21,6 @@ pub const BASELINES: &str = "baselines";
 const DEPTH: usize = 6;
 /// Largest plan or baseline. A plan of 100 000 runs has eight mebibytes.
 const LARGEST_FILE: u64 = 16 << 20;
-/// Largest figure of a baseline, without its sign; the same as that of a run.
-const LARGEST: f64 = 1e15;
 
 /// The plan of an experiment.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]

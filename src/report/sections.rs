@@ -10,7 +10,7 @@ use super::group::Comparison;
 use super::pictures::{self, Against};
 use super::tables;
 use crate::drawing::Svg;
-use crate::outside::Printable;
+use crate::outside::quoted_word;
 
 /// Rules by which figures and tables are made, for the reader of a report.
 const RULES: [&str; 10] = [
@@ -147,29 +147,9 @@ fn figure(name: String, caption: String, svg: Svg) -> Block {
 fn commands(comparisons: &[Comparison]) -> Vec<String> {
     let runs = comparisons.iter().flat_map(|comparison| &comparison.groups).flat_map(|group| &group.runs);
     let commands = runs.filter_map(|run| {
-        let words: Vec<String> = run.about.command.get(1..)?.iter().map(|word| shell_word(word)).collect();
+        let words = run.about.command.get(1..)?.iter();
+        let words: Vec<String> = words.map(|word| quoted_word(&word.as_it_was())).collect();
         Some(format!("dials-traffic {}", words.join(" ")))
     });
     commands.collect()
-}
-
-/// Writes a word of a command as one word for a shell, whatever is in it.
-fn shell_word(word: &str) -> String {
-    let plain = |letter: char| letter.is_alphanumeric() || "_-./+:=@%,".contains(letter);
-    match !word.is_empty() && word.chars().all(plain) {
-        true => word.to_owned(),
-        false => format!("'{}'", Printable(word).to_string().replace('\'', r"'\''")),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_command_to_copy_runs_nothing_else() {
-        let words = ["train", "--set", "policy.hidden=[8]", "; rm -rf ~", "$(x)", "it's", "a\nb", ""].map(shell_word);
-        let told = ["train", "--set", "'policy.hidden=[8]'", "'; rm -rf ~'", "'$(x)'", r"'it'\''s'", r"'a\nb'", "''"];
-        assert_eq!(words, told);
-    }
 }

@@ -131,7 +131,7 @@ fn as_json(
     costs: &[Costs],
 ) -> anyhow::Result<String> {
     let object = json!({
-        "config": crate::terminal::path_as_text(&args.config),
+        "config": crate::outside::path_as_text(&args.config),
         "simulator": config.simulator,
         "agents": domain.agents(),
         "timesteps_per_agent": config.last_step(),

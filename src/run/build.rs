@@ -11,6 +11,7 @@ use anyhow::{Context, Result, bail};
 use super::domain::NO_SUCH_VECTORS;
 use crate::base::VectorWidth;
 use crate::nn::vector_instructions;
+use crate::outside::Directory;
 use crate::records::run_json::{Resumed, RunJson, Versions};
 use crate::traffic;
 
@@ -47,11 +48,12 @@ pub fn other_build(dir: &Path, width: VectorWidth, accepted: bool) -> Result<Opt
     Ok(Some(here))
 }
 
-/// Records in `run.json` that this build resumes the run in `dir` at this timestep per agent.
-pub fn record_resume(dir: &Path, build: &Versions, steps: u64) -> Result<()> {
-    let mut run = RunJson::read(dir)?;
+/// Records in `run.json` that this build resumes a run at this timestep per agent. `directory`: the run, which this
+/// process has locked.
+pub fn record_resume(directory: &Directory, build: &Versions, steps: u64) -> Result<()> {
+    let mut run = RunJson::read(directory.path())?;
     run.resumed_with.push(Resumed { steps, versions: build.clone() });
-    run.write(dir)
+    run.write(directory)
 }
 
 fn cpu() -> String {
@@ -68,15 +70,16 @@ mod tests {
     #[test]
     fn a_run_that_was_resumed_is_compared_with_the_build_that_wrote_it_last() {
         let dir = tempfile::tempdir().unwrap();
+        let directory = Directory::open(dir.path()).unwrap();
         let build = |libm: &str| Versions { libm: libm.to_owned(), ..Versions::default() };
         let (first, other) = (build("glibc 2.31"), build("glibc 2.36"));
-        RunJson { seed: Some(7), versions: first.clone(), ..RunJson::default() }.write(dir.path()).unwrap();
+        RunJson { seed: Some(7), versions: first.clone(), ..RunJson::default() }.write(&directory).unwrap();
         let differences = |here: &Versions| here.differences(RunJson::read(dir.path()).unwrap().last_versions());
         assert_eq!(differences(&other), ["libm: glibc 2.31 there, glibc 2.36 here"]);
-        record_resume(dir.path(), &other, 512).unwrap();
+        record_resume(&directory, &other, 512).unwrap();
         assert_eq!(differences(&other), [""; 0]);
         assert_eq!(differences(&first), ["libm: glibc 2.36 there, glibc 2.31 here"]);
-        record_resume(dir.path(), &first, 1024).unwrap();
+        record_resume(&directory, &first, 1024).unwrap();
         let run = RunJson::read(dir.path()).unwrap();
         assert_eq!((run.seed, &run.versions), (Some(7), &first), "the beginning stays");
         assert_eq!(run.resumed_with.iter().map(|resumed| resumed.steps).collect::<Vec<_>>(), [512, 1024]);

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::{Result, ensure};
 
-use super::places;
+use super::{outputs, places};
 use crate::evaluation::Finding;
 use crate::evaluation::csv::{Lines, by_agent, by_episode};
 use crate::outside::Directory;
@@ -23,13 +23,14 @@ impl CsvFiles {
     pub fn create(dir: &Path) -> Result<CsvFiles> {
         let names = ["episodes.csv", "agents.csv"];
         for file in names.map(|name| dir.join(name)) {
+            outputs::check_not_of_a_run("--csv", &file)?;
             ensure!(
                 places::is_free(&file),
                 "{}: exists already; move it away or name another directory",
                 file.display()
             );
         }
-        places::check_writable(dir)?;
+        outputs::check_writable(dir)?;
         let [episodes, agents] = names.map(|name| GrowingFile::new(name, Mark::default()));
         Ok(CsvFiles { directory: Directory::open(dir)?, episodes, agents })
     }

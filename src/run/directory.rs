@@ -1,6 +1,5 @@
 //! Makes and opens run directories.
 
-use std::ffi::OsString;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -9,16 +8,16 @@ use anyhow::{Result, ensure};
 use super::END_WITH;
 use super::build;
 use super::domain;
+use super::outputs::check_not_of_a_run;
 use super::places::{self, Existing};
 use crate::config::{self, Config};
 use crate::domain::Domain;
 use crate::outside::{Directory, Whereabouts};
 use crate::policy::{JointPolicy, JointPolicyController, Selection};
-use crate::records::atomic::write_atomically;
 use crate::records::files;
 use crate::records::joint_layout::JointLayout;
 use crate::records::run_json::RunJson;
-use crate::terminal::quoted_word;
+use crate::records::word::Word;
 
 /// Makes the directory of a new run and returns it, locked.
 ///
@@ -26,18 +25,15 @@ use crate::terminal::quoted_word;
 pub fn create(path: &Path, existing: Existing, config: &Config) -> Result<Directory> {
     // The run loads its networks from there later.
     domain::check_place(config, &places::place(path, existing)?)?;
-    places::make(path, existing, |dir| {
-        describe(dir, config)?;
-        // The checkpoints to come are worth nothing without these files.
-        Directory::open(dir)?.sync_tree()
-    })
+    check_not_of_a_run("--out", path)?;
+    places::make(path, existing, |dir| describe(dir, config))
 }
 
 /// Writes the config, the networks and `run.json`.
-fn describe(dir: &Path, config: &Config) -> Result<()> {
+fn describe(dir: &Directory, config: &Config) -> Result<()> {
     let domain = domain::find(config)?;
-    let kept = domain::keep_files(config, &*domain, dir)?;
-    write_atomically(&dir.join(files::CONFIG), config::to_toml(&kept)?.as_bytes())?;
+    let kept = domain::keep_files(config, &*domain, dir.path())?;
+    dir.put(files::CONFIG, config::to_toml(&kept)?.as_bytes())?;
     let versions = build::here(config.numerics.vector_width)?;
     let run = RunJson {
         seed: Some(config.seed),
@@ -50,17 +46,14 @@ fn describe(dir: &Path, config: &Config) -> Result<()> {
 }
 
 /// Returns the words of the command line, without the hidden flag that ends a run together with its experiment.
-///
-/// JSON is UTF-8: a word of other bytes is kept as bash reads it, in `$'...'`.
-fn command_line() -> Vec<String> {
-    let as_text = |word: OsString| word.into_string().unwrap_or_else(|bytes| quoted_word(&bytes));
-    let mut words = std::env::args_os().map(as_text);
+fn command_line() -> Vec<Word> {
+    let mut words = std::env::args_os();
     let mut kept = Vec::new();
     while let Some(word) = words.next() {
         if word == END_WITH {
             words.next();
         } else {
-            kept.push(word);
+            kept.push(Word::from(&*word));
         }
     }
     kept
@@ -75,11 +68,12 @@ pub struct TrainedRun {
     pub still_trained_at: Option<u64>,
 }
 
-/// Reads the config of a run directory and opens its domain.
-pub fn open_config(path: &Path) -> Result<(Config, Arc<dyn Domain>)> {
+/// Reads the config of a run directory and opens its domain. `open`: [`domain::open`], or [`domain::open_tried`] if its
+/// networks were tried already.
+pub fn open_config(path: &Path, open: fn(&Config) -> Result<Arc<dyn Domain>>) -> Result<(Config, Arc<dyn Domain>)> {
     check(path)?;
     let config = config::load(&path.join(files::CONFIG), &[])?;
-    let domain = domain::open(&config)?;
+    let domain = open(&config)?;
     Ok((config, domain))
 }
 
@@ -87,7 +81,7 @@ pub fn open_config(path: &Path) -> Result<(Config, Arc<dyn Domain>)> {
 pub fn open(path: &Path) -> Result<TrainedRun> {
     check(path)?;
     let directory = Directory::open(path)?;
-    let (config, domain) = open_config(path)?;
+    let (config, domain) = open_config(path, domain::open)?;
     let saved = path.join(files::POLICIES);
     ensure!(
         saved.is_file(),
@@ -128,7 +122,9 @@ mod tests {
     use std::fs;
 
     use crate::config::{DomainConfig, TrafficConfig};
+    use crate::traffic::network::contents::Network;
     use crate::traffic::network::files::NetworkFiles;
+    use crate::traffic::network::way_out::Role;
 
     /// A config that is loaded from `dir`, with the networks of this project.
     fn config_in(dir: &Path) -> Config {
@@ -207,7 +203,7 @@ mod tests {
         let mut config = config_in(dir.path());
         let [global, local] = networks_of(&config);
         for (network, folder) in [(&global, "g"), (&local, "l")] {
-            network.copy_to(&dir.path().join(folder), "same").unwrap();
+            Network::read(network, Role::Global).unwrap().copy_to(&dir.path().join(folder), "same").unwrap();
         }
         let traffic = traffic_in(&mut config);
         traffic.network = dir.path().join("g/same");

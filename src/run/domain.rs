@@ -29,7 +29,8 @@ pub fn open(config: &Config) -> Result<Arc<dyn Domain>> {
     Ok(domain)
 }
 
-/// Opens the domain of a config, like [`open`], in a process that may end with it: nothing is tried first.
+/// Opens the domain of a config, like [`open`], but tries nothing first: in a process that may end with it, or after
+/// the same files were tried elsewhere.
 pub fn open_tried(config: &Config) -> Result<Arc<dyn Domain>> {
     use_vectors(config.numerics.vector_width).context(NO_SUCH_VECTORS)?;
     find(config)
@@ -73,8 +74,8 @@ pub fn open_recorded(config: &Config, tape: &Tape) -> Result<Traffic> {
 }
 
 /// Tries the domain's files in its simulator, so that errors in them are reported before a run begins. The same for
-/// the name of a controller to imitate.
-pub fn check(config: &Config) -> Result<()> {
+/// the name of a controller to imitate. Returns the domain. Leaves the vector width as it is.
+pub fn check(config: &Config) -> Result<Arc<dyn Domain>> {
     ensure!(
         config.simulator == Simulator::Global || !matches!(table(config), DomainConfig::Scenario(_)),
         "simulator = \"{}\": a scenario has no local simulators yet; train on the global one with --simulator gs",
@@ -91,7 +92,8 @@ pub fn check(config: &Config) -> Result<()> {
         domain.kinds().count()
     );
     trial::survive(config, &*domain)?;
-    domain.try_out()
+    domain.try_out()?;
+    Ok(domain)
 }
 
 /// Checks that the domain's files could be loaded from a run directory at `path`.

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use super::csv_files::CsvFiles;
 use super::directory;
 use super::domain;
-use super::places;
+use super::outputs;
 use super::plot::Plots;
 use super::render::render;
 use super::subject::{Background, Subject};
@@ -23,7 +23,7 @@ use crate::terminal::{answer, json as in_json};
 use crate::traffic;
 
 pub fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
-    let (config, domain) = directory::open_config(&args.run_dir).map_err(Error::Usage)?;
+    let (config, domain) = directory::open_config(&args.run_dir, domain::open).map_err(Error::Usage)?;
     let agents = args.agents.iter().copied().map(AgentId).collect();
     let background = args.background.clone().map(|controller| Background { controller, policies_of: agents });
     let subject = Subject::Run { dir: args.run_dir.clone(), greedy: args.greedy, background };
@@ -41,7 +41,7 @@ pub fn baseline(args: &cli::BaselineArgs) -> Result<()> {
     let config = load(&args.config, &[]).map_err(Error::Usage)?;
     let domain = domain::open(&config).map_err(Error::Usage)?;
     domain::check(&config).map_err(Error::Usage)?;
-    let about = [("config", json!(crate::terminal::path_as_text(&args.config)))];
+    let about = [("config", json!(crate::outside::path_as_text(&args.config)))];
     let plots = Plots::asked_for(args.output.plot.as_deref(), &config).map_err(Error::Usage)?;
     let domain = plots.as_ref().map_or(&*domain, Plots::domain);
     let session = Session::new(domain, &config, &args.episodes, &args.output)?;
@@ -83,7 +83,7 @@ impl<'a> Session<'a> {
     ) -> Result<Session<'a>> {
         let count = episodes.episodes.map_or(config.evaluation.final_episodes, |count| count as usize);
         let places = [("--csv", &output.csv), ("--plot", &output.plot), ("--render", &output.render)];
-        places::check_apart(&places.map(|(option, dir)| (option, dir.as_deref()))).map_err(Error::Usage)?;
+        outputs::check_apart(&places.map(|(option, dir)| (option, dir.as_deref()))).map_err(Error::Usage)?;
         let scenario = domain.scenario().map_err(Error::Run)?.id.word();
         let seed = episodes.seed.unwrap_or(config.evaluation.seed);
         Ok(Session { domain, episodes: count, seed, scenario, output })
@@ -100,7 +100,7 @@ impl<'a> Session<'a> {
             subject.check(self.domain)?;
             ensure!(!subjects[..number].contains(subject), "--compare: `{}` is named twice", subject.label());
         }
-        self.output.render.as_deref().map_or(Ok(()), |dir| places::check_free(dir, "--render"))
+        self.output.render.as_deref().map_or(Ok(()), |dir| outputs::check_free(dir, "--render"))
     }
 
     /// Lets all subjects play the same episodes, one subject after the other.

@@ -5,13 +5,15 @@ use std::path::{Path, PathBuf};
 use anyhow::ensure;
 
 use super::directory;
+use super::outputs::check_not_of_a_run;
+use super::python::to_load;
 use crate::cli;
 use crate::config::PolicyConfig;
 use crate::domain::{Kind, Kinds};
 use crate::error::{Error, Result};
 use crate::nn::check_script;
+use crate::outside::{Printable, folder_of, write_whole_with};
 use crate::policy::{JointPolicy, PolicyStack};
-use crate::records::atomic::{folder_of, write_beside};
 use crate::terminal::answer;
 
 pub fn export(args: &cli::ExportArgs) -> Result<()> {
@@ -53,7 +55,7 @@ fn write_scripts(
     for (kind, file) in kinds.iter().zip(files) {
         let mut stack = PolicyStack::blank(kind.agents.len(), &kind.spec, config);
         stack.load(&policies.pick(kind.agents.iter().map(|agent| agent.0)).into_rows());
-        write_beside(file, |beside| stack.write_script(beside))?;
+        write_whole_with(file, |beside| stack.write_script(beside))?;
     }
     Ok(())
 }
@@ -63,16 +65,17 @@ fn check_free(file: &Path, force: bool) -> anyhow::Result<()> {
     ensure!(!file.is_dir(), "{out}: is a directory; name a file with --out, such as policies.pt");
     let folder = folder_of(file);
     ensure!(folder.is_dir(), "{out}: there is no directory {}; make it first", folder.display());
+    check_not_of_a_run("--out", file)?;
     ensure!(force || !file.exists(), "{out}: exists already; name another file, or add --force to overwrite it");
     Ok(())
 }
 
 fn how_to_use(file: &Path, kind: &Kind, config: &PolicyConfig) -> String {
-    let (agents, obs_dim, path) = (kind.agents.len(), kind.spec.obs_dim, file.display());
+    let (agents, obs_dim, path) = (kind.agents.len(), kind.spec.obs_dim, Printable(file.display()));
     let actions = kind.spec.n_actions;
     let mut lines = vec![
         format!("wrote {path}; in Python:"),
-        format!("  policies = torch.jit.load({file:?})"),
+        format!("  policies = torch.jit.load({})", to_load(file)),
         format!("  out = policies(obs)  # obs: float32 [{agents}, batch, {obs_dim}]"),
         format!("  logits, values = out[..., :{actions}], out[..., {actions}]"),
     ];

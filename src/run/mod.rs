@@ -3,11 +3,12 @@
 //! - `train`: trains policies and writes a run directory. `worker`: its worker processes.
 //! - `evaluate`: plays and measures saved policies; also `baseline`, which does so with hand-coded controllers.
 //! - `experiment`: makes all runs of a file. `report`, `compare`: summarise runs. `bench`: measures training speed.
-//! - `export`: policies as TorchScript. `replay`: an episode for sumo-gui. `nets`: SUMO networks. `info`: versions.
+//! - `export`: policies as TorchScript; `python`: paths in lines of Python. `replay`: an episode for sumo-gui.
+//! - `nets`: SUMO networks. `info`: versions.
 //! - `trial`: files that might crash a simulator, tried in a child process; also the hidden command of that child.
 //! - `domain`: finds the domain that a config names. Only this file knows all domains.
-//! - `directory`: makes and opens run directories. `places`: makes any directory whole or not at all, and checks output
-//!   paths.
+//! - `directory`: makes and opens run directories. `places`: makes any directory whole or not at all. `outputs`: checks
+//!   output paths.
 //! - `build`: the program, libraries and machine that compute a run.
 //! - `subject`: what `evaluate` and `baseline` play. `cast`: the players of the episode that `replay` records.
 //! - One flag each: `csv_files` (`--csv`), `plot` and `render` (pictures), `tune` (lights that go by the clock), `video` (films).
@@ -27,8 +28,10 @@ mod experiment;
 mod export;
 mod info;
 mod nets;
+mod outputs;
 mod places;
 mod plot;
+mod python;
 mod render;
 mod replay;
 mod report;
@@ -44,11 +47,17 @@ use rustix::process::{Signal, getppid, set_parent_process_death_signal};
 
 use crate::cli::{Cli, Command};
 use crate::error::{Error, Result};
+use crate::machine::note_option_for_processes;
 
 /// Runs one command.
 pub fn run(cli: Cli) -> Result<()> {
     if let Some(parent) = cli.end_with {
         end_with(parent).map_err(Error::Run)?;
+    }
+    match &cli.command {
+        Command::Train(_) | Command::Bench(_) | Command::Worker => note_option_for_processes("--workers"),
+        Command::Experiment(_) => note_option_for_processes("--cores"),
+        _ => (),
     }
     match cli.command {
         Command::Train(args) => train::train(&args),

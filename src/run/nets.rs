@@ -1,12 +1,16 @@
 //! `nets`: writes SUMO networks.
 
+use super::outputs::check_not_of_a_run;
 use crate::cli;
 use crate::error::{Error, Result};
-use crate::terminal::{answer, quoted};
+use crate::outside::quoted;
+use crate::terminal::answer;
 use crate::traffic::paper_grid::grid::Grid;
 use crate::traffic::paper_grid::make::{write_grid, write_local};
 
 pub fn nets(args: &cli::NetsCommand) -> Result<()> {
+    let (cli::NetsCommand::Grid { out, .. } | cli::NetsCommand::Local { out }) = args;
+    check_not_of_a_run("--out", out).map_err(Error::Usage)?;
     let written = match args {
         cli::NetsCommand::Grid { rows, cols, inflow, out } => {
             Grid::new(*rows, *cols).and_then(|grid| write_grid(grid, *inflow, out))

@@ -1,12 +1,12 @@
-//! Makes directories whole or not at all, and checks that the output paths of options do not overlap.
+//! Makes directories whole or not at all, and moves aside what stands in their place.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, anyhow, bail, ensure};
+use anyhow::{Context, Result, ensure};
 
-use crate::outside::{Directory, StagedDirectory, rename_to_free};
-use crate::records::atomic::folder_of;
+use crate::outside::{Directory, StagedDirectory, folder_of, rename_to_free};
+use crate::records::files::is_run_dir;
 use crate::terminal::tell;
 
 /// Number of levels of folders that are searched for runs that are being written.
@@ -40,11 +40,11 @@ pub fn place(path: &Path, existing: Existing) -> Result<PathBuf> {
 }
 
 /// Makes a directory at `path`, or beside it if `existing` says so, and returns it, locked. `fill` writes its content
-/// into the directory that it is given.
+/// into the directory that it is given. All of it is on the disk before the directory gets its name.
 ///
 /// The new directory is filled under a temporary name beside `path` and then renamed. So an error leaves everything as
 /// it was. And the old directory, which is moved aside last, may be the source of the content.
-pub fn make(path: &Path, existing: Existing, fill: impl FnOnce(&Path) -> Result<()>) -> Result<Directory> {
+pub fn make(path: &Path, existing: Existing, fill: impl FnOnce(&Directory) -> Result<()>) -> Result<Directory> {
     let parent = folder_of(path);
     let new_folders: Vec<&Path> = parent.ancestors().take_while(|folder| !folder.exists()).collect();
     fill_and_move(path, parent, existing, fill).inspect_err(|_| {
@@ -56,14 +56,18 @@ fn fill_and_move(
     path: &Path,
     parent: &Path,
     existing: Existing,
-    fill: impl FnOnce(&Path) -> Result<()>,
+    fill: impl FnOnce(&Directory) -> Result<()>,
 ) -> Result<Directory> {
     let failed = || format!("{}: cannot be made", path.display());
     if !parent.exists() {
         fs::create_dir_all(parent).with_context(failed)?;
     }
-    let mut staged = StagedDirectory::make_in(parent).with_context(failed)?;
-    fill(staged.path())?;
+    let parent = Directory::open(parent).with_context(failed)?;
+    let mut staged = StagedDirectory::make_in(&parent)
+        .with_context(|| format!("{}: cannot be written to", parent.path().display()))
+        .with_context(failed)?;
+    fill(staged.directory())?;
+    staged.directory().sync_tree()?;
     // Another process may take the same place at any moment, so nothing is decided before the directory is there.
     loop {
         let place = place(path, existing)?;
@@ -71,13 +75,12 @@ fn fill_and_move(
             Existing::MoveAside if !is_free(&place) => Some(move_aside(&place)?),
             _ => None,
         };
-        let moved = staged.move_to(&place);
-        match (&moved, &aside) {
-            (Err(_), Some(aside)) => drop(fs::rename(aside, &place)),
-            (Ok(_), Some(aside)) => tell_moved(&place, aside),
-            (_, None) => {}
-        }
-        if let Some(made) = moved? {
+        let moved = match (staged.move_to(&place), &aside) {
+            (Err(error), Some(aside)) => return Err(put_back(aside, &place).err().unwrap_or(error)),
+            (moved, _) => moved?,
+        };
+        aside.iter().for_each(|aside| tell_moved(&place, aside));
+        if let Some(made) = moved {
             return Ok(made);
         }
     }
@@ -98,24 +101,36 @@ pub fn move_aside(path: &Path) -> Result<PathBuf> {
     }
 }
 
-/// Locks a directory that is to be moved, and checks that nobody writes a run within it.
-fn hold(path: &Path) -> Result<Directory> {
-    let held = Directory::lock(path).map_err(|error| anyhow!("{error:#}; nothing was moved"))?;
-    match locked_within(path, LEVELS) {
-        Some(busy) => bail!("{}: another process is writing this run; nothing was moved", busy.display()),
-        None => Ok(held),
-    }
+/// Moves what was moved aside back to its place, unless another process has taken the place.
+fn put_back(aside: &Path, place: &Path) -> Result<()> {
+    let names = aside.file_name().zip(place.file_name()).context("what was moved has a name")?;
+    let back = Directory::open(folder_of(place)).and_then(|folder| rename_to_free(&folder, names.0, names.1));
+    let kept = || format!("{}: could not be made; what was there is now in {}", place.display(), aside.display());
+    ensure!(back.with_context(kept)?, "{}, because another process has taken its place", kept());
+    Ok(())
 }
 
-/// Finds a directory within `path` that another process writes. Follows no link.
-fn locked_within(path: &Path, levels: usize) -> Option<PathBuf> {
-    let entries = fs::read_dir(path).ok()?.flatten();
+/// Locks a directory that is to be moved and all runs within it, so that nobody begins to write one meanwhile.
+fn hold(path: &Path) -> Result<Vec<Directory>> {
+    let mut held = vec![Directory::lock(path)?];
+    hold_within(path, LEVELS, &mut held)?;
+    Ok(held)
+}
+
+/// Locks all runs within `path`. A directory that another process has locked is an error. Follows no link.
+fn hold_within(path: &Path, levels: usize, held: &mut Vec<Directory>) -> Result<()> {
+    // What cannot be listed has no run of this user in it.
+    let entries = fs::read_dir(path).into_iter().flatten().flatten();
     let folders = entries.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir()));
-    folders.map(|entry| entry.path()).find_map(|folder| match Directory::is_locked(&folder) {
-        true => Some(folder),
-        false if levels > 1 => locked_within(&folder, levels - 1),
-        false => None,
-    })
+    for folder in folders.map(|entry| entry.path()) {
+        if is_run_dir(&folder) || Directory::is_locked(&folder) {
+            held.push(Directory::lock(&folder)?);
+        }
+        if levels > 1 {
+            hold_within(&folder, levels - 1, held)?;
+        }
+    }
+    Ok(())
 }
 
 pub fn tell_moved(path: &Path, aside: &Path) {
@@ -133,41 +148,6 @@ fn first_free(path: &Path, word: &str, first: usize) -> PathBuf {
         path.with_file_name(name)
     });
     candidates.find(|candidate| is_free(candidate)).expect("numbers go on")
-}
-
-/// Checks that nothing is at `path`, where `option` will make a directory.
-pub fn check_free(path: &Path, option: &str) -> Result<()> {
-    ensure!(is_free(path), "{}: exists already; name another directory with {option}", path.display());
-    Ok(())
-}
-
-/// Makes the directory if there is none, and checks that a file can be made in it.
-pub fn check_writable(dir: &Path) -> Result<()> {
-    let failed = || format!("{}: cannot be written to", dir.display());
-    fs::create_dir_all(dir).with_context(failed)?;
-    tempfile::tempfile_in(dir).map(drop).with_context(failed)
-}
-
-/// Checks that no two options name the same place, and that none lies within another.
-pub fn check_apart(places: &[(&str, Option<&Path>)]) -> Result<()> {
-    let places: Vec<_> = places.iter().filter_map(|&(option, path)| Some((option, path?, real(path?)))).collect();
-    for (number, (option, path, place)) in places.iter().enumerate() {
-        for (other, _, taken) in &places[..number] {
-            ensure!(
-                !place.starts_with(taken) && !taken.starts_with(place),
-                "{}: {other} and {option} must not write to the same place or into each other; name another path",
-                path.display()
-            );
-        }
-    }
-    Ok(())
-}
-
-/// Resolves the links in a path, as far as it exists.
-fn real(path: &Path) -> PathBuf {
-    let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    let known = path.ancestors().find_map(|known| Some((known.canonicalize().ok()?, path.strip_prefix(known).ok()?)));
-    known.map(|(known, rest)| known.join(rest)).unwrap_or(path)
 }
 
 /// Returns whether nothing is at `path`, not even a broken link.
@@ -223,20 +203,33 @@ mod tests {
     }
 
     #[test]
-    fn places_that_meet_are_told_from_places_apart() {
+    fn nobody_begins_to_write_a_run_while_its_folder_is_moved() {
         let dir = tempfile::tempdir().unwrap();
-        let place = |name: &str| dir.path().join(name);
-        fs::create_dir(place("a")).unwrap();
-        std::os::unix::fs::symlink(place("a"), place("link")).unwrap();
-        let apart = |one: &str, other: &str| check_apart(&[("--x", Some(&place(one))), ("--y", Some(&place(other)))]);
-        for (one, other) in [("a", "b"), ("a", "ab"), ("new/a", "new/b"), ("a/b", "link/c")] {
-            apart(one, other).unwrap();
-        }
-        for (one, other) in [("a", "a"), ("new", "./new"), ("new", "new/in"), ("a/b/c", "a"), ("a/b", "link/b")] {
-            let error = apart(one, other).unwrap_err().to_string();
-            assert!(error.contains(": --x and --y must not write to the same place"), "{error}");
-        }
-        check_apart(&[("--x", None), ("--y", Some(&place("a"))), ("--z", None)]).unwrap();
+        let (path, run) = (dir.path().join("all"), dir.path().join("all/deep/run"));
+        fs::create_dir_all(&run).unwrap();
+        fs::write(run.join("config.toml"), "").unwrap();
+        let held = hold(&path).unwrap();
+        assert!(Directory::is_locked(&path) && Directory::is_locked(&run));
+        drop(held);
+        assert!(!Directory::is_locked(&path) && !Directory::is_locked(&run));
+    }
+
+    #[test]
+    fn what_was_moved_aside_comes_back_unless_its_place_is_taken() {
+        let dir = tempfile::tempdir().unwrap();
+        let (path, aside) = (dir.path().join("run"), dir.path().join("run.old-1"));
+        fs::create_dir(&path).unwrap();
+        fs::write(path.join("ours"), "x").unwrap();
+        let lost = |new: &Directory| Ok(fs::remove_dir(new.path())?);
+        make(&path, Existing::MoveAside, lost).map(drop).unwrap_err();
+        assert_eq!((names(dir.path()), names(&path)), (vec!["run".to_owned()], vec!["ours".to_owned()]));
+        // A rename would replace an empty directory.
+        fs::rename(&path, &aside).unwrap();
+        fs::create_dir(&path).unwrap();
+        let error = put_back(&aside, &path).unwrap_err().to_string();
+        let told = format!("run: could not be made; what was there is now in {}", aside.display());
+        assert!(error.contains(&told), "{error}");
+        assert_eq!((names(&path), names(&aside)), (vec![], vec!["ours".to_owned()]));
     }
 
     #[test]

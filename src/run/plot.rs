@@ -1,11 +1,11 @@
 //! `--plot`: draws an evaluation as SVG files.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 
 use super::domain;
+use super::outputs;
 use super::places::{self, Existing};
 use crate::config::Config;
 use crate::domain::Domain;
@@ -28,7 +28,7 @@ impl Plots {
     /// Checks that pictures can be made in `dir`, before long work begins. `None`: the option was not given.
     pub fn asked_for(dir: Option<&Path>, config: &Config) -> Result<Option<Plots>> {
         let Some(dir) = dir else { return Ok(None) };
-        places::check_free(dir, "--plot")?;
+        outputs::check_free(dir, "--plot")?;
         let tape = Tape::default();
         let traffic = domain::open_recorded(config, &tape).context("--plot: nothing can be drawn")?;
         Ok(Some(Plots { dir: dir.to_owned(), tape, traffic }))
@@ -50,10 +50,7 @@ impl Plots {
             ("returns.svg", plot::returns_map(&trace, &evaluation.returns, about)?),
         ];
         places::make(&self.dir, Existing::Refuse, |dir| {
-            pictures.iter().try_for_each(|(name, svg)| {
-                fs::write(dir.join(name), svg.file())
-                    .with_context(|| format!("{}: cannot be written", self.dir.display()))
-            })
+            pictures.iter().try_for_each(|(name, svg)| dir.put(name, svg.file().as_bytes()))
         })?;
         tell(format_args!("drew {} into {}", pictures.map(|(name, _)| name).join(", "), self.dir.display()));
         Ok(())

@@ -3,18 +3,21 @@
 use std::path::PathBuf;
 
 use super::cast::ReplayedEpisode;
+use super::outputs::{check_apart, check_not_a_run};
 use super::places::{self, Existing};
 use super::video::Video;
 use crate::cli;
 use crate::error::Error;
 use crate::film::{Replay, check_screen, watch};
-use crate::terminal::{answer, quoted};
+use crate::outside::quoted;
+use crate::terminal::answer;
 use crate::traffic::sim::replay::{self, Snapshot, view};
 
 pub fn replay(args: &cli::ReplayArgs) -> crate::error::Result<()> {
     let existing = if args.force { Existing::MoveAside } else { Existing::Refuse };
+    check_not_a_run("--out", &args.out).map_err(Error::Usage)?;
     let dir = places::place(&args.out, existing).map_err(Error::Usage)?;
-    places::check_apart(&[("--out", Some(&args.out)), ("--video", args.video.as_deref())]).map_err(Error::Usage)?;
+    check_apart(&[("--out", Some(&args.out)), ("--video", args.video.as_deref())]).map_err(Error::Usage)?;
     let video = args.video.as_deref().map(|file| Video::asked_for(file, existing)).transpose().map_err(Error::Usage)?;
     if args.gui {
         check_screen().map_err(Error::Usage)?;
@@ -22,8 +25,8 @@ pub fn replay(args: &cli::ReplayArgs) -> crate::error::Result<()> {
     let episode = ReplayedEpisode::choose(args).map_err(Error::Usage)?;
     let recording = episode.play().map_err(Error::Run)?;
     places::make(&dir, existing, |staged| {
-        replay::write(&recording, staged)?;
-        replay::check(&recording, staged)
+        replay::write(&recording, staged.path())?;
+        replay::check(&recording, staged.path())
     })
     .map_err(Error::Run)?;
     let config = replay::config_in(&dir);

@@ -1,30 +1,23 @@
 //! `report`: writes the figures and tables of run directories.
 
-use std::fs;
-use std::path::Path;
-
-use anyhow::Context;
-
+use super::outputs::check_not_a_run;
 use super::places::{self, Existing};
 use crate::cli;
 use crate::error::{Error, Result};
-use crate::outside::Printable;
+use crate::outside::{Directory, Printable, quoted};
 use crate::report::{self, MARKDOWN, PAGE};
-use crate::terminal::{answer, quoted, tell};
+use crate::terminal::{answer, tell};
 
 pub fn report(args: &cli::ReportArgs) -> Result<()> {
     let existing = if args.force { Existing::MoveAside } else { Existing::Refuse };
+    check_not_a_run("--out", &args.out).map_err(Error::Usage)?;
     let out = places::place(&args.out, existing).map_err(Error::Usage)?;
     let report = report::report(&args.folders).map_err(Error::Usage)?;
-    places::make(&out, existing, |dir| report.files.iter().try_for_each(|(name, text)| write(&dir.join(name), text)))
-        .map_err(Error::Usage)?;
+    let write = |dir: &Directory| report.files.iter().try_for_each(|(name, text)| dir.put(name, text.as_bytes()));
+    places::make(&out, existing, write).map_err(Error::Usage)?;
     report.warnings.iter().for_each(|warning| tell(format_args!("warning: {}", Printable(warning))));
     let (page, markdown) = (out.join(PAGE), out.join(MARKDOWN));
     let (runs, groups) = (report.runs, report.groups);
     let told = format!("{runs} runs in {groups} groups; open {} or read {}", quoted(&page), quoted(&markdown));
     answer(told).map_err(Error::Run)
-}
-
-fn write(path: &Path, text: &str) -> anyhow::Result<()> {
-    fs::write(path, text).with_context(|| format!("{}: cannot be written", path.display()))
 }

@@ -92,7 +92,7 @@ impl Subject {
         match self {
             Subject::Controller(name) => vec![("controller", json!(name))],
             Subject::Run { dir, greedy, background } => {
-                let mut keys = vec![("run", json!(crate::terminal::path_as_text(dir))), ("greedy", json!(greedy))];
+                let mut keys = vec![("run", json!(crate::outside::path_as_text(dir))), ("greedy", json!(greedy))];
                 if let Some(Background { controller, policies_of }) = background {
                     let agents: Vec<usize> = policies_of.iter().map(|agent| agent.0).collect();
                     keys.extend([("background", json!(controller)), ("policies_of", json!(agents))]);

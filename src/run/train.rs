@@ -20,23 +20,22 @@ use crate::fleet::children::Children;
 use crate::fleet::inline::InlineFleet;
 use crate::fleet::{Coordinator, Options};
 use crate::machine::allow_open_files;
-use crate::outside::{Directory, Whereabouts};
+use crate::outside::{Directory, Whereabouts, quoted};
 use crate::records::checkpoint::owner::{NotOfThisRun, Owner};
 use crate::records::files;
 use crate::records::resume_point::{NothingFits, ResumePoint};
 use crate::records::run_json::Versions;
 use crate::records::run_log::{Layouts, RunLog};
 use crate::terminal::training::Progress;
-use crate::terminal::{answer, program, quoted, tell};
+use crate::terminal::{answer, program, tell};
 use crate::training::dials;
 use crate::training::fleet::Fleet;
 use crate::training::observer::Interrupted;
 use crate::training::standing::Standing;
 
 pub fn train(args: &cli::TrainArgs) -> Result<()> {
-    allow_open_files(args.workers.unwrap_or_else(cores), 1, "--workers").map_err(Error::Usage)?;
     let run = match (&args.resume, &args.config) {
-        (Some(dir), _) => resume(dir, args.accept_other_build)?,
+        (Some(dir), _) => resume(args, dir)?,
         (None, Some(config)) => begin(args, config)?,
         (None, None) => unreachable!("clap asks for one of them"),
     };
@@ -91,7 +90,8 @@ struct Run {
 
 fn begin(args: &cli::TrainArgs, config_path: &Path) -> Result<Run> {
     let config = load(config_path, &settings(args)).map_err(Error::Usage)?;
-    domain::check(&config).map_err(Error::Usage)?;
+    let domain = domain::check(&config).map_err(Error::Usage)?;
+    allow_workers(workers(args.workers, &config, domain.agents()))?;
     let existing = match (args.force, &args.out) {
         (true, _) => Existing::MoveAside,
         (false, Some(_)) => Existing::Refuse,
@@ -100,13 +100,15 @@ fn begin(args: &cli::TrainArgs, config_path: &Path) -> Result<Run> {
     let dir = args.out.clone().unwrap_or_else(|| default_dir(config_path, &config));
     let directory = directory::create(&dir, existing, &config).map_err(Error::Usage)?;
     // Use the networks of the run directory from here on, because the original ones may just have been moved aside.
-    open(directory)
+    open(directory, domain::open_tried)
 }
 
-fn resume(dir: &Path, accept_other_build: bool) -> Result<Run> {
+fn resume(args: &cli::TrainArgs, dir: &Path) -> Result<Run> {
     directory::check(dir).map_err(Error::Usage)?;
-    let run = open(Directory::lock(dir).map_err(Error::Run)?)?;
-    let other_build = other_build(dir, run.config.numerics.vector_width, accept_other_build).map_err(Error::Usage)?;
+    let run = open(Directory::lock(dir).map_err(Error::Run)?, domain::open)?;
+    allow_workers(workers(args.workers, &run.config, run.domain.agents()))?;
+    let width = run.config.numerics.vector_width;
+    let other_build = other_build(dir, width, args.accept_other_build).map_err(Error::Usage)?;
     let point = ResumePoint::find(&run.directory, &run.owner).map_err(|error| {
         if error.is::<NotOfThisRun>() {
             return Error::Usage(error);
@@ -124,14 +126,15 @@ fn resume(dir: &Path, accept_other_build: bool) -> Result<Run> {
     Ok(Run { resumed: Some(point), other_build, ..run })
 }
 
-fn open(directory: Directory) -> Result<Run> {
-    let (config, domain) = directory::open_config(directory.path()).map_err(Error::Usage)?;
+/// Reads the config and the networks of a run directory. `opened`: how its domain is opened.
+fn open(directory: Directory, opened: fn(&Config) -> anyhow::Result<Arc<dyn Domain>>) -> Result<Run> {
+    let (config, domain) = directory::open_config(directory.path(), opened).map_err(Error::Usage)?;
     let owner = Owner::of(&config, &*domain).map_err(Error::Usage)?;
     Ok(Run { directory, config, domain, owner, resumed: None, other_build: None })
 }
 
 impl Run {
-    /// Returns how many workers to start: not more than have work.
+    /// Returns how many workers to start, and says so if they are fewer than were asked for.
     fn workers(&self, asked: Option<usize>) -> usize {
         let most = most_workers(&self.config, self.domain.agents());
         if let Some(asked) = asked.filter(|&asked| asked > most) {
@@ -141,7 +144,7 @@ impl Run {
                 self.domain.agents()
             ));
         }
-        asked.unwrap_or_else(cores).min(most)
+        workers(asked, &self.config, self.domain.agents())
     }
 
     fn train(self, workers: usize, patience: Duration) -> anyhow::Result<()> {
@@ -154,7 +157,7 @@ impl Run {
             Some(point) => RunLog::resume(directory.clone(), point, owner, layouts)?,
         };
         let resumes_at = checkpoint.as_ref().map_or(0, |checkpoint| checkpoint.agents.steps);
-        other_build.as_ref().map_or(Ok(()), |build| record_resume(dir, build, resumes_at))?;
+        other_build.as_ref().map_or(Ok(()), |build| record_resume(&directory, build, resumes_at))?;
         let mut fleet: Box<dyn Fleet> = match workers {
             0 => Box::new(InlineFleet::new(domain.clone(), config, progress.clone())),
             workers => {
@@ -171,6 +174,16 @@ impl Run {
         progress.finish();
         outcome
     }
+}
+
+/// Returns how many workers to start: not more than have work.
+fn workers(asked: Option<usize>, config: &Config, agents: usize) -> usize {
+    asked.unwrap_or_else(cores).min(most_workers(config, agents))
+}
+
+/// Makes sure that this process may have a file open for each worker.
+fn allow_workers(workers: usize) -> Result<()> {
+    allow_open_files(workers, 1, "--workers").map_err(Error::Usage)
 }
 
 /// Returns the largest number of workers that each have agents or episodes at some time of the run.

@@ -1,13 +1,15 @@
 //! Files that might crash a simulator, tried in a child process first.
 //!
 //! SUMO aborts or reads foreign memory on some networks, and a process that does so cannot say why. So a child of this
-//! program loads a strange network and plays a step. If the child dies, that is an error like any other. Networks that
-//! this program writes are known to be good, and cost nothing here.
+//! program loads a strange network and plays a step, with limits on time and memory. If the child dies, that is an
+//! error like any other. Networks that this program writes are known to be good, and cost nothing here.
 
+use std::collections::BTreeSet;
 use std::io::{Read, Write};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -17,19 +19,28 @@ use super::{END_WITH, domain};
 use crate::config::Config;
 use crate::domain::Domain;
 use crate::error;
+use crate::machine::limit_memory;
 use crate::outside::Printable;
 
 /// The hidden subcommand of the child.
 const TRY_OUT: &str = "try-out";
-/// Longest time for a trial. A grid of 10 000 intersections takes 30 s.
-const PATIENCE: Duration = Duration::from_secs(300);
+/// Longest time for a trial. A grid of 10 000 intersections, the largest, takes 30 s.
+const PATIENCE: Duration = Duration::from_secs(60);
+/// Memory that a trial may take, in GiB.
+const MEMORY_GIB: u64 = 4;
+/// Words of a process whose memory ran out: of C++, of this program and of the system.
+const OUT_OF_MEMORY: [&str; 3] = ["bad_alloc", "out of memory", "(os error 12)"];
 /// Time between two looks at the child.
 const LOOK_EVERY: Duration = Duration::from_millis(5);
 /// Bytes of the child's words that are kept, from the end.
 const LAST_WORDS: usize = 2000;
 
+/// Configs whose files were survived, as JSON. A command opens the same files several times and tries them once.
+static SURVIVED: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
+
 /// The hidden command: tries the files of the config on standard input.
 pub fn try_out() -> error::Result<()> {
+    limit_memory(MEMORY_GIB << 30).map_err(error::Error::Run)?;
     let config = || -> Result<Config> {
         let mut json = String::new();
         std::io::stdin().read_to_string(&mut json).context("no config on standard input")?;
@@ -39,7 +50,7 @@ pub fn try_out() -> error::Result<()> {
     domain::find(&config).and_then(|domain| domain.try_out()).map_err(error::Error::Usage)
 }
 
-/// Lets a child try the files of a domain, if it is not known that the simulator survives them.
+/// Lets a child try the files of a domain, if it is not known that the simulator survives them. Does so once per config.
 ///
 /// The error names the files, says how the child ended and what it said last.
 pub fn survive(config: &Config, domain: &dyn Domain) -> Result<()> {
@@ -47,14 +58,21 @@ pub fn survive(config: &Config, domain: &dyn Domain) -> Result<()> {
     if files.is_empty() {
         return Ok(());
     }
+    let config = serde_json::to_string(config)?;
+    let survived = || SURVIVED.lock().unwrap_or_else(PoisonError::into_inner);
+    if survived().contains(&config) {
+        return Ok(());
+    }
     let mut command = Command::new("/proc/self/exe");
     command.args([TRY_OUT, END_WITH, &std::process::id().to_string()]);
     // Ctrl-C at the terminal ends this process, and the child ends with it.
     command.process_group(0);
     let simulator = domain.foreign_simulator().unwrap_or("the simulator");
-    let end = watch(command, serde_json::to_string(config)?, PATIENCE)?;
+    let end = watch(command, config.clone(), PATIENCE)?;
     let names: Vec<String> = files.iter().map(|file: &PathBuf| file.display().to_string()).collect();
-    judge(end, &names.join(" or "), simulator)
+    judge(end, &names.join(" or "), simulator)?;
+    survived().insert(config);
+    Ok(())
 }
 
 /// The end of a child and its last words.
@@ -115,7 +133,14 @@ fn judge(End { status, said }: End, files: &str, simulator: &str) -> Result<()> 
         anyhow!("{}", Printable(format!("{how}{words}")))
             .context(format!("{files}: {simulator} cannot simulate this network; use another one"))
     };
-    let Some(status) = status else { return Err(died("it was not loaded in time".to_owned())) };
+    let Some(status) = status else {
+        return Err(died(format!("it was not loaded within {} seconds", PATIENCE.as_secs())));
+    };
+    if !status.success() && OUT_OF_MEMORY.iter().any(|words| said.contains(words)) {
+        return Err(died(format!(
+            "memory ran out; it may take {MEMORY_GIB} GiB, or less if a limit (ulimit -v) says so"
+        )));
+    }
     if let Some(signal) = status.signal() {
         let how = match signal {
             6 => " (aborted, for example by an assertion)",
@@ -166,7 +191,25 @@ mod tests {
         assert_eq!(told("kill -SEGV $$", long), format!("{died}: SUMO died of signal 11 (it read foreign memory)"));
         assert_eq!(told("exit 101", long), format!("{died}: it ended with exit status: 101"));
         assert_eq!(told("printf 'error: a\\n  caused by: b\\n' >&2; exit 2", long), "a: b");
-        assert_eq!(told("exec sleep 1000", Duration::from_millis(50)), format!("{died}: it was not loaded in time"));
+        assert_eq!(
+            told("exec sleep 1000", Duration::from_millis(50)),
+            format!("{died}: it was not loaded within 60 seconds")
+        );
+    }
+
+    #[test]
+    fn memory_that_ran_out_is_told_in_whatever_words_the_child_said_it() {
+        let expected =
+            "a.net.xml: SUMO cannot simulate this network; use another one: memory ran out; it may take 4 GiB";
+        for script in [
+            "echo \"terminate called after throwing an instance of 'std::bad_alloc'\" >&2; kill -ABRT $$",
+            "printf 'error: a.net.xml: this network cannot be simulated\\n  caused by: std::bad_alloc\\n' >&2; exit 2",
+            "echo 'error: out of memory: the system refused 8 more bytes' >&2; exit 1",
+            "echo 'error: no memory for a network: Cannot allocate memory (os error 12)' >&2; exit 2",
+        ] {
+            let told = told(&format!("cat > /dev/null; {script}"), Duration::from_secs(60));
+            assert!(told.starts_with(expected), "{script}: {told}");
+        }
     }
 
     #[test]

@@ -5,12 +5,11 @@ use std::path::{Path, PathBuf};
 use anyhow::{anyhow, ensure};
 
 use super::domain;
-use super::places;
+use super::outputs;
 use super::subject::Subject;
 use crate::config::Config;
 use crate::error::{Error, Result};
-use crate::outside::FileName;
-use crate::records::atomic::write_atomically;
+use crate::outside::{FileName, write_whole};
 use crate::terminal::counting::EpisodeBar;
 use crate::terminal::tell;
 use crate::traffic::controllers::timing_file::{TimingFile, TunedOn};
@@ -62,7 +61,7 @@ fn tuned_file(config: &Config, controller: &str, episodes: usize) -> Result<Path
         tell(format_args!("{}: uses the timings of an earlier search", path.display()));
         return Ok(path);
     }
-    places::check_writable(Path::new(FOLDER)).map_err(Error::Usage)?;
+    outputs::check_writable(Path::new(FOLDER)).map_err(Error::Usage)?;
     tell(format_args!(
         "{FOLDER}: has no timings of {controller} for this network, horizon, seed, search and SUMO version; searching for \
          them"
@@ -75,7 +74,7 @@ fn tuned_file(config: &Config, controller: &str, episodes: usize) -> Result<Path
     });
     bar.finish();
     let found = found.map_err(Error::Run)?;
-    found.to_toml().and_then(|text| write_atomically(&path, text.as_bytes())).map_err(Error::Run)?;
+    found.to_toml().and_then(|text| write_whole(&path, text.as_bytes())).map_err(Error::Run)?;
     tell(format_args!("{}: tuned on {episodes} episodes, return {:.1}", path.display(), found.mean_return));
     Ok(path)
 }

@@ -5,10 +5,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, Result, ensure};
 
+use super::outputs::check_not_a_run;
 use super::places::{self, Existing};
 use crate::error::{self, Error};
 use crate::film::{Format, Pictures, Replay};
-use crate::records::atomic::{folder_of, write_beside};
+use crate::outside::{folder_of, write_whole_with};
 use crate::terminal::stop_on_signals;
 
 /// A film that can be made: its tools and its folder were checked.
@@ -24,6 +25,7 @@ impl Video {
         let format =
             Format::of(file).with_context(|| format!("--video {}: must end in .gif or .mp4", file.display()))?;
         format.check_tools("--video")?;
+        check_not_a_run("--video", file)?;
         ensure!(
             existing != Existing::Refuse || places::is_free(file),
             "{}: exists already; name another file with --video, or add --force to move it aside",
@@ -51,7 +53,7 @@ impl Video {
 
     fn film(&self, replay: &Replay, stop: &AtomicBool) -> Result<()> {
         let pictures = Pictures::take(replay, stop)?;
-        write_beside(&self.file, |beside| {
+        write_whole_with(&self.file, |beside| {
             pictures.join(self.format, beside, stop)?;
             // The new film is complete, so the old one can be moved aside.
             if self.existing == Existing::MoveAside && !places::is_free(&self.file) {

@@ -29,6 +29,21 @@ impl CarTable {
         CarTable { starts: vec![0], ids: Vec::new(), positions_m: Vec::new(), speeds_mps: Vec::new() }
     }
 
+    /// Makes a table of these lanes, each with its cars as (id, position in metres, speed in metres per second), the
+    /// rearmost first.
+    pub fn of(lanes: impl IntoIterator<Item = Vec<(CarId, f64, f64)>>) -> Self {
+        let mut table = CarTable::new();
+        for lane in lanes {
+            for (id, position_m, speed_mps) in lane {
+                table.ids.push(id);
+                table.positions_m.push(position_m);
+                table.speeds_mps.push(speed_mps);
+            }
+            table.starts.push(table.ids.len() as u32);
+        }
+        table
+    }
+
     /// Returns the number of lanes read.
     pub fn lanes(&self) -> usize {
         self.starts.len() - 1

@@ -1,7 +1,7 @@
 //! The terminal: printed lines, progress bars, commands to copy, and Ctrl-C.
 //!
 //! - `say`: messages on standard error, results on standard output. Names in them cannot act on the terminal.
-//! - `shell`: finds programs on the PATH, and quotes paths for commands to copy.
+//! - `shell`: finds programs on the PATH.
 //! - `stop`: Ctrl-C and SIGTERM.
 //! - [`training`], [`measuring`], [`experiment`]: the progress of `train`, `bench` and `experiment`. They show bars on
 //!   a terminal and plain lines elsewhere.
@@ -21,5 +21,5 @@ mod stop;
 pub mod training;
 
 pub use say::{answer, json, tell};
-pub use shell::{on_the_path, path_as_text, program, quoted, quoted_word};
+pub use shell::{on_the_path, program};
 pub use stop::{Wish, check_stop, stop_on_signals};

@@ -3,7 +3,8 @@
 //! A car that has just entered is the rearmost on its lane. Cars leave in the order in which they came, and a second
 //! car does not fit in behind it within a second.
 
-use crate::sumo::{CarId, CarTable, LaneCars};
+use super::cars_at::CarsAt;
+use crate::sumo::{CarId, LaneCars};
 
 /// Returns whether a car entered the lane between two reads.
 pub fn has_arrival(now: LaneCars<'_>, before: LaneCars<'_>) -> bool {
@@ -15,8 +16,8 @@ pub fn is_rearmost(car: CarId, lane: LaneCars<'_>) -> bool {
     rearmost(lane) == Some(car)
 }
 
-/// Writes 1 for every lane that a car entered between two reads, and 0 for the others.
-pub fn note(arrivals: &mut [u8], now: &CarTable, before: &CarTable) {
+/// Writes 1 for every lane that a car entered between two reads of one light's lanes, and 0 for the others.
+pub fn note(arrivals: &mut [u8], now: CarsAt<'_>, before: CarsAt<'_>) {
     for (arrived, (now, before)) in arrivals.iter_mut().zip(now.iter().zip(before.iter())) {
         *arrived = u8::from(has_arrival(now, before));
     }

@@ -1,7 +1,7 @@
 //! The traffic domain: a grid of intersections on SUMO, every light an agent.
 //!
 //! - [`agents`], [`side`]: what an agent is; [`light`], [`observe`], [`arrivals`]: its actions, observations, rewards
-//!   and influence sources.
+//!   and influence sources; [`cars_at`]: the cars that they are made from.
 //! - [`paper_grid`]: the road networks of the paper; [`network`]: networks as files; [`cut`]: local regions cut out of
 //!   them.
 //! - [`scenario`]: the scenario of a user, a .sumocfg with its files.
@@ -30,6 +30,7 @@
 
 pub mod agents;
 pub mod arrivals;
+pub mod cars_at;
 pub mod controllers;
 pub mod cut;
 pub mod light;
@@ -42,6 +43,7 @@ pub mod sim;
 pub mod tuning;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use anyhow::{Context, ensure};
 
@@ -52,12 +54,14 @@ use crate::domain::{
     Result, RoughCosts, Scenario,
 };
 use crate::sumo::Simulation;
+use agents::plan::JointPlan;
 use agents::region;
 use controllers::{HandCoded, Trials};
 use network::contents::Network;
 use network::files::NetworkFiles;
-use network::way_out::cannot_be_simulated;
+use network::way_out::{Role, cannot_be_simulated};
 use paper_grid::grid::Grid;
+use paper_grid::plans::joint_plan;
 use paper_grid::recognise::{recognise_grid, recognise_local};
 use sim::control::SignalControl;
 use sim::global::GlobalTraffic;
@@ -94,7 +98,7 @@ pub struct Traffic {
     /// Nets that hold more than this program writes.
     strange: Vec<PathBuf>,
     config: TrafficConfig,
-    kinds: Kinds,
+    plan: Arc<JointPlan>,
     tape: Option<Tape>,
 }
 
@@ -115,7 +119,7 @@ impl Traffic {
             network: global.network,
             local_network: local.network,
             config: config.clone(),
-            kinds: Kinds::one(grid.agents().len(), region::spec(config)),
+            plan: Arc::new(joint_plan(grid, config)),
             tape: None,
         })
     }
@@ -133,8 +137,8 @@ impl Traffic {
     /// Loads both networks in SUMO and plays a step in each, so that a faulty network is reported before a run begins.
     /// Takes tens of milliseconds; SUMO is closed again.
     pub fn check_in_sumo(&self) -> Result<()> {
-        self.try_global().with_context(|| cannot_be_simulated(&self.network.files.net))?;
-        self.try_local().with_context(|| cannot_be_simulated(&self.local_network.files.net))
+        self.try_global().with_context(|| cannot_be_simulated(&self.network.files.net, Role::Global))?;
+        self.try_local().with_context(|| cannot_be_simulated(&self.local_network.files.net, Role::Local))
     }
 
     /// Tries the GS with the actuated lights, which need all files of the network and more of their content than the
@@ -157,7 +161,7 @@ impl Traffic {
 
     /// Loads the GS with its own type, for what the trait does not offer.
     pub fn global(&self, control: SignalControl) -> Result<GlobalTraffic> {
-        GlobalTraffic::load(self.grid, &self.network, &self.config, control, self.tape.as_ref())
+        GlobalTraffic::load(self.plan.clone(), self.grid, &self.network, control, self.tape.as_ref())
     }
 
     /// Returns control of all lights by hand-coded control.
@@ -183,7 +187,7 @@ impl Trials for Traffic {
 
 impl Domain for Traffic {
     fn kinds(&self) -> &Kinds {
-        &self.kinds
+        &self.plan.kinds
     }
 
     fn global_simulator(&self) -> Result<Box<dyn GlobalSimulator>> {

@@ -1,8 +1,10 @@
-//! Whether the state of agents is one that training under a config leads to. Checked before anything is restored from a
-//! file, because training relies on it: it indexes by these actions, and replays these trails.
+//! Whether the state of agents is one that training under a config leads to. Checked in what a file or a worker says,
+//! because training relies on it: it indexes by these actions, and replays these trails.
 //!
 //! Almost everything about a state follows from the number of timesteps: where every episode stands, and how many
 //! gradient steps there were. So all sizes are those that the config gives.
+
+use std::ops::Range;
 
 use anyhow::{Context, ensure};
 
@@ -72,29 +74,83 @@ pub fn check_standing(standing: &Standing, state: &AgentsState, elapsed_s: f64, 
     Ok(())
 }
 
-/// Returns an error that names the first agent whose state does not fit, and how.
-pub fn check_state(state: &AgentsState, config: &Config, kinds: &Kinds) -> Result<()> {
-    let widths = Widths::of(config, kinds);
-    let AgentsState { steps, policies, moments, aips, streams } = state;
-    check_widths("policies", policies, &widths.policies)?;
-    check_widths("first_moments", &moments.first, &widths.policies)?;
-    check_widths("second_moments", &moments.second, &widths.policies)?;
-    check_widths("aips", aips, &widths.aips)?;
-    ensure!(streams.len() == kinds.agents(), "it has {} streams for {} agents", streams.len(), kinds.agents());
-    let memory = config.ppo.memory as u64;
-    ensure!(steps.is_multiple_of(memory), "its step {steps} is not a multiple of ppo.memory = {memory}");
-    let gradient_steps = gradient_steps(*steps, config, kinds);
-    ensure!(
-        u64::from(moments.steps) == gradient_steps,
-        "its optimiser has made {} steps, but {gradient_steps} until step {steps}",
-        moments.steps
-    );
-    for (agent, (stream, spec)) in streams.iter().zip(kinds.specs()).enumerate() {
-        check_tables(state, agent).with_context(|| format!("agent {agent}"))?;
-        influence::check_values(config.predictor(), spec, aips.row(agent)).with_context(|| format!("agent {agent}"))?;
-        check_stream(stream, *steps, config, spec).with_context(|| format!("agent {agent}"))?;
+/// Some agents of a run, next to each other: what a state of them must be like.
+pub struct Fit<'a> {
+    pub config: &'a Config,
+    pub kinds: &'a Kinds,
+    /// Widths of all agents of the run.
+    pub widths: &'a Widths,
+    pub agents: Range<usize>,
+}
+
+impl Fit<'_> {
+    /// Returns the kinds' description of each of the agents.
+    pub fn specs(&self) -> impl Iterator<Item = &RegionSpec> {
+        self.agents.clone().map(|agent| &self.kinds.of(AgentId(agent)).spec)
     }
-    Ok(())
+
+    /// Returns an error if a table does not have the parameters of these agents' policies.
+    pub fn check_policies(&self, name: &str, table: &Ragged<f32>) -> Result<()> {
+        self.check_widths(name, table, &self.widths.policies)
+    }
+
+    /// Returns an error if a table does not have the parameters of these agents' influence predictors.
+    pub fn check_aips(&self, name: &str, table: &Ragged<f32>) -> Result<()> {
+        self.check_widths(name, table, &self.widths.aips)
+    }
+
+    /// Returns an error that names the first agent whose state does not fit, and how.
+    ///
+    /// Networks and hidden states may hold any number: a policy that has diverged is not a damaged state. See
+    /// [`Fit::check_numbers`].
+    pub fn check(&self, state: &AgentsState) -> Result<()> {
+        let AgentsState { steps, policies, moments, aips, streams } = state;
+        self.check_policies("policies", policies)?;
+        self.check_policies("first_moments", &moments.first)?;
+        self.check_policies("second_moments", &moments.second)?;
+        self.check_aips("aips", aips)?;
+        ensure!(
+            streams.len() == self.agents.len(),
+            "it has {} streams for {} agents",
+            streams.len(),
+            self.agents.len()
+        );
+        let memory = self.config.ppo.memory as u64;
+        ensure!(steps.is_multiple_of(memory), "its step {steps} is not a multiple of ppo.memory = {memory}");
+        let gradient_steps = gradient_steps(*steps, self.config, self.kinds);
+        ensure!(
+            u64::from(moments.steps) == gradient_steps,
+            "its optimiser has made {} steps, but {gradient_steps} until step {steps}",
+            moments.steps
+        );
+        for ((agent, stream), spec) in self.agents.clone().zip(streams).zip(self.specs()) {
+            check_stream(stream, *steps, self.config, spec).with_context(|| format!("agent {agent}"))?;
+        }
+        Ok(())
+    }
+
+    /// Returns an error that names the first agent with a number that training cannot continue from. The state fits.
+    pub fn check_numbers(&self, state: &AgentsState) -> Result<()> {
+        for (index, (agent, spec)) in self.agents.clone().zip(self.specs()).enumerate() {
+            let check = || {
+                check_tables(state, index)?;
+                influence::check_values(self.config.predictor(), spec, state.aips.row(index))?;
+                check_rows(&state.streams[index])
+            };
+            check().with_context(|| format!("agent {agent}"))?;
+        }
+        Ok(())
+    }
+
+    fn check_widths(&self, name: &str, table: &Ragged<f32>, widths: &[usize]) -> Result<()> {
+        let count = self.agents.len();
+        ensure!(table.len() == count, "its table `{name}` is of {} agents, not of {count}", table.len());
+        for (agent, found) in self.agents.clone().zip(table.widths()) {
+            let expected = widths[agent];
+            ensure!(found == expected, "its table `{name}` has {found} values of agent {agent}, not {expected}");
+        }
+        Ok(())
+    }
 }
 
 /// Returns how many steps the optimiser of a policy has made after this number of timesteps per agent.
@@ -104,22 +160,14 @@ fn gradient_steps(steps: u64, config: &Config, kinds: &Kinds) -> u64 {
     // When the actor joins the critic, the optimiser begins again.
     let of_critic = config.critic_steps().div_ceil(memory);
     let since = if updates > of_critic { updates - of_critic } else { updates };
-    // A shared policy learns from the samples of all agents.
-    let memories = if config.shares_policies() { kinds.agents() } else { 1 };
+    // A shared policy learns from the samples of all agents of its kind.
+    let memories = if config.shares_policies() { kinds.of(AgentId(0)).agents.len() } else { 1 };
     let per_update = config.ppo.epochs * memories * (config.ppo.memory / config.ppo.minibatch);
     since.saturating_mul(per_update as u64)
 }
 
-fn check_widths(name: &str, table: &Ragged<f32>, widths: &[usize]) -> Result<()> {
-    ensure!(table.len() == widths.len(), "its table `{name}` is of {} agents, not of {}", table.len(), widths.len());
-    let wrong = table.widths().zip(widths).position(|(found, &expected)| found != expected);
-    wrong.map_or(Ok(()), |agent| {
-        let (found, expected) = (table.row(agent).len(), widths[agent]);
-        Err(anyhow::anyhow!("its table `{name}` has {found} values of agent {agent}, not {expected}"))
-    })
-}
-
-fn check_tables(state: &AgentsState, agent: usize) -> Result<()> {
+/// Checks the numbers in the row of this index of each table.
+fn check_tables(state: &AgentsState, index: usize) -> Result<()> {
     let tables = [
         ("policies", &state.policies),
         ("first_moments", &state.moments.first),
@@ -127,12 +175,23 @@ fn check_tables(state: &AgentsState, agent: usize) -> Result<()> {
         ("aips", &state.aips),
     ];
     for (name, table) in tables {
-        if let Some(bad) = table.row(agent).iter().find(|value| !value.is_finite()) {
+        if let Some(bad) = table.row(index).iter().find(|value| !value.is_finite()) {
             anyhow::bail!("its table `{name}` holds {bad}, which is not a finite number");
         }
     }
-    let negative = state.moments.second.row(agent).iter().find(|&&value| value < 0.0);
+    let negative = state.moments.second.row(index).iter().find(|&&value| value < 0.0);
     negative.map_or(Ok(()), |bad| Err(anyhow::anyhow!("its table `second_moments` holds {bad}, but they are squares")))
+}
+
+/// Checks the numbers that the rows of an agent carry on.
+fn check_rows(stream: &AgentStream) -> Result<()> {
+    for (copy, RowStream { state, rewards, .. }) in stream.rows.iter().enumerate() {
+        ensure!(
+            state.iter().all(|value| value.is_finite()) && rewards.is_finite(),
+            "copy {copy} of its region: the hidden state of its policy or its sum of rewards is not a finite number"
+        );
+    }
+    Ok(())
 }
 
 fn check_stream(stream: &AgentStream, steps: u64, config: &Config, spec: &RegionSpec) -> Result<()> {
@@ -147,7 +206,7 @@ fn check_stream(stream: &AgentStream, steps: u64, config: &Config, spec: &Region
 
 fn check_row(row: &RowStream, copy: usize, steps: u64, config: &Config, spec: &RegionSpec) -> Result<()> {
     let (on_gs, copies) = (config.simulator == Simulator::Global, config.copies());
-    let RowStream { trail, acting, influence, state, rewards } = row;
+    let RowStream { trail, acting, influence, state, rewards: _ } = row;
     check_dice("actions", acting)?;
     check_dice("influence sources", influence)?;
     let staggered = config.local_simulators.stagger && !on_gs;
@@ -180,10 +239,6 @@ fn check_row(row: &RowStream, copy: usize, steps: u64, config: &Config, spec: &R
     }
     let width = PolicyStack::shape(spec, &config.policy).state_width();
     ensure!(state.len() == width, "the hidden state of its policy has {} values, not {width}", state.len());
-    ensure!(
-        state.iter().all(|value| value.is_finite()) && rewards.is_finite(),
-        "the hidden state of its policy or its sum of rewards is not a finite number"
-    );
     Ok(())
 }
 

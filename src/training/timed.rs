@@ -174,6 +174,37 @@ mod tests {
         }
     }
 
+    /// A GS that says when it is asked to measure in full.
+    struct Asked(Box<dyn GlobalSimulator>);
+
+    impl GlobalSimulator for Asked {
+        fn kinds(&self) -> &Kinds {
+            self.0.kinds()
+        }
+
+        fn reset(&mut self, episode: Seed) -> Result<&JointPercept> {
+            self.0.reset(episode)
+        }
+
+        fn step(&mut self, actions: &[Action]) -> Result<&JointTransition> {
+            self.0.step(actions)
+        }
+
+        fn influence_sample(&self) -> InfluenceSample<'_> {
+            self.0.influence_sample()
+        }
+
+        fn measure_in_full(&mut self) -> Result<()> {
+            anyhow::bail!("this one was asked")
+        }
+    }
+
+    #[test]
+    fn the_order_to_measure_in_full_reaches_the_simulator() {
+        let asked: Box<dyn GlobalSimulator> = Box::new(Asked(Coins::new(1).global_simulator().unwrap()));
+        assert_eq!(Timed::new(asked).measure_in_full().unwrap_err().to_string(), "this one was asked");
+    }
+
     #[test]
     fn what_a_simulator_does_not_tell_of_a_step_is_its_own_step() {
         let told = Duration::from_secs(2);

@@ -9,7 +9,8 @@ use std::sync::Mutex;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use rustix::process::{Resource, Rlimit, Signal, set_parent_process_death_signal, setrlimit};
+use dials_traffic::machine::limit_memory;
+use rustix::process::{Signal, set_parent_process_death_signal};
 
 use super::driver::{BEGUN, CHILD, ENDED, FAILED, Order, save};
 use super::mutate::{Pool, mutated};
@@ -53,20 +54,11 @@ fn note(info: &PanicHookInfo<'_>) {
     *PANIC.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) = told;
 }
 
-/// Limits the memory of this process and of the programs that it starts.
-fn limit_memory() {
-    let status = fs::read_to_string("/proc/self/status").expect("Linux has it");
-    let line = status.lines().find_map(|line| line.strip_prefix("VmSize:")).expect("Linux says it");
-    let now: u64 = line.trim().trim_end_matches(" kB").parse().expect("a number of kB");
-    let limit = Some(now * 1024 + MEMORY);
-    setrlimit(Resource::As, Rlimit { current: limit, maximum: limit }).expect("a lower limit is allowed");
-}
-
 fn try_all(order: &Order) {
     let target = Target::named(&order.target);
     let seeds = (target.seeds)();
     let corpus = corpus(target.name);
-    limit_memory();
+    limit_memory(MEMORY).expect("a lower limit is allowed");
     let as_they_are: Vec<Vec<u8>> = seeds.iter().cloned().chain(corpus).chain((target.more)()).collect();
     let mut pool = Pool::new(as_they_are.iter().filter(|bytes| bytes.len() <= LARGEST_SEED).cloned().collect());
     let (mut kinds, mut failures) = (BTreeSet::new(), BTreeMap::<String, usize>::new());

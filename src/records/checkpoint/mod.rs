@@ -9,10 +9,12 @@
 //!
 //! - [`content`]: the bytes of the file, under one digest.
 //! - [`owner`]: the run that it belongs to: what of the config and of the scenario may have changed since.
+//! - `size`: the largest size that a checkpoint of a run can have.
 //! - [`fits`](crate::training::fits): sizes, actions, trails and counts, each of which follows from the config.
 
 pub mod content;
 pub mod owner;
+mod size;
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
@@ -27,12 +29,13 @@ use super::growing::Mark;
 use crate::base::Ragged;
 use crate::config::resume::{from_json, to_json};
 use crate::outside::Directory;
-use crate::training::fits::{Widths, check_standing, check_state};
+use crate::training::fits::{Fit, Widths, check_standing};
 use crate::training::standing::Standing;
 use crate::training::state::{AgentsState, JointMoments};
 use crate::training::stream::AgentStream;
 use content::{OtherFormat, Part, seal, unseal};
 use owner::{NotOfThisRun, Owner};
+use size::most_bytes;
 
 /// Number of checkpoints that are kept, the newest ones.
 pub const KEPT: usize = 3;
@@ -85,7 +88,7 @@ pub fn write(folder: &Directory, owner: &Owner, agents: &AgentsState, progress: 
     sealed(owner, agents, progress, |views, metadata| {
         // Directly to the file: the tables of a hundred agents need no second copy in memory.
         let write = |beside: &Path| Ok(safetensors::serialize_to_file(views, Some(metadata), beside)?);
-        folder.write_with(&name_of(agents.steps), |beside, _| write(beside))
+        folder.write_with(&name_of(agents.steps), write)
     })?;
     let all = list(folder)?;
     all[..all.len().saturating_sub(KEPT)].iter().try_for_each(|old| folder.remove(old))
@@ -120,7 +123,7 @@ impl Checkpoint {
     /// Reads a checkpoint of a run. The error about a damaged one says what to do. One that is not of this run is a
     /// [`NotOfThisRun`].
     pub fn read(folder: &Directory, name: &str, owner: &Owner) -> Result<Checkpoint> {
-        let bytes = folder.read(name, owner.most_bytes())?.unwrap_or_default();
+        let bytes = folder.read(name, most_bytes(owner))?.unwrap_or_default();
         let read = || {
             let checkpoint = Checkpoint::from_bytes(&bytes, owner)?;
             let (inside, outside) = (checkpoint.agents.steps, steps_of(name));
@@ -130,14 +133,20 @@ impl Checkpoint {
         let path = folder.path_of(name);
         read().map_err(|error: anyhow::Error| match error.downcast::<NotOfThisRun>() {
             Ok(NotOfThisRun(reason)) => NotOfThisRun(format!("{}: {reason}", path.display())).into(),
-            // It is not damaged, so it must not be removed.
+            // It is not damaged, so it must stay.
             Err(error) if error.is::<OtherFormat>() => {
                 error.context(format!("{}: cannot be resumed from", path.display()))
             }
-            Err(error) => error.context(format!(
-                "{}: cannot be resumed from; remove it to continue from the checkpoint before it",
-                path.display()
-            )),
+            Err(error) => {
+                let before = list(folder).is_ok_and(|names| names.first().is_some_and(|first| first != name));
+                let advice = if before {
+                    "cannot be resumed from; move it away to continue from the checkpoint before it"
+                } else {
+                    "cannot be resumed from, and there is no checkpoint before it; put it back from a copy, or begin the \
+                     run again"
+                };
+                error.context(format!("{}: {advice}", path.display()))
+            }
         })
     }
 
@@ -153,16 +162,19 @@ impl Checkpoint {
         })?;
         owner.check(&config, &scenario, progress.standing.until)?;
 
-        let Widths { policies, aips } = Widths::of(&owner.config, &owner.kinds);
+        let widths = Widths::of(&owner.config, &owner.kinds);
+        let Widths { policies, aips } = &widths;
         let table = |index: usize, widths: &[usize]| rows_of(TABLES[index], parts[index], widths);
-        let moments =
-            JointMoments { first: table(1, &policies)?, second: table(2, &policies)?, steps: optimiser_steps };
+        let moments = JointMoments { first: table(1, policies)?, second: table(2, policies)?, steps: optimiser_steps };
         let (streams, rest) = postcard::take_from_bytes::<Vec<AgentStream>>(parts[TABLES.len()])
             .context("the state of training cannot be read")?;
         ensure!(rest.is_empty(), "it has {} bytes after the state of training", rest.len());
-        let agents = AgentsState { steps, policies: table(0, &policies)?, moments, aips: table(3, &aips)?, streams };
+        let agents = AgentsState { steps, policies: table(0, policies)?, moments, aips: table(3, aips)?, streams };
         check_standing(&progress.standing, &agents, progress.elapsed_s, &config)?;
-        check_state(&agents, &config, &owner.kinds)?;
+        let everybody = 0..owner.kinds.agents();
+        let fit = Fit { config: &config, kinds: &owner.kinds, widths: &widths, agents: everybody };
+        fit.check(&agents)?;
+        fit.check_numbers(&agents)?;
         let unknown = progress.growing.keys().find(|name| !files::GROWING.contains(&name.as_str()));
         ensure!(unknown.is_none(), "it counts the bytes of a file that no run has");
         Ok(Checkpoint { agents, progress })
@@ -241,6 +253,17 @@ mod tests {
     }
 
     #[test]
+    fn a_damaged_checkpoint_says_whether_there_is_one_before_it() {
+        let dir = tempfile::tempdir().unwrap();
+        let owner = Owner::of(&crate::config::Config::default(), &Coins::new(4)).unwrap();
+        let folder = Directory::open(dir.path()).unwrap();
+        [128, 256].iter().for_each(|&steps| std::fs::write(dir.path().join(name_of(steps)), "mine").unwrap());
+        let told = |steps| format!("{:#}", Checkpoint::read(&folder, &name_of(steps), &owner).err().unwrap());
+        assert!(told(256).contains("; move it away to continue from the checkpoint before it"), "{}", told(256));
+        assert!(told(128).contains(", and there is no checkpoint before it; put it back from a copy"), "{}", told(128));
+    }
+
+    #[test]
     fn a_name_counts_only_as_it_is_written() {
         assert_eq!(steps_of("step_000000000128.safetensors"), Some(128));
         assert_eq!(steps_of("step_1000000000000.safetensors"), Some(1_000_000_000_000));
@@ -265,7 +288,7 @@ mod tests {
         let Widths { policies, aips } = Widths::of(&config, &owner.kinds);
         let values: usize = 3 * policies.iter().sum::<usize>() + aips.iter().sum::<usize>();
         let streams = owner.kinds.agents() * 4 * 300;
-        assert!(owner.most_bytes() > (4 * values + streams) as u64);
-        assert!(owner.most_bytes() < (4 * values + 4 * streams + (2 << 20)) as u64, "and not for much more");
+        assert!(most_bytes(&owner) > (4 * values + streams) as u64);
+        assert!(most_bytes(&owner) < (4 * values + 4 * streams + (2 << 20)) as u64, "and not for much more");
     }
 }

@@ -9,10 +9,8 @@ use crate::config::Config;
 use crate::config::resume::{Difference, differences, differing};
 use crate::domain::{Domain, Kinds};
 use crate::outside::Printable;
-use crate::policy::PolicyStack;
 use crate::records::files;
 use crate::records::run_json::RunJson;
-use crate::training::fits::Widths;
 
 /// The run in a directory: its config, what it simulates, and its agents.
 #[derive(Clone, Debug)]
@@ -35,8 +33,8 @@ impl Owner {
         Ok(Owner { config: config.clone(), scenario, kinds: domain.kinds().clone() })
     }
 
-    /// Returns an error if the `run.json` in `dir` describes another seed or scenario. A run without a checkpoint begins again, but as
-    /// the run that was described.
+    /// Returns an error if the `run.json` in `dir` describes another seed or scenario. A run without a checkpoint begins
+    /// again, but as the run that was described.
     pub fn check_described(&self, dir: &Path) -> Result<()> {
         let about = RunJson::read_if_there(dir)?;
         let now = json!({ "seed": self.config.seed, "scenario": self.scenario });
@@ -68,24 +66,6 @@ impl Owner {
             )));
         }
         Ok(())
-    }
-
-    /// Returns the largest number of bytes that a checkpoint of this run can have.
-    pub fn most_bytes(&self) -> u64 {
-        /// Room for the header: names, config, scenario and progress.
-        const HEADER: u64 = 1 << 20;
-        /// The longest number in postcard's format.
-        const NUMBER: u64 = 10;
-        let Widths { policies, aips } = Widths::of(&self.config, &self.kinds);
-        let sum = |widths: &[usize]| widths.iter().map(|&width| width as u64).sum::<u64>();
-        let dice = 4 * NUMBER;
-        let streams = self.kinds.specs().map(|spec| {
-            let trail = 5 * NUMBER + (spec.horizon * (1 + spec.sources.count())) as u64;
-            let state = 4 * PolicyStack::shape(spec, &self.config.policy).state_width() as u64;
-            let row = trail + 2 * dice + NUMBER + state + 8;
-            dice + NUMBER + self.config.copies() as u64 * row
-        });
-        HEADER + 4 * (3 * sum(&policies) + sum(&aips)) + NUMBER + streams.sum::<u64>()
     }
 }
 

@@ -1,11 +1,11 @@
 //! One process of an experiment: this program, started with other arguments.
 
 use std::ffi::OsStr;
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{BufRead, BufReader, Write};
 use std::os::unix::process::CommandExt;
 use std::os::unix::process::ExitStatusExt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{ChildStderr, Command, Stdio};
 use std::sync::mpsc::Sender;
 use std::thread::{self, JoinHandle};
@@ -39,29 +39,45 @@ pub struct RunProcess {
     listener: Option<JoinHandle<Option<String>>>,
     /// What it printed on standard error.
     log: Log,
-    /// Path of the result file once it is complete.
-    result: Option<PathBuf>,
+    result: Option<Output>,
+}
+
+/// Result file of a process. The process writes it under another name, which it loses once it is complete.
+struct Output {
+    folder: Directory,
+    name: String,
+}
+
+impl Output {
+    /// Makes the file that the process writes, in the folder `baselines` of an experiment.
+    fn begin(folder: &Directory, result: &Path) -> Result<(Output, File)> {
+        let output = Output { folder: folder.make_subdirectory(BASELINES)?, name: name_of(result)?.to_owned() };
+        let file = output.folder.open_anew(&output.beside())?;
+        Ok((output, file))
+    }
+
+    fn beside(&self) -> String {
+        format!("{}.part", self.name.strip_suffix(".json").unwrap_or(&self.name))
+    }
+
+    fn complete(&self) -> Result<()> {
+        self.folder.complete(&self.beside(), &self.name)
+    }
 }
 
 impl RunProcess {
     /// Starts a task. Its standard error goes to `said` and to its log. Its standard output goes to its result file, if
-    /// it has one, otherwise to the log.
-    pub fn start(task: &PlannedWork, folder: &Path, said: Sender<Said>) -> Result<RunProcess> {
-        let folder = Directory::open(folder)?;
+    /// it has one, otherwise to the log. `folder`: folder of the experiment's runs.
+    pub fn start(task: &PlannedWork, folder: &Directory, said: Sender<Said>) -> Result<RunProcess> {
         let log = Log::open(&folder.make_subdirectory(LOGS)?, format!("{}.log", task.name))?;
         if let Some((path, config)) = &task.config {
-            let name = path.file_name().and_then(OsStr::to_str).context("a config has no name")?;
             let text = to_toml(&with_absolute_paths(config)?)?;
-            folder.make_subdirectory(BASELINES)?.write(name, text.as_bytes())?;
+            folder.make_subdirectory(BASELINES)?.write(name_of(path)?, text.as_bytes())?;
         }
         let file = log.file()?;
-        let stdout = match &task.result {
-            Some(result) => {
-                let beside = beside(result);
-                let name = beside.file_name().and_then(OsStr::to_str).context("a result has no name")?;
-                Stdio::from(folder.make_subdirectory(BASELINES)?.open_anew(name)?)
-            }
-            None => Stdio::from(log.file()?),
+        let (result, stdout) = match &task.result {
+            Some(result) => Output::begin(folder, result).map(|(output, file)| (Some(output), file))?,
+            None => (None, log.file()?),
         };
         // Not the path of the program: another build may be there by now.
         let mut process = Command::new("/proc/self/exe")
@@ -69,7 +85,7 @@ impl RunProcess {
             .args(&task.arguments)
             .args([END_WITH, &std::process::id().to_string()])
             .stdin(Stdio::null())
-            .stdout(stdout)
+            .stdout(Stdio::from(stdout))
             .stderr(Stdio::piped())
             // Ctrl-C at the terminal goes to the experiment alone, which then asks its runs to stop.
             .process_group(0)
@@ -78,7 +94,7 @@ impl RunProcess {
         let (stderr, name) = (process.stderr.take().expect("it was asked for"), task.name.clone());
         let listener = thread::Builder::new().name(format!("{} listener", task.name));
         match listener.spawn(move || listen(stderr, file, name, &said)) {
-            Ok(listener) => Ok(RunProcess { process, listener: Some(listener), log, result: task.result.clone() }),
+            Ok(listener) => Ok(RunProcess { process, listener: Some(listener), log, result }),
             Err(error) => {
                 drop(process.kill());
                 drop(process.wait());
@@ -113,17 +129,13 @@ impl RunProcess {
         if !status.success() {
             return Ok(Some(Err(words.unwrap_or(status.to_string()))));
         }
-        if let Some(result) = &self.result {
-            let failed = || format!("{}: cannot be written", result.display());
-            fs::rename(beside(result), result).with_context(failed)?;
-        }
+        self.result.as_ref().map_or(Ok(()), Output::complete)?;
         Ok(Some(Ok(())))
     }
 }
 
-/// Returns the temporary path of a result that is not complete yet.
-fn beside(result: &Path) -> PathBuf {
-    result.with_extension("part")
+fn name_of(file: &Path) -> Result<&str> {
+    file.file_name().and_then(OsStr::to_str).context("a file of an experiment has no name")
 }
 
 /// Returns the config with absolute paths, so that it can be read from another folder.

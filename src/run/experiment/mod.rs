@@ -9,7 +9,7 @@ mod child;
 mod plan;
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -19,6 +19,7 @@ use anyhow::{Context, anyhow, ensure};
 
 use super::build::other_build;
 use super::domain;
+use super::outputs::check_not_of_a_run;
 use super::train::cores as machine_cores;
 use crate::cli;
 use crate::error::{Error, Result};
@@ -26,16 +27,15 @@ use crate::experiment::file::{Experiment, Knowledge};
 use crate::experiment::progress::{Stage, directory, stage};
 use crate::experiment::schedule::Cores;
 use crate::machine::allow_open_files;
-use crate::outside::Directory;
-use crate::records::atomic::write_atomically;
+use crate::outside::{Busy, Directory, quoted};
 use crate::report::find::{BASELINES, ExperimentPlan, PLAN};
 use crate::terminal::experiment::Display;
-use crate::terminal::{Wish, answer, program, quoted, stop_on_signals, tell};
+use crate::terminal::{Wish, answer, program, stop_on_signals, tell};
 use child::{RunProcess, Said};
 use plan::{PlannedWork, Tasks};
 
 /// Folder of the logs of the processes, in the folder of the runs.
-const LOGS: &str = "logs";
+pub(in crate::run) const LOGS: &str = "logs";
 /// Interval between two checks whether a process has ended.
 const LOOK_EVERY: Duration = Duration::from_millis(200);
 
@@ -49,15 +49,16 @@ pub fn experiment(args: &cli::ExperimentArgs) -> Result<()> {
             let domain = domain::find(config)?;
             Ok((domain.scenario()?, domain.rough_costs()))
         },
-        check_controller: &|config, name| domain::open(config)?.check_baseline(name),
+        check_controller: &|config, name| domain::find(config)?.check_baseline(name),
     };
     let experiment = Experiment::read(&args.file, &knowledge).map_err(Error::Usage)?;
     if args.dry_run {
         let tasks = Tasks::look(&experiment, &folder, cores, args.accept_other_build).map_err(Error::Usage)?;
         return answer(tasks.table()).map_err(Error::Run);
     }
+    check_not_of_a_run("--out", &folder).map_err(Error::Usage)?;
     let made = [folder.clone(), folder.join(LOGS), folder.join(BASELINES)];
-    let _lock = made
+    let directory = made
         .iter()
         .try_for_each(|folder| {
             fs::create_dir_all(folder).with_context(|| format!("{}: cannot be made", folder.display()))
@@ -77,10 +78,10 @@ pub fn experiment(args: &cli::ExperimentArgs) -> Result<()> {
         baselines: experiment.baselines.iter().map(|baseline| baseline.name.clone()).collect(),
     };
     let plan = serde_json::to_vec_pretty(&plan).expect("names are JSON");
-    write_atomically(&folder.join(PLAN), &plan).map_err(Error::Usage)?;
+    directory.write(PLAN, &plan).map_err(Error::Usage)?;
     let finished = tasks.finished();
     let again = format!("{} experiment {} --out {}", program(), quoted(&args.file), quoted(&folder));
-    let outcome = Batch::begin(tasks, &folder, cores, &again).and_then(Batch::carry_out).map_err(Error::Run)?;
+    let outcome = Batch::begin(tasks, directory, cores, &again).and_then(Batch::carry_out).map_err(Error::Run)?;
     let failed = outcome.failed.len();
     match outcome {
         Outcome { failed: names, .. } if failed > 0 => Err(Error::Run(anyhow!(
@@ -109,11 +110,7 @@ fn check_nobody_trains(experiment: &Experiment, folder: &Path) -> anyhow::Result
         let dir = directory(folder, run);
         // The run of an experiment that was just killed ends within a moment.
         let free = !Directory::is_locked(&dir) || Directory::lock(&dir).is_ok();
-        ensure!(
-            free,
-            "{}: another process is writing this run; wait until it has ended, or choose another folder with --out",
-            dir.display()
-        );
+        ensure!(free, Busy(dir));
     }
     Ok(())
 }
@@ -137,7 +134,8 @@ struct Outcome {
 
 /// A running experiment.
 struct Batch {
-    folder: PathBuf,
+    /// Folder of the runs, which this process has locked.
+    folder: Directory,
     waiting: Vec<PlannedWork>,
     working: Vec<(PlannedWork, RunProcess)>,
     cores: Cores,
@@ -149,7 +147,7 @@ struct Batch {
 
 impl Batch {
     /// Begins the work. `again`: the command that resumes the experiment.
-    fn begin(tasks: Tasks, folder: &Path, cores: usize, again: &str) -> anyhow::Result<Batch> {
+    fn begin(tasks: Tasks, folder: Directory, cores: usize, again: &str) -> anyhow::Result<Batch> {
         let last_words = format!("stopped; resume with: {again}");
         let stop = stop_on_signals(move |wish| match wish {
             Wish::Stop => (), // `carry_out` prints it
@@ -161,7 +159,7 @@ impl Batch {
         // The next task is taken from the end.
         waiting.reverse();
         Ok(Batch {
-            folder: folder.to_owned(),
+            folder,
             waiting,
             working: Vec::new(),
             cores: Cores::new(cores),

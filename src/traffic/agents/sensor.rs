@@ -1,5 +1,7 @@
 //! The sensor of one agent: the columns of its observation.
 
+use std::ops::Range;
+
 /// Which columns an observation has, in this order: cars, light, clock.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Sensor {
@@ -7,6 +9,8 @@ pub struct Sensor {
     pub light: LightColumns,
     /// Number of columns of the clock; 0 for none.
     pub clock: usize,
+    /// Whether the d-set of the AIP (approximate influence predictor) also has a bit per approach: did a car enter?
+    pub arrivals_in_d_set: bool,
 }
 
 /// How an observation shows the cars on the approaches.
@@ -19,7 +23,7 @@ pub enum CarColumns {
 }
 
 /// How an observation shows the light.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LightColumns {
     /// One-hot state of the paper's light with two greens: horizontal green, horizontal yellow, vertical yellow, vertical
     /// green.
@@ -32,14 +36,30 @@ pub enum LightColumns {
 impl Sensor {
     /// Returns the number of columns.
     pub fn width(&self) -> usize {
-        let cars = match &self.cars {
+        self.clock_columns().end
+    }
+
+    /// Returns the number of columns that show cars.
+    pub fn car_columns(&self) -> usize {
+        match &self.cars {
             CarColumns::Cells(cells) => cells.iter().sum(),
             CarColumns::QueueAndDensity(approaches) => 2 * approaches,
-        };
-        let light = match self.light {
+        }
+    }
+
+    /// Returns the columns of the clock, an empty range if there is none.
+    pub fn clock_columns(&self) -> Range<usize> {
+        let first = self.car_columns() + self.light.columns();
+        first..first + self.clock
+    }
+}
+
+impl LightColumns {
+    /// Returns the number of columns.
+    pub fn columns(self) -> usize {
+        match self {
             LightColumns::FourStates => 4,
             LightColumns::TargetAndAge(greens) => greens + 2,
-        };
-        cars + light + self.clock
+        }
     }
 }

@@ -4,7 +4,6 @@
 use crate::base::{AgentId, Ragged};
 use crate::sumo::{CarTable, LaneCars};
 use crate::traffic::agents::phases::Light;
-use crate::traffic::observe::edges_of;
 use crate::traffic::paper_grid::grid::Grid;
 use crate::traffic::side::Side;
 
@@ -35,6 +34,10 @@ impl<'a> Intersections<'a> {
             outgoing: edges_of(self.outgoing, row),
         })
     }
+}
+
+fn edges_of(cars: &CarTable, row: usize) -> [LaneCars<'_>; 4] {
+    std::array::from_fn(|edge| cars.lane(4 * row + edge))
 }
 
 /// One intersection.

@@ -13,10 +13,10 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, ensure};
 
 use crate::base::AgentId;
+use crate::outside::write_together;
 use crate::traffic::network::contents::Network;
 use crate::traffic::network::files::NetworkFiles;
 use crate::traffic::network::tree::Element;
-use crate::traffic::network::write_together;
 use crate::traffic::network::xml::{Xml, document_with, leaf, nest};
 use crate::traffic::paper_grid::grid::{self, Grid};
 use crate::traffic::paper_grid::recognise::recognise_local;

@@ -8,11 +8,12 @@ use std::sync::Arc;
 
 use anyhow::{Context, Error, Result, anyhow, ensure};
 
-use super::files::{NetworkFiles, write_copy};
+use super::files::{NetworkFiles, config};
 use super::memory_file::MemoryFile;
 use super::tree::{Element, parse_file, read_whole};
-use super::way_out::{cannot_be_simulated, no_such_network};
+use super::way_out::{Role, cannot_be_simulated, no_such_network};
 use super::{other_files, xml};
+use crate::outside::write_together;
 use crate::sumo;
 
 /// The content of one file.
@@ -71,9 +72,10 @@ pub struct Network {
 
 impl Network {
     /// Reads all files of a network but the configuration, which this program neither reads nor loads.
-    pub fn read(files: &NetworkFiles) -> Result<Network> {
+    pub fn read(files: &NetworkFiles, role: Role) -> Result<Network> {
         let net = Content::read_net(&files.net)?;
-        let beside = |path: &Path| Content::read(path).with_context(|| cannot_be_simulated(&files.net)).map(Arc::new);
+        let told = || cannot_be_simulated(&files.net, role);
+        let beside = |path: &Path| Content::read(path).with_context(told).map(Arc::new);
         Ok(Network {
             files: files.clone(),
             net: Arc::new(net),
@@ -90,9 +92,18 @@ impl Network {
         hasher.finalize()
     }
 
-    /// Writes the network into another directory under another name, as [`NetworkFiles::copy_to`] does.
+    /// Copies the network into another directory under another name, for a run directory that needs nothing outside of
+    /// itself. Writes the file for `sumo -c` anew, because it names the others.
     pub fn copy_to(&self, dir: &Path, name: &str) -> Result<NetworkFiles> {
-        write_copy([&self.net.bytes, &self.routes.bytes, &self.actuated.bytes], dir, name)
+        let copy = NetworkFiles::of(&dir.join(name));
+        let contents = [
+            (copy.net.clone(), self.net.bytes.clone()),
+            (copy.routes.clone(), self.routes.bytes.clone()),
+            (copy.actuated.clone(), self.actuated.bytes.clone()),
+            (copy.config.clone(), config(name).into_bytes()),
+        ];
+        write_together(dir, &contents)?;
+        Ok(copy)
     }
 
     /// Puts the network where SUMO of this process can load it.
@@ -115,12 +126,16 @@ impl Loadable {
     /// Returns an error of SUMO with the paths that the user knows.
     pub fn explain(&self, error: &sumo::Error) -> Error {
         let Loadable { files, net, routes, actuated } = self;
-        let names = [(net, &files.net), (routes, &files.routes), (actuated, &files.actuated)];
-        let told = names.into_iter().fold(error.to_string(), |told, (memory, path)| {
-            renamed(&told, &memory.path(), &path.display().to_string())
-        });
-        anyhow!(told)
+        explain(error, &[(net, &files.net), (routes, &files.routes), (actuated, &files.actuated)])
     }
+}
+
+/// Returns an error of SUMO in which each file in memory has the path of the user's file that it was made of.
+pub fn explain(error: &sumo::Error, names: &[(&MemoryFile, &Path)]) -> Error {
+    let told = names
+        .iter()
+        .fold(error.to_string(), |told, (memory, path)| renamed(&told, &memory.path(), &path.display().to_string()));
+    anyhow!(told)
 }
 
 /// Returns a text with one path replaced by another, but not where it is the beginning of a longer one.

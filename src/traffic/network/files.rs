@@ -11,9 +11,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 
-use super::tree::read_whole;
 use super::way_out::no_such_network;
-use super::write_together;
 use super::xml::{document, section};
 
 /// Paths of the files of one network.
@@ -55,14 +53,6 @@ impl NetworkFiles {
         self.all().into_iter().try_for_each(|path| for_sumo(path).map(drop))
     }
 
-    /// Copies the network into another directory under another name, for a run directory that needs nothing outside of
-    /// itself. Writes the file for `sumo -c` anew, because it names the others.
-    pub fn copy_to(&self, dir: &Path, name: &str) -> Result<NetworkFiles> {
-        self.check()?;
-        let [net, routes, actuated] = [&self.net, &self.routes, &self.actuated].map(|path| read_whole(path));
-        write_copy([&net?, &routes?, &actuated?], dir, name)
-    }
-
     fn all(&self) -> [&Path; 4] {
         [&self.net, &self.routes, &self.actuated, &self.config]
     }
@@ -73,19 +63,6 @@ fn with_ending(prefix: &Path, ending: &str) -> PathBuf {
     let mut path = OsString::from(prefix);
     path.push(ending);
     PathBuf::from(path)
-}
-
-/// Writes net, routes and actuated lights of a network, with a new file for `sumo -c`.
-pub(super) fn write_copy([net, routes, actuated]: [&[u8]; 3], dir: &Path, name: &str) -> Result<NetworkFiles> {
-    let copy = NetworkFiles::of(&dir.join(name));
-    let contents = [
-        (copy.net.clone(), net.to_vec()),
-        (copy.routes.clone(), routes.to_vec()),
-        (copy.actuated.clone(), actuated.to_vec()),
-        (copy.config.clone(), config(name).into_bytes()),
-    ];
-    write_together(dir, &contents)?;
-    Ok(copy)
 }
 
 /// Returns a path as SUMO takes it among its options: as text that names one file only.

@@ -1,7 +1,6 @@
 //! Networks as files, from any source.
 //!
-//! - [`files`]: the files of a network; `together`: several files written at once; `way_out`: advice if they are
-//!   missing or wrong.
+//! - [`files`]: the files of a network; [`way_out`]: advice if they are missing or wrong.
 //! - [`contents`]: a network read once, for everything that is done with it; `memory_file`: texts that SUMO loads.
 //! - `other_files`: everything by which SUMO would write or read another file, refused.
 //! - `xml`: XML written. It is read into trees by [`tree`].
@@ -10,9 +9,7 @@ pub mod contents;
 pub mod files;
 pub(super) mod memory_file;
 mod other_files;
-mod together;
-pub(super) mod way_out;
+pub mod way_out;
 pub(super) mod xml;
 
 pub(super) use crate::outside::tree;
-pub(super) use together::write_together;

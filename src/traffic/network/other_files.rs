@@ -1,6 +1,6 @@
 //! Everything in a file of SUMO that makes SUMO write or read another file.
 //!
-//! Networks may come from strangers. SUMO opens whatever such a file names, with the rights of the user, so one line in
+//! Networks may come from strangers. SUMO opens whatever such a file names, with the rights of the user. So one line in
 //! an additional file can overwrite any file of theirs. All of it is refused before SUMO loads anything.
 //!
 //! Source: SUMO 1.15, `src/netload/NLHandler.cpp` (the elements), `src/microsim/devices` and
@@ -11,7 +11,7 @@ use std::path::Path;
 use anyhow::{Result, bail};
 
 use super::tree::Element;
-use crate::outside::Printable;
+use crate::outside::{Printable, excerpt};
 
 /// Elements that exist only to write or read another file, or that do so by default.
 const ELEMENTS: [(&str, &str); 17] = [
@@ -65,7 +65,7 @@ fn found(element: &Element) -> Option<(String, &'static str)> {
     let Element { name, attributes, .. } = element;
     let in_the_tag = || {
         let kinds = ["id", "file", "key"].map(|key| element.attribute(key).map(|value| (key, value)));
-        let shown = kinds.into_iter().flatten().map(|(key, value)| format!(" {key}={:?}", shortened(value)));
+        let shown = kinds.into_iter().flatten().map(|(key, value)| format!(" {key}=\"{}\"", excerpt(value)));
         format!("<{name}{}>", shown.collect::<String>())
     };
     if let Some((_, does)) = ELEMENTS.iter().find(|(other, _)| other == name) {
@@ -73,17 +73,17 @@ fn found(element: &Element) -> Option<(String, &'static str)> {
     }
     let attribute = attributes.iter().find_map(|(key, value)| {
         let (_, does) = ATTRIBUTES.iter().find(|(other, _)| other == key)?;
-        Some((format!("{key}={:?} in <{name}>", shortened(value)), *does))
+        Some((format!("{key}=\"{}\" in <{name}>", excerpt(value)), *does))
     });
     attribute.or_else(|| match name.as_str() {
         "param" => element.attribute("key").filter(|key| names_a_file(key)).map(|_| (in_the_tag(), "writes")),
         "tlLogic" => {
             let kind = element.attribute("type").filter(|kind| !PROGRAMS.contains(kind))?;
-            Some((format!("a light of type={:?}", shortened(kind)), "may write"))
+            Some((format!("a light of type=\"{}\"", excerpt(kind)), "may write"))
         }
         _ => {
             let class = element.attribute("emissionClass").filter(|class| class.starts_with(EMISSIONS))?;
-            Some((format!("emissionClass={:?} in <{name}>", shortened(class)), "reads"))
+            Some((format!("emissionClass=\"{}\" in <{name}>", excerpt(class)), "reads"))
         }
     })
 }
@@ -93,15 +93,6 @@ fn names_a_file(key: &str) -> bool {
     let key = key.to_ascii_lowercase();
     let words = ["file", "output", "swarmlog"];
     words.iter().any(|word| key.contains(word)) || DEVICES.iter().any(|device| key.starts_with(device))
-}
-
-/// Returns the beginning of a text that a stranger wrote.
-fn shortened(text: &str) -> String {
-    const MOST: usize = 100;
-    match text.char_indices().nth(MOST) {
-        Some((end, _)) => format!("{}...", &text[..end]),
-        None => text.to_owned(),
-    }
 }
 
 #[cfg(test)]

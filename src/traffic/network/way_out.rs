@@ -2,9 +2,28 @@
 
 use std::path::Path;
 
-/// Returns the message about a network with an error in it, with the command that remakes it.
-pub fn cannot_be_simulated(net: &Path) -> String {
-    format!("{}: this network cannot be simulated; remake it with: {}", net.display(), command_for(net))
+use crate::outside::quoted;
+
+/// Which of its two networks a config names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    Global,
+    Local,
+}
+
+/// Returns the message about a network with an error in it, with the command that makes it anew.
+pub fn cannot_be_simulated(net: &Path, role: Role) -> String {
+    let named_local = net.file_name().is_some_and(|name| name == "local.net.xml");
+    let way_out = match role {
+        Role::Local if !named_local => make_local(),
+        _ => format!("remake it with: {}", command_for(net)),
+    };
+    format!("{}: this network cannot be simulated; {way_out}", net.display())
+}
+
+/// Returns the advice if a local net is needed.
+pub fn make_local() -> String {
+    "make one with: dials-traffic nets local --out DIR".to_owned()
 }
 
 /// Returns the message about a missing file of a network, with the command that makes it.
@@ -24,12 +43,21 @@ pub fn command_for(path: &Path) -> String {
         _ if name == "local" => "local".to_owned(),
         _ => "grid --rows R --cols C".to_owned(),
     };
-    format!("dials-traffic nets {which} --out {}", dir.display())
+    format!("dials-traffic nets {which} --out {}", quoted(dir))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_local_net_of_any_name_comes_with_the_command_for_local_nets() {
+        let told = |net: &str, role| cannot_be_simulated(Path::new(net), role);
+        assert!(told("a/cross.net.xml", Role::Local).ends_with("make one with: dials-traffic nets local --out DIR"));
+        assert!(told("a/grid_1x1.net.xml", Role::Local).ends_with("dials-traffic nets local --out DIR"));
+        assert!(told("a/local.net.xml", Role::Local).ends_with("remake it with: dials-traffic nets local --out a"));
+        assert!(told("a/grid_2x3.net.xml", Role::Global).ends_with("nets grid --rows 2 --cols 3 --out a"));
+    }
 
     #[test]
     fn a_missing_network_comes_with_the_command_that_makes_it() {

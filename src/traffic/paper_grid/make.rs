@@ -9,9 +9,8 @@ use anyhow::{Context, Result, bail, ensure};
 
 use super::content;
 use super::grid::Grid;
-use crate::outside::{cannot_write_temporary, temporary_dir};
+use crate::outside::{cannot_write_temporary, temporary_dir, write_together};
 use crate::traffic::network::files::{NetworkFiles, config};
-use crate::traffic::network::write_together;
 
 /// Writes the network `grid_{rows}x{cols}` into `dir`. `inflow` is the probability of a car per step on each edge that
 /// leads in (0.1 in the authors' setup).

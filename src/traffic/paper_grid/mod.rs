@@ -8,6 +8,7 @@
 //!
 //! - [`grid`]: the intersections and roads, and their names.
 //! - `content`: the text of the files; [`make`]: the files themselves, with the help of netconvert.
+//! - `plans`: what simulators and controllers need to know of its agents.
 //! - `expected`: the content that files must have; `compare`: files compared with it; [`recognise`]: our networks
 //!   recognised.
 
@@ -16,6 +17,7 @@ mod content;
 mod expected;
 pub mod grid;
 pub mod make;
+pub mod plans;
 pub mod recognise;
 
 pub(super) use content::DECEL_MPS2;

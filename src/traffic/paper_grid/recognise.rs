@@ -7,25 +7,17 @@ use anyhow::{Context, Result, bail, ensure};
 
 use super::grid::{self, Grid};
 use super::{INFLOW, compare, expected};
-use crate::outside::Printable;
-use crate::traffic::network::contents::{Content, Network};
+use crate::outside::beginning;
+use crate::traffic::network::contents::Network;
 use crate::traffic::network::files::NetworkFiles;
 use crate::traffic::network::tree::Element;
-use crate::traffic::network::way_out::command_for;
+use crate::traffic::network::way_out::{Role, command_for, make_local};
 
-/// Returns the shape of one of our grids, from the names in its `net.xml`. [`read_grid`] compares the rest.
-pub fn read_shape(net: &Path) -> Result<Grid> {
-    shape_of(net, &Content::read_net(net)?.root)
-}
-
-/// Returns the grid that a network is made for. First compares its net, its routes and its actuated lights with what
-/// this program writes for a grid of that size. An error names the file, the element, both values and the way out.
-pub fn read_grid(files: &NetworkFiles) -> Result<Grid> {
-    recognise_grid(files).map(|found| found.grid)
-}
+/// Number of characters of a difference that an error shows.
+const MOST_LETTERS: usize = 600;
 
 /// A network that was recognised.
-pub(in crate::traffic) struct Recognised {
+pub struct Recognised {
     pub grid: Grid,
     pub network: Network,
     /// Whether its files hold nothing but what this program writes. If not, they also hold what is only drawn, in words
@@ -33,9 +25,12 @@ pub(in crate::traffic) struct Recognised {
     pub is_ours: bool,
 }
 
-/// Reads a network once and compares it, like [`read_grid`].
-pub(in crate::traffic) fn recognise_grid(files: &NetworkFiles) -> Result<Recognised> {
-    let network = Network::read(files)?;
+/// Reads a network once and finds the grid that it is made for.
+///
+/// Compares its net, its routes and its actuated lights with what this program writes for a grid of that size. An error
+/// names the file, the element, both values and the way out.
+pub fn recognise_grid(files: &NetworkFiles) -> Result<Recognised> {
+    let network = Network::read(files, Role::Global)?;
     let grid = shape_of(&files.net, &network.net.root)?;
     let is_ours = compare_all(&network, grid, Some(INFLOW), || way_out(&files.net, grid))?;
     Ok(Recognised { grid, network, is_ours })
@@ -43,7 +38,7 @@ pub(in crate::traffic) fn recognise_grid(files: &NetworkFiles) -> Result<Recogni
 
 /// Reads the local network once. If it is another network: an error with the way out.
 pub(in crate::traffic) fn recognise_local(files: &NetworkFiles) -> Result<Recognised> {
-    let network = Network::read(files)?;
+    let network = Network::read(files, Role::Local)?;
     let grid = shape_of(&files.net, &network.net.root)?;
     ensure!(
         grid == Grid::SINGLE,
@@ -69,23 +64,11 @@ fn compare_all(network: &Network, grid: Grid, inflow: Option<f64>, way_out: impl
     Ok(pairs.iter().all(|(_, found, expected)| compare::holds_nothing_else(found, expected)))
 }
 
-/// Returns the advice if a local net is needed.
-fn make_local() -> String {
-    "make one with: dials-traffic nets local --out DIR".to_owned()
-}
-
 fn check_content(path: &Path, found: &Element, expected: &Element, way_out: impl Fn() -> String) -> Result<()> {
     match compare::difference(found, expected) {
-        Some(difference) => bail!("{}: {}; {}", path.display(), shown(&difference), way_out()),
+        Some(difference) => bail!("{}: {}; {}", path.display(), beginning(&difference, MOST_LETTERS), way_out()),
         None => Ok(()),
     }
-}
-
-/// Returns a text from a file as it may be shown: without what moves a cursor, and not endless.
-fn shown(text: &str) -> String {
-    const MOST: usize = 600;
-    let cut = text.char_indices().nth(MOST).map(|(end, _)| format!("{} ...", &text[..end]));
-    Printable(cut.as_deref().unwrap_or(text)).to_string()
 }
 
 /// Returns the command that remakes a network of this shape in its place, or in another directory if it has another
@@ -109,7 +92,7 @@ fn shape_of(net: &Path, root: &Element) -> Result<Grid> {
     match difference {
         Some(difference) => {
             let way_out = "make one with: dials-traffic nets grid --rows R --cols C --out DIR";
-            bail!("{}: is not one of our grids: {}; {way_out}", net.display(), shown(&difference))
+            bail!("{}: is not one of our grids: {}; {way_out}", net.display(), beginning(&difference, MOST_LETTERS))
         }
         None => Ok(grid),
     }

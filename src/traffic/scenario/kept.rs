@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 
 use super::SumoScenario;
-use crate::traffic::network::write_together;
+use crate::outside::write_together;
 use crate::traffic::network::xml::{document, section};
 
 /// Names in the copy. Files of which there may be several are numbered from 1.

@@ -1,59 +1,62 @@
 //! The global simulator (GS): the whole grid in one SUMO net, with cars that flow in at its boundary.
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::ensure;
 
 use super::control::SignalControl;
-use super::handles::IntersectionHandles;
+use super::handles::{IntersectionHandles, Place};
 use super::metrics::TrafficMetrics;
 use super::options;
 use super::recording::{Recorder, Tape};
 use super::tally::Tally;
 use crate::base::{Phase, Ragged, Seed, Stopwatch};
-use crate::config::TrafficConfig;
 use crate::domain::{Action, GlobalSimulator, InfluenceSample, JointPercept, JointTransition, Kinds, Measures, Result};
-use crate::sumo::{Car, CarTable, LaneCars, LaneId, SignalState, Simulation};
+use crate::sumo::{Car, CarTable, LaneId, SignalState, Simulation};
+use crate::traffic::agents::phase_plan::Shown;
 use crate::traffic::agents::phases::Light;
-use crate::traffic::agents::region::{self, EDGES};
+use crate::traffic::agents::plan::{AgentPlan, JointPlan};
 use crate::traffic::arrivals;
+use crate::traffic::cars_at::CarsAt;
 use crate::traffic::controllers::HandCoded;
 use crate::traffic::controllers::intersections::Intersections;
-use crate::traffic::light::{KEEP, SWITCH};
+use crate::traffic::light::KEEP;
 use crate::traffic::network::contents::{Loadable, Network};
-use crate::traffic::observe::{self, edges_of};
-use crate::traffic::paper_grid::grid::{Grid, lane};
+use crate::traffic::observe::{self, LightView};
+use crate::traffic::paper_grid::grid::Grid;
 
-/// The traffic GS: one row per intersection.
+/// The traffic GS: one row per intersection. A step of it is a decision of the agents, which may take several seconds.
 ///
 /// Arrivals at the boundary depend only on the SUMO seed of the episode, so controllers can be compared on the same
 /// traffic.
 pub struct GlobalTraffic {
-    kinds: Kinds,
+    plan: Arc<JointPlan>,
     grid: Grid,
     loadable: Loadable,
     control: SignalControl,
     simulation: Simulation,
     handles: IntersectionHandles,
-    /// State that every light shows, `[agents]`, now and a step ago.
-    lights: Vec<Light>,
-    lights_before: Vec<Light>,
-    /// Number of steps for which every light has shown what it shows.
+    /// What every light shows, `[agents]`: now, a second ago, and at the last decision.
+    shown: Vec<Shown>,
+    shown_before: Vec<Shown>,
+    shown_at_decision: Vec<Shown>,
+    /// Number of seconds for which every light has shown what it shows.
     shown_steps: Vec<u32>,
-    /// Number of steps since the episode began.
+    /// Number of seconds since the episode began.
     age: usize,
     /// States that SUMO last gave, if it runs the lights.
     states: Vec<SignalState>,
-    /// Cars on the incoming lanes, now and a step ago.
+    /// Cars on the approaches, now and a second ago.
     cars: CarTable,
     cars_before: CarTable,
-    /// Outgoing lanes, [`EDGES`] per row, and the cars on them; read only for hand-coded control.
+    /// Exits of all rows, and the cars on them; read only for hand-coded control.
     outgoing_lanes: Vec<LaneId>,
     outgoing: CarTable,
     /// Actions of the last step that the lights obeyed, `[agents]`, and those of hand-coded control.
     actions: Vec<Action>,
     hand_coded: Vec<Action>,
-    /// Whether hand-coded control was asked for its next actions, which it gives once per step.
+    /// Whether hand-coded control was asked for its next actions, which it gives once per second.
     advised: bool,
     last: JointTransition,
     /// D-sets (the variables that AIPs predict from) from before the last step, and the arrivals during it.
@@ -69,24 +72,25 @@ pub struct GlobalTraffic {
 impl GlobalTraffic {
     /// Loads the simulator. The first episode goes on the `tape`.
     pub fn load(
+        plan: Arc<JointPlan>,
         grid: Grid,
         network: &Network,
-        config: &TrafficConfig,
         control: SignalControl,
         tape: Option<&Tape>,
     ) -> Result<GlobalTraffic> {
-        let kinds = Kinds::one(grid.agents().len(), region::spec(config));
-        let last = JointTransition::new(&kinds);
+        let last = JointTransition::new(&plan.kinds);
         let loadable = network.for_sumo()?;
         let options = options(&loadable, &control, Seed::new(0));
         let mut simulation = Simulation::load(&options).map_err(|error| loadable.explain(&error))?;
-        let agents = grid.agents();
-        let lanes: Vec<String> =
-            agents.iter().flat_map(|&agent| grid.incoming_edges(agent)).map(|edge| lane(&edge)).collect();
-        let outgoing: Vec<String> =
-            agents.iter().flat_map(|&agent| grid.outgoing_edges(agent)).map(|edge| lane(&edge)).collect();
-        let lights: Vec<String> = agents.iter().map(|&agent| grid.light(agent)).collect();
-        let handles = IntersectionHandles::register(&mut simulation, &lanes, &lights)?;
+        let place = |agent: &AgentPlan| Place {
+            light: agent.light.clone(),
+            approaches: agent.region.approaches.iter().map(|approach| approach.lane.clone()).collect(),
+            phases: agent.phases.clone(),
+        };
+        let handles = IntersectionHandles::register(&mut simulation, plan.agents.iter().map(place).collect())?;
+        let exits = plan.agents.iter().flat_map(|agent| &agent.region.exits);
+        let outgoing: Vec<String> = exits.map(|exit| exit.lane.clone()).collect();
+        let agents = plan.agents.len();
         let recorder = tape.map(|tape| Recorder::new(tape, &mut simulation, grid, network, None)).transpose()?;
         let outgoing_lanes = simulation.register_lanes(&outgoing)?;
         Ok(GlobalTraffic {
@@ -95,26 +99,27 @@ impl GlobalTraffic {
             control,
             simulation,
             handles,
-            lights: vec![Light::VerticalGreen; agents.len()],
-            lights_before: vec![Light::VerticalGreen; agents.len()],
-            shown_steps: vec![0; agents.len()],
+            shown: vec![Shown::Green(0); agents],
+            shown_before: vec![Shown::Green(0); agents],
+            shown_at_decision: vec![Shown::Green(0); agents],
+            shown_steps: vec![0; agents],
             age: 0,
             states: Vec::new(),
             cars: CarTable::new(),
             cars_before: CarTable::new(),
             outgoing_lanes,
             outgoing: CarTable::new(),
-            actions: vec![KEEP; agents.len()],
-            hand_coded: vec![KEEP; agents.len()],
+            actions: vec![KEEP; agents],
+            hand_coded: vec![KEEP; agents],
             advised: false,
             d_set_before: last.percept.d_set.clone(),
             last,
-            arrivals: Ragged::new(vec![EDGES; agents.len()]),
+            arrivals: Ragged::new(plan.kinds.specs().map(|spec| spec.sources.count())),
             tally: Tally::default(),
             watch: Stopwatch::default(),
             recorder,
             metrics: None,
-            kinds,
+            plan,
         })
     }
 
@@ -122,12 +127,12 @@ impl GlobalTraffic {
     /// the AIP (approximate influence predictor) predicts; it is for tests of the physics.
     pub fn arrival(&self, agent: usize, edge: usize) -> Option<Car> {
         let arrived = self.arrivals.row(agent)[edge] == 1;
-        arrived.then(|| self.cars.lane(EDGES * agent + edge).iter().next().expect("an arrival is a car on the edge"))
+        arrived.then(|| self.cars_on(agent).lane(edge).iter().next().expect("an arrival is a car on the edge"))
     }
 
-    /// Returns the cars on the incoming edges of an intersection after the last step.
-    pub fn cars_on(&self, agent: usize) -> [LaneCars<'_>; EDGES] {
-        edges_of(&self.cars, agent)
+    /// Returns the cars on the approaches of an intersection after the last step.
+    pub fn cars_on(&self, agent: usize) -> CarsAt<'_> {
+        self.handles.cars_at(&self.cars, agent)
     }
 
     /// Returns the actions of the last step that the lights obeyed, one per agent. They have no meaning if SUMO runs
@@ -156,9 +161,10 @@ impl GlobalTraffic {
     /// Sets `self.hand_coded` to what a rule would do now at all lights. Returns whether there is a rule.
     fn ask(&mut self) -> bool {
         if let SignalControl::HandCoded { by: HandCoded::Rule(controller), .. } = &mut self.control {
+            let lights: Vec<Light> = self.shown.iter().map(|&shown| light_of(shown)).collect();
             let intersections = Intersections {
                 grid: self.grid,
-                lights: &self.lights,
+                lights: &lights,
                 shown_steps: &self.shown_steps,
                 obs: &self.last.percept.obs,
                 incoming: &self.cars,
@@ -170,29 +176,72 @@ impl GlobalTraffic {
         false
     }
 
-    /// Reads cars and lights after a step or a reset.
+    /// Moves the whole system on by a second.
+    fn second(&mut self, actions: &[Action]) -> Result<()> {
+        let begun = Instant::now();
+        self.decide(actions);
+        std::mem::swap(&mut self.cars, &mut self.cars_before);
+        self.shown_before.copy_from_slice(&self.shown);
+        self.handles.act(&mut self.simulation, &self.actions)?;
+        self.watch.note(Phase::Insertion, begun.elapsed());
+        self.watch.time(Phase::SimulatorStep, || self.simulation.step())?;
+        let begun = Instant::now();
+        self.read()?;
+        self.age += 1;
+        for (steps, (before, now)) in self.shown_steps.iter_mut().zip(self.shown_before.iter().zip(&self.shown)) {
+            *steps = if before == now { *steps + 1 } else { 1 };
+        }
+        // DEVIATION 4: an influence source is the event that a car entered the edge in this step. In the authors' code
+        // it is the occupancy of the entry cell.
+        for row in 0..self.handles.len() {
+            let [now, before] = [&self.cars, &self.cars_before].map(|cars| self.handles.cars_at(cars, row));
+            arrivals::note(self.arrivals.row_mut(row), now, before);
+        }
+        self.tally.lights(&self.shown_before, &self.shown);
+        self.tally.cars(&self.cars, &self.cars_before);
+        self.tally.step(&mut self.simulation)?;
+        if let Some(metrics) = &mut self.metrics {
+            metrics.step();
+            for row in 0..self.handles.len() {
+                let [now, before] = [&self.cars, &self.cars_before].map(|cars| self.handles.cars_at(cars, row));
+                metrics.cars(row, now, before);
+            }
+        }
+        self.watch.note(Phase::Reading, begun.elapsed());
+        if let Some(recorder) = &mut self.recorder {
+            recorder.step(&mut self.simulation, &[])?;
+        }
+        Ok(())
+    }
+
+    /// Reads cars and lights after a second or a reset.
     fn read(&mut self) -> Result<()> {
         self.handles.read_cars(&mut self.simulation, &mut self.cars)?;
         if let SignalControl::HandCoded { by: HandCoded::Rule(_), .. } = self.control {
             self.simulation.read_lanes(&self.outgoing_lanes, &mut self.outgoing)?;
         }
-        self.handles.read_lights(&mut self.simulation, &mut self.states, &mut self.lights)
+        self.handles.read_lights(&mut self.simulation, &mut self.states, &mut self.shown)
     }
 
     fn perceive(&mut self) {
         let JointTransition { percept, rewards } = &mut self.last;
         for (row, reward) in rewards.iter_mut().enumerate() {
-            let edges = edges_of(&self.cars, row);
-            observe::observe(edges, self.lights[row], self.age, percept.obs.row_mut(row));
-            observe::d_separate(percept.obs.row(row), self.arrivals.row(row), percept.d_set.row_mut(row));
-            *reward = observe::reward(edges);
+            let (plan, cars) = (&self.plan.agents[row], self.handles.cars_at(&self.cars, row));
+            let light = LightView { shown: self.shown[row], shown_steps: self.shown_steps[row], age: self.age };
+            observe::observe(plan, cars, light, percept.obs.row_mut(row));
+            observe::d_separate(plan, percept.obs.row(row), self.arrivals.row(row), percept.d_set.row_mut(row));
+            *reward = observe::mean_speed(&plan.region, cars);
+            let may_leave = self.handles.signal(row).may_leave(&plan.phases);
+            for (action, allowed) in percept.masks.row_mut(row).iter_mut().enumerate() {
+                *allowed = action < plan.phases.actions() && (may_leave || action == light.shown.target());
+            }
         }
     }
 }
 
 impl GlobalSimulator for GlobalTraffic {
     fn kinds(&self) -> &Kinds {
-        &self.kinds
+        &self.plan.kinds
     }
 
     fn reset(&mut self, episode: Seed) -> Result<&JointPercept> {
@@ -226,34 +275,14 @@ impl GlobalSimulator for GlobalTraffic {
 
     fn step(&mut self, actions: &[Action]) -> Result<&JointTransition> {
         ensure!(!self.metrics.as_ref().is_some_and(TrafficMetrics::finished), "the episode ended with its measures");
-        let begun = Instant::now();
-        self.decide(actions);
         self.d_set_before.copy_from(&self.last.percept.d_set);
-        std::mem::swap(&mut self.cars, &mut self.cars_before);
-        self.lights_before.copy_from_slice(&self.lights);
-        self.handles.act(&mut self.simulation, &self.actions)?;
-        self.watch.note(Phase::Insertion, begun.elapsed());
-        self.watch.time(Phase::SimulatorStep, || self.simulation.step())?;
+        self.shown_at_decision.copy_from_slice(&self.shown);
+        for _ in 0..self.plan.decision_steps {
+            self.second(actions)?;
+        }
         let begun = Instant::now();
-        self.read()?;
-        self.age += 1;
-        for (steps, (before, now)) in self.shown_steps.iter_mut().zip(self.lights_before.iter().zip(&self.lights)) {
-            *steps = if before == now { *steps + 1 } else { 1 };
-        }
-        // DEVIATION 4: an influence source is the event that a car entered the edge in this step. In the authors' code
-        // it is the occupancy of the entry cell.
-        arrivals::note(self.arrivals.as_mut_slice(), &self.cars, &self.cars_before);
         self.perceive();
-        self.tally.lights(&self.lights_before, &self.lights);
-        self.tally.cars(&self.cars, &self.cars_before);
-        self.tally.step(&mut self.simulation)?;
-        if let Some(metrics) = &mut self.metrics {
-            metrics.step(&self.cars, &self.cars_before);
-        }
         self.watch.note(Phase::Reading, begun.elapsed());
-        if let Some(recorder) = &mut self.recorder {
-            recorder.step(&mut self.simulation, &[])?;
-        }
         Ok(&self.last)
     }
 
@@ -274,13 +303,15 @@ impl GlobalSimulator for GlobalTraffic {
 
     /// Read from the lights, so that it is known of SUMO's own programs, too. Yellow takes its time whatever the action.
     fn carried_out(&self, actions: &mut [Option<Action>]) {
-        for (action, (before, now)) in actions.iter_mut().zip(self.lights_before.iter().zip(&self.lights)) {
-            *action = before.is_green().then_some(if before == now { KEEP } else { SWITCH });
+        let shown = self.shown_at_decision.iter().zip(&self.shown);
+        for ((action, (before, now)), agent) in actions.iter_mut().zip(shown).zip(&self.plan.agents) {
+            *action = before.is_green().then(|| agent.phases.towards(*before, now.target()));
         }
     }
 
     fn measure_in_full(&mut self) -> Result<()> {
-        self.metrics = Some(TrafficMetrics::new(self.agents())?);
+        let approaches = self.plan.agents.iter().map(|agent| agent.region.approaches.len());
+        self.metrics = Some(TrafficMetrics::new(approaches)?);
         Ok(())
     }
 
@@ -304,6 +335,16 @@ impl GlobalSimulator for GlobalTraffic {
     }
 }
 
+/// Returns the light of a grid that shows this.
+fn light_of(shown: Shown) -> Light {
+    match shown {
+        Shown::Green(0) => Light::VerticalGreen,
+        Shown::Green(_) => Light::HorizontalGreen,
+        Shown::Between { from: 0, .. } => Light::VerticalYellow,
+        Shown::Between { .. } => Light::HorizontalYellow,
+    }
+}
+
 fn with_owned_name<T>((name, value): (&str, T)) -> (String, T) {
     (name.to_owned(), value)
 }
@@ -323,7 +364,9 @@ mod tests {
 
     use super::*;
     use crate::base::AgentId;
+    use crate::config::TrafficConfig;
     use crate::traffic::network::files::NetworkFiles;
+    use crate::traffic::paper_grid::plans::joint_plan;
     use crate::traffic::paper_grid::recognise::{Recognised, recognise_grid};
 
     /// Returns when every car wanted to enter, in seconds, in an episode with this action at every step.
@@ -331,8 +374,8 @@ mod tests {
         let files = NetworkFiles::of(&Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets/grid_2x2"));
         let Recognised { grid, network, is_ours } = recognise_grid(&files).unwrap();
         assert!(is_ours);
-        let config = TrafficConfig::new("", "");
-        let mut gs = GlobalTraffic::load(grid, &network, &config, control, None).unwrap();
+        let plan = Arc::new(joint_plan(grid, &TrafficConfig::new("", "")));
+        let mut gs = GlobalTraffic::load(plan, grid, &network, control, None).unwrap();
         gs.measure_in_full().unwrap();
         gs.reset(Seed::new(21).for_episode(0)).unwrap();
         (0..300).for_each(|_| drop(gs.step(&[action; 4]).unwrap().clone()));

@@ -1,32 +1,51 @@
-//! The intersections of any loaded net: their lights, and the cars on their incoming lanes.
+//! The lights of any loaded net under their plans, and the cars on their approaches.
+
+use std::sync::Arc;
 
 use crate::domain::{Action, Result};
 use crate::sumo::{CarTable, LaneId, LightId, SignalState, Simulation};
-use crate::traffic::agents::phases::Light;
+use crate::traffic::agents::phase_plan::{PhasePlan, Shown};
+use crate::traffic::cars_at::CarsAt;
 use crate::traffic::light::Signal;
 
 /// The handles and lights of many intersections, one row each.
 pub struct IntersectionHandles {
-    /// Incoming lanes, [`crate::traffic::agents::region::EDGES`] per row.
+    /// Approaches of all rows, one row after the other.
     lanes: Vec<LaneId>,
+    /// Number of the first approach of each row, and the number of all.
+    starts: Vec<usize>,
     lights: Vec<LightId>,
+    plans: Vec<Arc<PhasePlan>>,
     signals: Vec<Signal>,
-    /// Whether one of SUMO's programs runs the light, for each light.
-    by_program: Vec<bool>,
-    /// States of [`Light::ALL`].
-    states: [SignalState; 4],
+    /// For each light that one of SUMO's programs runs: its last green.
+    by_program: Vec<Option<usize>>,
+}
+
+/// One intersection to register: SUMO's names, and the plan of its light.
+pub struct Place {
+    pub light: String,
+    pub approaches: Vec<String>,
+    pub phases: Arc<PhasePlan>,
 }
 
 impl IntersectionHandles {
-    /// Registers lanes and lights. `lanes`: [`crate::traffic::agents::region::EDGES`] incoming lanes per intersection;
-    /// `lights`: one per intersection.
-    pub fn register(simulation: &mut Simulation, lanes: &[String], lights: &[String]) -> Result<Self> {
+    /// Registers lanes and lights, one row per place.
+    pub fn register(simulation: &mut Simulation, places: Vec<Place>) -> Result<Self> {
+        let mut starts = vec![0];
+        let (mut lanes, mut lights, mut plans) = (Vec::new(), Vec::new(), Vec::new());
+        for Place { light, approaches, phases } in places {
+            lanes.extend(approaches);
+            starts.push(lanes.len());
+            lights.push(light);
+            plans.push(phases);
+        }
         Ok(IntersectionHandles {
-            lanes: simulation.register_lanes(lanes)?,
-            signals: vec![Signal::at_the_beginning(); lights.len()],
-            by_program: vec![false; lights.len()],
-            lights: simulation.register_lights(lights)?,
-            states: Light::ALL.map(Light::state),
+            lanes: simulation.register_lanes(&lanes)?,
+            starts,
+            lights: simulation.register_lights(&lights)?,
+            signals: plans.iter().map(|plan| Signal::at_the_beginning(plan)).collect(),
+            by_program: vec![None; plans.len()],
+            plans,
         })
     }
 
@@ -34,15 +53,16 @@ impl IntersectionHandles {
         self.lights.len()
     }
 
-    pub fn light(&self, row: usize) -> Light {
-        self.signals[row].light()
+    /// Returns what a light shows, if no program of SUMO runs it.
+    pub fn signal(&self, row: usize) -> Signal {
+        self.signals[row]
     }
 
     /// Sets the lights of these rows to the beginning of an episode.
     pub fn reset(&mut self, simulation: &mut Simulation, rows: &[usize]) -> Result<()> {
         for &row in rows {
-            self.signals[row] = Signal::at_the_beginning();
-            self.by_program[row] = false;
+            self.signals[row] = Signal::at_the_beginning(&self.plans[row]);
+            self.by_program[row] = None;
         }
         self.show(simulation, rows)
     }
@@ -53,43 +73,43 @@ impl IntersectionHandles {
         assert_eq!(actions.len(), self.len(), "one action per intersection");
         let mut changed = Vec::new();
         for (row, (signal, &action)) in self.signals.iter_mut().zip(actions).enumerate() {
-            if self.by_program[row] {
+            if self.by_program[row].is_some() {
                 continue;
             }
-            let before = signal.light();
-            signal.act(action);
-            if signal.light() != before {
+            let (plan, before) = (&*self.plans[row], *signal);
+            signal.act(plan, action);
+            if signal.state(plan) != before.state(plan) {
                 changed.push(row);
             }
         }
         self.show(simulation, &changed)
     }
 
-    /// Writes what all lights show into `shown`, one per row. It is an error if a light that a program runs shows
-    /// anything but the four states of a [`Light`]. `states` is memory for reuse.
+    /// Writes what all lights show into `shown`, one per row. `states` is memory for reuse.
     pub fn read_lights(
-        &self,
+        &mut self,
         simulation: &mut Simulation,
         states: &mut Vec<SignalState>,
-        shown: &mut [Light],
+        shown: &mut [Shown],
     ) -> Result<()> {
-        shown.iter_mut().zip(&self.signals).for_each(|(shown, signal)| *shown = signal.light());
-        let rows: Vec<usize> = (0..self.len()).filter(|&row| self.by_program[row]).collect();
+        shown.iter_mut().zip(&self.signals).for_each(|(shown, signal)| *shown = signal.shown());
+        let rows: Vec<usize> = (0..self.len()).filter(|&row| self.by_program[row].is_some()).collect();
         if rows.is_empty() {
             return Ok(());
         }
         let lights: Vec<LightId> = rows.iter().map(|&row| self.lights[row]).collect();
         simulation.read_lights(&lights, states)?;
         for (row, state) in rows.into_iter().zip(states) {
-            shown[row] = Light::of(state)
-                .ok_or_else(|| anyhow::anyhow!("a light shows `{state}`, which is not a state of our grids"))?;
+            let last = self.by_program[row].as_mut().expect("a light that a program runs");
+            shown[row] = self.plans[row].recognise(state, *last);
+            *last = shown[row].green().unwrap_or(*last);
         }
         Ok(())
     }
 
     /// Lets one of SUMO's programs run the lights of these rows.
     pub fn hand_to_program(&mut self, simulation: &mut Simulation, program: &str, rows: &[usize]) -> Result<()> {
-        rows.iter().for_each(|&row| self.by_program[row] = true);
+        rows.iter().for_each(|&row| self.by_program[row] = Some(0));
         let lights: Vec<LightId> = rows.iter().map(|&row| self.lights[row]).collect();
         Ok(simulation.set_programs(&lights, program)?)
     }
@@ -98,9 +118,14 @@ impl IntersectionHandles {
         Ok(simulation.read_lanes(&self.lanes, cars)?)
     }
 
+    /// Returns the cars on the approaches of a row, from a read of [`IntersectionHandles::read_cars`].
+    pub fn cars_at<'a>(&self, cars: &'a CarTable, row: usize) -> CarsAt<'a> {
+        CarsAt::new(cars, self.starts[row], self.starts[row + 1] - self.starts[row])
+    }
+
     fn show(&self, simulation: &mut Simulation, rows: &[usize]) -> Result<()> {
         let lights: Vec<LightId> = rows.iter().map(|&row| self.lights[row]).collect();
-        let states: Vec<&SignalState> = rows.iter().map(|&row| &self.states[self.light(row) as usize]).collect();
+        let states: Vec<&SignalState> = rows.iter().map(|&row| self.signals[row].state(&self.plans[row])).collect();
         Ok(simulation.set_lights(&lights, &states)?)
     }
 }

@@ -5,20 +5,23 @@ use std::time::Instant;
 
 use anyhow::{Context, ensure};
 
-use super::handles::IntersectionHandles;
+use super::handles::{IntersectionHandles, Place};
 use super::options;
 use super::recording::{Recorder, Tape};
 use crate::base::{Phase, Rows, Stopwatch};
 use crate::config::{EntryRule, TrafficConfig};
 use crate::domain::{Action, Beginning, LocalSimulator, Percept, RegionSpec, Result, Transition};
-use crate::sumo::{CarId, CarTable, DepartSpeed, Insertion, LaneCars, LaneId, RouteId, Simulation};
+use crate::sumo::{CarId, CarTable, DepartSpeed, Insertion, LaneId, RouteId, Simulation};
+use crate::traffic::agents::plan::AgentPlan;
 use crate::traffic::agents::region::{self, EDGES};
 use crate::traffic::arrivals::is_rearmost;
+use crate::traffic::cars_at::CarsAt;
 use crate::traffic::cut::forest::{Forest, Region};
-use crate::traffic::network::contents::Network;
+use crate::traffic::network::contents::{Network, explain};
 use crate::traffic::network::memory_file::MemoryFile;
-use crate::traffic::observe::{self, edges_of};
+use crate::traffic::observe::{self, LightView};
 use crate::traffic::paper_grid::grid::Grid;
+use crate::traffic::paper_grid::plans::plans;
 
 /// Name of the counter of sampled arrivals that found no room.
 pub const DROPPED: &str = "dropped_arrivals";
@@ -38,6 +41,8 @@ pub struct Placement {
 /// Nothing in it is random: actions and sources determine everything.
 pub struct LocalTraffic {
     spec: RegionSpec,
+    /// Plan of the one agent of the local net.
+    plan: AgentPlan,
     entry_rule: EntryRule,
     simulation: Simulation,
     handles: IntersectionHandles,
@@ -67,14 +72,21 @@ impl LocalTraffic {
         let forest = Forest::of(local, rows);
         let (net, routes) = (MemoryFile::new(&forest.net)?, MemoryFile::new(&forest.routes)?);
         // SUMO reads both completely and never loads them again, so their memory is given back at once.
+        let made_of = [(&net, &*local.files.net), (&routes, &*local.files.routes)];
         let mut simulation = Simulation::load(&options(&net, &routes))
+            .map_err(|error| explain(&error, &made_of))
             .with_context(|| format!("{}: {rows} copies of this network side by side", local.files.net.display()))?;
         drop((net, routes, forest));
         let regions: Vec<Region> = (0..rows).map(Region).collect();
-        let incoming: Vec<String> = regions.iter().flat_map(|region| region.incoming_lanes()).collect();
-        let lights: Vec<String> = regions.iter().map(|region| region.light()).collect();
+        let plan = plans(Grid::SINGLE, config).remove(0);
+        let place = |region: &Region| Place {
+            light: region.light(),
+            approaches: region.incoming_lanes().to_vec(),
+            phases: plan.phases.clone(),
+        };
+        let places = regions.iter().map(place).collect();
         let routes: Vec<String> = regions.iter().flat_map(|region| region.routes()).collect();
-        let handles = IntersectionHandles::register(&mut simulation, &incoming, &lights)?;
+        let handles = IntersectionHandles::register(&mut simulation, places)?;
         let routes = simulation.register_routes(&routes)?;
         let mut all_lanes = Vec::with_capacity(rows);
         for region in regions {
@@ -99,6 +111,7 @@ impl LocalTraffic {
             dropped: 0,
             watch: Stopwatch::default(),
             recorder,
+            plan,
             spec,
         })
     }
@@ -141,12 +154,13 @@ impl LocalTraffic {
         self.sampled += sampled.len() as u64;
         let Transition { percept, rewards } = &mut self.last;
         for (row, reward) in rewards.iter_mut().enumerate() {
-            let edges = edges_of(&self.cars, row);
+            let (plan, cars) = (&self.plan, self.handles.cars_at(&self.cars, row));
             self.ages[row] += 1;
-            observe::observe(edges, self.handles.light(row), self.ages[row], percept.obs.row_mut(row));
-            observe::d_separate(percept.obs.row(row), self.arrivals.row(row), percept.d_set.row_mut(row));
-            *reward = observe::reward(edges);
-            self.cars_on.row_mut(row).iter_mut().zip(edges).for_each(|(count, edge)| *count = edge.len());
+            let light = LightView { shown: self.handles.signal(row).shown(), shown_steps: 0, age: self.ages[row] };
+            observe::observe(plan, cars, light, percept.obs.row_mut(row));
+            observe::d_separate(plan, percept.obs.row(row), self.arrivals.row(row), percept.d_set.row_mut(row));
+            *reward = observe::mean_speed(&plan.region, cars);
+            self.cars_on.row_mut(row).iter_mut().zip(cars.iter()).for_each(|(count, edge)| *count = edge.len());
         }
         self.watch.note(Phase::Reading, begun.elapsed());
         if let Some(recorder) = &mut self.recorder {
@@ -156,8 +170,8 @@ impl LocalTraffic {
     }
 
     /// Returns the cars on the incoming edges of a row after the last step, even if the row was reset since.
-    pub fn cars_on(&self, row: usize) -> [LaneCars<'_>; EDGES] {
-        edges_of(&self.cars, row)
+    pub fn cars_on(&self, row: usize) -> CarsAt<'_> {
+        self.handles.cars_at(&self.cars, row)
     }
 
     fn placement(&self, cars_on_edge: usize) -> Placement {
@@ -193,14 +207,16 @@ impl LocalSimulator for LocalTraffic {
         {
             recorder.begin(SEED);
         }
-        let empty = LaneCars { ids: &[], positions_m: &[], speeds_mps: &[] };
+        let empty = CarTable::of(vec![Vec::new(); EDGES]);
+        let nobody = CarsAt::new(&empty, 0, EDGES);
         for row in rows {
             self.cars_on.row_mut(row).fill(0);
             self.arrivals.row_mut(row).fill(0);
             self.ages[row] = 0;
             let percept = &mut self.last.percept;
-            observe::observe([empty; EDGES], self.handles.light(row), 0, percept.obs.row_mut(row));
-            observe::d_separate(percept.obs.row(row), self.arrivals.row(row), percept.d_set.row_mut(row));
+            let (plan, shown) = (&self.plan, self.handles.signal(row).shown());
+            observe::observe(plan, nobody, LightView { shown, shown_steps: 0, age: 0 }, percept.obs.row_mut(row));
+            observe::d_separate(plan, percept.obs.row(row), self.arrivals.row(row), percept.d_set.row_mut(row));
         }
         Ok(&self.last.percept)
     }

@@ -5,8 +5,8 @@
 use anyhow::Result;
 
 use super::trips::{TripFile, Trips};
-use crate::sumo::{CarTable, LaneCars};
-use crate::traffic::agents::region::EDGES;
+use crate::sumo::LaneCars;
+use crate::traffic::cars_at::CarsAt;
 
 /// The metrics of an episode.
 pub struct TrafficMetrics {
@@ -17,9 +17,10 @@ pub struct TrafficMetrics {
     intersections: Vec<Sums>,
 }
 
-/// Sums over the steps and the incoming edges of one intersection.
+/// Sums over the steps and the approaches of one intersection.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
+    approaches: u64,
     car_steps: u64,
     speed_sum_mps: f64,
     halting_car_steps: u64,
@@ -27,12 +28,14 @@ struct Sums {
 }
 
 impl TrafficMetrics {
-    pub fn new(agents: usize) -> Result<Self> {
+    /// Makes the metrics of intersections with these numbers of approaches.
+    pub fn new(approaches: impl Iterator<Item = usize>) -> Result<Self> {
+        let begin = |approaches| Sums { approaches: approaches as u64, ..Sums::default() };
         Ok(TrafficMetrics {
             trip_file: TripFile::new()?,
             trips: None,
             steps: 0,
-            intersections: vec![Sums::default(); agents],
+            intersections: approaches.map(begin).collect(),
         })
     }
 
@@ -44,18 +47,24 @@ impl TrafficMetrics {
     pub fn begin(&mut self) {
         self.trips = None;
         self.steps = 0;
-        self.intersections.fill(Sums::default());
+        for sums in &mut self.intersections {
+            *sums = Sums { approaches: sums.approaches, ..Sums::default() };
+        }
     }
 
-    /// Notes the cars on all incoming lanes, after a step and before it.
-    pub fn step(&mut self, now: &CarTable, before: &CarTable) {
+    /// Notes that a step is over.
+    pub fn step(&mut self) {
         self.steps += 1;
-        for (lane, (now, before)) in now.iter().zip(before.iter()).enumerate() {
-            let intersection = &mut self.intersections[lane / EDGES];
-            intersection.car_steps += now.len() as u64;
-            intersection.speed_sum_mps += now.speeds_mps.iter().sum::<f64>();
-            intersection.halting_car_steps += now.halting() as u64;
-            intersection.passed += left(now, before);
+    }
+
+    /// Notes the cars on the approaches of an intersection, after a step and before it.
+    pub fn cars(&mut self, row: usize, now: CarsAt<'_>, before: CarsAt<'_>) {
+        let sums = &mut self.intersections[row];
+        for (now, before) in now.iter().zip(before.iter()) {
+            sums.car_steps += now.len() as u64;
+            sums.speed_sum_mps += now.speeds_mps.iter().sum::<f64>();
+            sums.halting_car_steps += now.halting() as u64;
+            sums.passed += left(now, before);
         }
     }
 
@@ -73,12 +82,13 @@ impl TrafficMetrics {
     /// Returns the metrics of the whole net; `arrived` cars left it.
     pub fn of_net(&self, arrived: u64) -> Vec<(&'static str, f64)> {
         let Trips { travel_time_s, delay_s, waiting_time_s } = self.trips.expect("the episode is over");
-        let halting: u64 = self.intersections.iter().map(|intersection| intersection.halting_car_steps).sum();
+        let sum = |of: fn(&Sums) -> u64| self.intersections.iter().map(of).sum();
+        let (halting, approaches) = (sum(|sums| sums.halting_car_steps), sum(|sums| sums.approaches));
         vec![
             ("travel_time_s", travel_time_s),
             ("delay_s", delay_s),
             ("waiting_time_s", waiting_time_s),
-            ("queue_length", self.per_edge_step(halting, self.intersections.len())),
+            ("queue_length", self.per_approach_step(halting, approaches)),
             ("throughput_per_h", 3600.0 * arrived as f64 / self.steps.max(1) as f64),
         ]
     }
@@ -88,7 +98,7 @@ impl TrafficMetrics {
         let each = |figure: &dyn Fn(&Sums) -> f64| self.intersections.iter().map(figure).collect();
         vec![
             ("mean_speed_mps", each(&|at| at.speed_sum_mps / at.car_steps.max(1) as f64)),
-            ("queue_length", each(&|at| self.per_edge_step(at.halting_car_steps, 1))),
+            ("queue_length", each(&|at| self.per_approach_step(at.halting_car_steps, at.approaches))),
             ("passed", each(&|at| at.passed as f64)),
         ]
     }
@@ -99,8 +109,8 @@ impl TrafficMetrics {
         self.trip_file.text().expect("the trips of an episode")
     }
 
-    fn per_edge_step(&self, sum: u64, intersections: usize) -> f64 {
-        sum as f64 / ((EDGES * intersections) as u64 * self.steps.max(1)) as f64
+    fn per_approach_step(&self, sum: u64, approaches: u64) -> f64 {
+        sum as f64 / (approaches.max(1) * self.steps.max(1)) as f64
     }
 }
 
@@ -132,7 +142,7 @@ mod tests {
 
     #[test]
     fn an_episode_without_cars_or_steps_has_figures_that_are_numbers() {
-        let mut metrics = TrafficMetrics::new(2).unwrap();
+        let mut metrics = TrafficMetrics::new([4, 3].into_iter()).unwrap();
         metrics.begin();
         metrics.trips = Some(Trips::default());
         assert!(metrics.of_net(0).iter().all(|(_, value)| *value == 0.0));

@@ -11,9 +11,9 @@ use anyhow::{Result, ensure};
 
 use super::options::{STEP_LENGTH_S, TIME_TO_TELEPORT_S};
 use super::recording::{Entry, Recording, Step};
+use crate::outside::write_together;
 use crate::sumo::{CarTable, DepartSpeed, SignalState, Simulation};
 use crate::traffic::network::files::{NetworkFiles, for_sumo};
-use crate::traffic::network::write_together;
 use crate::traffic::network::xml::{Xml, document, element, leaf, nest, section};
 
 /// Name of all files of a replay.

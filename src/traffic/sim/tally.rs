@@ -2,7 +2,7 @@
 
 use crate::domain::{Measures, Result};
 use crate::sumo::{CarTable, Simulation};
-use crate::traffic::agents::phases::Light;
+use crate::traffic::agents::phase_plan::Shown;
 use crate::traffic::arrivals::has_arrival;
 use crate::traffic::paper_grid::DECEL_MPS2;
 
@@ -12,7 +12,7 @@ pub const P_SWITCH: &str = "p_switch_given_green";
 /// Counts of an episode.
 #[derive(Clone, Debug, Default)]
 pub struct Tally {
-    /// Number of steps that began with green, and number of those that showed yellow, per agent.
+    /// Number of steps that began with green, and number of those in which it ended, per agent.
     greens: Vec<(u64, u64)>,
     car_steps: u64,
     speed_sum_mps: f64,
@@ -29,10 +29,10 @@ impl Tally {
         Tally { greens: vec![(0, 0); agents], ..Tally::default() }
     }
 
-    pub fn lights(&mut self, before: &[Light], now: &[Light]) {
+    pub fn lights(&mut self, before: &[Shown], now: &[Shown]) {
         for ((greens, switches), (before, now)) in self.greens.iter_mut().zip(before.iter().zip(now)) {
             *greens += u64::from(before.is_green());
-            *switches += u64::from(before.is_green() && !now.is_green());
+            *switches += u64::from(before.is_green() && now != before);
         }
     }
 

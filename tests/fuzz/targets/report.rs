@@ -2,6 +2,7 @@
 
 use std::fs;
 
+use dials_traffic::outside::Directory;
 use dials_traffic::outside::is_printable;
 use dials_traffic::records::run_json::RunJson;
 use dials_traffic::records::run_record::RunRecord;
@@ -79,7 +80,7 @@ pub fn run_json(bytes: &[u8]) -> Verdict {
     let dir = empty("again");
     fs::write(dir.join("run.json"), bytes).expect("a file to work with");
     if let Ok(read) = RunJson::read(&dir) {
-        read.write(&dir).expect("what was read can be written");
+        read.write(&Directory::open(&dir).expect("a directory")).expect("what was read can be written");
         let again = RunJson::read(&dir).expect("it was written by us");
         assert!(again == read, "it is read again as {again:?}");
     }

@@ -1,0 +1,143 @@
+//! Checks the output paths of options, before any work begins.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail, ensure};
+
+use super::experiment::LOGS;
+use super::places::is_free;
+use crate::outside::folder_of;
+use crate::records::files;
+use crate::report::find::{BASELINES, PLAN};
+
+/// Checks that nothing is at `path`, where `option` will make a directory, and that no run may use the name.
+pub fn check_free(path: &Path, option: &str) -> Result<()> {
+    ensure!(is_free(path), "{}: exists already; name another directory with {option}", path.display());
+    check_not_of_a_run(option, path)
+}
+
+/// Makes the directory if there is none, and checks that a file can be made in it.
+pub fn check_writable(dir: &Path) -> Result<()> {
+    let failed = || format!("{}: cannot be written to", dir.display());
+    fs::create_dir_all(dir).with_context(failed)?;
+    tempfile::tempfile_in(dir).map(drop).with_context(failed)
+}
+
+/// Checks that `option` would not write over a file of a run or an experiment, nor under a name that it may use later.
+///
+/// `path`: a file or a directory that the option would make or fill. A new name beside their own names is free, and so
+/// is the directory of the run itself.
+pub fn check_not_of_a_run(option: &str, path: &Path) -> Result<()> {
+    // A link in a run stands in the way of the run, wherever it leads.
+    let as_named = path.file_name().map_or_else(|| real(path), |name| real(folder_of(path)).join(name));
+    let places = [real(path), as_named];
+    for (place, folder) in places.iter().flat_map(|place| place.ancestors().map(move |folder| (place, folder))) {
+        let within = place.strip_prefix(folder).expect("it is an ancestor").components().next();
+        let Some(name) = within.and_then(|first| first.as_os_str().to_str()) else { continue };
+        let owner = match (is_run(folder), folder.join(PLAN).is_file()) {
+            (true, _) if files::is_own(name) => "run",
+            (_, true) if [PLAN, BASELINES, LOGS].contains(&name) => "experiment",
+            _ => continue,
+        };
+        bail!(
+            "{}: {option} must not write here: `{name}` belongs to the {owner} in {}; name a path outside of it",
+            path.display(),
+            folder.display()
+        );
+    }
+    Ok(())
+}
+
+/// Checks that `option` would not put something else in the place of a whole run. Also does what
+/// [`check_not_of_a_run`] does.
+pub fn check_not_a_run(option: &str, path: &Path) -> Result<()> {
+    ensure!(!is_run(path), "{}: is a run directory; name another directory with {option}", path.display());
+    check_not_of_a_run(option, path)
+}
+
+/// Returns whether a folder is a run directory. A config alone may be one that its user has written.
+fn is_run(folder: &Path) -> bool {
+    let written = [files::RUN, files::RETURNS, files::POLICIES, files::CHECKPOINTS];
+    files::is_run_dir(folder) && written.iter().any(|name| folder.join(name).exists())
+}
+
+/// Checks that no two options name the same place, and that none lies within another.
+pub fn check_apart(places: &[(&str, Option<&Path>)]) -> Result<()> {
+    let places: Vec<_> = places.iter().filter_map(|&(option, path)| Some((option, path?, real(path?)))).collect();
+    for (number, (option, path, place)) in places.iter().enumerate() {
+        for (other, _, taken) in &places[..number] {
+            ensure!(
+                !place.starts_with(taken) && !taken.starts_with(place),
+                "{}: {other} and {option} must not write to the same place or into each other; name another path",
+                path.display()
+            );
+        }
+    }
+    Ok(())
+}
+
+/// Resolves the links in a path, as far as it exists.
+fn real(path: &Path) -> PathBuf {
+    let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let known = path.ancestors().find_map(|known| Some((known.canonicalize().ok()?, path.strip_prefix(known).ok()?)));
+    known.map(|(known, rest)| known.join(rest)).unwrap_or(path)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_that_meet_are_told_from_places_apart() {
+        let dir = tempfile::tempdir().unwrap();
+        let place = |name: &str| dir.path().join(name);
+        fs::create_dir(place("a")).unwrap();
+        std::os::unix::fs::symlink(place("a"), place("link")).unwrap();
+        let apart = |one: &str, other: &str| check_apart(&[("--x", Some(&place(one))), ("--y", Some(&place(other)))]);
+        for (one, other) in [("a", "b"), ("a", "ab"), ("new/a", "new/b"), ("a/b", "link/c")] {
+            apart(one, other).unwrap();
+        }
+        for (one, other) in [("a", "a"), ("new", "./new"), ("new", "new/in"), ("a/b/c", "a"), ("a/b", "link/b")] {
+            let error = apart(one, other).unwrap_err().to_string();
+            assert!(error.contains(": --x and --y must not write to the same place"), "{error}");
+        }
+        check_apart(&[("--x", None), ("--y", Some(&place("a"))), ("--z", None)]).unwrap();
+    }
+
+    #[test]
+    fn the_names_of_a_run_are_its_own_and_new_names_beside_them_are_free() {
+        let dir = tempfile::tempdir().unwrap();
+        let place = |name: &str| dir.path().join(name);
+        fs::create_dir_all(place("run/networks")).unwrap();
+        // A user's folder may have a config, too.
+        fs::write(place("run/config.toml"), "").unwrap();
+        check_not_of_a_run("--out", &place("run/networks")).unwrap();
+        fs::write(place("run/run.json"), "").unwrap();
+        fs::write(place("plan.json"), "").unwrap();
+        std::os::unix::fs::symlink(place("run"), place("link")).unwrap();
+        std::os::unix::fs::symlink(place("elsewhere"), place("run/aips.safetensors")).unwrap();
+        for own in [
+            "run/networks",
+            "run/networks/deep/in",
+            "run/../run/checkpoints/x",
+            "link/policies.safetensors",
+            "run/aips.safetensors",
+            "run/episodes.csv",
+            "run/worker_12.log",
+            "plan.json",
+            "baselines/x",
+            "logs",
+        ] {
+            let error = check_not_of_a_run("--out", &place(own)).unwrap_err().to_string();
+            assert!(error.contains(": --out must not write here: `"), "{error}");
+            assert!(error.ends_with("; name a path outside of it"), "{error}");
+        }
+        for free in ["run", "run/policies.pt", "run/pictures/networks", "run/worker_x.log", "run-2", "networks", "x"] {
+            check_not_of_a_run("--out", &place(free)).unwrap();
+        }
+        let error = check_not_a_run("--out", &place("link")).unwrap_err().to_string();
+        assert!(error.ends_with("link: is a run directory; name another directory with --out"), "{error}");
+        check_not_a_run("--out", &place("run/report")).unwrap();
+    }
+}
