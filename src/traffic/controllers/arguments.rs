@@ -42,7 +42,12 @@ impl<'a> Arguments<'a> {
 
     /// Returns a number of steps within [`GREENS`], or `default` if it was not given.
     pub fn steps(&mut self, key: &'static str, default: u32) -> Result<u32> {
-        Ok(self.number(key, "a whole number from 1 to 3600", |steps| GREENS.contains(steps))?.unwrap_or(default))
+        Ok(self.steps_if_given(key)?.unwrap_or(default))
+    }
+
+    /// Returns a number of steps within [`GREENS`]; `None` if it was not given.
+    pub fn steps_if_given(&mut self, key: &'static str) -> Result<Option<u32>> {
+        self.number(key, "a whole number from 1 to 3600", |steps| GREENS.contains(steps))
     }
 
     /// Returns a number of steps by which a light may leave its clock; `None` if it was not given.

@@ -58,7 +58,7 @@ fn clock(arguments: &mut Arguments<'_>, plans: &[AgentPlan], usual: &'static str
     } else {
         let green = arguments.steps("green", GREEN)?;
         let greens = arguments.take("greens")?.map(|text| greens(arguments, plans, text)).transpose()?;
-        let cycle = arguments.number("cycle", "a whole number from 1 to 3600", |steps| GREENS.contains(steps))?;
+        let cycle = arguments.steps_if_given("cycle")?;
         let timing = |plan: &AgentPlan| {
             let greens = greens.clone().unwrap_or_else(|| vec![green; plan.greens()]);
             let timing = Timing::new(&plan.phases, &greens, 0);

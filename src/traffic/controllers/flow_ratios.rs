@@ -61,11 +61,8 @@ fn of_choice(plan: &AgentPlan, ratios: &[f64], greens: &[usize]) -> FlowRatios {
     let lost: u32 =
         greens.iter().enumerate().map(|(place, &green)| plan.phases.clearing_steps(green, next(place))).sum();
     // Lanes that few greens serve come first, and of them the busiest.
-    let mut lanes: Vec<(Vec<usize>, f64)> = (0..ratios.len())
-        .map(|approach| {
-            ((0..greens.len()).filter(|&place| carries(plan, greens[place], approach)).collect(), ratios[approach])
-        })
-        .collect();
+    let mut lanes: Vec<(Vec<usize>, f64)> =
+        ratios.iter().enumerate().map(|(approach, &ratio)| (carriers(plan, greens, approach), ratio)).collect();
     lanes.sort_by(|(places, ratio), (others, other)| places.len().cmp(&others.len()).then(other.total_cmp(ratio)));
     let mut carried = vec![0.0; greens.len()];
     for (places, ratio) in lanes {
@@ -80,15 +77,15 @@ fn of_choice(plan: &AgentPlan, ratios: &[f64], greens: &[usize]) -> FlowRatios {
     FlowRatios { greens: greens.iter().copied().zip(carried).collect(), lost_s: f64::from(lost) }
 }
 
-/// Returns whether the flow of an approach passes in a green. A lane upstream counts only if all its cars can go.
-fn carries(plan: &AgentPlan, green: usize, approach: usize) -> bool {
+/// Returns the places of the greens in which the flow of an approach passes: those that serve all its links best. A lane
+/// at the stop line that none of them serves whole passes in those that serve a part; one upstream does not count then.
+fn carriers(plan: &AgentPlan, greens: &[usize], approach: usize) -> Vec<usize> {
     let lane = &plan.region.approaches[approach];
-    let best = |&link: &usize| plan.serves_best(green, link);
-    if lane.ahead_m == 0.0 {
-        lane.links.iter().any(best)
-    } else {
-        !lane.links.is_empty() && lane.links.iter().all(best)
-    }
+    let served = |place: usize, link: &usize| plan.serves_best(greens[place], *link);
+    let whole = |&place: &usize| !lane.links.is_empty() && lane.links.iter().all(|link| served(place, link));
+    let part = |&place: &usize| lane.ahead_m == 0.0 && lane.links.iter().any(|link| served(place, link));
+    let places: Vec<usize> = (0..greens.len()).filter(whole).collect();
+    if places.is_empty() { (0..greens.len()).filter(part).collect() } else { places }
 }
 
 #[cfg(test)]
@@ -116,5 +113,14 @@ mod tests {
         assert!(is_enough(&plan, &[0, 1, 3]));
         let found = flow_ratios(&plan, &[0.1, 0.05, 0.15, 0.2, 0.25]);
         assert_eq!(found, FlowRatios { greens: vec![(0, 0.25), (1, 0.05), (3, 0.15)], lost_s: 12.0 });
+    }
+
+    #[test]
+    fn a_lane_that_one_green_serves_whole_does_not_pass_in_a_part_of_another() {
+        let mut plan = crossing();
+        // The lane from the south now has green whole in green 0, and half of it in green 3. Another lane fills green 3.
+        (plan.region.links[2].letter, plan.region.links[3].letter, plan.region.links[1].letter) = (0, 4, 3);
+        let found = of_choice(&plan, &[0.0, 0.5, 0.4, 0.0, 0.0], &[0, 2, 3]);
+        assert_eq!(found.greens, [(0, 0.4), (2, 0.0), (3, 0.5)]);
     }
 }

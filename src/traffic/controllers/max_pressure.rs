@@ -3,14 +3,20 @@
 //! Source: Varaiya, "Max pressure control of a network of signalized intersections", Transportation Research Part C 36,
 //! 2013. The pressure of a green is the number of cars that it lets go minus the number of cars on the exits that it
 //! leads to. A car on a lane that several links share counts for each green with the share of links that it opens. An
-//! exit that leaves the net holds no car back and counts as empty, as in the paper.
+//! exit that leaves the net holds no car back and counts as empty, as in the paper. Cars far from the stop line do not
+//! count: with all cars of long lanes, real nets jam, because cars that still drive hold a green that others wait for.
 
+use super::green_limits::GreenLimits;
 use super::intersections::Intersection;
 
-/// Goes to another green if that has the greater pressure.
-pub fn decide(at: &Intersection<'_>, min_green: u32) -> usize {
-    let Some(green) = at.green().filter(|_| at.shown_steps() >= min_green) else { return at.target() };
-    let (mut best, mut most) = (green, pressure(at, green));
+/// Distance before the stop line within which cars count. A lane of the paper's grids has 100 m and counts whole.
+const COUNTED_M: f64 = 101.0;
+
+/// Goes to another green if that has the greater pressure, or some pressure when the longest green is over.
+pub fn decide(at: &Intersection<'_>, limits: GreenLimits) -> usize {
+    let Some(green) = limits.may_leave(at) else { return at.target() };
+    let least = if limits.must_leave(at) { 0.0 } else { pressure(at, green) };
+    let (mut best, mut most) = (green, least);
     for other in at.others(green) {
         let pressure = pressure(at, other);
         if pressure > most {
@@ -23,7 +29,8 @@ pub fn decide(at: &Intersection<'_>, min_green: u32) -> usize {
 /// Returns the pressure of a green, in cars. All approaches of the region count, also those behind other junctions.
 fn pressure(at: &Intersection<'_>, green: usize) -> f64 {
     let plan = at.plan();
-    let coming = plan.served(green).map(|approach| plan.share(green, approach) * at.cars(approach).len() as f64);
+    let cars = |approach| at.speeds_within(approach, COUNTED_M).count() as f64;
+    let coming = plan.served(green).map(|approach| plan.share(green, approach) * cars(approach));
     let leads_to =
         |exit: usize| plan.region.links.iter().enumerate().any(|(link, way)| way.to == exit && plan.opens(green, link));
     let exits = plan.region.exits.iter().enumerate().filter(|&(exit, lane)| !lane.leaves_the_net && leads_to(exit));
@@ -35,7 +42,6 @@ fn pressure(at: &Intersection<'_>, green: usize) -> f64 {
 mod tests {
     use super::*;
     use crate::traffic::agents::phase_plan::Shown;
-    use crate::traffic::controllers::MIN_GREEN;
     use crate::traffic::controllers::examples::{At, crossing, middle};
 
     #[test]
@@ -43,7 +49,7 @@ mod tests {
         let plan = middle();
         let decided = |shown, coming: [usize; 4], gone: [usize; 4]| {
             let at = (0..4).fold(At::new(&plan, shown), |at, side| at.queue(side, coming[side]).gone(side, gone[side]));
-            decide(&at.build(), MIN_GREEN)
+            decide(&at.build(), GreenLimits::default())
         };
         let [vertical, horizontal] = [Shown::Green(0), Shown::Green(1)];
         // West and east 3 + 1 = 4, south and north 2 + 1 = 3.
@@ -68,14 +74,34 @@ mod tests {
         assert_eq!(pressures(shown().queue(2, 3)), [0.0, 0.0, 1.5, 1.5]);
         // Two cars on the way north hold back greens 1, 2 and 3. Both links to the west leave the net.
         assert_eq!(pressures(shown().gone(1, 2).gone(2, 5)), [0.0, -2.0, -2.0, -2.0]);
-        assert_eq!(decide(&shown().queue(0, 1).queue(1, 2).build(), MIN_GREEN), 1);
-        assert_eq!(decide(&shown().queue(2, 3).build(), MIN_GREEN), 2, "the first of equals");
+        assert_eq!(decide(&shown().queue(0, 1).queue(1, 2).build(), GreenLimits::default()), 1);
+        assert_eq!(decide(&shown().queue(2, 3).build(), GreenLimits::default()), 2, "the first of equals");
     }
 
     #[test]
     fn nobody_switches_before_the_minimum_green() {
         let plan = middle();
-        let decided = |steps| decide(&At::new(&plan, Shown::Green(0)).since(steps).queue(0, 5).build(), 8);
+        let limits = GreenLimits { least: 8, most: None };
+        let decided = |steps| decide(&At::new(&plan, Shown::Green(0)).since(steps).queue(0, 5).build(), limits);
         assert_eq!([7, 8].map(decided), [0, 1]);
+    }
+
+    #[test]
+    fn the_longest_green_ends_if_somebody_waits_for_another_one() {
+        let plan = crossing();
+        let limits = GreenLimits { least: 8, most: Some(50) };
+        let decided = |steps, waiting| {
+            let at = At::new(&plan, Shown::Green(0)).since(steps).queue(0, 9).queue(1, waiting);
+            decide(&at.build(), limits)
+        };
+        assert_eq!([decided(49, 1), decided(50, 1), decided(50, 0)], [0, 1, 0]);
+    }
+
+    #[test]
+    fn cars_far_away_do_not_count() {
+        let mut plan = crossing();
+        plan.region.approaches[0].length_m = 400.0;
+        let at = At::new(&plan, Shown::Green(1)).cars(0, &[(300.0, 9.0), (250.0, 9.0), (100.0, 9.0)]).queue(1, 1);
+        assert_eq!(pressure(&at.build(), 0), 1.0);
     }
 }

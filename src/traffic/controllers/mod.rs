@@ -11,6 +11,7 @@
 //! - `control`: the trait of controllers; [`intersections`]: what a controller sees.
 //! - `simple`, `gap_out`, `longest_queue`, `max_pressure`, `fixed_time`, `coordinated`, `webster`: the controllers;
 //!   [`actuated`]: the programs of SUMO's actuated lights.
+//! - `green_limits`: the shortest and the longest green of those that look at the traffic.
 //! - `flows`, `flow_ratios`: what Webster's formula needs to know.
 //! - `timing`: what lights that go by the clock follow; [`timing_file`], `fitted`: its files; [`search`]: the search for
 //!   the best one; `split`, `neighbours`: green time divided, and every other light found.
@@ -29,6 +30,7 @@ mod fixed_time;
 mod flow_ratios;
 mod flows;
 mod gap_out;
+mod green_limits;
 pub mod intersections;
 mod longest_queue;
 mod max_pressure;
@@ -46,6 +48,7 @@ use crate::base::Seed;
 use crate::traffic::agents::phase_plan::Choice;
 use crate::traffic::agents::plan::AgentPlan;
 use arguments::Arguments;
+use green_limits::GreenLimits;
 
 pub(super) use control::ask;
 pub use control::{Each, HandCoded, LightController, Trials};
@@ -82,10 +85,6 @@ pub const COORDINATED: &str = "coordinated";
 
 const SWITCH_EVERY: &str = "switch-every-";
 
-/// Steps of green before a switch, if the parameters do not say. Of 1 to 15, max-pressure does best with these on 2x2
-/// (184, against 173 with 5 or 1). For longest-queue, all values from 5 on give the same result.
-const MIN_GREEN: u32 = 10;
-
 /// A function that makes a controller. It first measures what the controller needs to know.
 pub type Recipe = Box<dyn Fn(&dyn Trials) -> Result<HandCoded>>;
 
@@ -99,7 +98,10 @@ pub fn recipe(text: &str, plans: &[AgentPlan]) -> Result<Recipe> {
         "always" => Box::new(|_| Ok(HandCoded::rule(Constant::Always))),
         PROGRAM => Box::new(|_| Ok(HandCoded::OwnProgram)),
         "actuated" => Box::new(|_| Ok(HandCoded::Actuated)),
-        "gap-out" => Box::new(|_| Ok(HandCoded::rule(Each(gap_out::decide)))),
+        "gap-out" => {
+            let limits = GreenLimits::longest(&mut arguments, plans)?;
+            Box::new(move |_| Ok(HandCoded::rule(Each(move |at: &Intersection<'_>| gap_out::decide(at, limits)))))
+        }
         FIXED_TIME => {
             let ClockPlan { timings, .. } = clock_text::fixed_time(&mut arguments, plans)?;
             Box::new(move |_| Ok(HandCoded::rule(FixedTime::new(timings.clone()))))
@@ -113,16 +115,12 @@ pub fn recipe(text: &str, plans: &[AgentPlan]) -> Result<Recipe> {
             Box::new(move |trials| Ok(HandCoded::rule(FixedTime::new(plan.timings(&plans, trials)?))))
         }
         "max-pressure" => {
-            let min_green = arguments.steps("min-green", MIN_GREEN)?;
-            Box::new(move |_| {
-                Ok(HandCoded::rule(Each(move |at: &Intersection<'_>| max_pressure::decide(at, min_green))))
-            })
+            let limits = GreenLimits::of(&mut arguments, plans)?;
+            Box::new(move |_| Ok(HandCoded::rule(Each(move |at: &Intersection<'_>| max_pressure::decide(at, limits)))))
         }
         "longest-queue" => {
-            let min_green = arguments.steps("min-green", MIN_GREEN)?;
-            Box::new(move |_| {
-                Ok(HandCoded::rule(Each(move |at: &Intersection<'_>| longest_queue::decide(at, min_green))))
-            })
+            let limits = GreenLimits::of(&mut arguments, plans)?;
+            Box::new(move |_| Ok(HandCoded::rule(Each(move |at: &Intersection<'_>| longest_queue::decide(at, limits)))))
         }
         name => match name.strip_prefix(SWITCH_EVERY).map(str::parse::<usize>) {
             Some(Ok(steps)) if steps >= 1 => Box::new(move |_| Ok(HandCoded::rule(SwitchEvery::new(steps)))),
@@ -160,9 +158,12 @@ mod tests {
 
     #[test]
     fn parameters_that_a_controller_does_not_have_get_the_list_too() {
-        let told = "controller `max-pressure:green=5`: has no parameter `green`; it takes min-green";
+        let told = "controller `max-pressure:green=5`: has no parameter `green`; it takes min-green, max-green";
         assert_eq!(error("max-pressure:green=5"), told);
-        assert_eq!(error("gap-out:green=5"), "controller `gap-out:green=5`: has no parameter `green`; it takes none");
+        assert_eq!(
+            error("gap-out:green=5"),
+            "controller `gap-out:green=5`: has no parameter `green`; it takes max-green"
+        );
         let told = "controller `longest-queue:min-green=0`: min-green = 0: must be a whole number from 1 to 3600";
         assert_eq!(error("longest-queue:min-green=0"), told);
         let told = "controller `fixed-time:green`: `green` is not a parameter; write key=value";

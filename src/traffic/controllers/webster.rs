@@ -14,8 +14,9 @@ use super::control::{Each, Trials};
 use super::fixed_time::FixedTime;
 use super::flow_ratios::{FlowRatios, LONGEST_CYCLE_S, flow_ratios};
 use super::flows::{self, Flows};
+use super::green_limits::GreenLimits;
+use super::max_pressure;
 use super::timing::Timing;
-use super::{MIN_GREEN, max_pressure};
 use crate::traffic::agents::plan::AgentPlan;
 use crate::traffic::controllers::intersections::Intersection;
 
@@ -60,7 +61,8 @@ impl TimingPlan {
             flows::measure(plans, trials, self.episodes, FixedTime::new(clock_text::usual(plans)))?
         } else {
             // Lights that jam would hide what wants to pass.
-            let rule = Each(|at: &Intersection<'_>| max_pressure::decide(at, MIN_GREEN));
+            let limits = GreenLimits::usual(plans);
+            let rule = Each(move |at: &Intersection<'_>| max_pressure::decide(at, limits));
             flows::measure(plans, trials, self.episodes, rule)?
         };
         let saturation = self.saturation_per_h / 3600.0 * f64::from(seconds);
