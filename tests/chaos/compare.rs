@@ -30,7 +30,7 @@ pub fn compare(undisturbed: &Stage, stage: &Stage) -> Vec<(Fault, String)> {
     missing.chain(unknown).chain(temporary).chain(different).collect()
 }
 
-/// Returns the paths of all files and folders within a folder, without the logs of the workers.
+/// Returns the paths of all files and folders within a folder, without the logs of workers and of an experiment.
 fn names(folder: &Path) -> BTreeSet<PathBuf> {
     let mut names = BTreeSet::new();
     let mut open = vec![folder.to_owned()];
@@ -42,12 +42,12 @@ fn names(folder: &Path) -> BTreeSet<PathBuf> {
             names.insert(entry.path().strip_prefix(folder).expect("it is within").to_owned());
         }
     }
-    names.retain(|name| !is_worker_log(&name.to_string_lossy()));
+    names.retain(|name| !is_worker_log(&name.to_string_lossy()) && !name.starts_with("logs"));
     names
 }
 
 fn is_worker_log(name: &str) -> bool {
-    let number = name.strip_prefix("run/worker_").and_then(|rest| rest.strip_suffix(".log"));
+    let number = name.split_once("/worker_").and_then(|(_, rest)| rest.strip_suffix(".log"));
     number.is_some_and(|number| number.parse::<u8>().is_ok())
 }
 
