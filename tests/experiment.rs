@@ -118,10 +118,13 @@ fn a_run_that_a_killed_experiment_left_goes_on_to_the_same_numbers() {
 fn a_run_that_fails_stops_no_other_and_is_named() {
     let place = Place::new(TWO_SEEDS);
     place.experiment(&[]).assert().success();
-    // One run starts again. The other one's file is shorter than its checkpoint says.
+    // One run starts again. The other one lacks its last times, so it is resumed, but a file does not fit its checkpoints.
     let [again, spoilt] = ["small-dials-seed1", "small-dials-seed2"].map(|run| place.runs().join(run));
     fs::remove_dir_all(&again).unwrap();
-    fs::write(spoilt.join("returns.csv"), "steps,agent\n0,0\n").unwrap();
+    let times = fs::read_to_string(spoilt.join("timing.csv")).unwrap();
+    let block = times.rfind("\n256,all,").expect("the last times are there") + 1;
+    fs::write(spoilt.join("timing.csv"), &times[..block]).unwrap();
+    fs::write(spoilt.join("training.csv"), "steps,agent\n").unwrap();
     let output = place.experiment(&[]).assert().code(1).get_output().clone();
     let said = text(&output.stderr);
     assert!(said.contains("error: 1 of 2 failed: small-dials-seed2"), "{said}");
@@ -220,7 +223,9 @@ fn a_run_with_wrong_rows_is_named_and_resumed_by_the_way_out() {
 
 #[test]
 fn a_run_that_was_killed_between_its_last_writes_or_in_its_first_ones_is_made_whole() {
-    let place = Place::new("seeds = [1]\nset = ['warehouse.agents_per_side=2']\n[[grid]]\nconfigs = ['small.toml']\n");
+    let place = Place::new(
+        "seeds = [1]\nset = ['warehouse.agents_per_side=2', 'evaluation.aip_loss_episodes=2']\n[[grid]]\nconfigs = ['small.toml']\n",
+    );
     place.experiment(&[]).assert().success();
     let run = place.runs().join("small-dials-seed1");
     let read = |file: &str| fs::read_to_string(run.join(file)).unwrap();
@@ -238,9 +243,12 @@ fn a_run_that_was_killed_between_its_last_writes_or_in_its_first_ones_is_made_wh
         assert!(files.map(read) == whole, "other bytes than at first");
         assert_eq!(times(read("timing.csv")), all_times);
     };
+    // A block of times has two lines here: of all workers and of the only one.
     cut("timing.csv", all_times - 2);
     finish();
     cut("timing.csv", all_times - 2);
+    cut("aip_drift.csv", whole[2].lines().count() - 1);
+    finish();
     cut("episodes.csv", whole[1].lines().count() - 1);
     finish();
     // Only the header, the line of all agents and that of the first agent were written.

@@ -29,12 +29,13 @@ pub fn check_writable(dir: &Path) -> Result<()> {
 /// `path`: a file or a directory that the option would make or fill. A new name beside their own names is free, and so
 /// is the directory of the run itself.
 pub fn check_not_of_a_run(option: &str, path: &Path) -> Result<()> {
+    let whole = real(path)?;
     // A link in a run stands in the way of the run, wherever it leads.
     let as_named = match path.file_name() {
         Some(name) => real(folder_of(path))?.join(name),
-        None => real(path)?,
+        None => whole.clone(),
     };
-    let places = [real(path)?, as_named];
+    let places = [whole, as_named];
     for (place, folder) in places.iter().flat_map(|place| place.ancestors().map(move |folder| (place, folder))) {
         let within = place.strip_prefix(folder).expect("it is an ancestor").components().next();
         let Some(name) = within.and_then(|first| first.as_os_str().to_str()) else { continue };
