@@ -63,14 +63,21 @@ fn determined(runs: &Path, name: &Path) -> Vec<u8> {
         // Wall times differ, but no period is missing and none is there twice.
         files::TIMING | files::MEMORY => periods(&bytes).into_bytes(),
         files::EVENTS => bytes.len().to_string().into_bytes(),
-        files::RUN => {
-            let mut run: Value = serde_json::from_slice(&bytes).unwrap();
-            run.as_object_mut().expect("an object").remove("command");
-            run.to_string().into_bytes()
+        files::RUN => without("command", &bytes),
+        // The path of its config is that of its stage.
+        _ if file.ends_with(".json") && path.parent().is_some_and(|folder| folder.ends_with("baselines")) => {
+            without("config", &bytes)
         }
         _ if path.parent().is_some_and(|folder| folder.ends_with(files::CHECKPOINTS)) => state(&bytes),
         _ => bytes,
     }
+}
+
+/// Returns a JSON object without one of its keys.
+fn without(key: &str, json: &[u8]) -> Vec<u8> {
+    let mut object: Value = serde_json::from_slice(json).unwrap();
+    object.as_object_mut().expect("an object").remove(key);
+    object.to_string().into_bytes()
 }
 
 /// Returns the steps of the lines for all processes together.
