@@ -118,7 +118,7 @@ fn a_run_that_a_killed_experiment_left_goes_on_to_the_same_numbers() {
 fn a_run_that_fails_stops_no_other_and_is_named() {
     let place = Place::new(TWO_SEEDS);
     place.experiment(&[]).assert().success();
-    // One run starts again. The other one lacks its last times, so it is resumed, but a file does not fit its checkpoints.
+    // One run starts again. The other one lacks its last times, so it is resumed. But no checkpoint fits its files.
     let [again, spoilt] = ["small-dials-seed1", "small-dials-seed2"].map(|run| place.runs().join(run));
     fs::remove_dir_all(&again).unwrap();
     let times = fs::read_to_string(spoilt.join("timing.csv")).unwrap();
