@@ -2,7 +2,7 @@
 //!
 //! Only the system sees the order of writes and syncs, so `strace` records it. No test can lose power.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::io::{Write, stderr};
 use std::path::{Path, PathBuf};
@@ -12,7 +12,8 @@ const CONFIG: &str = "total_steps = 640\n[warehouse]\nagents_per_side = 2\nhoriz
                       [policy]\nhidden = [16]\n[ppo]\nrollout_steps = 8\n\
                       [aip]\nhidden = [8]\nretrain_every_steps = 256\ndataset_steps = 64\nbatch = 16\nepochs = 2\n\
                       [evaluation]\nevery_steps = 128\nepisodes = 2\n";
-const CALLS: &str = "write,writev,pwrite64,fsync,fdatasync,openat,rename,renameat,renameat2,unlinkat,rmdir";
+const CALLS: &str = "write,writev,pwrite64,fsync,fdatasync,openat,mkdir,mkdirat,rename,renameat,renameat2,unlinkat,\
+                     rmdir";
 
 /// What is not yet on the disk.
 struct Disk {
@@ -27,11 +28,15 @@ struct Disk {
 }
 
 impl Disk {
-    /// Follows one call; `line`: as `strace -y` writes it.
+    /// Follows one call; `line`: as `strace -y` writes it. A call that failed has changed nothing.
     fn follow(&mut self, line: &str) {
+        if line.rsplit_once(" = ").is_some_and(|(_, result)| result.starts_with("-1 ")) {
+            return;
+        }
         let (opened, named) = (between(line, '<', '>'), between(line, '"', '"'));
         let place = |index: usize| {
-            opened.get(index).map_or(PathBuf::from(named[index]), |directory| Path::new(directory).join(named[index]))
+            let directory = opened.get(index).map_or(self.place.as_path(), Path::new);
+            directory.join(named[index])
         };
         match line.split_once('(').map_or("", |(call, _)| call) {
             "write" | "writev" | "pwrite64" => drop(self.files.insert(PathBuf::from(opened[0]))),
@@ -43,8 +48,9 @@ impl Disk {
                 let made = opened.last().map(Path::new).and_then(Path::parent);
                 made.map(|directory| self.names.insert(directory.to_owned()));
             }
+            "mkdir" | "mkdirat" => drop(place(0).parent().map(|directory| self.names.insert(directory.to_owned()))),
             "rename" | "renameat" | "renameat2" => self.rename(&place(0), &place(1), line),
-            "rmdir" => drop(self.names.remove(Path::new(named[0]))),
+            "rmdir" => drop(self.names.remove(&place(0))),
             "unlinkat" if line.contains("AT_REMOVEDIR") => drop(self.names.remove(&place(0))),
             "unlinkat" if is_checkpoint(Path::new(named[0])) => {
                 assert!(
@@ -82,6 +88,25 @@ fn is_checkpoint(path: &Path) -> bool {
     path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("step_"))
 }
 
+/// Returns the calls of a trace, each whole and where it ended. A call that another thread interrupts has two lines.
+fn calls(trace: &str) -> Vec<String> {
+    let (mut calls, mut begun) = (Vec::new(), BTreeMap::new());
+    for line in trace.lines() {
+        // Each line begins with the id of its thread.
+        let (thread, call) = line.split_once(' ').unwrap_or((line, ""));
+        let call = call.trim_start();
+        if let Some(beginning) = call.strip_suffix(" <unfinished ...>") {
+            begun.insert(thread, beginning);
+        } else if let Some((_, end)) = call.strip_prefix("<... ").and_then(|rest| rest.split_once(" resumed>")) {
+            // A thread may have begun before it was traced.
+            calls.extend(begun.remove(thread).map(|beginning| format!("{beginning}{end}")));
+        } else {
+            calls.push(call.to_owned());
+        }
+    }
+    calls
+}
+
 /// Returns the texts between two marks.
 fn between(line: &str, open: char, close: char) -> Vec<&str> {
     let (mut found, mut rest) = (Vec::new(), line);
@@ -90,6 +115,25 @@ fn between(line: &str, open: char, close: char) -> Vec<&str> {
         rest = after;
     }
     found
+}
+
+#[test]
+fn calls_that_were_interrupted_are_followed_as_whole_ones() {
+    let trace = "11 write(3</d/a.csv>, \"x\", 1 <unfinished ...>\n\
+                 12    fsync(4</d>) = 0\n\
+                 11 <... write resumed>) = 1\n\
+                 12 mkdirat(4</d>, \"new\", 0777) = 0\n\
+                 12 mkdir(\"old\", 0777) = -1 EEXIST (File exists)\n\
+                 13 <... fsync resumed>) = 0\n\
+                 11 exit_group(0 <unfinished ...>\n";
+    let whole = ["fsync(4</d>) = 0", "write(3</d/a.csv>, \"x\", 1) = 1", "mkdirat(4</d>, \"new\", 0777) = 0"];
+    let calls = calls(trace);
+    assert_eq!(calls[..3], whole);
+    let place = PathBuf::from("/d/within");
+    let mut disk = Disk { place, files: BTreeSet::new(), names: BTreeSet::new(), checkpoints: 0 };
+    calls.iter().for_each(|call| disk.follow(call));
+    // The folder that was there already has no new name.
+    assert_eq!(disk.late(Path::new("/")), [Path::new("/d"), Path::new("/d/a.csv")]);
 }
 
 #[test]
@@ -109,11 +153,7 @@ fn a_checkpoint_gets_its_name_when_all_that_it_counts_on_is_on_the_disk() {
     let output = command.current_dir(&place).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let mut disk = Disk { place: place.clone(), files: BTreeSet::new(), names: BTreeSet::new(), checkpoints: 0 };
-    for line in fs::read_to_string(place.join("trace")).unwrap().lines() {
-        // Each line begins with the id of its thread.
-        let line = line.trim_start_matches(|letter: char| letter.is_ascii_digit()).trim_start();
-        disk.follow(line);
-    }
+    calls(&fs::read_to_string(place.join("trace")).unwrap()).iter().for_each(|call| disk.follow(call));
     assert_eq!(disk.checkpoints, 5);
-    assert_eq!(disk.late(&place), [Path::new(""); 0]);
+    assert_eq!(disk.late(&place), Vec::<&Path>::new());
 }

@@ -118,10 +118,13 @@ fn a_run_that_a_killed_experiment_left_goes_on_to_the_same_numbers() {
 fn a_run_that_fails_stops_no_other_and_is_named() {
     let place = Place::new(TWO_SEEDS);
     place.experiment(&[]).assert().success();
-    // One run starts again. The other one's file is shorter than its checkpoint says.
+    // One run starts again. The other one lacks its last times, so it is resumed. But no checkpoint fits its files.
     let [again, spoilt] = ["small-dials-seed1", "small-dials-seed2"].map(|run| place.runs().join(run));
     fs::remove_dir_all(&again).unwrap();
-    fs::write(spoilt.join("returns.csv"), "steps,agent\n0,0\n").unwrap();
+    let times = fs::read_to_string(spoilt.join("timing.csv")).unwrap();
+    let block = times.rfind("\n256,all,").expect("the last times are there") + 1;
+    fs::write(spoilt.join("timing.csv"), &times[..block]).unwrap();
+    fs::write(spoilt.join("training.csv"), "steps,agent\n").unwrap();
     let output = place.experiment(&[]).assert().code(1).get_output().clone();
     let said = text(&output.stderr);
     assert!(said.contains("error: 1 of 2 failed: small-dials-seed2"), "{said}");
@@ -189,26 +192,85 @@ fn a_baseline_is_measured_as_the_runs_are_and_again_when_its_plan_has_changed() 
 }
 
 #[test]
-fn a_run_whose_files_are_torn_is_named_and_resumed_by_the_way_out() {
+fn a_run_with_wrong_rows_is_named_and_resumed_by_the_way_out() {
     let place = Place::new(TWO_SEEDS);
     place.experiment(&[]).assert().success();
     let run = place.runs().join("small-dials-seed1");
     let returns = place.returns("small-dials-seed1");
-    for torn in ["memory.csv", "timing.csv"] {
-        let text = fs::read_to_string(run.join(torn)).unwrap();
-        fs::write(run.join(torn), format!("{text}256,all,no number,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1\n")).unwrap();
+    for wrong in ["memory.csv", "timing.csv"] {
+        let text = fs::read_to_string(run.join(wrong)).unwrap();
+        fs::write(run.join(wrong), format!("{text}256,all,no number,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1\n")).unwrap();
     }
-    for more in [&["--dry-run"][..], &[]] {
-        let said = text(&place.experiment(more).assert().code(2).get_output().stderr);
-        for part in ["small-dials-seed1: this run cannot be read", "train --resume`", "timing.csv: cannot be read"] {
+    fs::remove_dir_all(place.runs().join("small-gs-seed2")).unwrap();
+    let dry = place.experiment(&["--dry-run"]).assert().success().get_output().clone();
+    let made = place.experiment(&[]).assert().code(1).get_output().clone();
+    for said in [text(&dry.stdout), text(&made.stderr)] {
+        let way_out = "try: dials-traffic train --resume results/e/runs/small-dials-seed1; ";
+        for part in ["small-dials-seed1: this run cannot be read", "timing.csv: cannot be read", way_out] {
             assert!(said.contains(part), "`{part}` is not in: {said}");
         }
     }
+    assert!(text(&made.stderr).contains("error: 1 of 2 failed: small-dials-seed1; "), "{made:?}");
+    let log = fs::read_to_string(place.runs().join("logs/small-dials-seed1.log")).unwrap();
+    assert!(log.ends_with("and the run is trained again\n"), "{log}");
+    assert!(place.returns("small-gs-seed2").contains("\n256,all,"), "the other run was made");
     let mut resume = assert_cmd::cargo::cargo_bin_cmd!("dials-traffic");
     resume.args(["train", "--workers", "0", "--resume"]).arg(&run).assert().success();
     assert_eq!(place.returns("small-dials-seed1"), returns);
     let dry = text(&place.experiment(&["--dry-run"]).assert().success().get_output().stdout);
     assert!(dry.contains("0 to do, 5 finished"), "{dry}");
+}
+
+#[test]
+fn a_run_that_was_killed_between_its_last_writes_or_in_its_first_ones_is_made_whole() {
+    let place = Place::new(
+        "seeds = [1]\nset = ['warehouse.agents_per_side=2', 'evaluation.aip_loss_episodes=2']\n[[grid]]\nconfigs = ['small.toml']\n",
+    );
+    place.experiment(&[]).assert().success();
+    let run = place.runs().join("small-dials-seed1");
+    let read = |file: &str| fs::read_to_string(run.join(file)).unwrap();
+    let cut = |file: &str, lines: usize| {
+        let kept: String = read(file).lines().take(lines).map(|line| format!("{line}\n")).collect();
+        fs::write(run.join(file), kept).unwrap();
+    };
+    let files = ["returns.csv", "episodes.csv", "aip_drift.csv", "aip_loss.csv", "training.csv"];
+    let whole = files.map(read);
+    let times = |text: String| text.lines().count();
+    let all_times = times(read("timing.csv"));
+    let finish = || {
+        let said = text(&place.experiment(&[]).assert().success().get_output().stdout);
+        assert!(said.contains("1 done now, 0 done earlier"), "{said}");
+        assert!(files.map(read) == whole, "other bytes than at first");
+        assert_eq!(times(read("timing.csv")), all_times);
+    };
+    // A block of times has two lines here: of all workers and of the only one.
+    cut("timing.csv", all_times - 2);
+    finish();
+    cut("timing.csv", all_times - 2);
+    cut("aip_drift.csv", whole[2].lines().count() - 1);
+    finish();
+    cut("episodes.csv", whole[1].lines().count() - 1);
+    finish();
+    // Only the header, the line of all agents and that of the first agent were written.
+    fs::remove_dir_all(run.join("checkpoints")).unwrap();
+    for file in ["episodes.csv", "aip_drift.csv", "aip_loss.csv", "training.csv", "timing.csv", "memory.csv"] {
+        let _ = fs::remove_file(run.join(file));
+    }
+    cut("returns.csv", 3);
+    finish();
+}
+
+#[test]
+fn the_folder_of_the_runs_is_not_a_run_and_the_lock_of_another_experiment_is_told() {
+    let place = Place::new(TWO_SEEDS);
+    place.experiment(&[]).assert().success();
+    let said =
+        text(&place.experiment(&["--out", "results/e/runs/small-gs-seed1"]).assert().code(2).get_output().stderr);
+    assert!(said.contains("small-gs-seed1: is a run directory; name another directory with --out"), "{said}");
+    let lock = fs::File::open(place.runs()).unwrap();
+    lock.lock().unwrap();
+    let said = text(&place.experiment(&[]).assert().code(1).get_output().stderr);
+    assert!(said.contains("results/e/runs: another experiment is running here"), "{said}");
 }
 
 #[test]

@@ -41,7 +41,7 @@ pub use imitation::ImitationConfig;
 pub use load::{load, load_kept, to_toml};
 pub use reward::{Reward, RewardTerm};
 pub use scenario::{Observation, ScenarioConfig};
-pub use schedule::{AipTraining, Period, rest_of_schedule, schedule};
+pub use schedule::{AipTraining, Period, may_end_at, rest_of_schedule, schedule};
 pub use simulator::{Predictor, Simulator};
 pub use traffic::{DSet, EntryRule, TrafficConfig};
 pub use warehouse::WarehouseConfig;

@@ -35,12 +35,8 @@ pub fn schedule(config: &Config) -> Vec<Period> {
     let last = config.last_step();
     let evaluate_every = config.evaluation.every_steps;
     let trains_aips = config.simulator.trains_predictors();
-    let retrain_every = (trains_aips && config.aip.retrain == Retrain::Every).then_some(config.aip.retrain_every_steps);
-    let mut bounds: BTreeSet<u64> = (0..last).step_by(evaluate_every as usize).collect();
-    bounds.extend(retrain_every.iter().flat_map(|&every| (0..last).step_by(every as usize)));
-    bounds.extend(config.checkpoints.every_steps.iter().flat_map(|&every| (0..last).step_by(every as usize)));
-    bounds.retain(|&start| start == 0 || trains(config, start, last));
-    bounds.insert(last);
+    let mut bounds = all_bounds(config);
+    bounds.retain(|&bound| bound == 0 || bound == last || trains(config, bound, last));
     let train_aips = |start: u64| match config.aip.retrain {
         _ if !trains_aips => AipTraining::No,
         _ if start == 0 => AipTraining::Yes,
@@ -56,6 +52,24 @@ pub fn schedule(config: &Config) -> Vec<Period> {
         train_aips: train_aips(bound[0]),
     });
     periods.collect()
+}
+
+/// Returns whether a period may end at a step. Earlier versions also ended one where the schedule has nothing left to
+/// train, and their checkpoints say so.
+pub fn may_end_at(config: &Config, step: u64) -> bool {
+    step > 0 && all_bounds(config).contains(&step)
+}
+
+/// Returns all steps at which something is due, with the beginning and the end of the run.
+fn all_bounds(config: &Config) -> BTreeSet<u64> {
+    let last = config.last_step();
+    let evaluates_every = [config.evaluation.every_steps];
+    let trains_aips = config.simulator.trains_predictors() && config.aip.retrain == Retrain::Every;
+    let retrains_every = trains_aips.then_some(config.aip.retrain_every_steps);
+    let rhythms = evaluates_every.into_iter().chain(retrains_every).chain(config.checkpoints.every_steps);
+    let mut bounds: BTreeSet<u64> = rhythms.flat_map(|every| (0..last).step_by(every as usize)).collect();
+    bounds.insert(last);
+    bounds
 }
 
 /// Returns the periods that remain when training has come to the end of a period, `until`.
@@ -176,6 +190,20 @@ mod tests {
         config.ppo.memory = 128;
         // 782 updates are 100 096 steps.
         assert_eq!(bounds(&config), [(0, 100_001, true, true)]);
+    }
+
+    #[test]
+    fn a_period_of_an_earlier_version_may_end_where_this_schedule_has_nothing_left_to_train() {
+        let mut config = config("dials", 250, 1000, 100);
+        config.ppo.memory = 128;
+        // At step 200 training is at 256, after the end of the run.
+        let ends: Vec<u64> = schedule(&config).iter().map(|period| period.end).collect();
+        assert_eq!(ends, [100, 250]);
+        assert_eq!(
+            [0, 100, 150, 200, 250, 300].map(|step| may_end_at(&config, step)),
+            [false, true, false, true, true, false]
+        );
+        assert_eq!(rest_of_schedule(&config, 200), [], "only the last evaluation is left");
     }
 
     #[test]

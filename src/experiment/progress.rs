@@ -2,10 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Error, Result, bail, ensure};
 
 use super::file::{PlannedBaseline, PlannedRun};
 use crate::config;
+use crate::outside::quoted;
 use crate::records::files::{CONFIG, is_run_dir};
 use crate::records::reader::scenario_of;
 use crate::records::run_record::{RunRecord, Status};
@@ -14,7 +15,7 @@ use crate::report::find::{BaselineRecord, baseline_file, read_baseline};
 use crate::report::method::Method;
 
 /// Progress of a planned run or baseline.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// There is no directory.
     New,
@@ -24,24 +25,29 @@ pub enum Stage {
     },
     /// A baseline was measured, but not as planned now.
     Outdated,
+    /// The files of a run are damaged. `why`: how, and what to try.
+    Unreadable {
+        why: String,
+    },
     Finished,
 }
 
 impl Stage {
-    pub fn name(self) -> &'static str {
+    pub fn name(&self) -> &'static str {
         match self {
             Stage::New => "new",
             Stage::Begun { .. } => "to be resumed",
             Stage::Outdated => "outdated",
+            Stage::Unreadable { .. } => "unreadable",
             Stage::Finished => "finished",
         }
     }
 
     /// Returns the share of its timesteps that are done, from 0 to 1.
-    pub fn share(self, run: &PlannedRun) -> f64 {
+    pub fn share(&self, run: &PlannedRun) -> f64 {
         match self {
-            Stage::New | Stage::Outdated => 0.0,
-            Stage::Begun { steps } => steps as f64 / run.config.last_step() as f64,
+            Stage::New | Stage::Outdated | Stage::Unreadable { .. } => 0.0,
+            Stage::Begun { steps } => *steps as f64 / run.config.last_step() as f64,
             Stage::Finished => 1.0,
         }
     }
@@ -52,32 +58,41 @@ pub fn directory(folder: &Path, run: &PlannedRun) -> PathBuf {
     folder.join(&run.name)
 }
 
-/// Reads the progress of a planned run. A different run in its directory is an error. So is one with files that no
-/// killed run leaves behind: only a person can say what became of them.
+/// Reads the progress of a planned run. A different run in its directory is an error.
+///
+/// A run with files that no killed run leaves behind is unreadable: only a person can say what became of them.
 pub fn stage(folder: &Path, run: &PlannedRun) -> Result<Stage> {
     let dir = directory(folder, run);
     if !is_run_dir(&dir) {
         ensure!(!dir.exists(), "{}: exists, but is not a run directory", dir.display());
         return Ok(Stage::New);
     }
-    if let Some(difference) = difference(&dir, run)? {
-        bail!(
+    let read = match difference(&dir, run) {
+        Ok(Some(difference)) => bail!(
             "{}: holds a different run than planned ({difference}); move it away, or choose another folder with --out",
             dir.display()
-        );
-    }
-    let record = RunRecord::read(&dir).with_context(|| {
-        format!(
-            "{}: this run cannot be read; `dials-traffic train --resume` with this directory goes back to a checkpoint \
-             that fits its files; or move the directory away, and the run is trained again",
-            dir.display()
-        )
-    })?;
-    Ok(match record.status() {
-        Status::Finished => Stage::Finished,
-        Status::Unfinished { steps } => Stage::Begun { steps },
-        Status::Empty => Stage::Begun { steps: 0 },
+        ),
+        Ok(None) => RunRecord::read(&dir),
+        Err(error) => Err(error),
+    };
+    Ok(match read {
+        Ok(record) => match record.status() {
+            Status::Finished if record.is_whole() => Stage::Finished,
+            Status::Finished => Stage::Begun { steps: run.config.last_step() },
+            Status::Unfinished { steps } => Stage::Begun { steps },
+            Status::Empty => Stage::Begun { steps: 0 },
+        },
+        Err(error) => Stage::Unreadable { why: unreadable(&dir, &error) },
     })
+}
+
+/// Returns what is wrong with a run that cannot be read, and what to try.
+fn unreadable(dir: &Path, error: &Error) -> String {
+    format!(
+        "this run cannot be read: {error:#}; try: dials-traffic train --resume {}; if that does not help, move the \
+         directory away, and the run is trained again",
+        quoted(dir)
+    )
 }
 
 /// Reads whether a controller was measured as planned.
@@ -114,4 +129,82 @@ fn difference(dir: &Path, planned: &PlannedRun) -> Result<Option<String>> {
         }
         None => None,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::{Config, to_toml};
+    use crate::domain::{RoughCosts, Scenario};
+    use crate::outside::FileName;
+    use crate::records::files::{EPISODES, RETURNS, RUN, TIMING};
+
+    const FIRST: &str = "0,all,1,1,0,1\n0,0,1,1,0,1\n0,1,1,1,0,1\n0,2,1,1,0,1\n0,3,1,1,0,1\n";
+    const RETURNS_HEADER: &str = "steps,agent,mean,median,std_error,episodes\n";
+    const TIMES: &str = "steps,worker,elapsed_s\n1000,all,3\n1000,all,4\n";
+    const TWO_EPISODES: &str = "steps,episode,return\n0,0,1\n1000,0,1\n";
+
+    /// Returns a planned run of 1000 timesteps with four agents, in the folder of a run whose files it is compared with.
+    fn planned(folder: &Path) -> PlannedRun {
+        let text = "total_steps = 1000\n[warehouse]\nagents_per_side = 2\n[evaluation]\nfinal_episodes = 1\n";
+        let config: Config = toml::from_str(text).unwrap();
+        let scenario = Scenario::new("warehouse", 4, 10);
+        let run = PlannedRun {
+            name: FileName::new("a run").unwrap(),
+            config_path: PathBuf::new(),
+            settings: Vec::new(),
+            config,
+            scenario,
+            rough_costs: RoughCosts::default(),
+        };
+        std::fs::create_dir(directory(folder, &run)).unwrap();
+        write(folder, &run, CONFIG, &to_toml(&run.config).unwrap());
+        let scenario = serde_json::to_string(&run.scenario).unwrap();
+        write(folder, &run, RUN, &format!("{{ \"scenario\": {scenario} }}"));
+        run
+    }
+
+    fn write(folder: &Path, run: &PlannedRun, file: &str, text: &str) {
+        std::fs::write(directory(folder, run).join(file), text).unwrap();
+    }
+
+    #[test]
+    fn a_run_that_was_stopped_while_it_wrote_its_first_evaluation_is_resumed() {
+        let folder = tempfile::tempdir().unwrap();
+        let run = planned(folder.path());
+        let block = format!("{RETURNS_HEADER}{FIRST}");
+        for cut in 0..=block.len() {
+            write(folder.path(), &run, RETURNS, &block[..cut]);
+            assert_eq!(stage(folder.path(), &run).unwrap(), Stage::Begun { steps: 0 }, "{}", &block[..cut]);
+        }
+    }
+
+    #[test]
+    fn a_run_is_finished_when_its_last_lines_are_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let run = planned(folder.path());
+        let last = FIRST.replace("0,", "1000,").replace("1,1,1000,", "1,1,0,");
+        write(folder.path(), &run, RETURNS, &format!("{RETURNS_HEADER}{FIRST}{last}"));
+        let stage_with = |episodes: &str, times: &str| {
+            write(folder.path(), &run, EPISODES, episodes);
+            write(folder.path(), &run, TIMING, times);
+            stage(folder.path(), &run).unwrap()
+        };
+        assert_eq!(stage_with(TWO_EPISODES, TIMES), Stage::Finished);
+        let older = stage_with("", TIMES);
+        assert_eq!(older, Stage::Finished, "an older version did not write the episodes");
+        let begun = Stage::Begun { steps: 1000 };
+        assert_eq!(stage_with(TWO_EPISODES.trim_end_matches("1000,0,1\n"), TIMES), begun);
+        assert_eq!(stage_with(TWO_EPISODES, TIMES.trim_end_matches("1000,all,4\n")), begun);
+    }
+
+    #[test]
+    fn a_run_that_cannot_be_read_has_a_command_to_try() {
+        let folder = tempfile::tempdir().unwrap();
+        let run = planned(folder.path());
+        write(folder.path(), &run, RETURNS, &format!("{RETURNS_HEADER}{FIRST}{FIRST}"));
+        let Stage::Unreadable { why } = stage(folder.path(), &run).unwrap() else { panic!("it was read") };
+        let command = format!("; try: dials-traffic train --resume '{}/a run'; if", folder.path().display());
+        assert!(why.contains("not later than 0 before it") && why.contains(&command), "{why}");
+    }
 }

@@ -6,12 +6,15 @@ use anyhow::{Context, Result};
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 
 /// Limits this process, and those that it starts, to `more` bytes of memory beyond what it has now. A limit that is
-/// lower already stays.
+/// lower already stays, the soft one, too.
 pub fn limit_memory(more: u64) -> Result<()> {
-    let wanted = used()?.saturating_add(more);
-    let limit = getrlimit(Resource::As).maximum.map_or(wanted, |hard| hard.min(wanted));
+    let limit = lowest(getrlimit(Resource::As), used()?.saturating_add(more));
     let limit = Rlimit { current: Some(limit), maximum: Some(limit) };
     setrlimit(Resource::As, limit).context("cannot limit the memory of a process")
+}
+
+fn lowest(there: Rlimit, wanted: u64) -> u64 {
+    [there.current, there.maximum].into_iter().flatten().fold(wanted, u64::min)
 }
 
 /// Returns the bytes of address space that this process has.
@@ -20,4 +23,22 @@ fn used() -> Result<u64> {
     let line = status.lines().find_map(|line| line.strip_prefix("VmSize:"));
     let kib = line.and_then(|line| line.trim().strip_suffix(" kB")?.parse::<u64>().ok());
     Ok(kib.context("/proc/self/status: does not say the memory of this process")? * 1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_limit_that_is_lower_already_stays() {
+        for (current, maximum, lowest_of_all) in [
+            (None, None, 50),
+            (Some(40), None, 40),
+            (Some(40), Some(45), 40),
+            (None, Some(45), 45),
+            (Some(60), Some(70), 50),
+        ] {
+            assert_eq!(lowest(Rlimit { current, maximum }, 50), lowest_of_all, "{current:?} {maximum:?}");
+        }
+    }
 }

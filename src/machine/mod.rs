@@ -1,6 +1,6 @@
 //! The limits of the machine, and the way out when one of them is reached.
 //!
-//! - `aborts`: why a process of this program aborted.
+//! - `aborts`: why a process of this program aborted, and whether its memory ran out.
 //! - `allocator`: memory that the system refuses ends the process with an error, not with an abort.
 //! - `memory`: a process that reads what may be endless gets a limit on its memory.
 //! - `open_files`: the limit on open files is raised where a command needs many.
@@ -16,10 +16,10 @@ mod processes;
 mod signals;
 mod way_out;
 
-pub use aborts::why_aborted;
+pub use aborts::{ran_out_of_memory, why_aborted};
 pub use allocator::Allocator;
 pub use memory::limit_memory;
-pub use open_files::allow_open_files;
+pub use open_files::{allow_open_directories, allow_open_files};
 pub use processes::note_option_for_processes;
 pub use signals::{end_now, survive_full_files};
 pub use way_out::way_out;

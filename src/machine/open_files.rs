@@ -11,17 +11,42 @@ const OWN: u64 = 32;
 /// Raises the soft limit up to the hard one. If that is not enough, the error names `option`, which decides the number.
 pub fn allow_open_files(children: usize, each: u64, option: &str) -> Result<()> {
     let needed = OWN + each * children as u64;
-    let limit = getrlimit(Resource::Nofile);
-    if limit.current.is_none_or(|soft| soft >= needed) {
-        return Ok(());
-    }
     ensure!(
-        limit.maximum.is_none_or(|hard| hard >= needed),
+        raise_to(needed)?,
         "{option} {children}: needs about {needed} open files, but at most {} are allowed (ulimit -Hn); take a smaller \
          number, or raise the limit",
-        limit.maximum.unwrap_or_default()
+        most()
     );
-    Ok(setrlimit(Resource::Nofile, Rlimit { current: limit.maximum, ..limit })?)
+    Ok(())
+}
+
+/// Makes sure that a command may have this many directories open.
+pub fn allow_open_directories(count: usize) -> Result<()> {
+    ensure!(
+        raise_to(OWN + count as u64)?,
+        "{count} directories would be open, but at most {} open files are allowed (ulimit -Hn); raise the limit, or move \
+         a part of them away first",
+        most()
+    );
+    Ok(())
+}
+
+/// Raises the soft limit to the hard one if it is lower than `needed`. Returns whether so many files are allowed.
+fn raise_to(needed: u64) -> Result<bool> {
+    let limit = getrlimit(Resource::Nofile);
+    if limit.current.is_none_or(|soft| soft >= needed) {
+        return Ok(true);
+    }
+    let enough = limit.maximum.is_none_or(|hard| hard >= needed);
+    if enough {
+        setrlimit(Resource::Nofile, Rlimit { current: limit.maximum, ..limit })?;
+    }
+    Ok(enough)
+}
+
+/// Returns the hard limit.
+fn most() -> u64 {
+    getrlimit(Resource::Nofile).maximum.unwrap_or_default()
 }
 
 /// Returns the limit in words for an error message.

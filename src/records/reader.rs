@@ -26,12 +26,18 @@ impl RunRecord {
         let config = config::load_kept(&dir.join(files::CONFIG))?;
         let about = RunJson::read_if_there(dir)?;
         let timing = CsvTable::read(&dir.join(files::TIMING))?;
-        let evaluations = read_evaluations(
+        let mut evaluations = read_evaluations(
             &CsvTable::read(&dir.join(files::RETURNS))?,
             &CsvTable::read(&dir.join(files::EPISODES))?,
         )?;
         let agents = evaluations.first().map(|first| first.agents.len());
         let scenario = scenario_in(&about, &config, agents)?;
+        if evaluations.len() == 1 {
+            // A kill cut the first evaluation short, and no other one shows how many agents there are.
+            let agents = scenario.as_ref().map_or(0, |scenario| scenario.id.agents);
+            evaluations.pop_if(|only| only.agents.len() < agents);
+        }
+        let agents = evaluations.first().map(|first| first.agents.len());
         if let (Some(scenario), Some(found)) = (&scenario, agents) {
             let agents = scenario.id.agents;
             ensure!(
@@ -249,6 +255,7 @@ mod tests {
     use crate::records::checkpoint::owner::Owner;
     use crate::records::joint_layout::JointLayout;
     use crate::records::run_log::{Layouts, RunLog};
+    use crate::records::run_record::Status;
     use crate::training::answers::{AgentTraining, FleetLoad, Footprint, PolicyTraining, WorkerLoad};
     use crate::training::journal::Journal;
     use crate::training::ppo::{Decayed, Losses};
@@ -395,9 +402,21 @@ mod tests {
         let scenario =
             r#"{ "scenario": { "domain": "ants", "agents": 3, "episode": { "length": 5, "unit": "days" } } }"#;
         std::fs::write(dir.path().join(files::RUN), scenario).unwrap();
-        let returns = "steps,agent,mean,median,std_error\n0,all,1,1,0\n0,0,1,1,0\n";
-        std::fs::write(dir.path().join(files::RETURNS), returns).unwrap();
-        let error = RunRecord::read(dir.path()).unwrap_err().to_string();
-        assert!(error.ends_with("returns.csv has 1 agents, but the scenario has 3"), "{error}");
+        let read = |evaluations: u64, agents: u64| {
+            let block = |steps: u64| {
+                let agents = (0..agents).map(|agent| format!("{steps},{agent},1,1,0\n"));
+                format!("{steps},all,1,1,0\n{}", agents.collect::<String>())
+            };
+            let blocks: String = (0..evaluations).map(block).collect();
+            let text = format!("steps,agent,mean,median,std_error\n{blocks}");
+            std::fs::write(dir.path().join(files::RETURNS), text).unwrap();
+            RunRecord::read(dir.path())
+        };
+        for (evaluations, agents) in [(2, 1), (1, 4)] {
+            let error = read(evaluations, agents).unwrap_err().to_string();
+            assert!(error.ends_with(&format!("returns.csv has {agents} agents, but the scenario has 3")), "{error}");
+        }
+        assert_eq!(read(1, 2).unwrap().status(), Status::Empty, "its first evaluation was cut short");
+        assert_eq!(read(1, 3).unwrap().status(), Status::Unfinished { steps: 0 });
     }
 }

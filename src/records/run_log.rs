@@ -108,8 +108,9 @@ impl RunLog {
             elapsed: self.elapsed_before + (now - self.begun),
             exchange: (now - self.begun_period).saturating_sub(load.at_work),
         };
-        self.append(files::TIMING, steps, &columns::of_timing(), &timing_lines(steps, &load, &wall))?;
         self.append(files::MEMORY, steps, &header(&columns::OF_MEMORY), &memory_lines(steps, &load))?;
+        // Last: an experiment takes a run whose last times are there for finished.
+        self.append(files::TIMING, steps, &columns::of_timing(), &timing_lines(steps, &load, &wall))?;
         if steps > self.steps {
             let agent_steps = (steps - self.steps) * agents.agents() as u64;
             let per_second = agent_steps as f64 / wall.period.as_secs_f64();

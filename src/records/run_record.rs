@@ -154,6 +154,18 @@ impl RunRecord {
         }
     }
 
+    /// Returns whether everything is there that a finished run writes at and after its last evaluation. A kill may come
+    /// between these writes, and a resume makes up for it.
+    pub fn is_whole(&self) -> bool {
+        let Some(last) = self.evaluations.last() else { return false };
+        // Older versions did not record the episodes.
+        let records_episodes = self.evaluations.iter().any(|evaluation| !evaluation.episode_returns.is_empty());
+        let has_episodes = !records_episodes || !last.episode_returns.is_empty();
+        // The last period is one block of times, the evaluation after it another one. That one is written last.
+        let blocks = self.periods.iter().filter(|period| period.steps == last.steps).count();
+        has_episodes && blocks >= 2
+    }
+
     /// Returns the mean return of all agents at a step, interpolated between two evaluations. Outside of them: `None`.
     pub fn return_at(&self, steps: u64) -> Option<f64> {
         self.interpolated(steps, |evaluation| evaluation.all.mean)

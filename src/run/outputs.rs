@@ -1,7 +1,7 @@
 //! Checks the output paths of options, before any work begins.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 
@@ -29,9 +29,13 @@ pub fn check_writable(dir: &Path) -> Result<()> {
 /// `path`: a file or a directory that the option would make or fill. A new name beside their own names is free, and so
 /// is the directory of the run itself.
 pub fn check_not_of_a_run(option: &str, path: &Path) -> Result<()> {
+    let whole = real(path)?;
     // A link in a run stands in the way of the run, wherever it leads.
-    let as_named = path.file_name().map_or_else(|| real(path), |name| real(folder_of(path)).join(name));
-    let places = [real(path), as_named];
+    let as_named = match path.file_name() {
+        Some(name) => real(folder_of(path))?.join(name),
+        None => whole.clone(),
+    };
+    let places = [whole, as_named];
     for (place, folder) in places.iter().flat_map(|place| place.ancestors().map(move |folder| (place, folder))) {
         let within = place.strip_prefix(folder).expect("it is an ancestor").components().next();
         let Some(name) = within.and_then(|first| first.as_os_str().to_str()) else { continue };
@@ -64,7 +68,8 @@ fn is_run(folder: &Path) -> bool {
 
 /// Checks that no two options name the same place, and that none lies within another.
 pub fn check_apart(places: &[(&str, Option<&Path>)]) -> Result<()> {
-    let places: Vec<_> = places.iter().filter_map(|&(option, path)| Some((option, path?, real(path?)))).collect();
+    let places = places.iter().filter_map(|&(option, path)| Some((option, path?)));
+    let places: Vec<_> = places.map(|(option, path)| Ok((option, path, real(path)?))).collect::<Result<_>>()?;
     for (number, (option, path, place)) in places.iter().enumerate() {
         for (other, _, taken) in &places[..number] {
             ensure!(
@@ -77,11 +82,18 @@ pub fn check_apart(places: &[(&str, Option<&Path>)]) -> Result<()> {
     Ok(())
 }
 
-/// Resolves the links in a path, as far as it exists.
-fn real(path: &Path) -> PathBuf {
-    let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    let known = path.ancestors().find_map(|known| Some((known.canonicalize().ok()?, path.strip_prefix(known).ok()?)));
-    known.map(|(known, rest)| known.join(rest)).unwrap_or(path)
+/// Resolves the links in a path, as far as it exists. A `..` behind that is an error: where it leads is not known before
+/// the directories are made.
+fn real(path: &Path) -> Result<PathBuf> {
+    let whole = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let known = whole.ancestors().find_map(|known| Some((known.canonicalize().ok()?, whole.strip_prefix(known).ok()?)));
+    let (known, rest) = known.unwrap_or((PathBuf::new(), &whole));
+    ensure!(
+        rest.components().all(|part| part != Component::ParentDir),
+        "{}: goes back by `..` from a directory that does not exist; write the path without `..`",
+        path.display()
+    );
+    Ok(known.join(rest))
 }
 
 #[cfg(test)]
@@ -132,6 +144,12 @@ mod tests {
             let error = check_not_of_a_run("--out", &place(own)).unwrap_err().to_string();
             assert!(error.contains(": --out must not write here: `"), "{error}");
             assert!(error.ends_with("; name a path outside of it"), "{error}");
+        }
+        for (option, back) in
+            [("--out", "new/../run/networks"), ("--csv", "run/new/../policies.safetensors"), ("--x", "new/..")]
+        {
+            let error = check_not_of_a_run(option, &place(back)).unwrap_err().to_string();
+            assert!(error.contains(back) && error.ends_with("does not exist; write the path without `..`"), "{error}");
         }
         for free in ["run", "run/policies.pt", "run/pictures/networks", "run/worker_x.log", "run-2", "networks", "x"] {
             check_not_of_a_run("--out", &place(free)).unwrap();

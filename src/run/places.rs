@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
 
+use crate::machine::allow_open_directories;
 use crate::outside::{Directory, StagedDirectory, folder_of, rename_to_free};
 use crate::records::files::is_run_dir;
 use crate::terminal::tell;
@@ -106,7 +107,7 @@ fn put_back(aside: &Path, place: &Path) -> Result<()> {
     let names = aside.file_name().zip(place.file_name()).context("what was moved has a name")?;
     let back = Directory::open(folder_of(place)).and_then(|folder| rename_to_free(&folder, names.0, names.1));
     let kept = || format!("{}: could not be made; what was there is now in {}", place.display(), aside.display());
-    ensure!(back.with_context(kept)?, "{}, because another process has taken its place", kept());
+    ensure!(back.with_context(kept)?, "{}, because its place is taken", kept());
     Ok(())
 }
 
@@ -123,6 +124,9 @@ fn hold_within(path: &Path, levels: usize, held: &mut Vec<Directory>) -> Result<
     let entries = fs::read_dir(path).into_iter().flatten().flatten();
     let folders = entries.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir()));
     for folder in folders.map(|entry| entry.path()) {
+        // A lock is an open directory. Even the question whether somebody has locked one needs a file.
+        allow_open_directories(held.len() + 1)
+            .with_context(|| format!("{}: has too many runs to move them at once", path.display()))?;
         if is_run_dir(&folder) || Directory::is_locked(&folder) {
             held.push(Directory::lock(&folder)?);
         }
@@ -229,6 +233,7 @@ mod tests {
         let error = put_back(&aside, &path).unwrap_err().to_string();
         let told = format!("run: could not be made; what was there is now in {}", aside.display());
         assert!(error.contains(&told), "{error}");
+        assert!(error.ends_with("because its place is taken"), "{error}");
         assert_eq!((names(&path), names(&aside)), (vec![], vec!["ours".to_owned()]));
     }
 

@@ -19,7 +19,7 @@ use super::{END_WITH, domain};
 use crate::config::Config;
 use crate::domain::Domain;
 use crate::error;
-use crate::machine::limit_memory;
+use crate::machine::{limit_memory, ran_out_of_memory};
 use crate::outside::Printable;
 
 /// The hidden subcommand of the child.
@@ -28,8 +28,6 @@ const TRY_OUT: &str = "try-out";
 const PATIENCE: Duration = Duration::from_secs(60);
 /// Memory that a trial may take, in GiB.
 const MEMORY_GIB: u64 = 4;
-/// Words of a process whose memory ran out: of C++, of this program and of the system.
-const OUT_OF_MEMORY: [&str; 3] = ["bad_alloc", "out of memory", "(os error 12)"];
 /// Time between two looks at the child.
 const LOOK_EVERY: Duration = Duration::from_millis(5);
 /// Bytes of the child's words that are kept, from the end.
@@ -136,7 +134,7 @@ fn judge(End { status, said }: End, files: &str, simulator: &str) -> Result<()> 
     let Some(status) = status else {
         return Err(died(format!("it was not loaded within {} seconds", PATIENCE.as_secs())));
     };
-    if !status.success() && OUT_OF_MEMORY.iter().any(|words| said.contains(words)) {
+    if !status.success() && ran_out_of_memory(&said) {
         return Err(died(format!(
             "memory ran out; it may take {MEMORY_GIB} GiB, or less if a limit (ulimit -v) says so"
         )));
@@ -204,6 +202,7 @@ mod tests {
         for script in [
             "echo \"terminate called after throwing an instance of 'std::bad_alloc'\" >&2; kill -ABRT $$",
             "printf 'error: a.net.xml: this network cannot be simulated\\n  caused by: std::bad_alloc\\n' >&2; exit 2",
+            "echo 'memory allocation of 48 bytes failed' >&2; kill -ABRT $$",
             "echo 'error: out of memory: the system refused 8 more bytes' >&2; exit 1",
             "echo 'error: no memory for a network: Cannot allocate memory (os error 12)' >&2; exit 2",
         ] {

@@ -13,7 +13,7 @@ use super::standing::Standing;
 use super::state::AgentsState;
 use super::stream::{AgentStream, RowStream};
 use crate::base::{AgentId, Dice, Ragged, is_stuck};
-use crate::config::{Config, Simulator, schedule};
+use crate::config::{Config, Simulator, may_end_at};
 use crate::domain::{Kinds, RegionSpec, Result};
 use crate::influence;
 use crate::policy::PolicyStack;
@@ -45,10 +45,7 @@ impl Widths {
 /// Returns an error that says how the standing contradicts the config that it was reached with, or the state.
 pub fn check_standing(standing: &Standing, state: &AgentsState, elapsed_s: f64, config: &Config) -> Result<()> {
     let Standing { until, evaluated_at, drift } = *standing;
-    ensure!(
-        schedule(config).iter().any(|period| period.end == until),
-        "it ends a period at step {until}, where its own schedule has none"
-    );
+    ensure!(may_end_at(config, until), "it ends a period at step {until}, where its own schedule has none");
     let steps = until.next_multiple_of(config.ppo.memory as u64);
     ensure!(
         state.steps == steps,
@@ -246,4 +243,27 @@ fn check_row(row: &RowStream, copy: usize, steps: u64, config: &Config, spec: &R
 fn check_dice(of: &str, dice: &Dice) -> Result<()> {
     ensure!(!is_stuck(dice), "the dice of its {of} are all zeros, and would show the same number for ever");
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::training::state::JointMoments;
+
+    #[test]
+    fn a_checkpoint_may_end_a_period_that_only_earlier_versions_had() {
+        let mut config = Config { total_steps: 250, ..Config::default() };
+        (config.ppo.memory, config.evaluation.every_steps, config.aip.retrain_every_steps) = (128, 100, 1000);
+        let table = || Ragged::from_vec(Vec::new(), []).unwrap();
+        let checked = |until: u64, steps: u64| {
+            let moments = JointMoments { first: table(), second: table(), steps: 0 };
+            let state = AgentsState { steps, policies: table(), moments, aips: table(), streams: Vec::new() };
+            let standing = Standing { until, ..Standing::default() };
+            check_standing(&standing, &state, 0.0, &config).map_err(|error| error.to_string())
+        };
+        // Training is at 256 from step 129 on, so nothing is left to train at step 200.
+        assert_eq!([checked(100, 128), checked(200, 256), checked(250, 256)], [const { Ok(()) }; 3]);
+        let error = checked(150, 256).unwrap_err();
+        assert!(error.ends_with("step 150, where its own schedule has none"), "{error}");
+    }
 }

@@ -30,7 +30,7 @@ pub fn compare(undisturbed: &Stage, stage: &Stage) -> Vec<(Fault, String)> {
     missing.chain(unknown).chain(temporary).chain(different).collect()
 }
 
-/// Returns the paths of all files and folders within a folder, without the logs of the workers.
+/// Returns the paths of all files and folders within a folder, without the logs of workers and of an experiment.
 fn names(folder: &Path) -> BTreeSet<PathBuf> {
     let mut names = BTreeSet::new();
     let mut open = vec![folder.to_owned()];
@@ -42,12 +42,12 @@ fn names(folder: &Path) -> BTreeSet<PathBuf> {
             names.insert(entry.path().strip_prefix(folder).expect("it is within").to_owned());
         }
     }
-    names.retain(|name| !is_worker_log(&name.to_string_lossy()));
+    names.retain(|name| !is_worker_log(&name.to_string_lossy()) && !name.starts_with("logs"));
     names
 }
 
 fn is_worker_log(name: &str) -> bool {
-    let number = name.strip_prefix("run/worker_").and_then(|rest| rest.strip_suffix(".log"));
+    let number = name.split_once("/worker_").and_then(|(_, rest)| rest.strip_suffix(".log"));
     number.is_some_and(|number| number.parse::<u8>().is_ok())
 }
 
@@ -63,14 +63,21 @@ fn determined(runs: &Path, name: &Path) -> Vec<u8> {
         // Wall times differ, but no period is missing and none is there twice.
         files::TIMING | files::MEMORY => periods(&bytes).into_bytes(),
         files::EVENTS => bytes.len().to_string().into_bytes(),
-        files::RUN => {
-            let mut run: Value = serde_json::from_slice(&bytes).unwrap();
-            run.as_object_mut().expect("an object").remove("command");
-            run.to_string().into_bytes()
+        files::RUN => without("command", &bytes),
+        // The path of its config is that of its stage.
+        _ if file.ends_with(".json") && path.parent().is_some_and(|folder| folder.ends_with("baselines")) => {
+            without("config", &bytes)
         }
         _ if path.parent().is_some_and(|folder| folder.ends_with(files::CHECKPOINTS)) => state(&bytes),
         _ => bytes,
     }
+}
+
+/// Returns a JSON object without one of its keys.
+fn without(key: &str, json: &[u8]) -> Vec<u8> {
+    let mut object: Value = serde_json::from_slice(json).unwrap();
+    object.as_object_mut().expect("an object").remove(key);
+    object.to_string().into_bytes()
 }
 
 /// Returns the steps of the lines for all processes together.

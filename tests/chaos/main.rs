@@ -15,6 +15,7 @@
 //! | `cards` | the kinds of disturbances, and how they are dealt |
 //! | `stage` | a place of its own for a run; its processes, from start to end |
 //! | `play` | one run that is disturbed until it is done |
+//! | `experiment` | an experiment that is killed until it is done |
 //! | `compare` | what a disturbed run must have in common with an undisturbed one |
 //! | `book` | what happened, in lines and in a table |
 //! | `soak` | a long training: memory, descriptors and threads over time |
@@ -22,6 +23,7 @@
 mod book;
 mod cards;
 mod compare;
+mod experiment;
 mod play;
 mod soak;
 mod stage;
@@ -71,6 +73,14 @@ fn a_run_that_is_killed_and_resumed_at_random_ends_as_if_nobody_had_touched_it()
     let book = book.into_inner().unwrap();
     println!("{}", book.table(begun.elapsed(), seed));
     assert!(book.findings().is_empty(), "CHAOS_SEED={seed} CHAOS_KILLS={kills}:\n{}", book.findings().join("\n"));
+}
+
+#[test]
+fn an_experiment_that_is_killed_at_random_ends_as_if_nobody_had_touched_it() {
+    let (kills, seed) = (number("CHAOS_KILLS", KILLS), number("CHAOS_SEED", SEED));
+    // An experiment takes longer than a run.
+    let findings = experiment::play(kills.div_ceil(5), Dice::seed_from_u64(seed));
+    assert!(findings.is_empty(), "CHAOS_SEED={seed} CHAOS_KILLS={kills}:\n{}", findings.join("\n"));
 }
 
 /// Plays runs of a domain until all cards are played.

@@ -21,7 +21,7 @@ use crate::stage::{Domain, FOR_EVER, Process, Stage, path};
 /// Seconds that a worker may be silent. One that is only slow and replaced for it changes no file.
 const PATIENCE: u64 = 3;
 /// Moments are drawn from this share of an undisturbed run's time.
-const SPAN: f64 = 0.6;
+pub const SPAN: f64 = 0.6;
 
 /// A run that nobody disturbs, in a single process.
 pub struct Undisturbed {

@@ -134,6 +134,12 @@ impl RunProcess {
     }
 }
 
+/// Notes in the log of a task why it cannot begin.
+pub fn log_obstacle(task: &str, why: &str, folder: &Directory) -> Result<()> {
+    let log = Log::open(&folder.make_subdirectory(LOGS)?, format!("{task}.log"))?;
+    writeln!(log.file()?, "error: {why}").with_context(|| format!("{task}: its log cannot be written"))
+}
+
 fn name_of(file: &Path) -> Result<&str> {
     file.file_name().and_then(OsStr::to_str).context("a file of an experiment has no name")
 }

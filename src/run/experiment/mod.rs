@@ -19,7 +19,7 @@ use anyhow::{Context, anyhow, ensure};
 
 use super::build::other_build;
 use super::domain;
-use super::outputs::check_not_of_a_run;
+use super::outputs::check_not_a_run;
 use super::train::cores as machine_cores;
 use crate::cli;
 use crate::error::{Error, Result};
@@ -31,7 +31,7 @@ use crate::outside::{Busy, Directory, quoted};
 use crate::report::find::{BASELINES, ExperimentPlan, PLAN};
 use crate::terminal::experiment::Display;
 use crate::terminal::{Wish, answer, program, stop_on_signals, tell};
-use child::{RunProcess, Said};
+use child::{RunProcess, Said, log_obstacle};
 use plan::{PlannedWork, Tasks};
 
 /// Folder of the logs of the processes, in the folder of the runs.
@@ -56,20 +56,18 @@ pub fn experiment(args: &cli::ExperimentArgs) -> Result<()> {
         let tasks = Tasks::look(&experiment, &folder, cores, args.accept_other_build).map_err(Error::Usage)?;
         return answer(tasks.table()).map_err(Error::Run);
     }
-    check_not_of_a_run("--out", &folder).map_err(Error::Usage)?;
+    check_not_a_run("--out", &folder).map_err(Error::Usage)?;
     let made = [folder.clone(), folder.join(LOGS), folder.join(BASELINES)];
     let directory = made
         .iter()
         .try_for_each(|folder| {
             fs::create_dir_all(folder).with_context(|| format!("{}: cannot be made", folder.display()))
         })
-        .and_then(|()| {
-            Directory::lock(&folder)
-                .with_context(|| format!("{}: another experiment is running here", folder.display()))
-        })
+        .and_then(|()| lock(&folder))
         .map_err(Error::Usage)?;
-    let tasks = Tasks::look(&experiment, &folder, cores, args.accept_other_build).map_err(Error::Usage)?;
+    // Before anything is read: a run that is being written has files that do not belong together.
     check_nobody_trains(&experiment, &folder).map_err(Error::Usage)?;
+    let tasks = Tasks::look(&experiment, &folder, cores, args.accept_other_build).map_err(Error::Usage)?;
     if !args.accept_other_build {
         check_builds(&experiment, &folder).map_err(Error::Usage)?;
     }
@@ -102,6 +100,14 @@ pub fn experiment(args: &cli::ExperimentArgs) -> Result<()> {
             .map_err(Error::Run)
         }
     }
+}
+
+/// Locks the folder of the runs.
+fn lock(folder: &Path) -> anyhow::Result<Directory> {
+    Directory::lock(folder).map_err(|error| match error.is::<Busy>() {
+        true => error.context(format!("{}: another experiment is running here", folder.display())),
+        false => error,
+    })
 }
 
 /// Checks that no other process trains a run of this experiment.
@@ -154,8 +160,14 @@ impl Batch {
             Wish::StopNow => tell(&last_words),
         })?;
         let mut waiting = tasks.unfinished();
-        let outcome = Outcome { tasks: waiting.len(), failed: Vec::new(), interrupted: false };
-        let display = Display::new(waiting.iter().map(PlannedWork::planned).collect());
+        let mut outcome = Outcome { tasks: waiting.len(), failed: Vec::new(), interrupted: false };
+        let mut display = Display::new(waiting.iter().map(PlannedWork::planned).collect());
+        for (task, why) in waiting.iter().filter_map(|task| Some((task, task.obstacle()?))) {
+            log_obstacle(&task.name, why, &folder)?;
+            display.ended(&task.name, Some(why));
+            outcome.failed.push(task.name.clone());
+        }
+        waiting.retain(|task| task.obstacle().is_none());
         // The next task is taken from the end.
         waiting.reverse();
         Ok(Batch {

@@ -48,8 +48,8 @@ impl PlannedWork {
         let stage = stage(folder, run)?;
         let dir = directory(folder, run);
         let mut arguments: Vec<OsString> = vec!["train".into()];
-        match stage {
-            Stage::New | Stage::Outdated => {
+        match &stage {
+            Stage::New | Stage::Outdated | Stage::Unreadable { .. } => {
                 arguments.extend([run.config_path.clone().into(), "--out".into(), dir.into()]);
                 run.settings.iter().for_each(|setting| arguments.extend(["--set".into(), setting.into()]));
             }
@@ -87,8 +87,8 @@ impl PlannedWork {
             config: Some((config, baseline.config.clone())),
             width: 1,
             steps: 0,
-            stage,
             share: if stage == Stage::Finished { 1.0 } else { 0.0 },
+            stage,
             agents: 0,
             estimate: Estimate { seconds: 20.0, memory_mb: 200.0, source: Source::Constants },
         }
@@ -98,6 +98,14 @@ impl PlannedWork {
     pub fn planned(&self) -> Planned {
         let PlannedWork { name, estimate, share, steps, .. } = self;
         Planned { name: name.clone(), seconds: estimate.seconds, share: *share, steps: *steps }
+    }
+
+    /// Returns why the task cannot begin: its run is damaged.
+    pub fn obstacle(&self) -> Option<&str> {
+        match &self.stage {
+            Stage::Unreadable { why } => Some(why),
+            _ => None,
+        }
     }
 
     fn job(&self) -> Job {
@@ -151,12 +159,13 @@ impl Tasks {
             let (stage, agents) =
                 (task.stage.name(), if task.agents > 0 { task.agents.to_string() } else { "-".to_owned() });
             let (time, memory) = match task.stage {
-                Stage::Finished => ("-".to_owned(), "-".to_owned()),
+                Stage::Finished | Stage::Unreadable { .. } => ("-".to_owned(), "-".to_owned()),
                 _ => (duration(seconds), format!("{memory_mb:.0} MiB")),
             };
             format!("{:<widest$}  {stage:<14} {agents:>6} {:>5} {time:>10} {memory:>10}", task.name, task.width)
         };
-        let to_do: Vec<&PlannedWork> = self.tasks.iter().filter(|task| task.stage != Stage::Finished).collect();
+        let begins = |task: &&PlannedWork| task.stage != Stage::Finished && task.obstacle().is_none();
+        let to_do: Vec<&PlannedWork> = self.tasks.iter().filter(begins).collect();
         let jobs: Vec<Job> = to_do.iter().map(|task| task.job()).collect();
         let Total { seconds, memory_mb } = total(&jobs, self.cores);
         let mut lines = vec![header];
@@ -176,6 +185,8 @@ impl Tasks {
                 "{guessed} of the estimates are from another machine; they improve after the first runs"
             ));
         }
+        let with_obstacles = self.tasks.iter().filter_map(|task| Some((task, task.obstacle()?)));
+        lines.extend(with_obstacles.map(|(task, why)| format!("{}: {why}", task.name)));
         lines.join("\n")
     }
 }
