@@ -12,13 +12,11 @@ use super::build::{other_build, record_resume};
 use super::directory;
 use super::domain;
 use super::places::Existing;
+use super::team::{Plan, Team};
 use crate::cli;
 use crate::config::{Config, load};
 use crate::domain::Domain;
 use crate::error::{Error, Result};
-use crate::fleet::children::Children;
-use crate::fleet::inline::InlineFleet;
-use crate::fleet::{Coordinator, Options};
 use crate::machine::allow_open_files;
 use crate::outside::{Directory, Whereabouts};
 use crate::records::checkpoint::owner::{NotOfThisRun, Owner};
@@ -29,21 +27,23 @@ use crate::records::run_log::{Layouts, RunLog};
 use crate::terminal::training::Progress;
 use crate::terminal::{answer, program, quoted, tell};
 use crate::training::dials;
-use crate::training::fleet::Fleet;
 use crate::training::observer::Interrupted;
 use crate::training::standing::Standing;
 
 pub fn train(args: &cli::TrainArgs) -> Result<()> {
-    allow_open_files(args.workers.unwrap_or_else(cores), 1, "--workers").map_err(Error::Usage)?;
+    let Some(team) = Team::join(args)? else { return Ok(()) };
+    let asked = team.asked(args);
+    allow_open_files(asked.as_ref().map_or_else(cores, |(workers, _)| *workers), 1, "--workers")
+        .map_err(Error::Usage)?;
     let run = match (&args.resume, &args.config) {
         (Some(dir), _) => resume(dir, args.accept_other_build)?,
         (None, Some(config)) => begin(args, config)?,
         (None, None) => unreachable!("clap asks for one of them"),
     };
-    let workers = run.workers(args.workers);
+    let workers = run.workers(asked);
     let patience = Duration::from_secs(args.patience);
     let (directory, config, domain) = (run.directory.clone(), run.config.clone(), run.domain.clone());
-    let outcome = run.train(workers, patience);
+    let outcome = run.train(team, workers, patience);
     // The path may lead elsewhere by now.
     let place = match directory.whereabouts() {
         Whereabouts::InPlace => Some(directory.path().to_owned()),
@@ -132,19 +132,20 @@ fn open(directory: Directory) -> Result<Run> {
 
 impl Run {
     /// Returns how many workers to start: not more than have work.
-    fn workers(&self, asked: Option<usize>) -> usize {
+    fn workers(&self, asked: Option<(usize, String)>) -> usize {
         let most = most_workers(&self.config, self.domain.agents());
-        if let Some(asked) = asked.filter(|&asked| asked > most) {
+        let Some((asked, words)) = asked else { return cores().min(most) };
+        if asked > most {
             tell(format_args!(
-                "note: --workers {asked}: starting {most}, because there are {} agents and never more than {most} \
-                 episodes or agents to share out",
+                "note: {words}: starting {most}, because there are {} agents and never more than {most} episodes or \
+                 agents to share out",
                 self.domain.agents()
             ));
         }
-        asked.unwrap_or_else(cores).min(most)
+        asked.min(most)
     }
 
-    fn train(self, workers: usize, patience: Duration) -> anyhow::Result<()> {
+    fn train(self, team: Team, workers: usize, patience: Duration) -> anyhow::Result<()> {
         let Run { directory, config, domain, owner, resumed, other_build } = self;
         let (dir, config) = (directory.path(), &config);
         let progress = Rc::new(Progress::new(config, domain.agents(), stopped(dir))?);
@@ -155,13 +156,8 @@ impl Run {
         };
         let resumes_at = checkpoint.as_ref().map_or(0, |checkpoint| checkpoint.agents.steps);
         other_build.as_ref().map_or(Ok(()), |build| record_resume(dir, build, resumes_at))?;
-        let mut fleet: Box<dyn Fleet> = match workers {
-            0 => Box::new(InlineFleet::new(domain.clone(), config, progress.clone())),
-            workers => {
-                let (crew, options) = (Children::new(&directory), Options { workers, patience });
-                Box::new(Coordinator::start(domain.clone(), config, crew, options, progress.clone())?)
-            }
-        };
+        let plan = Plan { domain: &domain, config, directory: &directory, workers, patience };
+        let mut fleet = team.fleet(&plan, progress.clone())?;
         let mut standing = Standing::default();
         if let Some(checkpoint) = checkpoint {
             standing = checkpoint.progress.standing;
