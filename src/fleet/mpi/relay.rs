@@ -72,7 +72,10 @@ impl Relay {
                     }
                     (Letter::Deliver { workers }, Some(camp)) => camp.deliver(&workers, received.frame),
                     (Letter::End, _) => {
-                        camp.iter_mut().for_each(|camp| camp.workers.clear());
+                        for camp in &mut camp {
+                            camp.report(&post);
+                            camp.workers.clear();
+                        }
                         post.report(Letter::Ended, None);
                         // Before the lifeline, which may be cut only when rank 0 needs it no more.
                         drop(post);
