@@ -72,7 +72,7 @@ impl Relay {
                     }
                     (Letter::Deliver { workers }, Some(camp)) => camp.deliver(&workers, received.frame),
                     (Letter::End, _) => {
-                        for camp in &mut camp {
+                        if let Some(camp) = &mut camp {
                             camp.report(&post);
                             camp.workers.clear();
                         }
