@@ -1,7 +1,16 @@
 #!/usr/bin/env bash
 # Installs the Debian 12 packages that dials-traffic needs, and checks the Rust toolchain. You may run it again at any time.
 # You may name further packages: `./setup.sh xvfb ffmpeg` installs all that `replay --video` can use.
+# `./setup.sh mpi` installs what the feature `mpi` needs to compile, and `mpirun`.
 set -euo pipefail
+
+more=()
+for word in "$@"; do
+  case "$word" in
+    mpi) more+=(openmpi-bin libopenmpi-dev) ;;
+    *) more+=("$word") ;;
+  esac
+done
 
 packages=(
   sumo                  # simulator, netconvert, sumo-gui, libsumo with its headers
@@ -10,7 +19,7 @@ packages=(
   libclang-dev g++      # to bind libsumo: bindgen needs libclang, the shim needs a C++17 compiler
   pkg-config
   python3               # sumo_nets/make.py makes the shipped scenarios again; a test runs it
-  "$@"
+  "${more[@]}"
 )
 
 say() { printf 'setup: %s\n' "$*"; }

@@ -80,6 +80,9 @@ pub struct TrainArgs {
     /// Workers that would have neither agents nor episodes are not started [default: the number of cores]
     #[arg(long, value_parser = RangedU64ValueParser::<usize>::new().range(..=MOST_WORKERS))]
     pub workers: Option<usize>,
+    /// Under mpirun or srun: number of worker processes of every rank but rank 0, which coordinates [default: 1]
+    #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..=MOST_WORKERS))]
+    pub workers_per_rank: Option<usize>,
     /// Restart a worker that has been silent for N seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 600,
           value_parser = clap::value_parser!(u64).range(1..=A_YEAR_S))]

@@ -128,6 +128,28 @@ fn without_libtorch_export_says_how_to_build_with_it() {
     assert_refused(&mut dials_traffic(&["export", "no/run", "--out", "x"]), &told);
 }
 
+#[cfg(not(feature = "mpi"))]
+#[test]
+fn several_ranks_are_refused_by_a_build_without_mpi() {
+    let mut rank = dials_traffic(&["train", "no/config.toml"]);
+    assert_refused(
+        rank.env("OMPI_COMM_WORLD_SIZE", "3"),
+        &["3 ranks were started", "built without MPI", "--features mpi"],
+    );
+}
+
+#[test]
+fn ranks_have_flags_of_their_own_and_an_experiment_is_for_one_process() {
+    let mut rank = dials_traffic(&["train", "no/config.toml", "--workers", "2"]);
+    assert_refused(rank.env("PMI_SIZE", "3"), &["3 ranks were started; use --workers-per-rank"]);
+    assert_refused(
+        &mut dials_traffic(&["train", "no/config.toml", "--workers-per-rank", "2"]),
+        &["--workers-per-rank: ", "this process is alone; use --workers"],
+    );
+    let mut experiment = dials_traffic(&["experiment", "no/file.toml"]);
+    assert_refused(experiment.env("OMPI_COMM_WORLD_SIZE", "3"), &["experiment: ", "cannot be shared by 3 ranks"]);
+}
+
 #[cfg(feature = "torch")]
 #[test]
 fn policies_are_exported_and_an_existing_file_is_left_alone() {

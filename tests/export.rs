@@ -134,8 +134,9 @@ fn the_python_reader_says_what_the_policies_say() {
         let dir = tempfile::tempdir().unwrap();
         let (policies, said) = (dir.path().join("policies.safetensors"), dir.path().join("said.safetensors"));
         let parameters = case.stack.parameters();
-        let stack = StackToWrite { prefix: "", layout: parameters.layout(), rows: parameters.values() };
-        fs::write(&policies, write_stacks(&[stack], &HashMap::new()).unwrap()).unwrap();
+        let stack =
+            StackToWrite { prefix: "", layout: parameters.layout(), rows: parameters.values().iter().collect() };
+        write_stacks(&[stack], &HashMap::new(), &policies).unwrap();
         let tables = [
             ("obs", vec![AGENTS, BATCH, OBS], case.obs.as_slice()),
             ("before", vec![AGENTS, BATCH, case.states[0].width()], case.states[0].as_slice()),

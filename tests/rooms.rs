@@ -36,6 +36,7 @@ const OUTSIDE: &[(&str, &[&str])] = &[
     ("png", &["film"]),
     ("plotters", &["drawing", "plot", "report"]),
     ("statrs", &["base"]),
+    ("mpi", &["fleet"]),
 ];
 
 const TOP: &[&str] = &["run", "cli", "error", "main", "lib"];

@@ -12,6 +12,10 @@ const MAGIC: [u8; 4] = *b"DIAL";
 const PROTOCOL: u16 = 3;
 /// Length limit in bytes. Longer messages mean a broken stream: the datasets and states of 10 000 agents are shorter.
 const LONGEST: u64 = 1 << 36;
+/// Length of a header: magic, protocol and the length of the message.
+const HEADER: usize = 14;
+
+type Header = [u8; HEADER];
 
 /// Encodes a message with its header. The frame can be sent any number of times.
 pub fn encode<T: Serialize>(message: &T) -> Result<Vec<u8>> {
@@ -19,10 +23,9 @@ pub fn encode<T: Serialize>(message: &T) -> Result<Vec<u8>> {
     frame.extend(MAGIC);
     frame.extend(PROTOCOL.to_le_bytes());
     frame.extend([0; 8]);
-    let header = frame.len();
     let mut frame = postcard::to_extend(message, frame).context("a message cannot be encoded")?;
-    let length = (frame.len() - header) as u64;
-    frame[header - 8..header].copy_from_slice(&length.to_le_bytes());
+    let length = (frame.len() - HEADER) as u64;
+    frame[HEADER - 8..HEADER].copy_from_slice(&length.to_le_bytes());
     Ok(frame)
 }
 
@@ -32,11 +35,24 @@ pub fn send<T: Serialize>(stream: &mut impl Write, message: &T) -> Result<()> {
 
 /// Reads the next message. If the other side has closed the stream: `None`.
 pub fn receive<T: DeserializeOwned>(stream: &mut impl Read) -> Result<Option<T>> {
-    let mut header = [0; 14];
+    let Some((_, length)) = receive_header(stream)? else { return Ok(None) };
+    let mut payload = Vec::new();
+    receive_payload(stream, length, &mut payload)?;
+    Ok(Some(decoded(&payload)?))
+}
+
+fn receive_header(stream: &mut impl Read) -> Result<Option<(Header, u64)>> {
+    let mut header = [0; HEADER];
     match stream.read_exact(&mut header) {
         Err(error) if matches!(error.kind(), ErrorKind::UnexpectedEof | ErrorKind::ConnectionReset) => return Ok(None),
         outcome => outcome?,
     }
+    let length = length_in(header)?;
+    Ok(Some((header, length)))
+}
+
+/// Returns the length of the message that follows a header.
+fn length_in(header: Header) -> Result<u64> {
     let (magic, rest) = header.split_at(4);
     let (protocol, length) = rest.split_at(2);
     ensure!(magic == MAGIC, "the channel received data that is not one of our messages");
@@ -48,10 +64,36 @@ pub fn receive<T: DeserializeOwned>(stream: &mut impl Read) -> Result<Option<T>>
     );
     let length = u64::from_le_bytes(length.try_into().expect("eight bytes"));
     ensure!(length <= LONGEST, "a message of {length} bytes was announced, which is longer than any of ours");
-    let mut payload = Vec::new();
-    let read = stream.take(length).read_to_end(&mut payload)?;
+    Ok(length)
+}
+
+/// Appends a message of this length to `bytes`.
+fn receive_payload(stream: &mut impl Read, length: u64, bytes: &mut Vec<u8>) -> Result<()> {
+    let read = stream.take(length).read_to_end(bytes)?;
     ensure!(read as u64 == length, "a message ended after {read} of {length} bytes");
-    Ok(Some(postcard::from_bytes(&payload).context("a message cannot be decoded")?))
+    Ok(())
+}
+
+fn decoded<T: DeserializeOwned>(payload: &[u8]) -> Result<T> {
+    postcard::from_bytes(payload).context("a message cannot be decoded")
+}
+
+/// Reads the next message like [`receive`], but leaves it encoded, with its header.
+#[cfg(feature = "mpi")]
+pub fn receive_frame(stream: &mut impl Read) -> Result<Option<Vec<u8>>> {
+    let Some((header, length)) = receive_header(stream)? else { return Ok(None) };
+    let mut frame = header.to_vec();
+    receive_payload(stream, length, &mut frame)?;
+    Ok(Some(frame))
+}
+
+/// Decodes a whole message with its header.
+#[cfg(feature = "mpi")]
+pub fn decode<T: DeserializeOwned>(frame: &[u8]) -> Result<T> {
+    let (header, payload) = frame.split_first_chunk().context("a message ended within its header")?;
+    let length = length_in(*header)?;
+    ensure!(payload.len() as u64 == length, "a message ended after {} of {length} bytes", payload.len());
+    decoded(payload)
 }
 
 #[cfg(test)]
@@ -71,6 +113,21 @@ mod tests {
         assert_eq!(receive::<Vec<u32>>(&mut reader).unwrap(), Some(vec![1, 2, 3]));
         assert_eq!(receive::<Vec<u32>>(&mut reader).unwrap(), Some(vec![]));
         assert_eq!(receive::<Vec<u32>>(&mut reader).unwrap(), None);
+    }
+
+    #[cfg(feature = "mpi")]
+    #[test]
+    fn a_message_that_is_passed_on_unread_stays_the_same() {
+        let frame = encode(&vec![1_u32, 2, 3]).unwrap();
+        let mut stream = &[&frame[..], &frame].concat()[..];
+        let passed_on = receive_frame(&mut stream).unwrap().unwrap();
+        assert_eq!(passed_on, frame);
+        assert_eq!(decode::<Vec<u32>>(&passed_on).unwrap(), [1, 2, 3]);
+        assert_eq!(receive::<Vec<u32>>(&mut stream).unwrap(), Some(vec![1, 2, 3]));
+        assert!(receive_frame(&mut stream).unwrap().is_none());
+        for cut in [3, frame.len() - 1] {
+            assert!(decode::<Vec<u32>>(&frame[..cut]).unwrap_err().to_string().contains("a message ended"));
+        }
     }
 
     #[test]

@@ -9,6 +9,7 @@ use std::net::Shutdown;
 use std::os::fd::{AsFd, OwnedFd};
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
+use std::path::PathBuf;
 use std::process::{Command, ExitStatus, Stdio};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -22,6 +23,7 @@ use super::bell::{Bell, Cord};
 use super::channel::receive;
 use super::link::{Crew, Frame, Link, News};
 use super::log::Log;
+use super::message::WorkerReport;
 use super::serve::serve;
 use crate::config::Config;
 use crate::domain::Domain;
@@ -64,7 +66,9 @@ impl Crew for Children {
     type Link = ChildProcess;
 
     fn start(&mut self, worker: usize) -> Result<ChildProcess> {
-        ChildProcess::spawn(worker, Log::open(&self.logs, format!("worker_{worker}.log"))?, self.bell.cord())
+        let log = Log::open(&self.logs, log_of(worker))?;
+        let place = Place { worker, log, cord: self.bell.cord(), paths_from: None };
+        ChildProcess::spawn(place, |stream| receive(stream))
     }
 
     fn can_replace(&self) -> bool {
@@ -76,24 +80,48 @@ impl Crew for Children {
     }
 }
 
-/// A running worker process. Dropping it kills it.
-pub struct ChildProcess {
+/// Returns the name of a worker's log.
+pub(super) fn log_of(worker: usize) -> String {
+    format!("worker_{worker}.log")
+}
+
+/// What a worker process gets from the process that starts it.
+pub(super) struct Place {
+    pub worker: usize,
+    /// Log that takes the output of the worker.
+    pub log: Log,
+    /// Cord that its messages pull.
+    pub cord: Cord,
+    /// Folder from which the paths of its config lead. `None`: that of the process that starts it.
+    pub paths_from: Option<PathBuf>,
+}
+
+/// Function that reads the next message of a worker, if there is one.
+type Hear<T> = fn(&mut &UnixStream) -> Result<Option<T>>;
+
+/// A running worker process. Dropping it kills it. `T`: what it says, decoded or not.
+pub struct ChildProcess<T = WorkerReport> {
     process: std::process::Child,
     stream: Arc<UnixStream>,
     /// Frames that the writer thread has not taken yet.
     outbox: Sender<Frame>,
     /// News from the reader thread.
-    inbox: Receiver<News>,
+    inbox: Receiver<News<T>>,
     log: Log,
 }
 
-impl ChildProcess {
-    /// Starts this program as a worker. Its messages ring the bell; its output goes to `log`.
-    fn spawn(worker: usize, log: Log, cord: Cord) -> Result<ChildProcess> {
+impl<T: Send + 'static> ChildProcess<T> {
+    /// Starts this program as a worker.
+    pub(super) fn spawn(place: Place, hear: Hear<T>) -> Result<ChildProcess<T>> {
+        let Place { worker, log, cord, paths_from } = place;
         let (stream, theirs) = UnixStream::pair().context("no socket for a worker")?;
         // Not the path of the program, because that may be another build by now. Not from another thread, because the
         // worker asks the system to kill it when the thread that started it ends.
-        let process = Command::new("/proc/self/exe")
+        let mut command = Command::new("/proc/self/exe");
+        if let Some(folder) = paths_from {
+            command.current_dir(folder);
+        }
+        let process = command
             .arg(WORKER)
             // Otherwise BLAS, which came with libtorch, would keep a thread per core in every worker for nothing.
             .env("OPENBLAS_NUM_THREADS", "1")
@@ -110,7 +138,7 @@ impl ChildProcess {
         let child = ChildProcess { process, stream: Arc::new(stream), outbox, inbox, log };
         let (reader, writer) = (child.stream.clone(), child.stream.clone());
         let name = |thread: &str| format!("worker {worker} {thread}");
-        let read = move || read_all(&reader, &news, &cord);
+        let read = move || read_all(&reader, hear, &news, &cord);
         thread::Builder::new()
             .name(name("reader"))
             .spawn(read)
@@ -121,6 +149,24 @@ impl ChildProcess {
             .spawn(write)
             .context("cannot start the thread that writes to a worker")?;
         Ok(child)
+    }
+}
+
+impl<T> ChildProcess<T> {
+    pub(super) fn send(&self, frame: Frame) {
+        // Its writer ends early only when the child has gone.
+        let _ = self.outbox.send(frame);
+    }
+
+    pub(super) fn next(&self) -> Option<News<T>> {
+        self.inbox.try_recv().ok()
+    }
+
+    /// Kills a child that does not end. Returns how it ended and the last lines of its log.
+    pub(super) fn end(mut self) -> String {
+        let status = self.ended_within(LAST_WORDS).or_else(|| self.kill());
+        let tail = self.log.tail();
+        format!("{}; {tail}", describe(status, &tail))
     }
 
     fn kill(&mut self) -> Option<ExitStatus> {
@@ -144,12 +190,11 @@ impl ChildProcess {
 
 impl Link for ChildProcess {
     fn send(&self, frame: Frame) {
-        // Its writer ends early only when the child has gone.
-        let _ = self.outbox.send(frame);
+        ChildProcess::send(self, frame);
     }
 
     fn next(&mut self) -> Option<News> {
-        self.inbox.try_recv().ok()
+        ChildProcess::next(self)
     }
 
     /// Returns the state of the process as Linux names it, such as `S (sleeping)` or `T (stopped)`.
@@ -158,11 +203,8 @@ impl Link for ChildProcess {
         Some(status.lines().find_map(|line| line.strip_prefix("State:"))?.trim().to_owned())
     }
 
-    /// Kills a child that does not end. Returns how it ended and the last lines of its log.
-    fn end(mut self) -> String {
-        let status = self.ended_within(LAST_WORDS).or_else(|| self.kill());
-        let tail = self.log.tail();
-        format!("{}; {tail}", describe(status, &tail))
+    fn end(self) -> String {
+        ChildProcess::end(self)
     }
 
     fn end_by_force(mut self) -> String {
@@ -173,16 +215,16 @@ impl Link for ChildProcess {
     }
 }
 
-impl Drop for ChildProcess {
+impl<T> Drop for ChildProcess<T> {
     fn drop(&mut self) {
         self.kill();
     }
 }
 
 /// Passes on what a child sends until the child or its [`ChildProcess`] has gone.
-fn read_all(mut stream: &UnixStream, news: &Sender<News>, cord: &Cord) {
+fn read_all<T>(mut stream: &UnixStream, hear: Hear<T>, news: &Sender<News<T>>, cord: &Cord) {
     loop {
-        let heard = match receive(&mut stream) {
+        let heard = match hear(&mut stream) {
             Ok(Some(report)) => News::Said(report),
             Ok(None) => News::Gone(None),
             Err(error) => News::Gone(Some(error)),

@@ -12,7 +12,9 @@ use super::channel::encode;
 use super::expected::Speaker;
 use super::footprint::CpuClock;
 use super::link::{Crew, Link, News};
+use super::loss::Loss;
 use super::message::{Answer, Order, WorkerReport};
+use super::shares::{agents_of_workers, names_of};
 use super::task::{Frames, Task, tell_progress};
 use crate::base::AgentId;
 use crate::config::{Config, Simulator};
@@ -32,6 +34,8 @@ const LONGEST_LOOK: Duration = Duration::from_secs(1);
 /// Number of workers, and how long they may be silent.
 pub struct Options {
     pub workers: usize,
+    /// Number of threads with which a single worker trains on the GS.
+    pub threads: usize,
     /// Longest silence of a worker that has an order, whether it does not read the order or hangs at work.
     pub patience: Duration,
 }
@@ -40,7 +44,7 @@ pub struct Options {
 /// [`Fleet`](crate::training::fleet::Fleet), whatever its crew consists of.
 ///
 /// Training on the global simulator (GS) is one simulation. So there the first worker owns all agents and trains them
-/// with as many threads as there are workers; the others help with evaluation.
+/// with several threads; the others help with evaluation.
 pub struct Coordinator<C: Crew> {
     pub(super) domain: Arc<dyn Domain>,
     pub(super) config: Config,
@@ -72,14 +76,9 @@ impl<C: Crew> Coordinator<C> {
         options: Options,
         observer: Rc<dyn Observer>,
     ) -> Result<Coordinator<C>> {
-        let owners = if config.simulator == Simulator::Global { 1 } else { options.workers };
-        let slot = |index: usize| Slot {
-            agents: if index < owners { share(domain.agents(), owners, index) } else { 0..0 },
-            link: None,
-            load: WorkerLoad::default(),
-        };
+        let slot = |agents| Slot { agents, link: None, load: WorkerLoad::default() };
         let mut fleet = Coordinator {
-            workers: (0..options.workers).map(slot).collect(),
+            workers: agents_of_workers(config, domain.agents(), options.workers).into_iter().map(slot).collect(),
             agents: AgentsState::nobody(),
             widths: Widths::of(config, domain.kinds()),
             domain,
@@ -92,9 +91,8 @@ impl<C: Crew> Coordinator<C> {
         };
         let order = Frames::of(&Order::TellState)?;
         let orders = fleet.owners().into_iter().map(|worker| (worker, order.clone())).collect();
-        let mut parts = Vec::new();
-        fleet.ask(orders, Stop::AtOnce, |_, _, answer| match answer {
-            Answer::State(state) => parts.push(state),
+        let parts = fleet.ask(orders, Stop::AtOnce, |_, _, answer| match answer {
+            Answer::State(state) => state,
             other => unreachable!("`expected` lets only a state pass, not {other:?}"),
         })?;
         fleet.agents = AgentsState::joined(parts);
@@ -106,40 +104,48 @@ impl<C: Crew> Coordinator<C> {
         (0..self.workers.len()).filter(|&worker| !self.workers[worker].agents.is_empty()).collect()
     }
 
-    /// Gives the orders and waits for all answers. `take` gets them in the order of the orders, each with the state of
-    /// all agents and the agents of the worker. Lost workers are started again.
-    pub(super) fn ask(
+    /// Gives the orders and waits for all answers. Lost workers are started again.
+    ///
+    /// `take` gets every answer with the state of all agents and the agents of the worker, in any order. Returns what it
+    /// returned, in the order of the workers.
+    pub(super) fn ask<T>(
         &mut self,
         orders: Vec<(usize, Frames)>,
         stop: Stop,
-        mut take: impl FnMut(&mut AgentsState, Range<usize>, Answer),
-    ) -> Result<()> {
+        mut take: impl FnMut(&mut AgentsState, Range<usize>, Answer) -> T,
+    ) -> Result<Vec<T>> {
         let begun = Instant::now();
-        let answers = self.ask_and_wait(orders, stop);
+        let mut taken = BTreeMap::new();
+        let mut take = |fleet: &mut Self, worker: usize, answer| {
+            let agents = fleet.workers[worker].agents.clone();
+            taken.insert(worker, take(&mut fleet.agents, agents, answer));
+        };
+        let answers = self.ask_and_wait(orders, stop, &mut take);
         self.at_work += begun.elapsed();
         // One by one, so that each is freed before the next is processed.
         for (worker, answer) in answers? {
-            take(&mut self.agents, self.workers[worker].agents.clone(), answer);
+            take(self, worker, answer);
         }
-        Ok(())
+        Ok(taken.into_values().collect())
     }
 
-    fn ask_and_wait(&mut self, orders: Vec<(usize, Frames)>, stop: Stop) -> Result<Vec<(usize, Answer)>> {
+    /// Returns the answers that `take` has not got yet.
+    fn ask_and_wait(
+        &mut self,
+        orders: Vec<(usize, Frames)>,
+        stop: Stop,
+        take: &mut impl FnMut(&mut Self, usize, Answer),
+    ) -> Result<BTreeMap<usize, Answer>> {
         let mut open = BTreeMap::new();
-        let mut sequence = Vec::new();
+        let asked = orders.len();
         for (worker, frames) in orders {
             let mut task = Task::new(frames);
             self.deliver(worker, &mut task)?;
             open.insert(worker, task);
-            sequence.push(worker);
         }
         let mut answers = BTreeMap::new();
         let mut looked = Instant::now();
         while !open.is_empty() {
-            let anywhere = stop == Stop::AtOnce || !self.observer.keeps_results();
-            if anywhere && self.observer.stop_requested() {
-                return Err(Interrupted.into());
-            }
             self.crew.wait(LOOK_UP);
             let silence = looked.elapsed().min(LONGEST_LOOK);
             looked = Instant::now();
@@ -147,7 +153,15 @@ impl<C: Crew> Coordinator<C> {
             // All messages are read before any worker counts as silent.
             for worker in 0..self.workers.len() {
                 while let Some(news) = self.workers[worker].link.as_mut().and_then(Link::next) {
-                    self.take_in(worker, news, &mut open, &mut answers)?;
+                    let done = asked - open.len();
+                    if let Some(answer) = self.take_in(worker, news, &mut open, done)? {
+                        answers.insert(worker, answer);
+                    }
+                }
+                // A worker that can be replaced continues from the state of the last exchange, so that must stay. Without
+                // that, no answer has to wait for the others, and memory holds only one of them.
+                if !self.crew.can_replace() {
+                    answers.remove(&worker).into_iter().for_each(|answer| take(self, worker, answer));
                 }
             }
             for (&worker, task) in &mut open {
@@ -155,31 +169,37 @@ impl<C: Crew> Coordinator<C> {
                     self.lose(worker, Loss::Silent, Some(task))?;
                 }
             }
+            // After the news, because whatever ended a worker may also have asked this process to stop.
+            let anywhere = stop == Stop::AtOnce || !self.observer.keeps_results();
+            if anywhere && !open.is_empty() && self.observer.stop_requested() {
+                return Err(Interrupted.into());
+            }
         }
-        let answer = |worker| (worker, answers.remove(&worker).expect("every order is answered"));
-        Ok(sequence.into_iter().map(answer).collect())
+        Ok(answers)
     }
 
+    /// Processes news of a worker. Returns its answer if that is complete.
     fn take_in(
         &mut self,
         worker: usize,
         news: News,
         open: &mut BTreeMap<usize, Task>,
-        answers: &mut BTreeMap<usize, Answer>,
-    ) -> Result<()> {
-        match news {
-            News::Said(report) => {
-                if let Err(reason) = self.check(worker, &report, open) {
-                    return self.lose(worker, Loss::Nonsense(reason), open.get_mut(&worker));
+        done: usize,
+    ) -> Result<Option<Answer>> {
+        let lost = match news {
+            News::Said(report) => match self.check(worker, &report, open) {
+                Ok(()) => {
+                    let answer = self.hear(worker, report, open, done)?;
+                    if answer.is_some() {
+                        open.remove(&worker);
+                    }
+                    return Ok(answer);
                 }
-                if let Some(answer) = self.hear(worker, report, open, answers.len())? {
-                    open.remove(&worker);
-                    answers.insert(worker, answer);
-                }
-                Ok(())
-            }
-            News::Gone(reason) => self.lose(worker, Loss::Gone(reason), open.get_mut(&worker)),
-        }
+                Err(reason) => Loss::Nonsense(reason),
+            },
+            News::Gone(reason) => Loss::Gone(reason),
+        };
+        self.lose(worker, lost, open.get_mut(&worker)).map(|()| None)
     }
 
     /// Returns an error if a message of a worker cannot be right.
@@ -236,7 +256,7 @@ impl<C: Crew> Coordinator<C> {
         let begin = Order::Begin {
             config_json: serde_json::to_string(&self.config)?,
             agents: agents.map(AgentId).collect(),
-            threads: if self.config.simulator == Simulator::Global { self.options.workers } else { 1 },
+            threads: if self.config.simulator == Simulator::Global { self.options.threads } else { 1 },
         };
         link.send(encode(&begin)?.into());
         self.send_state(worker, &link)?;
@@ -289,40 +309,7 @@ impl<C: Crew> Coordinator<C> {
     }
 
     fn name(&self, worker: usize) -> String {
-        let agents = &self.workers[worker].agents;
-        match agents.len() {
-            0 => format!("worker {worker} (no agents of its own)"),
-            1 => format!("worker {worker} (agent {})", agents.start),
-            _ => format!("worker {worker} (agents {}..{})", agents.start, agents.end - 1),
-        }
-    }
-}
-
-/// Reason for giving a worker up.
-enum Loss {
-    /// The stream has ended, or carries invalid data for this reason.
-    Gone(Option<anyhow::Error>),
-    /// The worker said what cannot be right, for this reason.
-    Nonsense(anyhow::Error),
-    /// The worker said nothing for longer than the patience.
-    Silent,
-}
-
-impl Loss {
-    /// Ends the worker and returns what happened to it.
-    fn describe(self, link: impl Link, patience: Duration) -> String {
-        match self {
-            Loss::Gone(Some(reason)) => format!("died: {reason:#}; {}", link.end()),
-            Loss::Gone(None) => format!("died: {}", link.end()),
-            Loss::Nonsense(reason) => {
-                format!("sent what cannot be right ({reason:#}) and was ended; {}", link.end_by_force())
-            }
-            Loss::Silent => {
-                let state = link.state().unwrap_or_else(|| "unknown".to_owned());
-                let end = link.end_by_force();
-                format!("said nothing for {patience:?} (state: {state}) and was ended; {end}")
-            }
-        }
+        names_of(worker, &self.workers[worker].agents)
     }
 }
 
@@ -333,21 +320,4 @@ pub(super) enum Stop {
     AtOnce,
     /// Later, because a period's work would be lost.
     Later,
-}
-
-/// Returns the `index`-th of `parts` nearly equal consecutive shares of `0..total`.
-pub(super) fn share(total: usize, parts: usize, index: usize) -> Range<usize> {
-    total * index / parts..total * (index + 1) / parts
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn shares_follow_each_other_and_are_nearly_equal() {
-        let shares: Vec<_> = (0..3).map(|index| share(10, 3, index)).collect();
-        assert_eq!(shares, [0..3, 3..6, 6..10]);
-        assert_eq!((0..4).map(|index| share(2, 4, index).len()).collect::<Vec<_>>(), [0, 1, 0, 1]);
-    }
 }

@@ -10,9 +10,9 @@ use super::message::WorkerReport;
 /// An encoded message with its header, shared by all receivers.
 pub type Frame = Arc<Vec<u8>>;
 
-/// News from a link.
-pub enum News {
-    Said(WorkerReport),
+/// News from a link. `T`: what a worker says, decoded or not.
+pub enum News<T = WorkerReport> {
+    Said(T),
     /// The stream has ended, or carries invalid data for this reason.
     Gone(Option<anyhow::Error>),
 }

@@ -8,10 +8,12 @@
 //!
 //! - [`worker`]: a share of the agents for the whole run, and the work that can be ordered.
 //! - [`inline`]: the smallest fleet, one worker in this process.
-//! - `coordinator`: which worker owns which agents, orders, deaths and patience. `orders`: the steps of Algorithm 1 as
-//!   orders to workers. `task`: an order in progress. `expected`: what a worker may say.
+//! - `coordinator`: orders, deaths and patience. `shares`: which worker owns which agents. `orders`: the steps of
+//!   Algorithm 1 as orders to workers. `task`: an order in progress. `expected`: what a worker may say. `loss`: why it is
+//!   given up.
 //! - [`link`]: the worker's stream as the coordinator sees it. [`children`]: child processes; `bell` wakes the
 //!   coordinator, `log` is what a worker printed.
+//! - `mpi`: workers on the ranks of an MPI job, with the feature of that name. `launcher`: whether there is such a job.
 //! - `message`, `channel`: the messages, and how they are written to a stream. `serve`: the worker's side of it.
 //! - `footprint`: memory and CPU time of this process.
 //! - `threads`: a crew of threads, with which the tests kill and hang workers.
@@ -25,22 +27,31 @@ mod coordinator;
 mod expected;
 mod footprint;
 pub mod inline;
+mod launcher;
 pub mod link;
 mod log;
+mod loss;
 mod message;
+#[cfg(feature = "mpi")]
+mod mpi;
 mod orders;
 mod serve;
+mod shares;
 mod task;
 #[cfg(test)]
 mod threads;
 pub mod worker;
 
 // The ends of the channel, for tests that send nonsense through it.
+#[cfg(feature = "mpi")]
+pub use self::mpi::{End, Job, Part, Prepared, Ranks, Relay, join_the_job};
 #[doc(hidden)]
 pub use channel::{encode, receive};
 pub use coordinator::{Coordinator, Options};
+pub use launcher::ranks;
 pub use log::Log;
 pub use message::WorkerReport;
 #[doc(hidden)]
 pub use message::{Answer, Order};
 pub use serve::serve;
+pub use shares::agents_of_workers;

@@ -5,11 +5,12 @@ use std::ops::Range;
 use anyhow::{Result, ensure};
 
 use super::channel::encode;
-use super::coordinator::{Coordinator, Stop, share};
+use super::coordinator::{Coordinator, Stop};
 use super::expected::same_names;
 use super::footprint::footprint;
 use super::link::{Crew, Frame};
 use super::message::{Answer, Order};
+use super::shares::share;
 use super::task::Frames;
 use crate::base::Activity;
 use crate::config::Period;
@@ -24,8 +25,13 @@ use crate::training::state::AgentsState;
 
 impl<C: Crew> Coordinator<C> {
     /// Makes an order for every worker that gets a share of `episodes`, and sends the joint policy first.
-    fn by_episode(&self, episodes: usize, order: impl Fn(Range<usize>) -> Order) -> Result<Vec<(usize, Frames)>> {
-        let policies = Frame::new(encode(&Order::TakePolicies(self.agents.policies.clone()))?);
+    fn by_episode(&mut self, episodes: usize, order: impl Fn(Range<usize>) -> Order) -> Result<Vec<(usize, Frames)>> {
+        // Lent and not copied: with a thousand agents the copy would be a fifth of this process.
+        let order_of_all = Order::TakePolicies(std::mem::take(&mut self.agents.policies));
+        let encoded = encode(&order_of_all);
+        let Order::TakePolicies(policies) = order_of_all else { unreachable!("it was made two lines above") };
+        self.agents.policies = policies;
+        let policies = Frame::new(encoded?);
         let shares = self.shares(episodes).into_iter();
         shares.map(|(worker, share)| Ok((worker, Frames::after(policies.clone(), &order(share))?))).collect()
     }
@@ -58,11 +64,11 @@ impl<C: Crew> Fleet for Coordinator<C> {
     fn evaluate(&mut self, episodes: usize) -> Result<Evaluation> {
         self.observer.busy(Activity::Evaluation, 0.0);
         let orders = self.by_episode(episodes, |episodes| Order::Evaluate { episodes })?;
-        let mut reports = Vec::new();
-        self.ask(orders, Stop::AtOnce, |_, _, answer| match answer {
-            Answer::Evaluated(part) => reports.extend(part),
+        let parts = self.ask(orders, Stop::AtOnce, |_, _, answer| match answer {
+            Answer::Evaluated(part) => part,
             other => unreachable!("`expected` lets only episodes pass, not {other:?}"),
         })?;
+        let reports = parts.concat();
         let alike = reports.iter().all(|report| same_names(&reports[0], &report.measures));
         ensure!(alike, "the workers played episodes with different measures");
         Ok(Evaluation::new(&*self.domain, &reports))
@@ -74,26 +80,28 @@ impl<C: Crew> Fleet for Coordinator<C> {
         let order = |episodes| Order::Demonstrate { controller: controller.to_owned(), episodes };
         let shares = self.shares(episodes).into_iter();
         let orders = shares.map(|(worker, share)| Ok((worker, Frames::of(&order(share))?))).collect::<Result<_>>()?;
-        let mut all = Demonstrations::of_all(self.domain.kinds());
-        self.ask(orders, Stop::AtOnce, |_, _, answer| match answer {
-            Answer::Demonstrated(parts) => all.iter_mut().zip(&parts).for_each(|(whole, part)| whole.extend(part)),
+        let made = self.ask(orders, Stop::AtOnce, |_, _, answer| match answer {
+            Answer::Demonstrated(parts) => parts,
             other => unreachable!("demonstrations were requested, not {other:?}"),
         })?;
+        let mut all = Demonstrations::of_all(self.domain.kinds());
+        for parts in made {
+            all.iter_mut().zip(&parts).for_each(|(whole, part)| whole.extend(part));
+        }
         Ok(all)
     }
 
     fn imitate(&mut self, demonstrations: Vec<Demonstrations>) -> Result<Vec<ImitationLoss>> {
         self.observer.busy(Activity::Training, 0.0);
         let orders = self.by_owner(demonstrations, |demonstrations| Order::Imitate { demonstrations })?;
-        let mut all = Vec::new();
-        self.ask(orders, Stop::AtOnce, |state, agents, answer| match answer {
+        let parts = self.ask(orders, Stop::AtOnce, |state, agents, answer| match answer {
             Answer::Imitated { losses, policies } => {
-                all.extend(losses);
                 state.policies.replace(agents.start, &policies);
+                losses
             }
             other => unreachable!("policies were requested, not {other:?}"),
         })?;
-        Ok(all)
+        Ok(parts.into_iter().flatten().collect())
     }
 
     fn collect_datasets(&mut self, purpose: Purpose) -> Result<Vec<Dataset>> {
@@ -101,50 +109,48 @@ impl<C: Crew> Fleet for Coordinator<C> {
         let horizon = self.domain.kinds().horizon();
         let order = |episodes| Order::Collect { purpose, episodes };
         let orders = self.by_episode(purpose.episodes(&self.config, horizon), order)?;
-        let mut datasets = Dataset::of_all(self.domain.kinds());
-        self.ask(orders, Stop::AtOnce, |_, _, answer| match answer {
-            Answer::Collected(parts) => {
-                datasets.iter_mut().zip(&parts).for_each(|(dataset, part)| dataset.extend(part));
-            }
+        let collected = self.ask(orders, Stop::AtOnce, |_, _, answer| match answer {
+            Answer::Collected(parts) => parts,
             other => unreachable!("`expected` lets only datasets pass, not {other:?}"),
         })?;
+        let mut datasets = Dataset::of_all(self.domain.kinds());
+        for parts in collected {
+            datasets.iter_mut().zip(&parts).for_each(|(dataset, part)| dataset.extend(part));
+        }
         Ok(datasets)
     }
 
     fn train_aips(&mut self, datasets: Vec<Dataset>, period: &Period) -> Result<Vec<AipLoss>> {
         self.observer.busy(Activity::AipTraining, 0.0);
         let orders = self.by_owner(datasets, |datasets| Order::TrainAips { datasets, period: *period })?;
-        let mut all = Vec::new();
-        self.ask(orders, Stop::AtOnce, |state, agents, answer| match answer {
+        let parts = self.ask(orders, Stop::AtOnce, |state, agents, answer| match answer {
             Answer::AipsTrained { losses, aips } => {
-                all.extend(losses);
                 state.aips.replace(agents.start, &aips);
+                losses
             }
             other => unreachable!("`expected` lets only AIPs pass, not {other:?}"),
         })?;
-        Ok(all)
+        Ok(parts.into_iter().flatten().collect())
     }
 
     fn measure_aips(&mut self, datasets: Vec<Dataset>) -> Result<Vec<FreshLoss>> {
         self.observer.busy(Activity::Evaluation, 0.0);
         let orders = self.by_owner(datasets, |datasets| Order::MeasureAips { datasets })?;
-        let mut all = Vec::new();
-        self.ask(orders, Stop::AtOnce, |_, _, answer| match answer {
-            Answer::AipsMeasured(losses) => all.extend(losses),
+        let parts = self.ask(orders, Stop::AtOnce, |_, _, answer| match answer {
+            Answer::AipsMeasured(losses) => losses,
             other => unreachable!("`expected` lets only losses pass, not {other:?}"),
         })?;
-        Ok(all)
+        Ok(parts.into_iter().flatten().collect())
     }
 
     fn train_policies(&mut self, period: &Period) -> Result<PolicyTraining> {
         self.observer.trained(self.agents.steps);
         let order = Frames::of(&Order::TrainPolicies { period: *period })?;
         let orders = self.owners().into_iter().map(|worker| (worker, order.clone())).collect();
-        let mut parts = Vec::new();
-        self.ask(orders, Stop::Later, |whole, agents, answer| match answer {
+        let parts = self.ask(orders, Stop::Later, |whole, agents, answer| match answer {
             Answer::PoliciesTrained { training, state } => {
-                parts.push(training);
                 whole.replace(agents.start, &state);
+                training
             }
             other => unreachable!("`expected` lets only policies pass, not {other:?}"),
         })?;

@@ -238,7 +238,7 @@ fn train(crew: ThreadCrew) -> (Result<AgentsState, String>, Vec<String>) {
 
 fn train_as(config: &Config, crew: ThreadCrew) -> (Result<AgentsState, String>, Vec<String>) {
     let (domain, warnings) = (crew.domain.clone(), Rc::new(Warnings::default()));
-    let options = Options { workers: crew.fates.len(), patience: PATIENCE };
+    let options = Options { workers: crew.fates.len(), threads: crew.fates.len(), patience: PATIENCE };
     let outcome = Coordinator::start(domain, config, crew, options, warnings.clone()).and_then(|mut fleet| {
         dials::train(config, &mut fleet, Standing::default(), &mut Unrecorded, &*warnings)?;
         Ok(fleet.agents().clone())
@@ -377,7 +377,7 @@ fn training_goes_on_from_a_state_with_workers_that_run_or_are_started_again() {
     let (agents, standing) = kept.unwrap();
     assert_eq!((standing.until, agents.steps), (250, 256));
     for can_replace in [true, false] {
-        let options = Options { workers: 2, patience: PATIENCE };
+        let options = Options { workers: 2, threads: 2, patience: PATIENCE };
         let crew = crew(can_replace, [&[], &[]]);
         let mut fleet = Coordinator::start(coins(), &config(), crew, options, Rc::new(Silent)).unwrap();
         fleet.restore(agents.clone()).unwrap();

@@ -1,11 +1,12 @@
 //! Stacks as safetensors files that Python opens: one tensor `[agents, ...]` per stack, weight and bias.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::ops::Range;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail, ensure};
-use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use safetensors::tensor::{Dtype, SafeTensors, View, serialize_to_file};
 
 use super::Layout;
 use crate::base::{AgentId, Rows};
@@ -16,24 +17,44 @@ pub struct StackToWrite<'a> {
     pub prefix: &'a str,
     pub layout: &'a Layout,
     /// Parameters, one row per agent, as `layout` describes them.
-    pub rows: &'a Rows<f32>,
+    pub rows: Vec<&'a [f32]>,
 }
 
-/// Returns the stacks as the bytes of a safetensors file. `about` goes into the file's metadata.
-pub fn write_stacks(stacks: &[StackToWrite<'_>], about: &HashMap<String, String>) -> Result<Vec<u8>> {
-    let tensors_of = |&StackToWrite { prefix, layout, rows }: &StackToWrite<'_>| -> Vec<(String, Vec<usize>, Vec<u8>)> {
-        let tensor = |(name, shape, place): (&str, Vec<usize>, Range<usize>)| {
-            let values = rows.iter().flat_map(|row| &row[place.clone()]);
-            (format!("{prefix}{name}"), shape, values.flat_map(|value| value.to_le_bytes()).collect())
-        };
-        layout.blocks(rows.len()).map(tensor).collect()
-    };
-    let tensors: Vec<_> = stacks.iter().flat_map(tensors_of).collect();
-    let views = tensors
-        .iter()
-        .map(|(name, shape, bytes)| Ok((name.as_str(), TensorView::new(Dtype::F32, shape.clone(), bytes)?)))
-        .collect::<Result<Vec<_>>>()?;
-    Ok(safetensors::serialize(views, Some(about.clone()))?)
+/// A tensor that becomes bytes only when it is written: a thousand agents' networks need no second copy in memory.
+struct Tensor<'a> {
+    shape: Vec<usize>,
+    rows: &'a [&'a [f32]],
+    /// Place of its values in each row.
+    place: Range<usize>,
+}
+
+impl View for Tensor<'_> {
+    fn dtype(&self) -> Dtype {
+        Dtype::F32
+    }
+
+    fn shape(&self) -> &[usize] {
+        &self.shape
+    }
+
+    fn data(&self) -> Cow<'_, [u8]> {
+        let mut bytes = Vec::with_capacity(self.data_len());
+        bytes.extend(self.rows.iter().flat_map(|row| &row[self.place.clone()]).flat_map(|value| value.to_le_bytes()));
+        Cow::Owned(bytes)
+    }
+
+    fn data_len(&self) -> usize {
+        self.rows.len() * self.place.len() * size_of::<f32>()
+    }
+}
+
+/// Writes the stacks as a safetensors file. `about` goes into the file's metadata.
+pub fn write_stacks(stacks: &[StackToWrite<'_>], about: &HashMap<String, String>, path: &Path) -> Result<()> {
+    let tensors = stacks.iter().flat_map(|StackToWrite { prefix, layout, rows }| {
+        let blocks = layout.blocks(rows.len());
+        blocks.map(move |(name, shape, place)| (format!("{prefix}{name}"), Tensor { shape, rows, place }))
+    });
+    Ok(serialize_to_file(tensors, Some(about.clone()), path)?)
 }
 
 /// Returns what [`write_stacks`] was told `about` a file. `bytes`: those of the file. If there is nothing: empty.
@@ -86,8 +107,9 @@ mod tests {
         read_stack(&std::fs::read(path).unwrap(), path, prefix, layout, agents)
     }
 
-    fn write_stack(layout: &Layout, rows: &Rows<f32>) -> Vec<u8> {
-        write_stacks(&[StackToWrite { prefix: "", layout, rows }], &HashMap::new()).unwrap()
+    fn write_stack(layout: &Layout, rows: &Rows<f32>, path: &Path) {
+        let stack = StackToWrite { prefix: "", layout, rows: rows.iter().collect() };
+        write_stacks(&[stack], &HashMap::new(), path).unwrap();
     }
 
     #[test]
@@ -101,10 +123,10 @@ mod tests {
         let stacks = [("a.", first), ("b.", second)].map(|(prefix, parameters)| StackToWrite {
             prefix,
             layout: parameters.layout(),
-            rows: parameters.values(),
+            rows: parameters.values().iter().collect(),
         });
         let file = tempfile::NamedTempFile::new().unwrap();
-        std::fs::write(file.path(), write_stacks(&stacks, &HashMap::new()).unwrap()).unwrap();
+        write_stacks(&stacks, &HashMap::new(), file.path()).unwrap();
         assert_eq!(read_file(file.path(), "a.", first.layout(), &one).unwrap(), *first.values());
         assert_eq!(read_file(file.path(), "b.", second.layout(), &other).unwrap(), *second.values());
         let error = read_file(file.path(), "", first.layout(), &one).unwrap_err().to_string();
@@ -115,9 +137,8 @@ mod tests {
     fn a_stack_comes_back_as_it_was() {
         let shape = Shape { inputs: 4, recurrent: None, hidden: vec![5], outputs: 2, apart: 0 };
         let net = Net::new(&AgentId::all(3), shape, Seed::new(1));
-        let bytes = write_stack(net.parameters().layout(), net.parameters().values());
         let file = tempfile::NamedTempFile::new().unwrap();
-        std::fs::write(file.path(), bytes).unwrap();
+        write_stack(net.parameters().layout(), net.parameters().values(), file.path());
         assert_eq!(
             read_file(file.path(), "", net.parameters().layout(), &AgentId::all(3)).unwrap(),
             *net.parameters().values()
@@ -135,7 +156,7 @@ mod tests {
             for (bad, word) in [(f32::NAN, "NaN"), (f32::INFINITY, "inf"), (f32::NEG_INFINITY, "-inf")] {
                 let mut values = net.parameters().values().clone();
                 values.row_mut(2)[column] = bad;
-                std::fs::write(file.path(), write_stack(layout, &values)).unwrap();
+                write_stack(layout, &values, file.path());
                 let error = read_file(file.path(), "", layout, &AgentId::all(3)).unwrap_err().to_string();
                 let told = format!(
                     "{}: `{name}` of agent 2 holds {word}, which is not a finite number",
@@ -150,9 +171,9 @@ mod tests {
     fn a_stack_of_another_shape_or_a_torn_file_is_a_clear_error() {
         let shape = Shape { inputs: 4, recurrent: None, hidden: vec![5], outputs: 2, apart: 0 };
         let net = Net::new(&AgentId::all(3), shape, Seed::new(1));
-        let bytes = write_stack(net.parameters().layout(), net.parameters().values());
         let file = tempfile::NamedTempFile::new().unwrap();
-        std::fs::write(file.path(), &bytes).unwrap();
+        write_stack(net.parameters().layout(), net.parameters().values(), file.path());
+        let bytes = std::fs::read(file.path()).unwrap();
         let error = read_file(file.path(), "", net.parameters().layout(), &AgentId::all(2)).unwrap_err().to_string();
         assert!(error.contains("asks for F32 [2, 4, 5]"), "{error}");
         std::fs::write(file.path(), &bytes[..bytes.len() / 2]).unwrap();

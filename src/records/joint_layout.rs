@@ -6,7 +6,7 @@ use std::path::Path;
 
 use anyhow::Context;
 
-use crate::base::{AgentId, Ragged, Rows};
+use crate::base::{AgentId, Ragged};
 use crate::config::{AipConfig, PolicyConfig, Predictor};
 use crate::domain::{Kind, Kinds, RegionSpec, Result};
 use crate::influence;
@@ -49,17 +49,13 @@ impl JointLayout {
         JointLayout::new(kinds, |spec| influence::layout(choice, spec, config))
     }
 
-    /// Returns the bytes of a file of these networks. `networks`: one row of parameters per agent.
-    pub fn write(&self, networks: &Ragged<f32>, about: &HashMap<String, String>) -> Result<Vec<u8>> {
-        let rows_of = |kind: &KindLayout| networks.pick(kind.agents.iter().map(|agent| agent.0)).into_rows();
-        let rows: Vec<Rows<f32>> = self.kinds.iter().map(rows_of).collect();
-        let stacks: Vec<StackToWrite<'_>> = self
-            .kinds
-            .iter()
-            .zip(&rows)
-            .map(|(KindLayout { prefix, layout, .. }, rows)| StackToWrite { prefix, layout, rows })
-            .collect();
-        write_stacks(&stacks, about)
+    /// Writes a file of these networks. `networks`: one row of parameters per agent.
+    pub fn write(&self, networks: &Ragged<f32>, about: &HashMap<String, String>, path: &Path) -> Result<()> {
+        let stacks = self.kinds.iter().map(|KindLayout { prefix, layout, agents }| {
+            let rows = agents.iter().map(|agent| networks.row(agent.0)).collect();
+            StackToWrite { prefix, layout, rows }
+        });
+        write_stacks(&stacks.collect::<Vec<_>>(), about, path)
     }
 
     /// Reads the networks of such a file, one row of parameters per agent.
@@ -99,7 +95,7 @@ mod tests {
         // Coins have two actions, dice three.
         let networks = Ragged::from_vec((0..10).map(|i| i as f32).collect(), [2, 3, 2, 3]).unwrap();
         let file = tempfile::NamedTempFile::new().unwrap();
-        std::fs::write(file.path(), layout.write(&networks, &HashMap::new()).unwrap()).unwrap();
+        layout.write(&networks, &HashMap::new(), file.path()).unwrap();
         assert_eq!(layout.read(file.path()).unwrap(), networks);
         let dice = Layout::new(vec![("w".to_owned(), vec![3])]);
         let bytes = std::fs::read(file.path()).unwrap();

@@ -173,8 +173,8 @@ impl Journal for RunLog {
     fn aips_trained(&mut self, agents: &AgentsState, losses: &[AipLoss]) -> Result<()> {
         check_aips(agents, losses)?;
         self.append(files::AIP_LOSS, agents.steps, &header(&columns::OF_AIP_LOSS), &aip_lines(agents.steps, losses))?;
-        let stack = self.layouts.aips.write(&agents.aips, &about(agents.steps))?;
-        self.directory.write(files::AIPS, &stack)
+        let (layout, about) = (&self.layouts.aips, about(agents.steps));
+        self.directory.write_with(files::AIPS, |beside| layout.write(&agents.aips, &about, beside))
     }
 
     fn aips_measured(&mut self, agents: &AgentsState, after: Moment, losses: &[FreshLoss]) -> Result<()> {
@@ -197,8 +197,8 @@ impl Journal for RunLog {
             &training_header(training),
             &training_lines(agents.steps, training),
         )?;
-        let stack = self.layouts.policies.write(&agents.policies, &about(agents.steps))?;
-        self.directory.write(files::POLICIES, &stack)?;
+        let (layout, about) = (&self.layouts.policies, about(agents.steps));
+        self.directory.write_with(files::POLICIES, |beside| layout.write(&agents.policies, &about, beside))?;
         self.append_load(agents, load)?;
         let progress = RunProgress {
             standing: *standing,

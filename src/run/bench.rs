@@ -86,7 +86,7 @@ fn run(
     let short = short_orders(config, workers);
     let dir = temporary_dir().context("the files of the measured run have no place")?;
     let directory = Directory::lock(dir.path())?;
-    let (crew, options) = (Children::new(&directory), Options { workers, patience: PATIENCE });
+    let (crew, options) = (Children::new(&directory), Options { workers, threads: workers, patience: PATIENCE });
     let mut log = RunLog::begin(directory, Owner::of(config, &**domain)?, Layouts::of(config, domain.kinds()));
     let mut fleet = Coordinator::start(domain.clone(), &short, crew, options, progress.clone())?;
     let plan = MeasurePlan { config: &short, kinds: domain.kinds(), workers, time, peak_flops };

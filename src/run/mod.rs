@@ -1,6 +1,6 @@
 //! One file per subcommand: config -> domain -> fleet -> training -> run directory.
 //!
-//! - `train`: trains policies and writes a run directory. `worker`: its worker processes.
+//! - `train`: trains policies and writes a run directory. `team`: where its workers are. `worker`: its worker processes.
 //! - `evaluate`: plays and measures saved policies; also `baseline`, which does so with hand-coded controllers.
 //! - `experiment`: makes all runs of a file. `report`, `compare`: summarise runs. `bench`: measures training speed.
 //! - `export`: policies as TorchScript; `python`: paths in lines of Python. `replay`: an episode for sumo-gui.
@@ -37,6 +37,7 @@ mod render;
 mod replay;
 mod report;
 mod subject;
+mod team;
 mod train;
 mod trial;
 mod tune;
@@ -66,7 +67,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Command::Export(args) => export::export(&args),
         Command::Baseline(args) => evaluate::baseline(&args),
         Command::Bench(args) => bench::bench(&args),
-        Command::Experiment(args) => experiment::experiment(&args),
+        Command::Experiment(args) => team::check_alone("experiment").and_then(|()| experiment::experiment(&args)),
         Command::Report(args) => report::report(&args),
         Command::Compare(args) => compare::compare(&args),
         Command::Replay(args) => replay::replay(&args),

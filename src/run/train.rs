@@ -12,13 +12,11 @@ use super::build::{other_build, record_resume};
 use super::directory;
 use super::domain;
 use super::places::Existing;
+use super::team::{Plan, Team};
 use crate::cli;
 use crate::config::{Config, load};
 use crate::domain::Domain;
 use crate::error::{Error, Result};
-use crate::fleet::children::Children;
-use crate::fleet::inline::InlineFleet;
-use crate::fleet::{Coordinator, Options};
 use crate::machine::allow_open_files;
 use crate::outside::{Directory, Whereabouts, quoted};
 use crate::records::checkpoint::owner::{NotOfThisRun, Owner};
@@ -29,20 +27,22 @@ use crate::records::run_log::{Layouts, RunLog};
 use crate::terminal::training::Progress;
 use crate::terminal::{answer, program, tell};
 use crate::training::dials;
-use crate::training::fleet::Fleet;
 use crate::training::observer::Interrupted;
 use crate::training::standing::Standing;
 
 pub fn train(args: &cli::TrainArgs) -> Result<()> {
+    let Some(team) = Team::join(args)? else { return Ok(()) };
+    let asked = team.asked(args);
+    let wanted = asked.as_ref().map(|(workers, _)| *workers);
     let run = match (&args.resume, &args.config) {
-        (Some(dir), _) => resume(args, dir)?,
-        (None, Some(config)) => begin(args, config)?,
+        (Some(dir), _) => resume(args, dir, wanted)?,
+        (None, Some(config)) => begin(args, config, wanted)?,
         (None, None) => unreachable!("clap asks for one of them"),
     };
-    let workers = run.workers(args.workers);
+    let workers = run.workers(asked);
     let patience = Duration::from_secs(args.patience);
     let (directory, config, domain) = (run.directory.clone(), run.config.clone(), run.domain.clone());
-    let outcome = run.train(workers, patience);
+    let outcome = run.train(team, workers, patience);
     // The path may lead elsewhere by now.
     let place = match directory.whereabouts() {
         Whereabouts::InPlace => Some(directory.path().to_owned()),
@@ -88,10 +88,11 @@ struct Run {
     other_build: Option<Versions>,
 }
 
-fn begin(args: &cli::TrainArgs, config_path: &Path) -> Result<Run> {
+/// Makes a new run. `wanted`: number of workers that was asked for.
+fn begin(args: &cli::TrainArgs, config_path: &Path, wanted: Option<usize>) -> Result<Run> {
     let config = load(config_path, &settings(args)).map_err(Error::Usage)?;
     let domain = domain::check(&config).map_err(Error::Usage)?;
-    allow_workers(workers(args.workers, &config, domain.agents()))?;
+    allow_workers(workers(wanted, &config, domain.agents()))?;
     let existing = match (args.force, &args.out) {
         (true, _) => Existing::MoveAside,
         (false, Some(_)) => Existing::Refuse,
@@ -103,10 +104,11 @@ fn begin(args: &cli::TrainArgs, config_path: &Path) -> Result<Run> {
     open(directory, domain::open_tried)
 }
 
-fn resume(args: &cli::TrainArgs, dir: &Path) -> Result<Run> {
+/// Opens a run to continue it. `wanted`: number of workers that was asked for.
+fn resume(args: &cli::TrainArgs, dir: &Path, wanted: Option<usize>) -> Result<Run> {
     directory::check(dir).map_err(Error::Usage)?;
     let run = open(Directory::lock(dir).map_err(Error::Run)?, domain::open)?;
-    allow_workers(workers(args.workers, &run.config, run.domain.agents()))?;
+    allow_workers(workers(wanted, &run.config, run.domain.agents()))?;
     let width = run.config.numerics.vector_width;
     let other_build = other_build(dir, width, args.accept_other_build).map_err(Error::Usage)?;
     let point = ResumePoint::find(&run.directory, &run.owner).map_err(|error| {
@@ -134,20 +136,21 @@ fn open(directory: Directory, opened: fn(&Config) -> anyhow::Result<Arc<dyn Doma
 }
 
 impl Run {
-    /// Returns how many workers to start, and says so if they are fewer than were asked for.
-    fn workers(&self, asked: Option<usize>) -> usize {
+    /// Returns how many workers to start, not more than have work, and says so if they are fewer than were asked for.
+    fn workers(&self, asked: Option<(usize, String)>) -> usize {
         let most = most_workers(&self.config, self.domain.agents());
-        if let Some(asked) = asked.filter(|&asked| asked > most) {
+        let Some((asked, words)) = asked else { return cores().min(most) };
+        if asked > most {
             tell(format_args!(
-                "note: --workers {asked}: starting {most}, because there are {} agents and never more than {most} \
-                 episodes or agents to share out",
+                "note: {words}: starting {most}, because there are {} agents and never more than {most} episodes or \
+                 agents to share out",
                 self.domain.agents()
             ));
         }
-        workers(asked, &self.config, self.domain.agents())
+        asked.min(most)
     }
 
-    fn train(self, workers: usize, patience: Duration) -> anyhow::Result<()> {
+    fn train(self, team: Team, workers: usize, patience: Duration) -> anyhow::Result<()> {
         let Run { directory, config, domain, owner, resumed, other_build } = self;
         let (dir, config) = (directory.path(), &config);
         let progress = Rc::new(Progress::new(config, domain.agents(), stopped(dir))?);
@@ -158,13 +161,8 @@ impl Run {
         };
         let resumes_at = checkpoint.as_ref().map_or(0, |checkpoint| checkpoint.agents.steps);
         other_build.as_ref().map_or(Ok(()), |build| record_resume(&directory, build, resumes_at))?;
-        let mut fleet: Box<dyn Fleet> = match workers {
-            0 => Box::new(InlineFleet::new(domain.clone(), config, progress.clone())),
-            workers => {
-                let (crew, options) = (Children::new(&directory), Options { workers, patience });
-                Box::new(Coordinator::start(domain.clone(), config, crew, options, progress.clone())?)
-            }
-        };
+        let plan = Plan { domain: &domain, config, directory: &directory, workers, patience };
+        let mut fleet = team.fleet(&plan, progress.clone())?;
         let mut standing = Standing::default();
         if let Some(checkpoint) = checkpoint {
             standing = checkpoint.progress.standing;

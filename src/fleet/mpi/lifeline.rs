@@ -1,0 +1,172 @@
+//! The death of a rank, noticed at once. MPI does not report it: a rank that waits for a dead one waits for ever.
+//!
+//! Every relay holds a TCP connection to rank 0. The system closes it when either end dies, however it dies. Nothing is
+//! ever sent on it but the greeting.
+
+use std::collections::hash_map::RandomState;
+use std::hash::{BuildHasher, Hasher};
+use std::io::{ErrorKind, Read, Write};
+use std::net::{Ipv4Addr, TcpListener, TcpStream, ToSocketAddrs, UdpSocket};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result, bail};
+use serde::{Deserialize, Serialize};
+
+/// Time in which a connection must be made.
+const CONNECTING: Duration = Duration::from_secs(5);
+/// An address outside every network, to which nothing is sent. The system names its own address on the way there.
+const FAR_AWAY: &str = "203.0.113.1:9";
+
+/// Where rank 0 can be reached.
+#[derive(Clone, Default, Serialize, Deserialize)]
+pub struct Address {
+    /// Names and addresses of its machine, the best first.
+    hosts: Vec<String>,
+    port: u16,
+    /// Number that tells a relay from a stranger.
+    secret: u64,
+}
+
+/// Rank 0's ends of all lifelines.
+pub struct Lifelines {
+    listener: TcpListener,
+    address: Address,
+    /// By rank. `None`: there is none, or it was found cut.
+    lines: Vec<Option<TcpStream>>,
+}
+
+impl Lifelines {
+    /// `host`: the name of this machine.
+    pub fn open(host: &str, ranks: usize) -> Result<Lifelines> {
+        let listener = TcpListener::bind((Ipv4Addr::UNSPECIFIED, 0)).context("no port for the other ranks")?;
+        listener.set_nonblocking(true)?;
+        let outgoing = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).and_then(|socket| {
+            socket.connect(FAR_AWAY)?;
+            socket.local_addr()
+        });
+        let mut hosts: Vec<String> = outgoing.iter().map(|address| address.ip().to_string()).collect();
+        hosts.push(host.to_owned());
+        hosts.push(Ipv4Addr::LOCALHOST.to_string());
+        let secret = RandomState::new().build_hasher().finish();
+        let address = Address { hosts, port: listener.local_addr()?.port(), secret };
+        Ok(Lifelines { listener, address, lines: (0..ranks).map(|_| None).collect() })
+    }
+
+    pub fn address(&self) -> Address {
+        self.address.clone()
+    }
+
+    /// Waits for the lifeline of a rank that says it has connected.
+    pub fn expect(&mut self, rank: usize) -> Result<()> {
+        let begun = Instant::now();
+        while self.lines[rank].is_none() {
+            match self.listener.accept() {
+                Ok((line, _)) => self.greet(line),
+                Err(error) if error.kind() != ErrorKind::WouldBlock => return Err(error.into()),
+                Err(_) if begun.elapsed() > CONNECTING => bail!("rank {rank} did not connect to rank 0"),
+                Err(_) => thread::sleep(Duration::from_millis(1)),
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes a connection whose greeting is right. Drops that of a stranger.
+    fn greet(&mut self, mut line: TcpStream) {
+        let mut greeting = [0; 16];
+        let ready = line.set_nonblocking(false).and_then(|()| line.set_read_timeout(Some(CONNECTING)));
+        if ready.and_then(|()| line.read_exact(&mut greeting)).is_err() {
+            return;
+        }
+        let [secret, rank] = [0, 8].map(|at| u64::from_le_bytes(greeting[at..][..8].try_into().expect("eight bytes")));
+        let slot = usize::try_from(rank).ok().and_then(|rank| self.lines.get_mut(rank));
+        if let (true, Some(slot)) = (secret == self.address.secret, slot) {
+            *slot = line.set_nonblocking(true).is_ok().then_some(line);
+        }
+    }
+
+    /// Returns the ranks that have died since the last call.
+    pub fn newly_cut(&mut self) -> Vec<usize> {
+        let mut cut = Vec::new();
+        for (rank, line) in self.lines.iter_mut().enumerate() {
+            if line.as_ref().is_some_and(is_cut) {
+                *line = None;
+                cut.push(rank);
+            }
+        }
+        cut
+    }
+}
+
+/// A relay's end of its lifeline.
+pub struct Lifeline(TcpStream);
+
+impl Lifeline {
+    pub fn connect(address: &Address, rank: usize) -> Result<Lifeline> {
+        let mut tried = Vec::new();
+        for host in &address.hosts {
+            match greeted(host, address, rank) {
+                Ok(line) => return Ok(Lifeline(line)),
+                Err(error) => tried.push(format!("{host}:{}: {error}", address.port)),
+            }
+        }
+        bail!("rank 0 cannot be reached by TCP ({})", tried.join("; "))
+    }
+
+    /// Returns whether rank 0 has ended.
+    pub fn is_cut(&self) -> bool {
+        is_cut(&self.0)
+    }
+}
+
+fn greeted(host: &str, address: &Address, rank: usize) -> std::io::Result<TcpStream> {
+    let resolved = (host, address.port).to_socket_addrs()?.find(|address| address.is_ipv4());
+    let resolved = resolved.ok_or(ErrorKind::AddrNotAvailable)?;
+    let mut line = TcpStream::connect_timeout(&resolved, CONNECTING)?;
+    line.write_all(&[address.secret.to_le_bytes(), (rank as u64).to_le_bytes()].concat())?;
+    line.set_nonblocking(true)?;
+    Ok(line)
+}
+
+fn is_cut(mut line: &TcpStream) -> bool {
+    match line.read(&mut [0]) {
+        Ok(read) => read == 0,
+        Err(error) => !matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lines() -> (Lifelines, Vec<Lifeline>) {
+        let mut lines = Lifelines::open("localhost", 3).unwrap();
+        let relays = [1, 2].map(|rank| Lifeline::connect(&lines.address(), rank).unwrap());
+        [1, 2].iter().for_each(|&rank| lines.expect(rank).unwrap());
+        (lines, relays.into())
+    }
+
+    #[test]
+    fn the_end_of_a_rank_is_seen_once_and_that_of_rank_0_by_all() {
+        let (mut lines, mut relays) = lines();
+        assert!(lines.newly_cut().is_empty() && !relays.iter().any(Lifeline::is_cut));
+        drop(relays.remove(1));
+        assert_eq!(lines.newly_cut(), [2]);
+        assert!(lines.newly_cut().is_empty() && !relays[0].is_cut());
+        drop(lines);
+        assert!(relays[0].is_cut());
+    }
+
+    #[test]
+    fn a_stranger_is_nobodys_lifeline() {
+        let mut lines = Lifelines::open("localhost", 2).unwrap();
+        let wrong = Address { secret: lines.address.secret ^ 1, ..lines.address() };
+        let stranger = Lifeline::connect(&wrong, 1).unwrap();
+        let relay = Lifeline::connect(&lines.address(), 1).unwrap();
+        lines.expect(1).unwrap();
+        drop(stranger);
+        assert!(lines.newly_cut().is_empty());
+        drop(relay);
+        assert_eq!(lines.newly_cut(), [1]);
+    }
+}

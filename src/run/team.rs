@@ -1,0 +1,167 @@
+//! Where the workers of a run are: in processes of this machine, in this process, or on the other ranks of an MPI job that
+//! `mpirun` or `srun` started.
+
+use std::rc::Rc;
+use std::sync::Arc;
+use std::time::Duration;
+
+#[cfg(feature = "mpi")]
+use anyhow::Context;
+use anyhow::{anyhow, ensure};
+
+use crate::cli;
+use crate::config::Config;
+use crate::domain::Domain;
+use crate::error::{Error, Result};
+use crate::fleet::children::Children;
+use crate::fleet::inline::InlineFleet;
+use crate::fleet::{self, Coordinator, Options};
+#[cfg(feature = "mpi")]
+use crate::fleet::{End, Job, Part, Prepared, Ranks, Relay};
+#[cfg(feature = "mpi")]
+use crate::machine::{end_now, leave_signals_to_another};
+use crate::outside::Directory;
+#[cfg(feature = "mpi")]
+use crate::records::{files, run_json::Versions};
+#[cfg(feature = "mpi")]
+use crate::run::build;
+use crate::training::fleet::Fleet;
+use crate::training::observer::Observer;
+
+/// The places of the workers.
+pub enum Team {
+    /// Processes of this machine, or this process.
+    Here,
+    /// The other ranks, each with this number of workers. This is rank 0.
+    #[cfg(feature = "mpi")]
+    Ranks(Ranks, usize),
+}
+
+/// The run that a fleet is for.
+pub struct Plan<'a> {
+    pub domain: &'a Arc<dyn Domain>,
+    pub config: &'a Config,
+    pub directory: &'a Directory,
+    /// Number of workers; 0: this process.
+    pub workers: usize,
+    pub patience: Duration,
+}
+
+impl Team {
+    /// Takes part in the MPI job, if there is one. A rank that is not rank 0 works here until the run has ended, and then
+    /// returns `None`.
+    pub fn join(args: &cli::TrainArgs) -> Result<Option<Team>> {
+        let ranks = fleet::ranks();
+        check_flags(args, ranks).map_err(Error::Usage)?;
+        if ranks == 1 {
+            return Ok(Some(Team::Here));
+        }
+        #[cfg(feature = "mpi")]
+        return take_part(args);
+        #[cfg(not(feature = "mpi"))]
+        Err(Error::Usage(anyhow!(
+            "{ranks} ranks were started, but this program was built without MPI, so each would train a run of its own; \
+             build it with: cargo build --release --features mpi"
+        )))
+    }
+
+    /// Returns the number of workers that was asked for, with the words that asked for it.
+    pub fn asked(&self, args: &cli::TrainArgs) -> Option<(usize, String)> {
+        match self {
+            Team::Here => args.workers.map(|workers| (workers, format!("--workers {workers}"))),
+            #[cfg(feature = "mpi")]
+            Team::Ranks(ranks, each) => {
+                let relays = ranks.relays();
+                Some((relays * each, format!("{relays} ranks with {each} workers each")))
+            }
+        }
+    }
+
+    /// Starts the workers of a run.
+    pub fn fleet(self, plan: &Plan, observer: Rc<dyn Observer>) -> anyhow::Result<Box<dyn Fleet>> {
+        let Plan { domain, config, directory, workers, patience } = *plan;
+        match self {
+            Team::Here if workers == 0 => Ok(Box::new(InlineFleet::new(domain.clone(), config, observer))),
+            Team::Here => {
+                let options = Options { workers, threads: workers, patience };
+                Ok(Box::new(Coordinator::start(domain.clone(), config, Children::new(directory), options, observer)?))
+            }
+            #[cfg(feature = "mpi")]
+            Team::Ranks(mut ranks, each) => {
+                let config = prepare(&mut ranks, plan)?;
+                let options = Options { workers, threads: each, patience };
+                Ok(Box::new(Coordinator::start(domain.clone(), &config, ranks, options, observer)?))
+            }
+        }
+    }
+}
+
+/// Returns an error for a command that would do the same on every rank.
+pub fn check_alone(command: &str) -> Result<()> {
+    match fleet::ranks() {
+        1 => Ok(()),
+        ranks => Err(Error::Usage(anyhow!("{command}: cannot be shared by {ranks} ranks: only train can"))),
+    }
+}
+
+fn check_flags(args: &cli::TrainArgs, ranks: usize) -> anyhow::Result<()> {
+    ensure!(
+        ranks > 1 || args.workers_per_rank.is_none(),
+        "--workers-per-rank: is for several ranks of mpirun or srun, and this process is alone; use --workers"
+    );
+    ensure!(
+        ranks == 1 || args.workers.is_none(),
+        "--workers: counts the workers of one machine, but {ranks} ranks were started; use --workers-per-rank"
+    );
+    Ok(())
+}
+
+#[cfg(feature = "mpi")]
+fn take_part(args: &cli::TrainArgs) -> Result<Option<Team>> {
+    match fleet::join_the_job().map_err(Error::Run)? {
+        Part::Coordinator(ranks) => Ok(Some(Team::Ranks(ranks, args.workers_per_rank.unwrap_or(1)))),
+        Part::Relay(relay) => serve(relay).map(|()| None),
+    }
+}
+
+#[cfg(feature = "mpi")]
+fn serve(relay: Relay) -> Result<()> {
+    // mpirun and srun pass Ctrl-C on to all ranks. Rank 0 stops the run where nothing is lost.
+    leave_signals_to_another().map_err(Error::Run)?;
+    let describe = |config_json: &str| {
+        let config: Config = serde_json::from_str(config_json)?;
+        Ok(serde_json::to_string(&build::here(config.numerics.vector_width)?)?)
+    };
+    match relay.serve(describe) {
+        End::Ordered => Ok(()),
+        // Rank 0 has said why, if it could. MPI has no way out for a single rank.
+        End::Orphaned => end_now(1),
+    }
+}
+
+/// Prepares the ranks for a run. Returns the config that their workers need.
+#[cfg(feature = "mpi")]
+fn prepare(ranks: &mut Ranks, plan: &Plan) -> anyhow::Result<Config> {
+    let Plan { domain, config, directory, workers, patience } = *plan;
+    let here = build::here(config.numerics.vector_width)?;
+    let agents = fleet::agents_of_workers(config, domain.agents(), workers);
+    let (prepared, config) = ranks.prepare(Job { config, directory, networks: files::NETWORKS, agents, patience })?;
+    prepared.iter().try_for_each(|rank| check_build(rank, &here))?;
+    Ok(config)
+}
+
+/// Returns an error if a rank would compute other numbers than rank 0.
+#[cfg(feature = "mpi")]
+fn check_build(rank: &Prepared, here: &Versions) -> anyhow::Result<()> {
+    let there: Versions = serde_json::from_str(&rank.build).context("a rank has described its build wrongly")?;
+    let differences = here.differences(&there);
+    ensure!(
+        differences.is_empty(),
+        "rank {} on {}: computes other numbers than rank 0:\n  {}\n  start all ranks with the same program on \
+         machines of the same kind; numerics.vector_width = \"256-bit\" makes x86-64 machines alike",
+        rank.rank,
+        rank.host,
+        differences.join("\n  ")
+    );
+    Ok(())
+}
