@@ -5,12 +5,13 @@ use std::io::{Write, stderr};
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
+use dials_traffic::config::sumocfg::Sumocfg;
 use dials_traffic::sumo::SignalState;
 use dials_traffic::traffic::agents::derive::greens::{Change, Greens, is_yellow};
 use dials_traffic::traffic::agents::derive::overrides::Overrides;
 use dials_traffic::traffic::agents::derive::padding::Padding;
 use dials_traffic::traffic::agents::derive::{Agent, Derived, Rules, clearing, derive, safety};
-use dials_traffic::traffic::network::roads::file::{net_of_scenario, read};
+use dials_traffic::traffic::network::roads::file::read;
 use dials_traffic::traffic::network::roads::{Function, Roads};
 
 /// What is known of a network.
@@ -40,7 +41,7 @@ fn networks() -> Vec<(&'static Known, Roads, Derived)> {
     };
     let opened = |known: &'static Known| {
         let scenario = folder.join(known.name).join(known.name).with_extension("sumocfg");
-        let roads = read(&net_of_scenario(&scenario).unwrap()).unwrap();
+        let roads = read(&Sumocfg::read(&scenario).unwrap().net).unwrap();
         let derived = derive(&roads, &Rules::default(), &Overrides::default()).unwrap();
         (known, roads, derived)
     };

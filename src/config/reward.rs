@@ -13,13 +13,13 @@ use serde::{Deserialize, Serialize, Serializer};
 pub enum RewardTerm {
     /// Mean of the cars' speed as a share of their own allowed speed.
     MeanSpeed,
-    /// Minus the number of waiting cars.
+    /// Minus the number of standing cars, in tens.
     Queue,
-    /// Minus the pressure: cars that come less cars that leave.
+    /// Minus the pressure, in tens of cars: those that come minus those that leave.
     Pressure,
-    /// Minus the waiting time of all cars.
+    /// Minus the time for which the cars on the approaches have stood there, in units of 100 s, at most 10.
     Wait,
-    /// Waiting time before the decision minus the waiting time after it.
+    /// That time before the decision minus the time after it, in units of 100 s.
     DiffWaitingTime,
 }
 
@@ -39,7 +39,7 @@ impl Reward {
     pub(super) fn check(&self) -> Result<()> {
         ensure!(
             self.0.values().any(|&weight| weight != 0.0),
-            "traffic.reward: has no weight other than 0; name a reward, such as \"wait\""
+            "traffic.reward: has no weight other than 0; name a reward, such as \"queue\""
         );
         for (term, weight) in &self.0 {
             let name = serde_json::to_value(term)?;
@@ -59,11 +59,11 @@ impl From<RewardTerm> for Reward {
     }
 }
 
-/// The waiting time: the best published learners of RESCO's maps were paid for it. Which reward is best is to be
-/// measured.
+/// The difference of the waiting time. On RESCO's cologne1, one seed, agents paid by it learned within 300 episodes; those
+/// paid by `wait` or `queue` were stuck with one green.
 impl Default for Reward {
     fn default() -> Reward {
-        Reward::from(RewardTerm::Wait)
+        Reward::from(RewardTerm::DiffWaitingTime)
     }
 }
 
@@ -114,11 +114,11 @@ mod tests {
 
     #[test]
     fn a_reward_is_a_name_or_weights_and_comes_back_as_it_was_written() {
-        assert_eq!(read("\"wait\"").unwrap(), Reward::default());
+        assert_eq!(read("\"diff-waiting-time\"").unwrap(), Reward::default());
         for json in ["\"mean-speed\"", "\"diff-waiting-time\"", "{\"queue\":0.5,\"pressure\":2.0}", "{\"wait\":0.5}"] {
             assert_eq!(serde_json::to_string(&read(json).unwrap()).unwrap(), json);
         }
-        assert_eq!(read("{\"wait\":1.0}").unwrap(), Reward::default());
+        assert_eq!(read("{\"diff-waiting-time\":1.0}").unwrap(), Reward::default());
     }
 
     #[test]

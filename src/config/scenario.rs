@@ -1,6 +1,6 @@
 //! The table `[traffic]` for a scenario: a .sumocfg of the user instead of a grid of ours.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
 use serde::{Deserialize, Serialize};
@@ -70,6 +70,14 @@ impl ScenarioConfig {
             observation: Observation::default(),
             reward: Reward::default(),
         }
+    }
+
+    /// Returns the settings of a .sumocfg that is taken as it is.
+    pub fn of_file(scenario: &Path) -> Result<ScenarioConfig> {
+        let mut config = ScenarioConfig::new(scenario);
+        config.fill_in()?;
+        config.check()?;
+        Ok(config)
     }
 
     /// Reads the times that the config does not name from the .sumocfg.

@@ -255,6 +255,11 @@ pub trait Domain: Send + Sync {
         Vec::new()
     }
 
+    /// Lists what of the domain's files is not simulated, a sentence each.
+    fn left_out(&self) -> Vec<String> {
+        Vec::new()
+    }
+
     /// Returns an error if the domain's files could not be loaded from `folder`, which need not exist yet.
     fn check_place(&self, _folder: &Path) -> Result<()> {
         Ok(())

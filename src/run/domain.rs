@@ -10,6 +10,7 @@ use crate::config::{Config, DomainConfig, Simulator};
 use crate::domain::Domain;
 use crate::nn::use_vectors;
 use crate::records::files;
+use crate::terminal::tell;
 use crate::traffic::Traffic;
 use crate::traffic::sim::recording::Tape;
 use crate::warehouse::Warehouse;
@@ -105,4 +106,9 @@ pub fn keep_files(config: &Config, domain: &dyn Domain, dir: &Path) -> Result<Co
     let paths = kept.domain.iter_mut().flat_map(DomainConfig::paths);
     paths.zip(places).for_each(|((_, path), place)| *path = Path::new(files::NETWORKS).join(place));
     Ok(kept)
+}
+
+/// Says what of the domain's files is not simulated.
+pub fn tell_left_out(domain: &dyn Domain) {
+    domain.left_out().iter().for_each(|what| tell(format_args!("note: {what}")));
 }

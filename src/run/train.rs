@@ -92,6 +92,7 @@ struct Run {
 fn begin(args: &cli::TrainArgs, config_path: &Path, wanted: Option<usize>) -> Result<Run> {
     let config = load(config_path, &settings(args)).map_err(Error::Usage)?;
     let domain = domain::check(&config).map_err(Error::Usage)?;
+    domain::tell_left_out(&*domain);
     allow_workers(workers(wanted, &config, domain.agents()))?;
     let existing = match (args.force, &args.out) {
         (true, _) => Existing::MoveAside,

@@ -215,6 +215,10 @@ impl Domain for Traffic {
         self.ground.strange_files()
     }
 
+    fn left_out(&self) -> Vec<String> {
+        self.ground.left_out()
+    }
+
     fn check_place(&self, folder: &Path) -> Result<()> {
         self.ground.check_place(folder)
     }

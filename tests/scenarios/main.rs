@@ -1,9 +1,10 @@
 //! Scenarios of users: what is read, what is refused with which words, and what a run directory keeps.
 //!
 //! - `room`: a folder with a scenario to break; `config`: the ways to name one; `broken`: what is refused; `kept`: copies
-//!   and SUMO.
+//!   and SUMO; `play`: the global simulator.
 
 mod broken;
 mod config;
 mod kept;
+mod play;
 mod room;

@@ -9,7 +9,7 @@ use crate::traffic::agents::region_plan::RegionPlan;
 
 /// Returns the whole object. Indices (`links` of an approach, `from`, `to`) count the other lists of the same light.
 pub fn described(inspected: &Inspected) -> Value {
-    let Inspected { net, derived, padding, rules, .. } = inspected;
+    let Inspected { net, derived, padding, rules, left_out, .. } = inspected;
     let agents = derived.agents.iter().map(|agent| light(inspected, agent));
     let keeping = derived
         .keeping
@@ -21,6 +21,7 @@ pub fn described(inspected: &Inspected) -> Value {
         "yellow_s": rules.yellow_s,
         "min_green_s": rules.min_green_s,
         "kind": { "columns": padding.columns, "actions": padding.actions, "padded_share": padding.padded },
+        "left_out": left_out,
         "learning": agents.collect::<Vec<_>>(),
         "keeping": keeping.collect::<Vec<_>>(),
     })

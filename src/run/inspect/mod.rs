@@ -6,21 +6,21 @@ mod json;
 mod map;
 mod text;
 
-use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow};
 
 use super::outputs;
 use super::places::{self, Existing};
+use crate::config::ScenarioConfig;
 use crate::error::{Error, Result as CommandResult};
 use crate::outside::read_text;
 use crate::terminal::{self, answer, tell};
 use crate::traffic::agents::derive::overrides::Overrides;
 use crate::traffic::agents::derive::padding::Padding;
 use crate::traffic::agents::derive::{Derived, Rules, derive};
-use crate::traffic::network::roads::file::net_of_scenario;
 use crate::traffic::network::roads::{Roads, file};
+use crate::traffic::scenario::SumoScenario;
 
 /// Largest file of overrides, in bytes.
 const MOST_OVERRIDES: u64 = 1 << 20;
@@ -32,6 +32,8 @@ struct Inspected {
     derived: Derived,
     padding: Padding,
     rules: Rules,
+    /// What of the scenario is not simulated, a sentence each.
+    left_out: Vec<String>,
 }
 
 pub fn inspect(path: &Path, agents: Option<&Path>, as_json: bool, plot: Option<&Path>) -> CommandResult<()> {
@@ -46,19 +48,23 @@ pub fn inspect(path: &Path, agents: Option<&Path>, as_json: bool, plot: Option<&
 
 fn prepared(path: &Path, agents: Option<&Path>, plot: Option<&Path>) -> Result<Inspected> {
     plot.map_or(Ok(()), |dir| outputs::check_free(dir, "--plot"))?;
-    let net = net_of(path)?;
-    let roads = file::read(&net)?;
+    let (net, roads, left_out) = match path.extension().is_some_and(|extension| extension == "sumocfg") {
+        true => of_scenario(path)?,
+        false => (path.to_owned(), file::read(path)?, Vec::new()),
+    };
     let overrides = agents.map_or(Ok(Overrides::default()), read_overrides)?;
     let rules = Rules::default();
     let derived = derive(&roads, &rules, &overrides).map_err(|error| anyhow!("{}: {error:#}", net.display()))?;
     let padding = Padding::of(derived.agents.iter().map(|agent| &agent.plan));
-    Ok(Inspected { net: net.into_owned(), roads, derived, padding, rules })
+    Ok(Inspected { net, roads, derived, padding, rules, left_out })
 }
 
-/// Returns the net of the file that a person named: a scenario or a net.
-fn net_of(path: &Path) -> Result<Cow<'_, Path>> {
-    let is_scenario = path.extension().is_some_and(|extension| extension == "sumocfg");
-    if is_scenario { net_of_scenario(path).map(Cow::Owned) } else { Ok(Cow::Borrowed(path)) }
+/// Reads a scenario whole. Returns its net, the roads of it, and what of the scenario is not simulated.
+fn of_scenario(path: &Path) -> Result<(PathBuf, Roads, Vec<String>)> {
+    let config = ScenarioConfig::of_file(path)?;
+    let scenario = SumoScenario::read(&config)?;
+    let roads = scenario.roads()?;
+    Ok((scenario.net_path().to_owned(), roads, scenario.left_out().to_vec()))
 }
 
 fn read_overrides(path: &Path) -> Result<Overrides> {

@@ -11,7 +11,7 @@ use crate::traffic::agents::plan::AgentPlan;
 
 /// Returns the whole text.
 pub fn described(inspected: &Inspected) -> String {
-    let Inspected { net, derived, padding, rules, .. } = inspected;
+    let Inspected { net, derived, padding, rules, left_out, .. } = inspected;
     let (learning, keeping) = (derived.agents.len(), derived.keeping.len());
     let lights = some(learning + keeping, "light");
     let mut text = String::new();
@@ -39,6 +39,7 @@ pub fn described(inspected: &Inspected) -> String {
             "{states} states checked: links that cross never have G at once, unless their own program does so"
         ),
     );
+    left_out.iter().for_each(|what| line(&mut text, format_args!("not simulated: {what}")));
     for (number, agent) in derived.agents.iter().enumerate() {
         describe(&mut text, inspected, number, agent);
     }

@@ -46,6 +46,9 @@ pub trait Ground: Send + Sync {
     /// Returns the files of which it is not known that SUMO survives them.
     fn strange_files(&self) -> Vec<PathBuf>;
 
+    /// See [`crate::domain::Domain::left_out`].
+    fn left_out(&self) -> Vec<String>;
+
     /// See [`crate::domain::Domain::check_place`].
     fn check_place(&self, folder: &Path) -> Result<()>;
 

@@ -119,6 +119,10 @@ impl Ground for OnGrid {
         self.strange.clone()
     }
 
+    fn left_out(&self) -> Vec<String> {
+        Vec::new()
+    }
+
     fn check_place(&self, folder: &Path) -> Result<()> {
         KEPT_AS.iter().try_for_each(|name| NetworkFiles::of(&folder.join(name)).check_paths())
     }

@@ -7,13 +7,13 @@ use anyhow::{Context, anyhow, bail};
 use super::Ground;
 use crate::config::{DomainTable, Observation, ScenarioConfig};
 use crate::domain::{Kinds, RegionSpec, Result, Scenario, SourceSpec};
+use crate::traffic::agents::derive::keeping::Keeping;
 use crate::traffic::agents::derive::overrides::Overrides;
 use crate::traffic::agents::derive::padding::Padding;
 use crate::traffic::agents::derive::{CarsSeen, Derived, Rules, derive};
 use crate::traffic::agents::plan::{AgentPlan, JointPlan};
 use crate::traffic::controllers::actuated::{self, ProgramPhase};
 use crate::traffic::network::memory_file::MemoryFile;
-use crate::traffic::network::roads::Roads;
 use crate::traffic::network::roads::program::{Phase, Program};
 use crate::traffic::paper_grid::grid::Grid;
 use crate::traffic::scenario::SumoScenario;
@@ -34,7 +34,7 @@ impl OnScenario {
     pub fn open(config: &ScenarioConfig) -> Result<OnScenario> {
         let files = SumoScenario::read(config)?;
         let place = || files.path().display().to_string();
-        let roads = Roads::read(files.net()).with_context(place)?;
+        let roads = files.roads()?;
         let overrides = match files.agents() {
             None => Overrides::default(),
             Some((path, text)) => Overrides::parse(text).map_err(|error| anyhow!("{}: {error:#}", path.display()))?,
@@ -144,6 +144,12 @@ impl Ground for OnScenario {
 
     fn strange_files(&self) -> Vec<PathBuf> {
         self.files.files()
+    }
+
+    fn left_out(&self) -> Vec<String> {
+        let keeping = &self.derived.keeping;
+        let keeps = keeping.iter().map(|Keeping { light, why }| format!("light `{light}` keeps its program: {why}"));
+        self.files.left_out().iter().cloned().chain(keeps).collect()
     }
 
     fn check_place(&self, folder: &Path) -> Result<()> {

@@ -22,6 +22,8 @@ use std::sync::Arc;
 use anyhow::{Context, Result, ensure};
 
 use super::network::contents::Content;
+use super::network::roads::Roads;
+use super::network::roads::program::Program;
 use super::network::tree::Element;
 use crate::config::ScenarioConfig;
 use crate::config::sumocfg::Sumocfg;
@@ -130,6 +132,23 @@ impl SumoScenario {
     /// Returns the root element of the net.
     pub fn net(&self) -> &Element {
         &self.net.content.root
+    }
+
+    /// Returns the path of the net, as the user knows it.
+    pub fn net_path(&self) -> &Path {
+        &self.net.path
+    }
+
+    /// Returns the roads, with the programs of the additional files in the place of the net's.
+    pub fn roads(&self) -> Result<Roads> {
+        let mut roads = Roads::read(self.net()).with_context(|| self.net.path.display().to_string())?;
+        for file in &self.additional {
+            for program in file.content.root.all("tlLogic") {
+                let program = Program::read(program).with_context(|| file.path.display().to_string())?;
+                roads.replace_program(program);
+            }
+        }
+        Ok(roads)
     }
 
     /// Returns the root elements of the additional files, in SUMO's order. Programs of lights in them replace those of

@@ -60,6 +60,8 @@ pub struct GlobalTraffic {
     actions: Vec<Action>,
     hand_coded: Vec<Action>,
     /// Whether hand-coded control was asked for its next actions, which it gives once per second.
+    heard: bool,
+    /// Whether the actions of this step decide, because its advice was asked for.
     advised: bool,
     last: JointTransition,
     /// D-sets (the variables that AIPs predict from) from before the last step, and the arrivals during it.
@@ -122,6 +124,7 @@ impl GlobalTraffic {
             first_exit,
             actions: vec![KEEP; agents],
             hand_coded: vec![KEEP; agents],
+            heard: false,
             advised: false,
             d_set_before: last.percept.d_set.clone(),
             last,
@@ -160,9 +163,11 @@ impl GlobalTraffic {
     /// Sets `self.actions` from the actions of the step and the decisions of hand-coded control.
     fn decide(&mut self, actions: &[Action]) {
         self.actions.copy_from_slice(actions);
-        // Who asked for advice has heard it, and decides.
-        if !std::mem::take(&mut self.advised)
+        // Who asked for advice has heard it, and decides. Hand-coded control hears every second all the same.
+        let heard = std::mem::replace(&mut self.heard, false);
+        if !heard
             && self.ask()
+            && !self.advised
             && let SignalControl::HandCoded { agents, .. } = &self.control
         {
             agents.iter().for_each(|agent| self.actions[agent.0] = self.hand_coded[agent.0]);
@@ -277,6 +282,7 @@ impl GlobalSimulator for GlobalTraffic {
         self.handles.hand_to_program(&mut self.simulation, program, &by_program)?;
         self.read()?;
         self.shown_steps.fill(0);
+        self.heard = false;
         self.advised = false;
         self.age = 0;
         self.arrivals.fill(0);
@@ -301,6 +307,7 @@ impl GlobalSimulator for GlobalTraffic {
         for _ in 0..self.plan.decision_steps {
             self.second(actions)?;
         }
+        self.advised = false;
         let begun = Instant::now();
         self.perceive();
         self.watch.note(Phase::Reading, begun.elapsed());
@@ -316,6 +323,7 @@ impl GlobalSimulator for GlobalTraffic {
     /// A program of SUMO cannot be asked.
     fn advise(&mut self, actions: &mut [Action]) -> bool {
         self.advised = self.ask();
+        self.heard = self.advised;
         if self.advised {
             actions.copy_from_slice(&self.hand_coded);
         }

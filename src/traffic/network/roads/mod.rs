@@ -139,6 +139,16 @@ pub struct Signal {
 }
 
 impl Roads {
+    /// Makes a program that was loaded after the net the only one of its light, as SUMO makes it the one that runs. A light
+    /// that the net does not have is left alone.
+    pub fn replace_program(&mut self, program: Program) {
+        let Some(place) = self.programs.iter().position(|earlier| earlier.light == program.light) else { return };
+        let light = program.light.clone();
+        self.programs[place] = program;
+        let mut number = 0..;
+        self.programs.retain(|other| number.next() == Some(place) || other.light != light);
+    }
+
     pub fn junction(&self, junction: JunctionNo) -> &Junction {
         &self.junctions[junction.0]
     }
