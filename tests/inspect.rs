@@ -84,7 +84,7 @@ fn what_cannot_be_inspected_is_refused_with_its_place() {
     let missing = dir.path().join("none.net.xml").display().to_string();
     assert!(refusal(&[&missing]).starts_with(&format!("error: {missing}: could not be read\n")));
     let no_net = write("a.sumocfg", "<configuration><input/></configuration>");
-    assert!(refusal(&[&no_net]).contains("a.sumocfg: names no <net-file"));
+    assert!(refusal(&[&no_net]).contains("a.sumocfg: names no net; add <net-file"));
     let routes = write("b.net.xml", "<routes/>");
     assert!(refusal(&[&routes]).contains("b.net.xml: is not a SUMO network: its root is <routes>, not <net>"));
     let dark = write("c.net.xml", "<net/>");

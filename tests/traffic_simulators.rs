@@ -33,7 +33,7 @@ fn saved(name: &str) -> std::path::PathBuf {
 
 /// Returns control of all lights by a hand-coded controller.
 fn controlled(domain: &Traffic, controller: &str) -> SignalControl {
-    let recipe = controllers::recipe(controller, &domain.plans()).unwrap();
+    let recipe = controllers::recipe(controller, domain.plans()).unwrap();
     domain.everywhere(recipe(domain).unwrap())
 }
 

@@ -13,7 +13,6 @@ use crate::training::collect::Purpose;
 use crate::training::fleet::Fleet;
 use crate::training::journal::Journal;
 use crate::training::standing::Standing;
-use crate::training::state::AgentsState;
 
 /// Shares of the time. The rest is for the start of processes and for a first guess of the speed.
 const EVALUATION: f64 = 0.1;
@@ -121,13 +120,13 @@ pub fn measure(plan: &MeasurePlan<'_>, fleet: &mut dyn Fleet, journal: &mut dyn 
         }
         bench.fleet.restore(state)?;
     }
-    // The first update only shows how long one takes. The measurement starts again with empty roads.
+    // The first update only shows how long one takes. The measurement starts again where it did.
     let memory = plan.config.ppo.memory as u64;
     let mut guess = Orders::default();
-    let beginning = bench.fleet.agents().streams.clone();
+    let beginning = bench.fleet.agents().clone();
     bench.train(&mut guess, memory, agents)?;
-    let state = AgentsState { streams: beginning, ..bench.fleet.agents().clone() };
-    bench.fleet.restore(state)?;
+    bench.fleet.restore(beginning)?;
+    bench.period.end = 0;
     let updates = part(TRAINING).div_duration_f64(guess.slowest.max(Duration::from_millis(1)));
     let mut training = Orders::default();
     bench.train(&mut training, memory * (updates as u64).max(2), agents)?;
