@@ -516,7 +516,12 @@ fn a_crafted_file_in_a_run_directory_is_an_error_that_names_it_and_the_way_out()
         assert_refused(&sound.place, "run", 1, &[way_out, told]);
     }
     fs::write(&path, vec![0; 64 << 20]).unwrap();
-    assert_refused(&sound.place, "run", 1, &["step_000000000384.safetensors: cannot be read", "has more than", "the limit"]);
+    assert_refused(
+        &sound.place,
+        "run",
+        1,
+        &["step_000000000384.safetensors: cannot be read", "has more than", "the limit"],
+    );
     edit(&run, "stop_at_steps = 300\n", "");
     // Numbers that are finite, but too large to compute with: nothing says that training did not lead to them.
     let huge = sound.file_of(|c| {

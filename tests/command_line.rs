@@ -382,7 +382,8 @@ fn bad_configs_are_refused_and_nothing_is_written() {
 fn spoiled_nets(dir: &Path, file: &str, spoil: impl Fn(String) -> String) -> PathBuf {
     let copy = dir.join("spoiled");
     fs::create_dir_all(&copy).unwrap();
-    for file in fs::read_dir(nets()).unwrap().map(|entry| entry.unwrap().path()) {
+    let files = fs::read_dir(nets()).unwrap().map(|entry| entry.unwrap().path());
+    for file in files.filter(|path| path.is_file()) {
         fs::copy(&file, copy.join(file.file_name().unwrap())).unwrap();
     }
     let text = spoil(fs::read_to_string(copy.join(file)).unwrap());
@@ -534,7 +535,8 @@ fn paths_that_sumo_would_misread_are_refused() {
     let config = write_config(dir.path(), SHORT);
     let comma = dir.path().join("a,b");
     fs::create_dir(&comma).unwrap();
-    for file in fs::read_dir(nets()).unwrap().map(|entry| entry.unwrap().path()) {
+    let files = fs::read_dir(nets()).unwrap().map(|entry| entry.unwrap().path());
+    for file in files.filter(|path| path.is_file()) {
         fs::copy(&file, comma.join(file.file_name().unwrap())).unwrap();
     }
     let out = dir.path().join("run");
@@ -598,7 +600,7 @@ fn baselines_print_a_table_or_json_and_refuse_unknown_names() {
     assert_eq!(found["per_agent"].as_array().unwrap().len(), 4);
     assert_refused(
         &mut dials_traffic(&["baseline", &config, "--controller", "fastest"]),
-        &["controller `fastest`: unknown; one of random, never, always, switch-every-K, actuated, gap-out"],
+        &["controller `fastest`: unknown; one of random, never, always, switch-every-K, program, actuated, gap-out"],
     );
 }
 

@@ -21,7 +21,8 @@ fn nets() -> PathBuf {
 
 /// Returns the 2x2 grid with this probability of a car per step and edge.
 fn traffic(dir: &Path, inflow: &str) -> Traffic {
-    for file in fs::read_dir(nets()).unwrap().map(|entry| entry.unwrap().path()) {
+    let files = fs::read_dir(nets()).unwrap().map(|entry| entry.unwrap().path());
+    for file in files.filter(|path| path.is_file()) {
         let name = file.file_name().unwrap().to_str().unwrap().to_owned();
         let text = fs::read_to_string(&file).unwrap();
         fs::write(dir.join(name), text.replace("probability=\"0.1\"", &format!("probability=\"{inflow}\""))).unwrap();
