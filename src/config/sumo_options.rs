@@ -10,7 +10,7 @@
 pub(super) enum Fate {
     /// Carried over: SUMO gets it in every simulation, and so does the copy in a run directory.
     Carried,
-    /// Left out, and the user is told, with the reason.
+    /// Left out. The user gets the reason.
     LeftOut(&'static str),
     /// Left out in silence: it changes no traffic here and writes nothing of use.
     Silent,

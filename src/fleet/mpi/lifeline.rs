@@ -24,7 +24,7 @@ pub struct Address {
     /// Names and addresses of its machine, the best first.
     hosts: Vec<String>,
     port: u16,
-    /// Number that tells a relay from a stranger.
+    /// Number by which rank 0 knows its own relays.
     secret: u64,
 }
 

@@ -7,12 +7,14 @@ use anyhow::{Context, anyhow, bail};
 use super::Ground;
 use crate::config::{DomainTable, Observation, ScenarioConfig};
 use crate::domain::{Kinds, RegionSpec, Result, Scenario, SourceSpec};
+use crate::outside::quoted;
 use crate::traffic::agents::derive::keeping::Keeping;
 use crate::traffic::agents::derive::overrides::Overrides;
 use crate::traffic::agents::derive::padding::Padding;
 use crate::traffic::agents::derive::{CarsSeen, Derived, Rules, derive};
 use crate::traffic::agents::plan::{AgentPlan, JointPlan};
 use crate::traffic::controllers::actuated::{self, ProgramPhase};
+use crate::traffic::network::files::for_sumo;
 use crate::traffic::network::memory_file::MemoryFile;
 use crate::traffic::network::roads::program::{Phase, Program};
 use crate::traffic::paper_grid::grid::Grid;
@@ -129,8 +131,8 @@ impl Ground for OnScenario {
     }
 
     fn cannot_be_simulated(&self) -> String {
-        let path = self.files.path().display();
-        format!("{path}: SUMO cannot simulate this scenario; try it with: sumo -c {path}")
+        let path = self.files.path();
+        format!("{}: SUMO cannot simulate this scenario; try it with: sumo -c {}", path.display(), quoted(path))
     }
 
     fn scenario(&self, agents: usize) -> Result<Scenario> {
@@ -153,7 +155,7 @@ impl Ground for OnScenario {
     }
 
     fn check_place(&self, folder: &Path) -> Result<()> {
-        crate::traffic::network::files::for_sumo(folder).map(drop)
+        for_sumo(folder).map(drop)
     }
 
     fn keep_files(&self, folder: &Path) -> Result<Vec<PathBuf>> {
