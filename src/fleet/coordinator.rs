@@ -11,6 +11,7 @@ use anyhow::{Result, bail};
 use super::channel::encode;
 use super::expected::Speaker;
 use super::footprint::CpuClock;
+use super::growth::{Growth, MostGrowth};
 use super::link::{Crew, Link, News};
 use super::loss::Loss;
 use super::message::{Answer, Order, WorkerReport};
@@ -38,6 +39,8 @@ pub struct Options {
     pub threads: usize,
     /// Longest silence of a worker that has an order, whether it does not read the order or hangs at work.
     pub patience: Duration,
+    /// Growth at which a worker that can be replaced is replaced.
+    pub most_growth: MostGrowth,
 }
 
 /// Workers that share the agents: each owns a block of consecutive agents, in the order of the workers. A
@@ -64,6 +67,8 @@ pub struct Coordinator<C: Crew> {
 pub(super) struct Slot<L> {
     pub agents: Range<usize>,
     link: Option<L>,
+    /// Growth of this process.
+    growth: Growth,
     pub load: WorkerLoad,
 }
 
@@ -76,7 +81,7 @@ impl<C: Crew> Coordinator<C> {
         options: Options,
         observer: Rc<dyn Observer>,
     ) -> Result<Coordinator<C>> {
-        let slot = |agents| Slot { agents, link: None, load: WorkerLoad::default() };
+        let slot = |agents| Slot { agents, link: None, growth: Growth::default(), load: WorkerLoad::default() };
         let mut fleet = Coordinator {
             workers: agents_of_workers(config, domain.agents(), options.workers).into_iter().map(slot).collect(),
             agents: AgentsState::nobody(),
@@ -222,8 +227,9 @@ impl<C: Crew> Coordinator<C> {
         }
         match report {
             WorkerReport::Failed { reason } => bail!("{}: {reason}", self.name(worker)),
-            WorkerReport::Done { answer, load } => {
-                let mine = &mut self.workers[worker].load;
+            WorkerReport::Done { answer, load, resident_kib } => {
+                let Slot { load: mine, growth, .. } = &mut self.workers[worker];
+                growth.note(resident_kib);
                 mine.timesheet.add(&load.timesheet);
                 mine.footprint = mine.footprint.max(load.footprint);
                 // A worker that has begun or was restored says so before it starts its order.
@@ -260,7 +266,8 @@ impl<C: Crew> Coordinator<C> {
         };
         link.send(encode(&begin)?.into());
         self.send_state(worker, &link)?;
-        self.workers[worker].link = Some(link);
+        let slot = &mut self.workers[worker];
+        (slot.link, slot.growth) = (Some(link), Growth::default());
         Ok(())
     }
 
@@ -285,6 +292,15 @@ impl<C: Crew> Coordinator<C> {
             }
         }
         Ok(())
+    }
+
+    /// Ends the workers that have grown too much in a period whose end this is. The next order starts them again.
+    pub(super) fn end_those_that_grew(&mut self) {
+        if self.crew.can_replace() {
+            let most = self.options.most_growth;
+            let grown = self.workers.iter_mut().filter_map(|slot| slot.growth.is_too_much(most).then_some(slot));
+            grown.for_each(|slot| slot.link = None);
+        }
     }
 
     /// Handles the loss of a worker, or ends a worker. With a task it is started again, if it can be, and gets the task

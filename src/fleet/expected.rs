@@ -81,7 +81,7 @@ impl Speaker<'_> {
                 ensure!((0.0..1.01).contains(share), "it has done {share} of its work");
                 Ok(())
             }
-            WorkerReport::Done { answer, load } => {
+            WorkerReport::Done { answer, load, .. } => {
                 check_load(load)?;
                 match &**answer {
                     // A worker that has begun or was restored says so, too.

@@ -12,6 +12,12 @@ pub fn footprint() -> Footprint {
     Footprint { peak_rss_kib: field("/proc/self/status", "VmHWM:"), pss_kib: field("/proc/self/smaps_rollup", "Pss:") }
 }
 
+/// Returns the resident memory of this process now, in KiB, shared libraries counted in full; 0 if the system does not
+/// report it.
+pub fn resident_kib() -> u64 {
+    field("/proc/self/status", "VmRSS:")
+}
+
 /// A clock of the CPU time of this process, user and system, all threads, from one reading to the next.
 pub struct CpuClock {
     last: Duration,
@@ -55,6 +61,7 @@ mod tests {
     fn a_process_knows_its_memory() {
         let footprint = footprint();
         assert!(footprint.peak_rss_kib > 1000 && footprint.pss_kib > 1000, "{footprint:?}");
+        assert!(resident_kib() > 1000);
     }
 
     #[test]

@@ -74,7 +74,8 @@ pub enum WorkerReport {
     /// This share of another activity is done.
     Busy { activity: Activity, share: f64 },
     /// The order is done. `load`: what the worker has spent since the last one.
-    Done { answer: Box<Answer>, load: Box<WorkerLoad> },
+    /// `resident_kib`: resident memory of its process now.
+    Done { answer: Box<Answer>, load: Box<WorkerLoad>, resident_kib: u64 },
     /// The order cannot be done, for this reason, and would fail again.
     Failed { reason: String },
 }

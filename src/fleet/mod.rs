@@ -15,7 +15,7 @@
 //!   coordinator, `log` is what a worker printed.
 //! - `mpi`: workers on the ranks of an MPI job, with the feature of that name. `launcher`: whether there is such a job.
 //! - `message`, `channel`: the messages, and how they are written to a stream. `serve`: the worker's side of it.
-//! - `footprint`: memory and CPU time of this process.
+//! - `footprint`: memory and CPU time of this process. `growth`: when a worker's process is replaced by a fresh one.
 //! - `threads`: a crew of threads, with which the tests kill and hang workers.
 //!
 //! Only `run` opens this room. Training knows it as a [`Fleet`](crate::training::fleet::Fleet).
@@ -26,6 +26,7 @@ pub mod children;
 mod coordinator;
 mod expected;
 mod footprint;
+mod growth;
 pub mod inline;
 mod launcher;
 pub mod link;
@@ -48,6 +49,7 @@ pub use self::mpi::{End, Job, Part, Prepared, Ranks, Relay, join_the_job};
 #[doc(hidden)]
 pub use channel::{encode, receive};
 pub use coordinator::{Coordinator, Options};
+pub use growth::MostGrowth;
 pub use launcher::ranks;
 pub use log::Log;
 pub use message::WorkerReport;

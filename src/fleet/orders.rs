@@ -154,6 +154,7 @@ impl<C: Crew> Fleet for Coordinator<C> {
             }
             other => unreachable!("`expected` lets only policies pass, not {other:?}"),
         })?;
+        self.end_those_that_grew();
         Ok(PolicyTraining::joined(parts))
     }
 

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail};
 
 use super::channel::{receive, send};
-use super::footprint::{CpuClock, footprint};
+use super::footprint::{CpuClock, footprint, resident_kib};
 use super::message::{Answer, Order, WorkerReport};
 use super::worker::Worker;
 use crate::base::Activity;
@@ -115,7 +115,8 @@ impl<S: Read + Write> Reporter<S> {
         let mut timesheet = worker.take_timesheet();
         timesheet.note_cpu(self.clock.borrow_mut().lap());
         let load = WorkerLoad { timesheet, footprint: footprint() };
-        self.send(&WorkerReport::Done { answer: Box::new(answer), load: Box::new(load) })
+        let (answer, load) = (Box::new(answer), Box::new(load));
+        self.send(&WorkerReport::Done { answer, load, resident_kib: resident_kib() })
     }
 
     fn progress(&self, report: &WorkerReport) {

@@ -15,7 +15,7 @@ use super::channel::{encode, receive};
 use super::inline::InlineFleet;
 use super::link::{Crew, Frame, Link, News};
 use super::message::{Answer, WorkerReport};
-use super::{Coordinator, Options, serve};
+use super::{Coordinator, MostGrowth, Options, serve};
 use crate::base::{Activity, Ragged, Timesheet};
 use crate::config::{Config, PolicyConfig, Predictor, Simulator};
 use crate::domain::toy::{Coins, CoinsAndDice};
@@ -51,6 +51,7 @@ struct ThreadCrew {
     can_replace: bool,
     /// Fates by worker. The next one in a list strikes the next worker that is started with that number.
     fates: Vec<Vec<FateAt>>,
+    most_growth: MostGrowth,
 }
 
 impl Crew for ThreadCrew {
@@ -198,6 +199,8 @@ impl Journal for Keeper {
 }
 
 const PATIENCE: Duration = Duration::from_secs(3);
+/// All threads are one process, so their growth means nothing.
+const NEVER: MostGrowth = MostGrowth { kib: u64::MAX, share: 0.0 };
 
 /// Makes a config of two periods, with a training of the AIPs before each.
 fn config() -> Config {
@@ -228,7 +231,7 @@ fn undisturbed() -> (AgentsState, Keeper) {
 /// Makes workers whose fates strike them in this order.
 fn crew<const N: usize>(can_replace: bool, fates: [&[FateAt]; N]) -> ThreadCrew {
     let fates = fates.map(|fates| fates.iter().rev().copied().collect());
-    ThreadCrew { domain: coins(), bell: Bell::new(), can_replace, fates: fates.to_vec() }
+    ThreadCrew { domain: coins(), bell: Bell::new(), can_replace, fates: fates.to_vec(), most_growth: NEVER }
 }
 
 /// Trains with a crew. Returns the agents or the error, and the warnings.
@@ -238,7 +241,8 @@ fn train(crew: ThreadCrew) -> (Result<AgentsState, String>, Vec<String>) {
 
 fn train_as(config: &Config, crew: ThreadCrew) -> (Result<AgentsState, String>, Vec<String>) {
     let (domain, warnings) = (crew.domain.clone(), Rc::new(Warnings::default()));
-    let options = Options { workers: crew.fates.len(), threads: crew.fates.len(), patience: PATIENCE };
+    let (workers, most_growth) = (crew.fates.len(), crew.most_growth);
+    let options = Options { workers, threads: workers, patience: PATIENCE, most_growth };
     let outcome = Coordinator::start(domain, config, crew, options, warnings.clone()).and_then(|mut fleet| {
         dials::train(config, &mut fleet, Standing::default(), &mut Unrecorded, &*warnings)?;
         Ok(fleet.agents().clone())
@@ -265,6 +269,18 @@ fn a_lost_worker_is_replaced_and_the_numbers_stay() {
     assert!(outcome.unwrap() == undisturbed().0);
     let warning = "worker 1 (agent 1) died: its thread ended\nstarted again from the last exchange";
     assert_eq!(warnings, [warning, warning]);
+}
+
+#[test]
+fn a_worker_that_has_grown_is_replaced_and_the_numbers_stay() {
+    let at_once = MostGrowth { kib: 0, share: 0.0 };
+    // The second process, which the next evaluation starts, dies at it.
+    let fates = [(usize::MAX, Fate::Dies), (3, Fate::Dies)];
+    let (outcome, warnings) = train(ThreadCrew { most_growth: at_once, ..crew(true, [&[], &fates]) });
+    assert!(outcome.unwrap() == undisturbed().0);
+    assert_eq!(warnings.len(), 1, "{warnings:?}");
+    let (outcome, warnings) = train(ThreadCrew { most_growth: at_once, ..crew(false, [&[], &fates]) });
+    assert!(outcome.unwrap() == undisturbed().0 && warnings.is_empty());
 }
 
 #[test]
@@ -301,7 +317,8 @@ fn the_loss_of_a_worker_that_cannot_be_replaced_ends_the_run_and_names_it_and_it
 
 /// Makes messages that no worker of two coins may send, whatever its order is.
 fn lies() -> Vec<WorkerReport> {
-    let done = |answer, load| WorkerReport::Done { answer: Box::new(answer), load: Box::new(load) };
+    let done =
+        |answer, load| WorkerReport::Done { answer: Box::new(answer), load: Box::new(load), resident_kib: u64::MAX };
     let said = |answer| done(answer, WorkerLoad::default());
     let report = |returns: &[f64]| EpisodeReport { returns: returns.to_vec(), measures: Measures::default() };
     let losses = Losses { surrogate: 0.0, value: 0.0, entropy: 0.0, kl: 0.0, clipped: 0.0 };
@@ -377,7 +394,7 @@ fn training_goes_on_from_a_state_with_workers_that_run_or_are_started_again() {
     let (agents, standing) = kept.unwrap();
     assert_eq!((standing.until, agents.steps), (250, 256));
     for can_replace in [true, false] {
-        let options = Options { workers: 2, threads: 2, patience: PATIENCE };
+        let options = Options { workers: 2, threads: 2, patience: PATIENCE, most_growth: NEVER };
         let crew = crew(can_replace, [&[], &[]]);
         let mut fleet = Coordinator::start(coins(), &config(), crew, options, Rc::new(Silent)).unwrap();
         fleet.restore(agents.clone()).unwrap();

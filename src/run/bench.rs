@@ -18,7 +18,7 @@ use crate::config::{Config, Predictor, Simulator, load};
 use crate::domain::Domain;
 use crate::error::{Error, Result};
 use crate::fleet::children::Children;
-use crate::fleet::{Coordinator, Options};
+use crate::fleet::{Coordinator, MostGrowth, Options};
 use crate::machine::allow_open_files;
 use crate::nn::Peak;
 use crate::outside::{Directory, temporary_dir};
@@ -86,7 +86,8 @@ fn run(
     let short = short_orders(config, workers);
     let dir = temporary_dir().context("the files of the measured run have no place")?;
     let directory = Directory::lock(dir.path())?;
-    let (crew, options) = (Children::new(&directory), Options { workers, threads: workers, patience: PATIENCE });
+    let crew = Children::new(&directory);
+    let options = Options { workers, threads: workers, patience: PATIENCE, most_growth: MostGrowth::default() };
     let mut log = RunLog::begin(directory, Owner::of(config, &**domain)?, Layouts::of(config, domain.kinds()));
     let mut fleet = Coordinator::start(domain.clone(), &short, crew, options, progress.clone())?;
     let plan = MeasurePlan { config: &short, kinds: domain.kinds(), workers, time, peak_flops };

@@ -15,7 +15,7 @@ use crate::domain::Domain;
 use crate::error::{Error, Result};
 use crate::fleet::children::Children;
 use crate::fleet::inline::InlineFleet;
-use crate::fleet::{self, Coordinator, Options};
+use crate::fleet::{self, Coordinator, MostGrowth, Options};
 #[cfg(feature = "mpi")]
 use crate::fleet::{End, Job, Part, Prepared, Ranks, Relay};
 #[cfg(feature = "mpi")]
@@ -80,16 +80,17 @@ impl Team {
     /// Starts the workers of a run.
     pub fn fleet(self, plan: &Plan, observer: Rc<dyn Observer>) -> anyhow::Result<Box<dyn Fleet>> {
         let Plan { domain, config, directory, workers, patience } = *plan;
+        let most_growth = MostGrowth::default();
         match self {
             Team::Here if workers == 0 => Ok(Box::new(InlineFleet::new(domain.clone(), config, observer))),
             Team::Here => {
-                let options = Options { workers, threads: workers, patience };
+                let options = Options { workers, threads: workers, patience, most_growth };
                 Ok(Box::new(Coordinator::start(domain.clone(), config, Children::new(directory), options, observer)?))
             }
             #[cfg(feature = "mpi")]
             Team::Ranks(mut ranks, each) => {
                 let config = prepare(&mut ranks, plan)?;
-                let options = Options { workers, threads: each, patience };
+                let options = Options { workers, threads: each, patience, most_growth };
                 Ok(Box::new(Coordinator::start(domain.clone(), &config, ranks, options, observer)?))
             }
         }
