@@ -44,7 +44,8 @@ pub fn orders_seeds() -> Vec<Vec<u8>> {
 }
 
 pub fn reports_seeds() -> Vec<Vec<u8>> {
-    let done = |answer| WorkerReport::Done { answer: Box::new(answer), load: Box::new(WorkerLoad::default()) };
+    let load = Box::<WorkerLoad>::default;
+    let done = |answer| WorkerReport::Done { answer: Box::new(answer), load: load(), resident_kib: 200_000 };
     encoded(&[
         WorkerReport::Trained { steps: 128 },
         WorkerReport::Failed { reason: "the disk is full".to_owned() },
