@@ -161,11 +161,13 @@ fn compare_copies(whole: &Node, cut: &Node, light: &str, hops: usize, is_within:
     }
 }
 
-/// Cuts out every light of a scenario, plays each cut and compares it. Returns the number of lights.
-fn check(scenario: &Path, reach: Reach) -> usize {
+/// Cuts out every light of a scenario, plays each cut and compares it. Returns the number of lights, and how often a car
+/// braked hard: some lights lead cars into that, on the whole net, too.
+fn check(scenario: &Path, reach: Reach) -> (usize, usize) {
     let scenario = SumoScenario::read(&ScenarioConfig::of_file(scenario).unwrap()).unwrap();
     let whole = Node::read(scenario.net_path());
     let lights: BTreeSet<&str> = whole.all("tlLogic").map(|light| &light["id"]).collect();
+    let mut brakings = 0;
     for light in &lights {
         let room = room();
         let net = cut_light(&scenario, light, APPROACH_M, reach).unwrap();
@@ -173,25 +175,28 @@ fn check(scenario: &Path, reach: Reach) -> usize {
         let counts = room.path().join("counts.xml");
         let outputs = ["--no-step-log", "--end", "300", "--statistic-output", text(&counts)];
         let said = sumo(&[&["-c", text(&files.config)][..], &outputs].concat());
-        assert_eq!(said, "", "{}, light {light}: SUMO has nothing to say", scenario.path().display());
+        let (hard, other): (Vec<&str>, Vec<&str>) =
+            said.lines().partition(|line| line.contains("performs emergency braking"));
+        assert_eq!(other, [""; 0], "{}, light {light}: SUMO has nothing to say", scenario.path().display());
+        brakings += hard.len();
         let played = Node::read(&counts);
         let arrived = |key: &str| played.all("vehicles").next().unwrap()[key].parse::<u32>().unwrap();
         assert!(arrived("inserted") > arrived("running"), "{light}: cars go through the region");
         compare(&whole, &Node::read(&files.net), light, reach.hops);
     }
-    lights.len()
+    (lights.len(), brakings)
 }
 
 #[test]
 fn every_light_of_the_shipped_scenarios_can_be_cut_out_as_it_is() {
     let cut = SCENARIOS.map(|name| check(&file(name, "sumocfg"), Reach::default()));
-    assert_eq!(cut, [16, 20, 6]);
+    assert_eq!(cut, [(16, 0), (20, 0), (6, 0)]);
 }
 
 #[test]
 fn copies_behind_the_exits_reach_as_far_as_asked() {
     let arterial = file("arterial", "sumocfg");
-    assert_eq!(check(&arterial, Reach { hops: 0, metres: 150.0 }), 6);
+    assert_eq!(check(&arterial, Reach { hops: 0, metres: 150.0 }), (6, 0));
     let scenario = SumoScenario::read(&ScenarioConfig::of_file(&arterial).unwrap()).unwrap();
     let light = Node::read(scenario.net_path()).all("tlLogic").next().unwrap()["id"].to_owned();
     let hops = |hops, metres| {
@@ -199,6 +204,38 @@ fn copies_behind_the_exits_reach_as_far_as_asked() {
         net.exits.iter().flat_map(|exit| &exit.ways).map(|way| way.copies.len()).max()
     };
     assert_eq!([hops(0, 150.0), hops(1, 150.0), hops(3, 0.1), hops(3, 1e6)], [0, 1, 1, 3].map(Some));
+}
+
+#[test]
+fn nets_cut_writes_over_its_own_files_only_and_an_unknown_light_is_told() {
+    let room = room();
+    let arterial = file("arterial", "sumocfg");
+    let out = room.path().join("cut");
+    let cut = |light: &str, more: &[&str]| {
+        let args = ["nets", "cut", text(&arterial), "--light", light, "--out", text(&out)];
+        assert_cmd::cargo::cargo_bin_cmd!("dials-traffic").args(args).args(more).assert()
+    };
+    let told = String::from_utf8(cut("A1", &[]).code(2).get_output().stderr.clone()).unwrap();
+    let list = format!("list all with: dials-traffic nets inspect {}", arterial.display());
+    assert!(told.contains(&format!("arterial.net.xml: has no light `A1`, but `a1`, `a2`, `a3`; {list}")), "{told}");
+    assert!(!out.exists());
+    cut("a1", &["--hops", "6"]).code(2);
+    fs::create_dir(&out).unwrap();
+    fs::write(out.join("mine.txt"), "mine").unwrap();
+    for light in ["a1", "a2"] {
+        let told = String::from_utf8(cut(light, &[]).success().get_output().stdout.clone()).unwrap();
+        assert!(told.contains(&format!("sumo-gui -c {}", out.join("cut.sumocfg").display())), "{told}");
+        assert_eq!(Node::read(&out.join("cut.net.xml")).by_id("tlLogic").keys().next(), Some(&light));
+    }
+    let names: BTreeSet<_> = fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    let expected = ["cut.net.xml", "cut.rou.xml", "cut.sumocfg", "cut.types.add.xml", "mine.txt"];
+    assert_eq!(names, expected.map(Into::into).into());
+    fs::write(room.path().join("config.toml"), "").unwrap();
+    fs::write(room.path().join("run.json"), "").unwrap();
+    let into_run = ["nets", "cut", text(&arterial), "--light", "a1", "--out", text(&room.path().join("networks"))]
+        .map(str::to_owned);
+    let refused = assert_cmd::cargo::cargo_bin_cmd!("dials-traffic").args(into_run).assert().code(2);
+    assert!(String::from_utf8_lossy(&refused.get_output().stderr).contains("--out must not write here"));
 }
 
 /// Lights of real networks, which are not part of this program.
@@ -210,13 +247,16 @@ fn every_light_of_real_networks_can_be_cut_out_as_it_is() {
         stderr().write_all(line.as_bytes()).unwrap();
         return;
     };
-    let mut lights = 0;
+    let mut found = [(0, 0); 3];
     for entry in fs::read_dir(folder).unwrap().map(|entry| entry.unwrap()).filter(|entry| entry.path().is_dir()) {
         let scenario = entry.path().join(entry.file_name()).with_extension("sumocfg");
-        lights += [0, 1, 3].map(|hops| check(&scenario, Reach { hops, metres: 150.0 }))[0];
+        for (hops, (lights, brakings)) in [0, 1, 3].into_iter().zip(&mut found) {
+            let (more_lights, more_brakings) = check(&scenario, Reach { hops, metres: 150.0 });
+            *lights += more_lights;
+            *brakings += more_brakings;
+        }
     }
-    stderr()
-        .write_all(format!("{lights} lights of real networks: all cuts are silent and equal\n").as_bytes())
-        .unwrap();
-    assert!(lights > 0, "the folder has scenarios");
+    let line = format!("real networks: (lights cut, equal and loaded in silence; hard brakings) {found:?}\n");
+    stderr().write_all(line.as_bytes()).unwrap();
+    assert!(found[0].0 > 0, "the folder has scenarios");
 }

@@ -195,3 +195,89 @@ impl<'a> Cut<'a> {
 fn junction_of(internal: &str) -> Option<&str> {
     internal.strip_prefix(':')?.rsplit_once('_').map(|(junction, _)| junction)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::traffic::agents::derive::region::lit_junctions;
+    use crate::traffic::network::roads::Roads;
+    use crate::traffic::network::roads::example::changed;
+    use crate::traffic::network::tree::parse;
+
+    /// Cuts a light out of the example with some texts replaced. At 10 m, the region is the junction J alone.
+    fn cut(light: &str, approach_m: f64, changes: &[(&str, &str)]) -> Result<LocalNet> {
+        let net = parse(&changed(changes)).unwrap();
+        let roads = Roads::read(&net).unwrap();
+        let region = Region::of(&roads, &lit_junctions(&roads), light, approach_m, None)?;
+        LocalNet::cut(&Source::new(&net, &roads, Vec::new()), light, &region, Reach::default())
+    }
+
+    #[test]
+    fn lanes_at_the_border_are_entries_and_exits_have_copies_of_what_follows() {
+        let net = cut("J", 10.0, &[]).unwrap();
+        assert_eq!(net.entry_lanes, ["near_0", "near_1", "north_0"]);
+        let ends = |exit: &super::super::local_net::Exit| -> Vec<(Vec<String>, f64)> {
+            exit.ways.iter().map(|way| (way.copies.clone(), way.end_m)).collect()
+        };
+        // Behind `out` there is nothing. From `back` cars go to `west`, or turn around.
+        assert_eq!([&net.exits[0].edge, &net.exits[1].edge], ["out", "back"]);
+        assert_eq!(ends(&net.exits[0]), [(Vec::new(), 190.0)]);
+        let behind = ["back+west", "back+near"].map(|copy| (vec![copy.to_owned()], 15.0));
+        assert_eq!(ends(&net.exits[1]), behind);
+        assert_eq!(net.copies().collect::<Vec<_>>(), ["back+west", "back+near"]);
+        let gate = net.gate.as_ref().unwrap();
+        assert_eq!((&*gate.light, &gate.lanes[..]), ("J+exits", &["back_0".to_owned()][..]));
+        let lanes = ["near_0", "near_1", "north_0", "out_0", "back_0", "back+west_0", "back+near_0", "back+near_1"];
+        assert_eq!(net.lanes().collect::<Vec<_>>(), lanes);
+        let kinds: Vec<(&str, &str)> = net
+            .parts
+            .junctions
+            .iter()
+            .map(|junction| ["id", "type"].map(|key| junction.attribute(key).unwrap()).into())
+            .collect();
+        let dead = ["U", "N", "E", "back+west+end", "back+near+end"].map(|id| (id, "dead_end"));
+        assert_eq!(kinds, [&dead[..1], &[("J", "traffic_light")], &dead[1..]].concat());
+        Roads::read(&net.root()).unwrap();
+    }
+
+    #[test]
+    fn a_name_that_is_taken_is_not_taken_again() {
+        let net = cut("J", 10.0, &[("id=\"far\"", "id=\"back+west\""), ("from=\"far\"", "from=\"back+west\"")]);
+        assert_eq!(net.unwrap().copies().collect::<Vec<_>>(), ["back+west+", "back+near"]);
+    }
+
+    #[test]
+    fn what_cannot_be_cut_out_is_refused_with_the_connection_and_the_way_out() {
+        let told = |light, changes: &[(&str, &str)]| format!("{:#}", cut(light, 10.0, changes).unwrap_err());
+        let other = "<tlLogic id=\"K\"><phase duration=\"9\" state=\"G\"/></tlLogic><junction id=\"W\"";
+        let mut changes = vec![("<junction id=\"W\"", other)];
+        assert_eq!(
+            told("K", &changes),
+            "light `K`: controls no cars, so there is nothing to cut out; choose another light"
+        );
+        changes.push(("tl=\"J\" linkIndex=\"3\"", "tl=\"K\" linkIndex=\"0\""));
+        assert_eq!(
+            told("J", &changes),
+            "light `J`: its region holds the connection from edge `near` to edge `back`, which obeys light `K`; join \
+             the two lights in netedit, or choose another light"
+        );
+        // People on foot cross under the same light elsewhere.
+        let on_foot = [(
+            "<connection from=\"back\" fromLane=\"0\" to=\"west\"",
+            "<connection from=\"side\" fromLane=\"0\" to=\"near\" toLane=\"0\" tl=\"J\" linkIndex=\"3\"/>\
+             <connection from=\"back\" fromLane=\"0\" to=\"west\"",
+        )];
+        assert_eq!(
+            told("J", &on_foot),
+            "light `J`: controls the connection from edge `side` to edge `near`, too, which is not at the junctions \
+             where it controls cars; give that connection a light of its own in netedit"
+        );
+        let jump =
+            [("to=\"out\" toLane=\"0\" tl=\"J\" linkIndex=\"1\"", "to=\"west\" toLane=\"0\" tl=\"J\" linkIndex=\"1\"")];
+        assert_eq!(
+            told("J", &jump),
+            "light `J`: the connection from edge `north` to edge `west` leads to an edge that does not begin at its \
+             junction; make the net again with netconvert"
+        );
+    }
+}

@@ -47,12 +47,15 @@ struct Driver<'a> {
     class: &'a str,
 }
 
-/// Returns the types in their order, and SUMO's own at last.
+/// Returns who may drive: passenger cars first, SUMO's own type at their end, then the others.
 fn drivers<'a>(types: &[&'a Element]) -> Vec<Driver<'a>> {
-    let class = |kind: &'a Element| kind.attribute("vClass").unwrap_or("passenger");
+    const CAR: &str = "passenger";
+    let class = |kind: &'a Element| kind.attribute("vClass").unwrap_or(CAR);
     let named = types.iter().filter(|kind| kind.name == "vType");
     let named = named.map(|kind| Driver { id: kind.attribute("id"), class: class(kind) });
-    named.chain([Driver { id: None, class: "passenger" }]).collect()
+    let mut drivers: Vec<Driver> = named.chain([Driver { id: None, class: CAR }]).collect();
+    drivers.sort_by_key(|driver| driver.class != CAR);
+    drivers
 }
 
 /// Returns the edges with entry lanes, each once.
