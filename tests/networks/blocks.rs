@@ -141,7 +141,7 @@ fn what_is_no_forest_is_refused() {
     assert!(error(blocks, [4, 5], i32::MAX as u32).contains("have seeds beyond 2147483647"));
     let most = nets.iter().max_by_key(|net| net.lanes().count()).unwrap();
     let few = Blocks::of(nets.iter().copied().filter(|net| net.light != most.light));
-    let rows = [Row { net: *most, block: 0 }];
+    let rows = [Row { net: most, block: 0 }];
     assert!(few.forest(&rows, 0).unwrap_err().to_string().contains(", but blocks have "));
     assert!(blocks.forest(&[], 0).is_err());
 }

@@ -161,8 +161,9 @@ fn compare_copies(whole: &Node, cut: &Node, light: &str, hops: usize, is_within:
     }
 }
 
-/// Cuts out every light of a scenario, plays each cut and compares it. Returns the number of lights, and how often a car
-/// braked hard: some lights lead cars into that, on the whole net, too.
+/// Cuts out every light of a scenario, plays each cut and compares it.
+///
+/// Returns the number of lights, and how often a car braked hard: some lights lead cars into that, on the whole net, too.
 fn check(scenario: &Path, reach: Reach) -> (usize, usize) {
     let scenario = SumoScenario::read(&ScenarioConfig::of_file(scenario).unwrap()).unwrap();
     let whole = Node::read(scenario.net_path());
@@ -204,6 +205,35 @@ fn copies_behind_the_exits_reach_as_far_as_asked() {
         net.exits.iter().flat_map(|exit| &exit.ways).map(|way| way.copies.len()).max()
     };
     assert_eq!([hops(0, 150.0), hops(1, 150.0), hops(3, 0.1), hops(3, 1e6)], [0, 1, 1, 3].map(Some));
+}
+
+#[test]
+fn a_red_gate_holds_all_cars_back() {
+    let scenario = SumoScenario::read(&ScenarioConfig::of_file(&file("grid_4x4_turns", "sumocfg")).unwrap()).unwrap();
+    let room = room();
+    // Behind every exit of this light there is another light.
+    let net = cut_light(&scenario, "x1y1", APPROACH_M, Reach::default()).unwrap();
+    let files = write(&net, &scenario, room.path()).unwrap();
+    let gate = net.gate.unwrap();
+    let exits: Vec<&String> = net.exits.iter().flat_map(|exit| &exit.lanes).collect();
+    assert_eq!(gate.lanes.iter().collect::<Vec<_>>(), exits);
+    let counts = room.path().join("counts.xml");
+    let arrived = || {
+        let outputs = ["--no-step-log", "--end", "300", "--statistic-output", text(&counts)];
+        assert_eq!(sumo(&[&["-c", text(&files.config)][..], &outputs].concat()), "");
+        let counts = Node::read(&counts);
+        let vehicles = counts.all("vehicles").next().unwrap();
+        let [inserted, running] = ["inserted", "running"].map(|key| vehicles[key].parse::<u32>().unwrap());
+        assert!(inserted > 50, "{inserted}");
+        inserted - running
+    };
+    assert!(arrived() > 50);
+    let state = |letter: &str| format!("state=\"{}\"", letter.repeat(gate.lanes.len()));
+    let green = fs::read_to_string(&files.net).unwrap();
+    let (before, of_gate) = green.split_once(&format!("<tlLogic id=\"{}\"", gate.light)).unwrap();
+    let red = of_gate.replacen(&state("G"), &state("r"), 1);
+    fs::write(&files.net, format!("{before}<tlLogic id=\"{}\"{red}", gate.light)).unwrap();
+    assert_eq!(arrived(), 0);
 }
 
 #[test]

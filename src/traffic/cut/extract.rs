@@ -19,8 +19,8 @@ use crate::traffic::network::tree::Element;
 impl LocalNet {
     /// Cuts out the region of a light, with copies of edges behind its exits.
     ///
-    /// Errors: the light controls no cars; it controls something outside of the region; another light controls something
-    /// within it; a connection leads out of its junction.
+    /// Errors: the light controls no cars; it controls something outside of the region; another light controls
+    /// something within it; a connection leads out of its junction.
     pub fn cut(source: &Source<'_>, light: &str, region: &Region, reach: Reach) -> Result<LocalNet> {
         let cut = Cut::new(source, light, region);
         cut.check()?;

@@ -79,8 +79,8 @@ struct Route {
 }
 
 impl Map<'_> {
-    /// Returns the shortest route from an edge to each exit that cars of a class can take, and over the first way behind
-    /// it that they can take.
+    /// Returns the shortest route from an edge to each exit that cars of a class can take. It goes on over the first way
+    /// behind the exit that they can take.
     fn routes(&self, entry: EdgeNo, exits: &[Exit], class: &str) -> Vec<Route> {
         let before = self.search(entry, class);
         let name = |edge: EdgeNo| self.roads.edge(edge).id.clone();
@@ -113,10 +113,10 @@ impl Map<'_> {
             let links = roads.edge(edge).lanes.iter().flat_map(|&lane| roads.from_lane(lane));
             for link in links.filter(|link| roads.is_road(link.to) && open(link.from) && open(link.to)) {
                 let next = roads.lane(link.to).edge;
-                if !before.contains_key(&next) {
-                    before.insert(next, edge);
+                before.entry(next).or_insert_with(|| {
                     waiting.push_back(next);
-                }
+                    edge
+                });
             }
         }
         before
