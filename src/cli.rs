@@ -323,6 +323,22 @@ pub enum NetsCommand {
         #[arg(long)]
         out: PathBuf,
     },
+    /// Cut the surroundings of one light out of a SUMO network, as a network of its own with some cars
+    Cut {
+        /// Scenario of SUMO
+        #[arg(value_name = "FILE.sumocfg")]
+        file: PathBuf,
+        /// Light to cut out
+        #[arg(long, value_name = "ID")]
+        light: String,
+        /// Number of edges that cars still see behind an exit, one behind the other; no edge begins farther than 150 m
+        /// behind it
+        #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u8).range(0..=5))]
+        hops: u8,
+        /// Output directory
+        #[arg(long)]
+        out: PathBuf,
+    },
     /// Show what becomes of the lights of a SUMO network: greens, yellows, approaches, exits, observation columns, and
     /// which lights keep their program and why
     Inspect {

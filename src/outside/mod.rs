@@ -11,7 +11,9 @@
 //! - `quoted`: words of a command to copy. They come back from a shell as they were.
 //! - `name`: names that may become files and directories.
 //! - `cell`: names as fields of a CSV file.
+//! - `alike`: names that a mistyped name may have meant.
 
+mod alike;
 mod cell;
 mod directory;
 mod file;
@@ -24,6 +26,7 @@ mod temporary;
 pub mod tree;
 mod whole;
 
+pub use alike::alike;
 pub use cell::csv_name;
 pub use directory::{Busy, Directory, Whereabouts};
 pub use file::{LARGEST_NETWORK, read_bytes, read_text};

@@ -6,18 +6,17 @@
 //! rounds alike in all of them, so each is bit-identical to the local net simulated alone. (At other coordinates,
 //! speeds differ in the last digit, and the difference grows.)
 
-use std::borrow::Cow;
-use std::io;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, ensure};
 
+use super::names::{prefixed, write};
 use crate::base::AgentId;
 use crate::outside::write_together;
 use crate::traffic::network::contents::Network;
 use crate::traffic::network::files::NetworkFiles;
 use crate::traffic::network::tree::Element;
-use crate::traffic::network::xml::{Xml, document_with, leaf, nest};
+use crate::traffic::network::xml::document_with;
 use crate::traffic::paper_grid::grid::{self, Grid};
 use crate::traffic::paper_grid::recognise::recognise_local;
 
@@ -66,20 +65,16 @@ impl Region {
 
     /// Returns the name in the local net of something in this region; `None` if it does not belong to this region.
     pub(in crate::traffic) fn in_the_local_net(self, id: &str) -> Option<&str> {
-        id.strip_prefix(&format!("f{}.", self.0))
+        id.strip_prefix(&self.prefix())
     }
 
     /// Returns the name in this region of something in the local net.
     pub(in crate::traffic) fn rename(self, id: &str) -> String {
-        match id.strip_prefix(':') {
-            // SUMO knows internal edges and lanes by the colon, and finds their intersection by the name after it.
-            Some(internal) => format!(":f{}.{internal}", self.0),
-            None => format!("f{}.{id}", self.0),
-        }
+        prefixed(&self.prefix(), id)
     }
 
-    fn rename_all(self, ids: &str) -> String {
-        ids.split_whitespace().map(|id| self.rename(id)).collect::<Vec<_>>().join(" ")
+    fn prefix(self) -> String {
+        format!("f{}.", self.0)
     }
 }
 
@@ -115,7 +110,8 @@ fn replicate(local: &Element, regions: usize) -> String {
         for same_kind in local.children.chunk_by(|a, b| a.name == b.name) {
             let copies = if is_shared(&same_kind[0]) { 1 } else { regions };
             for region in (0..copies).map(Region) {
-                same_kind.iter().try_for_each(|element| write(xml, element, region))?;
+                let prefix = region.prefix();
+                same_kind.iter().try_for_each(|element| write(xml, element, &prefix))?;
             }
         }
         Ok(())
@@ -125,35 +121,6 @@ fn replicate(local: &Element, regions: usize) -> String {
 /// Returns whether all regions have this element in common: the place of the net and the vehicle type.
 fn is_shared(element: &Element) -> bool {
     matches!(element.name.as_str(), "location" | "vType")
-}
-
-/// Returns the attributes that hold names of things in a region: one name, or several with blanks between. The local
-/// net has no elements but ours: [`recognise_local`] checks that.
-///
-/// Seen in the files of netconvert 1.15. The `index` and the bits of a `<request>` and the `linkIndex` of a
-/// `<connection>` count within their intersection, so they stay.
-fn ids_of(element: &str) -> &'static [&'static str] {
-    match element {
-        "edge" => &["id", "from", "to"],
-        "lane" | "tlLogic" => &["id"],
-        "junction" => &["id", "incLanes", "intLanes"],
-        "connection" => &["from", "to", "via", "tl"],
-        "route" => &["id", "edges"],
-        "phase" | "request" | "location" | "vType" => &[],
-        other => unreachable!("the local net has no <{other}>"),
-    }
-}
-
-fn write(xml: &mut Xml, element: &Element, region: Region) -> io::Result<()> {
-    let ids = ids_of(&element.name);
-    let attributes = element.attributes.iter().map(|(key, value)| {
-        let renamed = ids.contains(&key.as_str()).then(|| region.rename_all(value));
-        (key, renamed.map_or(Cow::Borrowed(value.as_str()), Cow::Owned))
-    });
-    if element.children.is_empty() {
-        return leaf(xml, &element.name, attributes);
-    }
-    nest(xml, &element.name, attributes, |xml| element.children.iter().try_for_each(|child| write(xml, child, region)))
 }
 
 #[cfg(test)]
@@ -170,11 +137,5 @@ mod tests {
         assert_eq!(region.routes(), ["f3.w0_to_e0", "f3.s0_to_n0", "f3.e0_to_w0", "f3.n0_to_s0"]);
         assert_eq!(region.in_the_local_net("f3.w0_to_e0"), Some("w0_to_e0"));
         assert_eq!(region.in_the_local_net("f31.w0_to_e0"), None);
-    }
-
-    #[test]
-    fn lists_of_names_are_renamed_one_by_one_and_an_empty_list_stays_empty() {
-        assert_eq!(Region(12).rename_all(":r0c0_0_0 w0_r0c0_0"), ":f12.r0c0_0_0 f12.w0_r0c0_0");
-        assert_eq!(Region(12).rename_all(""), "");
     }
 }

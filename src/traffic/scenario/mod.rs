@@ -172,6 +172,11 @@ impl SumoScenario {
         self.window_s
     }
 
+    /// Returns the options with which SUMO plays the scenario, without `--`.
+    pub fn options(&self) -> &[(String, String)] {
+        &self.options
+    }
+
     /// Lists what of the scenario will not be simulated, a sentence each.
     pub fn left_out(&self) -> &[String] {
         &self.left_out

@@ -5,15 +5,20 @@ use crate::traffic::network::tree::Element;
 /// Vehicle classes that an agent sees. Footpaths, cycle tracks and rails have neither.
 const CARS: [&str; 2] = ["passenger", "bus"];
 
-/// Returns whether passenger cars or buses may use a lane. `allow` wins over `disallow`; without both, everybody may.
+/// Returns whether passenger cars or buses may use a lane.
+pub fn carries_cars(lane: &Element) -> bool {
+    CARS.iter().any(|car| allows(lane, car))
+}
+
+/// Returns whether vehicles of a class may use a lane. `allow` wins over `disallow`; without both, everybody may.
 ///
 /// Source: SUMO 1.15, `parseVehicleClasses` in `src/utils/common/SUMOVehicleClass.cpp`.
-pub fn carries_cars(lane: &Element) -> bool {
+pub fn allows(lane: &Element, class: &str) -> bool {
     let listed = |key: &str| lane.attribute(key).map(|classes| classes.split_whitespace().collect::<Vec<_>>());
-    let names = |classes: &[&str], car: &str| classes.contains(&car) || classes.contains(&"all");
+    let names = |classes: &[&str]| classes.contains(&class) || classes.contains(&"all");
     match (listed("allow").filter(|allowed| !allowed.is_empty()), listed("disallow")) {
-        (Some(allowed), _) => CARS.iter().any(|car| names(&allowed, car)),
-        (None, Some(forbidden)) => CARS.iter().any(|car| !names(&forbidden, car)),
+        (Some(allowed), _) => names(&allowed),
+        (None, Some(forbidden)) => !names(&forbidden),
         (None, None) => true,
     }
 }

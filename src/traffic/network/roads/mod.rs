@@ -9,7 +9,7 @@
 //!   of nets with errors.
 
 mod attributes;
-mod carries;
+pub(in crate::traffic) mod carries;
 mod crossing;
 #[cfg(test)]
 pub(in crate::traffic) mod example;

@@ -1,0 +1,79 @@
+//! The local net of a light of a scenario, and the files with which plain SUMO shows it.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use anyhow::{Result, anyhow, bail};
+
+use super::beyond::Reach;
+use super::local_net::LocalNet;
+use super::sample_demand::{END_S, demand, types};
+use super::source::Source;
+use crate::outside::{Printable, alike, excerpt, quoted, write_together};
+use crate::traffic::agents::derive::region::{Region, lit_junctions};
+use crate::traffic::network::files::NetworkFiles;
+use crate::traffic::network::roads::Roads;
+use crate::traffic::network::tree::Element;
+use crate::traffic::network::xml::{document, section, text};
+use crate::traffic::scenario::SumoScenario;
+
+/// Name of the files.
+const NAME: &str = "cut";
+/// File of the vehicle types.
+const TYPES: &str = "cut.types.add.xml";
+
+/// Cuts out the region of a light. `approach_m`: how far before its stop lines the region reaches.
+///
+/// Errors: the net has no such light, or the light cannot be cut out.
+pub fn cut_light(scenario: &SumoScenario, light: &str, approach_m: f64, reach: Reach) -> Result<LocalNet> {
+    let roads = scenario.roads()?;
+    check_known(scenario, &roads, light)?;
+    let programs = scenario.additional().flat_map(|root| root.all("tlLogic")).collect();
+    let source = Source::new(scenario.net(), &roads, programs);
+    let region = Region::of(&roads, &lit_junctions(&roads), light, approach_m, None)?;
+    LocalNet::cut(&source, light, &region, reach)
+        .map_err(|error| anyhow!("{}: {error:#}", scenario.net_path().display()))
+}
+
+fn check_known(scenario: &SumoScenario, roads: &Roads, light: &str) -> Result<()> {
+    let known: BTreeSet<&str> = roads.programs.iter().map(|program| program.light.as_str()).collect();
+    if known.contains(light) {
+        return Ok(());
+    }
+    let near: Vec<String> = alike(light, known).iter().map(|id| format!("`{}`", Printable(id))).collect();
+    let near = if near.is_empty() { String::new() } else { format!(", but {}", near.join(", ")) };
+    let list = format!("dials-traffic nets inspect {}", quoted(scenario.path()));
+    bail!("{}: has no light `{}`{near}; list all with: {list}", scenario.net_path().display(), excerpt(light))
+}
+
+/// Writes the files of a local net, a small demand and a configuration into `dir`. Types of cars and SUMO's options are
+/// those of the scenario.
+pub fn write(net: &LocalNet, scenario: &SumoScenario, dir: &Path) -> Result<NetworkFiles> {
+    let files = NetworkFiles::of(&dir.join(NAME));
+    files.check_paths()?;
+    let is_type = |element: &&Element| ["vType", "vTypeDistribution"].contains(&&*element.name);
+    let roots = scenario.additional().chain(scenario.routes());
+    let kinds: Vec<&Element> = roots.flat_map(|root| &root.children).filter(is_type).collect();
+    let contents = [
+        (files.net.clone(), text(&net.root())),
+        (dir.join(TYPES), types(&kinds)),
+        (files.routes.clone(), demand(net, &kinds)?),
+        (files.config.clone(), sumocfg(scenario)),
+    ];
+    write_together(dir, &contents.map(|(path, text)| (path, text.into_bytes())))?;
+    Ok(files)
+}
+
+fn sumocfg(scenario: &SumoScenario) -> String {
+    let name = |ending: &str| format!("{NAME}{ending}");
+    let (net, routes) = (name(".net.xml"), name(".rou.xml"));
+    let input = [("net-file", &*net), ("additional-files", TYPES), ("route-files", &*routes)];
+    let options: Vec<(&str, &str)> = scenario.options().iter().map(|(name, value)| (&**name, &**value)).collect();
+    document("configuration", |xml| {
+        section(xml, "input", &input)?;
+        section(xml, "time", &[("begin", "0"), ("end", END_S), ("step-length", "1")])?;
+        section(xml, "processing", &options)?;
+        // Without it, SUMO warns of a missing SUMO_HOME, where it would look for the schemas.
+        section(xml, "report", &[("xml-validation", "never")])
+    })
+}
