@@ -17,6 +17,10 @@ use crate::stage::{Domain, Process, Stage, proc};
 
 /// Seconds of training, unless `SOAK_SECONDS` says otherwise.
 const SECONDS: u64 = 120;
+/// Timesteps per agent of runs that are stopped before their end.
+const WITHOUT_END: u64 = 100_000_000;
+/// Most timesteps from one checkpoint to the next: 2500, rounded up to whole rollouts.
+const LONGEST_PERIOD: u64 = 2_560;
 const SAMPLE_EVERY: Duration = Duration::from_secs(2);
 /// Share of the samples, the first ones, that count as warming up.
 const WARM_UP: f64 = 0.1;
@@ -44,13 +48,13 @@ struct Sample {
 #[ignore = "takes SOAK_SECONDS"]
 fn soak() {
     let (seconds, seed) = (number("SOAK_SECONDS", SECONDS), number("CHAOS_SEED", crate::SEED));
-    let domain = Domain::Traffic;
-    let steps = steps_in(domain, Duration::from_secs(seconds));
-    println!("{steps} timesteps per agent, about {seconds} s, seed {seed}");
-    let (mut calm, mut disturbed) = (Stage::new(&domain.config(steps)), Stage::new(&domain.config(steps)));
+    println!("{seconds} s, seed {seed}");
+    let [mut calm, mut disturbed] = [(); 2].map(|()| Stage::new(&Domain::Traffic.config(WITHOUT_END)));
     let mut watch = Watch::new();
     let kills = train_both(&calm, &disturbed, &mut watch, seconds, &mut Dice::seed_from_u64(seed));
     println!("{kills} workers were killed; the samples are in {}", Watch::FILE);
+    let steps = lead_to_the_same_step(&calm, &disturbed);
+    println!("both runs made {steps} timesteps per agent");
     let grown = watch.grown();
     let faults = compare(&calm, &disturbed);
     if !faults.is_empty() {
@@ -60,7 +64,7 @@ fn soak() {
     assert!(grown.is_empty(), "{}", grown.join("\n"));
 }
 
-/// Trains both runs at the same time, kills workers of the second one, and returns how many.
+/// Trains both runs at the same time for `seconds`, kills workers of the second one, and returns how many.
 fn train_both(calm: &Stage, disturbed: &Stage, watch: &mut Watch, seconds: u64, dice: &mut Dice) -> usize {
     let mut runs = [("calm", calm, calm.train(1, 600)), ("disturbed", disturbed, disturbed.train(2, 600))];
     let (begun, mut sampled, mut kills) = (Instant::now(), Instant::now(), 0);
@@ -68,17 +72,16 @@ fn train_both(calm: &Stage, disturbed: &Stage, watch: &mut Watch, seconds: u64, 
     let mean_pause = (seconds as f64 / 20.0).clamp(5.0, 60.0);
     let pause = |dice: &mut Dice| Duration::from_secs_f64(mean_pause * dice.random_range(0.1..1.9));
     let mut next_kill = begun + pause(dice);
-    while !runs.iter_mut().all(|(.., process)| process.status().is_some()) {
-        assert!(begun.elapsed() < Duration::from_secs(seconds * 4 + 600), "the soak does not end");
+    while begun.elapsed() < Duration::from_secs(seconds) {
         std::thread::sleep(Duration::from_millis(50));
         for (_, stage, process) in &mut runs {
-            // On a slow machine, three kills may meet the same period.
-            if process.status().is_some() && process.said().contains("gave up after 3 deaths in a row") {
+            if process.status().is_some() {
+                // On a slow machine, three kills may meet the same period.
+                assert!(process.said().contains("gave up after 3 deaths in a row"), "{}", process.said());
                 *process = stage.train(2, 600);
             }
         }
-        // Only while both are there: processes that end leave their share of common pages to the others.
-        if sampled.elapsed() >= SAMPLE_EVERY && runs.iter_mut().all(|(.., process)| process.status().is_none()) {
+        if sampled.elapsed() >= SAMPLE_EVERY {
             sampled = Instant::now();
             for (name, stage, process) in &mut runs {
                 watch.look(begun.elapsed(), name, stage, process);
@@ -93,25 +96,47 @@ fn train_both(calm: &Stage, disturbed: &Stage, watch: &mut Watch, seconds: u64, 
             next_kill = Instant::now() + pause(dice);
         }
     }
-    for (name, stage, process) in &mut runs {
-        assert!(process.status().is_some_and(|status| status.success()), "{name}: {}", process.said());
-        assert_eq!(stage.orphans(), 0, "{name}");
-        println!("{name}: {:.0} s", process.age().as_secs_f64());
+    for (_, stage, process) in &mut runs {
+        stop(stage, process);
     }
     kills
 }
 
-/// Returns the timesteps per agent that two runs at the same time make in a time, by a measurement of two short runs.
-fn steps_in(domain: Domain, time: Duration) -> u64 {
-    let stages = [(); 2].map(|()| Stage::new(&domain.config(2 * domain.steps())));
-    let begun = Instant::now();
-    let mut processes = [stages[0].train(1, 600), stages[1].train(2, 600)];
-    for process in &mut processes {
-        let status = process.ended_within(crate::stage::FOR_EVER);
-        assert!(status.is_some_and(|status| status.success()), "{}", process.said());
+/// Asks a run to stop at the end of its period, and waits for it.
+fn stop(stage: &Stage, process: &mut Process) {
+    process.signal(Signal::INT);
+    assert!(process.ended_within(crate::stage::FOR_EVER).is_some(), "it does not stop: {}", process.said());
+    assert_eq!(stage.orphans(), 0);
+}
+
+/// Resumes whichever run is behind until both have made the same number of timesteps, and returns it.
+fn lead_to_the_same_step(calm: &Stage, disturbed: &Stage) -> u64 {
+    // On a slow machine the one behind may get ahead.
+    for _ in 0..20 {
+        let [(behind, steps), (_, goal)] = {
+            let mut both = [calm, disturbed].map(|stage| (stage, newest_checkpoint(stage)));
+            both.sort_by_key(|&(_, steps)| steps);
+            both
+        };
+        if steps == goal {
+            return steps;
+        }
+        let mut process = behind.train(2, 600);
+        while newest_checkpoint(behind) + LONGEST_PERIOD < goal {
+            std::thread::sleep(Duration::from_millis(1));
+            assert!(process.status().is_none(), "{}", process.said());
+        }
+        stop(behind, &mut process);
     }
-    let per_second = 2.0 * domain.steps() as f64 / begun.elapsed().as_secs_f64();
-    ((per_second * time.as_secs_f64()) as u64).max(domain.steps())
+    panic!("the runs do not come to the same step");
+}
+
+/// Returns the timesteps per agent of the newest checkpoint of a run.
+fn newest_checkpoint(stage: &Stage) -> u64 {
+    let names = fs::read_dir(stage.run().join("checkpoints")).unwrap().map(|entry| entry.unwrap().file_name());
+    let steps =
+        names.filter_map(|name| name.to_str()?.strip_prefix("step_")?.strip_suffix(".safetensors")?.parse().ok());
+    steps.max().expect("a run that was trained for a while has a checkpoint")
 }
 
 /// The samples of all processes.
