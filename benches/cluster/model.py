@@ -24,8 +24,9 @@ POLICY, AIP, STREAMS = 175_116, 89_104, 8_000
 STATE = 3 * POLICY + AIP + STREAMS
 DATASET = DATASET_EPISODES * HORIZON * (5 + 4)
 
-# Seconds per byte at rank 0. Replace these after the measurements that docs/cluster.md describes.
-TAKE_IN, SEND, WRITE = 3e-9, 4e-9, 1e-9
+# Seconds per byte at rank 0, fitted to an exchange of 1024 agents: see "Measure it" in docs/cluster.md. All ranks were on
+# one machine, so a network is not in them.
+TAKE_IN, SEND, WRITE = 3.4e-9, 3.4e-9, 3.5e-9
 
 # Measured points: agents, worker cores, hours for 4M steps. From agent-steps/s of `bench`, docs/performance.md.
 MEASURED = [(agents, cores, agents * STEPS / speed / 3600) for agents, speeds in
