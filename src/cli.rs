@@ -225,6 +225,10 @@ pub struct OutputArgs {
     /// files, into this directory (traffic)
     #[arg(long, value_name = "DIR")]
     pub plot: Option<PathBuf>,
+    /// On a scenario: edges that follow each other, along which --plot draws the time-space diagram [default: the route of
+    /// the cars that passes the most lights]
+    #[arg(long, value_name = "EDGE,EDGE,...", requires = "plot")]
+    pub route: Option<String>,
 }
 
 #[derive(Debug, Args)]

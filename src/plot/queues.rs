@@ -5,7 +5,7 @@ use anyhow::Result;
 use super::*;
 use crate::domain::road_trace::{Approach, RoadTrace};
 
-const SIZE: (i32, i32) = (1100, 690);
+const HEIGHT: i32 = 690;
 
 /// Draws the standing cars, one panel per approach: the mean over all intersections, and the longest queue.
 pub fn queues(trace: &RoadTrace, about: &About) -> Result<Svg> {
@@ -15,9 +15,9 @@ pub fn queues(trace: &RoadTrace, about: &About) -> Result<Svg> {
 
     let title = match &trace.names[..] {
         [only] => format!("Queues at {only}"),
-        names => format!("Queues at the {} intersections of a grid of {}", names.len(), trace.grid()),
+        names => format!("Queues at the {} intersections of {}", names.len(), trace.place()),
     };
-    picture(SIZE, &title, &about.of_episode(), |area| {
+    picture((width_for(steps), HEIGHT), &title, &about.of_episode(), |area| {
         let (legend, area) = area.split_vertically(px(26));
         let several = trace.names.len() > 1;
         draw_legend(&legend, several)?;
