@@ -36,13 +36,20 @@ impl Returns {
     pub fn share(&self, value: f64) -> f64 {
         if self.high > self.low { (value - self.low) / (self.high - self.low) } else { 0.5 }
     }
+
+    /// Returns a value with as many digits as tell the agents apart.
+    pub fn written(&self, value: f64) -> String {
+        let range = self.high - self.low;
+        let digits = if range >= 10.0 { 1 } else { 3 };
+        format!("{value:.digits$}")
+    }
 }
 
 /// Draws the mean return of every agent at its place on the roads of `trace`. `returns`: `[episodes, agents]`.
 pub fn returns_map(trace: &RoadTrace, returns: &Rows<f64>, about: &About) -> Result<Svg> {
     let episodes = returns.len();
     let returns = Returns::of(returns);
-    let title = format!("Return per agent on {}: {:.1} on average", trace.place(), mean(&returns.means));
+    let title = format!("Return per agent on {}: {} on average", trace.place(), returns.written(mean(&returns.means)));
     let plural = if episodes == 1 { "" } else { "s" };
     let line = format!("{}, mean over {episodes} episode{plural} of seed {}", about.subject, about.seed);
     match &trace.layout {
@@ -73,7 +80,7 @@ fn draw_grid(
             area.draw(&Rectangle::new([(x, y), (x + cell - px(3), y + cell - px(3))], shade.filled()))?;
             let ink = ink_over(shade);
             let centre = (x + cell / 2 - px(1), y + cell / 2 - px(1));
-            let value = format!("{mean:.1}");
+            let value = returns.written(mean);
             area.draw_text(&value, &middle(text(15, ink)), (centre.0, centre.1 - px(8)))?;
             area.draw_text(name, &middle(text(10, ink)), (centre.0, centre.1 + px(14)))?;
         }
@@ -86,7 +93,7 @@ fn draw_grid(
 
 /// Draws the colour scale, from the lowest return at the bottom to the highest at the top.
 pub(super) fn draw_scale(area: &Area<'_>, x: i32, height: i32, returns: &Returns) -> Result<()> {
-    let Returns { low, high, .. } = returns;
+    let Returns { low, high, .. } = *returns;
     for y in (0..height).step_by(px(1) as usize) {
         let share = 1.0 - f64::from(y) / f64::from(height - 1);
         area.draw(&Rectangle::new([(x, y), (x + px(16), y + px(1))], shade(share).filled()))?;
@@ -96,7 +103,7 @@ pub(super) fn draw_scale(area: &Area<'_>, x: i32, height: i32, returns: &Returns
         let y = ((1.0 - share) * f64::from(height - 1)) as i32;
         let style = anchored(style.clone(), HPos::Left, VPos::Center);
         area.draw_text(
-            &format!("{:.1}", low + share * (high - low)),
+            &returns.written(low + share * (high - low)),
             &style,
             (x + px(24), y.clamp(px(6), height - px(6))),
         )?;

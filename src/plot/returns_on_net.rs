@@ -21,7 +21,7 @@ pub(super) fn returns_on_net(
         name,
         place_m,
         colour: shade(returns.share(mean)),
-        value: Some(format!("{mean:.1}")),
+        value: Some(returns.written(mean)),
     });
     let lights: Vec<MapLight> = lights.collect();
     picture((width + SCALE, height), title, about, |area| {

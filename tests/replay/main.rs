@@ -354,6 +354,31 @@ fn a_film_has_a_picture_of_every_step() {
 }
 
 #[test]
+fn a_scenario_has_a_film_too_whenever_it_begins() {
+    if !has_xvfb() {
+        return;
+    }
+    let _screen = SCREEN.lock().unwrap_or_else(PoisonError::into_inner);
+    let dir = tempfile::tempdir().unwrap();
+    let config = dir.path().join("short.toml");
+    let scenario = nets().join("arterial/arterial.sumocfg");
+    let table = format!("scenario = '{}'\nbegin_s = 300\nend_s = 315", scenario.display());
+    fs::write(&config, format!("simulator = 'gs'\n[traffic]\n{table}\n")).unwrap();
+    let (folder, film) = (dir.path().join("replay"), dir.path().join("film.gif"));
+    let args = ["replay", text(&config), "--controller", "program", "--out", text(&folder), "--video", text(&film)];
+    dials_traffic(args).assert().success();
+    let mut decoder = gif::DecodeOptions::new().read_info(fs::File::open(&film).unwrap()).unwrap();
+    assert!(decoder.width() > decoder.height(), "the road leads from west to east");
+    let mut frames = Vec::new();
+    while let Some(frame) = decoder.read_next_frame().unwrap() {
+        frames.push((frame.palette.clone(), frame.buffer.to_vec()));
+    }
+    assert_eq!(frames.len(), 15);
+    assert!(frames.windows(2).any(|two| two[0] != two[1]), "something moves");
+    sumo_gui_plays(&folder.join("replay.sumocfg"), &["--delay", "0"]);
+}
+
+#[test]
 fn a_film_that_is_stopped_leaves_nothing_behind() {
     if !has_xvfb() {
         return;

@@ -177,3 +177,71 @@ fn the_command_replays_controllers_and_runs_on_a_scenario_from_any_folder() {
         "{said}"
     );
 }
+
+#[test]
+fn pictures_of_a_scenario_show_its_roads_and_the_route_that_is_asked_for() {
+    let dir = tempfile::tempdir().unwrap();
+    let scenario = write_mixed(dir.path());
+    let draw = |folder: &Path, more: &[&str]| {
+        let args =
+            ["baseline", text(&scenario), "--controller", "program", "--seed", "11", "--episodes", "1", "--plot"];
+        dials_traffic(args.into_iter().chain([text(folder)]).chain(more.iter().copied())).assert()
+    };
+    let folder = dir.path().join("plots");
+    draw(&folder, &["--route", "w0_x0y0,x0y0_x1y0,x1y0_x2y0"]).success();
+    let picture = |name: &str| fs::read_to_string(folder.join(name)).unwrap();
+    let space_time = picture("space_time.svg");
+    assert!(space_time.contains("Space and time: a route of 3 edges, from w0_x0y0 to x1y0_x2y0"), "{space_time}");
+    let light = |name: &str| space_time.contains(&format!(">\n{name}\n"));
+    assert!(light("x0y0") && light("x1y0") && !light("x2y0"));
+    let returns = picture("returns.svg");
+    assert!(returns.contains("Return per agent on scenario mixed") && returns.contains(">\n100 m\n"), "{returns}");
+    let signals = picture("signals.svg");
+    assert!(signals.contains("the 16 intersections of scenario mixed") && signals.contains(">\ngreen 3\n"));
+
+    // The queues are those that plain SUMO has on the approaches.
+    let replayed = dir.path().join("replay");
+    let args = ["replay", text(&scenario), "--controller", "program", "--out", text(&replayed), "--episode-seed", "11"];
+    dials_traffic(args).assert().success();
+    let traffic = Traffic::open_scenario(&ScenarioConfig::of_file(&scenario).unwrap()).unwrap();
+    let approaches = traffic.plans().iter().flat_map(|plan| &plan.region.approaches);
+    // Approaches from the west lead to the light of the next column.
+    let from_the_west = |lane: &str| {
+        let ends = lane.rsplit_once('_').unwrap().0.split_once('_').unwrap();
+        ends.0.starts_with('w') || ends.0 != ends.1 && ends.0[..2] < ends.1[..2] && ends.0[2..] == ends.1[2..]
+    };
+    let west: BTreeSet<&str> =
+        approaches.map(|approach| approach.lane.as_str()).filter(|lane| from_the_west(lane)).collect();
+    assert!(west.len() >= 2 * 16, "{west:?}");
+    let stands = |place: &str| place.split(' ').nth(1).unwrap().parse::<f64>().unwrap() < 0.1;
+    let played = sumo_plays(&replayed);
+    let standing = played.iter().flatten().filter(|(_, lane, place)| west.contains(lane.as_str()) && stands(place));
+    // 300 s and 16 lights.
+    let words = format!("from the west: {:.2} cars on average", standing.count() as f64 / 4800.0);
+    assert!(picture("queues.svg").contains(&words), "{words}");
+
+    // Without a route, that of the cars which pass the most lights is drawn.
+    let unasked = dir.path().join("unasked");
+    draw(&unasked, &[]).success();
+    let space_time = fs::read_to_string(unasked.join("space_time.svg")).unwrap();
+    let (_, title) = space_time.split_once("Space and time: a route of ").expect("a title");
+    assert!(title.split(' ').next().unwrap().parse::<usize>().unwrap() >= 7, "{}", &title[..60]);
+
+    let refused = |route: &str, told: &str| {
+        let output = draw(&dir.path().join("none"), &["--route", route]).code(2).get_output().clone();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(said.starts_with("error: --route") && said.contains(told), "{said}");
+    };
+    refused("w0_x0y0,nowhere", "the net has no edge `nowhere`; sumo-gui shows the names of edges");
+    refused("w0_x0y0,x1y0_x2y0", "edge `x1y0_x2y0` does not follow `w0_x0y0`; these do: x0y0_s0, x0y0_x0y1, x0y0_x1y0");
+    refused("w0_x0y0,w0_x0y0", "names edge `w0_x0y0` twice; a picture can show each edge once");
+    refused("x0y0_s0 w0_x0y0", "no edge follows `x0y0_s0`, so `w0_x0y0` cannot; end the route there");
+    refused(",", "names no edge; name edges that follow each other, separated by commas");
+    let grid = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/smoke_traffic.toml");
+    let out = dir.path().join("grid");
+    let args = ["baseline", text(&grid), "--controller", "never", "--plot", text(&out), "--route", "a"];
+    let output = dials_traffic(args).assert().code(2).get_output().clone();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(said.contains("is for a scenario, and this is a grid, whose middle row is drawn"), "{said}");
+    assert!(!dir.path().join("none").exists() && !out.exists());
+}

@@ -16,22 +16,36 @@ pub struct Snapshot {
 
 /// Longer side of a film in pixels, and least length of a car in it.
 const FILM_PX: f64 = 1200.0;
-const LEAST_CAR_PX: f64 = 6.0;
+const LEAST_CAR_PX: f64 = 10.0;
 /// Length of a usual car.
 const CAR_M: f64 = 5.0;
 /// How much larger than they are cars are drawn at least.
 const LARGER: f64 = 1.4;
 
-/// Returns how much larger than they are cars and roads are drawn, so that a whole network can be watched.
-fn exaggeration(roads: &RecordedRoads) -> [f64; 2] {
-    match &roads.ground {
-        RecordedGround::Grid(_) => [LARGER, 1.5],
-        // Lanes side by side must not cover each other.
-        RecordedGround::Scenario(scenario) => {
-            let [wide, tall] = scenario.extent_m();
-            let car_px = CAR_M * FILM_PX / wide.max(tall);
-            [(LEAST_CAR_PX / car_px).max(LARGER), 1.0]
-        }
+/// How cars and roads are drawn, so that a whole network can be watched.
+struct Look {
+    /// How much larger than they are cars and roads are drawn.
+    cars: String,
+    edges: String,
+    /// SUMO's names of the sorts of roads that are drawn in grey.
+    sorts: &'static [&'static str],
+}
+
+/// Sorts of roads on which cars drive. Without a colour of ours, rails in a road are purple.
+const SORTS: [&str; 3] = ["road", "no passenger", "rails on road"];
+
+impl Look {
+    fn of(roads: &RecordedRoads) -> Look {
+        let (cars, edges, sorts) = match &roads.ground {
+            RecordedGround::Grid(_) => (LARGER, 1.5, &SORTS[..1]),
+            // Lanes side by side must not cover each other.
+            RecordedGround::Scenario(scenario) => {
+                let [wide, tall] = scenario.extent_m();
+                let car_px = CAR_M * FILM_PX / wide.max(tall);
+                ((LEAST_CAR_PX / car_px).max(LARGER), 1.0, &SORTS[..])
+            }
+        };
+        Look { cars: cars.to_string(), edges: edges.to_string(), sorts }
     }
 }
 
@@ -43,13 +57,13 @@ pub fn view(roads: &RecordedRoads, delay_ms: u32, snapshots: &[Snapshot]) -> Str
     const BOXES: &str = "1";
     const BY_SPEED: &str = "8";
     let speeds = [("213,94,0", "0"), ("240,228,66", "5"), ("86,180,233", "10")];
-    let [cars, edges] = exaggeration(roads).map(|times| times.to_string());
+    let Look { cars, edges, sorts } = Look::of(roads);
     document("viewsettings", |xml| {
         nest(xml, "scheme", [("name", "standard")], |xml| {
             leaf(xml, "background", [("backgroundColor", "245,245,245"), ("showGrid", "0")])?;
-            nest(xml, "edges", [("laneEdgeMode", "0"), ("widthExaggeration", &edges)], |xml| all_grey(xml, "road"))?;
-            nest(xml, "junctions", [("junctionMode", "0")], |xml| all_grey(xml, ""))?;
-            let cars = [("vehicleMode", BY_SPEED), ("vehicleQuality", BOXES), ("vehicle_exaggeration", &cars)];
+            nest(xml, "edges", [("laneEdgeMode", "0"), ("widthExaggeration", &*edges)], |xml| all_grey(xml, sorts))?;
+            nest(xml, "junctions", [("junctionMode", "0")], |xml| all_grey(xml, &[""]))?;
+            let cars = [("vehicleMode", BY_SPEED), ("vehicleQuality", BOXES), ("vehicle_exaggeration", &*cars)];
             nest(xml, "vehicles", cars.into_iter().chain([("showBlinker", "0")]), |xml| {
                 nest(xml, "colorScheme", [("name", "by speed"), ("interpolated", "1")], |xml| {
                     speeds.iter().try_for_each(|(colour, speed_mps)| {
@@ -67,8 +81,8 @@ pub fn view(roads: &RecordedRoads, delay_ms: u32, snapshots: &[Snapshot]) -> Str
     })
 }
 
-/// Writes one grey for everything of a kind.
-fn all_grey(xml: &mut Xml, name: &str) -> io::Result<()> {
-    let entry = [("name", name), ("color", "90,90,90")];
-    nest(xml, "colorScheme", [("name", "uniform")], |xml| leaf(xml, "entry", entry))
+/// Writes one grey for everything of these sorts.
+fn all_grey(xml: &mut Xml, sorts: &[&str]) -> io::Result<()> {
+    let entry = |xml: &mut Xml, sort: &&str| leaf(xml, "entry", [("name", *sort), ("color", "90,90,90")]);
+    nest(xml, "colorScheme", [("name", "uniform")], |xml| sorts.iter().try_for_each(|sort| entry(xml, sort)))
 }
