@@ -1,13 +1,15 @@
 //! Cars and lights on roads in an episode, second by second, for pictures. Has no simulator's types or names.
 
+use std::ops::Range;
+
 /// A line in metres, east and north.
 pub type Line = Vec<[f64; 2]>;
 
 /// An episode on roads. Lists of intersections are in the order of the agents.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RoadTrace {
-    /// Number of steps, each of a second.
-    pub seconds: usize,
+    /// Seconds of the episode that the lists below are of.
+    pub seconds: Range<usize>,
     pub layout: Layout,
     /// Names of the intersections.
     pub names: Vec<String>,
@@ -95,6 +97,25 @@ pub enum Aspect {
 }
 
 impl RoadTrace {
+    /// Returns the part of the trace from one of its seconds to another one.
+    pub fn between(mut self, seconds: Range<usize>) -> RoadTrace {
+        let first = self.seconds.start;
+        fn cut<T>(list: &mut Vec<T>, Range { start, end }: Range<usize>) {
+            list.truncate(end);
+            list.drain(..start);
+        }
+        let within = seconds.start - first..seconds.end - first;
+        self.lights.iter_mut().for_each(|shown| cut(shown, within.clone()));
+        self.approaches.iter_mut().flat_map(|at| &mut at.standing).for_each(|queue| cut(queue, within.clone()));
+        for corridor in &mut self.corridors {
+            corridor.crossings.iter_mut().for_each(|crossing| cut(&mut crossing.aspects, within.clone()));
+            let [begin, end] = [seconds.start, seconds.end].map(|second| second as f64);
+            corridor.cars.iter_mut().for_each(|drive| drive.retain(|(second, _)| (begin..=end).contains(second)));
+            corridor.cars.retain(|drive| !drive.is_empty());
+        }
+        RoadTrace { seconds, ..self }
+    }
+
     /// Returns the place in words, such as `a grid of 2x3`.
     pub fn place(&self) -> String {
         match &self.layout {

@@ -24,6 +24,9 @@ const REST_STEPS: usize = 30;
 /// Longest time that sumo-gui may need for one picture. Usually it takes several per second.
 const PATIENCE: Duration = Duration::from_secs(60);
 
+/// Longest time that sumo-gui may need for a step before the first picture.
+const UNSEEN: Duration = Duration::from_millis(500);
+
 /// Width and height of sumo-gui's window minus those of the roads, in pixels (measured with SUMO 1.15).
 const FRAME: (usize, usize) = (10, 215);
 
@@ -55,7 +58,7 @@ fn picture(number: usize) -> String {
 
 /// Lets sumo-gui play the replay and take a picture before every step.
 fn take_pictures(replay: &Replay, room: &Path, stop: &AtomicBool) -> Result<Vec<PathBuf>> {
-    let frames: Vec<PathBuf> = (0..replay.steps).map(|step| room.join(picture(step))).collect();
+    let frames: Vec<PathBuf> = (0..replay.steps.len()).map(|number| room.join(picture(number))).collect();
     let settings = room.join("view.xml");
     fs::write(&settings, (replay.settings)(&frames)).context("the temporary directory cannot be written to")?;
     let (width, height) = canvas(replay.shape);
@@ -64,11 +67,12 @@ fn take_pictures(replay: &Replay, room: &Path, stop: &AtomicBool) -> Result<Vec<
     let said = room.join("said.txt");
     let mut gui = tied(SUMO_GUI);
     gui.arg("-c").arg(replay.config).arg("--gui-settings-file").arg(&settings);
-    let end_s = replay.begin_s + (frames.len() + REST_STEPS) as u64;
+    let end_s = replay.begin_s + (replay.steps.end + REST_STEPS) as u64;
     gui.args(["--end", &end_s.to_string(), "--start", "--quit-on-end"]);
     gui.args(["--window-size", &format!("{width},{height}")]).env("DISPLAY", &screen.name);
     gui.stdout(Stdio::null()).stderr(listener(&said)?);
-    let end = wait_for(&mut Helper::start(gui)?, &frames, PATIENCE, stop)?;
+    let patience = PATIENCE + UNSEEN * replay.steps.start as u32;
+    let end = wait_for(&mut Helper::start(gui)?, &frames, patience, stop)?;
     let missing = frames.iter().filter(|frame| !frame.exists()).count();
     // If all pictures are there, it does not matter how sumo-gui ended.
     ensure!(

@@ -1,17 +1,18 @@
 //! The episode that is filmed.
 
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// An episode that sumo-gui plays.
 pub struct Replay<'a> {
     /// Path of the file for `sumo-gui -c`.
     pub config: &'a Path,
-    /// Number of steps; each becomes one picture.
-    pub steps: usize,
-    /// Second at which the first step begins.
+    /// Steps that are shown; each becomes one picture.
+    pub steps: Range<usize>,
+    /// Second at which the episode begins.
     pub begin_s: u64,
     pub shape: Shape,
-    /// Function that returns settings with which sumo-gui writes these pictures, the i-th before step i.
+    /// Function that returns settings with which sumo-gui writes these pictures, the i-th before the i-th of these steps.
     pub settings: &'a dyn Fn(&[PathBuf]) -> String,
 }
 

@@ -15,6 +15,8 @@ mod returns_on_net;
 mod signal_timing;
 mod space_time;
 
+use std::ops::Range;
+
 use anyhow::Result;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -56,8 +58,13 @@ const MARGIN: i32 = 18;
 const HEAD: i32 = 64;
 
 /// Returns the width of a picture with a time axis, in pixels. An hour needs more room than minutes.
-fn width_for(seconds: usize) -> i32 {
-    seconds.clamp(1100, 2400) as i32
+fn width_for(seconds: &Range<usize>) -> i32 {
+    seconds.len().clamp(1100, 2400) as i32
+}
+
+/// Returns the axis of these seconds.
+fn time_axis(seconds: &Range<usize>) -> BoundedAxis {
+    BoundedAxis::from(seconds.start as f64..seconds.end as f64)
 }
 
 /// Returns a name with at most this number of letters and dots.
@@ -118,7 +125,7 @@ mod tests {
         };
         let (green, yellow, red) = (Aspect::Green, Aspect::Yellow, Aspect::Red);
         RoadTrace {
-            seconds: 4,
+            seconds: 0..4,
             layout: Layout::Grid { rows: 1, columns: 2 },
             names: vec!["a".to_owned(), "b".to_owned()],
             greens: ["green for the main road", "green for the others"].map(str::to_owned).to_vec(),
@@ -170,7 +177,7 @@ mod tests {
     #[test]
     fn a_corridor_is_drawn_from_its_own_ends_with_a_bar_per_light() {
         let trace = trace();
-        let svg = space_time(&trace.corridors[0], trace.seconds, &about()).unwrap().file();
+        let svg = space_time(&trace.corridors[0], &trace.seconds, &about()).unwrap().file();
         assert!(svg.contains("Space and time: the main road, from bridge to harbour"), "{svg}");
         assert!(svg.contains("distance from the bridge end (m)"), "{svg}");
         // Three red shapes: one at the end of `a`, one for all of `b`, and one in the legend.

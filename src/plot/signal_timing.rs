@@ -13,7 +13,6 @@ const LONGEST_NAME: usize = 28;
 
 /// Draws one bar per intersection, with agent 0 at the bottom as on the map.
 pub fn signal_timing(trace: &RoadTrace, about: &About) -> Result<Svg> {
-    let seconds = trace.seconds as f64;
     let count = trace.names.len();
     let bar_height: i32 = if count <= 25 { 24 } else { 14 };
     let title = match count {
@@ -23,26 +22,26 @@ pub fn signal_timing(trace: &RoadTrace, about: &About) -> Result<Svg> {
     let names: Vec<String> = trace.names.iter().map(|name| shortened(name, LONGEST_NAME)).collect();
     let letters = f64::from(bar_height.min(14) - 3);
     let widest = names.iter().map(|name| text_width(name, letters)).max().unwrap_or(0);
-    let size = (width_for(trace.seconds), AROUND + bar_height * count as i32);
+    let size = (width_for(&trace.seconds), AROUND + bar_height * count as i32);
     picture(size, &title, &about.of_episode(), |area| {
         let (legend, area) = area.split_vertically(px(LEGEND));
         let mut chart = ChartBuilder::on(&area)
             .x_label_area_size(px(AXIS))
             .y_label_area_size(px(58).max(widest + px(10)))
             .margin_right(px(10))
-            .build_cartesian_2d(BoundedAxis::from(0.0..seconds), BoundedAxis::from(0.0..count as f64))?;
+            .build_cartesian_2d(time_axis(&trace.seconds), BoundedAxis::from(0.0..count as f64))?;
         draw_axes(&mut chart, "", 0, true)?;
         let (left, top) = area.get_base_pixel();
         for (agent, (name, shown)) in names.iter().zip(&trace.lights).enumerate() {
             let middle = agent as f64 + 0.5;
-            let mut from = 0;
+            let mut from = trace.seconds.start;
             for phase in shown.chunk_by(|a, b| a == b) {
                 let to = from + phase.len();
                 let bar = [(from as f64, middle - 0.38), (to as f64, middle + 0.38)];
                 chart.draw_series([Rectangle::new(bar, colour(phase[0]).filled())])?;
                 from = to;
             }
-            let place = chart.backend_coord(&(0.0, middle));
+            let place = chart.backend_coord(&(trace.seconds.start as f64, middle));
             let style = anchored(text(letters, INK), HPos::Right, VPos::Center);
             area.draw_text(name, &style, (place.0 - left - px(6), place.1 - top))?;
         }

@@ -15,14 +15,14 @@ const LONGEST_NAME: usize = 20;
 /// Height of everything around the chart, in pixels.
 const AROUND: i32 = HEAD + 110;
 
-/// Draws the cars that drove through a corridor. `seconds`: length of the episode.
+/// Draws the cars that drove through a corridor. `seconds`: those of the episode that are shown.
 ///
 /// Each line is a car: steep if it is fast, flat if it waits. At each stop line a bar shows the light. A thicker bar
 /// lets fewer cars through.
-pub fn space_time(corridor: &Corridor, seconds: usize, about: &About) -> Result<Svg> {
+pub fn space_time(corridor: &Corridor, seconds: &Range<usize>, about: &About) -> Result<Svg> {
     let Corridor { name, from, to, length_m, crossings, cars } = corridor;
     let width = width_for(seconds);
-    let seconds = seconds as f64;
+    let [first, last] = [seconds.start, seconds.end].map(|second| second as f64);
     let title = format!("Space and time: {name}, from {from} to {to}");
     let chart_px = (EDGE_HEIGHT * (crossings.len() as i32 + 1)).max((length_m * METRE).min(TALLEST) as i32);
     let m_per_px = length_m / f64::from(chart_px);
@@ -34,12 +34,12 @@ pub fn space_time(corridor: &Corridor, seconds: usize, about: &About) -> Result<
             .x_label_area_size(px(44))
             .y_label_area_size(px(58))
             .margin_right(px(48).max(widest + px(14)))
-            .build_cartesian_2d(BoundedAxis::from(0.0..seconds), BoundedAxis::from(0.0..*length_m))?;
+            .build_cartesian_2d(time_axis(seconds), BoundedAxis::from(0.0..*length_m))?;
         // Shade the inside of the intersections, so that the stop lines are visible.
         for (crossing, name) in crossings.iter().zip(&names) {
             let (from, to) = (crossing.begin_m, crossing.end_m);
-            chart.draw_series([Rectangle::new([(0.0, from), (seconds, to)], PALE.filled())])?;
-            let place = chart.backend_coord(&(seconds, (from + to) / 2.0));
+            chart.draw_series([Rectangle::new([(first, from), (last, to)], PALE.filled())])?;
+            let place = chart.backend_coord(&(last, (from + to) / 2.0));
             let style = anchored(text(11, INK), HPos::Left, VPos::Center);
             let (x, y) = area.get_base_pixel();
             area.draw_text(name, &style, (place.0 - x + px(8), place.1 - y))?;
@@ -49,7 +49,7 @@ pub fn space_time(corridor: &Corridor, seconds: usize, about: &About) -> Result<
             chart.draw_series(LineSeries::new(places.iter().copied(), pen(INK, 1)))?;
         }
         for crossing in crossings {
-            let (stop_line_m, mut begin) = (crossing.begin_m, 0);
+            let (stop_line_m, mut begin) = (crossing.begin_m, seconds.start);
             for phase in crossing.aspects.chunk_by(|a, b| a == b) {
                 let ((height, colour), end) = (bar(phase[0]), begin + phase.len());
                 let bar = [(begin as f64, stop_line_m), (end as f64, stop_line_m + height * m_per_px)];

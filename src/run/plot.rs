@@ -1,11 +1,12 @@
 //! `--plot`: draws an evaluation as SVG files.
 
+use std::ops::Range;
 use std::path::PathBuf;
 
 use anyhow::{Context, Result};
 
 use super::domain;
-use super::outputs;
+use super::outputs::{self, check_seconds};
 use super::places::{self, Existing};
 use crate::cli::OutputArgs;
 use crate::config::Config;
@@ -26,6 +27,8 @@ pub struct Plots {
     traffic: Traffic,
     /// Way along which a scenario is drawn, if `--route` names one.
     route: Option<Route>,
+    /// Seconds of the episode to show, if `--seconds` names some.
+    seconds: Option<Range<usize>>,
 }
 
 impl Plots {
@@ -36,7 +39,9 @@ impl Plots {
         let tape = Tape::default();
         let traffic = domain::open_recorded(config, &tape).context("--plot: nothing can be drawn")?;
         let route = output.route.as_deref().map(|edges| traffic.route(edges)).transpose().context("--route")?;
-        Ok(Some(Plots { dir: dir.clone(), tape, traffic, route }))
+        let seconds = output.seconds.clone();
+        seconds.iter().try_for_each(|seconds| check_seconds(seconds, traffic.seconds()))?;
+        Ok(Some(Plots { dir: dir.clone(), tape, traffic, route, seconds }))
     }
 
     /// Returns the domain to play the episodes on.
@@ -46,7 +51,10 @@ impl Plots {
 
     pub fn draw(&self, evaluation: &Evaluation, about: &About) -> Result<()> {
         let recording = self.tape.take().context("no episode was recorded")?;
-        let trace = trace(&recording, self.route.as_ref())?;
+        let mut trace = trace(&recording, self.route.as_ref())?;
+        if let Some(seconds) = &self.seconds {
+            trace = trace.between(seconds.clone());
+        }
         let mut pictures = vec![
             ("queues.svg", plot::queues(&trace, about)?),
             ("signals.svg", plot::signal_timing(&trace, about)?),
@@ -54,7 +62,9 @@ impl Plots {
         ];
         // A grid has one per row, of which the middle one is drawn.
         match trace.corridors.get(trace.corridors.len().saturating_sub(1) / 2) {
-            Some(corridor) => pictures.insert(0, ("space_time.svg", plot::space_time(corridor, trace.seconds, about)?)),
+            Some(corridor) => {
+                pictures.insert(0, ("space_time.svg", plot::space_time(corridor, &trace.seconds, about)?))
+            }
             None => tell(format_args!("note: no car entered, so there is no space_time.svg")),
         }
         places::make(&self.dir, Existing::Refuse, |dir| {

@@ -40,9 +40,10 @@ pub fn replay(args: &cli::ReplayArgs) -> crate::error::Result<()> {
     ))
     .map_err(Error::Run)?;
     if let Some(video) = video {
+        let steps = args.seconds.clone().unwrap_or(0..recording.steps.len());
         let snapshots = |pictures: &[PathBuf]| {
             let snapshot = |(step, file): (usize, &PathBuf)| Snapshot { file: file.clone(), step };
-            view(&recording.roads, 0, &pictures.iter().enumerate().map(snapshot).collect::<Vec<_>>())
+            view(&recording.roads, 0, &steps.clone().zip(pictures).map(snapshot).collect::<Vec<_>>())
         };
         let shape = match &recording.roads.ground {
             RecordedGround::Grid(RecordedGrid { grid, .. }) => Shape::Grid { columns: grid.cols(), rows: grid.rows() },
@@ -51,8 +52,8 @@ pub fn replay(args: &cli::ReplayArgs) -> crate::error::Result<()> {
                 Shape::Map { wide_m, tall_m }
             }
         };
-        let (begin_s, steps) = (recording.roads.begin_s(), recording.steps.len());
-        video.make(&Replay { config: &config, begin_s, steps, shape, settings: &snapshots })?;
+        let begin_s = recording.roads.begin_s();
+        video.make(&Replay { config: &config, begin_s, steps: steps.clone(), shape, settings: &snapshots })?;
         answer(format_args!("wrote the film {}", video.file().display())).map_err(Error::Run)?;
     }
     if args.gui { watch(&config).map_err(Error::Run) } else { Ok(()) }

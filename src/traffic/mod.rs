@@ -140,6 +140,11 @@ impl Traffic {
         GlobalTraffic::load(self.plan.clone(), self.ground.source()?, control, tape)
     }
 
+    /// Returns the length of an episode in seconds.
+    pub fn seconds(&self) -> usize {
+        self.ground.horizon() * self.plan.decision_steps
+    }
+
     /// Reads the way along which pictures show the cars of a scenario: edges that follow each other, separated by commas.
     pub fn route(&self, edges: &str) -> Result<Route> {
         self.ground.route(edges)

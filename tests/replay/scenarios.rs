@@ -220,6 +220,20 @@ fn pictures_of_a_scenario_show_its_roads_and_the_route_that_is_asked_for() {
     let words = format!("from the west: {:.2} cars on average", standing.count() as f64 / 4800.0);
     assert!(picture("queues.svg").contains(&words), "{words}");
 
+    // A part of the episode has axes of its own, and only what happened then.
+    let part = dir.path().join("part");
+    draw(&part, &["--seconds", "200,230"]).success();
+    let of_part = |name: &str| fs::read_to_string(part.join(name)).unwrap();
+    for name in ["space_time.svg", "signals.svg", "queues.svg"] {
+        let svg = of_part(name);
+        assert!(svg.contains(">\n210\n") && !svg.contains(">\n190\n") && !svg.contains(">\n240\n"), "{name}");
+    }
+    let standing = played[200..230].iter().flatten();
+    let standing = standing.filter(|(_, lane, place)| west.contains(lane.as_str()) && stands(place));
+    let words = format!("from the west: {:.2} cars on average", standing.count() as f64 / 480.0);
+    assert!(of_part("queues.svg").contains(&words), "{words}");
+    assert_eq!(of_part("returns.svg"), fs::read_to_string(folder.join("returns.svg")).unwrap());
+
     // Without a route, that of the cars which pass the most lights is drawn.
     let unasked = dir.path().join("unasked");
     draw(&unasked, &[]).success();
@@ -236,6 +250,15 @@ fn pictures_of_a_scenario_show_its_roads_and_the_route_that_is_asked_for() {
     refused("w0_x0y0,x1y0_x2y0", "edge `x1y0_x2y0` does not follow `w0_x0y0`; these do: x0y0_s0, x0y0_x0y1, x0y0_x1y0");
     refused("w0_x0y0,w0_x0y0", "names edge `w0_x0y0` twice; a picture can show each edge once");
     refused("x0y0_s0 w0_x0y0", "no edge follows `x0y0_s0`, so `w0_x0y0` cannot; end the route there");
+    for (seconds, told) in [
+        ("200,301", "--seconds 200,301: an episode has the seconds 0 to 300; end there"),
+        ("30,30", "must be two seconds, such as 600,1200"),
+        ("30", "must be two seconds, such as 600,1200"),
+    ] {
+        let output = draw(&dir.path().join("none"), &["--seconds", seconds]).code(2).get_output().clone();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(said.contains(told), "{said}");
+    }
     refused(",", "names no edge; name edges that follow each other, separated by commas");
     let grid = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/smoke_traffic.toml");
     let out = dir.path().join("grid");

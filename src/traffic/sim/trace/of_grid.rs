@@ -16,7 +16,7 @@ pub fn trace(recording: &Recording, grid: Grid) -> Result<RoadTrace> {
     let agents = grid.agents();
     let light = |agent: &AgentId| recording.steps.iter().map(|step| shown(Light::of(&step.signals[agent.0]))).collect();
     Ok(RoadTrace {
-        seconds: recording.steps.len(),
+        seconds: 0..recording.steps.len(),
         layout: Layout::Grid { rows: grid.rows(), columns: grid.cols() },
         names: agents.iter().map(|&agent| grid.light(agent)).collect(),
         greens: ["green for south and north", "green for west and east"].map(str::to_owned).to_vec(),

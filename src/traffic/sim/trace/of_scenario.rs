@@ -29,7 +29,7 @@ pub fn trace(recording: &Recording, scenario: &RecordedScenario, route: Option<&
     };
     let route = route.cloned().or_else(|| Route::with_most_lights(recording, scenario));
     Ok(RoadTrace {
-        seconds: recording.steps.len(),
+        seconds: 0..recording.steps.len(),
         layout: Layout::Map(map),
         names: agents.iter().map(|agent| agent.light.clone()).collect(),
         greens: (0..most).map(|green| format!("green {green}")).collect(),
