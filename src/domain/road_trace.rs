@@ -33,8 +33,8 @@ pub enum Layout {
 /// The roads of a network.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RoadMap {
-    /// Name of the network.
-    pub name: String,
+    /// The network in words, such as `scenario town`.
+    pub place: String,
     /// Outlines of the junctions; some may be empty.
     pub junctions: Vec<Line>,
     /// All lanes for cars.
@@ -120,7 +120,7 @@ impl RoadTrace {
     pub fn place(&self) -> String {
         match &self.layout {
             Layout::Grid { rows, columns } => format!("a grid of {rows}x{columns}"),
-            Layout::Map(map) => format!("scenario {}", map.name),
+            Layout::Map(map) => map.place.clone(),
         }
     }
 }

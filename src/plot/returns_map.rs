@@ -37,10 +37,9 @@ impl Returns {
         if self.high > self.low { (value - self.low) / (self.high - self.low) } else { 0.5 }
     }
 
-    /// Returns a value with as many digits as tell the agents apart.
+    /// Returns a value with at least three digits that count.
     pub fn written(&self, value: f64) -> String {
-        let range = self.high - self.low;
-        let digits = if range >= 10.0 { 1 } else { 3 };
+        let digits = if self.low.abs().max(self.high.abs()) >= 10.0 { 1 } else { 3 };
         format!("{value:.digits$}")
     }
 }

@@ -73,7 +73,7 @@ fn draw_legend(area: &Area<'_>, trace: &RoadTrace) -> Result<()> {
     let greens = trace.greens.iter().enumerate().map(|(number, word)| (Shown::Green(number), word.as_str()));
     let mut words: Vec<(Shown, &str)> = greens.take(GREENS.len()).chain([(Shown::Yellow, "yellow")]).collect();
     if trace.lights.iter().flatten().any(|&shown| shown == Shown::Other) {
-        words.push((Shown::Other, "other"));
+        words.push((Shown::Other, "all red or other"));
     }
     let style = anchored(text(11, INK), HPos::Left, VPos::Center);
     // Swatch, gap and the longest word; room for the two directions of a grid.

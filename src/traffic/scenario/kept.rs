@@ -12,7 +12,7 @@ use crate::traffic::network::tree::Element;
 use crate::traffic::network::xml::{self, document, section};
 
 /// Beginning of the names in the copy of a run directory.
-const KEPT: &str = "scenario";
+pub const KEPT: &str = "scenario";
 const AGENTS: &str = "agents.toml";
 
 /// An episode that plain SUMO plays in a copy.

@@ -1,5 +1,7 @@
 //! The trace of an episode on a scenario.
 
+use std::path::Path;
+
 use anyhow::Result;
 
 use super::drives::{Stretch, drives};
@@ -9,6 +11,7 @@ use crate::domain::road_trace::{Approach, Aspect, Corridor, CorridorLight, Layou
 use crate::sumo::SignalState;
 use crate::traffic::agents::plan::AgentPlan;
 use crate::traffic::network::roads::{Connection, LaneNo, Roads};
+use crate::traffic::scenario::kept::KEPT;
 use crate::traffic::side::Side;
 use crate::traffic::sim::recorded_roads::RecordedScenario;
 use crate::traffic::sim::recording::Recording;
@@ -22,7 +25,7 @@ pub fn trace(recording: &Recording, scenario: &RecordedScenario, route: Option<&
     };
     let place = |agent: &AgentPlan| agent.place_m;
     let map = RoadMap {
-        name: files.path().file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+        place: place_of(files.path()),
         junctions: roads.junctions.iter().map(|junction| junction.shape.clone()).collect(),
         lanes: roads.lanes_of_cars().map(|lane| roads.lane(lane).shape.clone()).collect(),
         lights_m: agents.iter().map(place).collect(),
@@ -37,6 +40,14 @@ pub fn trace(recording: &Recording, scenario: &RecordedScenario, route: Option<&
         approaches: approaches(recording, scenario)?,
         corridors: route.iter().map(|route| corridor(recording, roads, route)).collect::<Result<_>>()?,
     })
+}
+
+/// Returns the place in words. The copy in a run directory has lost the name that its user knows.
+fn place_of(sumocfg: &Path) -> String {
+    match sumocfg.file_stem().unwrap_or_default().to_string_lossy().as_ref() {
+        KEPT => "a scenario".to_owned(),
+        name => format!("scenario {name}"),
+    }
 }
 
 fn shown(agent: &AgentPlan, state: &SignalState) -> Shown {
