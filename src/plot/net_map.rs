@@ -17,8 +17,9 @@ const NAMES: i32 = 330;
 const NAME_HEIGHT: i32 = 22;
 /// Longest list of names. A longer one would not fit.
 const MOST_NAMES: usize = 40;
-/// Longest name in the list, in letters.
+/// Longest name in the list, in letters: alone, and before a value.
 const LONGEST_NAME: usize = 38;
+const LONGEST_BEFORE_VALUE: usize = 28;
 /// Width of a lane in metres.
 const LANE_M: f64 = 3.2;
 
@@ -97,7 +98,8 @@ impl Sheet {
                 let at = (px(self.width + 30), px(10 + NAME_HEIGHT * number as i32));
                 draw_light(area, at, number, light.colour)?;
                 let style = anchored(text(11, INK), HPos::Left, VPos::Center);
-                area.draw_text(&shortened(light.name, LONGEST_NAME), &style, (at.0 + px(16), at.1))?;
+                let longest = if light.value.is_some() { LONGEST_BEFORE_VALUE } else { LONGEST_NAME };
+                area.draw_text(&shortened(light.name, longest), &style, (at.0 + px(16), at.1))?;
                 if let Some(value) = &light.value {
                     let style = anchored(text(11, INK), HPos::Right, VPos::Center);
                     area.draw_text(value, &style, (px(self.right()), at.1))?;
