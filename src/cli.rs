@@ -1,5 +1,6 @@
 //! The command line: only types and help texts.
 
+use std::ops::Range;
 use std::path::PathBuf;
 
 use clap::builder::RangedU64ValueParser;
@@ -225,6 +226,13 @@ pub struct OutputArgs {
     /// files, into this directory (traffic)
     #[arg(long, value_name = "DIR")]
     pub plot: Option<PathBuf>,
+    /// On a scenario: edges that follow each other, along which --plot draws the time-space diagram [default: the route of
+    /// the cars that passes the most lights]
+    #[arg(long, value_name = "EDGE,EDGE,...", requires = "plot")]
+    pub route: Option<String>,
+    /// Seconds of the first episode that --plot shows, such as 600,1200 [default: all]
+    #[arg(long, value_name = "FROM,TO", requires = "plot", value_parser = seconds)]
+    pub seconds: Option<Range<usize>>,
 }
 
 #[derive(Debug, Args)]
@@ -253,6 +261,9 @@ pub struct ReplayArgs {
     /// Film the replay as a .gif or (with ffmpeg) an .mp4; needs no screen
     #[arg(long, value_name = "FILE")]
     pub video: Option<PathBuf>,
+    /// Seconds of the episode that --video shows, such as 600,1200 [default: all]
+    #[arg(long, value_name = "FROM,TO", requires = "video", value_parser = seconds)]
+    pub seconds: Option<Range<usize>>,
     /// If the directory or film exists, move it aside instead of refusing
     #[arg(long)]
     pub force: bool,
@@ -301,6 +312,12 @@ pub struct CompareArgs {
     /// Print one JSON object instead of a table
     #[arg(long)]
     pub json: bool,
+}
+
+/// Reads the first second and the one after the last.
+fn seconds(text: &str) -> Result<Range<usize>, String> {
+    let ends = text.split_once(',').and_then(|(from, to)| Some(from.trim().parse().ok()?..to.trim().parse().ok()?));
+    ends.filter(|ends| ends.start < ends.end).ok_or_else(|| "must be two seconds, such as 600,1200".to_owned())
 }
 
 fn finite(text: &str) -> Result<f64, String> {

@@ -1,22 +1,46 @@
 //! Cars and lights on roads in an episode, second by second, for pictures. Has no simulator's types or names.
 
-/// An episode on a grid of roads. Lists of intersections are in the order of the agents.
+use std::ops::Range;
+
+/// A line in metres, east and north.
+pub type Line = Vec<[f64; 2]>;
+
+/// An episode on roads. Lists of intersections are in the order of the agents.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RoadTrace {
-    /// Number of steps, each of a second.
-    pub seconds: usize,
-    /// Number of rows of intersections, and of columns. Agents are numbered row by row from the south-west corner,
-    /// eastwards and then northwards.
-    pub rows: usize,
-    pub columns: usize,
+    /// Seconds of the episode that the lists below are of.
+    pub seconds: Range<usize>,
+    pub layout: Layout,
     /// Names of the intersections.
     pub names: Vec<String>,
-    /// Directions that a light can give green to, in words for a legend.
-    pub greens: Vec<&'static str>,
+    /// Greens of the lights in words for a legend, such as the directions that they are for.
+    pub greens: Vec<String>,
     /// State of the light of each intersection in each second.
     pub lights: Vec<Vec<Shown>>,
     pub approaches: Vec<Approach>,
     pub corridors: Vec<Corridor>,
+}
+
+/// Where the intersections are.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Layout {
+    /// A grid. Agents are numbered row by row from the south-west corner, eastwards and then northwards.
+    Grid { rows: usize, columns: usize },
+    /// Any other network.
+    Map(RoadMap),
+}
+
+/// The roads of a network.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RoadMap {
+    /// The network in words, such as `scenario town`.
+    pub place: String,
+    /// Outlines of the junctions; some may be empty.
+    pub junctions: Vec<Line>,
+    /// All lanes for cars.
+    pub lanes: Vec<Line>,
+    /// Places of the lights of the agents.
+    pub lights_m: Vec<[f64; 2]>,
 }
 
 /// The state of an intersection's light.
@@ -29,7 +53,7 @@ pub enum Shown {
     Other,
 }
 
-/// The approaches of all intersections from one side.
+/// The approaches from one side, of all intersections that have some.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Approach {
     /// Side, such as `west`.
@@ -38,17 +62,17 @@ pub struct Approach {
     pub standing: Vec<Vec<usize>>,
 }
 
-/// A row of intersections that cars drive through from one end to the other.
+/// A way that cars drive from one end to the other, such as a row of intersections.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Corridor {
     /// Name, such as `row 1 of a grid of 2x2`.
     pub name: String,
-    /// Sides where the corridor begins and ends, such as `west`, `east`.
-    pub from: &'static str,
-    pub to: &'static str,
+    /// Where the corridor begins and ends: sides such as `west`, `east`, or names of roads.
+    pub from: String,
+    pub to: String,
     pub length_m: f64,
     pub crossings: Vec<CorridorLight>,
-    /// Points of each car: seconds, and metres from the beginning.
+    /// Points of each drive: seconds, and metres from the beginning.
     pub cars: Vec<Vec<(f64, f64)>>,
 }
 
@@ -73,8 +97,30 @@ pub enum Aspect {
 }
 
 impl RoadTrace {
-    /// Returns rows and columns, such as `2x3`.
-    pub fn grid(&self) -> String {
-        format!("{}x{}", self.rows, self.columns)
+    /// Returns the part of the trace from one of its seconds to another one.
+    pub fn between(mut self, seconds: Range<usize>) -> RoadTrace {
+        let first = self.seconds.start;
+        fn cut<T>(list: &mut Vec<T>, Range { start, end }: Range<usize>) {
+            list.truncate(end);
+            list.drain(..start);
+        }
+        let within = seconds.start - first..seconds.end - first;
+        self.lights.iter_mut().for_each(|shown| cut(shown, within.clone()));
+        self.approaches.iter_mut().flat_map(|at| &mut at.standing).for_each(|queue| cut(queue, within.clone()));
+        for corridor in &mut self.corridors {
+            corridor.crossings.iter_mut().for_each(|crossing| cut(&mut crossing.aspects, within.clone()));
+            let [begin, end] = [seconds.start, seconds.end].map(|second| second as f64);
+            corridor.cars.iter_mut().for_each(|drive| drive.retain(|(second, _)| (begin..=end).contains(second)));
+            corridor.cars.retain(|drive| !drive.is_empty());
+        }
+        RoadTrace { seconds, ..self }
+    }
+
+    /// Returns the place in words, such as `a grid of 2x3`.
+    pub fn place(&self) -> String {
+        match &self.layout {
+            Layout::Grid { rows, columns } => format!("a grid of {rows}x{columns}"),
+            Layout::Map(map) => map.place.clone(),
+        }
     }
 }

@@ -21,4 +21,4 @@ mod screen;
 pub use format::Format;
 pub use gui::{check_screen, watch};
 pub use pictures::Pictures;
-pub use replay::Replay;
+pub use replay::{Replay, Shape};

@@ -13,7 +13,7 @@ use tempfile::TempDir;
 use super::gui::SUMO_GUI;
 use super::helper::{Helper, listener, tied};
 use super::screen::Screen;
-use super::{Format, Replay, gif, mp4};
+use super::{Format, Replay, Shape, gif, mp4};
 use crate::outside::temporary_dir;
 use crate::terminal::check_stop;
 use crate::terminal::counting::EpisodeBar;
@@ -23,6 +23,9 @@ const REST_STEPS: usize = 30;
 
 /// Longest time that sumo-gui may need for one picture. Usually it takes several per second.
 const PATIENCE: Duration = Duration::from_secs(60);
+
+/// Longest time that sumo-gui may need for a step before the first picture.
+const UNSEEN: Duration = Duration::from_millis(500);
 
 /// Width and height of sumo-gui's window minus those of the roads, in pixels (measured with SUMO 1.15).
 const FRAME: (usize, usize) = (10, 215);
@@ -55,19 +58,21 @@ fn picture(number: usize) -> String {
 
 /// Lets sumo-gui play the replay and take a picture before every step.
 fn take_pictures(replay: &Replay, room: &Path, stop: &AtomicBool) -> Result<Vec<PathBuf>> {
-    let frames: Vec<PathBuf> = (0..replay.steps).map(|step| room.join(picture(step))).collect();
+    let frames: Vec<PathBuf> = (0..replay.steps.len()).map(|number| room.join(picture(number))).collect();
     let settings = room.join("view.xml");
     fs::write(&settings, (replay.settings)(&frames)).context("the temporary directory cannot be written to")?;
-    let (width, height) = canvas(replay.columns, replay.rows);
+    let (width, height) = canvas(replay.shape);
     let (width, height) = (width + FRAME.0, height + FRAME.1);
     let screen = Screen::open(width, height, room)?;
     let said = room.join("said.txt");
     let mut gui = tied(SUMO_GUI);
     gui.arg("-c").arg(replay.config).arg("--gui-settings-file").arg(&settings);
-    gui.args(["--end", &(frames.len() + REST_STEPS).to_string(), "--start", "--quit-on-end"]);
+    let end_s = replay.begin_s + (replay.steps.end + REST_STEPS) as u64;
+    gui.args(["--end", &end_s.to_string(), "--start", "--quit-on-end"]);
     gui.args(["--window-size", &format!("{width},{height}")]).env("DISPLAY", &screen.name);
     gui.stdout(Stdio::null()).stderr(listener(&said)?);
-    let end = wait_for(&mut Helper::start(gui)?, &frames, PATIENCE, stop)?;
+    let patience = PATIENCE + UNSEEN * replay.steps.start as u32;
+    let end = wait_for(&mut Helper::start(gui)?, &frames, patience, stop)?;
     let missing = frames.iter().filter(|frame| !frame.exists()).count();
     // If all pictures are there, it does not matter how sumo-gui ended.
     ensure!(
@@ -102,12 +107,19 @@ fn wait_for(gui: &mut Helper, frames: &[PathBuf], patience: Duration, stop: &Ato
     Ok(end)
 }
 
-/// Returns width and height of the roads, in pixels. The longer side grows with the grid, from 800 to 1200.
-fn canvas(columns: usize, rows: usize) -> (usize, usize) {
-    let (cols, rows) = (columns + 1, rows + 1);
-    let scale = (200 * cols.max(rows)).clamp(800, 1200) as f64 / cols.max(rows) as f64;
-    let side = |count: usize| ((count as f64 * scale) as usize).max(400).next_multiple_of(2);
-    (side(cols), side(rows))
+/// Returns width and height of the roads, in pixels. The longer side grows with a grid from 800 to 1200. On a map it is
+/// 1200.
+fn canvas(shape: Shape) -> (usize, usize) {
+    let (wide, tall, longer) = match shape {
+        Shape::Grid { columns, rows } => {
+            let (columns, rows) = (columns + 1, rows + 1);
+            (columns as f64, rows as f64, (200 * columns.max(rows)).clamp(800, 1200))
+        }
+        Shape::Map { wide_m, tall_m } => (wide_m, tall_m, 1200),
+    };
+    let scale = longer as f64 / wide.max(tall);
+    let side = |length: f64| ((length * scale) as usize).max(400).next_multiple_of(2);
+    (side(wide), side(tall))
 }
 
 #[cfg(test)]

@@ -1,17 +1,26 @@
 //! The episode that is filmed.
 
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// An episode that sumo-gui plays.
 pub struct Replay<'a> {
     /// Path of the file for `sumo-gui -c`.
     pub config: &'a Path,
-    /// Number of steps; each becomes one picture.
-    pub steps: usize,
-    /// Number of intersections from west to east. With `rows` it gives the film its shape.
-    pub columns: usize,
-    /// Number of intersections from south to north.
-    pub rows: usize,
-    /// Function that returns settings with which sumo-gui writes these pictures, the i-th before step i.
+    /// Steps that are shown; each becomes one picture.
+    pub steps: Range<usize>,
+    /// Second at which the episode begins.
+    pub begin_s: u64,
+    pub shape: Shape,
+    /// Function that returns settings with which sumo-gui writes these pictures, the i-th before the i-th of these steps.
     pub settings: &'a dyn Fn(&[PathBuf]) -> String,
+}
+
+/// The roads, which give a film its shape.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Shape {
+    /// Numbers of intersections from west to east and from south to north.
+    Grid { columns: usize, rows: usize },
+    /// Extent from west to east and from south to north, in metres.
+    Map { wide_m: f64, tall_m: f64 },
 }

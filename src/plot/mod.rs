@@ -1,16 +1,21 @@
 //! Pictures of a traffic episode as SVG: one file and one function per picture.
 //!
 //! - `space_time`: the cars of one corridor over time. `signal_timing`: the lights over time.
-//! - `queues`: standing cars over time. `returns_map`: the return of every agent on a map.
-//! - `regions_map`: a road network with the local regions of its lights.
+//! - `queues`: standing cars over time. `returns_map`: the return of every agent on a map; `returns_on_net`: on the map of
+//!   any network.
+//! - `regions_map`: a road network with the local regions of its lights. `net_map`: what maps of networks share.
 //!
 //! Those of an episode are drawn from a [`crate::domain::road_trace`]. This room does not know which simulator made it.
 
+mod net_map;
 mod queues;
 mod regions_map;
 mod returns_map;
+mod returns_on_net;
 mod signal_timing;
 mod space_time;
+
+use std::ops::Range;
 
 use anyhow::Result;
 use plotters::prelude::*;
@@ -18,10 +23,11 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use crate::drawing::{
     Area, BLUE, BoundedAxis, GREEN, INK, ORANGE, PURPLE, SKY, Svg, draw_mesh, ink_over, pen, px, shade, text,
+    text_width,
 };
 
 pub use queues::queues;
-pub use regions_map::{Line, MapRegion, RegionsMap, regions_map};
+pub use regions_map::{MapRegion, RegionsMap, regions_map};
 pub use returns_map::returns_map;
 pub use signal_timing::signal_timing;
 pub use space_time::space_time;
@@ -50,6 +56,24 @@ const PALE: RGBColor = RGBColor(232, 232, 232);
 const MARGIN: i32 = 18;
 /// Height of the title and the line under it, in pixels.
 const HEAD: i32 = 64;
+
+/// Returns the width of a picture with a time axis, in pixels. An hour needs more room than minutes.
+fn width_for(seconds: &Range<usize>) -> i32 {
+    seconds.len().clamp(1100, 2400) as i32
+}
+
+/// Returns the axis of these seconds.
+fn time_axis(seconds: &Range<usize>) -> BoundedAxis {
+    BoundedAxis::from(seconds.start as f64..seconds.end as f64)
+}
+
+/// Returns a name with at most this number of letters and dots.
+fn shortened(name: &str, letters: usize) -> String {
+    match name.char_indices().nth(letters) {
+        Some((end, _)) => format!("{}...", &name[..end]),
+        None => name.to_owned(),
+    }
+}
 
 /// Draws a picture of this width and height in pixels: a head, and below it what `draw` draws.
 fn picture(
@@ -89,7 +113,7 @@ fn anchored(style: TextStyle<'static>, horizontal: HPos, vertical: VPos) -> Text
 mod tests {
     use super::*;
     use crate::base::Rows;
-    use crate::domain::road_trace::{Approach, Aspect, Corridor, CorridorLight, RoadTrace, Shown};
+    use crate::domain::road_trace::{Approach, Aspect, Corridor, CorridorLight, Layout, RoadTrace, Shown};
 
     /// Two intersections side by side for four seconds.
     fn trace() -> RoadTrace {
@@ -101,11 +125,10 @@ mod tests {
         };
         let (green, yellow, red) = (Aspect::Green, Aspect::Yellow, Aspect::Red);
         RoadTrace {
-            seconds: 4,
-            rows: 1,
-            columns: 2,
+            seconds: 0..4,
+            layout: Layout::Grid { rows: 1, columns: 2 },
             names: vec!["a".to_owned(), "b".to_owned()],
-            greens: vec!["green for the main road", "green for the others"],
+            greens: ["green for the main road", "green for the others"].map(str::to_owned).to_vec(),
             lights: vec![
                 vec![Shown::Green(0), Shown::Green(0), Shown::Yellow, Shown::Green(1)],
                 vec![Shown::Green(1); 4],
@@ -114,8 +137,8 @@ mod tests {
             approaches: vec![Approach { from: "bridge", standing: vec![vec![0, 1, 2, 3], vec![0, 1, 2, 3]] }],
             corridors: vec![Corridor {
                 name: "the main road".to_owned(),
-                from: "bridge",
-                to: "harbour",
+                from: "bridge".to_owned(),
+                to: "harbour".to_owned(),
                 length_m: 220.0,
                 crossings: vec![
                     crossing("a", 100.0, [green, green, yellow, red]),
@@ -154,7 +177,7 @@ mod tests {
     #[test]
     fn a_corridor_is_drawn_from_its_own_ends_with_a_bar_per_light() {
         let trace = trace();
-        let svg = space_time(&trace.corridors[0], trace.seconds, &about()).unwrap().file();
+        let svg = space_time(&trace.corridors[0], &trace.seconds, &about()).unwrap().file();
         assert!(svg.contains("Space and time: the main road, from bridge to harbour"), "{svg}");
         assert!(svg.contains("distance from the bridge end (m)"), "{svg}");
         // Three red shapes: one at the end of `a`, one for all of `b`, and one in the legend.

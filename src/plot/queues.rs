@@ -5,19 +5,19 @@ use anyhow::Result;
 use super::*;
 use crate::domain::road_trace::{Approach, RoadTrace};
 
-const SIZE: (i32, i32) = (1100, 690);
+const HEIGHT: i32 = 690;
 
 /// Draws the standing cars, one panel per approach: the mean over all intersections, and the longest queue.
 pub fn queues(trace: &RoadTrace, about: &About) -> Result<Svg> {
-    let steps = trace.seconds;
+    let seconds = &trace.seconds;
     let standing = || trace.approaches.iter().flat_map(|approach| &approach.standing);
     let longest = standing().flatten().copied().max().unwrap_or(0).max(1);
 
     let title = match &trace.names[..] {
         [only] => format!("Queues at {only}"),
-        names => format!("Queues at the {} intersections of a grid of {}", names.len(), trace.grid()),
+        names => format!("Queues at the {} intersections of {}", names.len(), trace.place()),
     };
-    picture(SIZE, &title, &about.of_episode(), |area| {
+    picture((width_for(seconds), HEIGHT), &title, &about.of_episode(), |area| {
         let (legend, area) = area.split_vertically(px(26));
         let several = trace.names.len() > 1;
         draw_legend(&legend, several)?;
@@ -25,25 +25,22 @@ pub fn queues(trace: &RoadTrace, about: &About) -> Result<Svg> {
         for (number, (Approach { from, standing }, panel)) in trace.approaches.iter().zip(&panels).enumerate() {
             let of_step = |step: usize| standing.iter().map(move |queue| queue[step]);
             let means: Vec<f64> =
-                (0..steps).map(|step| of_step(step).sum::<usize>() as f64 / standing.len() as f64).collect();
-            let most: Vec<f64> = (0..steps).map(|step| of_step(step).max().unwrap_or(0) as f64).collect();
+                (0..seconds.len()).map(|step| of_step(step).sum::<usize>() as f64 / standing.len() as f64).collect();
+            let most: Vec<f64> = (0..seconds.len()).map(|step| of_step(step).max().unwrap_or(0) as f64).collect();
             let last = number + 1 == panels.len();
             let mut chart = ChartBuilder::on(panel)
                 .margin_top(px(18))
                 .x_label_area_size(px(if last { 40 } else { 6 }))
                 .y_label_area_size(px(58))
                 .margin_right(px(10))
-                .build_cartesian_2d(
-                    BoundedAxis::from(0.0..steps as f64),
-                    BoundedAxis::from(0.0..longest as f64 + 0.5),
-                )?;
+                .build_cartesian_2d(time_axis(seconds), BoundedAxis::from(0.0..longest as f64 + 0.5))?;
             draw_axes(&mut chart, "cars", 4, last)?;
-            chart.draw_series(AreaSeries::new(stairs(&means), 0.0, SKY.mix(0.55)))?;
-            chart.draw_series(LineSeries::new(stairs(&means), pen(BLUE, 2)))?;
+            chart.draw_series(AreaSeries::new(stairs(seconds.start, &means), 0.0, SKY.mix(0.55)))?;
+            chart.draw_series(LineSeries::new(stairs(seconds.start, &means), pen(BLUE, 2)))?;
             if several {
-                chart.draw_series(LineSeries::new(stairs(&most), pen(FAINT, 1)))?;
+                chart.draw_series(LineSeries::new(stairs(seconds.start, &most), pen(FAINT, 1)))?;
             }
-            let mean = means.iter().sum::<f64>() / steps.max(1) as f64;
+            let mean = means.iter().sum::<f64>() / seconds.len().max(1) as f64;
             let word = format!("from the {from}: {mean:.2} cars on average");
             panel.draw_text(&word, &text(11, INK), (px(62), px(1)))?;
         }
@@ -64,8 +61,8 @@ fn draw_legend(area: &Area<'_>, several: bool) -> Result<()> {
     Ok(())
 }
 
-/// Returns the corners of a line on which each value holds for one second.
-fn stairs(values: &[f64]) -> Vec<(f64, f64)> {
+/// Returns the corners of a line on which each value holds for one second, from the second `begin` on.
+fn stairs(begin: usize, values: &[f64]) -> Vec<(f64, f64)> {
     let step = |(second, &value): (usize, &f64)| [(second as f64, value), ((second + 1) as f64, value)];
-    values.iter().enumerate().flat_map(step).collect()
+    (begin..).zip(values).flat_map(step).collect()
 }

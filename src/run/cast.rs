@@ -6,6 +6,7 @@ use anyhow::{Context, Result, bail, ensure};
 
 use super::directory;
 use super::domain;
+use super::outputs::check_seconds;
 use super::subject::Subject;
 use crate::base::{AgentId, RandomPurpose, Seed, Stopwatch};
 use crate::cli;
@@ -49,6 +50,7 @@ impl ReplayedEpisode {
             let seed = episode_seed(Seed::new(args.episode_seed.unwrap_or(config.evaluation.seed)), 0);
             let traffic =
                 domain::open_recorded(config, &tape).context("only episodes that SUMO simulates can be replayed")?;
+            args.seconds.iter().try_for_each(|seconds| check_seconds(seconds, traffic.seconds()))?;
             Ok(ReplayedEpisode { tape: tape.clone(), traffic, seed, cast })
         };
         if let Some(controller) = &args.controller {

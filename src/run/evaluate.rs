@@ -27,7 +27,7 @@ pub fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
     let agents = args.agents.iter().copied().map(AgentId).collect();
     let background = args.background.clone().map(|controller| Background { controller, policies_of: agents });
     let subject = Subject::Run { dir: args.run_dir.clone(), greedy: args.greedy, background };
-    let plots = Plots::asked_for(args.output.plot.as_deref(), &config).map_err(Error::Usage)?;
+    let plots = Plots::asked_for(&args.output, &config).map_err(Error::Usage)?;
     let domain = plots.as_ref().map_or(&*domain, Plots::domain);
     let session = Session::new(domain, &config, &args.episodes, &args.output)?;
     let subjects = vec![subject];
@@ -42,7 +42,7 @@ pub fn baseline(args: &cli::BaselineArgs) -> Result<()> {
     let domain = domain::open(&config).map_err(Error::Usage)?;
     domain::check(&config).map_err(Error::Usage)?;
     let about = [("config", json!(crate::outside::path_as_text(&args.config)))];
-    let plots = Plots::asked_for(args.output.plot.as_deref(), &config).map_err(Error::Usage)?;
+    let plots = Plots::asked_for(&args.output, &config).map_err(Error::Usage)?;
     let domain = plots.as_ref().map_or(&*domain, Plots::domain);
     let session = Session::new(domain, &config, &args.episodes, &args.output)?;
     let mut subjects = match (&args.controller, &args.compare) {

@@ -1,6 +1,7 @@
-//! Checks the output paths of options, before any work begins.
+//! Checks the output paths of options, and the seconds that pictures show, before any work begins.
 
 use std::fs;
+use std::ops::Range;
 use std::path::{Component, Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
@@ -64,6 +65,17 @@ pub fn check_not_a_run(option: &str, path: &Path) -> Result<()> {
 fn is_run(folder: &Path) -> bool {
     let written = [files::RUN, files::RETURNS, files::POLICIES, files::CHECKPOINTS];
     files::is_run_dir(folder) && written.iter().any(|name| folder.join(name).exists())
+}
+
+/// Checks that the seconds of `--seconds` are in an episode of this length.
+pub fn check_seconds(seconds: &Range<usize>, length_s: usize) -> Result<()> {
+    ensure!(
+        seconds.end <= length_s,
+        "--seconds {},{}: an episode has the seconds 0 to {length_s}; end there",
+        seconds.start,
+        seconds.end
+    );
+    Ok(())
 }
 
 /// Checks that no two options name the same place, and that none lies within another.

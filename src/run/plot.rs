@@ -1,12 +1,14 @@
 //! `--plot`: draws an evaluation as SVG files.
 
-use std::path::{Path, PathBuf};
+use std::ops::Range;
+use std::path::PathBuf;
 
 use anyhow::{Context, Result};
 
 use super::domain;
-use super::outputs;
+use super::outputs::{self, check_seconds};
 use super::places::{self, Existing};
+use crate::cli::OutputArgs;
 use crate::config::Config;
 use crate::domain::Domain;
 use crate::evaluation::Evaluation;
@@ -14,6 +16,7 @@ use crate::plot::{self, About};
 use crate::terminal::tell;
 use crate::traffic::Traffic;
 use crate::traffic::sim::recording::Tape;
+use crate::traffic::sim::trace::route::Route;
 use crate::traffic::sim::trace::trace;
 
 /// The recording and the output directory of `--plot`. The pictures are drawn after the episodes.
@@ -22,16 +25,23 @@ pub struct Plots {
     tape: Tape,
     /// Domain whose first episode is recorded on `tape`.
     traffic: Traffic,
+    /// Way along which a scenario is drawn, if `--route` names one.
+    route: Option<Route>,
+    /// Seconds of the episode to show, if `--seconds` names some.
+    seconds: Option<Range<usize>>,
 }
 
 impl Plots {
-    /// Checks that pictures can be made in `dir`, before long work begins. `None`: the option was not given.
-    pub fn asked_for(dir: Option<&Path>, config: &Config) -> Result<Option<Plots>> {
-        let Some(dir) = dir else { return Ok(None) };
+    /// Checks that pictures can be made, before long work begins. `None`: the option was not given.
+    pub fn asked_for(output: &OutputArgs, config: &Config) -> Result<Option<Plots>> {
+        let Some(dir) = &output.plot else { return Ok(None) };
         outputs::check_free(dir, "--plot")?;
         let tape = Tape::default();
         let traffic = domain::open_recorded(config, &tape).context("--plot: nothing can be drawn")?;
-        Ok(Some(Plots { dir: dir.to_owned(), tape, traffic }))
+        let route = output.route.as_deref().map(|edges| traffic.route(edges)).transpose().context("--route")?;
+        let seconds = output.seconds.clone();
+        seconds.iter().try_for_each(|seconds| check_seconds(seconds, traffic.seconds()))?;
+        Ok(Some(Plots { dir: dir.clone(), tape, traffic, route, seconds }))
     }
 
     /// Returns the domain to play the episodes on.
@@ -41,18 +51,27 @@ impl Plots {
 
     pub fn draw(&self, evaluation: &Evaluation, about: &About) -> Result<()> {
         let recording = self.tape.take().context("no episode was recorded")?;
-        let trace = trace(&recording)?;
-        let corridor = &trace.corridors[(trace.corridors.len() - 1) / 2];
-        let pictures = [
-            ("space_time.svg", plot::space_time(corridor, trace.seconds, about)?),
+        let mut trace = trace(&recording, self.route.as_ref())?;
+        if let Some(seconds) = &self.seconds {
+            trace = trace.between(seconds.clone());
+        }
+        let mut pictures = vec![
             ("queues.svg", plot::queues(&trace, about)?),
             ("signals.svg", plot::signal_timing(&trace, about)?),
             ("returns.svg", plot::returns_map(&trace, &evaluation.returns, about)?),
         ];
+        // A grid has one per row, of which the middle one is drawn.
+        match trace.corridors.get(trace.corridors.len().saturating_sub(1) / 2) {
+            Some(corridor) => {
+                pictures.insert(0, ("space_time.svg", plot::space_time(corridor, &trace.seconds, about)?))
+            }
+            None => tell(format_args!("note: no car entered, so there is no space_time.svg")),
+        }
         places::make(&self.dir, Existing::Refuse, |dir| {
             pictures.iter().try_for_each(|(name, svg)| dir.put(name, svg.file().as_bytes()))
         })?;
-        tell(format_args!("drew {} into {}", pictures.map(|(name, _)| name).join(", "), self.dir.display()));
+        let names: Vec<&str> = pictures.iter().map(|(name, _)| *name).collect();
+        tell(format_args!("drew {} into {}", names.join(", "), self.dir.display()));
         Ok(())
     }
 }

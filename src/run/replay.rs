@@ -8,9 +8,10 @@ use super::places::{self, Existing};
 use super::video::Video;
 use crate::cli;
 use crate::error::Error;
-use crate::film::{Replay, check_screen, watch};
+use crate::film::{Replay, Shape, check_screen, watch};
 use crate::outside::quoted;
 use crate::terminal::answer;
+use crate::traffic::sim::recorded_roads::{RecordedGrid, RecordedGround};
 use crate::traffic::sim::replay::{self, Snapshot, view};
 
 pub fn replay(args: &cli::ReplayArgs) -> crate::error::Result<()> {
@@ -39,13 +40,20 @@ pub fn replay(args: &cli::ReplayArgs) -> crate::error::Result<()> {
     ))
     .map_err(Error::Run)?;
     if let Some(video) = video {
+        let steps = args.seconds.clone().unwrap_or(0..recording.steps.len());
         let snapshots = |pictures: &[PathBuf]| {
             let snapshot = |(step, file): (usize, &PathBuf)| Snapshot { file: file.clone(), step };
-            view(0, &pictures.iter().enumerate().map(snapshot).collect::<Vec<_>>())
+            view(&recording.roads, 0, &steps.clone().zip(pictures).map(snapshot).collect::<Vec<_>>())
         };
-        let (grid, steps) = (recording.roads.grid, recording.steps.len());
-        let (columns, rows) = (grid.cols(), grid.rows());
-        video.make(&Replay { config: &config, steps, columns, rows, settings: &snapshots })?;
+        let shape = match &recording.roads.ground {
+            RecordedGround::Grid(RecordedGrid { grid, .. }) => Shape::Grid { columns: grid.cols(), rows: grid.rows() },
+            RecordedGround::Scenario(scenario) => {
+                let [wide_m, tall_m] = scenario.extent_m();
+                Shape::Map { wide_m, tall_m }
+            }
+        };
+        let begin_s = recording.roads.begin_s();
+        video.make(&Replay { config: &config, begin_s, steps: steps.clone(), shape, settings: &snapshots })?;
         answer(format_args!("wrote the film {}", video.file().display())).map_err(Error::Run)?;
     }
     if args.gui { watch(&config).map_err(Error::Run) } else { Ok(()) }

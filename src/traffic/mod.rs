@@ -48,7 +48,7 @@ pub mod tuning;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::Context;
+use anyhow::{Context, Error};
 
 use crate::base::{AgentId, Seed};
 use crate::config::{ScenarioConfig, TrafficConfig};
@@ -68,6 +68,7 @@ use sim::global::GlobalTraffic;
 use sim::local::LocalTraffic;
 use sim::recording::Tape;
 use sim::tally::P_SWITCH;
+use sim::trace::route::Route;
 
 /// Returns the version of the linked SUMO, such as `SUMO 1.15.0`.
 pub fn sumo_version() -> Result<String> {
@@ -135,8 +136,18 @@ impl Traffic {
 
     /// Loads the GS with its own type, for what the trait does not offer.
     pub fn global(&self, control: SignalControl) -> Result<GlobalTraffic> {
-        let tape = self.tape.as_ref().map(|tape| self.ground.tape(tape)).transpose()?;
+        let tape = self.tape.as_ref().map(|tape| Ok::<_, Error>((tape, self.ground.recorded()?))).transpose()?;
         GlobalTraffic::load(self.plan.clone(), self.ground.source()?, control, tape)
+    }
+
+    /// Returns the length of an episode in seconds.
+    pub fn seconds(&self) -> usize {
+        self.ground.horizon() * self.plan.decision_steps
+    }
+
+    /// Reads the way along which pictures show the cars of a scenario: edges that follow each other, separated by commas.
+    pub fn route(&self, edges: &str) -> Result<Route> {
+        self.ground.route(edges)
     }
 
     /// Returns control of all lights by hand-coded control.

@@ -3,15 +3,14 @@
 use anyhow::Result;
 
 use super::Inspected;
+use crate::domain::road_trace::Line;
 use crate::drawing::Svg;
-use crate::plot::{Line, MapRegion, RegionsMap, regions_map};
+use crate::plot::{MapRegion, RegionsMap, regions_map};
 use crate::traffic::network::roads::LaneNo;
 
 pub fn drawn(inspected: &Inspected) -> Result<Svg> {
     let Inspected { net, roads, derived, .. } = inspected;
     let line = |lane: LaneNo| -> Line { roads.lane(lane).shape.clone() };
-    let lanes =
-        || roads.roads().flat_map(|(_, edge)| &edge.lanes).copied().filter(|&lane| roads.lane(lane).carries_cars);
     let regions = derived.agents.iter().map(|agent| {
         let edges = agent.region.edges(roads);
         let within = |lane: &LaneNo| edges.contains(&roads.lane(*lane).edge);
@@ -19,14 +18,14 @@ pub fn drawn(inspected: &Inspected) -> Result<Svg> {
             name: agent.plan.light.clone(),
             place_m: agent.plan.place_m,
             approaches: agent.region.ahead_m.keys().map(|&lane| line(lane)).collect(),
-            lanes: lanes().filter(within).map(line).collect(),
+            lanes: roads.lanes_of_cars().filter(within).map(line).collect(),
         }
     });
     let keeping = derived.keeping.iter().flat_map(|kept| roads.junctions_of(&kept.light));
     regions_map(&RegionsMap {
         subject: net.file_name().unwrap_or(net.as_os_str()).to_string_lossy().into_owned(),
         junctions: roads.junctions.iter().map(|junction| junction.shape.clone()).collect(),
-        lanes: lanes().map(line).collect(),
+        lanes: roads.lanes_of_cars().map(line).collect(),
         regions: regions.collect(),
         keeping: keeping.map(|junction| roads.junction(junction).place_m).collect(),
     })

@@ -9,10 +9,11 @@ use std::path::{Path, PathBuf};
 
 use crate::domain::{Result, Scenario};
 use crate::traffic::paper_grid::grid::Grid;
-use crate::traffic::sim::global::GridTape;
 use crate::traffic::sim::local::LocalTraffic;
+use crate::traffic::sim::recorded_roads::RecordedRoads;
 use crate::traffic::sim::recording::Tape;
 use crate::traffic::sim::source::Source;
+use crate::traffic::sim::trace::route::Route;
 
 /// A road network with its cars.
 pub trait Ground: Send + Sync {
@@ -25,8 +26,11 @@ pub trait Ground: Send + Sync {
     /// Puts everything that the GS (global simulator) loads into memory.
     fn source(&self) -> Result<Source>;
 
-    /// Returns what the GS needs to record on a tape. It is an error if its episodes cannot be recorded.
-    fn tape<'a>(&'a self, tape: &'a Tape) -> Result<GridTape<'a>>;
+    /// Returns the roads as recordings of the GS keep them.
+    fn recorded(&self) -> Result<RecordedRoads>;
+
+    /// Reads the way along which cars are drawn: names of edges, separated by commas.
+    fn route(&self, edges: &str) -> Result<Route>;
 
     /// Loads local simulators of `rows` rows. It is an error if there are none.
     fn local(&self, rows: usize, tape: Option<&Tape>) -> Result<LocalTraffic>;

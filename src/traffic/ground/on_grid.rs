@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, ensure};
+use anyhow::{Context, bail, ensure};
 
 use super::Ground;
 use crate::base::Rows;
@@ -15,10 +15,11 @@ use crate::traffic::network::files::NetworkFiles;
 use crate::traffic::network::way_out::{Role, cannot_be_simulated};
 use crate::traffic::paper_grid::grid::Grid;
 use crate::traffic::paper_grid::recognise::{recognise_grid, recognise_local};
-use crate::traffic::sim::global::GridTape;
 use crate::traffic::sim::local::{self, LocalTraffic};
+use crate::traffic::sim::recorded_roads::RecordedRoads;
 use crate::traffic::sim::recording::Tape;
 use crate::traffic::sim::source::Source;
+use crate::traffic::sim::trace::route::Route;
 
 /// Share of switches above which an agent is stuck: its lights are yellow most of the time. Agents that learn are near
 /// 0.1 to 0.3. The local optimum of switching almost always is near 1, and random weights are near 0.5.
@@ -87,8 +88,12 @@ impl Ground for OnGrid {
         Ok(Source::Grid(self.network.for_sumo()?))
     }
 
-    fn tape<'a>(&'a self, tape: &'a Tape) -> Result<GridTape<'a>> {
-        Ok(GridTape { tape, grid: self.grid, network: &self.network })
+    fn recorded(&self) -> Result<RecordedRoads> {
+        RecordedRoads::of_grid(self.grid, &self.network)
+    }
+
+    fn route(&self, _edges: &str) -> Result<Route> {
+        bail!("is for a scenario, and this is a grid, whose middle row is drawn; leave the option out")
     }
 
     fn local(&self, rows: usize, tape: Option<&Tape>) -> Result<LocalTraffic> {

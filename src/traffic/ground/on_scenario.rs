@@ -19,10 +19,11 @@ use crate::traffic::network::memory_file::MemoryFile;
 use crate::traffic::network::roads::program::{Phase, Program};
 use crate::traffic::paper_grid::grid::Grid;
 use crate::traffic::scenario::SumoScenario;
-use crate::traffic::sim::global::GridTape;
 use crate::traffic::sim::local::LocalTraffic;
+use crate::traffic::sim::recorded_roads::RecordedRoads;
 use crate::traffic::sim::recording::Tape;
 use crate::traffic::sim::source::Source;
+use crate::traffic::sim::trace::route::Route;
 
 /// A scenario with the agents that were derived from it.
 pub struct OnScenario {
@@ -115,8 +116,12 @@ impl Ground for OnScenario {
         Ok(Source::Scenario { files: self.files.for_sumo()?, actuated })
     }
 
-    fn tape<'a>(&'a self, _tape: &'a Tape) -> Result<GridTape<'a>> {
-        bail!("{}: only grids of `dials-traffic nets` can be recorded", self.files.path().display())
+    fn recorded(&self) -> Result<RecordedRoads> {
+        RecordedRoads::of_scenario(&self.files, self.derived.plans())
+    }
+
+    fn route(&self, edges: &str) -> Result<Route> {
+        Route::read(edges, &self.files.roads()?).with_context(|| self.files.net_path().display().to_string())
     }
 
     fn local(&self, _rows: usize, _tape: Option<&Tape>) -> Result<LocalTraffic> {

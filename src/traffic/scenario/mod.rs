@@ -6,11 +6,11 @@
 //! - `elements`: which elements files may hold; `place`: names an element in an error.
 //! - `net`: checks of the roads and lights; `streets`: the edges and where one comes from each.
 //! - `demand`: checks of types, routes, vehicles and flows.
-//! - `kept`: the copy in a run directory; [`loadable`]: the scenario as SUMO of this process loads it.
+//! - [`kept`]: copies for run directories and replays; [`loadable`]: the scenario as SUMO of this process loads it.
 
 mod demand;
 mod elements;
-mod kept;
+pub mod kept;
 pub mod loadable;
 mod net;
 mod place;

@@ -8,6 +8,7 @@ use anyhow::ensure;
 use super::control::SignalControl;
 use super::handles::{IntersectionHandles, Place};
 use super::metrics::TrafficMetrics;
+use super::recorded_roads::RecordedRoads;
 use super::recording::{Recorder, Tape};
 use super::source::Source;
 use super::tally::Tally;
@@ -21,9 +22,7 @@ use crate::traffic::cars_at::CarsAt;
 use crate::traffic::controllers::intersections::Intersections;
 use crate::traffic::controllers::{self, HandCoded, actuated};
 use crate::traffic::light::KEEP;
-use crate::traffic::network::contents::Network;
 use crate::traffic::observe::{self, LightView};
-use crate::traffic::paper_grid::grid::Grid;
 use crate::traffic::reward::{self, Waiting};
 
 /// The traffic GS: one row per intersection. A step of it is a decision of the agents, which may take several seconds.
@@ -74,20 +73,13 @@ pub struct GlobalTraffic {
     metrics: Option<TrafficMetrics>,
 }
 
-/// A tape for an episode on a grid.
-pub struct GridTape<'a> {
-    pub tape: &'a Tape,
-    pub grid: Grid,
-    pub network: &'a Network,
-}
-
 impl GlobalTraffic {
-    /// Loads the simulator. The first episode goes on the `tape`.
+    /// Loads the simulator. The first episode goes on the `tape`, with these roads.
     pub fn load(
         plan: Arc<JointPlan>,
         source: Source,
         control: SignalControl,
-        tape: Option<GridTape<'_>>,
+        tape: Option<(&Tape, RecordedRoads)>,
     ) -> Result<GlobalTraffic> {
         let last = JointTransition::new(&plan.kinds);
         let options = source.options(control.is_actuated(), Seed::new(0).for_sumo());
@@ -102,7 +94,7 @@ impl GlobalTraffic {
         let first_exit = starts(plan.agents.iter().map(|agent| agent.region.exits.len()));
         let outgoing: Vec<String> = exits.map(|exit| exit.lane.clone()).collect();
         let agents = plan.agents.len();
-        let record = |GridTape { tape, grid, network }| Recorder::new(tape, &mut simulation, grid, network, None);
+        let record = |(tape, roads)| Recorder::new(tape, &mut simulation, roads, None);
         let recorder = tape.map(record).transpose()?;
         let outgoing_lanes = simulation.register_lanes(&outgoing)?;
         Ok(GlobalTraffic {

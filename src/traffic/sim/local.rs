@@ -7,6 +7,7 @@ use anyhow::{Context, ensure};
 
 use super::handles::{IntersectionHandles, Place};
 use super::options;
+use super::recorded_roads::RecordedRoads;
 use super::recording::{Recorder, Tape};
 use crate::base::{Phase, Rows, Stopwatch};
 use crate::config::{EntryRule, TrafficConfig};
@@ -93,7 +94,10 @@ impl LocalTraffic {
             let lanes = [region.incoming_lanes(), region.internal_lanes(), region.outgoing_lanes()].concat();
             all_lanes.push(simulation.register_lanes(&lanes)?);
         }
-        let record = |tape| Recorder::new(tape, &mut simulation, Grid::SINGLE, local, Some(Region(0)));
+        let record = |tape| {
+            let roads = RecordedRoads::of_grid(Grid::SINGLE, local)?;
+            Recorder::new(tape, &mut simulation, roads, Some(Region(0)))
+        };
         let recorder = tape.map(record).transpose()?;
         Ok(LocalTraffic {
             entry_rule: config.entry,

@@ -4,8 +4,8 @@
 //! - [`local`]: the local simulators (LS), a forest of single intersections.
 //! - `source`: what a GS loads; `handles`: the intersections of a loaded net; `options`: SUMO's options.
 //! - [`tally`]: what every episode counts; `metrics`, `trips`: what only evaluations measure.
-//! - [`recording`]: an episode recorded; [`replay`]: a recording as files that SUMO plays; [`trace`]: a recording for
-//!   pictures.
+//! - [`recording`]: an episode recorded, on [`recorded_roads`]; [`replay`]: a recording as files that SUMO plays;
+//!   [`trace`]: a recording for pictures.
 
 pub mod control;
 pub mod global;
@@ -13,6 +13,7 @@ mod handles;
 pub mod local;
 mod metrics;
 mod options;
+pub mod recorded_roads;
 pub mod recording;
 pub mod replay;
 pub(super) mod source;

@@ -4,16 +4,13 @@
 //! whatever controls the lights. It comes off as a [`Recording`]. [`super::replay`] turns it into files for SUMO, and
 //! [`super::trace`] into data for pictures. Simulators without a tape ask SUMO for no more than they need.
 
-use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use anyhow::{Context, Result};
 
+use super::recorded_roads::RecordedRoads;
 use crate::sumo::{CarTable, DepartSpeed, Departure, Insertion, LaneCars, LaneId, LightId, SignalState, Simulation};
 use crate::traffic::cut::forest::Region;
-use crate::traffic::network::contents::Network;
-use crate::traffic::network::tree::Element;
-use crate::traffic::paper_grid::grid::{Grid, lane};
 
 /// A tape for one episode. Clones are the same tape.
 #[derive(Clone, Debug, Default)]
@@ -32,9 +29,9 @@ impl Tape {
 }
 
 /// The recording of one episode.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Recording {
-    pub roads: Arc<Roads>,
+    pub roads: Arc<RecordedRoads>,
     /// Seed that SUMO got.
     pub seed: u32,
     /// Cars that entered, in the order in which they entered.
@@ -52,33 +49,12 @@ pub struct Entry {
     pub speed: DepartSpeed,
 }
 
-/// The roads of the recording.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Roads {
-    pub grid: Grid,
-    /// Text of the net, as SUMO loaded it.
-    pub net: String,
-    pub(super) vehicle_types: Vec<Element>,
-    /// All lanes: those of the edges in the order of [`Grid::edges`], then those inside of intersections.
-    pub lanes: Vec<Lane>,
-    /// Numbers of the lanes, by name.
-    numbers: HashMap<String, usize>,
-    /// Names of the lights, one per agent.
-    pub lights: Vec<String>,
-}
-
-#[derive(Clone, Debug, PartialEq)]
-pub struct Lane {
-    pub name: String,
-    pub length_m: f64,
-}
-
 /// One step of a second: step `t` leads from second `t` to second `t + 1`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Step {
-    /// State that every light showed during the step, in the order of [`Roads::lights`].
+    /// State that every light showed during the step, in the order of [`RecordedRoads::lights`].
     pub signals: Vec<SignalState>,
-    /// Cars after the step, lane by lane in the order of [`Roads::lanes`].
+    /// Cars after the step, lane by lane in the order of [`RecordedRoads::lanes`].
     pub cars: CarTable,
 }
 
@@ -90,42 +66,10 @@ impl Recording {
     }
 }
 
-impl Roads {
-    /// Returns the length of a lane in metres.
-    pub fn length_m(&self, name: &str) -> Result<f64> {
-        Ok(self.lanes[self.number(name)?].length_m)
-    }
-
-    fn number(&self, lane: &str) -> Result<usize> {
-        self.numbers.get(lane).copied().with_context(|| format!("no lane `{lane}` was recorded"))
-    }
-
-    fn of(grid: Grid, network: &Network) -> Result<Roads> {
-        let place = network.files.net.display();
-        let root = &network.net.root;
-        let lengths: HashMap<&str, f64> = root
-            .all("edge")
-            .flat_map(|edge| edge.all("lane"))
-            .filter_map(|lane| Some((lane.attribute("id")?, lane.attribute("length")?.parse().ok()?)))
-            .collect();
-        let length =
-            |name: &str| lengths.get(name).copied().with_context(|| format!("{place}: no lane `{name}` with a length"));
-        let edges = grid.edges().into_iter().map(|(from, to)| lane(&crate::traffic::paper_grid::grid::edge(from, to)));
-        let internal = grid.agents().into_iter().flat_map(|agent| grid.internal_lanes(agent));
-        let lanes = edges.chain(internal).map(|name| Ok(Lane { length_m: length(&name)?, name }));
-        let lanes = lanes.collect::<Result<Vec<Lane>>>()?;
-        let children = network.routes.root.children.iter();
-        let vehicle_types = children.filter(|child| child.name.starts_with("vType")).cloned();
-        let lights = grid.agents().into_iter().map(|agent| grid.light(agent)).collect();
-        let numbers = lanes.iter().enumerate().map(|(number, lane)| (lane.name.clone(), number)).collect();
-        Ok(Roads { grid, net: network.net.text(), vehicle_types: vehicle_types.collect(), lanes, numbers, lights })
-    }
-}
-
 /// The tape of a simulator, with what is needed to record on it.
 pub(super) struct Recorder {
     tape: Tape,
-    roads: Arc<Roads>,
+    roads: Arc<RecordedRoads>,
     /// Part of a forest that is recorded, under the names of the local net.
     region: Option<Region>,
     lanes: Vec<LaneId>,
@@ -135,15 +79,13 @@ pub(super) struct Recorder {
 }
 
 impl Recorder {
-    /// Makes a recorder. `network`: that of `grid`, which is the local one for a `region` of a forest.
+    /// Makes a recorder. `roads`: those of the simulation, or of the local net for a `region` of a forest.
     pub fn new(
         tape: &Tape,
         simulation: &mut Simulation,
-        grid: Grid,
-        network: &Network,
+        roads: RecordedRoads,
         region: Option<Region>,
     ) -> Result<Recorder> {
-        let roads = Roads::of(grid, network)?;
         let name = |name: &String| region.map_or_else(|| name.clone(), |region| region.rename(name));
         let lanes: Vec<String> = roads.lanes.iter().map(|lane| name(&lane.name)).collect();
         let lights: Vec<String> = roads.lights.iter().map(name).collect();

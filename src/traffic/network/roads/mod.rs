@@ -222,16 +222,20 @@ impl Roads {
         self.under_light(light).filter_map(|link| Some(link.signal.as_ref()?.letter)).collect()
     }
 
+    /// Returns the lanes of roads on which cars drive.
+    pub fn lanes_of_cars(&self) -> impl Iterator<Item = LaneNo> {
+        self.roads().flat_map(|(_, edge)| &edge.lanes).copied().filter(|&lane| self.lane(lane).carries_cars)
+    }
+
+    /// Returns the lanes of a connection within its junction, in the direction of driving.
+    pub fn lanes_within_junction(&self, connection: &Connection) -> impl Iterator<Item = LaneNo> {
+        let next = |&lane: &LaneNo| self.from_lane(lane).find_map(|connection| connection.via);
+        // A way within a junction has one piece, or a few if cars wait on it. The bound ends rings in broken nets.
+        std::iter::successors(connection.via, next).take(8)
+    }
+
     /// Returns the length of a connection within its junction, in metres.
     pub fn length_within_junction(&self, connection: &Connection) -> f64 {
-        let mut length_m = 0.0;
-        let mut next = connection.via;
-        // A way within a junction has one piece, or a few if cars wait on it. The bound ends rings in broken nets.
-        for _ in 0..8 {
-            let Some(lane) = next else { break };
-            length_m += self.lane(lane).length_m;
-            next = self.from_lane(lane).find_map(|connection| connection.via);
-        }
-        length_m
+        self.lanes_within_junction(connection).map(|lane| self.lane(lane).length_m).sum()
     }
 }

@@ -1,30 +1,28 @@
-//! Recordings as traces: the data for pictures of an episode.
-
-use std::collections::BTreeMap;
+//! The trace of an episode on a grid.
 
 use anyhow::Result;
 
-use super::recording::Recording;
+use super::drives::{Stretch, drives};
+use super::{aspect, name};
 use crate::base::AgentId;
-use crate::domain::road_trace::{Approach, Aspect, Corridor, CorridorLight, RoadTrace, Shown};
+use crate::domain::road_trace::{Approach, Corridor, CorridorLight, Layout, RoadTrace, Shown};
 use crate::traffic::agents::phases::Light;
-use crate::traffic::paper_grid::grid::lane;
+use crate::traffic::paper_grid::grid::{Grid, lane};
 use crate::traffic::side::Side;
+use crate::traffic::sim::recording::Recording;
 
 /// Returns the trace, with a corridor from west to east for every row of the grid, the southernmost first.
-pub fn trace(recording: &Recording) -> Result<RoadTrace> {
-    let grid = recording.roads.grid;
+pub fn trace(recording: &Recording, grid: Grid) -> Result<RoadTrace> {
     let agents = grid.agents();
     let light = |agent: &AgentId| recording.steps.iter().map(|step| shown(Light::of(&step.signals[agent.0]))).collect();
     Ok(RoadTrace {
-        seconds: recording.steps.len(),
-        rows: grid.rows(),
-        columns: grid.cols(),
+        seconds: 0..recording.steps.len(),
+        layout: Layout::Grid { rows: grid.rows(), columns: grid.cols() },
         names: agents.iter().map(|&agent| grid.light(agent)).collect(),
-        greens: vec!["green for south and north", "green for west and east"],
+        greens: ["green for south and north", "green for west and east"].map(str::to_owned).to_vec(),
         lights: agents.iter().map(light).collect(),
-        approaches: (0..Side::ALL.len()).map(|side| approach(recording, side)).collect::<Result<_>>()?,
-        corridors: (0..grid.rows()).map(|row| corridor(recording, row)).collect::<Result<_>>()?,
+        approaches: (0..Side::ALL.len()).map(|side| approach(recording, grid, side)).collect::<Result<_>>()?,
+        corridors: (0..grid.rows()).map(|row| corridor(recording, grid, row)).collect::<Result<_>>()?,
     })
 }
 
@@ -38,8 +36,7 @@ fn shown(light: Option<Light>) -> Shown {
 }
 
 /// Returns the approach from one side. `side`: an index into [`Side::ALL`].
-fn approach(recording: &Recording, side: usize) -> Result<Approach> {
-    let grid = recording.roads.grid;
+fn approach(recording: &Recording, grid: Grid, side: usize) -> Result<Approach> {
     let standing = |agent: AgentId| -> Result<Vec<usize>> {
         let edge = &grid.incoming_edges(agent)[side];
         Ok(recording.on_lane(&lane(edge))?.map(|cars| cars.halting()).collect())
@@ -49,8 +46,7 @@ fn approach(recording: &Recording, side: usize) -> Result<Approach> {
 }
 
 /// Returns the way through a row from west to east.
-fn corridor(recording: &Recording, row: usize) -> Result<Corridor> {
-    let grid = recording.roads.grid;
+fn corridor(recording: &Recording, grid: Grid, row: usize) -> Result<Corridor> {
     let agents: Vec<AgentId> = (0..grid.cols()).map(|col| AgentId(row * grid.cols() + col)).collect();
     let west = Side::ALL.iter().position(|&side| side == Side::West).expect("all sides are there");
     let east = Side::ALL.iter().position(|&side| side == Side::East).expect("all sides are there");
@@ -63,15 +59,12 @@ fn corridor(recording: &Recording, row: usize) -> Result<Corridor> {
     lanes.push(lane(&grid.outgoing_edges(agents[agents.len() - 1])[east]));
 
     let mut begins_m = vec![0.0];
-    let mut cars: BTreeMap<_, Vec<(f64, f64)>> = BTreeMap::new();
     for (number, name) in lanes.iter().enumerate() {
-        for (step, on_lane) in recording.on_lane(name)?.enumerate() {
-            for car in on_lane.iter() {
-                cars.entry(car.id).or_default().push(((step + 1) as f64, begins_m[number] + car.position_m));
-            }
-        }
         begins_m.push(begins_m[number] + recording.roads.length_m(name)?);
     }
+    let length_m = begins_m[lanes.len()];
+    let stretch = |(lane, &begin_m): (String, &f64)| Stretch { lane, begin_m, scale: 1.0 };
+    let stretches: Vec<Stretch> = lanes.into_iter().zip(&begins_m).map(stretch).collect();
     let letter = Side::West.link_index();
     let crossing = |(col, &agent): (usize, &AgentId)| CorridorLight {
         name: grid.light(agent),
@@ -81,27 +74,10 @@ fn corridor(recording: &Recording, row: usize) -> Result<Corridor> {
     };
     Ok(Corridor {
         name: format!("row {row} of a grid of {grid}"),
-        from: name(Side::West),
-        to: name(Side::East),
-        length_m: begins_m[lanes.len()],
+        from: name(Side::West).to_owned(),
+        to: name(Side::East).to_owned(),
+        length_m,
         crossings: agents.iter().enumerate().map(crossing).collect(),
-        cars: cars.into_values().collect(),
+        cars: drives(recording, &stretches)?,
     })
-}
-
-fn aspect(letter: u8) -> Aspect {
-    match letter {
-        b'G' | b'g' => Aspect::Green,
-        b'y' | b'Y' => Aspect::Yellow,
-        _ => Aspect::Red,
-    }
-}
-
-fn name(side: Side) -> &'static str {
-    match side {
-        Side::West => "west",
-        Side::South => "south",
-        Side::East => "east",
-        Side::North => "north",
-    }
 }

@@ -1,6 +1,11 @@
 //! Replays and pictures: what plain SUMO plays from a written episode, compared with the episode.
+//!
+//! - `fcd`: what SUMO plays, and what was recorded, in the same form; `scenarios`: replays of scenarios.
 
-use std::collections::{BTreeMap, BTreeSet};
+mod fcd;
+mod scenarios;
+
+use std::collections::BTreeSet;
 use std::fs;
 use std::io::Write;
 use std::os::unix::fs::PermissionsExt;
@@ -21,8 +26,10 @@ use dials_traffic::traffic::controllers::NAMES;
 use dials_traffic::traffic::sim::recording::{Recording, Tape};
 use dials_traffic::traffic::sim::replay;
 use quick_xml::Reader;
-use quick_xml::events::{BytesStart, Event};
+use quick_xml::events::Event;
 use rand::Rng;
+
+use crate::fcd::{assert_same, attribute, sumo_plays};
 
 const SEED: u64 = 11;
 
@@ -79,70 +86,6 @@ fn record(config: &Config, cast: impl FnOnce(&Traffic) -> Option<JointPolicyCont
         }
     };
     tape.take().unwrap()
-}
-
-fn attribute(tag: &BytesStart, name: &str) -> String {
-    tag.try_get_attribute(name).unwrap().unwrap_or_else(|| panic!("no {name}")).unescape_value().unwrap().into_owned()
-}
-
-/// Sets of car, lane, position and speed.
-type Places = BTreeSet<(String, String, String)>;
-
-/// Returns what plain `sumo` plays from a folder: for every step the cars with lane, position and speed as SUMO prints
-/// them.
-fn sumo_plays(dir: &Path) -> Vec<Places> {
-    let room = tempfile::tempdir().unwrap();
-    let fcd = room.path().join("fcd.xml");
-    let output = Program::new("sumo")
-        .args(["-c", "replay.sumocfg", "--no-step-log", "--precision", "15", "--fcd-output", text(&fcd)])
-        .current_dir(dir)
-        .env_remove("SUMO_HOME")
-        .output()
-        .expect("Debian's package sumo is installed");
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    assert_eq!(String::from_utf8_lossy(&output.stderr), "");
-    let xml = fs::read_to_string(&fcd).unwrap();
-    let mut reader = Reader::from_str(&xml);
-    let mut steps = Vec::new();
-    loop {
-        match reader.read_event().unwrap() {
-            Event::Start(tag) | Event::Empty(tag) => match tag.name().as_ref() {
-                b"timestep" => steps.push(Places::new()),
-                b"vehicle" => {
-                    let [id, lane, position, speed] = ["id", "lane", "pos", "speed"].map(|name| attribute(&tag, name));
-                    steps.last_mut().unwrap().insert((id, lane, format!("{position} {speed}")));
-                }
-                _ => {}
-            },
-            Event::Eof => return steps,
-            _ => {}
-        }
-    }
-}
-
-/// Returns the same of a recording, with 15 digits after the point, correctly rounded like SUMO's.
-fn was(recording: &Recording) -> Vec<Places> {
-    let names: BTreeMap<_, _> = recording.entries.iter().map(|entry| (entry.car.id, entry.car.name.clone())).collect();
-    let lanes = &recording.roads.lanes;
-    let steps = recording.steps.iter().map(|step| {
-        let cars = step.cars.iter().zip(lanes).flat_map(|(cars, lane)| cars.iter().map(move |car| (car, lane)));
-        let cars = cars.map(|(car, lane)| {
-            (names[&car.id].clone(), lane.name.clone(), format!("{:.15} {:.15}", car.position_m, car.speed_mps))
-        });
-        cars.collect()
-    });
-    steps.collect()
-}
-
-/// Asserts that plain SUMO plays the folder as it was recorded. Returns the number of compared places of cars.
-fn assert_same(dir: &Path, recording: &Recording) -> usize {
-    let (played, was) = (sumo_plays(dir), was(recording));
-    assert_eq!(played.len(), was.len(), "steps");
-    for (step, (played, was)) in played.iter().zip(&was).enumerate() {
-        let differences: Vec<_> = played.symmetric_difference(was).collect();
-        assert!(differences.is_empty(), "step {step}: {differences:?}");
-    }
-    was.iter().map(BTreeSet::len).sum()
 }
 
 #[test]
@@ -408,6 +351,31 @@ fn a_film_has_a_picture_of_every_step() {
     }
     assert_eq!(frames.len(), 12);
     assert!(frames.windows(2).any(|two| two[0] != two[1]), "something moves");
+}
+
+#[test]
+fn a_scenario_has_a_film_too_whenever_it_begins() {
+    if !has_xvfb() {
+        return;
+    }
+    let _screen = SCREEN.lock().unwrap_or_else(PoisonError::into_inner);
+    let dir = tempfile::tempdir().unwrap();
+    let config = dir.path().join("short.toml");
+    let scenario = nets().join("arterial/arterial.sumocfg");
+    let table = format!("scenario = '{}'\nbegin_s = 300\nend_s = 315", scenario.display());
+    fs::write(&config, format!("simulator = 'gs'\n[traffic]\n{table}\n")).unwrap();
+    let (folder, film) = (dir.path().join("replay"), dir.path().join("film.gif"));
+    let args = ["replay", text(&config), "--controller", "program", "--out", text(&folder), "--video", text(&film)];
+    dials_traffic(args.into_iter().chain(["--seconds", "5,14"])).assert().success();
+    let mut decoder = gif::DecodeOptions::new().read_info(fs::File::open(&film).unwrap()).unwrap();
+    assert!(decoder.width() > decoder.height(), "the road leads from west to east");
+    let mut frames = Vec::new();
+    while let Some(frame) = decoder.read_next_frame().unwrap() {
+        frames.push((frame.palette.clone(), frame.buffer.to_vec()));
+    }
+    assert_eq!(frames.len(), 9);
+    assert!(frames.windows(2).any(|two| two[0] != two[1]), "something moves");
+    sumo_gui_plays(&folder.join("replay.sumocfg"), &["--delay", "0"]);
 }
 
 #[test]

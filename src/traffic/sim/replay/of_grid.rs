@@ -1,0 +1,75 @@
+//! The replay of a grid: one `<vehicle>` per car that entered.
+
+use std::path::Path;
+
+use super::{NAME, Program, SIGNALS, VIEW, programs, shown};
+use crate::sumo::DepartSpeed;
+use crate::traffic::network::files::NetworkFiles;
+use crate::traffic::network::xml::{document, element, leaf, section};
+use crate::traffic::sim::options::{STEP_LENGTH_S, TIME_TO_TELEPORT_S};
+use crate::traffic::sim::recorded_roads::RecordedGrid;
+use crate::traffic::sim::recording::{Entry, Recording};
+
+/// Returns the files of the replay without signals and view: names and contents.
+pub fn files(recording: &Recording, grid: &RecordedGrid) -> Vec<(String, Vec<u8>)> {
+    let names = NetworkFiles::of(Path::new(NAME));
+    let [net, routes, sumocfg] =
+        [names.net, names.routes, names.config].map(|path| path.to_string_lossy().into_owned());
+    let config = config(recording, &net, &routes);
+    vec![
+        (net, grid.net.clone().into_bytes()),
+        (routes, vehicles(recording, grid).into_bytes()),
+        (sumocfg, config.into_bytes()),
+    ]
+}
+
+/// Returns one program per light.
+pub fn signals(recording: &Recording) -> String {
+    let lights = recording.roads.lights.iter().enumerate();
+    programs(
+        lights.map(|(number, light)| Program { light, name: "recorded".to_owned(), shown: shown(recording, number) }),
+        0,
+    )
+}
+
+/// Returns the cars with their state at entry. SUMO wants them in the order of their departures.
+fn vehicles(recording: &Recording, grid: &RecordedGrid) -> String {
+    let mut routes: Vec<(&str, &[String])> =
+        recording.entries.iter().map(|entry| (entry.car.route.as_str(), entry.car.edges.as_slice())).collect();
+    routes.sort_unstable();
+    routes.dedup();
+    document("routes", |xml| {
+        grid.vehicle_types.iter().try_for_each(|kind| element(xml, kind))?;
+        routes.iter().try_for_each(|(id, edges)| leaf(xml, "route", [("id", *id), ("edges", &edges.join(" "))]))?;
+        recording.entries.iter().try_for_each(|Entry { step, car, speed }| {
+            let speed = match speed {
+                DepartSpeed::Max => "max".to_owned(),
+                DepartSpeed::Fixed(speed_mps) => speed_mps.to_string(),
+            };
+            // Rust writes the shortest digits that read back as the same number.
+            let attributes = [
+                ("id", car.name.clone()),
+                ("type", car.vehicle_type.clone()),
+                ("route", car.route.clone()),
+                ("depart", step.to_string()),
+                ("departLane", car.lane.to_string()),
+                ("departPos", car.position_m.to_string()),
+                ("departSpeed", speed),
+                ("speedFactor", car.speed_factor.to_string()),
+            ];
+            leaf(xml, "vehicle", attributes)
+        })
+    })
+}
+
+fn config(recording: &Recording, net: &str, routes: &str) -> String {
+    let (end, seed) = (recording.steps.len().to_string(), recording.seed.to_string());
+    document("configuration", |xml| {
+        section(xml, "input", &[("net-file", net), ("route-files", routes), ("additional-files", SIGNALS)])?;
+        section(xml, "time", &[("begin", "0"), ("end", &end), ("step-length", STEP_LENGTH_S)])?;
+        section(xml, "processing", &[("time-to-teleport", TIME_TO_TELEPORT_S)])?;
+        section(xml, "random_number", &[("seed", &seed)])?;
+        section(xml, "report", &[("no-warnings", "true"), ("xml-validation", "never")])?;
+        section(xml, "gui_only", &[("gui-settings-file", VIEW)])
+    })
+}
