@@ -115,8 +115,8 @@ pub(super) fn learn(
         let constants = constants.map(|constants| constants.of_agent(index));
         let mut best = config.patience.map(BestSoFar::new);
         let held_out = |room: &mut LearningBuffers, network: Network<'_>, watch: &mut Stopwatch| -> f64 {
-            let range = samples..dataset.len();
-            room.cross_entropies(network, constants, spec, dataset, steps, range, watch).iter().sum()
+            let held_out = Samples { dataset, steps, range: samples..dataset.len() };
+            room.cross_entropies(network, constants, spec, held_out, watch).iter().sum()
         };
         if let Some(best) = &mut best {
             best.note(held_out(&mut room, learner.network(), watch), learner.values());
@@ -161,7 +161,8 @@ pub(super) fn cross_entropies(
     let mut room = LearningBuffers::default();
     let of_agent = |(agent, dataset)| {
         let constants = constants.map(|constants| constants.of_agent(agent));
-        room.cross_entropies(aips.net().network(agent), constants, spec, dataset, steps, samples.clone(), watch)
+        let samples = Samples { dataset, steps, range: samples.clone() };
+        room.cross_entropies(aips.net().network(agent), constants, spec, samples, watch)
     };
     datasets.iter().enumerate().map(of_agent).collect()
 }
@@ -169,6 +170,13 @@ pub(super) fn cross_entropies(
 /// Returns the number of samples that an AIP sees in one sequence: an episode if it has a memory, else 1.
 fn sequence_length(aips: &AipStack, datasets: &[Dataset]) -> usize {
     if aips.net().shape().recurrent.is_some() { datasets[0].horizon } else { 1 }
+}
+
+/// Some of the samples of an agent, which are whole sequences of `steps`.
+struct Samples<'a> {
+    dataset: &'a Dataset,
+    steps: usize,
+    range: Range<usize>,
 }
 
 /// Working memory of a training, one agent after another: some sequences of its dataset, rows ordered by step, then by
@@ -248,19 +256,17 @@ impl LearningBuffers {
         }
     }
 
-    /// Returns the mean cross-entropy of every source over some of the samples, which are whole sequences of `steps`.
+    /// Returns the mean cross-entropy of every source over some samples.
     fn cross_entropies(
         &mut self,
         network: Network<'_>,
         constants: Option<ConstantsOfAgent<'_>>,
         spec: &SourceSpec,
-        dataset: &Dataset,
-        steps: usize,
-        samples: Range<usize>,
+        Samples { dataset, steps, range }: Samples<'_>,
         watch: &mut Stopwatch,
     ) -> CrossEntropies {
         let mut sums = vec![0.0; spec.count()];
-        let (first, last) = (samples.start / steps, samples.end / steps);
+        let (first, last) = (range.start / steps, range.end / steps);
         let chunk = (LOSS_CHUNK / steps).max(1);
         for start in (first..last).step_by(chunk) {
             watch.time(Phase::Bookkeeping, || self.gather(dataset, spec, steps, start..last.min(start + chunk)));
@@ -270,7 +276,7 @@ impl LearningBuffers {
                 rows.for_each(|(logits, observed)| sources::add_cross_entropies(spec, logits, observed, &mut sums));
             });
         }
-        sums.iter_mut().for_each(|sum| *sum /= samples.len() as f64);
+        sums.iter_mut().for_each(|sum| *sum /= range.len() as f64);
         sums
     }
 }

@@ -34,7 +34,7 @@ const MOST_ROADS: usize = 32;
 pub fn border(roads: &Roads, region: &Region, departs_on: &BTreeSet<EdgeNo>, decision_s: usize) -> BorderPlan {
     let edges = region.edges(roads);
     let within = |junction: JunctionNo| region.own.contains(&junction) || region.passed.contains(&junction);
-    let order = lanes(roads, &edges, &within);
+    let order = lanes(roads, &edges, within);
     let places: HashMap<LaneNo, usize> = order.iter().enumerate().map(|(place, &lane)| (lane, place)).collect();
     let of_roads = || order.iter().copied().filter(|&lane| roads.is_road(lane));
     let begins_outside = |lane: LaneNo| roads.begin_of(lane).is_some_and(|begin| !within(begin));
@@ -62,14 +62,14 @@ pub fn border(roads: &Roads, region: &Region, departs_on: &BTreeSet<EdgeNo>, dec
     };
     let at_lanes = entry_lanes.iter().map(|&lane| Entry {
         place: EntryPlace::Lane(places[&lane]),
-        default_way: default_way(roads, &ends_outside, lane),
+        default_way: default_way(roads, ends_outside, lane),
     });
     let on_roads = departures.iter().map(|&edge| {
         let lanes = &roads.edge(edge).lanes;
         let first = lanes.iter().copied().find(|&lane| roads.lane(lane).carries_cars && leads_on(lane));
         Entry {
             place: EntryPlace::Road(roads.edge(edge).id.clone()),
-            default_way: default_way(roads, &ends_outside, first.unwrap_or(lanes[0])),
+            default_way: default_way(roads, ends_outside, first.unwrap_or(lanes[0])),
         }
     });
     BorderPlan {
