@@ -115,6 +115,12 @@ impl<'a> At<'a> {
         self
     }
 
+    /// Puts cars that stand on an exit.
+    pub fn jammed(mut self, exit: usize, count: usize) -> At<'a> {
+        self.0.exits[exit] = cars(&vec![(5.0, 0.0); count]);
+        self
+    }
+
     pub fn build(self) -> Intersection<'a> {
         self.0
     }
