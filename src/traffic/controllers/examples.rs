@@ -98,7 +98,10 @@ impl<'a> At<'a> {
     /// Puts cars on an approach: distance to the end of the lane in metres, speed in m/s.
     pub fn cars(mut self, approach: usize, placed: &[(f64, f64)]) -> At<'a> {
         let length_m = self.0.plan.region.approaches[approach].length_m;
-        let placed: Vec<(f64, f64)> = placed.iter().map(|&(to_end_m, speed)| (length_m - to_end_m, speed)).collect();
+        let mut placed: Vec<(f64, f64)> =
+            placed.iter().map(|&(to_end_m, speed)| (length_m - to_end_m, speed)).collect();
+        // As SUMO gives them: the rearmost first.
+        placed.sort_by(|one, other| one.0.total_cmp(&other.0));
         self.0.approaches[approach] = cars(&placed);
         self
     }
@@ -106,6 +109,12 @@ impl<'a> At<'a> {
     /// Puts cars that stand in a queue on an approach.
     pub fn queue(self, approach: usize, count: usize) -> At<'a> {
         let placed: Vec<(f64, f64)> = (0..count).map(|car| (7.5 * car as f64, 0.0)).collect();
+        self.cars(approach, &placed)
+    }
+
+    /// Puts a queue that drives off on an approach.
+    pub fn leaving(self, approach: usize, count: usize) -> At<'a> {
+        let placed: Vec<(f64, f64)> = (0..count).map(|car| (7.5 * car as f64, 5.0)).collect();
         self.cars(approach, &placed)
     }
 

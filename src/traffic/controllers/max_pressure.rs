@@ -7,7 +7,8 @@
 //! all cars of long lanes, real nets jam, because cars that still drive hold a green that others wait for.
 //!
 //! In the paper the flow of a link weighs its cars. So a link that yields counts half in a green if another green gives
-//! it priority. Else cars that wait for a gap would hold a green that hardly helps them.
+//! it priority. Else cars that wait for a gap would hold a green that hardly helps them. For the same reason a lane does
+//! not count for the green that it has if its first car stands when the shortest green is over.
 
 use std::slice::from_ref;
 
@@ -39,7 +40,8 @@ pub fn decide(at: &Intersection<'_>, limits: GreenLimits) -> usize {
 fn pressure(at: &Intersection<'_>, green: usize) -> f64 {
     let plan = at.plan();
     let cars = |approach| at.speeds_within(approach, COUNTED_M).count() as f64;
-    let coming = plan.served(green).map(|approach| flow(plan, green, approach) * cars(approach));
+    let going = plan.served(green).filter(|&approach| !is_held_up(at, green, approach));
+    let coming = going.map(|approach| flow(plan, green, approach) * cars(approach));
     let leads_to =
         |exit: usize| plan.region.links.iter().enumerate().any(|(link, way)| way.to == exit && plan.opens(green, link));
     let exits = plan.region.exits.iter().enumerate().filter(|&(exit, lane)| !lane.leaves_the_net && leads_to(exit));
@@ -56,6 +58,13 @@ fn flow(plan: &AgentPlan, green: usize, approach: usize) -> f64 {
         (true, false) => YIELDING,
     };
     links.iter().map(flow).sum::<f64>() / links.len().max(1) as f64
+}
+
+/// Returns whether the cars on an approach stand although they have had this green for its shortest time: the first one
+/// has not gone. It waits for a gap, for room on its exit, or to change lanes, so more of this green does not help.
+fn is_held_up(at: &Intersection<'_>, green: usize, approach: usize) -> bool {
+    let is_shown = at.green() == Some(green) && !are_of_a_grid(from_ref(at.plan()));
+    is_shown && at.cars(approach).standing().last().is_some_and(|(_, stands)| stands)
 }
 
 /// Returns the number of cars that hold others back on an exit: those that stand. Cars that drive on a long exit leave
@@ -100,12 +109,23 @@ mod tests {
         assert_eq!(pressures(shown().queue(0, 2).queue(3, 1).queue(4, 3)), [6.0, 0.0, 0.0, 0.0]);
         assert_eq!(pressures(shown().queue(2, 3)), [0.0, 0.0, 1.5, 1.5]);
         // The left turn from the west has priority in green 1 and yields in green 3.
-        assert_eq!(pressures(shown().queue(1, 4)), [0.0, 4.0, 0.0, 2.0]);
+        assert_eq!(pressures(shown().leaving(1, 4)), [0.0, 4.0, 0.0, 2.0]);
         // Two cars on the way north hold back greens 1, 2 and 3. Both links to the west leave the net.
         assert_eq!(pressures(shown().jammed(1, 2).jammed(2, 5)), [0.0, -2.0, -2.0, -2.0]);
         assert_eq!(pressures(shown().gone(1, 2).gone(2, 5)), [0.0; 4], "cars that drive hold nobody back");
-        assert_eq!(decide(&shown().queue(0, 1).queue(1, 2).build(), GreenLimits::default()), 1);
+        assert_eq!(decide(&shown().queue(0, 1).leaving(1, 2).build(), GreenLimits::default()), 1);
         assert_eq!(decide(&shown().queue(2, 3).build(), GreenLimits::default()), 2, "the first of equals");
+    }
+
+    #[test]
+    fn a_green_whose_first_car_does_not_go_gives_way() {
+        let plan = crossing();
+        // Five cars come from the west in green 0, which they have; one waits to turn left.
+        let decided = |first_mps| {
+            let coming = [(5.0, first_mps), (12.0, 0.0), (20.0, 0.0), (28.0, 0.0), (36.0, 0.0)];
+            decide(&At::new(&plan, Shown::Green(0)).cars(0, &coming).queue(1, 1).build(), GreenLimits::default())
+        };
+        assert_eq!([decided(0.0), decided(3.0)], [1, 0]);
     }
 
     #[test]
@@ -121,7 +141,7 @@ mod tests {
         let plan = crossing();
         let limits = GreenLimits { least: 8, most: Some(50) };
         let decided = |steps, waiting| {
-            let at = At::new(&plan, Shown::Green(0)).since(steps).queue(0, 9).queue(1, waiting);
+            let at = At::new(&plan, Shown::Green(0)).since(steps).leaving(0, 9).queue(1, waiting);
             decide(&at.build(), limits)
         };
         assert_eq!([decided(49, 1), decided(50, 1), decided(50, 0)], [0, 1, 0]);
