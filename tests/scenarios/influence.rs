@@ -128,7 +128,7 @@ fn expected_sources(border: &BorderPlan, seconds: &[Seen]) -> Vec<Vec<u8>> {
 #[test]
 fn arrivals_and_blocked_exits_are_those_of_plain_sumo() {
     for name in ["town", "grid_4x4_turns"] {
-        let traffic = opened(name, 400);
+        let traffic = opened(&shipped(name), 400);
         let seed = Seed::new(3).for_episode(0);
         let seconds = seconds_of_plain_sumo(&shipped(name), 400, seed.for_sumo());
         let mut gs = traffic.global(traffic.everywhere(HandCoded::OwnProgram)).unwrap();
@@ -157,7 +157,7 @@ fn arrivals_and_blocked_exits_are_those_of_plain_sumo() {
 
 #[test]
 fn observing_the_influence_changes_nothing_else_and_without_it_there_is_none() {
-    let traffic = opened("grid_4x4_turns", 300);
+    let traffic = opened(&shipped("grid_4x4_turns"), 300);
     let play = |observed: bool| {
         let mut gs = traffic.global_simulator().unwrap();
         if observed {
@@ -244,7 +244,7 @@ fn road_of(lane: &str) -> Option<&str> {
 
 #[test]
 fn visits_are_those_of_plain_sumo_and_their_ways_are_driven() {
-    let traffic = opened("town", 600);
+    let traffic = opened(&shipped("town"), 600);
     let seed = Seed::new(0).fork(RandomPurpose::Visits);
     let seconds = seconds_of_plain_sumo(&shipped("town"), 600, seed.for_sumo());
     let tables = traffic.visits().unwrap();

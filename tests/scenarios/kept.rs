@@ -60,7 +60,7 @@ fn the_checksum_changes_with_everything_that_decides_what_returns_mean() {
     for setting in ["traffic.decision_s=6", "traffic.yellow_s=4", "traffic.reward=queue", "traffic.end_s=390"] {
         assert_ne!(with(setting), original, "{setting}");
     }
-    for setting in ["traffic.observation=queues", "traffic.reward=diff-waiting-time", "traffic.begin_s=100", "seed=9"] {
+    for setting in ["traffic.observation=queues", "traffic.reward={queue=0.1}", "traffic.begin_s=100", "seed=9"] {
         assert_eq!(with(setting), original, "{setting}");
     }
     let changes = [

@@ -1,12 +1,14 @@
 //! Scenarios on the global simulator: lights, delays and a short training, as users see them.
 
 use std::fs;
+use std::io::{Write, stderr};
 use std::path::{Path, PathBuf};
 use std::process::Command as Program;
 
 use assert_cmd::Command;
 use dials_traffic::base::{RandomPurpose, Seed};
 use dials_traffic::config::ScenarioConfig;
+use dials_traffic::config::sumocfg::Sumocfg;
 use dials_traffic::domain::{Action, Domain};
 use dials_traffic::evaluation::episode_seed;
 use dials_traffic::traffic::Traffic;
@@ -14,14 +16,33 @@ use rand::Rng;
 use serde_json::Value;
 
 const SHIPPED: [&str; 3] = ["arterial", "grid_4x4_turns", "town"];
+const REAL: [&str; 5] = ["cologne1", "cologne3", "ingolstadt1", "ingolstadt7", "grid4x4"];
 
 pub fn shipped(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("sumo_nets/{name}/{name}.sumocfg"))
 }
 
-/// Returns the first seconds of a shipped scenario.
-pub fn opened(name: &str, seconds: u64) -> Traffic {
-    let config = ScenarioConfig { begin_s: Some(0), end_s: Some(seconds), ..ScenarioConfig::new(shipped(name)) };
+/// Returns the shipped scenarios, and the real ones in the folder that `DIALS_NETWORKS` names.
+fn all() -> Vec<PathBuf> {
+    let mut found: Vec<PathBuf> = SHIPPED.iter().map(|name| shipped(name)).collect();
+    match std::env::var_os("DIALS_NETWORKS").map(PathBuf::from) {
+        Some(folder) => {
+            found.extend(REAL.iter().map(|name| folder.join(name).join(name).with_extension("sumocfg")));
+        }
+        None => {
+            // Not `eprintln`, which is hidden when a test passes.
+            let line = "not tested: random greens on real networks: DIALS_NETWORKS names no folder with them\n";
+            stderr().write_all(line.as_bytes()).unwrap();
+        }
+    }
+    found
+}
+
+/// Returns the first seconds of a scenario.
+pub fn opened(scenario: &Path, seconds: u64) -> Traffic {
+    let begin = Sumocfg::read(scenario).unwrap().begin_s;
+    let window = [begin, begin + seconds].map(Some);
+    let config = ScenarioConfig { begin_s: window[0], end_s: window[1], ..ScenarioConfig::new(scenario) };
     Traffic::open_scenario(&config).unwrap()
 }
 
@@ -35,8 +56,9 @@ fn json(output: &[u8]) -> Value {
 
 #[test]
 fn random_greens_never_make_a_car_stop_in_an_emergency_and_masks_are_kept() {
-    for name in SHIPPED {
-        let traffic = opened(name, 1500);
+    for scenario in all() {
+        let name = scenario.display();
+        let traffic = opened(&scenario, 1500);
         let mut gs = traffic.global_simulator().unwrap();
         gs.reset(Seed::new(1)).unwrap();
         let mut dice = Seed::new(2).fork(RandomPurpose::Acting).dice();

@@ -98,7 +98,10 @@ impl<'a> At<'a> {
     /// Puts cars on an approach: distance to the end of the lane in metres, speed in m/s.
     pub fn cars(mut self, approach: usize, placed: &[(f64, f64)]) -> At<'a> {
         let length_m = self.0.plan.region.approaches[approach].length_m;
-        let placed: Vec<(f64, f64)> = placed.iter().map(|&(to_end_m, speed)| (length_m - to_end_m, speed)).collect();
+        let mut placed: Vec<(f64, f64)> =
+            placed.iter().map(|&(to_end_m, speed)| (length_m - to_end_m, speed)).collect();
+        // As SUMO gives them: the rearmost first.
+        placed.sort_by(|one, other| one.0.total_cmp(&other.0));
         self.0.approaches[approach] = cars(&placed);
         self
     }
@@ -109,9 +112,21 @@ impl<'a> At<'a> {
         self.cars(approach, &placed)
     }
 
+    /// Puts a queue that drives off on an approach.
+    pub fn leaving(self, approach: usize, count: usize) -> At<'a> {
+        let placed: Vec<(f64, f64)> = (0..count).map(|car| (7.5 * car as f64, 5.0)).collect();
+        self.cars(approach, &placed)
+    }
+
     /// Puts moving cars on an exit.
     pub fn gone(mut self, exit: usize, count: usize) -> At<'a> {
         self.0.exits[exit] = cars(&vec![(5.0, 5.0); count]);
+        self
+    }
+
+    /// Puts cars that stand on an exit.
+    pub fn jammed(mut self, exit: usize, count: usize) -> At<'a> {
+        self.0.exits[exit] = cars(&vec![(5.0, 0.0); count]);
         self
     }
 
