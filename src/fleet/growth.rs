@@ -15,7 +15,7 @@ pub struct MostGrowth {
 impl Default for MostGrowth {
     /// About 4000 loads of a small net. The start of a worker then costs less than a thousandth of its time.
     fn default() -> Self {
-        MostGrowth { kib: 8 << 10, share: 1.0 / 16.0 }
+        MostGrowth { kib: 8 << 10, share: 1.0 / 32.0 }
     }
 }
 
@@ -57,6 +57,6 @@ mod tests {
     #[test]
     fn a_process_that_has_grown_since_its_first_period_is_replaced() {
         assert_eq!(replaced([100_000, 101_000, 108_191, 90_000, 108_192]), [false, false, false, false, true]);
-        assert_eq!(replaced([180_000, 191_249, 191_250]), [false, false, true]);
+        assert_eq!(replaced([400_000, 412_499, 412_500]), [false, false, true]);
     }
 }
