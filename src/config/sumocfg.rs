@@ -18,8 +18,9 @@ pub const MOST_SECONDS: u64 = 10_000_000_000;
 
 /// Option that names when a waiting car is moved past the jam, and its value here if a .sumocfg does not name it.
 ///
-/// SUMO's own default is 300 s. An agent must not be paid for jams that SUMO clears away.
-const TELEPORT: (&str, &str) = ("time-to-teleport", "-1");
+/// It is SUMO's own default, in seconds, so that a scenario is what `sumo -c` plays. Without it some real maps jam for ever
+/// under any light. It is written down, because another SUMO may have another default.
+const TELEPORT: (&str, &str) = ("time-to-teleport", "300");
 
 /// The content of a .sumocfg. Its files are not read yet.
 #[derive(Clone, Debug, PartialEq)]
@@ -220,9 +221,9 @@ mod tests {
     }
 
     #[test]
-    fn cars_do_not_teleport_unless_the_file_says_so() {
+    fn cars_teleport_as_in_plain_sumo_unless_the_file_says_otherwise() {
         let found = read("<net-file value='a'/><end value='-1'/>").unwrap();
-        assert_eq!(found.options, [("time-to-teleport".to_owned(), "-1".to_owned())]);
+        assert_eq!(found.options, [("time-to-teleport".to_owned(), "300".to_owned())]);
         assert_eq!((found.begin_s, found.end_s), (0, None));
     }
 
