@@ -76,13 +76,12 @@ fn draw_legend(area: &Area<'_>, trace: &RoadTrace) -> Result<()> {
         words.push((Shown::Other, "all red or other"));
     }
     let style = anchored(text(11, INK), HPos::Left, VPos::Center);
-    // Swatch, gap and the longest word; room for the two directions of a grid.
-    let longest = words.iter().map(|(_, word)| text_width(word, 11.0)).max().unwrap_or(0);
-    let wide = px(60) + longest;
-    for (number, (shown, word)) in words.into_iter().enumerate() {
-        let x = px(58) + wide * number as i32;
+    // Each word takes only its own room: a light may have eight greens.
+    let mut x = px(58);
+    for (shown, word) in words {
         area.draw(&Rectangle::new([(x, px(4)), (x + px(26), px(16))], colour(shown).filled()))?;
         area.draw_text(word, &style, (x + px(34), px(10)))?;
+        x += px(50) + text_width(word, 11.0);
     }
     Ok(())
 }

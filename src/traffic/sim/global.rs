@@ -378,8 +378,9 @@ impl GlobalSimulator for GlobalTraffic {
     }
 
     fn measure_in_full(&mut self) -> Result<()> {
-        let approaches = self.plan.agents.iter().map(|agent| agent.region.approaches.len());
-        self.metrics = Some(TrafficMetrics::new(approaches)?);
+        let agents = self.plan.agents.iter().map(|agent| &agent.region.approaches);
+        let at_stop_line = agents.map(|lanes| lanes.iter().map(|lane| lane.ahead_m == 0.0).collect()).collect();
+        self.metrics = Some(TrafficMetrics::new(at_stop_line)?);
         Ok(())
     }
 

@@ -15,12 +15,13 @@ pub struct TrafficMetrics {
     trips: Option<Trips>,
     steps: u64,
     intersections: Vec<Sums>,
+    /// Whether each approach of each intersection ends at its stop line.
+    at_stop_line: Vec<Vec<bool>>,
 }
 
 /// Sums over the steps and the approaches of one intersection.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
-    approaches: u64,
     car_steps: u64,
     speed_sum_mps: f64,
     halting_car_steps: u64,
@@ -28,14 +29,14 @@ struct Sums {
 }
 
 impl TrafficMetrics {
-    /// Makes the metrics of intersections with these numbers of approaches.
-    pub fn new(approaches: impl Iterator<Item = usize>) -> Result<Self> {
-        let begin = |approaches| Sums { approaches: approaches as u64, ..Sums::default() };
+    /// Makes the metrics of intersections. `at_stop_line`: for each of them, whether each approach ends at its stop line.
+    pub fn new(at_stop_line: Vec<Vec<bool>>) -> Result<Self> {
         Ok(TrafficMetrics {
             trip_file: TripFile::new()?,
             trips: None,
             steps: 0,
-            intersections: approaches.map(begin).collect(),
+            intersections: vec![Sums::default(); at_stop_line.len()],
+            at_stop_line,
         })
     }
 
@@ -47,9 +48,7 @@ impl TrafficMetrics {
     pub fn begin(&mut self) {
         self.trips = None;
         self.steps = 0;
-        for sums in &mut self.intersections {
-            *sums = Sums { approaches: sums.approaches, ..Sums::default() };
-        }
+        self.intersections.fill(Sums::default());
     }
 
     /// Notes that a step is over.
@@ -60,12 +59,13 @@ impl TrafficMetrics {
     /// Notes the cars on the approaches of an intersection, after a step and before it.
     pub fn cars(&mut self, row: usize, now: CarsAt<'_>, before: CarsAt<'_>) {
         let sums = &mut self.intersections[row];
-        for (now, before) in now.iter().zip(before.iter()) {
-            sums.car_steps += now.len() as u64;
-            sums.speed_sum_mps += now.speeds_mps.iter().sum::<f64>();
-            sums.halting_car_steps += now.halting() as u64;
-            sums.passed += left(now, before);
+        for lane in now.iter() {
+            sums.car_steps += lane.len() as u64;
+            sums.speed_sum_mps += lane.speeds_mps.iter().sum::<f64>();
+            sums.halting_car_steps += lane.halting() as u64;
         }
+        let at_stop_line = before.iter().zip(&self.at_stop_line[row]).filter(|&(_, &at_stop_line)| at_stop_line);
+        sums.passed += at_stop_line.map(|(lane, _)| left(now, lane)).sum::<u64>();
     }
 
     /// Returns whether [`TrafficMetrics::finish`] was called since the beginning.
@@ -83,12 +83,12 @@ impl TrafficMetrics {
     pub fn of_net(&self, arrived: u64) -> Vec<(&'static str, f64)> {
         let Trips { travel_time_s, delay_s, waiting_time_s } = self.trips.expect("the episode is over");
         let sum = |of: fn(&Sums) -> u64| self.intersections.iter().map(of).sum();
-        let (halting, approaches) = (sum(|sums| sums.halting_car_steps), sum(|sums| sums.approaches));
+        let approaches = self.at_stop_line.iter().map(Vec::len).sum();
         vec![
             ("travel_time_s", travel_time_s),
             ("delay_s", delay_s),
             ("waiting_time_s", waiting_time_s),
-            ("queue_length", self.per_approach_step(halting, approaches)),
+            ("queue_length", self.per_approach_step(sum(|sums| sums.halting_car_steps), approaches)),
             ("throughput_per_h", 3600.0 * arrived as f64 / self.steps.max(1) as f64),
         ]
     }
@@ -96,9 +96,11 @@ impl TrafficMetrics {
     /// Returns the metrics of every intersection.
     pub fn of_agents(&self) -> Vec<(&'static str, Vec<f64>)> {
         let each = |figure: &dyn Fn(&Sums) -> f64| self.intersections.iter().map(figure).collect();
+        let queues = self.intersections.iter().zip(&self.at_stop_line);
+        let queues = queues.map(|(at, lanes)| self.per_approach_step(at.halting_car_steps, lanes.len())).collect();
         vec![
             ("mean_speed_mps", each(&|at| at.speed_sum_mps / at.car_steps.max(1) as f64)),
-            ("queue_length", each(&|at| self.per_approach_step(at.halting_car_steps, at.approaches))),
+            ("queue_length", queues),
             ("passed", each(&|at| at.passed as f64)),
         ]
     }
@@ -109,40 +111,55 @@ impl TrafficMetrics {
         self.trip_file.text().expect("the trips of an episode")
     }
 
-    fn per_approach_step(&self, sum: u64, approaches: u64) -> f64 {
-        sum as f64 / (approaches.max(1) * self.steps.max(1)) as f64
+    fn per_approach_step(&self, sum: u64, approaches: usize) -> f64 {
+        sum as f64 / (approaches.max(1) as u64 * self.steps.max(1)) as f64
     }
 }
 
-/// Returns the number of cars that left a lane between two reads, however many came.
-fn left(now: LaneCars<'_>, before: LaneCars<'_>) -> u64 {
-    before.ids.iter().filter(|car| !now.ids.contains(car)).count() as u64
+/// Returns the number of cars of an approach that are on no approach of the light after a step, however many came. A
+/// car that changed to the lane beside it is still there.
+fn left(now: CarsAt<'_>, before: LaneCars<'_>) -> u64 {
+    before.ids.iter().filter(|&car| !now.iter().any(|lane| lane.ids.contains(car))).count() as u64
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sumo::CarId;
+    use crate::sumo::{CarId, CarTable};
 
-    fn lane(ids: &[CarId]) -> LaneCars<'_> {
-        const NUMBERS: [f64; 3] = [0.0; 3];
-        LaneCars { ids, positions_m: &NUMBERS[..ids.len()], speeds_mps: &NUMBERS[..ids.len()] }
+    fn read<const LANES: usize>(lanes: [&[u64]; LANES]) -> CarTable {
+        CarTable::of(lanes.map(|ids| ids.iter().map(|&id| (CarId(id), 50.0, 10.0)).collect()))
     }
 
     #[test]
     fn cars_that_left_are_counted_however_many_came() {
-        let [a, b, c] = [CarId(1), CarId(2), CarId(3)];
-        assert_eq!(left(lane(&[c]), lane(&[b, a])), 2);
-        assert_eq!(left(lane(&[b, a]), lane(&[b, a])), 0);
+        let left_of = |now: &[u64], before: &[u64]| {
+            let (now, before) = (read([now]), read([before]));
+            left(CarsAt::new(&now, 0, 1), before.lane(0))
+        };
+        assert_eq!(left_of(&[3], &[2, 1]), 2);
+        assert_eq!(left_of(&[2, 1], &[2, 1]), 0);
         // On an odd net, several cars may come at once, ahead of others, or in another order.
-        assert_eq!(left(lane(&[a, b, c]), lane(&[])), 0);
-        assert_eq!(left(lane(&[a, c, b]), lane(&[b, a])), 0);
-        assert_eq!(left(lane(&[]), lane(&[])), 0);
+        assert_eq!(left_of(&[1, 2, 3], &[]), 0);
+        assert_eq!(left_of(&[1, 3, 2], &[2, 1]), 0);
+        assert_eq!(left_of(&[], &[]), 0);
+    }
+
+    #[test]
+    fn only_cars_that_cross_a_stop_line_have_passed() {
+        // Lanes 0 and 1 end at the stop line, lane 2 leads to lane 0 through a junction without a light.
+        let mut metrics = TrafficMetrics::new(vec![vec![true, true, false]]).unwrap();
+        let before = read([&[1, 2], &[], &[3, 4]]);
+        // Car 1 crosses the stop line, 2 changes lanes, 3 comes nearer, 4 is within the junction.
+        let now = read([&[3], &[2], &[]]);
+        metrics.cars(0, CarsAt::new(&now, 0, 3), CarsAt::new(&before, 0, 3));
+        let (_, passed) = metrics.of_agents().into_iter().find(|(name, _)| *name == "passed").unwrap();
+        assert_eq!(passed, [1.0]);
     }
 
     #[test]
     fn an_episode_without_cars_or_steps_has_figures_that_are_numbers() {
-        let mut metrics = TrafficMetrics::new([4, 3].into_iter()).unwrap();
+        let mut metrics = TrafficMetrics::new(vec![vec![true; 4], vec![true; 3]]).unwrap();
         metrics.begin();
         metrics.trips = Some(Trips::default());
         assert!(metrics.of_net(0).iter().all(|(_, value)| *value == 0.0));
