@@ -29,7 +29,7 @@ fn settings() -> [Setting; 2] {
         load(&path, &[]).unwrap()
     };
     let traffic = SourceSpec::bits(4);
-    let warehouse = SourceSpec { classes: vec![4; 4] };
+    let warehouse = SourceSpec { classes: vec![4; 4], parts: 0 };
     [
         Setting {
             name: "traffic",

@@ -188,7 +188,7 @@ impl Observer for Printer {
 }
 
 pub fn main() -> Result<()> {
-    let sources = SourceSpec { classes: vec![HANDS as u8 + 1] };
+    let sources = SourceSpec { classes: vec![HANDS as u8 + 1], parts: 0 };
     let spec =
         RegionSpec { obs_dim: HANDS + 1, d_set_dim: HANDS + 1, n_actions: 2, masks: false, sources, horizon: 60 };
     let brigade = Arc::new(Brigade { kinds: Kinds::one(PEOPLE, spec) });

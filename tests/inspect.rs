@@ -37,6 +37,7 @@ fn a_scenario_and_its_net_are_told_alike_and_for_people() {
         "learns, agent 3\n",
         "  2 greens, and what is shown before another one:\n    0  GrGr\n       yryr 3 s  before 1\n    1  rGrG\n",
         "  4 approach lanes, 4 of them at the stop line:\n",
+        "an influence predictor sees 120 columns (the d-set) and predicts 48 sources\n",
         "\n    40-41  green[0] to [1]\n    42     between greens\n    43     time since change\n",
     ] {
         assert!(told.contains(part), "{part}\n{told}");
@@ -51,6 +52,10 @@ fn json_has_all_that_the_text_has() {
     assert_eq!((lights.len(), told["keeping"].as_array().unwrap().len()), (4, 0));
     for light in lights {
         assert_eq!(light["columns"].as_array().unwrap().len(), 44);
+        for (names, all) in [("sources", "sources"), ("d_set_columns", "d_set_columns")] {
+            let names = light[names].as_array().unwrap().len() as u64;
+            assert!(names > 0 && names <= told["influence"][all].as_u64().unwrap());
+        }
         let sizes =
             ["approaches", "links", "exits", "greens", "changes"].map(|key| light[key].as_array().unwrap().len());
         assert_eq!(sizes, [4, 4, 4, 2, 2]);

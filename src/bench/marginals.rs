@@ -62,7 +62,7 @@ mod tests {
     #[test]
     fn sources_come_as_often_as_in_the_dataset() {
         // Standard error: sqrt(0.1875 / 20000) = 0.003.
-        for sources in [SourceSpec::bits(1), SourceSpec { classes: vec![3] }] {
+        for sources in [SourceSpec::bits(1), SourceSpec { classes: vec![3], parts: 0 }] {
             let share = share_of_ones(sources);
             assert!((share - 0.25).abs() < 0.012, "{share}");
         }

@@ -83,6 +83,7 @@ fn random_actions(dice: &mut Dice, domain: &dyn Domain, percept: &JointPercept) 
 
 fn record(domain: &dyn Domain, seed: Seed) -> Result<GsRecording> {
     let mut gs = domain.global_simulator()?;
+    gs.observe_influence()?;
     ensure!(gs.kinds() == domain.kinds(), "the GS has other kinds of agents than the domain");
     let mut dice = seed.fork(RandomPurpose::Actions).dice();
     let mut percept = gs.reset(seed.for_episode(0))?.clone();

@@ -72,6 +72,12 @@ pub trait GlobalSimulator {
     /// Makes one step under the joint action, `[agents]`.
     fn step(&mut self, actions: &[Action]) -> Result<&JointTransition>;
 
+    /// Makes d-sets and influence samples true from the next reset on. Until then a simulator for which they are dear may
+    /// leave them zero.
+    fn observe_influence(&mut self) -> Result<()> {
+        Ok(())
+    }
+
     /// Returns the sample of the last step. The GS must align the pair: an LS in the same local state that gets these
     /// sources makes the same transition.
     fn influence_sample(&self) -> InfluenceSample<'_>;

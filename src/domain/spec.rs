@@ -26,12 +26,15 @@ pub struct SourceSpec {
     /// one logit and a sigmoid. A source of K > 2 classes (where is this neighbour?) is predicted by K logits and a
     /// softmax.
     pub classes: Vec<u8>,
+    /// Number of parts of an episode between which the sources may change how often they happen; 0 for none. The first
+    /// columns of the d-set are the one-hot of the part.
+    pub parts: usize,
 }
 
 impl SourceSpec {
     /// Makes sources that happen or do not.
     pub fn bits(sources: usize) -> SourceSpec {
-        SourceSpec { classes: vec![2; sources] }
+        SourceSpec { classes: vec![2; sources], parts: 0 }
     }
 
     /// Returns the number of influence sources: the width of a row of sources.
@@ -61,7 +64,7 @@ mod tests {
 
     #[test]
     fn a_bit_takes_one_logit_and_a_choice_of_more_one_per_class() {
-        let sources = SourceSpec { classes: vec![2, 3, 2, 5] };
+        let sources = SourceSpec { classes: vec![2, 3, 2, 5], parts: 0 };
         assert_eq!((sources.count(), sources.logits(), sources.values()), (4, 1 + 3 + 1 + 5, 12));
         assert_eq!(SourceSpec::bits(3).logits(), 3);
     }

@@ -38,7 +38,7 @@ impl Marginals {
     /// Returns the layout of a row of probabilities: a table `[sources, classes]` if all sources have the same number
     /// of classes, else one source after another.
     pub fn layout(spec: &RegionSpec) -> Layout {
-        let SourceSpec { classes } = &spec.sources;
+        let SourceSpec { classes, .. } = &spec.sources;
         let shape = match classes[..] {
             [first, ..] if classes.iter().all(|&other| other == first) => vec![classes.len(), usize::from(first)],
             _ => vec![spec.sources.values()],
@@ -202,7 +202,7 @@ mod tests {
 
     #[test]
     fn sources_of_different_numbers_of_classes_keep_their_own_frequencies() {
-        let spec = spec(SourceSpec { classes: vec![3, 2] });
+        let spec = spec(SourceSpec { classes: vec![3, 2], parts: 0 });
         assert_eq!(Marginals::layout(&spec).blocks(4).next().unwrap().1, [4, 5], "four agents, five classes in all");
         let third = 1.0 / 3.0;
         assert_eq!(Marginals::new(1, &spec).values().as_slice(), [third, third, third, 0.5, 0.5]);
@@ -220,7 +220,7 @@ mod tests {
 
     #[test]
     fn every_copy_of_an_agent_draws_from_the_frequencies_of_its_agent() {
-        let spec = spec(SourceSpec { classes: vec![3; 2] });
+        let spec = spec(SourceSpec { classes: vec![3; 2], parts: 0 });
         let (always_two, mixed) = (dataset(&spec, |_| vec![2, 0]), dataset(&spec, |t| vec![(t % 5 / 2) as u8, 1])); // 2, 2 and 1 in five
         let (mut marginals, _) = trained(&spec, &[always_two, mixed]);
         let rows = 20_000;

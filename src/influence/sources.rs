@@ -90,12 +90,12 @@ mod tests {
     }
 
     fn classes() -> SourceSpec {
-        SourceSpec { classes: vec![3; 2] }
+        SourceSpec { classes: vec![3; 2], parts: 0 }
     }
 
     /// Returns a bit between choices of three and of four.
     fn mixed() -> SourceSpec {
-        SourceSpec { classes: vec![3, 2, 4] }
+        SourceSpec { classes: vec![3, 2, 4], parts: 0 }
     }
 
     #[test]

@@ -156,7 +156,7 @@ mod tests {
 
     /// Makes a source that repeats what the d-set showed two steps ago: only a memory can predict it.
     fn delayed_dataset() -> Dataset {
-        let sources = SourceSpec { classes: vec![3] };
+        let sources = SourceSpec { classes: vec![3], parts: 0 };
         let spec = RegionSpec { obs_dim: 3, d_set_dim: 3, n_actions: 2, masks: false, sources, horizon: 20 };
         let mut dataset = Dataset::new(&spec);
         let mut dice = Seed::new(31).dice();
@@ -175,7 +175,7 @@ mod tests {
 
     #[test]
     fn an_aip_with_memory_learns_what_one_without_cannot() {
-        let sources = SourceSpec { classes: vec![3] };
+        let sources = SourceSpec { classes: vec![3], parts: 0 };
         let spec = RegionSpec { obs_dim: 3, d_set_dim: 3, n_actions: 2, masks: false, sources, horizon: 20 };
         let loss = |recurrent: Option<usize>| {
             let batch = if recurrent.is_some() { 20 } else { 128 };

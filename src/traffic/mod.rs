@@ -2,6 +2,7 @@
 //!
 //! - [`agents`], [`side`]: what an agent is; [`light`], [`observe`], [`reward`], [`arrivals`]: its actions, observations,
 //!   rewards and influence sources; [`cars_at`]: the cars that they are made from.
+//! - [`inflow`], [`d_set`]: influence sources of a scenario, and what its AIPs (approximate influence predictors) see.
 //! - [`paper_grid`]: the road networks of the paper; [`network`]: networks as files; [`cut`]: local regions cut out of
 //!   them.
 //! - [`scenario`]: the scenario of a user, a .sumocfg with its files.
@@ -34,7 +35,9 @@ pub mod arrivals;
 pub mod cars_at;
 pub mod controllers;
 pub mod cut;
+pub mod d_set;
 mod ground;
+pub mod inflow;
 pub mod light;
 pub mod network;
 pub mod observe;
@@ -56,7 +59,7 @@ use crate::domain::{
     Baseline, Bystander, Domain, GlobalSimulator, Kind, Kinds, LocalSimulator, Measures, Result, RoughCosts, Scenario,
 };
 use crate::sumo::Simulation;
-use agents::plan::{AgentPlan, JointPlan};
+use agents::plan::{AgentPlan, Border, JointPlan};
 use controllers::{HandCoded, Trials};
 use ground::Ground;
 use ground::on_grid::OnGrid;
@@ -100,6 +103,11 @@ impl Traffic {
     pub fn open_scenario(config: &ScenarioConfig) -> Result<Traffic> {
         let ground = OnScenario::open(config)?;
         Ok(Traffic { plan: Arc::new(ground.joint_plan()), ground: Arc::new(ground), tape: None })
+    }
+
+    /// Returns the borders of the agents' regions, in their order. A grid of the paper has none.
+    pub fn borders(&self) -> &[Border] {
+        &self.plan.borders
     }
 
     /// Makes the first episode of its simulators, global or local, go on this tape.

@@ -11,7 +11,7 @@ use crate::sumo::LaneCars;
 /// Seconds after which an observation no longer shows that time goes on.
 const LONGEST_AGE_S: f32 = 60.0;
 
-/// What a light shows, for how many steps, and the number of steps since the episode began.
+/// What a light shows, for how many seconds, and the number of seconds since the episode began.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LightView {
     pub shown: Shown,
@@ -49,7 +49,7 @@ pub fn observe(plan: &AgentPlan, cars: CarsAt<'_>, light: LightView, obs: &mut [
 }
 
 /// Length of road that a standing car of a usual type fills, in metres.
-const JAM_M: f64 = 7.5;
+pub(super) const JAM_M: f64 = 7.5;
 
 /// Marks the cells in which cars are, counted from the end of the lane.
 fn occupy(approach: &Approach, lane: LaneCars<'_>, cells: &mut [f32]) {
@@ -61,7 +61,8 @@ fn occupy(approach: &Approach, lane: LaneCars<'_>, cells: &mut [f32]) {
     }
 }
 
-fn show(columns: LightColumns, light: LightView, bits: &mut [f32]) {
+/// Writes what a light shows into these columns, which are zeros.
+pub(super) fn show(columns: LightColumns, light: LightView, bits: &mut [f32]) {
     match columns {
         LightColumns::FourStates => {
             let state = match light.shown {

@@ -53,6 +53,7 @@ pub fn collect_episode(
     let horizon = simulator.kinds().horizon();
     let mut actions = vec![0; simulator.agents()];
     policies.begin(episode);
+    simulator.observe_influence()?;
     let mut percept = simulator.reset(episode)?.clone();
     for _ in 0..horizon {
         policies.act(&percept, &mut actions)?;

@@ -51,6 +51,10 @@ impl GlobalSimulator for Timed<dyn GlobalSimulator> {
         transition
     }
 
+    fn observe_influence(&mut self) -> Result<()> {
+        self.inner.observe_influence()
+    }
+
     fn influence_sample(&self) -> InfluenceSample<'_> {
         self.inner.influence_sample()
     }

@@ -49,7 +49,7 @@ pub fn spec(horizon: usize) -> RegionSpec {
         d_set_dim: CELLS + SHELVES,
         n_actions: MOVES,
         masks: false,
-        sources: SourceSpec { classes: vec![4; NEIGHBOURS] },
+        sources: SourceSpec { classes: vec![4; NEIGHBOURS], parts: 0 },
         horizon,
     }
 }

@@ -15,12 +15,12 @@ use serde_json::Value;
 
 const SHIPPED: [&str; 3] = ["arterial", "grid_4x4_turns", "town"];
 
-fn shipped(name: &str) -> PathBuf {
+pub fn shipped(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("sumo_nets/{name}/{name}.sumocfg"))
 }
 
 /// Returns the first seconds of a shipped scenario.
-fn opened(name: &str, seconds: u64) -> Traffic {
+pub fn opened(name: &str, seconds: u64) -> Traffic {
     let config = ScenarioConfig { begin_s: Some(0), end_s: Some(seconds), ..ScenarioConfig::new(shipped(name)) };
     Traffic::open_scenario(&config).unwrap()
 }

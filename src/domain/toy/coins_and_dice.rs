@@ -46,7 +46,7 @@ impl CoinsAndDice {
                 d_set_dim: width,
                 n_actions,
                 masks,
-                sources: SourceSpec { classes },
+                sources: SourceSpec { classes, parts: 0 },
                 horizon,
             },
             agents: agents.map(AgentId).to_vec(),

@@ -5,12 +5,13 @@ use serde_json::{Value, json};
 use super::Inspected;
 use crate::traffic::agents::derive::Agent;
 use crate::traffic::agents::phase_plan::{Interval, PhasePlan};
+use crate::traffic::agents::plan::Border;
 use crate::traffic::agents::region_plan::RegionPlan;
 
 /// Returns the whole object. Indices (`links` of an approach, `from`, `to`) count the other lists of the same light.
 pub fn described(inspected: &Inspected) -> Value {
     let Inspected { net, derived, padding, rules, left_out, .. } = inspected;
-    let agents = derived.agents.iter().map(|agent| light(inspected, agent));
+    let agents = derived.agents.iter().zip(&inspected.borders).map(|(agent, border)| light(inspected, agent, border));
     let keeping = derived
         .keeping
         .iter()
@@ -21,13 +22,14 @@ pub fn described(inspected: &Inspected) -> Value {
         "yellow_s": rules.yellow_s,
         "min_green_s": rules.min_green_s,
         "kind": { "columns": padding.columns, "actions": padding.actions, "padded_share": padding.padded },
+        "influence": { "d_set_columns": inspected.influence.columns, "sources": inspected.influence.sources },
         "left_out": left_out,
         "learning": agents.collect::<Vec<_>>(),
         "keeping": keeping.collect::<Vec<_>>(),
     })
 }
 
-fn light(inspected: &Inspected, Agent { plan, region, .. }: &Agent) -> Value {
+fn light(inspected: &Inspected, Agent { plan, region, .. }: &Agent, border: &Border) -> Value {
     let roads = &inspected.roads;
     let ids = |junctions: &mut dyn Iterator<Item = _>| -> Vec<&str> {
         junctions.map(|&junction| roads.junction(junction).id.as_str()).collect()
@@ -58,6 +60,8 @@ fn light(inspected: &Inspected, Agent { plan, region, .. }: &Agent) -> Value {
             "to": link.to,
         })).collect::<Vec<_>>(),
         "columns": plan.sensor.columns(&plan.region),
+        "sources": border.plan.source_names(),
+        "d_set_columns": border.d_set.columns(&border.plan),
     })
 }
 

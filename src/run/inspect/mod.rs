@@ -6,6 +6,7 @@ mod json;
 mod map;
 mod text;
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow};
@@ -16,10 +17,12 @@ use crate::config::ScenarioConfig;
 use crate::error::{Error, Result as CommandResult};
 use crate::outside::read_text;
 use crate::terminal::{self, answer, tell};
+use crate::traffic::agents::derive::border::Seconds;
 use crate::traffic::agents::derive::overrides::Overrides;
-use crate::traffic::agents::derive::padding::Padding;
+use crate::traffic::agents::derive::padding::{InfluencePadding, Padding};
 use crate::traffic::agents::derive::{Derived, Rules, derive};
-use crate::traffic::network::roads::{Roads, file};
+use crate::traffic::agents::plan::Border;
+use crate::traffic::network::roads::{EdgeNo, Roads, file};
 use crate::traffic::scenario::SumoScenario;
 
 /// Largest file of overrides, in bytes.
@@ -31,6 +34,9 @@ struct Inspected {
     roads: Roads,
     derived: Derived,
     padding: Padding,
+    /// Borders of the agents' regions, in their order.
+    borders: Vec<Border>,
+    influence: InfluencePadding,
     rules: Rules,
     /// What of the scenario is not simulated, a sentence each.
     left_out: Vec<String>,
@@ -48,23 +54,54 @@ pub fn inspect(path: &Path, agents: Option<&Path>, as_json: bool, plot: Option<&
 
 fn prepared(path: &Path, agents: Option<&Path>, plot: Option<&Path>) -> Result<Inspected> {
     plot.map_or(Ok(()), |dir| outputs::check_free(dir, "--plot"))?;
-    let (net, roads, left_out) = match path.extension().is_some_and(|extension| extension == "sumocfg") {
-        true => of_scenario(path)?,
-        false => (path.to_owned(), file::read(path)?, Vec::new()),
-    };
+    let Subject { net, roads, departs_on, seconds, left_out } =
+        match path.extension().is_some_and(|extension| extension == "sumocfg") {
+            true => of_scenario(path)?,
+            false => of_net(path)?,
+        };
     let overrides = agents.map_or(Ok(Overrides::default()), read_overrides)?;
     let rules = Rules::default();
     let derived = derive(&roads, &rules, &overrides).map_err(|error| anyhow!("{}: {error:#}", net.display()))?;
     let padding = Padding::of(derived.agents.iter().map(|agent| &agent.plan));
-    Ok(Inspected { net, roads, derived, padding, rules, left_out })
+    let borders = derived.borders(&roads, &departs_on, rules.approach_m, seconds);
+    let influence = InfluencePadding::of(borders.iter());
+    Ok(Inspected { net, roads, derived, padding, borders, influence, rules, left_out })
 }
 
-/// Reads a scenario whole. Returns its net, the roads of it, and what of the scenario is not simulated.
-fn of_scenario(path: &Path) -> Result<(PathBuf, Roads, Vec<String>)> {
+/// What is inspected.
+struct Subject {
+    net: PathBuf,
+    roads: Roads,
+    /// Roads on which cars depart.
+    departs_on: BTreeSet<EdgeNo>,
+    seconds: Seconds,
+    left_out: Vec<String>,
+}
+
+/// Reads a scenario whole.
+fn of_scenario(path: &Path) -> Result<Subject> {
     let config = ScenarioConfig::of_file(path)?;
     let scenario = SumoScenario::read(&config)?;
     let roads = scenario.roads()?;
-    Ok((scenario.net_path().to_owned(), roads, scenario.left_out().to_vec()))
+    Ok(Subject {
+        net: scenario.net_path().to_owned(),
+        departs_on: scenario.departs_on(&roads),
+        roads,
+        seconds: Seconds::of(&config),
+        left_out: scenario.left_out().to_vec(),
+    })
+}
+
+/// Reads a net alone. Nobody departs there, and an episode would be an hour of decisions of the usual length.
+fn of_net(path: &Path) -> Result<Subject> {
+    let decision = ScenarioConfig::new(path).decision_s as usize;
+    Ok(Subject {
+        net: path.to_owned(),
+        roads: file::read(path)?,
+        departs_on: BTreeSet::new(),
+        seconds: Seconds { decision, episode: 3600 },
+        left_out: Vec::new(),
+    })
 }
 
 fn read_overrides(path: &Path) -> Result<Overrides> {

@@ -7,11 +7,11 @@ use crate::traffic::agents::derive::Agent;
 use crate::traffic::agents::derive::keeping::Keeping;
 use crate::traffic::agents::derive::safety;
 use crate::traffic::agents::phase_plan::{Interval, PhasePlan};
-use crate::traffic::agents::plan::AgentPlan;
+use crate::traffic::agents::plan::{AgentPlan, Border};
 
 /// Returns the whole text.
 pub fn described(inspected: &Inspected) -> String {
-    let Inspected { net, derived, padding, rules, left_out, .. } = inspected;
+    let Inspected { net, derived, padding, influence, rules, left_out, .. } = inspected;
     let (learning, keeping) = (derived.agents.len(), derived.keeping.len());
     let lights = some(learning + keeping, "light");
     let mut text = String::new();
@@ -30,6 +30,13 @@ pub fn described(inspected: &Inspected) -> String {
             padding.columns,
             padding.actions,
             100.0 * padding.padded
+        ),
+    );
+    line(
+        &mut text,
+        format_args!(
+            "an influence predictor sees {} columns (the d-set) and predicts {} sources",
+            influence.columns, influence.sources
         ),
     );
     let states: usize = derived.agents.iter().map(|agent| safety::states(&agent.plan.phases).count()).sum();
@@ -62,7 +69,10 @@ fn describe(text: &mut String, inspected: &Inspected, number: usize, agent: &Age
     line(text, format_args!("  uncontrolled junctions on the way to it: {}", ids(&mut region.passed.iter())));
     describe_phases(text, &plan.phases);
     describe_lanes(text, plan);
-    describe_columns(text, plan);
+    describe_columns(text, "observation column", &plan.sensor.columns(&plan.region));
+    let Border { plan: border, d_set } = &inspected.borders[number];
+    describe_columns(text, "influence source", &border.source_names());
+    describe_columns(text, "d-set column", &d_set.columns(border));
 }
 
 fn describe_phases(text: &mut String, phases: &PhasePlan) {
@@ -124,10 +134,9 @@ fn describe_lanes(text: &mut String, plan: &AgentPlan) {
     aligned(text, rows.collect());
 }
 
-/// Writes the columns of the observation, a line for neighbours that differ only in the number at the end.
-fn describe_columns(text: &mut String, plan: &AgentPlan) {
-    let names = plan.sensor.columns(&plan.region);
-    line(text, format_args!("  {}:", some(names.len(), "observation column")));
+/// Writes the names of columns, a line for neighbours that differ only in the number at the end.
+fn describe_columns(text: &mut String, what: &str, names: &[String]) {
+    line(text, format_args!("  {}:", some(names.len(), what)));
     let stem = |name: &str| name.rsplit_once('[').map_or(name.to_owned(), |(stem, _)| stem.to_owned());
     let mut first = 0;
     let mut rows = Vec::new();

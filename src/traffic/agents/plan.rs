@@ -4,16 +4,21 @@
 
 use std::sync::Arc;
 
+use super::border_plan::BorderPlan;
 use super::phase_plan::PhasePlan;
 use super::region_plan::RegionPlan;
 use super::sensor::Sensor;
 use crate::config::Reward;
 use crate::domain::Kinds;
+use crate::traffic::d_set::DSetPlan;
 
 /// The plans of all agents, and what they have in common.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointPlan {
     pub agents: Vec<AgentPlan>,
+    /// Borders of the regions and the d-sets of the AIPs (approximate influence predictors). Empty on the paper's grids:
+    /// there the approaches are the influence sources, and the observations hold the d-sets.
+    pub borders: Vec<Border>,
     pub kinds: Kinds,
     /// Number of steps of SUMO, seconds, from one decision of the agents to the next.
     pub decision_steps: usize,
@@ -21,6 +26,13 @@ pub struct JointPlan {
     /// Deceleration in metres per second squared above which braking is an emergency. `None` if cars of several types
     /// drive: then only the stops are counted that SUMO calls emergencies.
     pub emergency_decel_mps2: Option<f64>,
+}
+
+/// Where traffic from outside reaches a region, and what its AIP sees.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Border {
+    pub plan: BorderPlan,
+    pub d_set: DSetPlan,
 }
 
 /// Everything that simulators need to know of one agent.

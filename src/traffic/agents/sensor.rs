@@ -48,16 +48,7 @@ impl Sensor {
                 lanes.flat_map(|lane| [format!("queue {lane}"), format!("density {lane}")]).collect()
             }
         };
-        match self.light {
-            LightColumns::FourStates => {
-                let states = ["horizontal green", "horizontal yellow", "vertical yellow", "vertical green"];
-                names.extend(states.map(str::to_owned));
-            }
-            LightColumns::TargetAndAge(greens) => {
-                names.extend((0..greens).map(|green| format!("green[{green}]")));
-                names.extend(["between greens", "time since change"].map(str::to_owned));
-            }
-        }
+        names.extend(self.light.names());
         names.extend((0..self.clock).map(|column| format!("clock[{column}]")));
         names
     }
@@ -83,6 +74,19 @@ impl Sensor {
 }
 
 impl LightColumns {
+    /// Returns the name of every column.
+    pub fn names(self) -> Vec<String> {
+        match self {
+            LightColumns::FourStates => {
+                ["horizontal green", "horizontal yellow", "vertical yellow", "vertical green"].map(str::to_owned).into()
+            }
+            LightColumns::TargetAndAge(greens) => {
+                let greens = (0..greens).map(|green| format!("green[{green}]"));
+                greens.chain(["between greens", "time since change"].map(str::to_owned)).collect()
+            }
+        }
+    }
+
     /// Returns the number of columns.
     pub fn columns(self) -> usize {
         match self {

@@ -8,11 +8,12 @@ use super::Ground;
 use crate::config::{DomainTable, Observation, ScenarioConfig};
 use crate::domain::{Kinds, RegionSpec, Result, Scenario, SourceSpec};
 use crate::outside::quoted;
+use crate::traffic::agents::derive::border::Seconds;
 use crate::traffic::agents::derive::keeping::Keeping;
 use crate::traffic::agents::derive::overrides::Overrides;
-use crate::traffic::agents::derive::padding::Padding;
+use crate::traffic::agents::derive::padding::{InfluencePadding, Padding};
 use crate::traffic::agents::derive::{CarsSeen, Derived, Rules, derive};
-use crate::traffic::agents::plan::{AgentPlan, JointPlan};
+use crate::traffic::agents::plan::{AgentPlan, Border, JointPlan};
 use crate::traffic::controllers::actuated::{self, ProgramPhase};
 use crate::traffic::network::files::for_sumo;
 use crate::traffic::network::memory_file::MemoryFile;
@@ -28,6 +29,8 @@ use crate::traffic::sim::source::Source;
 pub struct OnScenario {
     files: SumoScenario,
     derived: Derived,
+    /// Borders of the agents' regions.
+    borders: Vec<Border>,
     config: ScenarioConfig,
 }
 
@@ -42,7 +45,9 @@ impl OnScenario {
             Some((path, text)) => Overrides::parse(text).map_err(|error| anyhow!("{}: {error:#}", path.display()))?,
         };
         let derived = derive(&roads, &rules(config), &overrides).with_context(place)?;
-        Ok(OnScenario { files, derived, config: config.clone() })
+        let seconds = Seconds::of(config);
+        let borders = derived.borders(&roads, &files.departs_on(&roads), config.approach_m, seconds);
+        Ok(OnScenario { files, derived, borders, config: config.clone() })
     }
 
     /// Returns the plan of its agents. They are of one kind, as wide as the widest of them needs.
@@ -51,6 +56,7 @@ impl OnScenario {
         let kinds = Kinds::one(agents.len(), self.spec(&agents));
         JointPlan {
             agents,
+            borders: self.borders.clone(),
             kinds,
             decision_steps: self.config.decision_s as usize,
             reward: self.config.reward.clone(),
@@ -60,14 +66,13 @@ impl OnScenario {
 
     fn spec(&self, agents: &[AgentPlan]) -> RegionSpec {
         let Padding { columns, actions, .. } = Padding::of(agents.iter());
-        let cars = agents.iter().map(|agent| agent.sensor.car_columns()).max().expect("a scenario has agents");
-        let approaches = agents.iter().map(|agent| agent.region.approaches.len()).max();
+        let influence = InfluencePadding::of(self.borders.iter());
         RegionSpec {
             obs_dim: columns,
-            d_set_dim: cars,
+            d_set_dim: influence.columns,
             n_actions: actions,
             masks: true,
-            sources: SourceSpec::bits(approaches.expect("a scenario has agents")),
+            sources: SourceSpec { parts: influence.parts, ..SourceSpec::bits(influence.sources) },
             horizon: self.config.horizon(),
         }
     }

@@ -24,6 +24,7 @@ pub fn joint_plan(grid: Grid, config: &TrafficConfig) -> JointPlan {
     let kinds = Kinds::one(grid.agents().len(), region::spec(config));
     JointPlan {
         agents: plans(grid, config),
+        borders: Vec::new(),
         kinds,
         decision_steps: 1,
         reward: Reward::from(RewardTerm::MeanSpeed),

@@ -16,19 +16,20 @@ mod net;
 mod place;
 mod streets;
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
 
 use super::network::contents::Content;
-use super::network::roads::Roads;
 use super::network::roads::program::Program;
+use super::network::roads::{EdgeNo, Roads};
 use super::network::tree::Element;
 use crate::config::ScenarioConfig;
 use crate::config::sumocfg::Sumocfg;
 use crate::outside::read_text;
-use demand::Demand;
+use demand::{Demand, Departures};
 use elements::Left;
 use streets::Streets;
 
@@ -52,6 +53,8 @@ pub struct SumoScenario {
     /// Options of SUMO, without `--`.
     options: Vec<(String, String)>,
     left_out: Vec<String>,
+    /// Where vehicles may depart.
+    departures: Departures,
     /// Values of the config that decide what returns mean.
     rules: String,
 }
@@ -98,15 +101,17 @@ impl SumoScenario {
             window_s: config.window_s()?,
             options: sumocfg.options,
             left_out,
+            departures: Departures::default(),
             rules: rules(config)?,
         };
-        let told = scenario.check(&left)?;
+        let (departures, told) = scenario.check(&left)?;
+        scenario.departures = departures;
         scenario.left_out.extend(told);
         Ok(scenario)
     }
 
-    /// Checks what files say of each other. Returns what will not be simulated.
-    fn check(&self, left: &Left) -> Result<Vec<String>> {
+    /// Checks what files say of each other. Returns where vehicles depart, and what will not be simulated.
+    fn check(&self, left: &Left) -> Result<(Departures, Vec<String>)> {
         let programs: Vec<&Element> = self.additional().flat_map(|root| root.all("tlLogic")).collect();
         net::check(&self.net.path, self.net(), &programs)?;
         [&self.net]
@@ -175,6 +180,14 @@ impl SumoScenario {
     /// Returns the options with which SUMO plays the scenario, without `--`.
     pub fn options(&self) -> &[(String, String)] {
         &self.options
+    }
+
+    /// Returns the roads on which vehicles of an episode may depart. `roads`: those of this scenario.
+    pub fn departs_on(&self, roads: &Roads) -> BTreeSet<EdgeNo> {
+        let named = self.departures.edges.iter().filter_map(|edge| roads.edge_named(edge));
+        let at = |junction| self.departures.junctions.contains(&roads.junction(junction).id);
+        let from_junctions = roads.roads().filter(|(_, edge)| edge.ends.is_some_and(|[begin, _]| at(begin)));
+        named.chain(from_junctions.map(|(number, _)| number)).collect()
     }
 
     /// Lists what of the scenario will not be simulated, a sentence each.

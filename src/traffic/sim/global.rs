@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use anyhow::ensure;
 
+use super::border::Borders;
 use super::control::SignalControl;
 use super::handles::{IntersectionHandles, Place};
 use super::metrics::TrafficMetrics;
@@ -64,9 +65,11 @@ pub struct GlobalTraffic {
     /// Whether the actions of this step decide, because its advice was asked for.
     advised: bool,
     last: JointTransition,
-    /// D-sets (the variables that AIPs predict from) from before the last step, and the arrivals during it.
+    /// Borders of a scenario's regions, once influence is observed.
+    borders: Option<Borders>,
+    /// D-sets (the variables that AIPs predict from) from before the last step, and the influence sources during it.
     d_set_before: Ragged<f32>,
-    arrivals: Ragged<u8>,
+    sources: Ragged<u8>,
     tally: Tally,
     watch: Stopwatch,
     recorder: Option<Recorder>,
@@ -128,7 +131,8 @@ impl GlobalTraffic {
             advised: false,
             d_set_before: last.percept.d_set.clone(),
             last,
-            arrivals: Ragged::new(plan.kinds.specs().map(|spec| spec.sources.count())),
+            borders: None,
+            sources: Ragged::new(plan.kinds.specs().map(|spec| spec.sources.count())),
             tally: Tally::default(),
             watch: Stopwatch::default(),
             recorder,
@@ -140,7 +144,7 @@ impl GlobalTraffic {
     /// Returns the car that arrived at an edge of an intersection in the last step, if there is one. This is more than
     /// the AIP (approximate influence predictor) predicts; it is for tests of the physics.
     pub fn arrival(&self, agent: usize, edge: usize) -> Option<Car> {
-        let arrived = self.arrivals.row(agent)[edge] == 1;
+        let arrived = self.sources.row(agent)[edge] == 1;
         arrived.then(|| self.cars_on(agent).lane(edge).iter().next().expect("an arrival is a car on the edge"))
     }
 
@@ -191,8 +195,8 @@ impl GlobalTraffic {
         false
     }
 
-    /// Moves the whole system on by a second.
-    fn second(&mut self, actions: &[Action]) -> Result<()> {
+    /// Moves the whole system on by a second. `number`: that of the second within the decision.
+    fn second(&mut self, number: usize, actions: &[Action]) -> Result<()> {
         let begun = Instant::now();
         self.decide(actions);
         std::mem::swap(&mut self.cars, &mut self.cars_before);
@@ -206,12 +210,7 @@ impl GlobalTraffic {
         for (steps, (before, now)) in self.shown_steps.iter_mut().zip(self.shown_before.iter().zip(&self.shown)) {
             *steps = if before == now { *steps + 1 } else { 1 };
         }
-        // DEVIATION 4: an influence source is the event that a car entered the edge in this step. In the authors' code
-        // it is the occupancy of the entry cell.
-        for row in 0..self.handles.len() {
-            let [now, before] = [&self.cars, &self.cars_before].map(|cars| self.handles.cars_at(cars, row));
-            arrivals::note(self.arrivals.row_mut(row), now, before);
-        }
+        self.note_sources(number)?;
         if reward::needs_waiting(&self.plan.reward) {
             for (row, waiting) in self.waiting.iter_mut().enumerate() {
                 waiting.note(self.handles.cars_at(&self.cars, row));
@@ -234,6 +233,23 @@ impl GlobalTraffic {
         Ok(())
     }
 
+    /// Adds what happened in a second of the decision to the influence sources.
+    fn note_sources(&mut self, second: usize) -> Result<()> {
+        if let Some(borders) = &mut self.borders {
+            return borders.second(&mut self.simulation, &self.plan.borders, second, &mut self.sources);
+        }
+        if !self.plan.borders.is_empty() {
+            return Ok(());
+        }
+        // DEVIATION 4: an influence source is the event that a car entered the edge in this step. In the authors' code
+        // it is the occupancy of the entry cell.
+        for row in 0..self.handles.len() {
+            let [now, before] = [&self.cars, &self.cars_before].map(|cars| self.handles.cars_at(cars, row));
+            arrivals::note(self.sources.row_mut(row), now, before);
+        }
+        Ok(())
+    }
+
     /// Reads cars and lights after a second or a reset.
     fn read(&mut self) -> Result<()> {
         self.handles.read_cars(&mut self.simulation, &mut self.cars)?;
@@ -250,7 +266,14 @@ impl GlobalTraffic {
             let (plan, cars) = (&self.plan.agents[row], self.handles.cars_at(&self.cars, row));
             let light = LightView { shown: self.shown[row], shown_steps: self.shown_steps[row], age: self.age };
             observe::observe(plan, cars, light, percept.obs.row_mut(row));
-            observe::d_separate(plan, percept.obs.row(row), self.arrivals.row(row), percept.d_set.row_mut(row));
+            let d_set = percept.d_set.row_mut(row);
+            match &self.borders {
+                Some(borders) => borders.d_separate(row, &self.plan.borders[row], light, d_set),
+                None if self.plan.borders.is_empty() => {
+                    observe::d_separate(plan, percept.obs.row(row), self.sources.row(row), d_set);
+                }
+                None => {}
+            }
             let exits = CarsAt::new(&self.outgoing, self.first_exit[row], plan.region.exits.len());
             *reward = reward::reward(&self.plan.reward, &plan.region, cars, exits, &self.waiting[row]);
             let may_leave = self.handles.signal(row).may_leave(&plan.phases);
@@ -285,7 +308,10 @@ impl GlobalSimulator for GlobalTraffic {
         self.heard = false;
         self.advised = false;
         self.age = 0;
-        self.arrivals.fill(0);
+        self.sources.fill(0);
+        if let Some(borders) = &mut self.borders {
+            borders.reset(&mut self.simulation, &self.plan.borders)?;
+        }
         self.tally = Tally::new(self.agents(), self.plan.emergency_decel_mps2);
         self.waiting.fill(Waiting::default());
         self.perceive();
@@ -303,9 +329,9 @@ impl GlobalSimulator for GlobalTraffic {
         self.d_set_before.copy_from(&self.last.percept.d_set);
         self.shown_at_decision.copy_from_slice(&self.shown);
         self.waiting.iter_mut().for_each(Waiting::decide);
-        self.arrivals.fill(0);
-        for _ in 0..self.plan.decision_steps {
-            self.second(actions)?;
+        self.sources.fill(0);
+        for number in 0..self.plan.decision_steps {
+            self.second(number, actions)?;
         }
         self.advised = false;
         let begun = Instant::now();
@@ -314,10 +340,18 @@ impl GlobalSimulator for GlobalTraffic {
         Ok(&self.last)
     }
 
+    /// Reads all lanes of the regions of a scenario every second from then on. On a grid it changes nothing.
+    fn observe_influence(&mut self) -> Result<()> {
+        if !self.plan.borders.is_empty() && self.borders.is_none() {
+            self.borders = Some(Borders::register(&mut self.simulation, &self.plan.borders)?);
+        }
+        Ok(())
+    }
+
     /// DEVIATION 5: the d-set of t and the arrivals from t to t + 1, which is what the LS (local simulator) samples.
     /// The authors pair both at t and use the prediction one step later.
     fn influence_sample(&self) -> InfluenceSample<'_> {
-        InfluenceSample { d_set: &self.d_set_before, sources: &self.arrivals }
+        InfluenceSample { d_set: &self.d_set_before, sources: &self.sources }
     }
 
     /// A program of SUMO cannot be asked.
@@ -369,7 +403,7 @@ fn with_owned_name<T>((name, value): (&str, T)) -> (String, T) {
 }
 
 /// Returns the index of the first of each group, if groups of these lengths follow each other.
-fn starts(lengths: impl Iterator<Item = usize>) -> Vec<usize> {
+pub(super) fn starts(lengths: impl Iterator<Item = usize>) -> Vec<usize> {
     let begin = |next: &mut usize, length: usize| Some(std::mem::replace(next, *next + length));
     lengths.scan(0, begin).collect()
 }

@@ -2,11 +2,13 @@
 //!
 //! - [`global`]: the global simulator (GS), a whole grid with inflow at its boundary; [`control`]: who runs its lights.
 //! - [`local`]: the local simulators (LS), a forest of single intersections.
+//! - `border`: arrivals and blocked exits of a scenario's regions.
 //! - `source`: what a GS loads; `handles`: the intersections of a loaded net; `options`: SUMO's options.
 //! - [`tally`]: what every episode counts; `metrics`, `trips`: what only evaluations measure.
 //! - [`recording`]: an episode recorded; [`replay`]: a recording as files that SUMO plays; [`trace`]: a recording for
 //!   pictures.
 
+mod border;
 pub mod control;
 pub mod global;
 mod handles;

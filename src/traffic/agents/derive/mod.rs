@@ -4,10 +4,12 @@
 //!
 //! - [`greens`]: the greens of a program; [`clearing`]: what is shown between two of them.
 //! - [`region`]: the roads around a light; [`lanes`]: its approaches, exits and links; `sight`: what its agent sees.
+//! - [`border`]: where cars come into the region and leave it.
 //! - [`keeping`]: why a light keeps its program; [`safety`]: no two links that cross have green at once.
 //! - [`overrides`]: what the file `agents.toml` says otherwise; [`padding`]: one shape for all agents.
 //! - `tests`: all of it together.
 
+pub mod border;
 pub mod clearing;
 pub mod greens;
 pub mod keeping;
@@ -27,9 +29,11 @@ use std::sync::Arc;
 use anyhow::{Result, bail};
 
 use super::phase_plan::{Choice, PhasePlan};
-use super::plan::AgentPlan;
+use super::plan::{AgentPlan, Border};
+use crate::traffic::d_set::{DSetPlan, Parts};
 use crate::traffic::network::roads::program::Program;
-use crate::traffic::network::roads::{JunctionNo, Roads};
+use crate::traffic::network::roads::{EdgeNo, JunctionNo, Roads};
+use border::Seconds;
 use greens::{Greens, MOST_GREENS};
 use keeping::{Keeping, Why};
 use overrides::{LightOverride, Overrides};
@@ -85,6 +89,24 @@ impl Derived {
     /// Returns the plans of the agents, in their order.
     pub fn plans(&self) -> Vec<AgentPlan> {
         self.agents.iter().map(|agent| agent.plan.clone()).collect()
+    }
+
+    /// Makes the borders of the agents' regions, with what their AIPs (approximate influence predictors) see.
+    ///
+    /// `departs_on`: roads on which cars depart. `approach_m`: how far before the stop lines cars are seen.
+    pub fn borders(
+        &self,
+        roads: &Roads,
+        departs_on: &BTreeSet<EdgeNo>,
+        approach_m: f64,
+        seconds: Seconds,
+    ) -> Vec<Border> {
+        let of_agent = |Agent { plan, region, .. }: &Agent| {
+            let border = border::border(roads, region, departs_on, seconds.decision);
+            let d_set = DSetPlan::of(plan, &border, approach_m, Parts::of(seconds.episode));
+            Border { plan: border, d_set }
+        };
+        self.agents.iter().map(of_agent).collect()
     }
 }
 

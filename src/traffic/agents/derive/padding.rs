@@ -1,6 +1,6 @@
 //! One shape for all agents: as wide as the widest observation, with as many actions as the light with the most greens.
 
-use crate::traffic::agents::plan::AgentPlan;
+use crate::traffic::agents::plan::{AgentPlan, Border};
 
 /// The common shape of agents that form one kind. Smaller agents have columns of zeros at the end, and actions at the
 /// end that they must not take.
@@ -23,6 +23,29 @@ impl Padding {
         let actions = plans.map(|plan| plan.phases.actions()).max().expect("a net has agents");
         let padded = 1.0 - widths.sum::<usize>() as f64 / (agents * columns) as f64;
         Padding { columns, actions, padded }
+    }
+}
+
+/// The common shape of what influences their regions from outside.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct InfluencePadding {
+    /// Number of columns of every d-set.
+    pub columns: usize,
+    /// Number of influence sources of every agent. Those that an agent does not have never happen.
+    pub sources: usize,
+    /// Number of parts of an episode, the same for all agents.
+    pub parts: usize,
+}
+
+impl InfluencePadding {
+    /// Returns the shape of these agents; at least one.
+    pub fn of<'a>(borders: impl Iterator<Item = &'a Border> + Clone) -> InfluencePadding {
+        let largest = |of_border: fn(&Border) -> usize| borders.clone().map(of_border).max().expect("a net has agents");
+        InfluencePadding {
+            columns: largest(|border| border.d_set.width(&border.plan)),
+            sources: largest(|border| border.plan.sources()),
+            parts: largest(|border| border.d_set.parts()),
+        }
     }
 }
 

@@ -6,7 +6,7 @@ mod routes;
 mod types;
 mod vehicles;
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, ensure};
@@ -28,6 +28,15 @@ pub enum Order {
     Sorted,
 }
 
+/// Where the vehicles of an episode may depart.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Departures {
+    /// Ids of edges.
+    pub edges: BTreeSet<String>,
+    /// Ids of junctions: on any edge that begins there.
+    pub junctions: BTreeSet<String>,
+}
+
 /// What was read so far, in SUMO's order.
 pub struct Demand<'a> {
     streets: &'a Streets<'a>,
@@ -41,7 +50,10 @@ pub struct Demand<'a> {
     routes: HashMap<&'a str, Vec<Vec<Street>>>,
     /// Ids of vehicles, trips and flows.
     drivers: HashSet<&'a str>,
-    zones: HashSet<&'a str>,
+    /// Edges from which cars of a zone depart, by the zone.
+    zones: HashMap<&'a str, Vec<Street>>,
+    /// Where the vehicles of an episode depart.
+    departures: Departures,
     reached: HashMap<(Street, Option<&'a str>), Reached>,
     /// Expected number of vehicles from begin to end.
     expected: f64,
@@ -63,7 +75,8 @@ impl<'a> Demand<'a> {
             types: types::predefined(),
             routes: HashMap::new(),
             drivers: HashSet::new(),
-            zones: HashSet::new(),
+            zones: HashMap::new(),
+            departures: Departures::default(),
             reached: HashMap::new(),
             expected: 0.0,
             outside: BTreeMap::new(),
@@ -98,8 +111,9 @@ impl<'a> Demand<'a> {
         Ok(())
     }
 
-    /// Checks the whole. Returns what will not be simulated. `scenario`: the file to name in an error.
-    pub fn finish(self, scenario: &Path) -> Result<Vec<String>> {
+    /// Checks the whole. Returns where vehicles depart, and what will not be simulated. `scenario`: the file to name in an
+    /// error.
+    pub fn finish(self, scenario: &Path) -> Result<(Departures, Vec<String>)> {
         let (begin, end) = self.window_s;
         ensure!(
             self.expected > 0.0,
@@ -116,21 +130,26 @@ impl<'a> Demand<'a> {
         let told = |(file, count): (PathBuf, usize)| {
             format!("{}: {count} of its vehicles and flows depart before {begin} s or from {end} s on", file.display())
         };
-        Ok(self.outside.into_iter().map(told).collect())
+        Ok((self.departures, self.outside.into_iter().map(told).collect()))
     }
 
     fn add_zone(&mut self, place: Place<'a>) -> Result<()> {
-        ensure!(self.zones.insert(place.needed("id")?), place.fault("stands twice; remove one of them"));
-        if place.element.attribute("edges").is_some() {
-            self.streets_in(place, "edges")?;
-        }
+        let id = place.needed("id")?;
+        let mut sources = match place.element.attribute("edges") {
+            Some(_) => self.streets_in(place, "edges")?,
+            None => Vec::new(),
+        };
         for end in &place.element.children {
             if end.name != "param" {
                 let end = place.within(end);
-                let edge = end.needed("id")?;
-                ensure!(self.streets.find(edge).is_some(), end.fault_in("id", "the net has no such edge"));
+                let edge = self.streets.find(end.needed("id")?);
+                let edge = edge.ok_or_else(|| end.fault_in("id", "the net has no such edge"))?;
+                if end.element.name == "tazSource" {
+                    sources.push(edge);
+                }
             }
         }
+        ensure!(self.zones.insert(id, sources).is_none(), place.fault("stands twice; remove one of them"));
         Ok(())
     }
 
@@ -168,8 +187,8 @@ mod tests {
                          <vTypeDistribution id='odd' vTypes='bus train'/>\
                          <taz id='z' edges='a b'/><taz id='y'><tazSource id='a'/></taz>";
 
-    /// Reads elements after the types. Returns what is told in the end, or the error.
-    fn read_with(options: &[(&str, &str)], elements: &str) -> Result<Vec<String>, String> {
+    /// Reads elements after the types. Returns where cars depart and what is told in the end, or the error.
+    fn read_whole(options: &[(&str, &str)], elements: &str) -> Result<(Departures, Vec<String>), String> {
         let net = parse(NET).unwrap();
         let streets = Streets::of(Path::new("net"), &net).unwrap();
         let options: Vec<(String, String)> =
@@ -178,6 +197,11 @@ mod tests {
         let mut demand = Demand::new(&streets, &options, (100, 200));
         let read = demand.read(Path::new("rou"), &root, Order::Sorted);
         read.and_then(|()| demand.finish(Path::new("cfg"))).map_err(|error| error.to_string())
+    }
+
+    /// Reads elements after the types. Returns what is told in the end, or the error.
+    fn read_with(options: &[(&str, &str)], elements: &str) -> Result<Vec<String>, String> {
+        read_whole(options, elements).map(|(_, told)| told)
     }
 
     fn read(elements: &str) -> Result<Vec<String>, String> {
@@ -255,6 +279,30 @@ mod tests {
         );
         let edge = read("<taz id='w'><tazSink id='x'/></taz>").unwrap_err();
         assert_eq!(edge, "rou: <tazSink id=\"x\">: id=\"x\": the net has no such edge");
+    }
+
+    #[test]
+    fn cars_depart_where_their_ways_begin_if_they_depart_in_the_episode() {
+        let departures = |elements: &str| {
+            let (Departures { edges, junctions }, _) = read_whole(&[("junction-taz", "true")], elements).unwrap();
+            (edges.into_iter().collect::<Vec<_>>().join(" "), junctions.into_iter().collect::<Vec<_>>().join(" "))
+        };
+        let other = "<trip id='v' depart='100' from='a' to='b'/>";
+        for (element, edges, junctions) in [
+            ("<trip id='w' depart='150' type='bus' from='c' via='b' to='b'/>", "a c", ""),
+            ("<trip id='w' depart='200' from='c' to='b'/>", "a", ""),
+            ("<vehicle id='w' depart='150'><route edges='b'/></vehicle>", "a b", ""),
+            (
+                "<vehicle id='w' depart='150'><routeDistribution><route edges='c b'/><route edges='b'/>                 </routeDistribution></vehicle>",
+                "a b c",
+                "",
+            ),
+            ("<flow id='w' begin='150' period='9' fromTaz='z' toTaz='z'/>", "a b", ""),
+            ("<flow id='w' begin='150' period='9' fromTaz='y' toTaz='z'/>", "a", ""),
+            ("<trip id='w' depart='150' fromJunction='j' toJunction='j'/>", "a", "j"),
+        ] {
+            assert_eq!(departures(&format!("{other}{element}")), (edges.to_owned(), junctions.to_owned()), "{element}");
+        }
     }
 
     #[test]

@@ -51,6 +51,9 @@ impl<'a> Demand<'a> {
             (None, Some(inner)) => Some(self.routes_in(place.within(inner))?),
             (None, None) => None,
         };
+        if drives {
+            self.add_departure(place, routes.as_deref())?;
+        }
         let must_drive = drives && !self.lenient;
         match routes {
             Some(routes) if must_drive => {
@@ -65,6 +68,23 @@ impl<'a> Demand<'a> {
             }
         }
         Ok(departs_s)
+    }
+
+    /// Adds the edges on which a vehicle may depart. `routes`: those that it may take; a trip has none.
+    fn add_departure(&mut self, place: Place<'a>, routes: Option<&[Vec<Street>]>) -> Result<()> {
+        let given = |key: &str| place.element.attribute(key);
+        let streets: Vec<Street> = match (routes, given("from"), given("fromTaz"), given("fromJunction")) {
+            (Some(routes), ..) => routes.iter().filter_map(|route| route.first().copied()).collect(),
+            (None, Some(_), ..) => vec![self.street(place, "from")?],
+            (None, None, Some(zone), _) => self.zones.get(zone).cloned().unwrap_or_default(),
+            (None, None, None, junction) => {
+                self.departures.junctions.extend(junction.map(str::to_owned));
+                Vec::new()
+            }
+        };
+        let names = streets.into_iter().map(|street| self.streets.name(street).to_owned());
+        self.departures.edges.extend(names);
+        Ok(())
     }
 
     /// Returns when a vehicle or trip departs, and 1 if this is within an episode.
@@ -136,7 +156,7 @@ impl<'a> Demand<'a> {
             }
             "fromTaz" => {
                 for key in [from, to] {
-                    let known = self.zones.contains(place.needed(key)?);
+                    let known = self.zones.contains_key(place.needed(key)?);
                     ensure!(known, place.fault_in(key, "no <taz> of this id is defined before it"));
                 }
                 Ok(Vec::new())
