@@ -292,6 +292,7 @@ impl Written {
             let imitate = if domain == "traffic" { "policy.imitate=gap-out" } else { "policy.imitate=oldest-item" };
             let small = [
                 "aip.epochs=1",
+                "aip.correct_marginals=true",
                 "evaluation.episodes=1",
                 "evaluation.final_episodes=1",
                 imitate,

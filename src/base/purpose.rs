@@ -55,6 +55,8 @@ purposes! {
     Tuning = "tuning",
     /// Episodes in which Webster's controller measures flows.
     Webster = "webster",
+    /// The episode in which visits to regions are recorded.
+    Visits = "visits",
     /// Items of the warehouse.
     Items = "items",
     /// Moves of robots without a policy.

@@ -50,6 +50,7 @@ fn check_sizes(config: &Config) -> Result<()> {
         (100_000, "ppo.epochs", ppo.epochs as u64),
         (10_000_000, "aip.dataset_steps", aip.dataset_steps as u64),
         (100_000, "aip.epochs", aip.epochs as u64),
+        (100_000, "aip.patience", aip.patience.unwrap_or(0) as u64),
         (10_000_000, "imitation.dataset_steps", imitation.dataset_steps as u64),
         (100_000, "imitation.epochs", imitation.epochs as u64),
         (100_000, "evaluation.episodes", config.evaluation.episodes as u64),
@@ -173,6 +174,16 @@ fn check_aip(config: &Config) -> Result<()> {
     at_least(1, "aip.dataset_steps", aip.dataset_steps as u64, "the paper uses 10000")?;
     at_least(1, "aip.batch", aip.batch as u64, "the paper uses 128")?;
     positive("aip.learning_rate", aip.learning_rate, "the paper uses 1e-4")?;
+    if let Some(patience) = aip.patience {
+        at_least(1, "aip.patience", patience as u64, "leave it out to train all epochs")?;
+    }
+    not_negative("aip.weight_decay", aip.weight_decay, "0 is the default")?;
+    ensure!(
+        aip.weight_decay * aip.learning_rate < 1.0,
+        "aip.weight_decay = {}: multiplied by aip.learning_rate = {} it must be less than 1",
+        aip.weight_decay,
+        aip.learning_rate
+    );
     not_negative("aip.drift_threshold", aip.drift_threshold, "percent of the loss; 1.5 is the default")?;
     ensure!(
         !(config.simulator.trains_predictors() && aip.retrain == Retrain::Drift)

@@ -252,6 +252,14 @@ mod tests {
         assert!(error_of(SMALL, &["aip.retrain_every_steps=100"]).contains("must be at least ppo.memory = 128"));
         let epochs = error_of(SMALL, &["aip.epochs=0"]);
         assert!(epochs.contains("aip.epochs = 0: must be at least 1 (for AIPs that are never trained: simulator ="));
+        let patience = error_of(SMALL, &["aip.patience=0"]);
+        assert!(
+            patience.contains("aip.patience = 0: must be at least 1 (leave it out to train all epochs)"),
+            "{patience}"
+        );
+        assert!(error_of(SMALL, &["aip.weight_decay=-1"]).contains("aip.weight_decay = -1: must not be negative"));
+        let decay = error_of(SMALL, &["aip.weight_decay=10000"]);
+        assert!(decay.contains("multiplied by aip.learning_rate = 0.0001 it must be less than 1"), "{decay}");
         let later = error_of(SMALL, &["total_steps=1000", "stop_at_steps=1001"]);
         assert!(
             later.contains("stop_at_steps = 1001: is larger than total_steps = 1000; to train longer raise"),

@@ -184,13 +184,26 @@ pub struct AipConfig {
     pub drift_threshold: f64,
     /// Number of GS (global simulator) steps per dataset, rounded up to whole episodes.
     pub dataset_steps: usize,
-    /// Share of the episodes, the last ones, that only measure the loss.
+    /// Share of the episodes, the last ones, that only measure the loss. They also decide when `patience` is over, and
+    /// which sources keep their constants.
     pub held_out: f64,
     pub learning_rate: f64,
     /// Number of samples per agent and gradient step; with a GRU, of whole episodes.
     pub batch: usize,
     /// Number of passes over the dataset per training.
     pub epochs: usize,
+    /// Number of epochs without a lower loss on the held-out episodes after which the training of an agent's AIP ends. The
+    /// AIP then has the parameters of its best epoch. If left out, all epochs are trained and the last one counts.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub patience: Option<usize>,
+    /// Share by which each gradient step makes the weights smaller, divided by the learning rate.
+    pub weight_decay: f64,
+    /// Whether an AIP corrects the marginals: its outputs are added to their logits. A source whose AIP is not better
+    /// than its marginals on the held-out episodes keeps the marginals.
+    ///
+    /// DEVIATION 16: the paper's AIPs know nothing of marginals. Where cars are rare, as on real maps, they are worse
+    /// than marginals.
+    pub correct_marginals: bool,
 }
 
 /// When AIPs are trained again: all of them or none.
@@ -323,6 +336,9 @@ impl Default for AipConfig {
             learning_rate: 1e-4,
             batch: 128,
             epochs: 100,
+            patience: None,
+            weight_decay: 0.0,
+            correct_marginals: false,
         }
     }
 }

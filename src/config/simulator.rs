@@ -71,7 +71,17 @@ impl Predictor {
         match self {
             Predictor::Network => true,
             Predictor::Untrained => ["hidden", "recurrent"].contains(&key),
-            Predictor::Marginals => !["hidden", "recurrent", "learning_rate", "batch", "epochs"].contains(&key),
+            Predictor::Marginals => ![
+                "hidden",
+                "recurrent",
+                "learning_rate",
+                "batch",
+                "epochs",
+                "patience",
+                "weight_decay",
+                "correct_marginals",
+            ]
+            .contains(&key),
         }
     }
 }

@@ -43,8 +43,17 @@ impl AipStack {
         &self.net
     }
 
-    /// Runs one step of all rows.
-    fn logits(&mut self, d_set: &Rows<f32>) -> Rows<f32> {
+    /// Makes the last layer zero, so that all outputs are.
+    pub(super) fn silence(&mut self) {
+        let layout = self.net.parameters().layout();
+        let places: Vec<_> = layout.blocks(1).map(|(_, _, place)| place).collect();
+        let last = places[places.len() - 2].start..layout.width();
+        let values = self.net.parameters_mut().values_mut();
+        (0..values.len()).for_each(|agent| values.row_mut(agent)[last.clone()].fill(0.0));
+    }
+
+    /// Runs one step of all rows. Returns the logits.
+    pub(super) fn outputs(&mut self, d_set: &Rows<f32>) -> Rows<f32> {
         let inputs = Rows::from_vec(d_set.as_slice().iter().map(|&x| scaled(x)).collect(), d_set.width());
         self.net.step(&inputs, &mut self.states)
     }
@@ -72,12 +81,12 @@ impl InfluencePredictor for AipStack {
     fn watch(&mut self, d_set: &Rows<f32>) {
         // Without memory there is nothing to remember.
         if !self.states.as_slice().is_empty() {
-            self.logits(d_set);
+            self.outputs(d_set);
         }
     }
 
     fn sample(&mut self, d_set: &Rows<f32>, dice: &mut [Dice], sources: &mut Rows<u8>) {
-        let logits = self.logits(d_set);
+        let logits = self.outputs(d_set);
         let rows = sources.as_mut_slice().chunks_exact_mut(self.sources.count());
         for ((row, logits), dice) in rows.zip(logits.iter()).zip(dice) {
             sources::sample(&self.sources, logits, dice, row);

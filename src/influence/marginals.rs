@@ -3,12 +3,15 @@
 //!
 //! They are the predictors of marginal-DIALS. It shows what an AIP (approximate influence predictor) adds to knowing
 //! how busy the neighbours are. They are also the yardstick for the loss of the AIPs.
+//!
+//! In a domain whose episodes have parts, they are constant within each part.
 
 use std::ops::Range;
 
 use anyhow::ensure;
 use rand::Rng;
 
+use super::parts::{PartFrequencies, part_of};
 use super::sources::of_sources;
 use super::{CrossEntropies, Dataset, InfluencePredictor, TrainablePredictor};
 use crate::base::{Dice, Rows, Stopwatch, Work};
@@ -16,10 +19,10 @@ use crate::config::AipConfig;
 use crate::domain::{RegionSpec, Result, SourceSpec};
 use crate::nn::Layout;
 
-/// One constant distribution per agent and source.
+/// One constant distribution per agent and source, and per part of the episode.
 pub struct Marginals {
     sources: SourceSpec,
-    /// Probabilities, one row per agent: those of all classes of each source, source after source.
+    /// Probabilities, one row per agent, part after part: those of all classes of each source, source after source.
     probabilities: Rows<f32>,
     /// Number of rows of one agent that it samples for.
     copies: usize,
@@ -31,24 +34,28 @@ impl Marginals {
         let sources = spec.sources.clone();
         let equal = |&classes: &u8| std::iter::repeat_n(1.0 / f32::from(classes), usize::from(classes));
         let of_agent: Vec<f32> = sources.classes.iter().flat_map(equal).collect();
-        let probabilities = Rows::from_vec(of_agent.repeat(agents), sources.values());
+        let parts = sources.parts.max(1);
+        let probabilities = Rows::from_vec(of_agent.repeat(parts * agents), parts * sources.values());
         Marginals { sources, probabilities, copies: 0 }
     }
 
     /// Returns the layout of a row of probabilities: a table `[sources, classes]` if all sources have the same number
-    /// of classes, else one source after another.
+    /// of classes, else one source after another. With parts there is one of these for each part.
     pub fn layout(spec: &RegionSpec) -> Layout {
-        let SourceSpec { classes, .. } = &spec.sources;
-        let shape = match classes[..] {
+        let SourceSpec { classes, parts } = &spec.sources;
+        let of_part = match classes[..] {
             [first, ..] if classes.iter().all(|&other| other == first) => vec![classes.len(), usize::from(first)],
             _ => vec![spec.sources.values()],
         };
+        let shape = if *parts > 0 { [vec![*parts], of_part].concat() } else { of_part };
         Layout::new(vec![("probabilities".to_owned(), shape)])
     }
 
     /// Returns an error if the probabilities of a source do not add up to 1, or if one is negative.
     pub(super) fn check(sources: &SourceSpec, probabilities: &[f32]) -> Result<()> {
-        for (source, classes) in of_sources(sources, probabilities, usize::from).enumerate() {
+        let parts = probabilities.chunks_exact(sources.values());
+        let of_parts = parts.flat_map(|of_part| of_sources(sources, of_part, usize::from).enumerate());
+        for (source, classes) in of_parts {
             let sum: f32 = classes.iter().sum();
             ensure!(
                 classes.iter().all(|&p| p >= 0.0) && (sum - 1.0).abs() < 1e-3,
@@ -68,11 +75,13 @@ impl InfluencePredictor for Marginals {
 
     fn watch(&mut self, _d_set: &Rows<f32>) {}
 
-    fn sample(&mut self, _d_set: &Rows<f32>, dice: &mut [Dice], sources: &mut Rows<u8>) {
+    fn sample(&mut self, d_set: &Rows<f32>, dice: &mut [Dice], sources: &mut Rows<u8>) {
         let count = self.sources.count();
         for (row, (sources, dice)) in sources.as_mut_slice().chunks_exact_mut(count).zip(dice).enumerate() {
-            let of_agent = self.probabilities.row(row / self.copies);
-            for (source, probabilities) in sources.iter_mut().zip(of_sources(&self.sources, of_agent, usize::from)) {
+            let width = self.sources.values();
+            let begin = part_of(&self.sources, d_set.row(row)) * width;
+            let of_part = &self.probabilities.row(row / self.copies)[begin..begin + width];
+            for (source, probabilities) in sources.iter_mut().zip(of_sources(&self.sources, of_part, usize::from)) {
                 *source = draw(probabilities, dice);
             }
         }
@@ -101,7 +110,8 @@ impl TrainablePredictor for Marginals {
         work: Work<'_, f64>,
     ) {
         for (agent, dataset) in datasets.iter().enumerate() {
-            let measured = frequencies(&self.sources, dataset, 0..samples).into_iter().flatten();
+            let measured = PartFrequencies::of(&self.sources, dataset, 0..samples).probabilities();
+            let measured = measured.into_iter().flatten().flatten();
             self.probabilities.row_mut(agent).iter_mut().zip(measured).for_each(|(p, measured)| *p = measured as f32);
         }
         (work.progress)(1.0);
@@ -114,10 +124,10 @@ impl TrainablePredictor for Marginals {
         _watch: &mut Stopwatch,
     ) -> Vec<CrossEntropies> {
         let per_agent = datasets.iter().zip(self.probabilities.iter()).map(|(dataset, probabilities)| {
-            let constants = of_sources(&self.sources, probabilities, usize::from);
-            let constants = constants.map(|classes| classes.iter().map(|&p| f64::from(p)).collect::<Vec<f64>>());
-            let seen = frequencies(&self.sources, dataset, samples.clone());
-            constants.zip(seen).map(|(p, q)| cross_entropy_of_constants(&p, &q)).collect()
+            let as_numbers = |classes: &[f32]| classes.iter().map(|&p| f64::from(p)).collect::<Vec<f64>>();
+            let of_part = |of_part| of_sources(&self.sources, of_part, usize::from).map(as_numbers).collect();
+            let constants: Vec<_> = probabilities.chunks_exact(self.sources.values()).map(of_part).collect();
+            PartFrequencies::of(&self.sources, dataset, samples.clone()).cross_entropies(&constants)
         });
         per_agent.collect()
     }
@@ -216,6 +226,34 @@ mod tests {
         // Standard errors: sqrt(2/9 / 10000) = 0.0047 and 0.003.
         let share = |source: usize, class| drawn.iter().filter(|row| row[source] == class).count() as f64 / 1e4;
         assert!((share(0, 2) - 1.0 / 3.0).abs() < 0.019 && (share(1, 1) - 0.1).abs() < 0.012);
+    }
+
+    #[test]
+    fn in_each_part_of_the_episode_they_have_frequencies_of_their_own() {
+        let spec = RegionSpec { d_set_dim: 2, ..spec(SourceSpec { parts: 2, ..SourceSpec::bits(1) }) };
+        // The first half of each episode of ten is part 0: the source happens there, and never in part 1.
+        let mut dataset = Dataset::new(&spec);
+        for sample in 0..1000 {
+            let early = sample % 10 < 5;
+            dataset.push(&[f32::from(u8::from(early)), f32::from(u8::from(!early))], &[u8::from(early)]);
+        }
+        let (mut marginals, losses) = trained(&spec, &[dataset]);
+        // 450 samples of each part, and 20 of the whole, half of which happen: 460 / 470 and 10 / 470.
+        let expected = [10.0 / 470.0, 460.0 / 470.0, 460.0 / 470.0, 10.0 / 470.0];
+        assert!(marginals.values().as_slice().iter().zip(expected).all(|(p, expected)| (p - expected).abs() < 1e-6));
+        assert_eq!(Marginals::layout(&spec).blocks(1).next().unwrap().1, [1, 2, 1, 2]);
+        // -ln(460 / 470) in both parts.
+        assert!((losses[0].held_out[1][0] - 0.021_506).abs() < 1e-6 && losses[0].marginals[0] > 0.0);
+        Marginals::check(&spec.sources, marginals.values().row(0)).unwrap();
+        assert!(Marginals::check(&spec.sources, &[0.5, 0.5, 0.5, 0.6]).is_err(), "the second part");
+        let mut dice: Vec<Dice> = (0..2000).map(|row| Seed::new(5).for_copy(row).dice()).collect();
+        let d_set: Vec<f32> = (0..2000).flat_map(|row| if row % 2 == 0 { [1.0, 0.0] } else { [0.0, 1.0] }).collect();
+        let mut drawn = Rows::new(2000, 1);
+        marginals.begin(2000);
+        marginals.sample(&Rows::from_vec(d_set, 2), &mut dice, &mut drawn);
+        let count = |parity: usize| drawn.iter().skip(parity).step_by(2).filter(|row| row[0] == 1).count();
+        // 979 and 21 of 1000, standard deviation 4.6.
+        assert!(count(0) > 955 && count(1) < 45, "{} {}", count(0), count(1));
     }
 
     #[test]

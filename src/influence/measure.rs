@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::marginals::{cross_entropy_of_constants, frequencies};
+use super::parts::PartFrequencies;
 use super::{CrossEntropies, Dataset, TrainablePredictor};
 use crate::base::Stopwatch;
 
@@ -10,7 +10,7 @@ use crate::base::Stopwatch;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FreshLoss {
     pub predictor: CrossEntropies,
-    /// Loss of the best constants for these very episodes: no constant predictor is better.
+    /// Loss of the best constants for these very episodes, and for each of their parts: no constant predictor is better.
     pub marginals: CrossEntropies,
 }
 
@@ -30,9 +30,8 @@ impl FreshLoss {
 pub fn measure(predictor: &dyn TrainablePredictor, datasets: &[Dataset], watch: &mut Stopwatch) -> Vec<FreshLoss> {
     let losses = predictor.cross_entropies(datasets, 0..datasets[0].len(), watch);
     let per_agent = losses.into_iter().zip(datasets).map(|(predictor_loss, dataset)| {
-        let seen = frequencies(predictor.sources(), dataset, 0..dataset.len());
-        let marginals = seen.iter().map(|classes| cross_entropy_of_constants(classes, classes)).collect();
-        FreshLoss { predictor: predictor_loss, marginals }
+        let seen = PartFrequencies::of(predictor.sources(), dataset, 0..dataset.len());
+        FreshLoss { predictor: predictor_loss, marginals: seen.entropies() }
     });
     per_agent.collect()
 }

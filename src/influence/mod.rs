@@ -5,16 +5,20 @@
 //! (AIP), one network per agent; without training it is the predictor of untrained-DIALS. [`Marginals`] are constants,
 //! the predictors of marginal-DIALS.
 //!
-//! - `aip`, `marginals`: the two predictors.
+//! - `aip`, `marginals`: the two predictors; `correcting`: AIPs that correct constants.
 //! - `dataset`: pairs `(l_t, u_t)` of one agent from the global simulator (GS).
-//! - `train`, `descent`: fit a predictor to a [`Dataset`]; `measure`: its loss on one that it has not seen.
+//! - `train`, `descent`, `best`: fit a predictor to a [`Dataset`]; `measure`: its loss on one that it has not seen.
+//! - `parts`: how often sources took their values in each part of an episode.
 //! - `sources`: the distribution that logits stand for: sampling, cross-entropy and its gradient.
 
 mod aip;
+mod best;
+mod correcting;
 mod dataset;
 mod descent;
 mod marginals;
 mod measure;
+mod parts;
 mod sources;
 mod train;
 
@@ -26,6 +30,7 @@ use crate::domain::{RegionSpec, Result, SourceSpec};
 use crate::nn::Layout;
 
 pub use aip::AipStack;
+pub use correcting::CorrectingAips;
 pub use dataset::Dataset;
 pub use marginals::{Marginals, frequencies};
 pub use measure::{FreshLoss, measure};
@@ -79,6 +84,12 @@ pub trait TrainablePredictor: InfluencePredictor {
         samples: Range<usize>,
         watch: &mut Stopwatch,
     ) -> Vec<CrossEntropies>;
+
+    /// Returns whether each source of an agent keeps its constants, because the last training found them better. Empty
+    /// for predictors that do not choose.
+    fn on_marginals(&self, _agent: usize) -> Vec<bool> {
+        Vec::new()
+    }
 }
 
 /// Makes the first predictor of `agents` for this choice, each agent's from its own stream.
@@ -91,6 +102,7 @@ pub fn initial_predictor(
 ) -> Box<dyn TrainablePredictor> {
     match choice {
         Predictor::Marginals => Box::new(Marginals::new(agents.len(), spec)),
+        Predictor::Network if config.correct_marginals => Box::new(CorrectingAips::new(agents, spec, config, seed)),
         Predictor::Network | Predictor::Untrained => Box::new(AipStack::new(agents, spec, config, seed)),
     }
 }
@@ -99,15 +111,17 @@ pub fn initial_predictor(
 pub fn layout(choice: Predictor, spec: &RegionSpec, config: &AipConfig) -> Layout {
     match choice {
         Predictor::Marginals => Marginals::layout(spec),
+        Predictor::Network if config.correct_marginals => CorrectingAips::layout(spec, config),
         Predictor::Network | Predictor::Untrained => AipStack::shape(spec, config).layout(),
     }
 }
 
 /// Returns an error that says why an agent's row of values cannot be what such a predictor has learnt. Its width is that
 /// of [`layout`], and all values are finite.
-pub fn check_values(choice: Predictor, spec: &RegionSpec, values: &[f32]) -> Result<()> {
+pub fn check_values(choice: Predictor, spec: &RegionSpec, config: &AipConfig, values: &[f32]) -> Result<()> {
     match choice {
         Predictor::Marginals => Marginals::check(&spec.sources, values),
+        Predictor::Network if config.correct_marginals => CorrectingAips::check(&spec.sources, values),
         Predictor::Network | Predictor::Untrained => Ok(()),
     }
 }

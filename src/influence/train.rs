@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::marginals::{cross_entropy_of_constants, frequencies};
+use super::parts::PartFrequencies;
 use super::{CrossEntropies, Dataset, TrainablePredictor};
 use crate::base::{AgentId, Dice, Seed, Stopwatch, Work};
 use crate::config::{AipConfig, held_out_episodes};
@@ -14,10 +14,14 @@ pub struct AipLoss {
     pub training: [CrossEntropies; 2],
     /// Loss on the held-out episodes, before and after.
     pub held_out: [CrossEntropies; 2],
-    /// Loss of the best constant on the held-out episodes: the frequency in the training episodes.
+    /// Loss of the best constant on the held-out episodes: the frequency in the training episodes. In a domain whose
+    /// episodes have parts: of each part.
     pub marginals: CrossEntropies,
     /// How often each source was not 0 in the training episodes.
     pub frequencies: Vec<f64>,
+    /// Whether each source keeps its constants, because the AIP is not better on the held-out episodes. Empty for
+    /// predictors that do not choose.
+    pub on_marginals: Vec<bool>,
 }
 
 /// Trains every agent's predictor on its own dataset and measures the loss before and after.
@@ -43,12 +47,13 @@ pub fn train(
     let after = both(predictor, watch);
     let per_agent = datasets.iter().enumerate().map(|(agent, dataset)| {
         let [seen, held_out] =
-            [0..first, first..last].map(|samples| frequencies(predictor.sources(), dataset, samples));
+            [0..first, first..last].map(|samples| PartFrequencies::of(predictor.sources(), dataset, samples));
         AipLoss {
             training: [before[0][agent].clone(), after[0][agent].clone()],
             held_out: [before[1][agent].clone(), after[1][agent].clone()],
-            marginals: seen.iter().zip(&held_out).map(|(p, q)| cross_entropy_of_constants(p, q)).collect(),
-            frequencies: seen.iter().map(|classes| 1.0 - classes[0]).collect(),
+            marginals: held_out.cross_entropies(&seen.probabilities()),
+            frequencies: seen.whole().iter().map(|classes| 1.0 - classes[0]).collect(),
+            on_marginals: predictor.on_marginals(agent),
         }
     });
     per_agent.collect()
@@ -144,6 +149,37 @@ mod tests {
         // Certain of u = x where it holds: p > 0.95, so -ln(1 - p) > 3 in the end. Trained on all it would be ln 10 = 2.3.
         assert!(loss.training[1][0] < 0.05, "{:?}", loss.training);
         assert!(loss.held_out[1][0] > 3.0, "{:?}", loss.held_out);
+    }
+
+    #[test]
+    fn training_that_makes_held_out_episodes_worse_stops_early() {
+        // The same contradiction: every epoch makes the held-out episodes worse.
+        let spec = RegionSpec {
+            obs_dim: 1,
+            d_set_dim: 1,
+            n_actions: 2,
+            masks: false,
+            sources: SourceSpec::bits(1),
+            horizon: 100,
+        };
+        let mut dataset = Dataset::new(&spec);
+        let mut dice = Seed::new(31).dice();
+        for sample in 0..2000 {
+            let x: bool = dice.random();
+            dataset.push(&[f32::from(u8::from(x))], &[u8::from(x != (sample >= 1800))]);
+        }
+        let agents = [AgentId(0)];
+        let losses = |patience: Option<usize>| {
+            let config =
+                AipConfig { hidden: vec![8], learning_rate: 1e-2, epochs: 9, patience, ..AipConfig::default() };
+            let mut aips = AipStack::new(&agents, &spec, &config, Seed::new(1));
+            let work = Work { watch: &mut Stopwatch::default(), progress: &mut |_| () };
+            train(&mut aips, &agents, std::slice::from_ref(&dataset), &config, Seed::new(2), work).remove(0).held_out
+        };
+        let [before, after] = losses(Some(1));
+        assert_eq!(before, after, "the first parameters were the best");
+        let [before, after] = losses(None);
+        assert!(after[0] > before[0] + 0.5, "{before:?} {after:?}");
     }
 
     #[test]

@@ -100,6 +100,27 @@ impl Learner<'_> {
         Network { shape: self.shape, layout: self.layout, values: self.values }
     }
 
+    /// Returns the parameters, as a row.
+    pub fn values(&self) -> &[f32] {
+        self.values
+    }
+
+    /// Copies parameters of the same network.
+    pub fn load(&mut self, values: &[f32]) {
+        self.values.copy_from_slice(values);
+    }
+
+    /// Makes all weights smaller by this share, and leaves the biases: weight decay apart from the gradient, before a
+    /// step.
+    ///
+    /// Source: Loshchilov & Hutter 2019, algorithm 2.
+    pub fn shrink_weights(&mut self, share: f64) {
+        let factor = (1.0 - share) as f32;
+        for range in self.layout.weights() {
+            self.values[range].iter_mut().for_each(|weight| *weight *= factor);
+        }
+    }
+
     /// Takes one step against the gradient, a row of parameters.
     pub fn descend(&mut self, gradient: &[f32], learning_rate: f64) {
         assert!(self.step < self.end, "more gradient steps than were announced");
@@ -162,6 +183,17 @@ mod tests {
         for (value, expected) in net.parameters().values().as_slice().iter().zip([0.806_782, -1.193_218]) {
             assert!((value - expected).abs() < 1e-6, "{value} {expected}");
         }
+    }
+
+    #[test]
+    fn weights_shrink_and_biases_stay() {
+        let mut net = line();
+        let mut adam = Adam::new(net.parameters());
+        let mut learners = adam.learners(&mut net, 1);
+        learners[0].shrink_weights(0.25);
+        assert_eq!(learners[0].values(), [0.75, -1.0]);
+        learners[0].load(&[3.0, 4.0]);
+        assert_eq!(net.parameters().values().as_slice(), [3.0, 4.0]);
     }
 
     #[test]

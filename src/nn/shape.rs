@@ -160,6 +160,12 @@ impl Layout {
         })
     }
 
+    /// Returns the places of all weights within a row, without the biases.
+    pub(super) fn weights(&self) -> impl Iterator<Item = Range<usize>> {
+        let weights = self.blocks.iter().filter(|block| block.name.ends_with("weight"));
+        weights.map(|block| block.offset..block.offset + block.len)
+    }
+
     /// Returns the place of a block within a row.
     pub(super) fn range(&self, block: usize) -> Range<usize> {
         let block = &self.blocks[block];

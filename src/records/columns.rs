@@ -60,6 +60,9 @@ pub const OF_AIP_LOSS: [&str; 9] = [
     "frequency",
 ];
 
+/// Further column of `aip_loss.csv` if AIPs correct marginals.
+pub const SOURCES_ON_MARGINALS: &str = "sources_on_marginals";
+
 pub const AFTER: &str = "after";
 pub const LOSS: &str = "loss";
 pub const MARGINALS: &str = "marginals";

@@ -76,6 +76,7 @@ pub fn aip_lines(steps: u64, losses: &[AipLoss]) -> Vec<CsvLine> {
         let keys = [steps.to_string(), agent.to_owned(), source.to_owned()];
         keys.into_iter().chain(values.map(|value| format!("{value:.5}"))).collect()
     };
+    let mut sources_on_marginals = 0;
     for (agent, loss) in losses.iter().enumerate() {
         let of_sources: Vec<[f64; 6]> = (0..loss.marginals.len())
             .map(|source| {
@@ -91,12 +92,35 @@ pub fn aip_lines(steps: u64, losses: &[AipLoss]) -> Vec<CsvLine> {
             })
             .collect();
         let agent = agent.to_string();
-        lines.push(line(&agent, ALL, &mean_of(&of_sources)));
+        let on_marginals = loss.on_marginals.iter().map(|&on_marginals| usize::from(on_marginals));
+        let of_agent: usize = on_marginals.clone().sum();
+        let mut all = line(&agent, ALL, &mean_of(&of_sources));
+        all.extend((!loss.on_marginals.is_empty()).then(|| of_agent.to_string()));
+        lines.push(all);
+        let first = lines.len();
         lines.extend(of_sources.iter().enumerate().map(|(source, values)| line(&agent, &source.to_string(), values)));
+        lines[first..]
+            .iter_mut()
+            .zip(on_marginals)
+            .for_each(|(line, on_marginals)| line.push(on_marginals.to_string()));
         of_agents.push(mean_of(&of_sources));
+        sources_on_marginals += of_agent;
     }
-    lines.insert(0, line(ALL, ALL, &mean_of(&of_agents)));
+    let mut all = line(ALL, ALL, &mean_of(&of_agents));
+    all.extend(choose_marginals(losses).then(|| sources_on_marginals.to_string()));
+    lines.insert(0, all);
     lines
+}
+
+/// Returns the columns of `aip_loss.csv` for these losses.
+pub fn aip_header(losses: &[AipLoss]) -> CsvLine {
+    let further = choose_marginals(losses).then(|| columns::SOURCES_ON_MARGINALS.to_owned());
+    header(&columns::OF_AIP_LOSS).into_iter().chain(further).collect()
+}
+
+/// Returns whether these predictors choose between a network and marginals.
+fn choose_marginals(losses: &[AipLoss]) -> bool {
+    losses.iter().any(|loss| !loss.on_marginals.is_empty())
 }
 
 fn mean_of(rows: &[[f64; 6]]) -> [f64; 6] {
@@ -204,6 +228,27 @@ mod tests {
     use super::*;
     use crate::base::Stopwatch;
     use crate::training::answers::WorkerLoad;
+
+    #[test]
+    fn sources_on_marginals_are_counted_only_if_aips_choose() {
+        let loss = |on_marginals: &[bool]| AipLoss {
+            training: [vec![0.5; 2], vec![0.5; 2]],
+            held_out: [vec![0.5; 2], vec![0.5; 2]],
+            marginals: vec![0.5; 2],
+            frequencies: vec![0.5; 2],
+            on_marginals: on_marginals.to_vec(),
+        };
+        let choosing = [loss(&[true, false]), loss(&[true, true])];
+        let header = aip_header(&choosing);
+        assert_eq!((header.len(), header.last().unwrap().as_str()), (10, "sources_on_marginals"));
+        let lines = aip_lines(128, &choosing);
+        let last: Vec<&str> = lines.iter().map(|line| line.last().unwrap().as_str()).collect();
+        assert_eq!(last, ["3", "1", "1", "0", "2", "1", "1"], "all; agent 0 and its sources; agent 1 and its sources");
+        assert!(lines.iter().all(|line| line.len() == 10));
+        let plain = [loss(&[])];
+        assert_eq!(aip_header(&plain), header[..9]);
+        assert!(aip_lines(128, &plain).iter().all(|line| line.len() == 9));
+    }
 
     #[test]
     fn seconds_of_two_workers_are_worked_out_by_hand() {

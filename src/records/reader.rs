@@ -287,6 +287,7 @@ mod tests {
             held_out: [vec![before], vec![after]],
             marginals: vec![0.5],
             frequencies: vec![0.25],
+            on_marginals: Vec::new(),
         };
         log.aips_trained(&agents, &[loss(0.75, 0.25), loss(0.25, 0.25)]).unwrap();
         let fresh = influence::FreshLoss { predictor: vec![0.375], marginals: vec![0.5] };

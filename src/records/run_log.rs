@@ -13,8 +13,8 @@ use super::files;
 use super::finite::{check_aips, check_imitation, check_policies};
 use super::growing::{GrowingFile, Mark};
 use super::lines::{
-    CsvLine, Wall, aip_lines, drift_lines, episode_lines, evaluation_header, evaluation_lines, header, imitation_lines,
-    memory_lines, timing_lines, training_header, training_lines,
+    CsvLine, Wall, aip_header, aip_lines, drift_lines, episode_lines, evaluation_header, evaluation_lines, header,
+    imitation_lines, memory_lines, timing_lines, training_header, training_lines,
 };
 use super::resume_point::ResumePoint;
 use super::tensorboard::{Scalar, first_record, scalars_of, scalars_record};
@@ -172,7 +172,7 @@ impl Journal for RunLog {
     /// Networks that have diverged are an error and are not written.
     fn aips_trained(&mut self, agents: &AgentsState, losses: &[AipLoss]) -> Result<()> {
         check_aips(agents, losses)?;
-        self.append(files::AIP_LOSS, agents.steps, &header(&columns::OF_AIP_LOSS), &aip_lines(agents.steps, losses))?;
+        self.append(files::AIP_LOSS, agents.steps, &aip_header(losses), &aip_lines(agents.steps, losses))?;
         let (layout, about) = (&self.layouts.aips, about(agents.steps));
         self.directory.write_with(files::AIPS, |beside| layout.write(&agents.aips, &about, beside))
     }
@@ -285,6 +285,7 @@ mod tests {
             held_out: [vec![0.1], vec![0.1]],
             marginals: vec![0.1],
             frequencies: vec![0.5],
+            on_marginals: Vec::new(),
         };
         agents.aips = Ragged::from_vec(vec![0.0, 0.0, 0.0, f32::NAN], [2, 2]).unwrap();
         let error = log.aips_trained(&agents, &[loss.clone(), loss]).unwrap_err().to_string();

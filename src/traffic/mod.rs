@@ -49,11 +49,11 @@ pub mod sim;
 pub mod tuning;
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use anyhow::Context;
 
-use crate::base::{AgentId, Seed};
+use crate::base::{AgentId, RandomPurpose, Seed};
 use crate::config::{ScenarioConfig, TrafficConfig};
 use crate::domain::{
     Baseline, Bystander, Domain, GlobalSimulator, Kind, Kinds, LocalSimulator, Measures, Result, RoughCosts, Scenario,
@@ -71,6 +71,7 @@ use sim::global::GlobalTraffic;
 use sim::local::LocalTraffic;
 use sim::recording::Tape;
 use sim::tally::P_SWITCH;
+use sim::visit_tables::VisitTables;
 
 /// Returns the version of the linked SUMO, such as `SUMO 1.15.0`.
 pub fn sumo_version() -> Result<String> {
@@ -88,6 +89,8 @@ pub struct Traffic {
     plan: Arc<JointPlan>,
     ground: Arc<dyn Ground>,
     tape: Option<Tape>,
+    /// Visits to the regions, once they were recorded.
+    visits: Arc<OnceLock<Arc<VisitTables>>>,
 }
 
 impl Traffic {
@@ -95,19 +98,49 @@ impl Traffic {
     /// or wrong and how to make it. Cheap: [`Traffic::check_in_sumo`] checks what only SUMO can say.
     pub fn open(config: &TrafficConfig) -> Result<Traffic> {
         let ground = OnGrid::open(config)?;
-        Ok(Traffic { plan: Arc::new(joint_plan(ground.shape(), config)), ground: Arc::new(ground), tape: None })
+        Ok(Traffic {
+            plan: Arc::new(joint_plan(ground.shape(), config)),
+            ground: Arc::new(ground),
+            tape: None,
+            visits: Arc::default(),
+        })
     }
 
     /// Reads a scenario of the user. An error says which file is missing or wrong, and what to do. Cheap, like
     /// [`Traffic::open`].
     pub fn open_scenario(config: &ScenarioConfig) -> Result<Traffic> {
         let ground = OnScenario::open(config)?;
-        Ok(Traffic { plan: Arc::new(ground.joint_plan()), ground: Arc::new(ground), tape: None })
+        Ok(Traffic {
+            plan: Arc::new(ground.joint_plan()),
+            ground: Arc::new(ground),
+            tape: None,
+            visits: Arc::default(),
+        })
     }
 
     /// Returns the borders of the agents' regions, in their order. A grid of the paper has none.
     pub fn borders(&self) -> &[Border] {
         &self.plan.borders
+    }
+
+    /// Returns the visits to the regions of a scenario in an episode on the GS (global simulator), in which all lights
+    /// follow their own programs. The episode is always the same one. It is played at the first call; then no other
+    /// simulator may be loaded.
+    pub fn visits(&self) -> Result<Arc<VisitTables>> {
+        if let Some(known) = self.visits.get() {
+            return Ok(known.clone());
+        }
+        let off_tape = Traffic { tape: None, ..self.clone() };
+        let mut gs = off_tape.global(self.everywhere(HandCoded::OwnProgram))?;
+        gs.record_visits()?;
+        gs.reset(Seed::new(0).fork(RandomPurpose::Visits))?;
+        let actions = vec![light::KEEP; self.agents()];
+        for _ in 0..self.ground.horizon() {
+            gs.step(&actions)?;
+        }
+        let visits = gs.visits().context("only the regions of a scenario have visits")?.clone();
+        let tables = Arc::new(VisitTables::new(visits, &self.plan.borders));
+        Ok(self.visits.get_or_init(|| tables).clone())
     }
 
     /// Makes the first episode of its simulators, global or local, go on this tape.

@@ -131,7 +131,7 @@ impl Fit<'_> {
         for (index, (agent, spec)) in self.agents.clone().zip(self.specs()).enumerate() {
             let check = || {
                 check_tables(state, index)?;
-                influence::check_values(self.config.predictor(), spec, state.aips.row(index))?;
+                influence::check_values(self.config.predictor(), spec, &self.config.aip, state.aips.row(index))?;
                 check_rows(&state.streams[index])
             };
             check().with_context(|| format!("agent {agent}"))?;

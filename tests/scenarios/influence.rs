@@ -71,25 +71,34 @@ fn seconds_of_plain_sumo(scenario: &Path, seconds: u64, seed: u32) -> Vec<Seen> 
     found
 }
 
+/// Returns whether a car on a lane of the region has just come. `before`: its lane on the region a second ago. On a road
+/// that begins outside it came from there, if it was not on this road.
+fn comes(border: &BorderPlan, before: Option<&str>, lane: &str) -> bool {
+    let Some(before) = before else { return true };
+    let road = road_of(lane);
+    let begins_outside = border.roads.iter().any(|other| other.begins_outside && Some(other.road.as_str()) == road);
+    begins_outside && road_of(before) != road
+}
+
 /// Works out the sources of a border from the cars of each second, by other code than the product's: `[decisions]`.
 fn expected_sources(border: &BorderPlan, seconds: &[Seen]) -> Vec<Vec<u8>> {
     let lane_numbers: BTreeMap<&str, usize> =
         border.lanes.iter().enumerate().map(|(number, lane)| (lane.lane.as_str(), number)).collect();
     let mut ever: BTreeSet<&String> = BTreeSet::new();
-    let mut before: BTreeSet<&String> = BTreeSet::new();
+    let mut before: BTreeMap<&String, &str> = BTreeMap::new();
     let mut waiting = vec![0; border.entries.len()];
     let mut decisions = Vec::new();
     for decision in seconds.chunks_exact(border.decision_s) {
         let mut sources = vec![0; border.sources()];
         let mut blocked = vec![0; border.exits.len()];
         for (second, cars) in decision.iter().enumerate() {
-            let here: BTreeSet<&String> = cars
+            let here: BTreeMap<&String, &str> = cars
                 .iter()
-                .filter(|(_, (lane, ..))| lane_numbers.contains_key(lane.as_str()))
-                .map(|(car, _)| car)
+                .map(|(car, (lane, ..))| (car, lane.as_str()))
+                .filter(|(_, lane)| lane_numbers.contains_key(lane))
                 .collect();
-            for &car in here.difference(&before) {
-                let lane = &border.lanes[lane_numbers[cars[car].0.as_str()]];
+            for (&car, &lane) in here.iter().filter(|(car, lane)| comes(border, before.get(*car).copied(), lane)) {
+                let lane = &border.lanes[lane_numbers[lane]];
                 let departed = !ever.contains(car);
                 let entry = if departed { lane.departures } else { lane.entry };
                 waiting[entry.unwrap_or_else(|| panic!("{car} came to {} from nowhere", lane.lane))] += 1;
@@ -229,5 +238,68 @@ fn datasets_of_a_scenario_are_collected() {
             dataset.d_sets.read(sample, &mut d_set);
             assert_eq!((d_set[part], d_set[1 - part]), (1.0, 0.0), "sample {sample}");
         }
+    }
+}
+
+/// Returns the road of a lane; `None` within an intersection.
+fn road_of(lane: &str) -> Option<&str> {
+    (!lane.starts_with(':')).then(|| lane.rsplit_once('_').unwrap().0)
+}
+
+#[test]
+fn visits_are_those_of_plain_sumo_and_their_ways_are_driven() {
+    let traffic = opened("town", 600);
+    let seed = Seed::new(0).fork(RandomPurpose::Visits);
+    let seconds = seconds_of_plain_sumo(&shipped("town"), 600, seed.for_sumo());
+    let tables = traffic.visits().unwrap();
+    let visits = tables.visits();
+    assert_eq!((visits.seconds, visits.of_agents.len()), (600, 20));
+    let (mut whole, mut departures, mut ends) = (0, 0, 0);
+    for (Border { plan, .. }, visits) in traffic.borders().iter().zip(&visits.of_agents) {
+        let lanes: BTreeSet<&str> = plan.lanes.iter().map(|lane| lane.lane.as_str()).collect();
+        let on_region = |car: &String, second: usize| {
+            seconds.get(second)?.get(car).filter(|(lane, ..)| lanes.contains(lane.as_str()))
+        };
+        let came = |car: &String, second: usize| {
+            let before =
+                second.checked_sub(1).and_then(|before| on_region(car, before)).map(|(lane, ..)| lane.as_str());
+            on_region(car, second).is_some_and(|(lane, ..)| comes(plan, before, lane))
+        };
+        // Everybody who is there visits.
+        let expected: usize = (0..600).map(|at| seconds[at].keys().filter(|car| came(car, at)).count()).sum();
+        assert_eq!(visits.len(), expected);
+        for visit in visits {
+            let car = &visit.driver.name;
+            let (lane, position_m, speed_mps) = on_region(car, visit.second).unwrap();
+            assert_eq!(*lane, plan.lanes[visit.lane].lane);
+            assert!((position_m - visit.position_m).abs() < 1e-5 && (speed_mps - visit.speed_mps).abs() < 1e-5);
+            assert_eq!(visit.departed, visit.second == 0 || !seconds[visit.second - 1].contains_key(car));
+            let end = visit.left.unwrap_or(600);
+            let seen: Vec<&str> =
+                (visit.second..end).filter_map(|second| road_of(&on_region(car, second).unwrap().0)).collect();
+            // The roads on which it is seen stand in its way, in this order.
+            let mut way = visit.way.iter();
+            let mut last = "";
+            for road in seen.into_iter().filter(|road| std::mem::replace(&mut last, road) != *road) {
+                assert!(way.any(|other| other == road), "{car} on {road}, but its way is {:?}", visit.way);
+            }
+            if let Some(left) = visit.left {
+                assert!(on_region(car, left).is_none() || came(car, left));
+                let later = (left..600).find_map(|second| road_of(&seconds[second].get(car)?.0));
+                assert!(later.is_none() || later == visit.next_road.as_deref(), "{car}: {later:?}, {visit:?}");
+                whole += usize::from(later.is_some());
+                ends += usize::from(visit.next_road.is_none());
+            }
+            departures += usize::from(visit.departed);
+        }
+    }
+    assert!(whole > 100 && departures > 50 && ends > 20, "{whole} {departures} {ends}");
+    // They are recorded once, and drawn from.
+    assert!(std::sync::Arc::ptr_eq(&tables, &traffic.visits().unwrap()));
+    let mut dice = Seed::new(1).dice();
+    let first = visits.of_agents[0].iter().find(|visit| !visit.way.is_empty()).unwrap();
+    for _ in 0..20 {
+        let drawn = tables.draw(0, first.entry.unwrap(), 599, &mut dice).unwrap();
+        assert_eq!((drawn.entry, &drawn.way[0]), (first.entry, &first.way[0]));
     }
 }

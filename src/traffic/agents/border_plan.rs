@@ -2,7 +2,8 @@
 //! predictor) predicts of it.
 //!
 //! A region has *entries* and *exits*. An entry is a lane that begins at the border, or a road in the region on which
-//! cars depart. A car *arrives* in a second if it is on the region after it and was not before it. An exit is a lane
+//! cars depart. A car *arrives* in a second if it is on the region after it and was not before it, or if it came to a
+//! road that begins at the border: two roads of a region may meet outside of it. An exit is a lane
 //! that ends at the border and leads on. It is *blocked* while its first car stands within [`BLOCK_M`] of its end.
 //!
 //! The influence sources of a decision are bits in this order:
@@ -36,6 +37,8 @@ pub struct BorderPlan {
 pub struct BorderRoad {
     /// SUMO's name of the road.
     pub road: String,
+    /// Whether it begins at the border, so that cars come to it from outside only.
+    pub begins_outside: bool,
     /// Whether it ends at the border, so that cars leave the region there.
     pub ends_outside: bool,
 }
@@ -45,6 +48,8 @@ pub struct BorderRoad {
 pub struct BorderLane {
     /// SUMO's name of the lane.
     pub lane: String,
+    /// Its road, an index into [`BorderPlan::roads`]. `None`: it is within a junction.
+    pub road: Option<usize>,
     pub length_m: f64,
     /// Entry that a car has passed which is first seen here. `None`: no entry is near enough.
     pub entry: Option<usize>,
@@ -71,6 +76,12 @@ pub enum EntryPlace {
 }
 
 impl BorderPlan {
+    /// Returns whether a car that was on one lane of the region and is on another has come over the border.
+    pub fn is_over_the_border(&self, from: usize, to: usize) -> bool {
+        let road = self.lanes[to].road;
+        road != self.lanes[from].road && road.is_some_and(|road| self.roads[road].begins_outside)
+    }
+
     /// Returns the number of influence sources.
     pub fn sources(&self) -> usize {
         self.entries.len() * self.decision_s + self.exits.len()

@@ -1,12 +1,13 @@
-//! What the GS (global simulator) sees of the borders of all regions: who arrives, and which exits are
-//! blocked.
+//! What the GS (global simulator) sees of the borders of all regions: who arrives, which exits are blocked, and who
+//! visits.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
 use super::global::starts;
+use super::visits::{VisitRecorder, Visits};
 use crate::base::Ragged;
 use crate::domain::Result;
-use crate::sumo::{CarId, CarTable, LaneId, Simulation};
+use crate::sumo::{CarId, CarTable, LaneCars, LaneId, Simulation};
 use crate::traffic::agents::border_plan::BorderPlan;
 use crate::traffic::agents::plan::Border;
 use crate::traffic::cars_at::CarsAt;
@@ -20,19 +21,20 @@ pub struct Borders {
     first: Vec<usize>,
     cars: CarTable,
     regions: Vec<BorderNow>,
+    visits: Option<VisitRecorder>,
 }
 
 /// The border of one region in this second.
 struct BorderNow {
-    /// Cars that were on the region a second ago.
-    present: HashSet<CarId>,
+    /// Cars that were on the region a second ago, with their lanes as indices into the plan.
+    present: HashMap<CarId, usize>,
     counter: SourceCounter,
     history: History,
 }
 
 impl BorderNow {
     fn new(plan: &BorderPlan) -> BorderNow {
-        BorderNow { present: HashSet::new(), counter: SourceCounter::new(plan), history: History::new(plan) }
+        BorderNow { present: HashMap::new(), counter: SourceCounter::new(plan), history: History::new(plan) }
     }
 }
 
@@ -46,7 +48,18 @@ impl Borders {
             first: starts(plans.iter().map(|border| border.plan.lanes.len())),
             cars: CarTable::new(),
             regions: plans.iter().map(|border| BorderNow::new(&border.plan)).collect(),
+            visits: None,
         })
+    }
+
+    /// Records all visits from the next reset on.
+    pub fn record_visits(&mut self) {
+        self.visits = Some(VisitRecorder::new(self.regions.len()));
+    }
+
+    /// Returns the visits since the last reset, if they are recorded.
+    pub fn visits(&self) -> Option<&Visits> {
+        self.visits.as_ref().map(VisitRecorder::visits)
     }
 
     /// Begins an episode. Cars that are on the road have not arrived.
@@ -55,8 +68,11 @@ impl Borders {
         for (row, Border { plan, .. }) in plans.iter().enumerate() {
             self.regions[row] = BorderNow::new(plan);
             let cars = CarsAt::new(&self.cars, self.first[row], plan.lanes.len());
-            self.regions[row].present.extend(cars.iter().flat_map(|lane| lane.ids));
+            let on_lane =
+                |(number, lane): (usize, LaneCars<'_>)| lane.ids.iter().map(move |&car| (car, number)).collect();
+            self.regions[row].present = cars.iter().enumerate().flat_map::<Vec<_>, _>(on_lane).collect();
         }
+        self.visits.iter_mut().for_each(VisitRecorder::begin);
         Ok(())
     }
 
@@ -72,17 +88,30 @@ impl Borders {
         simulation.read_lanes(&self.lanes, &mut self.cars)?;
         let departures = simulation.departures()?;
         let departed: HashSet<CarId> = departures.iter().map(|departure| departure.id).collect();
+        self.visits.iter_mut().for_each(|visits| visits.second(&departures));
         for (row, Border { plan, .. }) in plans.iter().enumerate() {
             let cars = CarsAt::new(&self.cars, self.first[row], plan.lanes.len());
             let BorderNow { present, counter, history } = &mut self.regions[row];
             let before = std::mem::take(present);
             for (number, lane) in cars.iter().enumerate() {
-                for car in lane.iter().filter(|car| present.insert(car.id) && !before.contains(&car.id)) {
+                for car in lane.iter() {
+                    present.insert(car.id, number);
+                    let stays = before.get(&car.id).is_some_and(|&from| !plan.is_over_the_border(from, number));
+                    if stays {
+                        continue;
+                    }
                     let border_lane = &plan.lanes[number];
                     let departed = departed.contains(&car.id);
                     let entry = border_lane.departures.filter(|_| departed).or(border_lane.entry);
                     entry.iter().for_each(|&entry| counter.arrived(entry));
+                    if let Some(visits) = &mut self.visits {
+                        visits.left(row, car.id);
+                        visits.arrived(row, plan, car, number, entry, departed);
+                    }
                 }
+            }
+            if let Some(visits) = &mut self.visits {
+                before.keys().filter(|car| !present.contains_key(car)).for_each(|&car| visits.left(row, car));
             }
             for (exit, &lane) in plan.exits.iter().enumerate() {
                 if is_blocked(cars.lane(lane), plan.lanes[lane].length_m) {

@@ -12,6 +12,7 @@ use super::metrics::TrafficMetrics;
 use super::recording::{Recorder, Tape};
 use super::source::Source;
 use super::tally::Tally;
+use super::visits::Visits;
 use crate::base::{Phase, Ragged, Seed, Stopwatch};
 use crate::domain::{Action, GlobalSimulator, InfluenceSample, JointPercept, JointTransition, Kinds, Measures, Result};
 use crate::sumo::{Car, CarTable, LaneId, SignalState, Simulation};
@@ -157,6 +158,18 @@ impl GlobalTraffic {
     /// the lights.
     pub fn actions(&self) -> &[Action] {
         &self.actions
+    }
+
+    /// Records all visits to the regions of a scenario from the next reset on, and observes their influence.
+    pub fn record_visits(&mut self) -> Result<()> {
+        self.observe_influence()?;
+        self.borders.iter_mut().for_each(Borders::record_visits);
+        Ok(())
+    }
+
+    /// Returns the visits since the last reset, if they are recorded.
+    pub fn visits(&self) -> Option<&Visits> {
+        self.borders.as_ref().and_then(Borders::visits)
     }
 
     /// Gives the lights to another control from the next reset on.

@@ -2,7 +2,8 @@
 //!
 //! - [`global`]: the global simulator (GS), a whole grid with inflow at its boundary; [`control`]: who runs its lights.
 //! - [`local`]: the local simulators (LS), a forest of single intersections.
-//! - `border`: arrivals and blocked exits of a scenario's regions.
+//! - `border`: arrivals and blocked exits of a scenario's regions; [`visits`]: all visits of cars to them;
+//!   [`visit_tables`]: cars drawn from visits.
 //! - `source`: what a GS loads; `handles`: the intersections of a loaded net; `options`: SUMO's options.
 //! - [`tally`]: what every episode counts; `metrics`, `trips`: what only evaluations measure.
 //! - [`recording`]: an episode recorded; [`replay`]: a recording as files that SUMO plays; [`trace`]: a recording for
@@ -21,3 +22,5 @@ pub(super) mod source;
 pub mod tally;
 pub mod trace;
 mod trips;
+pub mod visit_tables;
+pub mod visits;

@@ -49,6 +49,7 @@ pub fn border(roads: &Roads, region: &Region, departs_on: &BTreeSet<EdgeNo>, dec
         let departures = departures.iter().position(|&other| other == edge);
         BorderLane {
             lane: roads.lane(lane).id.clone(),
+            road: edges.iter().position(|&other| other == edge),
             length_m: roads.lane(lane).length_m,
             entry: entry_of.get(&lane).copied(),
             departures: departures.map(|number| entry_lanes.len() + number),
@@ -56,7 +57,8 @@ pub fn border(roads: &Roads, region: &Region, departs_on: &BTreeSet<EdgeNo>, dec
     };
     let border_road = |edge: EdgeNo| {
         let edge = roads.edge(edge);
-        BorderRoad { road: edge.id.clone(), ends_outside: edge.ends.is_some_and(|[_, end]| !within(end)) }
+        let [begins_outside, ends_outside] = edge.ends.expect("roads have ends").map(|end| !within(end));
+        BorderRoad { road: edge.id.clone(), begins_outside, ends_outside }
     };
     let at_lanes = entry_lanes.iter().map(|&lane| Entry {
         place: EntryPlace::Lane(places[&lane]),
@@ -188,6 +190,15 @@ mod tests {
                 "arrival departures on back[1]",
             ]
         );
+    }
+
+    #[test]
+    fn roads_of_a_region_may_meet_outside_of_it() {
+        // From `back` cars turn around at U to `near`, and U is another light.
+        let plan = plan(&LIGHT_AT_U, "J", &[]);
+        let lane = |name: &str| plan.lanes.iter().position(|lane| lane.lane == name).unwrap();
+        let is_over = |from: &str, to: &str| plan.is_over_the_border(lane(from), lane(to));
+        assert!(is_over("back_0", "near_1") && !is_over("near_0", "near_1") && !is_over("near_0", "out_0"));
     }
 
     #[test]

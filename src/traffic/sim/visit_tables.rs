@@ -1,0 +1,142 @@
+//! Cars for arrivals: of which type they are and which way they go, as recorded visits say.
+
+use std::collections::BTreeMap;
+
+use rand::seq::IndexedRandom;
+
+use super::visits::{Visit, Visits};
+use crate::base::Dice;
+use crate::traffic::agents::border_plan::BorderPlan;
+use crate::traffic::agents::plan::Border;
+use crate::traffic::d_set::Parts;
+
+/// Recorded visits by agent, entry and part of the episode. A draw is a recorded visit: so type and way go together as
+/// they were seen.
+#[derive(Clone, Debug)]
+pub struct VisitTables {
+    visits: Visits,
+    parts: Parts,
+    /// Places in the list of the agent, `[agents][entries][parts]`.
+    places: Vec<Vec<Vec<Vec<usize>>>>,
+    /// Other entries on the same road, `[agents][entries]`.
+    beside: Vec<Vec<Vec<usize>>>,
+}
+
+impl VisitTables {
+    /// Sorts the visits of a whole episode. Visits without an entry or a way are left out.
+    pub fn new(visits: Visits, borders: &[Border]) -> VisitTables {
+        let parts = Parts::of(visits.seconds);
+        let mut places: Vec<Vec<Vec<Vec<usize>>>> =
+            borders.iter().map(|border| vec![vec![Vec::new(); parts.count]; border.plan.entries.len()]).collect();
+        for (places, visits) in places.iter_mut().zip(&visits.of_agents) {
+            for (place, visit) in visits.iter().enumerate().filter(|(_, visit)| !visit.way.is_empty()) {
+                if let Some(entry) = visit.entry {
+                    places[entry][parts.part(visit.second)].push(place);
+                }
+            }
+        }
+        VisitTables { visits, parts, places, beside: borders.iter().map(|border| beside(&border.plan)).collect() }
+    }
+
+    /// Draws the visit that a car makes which arrives at an entry in a second of the episode: one of the same part of the
+    /// episode. If there is none: one of another part, or one of another lane of the same road. `None`: no car was seen
+    /// on it.
+    pub fn draw(&self, agent: usize, entry: usize, second: usize, dice: &mut Dice) -> Option<&Visit> {
+        let of_entry = &self.places[agent][entry];
+        let now = of_entry[self.parts.part(second)].choose(dice).copied();
+        let ever = || of_entry.concat().choose(dice).copied();
+        let drawn = now.or_else(ever).or_else(|| {
+            let near = self.beside[agent][entry].iter().map(|&other| self.places[agent][other].concat());
+            near.collect::<Vec<_>>().concat().choose(dice).copied()
+        });
+        drawn.map(|place| &self.visits.of_agents[agent][place])
+    }
+
+    /// Returns the vehicle type that most visits have, for a car of which nothing is known.
+    pub fn usual_type(&self) -> Option<&str> {
+        let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+        for visit in self.visits.of_agents.iter().flatten() {
+            *counts.entry(&visit.driver.vehicle_type).or_default() += 1;
+        }
+        counts.into_iter().max_by_key(|(_, count)| *count).map(|(name, _)| name)
+    }
+
+    /// Returns the visits that were sorted.
+    pub fn visits(&self) -> &Visits {
+        &self.visits
+    }
+}
+
+/// Returns the other entries on the road of each entry.
+fn beside(plan: &BorderPlan) -> Vec<Vec<usize>> {
+    let road = |entry: usize| &plan.entries[entry].default_way[0];
+    let entries = 0..plan.entries.len();
+    let others = |entry: usize| entries.clone().filter(|&other| other != entry && road(other) == road(entry)).collect();
+    entries.clone().map(others).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::base::Seed;
+    use crate::traffic::agents::derive::border::Seconds;
+    use crate::traffic::agents::derive::overrides::Overrides;
+    use crate::traffic::agents::derive::{Rules, derive};
+    use crate::traffic::network::roads::example::{LIGHT_AT_U, roads};
+    use crate::traffic::sim::visits::Driver;
+
+    /// Makes tables of visits to the light J, which two lanes of the road `near` lead to: (second, entry, type).
+    fn tables(visits: &[(usize, Option<usize>, &str)]) -> VisitTables {
+        let roads = roads(&LIGHT_AT_U);
+        let derived = derive(&roads, &Rules::default(), &Overrides::default()).unwrap();
+        let departs_on = BTreeSet::from([roads.edge_named("north").unwrap()]);
+        let borders = derived.borders(&roads, &departs_on, 150.0, Seconds { decision: 5, episode: 1800 });
+        let visit = |&(second, entry, vehicle_type): &(usize, Option<usize>, &str)| Visit {
+            second,
+            left: None,
+            entry,
+            departed: false,
+            lane: 0,
+            position_m: 1.0,
+            speed_mps: 9.0,
+            way: vec!["near".to_owned(), "out".to_owned()],
+            next_road: None,
+            driver: Arc::new(Driver {
+                name: format!("{second}"),
+                vehicle_type: vehicle_type.to_owned(),
+                speed_factor: 1.0,
+                route: Vec::new(),
+            }),
+        };
+        let of_agents = vec![visits.iter().map(visit).collect(), Vec::new()];
+        VisitTables::new(Visits { of_agents, seconds: 1800 }, &borders)
+    }
+
+    #[test]
+    fn a_car_is_drawn_from_its_quarter_else_from_its_lane_else_from_its_road() {
+        // Parts: 0 to 899 s and from 900 s on.
+        let tables = tables(&[(10, Some(0), "car"), (20, Some(0), "bus"), (1000, Some(0), "truck"), (30, None, "car")]);
+        let mut dice = Seed::new(1).dice();
+        let mut drawn = |entry: usize, second: usize| -> BTreeSet<String> {
+            let draw = |_| tables.draw(0, entry, second, &mut dice).map(|visit| visit.driver.vehicle_type.clone());
+            (0..50).filter_map(draw).collect()
+        };
+        let set = |names: &[&str]| names.iter().map(|&name| name.to_owned()).collect::<BTreeSet<_>>();
+        assert_eq!(drawn(0, 500), set(&["car", "bus"]));
+        assert_eq!(drawn(0, 1799), set(&["truck"]));
+        assert_eq!(drawn(1, 500), set(&["car", "bus", "truck"]), "nobody was seen on the other lane of the road");
+        assert!(drawn(2, 500).is_empty(), "nobody departed on `north`");
+        assert_eq!(tables.usual_type(), Some("car"));
+    }
+
+    #[test]
+    fn in_a_quarter_without_cars_those_of_the_others_come() {
+        let tables = tables(&[(10, Some(1), "bus")]);
+        let mut dice = Seed::new(1).dice();
+        assert_eq!(tables.draw(0, 1, 1700, &mut dice).unwrap().second, 10);
+        assert_eq!(tables.usual_type(), Some("bus"));
+    }
+}
