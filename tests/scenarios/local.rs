@@ -138,6 +138,7 @@ impl Training {
             "aip.dataset_steps=240",
             "aip.retrain_every_steps=160",
             "aip.epochs=2",
+            "aip.batch=40",
             "evaluation.every_steps=80",
             "evaluation.episodes=1",
             "evaluation.final_episodes=1",
