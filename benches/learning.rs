@@ -34,7 +34,15 @@ fn settings() -> [Setting; 2] {
         Setting {
             name: "traffic",
             config: config("traffic_4.toml"),
-            spec: RegionSpec { obs_dim: 40, d_set_dim: 40, n_actions: 2, masks: false, sources: traffic, horizon: 300 },
+            spec: RegionSpec {
+                obs_dim: 40,
+                d_set_dim: 40,
+                n_actions: 2,
+                masks: false,
+                sources: traffic,
+                horizon: 300,
+                local_horizon: 300,
+            },
         },
         Setting {
             name: "warehouse",
@@ -46,6 +54,7 @@ fn settings() -> [Setting; 2] {
                 masks: false,
                 sources: warehouse,
                 horizon: 100,
+                local_horizon: 100,
             },
         },
     ]

@@ -189,8 +189,15 @@ impl Observer for Printer {
 
 pub fn main() -> Result<()> {
     let sources = SourceSpec { classes: vec![HANDS as u8 + 1], parts: 0 };
-    let spec =
-        RegionSpec { obs_dim: HANDS + 1, d_set_dim: HANDS + 1, n_actions: 2, masks: false, sources, horizon: 60 };
+    let spec = RegionSpec {
+        obs_dim: HANDS + 1,
+        d_set_dim: HANDS + 1,
+        n_actions: 2,
+        masks: false,
+        sources,
+        horizon: 60,
+        local_horizon: 60,
+    };
     let brigade = Arc::new(Brigade { kinds: Kinds::one(PEOPLE, spec) });
     let measured = conformance::check(&*brigade, Seed::new(1))?;
     println!(

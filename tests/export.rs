@@ -41,7 +41,15 @@ fn random_rows(rows: usize, width: usize, name: &str) -> Rows<f32> {
 fn cases() -> [Case; 4] {
     [(false, false), (true, false), (false, true), (true, true)].map(|(recurrent, separate_critic)| {
         let sources = SourceSpec::bits(1);
-        let spec = RegionSpec { obs_dim: OBS, d_set_dim: 1, n_actions: ACTIONS, masks: false, sources, horizon: 1 };
+        let spec = RegionSpec {
+            obs_dim: OBS,
+            d_set_dim: 1,
+            n_actions: ACTIONS,
+            masks: false,
+            sources,
+            horizon: 1,
+            local_horizon: 1,
+        };
         let config = PolicyConfig {
             recurrent: recurrent.then_some(STATE),
             hidden: if recurrent { vec![8] } else { vec![9, 8] },

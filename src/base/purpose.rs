@@ -57,6 +57,10 @@ purposes! {
     Webster = "webster",
     /// The episode in which visits to regions are recorded.
     Visits = "visits",
+    /// Cars of a local simulator: when its window of the demand begins, and what arrives.
+    LocalCars = "local cars",
+    /// Generators of SUMO, one per lane.
+    Lanes = "lanes",
     /// Items of the warehouse.
     Items = "items",
     /// Moves of robots without a policy.

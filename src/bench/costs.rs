@@ -285,7 +285,15 @@ mod tests {
                       aip = { hidden = [5], batch = 8, epochs = 2, held_out = 0.5, dataset_steps = 40, \
                       retrain_every_steps = 500 }\nevaluation = { every_steps = 100, episodes = 3, final_episodes = 5 }";
         let sources = SourceSpec::bits(2);
-        let spec = RegionSpec { obs_dim: 4, d_set_dim: 2, n_actions: 2, masks: false, sources, horizon: 10 };
+        let spec = RegionSpec {
+            obs_dim: 4,
+            d_set_dim: 2,
+            n_actions: 2,
+            masks: false,
+            sources,
+            horizon: 10,
+            local_horizon: 10,
+        };
         (toml::from_str(config).unwrap(), Kinds::one(1, spec))
     }
 

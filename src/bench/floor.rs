@@ -75,7 +75,15 @@ mod tests {
         let sources = SourceSpec::bits(2);
         (
             toml::from_str(config).unwrap(),
-            RegionSpec { obs_dim: 4, d_set_dim: 2, n_actions: 2, masks: false, sources, horizon: 10 },
+            RegionSpec {
+                obs_dim: 4,
+                d_set_dim: 2,
+                n_actions: 2,
+                masks: false,
+                sources,
+                horizon: 10,
+                local_horizon: 10,
+            },
         )
     }
 

@@ -42,7 +42,15 @@ mod tests {
 
     /// Draws from AIPs that predict the marginals of a dataset in which a quarter of the samples have class 1.
     fn share_of_ones(sources: SourceSpec) -> f64 {
-        let spec = RegionSpec { obs_dim: 2, d_set_dim: 2, n_actions: 2, masks: false, sources, horizon: 1000 };
+        let spec = RegionSpec {
+            obs_dim: 2,
+            d_set_dim: 2,
+            n_actions: 2,
+            masks: false,
+            sources,
+            horizon: 1000,
+            local_horizon: 1000,
+        };
         let mut dataset = Dataset::new(&spec);
         (0..1000).for_each(|sample| dataset.push(&[1.0, 0.0], &[u8::from(sample % 4 == 0)]));
         let config = AipConfig { hidden: vec![5], ..AipConfig::default() };

@@ -35,6 +35,9 @@ pub struct ScenarioConfig {
     /// What an agent sees of the cars on its approaches.
     pub observation: Observation,
     pub reward: Reward,
+    /// Number of decisions of an episode of the local simulators. It begins at a drawn second of the demand. At most as
+    /// many as from begin to end count.
+    pub local_horizon: usize,
 }
 
 /// What an agent sees of the cars on its approaches.
@@ -69,6 +72,7 @@ impl ScenarioConfig {
             approach_m: 150.0,
             observation: Observation::default(),
             reward: Reward::default(),
+            local_horizon: 120,
         }
     }
 
@@ -78,6 +82,11 @@ impl ScenarioConfig {
         config.fill_in()?;
         config.check()?;
         Ok(config)
+    }
+
+    /// Returns the number of steps of an episode of the local simulators.
+    pub fn local_horizon(&self) -> usize {
+        self.local_horizon.min(self.horizon())
     }
 
     /// Reads the times that the config does not name from the .sumocfg.
@@ -120,6 +129,7 @@ impl DomainTable for ScenarioConfig {
         }
         let approach = self.approach_m;
         ensure!(APPROACH_M.contains(&approach), "traffic.approach_m = {approach}: must be from 10 to 1000 metres");
+        ensure!(self.local_horizon >= 1, "traffic.local_horizon = 0: must be at least 1 decision; 120 is the default");
         self.reward.check()?;
         let (begin, end) = self.window_s()?;
         ensure!(end <= MOST_SECONDS, "traffic.end_s = {end}: must be at most {MOST_SECONDS}");

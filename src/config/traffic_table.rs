@@ -37,6 +37,7 @@ struct Keys {
     approach_m: Option<f64>,
     observation: Option<Observation>,
     reward: Option<Reward>,
+    local_horizon: Option<usize>,
 }
 
 impl<'de> Deserialize<'de> for TrafficTable {
@@ -70,6 +71,7 @@ impl Keys {
             ("approach_m", self.approach_m.is_some()),
             ("observation", self.observation.is_some()),
             ("reward", self.reward.is_some()),
+            ("local_horizon", self.local_horizon.is_some()),
         ];
         refuse(&foreign, "is for a scenario, but the table names a grid by `network`; remove one of them")?;
         let missing = |key: &str| format!("missing field `{key}`: a grid needs `network` and `local_network`");
@@ -107,6 +109,7 @@ impl Keys {
             approach_m: self.approach_m.unwrap_or(defaults.approach_m),
             observation: self.observation.unwrap_or(defaults.observation),
             reward: self.reward.unwrap_or(defaults.reward),
+            local_horizon: self.local_horizon.unwrap_or(defaults.local_horizon),
             ..defaults
         })
     }

@@ -145,7 +145,15 @@ mod tests {
 
     fn kind(name: &str, horizon: usize, agents: &[usize]) -> Kind {
         let sources = SourceSpec::bits(1);
-        let spec = RegionSpec { obs_dim: 1, d_set_dim: 1, n_actions: 2, masks: false, sources, horizon };
+        let spec = RegionSpec {
+            obs_dim: 1,
+            d_set_dim: 1,
+            n_actions: 2,
+            masks: false,
+            sources,
+            horizon,
+            local_horizon: horizon,
+        };
         Kind { name: name.to_owned(), spec, agents: agents.iter().map(|&agent| AgentId(agent)).collect() }
     }
 

@@ -134,7 +134,7 @@ impl Beginning {
 
 /// The local simulators of many regions of one kind in lockstep: `x' ~ T_i(. | x, u, a)`, one row per (agent, copy).
 ///
-/// It knows no horizon: the caller ends the episode of a row by `reset`.
+/// It ends no episode: the caller does, by `reset`, after [`RegionSpec::local_horizon`] steps.
 ///
 /// A row depends on its region and copy, the seed of the simulator and the number of the episode. It also depends on
 /// the actions and sources since the episode began, but not on other rows or earlier episodes. So training can

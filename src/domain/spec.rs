@@ -15,8 +15,11 @@ pub struct RegionSpec {
     /// Whether percepts say which actions are allowed. Otherwise all are, always.
     pub masks: bool,
     pub sources: SourceSpec,
-    /// Number of steps of an episode, the same for all kinds of a domain.
+    /// Number of steps of an episode of the GS (global simulator), the same for all kinds of a domain.
     pub horizon: usize,
+    /// Number of steps of an episode of the LS (local simulators). Each exchange retraces the episodes under way, so long
+    /// ones are dear.
+    pub local_horizon: usize,
 }
 
 /// The influence sources `u_i` of a region: independent choices of one class each. Class 0 means that nothing happens.

@@ -101,7 +101,8 @@ mod tests {
     #[test]
     fn sampled_frequencies_are_the_predicted_probabilities() {
         let sources = SourceSpec::bits(2);
-        let spec = RegionSpec { obs_dim: 1, d_set_dim: 1, n_actions: 2, masks: false, sources, horizon: 1 };
+        let spec =
+            RegionSpec { obs_dim: 1, d_set_dim: 1, n_actions: 2, masks: false, sources, horizon: 1, local_horizon: 1 };
         let mut aip =
             AipStack::new(&[AgentId(0)], &spec, &AipConfig { hidden: vec![1], ..AipConfig::default() }, Seed::new(0));
         // The hidden unit is off; the output biases are logit(0.2) = -1.3863 and logit(0.9) = 2.1972.

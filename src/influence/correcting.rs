@@ -195,7 +195,7 @@ mod tests {
 
     fn spec(parts: usize, sources: usize) -> RegionSpec {
         let sources = SourceSpec { parts, ..SourceSpec::bits(sources) };
-        RegionSpec { obs_dim: 1, d_set_dim: 4, n_actions: 2, masks: false, sources, horizon: 100 }
+        RegionSpec { obs_dim: 1, d_set_dim: 4, n_actions: 2, masks: false, sources, horizon: 100, local_horizon: 100 }
     }
 
     /// Makes 200 episodes of two parts. Source 0 happens with probability 0.9 if the third column is 1, else with 0.2.

@@ -170,7 +170,7 @@ mod tests {
     use crate::influence::train;
 
     fn spec(sources: SourceSpec) -> RegionSpec {
-        RegionSpec { obs_dim: 1, d_set_dim: 1, n_actions: 2, masks: false, sources, horizon: 10 }
+        RegionSpec { obs_dim: 1, d_set_dim: 1, n_actions: 2, masks: false, sources, horizon: 10, local_horizon: 10 }
     }
 
     /// Makes ten episodes of ten samples whose sources are `u(sample)`.

@@ -45,7 +45,8 @@ mod tests {
     #[test]
     fn losses_on_fresh_episodes_are_worked_out_by_hand() {
         let sources = SourceSpec::bits(2);
-        let spec = RegionSpec { obs_dim: 1, d_set_dim: 1, n_actions: 2, masks: false, sources, horizon: 4 };
+        let spec =
+            RegionSpec { obs_dim: 1, d_set_dim: 1, n_actions: 2, masks: false, sources, horizon: 4, local_horizon: 4 };
         let mut dataset = Dataset::new(&spec);
         (0..8).for_each(|t| dataset.push(&[0.0], &[u8::from(t % 4 == 0), 1]));
         // Constants of 1/2 lose ln 2 on everything; the best ones lose H(1/4) = 0.562335, and nothing on a sure source.

@@ -77,7 +77,15 @@ mod tests {
     /// is a fair coin.
     fn known_dataset(agent: AgentId) -> Dataset {
         let sources = SourceSpec::bits(2);
-        let spec = RegionSpec { obs_dim: 3, d_set_dim: 3, n_actions: 2, masks: false, sources, horizon: 100 };
+        let spec = RegionSpec {
+            obs_dim: 3,
+            d_set_dim: 3,
+            n_actions: 2,
+            masks: false,
+            sources,
+            horizon: 100,
+            local_horizon: 100,
+        };
         let mut dataset = Dataset::new(&spec);
         let mut dice = Seed::new(21).for_agent(agent).dice();
         for _ in 0..20_000 {
@@ -94,7 +102,15 @@ mod tests {
 
     fn trained(agents: &[AgentId]) -> (Vec<AipLoss>, Vec<f32>) {
         let sources = SourceSpec::bits(2);
-        let spec = RegionSpec { obs_dim: 3, d_set_dim: 3, n_actions: 2, masks: false, sources, horizon: 100 };
+        let spec = RegionSpec {
+            obs_dim: 3,
+            d_set_dim: 3,
+            n_actions: 2,
+            masks: false,
+            sources,
+            horizon: 100,
+            local_horizon: 100,
+        };
         let mut aips = AipStack::new(agents, &spec, &config(), Seed::new(1));
         let datasets: Vec<Dataset> = agents.iter().map(|&agent| known_dataset(agent)).collect();
         let losses = train(
@@ -128,7 +144,15 @@ mod tests {
     fn the_last_episodes_measure_and_are_not_trained_on() {
         // u = x in the first 18 episodes, u = 1 - x in the last two: a predictor that learns u = x is wrong there.
         let sources = SourceSpec::bits(1);
-        let spec = RegionSpec { obs_dim: 1, d_set_dim: 1, n_actions: 2, masks: false, sources, horizon: 100 };
+        let spec = RegionSpec {
+            obs_dim: 1,
+            d_set_dim: 1,
+            n_actions: 2,
+            masks: false,
+            sources,
+            horizon: 100,
+            local_horizon: 100,
+        };
         let mut dataset = Dataset::new(&spec);
         let mut dice = Seed::new(31).dice();
         for sample in 0..2000 {
@@ -161,6 +185,7 @@ mod tests {
             masks: false,
             sources: SourceSpec::bits(1),
             horizon: 100,
+            local_horizon: 100,
         };
         let mut dataset = Dataset::new(&spec);
         let mut dice = Seed::new(31).dice();
@@ -193,7 +218,15 @@ mod tests {
     /// Makes a source that repeats what the d-set showed two steps ago: only a memory can predict it.
     fn delayed_dataset() -> Dataset {
         let sources = SourceSpec { classes: vec![3], parts: 0 };
-        let spec = RegionSpec { obs_dim: 3, d_set_dim: 3, n_actions: 2, masks: false, sources, horizon: 20 };
+        let spec = RegionSpec {
+            obs_dim: 3,
+            d_set_dim: 3,
+            n_actions: 2,
+            masks: false,
+            sources,
+            horizon: 20,
+            local_horizon: 20,
+        };
         let mut dataset = Dataset::new(&spec);
         let mut dice = Seed::new(31).dice();
         for _ in 0..200 {
@@ -212,7 +245,15 @@ mod tests {
     #[test]
     fn an_aip_with_memory_learns_what_one_without_cannot() {
         let sources = SourceSpec { classes: vec![3], parts: 0 };
-        let spec = RegionSpec { obs_dim: 3, d_set_dim: 3, n_actions: 2, masks: false, sources, horizon: 20 };
+        let spec = RegionSpec {
+            obs_dim: 3,
+            d_set_dim: 3,
+            n_actions: 2,
+            masks: false,
+            sources,
+            horizon: 20,
+            local_horizon: 20,
+        };
         let loss = |recurrent: Option<usize>| {
             let batch = if recurrent.is_some() { 20 } else { 128 };
             let config = AipConfig {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail, ensure};
 
 use super::trial;
-use crate::config::{Config, DomainConfig, Simulator};
+use crate::config::{Config, DomainConfig};
 use crate::domain::Domain;
 use crate::nn::use_vectors;
 use crate::records::files;
@@ -74,11 +74,6 @@ pub fn open_recorded(config: &Config, tape: &Tape) -> Result<Traffic> {
 /// Tries the domain's files in its simulator, so that errors in them are reported before a run begins. The same for
 /// the name of a controller to imitate. Returns the domain. Leaves the vector width as it is.
 pub fn check(config: &Config) -> Result<Arc<dyn Domain>> {
-    ensure!(
-        config.simulator == Simulator::Global || !matches!(table(config), DomainConfig::Scenario(_)),
-        "simulator = \"{}\": a scenario has no local simulators yet; train on the global one with --simulator gs",
-        config.simulator.name()
-    );
     let domain = find(config)?;
     if let Some(name) = &config.policy.imitate {
         domain.check_baseline(name).context("policy.imitate: not a controller of this domain")?;

@@ -11,7 +11,7 @@ use std::slice;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::error::{Error, Result};
-use super::events::{DepartSpeed, Departure, Insertion, StepCounts};
+use super::events::{DepartSpeed, Departure, Entering, Insertion, StepCounts};
 use super::ffi;
 use super::ids::{CarId, LaneId, LightId};
 use super::signal::SignalState;
@@ -31,6 +31,7 @@ pub(super) enum IdKind {
     Lane,
     Light,
     Route,
+    Type,
 }
 
 /// The right to cross. While it lives, no other thread is inside libsumo. When it is dropped, so is the simulation.
@@ -78,6 +79,7 @@ impl Crossing {
             IdKind::Lane => (ffi::DS_LANE, "register the lanes"),
             IdKind::Light => (ffi::DS_LIGHT, "register the lights"),
             IdKind::Route => (ffi::DS_ROUTE, "register the routes"),
+            IdKind::Type => (ffi::DS_TYPE, "register the vehicle types"),
         };
         let mut first = 0;
         // SAFETY: as in `load`; `first` outlives the call.
@@ -161,15 +163,35 @@ impl Crossing {
         self.insertions.extend(cars.iter().map(|insertion| ffi::ds_insertion {
             car: insertion.car,
             position: insertion.position_m,
-            speed: match insertion.speed {
-                DepartSpeed::Max => -1.0,
-                DepartSpeed::Fixed(speed_mps) => speed_mps,
-            },
+            speed: speed_of(insertion.speed),
             route: insertion.route.0,
         }));
         // SAFETY: we have the turn; pointer and length are those of one vector.
         let code = unsafe { ffi::ds_insert(self.insertions.as_ptr(), self.insertions.len()) };
         check(code, "add a car")
+    }
+
+    pub(super) fn enter(&mut self, cars: &[Entering]) -> Result<()> {
+        let entering = |car: &Entering| ffi::ds_entering {
+            car: car.insertion.car,
+            position: car.insertion.position_m,
+            speed: speed_of(car.insertion.speed),
+            speed_factor: car.speed_factor,
+            end: car.end_m.unwrap_or(-1.0),
+            route: car.insertion.route.0,
+            type_: car.vehicle_type.0,
+            lane: car.lane,
+        };
+        let cars: Vec<ffi::ds_entering> = cars.iter().map(entering).collect();
+        // SAFETY: we have the turn; pointer and length are those of one vector.
+        let code = unsafe { ffi::ds_enter(cars.as_ptr(), cars.len()) };
+        check(code, "add a car")
+    }
+
+    pub(super) fn seed_generators(&mut self, first: u32, seeds: &[u32]) -> Result<()> {
+        // SAFETY: we have the turn; pointer and length are those of one slice.
+        let code = unsafe { ffi::ds_seed_generators(first, seeds.as_ptr(), seeds.len()) };
+        check(code, "seed the lanes")
     }
 
     pub(super) fn clear_pending(&mut self) -> Result<()> {
@@ -258,6 +280,14 @@ pub(super) fn c_library() -> Result<String> {
     check(unsafe { ffi::ds_c_library(&mut version) }, "return the version of the C library")?;
     // SAFETY: the call succeeded, so `version` is a string that ends in zero and lives as long as the process.
     Ok(unsafe { CStr::from_ptr(version) }.to_string_lossy().into_owned())
+}
+
+/// Returns a speed as the shim takes it: a negative one means `max`.
+fn speed_of(speed: DepartSpeed) -> f64 {
+    match speed {
+        DepartSpeed::Max => -1.0,
+        DepartSpeed::Fixed(speed_mps) => speed_mps,
+    }
 }
 
 /// # Safety

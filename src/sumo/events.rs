@@ -1,6 +1,6 @@
 //! Cars that enter, and what happened in a step.
 
-use super::ids::{CarId, RouteId};
+use super::ids::{CarId, RouteId, TypeId};
 
 /// A car to insert in the next step.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -12,6 +12,19 @@ pub struct Insertion {
     /// anything beyond it.
     pub position_m: f64,
     pub speed: DepartSpeed,
+}
+
+/// A car of any type to insert in the next step, on any lane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Entering {
+    pub insertion: Insertion,
+    pub vehicle_type: TypeId,
+    /// Index of the lane on the route's first edge.
+    pub lane: u32,
+    /// Desired speed as a share of the limit.
+    pub speed_factor: f64,
+    /// Position on the route's last edge at which the car has arrived. `None`: its end.
+    pub end_m: Option<f64>,
 }
 
 /// The speed at which an inserted car begins.

@@ -2,8 +2,8 @@
 
 use super::call::{self, Crossing, IdKind};
 use super::error::{Error, Result};
-use super::events::{DepartSpeed, Departure, Insertion, StepCounts};
-use super::ids::{LaneId, LightId, RouteId};
+use super::events::{DepartSpeed, Departure, Entering, Insertion, StepCounts};
+use super::ids::{LaneId, LightId, RouteId, TypeId};
 use super::signal::SignalState;
 use super::table::CarTable;
 
@@ -60,6 +60,11 @@ impl Simulation {
     /// Registers routes, like [`register_lanes`](Self::register_lanes).
     pub fn register_routes(&mut self, names: &[String]) -> Result<Vec<RouteId>> {
         self.register(IdKind::Route, names, RouteId)
+    }
+
+    /// Registers vehicle types, like [`register_lanes`](Self::register_lanes).
+    pub fn register_types(&mut self, names: &[String]) -> Result<Vec<TypeId>> {
+        self.register(IdKind::Type, names, TypeId)
     }
 
     /// Simulates one step.
@@ -141,6 +146,20 @@ impl Simulation {
         self.check_whole()?;
         cars.iter().try_for_each(check_insertion)?;
         if cars.is_empty() { Ok(()) } else { self.crossing.insert(cars) }
+    }
+
+    /// Lets cars enter in the next step, like [`insert`](Self::insert), each on its lane and with its type.
+    pub fn enter(&mut self, cars: &[Entering]) -> Result<()> {
+        self.check_whole()?;
+        cars.iter().try_for_each(check_entering)?;
+        if cars.is_empty() { Ok(()) } else { self.crossing.enter(cars) }
+    }
+
+    /// Seeds the random generators of lanes, which SUMO numbers from 0 in the order of loading. `first`: the number of
+    /// the first one. The simulation must be loaded with `--thread-rngs` of at least the number of lanes.
+    pub fn seed_lanes(&mut self, first: u32, seeds: &[u32]) -> Result<()> {
+        self.check_whole()?;
+        if seeds.is_empty() { Ok(()) } else { self.crossing.seed_generators(first, seeds) }
     }
 
     /// Drops all cars that wait to enter: those that found no room, and those inserted since the last step.
@@ -229,6 +248,19 @@ fn check_insertion(insertion: &Insertion) -> Result<()> {
     }
     match insertion.speed {
         DepartSpeed::Fixed(speed_mps) if !is_number(speed_mps) => refused(format!("{speed_mps} m/s is not a speed")),
+        _ => Ok(()),
+    }
+}
+
+fn check_entering(entering: &Entering) -> Result<()> {
+    let Entering { insertion, speed_factor, end_m, .. } = entering;
+    check_insertion(insertion)?;
+    let refused = |reason: String| Err(Error::Insertion { car: insertion.car, reason });
+    if !is_number(*speed_factor) {
+        return refused(format!("{speed_factor} is not a speed factor"));
+    }
+    match end_m {
+        Some(end_m) if !is_number(*end_m) => refused(format!("position {end_m} m is not on the road")),
         _ => Ok(()),
     }
 }

@@ -69,6 +69,7 @@ use paper_grid::plans::joint_plan;
 use sim::control::SignalControl;
 use sim::global::GlobalTraffic;
 use sim::local::LocalTraffic;
+use sim::local_scenario::LocalScenario;
 use sim::recording::Tape;
 use sim::tally::P_SWITCH;
 use sim::trace::route::Route;
@@ -196,7 +197,7 @@ impl Traffic {
         SignalControl::HandCoded { by, agents: AgentId::all(self.agents()) }
     }
 
-    /// Loads an LS of `rows` rows with its own type.
+    /// Loads an LS of `rows` rows of a grid with its own type.
     pub fn local(&self, rows: usize) -> Result<LocalTraffic> {
         self.ground.local(rows, self.tape.as_ref())
     }
@@ -221,7 +222,10 @@ impl Domain for Traffic {
         Ok(Box::new(self.global(SignalControl::Agents)?))
     }
 
-    fn local_simulator(&self, regions: &[AgentId], copies: usize, _seed: Seed) -> Result<Box<dyn LocalSimulator>> {
+    fn local_simulator(&self, regions: &[AgentId], copies: usize, seed: Seed) -> Result<Box<dyn LocalSimulator>> {
+        if let Some(parts) = self.ground.local_parts()? {
+            return Ok(Box::new(LocalScenario::load(&parts, &self.plan, self.visits()?, regions, copies, seed)?));
+        }
         // All intersections of a grid have the same local dynamics, so it does not matter which regions they are.
         Ok(Box::new(self.local(regions.len() * copies)?))
     }

@@ -176,6 +176,11 @@ fn training_episodes(config: &Config) -> Seed {
     Seed::new(config.seed).fork(RandomPurpose::TrainingEpisodes)
 }
 
+/// Returns the number of steps of an episode that policies are trained on.
+pub(super) fn episode_steps(spec: &RegionSpec, config: &Config) -> usize {
+    if config.simulator == Simulator::Global { spec.horizon } else { spec.local_horizon }
+}
+
 /// A learner's working memory for a period.
 struct Desk {
     memory: Memory,
@@ -191,7 +196,7 @@ impl Desk {
         let (agents, state_width) = (policies.agents(), policies.state_width());
         Desk {
             memory: Memory::new(agents, config.ppo.memory, config.sequence_length(), spec, state_width),
-            actor: Actor::resume(policies, streams, spec.horizon),
+            actor: Actor::resume(policies, streams, episode_steps(spec, config)),
             minibatches: streams.iter().map(|stream| stream.minibatches.clone()).collect(),
             losses: vec![Losses::default(); agents],
         }

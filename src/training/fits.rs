@@ -8,6 +8,7 @@ use std::ops::Range;
 
 use anyhow::{Context, ensure};
 
+use super::block::episode_steps;
 use super::ials::head_start;
 use super::standing::Standing;
 use super::state::AgentsState;
@@ -207,10 +208,11 @@ fn check_row(row: &RowStream, copy: usize, steps: u64, config: &Config, spec: &R
     check_dice("actions", acting)?;
     check_dice("influence sources", influence)?;
     let staggered = config.local_simulators.stagger && !on_gs;
-    let head_start = if staggered { head_start(copy, copies, spec.horizon) as u64 } else { 0 };
+    let horizon = episode_steps(spec, config);
+    let head_start = if staggered { head_start(copy, copies, horizon) as u64 } else { 0 };
     // Episodes are cut by the horizon alone, so the number of steps says where each one stands.
     let played = steps / copies as u64 + head_start;
-    let (episode, of_episode) = (played / spec.horizon as u64, played % spec.horizon as u64);
+    let (episode, of_episode) = (played / horizon as u64, played % horizon as u64);
     let expected = if episode == 0 { of_episode - head_start } else { of_episode };
     ensure!(
         (trail.episode, trail.steps() as u64) == (episode, expected),

@@ -49,7 +49,8 @@ impl<'a> Ials<'a> {
         // The caller has timed this; it is not part of the steps to come.
         simulator.take_watch();
         let spec = simulator.spec();
-        let head_start = |copy: usize, copies: usize| if stagger { head_start(copy, copies, spec.horizon) } else { 0 };
+        let head_start =
+            |copy: usize, copies: usize| if stagger { head_start(copy, copies, spec.local_horizon) } else { 0 };
         let copies = |stream: &AgentStream| stream.rows.len();
         let head_starts = streams.iter().flat_map(|stream| {
             let copies = copies(stream);
@@ -135,7 +136,7 @@ impl Environment for Ials<'_> {
             self.predictor.sample(&self.percept.d_set, &mut self.dice, &mut self.sources);
         });
         // x_{t+1} ~ T(. | x_t, a_t, u_t)
-        let horizon = self.simulator.spec().horizon;
+        let horizon = self.simulator.spec().local_horizon;
         let transition = self.simulator.step(actions, &self.sources)?;
         self.experience.rewards.copy_from_slice(&transition.rewards);
         let mut over = Vec::new();

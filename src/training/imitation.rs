@@ -357,6 +357,7 @@ mod tests {
             masks: false,
             sources: SourceSpec::bits(1),
             horizon: 3,
+            local_horizon: 3,
         };
         let mut demonstrations = Demonstrations::new(&spec);
         for action in [Some(0), None, Some(1)] {

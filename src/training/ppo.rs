@@ -435,7 +435,8 @@ mod tests {
     /// Returns a stack of three agents and a memory of 16 random samples for each.
     fn material(recurrent: Option<usize>, separate_critic: bool) -> (PolicyStack, Memory) {
         let sources = SourceSpec::bits(1);
-        let spec = RegionSpec { obs_dim: 4, d_set_dim: 1, n_actions: 2, masks: false, sources, horizon: 8 };
+        let spec =
+            RegionSpec { obs_dim: 4, d_set_dim: 1, n_actions: 2, masks: false, sources, horizon: 8, local_horizon: 8 };
         let policy = PolicyConfig { recurrent, hidden: vec![6], separate_critic, ..PolicyConfig::default() };
         let stack = PolicyStack::new(&AgentId::all(3), &spec, &policy, &[0.0; 2], Seed::new(1));
         let length = if recurrent.is_some() { 4 } else { 1 };

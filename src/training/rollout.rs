@@ -265,7 +265,15 @@ mod tests {
     impl Scripted {
         fn new() -> Self {
             let sources = SourceSpec::bits(1);
-            let spec = RegionSpec { obs_dim: 1, d_set_dim: 1, n_actions: 2, masks: false, sources, horizon: 3 };
+            let spec = RegionSpec {
+                obs_dim: 1,
+                d_set_dim: 1,
+                n_actions: 2,
+                masks: false,
+                sources,
+                horizon: 3,
+                local_horizon: 3,
+            };
             let mut scripted =
                 Scripted { ages: [0; 4], percept: Percept::new(4, &spec), experience: Experience::new(4, &spec), spec };
             scripted.show();

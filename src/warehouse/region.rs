@@ -51,6 +51,7 @@ pub fn spec(horizon: usize) -> RegionSpec {
         masks: false,
         sources: SourceSpec { classes: vec![4; NEIGHBOURS], parts: 0 },
         horizon,
+        local_horizon: horizon,
     }
 }
 

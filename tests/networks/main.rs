@@ -1,8 +1,6 @@
 //! The networks against SUMO itself: the files in `sumo_nets/`, the files that the code makes, and forests.
 //! `shipped` has the scenarios of `sumo_nets/` that the code does not make. `cut`: local nets cut out of scenarios;
-//! `blocks`: forests of them.
 
-mod blocks;
 mod cut;
 mod shipped;
 

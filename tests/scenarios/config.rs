@@ -81,19 +81,6 @@ fn a_file_of_overrides_that_is_not_there_is_refused() {
     assert!(error.contains("/no.toml: cannot be read; traffic.agents names it: No such file"), "{error}");
 }
 
-#[test]
-fn local_simulators_of_a_scenario_are_refused() {
-    let room = Room::new();
-    let mut command = assert_cmd::cargo::cargo_bin_cmd!("dials-traffic");
-    let output =
-        command.args(["train", "x.sumocfg", "--simulator", "dials"]).current_dir(room.dir.path()).output().unwrap();
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(2), "{said}");
-    let told = "error: simulator = \"dials\": a scenario has no local simulators yet; train on the global one with \
-                --simulator gs";
-    assert!(said.starts_with(told), "{said}");
-}
-
 /// SUMO lists its options itself. A .sumocfg may set any of them, and this program has an answer to each.
 #[test]
 fn every_option_of_sumo_is_known() {

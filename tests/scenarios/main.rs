@@ -1,11 +1,13 @@
 //! Scenarios of users: what is read, what is refused with which words, and what a run directory keeps.
 //!
 //! - `room`: a folder with a scenario to break; `config`: the ways to name one; `broken`: what is refused; `kept`: copies
-//!   and SUMO; `play`: the global simulator; `influence`: what it observes at the borders of regions.
+//!   and SUMO; `play`: the global simulator; `influence`: what it observes at the borders of regions;
+//!   `local`: local simulators, and training on them.
 
 mod broken;
 mod config;
 mod influence;
 mod kept;
+mod local;
 mod play;
 mod room;

@@ -31,7 +31,15 @@ pub struct Coins {
 impl Coins {
     pub fn new(horizon: usize) -> Self {
         let sources = SourceSpec::bits(1);
-        let spec = RegionSpec { obs_dim: 2, d_set_dim: 2, n_actions: 2, masks: false, sources, horizon };
+        let spec = RegionSpec {
+            obs_dim: 2,
+            d_set_dim: 2,
+            n_actions: 2,
+            masks: false,
+            sources,
+            horizon,
+            local_horizon: horizon,
+        };
         Coins { kinds: Kinds::one(AGENTS, spec) }
     }
 }

@@ -48,6 +48,7 @@ impl CoinsAndDice {
                 masks,
                 sources: SourceSpec { classes, parts: 0 },
                 horizon,
+                local_horizon: horizon,
             },
             agents: agents.map(AgentId).to_vec(),
         };

@@ -14,7 +14,7 @@ pub fn most_bytes(owner: &Owner) -> u64 {
     let sum = |widths: &[usize]| widths.iter().map(|&width| width as u64).sum::<u64>();
     let dice = 4 * NUMBER;
     let streams = owner.kinds.specs().map(|spec| {
-        let trail = 5 * NUMBER + (spec.horizon * (1 + spec.sources.count())) as u64;
+        let trail = 5 * NUMBER + (spec.horizon.max(spec.local_horizon) * (1 + spec.sources.count())) as u64;
         let state = 4 * PolicyStack::shape(spec, &owner.config.policy).state_width() as u64;
         let row = trail + 2 * dice + NUMBER + state + 8;
         dice + NUMBER + owner.config.copies() as u64 * row

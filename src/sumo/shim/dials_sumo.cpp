@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <charconv>
 #include <iostream>
+#include <random>
+#include <sstream>
 #include <stdexcept>
 #include <streambuf>
 #include <string>
@@ -21,13 +23,22 @@ using libsumo::Route;
 using libsumo::Simulation;
 using libsumo::TrafficLight;
 using libsumo::Vehicle;
+using libsumo::VehicleType;
+
+// Of SUMO's class of lanes the one function that libsumo's interface lacks. SUMO installs no header for it, but its
+// library exports it (tried with SUMO 1.15). With a library that does not, linking fails, because nothing else seeds the
+// generators of some lanes in the middle of a simulation.
+class __attribute__((visibility("default"))) MSLane {
+public:
+    static void loadRNGState(int index, const std::string &state);
+};
 
 namespace {
 
 thread_local std::string last_error;
 
 // Registered names, by kind and index, as std::string so that no call has to make one.
-std::vector<std::string> names_of[3];
+std::vector<std::string> names_of[4];
 
 // Cars that were added since the last step: SUMO does not list them as pending yet.
 std::vector<std::string> fresh;
@@ -101,7 +112,7 @@ template <typename Work> int guarded(Work work) noexcept {
 }
 
 const std::string &name(ds_kind kind, uint32_t index) {
-    static const char *const words[] = {"lane", "light", "route"};
+    static const char *const words[] = {"lane", "light", "route", "type"};
     if (index >= names_of[kind].size()) {
         throw std::out_of_range(std::string("no ") + words[kind] + " is registered under number " + std::to_string(index));
     }
@@ -119,6 +130,9 @@ void must_exist(ds_kind kind, const std::string &name) {
         break;
     case DS_ROUTE:
         Route::getParameter(name, "");
+        break;
+    case DS_TYPE:
+        VehicleType::getLength(name);
         break;
     }
 }
@@ -184,7 +198,7 @@ int ds_load(const char *const *options, size_t count) {
         if (!Simulation::isLoaded()) {
             throw std::runtime_error("These options load no network."); // Such as --help.
         }
-        for (const auto kind : {DS_LANE, DS_LIGHT, DS_ROUTE}) {
+        for (const auto kind : {DS_LANE, DS_LIGHT, DS_ROUTE, DS_TYPE}) {
             for (const auto &name : names_of[kind]) {
                 must_exist(kind, name);
             }
@@ -287,6 +301,32 @@ int ds_insert(const struct ds_insertion *cars, size_t count) {
             Vehicle::add(serial, name(DS_ROUTE, car.route), type, depart, lane, decimal(car.position),
                          car.speed < 0 ? max : decimal(car.speed));
             fresh.push_back(serial);
+        }
+    });
+}
+
+int ds_enter(const struct ds_entering *cars, size_t count) {
+    static const std::string depart = "now", max = "max";
+    return guarded([&] {
+        for (size_t i = 0; i < count; ++i) {
+            const auto &car = cars[i];
+            const std::string serial = decimal(car.car);
+            Vehicle::add(serial, name(DS_ROUTE, car.route), name(DS_TYPE, car.type), depart, decimal(car.lane),
+                         decimal(car.position), car.speed < 0 ? max : decimal(car.speed), "current",
+                         car.end < 0 ? max : decimal(car.end));
+            fresh.push_back(serial);
+            // SUMO has drawn one from a generator that all cars share.
+            Vehicle::setSpeedFactor(serial, car.speed_factor);
+        }
+    });
+}
+
+int ds_seed_generators(uint32_t first, const uint32_t *seeds, size_t count) {
+    return guarded([&] {
+        for (size_t i = 0; i < count; ++i) {
+            std::ostringstream state;
+            state << std::mt19937(seeds[i]);
+            MSLane::loadRNGState(static_cast<int>(first + i), state.str());
         }
     });
 }

@@ -2,7 +2,7 @@
  *
  * Every function returns 0, or 1 with a text in ds_last_error(). No exception leaves, and nothing reaches the terminal.
  * Only ds_last_error, ds_version and ds_c_library may be called while another thread is inside, because there is one
- * simulation per process. Lanes, lights and routes are registered once by name and are passed as indices. Arrays that a
+ * simulation per process. Lanes, lights, routes and types are registered once by name and are passed as indices. Arrays that a
  * function returns belong to the shim and are valid until the next call. */
 #ifndef DIALS_SUMO_H
 #define DIALS_SUMO_H
@@ -29,7 +29,7 @@ int ds_load(const char *const *options, size_t count);
 /* Ends the simulation and forgets all registered names. */
 int ds_close(void);
 
-enum ds_kind { DS_LANE, DS_LIGHT, DS_ROUTE };
+enum ds_kind { DS_LANE, DS_LIGHT, DS_ROUTE, DS_TYPE };
 
 /* Registers all or none: names[i] becomes index *first + i of its kind. */
 int ds_register(enum ds_kind kind, const char *const *names, size_t count, uint32_t *first);
@@ -62,6 +62,24 @@ struct ds_insertion {
     uint32_t route;
 };
 int ds_insert(const struct ds_insertion *cars, size_t count);
+
+/* A car of any type, on any lane. */
+struct ds_entering {
+    uint64_t car;
+    double position;
+    double speed;        /* Negative: "max". */
+    double speed_factor; /* Desired speed as a share of the limit. */
+    double end;          /* Position on the route's last edge at which it has arrived. Negative: "max". */
+    uint32_t route;
+    uint32_t type;
+    uint32_t lane; /* Index on the route's first edge. */
+};
+int ds_enter(const struct ds_entering *cars, size_t count);
+
+/* Seeds the random generators number first, first + 1 and so on with seeds[0], seeds[1] and so on. With the option
+ * --thread-rngs of at least the number of lanes, generator n is that of the lane that SUMO has loaded as number n. */
+int ds_seed_generators(uint32_t first, const uint32_t *seeds, size_t count);
+
 int ds_clear_pending(void);
 int ds_remove_cars(const uint32_t *lanes, size_t count);
 

@@ -37,5 +37,6 @@ pub fn spec(config: &TrafficConfig) -> RegionSpec {
         masks: false,
         sources: SourceSpec::bits(EDGES),
         horizon,
+        local_horizon: horizon,
     }
 }

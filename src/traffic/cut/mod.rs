@@ -3,17 +3,17 @@
 //! - [`forest`]: many copies of the grid's local net side by side in one SUMO net.
 //! - [`local_net`]: the net of one light of any network. `extract` cuts it out of a [`source`]; `border`: elements at
 //!   the border; [`beyond`]: copies of edges behind the exits.
-//! - [`blocks`]: many different local nets in one SUMO net, each on lane numbers of its own.
+//! - [`mixed`]: many different local nets in one SUMO net, each lane with random numbers of its own.
 //! - [`of_scenario`]: the local net of a light of a scenario, and its files. `sample_demand`: some cars for it.
-//! - `names`: names with a prefix.
+//! - [`names`]: names with a prefix.
 
 pub mod beyond;
-pub mod blocks;
 mod border;
 mod extract;
 pub mod forest;
 pub mod local_net;
-mod names;
+pub mod mixed;
+pub mod names;
 pub mod of_scenario;
 mod sample_demand;
 pub mod source;

@@ -11,6 +11,7 @@ use super::sample_demand::{END_S, demand, types};
 use super::source::Source;
 use crate::outside::{Printable, alike, excerpt, quoted, write_together};
 use crate::traffic::agents::derive::region::{Region, lit_junctions};
+use crate::traffic::agents::derive::{Agent, Derived};
 use crate::traffic::network::files::NetworkFiles;
 use crate::traffic::network::roads::Roads;
 use crate::traffic::network::tree::Element;
@@ -46,14 +47,36 @@ fn check_known(scenario: &SumoScenario, roads: &Roads, light: &str) -> Result<()
     bail!("{}: has no light `{}`{near}; list all with: {list}", scenario.net_path().display(), excerpt(light))
 }
 
+/// Cuts out the regions of all agents of a scenario, in their order.
+///
+/// Errors: a region cannot be cut out.
+pub fn cut_all(scenario: &SumoScenario, derived: &Derived) -> Result<Vec<LocalNet>> {
+    let roads = scenario.roads()?;
+    let programs = scenario.additional().flat_map(|root| root.all("tlLogic")).collect();
+    let source = Source::new(scenario.net(), &roads, programs);
+    let cut = |Agent { plan, region, .. }: &Agent| LocalNet::cut(&source, &plan.light, region, Reach::default());
+    let nets = derived.agents.iter().map(cut).collect::<Result<_>>();
+    nets.map_err(|error| anyhow!("{}: {error:#}", scenario.net_path().display()))
+}
+
+/// Returns the text of an additional file with the vehicle types of a scenario.
+pub fn types_of(scenario: &SumoScenario) -> String {
+    types(&kinds(scenario))
+}
+
+/// Returns the elements of the vehicle types, in the order in which SUMO reads them.
+fn kinds(scenario: &SumoScenario) -> Vec<&Element> {
+    let is_type = |element: &&Element| ["vType", "vTypeDistribution"].contains(&&*element.name);
+    let roots = scenario.additional().chain(scenario.routes());
+    roots.flat_map(|root| &root.children).filter(is_type).collect()
+}
+
 /// Writes the files of a local net, a small demand and a configuration into `dir`. Types of cars and SUMO's options are
 /// those of the scenario.
 pub fn write(net: &LocalNet, scenario: &SumoScenario, dir: &Path) -> Result<NetworkFiles> {
     let files = NetworkFiles::of(&dir.join(NAME));
     files.check_paths()?;
-    let is_type = |element: &&Element| ["vType", "vTypeDistribution"].contains(&&*element.name);
-    let roots = scenario.additional().chain(scenario.routes());
-    let kinds: Vec<&Element> = roots.flat_map(|root| &root.children).filter(is_type).collect();
+    let kinds = kinds(scenario);
     let contents = [
         (files.net.clone(), text(&net.root())),
         (dir.join(TYPES), types(&kinds)),

@@ -6,10 +6,12 @@ pub mod on_grid;
 pub mod on_scenario;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use crate::domain::{Result, Scenario};
 use crate::traffic::paper_grid::grid::Grid;
 use crate::traffic::sim::local::LocalTraffic;
+use crate::traffic::sim::local_forest::LocalParts;
 use crate::traffic::sim::recorded_roads::RecordedRoads;
 use crate::traffic::sim::recording::Tape;
 use crate::traffic::sim::source::Source;
@@ -32,8 +34,12 @@ pub trait Ground: Send + Sync {
     /// Reads the way along which cars are drawn: names of edges, separated by commas.
     fn route(&self, edges: &str) -> Result<Route>;
 
-    /// Loads local simulators of `rows` rows. It is an error if there are none.
+    /// Loads local simulators of `rows` rows that are all alike. It is an error if they differ.
     fn local(&self, rows: usize, tape: Option<&Tape>) -> Result<LocalTraffic>;
+
+    /// Returns what local simulators are made of that differ from region to region. `None`: all are alike, and
+    /// [`Ground::local`] loads them.
+    fn local_parts(&self) -> Result<Option<Arc<LocalParts>>>;
 
     /// Loads the local simulator, if there is one, and plays a step. An error names the file.
     fn try_local(&self) -> Result<()>;

@@ -1,6 +1,7 @@
 //! A grid of the paper: our own networks, compared with what this program writes.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use anyhow::{Context, bail, ensure};
 
@@ -16,6 +17,7 @@ use crate::traffic::network::way_out::{Role, cannot_be_simulated};
 use crate::traffic::paper_grid::grid::Grid;
 use crate::traffic::paper_grid::recognise::{recognise_grid, recognise_local};
 use crate::traffic::sim::local::{self, LocalTraffic};
+use crate::traffic::sim::local_forest::LocalParts;
 use crate::traffic::sim::recorded_roads::RecordedRoads;
 use crate::traffic::sim::recording::Tape;
 use crate::traffic::sim::source::Source;
@@ -98,6 +100,10 @@ impl Ground for OnGrid {
 
     fn local(&self, rows: usize, tape: Option<&Tape>) -> Result<LocalTraffic> {
         LocalTraffic::load(&self.local_network, rows, &self.config, tape)
+    }
+
+    fn local_parts(&self) -> Result<Option<Arc<LocalParts>>> {
+        Ok(None)
     }
 
     fn try_local(&self) -> Result<()> {

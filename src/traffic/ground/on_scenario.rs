@@ -1,6 +1,7 @@
 //! A scenario of the user, with an agent for each light that can learn.
 
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
 
 use anyhow::{Context, anyhow, bail};
 
@@ -15,12 +16,14 @@ use crate::traffic::agents::derive::padding::{InfluencePadding, Padding};
 use crate::traffic::agents::derive::{CarsSeen, Derived, Rules, derive};
 use crate::traffic::agents::plan::{AgentPlan, Border, JointPlan};
 use crate::traffic::controllers::actuated::{self, ProgramPhase};
+use crate::traffic::cut::of_scenario::{cut_all, types_of};
 use crate::traffic::network::files::for_sumo;
 use crate::traffic::network::memory_file::MemoryFile;
 use crate::traffic::network::roads::program::{Phase, Program};
 use crate::traffic::paper_grid::grid::Grid;
 use crate::traffic::scenario::SumoScenario;
 use crate::traffic::sim::local::LocalTraffic;
+use crate::traffic::sim::local_forest::{LocalParts, driving_options};
 use crate::traffic::sim::recorded_roads::RecordedRoads;
 use crate::traffic::sim::recording::Tape;
 use crate::traffic::sim::source::Source;
@@ -38,6 +41,8 @@ pub struct OnScenario {
     /// Borders of the agents' regions.
     borders: Vec<Border>,
     config: ScenarioConfig,
+    /// What local simulators are made of, once they were.
+    local: OnceLock<Arc<LocalParts>>,
 }
 
 impl OnScenario {
@@ -53,7 +58,7 @@ impl OnScenario {
         let derived = derive(&roads, &rules(config), &overrides).with_context(place)?;
         let seconds = Seconds::of(config);
         let borders = derived.borders(&roads, &files.departs_on(&roads), config.approach_m, seconds);
-        Ok(OnScenario { files, derived, borders, config: config.clone() })
+        Ok(OnScenario { files, derived, borders, config: config.clone(), local: OnceLock::new() })
     }
 
     /// Returns the plan of its agents. They are of one kind, as wide as the widest of them needs.
@@ -80,6 +85,7 @@ impl OnScenario {
             masks: true,
             sources: SourceSpec { parts: influence.parts, ..SourceSpec::bits(influence.sources) },
             horizon: self.config.horizon(),
+            local_horizon: self.config.local_horizon(),
         }
     }
 }
@@ -136,9 +142,22 @@ impl Ground for OnScenario {
 
     fn local(&self, _rows: usize, _tape: Option<&Tape>) -> Result<LocalTraffic> {
         bail!(
-            "{}: a scenario has no local simulators; train on the global one with --simulator gs",
+            "{}: the local simulators of a scenario differ from light to light; make them by `local_simulator`",
             self.files.path().display()
         )
+    }
+
+    fn local_parts(&self) -> Result<Option<Arc<LocalParts>>> {
+        if let Some(known) = self.local.get() {
+            return Ok(Some(known.clone()));
+        }
+        let parts = Arc::new(LocalParts {
+            nets: cut_all(&self.files, &self.derived)?,
+            types: types_of(&self.files),
+            options: driving_options(self.files.options()),
+            name: self.files.path().display().to_string(),
+        });
+        Ok(Some(self.local.get_or_init(|| parts).clone()))
     }
 
     fn try_local(&self) -> Result<()> {

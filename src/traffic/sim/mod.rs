@@ -2,6 +2,8 @@
 //!
 //! - [`global`]: the global simulator (GS), a whole grid with inflow at its boundary; [`control`]: who runs its lights.
 //! - [`local`]: the local simulators (LS), a forest of single intersections.
+//! - [`local_scenario`]: the LS of a scenario, different nets side by side, which `local_forest` loads. `entrance`: cars
+//!   that come in; `ways`: their routes.
 //! - `border`: arrivals and blocked exits of a scenario's regions; [`visits`]: all visits of cars to them;
 //!   [`visit_tables`]: cars drawn from visits.
 //! - `source`: what a GS loads; `handles`: the intersections of a loaded net; `options`: SUMO's options.
@@ -11,9 +13,12 @@
 
 mod border;
 pub mod control;
+mod entrance;
 pub mod global;
 mod handles;
 pub mod local;
+pub(super) mod local_forest;
+pub mod local_scenario;
 mod metrics;
 mod options;
 pub mod recorded_roads;
@@ -25,3 +30,4 @@ pub mod trace;
 mod trips;
 pub mod visit_tables;
 pub mod visits;
+mod ways;
