@@ -69,16 +69,17 @@ pub struct TrainArgs {
     /// Config file, such as configs/smoke_traffic.toml, or a .sumocfg
     #[arg(required_unless_present = "resume")]
     pub config: Option<PathBuf>,
-    /// Resume the run in this directory from its newest checkpoint
+    /// Resume the run in this directory from its newest checkpoint; with --steps also a run that has ended
     #[arg(long, value_name = "RUN_DIR",
-          conflicts_with_all = ["config", "seed", "steps", "simulator", "tensorboard", "out", "settings", "force"])]
+          conflicts_with_all = ["config", "seed", "simulator", "tensorboard", "out", "settings", "force"])]
     pub resume: Option<PathBuf>,
     /// Resume although this program, SUMO, libm or the vector instructions have changed since. Numbers may then change;
     /// run.json records it
     #[arg(long, conflicts_with = "config")]
     pub accept_other_build: bool,
     /// Number of worker processes that share the agents; 0: all work in this process. It does not change the results.
-    /// Workers that would have neither agents nor episodes are not started [default: the number of cores]
+    /// Workers that would have neither agents nor episodes are not started [default: the number of cores; on a resume
+    /// the number of before]
     #[arg(long, value_parser = RangedU64ValueParser::<usize>::new().range(..=MOST_WORKERS))]
     pub workers: Option<usize>,
     /// Under mpirun or srun: number of worker processes of every rank but rank 0, which coordinates [default: 1]
@@ -100,7 +101,7 @@ pub struct TrainArgs {
     /// Also write the numbers of the CSV files to a TensorBoard event file
     #[arg(long)]
     pub tensorboard: bool,
-    /// Run directory [default: runs/CONFIG-SIMULATOR-seedN, numbered if it exists]
+    /// Run directory [default: runs/[FOLDER-]CONFIG-SIMULATOR[-KEY=VALUE...]-seedN, numbered if it exists]
     #[arg(long)]
     pub out: Option<PathBuf>,
     /// Override a key of the config, such as ppo.clip=0.2; can be repeated
@@ -149,7 +150,7 @@ pub struct ExportArgs {
     /// Output file, such as policies.pt; one per kind of agents (policies.KIND.pt) if there are several
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
-    /// Overwrite the file if it exists
+    /// If the file exists, move it aside instead of refusing
     #[arg(long)]
     pub force: bool,
 }
@@ -187,7 +188,7 @@ pub struct BenchArgs {
     /// Measure with 1, 2, 4, ... and N worker processes [default: the number of cores]
     #[arg(long, value_parser = RangedU64ValueParser::<usize>::new().range(1..=MOST_WORKERS))]
     pub workers: Option<usize>,
-    /// Approximate measuring time for each number of workers
+    /// Approximate measuring time for each number of workers; making them ready takes time on top
     #[arg(long, value_name = "SECONDS", default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..=86_400))]
     pub seconds: u64,
     /// Simulator and predictor that the policies train with; overrides the config
@@ -233,6 +234,9 @@ pub struct OutputArgs {
     /// Seconds of the first episode that --plot shows, such as 600,1200 [default: all]
     #[arg(long, value_name = "FROM,TO", requires = "plot", value_parser = seconds)]
     pub seconds: Option<Range<usize>>,
+    /// If an output of --csv, --render or --plot exists, move it aside instead of refusing
+    #[arg(long)]
+    pub force: bool,
 }
 
 #[derive(Debug, Args)]
@@ -368,9 +372,12 @@ pub enum NetsCommand {
         /// Print one JSON object instead of text
         #[arg(long)]
         json: bool,
-        /// Draw a map of the lights and their regions into this new directory
+        /// Draw a map of the lights and their regions into this directory
         #[arg(long, value_name = "DIR")]
         plot: Option<PathBuf>,
+        /// If the directory of --plot exists, move it aside instead of refusing
+        #[arg(long, requires = "plot")]
+        force: bool,
     },
     /// Write the single intersection of the local simulators
     Local {

@@ -112,7 +112,10 @@ fn an_interrupted_benchmark_ends_at_once_and_leaves_nothing() {
     let mut stderr = BufReader::new(process.stderr.take().unwrap());
     let mut line = String::new();
     stderr.read_line(&mut line).unwrap();
-    assert_eq!(line, "measuring with 1 of 1 workers\n");
+    assert_eq!(line, "measuring 1 fleet for about 600 s each; making them ready takes time on top\n");
+    line.clear();
+    stderr.read_line(&mut line).unwrap();
+    assert_eq!(line, "measuring with 1 of 1 worker\n");
     kill_process(Pid::from_child(&process), Signal::INT).unwrap();
     let mut rest = String::new();
     stderr.read_to_string(&mut rest).unwrap();

@@ -170,6 +170,7 @@ fn policies_are_exported_and_an_existing_file_is_left_alone() {
     assert_eq!(fs::read(&file).unwrap(), b"precious");
     dials_traffic(&args).arg("--force").assert().success();
     assert_eq!(fs::read(&neighbour).unwrap(), b"precious, too");
+    assert_eq!(fs::read(dir.path().join("policies.pt.old-1")).unwrap(), b"precious");
     assert_eq!(fs::metadata(&file).unwrap().len(), first.len() as u64);
     let args = |out: &'static str| ["export", run, "--out", out];
     assert_refused(&mut dials_traffic(&args("/nowhere/p.pt")), &["/nowhere/p.pt: there is no directory /nowhere"]);
@@ -336,6 +337,28 @@ fn training_stops_early_where_asked_and_says_so_in_its_config() {
     assert!(returns.contains("\n128,all,") && !returns.contains("\n256,all,"), "{returns}");
     let kept = fs::read_to_string(out.join("config.toml")).unwrap();
     assert!(kept.contains("stop_at_steps = 100") && kept.contains("clip = 0.2"), "{kept}");
+}
+
+#[test]
+fn a_run_is_prolonged_to_what_a_longer_one_would_be_and_keeps_its_workers() {
+    let dir = tempfile::tempdir().unwrap();
+    let (config, whole, part) = (write_config(dir.path(), SHORT), dir.path().join("whole"), dir.path().join("part"));
+    train(&config, &whole, &["--workers", "0"]).success();
+    let begun = train(&config, &part, &["--workers", "0", "--steps", "256"]).success();
+    let said = text(&begun.get_output().stderr);
+    assert!(said.contains("4 agents, simulator dials, this process\n  up to step 256 per agent, into "), "{said}");
+    let run = part.to_str().unwrap();
+    let resume = |steps: &str| dials_traffic(&["train", "--resume", run, "--steps", steps]);
+    let kept = fs::read(part.join("config.toml")).unwrap();
+    assert_refused(&mut resume("513"), &["--steps 513: this run can go to step 512 only", "total_steps = 512"]);
+    assert_refused(&mut resume("128"), &["stop_at_steps = 128", "256"]);
+    assert_eq!(fs::read(part.join("config.toml")).unwrap(), kept, "a refused end leaves the config as it was");
+    let said = text(&resume("512").assert().success().get_output().stderr);
+    assert!(said.contains("resuming ") && said.contains("simulator dials, this process\n"), "{said}");
+    assert!(said.contains("up to step 512"), "{said}");
+    for file in ["policies.safetensors", "returns.csv", "training.csv"] {
+        assert_eq!(fs::read(part.join(file)).unwrap(), fs::read(whole.join(file)).unwrap(), "{file}");
+    }
 }
 
 #[test]
@@ -753,9 +776,37 @@ fn places_to_write_to_are_checked_before_anything_plays() {
 
     fs::create_dir(dir.path().join("pictures")).unwrap();
     fs::write(dir.path().join("pictures/episode.gif"), "precious").unwrap();
-    let told = ["pictures: exists already; name another directory with --render"];
+    let told = ["pictures: exists already; name another place with --render, or move it aside with --force"];
     assert_refused(&mut command(&format!("{never} --render pictures")), &told);
     assert_eq!(fs::read(dir.path().join("pictures/episode.gif")).unwrap(), b"precious");
+}
+
+#[test]
+fn existing_outputs_are_refused_and_force_moves_them_aside() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = write_config(dir.path(), SHORT);
+    let play = |more: &str| {
+        let words = format!("baseline --controller never --episodes 1 {more}");
+        let mut command = dials_traffic(&words.split(' ').collect::<Vec<_>>());
+        command.arg(&config).current_dir(dir.path());
+        command
+    };
+    let outputs = "--csv tables --plot plots";
+    play(outputs).assert().success();
+    assert_refused(&mut play("--csv tables"), &["tables/episodes.csv: exists already", "with --csv", "--force"]);
+    assert_refused(&mut play("--plot plots"), &["plots: exists already", "with --plot", "--force"]);
+    fs::write(dir.path().join("plots/queues.svg"), "precious").unwrap();
+    fs::write(dir.path().join("tables/episodes.csv"), "precious").unwrap();
+    play(&format!("{outputs} --force")).assert().success();
+    for (new, old) in
+        [("plots/queues.svg", "plots.old-1/queues.svg"), ("tables/episodes.csv", "tables/episodes.csv.old-1")]
+    {
+        assert_ne!(fs::read(dir.path().join(new)).unwrap(), b"precious");
+        assert_eq!(fs::read(dir.path().join(old)).unwrap(), b"precious");
+    }
+    // A run is never in the way of a picture.
+    train(&config, &dir.path().join("run"), &["--workers", "0"]).success();
+    assert_refused(&mut play("--plot run --force"), &["run: is a run directory"]);
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use anyhow::{Context, Result, anyhow, bail};
+use anyhow::{Context, Result, anyhow, bail, ensure};
 use toml::{Table, Value};
 
 use super::renamed::rename;
@@ -10,14 +10,15 @@ use super::{Config, DomainConfig, check};
 use crate::outside::read_text;
 
 /// Largest config file. One with every key has three kibibytes.
-const LARGEST_FILE: u64 = 1 << 20;
+pub const LARGEST_FILE: u64 = 1 << 20;
 
 /// Settings that stand for a .sumocfg, without the table of its domain.
 const SCENARIO_DEFAULTS: &str = include_str!("scenario_defaults.toml");
 
 /// Reads `path`, applies the settings of `--set key=value`, and checks the result.
 ///
-/// Relative paths in the config are relative to the folder of the config file.
+/// Relative paths in the config are relative to the folder of the config file, and those of `settings` to the current
+/// folder.
 pub fn load(path: &Path, settings: &[String]) -> Result<Config> {
     let config = read(path, settings)?;
     check::check_domain(&config).map_err(|error| anyhow!("{}: {error}", path.display()))?;
@@ -39,10 +40,16 @@ fn read(path: &Path, settings: &[String]) -> Result<Config> {
     }
     // ... and then with the settings, whose errors name the key instead.
     let mut config: Config = serde_path_to_error::deserialize(Value::Table(table))
-        .map_err(|error| anyhow!("--set: {}{}", place_of(&error), error.inner().to_string().trim()))?;
+        .map_err(|error| anyhow!("--set: {}{}", place_of(&error), in_words(error.inner().to_string().trim())))?;
     let folder = path.parent().unwrap_or(Path::new("."));
-    for (_, file) in config.domain.iter_mut().flat_map(DomainConfig::paths) {
-        *file = folder.join(&file);
+    if let Some(domain) = &mut config.domain {
+        let table = domain.name();
+        for (key, file) in domain.paths() {
+            let is_key = |name: &str| name.trim().split_once('.') == Some((table, key));
+            if !settings.iter().any(|setting| setting.split_once('=').is_some_and(|(name, _)| is_key(name))) {
+                *file = folder.join(&file);
+            }
+        }
     }
     if let Some(DomainConfig::Scenario(table)) = &mut config.domain {
         table.fill_in()?;
@@ -51,9 +58,41 @@ fn read(path: &Path, settings: &[String]) -> Result<Config> {
     Ok(config)
 }
 
+/// Returns the message of an error without Rust's names of types.
+fn in_words(message: &str) -> String {
+    ["u64", "u32", "u16", "usize"].iter().fold(message.to_owned(), |message, kind| {
+        message.replace(&format!("expected {kind}"), "expected a whole number such as 1000000 or 1e6")
+    })
+}
+
+/// Returns an error if `path` is clearly something else than a config. `text`: its contents.
+fn check_is_config(path: &Path, text: &str) -> Result<()> {
+    let shown = path.display();
+    let ending = path.extension().and_then(|ending| ending.to_str());
+    let parsed = text.parse::<Table>().ok();
+    let is_experiment = parsed.as_ref().is_some_and(|table| table.contains_key("grid"));
+    ensure!(!is_experiment, "{shown}: is an experiment file, not a config; use: dials-traffic experiment {shown}");
+    ensure!(
+        parsed.is_some() || ending == Some("toml"),
+        "{shown}: is not a config; a config is a .toml file such as configs/smoke_traffic.toml, or a .sumocfg"
+    );
+    Ok(())
+}
+
+/// Returns an error if `path` is a folder.
+fn check_is_file(path: &Path) -> Result<()> {
+    let shown = path.display();
+    let inside = path.join("config.toml");
+    ensure!(!inside.is_file(), "{shown}: is a run directory, not a config; its config is {}", inside.display());
+    ensure!(!path.is_dir(), "{shown}: is a folder, not a config; name a .toml file in it, or a .sumocfg");
+    Ok(())
+}
+
 /// Reads a config file.
 fn table_in(path: &Path) -> Result<Table> {
+    check_is_file(path)?;
     let text = read_text(path, LARGEST_FILE).with_context(|| format!("{}: cannot be read", path.display()))?;
+    check_is_config(path, &text)?;
     let in_file = |error: &dyn std::fmt::Display| anyhow!("{}: {error}", path.display());
     let mut table: Table = toml::from_str(&text).map_err(|error| in_file(&error))?;
     if !rename(&mut table).map_err(|error| in_file(&error))? {
@@ -87,9 +126,15 @@ fn lay_over(table: &mut Table, setting: &str) -> Result<()> {
     let (key, value) =
         setting.split_once('=').with_context(|| format!("--set {setting}: must be key=value, as in ppo.clip=0.2"))?;
     let (key, value) = (key.trim(), value.trim());
+    // A number such as `1e6` is a float in TOML, but here it may mean a number of steps.
+    let whole = |number: f64| number.fract() == 0.0 && number.abs() < 2_f64.powi(53);
+    let written = value;
     // A bare word is a string: `simulator=gs` reads better than `simulator='"gs"'`.
     let value = match format!("value = {value}").parse::<Table>() {
-        Ok(mut parsed) => parsed.remove("value").expect("the table was written with this key"),
+        Ok(mut parsed) => match parsed.remove("value").expect("the table was written with this key") {
+            Value::Float(number) if written.contains(['e', 'E']) && whole(number) => Value::Integer(number as i64),
+            other => other,
+        },
         Err(_) => Value::String(value.to_owned()),
     };
     let mut keys: Vec<&str> = key.split('.').collect();
@@ -145,6 +190,44 @@ mod tests {
         let config = load_text(SMALL, &[]).unwrap();
         let network = traffic_of(config).network;
         assert!(network.is_absolute() && network.ends_with("nets/grid_2x2"));
+    }
+
+    #[test]
+    fn paths_of_settings_count_from_the_current_folder() {
+        let network = |settings: &[&str]| traffic_of(load_text(SMALL, settings).unwrap()).network;
+        assert_eq!(network(&["traffic.network=sumo_nets/grid_2x2"]), Path::new("sumo_nets/grid_2x2"));
+        assert!(network(&["traffic.local_network=sumo_nets/local"]).is_absolute(), "it is of the file");
+    }
+
+    #[test]
+    fn numbers_of_steps_may_have_an_exponent_or_underscores() {
+        for steps in ["1e6", "1E+6", "1.0e6", "1_000_000"] {
+            assert_eq!(load_text(SMALL, &[&format!("total_steps={steps}")]).unwrap().total_steps, 1_000_000, "{steps}");
+        }
+        assert_eq!(load_text(SMALL, &["ppo.clip=1e0"]).unwrap().ppo.clip, 1.0);
+        for steps in ["1.5", "1e-3", "many"] {
+            let error = error_of(SMALL, &[&format!("total_steps={steps}")]);
+            assert!(
+                error.contains("total_steps: ") && error.contains("a whole number such as 1000000 or 1e6"),
+                "{error}"
+            );
+        }
+    }
+
+    #[test]
+    fn what_is_no_config_is_called_by_its_name() {
+        let dir = tempfile::tempdir().unwrap();
+        let place = |name: &str| dir.path().join(name);
+        let error = |name: &str| load(&place(name), &[]).unwrap_err().to_string();
+        std::fs::write(place("a.net.xml"), "<net/>").unwrap();
+        std::fs::write(place("b.toml"), "seeds = [1]\n[[grid]]\nconfigs = ['c.toml']\n").unwrap();
+        std::fs::create_dir_all(place("run")).unwrap();
+        std::fs::create_dir_all(place("folder")).unwrap();
+        std::fs::write(place("run/config.toml"), SMALL).unwrap();
+        assert!(error("a.net.xml").contains("a.net.xml: is not a config; a config is a .toml file"));
+        assert!(error("b.toml").contains("b.toml: is an experiment file, not a config; use: dials-traffic experiment"));
+        assert!(error("run").contains("run: is a run directory, not a config; its config is "));
+        assert!(error("folder").contains("folder: is a folder, not a config"));
     }
 
     #[test]

@@ -62,6 +62,16 @@ pub fn from_json(json: Value) -> Result<Config> {
     Ok(config)
 }
 
+/// Returns the text of a config with another `stop_at_steps`. All other lines stay.
+pub fn with_end(text: &str, stop_at_steps: u64) -> String {
+    let top = text.lines().take_while(|line| !line.trim_start().starts_with('[')).count();
+    let is_end = |line: &str| line.split_once('=').is_some_and(|(key, _)| key.trim() == "stop_at_steps");
+    let mut lines = vec![format!("stop_at_steps = {stop_at_steps}")];
+    let kept = text.lines().enumerate().filter(|(number, line)| *number >= top || !is_end(line));
+    lines.extend(kept.map(|(_, line)| line.to_owned()));
+    lines.join("\n") + "\n"
+}
+
 /// Lists the differences that forbid a run that was trained with `then` to continue with `now`, in the order of their
 /// keys. The contents of the domain's files are compared elsewhere.
 pub fn differences(then: &Config, now: &Config) -> Vec<Difference> {
@@ -162,6 +172,13 @@ mod tests {
         }
         assert_eq!(keys.values().filter(|listed| **listed).count(), CHANGEABLE.len(), "a key of the list is no key");
         assert!(keys.len() > 40, "{keys:?}");
+    }
+
+    #[test]
+    fn only_the_end_of_a_config_moves() {
+        let text = "seed = 3\nstop_at_steps = 900\n[ppo]\nclip = 0.2\n";
+        assert_eq!(with_end(text, 40), "stop_at_steps = 40\nseed = 3\n[ppo]\nclip = 0.2\n");
+        assert_eq!(with_end("[ppo]\nclip = 0.2\n", 40), "stop_at_steps = 40\n[ppo]\nclip = 0.2\n");
     }
 
     #[test]

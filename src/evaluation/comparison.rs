@@ -64,7 +64,7 @@ fn signed_cell(interval: Interval) -> String {
 }
 
 /// Returns a table with one line per label. If it is wider than [`WIDTH`], its columns are split into several tables.
-fn blocks(names: &[&str], labels: &[String], cells: &[Vec<String>]) -> String {
+pub(super) fn blocks(names: &[&str], labels: &[String], cells: &[Vec<String>]) -> String {
     let label_width = labels.iter().map(|label| label.chars().count()).max().unwrap_or(0);
     let widths: Vec<usize> = (0..names.len())
         .map(|column| cells.iter().map(|line| line[column].len()).chain([names[column].len()]).max().unwrap_or(0))

@@ -1,20 +1,38 @@
-//! The figures of one player, as text, with one line per agent.
+//! The figures of one player, as text, with a line per agent, or with the worst agents of many.
 
+use super::comparison::blocks;
 use super::{Evaluation, Finding, figures};
 use crate::base::statistics::Interval;
 use crate::domain::Domain;
+use crate::policy::Selection;
 
-/// Returns the figures of one player, and a table with one line per agent.
+/// Largest number of agents that have a line each.
+const MOST_LINES: usize = 12;
+/// Number of agents that are shown if there are more.
+const WORST: usize = 5;
+
+/// Returns the figures of one player, and a table of its agents. Of many agents, only the worst are in the table.
 pub fn table(domain: &dyn Domain, finding: &Finding) -> String {
-    let evaluation = Evaluation::new(domain, &finding.episodes);
+    text(&Evaluation::new(domain, &finding.episodes), finding)
+}
+
+fn text(evaluation: &Evaluation, finding: &Finding) -> String {
     let figures = figures(&finding.episodes);
     let ((name, returns), measures) = figures.split_first().expect("there is always a return");
     let (all, returns) = (evaluation.of_all(), Interval::of(returns));
+    let policies = match finding.player.policies {
+        Some(Selection::Greedy) => "; greedy policies",
+        Some(Selection::Sampled) => "; sampled policies",
+        None => "",
+    };
+    let episodes = match evaluation.episodes() {
+        1 => "1 episode".to_owned(),
+        episodes => format!("+-: half of a 95 % interval over {episodes} episodes"),
+    };
     let mut lines = vec![format!(
-        "{name} {:.1}{} (mean +- half of its 95 % interval over {} episodes), median of the agents {:.1}",
+        "{name} {:.1}{}, median of the agents {:.1}\n({episodes}{policies})",
         returns.mean,
         returns.half_width.map_or(String::new(), |half_width| format!(" +- {half_width:.1}")),
-        evaluation.episodes(),
         all.median
     )];
     for (name, values) in measures {
@@ -23,21 +41,84 @@ pub fn table(domain: &dyn Domain, finding: &Finding) -> String {
         lines.push(format!("{name:>24} {mean:.2}{half_width}"));
     }
     lines.push(String::new());
-    let names: String = evaluation.measures.per_agent.iter().map(|(name, _)| format!(" {name}")).collect();
-    lines.push(format!("{:>5} {:>8} {:>8} {:>8}{names} stuck", "agent", "return", "+-95%", "median"));
-    for agent in 0..evaluation.agents() {
-        let half_width = finding.of_agent(agent).half_width;
-        let measures = evaluation.measures.per_agent.iter();
-        let measures: String =
-            measures.map(|(name, values)| format!(" {:>width$.3}", values[agent], width = name.len())).collect();
-        let of_agent = evaluation.of_agent(agent);
-        lines.push(format!(
-            "{agent:>5} {:>8.1} {:>8} {:>8.1}{measures} {:>5}",
-            of_agent.mean,
-            half_width.map_or("-".to_owned(), |half_width| format!("{half_width:.1}")),
-            of_agent.median,
-            if evaluation.stuck[agent] { "yes" } else { "no" }
-        ));
+    let mut agents: Vec<usize> = (0..evaluation.agents()).collect();
+    if agents.len() > MOST_LINES {
+        let mean = |agent: usize| evaluation.of_agent(agent).mean;
+        agents.sort_by(|&one, &other| mean(one).total_cmp(&mean(other)));
+        let (lowest, highest) = (mean(agents[0]), mean(agents[agents.len() - 1]));
+        let stuck = evaluation.stuck.iter().filter(|&&stuck| stuck).count();
+        lines.push(format!("{} agents: returns from {lowest:.1} to {highest:.1}, {stuck} stuck", agents.len()));
+        lines.push(format!("the {WORST} with the lowest return (all: --json, or --csv DIR):"));
+        agents.truncate(WORST);
     }
+    lines.push(of_agents(finding, evaluation, &agents));
     lines.join("\n")
+}
+
+/// Returns a table with one line for each of `agents`.
+fn of_agents(finding: &Finding, evaluation: &Evaluation, agents: &[usize]) -> String {
+    let measures = &evaluation.measures.per_agent;
+    let mut names = vec!["return", "+-", "median"];
+    names.extend(measures.iter().map(|(name, _)| name.as_str()));
+    names.push("stuck");
+    let cells = |&agent: &usize| {
+        let of_agent = evaluation.of_agent(agent);
+        let half_width = finding.of_agent(agent).half_width;
+        let mut cells = vec![
+            format!("{:.1}", of_agent.mean),
+            half_width.map_or("-".to_owned(), |half_width| format!("{half_width:.1}")),
+            format!("{:.1}", of_agent.median),
+        ];
+        cells.extend(measures.iter().map(|(_, values)| format!("{:.3}", values[agent])));
+        cells.push(if evaluation.stuck[agent] { "yes" } else { "no" }.to_owned());
+        cells
+    };
+    let labels: Vec<String> = agents.iter().map(|agent| format!("agent {agent}")).collect();
+    blocks(&names, &labels, &agents.iter().map(cells).collect::<Vec<_>>())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::Rows;
+    use crate::domain::Measures;
+    use crate::evaluation::{EpisodeReport, Player};
+
+    fn shown(agents: usize, policies: Option<Selection>) -> String {
+        let measures = Measures {
+            per_agent: vec![("x".into(), (0..agents).map(|agent| 10_f64.powi(agent as i32 % 7)).collect())],
+            ..Measures::default()
+        };
+        let episode = |add: f64| EpisodeReport {
+            returns: (0..agents).map(|agent| 100.0 - agent as f64 + add).collect(),
+            measures: measures.clone(),
+        };
+        let episodes = vec![episode(0.0), episode(2.0)];
+        let mut returns = Rows::new(0, agents);
+        episodes.iter().for_each(|episode| returns.push(&episode.returns));
+        let evaluation = Evaluation { returns, measures, stuck: vec![false; agents] };
+        let player = Player { label: "p".into(), keys: Vec::new(), policies };
+        text(&evaluation, &Finding { player, episodes })
+    }
+
+    #[test]
+    fn the_columns_are_aligned_whatever_the_values() {
+        let text = shown(8, Some(Selection::Greedy));
+        assert!(text.starts_with("return 97.5 +- "), "{text}");
+        assert!(text.contains("(+-: half of a 95 % interval over 2 episodes; greedy policies)"), "{text}");
+        let lines: Vec<&str> = text.lines().skip_while(|line| !line.contains("stuck")).collect();
+        assert_eq!(lines.len(), 9, "{text}");
+        assert!(lines.iter().all(|line| line.len() == lines[0].len()), "{text}");
+    }
+
+    #[test]
+    fn of_many_agents_the_worst_are_shown() {
+        let text = shown(20, None);
+        assert!(
+            text.contains("20 agents: returns from 82.0 to 101.0, 0 stuck\nthe 5 with the lowest return"),
+            "{text}"
+        );
+        let shown: Vec<&str> = text.lines().filter_map(|line| line.strip_prefix("agent ")?.split(' ').next()).collect();
+        assert_eq!(shown, ["19", "18", "17", "16", "15"]);
+    }
 }

@@ -32,6 +32,9 @@ pub struct RunJson {
     pub scenario: Option<Scenario>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seed: Option<u64>,
+    /// Number of workers that was last asked for. A resume uses it again.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub workers: Option<usize>,
     /// Build that the run was begun with.
     pub versions: Versions,
     /// Keys of other versions of this program. They are kept unchanged.

@@ -25,7 +25,7 @@ use crate::outside::{Directory, temporary_dir};
 use crate::records::checkpoint::owner::Owner;
 use crate::records::run_log::{Layouts, RunLog};
 use crate::terminal::measuring::BenchProgress;
-use crate::terminal::{answer, json as in_json, tell};
+use crate::terminal::{answer, counted, json as in_json, tell};
 use crate::training::observer::Interrupted;
 
 /// Time for measuring matrix products at peak speed.
@@ -46,6 +46,8 @@ pub fn bench(args: &cli::BenchArgs) -> Result<()> {
     let most = args.workers.unwrap_or_else(cores);
     allow_open_files(most, 1, "--workers").map_err(Error::Usage)?;
     let progress = Rc::new(BenchProgress::new().map_err(Error::Run)?);
+    let fleets = counted(doubling(most).len(), "fleet");
+    tell(format_args!("measuring {fleets} for about {} s each; making them ready takes time on top", args.seconds));
     let peak = Peak::measure(PEAK_TIME);
     let mut costs = Vec::new();
     let mut interrupted = false;
@@ -112,10 +114,10 @@ fn doubling(most: usize) -> Vec<usize> {
 
 fn as_text(args: &cli::BenchArgs, config: &Config, domain: &dyn Domain, peak: Peak, costs: &[Costs]) -> String {
     format!(
-        "{}: {} agents, {} timesteps each; about {} s per column\n\
+        "{}: {}, {} timesteps each; about {} s per column\n\
          one core: {:.0} GFLOP/s in matrix products at peak (1024 x 1024 x 1024, f32{})\n\n{}",
         args.config.display(),
-        domain.agents(),
+        counted(domain.agents(), "agent"),
         config.last_step(),
         args.seconds,
         peak.ours / 1e9,

@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
-use anyhow::{Result, ensure};
+use anyhow::Result;
 
-use super::{outputs, places};
+use super::outputs;
+use super::places::{self, Existing};
 use crate::evaluation::Finding;
 use crate::evaluation::csv::{Lines, by_agent, by_episode};
 use crate::outside::Directory;
@@ -19,18 +20,13 @@ pub struct CsvFiles {
 }
 
 impl CsvFiles {
-    /// Makes the directory. If one of the files exists or cannot be written, this is an error.
-    pub fn create(dir: &Path) -> Result<CsvFiles> {
+    /// Makes the directory. If one of the files exists, `existing` says what becomes of it.
+    pub fn create(dir: &Path, existing: Existing) -> Result<CsvFiles> {
         let names = ["episodes.csv", "agents.csv"];
-        for file in names.map(|name| dir.join(name)) {
-            outputs::check_not_of_a_run("--csv", &file)?;
-            ensure!(
-                places::is_free(&file),
-                "{}: exists already; move it away or name another directory",
-                file.display()
-            );
-        }
+        let paths = names.map(|name| dir.join(name));
+        paths.iter().try_for_each(|file| outputs::check_free(file, "--csv", existing))?;
         outputs::check_writable(dir)?;
+        paths.iter().try_for_each(|file| places::clear(file, existing))?;
         let [episodes, agents] = names.map(|name| GrowingFile::new(name, Mark::default()));
         Ok(CsvFiles { directory: Directory::open(dir)?, episodes, agents })
     }

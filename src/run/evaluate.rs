@@ -7,6 +7,7 @@ use super::csv_files::CsvFiles;
 use super::directory;
 use super::domain;
 use super::outputs;
+use super::places::Existing;
 use super::plot::Plots;
 use super::render::render;
 use super::subject::{Background, Subject};
@@ -93,7 +94,12 @@ impl<'a> Session<'a> {
     /// Checks all subjects and all output places before anything plays.
     fn prepare(&self, subjects: &[Subject]) -> Result<Option<CsvFiles>> {
         self.check(subjects).map_err(Error::Usage)?;
-        self.output.csv.as_deref().map(CsvFiles::create).transpose().map_err(Error::Usage)
+        let csv = self.output.csv.as_deref().map(|dir| CsvFiles::create(dir, self.existing()));
+        csv.transpose().map_err(Error::Usage)
+    }
+
+    fn existing(&self) -> Existing {
+        Existing::of_named(self.output.force)
     }
 
     fn check(&self, subjects: &[Subject]) -> anyhow::Result<()> {
@@ -101,7 +107,7 @@ impl<'a> Session<'a> {
             subject.check(self.domain)?;
             ensure!(!subjects[..number].contains(subject), "--compare: `{}` is named twice", subject.label());
         }
-        self.output.render.as_deref().map_or(Ok(()), |dir| outputs::check_free(dir, "--render"))
+        self.output.render.as_deref().map_or(Ok(()), |dir| outputs::check_free(dir, "--render", self.existing()))
     }
 
     /// Lets all subjects play the same episodes, one subject after the other.
@@ -112,7 +118,7 @@ impl<'a> Session<'a> {
             let Baseline { mut simulator, mut controller } = subject.open(self.domain).map_err(Error::Usage)?;
             let (simulator, controller) = (&mut *simulator, &mut *controller);
             if let Some(dir) = &self.output.render {
-                render(simulator, controller, Seed::new(self.seed), dir).map_err(Error::Usage)?;
+                render(simulator, controller, Seed::new(self.seed), dir, self.existing()).map_err(Error::Usage)?;
             }
             let progress = &mut |done| bar.set(number * self.episodes + done);
             let played = simulator

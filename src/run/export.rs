@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use anyhow::ensure;
 
 use super::directory;
-use super::outputs::check_not_of_a_run;
+use super::outputs;
+use super::places::{self, Existing};
 use super::python::to_load;
 use crate::cli;
 use crate::config::PolicyConfig;
@@ -19,9 +20,10 @@ use crate::terminal::answer;
 pub fn export(args: &cli::ExportArgs) -> Result<()> {
     check_script().map_err(Error::Usage)?;
     let run = directory::open(&args.run_dir).map_err(Error::Usage)?;
+    let existing = Existing::of_named(args.force);
     let files = files_of(&args.out, run.domain.kinds());
-    files.iter().try_for_each(|file| check_free(file, args.force)).map_err(Error::Usage)?;
-    write_scripts(run.domain.kinds(), &run.config.policy, &run.policies, &files).map_err(Error::Usage)?;
+    files.iter().try_for_each(|file| check_free(file, existing)).map_err(Error::Usage)?;
+    write_scripts(run.domain.kinds(), &run.config.policy, &run.policies, &files, existing).map_err(Error::Usage)?;
     let of_kinds = run.domain.kinds().iter().zip(&files);
     let told: Vec<String> = of_kinds.map(|(kind, file)| how_to_use(file, kind, &run.config.policy)).collect();
     answer(told.join("\n")).map_err(Error::Run)
@@ -51,23 +53,25 @@ fn write_scripts(
     config: &PolicyConfig,
     policies: &JointPolicy,
     files: &[PathBuf],
+    existing: Existing,
 ) -> anyhow::Result<()> {
     for (kind, file) in kinds.iter().zip(files) {
         let mut stack = PolicyStack::blank(kind.agents.len(), &kind.spec, config);
         stack.load(&policies.pick(kind.agents.iter().map(|agent| agent.0)).into_rows());
-        write_whole_with(file, |beside| stack.write_script(beside))?;
+        write_whole_with(file, |beside| {
+            stack.write_script(beside)?;
+            places::clear(file, existing)
+        })?;
     }
     Ok(())
 }
 
-fn check_free(file: &Path, force: bool) -> anyhow::Result<()> {
+fn check_free(file: &Path, existing: Existing) -> anyhow::Result<()> {
     let out = file.display();
     ensure!(!file.is_dir(), "{out}: is a directory; name a file with --out, such as policies.pt");
     let folder = folder_of(file);
     ensure!(folder.is_dir(), "{out}: there is no directory {}; make it first", folder.display());
-    check_not_of_a_run("--out", file)?;
-    ensure!(force || !file.exists(), "{out}: exists already; name another file, or add --force to overwrite it");
-    Ok(())
+    outputs::check_free(file, "--out", existing)
 }
 
 fn how_to_use(file: &Path, kind: &Kind, config: &PolicyConfig) -> String {
@@ -127,7 +131,7 @@ mod tests {
         (0..4).for_each(|agent| policies.push(row(agent)));
         let dir = tempfile::tempdir().unwrap();
         let files = files_of(&dir.path().join("policies.pt"), domain.kinds());
-        write_scripts(domain.kinds(), &config.policy, &policies, &files).unwrap();
+        write_scripts(domain.kinds(), &config.policy, &policies, &files, Existing::Refuse).unwrap();
         let shown = Seed::new(1);
         for ((kind, stack), file) in domain.kinds().iter().zip(&stacks).zip(&files) {
             let mut gs = domain.global_simulator().unwrap();

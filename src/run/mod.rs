@@ -7,8 +7,8 @@
 //! - `nets`: SUMO networks, made and inspected (`inspect`). `info`: versions.
 //! - `trial`: files that might crash a simulator, tried in a child process; also the hidden command of that child.
 //! - `domain`: finds the domain that a config names. Only this file knows all domains.
-//! - `directory`: makes and opens run directories. `places`: makes any directory whole or not at all. `outputs`: checks
-//!   output paths.
+//! - `directory`: makes and opens run directories. `run_name`: their default names. `places`: makes any directory whole
+//!   or not at all. `outputs`: checks output paths.
 //! - `build`: the program, libraries and machine that compute a run.
 //! - `subject`: what `evaluate` and `baseline` play. `cast`: the players of the episode that `replay` records.
 //! - One flag each: `csv_files` (`--csv`), `plot` and `render` (pictures), `tune` (lights that go by the clock), `video` (films).
@@ -36,6 +36,7 @@ mod python;
 mod render;
 mod replay;
 mod report;
+mod run_name;
 mod subject;
 mod team;
 mod train;

@@ -27,8 +27,8 @@ pub fn nets(args: &NetsCommand) -> Result<()> {
         }
         NetsCommand::Local { out } => write_local(out),
         NetsCommand::Cut { file, light, hops, out } => cut(file, light, usize::from(*hops), out),
-        NetsCommand::Inspect { file, agents, json, plot } => {
-            return inspect(file, agents.as_deref(), *json, plot.as_deref());
+        NetsCommand::Inspect { file, agents, json, plot, force } => {
+            return inspect(file, agents.as_deref(), *json, plot.as_deref(), *force);
         }
     };
     let files = written.map_err(Error::Usage)?;

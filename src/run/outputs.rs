@@ -7,15 +7,19 @@ use std::path::{Component, Path, PathBuf};
 use anyhow::{Context, Result, bail, ensure};
 
 use super::experiment::LOGS;
-use super::places::is_free;
+use super::places::{Existing, is_free};
 use crate::outside::folder_of;
 use crate::records::files;
 use crate::report::find::{BASELINES, PLAN};
 
-/// Checks that nothing is at `path`, where `option` will make a directory, and that no run may use the name.
-pub fn check_free(path: &Path, option: &str) -> Result<()> {
-    ensure!(is_free(path), "{}: exists already; name another directory with {option}", path.display());
-    check_not_of_a_run(option, path)
+/// Checks that `option` may make `path` anew, and that this takes no name from a run.
+pub fn check_free(path: &Path, option: &str, existing: Existing) -> Result<()> {
+    ensure!(
+        existing != Existing::Refuse || is_free(path),
+        "{}: exists already; name another place with {option}, or move it aside with --force",
+        path.display()
+    );
+    check_not_a_run(option, path)
 }
 
 /// Makes the directory if there is none, and checks that a file can be made in it.

@@ -24,6 +24,13 @@ pub enum Existing {
     Number,
 }
 
+impl Existing {
+    /// Returns the rule for a path that the user has named. `force`: whether `--force` was given.
+    pub fn of_named(force: bool) -> Existing {
+        if force { Existing::MoveAside } else { Existing::Refuse }
+    }
+}
+
 /// Returns the path at which [`make`] will make a directory. With `Existing::Refuse` an existing path is an error.
 pub fn place(path: &Path, existing: Existing) -> Result<PathBuf> {
     // `..` and `/` have no name that a number could be added to.
@@ -100,6 +107,14 @@ pub fn move_aside(path: &Path) -> Result<PathBuf> {
             return Ok(aside);
         }
     }
+}
+
+/// Moves what is at `path` aside and says so, if `existing` asks for it.
+pub fn clear(path: &Path, existing: Existing) -> Result<()> {
+    if existing == Existing::MoveAside && !is_free(path) {
+        tell_moved(path, &move_aside(path)?);
+    }
+    Ok(())
 }
 
 /// Moves what was moved aside back to its place, unless another process has taken the place.

@@ -22,6 +22,7 @@ use crate::traffic::sim::trace::trace;
 /// The recording and the output directory of `--plot`. The pictures are drawn after the episodes.
 pub struct Plots {
     dir: PathBuf,
+    existing: Existing,
     tape: Tape,
     /// Domain whose first episode is recorded on `tape`.
     traffic: Traffic,
@@ -35,13 +36,14 @@ impl Plots {
     /// Checks that pictures can be made, before long work begins. `None`: the option was not given.
     pub fn asked_for(output: &OutputArgs, config: &Config) -> Result<Option<Plots>> {
         let Some(dir) = &output.plot else { return Ok(None) };
-        outputs::check_free(dir, "--plot")?;
+        let existing = Existing::of_named(output.force);
+        outputs::check_free(dir, "--plot", existing)?;
         let tape = Tape::default();
         let traffic = domain::open_recorded(config, &tape).context("--plot: nothing can be drawn")?;
         let route = output.route.as_deref().map(|edges| traffic.route(edges)).transpose().context("--route")?;
         let seconds = output.seconds.clone();
         seconds.iter().try_for_each(|seconds| check_seconds(seconds, traffic.seconds()))?;
-        Ok(Some(Plots { dir: dir.clone(), tape, traffic, route, seconds }))
+        Ok(Some(Plots { dir: dir.clone(), existing, tape, traffic, route, seconds }))
     }
 
     /// Returns the domain to play the episodes on.
@@ -67,7 +69,7 @@ impl Plots {
             }
             None => tell(format_args!("note: no car entered, so there is no space_time.svg")),
         }
-        places::make(&self.dir, Existing::Refuse, |dir| {
+        places::make(&self.dir, self.existing, |dir| {
             pictures.iter().try_for_each(|(name, svg)| dir.put(name, svg.file().as_bytes()))
         })?;
         let names: Vec<&str> = pictures.iter().map(|(name, _)| *name).collect();

@@ -10,7 +10,7 @@ use crate::domain::{Controller, GlobalSimulator};
 use crate::evaluation::{episode_seed, play_watched};
 use crate::film::scenes;
 
-/// Plays the first evaluation episode of the seed `run` and draws it into the new directory `dir`.
+/// Plays the first evaluation episode of the seed `run` and draws it into the directory `dir`, which is made anew.
 ///
 /// The files are `step_NNN.svg` for every step, and `episode.gif`.
 pub fn render(
@@ -18,6 +18,7 @@ pub fn render(
     controller: &mut dyn Controller,
     run: Seed,
     dir: &Path,
+    existing: Existing,
 ) -> Result<()> {
     if simulator.scene().is_none() {
         bail!("--render: this domain draws no pictures; try --plot, or `replay` for sumo-gui");
@@ -27,7 +28,7 @@ pub fn render(
         drawn.push(simulator.scene().context("the domain drew no picture of a step")?);
         Ok(())
     })?;
-    places::make(dir, Existing::Refuse, |dir| scenes::write(&drawn, dir))
+    places::make(dir, existing, |dir| scenes::write(&drawn, dir))
         .with_context(|| format!("{}: cannot be written", dir.display()))
         .map(drop)
 }

@@ -15,7 +15,7 @@ use crate::traffic::sim::recorded_roads::{RecordedGrid, RecordedGround};
 use crate::traffic::sim::replay::{self, Snapshot, view};
 
 pub fn replay(args: &cli::ReplayArgs) -> crate::error::Result<()> {
-    let existing = if args.force { Existing::MoveAside } else { Existing::Refuse };
+    let existing = Existing::of_named(args.force);
     check_not_a_run("--out", &args.out).map_err(Error::Usage)?;
     let dir = places::place(&args.out, existing).map_err(Error::Usage)?;
     check_apart(&[("--out", Some(&args.out)), ("--video", args.video.as_deref())]).map_err(Error::Usage)?;

@@ -6,10 +6,10 @@ use crate::cli;
 use crate::error::{Error, Result};
 use crate::outside::{Directory, Printable, quoted};
 use crate::report::{self, MARKDOWN, PAGE};
-use crate::terminal::{answer, tell};
+use crate::terminal::{answer, counted, tell};
 
 pub fn report(args: &cli::ReportArgs) -> Result<()> {
-    let existing = if args.force { Existing::MoveAside } else { Existing::Refuse };
+    let existing = Existing::of_named(args.force);
     check_not_a_run("--out", &args.out).map_err(Error::Usage)?;
     let out = places::place(&args.out, existing).map_err(Error::Usage)?;
     let report = report::report(&args.folders).map_err(Error::Usage)?;
@@ -18,6 +18,7 @@ pub fn report(args: &cli::ReportArgs) -> Result<()> {
     report.warnings.iter().for_each(|warning| tell(format_args!("warning: {}", Printable(warning))));
     let (page, markdown) = (out.join(PAGE), out.join(MARKDOWN));
     let (runs, groups) = (report.runs, report.groups);
-    let told = format!("{runs} runs in {groups} groups; open {} or read {}", quoted(&page), quoted(&markdown));
+    let (runs, groups) = (counted(runs, "run"), counted(groups, "group"));
+    let told = format!("{runs} in {groups}; open {} or read {}", quoted(&page), quoted(&markdown));
     answer(told).map_err(Error::Run)
 }

@@ -1,38 +1,40 @@
 //! `train`: trains the policies of all agents and writes a run directory.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
-use anyhow::anyhow;
+use anyhow::{anyhow, ensure};
 use clap::ValueEnum;
 
 use super::build::{other_build, record_resume};
 use super::directory;
 use super::domain;
 use super::places::Existing;
+use super::run_name::default_dir;
 use super::team::{Plan, Team};
 use crate::cli;
-use crate::config::{Config, load};
+use crate::config::resume::with_end;
+use crate::config::{Config, LARGEST_FILE as LARGEST_CONFIG, load};
 use crate::domain::Domain;
 use crate::error::{Error, Result};
 use crate::machine::allow_open_files;
-use crate::outside::{Directory, Whereabouts, quoted};
+use crate::outside::{Directory, Whereabouts, quoted, read_text};
 use crate::records::checkpoint::owner::{NotOfThisRun, Owner};
 use crate::records::files;
 use crate::records::resume_point::{NothingFits, ResumePoint};
-use crate::records::run_json::Versions;
+use crate::records::run_json::{RunJson, Versions};
 use crate::records::run_log::{Layouts, RunLog};
 use crate::terminal::training::Progress;
-use crate::terminal::{answer, program, tell};
+use crate::terminal::{answer, counted, program, tell};
 use crate::training::dials;
 use crate::training::observer::Interrupted;
 use crate::training::standing::Standing;
 
 pub fn train(args: &cli::TrainArgs) -> Result<()> {
     let Some(team) = Team::join(args)? else { return Ok(()) };
-    let asked = team.asked(args);
+    let asked = team.asked(args).or_else(|| remembered(args));
     let wanted = asked.as_ref().map(|(workers, _)| *workers);
     let run = match (&args.resume, &args.config) {
         (Some(dir), _) => resume(args, dir, wanted)?,
@@ -40,6 +42,8 @@ pub fn train(args: &cli::TrainArgs) -> Result<()> {
         (None, None) => unreachable!("clap asks for one of them"),
     };
     let workers = run.workers(asked);
+    remember(&run.directory, args.workers).map_err(Error::Run)?;
+    tell(run.plan(workers).map_err(Error::Run)?);
     let patience = Duration::from_secs(args.patience);
     let (directory, config, domain) = (run.directory.clone(), run.config.clone(), run.domain.clone());
     let outcome = run.train(team, workers, patience);
@@ -99,16 +103,27 @@ fn begin(args: &cli::TrainArgs, config_path: &Path, wanted: Option<usize>) -> Re
         (false, Some(_)) => Existing::Refuse,
         (false, None) => Existing::Number,
     };
-    let dir = args.out.clone().unwrap_or_else(|| default_dir(config_path, &config));
+    let dir = args.out.clone().unwrap_or_else(|| default_dir(config_path, &config, &args.settings));
     let directory = directory::create(&dir, existing, &config).map_err(Error::Usage)?;
     // Use the networks of the run directory from here on, because the original ones may just have been moved aside.
     open(directory, domain::open_tried)
 }
 
-/// Opens a run to continue it. `wanted`: number of workers that was asked for.
+/// Opens a run to continue it, to another end if `--steps` says so. `wanted`: number of workers that was asked for.
 fn resume(args: &cli::TrainArgs, dir: &Path, wanted: Option<usize>) -> Result<Run> {
     directory::check(dir).map_err(Error::Usage)?;
-    let run = open(Directory::lock(dir).map_err(Error::Run)?, domain::open)?;
+    let directory = Directory::lock(dir).map_err(Error::Run)?;
+    let before = args.steps.map(|steps| end_at(&directory, steps)).transpose().map_err(Error::Usage)?;
+    resume_locked(args, dir, directory.clone(), wanted).inspect_err(|_| {
+        // A refused end leaves the run as it was.
+        if let Some(Err(error)) = before.map(|before| directory.write(files::CONFIG, before.as_bytes())) {
+            tell(format_args!("warning: {error:#}"));
+        }
+    })
+}
+
+fn resume_locked(args: &cli::TrainArgs, dir: &Path, directory: Directory, wanted: Option<usize>) -> Result<Run> {
+    let run = open(directory, domain::open)?;
     allow_workers(workers(wanted, &run.config, run.domain.agents()))?;
     let width = run.config.numerics.vector_width;
     let other_build = other_build(dir, width, args.accept_other_build).map_err(Error::Usage)?;
@@ -151,6 +166,22 @@ impl Run {
         asked.min(most)
     }
 
+    /// Returns a line that says what this run is and what it will do.
+    fn plan(&self, workers: usize) -> anyhow::Result<String> {
+        let Run { directory, config, domain, .. } = self;
+        let at = if workers == 0 { "this process".to_owned() } else { counted(workers, "worker") };
+        let begins = if self.resumed.is_some() { "resuming" } else { "training" };
+        Ok(format!(
+            "{begins} {}: {}, simulator {}, {at}\n  up to step {} per agent, into {}\n  \
+             sampled policies; +-: half of a 95 % interval over an evaluation's episodes",
+            domain.scenario()?.id.word(),
+            counted(domain.agents(), "agent"),
+            config.simulator.name(),
+            config.last_step(),
+            directory.path().display()
+        ))
+    }
+
     fn train(self, team: Team, workers: usize, patience: Duration) -> anyhow::Result<()> {
         let Run { directory, config, domain, owner, resumed, other_build } = self;
         let (dir, config) = (directory.path(), &config);
@@ -173,6 +204,34 @@ impl Run {
         progress.finish();
         outcome
     }
+}
+
+/// Returns the number of workers that a run was begun with, if it was asked for then.
+fn remembered(args: &cli::TrainArgs) -> Option<(usize, String)> {
+    let workers = RunJson::read_if_there(args.resume.as_deref()?).ok()?.workers?;
+    Some((workers, format!("--workers {workers}, as before")))
+}
+
+/// Writes the number of workers that was asked for into `run.json`, so that a resume uses it again.
+fn remember(directory: &Directory, workers: Option<usize>) -> anyhow::Result<()> {
+    let Some(workers) = workers else { return Ok(()) };
+    let run = RunJson::read_if_there(directory.path())?;
+    if run.workers == Some(workers) { Ok(()) } else { RunJson { workers: Some(workers), ..run }.write(directory) }
+}
+
+/// Makes the run end at step `steps`, by its config. Returns the text of the config before.
+fn end_at(directory: &Directory, steps: u64) -> anyhow::Result<String> {
+    let path = directory.path().join(files::CONFIG);
+    let config = load(&path, &[])?;
+    ensure!(
+        steps <= config.total_steps,
+        "--steps {steps}: this run can go to step {0} only, because its learning rate and clip range have decayed to \
+         nothing there (total_steps = {0}); for a longer one begin a new run with --set total_steps={steps}",
+        config.total_steps
+    );
+    let text = read_text(&path, LARGEST_CONFIG)?;
+    directory.write(files::CONFIG, with_end(&text, steps).as_bytes())?;
+    Ok(text)
 }
 
 /// Returns how many workers to start: not more than have work.
@@ -211,11 +270,6 @@ pub fn settings_with(settings: &[String], simulator: Option<cli::SimulatorName>)
 /// Returns the default number of workers: one per core.
 pub fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
-}
-
-fn default_dir(config_path: &Path, config: &Config) -> PathBuf {
-    let name = config_path.file_stem().unwrap_or_default().to_string_lossy();
-    Path::new("runs").join(format!("{name}-{}-seed{}", config.simulator.name(), config.seed))
 }
 
 /// Returns the last line of a run that was stopped.

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, Result, ensure};
 
-use super::outputs::check_not_a_run;
+use super::outputs::check_free;
 use super::places::{self, Existing};
 use crate::error::{self, Error};
 use crate::film::{Format, Pictures, Replay};
@@ -25,12 +25,7 @@ impl Video {
         let format =
             Format::of(file).with_context(|| format!("--video {}: must end in .gif or .mp4", file.display()))?;
         format.check_tools("--video")?;
-        check_not_a_run("--video", file)?;
-        ensure!(
-            existing != Existing::Refuse || places::is_free(file),
-            "{}: exists already; name another file with --video, or add --force to move it aside",
-            file.display()
-        );
+        check_free(file, "--video", existing)?;
         let folder = folder_of(file);
         ensure!(folder.is_dir(), "{}: there is no such directory for the film; make it first", folder.display());
         Ok(Video { file: file.to_owned(), format, existing })
@@ -56,10 +51,7 @@ impl Video {
         write_whole_with(&self.file, |beside| {
             pictures.join(self.format, beside, stop)?;
             // The new film is complete, so the old one can be moved aside.
-            if self.existing == Existing::MoveAside && !places::is_free(&self.file) {
-                places::tell_moved(&self.file, &places::move_aside(&self.file)?);
-            }
-            Ok(())
+            places::clear(&self.file, self.existing)
         })
     }
 }

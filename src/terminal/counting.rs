@@ -20,7 +20,7 @@ impl EpisodeBar {
     pub fn of(count: usize, things: &str) -> Self {
         // indicatif draws to standard error, and only if that is a terminal.
         let style = ProgressStyle::with_template(&format!(
-            "{{bar:30.cyan/blue}} {{pos}}/{{len}} {things}  {{eta}} left  {{msg}}"
+            "{{bar:20.cyan/blue}} {{pos}}/{{len}} {things}  {{eta}} left  {{wide_msg}}"
         ));
         let bar = ProgressBar::new(count as u64).with_style(style.expect("the template is well-formed"));
         EpisodeBar { bar }

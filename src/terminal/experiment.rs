@@ -53,7 +53,7 @@ impl Display {
     pub fn new(tasks: Vec<Planned>) -> Self {
         let terminal = std::io::stderr().is_terminal();
         let bars = MultiProgress::new();
-        let style = ProgressStyle::with_template("{bar:30.green/blue} {pos} of {len} done  {msg}");
+        let style = ProgressStyle::with_template("{bar:8.green/blue} {pos} of {len} done  {wide_msg}");
         let whole = ProgressBar::new(tasks.len() as u64).with_style(style.expect("the template is well-formed"));
         let whole = bars.add(whole);
         whole.set_position(0);
@@ -79,7 +79,7 @@ impl Display {
 
     pub fn began(&mut self, task: &str) {
         let Some(state) = self.tasks.get_mut(task) else { return };
-        let style = ProgressStyle::with_template("{bar:30.cyan/blue} {percent:>3} %  {prefix}  {msg}");
+        let style = ProgressStyle::with_template("{bar:8.cyan/blue} {percent:>3} %  {prefix}  {wide_msg}");
         let bar = ProgressBar::new(state.steps.max(NO_STEPS)).with_style(style.expect("the template is well-formed"));
         let bar = self.bars.insert_before(&self.whole, bar).with_prefix(Printable(task).to_string());
         bar.set_message("running");

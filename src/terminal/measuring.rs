@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::activity::doing;
-use super::{Wish, stop_on_signals, tell};
+use super::{Wish, counted, stop_on_signals, tell};
 use crate::base::Activity;
 use crate::training::observer::Observer;
 
@@ -25,7 +25,8 @@ pub struct BenchProgress {
 impl BenchProgress {
     /// Starts the display, and listens for Ctrl-C from here on.
     pub fn new() -> anyhow::Result<Self> {
-        let style = ProgressStyle::with_template("{spinner} {elapsed}  {msg}").expect("the template is well-formed");
+        let style =
+            ProgressStyle::with_template("{spinner} {elapsed}  {wide_msg}").expect("the template is well-formed");
         let line = ProgressBar::new_spinner().with_style(style);
         line.set_message("peak speed of matrix products");
         let place = line.clone();
@@ -38,7 +39,7 @@ impl BenchProgress {
 
     /// Shows that the fleet with this number of workers is measured. `most`: the largest number that will be.
     pub fn begin(&self, workers: usize, most: usize) {
-        let fleet = format!("{workers} of {most} workers");
+        let fleet = format!("{workers} of {}", counted(most, "worker"));
         if !stderr().is_terminal() {
             tell(format_args!("measuring with {fleet}"));
         }

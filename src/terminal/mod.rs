@@ -6,11 +6,12 @@
 //! - [`training`], [`measuring`], [`experiment`]: the progress of `train`, `bench` and `experiment`. They show bars on
 //!   a terminal and plain lines elsewhere.
 //! - [`counting`]: a bar for episodes and other things that are counted.
-//! - `activity`, `duration`: activities and durations as text.
+//! - `activity`, `duration`, `counted`: activities, durations and numbers of things as text.
 //!
 //! This room only shows what other rooms hand to it. It starts no work and reads no file.
 
 mod activity;
+mod counted;
 pub mod counting;
 mod duration;
 pub mod experiment;
@@ -20,6 +21,7 @@ mod shell;
 mod stop;
 pub mod training;
 
+pub use counted::counted;
 pub use say::{answer, json, tell};
 pub use shell::{on_the_path, program};
 pub use stop::{Wish, check_stop, stop_on_signals};

@@ -10,8 +10,9 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::activity::doing;
 use super::duration::duration;
-use super::{Wish, stop_on_signals, tell};
+use super::{Wish, counted, stop_on_signals, tell};
 use crate::base::Activity;
+use crate::base::statistics::{Interval, mean};
 use crate::config::Config;
 use crate::evaluation::Evaluation;
 use crate::influence::{AipLoss, FreshLoss};
@@ -65,7 +66,7 @@ impl Progress {
     /// printed after the second.
     pub fn new(config: &Config, agents: usize, last_words: String) -> anyhow::Result<Self> {
         let bar = stderr().is_terminal().then(|| {
-            let style = "{bar:30.cyan/blue} {human_pos}/{human_len} steps  {msg}";
+            let style = "{bar:8.cyan/blue} {percent:>3} %  {wide_msg}";
             let style = ProgressStyle::with_template(style).expect("the template is well-formed");
             ProgressBar::new(config.last_step()).with_style(style)
         });
@@ -104,7 +105,8 @@ impl Progress {
         *self.doing.lock().unwrap_or_else(PoisonError::into_inner) = Some(activity);
     }
 
-    /// Returns a message such as `12345 agent-steps/s, 3 min 20 s left, return 201.2, AIP loss 0.301`.
+    /// Returns a message such as `12345 agent-steps/s, 3 min 20 s left, return 201.2, AIP 0.301`.
+    /// With the bar before it, it fits 80 columns.
     fn message(&self, steps: u64) -> String {
         let rate = self.rate.borrow();
         let mut parts = Vec::new();
@@ -117,7 +119,7 @@ impl Progress {
         }
         let found = self.found.borrow();
         parts.extend(found.mean_return.map(|value| format!("return {value:.1}")));
-        parts.extend(found.aip_loss.map(|value| format!("AIP loss {value:.3}")));
+        parts.extend(found.aip_loss.map(|value| format!("AIP {value:.3}")));
         parts.join(", ")
     }
 }
@@ -173,25 +175,24 @@ impl Observer for Progress {
     fn evaluated(&self, steps: u64, evaluation: &Evaluation) {
         let all = evaluation.of_all();
         let stuck = evaluation.stuck.iter().filter(|&&stuck| stuck).count();
-        let stuck = if stuck > 0 { format!(", {stuck} stuck agents") } else { String::new() };
-        self.say(&format!(
-            "step {steps}: return {:.1} +- {:.1} (standard error), median of the agents {:.1}{stuck}",
-            all.mean, all.std_error, all.median
-        ));
+        let stuck = match stuck {
+            0 => String::new(),
+            stuck => format!("; bad: {stuck} of {} stuck", counted(self.agents, "agent")),
+        };
+        let episodes: Vec<f64> = evaluation.returns.iter().map(mean).collect();
+        let half_width = Interval::of(&episodes).half_width.map_or(String::new(), |width| format!(" +- {width:.1}"));
+        self.say(&format!("step {steps}: return {:.1}{half_width}, median agent {:.1}{stuck}", all.mean, all.median));
         self.found.borrow_mut().mean_return = Some(all.mean);
     }
 
     fn aips_trained(&self, steps: u64, losses: &[AipLoss]) {
-        let mean = |pick: fn(&AipLoss) -> &Vec<f64>| {
+        let mean_of = |pick: fn(&AipLoss) -> &Vec<f64>| {
             let losses: Vec<f64> = losses.iter().flat_map(|loss| pick(loss).iter().copied()).collect();
             losses.iter().sum::<f64>() / losses.len() as f64
         };
         let (before, after, marginals) =
-            (mean(|loss| &loss.held_out[0]), mean(|loss| &loss.held_out[1]), mean(|loss| &loss.marginals));
-        self.say(&format!(
-            "step {steps}: AIP loss on held-out episodes {before:.3} -> {after:.3} \
-             (constant predictor: {marginals:.3}, lower is better)"
-        ));
+            (mean_of(|loss| &loss.held_out[0]), mean_of(|loss| &loss.held_out[1]), mean_of(|loss| &loss.marginals));
+        self.say(&format!("step {steps}: held-out AIP loss {before:.3} -> {after:.3} ({})", judged(after, marginals)));
         self.found.borrow_mut().aip_loss = Some(after);
     }
 
@@ -200,13 +201,11 @@ impl Observer for Progress {
         let grown = match drift.percent() {
             percent if percent.is_finite() => {
                 let worse = if percent < 0.0 { "better" } else { "worse" };
-                format!("; relative to it {:.1} % {worse} than after the last training", percent.abs())
+                format!("\n  relative to them {:.1} % {worse} than after the last training", percent.abs())
             }
             _ => String::new(),
         };
-        self.say(&format!(
-            "  AIP loss on new episodes {loss:.3} (constant predictor: {marginals:.3}, lower is better{grown})"
-        ));
+        self.say(&format!("  AIP loss on new episodes {loss:.3} ({}){grown}", judged(loss, marginals)));
         self.found.borrow_mut().aip_loss = Some(loss);
     }
 
@@ -216,6 +215,14 @@ impl Observer for Progress {
 
     fn stop_requested(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
+    }
+}
+
+/// Says whether an AIP loss is good: a predictor is of use if it is better than constants.
+fn judged(loss: f64, constants: f64) -> String {
+    match loss < constants {
+        true => format!("good: constants have {constants:.3}"),
+        false => format!("bad: constants have {constants:.3}"),
     }
 }
 

@@ -42,18 +42,25 @@ struct Inspected {
     left_out: Vec<String>,
 }
 
-pub fn inspect(path: &Path, agents: Option<&Path>, as_json: bool, plot: Option<&Path>) -> CommandResult<()> {
-    let inspected = prepared(path, agents, plot).map_err(Error::Usage)?;
+pub fn inspect(
+    path: &Path,
+    agents: Option<&Path>,
+    as_json: bool,
+    plot: Option<&Path>,
+    force: bool,
+) -> CommandResult<()> {
+    let existing = Existing::of_named(force);
+    let inspected = prepared(path, agents, plot, existing).map_err(Error::Usage)?;
     let written = if as_json {
         answer(terminal::json(serde_json::to_string_pretty(&json::described(&inspected)).expect("JSON has any text")))
     } else {
         answer(text::described(&inspected).trim_end())
     };
-    written.and_then(|()| plot.map_or(Ok(()), |dir| draw(&inspected, dir))).map_err(Error::Run)
+    written.and_then(|()| plot.map_or(Ok(()), |dir| draw(&inspected, dir, existing))).map_err(Error::Run)
 }
 
-fn prepared(path: &Path, agents: Option<&Path>, plot: Option<&Path>) -> Result<Inspected> {
-    plot.map_or(Ok(()), |dir| outputs::check_free(dir, "--plot"))?;
+fn prepared(path: &Path, agents: Option<&Path>, plot: Option<&Path>, existing: Existing) -> Result<Inspected> {
+    plot.map_or(Ok(()), |dir| outputs::check_free(dir, "--plot", existing))?;
     let Subject { net, roads, departs_on, seconds, left_out } =
         match path.extension().is_some_and(|extension| extension == "sumocfg") {
             true => of_scenario(path)?,
@@ -109,10 +116,10 @@ fn read_overrides(path: &Path) -> Result<Overrides> {
     Overrides::parse(&text).map_err(|error| anyhow!("{}: {error:#}", path.display()))
 }
 
-fn draw(inspected: &Inspected, dir: &Path) -> Result<()> {
+fn draw(inspected: &Inspected, dir: &Path, existing: Existing) -> Result<()> {
     const NAME: &str = "regions.svg";
     let svg = map::drawn(inspected)?;
-    places::make(dir, Existing::Refuse, |staged| staged.put(NAME, svg.file().as_bytes()))?;
+    places::make(dir, existing, |staged| staged.put(NAME, svg.file().as_bytes()))?;
     tell(format_args!("drew {NAME} into {}", dir.display()));
     Ok(())
 }
