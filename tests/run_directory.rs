@@ -371,7 +371,13 @@ fn checkpoints_of_somebody_else_are_not_removed_through_a_link() {
 fn what_killed_writes_left_behind_is_swept_and_nothing_else() {
     let place = Place::new();
     let run = place.train();
-    let ours = ["run/.dials-traffic-new-a1B2c3", "run/checkpoints/.dials-traffic-new-a1B2c3"];
+    // A kill after the newest checkpoint was written leaves the oldest one, which is the fourth.
+    assert_eq!(fs::read_dir(run.join("checkpoints")).unwrap().count(), 3);
+    let ours = [
+        "run/.dials-traffic-new-a1B2c3",
+        "run/checkpoints/.dials-traffic-new-a1B2c3",
+        "run/checkpoints/step_000000000001.safetensors",
+    ];
     let earlier = ["run/.new-a1B2c3", "run/checkpoints/.new-Zz9Zz9"];
     let theirs = ["run/.new-recipe", "run/.dials-traffic-new-notes", "run/checkpoints/best.txt", "run/notes.txt"];
     ours.iter().chain(&theirs).for_each(|name| fs::write(place.path(name), "x").unwrap());

@@ -65,6 +65,9 @@ impl ResumePoint {
                     )
                 };
                 let warning = first.map(goes_on);
+                if newer.is_empty() {
+                    checkpoint::remove_old(&folder)?;
+                }
                 return Ok(ResumePoint { checkpoint: Some(checkpoint), newer, warning });
             };
             first.get_or_insert(misfit);

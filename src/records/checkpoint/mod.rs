@@ -90,6 +90,11 @@ pub fn write(folder: &Directory, owner: &Owner, agents: &AgentsState, progress: 
         let write = |beside: &Path| Ok(safetensors::serialize_to_file(views, Some(metadata), beside)?);
         folder.write_with(&name_of(agents.steps), write)
     })?;
+    remove_old(folder)
+}
+
+/// Removes the checkpoints that are no longer kept. A process that is killed at it leaves some.
+pub fn remove_old(folder: &Directory) -> Result<()> {
     let all = list(folder)?;
     all[..all.len().saturating_sub(KEPT)].iter().try_for_each(|old| folder.remove(old))
 }
@@ -250,6 +255,10 @@ mod tests {
         assert_eq!(names(dir.path()), expected);
         let listed = list(&folder).unwrap();
         assert_eq!(listed, [20_000, 999_999_999_999, 1_000_000_000_000].map(name_of));
+        // Killed after the last checkpoint was written and before the oldest one was removed.
+        std::fs::write(dir.path().join(name_of(10_000)), "old").unwrap();
+        remove_old(&folder).unwrap();
+        assert_eq!(list(&folder).unwrap(), listed);
     }
 
     #[test]
