@@ -63,7 +63,8 @@ fn determined(runs: &Path, name: &Path) -> Vec<u8> {
         // Wall times differ, but no period is missing and none is there twice.
         files::TIMING | files::MEMORY => periods(&bytes).into_bytes(),
         files::EVENTS => bytes.len().to_string().into_bytes(),
-        files::RUN => without("command", &bytes),
+        // How a run was started is its own.
+        files::RUN => without("workers", &without("command", &bytes)),
         // The path of its config is that of its stage.
         _ if file.ends_with(".json") && path.parent().is_some_and(|folder| folder.ends_with("baselines")) => {
             without("config", &bytes)

@@ -18,8 +18,9 @@ use crate::cards::Card;
 use crate::compare::compare;
 use crate::stage::{Domain, FOR_EVER, Process, Stage, path};
 
-/// Seconds that a worker may be silent. One that is only slow and replaced for it changes no file.
-const PATIENCE: u64 = 3;
+/// Seconds that a worker may be silent. One that is only slow and replaced for it changes no file, but three in a row
+/// end a run, and a machine under load is slow.
+const PATIENCE: u64 = 10;
 /// Moments are drawn from this share of an undisturbed run's time.
 pub const SPAN: f64 = 0.6;
 
