@@ -14,6 +14,8 @@ use crate::report::find::{BASELINES, PLAN};
 
 /// Checks that `option` may make `path` anew, and that this takes no name from a run.
 pub fn check_free(path: &Path, option: &str, existing: Existing) -> Result<()> {
+    // First, because --force is no way out of this.
+    check_not_of_a_run(option, path)?;
     ensure!(
         existing != Existing::Refuse || is_free(path),
         "{}: exists already; name another place with {option}, or move it aside with --force",

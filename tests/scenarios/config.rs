@@ -76,7 +76,7 @@ fn what_is_not_simulated_is_listed() {
 #[test]
 fn a_file_of_overrides_that_is_not_there_is_refused() {
     let room = Room::new();
-    let config = room.config(&["traffic.agents=no.toml"]).unwrap();
+    let config = room.config(&[&format!("traffic.agents={}", room.path("no.toml").display())]).unwrap();
     let error = format!("{:#}", SumoScenario::read(&table(config)).unwrap_err());
     assert!(error.contains("/no.toml: cannot be read; traffic.agents names it: No such file"), "{error}");
 }

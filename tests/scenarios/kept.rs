@@ -17,7 +17,7 @@ fn a_copy_holds_plain_names_and_is_the_same_scenario() {
     fs::rename(room.path(CARS), room.path("deep/my cars.xml")).unwrap();
     room.change(SUMOCFG, "cars.rou.xml", &room.path("deep/../deep/my%20cars.xml").display().to_string());
     fs::write(room.path("overrides.toml"), "# nothing yet\n").unwrap();
-    let config = room.config(&["traffic.agents=overrides.toml"]).unwrap();
+    let config = room.config(&[&format!("traffic.agents={}", room.path("overrides.toml").display())]).unwrap();
     let scenario = SumoScenario::read(&table(config.clone())).unwrap();
     let kept = scenario.keep_in(&room.path("run")).unwrap();
     assert_eq!(kept, [Path::new("scenario.sumocfg"), Path::new("agents.toml")]);
