@@ -5,6 +5,9 @@ import re
 from .network import element
 
 YELLOW_S = 3
+ALL_RED_S = 2
+PROGRAM = re.compile(r"(<tlLogic [^>]*>\n)(.*?)(    </tlLogic>)", re.DOTALL)
+PHASE = re.compile(r'duration="(\d+)"\s+state="(\w+)"')
 
 
 def green_state(links, green):
@@ -37,6 +40,32 @@ def program(light, links, greens, offset_s=0, all_red_s=0):
             phases.append((all_red_s, "r" * len(state)))
     rows = [element("phase", {"duration": seconds, "state": state}) for seconds, state in phases]
     return element("tlLogic", {"id": light, "type": "static", "programID": "0", "offset": offset_s}, rows)
+
+
+def with_short_reds(net):
+    """Returns the network without long reds: what netconvert fills a cycle up with goes to the longest greens.
+
+    A phase that is red for all lasts `ALL_RED_S` at most. The cycle stays as long as it was.
+    """
+
+    def shorter(found):
+        head, rows, tail = found.groups()
+        phases = [[int(seconds), state] for seconds, state in PHASE.findall(rows)]
+        spare = 0
+        for phase in phases:
+            if set(phase[1]) == {"r"} and phase[0] > ALL_RED_S:
+                spare += phase[0] - ALL_RED_S
+                phase[0] = ALL_RED_S
+        if spare == 0:
+            return found[0]
+        longest = max(seconds for seconds, _ in phases)
+        greens = [phase for phase in phases if phase[0] == longest]
+        for second in range(spare):
+            greens[second % len(greens)][0] += 1
+        rows = "".join(f'        <phase duration="{seconds}" state="{state}"/>\n' for seconds, state in phases)
+        return head + rows + tail
+
+    return PROGRAM.sub(shorter, net)
 
 
 def with_programs(net, programs):

@@ -3,6 +3,7 @@
 from math import cos, hypot, radians, sin
 
 from .network import Roads
+from .programs import with_short_reds
 from .traffic import QUARTER_S, Dice, route, types, vehicle, write
 from .ways import Ways
 
@@ -181,7 +182,7 @@ def buses(ways):
 def make(folder):
     dice = Dice(SEED)
     made, all_streets = roads(dice)
-    net = made.convert("--tls.default-type", "static", "--tls.layout", "opposites")
+    net = with_short_reds(made.convert("--tls.default-type", "static", "--tls.layout", "opposites"))
     ways = Ways(net)
     trips = sorted([*journeys(ways, all_streets, dice), *buses(ways)], key=lambda trip: trip[0])
     names, rows = {}, []
