@@ -47,6 +47,8 @@ pub enum Command {
     Experiment(ExperimentArgs),
     /// Draw curves, bars and tables of run directories, next to the paper's numbers
     Report(ReportArgs),
+    /// Watch runs while they train, on a page for a browser on this machine
+    Watch(WatchArgs),
     /// Compare two groups of runs: final return with its interval, runtime, steps to a return
     Compare(CompareArgs),
     /// Write an episode as a folder that plain `sumo` and `sumo-gui` can play
@@ -101,6 +103,9 @@ pub struct TrainArgs {
     /// Also write the numbers of the CSV files to a TensorBoard event file
     #[arg(long)]
     pub tensorboard: bool,
+    /// Also show the run live, on a page for a browser on this machine; `watch` shows any run so
+    #[arg(long)]
+    pub dashboard: bool,
     /// Run directory [default: runs/[FOLDER-]CONFIG-SIMULATOR[-KEY=VALUE...]-seedN, numbered if it exists]
     #[arg(long)]
     pub out: Option<PathBuf>,
@@ -302,6 +307,16 @@ pub struct ReportArgs {
     /// If the folder exists, move it aside instead of refusing
     #[arg(long)]
     pub force: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct WatchArgs {
+    /// Run directory, or a folder that contains some, such as that of an experiment
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
+    /// Port on 127.0.0.1; 0: any free one
+    #[arg(long, default_value_t = 0)]
+    pub port: u16,
 }
 
 #[derive(Debug, Args)]

@@ -60,6 +60,7 @@ pub mod experiment;
 pub mod film;
 pub mod fleet;
 pub mod influence;
+pub mod live;
 pub mod machine;
 pub mod nn;
 pub mod outside;

@@ -37,6 +37,7 @@ const OUTSIDE: &[(&str, &[&str])] = &[
     ("plotters", &["drawing", "plot", "report"]),
     ("statrs", &["base"]),
     ("mpi", &["fleet"]),
+    ("tiny_http", &["live"]),
 ];
 
 const TOP: &[&str] = &["run", "cli", "error", "main", "lib"];

@@ -28,7 +28,7 @@ use crate::drawing::{
 
 pub use queues::queues;
 pub use regions_map::{MapRegion, RegionsMap, regions_map};
-pub use returns_map::returns_map;
+pub use returns_map::{means_on_map, returns_map};
 pub use signal_timing::signal_timing;
 pub use space_time::space_time;
 

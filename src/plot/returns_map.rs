@@ -6,7 +6,7 @@ use super::returns_on_net::returns_on_net;
 use super::*;
 use crate::base::Rows;
 use crate::base::statistics::mean;
-use crate::domain::road_trace::{Layout, RoadTrace};
+use crate::domain::road_trace::{Layout, RoadMap, RoadTrace};
 
 /// Length of the map's longer side in pixels, unless its squares would become too small or too large.
 const MAP: i32 = 420;
@@ -26,7 +26,10 @@ impl Returns {
     /// Computes the means of `[episodes, agents]`.
     fn of(returns: &Rows<f64>) -> Returns {
         let of_agent = |agent: usize| mean(&returns.iter().map(|episode| episode[agent]).collect::<Vec<_>>());
-        let means: Vec<f64> = (0..returns.width()).map(of_agent).collect();
+        Returns::of_means((0..returns.width()).map(of_agent).collect())
+    }
+
+    fn of_means(means: Vec<f64>) -> Returns {
         let range = |(low, high): (f64, f64), &value: &f64| (low.min(value), high.max(value));
         let (low, high) = means.iter().fold((f64::MAX, f64::MIN), range);
         Returns { means, low, high }
@@ -55,6 +58,13 @@ pub fn returns_map(trace: &RoadTrace, returns: &Rows<f64>, about: &About) -> Res
         Layout::Grid { rows, columns } => draw_grid(&trace.names, (*rows, *columns), &returns, &title, &line),
         Layout::Map(map) => returns_on_net(map, &trace.names, &returns, &title, &line),
     }
+}
+
+/// Draws these mean returns of the agents `names` at the places of their lights. `line`: what they are of.
+pub fn means_on_map(map: &RoadMap, names: &[String], means: &[f64], line: &str) -> Result<Svg> {
+    let returns = Returns::of_means(means.to_vec());
+    let title = format!("Return per agent: {} on average", returns.written(mean(&returns.means)));
+    returns_on_net(map, names, &returns, &title, line)
 }
 
 /// Draws a square per intersection.

@@ -73,33 +73,7 @@ impl Document {
     /// Writes one HTML page that contains its figures.
     pub fn to_html(&self) -> String {
         let title = escape(&self.title);
-        let mut body = format!("<h1>{title}</h1>\n");
-        for block in &self.blocks {
-            match block {
-                Block::Heading(level, title) => {
-                    let (title, id) = (escape(title), anchor(title));
-                    line(&mut body, format_args!("<h{level} id=\"{id}\">{title}</h{level}>"));
-                }
-                Block::Paragraph(words) => line(&mut body, format_args!("<p>{}</p>", escape(words))),
-                Block::List(items) => {
-                    let items: String = items.iter().map(|item| format!("<li>{}</li>\n", escape(item))).collect();
-                    line(&mut body, format_args!("<ul>\n{items}</ul>"));
-                }
-                Block::Table(table) => table_to_html(&mut body, table),
-                Block::Figure(figure) => {
-                    let caption = escape(&figure.caption);
-                    let svg = figure.svg.inline(&caption);
-                    line(&mut body, format_args!("<figure>\n{svg}<figcaption>{caption}</figcaption>\n</figure>"));
-                }
-                Block::Code(commands) => line(
-                    &mut body,
-                    format_args!(
-                        "<pre>{}</pre>",
-                        commands.iter().map(|command| escape(command)).collect::<Vec<_>>().join("\n")
-                    ),
-                ),
-            }
-        }
+        let body = format!("<h1>{title}</h1>\n{}", to_html(&self.blocks));
         let contents: String = self
             .blocks
             .iter()
@@ -117,7 +91,40 @@ impl Document {
     }
 }
 
-const STYLE: &str = include_str!("page.css");
+/// Writes blocks as HTML, to be put into a page with [`STYLE`].
+pub fn to_html(blocks: &[Block]) -> String {
+    let mut body = String::new();
+    for block in blocks {
+        match block {
+            Block::Heading(level, title) => {
+                let (title, id) = (escape(title), anchor(title));
+                line(&mut body, format_args!("<h{level} id=\"{id}\">{title}</h{level}>"));
+            }
+            Block::Paragraph(words) => line(&mut body, format_args!("<p>{}</p>", escape(words))),
+            Block::List(items) => {
+                let items: String = items.iter().map(|item| format!("<li>{}</li>\n", escape(item))).collect();
+                line(&mut body, format_args!("<ul>\n{items}</ul>"));
+            }
+            Block::Table(table) => table_to_html(&mut body, table),
+            Block::Figure(figure) => {
+                let caption = escape(&figure.caption);
+                let svg = figure.svg.inline(&caption);
+                line(&mut body, format_args!("<figure>\n{svg}<figcaption>{caption}</figcaption>\n</figure>"));
+            }
+            Block::Code(commands) => line(
+                &mut body,
+                format_args!(
+                    "<pre>{}</pre>",
+                    commands.iter().map(|command| escape(command)).collect::<Vec<_>>().join("\n")
+                ),
+            ),
+        }
+    }
+    body
+}
+
+/// Style of all pages.
+pub const STYLE: &str = include_str!("page.css");
 
 fn line(text: &mut String, words: impl std::fmt::Display) {
     writeln!(text, "{words}").expect("a string takes everything");

@@ -18,7 +18,7 @@ pub const PLAN: &str = "plan.json";
 /// Name of the folder in which an experiment keeps the output of `baseline --json`.
 pub const BASELINES: &str = "baselines";
 /// Number of folder levels that are searched.
-const DEPTH: usize = 6;
+pub const DEPTH: usize = 6;
 /// Largest plan or baseline. A plan of 100 000 runs has eight mebibytes.
 const LARGEST_FILE: u64 = 16 << 20;
 

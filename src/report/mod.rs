@@ -33,7 +33,9 @@ use std::path::PathBuf;
 
 use anyhow::{Result, ensure};
 
-use group::Sorted;
+use document::{Block, Figure};
+use find::Found;
+use group::{Comparison, Sorted};
 
 /// Name of the report's HTML page.
 pub const PAGE: &str = "report.html";
@@ -58,10 +60,7 @@ pub struct Report {
 ///
 /// No run there was evaluated and can be read. The error lists the first reasons.
 pub fn report(folders: &[PathBuf]) -> Result<Report> {
-    let found = find::find(folders)?;
-    let missing = found.missing.clone();
-    let Sorted { comparisons, left_out } = group::sort(found)?;
-    let warnings = words::warnings(&comparisons, &missing, &left_out);
+    let (comparisons, warnings) = compared(find::find(folders)?)?;
     ensure!(!comparisons.is_empty(), words::no_run(&names(folders), &warnings));
     let document = sections::document(&comparisons, &warnings)?;
     let mut files = vec![(PAGE.to_owned(), document.to_html()), (MARKDOWN.to_owned(), document.to_markdown())];
@@ -70,6 +69,25 @@ pub fn report(folders: &[PathBuf]) -> Result<Report> {
     let groups = comparisons.iter().flat_map(|comparison| &comparison.groups);
     let runs = groups.clone().map(|group| group.runs.len()).sum();
     Ok(Report { files, runs, groups: groups.count(), warnings })
+}
+
+/// Makes the figures of a report about these runs, and only them. None was evaluated yet: no figures.
+pub fn compared_figures(found: Found) -> Result<Vec<Figure>> {
+    let (comparisons, warnings) = compared(found)?;
+    let blocks = sections::document(&comparisons, &warnings)?.blocks.into_iter();
+    let figure = |block| match block {
+        Block::Figure(figure) => Some(figure),
+        _ => None,
+    };
+    Ok(blocks.filter_map(figure).collect())
+}
+
+/// Compares the runs that were found. Also returns sentences about those that are missing or unfinished.
+fn compared(found: Found) -> Result<(Vec<Comparison>, Vec<String>)> {
+    let missing = found.missing.clone();
+    let Sorted { comparisons, left_out } = group::sort(found)?;
+    let warnings = words::warnings(&comparisons, &missing, &left_out);
+    Ok((comparisons, warnings))
 }
 
 fn names(folders: &[PathBuf]) -> String {

@@ -2,7 +2,7 @@
 //!
 //! - `train`: trains policies and writes a run directory. `team`: where its workers are. `worker`: its worker processes.
 //! - `evaluate`: plays and measures saved policies; also `baseline`, which does so with hand-coded controllers.
-//! - `experiment`: makes all runs of a file. `report`, `compare`: summarise runs. `bench`: measures training speed.
+//! - `experiment`: makes all runs of a file. `report`, `compare`: summarise runs; `watch`: shows them live. `bench`: measures training speed.
 //! - `export`: policies as TorchScript; `python`: paths in lines of Python. `replay`: an episode for sumo-gui.
 //! - `nets`: SUMO networks, made and inspected (`inspect`). `info`: versions.
 //! - `trial`: files that might crash a simulator, tried in a child process; also the hidden command of that child.
@@ -43,6 +43,7 @@ mod train;
 mod trial;
 mod tune;
 mod video;
+mod watch;
 mod worker;
 
 use anyhow::{Context, ensure};
@@ -70,6 +71,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Command::Bench(args) => bench::bench(&args),
         Command::Experiment(args) => team::check_alone("experiment").and_then(|()| experiment::experiment(&args)),
         Command::Report(args) => report::report(&args),
+        Command::Watch(args) => watch::watch(&args),
         Command::Compare(args) => compare::compare(&args),
         Command::Replay(args) => replay::replay(&args),
         Command::Nets(args) => nets::nets(&args),

@@ -14,6 +14,7 @@ use super::domain;
 use super::places::Existing;
 use super::run_name::default_dir;
 use super::team::{Plan, Team};
+use super::watch::Beside;
 use crate::cli;
 use crate::config::resume::with_end;
 use crate::config::{Config, LARGEST_FILE as LARGEST_CONFIG, load};
@@ -45,6 +46,7 @@ pub fn train(args: &cli::TrainArgs) -> Result<()> {
     remember(&run.directory, args.workers).map_err(Error::Run)?;
     tell(run.plan(workers).map_err(Error::Run)?);
     let patience = Duration::from_secs(args.patience);
+    let _view = args.dashboard.then(|| Beside::of(run.directory.path())).transpose().map_err(Error::Run)?;
     let (directory, config, domain) = (run.directory.clone(), run.config.clone(), run.domain.clone());
     let outcome = run.train(team, workers, patience);
     // The path may lead elsewhere by now.

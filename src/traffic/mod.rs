@@ -55,6 +55,7 @@ use anyhow::{Context, Error};
 
 use crate::base::{AgentId, RandomPurpose, Seed};
 use crate::config::{ScenarioConfig, TrafficConfig};
+use crate::domain::road_trace::RoadMap;
 use crate::domain::{
     Baseline, Bystander, Domain, GlobalSimulator, Kind, Kinds, LocalSimulator, Measures, Result, RoughCosts, Scenario,
 };
@@ -72,6 +73,7 @@ use sim::local::LocalTraffic;
 use sim::local_scenario::LocalScenario;
 use sim::recording::Tape;
 use sim::tally::P_SWITCH;
+use sim::trace::road_map;
 use sim::trace::route::Route;
 use sim::visit_tables::VisitTables;
 
@@ -190,6 +192,11 @@ impl Traffic {
     /// Reads the way along which pictures show the cars of a scenario: edges that follow each other, separated by commas.
     pub fn route(&self, edges: &str) -> Result<Route> {
         self.ground.route(edges)
+    }
+
+    /// Returns the map of a scenario. `None`: a grid, which needs none. No simulator is loaded.
+    pub fn road_map(&self) -> Result<Option<RoadMap>> {
+        Ok(road_map(&self.ground.recorded()?))
     }
 
     /// Returns control of all lights by hand-coded control.

@@ -10,9 +10,9 @@ pub mod route;
 
 use anyhow::Result;
 
-use super::recorded_roads::RecordedGround;
+use super::recorded_roads::{RecordedGround, RecordedRoads};
 use super::recording::Recording;
-use crate::domain::road_trace::{Aspect, RoadTrace};
+use crate::domain::road_trace::{Aspect, RoadMap, RoadTrace};
 use crate::traffic::side::Side;
 use route::Route;
 
@@ -24,6 +24,14 @@ pub fn trace(recording: &Recording, route: Option<&Route>) -> Result<RoadTrace> 
     match &recording.roads.ground {
         RecordedGround::Grid(grid) => of_grid::trace(recording, grid.grid),
         RecordedGround::Scenario(scenario) => of_scenario::trace(recording, scenario, route),
+    }
+}
+
+/// Returns the map of a scenario. `None`: a grid, which needs none.
+pub fn road_map(roads: &RecordedRoads) -> Option<RoadMap> {
+    match &roads.ground {
+        RecordedGround::Grid(_) => None,
+        RecordedGround::Scenario(scenario) => Some(of_scenario::road_map(scenario)),
     }
 }
 

@@ -18,28 +18,32 @@ use crate::traffic::sim::recording::Recording;
 
 /// Returns the trace, with a corridor along `route`, or along the route with the most lights.
 pub fn trace(recording: &Recording, scenario: &RecordedScenario, route: Option<&Route>) -> Result<RoadTrace> {
-    let RecordedScenario { agents, roads, files } = scenario;
+    let RecordedScenario { agents, roads, .. } = scenario;
     let most = agents.iter().map(|agent| agent.phases.greens().len()).max().unwrap_or(0);
     let light = |(row, agent): (usize, &AgentPlan)| {
         recording.steps.iter().map(|step| shown(agent, &step.signals[row])).collect()
     };
-    let place = |agent: &AgentPlan| agent.place_m;
-    let map = RoadMap {
-        place: place_of(files.path()),
-        junctions: roads.junctions.iter().map(|junction| junction.shape.clone()).collect(),
-        lanes: roads.lanes_of_cars().map(|lane| roads.lane(lane).shape.clone()).collect(),
-        lights_m: agents.iter().map(place).collect(),
-    };
     let route = route.cloned().or_else(|| Route::with_most_lights(recording, scenario));
     Ok(RoadTrace {
         seconds: 0..recording.steps.len(),
-        layout: Layout::Map(map),
+        layout: Layout::Map(road_map(scenario)),
         names: agents.iter().map(|agent| agent.light.clone()).collect(),
         greens: (0..most).map(|green| format!("green {green}")).collect(),
         lights: agents.iter().enumerate().map(light).collect(),
         approaches: approaches(recording, scenario)?,
         corridors: route.iter().map(|route| corridor(recording, roads, route)).collect::<Result<_>>()?,
     })
+}
+
+/// Returns the roads with the lights of the agents.
+pub fn road_map(scenario: &RecordedScenario) -> RoadMap {
+    let RecordedScenario { agents, roads, files } = scenario;
+    RoadMap {
+        place: place_of(files.path()),
+        junctions: roads.junctions.iter().map(|junction| junction.shape.clone()).collect(),
+        lanes: roads.lanes_of_cars().map(|lane| roads.lane(lane).shape.clone()).collect(),
+        lights_m: agents.iter().map(|agent| agent.place_m).collect(),
+    }
 }
 
 /// Returns the place in words. The copy in a run directory has lost the name that its user knows.

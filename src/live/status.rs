@@ -1,0 +1,127 @@
+//! How far a run is, how fast it goes, and when it will end.
+
+use std::fs;
+use std::time::{Duration, SystemTime};
+
+use crate::outside::Directory;
+use crate::records::files;
+use crate::records::run_record::{RunRecord, Status};
+
+/// What a run is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum State {
+    /// A process is writing it.
+    Running,
+    Finished,
+    /// It is not finished, and no process is writing it.
+    Stopped,
+}
+
+/// The progress of a run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RunStatus {
+    pub state: State,
+    /// Timesteps per agent at the last evaluation.
+    pub steps: u64,
+    /// Timesteps per agent now, if the run goes on at the speed of its last period.
+    pub about_steps: u64,
+    pub last_step: u64,
+    /// Timesteps of all agents per second of the last period, with evaluations and AIPs; `None` before its end.
+    pub agent_steps_per_s: Option<f64>,
+    /// Time until the last step at this speed, for a run that goes on.
+    pub left: Option<Duration>,
+}
+
+impl RunStatus {
+    pub fn of(run: &RunRecord) -> RunStatus {
+        let written = fs::metadata(run.dir.join(files::TIMING)).and_then(|timing| timing.modified()).ok();
+        let idle = written.and_then(|then| SystemTime::now().duration_since(then).ok()).unwrap_or_default();
+        of(run, Directory::is_locked(&run.dir), idle)
+    }
+}
+
+/// `locked`: whether a process is writing the run. `idle`: time since the end of the last period was written.
+fn of(run: &RunRecord, locked: bool, idle: Duration) -> RunStatus {
+    let last_step = run.config.last_step();
+    let (state, steps) = match (run.status(), locked) {
+        (Status::Finished, false) => (State::Finished, last_step),
+        (Status::Finished, true) => (State::Running, last_step),
+        (Status::Unfinished { steps }, true) => (State::Running, steps),
+        (Status::Unfinished { steps }, false) => (State::Stopped, steps),
+        (Status::Empty, true) => (State::Running, 0),
+        (Status::Empty, false) => (State::Stopped, 0),
+    };
+    let steps_per_s = last_period(run);
+    let since = if state == State::Running { idle.as_secs_f64() } else { 0.0 };
+    let about_steps = steps_per_s.map_or(steps, |speed| steps + (speed * since) as u64).min(last_step);
+    let left = steps_per_s.filter(|_| state == State::Running);
+    let left = left.map(|speed| Duration::from_secs_f64((last_step - about_steps) as f64 / speed));
+    let agents = run.scenario.as_ref().map_or(0, |scenario| scenario.id.agents);
+    let agent_steps_per_s = steps_per_s.map(|speed| speed * agents as f64).filter(|_| agents > 0);
+    RunStatus { state, steps, about_steps, last_step, agent_steps_per_s, left }
+}
+
+/// Returns the timesteps per agent and second of the last period that trained.
+fn last_period(run: &RunRecord) -> Option<f64> {
+    let mut ends = run.periods.iter().rev().map(|period| (period.steps, period.elapsed_s));
+    let (steps, elapsed_s) = ends.next()?;
+    // A resumed run counts its seconds from its beginning, as all its periods do.
+    let (before, from_s) = ends.find(|(before, _)| *before < steps).unwrap_or((0, 0.0));
+    let speed = (steps - before) as f64 / (elapsed_s - from_s);
+    (speed.is_finite() && speed > 0.0).then_some(speed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Config;
+    use crate::records::run_record::{EvaluationRecord, PeriodTime, Returns};
+
+    /// A run of 1000 timesteps that was evaluated at these steps, at these seconds.
+    fn run(ends: &[(u64, f64)]) -> RunRecord {
+        let all = Returns { mean: 1.0, median: 1.0, std_error: 0.0, stuck: 0 };
+        let evaluation = |&(steps, _): &(u64, f64)| EvaluationRecord {
+            steps,
+            all,
+            agents: Vec::new(),
+            episodes: None,
+            episode_returns: Vec::new(),
+        };
+        RunRecord {
+            dir: "run".into(),
+            config: Config { total_steps: 1000, ..Config::default() },
+            about: Default::default(),
+            scenario: None,
+            evaluations: ends.iter().map(evaluation).collect(),
+            aip_trainings: Vec::new(),
+            fresh_losses: Vec::new(),
+            periods: ends
+                .iter()
+                .map(|&(steps, elapsed_s)| PeriodTime { steps, elapsed_s, ..PeriodTime::default() })
+                .collect(),
+            memory: None,
+            workers: 1,
+        }
+    }
+
+    #[test]
+    fn a_run_that_is_written_goes_on_at_the_speed_of_its_last_period() {
+        let status = of(&run(&[(100, 10.0), (300, 30.0)]), true, Duration::from_secs(20));
+        assert_eq!((status.state, status.steps, status.about_steps), (State::Running, 300, 500));
+        assert_eq!(status.left, Some(Duration::from_secs(50)));
+        // It cannot have passed its last step.
+        let status = of(&run(&[(100, 10.0), (900, 90.0)]), true, Duration::from_secs(600));
+        assert_eq!((status.about_steps, status.left), (1000, Some(Duration::ZERO)));
+    }
+
+    #[test]
+    fn a_run_that_nobody_writes_stands_still() {
+        let idle = Duration::from_secs(20);
+        let status = of(&run(&[(100, 10.0), (300, 30.0)]), false, idle);
+        assert_eq!((status.state, status.about_steps, status.left), (State::Stopped, 300, None));
+        let status = of(&run(&[(1000, 30.0)]), false, idle);
+        assert_eq!((status.state, status.about_steps, status.left), (State::Finished, 1000, None));
+        let status = of(&run(&[]), true, idle);
+        assert_eq!((status.state, status.about_steps, status.agent_steps_per_s), (State::Running, 0, None));
+    }
+}

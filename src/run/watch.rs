@@ -1,0 +1,87 @@
+//! `watch`: a live view of runs, as a page for a browser on this machine.
+
+use std::collections::BTreeMap;
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+
+use anyhow::{Context, Result as Anyhow, ensure};
+
+use super::END_WITH;
+use super::domain;
+use crate::cli;
+use crate::domain::road_trace::RoadMap;
+use crate::drawing::Svg;
+use crate::error::{Error, Result};
+use crate::live::page::Page;
+use crate::live::server::LiveServer;
+use crate::outside::path_as_text;
+use crate::plot::means_on_map;
+use crate::records::run_record::RunRecord;
+use crate::terminal::{answer, tell};
+
+pub fn watch(args: &cli::WatchArgs) -> Result<()> {
+    check(&args.folder).map_err(Error::Usage)?;
+    let server = LiveServer::new(args.port).map_err(Error::Usage)?;
+    answer(server.address()).map_err(Error::Run)?;
+    let mut maps = BTreeMap::new();
+    let mut page = Page::new(&args.folder, Box::new(move |run| map_of(run, &mut maps)));
+    server.serve(&mut page, &path_as_text(&args.folder)).map_err(Error::Run)
+}
+
+fn check(folder: &Path) -> Anyhow<()> {
+    ensure!(
+        folder.is_dir(),
+        "{}: no such folder; name a run directory, or a folder with some in it, such as runs",
+        folder.display()
+    );
+    Ok(())
+}
+
+/// The map of a network, and the names of its lights.
+type Place = (RoadMap, Vec<String>);
+
+/// Draws the agents of a run on the map of their network. `None`: there is only one, they are in rows, or their
+/// files cannot be read now.
+/// `maps`: the maps of the run directories that were drawn before.
+fn map_of(run: &RunRecord, maps: &mut BTreeMap<PathBuf, Option<Place>>) -> Option<Svg> {
+    let place = maps.entry(run.dir.clone()).or_insert_with(|| place_of(run).ok().flatten());
+    let ((map, names), last) = (place.as_ref()?, run.evaluations.last()?);
+    let means: Vec<f64> = last.agents.iter().map(|agent| agent.mean).collect();
+    let line = format!("last evaluation, step {}", last.steps);
+    (means.len() == names.len() && means.len() > 1).then(|| means_on_map(map, names, &means, &line).ok()).flatten()
+}
+
+fn place_of(run: &RunRecord) -> Anyhow<Option<Place>> {
+    let Some(traffic) = domain::traffic(&run.config)? else { return Ok(None) };
+    let names = traffic.plans().iter().map(|plan| plan.light.clone()).collect();
+    Ok(traffic.road_map()?.map(|map| (map, names)))
+}
+
+/// A live view in a process of its own. It ends when this is dropped, or when this process ends.
+pub struct Beside(Child);
+
+impl Beside {
+    /// Starts `watch` for a run directory, and says where its page is.
+    pub fn of(run: &Path) -> Anyhow<Beside> {
+        let program = std::env::current_exe().context("--dashboard: this program does not know its own path")?;
+        let mut command = Command::new(program);
+        command.args([END_WITH, &std::process::id().to_string(), "watch"]).arg(run);
+        command.stdin(Stdio::null()).stdout(Stdio::piped());
+        let mut view = Beside(command.spawn().context("--dashboard: the live view cannot be started")?);
+        let mut address = String::new();
+        let told = view.0.stdout.take().expect("the output was asked for above");
+        BufReader::new(told).read_line(&mut address).context("--dashboard: the live view says nothing")?;
+        ensure!(!address.is_empty(), "--dashboard: the live view has ended at once");
+        tell(format_args!("watch it at {}", address.trim_end()));
+        Ok(view)
+    }
+}
+
+impl Drop for Beside {
+    fn drop(&mut self) {
+        // It may have ended before.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}

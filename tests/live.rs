@@ -1,0 +1,143 @@
+//! The live view: what it answers, and to whom.
+
+use std::fs;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+
+const CONFIG: &str = "total_steps = 256\n[warehouse]\nagents_per_side = 2\nhorizon = 16\n\
+                      [policy]\nhidden = [16]\n[ppo]\nrollout_steps = 8\n\
+                      [aip]\nhidden = [8]\nretrain_every_steps = 256\ndataset_steps = 64\nbatch = 16\nepochs = 2\n\
+                      [evaluation]\nevery_steps = 128\nepisodes = 2\n";
+
+fn program(folder: &Path, words: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_dials-traffic"));
+    command.current_dir(folder).args(words).stdin(Stdio::null());
+    command
+}
+
+/// Trains a run in `out`.
+fn train(folder: &Path, out: &str) {
+    fs::write(folder.join("c.toml"), CONFIG).unwrap();
+    let output = program(folder, &["train", "c.toml", "--out", out, "--workers", "0"]).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// A live view, which ends with the test.
+struct View {
+    child: Child,
+    /// Host and port, such as `127.0.0.1:4711`.
+    host: String,
+    /// Path of the page, `/TOKEN/`.
+    path: String,
+}
+
+impl View {
+    fn of(folder: &Path, runs: &str) -> View {
+        let mut child = program(folder, &["watch", runs]).stdout(Stdio::piped()).spawn().unwrap();
+        let mut address = String::new();
+        BufReader::new(child.stdout.take().unwrap()).read_line(&mut address).unwrap();
+        let (host, path) = parts(address.trim());
+        View { child, host, path }
+    }
+
+    /// Sends a request and returns the whole answer.
+    fn ask(&self, method: &str, path: &str, host: &str) -> String {
+        let mut stream = TcpStream::connect(&self.host).unwrap();
+        write!(stream, "{method} {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        answer
+    }
+
+    fn get(&self, name: &str) -> String {
+        self.ask("GET", &format!("{}{name}", self.path), &self.host)
+    }
+}
+
+impl Drop for View {
+    fn drop(&mut self) {
+        self.child.kill().unwrap();
+        self.child.wait().unwrap();
+    }
+}
+
+/// Splits an address into host and path.
+fn parts(address: &str) -> (String, String) {
+    let rest = address.strip_prefix("http://").unwrap_or_else(|| panic!("`{address}` is an address"));
+    let (host, path) = rest.split_once('/').unwrap();
+    (host.to_owned(), format!("/{path}"))
+}
+
+#[test]
+fn a_page_shows_the_runs_of_a_folder_and_those_that_come_later() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("runs")).unwrap();
+    train(folder.path(), "runs/first");
+    let view = View::of(folder.path(), "runs");
+    let shell = view.get("");
+    assert!(shell.starts_with("HTTP/1.1 200") && shell.contains("shell.js"), "{shell}");
+    assert!(shell.contains("default-src 'none'"), "{shell}");
+    assert!(view.get("shell.js").contains("fetch(\"now\")"));
+    let now = view.get("now");
+    assert!(now.contains("<td>first</td><td>finished</td><td>256 of 256</td>"), "{now}");
+    assert!(now.contains("Learning curves") && now.contains("Cross-entropy of the AIPs"), "{now}");
+    assert!(!now.contains("<td>second</td>"));
+    train(folder.path(), "runs/second");
+    assert!(view.get("now").contains("<td>second</td>"));
+}
+
+#[test]
+fn only_browsers_on_this_machine_that_know_the_address_get_an_answer() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("runs")).unwrap();
+    let view = View::of(folder.path(), "runs");
+    assert!(view.host.starts_with("127.0.0.1:"));
+    let other = View::of(folder.path(), "runs");
+    assert_ne!(view.path, other.path, "each has a token of its own");
+    for path in ["/", "/now", &other.path, &format!("{}../", view.path), &format!("{}run.json", view.path)] {
+        assert!(view.ask("GET", path, &view.host).starts_with("HTTP/1.1 404"), "{path}");
+    }
+    // A page of another site can make a browser send requests here, but under its own name.
+    assert!(view.ask("GET", &view.path, "evil.example").starts_with("HTTP/1.1 403"));
+    assert!(view.ask("POST", &view.path, &view.host).starts_with("HTTP/1.1 405"));
+    // Nothing has been trained there yet.
+    assert!(view.get("now").contains("holds no run directory"));
+}
+
+#[test]
+fn a_view_beside_a_training_ends_with_it() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("c.toml"), CONFIG.replace("= 256\n[ware", "= 40_000_000\n[ware")).unwrap();
+    let words = ["train", "c.toml", "--out", "run", "--workers", "0", "--dashboard"];
+    let mut training = program(folder.path(), &words).stderr(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(training.stderr.take().unwrap()).lines().map(Result::unwrap);
+    let line = lines.find(|line| line.contains("watch it at ")).unwrap();
+    let (host, path) = parts(line.split_once("watch it at ").unwrap().1);
+    let mut stream = TcpStream::connect(&host).unwrap();
+    write!(stream, "GET {path}now HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).unwrap();
+    assert!(answer.contains("<td>run</td><td>running</td>"), "{answer}");
+    training.kill().unwrap();
+    training.wait().unwrap();
+    // The system ends the view when its parent has ended, but not at the same moment.
+    let gone = |_: &i32| {
+        TcpStream::connect(&host).is_err() || {
+            std::thread::sleep(std::time::Duration::from_millis(20));
+            false
+        }
+    };
+    assert!((0..3000).any(|attempt| gone(&attempt)), "the view is still there after a minute");
+    let run: PathBuf = folder.path().join("run");
+    assert!(run.join("run.json").is_file());
+}
+
+#[test]
+fn a_folder_that_is_not_there_is_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = program(folder.path(), &["watch", "nothing"]).output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("nothing: no such folder"));
+}
