@@ -3,7 +3,7 @@
 use super::{Checked, together};
 use crate::outside::Printable;
 use crate::traffic::fidelity::LightFidelity;
-use crate::traffic::fidelity::agreement::Comparison;
+use crate::traffic::fidelity::agreement::{Agreement, Comparison};
 use crate::traffic::fidelity::doubts::doubt;
 
 /// Largest number of lights that have a line each. Of more, the worst are shown.
@@ -19,10 +19,10 @@ pub fn described(checked: &Checked) -> String {
     let dawdling = sigma.map_or(String::new(), |sigma| format!(", sigma {sigma}"));
     let mut lines = vec![
         format!(
-            "local simulators (LS) beside the global one (GS): random greens, seconds {} to {}{dawdling}",
+            "local simulators (LS) beside the global one (GS): random greens, seconds {} to {} of the episode{dawdling}",
             window.start, window.end
         ),
-        "cells of 10 m with cars: precision and recall of the LS, and its cells as a share of the GS's".to_owned(),
+        "precision and recall of the LS's cells of 10 m with cars, and its number of cells / the GS's".to_owned(),
         String::new(),
     ];
     let is_random = lights.iter().any(|light| light.other_seed.is_some());
@@ -68,38 +68,41 @@ fn worst(lights: &[LightFidelity]) -> Vec<&LightFidelity> {
     sorted
 }
 
+/// Returns the name of a light, shortened if it is long.
 fn name(light: &str) -> String {
-    Printable(light).to_string()
+    let name = Printable(light).to_string();
+    if name.chars().count() <= NAME {
+        return name;
+    }
+    name.chars().take(NAME - 2).chain("..".chars()).collect()
 }
 
 fn head(is_random: bool) -> [String; 2] {
-    let (group, column) = if is_random { ("  two LSs", "  agree") } else { ("", "") };
+    let [group, column] = if is_random { ["  two LSs", "    agree"] } else { [""; 2] };
     [
-        format!("{:NAME$}  true entries        sampled entries{group}  speed m/s   passed /h  waiting", ""),
-        format!("{:NAME$}  prec  rec.  cells   prec  rec.  cells  {column}  GS    LS     GS    LS  cars", "light"),
+        format!("{:NAME$}       true entries      sampled entries{group}    speed m/s     passed/h  waiting", ""),
+        format!("{:NAME$}  prec.  rec. cells    prec.  rec. cells{column}    GS    LS    GS    LS     cars", "light"),
     ]
 }
 
 fn line(light: &str, exact: Comparison, sampled: Comparison, other: Option<Comparison>) -> String {
-    let mut name = name(light);
-    if name.chars().count() > NAME {
-        name = name.chars().take(NAME - 2).chain("..".chars()).collect();
-    }
     let cells = |of: Comparison| {
         let cells = of.cells;
-        format!("{:.3} {:.3} {:5.2}", cells.precision(), cells.recall(), cells.occupancy_ratio())
+        format!("{:5.3} {:5.3} {:5.2}", cells.precision(), cells.recall(), cells.occupancy_ratio())
     };
-    let other = other
-        .map_or(String::new(), |other| format!("  {:7.3}", (other.cells.precision() + other.cells.recall()) / 2.0));
+    let agree = |cells: Agreement| format!("    {:5.3}", (cells.precision() + cells.recall()) / 2.0);
+    let other = other.map_or(String::new(), |other| agree(other.cells));
     let [gs, ls] = sampled.sums;
+    let [speeds, passed] = [[gs.mean_speed_mps(), ls.mean_speed_mps()], [gs.passed_per_h(), ls.passed_per_h()]];
     format!(
-        "{name:NAME$}  {}   {}{other}  {:4.1} {:5.1}  {:5.0} {:5.0}  {:7.1}",
+        "{:NAME$}  {}    {}{other} {:5.1} {:5.1} {:5.0} {:5.0}  {:7.1}",
+        name(light),
         cells(exact),
         cells(sampled),
-        gs.mean_speed_mps(),
-        ls.mean_speed_mps(),
-        gs.passed_per_h(),
-        ls.passed_per_h(),
+        speeds[0],
+        speeds[1],
+        passed[0],
+        passed[1],
         ls.backlog()
     )
 }
