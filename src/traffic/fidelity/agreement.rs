@@ -118,3 +118,31 @@ impl AddAssign for Comparison {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn precision_is_of_the_second_simulator_and_recall_of_the_first() {
+        let cells = Agreement { first: 8, second: 10, both: 6 };
+        assert_eq!([cells.precision(), cells.recall(), cells.occupancy_ratio()], [0.6, 0.75, 1.25]);
+        let nobody = Agreement::default();
+        assert_eq!([nobody.precision(), nobody.recall(), nobody.occupancy_ratio()], [1.0; 3]);
+        let ghosts = Agreement { first: 0, second: 3, both: 0 };
+        assert_eq!([ghosts.precision(), ghosts.recall(), ghosts.occupancy_ratio()], [0.0, 1.0, 3.0]);
+    }
+
+    #[test]
+    fn of_several_lights_cars_add_up_and_seconds_do_not() {
+        let sums = Sums { seconds: 600, car_seconds: 100, speed_sum_mps: 500.0, passed: 30, ..Sums::default() };
+        let waiting = Sums { came: 50, waited: 5, waiting: 60, ..sums };
+        let one = Comparison { cells: Agreement { first: 4, second: 4, both: 1 }, sums: [sums, waiting] };
+        let mut all = one;
+        all += one;
+        assert_eq!(all.cells, Agreement { first: 8, second: 8, both: 2 });
+        let [gs, ls] = all.sums;
+        // 60 cars in 600 s; 120 car-seconds of waiting in 600 s; 10 of 100 cars.
+        assert_eq!([gs.mean_speed_mps(), gs.passed_per_h(), ls.backlog(), ls.waited_share()], [5.0, 360.0, 0.2, 0.1]);
+    }
+}

@@ -83,3 +83,57 @@ fn causes(found: &LightFidelity) -> Vec<String> {
 fn both(cells: Agreement) -> [f64; 2] {
     [cells.precision(), cells.recall()]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::Causes;
+    use super::super::agreement::{Comparison, Sums};
+    use super::*;
+    use crate::base::AgentId;
+
+    fn comparison(first: u64, second: u64, both: u64) -> Comparison {
+        let sums = Sums { seconds: 600, passed: 100, came: 100, ..Sums::default() };
+        Comparison { cells: Agreement { first, second, both }, sums: [sums; 2] }
+    }
+
+    fn light() -> LightFidelity {
+        LightFidelity {
+            agent: AgentId(0),
+            light: "a".to_owned(),
+            true_entries: comparison(100, 100, 90),
+            sampled_entries: comparison(100, 100, 80),
+            other_seed: None,
+            causes: Causes::default(),
+        }
+    }
+
+    #[test]
+    fn a_light_like_the_global_one_raises_no_doubt_whatever_might_spoil_it() {
+        let causes = Causes { spillback: 0.5, short_entries: 1.0 };
+        assert_eq!(doubt(&LightFidelity { causes, ..light() }), None);
+    }
+
+    #[test]
+    fn a_light_that_differs_is_told_with_the_causes_beyond_their_limits() {
+        let mut found = LightFidelity { causes: Causes { spillback: 0.12, short_entries: 0.2 }, ..light() };
+        found.true_entries = comparison(100, 80, 75);
+        found.sampled_entries = comparison(100, 80, 75);
+        found.sampled_entries.sums[1].passed = 130;
+        found.sampled_entries.sums[1].waited = 11;
+        assert_eq!(
+            doubt(&found).unwrap(),
+            "recall 0.75 with true entries (at least 0.80 is fine); cells with cars: 0.80 times as many as in the GS \
+             (0.85 to 1.15 is fine); cars that pass: 1.30 times as many as in the GS (0.9 to 1.1 is fine). Why: \
+             spillback: cars stood at green before a full exit in 12 % of the seconds; 11 % of the cars waited at the \
+             border for room"
+        );
+    }
+
+    #[test]
+    fn where_cars_dawdle_two_local_simulators_are_the_measure() {
+        let apart = LightFidelity { true_entries: comparison(100, 100, 70), ..light() };
+        assert!(doubt(&apart).unwrap().ends_with("Why: no cause was found"));
+        // 0.7 is 82 % of 0.85.
+        assert_eq!(doubt(&LightFidelity { other_seed: Some(comparison(100, 100, 85)), ..apart }), None);
+    }
+}

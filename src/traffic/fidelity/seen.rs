@@ -64,3 +64,56 @@ impl Seen {
         self.second += 1;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sumo::CarId;
+    use crate::traffic::agents::derive::overrides::Overrides;
+    use crate::traffic::agents::derive::{Rules, derive};
+    use crate::traffic::fidelity::agreement::{Agreement, Comparison};
+    use crate::traffic::network::roads::example::{LIGHT_AT_U, roads};
+
+    /// Returns the plan of the light J. Its first approach, near_0, is 50 m long and ends at the stop line.
+    fn plan() -> AgentPlan {
+        derive(&roads(&LIGHT_AT_U), &Rules::default(), &Overrides::default()).unwrap().agents.remove(0).plan
+    }
+
+    /// Notes one second after the other, with cars on the first approach as (number, position, speed).
+    fn seen(plan: &AgentPlan, window: Range<usize>, seconds: &[&[(u64, f64, f64)]]) -> Seen {
+        let mut seen = Seen::new(plan, window);
+        for cars in seconds {
+            let mut lanes = vec![Vec::new(); plan.region.approaches.len()];
+            lanes[0] = cars.iter().map(|&(car, position_m, speed_mps)| (CarId(car), position_m, speed_mps)).collect();
+            let table = CarTable::of(lanes);
+            seen.note(plan, CarsAt::new(&table, 0, table.lanes()), 2);
+        }
+        seen
+    }
+
+    #[test]
+    fn only_the_window_counts_and_a_car_that_leaves_at_its_beginning_has_passed() {
+        let plan = plan();
+        assert_eq!((plan.region.approaches[0].length_m, plan.region.approaches[0].ahead_m), (50.0, 0.0));
+        let seconds: [&[(u64, f64, f64)]; 4] =
+            [&[(1, 48.0, 9.0)], &[(2, 12.0, 4.0), (3, 44.0, 6.0)], &[(2, 16.0, 4.0)], &[]];
+        let found = seen(&plan, 1..3, &seconds);
+        // Counted from the stop line: 38 m and 6 m, then 34 m.
+        let cells = |second: usize| -> Vec<usize> {
+            found.cells[second].iter().enumerate().filter(|(_, car)| **car).map(|(cell, _)| cell).collect()
+        };
+        assert_eq!((found.cells.len(), cells(0), cells(1)), (2, vec![0, 3], vec![3]));
+        let sums = found.sums;
+        assert_eq!((sums.seconds, sums.car_seconds, sums.speed_sum_mps, sums.waiting), (2, 3, 14.0, 4));
+        assert_eq!(sums.passed, 2, "car 1 in the first second of the window, car 3 in the second one");
+    }
+
+    #[test]
+    fn cells_are_compared_second_by_second() {
+        let plan = plan();
+        let one = seen(&plan, 0..2, &[&[(1, 45.0, 0.0)], &[(1, 35.0, 0.0)]]);
+        let other = seen(&plan, 0..2, &[&[(7, 41.0, 0.0), (8, 45.0, 0.0)], &[(7, 41.0, 0.0)]]);
+        let cells = Comparison::of(&one, &other).cells;
+        assert_eq!(cells, Agreement { first: 2, second: 2, both: 1 }, "two cars in a cell are one occupied cell");
+    }
+}
