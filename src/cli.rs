@@ -41,6 +41,8 @@ pub enum Command {
     Export(ExportArgs),
     /// Run a hand-coded controller on the global simulator of a config
     Baseline(BaselineArgs),
+    /// Measure how far the local simulator of each light is like the global one
+    Check(CheckArgs),
     /// Measure training speed, phase by phase, against a lower bound
     Bench(BenchArgs),
     /// Run all experiments of a file in parallel; resumes where it stopped
@@ -184,6 +186,30 @@ pub struct BaselineArgs {
     pub episodes: EpisodesArgs,
     #[command(flatten)]
     pub output: OutputArgs,
+}
+
+#[derive(Debug, Args)]
+pub struct CheckArgs {
+    /// Config file of traffic, or a .sumocfg
+    pub config: PathBuf,
+    /// Light to measure; can be repeated [default: all]
+    #[arg(long = "light", value_name = "ID")]
+    pub lights: Vec<String>,
+    /// How much all cars of a scenario dawdle, from 0 to 1; with 0 nothing is random [default: as their types say]
+    #[arg(long, value_name = "SIGMA", value_parser = sigma)]
+    pub sigma: Option<f64>,
+    /// Second of the episode from which cells are compared [default: 600, or a third of a shorter episode]
+    #[arg(long, value_name = "SECOND", value_parser = RangedU64ValueParser::<usize>::new().range(0..=A_YEAR_S))]
+    pub begin: Option<usize>,
+    /// Number of seconds that are compared [default: 1200, or as many as the episode has]
+    #[arg(long, value_name = "SECONDS", value_parser = RangedU64ValueParser::<usize>::new().range(1..=A_YEAR_S))]
+    pub seconds: Option<usize>,
+    /// Seed of the greens and of SUMO
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Print one JSON object instead of a table
+    #[arg(long)]
+    pub json: bool,
 }
 
 #[derive(Debug, Args)]
@@ -337,6 +363,11 @@ pub struct CompareArgs {
 fn seconds(text: &str) -> Result<Range<usize>, String> {
     let ends = text.split_once(',').and_then(|(from, to)| Some(from.trim().parse().ok()?..to.trim().parse().ok()?));
     ends.filter(|ends| ends.start < ends.end).ok_or_else(|| "must be two seconds, such as 600,1200".to_owned())
+}
+
+fn sigma(text: &str) -> Result<f64, String> {
+    let number = text.parse::<f64>().map_err(|error| error.to_string())?;
+    if (0.0..=1.0).contains(&number) { Ok(number) } else { Err("must be from 0 to 1".to_owned()) }
 }
 
 fn finite(text: &str) -> Result<f64, String> {

@@ -10,7 +10,8 @@ use std::thread;
 use std::time::Duration;
 
 use dials_traffic::sumo::{
-    Car, CarId, CarTable, DepartSpeed, Error, Insertion, LaneId, LightId, RouteId, SignalState, Simulation, StepCounts,
+    Car, CarId, CarTable, DepartSpeed, Entering, Error, Insertion, LaneId, LightId, Placing, RouteId, SignalState,
+    Simulation, StepCounts,
 };
 
 /// The crossroad of the paper's traffic domain: 100 m edges, 10 m/s, straight on only. Lanes 3.2 m wide and a junction
@@ -276,6 +277,35 @@ fn an_inserted_car_is_where_it_was_put_after_one_step_under_its_serial() {
     assert_eq!(cars[1], Car { id: CarId(largest), position_m: 60.0 + (0.1 + 0.2), speed_mps: 1.0 / 3.0 });
     assert_eq!(cars.len(), table.cars());
     assert!(table.lane(1).is_empty() && table.lane(2).is_empty());
+}
+
+#[test]
+fn a_car_is_placed_exactly_also_where_there_is_no_room_and_drives_on() {
+    let mut road = Road::load();
+    let kind = road.simulation.register_types(&names(&["car"])).unwrap()[0];
+    let beside = road.simulation.register_lanes(&names(&["north_in_0"])).unwrap()[0];
+    let west = road.way[0];
+    let mut put = |car: u64, lane: LaneId, position_m: f64, speed_mps: f64| {
+        let insertion = Insertion { car, route: road.route, position_m: 0.0, speed: DepartSpeed::Max };
+        let entering = Entering { insertion, vehicle_type: kind, lane: None, speed_factor: 1.0, end_m: None };
+        road.simulation.enter(&[entering]).unwrap();
+        road.simulation.place(&[Placing { car, lane, position_m, speed_mps }])
+    };
+    // The second one is 1 m behind the first one, where SUMO would let it wait.
+    put(1, west, 50.0, 8.0).unwrap();
+    put(2, west, 44.0, 7.0).unwrap();
+    assert!(matches!(put(3, beside, 10.0, 1.0), Err(Error::Refused { .. })), "that lane is not on its way");
+    assert!(matches!(put(4, west, f64::NAN, 1.0), Err(Error::Insertion { .. })));
+    // Of the four only those wait that have no place.
+    road.simulation.clear_pending().unwrap();
+    let mut cars = CarTable::new();
+    road.simulation.read_lanes(&[west], &mut cars).unwrap();
+    let seen: Vec<(f64, f64)> = cars.lane(0).iter().map(|car| (car.position_m, car.speed_mps)).collect();
+    assert_eq!(seen, [(44.0, 7.0), (50.0, 8.0)]);
+    road.simulation.step().unwrap();
+    road.simulation.read_lanes(&[west], &mut cars).unwrap();
+    assert_eq!(cars.lane(0).ids, [CarId(2), CarId(1)]);
+    assert!(cars.lane(0).positions_m[0] > 44.0 && cars.lane(0).positions_m[1] > 50.0);
 }
 
 #[test]

@@ -58,6 +58,18 @@ pub fn traffic(config: &Config) -> Result<Option<Traffic>> {
     }
 }
 
+/// Returns the traffic domain of a config, like [`traffic`], in which all cars dawdle as much as `sigma` says. Only a
+/// scenario has cars that may.
+pub fn dawdling(config: &Config, sigma: f64) -> Result<Option<Traffic>> {
+    match table(config) {
+        DomainConfig::Scenario(table) => Traffic::open_dawdling(table, sigma).map(Some),
+        DomainConfig::Traffic(_) if sigma != 0.0 => {
+            bail!("--sigma {sigma}: the cars of the paper's grids never dawdle; leave the option out")
+        }
+        _ => traffic(config),
+    }
+}
+
 /// Opens the traffic domain of a config. The first episode that its simulators play is recorded on `tape`.
 pub fn open_recorded(config: &Config, tape: &Tape) -> Result<Traffic> {
     match traffic(config)? {

@@ -4,7 +4,8 @@
 //! - `evaluate`: plays and measures saved policies; also `baseline`, which does so with hand-coded controllers.
 //! - `experiment`: makes all runs of a file. `report`, `compare`: summarise runs; `watch`: shows them live. `bench`: measures training speed.
 //! - `export`: policies as TorchScript; `python`: paths in lines of Python. `replay`: an episode for sumo-gui.
-//! - `nets`: SUMO networks, made and inspected (`inspect`). `info`: versions.
+//! - `nets`: SUMO networks, made and inspected (`inspect`). `check`: local simulators beside the global one.
+//!   `info`: versions.
 //! - `trial`: files that might crash a simulator, tried in a child process; also the hidden command of that child.
 //! - `domain`: finds the domain that a config names. Only this file knows all domains.
 //! - `directory`: makes and opens run directories. `run_name`: their default names. `places`: makes any directory whole
@@ -19,6 +20,7 @@ mod bench;
 mod blas;
 mod build;
 mod cast;
+mod check;
 mod compare;
 mod csv_files;
 mod directory;
@@ -68,6 +70,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Command::Evaluate(args) => evaluate::evaluate(&args),
         Command::Export(args) => export::export(&args),
         Command::Baseline(args) => evaluate::baseline(&args),
+        Command::Check(args) => check::check(&args),
         Command::Bench(args) => bench::bench(&args),
         Command::Experiment(args) => team::check_alone("experiment").and_then(|()| experiment::experiment(&args)),
         Command::Report(args) => report::report(&args),

@@ -11,7 +11,7 @@ use std::slice;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::error::{Error, Result};
-use super::events::{DepartSpeed, Departure, Entering, Insertion, StepCounts};
+use super::events::{DepartSpeed, Departure, Entering, Insertion, Placing, StepCounts};
 use super::ffi;
 use super::ids::{CarId, LaneId, LightId};
 use super::signal::SignalState;
@@ -180,12 +180,25 @@ impl Crossing {
             end: car.end_m.unwrap_or(-1.0),
             route: car.insertion.route.0,
             type_: car.vehicle_type.0,
-            lane: car.lane,
+            lane: car.lane.unwrap_or(u32::MAX),
         };
         let cars: Vec<ffi::ds_entering> = cars.iter().map(entering).collect();
         // SAFETY: we have the turn; pointer and length are those of one vector.
         let code = unsafe { ffi::ds_enter(cars.as_ptr(), cars.len()) };
         check(code, "add a car")
+    }
+
+    pub(super) fn place(&mut self, cars: &[Placing]) -> Result<()> {
+        let placing = |car: &Placing| ffi::ds_placing {
+            car: car.car,
+            position: car.position_m,
+            speed: car.speed_mps,
+            lane: car.lane.0,
+        };
+        let cars: Vec<ffi::ds_placing> = cars.iter().map(placing).collect();
+        // SAFETY: we have the turn; pointer and length are those of one vector.
+        let code = unsafe { ffi::ds_place(cars.as_ptr(), cars.len()) };
+        check(code, "place a car")
     }
 
     pub(super) fn seed_generators(&mut self, first: u32, seeds: &[u32]) -> Result<()> {

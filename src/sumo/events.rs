@@ -1,6 +1,6 @@
 //! Cars that enter, and what happened in a step.
 
-use super::ids::{CarId, RouteId, TypeId};
+use super::ids::{CarId, LaneId, RouteId, TypeId};
 
 /// A car to insert in the next step.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,12 +19,24 @@ pub struct Insertion {
 pub struct Entering {
     pub insertion: Insertion,
     pub vehicle_type: TypeId,
-    /// Index of the lane on the route's first edge.
-    pub lane: u32,
+    /// Index of the lane on the route's first edge. `None`: the first one that it may use.
+    pub lane: Option<u32>,
     /// Desired speed as a share of the limit.
     pub speed_factor: f64,
     /// Position on the route's last edge at which the car has arrived. `None`: its end.
     pub end_m: Option<f64>,
+}
+
+/// The place and speed that a car gets which was to enter, whoever is there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placing {
+    /// Number of the car.
+    pub car: u64,
+    /// Lane of its route, or between two roads of it.
+    pub lane: LaneId,
+    /// Position of the front bumper, from the lane's beginning.
+    pub position_m: f64,
+    pub speed_mps: f64,
 }
 
 /// The speed at which an inserted car begins.

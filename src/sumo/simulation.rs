@@ -2,7 +2,7 @@
 
 use super::call::{self, Crossing, IdKind};
 use super::error::{Error, Result};
-use super::events::{DepartSpeed, Departure, Entering, Insertion, StepCounts};
+use super::events::{DepartSpeed, Departure, Entering, Insertion, Placing, StepCounts};
 use super::ids::{LaneId, LightId, RouteId, TypeId};
 use super::signal::SignalState;
 use super::table::CarTable;
@@ -155,6 +155,14 @@ impl Simulation {
         if cars.is_empty() { Ok(()) } else { self.crossing.enter(cars) }
     }
 
+    /// Puts cars on the road at once, exactly there and as fast, also where SUMO would find no room. They are of those that
+    /// [`enter`](Self::enter) has let wait since the last step.
+    pub fn place(&mut self, cars: &[Placing]) -> Result<()> {
+        self.check_whole()?;
+        cars.iter().try_for_each(check_placing)?;
+        if cars.is_empty() { Ok(()) } else { self.crossing.place(cars) }
+    }
+
     /// Seeds the random generators of lanes, which SUMO numbers from 0 in the order of loading. `first`: the number of
     /// the first one. The simulation must be loaded with `--thread-rngs` of at least the number of lanes.
     pub fn seed_lanes(&mut self, first: u32, seeds: &[u32]) -> Result<()> {
@@ -263,6 +271,17 @@ fn check_entering(entering: &Entering) -> Result<()> {
         Some(end_m) if !is_number(*end_m) => refused(format!("position {end_m} m is not on the road")),
         _ => Ok(()),
     }
+}
+
+fn check_placing(placing: &Placing) -> Result<()> {
+    let refused = |reason: String| Err(Error::Insertion { car: placing.car, reason });
+    if !is_number(placing.position_m) {
+        return refused(format!("position {} m is not on the road", placing.position_m));
+    }
+    if !is_number(placing.speed_mps) {
+        return refused(format!("{} m/s is not a speed", placing.speed_mps));
+    }
+    Ok(())
 }
 
 fn is_number(value: f64) -> bool {

@@ -1,7 +1,7 @@
 //! Arrivals and blocked exits of one region of a scenario: counted on the GS (global simulator) as influence sources, and
 //! remembered for the d-set on either simulator.
 
-use super::agents::border_plan::{BLOCK_M, BorderPlan};
+use super::agents::border_plan::{BLOCK_M, BLOCK_MPS, BorderPlan};
 use crate::sumo::LaneCars;
 
 /// Number of seconds that [`History`] remembers.
@@ -47,10 +47,10 @@ impl SourceCounter {
     }
 }
 
-/// Returns whether the first car of a lane of this length stands near its end.
+/// Returns whether the first car of a lane of this length is near its end and slow.
 pub fn is_blocked(lane: LaneCars<'_>, length_m: f64) -> bool {
-    let first = lane.positions_m.last().zip(lane.standing().last());
-    first.is_some_and(|(position_m, (_, stands))| stands && length_m - position_m <= BLOCK_M)
+    let first = lane.positions_m.last().zip(lane.speeds_mps.last());
+    first.is_some_and(|(position_m, speed_mps)| *speed_mps < BLOCK_MPS && length_m - position_m <= BLOCK_M)
 }
 
 /// The influence sources of the last minute, as the d-set shows them.
@@ -142,14 +142,14 @@ mod tests {
     }
 
     #[test]
-    fn a_lane_is_blocked_by_a_first_car_that_stands_near_its_end() {
+    fn a_lane_is_blocked_by_a_first_car_that_crawls_near_its_end() {
         let blocked = |cars: &[(f64, f64)]| {
             let cars = cars.iter().map(|&(position, speed)| (CarId(0), position, speed)).collect();
             is_blocked(CarTable::of([cars]).lane(0), 100.0)
         };
-        assert!(blocked(&[(50.0, 9.0), (80.0, 0.0)]));
+        assert!(blocked(&[(50.0, 9.0), (80.0, 0.0)]) && blocked(&[(90.0, 1.9)]));
         assert!(!blocked(&[]) && !blocked(&[(79.9, 0.0)]), "20 m before the end at most");
-        assert!(!blocked(&[(90.0, 0.0), (98.0, 1.0)]), "the first car drives");
+        assert!(!blocked(&[(90.0, 0.0), (98.0, 2.0)]), "the first car drives");
     }
 
     #[test]

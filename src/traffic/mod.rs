@@ -9,6 +9,7 @@
 //! - `ground`: what differs between a grid and a scenario.
 //! - [`sim`]: the simulators, their recordings and replays.
 //! - [`controllers`]: hand-coded baselines; [`tuning`]: the search for the best fixed-time lights.
+//! - [`fidelity`]: how far the local simulators are like the global one.
 //!
 //! # Words
 //! - *Agent*: what runs the light of one intersection.
@@ -36,6 +37,7 @@ pub mod cars_at;
 pub mod controllers;
 pub mod cut;
 pub mod d_set;
+pub mod fidelity;
 mod ground;
 pub mod inflow;
 pub mod light;
@@ -67,6 +69,7 @@ use ground::on_grid::OnGrid;
 use ground::on_scenario::OnScenario;
 use paper_grid::grid::Grid;
 use paper_grid::plans::joint_plan;
+use scenario::SumoScenario;
 use sim::control::SignalControl;
 use sim::global::GlobalTraffic;
 use sim::local::LocalTraffic;
@@ -113,13 +116,16 @@ impl Traffic {
     /// Reads a scenario of the user. An error says which file is missing or wrong, and what to do. Cheap, like
     /// [`Traffic::open`].
     pub fn open_scenario(config: &ScenarioConfig) -> Result<Traffic> {
-        let ground = OnScenario::open(config)?;
-        Ok(Traffic {
-            plan: Arc::new(ground.joint_plan()),
-            ground: Arc::new(ground),
-            tape: None,
-            visits: Arc::default(),
-        })
+        Ok(Traffic::on_scenario(OnScenario::open(config)?))
+    }
+
+    /// Reads a scenario of the user, in which all cars dawdle as much as `sigma` says: from 0, never, to 1.
+    pub fn open_dawdling(config: &ScenarioConfig, sigma: f64) -> Result<Traffic> {
+        Ok(Traffic::on_scenario(OnScenario::of(SumoScenario::read(config)?.dawdling(sigma), config)?))
+    }
+
+    fn on_scenario(ground: OnScenario) -> Traffic {
+        Traffic { plan: Arc::new(ground.joint_plan()), ground: Arc::new(ground), tape: None, visits: Arc::default() }
     }
 
     /// Returns the borders of the agents' regions, in their order. A grid of the paper has none.

@@ -52,7 +52,7 @@ pub fn observe(plan: &AgentPlan, cars: CarsAt<'_>, light: LightView, obs: &mut [
 pub(super) const JAM_M: f64 = 7.5;
 
 /// Marks the cells in which cars are, counted from the end of the lane.
-fn occupy(approach: &Approach, lane: LaneCars<'_>, cells: &mut [f32]) {
+pub(super) fn occupy(approach: &Approach, lane: LaneCars<'_>, cells: &mut [f32]) {
     for &position in lane.positions_m {
         let cell = ((approach.length_m - position) / CELL_M) as usize;
         if let Some(bit) = cells.get_mut(cell) {

@@ -10,7 +10,7 @@ use dials_traffic::config::ScenarioConfig;
 use dials_traffic::domain::{Action, Controller, Domain, GlobalSimulator, JointPercept};
 use dials_traffic::influence::Dataset;
 use dials_traffic::traffic::Traffic;
-use dials_traffic::traffic::agents::border_plan::{BLOCK_M, BorderPlan};
+use dials_traffic::traffic::agents::border_plan::{BLOCK_M, BLOCK_MPS, BorderPlan};
 use dials_traffic::traffic::agents::plan::Border;
 use dials_traffic::traffic::controllers::HandCoded;
 use dials_traffic::training::collect::collect_episode;
@@ -113,8 +113,8 @@ fn expected_sources(border: &BorderPlan, seconds: &[Seen]) -> Vec<Vec<u8>> {
                 let lane = &border.lanes[border.exits[exit]];
                 let on_it = cars.values().filter(|(other, ..)| *other == lane.lane);
                 let first = on_it.max_by(|one, other| one.1.total_cmp(&other.1));
-                let stands = first.is_some_and(|(_, at, speed)| *speed < 0.1 && lane.length_m - at <= BLOCK_M);
-                *blocked += usize::from(stands);
+                let crawls = first.is_some_and(|(_, at, speed)| *speed < BLOCK_MPS && lane.length_m - at <= BLOCK_M);
+                *blocked += usize::from(crawls);
             }
         }
         for (exit, blocked) in blocked.into_iter().enumerate() {

@@ -2,10 +2,11 @@
 //!
 //! - `room`: a folder with a scenario to break; `config`: the ways to name one; `broken`: what is refused; `kept`: copies
 //!   and SUMO; `play`: the global simulator; `influence`: what it observes at the borders of regions;
-//!   `local`: local simulators, and training on them.
+//!   `local`: local simulators, and training on them; `fidelity`: how far they are like the global one.
 
 mod broken;
 mod config;
+mod fidelity;
 mod influence;
 mod kept;
 mod local;

@@ -306,17 +306,30 @@ int ds_insert(const struct ds_insertion *cars, size_t count) {
 }
 
 int ds_enter(const struct ds_entering *cars, size_t count) {
-    static const std::string depart = "now", max = "max";
+    static const std::string depart = "now", max = "max", first = "first";
     return guarded([&] {
         for (size_t i = 0; i < count; ++i) {
             const auto &car = cars[i];
             const std::string serial = decimal(car.car);
-            Vehicle::add(serial, name(DS_ROUTE, car.route), name(DS_TYPE, car.type), depart, decimal(car.lane),
-                         decimal(car.position), car.speed < 0 ? max : decimal(car.speed), "current",
+            Vehicle::add(serial, name(DS_ROUTE, car.route), name(DS_TYPE, car.type), depart,
+                         car.lane == UINT32_MAX ? first : decimal(car.lane), decimal(car.position), car.speed < 0 ? max : decimal(car.speed), "current",
                          car.end < 0 ? max : decimal(car.end));
             fresh.push_back(serial);
             // SUMO has drawn one from a generator that all cars share.
             Vehicle::setSpeedFactor(serial, car.speed_factor);
+        }
+    });
+}
+
+int ds_place(const struct ds_placing *cars, size_t count) {
+    return guarded([&] {
+        for (size_t i = 0; i < count; ++i) {
+            const auto &car = cars[i];
+            const std::string serial = decimal(car.car);
+            Vehicle::moveTo(serial, name(DS_LANE, car.lane), car.position);
+            Vehicle::setPreviousSpeed(serial, car.speed);
+            // It is on the road, and no longer one of those that wait.
+            fresh.erase(std::remove(fresh.begin(), fresh.end(), serial), fresh.end());
         }
     });
 }

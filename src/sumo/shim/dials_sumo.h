@@ -72,9 +72,19 @@ struct ds_entering {
     double end;          /* Position on the route's last edge at which it has arrived. Negative: "max". */
     uint32_t route;
     uint32_t type;
-    uint32_t lane; /* Index on the route's first edge. */
+    uint32_t lane; /* Index on the route's first edge. UINT32_MAX: the first one that it may use. */
 };
 int ds_enter(const struct ds_entering *cars, size_t count);
+
+/* The place and speed that a car gets. */
+struct ds_placing {
+    uint64_t car;
+    double position;
+    double speed;
+    uint32_t lane;
+};
+/* Puts cars that were added at their places on their routes at once, whoever is there. */
+int ds_place(const struct ds_placing *cars, size_t count);
 
 /* Seeds the random generators number first, first + 1 and so on with seeds[0], seeds[1] and so on. With the option
  * --thread-rngs of at least the number of lanes, generator n is that of the lane that SUMO has loaded as number n. */

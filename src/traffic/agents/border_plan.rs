@@ -4,7 +4,8 @@
 //! A region has *entries* and *exits*. An entry is a lane that begins at the border, or a road in the region on which
 //! cars depart. A car *arrives* in a second if it is on the region after it and was not before it, or if it came to a
 //! road that begins at the border: two roads of a region may meet outside of it. An exit is a lane
-//! that ends at the border and leads on. It is *blocked* while its first car stands within [`BLOCK_M`] of its end.
+//! that ends at the border and leads on. It is *blocked* while its first car is within [`BLOCK_M`] of its end and slower
+//! than [`BLOCK_MPS`].
 //!
 //! The influence sources of a decision are bits in this order:
 //! 1. for each entry, one bit per second of the decision: does a car arrive? There is at most one arrival per entry and
@@ -13,8 +14,10 @@
 //!
 //! A local simulator lets a car in for each arrival, and shows red at the end of each blocked exit.
 
-/// Distance from the end of an exit within which a standing car blocks it, in metres.
+/// Distance from the end of an exit within which a slow car blocks it, in metres.
 pub const BLOCK_M: f64 = 20.0;
+/// Speed below which a car is slow, in metres per second. Before a full road cars crawl rather than stand.
+pub const BLOCK_MPS: f64 = 2.0;
 
 /// The border of one region.
 #[derive(Clone, Debug, PartialEq)]

@@ -68,6 +68,9 @@ pub trait Ground: Send + Sync {
     /// Returns what to add to the output biases of a new policy, per action.
     fn initial_action_bias(&self, actions: usize) -> Vec<f32>;
 
+    /// Returns whether cars dawdle at random. The speed factors of cars do not count.
+    fn is_random(&self) -> bool;
+
     /// Returns whether an agent is stuck that ends this share of its green steps.
     fn is_stuck(&self, p_switch: f64) -> bool;
 

@@ -152,6 +152,10 @@ impl Ground for OnGrid {
         vec![0.0, self.config.initial_switch_bias]
     }
 
+    fn is_random(&self) -> bool {
+        false
+    }
+
     fn is_stuck(&self, p_switch: f64) -> bool {
         p_switch > STUCK_ABOVE
     }

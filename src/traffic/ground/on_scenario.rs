@@ -48,7 +48,11 @@ pub struct OnScenario {
 impl OnScenario {
     /// Reads a scenario and derives its agents. An error names file, element and the way out.
     pub fn open(config: &ScenarioConfig) -> Result<OnScenario> {
-        let files = SumoScenario::read(config)?;
+        OnScenario::of(SumoScenario::read(config)?, config)
+    }
+
+    /// Derives the agents of a scenario that was read.
+    pub fn of(files: SumoScenario, config: &ScenarioConfig) -> Result<OnScenario> {
         let place = || files.path().display().to_string();
         let roads = files.roads()?;
         let overrides = match files.agents() {
@@ -198,6 +202,10 @@ impl Ground for OnScenario {
 
     fn initial_action_bias(&self, actions: usize) -> Vec<f32> {
         vec![0.0; actions]
+    }
+
+    fn is_random(&self) -> bool {
+        self.files.dawdles()
     }
 
     fn is_stuck(&self, p_switch: f64) -> bool {

@@ -41,6 +41,13 @@ impl Content {
         Ok(Content { bytes, root })
     }
 
+    /// Returns other content, with something changed. Copies hold that.
+    pub fn changed(&self, change: impl FnOnce(&mut Element)) -> Content {
+        let mut root = self.root.clone();
+        change(&mut root);
+        Content { bytes: xml::text(&root).into_bytes(), root }
+    }
+
     /// Returns what copies of the file hold.
     pub fn bytes(&self) -> &[u8] {
         &self.bytes

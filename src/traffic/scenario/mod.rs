@@ -5,9 +5,10 @@
 //!
 //! - `elements`: which elements files may hold; `place`: names an element in an error.
 //! - `net`: checks of the roads and lights; `streets`: the edges and where one comes from each.
-//! - `demand`: checks of types, routes, vehicles and flows.
+//! - `demand`: checks of types, routes, vehicles and flows. [`dawdling`]: how much cars dawdle.
 //! - [`kept`]: copies for run directories and replays; [`loadable`]: the scenario as SUMO of this process loads it.
 
+pub mod dawdling;
 mod demand;
 mod elements;
 pub mod kept;

@@ -46,6 +46,11 @@ impl Entrance {
         self.queues[entry].push_back(comer);
     }
 
+    /// Returns the number of cars that wait.
+    pub fn waiting(&self) -> usize {
+        self.queues.iter().map(VecDeque::len).sum()
+    }
+
     /// Returns the cars that try to enter in this second, with their entries: the first one of each entry, and at most
     /// one per lane. Two cars on a lane would depend on SUMO's order.
     pub fn next(&self) -> impl Iterator<Item = (usize, &Comer)> {
@@ -66,10 +71,7 @@ impl Entrance {
     }
 }
 
-/// Draws the car that arrives at an entry in a second of the episode.
-///
-/// It comes on the lane of the entry, as far behind the border as it drives in half a second, and as fast as it can. A
-/// car that departs in the region does so as one in the recording did.
+/// Draws the car that arrives at an entry in a second of the episode: one that makes a recorded visit.
 pub fn draw(
     plan: &BorderPlan,
     ways: &Ways,
@@ -77,7 +79,14 @@ pub fn draw(
     [agent, entry, second]: [usize; 3],
     dice: &mut Dice,
 ) -> Comer {
-    let visit = tables.draw(agent, entry, second, dice);
+    comer(plan, ways, entry, tables.draw(agent, entry, second, dice))
+}
+
+/// Returns the car that comes by an entry and makes this visit. `None`: nothing is known of it.
+///
+/// It comes on the lane of the entry, as far behind the border as it drives in half a second, and as fast as it can. A
+/// car that departs in the region does so as one in the recording did.
+pub fn comer(plan: &BorderPlan, ways: &Ways, entry: usize, visit: Option<&Visit>) -> Comer {
     let way = visit.map_or(ways.default_of(entry), |visit| ways.number(&visit.way, visit.next_road.as_ref()));
     let (lane, position_m, speed) = match (&plan.entries[entry].place, visit) {
         (EntryPlace::Lane(lane), visit) => (*lane, visit.map_or(0.0, |visit| visit.speed_mps / 2.0), DepartSpeed::Max),

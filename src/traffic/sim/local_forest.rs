@@ -5,12 +5,13 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use anyhow::Context;
+use rand::Rng;
 
 use super::handles::{IntersectionHandles, Place};
 use super::options;
 use super::visit_tables::VisitTables;
 use super::ways::Ways;
-use crate::base::{AgentId, Seed};
+use crate::base::{AgentId, Dice, Seed};
 use crate::domain::Result;
 use crate::sumo::{DepartSpeed, Entering, Insertion, LaneId, LightId, RouteId, Simulation, TypeId};
 use crate::traffic::agents::plan::JointPlan;
@@ -42,7 +43,7 @@ pub struct LocalForest {
     /// Lights and approaches, one row each.
     pub handles: IntersectionHandles,
     /// Names of vehicle types, with their numbers. The first one is the usual one.
-    pub types: Vec<(String, TypeId)>,
+    types: Vec<(String, TypeId)>,
 }
 
 /// What SUMO has of a row.
@@ -150,6 +151,19 @@ impl LocalForest {
         send_extremes(&mut simulation, &numbers, tables)?;
         Ok(LocalForest { simulation, rows: places, handles, types: names.into_iter().zip(numbers).collect() })
     }
+
+    /// Seeds the random generators of the lanes of a row.
+    pub fn seed_lanes(&mut self, row: usize, dice: &mut Dice) -> Result<()> {
+        let place = &self.rows[row];
+        let seeds: Vec<u32> = place.lanes.iter().map(|_| dice.random()).collect();
+        Ok(self.simulation.seed_lanes(place.first_lane, &seeds)?)
+    }
+
+    /// Returns the number of a vehicle type. `None`: of the usual one.
+    pub fn type_named(&self, name: Option<&str>) -> TypeId {
+        let named = name.and_then(|name| self.types.iter().find(|(other, _)| other == name));
+        named.unwrap_or(&self.types[0]).1
+    }
 }
 
 /// Number of the first car that comes to a row. Smaller ones are of cars on the road apart.
@@ -164,7 +178,7 @@ fn send_extremes(simulation: &mut Simulation, types: &[TypeId], tables: &VisitTa
     let speed_factor = factors.fold(1.0, f64::max);
     for (car, &vehicle_type) in (0..).zip(types) {
         let insertion = Insertion { car, route, position_m: 500.0, speed: DepartSpeed::Fixed(0.0) };
-        simulation.enter(&[Entering { insertion, vehicle_type, lane: 0, speed_factor, end_m: None }])?;
+        simulation.enter(&[Entering { insertion, vehicle_type, lane: Some(0), speed_factor, end_m: None }])?;
         simulation.step()?;
         simulation.remove_cars(&road)?;
     }

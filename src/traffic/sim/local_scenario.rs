@@ -11,13 +11,14 @@ use std::time::Instant;
 
 use rand::Rng;
 
-use super::entrance::{Entrance, draw};
+use super::doors::Doors;
+use super::entrance::draw;
 use super::global::starts;
-use super::local_forest::{FIRST_CAR, LocalForest, LocalParts, RowPlace};
+use super::local_forest::{LocalForest, LocalParts, RowPlace};
 use super::visit_tables::VisitTables;
 use crate::base::{AgentId, Dice, Phase, RandomPurpose, Rows, Seed, Stopwatch};
 use crate::domain::{Action, Beginning, LocalSimulator, Percept, RegionSpec, Result, Transition};
-use crate::sumo::{CarId, CarTable, Entering, Insertion, LaneId, LightId, SignalState, TypeId};
+use crate::sumo::{CarTable, LaneId};
 use crate::traffic::agents::phase_plan::Shown;
 use crate::traffic::agents::plan::JointPlan;
 use crate::traffic::cars_at::CarsAt;
@@ -33,6 +34,7 @@ pub struct LocalScenario {
     plan: Arc<JointPlan>,
     tables: Arc<VisitTables>,
     forest: LocalForest,
+    doors: Doors,
     rows: Vec<RowNow>,
     /// Lanes of the borders of all rows, the first one of each row, and the cars on them.
     border_lanes: Vec<LaneId>,
@@ -45,9 +47,6 @@ pub struct LocalScenario {
     /// Cars on the approaches.
     cars: CarTable,
     last: Transition,
-    serial: u64,
-    sampled: u64,
-    waited: u64,
     watch: Stopwatch,
 }
 
@@ -58,11 +57,8 @@ struct RowNow {
     second: usize,
     /// Number of seconds for which the light has shown what it shows.
     shown_steps: u32,
-    entrance: Entrance,
     history: History,
     waiting: Waiting,
-    /// State of the light at the exits.
-    gate: Option<SignalState>,
 }
 
 impl LocalScenario {
@@ -90,10 +86,8 @@ impl LocalScenario {
                 dice: seed.dice(),
                 second: 0,
                 shown_steps: 0,
-                entrance: Entrance::new(border),
                 history: History::new(border),
                 waiting: Waiting::default(),
-                gate: None,
             }
         };
         Ok(LocalScenario {
@@ -106,11 +100,9 @@ impl LocalScenario {
             first_border,
             exit_lanes,
             first_exit,
-            serial: FIRST_CAR,
-            sampled: 0,
-            waited: 0,
             watch: Stopwatch::default(),
             spec,
+            doors: Doors::new(plan.clone(), &forest),
             plan: plan.clone(),
             tables,
             forest,
@@ -123,49 +115,18 @@ impl LocalScenario {
         let border = &self.plan.borders[place.agent.0].plan;
         let seed = place.seed.for_episode(episode as usize);
         let mut of_lanes = seed.fork(RandomPurpose::Lanes).dice();
-        let seeds: Vec<u32> = place.lanes.iter().map(|_| of_lanes.random()).collect();
-        self.forest.simulation.seed_lanes(place.first_lane, &seeds)?;
+        self.forest.seed_lanes(row, &mut of_lanes)?;
         let mut dice = seed.fork(RandomPurpose::LocalCars).dice();
         let begin = dice.random_range(0..=self.spec.horizon - self.spec.local_horizon);
         self.rows[row] = RowNow {
             dice,
             second: begin * self.plan.decision_steps,
             shown_steps: 0,
-            entrance: Entrance::new(border),
             history: History::new(border),
             waiting: Waiting::default(),
-            gate: None,
         };
+        self.doors.begin(row, &self.forest.rows[row]);
         Ok(())
-    }
-
-    /// Shows red at the exits that are blocked in this decision, `[rows, sources]`, and green at the others. `None`: green
-    /// at all exits of all rows.
-    fn set_gates(&mut self, rows: impl Iterator<Item = usize>, sources: Option<&Rows<u8>>) -> Result<()> {
-        let mut changed: Vec<(LightId, usize)> = Vec::new();
-        for row in rows {
-            let place = &self.forest.rows[row];
-            let Some(gate) = &place.gate else { continue };
-            let border = &self.plan.borders[place.agent.0].plan;
-            let mut letters = vec!['G'; gate.letters];
-            if let Some(sources) = sources {
-                for (exit, letter) in gate.of_exit.iter().enumerate() {
-                    if let Some(letter) = letter
-                        && sources.row(row)[border.blocked(exit)] == 1
-                    {
-                        letters[*letter] = 'r';
-                    }
-                }
-            }
-            let state = Some(SignalState::new(letters.into_iter().collect::<String>())?);
-            if self.rows[row].gate != state {
-                self.rows[row].gate = state;
-                changed.push((gate.light, row));
-            }
-        }
-        let (lights, rows): (Vec<LightId>, Vec<usize>) = changed.into_iter().unzip();
-        let states: Vec<&SignalState> = rows.iter().filter_map(|&row| self.rows[row].gate.as_ref()).collect();
-        Ok(self.forest.simulation.set_lights(&lights, &states)?)
     }
 
     /// Draws cars for the arrivals of a second of the decision.
@@ -177,56 +138,10 @@ impl LocalScenario {
                 if sources.row(row)[border.arrival(entry, second)] == 1 {
                     let what = [agent, entry, now.second];
                     let comer = draw(border, &place.ways, &self.tables, what, &mut now.dice);
-                    now.entrance.add(entry, comer);
-                    self.sampled += 1;
+                    self.doors.come(row, entry, comer);
                 }
             }
         }
-    }
-
-    /// Lets cars try to enter in the next step. Returns the row, entry and lane of each, in the order of their numbers.
-    fn let_in(&mut self) -> Result<Vec<(usize, usize, LaneId)>> {
-        let mut tried = Vec::new();
-        let mut cars = Vec::new();
-        for (row, now) in self.rows.iter().enumerate() {
-            let place = &self.forest.rows[row];
-            for (entry, comer) in now.entrance.next() {
-                let lane = &self.plan.borders[place.agent.0].plan.lanes[comer.lane];
-                cars.push(Entering {
-                    insertion: Insertion {
-                        car: self.serial + cars.len() as u64,
-                        route: place.routes[comer.way],
-                        position_m: comer.position_m,
-                        speed: comer.speed,
-                    },
-                    vehicle_type: type_of(&self.forest.types, comer.vehicle_type.as_deref()),
-                    lane: index_of(&lane.lane),
-                    speed_factor: comer.speed_factor,
-                    end_m: place.ways.routes()[comer.way].end_m,
-                });
-                tried.push((row, entry, place.border[comer.lane]));
-            }
-        }
-        self.forest.simulation.enter(&cars)?;
-        Ok(tried)
-    }
-
-    /// Takes the cars out of the queues that are in, and the others out of SUMO.
-    fn note_entered(&mut self, tried: &[(usize, usize, LaneId)]) -> Result<()> {
-        let lanes: Vec<LaneId> = tried.iter().map(|(_, _, lane)| *lane).collect();
-        let mut cars = CarTable::new();
-        self.forest.simulation.read_lanes(&lanes, &mut cars)?;
-        let mut all_in = true;
-        for (number, &(row, entry, _)) in tried.iter().enumerate() {
-            let is_in = cars.lane(number).ids.contains(&CarId(self.serial + number as u64));
-            self.waited += u64::from(self.rows[row].entrance.tried(entry, is_in));
-            all_in &= is_in;
-        }
-        self.serial += tried.len() as u64;
-        if !all_in {
-            self.forest.simulation.clear_pending()?;
-        }
-        Ok(())
     }
 
     /// Moves all rows on by a second of the decision.
@@ -235,11 +150,11 @@ impl LocalScenario {
         let before: Vec<Shown> = (0..self.rows.len()).map(|row| self.forest.handles.signal(row).shown()).collect();
         self.forest.handles.act(&mut self.forest.simulation, actions)?;
         self.arrive(second, sources);
-        let tried = self.let_in()?;
+        let tried = self.doors.let_in(&mut self.forest)?;
         self.watch.note(Phase::Insertion, begun.elapsed());
         self.watch.time(Phase::SimulatorStep, || self.forest.simulation.step())?;
         let begun = Instant::now();
-        self.note_entered(&tried)?;
+        self.doors.note_entered(&mut self.forest, &tried)?;
         self.watch.note(Phase::Insertion, begun.elapsed());
         let begun = Instant::now();
         for (row, (now, before)) in self.rows.iter_mut().zip(before).enumerate() {
@@ -315,7 +230,7 @@ impl LocalSimulator for LocalScenario {
         self.forest.simulation.remove_cars(&lanes)?;
         self.forest.handles.reset(&mut self.forest.simulation, &rows)?;
         begin.iter().try_for_each(|&beginning| self.begin(beginning))?;
-        self.set_gates(rows.iter().copied(), None)?;
+        self.doors.set_gates(&mut self.forest, rows.iter().copied(), None)?;
         for row in rows {
             let agent = self.forest.rows[row].agent.0;
             let (approaches, lanes) =
@@ -328,7 +243,7 @@ impl LocalSimulator for LocalScenario {
 
     fn step(&mut self, actions: &[Action], sources: &Rows<u8>) -> Result<&Transition> {
         self.rows.iter_mut().for_each(|now| now.waiting.decide());
-        self.set_gates(0..self.rows.len(), Some(sources))?;
+        self.doors.set_gates(&mut self.forest, 0..self.rows.len(), Some(sources))?;
         for second in 0..self.plan.decision_steps {
             self.second(second, actions, sources)?;
         }
@@ -339,7 +254,8 @@ impl LocalSimulator for LocalScenario {
     }
 
     fn counters(&self) -> Vec<(&'static str, u64)> {
-        vec![("sampled_arrivals", self.sampled), ("backlog", self.waited)]
+        let [came, waited] = self.doors.counts();
+        vec![("sampled_arrivals", came), ("backlog", waited)]
     }
 
     fn take_watch(&mut self) -> Stopwatch {
@@ -350,15 +266,4 @@ impl LocalSimulator for LocalScenario {
 /// Returns a read of lanes without cars.
 fn nobody(lanes: usize) -> CarTable {
     CarTable::of(vec![Vec::new(); lanes])
-}
-
-/// Returns the number of a vehicle type. `None`: of the usual one.
-fn type_of(types: &[(String, TypeId)], name: Option<&str>) -> TypeId {
-    let named = name.and_then(|name| types.iter().find(|(other, _)| other == name));
-    named.unwrap_or(&types[0]).1
-}
-
-/// Returns the index of a lane on its road: SUMO's names end with it.
-fn index_of(lane: &str) -> u32 {
-    lane.rsplit_once('_').and_then(|(_, index)| index.parse().ok()).expect("SUMO's name of a lane ends with its index")
 }

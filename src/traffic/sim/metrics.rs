@@ -64,8 +64,7 @@ impl TrafficMetrics {
             sums.speed_sum_mps += lane.speeds_mps.iter().sum::<f64>();
             sums.halting_car_steps += lane.halting() as u64;
         }
-        let at_stop_line = before.iter().zip(&self.at_stop_line[row]).filter(|&(_, &at_stop_line)| at_stop_line);
-        sums.passed += at_stop_line.map(|(lane, _)| left(now, lane)).sum::<u64>();
+        sums.passed += passed(now, before, &self.at_stop_line[row]);
     }
 
     /// Returns whether [`TrafficMetrics::finish`] was called since the beginning.
@@ -114,6 +113,13 @@ impl TrafficMetrics {
     fn per_approach_step(&self, sum: u64, approaches: usize) -> f64 {
         sum as f64 / (approaches.max(1) as u64 * self.steps.max(1)) as f64
     }
+}
+
+/// Returns the number of cars that crossed a stop line between two reads of a light's approaches. `at_stop_line`: whether
+/// each approach ends there.
+pub fn passed(now: CarsAt<'_>, before: CarsAt<'_>, at_stop_line: &[bool]) -> u64 {
+    let at_stop_line = before.iter().zip(at_stop_line).filter(|&(_, &at_stop_line)| at_stop_line);
+    at_stop_line.map(|(lane, _)| left(now, lane)).sum()
 }
 
 /// Returns the number of cars of an approach that are on no approach of the light after a step, however many came. A

@@ -3,7 +3,7 @@
 //! - [`global`]: the global simulator (GS), a whole grid with inflow at its boundary; [`control`]: who runs its lights.
 //! - [`local`]: the local simulators (LS), a forest of single intersections.
 //! - [`local_scenario`]: the LS of a scenario, different nets side by side, which `local_forest` loads. `entrance`: cars
-//!   that come in; `ways`: their routes.
+//!   that come in; `ways`: their routes; `doors`: where they wait, and exits that are blocked.
 //! - `border`: arrivals and blocked exits of a scenario's regions; [`visits`]: all visits of cars to them;
 //!   [`visit_tables`]: cars drawn from visits.
 //! - `source`: what a GS loads; `handles`: the intersections of a loaded net; `options`: SUMO's options.
@@ -13,13 +13,14 @@
 
 mod border;
 pub mod control;
-mod entrance;
+pub(super) mod doors;
+pub(super) mod entrance;
 pub mod global;
 mod handles;
 pub mod local;
 pub(super) mod local_forest;
 pub mod local_scenario;
-mod metrics;
+pub(super) mod metrics;
 mod options;
 pub mod recorded_roads;
 pub mod recording;

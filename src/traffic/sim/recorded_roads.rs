@@ -113,7 +113,7 @@ impl RecordedRoads {
     }
 
     /// Returns the index of a lane in [`RecordedRoads::lanes`].
-    pub(super) fn number(&self, lane: &str) -> Result<usize> {
+    pub fn number(&self, lane: &str) -> Result<usize> {
         self.numbers.get(lane).copied().with_context(|| format!("no lane `{lane}` was recorded"))
     }
 }

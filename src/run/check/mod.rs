@@ -1,0 +1,111 @@
+//! `check`: how far the local simulator (LS) of each light is like the global one (GS).
+//!
+//! - `table`: for people; `json`: for programs.
+
+mod json;
+mod table;
+
+use std::ops::Range;
+
+use anyhow::{Result, anyhow, bail, ensure};
+
+use super::domain;
+use crate::base::{AgentId, Seed};
+use crate::cli::CheckArgs;
+use crate::config::{Config, load};
+use crate::domain::Domain;
+use crate::error::{Error, Result as CommandResult};
+use crate::outside::{Printable, alike, excerpt, quoted};
+use crate::terminal::counting::EpisodeBar;
+use crate::terminal::{answer, json as in_json};
+use crate::traffic::Traffic;
+use crate::traffic::fidelity::agreement::Comparison;
+use crate::traffic::fidelity::truth::Truth;
+use crate::traffic::fidelity::{Fidelity, LightFidelity};
+
+/// Second from which cells are compared, and for how long, if the episode is long enough.
+const BEGIN_S: usize = 600;
+const SECONDS: usize = 1200;
+
+/// What was measured.
+struct Checked {
+    /// Seconds of the episode that were compared.
+    window: Range<usize>,
+    sigma: Option<f64>,
+    seed: u64,
+    lights: Vec<LightFidelity>,
+}
+
+pub fn check(args: &CheckArgs) -> CommandResult<()> {
+    let config = load(&args.config, &[]).map_err(Error::Usage)?;
+    let traffic = opened(&config, args).map_err(Error::Usage)?;
+    let agents = agents(&traffic, args).map_err(Error::Usage)?;
+    let window = window(traffic.seconds(), args).map_err(Error::Usage)?;
+    domain::tell_left_out(&traffic);
+    let lights = measured(&traffic, &agents, &window, Seed::new(args.seed)).map_err(Error::Run)?;
+    let checked = Checked { window, sigma: args.sigma, seed: args.seed, lights };
+    let told = if args.json { in_json(json::described(&checked)) } else { table::described(&checked) };
+    answer(told).map_err(Error::Run)
+}
+
+fn opened(config: &Config, args: &CheckArgs) -> Result<Traffic> {
+    domain::check(config)?;
+    let traffic = match args.sigma {
+        None => domain::traffic(config)?,
+        Some(sigma) => domain::dawdling(config, sigma)?,
+    };
+    traffic.ok_or_else(|| anyhow!("{}: only traffic has lights to check", args.config.display()))
+}
+
+/// Returns the agents of the lights that were asked for.
+fn agents(traffic: &Traffic, args: &CheckArgs) -> Result<Vec<AgentId>> {
+    let lights = || traffic.plans().iter().map(|plan| plan.light.as_str());
+    if args.lights.is_empty() {
+        return Ok(AgentId::all(traffic.agents()));
+    }
+    let agent = |light: &String| {
+        if let Some(agent) = lights().position(|other| other == light) {
+            return Ok(AgentId(agent));
+        }
+        let near: Vec<String> = alike(light, lights()).iter().map(|id| format!("`{}`", Printable(id))).collect();
+        let near = if near.is_empty() { String::new() } else { format!(", but {}", near.join(", ")) };
+        let list = format!("dials-traffic check {}", quoted(&args.config));
+        bail!("--light: no light `{}` learns here{near}; without the option all are measured: {list}", excerpt(light))
+    };
+    args.lights.iter().map(agent).collect()
+}
+
+/// Returns the seconds of the episode that are compared.
+fn window(episode_s: usize, args: &CheckArgs) -> Result<Range<usize>> {
+    let begin = args.begin.unwrap_or(BEGIN_S.min(episode_s / 3));
+    ensure!(begin < episode_s, "--begin {begin}: an episode has {episode_s} s; begin earlier");
+    let left = episode_s - begin;
+    let seconds = args.seconds.unwrap_or(SECONDS.min(left));
+    ensure!(
+        seconds <= left,
+        "--seconds {seconds}: from second {begin} on an episode has {left} s; ask for fewer or set --begin"
+    );
+    Ok(begin..begin + seconds)
+}
+
+fn measured(traffic: &Traffic, agents: &[AgentId], window: &Range<usize>, seed: Seed) -> Result<Vec<LightFidelity>> {
+    let bar = EpisodeBar::of(agents.len(), "lights");
+    bar.tell("the global simulator plays");
+    let truth = Truth::play(traffic, window.end, seed, &mut |_| ())?;
+    let fidelity = Fidelity::new(traffic, &truth, window.clone())?;
+    let mut lights = Vec::new();
+    for &agent in agents {
+        bar.tell(&traffic.plans()[agent.0].light);
+        lights.push(fidelity.measure(agent)?);
+        bar.set(lights.len());
+    }
+    bar.finish();
+    Ok(lights)
+}
+
+/// Returns the comparison of all lights together.
+fn together(lights: &[LightFidelity], one: impl Fn(&LightFidelity) -> Comparison) -> Comparison {
+    let mut sum = Comparison::default();
+    lights.iter().for_each(|light| sum += one(light));
+    sum
+}

@@ -1,0 +1,139 @@
+//! Whether a local simulator (LS) can be trusted, and the limits for that.
+
+use super::LightFidelity;
+use super::agreement::Agreement;
+use super::causes::SHORT_M;
+
+/// Least precision and recall with true entries. If cars dawdle: as a share of what two LSs with other random numbers
+/// have.
+pub const LEAST_TRUE: f64 = 0.8;
+/// The same with sampled entries.
+pub const LEAST_SAMPLED: f64 = 0.7;
+/// Least and most cells that the LS has for one of the global simulator (GS), with sampled entries.
+pub const CELLS: [f64; 2] = [0.85, 1.15];
+/// Least and most cars that cross the stop lines in the LS for one in the GS, with sampled entries.
+pub const PASSED: [f64; 2] = [0.9, 1.1];
+/// Largest share of the seconds in which cars stand at green because their exit is full.
+pub const MOST_SPILLBACK: f64 = 0.03;
+/// Largest share of the cars that come in by short roads.
+pub const MOST_SHORT: f64 = 0.25;
+/// Largest share of the cars that find no room and wait at the border.
+pub const MOST_WAITED: f64 = 0.1;
+
+/// Returns why the LS of a light should not be trusted, a line. `None`: it is like the GS.
+pub fn doubt(found: &LightFidelity) -> Option<String> {
+    let symptoms = symptoms(found);
+    if symptoms.is_empty() {
+        return None;
+    }
+    let causes = causes(found);
+    let causes = if causes.is_empty() { "no cause was found".to_owned() } else { causes.join("; ") };
+    Some(format!("{}. Why: {causes}", symptoms.join("; ")))
+}
+
+/// Returns how it differs from the GS.
+fn symptoms(found: &LightFidelity) -> Vec<String> {
+    let mut symptoms = Vec::new();
+    let best = found.other_seed.map_or([1.0; 2], |other| both(other.cells));
+    for (entries, cells, least) in [
+        ("true entries", found.true_entries.cells, LEAST_TRUE),
+        ("sampled entries", found.sampled_entries.cells, LEAST_SAMPLED),
+    ] {
+        for ((name, value), best) in ["precision", "recall"].into_iter().zip(both(cells)).zip(best) {
+            let least = least * best;
+            if value < least {
+                symptoms.push(format!("{name} {value:.2} with {entries} (at least {least:.2} is fine)"));
+            }
+        }
+    }
+    let [gs, ls] = found.sampled_entries.sums;
+    let passed = if gs.passed == ls.passed { 1.0 } else { ls.passed as f64 / gs.passed.max(1) as f64 };
+    for (what, ratio, [least, most]) in
+        [("cells with cars", found.sampled_entries.cells.occupancy_ratio(), CELLS), ("cars that pass", passed, PASSED)]
+    {
+        if !(least..=most).contains(&ratio) {
+            symptoms.push(format!("{what}: {ratio:.2} times as many as in the GS ({least} to {most} is fine)"));
+        }
+    }
+    symptoms
+}
+
+/// Returns what may have caused it.
+fn causes(found: &LightFidelity) -> Vec<String> {
+    let mut causes = Vec::new();
+    if found.causes.spillback > MOST_SPILLBACK {
+        let spillback = 100.0 * found.causes.spillback;
+        causes.push(format!("spillback: cars stood at green before a full exit in {spillback:.0} % of the seconds"));
+    }
+    if found.causes.short_entries > MOST_SHORT {
+        let short = 100.0 * found.causes.short_entries;
+        causes.push(format!("short edges: {short:.0} % of the cars came in by a road shorter than {SHORT_M} m"));
+    }
+    let waited = found.sampled_entries.sums[1].waited_share();
+    if waited > MOST_WAITED {
+        causes.push(format!("{:.0} % of the cars waited at the border for room", 100.0 * waited));
+    }
+    let lost = found.true_entries.sums[1].lost;
+    if lost > 0 {
+        causes.push(format!("{lost} cars left their way, as SUMO moves cars past a jam"));
+    }
+    causes
+}
+
+fn both(cells: Agreement) -> [f64; 2] {
+    [cells.precision(), cells.recall()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Causes;
+    use super::super::agreement::{Comparison, Sums};
+    use super::*;
+    use crate::base::AgentId;
+
+    fn comparison(first: u64, second: u64, both: u64) -> Comparison {
+        let sums = Sums { seconds: 600, passed: 100, came: 100, ..Sums::default() };
+        Comparison { cells: Agreement { first, second, both }, sums: [sums; 2] }
+    }
+
+    fn light() -> LightFidelity {
+        LightFidelity {
+            agent: AgentId(0),
+            light: "a".to_owned(),
+            true_entries: comparison(100, 100, 90),
+            sampled_entries: comparison(100, 100, 80),
+            other_seed: None,
+            causes: Causes::default(),
+        }
+    }
+
+    #[test]
+    fn a_light_like_the_global_one_raises_no_doubt_whatever_might_spoil_it() {
+        let causes = Causes { spillback: 0.5, short_entries: 1.0 };
+        assert_eq!(doubt(&LightFidelity { causes, ..light() }), None);
+    }
+
+    #[test]
+    fn a_light_that_differs_is_told_with_the_causes_beyond_their_limits() {
+        let mut found = LightFidelity { causes: Causes { spillback: 0.12, short_entries: 0.2 }, ..light() };
+        found.true_entries = comparison(100, 80, 75);
+        found.sampled_entries = comparison(100, 80, 75);
+        found.sampled_entries.sums[1].passed = 130;
+        found.sampled_entries.sums[1].waited = 11;
+        assert_eq!(
+            doubt(&found).unwrap(),
+            "recall 0.75 with true entries (at least 0.80 is fine); cells with cars: 0.80 times as many as in the GS \
+             (0.85 to 1.15 is fine); cars that pass: 1.30 times as many as in the GS (0.9 to 1.1 is fine). Why: \
+             spillback: cars stood at green before a full exit in 12 % of the seconds; 11 % of the cars waited at the \
+             border for room"
+        );
+    }
+
+    #[test]
+    fn where_cars_dawdle_two_local_simulators_are_the_measure() {
+        let apart = LightFidelity { true_entries: comparison(100, 100, 70), ..light() };
+        assert!(doubt(&apart).unwrap().ends_with("Why: no cause was found"));
+        // 0.7 is 82 % of 0.85.
+        assert_eq!(doubt(&LightFidelity { other_seed: Some(comparison(100, 100, 85)), ..apart }), None);
+    }
+}

@@ -1,0 +1,157 @@
+//! The doors of all rows of a forest: entries, at which cars wait until there is room, and exits, which can be blocked.
+
+use std::sync::Arc;
+
+use super::entrance::{Comer, Entrance};
+use super::local_forest::{FIRST_CAR, LocalForest, RowPlace};
+use crate::base::Rows;
+use crate::domain::Result;
+use crate::sumo::{CarId, CarTable, Entering, Insertion, LaneId, LightId, SignalState};
+use crate::traffic::agents::border_plan::BorderPlan;
+use crate::traffic::agents::plan::JointPlan;
+
+/// The doors of a forest.
+pub struct Doors {
+    plan: Arc<JointPlan>,
+    rows: Vec<RowDoors>,
+    /// Number of the next car.
+    serial: u64,
+    came: u64,
+    waited: u64,
+}
+
+struct RowDoors {
+    entrance: Entrance,
+    /// State of the light at the exits.
+    gate: Option<SignalState>,
+}
+
+/// Cars that try to enter in a step: the row, entry and lane of each, in the order of their numbers.
+pub struct Tried(Vec<(usize, usize, LaneId)>);
+
+impl Doors {
+    /// Makes the doors of a forest that was loaded. `plan`: that of the agents.
+    pub fn new(plan: Arc<JointPlan>, forest: &LocalForest) -> Doors {
+        let closed = |place: &RowPlace| RowDoors { entrance: Entrance::new(border(&plan, place)), gate: None };
+        let rows = forest.rows.iter().map(closed).collect();
+        Doors { plan, rows, serial: FIRST_CAR, came: 0, waited: 0 }
+    }
+
+    /// Begins an episode of a row: nobody waits.
+    pub fn begin(&mut self, row: usize, place: &RowPlace) {
+        self.rows[row] = RowDoors { entrance: Entrance::new(border(&self.plan, place)), gate: None };
+    }
+
+    /// Returns the number of cars that came, and of those that found no room at first, in all episodes.
+    pub fn counts(&self) -> [u64; 2] {
+        [self.came, self.waited]
+    }
+
+    /// Returns the number of cars that wait at the entries of a row.
+    pub fn waiting(&self, row: usize) -> usize {
+        self.rows[row].entrance.waiting()
+    }
+
+    /// Lets a car come to an entry of a row. It enters when there is room.
+    pub fn come(&mut self, row: usize, entry: usize, comer: Comer) {
+        self.rows[row].entrance.add(entry, comer);
+        self.came += 1;
+    }
+
+    /// Returns a number that no car of the forest has.
+    pub fn next_car(&mut self) -> u64 {
+        self.serial += 1;
+        self.serial - 1
+    }
+
+    /// Shows red at the exits that are blocked in this decision, `[rows, sources]`, and green at the others. `None`: green
+    /// at all exits of all rows.
+    pub fn set_gates(
+        &mut self,
+        forest: &mut LocalForest,
+        rows: impl Iterator<Item = usize>,
+        sources: Option<&Rows<u8>>,
+    ) -> Result<()> {
+        let mut changed: Vec<(LightId, usize)> = Vec::new();
+        for row in rows {
+            let place = &forest.rows[row];
+            let Some(gate) = &place.gate else { continue };
+            let border = border(&self.plan, place);
+            let mut letters = vec!['G'; gate.letters];
+            if let Some(sources) = sources {
+                for (exit, letter) in gate.of_exit.iter().enumerate() {
+                    if let Some(letter) = letter
+                        && sources.row(row)[border.blocked(exit)] == 1
+                    {
+                        letters[*letter] = 'r';
+                    }
+                }
+            }
+            let state = Some(SignalState::new(letters.into_iter().collect::<String>())?);
+            if self.rows[row].gate != state {
+                self.rows[row].gate = state;
+                changed.push((gate.light, row));
+            }
+        }
+        let (lights, rows): (Vec<LightId>, Vec<usize>) = changed.into_iter().unzip();
+        let states: Vec<&SignalState> = rows.iter().filter_map(|&row| self.rows[row].gate.as_ref()).collect();
+        Ok(forest.simulation.set_lights(&lights, &states)?)
+    }
+
+    /// Lets cars try to enter in the next step.
+    pub fn let_in(&mut self, forest: &mut LocalForest) -> Result<Tried> {
+        let mut tried = Vec::new();
+        let mut cars = Vec::new();
+        for (row, doors) in self.rows.iter().enumerate() {
+            let place = &forest.rows[row];
+            for (entry, comer) in doors.entrance.next() {
+                let car = self.serial + cars.len() as u64;
+                cars.push(entering(&self.plan, forest, row, car, comer));
+                tried.push((row, entry, place.border[comer.lane]));
+            }
+        }
+        self.serial += cars.len() as u64;
+        forest.simulation.enter(&cars)?;
+        Ok(Tried(tried))
+    }
+
+    /// Takes the cars out of the queues that are in after the step, and the others out of SUMO. No other car has got a
+    /// number since they tried.
+    pub fn note_entered(&mut self, forest: &mut LocalForest, tried: &Tried) -> Result<()> {
+        let lanes: Vec<LaneId> = tried.0.iter().map(|(_, _, lane)| *lane).collect();
+        let mut cars = CarTable::new();
+        forest.simulation.read_lanes(&lanes, &mut cars)?;
+        let first = self.serial - tried.0.len() as u64;
+        let mut all_in = true;
+        for (number, &(row, entry, _)) in tried.0.iter().enumerate() {
+            let is_in = cars.lane(number).ids.contains(&CarId(first + number as u64));
+            self.waited += u64::from(self.rows[row].entrance.tried(entry, is_in));
+            all_in &= is_in;
+        }
+        if !all_in {
+            forest.simulation.clear_pending()?;
+        }
+        Ok(())
+    }
+}
+
+/// Returns what SUMO needs to know of a car that comes to a row. `car`: its number.
+pub fn entering(plan: &JointPlan, forest: &LocalForest, row: usize, car: u64, comer: &Comer) -> Entering {
+    let place = &forest.rows[row];
+    Entering {
+        insertion: Insertion { car, route: place.routes[comer.way], position_m: comer.position_m, speed: comer.speed },
+        vehicle_type: forest.type_named(comer.vehicle_type.as_deref()),
+        lane: Some(index_of(&border(plan, place).lanes[comer.lane].lane)),
+        speed_factor: comer.speed_factor,
+        end_m: place.ways.routes()[comer.way].end_m,
+    }
+}
+
+fn border<'a>(plan: &'a JointPlan, place: &RowPlace) -> &'a BorderPlan {
+    &plan.borders[place.agent.0].plan
+}
+
+/// Returns the index of a lane on its road: SUMO's names end with it.
+fn index_of(lane: &str) -> u32 {
+    lane.rsplit_once('_').and_then(|(_, index)| index.parse().ok()).expect("SUMO's name of a lane ends with its index")
+}
