@@ -2,12 +2,13 @@
 //!
 //! - `room`: a folder with a scenario to break; `config`: the ways to name one; `broken`: what is refused; `kept`: copies
 //!   and SUMO; `play`: the global simulator; `influence`: what it observes at the borders of regions;
-//!   `local`: local simulators, and training on them.
+//!   `local`: local simulators, and training on them; `opened`: what is said when a command begins.
 
 mod broken;
 mod config;
 mod influence;
 mod kept;
 mod local;
+mod opened;
 mod play;
 mod room;

@@ -98,7 +98,7 @@ impl GlobalTraffic {
         let first_exit = starts(plan.agents.iter().map(|agent| agent.region.exits.len()));
         let outgoing: Vec<String> = exits.map(|exit| exit.lane.clone()).collect();
         let agents = plan.agents.len();
-        let record = |(tape, roads)| Recorder::new(tape, &mut simulation, roads, None);
+        let record = |(tape, roads)| Recorder::new(tape, &mut simulation, roads, String::new());
         let recorder = tape.map(record).transpose()?;
         let outgoing_lanes = simulation.register_lanes(&outgoing)?;
         Ok(GlobalTraffic {

@@ -14,6 +14,8 @@ use rand::Rng;
 use super::entrance::{Entrance, draw};
 use super::global::starts;
 use super::local_forest::{FIRST_CAR, LocalForest, LocalParts, RowPlace};
+use super::recorded_local::roads_of;
+use super::recording::{Recorder, Tape};
 use super::visit_tables::VisitTables;
 use crate::base::{AgentId, Dice, Phase, RandomPurpose, Rows, Seed, Stopwatch};
 use crate::domain::{Action, Beginning, LocalSimulator, Percept, RegionSpec, Result, Transition};
@@ -21,6 +23,7 @@ use crate::sumo::{CarId, CarTable, Entering, Insertion, LaneId, LightId, SignalS
 use crate::traffic::agents::phase_plan::Shown;
 use crate::traffic::agents::plan::JointPlan;
 use crate::traffic::cars_at::CarsAt;
+use crate::traffic::cut::mixed::prefix;
 use crate::traffic::inflow::History;
 use crate::traffic::observe::{self, LightView};
 use crate::traffic::reward::{self, Waiting};
@@ -49,6 +52,7 @@ pub struct LocalScenario {
     sampled: u64,
     waited: u64,
     watch: Stopwatch,
+    recorder: Option<Recorder>,
 }
 
 /// The episode of a row.
@@ -110,11 +114,19 @@ impl LocalScenario {
             sampled: 0,
             waited: 0,
             watch: Stopwatch::default(),
+            recorder: None,
             spec,
             plan: plan.clone(),
             tables,
             forest,
         })
+    }
+
+    /// Makes the first episode of the first row go on this tape. `parts`: what it was loaded from.
+    pub fn record_on(mut self, tape: &Tape, parts: &LocalParts) -> Result<LocalScenario> {
+        let roads = roads_of(parts, &self.plan, &self.forest.rows[0], self.forest.first.clone())?;
+        self.recorder = Some(Recorder::new(tape, &mut self.forest.simulation, roads, prefix(0))?);
+        Ok(self)
     }
 
     /// Sets what belongs to the row in this program to the beginning of an episode, and seeds its lanes.
@@ -123,7 +135,13 @@ impl LocalScenario {
         let border = &self.plan.borders[place.agent.0].plan;
         let seed = place.seed.for_episode(episode as usize);
         let mut of_lanes = seed.fork(RandomPurpose::Lanes).dice();
-        let seeds: Vec<u32> = place.lanes.iter().map(|_| of_lanes.random()).collect();
+        let mut seeds: Vec<u32> = place.lanes.iter().map(|_| of_lanes.random()).collect();
+        if let Some(recorder) = self.recorder.as_mut().filter(|_| row == 0) {
+            // Plain SUMO, which plays the recording again, seeds the lanes with the numbers from its own seed on.
+            let first = of_lanes.random_range(0..1 << 30);
+            seeds = (first..).take(seeds.len()).collect();
+            recorder.begin(first);
+        }
         self.forest.simulation.seed_lanes(place.first_lane, &seeds)?;
         let mut dice = seed.fork(RandomPurpose::LocalCars).dice();
         let begin = dice.random_range(0..=self.spec.horizon - self.spec.local_horizon);
@@ -184,8 +202,9 @@ impl LocalScenario {
         }
     }
 
-    /// Lets cars try to enter in the next step. Returns the row, entry and lane of each, in the order of their numbers.
-    fn let_in(&mut self) -> Result<Vec<(usize, usize, LaneId)>> {
+    /// Lets cars try to enter in the next step. Returns the row, entry and lane of each, in the order of their numbers,
+    /// and what SUMO was told of them.
+    fn let_in(&mut self) -> Result<(Vec<(usize, usize, LaneId)>, Vec<Insertion>)> {
         let mut tried = Vec::new();
         let mut cars = Vec::new();
         for (row, now) in self.rows.iter().enumerate() {
@@ -208,7 +227,7 @@ impl LocalScenario {
             }
         }
         self.forest.simulation.enter(&cars)?;
-        Ok(tried)
+        Ok((tried, cars.into_iter().map(|car| car.insertion).collect()))
     }
 
     /// Takes the cars out of the queues that are in, and the others out of SUMO.
@@ -235,7 +254,7 @@ impl LocalScenario {
         let before: Vec<Shown> = (0..self.rows.len()).map(|row| self.forest.handles.signal(row).shown()).collect();
         self.forest.handles.act(&mut self.forest.simulation, actions)?;
         self.arrive(second, sources);
-        let tried = self.let_in()?;
+        let (tried, insertions) = self.let_in()?;
         self.watch.note(Phase::Insertion, begun.elapsed());
         self.watch.time(Phase::SimulatorStep, || self.forest.simulation.step())?;
         let begun = Instant::now();
@@ -258,7 +277,7 @@ impl LocalScenario {
             }
         }
         self.watch.note(Phase::Reading, begun.elapsed());
-        Ok(())
+        self.recorder.as_mut().map_or(Ok(()), |recorder| recorder.step(&mut self.forest.simulation, &insertions))
     }
 
     /// Writes what a row shows. `cars`: those on its approaches; `at_border`: those on the lanes of its border.

@@ -3,26 +3,25 @@
 use std::collections::HashSet;
 
 use super::{NAME, Program, SIGNALS, VIEW, programs, shown};
+use crate::traffic::network::tree::Element;
+use crate::traffic::scenario::SumoScenario;
 use crate::traffic::scenario::kept::Episode;
-use crate::traffic::sim::recorded_roads::RecordedScenario;
 use crate::traffic::sim::recording::Recording;
 
 /// Returns the files of the replay without signals and view: names and contents.
-pub fn files(recording: &Recording, scenario: &RecordedScenario) -> Vec<(String, Vec<u8>)> {
+pub fn files(recording: &Recording, files: &SumoScenario) -> Vec<(String, Vec<u8>)> {
     let end_s = recording.roads.begin_s() + recording.steps.len() as u64;
     let episode = Episode { seed: recording.seed, end_s, signals: SIGNALS, view: VIEW };
-    scenario.files.episode_files(NAME, &episode)
+    files.episode_files(NAME, &episode)
 }
 
-/// Returns one program per light that learns. The others run the programs that they ran.
-pub fn signals(recording: &Recording, scenario: &RecordedScenario) -> String {
-    let files = [scenario.files.net()].into_iter().chain(scenario.files.additional());
-    let taken: HashSet<(&str, &str)> = files
+/// Returns a program for each of the first `lights` recorded lights. `roots`: of the files with their other programs.
+pub fn signals<'a>(recording: &Recording, lights: usize, roots: impl Iterator<Item = &'a Element>) -> String {
+    let taken: HashSet<(&str, &str)> = roots
         .flat_map(|root| root.all("tlLogic"))
         .filter_map(|program| Some((program.attribute("id")?, program.attribute("programID")?)))
         .collect();
-    let of_agents = recording.roads.lights.iter().take(scenario.agents.len()).enumerate();
-    let recorded = of_agents.map(|(number, light)| Program {
+    let recorded = recording.roads.lights.iter().take(lights).enumerate().map(|(number, light)| Program {
         light,
         name: free_name(|name| taken.contains(&(light, name))),
         shown: shown(recording, number),
