@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
 
-use crate::room::{NET, Room, SUMOCFG};
+use crate::room::{MORE, NET, Room, SUMOCFG};
 
 /// A short training on the global simulator.
 const CONFIG: &str = "simulator = 'gs'\ntotal_steps = 60\n[traffic]\nscenario = 'x.sumocfg'\nagents = 'agents.toml'\n\
@@ -158,4 +158,27 @@ fn lights_that_cannot_have_a_local_simulator_are_all_named_before_a_run_begins()
     let signals = fs::read_to_string(room.path("plots/signals.svg")).unwrap();
     assert!(signals.contains("run in its local simulator, first episode of seed "), "{signals}");
     assert!(net.contains("<tlLogic id=\"r1c1\"") && !net.contains("<tlLogic id=\"r1c0\""), "the net of one light");
+}
+
+/// SUMO's names of the files that this program hands to it mean nothing to a user.
+#[test]
+fn no_error_shows_a_file_in_memory_and_a_scenario_may_have_a_program_called_actuated() {
+    let room = Room::new();
+    let more = |text: &str| room.change(MORE, "</additional>", &format!("{text}</additional>"));
+    let mut baseline = dials_traffic();
+    baseline.arg("baseline").arg(room.path(SUMOCFG)).args(["--controller", "actuated", "--episodes", "1"]);
+    more(
+        "<tlLogic id=\"r0c0\" type=\"static\" programID=\"actuated\" offset=\"0\">\
+         <phase duration=\"20\" state=\"GrGr\"/><phase duration=\"3\" state=\"yryr\"/>\
+         <phase duration=\"20\" state=\"rGrG\"/><phase duration=\"3\" state=\"ryry\"/></tlLogic>",
+    );
+    baseline.assert().success();
+    // A type that SUMO alone refuses.
+    more("<vType id=\"odd\" carFollowModel=\"nobody\"/>");
+    let said = refused(&mut baseline);
+    assert!(
+        said.contains("SUMO could not load `--net-file ") && said.contains("more.add.xml,ACTUATED-PROGRAMS"),
+        "{said}"
+    );
+    assert!(!said.contains("/proc/self/fd"), "{said}");
 }

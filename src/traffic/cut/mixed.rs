@@ -17,6 +17,7 @@
 use std::io;
 
 use super::local_net::{LocalNet, Parts, net_text};
+use super::names::free_name;
 use crate::traffic::network::xml::{Xml, leaf, nest};
 
 /// Name of the road apart from all nets, and of the route on it. No prefix begins like this.
@@ -72,11 +73,7 @@ pub struct Alone {
 impl Alone {
     /// Makes the net. `place_m`: where the road apart is drawn, as a point.
     pub fn of(net: &LocalNet, place_m: [f64; 2]) -> Alone {
-        let mut apart = APART.to_owned();
-        let edges = &net.parts.edges;
-        while edges.iter().any(|edge| edge.attribute("id") == Some(&apart)) {
-            apart.push('_');
-        }
+        let apart = free_name(APART, |name| net.parts.edges.iter().any(|edge| edge.attribute("id") == Some(name)));
         let [x, y] = place_m;
         let text = net_text(net, |xml| {
             (0..Parts::KINDS).try_for_each(|kind| {

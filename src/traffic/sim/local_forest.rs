@@ -2,6 +2,7 @@
 //! a row needs.
 
 use std::collections::BTreeSet;
+use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Context;
@@ -17,6 +18,7 @@ use crate::traffic::agents::plan::JointPlan;
 use crate::traffic::cut::local_net::LocalNet;
 use crate::traffic::cut::mixed::{APART, MixedForest, prefix};
 use crate::traffic::cut::names::prefixed;
+use crate::traffic::network::contents::explain;
 use crate::traffic::network::memory_file::MemoryFile;
 use crate::traffic::network::xml::{document, leaf};
 
@@ -101,7 +103,9 @@ impl LocalForest {
         options.extend(["--additional-files".to_owned(), types.path()]);
         options.extend(forest.option());
         options.extend(local_options(parts).into_iter().flat_map(|(name, value)| [format!("--{name}"), value]));
+        let made_of = [(&net, "LOCAL-NETS"), (&routes, "THEIR-ROUTES"), (&types, "VEHICLE-TYPES")];
         let mut simulation = Simulation::load(&options)
+            .map_err(|error| explain(&error, &made_of.map(|(file, name)| (file, Path::new(name)))))
             .with_context(|| format!("{}: SUMO could not load the surroundings of its lights", parts.name))?;
         let places = rows.iter().enumerate().map(|(row, (_, agent, _))| {
             let (plan, prefix) = (&plan.agents[agent.0], prefix(row));

@@ -3,6 +3,7 @@
 use std::collections::HashSet;
 
 use super::{NAME, Program, SIGNALS, VIEW, programs, shown};
+use crate::traffic::cut::names::free_name;
 use crate::traffic::network::tree::Element;
 use crate::traffic::scenario::SumoScenario;
 use crate::traffic::scenario::kept::Episode;
@@ -23,15 +24,9 @@ pub fn signals<'a>(recording: &Recording, lights: usize, roots: impl Iterator<It
         .collect();
     let recorded = recording.roads.lights.iter().take(lights).enumerate().map(|(number, light)| Program {
         light,
-        name: free_name(|name| taken.contains(&(light, name))),
+        // A scenario may be a replay itself.
+        name: free_name("recorded", |name| taken.contains(&(light, name))),
         shown: shown(recording, number),
     });
     programs(recorded, recording.roads.begin_s())
-}
-
-/// Returns a name that is not taken. A scenario may be a replay itself.
-fn free_name(is_taken: impl Fn(&str) -> bool) -> String {
-    let numbered = (2..).map(|number| format!("recorded_{number}"));
-    let mut names = ["recorded".to_owned()].into_iter().chain(numbered);
-    names.find(|name| !is_taken(name)).expect("numbers go on")
 }
