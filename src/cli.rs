@@ -296,10 +296,13 @@ pub struct ReplayArgs {
     /// Film the replay as a .gif or (with ffmpeg) an .mp4; needs no screen
     #[arg(long, value_name = "FILE")]
     pub video: Option<PathBuf>,
-    /// Seconds of the episode that --video shows, such as 600,1200 [default: all]
-    #[arg(long, value_name = "FROM,TO", requires = "video", value_parser = seconds)]
+    /// Also draw a time-space diagram, queues and signal timing of the episode, as SVG files, into this directory
+    #[arg(long, value_name = "DIR")]
+    pub plot: Option<PathBuf>,
+    /// Seconds of the episode that --video and --plot show, such as 600,1200 [default: all]
+    #[arg(long, value_name = "FROM,TO", value_parser = seconds)]
     pub seconds: Option<Range<usize>>,
-    /// If the directory or film exists, move it aside instead of refusing
+    /// If a directory or the film exists, move it aside instead of refusing
     #[arg(long)]
     pub force: bool,
 }

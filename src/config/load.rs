@@ -12,7 +12,7 @@ use crate::outside::read_text;
 /// Largest config file. One with every key has three kibibytes.
 pub const LARGEST_FILE: u64 = 1 << 20;
 
-/// Settings that stand for a .sumocfg, without the table of its domain.
+/// Defaults of a config that names a scenario. A .sumocfg stands for one that names nothing else.
 const SCENARIO_DEFAULTS: &str = include_str!("scenario_defaults.toml");
 
 /// Reads `path`, applies the settings of `--set key=value`, and checks the result.
@@ -33,7 +33,10 @@ pub fn load_kept(path: &Path) -> Result<Config> {
 
 fn read(path: &Path, settings: &[String]) -> Result<Config> {
     let is_scenario = path.extension().is_some_and(|extension| extension == "sumocfg");
-    let mut table = if is_scenario { defaults_for(path)? } else { table_in(path)? };
+    let mut table = if is_scenario { naming(path)? } else { table_in(path)? };
+    if names_a_scenario(&table) || settings.iter().any(|setting| sets(setting, "traffic.scenario")) {
+        fill_in_for_a_scenario(&mut table);
+    }
     for setting in settings {
         lay_over(&mut table, setting)?;
         rename(&mut table).map_err(|error| anyhow!("--set {setting}: {error}"))?;
@@ -45,8 +48,7 @@ fn read(path: &Path, settings: &[String]) -> Result<Config> {
     if let Some(domain) = &mut config.domain {
         let table = domain.name();
         for (key, file) in domain.paths() {
-            let is_key = |name: &str| name.trim().split_once('.') == Some((table, key));
-            if !settings.iter().any(|setting| setting.split_once('=').is_some_and(|(name, _)| is_key(name))) {
+            if !settings.iter().any(|setting| sets(setting, &format!("{table}.{key}"))) {
                 *file = folder.join(&file);
             }
         }
@@ -102,14 +104,45 @@ fn table_in(path: &Path) -> Result<Table> {
     Ok(table)
 }
 
-/// Returns the config that stands for a .sumocfg.
-fn defaults_for(scenario: &Path) -> Result<Table> {
-    let mut table: Table = SCENARIO_DEFAULTS.parse().expect("a test reads it");
+/// Returns a config that names nothing but a .sumocfg.
+fn naming(scenario: &Path) -> Result<Table> {
     let name = scenario.file_name().and_then(|name| name.to_str());
     let name = name.with_context(|| format!("{}: is not UTF-8; rename it", scenario.display()))?;
     let traffic = Table::from_iter([("scenario".to_owned(), Value::String(name.to_owned()))]);
-    table.insert("traffic".to_owned(), Value::Table(traffic));
-    Ok(table)
+    Ok(Table::from_iter([("traffic".to_owned(), Value::Table(traffic))]))
+}
+
+fn names_a_scenario(table: &Table) -> bool {
+    table.get("traffic").and_then(|traffic| traffic.get("scenario")).is_some()
+}
+
+/// Returns whether a setting of `--set` is for this key.
+fn sets(setting: &str, key: &str) -> bool {
+    setting.split_once('=').is_some_and(|(name, _)| name.trim() == key)
+}
+
+/// Adds the keys that a config leaves out, with their defaults for a scenario.
+fn fill_in_for_a_scenario(table: &mut Table) {
+    let mut defaults: Table = SCENARIO_DEFAULTS.parse().expect("a test reads it");
+    // Patience cannot be written as "none". Who names the epochs and no patience wants all of them; so does the kept
+    // config of such a run.
+    if table.get("aip").and_then(|aip| aip.get("epochs")).is_some()
+        && let Some(Value::Table(aip)) = defaults.get_mut("aip")
+    {
+        aip.remove("patience");
+    }
+    fill_in(table, defaults);
+}
+
+/// Adds the keys that are not there yet.
+fn fill_in(table: &mut Table, defaults: Table) {
+    for (key, value) in defaults {
+        match (table.get_mut(&key), value) {
+            (None, value) => drop(table.insert(key, value)),
+            (Some(Value::Table(inner)), Value::Table(defaults)) => fill_in(inner, defaults),
+            (Some(_), _) => (),
+        }
+    }
 }
 
 /// Returns the key of an error, if it is about a single one.

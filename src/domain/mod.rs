@@ -255,6 +255,12 @@ pub trait Domain: Send + Sync {
         Ok(())
     }
 
+    /// Makes the local simulators of all agents once, if each differs from the others, so that a run is told early what
+    /// cannot be simulated alone.
+    fn try_local(&self) -> Result<()> {
+        Ok(())
+    }
+
     /// Returns the files of which it is not known that the simulator survives them. Another process must try the domain
     /// out first.
     fn strange_files(&self) -> Vec<PathBuf> {

@@ -27,7 +27,8 @@
 //! - `lines`: the lines of the CSV files. `finite`: refuses to write networks that have diverged.
 //! - [`checkpoint`]: the state of all agents, from which a run continues. [`resume_point`]: which checkpoint fits the
 //!   files. [`joint_layout`]: files of the networks of all agents.
-//! - [`run_json`]: how the run was called, and what computed it. [`word`]: a word of its command line.
+//! - [`run_json`]: how the run was called, and what computed it. [`word`]: a word of its command line. [`kept`]: the
+//!   keys and files of the domain, to notice a change.
 //! - [`run_log`]: the [`Journal`](crate::training::journal::Journal) that writes all this during training.
 //! - [`run_record`], [`reader`], [`csv_table`]: the contents of a run directory, also of other versions. [`before`]:
 //!   what older runs simulated. These files never see a live run.
@@ -41,6 +42,7 @@ pub mod files;
 mod finite;
 pub mod growing;
 pub mod joint_layout;
+pub mod kept;
 mod lines;
 pub mod reader;
 pub mod resume_point;

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::files;
+use super::kept::Kept;
 use super::word::Word;
 use crate::domain::Scenario;
 use crate::outside::{Directory, excerpt, is_printable, read_text};
@@ -32,6 +33,9 @@ pub struct RunJson {
     pub scenario: Option<Scenario>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seed: Option<u64>,
+    /// Keys and files of the domain when the run began. Older runs have none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub kept: Option<Kept>,
     /// Number of workers that was last asked for. A resume uses it again.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub workers: Option<usize>,

@@ -41,7 +41,7 @@ pub fn bench(args: &cli::BenchArgs) -> Result<()> {
         let reason = "marginal-dials costs the same as dials without the training of AIPs; measure dials instead";
         return Err(Error::Usage(anyhow!("{}: {reason}", args.config.display())));
     }
-    domain::check(&config).map_err(Error::Usage)?;
+    domain::check_for_training(&config).map_err(Error::Usage)?;
     let domain = domain::open(&config).map_err(Error::Usage)?;
     let most = args.workers.unwrap_or_else(cores);
     allow_open_files(most, 1, "--workers").map_err(Error::Usage)?;

@@ -28,7 +28,8 @@ use crate::training::stream::{AgentStream, RowStream};
 pub struct ReplayedEpisode {
     tape: Tape,
     traffic: Traffic,
-    seed: Seed,
+    /// Seed of all its evaluation episodes, of which this is the first one.
+    run: u64,
     cast: Cast,
 }
 
@@ -47,15 +48,15 @@ impl ReplayedEpisode {
         let tape = Tape::default();
         let subject = &args.subject;
         let with = |config: &Config, cast: Cast| -> Result<ReplayedEpisode> {
-            let seed = episode_seed(Seed::new(args.episode_seed.unwrap_or(config.evaluation.seed)), 0);
+            let run = args.episode_seed.unwrap_or(config.evaluation.seed);
             let traffic =
                 domain::open_recorded(config, &tape).context("only episodes that SUMO simulates can be replayed")?;
-            args.seconds.iter().try_for_each(|seconds| check_seconds(seconds, traffic.seconds()))?;
-            Ok(ReplayedEpisode { tape: tape.clone(), traffic, seed, cast })
+            let length_s = if args.local.is_some() { traffic.local_seconds() } else { traffic.seconds() };
+            args.seconds.iter().try_for_each(|seconds| check_seconds(seconds, length_s))?;
+            Ok(ReplayedEpisode { tape: tape.clone(), traffic, run, cast })
         };
         if let Some(controller) = &args.controller {
-            let path = if subject.is_dir() { subject.join(files::CONFIG) } else { subject.clone() };
-            let config = load(&path, &[])?;
+            let config = if subject.is_dir() { directory::open_unchanged(subject)?.0 } else { load(subject, &[])? };
             domain::check(&config)?;
             let episode = with(&config, Cast::Baseline(controller.clone()))?;
             Subject::Controller(controller.clone()).check(&episode.traffic)?;
@@ -80,25 +81,31 @@ impl ReplayedEpisode {
         with(&run.config, cast)
     }
 
+    /// Returns the seed whose first episode this is.
+    pub fn seed_of_episodes(&self) -> u64 {
+        self.run
+    }
+
     /// Plays the episode and returns its recording.
     pub fn play(self) -> Result<Recording> {
+        let seed = episode_seed(Seed::new(self.run), 0);
         match self.cast {
             Cast::Baseline(name) => {
                 let mut baseline = self.traffic.baseline(&name)?;
-                play(&mut *baseline.simulator, &mut *baseline.controller, self.seed)?;
+                play(&mut *baseline.simulator, &mut *baseline.controller, seed)?;
             }
             Cast::Policies(mut policies) => {
                 let mut simulator = self.traffic.global_simulator()?;
-                play(&mut *simulator, &mut policies, self.seed)?;
+                play(&mut *simulator, &mut policies, seed)?;
             }
             Cast::Local { agent, mut policy, mut aip } => {
-                let simulator = self.traffic.local_simulator(&[agent], 1, self.seed)?;
-                let dice = self.seed.fork(RandomPurpose::Influence).for_agent(agent).dice();
+                let simulator = self.traffic.local_simulator(&[agent], 1, seed)?;
+                let dice = seed.fork(RandomPurpose::Influence).for_agent(agent).dice();
                 let stream =
                     AgentStream { minibatches: dice.clone(), rows: vec![RowStream::begin(dice.clone(), dice, &[])] };
                 let mut ials = Ials::resume(simulator, &mut *aip, &[stream], false)?;
-                policy.begin(self.seed.for_agent(agent), &AgentId::all(1));
-                for _ in 0..self.traffic.kinds().horizon() {
+                policy.begin(seed.for_agent(agent), &AgentId::all(1));
+                for _ in 0..self.traffic.kinds().of(agent).spec.local_horizon {
                     let actions = policy.act(&ials.percepts()[0]);
                     ials.step(&[actions], &mut Stopwatch::default())?;
                 }

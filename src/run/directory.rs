@@ -14,8 +14,10 @@ use crate::config::{self, Config};
 use crate::domain::Domain;
 use crate::outside::{Directory, Whereabouts};
 use crate::policy::{JointPolicy, JointPolicyController, Selection};
+use crate::records::checkpoint::owner::Owner;
 use crate::records::files;
 use crate::records::joint_layout::JointLayout;
+use crate::records::kept::Kept;
 use crate::records::run_json::RunJson;
 use crate::records::word::Word;
 
@@ -39,6 +41,7 @@ fn describe(dir: &Directory, config: &Config) -> Result<()> {
         seed: Some(config.seed),
         command: command_line(),
         scenario: Some(domain.scenario()?),
+        kept: Some(Kept::of(dir.path(), &kept)?),
         versions,
         ..RunJson::default()
     };
@@ -77,11 +80,19 @@ pub fn open_config(path: &Path, open: fn(&Config) -> Result<Arc<dyn Domain>>) ->
     Ok((config, domain))
 }
 
+/// Reads the config of a run directory and opens its domain, like [`open_config`]. It is an error if the networks or the
+/// domain's keys are other ones than when the run began.
+pub fn open_unchanged(path: &Path) -> Result<(Config, Arc<dyn Domain>)> {
+    let (config, domain) = open_config(path, domain::open)?;
+    Owner::of(&config, &*domain)?.check_unchanged(path)?;
+    Ok((config, domain))
+}
+
 /// Reads a run directory: its config, domain and policies.
 pub fn open(path: &Path) -> Result<TrainedRun> {
     check(path)?;
     let directory = Directory::open(path)?;
-    let (config, domain) = open_config(path, domain::open)?;
+    let (config, domain) = open_unchanged(path)?;
     let saved = path.join(files::POLICIES);
     ensure!(
         saved.is_file(),

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail, ensure};
 
 use super::trial;
-use crate::config::{Config, DomainConfig};
+use crate::config::{Config, DomainConfig, Simulator};
 use crate::domain::Domain;
 use crate::nn::use_vectors;
 use crate::records::files;
@@ -98,6 +98,15 @@ pub fn check(config: &Config) -> Result<Arc<dyn Domain>> {
     );
     trial::survive(config, &*domain)?;
     domain.try_out()?;
+    Ok(domain)
+}
+
+/// Tries what training needs: the files, like [`check`], and the local simulators if the policies train on them.
+pub fn check_for_training(config: &Config) -> Result<Arc<dyn Domain>> {
+    let domain = check(config)?;
+    if config.simulator != Simulator::Global {
+        domain.try_local()?;
+    }
     Ok(domain)
 }
 

@@ -1,7 +1,7 @@
-//! `--plot`: draws an evaluation as SVG files.
+//! `--plot`: draws an evaluation, or the episode that `replay` records, as SVG files.
 
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 
@@ -11,11 +11,13 @@ use super::places::{self, Existing};
 use crate::cli::OutputArgs;
 use crate::config::Config;
 use crate::domain::Domain;
+use crate::domain::road_trace::RoadTrace;
+use crate::drawing::Svg;
 use crate::evaluation::Evaluation;
 use crate::plot::{self, About};
 use crate::terminal::tell;
 use crate::traffic::Traffic;
-use crate::traffic::sim::recording::Tape;
+use crate::traffic::sim::recording::{Recording, Tape};
 use crate::traffic::sim::trace::route::Route;
 use crate::traffic::sim::trace::trace;
 
@@ -53,27 +55,49 @@ impl Plots {
 
     pub fn draw(&self, evaluation: &Evaluation, about: &About) -> Result<()> {
         let recording = self.tape.take().context("no episode was recorded")?;
-        let mut trace = trace(&recording, self.route.as_ref())?;
-        if let Some(seconds) = &self.seconds {
-            trace = trace.between(seconds.clone());
-        }
-        let mut pictures = vec![
-            ("queues.svg", plot::queues(&trace, about)?),
-            ("signals.svg", plot::signal_timing(&trace, about)?),
-            ("returns.svg", plot::returns_map(&trace, &evaluation.returns, about)?),
-        ];
-        // A grid has one per row, of which the middle one is drawn.
-        match trace.corridors.get(trace.corridors.len().saturating_sub(1) / 2) {
-            Some(corridor) => {
-                pictures.insert(0, ("space_time.svg", plot::space_time(corridor, &trace.seconds, about)?))
-            }
-            None => tell(format_args!("note: no car entered, so there is no space_time.svg")),
-        }
-        places::make(&self.dir, self.existing, |dir| {
-            pictures.iter().try_for_each(|(name, svg)| dir.put(name, svg.file().as_bytes()))
-        })?;
-        let names: Vec<&str> = pictures.iter().map(|(name, _)| *name).collect();
-        tell(format_args!("drew {} into {}", names.join(", "), self.dir.display()));
-        Ok(())
+        let trace = shown(&recording, self.route.as_ref(), self.seconds.clone())?;
+        let mut pictures = of_episode(&trace, about)?;
+        pictures.push(("returns.svg", plot::returns_map(&trace, &evaluation.returns, about)?));
+        write(&pictures, &self.dir, self.existing)
     }
+}
+
+/// Draws the episode that `replay` recorded. `seconds`: those to show; `None`: all.
+pub fn draw_recording(
+    recording: &Recording,
+    seconds: Option<Range<usize>>,
+    about: &About,
+    (dir, existing): (&Path, Existing),
+) -> Result<()> {
+    write(&of_episode(&shown(recording, None, seconds)?, about)?, dir, existing)
+}
+
+/// Returns the seconds of a recording that pictures show.
+fn shown(recording: &Recording, route: Option<&Route>, seconds: Option<Range<usize>>) -> Result<RoadTrace> {
+    let trace = trace(recording, route)?;
+    Ok(match seconds {
+        Some(seconds) => trace.between(seconds),
+        None => trace,
+    })
+}
+
+/// Draws the pictures of one episode. Returns them with the names of their files.
+fn of_episode(trace: &RoadTrace, about: &About) -> Result<Vec<(&'static str, Svg)>> {
+    let mut pictures =
+        vec![("queues.svg", plot::queues(trace, about)?), ("signals.svg", plot::signal_timing(trace, about)?)];
+    // A grid has one per row, of which the middle one is drawn.
+    match trace.corridors.get(trace.corridors.len().saturating_sub(1) / 2) {
+        Some(corridor) => pictures.insert(0, ("space_time.svg", plot::space_time(corridor, &trace.seconds, about)?)),
+        None => tell(format_args!("note: no car entered, so there is no space_time.svg")),
+    }
+    Ok(pictures)
+}
+
+fn write(pictures: &[(&str, Svg)], dir: &Path, existing: Existing) -> Result<()> {
+    places::make(dir, existing, |dir| {
+        pictures.iter().try_for_each(|(name, svg)| dir.put(name, svg.file().as_bytes()))
+    })?;
+    let names: Vec<&str> = pictures.iter().map(|(name, _)| *name).collect();
+    tell(format_args!("drew {} into {}", names.join(", "), dir.display()));
+    Ok(())
 }

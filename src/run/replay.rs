@@ -2,14 +2,18 @@
 
 use std::path::PathBuf;
 
+use anyhow::{Result, ensure};
+
 use super::cast::ReplayedEpisode;
-use super::outputs::{check_apart, check_not_a_run};
+use super::outputs::{check_apart, check_free, check_not_a_run};
 use super::places::{self, Existing};
+use super::plot::draw_recording;
 use super::video::Video;
 use crate::cli;
 use crate::error::Error;
 use crate::film::{Replay, Shape, check_screen, watch};
 use crate::outside::quoted;
+use crate::plot::About;
 use crate::terminal::answer;
 use crate::traffic::sim::recorded_roads::{RecordedGrid, RecordedGround};
 use crate::traffic::sim::replay::{self, Snapshot, view};
@@ -18,12 +22,16 @@ pub fn replay(args: &cli::ReplayArgs) -> crate::error::Result<()> {
     let existing = Existing::of_named(args.force);
     check_not_a_run("--out", &args.out).map_err(Error::Usage)?;
     let dir = places::place(&args.out, existing).map_err(Error::Usage)?;
-    check_apart(&[("--out", Some(&args.out)), ("--video", args.video.as_deref())]).map_err(Error::Usage)?;
+    let places = [("--out", Some(&*args.out)), ("--video", args.video.as_deref()), ("--plot", args.plot.as_deref())];
+    check_apart(&places).map_err(Error::Usage)?;
+    args.plot.iter().try_for_each(|plot| check_free(plot, "--plot", existing)).map_err(Error::Usage)?;
+    check_seconds_are_shown(args).map_err(Error::Usage)?;
     let video = args.video.as_deref().map(|file| Video::asked_for(file, existing)).transpose().map_err(Error::Usage)?;
     if args.gui {
         check_screen().map_err(Error::Usage)?;
     }
     let episode = ReplayedEpisode::choose(args).map_err(Error::Usage)?;
+    let about = About { subject: subject(args), seed: episode.seed_of_episodes() };
     let recording = episode.play().map_err(Error::Run)?;
     places::make(&dir, existing, |staged| {
         replay::write(&recording, staged.path())?;
@@ -39,6 +47,9 @@ pub fn replay(args: &cli::ReplayArgs) -> crate::error::Result<()> {
         quoted(&config)
     ))
     .map_err(Error::Run)?;
+    if let Some(plot) = &args.plot {
+        draw_recording(&recording, args.seconds.clone(), &about, (plot, existing)).map_err(Error::Run)?;
+    }
     if let Some(video) = video {
         let steps = args.seconds.clone().unwrap_or(0..recording.steps.len());
         let snapshots = |pictures: &[PathBuf]| {
@@ -57,4 +68,23 @@ pub fn replay(args: &cli::ReplayArgs) -> crate::error::Result<()> {
         answer(format_args!("wrote the film {}", video.file().display())).map_err(Error::Run)?;
     }
     if args.gui { watch(&config).map_err(Error::Run) } else { Ok(()) }
+}
+
+/// Returns an error if seconds are named, but no output that shows them.
+fn check_seconds_are_shown(args: &cli::ReplayArgs) -> Result<()> {
+    ensure!(
+        args.seconds.is_none() || args.video.is_some() || args.plot.is_some(),
+        "--seconds: is for --video and --plot, and a replay always has the whole episode; add one of them"
+    );
+    Ok(())
+}
+
+/// Returns who plays, for pictures.
+fn subject(args: &cli::ReplayArgs) -> String {
+    let name = args.subject.display();
+    match (&args.controller, args.local) {
+        (Some(controller), _) => format!("controller {controller} on {name}"),
+        (None, Some(agent)) => format!("agent {agent} of {name} in its local simulator"),
+        (None, None) => format!("policies of {name}"),
+    }
 }

@@ -97,7 +97,7 @@ struct Run {
 /// Makes a new run. `wanted`: number of workers that was asked for.
 fn begin(args: &cli::TrainArgs, config_path: &Path, wanted: Option<usize>) -> Result<Run> {
     let config = load(config_path, &settings(args)).map_err(Error::Usage)?;
-    let domain = domain::check(&config).map_err(Error::Usage)?;
+    let domain = domain::check_for_training(&config).map_err(Error::Usage)?;
     domain::tell_left_out(&*domain);
     allow_workers(workers(wanted, &config, domain.agents()))?;
     let existing = match (args.force, &args.out) {

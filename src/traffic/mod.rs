@@ -55,11 +55,12 @@ use std::sync::{Arc, OnceLock};
 
 use anyhow::{Context, Error};
 
-use crate::base::{AgentId, RandomPurpose, Seed};
+use crate::base::{AgentId, RandomPurpose, Rows, Seed};
 use crate::config::{ScenarioConfig, TrafficConfig};
 use crate::domain::road_trace::RoadMap;
 use crate::domain::{
-    Baseline, Bystander, Domain, GlobalSimulator, Kind, Kinds, LocalSimulator, Measures, Result, RoughCosts, Scenario,
+    Baseline, Beginning, Bystander, Domain, GlobalSimulator, Kind, Kinds, LocalSimulator, Measures, Result, RoughCosts,
+    Scenario,
 };
 use crate::sumo::Simulation;
 use agents::plan::{AgentPlan, Border, JointPlan};
@@ -79,6 +80,7 @@ use sim::tally::P_SWITCH;
 use sim::trace::road_map;
 use sim::trace::route::Route;
 use sim::visit_tables::VisitTables;
+use sim::visits::Visits;
 
 /// Returns the version of the linked SUMO, such as `SUMO 1.15.0`.
 pub fn sumo_version() -> Result<String> {
@@ -195,6 +197,11 @@ impl Traffic {
         self.ground.horizon() * self.plan.decision_steps
     }
 
+    /// Returns the length of an episode of the local simulators in seconds.
+    pub fn local_seconds(&self) -> usize {
+        self.plan.kinds.specs().map(|spec| spec.local_horizon).max().unwrap_or(0) * self.plan.decision_steps
+    }
+
     /// Reads the way along which pictures show the cars of a scenario: edges that follow each other, separated by commas.
     pub fn route(&self, edges: &str) -> Result<Route> {
         self.ground.route(edges)
@@ -237,7 +244,12 @@ impl Domain for Traffic {
 
     fn local_simulator(&self, regions: &[AgentId], copies: usize, seed: Seed) -> Result<Box<dyn LocalSimulator>> {
         if let Some(parts) = self.ground.local_parts()? {
-            return Ok(Box::new(LocalScenario::load(&parts, &self.plan, self.visits()?, regions, copies, seed)?));
+            let ls = LocalScenario::load(&parts, &self.plan, self.visits()?, regions, copies, seed)?;
+            let recorded = match &self.tape {
+                Some(tape) => ls.record_on(tape, &parts)?,
+                None => ls,
+            };
+            return Ok(Box::new(recorded));
         }
         // All intersections of a grid have the same local dynamics, so it does not matter which regions they are.
         Ok(Box::new(self.local(regions.len() * copies)?))
@@ -278,6 +290,19 @@ impl Domain for Traffic {
 
     fn try_out(&self) -> Result<()> {
         self.check_in_sumo()
+    }
+
+    fn try_local(&self) -> Result<()> {
+        // That of a grid was tried with its other files.
+        let Some(parts) = self.ground.local_parts()? else { return Ok(()) };
+        let nobody = Visits { of_agents: vec![Vec::new(); self.agents()], seconds: self.seconds() };
+        let tables = Arc::new(VisitTables::new(nobody, &self.plan.borders));
+        let all = AgentId::all(self.agents());
+        let mut ls = LocalScenario::load(&parts, &self.plan, tables, &all, 1, Seed::new(0))?;
+        ls.reset(&Beginning::first(0..all.len()))?;
+        let no_arrival = Rows::new(all.len(), ls.spec().sources.count());
+        ls.step(&vec![0; all.len()], &no_arrival)?;
+        Ok(())
     }
 
     fn strange_files(&self) -> Vec<PathBuf> {

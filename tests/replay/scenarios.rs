@@ -4,9 +4,9 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use dials_traffic::base::Seed;
+use dials_traffic::base::{AgentId, Rows, Seed};
 use dials_traffic::config::{DomainConfig, ScenarioConfig, load};
-use dials_traffic::domain::{Action, Domain};
+use dials_traffic::domain::{Action, Beginning, Domain};
 use dials_traffic::evaluation::{episode_seed, play};
 use dials_traffic::traffic::Traffic;
 use dials_traffic::traffic::sim::recording::{Recording, Tape};
@@ -92,6 +92,47 @@ fn plain_sumo_plays_random_greens_on_a_scenario_as_the_episode_was() {
     }
 }
 
+/// Records an episode of the local simulator of an agent, in which it acts at random and one source in eight happens.
+fn locally_at_random(config: &ScenarioConfig, agent: usize, seed: u64) -> Recording {
+    let tape = Tape::default();
+    let traffic = open(config, &tape);
+    let mut ls = traffic.local_simulator(&[AgentId(agent)], 2, Seed::new(seed)).unwrap();
+    ls.reset(&Beginning::first(0..2)).unwrap();
+    let (actions, sources) = (traffic.plans()[agent].phases.actions(), ls.spec().sources.count());
+    let mut dice = Seed::new(seed).dice();
+    for _ in 0..config.local_horizon() {
+        let actions = [(); 2].map(|()| dice.random_range(0..actions) as Action);
+        let happens = (0..2 * sources).map(|_| u8::from(dice.random_bool(0.125))).collect();
+        ls.step(&actions, &Rows::from_vec(happens, sources)).unwrap();
+    }
+    drop(ls);
+    tape.take().unwrap()
+}
+
+#[test]
+fn plain_sumo_plays_a_local_simulator_as_the_episode_was_though_cars_dawdle() {
+    for (name, agent, light) in [("town", 7, None), ("grid_4x4_turns", 5, Some("x1y1"))] {
+        let dir = tempfile::tempdir().unwrap();
+        let whole = ScenarioConfig::new(shipped(name));
+        let config = ScenarioConfig { begin_s: Some(0), end_s: Some(900), local_horizon: 60, ..whole };
+        let recording = locally_at_random(&config, agent, 3);
+        assert_eq!(recording.steps.len(), 300);
+        assert!(recording.entries.len() > 100, "{name}: {} cars", recording.entries.len());
+        assert!(light.is_none_or(|light| recording.roads.lights[0] == light), "{:?}", recording.roads.lights);
+        replay::write(&recording, dir.path()).unwrap();
+        replay::check(&recording, dir.path()).unwrap();
+        assert!(assert_same(dir.path(), &recording) > 3000, "{name}");
+        // Another seed is another episode: the cars do draw numbers.
+        let path = dir.path().join("replay.sumocfg");
+        let sumocfg = fs::read_to_string(&path).unwrap();
+        let seed = format!("<seed value=\"{}\"/>", recording.seed);
+        assert!(sumocfg.contains(&seed), "{sumocfg}");
+        fs::write(&path, sumocfg.replace(&seed, "<seed value=\"1\"/>")).unwrap();
+        let error = replay::check(&recording, dir.path()).unwrap_err().to_string();
+        assert!(error.contains("of the replay differently from the recording, so it is not kept"), "{error}");
+    }
+}
+
 #[test]
 fn trips_types_and_flows_of_every_sort_are_replayed_whenever_the_episode_ends() {
     let dir = tempfile::tempdir().unwrap();
@@ -157,7 +198,7 @@ fn the_command_replays_controllers_and_runs_on_a_scenario_from_any_folder() {
     // A run directory holds its scenario, so the folder of the user may go.
     let run = dir.path().join("run");
     let settings = ["total_steps=60", "ppo.rollout_steps=60", "ppo.memory=60", "ppo.minibatch=20", "policy.hidden=[8]"];
-    let args = ["train", text(&scenario), "--workers", "0", "--out", text(&run)];
+    let args = ["train", text(&scenario), "--simulator", "gs", "--workers", "0", "--out", text(&run)];
     let settings = settings.into_iter().chain(["evaluation.episodes=1", "evaluation.final_episodes=1"]);
     dials_traffic(args.into_iter().chain(settings.flat_map(|setting| ["--set", setting]))).assert().success();
     fs::remove_file(&scenario).unwrap();

@@ -319,6 +319,12 @@ const BROKEN_DEMANDS: &[Break] = &[
     (
         MORE,
         "</additional>",
+        "<tlLogic id=\"r0c0\" type=\"static\" programID=\"0\"><phase duration=\"9\" state=\"GGGG\"/></tlLogic></additional>",
+        "DIR/more.add.xml: <tlLogic id=\"r0c0\">: there is another program 0 of this light, in the net or in an earlier file; give this one another programID",
+    ),
+    (
+        MORE,
+        "</additional>",
         "<tlLogic id=\"r0c0\" type=\"actuated\" programID=\"1\"><phase duration=\"9\" state=\"GGGG\"/><param key=\"w0_r0c0_0\" value=\"loop\"/></tlLogic></additional>",
         "DIR/more.add.xml: <tlLogic id=\"r0c0\">: asks the detector loop, and this program leaves detectors out; remove the parameter, and SUMO places detectors of its own",
     ),

@@ -2,7 +2,8 @@
 //!
 //! - `room`: a folder with a scenario to break; `config`: the ways to name one; `broken`: what is refused; `kept`: copies
 //!   and SUMO; `play`: the global simulator; `influence`: what it observes at the borders of regions;
-//!   `local`: local simulators, and training on them; `fidelity`: how far they are like the global one.
+//!   `local`: local simulators, and training on them; `fidelity`: how far they are like the global one;
+//!   `opened`: what is said when a command begins.
 
 mod broken;
 mod config;
@@ -10,5 +11,6 @@ mod fidelity;
 mod influence;
 mod kept;
 mod local;
+mod opened;
 mod play;
 mod room;

@@ -133,6 +133,7 @@ fn a_scenario_trains_on_the_global_simulator_resumes_and_needs_nothing_else() {
     let train = |out: &Path, more: &[&str]| {
         dials_traffic()
             .args(["train", shipped("town").to_str().unwrap(), "--workers", "1", "--out", out.to_str().unwrap()])
+            .args(["--simulator", "gs"])
             .args(["--set", "traffic.end_s=300", "--set", "total_steps=240", "--set", "ppo.rollout_steps=60"])
             .args(["--set", "ppo.memory=60", "--set", "ppo.minibatch=20", "--set", "evaluation.every_steps=120"])
             .args(["--set", "evaluation.episodes=1", "--set", "evaluation.final_episodes=2"])

@@ -37,27 +37,46 @@ impl Owner {
     /// again, but as the run that was described.
     pub fn check_described(&self, dir: &Path) -> Result<()> {
         let about = RunJson::read_if_there(dir)?;
-        let now = json!({ "seed": self.config.seed, "scenario": self.scenario });
-        let mut then = now.clone();
-        if let Some(seed) = about.seed {
-            then["seed"] = json!(seed);
+        let [then, now] =
+            [about.seed.unwrap_or(self.config.seed), self.config.seed].map(|seed| json!({ "seed": seed }));
+        let found = [differing(&then, &now), self.changes_since(dir, &about)?].concat();
+        refuse(&place_of(dir), &found, TO_RESUME).map_err(Into::into)
+    }
+
+    /// Returns an error if the networks or the domain's keys are other ones than `run.json` in `dir` says. Policies that
+    /// were trained on those are not for these.
+    pub fn check_unchanged(&self, dir: &Path) -> Result<()> {
+        let found = self.changes_since(dir, &RunJson::read_if_there(dir)?)?;
+        refuse(&place_of(dir), &found, TO_PLAY).map_err(Into::into)
+    }
+
+    /// Lists what differs from the domain that `about` describes. `dir`: the directory of the run.
+    fn changes_since(&self, dir: &Path, about: &RunJson) -> Result<Vec<Difference>> {
+        let mut found = about.kept.as_ref().map_or(Ok(Vec::new()), |kept| kept.changed_keys(&self.config))?;
+        let Some(scenario) = &about.scenario else { return Ok(found) };
+        let mut of_scenario = self.differences_from(&serde_json::to_value(scenario)?);
+        if let Some(kept) = about.kept.as_ref().filter(|_| !of_scenario.is_empty()) {
+            found.extend(kept.changed_files(dir)?);
         }
-        if let Some(scenario) = about.scenario {
-            then["scenario"] = serde_json::to_value(scenario)?;
-        }
-        refuse(&format!("{}: ", dir.join(files::RUN).display()), &differing(&then, &now)).map_err(Into::into)
+        // A checksum says less than the key or the file.
+        let is_checksum = |key: &str| key == "scenario.checksum" || key.starts_with("scenario.files.");
+        of_scenario.retain(|difference| found.is_empty() || !is_checksum(&difference.key));
+        found.extend(of_scenario);
+        Ok(found)
+    }
+
+    /// Lists what differs from another scenario.
+    fn differences_from(&self, scenario: &Value) -> Vec<Difference> {
+        let differing = differing(scenario, &self.scenario).into_iter();
+        differing.map(|found| Difference { key: format!("scenario.{}", found.key), ..found }).collect()
     }
 
     /// Returns an error if training with `config` and on `scenario` cannot continue as this run. `until`: the step that
     /// it has come to.
     pub fn check(&self, config: &Config, scenario: &Value, until: u64) -> Result<(), NotOfThisRun> {
         let mut found = differences(config, &self.config);
-        found.extend(
-            differing(scenario, &self.scenario)
-                .into_iter()
-                .map(|difference| Difference { key: format!("scenario.{}", difference.key), ..difference }),
-        );
-        refuse("", &found)?;
+        found.extend(self.differences_from(scenario));
+        refuse("", &found, TO_RESUME)?;
         if until > self.config.last_step() {
             return Err(NotOfThisRun(format!(
                 "stop_at_steps = {}: training has come to step {until} already; set it to {until} or more, or leave it \
@@ -69,14 +88,23 @@ impl Owner {
     }
 }
 
-fn refuse(place: &str, differences: &[Difference]) -> Result<(), NotOfThisRun> {
+/// The way out for a resume, and for everything else that opens a run.
+const TO_RESUME: &str = "put them back to resume, or begin a new run";
+const TO_PLAY: &str = "put them back, for example from a copy; or leave this run as it was, and play its policies on another \
+                       scenario with: dials-traffic baseline CONFIG --compare RUN";
+
+fn place_of(dir: &Path) -> String {
+    format!("{}: ", dir.join(files::RUN).display())
+}
+
+fn refuse(place: &str, differences: &[Difference], way_out: &str) -> Result<(), NotOfThisRun> {
     if differences.is_empty() {
         return Ok(());
     }
     let lines: Vec<String> = differences.iter().map(line).collect();
     Err(NotOfThisRun(format!(
-        "{place}was written with other settings or networks than this run directory has now:\n  {}\n  put them back to \
-         resume, or begin a new run (`scenario` is the domain, with checksums of the files in networks/)",
+        "{place}was written with other settings or networks than this run directory has now:\n  {}\n  {way_out} \
+         (`scenario` is the domain, with checksums of the files in networks/)",
         lines.join("\n  ")
     )))
 }

@@ -2,7 +2,7 @@
 
 use crate::traffic::network::xml::{document, leaf, nest};
 
-/// Name of the actuated program among those of a light.
+/// Name of the actuated program among those of a light, if no other program has it.
 pub const PROGRAM: &str = "actuated";
 
 /// Shortest and longest green in seconds, unless the own program gives its own.
@@ -20,13 +20,14 @@ pub struct ProgramPhase<'a> {
     pub next: &'a [usize],
 }
 
-/// Returns an additional file with an actuated program for each light: its name, and the phases of its own program.
+/// Returns an additional file with an actuated program of this name for each light: the light, and the phases of its own
+/// program.
 ///
 /// Greens last as long as cars come, within their limits. Yellow and all red last as long as in the own program.
-pub fn programs<'a>(lights: impl IntoIterator<Item = (&'a str, Vec<ProgramPhase<'a>>)>) -> String {
+pub fn programs<'a>(name: &str, lights: impl IntoIterator<Item = (&'a str, Vec<ProgramPhase<'a>>)>) -> String {
     document("additional", |xml| {
         lights.into_iter().try_for_each(|(light, phases)| {
-            let head = [("id", light), ("type", "actuated"), ("programID", PROGRAM), ("offset", "0")];
+            let head = [("id", light), ("type", "actuated"), ("programID", name), ("offset", "0")];
             nest(xml, "tlLogic", head, |xml| phases.iter().try_for_each(|phase| leaf(xml, "phase", attributes(phase))))
         })
     })
@@ -80,6 +81,6 @@ mod tests {
     </tlLogic>
 </additional>
 "#;
-        assert_eq!(programs([("a&b", phases)]), expected);
+        assert_eq!(programs(PROGRAM, [("a&b", phases)]), expected);
     }
 }

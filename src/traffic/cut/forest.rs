@@ -63,17 +63,13 @@ impl Region {
         routes.try_into().expect("a single intersection has four routes")
     }
 
-    /// Returns the name in the local net of something in this region; `None` if it does not belong to this region.
-    pub(in crate::traffic) fn in_the_local_net(self, id: &str) -> Option<&str> {
-        id.strip_prefix(&self.prefix())
-    }
-
     /// Returns the name in this region of something in the local net.
-    pub(in crate::traffic) fn rename(self, id: &str) -> String {
+    fn rename(self, id: &str) -> String {
         prefixed(&self.prefix(), id)
     }
 
-    fn prefix(self) -> String {
+    /// Returns what stands before the names of this region.
+    pub(in crate::traffic) fn prefix(self) -> String {
         format!("f{}.", self.0)
     }
 }
@@ -135,7 +131,5 @@ mod tests {
         assert_eq!(region.outgoing_lanes(), ["f3.r0c0_w0_0", "f3.r0c0_s0_0", "f3.r0c0_e0_0", "f3.r0c0_n0_0"]);
         assert_eq!(region.internal_lanes(), [":f3.r0c0_3_0", ":f3.r0c0_2_0", ":f3.r0c0_1_0", ":f3.r0c0_0_0"]);
         assert_eq!(region.routes(), ["f3.w0_to_e0", "f3.s0_to_n0", "f3.e0_to_w0", "f3.n0_to_s0"]);
-        assert_eq!(region.in_the_local_net("f3.w0_to_e0"), Some("w0_to_e0"));
-        assert_eq!(region.in_the_local_net("f31.w0_to_e0"), None);
     }
 }

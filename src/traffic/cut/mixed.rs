@@ -17,6 +17,7 @@
 use std::io;
 
 use super::local_net::{LocalNet, Parts, net_text};
+use super::names::free_name;
 use crate::traffic::network::xml::{Xml, leaf, nest};
 
 /// Name of the road apart from all nets, and of the route on it. No prefix begins like this.
@@ -40,7 +41,7 @@ impl MixedForest {
             (0..Parts::KINDS).try_for_each(|kind| {
                 let mut rows = nets.iter().enumerate();
                 rows.try_for_each(|(row, net)| net.write_kind(xml, kind, &prefix(row)))?;
-                write_apart(xml, kind)
+                write_apart(xml, kind, APART, [[0.0, 0.0], [1000.0, 0.0]])
             })
         });
         let mut first_lane = vec![0];
@@ -58,19 +59,49 @@ impl MixedForest {
     }
 }
 
-/// Writes the road apart, for vehicles of all classes.
-fn write_apart(xml: &mut Xml, kind: usize) -> io::Result<()> {
-    let lane = format!("{APART}_0");
-    let [from, to] = ["from", "to"].map(|end| format!("{APART}.{end}"));
+/// One local net under its own names, with the road apart. Its lanes have the same numbers as those of a first row.
+#[derive(Clone, Debug)]
+pub struct Alone {
+    /// Text of the net.
+    pub net: String,
+    /// Name of the road apart, which no other road has.
+    pub apart: String,
+    /// Number of all lanes.
+    pub lanes: usize,
+}
+
+impl Alone {
+    /// Makes the net. `place_m`: where the road apart is drawn, as a point.
+    pub fn of(net: &LocalNet, place_m: [f64; 2]) -> Alone {
+        let apart = free_name(APART, |name| net.parts.edges.iter().any(|edge| edge.attribute("id") == Some(name)));
+        let [x, y] = place_m;
+        let text = net_text(net, |xml| {
+            (0..Parts::KINDS).try_for_each(|kind| {
+                net.write_kind(xml, kind, "")?;
+                write_apart(xml, kind, &apart, [[x, y], [x + 1.0, y]])
+            })
+        });
+        Alone { net: text, apart, lanes: net.lanes().count() + 1 }
+    }
+}
+
+/// Writes the road apart, for vehicles of all classes. `ends_m`: where its ends are drawn.
+fn write_apart(xml: &mut Xml, kind: usize, name: &str, ends_m: [[f64; 2]; 2]) -> io::Result<()> {
+    let lane = format!("{name}_0");
+    let [from, to] = ["from", "to"].map(|end| format!("{name}.{end}"));
     match kind {
-        Parts::EDGES => nest(xml, "edge", [("id", APART), ("from", &from), ("to", &to)], |xml| {
-            let place = [("index", "0"), ("speed", "10"), ("length", "1000"), ("shape", "0,0 1000,0")];
+        Parts::EDGES => nest(xml, "edge", [("id", name), ("from", &from), ("to", &to)], |xml| {
+            let shape = ends_m.map(|[x, y]| format!("{x},{y}")).join(" ");
+            let place = [("index", "0"), ("speed", "10"), ("length", "1000"), ("shape", &*shape)];
             leaf(xml, "lane", [("id", &*lane)].into_iter().chain(place))
         }),
-        Parts::JUNCTIONS => [(&from, "0", ""), (&to, "1000", &*lane)].into_iter().try_for_each(|(id, x, incoming)| {
-            let place = [("type", "dead_end"), ("x", x), ("y", "0"), ("incLanes", incoming), ("intLanes", "")];
-            leaf(xml, "junction", [("id", id.as_str())].into_iter().chain(place))
-        }),
+        Parts::JUNCTIONS => {
+            [(&from, ""), (&to, &*lane)].into_iter().zip(ends_m).try_for_each(|((id, incoming), end)| {
+                let [x, y] = end.map(|place_m| place_m.to_string());
+                let place = [("type", "dead_end"), ("x", &*x), ("y", &*y), ("incLanes", incoming), ("intLanes", "")];
+                leaf(xml, "junction", [("id", id.as_str())].into_iter().chain(place))
+            })
+        }
         _ => Ok(()),
     }
 }

@@ -1,4 +1,5 @@
-//! Names of everything in a net, with a prefix before each. So several nets can stand in one file.
+//! Names of everything in a net, with a prefix before each. So several nets can stand in one file. Also names that are
+//! still free.
 
 use std::borrow::Cow;
 use std::io;
@@ -13,6 +14,13 @@ pub fn prefixed(prefix: &str, id: &str) -> String {
         Some(internal) => format!(":{prefix}{internal}"),
         None => format!("{prefix}{id}"),
     }
+}
+
+/// Returns a name that is not taken: this one, or the first free of it with `_2`, `_3` and so on.
+pub fn free_name(name: &str, is_taken: impl Fn(&str) -> bool) -> String {
+    let numbered = (2..).map(|number| format!("{name}_{number}"));
+    let mut names = [name.to_owned()].into_iter().chain(numbered);
+    names.find(|name| !is_taken(name)).expect("numbers go on")
 }
 
 /// Returns names with blanks between, each with a prefix.

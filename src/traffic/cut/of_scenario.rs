@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use anyhow::{Result, anyhow, bail};
+use anyhow::{Result, anyhow, bail, ensure};
 
 use super::beyond::Reach;
 use super::local_net::LocalNet;
@@ -49,14 +49,29 @@ fn check_known(scenario: &SumoScenario, roads: &Roads, light: &str) -> Result<()
 
 /// Cuts out the regions of all agents of a scenario, in their order.
 ///
-/// Errors: a region cannot be cut out.
+/// Errors: regions cannot be cut out. The error names all their lights.
 pub fn cut_all(scenario: &SumoScenario, derived: &Derived) -> Result<Vec<LocalNet>> {
     let roads = scenario.roads()?;
     let programs = scenario.additional().flat_map(|root| root.all("tlLogic")).collect();
     let source = Source::new(scenario.net(), &roads, programs);
     let cut = |Agent { plan, region, .. }: &Agent| LocalNet::cut(&source, &plan.light, region, Reach::default());
-    let nets = derived.agents.iter().map(cut).collect::<Result<_>>();
-    nets.map_err(|error| anyhow!("{}: {error:#}", scenario.net_path().display()))
+    let (mut nets, mut refused) = (Vec::new(), Vec::new());
+    for agent in &derived.agents {
+        match cut(agent) {
+            Ok(net) => nets.push(net),
+            Err(error) => refused.push(format!("{error:#}")),
+        }
+    }
+    ensure!(
+        refused.is_empty(),
+        "{}: {} of {} lights cannot have a local simulator:\n  {}\n  train on the whole network (--simulator gs), or let \
+         these lights keep their programs (`keep` in the file that traffic.agents names)",
+        scenario.net_path().display(),
+        refused.len(),
+        derived.agents.len(),
+        refused.join("\n  ")
+    );
+    Ok(nets)
 }
 
 /// Returns the text of an additional file with the vehicle types of a scenario.

@@ -29,7 +29,8 @@ impl Again for OnScenario<'_> {
         let (joint, plan) = (&self.traffic.plan, &self.traffic.plan.agents[agent.0]);
         let border = &joint.borders[agent.0].plan;
         let mut forest = LocalForest::load(&self.parts, joint, &self.tables, (&[agent], 1), seed)?;
-        forest.seed_lanes(0, &mut seed.fork(RandomPurpose::Lanes).dice())?;
+        let seeds = forest.draw_seeds(0, &mut seed.fork(RandomPurpose::Lanes).dice());
+        forest.seed_lanes(0, &seeds)?;
         forest.handles.reset(&mut forest.simulation, &[0])?;
         let mut doors = Doors::new(joint.clone(), &forest);
         let mut seen = Seen::new(plan, window.clone());

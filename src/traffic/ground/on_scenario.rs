@@ -1,5 +1,6 @@
 //! A scenario of the user, with an agent for each light that can learn.
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
@@ -16,6 +17,7 @@ use crate::traffic::agents::derive::padding::{InfluencePadding, Padding};
 use crate::traffic::agents::derive::{CarsSeen, Derived, Rules, derive};
 use crate::traffic::agents::plan::{AgentPlan, Border, JointPlan};
 use crate::traffic::controllers::actuated::{self, ProgramPhase};
+use crate::traffic::cut::names::free_name;
 use crate::traffic::cut::of_scenario::{cut_all, types_of};
 use crate::traffic::network::files::for_sumo;
 use crate::traffic::network::memory_file::MemoryFile;
@@ -132,8 +134,12 @@ impl Ground for OnScenario {
 
     fn source(&self) -> Result<Source> {
         let lights = self.derived.agents.iter().map(|agent| (agent.plan.light.as_str(), phases(&agent.program)));
-        let actuated = MemoryFile::new(&actuated::programs(lights))?;
-        Ok(Source::Scenario { files: self.files.for_sumo()?, actuated })
+        let roots = [self.files.net()].into_iter().chain(self.files.additional());
+        let taken: HashSet<&str> =
+            roots.flat_map(|root| root.all("tlLogic")).filter_map(|light| light.attribute("programID")).collect();
+        let program = free_name(actuated::PROGRAM, |name| taken.contains(name));
+        let actuated = MemoryFile::new(&actuated::programs(&program, lights))?;
+        Ok(Source::Scenario { files: self.files.for_sumo()?, actuated, program })
     }
 
     fn recorded(&self) -> Result<RecordedRoads> {

@@ -32,6 +32,7 @@ use crate::config::sumocfg::Sumocfg;
 use crate::outside::read_text;
 use demand::{Demand, Departures};
 use elements::Left;
+use place::Place;
 use streets::Streets;
 
 /// Option of a .sumocfg that names the net.
@@ -113,7 +114,9 @@ impl SumoScenario {
 
     /// Checks what files say of each other. Returns where vehicles depart, and what will not be simulated.
     fn check(&self, left: &Left) -> Result<(Departures, Vec<String>)> {
-        let programs: Vec<&Element> = self.additional().flat_map(|root| root.all("tlLogic")).collect();
+        let in_files =
+            self.additional.iter().flat_map(|file| file.content.root.all("tlLogic").map(move |light| (file, light)));
+        let programs: Vec<Place<'_>> = in_files.map(|(file, light)| Place::new(&file.path, light)).collect();
         net::check(&self.net.path, self.net(), &programs)?;
         [&self.net]
             .into_iter()

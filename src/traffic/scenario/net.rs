@@ -15,15 +15,15 @@ const LONGEST_M: f64 = 100_000.0;
 const FASTEST_MPS: f64 = 200.0;
 
 /// Returns an error if the net cannot be simulated. `programs`: the lights' programs in other files.
-pub fn check(file: &Path, net: &Element, programs: &[&Element]) -> Result<()> {
+pub fn check(file: &Path, net: &Element, programs: &[Place<'_>]) -> Result<()> {
     ensure!(
         net.name == "net",
         "{}: is no net of SUMO: its root is <{}>, not <net>",
         file.display(),
         excerpt(&net.name)
     );
-    let own: Vec<&Element> = net.all("tlLogic").collect();
-    let lights: HashSet<&str> = own.iter().chain(programs).filter_map(|light| light.attribute("id")).collect();
+    let own: Vec<Place<'_>> = net.all("tlLogic").map(|light| Place::new(file, light)).collect();
+    let lights: HashSet<&str> = own.iter().chain(programs).filter_map(|light| light.element.attribute("id")).collect();
     ensure!(
         !lights.is_empty(),
         "{}: has no traffic light (<tlLogic>); make some with: netconvert -s {0} --tls.set JUNCTION,... -o NEW.net.xml",
@@ -42,14 +42,25 @@ pub fn check(file: &Path, net: &Element, programs: &[&Element]) -> Result<()> {
         refuse_rail(place)?;
     }
     let mut known = HashSet::new();
-    for light in own {
-        let place = Place::new(file, light);
+    for place in own {
         let program = (place.needed("id")?, place.needed("programID")?);
         ensure!(
             known.insert(program),
             place.fault(format!("program {} stands twice; remove one of them", excerpt(program.1)))
         );
         refuse_rail(place)?;
+    }
+    // Without phases it is no program, but another offset for one.
+    for place in programs.iter().filter(|place| place.element.all("phase").next().is_some()) {
+        let program = (place.needed("id")?, place.element.attribute("programID").unwrap_or("0"));
+        ensure!(
+            known.insert(program),
+            place.fault(format!(
+                "there is another program {} of this light, in the net or in an earlier file; give this one another \
+                 programID",
+                excerpt(program.1)
+            ))
+        );
     }
     for connection in net.all("connection") {
         let place = Place::new(file, connection);

@@ -26,8 +26,19 @@ struct RowDoors {
     gate: Option<SignalState>,
 }
 
-/// Cars that try to enter in a step: the row, entry and lane of each, in the order of their numbers.
-pub struct Tried(Vec<(usize, usize, LaneId)>);
+/// Cars that try to enter in a step, in the order of their numbers.
+pub struct Tried {
+    /// Row, entry and lane of each.
+    places: Vec<(usize, usize, LaneId)>,
+    insertions: Vec<Insertion>,
+}
+
+impl Tried {
+    /// Returns what SUMO was told of each.
+    pub fn insertions(&self) -> &[Insertion] {
+        &self.insertions
+    }
+}
 
 impl Doors {
     /// Makes the doors of a forest that was loaded. `plan`: that of the agents.
@@ -100,30 +111,30 @@ impl Doors {
 
     /// Lets cars try to enter in the next step.
     pub fn let_in(&mut self, forest: &mut LocalForest) -> Result<Tried> {
-        let mut tried = Vec::new();
+        let mut places = Vec::new();
         let mut cars = Vec::new();
         for (row, doors) in self.rows.iter().enumerate() {
             let place = &forest.rows[row];
             for (entry, comer) in doors.entrance.next() {
                 let car = self.serial + cars.len() as u64;
                 cars.push(entering(&self.plan, forest, row, car, comer));
-                tried.push((row, entry, place.border[comer.lane]));
+                places.push((row, entry, place.border[comer.lane]));
             }
         }
         self.serial += cars.len() as u64;
         forest.simulation.enter(&cars)?;
-        Ok(Tried(tried))
+        Ok(Tried { places, insertions: cars.into_iter().map(|car| car.insertion).collect() })
     }
 
     /// Takes the cars out of the queues that are in after the step, and the others out of SUMO. No other car has got a
     /// number since they tried.
     pub fn note_entered(&mut self, forest: &mut LocalForest, tried: &Tried) -> Result<()> {
-        let lanes: Vec<LaneId> = tried.0.iter().map(|(_, _, lane)| *lane).collect();
+        let lanes: Vec<LaneId> = tried.places.iter().map(|(_, _, lane)| *lane).collect();
         let mut cars = CarTable::new();
         forest.simulation.read_lanes(&lanes, &mut cars)?;
-        let first = self.serial - tried.0.len() as u64;
+        let first = self.serial - tried.places.len() as u64;
         let mut all_in = true;
-        for (number, &(row, entry, _)) in tried.0.iter().enumerate() {
+        for (number, &(row, entry, _)) in tried.places.iter().enumerate() {
             let is_in = cars.lane(number).ids.contains(&CarId(first + number as u64));
             self.waited += u64::from(self.rows[row].entrance.tried(entry, is_in));
             all_in &= is_in;

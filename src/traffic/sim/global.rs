@@ -22,7 +22,7 @@ use crate::traffic::agents::plan::{AgentPlan, JointPlan};
 use crate::traffic::arrivals;
 use crate::traffic::cars_at::CarsAt;
 use crate::traffic::controllers::intersections::Intersections;
-use crate::traffic::controllers::{self, HandCoded, actuated};
+use crate::traffic::controllers::{self, HandCoded};
 use crate::traffic::light::KEEP;
 use crate::traffic::observe::{self, LightView};
 use crate::traffic::reward::{self, Waiting};
@@ -98,7 +98,7 @@ impl GlobalTraffic {
         let first_exit = starts(plan.agents.iter().map(|agent| agent.region.exits.len()));
         let outgoing: Vec<String> = exits.map(|exit| exit.lane.clone()).collect();
         let agents = plan.agents.len();
-        let record = |(tape, roads)| Recorder::new(tape, &mut simulation, roads, None);
+        let record = |(tape, roads)| Recorder::new(tape, &mut simulation, roads, String::new());
         let recorder = tape.map(record).transpose()?;
         let outgoing_lanes = simulation.register_lanes(&outgoing)?;
         Ok(GlobalTraffic {
@@ -304,7 +304,7 @@ impl GlobalSimulator for GlobalTraffic {
         }
         self.simulation.reload(&options).map_err(|error| self.source.explain(&error))?;
         let by_program = self.control.by_program();
-        let program = self.control.is_actuated().then_some(actuated::PROGRAM);
+        let program = self.control.is_actuated().then(|| self.source.actuated_program());
         let ours: Vec<usize> = (0..self.agents()).filter(|row| !by_program.contains(row)).collect();
         self.handles.reset(&mut self.simulation, &ours)?;
         self.handles.hand_to_program(&mut self.simulation, program, &by_program)?;

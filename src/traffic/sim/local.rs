@@ -96,7 +96,7 @@ impl LocalTraffic {
         }
         let record = |tape| {
             let roads = RecordedRoads::of_grid(Grid::SINGLE, local)?;
-            Recorder::new(tape, &mut simulation, roads, Some(Region(0)))
+            Recorder::new(tape, &mut simulation, roads, Region(0).prefix())
         };
         let recorder = tape.map(record).transpose()?;
         Ok(LocalTraffic {

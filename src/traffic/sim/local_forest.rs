@@ -2,6 +2,7 @@
 //! a row needs.
 
 use std::collections::BTreeSet;
+use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Context;
@@ -18,6 +19,7 @@ use crate::traffic::agents::plan::JointPlan;
 use crate::traffic::cut::local_net::LocalNet;
 use crate::traffic::cut::mixed::{APART, MixedForest, prefix};
 use crate::traffic::cut::names::prefixed;
+use crate::traffic::network::contents::explain;
 use crate::traffic::network::memory_file::MemoryFile;
 use crate::traffic::network::xml::{document, leaf};
 
@@ -30,8 +32,8 @@ pub struct LocalParts {
     pub nets: Vec<LocalNet>,
     /// Text of a file with all vehicle types.
     pub types: String,
-    /// Options of SUMO that say how cars drive, with `--`.
-    pub options: Vec<String>,
+    /// Options of SUMO that say how cars drive, without `--`.
+    pub options: Vec<(String, String)>,
     /// The scenario, as the user knows it.
     pub name: String,
 }
@@ -44,6 +46,8 @@ pub struct LocalForest {
     pub handles: IntersectionHandles,
     /// Names of vehicle types, with their numbers. The first one is the usual one.
     types: Vec<(String, TypeId)>,
+    /// Types and speed factors of the cars that entered on the road apart, one in each second so far.
+    pub first: Vec<(String, f64)>,
 }
 
 /// What SUMO has of a row.
@@ -99,9 +103,10 @@ impl LocalForest {
         let mut options = options::common(&net, &routes, 0);
         options.extend(["--additional-files".to_owned(), types.path()]);
         options.extend(forest.option());
-        options.extend(parts.options.iter().cloned());
-        options.extend(OPTIONS.map(str::to_owned));
+        options.extend(local_options(parts).into_iter().flat_map(|(name, value)| [format!("--{name}"), value]));
+        let made_of = [(&net, "LOCAL-NETS"), (&routes, "THEIR-ROUTES"), (&types, "VEHICLE-TYPES")];
         let mut simulation = Simulation::load(&options)
+            .map_err(|error| explain(&error, &made_of.map(|(file, name)| (file, Path::new(name)))))
             .with_context(|| format!("{}: SUMO could not load the surroundings of its lights", parts.name))?;
         let places = rows.iter().enumerate().map(|(row, (_, agent, _))| {
             let (plan, prefix) = (&plan.agents[agent.0], prefix(row));
@@ -148,15 +153,19 @@ impl LocalForest {
         }
         let names = type_names(tables);
         let numbers = simulation.register_types(&names)?;
-        send_extremes(&mut simulation, &numbers, tables)?;
-        Ok(LocalForest { simulation, rows: places, handles, types: names.into_iter().zip(numbers).collect() })
+        let speed_factor = send_extremes(&mut simulation, &numbers, tables)?;
+        let first = names.iter().map(|name| (name.clone(), speed_factor)).collect();
+        Ok(LocalForest { simulation, rows: places, handles, types: names.into_iter().zip(numbers).collect(), first })
+    }
+
+    /// Draws a seed for each lane of a row.
+    pub fn draw_seeds(&self, row: usize, dice: &mut Dice) -> Vec<u32> {
+        self.rows[row].lanes.iter().map(|_| dice.random()).collect()
     }
 
     /// Seeds the random generators of the lanes of a row.
-    pub fn seed_lanes(&mut self, row: usize, dice: &mut Dice) -> Result<()> {
-        let place = &self.rows[row];
-        let seeds: Vec<u32> = place.lanes.iter().map(|_| dice.random()).collect();
-        Ok(self.simulation.seed_lanes(place.first_lane, &seeds)?)
+    pub fn seed_lanes(&mut self, row: usize, seeds: &[u32]) -> Result<()> {
+        Ok(self.simulation.seed_lanes(self.rows[row].first_lane, seeds)?)
     }
 
     /// Returns the number of a vehicle type. `None`: of the usual one.
@@ -170,8 +179,8 @@ impl LocalForest {
 pub const FIRST_CAR: u64 = 1 << 32;
 
 /// Lets a car of each type with the largest speed factor enter on the road apart, one after the other, and takes it out
-/// again.
-fn send_extremes(simulation: &mut Simulation, types: &[TypeId], tables: &VisitTables) -> Result<()> {
+/// again. Returns that speed factor.
+fn send_extremes(simulation: &mut Simulation, types: &[TypeId], tables: &VisitTables) -> Result<f64> {
     let road = simulation.register_lanes(&[format!("{APART}_0")])?;
     let route = simulation.register_routes(&[APART.to_owned()])?[0];
     let factors = tables.visits().of_agents.iter().flatten().map(|visit| visit.driver.speed_factor);
@@ -182,16 +191,23 @@ fn send_extremes(simulation: &mut Simulation, types: &[TypeId], tables: &VisitTa
         simulation.step()?;
         simulation.remove_cars(&road)?;
     }
-    Ok(())
+    Ok(speed_factor)
 }
 
-/// Options of local simulators. A car that collides or has no way on would be moved, and a reset would not find it. A
+/// Returns the options of SUMO that say how cars drive in a local simulator, without `--`.
+pub fn local_options(parts: &LocalParts) -> Vec<(String, String)> {
+    let own = OPTIONS.map(|(name, value)| (name.to_owned(), value.to_owned()));
+    parts.options.iter().cloned().chain(own).collect()
+}
+
+/// Options of local simulators, without `--`. A car that collides or has no way on would be moved, and a reset would not find it. A
 /// car that finds no room must not keep others from the lanes beside it.
-const OPTIONS: [&str; 6] = ["--collision.action", "none", "--ignore-route-errors", "true", "--eager-insert", "true"];
+const OPTIONS: [(&str, &str); 3] =
+    [("collision.action", "none"), ("ignore-route-errors", "true"), ("eager-insert", "true")];
 
 /// Returns the options of a scenario that local simulators have, too: those that say how cars drive. Demand, routing and
 /// what SUMO does with jams and collisions are not theirs.
-pub fn driving_options(options: &[(String, String)]) -> Vec<String> {
+pub fn driving_options(options: &[(String, String)]) -> Vec<(String, String)> {
     const KEPT: [&str; 6] = [
         "step-method.ballistic",
         "ignore-junction-blocker",
@@ -201,8 +217,7 @@ pub fn driving_options(options: &[(String, String)]) -> Vec<String> {
         "time-to-impatience",
     ];
     let is_kept = |name: &str| KEPT.contains(&name) || name.starts_with("tls.") || name.starts_with("default.");
-    let kept = options.iter().filter(|(name, _)| is_kept(name));
-    kept.flat_map(|(name, value)| [format!("--{name}"), value.clone()]).collect()
+    options.iter().filter(|(name, _)| is_kept(name)).cloned().collect()
 }
 
 /// Returns the names of all vehicle types that were recorded, the usual one first.
@@ -228,6 +243,7 @@ fn routes<'a>(ways: impl Iterator<Item = &'a Ways>) -> String {
     })
 }
 
-fn route_name(row: usize, way: usize) -> String {
+/// Returns the name of a route of a row.
+pub fn route_name(row: usize, way: usize) -> String {
     format!("{}way{way}", prefix(row))
 }

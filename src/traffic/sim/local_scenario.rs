@@ -15,6 +15,8 @@ use super::doors::Doors;
 use super::entrance::draw;
 use super::global::starts;
 use super::local_forest::{LocalForest, LocalParts, RowPlace};
+use super::recorded_local::roads_of;
+use super::recording::{Recorder, Tape};
 use super::visit_tables::VisitTables;
 use crate::base::{AgentId, Dice, Phase, RandomPurpose, Rows, Seed, Stopwatch};
 use crate::domain::{Action, Beginning, LocalSimulator, Percept, RegionSpec, Result, Transition};
@@ -22,6 +24,7 @@ use crate::sumo::{CarTable, LaneId};
 use crate::traffic::agents::phase_plan::Shown;
 use crate::traffic::agents::plan::JointPlan;
 use crate::traffic::cars_at::CarsAt;
+use crate::traffic::cut::mixed::prefix;
 use crate::traffic::inflow::History;
 use crate::traffic::observe::{self, LightView};
 use crate::traffic::reward::{self, Waiting};
@@ -48,6 +51,7 @@ pub struct LocalScenario {
     cars: CarTable,
     last: Transition,
     watch: Stopwatch,
+    recorder: Option<Recorder>,
 }
 
 /// The episode of a row.
@@ -101,6 +105,7 @@ impl LocalScenario {
             exit_lanes,
             first_exit,
             watch: Stopwatch::default(),
+            recorder: None,
             spec,
             doors: Doors::new(plan.clone(), &forest),
             plan: plan.clone(),
@@ -109,13 +114,27 @@ impl LocalScenario {
         })
     }
 
+    /// Makes the first episode of the first row go on this tape. `parts`: what it was loaded from.
+    pub fn record_on(mut self, tape: &Tape, parts: &LocalParts) -> Result<LocalScenario> {
+        let roads = roads_of(parts, &self.plan, &self.forest.rows[0], self.forest.first.clone())?;
+        self.recorder = Some(Recorder::new(tape, &mut self.forest.simulation, roads, prefix(0))?);
+        Ok(self)
+    }
+
     /// Sets what belongs to the row in this program to the beginning of an episode, and seeds its lanes.
     fn begin(&mut self, Beginning { row, episode }: Beginning) -> Result<()> {
         let place = &self.forest.rows[row];
         let border = &self.plan.borders[place.agent.0].plan;
         let seed = place.seed.for_episode(episode as usize);
         let mut of_lanes = seed.fork(RandomPurpose::Lanes).dice();
-        self.forest.seed_lanes(row, &mut of_lanes)?;
+        let mut seeds = self.forest.draw_seeds(row, &mut of_lanes);
+        if let Some(recorder) = self.recorder.as_mut().filter(|_| row == 0) {
+            // Plain SUMO, which plays the recording again, seeds the lanes with the numbers from its own seed on.
+            let first = of_lanes.random_range(0..1 << 30);
+            seeds = (first..).take(seeds.len()).collect();
+            recorder.begin(first);
+        }
+        self.forest.seed_lanes(row, &seeds)?;
         let mut dice = seed.fork(RandomPurpose::LocalCars).dice();
         let begin = dice.random_range(0..=self.spec.horizon - self.spec.local_horizon);
         self.rows[row] = RowNow {
@@ -173,7 +192,7 @@ impl LocalScenario {
             }
         }
         self.watch.note(Phase::Reading, begun.elapsed());
-        Ok(())
+        self.recorder.as_mut().map_or(Ok(()), |recorder| recorder.step(&mut self.forest.simulation, tried.insertions()))
     }
 
     /// Writes what a row shows. `cars`: those on its approaches; `at_border`: those on the lanes of its border.

@@ -8,7 +8,7 @@
 //!   [`visit_tables`]: cars drawn from visits.
 //! - `source`: what a GS loads; `handles`: the intersections of a loaded net; `options`: SUMO's options.
 //! - [`tally`]: what every episode counts; `metrics`, `trips`: what only evaluations measure.
-//! - [`recording`]: an episode recorded, on [`recorded_roads`]; [`replay`]: a recording as files that SUMO plays;
+//! - [`recording`]: an episode recorded, on [`recorded_roads`]; `recorded_local`: those of one light. [`replay`]: a recording as files that SUMO plays;
 //!   [`trace`]: a recording for pictures.
 
 mod border;
@@ -22,6 +22,7 @@ pub(super) mod local_forest;
 pub mod local_scenario;
 pub(super) mod metrics;
 mod options;
+pub(super) mod recorded_local;
 pub mod recorded_roads;
 pub mod recording;
 pub mod replay;

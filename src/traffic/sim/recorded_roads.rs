@@ -10,6 +10,7 @@ use crate::traffic::network::roads::{Function, Roads};
 use crate::traffic::network::tree::Element;
 use crate::traffic::paper_grid::grid::{Grid, edge, lane};
 use crate::traffic::scenario::SumoScenario;
+use crate::traffic::sim::recorded_local::LocalFiles;
 
 /// The roads of a recording.
 #[derive(Clone, Debug)]
@@ -39,13 +40,21 @@ pub struct RecordedGrid {
     pub vehicle_types: Vec<Element>,
 }
 
-/// A scenario. Its lanes are in the order of the net.
+/// A scenario, or the surroundings of one of its lights. Its lanes are in the order of the net.
 #[derive(Clone, Debug)]
 pub struct RecordedScenario {
-    pub files: SumoScenario,
+    pub files: RecordedFiles,
     pub roads: Roads,
     /// Plans of the agents, in their order.
     pub agents: Vec<AgentPlan>,
+}
+
+/// The files of a recorded scenario.
+#[derive(Clone, Debug)]
+pub enum RecordedFiles {
+    Whole(SumoScenario),
+    /// Those of a local simulator.
+    Local(Box<LocalFiles>),
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -80,9 +89,6 @@ impl RecordedRoads {
     /// Returns the roads of a scenario with these agents.
     pub fn of_scenario(files: &SumoScenario, agents: Vec<AgentPlan>) -> Result<RecordedRoads> {
         let roads = files.roads()?;
-        let drivable = |function| matches!(function, Function::Road | Function::Internal);
-        let lanes = roads.lanes.iter().filter(|lane| drivable(roads.edge(lane.edge).function));
-        let lanes = lanes.map(|lane| Lane { name: lane.id.clone(), length_m: lane.length_m }).collect();
         let mut lights: Vec<String> = agents.iter().map(|agent| agent.light.clone()).collect();
         for program in &roads.programs {
             // SUMO has no light that controls nothing.
@@ -90,8 +96,20 @@ impl RecordedRoads {
                 lights.push(program.light.clone());
             }
         }
-        let ground = RecordedGround::Scenario(Box::new(RecordedScenario { files: files.clone(), roads, agents }));
-        Ok(RecordedRoads::new(ground, lanes, lights))
+        Ok(RecordedRoads::of_lights(RecordedFiles::Whole(files.clone()), roads, agents, lights))
+    }
+
+    /// Returns the roads of a scenario with these lights, those of the agents first.
+    pub(super) fn of_lights(
+        files: RecordedFiles,
+        roads: Roads,
+        agents: Vec<AgentPlan>,
+        lights: Vec<String>,
+    ) -> RecordedRoads {
+        let drivable = |function| matches!(function, Function::Road | Function::Internal);
+        let lanes = roads.lanes.iter().filter(|lane| drivable(roads.edge(lane.edge).function));
+        let lanes = lanes.map(|lane| Lane { name: lane.id.clone(), length_m: lane.length_m }).collect();
+        RecordedRoads::new(RecordedGround::Scenario(Box::new(RecordedScenario { files, roads, agents })), lanes, lights)
     }
 
     fn new(ground: RecordedGround, lanes: Vec<Lane>, lights: Vec<String>) -> RecordedRoads {
@@ -103,7 +121,10 @@ impl RecordedRoads {
     pub fn begin_s(&self) -> u64 {
         match &self.ground {
             RecordedGround::Grid(_) => 0,
-            RecordedGround::Scenario(scenario) => scenario.files.window_s().0,
+            RecordedGround::Scenario(scenario) => match &scenario.files {
+                RecordedFiles::Whole(files) => files.window_s().0,
+                RecordedFiles::Local(files) => files.begin_s(),
+            },
         }
     }
 

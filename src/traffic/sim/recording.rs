@@ -10,7 +10,7 @@ use anyhow::{Context, Result};
 
 use super::recorded_roads::RecordedRoads;
 use crate::sumo::{CarTable, DepartSpeed, Departure, Insertion, LaneCars, LaneId, LightId, SignalState, Simulation};
-use crate::traffic::cut::forest::Region;
+use crate::traffic::cut::names::prefixed;
 
 /// A tape for one episode. Clones are the same tape.
 #[derive(Clone, Debug, Default)]
@@ -70,8 +70,9 @@ impl Recording {
 pub(super) struct Recorder {
     tape: Tape,
     roads: Arc<RecordedRoads>,
-    /// Part of a forest that is recorded, under the names of the local net.
-    region: Option<Region>,
+    /// What stands before the names of the recorded roads in the simulation: a part of a forest is recorded under the
+    /// names of its local net.
+    prefix: String,
     lanes: Vec<LaneId>,
     lights: Vec<LightId>,
     /// Whether the episode goes on the tape. The tape has room for the first one only.
@@ -79,22 +80,18 @@ pub(super) struct Recorder {
 }
 
 impl Recorder {
-    /// Makes a recorder. `roads`: those of the simulation, or of the local net for a `region` of a forest.
-    pub fn new(
-        tape: &Tape,
-        simulation: &mut Simulation,
-        roads: RecordedRoads,
-        region: Option<Region>,
-    ) -> Result<Recorder> {
-        let name = |name: &String| region.map_or_else(|| name.clone(), |region| region.rename(name));
+    /// Makes a recorder. `roads`: those of the simulation. If they are a part of it under other names,
+    /// `prefix` stands before these names there.
+    pub fn new(tape: &Tape, simulation: &mut Simulation, roads: RecordedRoads, prefix: String) -> Result<Recorder> {
+        let name = |name: &String| prefixed(&prefix, name);
         let lanes: Vec<String> = roads.lanes.iter().map(|lane| name(&lane.name)).collect();
         let lights: Vec<String> = roads.lights.iter().map(name).collect();
         Ok(Recorder {
             tape: tape.clone(),
-            region,
             lanes: simulation.register_lanes(&lanes)?,
             lights: simulation.register_lights(&lights)?,
             on: false,
+            prefix,
             roads: Arc::new(roads),
         })
     }
@@ -136,8 +133,7 @@ impl Recorder {
 
     /// Returns the car under the names of the recorded roads, if it is on them.
     fn renamed(&self, car: Departure) -> Option<Departure> {
-        let Some(region) = self.region else { return Some(car) };
-        let rename = |name: &String| region.in_the_local_net(name).map(str::to_owned);
+        let rename = |name: &String| name.strip_prefix(&self.prefix).map(str::to_owned);
         let edges = car.edges.iter().map(rename).collect::<Option<Vec<String>>>()?;
         Some(Departure { route: rename(&car.route)?, edges, ..car })
     }

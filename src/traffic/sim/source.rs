@@ -1,10 +1,11 @@
 //! What a GS (global simulator) loads into SUMO.
 
-use anyhow::Error;
+use anyhow::{Error, anyhow};
 
 use super::options;
 use crate::sumo;
-use crate::traffic::network::contents;
+use crate::traffic::controllers::actuated;
+use crate::traffic::network::contents::{self, renamed};
 use crate::traffic::network::memory_file::MemoryFile;
 use crate::traffic::scenario::loadable;
 
@@ -12,8 +13,8 @@ use crate::traffic::scenario::loadable;
 pub enum Source {
     /// A grid of ours.
     Grid(contents::Loadable),
-    /// A scenario, and actuated programs for its agents.
-    Scenario { files: loadable::Loadable, actuated: MemoryFile },
+    /// A scenario, and actuated programs for its agents, all of the same name.
+    Scenario { files: loadable::Loadable, actuated: MemoryFile, program: String },
 }
 
 impl Source {
@@ -27,7 +28,7 @@ impl Source {
                 }
                 options
             }
-            Source::Scenario { files, actuated: programs } => {
+            Source::Scenario { files, actuated: programs, .. } => {
                 files.options(seed, if actuated { std::slice::from_ref(programs) } else { &[] })
             }
         }
@@ -37,7 +38,17 @@ impl Source {
     pub fn explain(&self, error: &sumo::Error) -> Error {
         match self {
             Source::Grid(files) => files.explain(error),
-            Source::Scenario { files, .. } => files.explain(error),
+            Source::Scenario { files, actuated, .. } => {
+                anyhow!(renamed(&files.explain(error).to_string(), &actuated.path(), "ACTUATED-PROGRAMS"))
+            }
+        }
+    }
+
+    /// Returns the name of the actuated programs.
+    pub fn actuated_program(&self) -> &str {
+        match self {
+            Source::Grid(_) => actuated::PROGRAM,
+            Source::Scenario { program, .. } => program,
         }
     }
 }

@@ -6,17 +6,20 @@
 //! - `of_grid`: on a grid, each car that entered is listed. Cars draw nothing at random there, so they move as before.
 //! - `of_scenario`: on a scenario, the files of the scenario play with the seed of the episode. So SUMO draws the same
 //!   numbers, and cars of all types choose the same routes, lanes and speeds.
-//! - `view`: how sumo-gui shows the roads.
+//! - `of_local`: of a local simulator of a scenario, each car is listed, and SUMO draws the same numbers on each lane.
+//! - `vehicle`: a listed car. `view`: how sumo-gui shows the roads.
 
 mod of_grid;
+mod of_local;
 mod of_scenario;
+mod vehicle;
 mod view;
 
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 
-use super::recorded_roads::RecordedGround;
+use super::recorded_roads::{RecordedFiles, RecordedGround};
 use super::recording::{Recording, Step};
 use crate::outside::write_together;
 use crate::sumo::{CarTable, SignalState, Simulation};
@@ -43,9 +46,19 @@ pub fn write(recording: &Recording, dir: &Path) -> Result<()> {
     NetworkFiles::of(&dir.join(NAME)).check_paths()?;
     let (mut files, signals) = match &recording.roads.ground {
         RecordedGround::Grid(grid) => (of_grid::files(recording, grid), of_grid::signals(recording)),
-        RecordedGround::Scenario(scenario) => {
-            (of_scenario::files(recording, scenario), of_scenario::signals(recording, scenario))
-        }
+        RecordedGround::Scenario(scenario) => match &scenario.files {
+            RecordedFiles::Whole(files) => {
+                // The lights that do not learn run the programs that they ran.
+                let roots = [files.net()].into_iter().chain(files.additional());
+                let signals = of_scenario::signals(recording, scenario.agents.len(), roots);
+                (of_scenario::files(recording, files), signals)
+            }
+            RecordedFiles::Local(files) => {
+                let signals =
+                    of_scenario::signals(recording, recording.roads.lights.len(), [&files.net.root()].into_iter());
+                (of_local::files(recording, files, scenario.agents[0].place_m), signals)
+            }
+        },
     };
     files.push((SIGNALS.to_owned(), signals.into_bytes()));
     files.push((VIEW.to_owned(), view(&recording.roads, WATCHING_DELAY_MS, &[]).into_bytes()));
@@ -62,6 +75,10 @@ pub fn check(recording: &Recording, dir: &Path) -> Result<()> {
     let lanes = simulation.register_lanes(&lanes)?;
     let lights = simulation.register_lights(&recording.roads.lights)?;
     let mut played = Step { signals: Vec::new(), cars: CarTable::new() };
+    // A local simulator has some seconds before its episode.
+    while simulation.time_s()? < recording.roads.begin_s() as f64 {
+        simulation.step()?;
+    }
     for (number, recorded) in recording.steps.iter().enumerate() {
         simulation.step()?;
         simulation.read_lights(&lights, &mut played.signals)?;
@@ -78,7 +95,10 @@ pub fn check(recording: &Recording, dir: &Path) -> Result<()> {
                 "SUMO plays second {} of the replay differently from the recording, so it is not kept; this should not \
                  happen, please report it with {}",
                 recording.roads.begin_s() + number as u64,
-                scenario.files.path().display()
+                match &scenario.files {
+                    RecordedFiles::Whole(files) => files.path().display().to_string(),
+                    RecordedFiles::Local(files) => format!("the light {}", files.net.light),
+                }
             ),
         }
     }

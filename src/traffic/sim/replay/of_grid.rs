@@ -2,13 +2,13 @@
 
 use std::path::Path;
 
+use super::vehicle::{write_car, write_routes};
 use super::{NAME, Program, SIGNALS, VIEW, programs, shown};
-use crate::sumo::DepartSpeed;
 use crate::traffic::network::files::NetworkFiles;
-use crate::traffic::network::xml::{document, element, leaf, section};
+use crate::traffic::network::xml::{document, element, section};
 use crate::traffic::sim::options::{STEP_LENGTH_S, TIME_TO_TELEPORT_S};
 use crate::traffic::sim::recorded_roads::RecordedGrid;
-use crate::traffic::sim::recording::{Entry, Recording};
+use crate::traffic::sim::recording::Recording;
 
 /// Returns the files of the replay without signals and view: names and contents.
 pub fn files(recording: &Recording, grid: &RecordedGrid) -> Vec<(String, Vec<u8>)> {
@@ -34,31 +34,10 @@ pub fn signals(recording: &Recording) -> String {
 
 /// Returns the cars with their state at entry. SUMO wants them in the order of their departures.
 fn vehicles(recording: &Recording, grid: &RecordedGrid) -> String {
-    let mut routes: Vec<(&str, &[String])> =
-        recording.entries.iter().map(|entry| (entry.car.route.as_str(), entry.car.edges.as_slice())).collect();
-    routes.sort_unstable();
-    routes.dedup();
     document("routes", |xml| {
         grid.vehicle_types.iter().try_for_each(|kind| element(xml, kind))?;
-        routes.iter().try_for_each(|(id, edges)| leaf(xml, "route", [("id", *id), ("edges", &edges.join(" "))]))?;
-        recording.entries.iter().try_for_each(|Entry { step, car, speed }| {
-            let speed = match speed {
-                DepartSpeed::Max => "max".to_owned(),
-                DepartSpeed::Fixed(speed_mps) => speed_mps.to_string(),
-            };
-            // Rust writes the shortest digits that read back as the same number.
-            let attributes = [
-                ("id", car.name.clone()),
-                ("type", car.vehicle_type.clone()),
-                ("route", car.route.clone()),
-                ("depart", step.to_string()),
-                ("departLane", car.lane.to_string()),
-                ("departPos", car.position_m.to_string()),
-                ("departSpeed", speed),
-                ("speedFactor", car.speed_factor.to_string()),
-            ];
-            leaf(xml, "vehicle", attributes)
-        })
+        write_routes(xml, recording)?;
+        recording.entries.iter().try_for_each(|entry| write_car(xml, entry, entry.step as u64, None))
     })
 }
 

@@ -1,7 +1,5 @@
 //! The trace of an episode on a scenario.
 
-use std::path::Path;
-
 use anyhow::Result;
 
 use super::drives::{Stretch, drives};
@@ -13,7 +11,7 @@ use crate::traffic::agents::plan::AgentPlan;
 use crate::traffic::network::roads::{Connection, LaneNo, Roads};
 use crate::traffic::scenario::kept::KEPT;
 use crate::traffic::side::Side;
-use crate::traffic::sim::recorded_roads::RecordedScenario;
+use crate::traffic::sim::recorded_roads::{RecordedFiles, RecordedScenario};
 use crate::traffic::sim::recording::Recording;
 
 /// Returns the trace, with a corridor along `route`, or along the route with the most lights.
@@ -39,7 +37,7 @@ pub fn trace(recording: &Recording, scenario: &RecordedScenario, route: Option<&
 pub fn road_map(scenario: &RecordedScenario) -> RoadMap {
     let RecordedScenario { agents, roads, files } = scenario;
     RoadMap {
-        place: place_of(files.path()),
+        place: place_of(files),
         junctions: roads.junctions.iter().map(|junction| junction.shape.clone()).collect(),
         lanes: roads.lanes_of_cars().map(|lane| roads.lane(lane).shape.clone()).collect(),
         lights_m: agents.iter().map(|agent| agent.place_m).collect(),
@@ -47,10 +45,13 @@ pub fn road_map(scenario: &RecordedScenario) -> RoadMap {
 }
 
 /// Returns the place in words. The copy in a run directory has lost the name that its user knows.
-fn place_of(sumocfg: &Path) -> String {
-    match sumocfg.file_stem().unwrap_or_default().to_string_lossy().as_ref() {
-        KEPT => "a scenario".to_owned(),
-        name => format!("scenario {name}"),
+fn place_of(files: &RecordedFiles) -> String {
+    match files {
+        RecordedFiles::Local(files) => format!("the local simulator of light {}", files.net.light),
+        RecordedFiles::Whole(files) => match files.path().file_stem().unwrap_or_default().to_string_lossy().as_ref() {
+            KEPT => "a scenario".to_owned(),
+            name => format!("scenario {name}"),
+        },
     }
 }
 
