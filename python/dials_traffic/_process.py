@@ -31,7 +31,7 @@ _BEGIN, _RESET, _STEP, _MEASURE, _DRAW = b"B", b"R", b"S", b"M", b"D"
 _DONE = ord("K")
 _HEAD = struct.Struct("<BI")
 _STEP_ORDER = _HEAD.pack(_STEP[0], 0)
-# Time in which a child whose channel is closed may end by itself, in seconds.
+# Time in which a child whose channel is closed may end by itself, in seconds. A step takes milliseconds.
 _PATIENCE_S = 2.0
 # Bytes of a dead child's output that an error shows.
 _LAST_WORDS = 2000
@@ -122,7 +122,8 @@ class Process:
         """End the child. Only the process that started it does."""
         if os.getpid() != self._owner:
             return
-        # The end of the channel ends the child, whatever it is doing.
+        self._waiting = False
+        # The end of the channel ends a child that waits for an order. A busy one is killed.
         self._socket.close()
         if self._memory >= 0:
             os.close(self._memory)

@@ -73,8 +73,6 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
                 self._observation_spaces[name] = Box(-np.inf, np.inf, (width,), np.float32)
                 self._action_spaces[name] = Discrete(n_actions)
                 constant = None if agent["masks"] else np.ones(n_actions, np.int8)
-                if constant is not None:
-                    constant.flags.writeable = False
                 place = (name, row, slice(obs, obs + width), slice(masks, masks + mask_width), constant)
                 self._places.append(place)
             obs, masks = obs + width, masks + mask_width
@@ -153,7 +151,7 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         observations, infos = {}, {}
         for name, _, place, mask_place, constant in self._places:
             observations[name] = obs[place]
-            infos[name] = {"action_mask": masks[mask_place] if constant is None else constant}
+            infos[name] = {"action_mask": masks[mask_place] if constant is None else constant.copy()}
         return observations, infos
 
     def _add_metrics(self, infos: Infos) -> None:

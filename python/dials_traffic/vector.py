@@ -63,7 +63,6 @@ class LocalVectorEnv(VectorEnv):  # type: ignore[misc]
         self._obs, self._last_obs = (array(name).reshape(self.num_envs, -1) for name in ("obs", "last_obs"))
         self._masks = array("masks").view(np.int8).reshape(self.num_envs, -1) if about["masks"] else None
         self._all_allowed = np.ones((self.num_envs, about["n_actions"]), np.int8)
-        self._all_allowed.flags.writeable = False
         self._rewards, self._ends, self._actions = array("rewards"), array("ends"), array("actions")
         self._never = np.zeros(self.num_envs, bool)
 
@@ -112,7 +111,7 @@ class LocalVectorEnv(VectorEnv):  # type: ignore[misc]
         return self._obs.copy(), self._rewards.astype(np.float64), self._never.copy(), ends, infos
 
     def _infos(self) -> Dict[str, Any]:
-        return {"action_mask": self._all_allowed if self._masks is None else self._masks.copy()}
+        return {"action_mask": (self._all_allowed if self._masks is None else self._masks).copy()}
 
     def counters(self) -> Dict[str, int]:
         """Return totals since the last reset, such as predicted cars that found no room."""
@@ -176,7 +175,7 @@ class LocalEnv(gymnasium.Env):  # type: ignore[misc]
         if ends[0]:
             self._begun = obs[0], info
             # The mask is that of the next episode; at the end nobody decides.
-            return infos["final_obs"][0], float(rewards[0]), False, True, dict(info)
+            return infos["final_obs"][0], float(rewards[0]), False, True, _of_row(self._rows._infos())
         return obs[0], float(rewards[0]), False, False, info
 
     def close(self) -> None:

@@ -17,9 +17,9 @@ use crate::wire::{self, BEGIN, DRAW, MEASURE, RESET, STEP};
 
 /// Serves one environment. The control channel is standard input; `memory`: the descriptor of the shared memory.
 pub fn serve(memory: i32) -> Result<()> {
-    let descriptor = || std::io::stdin().as_fd().try_clone_to_owned().context("no control channel");
-    lifeline::watch(descriptor()?)?;
-    let mut stream = UnixStream::from(descriptor()?);
+    lifeline::watch()?;
+    let stdin = std::io::stdin().as_fd().try_clone_to_owned().context("no control channel")?;
+    let mut stream = UnixStream::from(stdin);
     let Some((tag, payload)) = wire::receive(&mut stream)? else { return Ok(()) };
     if tag != BEGIN {
         bail!("the first order must be to begin");
