@@ -19,6 +19,7 @@ packages=(
   libclang-dev g++      # to bind libsumo: bindgen needs libclang, the shim needs a C++17 compiler
   pkg-config
   python3               # sumo_nets/make.py makes the shipped scenarios again; a test runs it
+  python3-venv          # for `pip install ./python` in an environment of its own
   "${more[@]}"
 )
 

@@ -205,6 +205,11 @@ pub trait Domain: Send + Sync {
         self.kinds().agents()
     }
 
+    /// Returns the name of every agent, in order. No two are equal.
+    fn names(&self) -> Vec<String> {
+        (0..self.agents()).map(|agent| format!("agent_{agent}")).collect()
+    }
+
     fn global_simulator(&self) -> Result<Box<dyn GlobalSimulator>>;
 
     /// Makes local simulators of `regions`, `copies` of each: rows ordered by region, then copy. All regions are of one

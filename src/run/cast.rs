@@ -1,7 +1,5 @@
 //! The players of the episode that `replay` records: a controller, trained policies, or one agent's local simulator.
 
-use std::path::Path;
-
 use anyhow::{Context, Result, bail, ensure};
 
 use super::directory;
@@ -15,11 +13,8 @@ use crate::domain::Domain;
 use crate::evaluation::{episode_seed, play};
 use crate::influence::TrainablePredictor;
 use crate::policy::{JointPolicyController, Selection, StackController};
-use crate::records::files;
-use crate::records::joint_layout::JointLayout;
 use crate::traffic::Traffic;
 use crate::traffic::sim::recording::{Recording, Tape};
-use crate::training::block::initial_aips;
 use crate::training::environment::Environment;
 use crate::training::ials::Ials;
 use crate::training::stream::{AgentStream, RowStream};
@@ -56,7 +51,11 @@ impl ReplayedEpisode {
             Ok(ReplayedEpisode { tape: tape.clone(), traffic, run, cast })
         };
         if let Some(controller) = &args.controller {
-            let config = if subject.is_dir() { directory::open_unchanged(subject)?.0 } else { load(subject, &[])? };
+            let config = if subject.is_dir() {
+                directory::open_unchanged(subject, domain::open)?.0
+            } else {
+                load(subject, &[])?
+            };
             domain::check(&config)?;
             let episode = with(&config, Cast::Baseline(controller.clone()))?;
             Subject::Controller(controller.clone()).check(&episode.traffic)?;
@@ -75,7 +74,7 @@ impl ReplayedEpisode {
                 let agent = AgentId(agent);
                 let (spec, policy) = (&run.domain.kinds().of(agent).spec, run.policies.pick([agent.0]).into_rows());
                 let policy = StackController::new(spec, &run.config.policy, &policy, selection);
-                Cast::Local { agent, policy, aip: aip_of(agent, &*run.domain, &run.config, subject)? }
+                Cast::Local { agent, policy, aip: directory::read_aips(subject, &run.config, &*run.domain, &[agent])? }
             }
         };
         with(&run.config, cast)
@@ -113,22 +112,4 @@ impl ReplayedEpisode {
         }
         self.tape.take().context("the simulator recorded nothing")
     }
-}
-
-/// Reads the AIP of an agent from a run directory.
-fn aip_of(agent: AgentId, domain: &dyn Domain, config: &Config, run_dir: &Path) -> Result<Box<dyn TrainablePredictor>> {
-    let choice = config.simulator.predictor().with_context(|| {
-        format!(
-            "{}: was trained on the GS and has no AIPs, so its local simulators cannot be replayed",
-            run_dir.display()
-        )
-    })?;
-    let mut aip = initial_aips(domain, config, &[agent]);
-    // A predictor that is never trained is never written.
-    if choice.learns() {
-        let layout = JointLayout::of_aips(domain.kinds(), choice, &config.aip);
-        let aips = layout.read(&run_dir.join(files::AIPS))?;
-        aip.load(&aips.pick([agent.0]).into_rows());
-    }
-    Ok(aip)
 }

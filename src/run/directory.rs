@@ -3,15 +3,17 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhow::{Result, ensure};
+use anyhow::{Context, Result, ensure};
 
 use super::END_WITH;
 use super::build;
 use super::domain;
 use super::outputs::check_not_of_a_run;
 use super::places::{self, Existing};
+use crate::base::AgentId;
 use crate::config::{self, Config};
 use crate::domain::Domain;
+use crate::influence::TrainablePredictor;
 use crate::outside::{Directory, Whereabouts};
 use crate::policy::{JointPolicy, JointPolicyController, Selection};
 use crate::records::checkpoint::owner::Owner;
@@ -20,6 +22,7 @@ use crate::records::joint_layout::JointLayout;
 use crate::records::kept::Kept;
 use crate::records::run_json::RunJson;
 use crate::records::word::Word;
+use crate::training::block::initial_aips;
 
 /// Makes the directory of a new run and returns it, locked.
 ///
@@ -82,17 +85,22 @@ pub fn open_config(path: &Path, open: fn(&Config) -> Result<Arc<dyn Domain>>) ->
 
 /// Reads the config of a run directory and opens its domain, like [`open_config`]. It is an error if the networks or the
 /// domain's keys are other ones than when the run began.
-pub fn open_unchanged(path: &Path) -> Result<(Config, Arc<dyn Domain>)> {
-    let (config, domain) = open_config(path, domain::open)?;
+pub fn open_unchanged(path: &Path, open: fn(&Config) -> Result<Arc<dyn Domain>>) -> Result<(Config, Arc<dyn Domain>)> {
+    let (config, domain) = open_config(path, open)?;
     Owner::of(&config, &*domain)?.check_unchanged(path)?;
     Ok((config, domain))
 }
 
 /// Reads a run directory: its config, domain and policies.
 pub fn open(path: &Path) -> Result<TrainedRun> {
+    open_with(path, domain::open)
+}
+
+/// Reads a run directory like [`open`]. `open`: how its domain is opened, as for [`open_config`].
+pub fn open_with(path: &Path, open: fn(&Config) -> Result<Arc<dyn Domain>>) -> Result<TrainedRun> {
     check(path)?;
     let directory = Directory::open(path)?;
-    let (config, domain) = open_unchanged(path)?;
+    let (config, domain) = open_unchanged(path, open)?;
     let saved = path.join(files::POLICIES);
     ensure!(
         saved.is_file(),
@@ -107,6 +115,28 @@ pub fn open(path: &Path) -> Result<TrainedRun> {
     );
     let still_trained_at = steps.filter(|_| Directory::is_locked(path));
     Ok(TrainedRun { config, domain, policies, still_trained_at })
+}
+
+/// Reads the approximate influence predictors (AIPs) of `agents`, which are of one kind, from a run directory.
+///
+/// `config`: that of the run; `domain`: one with the same agents.
+pub fn read_aips(
+    path: &Path,
+    config: &Config,
+    domain: &dyn Domain,
+    agents: &[AgentId],
+) -> Result<Box<dyn TrainablePredictor>> {
+    let choice = config.simulator.predictor().with_context(|| {
+        format!("{}: was trained on the GS and has no AIPs, so its local simulators cannot be played", path.display())
+    })?;
+    let mut aips = initial_aips(domain, config, agents);
+    // A predictor that is never trained is never written.
+    if choice.learns() {
+        let layout = JointLayout::of_aips(domain.kinds(), choice, &config.aip);
+        let of_all = layout.read(&path.join(files::AIPS))?;
+        aips.load(&of_all.pick(agents.iter().map(|agent| agent.0)).into_rows());
+    }
+    Ok(aips)
 }
 
 /// Checks that there is a run directory.

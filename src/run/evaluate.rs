@@ -24,7 +24,7 @@ use crate::terminal::{answer, json as in_json};
 use crate::traffic;
 
 pub fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
-    let (config, domain) = directory::open_unchanged(&args.run_dir).map_err(Error::Usage)?;
+    let (config, domain) = directory::open_unchanged(&args.run_dir, domain::open).map_err(Error::Usage)?;
     let agents = args.agents.iter().copied().map(AgentId).collect();
     let background = args.background.clone().map(|controller| Background { controller, policies_of: agents });
     let subject = Subject::Run { dir: args.run_dir.clone(), greedy: args.greedy, background };

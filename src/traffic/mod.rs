@@ -238,6 +238,11 @@ impl Domain for Traffic {
         &self.plan.kinds
     }
 
+    /// Returns the ids of the lights in the SUMO net.
+    fn names(&self) -> Vec<String> {
+        self.plans().iter().map(|plan| plan.light.clone()).collect()
+    }
+
     fn global_simulator(&self) -> Result<Box<dyn GlobalSimulator>> {
         Ok(Box::new(self.global(SignalControl::Agents)?))
     }

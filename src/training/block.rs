@@ -172,7 +172,8 @@ pub fn train_policies_on_the_gs(
     learn(&mut learners, &mut gs, config, period, work)
 }
 
-fn training_episodes(config: &Config) -> Seed {
+/// Returns the stream of the episodes that policies are trained in.
+pub fn training_episodes(config: &Config) -> Seed {
     Seed::new(config.seed).fork(RandomPurpose::TrainingEpisodes)
 }
 

@@ -213,10 +213,7 @@ fn the_command_replays_controllers_and_runs_on_a_scenario_from_any_folder() {
     let local = ["replay", text(&run), "--local", "0", "--out", text(&out)];
     let output = dials_traffic(local).assert().code(2).get_output().clone();
     let said = String::from_utf8(output.stderr).unwrap();
-    assert!(
-        said.contains("was trained on the GS and has no AIPs, so its local simulators cannot be replayed"),
-        "{said}"
-    );
+    assert!(said.contains("was trained on the GS and has no AIPs, so its local simulators cannot be played"), "{said}");
 }
 
 #[test]

@@ -1,0 +1,105 @@
+"""Traffic lights and warehouse robots as PettingZoo and Gymnasium environments.
+
+- :func:`parallel_env`: all agents of a config on the global simulator (GS), for PettingZoo.
+- :func:`vector_parallel_env`: several of these, stepped together.
+- :func:`vector_env`: copies of one agent's local simulator, for Gymnasium; :func:`local_env`: one copy.
+- :func:`load`: the trained policies of a run directory.
+
+``config`` is always a config of dials-traffic, any ``.sumocfg``, or a run directory. ``settings`` change keys of it, such
+as ``{"traffic.horizon": 100}``. Every environment lives in a process of its own.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Mapping, Optional
+
+from ._process import PathLike
+from .errors import ProcessDied, SimulatorError
+from .many import GlobalVectorEnv
+from .parallel import GlobalEnv
+from .runs import Controller, Policy, Run
+from .vector import Agents, LocalEnv, LocalVectorEnv
+
+__all__ = [
+    "Controller",
+    "GlobalEnv",
+    "GlobalVectorEnv",
+    "LocalEnv",
+    "LocalVectorEnv",
+    "Policy",
+    "ProcessDied",
+    "Run",
+    "SimulatorError",
+    "load",
+    "local_env",
+    "parallel_env",
+    "vector_env",
+    "vector_parallel_env",
+]
+
+
+def parallel_env(
+    config: PathLike,
+    *,
+    seed: Optional[int] = None,
+    controller_for: Optional[Mapping[str, str]] = None,
+    full_metrics: bool = False,
+    settings: Optional[Mapping[str, Any]] = None,
+    render_mode: Optional[str] = None,
+) -> GlobalEnv:
+    """Make a PettingZoo environment of all agents on the global simulator.
+
+    ``seed``: of the episodes, from the system if there is none. ``controller_for``: the hand-coded controller that decides
+    for some agents, such as ``{"A0": "gap-out"}``; these agents are not seen. ``full_metrics``: measure all that
+    `dials-traffic evaluate` prints, which costs time.
+    """
+    return GlobalEnv(
+        config,
+        seed=seed,
+        controller_for=controller_for,
+        full_metrics=full_metrics,
+        settings=settings,
+        render_mode=render_mode,
+    )
+
+
+def vector_parallel_env(config: PathLike, n: int, *, seed: Optional[int] = None, **options: Any) -> GlobalVectorEnv:
+    """Make ``n`` environments of :func:`parallel_env` that are stepped together, each in a process of its own."""
+    return GlobalVectorEnv(config, n, seed=seed, **options)
+
+
+def vector_env(
+    config: PathLike,
+    agent: Agents,
+    copies: int,
+    predictor: Optional[PathLike] = None,
+    *,
+    seed: Optional[int] = None,
+    stagger: bool = False,
+    settings: Optional[Mapping[str, Any]] = None,
+) -> LocalVectorEnv:
+    """Make a Gymnasium vector environment of ``copies`` local simulators of an agent.
+
+    ``agent``: its name, a list of names, or ``None`` for all agents, which must then be of one kind. ``predictor``: what
+    drives the simulators. It is a run directory, whose influence predictors are used; ``"marginals"``: constants that
+    are measured on the global simulator now; or ``"untrained"``. Without one, ``config`` must be a run directory.
+    ``stagger``: the first episodes of the copies have different lengths, so that they do not all end at once.
+    """
+    return LocalVectorEnv(config, agent, copies, predictor, seed=seed, stagger=stagger, settings=settings)
+
+
+def local_env(
+    config: PathLike,
+    agent: str,
+    predictor: Optional[PathLike] = None,
+    *,
+    seed: Optional[int] = None,
+    settings: Optional[Mapping[str, Any]] = None,
+) -> LocalEnv:
+    """Make a Gymnasium environment of one local simulator of an agent. The parameters are those of :func:`vector_env`."""
+    return LocalEnv(config, agent, predictor, seed=seed, settings=settings)
+
+
+def load(path: PathLike) -> Run:
+    """Read the trained policies of a run directory."""
+    return Run(path)

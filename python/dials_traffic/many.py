@@ -1,0 +1,82 @@
+"""Several environments of all agents, stepped together."""
+
+from __future__ import annotations
+
+from typing import Any, Dict, List, Mapping, Optional, Tuple
+
+import gymnasium
+import numpy as np
+
+from ._process import PathLike
+from .parallel import GlobalEnv
+
+Table = Dict[str, np.ndarray]
+
+
+class GlobalVectorEnv:
+    """``n`` copies of a config's global simulator, each in a process of its own. Make one with
+    :func:`dials_traffic.vector_parallel_env`.
+
+    All tables are dicts from agents to arrays whose first dimension is the copy. All copies end together; the next
+    episodes begin in the same step. Then ``infos`` has ``"final_obs"`` (a table) and ``"episodes"`` (a list with the
+    last infos of each copy, with the metrics).
+    """
+
+    def __init__(self, config: PathLike, n: int, *, seed: Optional[int] = None, **options: Any) -> None:
+        """Start the copies. Copy ``i`` has the seed ``seed + i``; ``options``: as for :func:`parallel_env`."""
+        if n < 1:
+            raise ValueError(f"n = {n}: must be at least 1")
+        self.envs: List[GlobalEnv] = []
+        try:
+            for copy in range(n):
+                first_seed = self.envs[0].seed if self.envs else seed
+                own = None if first_seed is None else (first_seed + copy) % 2**64
+                self.envs.append(GlobalEnv(config, seed=own, **options))
+        except BaseException:
+            self.close()
+            raise
+        first = self.envs[0]
+        self.num_envs = n
+        self.agents: List[str] = list(first.possible_agents)
+        self.horizon = first.horizon
+
+    def observation_space(self, agent: str) -> gymnasium.Space:
+        """Return the space of one copy's observations."""
+        return self.envs[0].observation_space(agent)
+
+    def action_space(self, agent: str) -> gymnasium.Space:
+        """Return the space of one copy's actions."""
+        return self.envs[0].action_space(agent)
+
+    def reset(self, seed: Optional[int] = None) -> Tuple[Table, Dict[str, Any]]:
+        """Begin an episode in every copy."""
+        seeds = [None if seed is None else (seed + copy) % 2**64 for copy in range(self.num_envs)]
+        for env, own in zip(self.envs, seeds):
+            env.send_reset(own)
+        return self._joined([env.receive_reset() for env in self.envs])
+
+    def step(self, actions: Mapping[str, Any]) -> Tuple[Table, Table, Table, Table, Dict[str, Any]]:
+        """Make a step in every copy; ``actions``: for each agent one action per copy."""
+        for copy, env in enumerate(self.envs):
+            env.send_actions({agent: actions[agent][copy] for agent in self.agents})
+        results = [env.receive_step() for env in self.envs]
+        rewards = {agent: np.array([result[1][agent] for result in results]) for agent in self.agents}
+        terminations = {agent: np.zeros(self.num_envs, bool) for agent in self.agents}
+        over = not self.envs[0].agents
+        truncations = {agent: np.full(self.num_envs, over) for agent in self.agents}
+        obs, infos = self._joined([(result[0], result[4]) for result in results])
+        if over:
+            final = {"final_obs": obs, "episodes": [result[4] for result in results]}
+            obs, infos = self.reset()
+            infos.update(final)
+        return obs, rewards, terminations, truncations, infos
+
+    def _joined(self, shown: List[Tuple[Dict[str, np.ndarray], Dict[str, Dict[str, Any]]]]) -> Tuple[Table, Dict[str, Any]]:
+        obs = {agent: np.stack([observations[agent] for observations, _ in shown]) for agent in self.agents}
+        masks = {agent: np.stack([infos[agent]["action_mask"] for _, infos in shown]) for agent in self.agents}
+        return obs, {"action_mask": masks}
+
+    def close(self) -> None:
+        """End all copies."""
+        for env in self.envs:
+            env.close()

@@ -1,0 +1,178 @@
+"""All agents of a config on the global simulator (GS), as a PettingZoo environment."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Dict, List, Mapping, Optional, Tuple
+
+import gymnasium
+import numpy as np
+from gymnasium.spaces import Box, Discrete
+from pettingzoo import ParallelEnv
+
+from ._process import PathLike, Process, fresh_seed, settings_of
+
+Observations = Dict[str, np.ndarray]
+Infos = Dict[str, Dict[str, Any]]
+Steps = Tuple[Observations, Dict[str, float], Dict[str, bool], Dict[str, bool], Infos]
+
+
+class GlobalEnv(ParallelEnv):  # type: ignore[misc]
+    """All agents on the global simulator. Make one with :func:`dials_traffic.parallel_env`.
+
+    An episode has ``horizon`` steps and ends for all agents at once, as a truncation. ``infos[agent]["action_mask"]``
+    says which actions are allowed (int8, one per action). At the end, ``infos[agent]["metrics"]`` has the agent's
+    figures and ``infos[agent]["system"]`` those of the whole system.
+    """
+
+    def __init__(
+        self,
+        config: PathLike,
+        *,
+        seed: Optional[int] = None,
+        controller_for: Optional[Mapping[str, str]] = None,
+        full_metrics: bool = False,
+        settings: Optional[Mapping[str, Any]] = None,
+        render_mode: Optional[str] = None,
+    ) -> None:
+        joint = {"controller_for": dict(controller_for or {}), "full_metrics": full_metrics}
+        request = {"config": str(Path(config)), "settings": settings_of(settings), "environment": {"joint": joint}}
+        self._process = Process(f"the environment of {config}", request)
+        about = self._process.about
+        self.metadata = {
+            "name": f"dials_traffic_{Path(config).stem}",
+            "render_modes": ["rgb_array"] if about["draws"] else [],
+            "is_parallelizable": True,
+        }
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            self._process.close()
+            raise ValueError(f"render_mode {render_mode!r}: this environment has {self.metadata['render_modes']}")
+        self.render_mode = render_mode
+        #: Number of steps of an episode.
+        self.horizon: int = about["horizon"]
+        #: Seed of the episodes, and the number of the episode under way. `dials-traffic evaluate RUN --seed SEED` plays
+        #: the same episodes.
+        self.seed, self.episode = fresh_seed(seed), -1
+        self._lay_out(about["agents"])
+
+    def _lay_out(self, agents: List[Dict[str, Any]]) -> None:
+        """Work out the place of every agent in the shared memory."""
+        self.possible_agents = [agent["name"] for agent in agents if not agent["hand_coded"]]
+        self.agents: List[str] = []
+        self._rows = {agent["name"]: row for row, agent in enumerate(agents)}
+        self._n_actions = {agent["name"]: agent["n_actions"] for agent in agents}
+        self._observation_spaces: Dict[str, gymnasium.Space] = {}
+        self._action_spaces: Dict[str, gymnasium.Space] = {}
+        # For each agent that decides: name, row, places in the observations and in the masks, mask if it is constant.
+        self._places: List[Tuple[str, int, slice, slice, Optional[np.ndarray]]] = []
+        obs = masks = 0
+        for row, agent in enumerate(agents):
+            name, width, n_actions = agent["name"], agent["obs_dim"], agent["n_actions"]
+            mask_width = n_actions if agent["masks"] else 0
+            if not agent["hand_coded"]:
+                self._observation_spaces[name] = Box(-np.inf, np.inf, (width,), np.float32)
+                self._action_spaces[name] = Discrete(n_actions)
+                constant = None if agent["masks"] else np.ones(n_actions, np.int8)
+                place = (name, row, slice(obs, obs + width), slice(masks, masks + mask_width), constant)
+                self._places.append(place)
+            obs, masks = obs + width, masks + mask_width
+        self._obs, self._masks = self._process.array("obs"), self._process.array("masks").view(np.int8)
+        self._rewards, self._actions = self._process.array("rewards"), self._process.array("actions")
+        self._actions[:] = 0
+        self._steps = 0
+
+    def observation_space(self, agent: str) -> gymnasium.Space:
+        return self._observation_spaces[agent]
+
+    def action_space(self, agent: str) -> gymnasium.Space:
+        return self._action_spaces[agent]
+
+    def reset(
+        self, seed: Optional[int] = None, options: Optional[Dict[str, Any]] = None
+    ) -> Tuple[Observations, Infos]:
+        """Begin an episode.
+
+        With a ``seed``, the first episode of that seed; without one, the next episode. ``options={"episode": 3}`` names
+        the episode.
+        """
+        self.send_reset(seed, options)
+        return self.receive_reset()
+
+    def send_reset(self, seed: Optional[int] = None, options: Optional[Dict[str, Any]] = None) -> None:
+        """Begin an episode and do not wait for it. :meth:`receive_reset` ends it."""
+        if seed is not None:
+            self.seed, self.episode = fresh_seed(seed), -1
+        self.episode = int((options or {}).get("episode", self.episode + 1))
+        self.agents = []
+        self._process.send_reset(self.seed, self.episode)
+
+    def receive_reset(self) -> Tuple[Observations, Infos]:
+        """Wait for the episode that :meth:`send_reset` began."""
+        self._process.receive()
+        self._steps = 0
+        self.agents = list(self.possible_agents)
+        return self._perceive()
+
+    def step(self, actions: Mapping[str, int]) -> Steps:
+        """Make a step; ``actions``: one for each agent."""
+        self.send_actions(actions)
+        return self.receive_step()
+
+    def send_actions(self, actions: Mapping[str, int]) -> None:
+        """Begin a step and do not wait for it. :meth:`receive_step` ends it."""
+        if not self.agents:
+            raise RuntimeError("there is no episode under way; call reset() first")
+        for name, row, _, _, _ in self._places:
+            action = int(actions[name])
+            if not 0 <= action < self._n_actions[name]:
+                last = self._n_actions[name] - 1
+                raise ValueError(f"agent {name!r}: action {action}; its actions are 0 to {last}")
+            self._actions[row] = action
+        self._process.send_step()
+
+    def receive_step(self) -> Steps:
+        """Wait for the end of the step that :meth:`send_actions` began."""
+        self._process.receive()
+        self._steps += 1
+        over = self._steps == self.horizon
+        observations, infos = self._perceive()
+        all_rewards = self._rewards.tolist()
+        rewards = {place[0]: all_rewards[place[1]] for place in self._places}
+        terminations = dict.fromkeys(self.possible_agents, False)
+        truncations = dict.fromkeys(self.possible_agents, over)
+        if over:
+            self._add_metrics(infos)
+            self.agents = []
+        return observations, rewards, terminations, truncations, infos
+
+    def _perceive(self) -> Tuple[Observations, Infos]:
+        # One copy for all agents: the memory changes with the next step, and what was returned must not.
+        obs, masks = self._obs.copy(), self._masks.copy()
+        observations, infos = {}, {}
+        for name, _, place, mask_place, constant in self._places:
+            observations[name] = obs[place]
+            infos[name] = {"action_mask": masks[mask_place] if constant is None else constant.copy()}
+        return observations, infos
+
+    def _add_metrics(self, infos: Infos) -> None:
+        figures = self._process.measure()
+        # JSON has no NaN, so a figure that is not defined comes as nothing.
+        number = lambda value: float("nan") if value is None else value  # noqa: E731
+        system = {name: number(value) for name, value in figures["system"].items()}
+        for name, row, _, _, _ in self._places:
+            own = {figure: number(values[row]) for figure, values in figures["per_agent"].items()}
+            infos[name].update(metrics=own, system=dict(system))
+
+    def render(self) -> Optional[np.ndarray]:
+        """Return a picture of the state, ``[height, width, 3]``, if ``render_mode`` is ``"rgb_array"``."""
+        return None if self.render_mode is None else self._process.draw()
+
+    @property
+    def pid(self) -> int:
+        """Number of the process in which the environment lives."""
+        return self._process.pid
+
+    def close(self) -> None:
+        """End the environment and its process."""
+        self.agents = []
+        self._process.close()

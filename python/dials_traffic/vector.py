@@ -1,0 +1,187 @@
+"""Copies of agents' local simulators, as a Gymnasium vector environment and as a single one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple, Union
+
+import gymnasium
+import numpy as np
+from gymnasium.spaces import Box, Discrete, MultiDiscrete
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from ._process import PathLike, Process, fresh_seed, in_range, settings_of
+
+Agents = Union[str, Sequence[str], None]
+
+
+class LocalVectorEnv(VectorEnv):  # type: ignore[misc]
+    """Local simulators of some agents of one kind, side by side in one process. Make one with
+    :func:`dials_traffic.vector_env`.
+
+    Rows are ordered by agent, then by copy. An episode ends as a truncation, and the next one begins in the same step:
+    ``infos["final_obs"]`` has the observations before that, valid where ``infos["_final_obs"]`` is true.
+    ``infos["action_mask"]`` is ``[rows, actions]``, int8.
+    """
+
+    def __init__(
+        self,
+        config: PathLike,
+        agents: Agents,
+        copies: int,
+        predictor: Optional[PathLike] = None,
+        *,
+        seed: Optional[int] = None,
+        stagger: bool = False,
+        settings: Optional[Mapping[str, Any]] = None,
+    ) -> None:
+        names = [agents] if isinstance(agents, str) else list(agents or [])
+        local = {
+            "agents": names,
+            "copies": copies,
+            "predictor": _predictor(config if predictor is None else predictor),
+            "stagger": stagger,
+        }
+        request = {"config": str(Path(config)), "settings": settings_of(settings), "environment": {"local": local}}
+        self._process = Process(f"the local simulators of {config}", request)
+        about = self._process.about
+        #: Names of the agents. Row ``i`` belongs to agent ``i // copies``.
+        self.agents: List[str] = about["agents"]
+        self.copies = copies
+        #: Number of steps of an episode.
+        self.horizon: int = about["horizon"]
+        self.num_envs: int = about["rows"]
+        self.metadata = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}
+        self.single_observation_space = Box(-np.inf, np.inf, (about["obs_dim"],), np.float32)
+        self.single_action_space = Discrete(about["n_actions"])
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space: MultiDiscrete = batch_space(self.single_action_space, self.num_envs)
+        #: Seed of the episodes. A run of `dials-traffic train` with this seed begins with the same ones.
+        self.seed, self._resets = fresh_seed(seed), 0
+        array = self._process.array
+        self._obs, self._last_obs = (array(name).reshape(self.num_envs, -1) for name in ("obs", "last_obs"))
+        self._masks = array("masks").view(np.int8).reshape(self.num_envs, -1) if about["masks"] else None
+        self._all_allowed = np.ones((self.num_envs, about["n_actions"]), np.int8)
+        self._rewards, self._ends, self._actions = array("rewards"), array("ends"), array("actions")
+        self._never = np.zeros(self.num_envs, bool)
+
+    def reset(
+        self, *, seed: Union[int, List[Optional[int]], None] = None, options: Optional[Dict[str, Any]] = None
+    ) -> Tuple[np.ndarray, Dict[str, Any]]:
+        """Begin episodes in all rows: the first ones of a ``seed``, or others if there is none.
+
+        All rows follow from one seed, so a list of seeds is refused.
+        """
+        if isinstance(seed, (list, tuple)):
+            raise ValueError("seed: all rows follow from one seed; name one number")
+        if seed is not None:
+            self.seed, self._resets = fresh_seed(seed), 0
+        now = self.seed
+        if self._resets > 0:
+            now = int(np.random.SeedSequence((self.seed, self._resets)).generate_state(1, np.uint64)[0])
+        self._process.reset(now)
+        self._resets += 1
+        return self._obs.copy(), self._infos()
+
+    def step(
+        self, actions: Any
+    ) -> Tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, Dict[str, Any]]:
+        """Make a step in all rows; ``actions``: one for each."""
+        self.step_async(actions)
+        return self.step_wait()
+
+    def step_async(self, actions: Any) -> None:
+        """Begin a step and do not wait for it. :meth:`step_wait` ends it."""
+        actions = np.asarray(actions)
+        if actions.shape != (self.num_envs,):
+            raise ValueError(f"actions: of shape {actions.shape} instead of ({self.num_envs},)")
+        if not in_range(actions, [int(self.single_action_space.n)]):
+            raise ValueError(f"actions: all must be from 0 to {self.single_action_space.n - 1}, not {actions}")
+        self._actions[:] = actions
+        self._process.send_step()
+
+    def step_wait(self) -> Tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, Dict[str, Any]]:
+        """Wait for the end of the step that :meth:`step_async` began."""
+        self._process.receive()
+        infos, ends = self._infos(), self._ends.copy()
+        if ends.any():
+            infos["final_obs"], infos["_final_obs"] = self._last_obs.copy(), ends.copy()
+        # Copies: the memory changes with the next step, and what was returned must not.
+        return self._obs.copy(), self._rewards.astype(np.float64), self._never.copy(), ends, infos
+
+    def _infos(self) -> Dict[str, Any]:
+        return {"action_mask": (self._all_allowed if self._masks is None else self._masks).copy()}
+
+    def counters(self) -> Dict[str, int]:
+        """Return totals since the last reset, such as predicted cars that found no room."""
+        return self._process.measure()
+
+    @property
+    def pid(self) -> int:
+        """Number of the process in which the simulators live."""
+        return self._process.pid
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """End the process. Called by :meth:`close`."""
+        self._process.close()
+
+
+def _predictor(predictor: PathLike) -> Union[str, Dict[str, str]]:
+    return predictor if predictor in ("marginals", "untrained") else {"run": str(Path(predictor))}
+
+
+class LocalEnv(gymnasium.Env):  # type: ignore[misc]
+    """The local simulator of one agent. Make one with :func:`dials_traffic.local_env`.
+
+    ``info["action_mask"]`` says which actions are allowed (int8, one per action).
+    """
+
+    metadata: Dict[str, Any] = {"render_modes": []}
+
+    def __init__(
+        self,
+        config: PathLike,
+        agent: str,
+        predictor: Optional[PathLike] = None,
+        *,
+        seed: Optional[int] = None,
+        settings: Optional[Mapping[str, Any]] = None,
+    ) -> None:
+        self._rows = LocalVectorEnv(config, agent, 1, predictor, seed=seed, settings=settings)
+        self.observation_space = self._rows.single_observation_space
+        self.action_space = self._rows.single_action_space
+        #: Number of steps of an episode.
+        self.horizon = self._rows.horizon
+        # What the next episode shows first, if it has begun already.
+        self._begun: Optional[Tuple[np.ndarray, Dict[str, Any]]] = None
+
+    def reset(
+        self, *, seed: Optional[int] = None, options: Optional[Dict[str, Any]] = None
+    ) -> Tuple[np.ndarray, Dict[str, Any]]:
+        """Begin the first episode of a ``seed``, or the next one."""
+        super().reset(seed=seed)
+        if self._begun is None or seed is not None:
+            obs, infos = self._rows.reset(seed=seed)
+            self._begun = obs[0], _of_row(infos)
+        begun, self._begun = self._begun, None
+        return begun
+
+    def step(self, action: Any) -> Tuple[np.ndarray, float, bool, bool, Dict[str, Any]]:
+        if self._begun is not None:
+            raise RuntimeError("the episode is over; call reset() first")
+        obs, rewards, _, ends, infos = self._rows.step(np.asarray([action]))
+        info = _of_row(infos)
+        if ends[0]:
+            self._begun = obs[0], info
+            # The mask is that of the next episode; at the end nobody decides.
+            return infos["final_obs"][0], float(rewards[0]), False, True, _of_row(self._rows._infos())
+        return obs[0], float(rewards[0]), False, False, info
+
+    def close(self) -> None:
+        """End the environment and its process."""
+        self._rows.close()
+
+
+def _of_row(infos: Dict[str, Any]) -> Dict[str, Any]:
+    return {"action_mask": infos["action_mask"][0]}

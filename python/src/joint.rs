@@ -1,0 +1,153 @@
+//! All agents of a config on the global simulator (GS).
+
+use std::collections::BTreeSet;
+
+use anyhow::{Result, bail, ensure};
+use dials_traffic::base::{AgentId, Seed};
+use dials_traffic::domain::{Action, GlobalSimulator, JointPercept, RegionSpec};
+use dials_traffic::evaluation::episode_seed;
+use serde_json::{Value, json};
+
+use crate::memory::{Memory, Section};
+use crate::request::{JointRequest, Opened, ResetRequest};
+
+/// Pixels per unit of a picture.
+const SCALE: usize = 16;
+
+/// The GS with the memory that it shows itself in.
+pub struct Joint {
+    opened: Opened,
+    simulator: Box<dyn GlobalSimulator>,
+    /// Agents for which a hand-coded controller decides.
+    hand_coded: Vec<AgentId>,
+    memory: Memory,
+    sections: Sections,
+    actions: Vec<Action>,
+    under_way: bool,
+}
+
+struct Sections {
+    /// Observations, agent after agent.
+    obs: Section,
+    /// Allowed actions, agent after agent; nothing for agents without masks.
+    masks: Section,
+    rewards: Section,
+}
+
+impl Joint {
+    pub fn open(opened: Opened, request: JointRequest, mut memory: Memory) -> Result<Joint> {
+        let mut hand_coded = Vec::new();
+        let controllers: Vec<&String> = request.controller_for.values().collect::<BTreeSet<_>>().into_iter().collect();
+        for name in request.controller_for.keys() {
+            hand_coded.push(opened.agent(name)?);
+        }
+        hand_coded.sort_unstable();
+        let domain = &opened.domain;
+        let mut simulator = match controllers[..] {
+            [] => domain.global_simulator()?,
+            [controller] => domain.with_background(controller, &hand_coded)?,
+            [one, other, ..] => {
+                bail!("controller_for: `{one}` and `{other}`: all these agents need the same controller")
+            }
+        };
+        ensure!(
+            hand_coded.len() < opened.names.len(),
+            "controller_for: names all agents; leave one out, or use `dials-traffic baseline`"
+        );
+        if request.full_metrics {
+            simulator.measure_in_full()?;
+        }
+        let sum = |width: fn(&RegionSpec) -> usize| domain.kinds().specs().map(width).sum();
+        let agents = opened.names.len();
+        let sections = Sections {
+            obs: memory.section::<f32>("obs", sum(|spec| spec.obs_dim), "f4"),
+            masks: memory.section::<bool>("masks", sum(mask_width), "b1"),
+            rewards: memory.section::<f32>("rewards", agents, "f4"),
+        };
+        let memory = memory.finish(agents)?;
+        Ok(Joint { simulator, hand_coded, memory, sections, actions: vec![0; agents], under_way: false, opened })
+    }
+}
+
+/// Returns the number of bits that say which actions an agent may take.
+fn mask_width(spec: &RegionSpec) -> usize {
+    if spec.masks { spec.n_actions } else { 0 }
+}
+
+impl Sections {
+    fn put(&self, memory: &mut Memory, percept: &JointPercept) {
+        memory.put(&self.obs, percept.obs.as_slice());
+        memory.put(&self.masks, percept.masks.as_slice());
+    }
+}
+
+impl Joint {
+    pub fn describe(&self) -> Value {
+        let kinds = self.opened.domain.kinds();
+        let agents = self.opened.names.iter().zip(AgentId::all(self.opened.names.len())).map(|(name, agent)| {
+            let kind = kinds.of(agent);
+            json!({
+                "name": name,
+                "kind": kind.name,
+                "obs_dim": kind.spec.obs_dim,
+                "n_actions": kind.spec.n_actions,
+                "masks": kind.spec.masks,
+                "hand_coded": self.hand_coded.contains(&agent),
+            })
+        });
+        json!({
+            "agents": agents.collect::<Vec<_>>(),
+            "horizon": kinds.horizon(),
+            "draws": self.simulator.scene().is_some(),
+            "memory": self.memory.describe(),
+        })
+    }
+
+    /// Begins an episode: that of `evaluate` with this seed, number `episode`.
+    pub fn reset(&mut self, request: &ResetRequest) -> Result<()> {
+        let percept = self.simulator.reset(episode_seed(Seed::new(request.seed), request.episode))?;
+        self.sections.put(&mut self.memory, percept);
+        self.memory.put(&self.sections.rewards, &vec![0.0_f32; self.actions.len()]);
+        self.under_way = true;
+        self.memory.show()
+    }
+
+    pub fn step(&mut self) -> Result<()> {
+        ensure!(self.under_way, "there is no episode under way; call reset() first");
+        self.memory.read_actions(&mut self.actions)?;
+        for ((action, spec), name) in
+            self.actions.iter().zip(self.opened.domain.kinds().specs()).zip(&self.opened.names)
+        {
+            ensure!(
+                usize::from(*action) < spec.n_actions,
+                "agent `{name}`: action {action}; its actions are 0 to {}",
+                spec.n_actions - 1
+            );
+        }
+        let transition = self.simulator.step(&self.actions)?;
+        self.sections.put(&mut self.memory, &transition.percept);
+        self.memory.put(&self.sections.rewards, &transition.rewards);
+        self.memory.show()
+    }
+
+    /// Returns the figures of the episode so far. With full metrics, the episode ends with them.
+    pub fn measure(&mut self) -> Result<Value> {
+        let measures = self.simulator.measures()?;
+        let per_agent: serde_json::Map<_, _> =
+            measures.per_agent.into_iter().map(|(name, values)| (name, json!(values))).collect();
+        let system: serde_json::Map<_, _> =
+            measures.system.into_iter().map(|(name, value)| (name, json!(value))).collect();
+        Ok(json!({ "per_agent": per_agent, "system": system }))
+    }
+
+    /// Returns width and height, four bytes each, and the pixels, three bytes each, row after row.
+    pub fn draw(&self) -> Result<Vec<u8>> {
+        let Some(scene) = self.simulator.scene() else {
+            bail!("this domain draws no pictures; write a replay for sumo-gui with `dials-traffic replay`")
+        };
+        let (width, height, pixels) = scene.to_pixels(SCALE);
+        let mut bytes = [width as u32, height as u32].map(u32::to_le_bytes).concat();
+        bytes.extend(pixels.iter().flat_map(|colour| colour.0));
+        Ok(bytes)
+    }
+}

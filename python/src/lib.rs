@@ -1,0 +1,33 @@
+//! The native module of the Python package `dials_traffic`.
+//!
+//! An environment is a process of its own, because libsumo holds one simulation per process. The Python process starts
+//! it as an interpreter that calls [`serve`](serve::serve). Orders and answers go over a socket; observations, rewards
+//! and actions are in shared memory. The Python process itself never loads this module, because libsumo brings some
+//! hundred libraries, and pip's libsumo may be there, too.
+//!
+//! - `serve`: the loop of that process. `request`: what it is asked for. `wire`: the frames on the socket. `memory`: the
+//!   shared memory. `lifeline`: it ends with the Python process.
+//! - `joint`: all agents on the global simulator. `local`: local simulators with influence predictors.
+//! - `policies`: the trained policies of a run.
+
+mod joint;
+mod lifeline;
+mod local;
+mod memory;
+mod policies;
+mod request;
+mod serve;
+mod wire;
+
+#[pyo3::pymodule]
+mod _native {
+    use pyo3::exceptions::PyRuntimeError;
+    use pyo3::prelude::*;
+
+    /// Serves one environment to the process that started this one, until it closes the channel. For the package
+    /// itself. `memory`: descriptor of the shared memory.
+    #[pyfunction]
+    fn serve(py: Python<'_>, memory: i32) -> PyResult<()> {
+        py.detach(|| super::serve::serve(memory)).map_err(|error| PyRuntimeError::new_err(format!("{error:#}")))
+    }
+}

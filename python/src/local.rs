@@ -1,0 +1,184 @@
+//! Local simulators of some agents, driven by influence predictors: Algorithm 3, with the decisions made in Python.
+
+use std::sync::Arc;
+
+use anyhow::{Context, Result, bail, ensure};
+use dials_traffic::base::{AgentId, Stopwatch};
+use dials_traffic::config::{AipTraining, Config, Period, Predictor, Simulator};
+use dials_traffic::domain::{Action, Domain, Percept};
+use dials_traffic::fleet::worker::Worker;
+use dials_traffic::influence::TrainablePredictor;
+use dials_traffic::nn::Threads;
+use dials_traffic::run::directory;
+use dials_traffic::run::domain::open_tried;
+use dials_traffic::training::block::{initial_aips, initial_policies, training_episodes};
+use dials_traffic::training::collect::Purpose;
+use dials_traffic::training::environment::{Environment, Experience};
+use dials_traffic::training::ials::Ials;
+use dials_traffic::training::observer::Silent;
+use dials_traffic::training::stream::AgentStream;
+use serde_json::{Value, json};
+
+use crate::memory::{Memory, Section};
+use crate::request::{LocalRequest, Opened, PredictorRequest, ResetRequest};
+
+/// The local simulators of some agents of one kind: rows ordered by agent, then by copy.
+pub struct Local {
+    config: Config,
+    domain: Arc<dyn Domain>,
+    agents: Vec<AgentId>,
+    names: Vec<String>,
+    predictor: Box<dyn TrainablePredictor>,
+    view: View,
+}
+
+/// What the Python process sees.
+struct View {
+    memory: Memory,
+    obs: Section,
+    masks: Section,
+    rewards: Section,
+    ends: Section,
+    last_obs: Section,
+    actions: Vec<Action>,
+    n_actions: usize,
+}
+
+/// Local simulators with episodes under way.
+pub struct Running<'a> {
+    ials: Ials<'a>,
+    view: &'a mut View,
+}
+
+impl Local {
+    pub fn open(opened: Opened, request: LocalRequest, memory: Memory) -> Result<Local> {
+        let names = if request.agents.is_empty() { &opened.names } else { &request.agents };
+        let agents = opened.agents_of_one_kind(names)?;
+        let Opened { mut config, domain, names } = opened;
+        ensure!(request.copies > 0, "copies: 0, but an agent has at least one local simulator");
+        config.local_simulators.copies = request.copies;
+        config.local_simulators.stagger = request.stagger;
+        let predictor = match request.predictor {
+            PredictorRequest::Run(path) => {
+                let (of_run, _) = directory::open_config(&path, open_tried)?;
+                let predictor = directory::read_aips(&path, &of_run, &*domain, &agents)?;
+                config.simulator = of_run.simulator;
+                config.aip = of_run.aip;
+                predictor
+            }
+            PredictorRequest::Untrained => {
+                config.simulator = Simulator::Local(Predictor::Untrained);
+                initial_aips(&*domain, &config, &agents)
+            }
+            PredictorRequest::Marginals => {
+                config.simulator = Simulator::Local(Predictor::Marginals);
+                fitted(&domain, &config, &agents)?
+            }
+        };
+        let view = View::new(memory, &*domain, &agents, request.copies)?;
+        let names = agents.iter().map(|agent| names[agent.0].clone()).collect();
+        Ok(Local { config, domain, agents, names, predictor, view })
+    }
+
+    pub fn describe(&self) -> Value {
+        let kind = self.domain.kinds().of(self.agents[0]);
+        json!({
+            "agents": self.names,
+            "rows": self.view.actions.len(),
+            "obs_dim": kind.spec.obs_dim,
+            "n_actions": kind.spec.n_actions,
+            "masks": kind.spec.masks,
+            "horizon": kind.spec.local_horizon,
+            "memory": self.view.memory.describe(),
+        })
+    }
+
+    /// Makes new simulators, in which the first episodes of a seed begin: those of a run with this `seed`.
+    pub fn reset(&mut self, request: &ResetRequest) -> Result<Running<'_>> {
+        let Local { config, domain, agents, predictor, view, .. } = self;
+        config.seed = request.seed;
+        let simulators = domain.local_simulator(agents, config.copies(), training_episodes(config))?;
+        let policies = initial_policies(&**domain, config, &agents[..1]);
+        let streams: Vec<AgentStream> =
+            agents.iter().map(|&agent| AgentStream::begin(config, &policies, agent)).collect();
+        let ials = Ials::resume(simulators, &mut **predictor, &streams, config.local_simulators.stagger)?;
+        view.put(&ials.percepts()[0]);
+        view.memory.show()?;
+        Ok(Running { ials, view })
+    }
+}
+
+/// Fits predictors of `agents` to episodes on the global simulator, in which policies that were not trained act. That is
+/// what a run does before its first step.
+fn fitted(domain: &Arc<dyn Domain>, config: &Config, agents: &[AgentId]) -> Result<Box<dyn TrainablePredictor>> {
+    let all = AgentId::all(domain.agents());
+    let mut worker = Worker::new(domain.clone(), config, all, &Threads::one());
+    let purpose = Purpose::Training { steps: 0 };
+    let episodes = purpose.episodes(config, domain.kinds().horizon());
+    let datasets = worker.collect(&worker.policies(), purpose, 0..episodes, &Silent)?;
+    let period = Period { start: 0, end: 0, evaluate: false, train_aips: AipTraining::Yes };
+    worker.train_aips(datasets, &period, &Silent);
+    let mut predictor = initial_aips(&**domain, config, agents);
+    predictor.load(&worker.aips().pick(agents.iter().map(|agent| agent.0)).into_rows());
+    Ok(predictor)
+}
+
+impl View {
+    fn new(mut memory: Memory, domain: &dyn Domain, agents: &[AgentId], copies: usize) -> Result<View> {
+        let spec = &domain.kinds().of(agents[0]).spec;
+        let rows = agents.len().checked_mul(copies).context("copies: too many")?;
+        let view = View {
+            obs: memory.section::<f32>("obs", rows * spec.obs_dim, "f4"),
+            masks: memory.section::<bool>("masks", if spec.masks { rows * spec.n_actions } else { 0 }, "b1"),
+            rewards: memory.section::<f32>("rewards", rows, "f4"),
+            ends: memory.section::<bool>("ends", rows, "b1"),
+            last_obs: memory.section::<f32>("last_obs", rows * spec.obs_dim, "f4"),
+            actions: vec![0; rows],
+            n_actions: spec.n_actions,
+            memory,
+        };
+        Ok(View { memory: view.memory.finish(rows)?, ..view })
+    }
+
+    fn put(&mut self, percept: &Percept) {
+        self.memory.put(&self.obs, percept.obs.as_slice());
+        if let Some(masks) = &percept.masks {
+            self.memory.put(&self.masks, masks.as_slice());
+        }
+    }
+
+    fn put_experience(&mut self, experience: &Experience) {
+        self.memory.put(&self.rewards, &experience.rewards);
+        self.memory.put(&self.ends, &experience.ends);
+        if experience.any_end() {
+            self.memory.put(&self.last_obs, experience.last_obs.as_slice());
+        }
+    }
+}
+
+impl Running<'_> {
+    /// Makes one step of every row. Where an episode ends, the next one begins.
+    pub fn step(&mut self) -> Result<()> {
+        let Running { ials, view } = self;
+        view.memory.read_actions(&mut view.actions)?;
+        if let Some((row, action)) =
+            view.actions.iter().enumerate().find(|(_, action)| usize::from(**action) >= view.n_actions)
+        {
+            bail!("row {row}: action {action}; its actions are 0 to {}", view.n_actions - 1);
+        }
+        let experience = &ials.step(std::slice::from_ref(&view.actions), &mut Stopwatch::default())?[0];
+        view.put_experience(experience);
+        view.put(&ials.percepts()[0]);
+        view.memory.show()
+    }
+
+    /// Returns totals since the simulators were made, such as influences that could not be applied.
+    pub fn counters(&self) -> Value {
+        self.ials
+            .counters()
+            .into_iter()
+            .map(|(name, count)| (name.to_owned(), json!(count)))
+            .collect::<serde_json::Map<_, _>>()
+            .into()
+    }
+}

@@ -1,0 +1,127 @@
+//! What the Python process asks for, and the config and agents that it means.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::{Context, Result, bail, ensure};
+use dials_traffic::base::AgentId;
+use dials_traffic::config::{self, Config};
+use dials_traffic::domain::Domain;
+use dials_traffic::records::files;
+use dials_traffic::run::domain::open_tried;
+use serde::Deserialize;
+
+/// The first order: which environment this process is.
+#[derive(Debug, Deserialize)]
+pub struct Request {
+    /// A config, a .sumocfg or a run directory.
+    pub config: PathBuf,
+    /// Settings `key=value`, as for `--set`.
+    pub settings: Vec<String>,
+    pub environment: Environment,
+}
+
+/// What a process can be.
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Environment {
+    Joint(JointRequest),
+    Local(LocalRequest),
+    Policies(PoliciesRequest),
+}
+
+/// All agents on the global simulator (GS).
+#[derive(Debug, Deserialize)]
+pub struct JointRequest {
+    /// Hand-coded controllers that decide for agents, by the agent's name.
+    pub controller_for: BTreeMap<String, String>,
+    /// Whether to measure all that `evaluate` prints.
+    pub full_metrics: bool,
+}
+
+/// Local simulators of some agents of one kind, with an influence predictor.
+#[derive(Debug, Deserialize)]
+pub struct LocalRequest {
+    /// Names of the agents; empty for all.
+    pub agents: Vec<String>,
+    pub copies: usize,
+    pub predictor: PredictorRequest,
+    pub stagger: bool,
+}
+
+/// The policies of a run directory.
+#[derive(Debug, Deserialize)]
+pub struct PoliciesRequest {
+    /// Whether they choose the most probable action instead of drawing one.
+    pub greedy: bool,
+}
+
+/// Where the influence predictors come from.
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PredictorRequest {
+    /// From this run directory.
+    Run(PathBuf),
+    /// Constants, measured on the GS under policies that were not trained.
+    Marginals,
+    /// Networks that were not trained.
+    Untrained,
+}
+
+/// An episode to begin. Local simulators begin the first episodes of the seed, whatever its number.
+#[derive(Debug, Deserialize)]
+pub struct ResetRequest {
+    pub seed: u64,
+    pub episode: usize,
+}
+
+/// A config with its domain and the names of its agents.
+pub struct Opened {
+    pub config: Config,
+    pub domain: Arc<dyn Domain>,
+    pub names: Vec<String>,
+}
+
+impl Opened {
+    /// Opens the config of a request. Its files are not tried in another process first: this one may end with them.
+    pub fn open(path: &Path, settings: &[String]) -> Result<Opened> {
+        let file = if files::is_run_dir(path) { path.join(files::CONFIG) } else { path.to_owned() };
+        ensure!(
+            !file.is_dir(),
+            "{}: neither a config nor a run directory; name a .toml, a .sumocfg or a directory that `train` made",
+            path.display()
+        );
+        let config = config::load(&file, settings)?;
+        let domain = open_tried(&config)?;
+        let names = domain.names();
+        Ok(Opened { config, domain, names })
+    }
+
+    /// Returns the agent of a name.
+    pub fn agent(&self, name: &str) -> Result<AgentId> {
+        let found = self.names.iter().position(|other| other == name);
+        let first = || self.names.iter().take(5).map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
+        let more = if self.names.len() > 5 { ", ..." } else { "" };
+        found.map(AgentId).with_context(|| format!("agent `{name}`: there is none; the agents are {}{more}", first()))
+    }
+
+    /// Returns the agents of these names, which must be of one kind.
+    pub fn agents_of_one_kind(&self, names: &[String]) -> Result<Vec<AgentId>> {
+        let agents = names.iter().map(|name| self.agent(name)).collect::<Result<Vec<_>>>()?;
+        let Some(&first) = agents.first() else { bail!("agents: there is none") };
+        let kinds = self.domain.kinds();
+        let kind = kinds.place(first).kind;
+        for (agent, name) in agents.iter().zip(names) {
+            ensure!(
+                kinds.place(*agent).kind == kind,
+                "agent `{name}`: is of kind `{}` and `{}` of kind `{}`; make one environment per kind",
+                kinds.of(*agent).name,
+                names[0],
+                kinds[kind].name
+            );
+        }
+        ensure!(agents.is_sorted_by(|one, next| one < next), "agents: name each once, in the order of the config");
+        Ok(agents)
+    }
+}

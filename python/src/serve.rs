@@ -1,0 +1,123 @@
+//! The process of an environment: does what the Python process orders, until the channel is closed.
+
+use std::io::Write;
+use std::os::fd::AsFd;
+use std::os::unix::net::UnixStream;
+
+use anyhow::{Context, Result, bail};
+use serde::de::DeserializeOwned;
+
+use crate::joint::Joint;
+use crate::lifeline;
+use crate::local::{Local, Running};
+use crate::memory::Memory;
+use crate::policies::Policies;
+use crate::request::{Environment, Opened, Request, ResetRequest};
+use crate::wire::{self, BEGIN, DRAW, MEASURE, RESET, STEP};
+
+/// Serves one environment. The control channel is standard input; `memory`: the descriptor of the shared memory.
+pub fn serve(memory: i32) -> Result<()> {
+    lifeline::watch()?;
+    let stdin = std::io::stdin().as_fd().try_clone_to_owned().context("no control channel")?;
+    let mut stream = UnixStream::from(stdin);
+    let Some((tag, payload)) = wire::receive(&mut stream)? else { return Ok(()) };
+    if tag != BEGIN {
+        bail!("the first order must be to begin");
+    }
+    match begin(&payload, memory) {
+        Err(error) => wire::answer(&mut stream, &Err(error)),
+        Ok(Served::Joint(joint)) => {
+            wire::answer(&mut stream, &Ok(joint.describe().to_string().into_bytes()))?;
+            serve_joint(*joint, &mut stream)
+        }
+        Ok(Served::Policies(policies)) => {
+            wire::answer(&mut stream, &Ok(policies.describe().to_string().into_bytes()))?;
+            serve_policies(*policies, &mut stream)
+        }
+        Ok(Served::Local(local)) => {
+            wire::answer(&mut stream, &Ok(local.describe().to_string().into_bytes()))?;
+            serve_local(*local, &mut stream)
+        }
+    }
+}
+
+/// An environment that was opened.
+enum Served {
+    Joint(Box<Joint>),
+    Local(Box<Local>),
+    Policies(Box<Policies>),
+}
+
+fn begin(payload: &[u8], memory: i32) -> Result<Served> {
+    let Request { config, settings, environment } = read(payload)?;
+    let memory = Memory::open(memory)?;
+    let opened = || Opened::open(&config, &settings);
+    Ok(match environment {
+        Environment::Policies(request) => Served::Policies(Box::new(Policies::open(&config, &request, memory)?)),
+        Environment::Joint(request) => Served::Joint(Box::new(Joint::open(opened()?, request, memory)?)),
+        Environment::Local(request) => Served::Local(Box::new(Local::open(opened()?, request, memory)?)),
+    })
+}
+
+fn read<T: DeserializeOwned>(payload: &[u8]) -> Result<T> {
+    serde_json::from_slice(payload).context("this order is of another version of the package; install it again")
+}
+
+fn serve_joint(mut joint: Joint, stream: &mut UnixStream) -> Result<()> {
+    while let Some((tag, payload)) = wire::receive(stream)? {
+        let outcome = match tag {
+            STEP => joint.step().map(|()| Vec::new()),
+            RESET => read(&payload).and_then(|request| joint.reset(&request)).map(|()| Vec::new()),
+            MEASURE => joint.measure().map(|figures| figures.to_string().into_bytes()),
+            DRAW => joint.draw(),
+            other => bail!("there is no order {other}"),
+        };
+        wire::answer(stream, &outcome)?;
+    }
+    Ok(())
+}
+
+fn serve_policies(mut policies: Policies, stream: &mut UnixStream) -> Result<()> {
+    while let Some((tag, payload)) = wire::receive(stream)? {
+        let outcome = match tag {
+            STEP => policies.step(),
+            RESET => read(&payload).and_then(|request| policies.reset(&request)),
+            other => bail!("policies have no order {other}"),
+        };
+        wire::answer(stream, &outcome.map(|()| Vec::new()))?;
+    }
+    Ok(())
+}
+
+/// Serves local simulators. Each reset makes new ones: the old ones are dropped first, because a process holds one SUMO.
+fn serve_local(mut local: Local, stream: &mut UnixStream) -> Result<()> {
+    let mut next = wire::receive(stream)?;
+    while let Some((tag, payload)) = next {
+        if tag != RESET {
+            wire::answer(stream, &Err(anyhow::anyhow!("there is no episode under way; call reset() first")))?;
+            next = wire::receive(stream)?;
+            continue;
+        }
+        next = match read(&payload).and_then(|request: ResetRequest| local.reset(&request)) {
+            Ok(running) => serve_running(running, stream)?,
+            Err(error) => {
+                wire::answer(stream, &Err(error))?;
+                wire::receive(stream)?
+            }
+        };
+    }
+    Ok(())
+}
+
+/// Serves local simulators until they are reset. Returns the order that ended this.
+fn serve_running(mut running: Running<'_>, stream: &mut (impl Write + std::io::Read)) -> Result<Option<(u8, Vec<u8>)>> {
+    wire::answer(stream, &Ok(Vec::new()))?;
+    loop {
+        let outcome = match wire::receive(stream)? {
+            Some((STEP, _)) => running.step().map(|()| Vec::new()),
+            Some((MEASURE, _)) => Ok(running.counters().to_string().into_bytes()),
+            next => return Ok(next),
+        };
+        wire::answer(stream, &outcome)?;
+    }
+}

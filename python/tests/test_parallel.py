@@ -1,0 +1,198 @@
+"""All agents on the global simulator."""
+
+import warnings
+
+import numpy as np
+import pytest
+from conftest import SCENARIO_SETTINGS
+from pettingzoo.test import parallel_api_test, parallel_seed_test
+from pettingzoo.utils import parallel_to_aec
+
+import dials_traffic
+
+
+def first_allowed(infos):
+    return {agent: int(np.flatnonzero(info["action_mask"])[0]) for agent, info in infos.items()}
+
+
+def played(env, seed=None, choose=first_allowed):
+    """Play an episode and return all that it showed."""
+    observations, infos = env.reset(seed=seed)
+    shown = [observations]
+    rewards = dict.fromkeys(env.agents, 0.0)
+    while env.agents:
+        observations, of_step, _, _, infos = env.step(choose(infos))
+        shown.append(observations)
+        for agent, reward in of_step.items():
+            rewards[agent] += reward
+    return shown, rewards, infos
+
+
+@pytest.fixture(params=["warehouse", "grid", "scenario"])
+def env(request):
+    settings = SCENARIO_SETTINGS if request.param == "scenario" else None
+    settings = {"traffic.end_s": 180, "traffic.local_horizon": 12} if settings else None
+    env = dials_traffic.parallel_env(request.getfixturevalue(request.param), seed=5, settings=settings)
+    yield env
+    env.close()
+
+
+def test_it_is_a_parallel_env_of_pettingzoo(env):
+    with warnings.catch_warnings():
+        # Its agents all end at once, and it draws actions without masks: lights and robots bear both.
+        warnings.simplefilter("ignore")
+        parallel_api_test(env, num_cycles=2 * env.horizon + 3)
+
+
+def test_two_environments_of_a_seed_show_the_same(warehouse, grid):
+    for config in (warehouse, grid):
+        made = []
+
+        def make():
+            made.append(dials_traffic.parallel_env(config))
+            return made[-1]
+
+        parallel_seed_test(make)
+        for env in made:
+            env.close()
+
+
+def test_an_episode_follows_from_its_seed_and_number(env):
+    def same(one, other):
+        return all(np.array_equal(a[agent], b[agent]) for a, b in zip(one, other) for agent in a)
+
+    first, of_first, _ = played(env, seed=1)
+    second, _, _ = played(env)
+    again, of_again, _ = played(env, seed=1)
+    assert same(first, again) and of_first == of_again
+    assert not same(first, second), "the next episode of a seed is another one"
+    env.reset(seed=1)
+    observations, infos = env.reset(options={"episode": 1})
+    assert env.episode == 1
+    later = [observations] + [env.step(first_allowed(infos))[0]]
+    assert same(second[:2], later)
+
+
+def test_what_was_returned_does_not_change_with_later_steps(env):
+    observations, infos = env.reset(seed=1)
+    kept = {agent: obs.copy() for agent, obs in observations.items()}
+    masks = {agent: info["action_mask"].copy() for agent, info in infos.items()}
+    later = infos
+    for _ in range(10):
+        _, _, _, _, later = env.step(first_allowed(later))
+    assert all(np.array_equal(observations[agent], kept[agent]) for agent in kept)
+    assert all(np.array_equal(infos[agent]["action_mask"], masks[agent]) for agent in masks)
+
+
+def test_the_end_is_a_truncation_of_all_with_metrics(warehouse):
+    env = dials_traffic.parallel_env(warehouse, seed=1)
+    _, infos = env.reset()
+    for step in range(env.horizon):
+        assert "metrics" not in infos["agent_0"]
+        _, _, terminations, truncations, infos = env.step(first_allowed(infos))
+        over = step + 1 == env.horizon
+        assert not any(terminations.values()) and list(truncations.values()) == [over] * 4
+    assert env.agents == []
+    assert infos["agent_0"]["metrics"].keys() == {"items"}
+    assert infos["agent_0"]["system"].keys() == {"waiting_items", "mean_item_age"}
+    with pytest.raises(RuntimeError, match="call reset"):
+        env.step({})
+    env.close()
+
+
+def test_agents_are_named_as_in_sumo_and_have_their_own_spaces(scenario):
+    env = dials_traffic.parallel_env(scenario, settings={"traffic.end_s": 60})
+    text = scenario.with_suffix(".net.xml").read_text()
+    assert all(f'<tlLogic id="{agent}"' in text for agent in env.possible_agents)
+    observations, infos = env.reset(seed=1)
+    for agent in env.agents:
+        assert env.observation_space(agent).contains(observations[agent])
+        assert infos[agent]["action_mask"].shape == (env.action_space(agent).n,)
+        assert env.observation_space(agent) is env.observation_space(agent)
+    env.close()
+
+
+def test_a_controller_decides_for_some_agents(grid):
+    """Under gap-out, the light of the agent changes though nobody switches it."""
+    names = ["r0c0", "r0c1", "r1c0", "r1c1"]
+    never = lambda infos: dict.fromkeys(infos, 0)  # noqa: E731
+    env = dials_traffic.parallel_env(grid, seed=1, controller_for={"r0c0": "gap-out", "r1c1": "gap-out"})
+    assert env.possible_agents == ["r0c1", "r1c0"]
+    _, some, _ = played(env, choose=never)
+    env.close()
+    alone = dials_traffic.parallel_env(grid, seed=1)
+    assert alone.possible_agents == names
+    _, nobody, _ = played(alone, choose=never)
+    alone.close()
+    assert some.keys() == {"r0c1", "r1c0"} and any(some[agent] != nobody[agent] for agent in some)
+    for wrong, reason in [
+        ({"nobody": "gap-out"}, "agent `nobody`: there is none; the agents are `r0c0`"),
+        ({"r0c0": "gap-out", "r0c1": "actuated"}, "need the same controller"),
+        (dict.fromkeys(names, "gap-out"), "names all agents"),
+        ({"r0c0": "no-such"}, "no-such"),
+    ]:
+        with pytest.raises(dials_traffic.SimulatorError, match=reason):
+            dials_traffic.parallel_env(grid, controller_for=wrong)
+
+
+def test_pictures_of_the_warehouse_are_arrays(warehouse, grid):
+    env = dials_traffic.parallel_env(warehouse, render_mode="rgb_array")
+    env.reset(seed=1)
+    picture = env.render()
+    assert picture.dtype == np.uint8 and picture.ndim == 3 and picture.shape[2] == 3 and picture.std() > 0
+    env.close()
+    with pytest.raises(ValueError, match="render_mode"):
+        dials_traffic.parallel_env(grid, render_mode="human")
+
+
+def test_what_cannot_be_done_is_an_error_that_says_so(grid, tmp_path):
+    with pytest.raises(dials_traffic.SimulatorError, match="no.toml: cannot be read"):
+        dials_traffic.parallel_env(tmp_path / "no.toml")
+    with pytest.raises(dials_traffic.SimulatorError, match="neither a config nor a run directory"):
+        dials_traffic.parallel_env(tmp_path)
+    with pytest.raises(dials_traffic.SimulatorError, match="traffic.horizon = 0"):
+        dials_traffic.parallel_env(grid, settings={"traffic.horizon": 0})
+    with pytest.raises(TypeError, match="settings"):
+        dials_traffic.parallel_env(grid, settings={"traffic.horizon": None})
+    with pytest.raises(ValueError, match="2\\*\\*64"):
+        dials_traffic.parallel_env(grid, seed=-1)
+    env = dials_traffic.parallel_env(grid, seed=1)
+    env.reset()
+    for action in (2, -1, 256):
+        with pytest.raises(ValueError, match=f"agent 'r0c0': action {action}; its actions are 0 to 1"):
+            env.step({**dict.fromkeys(env.agents, 0), "r0c0": action})
+    env.close()
+    with pytest.raises(dials_traffic.SimulatorError, match="is closed"):
+        env.reset()
+
+
+def test_it_becomes_an_aec_env(warehouse):
+    env = parallel_to_aec(dials_traffic.parallel_env(warehouse, seed=1))
+    env.reset()
+    for agent in env.agent_iter(max_iter=20):
+        _, _, termination, truncation, info = env.last()
+        env.step(None if termination or truncation else int(np.flatnonzero(info["action_mask"])[0]))
+    env.close()
+
+
+def test_many_environments_step_together(grid):
+    alone = []
+    for seed in (3, 4, 5):
+        env = dials_traffic.parallel_env(grid, seed=seed)
+        alone.append(played(env))
+        env.close()
+    many = dials_traffic.vector_parallel_env(grid, 3, seed=3)
+    obs, infos = many.reset()
+    for step in range(1, many.horizon + 1):
+        actions = {agent: masks.argmax(axis=1) for agent, masks in infos["action_mask"].items()}
+        obs, rewards, _, truncations, infos = many.step(actions)
+        over = step == many.horizon
+        shown = infos["final_obs"] if over else obs
+        for copy, (expected, _, _) in enumerate(alone):
+            assert all(np.array_equal(shown[agent][copy], expected[step][agent]) for agent in many.agents)
+        assert all(truncations[agent].tolist() == [over] * 3 for agent in many.agents)
+    for copy, (_, _, expected) in enumerate(alone):
+        assert infos["episodes"][copy]["r0c0"]["system"] == expected["r0c0"]["system"]
+    again, _ = many.reset(seed=3)
+    assert all(np.array_equal(again[agent][2], alone[2][0][0][agent]) for agent in many.agents)
+    many.close()

@@ -1,0 +1,153 @@
+"""Each environment is a process of its own: how it starts, ends and dies."""
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import threading
+import time
+
+import pytest
+
+import dials_traffic
+
+
+def is_alive(pid):
+    """Return whether a process is there and not only waited for."""
+    try:
+        with open(f"/proc/{pid}/stat") as file:
+            return file.read().rsplit(")", 1)[1].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+def ends(pid, within_s=20.0):
+    """Wait until a process has ended, and return whether it did."""
+    begun = time.monotonic()
+    while is_alive(pid) and time.monotonic() - begun < within_s:
+        time.sleep(0.05)
+    return not is_alive(pid)
+
+
+def test_ten_environments_of_sumo_live_in_one_python_process(grid):
+    envs = [dials_traffic.parallel_env(grid, seed=seed) for seed in range(10)]
+    assert len({env.pid for env in envs}) == 10 and os.getpid() not in {env.pid for env in envs}
+    for env in envs:
+        env.reset()
+    for _ in range(3):
+        for env in envs:
+            env.step(dict.fromkeys(env.agents, 0))
+    pids = [env.pid for env in envs]
+    for env in envs:
+        env.close()
+    assert not any(is_alive(pid) for pid in pids)
+
+
+def test_this_process_never_loads_the_native_module(grid):
+    """libsumo brings hundreds of libraries, and another libsumo may be there."""
+    env = dials_traffic.parallel_env(grid, seed=1)
+    env.reset()
+    with open("/proc/self/maps") as file:
+        maps = file.read()
+    env.close()
+    assert "sumo" not in maps and "_native" not in maps
+
+
+@pytest.mark.parametrize(
+    "number, told",
+    [(signal.SIGKILL, r"signal 9 \(SIGKILL; out of memory\?\)"), (signal.SIGSEGV, r"signal 11 \(SIGSEGV\)")],
+)
+def test_the_death_of_a_process_is_an_exception_that_names_it(grid, number, told):
+    env = dials_traffic.parallel_env(grid, seed=1)
+    env.reset()
+    os.kill(env.pid, number)
+    with pytest.raises(dials_traffic.ProcessDied, match=f"grid.toml: its process {env.pid} died of {told}"):
+        while True:
+            env.step(dict.fromkeys(env.agents, 0))
+    with pytest.raises(dials_traffic.SimulatorError, match="is closed"):
+        env.reset()
+    env.close()
+
+
+def test_a_dead_process_takes_its_last_words_with_it(grid, monkeypatch):
+    from dials_traffic import _process
+
+    monkeypatch.setattr(_process, "_CODE", "import sys; print('no room on the road'); sys.exit(3)")
+    with pytest.raises(dials_traffic.ProcessDied, match="ended with exit code 3; its last words: no room on the road"):
+        dials_traffic.parallel_env(grid)
+
+
+def test_a_forgotten_environment_ends(grid):
+    env = dials_traffic.parallel_env(grid, seed=1)
+    pid = env.pid
+    del env
+    assert ends(pid)
+
+
+@pytest.mark.parametrize("forks", [False, True])
+def test_environments_end_with_python_however_it_ends(grid, forks):
+    """Also if a copy of the Python process, made by a fork, holds the channel open."""
+    code = f"""
+        import os, time, dials_traffic
+        env = dials_traffic.parallel_env({str(grid)!r}, seed=1)
+        env.reset()
+        other = os.fork() if {forks} else -1
+        if other == 0:
+            time.sleep(600)
+        print(env.pid, other, flush=True)
+        time.sleep(600)
+    """
+    python = subprocess.Popen([sys.executable, "-c", textwrap.dedent(code)], stdout=subprocess.PIPE, text=True)
+    with python.stdout:
+        pid, copy = map(int, python.stdout.readline().split())
+    assert is_alive(pid)
+    python.kill()
+    python.wait()
+    try:
+        assert ends(pid)
+    finally:
+        if copy > 0:
+            os.kill(copy, signal.SIGKILL)
+
+
+def test_an_environment_outlives_the_thread_that_made_it(grid):
+    made = []
+    thread = threading.Thread(target=lambda: made.append(dials_traffic.parallel_env(grid, seed=1)))
+    thread.start()
+    thread.join()
+    time.sleep(0.1)
+    made[0].reset()
+    made[0].step(dict.fromkeys(made[0].agents, 0))
+    made[0].close()
+
+
+def test_a_copy_of_the_python_process_cannot_use_it_and_does_not_end_it(grid):
+    env = dials_traffic.parallel_env(grid, seed=1)
+    env.reset()
+    copy = os.fork()
+    if copy == 0:
+        code = 1
+        try:
+            env.step(dict.fromkeys(env.agents, 0))
+        except dials_traffic.SimulatorError as error:
+            code = 0 if "make it anew after a fork" in str(error) else 2
+        env.close()
+        os._exit(code)
+    assert os.waitstatus_to_exitcode(os.waitpid(copy, 0)[1]) == 0
+    env.reset()
+    env.step(dict.fromkeys(env.agents, 0))
+    env.close()
+
+
+def test_an_interrupted_step_needs_a_reset_and_nothing_else(grid):
+    env = dials_traffic.parallel_env(grid, seed=1)
+    expected, _ = env.reset()
+    env.send_actions(dict.fromkeys(env.agents, 0))
+    # As if Ctrl-C had come before the answer.
+    with pytest.raises(dials_traffic.SimulatorError, match="was interrupted; call reset"):
+        env.step(dict.fromkeys(env.agents, 0))
+    again, _ = env.reset(seed=1)
+    assert all((again[agent] == expected[agent]).all() for agent in expected)
+    env.step(dict.fromkeys(env.agents, 0))
+    env.close()

@@ -1,0 +1,100 @@
+"""Trained policies in Python: an episode is that of `evaluate`, to the bit."""
+
+import csv
+
+import numpy as np
+import pytest
+from conftest import program
+from safetensors.numpy import load_file
+
+import dials_traffic
+
+
+def evaluated(run, folder, *words):
+    """Return the returns of `evaluate`, by episode and agent, as they are written, and those of the system."""
+    program("evaluate", run, "--seed", 7, "--episodes", 2, "--csv", folder / "csv", *words)
+    tables = {}
+    for name in ("agents", "episodes"):
+        with open(folder / f"csv/{name}.csv") as file:
+            tables[name] = list(csv.DictReader(file))
+    return tables["agents"], tables["episodes"]
+
+
+@pytest.mark.parametrize("kind", ["warehouse_run", "grid_run", "scenario_run"])
+@pytest.mark.parametrize("greedy", [False, True])
+def test_an_episode_from_python_is_that_of_evaluate_to_the_bit(kind, greedy, request, tmp_path):
+    run = request.getfixturevalue(kind)
+    agents, episodes = evaluated(run, tmp_path, *(["--greedy"] if greedy else []))
+    env = dials_traffic.parallel_env(run, seed=7, full_metrics=True)
+    controller = dials_traffic.load(run).controller(greedy=greedy)
+    for episode in range(2):
+        observations, infos = env.reset()
+        controller.begin(env.seed, env.episode)
+        returns = dict.fromkeys(env.agents, 0.0)
+        while env.agents:
+            observations, rewards, _, _, infos = env.step(controller.act(observations, infos))
+            for agent, reward in rewards.items():
+                returns[agent] += reward
+        written = {int(line["agent"]): line for line in agents if int(line["episode"]) == episode}
+        assert len(written) == len(returns)
+        for row, (agent, value) in enumerate(returns.items()):
+            assert value == float(written[row]["return"]), (episode, agent)
+            for figure, own in infos[agent]["metrics"].items():
+                told = written[row][figure]
+                assert own == float(told or "nan") or (np.isnan(own) and told in ("", "NaN")), (agent, figure)
+        for figure, value in infos[env.possible_agents[0]]["system"].items():
+            told = episodes[episode][figure]
+            assert value == float(told or "nan") or (np.isnan(value) and told in ("", "NaN")), figure
+    controller.close()
+    env.close()
+
+
+@pytest.mark.parametrize("kind", ["warehouse_run", "grid_run", "scenario_run"])
+def test_weights_are_those_of_the_file(kind, request):
+    path = request.getfixturevalue(kind)
+    run, tensors = dials_traffic.load(path), load_file(path / "policies.safetensors")
+    count = sum(weights.size for agent in run.agents for weights in run.weights(agent).values())
+    assert count == sum(tensor.size for tensor in tensors.values())
+    if kind != "scenario_run":  # its agents may be of several kinds, with a prefix each
+        for row, agent in enumerate(run.agents):
+            assert all(np.array_equal(run.weights(agent)[name], tensor[row]) for name, tensor in tensors.items())
+
+
+@pytest.mark.parametrize("kind", ["warehouse_run", "grid_run", "scenario_run"])
+def test_a_policy_in_numpy_chooses_what_the_program_chooses(kind, request):
+    """Also with a memory: the warehouse's policies have a GRU."""
+    path = request.getfixturevalue(kind)
+    run = dials_traffic.load(path)
+    policies = {agent: run.policy(agent, greedy=True) for agent in run.agents}
+    controller = run.controller(greedy=True)
+    env = dials_traffic.parallel_env(path, seed=3)
+    observations, infos = env.reset()
+    controller.begin(3)
+    equal = total = 0
+    while env.agents:
+        actions = controller.act(observations, infos)
+        ours = {a: policies[a](observations[a], infos[a]["action_mask"]) for a in env.agents}
+        equal, total = equal + sum(ours[a] == actions[a] for a in actions), total + len(actions)
+        observations, _, _, _, infos = env.step(actions)
+    # Where two actions are equally good, rounding may decide.
+    assert equal >= 0.99 * total, (equal, total)
+    controller.close()
+    env.close()
+
+
+def test_a_policy_draws_from_its_probabilities_and_respects_the_mask():
+    weights = {"layers.0.weight": np.zeros((1, 4), np.float32), "layers.0.bias": np.log([[1, 2, 5, 9]]).astype("f4")}
+    policy = dials_traffic.Policy(weights, seed=1)
+    counts = np.bincount([policy([0.0]) for _ in range(8000)], minlength=3)
+    # Shares 1/8, 2/8 and 5/8 of 8000: standard deviations 30, 39 and 43. The last output is the value.
+    assert np.all(np.abs(counts - [1000, 2000, 5000]) < 180), counts
+    assert {policy([0.0], [1, 0, 0]) for _ in range(50)} == {0}
+    assert policy.judge([0.0])[1] == pytest.approx(np.log(9), abs=1e-6)
+
+
+def test_what_is_no_run_is_an_error_that_says_so(tmp_path, warehouse):
+    with pytest.raises(dials_traffic.SimulatorError, match="not a run directory"):
+        dials_traffic.load(tmp_path)
+    (tmp_path / "config.toml").write_text(warehouse.read_text())
+    with pytest.raises(dials_traffic.SimulatorError, match="has no policies yet"):
+        dials_traffic.load(tmp_path)

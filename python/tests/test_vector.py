@@ -1,0 +1,155 @@
+"""Local simulators of one agent or of all."""
+
+import warnings
+
+import gymnasium
+import numpy as np
+import pytest
+from conftest import SCENARIO_SETTINGS
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode
+
+import dials_traffic
+
+#: Settings with which constants are measured in a moment.
+FEW = {"aip.dataset_steps": 80, "aip.batch": 16}
+RUNS = ["warehouse_run", "grid_run", "scenario_run"]
+AGENT = {"warehouse_run": "agent_1", "grid_run": "r0c1"}
+
+
+def agent_of(kind, path):
+    return AGENT.get(kind) or dials_traffic.load(path).agents[0]
+
+
+def played(env, steps, seed=None):
+    """Play some steps with the first allowed action. Return all that was shown, with the rewards and the ends."""
+    obs, infos = env.reset(seed=seed)
+    shown = [(obs, None, None, infos)]
+    for _ in range(steps):
+        obs, rewards, terminations, truncations, infos = env.step(infos["action_mask"].argmax(axis=1))
+        assert not terminations.any()
+        shown.append((obs, rewards, truncations, infos))
+    return shown
+
+
+@pytest.mark.parametrize("kind", RUNS)
+def test_copies_follow_from_their_seed_and_begin_again_by_themselves(kind, request):
+    path = request.getfixturevalue(kind)
+    env = dials_traffic.vector_env(path, agent_of(kind, path), 4, seed=3)
+    assert isinstance(env, gymnasium.vector.VectorEnv) and env.metadata["autoreset_mode"] == AutoresetMode.SAME_STEP
+    steps = 2 * env.horizon + 1
+    one, other, again = played(env, steps), played(env, steps), played(env, steps, seed=3)
+    env.close()
+    same = [all(np.array_equal(a[0], b[0]) for a, b in zip(one, two)) for two in (other, again)]
+    assert same == [False, True], "a seed repeats, and the episodes after it are others"
+    for number, (obs, rewards, truncations, infos) in enumerate(one[1:], 1):
+        assert obs.shape == env.observation_space.shape and env.observation_space.contains(obs)
+        assert rewards.dtype == np.float64 and rewards.shape == (4,)
+        over = number % env.horizon == 0
+        assert truncations.tolist() == [over] * 4 and ("final_obs" in infos) == over
+        assert infos["action_mask"].shape == (4, env.single_action_space.n)
+        if over:
+            assert infos["final_obs"].shape == obs.shape and infos["_final_obs"].all()
+            # Another episode begins: for these domains with empty roads and shelves.
+            assert not np.array_equal(infos["final_obs"], obs)
+    rows = np.stack([obs for obs, *_ in one])
+    assert any(not np.array_equal(rows[:, 0], rows[:, copy]) for copy in (1, 2, 3)), "copies meet different influences"
+
+
+def test_staggered_copies_end_at_different_times(warehouse_run):
+    env = dials_traffic.vector_env(warehouse_run, "agent_0", 4, seed=1, stagger=True)
+    ends = np.stack([ends for _, _, ends, _ in played(env, env.horizon)[1:]])
+    env.close()
+    # Copy c begins as if c / 4 of the 16 steps had passed.
+    assert [np.flatnonzero(ends[:, copy])[0] + 1 for copy in range(4)] == [16, 12, 8, 4]
+
+
+def test_all_agents_at_once_are_rows_of_one_table(warehouse_run):
+    env = dials_traffic.vector_env(warehouse_run, None, 3, seed=1)
+    assert env.agents == [f"agent_{agent}" for agent in range(4)] and env.num_envs == 12
+    together = np.stack([obs for obs, *_ in played(env, 16)])
+    env.close()
+    two = dials_traffic.vector_env(warehouse_run, ["agent_1", "agent_2"], 3, seed=1)
+    of_two = np.stack([obs for obs, *_ in played(two, 16)])
+    two.close()
+    assert together.shape == (17, 12, 37) and of_two.shape == (17, 6, 37)
+    assert np.array_equal(together[:, 3:9], of_two), "a row depends on its agent and copy, not on the other rows"
+
+
+@pytest.mark.parametrize("predictor", ["marginals", "untrained"])
+def test_simulators_run_without_a_run(predictor, grid):
+    env = dials_traffic.vector_env(grid, "r0c0", 2, predictor, seed=1, settings=FEW)
+    cars = sum(obs[:, :36].sum() for obs, *_ in played(env, 40))
+    assert cars > 0, "cars come in"
+    counters = env.counters()
+    assert counters and all(isinstance(count, int) for count in counters.values())
+    env.close()
+
+
+def test_marginals_are_measured_on_the_global_simulator(grid):
+    """A car comes every 10 s to each end of a road. Constants that nobody measured are 1/2, which is five times as many."""
+    cars = {}
+    for predictor in ("marginals", "untrained"):
+        env = dials_traffic.vector_env(grid, "r0c0", 8, predictor, seed=1, settings=FEW)
+        # The cars that have just come in: the cells next to the entry cell, of each of the four lanes.
+        cars[predictor] = np.mean([obs[:, [8, 17, 26, 35]].sum(axis=1) for obs, *_ in played(env, 40)])
+        env.close()
+    assert cars["marginals"] < cars["untrained"], cars
+
+
+def test_a_single_simulator_is_an_env_of_gymnasium(grid_run, warehouse_run, scenario_run):
+    for path, agent in ((grid_run, "r0c0"), (warehouse_run, "agent_0"), (scenario_run, None)):
+        env = dials_traffic.local_env(path, agent or dials_traffic.load(path).agents[0], seed=1)
+        with warnings.catch_warnings():
+            # It is made without gymnasium.make and draws no pictures.
+            warnings.simplefilter("ignore")
+            check_env(env, skip_render_check=True, skip_close_check=True)
+        env.close()
+
+
+def test_a_single_simulator_is_a_row_of_a_table_of_one(warehouse_run):
+    table = dials_traffic.vector_env(warehouse_run, "agent_0", 1, seed=9)
+    expected = played(table, 40)
+    table.close()
+    env = dials_traffic.local_env(warehouse_run, "agent_0", seed=9)
+    obs, info = env.reset()
+    for before, (of_table, rewards, ends, infos) in zip(expected, expected[1:]):
+        assert np.array_equal(obs, before[0][0]) and np.array_equal(info["action_mask"], before[3]["action_mask"][0])
+        obs, reward, terminated, truncated, info = env.step(info["action_mask"].argmax())
+        assert (reward, terminated, truncated) == (rewards[0], False, ends[0])
+        if truncated:
+            assert np.array_equal(obs, infos["final_obs"][0])
+            with pytest.raises(RuntimeError, match="call reset"):
+                env.step(0)
+            obs, info = env.reset()
+    env.close()
+
+
+def test_what_cannot_be_done_is_an_error_that_says_so(grid, grid_run, tmp_path):
+    make = dials_traffic.vector_env
+    for arguments, reason in [
+        ((grid_run, "nobody", 2), "agent `nobody`: there is none"),
+        ((grid_run, "r0c0", 0), "copies: 0"),
+        ((grid, "r0c0", 2, tmp_path), "not a run directory"),
+        ((grid, "r0c0", 2), "not a run directory"),
+        ((grid_run, ["r0c1", "r0c0"], 2), "name each once, in the order"),
+    ]:
+        with pytest.raises(dials_traffic.SimulatorError, match=reason):
+            make(*arguments)
+    env = make(grid_run, "r0c0", 2, seed=1)
+    with pytest.raises(dials_traffic.SimulatorError, match="no episode under way; call reset"):
+        env.step([0, 0])
+    with pytest.raises(ValueError, match="one number"):
+        env.reset(seed=[1, 2])
+    env.reset()
+    with pytest.raises(ValueError, match="of shape"):
+        env.step([0])
+    with pytest.raises(ValueError, match="from 0 to 1"):
+        env.step([0, -1])
+    env.close()
+
+
+def test_scenario_settings_reach_the_simulators(scenario):
+    env = dials_traffic.vector_env(scenario, None, 1, "untrained", seed=1, settings=SCENARIO_SETTINGS)
+    assert env.horizon == SCENARIO_SETTINGS["traffic.local_horizon"]
+    env.close()
