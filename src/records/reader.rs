@@ -9,10 +9,10 @@ use super::before;
 use super::columns::{self, ALL};
 use super::csv_table::{CsvTable, Order, TableLine};
 use super::files;
+use super::likeness;
 use super::run_json::RunJson;
 use super::run_record::{
-    AipTrainingRecord, CpuTime, EvaluationRecord, FreshLossRecord, LikenessRecord, MemoryRecord, PeriodTime, Returns,
-    RunRecord,
+    AipTrainingRecord, CpuTime, EvaluationRecord, FreshLossRecord, MemoryRecord, PeriodTime, Returns, RunRecord,
 };
 use crate::base::Activity;
 use crate::config::{self, Config};
@@ -53,7 +53,7 @@ impl RunRecord {
             evaluations,
             aip_trainings: read_aip_trainings(&CsvTable::read(&dir.join(files::AIP_LOSS))?)?,
             fresh_losses: read_fresh_losses(&CsvTable::read(&dir.join(files::AIP_DRIFT))?)?,
-            likeness: read_likeness(&returns, &CsvTable::read(&dir.join(files::TRAINING))?)?,
+            likeness: likeness::read(&returns, &CsvTable::read(&dir.join(files::TRAINING))?)?,
             periods: read_periods(&timing)?,
             memory: read_memory(&CsvTable::read(&dir.join(files::MEMORY))?)?,
             workers: read_workers(&timing)?,
@@ -197,34 +197,6 @@ fn read_fresh_losses(table: &CsvTable) -> Result<Vec<FreshLossRecord>> {
         })
     });
     losses.collect()
-}
-
-/// Reads what the GS showed in each evaluation beside what the local simulators showed since the one before it.
-/// `training`: `training.csv`.
-fn read_likeness(returns: &CsvTable, training: &CsvTable) -> Result<Vec<LikenessRecord>> {
-    let of_all = |line: &TableLine| line.text(columns::AGENT) == Some(ALL);
-    let mut counted = Vec::new();
-    for line in training.lines().filter(of_all) {
-        let Some(decisions) = line.whole(columns::LOCAL_DECISIONS)? else { continue };
-        let [cars, speed_mmps] = [columns::LOCAL_CARS, columns::LOCAL_SPEED_MMPS].map(|name| line.required_whole(name));
-        counted.push((line.steps()?, [decisions, cars?, speed_mmps?]));
-    }
-    let (mut found, mut before) = (Vec::new(), 0);
-    for line in returns.lines().filter(of_all) {
-        let steps = line.steps()?;
-        let since = counted.iter().filter(|(end, _)| (before + 1..=steps).contains(end));
-        let [decisions, cars, speed_mmps] =
-            since.fold([0.0; 3], |sums, (_, counts)| std::array::from_fn(|place| sums[place] + counts[place] as f64));
-        before = steps;
-        let [gs_cars, gs_speed] = [columns::CARS_PER_LIGHT, columns::MEAN_SPEED_MPS].map(|name| line.number(name));
-        if let (Some(gs_cars), Some(gs_speed)) = (gs_cars?, gs_speed?)
-            && cars > 0.0
-        {
-            let (cars, speed_mps) = ([gs_cars, cars / decisions], [gs_speed, speed_mmps / 1000.0 / cars]);
-            found.push(LikenessRecord { steps, cars, speed_mps });
-        }
-    }
-    Ok(found)
 }
 
 /// Activities that are not part of training the policies. If a file lacks the column of one, no time was spent on it.

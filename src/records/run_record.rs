@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::likeness::LikenessRecord;
 use super::run_json::RunJson;
 use crate::config::Config;
 use crate::domain::Scenario;
@@ -75,18 +76,6 @@ pub struct FreshLossRecord {
     pub loss: f64,
     /// Cross-entropy of the best constant.
     pub marginals: f64,
-}
-
-/// What the global simulator (GS) and the local ones show of the same lights: the GS in an evaluation, the local ones in
-/// the training before it. Pairs are of the GS, then of the local ones.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LikenessRecord {
-    /// Steps of the evaluation.
-    pub steps: u64,
-    /// Mean number of cars on the approaches of a light.
-    pub cars: [f64; 2],
-    /// Mean speed of these cars in metres per second.
-    pub speed_mps: [f64; 2],
 }
 
 /// Wall and CPU seconds since the run began, at the end of a period.

@@ -9,7 +9,8 @@ use super::paper::{self, PaperRuntime};
 use super::pictures::comparable;
 use super::words::{certainty, difference, figure, figure_like, hours, signed, with_error};
 use crate::domain::ScenarioId;
-use crate::records::run_record::{LikenessRecord, MemoryRecord, Status};
+use crate::records::likeness::LikenessRecord;
+use crate::records::run_record::{MemoryRecord, Status};
 
 const NOTHING: &str = "-";
 
