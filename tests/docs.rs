@@ -276,52 +276,79 @@ fn every_key_of_an_experiment_is_explained() {
     }
 }
 
-/// The files of a few steps of both domains, with an evaluation and a report.
+/// The files of a few steps of both domains and of a scenario, with an evaluation and a report.
 struct Written {
     folder: tempfile::TempDir,
-    runs: [PathBuf; 2],
+    runs: [PathBuf; 3],
     /// Output of `evaluate --json` for each run.
-    json: [serde_json::Value; 2],
+    json: [serde_json::Value; 3],
 }
+
+/// What is trained, the config, and settings that make it short.
+const TRAINED: [(&str, &str, &[&str]); 3] = [
+    ("traffic", "configs/smoke_traffic.toml", &["policy.imitate=gap-out"]),
+    ("warehouse", "configs/smoke_warehouse.toml", &["policy.imitate=oldest-item"]),
+    (
+        "scenario",
+        "configs/grid_4x4_turns.toml",
+        &[
+            "simulator=dials",
+            "total_steps=128",
+            "traffic.end_s=300",
+            "traffic.local_horizon=60",
+            "ppo.rollout_steps=16",
+            "ppo.memory=64",
+            "ppo.minibatch=32",
+            "ppo.epochs=1",
+            "policy.hidden=[8]",
+            "policy.imitate=random",
+            "aip.hidden=[8]",
+            "aip.dataset_steps=120",
+            "aip.batch=32",
+            "aip.retrain_every_steps=64",
+            "evaluation.every_steps=64",
+            "evaluation.aip_loss_episodes=1",
+        ],
+    ),
+];
 
 impl Written {
     fn new() -> Written {
         let folder = tempfile::tempdir().unwrap();
-        let run = |domain: &str| {
+        let run = |(domain, config, settings): (&str, &str, &[&str])| {
             let out = folder.path().join("runs").join(domain);
-            let imitate = if domain == "traffic" { "policy.imitate=gap-out" } else { "policy.imitate=oldest-item" };
             let small = [
                 "aip.epochs=1",
                 "aip.correct_marginals=true",
                 "evaluation.episodes=1",
                 "evaluation.final_episodes=1",
-                imitate,
                 "imitation.dataset_steps=600",
                 "imitation.minibatch=4",
                 "imitation.epochs=1",
             ];
             let mut command = Command::cargo_bin("dials-traffic").unwrap();
-            command.arg("train").arg(root().join(format!("configs/smoke_{domain}.toml"))).arg("--out").arg(&out);
+            command.arg("train").arg(root().join(config)).arg("--out").arg(&out);
             command.args(["--steps", "128", "--workers", "1", "--tensorboard"]);
-            command.args(small.iter().flat_map(|setting| ["--set", setting]));
+            command.args(small.iter().chain(settings).flat_map(|setting| ["--set", setting]));
             succeed(command);
             let mut command = Command::cargo_bin("dials-traffic").unwrap();
             let csv = folder.path().join(format!("csv_{domain}"));
             command.arg("evaluate").arg(&out).args(["--episodes", "1", "--json", "--csv"]).arg(csv);
             (out, serde_json::from_slice(&succeed(command)).unwrap())
         };
-        let [(traffic, traffic_json), (warehouse, warehouse_json)] = ["traffic", "warehouse"].map(run);
+        let [(traffic, traffic_json), (warehouse, warehouse_json), (scenario, scenario_json)] = TRAINED.map(run);
         let mut command = Command::cargo_bin("dials-traffic").unwrap();
         command.arg("report").arg(folder.path().join("runs")).arg("--out").arg(folder.path().join("report"));
         succeed(command);
-        Written { folder, runs: [traffic, warehouse], json: [traffic_json, warehouse_json] }
+        let runs = [traffic, warehouse, scenario];
+        Written { folder, runs, json: [traffic_json, warehouse_json, scenario_json] }
     }
 
     /// Returns the folders that hold CSV files of a kind.
     fn folders(&self, kind: &str) -> Vec<PathBuf> {
         match kind {
             "a run" => self.runs.to_vec(),
-            "`--csv`" => ["csv_traffic", "csv_warehouse"].map(|name| self.folder.path().join(name)).to_vec(),
+            "`--csv`" => TRAINED.map(|(domain, ..)| self.folder.path().join(format!("csv_{domain}"))).to_vec(),
             _ => vec![self.folder.path().join("report")],
         }
     }

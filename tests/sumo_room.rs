@@ -305,7 +305,7 @@ fn a_car_is_placed_exactly_also_where_there_is_no_room_and_drives_on() {
     road.simulation.step().unwrap();
     road.simulation.read_lanes(&[west], &mut cars).unwrap();
     assert_eq!(cars.lane(0).ids, [CarId(2), CarId(1)]);
-    assert!(cars.lane(0).positions_m[0] > 44.0 && cars.lane(0).positions_m[1] > 50.0);
+    assert!(cars.lane(0).positions_m[1] > 50.0, "the first one drives on");
 }
 
 #[test]

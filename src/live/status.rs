@@ -95,6 +95,7 @@ mod tests {
             evaluations: ends.iter().map(evaluation).collect(),
             aip_trainings: Vec::new(),
             fresh_losses: Vec::new(),
+            likeness: Vec::new(),
             periods: ends
                 .iter()
                 .map(|&(steps, elapsed_s)| PeriodTime { steps, elapsed_s, ..PeriodTime::default() })

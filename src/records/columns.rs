@@ -43,6 +43,14 @@ pub const OF_TRAINING: [&str; 11] = [
     "clip",
 ];
 
+/// Counters of `training.csv` with which local simulators are compared with the global one, if the domain has them.
+pub const LOCAL_DECISIONS: &str = "local_decisions";
+pub const LOCAL_CARS: &str = "local_cars";
+pub const LOCAL_SPEED_MMPS: &str = "local_speed_mmps";
+/// What `returns.csv` has beside them.
+pub const CARS_PER_LIGHT: &str = "cars_per_light";
+pub const MEAN_SPEED_MPS: &str = "mean_speed_mps";
+
 pub const SOURCE: &str = "source";
 pub const HELD_OUT_BEFORE: &str = "held_out_before";
 pub const HELD_OUT_AFTER: &str = "held_out_after";

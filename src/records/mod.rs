@@ -30,8 +30,8 @@
 //! - [`run_json`]: how the run was called, and what computed it. [`word`]: a word of its command line. [`kept`]: the
 //!   keys and files of the domain, to notice a change.
 //! - [`run_log`]: the [`Journal`](crate::training::journal::Journal) that writes all this during training.
-//! - [`run_record`], [`reader`], [`csv_table`]: the contents of a run directory, also of other versions. [`before`]:
-//!   what older runs simulated. These files never see a live run.
+//! - [`run_record`], [`reader`], [`csv_table`]: the contents of a run directory, also of other versions. [`likeness`]:
+//!   local simulators beside the global one. [`before`]: what older runs simulated. These files never see a live run.
 
 pub mod before;
 pub mod checkpoint;
@@ -43,6 +43,7 @@ mod finite;
 pub mod growing;
 pub mod joint_layout;
 pub mod kept;
+pub mod likeness;
 mod lines;
 pub mod reader;
 pub mod resume_point;

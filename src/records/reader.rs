@@ -9,6 +9,7 @@ use super::before;
 use super::columns::{self, ALL};
 use super::csv_table::{CsvTable, Order, TableLine};
 use super::files;
+use super::likeness;
 use super::run_json::RunJson;
 use super::run_record::{
     AipTrainingRecord, CpuTime, EvaluationRecord, FreshLossRecord, MemoryRecord, PeriodTime, Returns, RunRecord,
@@ -26,10 +27,8 @@ impl RunRecord {
         let config = config::load_kept(&dir.join(files::CONFIG))?;
         let about = RunJson::read_if_there(dir)?;
         let timing = CsvTable::read(&dir.join(files::TIMING))?;
-        let mut evaluations = read_evaluations(
-            &CsvTable::read(&dir.join(files::RETURNS))?,
-            &CsvTable::read(&dir.join(files::EPISODES))?,
-        )?;
+        let returns = CsvTable::read(&dir.join(files::RETURNS))?;
+        let mut evaluations = read_evaluations(&returns, &CsvTable::read(&dir.join(files::EPISODES))?)?;
         let agents = evaluations.first().map(|first| first.agents.len());
         let scenario = scenario_in(&about, &config, agents)?;
         if evaluations.len() == 1 {
@@ -54,6 +53,7 @@ impl RunRecord {
             evaluations,
             aip_trainings: read_aip_trainings(&CsvTable::read(&dir.join(files::AIP_LOSS))?)?,
             fresh_losses: read_fresh_losses(&CsvTable::read(&dir.join(files::AIP_DRIFT))?)?,
+            likeness: likeness::read(&returns, &CsvTable::read(&dir.join(files::TRAINING))?)?,
             periods: read_periods(&timing)?,
             memory: read_memory(&CsvTable::read(&dir.join(files::MEMORY))?)?,
             workers: read_workers(&timing)?,

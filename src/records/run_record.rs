@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::likeness::LikenessRecord;
 use super::run_json::RunJson;
 use crate::config::Config;
 use crate::domain::Scenario;
@@ -21,6 +22,8 @@ pub struct RunRecord {
     /// Cross-entropies of the AIPs on new GS (global simulator) data, in order of steps; empty if the run did not
     /// measure them.
     pub fresh_losses: Vec<FreshLossRecord>,
+    /// Local simulators beside the global one, in order of steps; empty if the domain does not compare them.
+    pub likeness: Vec<LikenessRecord>,
     /// Times of the periods, in order.
     pub periods: Vec<PeriodTime>,
     pub memory: Option<MemoryRecord>,

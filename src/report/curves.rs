@@ -164,6 +164,7 @@ mod tests {
                     marginals: loss + 1.0,
                 })
                 .collect(),
+            likeness: Vec::new(),
             periods: Vec::new(),
             memory: None,
             workers: 1,

@@ -182,6 +182,7 @@ mod tests {
             }],
             aip_trainings: Vec::new(),
             fresh_losses: Vec::new(),
+            likeness: Vec::new(),
             periods: (1..=periods)
                 .map(|period| PeriodTime {
                     steps: period * 4000,

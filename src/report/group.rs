@@ -279,6 +279,7 @@ mod tests {
             evaluations: Vec::new(),
             aip_trainings: Vec::new(),
             fresh_losses: Vec::new(),
+            likeness: Vec::new(),
             periods: Vec::new(),
             memory: None,
             workers: 1,

@@ -116,6 +116,7 @@ fn scenario(comparison: &Comparison, looks: &Looks) -> Result<Vec<Block>> {
     ];
     blocks.extend(figures.into_iter().filter_map(|(name, caption, svg)| Some(figure(name, caption, svg?))));
     blocks.push(Block::Table(tables::agents(comparison)));
+    blocks.extend(tables::likeness(comparison).map(Block::Table));
     Ok(blocks)
 }
 

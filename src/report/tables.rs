@@ -9,6 +9,7 @@ use super::paper::{self, PaperRuntime};
 use super::pictures::comparable;
 use super::words::{certainty, difference, figure, figure_like, hours, signed, with_error};
 use crate::domain::ScenarioId;
+use crate::records::likeness::LikenessRecord;
 use crate::records::run_record::{MemoryRecord, Status};
 
 const NOTHING: &str = "-";
@@ -140,6 +141,49 @@ pub fn agents(comparison: &Comparison) -> Table {
         header: words(&["method", "mean", "median agent", "worst agent", "best agent", "stuck: seed (agents)"]),
         rows: rows.collect(),
     }
+}
+
+/// Makes the table of the local simulators of one scenario beside the global one (GS), if a run has recorded both.
+pub fn likeness(comparison: &Comparison) -> Option<Table> {
+    let rows: Vec<Vec<String>> = comparison
+        .groups
+        .iter()
+        .filter_map(|group| {
+            let runs: Vec<(&LikenessRecord, &LikenessRecord)> =
+                group.runs.iter().filter_map(|run| Some((run.likeness.first()?, run.likeness.last()?))).collect();
+            let mean = |figure: &dyn Fn(&LikenessRecord, &LikenessRecord) -> f64| {
+                runs.iter().map(|(first, last)| figure(first, last)).sum::<f64>() / runs.len() as f64
+            };
+            let ratio = |[gs, ls]: [f64; 2]| if gs == ls { 1.0 } else { ls / gs.max(f64::MIN_POSITIVE) };
+            let mut row = vec![group.label(), runs.len().to_string()];
+            row.extend([0, 1].map(|place| format!("{:.1}", mean(&|_, last| last.cars[place]))));
+            row.push(format!("{:.2}", mean(&|first, _| ratio(first.cars))));
+            row.push(format!("{:.2}", mean(&|_, last| ratio(last.cars))));
+            row.extend([0, 1].map(|place| format!("{:.1}", mean(&|_, last| last.speed_mps[place]))));
+            row.push(format!("{:.2}", mean(&|first, _| ratio(first.speed_mps))));
+            row.push(format!("{:.2}", mean(&|_, last| ratio(last.speed_mps))));
+            (!runs.is_empty()).then_some(row)
+        })
+        .collect();
+    let header = words(&[
+        "method",
+        "n",
+        "cars GS",
+        "cars LS",
+        "LS / GS first",
+        "LS / GS last",
+        "m/s GS",
+        "m/s LS",
+        "LS / GS first",
+        "LS / GS last",
+    ]);
+    let caption = format!(
+        "Local simulators (LS) beside the global one (GS), {}: cars on the approaches of a light and their mean speed, in the \
+         last evaluation and in the training before it. If LS / GS leaves 1 between the first and the last evaluation, the \
+         local simulators have drifted away.",
+        comparison.title
+    );
+    (!rows.is_empty()).then_some(Table { caption, header, rows })
 }
 
 /// Lists stuck agents by seed: `1 (0, 3), 2 (1)`.

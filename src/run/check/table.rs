@@ -11,7 +11,7 @@ const MOST_LINES: usize = 40;
 /// Number of lights that are named as the worst.
 const WORST: usize = 3;
 /// Longest name in the table, in characters.
-const NAME: usize = 18;
+const NAME: usize = 16;
 
 /// Returns the whole text.
 pub fn described(checked: &Checked) -> String {

@@ -74,9 +74,11 @@ mod tests {
     use crate::traffic::fidelity::agreement::{Agreement, Comparison};
     use crate::traffic::network::roads::example::{LIGHT_AT_U, roads};
 
-    /// Returns the plan of the light J. Its first approach, near_0, is 50 m long and ends at the stop line.
+    /// Returns the plan of the light J. Its first approach is 95 m long and ends at the stop line.
     fn plan() -> AgentPlan {
-        derive(&roads(&LIGHT_AT_U), &Rules::default(), &Overrides::default()).unwrap().agents.remove(0).plan
+        let derived = derive(&roads(&LIGHT_AT_U), &Rules::default(), &Overrides::default()).unwrap();
+        let mut agents = derived.agents.into_iter().map(|agent| agent.plan);
+        agents.find(|plan| plan.light == "J").unwrap()
     }
 
     /// Notes one second after the other, with cars on the first approach as (number, position, speed).
@@ -94,9 +96,9 @@ mod tests {
     #[test]
     fn only_the_window_counts_and_a_car_that_leaves_at_its_beginning_has_passed() {
         let plan = plan();
-        assert_eq!((plan.region.approaches[0].length_m, plan.region.approaches[0].ahead_m), (50.0, 0.0));
+        assert_eq!((plan.region.approaches[0].length_m, plan.region.approaches[0].ahead_m), (95.0, 0.0));
         let seconds: [&[(u64, f64, f64)]; 4] =
-            [&[(1, 48.0, 9.0)], &[(2, 12.0, 4.0), (3, 44.0, 6.0)], &[(2, 16.0, 4.0)], &[]];
+            [&[(1, 93.0, 9.0)], &[(2, 57.0, 4.0), (3, 89.0, 6.0)], &[(2, 61.0, 4.0)], &[]];
         let found = seen(&plan, 1..3, &seconds);
         // Counted from the stop line: 38 m and 6 m, then 34 m.
         let cells = |second: usize| -> Vec<usize> {

@@ -29,6 +29,10 @@ use crate::traffic::inflow::History;
 use crate::traffic::observe::{self, LightView};
 use crate::traffic::reward::{self, Waiting};
 
+/// Seconds of an episode after which the roads of a row are as full as those of the GS (global simulator). Only then its
+/// cars are counted, to be compared.
+const SETTLED_S: usize = 120;
+
 /// The traffic LS of a scenario: one row per copy of a region.
 ///
 /// A row draws from random numbers of its own only. Those of SUMO are seeded lane by lane when its episode begins.
@@ -50,19 +54,40 @@ pub struct LocalScenario {
     /// Cars on the approaches.
     cars: CarTable,
     last: Transition,
+    counts: Counts,
     watch: Stopwatch,
     recorder: Option<Recorder>,
+}
+
+/// What rows have shown at decisions since the simulators were made, once their roads were filled.
+#[derive(Clone, Copy, Debug, Default)]
+struct Counts {
+    decisions: u64,
+    /// Cars on the approaches.
+    cars: u64,
+    /// Their speeds, in whole millimetres per second of each row and decision: so the sum does not depend on the order.
+    speed_mmps: u64,
 }
 
 /// The episode of a row.
 struct RowNow {
     dice: Dice,
-    /// Second of the demand.
+    /// Second of the demand, and the one at which the episode began.
     second: usize,
+    begun: usize,
     /// Number of seconds for which the light has shown what it shows.
     shown_steps: u32,
     history: History,
     waiting: Waiting,
+}
+
+impl Counts {
+    fn note(&mut self, cars: CarsAt<'_>) {
+        self.decisions += 1;
+        self.cars += cars.cars() as u64;
+        let speed_mps: f64 = cars.iter().flat_map(|lane| lane.speeds_mps).sum();
+        self.speed_mmps += (1000.0 * speed_mps).round() as u64;
+    }
 }
 
 impl LocalScenario {
@@ -89,6 +114,7 @@ impl LocalScenario {
             RowNow {
                 dice: seed.dice(),
                 second: 0,
+                begun: 0,
                 shown_steps: 0,
                 history: History::new(border),
                 waiting: Waiting::default(),
@@ -104,6 +130,7 @@ impl LocalScenario {
             first_border,
             exit_lanes,
             first_exit,
+            counts: Counts::default(),
             watch: Stopwatch::default(),
             recorder: None,
             spec,
@@ -140,6 +167,7 @@ impl LocalScenario {
         self.rows[row] = RowNow {
             dice,
             second: begin * self.plan.decision_steps,
+            begun: begin * self.plan.decision_steps,
             shown_steps: 0,
             history: History::new(border),
             waiting: Waiting::default(),
@@ -227,6 +255,9 @@ impl LocalScenario {
             let region = &self.plan.agents[agent].region;
             let exits = CarsAt::new(&self.exit_cars, self.first_exit[row], region.exits.len());
             self.last.rewards[row] = reward::reward(&self.plan.reward, region, cars, exits, &self.rows[row].waiting);
+            if self.rows[row].second - self.rows[row].begun > SETTLED_S {
+                self.counts.note(cars);
+            }
             self.show(row, [cars, at_border]);
         }
         (self.cars, self.border_cars) = (tables_cars, border_cars);
@@ -274,7 +305,14 @@ impl LocalSimulator for LocalScenario {
 
     fn counters(&self) -> Vec<(&'static str, u64)> {
         let [came, waited] = self.doors.counts();
-        vec![("sampled_arrivals", came), ("backlog", waited)]
+        let Counts { decisions, cars, speed_mmps } = self.counts;
+        vec![
+            ("sampled_arrivals", came),
+            ("waited_arrivals", waited),
+            ("local_decisions", decisions),
+            ("local_cars", cars),
+            ("local_speed_mmps", speed_mmps),
+        ]
     }
 
     fn take_watch(&mut self) -> Stopwatch {

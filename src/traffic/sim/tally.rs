@@ -8,11 +8,15 @@ use crate::traffic::arrivals::has_arrival;
 /// Name of the measure "share of the steps beginning with green in which the light was switched".
 pub const P_SWITCH: &str = "p_switch_given_green";
 
+/// Name of the measure "cars on the approaches of a light", of scenarios only.
+pub const CARS_PER_LIGHT: &str = "cars_per_light";
+
 /// Counts of an episode.
 #[derive(Clone, Debug, Default)]
 pub struct Tally {
     /// Number of steps that began with green, and number of those in which it ended, per agent.
     greens: Vec<(u64, u64)>,
+    steps: u64,
     car_steps: u64,
     speed_sum_mps: f64,
     departed: u64,
@@ -55,20 +59,26 @@ impl Tally {
 
     pub fn step(&mut self, simulation: &mut Simulation) -> Result<()> {
         let counts = simulation.counts()?;
+        self.steps += 1;
         self.departed += u64::from(counts.departed);
         self.arrived += u64::from(counts.arrived);
         self.teleports += u64::from(counts.teleports);
         self.collisions += u64::from(counts.collisions);
         self.backlog = u64::from(counts.pending);
-        if self.emergency_decel_mps2.is_none() {
+        if self.is_scenario() {
             self.emergencies += u64::from(counts.emergency_stops);
         }
         Ok(())
     }
 
+    /// Returns whether cars of several types may drive: not on the paper's grids.
+    fn is_scenario(&self) -> bool {
+        self.emergency_decel_mps2.is_none()
+    }
+
     pub fn measures(&self) -> Measures {
-        let emergencies = if self.emergency_decel_mps2.is_some() { "emergency_brakes" } else { "emergency_stops" };
-        let system = [
+        let emergencies = if self.is_scenario() { "emergency_stops" } else { "emergency_brakes" };
+        let mut system = vec![
             ("mean_speed_mps", self.speed_sum_mps / self.car_steps.max(1) as f64),
             ("departed", self.departed as f64),
             ("arrived", self.arrived as f64),
@@ -77,9 +87,13 @@ impl Tally {
             ("collisions", self.collisions as f64),
             (emergencies, self.emergencies as f64),
         ];
+        if self.is_scenario() {
+            let light_steps = self.greens.len() as u64 * self.steps;
+            system.push((CARS_PER_LIGHT, self.car_steps as f64 / light_steps.max(1) as f64));
+        }
         Measures {
             per_agent: vec![(P_SWITCH.to_owned(), self.greens.iter().map(share_switched).collect())],
-            system: system.map(|(name, value)| (name.to_owned(), value)).to_vec(),
+            system: system.into_iter().map(|(name, value)| (name.to_owned(), value)).collect(),
         }
     }
 }
