@@ -11,6 +11,9 @@ use serde_json::Value;
 const TRAFFIC: &str = "[traffic]\nnetwork = 'NETS/grid_2x2'\nlocal_network = 'NETS/local'\nhorizon = 40\n\
     [local_simulators]\ncopies = 8\n[policy]\nhidden = [16, 8]\n[aip]\nhidden = [8]\ndataset_steps = 160\nbatch = 32\nepochs = 2\n\
     [evaluation]\nepisodes = 2\n";
+const SCENARIO: &str = "[traffic]\nscenario = 'NETS/grid_4x4_turns/grid_4x4_turns.sumocfg'\nend_s = 240\ndecision_s = 4\n\
+    local_horizon = 20\n[policy]\nhidden = [8]\n[ppo]\nrollout_steps = 20\nmemory = 20\nminibatch = 20\nepochs = 1\n\
+    [aip]\nhidden = [8]\ndataset_steps = 120\nbatch = 30\nepochs = 2\n[evaluation]\nepisodes = 1\n";
 const WAREHOUSE: &str = "[warehouse]\nagents_per_side = 2\nhorizon = 50\n[local_simulators]\ncopies = 8\n\
     [policy]\nrecurrent = 24\nhidden = [16]\nsequence_length = 8\n[ppo]\nrollout_steps = 8\n\
     [aip]\nrecurrent = 8\nhidden = [8]\ndataset_steps = 500\nbatch = 4\nepochs = 5\n[evaluation]\nepisodes = 3\n";
@@ -85,10 +88,50 @@ fn the_costs_of_the_parts_add_up_to_the_speed_of_the_whole() {
             }
             assert_eq!(number(&phases["insertion"]) > 0.0, sumo);
             assert_eq!(number(&fleet["training"]["sumo_step_us"]) > 0.0, sumo);
+            let simulators = &fleet["simulators"];
+            assert_eq!((&simulators["steps_per_timestep"], &simulators["gs_in_training"]), (&1.into(), &Value::Null));
+            // A timestep is a step here, so these are the same phases.
+            let ls = &simulators["ls_in_training"];
+            near(number(&ls["step_us"]), number(&phases["simulator_step"]));
+            for simulator in [ls, &simulators["gs_in_evaluation"], &simulators["gs_in_collection"]] {
+                // There is nothing around a step of our own simulators.
+                let around = number(&simulator["around_us"]);
+                assert!(number(&simulator["step_us"]) > 0.0 && (around > 0.0) == sumo, "{fleet}");
+            }
+            if sumo {
+                near(number(&ls["around_us"]), number(&phases["insertion"]) + number(&phases["reading"]));
+            }
             assert!(number(&fleet["gs_steps_per_s_in_collection"]) > 0.0 && number(&fleet["memory_mb"]) > 10.0);
         }
         place.assert_left_as_it_was();
     }
+}
+
+#[test]
+fn the_simulators_of_a_scenario_are_measured_light_by_light_and_second_by_second() {
+    let place = Place::new(SCENARIO);
+    let output = place.bench(&["--workers", "1", "--seconds", "2", "--json"]).output().unwrap();
+    let answer: Value = serde_json::from_str(&answer(&output)).unwrap();
+    let fleet = &answer["fleets"][0];
+    let simulators = &fleet["simulators"];
+    assert_eq!((&answer["agents"], &simulators["steps_per_timestep"]), (&16.into(), &4.into()));
+    let us = |value: &Value| value.as_f64().unwrap_or_else(|| panic!("no number in {fleet}"));
+    // A timestep has four seconds.
+    let (ls, phases) = (&simulators["ls_in_training"], &fleet["training"]["phases_us"]);
+    assert!((4.0 * us(&ls["step_us"]) / us(&phases["simulator_step"]) - 1.0).abs() < 1e-6, "{fleet}");
+    for simulator in ["gs_in_evaluation", "gs_in_collection", "ls_in_training"] {
+        assert!(
+            us(&simulators[simulator]["step_us"]) > 0.0 && us(&simulators[simulator]["around_us"]) > 0.0,
+            "{fleet}"
+        );
+    }
+    assert!(us(&simulators["learning_us_per_agent_step"]) > 0.0);
+    let table = text(&place.bench(&["--workers", "1", "--seconds", "1", "--simulator", "gs"]).output().unwrap().stdout);
+    assert!(
+        table.contains("core-microseconds per agent and step of the simulator") && table.contains("GS in training")
+    );
+    assert!(!table.contains("LS in training"), "{table}");
+    place.assert_left_as_it_was();
 }
 
 #[test]

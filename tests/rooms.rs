@@ -29,6 +29,7 @@ const OUTSIDE: &[(&str, &[&str])] = &[
     ("rayon", &["nn"]),
     ("quick_xml", &["traffic"]),
     ("roxmltree", &["outside", "traffic"]),
+    ("flate2", &["outside"]),
     ("clap", &["cli", "run", "main"]),
     ("indicatif", &["terminal"]),
     ("signal_hook", &["terminal", "machine"]),

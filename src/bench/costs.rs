@@ -9,6 +9,7 @@ use std::ops::{Add, Mul};
 
 use super::floor::{Flops, aip_trainings_flops};
 use super::measure::{Measured, Orders};
+use super::simulators::SimulatorCosts;
 use crate::base::Phase;
 use crate::config::Config;
 use crate::cost::{Prices, Workload};
@@ -69,6 +70,15 @@ impl Mul<f64> for Cost {
     }
 }
 
+/// The steps of a domain's simulators.
+#[derive(Clone, Copy, Debug)]
+pub struct Steps {
+    /// Whether another program makes them.
+    pub foreign: bool,
+    /// Number of them in a timestep.
+    pub per_timestep: usize,
+}
+
 /// Cost of a run on a fleet.
 #[derive(Clone, Debug)]
 pub struct Costs {
@@ -85,16 +95,16 @@ pub struct Costs {
     pub aip_training: Cost,
     /// Number of steps of the GS per second of wall time while datasets are collected.
     pub gs_steps_per_s: Option<f64>,
+    pub simulators: SimulatorCosts,
     pub pss_kib: u64,
     pub peak_rss_kib: u64,
 }
 
 impl Costs {
-    /// Computes the costs. `config`: that of the run, not that of the short orders in `measured`. `foreign`: whether
-    /// another program makes the simulators' steps.
-    pub fn of(config: &Config, kinds: &Kinds, foreign: bool, peak_flops: f64, measured: &Measured) -> Costs {
+    /// Computes the costs. `config`: that of the run, not that of the short orders in `measured`.
+    pub fn of(config: &Config, kinds: &Kinds, steps: Steps, peak_flops: f64, measured: &Measured) -> Costs {
         let work = Workload::of(config, kinds.agents(), config.last_step());
-        let machine = Machine { workers: measured.workers as f64, sumo: foreign, peak_flops };
+        let machine = Machine { workers: measured.workers as f64, sumo: steps.foreign, peak_flops };
         let Measured { training, evaluation, collection, aip_training, .. } = measured;
 
         let flops = Flops::of_all(config, kinds);
@@ -134,6 +144,7 @@ impl Costs {
             collection: whole.collection * per_agent_step,
             aip_training: whole.aip_training * per_agent_step,
             gs_steps_per_s: rounds_per_s.map(|rounds| rounds * machine.workers * work.horizon as f64),
+            simulators: SimulatorCosts::of(config, kinds, steps.per_timestep, measured),
             pss_kib: measured.pss_kib,
             peak_rss_kib: measured.peak_rss_kib,
         }
@@ -253,7 +264,7 @@ fn in_phase(phase: Phase, us: f64) -> Cost {
 }
 
 /// Returns the core-microseconds of a phase per unit.
-fn per_unit(orders: &Orders, phase: Phase) -> f64 {
+pub(super) fn per_unit(orders: &Orders, phase: Phase) -> f64 {
     1e6 * orders.phases.spent(phase).as_secs_f64() / orders.units
 }
 
@@ -312,7 +323,8 @@ mod tests {
             pss_kib: 1,
             peak_rss_kib: 1,
         };
-        let costs = Costs::of(&config, &kinds, true, 1e6, &measured);
+        let steps = Steps { foreign: true, per_timestep: 5 };
+        let costs = Costs::of(&config, &kinds, steps, 1e6, &measured);
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-6 * b.abs(), "{a} is not {b}");
         // In seconds per timestep, for 1000 timesteps:
         // step 4/200 = .02, forward 5/200 = .025, loading 2 * 10 / 1000 = .02, other (16 - 11)/200 = .025,
@@ -340,6 +352,15 @@ mod tests {
         near(costs.all().phase(Phase::Forward) + costs.all().phase(Phase::Backward), 0.029e6);
         // A round of two episodes of 10 steps in 4 s.
         near(costs.gs_steps_per_s.unwrap(), 5.0);
+        // Per agent and step of SUMO, of which a timestep has 5: in training 4 s / 200 / 5; in two evaluations, each of an
+        // episode of 10 timesteps on 2 workers, 8 s / 2 / 2 / 50; in the collection 6 s / 2 / 50.
+        let SimulatorCosts { gs, gs_collecting, training, learning_us, trains_on_gs, .. } = costs.simulators;
+        near(training.own_us, 0.004e6);
+        near(gs.own_us, 0.04e6);
+        near(gs_collecting.unwrap().own_us, 0.06e6);
+        assert_eq!((training.around_us, gs.around_us, trains_on_gs), (0.0, 0.0, false));
+        // The forward passes: 5 s / 200.
+        near(learning_us, 0.025e6);
         // 402.7 operations per timestep of training.
         near(costs.training.floor(), 0.02e6 + 402.7);
     }

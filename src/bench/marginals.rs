@@ -4,20 +4,29 @@
 //! steps then take many times too long. Constant AIPs send as many cars as the GS (global simulator), at the same cost
 //! per sample.
 
-use crate::domain::SourceSpec;
-use crate::influence::{Dataset, frequencies};
-use crate::nn::Layout;
+use crate::config::AipConfig;
+use crate::domain::{RegionSpec, SourceSpec};
+use crate::influence::{AipStack, Dataset, frequencies};
 
 /// Half an event, so that an unseen event is not impossible.
 const HALF: f64 = 0.5;
 
 /// Makes an agent's AIP predict the frequencies in its dataset for any input. The weights of the last layer become
-/// zero, and its biases the logits of the frequencies. `aip`: its parameters.
-pub fn predict_marginals(aip: &mut [f32], layout: &Layout, spec: &SourceSpec, dataset: &Dataset) {
-    let blocks: Vec<_> = layout.blocks(1).map(|(_, _, place)| place).collect();
+/// zero, and its biases the logits of the frequencies. An AIP that corrects constants corrects them by nothing, and these
+/// are the logits. `aip`: what it has learnt, as [`crate::influence::layout`] describes it.
+pub fn predict_marginals(aip: &mut [f32], spec: &RegionSpec, config: &AipConfig, dataset: &Dataset) {
+    let network = AipStack::shape(spec, config).layout();
+    let blocks: Vec<_> = network.blocks(1).map(|(_, _, place)| place).collect();
     let [.., weight, bias] = &blocks[..] else { unreachable!("a network has a last layer") };
+    let logits = logits(&spec.sources, dataset);
     aip[weight.clone()].fill(0.0);
-    aip[bias.clone()].copy_from_slice(&logits(spec, dataset));
+    if config.correct_marginals {
+        aip[bias.clone()].fill(0.0);
+        let constants = network.width()..aip.len() - spec.sources.count();
+        aip[constants].chunks_exact_mut(logits.len()).for_each(|of_part| of_part.copy_from_slice(&logits));
+    } else {
+        aip[bias.clone()].copy_from_slice(&logits);
+    }
 }
 
 fn logits(spec: &SourceSpec, dataset: &Dataset) -> Vec<f32> {
@@ -36,12 +45,11 @@ fn logits(spec: &SourceSpec, dataset: &Dataset) -> Vec<f32> {
 mod tests {
     use super::*;
     use crate::base::{AgentId, Dice, Rows, Seed};
-    use crate::config::AipConfig;
-    use crate::domain::RegionSpec;
-    use crate::influence::{AipStack, InfluencePredictor, TrainablePredictor};
+    use crate::config::Predictor;
+    use crate::influence::initial_predictor;
 
     /// Draws from AIPs that predict the marginals of a dataset in which a quarter of the samples have class 1.
-    fn share_of_ones(sources: SourceSpec) -> f64 {
+    fn share_of_ones(sources: SourceSpec, correct_marginals: bool) -> f64 {
         let spec = RegionSpec {
             obs_dim: 2,
             d_set_dim: 2,
@@ -53,11 +61,10 @@ mod tests {
         };
         let mut dataset = Dataset::new(&spec);
         (0..1000).for_each(|sample| dataset.push(&[1.0, 0.0], &[u8::from(sample % 4 == 0)]));
-        let config = AipConfig { hidden: vec![5], ..AipConfig::default() };
-        let mut aips = AipStack::new(&[AgentId(0)], &spec, &config, Seed::new(3));
+        let config = AipConfig { hidden: vec![5], correct_marginals, ..AipConfig::default() };
+        let mut aips = initial_predictor(Predictor::Network, &[AgentId(0)], &spec, &config, Seed::new(3));
         let mut parameters = aips.values();
-        let layout = AipStack::shape(&spec, &config).layout();
-        predict_marginals(parameters.row_mut(0), &layout, &spec.sources, &dataset);
+        predict_marginals(parameters.row_mut(0), &spec, &config, &dataset);
         aips.load(&parameters);
         let rows = 20_000;
         let mut dice: Vec<Dice> = (0..rows).map(|copy| Seed::new(9).for_copy(copy).dice()).collect();
@@ -70,9 +77,12 @@ mod tests {
     #[test]
     fn sources_come_as_often_as_in_the_dataset() {
         // Standard error: sqrt(0.1875 / 20000) = 0.003.
-        for sources in [SourceSpec::bits(1), SourceSpec { classes: vec![3], parts: 0 }] {
-            let share = share_of_ones(sources);
-            assert!((share - 0.25).abs() < 0.012, "{share}");
+        let in_parts = SourceSpec { parts: 2, ..SourceSpec::bits(1) };
+        for sources in [SourceSpec::bits(1), SourceSpec { classes: vec![3], parts: 0 }, in_parts] {
+            for correct_marginals in [false, true] {
+                let share = share_of_ones(sources.clone(), correct_marginals);
+                assert!((share - 0.25).abs() < 0.012, "{share}");
+            }
         }
     }
 }

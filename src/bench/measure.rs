@@ -7,7 +7,7 @@ use super::marginals::predict_marginals;
 use crate::base::{Activity, Phase, Stopwatch};
 use crate::config::{AipTraining, Config, Period};
 use crate::domain::{Kinds, Result};
-use crate::influence::{AipStack, Dataset};
+use crate::influence::Dataset;
 use crate::training::answers::FleetLoad;
 use crate::training::collect::Purpose;
 use crate::training::fleet::Fleet;
@@ -115,8 +115,7 @@ pub fn measure(plan: &MeasurePlan<'_>, fleet: &mut dyn Fleet, journal: &mut dyn 
         aip_training = repeat(part(AIP_TRAINING), |orders| bench.train_aips(orders, &datasets, flops))?;
         let mut state = bench.fleet.agents().clone();
         for (agent, (spec, seen)) in plan.kinds.specs().zip(&seen).enumerate() {
-            let layout = AipStack::shape(spec, &plan.config.aip).layout();
-            predict_marginals(state.aips.row_mut(agent), &layout, &spec.sources, seen);
+            predict_marginals(state.aips.row_mut(agent), spec, &plan.config.aip, seen);
         }
         bench.fleet.restore(state)?;
     }

@@ -6,6 +6,7 @@
 //!   often everything happens.
 //! - [`floor`]: a lower bound: the arithmetic of the networks, counted from their shapes.
 //! - `marginals`: AIPs (approximate influence predictors) with which local simulators are as busy as in a run.
+//! - [`simulators`]: what a step of a simulator costs by itself.
 //! - [`table`]: the costs for people and for programs.
 //!
 //! This room does not know which fleet it is given, and keeps nothing of what the agents learn.
@@ -14,4 +15,5 @@ pub mod costs;
 pub mod floor;
 mod marginals;
 pub mod measure;
+pub mod simulators;
 pub mod table;

@@ -3,6 +3,7 @@
 use serde_json::{Map, Value, json};
 
 use super::costs::{Cost, Costs};
+use super::simulators::{StepCost, UNIT};
 use crate::base::Phase;
 
 /// A label, and a value for every fleet.
@@ -60,6 +61,15 @@ pub fn text(costs: &[Costs]) -> String {
     if costs.iter().any(|costs| costs.gs_steps_per_s.is_some()) {
         lines.push(line("GS steps/s in collection", &|costs| costs.gs_steps_per_s.map_or(String::new(), grouped)));
     }
+    lines.push(heading(&format!("{UNIT}: its own step + the work around it")));
+    for (place, (name, _)) in costs[0].simulators.named().into_iter().enumerate() {
+        lines.push(line(name, &|costs| {
+            let (_, StepCost { own_us, around_us }) = costs.simulators.named()[place];
+            format!("{own_us:.1} + {around_us:.1}")
+        }));
+    }
+    lines.push(line("steps of it per timestep", &|costs| costs.simulators.steps_per_timestep.to_string()));
+    lines.push(us("learning per agent-step", &|costs| costs.simulators.learning_us));
     lines.iter().map(TableRow::to_string).collect::<Vec<_>>().join("\n")
 }
 
@@ -87,6 +97,7 @@ fn object(costs: &Costs) -> Value {
         "agent_steps_per_s": costs.agent_steps_per_s(),
         "agent_steps_per_s_per_core": costs.agent_steps_per_s() / costs.workers as f64,
         "gs_steps_per_s_in_collection": costs.gs_steps_per_s,
+        "simulators": costs.simulators.json(),
         "memory_mb": mebibytes(costs.pss_kib),
         "peak_rss_mb_of_a_process": mebibytes(costs.peak_rss_kib),
         "share_in_simulator_steps": costs.all().phase(Phase::SimulatorStep) / whole,

@@ -255,6 +255,22 @@ pub trait Domain: Send + Sync {
         None
     }
 
+    /// Returns the number of steps that the simulators make in a timestep (traffic: the seconds of a decision).
+    fn simulator_steps_per_timestep(&self) -> usize {
+        1
+    }
+
+    /// Prepares what takes long and is the same in all processes that make local simulators: bytes that
+    /// [`Domain::take_prepared`] reads. If there is no such thing: `None`.
+    fn prepare(&self) -> Result<Option<Vec<u8>>> {
+        Ok(None)
+    }
+
+    /// Takes what a domain of the same config prepared in another process.
+    fn take_prepared(&self, _prepared: &[u8]) -> Result<()> {
+        Ok(())
+    }
+
     /// Tests the domain's files in a simulator, so that errors are reported before a run begins.
     fn try_out(&self) -> Result<()> {
         Ok(())

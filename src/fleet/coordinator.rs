@@ -61,6 +61,8 @@ pub struct Coordinator<C: Crew> {
     pub(super) agents: AgentsState,
     pub(super) at_work: Duration,
     pub(super) clock: CpuClock,
+    /// What the workers need to make local simulators, made once for all of them.
+    prepared: Option<Vec<u8>>,
 }
 
 /// A worker, whichever process it is at the moment.
@@ -82,7 +84,9 @@ impl<C: Crew> Coordinator<C> {
         observer: Rc<dyn Observer>,
     ) -> Result<Coordinator<C>> {
         let slot = |agents| Slot { agents, link: None, growth: Growth::default(), load: WorkerLoad::default() };
+        let prepared = if config.simulator == Simulator::Global { None } else { domain.prepare()? };
         let mut fleet = Coordinator {
+            prepared,
             workers: agents_of_workers(config, domain.agents(), options.workers).into_iter().map(slot).collect(),
             agents: AgentsState::nobody(),
             widths: Widths::of(config, domain.kinds()),
@@ -263,6 +267,7 @@ impl<C: Crew> Coordinator<C> {
             config_json: serde_json::to_string(&self.config)?,
             agents: agents.map(AgentId).collect(),
             threads: if self.config.simulator == Simulator::Global { self.options.threads } else { 1 },
+            prepared: self.prepared.clone(),
         };
         link.send(encode(&begin)?.into());
         self.send_state(worker, &link)?;

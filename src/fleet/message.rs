@@ -18,8 +18,9 @@ use crate::training::state::AgentsState;
 /// prepare the next one are answered by [`Answer::Ready`].
 #[derive(Debug, Serialize, Deserialize)]
 pub enum Order {
-    /// First order: what the run is, which agents the worker owns, and how many threads may train their policies.
-    Begin { config_json: String, agents: Vec<AgentId>, threads: usize },
+    /// First order: what the run is, which agents the worker owns, how many threads may train their policies, and what
+    /// the coordinator prepared for all workers ([`crate::domain::Domain::prepare`]).
+    Begin { config_json: String, agents: Vec<AgentId>, threads: usize, prepared: Option<Vec<u8>> },
     /// Continue from this state of its agents.
     Restore(AgentsState),
     /// Return the state of its agents.

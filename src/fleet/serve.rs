@@ -34,7 +34,9 @@ pub fn serve(stream: impl Read + Write, open_domain: impl FnOnce(&Config) -> Res
     let Some(order) = reporter.next_order().context("this command is for the program itself, not for people")? else {
         return Ok(());
     };
-    let Order::Begin { config_json, agents, threads } = order else { bail!("the first order must be to begin") };
+    let Order::Begin { config_json, agents, threads, prepared } = order else {
+        bail!("the first order must be to begin")
+    };
     let config: Config = serde_json::from_str(&config_json)?;
     // A line for the log. If it cannot be written, the work continues.
     let owned = match agents.first().zip(agents.last()) {
@@ -42,7 +44,9 @@ pub fn serve(stream: impl Read + Write, open_domain: impl FnOnce(&Config) -> Res
         None => "owns no agents and plays episodes".to_owned(),
     };
     let _ = writeln!(std::io::stderr(), "process {} {owned}", std::process::id());
-    let mut worker = Worker::new(open_domain(&config)?, &config, agents, &Threads::new(threads)?);
+    let domain = open_domain(&config)?;
+    prepared.map_or(Ok(()), |prepared| domain.take_prepared(&prepared))?;
+    let mut worker = Worker::new(domain, &config, agents, &Threads::new(threads)?);
     reporter.done(Answer::Ready, &mut worker)?;
     let mut policies = None;
     while let Some(order) = reporter.next_order()? {

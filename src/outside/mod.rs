@@ -1,6 +1,7 @@
 //! What comes from outside this program: files that others may have written, and names that others chose.
 //!
 //! - `file`: reads regular files only, up to a size. A pipe, a device or a file without end is an error, not a hang.
+//! - `packed`: the content of files that gzip packed, up to a size.
 //! - `directory`: a directory that is opened once and may be locked. `own_files`: its files, which are never reached
 //!   through a link.
 //! - `whole`: files that are written completely or not at all. `staged`: the directories of a temporary name that they
@@ -19,6 +20,7 @@ mod directory;
 mod file;
 mod name;
 mod own_files;
+mod packed;
 mod printable;
 mod quoted;
 mod staged;

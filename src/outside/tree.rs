@@ -11,6 +11,7 @@ use std::path::Path;
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use roxmltree::{Document, Node, ParsingOptions};
 
+use super::packed::unpacked;
 use super::{LARGEST_NETWORK, read_bytes};
 
 /// Largest number of elements, comments and texts between them. A grid of 10 000 intersections has 800 000.
@@ -21,9 +22,6 @@ const DEEPEST: usize = 32;
 const MOST_ATTRIBUTES: usize = 256;
 /// Largest number of declared namespaces in a file. Each is copied into every element inside.
 const MOST_NAMESPACES: usize = 16;
-
-/// Beginning of a file that gzip packed. SUMO reads such files, too.
-const GZIP: &[u8] = &[0x1f, 0x8b];
 
 /// One element and everything inside it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -45,15 +43,15 @@ impl Element {
     }
 }
 
-/// Returns the bytes of a file up to the limit.
+/// Returns the bytes of a file up to the limit. A file that gzip packed is unpacked; the limit holds for that, too.
 pub fn read_whole(path: &Path) -> Result<Vec<u8>> {
-    read_bytes(path, LARGEST_NETWORK).with_context(|| format!("{}: could not be read", path.display()))
+    let bytes = read_bytes(path, LARGEST_NETWORK).and_then(|bytes| unpacked(bytes, LARGEST_NETWORK));
+    bytes.with_context(|| format!("{}: could not be read", path.display()))
 }
 
 /// Returns the root element of a file with these bytes. An error says where the file is not XML.
 pub fn parse_file(path: &Path, bytes: &[u8]) -> Result<Element> {
     let place = path.display();
-    ensure!(!bytes.starts_with(GZIP), "{place}: is compressed; unpack it with gunzip and name the unpacked file");
     let text = std::str::from_utf8(bytes).map_err(|error| {
         anyhow!("{place}: is not UTF-8 text from byte {} on; save it as UTF-8", error.valid_up_to())
     })?;
@@ -184,10 +182,6 @@ mod tests {
         assert_eq!(
             format!("{:#}", parse_file(Path::new("x.xml"), b"<a b='\xff'/>").unwrap_err()),
             "x.xml: is not UTF-8 text from byte 6 on; save it as UTF-8"
-        );
-        assert_eq!(
-            format!("{:#}", parse_file(Path::new("x.xml.gz"), b"\x1f\x8b\x08").unwrap_err()),
-            "x.xml.gz: is compressed; unpack it with gunzip and name the unpacked file"
         );
     }
 

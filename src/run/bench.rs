@@ -10,7 +10,7 @@ use serde_json::json;
 use super::build;
 use super::domain;
 use super::train::{cores, settings_with};
-use crate::bench::costs::Costs;
+use crate::bench::costs::{Costs, Steps};
 use crate::bench::measure::{MeasurePlan, measure, short_orders};
 use crate::bench::table;
 use crate::cli;
@@ -102,8 +102,9 @@ fn run(
             100.0 * share
         ));
     }
-    let foreign = domain.foreign_simulator().is_some();
-    Ok(Costs::of(config, domain.kinds(), foreign, peak_flops, &measured))
+    let steps =
+        Steps { foreign: domain.foreign_simulator().is_some(), per_timestep: domain.simulator_steps_per_timestep() };
+    Ok(Costs::of(config, domain.kinds(), steps, peak_flops, &measured))
 }
 
 /// Returns 1, 2, 4, ... and `most`.

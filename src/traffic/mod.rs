@@ -53,7 +53,7 @@ pub mod tuning;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
-use anyhow::{Context, Error};
+use anyhow::{Context, Error, ensure};
 
 use crate::base::{AgentId, RandomPurpose, Rows, Seed};
 use crate::config::{ScenarioConfig, TrafficConfig};
@@ -81,6 +81,7 @@ use sim::trace::road_map;
 use sim::trace::route::Route;
 use sim::visit_tables::VisitTables;
 use sim::visits::Visits;
+use sim::visits_as_bytes;
 
 /// Returns the version of the linked SUMO, such as `SUMO 1.15.0`.
 pub fn sumo_version() -> Result<String> {
@@ -324,6 +325,22 @@ impl Domain for Traffic {
 
     fn keep_files(&self, folder: &Path) -> Result<Vec<PathBuf>> {
         self.ground.keep_files(folder)
+    }
+
+    fn prepare(&self) -> Result<Option<Vec<u8>>> {
+        let differ = self.ground.local_parts()?.is_some();
+        differ.then(|| visits_as_bytes::to_bytes(self.visits()?.visits())).transpose()
+    }
+
+    fn take_prepared(&self, prepared: &[u8]) -> Result<()> {
+        let visits = visits_as_bytes::from_bytes(prepared)?;
+        ensure!(visits.of_agents.len() == self.agents(), "these are visits to other regions");
+        self.visits.get_or_init(|| Arc::new(VisitTables::new(visits, &self.plan.borders)));
+        Ok(())
+    }
+
+    fn simulator_steps_per_timestep(&self) -> usize {
+        self.plan.decision_steps
     }
 
     fn foreign_simulator(&self) -> Option<&'static str> {

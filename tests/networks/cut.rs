@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 
 use dials_traffic::config::ScenarioConfig;
 use dials_traffic::traffic::cut::beyond::Reach;
+use dials_traffic::traffic::cut::mixed::{MixedForest, prefix};
 use dials_traffic::traffic::cut::of_scenario::{cut_light, write};
 use dials_traffic::traffic::scenario::SumoScenario;
 use quick_xml::Reader;
@@ -192,6 +193,40 @@ fn check(scenario: &Path, reach: Reach) -> (usize, usize) {
 fn every_light_of_the_shipped_scenarios_can_be_cut_out_as_it_is() {
     let cut = SCENARIOS.map(|name| check(&file(name, "sumocfg"), Reach::default()));
     assert_eq!(cut, [(16, 0), (20, 0), (6, 0)]);
+}
+
+#[test]
+fn plain_sumo_has_nothing_to_say_of_a_forest_and_numbers_its_lanes_as_the_program_does() {
+    let nets = SCENARIOS.map(|name| {
+        let scenario = SumoScenario::read(&ScenarioConfig::of_file(&file(name, "sumocfg")).unwrap()).unwrap();
+        let light = Node::read(scenario.net_path()).all("tlLogic").next().unwrap()["id"].to_owned();
+        cut_light(&scenario, &light, APPROACH_M, Reach::default()).unwrap()
+    });
+    // Different nets, and one of them twice.
+    let rows = [&nets[0], &nets[1], &nets[2], &nets[1]];
+    let forest = MixedForest::of(&rows);
+    let room = room();
+    let net = room.path().join("forest.net.xml");
+    fs::write(&net, &forest.net).unwrap();
+    let quiet = ["-n", text(&net), "--end", "10", "--no-step-log", "--xml-validation", "never"];
+    assert_eq!(
+        sumo(
+            &[&quiet.map(str::to_owned)[..], &forest.option()].concat().iter().map(String::as_str).collect::<Vec<_>>()
+        ),
+        ""
+    );
+    // SUMO numbers lanes in the order of the file, and all those of a row stand together.
+    let whole = Node::read(&net);
+    let lanes: Vec<&str> = whole.all("edge").flat_map(|edge| edge.all("lane").map(|lane| &lane["id"])).collect();
+    for row in 0..rows.len() {
+        let [first, end] = [row, row + 1].map(|row| forest.first_lane[row] as usize);
+        assert_eq!(end - first, rows[row].lanes().count());
+        assert!(
+            lanes[first..end].iter().all(|lane| lane.trim_start_matches(':').starts_with(&prefix(row))),
+            "row {row}"
+        );
+    }
+    assert_eq!(lanes[lanes.len() - 1], "apart_0");
 }
 
 #[test]

@@ -53,6 +53,29 @@ fn a_copy_holds_plain_names_and_is_the_same_scenario() {
 }
 
 #[test]
+fn a_packed_scenario_is_the_same_and_is_kept_unpacked() {
+    let room = Room::new();
+    let plain = room.read().unwrap();
+    plain.keep_in(&room.path("plain")).unwrap();
+    for file in [NET, CARS, BUSES, MORE] {
+        assert!(Command::new("gzip").arg(room.path(file)).status().unwrap().success());
+        room.change(SUMOCFG, file, &format!("{file}.gz"));
+    }
+    let packed = room.read().unwrap();
+    assert!(packed.net_path().ends_with(format!("{NET}.gz")));
+    assert_eq!((packed.checksum(), packed.left_out().len()), (plain.checksum(), plain.left_out().len()));
+    packed.keep_in(&room.path("packed")).unwrap();
+    assert_eq!(names(&room.path("packed")), names(&room.path("plain")));
+    for name in names(&room.path("plain")) {
+        let [packed, plain] = ["packed", "plain"].map(|dir| fs::read(room.path(dir).join(&name)).unwrap());
+        assert!(packed == plain, "{name}");
+    }
+    fs::write(room.path(&format!("{NET}.gz")), b"\x1f\x8b\x08\x00").unwrap();
+    let told = room.error();
+    assert!(told.starts_with("DIR/net.net.xml.gz: could not be read: it is packed with gzip, but damaged ("), "{told}");
+}
+
+#[test]
 fn the_checksum_changes_with_everything_that_decides_what_returns_mean() {
     let room = Room::new();
     let original = room.read().unwrap().checksum();

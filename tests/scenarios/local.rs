@@ -100,6 +100,25 @@ fn a_row_is_reset_to_the_bit_while_the_others_go_on() {
 }
 
 #[test]
+fn a_worker_takes_the_recording_of_the_coordinator_and_plays_none_itself() {
+    let [coordinator, worker] = [(); 2].map(|()| ten_minutes("town"));
+    let prepared = coordinator.prepare().unwrap().expect("the local simulators of a scenario need a recording");
+    // While a simulator is loaded, no episode can be recorded.
+    let _gs = worker.global_simulator().unwrap();
+    worker.take_prepared(&prepared).unwrap();
+    let [taken, recorded] = [&worker, &coordinator].map(|traffic| traffic.visits().unwrap());
+    assert!(taken.visits() == recorded.visits());
+    // A driver that visits several regions is sent once.
+    let visits = || recorded.visits().of_agents.iter().flatten();
+    let again = |name: &str| visits().filter(|visit| visit.driver.name == name).count();
+    let often = visits().find(|visit| again(&visit.driver.name) > 2).expect("cars pass several lights");
+    let sent = postcard::to_stdvec(&*often.driver).unwrap();
+    assert_eq!(prepared.windows(sent.len()).filter(|bytes| *bytes == sent).count(), 1);
+    assert!(worker.take_prepared(&prepared[..prepared.len() / 2]).is_err(), "half of it");
+    assert!(ten_minutes("grid_4x4_turns").take_prepared(&prepared).is_err(), "of another scenario");
+}
+
+#[test]
 fn scenarios_have_the_properties_of_a_domain() {
     for name in ["town", "grid_4x4_turns"] {
         let likeness = conformance::check(&ten_minutes(name), Seed::new(3)).unwrap();

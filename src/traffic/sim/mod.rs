@@ -5,7 +5,7 @@
 //! - [`local_scenario`]: the LS of a scenario, different nets side by side, which `local_forest` loads. `entrance`: cars
 //!   that come in; `ways`: their routes; `doors`: where they wait, and exits that are blocked.
 //! - `border`: arrivals and blocked exits of a scenario's regions; [`visits`]: all visits of cars to them;
-//!   [`visit_tables`]: cars drawn from visits.
+//!   [`visit_tables`]: cars drawn from visits. `visits_as_bytes`: visits for other processes.
 //! - `source`: what a GS loads; `handles`: the intersections of a loaded net; `options`: SUMO's options.
 //! - [`tally`]: what every episode counts; `metrics`, `trips`: what only evaluations measure.
 //! - [`recording`]: an episode recorded, on [`recorded_roads`]; `recorded_local`: those of one light. [`replay`]: a recording as files that SUMO plays;
@@ -32,4 +32,5 @@ pub mod trace;
 mod trips;
 pub mod visit_tables;
 pub mod visits;
+pub(super) mod visits_as_bytes;
 mod ways;

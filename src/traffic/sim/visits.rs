@@ -4,11 +4,13 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use crate::sumo::{Car, CarId, Departure};
 use crate::traffic::agents::border_plan::{BorderPlan, EntryPlace};
 
 /// The visits of one episode.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Visits {
     /// Visits to the region of each agent, in the order of arrival.
     pub of_agents: Vec<Vec<Visit>>,
@@ -17,7 +19,7 @@ pub struct Visits {
 }
 
 /// A stay of a car on a region, from its arrival on.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Visit {
     /// Second of the episode after which the car was first seen; the first one is 0.
     pub second: usize,
@@ -35,11 +37,13 @@ pub struct Visit {
     pub way: Vec<String>,
     /// Road behind the region. `None`: its trip ends here.
     pub next_road: Option<String>,
+    /// Many visits have the same one: see [`super::visits_as_bytes`].
+    #[serde(skip)]
     pub driver: Arc<Driver>,
 }
 
 /// What is known of a car since it departed.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Driver {
     /// SUMO's name.
     pub name: String,

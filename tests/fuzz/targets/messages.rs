@@ -32,7 +32,7 @@ fn encoded<T: Serialize>(messages: &[T]) -> Vec<Vec<u8>> {
 
 pub fn orders_seeds() -> Vec<Vec<u8>> {
     let config_json = "{\"warehouse\": {\"agents_per_side\": 2}}".to_owned();
-    let begin = Order::Begin { config_json, agents: AgentId::all(3), threads: 1 };
+    let begin = Order::Begin { config_json, agents: AgentId::all(3), threads: 1, prepared: Some(vec![1, 2]) };
     let state = state();
     encoded(&[
         begin,
