@@ -92,7 +92,8 @@ def main(words=None):
         "random": lambda obs: int(rng.integers(rows.action_space.n)),
     }
     for name, decide in players.items():
-        print(f"{name}: return {play(arguments.config, arguments.agent, decide, 0, 'gap-out'):.2f} on the whole network")
+        total = play(arguments.config, arguments.agent, decide, 0, "gap-out")
+        print(f"{name}: return {total:.2f} on the whole network")
 
 
 if __name__ == "__main__":

@@ -5,8 +5,8 @@
 - :func:`vector_env`: copies of one agent's local simulator, for Gymnasium; :func:`local_env`: one copy.
 - :func:`load`: the trained policies of a run directory.
 
-``config`` is always a config of dials-traffic, any ``.sumocfg``, or a run directory. ``settings`` change keys of it, such
-as ``{"traffic.horizon": 100}``. Every environment lives in a process of its own.
+``config`` is always a config of dials-traffic, any ``.sumocfg``, or a run directory. ``settings`` change keys of it,
+such as ``{"traffic.horizon": 100}``. Every environment lives in a process of its own.
 """
 
 from __future__ import annotations
@@ -16,14 +16,18 @@ from typing import Any, Mapping, Optional
 from ._process import PathLike
 from .errors import ProcessDied, SimulatorError
 from .many import GlobalVectorEnv
-from .parallel import GlobalEnv
+from .parallel import GlobalEnv, Observation, Reward
+from .roads import Approach, Car, Intersection
 from .runs import Controller, Policy, Run
 from .vector import Agents, LocalEnv, LocalVectorEnv
 
 __all__ = [
+    "Approach",
+    "Car",
     "Controller",
     "GlobalEnv",
     "GlobalVectorEnv",
+    "Intersection",
     "LocalEnv",
     "LocalVectorEnv",
     "Policy",
@@ -44,20 +48,26 @@ def parallel_env(
     seed: Optional[int] = None,
     controller_for: Optional[Mapping[str, str]] = None,
     full_metrics: bool = False,
+    observation: Optional[Observation] = None,
+    reward: Optional[Reward] = None,
     settings: Optional[Mapping[str, Any]] = None,
     render_mode: Optional[str] = None,
 ) -> GlobalEnv:
     """Make a PettingZoo environment of all agents on the global simulator.
 
-    ``seed``: of the episodes, from the system if there is none. ``controller_for``: the hand-coded controller that decides
-    for some agents, such as ``{"A0": "gap-out"}``; these agents are not seen. ``full_metrics``: measure all that
-    `dials-traffic evaluate` prints, which costs time.
+    ``seed``: of the episodes, from the system if there is none. ``controller_for``: the hand-coded controller that
+    decides for some agents, such as ``{"A0": "gap-out"}``; these agents are not seen. ``full_metrics``: measure all
+    that `dials-traffic evaluate` prints, which costs time. ``observation`` and ``reward``: functions that replace ours.
+    They get an :class:`Intersection`, the reward that before the step and that after it. They are slow: at every step
+    all cars on all approaches become Python objects.
     """
     return GlobalEnv(
         config,
         seed=seed,
         controller_for=controller_for,
         full_metrics=full_metrics,
+        observation=observation,
+        reward=reward,
         settings=settings,
         render_mode=render_mode,
     )
@@ -80,9 +90,9 @@ def vector_env(
 ) -> LocalVectorEnv:
     """Make a Gymnasium vector environment of ``copies`` local simulators of an agent.
 
-    ``agent``: its name, a list of names, or ``None`` for all agents, which must then be of one kind. ``predictor``: what
-    drives the simulators. It is a run directory, whose influence predictors are used; ``"marginals"``: constants that
-    are measured on the global simulator now; or ``"untrained"``. Without one, ``config`` must be a run directory.
+    ``agent``: its name, a list of names, or ``None`` for all agents, which must then be of one kind. ``predictor``:
+    what drives the simulators. It is a run directory, whose influence predictors are used; ``"marginals"``: constants
+    that are measured on the global simulator now; or ``"untrained"``. Without one, ``config`` must be a run directory.
     ``stagger``: the first episodes of the copies have different lengths, so that they do not all end at once.
     """
     return LocalVectorEnv(config, agent, copies, predictor, seed=seed, stagger=stagger, settings=settings)
@@ -96,7 +106,7 @@ def local_env(
     seed: Optional[int] = None,
     settings: Optional[Mapping[str, Any]] = None,
 ) -> LocalEnv:
-    """Make a Gymnasium environment of one local simulator of an agent. The parameters are those of :func:`vector_env`."""
+    """Make a Gymnasium environment of one local simulator of an agent, with parameters as for :func:`vector_env`."""
     return LocalEnv(config, agent, predictor, seed=seed, settings=settings)
 
 

@@ -16,7 +16,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from typing import Any, Dict, Mapping, Optional, Sequence, Union
+from typing import Any, Dict, List, Mapping, Optional, Sequence, Union
 
 import numpy as np
 
@@ -27,7 +27,7 @@ PathLike = Union[str, "os.PathLike[str]"]
 # What the child runs: an interpreter without site-packages that loads nothing but the native module.
 _CODE = "import sys; sys.path.insert(0, sys.argv[1]); import _native; _native.serve(int(sys.argv[2]))"
 
-_BEGIN, _RESET, _STEP, _MEASURE, _DRAW = b"B", b"R", b"S", b"M", b"D"
+_BEGIN, _RESET, _STEP, _MEASURE, _DRAW, _LOOK = b"B", b"R", b"S", b"M", b"D", b"L"
 _DONE = ord("K")
 _HEAD = struct.Struct("<BI")
 _STEP_ORDER = _HEAD.pack(_STEP[0], 0)
@@ -106,6 +106,10 @@ class Process:
     def measure(self) -> Dict[str, Any]:
         """Return the figures that the simulator keeps."""
         return json.loads(self._ask(_MEASURE))
+
+    def look(self) -> List[Dict[str, Any]]:
+        """Return what is on the roads of every agent, in order."""
+        return json.loads(self._ask(_LOOK))
 
     def draw(self) -> np.ndarray:
         """Return a picture, ``[height, width, 3]``."""

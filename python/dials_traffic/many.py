@@ -8,7 +8,7 @@ import gymnasium
 import numpy as np
 
 from ._process import PathLike
-from .parallel import GlobalEnv
+from .parallel import GlobalEnv, Infos, Observations
 
 Table = Dict[str, np.ndarray]
 
@@ -71,7 +71,8 @@ class GlobalVectorEnv:
             infos.update(final)
         return obs, rewards, terminations, truncations, infos
 
-    def _joined(self, shown: List[Tuple[Dict[str, np.ndarray], Dict[str, Dict[str, Any]]]]) -> Tuple[Table, Dict[str, Any]]:
+    def _joined(self, shown: List[Tuple[Observations, Infos]]) -> Tuple[Table, Dict[str, Any]]:
+        """Return what the copies show as tables."""
         obs = {agent: np.stack([observations[agent] for observations, _ in shown]) for agent in self.agents}
         masks = {agent: np.stack([infos[agent]["action_mask"] for _, infos in shown]) for agent in self.agents}
         return obs, {"action_mask": masks}

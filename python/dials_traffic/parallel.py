@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Dict, List, Mapping, Optional, Tuple
+from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple
 
 import gymnasium
 import numpy as np
@@ -11,9 +11,14 @@ from gymnasium.spaces import Box, Discrete
 from pettingzoo import ParallelEnv
 
 from ._process import PathLike, Process, fresh_seed, settings_of
+from .roads import Intersection, intersection
 
 Observations = Dict[str, np.ndarray]
 Infos = Dict[str, Dict[str, Any]]
+#: A function of what is on an agent's roads. It returns an array, always of the same shape for the same agent.
+Observation = Callable[[Intersection], np.ndarray]
+#: A function of what was on an agent's roads before a step, and what is on them after it.
+Reward = Callable[[Intersection, Intersection], float]
 Steps = Tuple[Observations, Dict[str, float], Dict[str, bool], Dict[str, bool], Infos]
 
 
@@ -32,10 +37,19 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         seed: Optional[int] = None,
         controller_for: Optional[Mapping[str, str]] = None,
         full_metrics: bool = False,
+        observation: Optional[Observation] = None,
+        reward: Optional[Reward] = None,
         settings: Optional[Mapping[str, Any]] = None,
         render_mode: Optional[str] = None,
     ) -> None:
-        joint = {"controller_for": dict(controller_for or {}), "full_metrics": full_metrics}
+        self._observe, self._reward = observation, reward
+        # What is on the roads now, by agent, if a function asks for it.
+        self._roads: Dict[str, Intersection] = {}
+        joint = {
+            "controller_for": dict(controller_for or {}),
+            "full_metrics": full_metrics,
+            "watches_roads": observation is not None or reward is not None,
+        }
         request = {"config": str(Path(config)), "settings": settings_of(settings), "environment": {"joint": joint}}
         self._process = Process(f"the environment of {config}", request)
         about = self._process.about
@@ -82,6 +96,9 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         self._steps = 0
 
     def observation_space(self, agent: str) -> gymnasium.Space:
+        """Return the space of an agent's observations. Of your own ones the shape is known after the first reset."""
+        if self._observe is not None and not self._roads:
+            raise RuntimeError("observation: the shape of what it returns is known after the first reset()")
         return self._observation_spaces[agent]
 
     def action_space(self, agent: str) -> gymnasium.Space:
@@ -111,7 +128,13 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         self._process.receive()
         self._steps = 0
         self.agents = list(self.possible_agents)
-        return self._perceive()
+        self._look()
+        observations, infos = self._perceive()
+        if self._observe is not None:
+            for agent, obs in observations.items():
+                if self._observation_spaces[agent].shape != obs.shape:
+                    self._observation_spaces[agent] = Box(-np.inf, np.inf, obs.shape, np.float32)
+        return observations, infos
 
     def step(self, actions: Mapping[str, int]) -> Steps:
         """Make a step; ``actions``: one for each agent."""
@@ -135,9 +158,14 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         self._process.receive()
         self._steps += 1
         over = self._steps == self.horizon
+        before = self._roads
+        self._look()
         observations, infos = self._perceive()
-        all_rewards = self._rewards.tolist()
-        rewards = {place[0]: all_rewards[place[1]] for place in self._places}
+        if self._reward is None:
+            all_rewards = self._rewards.tolist()
+            rewards = {place[0]: all_rewards[place[1]] for place in self._places}
+        else:
+            rewards = {agent: float(self._reward(before[agent], now)) for agent, now in self._roads.items()}
         terminations = dict.fromkeys(self.possible_agents, False)
         truncations = dict.fromkeys(self.possible_agents, over)
         if over:
@@ -145,12 +173,19 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
             self.agents = []
         return observations, rewards, terminations, truncations, infos
 
+    def _look(self) -> None:
+        """Ask what is on the roads, if a function wants to know."""
+        if self._observe is not None or self._reward is not None:
+            told = self._process.look()
+            self._roads = {name: intersection(name, told[row]) for name, row, _, _, _ in self._places}
+
     def _perceive(self) -> Tuple[Observations, Infos]:
         # One copy for all agents: the memory changes with the next step, and what was returned must not.
         obs, masks = self._obs.copy(), self._masks.copy()
         observations, infos = {}, {}
         for name, _, place, mask_place, constant in self._places:
-            observations[name] = obs[place]
+            own = self._observe
+            observations[name] = obs[place] if own is None else np.asarray(own(self._roads[name]), np.float32)
             infos[name] = {"action_mask": masks[mask_place] if constant is None else constant.copy()}
         return observations, infos
 

@@ -57,6 +57,10 @@ impl Joint {
         if request.full_metrics {
             simulator.measure_in_full()?;
         }
+        ensure!(
+            !request.watches_roads || simulator.watch_roads(),
+            "observation, reward: this domain has no roads, and only its own observations and rewards"
+        );
         let sum = |width: fn(&RegionSpec) -> usize| domain.kinds().specs().map(width).sum();
         let agents = opened.names.len();
         let sections = Sections {
@@ -138,6 +142,11 @@ impl Joint {
         let system: serde_json::Map<_, _> =
             measures.system.into_iter().map(|(name, value)| (name, json!(value))).collect();
         Ok(json!({ "per_agent": per_agent, "system": system }))
+    }
+
+    /// Returns what is on the roads of every agent, in order, as JSON.
+    pub fn look(&self) -> Result<Vec<u8>> {
+        Ok(serde_json::to_vec(&self.simulator.roads())?)
     }
 
     /// Returns width and height, four bytes each, and the pixels, three bytes each, row after row.

@@ -13,7 +13,7 @@ use crate::local::{Local, Running};
 use crate::memory::Memory;
 use crate::policies::Policies;
 use crate::request::{Environment, Opened, Request, ResetRequest};
-use crate::wire::{self, BEGIN, DRAW, MEASURE, RESET, STEP};
+use crate::wire::{self, BEGIN, DRAW, LOOK, MEASURE, RESET, STEP};
 
 /// Serves one environment. The control channel is standard input; `memory`: the descriptor of the shared memory.
 pub fn serve(memory: i32) -> Result<()> {
@@ -70,6 +70,7 @@ fn serve_joint(mut joint: Joint, stream: &mut UnixStream) -> Result<()> {
             RESET => read(&payload).and_then(|request| joint.reset(&request)).map(|()| Vec::new()),
             MEASURE => joint.measure().map(|figures| figures.to_string().into_bytes()),
             DRAW => joint.draw(),
+            LOOK => joint.look(),
             other => bail!("there is no order {other}"),
         };
         wire::answer(stream, &outcome)?;

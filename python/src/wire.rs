@@ -15,6 +15,7 @@ pub const RESET: u8 = b'R';
 pub const STEP: u8 = b'S';
 pub const MEASURE: u8 = b'M';
 pub const DRAW: u8 = b'D';
+pub const LOOK: u8 = b'L';
 
 /// Tags of the answers.
 const DONE: u8 = b'K';

@@ -17,7 +17,7 @@ def test_the_page_runs_from_its_first_line_to_its_last(grid_run, monkeypatch, ca
     for block in blocks():
         # The run of the guide is long; this one has other weights and shorter episodes.
         exec(block.replace(RUN, str(grid_run)), names)
-    assert len(blocks()) == 4
+    assert len(blocks()) == 5
     told = capsys.readouterr().out
     assert "p_switch_given_green" in told and "(16, 40)" in told and "'layers.0.weight': (40, 16)" in told
     assert np.isfinite(list(names["returns"].values())).all()

@@ -166,6 +166,67 @@ def test_what_cannot_be_done_is_an_error_that_says_so(grid, tmp_path):
         env.reset()
 
 
+def test_an_observation_and_a_reward_of_ones_own_see_what_ours_are_made_of(grid, scenario):
+    """Ours on the grid: cells of 10 m from the stop line, and the mean speed as a share of 10 m/s."""
+
+    def cells(roads):
+        bits = np.zeros((4, 9))
+        for lane, approach in zip(bits, roads.approaches):
+            for car in approach.cars:
+                cell = int((approach.length_m - car.position_m) // 10)
+                if cell < 9:
+                    lane[cell] = 1
+        return np.append(bits.ravel(), [roads.green, roads.between])
+
+    def mean_speed(before, after):
+        assert before.agent == after.agent
+        speeds = [car.speed_mps for approach in after.approaches for car in approach.cars]
+        return np.mean(speeds) / 10 if speeds else 0
+
+    ours = dials_traffic.parallel_env(grid, seed=1)
+    own = dials_traffic.parallel_env(grid, seed=1, observation=cells, reward=mean_speed)
+    with pytest.raises(RuntimeError, match="after the first reset"):
+        own.observation_space("r0c0")
+    (expected, _), (observations, _) = ours.reset(), own.reset()
+    cars = 0
+    for step in range(own.horizon):
+        for agent, obs in observations.items():
+            assert obs.dtype == np.float32 and own.observation_space(agent).contains(obs)
+            assert np.array_equal(obs[:36], expected[agent][:36])
+            cars += obs[:36].sum()
+        actions = dict.fromkeys(own.agents, int(step % 10 == 0))
+        expected, paid, _, _, _ = ours.step(actions)
+        observations, rewards, _, _, _ = own.step(actions)
+        assert all(rewards[agent] == pytest.approx(paid[agent], abs=1e-6) for agent in paid)
+    assert cars > 100
+    ours.close()
+    own.close()
+
+
+def test_cars_on_the_roads_wait_while_they_stand(scenario):
+    seen = []
+
+    def look(before, after):
+        seen.append(after)
+        return 0
+
+    env = dials_traffic.parallel_env(scenario, seed=1, reward=look, settings={"traffic.end_s": 180})
+    played(env)
+    env.close()
+    cars = [(approach, car) for roads in seen for approach in roads.approaches for car in approach.cars]
+    assert all(0 <= car.position_m <= approach.length_m and approach.ahead_m >= 0 for approach, car in cars)
+    waited = [car.waited_s for _, car in cars if car.speed_mps < 0.1]
+    # Red for minutes: somebody stands for a minute, and nobody longer than the episode.
+    assert 60 < max(waited) <= 180
+    assert {roads.agent for roads in seen} == set(env.possible_agents)
+    assert any(roads.shown_s > 60 for roads in seen)
+
+
+def test_the_warehouse_has_no_roads(warehouse):
+    with pytest.raises(dials_traffic.SimulatorError, match="has no roads"):
+        dials_traffic.parallel_env(warehouse, reward=lambda before, after: 0)
+
+
 def test_it_becomes_an_aec_env(warehouse):
     env = parallel_to_aec(dials_traffic.parallel_env(warehouse, seed=1))
     env.reset()

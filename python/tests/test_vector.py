@@ -87,7 +87,7 @@ def test_simulators_run_without_a_run(predictor, grid):
 
 
 def test_marginals_are_measured_on_the_global_simulator(grid):
-    """A car comes every 10 s to each end of a road. Constants that nobody measured are 1/2, which is five times as many."""
+    """A car comes every 10 s to each end of a road. Where nobody measured, one comes every other second."""
     cars = {}
     for predictor in ("marginals", "untrained"):
         env = dials_traffic.vector_env(grid, "r0c0", 8, predictor, seed=1, settings=FEW)

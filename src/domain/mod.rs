@@ -14,13 +14,14 @@
 //!
 //! - `spec`: the shape of a region; `kinds`: the agents that have it; `percept`: what simulators show to agents.
 //! - `scenario`: what a run simulates, for its files; `rough_costs`: a guess of how long a run takes.
-//! - `scene`: a picture of the state; [`road_trace`]: an episode of traffic, for pictures.
+//! - `road_view`: what is on the roads of a light now. `scene`: a picture of the state; [`road_trace`]: an episode of traffic, for pictures.
 //! - [`conformance`]: the properties that every domain must have; [`toy`]: domains for tests.
 
 pub mod conformance;
 mod kinds;
 mod percept;
 pub mod road_trace;
+mod road_view;
 mod rough_costs;
 mod scenario;
 mod scene;
@@ -36,6 +37,7 @@ use crate::base::{AgentId, Ragged, Rows, Seed, Stopwatch};
 
 pub use kinds::{Kind, Kinds, Place};
 pub use percept::{JointPercept, JointTransition, Percept, Transition};
+pub use road_view::{ApproachView, CarView, RoadView};
 pub use rough_costs::RoughCosts;
 pub use scenario::{Episode, FirstRow, Map, Scenario, ScenarioId};
 pub use scene::{Colour, Scene};
@@ -103,6 +105,16 @@ pub trait GlobalSimulator {
     /// Calling it then ends the episode: only a reset may follow.
     fn measure_in_full(&mut self) -> Result<()> {
         Ok(())
+    }
+
+    /// Makes [`GlobalSimulator::roads`] return something from the next reset on. Returns whether the domain has roads.
+    fn watch_roads(&mut self) -> bool {
+        false
+    }
+
+    /// Returns what is on the roads of every agent now. Empty unless they are watched.
+    fn roads(&self) -> Vec<RoadView> {
+        Vec::new()
     }
 
     /// Returns a picture of the state, if the domain draws one.

@@ -1,4 +1,5 @@
-//! The observation of an agent, the d-set of its AIP (approximate influence predictor), and its reward. Pure.
+//! The observation of an agent, all that is on its roads, the d-set of its AIP (approximate influence predictor), and its
+//! reward. Pure.
 
 use super::agents::phase_plan::Shown;
 use super::agents::plan::AgentPlan;
@@ -6,7 +7,9 @@ use super::agents::region::CELL_M;
 use super::agents::region_plan::{Approach, RegionPlan};
 use super::agents::sensor::{CarColumns, LightColumns};
 use super::cars_at::CarsAt;
-use crate::sumo::LaneCars;
+use super::reward::Waiting;
+use crate::domain::{ApproachView, CarView, RoadView};
+use crate::sumo::{Car, LaneCars};
 
 /// Seconds after which an observation no longer shows that time goes on.
 const LONGEST_AGE_S: f32 = 60.0;
@@ -17,6 +20,24 @@ pub struct LightView {
     pub shown: Shown,
     pub shown_steps: u32,
     pub age: usize,
+}
+
+/// Returns all that is on the approaches of a light, and the light.
+pub fn view(plan: &AgentPlan, cars: CarsAt<'_>, light: LightView, waiting: &Waiting) -> RoadView {
+    let car = |Car { id, position_m, speed_mps }| CarView { position_m, speed_mps, waited_s: waiting.of(id) };
+    let approaches = plan.region.approaches.iter().zip(cars.iter()).map(|(approach, lane)| ApproachView {
+        lane: approach.lane.clone(),
+        length_m: approach.length_m,
+        speed_limit_mps: approach.speed_limit_mps,
+        ahead_m: approach.ahead_m,
+        cars: lane.iter().map(car).collect(),
+    });
+    RoadView {
+        green: light.shown.target(),
+        between: !light.shown.is_green(),
+        shown_s: light.shown_steps,
+        approaches: approaches.collect(),
+    }
 }
 
 /// Writes the observation: cars, light and clock, as the agent's sensor says. Columns beyond them become 0.

@@ -39,6 +39,11 @@ impl Waiting {
         self.seconds = seconds;
     }
 
+    /// Returns for how many seconds a car on the approaches has stood there.
+    pub fn of(&self, car: CarId) -> u32 {
+        self.seconds.get(&car).copied().unwrap_or(0)
+    }
+
     /// Notes that the agent decides.
     pub fn decide(&mut self) {
         self.sum_before = self.sum;

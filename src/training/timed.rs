@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use crate::base::{Phase, Rows, Seed, Stopwatch};
 use crate::domain::{
     Action, Beginning, Controller, GlobalSimulator, InfluenceSample, JointPercept, JointTransition, Kinds,
-    LocalSimulator, Measures, Percept, RegionSpec, Result, Scene, Transition,
+    LocalSimulator, Measures, Percept, RegionSpec, Result, RoadView, Scene, Transition,
 };
 
 /// A simulator whose steps and resets are timed from outside. Phases that the simulator itself measured within its
@@ -73,6 +73,14 @@ impl GlobalSimulator for Timed<dyn GlobalSimulator> {
 
     fn measure_in_full(&mut self) -> Result<()> {
         self.inner.measure_in_full()
+    }
+
+    fn watch_roads(&mut self) -> bool {
+        self.inner.watch_roads()
+    }
+
+    fn roads(&self) -> Vec<RoadView> {
+        self.inner.roads()
     }
 
     fn scene(&self) -> Option<Scene> {

@@ -15,7 +15,9 @@ use super::source::Source;
 use super::tally::Tally;
 use super::visits::Visits;
 use crate::base::{Phase, Ragged, Seed, Stopwatch};
-use crate::domain::{Action, GlobalSimulator, InfluenceSample, JointPercept, JointTransition, Kinds, Measures, Result};
+use crate::domain::{
+    Action, GlobalSimulator, InfluenceSample, JointPercept, JointTransition, Kinds, Measures, Result, RoadView,
+};
 use crate::sumo::{Car, CarTable, LaneId, SignalState, Simulation};
 use crate::traffic::agents::phase_plan::Shown;
 use crate::traffic::agents::plan::{AgentPlan, JointPlan};
@@ -50,8 +52,9 @@ pub struct GlobalTraffic {
     /// Cars on the approaches, now and a second ago.
     cars: CarTable,
     cars_before: CarTable,
-    /// Time that cars have waited, per row; noted only for a reward that needs it.
+    /// Time that cars have waited, per row; noted only if the roads are watched, or for a reward that needs it.
     waiting: Vec<Waiting>,
+    watches_roads: bool,
     /// Exits of all rows, the first one of each row, and the cars on them; read only for hand-coded control and for a
     /// reward that needs them.
     outgoing_lanes: Vec<LaneId>,
@@ -104,6 +107,7 @@ impl GlobalTraffic {
         Ok(GlobalTraffic {
             source,
             waiting: vec![Waiting::default(); agents],
+            watches_roads: false,
             control,
             simulation,
             handles,
@@ -216,7 +220,7 @@ impl GlobalTraffic {
             *steps = if before == now { *steps + 1 } else { 1 };
         }
         self.note_sources(number)?;
-        if reward::needs_waiting(&self.plan.reward) {
+        if self.watches_roads || reward::needs_waiting(&self.plan.reward) {
             for (row, waiting) in self.waiting.iter_mut().enumerate() {
                 waiting.note(self.handles.cars_at(&self.cars, row));
             }
@@ -375,6 +379,20 @@ impl GlobalSimulator for GlobalTraffic {
         for ((action, (before, now)), agent) in actions.iter_mut().zip(shown).zip(&self.plan.agents) {
             *action = before.is_green().then(|| agent.phases.towards(*before, now.target()));
         }
+    }
+
+    fn watch_roads(&mut self) -> bool {
+        self.watches_roads = true;
+        true
+    }
+
+    fn roads(&self) -> Vec<RoadView> {
+        let rows = 0..if self.watches_roads { self.agents() } else { 0 };
+        let light =
+            |row: usize| LightView { shown: self.shown[row], shown_steps: self.shown_steps[row], age: self.age };
+        let view =
+            |row: usize| observe::view(&self.plan.agents[row], self.cars_on(row), light(row), &self.waiting[row]);
+        rows.map(view).collect()
     }
 
     fn measure_in_full(&mut self) -> Result<()> {
