@@ -15,6 +15,9 @@ pub enum RewardTerm {
     MeanSpeed,
     /// Minus the number of standing cars, in tens.
     Queue,
+    /// Minus the time that the cars on the approaches lose against their limits, in tens of cars: a standing car counts
+    /// 1, a car at half the limit counts 0.5.
+    LostTime,
     /// Minus the pressure, in tens of cars: those that come minus those that leave.
     Pressure,
     /// Minus the time for which the cars on the approaches have stood there, in units of 100 s, at most 10.
@@ -123,8 +126,8 @@ mod tests {
 
     #[test]
     fn what_is_no_reward_is_refused() {
-        let unknown = "unknown variant `speed`, expected one of `mean-speed`, `queue`, `pressure`, `wait`, \
-                       `diff-waiting-time`";
+        let unknown = "unknown variant `speed`, expected one of `mean-speed`, `queue`, `lost-time`, `pressure`, \
+                       `wait`, `diff-waiting-time`";
         assert!(read("\"speed\"").unwrap_err().starts_with(unknown));
         assert!(read("{\"speed\":1}").unwrap_err().starts_with(unknown));
         assert!(read("3").unwrap_err().contains("expected the name of a reward, or a table of weights"));

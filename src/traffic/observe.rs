@@ -133,6 +133,16 @@ pub fn mean_speed(region: &RegionPlan, cars: CarsAt<'_>) -> f32 {
     (speeds / count as f64 / limit) as f32
 }
 
+/// Returns the seconds that the cars on the approaches lose in a second, against the limits of their lanes. A car that is
+/// faster than the limit loses nothing.
+pub fn cars_lost(region: &RegionPlan, cars: CarsAt<'_>) -> f64 {
+    let lanes = region.approaches.iter().zip(cars.iter());
+    let lost = lanes.flat_map(|(approach, lane)| {
+        lane.speeds_mps.iter().map(|speed| (1.0 - speed / approach.speed_limit_mps).max(0.0))
+    });
+    lost.sum()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

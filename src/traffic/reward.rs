@@ -8,7 +8,7 @@ use super::observe;
 use crate::config::{Reward, RewardTerm};
 use crate::sumo::CarId;
 
-/// Number of cars that count 1 in the terms `queue` and `pressure`.
+/// Number of cars that count 1 in the terms `queue`, `lost-time` and `pressure`.
 const CARS: f64 = 10.0;
 /// Seconds of waiting that count 1 in the terms `wait` and `diff-waiting-time`.
 const WAITING_S: f64 = 100.0;
@@ -65,6 +65,7 @@ pub fn reward(reward: &Reward, region: &RegionPlan, cars: CarsAt<'_>, exits: Car
     let term = |term| match term {
         RewardTerm::MeanSpeed => f64::from(observe::mean_speed(region, cars)),
         RewardTerm::Queue => -(cars.iter().map(|lane| lane.halting()).sum::<usize>() as f64) / CARS,
+        RewardTerm::LostTime => -observe::cars_lost(region, cars) / CARS,
         RewardTerm::Pressure => (exits.cars() as f64 - cars.cars() as f64) / CARS,
         RewardTerm::Wait => -(waiting.sum as f64 / WAITING_S).min(MOST_WAIT),
         RewardTerm::DiffWaitingTime => (waiting.sum_before as f64 - waiting.sum as f64) / WAITING_S,
@@ -104,6 +105,8 @@ mod tests {
         // 5 / 3 m/s of 10, two of three stand, 3 come and 1 leaves, two waited for 30 s.
         near(paid("\"mean-speed\""), 1.0 / 6.0);
         near(paid("\"queue\""), -0.2);
+        // Two cars lose all of a second, and the third one half of it.
+        near(paid("\"lost-time\""), -0.25);
         near(paid("\"pressure\""), -0.2);
         near(paid("\"wait\""), -0.6);
         near(paid("\"diff-waiting-time\""), -0.6);
