@@ -30,6 +30,8 @@ const OUTSIDE: &[(&str, &[&str])] = &[
     ("quick_xml", &["traffic"]),
     ("roxmltree", &["outside", "traffic"]),
     ("clap", &["cli", "run", "main"]),
+    ("clap_complete", &["cli", "run"]),
+    ("clap_mangen", &["run"]),
     ("indicatif", &["terminal"]),
     ("signal_hook", &["terminal", "machine"]),
     ("gif", &["film"]),

@@ -14,6 +14,7 @@
 //!
 //! - `spec`: the shape of a region; `kinds`: the agents that have it; `percept`: what simulators show to agents.
 //! - `scenario`: what a run simulates, for its files; `rough_costs`: a guess of how long a run takes.
+//! - `task`: what an agent sees, does and is paid for, in words.
 //! - `scene`: a picture of the state; [`road_trace`]: an episode of traffic, for pictures.
 //! - [`conformance`]: the properties that every domain must have; [`toy`]: domains for tests.
 
@@ -25,6 +26,7 @@ mod rough_costs;
 mod scenario;
 mod scene;
 mod spec;
+mod task;
 pub mod toy;
 
 use std::path::{Path, PathBuf};
@@ -37,9 +39,10 @@ use crate::base::{AgentId, Ragged, Rows, Seed, Stopwatch};
 pub use kinds::{Kind, Kinds, Place};
 pub use percept::{JointPercept, JointTransition, Percept, Transition};
 pub use rough_costs::RoughCosts;
-pub use scenario::{Episode, FirstRow, Map, Scenario, ScenarioId};
+pub use scenario::{Episode, FirstRow, Map, Rules, Scenario, ScenarioId};
 pub use scene::{Colour, Scene};
 pub use spec::{Action, RegionSpec, SourceSpec, logits_of};
+pub use task::Task;
 
 /// Result of a simulator. Its failures have many reasons (SUMO, files), and no room above distinguishes them.
 pub type Result<T> = anyhow::Result<T>;
@@ -203,6 +206,33 @@ pub trait Domain: Send + Sync {
 
     fn agents(&self) -> usize {
         self.kinds().agents()
+    }
+
+    /// Returns the name of an agent, such as that of its light.
+    fn agent_name(&self, agent: AgentId) -> String {
+        agent.0.to_string()
+    }
+
+    /// Returns number and name of an agent, such as `agent 3 (r1c1)`.
+    fn agent_title(&self, agent: AgentId) -> String {
+        match self.agent_name(agent) {
+            name if name == agent.0.to_string() => format!("agent {name}"),
+            name => format!("agent {} ({name})", agent.0),
+        }
+    }
+
+    /// Finds an agent by its number or its name. `None`: there is none.
+    fn agent_called(&self, word: &str) -> Option<AgentId> {
+        let mut agents = AgentId::all(self.agents()).into_iter();
+        match word.parse() {
+            Ok(number) if number < self.agents() => Some(AgentId(number)),
+            _ => agents.find(|&agent| self.agent_name(agent) == word),
+        }
+    }
+
+    /// Returns what an agent sees, does and is paid for, in words.
+    fn task(&self, agent: AgentId) -> Task {
+        Task::of_shape(&self.kinds().of(agent).spec)
     }
 
     fn global_simulator(&self) -> Result<Box<dyn GlobalSimulator>>;

@@ -8,6 +8,7 @@
 //! - [`scenario`]: the scenario of a user, a .sumocfg with its files.
 //! - `ground`: what differs between a grid and a scenario.
 //! - [`sim`]: the simulators, their recordings and replays.
+//! - `task`: what a light sees, does and is paid for, in words.
 //! - [`controllers`]: hand-coded baselines; [`tuning`]: the search for the best fixed-time lights.
 //!
 //! # Words
@@ -46,6 +47,7 @@ pub mod reward;
 pub mod scenario;
 pub mod side;
 pub mod sim;
+mod task;
 pub mod tuning;
 
 use std::path::{Path, PathBuf};
@@ -57,6 +59,7 @@ use crate::base::{AgentId, RandomPurpose, Seed};
 use crate::config::{ScenarioConfig, TrafficConfig};
 use crate::domain::{
     Baseline, Bystander, Domain, GlobalSimulator, Kind, Kinds, LocalSimulator, Measures, Result, RoughCosts, Scenario,
+    Task,
 };
 use crate::sumo::Simulation;
 use agents::plan::{AgentPlan, Border, JointPlan};
@@ -218,6 +221,14 @@ impl Domain for Traffic {
         &self.plan.kinds
     }
 
+    fn agent_name(&self, agent: AgentId) -> String {
+        self.plan.agents[agent.0].light.clone()
+    }
+
+    fn task(&self, agent: AgentId) -> Task {
+        task::task(&self.plan, agent)
+    }
+
     fn global_simulator(&self) -> Result<Box<dyn GlobalSimulator>> {
         Ok(Box::new(self.global(SignalControl::Agents)?))
     }
@@ -256,7 +267,7 @@ impl Domain for Traffic {
     }
 
     fn scenario(&self) -> Result<Scenario> {
-        self.ground.scenario(self.agents())
+        Ok(self.ground.scenario(self.agents())?.with_rules(task::rules(&self.plan), self.ground.unusual_reward()))
     }
 
     fn rival(&self) -> Option<&'static str> {
