@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap_complete::Shell;
 
 /// Largest number of processes that may be asked for. More must be a typing error.
 const MOST_WORKERS: u64 = 4096;
@@ -26,6 +27,12 @@ const A_YEAR_S: u64 = 365 * 24 * 3600;
 pub struct Cli {
     #[command(subcommand)]
     pub command: Command,
+    /// Print only errors, warnings and results
+    #[arg(long, short, global = true, conflicts_with = "verbose")]
+    pub quiet: bool,
+    /// Also print what the work is doing
+    #[arg(long, short, global = true)]
+    pub verbose: bool,
     /// End when the process with this id ends; it must be the parent of this one
     #[arg(long, global = true, hide = true, value_name = "PID")]
     pub end_with: Option<u32>,
@@ -55,11 +62,31 @@ pub enum Command {
     Compare(CompareArgs),
     /// Write an episode as a folder that plain `sumo` and `sumo-gui` can play
     Replay(ReplayArgs),
+    /// Show what a config is about: agents, observations, actions, reward, and what a run will do and cost
+    Describe(DescribeArgs),
     /// Write SUMO networks that `sumo` and `sumo-gui` can open
     #[command(subcommand)]
     Nets(NetsCommand),
     /// Print versions and where each part was found
     Info,
+    /// Look whether training works here: what is installed, what is missing, and the command that cures it
+    Doctor,
+    /// Print completions of the command line for a shell
+    Completions {
+        /// Shell that will read them
+        shell: Shell,
+    },
+    /// Write a manual page for the program and for each subcommand
+    Man {
+        /// Output directory
+        #[arg(long, value_name = "DIR")]
+        out: PathBuf,
+        /// If the directory exists, move it aside instead of refusing
+        #[arg(long)]
+        force: bool,
+    },
+    /// Print the JSON schema of a config, for editors
+    Schema,
     /// A worker process; `train` starts it
     #[command(hide = true)]
     Worker,
@@ -143,9 +170,9 @@ pub struct EvaluateArgs {
     /// Hand-coded controller for all agents except those of --agents
     #[arg(long, value_name = "NAME", requires = "agents")]
     pub background: Option<String>,
-    /// Agents that use their trained policies, such as 0,3
+    /// Agents that use their trained policies, by number or name, such as 0,3 or r0c0,r1c1
     #[arg(long, value_name = "AGENT,...", value_delimiter = ',', requires = "background")]
-    pub agents: Vec<usize>,
+    pub agents: Vec<String>,
     #[command(flatten)]
     pub output: OutputArgs,
 }
@@ -234,6 +261,24 @@ pub struct BenchArgs {
 }
 
 #[derive(Debug, Args)]
+pub struct DescribeArgs {
+    /// Config file, such as configs/traffic_4.toml, or a .sumocfg
+    pub config: PathBuf,
+    /// Number of worker processes to estimate time and memory for [default: the number of cores]
+    #[arg(long, value_parser = RangedU64ValueParser::<usize>::new().range(1..=MOST_WORKERS))]
+    pub workers: Option<usize>,
+    /// Simulator and predictor that the policies train with; overrides the config
+    #[arg(long, value_enum)]
+    pub simulator: Option<SimulatorName>,
+    /// Override a key of the config, such as traffic.clock=26; can be repeated
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub settings: Vec<String>,
+    /// Print one JSON object instead of text, with all agents
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
 pub struct EpisodesArgs {
     /// Number of episodes [default: evaluation.final_episodes of the config]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=100_000))]
@@ -284,9 +329,9 @@ pub struct ReplayArgs {
     /// Replay the first episode of `evaluate` or `baseline` with this --seed [default: evaluation.seed of the config]
     #[arg(long, value_name = "N")]
     pub episode_seed: Option<u64>,
-    /// Replay the local simulator of this agent, with the cars that its influence predictor sends
+    /// Replay the local simulator of this agent, by number or name, with the cars that its influence predictor sends
     #[arg(long, value_name = "AGENT", conflicts_with = "controller")]
-    pub local: Option<usize>,
+    pub local: Option<String>,
     /// Take the most probable action instead of sampling
     #[arg(long, conflicts_with = "controller")]
     pub greedy: bool,
@@ -392,6 +437,9 @@ pub enum NetsCommand {
         /// Output directory
         #[arg(long)]
         out: PathBuf,
+        /// If one of the files exists and differs, move it aside instead of refusing
+        #[arg(long)]
+        force: bool,
     },
     /// Cut the surroundings of one light out of a SUMO network, as a network of its own with some cars
     Cut {
@@ -408,6 +456,9 @@ pub enum NetsCommand {
         /// Output directory
         #[arg(long)]
         out: PathBuf,
+        /// If one of the files exists and differs, move it aside instead of refusing
+        #[arg(long)]
+        force: bool,
     },
     /// Show what becomes of the lights of a SUMO network: greens, yellows, approaches, exits, observation columns, and
     /// which lights keep their program and why
@@ -433,5 +484,8 @@ pub enum NetsCommand {
         /// Output directory
         #[arg(long)]
         out: PathBuf,
+        /// If one of the files exists and differs, move it aside instead of refusing
+        #[arg(long)]
+        force: bool,
     },
 }

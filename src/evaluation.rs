@@ -51,7 +51,7 @@ pub fn play_watched(
     simulator: &mut dyn GlobalSimulator,
     controller: &mut dyn Controller,
     episode: Seed,
-    watch: &mut dyn FnMut(&dyn GlobalSimulator) -> Result<()>,
+    watch: &mut dyn FnMut(&mut dyn GlobalSimulator) -> Result<()>,
 ) -> Result<EpisodeReport> {
     let (agents, horizon) = (simulator.agents(), simulator.kinds().horizon());
     let mut returns = vec![0.0; agents];

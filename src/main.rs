@@ -4,7 +4,7 @@ use clap::Parser;
 use dials_traffic::cli::Cli;
 use dials_traffic::machine::{Allocator, end_now, survive_full_files};
 use dials_traffic::run;
-use dials_traffic::terminal::tell;
+use dials_traffic::terminal::warn;
 
 #[global_allocator]
 static ALLOCATOR: Allocator = Allocator;
@@ -15,7 +15,7 @@ fn main() {
     end_now(match outcome {
         Ok(()) => 0,
         Err(error) => {
-            tell(&error);
+            warn(&error);
             error.exit_code()
         }
     })

@@ -866,7 +866,7 @@ fn some_agents_are_evaluated_in_front_of_a_hand_coded_background() {
 
     assert_refused(
         &mut evaluate(&["--background", "never", "--agents", "0,4"]),
-        &["--agents: there is no agent 4; the agents are 0 to 3"],
+        &["--agents: there is no agent `4`; the agents are 0 to 3, or r0c0 to r1c1"],
     );
     assert_refused(&mut evaluate(&["--background", "fastest", "--agents", "0"]), &["controller `fastest`: unknown"]);
     evaluate(&["--background", "never"]).assert().code(2);
@@ -880,6 +880,14 @@ fn nets_are_written_where_asked_and_a_missing_netconvert_is_told() {
     let args = ["nets", "grid", "--rows", "1", "--cols", "2", "--out", out.to_str().unwrap()];
     let said = text(&dials_traffic(&args).assert().success().get_output().stdout);
     assert!(said.contains("sumo-gui -c") && out.join("grid_1x2.sumocfg").is_file(), "{said}");
+
+    // The same again changes nothing. A file that differs is refused, or moved aside, as everywhere.
+    dials_traffic(&args).assert().success();
+    fs::write(out.join("grid_1x2.rou.xml"), "mine").unwrap();
+    assert_refused(&mut dials_traffic(&args), &["grid_1x2.rou.xml: exists already", "--force"]);
+    dials_traffic(&args).arg("--force").assert().success();
+    assert_eq!(fs::read_to_string(out.join("grid_1x2.rou.xml.old-1")).unwrap(), "mine");
+    assert_eq!(fs::read_dir(&out).unwrap().count(), 5, "the files that were right already stay");
 
     let elsewhere = dir.path().join("elsewhere");
     let args = ["nets", "local", "--out", elsewhere.to_str().unwrap()];

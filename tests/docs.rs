@@ -149,12 +149,14 @@ fn shell_blocks(page: &str) -> Vec<&str> {
     page.split("```sh\n").skip(1).map(|rest| rest.split("\n```").next().unwrap()).collect()
 }
 
-/// Returns the simple commands of a block, as lists of words. Joins continued lines, drops comments and splits at `&&`.
+/// Returns the simple commands of a block, as lists of words. Joins continued lines, splits at `&&`, and drops comments and
+/// the files that a command writes to.
 fn commands(block: &str) -> Vec<Vec<String>> {
     let block = block.replace("\\\n", " ");
     let mut commands = Vec::new();
     for line in block.lines().map(|line| line.split(" #").next().unwrap()) {
         for command in line.split("&&") {
+            let command = command.split(" > ").next().unwrap();
             commands.push(command.split_whitespace().map(|word| word.trim_matches('\'').to_owned()).collect());
         }
     }

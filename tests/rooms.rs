@@ -31,6 +31,8 @@ const OUTSIDE: &[(&str, &[&str])] = &[
     ("roxmltree", &["outside", "traffic"]),
     ("flate2", &["outside"]),
     ("clap", &["cli", "run", "main"]),
+    ("clap_complete", &["cli", "run"]),
+    ("clap_mangen", &["run"]),
     ("indicatif", &["terminal"]),
     ("signal_hook", &["terminal", "machine"]),
     ("gif", &["film"]),

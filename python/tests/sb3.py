@@ -12,7 +12,7 @@ sys.path.insert(0, str(ROOT / "examples"))
 
 
 def test_stable_baselines3_takes_a_single_simulator(grid_run, warehouse_run):
-    for path, agent in ((grid_run, "r0c0"), (warehouse_run, "agent_0")):
+    for path, agent in ((grid_run, "r0c0"), (warehouse_run, "r0c0")):
         env = dials_traffic.local_env(path, agent, seed=1)
         with warnings.catch_warnings():
             warnings.simplefilter("error")

@@ -88,13 +88,13 @@ def test_the_end_is_a_truncation_of_all_with_metrics(warehouse):
     env = dials_traffic.parallel_env(warehouse, seed=1)
     _, infos = env.reset()
     for step in range(env.horizon):
-        assert "metrics" not in infos["agent_0"]
+        assert "metrics" not in infos["r0c0"]
         _, _, terminations, truncations, infos = env.step(first_allowed(infos))
         over = step + 1 == env.horizon
         assert not any(terminations.values()) and list(truncations.values()) == [over] * 4
     assert env.agents == []
-    assert infos["agent_0"]["metrics"].keys() == {"items"}
-    assert infos["agent_0"]["system"].keys() == {"waiting_items", "mean_item_age"}
+    assert infos["r0c0"]["metrics"].keys() == {"items"}
+    assert infos["r0c0"]["system"].keys() == {"waiting_items", "mean_item_age"}
     with pytest.raises(RuntimeError, match="call reset"):
         env.step({})
     env.close()

@@ -14,7 +14,7 @@ import dials_traffic
 #: Settings with which constants are measured in a moment.
 FEW = {"aip.dataset_steps": 80, "aip.batch": 16}
 RUNS = ["warehouse_run", "grid_run", "scenario_run"]
-AGENT = {"warehouse_run": "agent_1", "grid_run": "r0c1"}
+AGENT = {"warehouse_run": "r0c1", "grid_run": "r0c1"}
 
 
 def agent_of(kind, path):
@@ -57,7 +57,7 @@ def test_copies_follow_from_their_seed_and_begin_again_by_themselves(kind, reque
 
 
 def test_staggered_copies_end_at_different_times(warehouse_run):
-    env = dials_traffic.vector_env(warehouse_run, "agent_0", 4, seed=1, stagger=True)
+    env = dials_traffic.vector_env(warehouse_run, "r0c0", 4, seed=1, stagger=True)
     ends = np.stack([ends for _, _, ends, _ in played(env, env.horizon)[1:]])
     env.close()
     # Copy c begins as if c / 4 of the 16 steps had passed.
@@ -66,10 +66,10 @@ def test_staggered_copies_end_at_different_times(warehouse_run):
 
 def test_all_agents_at_once_are_rows_of_one_table(warehouse_run):
     env = dials_traffic.vector_env(warehouse_run, None, 3, seed=1)
-    assert env.agents == [f"agent_{agent}" for agent in range(4)] and env.num_envs == 12
+    assert env.agents == ["r0c0", "r0c1", "r1c0", "r1c1"] and env.num_envs == 12
     together = np.stack([obs for obs, *_ in played(env, 16)])
     env.close()
-    two = dials_traffic.vector_env(warehouse_run, ["agent_1", "agent_2"], 3, seed=1)
+    two = dials_traffic.vector_env(warehouse_run, ["r0c1", "agent_2"], 3, seed=1)
     of_two = np.stack([obs for obs, *_ in played(two, 16)])
     two.close()
     assert together.shape == (17, 12, 37) and of_two.shape == (17, 6, 37)
@@ -98,7 +98,7 @@ def test_marginals_are_measured_on_the_global_simulator(grid):
 
 
 def test_a_single_simulator_is_an_env_of_gymnasium(grid_run, warehouse_run, scenario_run):
-    for path, agent in ((grid_run, "r0c0"), (warehouse_run, "agent_0"), (scenario_run, None)):
+    for path, agent in ((grid_run, "r0c0"), (warehouse_run, "r0c0"), (scenario_run, None)):
         env = dials_traffic.local_env(path, agent or dials_traffic.load(path).agents[0], seed=1)
         with warnings.catch_warnings():
             # It is made without gymnasium.make and draws no pictures.
@@ -108,10 +108,10 @@ def test_a_single_simulator_is_an_env_of_gymnasium(grid_run, warehouse_run, scen
 
 
 def test_a_single_simulator_is_a_row_of_a_table_of_one(warehouse_run):
-    table = dials_traffic.vector_env(warehouse_run, "agent_0", 1, seed=9)
+    table = dials_traffic.vector_env(warehouse_run, "r0c0", 1, seed=9)
     expected = played(table, 40)
     table.close()
-    env = dials_traffic.local_env(warehouse_run, "agent_0", seed=9)
+    env = dials_traffic.local_env(warehouse_run, "r0c0", seed=9)
     obs, info = env.reset()
     for before, (of_table, rewards, ends, infos) in zip(expected, expected[1:]):
         assert np.array_equal(obs, before[0][0]) and np.array_equal(info["action_mask"], before[3]["action_mask"][0])

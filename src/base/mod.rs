@@ -5,9 +5,11 @@
 //! - `rows`, `ragged`, `compact`: tables of one width, of rows of different widths, and of bits.
 //! - `units`: ids of agents and other units; `vectors`: the width of vector registers.
 //! - `stopwatch`: time by activity and phase; `work`: where a long computation reports its times and its progress.
+//! - `counted`: numbers of things, in the singular or the plural.
 //! - [`statistics`]: means, intervals and differences.
 
 mod compact;
+mod counted;
 mod purpose;
 mod ragged;
 mod rows;
@@ -19,6 +21,7 @@ mod vectors;
 mod work;
 
 pub use compact::CompactRows;
+pub use counted::counted;
 pub use purpose::RandomPurpose;
 pub use ragged::Ragged;
 pub use rows::Rows;

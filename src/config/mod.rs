@@ -11,6 +11,7 @@
 //! - `simulator`: what the policies train on, and what predicts the influence there.
 //! - `imitation`: the imitation of a controller before PPO.
 //! - `check`: which values make sense.
+//! - `schema`: the JSON schema of a config, for editors.
 //! - `schedule`: the periods of a run.
 //! - [`resume`]: what may change when a run is resumed.
 
@@ -23,6 +24,7 @@ pub mod resume;
 mod reward;
 mod scenario;
 mod schedule;
+mod schema;
 mod seed;
 mod simulator;
 mod sumo_options;
@@ -43,6 +45,7 @@ pub use resume::CHANGEABLE;
 pub use reward::{Reward, RewardTerm};
 pub use scenario::{Observation, ScenarioConfig};
 pub use schedule::{AipTraining, Period, may_end_at, rest_of_schedule, schedule};
+pub use schema::schema;
 pub use simulator::{Predictor, Simulator};
 pub use traffic::{DSet, EntryRule, TrafficConfig};
 pub use warehouse::WarehouseConfig;

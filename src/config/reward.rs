@@ -26,6 +26,26 @@ pub enum RewardTerm {
     DiffWaitingTime,
 }
 
+impl RewardTerm {
+    /// Returns what the term is, as docs/environments.md explains it.
+    pub fn words(self) -> &'static str {
+        match self {
+            RewardTerm::MeanSpeed => "mean speed of the cars on the approaches, as a share of the limit",
+            RewardTerm::Queue => "minus the standing cars on the approaches, in tens",
+            RewardTerm::LostTime => {
+                "minus the seconds that the cars on the approaches lose in a second against the limits, in tens"
+            }
+            RewardTerm::Pressure => "minus the cars on the approaches plus those on the exits, in tens",
+            RewardTerm::Wait => {
+                "minus the seconds that the cars on the approaches have stood there, in hundreds, at least -10"
+            }
+            RewardTerm::DiffWaitingTime => {
+                "the seconds of `wait` before the decision minus those after it, in hundreds"
+            }
+        }
+    }
+}
+
 /// Weights of terms, at least one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reward(BTreeMap<RewardTerm, f64>);
@@ -37,6 +57,14 @@ impl Reward {
     /// Returns the terms with their weights, in the order of [`RewardTerm`].
     pub fn terms(&self) -> impl Iterator<Item = (RewardTerm, f64)> {
         self.0.iter().map(|(&term, &weight)| (term, weight))
+    }
+
+    /// Returns a word of letters, digits and hyphens that no other reward has.
+    pub fn name(&self) -> String {
+        match serde_json::to_value(self) {
+            Ok(serde_json::Value::String(name)) => name,
+            weights => format!("weights-{:08x}", crc32fast::hash(weights.unwrap_or_default().to_string().as_bytes())),
+        }
     }
 
     pub(super) fn check(&self) -> Result<()> {
@@ -122,6 +150,13 @@ mod tests {
             assert_eq!(serde_json::to_string(&read(json).unwrap()).unwrap(), json);
         }
         assert_eq!(read("{\"wait\":1.0}").unwrap(), Reward::from(RewardTerm::Wait));
+    }
+
+    #[test]
+    fn every_reward_has_a_word_of_its_own() {
+        assert_eq!(read("\"wait\"").unwrap().name(), "wait");
+        let names = ["{\"queue\":0.1}", "{\"queue\":0.2}"].map(|json| read(json).unwrap().name());
+        assert!(names[0].starts_with("weights-") && names[0] != names[1], "{names:?}");
     }
 
     #[test]

@@ -14,7 +14,9 @@
 //!
 //! - `spec`: the shape of a region; `kinds`: the agents that have it; `percept`: what simulators show to agents.
 //! - `scenario`: what a run simulates, for its files; `rough_costs`: a guess of how long a run takes.
-//! - `road_view`: what is on the roads of a light now. `scene`: a picture of the state; [`road_trace`]: an episode of traffic, for pictures.
+//! - `task`: what an agent sees, does and is paid for, in words.
+//! - `road_view`: what is on the roads of a light now. `scene`: a picture of the state.
+//!   [`road_trace`]: an episode of traffic, for pictures.
 //! - [`conformance`]: the properties that every domain must have; [`toy`]: domains for tests.
 
 pub mod conformance;
@@ -26,6 +28,7 @@ mod rough_costs;
 mod scenario;
 mod scene;
 mod spec;
+mod task;
 pub mod toy;
 
 use std::path::{Path, PathBuf};
@@ -39,9 +42,10 @@ pub use kinds::{Kind, Kinds, Place};
 pub use percept::{JointPercept, JointTransition, Percept, Transition};
 pub use road_view::{ApproachView, CarView, RoadView};
 pub use rough_costs::RoughCosts;
-pub use scenario::{Episode, FirstRow, Map, Scenario, ScenarioId};
+pub use scenario::{Episode, FirstRow, Map, Rules, Scenario, ScenarioId};
 pub use scene::{Colour, Scene};
 pub use spec::{Action, RegionSpec, SourceSpec, logits_of};
+pub use task::Task;
 
 /// Result of a simulator. Its failures have many reasons (SUMO, files), and no room above distinguishes them.
 pub type Result<T> = anyhow::Result<T>;
@@ -217,9 +221,40 @@ pub trait Domain: Send + Sync {
         self.kinds().agents()
     }
 
-    /// Returns the name of every agent, in order. No two are equal.
+    /// Returns the name of an agent, such as that of its light.
+    fn agent_name(&self, agent: AgentId) -> String {
+        agent.0.to_string()
+    }
+
+    /// Returns the names of all agents, in order. No two are equal, and none is a number.
     fn names(&self) -> Vec<String> {
-        (0..self.agents()).map(|agent| format!("agent_{agent}")).collect()
+        let name = |agent: AgentId| match self.agent_name(agent) {
+            name if name == agent.0.to_string() => format!("agent_{name}"),
+            name => name,
+        };
+        AgentId::all(self.agents()).into_iter().map(name).collect()
+    }
+
+    /// Returns number and name of an agent, such as `agent 3 (r1c1)`.
+    fn agent_title(&self, agent: AgentId) -> String {
+        match self.agent_name(agent) {
+            name if name == agent.0.to_string() => format!("agent {name}"),
+            name => format!("agent {} ({name})", agent.0),
+        }
+    }
+
+    /// Finds an agent by its number or its name. `None`: there is none.
+    fn agent_called(&self, word: &str) -> Option<AgentId> {
+        let mut agents = AgentId::all(self.agents()).into_iter();
+        match word.parse() {
+            Ok(number) if number < self.agents() => Some(AgentId(number)),
+            _ => agents.find(|&agent| self.agent_name(agent) == word),
+        }
+    }
+
+    /// Returns what an agent sees, does and is paid for, in words.
+    fn task(&self, agent: AgentId) -> Task {
+        Task::of_shape(&self.kinds().of(agent).spec)
     }
 
     fn global_simulator(&self) -> Result<Box<dyn GlobalSimulator>>;

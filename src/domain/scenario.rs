@@ -5,6 +5,8 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use crate::base::counted;
+
 /// The scenario that a run simulates.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Scenario {
@@ -13,6 +15,9 @@ pub struct Scenario {
     /// Places of the agents; `None` if they are not in rows.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub map: Option<Map>,
+    /// By which rules agents see and are paid. Older runs have none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rules: Option<Rules>,
     /// Checksums of files that may differ between runs of the scenario, by the keys of the config that name them. They
     /// are part of how a run trains.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
@@ -30,6 +35,32 @@ pub struct ScenarioId {
     /// Checksum of the files that the GS (global simulator) simulates, if there are any and they are known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub checksum: Option<String>,
+    /// Name of the rules, if they are not the usual ones of the first version of the environment.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rules: Option<String>,
+}
+
+/// The rules by which agents see and are paid.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Rules {
+    /// Version of the environment. It counts up when the same actions have other results than before.
+    pub environment: u32,
+    /// What an agent is paid for, in words.
+    pub reward: String,
+    /// What an agent sees, in words.
+    pub observation: String,
+}
+
+impl Rules {
+    /// Lists what changes returns, a line each: what these rules have and what `others` have.
+    pub fn differences(&self, others: &Rules) -> Vec<String> {
+        let versions = [self, others].map(|rules| rules.environment.to_string());
+        [("environment", &versions[0], &versions[1]), ("reward", &self.reward, &others.reward)]
+            .into_iter()
+            .filter(|(_, here, there)| here != there)
+            .map(|(what, here, there)| format!("{what}: {there} there, {here} here"))
+            .collect()
+    }
 }
 
 /// The length of an episode.
@@ -60,8 +91,8 @@ impl Scenario {
     /// Makes the scenario of a domain without map and files. `horizon`: steps of an episode.
     pub fn new(domain: &str, agents: usize, horizon: usize) -> Scenario {
         let episode = Episode { length: horizon, unit: "steps".to_owned() };
-        let id = ScenarioId { domain: domain.to_owned(), agents, episode, checksum: None };
-        Scenario { id, map: None, files: BTreeMap::new() }
+        let id = ScenarioId { domain: domain.to_owned(), agents, episode, checksum: None, rules: None };
+        Scenario { id, map: None, rules: None, files: BTreeMap::new() }
     }
 
     pub fn with_map(self, map: Map) -> Scenario {
@@ -71,6 +102,14 @@ impl Scenario {
     /// Adds the CRC-32 of what the GS simulates.
     pub fn with_checksum(self, checksum: u32) -> Scenario {
         Scenario { id: ScenarioId { checksum: Some(in_hex(checksum)), ..self.id }, ..self }
+    }
+
+    /// Adds the rules. `unusual`: name of the reward, if it is another one than the domain's usual one.
+    pub fn with_rules(self, rules: Rules, unusual: Option<String>) -> Scenario {
+        let version = (rules.environment > 1).then(|| format!("v{}", rules.environment));
+        let words: Vec<String> = version.into_iter().chain(unusual).collect();
+        let name = (!words.is_empty()).then(|| words.join("-"));
+        Scenario { rules: Some(rules), id: ScenarioId { rules: name, ..self.id }, ..self }
     }
 
     /// Adds the CRC-32 of the files that keys of the config name.
@@ -87,7 +126,7 @@ fn in_hex(checksum: u32) -> String {
 impl ScenarioId {
     /// Returns a title, such as `traffic, 4 agents`.
     pub fn title(&self) -> String {
-        format!("{}, {} agents", self.domain, self.agents)
+        format!("{}, {}", self.domain, counted(self.agents, "agent"))
     }
 
     /// Returns the title, with what distinguishes it from other scenarios with the same number of agents.
@@ -100,13 +139,17 @@ impl ScenarioId {
         if alike.clone().any(|other| other.checksum != self.checksum) {
             title += &format!(", checksum {}", self.checksum.as_deref().unwrap_or("unknown"));
         }
+        if alike.clone().any(|other| other.rules != self.rules) {
+            title += &format!(", rules {}", self.rules.as_deref().unwrap_or("usual"));
+        }
         title
     }
 
     /// Returns a word that no other scenario has, such as `traffic-4-300-1a2b3c4d`.
     pub fn word(&self) -> String {
         let checksum = self.checksum.as_ref().map_or(String::new(), |checksum| format!("-{checksum}"));
-        format!("{}-{}-{}{checksum}", self.domain, self.agents, self.episode.length)
+        let rules = self.rules.as_ref().map_or(String::new(), |rules| format!("-{rules}"));
+        format!("{}-{}-{}{checksum}{rules}", self.domain, self.agents, self.episode.length)
     }
 }
 
@@ -139,6 +182,26 @@ mod tests {
         let scenario = Scenario::new("warehouse", 25, 100);
         assert_eq!(scenario.id.word(), "warehouse-25-100");
         assert_eq!(scenario.with_checksum(0x1a).id.word(), "warehouse-25-100-0000001a");
+    }
+
+    #[test]
+    fn other_rules_are_another_scenario_and_the_usual_ones_are_not_named() {
+        let rules = |environment, reward: &str| Rules {
+            environment,
+            reward: reward.to_owned(),
+            observation: "cells".to_owned(),
+        };
+        let scenario = |rules, unusual: Option<&str>| {
+            Scenario::new("traffic", 4, 300).with_rules(rules, unusual.map(str::to_owned)).id
+        };
+        let usual = scenario(rules(1, "speed"), None);
+        assert_eq!(usual, Scenario::new("traffic", 4, 300).id, "as in runs that recorded no rules");
+        let (paid, later) = (scenario(rules(1, "queue"), Some("queue")), scenario(rules(2, "speed"), None));
+        assert_eq!([paid.word(), later.word()], ["traffic-4-300-queue", "traffic-4-300-v2"]);
+        assert_eq!(usual.title_among([&usual, &paid].into_iter()), "traffic, 4 agents, rules usual");
+        assert_eq!(paid.title_among([&usual, &paid].into_iter()), "traffic, 4 agents, rules queue");
+        let told = rules(2, "speed").differences(&rules(1, "queue"));
+        assert_eq!(told, ["environment: 1 there, 2 here", "reward: queue there, speed here"]);
     }
 
     #[test]

@@ -6,6 +6,9 @@ use std::fmt::Write;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Colour(pub [u8; 3]);
 
+/// Height of a line of text in an SVG file, in pixels.
+const LINE_PX: f32 = 24.0;
+
 /// Shapes on a plane, painted one over the other. Units are the domain's own (warehouse: cells).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
@@ -13,6 +16,8 @@ pub struct Scene {
     height: f32,
     background: Colour,
     shapes: Vec<(SceneShape, Colour)>,
+    /// What a colour means. Only an SVG file shows it.
+    legend: Vec<(Colour, &'static str)>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,7 +47,17 @@ impl SceneShape {
 
 impl Scene {
     pub fn new(width: f32, height: f32, background: Colour) -> Self {
-        Scene { width, height, background, shapes: Vec::new() }
+        Scene { width, height, background, shapes: Vec::new(), legend: Vec::new() }
+    }
+
+    /// Returns width and height.
+    pub fn size(&self) -> [f32; 2] {
+        [self.width, self.height]
+    }
+
+    /// Says what a colour means.
+    pub fn explain(&mut self, colour: Colour, words: &'static str) {
+        self.legend.push((colour, words));
     }
 
     pub fn rectangle(&mut self, x: f32, y: f32, width: f32, height: f32, colour: Colour) {
@@ -53,17 +68,40 @@ impl Scene {
         self.shapes.push((SceneShape::Disc { x, y, radius }, colour));
     }
 
-    /// Returns the picture as an SVG file, `scale` pixels per unit.
-    pub fn to_svg(&self, scale: f32) -> String {
+    /// Returns the picture as an SVG file, `scale` pixels per unit, with a title above and the legend below. `title`: text
+    /// without characters that XML escapes.
+    pub fn to_svg(&self, scale: f32, title: &str) -> String {
         let hex = |Colour([r, g, b]): Colour| format!("#{r:02x}{g:02x}{b:02x}");
         let (width, height) = (self.width, self.height);
+        // A line of text, in units of the scene.
+        let line = LINE_PX / scale;
+        let whole = height + line * (1 + self.legend.len()) as f32;
         let mut svg = format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{}\" height=\"{}\" viewBox=\"0 0 {width} {height}\">\n\
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{}\" height=\"{}\" viewBox=\"0 {} {width} {whole}\" \
+             font-family=\"sans-serif\" font-size=\"{}\">\n\
+             <rect y=\"{}\" width=\"{width}\" height=\"{whole}\" fill=\"#fefefe\"/>\n\
+             <text x=\"{}\" y=\"{}\">{title}</text>\n\
              <rect width=\"{width}\" height=\"{height}\" fill=\"{}\"/>\n",
             width * scale,
-            height * scale,
+            whole * scale,
+            -line,
+            0.6 * line,
+            -line,
+            0.3 * line,
+            -0.3 * line,
             hex(self.background)
         );
+        for (number, &(colour, words)) in self.legend.iter().enumerate() {
+            let top = height + line * number as f32;
+            let (x, y, side, fill) = (0.3 * line, top + 0.25 * line, 0.5 * line, hex(colour));
+            let (words_x, words_y) = (1.2 * line, top + 0.7 * line);
+            let written = writeln!(
+                svg,
+                "<rect x=\"{x}\" y=\"{y}\" width=\"{side}\" height=\"{side}\" fill=\"{fill}\"/>\
+                 <text x=\"{words_x}\" y=\"{words_y}\">{words}</text>"
+            );
+            written.expect("a string takes everything");
+        }
         for &(shape, colour) in &self.shapes {
             let fill = hex(colour);
             let written = match shape {
@@ -118,10 +156,20 @@ mod tests {
     }
 
     #[test]
+    fn an_svg_has_its_title_and_what_the_colours_mean() {
+        let mut scene = Scene::new(3.0, 3.0, WHITE);
+        scene.explain(RED, "a fire");
+        let svg = scene.to_svg(24.0, "step 7");
+        // A line is one unit high here: one above for the title, one below for the legend.
+        assert!(svg.contains("viewBox=\"0 -1 3 5\"") && svg.contains(">step 7</text>"), "{svg}");
+        assert!(svg.contains("fill=\"#ff0000\"/><text x=\"1.2\" y=\"3.7\">a fire</text>"), "{svg}");
+    }
+
+    #[test]
     fn svg_and_pixels_show_the_same_disc() {
         let mut scene = Scene::new(3.0, 3.0, WHITE);
         scene.disc(1.5, 1.5, 0.6, RED);
-        assert!(scene.to_svg(10.0).contains("<circle cx=\"1.5\" cy=\"1.5\" r=\"0.6\" fill=\"#ff0000\"/>"));
+        assert!(scene.to_svg(10.0, "step 0").contains("<circle cx=\"1.5\" cy=\"1.5\" r=\"0.6\" fill=\"#ff0000\"/>"));
         let (_, _, pixels) = scene.to_pixels(1);
         assert_eq!(pixels.iter().position(|&pixel| pixel == RED), Some(4));
         assert_eq!(pixels.iter().filter(|&&pixel| pixel == RED).count(), 1);

@@ -8,7 +8,7 @@ use crate::policy::Selection;
 type Figures = Vec<(String, Vec<f64>)>;
 
 /// Longest line of a comparison, in characters.
-const WIDTH: usize = 118;
+const WIDTH: usize = 80;
 
 /// Returns a table of several players, one line each, and a table of their differences from the first player.
 pub fn comparison(findings: &[Finding]) -> String {

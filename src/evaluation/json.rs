@@ -3,6 +3,7 @@
 use serde_json::{Map, Value, json};
 
 use super::{Evaluation, Finding, RETURN, figures};
+use crate::base::AgentId;
 use crate::base::statistics::Interval;
 use crate::domain::Domain;
 
@@ -15,6 +16,7 @@ pub fn of_one(domain: &dyn Domain, finding: &Finding) -> Map<String, Value> {
     let per_agent = (0..evaluation.agents()).map(|agent| {
         let of_agent = evaluation.of_agent(agent);
         let mut object = Map::new();
+        object.insert("name".into(), json!(domain.agent_name(AgentId(agent))));
         object.insert(RETURN.into(), json!(of_agent.mean));
         object.insert("mean_return".into(), json!(of_agent.mean));
         object.insert("median_return".into(), json!(of_agent.median));

@@ -2,6 +2,7 @@
 
 use super::comparison::blocks;
 use super::{Evaluation, Finding, figures};
+use crate::base::AgentId;
 use crate::base::statistics::Interval;
 use crate::domain::Domain;
 use crate::policy::Selection;
@@ -13,10 +14,11 @@ const WORST: usize = 5;
 
 /// Returns the figures of one player, and a table of its agents. Of many agents, only the worst are in the table.
 pub fn table(domain: &dyn Domain, finding: &Finding) -> String {
-    text(&Evaluation::new(domain, &finding.episodes), finding)
+    text(&Evaluation::new(domain, &finding.episodes), finding, &|agent| domain.agent_title(AgentId(agent)))
 }
 
-fn text(evaluation: &Evaluation, finding: &Finding) -> String {
+/// `title`: title of an agent by its number.
+fn text(evaluation: &Evaluation, finding: &Finding, title: &dyn Fn(usize) -> String) -> String {
     let figures = figures(&finding.episodes);
     let ((name, returns), measures) = figures.split_first().expect("there is always a return");
     let (all, returns) = (evaluation.of_all(), Interval::of(returns));
@@ -51,12 +53,12 @@ fn text(evaluation: &Evaluation, finding: &Finding) -> String {
         lines.push(format!("the {WORST} with the lowest return (all: --json, or --csv DIR):"));
         agents.truncate(WORST);
     }
-    lines.push(of_agents(finding, evaluation, &agents));
+    lines.push(of_agents(finding, evaluation, &agents, title));
     lines.join("\n")
 }
 
 /// Returns a table with one line for each of `agents`.
-fn of_agents(finding: &Finding, evaluation: &Evaluation, agents: &[usize]) -> String {
+fn of_agents(finding: &Finding, evaluation: &Evaluation, agents: &[usize], title: &dyn Fn(usize) -> String) -> String {
     let measures = &evaluation.measures.per_agent;
     let mut names = vec!["return", "+-", "median"];
     names.extend(measures.iter().map(|(name, _)| name.as_str()));
@@ -73,7 +75,7 @@ fn of_agents(finding: &Finding, evaluation: &Evaluation, agents: &[usize]) -> St
         cells.push(if evaluation.stuck[agent] { "yes" } else { "no" }.to_owned());
         cells
     };
-    let labels: Vec<String> = agents.iter().map(|agent| format!("agent {agent}")).collect();
+    let labels: Vec<String> = agents.iter().map(|&agent| title(agent)).collect();
     blocks(&names, &labels, &agents.iter().map(cells).collect::<Vec<_>>())
 }
 
@@ -98,7 +100,7 @@ mod tests {
         episodes.iter().for_each(|episode| returns.push(&episode.returns));
         let evaluation = Evaluation { returns, measures, stuck: vec![false; agents] };
         let player = Player { label: "p".into(), keys: Vec::new(), policies };
-        text(&evaluation, &Finding { player, episodes })
+        text(&evaluation, &Finding { player, episodes }, &|agent| format!("agent {agent}"))
     }
 
     #[test]

@@ -6,6 +6,9 @@ use super::*;
 use crate::domain::road_trace::{Approach, RoadTrace};
 
 const HEIGHT: i32 = 690;
+/// Height below each panel, and of the time axis below the last one, in pixels.
+const GAP: i32 = 6;
+const TIMES: i32 = 34;
 
 /// Draws the standing cars, one panel per approach: the mean over all intersections, and the longest queue.
 pub fn queues(trace: &RoadTrace, about: &About) -> Result<Svg> {
@@ -21,7 +24,7 @@ pub fn queues(trace: &RoadTrace, about: &About) -> Result<Svg> {
         let (legend, area) = area.split_vertically(px(26));
         let several = trace.names.len() > 1;
         draw_legend(&legend, several)?;
-        let panels = area.split_evenly((trace.approaches.len(), 1));
+        let panels = panels(&area, trace.approaches.len());
         for (number, (Approach { from, standing }, panel)) in trace.approaches.iter().zip(&panels).enumerate() {
             let of_step = |step: usize| standing.iter().map(move |queue| queue[step]);
             let means: Vec<f64> =
@@ -30,7 +33,7 @@ pub fn queues(trace: &RoadTrace, about: &About) -> Result<Svg> {
             let last = number + 1 == panels.len();
             let mut chart = ChartBuilder::on(panel)
                 .margin_top(px(18))
-                .x_label_area_size(px(if last { 40 } else { 6 }))
+                .x_label_area_size(px(if last { GAP + TIMES } else { GAP }))
                 .y_label_area_size(px(58))
                 .margin_right(px(10))
                 .build_cartesian_2d(time_axis(seconds), BoundedAxis::from(0.0..longest as f64 + 0.5))?;
@@ -46,6 +49,13 @@ pub fn queues(trace: &RoadTrace, about: &About) -> Result<Svg> {
         }
         Ok(())
     })
+}
+
+/// Splits the picture so that a car is as high in all panels. The last one has the time axis on top of that.
+fn panels<'a>(area: &Area<'a>, count: usize) -> Vec<Area<'a>> {
+    let height = (area.dim_in_pixel().1 as i32 - px(TIMES)) / count.max(1) as i32;
+    let ends: Vec<i32> = (1..count as i32).map(|number| number * height).collect();
+    area.split_by_breakpoints::<i32, i32, _, _>([], &ends)
 }
 
 fn draw_legend(area: &Area<'_>, several: bool) -> Result<()> {

@@ -15,7 +15,10 @@ pub(super) const SCALE: i32 = 110;
 /// Least width of the picture, so that the title fits, in pixels.
 const LEAST_WIDTH: i32 = 640;
 
-/// The mean return of every agent, and their range.
+/// Least span of the colours, as a share of the largest return.
+const LEAST_SPAN: f64 = 0.25;
+
+/// The mean return of every agent, and the range of the colours.
 pub(super) struct Returns {
     pub means: Vec<f64>,
     low: f64,
@@ -32,10 +35,12 @@ impl Returns {
     fn of_means(means: Vec<f64>) -> Returns {
         let range = |(low, high): (f64, f64), &value: &f64| (low.min(value), high.max(value));
         let (low, high) = means.iter().fold((f64::MAX, f64::MIN), range);
-        Returns { means, low, high }
+        // Returns that hardly differ must not look as if they did.
+        let more = (LEAST_SPAN * low.abs().max(high.abs()) - (high - low)).max(0.0);
+        Returns { means, low: low - more / 2.0, high: high + more / 2.0 }
     }
 
-    /// Returns the place of a value between the lowest mean and the highest one, from 0 to 1.
+    /// Returns the place of a value in the range of the colours, from 0 to 1.
     pub fn share(&self, value: f64) -> f64 {
         if self.high > self.low { (value - self.low) / (self.high - self.low) } else { 0.5 }
     }
@@ -100,7 +105,7 @@ fn draw_grid(
     })
 }
 
-/// Draws the colour scale, from the lowest return at the bottom to the highest at the top.
+/// Draws the scale of the colours, from low returns at the bottom to high ones at the top.
 pub(super) fn draw_scale(area: &Area<'_>, x: i32, height: i32, returns: &Returns) -> Result<()> {
     let Returns { low, high, .. } = *returns;
     for y in (0..height).step_by(px(1) as usize) {

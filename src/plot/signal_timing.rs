@@ -5,6 +5,8 @@ use anyhow::Result;
 use super::*;
 use crate::domain::road_trace::{RoadTrace, Shown};
 
+/// Number of bars from which on the time axis stands above them, too.
+const MANY: usize = 26;
 const AROUND: i32 = HEAD + MARGIN + LEGEND + AXIS;
 const LEGEND: i32 = 26;
 const AXIS: i32 = 44;
@@ -22,11 +24,13 @@ pub fn signal_timing(trace: &RoadTrace, about: &About) -> Result<Svg> {
     let names: Vec<String> = trace.names.iter().map(|name| shortened(name, LONGEST_NAME)).collect();
     let letters = f64::from(bar_height.min(14) - 3);
     let widest = names.iter().map(|name| text_width(name, letters)).max().unwrap_or(0);
-    let size = (width_for(&trace.seconds), AROUND + bar_height * count as i32);
+    let above = if count >= MANY { AXIS } else { 0 };
+    let size = (width_for(&trace.seconds), AROUND + above + bar_height * count as i32);
     picture(size, &title, &about.of_episode(), |area| {
         let (legend, area) = area.split_vertically(px(LEGEND));
         let mut chart = ChartBuilder::on(&area)
             .x_label_area_size(px(AXIS))
+            .top_x_label_area_size(px(above))
             .y_label_area_size(px(58).max(widest + px(10)))
             .margin_right(px(10))
             .build_cartesian_2d(time_axis(&trace.seconds), BoundedAxis::from(0.0..count as f64))?;

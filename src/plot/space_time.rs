@@ -64,8 +64,8 @@ pub fn space_time(corridor: &Corridor, seconds: &Range<usize>, about: &About) ->
 /// Returns the height of a light's bar, in pixels, and its colour.
 fn bar(aspect: Aspect) -> (f64, RGBColor) {
     match aspect {
-        Aspect::Green => (3.0, RGBColor(90, 190, 130)),
-        Aspect::Yellow => (7.0, RGBColor(240, 190, 40)),
+        Aspect::Green => (5.0, RGBColor(90, 190, 130)),
+        Aspect::Yellow => (8.0, RGBColor(240, 190, 40)),
         Aspect::Red => (11.0, RGBColor(178, 24, 43)),
     }
 }
@@ -81,5 +81,7 @@ fn draw_legend(area: &Area<'_>) -> Result<()> {
         area.draw(&Rectangle::new([(px(x), px(15 - height as i32)), (px(x + 26), px(15))], colour.filled()))?;
         area.draw_text(word, &style, (px(x + 34), px(10)))?;
     }
+    area.draw(&Rectangle::new([(px(548), px(4)), (px(574), px(15))], PALE.filled()))?;
+    area.draw_text("inside of an intersection", &style, (px(582), px(10)))?;
     Ok(())
 }

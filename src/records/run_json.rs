@@ -120,6 +120,9 @@ fn check(scenario: &Scenario) -> Result<()> {
     if let Some(checksum) = &id.checksum {
         ensure!(plain(checksum), told("checksum", checksum));
     }
+    if let Some(rules) = &id.rules {
+        ensure!(plain(rules), told("rules", rules));
+    }
     let unit = &id.episode.unit;
     ensure!(unit.len() <= LONGEST_WORD && unit.chars().all(is_printable), told("unit", unit));
     ensure!(

@@ -9,6 +9,7 @@ use super::document::{Block, Document, Figure};
 use super::group::Comparison;
 use super::pictures::{self, Against};
 use super::tables;
+use crate::base::counted;
 use crate::drawing::Svg;
 use crate::outside::quoted_word;
 
@@ -69,9 +70,10 @@ fn overview(comparisons: &[Comparison]) -> String {
     let runs: usize = groups().map(|group| group.runs.len()).sum();
     let scenarios: Vec<&str> = comparisons.iter().map(|comparison| comparison.title.as_str()).collect();
     format!(
-        "{runs} runs in {} groups; {}. Paper: Suau et al., Distributed Influence-Augmented Local Simulators for Parallel \
+        "{} in {}; {}. Paper: Suau et al., Distributed Influence-Augmented Local Simulators for Parallel \
          MARL in Large Networked Systems, NeurIPS 2022.",
-        groups().count(),
+        counted(runs, "run"),
+        counted(groups().count(), "group"),
         scenarios.join("; ")
     )
 }

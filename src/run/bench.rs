@@ -10,6 +10,7 @@ use serde_json::json;
 use super::build;
 use super::domain;
 use super::train::{cores, settings_with};
+use crate::base::counted;
 use crate::bench::costs::{Costs, Steps};
 use crate::bench::measure::{MeasurePlan, measure, short_orders};
 use crate::bench::table;
@@ -25,7 +26,7 @@ use crate::outside::{Directory, temporary_dir};
 use crate::records::checkpoint::owner::Owner;
 use crate::records::run_log::{Layouts, RunLog};
 use crate::terminal::measuring::BenchProgress;
-use crate::terminal::{answer, counted, json as in_json, tell};
+use crate::terminal::{answer, json as in_json, tell, warn};
 use crate::training::observer::Interrupted;
 
 /// Time for measuring matrix products at peak speed.
@@ -96,7 +97,7 @@ fn run(
     let measured = measure(&plan, &mut fleet, &mut log)?;
     let share = measured.share_of_an_episode(config, domain.agents());
     if share < 1.0 {
-        tell(format_args!(
+        warn(format_args!(
             "warning: {workers} workers: only {:.0} % of an episode was simulated, and episodes begin empty; a larger \
              --seconds gives a better estimate of a whole run",
             100.0 * share

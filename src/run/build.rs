@@ -56,7 +56,8 @@ pub fn record_resume(directory: &Directory, build: &Versions, steps: u64) -> Res
     run.write(directory)
 }
 
-fn cpu() -> String {
+/// Returns the name of the CPU.
+pub fn cpu() -> String {
     let text = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let name =
         text.lines().find_map(|line| Some(line.strip_prefix("model name")?.split_once(':')?.1.trim().to_owned()));

@@ -1,11 +1,11 @@
 //! The players of the episode that `replay` records: a controller, trained policies, or one agent's local simulator.
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, bail};
 
 use super::directory;
 use super::domain;
 use super::outputs::check_seconds;
-use super::subject::Subject;
+use super::subject::{Subject, agent_called};
 use crate::base::{AgentId, RandomPurpose, Seed, Stopwatch};
 use crate::cli;
 use crate::config::{Config, load};
@@ -66,12 +66,10 @@ impl ReplayedEpisode {
         }
         let run = directory::open(subject)?;
         let selection = if args.greedy { Selection::Greedy } else { Selection::Sampled };
-        let cast = match args.local {
+        let cast = match &args.local {
             None => Cast::Policies(run.controller(selection)),
-            Some(agent) => {
-                let agents = run.domain.agents();
-                ensure!(agent < agents, "--local {agent}: this run has the agents 0 to {}", agents - 1);
-                let agent = AgentId(agent);
+            Some(word) => {
+                let agent = agent_called(&*run.domain, word, "--local")?;
                 let (spec, policy) = (&run.domain.kinds().of(agent).spec, run.policies.pick([agent.0]).into_rows());
                 let policy = StackController::new(spec, &run.config.policy, &policy, selection);
                 Cast::Local { agent, policy, aip: directory::read_aips(subject, &run.config, &*run.domain, &[agent])? }

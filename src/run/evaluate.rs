@@ -10,9 +10,9 @@ use super::outputs;
 use super::places::Existing;
 use super::plot::Plots;
 use super::render::render;
-use super::subject::{Background, Subject};
+use super::subject::{Background, Subject, agent_called};
 use super::tune::tune;
-use crate::base::{AgentId, Seed};
+use crate::base::Seed;
 use crate::cli;
 use crate::config::{Config, load};
 use crate::domain::{Baseline, Domain};
@@ -25,8 +25,9 @@ use crate::traffic;
 
 pub fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
     let (config, domain) = directory::open_unchanged(&args.run_dir, domain::open).map_err(Error::Usage)?;
-    let agents = args.agents.iter().copied().map(AgentId).collect();
-    let background = args.background.clone().map(|controller| Background { controller, policies_of: agents });
+    let agents = args.agents.iter().map(|word| agent_called(&*domain, word, "--agents")).collect::<anyhow::Result<_>>();
+    let policies_of = agents.map_err(Error::Usage)?;
+    let background = args.background.clone().map(|controller| Background { controller, policies_of });
     let subject = Subject::Run { dir: args.run_dir.clone(), greedy: args.greedy, background };
     let plots = Plots::asked_for(&args.output, &config).map_err(Error::Usage)?;
     let domain = plots.as_ref().map_or(&*domain, Plots::domain);

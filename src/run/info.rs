@@ -31,12 +31,13 @@ fn libtorch(build: &Versions) -> String {
     format!("libtorch {} at {torch}\nBLAS at {blas}", build.libtorch)
 }
 
-fn place(found: Option<PathBuf>) -> String {
+/// Returns the path, or that there is none.
+pub fn place(found: Option<PathBuf>) -> String {
     found.map_or("(not found)".to_owned(), |path| path.display().to_string())
 }
 
 /// Finds the file of a shared library that this process has loaded. `name`: part of its file name.
-fn loaded_library(name: &str) -> Option<PathBuf> {
+pub fn loaded_library(name: &str) -> Option<PathBuf> {
     let maps = std::fs::read_to_string("/proc/self/maps").ok()?;
     let files = maps.lines().filter_map(|line| line.split_whitespace().nth(5));
     files

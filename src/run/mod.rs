@@ -4,8 +4,10 @@
 //! - `evaluate`: plays and measures saved policies; also `baseline`, which does so with hand-coded controllers.
 //! - `experiment`: makes all runs of a file. `report`, `compare`: summarise runs; `watch`: shows them live. `bench`: measures training speed.
 //! - `export`: policies as TorchScript; `python`: paths in lines of Python. `replay`: an episode for sumo-gui.
+//! - `describe`: the agents of a config, what a run of it will do, and what that costs.
 //! - `nets`: SUMO networks, made and inspected (`inspect`). `check`: local simulators beside the global one.
-//!   `info`: versions.
+//!   `info`: versions. `doctor`: what is missing.
+//! - `complete`: completions, manual pages, and the schema of a config. `listing`: lists of names as text.
 //! - `trial`: files that might crash a simulator, tried in a child process; also the hidden command of that child.
 //! - `domain`: finds the domain that a config names. Only this file knows all domains.
 //! - `directory`: makes and opens run directories. `run_name`: their default names. `places`: makes any directory whole
@@ -22,14 +24,18 @@ mod build;
 mod cast;
 mod check;
 mod compare;
+mod complete;
 mod csv_files;
+mod describe;
 pub mod directory;
+mod doctor;
 pub mod domain;
 mod evaluate;
 mod experiment;
 mod export;
 mod info;
 mod inspect;
+mod listing;
 mod nets;
 mod outputs;
 mod places;
@@ -54,12 +60,18 @@ use rustix::process::{Signal, getppid, set_parent_process_death_signal};
 use crate::cli::{Cli, Command};
 use crate::error::{Error, Result};
 use crate::machine::note_option_for_processes;
+use crate::terminal::{Talk, talk};
 
 /// Runs one command.
 pub fn run(cli: Cli) -> Result<()> {
     if let Some(parent) = cli.end_with {
         end_with(parent).map_err(Error::Run)?;
     }
+    talk(match (cli.quiet, cli.verbose) {
+        (true, _) => Talk::Quiet,
+        (_, true) => Talk::Verbose,
+        _ => Talk::Normal,
+    });
     match &cli.command {
         Command::Train(_) | Command::Bench(_) | Command::Worker => note_option_for_processes("--workers"),
         Command::Experiment(_) => note_option_for_processes("--cores"),
@@ -77,8 +89,13 @@ pub fn run(cli: Cli) -> Result<()> {
         Command::Watch(args) => watch::watch(&args),
         Command::Compare(args) => compare::compare(&args),
         Command::Replay(args) => replay::replay(&args),
+        Command::Describe(args) => describe::describe(&args),
         Command::Nets(args) => nets::nets(&args),
         Command::Info => info::info(),
+        Command::Doctor => doctor::doctor(),
+        Command::Completions { shell } => complete::completions(shell),
+        Command::Man { out, force } => complete::man(&out, force),
+        Command::Schema => complete::print_schema(),
         Command::Worker => worker::worker(),
         Command::TryOut => trial::try_out(),
     }

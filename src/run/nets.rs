@@ -1,13 +1,17 @@
 //! `nets`: writes SUMO networks, cuts them, and inspects them.
 
-use std::path::Path;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
 
 use super::inspect::inspect;
-use super::outputs::check_not_of_a_run;
+use super::outputs::{check_free, check_not_of_a_run};
+use super::places::{Existing, clear};
 use crate::cli::NetsCommand;
 use crate::config::ScenarioConfig;
-use crate::error::{Error, Result};
-use crate::outside::quoted;
+use crate::error::{Error, Result as CommandResult};
+use crate::outside::{quoted, temporary_dir, write_together};
 use crate::terminal::answer;
 use crate::traffic::agents::derive::Rules;
 use crate::traffic::cut::beyond::Reach;
@@ -17,16 +21,14 @@ use crate::traffic::paper_grid::grid::Grid;
 use crate::traffic::paper_grid::make::{write_grid, write_local};
 use crate::traffic::scenario::SumoScenario;
 
-pub fn nets(args: &NetsCommand) -> Result<()> {
-    if let NetsCommand::Grid { out, .. } | NetsCommand::Cut { out, .. } | NetsCommand::Local { out } = args {
-        check_not_of_a_run("--out", out).map_err(Error::Usage)?;
-    }
+pub fn nets(args: &NetsCommand) -> CommandResult<()> {
     let written = match args {
-        NetsCommand::Grid { rows, cols, inflow, out } => {
-            Grid::new(*rows, *cols).and_then(|grid| write_grid(grid, *inflow, out))
+        NetsCommand::Grid { rows, cols, inflow, out, force } => Grid::new(*rows, *cols)
+            .and_then(|grid| put(out, *force, &format!("grid_{grid}"), |room| write_grid(grid, *inflow, room))),
+        NetsCommand::Local { out, force } => put(out, *force, "local", write_local),
+        NetsCommand::Cut { file, light, hops, out, force } => {
+            put(out, *force, "cut", |room| cut(file, light, usize::from(*hops), room))
         }
-        NetsCommand::Local { out } => write_local(out),
-        NetsCommand::Cut { file, light, hops, out } => cut(file, light, usize::from(*hops), out),
         NetsCommand::Inspect { file, agents, json, plot, force } => {
             return inspect(file, agents.as_deref(), *json, plot.as_deref(), *force);
         }
@@ -36,8 +38,39 @@ pub fn nets(args: &NetsCommand) -> Result<()> {
     answer(format_args!("wrote {net}\nwatch it with: sumo-gui -c {config}")).map_err(Error::Run)
 }
 
-fn cut(file: &Path, light: &str, hops: usize, out: &Path) -> anyhow::Result<NetworkFiles> {
+fn cut(file: &Path, light: &str, hops: usize, out: &Path) -> Result<NetworkFiles> {
     let scenario = SumoScenario::read(&ScenarioConfig::of_file(file)?)?;
     let net = cut_light(&scenario, light, Rules::default().approach_m, Reach { hops, ..Reach::default() })?;
     write(&net, &scenario, out)
+}
+
+/// Puts the files of a network into a directory. A directory may hold several networks, so only files of the same names
+/// are in the way. Those that stay as they are, are not.
+///
+/// `name`: name of the network. `make`: makes its files in a directory, so that an error changes nothing in `out`.
+fn put(out: &Path, force: bool, name: &str, make: impl FnOnce(&Path) -> Result<NetworkFiles>) -> Result<NetworkFiles> {
+    check_not_of_a_run("--out", out)?;
+    let files = NetworkFiles::of(&out.join(name));
+    files.check_paths()?;
+    let room = temporary_dir()?;
+    make(room.path())?;
+    let mut new: Vec<(PathBuf, Vec<u8>)> = Vec::new();
+    for entry in fs::read_dir(room.path())? {
+        let entry = entry?;
+        let (place, bytes) = (out.join(entry.file_name()), fs::read(entry.path())?);
+        if !holds(&place, &bytes) {
+            new.push((place, bytes));
+        }
+    }
+    let existing = Existing::of_named(force);
+    new.iter().try_for_each(|(place, _)| check_free(place, "--out", existing))?;
+    new.iter().try_for_each(|(place, _)| clear(place, existing))?;
+    write_together(out, &new)?;
+    Ok(files)
+}
+
+/// Returns whether a file has these bytes already.
+fn holds(place: &Path, bytes: &[u8]) -> bool {
+    let as_long = place.metadata().is_ok_and(|there| there.is_file() && there.len() == bytes.len() as u64);
+    as_long && fs::read(place).is_ok_and(|there| there == bytes)
 }

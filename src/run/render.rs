@@ -6,7 +6,7 @@ use anyhow::{Context, Result, bail};
 
 use super::places::{self, Existing};
 use crate::base::Seed;
-use crate::domain::{Controller, GlobalSimulator};
+use crate::domain::{Controller, GlobalSimulator, Measures};
 use crate::evaluation::{episode_seed, play_watched};
 use crate::film::scenes;
 
@@ -23,12 +23,19 @@ pub fn render(
     if simulator.scene().is_none() {
         bail!("--render: this domain draws no pictures; try --plot, or `replay` for sumo-gui");
     }
-    let mut drawn = Vec::new();
+    let (mut drawn, mut titles) = (Vec::new(), Vec::new());
     play_watched(simulator, controller, episode_seed(run, 0), &mut |simulator| {
         drawn.push(simulator.scene().context("the domain drew no picture of a step")?);
+        titles.push(title(titles.len(), &simulator.measures()?));
         Ok(())
     })?;
-    places::make(dir, existing, |dir| scenes::write(&drawn, dir))
+    places::make(dir, existing, |dir| scenes::write(&drawn, &titles, dir))
         .with_context(|| format!("{}: cannot be written", dir.display()))
         .map(drop)
+}
+
+/// Returns the title of a step: its number, and what the agents have together in each figure.
+fn title(step: usize, measures: &Measures) -> String {
+    let figures = measures.per_agent.iter().map(|(name, values)| format!(", {name} {:.0}", values.iter().sum::<f64>()));
+    format!("step {step}{}", figures.collect::<String>())
 }

@@ -82,7 +82,7 @@ fn check_seconds_are_shown(args: &cli::ReplayArgs) -> Result<()> {
 /// Returns who plays, for pictures.
 fn subject(args: &cli::ReplayArgs) -> String {
     let name = args.subject.display();
-    match (&args.controller, args.local) {
+    match (&args.controller, &args.local) {
         (Some(controller), _) => format!("controller {controller} on {name}"),
         (None, Some(agent)) => format!("agent {agent} of {name} in its local simulator"),
         (None, None) => format!("policies of {name}"),

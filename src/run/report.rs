@@ -2,11 +2,12 @@
 
 use super::outputs::check_not_a_run;
 use super::places::{self, Existing};
+use crate::base::counted;
 use crate::cli;
 use crate::error::{Error, Result};
 use crate::outside::{Directory, Printable, quoted};
 use crate::report::{self, MARKDOWN, PAGE};
-use crate::terminal::{answer, counted, tell};
+use crate::terminal::{answer, warn};
 
 pub fn report(args: &cli::ReportArgs) -> Result<()> {
     let existing = Existing::of_named(args.force);
@@ -15,7 +16,7 @@ pub fn report(args: &cli::ReportArgs) -> Result<()> {
     let report = report::report(&args.folders).map_err(Error::Usage)?;
     let write = |dir: &Directory| report.files.iter().try_for_each(|(name, text)| dir.put(name, text.as_bytes()));
     places::make(&out, existing, write).map_err(Error::Usage)?;
-    report.warnings.iter().for_each(|warning| tell(format_args!("warning: {}", Printable(warning))));
+    report.warnings.iter().for_each(|warning| warn(format_args!("warning: {}", Printable(warning))));
     let (page, markdown) = (out.join(PAGE), out.join(MARKDOWN));
     let (runs, groups) = (report.runs, report.groups);
     let (runs, groups) = (counted(runs, "run"), counted(groups, "group"));

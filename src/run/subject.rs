@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, anyhow, bail, ensure};
+use anyhow::{Context, Result, anyhow, ensure};
 use serde_json::{Value, json};
 
 use super::directory::{self, TrainedRun};
@@ -11,7 +11,8 @@ use crate::domain::{Baseline, Domain};
 use crate::evaluation::Player;
 use crate::policy::Selection;
 use crate::records::files;
-use crate::terminal::tell;
+use crate::records::run_json::RunJson;
+use crate::terminal::{tell, warn};
 
 /// A controller or a run, as the command line names it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -112,14 +113,11 @@ impl Subject {
                 anyhow!("{name}: is a run directory, not a controller; use `evaluate`, `replay` or --compare")
             }),
             Subject::Run { dir, background, .. } => {
-                if let Some(Background { controller, policies_of }) = background {
-                    let agents = domain.agents();
-                    if let Some(unknown) = policies_of.iter().find(|agent| agent.0 >= agents) {
-                        bail!("--agents: there is no agent {unknown}; the agents are 0 to {}", agents - 1);
-                    }
+                if let Some(Background { controller, .. }) = background {
                     domain.check_baseline(controller)?;
                 }
-                fitting(dir, domain).map(drop)
+                fitting(dir, domain)?;
+                check_rules(dir, domain)
             }
         }
     }
@@ -146,6 +144,38 @@ impl Subject {
             }
         }
     }
+}
+
+/// Warns if the run in `dir` was trained under other rules than those by which `domain` scores it. It is an error if its
+/// policies know other observations.
+fn check_rules(dir: &Path, domain: &dyn Domain) -> Result<()> {
+    let recorded = RunJson::read_if_there(dir)?.scenario.and_then(|scenario| scenario.rules);
+    // Runs of earlier versions recorded no rules.
+    let (Some(theirs), Some(ours)) = (recorded, domain.scenario()?.rules) else { return Ok(()) };
+    let path = dir.display();
+    ensure!(
+        theirs.observation == ours.observation,
+        "{path}: its policies know other observations ({}) than those here ({}); use a config like the run's",
+        theirs.observation,
+        ours.observation
+    );
+    let differences = ours.differences(&theirs);
+    if !differences.is_empty() {
+        warn(format_args!(
+            "warning: {path}: was trained under other rules; here it is scored by those of this command:\n  {}",
+            differences.join("\n  ")
+        ));
+    }
+    Ok(())
+}
+
+/// Finds the agent that `option` names, by its number or its name.
+pub fn agent_called(domain: &dyn Domain, word: &str, option: &str) -> Result<AgentId> {
+    let last = domain.agents() - 1;
+    domain.agent_called(word).with_context(|| {
+        let names = [0, last].map(|agent| domain.agent_name(AgentId(agent)));
+        format!("{option}: there is no agent `{word}`; the agents are 0 to {last}, or {} to {}", names[0], names[1])
+    })
 }
 
 /// Reads the run in `dir`. If its policies do not fit the agents of `domain`, this is an error.

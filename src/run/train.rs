@@ -15,6 +15,7 @@ use super::places::Existing;
 use super::run_name::default_dir;
 use super::team::{Plan, Team};
 use super::watch::Beside;
+use crate::base::counted;
 use crate::cli;
 use crate::config::resume::with_end;
 use crate::config::{Config, LARGEST_FILE as LARGEST_CONFIG, load};
@@ -28,7 +29,7 @@ use crate::records::resume_point::{NothingFits, ResumePoint};
 use crate::records::run_json::{RunJson, Versions};
 use crate::records::run_log::{Layouts, RunLog};
 use crate::terminal::training::Progress;
-use crate::terminal::{answer, counted, program, tell};
+use crate::terminal::{answer, program, tell, warn};
 use crate::training::dials;
 use crate::training::observer::Interrupted;
 use crate::training::standing::Standing;
@@ -59,7 +60,7 @@ pub fn train(args: &cli::TrainArgs) -> Result<()> {
         (Ok(()), Some(place)) => {
             if place != directory.path() {
                 let (path, place) = (directory.path().display(), place.display());
-                tell(format_args!("warning: {path}: was moved to {place} while this run was written"));
+                warn(format_args!("warning: {path}: was moved to {place} while this run was written"));
             }
             answer(how_to_go_on(&place, &config, &*domain)).map_err(Error::Run)
         }
@@ -73,7 +74,7 @@ pub fn train(args: &cli::TrainArgs) -> Result<()> {
         (Err(error), place) => {
             if let Some(place) = place {
                 let way_out = format!("the files written so far are kept; resume with: {}", resume_command(&place));
-                tell(way_out);
+                warn(way_out);
             }
             Err(Error::Run(error))
         }
@@ -119,7 +120,7 @@ fn resume(args: &cli::TrainArgs, dir: &Path, wanted: Option<usize>) -> Result<Ru
     resume_locked(args, dir, directory.clone(), wanted).inspect_err(|_| {
         // A refused end leaves the run as it was.
         if let Some(Err(error)) = before.map(|before| directory.write(files::CONFIG, before.as_bytes())) {
-            tell(format_args!("warning: {error:#}"));
+            warn(format_args!("warning: {error:#}"));
         }
     })
 }
@@ -135,14 +136,14 @@ fn resume_locked(args: &cli::TrainArgs, dir: &Path, directory: Directory, wanted
         }
         if error.is::<NothingFits>() {
             let (program, config, run) = (program(), quoted(&dir.join(files::CONFIG)), quoted(dir));
-            tell(format_args!(
+            warn(format_args!(
                 "put the file back from a copy; or move this run aside and begin it again with: {program} train {config} \
                  --out {run} --force"
             ));
         }
         Error::Run(error)
     })?;
-    point.warning.iter().for_each(tell);
+    point.warning.iter().for_each(warn);
     Ok(Run { resumed: Some(point), other_build, ..run })
 }
 

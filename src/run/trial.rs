@@ -74,14 +74,14 @@ pub fn survive(config: &Config, domain: &dyn Domain) -> Result<()> {
 }
 
 /// The end of a child and its last words.
-struct End {
+pub struct End {
     /// Nothing if the child had not ended in time. It is killed then.
-    status: Option<ExitStatus>,
-    said: String,
+    pub status: Option<ExitStatus>,
+    pub said: String,
 }
 
 /// Runs a command on an input until it ends.
-fn watch(mut command: Command, input: String, patience: Duration) -> Result<End> {
+pub fn watch(mut command: Command, input: String, patience: Duration) -> Result<End> {
     command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
     let mut child = command.spawn().context("cannot start a process that tries it")?;
     let mut stdin = child.stdin.take().expect("it was piped");

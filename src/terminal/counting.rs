@@ -4,6 +4,7 @@ use std::fmt::Display;
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use super::{Talk, talks};
 use crate::outside::Printable;
 
 /// A progress bar for episodes or other things that are counted. It is shown on a terminal only.
@@ -22,7 +23,8 @@ impl EpisodeBar {
         let style = ProgressStyle::with_template(&format!(
             "{{bar:20.cyan/blue}} {{pos}}/{{len}} {things}  {{eta}} left  {{wide_msg}}"
         ));
-        let bar = ProgressBar::new(count as u64).with_style(style.expect("the template is well-formed"));
+        let bar = if talks(Talk::Normal) { ProgressBar::new(count as u64) } else { ProgressBar::hidden() };
+        let bar = bar.with_style(style.expect("the template is well-formed"));
         EpisodeBar { bar }
     }
 

@@ -1,14 +1,13 @@
 //! The progress of `experiment`: a bar per running process and one for the whole. Without a terminal: plain lines.
 
 use std::collections::BTreeMap;
-use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
-use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
+use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::duration::duration;
-use super::tell;
 use super::training::plain_line;
+use super::{shows_bars, tell};
 use crate::outside::Printable;
 
 /// Interval between plain lines about all running processes.
@@ -51,8 +50,9 @@ struct State {
 
 impl Display {
     pub fn new(tasks: Vec<Planned>) -> Self {
-        let terminal = std::io::stderr().is_terminal();
-        let bars = MultiProgress::new();
+        let terminal = shows_bars();
+        let target = if terminal { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+        let bars = MultiProgress::with_draw_target(target);
         let style = ProgressStyle::with_template("{bar:8.green/blue} {pos} of {len} done  {wide_msg}");
         let whole = ProgressBar::new(tasks.len() as u64).with_style(style.expect("the template is well-formed"));
         let whole = bars.add(whole);

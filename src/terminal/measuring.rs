@@ -2,15 +2,15 @@
 
 use std::cell::RefCell;
 use std::fmt::Display;
-use std::io::{IsTerminal, stderr};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::activity::doing;
-use super::{Wish, counted, stop_on_signals, tell};
+use super::{Talk, Wish, shows_bars, stop_on_signals, talks, tell, warn};
 use crate::base::Activity;
+use crate::base::counted;
 use crate::training::observer::Observer;
 
 /// The progress of `bench`: a status line on a terminal, elsewhere one line per fleet.
@@ -27,12 +27,13 @@ impl BenchProgress {
     pub fn new() -> anyhow::Result<Self> {
         let style =
             ProgressStyle::with_template("{spinner} {elapsed}  {wide_msg}").expect("the template is well-formed");
-        let line = ProgressBar::new_spinner().with_style(style);
+        let line = if talks(Talk::Normal) { ProgressBar::new_spinner() } else { ProgressBar::hidden() };
+        let line = line.with_style(style);
         line.set_message("peak speed of matrix products");
         let place = line.clone();
         let stop = stop_on_signals(move |wish| match wish {
             Wish::Stop => (), // `bench` stops at once
-            Wish::StopNow => place.suspend(|| tell("stopped")),
+            Wish::StopNow => place.suspend(|| warn("stopped")),
         })?;
         Ok(BenchProgress { line, fleet: RefCell::default(), stop })
     }
@@ -40,7 +41,7 @@ impl BenchProgress {
     /// Shows that the fleet with this number of workers is measured. `most`: the largest number that will be.
     pub fn begin(&self, workers: usize, most: usize) {
         let fleet = format!("{workers} of {}", counted(most, "worker"));
-        if !stderr().is_terminal() {
+        if !shows_bars() {
             tell(format_args!("measuring with {fleet}"));
         }
         self.line.set_message(fleet.clone());
@@ -67,7 +68,7 @@ impl Observer for BenchProgress {
     }
 
     fn worker_lost(&self, message: &str) {
-        self.line.suspend(|| tell(format_args!("warning: {message}")));
+        self.line.suspend(|| warn(format_args!("warning: {message}")));
     }
 
     fn stop_requested(&self) -> bool {

@@ -6,12 +6,11 @@
 //! - [`training`], [`measuring`], [`experiment`]: the progress of `train`, `bench` and `experiment`. They show bars on
 //!   a terminal and plain lines elsewhere.
 //! - [`counting`]: a bar for episodes and other things that are counted.
-//! - `activity`, `duration`, `counted`: activities, durations and numbers of things as text.
+//! - `activity`, `duration`: activities and durations as text.
 //!
 //! This room only shows what other rooms hand to it. It starts no work and reads no file.
 
 mod activity;
-mod counted;
 pub mod counting;
 mod duration;
 pub mod experiment;
@@ -21,7 +20,6 @@ mod shell;
 mod stop;
 pub mod training;
 
-pub use counted::counted;
-pub use say::{answer, json, tell};
+pub use say::{Talk, answer, json, shows_bars, talk, talks, tell, warn};
 pub use shell::{on_the_path, program};
 pub use stop::{Wish, check_stop, stop_on_signals};

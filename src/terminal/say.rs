@@ -2,11 +2,41 @@
 //! act on the terminal.
 
 use std::fmt::Display;
-use std::io::{ErrorKind, Write, stderr, stdout};
+use std::io::{ErrorKind, IsTerminal, Write, stderr, stdout};
+use std::sync::atomic::{AtomicU8, Ordering};
 
 use anyhow::{Context, Result};
 
 use crate::outside::{Printable, is_printable};
+
+/// How much is printed on standard error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(u8)]
+pub enum Talk {
+    /// Errors and warnings only.
+    Quiet,
+    Normal,
+    /// Also what the work is doing.
+    Verbose,
+}
+
+/// The choice of this process, as a number.
+static TALK: AtomicU8 = AtomicU8::new(Talk::Normal as u8);
+
+/// Chooses how much this process prints on standard error.
+pub fn talk(talk: Talk) {
+    TALK.store(talk as u8, Ordering::Relaxed);
+}
+
+/// Returns whether as much as this is printed.
+pub fn talks(talk: Talk) -> bool {
+    TALK.load(Ordering::Relaxed) >= talk as u8
+}
+
+/// Returns whether progress bars are shown: on a terminal, unless the process is quiet.
+pub fn shows_bars() -> bool {
+    stderr().is_terminal() && talks(Talk::Normal)
+}
 
 /// Returns a text of one line or more as it may reach a terminal. Messages hold names that others chose, and nothing in
 /// a name may act on the terminal.
@@ -29,8 +59,15 @@ pub fn json(value: impl Display) -> String {
     text
 }
 
-/// Prints a message on standard error. If that fails, the work continues.
+/// Prints a message on standard error, unless the process is quiet.
 pub fn tell(line: impl Display) {
+    if talks(Talk::Normal) {
+        warn(line);
+    }
+}
+
+/// Prints an error, a warning or what was lost on standard error. If that fails, the work continues.
+pub fn warn(line: impl Display) {
     let _ = stderr().write_all(format!("{}\n", shown(line)).as_bytes());
 }
 

@@ -1,7 +1,6 @@
 //! The progress of `train`: a bar on a terminal, plain lines elsewhere.
 
 use std::cell::{Cell, RefCell};
-use std::io::{IsTerminal, stderr};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -10,8 +9,9 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::activity::doing;
 use super::duration::duration;
-use super::{Wish, counted, stop_on_signals, tell};
+use super::{Talk, Wish, shows_bars, stop_on_signals, talks, tell, warn};
 use crate::base::Activity;
+use crate::base::counted;
 use crate::base::statistics::{Interval, mean};
 use crate::config::Config;
 use crate::evaluation::Evaluation;
@@ -65,7 +65,7 @@ impl Progress {
     /// The first Ctrl-C asks to stop where nothing is lost, the second ends the process. `last_words`: the line that is
     /// printed after the second.
     pub fn new(config: &Config, agents: usize, last_words: String) -> anyhow::Result<Self> {
-        let bar = stderr().is_terminal().then(|| {
+        let bar = shows_bars().then(|| {
             let style = "{bar:8.cyan/blue} {percent:>3} %  {wide_msg}";
             let style = ProgressStyle::with_template(style).expect("the template is well-formed");
             ProgressBar::new(config.last_step()).with_style(style)
@@ -74,7 +74,7 @@ impl Progress {
         let (place, now_doing) = (bar.clone(), doing.clone());
         let stop = stop_on_signals(move |wish| match wish {
             Wish::Stop => say(place.as_ref(), &stopping(*now_doing.lock().unwrap_or_else(PoisonError::into_inner))),
-            Wish::StopNow => say(place.as_ref(), &last_words),
+            Wish::StopNow => insist(place.as_ref(), &last_words),
         })?;
         let now = Instant::now();
         Ok(Progress {
@@ -102,7 +102,10 @@ impl Progress {
     }
 
     fn note(&self, activity: Activity) {
-        *self.doing.lock().unwrap_or_else(PoisonError::into_inner) = Some(activity);
+        let before = self.doing.lock().unwrap_or_else(PoisonError::into_inner).replace(activity);
+        if talks(Talk::Verbose) && before != Some(activity) {
+            self.say(&format!("  {}", doing(activity)));
+        }
     }
 
     /// Returns a message such as `12345 agent-steps/s, 3 min 20 s left, return 201.2, AIP 0.301`.
@@ -210,7 +213,7 @@ impl Observer for Progress {
     }
 
     fn worker_lost(&self, message: &str) {
-        self.say(&format!("warning: {message}"));
+        insist(self.bar.as_ref(), &format!("warning: {message}"));
     }
 
     fn stop_requested(&self) -> bool {
@@ -231,6 +234,14 @@ fn say(bar: Option<&ProgressBar>, line: &str) {
     match bar {
         Some(bar) => bar.suspend(|| tell(line)),
         None => tell(line),
+    }
+}
+
+/// Prints a line like [`say`], also if the process is quiet.
+fn insist(bar: Option<&ProgressBar>, line: &str) {
+    match bar {
+        Some(bar) => bar.suspend(|| warn(line)),
+        None => warn(line),
     }
 }
 

@@ -8,6 +8,7 @@
 //! - [`scenario`]: the scenario of a user, a .sumocfg with its files.
 //! - `ground`: what differs between a grid and a scenario.
 //! - [`sim`]: the simulators, their recordings and replays.
+//! - `task`: what a light sees, does and is paid for, in words.
 //! - [`controllers`]: hand-coded baselines; [`tuning`]: the search for the best fixed-time lights.
 //! - [`fidelity`]: how far the local simulators are like the global one.
 //!
@@ -48,6 +49,7 @@ pub mod reward;
 pub mod scenario;
 pub mod side;
 pub mod sim;
+mod task;
 pub mod tuning;
 
 use std::path::{Path, PathBuf};
@@ -60,7 +62,7 @@ use crate::config::{ScenarioConfig, TrafficConfig};
 use crate::domain::road_trace::RoadMap;
 use crate::domain::{
     Baseline, Beginning, Bystander, Domain, GlobalSimulator, Kind, Kinds, LocalSimulator, Measures, Result, RoughCosts,
-    Scenario,
+    Scenario, Task,
 };
 use crate::sumo::Simulation;
 use agents::plan::{AgentPlan, Border, JointPlan};
@@ -239,9 +241,12 @@ impl Domain for Traffic {
         &self.plan.kinds
     }
 
-    /// Returns the ids of the lights in the SUMO net.
-    fn names(&self) -> Vec<String> {
-        self.plans().iter().map(|plan| plan.light.clone()).collect()
+    fn agent_name(&self, agent: AgentId) -> String {
+        self.plan.agents[agent.0].light.clone()
+    }
+
+    fn task(&self, agent: AgentId) -> Task {
+        task::task(&self.plan, agent)
     }
 
     fn global_simulator(&self) -> Result<Box<dyn GlobalSimulator>> {
@@ -287,7 +292,7 @@ impl Domain for Traffic {
     }
 
     fn scenario(&self) -> Result<Scenario> {
-        self.ground.scenario(self.agents())
+        Ok(self.ground.scenario(self.agents())?.with_rules(task::rules(&self.plan), self.ground.unusual_reward()))
     }
 
     fn rival(&self) -> Option<&'static str> {

@@ -22,7 +22,7 @@ use crate::base::{AgentId, Seed};
 use crate::config::WarehouseConfig;
 use crate::domain::{
     Baseline, Bystander, Domain, FirstRow, GlobalSimulator, Kind, Kinds, LocalSimulator, Map, Measures, Result,
-    RoughCosts, Scenario,
+    RoughCosts, Rules, Scenario, Task,
 };
 use global::{GlobalWarehouse, ITEMS};
 use hand_coded::Rule;
@@ -32,6 +32,9 @@ use local::LocalWarehouse;
 /// Number of collected items per episode below which a robot is stuck. Random moves collect about two, policies more
 /// than ten.
 const STUCK_BELOW: f64 = 0.5;
+
+/// Version of the environment. Counts up when the same actions give other observations, rewards or items.
+const ENVIRONMENT: u32 = 1;
 
 /// A warehouse of learning robots.
 pub struct Warehouse {
@@ -51,6 +54,15 @@ impl Warehouse {
 impl Domain for Warehouse {
     fn kinds(&self) -> &Kinds {
         &self.kinds
+    }
+
+    fn agent_name(&self, agent: AgentId) -> String {
+        let side = self.agents().isqrt();
+        format!("r{}c{}", agent.0 / side, agent.0 % side)
+    }
+
+    fn task(&self, _agent: AgentId) -> Task {
+        region::task()
     }
 
     fn global_simulator(&self) -> Result<Box<dyn GlobalSimulator>> {
@@ -77,7 +89,9 @@ impl Domain for Warehouse {
     fn scenario(&self) -> Result<Scenario> {
         let side = self.agents().isqrt();
         let map = Map { rows: side, columns: side, first_row: FirstRow::Top };
-        Ok(Scenario::new("warehouse", self.agents(), self.horizon).with_map(map))
+        let observation = "cell and items".to_owned();
+        let rules = Rules { environment: ENVIRONMENT, reward: region::task().reward, observation };
+        Ok(Scenario::new("warehouse", self.agents(), self.horizon).with_map(map).with_rules(rules, None))
     }
 
     fn rival(&self) -> Option<&'static str> {

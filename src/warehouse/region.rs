@@ -8,7 +8,7 @@
 //!   .  3  4  5  .
 //! ```
 
-use crate::domain::{Action, RegionSpec, SourceSpec};
+use crate::domain::{Action, RegionSpec, SourceSpec, Task};
 
 /// Number of cells along a side.
 pub const SIDE: usize = 5;
@@ -52,6 +52,27 @@ pub fn spec(horizon: usize) -> RegionSpec {
         sources: SourceSpec { classes: vec![4; NEIGHBOURS], parts: 0 },
         horizon,
         local_horizon: horizon,
+    }
+}
+
+/// Returns what a robot sees, does and is paid for, in words.
+pub fn task() -> Task {
+    let cells = (0..CELLS).map(|cell| format!("robot in cell, row by row[{cell}]"));
+    let item = |(side, shelf)| format!("item on {side} shelf[{shelf}]");
+    // The order of `SHELF_CELLS`.
+    let sides = [("upper", 0), ("upper", 1), ("upper", 2), ("lower", 0), ("lower", 1), ("lower", 2)];
+    let ends = [("left", 0), ("right", 0), ("left", 1), ("right", 1), ("left", 2), ("right", 2)];
+    let items = sides.into_iter().chain(ends).map(item);
+    let seen: Vec<String> = cells.chain(items).collect();
+    // The order of `SHARED`.
+    let sides = ["to the right", "below", "to the left", "above"];
+    Task {
+        observation: seen.clone(),
+        // The order of `UP`, `DOWN`, `LEFT` and `RIGHT`.
+        actions: ["up", "down", "left", "right"].map(|way| format!("one cell {way}")).to_vec(),
+        reward: "age of the item that the robot collects, as a share of the oldest item's age in its region".to_owned(),
+        sources: sides.map(|side| format!("shelf of the neighbour {side}, or none")).to_vec(),
+        d_set: seen,
     }
 }
 
@@ -146,6 +167,16 @@ mod tests {
 
     fn cell(row: u8, col: u8) -> u8 {
         5 * row + col
+    }
+
+    #[test]
+    fn everything_that_a_robot_sees_and_does_has_a_name() {
+        let (task, spec) = (task(), spec(100));
+        let counts = [task.observation.len(), task.actions.len(), task.sources.len(), task.d_set.len()];
+        assert_eq!(counts, [spec.obs_dim, spec.n_actions, spec.sources.count(), spec.d_set_dim]);
+        // Shelves 8 and 9 are the middle ones of the left and the right column.
+        assert_eq!(task.observation[CELLS + 8..CELLS + 10], ["item on left shelf[1]", "item on right shelf[1]"]);
+        assert_eq!(SHELF_CELLS[8..10], [cell(2, 0), cell(2, 4)]);
     }
 
     #[test]

@@ -39,6 +39,11 @@ pub fn draw(layout: &FloorPlan, ages: &[Age], cells: &[u8]) -> Scene {
         let colour = if layout.learners().contains(&robot) { LEARNER } else { OTHER_ROBOT };
         scene.disc(x, y, 0.32, colour);
     }
+    scene.explain(LEARNER, "robot that learns");
+    scene.explain(OTHER_ROBOT, "other robot: goes for the closest item");
+    scene.explain(item_colour(0.0), "new item");
+    scene.explain(item_colour(OLD), "item of 15 steps or more");
+    scene.explain(SHELF, "shelf without an item");
     scene
 }
 

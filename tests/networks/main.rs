@@ -452,8 +452,10 @@ fn a_grid_with_our_names_and_other_content_is_refused_with_the_file_the_element_
         let (network, file) = damaged("grid_2x2", damage, room.path());
         let told = format!("{:#}", recognised(&network).expect_err(damage.told));
         assert!(told.starts_with(&format!("{}: {}", file.display(), damage.told)), "{told}\nis not\n{}", damage.told);
-        let way_out =
-            format!("remake it with: dials-traffic nets grid --rows 2 --cols 2 --out {}", room.path().display());
+        let way_out = format!(
+            "remake it with: dials-traffic nets grid --rows 2 --cols 2 --out {} --force",
+            room.path().display()
+        );
         assert!(told.ends_with(&way_out), "{told}");
     }
 }

@@ -220,9 +220,9 @@ impl LineChart {
         let ends: Vec<(i32, i32)> = self.levels.iter().map(|level| chart.backend_coord(&(x_end, level.y))).collect();
         self.name_levels(area, &ends, size)?;
         let area = chart.plotting_area();
-        for level in &self.levels {
+        for (number, level) in self.levels.iter().enumerate() {
             let points = vec![(area.get_x_range().start, level.y), (x_end, level.y)];
-            stroke(area, points, (INK.to_rgba(), level_dash(level)), 1.2)?;
+            stroke(area, points, (INK.to_rgba(), level_dash(number, level)), 1.2)?;
         }
         for line in &self.lines {
             let low = line.points.iter().filter_map(|point| Some((point.x, point.band?.0)));
@@ -256,7 +256,7 @@ impl LineChart {
         for index in order {
             let (x, y) = ends[index];
             let y = (y - corner.1).max(free_from);
-            free_from = y + px(size.names);
+            free_from = y + px(1.25 * size.names);
             let style = text(size.names, INK).pos(Pos::new(HPos::Left, VPos::Center));
             let name = Text::new(self.levels[index].name.clone(), (x - corner.0 + px(4.0), y), style);
             area.draw(&name)?;
@@ -320,8 +320,8 @@ impl LineChart {
             .companions
             .iter()
             .map(|label| LegendEntry { sample: LegendSample::Level(INK, Dash::Dotted), label: label.clone() });
-        let levels = self.levels.iter().map(|level| LegendEntry {
-            sample: LegendSample::Level(INK, level_dash(level)),
+        let levels = self.levels.iter().enumerate().map(|(number, level)| LegendEntry {
+            sample: LegendSample::Level(INK, level_dash(number, level)),
             label: level.label.clone(),
         });
         let marks = self
@@ -362,8 +362,9 @@ impl LineChart {
     }
 }
 
-fn level_dash(level: &Level) -> Dash {
-    if level.measured { Dash::Dashed } else { Dash::Long }
+fn level_dash(number: usize, level: &Level) -> Dash {
+    const MEASURED: [Dash; 3] = [Dash::Dashed, Dash::Short, Dash::Sparse];
+    if level.measured { MEASURED[number % MEASURED.len()] } else { Dash::Long }
 }
 
 /// Draws an error bar: a vertical line with a short bar at each end.

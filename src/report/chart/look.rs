@@ -11,6 +11,9 @@ use crate::drawing::{BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION, pen, px};
 
 const COLOURS: [RGBColor; 6] = [BLUE, ORANGE, GREEN, PURPLE, VERMILLION, SKY];
 
+/// Methods with a look of their own, the first word of their labels.
+const METHODS: [&str; 4] = ["DIALS", "GS", "untrained-DIALS", "marginal-DIALS"];
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dash {
     Solid,
@@ -18,6 +21,9 @@ pub enum Dash {
     Dotted,
     /// Only for levels from the paper; our lines never have it.
     Long,
+    /// These two are for levels only, to tell controllers apart.
+    Short,
+    Sparse,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,12 +58,23 @@ impl Look {
 pub struct Looks(BTreeMap<String, Look>);
 
 impl Looks {
-    /// Gives a look to each label, in order. A repeated label keeps its first look.
+    /// Gives a look to each label. A repeated label keeps its first look.
+    ///
+    /// The first label of each of [`METHODS`] has the look of its method, in every report. The others get the looks that
+    /// are left, in order.
     pub fn new<'a>(labels: impl Iterator<Item = &'a str>) -> Self {
         let mut looks = BTreeMap::new();
+        let mut taken = [false; METHODS.len()];
+        let mut left = METHODS.len()..;
         for label in labels {
-            let next = Look::number(looks.len());
-            looks.entry(label.to_owned()).or_insert(next);
+            if looks.contains_key(label) {
+                continue;
+            }
+            let word = label.split([' ', ',']).next().unwrap_or_default();
+            let method = METHODS.iter().position(|&method| method == word).filter(|&method| !taken[method]);
+            method.into_iter().for_each(|method| taken[method] = true);
+            let number = method.or_else(|| left.next()).expect("numbers never end");
+            looks.insert(label.to_owned(), Look::number(number));
         }
         Looks(looks)
     }
@@ -82,6 +99,8 @@ where
         Dash::Solid => area.draw(&PathElement::new(points, style)),
         Dash::Dashed => area.draw(&DashedPathElement::new(points, px(7.0), px(4.0), style)),
         Dash::Long => area.draw(&DashedPathElement::new(points, px(14.0), px(3.0), style)),
+        Dash::Short => area.draw(&DashedPathElement::new(points, px(4.0), px(2.0), style)),
+        Dash::Sparse => area.draw(&DashedPathElement::new(points, px(5.0), px(9.0), style)),
         Dash::Dotted => area.draw(&DashedPathElement::new(points, px(1.6), px(2.6), style)),
     }?;
     Ok(())
@@ -145,8 +164,11 @@ mod tests {
 
     #[test]
     fn a_label_looks_the_same_wherever_it_comes() {
-        let looks = Looks::new(["GS", "DIALS F=1M", "GS", "untrained-DIALS"].into_iter());
-        assert_eq!(looks.of("GS"), Look::number(0));
-        assert_eq!(looks.of("untrained-DIALS"), Look::number(2));
+        let looks = Looks::new(["GS", "DIALS F=1M", "GS", "DIALS F=2M", "GS, ppo.clip=0.2"].into_iter());
+        assert_eq!([looks.of("DIALS F=1M"), looks.of("GS")], [0, 1].map(Look::number));
+        assert_eq!([looks.of("DIALS F=2M"), looks.of("GS, ppo.clip=0.2")], [4, 5].map(Look::number));
+        let other = Looks::new(["untrained-DIALS", "DIALS F=62.5K"].into_iter());
+        assert_eq!(other.of("DIALS F=62.5K"), looks.of("DIALS F=1M"), "in another report, too");
+        assert_eq!(other.of("untrained-DIALS"), Look::number(2));
     }
 }

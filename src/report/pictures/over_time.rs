@@ -56,8 +56,12 @@ pub fn learning(comparison: &Comparison, looks: &Looks, against: Against) -> Res
         Against::Timesteps => steps_axis(),
         Against::Runtime => Axis { label: format!("wall time without evaluations, {unit}"), format: plain },
     };
+    let what = match against {
+        Against::Timesteps => "return by timesteps",
+        Against::Runtime => "return by wall time",
+    };
     let chart = LineChart {
-        title: comparison.heading(),
+        title: format!("{}: {what}", comparison.heading()),
         x,
         y: return_axis(comparison),
         lines,
@@ -143,7 +147,7 @@ fn levels(comparison: &Comparison) -> Vec<Level> {
     });
     let paper = paper::hand_coded(&comparison.scenario).map(|y| Level {
         label: format!("hand-coded, the paper: {}", figure(y)),
-        name: "the paper".to_owned(),
+        name: "hand-coded".to_owned(),
         y,
         measured: false,
     });
@@ -210,7 +214,7 @@ pub fn cross_entropy(comparison: &Comparison, looks: &Looks) -> Result<Option<Sv
         (true, true) => format!("{fresh}; if that was not measured: {held_out}"),
     };
     let chart = LineChart {
-        title: comparison.heading(),
+        title: format!("{}: loss of the AIPs", comparison.heading()),
         x: steps_axis(),
         y: Axis { label: "cross-entropy per source, nats".to_owned(), format: |value| format!("{value:.3}") },
         lines: lines.collect(),

@@ -30,7 +30,7 @@ use crate::machine::allow_open_files;
 use crate::outside::{Busy, Directory, quoted};
 use crate::report::find::{BASELINES, ExperimentPlan, PLAN};
 use crate::terminal::experiment::Display;
-use crate::terminal::{Wish, answer, program, stop_on_signals, tell};
+use crate::terminal::{Wish, answer, program, stop_on_signals, warn};
 use child::{RunProcess, Said, log_obstacle};
 use plan::{PlannedWork, Tasks};
 
@@ -157,7 +157,7 @@ impl Batch {
         let last_words = format!("stopped; resume with: {again}");
         let stop = stop_on_signals(move |wish| match wish {
             Wish::Stop => (), // `carry_out` prints it
-            Wish::StopNow => tell(&last_words),
+            Wish::StopNow => warn(&last_words),
         })?;
         let mut waiting = tasks.unfinished();
         let mut outcome = Outcome { tasks: waiting.len(), failed: Vec::new(), interrupted: false };

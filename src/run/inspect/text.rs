@@ -1,8 +1,8 @@
 //! A network as text for people.
 
-use std::fmt::{Display, Write};
-
 use super::Inspected;
+use crate::base::counted;
+use crate::run::listing::{aligned, line, list_columns};
 use crate::traffic::agents::derive::Agent;
 use crate::traffic::agents::derive::keeping::Keeping;
 use crate::traffic::agents::derive::safety;
@@ -13,7 +13,7 @@ use crate::traffic::agents::plan::{AgentPlan, Border};
 pub fn described(inspected: &Inspected) -> String {
     let Inspected { net, derived, padding, influence, rules, left_out, .. } = inspected;
     let (learning, keeping) = (derived.agents.len(), derived.keeping.len());
-    let lights = some(learning + keeping, "light");
+    let lights = counted(learning + keeping, "light");
     let mut text = String::new();
     line(&mut text, format_args!("{}: {lights}; {learning} learn, {keeping} keep their program", net.display()));
     line(
@@ -76,7 +76,7 @@ fn describe(text: &mut String, inspected: &Inspected, number: usize, agent: &Age
 }
 
 fn describe_phases(text: &mut String, phases: &PhasePlan) {
-    line(text, format_args!("  {}, and what is shown before another one:", some(phases.greens().len(), "green")));
+    line(text, format_args!("  {}, and what is shown before another one:", counted(phases.greens().len(), "green")));
     for (from, green) in phases.greens().iter().enumerate() {
         line(text, format_args!("    {from}  {green}"));
         // Often the way to several greens is the same.
@@ -102,7 +102,10 @@ fn describe_lanes(text: &mut String, plan: &AgentPlan) {
     let at_stop_line = region.approaches.iter().filter(|approach| approach.ahead_m == 0.0).count();
     line(
         text,
-        format_args!("  {}, {at_stop_line} of them at the stop line:", some(region.approaches.len(), "approach lane")),
+        format_args!(
+            "  {}, {at_stop_line} of them at the stop line:",
+            counted(region.approaches.len(), "approach lane")
+        ),
     );
     let head = ["lane", "length m", "to the stop line m", "limit m/s", "letters"].map(str::to_owned);
     let rows = region.approaches.iter().map(|approach| {
@@ -119,14 +122,14 @@ fn describe_lanes(text: &mut String, plan: &AgentPlan) {
         ]
     });
     aligned(text, [head].into_iter().chain(rows).collect());
-    line(text, format_args!("  {}:", some(region.links.len(), "link")));
+    line(text, format_args!("  {}:", counted(region.links.len(), "link")));
     let head = ["letter", "from", "to"].map(str::to_owned);
     let rows = region.links.iter().map(|link| {
         let [from, to] = [&region.approaches[link.from].lane, &region.exits[link.to].lane];
         [link.letter.to_string(), from.clone(), to.clone()]
     });
     aligned(text, [head].into_iter().chain(rows).collect());
-    line(text, format_args!("  {}:", some(region.exits.len(), "exit lane")));
+    line(text, format_args!("  {}:", counted(region.exits.len(), "exit lane")));
     let rows = region.exits.iter().map(|exit| {
         let leads = if exit.leaves_the_net { "leaves the net" } else { "leads to another light" };
         [exit.lane.clone(), format!("{:.1} m", exit.length_m), leads.to_owned()]
@@ -134,40 +137,7 @@ fn describe_lanes(text: &mut String, plan: &AgentPlan) {
     aligned(text, rows.collect());
 }
 
-/// Writes the names of columns, a line for neighbours that differ only in the number at the end.
 fn describe_columns(text: &mut String, what: &str, names: &[String]) {
-    line(text, format_args!("  {}:", some(names.len(), what)));
-    let stem = |name: &str| name.rsplit_once('[').map_or(name.to_owned(), |(stem, _)| stem.to_owned());
-    let mut first = 0;
-    let mut rows = Vec::new();
-    for group in names.chunk_by(|one, other| stem(one) == stem(other)) {
-        let last = first + group.len() - 1;
-        let [begin, end] = [&group[0], &group[group.len() - 1]];
-        rows.push(match group.len() {
-            1 => [first.to_string(), begin.clone()],
-            _ => [format!("{first}-{last}"), format!("{begin} to {}", &end[stem(end).len()..])],
-        });
-        first = last + 1;
-    }
-    aligned(text, rows);
-}
-
-/// Writes rows as columns of equal width.
-fn aligned<const N: usize>(text: &mut String, rows: Vec<[String; N]>) {
-    let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
-    let widths: [usize; N] = std::array::from_fn(width);
-    for row in &rows {
-        let cells = row.iter().zip(widths).map(|(cell, width)| format!("{cell:width$}"));
-        line(text, format_args!("    {}", cells.collect::<Vec<_>>().join("  ").trim_end()));
-    }
-}
-
-fn line(text: &mut String, words: impl Display) {
-    writeln!(text, "{words}").expect("a text takes what is written to it");
-}
-
-/// Returns a number with its noun, such as `1 light` or `2 lights`.
-fn some(number: usize, noun: &str) -> String {
-    let plural = if number == 1 { "" } else { "s" };
-    format!("{number} {noun}{plural}")
+    line(text, format_args!("  {}:", counted(names.len(), what)));
+    list_columns(text, names);
 }

@@ -50,6 +50,9 @@ pub trait Ground: Send + Sync {
     /// Describes what is simulated.
     fn scenario(&self, agents: usize) -> Result<Scenario>;
 
+    /// Returns the name of the reward, if it is another one than the usual.
+    fn unusual_reward(&self) -> Option<String>;
+
     /// Returns the name and the CRC-32 that timings of lights are tuned for.
     fn identity(&self) -> (String, u32);
 

@@ -121,6 +121,10 @@ impl Ground for OnGrid {
         Ok(scenario.with_map(map).with_checksum(self.network.checksum()).with_files([local_network]))
     }
 
+    fn unusual_reward(&self) -> Option<String> {
+        None
+    }
+
     fn identity(&self) -> (String, u32) {
         let name = self.network.files.net.file_name().unwrap_or_default().to_string_lossy();
         (name.strip_suffix(".net.xml").unwrap_or(&name).to_owned(), self.network.checksum())

@@ -7,7 +7,7 @@ use std::sync::{Arc, OnceLock};
 use anyhow::{Context, anyhow, bail};
 
 use super::Ground;
-use crate::config::{DomainTable, Observation, ScenarioConfig};
+use crate::config::{DomainTable, Observation, Reward, ScenarioConfig};
 use crate::domain::{Kinds, RegionSpec, Result, Scenario, SourceSpec};
 use crate::outside::quoted;
 use crate::traffic::agents::derive::border::Seconds;
@@ -181,6 +181,10 @@ impl Ground for OnScenario {
 
     fn scenario(&self, agents: usize) -> Result<Scenario> {
         Ok(Scenario::new("traffic", agents, self.horizon()).with_checksum(self.files.checksum()))
+    }
+
+    fn unusual_reward(&self) -> Option<String> {
+        (self.config.reward != Reward::default()).then(|| self.config.reward.name())
     }
 
     fn identity(&self) -> (String, u32) {

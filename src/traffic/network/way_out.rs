@@ -16,7 +16,7 @@ pub fn cannot_be_simulated(net: &Path, role: Role) -> String {
     let named_local = net.file_name().is_some_and(|name| name == "local.net.xml");
     let way_out = match role {
         Role::Local if !named_local => make_local(),
-        _ => format!("remake it with: {}", command_for(net)),
+        _ => format!("remake it with: {} --force", command_for(net)),
     };
     format!("{}: this network cannot be simulated; {way_out}", net.display())
 }
@@ -55,8 +55,10 @@ mod tests {
         let told = |net: &str, role| cannot_be_simulated(Path::new(net), role);
         assert!(told("a/cross.net.xml", Role::Local).ends_with("make one with: dials-traffic nets local --out DIR"));
         assert!(told("a/grid_1x1.net.xml", Role::Local).ends_with("dials-traffic nets local --out DIR"));
-        assert!(told("a/local.net.xml", Role::Local).ends_with("remake it with: dials-traffic nets local --out a"));
-        assert!(told("a/grid_2x3.net.xml", Role::Global).ends_with("nets grid --rows 2 --cols 3 --out a"));
+        assert!(
+            told("a/local.net.xml", Role::Local).ends_with("remake it with: dials-traffic nets local --out a --force")
+        );
+        assert!(told("a/grid_2x3.net.xml", Role::Global).ends_with("nets grid --rows 2 --cols 3 --out a --force"));
     }
 
     #[test]

@@ -75,7 +75,7 @@ fn check_content(path: &Path, found: &Element, expected: &Element, way_out: impl
 /// name.
 fn way_out(net: &Path, grid: Grid) -> String {
     if net.file_name().is_some_and(|name| name == format!("grid_{grid}.net.xml").as_str()) {
-        return format!("remake it with: {}", command_for(net));
+        return format!("remake it with: {} --force", command_for(net));
     }
     format!("make one with: dials-traffic nets grid --rows {} --cols {} --out DIR", grid.rows(), grid.cols())
 }

@@ -1,0 +1,57 @@
+//! `completions` and `man`: what shells and `man` know of the command line. `schema`: what editors know of a config.
+
+use std::fs;
+use std::path::Path;
+
+use anyhow::Context;
+use clap::CommandFactory;
+use clap_complete::Shell;
+
+use super::outputs::check_free;
+use super::places::{self, Existing};
+use crate::cli::Cli;
+use crate::config::schema;
+use crate::error::{Error, Result};
+use crate::outside::{quoted, temporary_dir};
+use crate::terminal::{answer, json, tell};
+
+pub fn completions(shell: Shell) -> Result<()> {
+    let mut command = Cli::command();
+    let name = command.get_name().to_owned();
+    let mut script = Vec::new();
+    clap_complete::generate(shell, &mut command, name, &mut script);
+    let script = String::from_utf8(script).expect("clap writes UTF-8");
+    answer(script.trim_end()).map_err(Error::Run)
+}
+
+/// Writes a page for the program and one for each subcommand into a directory.
+pub fn man(dir: &Path, force: bool) -> Result<()> {
+    let existing = Existing::of_named(force);
+    check_free(dir, "--out", existing).map_err(Error::Usage)?;
+    let pages = pages().map_err(Error::Run)?;
+    let written =
+        places::make(dir, existing, |staged| pages.iter().try_for_each(|(name, text)| staged.put(name, text)));
+    written.map_err(Error::Usage)?;
+    let first = quoted(&dir.join("dials-traffic.1"));
+    tell(format_args!("wrote {} pages into {}; read the first with: man -l {first}", pages.len(), dir.display()));
+    Ok(())
+}
+
+/// Returns the pages with their names, in order.
+fn pages() -> anyhow::Result<Vec<(String, Vec<u8>)>> {
+    let made = temporary_dir().context("the pages have no place")?;
+    clap_mangen::generate_to(Cli::command(), made.path()).context("the pages could not be made")?;
+    let mut pages = Vec::new();
+    for entry in fs::read_dir(made.path())? {
+        let path = entry?.path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        pages.push((name, fs::read(path)?));
+    }
+    pages.sort();
+    Ok(pages)
+}
+
+/// Prints the JSON schema of a config.
+pub fn print_schema() -> Result<()> {
+    answer(json(serde_json::to_string_pretty(&schema()).expect("JSON has any text"))).map_err(Error::Run)
+}

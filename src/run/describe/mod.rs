@@ -1,0 +1,87 @@
+//! `describe`: what a config is about, before anything is simulated.
+//!
+//! - `text`: for people; `json`: for programs.
+
+mod json;
+mod text;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::train::{cores, settings_with};
+use super::{build, domain};
+use crate::base::AgentId;
+use crate::cli;
+use crate::config::{Config, load};
+use crate::cost::Workload;
+use crate::domain::{Domain, Task};
+use crate::error::{Error, Result};
+use crate::experiment::estimate::{Estimate, estimate};
+use crate::experiment::file::PlannedRun;
+use crate::outside::FileName;
+use crate::records::run_record::RunRecord;
+use crate::report::find::find;
+use crate::terminal::{answer, json as in_json};
+
+/// Folder whose runs tell how long a run takes here: where `train` writes.
+const RUNS: &str = "runs";
+
+/// Everything that is shown of a config.
+struct Described {
+    path: PathBuf,
+    config: Config,
+    domain: Arc<dyn Domain>,
+    tasks: Vec<AgentTask>,
+    work: Workload,
+    workers: usize,
+    estimate: Estimate,
+}
+
+/// An agent with its name and its task.
+struct AgentTask {
+    agent: AgentId,
+    name: String,
+    task: Task,
+}
+
+pub fn describe(args: &cli::DescribeArgs) -> Result<()> {
+    let described = Described::of(args).map_err(Error::Usage)?;
+    let found = match args.json {
+        true => in_json(json::described(&described)),
+        false => text::described(&described).trim_end().to_owned(),
+    };
+    answer(found).map_err(Error::Run)
+}
+
+impl Described {
+    fn of(args: &cli::DescribeArgs) -> anyhow::Result<Described> {
+        let config = load(&args.config, &settings_with(&args.settings, args.simulator))?;
+        let domain = domain::find(&config)?;
+        let tasks = AgentId::all(domain.agents()).into_iter().map(|agent| AgentTask {
+            agent,
+            name: domain.agent_name(agent),
+            task: domain.task(agent),
+        });
+        let tasks = tasks.collect();
+        let run = PlannedRun {
+            name: FileName::new("run")?,
+            config_path: args.config.clone(),
+            settings: Vec::new(),
+            config: config.clone(),
+            scenario: domain.scenario()?,
+            rough_costs: domain.rough_costs(),
+        };
+        let workers = args.workers.unwrap_or_else(cores);
+        let estimate = estimate(&run, workers, &runs_of_this_cpu(Path::new(RUNS)));
+        let work = Workload::of(&config, domain.agents(), config.last_step());
+        Ok(Described { path: args.config.clone(), config, domain, tasks, work, workers, estimate })
+    }
+}
+
+/// Returns the runs in a folder that a CPU of this name has computed.
+fn runs_of_this_cpu(folder: &Path) -> Vec<RunRecord> {
+    // A folder without runs is no reason to fail: they only make the estimate better.
+    let Ok(found) = find(&[folder.to_owned()]) else { return Vec::new() };
+    let here = build::cpu();
+    found.runs.into_iter().filter(|run| run.about.versions.cpu == here).collect()
+}

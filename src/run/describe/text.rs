@@ -1,0 +1,138 @@
+//! A config as text for people.
+
+use super::{AgentTask, Described};
+use crate::base::counted;
+use crate::config::Simulator;
+use crate::domain::RegionSpec;
+use crate::experiment::estimate::Source;
+use crate::report::words::duration;
+use crate::run::listing::{line, list_columns};
+use crate::terminal::program;
+
+/// Largest number of agents whose names are listed.
+const MOST_NAMES: usize = 12;
+
+/// Returns the whole text.
+pub fn described(described: &Described) -> String {
+    let mut text = String::new();
+    agents(&mut text, described);
+    task(&mut text, described);
+    run(&mut text, described);
+    cost(&mut text, described);
+    text
+}
+
+fn agents(text: &mut String, Described { path, config, domain, tasks, .. }: &Described) {
+    let horizon = domain.kinds().horizon();
+    let count = counted(tasks.len(), "agent");
+    line(text, format_args!("{}: {count}, episodes of {horizon} steps", path.display()));
+    line(text, format_args!("simulator: {}", simulator(config.simulator)));
+    let mut names: Vec<&str> = tasks.iter().map(|agent| agent.name.as_str()).take(MOST_NAMES).collect();
+    let more = tasks.len() - names.len();
+    let more = format!("and {more} more");
+    if tasks.len() > MOST_NAMES {
+        names.push(&more);
+    }
+    line(text, format_args!("agents: {}", names.join(", ")));
+    for what in domain.left_out() {
+        line(text, format_args!("not simulated: {what}"));
+    }
+}
+
+fn simulator(simulator: Simulator) -> &'static str {
+    use crate::config::Predictor::{Marginals, Network, Untrained};
+    match simulator {
+        Simulator::Global => "gs: policies train on the global simulator",
+        Simulator::Local(Network) => "dials: policies train on local simulators with trained influence predictors",
+        Simulator::Local(Untrained) => "untrained-dials: policies train on local simulators with random predictors",
+        Simulator::Local(Marginals) => "marginal-dials: policies train on local simulators with constant predictors",
+    }
+}
+
+/// Writes what agents see, do and are paid for. If they differ, the first one stands for all.
+fn task(text: &mut String, Described { domain, tasks, config, .. }: &Described) {
+    let [AgentTask { agent, name, task }, others @ ..] = &tasks[..] else { return };
+    let differing = others.iter().filter(|other| shape(other) != shape(&tasks[0])).count();
+    let RegionSpec { obs_dim, n_actions, d_set_dim, sources, .. } = &domain.kinds().of(*agent).spec;
+    line(text, format_args!("\nreward of a step: {}", task.reward));
+    if differing > 0 {
+        line(
+            text,
+            format_args!(
+                "agents differ: below is {name}; --json has all. Each network is as wide as the widest needs: {obs_dim} \
+                 columns, {n_actions} actions, {} sources, {d_set_dim} columns of the d-set",
+                sources.count()
+            ),
+        );
+    }
+    let mut list = |what: &str, names: &[String]| {
+        line(text, format_args!("{}:", counted(names.len(), what)));
+        list_columns(text, names);
+    };
+    list("observation column", &task.observation);
+    list("action", &task.actions);
+    if config.simulator != Simulator::Global {
+        list("influence source", &task.sources);
+        list("d-set column", &task.d_set);
+    }
+}
+
+/// Returns the widths of an agent's task.
+fn shape(AgentTask { task, .. }: &AgentTask) -> [usize; 4] {
+    [task.observation.len(), task.actions.len(), task.sources.len(), task.d_set.len()]
+}
+
+fn run(text: &mut String, Described { config, work, .. }: &Described) {
+    line(text, "\na run of `train`:");
+    line(
+        text,
+        format_args!(
+            "  {} steps per agent, {} updates of the policies",
+            work.steps,
+            updates(work.steps, config.ppo.memory)
+        ),
+    );
+    let episodes = [work.evaluation_episodes, work.final_episodes].map(|episodes| counted(episodes, "episode"));
+    line(
+        text,
+        format_args!(
+            "  {} of {} on the way, one of {} at the end",
+            counted(work.evaluations, "evaluation"),
+            episodes[0],
+            episodes[1]
+        ),
+    );
+    if work.retrainings > 0 {
+        line(
+            text,
+            format_args!(
+                "  {} of the predictors, each on {} of the global simulator, {}",
+                counted(work.retrainings, "training"),
+                counted(work.dataset_episodes, "episode"),
+                counted(work.epochs, "epoch")
+            ),
+        );
+    }
+}
+
+/// Returns the number of updates of a policy.
+fn updates(steps: u64, memory: usize) -> u64 {
+    steps / memory as u64
+}
+
+fn cost(text: &mut String, Described { path, workers, estimate, .. }: &Described) {
+    line(
+        text,
+        format_args!(
+            "\nabout {} and {:.0} MiB with {}",
+            duration(estimate.seconds),
+            estimate.memory_mb,
+            counted(*workers, "worker")
+        ),
+    );
+    let source = match estimate.source {
+        Source::Measured(runs) => format!("from {} of this machine in runs/", counted(runs, "finished run")),
+        Source::Constants => "rough: from runs on two cores of another machine".to_owned(),
+    };
+    line(text, format_args!("({source}; to measure it here: {} bench {})", program(), crate::outside::quoted(path)));
+}

@@ -1,0 +1,32 @@
+//! `doctor`: what is installed here, what is missing, and the command that cures it.
+//!
+//! - `finding`: one line of the answer. `parts`: libraries, programs and limits. `trial`: a short training of each
+//!   domain.
+
+mod finding;
+mod parts;
+mod trial;
+
+use anyhow::anyhow;
+
+use crate::base::counted;
+use crate::error::{Error, Result};
+use crate::terminal::answer;
+use finding::{Finding, State};
+
+pub fn doctor() -> Result<()> {
+    let mut findings = parts::find();
+    findings.extend(trial::find());
+    let lines: Vec<String> = findings.iter().map(Finding::to_string).collect();
+    answer(lines.join("\n")).map_err(Error::Run)?;
+    let count = |state| findings.iter().filter(|finding| finding.state == state).count();
+    let errors = count(State::Error);
+    if errors > 0 {
+        return Err(Error::Run(anyhow!("training cannot work here: {}; see `cure:` above", counted(errors, "error"))));
+    }
+    let missing = match count(State::Missing) {
+        0 => String::new(),
+        missing => format!("; {missing} that some commands need is missing"),
+    };
+    answer(format_args!("\ntraining works here{missing}")).map_err(Error::Run)
+}

@@ -1,0 +1,91 @@
+//! What a light sees, does and is paid for, in words.
+
+use super::agents::phase_plan::Choice;
+use super::agents::plan::{AgentPlan, Border, JointPlan};
+use super::agents::sensor::{CarColumns, LightColumns};
+use crate::base::AgentId;
+use crate::config::{Reward, RewardTerm};
+use crate::domain::{Rules, Task};
+
+/// Returns the task of one agent.
+pub fn task(plan: &JointPlan, agent: AgentId) -> Task {
+    let of_agent = &plan.agents[agent.0];
+    let (sources, d_set) = match plan.borders.get(agent.0) {
+        Some(Border { plan, d_set }) => (plan.source_names(), d_set.columns(plan)),
+        None => of_grid(of_agent),
+    };
+    Task {
+        observation: of_agent.sensor.columns(&of_agent.region),
+        actions: actions(of_agent),
+        reward: reward(&plan.reward),
+        sources,
+        d_set,
+    }
+}
+
+/// Version of the environment. Counts up when the same actions give other observations, rewards or traffic.
+const ENVIRONMENT: u32 = 1;
+
+/// Returns the rules of all lights.
+pub fn rules(plan: &JointPlan) -> Rules {
+    let sensor = &plan.agents[0].sensor;
+    let cars = match &sensor.cars {
+        CarColumns::Cells(_) => "cells",
+        CarColumns::QueueAndDensity(_) => "queues",
+    };
+    let light = match sensor.light {
+        LightColumns::FourStates => "light of two directions",
+        LightColumns::TargetAndAge(_) => "green and its age",
+    };
+    let clock = if sensor.clock > 0 { format!(", clock of {} steps", sensor.clock) } else { String::new() };
+    Rules { environment: ENVIRONMENT, reward: reward(&plan.reward), observation: format!("{cars}, {light}{clock}") }
+}
+
+fn actions(plan: &AgentPlan) -> Vec<String> {
+    match plan.phases.choice() {
+        Choice::KeepOrSwitch => ["keep", "switch to the next green"].map(str::to_owned).to_vec(),
+        Choice::Target => plan.phases.greens().iter().map(|green| format!("go to green {green}, or keep it")).collect(),
+    }
+}
+
+/// Returns the names of the influence sources and of the columns of the d-set of an agent of a grid.
+fn of_grid(plan: &AgentPlan) -> (Vec<String>, Vec<String>) {
+    let lanes = plan.region.approaches.iter().map(|approach| &approach.lane);
+    let arrivals: Vec<String> = lanes.map(|lane| format!("arrival {lane}")).collect();
+    let seen = plan.sensor.columns(&plan.region);
+    let mut d_set = seen[..plan.sensor.car_columns()].to_vec();
+    if plan.sensor.arrivals_in_d_set {
+        d_set.extend(arrivals.iter().map(|name| format!("{name}, last step")));
+    }
+    d_set.extend_from_slice(&seen[plan.sensor.clock_columns()]);
+    (arrivals, d_set)
+}
+
+fn reward(reward: &Reward) -> String {
+    let term = |(term, weight): (RewardTerm, f64)| match weight {
+        1.0 => term.words().to_owned(),
+        weight => format!("{weight} x ({})", term.words()),
+    };
+    reward.terms().map(term).collect::<Vec<_>>().join(" + ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::{DSet, TrafficConfig};
+    use crate::traffic::paper_grid::grid::Grid;
+    use crate::traffic::paper_grid::plans::joint_plan;
+
+    #[test]
+    fn a_light_of_a_grid_has_a_name_for_everything_that_it_has() {
+        let config = TrafficConfig { clock: Some(26), d_set: DSet::CellsAndArrivals, ..TrafficConfig::new("", "") };
+        let plan = joint_plan(Grid::new(2, 2).unwrap(), &config);
+        let spec = &plan.kinds.iter().next().unwrap().spec;
+        let task = task(&plan, AgentId(3));
+        let counts = [task.observation.len(), task.actions.len(), task.sources.len(), task.d_set.len()];
+        assert_eq!(counts, [spec.obs_dim, spec.n_actions, spec.sources.count(), spec.d_set_dim]);
+        assert_eq!((task.sources[0].as_str(), task.observation[0].as_str()), ("arrival r1c0_r1c1_0", "r1c0_r1c1_0[0]"));
+        assert_eq!(task.d_set[36], "arrival r1c0_r1c1_0, last step");
+        assert_eq!(task.reward, "mean speed of the cars on the approaches, as a share of the limit");
+    }
+}

@@ -1,0 +1,201 @@
+//! What a newcomer asks first: what is this config, what is missing here, what does the shell know?
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Output;
+
+use assert_cmd::Command;
+use serde_json::Value;
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn program(args: &[&str]) -> Command {
+    let mut command = assert_cmd::cargo::cargo_bin_cmd!("dials-traffic");
+    command.args(args);
+    command
+}
+
+fn said(output: &Output) -> [String; 2] {
+    [&output.stdout, &output.stderr].map(|bytes| String::from_utf8(bytes.clone()).unwrap())
+}
+
+/// Returns what a command prints on standard output.
+fn answer(args: &[&str]) -> String {
+    let [out, _] = said(program(args).current_dir(root()).assert().success().get_output());
+    out
+}
+
+#[test]
+fn a_config_is_described_with_all_that_its_agents_see_do_and_are_paid_for() {
+    let text = answer(&["describe", "configs/traffic_4.toml", "--workers", "2"]);
+    for line in [
+        "configs/traffic_4.toml: 4 agents, episodes of 300 steps",
+        "agents: r0c0, r0c1, r1c0, r1c1",
+        "reward of a step: mean speed of the cars on the approaches, as a share of the limit",
+        "40 observation columns:",
+        "2 actions:",
+        "4 influence sources:",
+        "  4000000 steps per agent, 31250 updates of the policies",
+        "  40 evaluations of 20 episodes on the way, one of 100 episodes at the end",
+        "  4 trainings of the predictors, each on 34 episodes of the global simulator, 100 epochs",
+    ] {
+        assert!(text.lines().any(|told| told == line), "`{line}` is not in:\n{text}");
+    }
+    assert!(text.contains(" with 2 workers\n(rough: from runs on two cores of another machine; "), "{text}");
+
+    let on_gs = answer(&["describe", "configs/traffic_4.toml", "--simulator", "gs", "--set", "total_steps=1e6"]);
+    assert!(on_gs.contains("  1000000 steps per agent") && !on_gs.contains("influence source"), "{on_gs}");
+}
+
+#[test]
+fn every_agent_of_a_scenario_is_in_the_json_without_padding() {
+    let json: Value = serde_json::from_str(&answer(&["describe", "sumo_nets/town/town.sumocfg", "--json"])).unwrap();
+    let agents = json["agents"].as_array().unwrap();
+    assert_eq!((agents.len(), agents[0]["name"].as_str()), (20, Some("b2")));
+    let widths: Vec<usize> =
+        agents.iter().map(|agent| agent["task"]["observation"].as_array().unwrap().len()).collect();
+    let widest = json["kinds"][0]["observation_columns"].as_u64().unwrap() as usize;
+    assert_eq!(widths.iter().max(), Some(&widest));
+    assert!(widths.iter().any(|&width| width < widest), "{widths:?}");
+    assert_eq!(json["run"]["steps_per_agent"], 216_000);
+    assert!(json["cost"]["seconds"].as_f64().unwrap() > 0.0);
+}
+
+#[test]
+fn the_words_of_every_reward_are_those_of_the_docs() {
+    let page = fs::read_to_string(root().join("docs/environments.md")).unwrap();
+    let town = "sumo_nets/town/town.sumocfg";
+    for name in ["mean-speed", "queue", "pressure", "wait", "diff-waiting-time"] {
+        let setting = format!("traffic.reward={name}");
+        let text = answer(&["describe", town, "--set", &setting]);
+        let words = text.lines().find_map(|line| line.strip_prefix("reward of a step: ")).unwrap().to_owned();
+        assert!(page.contains(&format!("| `{name}` | {words} |")), "{name}: {words}");
+    }
+}
+
+#[test]
+fn the_doctor_trains_and_says_what_is_missing_and_how_to_get_it() {
+    let [out, _] = said(program(&["doctor"]).assert().success().get_output());
+    for line in ["ok       a short training without SUMO", "ok       a short training on SUMO"] {
+        assert!(out.lines().any(|told| told == line), "{out}");
+    }
+    assert!(out.contains("\ntraining works here"), "{out}");
+
+    // Without netconvert there is no net to train on.
+    let [out, err] = said(program(&["doctor"]).env("PATH", "").assert().code(1).get_output());
+    for part in [
+        "missing  sumo-gui is not on the PATH: needed for `replay --gui` and films\n         cure: apt-get install sumo",
+        "ok       a short training without SUMO",
+        "error    a short training on SUMO: ",
+        "netconvert is not on the PATH",
+    ] {
+        assert!(out.contains(part), "`{part}` is not in:\n{out}");
+    }
+    assert!(err.starts_with("error: training cannot work here: 1 error"), "{err}");
+
+    let nowhere = program(&["doctor"]).env("TMPDIR", "/no/such/folder").assert().code(1).get_output().clone();
+    assert!(said(&nowhere)[0].contains("/no/such/folder"), "{:?}", said(&nowhere));
+}
+
+/// Returns the subcommands that `--help` lists.
+fn subcommands() -> Vec<String> {
+    let help = answer(&["--help"]);
+    let (_, list) = help.split_once("Commands:\n").unwrap();
+    let lines = list.lines().take_while(|line| !line.is_empty());
+    // Continued lines are further to the right.
+    let names = lines.filter_map(|line| line.strip_prefix("  ").filter(|rest| !rest.starts_with(' ')));
+    let names = names.filter_map(|line| line.split(' ').next().map(str::to_owned));
+    names.filter(|name| name != "help").collect()
+}
+
+#[test]
+fn shells_get_completions_with_every_subcommand() {
+    for shell in ["bash", "zsh", "fish"] {
+        let script = answer(&["completions", shell]);
+        for name in subcommands() {
+            assert!(script.contains(&name), "{shell}: {name}");
+        }
+    }
+    let checked = Command::new("bash").args(["-n", "/dev/stdin"]).write_stdin(answer(&["completions", "bash"])).ok();
+    checked.unwrap();
+    program(&["completions", "cobol"]).assert().code(2);
+}
+
+#[test]
+fn every_subcommand_has_a_manual_page() {
+    let room = tempfile::tempdir().unwrap();
+    let dir = room.path().join("man");
+    program(&["man", "--out", dir.to_str().unwrap()]).assert().success();
+    for name in subcommands() {
+        let page = fs::read_to_string(dir.join(format!("dials-traffic-{name}.1"))).unwrap();
+        assert!(page.contains(".SH NAME") && page.contains(".SH DESCRIPTION"), "{name}: {page}");
+    }
+    let again = program(&["man", "--out", dir.to_str().unwrap()]).assert().code(2).get_output().clone();
+    assert!(said(&again)[1].contains("exists already"));
+}
+
+#[test]
+fn editors_get_a_schema() {
+    let schema: Value = serde_json::from_str(&answer(&["schema"])).unwrap();
+    assert_eq!(schema["properties"]["ppo"]["properties"]["clip"]["type"], "number");
+}
+
+/// Trains a few steps of the warehouse into `run` of a directory, and returns what is said on standard error.
+fn train(room: &Path, more: &[&str]) -> String {
+    let config = root().join("configs/smoke_warehouse.toml");
+    let mut command = program(&["train", config.to_str().unwrap(), "--out", "run", "--steps", "128", "--workers", "1"]);
+    for setting in ["aip.epochs=1", "evaluation.episodes=1", "evaluation.final_episodes=1"] {
+        command.args(["--set", setting]);
+    }
+    let [_, err] = said(command.args(more).current_dir(room).assert().success().get_output());
+    err
+}
+
+#[test]
+fn a_quiet_run_says_nothing_and_a_verbose_one_says_what_it_does() {
+    let rooms = [(); 2].map(|()| tempfile::tempdir().unwrap());
+    assert_eq!(train(rooms[0].path(), &["--quiet"]), "");
+    let told = train(rooms[1].path(), &["-v"]);
+    for doing in ["\n  evaluating\n", "\n  collecting datasets\n", "\n  training AIPs\n", "\n  training policies\n"] {
+        assert!(told.contains(doing), "`{doing}` is not in: {told}");
+    }
+    program(&["--quiet", "--verbose", "info"]).assert().code(2);
+    // Errors are always told.
+    let refused = program(&["evaluate", "no/run", "--quiet"]).assert().code(2).get_output().clone();
+    assert!(said(&refused)[1].starts_with("error: no/run: not a run directory"));
+}
+
+#[test]
+fn a_run_that_was_trained_under_other_rules_is_not_scored_without_a_word() {
+    let room = tempfile::tempdir().unwrap();
+    train(room.path(), &[]);
+    let path: PathBuf = room.path().join("run/run.json");
+    let text = fs::read_to_string(&path).unwrap();
+    let mut run: Value = serde_json::from_str(&text).unwrap();
+    let rules = run["scenario"]["rules"].clone();
+    assert_eq!((&rules["environment"], &rules["observation"]), (&1.into(), &"cell and items".into()));
+    let config = root().join("configs/smoke_warehouse.toml");
+    let compare = || {
+        let args = ["baseline", config.to_str().unwrap(), "--episodes", "1", "--compare", "random,./run"];
+        said(program(&args).current_dir(room.path()).assert().get_output())
+    };
+    assert_eq!(compare()[1], "");
+
+    run["scenario"]["rules"]["reward"] = "items".into();
+    fs::write(&path, run.to_string()).unwrap();
+    let told = compare()[1].clone();
+    assert!(told.starts_with("warning: ./run: was trained under other rules"), "{told}");
+    assert!(told.contains("\n  reward: items there, age of the item that the robot collects"), "{told}");
+
+    run["scenario"]["rules"]["observation"] = "smells".into();
+    fs::write(&path, run.to_string()).unwrap();
+    let told = compare()[1].clone();
+    assert!(told.starts_with("error: ./run: its policies know other observations (smells)"), "{told}");
+
+    // Runs of earlier versions recorded no rules.
+    run["scenario"].as_object_mut().unwrap().remove("rules");
+    fs::write(&path, run.to_string()).unwrap();
+    assert_eq!(compare()[1], "");
+}
