@@ -91,7 +91,7 @@ fn window(episode_s: usize, args: &CheckArgs) -> Result<Range<usize>> {
 fn measured(traffic: &Traffic, agents: &[AgentId], window: &Range<usize>, seed: Seed) -> Result<Vec<LightFidelity>> {
     let bar = EpisodeBar::of(agents.len(), "lights");
     bar.tell("the global simulator plays");
-    let truth = Truth::play(traffic, window.end, seed, &mut |_| ())?;
+    let truth = Truth::play(traffic, window.end, seed)?;
     let fidelity = Fidelity::new(traffic, &truth, window.clone())?;
     let mut lights = Vec::new();
     for &agent in agents {

@@ -34,37 +34,30 @@ pub struct Truth {
 impl Truth {
     /// Plays the first `seconds` of an episode. At every decision each light gets a random one of the greens that it may
     /// show. SUMO must not be loaded elsewhere in this process.
-    pub fn play(traffic: &Traffic, seconds: usize, seed: Seed, progress: &mut dyn FnMut(usize)) -> Result<Truth> {
+    pub fn play(traffic: &Traffic, seconds: usize, seed: Seed) -> Result<Truth> {
         ensure!(seconds <= traffic.seconds(), "an episode of {} s has no second {seconds}", traffic.seconds());
         let tape = Tape::default();
         let mut gs = traffic.clone().record_on(&tape).global(SignalControl::Agents)?;
         gs.record_visits()?;
         let mut dice = seed.fork(RandomPurpose::Actions).dice();
         let mut masks = gs.reset(seed)?.masks.clone();
-        let mut truth = (Vec::new(), Vec::new());
-        for decision in 0..seconds.div_ceil(traffic.plan.decision_steps) {
-            let allowed = |(agent, mask): (usize, &[bool])| -> Vec<Action> {
-                let actions = 0..traffic.plan.agents[agent].phases.actions();
-                let allowed = actions.filter(|&action| mask.get(action).copied().unwrap_or(true));
-                allowed.map(|action| action as Action).collect()
+        let (mut joint_actions, mut sources) = (Vec::new(), Vec::new());
+        for _ in 0..seconds.div_ceil(traffic.plan.decision_steps) {
+            let draw = |(plan, mask): (&AgentPlan, &[bool])| {
+                // The mask of a light that may always do everything is empty.
+                let is_allowed = |&action: &usize| mask.get(action).copied().unwrap_or(true);
+                let allowed: Vec<usize> = (0..plan.phases.actions()).filter(is_allowed).collect();
+                let action = *allowed.choose(&mut dice).expect("an action is always allowed");
+                Action::try_from(action).expect("a plan has at most 256 greens")
             };
-            let allowed: Vec<Vec<Action>> = masks.iter().enumerate().map(allowed).collect();
-            let drawn = allowed.iter().map(|allowed| *allowed.choose(&mut dice).expect("an action is always allowed"));
-            let actions: Vec<Action> = drawn.collect();
+            let actions: Vec<Action> = traffic.plan.agents.iter().zip(masks.iter()).map(draw).collect();
             masks.copy_from(&gs.step(&actions)?.percept.masks);
-            truth.0.push(actions);
-            truth.1.push(gs.influence_sample().sources.clone());
-            progress((decision + 1) * traffic.plan.decision_steps);
+            joint_actions.push(actions);
+            sources.push(gs.influence_sample().sources.clone());
         }
         let visits = gs.visits().cloned();
-        drop(gs);
-        let (actions, sources) = truth;
-        Ok(Truth { seed, actions, sources, recording: tape.take().context("an episode was recorded")?, visits })
-    }
-
-    /// Returns the number of seconds that were played.
-    pub fn seconds(&self) -> usize {
-        self.recording.steps.len()
+        let recording = tape.take().context("an episode was recorded")?;
+        Ok(Truth { seed, actions: joint_actions, sources, recording, visits })
     }
 
     /// Returns the recorded visits as tables.
