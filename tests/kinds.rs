@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use dials_traffic::base::{AgentId, Seed};
-use dials_traffic::bench::costs::Costs;
+use dials_traffic::bench::costs::{Costs, Steps};
 use dials_traffic::bench::measure::{MeasurePlan, measure, short_orders};
 use dials_traffic::config::{AipTraining, Config, Period, schedule};
 use dials_traffic::domain::toy::CoinsAndDice;
@@ -273,6 +273,7 @@ fn the_costs_of_both_kinds_are_measured() {
     let time = Duration::from_millis(100);
     let plan = MeasurePlan { config: &short, kinds: domain.kinds(), workers: 1, time, peak_flops: 1e9 };
     let measured = measure(&plan, &mut fleet, &mut log).unwrap();
-    let costs = Costs::of(&config, domain.kinds(), false, 1e9, &measured);
+    let steps = Steps { foreign: false, per_timestep: 1 };
+    let costs = Costs::of(&config, domain.kinds(), steps, 1e9, &measured);
     assert!(costs.agent_steps_per_s() > 0.0 && costs.training.products > 0.0 && costs.aip_training.products > 0.0);
 }

@@ -69,6 +69,14 @@ struct RowNow {
     gate: Option<SignalState>,
 }
 
+/// A car that tries to enter in a second.
+struct Attempt {
+    row: usize,
+    entry: usize,
+    lane: LaneId,
+    insertion: Insertion,
+}
+
 impl LocalScenario {
     /// Loads `copies` of each of these regions. `tables`: from which cars are drawn.
     pub fn load(
@@ -202,43 +210,43 @@ impl LocalScenario {
         }
     }
 
-    /// Lets cars try to enter in the next step. Returns the row, entry and lane of each, in the order of their numbers,
-    /// and what SUMO was told of them.
-    fn let_in(&mut self) -> Result<(Vec<(usize, usize, LaneId)>, Vec<Insertion>)> {
+    /// Lets cars try to enter in the next step. Returns the attempts in the order of the cars' numbers.
+    fn let_in(&mut self) -> Result<Vec<Attempt>> {
         let mut tried = Vec::new();
         let mut cars = Vec::new();
         for (row, now) in self.rows.iter().enumerate() {
             let place = &self.forest.rows[row];
             for (entry, comer) in now.entrance.next() {
                 let lane = &self.plan.borders[place.agent.0].plan.lanes[comer.lane];
+                let insertion = Insertion {
+                    car: self.serial + cars.len() as u64,
+                    route: place.routes[comer.way],
+                    position_m: comer.position_m,
+                    speed: comer.speed,
+                };
                 cars.push(Entering {
-                    insertion: Insertion {
-                        car: self.serial + cars.len() as u64,
-                        route: place.routes[comer.way],
-                        position_m: comer.position_m,
-                        speed: comer.speed,
-                    },
+                    insertion,
                     vehicle_type: type_of(&self.forest.types, comer.vehicle_type.as_deref()),
                     lane: index_of(&lane.lane),
                     speed_factor: comer.speed_factor,
                     end_m: place.ways.routes()[comer.way].end_m,
                 });
-                tried.push((row, entry, place.border[comer.lane]));
+                tried.push(Attempt { row, entry, lane: place.border[comer.lane], insertion });
             }
         }
         self.forest.simulation.enter(&cars)?;
-        Ok((tried, cars.into_iter().map(|car| car.insertion).collect()))
+        Ok(tried)
     }
 
     /// Takes the cars out of the queues that are in, and the others out of SUMO.
-    fn note_entered(&mut self, tried: &[(usize, usize, LaneId)]) -> Result<()> {
-        let lanes: Vec<LaneId> = tried.iter().map(|(_, _, lane)| *lane).collect();
+    fn note_entered(&mut self, tried: &[Attempt]) -> Result<()> {
+        let lanes: Vec<LaneId> = tried.iter().map(|attempt| attempt.lane).collect();
         let mut cars = CarTable::new();
         self.forest.simulation.read_lanes(&lanes, &mut cars)?;
         let mut all_in = true;
-        for (number, &(row, entry, _)) in tried.iter().enumerate() {
-            let is_in = cars.lane(number).ids.contains(&CarId(self.serial + number as u64));
-            self.waited += u64::from(self.rows[row].entrance.tried(entry, is_in));
+        for (number, Attempt { row, entry, insertion, .. }) in tried.iter().enumerate() {
+            let is_in = cars.lane(number).ids.contains(&CarId(insertion.car));
+            self.waited += u64::from(self.rows[*row].entrance.tried(*entry, is_in));
             all_in &= is_in;
         }
         self.serial += tried.len() as u64;
@@ -254,7 +262,7 @@ impl LocalScenario {
         let before: Vec<Shown> = (0..self.rows.len()).map(|row| self.forest.handles.signal(row).shown()).collect();
         self.forest.handles.act(&mut self.forest.simulation, actions)?;
         self.arrive(second, sources);
-        let (tried, insertions) = self.let_in()?;
+        let tried = self.let_in()?;
         self.watch.note(Phase::Insertion, begun.elapsed());
         self.watch.time(Phase::SimulatorStep, || self.forest.simulation.step())?;
         let begun = Instant::now();
@@ -277,7 +285,9 @@ impl LocalScenario {
             }
         }
         self.watch.note(Phase::Reading, begun.elapsed());
-        self.recorder.as_mut().map_or(Ok(()), |recorder| recorder.step(&mut self.forest.simulation, &insertions))
+        let Some(recorder) = &mut self.recorder else { return Ok(()) };
+        let insertions: Vec<Insertion> = tried.iter().map(|attempt| attempt.insertion).collect();
+        recorder.step(&mut self.forest.simulation, &insertions)
     }
 
     /// Writes what a row shows. `cars`: those on its approaches; `at_border`: those on the lanes of its border.
