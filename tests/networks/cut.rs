@@ -209,12 +209,8 @@ fn plain_sumo_has_nothing_to_say_of_a_forest_and_numbers_its_lanes_as_the_progra
     let net = room.path().join("forest.net.xml");
     fs::write(&net, &forest.net).unwrap();
     let quiet = ["-n", text(&net), "--end", "10", "--no-step-log", "--xml-validation", "never"];
-    assert_eq!(
-        sumo(
-            &[&quiet.map(str::to_owned)[..], &forest.option()].concat().iter().map(String::as_str).collect::<Vec<_>>()
-        ),
-        ""
-    );
+    let generators = forest.option();
+    assert_eq!(sumo(&[&quiet[..], &generators.each_ref().map(String::as_str)].concat()), "");
     // SUMO numbers lanes in the order of the file, and all those of a row stand together.
     let whole = Node::read(&net);
     let lanes: Vec<&str> = whole.all("edge").flat_map(|edge| edge.all("lane").map(|lane| &lane["id"])).collect();
