@@ -32,7 +32,7 @@ impl Flops {
         let update = ppo.epochs as f64 * (acting + policy.backward_flops(config.sequence_length()));
         // Besides every decision: the value after the last step of a rollout and, if it counts, of an episode.
         let last_values = 1.0 / ppo.rollout_steps as f64
-            + if ppo.time_limit == TimeLimit::Bootstrap { 1.0 / config.horizon() as f64 } else { 0.0 };
+            + if ppo.time_limit == TimeLimit::Bootstrap { 1.0 / config.training_horizon() as f64 } else { 0.0 };
         let predictor = config.simulator.predictor();
         let sampling = predictor.map_or(0.0, |choice| sampling_flops(choice, spec, &config.aip));
         Flops { training: update + (1.0 + last_values) * acting + sampling, acting }

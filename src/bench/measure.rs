@@ -72,7 +72,7 @@ impl Measured {
     /// Returns the part of an episode that every local simulator, or the GS (global simulator), played while the
     /// policies trained.
     pub fn share_of_an_episode(&self, config: &Config, agents: usize) -> f64 {
-        self.training.units / (agents * config.copies() * config.horizon()) as f64
+        self.training.units / (agents * config.copies() * config.training_horizon()) as f64
     }
 }
 

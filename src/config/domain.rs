@@ -25,6 +25,11 @@ pub trait DomainTable {
     /// Returns the number of steps of an episode, the table's key `horizon`.
     fn horizon(&self) -> usize;
 
+    /// Returns the number of steps of an episode of the local simulators.
+    fn local_horizon(&self) -> usize {
+        self.horizon()
+    }
+
     /// Returns an error that names the key if a value makes no sense. The horizon is checked elsewhere, for all
     /// domains.
     fn check(&self) -> Result<()>;
@@ -65,6 +70,11 @@ impl DomainConfig {
     /// See [`DomainTable::horizon`].
     pub fn horizon(&self) -> usize {
         self.table().horizon()
+    }
+
+    /// See [`DomainTable::local_horizon`].
+    pub fn local_horizon(&self) -> usize {
+        self.table().local_horizon()
     }
 
     /// See [`DomainTable::check`].

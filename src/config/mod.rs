@@ -380,6 +380,12 @@ impl Config {
         self.domain.as_ref().expect("a config that was loaded has a domain").horizon()
     }
 
+    /// Returns the number of steps of an episode of what the policies train on: the GS (global simulator) or local ones.
+    pub fn training_horizon(&self) -> usize {
+        let domain = self.domain.as_ref().expect("a config that was loaded has a domain");
+        if self.simulator == Simulator::Global { domain.horizon() } else { domain.local_horizon() }
+    }
+
     /// Returns the number of steps of the sequences that a policy is trained on.
     pub fn sequence_length(&self) -> usize {
         if self.policy.recurrent.is_some() { self.policy.sequence_length } else { 1 }

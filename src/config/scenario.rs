@@ -84,11 +84,6 @@ impl ScenarioConfig {
         Ok(config)
     }
 
-    /// Returns the number of steps of an episode of the local simulators.
-    pub fn local_horizon(&self) -> usize {
-        self.local_horizon.min(self.horizon())
-    }
-
     /// Reads the times that the config does not name from the .sumocfg.
     pub(super) fn fill_in(&mut self) -> Result<()> {
         if self.begin_s.is_some() && self.end_s.is_some() {
@@ -116,6 +111,10 @@ impl DomainTable for ScenarioConfig {
     fn horizon(&self) -> usize {
         let (begin, end) = self.window_s().expect("a checked config has both");
         ((end - begin) / u64::from(self.decision_s)) as usize
+    }
+
+    fn local_horizon(&self) -> usize {
+        self.local_horizon.min(self.horizon())
     }
 
     fn check(&self) -> Result<()> {

@@ -64,6 +64,7 @@ mod tests {
             agents: 2,
             steps: 100,
             horizon: 10,
+            training_horizon: 10,
             copies: 1,
             periods: 5,
             evaluations: 3,

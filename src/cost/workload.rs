@@ -10,6 +10,8 @@ pub struct Workload {
     pub steps: u64,
     /// Number of steps of an episode.
     pub horizon: usize,
+    /// Number of steps of an episode of what the policies train on.
+    pub training_horizon: usize,
     /// Number of simulator rows per agent.
     pub copies: usize,
     /// Number of periods: stretches of training between two exchanges of the workers.
@@ -39,6 +41,7 @@ impl Workload {
             agents,
             steps: until,
             horizon,
+            training_horizon: config.training_horizon(),
             copies: config.copies(),
             periods: begun().count(),
             evaluations: begun().filter(|period| period.evaluate).count(),
@@ -56,9 +59,9 @@ impl Workload {
     }
 
     /// Returns the timesteps of all agents that simulators replay to continue after a period. The episodes under way at
-    /// that point are half a horizon old on average.
+    /// that point are half over on average.
     pub fn retraced_steps(&self) -> f64 {
-        self.periods.saturating_sub(1) as f64 * (self.agents * self.copies * self.horizon) as f64 / 2.0
+        self.periods.saturating_sub(1) as f64 * (self.agents * self.copies * self.training_horizon) as f64 / 2.0
     }
 
     /// Returns the timesteps of all agents in this number of episodes on the GS (global simulator).
@@ -101,5 +104,20 @@ mod tests {
         let half = Workload::of(&config, 4, 500);
         assert_eq!((half.periods, half.evaluations, half.retrainings), (5, 5, 1));
         assert_eq!(half.evaluated_steps(), 800.0);
+    }
+
+    #[test]
+    fn local_simulators_of_a_scenario_replay_their_own_shorter_episodes() {
+        // 720 decisions from begin to end, 120 of them in a local episode.
+        let text = "total_steps = 1000\nppo = { memory = 100, rollout_steps = 20, minibatch = 20 }\n\
+                    aip = { retrain_every_steps = 500 }\nevaluation = { every_steps = 500 }\n\
+                    traffic = { scenario = 's.sumocfg', begin_s = 0, end_s = 3600 }\n";
+        let retraced = |simulator: &str| {
+            let config: Config = toml::from_str(&format!("simulator = '{simulator}'\n{text}")).unwrap();
+            let work = Workload::of(&config, 4, 1000);
+            (work.horizon, work.retraced_steps())
+        };
+        // One period continues in the middle of the episodes of 4 agents.
+        assert_eq!((retraced("dials"), retraced("gs")), ((720, 240.0), (720, 1440.0)));
     }
 }

@@ -209,18 +209,14 @@ fn plain_sumo_has_nothing_to_say_of_a_forest_and_numbers_its_lanes_as_the_progra
     let net = room.path().join("forest.net.xml");
     fs::write(&net, &forest.net).unwrap();
     let quiet = ["-n", text(&net), "--end", "10", "--no-step-log", "--xml-validation", "never"];
-    assert_eq!(
-        sumo(
-            &[&quiet.map(str::to_owned)[..], &forest.option()].concat().iter().map(String::as_str).collect::<Vec<_>>()
-        ),
-        ""
-    );
+    let generators = forest.option();
+    assert_eq!(sumo(&[&quiet[..], &generators.each_ref().map(String::as_str)].concat()), "");
     // SUMO numbers lanes in the order of the file, and all those of a row stand together.
     let whole = Node::read(&net);
     let lanes: Vec<&str> = whole.all("edge").flat_map(|edge| edge.all("lane").map(|lane| &lane["id"])).collect();
-    for row in 0..rows.len() {
+    for (row, net) in rows.iter().enumerate() {
         let [first, end] = [row, row + 1].map(|row| forest.first_lane[row] as usize);
-        assert_eq!(end - first, rows[row].lanes().count());
+        assert_eq!(end - first, net.lanes().count());
         assert!(
             lanes[first..end].iter().all(|lane| lane.trim_start_matches(':').starts_with(&prefix(row))),
             "row {row}"

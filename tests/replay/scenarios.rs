@@ -100,7 +100,7 @@ fn locally_at_random(config: &ScenarioConfig, agent: usize, seed: u64) -> Record
     ls.reset(&Beginning::first(0..2)).unwrap();
     let (actions, sources) = (traffic.plans()[agent].phases.actions(), ls.spec().sources.count());
     let mut dice = Seed::new(seed).dice();
-    for _ in 0..config.local_horizon() {
+    for _ in 0..config.local_horizon {
         let actions = [(); 2].map(|()| dice.random_range(0..actions) as Action);
         let happens = (0..2 * sources).map(|_| u8::from(dice.random_bool(0.125))).collect();
         ls.step(&actions, &Rows::from_vec(happens, sources)).unwrap();

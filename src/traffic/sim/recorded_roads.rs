@@ -52,7 +52,7 @@ pub struct RecordedScenario {
 /// The files of a recorded scenario.
 #[derive(Clone, Debug)]
 pub enum RecordedFiles {
-    Whole(SumoScenario),
+    Whole(Box<SumoScenario>),
     /// Those of a local simulator.
     Local(Box<LocalFiles>),
 }
@@ -96,7 +96,7 @@ impl RecordedRoads {
                 lights.push(program.light.clone());
             }
         }
-        Ok(RecordedRoads::of_lights(RecordedFiles::Whole(files.clone()), roads, agents, lights))
+        Ok(RecordedRoads::of_lights(RecordedFiles::Whole(Box::new(files.clone())), roads, agents, lights))
     }
 
     /// Returns the roads of a scenario with these lights, those of the agents first.
