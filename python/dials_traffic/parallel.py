@@ -15,6 +15,7 @@ from .roads import Intersection, intersection
 
 Observations = Dict[str, np.ndarray]
 Infos = Dict[str, Dict[str, Any]]
+RENDER_MODES = ["rgb_array"]
 #: A function of what is on an agent's roads. It returns an array, always of the same shape for the same agent.
 Observation = Callable[[Intersection], np.ndarray]
 #: A function of what was on an agent's roads before a step, and what is on them after it.
@@ -42,12 +43,15 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         settings: Optional[Mapping[str, Any]] = None,
         render_mode: Optional[str] = None,
     ) -> None:
+        if render_mode is not None and render_mode not in RENDER_MODES:
+            raise ValueError(f"render_mode {render_mode!r}: this environment has {RENDER_MODES}")
         self._observe, self._reward = observation, reward
         # What is on the roads now, by agent, if a function asks for it.
         self._roads: Dict[str, Intersection] = {}
         joint = {
             "controller_for": dict(controller_for or {}),
             "full_metrics": full_metrics,
+            "draws": render_mode is not None,
             "watches_roads": observation is not None or reward is not None,
         }
         request = {"config": str(Path(config)), "settings": settings_of(settings), "environment": {"joint": joint}}
@@ -55,12 +59,9 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         about = self._process.about
         self.metadata = {
             "name": f"dials_traffic_{Path(config).stem}",
-            "render_modes": ["rgb_array"] if about["draws"] else [],
+            "render_modes": RENDER_MODES,
             "is_parallelizable": True,
         }
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            self._process.close()
-            raise ValueError(f"render_mode {render_mode!r}: this environment has {self.metadata['render_modes']}")
         self.render_mode = render_mode
         #: Number of steps of an episode.
         self.horizon: int = about["horizon"]

@@ -19,6 +19,7 @@ use crate::traffic::controllers::actuated::{self, ProgramPhase};
 use crate::traffic::cut::of_scenario::{cut_all, types_of};
 use crate::traffic::network::files::for_sumo;
 use crate::traffic::network::memory_file::MemoryFile;
+use crate::traffic::network::roads::Roads;
 use crate::traffic::network::roads::program::{Phase, Program};
 use crate::traffic::paper_grid::grid::Grid;
 use crate::traffic::scenario::SumoScenario;
@@ -130,6 +131,10 @@ impl Ground for OnScenario {
         let lights = self.derived.agents.iter().map(|agent| (agent.plan.light.as_str(), phases(&agent.program)));
         let actuated = MemoryFile::new(&actuated::programs(lights))?;
         Ok(Source::Scenario { files: self.files.for_sumo()?, actuated })
+    }
+
+    fn roads(&self) -> Result<Roads> {
+        self.files.roads()
     }
 
     fn recorded(&self) -> Result<RecordedRoads> {

@@ -8,7 +8,7 @@
 //!   [`visit_tables`]: cars drawn from visits.
 //! - `source`: what a GS loads; `handles`: the intersections of a loaded net; `options`: SUMO's options.
 //! - [`tally`]: what every episode counts; `metrics`, `trips`: what only evaluations measure.
-//! - [`recording`]: an episode recorded, on [`recorded_roads`]; [`replay`]: a recording as files that SUMO plays;
+//! - `picture`: pictures of the GS. [`recording`]: an episode recorded, on [`recorded_roads`]; [`replay`]: a recording as files that SUMO plays;
 //!   [`trace`]: a recording for pictures.
 
 mod border;
@@ -21,6 +21,7 @@ pub(super) mod local_forest;
 pub mod local_scenario;
 mod metrics;
 mod options;
+mod picture;
 pub mod recorded_roads;
 pub mod recording;
 pub mod replay;
