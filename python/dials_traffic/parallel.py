@@ -76,8 +76,8 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         self.agents: List[str] = []
         self._rows = {agent["name"]: row for row, agent in enumerate(agents)}
         self._n_actions = {agent["name"]: agent["n_actions"] for agent in agents}
-        self._observation_spaces: Dict[str, gymnasium.Space] = {}
-        self._action_spaces: Dict[str, gymnasium.Space] = {}
+        self._observation_spaces: Dict[str, gymnasium.Space[Any]] = {}
+        self._action_spaces: Dict[str, gymnasium.Space[Any]] = {}
         # For each agent that decides: name, row, places in the observations and in the masks, mask if it is constant.
         self._places: List[Tuple[str, int, slice, slice, Optional[np.ndarray]]] = []
         obs = masks = 0
@@ -96,13 +96,13 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         self._actions[:] = 0
         self._steps = 0
 
-    def observation_space(self, agent: str) -> gymnasium.Space:
+    def observation_space(self, agent: str) -> "gymnasium.Space[Any]":
         """Return the space of an agent's observations. Of your own ones the shape is known after the first reset."""
         if self._observe is not None and not self._roads:
             raise RuntimeError("observation: the shape of what it returns is known after the first reset()")
         return self._observation_spaces[agent]
 
-    def action_space(self, agent: str) -> gymnasium.Space:
+    def action_space(self, agent: str) -> "gymnasium.Space[Any]":
         return self._action_spaces[agent]
 
     def reset(
@@ -192,11 +192,9 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
 
     def _add_metrics(self, infos: Infos) -> None:
         figures = self._process.measure()
-        # JSON has no NaN, so a figure that is not defined comes as nothing.
-        number = lambda value: float("nan") if value is None else value  # noqa: E731
-        system = {name: number(value) for name, value in figures["system"].items()}
+        system = {name: _number(value) for name, value in figures["system"].items()}
         for name, row, _, _, _ in self._places:
-            own = {figure: number(values[row]) for figure, values in figures["per_agent"].items()}
+            own = {figure: _number(values[row]) for figure, values in figures["per_agent"].items()}
             infos[name].update(metrics=own, system=dict(system))
 
     def render(self) -> Optional[np.ndarray]:
@@ -212,3 +210,8 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         """End the environment and its process."""
         self.agents = []
         self._process.close()
+
+
+def _number(value: Optional[float]) -> float:
+    """Return a figure. JSON has no NaN, so one that is not defined comes as nothing."""
+    return float("nan") if value is None else value
