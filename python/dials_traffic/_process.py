@@ -16,7 +16,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from typing import Any, Dict, List, Mapping, Optional, Sequence, Union
+from typing import Any, Dict, List, Mapping, Optional, Union
 
 import numpy as np
 
@@ -54,7 +54,7 @@ class Process:
         with theirs:
             self._child = subprocess.Popen(
                 [sys.executable, "-I", "-S", "-c", _CODE, str(Path(__file__).parent), str(self._memory)],
-                stdin=theirs,
+                stdin=theirs.fileno(),
                 stdout=self._log,
                 stderr=self._log,
                 pass_fds=[self._memory],
@@ -72,6 +72,8 @@ class Process:
 
     def array(self, name: str) -> np.ndarray:
         """Return the numbers of a section of the shared memory. They change with every step."""
+        if self._map is None:
+            raise SimulatorError(f"{self._label}: is closed")
         offset, count, dtype = self._sections[name]
         return np.frombuffer(self._map, dtype, count, offset)
 
@@ -105,11 +107,13 @@ class Process:
 
     def measure(self) -> Dict[str, Any]:
         """Return the figures that the simulator keeps."""
-        return json.loads(self._ask(_MEASURE))
+        figures: Dict[str, Any] = json.loads(self._ask(_MEASURE))
+        return figures
 
     def look(self) -> List[Dict[str, Any]]:
         """Return what is on the roads of every agent, in order."""
-        return json.loads(self._ask(_LOOK))
+        seen: List[Dict[str, Any]] = json.loads(self._ask(_LOOK))
+        return seen
 
     def draw(self) -> np.ndarray:
         """Return a picture, ``[height, width, 3]``."""
@@ -120,7 +124,8 @@ class Process:
     @property
     def pid(self) -> int:
         """Number of the child process."""
-        return self._child.pid
+        pid: int = self._child.pid
+        return pid
 
     def close(self) -> None:
         """End the child. Only the process that started it does."""
@@ -234,8 +239,3 @@ def fresh_seed(seed: Optional[int]) -> int:
     if not 0 <= int(seed) < 1 << 64:
         raise ValueError(f"seed {seed}: must be from 0 to 2**64 - 1")
     return int(seed)
-
-
-def in_range(actions: np.ndarray, n_actions: Sequence[int]) -> bool:
-    """Return whether all actions are ones that exist, before they become bytes."""
-    return bool(np.all((actions >= 0) & (actions < np.asarray(n_actions))))

@@ -40,11 +40,11 @@ class GlobalVectorEnv:
         self.agents: List[str] = list(first.possible_agents)
         self.horizon = first.horizon
 
-    def observation_space(self, agent: str) -> gymnasium.Space:
+    def observation_space(self, agent: str) -> "gymnasium.Space[Any]":
         """Return the space of one copy's observations."""
         return self.envs[0].observation_space(agent)
 
-    def action_space(self, agent: str) -> gymnasium.Space:
+    def action_space(self, agent: str) -> "gymnasium.Space[Any]":
         """Return the space of one copy's actions."""
         return self.envs[0].action_space(agent)
 

@@ -15,6 +15,7 @@ from .roads import Intersection, intersection
 
 Observations = Dict[str, np.ndarray]
 Infos = Dict[str, Dict[str, Any]]
+RENDER_MODES = ["rgb_array"]
 #: A function of what is on an agent's roads. It returns an array, always of the same shape for the same agent.
 Observation = Callable[[Intersection], np.ndarray]
 #: A function of what was on an agent's roads before a step, and what is on them after it.
@@ -42,12 +43,15 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         settings: Optional[Mapping[str, Any]] = None,
         render_mode: Optional[str] = None,
     ) -> None:
+        if render_mode is not None and render_mode not in RENDER_MODES:
+            raise ValueError(f"render_mode {render_mode!r}: this environment has {RENDER_MODES}")
         self._observe, self._reward = observation, reward
         # What is on the roads now, by agent, if a function asks for it.
         self._roads: Dict[str, Intersection] = {}
         joint = {
             "controller_for": dict(controller_for or {}),
             "full_metrics": full_metrics,
+            "draws": render_mode is not None,
             "watches_roads": observation is not None or reward is not None,
         }
         request = {"config": str(Path(config)), "settings": settings_of(settings), "environment": {"joint": joint}}
@@ -55,12 +59,9 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         about = self._process.about
         self.metadata = {
             "name": f"dials_traffic_{Path(config).stem}",
-            "render_modes": ["rgb_array"] if about["draws"] else [],
+            "render_modes": RENDER_MODES,
             "is_parallelizable": True,
         }
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            self._process.close()
-            raise ValueError(f"render_mode {render_mode!r}: this environment has {self.metadata['render_modes']}")
         self.render_mode = render_mode
         #: Number of steps of an episode.
         self.horizon: int = about["horizon"]
@@ -75,8 +76,8 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         self.agents: List[str] = []
         self._rows = {agent["name"]: row for row, agent in enumerate(agents)}
         self._n_actions = {agent["name"]: agent["n_actions"] for agent in agents}
-        self._observation_spaces: Dict[str, gymnasium.Space] = {}
-        self._action_spaces: Dict[str, gymnasium.Space] = {}
+        self._observation_spaces: Dict[str, gymnasium.Space[Any]] = {}
+        self._action_spaces: Dict[str, gymnasium.Space[Any]] = {}
         # For each agent that decides: name, row, places in the observations and in the masks, mask if it is constant.
         self._places: List[Tuple[str, int, slice, slice, Optional[np.ndarray]]] = []
         obs = masks = 0
@@ -95,13 +96,13 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         self._actions[:] = 0
         self._steps = 0
 
-    def observation_space(self, agent: str) -> gymnasium.Space:
+    def observation_space(self, agent: str) -> "gymnasium.Space[Any]":
         """Return the space of an agent's observations. Of your own ones the shape is known after the first reset."""
         if self._observe is not None and not self._roads:
             raise RuntimeError("observation: the shape of what it returns is known after the first reset()")
         return self._observation_spaces[agent]
 
-    def action_space(self, agent: str) -> gymnasium.Space:
+    def action_space(self, agent: str) -> "gymnasium.Space[Any]":
         return self._action_spaces[agent]
 
     def reset(
@@ -191,11 +192,9 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
 
     def _add_metrics(self, infos: Infos) -> None:
         figures = self._process.measure()
-        # JSON has no NaN, so a figure that is not defined comes as nothing.
-        number = lambda value: float("nan") if value is None else value  # noqa: E731
-        system = {name: number(value) for name, value in figures["system"].items()}
+        system = {name: _number(value) for name, value in figures["system"].items()}
         for name, row, _, _, _ in self._places:
-            own = {figure: number(values[row]) for figure, values in figures["per_agent"].items()}
+            own = {figure: _number(values[row]) for figure, values in figures["per_agent"].items()}
             infos[name].update(metrics=own, system=dict(system))
 
     def render(self) -> Optional[np.ndarray]:
@@ -211,3 +210,8 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         """End the environment and its process."""
         self.agents = []
         self._process.close()
+
+
+def _number(value: Optional[float]) -> float:
+    """Return a figure. JSON has no NaN, so one that is not defined comes as nothing."""
+    return float("nan") if value is None else value

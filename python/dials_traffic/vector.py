@@ -7,16 +7,16 @@ from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple, Union
 
 import gymnasium
 import numpy as np
-from gymnasium.spaces import Box, Discrete, MultiDiscrete
+from gymnasium.spaces import Box, Discrete
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from ._process import PathLike, Process, fresh_seed, in_range, settings_of
+from ._process import PathLike, Process, fresh_seed, settings_of
 
 Agents = Union[str, Sequence[str], None]
 
 
-class LocalVectorEnv(VectorEnv):  # type: ignore[misc]
+class LocalVectorEnv(VectorEnv):
     """Local simulators of some agents of one kind, side by side in one process. Make one with
     :func:`dials_traffic.vector_env`.
 
@@ -52,11 +52,12 @@ class LocalVectorEnv(VectorEnv):  # type: ignore[misc]
         #: Number of steps of an episode.
         self.horizon: int = about["horizon"]
         self.num_envs: int = about["rows"]
+        self._n_actions: int = about["n_actions"]
         self.metadata = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}
         self.single_observation_space = Box(-np.inf, np.inf, (about["obs_dim"],), np.float32)
-        self.single_action_space = Discrete(about["n_actions"])
+        self.single_action_space = Discrete(self._n_actions)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
-        self.action_space: MultiDiscrete = batch_space(self.single_action_space, self.num_envs)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
         #: Seed of the episodes. A run of `dials-traffic train` with this seed begins with the same ones.
         self.seed, self._resets = fresh_seed(seed), 0
         array = self._process.array
@@ -96,8 +97,8 @@ class LocalVectorEnv(VectorEnv):  # type: ignore[misc]
         actions = np.asarray(actions)
         if actions.shape != (self.num_envs,):
             raise ValueError(f"actions: of shape {actions.shape} instead of ({self.num_envs},)")
-        if not in_range(actions, [int(self.single_action_space.n)]):
-            raise ValueError(f"actions: all must be from 0 to {self.single_action_space.n - 1}, not {actions}")
+        if not np.all((actions >= 0) & (actions < self._n_actions)):
+            raise ValueError(f"actions: all must be from 0 to {self._n_actions - 1}, not {actions}")
         self._actions[:] = actions
         self._process.send_step()
 
@@ -123,15 +124,16 @@ class LocalVectorEnv(VectorEnv):  # type: ignore[misc]
         return self._process.pid
 
     def close_extras(self, **kwargs: Any) -> None:
-        """End the process. Called by :meth:`close`."""
-        self._process.close()
+        """End the process. Called by :meth:`close`, also if the environment could not be made."""
+        if hasattr(self, "_process"):
+            self._process.close()
 
 
 def _predictor(predictor: PathLike) -> Union[str, Dict[str, str]]:
     return predictor if predictor in ("marginals", "untrained") else {"run": str(Path(predictor))}
 
 
-class LocalEnv(gymnasium.Env):  # type: ignore[misc]
+class LocalEnv(gymnasium.Env):
     """The local simulator of one agent. Make one with :func:`dials_traffic.local_env`.
 
     ``info["action_mask"]`` says which actions are allowed (int8, one per action).

@@ -54,6 +54,10 @@ impl Joint {
             hand_coded.len() < opened.names.len(),
             "controller_for: names all agents; leave one out, or use `dials-traffic baseline`"
         );
+        if request.draws {
+            simulator.watch_scene()?;
+            ensure!(simulator.scene().is_some(), "render_mode: this domain draws no pictures");
+        }
         if request.full_metrics {
             simulator.measure_in_full()?;
         }
@@ -102,7 +106,6 @@ impl Joint {
         json!({
             "agents": agents.collect::<Vec<_>>(),
             "horizon": kinds.horizon(),
-            "draws": self.simulator.scene().is_some(),
             "memory": self.memory.describe(),
         })
     }
@@ -152,7 +155,7 @@ impl Joint {
     /// Returns width and height, four bytes each, and the pixels, three bytes each, row after row.
     pub fn draw(&self) -> Result<Vec<u8>> {
         let Some(scene) = self.simulator.scene() else {
-            bail!("this domain draws no pictures; write a replay for sumo-gui with `dials-traffic replay`")
+            bail!("render_mode: pictures were not asked for when the environment was made")
         };
         let (width, height, pixels) = scene.to_pixels(SCALE);
         let mut bytes = [width as u32, height as u32].map(u32::to_le_bytes).concat();

@@ -38,6 +38,8 @@ pub struct JointRequest {
     pub controller_for: BTreeMap<String, String>,
     /// Whether to measure all that `evaluate` prints.
     pub full_metrics: bool,
+    /// Whether the Python process asks for pictures.
+    pub draws: bool,
     /// Whether the Python process asks what is on the roads.
     pub watches_roads: bool,
 }

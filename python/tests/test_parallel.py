@@ -4,11 +4,12 @@ import warnings
 
 import numpy as np
 import pytest
-from conftest import SCENARIO_SETTINGS
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 from pettingzoo.utils import parallel_to_aec
 
 import dials_traffic
+
+SHORT_SCENARIO = {"traffic.end_s": 180, "traffic.local_horizon": 12}
 
 
 def first_allowed(infos):
@@ -30,8 +31,7 @@ def played(env, seed=None, choose=first_allowed):
 
 @pytest.fixture(params=["warehouse", "grid", "scenario"])
 def env(request):
-    settings = SCENARIO_SETTINGS if request.param == "scenario" else None
-    settings = {"traffic.end_s": 180, "traffic.local_horizon": 12} if settings else None
+    settings = SHORT_SCENARIO if request.param == "scenario" else None
     env = dials_traffic.parallel_env(request.getfixturevalue(request.param), seed=5, settings=settings)
     yield env
     env.close()
@@ -135,11 +135,33 @@ def test_a_controller_decides_for_some_agents(grid):
             dials_traffic.parallel_env(grid, controller_for=wrong)
 
 
-def test_pictures_of_the_warehouse_are_arrays(warehouse, grid):
-    env = dials_traffic.parallel_env(warehouse, render_mode="rgb_array")
+def test_pictures_are_arrays_that_change_with_the_state(env_with_pictures):
+    env = env_with_pictures
+    _, infos = env.reset(seed=1)
+    pictures = [env.render()]
+    while env.agents and len(pictures) < 30:
+        _, _, _, _, infos = env.step(first_allowed(infos))
+        pictures.append(env.render())
+    for picture in pictures:
+        assert picture.dtype == np.uint8 and picture.shape == pictures[0].shape and picture.shape[2] == 3
+        assert max(picture.shape) in (800, 272), "50 units, or the 17 cells of the warehouse, of 16 pixels each"
+    assert len({picture.tobytes() for picture in pictures}) > 5
+    blue = (pictures[-1] == [0x1F, 0x5F, 0xA8]).all(axis=2)
+    assert blue.any(), "the colour of robots and of cars that drive"
+
+
+@pytest.fixture(params=["warehouse", "grid", "scenario"])
+def env_with_pictures(request):
+    settings = SHORT_SCENARIO if request.param == "scenario" else None
+    env = dials_traffic.parallel_env(request.getfixturevalue(request.param), settings=settings, render_mode="rgb_array")
+    yield env
+    env.close()
+
+
+def test_pictures_are_drawn_only_if_they_were_asked_for(grid):
+    env = dials_traffic.parallel_env(grid)
     env.reset(seed=1)
-    picture = env.render()
-    assert picture.dtype == np.uint8 and picture.ndim == 3 and picture.shape[2] == 3 and picture.std() > 0
+    assert env.render() is None
     env.close()
     with pytest.raises(ValueError, match="render_mode"):
         dials_traffic.parallel_env(grid, render_mode="human")

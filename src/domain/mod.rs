@@ -121,6 +121,12 @@ pub trait GlobalSimulator {
         Vec::new()
     }
 
+    /// Makes [`GlobalSimulator::scene`] return pictures from the next reset on, if the domain draws some only when it is
+    /// asked to, because they are dear.
+    fn watch_scene(&mut self) -> Result<()> {
+        Ok(())
+    }
+
     /// Returns a picture of the state, if the domain draws one.
     fn scene(&self) -> Option<Scene> {
         None

@@ -24,6 +24,7 @@ pub struct Scene {
 enum SceneShape {
     Rectangle { x: f32, y: f32, width: f32, height: f32 },
     Disc { x: f32, y: f32, radius: f32 },
+    Line { from: [f32; 2], to: [f32; 2], width: f32 },
 }
 
 impl SceneShape {
@@ -33,6 +34,14 @@ impl SceneShape {
                 (x..x + width).contains(&px) && (y..y + height).contains(&py)
             }
             SceneShape::Disc { x, y, radius } => (px - x).powi(2) + (py - y).powi(2) <= radius * radius,
+            SceneShape::Line { from, to, width } => {
+                let along = [to[0] - from[0], to[1] - from[1]];
+                let length = along[0].hypot(along[1]).max(f32::MIN_POSITIVE);
+                let (dx, dy) = (px - from[0], py - from[1]);
+                let ahead = (dx * along[0] + dy * along[1]) / length;
+                let aside = (dx * along[1] - dy * along[0]) / length;
+                (0.0..=length).contains(&ahead) && aside.abs() <= width / 2.0
+            }
         }
     }
 
@@ -41,6 +50,11 @@ impl SceneShape {
         match self {
             SceneShape::Rectangle { x, y, width, height } => [x, y, x + width, y + height],
             SceneShape::Disc { x, y, radius } => [x - radius, y - radius, x + radius, y + radius],
+            SceneShape::Line { from, to, width } => {
+                let [left, top] = [0, 1].map(|i: usize| from[i].min(to[i]) - width / 2.0);
+                let [right, bottom] = [0, 1].map(|i: usize| from[i].max(to[i]) + width / 2.0);
+                [left, top, right, bottom]
+            }
         }
     }
 }
@@ -66,6 +80,11 @@ impl Scene {
 
     pub fn disc(&mut self, x: f32, y: f32, radius: f32, colour: Colour) {
         self.shapes.push((SceneShape::Disc { x, y, radius }, colour));
+    }
+
+    /// Draws a straight line with flat ends.
+    pub fn line(&mut self, from: [f32; 2], to: [f32; 2], width: f32, colour: Colour) {
+        self.shapes.push((SceneShape::Line { from, to, width }, colour));
     }
 
     /// Returns the picture as an SVG file, `scale` pixels per unit, with a title above and the legend below. `title`: text
@@ -111,6 +130,10 @@ impl Scene {
                 SceneShape::Disc { x, y, radius } => {
                     writeln!(svg, "<circle cx=\"{x}\" cy=\"{y}\" r=\"{radius}\" fill=\"{fill}\"/>")
                 }
+                SceneShape::Line { from: [x1, y1], to: [x2, y2], width } => writeln!(
+                    svg,
+                    "<line x1=\"{x1}\" y1=\"{y1}\" x2=\"{x2}\" y2=\"{y2}\" stroke=\"{fill}\" stroke-width=\"{width}\"/>"
+                ),
             };
             written.expect("a string takes everything");
         }
@@ -163,6 +186,18 @@ mod tests {
         // A line is one unit high here: one above for the title, one below for the legend.
         assert!(svg.contains("viewBox=\"0 -1 3 5\"") && svg.contains(">step 7</text>"), "{svg}");
         assert!(svg.contains("fill=\"#ff0000\"/><text x=\"1.2\" y=\"3.7\">a fire</text>"), "{svg}");
+    }
+
+    #[test]
+    fn svg_and_pixels_show_the_same_line() {
+        let mut scene = Scene::new(4.0, 4.0, WHITE);
+        scene.line([0.0, 0.0], [4.0, 4.0], 0.5, RED);
+        let svg = scene.to_svg(10.0, "a line");
+        assert!(svg.contains("<line x1=\"0\" y1=\"0\" x2=\"4\" y2=\"4\" stroke=\"#ff0000\" stroke-width=\"0.5\"/>"));
+        let (_, _, pixels) = scene.to_pixels(1);
+        // The middles of the other pixels are at least 0.7 away from the diagonal.
+        let red: Vec<usize> = (0..16).filter(|&pixel| pixels[pixel] == RED).collect();
+        assert_eq!(red, [0, 5, 10, 15]);
     }
 
     #[test]

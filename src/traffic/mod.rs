@@ -192,7 +192,7 @@ impl Traffic {
     /// Loads the GS with its own type, for what the trait does not offer.
     pub fn global(&self, control: SignalControl) -> Result<GlobalTraffic> {
         let tape = self.tape.as_ref().map(|tape| Ok::<_, Error>((tape, self.ground.recorded()?))).transpose()?;
-        GlobalTraffic::load(self.plan.clone(), self.ground.source()?, control, tape)
+        Ok(GlobalTraffic::load(self.plan.clone(), self.ground.source()?, control, tape)?.on(self.ground.clone()))
     }
 
     /// Returns the length of an episode in seconds.

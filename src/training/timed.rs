@@ -83,6 +83,10 @@ impl GlobalSimulator for Timed<dyn GlobalSimulator> {
         self.inner.roads()
     }
 
+    fn watch_scene(&mut self) -> Result<()> {
+        self.inner.watch_scene()
+    }
+
     fn scene(&self) -> Option<Scene> {
         self.inner.scene()
     }

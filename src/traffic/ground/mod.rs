@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::domain::{Result, Scenario};
+use crate::traffic::network::roads::Roads;
 use crate::traffic::paper_grid::grid::Grid;
 use crate::traffic::sim::local::LocalTraffic;
 use crate::traffic::sim::local_forest::LocalParts;
@@ -27,6 +28,9 @@ pub trait Ground: Send + Sync {
 
     /// Puts everything that the GS (global simulator) loads into memory.
     fn source(&self) -> Result<Source>;
+
+    /// Returns all roads, for pictures.
+    fn roads(&self) -> Result<Roads>;
 
     /// Returns the roads as recordings of the GS keep them.
     fn recorded(&self) -> Result<RecordedRoads>;

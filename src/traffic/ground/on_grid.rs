@@ -13,6 +13,7 @@ use crate::traffic::agents::region;
 use crate::traffic::light;
 use crate::traffic::network::contents::Network;
 use crate::traffic::network::files::NetworkFiles;
+use crate::traffic::network::roads::Roads;
 use crate::traffic::network::way_out::{Role, cannot_be_simulated};
 use crate::traffic::paper_grid::grid::Grid;
 use crate::traffic::paper_grid::recognise::{recognise_grid, recognise_local};
@@ -88,6 +89,10 @@ impl Ground for OnGrid {
 
     fn source(&self) -> Result<Source> {
         Ok(Source::Grid(self.network.for_sumo()?))
+    }
+
+    fn roads(&self) -> Result<Roads> {
+        Roads::read(&self.network.net.root).with_context(|| self.network.files.net.display().to_string())
     }
 
     fn recorded(&self) -> Result<RecordedRoads> {

@@ -21,6 +21,7 @@ use crate::traffic::cut::names::free_name;
 use crate::traffic::cut::of_scenario::{cut_all, types_of};
 use crate::traffic::network::files::for_sumo;
 use crate::traffic::network::memory_file::MemoryFile;
+use crate::traffic::network::roads::Roads;
 use crate::traffic::network::roads::program::{Phase, Program};
 use crate::traffic::paper_grid::grid::Grid;
 use crate::traffic::scenario::SumoScenario;
@@ -140,6 +141,10 @@ impl Ground for OnScenario {
         let program = free_name(actuated::PROGRAM, |name| taken.contains(name));
         let actuated = MemoryFile::new(&actuated::programs(&program, lights))?;
         Ok(Source::Scenario { files: self.files.for_sumo()?, actuated, program })
+    }
+
+    fn roads(&self) -> Result<Roads> {
+        self.files.roads()
     }
 
     fn recorded(&self) -> Result<RecordedRoads> {

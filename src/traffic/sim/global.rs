@@ -9,6 +9,7 @@ use super::border::Borders;
 use super::control::SignalControl;
 use super::handles::{IntersectionHandles, Place};
 use super::metrics::TrafficMetrics;
+use super::picture::Camera;
 use super::recorded_roads::RecordedRoads;
 use super::recording::{Recorder, Tape};
 use super::source::Source;
@@ -16,7 +17,7 @@ use super::tally::Tally;
 use super::visits::Visits;
 use crate::base::{Phase, Ragged, Seed, Stopwatch};
 use crate::domain::{
-    Action, GlobalSimulator, InfluenceSample, JointPercept, JointTransition, Kinds, Measures, Result, RoadView,
+    Action, GlobalSimulator, InfluenceSample, JointPercept, JointTransition, Kinds, Measures, Result, RoadView, Scene,
 };
 use crate::sumo::{Car, CarTable, LaneId, SignalState, Simulation};
 use crate::traffic::agents::phase_plan::Shown;
@@ -25,6 +26,7 @@ use crate::traffic::arrivals;
 use crate::traffic::cars_at::CarsAt;
 use crate::traffic::controllers::intersections::Intersections;
 use crate::traffic::controllers::{self, HandCoded};
+use crate::traffic::ground::Ground;
 use crate::traffic::light::KEEP;
 use crate::traffic::observe::{self, LightView};
 use crate::traffic::reward::{self, Waiting};
@@ -76,6 +78,9 @@ pub struct GlobalTraffic {
     tally: Tally,
     watch: Stopwatch,
     recorder: Option<Recorder>,
+    /// Where the roads for pictures come from, and what takes the pictures, if they are wanted.
+    ground: Option<Arc<dyn Ground>>,
+    camera: Option<Camera>,
     /// Metrics, if they are wanted.
     metrics: Option<TrafficMetrics>,
 }
@@ -133,9 +138,16 @@ impl GlobalTraffic {
             tally: Tally::default(),
             watch: Stopwatch::default(),
             recorder,
+            ground: None,
+            camera: None,
             metrics: None,
             plan,
         })
+    }
+
+    /// Lets it draw pictures of these roads, which are those that it simulates.
+    pub(in crate::traffic) fn on(self, ground: Arc<dyn Ground>) -> GlobalTraffic {
+        GlobalTraffic { ground: Some(ground), ..self }
     }
 
     /// Returns the car that arrived at an edge of an intersection in the last step, if there is one. This is more than
@@ -269,6 +281,10 @@ impl GlobalTraffic {
         self.handles.read_lights(&mut self.simulation, &mut self.states, &mut self.shown)
     }
 
+    fn take_picture(&mut self) -> Result<()> {
+        self.camera.as_mut().map_or(Ok(()), |camera| camera.look(&mut self.simulation))
+    }
+
     fn perceive(&mut self) {
         let JointTransition { percept, rewards } = &mut self.last;
         for (row, reward) in rewards.iter_mut().enumerate() {
@@ -323,6 +339,7 @@ impl GlobalSimulator for GlobalTraffic {
         }
         self.tally = Tally::new(self.agents(), self.plan.emergency_decel_mps2);
         self.waiting.fill(Waiting::default());
+        self.take_picture()?;
         self.perceive();
         if let Some(recorder) = &mut self.recorder {
             recorder.begin(episode.for_sumo());
@@ -344,6 +361,7 @@ impl GlobalSimulator for GlobalTraffic {
         }
         self.advised = false;
         let begun = Instant::now();
+        self.take_picture()?;
         self.perceive();
         self.watch.note(Phase::Reading, begun.elapsed());
         Ok(&self.last)
@@ -393,6 +411,17 @@ impl GlobalSimulator for GlobalTraffic {
         let view =
             |row: usize| observe::view(&self.plan.agents[row], self.cars_on(row), light(row), &self.waiting[row]);
         rows.map(view).collect()
+    }
+
+    fn watch_scene(&mut self) -> Result<()> {
+        if let Some(ground) = &self.ground {
+            self.camera = Some(Camera::new(&ground.roads()?, &self.plan.agents, &mut self.simulation)?);
+        }
+        Ok(())
+    }
+
+    fn scene(&self) -> Option<Scene> {
+        Some(self.camera.as_ref()?.draw(&self.plan.agents, &self.shown))
     }
 
     fn measure_in_full(&mut self) -> Result<()> {

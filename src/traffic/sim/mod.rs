@@ -8,7 +8,8 @@
 //!   [`visit_tables`]: cars drawn from visits. `visits_as_bytes`: visits for other processes.
 //! - `source`: what a GS loads; `handles`: the intersections of a loaded net; `options`: SUMO's options.
 //! - [`tally`]: what every episode counts; `metrics`, `trips`: what only evaluations measure.
-//! - [`recording`]: an episode recorded, on [`recorded_roads`]; `recorded_local`: those of one light. [`replay`]: a recording as files that SUMO plays;
+//! - `picture`: pictures of the GS. [`recording`]: an episode recorded, on [`recorded_roads`]; `recorded_local`: those of
+//!   one light. [`replay`]: a recording as files that SUMO plays;
 //!   [`trace`]: a recording for pictures.
 
 mod border;
@@ -22,6 +23,7 @@ pub(super) mod local_forest;
 pub mod local_scenario;
 pub(super) mod metrics;
 mod options;
+mod picture;
 pub(super) mod recorded_local;
 pub mod recorded_roads;
 pub mod recording;
