@@ -276,8 +276,9 @@ fn a_network_of_a_stranger_opens_no_other_file() {
     let room = Room::new();
     let config = &*room.path("c.toml").display().to_string();
     let replay = ["replay", config, "--controller", "actuated", "--out", "replay"];
-    let commands: [&[&str]; 4] = [
+    let commands: [&[&str]; 5] = [
         &["baseline", config, "--controller", "actuated", "--episodes", "1"],
+        &["check", config],
         &["train", config, "--out", "run", "--workers", "0"],
         &["bench", config, "--seconds", "1", "--workers", "1"],
         &replay,
