@@ -16,8 +16,8 @@ from .roads import Intersection, intersection
 Observations = Dict[str, np.ndarray]
 Infos = Dict[str, Dict[str, Any]]
 RENDER_MODES = ["rgb_array"]
-#: A function of what is on an agent's roads. It returns an array, always of the same shape for the same agent.
-Observation = Callable[[Intersection], np.ndarray]
+#: A function of what is on an agent's roads. It returns an array or a list, always of the same shape for the same agent.
+Observation = Callable[[Intersection], Any]
 #: A function of what was on an agent's roads before a step, and what is on them after it.
 Reward = Callable[[Intersection, Intersection], float]
 Steps = Tuple[Observations, Dict[str, float], Dict[str, bool], Dict[str, bool], Infos]
@@ -74,7 +74,6 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         """Work out the place of every agent in the shared memory."""
         self.possible_agents = [agent["name"] for agent in agents if not agent["hand_coded"]]
         self.agents: List[str] = []
-        self._rows = {agent["name"]: row for row, agent in enumerate(agents)}
         self._n_actions = {agent["name"]: agent["n_actions"] for agent in agents}
         self._observation_spaces: Dict[str, gymnasium.Space[Any]] = {}
         self._action_spaces: Dict[str, gymnasium.Space[Any]] = {}
