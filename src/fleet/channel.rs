@@ -135,7 +135,8 @@ mod tests {
         let frame = encode(&vec![1_u32, 2, 3]).unwrap();
         let mut newer = frame.clone();
         newer[4] = 9;
-        assert!(error_of(&newer).contains("received a message of protocol 9, but this program uses 3"));
+        let expected = format!("received a message of protocol 9, but this program uses {PROTOCOL}");
+        assert!(error_of(&newer).contains(&expected));
         assert!(error_of(b"GET / HTTP/1.1\r\n").contains("not one of our messages"));
         assert!(error_of(&frame[..frame.len() - 1]).contains("ended after 3 of 4 bytes"));
         let mut endless = frame;

@@ -84,7 +84,7 @@ mod tests {
         );
         assert_eq!(
             name("sumo_nets/town/town.sumocfg", &["total_steps=1000000"]),
-            "runs/town-gs-total_steps=1000000-seed1"
+            "runs/town-dials-total_steps=1000000-seed1"
         );
     }
 
