@@ -418,6 +418,11 @@ fn sigma(text: &str) -> Result<f64, String> {
     if (0.0..=1.0).contains(&number) { Ok(number) } else { Err("must be from 0 to 1".to_owned()) }
 }
 
+fn inflow_at(text: &str) -> Result<(String, f64), String> {
+    let (dead_end, probability) = text.split_once('=').ok_or("must be DEAD_END=PROBABILITY, such as w1=0.3")?;
+    Ok((dead_end.trim().to_owned(), finite(probability.trim())?))
+}
+
 fn finite(text: &str) -> Result<f64, String> {
     let number = text.parse::<f64>().map_err(|error| error.to_string())?;
     if number.is_finite() { Ok(number) } else { Err("must be a finite number".to_owned()) }
@@ -434,6 +439,10 @@ pub enum NetsCommand {
         /// Probability that a car arrives at a boundary edge in a step
         #[arg(long, default_value_t = 0.1)]
         inflow: f64,
+        /// Probability at one dead end, instead of `--inflow`: `--inflow-at w1=0.3`; may be given several times. Dead
+        /// ends are `w0` (west end of row 0), `s0`, `e0`, `n0` and so on
+        #[arg(long, value_name = "DEAD_END=P", value_parser = inflow_at)]
+        inflow_at: Vec<(String, f64)>,
         /// Output directory
         #[arg(long)]
         out: PathBuf,

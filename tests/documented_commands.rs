@@ -60,6 +60,7 @@ const NOT_TYPED: &[(&str, &str)] = &[
     ("export OMP_NUM_THREADS", "a script for Slurm"),
     ("if [ -d runs/cluster ]", "a script for Slurm"),
     ("srun ", "a script for Slurm"),
+    ("dials-traffic watch runs", "serves until Ctrl-C; tests/live.rs watches a run"),
     ("python3 -m venv", "installs packages from the network"),
     ("python3 sumo_nets/make.py", "tests/networks holds that it gives the same files"),
 ];
@@ -76,6 +77,9 @@ const SHORT_SETTINGS: &[(&str, &str, i64)] = &[
     ("evaluation", "final_episodes", 1),
     ("evaluation", "aip_loss_episodes", 1),
 ];
+
+/// A block that takes longer hangs.
+const LONGEST_S: &str = "1200";
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -220,8 +224,8 @@ fn every_command_of_the_docs_runs_to_its_end_in_order() {
             commands += text.lines().filter(|line| !line.trim().is_empty()).count();
             // A failing test shows how far it came.
             println!("{page}:\n{text}");
-            let mut shell = Command::new("bash");
-            shell.args(["-e", "-c", &text]).current_dir(folder.path()).env("PATH", &path).stdin(Stdio::null());
+            let mut shell = Command::new("timeout");
+            shell.args([LONGEST_S, "bash", "-e", "-c", &text]).current_dir(folder.path()).env("PATH", &path).stdin(Stdio::null());
             let output = shell.output().unwrap();
             let said = String::from_utf8_lossy(&output.stderr);
             assert!(output.status.success(), "{page}: {}\n{text}\n{said}", output.status);

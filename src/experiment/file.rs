@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, anyhow, ensure};
+use anyhow::{Context, Result, anyhow, bail, ensure};
 use serde::Deserialize;
 
 use crate::config::{self, Config, Simulator};
@@ -130,23 +130,15 @@ impl Experiment {
             "{}: lists {listed} runs, but at most {MOST_RUNS} are allowed; split it into several experiments",
             path.display()
         );
-        let mut stems: BTreeMap<String, PathBuf> = BTreeMap::new();
+        let mut names: BTreeMap<String, PathBuf> = BTreeMap::new();
         for grid in &file.grid {
             ensure!(!grid.configs.is_empty(), "{}: a [[grid]] without configs has no runs", path.display());
             let seeds = grid.seeds.as_ref().unwrap_or(&file.seeds);
             ensure!(!seeds.is_empty(), "{}: a [[grid]] without seeds has no runs", path.display());
             for config in &grid.configs {
                 let config_path = folder.join(config);
-                let stem = stem(&config_path);
-                let known = stems.entry(stem.clone()).or_insert_with(|| config_path.clone());
-                ensure!(
-                    *known == config_path,
-                    "{}: {} and {} have the same file name, but runs are named after it",
-                    path.display(),
-                    known.display(),
-                    config_path.display()
-                );
-                for run in combinations(&file, grid, &config_path) {
+                let name = name_of(&config_path, &mut names).with_context(|| path.display().to_string())?;
+                for run in combinations(&file, grid, &config_path, &name) {
                     experiment.add_run(run, knowledge).with_context(|| format!("{}: planned run", path.display()))?;
                 }
             }
@@ -185,7 +177,7 @@ impl Experiment {
     }
 
     fn add_run(&mut self, combination: Combination, knowledge: &Knowledge) -> Result<()> {
-        let Combination { config_path, settings, every, words, seed } = combination;
+        let Combination { config_path, config_name, settings, every, words, seed } = combination;
         let config = config::load(&config_path, &settings)?;
         let (scenario, rough_costs) = (knowledge.simulated)(&config)?;
         let retraining = Method::of(&config, &scenario).retraining;
@@ -196,7 +188,7 @@ impl Experiment {
             config.simulator.name(),
             toml::Value::try_from(config.aip.retrain)?.as_str().unwrap_or_default()
         );
-        let name = FileName::new(format!("{}-{}{words}-seed{seed}", stem(&config_path), config.simulator.name()))?;
+        let name = FileName::new(format!("{config_name}-{}{words}-seed{seed}", config.simulator.name()))?;
         // Two combinations give the same run if F is the config's own, or if grids overlap.
         if self.runs.iter().any(|run| run.config_path == config_path && run.config == config) {
             return Ok(());
@@ -221,6 +213,8 @@ impl RunGrid {
 
 struct Combination {
     config_path: PathBuf,
+    /// What its config is called.
+    config_name: String,
     settings: Vec<String>,
     /// F, if the grid lists it.
     every: Option<u64>,
@@ -229,7 +223,7 @@ struct Combination {
     seed: u64,
 }
 
-fn combinations(file: &ExperimentFile, grid: &RunGrid, config_path: &Path) -> Vec<Combination> {
+fn combinations(file: &ExperimentFile, grid: &RunGrid, config_path: &Path, name: &str) -> Vec<Combination> {
     /// Returns one `None` for an empty list: the config decides.
     fn one_of<T: Copy>(listed: &[T]) -> Vec<Option<T>> {
         if listed.is_empty() { vec![None] } else { listed.iter().copied().map(Some).collect() }
@@ -245,11 +239,26 @@ fn combinations(file: &ExperimentFile, grid: &RunGrid, config_path: &Path) -> Ve
                 settings.push(format!("seed={seed}"));
                 let mut words = every.map_or(String::new(), |every| format!("-F{}", steps_text(every)));
                 words.extend(grid.name.iter().map(|name| format!("-{name}")));
-                combinations.push(Combination { config_path: config_path.to_owned(), settings, every, words, seed });
+                let (config_path, config_name) = (config_path.to_owned(), name.to_owned());
+                combinations.push(Combination { config_path, config_name, settings, every, words, seed });
             }
         }
     }
     combinations
+}
+
+/// Returns what a config is called in the names of runs: its file, or `FOLDER-FILE` if the experiment has another config of
+/// that file name before it. `names`: those given so far.
+fn name_of(config: &Path, names: &mut BTreeMap<String, PathBuf>) -> Result<String> {
+    let stem = stem(config);
+    let folder = config.parent().and_then(Path::file_name).unwrap_or_default().to_string_lossy();
+    for name in [stem.clone(), format!("{folder}-{stem}")] {
+        if *names.entry(name.clone()).or_insert_with(|| config.to_owned()) == config {
+            return Ok(name);
+        }
+    }
+    let other = names[&stem].display();
+    bail!("{other} and {} have the same file and folder name, but runs are named after them", config.display())
 }
 
 fn stem(path: &Path) -> String {
@@ -273,8 +282,11 @@ mod tests {
 
     fn read(text: &str) -> Result<Experiment> {
         let dir = tempfile::tempdir().unwrap();
-        for name in ["small", "large"] {
-            std::fs::write(dir.path().join(format!("{name}.toml")), CONFIG).unwrap();
+        std::fs::create_dir_all(dir.path().join("other/paper")).unwrap();
+        std::fs::create_dir(dir.path().join("paper")).unwrap();
+        for name in ["small", "large", "paper/small", "other/paper/small"] {
+            let config = CONFIG.replace('2', if name.starts_with("paper") { "3" } else { "2" });
+            std::fs::write(dir.path().join(format!("{name}.toml")), config).unwrap();
         }
         std::fs::write(dir.path().join("e.toml"), text).unwrap();
         Experiment::read(&dir.path().join("e.toml"), &KNOWLEDGE)
@@ -322,6 +334,15 @@ mod tests {
         assert_eq!((&*clip.name, clip.config.ppo.clip), ("small-dials-clip-seed7", 0.2));
         let error = format!("{:#}", read(&format!("seeds = [7]\n{grid}{changed}")).unwrap_err());
         assert!(error.contains("two runs would be called small-dials-seed7: give a [[grid]] a `name`"), "{error}");
+    }
+
+    #[test]
+    fn configs_of_one_file_name_are_told_apart_by_their_folders() {
+        let text = "seeds = [1]\n[[grid]]\nconfigs = ['small.toml', 'paper/small.toml']\n\
+                    [[grid]]\nconfigs = ['paper/small.toml']\nsimulators = ['gs']";
+        assert_eq!(names(text), ["small-dials-seed1", "paper-small-dials-seed1", "paper-small-gs-seed1"]);
+        let error = format!("{:#}", read(&text.replace("['paper", "['other/paper/small.toml', 'paper")).unwrap_err());
+        assert!(error.contains("have the same file and folder name"), "{error}");
     }
 
     #[test]

@@ -18,13 +18,16 @@ use crate::traffic::cut::beyond::Reach;
 use crate::traffic::cut::of_scenario::{cut_light, write};
 use crate::traffic::network::files::NetworkFiles;
 use crate::traffic::paper_grid::grid::Grid;
+use crate::traffic::paper_grid::inflow::Inflow;
 use crate::traffic::paper_grid::make::{write_grid, write_local};
 use crate::traffic::scenario::SumoScenario;
 
 pub fn nets(args: &NetsCommand) -> CommandResult<()> {
     let written = match args {
-        NetsCommand::Grid { rows, cols, inflow, out, force } => Grid::new(*rows, *cols)
-            .and_then(|grid| put(out, *force, &format!("grid_{grid}"), |room| write_grid(grid, *inflow, room))),
+        NetsCommand::Grid { rows, cols, inflow, inflow_at, out, force } => Grid::new(*rows, *cols).and_then(|grid| {
+            let inflow = Inflow::from(*inflow).with(inflow_at.iter().cloned());
+            put(out, *force, &format!("grid_{grid}"), |room| write_grid(grid, inflow, room))
+        }),
         NetsCommand::Local { out, force } => put(out, *force, "local", write_local),
         NetsCommand::Cut { file, light, hops, out, force } => {
             put(out, *force, "cut", |room| cut(file, light, usize::from(*hops), room))

@@ -44,9 +44,11 @@ impl Owner {
     }
 
     /// Returns an error if the networks or the domain's keys are other ones than `run.json` in `dir` says. Policies that
-    /// were trained on those are not for these.
+    /// were trained on those are not for these. The rules of the environment may be those of another version of this
+    /// program: whoever scores the policies says so.
     pub fn check_unchanged(&self, dir: &Path) -> Result<()> {
-        let found = self.changes_since(dir, &RunJson::read_if_there(dir)?)?;
+        let mut found = self.changes_since(dir, &RunJson::read_if_there(dir)?)?;
+        found.retain(|difference| !difference.key.starts_with("scenario.rules."));
         refuse(&place_of(dir), &found, TO_PLAY).map_err(Into::into)
     }
 

@@ -5,6 +5,7 @@
 use std::io;
 
 use super::grid::{self, Grid, Node};
+use super::inflow::Inflow;
 use crate::traffic::agents::phases::Light;
 use crate::traffic::agents::region::{EDGE_M, SPEED_LIMIT_MPS};
 use crate::traffic::network::xml::{Xml, document, leaf, nest};
@@ -102,8 +103,8 @@ pub fn lights(grid: Grid) -> String {
 }
 
 /// Returns the vehicle type, the routes and, if `inflow` is given, one flow per route: in each step, a car with that
-/// probability.
-pub fn routes(grid: Grid, inflow: Option<f64>) -> String {
+/// probability. A route without cars has no flow.
+pub fn routes(grid: Grid, inflow: Option<&Inflow>) -> String {
     let routes = grid.boundary_routes();
     document("routes", |xml| {
         leaf(xml, "vType", VEHICLE_TYPE)?;
@@ -112,13 +113,15 @@ pub fn routes(grid: Grid, inflow: Option<f64>) -> String {
             .try_for_each(|route| leaf(xml, "route", [("id", &route.id), ("edges", &route.edges.join(" "))]))?;
         let Some(inflow) = inflow else { return Ok(()) };
         routes.iter().try_for_each(|route| {
+            let dead_end = route.from.to_string();
+            let Some(probability) = inflow.at(&dead_end) else { return Ok(()) };
             let attributes = [
-                ("id", route.from.to_string()), // A car is then called `w0.17`.
+                ("id", dead_end), // A car is then called `w0.17`.
                 ("type", "car".into()),
                 ("route", route.id.clone()),
                 ("begin", "0".into()),
                 ("end", "86400".into()), // A day, so that sumo-gui plays on.
-                ("probability", inflow.to_string()),
+                ("probability", probability.to_string()),
                 ("departLane", "free".into()), // The lane and the speed: the authors' setup.
                 ("departSpeed", "10".into()),
             ];
@@ -219,7 +222,7 @@ mod tests {
 
     #[test]
     fn a_flow_is_named_after_the_dead_end_where_it_begins() {
-        let routes = routes(Grid::SINGLE, Some(0.1));
+        let routes = routes(Grid::SINGLE, Some(&0.1.into()));
         let flow = r#"<flow id="n0" type="car" route="n0_to_s0" begin="0" end="86400" probability="0.1""#;
         assert!(routes.contains(flow), "{routes}");
     }

@@ -5,6 +5,7 @@
 
 use super::content::{self, HALF_INTERSECTION_M, LANE_WIDTH_M, RADIUS_M, STATIC_S};
 use super::grid::{self, Grid, Node};
+use super::inflow::Inflow;
 use crate::base::AgentId;
 use crate::traffic::agents::phases::Light;
 use crate::traffic::agents::region::{EDGE_M, SPEED_LIMIT_MPS};
@@ -26,7 +27,8 @@ pub fn net(grid: Grid) -> Element {
 
 /// Returns the vehicle type, the routes and, if `inflow` is given, one flow per route.
 pub fn routes(grid: Grid, inflow: Option<f64>) -> Element {
-    parse(&content::routes(grid, inflow)).expect("what this program writes is XML")
+    let inflow = inflow.map(Inflow::from);
+    parse(&content::routes(grid, inflow.as_ref())).expect("what this program writes is XML")
 }
 
 /// Returns the actuated lights.
