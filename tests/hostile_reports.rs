@@ -247,7 +247,7 @@ fn a_plan_that_cannot_be_read_is_told_and_the_runs_are_reported() {
         let line = said.lines().find(|line| line.starts_with("warning: runs/plan.json: left out: ")).unwrap_or(&said);
         assert!(line.contains(told), "{line}");
         let page = place.file("report.md");
-        assert!(page.contains("runs/plan.json: left out: ") && page.contains("1 runs in 1 groups"), "{page}");
+        assert!(page.contains("runs/plan.json: left out: ") && page.contains("1 run in 1 group"), "{page}");
     }
 }
 
@@ -260,7 +260,7 @@ fn assert_left_out(change: impl Fn(&Path), told: &str) {
     let line = said.lines().find(|line| line.starts_with("warning: runs/bad: left out: ")).unwrap_or(&said);
     assert!(line.contains(told), "{told}: {line}");
     let page = place.file("report.md");
-    assert!(page.contains("runs/bad: left out: ") && page.contains("1 runs in 1 groups"), "{page}");
+    assert!(page.contains("runs/bad: left out: ") && page.contains("1 run in 1 group"), "{page}");
 }
 
 #[test]

@@ -283,8 +283,8 @@ fn nets_cut_writes_over_its_own_files_only_and_an_unknown_light_is_told() {
     cut("a1", &["--hops", "6"]).code(2);
     fs::create_dir(&out).unwrap();
     fs::write(out.join("mine.txt"), "mine").unwrap();
-    for light in ["a1", "a2"] {
-        let told = String::from_utf8(cut(light, &[]).success().get_output().stdout.clone()).unwrap();
+    for (light, more) in [("a1", &[][..]), ("a2", &["--force"])] {
+        let told = String::from_utf8(cut(light, more).success().get_output().stdout.clone()).unwrap();
         assert!(told.contains(&format!("sumo-gui -c {}", out.join("cut.sumocfg").display())), "{told}");
         assert_eq!(Node::read(&out.join("cut.net.xml")).by_id("tlLogic").keys().next(), Some(&light));
     }
