@@ -225,7 +225,11 @@ fn every_command_of_the_docs_runs_to_its_end_in_order() {
             // A failing test shows how far it came.
             println!("{page}:\n{text}");
             let mut shell = Command::new("timeout");
-            shell.args([LONGEST_S, "bash", "-e", "-c", &text]).current_dir(folder.path()).env("PATH", &path).stdin(Stdio::null());
+            shell
+                .args([LONGEST_S, "bash", "-e", "-c", &text])
+                .current_dir(folder.path())
+                .env("PATH", &path)
+                .stdin(Stdio::null());
             let output = shell.output().unwrap();
             let said = String::from_utf8_lossy(&output.stderr);
             assert!(output.status.success(), "{page}: {}\n{text}\n{said}", output.status);

@@ -288,9 +288,12 @@ fn nets_cut_writes_over_its_own_files_only_and_an_unknown_light_is_told() {
         assert!(told.contains(&format!("sumo-gui -c {}", out.join("cut.sumocfg").display())), "{told}");
         assert_eq!(Node::read(&out.join("cut.net.xml")).by_id("tlLogic").keys().next(), Some(&light));
     }
-    let names: BTreeSet<_> = fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    let names = fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    // The files of the first light that differ stand beside those of the second one, under other names.
+    let (before, names): (BTreeSet<_>, BTreeSet<_>) = names.partition(|name| name.contains(".old-"));
     let expected = ["cut.net.xml", "cut.rou.xml", "cut.sumocfg", "cut.types.add.xml", "mine.txt"];
     assert_eq!(names, expected.map(Into::into).into());
+    assert!(before.iter().any(|name| name.starts_with("cut.net.xml")), "{before:?}");
     fs::write(room.path().join("config.toml"), "").unwrap();
     fs::write(room.path().join("run.json"), "").unwrap();
     let into_run = ["nets", "cut", text(&arterial), "--light", "a1", "--out", text(&room.path().join("networks"))]
