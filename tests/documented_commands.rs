@@ -61,6 +61,8 @@ const NOT_TYPED: &[(&str, &str)] = &[
     ("if [ -d runs/cluster ]", "a script for Slurm"),
     ("srun ", "a script for Slurm"),
     ("python3 -m venv", "installs packages from the network"),
+    ("python-env/bin/", "python/tests hold what the Python package does"),
+    ("target/sumo_rl/bin/", "a benchmark"),
     ("python3 sumo_nets/make.py", "tests/networks holds that it gives the same files"),
 ];
 
