@@ -109,23 +109,17 @@ def update(agent, optimiser, batch):
             optimiser.step()
 
 
-def main(words=None):
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("config")
-    parser.add_argument("--steps", type=int, default=120_000, help="per agent, in all copies together")
-    parser.add_argument("--envs", type=int, default=4, help="copies of the environment, each a process")
-    parser.add_argument("--seed", type=int, default=1)
-    arguments = parser.parse_args(words)
-
-    torch.manual_seed(arguments.seed)
+def train(config, steps, copies, seed):
+    """Train on `copies` of a config for `steps` per agent. Return the networks, and the mean return of each episode."""
+    torch.manual_seed(seed)
     torch.set_num_threads(1)
-    rows = Rows(arguments.config, arguments.envs, arguments.seed)
+    rows = Rows(config, copies, seed)
     agent = Agent(rows.obs_dim, rows.n_actions)
     optimiser = torch.optim.Adam(agent.parameters(), LEARNING_RATE, eps=1e-5)
 
     (obs, masks), begun = rows.reset(), time.monotonic()
     so_far, finished = torch.zeros(len(obs)), []
-    updates = max(1, arguments.steps // (ROLLOUT_STEPS * arguments.envs))
+    updates = max(1, steps // (ROLLOUT_STEPS * copies))
     for number in range(1, updates + 1):
         rollout = {name: [] for name in ("obs", "masks", "actions", "log_probs", "rewards", "values", "after", "ends")}
         with torch.no_grad():
@@ -150,10 +144,20 @@ def main(words=None):
         batch.update(advantages=advantages, returns=advantages + tables["values"])
         update(agent, optimiser, {name: part.flatten(0, 1) for name, part in batch.items()})
         if finished and (number % 10 == 0 or number == updates):
-            steps, seconds = number * ROLLOUT_STEPS * arguments.envs, time.monotonic() - begun
-            print(f"step {steps}: mean return {finished[-1]:.2f}, {steps / seconds:.0f} steps per second", flush=True)
+            done, seconds = number * ROLLOUT_STEPS * copies, time.monotonic() - begun
+            print(f"step {done}: mean return {finished[-1]:.2f}, {done / seconds:.0f} steps per second", flush=True)
     rows.env.close()
-    return finished
+    return agent, finished
+
+
+def main(words=None):
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("config")
+    parser.add_argument("--steps", type=int, default=120_000, help="per agent, in all copies together")
+    parser.add_argument("--envs", type=int, default=4, help="copies of the environment, each a process")
+    parser.add_argument("--seed", type=int, default=1)
+    arguments = parser.parse_args(words)
+    return train(arguments.config, arguments.steps, arguments.envs, arguments.seed)[1]
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ def network(policies, obs, state=None, prefix=""):
     hidden = obs
     if prefix + "gru.input_weight" in policies:
         gru = {name: policies[f"{prefix}gru.{name}"] for name in ("input_weight", "input_bias", "state_weight", "state_bias")}
+        state = np.zeros(obs.shape[:2] + gru["state_weight"].shape[1:2]) if state is None else state
         from_obs = np.split(obs @ gru["input_weight"] + gru["input_bias"], 3, axis=-1)
         from_state = np.split(state @ gru["state_weight"] + gru["state_bias"], 3, axis=-1)
         r, z = (1 / (1 + np.exp(-(from_obs[gate] + from_state[gate]))) for gate in (0, 1))
@@ -29,7 +30,7 @@ def network(policies, obs, state=None, prefix=""):
 def judge(policies, obs, state=None):
     """Return what the policies say: (logits [agents, batch, actions], values [agents, batch], next state).
 
-    obs: [agents, batch, obs_dim]. state: [agents, batch, hidden], zeros at the beginning of an episode; None for
+    obs: [agents, batch, obs_dim]. state: [agents, batch, hidden]; None at the beginning of an episode, and always for
     policies without a GRU. A critic with a network of its own has a state of its own, which follows the policy's.
     """
     if "critic.layers.0.weight" not in policies:
@@ -38,16 +39,14 @@ def judge(policies, obs, state=None):
     actor_state, critic_state = (None, None) if state is None else np.split(state, 2, axis=-1)
     logits, actor_state = network(policies, obs, actor_state)
     values, critic_state = network(policies, obs, critic_state, "critic.")
-    state = None if state is None else np.concatenate([actor_state, critic_state], axis=-1)
+    state = None if actor_state is None else np.concatenate([actor_state, critic_state], axis=-1)
     return logits, values[..., 0], state
 
 
 if __name__ == "__main__":
     policies = load_file(sys.argv[1])
     agents, obs_dim, _ = policies.get("gru.input_weight", policies["layers.0.weight"]).shape
-    widths = [weight.shape[1] for name, weight in policies.items() if name.endswith("gru.state_weight")]
-    memory = np.zeros((agents, 1, sum(widths))) if widths else None
-    logits, values, _ = judge(policies, np.zeros((agents, 1, obs_dim)), memory)
+    logits, values, _ = judge(policies, np.zeros((agents, 1, obs_dim)))
     probabilities = np.exp(logits) / np.exp(logits).sum(axis=-1, keepdims=True)
     for agent in range(agents):
         print(f"agent {agent}: shown nothing, it acts with probabilities {probabilities[agent, 0].round(3)}")

@@ -62,6 +62,8 @@ const NOT_TYPED: &[(&str, &str)] = &[
     ("srun ", "a script for Slurm"),
     ("dials-traffic watch runs", "serves until Ctrl-C; tests/live.rs watches a run"),
     ("python3 -m venv", "installs packages from the network"),
+    ("python-env/bin/", "python/tests hold what the Python package does"),
+    ("target/sumo_rl/bin/", "a benchmark"),
     ("python3 sumo_nets/make.py", "tests/networks holds that it gives the same files"),
 ];
 

@@ -6,11 +6,13 @@
 
 Both play the same number of whole episodes under random actions, with the same measures. Time is wall-clock time: the
 simulator of Python is another process. For Rust it is the difference between a long and a short run of `baseline`, so
-that loading does not count. The fastest of `--repeats` counts. Run it on a machine that does nothing else.
+that loading does not count. The lines take turns, `--pairs` times. Each number is the median, and the comparison is the
+median over the turns. Run it on a machine that does nothing else.
 """
 
 import argparse
 import json
+import statistics
 import subprocess
 import time
 from pathlib import Path
@@ -22,9 +24,13 @@ import dials_traffic
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def from_python(config, episodes, in_full):
+def own_observation(roads):
+    return [len(approach.cars) for approach in roads.approaches]
+
+
+def from_python(config, episodes, **options):
     """Return seconds per step, without the making of the environment and the first episode."""
-    env = dials_traffic.parallel_env(config, seed=0, full_metrics=in_full)
+    env = dials_traffic.parallel_env(config, seed=0, **options)
     rng = np.random.default_rng(0)
 
     def play():
@@ -60,28 +66,39 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--config", type=Path, default=ROOT / "configs/traffic_25.toml")
     parser.add_argument("--episodes", type=int, default=10, help="per repeat")
-    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--pairs", type=int, default=5)
     parser.add_argument("--binary", type=Path, default=ROOT / "target/release/dials-traffic")
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
     arguments = parser.parse_args()
 
-    env = dials_traffic.parallel_env(arguments.config)
+    config, episodes = arguments.config, arguments.episodes
+    env = dials_traffic.parallel_env(config)
     horizon, agents = env.horizon, len(env.possible_agents)
     env.close()
-    fastest = {
-        "Rust, measured in full": lambda: from_rust(arguments.binary, arguments.config, arguments.episodes, horizon),
-        "Python, measured in full": lambda: from_python(arguments.config, arguments.episodes, True),
-        "Python": lambda: from_python(arguments.config, arguments.episodes, False),
+    rust, python = "Rust, measured in full", "Python, measured in full"
+    lines = {
+        rust: lambda: from_rust(arguments.binary, config, episodes, horizon),
+        python: lambda: from_python(config, episodes, full_metrics=True),
+        "Python, in the same process, measured in full": lambda: from_python(
+            config, episodes, full_metrics=True, in_process=True
+        ),
+        "Python": lambda: from_python(config, episodes),
+        "Python, own observation": lambda: from_python(config, episodes, observation=own_observation),
     }
-    fastest = {name: min(measure() for _ in range(arguments.repeats)) for name, measure in fastest.items()}
+    taken = {name: [] for name in lines}
+    for _ in range(arguments.pairs):
+        for name, measure in lines.items():
+            taken[name].append(measure())
     if arguments.json:
-        print(json.dumps({"config": str(arguments.config), "agents": agents, "seconds_per_step": fastest}))
+        print(json.dumps({"config": str(config), "agents": agents, "seconds_per_step": taken}))
         return
-    print(f"{arguments.config.name}: {agents} agents, {horizon} steps per episode\n")
-    print(f"{'':26} {'steps per second':>16} {'compared with Rust':>20}")
-    rust = fastest["Rust, measured in full"]
-    for name, seconds in fastest.items():
-        print(f"{name:26} {1 / seconds:>16.0f} {rust / seconds - 1:>+19.1%}")
+    print(f"{config.name}: {agents} agents, {horizon} steps per episode, {arguments.pairs} pairs\n")
+    print(f"{'':46} {'steps per second':>16} {'compared with Rust':>20}   of each pair")
+    for name, seconds in taken.items():
+        ratios = [base / own - 1 for base, own in zip(taken[rust], seconds)]
+        pairs = " ".join(f"{ratio:+.1%}" for ratio in ratios)
+        rate = 1 / statistics.median(seconds)
+        print(f"{name:46} {rate:>16.0f} {statistics.median(ratios):>+19.1%}   {pairs}")
 
 
 if __name__ == "__main__":

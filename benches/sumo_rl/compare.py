@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Simulated intersection-seconds per core-second: sumo-rl with libsumo beside the GS of dials-traffic.
+"""Decisions per core-second: sumo-rl with libsumo beside the GS of dials-traffic, from Python and from Rust.
 
-    python3 -m venv target/sumo_rl && target/sumo_rl/bin/pip install -r benches/sumo_rl/requirements.txt
+    python3 -m venv target/sumo_rl && target/sumo_rl/bin/pip install -r benches/sumo_rl/requirements.txt ./python
     cargo build --release
     target/sumo_rl/bin/python benches/sumo_rl/compare.py
 
@@ -10,13 +10,14 @@ rewards of all intersections at every decision. What differs:
 
 - sumo-rl decides every `delta_time` seconds, which must exceed yellow: every 4 s is the most often that it allows.
   dials-traffic decides every second (and hears no action during yellow).
-- Observations: sumo-rl has density and queue of every lane, dials-traffic 36 cells and the light. The reward is the mean
-  speed in both, and in a second line of sumo-rl its defaults (change of the waiting time, and system-wide figures).
+- Observations: sumo-rl has density and queue of every lane, dials-traffic 36 cells and the light. The reward is the
+  mean speed in both, and in a second line of sumo-rl its defaults (change of the waiting time, system-wide figures).
 - Random actions: sumo-rl draws the next green phase, dials-traffic draws whether to switch. So the traffic is not quite
   the same; under `alternate` it is: all lights change every 8 s, of which 3 are yellow.
 
-Time is CPU time of the process (user and system), without what happens before the first episode; the fastest of
-`--repeats` counts. For dials-traffic it is the difference between a long and a short run of `baseline`.
+Time is CPU time (user and system) of a process and its children: the difference between a long and a short run, so that
+loading does not count. The lines take turns, and the fastest of `--repeats` counts. "From Python" is `parallel_env`,
+"from Rust" is `baseline`, which also measures in full.
 """
 
 import argparse
@@ -26,7 +27,6 @@ import random
 import resource
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -39,12 +39,12 @@ ALTERNATE_S = 8
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--size", type=int, default=5, choices=[2, 5, 7, 10], help="side of the grid")
-    parser.add_argument("--episodes", type=int, default=5, help="per repeat")
-    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--episodes", type=int, default=10, help="per repeat")
+    parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--binary", type=Path, default=ROOT / "target/release/dials-traffic")
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
     # One simulator per process: libsumo keeps its own in globals.
-    parser.add_argument("--measure", help=argparse.SUPPRESS)
+    parser.add_argument("--play", help=argparse.SUPPRESS)
     return parser.parse_args()
 
 
@@ -112,28 +112,61 @@ def sumo_rl_defaults(size, control):
     return sumo_rl(size, control)
 
 
-SUBJECTS = {"alone": sumo_alone, "lean": sumo_rl_lean, "defaults": sumo_rl_defaults}
+def ours(size, control):
+    import dials_traffic
+
+    env = dials_traffic.parallel_env(config(size), seed=0)
+
+    def episode(seed):
+        dice = random.Random(seed)
+        env.reset()
+        for step in range(env.horizon):
+            if control == "random":
+                actions = {light: dice.randrange(2) for light in env.agents}
+            else:
+                actions = dict.fromkeys(env.agents, int(step % ALTERNATE_S == ALTERNATE_S - 1))
+            env.step(actions)
+        return env.horizon
+
+    return episode
 
 
-def measure(name, control, size, episodes):
-    """In a process of its own: CPU seconds and decisions per episode, after one that warms up."""
+SUBJECTS = {"alone": sumo_alone, "lean": sumo_rl_lean, "defaults": sumo_rl_defaults, "ours": ours}
+
+
+def config(size):
+    return ROOT / "configs" / f"traffic_{size**2}.toml"
+
+
+def play(name, control, size, episodes):
+    """In a process of its own: play episodes and print the number of decisions in each."""
     episode = SUBJECTS[name](size, control)
-    episode(0)
-    begun = time.process_time()
-    decisions = sum(episode(1 + seed) for seed in range(episodes))
-    print(json.dumps({"cpu_s": (time.process_time() - begun) / episodes, "decisions": decisions / episodes}))
+    print([episode(seed) for seed in range(episodes)][-1])
 
 
-def ask(name, control, args):
-    """The fastest of several processes."""
+def from_python(name, control):
+    def command(args, episodes):
+        words = ["--play", f"{name},{control}", "--size", str(args.size), "--episodes", str(episodes)]
+        return [sys.executable, __file__, *words]
+
+    return command
+
+
+def from_rust(control):
+    def command(args, episodes):
+        words = ["--controller", control, "--episodes", str(episodes), "--json"]
+        return [args.binary, "baseline", config(args.size), *words]
+
+    return command
+
+
+def cpu_s(command):
+    """Return the CPU seconds of a command and its children, and what it prints."""
     environment = dict(os.environ, LIBSUMO_AS_TRACI="1", SUMO_HOME=sumo_home())
-    command = [sys.executable, __file__, "--measure", f"{name},{control}", "--size", str(args.size)]
-    command += ["--episodes", str(args.episodes)]
-    answers = []
-    for _ in range(args.repeats):
-        output = subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE, text=True).stdout
-        answers.append(json.loads(output.splitlines()[-1]))
-    return min(answers, key=lambda answer: answer["cpu_s"])
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    done = subprocess.run(command, env=environment, check=True, capture_output=True, text=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, done.stdout
 
 
 def sumo_home():
@@ -142,45 +175,47 @@ def sumo_home():
     return sumo.SUMO_HOME
 
 
-def dials_traffic(control, args):
-    def cpu_s(episodes):
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        config = ROOT / "configs" / f"traffic_{args.size ** 2}.toml"
-        command = [args.binary, "baseline", config, "--controller", control, "--episodes", str(episodes), "--json"]
-        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-
-    short, long = 1, 1 + args.episodes
-    fastest = [min(cpu_s(episodes) for _ in range(args.repeats)) for episodes in (short, long)]
-    return {"cpu_s": (fastest[1] - fastest[0]) / args.episodes, "decisions": HORIZON_S}
+LINES = {
+    "SUMO alone, stepped from Python": from_python("alone", "program"),
+    "sumo-rl, mean speed, random": from_python("lean", "random"),
+    "sumo-rl, mean speed, alternate": from_python("lean", "alternate"),
+    "sumo-rl, its defaults, random": from_python("defaults", "random"),
+    "dials-traffic from Python, random": from_python("ours", "random"),
+    "dials-traffic from Python, alternate": from_python("ours", "alternate"),
+    "dials-traffic from Rust, random": from_rust("random"),
+    "dials-traffic from Rust, alternate": from_rust(f"switch-every-{ALTERNATE_S}"),
+}
 
 
 def main():
     args = arguments()
-    if args.measure:
-        name, control = args.measure.split(",")
-        return measure(name, control, args.size, args.episodes)
-    lines = {
-        "SUMO alone, stepped from Python": ask("alone", "program", args),
-        "sumo-rl, mean speed, random": ask("lean", "random", args),
-        "sumo-rl, mean speed, alternate": ask("lean", "alternate", args),
-        "sumo-rl, its defaults, random": ask("defaults", "random", args),
-        "dials-traffic GS, random": dials_traffic("random", args),
-        "dials-traffic GS, alternate": dials_traffic(f"switch-every-{ALTERNATE_S}", args),
-    }
-    agents = args.size**2
-    for answer in lines.values():
-        answer["intersection_seconds_per_core_second"] = agents * HORIZON_S / answer["cpu_s"]
-        answer["decisions_per_core_second"] = agents * answer["decisions"] / answer["cpu_s"]
+    if args.play:
+        name, control = args.play.split(",")
+        return play(name, control, args.size, args.episodes)
+    taken = {name: [] for name in LINES}
+    decisions = {}
+    for _ in range(args.repeats):
+        for name, command in LINES.items():
+            short, _ = cpu_s(command(args, 1))
+            long, told = cpu_s(command(args, 1 + args.episodes))
+            taken[name].append((long - short) / args.episodes)
+            decisions[name] = HORIZON_S if "Rust" in name else int(told.split()[-1])
+    agents, answers = args.size**2, {}
+    for name, seconds in taken.items():
+        rates = agents * HORIZON_S / min(seconds), agents * decisions[name] / min(seconds)
+        answers[name] = {"cpu_s": seconds, "intersection_seconds": rates[0], "decisions": rates[1]}
     if args.json:
-        print(json.dumps({"size": args.size, "episodes": args.episodes, "subjects": lines}))
+        print(json.dumps({"size": args.size, "episodes": args.episodes, "subjects": answers}))
         return None
     print(f"{args.size}x{args.size} grid, {HORIZON_S} s per episode\n")
-    print(f"{'':34} {'intersection-seconds':>22} {'decisions':>12}   per core-second")
-    for name, answer in lines.items():
-        seconds, decisions = answer["intersection_seconds_per_core_second"], answer["decisions_per_core_second"]
-        print(f"{name:34} {seconds:>22.0f} {decisions:>12.0f}")
+    print(f"{'':36} {'intersection-seconds':>22} {'decisions':>12}   per core-second")
+    for name, answer in answers.items():
+        print(f"{name:36} {answer['intersection_seconds']:>22.0f} {answer['decisions']:>12.0f}")
+    print()
+    for control in ("random", "alternate"):
+        ours, theirs = (f"{who}, {control}" for who in ("dials-traffic from Python", "sumo-rl, mean speed"))
+        times = answers[ours]["decisions"] / answers[theirs]["decisions"]
+        print(f"{control}: from Python {times:.1f} times the decisions of sumo-rl with the mean speed")
     return None
 
 

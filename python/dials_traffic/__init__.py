@@ -1,30 +1,37 @@
 """Traffic lights and warehouse robots as PettingZoo and Gymnasium environments.
 
-- :func:`parallel_env`: all agents of a config on the global simulator (GS), for PettingZoo.
+- :func:`parallel_env`: all agents of a config on the global simulator (GS), for PettingZoo; :func:`aec_env`: the same,
+  one agent after another.
 - :func:`vector_parallel_env`: several of these, stepped together.
 - :func:`vector_env`: copies of one agent's local simulator, for Gymnasium; :func:`local_env`: one copy.
-- :func:`load`: the trained policies of a run directory.
+- :func:`load`: the trained policies of a run directory, and their episodes.
 
 ``config`` is always a config of dials-traffic, any ``.sumocfg``, or a run directory. ``settings`` change keys of it,
-such as ``{"traffic.horizon": 100}``. Every environment lives in a process of its own.
+such as ``{"traffic.horizon": 100}``. Every environment lives in a process of its own, unless ``in_process`` says
+otherwise.
 """
 
 from __future__ import annotations
 
 from typing import Any, Mapping, Optional
 
-from ._process import PathLike
+from pettingzoo import AECEnv
+from pettingzoo.utils import parallel_to_aec
+
+from ._channel import PathLike
 from .errors import ProcessDied, SimulatorError
 from .many import GlobalVectorEnv
 from .parallel import GlobalEnv, Observation, Reward
 from .roads import Approach, Car, Intersection
-from .runs import Controller, Policy, Run
+from .policy import Policy
+from .runs import Controller, Episode, Run
 from .vector import Agents, LocalEnv, LocalVectorEnv
 
 __all__ = [
     "Approach",
     "Car",
     "Controller",
+    "Episode",
     "GlobalEnv",
     "GlobalVectorEnv",
     "Intersection",
@@ -34,6 +41,7 @@ __all__ = [
     "ProcessDied",
     "Run",
     "SimulatorError",
+    "aec_env",
     "load",
     "local_env",
     "parallel_env",
@@ -52,6 +60,8 @@ def parallel_env(
     reward: Optional[Reward] = None,
     settings: Optional[Mapping[str, Any]] = None,
     render_mode: Optional[str] = None,
+    record: bool = False,
+    in_process: bool = False,
 ) -> GlobalEnv:
     """Make a PettingZoo environment of all agents on the global simulator.
 
@@ -59,7 +69,9 @@ def parallel_env(
     decides for some agents, such as ``{"A0": "gap-out"}``; these agents are not seen. ``full_metrics``: measure all
     that `dials-traffic evaluate` prints, which costs time. ``observation`` and ``reward``: functions that replace ours.
     They get an :class:`Intersection`, the reward that before the step and that after it. They are slow: at every step
-    all cars on all approaches become Python objects.
+    all cars on all approaches become Python objects. ``record``: :meth:`GlobalEnv.save_replay` can write episodes for
+    sumo-gui. ``in_process``: no child process. That saves microseconds per step, but Python has room for one such
+    environment, and dies with it.
     """
     return GlobalEnv(
         config,
@@ -70,7 +82,14 @@ def parallel_env(
         reward=reward,
         settings=settings,
         render_mode=render_mode,
+        record=record,
+        in_process=in_process,
     )
+
+
+def aec_env(config: PathLike, **options: Any) -> AECEnv:
+    """Make the environment of :func:`parallel_env` in which agents act one after another, with PettingZoo's wrapper."""
+    return parallel_to_aec(parallel_env(config, **options))
 
 
 def vector_parallel_env(config: PathLike, n: int, *, seed: Optional[int] = None, **options: Any) -> GlobalVectorEnv:

@@ -7,7 +7,7 @@ from typing import Any, Dict, List, Mapping, Optional, Tuple
 import gymnasium
 import numpy as np
 
-from ._process import PathLike
+from ._channel import PathLike
 from .parallel import GlobalEnv, Infos, Observations
 
 Table = Dict[str, np.ndarray]

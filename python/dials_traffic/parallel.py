@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from pathlib import Path
 from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple
 
@@ -10,13 +11,15 @@ import numpy as np
 from gymnasium.spaces import Box, Discrete
 from pettingzoo import ParallelEnv
 
-from ._process import PathLike, Process, fresh_seed, settings_of
+from ._channel import Channel, PathLike, fresh_seed, request_of
+from ._in_process import InProcess
+from ._process import Process
 from .roads import Intersection, intersection
 
 Observations = Dict[str, np.ndarray]
 Infos = Dict[str, Dict[str, Any]]
 RENDER_MODES = ["rgb_array"]
-#: A function of what is on an agent's roads. It returns an array or a list, always of the same shape for the same agent.
+#: A function of what is on an agent's roads. It returns an array or a list, of the same shape every time for an agent.
 Observation = Callable[[Intersection], Any]
 #: A function of what was on an agent's roads before a step, and what is on them after it.
 Reward = Callable[[Intersection, Intersection], float]
@@ -42,6 +45,8 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         reward: Optional[Reward] = None,
         settings: Optional[Mapping[str, Any]] = None,
         render_mode: Optional[str] = None,
+        record: bool = False,
+        in_process: bool = False,
     ) -> None:
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise ValueError(f"render_mode {render_mode!r}: this environment has {RENDER_MODES}")
@@ -53,10 +58,12 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
             "full_metrics": full_metrics,
             "draws": render_mode is not None,
             "watches_roads": observation is not None or reward is not None,
+            "records": record,
         }
-        request = {"config": str(Path(config)), "settings": settings_of(settings), "environment": {"joint": joint}}
-        self._process = Process(f"the environment of {config}", request)
-        about = self._process.about
+        request = request_of(config, settings, {"joint": joint})
+        make = InProcess if in_process else Process
+        self._channel: Channel = make(f"the environment of {config}", request)
+        about = self._channel.about
         self.metadata = {
             "name": f"dials_traffic_{Path(config).stem}",
             "render_modes": RENDER_MODES,
@@ -72,26 +79,30 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
 
     def _lay_out(self, agents: List[Dict[str, Any]]) -> None:
         """Work out the place of every agent in the shared memory."""
-        self.possible_agents = [agent["name"] for agent in agents if not agent["hand_coded"]]
+        seen = [(row, agent) for row, agent in enumerate(agents) if not agent["hand_coded"]]
+        self.possible_agents = [agent["name"] for _, agent in seen]
         self.agents: List[str] = []
-        self._n_actions = {agent["name"]: agent["n_actions"] for agent in agents}
+        self._n_actions = [agent["n_actions"] for _, agent in seen]
+        self._rows = np.array([row for row, _ in seen])
         self._observation_spaces: Dict[str, gymnasium.Space[Any]] = {}
         self._action_spaces: Dict[str, gymnasium.Space[Any]] = {}
-        # For each agent that decides: name, row, places in the observations and in the masks, mask if it is constant.
-        self._places: List[Tuple[str, int, slice, slice, Optional[np.ndarray]]] = []
+        # Places of each agent that decides in the observations and in the masks, and the mask if it is constant.
+        self._obs_places: List[Tuple[str, slice]] = []
+        self._mask_places: List[Tuple[str, slice, Optional[np.ndarray]]] = []
         obs = masks = 0
-        for row, agent in enumerate(agents):
+        for agent in agents:
             name, width, n_actions = agent["name"], agent["obs_dim"], agent["n_actions"]
             mask_width = n_actions if agent["masks"] else 0
             if not agent["hand_coded"]:
                 self._observation_spaces[name] = Box(-np.inf, np.inf, (width,), np.float32)
                 self._action_spaces[name] = Discrete(n_actions)
-                constant = None if agent["masks"] else np.ones(n_actions, np.int8)
-                place = (name, row, slice(obs, obs + width), slice(masks, masks + mask_width), constant)
-                self._places.append(place)
+                self._obs_places.append((name, slice(obs, obs + width)))
+                always = None if agent["masks"] else _all_allowed(n_actions)
+                self._mask_places.append((name, slice(masks, masks + mask_width), always))
             obs, masks = obs + width, masks + mask_width
-        self._obs, self._masks = self._process.array("obs"), self._process.array("masks").view(np.int8)
-        self._rewards, self._actions = self._process.array("rewards"), self._process.array("actions")
+        array = self._channel.array
+        self._obs, self._masks = array("obs"), array("masks").view(np.int8)
+        self._rewards, self._actions = array("rewards"), array("actions")
         self._actions[:] = 0
         self._steps = 0
 
@@ -121,11 +132,11 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
             self.seed, self.episode = fresh_seed(seed), -1
         self.episode = int((options or {}).get("episode", self.episode + 1))
         self.agents = []
-        self._process.send_reset(self.seed, self.episode)
+        self._channel.send_reset(self.seed, self.episode)
 
     def receive_reset(self) -> Tuple[Observations, Infos]:
         """Wait for the episode that :meth:`send_reset` began."""
-        self._process.receive()
+        self._channel.receive()
         self._steps = 0
         self.agents = list(self.possible_agents)
         self._look()
@@ -145,25 +156,32 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         """Begin a step and do not wait for it. :meth:`receive_step` ends it."""
         if not self.agents:
             raise RuntimeError("there is no episode under way; call reset() first")
-        for name, row, _, _, _ in self._places:
-            action = int(actions[name])
-            if not 0 <= action < self._n_actions[name]:
-                last = self._n_actions[name] - 1
-                raise ValueError(f"agent {name!r}: action {action}; its actions are 0 to {last}")
-            self._actions[row] = action
-        self._process.send_step()
+        chosen = [actions[name] for name in self.possible_agents]
+        try:
+            code = bytes(chosen)
+        except (TypeError, ValueError):
+            code = b""
+        if not code or any(map(operator.ge, code, self._n_actions)):
+            self._refuse(chosen)
+        self._actions[self._rows] = np.frombuffer(code, np.uint8)
+        self._channel.send_step()
+
+    def _refuse(self, chosen: List[Any]) -> None:
+        """Raise the error that names the agent whose action is none of its own."""
+        for name, action, n_actions in zip(self.possible_agents, chosen, self._n_actions):
+            if not 0 <= operator.index(action) < n_actions:
+                raise ValueError(f"agent {name!r}: action {action}; its actions are 0 to {n_actions - 1}")
 
     def receive_step(self) -> Steps:
         """Wait for the end of the step that :meth:`send_actions` began."""
-        self._process.receive()
+        self._channel.receive()
         self._steps += 1
         over = self._steps == self.horizon
         before = self._roads
         self._look()
         observations, infos = self._perceive()
         if self._reward is None:
-            all_rewards = self._rewards.tolist()
-            rewards = {place[0]: all_rewards[place[1]] for place in self._places}
+            rewards = dict(zip(self.possible_agents, self._rewards[self._rows].tolist()))
         else:
             rewards = {agent: float(self._reward(before[agent], now)) for agent, now in self._roads.items()}
         terminations = dict.fromkeys(self.possible_agents, False)
@@ -176,39 +194,61 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
     def _look(self) -> None:
         """Ask what is on the roads, if a function wants to know."""
         if self._observe is not None or self._reward is not None:
-            told = self._process.look()
-            self._roads = {name: intersection(name, told[row]) for name, row, _, _, _ in self._places}
+            told = self._channel.look()
+            self._roads = {name: intersection(name, told[row]) for name, row in zip(self.possible_agents, self._rows)}
 
     def _perceive(self) -> Tuple[Observations, Infos]:
         # One copy for all agents: the memory changes with the next step, and what was returned must not.
-        obs, masks = self._obs.copy(), self._masks.copy()
-        observations, infos = {}, {}
-        for name, _, place, mask_place, constant in self._places:
-            own = self._observe
-            observations[name] = obs[place] if own is None else np.asarray(own(self._roads[name]), np.float32)
-            infos[name] = {"action_mask": masks[mask_place] if constant is None else constant.copy()}
+        obs, masks, own = self._obs.copy(), self._masks.copy(), self._observe
+        if own is None:
+            observations = {name: obs[place] for name, place in self._obs_places}
+        else:
+            observations = {name: np.asarray(own(roads), np.float32) for name, roads in self._roads.items()}
+        infos: Infos = {
+            name: {"action_mask": masks[place] if always is None else always}
+            for name, place, always in self._mask_places
+        }
         return observations, infos
 
     def _add_metrics(self, infos: Infos) -> None:
-        figures = self._process.measure()
+        figures = self._channel.measure()
         system = {name: _number(value) for name, value in figures["system"].items()}
-        for name, row, _, _, _ in self._places:
+        for name, row in zip(self.possible_agents, self._rows):
             own = {figure: _number(values[row]) for figure, values in figures["per_agent"].items()}
             infos[name].update(metrics=own, system=dict(system))
 
     def render(self) -> Optional[np.ndarray]:
         """Return a picture of the state, ``[height, width, 3]``, if ``render_mode`` is ``"rgb_array"``."""
-        return None if self.render_mode is None else self._process.draw()
+        return None if self.render_mode is None else self._channel.draw()
+
+    def save_replay(self, folder: PathLike) -> Path:
+        """Write the episode, which must be over, into a new folder, and return the file that sumo-gui opens.
+
+        The environment must have been made with ``record=True``. Plain SUMO plays the folder, car by car, without any
+        decision in it.
+        """
+        if self.agents or self._steps == 0:
+            raise RuntimeError("save_replay: play an episode to its end first")
+        if Path(folder).exists():
+            raise FileExistsError(f"save_replay: {folder}: exists already; name a new folder")
+        return self._channel.keep(Path(folder).absolute())
 
     @property
     def pid(self) -> int:
         """Number of the process in which the environment lives."""
-        return self._process.pid
+        return self._channel.pid
 
     def close(self) -> None:
         """End the environment and its process."""
         self.agents = []
-        self._process.close()
+        self._channel.close()
+
+
+def _all_allowed(n_actions: int) -> np.ndarray:
+    """Return the mask of an agent that may do everything. All steps show the same one, so nobody may change it."""
+    mask = np.ones(n_actions, np.int8)
+    mask.flags.writeable = False
+    return mask
 
 
 def _number(value: Optional[float]) -> float:

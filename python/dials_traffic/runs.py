@@ -1,15 +1,20 @@
-"""Trained policies of a run directory: weights in numpy, and decisions without torch."""
+"""Trained policies of a run directory: their weights, their decisions and whole episodes."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Dict, List, Mapping, Optional
+from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional
 
 import numpy as np
 
-from ._process import PathLike, Process
+from ._channel import PathLike, request_of
+from ._process import Process
+from .parallel import GlobalEnv
+from .policy import Policy, Weights, in_torch
 
-Weights = Dict[str, np.ndarray]
+if TYPE_CHECKING:
+    from .torch_policy import TorchPolicy
 
 
 class Run:
@@ -42,7 +47,17 @@ class Run:
         """
         return self._weights[agent]
 
-    def policy(self, agent: str, *, greedy: bool = False, seed: Optional[int] = None) -> "Policy":
+    def state_dict(self, agent: str) -> Weights:
+        """Return the weights as modules of torch have them: the state dict of :meth:`torch_policy`, in numpy."""
+        return in_torch(self._weights[agent])
+
+    def torch_policy(self, agent: str) -> "TorchPolicy":
+        """Return the policy of one agent as a module of torch, which must be installed."""
+        from .torch_policy import TorchPolicy
+
+        return TorchPolicy(self.state_dict(agent))
+
+    def policy(self, agent: str, *, greedy: bool = False, seed: Optional[int] = None) -> Policy:
         """Return the policy of one agent, which computes in numpy."""
         return Policy(self._weights[agent], greedy=greedy, seed=seed)
 
@@ -50,61 +65,48 @@ class Run:
         """Return the policies of all agents, which act as `dials-traffic evaluate` lets them act, to the bit."""
         return Controller(self.path, greedy=greedy)
 
+    def play(
+        self,
+        *,
+        seed: int = 0,
+        episode: int = 0,
+        greedy: bool = False,
+        replay: Optional[PathLike] = None,
+        settings: Optional[Mapping[str, Any]] = None,
+    ) -> "Episode":
+        """Play an episode of `dials-traffic evaluate` with the same ``seed`` on the global simulator.
 
-class Policy:
-    """The policy of one agent. It sees one observation at a time.
+        ``replay``: a new folder, in which sumo-gui then shows the episode.
+        """
+        env = GlobalEnv(self.path, seed=seed, full_metrics=True, settings=settings, record=replay is not None)
+        controller = self.controller(greedy=greedy)
+        try:
+            observations, infos = env.reset(options={"episode": episode})
+            controller.begin(env.seed, env.episode)
+            returns = dict.fromkeys(env.agents, 0.0)
+            while env.agents:
+                observations, rewards, _, _, infos = env.step(controller.act(observations, infos))
+                returns = {agent: total + rewards[agent] for agent, total in returns.items()}
+            saved = None if replay is None else env.save_replay(replay)
+        finally:
+            controller.close()
+            env.close()
+        metrics = {agent: info["metrics"] for agent, info in infos.items()}
+        return Episode(returns, metrics, next(iter(infos.values()))["system"], saved)
 
-    Its outputs are those of the program up to rounding; :meth:`Run.controller` has them to the bit.
-    """
 
-    def __init__(self, weights: Weights, *, greedy: bool = False, seed: Optional[int] = None) -> None:
-        self.weights = weights
-        self.greedy = greedy
-        self._towers = ["", "critic."] if "critic.layers.0.weight" in weights else [""]
-        self.reset(seed)
+@dataclass(frozen=True)
+class Episode:
+    """An episode that was played. Its figures are those of `dials-traffic evaluate`."""
 
-    def reset(self, seed: Optional[int] = None) -> None:
-        """Begin an episode: the memory is cleared. A ``seed`` also begins new random numbers."""
-        if seed is not None or not hasattr(self, "_random"):
-            self._random = np.random.default_rng(seed)
-        self._states = {
-            tower: np.zeros(self.weights[tower + "gru.state_weight"].shape[0], np.float32)
-            for tower in self._towers
-            if tower + "gru.state_weight" in self.weights
-        }
-
-    def __call__(self, obs: Any, action_mask: Any = None) -> int:
-        """Choose an action; ``action_mask``: 1 for each action that is allowed, or nothing if all are."""
-        logits, _ = self.judge(obs)
-        if action_mask is not None:
-            logits = np.where(np.asarray(action_mask, bool), logits, -np.inf)
-        if self.greedy:
-            return int(np.argmax(logits))
-        # The largest of logits plus Gumbel noise is a draw from their softmax.
-        return int(np.argmax(logits + self._random.gumbel(size=logits.shape)))
-
-    def judge(self, obs: Any) -> "tuple[np.ndarray, float]":
-        """Return the logits of all actions and the value, and remember what was seen if the policy has a memory."""
-        outputs = np.concatenate([self._tower(tower, np.asarray(obs, np.float32)) for tower in self._towers])
-        return outputs[:-1], float(outputs[-1])
-
-    def _tower(self, prefix: str, hidden: np.ndarray) -> np.ndarray:
-        weights = self.weights
-        if prefix in self._states:
-            state = self._states[prefix]
-            from_obs = hidden @ weights[prefix + "gru.input_weight"] + weights[prefix + "gru.input_bias"][0]
-            from_state = state @ weights[prefix + "gru.state_weight"] + weights[prefix + "gru.state_bias"][0]
-            r_obs, z_obs, n_obs = np.split(from_obs, 3)
-            r_state, z_state, n_state = np.split(from_state, 3)
-            reset, update = (1 / (1 + np.exp(-gate)) for gate in (r_obs + r_state, z_obs + z_state))
-            hidden = self._states[prefix] = (1 - update) * np.tanh(n_obs + reset * n_state) + update * state
-        layer = 0
-        while f"{prefix}layers.{layer}.weight" in weights:
-            if layer > 0:
-                hidden = np.maximum(hidden, 0)
-            hidden = hidden @ weights[f"{prefix}layers.{layer}.weight"] + weights[f"{prefix}layers.{layer}.bias"][0]
-            layer += 1
-        return hidden
+    #: Sum of rewards, by agent.
+    returns: Dict[str, float]
+    #: Other figures of the agents, by agent and name.
+    metrics: Dict[str, Dict[str, float]]
+    #: Figures of the whole system, by name.
+    system: Dict[str, float]
+    #: The file that `sumo-gui -c` opens, if a replay was asked for.
+    replay: Optional[Path]
 
 
 class Controller:
@@ -144,5 +146,4 @@ class Controller:
 
 
 def _policies(path: Path, greedy: bool) -> Process:
-    request = {"config": str(path), "settings": [], "environment": {"policies": {"greedy": greedy}}}
-    return Process(f"the policies of {path}", request)
+    return Process(f"the policies of {path}", request_of(path, None, {"policies": {"greedy": greedy}}))

@@ -11,7 +11,8 @@ from gymnasium.spaces import Box, Discrete
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from ._process import PathLike, Process, fresh_seed, settings_of
+from ._channel import PathLike, fresh_seed, request_of
+from ._process import Process
 
 Agents = Union[str, Sequence[str], None]
 
@@ -43,7 +44,7 @@ class LocalVectorEnv(VectorEnv):
             "predictor": _predictor(config if predictor is None else predictor),
             "stagger": stagger,
         }
-        request = {"config": str(Path(config)), "settings": settings_of(settings), "environment": {"local": local}}
+        request = request_of(config, settings, {"local": local})
         self._process = Process(f"the local simulators of {config}", request)
         about = self._process.about
         #: Names of the agents. Row ``i`` belongs to agent ``i // copies``.

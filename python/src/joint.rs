@@ -1,15 +1,21 @@
 //! All agents of a config on the global simulator (GS).
 
 use std::collections::BTreeSet;
+use std::os::unix::ffi::OsStrExt;
+use std::sync::Arc;
 
-use anyhow::{Result, bail, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use dials_traffic::base::{AgentId, Seed};
 use dials_traffic::domain::{Action, GlobalSimulator, JointPercept, RegionSpec};
 use dials_traffic::evaluation::episode_seed;
+use dials_traffic::run::domain::traffic;
+use dials_traffic::run::replay::keep;
+use dials_traffic::traffic::sim::recording::Tape;
 use serde_json::{Value, json};
 
 use crate::memory::{Memory, Section};
-use crate::request::{JointRequest, Opened, ResetRequest};
+use crate::request::{JointRequest, KeepRequest, Opened, ResetRequest};
+use crate::wire::{self, DRAW, KEEP, LOOK, MEASURE, RESET, STEP};
 
 /// Pixels per unit of a picture.
 const SCALE: usize = 16;
@@ -24,6 +30,8 @@ pub struct Joint {
     sections: Sections,
     actions: Vec<Action>,
     under_way: bool,
+    /// The last episode, if episodes are recorded.
+    tape: Option<Tape>,
 }
 
 struct Sections {
@@ -35,7 +43,12 @@ struct Sections {
 }
 
 impl Joint {
-    pub fn open(opened: Opened, request: JointRequest, mut memory: Memory) -> Result<Joint> {
+    pub fn open(mut opened: Opened, request: JointRequest, mut memory: Memory) -> Result<Joint> {
+        let tape = request.records.then(Tape::default);
+        if let Some(tape) = &tape {
+            let traffic = traffic(&opened.config)?.context("record: only traffic can be recorded")?;
+            opened.domain = Arc::new(traffic.record_on(tape));
+        }
         let mut hand_coded = Vec::new();
         let controllers: Vec<&String> = request.controller_for.values().collect::<BTreeSet<_>>().into_iter().collect();
         for name in request.controller_for.keys() {
@@ -73,7 +86,7 @@ impl Joint {
             rewards: memory.section::<f32>("rewards", agents, "f4"),
         };
         let memory = memory.finish(agents)?;
-        Ok(Joint { simulator, hand_coded, memory, sections, actions: vec![0; agents], under_way: false, opened })
+        Ok(Joint { simulator, hand_coded, memory, sections, actions: vec![0; agents], under_way: false, tape, opened })
     }
 }
 
@@ -110,8 +123,24 @@ impl Joint {
         })
     }
 
+    /// Does what is ordered and returns the answer's payload.
+    pub fn obey(&mut self, tag: u8, payload: &[u8]) -> Result<Vec<u8>> {
+        let done = |()| Vec::new();
+        match tag {
+            STEP => self.step().map(done),
+            RESET => self.reset(&wire::read(payload)?).map(done),
+            MEASURE => Ok(self.measure()?.to_string().into_bytes()),
+            DRAW => self.draw(),
+            LOOK => self.look(),
+            KEEP => self.keep(&wire::read(payload)?),
+            other => bail!("there is no order {other}"),
+        }
+    }
+
     /// Begins an episode: that of `evaluate` with this seed, number `episode`.
-    pub fn reset(&mut self, request: &ResetRequest) -> Result<()> {
+    fn reset(&mut self, request: &ResetRequest) -> Result<()> {
+        // The tape has room for one episode.
+        self.tape.iter().for_each(|tape| drop(tape.take()));
         let percept = self.simulator.reset(episode_seed(Seed::new(request.seed), request.episode))?;
         self.sections.put(&mut self.memory, percept);
         self.memory.put(&self.sections.rewards, &vec![0.0_f32; self.actions.len()]);
@@ -119,7 +148,7 @@ impl Joint {
         self.memory.show()
     }
 
-    pub fn step(&mut self) -> Result<()> {
+    fn step(&mut self) -> Result<()> {
         ensure!(self.under_way, "there is no episode under way; call reset() first");
         self.memory.read_actions(&mut self.actions)?;
         for ((action, spec), name) in
@@ -138,7 +167,7 @@ impl Joint {
     }
 
     /// Returns the figures of the episode so far. With full metrics, the episode ends with them.
-    pub fn measure(&mut self) -> Result<Value> {
+    fn measure(&mut self) -> Result<Value> {
         let measures = self.simulator.measures()?;
         let per_agent: serde_json::Map<_, _> =
             measures.per_agent.into_iter().map(|(name, values)| (name, json!(values))).collect();
@@ -148,12 +177,12 @@ impl Joint {
     }
 
     /// Returns what is on the roads of every agent, in order, as JSON.
-    pub fn look(&self) -> Result<Vec<u8>> {
+    fn look(&self) -> Result<Vec<u8>> {
         Ok(serde_json::to_vec(&self.simulator.roads())?)
     }
 
     /// Returns width and height, four bytes each, and the pixels, three bytes each, row after row.
-    pub fn draw(&self) -> Result<Vec<u8>> {
+    fn draw(&self) -> Result<Vec<u8>> {
         let Some(scene) = self.simulator.scene() else {
             bail!("render_mode: pictures were not asked for when the environment was made")
         };
@@ -161,5 +190,12 @@ impl Joint {
         let mut bytes = [width as u32, height as u32].map(u32::to_le_bytes).concat();
         bytes.extend(pixels.iter().flat_map(|colour| colour.0));
         Ok(bytes)
+    }
+
+    /// Writes the recorded episode into a new folder. Returns the path of the file that sumo-gui opens.
+    fn keep(&self, request: &KeepRequest) -> Result<Vec<u8>> {
+        let tape = self.tape.as_ref().context("save_replay: make the environment with record=True")?;
+        let recording = tape.take().context("save_replay: this episode was saved already")?;
+        Ok(keep(&recording, &request.folder)?.as_os_str().as_bytes().to_vec())
     }
 }

@@ -2,14 +2,16 @@
 //!
 //! An environment is a process of its own, because libsumo holds one simulation per process. The Python process starts
 //! it as an interpreter that calls [`serve`](serve::serve). Orders and answers go over a socket; observations, rewards
-//! and actions are in shared memory. The Python process itself never loads this module, because libsumo brings some
-//! hundred libraries, and pip's libsumo may be there, too.
+//! and actions are in shared memory. The Python process itself does not load this module, because libsumo brings some
+//! hundred libraries, and pip's libsumo may be there, too. Only an environment that is asked for in this process does.
 //!
 //! - `serve`: the loop of that process. `request`: what it is asked for. `wire`: the frames on the socket. `memory`: the
 //!   shared memory. `lifeline`: it ends with the Python process.
+//! - `in_process`: an environment in the Python process itself.
 //! - `joint`: all agents on the global simulator. `local`: local simulators with influence predictors.
 //! - `policies`: the trained policies of a run.
 
+mod in_process;
 mod joint;
 mod lifeline;
 mod local;
@@ -23,6 +25,9 @@ mod wire;
 mod _native {
     use pyo3::exceptions::PyRuntimeError;
     use pyo3::prelude::*;
+
+    #[pymodule_export]
+    use super::in_process::InProcess;
 
     /// Serves one environment to the process that started this one, until it closes the channel. For the package
     /// itself. `memory`: descriptor of the shared memory.

@@ -42,6 +42,8 @@ pub struct JointRequest {
     pub draws: bool,
     /// Whether the Python process asks what is on the roads.
     pub watches_roads: bool,
+    /// Whether episodes are recorded, so that they can be saved as a replay.
+    pub records: bool,
 }
 
 /// Local simulators of some agents of one kind, with an influence predictor.
@@ -78,6 +80,13 @@ pub enum PredictorRequest {
 pub struct ResetRequest {
     pub seed: u64,
     pub episode: usize,
+}
+
+/// Where to write the recorded episode.
+#[derive(Debug, Deserialize)]
+pub struct KeepRequest {
+    /// A folder that does not exist.
+    pub folder: PathBuf,
 }
 
 /// A config with its domain and the names of its agents.

@@ -5,7 +5,6 @@ use std::os::fd::AsFd;
 use std::os::unix::net::UnixStream;
 
 use anyhow::{Context, Result, bail};
-use serde::de::DeserializeOwned;
 
 use crate::joint::Joint;
 use crate::lifeline;
@@ -13,7 +12,7 @@ use crate::local::{Local, Running};
 use crate::memory::Memory;
 use crate::policies::Policies;
 use crate::request::{Environment, Opened, Request, ResetRequest};
-use crate::wire::{self, BEGIN, DRAW, LOOK, MEASURE, RESET, STEP};
+use crate::wire::{self, BEGIN, MEASURE, RESET, STEP};
 
 /// Serves one environment. The control channel is standard input; `memory`: the descriptor of the shared memory.
 pub fn serve(memory: i32) -> Result<()> {
@@ -49,7 +48,7 @@ enum Served {
 }
 
 fn begin(payload: &[u8], memory: i32) -> Result<Served> {
-    let Request { config, settings, environment } = read(payload)?;
+    let Request { config, settings, environment } = wire::read(payload)?;
     let memory = Memory::open(memory)?;
     let opened = || Opened::open(&config, &settings);
     Ok(match environment {
@@ -59,21 +58,9 @@ fn begin(payload: &[u8], memory: i32) -> Result<Served> {
     })
 }
 
-fn read<T: DeserializeOwned>(payload: &[u8]) -> Result<T> {
-    serde_json::from_slice(payload).context("this order is of another version of the package; install it again")
-}
-
 fn serve_joint(mut joint: Joint, stream: &mut UnixStream) -> Result<()> {
     while let Some((tag, payload)) = wire::receive(stream)? {
-        let outcome = match tag {
-            STEP => joint.step().map(|()| Vec::new()),
-            RESET => read(&payload).and_then(|request| joint.reset(&request)).map(|()| Vec::new()),
-            MEASURE => joint.measure().map(|figures| figures.to_string().into_bytes()),
-            DRAW => joint.draw(),
-            LOOK => joint.look(),
-            other => bail!("there is no order {other}"),
-        };
-        wire::answer(stream, &outcome)?;
+        wire::answer(stream, &joint.obey(tag, &payload))?;
     }
     Ok(())
 }
@@ -82,7 +69,7 @@ fn serve_policies(mut policies: Policies, stream: &mut UnixStream) -> Result<()>
     while let Some((tag, payload)) = wire::receive(stream)? {
         let outcome = match tag {
             STEP => policies.step(),
-            RESET => read(&payload).and_then(|request| policies.reset(&request)),
+            RESET => wire::read(&payload).and_then(|request| policies.reset(&request)),
             other => bail!("policies have no order {other}"),
         };
         wire::answer(stream, &outcome.map(|()| Vec::new()))?;
@@ -99,7 +86,7 @@ fn serve_local(mut local: Local, stream: &mut UnixStream) -> Result<()> {
             next = wire::receive(stream)?;
             continue;
         }
-        next = match read(&payload).and_then(|request: ResetRequest| local.reset(&request)) {
+        next = match wire::read(&payload).and_then(|request: ResetRequest| local.reset(&request)) {
             Ok(running) => serve_running(running, stream)?,
             Err(error) => {
                 wire::answer(stream, &Err(error))?;

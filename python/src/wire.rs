@@ -5,6 +5,7 @@
 use std::io::{ErrorKind, Read, Write};
 
 use anyhow::{Context, Result, ensure};
+use serde::de::DeserializeOwned;
 
 /// Largest payload that is read: a request with the names of ten thousand agents is far below it.
 const LARGEST: usize = 16 << 20;
@@ -16,6 +17,7 @@ pub const STEP: u8 = b'S';
 pub const MEASURE: u8 = b'M';
 pub const DRAW: u8 = b'D';
 pub const LOOK: u8 = b'L';
+pub const KEEP: u8 = b'K';
 
 /// Tags of the answers.
 const DONE: u8 = b'K';
@@ -34,6 +36,11 @@ pub fn receive(stream: &mut impl Read) -> Result<Option<(u8, Vec<u8>)>> {
     let mut payload = vec![0; length];
     stream.read_exact(&mut payload).context("an order was cut short")?;
     Ok(Some((tag, payload)))
+}
+
+/// Reads the payload of an order.
+pub fn read<T: DeserializeOwned>(payload: &[u8]) -> Result<T> {
+    serde_json::from_slice(payload).context("this order is of another version of the package; install it again")
 }
 
 /// Writes the answer to an order: its payload, or the reason why there is none.

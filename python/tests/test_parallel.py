@@ -5,7 +5,6 @@ import warnings
 import numpy as np
 import pytest
 from pettingzoo.test import parallel_api_test, parallel_seed_test
-from pettingzoo.utils import parallel_to_aec
 
 import dials_traffic
 
@@ -183,6 +182,8 @@ def test_what_cannot_be_done_is_an_error_that_says_so(grid, tmp_path):
     for action in (2, -1, 256):
         with pytest.raises(ValueError, match=f"agent 'r0c0': action {action}; its actions are 0 to 1"):
             env.step({**dict.fromkeys(env.agents, 0), "r0c0": action})
+    with pytest.raises(TypeError, match="float"):
+        env.step(dict.fromkeys(env.agents, 0.5))
     env.close()
     with pytest.raises(dials_traffic.SimulatorError, match="is closed"):
         env.reset()
@@ -250,7 +251,7 @@ def test_the_warehouse_has_no_roads(warehouse):
 
 
 def test_it_becomes_an_aec_env(warehouse):
-    env = parallel_to_aec(dials_traffic.parallel_env(warehouse, seed=1))
+    env = dials_traffic.aec_env(warehouse, seed=1)
     env.reset()
     for agent in env.agent_iter(max_iter=20):
         _, _, termination, truncation, info = env.last()

@@ -49,6 +49,46 @@ def test_an_episode_from_python_is_that_of_evaluate_to_the_bit(kind, greedy, req
     env.close()
 
 
+@pytest.mark.parametrize("kind", ["grid_run", "scenario_run"])
+def test_an_episode_is_played_and_replayed_in_one_call(kind, request, tmp_path):
+    run = request.getfixturevalue(kind)
+    agents, episodes = evaluated(run, tmp_path)
+    played = dials_traffic.load(run).play(seed=7, replay=tmp_path / "ours")
+    assert list(played.returns.values()) == [float(line["return"]) for line in agents if line["episode"] == "0"]
+    assert played.system["arrived"] == float(episodes[0]["arrived"])
+    assert played.metrics.keys() == played.returns.keys()
+    # The program plays a replay in SUMO and compares before it keeps it.
+    program("replay", run, "--episode-seed", 7, "--out", tmp_path / "theirs")
+    sides = [sorted((tmp_path / side).iterdir()) for side in ("ours", "theirs")]
+    ours, theirs = ({file.name: file.read_bytes() for file in side} for side in sides)
+    assert ours == theirs and played.replay.name in ours and played.replay.suffix == ".sumocfg"
+
+
+def test_only_a_whole_recorded_episode_becomes_a_replay(grid, warehouse, tmp_path):
+    env = dials_traffic.parallel_env(grid, seed=1, record=True, settings={"traffic.horizon": 20})
+    with pytest.raises(RuntimeError, match="play an episode to its end"):
+        env.save_replay(tmp_path / "none")
+    for number in range(2):
+        env.reset()
+        while env.agents:
+            env.step(dict.fromkeys(env.agents, 0))
+        assert env.save_replay(tmp_path / str(number)).is_file()
+    with pytest.raises(FileExistsError, match="exists already"):
+        env.save_replay(tmp_path / "0")
+    with pytest.raises(dials_traffic.SimulatorError, match="saved already"):
+        env.save_replay(tmp_path / "again")
+    env.close()
+    assert len({file.read_bytes() for file in tmp_path.glob("*/*.rou.xml")}) == 2, "episodes have other cars"
+    env = dials_traffic.parallel_env(grid, seed=1, settings={"traffic.horizon": 1})
+    env.reset()
+    env.step(dict.fromkeys(env.agents, 0))
+    with pytest.raises(dials_traffic.SimulatorError, match="with record=True"):
+        env.save_replay(tmp_path / "none")
+    env.close()
+    with pytest.raises(dials_traffic.SimulatorError, match="only traffic can be recorded"):
+        dials_traffic.parallel_env(warehouse, record=True)
+
+
 @pytest.mark.parametrize("kind", ["warehouse_run", "grid_run", "scenario_run"])
 def test_weights_are_those_of_the_file(kind, request):
     path = request.getfixturevalue(kind)

@@ -69,7 +69,7 @@ def test_all_agents_at_once_are_rows_of_one_table(warehouse_run):
     assert env.agents == ["r0c0", "r0c1", "r1c0", "r1c1"] and env.num_envs == 12
     together = np.stack([obs for obs, *_ in played(env, 16)])
     env.close()
-    two = dials_traffic.vector_env(warehouse_run, ["r0c1", "agent_2"], 3, seed=1)
+    two = dials_traffic.vector_env(warehouse_run, ["r0c1", "r1c0"], 3, seed=1)
     of_two = np.stack([obs for obs, *_ in played(two, 16)])
     two.close()
     assert together.shape == (17, 12, 37) and of_two.shape == (17, 6, 37)
@@ -150,6 +150,7 @@ def test_what_cannot_be_done_is_an_error_that_says_so(grid, grid_run, tmp_path):
 
 
 def test_scenario_settings_reach_the_simulators(scenario):
-    env = dials_traffic.vector_env(scenario, None, 1, "untrained", seed=1, settings=SCENARIO_SETTINGS)
+    settings = {**SCENARIO_SETTINGS, "aip.batch": 16}
+    env = dials_traffic.vector_env(scenario, None, 1, "untrained", seed=1, settings=settings)
     assert env.horizon == SCENARIO_SETTINGS["traffic.local_horizon"]
     env.close()

@@ -42,7 +42,7 @@ mod places;
 mod plot;
 mod python;
 mod render;
-mod replay;
+pub mod replay;
 mod report;
 mod run_name;
 mod subject;

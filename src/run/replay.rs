@@ -1,6 +1,6 @@
 //! `replay`: writes one episode as a folder that SUMO plays; on request opens it in sumo-gui or films it.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Result, ensure};
 
@@ -16,6 +16,7 @@ use crate::outside::quoted;
 use crate::plot::About;
 use crate::terminal::answer;
 use crate::traffic::sim::recorded_roads::{RecordedGrid, RecordedGround};
+use crate::traffic::sim::recording::Recording;
 use crate::traffic::sim::replay::{self, Snapshot, view};
 
 pub fn replay(args: &cli::ReplayArgs) -> crate::error::Result<()> {
@@ -68,6 +69,13 @@ pub fn replay(args: &cli::ReplayArgs) -> crate::error::Result<()> {
         answer(format_args!("wrote the film {}", video.file().display())).map_err(Error::Run)?;
     }
     if args.gui { watch(&config).map_err(Error::Run) } else { Ok(()) }
+}
+
+/// Writes a recorded episode into a new folder, and returns the file that `sumo-gui -c` opens. Does not let SUMO play it,
+/// so the caller may hold a simulation.
+pub fn keep(recording: &Recording, folder: &Path) -> Result<PathBuf> {
+    places::make(folder, Existing::Refuse, |staged| replay::write(recording, staged.path()))?;
+    Ok(replay::config_in(folder))
 }
 
 /// Returns an error if seconds are named, but no output that shows them.

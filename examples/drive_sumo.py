@@ -1,0 +1,79 @@
+"""Drive the lights of a scenario with the trained policies of a run: libsumo and numpy, and nothing of ours.
+
+    dials-traffic nets inspect town.sumocfg --json > lights.json
+    pip install libsumo numpy safetensors
+    python3 examples/drive_sumo.py town.sumocfg lights.json runs/town/policies.safetensors
+
+It decides greedily, every 5 s as by default. With `import traci as libsumo` it drives SUMO in another process.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+import libsumo
+import numpy as np
+from read_policies import judge
+from safetensors.numpy import load_file
+
+DECISION_S, CELL_M = 5, 10.0
+
+
+class Light:
+    """What `docs/environments.md` says of a light: what it sees, which greens are allowed, and what it then shows."""
+
+    def __init__(self, plan, least_s):
+        self.plan, self.least_s = plan, least_s
+        self.green, self.clearing, self.shown_s, self.head_start_s = 0, [], 0, least_s
+        self.cells = [sum(name.startswith(f"{way['lane']}[") for name in plan["columns"]) for way in plan["approaches"]]
+
+    def observe(self, columns):
+        parts = [np.zeros(cells, np.float32) for cells in self.cells]
+        for part, road in zip(parts, self.plan["approaches"]):
+            for car in libsumo.lane.getLastStepVehicleIDs(road["lane"]):
+                cell = int((road["length_m"] - libsumo.vehicle.getLanePosition(car)) / CELL_M)
+                part[cell : cell + 1] = 1
+        shown = np.eye(len(self.plan["greens"]))[self.green], [bool(self.clearing), min(self.shown_s / 60, 1)]
+        obs = np.concatenate([*parts, *shown]).astype(np.float32)
+        return np.pad(obs, (0, columns - len(obs)))
+
+    def allowed(self, actions):
+        may_end = not self.clearing and self.shown_s + self.head_start_s >= self.least_s
+        return [action == self.green or may_end and action < len(self.plan["greens"]) for action in range(actions)]
+
+    def show(self, action):
+        """Show what follows from an action in the next second."""
+        if self.clearing:
+            self.clearing.pop(0)
+            self.shown_s = self.shown_s if self.clearing else 0
+        elif action != self.green and self.allowed(action + 1)[action]:
+            (change,) = [c for c in self.plan["changes"] if (c["from"], c["to"]) == (self.green, action)]
+            self.clearing = [state["state"] for state in change["states"] for _ in range(state["seconds"])]
+            self.green, self.shown_s, self.head_start_s = action, 0, 0
+        self.shown_s += 1
+        state = self.clearing[0] if self.clearing else self.plan["greens"][self.green]
+        libsumo.trafficlight.setRedYellowGreenState(self.plan["light"], state)
+
+
+def drive(config, lights, policies, seed=0):
+    """Play a scenario. Yield what all lights saw, `[lights, columns]`, and what they did then."""
+    libsumo.start(["sumo", "-c", str(config), "--seed", str(seed), "--no-step-log", "--no-warnings"])
+    told, stack, states = json.loads(Path(lights).read_text()), load_file(policies), None
+    lights = [Light(plan, told["min_green_s"]) for plan in told["learning"]]
+    try:
+        while libsumo.simulation.getTime() + DECISION_S <= libsumo.simulation.getEndTime():
+            obs = np.stack([light.observe(told["kind"]["columns"]) for light in lights])
+            masks = np.array([light.allowed(told["kind"]["actions"]) for light in lights])
+            logits, _, states = judge(stack, obs[:, None], states)
+            actions = np.where(masks, logits[:, 0], -np.inf).argmax(axis=-1)
+            for _ in range(DECISION_S):
+                for light, action in zip(lights, actions):
+                    light.show(action)
+                libsumo.simulationStep()
+            yield obs, actions
+    finally:
+        libsumo.close()
+
+
+if __name__ == "__main__":
+    print(f"{len(list(drive(*sys.argv[1:])))} decisions")

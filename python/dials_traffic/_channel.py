@@ -1,0 +1,143 @@
+"""What orders an environment, and the memory that it shares with this process.
+
+An environment gets orders: a tag and a payload. Its answers have a payload, too. Numbers are in memory that both sides
+map. `_process` gives the orders to a child process, `_in_process` to this one.
+"""
+
+from __future__ import annotations
+
+import json
+import mmap
+import os
+import struct
+from pathlib import Path
+from typing import Any, Dict, List, Mapping, Optional, Union
+
+import numpy as np
+
+from .errors import SimulatorError
+
+PathLike = Union[str, "os.PathLike[str]"]
+
+BEGIN, RESET, STEP, MEASURE, DRAW, LOOK, KEEP = b"BRSMDLK"
+
+
+class Channel:
+    """An environment to which orders are given. ``about`` is what it says of itself."""
+
+    about: Dict[str, Any]
+    #: Number of the process in which the environment lives.
+    pid: int
+
+    def __init__(self, label: str) -> None:
+        """Make the memory. ``label`` names the environment in errors."""
+        self._label = label
+        self._owner = os.getpid()
+        self._map: Optional[mmap.mmap] = None
+        self._memory = os.memfd_create("dials_traffic")
+
+    def send(self, tag: int, what: Optional[Dict[str, Any]] = None) -> None:
+        """Give an order and do not wait for the answer."""
+        raise NotImplementedError
+
+    def receive(self) -> bytes:
+        """Wait for the answer to the last order, and return its payload."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """End the environment. Only the process that made it does."""
+        raise NotImplementedError
+
+    def ask(self, tag: int, what: Optional[Dict[str, Any]] = None) -> bytes:
+        """Give an order and return the payload of the answer."""
+        self.send(tag, what)
+        return self.receive()
+
+    def _begin(self, request: Dict[str, Any]) -> None:
+        """Open the environment, or close the channel."""
+        try:
+            self.about = json.loads(self.ask(BEGIN, request))
+            self._map = mmap.mmap(self._memory, self.about["memory"]["size"])
+        except BaseException:
+            self.close()
+            raise
+
+    def _check_owner(self) -> None:
+        if os.getpid() != self._owner:
+            raise SimulatorError(
+                f"{self._label}: belongs to process {self._owner}, and this is another one; make it anew after a fork"
+            )
+
+    def _close_memory(self) -> None:
+        if self._memory >= 0:
+            os.close(self._memory)
+            self._memory = -1
+        # numpy arrays over the memory may still be in use: it is unmapped with the last of them.
+        self._map = None
+
+    def array(self, name: str) -> np.ndarray:
+        """Return the numbers of a section of the shared memory. They change with every step."""
+        if self._map is None:
+            raise SimulatorError(f"{self._label}: is closed")
+        offset, count, dtype = self.about["memory"]["sections"][name]
+        return np.frombuffer(self._map, dtype, count, offset)
+
+    def reset(self, seed: int, episode: int = 0) -> None:
+        """Begin an episode."""
+        self.send_reset(seed, episode)
+        self.receive()
+
+    def send_reset(self, seed: int, episode: int = 0) -> None:
+        """Order a new episode and do not wait for it."""
+        self.send(RESET, {"seed": seed, "episode": episode})
+
+    def step(self) -> None:
+        """Make a step with the actions in the shared memory."""
+        self.send(STEP)
+        self.receive()
+
+    def send_step(self) -> None:
+        """Order a step and do not wait for it."""
+        self.send(STEP)
+
+    def measure(self) -> Dict[str, Any]:
+        """Return the figures that the simulator keeps."""
+        figures: Dict[str, Any] = json.loads(self.ask(MEASURE))
+        return figures
+
+    def look(self) -> List[Dict[str, Any]]:
+        """Return what is on the roads of every agent, in order."""
+        seen: List[Dict[str, Any]] = json.loads(self.ask(LOOK))
+        return seen
+
+    def draw(self) -> np.ndarray:
+        """Return a picture, ``[height, width, 3]``."""
+        payload = self.ask(DRAW)
+        width, height = struct.unpack_from("<II", payload)
+        return np.frombuffer(payload, np.uint8, offset=8).reshape(height, width, 3).copy()
+
+    def keep(self, folder: Path) -> Path:
+        """Write the recorded episode into a new folder, and return the file that sumo-gui opens."""
+        return Path(os.fsdecode(self.ask(KEEP, {"folder": str(folder)})))
+
+
+def request_of(config: PathLike, settings: Optional[Mapping[str, Any]], environment: Dict[str, Any]) -> Dict[str, Any]:
+    """Return the first order. ``settings``: as ``--set`` takes them, such as ``traffic.horizon=100``."""
+    words = [f"{key}={_in_toml(value)}" for key, value in (settings or {}).items()]
+    return {"config": str(Path(config)), "settings": words, "environment": environment}
+
+
+def _in_toml(value: Any) -> str:
+    """Return a value as TOML writes it. JSON writes these types in the same way."""
+    if isinstance(value, (bool, int, float, str, list, tuple)):
+        return json.dumps(value)
+    raise TypeError(f"settings: {value!r} is neither a bool, a number, a text nor a list of them")
+
+
+def fresh_seed(seed: Optional[int]) -> int:
+    """Return the seed, or one from the system if there is none."""
+    if seed is None:
+        return int(np.random.SeedSequence().generate_state(1, np.uint64)[0])
+    if not 0 <= int(seed) < 1 << 64:
+        raise ValueError(f"seed {seed}: must be from 0 to 2**64 - 1")
+    return int(seed)

@@ -1,0 +1,62 @@
+"""An environment in the Python process itself: no messages, but one per process, and a crash is a crash of Python."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import threading
+from typing import Any, Dict, Optional
+
+from ._channel import BEGIN, Channel
+from .errors import SimulatorError
+
+
+class InProcess(Channel):
+    """An environment in this process. Only the thread that made it can use it."""
+
+    def __init__(self, label: str, request: Dict[str, Any]) -> None:
+        if "libsumo" in sys.modules:
+            raise SimulatorError(f"{label}: in_process: Python has loaded another libsumo; leave the option out")
+        super().__init__(label)
+        self.pid = os.getpid()
+        self._native: Optional[Any] = None
+        self._thread = threading.get_ident()
+        # The answer to the last order, or the reason why there is none.
+        self._answered: Optional[bytes] = None
+        self._failed: Optional[SimulatorError] = None
+        self._begin(request)
+
+    def send(self, tag: int, what: Optional[Dict[str, Any]] = None) -> None:
+        self._check_owner()
+        if threading.get_ident() != self._thread:
+            raise SimulatorError(f"{self._label}: lives in another thread; use it there, or without in_process")
+        native = self._native
+        if native is None and tag != BEGIN:
+            raise SimulatorError(f"{self._label}: is closed")
+        payload = b"" if what is None else json.dumps(what).encode()
+        self._answered, self._failed = None, None
+        try:
+            self._answered = self._open(payload) if native is None else native.order(tag, payload)
+        except RuntimeError as error:
+            self._failed = SimulatorError(str(error))
+
+    def _open(self, request: bytes) -> bytes:
+        # Only here: without this option, no native code comes into the Python process.
+        from . import _native
+
+        self._native = _native.InProcess(request, self._memory)
+        return self._native.about().encode()
+
+    def receive(self) -> bytes:
+        if self._failed is not None:
+            raise self._failed
+        assert self._answered is not None, "an order was given"
+        return self._answered
+
+    def close(self) -> None:
+        if os.getpid() != self._owner:
+            return
+        # The simulator goes with its last reference.
+        self._native = None
+        self._close_memory()
