@@ -1,27 +1,40 @@
 #!/usr/bin/env bash
 # Installs the Debian 12 packages that dials-traffic needs, and checks the Rust toolchain. You may run it again at any time.
-# You may name further packages: `./setup.sh xvfb ffmpeg` installs all that `replay --video` can use.
-# `./setup.sh mpi` installs what the feature `mpi` needs to compile, and `mpirun`.
+#
+#   ./setup.sh          what building and training need
+#   ./setup.sh torch    also libtorch, for the feature `torch`: `export`, and a figure of `bench`
+#   ./setup.sh mpi      also Open MPI, for the feature `mpi`: training over several machines
+#   ./setup.sh all      also all that the tests need, torch and mpi included
+#
+# Other words are names of packages: `./setup.sh xvfb ffmpeg` installs all that `replay --video` can use.
 set -euo pipefail
 
-more=()
+packages=(
+  sumo     # simulator, netconvert, sumo-gui, libsumo with its headers
+  g++      # the shim over libsumo needs a C++17 compiler, and nm
+  python3  # sumo_nets/make.py makes the shipped scenarios again
+)
+torch=(
+  libtorch-dev          # TorchScript, and the yardstick of `bench`
+  libopenblas0-pthread  # libtorch's BLAS: with the reference BLAS that yardstick is many times slower
+)
+mpi=(
+  openmpi-bin libopenmpi-dev  # mpirun, the library with its headers
+  libclang-dev                # bindgen, which binds the library, needs libclang
+)
+tests=(
+  xvfb xauth  # a screen in memory, for sumo-gui
+  strace      # for the test of power loss
+)
+
 for word in "$@"; do
   case "$word" in
-    mpi) more+=(openmpi-bin libopenmpi-dev) ;;
-    *) more+=("$word") ;;
+    torch) packages+=("${torch[@]}") ;;
+    mpi) packages+=("${mpi[@]}") ;;
+    all) packages+=("${torch[@]}" "${mpi[@]}" "${tests[@]}") ;;
+    *) packages+=("$word") ;;
   esac
 done
-
-packages=(
-  sumo                  # simulator, netconvert, sumo-gui, libsumo with its headers
-  libtorch-dev          # for TorchScript export, and as the yardstick of `bench`
-  libopenblas0-pthread  # libtorch's BLAS: with the reference BLAS that yardstick is many times slower
-  libclang-dev g++      # to bind libsumo: bindgen needs libclang, the shim needs a C++17 compiler
-  pkg-config
-  python3               # sumo_nets/make.py makes the shipped scenarios again; a test runs it
-  python3-venv          # for `pip install ./python` in an environment of its own
-  "${more[@]}"
-)
 
 say() { printf 'setup: %s\n' "$*"; }
 fail() { say "$*" >&2; exit 1; }

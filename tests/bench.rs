@@ -147,6 +147,20 @@ fn what_a_simulator_does_not_need_is_not_measured() {
     place.assert_left_as_it_was();
 }
 
+#[cfg(not(feature = "torch"))]
+#[test]
+fn without_libtorch_a_benchmark_says_how_to_measure_it() {
+    let place = Place::new(WAREHOUSE);
+    let table = answer(&place.bench(&["--workers", "1", "--seconds", "1"]).output().unwrap());
+    assert!(
+        table.contains("\nlibtorch's speed is not measured: ") && table.contains(": ./setup.sh torch && "),
+        "{table}"
+    );
+    let json = place.bench(&["--workers", "1", "--seconds", "1", "--json"]).output().unwrap();
+    let json: Value = serde_json::from_str(&answer(&json)).unwrap();
+    assert_eq!(json.get("peak_gflops_by_libtorch"), Some(&Value::Null));
+}
+
 #[test]
 fn an_interrupted_benchmark_ends_at_once_and_leaves_nothing() {
     let place = Place::new(TRAFFIC);

@@ -124,7 +124,7 @@ fn a_run_leaves_a_directory_that_can_be_evaluated_anywhere() {
 #[cfg(not(feature = "torch"))]
 #[test]
 fn without_libtorch_export_says_how_to_build_with_it() {
-    let told = ["built without it", "the feature `torch`", "cargo build --release"];
+    let told = ["built without it", "./setup.sh torch && cargo install --path . --features ", "policies.safetensors"];
     assert_refused(&mut dials_traffic(&["export", "no/run", "--out", "x"]), &told);
 }
 
@@ -134,7 +134,7 @@ fn several_ranks_are_refused_by_a_build_without_mpi() {
     let mut rank = dials_traffic(&["train", "no/config.toml"]);
     assert_refused(
         rank.env("OMPI_COMM_WORLD_SIZE", "3"),
-        &["3 ranks were started", "built without MPI", "--features mpi"],
+        &["3 ranks were started", "built without MPI", "./setup.sh mpi && cargo install --path . --features "],
     );
 }
 

@@ -43,6 +43,10 @@ fn a_config_is_described_with_all_that_its_agents_see_do_and_are_paid_for() {
     ] {
         assert!(text.lines().any(|told| told == line), "`{line}` is not in:\n{text}");
     }
+    let script =
+        if cfg!(feature = "torch") { "`export` makes a TorchScript" } else { "./setup.sh torch && cargo install" };
+    let policies = text.lines().find(|line| line.contains("policies.safetensors")).unwrap();
+    assert!(policies.contains(script), "{policies}");
     assert!(text.contains(" with 2 workers\n(rough: from runs on two cores of another machine; "), "{text}");
 
     let on_gs = answer(&["describe", "configs/traffic_4.toml", "--simulator", "gs", "--set", "total_steps=1e6"]);
@@ -82,6 +86,13 @@ fn the_doctor_trains_and_says_what_is_missing_and_how_to_get_it() {
         assert!(out.lines().any(|told| told == line), "{out}");
     }
     assert!(out.contains("\ntraining works here"), "{out}");
+    let libtorch = match cfg!(feature = "torch") {
+        true => "ok       libtorch 1.13",
+        false => {
+            "missing  libtorch: needed for `export`\n         cure: ./setup.sh torch && cargo install --path . --features torch"
+        }
+    };
+    assert!(out.contains(libtorch), "{out}");
 
     // Without netconvert there is no net to train on.
     let [out, err] = said(program(&["doctor"]).env("PATH", "").assert().code(1).get_output());
@@ -97,6 +108,36 @@ fn the_doctor_trains_and_says_what_is_missing_and_how_to_get_it() {
 
     let nowhere = program(&["doctor"]).env("TMPDIR", "/no/such/folder").assert().code(1).get_output().clone();
     assert!(said(&nowhere)[0].contains("/no/such/folder"), "{:?}", said(&nowhere));
+}
+
+#[test]
+fn only_what_simulates_needs_sumo_and_a_missing_sumo_is_one_error_with_its_cure() {
+    let room = tempfile::tempdir().unwrap();
+    fs::write(room.path().join("libsumocpp.so"), "no library").unwrap();
+    let without_sumo = |args: &[&str]| {
+        let mut command = program(args);
+        command.env("LD_LIBRARY_PATH", room.path()).current_dir(root());
+        command
+    };
+    for args in [&["--version"][..], &["--help"], &["schema"], &["completions", "bash"], &["report", "--help"]] {
+        without_sumo(args).assert().success();
+    }
+    let [_, err] = said(without_sumo(&["trian"]).assert().code(2).get_output());
+    assert!(err.contains("unrecognized subcommand 'trian'"), "{err}");
+    let out = room.path().join("run");
+    let train = ["train", "configs/smoke_traffic.toml", "--out", out.to_str().unwrap()];
+    for args in [&["info"][..], &train] {
+        let [_, err] = said(without_sumo(args).assert().failure().get_output());
+        assert!(
+            err.starts_with("error: ") && err.lines().filter(|line| line.starts_with("error")).count() == 1,
+            "{err}"
+        );
+        for part in ["SUMO's library cannot be loaded: ", "libsumocpp.so: ", "install SUMO 1.15 (./setup.sh does so"] {
+            assert!(err.contains(part), "`{part}` is not in: {err}");
+        }
+    }
+    let [out, _] = said(without_sumo(&["doctor"]).assert().code(1).get_output());
+    assert!(out.contains("error    SUMO's library cannot be loaded: "), "{out}");
 }
 
 /// Returns the subcommands that `--help` lists.

@@ -22,7 +22,6 @@ fn doors() -> Vec<(String, BTreeSet<String>)> {
 /// Outside crates that only some rooms may use.
 const OUTSIDE: &[(&str, &[&str])] = &[
     ("tch", &["nn"]),
-    ("gemm", &["nn"]),
     ("gemm_common", &["nn"]),
     ("gemm_f32", &["nn"]),
     ("pulp", &["nn"]),

@@ -6,10 +6,12 @@
 //! - `units`: ids of agents and other units; `vectors`: the width of vector registers.
 //! - `stopwatch`: time by activity and phase; `work`: where a long computation reports its times and its progress.
 //! - `counted`: numbers of things, in the singular or the plural.
+//! - `features`: the features of this build, and how to get another one.
 //! - [`statistics`]: means, intervals and differences.
 
 mod compact;
 mod counted;
+mod features;
 mod purpose;
 mod ragged;
 mod rows;
@@ -22,6 +24,7 @@ mod work;
 
 pub use compact::CompactRows;
 pub use counted::counted;
+pub use features::command_for_feature;
 pub use purpose::RandomPurpose;
 pub use ragged::Ragged;
 pub use rows::Rows;

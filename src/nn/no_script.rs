@@ -5,12 +5,14 @@ use std::path::Path;
 use anyhow::{Result, bail};
 
 use super::Net;
+use crate::base::command_for_feature;
 
-/// Returns the error that says how to build with libtorch.
+/// Returns the error that says how to build with libtorch, and what needs none.
 pub fn check_script() -> Result<()> {
     bail!(
-        "TorchScript is written by libtorch, and this program was built without it; build it with libtorch installed \
-         and the feature `torch`, which is on by default: cargo build --release"
+        "TorchScript is written by libtorch, and this program was built without it; build it with libtorch: {}\n  \
+         policies.safetensors of every run has the same weights, and needs no libtorch: docs/files.md",
+        command_for_feature("torch")
     )
 }
 

@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use gemm::{Parallelism, gemm};
+use gemm_common::Parallelism;
 
 use super::few_rows::{FEW_ROWS, add_row_by_matrix, dot_products};
 use super::vectors::vector_width;
@@ -92,17 +92,19 @@ pub(super) fn multiply_with(
 
 /// Multiplies a part of the inner dimension. `gemm` chooses the registers.
 fn by_widest(left: Matrix<'_>, right: Matrix<'_>, inner: Range<usize>, out: &mut [f32], before: Before) {
+    let (left, right, [out_column, out_row]) = for_columns(left, right);
     let ((left_row, left_column), (right_row, right_column)) = (left.strides(), right.strides());
+    let kernel = gemm_f32::gemm::f32::get_gemm_fn();
     // SAFETY: `Matrix` holds `rows x columns` values that its strides stay within, `inner` lies within the inner
     // dimension of both, and `out` has room for all of the product and is nobody else's.
     unsafe {
-        gemm(
+        kernel(
             left.rows,
             right.columns,
             inner.len(),
             out.as_mut_ptr(),
-            1,
-            right.columns as isize,
+            out_column,
+            out_row,
             before == Before::Add,
             left.at(0, inner.start),
             left_column,
@@ -120,6 +122,15 @@ fn by_widest(left: Matrix<'_>, right: Matrix<'_>, inner: Range<usize>, out: &mut
     }
 }
 
+/// Returns the factors as the kernels want them, with the distances to the next column and row of the output. The kernels
+/// write columns, so they get `out^T = right^T x left^T`.
+fn for_columns<'a>(left: Matrix<'a>, right: Matrix<'a>) -> (Matrix<'a>, Matrix<'a>, [isize; 2]) {
+    match right.columns {
+        0 | 1 => (left, right, [1, 1]),
+        columns => (right.transposed(), left.transposed(), [columns as isize, 1]),
+    }
+}
+
 /// Does what [`by_widest`] does on a machine that has AVX2 and FMA and nothing wider.
 #[cfg(target_arch = "x86_64")]
 fn by_256_bits(left: Matrix<'_>, right: Matrix<'_>, inner: Range<usize>, out: &mut [f32], before: Before) {
@@ -128,12 +139,7 @@ fn by_256_bits(left: Matrix<'_>, right: Matrix<'_>, inner: Range<usize>, out: &m
     use gemm_f32::microkernel::fma::f32::{H_M, H_N, H_UKR, MR_DIV_N, NR, UKR};
     const LANES: usize = 8;
     let simd = <V3 as MixedSimd<f32, f32, f32, f32>>::try_new().expect("`use_vectors` found AVX2 and FMA");
-    let columns = right.columns;
-    // The kernels write columns: they get `out^T = right^T x left^T`.
-    let (left, right, out_column, out_row) = match columns {
-        0 | 1 => (left, right, 1, 1),
-        _ => (right.transposed(), left.transposed(), columns as isize, 1),
-    };
+    let (left, right, [out_column, out_row]) = for_columns(left, right);
     let ((left_row, left_column), (right_row, right_column)) = (left.strides(), right.strides());
     // SAFETY: as in `by_widest`. Also, `simd` proves that the machine has the instructions of these kernels.
     unsafe {

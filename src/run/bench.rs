@@ -10,7 +10,7 @@ use serde_json::json;
 use super::build;
 use super::domain;
 use super::train::{cores, settings_with};
-use crate::base::counted;
+use crate::base::{command_for_feature, counted};
 use crate::bench::costs::{Costs, Steps};
 use crate::bench::measure::{MeasurePlan, measure, short_orders};
 use crate::bench::table;
@@ -117,15 +117,26 @@ fn doubling(most: usize) -> Vec<usize> {
 fn as_text(args: &cli::BenchArgs, config: &Config, domain: &dyn Domain, peak: Peak, costs: &[Costs]) -> String {
     format!(
         "{}: {}, {} timesteps each; about {} s per column\n\
-         one core: {:.0} GFLOP/s in matrix products at peak (1024 x 1024 x 1024, f32{})\n\n{}",
+         one core: {:.0} GFLOP/s in matrix products at peak (1024 x 1024 x 1024, f32{}\n\n{}",
         args.config.display(),
         counted(domain.agents(), "agent"),
         config.last_step(),
         args.seconds,
         peak.ours / 1e9,
-        peak.libtorch.map_or(String::new(), |libtorch| format!("; by libtorch {:.0}", libtorch / 1e9)),
+        by_libtorch(peak),
         table::text(costs)
     )
+}
+
+/// Returns the end of the line of speeds: that of libtorch, or how to get a build that can measure it.
+fn by_libtorch(peak: Peak) -> String {
+    match peak.libtorch {
+        Some(libtorch) => format!("; by libtorch {:.0})", libtorch / 1e9),
+        None => format!(
+            ")\nlibtorch's speed is not measured: this program was built without it; build it with libtorch: {}",
+            command_for_feature("torch")
+        ),
+    }
 }
 
 fn as_json(

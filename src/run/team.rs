@@ -61,7 +61,8 @@ impl Team {
         #[cfg(not(feature = "mpi"))]
         Err(Error::Usage(anyhow!(
             "{ranks} ranks were started, but this program was built without MPI, so each would train a run of its own; \
-             build it with: cargo build --release --features mpi"
+             build it with MPI: {}",
+            crate::base::command_for_feature("mpi")
         )))
     }
 

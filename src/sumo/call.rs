@@ -1,6 +1,6 @@
 //! The one crossing to C: converts, calls, checks, and turns a code and its message into an error.
 //!
-//! All `unsafe` code that calls SUMO is in this file. The crate's only other `unsafe` code is in `nn/product.rs`, which
+//! All `unsafe` code that calls SUMO is in this file, and in `library`, which loads it. The crate's only other `unsafe` code is in `nn/product.rs`, which
 //! multiplies matrices.
 
 use std::cell::Cell;
@@ -14,6 +14,7 @@ use super::error::{Error, Result};
 use super::events::{DepartSpeed, Departure, Entering, Insertion, Placing, StepCounts};
 use super::ffi;
 use super::ids::{CarId, LaneId, LightId};
+use super::library;
 use super::signal::SignalState;
 use super::table::CarTable;
 
@@ -48,11 +49,12 @@ pub(super) struct Crossing {
 }
 
 impl Crossing {
-    /// Waits until no other thread has the turn.
+    /// Waits until no other thread has the turn. Loads libsumo, if that has not happened yet.
     pub(super) fn wait() -> Result<Self> {
         if HAS_TURN.get() {
             return Err(Error::AlreadyHeld);
         }
+        library::load()?;
         // A panic elsewhere poisons the lock but leaves no call half-done: unwinding closed its simulation.
         let turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
         HAS_TURN.set(true);
@@ -280,6 +282,7 @@ impl Drop for Crossing {
 }
 
 pub(super) fn version() -> Result<String> {
+    library::load()?;
     let mut text = std::ptr::null();
     // SAFETY: this one may be called without the turn.
     check(unsafe { ffi::ds_version(&mut text) }, "return its version")?;
@@ -289,7 +292,7 @@ pub(super) fn version() -> Result<String> {
 
 pub(super) fn c_library() -> Result<String> {
     let mut version = std::ptr::null();
-    // SAFETY: this one may be called without the turn.
+    // SAFETY: this one may be called without the turn, and without libsumo.
     check(unsafe { ffi::ds_c_library(&mut version) }, "return the version of the C library")?;
     // SAFETY: the call succeeded, so `version` is a string that ends in zero and lives as long as the process.
     Ok(unsafe { CStr::from_ptr(version) }.to_string_lossy().into_owned())
@@ -323,7 +326,7 @@ fn check(code: c_int, action: &'static str) -> Result<()> {
 }
 
 /// Returns SUMO's message, as an error, if the call that returned `code` failed.
-fn ask(code: c_int) -> std::result::Result<(), String> {
+pub(super) fn ask(code: c_int) -> std::result::Result<(), String> {
     if code == 0 {
         return Ok(());
     }

@@ -9,6 +9,10 @@ pub enum Error {
     #[error("this thread already holds a simulation, but libsumo has room for one per process; drop the first one")]
     AlreadyHeld,
 
+    /// The shared library is missing, or it cannot be loaded.
+    #[error("SUMO's library cannot be loaded: {text}; {way_out}")]
+    Library { text: String, way_out: &'static str },
+
     /// SUMO could not load. Its text names the file and, for XML, the line.
     #[error("SUMO could not load `{options}`: {text}")]
     Load { options: String, text: String },

@@ -9,7 +9,8 @@
 //! step. Only its [`Departure`] has a car's name.
 //!
 //! From top to bottom: [`Simulation`] in `simulation` (meaning, checks) -> `call` (the only `unsafe`) -> `ffi` (made by
-//! bindgen) -> `shim/dials_sumo.cpp` (C++ in, plain C out) -> libsumo.
+//! bindgen) -> `shim/dials_sumo.cpp` (C++ in, plain C out) -> `shim/late.S` (functions that are found late) -> libsumo.
+//! `library` loads libsumo when it is first needed.
 //!
 //! Types of this interface: `ids` (lanes, lights, routes, types, cars), `table` (cars by lane), `events` (cars that enter, and
 //! counts of a step), `signal` (states of lights), `error` (why SUMO refused).
@@ -19,6 +20,7 @@ mod error;
 mod events;
 mod ffi;
 mod ids;
+mod library;
 mod signal;
 mod simulation;
 mod table;

@@ -1,7 +1,7 @@
 //! A config as text for people.
 
 use super::{AgentTask, Described};
-use crate::base::counted;
+use crate::base::{command_for_feature, counted};
 use crate::config::Simulator;
 use crate::domain::RegionSpec;
 use crate::experiment::estimate::Source;
@@ -112,6 +112,15 @@ fn run(text: &mut String, Described { config, work, .. }: &Described) {
                 counted(work.epochs, "epoch")
             ),
         );
+    }
+    line(text, format_args!("  the policies are left in policies.safetensors; {}", script()));
+}
+
+/// Returns what makes a TorchScript module of the policies.
+fn script() -> String {
+    match cfg!(feature = "torch") {
+        true => "`export` makes a TorchScript module of it".to_owned(),
+        false => format!("a TorchScript module of it needs a build with libtorch: {}", command_for_feature("torch")),
     }
 }
 

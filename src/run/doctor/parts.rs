@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::Finding;
 use crate::base::VectorWidth;
-use crate::base::counted;
+use crate::base::{command_for_feature, counted};
 use crate::machine::{allow_open_files, free_disk_mib, free_memory_mib};
 use crate::run::build;
 use crate::run::info::{loaded_library, place};
@@ -55,31 +55,30 @@ fn build_here() -> Finding {
 }
 
 fn sumo() -> Finding {
+    let version = crate::traffic::sumo_version();
+    // The library is there since the line above.
     let at = place(loaded_library("libsumocpp.so"));
-    match crate::traffic::sumo_version() {
+    match version {
         Ok(version) if version.starts_with(TRIED_SUMO) => Finding::good(format!("{version} as a library, at {at}")),
         Ok(version) => Finding::missing(
             format!("{version} as a library, at {at}: only {TRIED_SUMO}0 was tried, and others may give other numbers"),
             "install SUMO 1.15 (Debian 12 has it), and build again",
         ),
-        Err(error) => Finding::error(format!("libsumo: {error:#}"), "run ./setup.sh, and build again"),
+        Err(error) => Finding::error(format!("{error:#}"), "run ./setup.sh, and build again"),
     }
 }
 
 fn libtorch() -> Finding {
     match cfg!(feature = "torch") {
         true => Finding::good(format!("libtorch {} for `export`", env!("DIALS_LIBTORCH_VERSION"))),
-        false => Finding::missing("libtorch: needed for `export`", "./setup.sh && cargo install --path ."),
+        false => Finding::missing("libtorch: needed for `export`", command_for_feature("torch")),
     }
 }
 
 fn mpi() -> Finding {
     match cfg!(feature = "mpi") {
         true => Finding::good("MPI is built in"),
-        false => Finding::missing(
-            "MPI: needed for training over several machines",
-            "./setup.sh mpi && cargo install --path . --features mpi",
-        ),
+        false => Finding::missing("MPI: needed for training over several machines", command_for_feature("mpi")),
     }
 }
 

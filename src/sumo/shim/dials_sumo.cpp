@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include <dlfcn.h>
 #ifdef __GLIBC__
 #include <gnu/libc-version.h>
 #endif
@@ -26,12 +27,16 @@ using libsumo::Vehicle;
 using libsumo::VehicleType;
 
 // Of SUMO's class of lanes the one function that libsumo's interface lacks. SUMO installs no header for it, but its
-// library exports it (tried with SUMO 1.15). With a library that does not, linking fails, because nothing else seeds the
-// generators of some lanes in the middle of a simulation.
+// library exports it (tried with SUMO 1.15). With a library that does not, the build fails, because nothing else seeds
+// the generators of some lanes in the middle of a simulation.
 class __attribute__((visibility("default"))) MSLane {
 public:
     static void loadRNGState(int index, const std::string &state);
 };
+
+// late.S: names of libsumo's functions, with a null at the end, and their addresses, in the same order.
+extern "C" const char *const dials_sumo_names[];
+extern "C" void *dials_sumo_addresses[];
 
 namespace {
 
@@ -168,6 +173,26 @@ void forget_step() {
 } // namespace
 
 const char *ds_last_error(void) { return last_error.c_str(); }
+
+int ds_open(const char *library) {
+    // Not guarded, because this may be called before SUMO is there to be silenced.
+    try {
+        // Functions of other libraries are looked for when they are first called, as in a program that links libsumo.
+        void *const opened = dlopen(library, RTLD_LAZY | RTLD_LOCAL);
+        if (opened == nullptr) {
+            throw std::runtime_error(dlerror());
+        }
+        for (size_t i = 0; dials_sumo_names[i] != nullptr; ++i) {
+            dials_sumo_addresses[i] = dlsym(opened, dials_sumo_names[i]);
+            if (dials_sumo_addresses[i] == nullptr) {
+                throw std::runtime_error(dlerror());
+            }
+        }
+        return 0;
+    } catch (const std::exception &error) {
+        return failed(error.what());
+    }
+}
 
 int ds_version(const char **text) {
     // Not guarded, because this may be called while another thread is inside, and the streams are shared by the

@@ -17,6 +17,10 @@ extern "C" {
 /* Returns why the last call of this thread failed. */
 const char *ds_last_error(void);
 
+/* Loads libsumo from a file, or from where the system looks if the name has no slash. Must succeed, once, before any
+ * function below but ds_c_library is called. Nothing unloads it. */
+int ds_open(const char *library);
+
 /* Returns SUMO's version, such as "SUMO 1.15.0". Needs no simulation. */
 int ds_version(const char **text);
 
