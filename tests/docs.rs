@@ -127,8 +127,119 @@ fn every_relative_link_leads_somewhere() {
 #[test]
 fn the_index_names_every_page_of_the_book() {
     let index = read("docs/README.md");
-    for page in pages().iter().filter_map(|page| page.strip_prefix("docs/")).filter(|page| *page != "README.md") {
+    let others = |page: &&str| !["README.md", "SUMMARY.md"].contains(page);
+    for page in pages().iter().filter_map(|page| page.strip_prefix("docs/")).filter(others) {
         assert!(index.contains(&format!("]({page})")), "docs/README.md does not name {page}");
+    }
+}
+
+/// Returns what the links of a page lead to, without anchors, relative to the root.
+fn linked(page: &str) -> Vec<PathBuf> {
+    let text = read(page);
+    let links = text.split("](").skip(1).map(|rest| rest.split([')', '#']).next().unwrap());
+    let files = links.filter(|link| !link.is_empty() && !link.contains("://"));
+    let mut paths = Vec::new();
+    for link in files {
+        let mut path = Path::new(page).parent().unwrap().to_owned();
+        for part in Path::new(link) {
+            if part == ".." { drop(path.pop()) } else { path.push(part) }
+        }
+        paths.push(path);
+    }
+    paths
+}
+
+#[test]
+fn the_book_has_every_page_once_and_no_link_out_of_it() {
+    let listed = linked("docs/SUMMARY.md");
+    let book: BTreeSet<&PathBuf> = listed.iter().collect();
+    assert_eq!(book.len(), listed.len(), "a page stands twice in docs/SUMMARY.md");
+    for page in pages().iter().filter(|page| *page != "docs/SUMMARY.md") {
+        assert!(book.contains(&PathBuf::from(page)), "docs/SUMMARY.md does not name {page}");
+    }
+    for page in &listed {
+        for file in linked(page.to_str().unwrap()) {
+            assert!(root().join(&file).is_file(), "{}: {} is not there", page.display(), file.display());
+            let is_page = file.extension().is_some_and(|ending| ending == "md");
+            assert!(!is_page || book.contains(&file), "{}: {} is not in the book", page.display(), file.display());
+        }
+    }
+}
+
+/// Returns a term without what does not count in an alphabet.
+fn sorted_as(term: &str) -> String {
+    term.chars().filter(char::is_ascii_alphanumeric).collect::<String>().to_lowercase()
+}
+
+#[test]
+fn the_glossary_is_in_order_and_has_every_word_that_newcomers_ask_for() {
+    let page = read("docs/glossary.md");
+    let rows = page.lines().filter_map(|line| line.strip_prefix("| ")?.strip_suffix(" |")?.split_once(" | "));
+    let entries: Vec<(&str, &str)> = rows.filter(|(term, _)| *term != "term").collect();
+    for pair in entries.windows(2) {
+        assert!(sorted_as(pair[0].0) < sorted_as(pair[1].0), "{} is not before {}", pair[0].0, pair[1].0);
+    }
+    for (term, meaning) in &entries {
+        let words = meaning.split_whitespace().count();
+        assert!(meaning.ends_with('.') && words <= 35, "{term}: one or two short sentences, not {words} words");
+    }
+    let terms: BTreeSet<&str> = entries.iter().map(|(term, _)| *term).collect();
+    for term in [
+        "agent",
+        "AIP",
+        "AIP loss",
+        "ALSH",
+        "approach",
+        "backlog",
+        "blocked exit",
+        "cell",
+        "copy",
+        "d-set",
+        "delay",
+        "DIALS",
+        "F",
+        "forest",
+        "GS",
+        "IALS",
+        "influence source",
+        "kind",
+        "LS",
+        "marginal",
+        "mask",
+        "region",
+        "retrain",
+        "rollout",
+        "second",
+        "step",
+        "timestep",
+        "decision",
+        "window",
+    ] {
+        assert!(terms.contains(term), "docs/glossary.md does not explain {term}");
+    }
+    for page in ["docs/README.md", "docs/guide.md"] {
+        assert!(read(page).contains("](glossary.md)"), "{page} does not lead to the glossary");
+    }
+}
+
+/// Figures and tables of the paper.
+const FIGURES: u32 = 10;
+const TABLES: u32 = 6;
+
+#[test]
+fn every_figure_and_table_of_the_paper_has_a_row_and_the_files_that_it_names_are_there() {
+    let paper = read("docs/paper.md");
+    let table = section(&paper, "## Which config for which figure");
+    let rows: Vec<&str> =
+        table.lines().filter(|line| line.starts_with("| Figure ") || line.starts_with("| Table ")).collect();
+    let numbered = |word: &'static str, last: u32| (1..=last).map(move |number| format!("| {word} {number}"));
+    for begins in numbered("Figure", FIGURES).chain(numbered("Table", TABLES)) {
+        let is_its = |row: &&str| row.strip_prefix(&*begins).is_some_and(|rest| rest.starts_with([':', ' ']));
+        assert!(rows.iter().any(|row| is_its(row)), "no row begins with {begins}");
+    }
+    for file in code_words(table).into_iter().filter(|word| word.ends_with(".toml") && !word.contains(' ')) {
+        let path = if file.contains('/') { file.to_owned() } else { format!("experiments/{file}") };
+        assert!(root().join(&path).is_file(), "{path} is named, and not there");
     }
 }
 

@@ -45,7 +45,9 @@ const SHORTER: &[(&str, &str, &str)] = &[
 /// Beginnings of lines that are not typed, and why.
 const NOT_TYPED: &[(&str, &str)] = &[
     ("./setup.sh", "installs Debian's packages"),
-    ("cargo install", "builds the program, which is built already"),
+    ("cargo install", "builds a program, which is built already"),
+    ("docs/book.sh", "needs mdbook; .ci/run makes the book"),
+    ("xdg-open", "there is no screen"),
     ("cargo build", "builds the program, which is built already"),
     ("cargo test", "these tests"),
     ("FUZZ_SECONDS=", "tests that last as long as one asks"),

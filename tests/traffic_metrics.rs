@@ -194,6 +194,86 @@ fn the_metrics_of_switching_every_13_steps_are_those_of_sumos_own_output() {
     assert_agreement(dir.path(), "switch-every-13", &lights, "0.1");
 }
 
+/// Cars on a lane in a second: their names and speeds.
+type Lane<'a> = Vec<(&'a str, f64)>;
+
+/// Returns the cars of every second by their lanes.
+fn seconds(fcd: &str) -> Vec<BTreeMap<&str, Lane<'_>>> {
+    let mut seconds: Vec<BTreeMap<&str, Lane<'_>>> = Vec::new();
+    for line in fcd.lines() {
+        if line.contains("<timestep ") {
+            seconds.push(BTreeMap::new());
+        } else if line.contains("<vehicle ") {
+            let lanes = seconds.last_mut().unwrap();
+            lanes.entry(attribute(line, "lane")).or_default().push((attribute(line, "id"), number(line, "speed")));
+        }
+    }
+    seconds
+}
+
+/// Returns what each light earns in an episode: `mean-speed`, `queue`, `lost-time`, `pressure`, `wait` and
+/// `diff-waiting-time`.
+fn earned(fcd: &str) -> Vec<[f64; 6]> {
+    let grid = Grid::new(2, 2).unwrap();
+    let of_agent = |agent| {
+        let [approaches, exits] =
+            [grid.incoming_edges(agent), grid.outgoing_edges(agent)].map(|edges| edges.map(|edge| format!("{edge}_0")));
+        let mut sums = [0.0; 6];
+        let mut waited: BTreeMap<&str, f64> = BTreeMap::new();
+        let mut waited_before = 0.0;
+        for lanes in seconds(fcd) {
+            let on = |names: &[String; 4]| -> Lane<'_> {
+                names.iter().flat_map(|lane| lanes.get(lane.as_str()).cloned().unwrap_or_default()).collect()
+            };
+            let (come, leave) = (on(&approaches), on(&exits));
+            let stands = |speed: f64| f64::from(u8::from(speed < 0.1));
+            let speeds: f64 = come.iter().map(|(_, speed)| speed / 10.0).sum();
+            let cars = come.len() as f64;
+            waited = come
+                .iter()
+                .map(|&(car, speed)| (car, waited.get(car).copied().unwrap_or(0.0) + stands(speed)))
+                .collect();
+            let waits: f64 = waited.values().sum();
+            sums[0] += if come.is_empty() { 0.0 } else { speeds / cars };
+            sums[1] -= come.iter().map(|&(_, speed)| stands(speed)).sum::<f64>() / 10.0;
+            sums[2] -= (cars - speeds) / 10.0;
+            sums[3] += (leave.len() as f64 - cars) / 10.0;
+            sums[4] -= (waits / 100.0).min(10.0);
+            sums[5] += (waited_before - waits) / 100.0;
+            waited_before = waits;
+        }
+        sums
+    };
+    grid.agents().into_iter().map(of_agent).collect()
+}
+
+#[test]
+fn every_reward_of_a_grid_is_what_sumos_own_cars_say() {
+    let dir = tempfile::tempdir().unwrap();
+    let lights = dir.path().join("lights.add.xml");
+    fs::write(&lights, program(|_| "GrGr")).unwrap();
+    traffic(dir.path(), "0.1");
+    let episode = Seed::new(13).for_episode(0);
+    let earned = earned(&run_sumo(dir.path(), &lights, episode).fcd);
+    let names = ["mean-speed", "queue", "lost-time", "pressure", "wait", "diff-waiting-time"];
+    let returns = |reward: &str| {
+        let config = TrafficConfig {
+            reward: serde_json::from_str(reward).unwrap(),
+            ..TrafficConfig::new(dir.path().join("grid_2x2"), dir.path().join("local"))
+        };
+        measured(&Traffic::open(&config).unwrap(), "never", episode).returns
+    };
+    for (term, name) in names.iter().enumerate() {
+        for (agent, (ours, earned)) in returns(&format!("\"{name}\"")).iter().zip(&earned).enumerate() {
+            assert!(earned[term].abs() > 1.0, "{name}: the episode shows it");
+            assert!((ours - earned[term]).abs() < 1e-3, "{name}, agent {agent}: {ours} {}", earned[term]);
+        }
+    }
+    for (ours, earned) in returns("{\"queue\":0.5,\"wait\":-0.25}").iter().zip(&earned) {
+        assert!((ours - (0.5 * earned[1] - 0.25 * earned[4])).abs() < 1e-3);
+    }
+}
+
 #[test]
 fn the_metrics_of_actuated_lights_and_of_a_long_backlog_are_those_of_sumos_own_output() {
     let dir = tempfile::tempdir().unwrap();

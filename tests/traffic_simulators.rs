@@ -5,9 +5,11 @@ use std::path::Path;
 use std::rc::Rc;
 use std::sync::Arc;
 
-use dials_traffic::base::{AgentId, Dice, Rows, Seed, Stopwatch, Work};
-use dials_traffic::config::{AipConfig, Config, DSet, EntryRule, TrafficConfig};
-use dials_traffic::domain::{Action, Beginning, Bystander, Domain, GlobalSimulator, LocalSimulator, conformance};
+use dials_traffic::base::{AgentId, Dice, Ragged, Rows, Seed, Stopwatch, Work};
+use dials_traffic::config::{AipConfig, Config, DSet, EntryRule, Observation, TrafficConfig};
+use dials_traffic::domain::{
+    Action, Beginning, Bystander, Domain, GlobalSimulator, JointTransition, LocalSimulator, conformance,
+};
 use dials_traffic::fleet::inline::InlineFleet;
 use dials_traffic::influence::{AipStack, Dataset, InfluencePredictor, train};
 use dials_traffic::policy::Demonstrations;
@@ -422,6 +424,26 @@ struct Agreement {
     near_rewards: f64,
 }
 
+/// A step of the GS: the actions, the influence sources, where cars entered, and what came of it.
+type Recorded = (Vec<Action>, Ragged<u8>, Vec<[Option<Placement>; 4]>, JointTransition);
+
+/// Plays an episode of the GS.
+fn recorded(domain: &Traffic, controller: &str, seed: Seed) -> Vec<Recorded> {
+    let agents = domain.agents();
+    let mut gs = domain.global(controlled(domain, controller)).unwrap();
+    gs.reset(seed).unwrap();
+    let step = |_| {
+        let transition = gs.step(&vec![0; agents]).unwrap().clone();
+        let placement = |agent, edge| {
+            let car = gs.arrival(agent, edge)?;
+            Some(Placement { position_m: car.position_m, speed: DepartSpeed::Fixed(car.speed_mps) })
+        };
+        let placements = (0..agents).map(|agent| std::array::from_fn(|edge| placement(agent, edge))).collect();
+        (gs.actions().to_vec(), gs.influence_sample().sources.clone(), placements, transition)
+    };
+    (0..300).map(step).collect()
+}
+
 fn agreement(entry: EntryRule, entering: Entering, controller: &str) -> Agreement {
     let domain = traffic(entry);
     let agents = domain.agents();
@@ -429,26 +451,7 @@ fn agreement(entry: EntryRule, entering: Entering, controller: &str) -> Agreemen
     let (mut compared, mut rewards, mut reward_error, mut near_rewards) = (0_u64, [0.0; 2], 0.0, 0_u64);
     for episode in 0..20 {
         let seed = Seed::new(1).for_episode(episode);
-        let mut recording = Vec::new();
-        {
-            let mut gs = domain.global(controlled(&domain, controller)).unwrap();
-            gs.reset(seed).unwrap();
-            for _ in 0..300 {
-                let transition = gs.step(&vec![0; agents]).unwrap().clone();
-                let placements: Vec<[Option<Placement>; 4]> = (0..agents)
-                    .map(|agent| {
-                        std::array::from_fn(|edge| {
-                            gs.arrival(agent, edge).map(|car| Placement {
-                                position_m: car.position_m,
-                                speed: DepartSpeed::Fixed(car.speed_mps),
-                            })
-                        })
-                    })
-                    .collect();
-                let sources = gs.influence_sample().sources.clone();
-                recording.push((gs.actions().to_vec(), sources, placements, transition));
-            }
-        }
+        let recording = recorded(&domain, controller, seed);
         let mut ls = domain.local(agents).unwrap();
         ls.reset(&Beginning::first(0..agents)).unwrap();
         for (actions, sources, placements, global) in recording {
@@ -516,6 +519,79 @@ fn with_true_entries_the_local_simulator_is_the_global_one() {
         // The rest of the error comes from cars that follow another one on the outgoing edge, where the LS has no jam.
         assert!(found.reward_error < 0.001 && found.near_rewards > 0.99, "{controller}: {found:?}");
     }
+}
+
+/// Returns the grid with other observations and rewards than the paper's. `reward`: as in JSON.
+fn with_reward(observation: Observation, reward: &str) -> Traffic {
+    let reward = serde_json::from_str(reward).unwrap();
+    let config = TrafficConfig {
+        observation,
+        reward,
+        entry: EntryRule::Max,
+        ..TrafficConfig::new(saved("grid_2x2"), saved("local"))
+    };
+    Traffic::open(&config).unwrap()
+}
+
+#[test]
+fn with_true_entries_every_reward_and_the_queues_are_those_of_the_global_simulator() {
+    for reward in
+        ["\"queue\"", "\"lost-time\"", "\"wait\"", "\"diff-waiting-time\"", "{\"queue\":0.5,\"mean-speed\":2}"]
+    {
+        let domain = with_reward(Observation::Queues, reward);
+        let recording = recorded(&domain, "random", Seed::new(5));
+        let mut ls = domain.local(4).unwrap();
+        // Two episodes: the second one knows nothing of the first.
+        for _ in 0..2 {
+            ls.reset(&Beginning::first(0..4)).unwrap();
+            let (mut paid, mut apart) = (0.0, 0.0);
+            for (actions, _, placements, global) in &recording {
+                let local = ls.step_with(actions, placements).unwrap();
+                for (global, local) in global.rewards.iter().zip(&local.rewards) {
+                    paid += global.abs();
+                    apart += (global - local).abs();
+                }
+                for (global, local) in global.percept.obs.iter().zip(local.percept.obs.iter()) {
+                    let differ = global.iter().zip(local).filter(|(a, b)| a != b).count();
+                    assert!(global.len() == 12 && differ <= 2, "{reward}: {global:?} {local:?}");
+                }
+            }
+            // Cars that follow another one on the outgoing edge, where the LS has no jam, drive on a little earlier.
+            assert!(paid > 10.0 && apart < 0.01 * paid, "{reward}: {apart} of {paid}");
+        }
+    }
+}
+
+#[test]
+fn the_predictor_sees_cells_where_the_agent_sees_queues() {
+    let [cells, queues] = [Observation::Cells, Observation::Queues].map(|observation| {
+        let domain = with_reward(observation, "\"queue\"");
+        recorded(&domain, "random", Seed::new(6)).into_iter().map(|(_, _, _, step)| step).collect::<Vec<_>>()
+    });
+    for (cells, queues) in cells.iter().zip(&queues) {
+        assert_eq!(cells.percept.d_set, queues.percept.d_set);
+        assert_eq!(cells.rewards, queues.rewards);
+    }
+    let [of_cells, of_queues] = [&cells, &queues].map(|steps| steps[200].percept.obs.row(0));
+    assert_eq!((of_cells.len(), of_queues.len()), (40, 12));
+    assert_eq!(of_cells[36..], of_queues[8..]);
+}
+
+#[test]
+fn a_local_light_is_paid_the_pressure_of_a_car_until_it_has_left_the_exit() {
+    let mut ls = with_reward(Observation::Cells, "\"pressure\"").local(2).unwrap();
+    ls.reset(&Beginning::first([0, 1])).unwrap();
+    let mut paid = Vec::new();
+    for step in 0..40 {
+        // A car from the north, which has green, in the second row only.
+        let sources = Rows::from_vec(vec![0, 0, 0, 0, 0, 0, 0, u8::from(step == 0)], 4);
+        let rewards = &ls.step(&[0, 0], &sources).unwrap().rewards;
+        assert_eq!(rewards[0], 0.0);
+        paid.push(rewards[1]);
+    }
+    paid.dedup();
+    // On the approach, inside the intersection, on the exit, gone.
+    assert_eq!(paid, [-0.1, 0.0, 0.1, 0.0]);
 }
 
 #[test]

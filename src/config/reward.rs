@@ -1,4 +1,4 @@
-//! The reward of a light in a scenario: a name, or a weighted sum of named terms.
+//! The reward of a light: a name, or a weighted sum of named terms.
 
 use std::collections::BTreeMap;
 use std::fmt::{self, Formatter};
@@ -90,7 +90,7 @@ impl From<RewardTerm> for Reward {
     }
 }
 
-/// The queue: what it sums up to is the time that cars stand. The weight keeps returns within a few units, because a
+/// The default of scenarios is the queue: what it sums up to is the time that cars stand. The weight keeps returns within a few units, because a
 /// value moves by at most the clip range in an update.
 impl Default for Reward {
     fn default() -> Reward {

@@ -9,6 +9,9 @@ const PAGE: &str = include_str!("../../docs/configuration.md");
 const WORDS: [&str; 5] =
     ["policy.imitate", "traffic.agents", "traffic.local_network", "traffic.network", "traffic.scenario"];
 
+/// Key whose value is a name, or weights of names.
+const REWARD: &str = "traffic.reward";
+
 /// Returns the schema: an object per table of a config.
 pub fn schema() -> Value {
     let mut keys = Map::new();
@@ -55,10 +58,9 @@ fn property(key: &str, default: &str, meaning: &str) -> Value {
         Some(toml::Value::Float(_)) => json!({ "type": "number" }),
         Some(toml::Value::Boolean(_)) => json!({ "type": "boolean" }),
         Some(toml::Value::Array(_)) => json!({ "type": "array", "items": { "type": "integer", "minimum": 1 } }),
-        Some(toml::Value::String(_)) => json!({ "enum": choices(meaning, default) }),
-        // A name, or weights of names.
+        Some(toml::Value::String(_)) if key != REWARD => json!({ "enum": choices(meaning, default) }),
         Some(_) => {
-            let names = choices(meaning, "");
+            let names = choices(meaning, default);
             json!({ "anyOf": [{ "enum": names }, { "type": "object", "propertyNames": { "enum": names },
                                                     "additionalProperties": { "type": "number" } }] })
         }
@@ -165,5 +167,8 @@ mod tests {
             let choices: Vec<&str> = choices.split(' ').collect();
             assert_eq!(schema().pointer(&at).unwrap()["enum"], json!(choices), "{key}");
         }
+        let reward = schema().pointer("/properties/traffic/properties/reward").unwrap().clone();
+        let names = json!(["mean-speed", "queue", "lost-time", "pressure", "wait", "diff-waiting-time"]);
+        assert_eq!([&reward["anyOf"][0]["enum"], &reward["anyOf"][1]["propertyNames"]["enum"]], [&names; 2]);
     }
 }

@@ -69,8 +69,6 @@ impl Keys {
             ("min_green_s", self.min_green_s.is_some()),
             ("yellow_s", self.yellow_s.is_some()),
             ("approach_m", self.approach_m.is_some()),
-            ("observation", self.observation.is_some()),
-            ("reward", self.reward.is_some()),
             ("local_horizon", self.local_horizon.is_some()),
         ];
         refuse(&foreign, "is for a scenario, but the table names a grid by `network`; remove one of them")?;
@@ -79,6 +77,8 @@ impl Keys {
         let defaults = TrafficConfig::new(network, self.local_network.ok_or_else(|| missing("local_network"))?);
         Ok(TrafficConfig {
             horizon: self.horizon.unwrap_or(defaults.horizon),
+            observation: self.observation.unwrap_or(defaults.observation),
+            reward: self.reward.unwrap_or(defaults.reward),
             d_set: self.d_set.unwrap_or(defaults.d_set),
             clock: self.clock,
             entry: self.entry.unwrap_or(defaults.entry),

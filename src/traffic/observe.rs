@@ -3,7 +3,7 @@
 
 use super::agents::phase_plan::Shown;
 use super::agents::plan::AgentPlan;
-use super::agents::region::CELL_M;
+use super::agents::region::{self, CELL_M};
 use super::agents::region_plan::{Approach, RegionPlan};
 use super::agents::sensor::{CarColumns, LightColumns};
 use super::cars_at::CarsAt;
@@ -45,14 +45,7 @@ pub fn observe(plan: &AgentPlan, cars: CarsAt<'_>, light: LightView, obs: &mut [
     obs.fill(0.0);
     let (bits, others) = obs.split_at_mut(plan.sensor.car_columns());
     match &plan.sensor.cars {
-        CarColumns::Cells(cells) => {
-            let mut rest = bits;
-            for ((approach, lane), &cells) in plan.region.approaches.iter().zip(cars.iter()).zip(cells) {
-                let (these, others) = rest.split_at_mut(cells);
-                occupy(approach, lane, these);
-                rest = others;
-            }
-        }
+        CarColumns::Cells(cells) => occupy_all(plan, cars, cells, bits),
         CarColumns::QueueAndDensity(_) => {
             for ((approach, lane), pair) in plan.region.approaches.iter().zip(cars.iter()).zip(bits.chunks_exact_mut(2))
             {
@@ -71,6 +64,16 @@ pub fn observe(plan: &AgentPlan, cars: CarsAt<'_>, light: LightView, obs: &mut [
 
 /// Length of road that a standing car of a usual type fills, in metres.
 pub(super) const JAM_M: f64 = 7.5;
+
+/// Marks the cells of all approaches in which cars are. `cells`: how many each approach has.
+fn occupy_all(plan: &AgentPlan, cars: CarsAt<'_>, cells: &[usize], bits: &mut [f32]) {
+    let mut rest = bits;
+    for ((approach, lane), &cells) in plan.region.approaches.iter().zip(cars.iter()).zip(cells) {
+        let (these, others) = rest.split_at_mut(cells);
+        occupy(approach, lane, these);
+        rest = others;
+    }
+}
 
 /// Marks the cells in which cars are, counted from the end of the lane.
 pub(super) fn occupy(approach: &Approach, lane: LaneCars<'_>, cells: &mut [f32]) {
@@ -102,15 +105,18 @@ pub(super) fn show(columns: LightColumns, light: LightView, bits: &mut [f32]) {
     }
 }
 
-/// Writes the d-set (the variables that the AIP predicts from): the cars of the observation, the arrivals if the plan
-/// says so, and the clock if the observation has one.
+/// Writes the d-set of a grid (the variables that the AIP predicts from): the cells in which cars are, the arrivals if
+/// the plan says so, and the clock if the observation has one. The AIP sees cells also where the agent sees queues.
 ///
 /// DEVIATION 9: the arrivals (`d_set = "cells+arrivals"`). The cells do not show a car that has just entered, but an
 /// arrival in the next step is then very unlikely. With the arrivals, the AIP's cross-entropy falls by 4 %.
-pub fn d_separate(plan: &AgentPlan, obs: &[f32], arrivals: &[u8], d_set: &mut [f32]) {
+pub fn d_separate(plan: &AgentPlan, cars: CarsAt<'_>, obs: &[f32], arrivals: &[u8], d_set: &mut [f32]) {
     d_set.fill(0.0);
-    let (cars, others) = d_set.split_at_mut(plan.sensor.car_columns());
-    cars.copy_from_slice(&obs[..cars.len()]);
+    let (cells, others) = d_set.split_at_mut(region::OCCUPANCY);
+    match &plan.sensor.cars {
+        CarColumns::Cells(_) => cells.copy_from_slice(&obs[..cells.len()]),
+        CarColumns::QueueAndDensity(_) => occupy_all(plan, cars, &[region::CELLS; region::EDGES], cells),
+    }
     let events = if plan.sensor.arrivals_in_d_set { plan.region.approaches.len() } else { 0 };
     let (events, clock) = others.split_at_mut(events);
     events.iter_mut().zip(arrivals).for_each(|(bit, &arrived)| *bit = f32::from(arrived));
@@ -206,10 +212,10 @@ mod tests {
         observe(&plan(None, DSet::Cells), at(&cars), light(Shown::Green(1), 0), &mut obs);
         assert_eq!(bits(&obs), [36]);
         let mut d_set = [9.0; 40];
-        d_separate(&plan(None, DSet::CellsAndArrivals), &obs, &[1, 0, 0, 0], &mut d_set);
+        d_separate(&plan(None, DSet::CellsAndArrivals), at(&cars), &obs, &[1, 0, 0, 0], &mut d_set);
         assert_eq!(bits(&d_set), [36], "but its arrival is");
         let mut cells = [9.0; 36];
-        d_separate(&plan(None, DSet::Cells), &obs, &[1, 0, 0, 0], &mut cells);
+        d_separate(&plan(None, DSet::Cells), at(&cars), &obs, &[1, 0, 0, 0], &mut cells);
         assert_eq!(bits(&cells), [0_usize; 0]);
     }
 
@@ -221,8 +227,8 @@ mod tests {
             observe(&plan(Some(5), DSet::Cells), at(&cars), light(VERTICAL_GREEN, age), &mut obs);
             assert_eq!(bits(&obs)[1..], [40 + bit]);
             let (mut cells, mut with_arrivals) = ([9.0; 41], [9.0; 45]);
-            d_separate(&plan(Some(5), DSet::Cells), &obs, &[0, 1, 0, 0], &mut cells);
-            d_separate(&plan(Some(5), DSet::CellsAndArrivals), &obs, &[0, 1, 0, 0], &mut with_arrivals);
+            d_separate(&plan(Some(5), DSet::Cells), at(&cars), &obs, &[0, 1, 0, 0], &mut cells);
+            d_separate(&plan(Some(5), DSet::CellsAndArrivals), at(&cars), &obs, &[0, 1, 0, 0], &mut with_arrivals);
             assert_eq!((bits(&cells), bits(&with_arrivals)), (vec![36 + bit], vec![37, 40 + bit]));
         }
     }
@@ -233,7 +239,7 @@ mod tests {
         let (mut obs, mut d_set) = ([9.0; 50], [9.0; 50]);
         observe(&plan(Some(5), DSet::Cells), at(&cars), light(VERTICAL_GREEN, 1), &mut obs);
         assert_eq!(bits(&obs), [0, 39, 41]);
-        d_separate(&plan(Some(5), DSet::Cells), &obs, &[0; 4], &mut d_set);
+        d_separate(&plan(Some(5), DSet::Cells), at(&cars), &obs, &[0; 4], &mut d_set);
         assert_eq!(bits(&d_set), [0, 37]);
     }
 

@@ -2,7 +2,8 @@
 
 use super::agents::phase_plan::Choice;
 use super::agents::plan::{AgentPlan, Border, JointPlan};
-use super::agents::sensor::{CarColumns, LightColumns};
+use super::agents::region;
+use super::agents::sensor::{CarColumns, LightColumns, Sensor};
 use crate::base::AgentId;
 use crate::config::{Reward, RewardTerm};
 use crate::domain::{Rules, Task};
@@ -52,12 +53,12 @@ fn actions(plan: &AgentPlan) -> Vec<String> {
 fn of_grid(plan: &AgentPlan) -> (Vec<String>, Vec<String>) {
     let lanes = plan.region.approaches.iter().map(|approach| &approach.lane);
     let arrivals: Vec<String> = lanes.map(|lane| format!("arrival {lane}")).collect();
-    let seen = plan.sensor.columns(&plan.region);
-    let mut d_set = seen[..plan.sensor.car_columns()].to_vec();
+    let cells = Sensor { cars: CarColumns::Cells(vec![region::CELLS; region::EDGES]), ..plan.sensor.clone() };
+    let mut d_set = cells.columns(&plan.region)[..region::OCCUPANCY].to_vec();
     if plan.sensor.arrivals_in_d_set {
         d_set.extend(arrivals.iter().map(|name| format!("{name}, last step")));
     }
-    d_set.extend_from_slice(&seen[plan.sensor.clock_columns()]);
+    d_set.extend_from_slice(&plan.sensor.columns(&plan.region)[plan.sensor.clock_columns()]);
     (arrivals, d_set)
 }
 

@@ -5,7 +5,7 @@
 //! edge.
 
 use super::phases::Light;
-use crate::config::{DSet, TrafficConfig};
+use crate::config::{DSet, Observation, TrafficConfig};
 use crate::domain::{RegionSpec, SourceSpec};
 use crate::traffic::side::Side;
 
@@ -16,22 +16,23 @@ pub const CELLS: usize = 9;
 pub const CELL_M: f64 = 10.0;
 pub const EDGE_M: f64 = 100.0;
 pub const SPEED_LIMIT_MPS: f64 = 10.0;
-/// Number of occupancy bits.
+/// Number of cells that an agent or its AIP (approximate influence predictor) sees.
 pub const OCCUPANCY: usize = EDGES * CELLS;
-
-/// First bit of the clock in an observation, if agents see one.
-pub const CLOCK: usize = OCCUPANCY + Light::ALL.len();
 
 /// Returns the shape of a traffic region.
 pub fn spec(config: &TrafficConfig) -> RegionSpec {
-    let &TrafficConfig { horizon, d_set, clock, .. } = config;
+    let &TrafficConfig { horizon, observation, d_set, clock, .. } = config;
     let clock = clock.unwrap_or(0);
+    let cars = match observation {
+        Observation::Cells => OCCUPANCY,
+        Observation::Queues => 2 * EDGES,
+    };
     let arrivals = match d_set {
         DSet::Cells => 0,
         DSet::CellsAndArrivals => EDGES,
     };
     RegionSpec {
-        obs_dim: CLOCK + clock,
+        obs_dim: cars + Light::ALL.len() + clock,
         d_set_dim: OCCUPANCY + arrivals + clock,
         n_actions: 2,
         masks: false,

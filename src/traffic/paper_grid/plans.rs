@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::grid::{Grid, lane};
 use crate::base::AgentId;
-use crate::config::{DSet, Reward, RewardTerm, TrafficConfig};
+use crate::config::{DSet, Observation, TrafficConfig};
 use crate::domain::Kinds;
 use crate::traffic::agents::phase_plan::{Choice, Interval, PhasePlan};
 use crate::traffic::agents::phases::Light;
@@ -27,7 +27,7 @@ pub fn joint_plan(grid: Grid, config: &TrafficConfig) -> JointPlan {
         borders: Vec::new(),
         kinds,
         decision_steps: 1,
-        reward: Reward::from(RewardTerm::MeanSpeed),
+        reward: config.reward.clone(),
         emergency_decel_mps2: Some(DECEL_MPS2),
     }
 }
@@ -56,8 +56,12 @@ fn phases() -> PhasePlan {
 }
 
 fn sensor(config: &TrafficConfig) -> Sensor {
+    let cars = match config.observation {
+        Observation::Cells => CarColumns::Cells(vec![CELLS; EDGES]),
+        Observation::Queues => CarColumns::QueueAndDensity(EDGES),
+    };
     Sensor {
-        cars: CarColumns::Cells(vec![CELLS; EDGES]),
+        cars,
         light: LightColumns::FourStates,
         clock: config.clock.unwrap_or(0),
         arrivals_in_d_set: config.d_set == DSet::CellsAndArrivals,

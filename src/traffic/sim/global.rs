@@ -295,7 +295,7 @@ impl GlobalTraffic {
             match &self.borders {
                 Some(borders) => borders.d_separate(row, &self.plan.borders[row], light, d_set),
                 None if self.plan.borders.is_empty() => {
-                    observe::d_separate(plan, percept.obs.row(row), self.sources.row(row), d_set);
+                    observe::d_separate(plan, cars, percept.obs.row(row), self.sources.row(row), d_set);
                 }
                 None => {}
             }

@@ -10,7 +10,7 @@ use super::options;
 use super::recorded_roads::RecordedRoads;
 use super::recording::{Recorder, Tape};
 use crate::base::{Phase, Rows, Stopwatch};
-use crate::config::{EntryRule, TrafficConfig};
+use crate::config::{EntryRule, Reward, TrafficConfig};
 use crate::domain::{Action, Beginning, LocalSimulator, Percept, RegionSpec, Result, Transition};
 use crate::sumo::{CarId, CarTable, DepartSpeed, Insertion, LaneId, RouteId, Simulation};
 use crate::traffic::agents::plan::AgentPlan;
@@ -23,6 +23,7 @@ use crate::traffic::network::memory_file::MemoryFile;
 use crate::traffic::observe::{self, LightView};
 use crate::traffic::paper_grid::grid::Grid;
 use crate::traffic::paper_grid::plans::plans;
+use crate::traffic::reward::{self, Waiting};
 
 /// Name of the counter of sampled arrivals that found no room.
 pub const DROPPED: &str = "dropped_arrivals";
@@ -45,6 +46,7 @@ pub struct LocalTraffic {
     /// Plan of the one agent of the local net.
     plan: AgentPlan,
     entry_rule: EntryRule,
+    reward: Reward,
     simulation: Simulation,
     handles: IntersectionHandles,
     /// Incoming, internal and outgoing lanes per row: all lanes that a reset has to clear.
@@ -52,6 +54,11 @@ pub struct LocalTraffic {
     /// Routes, [`EDGES`] per row.
     routes: Vec<RouteId>,
     cars: CarTable,
+    /// Outgoing lanes, [`EDGES`] per row, and the cars on them; read only for a reward that needs them.
+    exit_lanes: Vec<LaneId>,
+    exits: CarTable,
+    /// Time that cars have waited, per row; noted only for a reward that needs it.
+    waiting: Vec<Waiting>,
     /// Number of cars on each incoming edge at the last decision.
     cars_on: Rows<usize>,
     arrivals: Rows<u8>,
@@ -90,7 +97,9 @@ impl LocalTraffic {
         let handles = IntersectionHandles::register(&mut simulation, places)?;
         let routes = simulation.register_routes(&routes)?;
         let mut all_lanes = Vec::with_capacity(rows);
+        let mut exit_lanes = Vec::with_capacity(rows * EDGES);
         for region in regions {
+            exit_lanes.extend(simulation.register_lanes(&region.outgoing_lanes())?);
             let lanes = [region.incoming_lanes(), region.internal_lanes(), region.outgoing_lanes()].concat();
             all_lanes.push(simulation.register_lanes(&lanes)?);
         }
@@ -101,11 +110,15 @@ impl LocalTraffic {
         let recorder = tape.map(record).transpose()?;
         Ok(LocalTraffic {
             entry_rule: config.entry,
+            reward: config.reward.clone(),
             simulation,
             handles,
             all_lanes,
             routes,
             cars: CarTable::new(),
+            exits: CarTable::of(vec![Vec::new(); exit_lanes.len()]),
+            exit_lanes,
+            waiting: vec![Waiting::default(); rows],
             cars_on: Rows::new(rows, EDGES),
             arrivals: Rows::new(rows, EDGES),
             ages: vec![0; rows],
@@ -124,6 +137,7 @@ impl LocalTraffic {
     /// fit in is dropped. [`LocalSimulator::step`] calls it with the placements of its rule.
     pub fn step_with(&mut self, actions: &[Action], placements: &[[Option<Placement>; EDGES]]) -> Result<&Transition> {
         let begun = Instant::now();
+        self.waiting.iter_mut().for_each(Waiting::decide);
         self.handles.act(&mut self.simulation, actions)?;
         let first_serial = self.serial;
         let sampled: Vec<(usize, Placement)> = placements
@@ -149,6 +163,10 @@ impl LocalTraffic {
         self.watch.time(Phase::Insertion, || self.simulation.clear_pending())?;
         let begun = Instant::now();
         self.handles.read_cars(&mut self.simulation, &mut self.cars)?;
+        if reward::needs_exits(&self.reward) {
+            self.simulation.read_lanes(&self.exit_lanes, &mut self.exits)?;
+        }
+        let needs_waiting = reward::needs_waiting(&self.reward);
         self.arrivals.fill(0);
         for (&(edge, _), car) in sampled.iter().zip(first_serial..) {
             let arrived = is_rearmost(CarId(car), self.cars.lane(edge));
@@ -162,8 +180,12 @@ impl LocalTraffic {
             self.ages[row] += 1;
             let light = LightView { shown: self.handles.signal(row).shown(), shown_steps: 0, age: self.ages[row] };
             observe::observe(plan, cars, light, percept.obs.row_mut(row));
-            observe::d_separate(plan, percept.obs.row(row), self.arrivals.row(row), percept.d_set.row_mut(row));
-            *reward = observe::mean_speed(&plan.region, cars);
+            observe::d_separate(plan, cars, percept.obs.row(row), self.arrivals.row(row), percept.d_set.row_mut(row));
+            if needs_waiting {
+                self.waiting[row].note(cars);
+            }
+            let exits = CarsAt::new(&self.exits, row * EDGES, EDGES);
+            *reward = reward::reward(&self.reward, &plan.region, cars, exits, &self.waiting[row]);
             self.cars_on.row_mut(row).iter_mut().zip(cars.iter()).for_each(|(count, edge)| *count = edge.len());
         }
         self.watch.note(Phase::Reading, begun.elapsed());
@@ -217,10 +239,11 @@ impl LocalSimulator for LocalTraffic {
             self.cars_on.row_mut(row).fill(0);
             self.arrivals.row_mut(row).fill(0);
             self.ages[row] = 0;
+            self.waiting[row] = Waiting::default();
             let percept = &mut self.last.percept;
             let (plan, shown) = (&self.plan, self.handles.signal(row).shown());
             observe::observe(plan, nobody, LightView { shown, shown_steps: 0, age: 0 }, percept.obs.row_mut(row));
-            observe::d_separate(plan, percept.obs.row(row), self.arrivals.row(row), percept.d_set.row_mut(row));
+            observe::d_separate(plan, nobody, percept.obs.row(row), self.arrivals.row(row), percept.d_set.row_mut(row));
         }
         Ok(&self.last.percept)
     }
