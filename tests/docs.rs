@@ -142,7 +142,11 @@ fn linked(page: &str) -> Vec<PathBuf> {
     for link in files {
         let mut path = Path::new(page).parent().unwrap().to_owned();
         for part in Path::new(link) {
-            if part == ".." { drop(path.pop()) } else { path.push(part) }
+            if part == ".." {
+                path.pop();
+            } else {
+                path.push(part);
+            }
         }
         paths.push(path);
     }
@@ -235,7 +239,7 @@ fn every_figure_and_table_of_the_paper_has_a_row_and_the_files_that_it_names_are
     let numbered = |word: &'static str, last: u32| (1..=last).map(move |number| format!("| {word} {number}"));
     for begins in numbered("Figure", FIGURES).chain(numbered("Table", TABLES)) {
         let is_its = |row: &&str| row.strip_prefix(&*begins).is_some_and(|rest| rest.starts_with([':', ' ']));
-        assert!(rows.iter().any(|row| is_its(row)), "no row begins with {begins}");
+        assert!(rows.iter().any(is_its), "no row begins with {begins}");
     }
     for file in code_words(table).into_iter().filter(|word| word.ends_with(".toml") && !word.contains(' ')) {
         let path = if file.contains('/') { file.to_owned() } else { format!("experiments/{file}") };
