@@ -14,7 +14,8 @@ def network(policies, obs, state=None, prefix=""):
     hidden = obs
     if prefix + "gru.input_weight" in policies:
         gru = {name: policies[f"{prefix}gru.{name}"] for name in ("input_weight", "input_bias", "state_weight", "state_bias")}
-        state = np.zeros(obs.shape[:2] + gru["state_weight"].shape[1:2]) if state is None else state
+        if state is None:
+            state = np.zeros((*obs.shape[:2], gru["state_weight"].shape[1]), obs.dtype)
         from_obs = np.split(obs @ gru["input_weight"] + gru["input_bias"], 3, axis=-1)
         from_state = np.split(state @ gru["state_weight"] + gru["state_bias"], 3, axis=-1)
         r, z = (1 / (1 + np.exp(-(from_obs[gate] + from_state[gate]))) for gate in (0, 1))
