@@ -85,6 +85,32 @@ fn the_readme_has_at_most_900_words() {
     assert!(words <= 900, "{words} words");
 }
 
+/// Largest size of a picture of the README. Whoever opens the page loads all of them.
+const MOST_BYTES: u64 = 1_500_000;
+
+#[test]
+fn the_readme_has_a_map_and_a_film_and_its_pictures_are_small() {
+    let pictures: Vec<PathBuf> = linked("README.md")
+        .into_iter()
+        .filter(|path| path.extension().is_some_and(|end| end == "svg" || end == "gif"))
+        .collect();
+    for picture in ["docs/pictures/grid_5x5.svg", "docs/pictures/grid_2x2.gif"] {
+        assert!(pictures.contains(&PathBuf::from(picture)), "README.md does not show {picture}");
+    }
+    for picture in pictures {
+        let bytes = fs::metadata(root().join(&picture)).unwrap().len();
+        assert!((1..=MOST_BYTES).contains(&bytes), "{}: {bytes} bytes", picture.display());
+    }
+    let film = fs::File::open(root().join("docs/pictures/grid_2x2.gif")).unwrap();
+    let mut film = gif::DecodeOptions::new().read_info(film).unwrap();
+    assert_eq!((film.width(), film.height()), (800, 880), "with captions above and below");
+    let mut frames = 0;
+    while film.read_next_frame().unwrap().is_some() {
+        frames += 1;
+    }
+    assert_eq!(frames, 90, "one for each second");
+}
+
 #[test]
 fn the_readmes_test_command_is_the_one_that_is_checked() {
     for page in ["README.md", ".ci/run"] {

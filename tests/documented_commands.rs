@@ -39,6 +39,7 @@ const SHORTER: &[(&str, &str, &str)] = &[
     ("--episodes 5", "--episodes 1", "time"),
     ("--tune", "--tune --tune-episodes 1", "time"),
     ("--seconds 600,900", "--seconds 600,604", "time: a film has a picture for every second"),
+    ("--seconds 60,150", "--seconds 60,64", "time: a film has a picture for every second"),
     (".mp4", ".gif", "ffmpeg is not needed for the tests"),
 ];
 

@@ -5,8 +5,8 @@
 //!
 //! - `load`, `renamed`, `written`, `seed`: from text to a [`Config`] and back, older keys included.
 //! - `domain`, `warehouse`: the table of a domain; a run has one.
-//! - `traffic_table`: the two ways to fill the table of traffic: `traffic` for a grid, `scenario` for a .sumocfg, with
-//!   its `reward`.
+//! - `traffic_table`: the two ways to fill the table of traffic: `traffic` for a grid, `scenario` for a .sumocfg; the
+//!   `reward` of both.
 //! - [`sumocfg`], `sumo_options`, [`sumo_time`]: a .sumocfg read, and which of its options this program carries over.
 //! - `simulator`: what the policies train on, and what predicts the influence there.
 //! - `imitation`: the imitation of a controller before PPO.

@@ -1,6 +1,7 @@
 //! Several players in one table, as text.
 
 use super::{Finding, figures};
+use crate::base::counted;
 use crate::base::statistics::Interval;
 use crate::policy::Selection;
 
@@ -23,8 +24,8 @@ pub fn comparison(findings: &[Finding]) -> String {
         Some(Selection::Sampled) => ", sampled policies",
         None => "",
     };
-    let title =
-        format!("mean +- half of its 95 % interval over {episodes} episodes, the same traffic for all{policies}");
+    let played = counted(episodes, "episode");
+    let title = format!("mean +- half of its 95 % interval over {played}, the same traffic for all{policies}");
     let mut text = format!("{title}\n{}", blocks(&names, &labels, &means));
     if let [reference, others @ ..] = &figures[..]
         && !others.is_empty()

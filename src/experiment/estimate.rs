@@ -1,11 +1,12 @@
 //! Estimates the time and memory of a run from measured runs.
 //!
 //! The costs are in core-seconds per agent: for a timestep of training, for a sample and epoch of the training of the
-//! approximate influence predictors (AIPs), and for a timestep of evaluation. They come from runs of the same domain
-//! and simulator with the nearest number of agents. If there are none, constants are used. These were measured on two
-//! cores of a cloud machine with the configs of this project.
+//! approximate influence predictors (AIPs), and for a timestep of evaluation. They come from runs of the same scenario and
+//! simulator, or else of the same domain (for traffic: grids and scenarios apart) with the nearest number of agents. If
+//! there are none, constants are used. These were measured on two cores of a cloud machine with the configs of this
+//! project.
 
-use super::file::PlannedRun;
+use super::file::{PlannedBaseline, PlannedRun};
 use crate::config::{Config, Simulator};
 use crate::cost::{Prices, Workload};
 use crate::domain::RoughCosts;
@@ -64,6 +65,9 @@ pub struct Estimate {
     pub source: Source,
 }
 
+/// Seconds that a process takes to begin and to load what it simulates.
+const START_S: f64 = 2.0;
+
 /// Estimates the time and memory of one run on `cores` cores.
 pub fn estimate(run: &PlannedRun, cores: usize, measured: &[RunRecord]) -> Estimate {
     let nearest = nearest(run, measured);
@@ -78,24 +82,42 @@ pub fn estimate(run: &PlannedRun, cores: usize, measured: &[RunRecord]) -> Estim
     Estimate { seconds, memory_mb, source }
 }
 
+/// Estimates the time and memory of measuring a controller, on one core.
+pub fn estimate_controller(baseline: &PlannedBaseline) -> Estimate {
+    let PlannedBaseline { config, episodes, agents, rough_costs, .. } = baseline;
+    let steps = agents * episodes * config.horizon();
+    Estimate {
+        seconds: START_S + steps as f64 * rough_costs.evaluation_s,
+        memory_mb: rough_costs.process_mb,
+        source: Source::Constants,
+    }
+}
+
 fn costs_without_runs(run: &PlannedRun) -> UnitCosts {
     let RoughCosts { training_s, training_on_gs_s, influence_s, evaluation_s, process_mb, agent_mb } = run.rough_costs;
     let training_s = if run.config.simulator == Simulator::Global { training_on_gs_s } else { training_s };
     UnitCosts { training_s, influence_s, evaluation_s, process_mb, agent_mb }
 }
 
-/// Returns the finished measured runs of the same domain and simulator with the nearest number of agents.
+/// Returns the finished measured runs of the same scenario and simulator. If there are none: those of the same domain
+/// with the nearest number of agents.
 fn nearest<'a>(run: &PlannedRun, measured: &'a [RunRecord]) -> Vec<&'a RunRecord> {
+    let way = |config: &Config| config.domain.as_ref().map(std::mem::discriminant);
     let alike = |other: &&RunRecord| {
-        other.scenario.as_ref().is_some_and(|scenario| scenario.id.domain == run.scenario.id.domain)
+        other.scenario.is_some()
+            && way(&other.config) == way(&run.config)
             && other.config.simulator == run.config.simulator
             && other.total_time().is_some()
     };
+    let same = |other: &&&RunRecord| other.scenario.as_ref().is_some_and(|scenario| scenario.id == run.scenario.id);
     let ratio = |other: &RunRecord| {
         let agents = other.scenario.as_ref().map_or(0, |scenario| scenario.id.agents) as f64;
         (agents.ln() - (run.agents() as f64).ln()).abs()
     };
     let alike: Vec<&RunRecord> = measured.iter().filter(alike).collect();
+    if alike.iter().any(|other| same(&other)) {
+        return alike.into_iter().filter(|other| same(&other)).collect();
+    }
     let best = alike.iter().map(|other| ratio(other)).fold(f64::INFINITY, f64::min);
     alike.into_iter().filter(|other| ratio(other) <= best + 1e-9).collect()
 }
@@ -213,6 +235,48 @@ mod tests {
         let records = [measured("gs", 4, 2, [40.0, 0.0, 0.0])];
         let found = estimate(&planned("gs", 1000, 4), 4, &records);
         assert!((found.seconds - 40.0).abs() < 1e-9, "{found:?}");
+    }
+
+    #[test]
+    fn runs_of_the_same_scenario_count_before_others_of_its_size() {
+        let with = |mut run: RunRecord, checksum| {
+            run.scenario = Some(Scenario::new("warehouse", 4, 10).with_checksum(checksum));
+            run
+        };
+        let records =
+            [with(measured("dials", 4, 1, [40.0, 0.0, 0.0]), 1), with(measured("dials", 4, 1, [80.0, 0.0, 0.0]), 2)];
+        let mut run = planned("dials", 1000, 4);
+        assert_eq!(estimate(&run, 1, &records).source, Source::Measured(2));
+        run.scenario = run.scenario.with_checksum(2);
+        let found = estimate(&run, 1, &records);
+        assert_eq!((found.source, found.seconds), (Source::Measured(1), 80.0));
+    }
+
+    #[test]
+    fn runs_of_a_grid_say_nothing_of_a_scenario() {
+        let text = |table: &str| toml::from_str::<Config>(&format!("simulator = 'gs'\n[traffic]\n{table}\n")).unwrap();
+        let mut grid = measured("gs", 4, 1, [40.0, 0.0, 0.0]);
+        grid.config = text("network = 'n'\nlocal_network = 'l'");
+        let mut run = planned("gs", 1000, 4);
+        run.config = text("scenario = 's.sumocfg'\nbegin_s = 0\nend_s = 3600");
+        assert_eq!(estimate(&run, 1, &[grid]).source, Source::Constants);
+    }
+
+    #[test]
+    fn a_controller_plays_its_episodes_on_one_core() {
+        let run = planned("gs", 1000, 4);
+        let baseline = PlannedBaseline {
+            name: FileName::new("a").unwrap(),
+            config: run.config,
+            scenario: "s".to_owned(),
+            controller: "random".to_owned(),
+            episodes: 50,
+            agents: 4,
+            rough_costs: RoughCosts { evaluation_s: 1e-3, process_mb: 120.0, ..RoughCosts::default() },
+        };
+        // 4 agents x 50 episodes x 10 steps x 1 ms, after 2 s.
+        let found = estimate_controller(&baseline);
+        assert!((found.seconds - 4.0).abs() < 1e-9 && found.memory_mb == 120.0, "{found:?}");
     }
 
     #[test]

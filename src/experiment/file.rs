@@ -8,7 +8,7 @@ use serde::Deserialize;
 
 use crate::config::{self, Config, Simulator};
 use crate::domain::{RoughCosts, Scenario};
-use crate::outside::{FileName, read_text};
+use crate::outside::{FileName, quoted, read_text};
 use crate::report::group::steps_text;
 use crate::report::method::{Method, Retraining};
 
@@ -97,6 +97,8 @@ pub struct PlannedBaseline {
     pub scenario: String,
     pub controller: String,
     pub episodes: usize,
+    pub agents: usize,
+    pub rough_costs: RoughCosts,
 }
 
 /// All planned runs and baselines of an experiment.
@@ -119,7 +121,10 @@ impl Experiment {
     pub fn read(path: &Path, knowledge: &Knowledge) -> Result<Experiment> {
         let failed = || format!("{}: cannot be read", path.display());
         let text = read_text(path, LARGEST_FILE).with_context(failed)?;
-        let file: ExperimentFile = toml::from_str(&text).map_err(|error| anyhow!("{}: {error}", path.display()))?;
+        let shown = path.display();
+        let is_config = toml::from_str::<Config>(&text).is_ok_and(|config| config.domain.is_some());
+        ensure!(!is_config, "{shown}: is a config, not an experiment file; use: dials-traffic train {}", quoted(path));
+        let file: ExperimentFile = toml::from_str(&text).map_err(|error| anyhow!("{shown}: {error}"))?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let mut experiment =
             Experiment { baselines: Vec::new(), runs: Vec::new(), all_cores_from_agents: file.all_cores_from_agents };
@@ -170,6 +175,8 @@ impl Experiment {
                     episodes: file
                         .controller_episodes
                         .map_or(run.config.evaluation.final_episodes, |count| count as usize),
+                    agents: run.agents(),
+                    rough_costs: run.rough_costs,
                 });
             }
         }
@@ -313,6 +320,12 @@ mod tests {
                 "small-dials-F1M-seed2",
             ]
         );
+    }
+
+    #[test]
+    fn a_config_is_told_from_an_experiment() {
+        let error = read(CONFIG).unwrap_err().to_string();
+        assert!(error.contains("e.toml: is a config, not an experiment file; use: dials-traffic train"), "{error}");
     }
 
     #[test]

@@ -1,13 +1,13 @@
 //! Joins pictures to a GIF.
 
 use std::fs::File;
-use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result};
 
 use super::format::STEPS_PER_SECOND;
+use super::picture_file::Picture;
 use crate::terminal::check_stop;
 use crate::terminal::counting::EpisodeBar;
 
@@ -18,7 +18,8 @@ pub fn join(frames: &[PathBuf], film: &Path, stop: &AtomicBool) -> Result<()> {
     let mut encoder: Option<gif::Encoder<File>> = None;
     for (number, frame) in frames.iter().enumerate() {
         check_stop(stop)?;
-        let (width, height, mut pixels) = read_picture(frame)?;
+        let Picture { width, height, mut pixels } = Picture::read(frame)?;
+        let (width, height) = (u16::try_from(width)?, u16::try_from(height)?);
         let encoder = match &mut encoder {
             Some(encoder) => encoder,
             None => {
@@ -34,17 +35,4 @@ pub fn join(frames: &[PathBuf], film: &Path, stop: &AtomicBool) -> Result<()> {
     }
     bar.finish();
     Ok(())
-}
-
-/// Reads a PNG file. Returns width, height and the pixels, four bytes each.
-fn read_picture(path: &Path) -> Result<(u16, u16, Vec<u8>)> {
-    let failed = || format!("{}: is not a picture that sumo-gui writes", path.display());
-    let file = BufReader::new(File::open(path).with_context(failed)?);
-    let mut decoder = png::Decoder::new(file);
-    decoder.set_transformations(png::Transformations::ALPHA | png::Transformations::STRIP_16);
-    let mut reader = decoder.read_info().with_context(failed)?;
-    let mut pixels = vec![0; reader.output_buffer_size().with_context(failed)?];
-    let info = reader.next_frame(&mut pixels).with_context(failed)?;
-    ensure!(info.color_type == png::ColorType::Rgba, "{}: is not in colour", path.display());
-    Ok((u16::try_from(info.width)?, u16::try_from(info.height)?, pixels))
 }

@@ -10,8 +10,10 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, ensure};
 use tempfile::TempDir;
 
+use super::captions::{PAPER, caption};
 use super::gui::SUMO_GUI;
 use super::helper::{Helper, listener, tied};
+use super::picture_file::Picture;
 use super::screen::Screen;
 use super::{Format, Replay, Shape, gif, mp4};
 use crate::outside::temporary_dir;
@@ -40,6 +42,7 @@ impl Pictures {
     pub fn take(replay: &Replay, stop: &AtomicBool) -> Result<Pictures> {
         let room = temporary_dir().context("the pictures have no place")?;
         let files = take_pictures(replay, room.path(), stop)?;
+        add_captions(replay, &files, stop)?;
         Ok(Pictures { room, files })
     }
 
@@ -85,6 +88,19 @@ fn take_pictures(replay: &Replay, room: &Path, stop: &AtomicBool) -> Result<Vec<
     Ok(frames)
 }
 
+/// Adds the captions to all pictures. On a busy machine sumo-gui takes the first pictures before its window has its size.
+/// Such a picture becomes one without roads, so that all have one size.
+fn add_captions(replay: &Replay, files: &[PathBuf], stop: &AtomicBool) -> Result<()> {
+    let sizes = files.iter().map(|file| Picture::size(file)).collect::<Result<Vec<_>>>()?;
+    let largest = sizes.iter().copied().max_by_key(|[width, height]| width * height).unwrap_or_default();
+    for ((file, size), step) in files.iter().zip(sizes).zip(replay.steps.clone()) {
+        check_stop(stop)?;
+        let roads = if size == largest { Picture::read(file)? } else { Picture::plain(largest, PAPER) };
+        caption(&roads, replay.title, replay.begin_s + step as u64, replay.speeds).write(file)?;
+    }
+    Ok(())
+}
+
 /// Waits until sumo-gui has ended, or has taken no picture for `patience`. Returns which of them it was, in words.
 fn wait_for(gui: &mut Helper, frames: &[PathBuf], patience: Duration, stop: &AtomicBool) -> Result<String> {
     let bar = EpisodeBar::of(frames.len(), "pictures");
@@ -125,6 +141,27 @@ fn canvas(shape: Shape) -> (usize, usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_picture_that_was_taken_too_early_becomes_as_large_as_the_others() {
+        let room = tempfile::tempdir().unwrap();
+        let files = ["a.png", "b.png"].map(|name| room.path().join(name));
+        Picture::plain([10, 10], [1, 2, 3]).write(&files[0]).unwrap();
+        Picture::plain([400, 300], [1, 2, 3]).write(&files[1]).unwrap();
+        let replay = Replay {
+            title: "a",
+            speeds: &[],
+            config: Path::new(""),
+            steps: 0..2,
+            begin_s: 0,
+            shape: Shape::Grid { columns: 2, rows: 2 },
+            settings: &|_| String::new(),
+        };
+        add_captions(&replay, &files, &AtomicBool::new(false)).unwrap();
+        let [early, late] = files.map(|file| Picture::read(&file).unwrap());
+        assert_eq!([early.width, early.height], [late.width, late.height]);
+        assert_eq!([&early, &late].map(|picture| picture.colour([200, 150])), [PAPER, [1, 2, 3]]);
+    }
 
     #[test]
     fn nobody_waits_for_ever_for_a_picture() {

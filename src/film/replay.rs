@@ -3,8 +3,14 @@
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use super::captions::SpeedColour;
+
 /// An episode that sumo-gui plays.
 pub struct Replay<'a> {
+    /// Words above the roads.
+    pub title: &'a str,
+    /// Colours of cars, from the slowest on.
+    pub speeds: &'a [SpeedColour],
     /// Path of the file for `sumo-gui -c`.
     pub config: &'a Path,
     /// Steps that are shown; each becomes one picture.

@@ -31,6 +31,9 @@ pub struct RunJson {
     /// What the run simulates. Older runs have none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scenario: Option<Scenario>,
+    /// Names of the agents, in order. Older runs have none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub agents: Vec<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seed: Option<u64>,
     /// Keys and files of the domain when the run began. Older runs have none.
@@ -98,6 +101,11 @@ impl RunJson {
     pub fn write(&self, directory: &Directory) -> Result<()> {
         let text = serde_json::to_string_pretty(self).context("run.json in memory")?;
         directory.write(files::RUN, format!("{text}\n").as_bytes())
+    }
+
+    /// Returns the name of an agent for a reader: printable and short. Older runs know its number only.
+    pub fn agent_name(&self, agent: usize) -> String {
+        self.agents.get(agent).map_or_else(|| agent.to_string(), |name| excerpt(name))
     }
 
     /// Returns the build that wrote the run last.
@@ -211,6 +219,12 @@ mod tests {
         let keys: Value = serde_json::from_str(&fs::read_to_string(dir.path().join(files::RUN)).unwrap()).unwrap();
         let keys: Vec<&String> = keys.as_object().unwrap().keys().collect();
         assert_eq!(keys, ["command", "resumed_with", "seed", "versions", "weather"]);
+    }
+
+    #[test]
+    fn agents_have_the_names_that_were_recorded_or_their_numbers() {
+        let run = RunJson { agents: vec!["r0c0".to_owned(), "a\u{1b}b".to_owned()], ..RunJson::default() };
+        assert_eq!([0, 1, 2].map(|agent| run.agent_name(agent)), ["r0c0", "a\\u{1b}b", "2"]);
     }
 
     #[test]

@@ -14,6 +14,7 @@ use super::find::{LeftOut, find};
 use super::group::{Group, Sorted, sort, steps_text};
 use super::played;
 use super::words::{duration, figure, figure_like, interval, no_run, pairing, signed, signed_interval, warnings};
+use crate::base::counted;
 use crate::base::statistics::difference::{BySeed, Difference, between, common_episodes};
 use crate::base::statistics::{ENOUGH_SEEDS, Spread, mean, median};
 use crate::domain::ScenarioId;
@@ -212,8 +213,9 @@ impl Verdict {
         let mut lines = Vec::new();
         for ((letter, side), runs) in [("A", a), ("B", b)].into_iter().zip(&self.runs) {
             let seeds: Vec<String> = runs.iter().map(|(seed, _)| seed.to_string()).collect();
-            let on = common_episodes(runs.iter().map(|(_, played)| played))
-                .map_or(String::new(), |on| format!(" ({} episodes of evaluation.seed {})", on.count, on.seed));
+            let on = common_episodes(runs.iter().map(|(_, played)| played)).map_or(String::new(), |on| {
+                format!(" ({} of evaluation.seed {})", counted(on.count, "episode"), on.seed)
+            });
             lines.push(format!("{letter}: {}: {}, seed {}{on}", side.name, side.group.name(), seeds.join(", ")));
         }
         // Keys that only one side uses follow from the simulator, which has a line of its own.

@@ -118,6 +118,8 @@ fn episodes(end: &Final) -> String {
 pub fn agents(comparison: &Comparison) -> Table {
     let rows = comparison.groups.iter().filter_map(|group| {
         let end = Final::of(group)?;
+        let name =
+            |agent: usize| group.runs.first().map_or_else(|| agent.to_string(), |run| run.about.agent_name(agent));
         let best = end.agents_of_runs.iter().flat_map(|(_, agents)| agents).map(|agent| agent.mean);
         Some(vec![
             group.label(),
@@ -127,10 +129,10 @@ pub fn agents(comparison: &Comparison) -> Table {
                 "{} (seed {}, agent {})",
                 figure(end.worst_agent.mean_return),
                 end.worst_agent.seed,
-                end.worst_agent.agent
+                name(end.worst_agent.agent)
             ),
             figure(best.fold(f64::NEG_INFINITY, f64::max)),
-            stuck_agents(&end.stuck),
+            stuck_agents(&end.stuck, &name),
         ])
     });
     Table {
@@ -187,11 +189,11 @@ pub fn likeness(comparison: &Comparison) -> Option<Table> {
 }
 
 /// Lists stuck agents by seed: `1 (0, 3), 2 (1)`.
-fn stuck_agents(stuck: &[AgentAt]) -> String {
+fn stuck_agents(stuck: &[AgentAt], name: &dyn Fn(usize) -> String) -> String {
     let seeds: BTreeSet<u64> = stuck.iter().map(|agent| agent.seed).collect();
     let of_seed = |seed: u64| {
         let agents: Vec<String> =
-            stuck.iter().filter(|agent| agent.seed == seed).map(|agent| agent.agent.to_string()).collect();
+            stuck.iter().filter(|agent| agent.seed == seed).map(|agent| name(agent.agent)).collect();
         format!("{seed} ({})", agents.join(", "))
     };
     match seeds.is_empty() {

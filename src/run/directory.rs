@@ -44,6 +44,7 @@ fn describe(dir: &Directory, config: &Config) -> Result<()> {
         seed: Some(config.seed),
         command: command_line(),
         scenario: Some(domain.scenario()?),
+        agents: domain.names(),
         kept: Some(Kept::of(dir.path(), &kept)?),
         versions,
         ..RunJson::default()

@@ -9,6 +9,7 @@ use super::outputs::{check_apart, check_free, check_not_a_run};
 use super::places::{self, Existing};
 use super::plot::draw_recording;
 use super::video::Video;
+use crate::base::counted;
 use crate::cli;
 use crate::error::Error;
 use crate::film::{Replay, Shape, check_screen, watch};
@@ -17,7 +18,7 @@ use crate::plot::About;
 use crate::terminal::answer;
 use crate::traffic::sim::recorded_roads::{RecordedGrid, RecordedGround};
 use crate::traffic::sim::recording::Recording;
-use crate::traffic::sim::replay::{self, Snapshot, view};
+use crate::traffic::sim::replay::{self, SPEED_COLOURS, Snapshot, view};
 
 pub fn replay(args: &cli::ReplayArgs) -> crate::error::Result<()> {
     let existing = Existing::of_named(args.force);
@@ -41,10 +42,10 @@ pub fn replay(args: &cli::ReplayArgs) -> crate::error::Result<()> {
     .map_err(Error::Run)?;
     let config = replay::config_in(&dir);
     answer(format_args!(
-        "written to {}: {} steps, {} cars; SUMO replays it to the last bit\nwatch it with: sumo-gui -c {}",
+        "written to {}: {}, {}; SUMO replays it to the last bit\nwatch it with: sumo-gui -c {}",
         dir.display(),
-        recording.steps.len(),
-        recording.entries.len(),
+        counted(recording.steps.len(), "step"),
+        counted(recording.entries.len(), "car"),
         quoted(&config)
     ))
     .map_err(Error::Run)?;
@@ -65,7 +66,9 @@ pub fn replay(args: &cli::ReplayArgs) -> crate::error::Result<()> {
             }
         };
         let begin_s = recording.roads.begin_s();
-        video.make(&Replay { config: &config, begin_s, steps: steps.clone(), shape, settings: &snapshots })?;
+        let (title, speeds) = (&*about.subject, &SPEED_COLOURS[..]);
+        let settings = &snapshots;
+        video.make(&Replay { title, speeds, config: &config, begin_s, steps: steps.clone(), shape, settings })?;
         answer(format_args!("wrote the film {}", video.file().display())).map_err(Error::Run)?;
     }
     if args.gui { watch(&config).map_err(Error::Run) } else { Ok(()) }

@@ -161,9 +161,9 @@ impl Run {
         let Some((asked, words)) = asked else { return cores().min(most) };
         if asked > most {
             tell(format_args!(
-                "note: {words}: starting {most}, because there are {} agents and never more than {most} episodes or \
-                 agents to share out",
-                self.domain.agents()
+                "note: {words}: starting {most}, because there are {} and never more than {most} episodes or agents \
+                 to share out",
+                counted(self.domain.agents(), "agent")
             ));
         }
         asked.min(most)
@@ -299,8 +299,8 @@ fn how_to_go_on(dir: &Path, config: &Config, domain: &dyn Domain) -> String {
     };
     let rival = domain.rival().map_or(String::new(), |rival| {
         format!(
-            "\nand measure a controller on the same {episodes} episodes with:\n  \
-             {program} baseline {kept} --controller {rival}"
+            "\nand measure a controller on the same {} with:\n  {program} baseline {kept} --controller {rival}",
+            counted(episodes, "episode")
         )
     });
     format!(

@@ -7,6 +7,7 @@ use anyhow::{anyhow, ensure};
 use super::domain;
 use super::outputs;
 use super::subject::Subject;
+use crate::base::counted;
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::outside::{FileName, write_whole};
@@ -75,7 +76,7 @@ fn tuned_file(config: &Config, controller: &str, episodes: usize) -> Result<Path
     bar.finish();
     let found = found.map_err(Error::Run)?;
     found.to_toml().and_then(|text| write_whole(&path, text.as_bytes())).map_err(Error::Run)?;
-    tell(format_args!("{}: tuned on {episodes} episodes, {}", path.display(), found.score()));
+    tell(format_args!("{}: tuned on {}, {}", path.display(), counted(episodes, "episode"), found.score()));
     Ok(path)
 }
 

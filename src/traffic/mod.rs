@@ -352,16 +352,8 @@ impl Domain for Traffic {
         Some("SUMO")
     }
 
-    /// Measured with traffic_4.toml and traffic_100.toml.
     fn rough_costs(&self) -> RoughCosts {
-        RoughCosts {
-            training_s: 37e-6,
-            training_on_gs_s: 40e-6,
-            influence_s: 1.6e-6,
-            evaluation_s: 25e-6,
-            process_mb: 120.0,
-            agent_mb: 4.0,
-        }
+        self.ground.rough_costs()
     }
 
     fn stuck(&self, kind: &Kind, measures: &Measures) -> Vec<bool> {

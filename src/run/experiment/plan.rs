@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 
 use crate::config::{Config, Simulator};
-use crate::experiment::estimate::{Estimate, Source, estimate};
+use crate::experiment::estimate::{Estimate, Source, estimate, estimate_controller};
 use crate::experiment::file::{Experiment, PlannedBaseline, PlannedRun};
 use crate::experiment::progress::{Stage, directory, stage, stage_of_baseline};
 use crate::experiment::schedule::{Job, Total, total, width};
@@ -90,7 +90,7 @@ impl PlannedWork {
             share: if stage == Stage::Finished { 1.0 } else { 0.0 },
             stage,
             agents: 0,
-            estimate: Estimate { seconds: 20.0, memory_mb: 200.0, source: Source::Constants },
+            estimate: estimate_controller(baseline),
         }
     }
 

@@ -8,7 +8,7 @@ pub mod on_scenario;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::domain::{Result, Scenario};
+use crate::domain::{Result, RoughCosts, Scenario};
 use crate::traffic::network::roads::Roads;
 use crate::traffic::paper_grid::grid::Grid;
 use crate::traffic::sim::local::LocalTraffic;
@@ -53,6 +53,9 @@ pub trait Ground: Send + Sync {
 
     /// Describes what is simulated.
     fn scenario(&self, agents: usize) -> Result<Scenario>;
+
+    /// See [`crate::domain::Domain::rough_costs`].
+    fn rough_costs(&self) -> RoughCosts;
 
     /// Returns the name of the reward, if it is another one than the usual.
     fn unusual_reward(&self) -> Option<String>;

@@ -8,7 +8,7 @@ use anyhow::{Context, bail, ensure};
 use super::Ground;
 use crate::base::Rows;
 use crate::config::{Reward, RewardTerm, TrafficConfig};
-use crate::domain::{Beginning, FirstRow, LocalSimulator, Map, Result, Scenario};
+use crate::domain::{Beginning, FirstRow, LocalSimulator, Map, Result, RoughCosts, Scenario};
 use crate::traffic::agents::region;
 use crate::traffic::light;
 use crate::traffic::network::contents::Network;
@@ -124,6 +124,18 @@ impl Ground for OnGrid {
         let map = Map { rows: self.grid.rows(), columns: self.grid.cols(), first_row: FirstRow::Bottom };
         let local_network = (LOCAL_NETWORK.to_owned(), self.local_network.checksum());
         Ok(scenario.with_map(map).with_checksum(self.network.checksum()).with_files([local_network]))
+    }
+
+    /// Measured with traffic_4.toml and traffic_100.toml.
+    fn rough_costs(&self) -> RoughCosts {
+        RoughCosts {
+            training_s: 37e-6,
+            training_on_gs_s: 40e-6,
+            influence_s: 1.6e-6,
+            evaluation_s: 25e-6,
+            process_mb: 120.0,
+            agent_mb: 4.0,
+        }
     }
 
     fn unusual_reward(&self) -> Option<String> {

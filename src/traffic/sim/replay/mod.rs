@@ -26,7 +26,7 @@ use crate::sumo::{CarTable, SignalState, Simulation};
 use crate::traffic::network::files::{NetworkFiles, for_sumo};
 use crate::traffic::network::xml::{document, leaf, nest};
 
-pub use view::{Snapshot, view};
+pub use view::{SPEED_COLOURS, Snapshot, view};
 
 /// Name of all files of a replay.
 const NAME: &str = "replay";

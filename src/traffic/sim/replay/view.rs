@@ -14,6 +14,11 @@ pub struct Snapshot {
     pub step: usize,
 }
 
+/// Colours of cars at these speeds, in metres per second; between them the colours flow into each other. A standing car is
+/// red, a car at half of a city's limit yellow and a car at the limit blue. People with any kind of colour vision can
+/// tell these apart.
+pub const SPEED_COLOURS: [([u8; 3], u32); 3] = [([213, 94, 0], 0), ([240, 228, 66], 5), ([86, 180, 233], 10)];
+
 /// Longer side of a film in pixels, and least length of a car in it.
 const FILM_PX: f64 = 1200.0;
 const LEAST_CAR_PX: f64 = 10.0;
@@ -50,13 +55,9 @@ impl Look {
 }
 
 /// Returns the settings of sumo-gui.
-///
-/// A standing car is red, a car at half of a city's limit yellow and a car at the limit blue. People with any kind of
-/// colour vision can tell these apart.
 pub fn view(roads: &RecordedRoads, delay_ms: u32, snapshots: &[Snapshot]) -> String {
     const BOXES: &str = "1";
     const BY_SPEED: &str = "8";
-    let speeds = [("213,94,0", "0"), ("240,228,66", "5"), ("86,180,233", "10")];
     let Look { cars, edges, sorts } = Look::of(roads);
     document("viewsettings", |xml| {
         nest(xml, "scheme", [("name", "standard")], |xml| {
@@ -66,8 +67,9 @@ pub fn view(roads: &RecordedRoads, delay_ms: u32, snapshots: &[Snapshot]) -> Str
             let cars = [("vehicleMode", BY_SPEED), ("vehicleQuality", BOXES), ("vehicle_exaggeration", &*cars)];
             nest(xml, "vehicles", cars.into_iter().chain([("showBlinker", "0")]), |xml| {
                 nest(xml, "colorScheme", [("name", "by speed"), ("interpolated", "1")], |xml| {
-                    speeds.iter().try_for_each(|(colour, speed_mps)| {
-                        leaf(xml, "entry", [("color", *colour), ("threshold", *speed_mps)])
+                    SPEED_COLOURS.iter().try_for_each(|([red, green, blue], speed_mps)| {
+                        let colour = format!("{red},{green},{blue}");
+                        leaf(xml, "entry", [("color", &*colour), ("threshold", &speed_mps.to_string())])
                     })
                 })
             })?;
