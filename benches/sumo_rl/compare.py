@@ -17,7 +17,8 @@ rewards of all intersections at every decision. What differs:
 
 Time is CPU time (user and system) of a process and its children: the difference between a long and a short run, so that
 loading does not count. The lines take turns, and the fastest of `--repeats` counts. "From Python" is `parallel_env`,
-"from Rust" is `baseline`, which also measures in full.
+whose simulator is a child process; "in the same Python" it has none. "From Rust" is `baseline`, which also measures in
+full.
 """
 
 import argparse
@@ -112,10 +113,10 @@ def sumo_rl_defaults(size, control):
     return sumo_rl(size, control)
 
 
-def ours(size, control):
+def ours(size, control, **options):
     import dials_traffic
 
-    env = dials_traffic.parallel_env(config(size), seed=0)
+    env = dials_traffic.parallel_env(config(size), seed=0, **options)
 
     def episode(seed):
         dice = random.Random(seed)
@@ -131,7 +132,17 @@ def ours(size, control):
     return episode
 
 
-SUBJECTS = {"alone": sumo_alone, "lean": sumo_rl_lean, "defaults": sumo_rl_defaults, "ours": ours}
+def ours_inside(size, control):
+    return ours(size, control, in_process=True)
+
+
+SUBJECTS = {
+    "alone": sumo_alone,
+    "lean": sumo_rl_lean,
+    "defaults": sumo_rl_defaults,
+    "ours": ours,
+    "inside": ours_inside,
+}
 
 
 def config(size):
@@ -182,6 +193,8 @@ LINES = {
     "sumo-rl, its defaults, random": from_python("defaults", "random"),
     "dials-traffic from Python, random": from_python("ours", "random"),
     "dials-traffic from Python, alternate": from_python("ours", "alternate"),
+    "dials-traffic in the same Python, random": from_python("inside", "random"),
+    "dials-traffic in the same Python, alternate": from_python("inside", "alternate"),
     "dials-traffic from Rust, random": from_rust("random"),
     "dials-traffic from Rust, alternate": from_rust(f"switch-every-{ALTERNATE_S}"),
 }
@@ -208,14 +221,15 @@ def main():
         print(json.dumps({"size": args.size, "episodes": args.episodes, "subjects": answers}))
         return None
     print(f"{args.size}x{args.size} grid, {HORIZON_S} s per episode\n")
-    print(f"{'':36} {'intersection-seconds':>22} {'decisions':>12}   per core-second")
+    print(f"{'':44} {'intersection-seconds':>22} {'decisions':>12}   per core-second")
     for name, answer in answers.items():
-        print(f"{name:36} {answer['intersection_seconds']:>22.0f} {answer['decisions']:>12.0f}")
+        print(f"{name:44} {answer['intersection_seconds']:>22.0f} {answer['decisions']:>12.0f}")
     print()
     for control in ("random", "alternate"):
-        ours, theirs = (f"{who}, {control}" for who in ("dials-traffic from Python", "sumo-rl, mean speed"))
-        times = answers[ours]["decisions"] / answers[theirs]["decisions"]
-        print(f"{control}: from Python {times:.1f} times the decisions of sumo-rl with the mean speed")
+        theirs = answers[f"sumo-rl, mean speed, {control}"]["decisions"]
+        for name in ("dials-traffic from Python", "dials-traffic in the same Python"):
+            times = answers[f"{name}, {control}"]["decisions"] / theirs
+            print(f"{name}, {control}: {times:.1f} times the decisions of sumo-rl with the mean speed")
     return None
 
 
