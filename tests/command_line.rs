@@ -820,7 +820,7 @@ fn fixed_time_is_tuned_once_and_the_file_says_on_what() {
     };
     let tune = ["--controller", "fixed-time", "--tune", "--tune-episodes", "1"];
     let first = baseline(&tune).assert().success().get_output().clone();
-    assert!(text(&first.stderr).contains(".toml: tuned on 1 episodes, return "), "{}", text(&first.stderr));
+    assert!(text(&first.stderr).contains(".toml: tuned on 1 episode, return "), "{}", text(&first.stderr));
     let files: Vec<PathBuf> =
         fs::read_dir(dir.path().join("tuned")).unwrap().map(|entry| entry.unwrap().path()).collect();
     let [file] = &files[..] else { panic!("{files:?}") };
