@@ -26,6 +26,7 @@ const SHORTER: &[(&str, &str, &str)] = &[
         "time",
     ),
     ("traffic_100.toml --steps 100000", "traffic_4.toml --steps 128", "time"),
+    ("traffic_100.toml --steps 20000", "traffic_4.toml --steps 256", "time"),
     (
         "bench configs/traffic_100.toml --workers 2 --seconds 60",
         "bench configs/traffic_4.toml --workers 2 --seconds 1",
