@@ -106,7 +106,7 @@ fn pages() -> Vec<String> {
             pages.push(page);
         }
     }
-    pages.push("sumo_nets/README.md".to_owned());
+    pages.extend(["sumo_nets/README.md", "docs/README.md"].map(str::to_owned));
     pages
 }
 
