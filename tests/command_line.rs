@@ -906,7 +906,7 @@ fn nets_are_written_where_asked_and_a_missing_netconvert_is_told() {
 #[test]
 fn info_tells_versions_and_places() {
     let said = text(&dials_traffic(&["info"]).assert().success().get_output().stdout);
-    let torch = if cfg!(feature = "torch") { ["libtorch 1.13", "libtorch_cpu"] } else { ["libtorch none", "`torch`"] };
+    let torch = if cfg!(feature = "torch") { ["libtorch 1.13", "libtorch_cpu"] } else { ["no libtorch", "`torch`"] };
     for part in ["dials-traffic 0.", "SUMO 1.15", "libsumocpp", "netconvert at /"].into_iter().chain(torch) {
         assert!(said.contains(part), "`{part}`: {said}");
     }

@@ -209,6 +209,28 @@ fn a_quiet_run_says_nothing_and_a_verbose_one_says_what_it_does() {
 }
 
 #[test]
+fn a_run_with_another_reward_is_evaluated_resumed_compared_and_reported() {
+    let room = tempfile::tempdir().unwrap();
+    let config = root().join("configs/smoke_traffic.toml");
+    let config = config.to_str().unwrap();
+    let settings = ["aip.epochs=1", "aip.dataset_steps=600", "evaluation.episodes=1", "evaluation.final_episodes=1"];
+    let with = |args: &[&str]| said(program(args).current_dir(room.path()).assert().success().get_output());
+    for (run, reward) in [("one", "traffic.reward=queue"), ("two", "traffic.reward={queue=0.5,wait=0.5}")] {
+        let mut args = vec!["train", config, "--out", run, "--steps", "128", "--workers", "1"];
+        for setting in settings.iter().chain([&reward]) {
+            args.extend(["--set", setting]);
+        }
+        with(&args);
+        with(&["evaluate", run, "--episodes", "1"]);
+        with(&["train", "--resume", run, "--steps", "256"]);
+        let [_, told] = with(&["baseline", config, "--episodes", "1", "--compare", &format!("random,./{run}")]);
+        assert!(told.contains("was trained under other rules"), "{told}");
+    }
+    let [_, told] = with(&["report", "one", "two", "--out", "report"]);
+    assert!(!told.contains("left out"), "{told}");
+}
+
+#[test]
 fn a_run_that_was_trained_under_other_rules_is_not_scored_without_a_word() {
     let room = tempfile::tempdir().unwrap();
     train(room.path(), &[]);

@@ -35,8 +35,9 @@ pub struct ScenarioId {
     /// Checksum of the files that the GS (global simulator) simulates, if there are any and they are known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub checksum: Option<String>,
-    /// Name of the rules, if they are not the usual ones of the first version of the environment.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// Name of the rules, if they are not the usual ones of the first version of the environment. [`Scenario`] writes its
+    /// own `rules` beside it.
+    #[serde(default, rename = "scored_by", skip_serializing_if = "Option::is_none")]
     pub rules: Option<String>,
 }
 
@@ -175,6 +176,14 @@ mod tests {
             titles(&[scenario(300, Some(0x1a)), scenario(300, None)]),
             ["traffic, 4 agents, checksum 0000001a", "traffic, 4 agents, checksum unknown"]
         );
+    }
+
+    #[test]
+    fn a_scenario_with_unusual_rules_comes_back_from_its_record() {
+        let rules = Rules { environment: 1, reward: "queues".to_owned(), observation: "cells".to_owned() };
+        let scenario = Scenario::new("traffic", 4, 300).with_rules(rules, Some("queue".to_owned()));
+        let text = serde_json::to_string(&scenario).unwrap();
+        assert_eq!(serde_json::from_str::<Scenario>(&text).unwrap(), scenario, "{text}");
     }
 
     #[test]

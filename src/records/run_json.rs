@@ -129,7 +129,7 @@ fn check(scenario: &Scenario) -> Result<()> {
         ensure!(plain(checksum), told("checksum", checksum));
     }
     if let Some(rules) = &id.rules {
-        ensure!(plain(rules), told("rules", rules));
+        ensure!(plain(rules), told("scored_by", rules));
     }
     let unit = &id.episode.unit;
     ensure!(unit.len() <= LONGEST_WORD && unit.chars().all(is_printable), told("unit", unit));
