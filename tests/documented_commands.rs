@@ -25,7 +25,7 @@ const SHORTER: &[(&str, &str, &str)] = &[
         "town.sumocfg --simulator gs --steps 240 --set ppo.memory=120 --set evaluation.final_episodes=2",
         "time",
     ),
-    ("traffic_100.toml --steps 20000", "traffic_4.toml --steps 256", "time"),
+    ("traffic_100.toml --steps 20000", "busy_road.toml --steps 256", "time"),
     (
         "bench configs/traffic_100.toml --workers 2 --seconds 60",
         "bench configs/traffic_4.toml --workers 2 --seconds 1",
