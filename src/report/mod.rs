@@ -6,6 +6,7 @@
 //! - [`method`], [`group`]: which runs are comparable, and which differ only in their seed.
 //! - [`opponent`]: what the groups of a scenario are compared with.
 //! - [`curves`], [`finals`]: results over several seeds; `played`: the episodes behind them, for differences.
+//! - `cores`: wall time by number of cores, a model.
 //! - [`paper`]: the paper's numbers, each with its source.
 //! - [`chart`], [`document`], [`csv_file`]: pictures, pages and files. `pictures`, `tables` and `sections` fill
 //!   them.
@@ -14,6 +15,7 @@
 
 pub mod chart;
 pub mod compare;
+mod cores;
 pub mod csv_file;
 pub mod curves;
 pub mod document;

@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use anyhow::Result;
 
 use super::chart::Looks;
+use super::cores;
 use super::document::{Block, Document, Figure};
 use super::group::Comparison;
 use super::pictures::{self, Against};
@@ -119,6 +120,14 @@ fn scenario(comparison: &Comparison, looks: &Looks) -> Result<Vec<Block>> {
     blocks.extend(figures.into_iter().filter_map(|(name, caption, svg)| Some(figure(name, caption, svg?))));
     blocks.push(Block::Table(tables::agents(comparison)));
     blocks.extend(tables::likeness(comparison).map(Block::Table));
+    blocks.extend(pictures::time_by_cores(comparison, looks)?.map(|svg| {
+        figure(
+            format!("time_by_cores_{slug}"),
+            format!("Wall time of a run by number of cores, {title}. Lines: a model. Hollow: measured. Diamonds: the paper, if our runs were as long."),
+            svg,
+        )
+    }));
+    blocks.extend(cores::table(comparison).map(Block::Table));
     Ok(blocks)
 }
 

@@ -14,5 +14,5 @@ mod rows;
 pub use bars::{Bar, BarChart, Cluster, Scale};
 pub use heat::{Cell, HeatMap, Panel};
 pub use lines::{Axis, Level, Line, LineChart, LinePoint, MOST_BANDS, Mark};
-pub use look::{Look, Looks};
+pub use look::{Look, Looks, Marker};
 pub use rows::{Row, RowChart};

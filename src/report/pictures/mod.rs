@@ -1,8 +1,10 @@
 //! The charts of a report: which numbers each one shows.
 //!
-//! - `over_time`: training as it proceeds. `at_the_end`: what runs have come to.
+//! - `over_time`: training as it proceeds. `at_the_end`: what runs have come to. `by_cores`: how long they would take
+//!   elsewhere.
 
 mod at_the_end;
+mod by_cores;
 mod over_time;
 
 use super::chart::Axis;
@@ -10,6 +12,7 @@ use super::group::Comparison;
 use crate::base::statistics::{Bounds, ENOUGH_SEEDS};
 
 pub use at_the_end::{ablation, agents, final_bars, runtime_bars};
+pub use by_cores::time_by_cores;
 pub use over_time::{Against, cross_entropy, learning};
 
 fn return_axis(comparison: &Comparison) -> Axis {

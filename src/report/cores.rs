@@ -1,0 +1,141 @@
+//! Wall time by number of cores: a model of how long the runs of a group would take elsewhere.
+//!
+//! The model spreads the measured CPU time of a run over the cores. With local simulators, cores have whole agents, so
+//! more cores than agents do not help. The one global simulator (GS) trains on one core, however many there are. The
+//! model has no waiting and no messages, and no core that is slower when its neighbours work. Measured points stand
+//! beside it and show how much that leaves out.
+
+use std::collections::BTreeSet;
+
+use super::document::Table;
+use super::finals::{Runtime, mean_cpu};
+use super::group::{Comparison, Group, steps_text};
+use super::words::duration;
+use crate::records::run_record::PeriodTime;
+
+/// Numbers of cores in the table.
+const CORES: [usize; 6] = [1, 2, 8, 32, 128, 1024];
+
+/// The time of a group's runs without evaluations.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ByCores {
+    /// Timesteps per agent.
+    pub steps: u64,
+    /// CPU seconds of a run, mean over seeds.
+    cpu_s: f64,
+    /// Largest number of cores that can share them.
+    most: usize,
+    /// Workers and wall seconds of every run.
+    pub measured: Vec<(usize, f64)>,
+}
+
+impl ByCores {
+    /// Returns the model of the runs that count for the final return; `None` unless they finished and measured CPU time.
+    pub fn of(group: &Group, agents: usize) -> Option<ByCores> {
+        let Runtime { steps, finished: true, .. } = Runtime::of(group)? else { return None };
+        let (_, runs) = group.finals()?;
+        let timed: Vec<(usize, PeriodTime)> =
+            runs.iter().filter_map(|run| Some((run.workers, run.time_at(steps)?))).collect();
+        let times: Vec<PeriodTime> = timed.iter().map(|(_, time)| time.clone()).collect();
+        Some(ByCores {
+            steps,
+            cpu_s: mean_cpu(&times)?.runtime_s(),
+            most: if group.simulator() == "gs" { 1 } else { agents },
+            measured: timed.iter().map(|(workers, time)| (*workers, time.runtime_s())).collect(),
+        })
+    }
+
+    /// Returns the wall seconds of a run on this number of cores.
+    pub fn seconds(&self, cores: usize) -> f64 {
+        self.cpu_s / cores.clamp(1, self.most) as f64
+    }
+
+    /// Returns the smallest number of cores on which this takes less time than `other`; `None` if there is none.
+    fn faster_from(&self, other: &ByCores) -> Option<usize> {
+        (1..=self.most).find(|&cores| self.seconds(cores) < other.seconds(cores))
+    }
+}
+
+/// Returns the groups of a scenario with their models. Only those with the most timesteps count, because others are no
+/// comparison.
+pub fn by_cores(comparison: &Comparison) -> Vec<(&Group, ByCores)> {
+    let agents = comparison.scenario.agents;
+    let mut all: Vec<(&Group, ByCores)> =
+        comparison.groups.iter().filter_map(|group| Some((group, ByCores::of(group, agents)?))).collect();
+    let most = all.iter().map(|(_, model)| model.steps).max();
+    all.retain(|(_, model)| Some(model.steps) == most);
+    all
+}
+
+/// Makes the table of times by number of cores; `None` if no run measured CPU time.
+pub fn table(comparison: &Comparison) -> Option<Table> {
+    let all = by_cores(comparison);
+    let steps = all.first()?.1.steps;
+    let gs = all.iter().find(|(group, _)| group.simulator() == "gs" && group.overrides.is_empty());
+    let most = all.iter().map(|(_, model)| model.most).max()?;
+    // Beyond the number of agents nothing changes any more.
+    let cores: BTreeSet<usize> = CORES.into_iter().map(|cores| cores.min(most)).collect();
+    let mut header = vec!["time on".to_owned()];
+    header.extend(cores.iter().map(|&cores| if cores == 1 { "1 core".to_owned() } else { format!("{cores} cores") }));
+    header.push("measured".to_owned());
+    header.extend(gs.map(|_| "faster than the GS".to_owned()));
+    let row = |(group, model): &(&Group, ByCores)| {
+        let mut row = vec![comparison.short_label(group)];
+        row.extend(cores.iter().map(|&cores| duration(model.seconds(cores))));
+        row.push(told(&model.measured));
+        row.extend(gs.map(|(of_gs, gs)| match model.faster_from(gs) {
+            _ if std::ptr::eq(*of_gs, *group) => "-".to_owned(),
+            Some(1) => "always".to_owned(),
+            Some(cores) => format!("from {cores} cores on"),
+            None => "never".to_owned(),
+        }));
+        row
+    };
+    Some(Table {
+        caption: format!(
+            "Wall time of a run by number of cores, {}, {} timesteps, without evaluations: a model. It spreads the \
+             measured CPU time over the cores, at most one core per agent; the GS trains on one core. Measured: wall \
+             time with this number of workers, mean over the runs that had it.",
+            comparison.title,
+            steps_text(steps)
+        ),
+        header,
+        rows: all.iter().map(row).collect(),
+    })
+}
+
+/// Writes the mean measured times by number of workers.
+fn told(measured: &[(usize, f64)]) -> String {
+    let workers: BTreeSet<usize> = measured.iter().map(|(workers, _)| *workers).collect();
+    let words = workers.into_iter().map(|count| format!("{} with {count}", duration(mean_with(measured, count))));
+    words.collect::<Vec<_>>().join(", ")
+}
+
+/// Returns the mean wall seconds of the runs with this number of workers, of which there is at least one.
+pub fn mean_with(measured: &[(usize, f64)], workers: usize) -> f64 {
+    let of_them: Vec<f64> = measured.iter().filter(|(own, _)| *own == workers).map(|(_, seconds)| *seconds).collect();
+    crate::base::statistics::mean(&of_them)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn model(cpu_s: f64, most: usize) -> ByCores {
+        ByCores { steps: 1, cpu_s, most, measured: Vec::new() }
+    }
+
+    #[test]
+    fn cores_share_agents_and_the_gs_has_one_core() {
+        let (local, global) = (model(100.0, 4), model(40.0, 1));
+        assert_eq!([1, 2, 4, 128].map(|cores| local.seconds(cores)), [100.0, 50.0, 25.0, 25.0]);
+        assert_eq!([1, 128].map(|cores| global.seconds(cores)), [40.0, 40.0]);
+        assert_eq!(local.faster_from(&global), Some(3));
+        assert_eq!(model(200.0, 4).faster_from(&global), None);
+    }
+
+    #[test]
+    fn measured_times_are_told_by_number_of_workers() {
+        assert_eq!(told(&[(1, 3600.0), (2, 1800.0), (1, 7200.0)]), "90.0 min with 1, 30.0 min with 2");
+    }
+}
