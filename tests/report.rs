@@ -115,7 +115,7 @@ fn the_page_needs_nothing_else_and_its_pictures_are_well_formed() {
     }
     let pictures: Vec<String> = names(&out).into_iter().filter(|name| name.ends_with(".svg")).collect();
     assert_eq!(pictures.len(), page.matches("<svg ").count());
-    assert_eq!(pictures.len(), 12);
+    assert_eq!(pictures.len(), 13);
     for name in pictures {
         let svg = fs::read_to_string(out.join(&name)).unwrap();
         let mut reader = quick_xml::Reader::from_str(&svg);
