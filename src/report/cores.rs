@@ -36,7 +36,7 @@ impl ByCores {
         let (_, runs) = group.finals()?;
         let timed: Vec<(usize, PeriodTime)> =
             runs.iter().filter_map(|run| Some((run.workers, run.time_at(steps)?))).collect();
-        let times: Vec<PeriodTime> = timed.iter().map(|(_, time)| time.clone()).collect();
+        let times: Vec<PeriodTime> = timed.iter().map(|(_, time)| *time).collect();
         Some(ByCores {
             steps,
             cpu_s: mean_cpu(&times)?.runtime_s(),
