@@ -6,14 +6,15 @@ use std::path::PathBuf;
 use super::finals::Final;
 use super::find::LeftOut;
 use super::group::{Comparison, steps_text};
+use crate::base::decimals;
 use crate::base::statistics::difference::{Difference, Pairing};
 use crate::base::statistics::{Bounds, ENOUGH_SEEDS, Spread};
 use crate::outside::Printable;
 use crate::records::run_record::Status;
 
-/// Writes a return: one decimal from 50 on (traffic), two below (warehouse).
+/// Writes a return, with more decimals the smaller it is.
 pub fn figure(value: f64) -> String {
-    if value.abs() >= 50.0 { format!("{value:.1}") } else { format!("{value:.2}") }
+    figure_like(value, value)
 }
 
 /// Writes a number with its sign and with the decimals of the return `like`.
@@ -26,7 +27,8 @@ pub fn signed(value: f64, like: f64) -> String {
 
 /// Writes a number with the decimals of the return `like`.
 pub fn figure_like(value: f64, like: f64) -> String {
-    if like.abs() >= 50.0 { format!("{value:.1}") } else { format!("{value:.2}") }
+    let digits = decimals(like, None);
+    format!("{value:.digits$}")
 }
 
 /// Writes a mean and its standard error, if there is one: `217.4 ± 1.2`.
@@ -191,8 +193,9 @@ mod tests {
         assert_eq!([signed(-3.0, 200.0), signed(0.456, 13.0), signed(-0.04, 200.0)], ["-3.0", "+0.46", "+0.0"]);
         let spread = |values: &[f64]| certainty(&Spread::of(values).unwrap());
         assert_eq!([spread(&[214.0]), spread(&[214.0, 218.04])], ["one seed", "seeds: 214.0, 218.0"]);
-        // Mean 3, standard error sqrt(0.5), t 2.776: 1.96 to each side.
-        assert_eq!(spread(&[1.0, 2.0, 3.0, 4.0, 5.0]), "95 % [1.04, 4.96]");
+        // Mean 3, standard error sqrt(0.5), t 2.776: 1.963 to each side.
+        assert_eq!(spread(&[1.0, 2.0, 3.0, 4.0, 5.0]), "95 % [1.037, 4.963]");
+        assert_eq!(with_error(-1.043, Some(0.012)), "-1.043 ± 0.012");
         assert_eq!((hours(3600.0).as_str(), hours(90.0).as_str()), ("1.00", "0.0250"));
         assert_eq!([42.0, 204.0, 7560.0].map(duration), ["42 s", "3.4 min", "2.1 h"]);
     }
