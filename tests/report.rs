@@ -497,10 +497,29 @@ fn a_comparison_tells_a_person_what_to_doubt() {
         "n = 1 in A and 1 in B: an interval needs 5 seeds on each side",
         "4 episodes of evaluation.seed 0",
         "returns: paired by episode and by seed",
-        "  seed 1                               200.0               214.0   +14.0",
+        "  seed 1                          200.0            214.0  +14.0\n",
     ] {
         assert!(said.contains(told), "`{told}` is not in: {said}");
     }
+    let widest = said.lines().map(|line| line.chars().count()).max().unwrap();
+    assert!(widest <= 80, "a line has {widest} characters: {said}");
+}
+
+#[test]
+fn sides_are_compared_where_both_were_evaluated_and_nothing_is_interpolated() {
+    let dir = copy_of(&["traffic_4-gs-seed1", "traffic_4-dials-seed1"]);
+    let dials = dir.path().join("runs/traffic_4-dials-seed1");
+    // It ended between two evaluations of the other one, which has 190 at 2M and 200 at 4M.
+    edit(&dials.join("config.toml"), "seed = 1", "seed = 1\nstop_at_steps = 3000000");
+    ["returns.csv", "episodes.csv"].iter().for_each(|file| edit(&dials.join(file), "4000064,", "3000000,"));
+    let sides = ["gs", "dials"].map(|simulator| format!("{}/runs/traffic_4-{simulator}-seed1", dir.path().display()));
+    let found = compare(&[&sides[0], &sides[1]]);
+    assert_eq!((&found["steps"], &found["b"]["steps"]), (&2_000_000.into(), &2_000_000.into()));
+    near(&found["a"]["mean_return"], 190.0);
+    near(&found["b"]["mean_return"], 200.0);
+    let told = "A ends at step 4M and B at step 3M: compared at step 2M, the last one at which all runs of both were \
+                evaluated";
+    assert!(found["warnings"].as_array().unwrap().contains(&told.into()), "{found}");
 }
 
 #[test]
