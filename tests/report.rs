@@ -97,12 +97,30 @@ fn what_is_missing_unfinished_or_broken_is_said() {
     for told in [
         "runs/traffic_4-gs-seed3: not begun yet",
         "runs/broken: left out: runs/broken/config.toml:",
-        "runs/traffic_4-gs-seed2: unfinished, at 2M of 4M steps",
+        "runs/traffic_4-gs-seed2: unfinished, at 4M of 4M steps, last evaluated at 2M",
         "traffic, 4 agents, GS: no run with seed 3",
     ] {
         assert!(page.contains(told), "`{told}` is not in the page");
         assert!(said.contains(told), "`{told}` is not in: {said}");
     }
+}
+
+/// Takes the evaluation at 2M out of a run that has trained until there.
+fn stop_before_its_evaluation(run: &Path) {
+    for file in ["returns.csv", "episodes.csv"] {
+        let text = fs::read_to_string(run.join(file)).unwrap();
+        let kept = text.lines().filter(|line| !line.starts_with("2000000,")).map(|line| line.to_owned() + "\n");
+        fs::write(run.join(file), kept.collect::<String>()).unwrap();
+    }
+}
+
+#[test]
+fn a_run_that_was_stopped_between_evaluations_is_where_its_last_checkpoint_is() {
+    let change = |runs: &Path| stop_before_its_evaluation(&runs.join("traffic_4-gs-seed2"));
+    let (_dir, markdown) = report_of(&["traffic_4-gs-seed2"], change);
+    let told = "runs/traffic_4-gs-seed2: unfinished, at 4M of 4M steps, last evaluated at 0";
+    assert!(markdown.contains(told), "{markdown}");
+    assert!(markdown.contains("| unfinished, at 4M | 0 |"), "{markdown}");
 }
 
 #[test]
@@ -285,7 +303,10 @@ fn what_a_kill_cut_short_is_left_out_of_a_run_and_a_hole_leaves_the_run_out() {
         let hole: Vec<&str> = text.lines().filter(|line| !line.starts_with("2000000,3,")).collect();
         fs::write(&returns, hole.join("\n") + "\n").unwrap();
     });
-    assert!(markdown.contains("runs/traffic_4-dials-seed1: unfinished, at 2M of 4M steps"), "{markdown}");
+    assert!(
+        markdown.contains("runs/traffic_4-dials-seed1: unfinished, at 4M of 4M steps, last evaluated at 2M"),
+        "{markdown}"
+    );
     let told = "runs/traffic_4-dials-seed2: left out: returns.csv: has 3 of 4 agents at step 2000000";
     assert!(markdown.contains(told), "{markdown}");
 }

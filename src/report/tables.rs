@@ -367,9 +367,9 @@ pub fn runs(comparisons: &[Comparison]) -> Table {
             for run in &group.runs {
                 let last = run.evaluations.last();
                 let status = match run.status() {
-                    Status::Finished => "finished",
-                    Status::Unfinished { .. } => "unfinished",
-                    Status::Empty => "begun",
+                    Status::Finished => "finished".to_owned(),
+                    Status::Unfinished { .. } => format!("unfinished, at {}", steps_text(run.trained_to())),
+                    Status::Empty => "begun".to_owned(),
                 };
                 let commit = run.about.versions.git_commit.as_str();
                 let version = if commit.is_empty() { NOTHING } else { commit };
@@ -378,7 +378,7 @@ pub fn runs(comparisons: &[Comparison]) -> Table {
                     comparison.title.clone(),
                     group.label(),
                     run.config.seed.to_string(),
-                    status.to_owned(),
+                    status,
                     last.map_or(NOTHING.to_owned(), |last| steps_text(last.steps)),
                     last.and_then(|last| last.episodes).map_or(NOTHING.to_owned(), |count| count.to_string()),
                     last.map_or(NOTHING.to_owned(), |last| figure(last.all.mean)),
@@ -399,7 +399,7 @@ pub fn runs(comparisons: &[Comparison]) -> Table {
             "method",
             "seed",
             "status",
-            "steps",
+            "evaluated at",
             "episodes",
             "return",
             "stuck",

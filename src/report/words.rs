@@ -10,7 +10,7 @@ use crate::base::decimals;
 use crate::base::statistics::difference::{Difference, Pairing};
 use crate::base::statistics::{Bounds, ENOUGH_SEEDS, Spread};
 use crate::outside::Printable;
-use crate::records::run_record::Status;
+use crate::records::run_record::{RunRecord, Status};
 
 /// Writes a return, with more decimals the smaller it is.
 pub fn figure(value: f64) -> String {
@@ -110,7 +110,11 @@ pub fn warnings(comparisons: &[Comparison], missing: &[PathBuf], left_out: &[Lef
                 let (place, planned) = (Printable(run.dir.display()), steps_text(run.config.last_step()));
                 match run.status() {
                     Status::Unfinished { steps } => {
-                        warnings.push(format!("{place}: unfinished, at {} of {planned} steps", steps_text(steps)));
+                        warnings.push(format!(
+                            "{place}: unfinished, at {} of {planned} steps{}",
+                            steps_text(run.trained_to()),
+                            since(run, steps)
+                        ));
                     }
                     Status::Empty => warnings.push(format!("{place}: not evaluated yet")),
                     Status::Finished if run.return_at(furthest).is_none() => warnings.push(format!(
@@ -129,6 +133,12 @@ pub fn warnings(comparisons: &[Comparison], missing: &[PathBuf], left_out: &[Lef
         warnings.extend(of_episodes(comparison));
     }
     warnings
+}
+
+/// Says at which step a run was evaluated last, if it has gone on from there.
+fn since(run: &RunRecord, evaluated: u64) -> String {
+    let further = run.trained_to() > evaluated;
+    if further { format!(", last evaluated at {}", steps_text(evaluated)) } else { String::new() }
 }
 
 /// Lists groups whose runs played different episodes, or other episodes than their opponents.
