@@ -232,7 +232,10 @@ fn scenarios_of_as_many_agents_stand_apart_and_only_the_papers_has_its_numbers()
     for told in [
         "## Traffic, 4 agents, 300 steps",
         "## Traffic, 4 agents, 100 steps",
-        "training, 4, 100 steps | training, 4, 300 steps",
+        "## Costs, traffic, 4 agents, 300 steps",
+        "## Costs, traffic, 4 agents, 100 steps",
+        "| hours, ours / paper | training, 4, 300 steps | training, 25 |",
+        "| hours | training, 4, 100 steps | influence, 4, 100 steps |",
         "The paper has no such scenario.",
         "| 214.0 ± 1.0 at 4M | +0.0 |",
         "runs/baselines/traffic_4-actuated.json: left out: was measured on traffic-9-300, but there is no run of it",
@@ -240,13 +243,74 @@ fn scenarios_of_as_many_agents_stand_apart_and_only_the_papers_has_its_numbers()
         assert!(markdown.contains(told), "`{told}` is not in {markdown}");
     }
     assert!(!markdown.contains("200.5 ± 7.0"), "the paper's GS has episodes of 300 steps");
-    // The column of 100 steps has our 0.5 h and nothing from the paper. The column of 300 steps has the paper's 7.24 h.
-    assert!(markdown.contains("| GS | 0.50 / - | - / 7.24 |"), "{markdown}");
+    // 100 steps have our 0.5 h and nothing from the paper. 300 steps have the paper's 7.24 h.
+    assert!(markdown.contains("| GS | 0.50 | - | 0.50 | - |"), "{markdown}");
+    assert!(markdown.contains("| GS | - / 7.24 |"), "{markdown}");
+    // Episodes of another length have returns of another size, so they have axes of their own.
+    let pictures = names(&dir.path().join("report"));
+    let returns: Vec<&String> = pictures.iter().filter(|name| name.starts_with("final_return_")).collect();
+    assert_eq!(returns.len(), 2, "{pictures:?}");
     let page = fs::read_to_string(dir.path().join("report/report.html")).unwrap();
     for (at, _) in page.match_indices(" id=\"") {
         let id = &page[at..at + 6 + page[at + 6..].find('"').unwrap()];
         assert_eq!(page.matches(&format!("{id}\"")).count(), 1, "{id}");
     }
+}
+
+/// Gives the fixed run of four lights a scenario in its `run.json`.
+fn of_scenario(run: &Path, rest: &str) {
+    let episode = r#""episode": { "length": 300, "unit": "steps" }"#;
+    let scenario =
+        format!(r#""scenario": {{ "domain": "traffic", "agents": 4, {episode}, "checksum": "2e9f05c0"{rest} }},"#);
+    edit(&run.join("run.json"), "\"seed\": 1,", &format!("{scenario}\n  \"seed\": 1,"));
+}
+
+#[test]
+fn rewards_and_networks_that_differ_have_axes_and_tables_of_their_own() {
+    let map = r#", "map": { "rows": 2, "columns": 2, "first_row": "bottom" }"#;
+    let runs = ["traffic_4-gs-seed1", "traffic_4-dials-seed1"];
+    let (dir, markdown) = report_of(&runs, |runs| {
+        of_scenario(&runs.join("traffic_4-gs-seed1"), map);
+        of_scenario(&runs.join("traffic_4-dials-seed1"), &format!(r#"{map}, "scored_by": "queue""#));
+    });
+    for rules in ["usual", "queue"] {
+        let told = format!("## Costs, traffic, 4 agents, rules {rules}");
+        assert!(markdown.contains(&told), "`{told}` is not in {markdown}");
+    }
+    assert_eq!(
+        markdown.matches("Paper: figure of section Results").count(),
+        1,
+        "its reward is the usual one: {markdown}"
+    );
+    let returns = names(&dir.path().join("report")).into_iter().filter(|name| name.starts_with("final_return_"));
+    assert_eq!(
+        returns.collect::<Vec<_>>(),
+        ["final_return_traffic_4_300_2e9f05c0.svg", "final_return_traffic_4_300_2e9f05c0_queue.svg"]
+    );
+}
+
+#[test]
+fn agents_that_are_not_in_rows_are_drawn_by_their_names() {
+    let (dir, _) = report_of(&["traffic_4-gs-seed1"], |runs| {
+        let run = runs.join("traffic_4-gs-seed1");
+        of_scenario(&run, "");
+        edit(&run.join("run.json"), "\"seed\": 1,", r#""agents": ["market", "bridge", "mill", "gate"], "seed": 1,"#);
+    });
+    let svg = fs::read_to_string(dir.path().join("report/agents_traffic_4.svg")).unwrap();
+    for told in ["market", "bridge", "mill", "gate", "GS (1 run)"] {
+        assert!(svg.contains(&format!("\n{told}\n")), "`{told}` is not in {svg}");
+    }
+}
+
+#[test]
+fn a_run_that_was_evaluated_once_has_no_curves_and_no_bar_below_an_axis() {
+    let change = |runs: &Path| stop_before_its_evaluation(&runs.join("traffic_4-gs-seed2"));
+    let (dir, markdown) = report_of(&["traffic_4-gs-seed2"], change);
+    for told in ["There are no learning curves, because every run", "There is no picture of runtimes, because no run"] {
+        assert!(markdown.contains(told), "`{told}` is not in {markdown}");
+    }
+    let pictures = names(&dir.path().join("report")).into_iter().filter(|name| name.ends_with(".svg"));
+    assert_eq!(pictures.collect::<Vec<_>>(), ["agents_traffic_4.svg", "final_return_traffic.svg"]);
 }
 
 #[test]

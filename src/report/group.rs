@@ -6,7 +6,7 @@ use anyhow::Result;
 
 use super::find::{BaselineRecord, Found, LeftOut};
 use super::method::{Method, Retraining};
-use crate::domain::ScenarioId;
+use crate::domain::{Map, Rules, ScenarioId};
 use crate::records::run_record::{RunRecord, Status};
 
 /// All groups of one scenario, in the order of the report: GS (global simulator), DIALS by F (the steps between two
@@ -30,6 +30,16 @@ impl Comparison {
     pub fn heading(&self) -> String {
         let mut letters = self.title.chars();
         letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
+    }
+
+    /// Returns the places of the agents, if they are in rows.
+    pub fn map(&self) -> Option<Map> {
+        self.groups.iter().flat_map(|group| &group.runs).find_map(|run| run.scenario.as_ref()?.map)
+    }
+
+    /// Returns the rules by which the agents see and are paid, if a run recorded them.
+    pub fn rules(&self) -> Option<&Rules> {
+        self.groups.iter().flat_map(|group| &group.runs).find_map(|run| run.scenario.as_ref()?.rules.as_ref())
     }
 
     /// Returns the number of agents, with whatever else distinguishes the scenario from others.

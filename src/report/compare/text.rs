@@ -9,7 +9,7 @@ use crate::base::{counted, wrapped};
 use crate::outside::Printable;
 use crate::records::run_record::CpuTime;
 use crate::report::group::steps_text;
-use crate::report::words::{duration, figure, figure_like, interval, pairing, signed, signed_interval};
+use crate::report::words::{duration, figure_like, interval, pairing, signed, signed_interval};
 
 /// Longest line in characters, if its words are not longer.
 const WIDTH: usize = 80;
@@ -42,7 +42,7 @@ impl Verdict {
         };
         lines.push(row("", "A".to_owned(), "B".to_owned(), "B against A".to_owned()));
         let like = self.returns[0].mean;
-        let [of_a, of_b] = self.returns.each_ref().map(|spread| figure(spread.mean));
+        let [of_a, of_b] = self.returns.each_ref().map(|spread| figure_like(spread.mean, like));
         lines.push(row("mean return", of_a, of_b, signed(self.difference.mean, like)));
         if self.returns.iter().any(|spread| spread.interval.is_some()) {
             let [of_a, of_b] = self.returns.each_ref().map(|spread| interval(spread.interval, like));
@@ -57,8 +57,8 @@ impl Verdict {
             }));
         }
         let [a_median, b_median] = self.median_agents;
-        let median_difference = signed(b_median - a_median, a_median);
-        lines.push(row("median agent", figure(a_median), figure(b_median), median_difference));
+        let median_difference = signed(b_median - a_median, like);
+        lines.push(row("median agent", figure_like(a_median, like), figure_like(b_median, like), median_difference));
         let [of_a, of_b] = self.stuck.map(|(stuck, all)| format!("{stuck} of {all}"));
         lines.push(row("stuck agents", of_a, of_b, String::new()));
         let [of_a, of_b] = self.runtimes.map(|seconds| seconds.map_or("-".to_owned(), duration));
@@ -66,7 +66,7 @@ impl Verdict {
         let cpu = self.cpu.map(|cpu| cpu.map(CpuTime::runtime_s));
         let [of_a, of_b] = cpu.map(|seconds| seconds.map_or("-".to_owned(), duration));
         lines.push(row("CPU time", of_a, of_b, ratio(cpu)));
-        let target = figure(self.target);
+        let target = figure_like(self.target, like);
         let steps = self.reached.each_ref().map(Reached::steps);
         let [of_a, of_b] = self.reached.each_ref().map(|reached| {
             let steps = reached.steps().map_or("-".to_owned(), |steps| steps_text(steps as u64));
