@@ -613,12 +613,23 @@ fn sides_that_cannot_be_compared_are_refused() {
         ("runs/warehouse_4-dials-clip0.1-seed1", "runs/traffic_4-gs-seed1", "different scenarios"),
         ("runs", "runs/traffic_4-gs-seed1", "holds runs of 4 methods, but a side must have only one"),
         ("runs/nothing*", "runs/traffic_4-gs-seed1", "runs/nothing*: no such folder"),
+        ("runs/traffic_4-gs-seed{1,2}", "runs/traffic_4-gs-seed1", "braces are no pattern here: use *, ? and [ab]"),
         ("runs/broken", "runs/traffic_4-gs-seed1", "no run in it was evaluated"),
     ] {
         let output = dials_traffic(&["compare", a, b]).assert().code(2).get_output().clone();
         let said = text(&output.stderr);
         assert!(said.starts_with("error: ") && said.contains(told), "{said}");
     }
+}
+
+#[test]
+fn a_folder_with_letters_of_patterns_in_its_name_is_taken_as_it_is() {
+    let dir = copy_of(&["traffic_4-gs-seed1"]);
+    let runs = dir.path().join("runs");
+    let strange = runs.join("traffic.reward={queue=0.5,wait=0.5}-[a]*");
+    fs::rename(runs.join("traffic_4-gs-seed1"), &strange).unwrap();
+    let found = compare(&[strange.to_str().unwrap(), "runs/traffic_4-dials-seed1"]);
+    near(&found["difference"], 14.0);
 }
 
 #[test]

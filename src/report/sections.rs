@@ -13,7 +13,7 @@ use crate::drawing::Svg;
 use crate::outside::quoted_word;
 
 /// Rules by which figures and tables are made, for the reader of a report.
-const RULES: [&str; 10] = [
+const RULES: [&str; 11] = [
     "Runs that differ only in their seed, or in where they were told to stop, form a group. A label names the config keys in \
      which a group differs from most groups of its scenario. If there are more than eight such keys, the label is the \
      directory of a run. In an ablation, the group with the most common settings is the reference. Pictures show every \
@@ -31,6 +31,8 @@ const RULES: [&str; 10] = [
      the episodes differ, means are subtracted, and a warning names the groups.",
     "The last point of a curve has more episodes than the others (`evaluation.final_episodes`). They include the episodes of \
      the other points.",
+    "Scenarios share a picture of final returns and tables of costs if their agents are in rows and their episodes and \
+     rewards are the same. Every other network has its own.",
     "The median agent is the median of the mean returns of a run's agents. A single failed agent hardly changes it.",
     "Runtime is wall time without evaluations. Influence is the collection of datasets and the training of the AIPs, as a \
      mean over workers. Agents training is the rest. CPU time is the user and system time of all processes, without \
