@@ -7,7 +7,7 @@ use super::document::{Block, Document, Figure};
 use super::family::{Family, families};
 use super::group::Comparison;
 use super::pictures::{self, Against};
-use super::{cost_tables, tables};
+use super::{cost_tables, paper, tables};
 use crate::base::counted;
 use crate::drawing::Svg;
 use crate::outside::quoted_word;
@@ -129,16 +129,18 @@ fn scenario(comparison: &Comparison, looks: &Looks) -> Result<Vec<Block>> {
 fn costs(family: &Family, looks: &Looks) -> Result<Vec<Block>> {
     let Family { title, slug, comparisons } = family;
     let what = if comparisons.iter().any(|comparison| comparison.title == *title) { "Costs" } else { "All sizes" };
+    let has_paper = comparisons.iter().any(|comparison| paper::has(&comparison.scenario));
+    let diamonds = if has_paper { " Diamonds: the paper, if our runs were as long." } else { "" };
     let mut blocks = vec![Block::Heading(2, format!("{what}, {title}"))];
     // An ablation has its own picture of the final returns.
     if comparisons.iter().any(|comparison| comparison.reference.is_none()) {
         blocks.push(figure(
             format!("final_return_{slug}"),
-            format!("Final return by number of agents, {title}. Diamonds: the paper, if our runs were as long."),
+            format!("Final return by number of agents, {title}.{diamonds}"),
             pictures::final_bars(family, looks)?,
         ));
     }
-    let caption = format!("Runtime by number of agents, {title}. Diamonds: the paper, if our runs were as long.");
+    let caption = format!("Runtime by number of agents, {title}.{diamonds}");
     blocks.push(match pictures::runtime_bars(family, looks)? {
         Some(svg) => figure(format!("runtime_{slug}"), caption, svg),
         None => Block::Paragraph("There is no picture of runtimes, because no run has trained yet.".to_owned()),

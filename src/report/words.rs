@@ -33,7 +33,9 @@ pub fn figure_like(value: f64, like: f64) -> String {
 
 /// Writes a mean and its standard error, if there is one: `217.4 ± 1.2`.
 pub fn with_error(mean: f64, std_error: Option<f64>) -> String {
-    std_error.map_or(figure(mean), |error| format!("{} ± {}", figure(mean), figure_like(error, mean)))
+    let Some(error) = std_error else { return figure(mean) };
+    let digits = decimals(mean, std_error).min(decimals(mean, None));
+    format!("{mean:.digits$} ± {error:.digits$}")
 }
 
 /// Writes an interval with the decimals of the return `like`: `[215.1, 219.7]`.

@@ -74,7 +74,7 @@ pub fn height(entries: &[LegendEntry]) -> u32 {
 }
 
 /// Most lines of a label. What is missing then is in the tables of the report.
-const MOST_LINES: usize = 4;
+const MOST_LINES: usize = 5;
 
 /// Breaks a label into a few lines of at most `characters` characters: at blanks, and within longer words.
 pub fn in_lines(label: &str, characters: usize) -> Vec<String> {

@@ -52,11 +52,18 @@ pub struct Look {
 impl Look {
     pub const FIRST: Look = Look { colour: COLOURS[0], dash: Dash::Solid, marker: Marker::Circle };
 
-    /// Returns a look: a colour, and a combination of dash and marker that begins with those of the colour.
+    /// Returns a look: a colour in one of three shades, each with a dash of its own, and a marker. Variant 0 has the
+    /// plain colour. Bars have no dashes, so there the shade stands for it.
     fn number(colour: usize, variant: usize) -> Look {
-        let place = colour + variant;
+        let plain = COLOURS[colour % COLOURS.len()];
+        let shade = match variant % DASHES.len() {
+            0 => plain,
+            1 => mixed(plain, WHITE, 0.4),
+            _ => mixed(plain, BLACK, 0.3),
+        };
         // 3 dashes and 5 markers have no common divisor, so all combinations come once.
-        Look { colour: COLOURS[colour % 6], dash: DASHES[place % 3], marker: MARKERS[place % 5] }
+        let place = colour + variant;
+        Look { colour: shade, dash: DASHES[place % DASHES.len()], marker: MARKERS[place % MARKERS.len()] }
     }
 
     /// Returns the colour and the variant of a label. They depend on nothing else, so they are the same in every report.
@@ -72,6 +79,12 @@ impl Look {
         };
         (colour.unwrap_or(METHODS.len() + hash % (COLOURS.len() - METHODS.len())), variant)
     }
+}
+
+/// Mixes a colour with a share of another one.
+fn mixed(colour: RGBColor, other: RGBColor, share: f64) -> RGBColor {
+    let mixed = |one: u8, other: u8| (f64::from(one) + share * (f64::from(other) - f64::from(one))).round() as u8;
+    RGBColor(mixed(colour.0, other.0), mixed(colour.1, other.1), mixed(colour.2, other.2))
 }
 
 /// The look of each label of a report, the same in all its charts.
@@ -174,11 +187,14 @@ mod tests {
     fn ninety_labels_all_look_different_and_more_are_drawn_too() {
         let labels: Vec<String> = (0..100).map(|number| format!("DIALS F=1M, ppo.epochs={number}")).collect();
         let looks = Looks::new(labels.iter().map(String::as_str));
+        // As bars, which have no dashes.
+        let as_bar = |label: &String| (looks.of(label).colour, looks.of(label).marker);
         for (index, label) in labels.iter().enumerate().take(90) {
-            let alike = labels[..index].iter().find(|other| looks.of(other) == looks.of(label));
+            let alike = labels[..index].iter().find(|other| as_bar(other) == as_bar(label));
             assert_eq!(alike, None, "{label}");
         }
-        assert_eq!(looks.of(&labels[3]).colour, BLUE, "variants have the colour of their method");
+        let shades = [BLUE, mixed(BLUE, WHITE, 0.4), mixed(BLUE, BLACK, 0.3)];
+        assert!(shades.contains(&looks.of(&labels[3]).colour), "variants have a shade of their method's colour");
     }
 
     #[test]
