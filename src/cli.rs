@@ -399,7 +399,7 @@ pub struct CompareArgs {
     pub a: String,
     /// The other side of the comparison, in the same form
     pub b: String,
-    /// Return to reach, for the steps and time to it [default: 95 % of the lower final return]
+    /// Return to reach, for the steps and time to it [default: the lower final return minus 5 % of its size]
     #[arg(long, value_name = "RETURN", value_parser = finite)]
     pub reach: Option<f64>,
     /// Print one JSON object instead of a table

@@ -57,6 +57,14 @@ pub fn text_width(words: &str, pixels: f64) -> i32 {
     px(words.chars().count() as f64 * pixels * 0.56)
 }
 
+/// Returns a name with at most this number of letters and dots.
+pub fn shortened(name: &str, letters: usize) -> String {
+    match name.char_indices().nth(letters) {
+        Some((end, _)) => format!("{}...", &name[..end]),
+        None => name.to_owned(),
+    }
+}
+
 /// Draws axes and grid in the style of all charts. `numbers`: font size of the numbers, in pixels.
 pub fn draw_mesh<X, Y>(mesh: &mut MeshStyle<'_, '_, X, Y, SVGBackend<'_>>, numbers: f64) -> Result<()>
 where
@@ -80,6 +88,15 @@ pub fn shade(share: f64) -> RGBColor {
     let (from, to, part) = if place < 1.0 { (STOPS[0], STOPS[1], place) } else { (STOPS[1], STOPS[2], place - 1.0) };
     let [red, green, blue] = std::array::from_fn(|i| (from[i] + (to[i] - from[i]) * part).round() as u8);
     RGBColor(red, green, blue)
+}
+
+/// Least span of shades, as a share of the largest value.
+const LEAST_SPAN: f64 = 0.25;
+
+/// Widens a range of values for [`shade`]: values that hardly differ must not look as if they did.
+pub fn widened(low: f64, high: f64) -> (f64, f64) {
+    let more = (LEAST_SPAN * low.abs().max(high.abs()) - (high - low)).max(0.0);
+    (low - more / 2.0, high + more / 2.0)
 }
 
 /// Returns black or white, whichever is readable on this colour.

@@ -237,6 +237,20 @@ fn what_training_cannot_see_may_change_on_resume() {
     }
 }
 
+#[test]
+fn a_longer_run_says_that_it_loses_the_evaluation_of_its_earlier_end() {
+    let place = Place::new(WAREHOUSE);
+    for (run, every, loses) in [("between", "256", true), ("at_one", "128", false)] {
+        place.train(run, &["--steps", "128", "--set", &format!("evaluation.every_steps={every}")]);
+        let output = place.resume(run).args(["--steps", "384"]).assert().success().get_output().clone();
+        let said = String::from_utf8(output.stderr).unwrap();
+        let told = "note: returns.csv loses the evaluation at step 128, the earlier end of this run.";
+        assert_eq!(said.contains(told), loses, "{said}");
+        let returns = fs::read_to_string(place.dir.path().join(run).join("returns.csv")).unwrap();
+        assert_eq!(returns.contains("\n128,all,"), !loses, "{returns}");
+    }
+}
+
 /// A checkpoint of a run, and all that makes another one out of it.
 struct Sound {
     place: Place,

@@ -224,7 +224,17 @@ fn a_run_with_another_reward_is_evaluated_resumed_compared_and_reported() {
         with(&["evaluate", run, "--episodes", "1"]);
         with(&["train", "--resume", run, "--steps", "256"]);
         let [_, told] = with(&["baseline", config, "--episodes", "1", "--compare", &format!("random,./{run}")]);
-        assert!(told.contains("was trained under other rules"), "{told}");
+        assert!(told.contains("learned by other rules than those of this command"), "{told}");
+    }
+    // Their returns are by different rewards, so their difference would mean nothing.
+    let output = program(&["compare", "one", "two"]).current_dir(room.path()).assert().code(2).get_output().clone();
+    let [_, told] = said(&output);
+    for words in [
+        "the returns of A and B are by different rules",
+        "\n  reward in A: minus the standing cars on the approaches, in tens\n  reward in B: 0.5 x (minus",
+        "\n  dials-traffic baseline one/config.toml --compare one,two\n",
+    ] {
+        assert!(told.contains(words), "`{words}` is not in: {told}");
     }
     let [_, told] = with(&["report", "one", "two", "--out", "report"]);
     assert!(!told.contains("left out"), "{told}");
@@ -249,8 +259,8 @@ fn a_run_that_was_trained_under_other_rules_is_not_scored_without_a_word() {
     run["scenario"]["rules"]["reward"] = "items".into();
     fs::write(&path, run.to_string()).unwrap();
     let told = compare()[1].clone();
-    assert!(told.starts_with("warning: ./run: was trained under other rules"), "{told}");
-    assert!(told.contains("\n  reward: items there, age of the item that the robot collects"), "{told}");
+    assert!(told.starts_with("warning: ./run: learned by other rules than those of this command"), "{told}");
+    assert!(told.contains("\n  reward in its training: items\n  reward in this command: age of the item"), "{told}");
 
     run["scenario"]["rules"]["observation"] = "smells".into();
     fs::write(&path, run.to_string()).unwrap();

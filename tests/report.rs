@@ -97,12 +97,30 @@ fn what_is_missing_unfinished_or_broken_is_said() {
     for told in [
         "runs/traffic_4-gs-seed3: not begun yet",
         "runs/broken: left out: runs/broken/config.toml:",
-        "runs/traffic_4-gs-seed2: unfinished, at 2M of 4M steps",
+        "runs/traffic_4-gs-seed2: unfinished, at 4M of 4M steps, last evaluated at 2M",
         "traffic, 4 agents, GS: no run with seed 3",
     ] {
         assert!(page.contains(told), "`{told}` is not in the page");
         assert!(said.contains(told), "`{told}` is not in: {said}");
     }
+}
+
+/// Takes the evaluation at 2M out of a run that has trained until there.
+fn stop_before_its_evaluation(run: &Path) {
+    for file in ["returns.csv", "episodes.csv"] {
+        let text = fs::read_to_string(run.join(file)).unwrap();
+        let kept = text.lines().filter(|line| !line.starts_with("2000000,")).map(|line| line.to_owned() + "\n");
+        fs::write(run.join(file), kept.collect::<String>()).unwrap();
+    }
+}
+
+#[test]
+fn a_run_that_was_stopped_between_evaluations_is_where_its_last_checkpoint_is() {
+    let change = |runs: &Path| stop_before_its_evaluation(&runs.join("traffic_4-gs-seed2"));
+    let (_dir, markdown) = report_of(&["traffic_4-gs-seed2"], change);
+    let told = "runs/traffic_4-gs-seed2: unfinished, at 4M of 4M steps, last evaluated at 0";
+    assert!(markdown.contains(told), "{markdown}");
+    assert!(markdown.contains("| unfinished, at 4M | 0 |"), "{markdown}");
 }
 
 #[test]
@@ -214,7 +232,10 @@ fn scenarios_of_as_many_agents_stand_apart_and_only_the_papers_has_its_numbers()
     for told in [
         "## Traffic, 4 agents, 300 steps",
         "## Traffic, 4 agents, 100 steps",
-        "training, 4, 100 steps | training, 4, 300 steps",
+        "## Costs, traffic, 4 agents, 300 steps",
+        "## Costs, traffic, 4 agents, 100 steps",
+        "| hours, ours / paper | training, 4, 300 steps | training, 25 |",
+        "| hours | training, 4, 100 steps | influence, 4, 100 steps |",
         "The paper has no such scenario.",
         "| 214.0 ± 1.0 at 4M | +0.0 |",
         "runs/baselines/traffic_4-actuated.json: left out: was measured on traffic-9-300, but there is no run of it",
@@ -222,13 +243,74 @@ fn scenarios_of_as_many_agents_stand_apart_and_only_the_papers_has_its_numbers()
         assert!(markdown.contains(told), "`{told}` is not in {markdown}");
     }
     assert!(!markdown.contains("200.5 ± 7.0"), "the paper's GS has episodes of 300 steps");
-    // The column of 100 steps has our 0.5 h and nothing from the paper. The column of 300 steps has the paper's 7.24 h.
-    assert!(markdown.contains("| GS | 0.50 / - | - / 7.24 |"), "{markdown}");
+    // 100 steps have our 0.5 h and nothing from the paper. 300 steps have the paper's 7.24 h.
+    assert!(markdown.contains("| GS | 0.50 | - | 0.50 | - |"), "{markdown}");
+    assert!(markdown.contains("| GS | - / 7.24 |"), "{markdown}");
+    // Episodes of another length have returns of another size, so they have axes of their own.
+    let pictures = names(&dir.path().join("report"));
+    let returns: Vec<&String> = pictures.iter().filter(|name| name.starts_with("final_return_")).collect();
+    assert_eq!(returns.len(), 2, "{pictures:?}");
     let page = fs::read_to_string(dir.path().join("report/report.html")).unwrap();
     for (at, _) in page.match_indices(" id=\"") {
         let id = &page[at..at + 6 + page[at + 6..].find('"').unwrap()];
         assert_eq!(page.matches(&format!("{id}\"")).count(), 1, "{id}");
     }
+}
+
+/// Gives the fixed run of four lights a scenario in its `run.json`.
+fn of_scenario(run: &Path, rest: &str) {
+    let episode = r#""episode": { "length": 300, "unit": "steps" }"#;
+    let scenario =
+        format!(r#""scenario": {{ "domain": "traffic", "agents": 4, {episode}, "checksum": "2e9f05c0"{rest} }},"#);
+    edit(&run.join("run.json"), "\"seed\": 1,", &format!("{scenario}\n  \"seed\": 1,"));
+}
+
+#[test]
+fn rewards_and_networks_that_differ_have_axes_and_tables_of_their_own() {
+    let map = r#", "map": { "rows": 2, "columns": 2, "first_row": "bottom" }"#;
+    let runs = ["traffic_4-gs-seed1", "traffic_4-dials-seed1"];
+    let (dir, markdown) = report_of(&runs, |runs| {
+        of_scenario(&runs.join("traffic_4-gs-seed1"), map);
+        of_scenario(&runs.join("traffic_4-dials-seed1"), &format!(r#"{map}, "scored_by": "queue""#));
+    });
+    for rules in ["usual", "queue"] {
+        let told = format!("## Costs, traffic, 4 agents, rules {rules}");
+        assert!(markdown.contains(&told), "`{told}` is not in {markdown}");
+    }
+    assert_eq!(
+        markdown.matches("Paper: figure of section Results").count(),
+        1,
+        "its reward is the usual one: {markdown}"
+    );
+    let returns = names(&dir.path().join("report")).into_iter().filter(|name| name.starts_with("final_return_"));
+    assert_eq!(
+        returns.collect::<Vec<_>>(),
+        ["final_return_traffic_4_300_2e9f05c0.svg", "final_return_traffic_4_300_2e9f05c0_queue.svg"]
+    );
+}
+
+#[test]
+fn agents_that_are_not_in_rows_are_drawn_by_their_names() {
+    let (dir, _) = report_of(&["traffic_4-gs-seed1"], |runs| {
+        let run = runs.join("traffic_4-gs-seed1");
+        of_scenario(&run, "");
+        edit(&run.join("run.json"), "\"seed\": 1,", r#""agents": ["market", "bridge", "mill", "gate"], "seed": 1,"#);
+    });
+    let svg = fs::read_to_string(dir.path().join("report/agents_traffic_4.svg")).unwrap();
+    for told in ["market", "bridge", "mill", "gate", "GS (1 run)"] {
+        assert!(svg.contains(&format!("\n{told}\n")), "`{told}` is not in {svg}");
+    }
+}
+
+#[test]
+fn a_run_that_was_evaluated_once_has_no_curves_and_no_bar_below_an_axis() {
+    let change = |runs: &Path| stop_before_its_evaluation(&runs.join("traffic_4-gs-seed2"));
+    let (dir, markdown) = report_of(&["traffic_4-gs-seed2"], change);
+    for told in ["There are no learning curves, because every run", "There is no picture of runtimes, because no run"] {
+        assert!(markdown.contains(told), "`{told}` is not in {markdown}");
+    }
+    let pictures = names(&dir.path().join("report")).into_iter().filter(|name| name.ends_with(".svg"));
+    assert_eq!(pictures.collect::<Vec<_>>(), ["agents_traffic_4.svg", "final_return_traffic.svg"]);
 }
 
 #[test]
@@ -285,7 +367,10 @@ fn what_a_kill_cut_short_is_left_out_of_a_run_and_a_hole_leaves_the_run_out() {
         let hole: Vec<&str> = text.lines().filter(|line| !line.starts_with("2000000,3,")).collect();
         fs::write(&returns, hole.join("\n") + "\n").unwrap();
     });
-    assert!(markdown.contains("runs/traffic_4-dials-seed1: unfinished, at 2M of 4M steps"), "{markdown}");
+    assert!(
+        markdown.contains("runs/traffic_4-dials-seed1: unfinished, at 4M of 4M steps, last evaluated at 2M"),
+        "{markdown}"
+    );
     let told = "runs/traffic_4-dials-seed2: left out: returns.csv: has 3 of 4 agents at step 2000000";
     assert!(markdown.contains(told), "{markdown}");
 }
@@ -497,10 +582,29 @@ fn a_comparison_tells_a_person_what_to_doubt() {
         "n = 1 in A and 1 in B: an interval needs 5 seeds on each side",
         "4 episodes of evaluation.seed 0",
         "returns: paired by episode and by seed",
-        "  seed 1                               200.0               214.0   +14.0",
+        "  seed 1                          200.0            214.0  +14.0\n",
     ] {
         assert!(said.contains(told), "`{told}` is not in: {said}");
     }
+    let widest = said.lines().map(|line| line.chars().count()).max().unwrap();
+    assert!(widest <= 80, "a line has {widest} characters: {said}");
+}
+
+#[test]
+fn sides_are_compared_where_both_were_evaluated_and_nothing_is_interpolated() {
+    let dir = copy_of(&["traffic_4-gs-seed1", "traffic_4-dials-seed1"]);
+    let dials = dir.path().join("runs/traffic_4-dials-seed1");
+    // It ended between two evaluations of the other one, which has 190 at 2M and 200 at 4M.
+    edit(&dials.join("config.toml"), "seed = 1", "seed = 1\nstop_at_steps = 3000000");
+    ["returns.csv", "episodes.csv"].iter().for_each(|file| edit(&dials.join(file), "4000064,", "3000000,"));
+    let sides = ["gs", "dials"].map(|simulator| format!("{}/runs/traffic_4-{simulator}-seed1", dir.path().display()));
+    let found = compare(&[&sides[0], &sides[1]]);
+    assert_eq!((&found["steps"], &found["b"]["steps"]), (&2_000_000.into(), &2_000_000.into()));
+    near(&found["a"]["mean_return"], 190.0);
+    near(&found["b"]["mean_return"], 200.0);
+    let told = "A ends at step 4M and B at step 3M: compared at step 2M, the last one at which all runs of both were \
+                evaluated";
+    assert!(found["warnings"].as_array().unwrap().contains(&told.into()), "{found}");
 }
 
 #[test]
@@ -509,12 +613,23 @@ fn sides_that_cannot_be_compared_are_refused() {
         ("runs/warehouse_4-dials-clip0.1-seed1", "runs/traffic_4-gs-seed1", "different scenarios"),
         ("runs", "runs/traffic_4-gs-seed1", "holds runs of 4 methods, but a side must have only one"),
         ("runs/nothing*", "runs/traffic_4-gs-seed1", "runs/nothing*: no such folder"),
+        ("runs/traffic_4-gs-seed{1,2}", "runs/traffic_4-gs-seed1", "braces are no pattern here: use *, ? and [ab]"),
         ("runs/broken", "runs/traffic_4-gs-seed1", "no run in it was evaluated"),
     ] {
         let output = dials_traffic(&["compare", a, b]).assert().code(2).get_output().clone();
         let said = text(&output.stderr);
         assert!(said.starts_with("error: ") && said.contains(told), "{said}");
     }
+}
+
+#[test]
+fn a_folder_with_letters_of_patterns_in_its_name_is_taken_as_it_is() {
+    let dir = copy_of(&["traffic_4-gs-seed1"]);
+    let runs = dir.path().join("runs");
+    let strange = runs.join("traffic.reward={queue=0.5,wait=0.5}-[a]*");
+    fs::rename(runs.join("traffic_4-gs-seed1"), &strange).unwrap();
+    let found = compare(&[strange.to_str().unwrap(), "runs/traffic_4-dials-seed1"]);
+    near(&found["difference"], 14.0);
 }
 
 #[test]

@@ -58,7 +58,7 @@ impl InProcess {
     /// Opens the environment. `request`: the first order. `memory`: descriptor of the shared memory.
     #[new]
     fn open(request: &[u8], memory: i32) -> PyResult<InProcess> {
-        InProcess::begin(request, memory).map_err(told)
+        InProcess::begin(request, memory).map_err(raised)
     }
 
     /// Returns what the environment says of itself, as JSON.
@@ -68,10 +68,11 @@ impl InProcess {
 
     /// Does what is ordered and returns the answer's payload.
     fn order<'py>(&mut self, py: Python<'py>, tag: u8, payload: &[u8]) -> PyResult<Bound<'py, PyBytes>> {
-        self.joint.obey(tag, payload).map(|answer| PyBytes::new(py, &answer)).map_err(told)
+        self.joint.obey(tag, payload).map(|answer| PyBytes::new(py, &answer)).map_err(raised)
     }
 }
 
-fn told(error: anyhow::Error) -> PyErr {
+/// Returns the exception for an error.
+fn raised(error: anyhow::Error) -> PyErr {
     PyRuntimeError::new_err(format!("{error:#}"))
 }

@@ -13,6 +13,7 @@ use dials_traffic::run::replay::keep;
 use dials_traffic::traffic::sim::recording::Tape;
 use serde_json::{Value, json};
 
+use crate::agent;
 use crate::memory::{Memory, Section};
 use crate::request::{JointRequest, KeepRequest, Opened, ResetRequest};
 use crate::wire::{self, DRAW, KEEP, LOOK, MEASURE, RESET, STEP};
@@ -105,16 +106,10 @@ impl Sections {
 impl Joint {
     pub fn describe(&self) -> Value {
         let kinds = self.opened.domain.kinds();
-        let agents = self.opened.names.iter().zip(AgentId::all(self.opened.names.len())).map(|(name, agent)| {
-            let kind = kinds.of(agent);
-            json!({
-                "name": name,
-                "kind": kind.name,
-                "obs_dim": kind.spec.obs_dim,
-                "n_actions": kind.spec.n_actions,
-                "masks": kind.spec.masks,
-                "hand_coded": self.hand_coded.contains(&agent),
-            })
+        let agents = self.opened.names.iter().zip(AgentId::all(self.opened.names.len())).map(|(name, id)| {
+            let mut about = agent::describe(name, kinds.of(id));
+            about.insert("hand_coded".to_owned(), json!(self.hand_coded.contains(&id)));
+            about
         });
         json!({
             "agents": agents.collect::<Vec<_>>(),

@@ -9,8 +9,9 @@
 //!   shared memory. `lifeline`: it ends with the Python process.
 //! - `in_process`: an environment in the Python process itself.
 //! - `joint`: all agents on the global simulator. `local`: local simulators with influence predictors.
-//! - `policies`: the trained policies of a run.
+//! - `policies`: the trained policies of a run. `agent`: what both say of an agent.
 
+mod agent;
 mod in_process;
 mod joint;
 mod lifeline;

@@ -11,6 +11,7 @@ use dials_traffic::run::directory::{TrainedRun, open_with};
 use dials_traffic::run::domain::open_tried;
 use serde_json::{Value, json};
 
+use crate::agent;
 use crate::memory::{Memory, Section};
 use crate::request::{PoliciesRequest, ResetRequest};
 
@@ -46,19 +47,14 @@ impl Policies {
     pub fn describe(&self) -> Value {
         let kinds = self.run.domain.kinds();
         let names = self.run.domain.names();
-        let agents = names.iter().zip(AgentId::all(names.len())).map(|(name, agent)| {
-            let kind = kinds.of(agent);
+        let agents = names.iter().zip(AgentId::all(names.len())).map(|(name, id)| {
+            let kind = kinds.of(id);
             let layout = PolicyStack::shape(&kind.spec, &self.run.config.policy).layout();
             // Shapes begin with the number of agents, which is one.
             let tensors = layout.blocks(1).map(|(name, shape, _)| json!([name, &shape[1..]]));
-            json!({
-                "name": name,
-                "kind": kind.name,
-                "obs_dim": kind.spec.obs_dim,
-                "n_actions": kind.spec.n_actions,
-                "masks": kind.spec.masks,
-                "tensors": tensors.collect::<Vec<_>>(),
-            })
+            let mut about = agent::describe(name, kind);
+            about.insert("tensors".to_owned(), json!(tensors.collect::<Vec<_>>()));
+            about
         });
         json!({
             "agents": agents.collect::<Vec<_>>(),

@@ -5,12 +5,14 @@
 //! - `rows`, `ragged`, `compact`: tables of one width, of rows of different widths, and of bits.
 //! - `units`: ids of agents and other units; `vectors`: the width of vector registers.
 //! - `stopwatch`: time by activity and phase; `work`: where a long computation reports its times and its progress.
-//! - `counted`: numbers of things, in the singular or the plural.
+//! - `counted`: numbers of things, in the singular or the plural. `decimals`: how many digits a figure needs. `wrapped`:
+//!   text in lines of a limited length.
 //! - `features`: the features of this build, and how to get another one.
 //! - [`statistics`]: means, intervals and differences.
 
 mod compact;
 mod counted;
+mod decimals;
 mod features;
 mod purpose;
 mod ragged;
@@ -21,9 +23,11 @@ mod stopwatch;
 mod units;
 mod vectors;
 mod work;
+mod wrapped;
 
 pub use compact::CompactRows;
 pub use counted::counted;
+pub use decimals::decimals;
 pub use features::command_for_feature;
 pub use purpose::RandomPurpose;
 pub use ragged::Ragged;
@@ -33,3 +37,4 @@ pub use stopwatch::{Activity, Phase, Stopwatch, Timesheet};
 pub use units::AgentId;
 pub use vectors::VectorWidth;
 pub use work::Work;
+pub use wrapped::wrapped;

@@ -53,14 +53,18 @@ pub struct Rules {
 }
 
 impl Rules {
-    /// Lists what changes returns, a line each: what these rules have and what `others` have.
-    pub fn differences(&self, others: &Rules) -> Vec<String> {
+    /// Lists in what these rules and `others` differ, two texts each. `places`: what to call the two.
+    pub fn differences(&self, others: &Rules, places: [&str; 2]) -> Vec<String> {
         let versions = [self, others].map(|rules| rules.environment.to_string());
-        [("environment", &versions[0], &versions[1]), ("reward", &self.reward, &others.reward)]
-            .into_iter()
-            .filter(|(_, here, there)| here != there)
-            .map(|(what, here, there)| format!("{what}: {there} there, {here} here"))
-            .collect()
+        [
+            ("version of the environment", [&versions[0], &versions[1]]),
+            ("reward", [&self.reward, &others.reward]),
+            ("observation", [&self.observation, &others.observation]),
+        ]
+        .into_iter()
+        .filter(|(_, values)| values[0] != values[1])
+        .flat_map(|(what, values)| [0, 1].map(|side| format!("{what} in {}: {}", places[side], values[side])))
+        .collect()
     }
 }
 
@@ -209,8 +213,9 @@ mod tests {
         assert_eq!([paid.word(), later.word()], ["traffic-4-300-queue", "traffic-4-300-v2"]);
         assert_eq!(usual.title_among([&usual, &paid].into_iter()), "traffic, 4 agents, rules usual");
         assert_eq!(paid.title_among([&usual, &paid].into_iter()), "traffic, 4 agents, rules queue");
-        let told = rules(2, "speed").differences(&rules(1, "queue"));
-        assert_eq!(told, ["environment: 1 there, 2 here", "reward: queue there, speed here"]);
+        let told = rules(2, "speed").differences(&rules(1, "queue"), ["A", "B"]);
+        let versions = ["version of the environment in A: 2", "version of the environment in B: 1"];
+        assert_eq!(told, [versions, ["reward in A: speed", "reward in B: queue"]].concat());
     }
 
     #[test]

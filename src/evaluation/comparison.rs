@@ -1,8 +1,8 @@
 //! Several players in one table, as text.
 
 use super::{Finding, figures};
-use crate::base::counted;
 use crate::base::statistics::Interval;
+use crate::base::{counted, decimals};
 use crate::policy::Selection;
 
 /// Values of all episodes, by name of the figure.
@@ -50,7 +50,7 @@ pub fn comparison(findings: &[Finding]) -> String {
 
 /// Returns a mean with the half-width of its interval, such as `215.7 +- 2.3`.
 fn cell(Interval { mean, half_width }: Interval) -> String {
-    let digits = if mean.abs() < 20.0 { 2 } else { 1 };
+    let digits = decimals(mean, half_width);
     match half_width {
         // All values are the same, or there is only one.
         None | Some(0.0) => format!("{mean:.digits$}"),

@@ -2,8 +2,8 @@
 
 use super::comparison::blocks;
 use super::{Evaluation, Finding, figures};
-use crate::base::AgentId;
 use crate::base::statistics::Interval;
+use crate::base::{AgentId, decimals};
 use crate::domain::Domain;
 use crate::policy::Selection;
 
@@ -31,16 +31,18 @@ fn text(evaluation: &Evaluation, finding: &Finding, title: &dyn Fn(usize) -> Str
         1 => "1 episode".to_owned(),
         episodes => format!("+-: half of a 95 % interval over {episodes} episodes"),
     };
+    let digits = decimals(returns.mean, returns.half_width);
     let mut lines = vec![format!(
-        "{name} {:.1}{}, median of the agents {:.1}\n({episodes}{policies})",
+        "{name} {:.digits$}{}, median of the agents {:.digits$}\n({episodes}{policies})",
         returns.mean,
-        returns.half_width.map_or(String::new(), |half_width| format!(" +- {half_width:.1}")),
+        returns.half_width.map_or(String::new(), |half_width| format!(" +- {half_width:.digits$}")),
         all.median
     )];
     for (name, values) in measures {
         let Interval { mean, half_width } = Interval::of(values);
-        let half_width = half_width.map_or(String::new(), |half_width| format!(" +- {half_width:.2}"));
-        lines.push(format!("{name:>24} {mean:.2}{half_width}"));
+        let digits = decimals(mean, half_width).max(2);
+        let half_width = half_width.map_or(String::new(), |half_width| format!(" +- {half_width:.digits$}"));
+        lines.push(format!("{name:>24} {mean:.digits$}{half_width}"));
     }
     lines.push(String::new());
     let mut agents: Vec<usize> = (0..evaluation.agents()).collect();
@@ -49,16 +51,23 @@ fn text(evaluation: &Evaluation, finding: &Finding, title: &dyn Fn(usize) -> Str
         agents.sort_by(|&one, &other| mean(one).total_cmp(&mean(other)));
         let (lowest, highest) = (mean(agents[0]), mean(agents[agents.len() - 1]));
         let stuck = evaluation.stuck.iter().filter(|&&stuck| stuck).count();
-        lines.push(format!("{} agents: returns from {lowest:.1} to {highest:.1}, {stuck} stuck", agents.len()));
+        let count = agents.len();
+        lines.push(format!("{count} agents: returns from {lowest:.digits$} to {highest:.digits$}, {stuck} stuck"));
         lines.push(format!("the {WORST} with the lowest return (all: --json, or --csv DIR):"));
         agents.truncate(WORST);
     }
-    lines.push(of_agents(finding, evaluation, &agents, title));
+    lines.push(of_agents(finding, evaluation, &agents, title, digits));
     lines.join("\n")
 }
 
-/// Returns a table with one line for each of `agents`.
-fn of_agents(finding: &Finding, evaluation: &Evaluation, agents: &[usize], title: &dyn Fn(usize) -> String) -> String {
+/// Returns a table with one line for each of `agents`. `digits`: how many digits after the point a return has.
+fn of_agents(
+    finding: &Finding,
+    evaluation: &Evaluation,
+    agents: &[usize],
+    title: &dyn Fn(usize) -> String,
+    digits: usize,
+) -> String {
     let measures = &evaluation.measures.per_agent;
     let mut names = vec!["return", "+-", "median"];
     names.extend(measures.iter().map(|(name, _)| name.as_str()));
@@ -67,9 +76,9 @@ fn of_agents(finding: &Finding, evaluation: &Evaluation, agents: &[usize], title
         let of_agent = evaluation.of_agent(agent);
         let half_width = finding.of_agent(agent).half_width;
         let mut cells = vec![
-            format!("{:.1}", of_agent.mean),
-            half_width.map_or("-".to_owned(), |half_width| format!("{half_width:.1}")),
-            format!("{:.1}", of_agent.median),
+            format!("{:.digits$}", of_agent.mean),
+            half_width.map_or("-".to_owned(), |half_width| format!("{half_width:.digits$}")),
+            format!("{:.digits$}", of_agent.median),
         ];
         cells.extend(measures.iter().map(|(_, values)| format!("{:.3}", values[agent])));
         cells.push(if evaluation.stuck[agent] { "yes" } else { "no" }.to_owned());

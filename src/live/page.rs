@@ -104,6 +104,7 @@ fn progress(runs: &[RunRecord]) -> Table {
             run.dir.file_name().unwrap_or_default().to_string_lossy().into_owned(),
             state.to_owned(),
             format!("{about}{} of {}", status.about_steps, status.last_step),
+            last.map_or(NONE.to_owned(), |last| last.steps.to_string()),
             status.agent_steps_per_s.map_or(NONE.to_owned(), |speed| format!("{speed:.0}")),
             status.left.map_or(NONE.to_owned(), |left| duration(left.as_secs_f64())),
             mean(first),
@@ -112,11 +113,12 @@ fn progress(runs: &[RunRecord]) -> Table {
         ]
     };
     Table {
-        caption: "Steps: timesteps per agent. Speed: timesteps of all agents per second of the last period, with its \
-                  evaluation and AIPs. AIP: cross-entropy on held-out episodes, and that of constants in brackets; \
-                  lower is better."
-            .to_owned(),
-        header: ["run", "state", "steps", "speed", "time left", "return at first", "return now", "AIP"]
+        caption:
+            "Steps: timesteps per agent; those of a run that has stopped are of its last checkpoint. Speed: timesteps \
+                  of all agents per second of the last period, with its evaluation and AIPs. AIP: cross-entropy on \
+                  held-out episodes, and that of constants in brackets; lower is better."
+                .to_owned(),
+        header: ["run", "state", "steps", "evaluated at", "speed", "time left", "return at first", "return now", "AIP"]
             .map(str::to_owned)
             .to_vec(),
         rows: runs.iter().map(row).collect(),

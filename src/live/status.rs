@@ -21,7 +21,7 @@ pub enum State {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RunStatus {
     pub state: State,
-    /// Timesteps per agent at the last evaluation.
+    /// Timesteps per agent at the end of the last period, where the last checkpoint is.
     pub steps: u64,
     /// Timesteps per agent now, if the run goes on at the speed of its last period.
     pub about_steps: u64,
@@ -43,14 +43,12 @@ impl RunStatus {
 /// `locked`: whether a process is writing the run. `idle`: time since the end of the last period was written.
 fn of(run: &RunRecord, locked: bool, idle: Duration) -> RunStatus {
     let last_step = run.config.last_step();
-    let (state, steps) = match (run.status(), locked) {
-        (Status::Finished, false) => (State::Finished, last_step),
-        (Status::Finished, true) => (State::Running, last_step),
-        (Status::Unfinished { steps }, true) => (State::Running, steps),
-        (Status::Unfinished { steps }, false) => (State::Stopped, steps),
-        (Status::Empty, true) => (State::Running, 0),
-        (Status::Empty, false) => (State::Stopped, 0),
+    let state = match (run.status(), locked) {
+        (_, true) => State::Running,
+        (Status::Finished, false) => State::Finished,
+        (Status::Unfinished { .. } | Status::Empty, false) => State::Stopped,
     };
+    let steps = run.trained_to().min(last_step);
     let steps_per_s = last_period(run);
     let since = if state == State::Running { idle.as_secs_f64() } else { 0.0 };
     let about_steps = steps_per_s.map_or(steps, |speed| steps + (speed * since) as u64).min(last_step);
@@ -122,6 +120,11 @@ mod tests {
         assert_eq!((status.state, status.about_steps, status.left), (State::Stopped, 300, None));
         let status = of(&run(&[(1000, 30.0)]), false, idle);
         assert_eq!((status.state, status.about_steps, status.left), (State::Finished, 1000, None));
+        // It was evaluated at its beginning only, and has trained since.
+        let mut between = run(&[(0, 1.0), (300, 30.0)]);
+        between.evaluations.pop();
+        assert_eq!((of(&between, false, idle).steps, between.status()), (300, Status::Unfinished { steps: 0 }));
+        assert_eq!(of(&between, true, idle).steps, 300);
         let status = of(&run(&[]), true, idle);
         assert_eq!((status.state, status.about_steps, status.agent_steps_per_s), (State::Running, 0, None));
     }

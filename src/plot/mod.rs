@@ -22,8 +22,8 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use crate::drawing::{
-    Area, BLUE, BoundedAxis, GREEN, INK, ORANGE, PURPLE, SKY, Svg, draw_mesh, ink_over, pen, px, shade, text,
-    text_width,
+    Area, BLUE, BoundedAxis, GREEN, INK, ORANGE, PURPLE, SKY, Svg, draw_mesh, ink_over, pen, px, shade, shortened,
+    text, text_width, widened,
 };
 
 pub use queues::queues;
@@ -65,14 +65,6 @@ fn width_for(seconds: &Range<usize>) -> i32 {
 /// Returns the axis of these seconds.
 fn time_axis(seconds: &Range<usize>) -> BoundedAxis {
     BoundedAxis::from(seconds.start as f64..seconds.end as f64)
-}
-
-/// Returns a name with at most this number of letters and dots.
-fn shortened(name: &str, letters: usize) -> String {
-    match name.char_indices().nth(letters) {
-        Some((end, _)) => format!("{}...", &name[..end]),
-        None => name.to_owned(),
-    }
 }
 
 /// Draws a picture of this width and height in pixels: a head, and below it what `draw` draws.
@@ -188,7 +180,7 @@ mod tests {
     fn the_map_has_the_mean_return_of_every_intersection() {
         let returns = Rows::from_vec(vec![1.0, 10.0, 2.0, 30.0], 2);
         let svg = returns_map(&trace(), &returns, &about()).unwrap().file();
-        assert!([">\n1.5\n", ">\n20.0\n"].iter().all(|value| svg.contains(value)), "{svg}");
-        assert!(svg.contains("Return per agent on a grid of 1x2: 10.8 on average"), "{svg}");
+        assert!([">\n1.50\n", ">\n20.00\n"].iter().all(|value| svg.contains(value)), "{svg}");
+        assert!(svg.contains("Return per agent on a grid of 1x2: 10.75 on average"), "{svg}");
     }
 }

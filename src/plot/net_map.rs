@@ -4,6 +4,7 @@ use anyhow::Result;
 
 use super::*;
 use crate::domain::road_trace::Line;
+use crate::drawing::SCALE;
 
 /// Longer side of the map in pixels.
 const LONGER: f64 = 1000.0;
@@ -11,8 +12,13 @@ const LONGER: f64 = 1000.0;
 const SHORTER: f64 = 240.0;
 /// Least width of the map, so that the title fits, in pixels.
 const LEAST_WIDTH: i32 = 420;
-/// Width of the list of names, in pixels.
-const NAMES: i32 = 330;
+/// Place of the list's discs behind the map, and of the names behind the discs, in pixels.
+const DISC: i32 = 30;
+const BEHIND_DISC: i32 = 16;
+/// Least space between a name and its value, in pixels.
+const BEFORE_VALUE: i32 = 20;
+/// Font size of the list, in pixels.
+const LETTERS: i32 = 11;
 /// Height of a line of the list, in pixels.
 const NAME_HEIGHT: i32 = 22;
 /// Longest list of names. A longer one would not fit.
@@ -38,17 +44,18 @@ pub(super) struct Sheet {
     /// Width of the map and height of the sheet, in pixels.
     width: i32,
     tall: i32,
-    has_names: bool,
+    /// Width of the list of names in pixels, if there is one.
+    names: Option<i32>,
 }
 
 impl Sheet {
-    /// Returns the sheet for a net with this number of lights.
-    pub fn around(lanes: &[Line], junctions: &[Line], lights: usize) -> Sheet {
+    /// Returns the sheet for a net with these lights.
+    pub fn around(lanes: &[Line], junctions: &[Line], lights: &[MapLight<'_>]) -> Sheet {
         let frame = Frame::around(lanes, junctions);
-        let has_names = lights <= MOST_NAMES;
+        let names = (lights.len() <= MOST_NAMES).then(|| width_of_list(lights));
         let width = (frame.width.ceil() as i32).max(LEAST_WIDTH);
-        let tall = (frame.height.ceil() as i32).max(if has_names { NAME_HEIGHT * lights as i32 } else { 0 });
-        Sheet { frame, width, tall, has_names }
+        let listed = names.map_or(0, |_| NAME_HEIGHT * lights.len() as i32);
+        Sheet { width, tall: (frame.height.ceil() as i32).max(listed), names, frame }
     }
 
     /// Returns the width and height of the picture, in pixels.
@@ -58,7 +65,7 @@ impl Sheet {
 
     /// Returns the right end of the map and the list, in pixels.
     pub fn right(&self) -> i32 {
-        self.width + if self.has_names { NAMES } else { 0 }
+        self.width + self.names.unwrap_or(0)
     }
 
     /// Returns the height of the map and the list, in pixels.
@@ -94,14 +101,13 @@ impl Sheet {
     pub fn draw_lights(&self, area: &Area<'_>, lights: &[MapLight<'_>]) -> Result<()> {
         for (number, light) in lights.iter().enumerate() {
             draw_light(area, self.frame.point(light.place_m), number, light.colour)?;
-            if self.has_names {
-                let at = (px(self.width + 30), px(10 + NAME_HEIGHT * number as i32));
+            if self.names.is_some() {
+                let at = (px(self.width + DISC), px(10 + NAME_HEIGHT * number as i32));
                 draw_light(area, at, number, light.colour)?;
-                let style = anchored(text(11, INK), HPos::Left, VPos::Center);
-                let longest = if light.value.is_some() { LONGEST_BEFORE_VALUE } else { LONGEST_NAME };
-                area.draw_text(&shortened(light.name, longest), &style, (at.0 + px(16), at.1))?;
+                let style = anchored(text(LETTERS, INK), HPos::Left, VPos::Center);
+                area.draw_text(&light.in_list(), &style, (at.0 + px(BEHIND_DISC), at.1))?;
                 if let Some(value) = &light.value {
-                    let style = anchored(text(11, INK), HPos::Right, VPos::Center);
+                    let style = anchored(text(LETTERS, INK), HPos::Right, VPos::Center);
                     area.draw_text(value, &style, (px(self.right()), at.1))?;
                 }
             }
@@ -121,6 +127,22 @@ impl Sheet {
         area.draw_text(&format!("{metres:.0} m"), &style, (end + px(8), y))?;
         Ok(())
     }
+}
+
+impl MapLight<'_> {
+    /// Returns the name as the list shows it.
+    fn in_list(&self) -> String {
+        shortened(self.name, if self.value.is_some() { LONGEST_BEFORE_VALUE } else { LONGEST_NAME })
+    }
+}
+
+/// Returns the width of the list of these lights, in pixels: as wide as its longest line.
+fn width_of_list(lights: &[MapLight<'_>]) -> i32 {
+    let width = |words: &str| text_width(words, f64::from(LETTERS)) / SCALE as i32;
+    let names = lights.iter().map(|light| width(&light.in_list())).max().unwrap_or(0);
+    let values = lights.iter().filter_map(|light| light.value.as_ref());
+    let values = values.map(|value| BEFORE_VALUE + width(value)).max().unwrap_or(0);
+    DISC + BEHIND_DISC + names + values
 }
 
 /// Draws a light as a disc with its agent's number.
@@ -175,6 +197,21 @@ impl Frame {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_list_is_as_wide_as_its_longest_line() {
+        let light = |name, value: Option<&str>| MapLight {
+            name,
+            place_m: [0.0, 0.0],
+            colour: INK,
+            value: value.map(str::to_owned),
+        };
+        let [short, long] =
+            ["b2", "cluster_1_2_3_4_5_6_7_8_9_10_11_12"].map(|name| width_of_list(&[light(name, Some("-1.07"))]));
+        // Letters of 11 pixels are 6.16 wide: 2 of them, or 28 and three dots; 5 of the value.
+        assert_eq!([short, long], [30 + 16 + 12 + 20 + 30, 30 + 16 + 191 + 20 + 30]);
+        assert_eq!(width_of_list(&[light("b2", None)]), 30 + 16 + 12);
+    }
 
     #[test]
     fn north_is_up_and_the_longer_side_fills_the_map() {

@@ -38,7 +38,6 @@ pub struct MapRegion {
 const COLOURS: [RGBColor; 6] = [BLUE, ORANGE, GREEN, PURPLE, VERMILLION, SKY];
 /// Draws the lanes: grey, in a pale colour if they are in a region, in full colour if cars on them come to its light.
 pub fn regions_map(map: &RegionsMap) -> Result<Svg> {
-    let sheet = Sheet::around(&map.lanes, &map.junctions, map.regions.len());
     let title = format!("Lights and their regions: {}", map.subject);
     let about = format!(
         "{} learn (numbers), {} keep their program (crosses); full colour: approaches, pale: other roads of the region",
@@ -46,10 +45,18 @@ pub fn regions_map(map: &RegionsMap) -> Result<Svg> {
         map.keeping.len()
     );
     let colours = colours(&map.regions);
+    let coloured = || map.regions.iter().zip(&colours);
+    let lights = coloured().map(|(region, &colour)| MapLight {
+        name: &region.name,
+        place_m: region.place_m,
+        colour,
+        value: None,
+    });
+    let lights: Vec<MapLight> = lights.collect();
+    let sheet = Sheet::around(&map.lanes, &map.junctions, &lights);
     picture(sheet.size(), &title, &about, |area| {
         sheet.draw_junctions(area, &map.junctions)?;
         sheet.draw_net(area, &map.lanes)?;
-        let coloured = || map.regions.iter().zip(&colours);
         for (region, colour) in coloured() {
             sheet.draw_lanes(area, &region.lanes, colour.mix(0.35))?;
         }
@@ -57,13 +64,7 @@ pub fn regions_map(map: &RegionsMap) -> Result<Svg> {
             sheet.draw_lanes(area, &region.approaches, colour.mix(1.0))?;
         }
         map.keeping.iter().try_for_each(|&place_m| sheet.draw_cross(area, place_m))?;
-        let lights = coloured().map(|(region, &colour)| MapLight {
-            name: &region.name,
-            place_m: region.place_m,
-            colour,
-            value: None,
-        });
-        sheet.draw_lights(area, &lights.collect::<Vec<_>>())?;
+        sheet.draw_lights(area, &lights)?;
         sheet.draw_scale(area)
     })
 }

@@ -4,8 +4,8 @@ use anyhow::Result;
 
 use super::returns_on_net::returns_on_net;
 use super::*;
-use crate::base::Rows;
 use crate::base::statistics::mean;
+use crate::base::{Rows, decimals};
 use crate::domain::road_trace::{Layout, RoadMap, RoadTrace};
 
 /// Length of the map's longer side in pixels, unless its squares would become too small or too large.
@@ -14,9 +14,6 @@ const MAP: i32 = 420;
 pub(super) const SCALE: i32 = 110;
 /// Least width of the picture, so that the title fits, in pixels.
 const LEAST_WIDTH: i32 = 640;
-
-/// Least span of the colours, as a share of the largest return.
-const LEAST_SPAN: f64 = 0.25;
 
 /// The mean return of every agent, and the range of the colours.
 pub(super) struct Returns {
@@ -35,9 +32,8 @@ impl Returns {
     fn of_means(means: Vec<f64>) -> Returns {
         let range = |(low, high): (f64, f64), &value: &f64| (low.min(value), high.max(value));
         let (low, high) = means.iter().fold((f64::MAX, f64::MIN), range);
-        // Returns that hardly differ must not look as if they did.
-        let more = (LEAST_SPAN * low.abs().max(high.abs()) - (high - low)).max(0.0);
-        Returns { means, low: low - more / 2.0, high: high + more / 2.0 }
+        let (low, high) = widened(low, high);
+        Returns { means, low, high }
     }
 
     /// Returns the place of a value in the range of the colours, from 0 to 1.
@@ -45,9 +41,9 @@ impl Returns {
         if self.high > self.low { (value - self.low) / (self.high - self.low) } else { 0.5 }
     }
 
-    /// Returns a value with at least three digits that count.
+    /// Returns a value with as many decimals as the largest return needs.
     pub fn written(&self, value: f64) -> String {
-        let digits = if self.low.abs().max(self.high.abs()) >= 10.0 { 1 } else { 3 };
+        let digits = decimals(self.low.abs().max(self.high.abs()), None);
         format!("{value:.digits$}")
     }
 }

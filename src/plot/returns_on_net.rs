@@ -15,8 +15,6 @@ pub(super) fn returns_on_net(
     title: &str,
     about: &str,
 ) -> Result<Svg> {
-    let sheet = Sheet::around(&map.lanes, &map.junctions, names.len());
-    let (width, height) = sheet.size();
     let lights = names.iter().zip(&map.lights_m).zip(&returns.means).map(|((name, &place_m), &mean)| MapLight {
         name,
         place_m,
@@ -24,6 +22,8 @@ pub(super) fn returns_on_net(
         value: Some(returns.written(mean)),
     });
     let lights: Vec<MapLight> = lights.collect();
+    let sheet = Sheet::around(&map.lanes, &map.junctions, &lights);
+    let (width, height) = sheet.size();
     picture((width + SCALE, height), title, about, |area| {
         sheet.draw_junctions(area, &map.junctions)?;
         sheet.draw_net(area, &map.lanes)?;

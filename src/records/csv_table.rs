@@ -38,6 +38,14 @@ impl CsvTable {
     /// Reads a file; a missing file has no lines. An unfinished last line does not count: its writer was killed, or is
     /// still writing.
     pub fn read(path: &Path) -> Result<CsvTable> {
+        match read_text(path, LARGEST_FILE) {
+            Err(error) if error.kind() == ErrorKind::NotFound => CsvTable::from_text(path, ""),
+            text => CsvTable::from_text(path, &text.with_context(|| format!("{}: cannot be read", path.display()))?),
+        }
+    }
+
+    /// Reads a text. `path`: the file that errors name.
+    fn from_text(path: &Path, text: &str) -> Result<CsvTable> {
         let mut table = CsvTable {
             path: path.to_owned(),
             columns: BTreeMap::new(),
@@ -46,10 +54,6 @@ impl CsvTable {
             numbers: Vec::new(),
         };
         let failed = || format!("{}: cannot be read", path.display());
-        let text = match read_text(path, LARGEST_FILE) {
-            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(table),
-            text => text.with_context(failed)?,
-        };
         let whole = &text[..text.rfind('\n').map_or(0, |end| end + 1)];
         if let Some(long) = whole.split('\n').position(|line| line.len() > LONGEST_LINE) {
             bail!("{}: line {} has more than {LONGEST_LINE} bytes; {WAY_OUT}", path.display(), long + 1);
@@ -68,6 +72,12 @@ impl CsvTable {
             table.numbers.push(fields.position().map_or(0, |position| position.line() as u32));
         }
         Ok(table)
+    }
+
+    /// Reads a text that a test has made up.
+    #[cfg(test)]
+    pub(super) fn of(text: &str) -> CsvTable {
+        CsvTable::from_text(Path::new("t.csv"), text).expect("a test knows what it makes up")
     }
 
     pub fn lines(&self) -> impl Iterator<Item = TableLine<'_>> {
@@ -168,16 +178,9 @@ impl Order {
 mod tests {
     use super::*;
 
-    fn table(text: &str) -> CsvTable {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("t.csv");
-        std::fs::write(&path, text).unwrap();
-        CsvTable::read(&path).unwrap()
-    }
-
     #[test]
     fn columns_are_found_by_name_and_may_be_missing_or_empty() {
-        let table = table("worker,steps,new\nall,10,\n");
+        let table = CsvTable::of("worker,steps,new\nall,10,\n");
         let line = table.lines().next().unwrap();
         assert_eq!((line.steps().unwrap(), line.text("worker"), line.text("new")), (10, Some("all"), None));
         assert_eq!(line.number("elapsed_s").unwrap(), None);
@@ -195,7 +198,7 @@ mod tests {
 
     #[test]
     fn a_figure_that_is_no_finite_number_is_refused_with_its_line_and_its_column() {
-        let table = table("steps,mean\n10,1.5\n20,NaN\n30,-inf\n40,1e999\n");
+        let table = CsvTable::of("steps,mean\n10,1.5\n20,NaN\n30,-inf\n40,1e999\n");
         let told: Vec<_> = table.lines().map(|line| line.required("mean").map_err(|error| error.to_string())).collect();
         assert_eq!(told[0], Ok(1.5));
         for (told, (line, text)) in told[1..].iter().zip([(3, "NaN"), (4, "-inf"), (5, "1e999")]) {
@@ -207,7 +210,7 @@ mod tests {
 
     #[test]
     fn a_last_line_that_does_not_end_is_none() {
-        let steps = |text| table(text).lines().map(|line| line.steps().unwrap()).collect::<Vec<_>>();
+        let steps = |text| CsvTable::of(text).lines().map(|line| line.steps().unwrap()).collect::<Vec<_>>();
         assert_eq!(steps("steps,mean\n10,1.5\n20,1"), [10], "it could be 2, 20 or 200 000");
         assert_eq!(steps("steps,mean\n10,1.5\n20,1\n"), [10, 20]);
         assert!(steps("ste").is_empty());
@@ -220,14 +223,14 @@ mod tests {
 
     #[test]
     fn a_number_that_counts_is_whole_and_no_figure_is_absurd() {
-        let table = table("steps,stuck\n10,2\n20,\n30,-1\n40,1.5\n50,1e3\n60,18446744073709551615\n70,NaN\n");
+        let table = CsvTable::of("steps,stuck\n10,2\n20,\n30,-1\n40,1.5\n50,1e3\n60,18446744073709551615\n70,NaN\n");
         let told: Vec<_> = table.lines().map(|line| line.whole("stuck").map_err(|error| error.to_string())).collect();
         assert_eq!(told[..2], [Ok(Some(2)), Ok(None)]);
         for (told, text) in told[2..].iter().zip(["-1", "1.5", "1e3", "18446744073709551615", "NaN"]) {
             let expected = format!("`stuck` holds {text:?}, which is not a whole number from 0 to 1000000000000000");
             assert!(told.as_ref().unwrap_err().contains(&expected), "{told:?}");
         }
-        let table = self::table("steps,mean\n10,1e15\n20,-1.1e15\n30,1e308\n40,5e-324\n");
+        let table = CsvTable::of("steps,mean\n10,1e15\n20,-1.1e15\n30,1e308\n40,5e-324\n");
         let numbers: Vec<_> = table.lines().map(|line| line.required("mean").ok()).collect();
         assert_eq!(numbers, [Some(1e15), None, None, Some(5e-324)]);
     }
@@ -237,7 +240,7 @@ mod tests {
         let steps = |text: &str, later: bool| -> Result<Vec<u64>> {
             let mut order = Order::default();
             let next = |line| if later { order.later(line) } else { order.next(line) };
-            table(&format!("steps\n{text}")).lines().map(next).collect()
+            CsvTable::of(&format!("steps\n{text}")).lines().map(next).collect()
         };
         assert_eq!(steps("0\n5\n5\n", false).unwrap(), [0, 5, 5]);
         assert_eq!(steps("0\n5\n7\n", true).unwrap(), [0, 5, 7]);

@@ -49,19 +49,12 @@ pub(super) fn read(returns: &CsvTable, training: &CsvTable) -> Result<Vec<Likene
 mod tests {
     use super::*;
 
-    fn table(text: &str) -> CsvTable {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("x.csv");
-        std::fs::write(&path, text).unwrap();
-        CsvTable::read(&path).unwrap()
-    }
-
     #[test]
     fn an_evaluation_is_compared_with_all_periods_since_the_one_before() {
-        let returns = table(
+        let returns = CsvTable::of(
             "steps,agent,mean_speed_mps,cars_per_light\n0,all,9,2\n0,0,,\n20,all,8,4\n20,0,,\n30,all,5,10\n30,0,,\n",
         );
-        let training = table(
+        let training = CsvTable::of(
             "steps,agent,local_decisions,local_cars,local_speed_mmps\n10,all,100,300,3000000\n10,0,,,\n\
              20,all,100,500,1000000\n20,0,,,\n30,all,0,0,0\n30,0,,,\n",
         );
@@ -72,8 +65,8 @@ mod tests {
 
     #[test]
     fn a_run_that_counts_nothing_has_nothing_to_compare() {
-        let returns = table("steps,agent,mean_speed_mps\n0,all,9\n10,all,9\n");
-        let training = table("steps,agent,sampled_arrivals\n10,all,7\n");
+        let returns = CsvTable::of("steps,agent,mean_speed_mps\n0,all,9\n10,all,9\n");
+        let training = CsvTable::of("steps,agent,sampled_arrivals\n10,all,7\n");
         assert_eq!(read(&returns, &training).unwrap(), []);
     }
 }

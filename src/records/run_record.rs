@@ -169,6 +169,18 @@ impl RunRecord {
         has_episodes && blocks >= 2
     }
 
+    /// Returns the evaluation at a step, if there was one.
+    pub fn evaluation_at(&self, steps: u64) -> Option<&EvaluationRecord> {
+        let place = self.evaluations.binary_search_by_key(&steps, |evaluation| evaluation.steps).ok()?;
+        self.evaluations.get(place)
+    }
+
+    /// Returns the step to which the run has trained: the end of its last period, where it wrote its last checkpoint.
+    pub fn trained_to(&self) -> u64 {
+        let evaluated = self.evaluations.last().map_or(0, |last| last.steps);
+        self.periods.last().map_or(0, |last| last.steps).max(evaluated)
+    }
+
     /// Returns the mean return of all agents at a step, interpolated between two evaluations. Outside of them: `None`.
     pub fn return_at(&self, steps: u64) -> Option<f64> {
         self.interpolated(steps, |evaluation| evaluation.all.mean)

@@ -50,7 +50,7 @@ impl Final {
     pub fn of(group: &Group) -> Option<Final> {
         let (steps, runs) = group.finals()?;
         let agents_of_runs: Vec<(u64, Vec<Returns>)> =
-            runs.iter().map(|run| (run.config.seed, agents_at(run, steps))).collect();
+            runs.iter().map(|run| (run.config.seed, agents_at(run, steps).to_vec())).collect();
         let everyone: Vec<(AgentAt, bool)> = agents_of_runs
             .iter()
             .flat_map(|(seed, agents)| {
@@ -62,7 +62,7 @@ impl Final {
         let of_runs: BySeed =
             runs.iter().filter_map(|run| Some((run.config.seed, played::of_run(run, steps)?))).collect();
         let means: Vec<f64> = of_runs.iter().map(|(_, played)| played.mean).collect();
-        let medians: Vec<f64> = runs.iter().filter_map(|run| run.median_at(steps)).collect();
+        let medians: Vec<f64> = runs.iter().filter_map(|run| Some(run.evaluation_at(steps)?.all.median)).collect();
         let count = agents_of_runs.first().map_or(0, |(_, agents)| agents.len());
         let agent_means = (0..count)
             .map(|agent| mean(&agents_of_runs.iter().map(|(_, agents)| agents[agent].mean).collect::<Vec<_>>()));
@@ -97,10 +97,9 @@ impl Final {
     }
 }
 
-/// Returns the agents' returns at the last evaluation that is not later than `steps`.
-pub fn agents_at(run: &RunRecord, steps: u64) -> Vec<Returns> {
-    let before = run.evaluations.iter().rev().find(|evaluation| evaluation.steps <= steps);
-    before.map_or(Vec::new(), |evaluation| evaluation.agents.clone())
+/// Returns the agents' returns at the evaluation at step `steps`; nothing if there was none.
+pub fn agents_at(run: &RunRecord, steps: u64) -> &[Returns] {
+    run.evaluation_at(steps).map_or(&[], |evaluation| &evaluation.agents)
 }
 
 /// Wall and CPU time in seconds, means over the runs of a group.
@@ -173,13 +172,15 @@ mod tests {
             config: toml::from_str("total_steps = 100000\n[warehouse]\nagents_per_side = 1").unwrap(),
             about: Default::default(),
             scenario: Some(Scenario::new("warehouse", 1, 100)),
-            evaluations: vec![EvaluationRecord {
-                steps: periods * 4000 - 2000,
-                all: returns,
-                agents: vec![returns],
-                episodes: None,
-                episode_returns: Vec::new(),
-            }],
+            evaluations: (1..=periods)
+                .map(|period| EvaluationRecord {
+                    steps: period * 4000 - 2000,
+                    all: returns,
+                    agents: vec![returns],
+                    episodes: None,
+                    episode_returns: Vec::new(),
+                })
+                .collect(),
             aip_trainings: Vec::new(),
             fresh_losses: Vec::new(),
             likeness: Vec::new(),

@@ -6,7 +6,7 @@ use anyhow::Result;
 
 use super::find::{BaselineRecord, Found, LeftOut};
 use super::method::{Method, Retraining};
-use crate::domain::ScenarioId;
+use crate::domain::{Map, Rules, ScenarioId};
 use crate::records::run_record::{RunRecord, Status};
 
 /// All groups of one scenario, in the order of the report: GS (global simulator), DIALS by F (the steps between two
@@ -30,6 +30,16 @@ impl Comparison {
     pub fn heading(&self) -> String {
         let mut letters = self.title.chars();
         letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
+    }
+
+    /// Returns the places of the agents, if they are in rows.
+    pub fn map(&self) -> Option<Map> {
+        self.groups.iter().flat_map(|group| &group.runs).find_map(|run| run.scenario.as_ref()?.map)
+    }
+
+    /// Returns the rules by which the agents see and are paid, if a run recorded them.
+    pub fn rules(&self) -> Option<&Rules> {
+        self.groups.iter().flat_map(|group| &group.runs).find_map(|run| run.scenario.as_ref()?.rules.as_ref())
     }
 
     /// Returns the number of agents, with whatever else distinguishes the scenario from others.
@@ -95,14 +105,14 @@ impl Group {
     }
 
     /// Returns the step of the final return and the runs that count for it: the finished runs with the most steps. If
-    /// no run is finished, all evaluated runs count, at the last step that all of them have reached.
+    /// no run is finished, all evaluated runs count, at the last step at which all of them were evaluated.
     pub fn finals(&self) -> Option<(u64, Vec<&RunRecord>)> {
         let finished: Vec<&RunRecord> = self.runs.iter().filter(|run| run.status() == Status::Finished).collect();
         if let Some(furthest) = finished.iter().map(|run| last_step(run)).max() {
             return Some((furthest, finished.into_iter().filter(|run| last_step(run) == furthest).collect()));
         }
         let begun: Vec<&RunRecord> = self.runs.iter().filter(|run| run.status() != Status::Empty).collect();
-        Some((begun.iter().map(|run| last_step(run)).min()?, begun))
+        Some((*evaluated_together(&begun).last()?, begun))
     }
 
     fn order(&self) -> (usize, usize, String, Retraining, String) {
@@ -127,6 +137,12 @@ pub fn method_name(simulator: &str, retraining: Retraining) -> String {
 /// Returns the step of the last evaluation.
 fn last_step(run: &RunRecord) -> u64 {
     run.evaluations.last().map_or(0, |evaluation| evaluation.steps)
+}
+
+/// Returns the steps at which all of these runs were evaluated.
+pub fn evaluated_together(runs: &[&RunRecord]) -> BTreeSet<u64> {
+    let steps = |run: &&RunRecord| run.evaluations.iter().map(|evaluation| evaluation.steps).collect::<BTreeSet<u64>>();
+    runs.iter().map(steps).reduce(|all, own| &all & &own).unwrap_or_default()
 }
 
 /// Writes a number of steps: `1M`, `500K`, `128`. It rounds 150 016 to `150K`, because periods are whole updates of the

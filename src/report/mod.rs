@@ -4,21 +4,23 @@
 //! - [`find`]: the runs, baselines and plans under the folders of a report. Nothing here sees a live run, or knows a domain
 //!   by name.
 //! - [`method`], [`group`]: which runs are comparable, and which differ only in their seed.
-//! - [`opponent`]: what the groups of a scenario are compared with.
+//! - [`opponent`]: what the groups of a scenario are compared with. [`family`]: scenarios that may share an axis.
 //! - [`curves`], [`finals`]: results over several seeds; `played`: the episodes behind them, for differences.
 //! - `cores`: wall time by number of cores, a model.
 //! - [`paper`]: the paper's numbers, each with its source.
-//! - [`chart`], [`document`], [`csv_file`]: pictures, pages and files. `pictures`, `tables` and `sections` fill
-//!   them.
+//! - [`chart`], [`document`], [`csv_file`]: pictures, pages and files. `pictures`, `tables`, `cost_tables` and
+//!   `sections` fill them.
 //! - [`words`]: formats of numbers, and warnings.
 //! - [`compare`]: a comparison of two groups of runs.
 
 pub mod chart;
 pub mod compare;
 mod cores;
+mod cost_tables;
 pub mod csv_file;
 pub mod curves;
 pub mod document;
+pub mod family;
 pub mod finals;
 pub mod find;
 pub mod group;

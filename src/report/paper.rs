@@ -46,7 +46,7 @@ fn horizon(environment: PaperDomain) -> usize {
     }
 }
 
-/// Whether the paper's numbers apply to a scenario: it has the same number of agents, horizon and network. If the
+/// Whether the paper's numbers apply to a scenario: it has the same number of agents, horizon, network and rules. If the
 /// network is not known, it is taken to be the same.
 pub fn has(scenario: &ScenarioId) -> bool {
     place(scenario).is_some()
@@ -95,7 +95,8 @@ fn place(scenario: &ScenarioId) -> Option<(PaperDomain, usize)> {
     let environment = PaperDomain::of(&scenario.domain)?;
     let column = SIZES.iter().position(|&size| size == scenario.agents)?;
     let network = scenario.checksum.as_ref().is_none_or(|checksum| checksum == NETWORKS[column]);
-    (network && scenario.episode.length == horizon(environment)).then_some((environment, column))
+    let same = network && scenario.rules.is_none() && scenario.episode.length == horizon(environment);
+    same.then_some((environment, column))
 }
 
 /// Returns the points that were read off the curve of a method, in order of steps; none if the paper has no such curve.

@@ -2,16 +2,12 @@
 
 use super::find::BaselineRecord;
 use crate::base::statistics::difference::{BySeed, Difference, Played, to_controller};
-use crate::records::run_record::RunRecord;
+use crate::records::run_record::{EvaluationRecord, RunRecord};
 
-/// Returns what a run played at a step. Between two evaluations there are no episodes.
-///
-/// Before the first evaluation and after the last: `None`.
+/// Returns what a run played at the evaluation at a step; `None` if there was none.
 pub fn of_run(run: &RunRecord, steps: u64) -> Option<Played> {
-    let here = run.evaluations.iter().find(|evaluation| evaluation.steps == steps);
-    let returns = here.map(|evaluation| evaluation.episode_returns.clone()).unwrap_or_default();
-    let count = here.and_then(|evaluation| evaluation.episodes);
-    Some(Played::new(run.return_at(steps)?, count, Some(run.config.evaluation.seed), returns))
+    let EvaluationRecord { all, episodes, episode_returns, .. } = run.evaluation_at(steps)?;
+    Some(Played::new(all.mean, *episodes, Some(run.config.evaluation.seed), episode_returns.clone()))
 }
 
 /// Returns the difference of a group minus a controller.

@@ -1,21 +1,20 @@
 //! The sections of a report, in order.
 
-use std::collections::BTreeSet;
-
 use anyhow::Result;
 
 use super::chart::Looks;
 use super::cores;
 use super::document::{Block, Document, Figure};
+use super::family::{Family, families};
 use super::group::Comparison;
 use super::pictures::{self, Against};
-use super::tables;
+use super::{cost_tables, paper, tables};
 use crate::base::counted;
 use crate::drawing::Svg;
 use crate::outside::quoted_word;
 
 /// Rules by which figures and tables are made, for the reader of a report.
-const RULES: [&str; 10] = [
+const RULES: [&str; 11] = [
     "Runs that differ only in their seed, or in where they were told to stop, form a group. A label names the config keys in \
      which a group differs from most groups of its scenario. If there are more than eight such keys, the label is the \
      directory of a run. In an ablation, the group with the most common settings is the reference. Pictures show every \
@@ -33,6 +32,8 @@ const RULES: [&str; 10] = [
      the episodes differ, means are subtracted, and a warning names the groups.",
     "The last point of a curve has more episodes than the others (`evaluation.final_episodes`). They include the episodes of \
      the other points.",
+    "Scenarios share a picture of final returns and tables of costs if their agents are in rows and their episodes and \
+     rewards are the same. Every other network has its own.",
     "The median agent is the median of the mean returns of a run's agents. A single failed agent hardly changes it.",
     "Runtime is wall time without evaluations. Influence is the collection of datasets and the training of the AIPs, as a \
      mean over workers. Agents training is the rest. CPU time is the user and system time of all processes, without \
@@ -52,11 +53,8 @@ pub fn document(comparisons: &[Comparison], warnings: &[String]) -> Result<Docum
     for comparison in comparisons {
         blocks.extend(scenario(comparison, &looks)?);
     }
-    let domains: BTreeSet<&str> = comparisons.iter().map(|comparison| comparison.scenario.domain.as_str()).collect();
-    for domain in domains {
-        let of_domain: Vec<&Comparison> =
-            comparisons.iter().filter(|comparison| comparison.scenario.domain == domain).collect();
-        blocks.extend(costs(domain, &of_domain, &looks)?);
+    for family in families(comparisons) {
+        blocks.extend(costs(&family, &looks)?);
     }
     blocks.push(Block::Heading(2, "How to read this".to_owned()));
     blocks.push(Block::List(RULES.map(str::to_owned).to_vec()));
@@ -94,7 +92,9 @@ fn label_order(comparisons: &[Comparison]) -> Vec<String> {
 fn scenario(comparison: &Comparison, looks: &Looks) -> Result<Vec<Block>> {
     let (slug, title) = (&comparison.slug, &comparison.title);
     let mut blocks = vec![Block::Heading(2, comparison.heading()), Block::Table(tables::finals(comparison))];
-    let against = |against| pictures::learning(comparison, looks, against);
+    let runs = comparison.groups.iter().flat_map(|group| &group.runs);
+    let has_curves = runs.map(|run| run.evaluations.len()).any(|evaluations| evaluations > 1);
+    let against = |against| if has_curves { pictures::learning(comparison, looks, against) } else { Ok(None) };
     let figures = [
         (
             format!("ablation_{slug}"),
@@ -115,9 +115,13 @@ fn scenario(comparison: &Comparison, looks: &Looks) -> Result<Vec<Block>> {
             ),
             pictures::cross_entropy(comparison, looks)?,
         ),
-        (format!("agents_{slug}"), format!("Every agent at the end, {title}."), pictures::agents(comparison)?),
+        (format!("agents_{slug}"), format!("Every agent at the end, {title}."), pictures::agents(comparison, looks)?),
     ];
     blocks.extend(figures.into_iter().filter_map(|(name, caption, svg)| Some(figure(name, caption, svg?))));
+    if !has_curves {
+        let why = "There are no learning curves, because every run was evaluated once only.";
+        blocks.insert(2, Block::Paragraph(why.to_owned()));
+    }
     blocks.push(Block::Table(tables::agents(comparison)));
     blocks.extend(tables::likeness(comparison).map(Block::Table));
     blocks.extend(pictures::time_by_cores(comparison, looks)?.map(|svg| {
@@ -131,23 +135,27 @@ fn scenario(comparison: &Comparison, looks: &Looks) -> Result<Vec<Block>> {
     Ok(blocks)
 }
 
-fn costs(name: &str, comparisons: &[&Comparison], looks: &Looks) -> Result<Vec<Block>> {
-    let mut blocks = vec![Block::Heading(2, format!("All sizes, {name}"))];
+fn costs(family: &Family, looks: &Looks) -> Result<Vec<Block>> {
+    let Family { title, slug, comparisons } = family;
+    let what = if comparisons.iter().any(|comparison| comparison.title == *title) { "Costs" } else { "All sizes" };
+    let has_paper = comparisons.iter().any(|comparison| paper::has(&comparison.scenario));
+    let diamonds = if has_paper { " Diamonds: the paper, if our runs were as long." } else { "" };
+    let mut blocks = vec![Block::Heading(2, format!("{what}, {title}"))];
     // An ablation has its own picture of the final returns.
     if comparisons.iter().any(|comparison| comparison.reference.is_none()) {
         blocks.push(figure(
-            format!("final_return_{name}"),
-            format!("Final return by number of agents, {name}. Diamonds: the paper, if our runs were as long."),
-            pictures::final_bars(name, comparisons, looks)?,
+            format!("final_return_{slug}"),
+            format!("Final return by number of agents, {title}.{diamonds}"),
+            pictures::final_bars(family, looks)?,
         ));
     }
-    blocks.push(figure(
-        format!("runtime_{name}"),
-        format!("Runtime by number of agents, {name}. Diamonds: the paper, if our runs were as long."),
-        pictures::runtime_bars(name, comparisons, looks)?,
-    ));
-    blocks.push(Block::Table(tables::runtimes(name, comparisons)));
-    blocks.push(Block::Table(tables::memory(name, comparisons)));
+    let caption = format!("Runtime by number of agents, {title}.{diamonds}");
+    blocks.push(match pictures::runtime_bars(family, looks)? {
+        Some(svg) => figure(format!("runtime_{slug}"), caption, svg),
+        None => Block::Paragraph("There is no picture of runtimes, because no run has trained yet.".to_owned()),
+    });
+    blocks.push(Block::Table(cost_tables::runtimes(family)));
+    blocks.push(Block::Table(cost_tables::memory(family)));
     Ok(blocks)
 }
 

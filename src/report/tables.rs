@@ -1,20 +1,20 @@
-//! The tables of a report: final returns, agents, and runtimes and memory in the paper's layout.
+//! The tables of a report but for those of costs: final returns, agents, local simulators, and all runs.
 
 use std::collections::BTreeSet;
 
 use super::document::Table;
-use super::finals::{AgentAt, Final, Runtime, peak_memory};
-use super::group::{Comparison, Group, method_name, steps_text};
-use super::paper::{self, PaperRuntime};
+use super::finals::{AgentAt, Final};
+use super::group::{Comparison, steps_text};
+use super::paper;
 use super::pictures::comparable;
 use super::words::{certainty, difference, figure, figure_like, hours, signed, with_error};
-use crate::domain::ScenarioId;
 use crate::records::likeness::LikenessRecord;
-use crate::records::run_record::{MemoryRecord, Status};
+use crate::records::run_record::Status;
 
-const NOTHING: &str = "-";
+/// Stands where a cell has nothing.
+pub(super) const NOTHING: &str = "-";
 
-fn words(cells: &[&str]) -> Vec<String> {
+pub(super) fn words(cells: &[&str]) -> Vec<String> {
     cells.iter().map(|&cell| cell.to_owned()).collect()
 }
 
@@ -97,6 +97,11 @@ fn caption_of_finals(comparison: &Comparison) -> String {
             caption += " The controller is the strongest one measured.";
         }
     }
+    if comparison.scenario.rules.is_some()
+        && let Some(rules) = comparison.rules()
+    {
+        caption += &format!(" Reward: {}.", rules.reward);
+    }
     caption += &match paper::figure(&comparison.scenario) {
         Some(figure) => format!(" Paper: {figure}, ± its standard error where it draws one."),
         None => " The paper has no such scenario.".to_owned(),
@@ -121,6 +126,8 @@ pub fn agents(comparison: &Comparison) -> Table {
         let name =
             |agent: usize| group.runs.first().map_or_else(|| agent.to_string(), |run| run.about.agent_name(agent));
         let best = end.agents_of_runs.iter().flat_map(|(_, agents)| agents).map(|agent| agent.mean);
+        // All with the same number of decimals.
+        let figure = |value: f64| figure_like(value, end.returns.mean);
         Some(vec![
             group.label(),
             figure(end.returns.mean),
@@ -202,163 +209,6 @@ fn stuck_agents(stuck: &[AgentAt], name: &dyn Fn(usize) -> String) -> String {
     }
 }
 
-/// Column of a table by number of agents: one of our scenarios, or one that only the paper has.
-struct Column<'a> {
-    scenario: ScenarioId,
-    ours: Option<&'a Comparison>,
-}
-
-impl Column<'_> {
-    fn name(&self) -> String {
-        self.ours.map_or(self.scenario.agents.to_string(), Comparison::size)
-    }
-}
-
-/// Returns the columns of our scenarios and of the paper's, in order of size.
-fn columns<'a>(domain: &str, comparisons: &[&'a Comparison]) -> Vec<Column<'a>> {
-    let ours =
-        comparisons.iter().map(|&comparison| Column { scenario: comparison.scenario.clone(), ours: Some(comparison) });
-    let mut columns: Vec<Column> = ours.collect();
-    for scenario in paper::scenarios(domain) {
-        if !columns.iter().any(|column| column.scenario.agents == scenario.agents && paper::has(&column.scenario)) {
-            columns.push(Column { scenario, ours: None });
-        }
-    }
-    columns.sort_by_key(|column| column.scenario.agents);
-    columns
-}
-
-/// Makes the table of runtimes of a domain in the paper's layout: agents training, influence, total, each by the number
-/// of agents.
-pub fn runtimes(domain: &str, comparisons: &[&Comparison]) -> Table {
-    let columns = columns(domain, comparisons);
-    let ours: Vec<Vec<(String, Runtime)>> = columns
-        .iter()
-        .map(|column| column.ours.iter().flat_map(|comparison| &comparison.groups).filter_map(runtime_row).collect())
-        .collect();
-    let of_paper =
-        paper::RUNTIMES.map(|(simulator, retraining)| (method_name(simulator, retraining), simulator, retraining));
-    let mut labels: Vec<&String> = of_paper.iter().map(|(label, _, _)| label).collect();
-    for (label, _) in ours.iter().flatten() {
-        if !labels.contains(&label) {
-            labels.push(label);
-        }
-    }
-    let rows = labels.into_iter().map(|label| {
-        let cells = |part: fn(&Runtime) -> Option<f64>, of_paper_part: fn(&PaperRuntime) -> Option<f64>| {
-            let cell = |(column, ours): (&Column, &Vec<(String, Runtime)>)| {
-                let time = ours.iter().find(|(own, _)| own == label).and_then(|(_, time)| part(time));
-                let paper = of_paper.iter().find(|(own, _, _)| own == label);
-                let paper = paper
-                    .and_then(|(_, simulator, retraining)| paper::runtime(&column.scenario, simulator, *retraining));
-                beside(time.map(hours), paper.as_ref().and_then(of_paper_part).map(|hours| format!("{hours:.2}")))
-            };
-            columns.iter().zip(&ours).map(cell).collect::<Vec<_>>()
-        };
-        let mut row = vec![label.clone()];
-        row.extend(cells(|time| Some(time.agents_training_s), |paper| Some(paper.agents_training)));
-        row.extend(cells(|time| (time.influence_s > 0.0).then_some(time.influence_s), |paper| paper.influence));
-        row.extend(cells(|time| Some(time.total.mean), |paper| Some(paper.total)));
-        let cpu = |time: &Runtime| Some(hours(time.cpu?.runtime_s()));
-        let of_cpu = columns.iter().zip(&ours).filter(|(column, _)| column.ours.is_some());
-        row.extend(of_cpu.map(|(_, ours)| {
-            let time = ours.iter().find(|(own, _)| own == label);
-            time.and_then(|(_, time)| cpu(time)).unwrap_or(NOTHING.to_owned())
-        }));
-        row
-    });
-    let mut header = words(&["hours, ours / paper"]);
-    for part in ["training", "influence", "total"] {
-        header.extend(columns.iter().map(|column| format!("{part}, {}", column.name())));
-    }
-    let of_cpu = columns.iter().filter(|column| column.ours.is_some());
-    header.extend(of_cpu.map(|column| format!("CPU hours, {}", column.name())));
-    let machine = machines(comparisons);
-    Table {
-        caption: format!(
-            "Runtimes for {}: agents training, data collection and influence training, total, by number of agents. Wall \
-             time without evaluations, mean over seeds, {machine}. CPU hours: ours, all processes, without evaluations. \
-             Runs that did not train for the paper's 4M steps have rows of their own. Paper: {} (128 CPUs, one process \
-             per agent).",
-            domain,
-            paper::RUNTIME_SOURCE
-        ),
-        header,
-        rows: rows.collect(),
-    }
-}
-
-/// Returns the runtime of a group and the label of its row. The row is shared with the paper only if the number of
-/// steps is comparable.
-fn runtime_row(group: &Group) -> Option<(String, Runtime)> {
-    let time = Runtime::of(group)?;
-    let label = match (time.finished, comparable(time.steps, paper::STEPS)) {
-        (true, true) => group.label(),
-        (finished, _) => {
-            let unfinished = if finished { "" } else { ", unfinished" };
-            format!("{}, {} steps{unfinished}", group.label(), steps_text(time.steps))
-        }
-    };
-    Some((label, time))
-}
-
-/// Writes the number of workers of the runs in words.
-fn machines(comparisons: &[&Comparison]) -> String {
-    let groups = comparisons.iter().flat_map(|comparison| &comparison.groups);
-    let workers: BTreeSet<usize> = groups.filter_map(|group| Some(Runtime::of(group)?.workers)).collect();
-    let workers: Vec<String> = workers.iter().map(usize::to_string).collect();
-    format!("with {} worker {}", workers.join(" or "), if workers == ["1"] { "process" } else { "processes" })
-}
-
-fn beside(ours: Option<String>, paper: Option<String>) -> String {
-    match (ours, paper) {
-        (None, None) => NOTHING.to_owned(),
-        (ours, paper) => {
-            format!("{} / {}", ours.unwrap_or(NOTHING.to_owned()), paper.unwrap_or(NOTHING.to_owned()))
-        }
-    }
-}
-
-/// Makes the table of peak memory of a domain in the paper's layout.
-pub fn memory(domain: &str, comparisons: &[&Comparison]) -> Table {
-    let columns = columns(domain, comparisons);
-    let ours = |column: &Column, simulator: &str| -> Option<MemoryRecord> {
-        let groups = column.ours.iter().flat_map(|comparison| &comparison.groups);
-        let groups = groups.filter(|group| group.simulator() == simulator);
-        groups.filter_map(peak_memory).max_by(|a, b| a.total_mb.total_cmp(&b.total_mb))
-    };
-    let megabytes = |value: f64| format!("{value:.1}");
-    let row = |label: &str, ours: &dyn Fn(&Column) -> Option<f64>, theirs: &dyn Fn(&Column) -> Option<f64>| {
-        let cells = columns.iter().map(|column| beside(ours(column).map(megabytes), theirs(column).map(megabytes)));
-        std::iter::once(label.to_owned()).chain(cells).collect::<Vec<_>>()
-    };
-    let paper = |column: &Column| paper::memory(&column.scenario);
-    let rows = vec![
-        row("GS, total", &|column| Some(ours(column, "gs")?.total_mb), &|column| Some(paper(column)?.gs)),
-        row("GS, total, shared pages once", &|column| ours(column, "gs")?.total_pss_mb, &|_| None),
-        row("DIALS, per process", &|column| Some(ours(column, "dials")?.process_mb), &|column| {
-            Some(paper(column)?.dials_process)
-        }),
-        row("DIALS, total", &|column| Some(ours(column, "dials")?.total_mb), &|column| {
-            Some(paper(column)?.dials_total)
-        }),
-        row("DIALS, total, shared pages once", &|column| ours(column, "dials")?.total_pss_mb, &|_| None),
-    ];
-    let mut header = words(&["MiB, ours / MB, paper"]);
-    header.extend(columns.iter().map(|column| format!("{} agents", column.name())));
-    Table {
-        caption: format!(
-            "Peak memory for {}: the largest of all runs of a simulator. Ours: MiB (1 MiB is 1.05 MB), the coordinator with \
-             {}. Paper: MB, DIALS as a process per agent, {}.",
-            domain,
-            machines(comparisons).trim_start_matches("with "),
-            paper::MEMORY_SOURCE
-        ),
-        header,
-        rows,
-    }
-}
-
 /// Makes the table of all runs with their progress.
 pub fn runs(comparisons: &[Comparison]) -> Table {
     let mut rows = Vec::new();
@@ -367,9 +217,9 @@ pub fn runs(comparisons: &[Comparison]) -> Table {
             for run in &group.runs {
                 let last = run.evaluations.last();
                 let status = match run.status() {
-                    Status::Finished => "finished",
-                    Status::Unfinished { .. } => "unfinished",
-                    Status::Empty => "begun",
+                    Status::Finished => "finished".to_owned(),
+                    Status::Unfinished { .. } => format!("unfinished, at {}", steps_text(run.trained_to())),
+                    Status::Empty => "begun".to_owned(),
                 };
                 let commit = run.about.versions.git_commit.as_str();
                 let version = if commit.is_empty() { NOTHING } else { commit };
@@ -378,7 +228,7 @@ pub fn runs(comparisons: &[Comparison]) -> Table {
                     comparison.title.clone(),
                     group.label(),
                     run.config.seed.to_string(),
-                    status.to_owned(),
+                    status,
                     last.map_or(NOTHING.to_owned(), |last| steps_text(last.steps)),
                     last.and_then(|last| last.episodes).map_or(NOTHING.to_owned(), |count| count.to_string()),
                     last.map_or(NOTHING.to_owned(), |last| figure(last.all.mean)),
@@ -399,7 +249,7 @@ pub fn runs(comparisons: &[Comparison]) -> Table {
             "method",
             "seed",
             "status",
-            "steps",
+            "evaluated at",
             "episodes",
             "return",
             "stuck",

@@ -6,14 +6,15 @@ use std::path::PathBuf;
 use super::finals::Final;
 use super::find::LeftOut;
 use super::group::{Comparison, steps_text};
+use crate::base::decimals;
 use crate::base::statistics::difference::{Difference, Pairing};
 use crate::base::statistics::{Bounds, ENOUGH_SEEDS, Spread};
 use crate::outside::Printable;
-use crate::records::run_record::Status;
+use crate::records::run_record::{RunRecord, Status};
 
-/// Writes a return: one decimal from 50 on (traffic), two below (warehouse).
+/// Writes a return, with more decimals the smaller it is.
 pub fn figure(value: f64) -> String {
-    if value.abs() >= 50.0 { format!("{value:.1}") } else { format!("{value:.2}") }
+    figure_like(value, value)
 }
 
 /// Writes a number with its sign and with the decimals of the return `like`.
@@ -26,12 +27,15 @@ pub fn signed(value: f64, like: f64) -> String {
 
 /// Writes a number with the decimals of the return `like`.
 pub fn figure_like(value: f64, like: f64) -> String {
-    if like.abs() >= 50.0 { format!("{value:.1}") } else { format!("{value:.2}") }
+    let digits = decimals(like, None);
+    format!("{value:.digits$}")
 }
 
 /// Writes a mean and its standard error, if there is one: `217.4 ± 1.2`.
 pub fn with_error(mean: f64, std_error: Option<f64>) -> String {
-    std_error.map_or(figure(mean), |error| format!("{} ± {}", figure(mean), figure_like(error, mean)))
+    let Some(error) = std_error else { return figure(mean) };
+    let digits = decimals(mean, std_error).min(decimals(mean, None));
+    format!("{mean:.digits$} ± {error:.digits$}")
 }
 
 /// Writes an interval with the decimals of the return `like`: `[215.1, 219.7]`.
@@ -108,7 +112,11 @@ pub fn warnings(comparisons: &[Comparison], missing: &[PathBuf], left_out: &[Lef
                 let (place, planned) = (Printable(run.dir.display()), steps_text(run.config.last_step()));
                 match run.status() {
                     Status::Unfinished { steps } => {
-                        warnings.push(format!("{place}: unfinished, at {} of {planned} steps", steps_text(steps)));
+                        warnings.push(format!(
+                            "{place}: unfinished, at {} of {planned} steps{}",
+                            steps_text(run.trained_to()),
+                            since(run, steps)
+                        ));
                     }
                     Status::Empty => warnings.push(format!("{place}: not evaluated yet")),
                     Status::Finished if run.return_at(furthest).is_none() => warnings.push(format!(
@@ -127,6 +135,12 @@ pub fn warnings(comparisons: &[Comparison], missing: &[PathBuf], left_out: &[Lef
         warnings.extend(of_episodes(comparison));
     }
     warnings
+}
+
+/// Says at which step a run was evaluated last, if it has gone on from there.
+fn since(run: &RunRecord, evaluated: u64) -> String {
+    let further = run.trained_to() > evaluated;
+    if further { format!(", last evaluated at {}", steps_text(evaluated)) } else { String::new() }
 }
 
 /// Lists groups whose runs played different episodes, or other episodes than their opponents.
@@ -191,8 +205,9 @@ mod tests {
         assert_eq!([signed(-3.0, 200.0), signed(0.456, 13.0), signed(-0.04, 200.0)], ["-3.0", "+0.46", "+0.0"]);
         let spread = |values: &[f64]| certainty(&Spread::of(values).unwrap());
         assert_eq!([spread(&[214.0]), spread(&[214.0, 218.04])], ["one seed", "seeds: 214.0, 218.0"]);
-        // Mean 3, standard error sqrt(0.5), t 2.776: 1.96 to each side.
-        assert_eq!(spread(&[1.0, 2.0, 3.0, 4.0, 5.0]), "95 % [1.04, 4.96]");
+        // Mean 3, standard error sqrt(0.5), t 2.776: 1.963 to each side.
+        assert_eq!(spread(&[1.0, 2.0, 3.0, 4.0, 5.0]), "95 % [1.037, 4.963]");
+        assert_eq!(with_error(-1.043, Some(0.012)), "-1.043 ± 0.012");
         assert_eq!((hours(3600.0).as_str(), hours(90.0).as_str()), ("1.00", "0.0250"));
         assert_eq!([42.0, 204.0, 7560.0].map(duration), ["42 s", "3.4 min", "2.1 h"]);
     }

@@ -34,7 +34,16 @@ fn folders(name: &str) -> anyhow::Result<Vec<PathBuf>> {
         let matches = glob::glob(part).with_context(|| format!("{part}: is neither a folder nor a valid pattern"))?;
         let before = folders.len();
         folders.extend(matches.filter_map(|path| path.ok().filter(|path| path.is_dir())));
-        ensure!(folders.len() > before, "{part}: no such folder");
+        ensure!(folders.len() > before, "{part}: no such folder{}", hint(name));
     }
     Ok(folders)
+}
+
+/// Says how to name several folders, if a side seems to do so in another way.
+fn hint(name: &str) -> &'static str {
+    if name.contains('{') {
+        "; braces are no pattern here: use *, ? and [ab], or name several folders with commas between them"
+    } else {
+        ""
+    }
 }

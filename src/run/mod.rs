@@ -1,6 +1,7 @@
 //! One file per subcommand: config -> domain -> fleet -> training -> run directory.
 //!
-//! - `train`: trains policies and writes a run directory. `team`: where its workers are. `worker`: its worker processes.
+//! - `train`: trains policies and writes a run directory. `other_end`: of a run that is resumed. `team`: where its workers
+//!   are. `worker`: its worker processes.
 //! - `evaluate`: plays and measures saved policies; also `baseline`, which does so with hand-coded controllers.
 //! - `experiment`: makes all runs of a file. `report`, `compare`: summarise runs; `watch`: shows them live. `bench`: measures training speed.
 //! - `export`: policies as TorchScript; `python`: paths in lines of Python. `replay`: an episode for sumo-gui.
@@ -37,6 +38,7 @@ mod info;
 mod inspect;
 mod listing;
 mod nets;
+mod other_end;
 mod outputs;
 mod places;
 mod plot;

@@ -45,14 +45,21 @@ fn listed(settings: &[String]) -> String {
         }
     }
     kept.sort_unstable();
-    let words: String = kept.iter().map(|(key, value)| format!("-{key}={value}")).collect();
-    let plain = |letter: char| if letter.is_alphanumeric() || "-_.=+".contains(letter) { letter } else { '_' };
-    let words: String = words.chars().map(plain).collect();
+    let words: String = kept.iter().map(|(key, value)| format!("-{key}={}", plain(value))).collect();
     if words.len() <= LONGEST_SETTINGS {
         return words;
     }
     let end = (0..=LONGEST_SETTINGS).rev().find(|&end| words.is_char_boundary(end)).expect("0 is a boundary");
     format!("{}-and-more", &words[..end])
+}
+
+/// Returns a value without brackets, braces, blanks and other letters that a shell or a pattern would read in its own
+/// way: `[8, 4]` becomes `8_4`.
+fn plain(value: &str) -> String {
+    let is_plain = |letter: char| letter.is_alphanumeric() || "-_.=+".contains(letter);
+    let value: String = value.split_whitespace().collect();
+    let parts = value.split(|letter| !is_plain(letter)).filter(|part| !part.is_empty());
+    parts.collect::<Vec<_>>().join("_")
 }
 
 #[cfg(test)]
@@ -80,12 +87,22 @@ mod tests {
         let settings = ["ppo.clip=0.3", "seed = 7", "policy.hidden=[8, 4]", "ppo.clip = 0.2"];
         assert_eq!(
             name("configs/traffic_4.toml", &settings),
-            "runs/traffic_4-dials-policy.hidden=_8__4_-ppo.clip=0.2-seed7"
+            "runs/traffic_4-dials-policy.hidden=8_4-ppo.clip=0.2-seed7"
         );
         assert_eq!(
             name("sumo_nets/town/town.sumocfg", &["total_steps=1000000"]),
             "runs/town-dials-total_steps=1000000-seed1"
         );
+    }
+
+    #[test]
+    fn no_name_needs_quotes_and_none_is_a_pattern() {
+        let settings = ["traffic.reward={queue = 0.5, wait = 0.5}", "policy.hidden=[16]"];
+        assert_eq!(
+            name("configs/traffic_4.toml", &settings),
+            "runs/traffic_4-dials-policy.hidden=16-traffic.reward=queue=0.5_wait=0.5-seed1"
+        );
+        assert_eq!(["a*?", "'b'", "{c=1,d=-2}", "~/$x;(y)", "ü"].map(plain), ["a", "b", "c=1_d=-2", "x_y", "ü"]);
     }
 
     #[test]

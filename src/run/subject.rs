@@ -146,7 +146,7 @@ impl Subject {
     }
 }
 
-/// Warns if the run in `dir` was trained under other rules than those by which `domain` scores it. It is an error if its
+/// Warns if the run in `dir` was trained by other rules than those by which `domain` scores it. It is an error if its
 /// policies know other observations.
 fn check_rules(dir: &Path, domain: &dyn Domain) -> Result<()> {
     let recorded = RunJson::read_if_there(dir)?.scenario.and_then(|scenario| scenario.rules);
@@ -159,10 +159,11 @@ fn check_rules(dir: &Path, domain: &dyn Domain) -> Result<()> {
         theirs.observation,
         ours.observation
     );
-    let differences = ours.differences(&theirs);
+    let differences = theirs.differences(&ours, ["its training", "this command"]);
     if !differences.is_empty() {
         warn(format_args!(
-            "warning: {path}: was trained under other rules; here it is scored by those of this command:\n  {}",
+            "warning: {path}: learned by other rules than those of this command\n  {}\n  \
+             all returns below are by the rules of this command; compare another figure, too",
             differences.join("\n  ")
         ));
     }

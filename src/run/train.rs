@@ -5,24 +5,24 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
-use anyhow::{anyhow, ensure};
+use anyhow::anyhow;
 use clap::ValueEnum;
 
 use super::build::{other_build, record_resume};
 use super::directory;
 use super::domain;
+use super::other_end::{end_at, tell_of_lost_evaluation};
 use super::places::Existing;
 use super::run_name::default_dir;
 use super::team::{Plan, Team};
 use super::watch::Beside;
 use crate::base::counted;
 use crate::cli;
-use crate::config::resume::with_end;
-use crate::config::{Config, LARGEST_FILE as LARGEST_CONFIG, load};
+use crate::config::{Config, load};
 use crate::domain::Domain;
 use crate::error::{Error, Result};
 use crate::machine::allow_open_files;
-use crate::outside::{Directory, Whereabouts, quoted, read_text};
+use crate::outside::{Directory, Whereabouts, quoted};
 use crate::records::checkpoint::owner::{NotOfThisRun, Owner};
 use crate::records::files;
 use crate::records::resume_point::{NothingFits, ResumePoint};
@@ -144,6 +144,7 @@ fn resume_locked(args: &cli::TrainArgs, dir: &Path, directory: Directory, wanted
         Error::Run(error)
     })?;
     point.warning.iter().for_each(warn);
+    tell_of_lost_evaluation(dir, &run.config, &point);
     Ok(Run { resumed: Some(point), other_build, ..run })
 }
 
@@ -220,21 +221,6 @@ fn remember(directory: &Directory, workers: Option<usize>) -> anyhow::Result<()>
     let Some(workers) = workers else { return Ok(()) };
     let run = RunJson::read_if_there(directory.path())?;
     if run.workers == Some(workers) { Ok(()) } else { RunJson { workers: Some(workers), ..run }.write(directory) }
-}
-
-/// Makes the run end at step `steps`, by its config. Returns the text of the config before.
-fn end_at(directory: &Directory, steps: u64) -> anyhow::Result<String> {
-    let path = directory.path().join(files::CONFIG);
-    let config = load(&path, &[])?;
-    ensure!(
-        steps <= config.total_steps,
-        "--steps {steps}: this run can go to step {0} only, because its learning rate and clip range have decayed to \
-         nothing there (total_steps = {0}); for a longer one begin a new run with --set total_steps={steps}",
-        config.total_steps
-    );
-    let text = read_text(&path, LARGEST_CONFIG)?;
-    directory.write(files::CONFIG, with_end(&text, steps).as_bytes())?;
-    Ok(text)
 }
 
 /// Returns how many workers to start: not more than have work.

@@ -11,8 +11,8 @@ use super::activity::doing;
 use super::duration::duration;
 use super::{Talk, Wish, shows_bars, stop_on_signals, talks, tell, warn};
 use crate::base::Activity;
-use crate::base::counted;
 use crate::base::statistics::{Interval, mean};
+use crate::base::{counted, decimals};
 use crate::config::Config;
 use crate::evaluation::Evaluation;
 use crate::influence::{AipLoss, FreshLoss};
@@ -121,7 +121,7 @@ impl Progress {
             parts.push(format!("{} left", duration(Duration::try_from_secs_f64(left).unwrap_or(Duration::MAX))));
         }
         let found = self.found.borrow();
-        parts.extend(found.mean_return.map(|value| format!("return {value:.1}")));
+        parts.extend(found.mean_return.map(|value| format!("return {value:.0$}", decimals(value, None))));
         parts.extend(found.aip_loss.map(|value| format!("AIP {value:.3}")));
         parts.join(", ")
     }
@@ -183,8 +183,13 @@ impl Observer for Progress {
             stuck => format!("; bad: {stuck} of {} stuck", counted(self.agents, "agent")),
         };
         let episodes: Vec<f64> = evaluation.returns.iter().map(mean).collect();
-        let half_width = Interval::of(&episodes).half_width.map_or(String::new(), |width| format!(" +- {width:.1}"));
-        self.say(&format!("step {steps}: return {:.1}{half_width}, median agent {:.1}{stuck}", all.mean, all.median));
+        let half_width = Interval::of(&episodes).half_width;
+        let digits = decimals(all.mean, half_width);
+        let half_width = half_width.map_or(String::new(), |width| format!(" +- {width:.digits$}"));
+        self.say(&format!(
+            "step {steps}: return {:.digits$}{half_width}, median agent {:.digits$}{stuck}",
+            all.mean, all.median
+        ));
         self.found.borrow_mut().mean_return = Some(all.mean);
     }
 

@@ -10,7 +10,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use super::legend::{self, LegendEntry, LegendSample};
 use super::lines::{Axis, MOST_FOR_NUMBERS, whisker};
 use super::look::{Look, Marker, mark};
-use crate::drawing::{BoundedAxis, INK, Svg, draw_mesh, ink_over, px, text, text_width};
+use crate::drawing::{BoundedAxis, INK, Svg, draw_mesh, ink_over, pen, px, text, text_width};
 
 const WIDTH: u32 = 860;
 const HEIGHT: u32 = 400;
@@ -20,9 +20,9 @@ const MOST_POWERS: usize = 32;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scale {
-    /// Starts at 0.
+    /// Bars begin at 0, and those of negative values hang down from it.
     Linear,
-    /// Has its ticks at powers of 2, as in the paper's charts of runtimes.
+    /// Has its ticks at powers of 2, as in the paper's charts of runtimes. Bars begin at the lower end of the axis.
     Log2,
 }
 
@@ -95,6 +95,10 @@ impl BarChart {
                 12.0,
             )?;
             let area = chart.plotting_area();
+            if self.scale == Scale::Linear && low < 0.0 {
+                let zero = vec![(0.0, 0.0), (self.clusters.len() as f64, 0.0)];
+                area.draw(&PathElement::new(zero, pen(INK, 1)))?;
+            }
             for (index, cluster) in self.clusters.iter().enumerate() {
                 let size = if cluster.bars.len() * self.clusters.len() > 12 { 9.0 } else { 11.0 };
                 let width = 0.8 / cluster.bars.len().max(1) as f64;
@@ -107,19 +111,21 @@ impl BarChart {
                     let left = index as f64 + 0.1 + number as f64 * width;
                     let middle = left + width / 2.0;
                     if let Some(value) = bar.value {
-                        let corners = [(left + 0.05 * width, place(low)), (left + 0.95 * width, place(value))];
+                        let begin = if self.scale == Scale::Linear { 0.0 } else { place(low) };
+                        let corners = [(left + 0.05 * width, begin), (left + 0.95 * width, place(value))];
                         area.draw(&Rectangle::new(corners, bar.look.colour.filled()))?;
                         // The marker at its foot identifies the bar in black and white.
                         let over = ink_over(bar.look.colour);
-                        let foot = chart.backend_coord(&(middle, place(low)));
-                        let tall = foot.1 - chart.backend_coord(&(middle, place(value))).1;
+                        let foot = chart.backend_coord(&(middle, begin));
+                        let rise = foot.1 - chart.backend_coord(&(middle, place(value))).1;
+                        let (tall, away) = (rise.abs(), if rise < 0 { 1 } else { -1 });
                         if tall > px(20.0) {
-                            let up = (foot.0, foot.1 - px(12.0));
-                            mark(root, up, Look { colour: over, ..bar.look }, 9.0, true)?;
+                            let within = (foot.0, foot.1 + away * px(12.0));
+                            mark(root, within, Look { colour: over, ..bar.look }, 9.0, true)?;
                         }
-                        let (up, colour) = if tall > px(38.0) { (px(30.0), over) } else { (tall + px(8.0), INK) };
+                        let (far, colour) = if tall > px(38.0) { (px(30.0), over) } else { (tall + px(8.0), INK) };
                         let style = text(size, colour).pos(Pos::new(HPos::Center, VPos::Center));
-                        let number = Text::new((self.format)(value), (foot.0, foot.1 - up), style);
+                        let number = Text::new((self.format)(value), (foot.0, foot.1 + away * far), style);
                         root.draw(&number)?;
                         if let Some((from, to)) = bar.whisker {
                             whisker(area, middle, (place(from.max(low)), place(to)), INK)?;
@@ -172,7 +178,13 @@ impl BarChart {
         };
         let high = values().fold(f64::MIN_POSITIVE, f64::max);
         match self.scale {
-            Scale::Linear => (0.0, high * 1.1),
+            Scale::Linear => {
+                let whiskers = bars().filter_map(|bar| Some(bar.whisker?.0));
+                let low = values().chain(whiskers).fold(0.0, f64::min);
+                // The number of a low bar stands beyond its end.
+                let air = 0.1 * (high - low);
+                (if low < 0.0 { low - air } else { 0.0 }, if high > f64::MIN_POSITIVE { high + air } else { air })
+            }
             Scale::Log2 => {
                 let low = values().filter(|&value| value > 0.0).fold(high, f64::min);
                 ((low / 2.0).log2().floor().exp2(), high * 1.6)
@@ -221,6 +233,30 @@ impl Ranged for Ticked {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn bars_of_negative_returns_hang_from_0_within_the_axis() {
+        let bar = |value: f64| Bar {
+            label: String::new(),
+            look: Look::FIRST,
+            value: Some(value),
+            whisker: Some((value - 2.0, value + 2.0)),
+            points: Vec::new(),
+            paper: None,
+        };
+        let range = |values: &[f64]| {
+            let clusters =
+                vec![Cluster { label: String::new(), bars: values.iter().map(|&value| bar(value)).collect() }];
+            let axis = || Axis { label: String::new(), format: |value| format!("{value:.1}") };
+            let [title, x_label, note] = [const { String::new() }; 3];
+            BarChart { title, x_label, y: axis(), format: |_| String::new(), scale: Scale::Linear, clusters, note }
+                .range()
+        };
+        // A tenth of the 18 or 20 units beyond each end.
+        assert_eq!(range(&[-14.0, -4.0]), (-17.6, 1.6));
+        assert_eq!(range(&[8.0]), (0.0, 11.0));
+        assert_eq!(range(&[-8.0, 8.0]), (-12.0, 12.0));
+    }
 
     #[test]
     fn whatever_the_values_are_a_chart_is_drawn() {

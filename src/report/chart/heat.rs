@@ -5,7 +5,7 @@ use anyhow::Result;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use crate::drawing::{self, Area, INK, SCALE, Svg, ink_over, pen, px, text, text_width};
+use crate::drawing::{self, Area, INK, SCALE, Svg, ink_over, pen, px, shortened, text, text_width, widened};
 
 const PANEL: u32 = 128;
 const GAP: u32 = 16;
@@ -16,6 +16,8 @@ const KEY: u32 = 46;
 const MARGIN: u32 = 12;
 /// Largest number of panels side by side.
 const MOST_COLUMNS: usize = 6;
+/// Largest number of characters of a row's label.
+const LONGEST_LABEL: usize = 110;
 /// Smallest side, in pixels, of a cell with a number in it.
 const NUMBER_FROM: f64 = 22.0;
 
@@ -46,7 +48,8 @@ impl HeatMap {
         let lines = |panels: &[Panel]| panels.len().div_ceil(MOST_COLUMNS) as u32;
         let line_height = PANEL_LABEL + PANEL + GAP;
         let height: u32 = self.groups.iter().map(|(_, panels)| ROW_LABEL + lines(panels) * line_height).sum();
-        let labels = self.groups.iter().map(|(label, _)| text_width(label, 13.0) as u32 / SCALE);
+        let labels =
+            self.groups.iter().map(|(label, _)| text_width(&shortened(label, LONGEST_LABEL), 13.0) as u32 / SCALE);
         let width = (columns * (PANEL + GAP)).max(labels.max().unwrap_or(0)).max(416) + 2 * MARGIN;
         let (low, high) = self.range();
         Svg::draw(width, TITLE + height + KEY, |root| {
@@ -55,7 +58,7 @@ impl HeatMap {
             let mut top = TITLE;
             for (label, panels) in &self.groups {
                 let at = (px(MARGIN), px(f64::from(top) + 2.0));
-                root.draw(&Text::new(label.clone(), at, text(13.0, INK)))?;
+                root.draw(&Text::new(shortened(label, LONGEST_LABEL), at, text(13.0, INK)))?;
                 top += ROW_LABEL;
                 for (index, panel) in panels.iter().enumerate() {
                     let (line, column) = (index / MOST_COLUMNS, index % MOST_COLUMNS);
@@ -128,13 +131,13 @@ impl HeatMap {
         let values = panels.flat_map(|panel| panel.rows.iter().flatten().map(|cell| cell.value));
         let (low, high) =
             values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
-        if low < high { (low, high) } else { (low - 0.5, low + 0.5) }
+        widened(low, high)
     }
 }
 
 /// Returns the shade of a value: the higher, the darker.
 fn shade(value: f64, (low, high): (f64, f64)) -> RGBColor {
-    drawing::shade((value - low) / (high - low))
+    drawing::shade(if high > low { (value - low) / (high - low) } else { 0.5 })
 }
 
 #[cfg(test)]

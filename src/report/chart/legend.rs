@@ -5,6 +5,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::look::{Dash, Look, mark, stroke};
+use crate::base::wrapped;
 use crate::drawing::{Area, INK, ink_over, px, text};
 
 const SIZE: f64 = 12.0;
@@ -19,6 +20,8 @@ pub enum LegendSample {
     Curve(Look),
     /// A line across the chart.
     Level(RGBColor, Dash),
+    /// A marker.
+    Mark(Look),
     /// A hollow marker.
     Hollow(Look),
     /// A bar with its marker.
@@ -44,6 +47,7 @@ pub fn draw(area: &Area, entries: &[LegendEntry]) -> Result<()> {
             LegendSample::Level(colour, dash) => {
                 stroke(area, vec![(left, y), (right, y)], (colour.to_rgba(), dash), 1.5)?;
             }
+            LegendSample::Mark(look) => mark(area, (middle, y), look, 9.0, true)?,
             LegendSample::Hollow(look) => mark(area, (middle, y), look, 9.0, false)?,
             LegendSample::Bar(look) => {
                 let corners = [(left + px(6.0), y - px(6.0)), (right - px(6.0), y + px(6.0))];
@@ -53,7 +57,7 @@ pub fn draw(area: &Area, entries: &[LegendEntry]) -> Result<()> {
             }
             LegendSample::Nothing => {}
         }
-        for line in wrapped(&entry.label, WRAP) {
+        for line in in_lines(&entry.label, WRAP) {
             let style = text(SIZE, INK).pos(Pos::new(HPos::Left, VPos::Center));
             area.draw(&Text::new(line, (px(40.0), y), style))?;
             y += px(LINE_HEIGHT);
@@ -65,23 +69,35 @@ pub fn draw(area: &Area, entries: &[LegendEntry]) -> Result<()> {
 
 /// Returns the height of the entries in pixels.
 pub fn height(entries: &[LegendEntry]) -> u32 {
-    let lines: usize = entries.iter().map(|entry| wrapped(&entry.label, WRAP).len()).sum();
+    let lines: usize = entries.iter().map(|entry| in_lines(&entry.label, WRAP).len()).sum();
     (lines as f64 * LINE_HEIGHT + entries.len() as f64 * 5.0 + 20.0) as u32
 }
 
-/// Breaks a label at blanks into lines of at most `characters` characters, if its words are not longer.
-pub fn wrapped(label: &str, characters: usize) -> Vec<String> {
-    let mut lines: Vec<String> = Vec::new();
-    for word in label.split(' ') {
-        match lines.last_mut() {
-            Some(line) if line.chars().count() + 1 + word.chars().count() <= characters => {
-                line.push(' ');
-                line.push_str(word);
-            }
-            _ => lines.push(word.to_owned()),
-        }
+/// Most lines of a label. What is missing then is in the tables of the report.
+const MOST_LINES: usize = 5;
+
+/// Breaks a label into a few lines of at most `characters` characters: at blanks, and within longer words.
+pub fn in_lines(label: &str, characters: usize) -> Vec<String> {
+    let words: Vec<String> = label.split(' ').map(|word| cut(word, characters)).collect();
+    let mut lines = wrapped(&words.join(" "), characters);
+    if lines.len() > MOST_LINES {
+        lines.truncate(MOST_LINES);
+        let last = &mut lines[MOST_LINES - 1];
+        *last = last.chars().take(characters - 4).collect::<String>() + " ...";
     }
     lines
+}
+
+/// Puts blanks into a word that is too long, after its punctuation if it has some.
+fn cut(word: &str, characters: usize) -> String {
+    let (mut text, mut rest) = (String::new(), word);
+    while let Some((limit, _)) = rest.char_indices().nth(characters) {
+        let end = rest[..limit].rfind(['.', '=', ',', '_', '-', '/']).map_or(limit, |place| place + 1);
+        text += &rest[..end];
+        text.push(' ');
+        rest = &rest[end..];
+    }
+    text + rest
 }
 
 #[cfg(test)]
@@ -89,11 +105,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn long_labels_are_broken_at_blanks() {
-        assert_eq!(wrapped("DIALS F=1M", 29), ["DIALS F=1M"]);
+    fn no_label_is_wider_or_longer_than_its_place() {
+        assert_eq!(in_lines("DIALS F=1M (3 runs)", 29), ["DIALS F=1M (3 runs)"]);
         assert_eq!(
-            wrapped("DIALS F=1M, local_simulators.copies=1, ppo.clip=0.2", 29),
-            ["DIALS F=1M,", "local_simulators.copies=1,", "ppo.clip=0.2"]
+            in_lines("GS, local_simulators.copies_of_each=1, ppo.clip=0.2", 29),
+            ["GS,", "local_simulators.copies_of_", "each=1, ppo.clip=0.2"]
         );
+        let many: Vec<String> = (0..40).map(|number| format!("ü{number}{}", "x".repeat(number))).collect();
+        let lines = in_lines(&many.join(", "), 29);
+        assert!(lines.len() == MOST_LINES && lines[MOST_LINES - 1].ends_with(" ..."), "{lines:?}");
+        assert!(lines.iter().all(|line| line.chars().count() <= 29), "{lines:?}");
     }
 }

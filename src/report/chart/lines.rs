@@ -136,7 +136,7 @@ impl LineChart {
             self.lines.iter().enumerate().filter(|(index, _)| *index != reference).map(|(_, line)| line).collect();
         let reference = &self.lines[reference];
         let of_reference = Look { colour: INK, dash: Dash::Dashed, marker: Marker::Square };
-        let of_other = Look::FIRST;
+        let of_other = |line: &Line| Look { colour: line.look.colour, ..Look::FIRST };
         let panels: Vec<LineChart> = others
             .iter()
             .map(|line| LineChart {
@@ -145,7 +145,7 @@ impl LineChart {
                 y: self.y.clone(),
                 lines: vec![
                     Line { look: of_reference, ..reference.bare() },
-                    Line { look: of_other, ..(*line).clone() },
+                    Line { look: of_other(line), ..(*line).clone() },
                 ],
                 companions: None,
                 levels: self.levels.clone(),
@@ -153,7 +153,7 @@ impl LineChart {
                     .marks
                     .iter()
                     .filter_map(|mark| {
-                        let look = [(reference.look, of_reference), (line.look, of_other)];
+                        let look = [(reference.look, of_reference), (line.look, of_other(line))];
                         let (_, look) = look.into_iter().find(|(own, _)| *own == mark.look)?;
                         Some(Mark { look, ..mark.clone() })
                     })
@@ -162,10 +162,11 @@ impl LineChart {
                 note: String::new(),
             })
             .collect();
-        let entries = self.legend_against(reference, of_reference, of_other);
+        let first = others.first().map_or(Look::FIRST, |line| of_other(line));
+        let entries = self.legend_against(reference, of_reference, first);
         let legend_columns: Vec<&[LegendEntry]> = entries.chunks(entries.len().div_ceil(COLUMNS).max(1)).collect();
         let legend_height = legend_columns.iter().map(|entries| legend::height(entries)).max().unwrap_or(0);
-        let titles: Vec<Vec<String>> = panels.iter().map(|panel| legend::wrapped(&panel.title, PANEL_WRAP)).collect();
+        let titles: Vec<Vec<String>> = panels.iter().map(|panel| legend::in_lines(&panel.title, PANEL_WRAP)).collect();
         let title_heights: Vec<u32> = titles
             .chunks(COLUMNS)
             .map(|row| row.iter().map(Vec::len).max().unwrap_or(1) as u32 * PANEL_LINE + 8)
@@ -280,6 +281,13 @@ impl LineChart {
         let places = |points: &[LinePoint]| points.iter().map(|point| (point.x, point.y)).collect::<Vec<_>>();
         stroke(area, places(&line.points[..whole]), (colour.to_rgba(), line.look.dash), 2.0)?;
         stroke(area, places(&line.points[whole.saturating_sub(1)..]), (colour.to_rgba(), line.look.dash), 0.8)?;
+        if let [only] = &line.points[..] {
+            mark(area, (only.x, only.y), line.look, 11.0, true)?;
+            let beside =
+                Text::new((self.y.format)(only.y), (px(9), 0), text(11.0, INK).pos(Pos::new(HPos::Left, VPos::Center)));
+            area.draw(&(EmptyElement::at((only.x, only.y)) + beside))?;
+            return Ok(());
+        }
         // Each line has its markers at different points.
         let every = line.points.len().div_ceil(MARKERS).max(1);
         for point in line.points.iter().skip(index % every).step_by(every) {

@@ -10,9 +10,15 @@ use plotters::prelude::*;
 use crate::drawing::{BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION, pen, px};
 
 const COLOURS: [RGBColor; 6] = [BLUE, ORANGE, GREEN, PURPLE, VERMILLION, SKY];
+const DASHES: [Dash; 3] = [Dash::Solid, Dash::Dashed, Dash::Dotted];
+const MARKERS: [Marker; 5] = [Marker::Circle, Marker::Square, Marker::Triangle, Marker::Diamond, Marker::Cross];
 
-/// Methods with a look of their own, the first word of their labels.
+/// Methods with a colour of their own, the first word of their labels.
 const METHODS: [&str; 4] = ["DIALS", "GS", "untrained-DIALS", "marginal-DIALS"];
+/// What may stand behind that word, each with a dash and a marker of its own. The first one is like a bare word.
+const USUAL: [&str; 9] = ["F=1M", "F=500K", "F=100K", "F=75K", "F=4M", "F=2M", "F=200K", "once", "on drift"];
+/// Number of combinations of a dash and a marker.
+const VARIANTS: usize = DASHES.len() * MARKERS.len();
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dash {
@@ -46,35 +52,61 @@ pub struct Look {
 impl Look {
     pub const FIRST: Look = Look { colour: COLOURS[0], dash: Dash::Solid, marker: Marker::Circle };
 
-    /// Returns a look by its number. The first 18 differ in colour or dash, the first 30 if markers count too.
-    fn number(index: usize) -> Look {
-        const DASHES: [Dash; 3] = [Dash::Solid, Dash::Dashed, Dash::Dotted];
-        const MARKERS: [Marker; 5] = [Marker::Circle, Marker::Square, Marker::Triangle, Marker::Diamond, Marker::Cross];
-        Look { colour: COLOURS[index % 6], dash: DASHES[(index + index / 6) % 3], marker: MARKERS[index % 5] }
+    /// Returns a look: a colour in one of three shades, each with a dash of its own, and a marker. Variant 0 has the
+    /// plain colour. Bars have no dashes, so there the shade stands for it.
+    fn number(colour: usize, variant: usize) -> Look {
+        let plain = COLOURS[colour % COLOURS.len()];
+        let shade = match variant % DASHES.len() {
+            0 => plain,
+            1 => mixed(plain, WHITE, 0.4),
+            _ => mixed(plain, BLACK, 0.3),
+        };
+        // 3 dashes and 5 markers have no common divisor, so all combinations come once.
+        let place = colour + variant;
+        Look { colour: shade, dash: DASHES[place % DASHES.len()], marker: MARKERS[place % MARKERS.len()] }
     }
+
+    /// Returns the colour and the variant of a label. They depend on nothing else, so they are the same in every report.
+    fn of(label: &str) -> (usize, usize) {
+        let (word, rest) = label.split_at(label.find([' ', ',']).unwrap_or(label.len()));
+        let hash = crc32fast::hash(label.as_bytes()) as usize;
+        let colour = METHODS.iter().position(|&method| method == word);
+        let variant = match rest.strip_prefix(' ').unwrap_or(rest) {
+            "" => 0,
+            rest => {
+                USUAL.iter().position(|&usual| usual == rest).unwrap_or(USUAL.len() + hash % (VARIANTS - USUAL.len()))
+            }
+        };
+        (colour.unwrap_or(METHODS.len() + hash % (COLOURS.len() - METHODS.len())), variant)
+    }
+}
+
+/// Mixes a colour with a share of another one.
+fn mixed(colour: RGBColor, other: RGBColor, share: f64) -> RGBColor {
+    let mixed = |one: u8, other: u8| (f64::from(one) + share * (f64::from(other) - f64::from(one))).round() as u8;
+    RGBColor(mixed(colour.0, other.0), mixed(colour.1, other.1), mixed(colour.2, other.2))
 }
 
 /// The look of each label of a report, the same in all its charts.
 pub struct Looks(BTreeMap<String, Look>);
 
 impl Looks {
-    /// Gives a look to each label. A repeated label keeps its first look.
-    ///
-    /// The first label of each of [`METHODS`] has the look of its method, in every report. The others get the looks that
-    /// are left, in order.
+    /// Gives a look to each label, which depends on the label alone. Only if two of them have the same one, the second
+    /// gets the next look that is free.
     pub fn new<'a>(labels: impl Iterator<Item = &'a str>) -> Self {
-        let mut looks = BTreeMap::new();
-        let mut taken = [false; METHODS.len()];
-        let mut left = METHODS.len()..;
+        let mut looks: BTreeMap<String, Look> = BTreeMap::new();
         for label in labels {
             if looks.contains_key(label) {
                 continue;
             }
-            let word = label.split([' ', ',']).next().unwrap_or_default();
-            let method = METHODS.iter().position(|&method| method == word).filter(|&method| !taken[method]);
-            method.into_iter().for_each(|method| taken[method] = true);
-            let number = method.or_else(|| left.next()).expect("numbers never end");
-            looks.insert(label.to_owned(), Look::number(number));
+            let (colour, variant) = Look::of(label);
+            let colours = colour..colour + COLOURS.len();
+            let mut places =
+                colours.flat_map(|colour| (variant..variant + VARIANTS).map(move |variant| (colour, variant)));
+            let free = places.find_map(|(colour, variant)| {
+                Some(Look::number(colour, variant)).filter(|look| looks.values().all(|taken| taken != look))
+            });
+            looks.insert(label.to_owned(), free.unwrap_or(Look::number(colour, variant)));
         }
         Looks(looks)
     }
@@ -152,23 +184,37 @@ mod tests {
     use super::*;
 
     #[test]
-    fn thirty_methods_all_look_different() {
-        let looks: Vec<Look> = (0..30).map(Look::number).collect();
-        for (index, look) in looks.iter().enumerate() {
-            assert!(!looks[..index].contains(look), "{index}: {look:?}");
-            let as_line = |look: &Look| (look.colour, look.dash);
-            let same_line = looks[..index].iter().any(|other| as_line(other) == as_line(look));
-            assert!(index >= 18 || !same_line, "{index}: {look:?}");
+    fn ninety_labels_all_look_different_and_more_are_drawn_too() {
+        let labels: Vec<String> = (0..100).map(|number| format!("DIALS F=1M, ppo.epochs={number}")).collect();
+        let looks = Looks::new(labels.iter().map(String::as_str));
+        // As bars, which have no dashes.
+        let as_bar = |label: &String| (looks.of(label).colour, looks.of(label).marker);
+        for (index, label) in labels.iter().enumerate().take(90) {
+            let alike = labels[..index].iter().find(|other| as_bar(other) == as_bar(label));
+            assert_eq!(alike, None, "{label}");
         }
+        let shades = [BLUE, mixed(BLUE, WHITE, 0.4), mixed(BLUE, BLACK, 0.3)];
+        assert!(shades.contains(&looks.of(&labels[3]).colour), "variants have a shade of their method's colour");
     }
 
     #[test]
-    fn a_label_looks_the_same_wherever_it_comes() {
-        let looks = Looks::new(["GS", "DIALS F=1M", "GS", "DIALS F=2M", "GS, ppo.clip=0.2"].into_iter());
-        assert_eq!([looks.of("DIALS F=1M"), looks.of("GS")], [0, 1].map(Look::number));
-        assert_eq!([looks.of("DIALS F=2M"), looks.of("GS, ppo.clip=0.2")], [4, 5].map(Look::number));
-        let other = Looks::new(["untrained-DIALS", "DIALS F=62.5K"].into_iter());
-        assert_eq!(other.of("DIALS F=62.5K"), looks.of("DIALS F=1M"), "in another report, too");
-        assert_eq!(other.of("untrained-DIALS"), Look::number(2));
+    fn a_method_looks_the_same_in_every_report_whatever_the_company() {
+        let labels = ["DIALS F=500K", "DIALS F=1M", "GS", "GS, ppo.clip=0.2", "DIALS once", "untrained-DIALS", "ants"];
+        let together = Looks::new(labels.into_iter());
+        for label in labels {
+            assert_eq!(Looks::new([label].into_iter()).of(label), together.of(label), "{label}");
+        }
+        assert_eq!(together.of("DIALS F=1M"), Look::FIRST);
+        assert_eq!(together.of("GS"), Look::number(1, 0));
+    }
+
+    #[test]
+    fn usual_methods_never_look_alike() {
+        let labels = METHODS.iter().flat_map(|word| USUAL.map(|rest| format!("{word} {rest}")));
+        let looks: Vec<Look> =
+            labels.map(|label| Look::of(&label)).map(|(colour, variant)| Look::number(colour, variant)).collect();
+        for (index, look) in looks.iter().enumerate() {
+            assert!(!looks[..index].contains(look), "{index}: {look:?}");
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! Charts of numbers: lines, rows, bars and heat maps. Each method has a colour, a dash and a marker, so that charts
 //! can be read in black and white too.
 //!
-//! - `lines`, `rows`, `bars`, `heat`: the four kinds of charts.
+//! - `lines`, `rows`, `named`, `bars`, `heat`: the five kinds of charts.
 //! - `legend`: samples with labels; `look`: colour, dash and marker of each method.
 
 mod bars;
@@ -9,10 +9,12 @@ mod heat;
 mod legend;
 mod lines;
 mod look;
+mod named;
 mod rows;
 
 pub use bars::{Bar, BarChart, Cluster, Scale};
 pub use heat::{Cell, HeatMap, Panel};
 pub use lines::{Axis, Level, Line, LineChart, LinePoint, MOST_BANDS, Mark};
 pub use look::{Look, Looks, Marker};
+pub use named::{NamedChart, Series};
 pub use rows::{Row, RowChart};

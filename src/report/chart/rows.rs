@@ -4,7 +4,7 @@ use anyhow::Result;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use super::legend::wrapped;
+use super::legend;
 use super::lines::Axis;
 use super::look::{Dash, Look, Marker, mark, stroke};
 use crate::drawing::{BoundedAxis, INK, Svg, draw_mesh, px, text};
@@ -45,7 +45,7 @@ pub struct RowChart {
 
 impl RowChart {
     pub fn draw(&self) -> Result<Svg> {
-        let labels: Vec<Vec<String>> = self.rows.iter().map(|row| wrapped(&row.label, WRAP)).collect();
+        let labels: Vec<Vec<String>> = self.rows.iter().map(|row| legend::in_lines(&row.label, WRAP)).collect();
         let heights: Vec<u32> = labels.iter().map(|lines| (lines.len() as u32 * LINE + 10).max(26)).collect();
         let all: u32 = heights.iter().sum();
         let middles: Vec<f64> = (0..heights.len())

@@ -2,13 +2,16 @@
 
 use anyhow::Result;
 
-use super::{comparable, ends, plain, return_axis, shows_seeds, time_unit};
+use super::{comparable, ends, label_with_runs, plain, return_axis, shows_seeds, time_unit};
 use crate::base::statistics::difference::Difference;
 use crate::base::statistics::{Bounds, ENOUGH_SEEDS, Spread};
 use crate::domain::{FirstRow, Map};
 use crate::drawing::Svg;
 use crate::records::run_record::Returns;
-use crate::report::chart::{Axis, Bar, BarChart, Cell, Cluster, HeatMap, Looks, Panel, Row, RowChart, Scale};
+use crate::report::chart::{
+    Axis, Bar, BarChart, Cell, Cluster, HeatMap, Looks, NamedChart, Panel, Row, RowChart, Scale, Series,
+};
+use crate::report::family::Family;
 use crate::report::finals::{Final, Runtime};
 use crate::report::group::{Comparison, Group, steps_text};
 use crate::report::paper;
@@ -59,8 +62,9 @@ pub fn ablation(comparison: &Comparison) -> Option<Result<Svg>> {
     Some(chart.draw())
 }
 
-/// Draws the final returns of a domain, a cluster per size.
-pub fn final_bars(domain: &str, comparisons: &[&Comparison], looks: &Looks) -> Result<Svg> {
+/// Draws the final returns of a family, a cluster per size.
+pub fn final_bars(family: &Family, looks: &Looks) -> Result<Svg> {
+    let comparisons = &family.comparisons[..];
     let clusters = clusters(comparisons, |comparison, group| {
         let end = Final::of(group)?;
         let paper = paper::final_return(&comparison.scenario, group.simulator(), group.method.retraining);
@@ -74,7 +78,7 @@ pub fn final_bars(domain: &str, comparisons: &[&Comparison], looks: &Looks) -> R
         })
     });
     let chart = BarChart {
-        title: format!("Final return, {}", domain),
+        title: format!("Final return, {}", family.title),
         x_label: "agents".to_owned(),
         y: return_axis(comparisons[0]),
         format: figure,
@@ -85,13 +89,15 @@ pub fn final_bars(domain: &str, comparisons: &[&Comparison], looks: &Looks) -> R
     chart.draw()
 }
 
-/// Draws the runtimes of a domain, a cluster per size.
-pub fn runtime_bars(domain: &str, comparisons: &[&Comparison], looks: &Looks) -> Result<Svg> {
+/// Draws the runtimes of a family, a cluster per size; `None` if no run has trained yet.
+pub fn runtime_bars(family: &Family, looks: &Looks) -> Result<Option<Svg>> {
+    let comparisons = &family.comparisons[..];
     let groups = comparisons.iter().flat_map(|comparison| &comparison.groups);
     let longest = groups.filter_map(|group| Some(Runtime::of(group)?.total.mean)).fold(0.0, f64::max);
     let (unit, seconds) = time_unit(longest);
     let clusters = clusters(comparisons, |comparison, group| {
-        let time = Runtime::of(group)?;
+        // A run that has not trained yet has no place on an axis of powers.
+        let time = Runtime::of(group).filter(|time| time.total.mean > 0.0)?;
         let paper = paper::runtime(&comparison.scenario, group.simulator(), group.method.retraining);
         let total = &time.total;
         Some(Bar {
@@ -103,8 +109,11 @@ pub fn runtime_bars(domain: &str, comparisons: &[&Comparison], looks: &Looks) ->
             paper: paper.filter(|_| comparable(time.steps, paper::STEPS)).map(|paper| paper.total * 3600.0 / seconds),
         })
     });
+    if clusters.iter().all(|cluster| cluster.bars.is_empty()) {
+        return Ok(None);
+    }
     let chart = BarChart {
-        title: format!("Runtime, {}", domain),
+        title: format!("Runtime, {}", family.title),
         x_label: "agents".to_owned(),
         y: Axis { label: format!("{unit}, powers of 2"), format: plain },
         format: short,
@@ -115,7 +124,7 @@ pub fn runtime_bars(domain: &str, comparisons: &[&Comparison], looks: &Looks) ->
             .join("; "),
         clusters,
     };
-    chart.draw()
+    chart.draw().map(Some)
 }
 
 /// Writes a difference like [`difference`], but shorter, to fit a picture. With few seeds: `+4.1 (+3.0, +5.0, +4.3)`,
@@ -174,13 +183,19 @@ fn clusters(comparisons: &[&Comparison], bar: impl Fn(&Comparison, &Group) -> Op
     clusters.collect()
 }
 
-/// Draws every agent of a scenario at the end of its runs; `None` if nothing was evaluated.
-pub fn agents(comparison: &Comparison) -> Result<Option<Svg>> {
+/// Draws every agent of a scenario at the end of its runs: in rows if it is in rows there, else by its name. `None` if
+/// nothing was evaluated.
+pub fn agents(comparison: &Comparison, looks: &Looks) -> Result<Option<Svg>> {
+    match comparison.map() {
+        Some(map) => agents_in_rows(comparison, map),
+        None => agents_by_name(comparison, looks),
+    }
+}
+
+fn agents_in_rows(comparison: &Comparison, map: Map) -> Result<Option<Svg>> {
     let mut groups = Vec::new();
     for group in &comparison.groups {
-        let (Some(end), Some(run)) = (Final::of(group), group.runs.first()) else { continue };
-        let map = run.scenario.as_ref().and_then(|scenario| scenario.map);
-        let map = map.unwrap_or_else(|| square(comparison.scenario.agents));
+        let Some(end) = Final::of(group) else { continue };
         let panel = |label: String, agents: Vec<(f64, bool)>| Panel { label, rows: on_the_map(&agents, map) };
         let mut panels = Vec::new();
         if end.agents_of_runs.len() > 1 {
@@ -207,11 +222,35 @@ pub fn agents(comparison: &Comparison) -> Result<Option<Svg>> {
     map.draw().map(Some)
 }
 
-/// Returns rows and columns for agents whose grid is not known: a square if their number is one, else a single row.
-fn square(agents: usize) -> Map {
-    let side = agents.isqrt();
-    let (rows, columns) = if side * side == agents { (side, side) } else { (1, agents) };
-    Map { rows, columns, first_row: FirstRow::Top }
+/// Largest number of agents in a picture by name. Of more, those with the lowest returns are drawn.
+const MOST_NAMED: usize = 40;
+
+fn agents_by_name(comparison: &Comparison, looks: &Looks) -> Result<Option<Svg>> {
+    let ends: Vec<(&Group, Final)> =
+        comparison.groups.iter().filter_map(|group| Some((group, Final::of(group)?))).collect();
+    let Some(run) = ends.first().and_then(|(group, _)| group.runs.first()) else { return Ok(None) };
+    let all = comparison.scenario.agents;
+    let mean_of = |agent: usize| ends.iter().map(|(_, end)| end.agent_means[agent]).sum::<f64>();
+    let mut order: Vec<usize> = (0..all).collect();
+    order.sort_by(|&one, &other| mean_of(one).total_cmp(&mean_of(other)));
+    order.truncate(MOST_NAMED);
+    let series = ends.iter().map(|(group, end)| {
+        let stuck = |agent: usize| end.stuck.iter().any(|stuck| stuck.agent == agent);
+        Series {
+            label: label_with_runs(comparison, group),
+            look: looks.of(&group.label()),
+            values: order.iter().map(|&agent| (end.agent_means[agent], stuck(agent))).collect(),
+        }
+    });
+    let fewer = if order.len() < all { format!("; the {} lowest of {all}", order.len()) } else { String::new() };
+    let chart = NamedChart {
+        title: format!("{}: every agent at the end", comparison.heading()),
+        x: return_axis(comparison),
+        names: order.iter().map(|&agent| run.about.agent_name(agent)).collect(),
+        series: series.collect(),
+        note: format!("means over seeds, the lowest at the top; cross: stuck{fewer}"),
+    };
+    chart.draw().map(Some)
 }
 
 /// Arranges agents row by row. `upwards`: agent 0 is in the bottom row.
@@ -238,6 +277,5 @@ mod tests {
         };
         assert_eq!(values(FirstRow::Bottom), [[3.0, 4.0, 5.0], [0.0, 1.0, 2.0]]);
         assert_eq!(values(FirstRow::Top), [[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]]);
-        assert_eq!([square(25), square(6)].map(|map| (map.rows, map.columns)), [(5, 5), (1, 6)]);
     }
 }

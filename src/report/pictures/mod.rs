@@ -8,7 +8,8 @@ mod by_cores;
 mod over_time;
 
 use super::chart::Axis;
-use super::group::Comparison;
+use super::group::{Comparison, Group};
+use crate::base::counted;
 use crate::base::statistics::{Bounds, ENOUGH_SEEDS};
 
 pub use at_the_end::{ablation, agents, final_bars, runtime_bars};
@@ -18,12 +19,17 @@ pub use over_time::{Against, cross_entropy, learning};
 fn return_axis(comparison: &Comparison) -> Axis {
     let episode = &comparison.scenario.episode;
     let label = format!("mean return of an agent, {} {}", episode.length, episode.unit);
-    Axis { label, format: |value| if value.abs() >= 50.0 { format!("{value:.0}") } else { format!("{value:.1}") } }
+    Axis { label, format: plain }
 }
 
 /// Whether a chart shows the single seeds: several, but too few for an interval.
 fn shows_seeds(runs: usize) -> bool {
     (2..ENOUGH_SEEDS).contains(&runs)
+}
+
+/// Returns the label of a group in a picture, with the number of its runs.
+fn label_with_runs(comparison: &Comparison, group: &Group) -> String {
+    format!("{} ({})", comparison.short_label(group), counted(group.runs.len(), "run"))
 }
 
 fn ends(Bounds { low, high }: Bounds) -> (f64, f64) {

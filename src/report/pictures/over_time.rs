@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 
-use super::{ends, plain, return_axis, shows_seeds, time_unit};
+use super::{ends, label_with_runs, plain, return_axis, shows_seeds, time_unit};
 use crate::base::statistics::{ENOUGH_SEEDS, Spread};
 use crate::drawing::Svg;
 use crate::report::chart::{Axis, Level, Line, LineChart, LinePoint, Looks, MOST_BANDS, Mark};
@@ -130,11 +130,6 @@ fn draw(mut chart: LineChart, comparison: &Comparison, looks: &Looks) -> Result<
 
 fn point_of(x: f64, spread: &Spread, group: &Group) -> LinePoint {
     LinePoint { x, y: spread.mean, band: spread.interval.map(ends), whole: spread.runs() == group.runs.len() }
-}
-
-fn label_with_runs(comparison: &Comparison, group: &Group) -> String {
-    let runs = group.runs.len();
-    format!("{} ({runs} {})", comparison.short_label(group), if runs == 1 { "run" } else { "runs" })
 }
 
 /// Returns the levels of the hand-coded controllers: those measured here, and the paper's.

@@ -1,0 +1,16 @@
+//! What an environment says of an agent.
+
+use dials_traffic::domain::Kind;
+use serde_json::{Map, Value, json};
+
+/// Describes an agent: its name, its kind, and the shapes of what it sees and does.
+pub fn describe(name: &str, kind: &Kind) -> Map<String, Value> {
+    let keys = [
+        ("name", json!(name)),
+        ("kind", json!(kind.name)),
+        ("obs_dim", json!(kind.spec.obs_dim)),
+        ("n_actions", json!(kind.spec.n_actions)),
+        ("masks", json!(kind.spec.masks)),
+    ];
+    keys.map(|(key, value)| (key.to_owned(), value)).into_iter().collect()
+}

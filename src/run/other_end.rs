@@ -1,0 +1,47 @@
+//! `train --resume RUN --steps N`: a run gets another end.
+
+use std::path::Path;
+
+use anyhow::{Result, ensure};
+
+use crate::config::resume::with_end;
+use crate::config::{Config, LARGEST_FILE as LARGEST_CONFIG, load, rest_of_schedule};
+use crate::outside::{Directory, read_text};
+use crate::records::files;
+use crate::records::resume_point::ResumePoint;
+use crate::records::run_record::RunRecord;
+use crate::terminal::tell;
+
+/// Makes the run end at step `steps`, by its config. Returns the text of the config before.
+pub fn end_at(directory: &Directory, steps: u64) -> Result<String> {
+    let path = directory.path().join(files::CONFIG);
+    let config = load(&path, &[])?;
+    ensure!(
+        steps <= config.total_steps,
+        "--steps {steps}: this run can go to step {0} only, because its learning rate and clip range have decayed to \
+         nothing there (total_steps = {0}); for a longer one begin a new run with --set total_steps={steps}",
+        config.total_steps
+    );
+    let text = read_text(&path, LARGEST_CONFIG)?;
+    directory.write(files::CONFIG, with_end(&text, steps).as_bytes())?;
+    Ok(text)
+}
+
+/// Says so if the resumed run loses an evaluation: that of an earlier end at which the longer run is not evaluated. The
+/// files of a resumed run are those of a run that was never stopped.
+pub fn tell_of_lost_evaluation(dir: &Path, config: &Config, point: &ResumePoint) {
+    let Some(checkpoint) = &point.checkpoint else { return };
+    let (steps, standing) = (checkpoint.agents.steps, &checkpoint.progress.standing);
+    let rest = rest_of_schedule(config, standing.until);
+    // Without a rest the run ends here, with an evaluation.
+    let comes_again = rest.first().is_none_or(|next| next.evaluate) || standing.evaluated_at == Some(steps);
+    let was_evaluated = || RunRecord::read(dir).is_ok_and(|run| run.evaluation_at(steps).is_some());
+    if !comes_again && was_evaluated() {
+        tell(format_args!(
+            "note: {} loses the evaluation at step {steps}, the earlier end of this run.\n  A run that goes on is not \
+             evaluated there (evaluation.every_steps = {}).",
+            files::RETURNS,
+            config.evaluation.every_steps
+        ));
+    }
+}
