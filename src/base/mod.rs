@@ -5,7 +5,7 @@
 //! - `rows`, `ragged`, `compact`: tables of one width, of rows of different widths, and of bits.
 //! - `units`: ids of agents and other units; `vectors`: the width of vector registers.
 //! - `stopwatch`: time by activity and phase; `work`: where a long computation reports its times and its progress.
-//! - `counted`: numbers of things, in the singular or the plural.
+//! - `counted`: numbers of things, in the singular or the plural; `wrapped`: text in lines of a limited width.
 //! - `features`: the features of this build, and how to get another one.
 //! - [`statistics`]: means, intervals and differences.
 
@@ -21,6 +21,7 @@ mod stopwatch;
 mod units;
 mod vectors;
 mod work;
+mod wrapped;
 
 pub use compact::CompactRows;
 pub use counted::counted;
@@ -33,3 +34,4 @@ pub use stopwatch::{Activity, Phase, Stopwatch, Timesheet};
 pub use units::AgentId;
 pub use vectors::VectorWidth;
 pub use work::Work;
+pub use wrapped::{for_terminal, wrapped};

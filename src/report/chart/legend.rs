@@ -5,6 +5,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::look::{Dash, Look, mark, stroke};
+use crate::base::wrapped;
 use crate::drawing::{Area, INK, ink_over, px, text};
 
 const SIZE: f64 = 12.0;
@@ -67,33 +68,4 @@ pub fn draw(area: &Area, entries: &[LegendEntry]) -> Result<()> {
 pub fn height(entries: &[LegendEntry]) -> u32 {
     let lines: usize = entries.iter().map(|entry| wrapped(&entry.label, WRAP).len()).sum();
     (lines as f64 * LINE_HEIGHT + entries.len() as f64 * 5.0 + 20.0) as u32
-}
-
-/// Breaks a label at blanks into lines of at most `characters` characters, if its words are not longer.
-pub fn wrapped(label: &str, characters: usize) -> Vec<String> {
-    let mut lines: Vec<String> = Vec::new();
-    for word in label.split(' ') {
-        match lines.last_mut() {
-            Some(line) if line.chars().count() + 1 + word.chars().count() <= characters => {
-                line.push(' ');
-                line.push_str(word);
-            }
-            _ => lines.push(word.to_owned()),
-        }
-    }
-    lines
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn long_labels_are_broken_at_blanks() {
-        assert_eq!(wrapped("DIALS F=1M", 29), ["DIALS F=1M"]);
-        assert_eq!(
-            wrapped("DIALS F=1M, local_simulators.copies=1, ppo.clip=0.2", 29),
-            ["DIALS F=1M,", "local_simulators.copies=1,", "ppo.clip=0.2"]
-        );
-    }
 }

@@ -7,6 +7,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::legend::{self, LegendEntry, LegendSample};
 use super::look::{Dash, Look, Marker, mark, stroke};
+use crate::base::wrapped;
 use crate::drawing::{Area, BoundedAxis, INK, SCALE, Svg, draw_mesh, pen, px, text, text_width};
 
 const WIDTH: u32 = 860;
@@ -165,7 +166,7 @@ impl LineChart {
         let entries = self.legend_against(reference, of_reference, of_other);
         let legend_columns: Vec<&[LegendEntry]> = entries.chunks(entries.len().div_ceil(COLUMNS).max(1)).collect();
         let legend_height = legend_columns.iter().map(|entries| legend::height(entries)).max().unwrap_or(0);
-        let titles: Vec<Vec<String>> = panels.iter().map(|panel| legend::wrapped(&panel.title, PANEL_WRAP)).collect();
+        let titles: Vec<Vec<String>> = panels.iter().map(|panel| wrapped(&panel.title, PANEL_WRAP)).collect();
         let title_heights: Vec<u32> = titles
             .chunks(COLUMNS)
             .map(|row| row.iter().map(Vec::len).max().unwrap_or(1) as u32 * PANEL_LINE + 8)

@@ -4,9 +4,9 @@ use anyhow::Result;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use super::legend::wrapped;
 use super::lines::Axis;
 use super::look::{Dash, Look, Marker, mark, stroke};
+use crate::base::wrapped;
 use crate::drawing::{BoundedAxis, INK, Svg, draw_mesh, px, text};
 
 const WIDTH: u32 = 860;
