@@ -7,7 +7,7 @@ use std::process::Command;
 
 use assert_cmd::cargo::CommandCargoExt;
 use clap::Parser;
-use dials_traffic::cli::Cli;
+use dials_traffic::cli::{self, Cli};
 use dials_traffic::config;
 use dials_traffic::experiment::file::ExperimentFile;
 use toml::{Table, Value};
@@ -249,6 +249,29 @@ fn the_glossary_is_in_order_and_has_every_word_that_newcomers_ask_for() {
     }
     for page in ["docs/README.md", "docs/guide.md"] {
         assert!(read(page).contains("](glossary.md)"), "{page} does not lead to the glossary");
+    }
+}
+
+#[test]
+fn the_glossary_and_the_help_say_when_an_agent_is_stuck_as_the_domains_count_it() {
+    let page = read("docs/glossary.md");
+    let row = page.lines().find_map(|line| line.strip_prefix("| stuck | ")?.strip_suffix(" |")).unwrap();
+    assert_eq!(row, cli::STUCK);
+    for (file, limit, words) in [
+        ("traffic/ground/on_grid.rs", "const STUCK_ABOVE: f64 = 0.75;", "over 75 % of green steps (grids)"),
+        (
+            "traffic/ground/on_scenario.rs",
+            "const STUCK_BELOW: f64 = 1.0 / 300.0;",
+            "over 5 minutes on average (scenarios)",
+        ),
+        ("warehouse/mod.rs", "const STUCK_BELOW: f64 = 0.5;", "under 0.5 items an episode"),
+    ] {
+        assert!(read(&format!("src/{file}")).contains(limit) && row.contains(words), "{file}: {limit} and {row}");
+    }
+    for command in ["evaluate", "baseline", "compare"] {
+        let help = Command::cargo_bin("dials-traffic").unwrap().args([command, "--help"]).output().unwrap();
+        let help = String::from_utf8(help.stdout).unwrap();
+        assert!(help.split_whitespace().collect::<Vec<_>>().join(" ").contains(row), "{command}: {help}");
     }
 }
 
