@@ -34,4 +34,4 @@ pub use stopwatch::{Activity, Phase, Stopwatch, Timesheet};
 pub use units::AgentId;
 pub use vectors::VectorWidth;
 pub use work::Work;
-pub use wrapped::{for_terminal, wrapped};
+pub use wrapped::{TERMINAL_COLUMNS, for_terminal, wrapped};

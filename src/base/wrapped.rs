@@ -1,7 +1,7 @@
 //! Text in lines of a limited width.
 
 /// Columns of the narrowest terminal that messages are written for.
-const TERMINAL: usize = 80;
+pub const TERMINAL_COLUMNS: usize = 80;
 /// Columns by which the further lines of a broken line are indented.
 const INDENT: usize = 2;
 
@@ -22,12 +22,12 @@ pub fn wrapped(label: &str, characters: usize) -> Vec<String> {
 
 /// Breaks a line so that it fits a terminal of 80 columns, if its words do. The further lines are indented.
 pub fn for_terminal(line: &str) -> String {
-    if line.chars().count() <= TERMINAL {
+    if line.chars().count() <= TERMINAL_COLUMNS {
         return line.to_owned();
     }
     let words = line.trim_start_matches(' ');
     let margin = " ".repeat(line.len() - words.len());
-    let lines = wrapped(words, TERMINAL - margin.len() - INDENT);
+    let lines = wrapped(words, TERMINAL_COLUMNS - margin.len() - INDENT);
     format!("{margin}{}", lines.join(&format!("\n{margin}{}", " ".repeat(INDENT))))
 }
 
