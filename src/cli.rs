@@ -251,7 +251,7 @@ pub struct BenchArgs {
     /// Measure with 1, 2, 4, ... and N worker processes [default: the number of cores]
     #[arg(long, value_parser = RangedU64ValueParser::<usize>::new().range(1..=MOST_WORKERS))]
     pub workers: Option<usize>,
-    /// Approximate measuring time for each number of workers; making them ready takes time on top
+    /// Approximate measuring time for each number of workers; the command begins with how long the whole takes
     #[arg(long, value_name = "SECONDS", default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..=86_400))]
     pub seconds: u64,
     /// Simulator and predictor that the policies train with; overrides the config
