@@ -361,6 +361,41 @@ fn every_shell_command_of_the_docs_can_be_typed() {
     assert!(parsed > 20, "only {parsed} commands were found");
 }
 
+/// Returns what a shell block writes: the words after options that name outputs, and after `>`.
+fn outputs(block: &str) -> Vec<&str> {
+    const OPTIONS: [&str; 7] = ["--out", "--plot", "--csv", "--render", "--video", "--save-configuration", ">"];
+    let words: Vec<&str> = block.split_whitespace().collect();
+    words
+        .windows(2)
+        .filter(|pair| OPTIONS.contains(&pair[0]))
+        .map(|pair| pair[1].trim_matches(['\'', ')', ';']))
+        .collect()
+}
+
+#[test]
+fn what_the_commands_of_the_docs_leave_behind_is_not_taken_for_sources() {
+    let ignored = read(".gitignore");
+    let is_ignored = |output: &str| {
+        let first = output.split('/').next().unwrap();
+        ignored.lines().filter_map(|line| line.strip_prefix('/')).any(|pattern| match pattern.split_once('*') {
+            Some((begins, ends)) => first.starts_with(begins) && first.ends_with(ends),
+            None => first == pattern,
+        })
+    };
+    assert!(!is_ignored("src") && is_ignored("runs/a") && is_ignored("town.mp4"));
+    let mut checked = 0;
+    for page in pages().iter().filter(|page| *page == "README.md" || page.starts_with("docs/")) {
+        let text = read(page);
+        for output in shell_blocks(&text).into_iter().flat_map(outputs) {
+            // Results and pictures that are kept.
+            let is_kept = ["results/", "docs/", "/", "$"].iter().any(|begins| output.starts_with(begins));
+            assert!(is_kept || is_ignored(output), "{page}: .gitignore has no line for {output}");
+            checked += 1;
+        }
+    }
+    assert!(checked > 15, "only {checked} outputs were found");
+}
+
 /// A config for each domain, and for both ways of traffic, with only the required keys.
 const DOMAINS: [&str; 3] = [
     "[traffic]\nnetwork = 'n'\nlocal_network = 'l'\n",
