@@ -15,7 +15,7 @@ use super::places::Existing;
 use super::run_name::default_dir;
 use super::team::{Plan, Team};
 use super::watch::Beside;
-use crate::base::counted;
+use crate::base::{counted, for_terminal};
 use crate::cli;
 use crate::config::resume::with_end;
 use crate::config::{Config, LARGEST_FILE as LARGEST_CONFIG, load};
@@ -162,11 +162,11 @@ impl Run {
         let most = most_workers(&self.config, self.domain.agents());
         let Some((asked, words)) = asked else { return cores().min(most) };
         if asked > most {
-            tell(format_args!(
+            tell(for_terminal(&format!(
                 "note: {words}: starting {most}, because there are {} and never more than {most} episodes or agents \
                  to share out",
                 counted(self.domain.agents(), "agent")
-            ));
+            )));
         }
         asked.min(most)
     }
