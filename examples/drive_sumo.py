@@ -4,12 +4,16 @@
     pip install libsumo numpy safetensors
     python3 examples/drive_sumo.py town.sumocfg lights.json runs/town/policies.safetensors
 
-It decides greedily, every 5 s as by default. With `import traci as libsumo` it drives SUMO in another process.
+It decides greedily, every 5 s as by default, and prints the mean delay of all cars, as `dials-traffic evaluate` does.
+The last argument may be a seed for SUMO: that in the .sumocfg of a replay gives the traffic of that episode. With
+`import traci as libsumo` it drives SUMO in another process.
 """
 
 import json
 import sys
+import tempfile
 from pathlib import Path
+from xml.etree import ElementTree
 
 import libsumo
 import numpy as np
@@ -55,10 +59,24 @@ class Light:
         libsumo.trafficlight.setRedYellowGreenState(self.plan["light"], state)
 
 
-def drive(config, lights, policies, seed=0):
-    """Play a scenario. Yield what all lights saw, `[lights, columns]`, and what they did then."""
-    libsumo.start(["sumo", "-c", str(config), "--seed", str(seed), "--no-step-log", "--no-warnings"])
+def drive(config, lights, policies, seed=0, trips=None):
+    """Play a scenario. Yield what all lights saw, `[lights, columns]`, and what they did then.
+
+    SUMO writes the trip of every car into the file `trips`, if there is one.
+    """
     told, stack, states = json.loads(Path(lights).read_text()), load_file(policies), None
+    known = stack.get("gru.input_weight", stack["layers.0.weight"]).shape[:2]
+    there = len(told["learning"]), told["kind"]["columns"]
+    if known != there:
+        raise SystemExit(
+            f"{policies}: is of {known[0]} lights that see {known[1]} columns, and {lights} has {there[0]} that see "
+            f"{there[1]}; train on this scenario itself: dials-traffic train {config}"
+        )
+    options = ["--seed", str(seed), "--no-step-log", "--no-warnings"]
+    if trips:
+        options += ["--tripinfo-output", str(trips), "--precision", "6"]
+        options += [f"--tripinfo-output.write-{which}" for which in ("unfinished", "undeparted")]
+    libsumo.start(["sumo", "-c", str(config), *options])
     lights = [Light(plan, told["min_green_s"]) for plan in told["learning"]]
     try:
         while libsumo.simulation.getTime() + DECISION_S <= libsumo.simulation.getEndTime():
@@ -75,5 +93,14 @@ def drive(config, lights, policies, seed=0):
         libsumo.close()
 
 
+def delay_s(trips):
+    """Return the mean delay of all cars, as `docs/figures.md` defines it: on the way, and before they could enter."""
+    cars = list(ElementTree.parse(trips).iter("tripinfo"))
+    return sum(float(car.get(lost)) for car in cars for lost in ("timeLoss", "departDelay")) / max(len(cars), 1)
+
+
 if __name__ == "__main__":
-    print(f"{len(list(drive(*sys.argv[1:])))} decisions")
+    with tempfile.TemporaryDirectory() as folder:
+        trips = Path(folder) / "trips.xml"
+        decisions = len(list(drive(*sys.argv[1:], trips=trips)))
+        print(f"{decisions} decisions, delay_s {delay_s(trips):.2f}")

@@ -11,6 +11,9 @@ use clap_complete::Shell;
 const MOST_WORKERS: u64 = 4096;
 /// Longest patience in seconds.
 const A_YEAR_S: u64 = 365 * 24 * 3600;
+/// The definition in the glossary. A test compares them, and the limits with those of the domains.
+pub const STUCK: &str = "An agent is stuck if its light switches in over 75 % of green steps (grids), or its greens last \
+                         over 5 minutes on average (scenarios), or its robot collects under 0.5 items an episode.";
 
 /// Multi-agent traffic-light control with distributed influence-augmented local simulators (DIALS) on SUMO.
 ///
@@ -159,6 +162,7 @@ pub enum SimulatorName {
 }
 
 #[derive(Debug, Args)]
+#[command(after_help = STUCK)]
 pub struct EvaluateArgs {
     /// Run directory written by `train`
     pub run_dir: PathBuf,
@@ -190,6 +194,7 @@ pub struct ExportArgs {
 }
 
 #[derive(Debug, Args)]
+#[command(after_help = STUCK)]
 pub struct BaselineArgs {
     /// Config file, or a .sumocfg; its network and horizon are used
     pub config: PathBuf,
@@ -246,7 +251,7 @@ pub struct BenchArgs {
     /// Measure with 1, 2, 4, ... and N worker processes [default: the number of cores]
     #[arg(long, value_parser = RangedU64ValueParser::<usize>::new().range(1..=MOST_WORKERS))]
     pub workers: Option<usize>,
-    /// Approximate measuring time for each number of workers; making them ready takes time on top
+    /// Approximate measuring time for each number of workers; the command begins with how long the whole takes
     #[arg(long, value_name = "SECONDS", default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..=86_400))]
     pub seconds: u64,
     /// Simulator and predictor that the policies train with; overrides the config
@@ -394,6 +399,7 @@ pub struct WatchArgs {
 }
 
 #[derive(Debug, Args)]
+#[command(after_help = STUCK)]
 pub struct CompareArgs {
     /// Run directory, folder of runs or pattern such as 'runs/x-seed*'; separate several by commas
     pub a: String,
@@ -469,25 +475,8 @@ pub enum NetsCommand {
         #[arg(long)]
         force: bool,
     },
-    /// Show what becomes of the lights of a SUMO network: greens, yellows, approaches, exits, observation columns, and
-    /// which lights keep their program and why
-    Inspect {
-        /// Scenario or net of SUMO
-        #[arg(value_name = "FILE.sumocfg|FILE.net.xml")]
-        file: PathBuf,
-        /// What to change for some lights: docs/networks.md
-        #[arg(long, value_name = "AGENTS_TOML")]
-        agents: Option<PathBuf>,
-        /// Print one JSON object instead of text
-        #[arg(long)]
-        json: bool,
-        /// Draw a map of the lights and their regions into this directory
-        #[arg(long, value_name = "DIR")]
-        plot: Option<PathBuf>,
-        /// If the directory of --plot exists, move it aside instead of refusing
-        #[arg(long, requires = "plot")]
-        force: bool,
-    },
+    /// Show what becomes of the lights of a SUMO network: which learn and which keep their program, with a line for each
+    Inspect(InspectArgs),
     /// Write the single intersection of the local simulators
     Local {
         /// Output directory
@@ -497,4 +486,29 @@ pub enum NetsCommand {
         #[arg(long)]
         force: bool,
     },
+}
+
+#[derive(Debug, Args)]
+pub struct InspectArgs {
+    /// Scenario or net of SUMO
+    #[arg(value_name = "FILE.sumocfg|FILE.net.xml")]
+    pub file: PathBuf,
+    /// Show this light in full: greens, yellows, approaches, exits, observation columns
+    #[arg(long, value_name = "ID", conflicts_with_all = ["all", "json"])]
+    pub light: Option<String>,
+    /// Show all lights in full
+    #[arg(long, conflicts_with = "json")]
+    pub all: bool,
+    /// What to change for some lights: docs/networks.md
+    #[arg(long, value_name = "AGENTS_TOML")]
+    pub agents: Option<PathBuf>,
+    /// Print one JSON object instead of text, with all lights in full
+    #[arg(long)]
+    pub json: bool,
+    /// Draw a map of the lights and their regions into this directory
+    #[arg(long, value_name = "DIR")]
+    pub plot: Option<PathBuf>,
+    /// If the directory of --plot exists, move it aside instead of refusing
+    #[arg(long, requires = "plot")]
+    pub force: bool,
 }

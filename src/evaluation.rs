@@ -76,7 +76,7 @@ pub struct Evaluation {
     pub returns: Rows<f64>,
     /// Means over the episodes.
     pub measures: Measures,
-    /// Whether each agent is stuck in a degenerate behaviour.
+    /// Whether each agent is stuck; the glossary says when.
     pub stuck: Vec<bool>,
 }
 

@@ -391,7 +391,11 @@ fn bad_configs_are_refused_and_nothing_is_written() {
         &["--set", "aip.retrain=drift"],
         &["aip.retrain = \"drift\": needs the loss", "set evaluation.aip_loss_episodes"],
     );
-    refused(&good, &["--set", "aip.retrain=sometimes"], &["aip.retrain: unknown variant `sometimes`", "`drift`"]);
+    refused(
+        &good,
+        &["--set", "aip.retrain=sometimes"],
+        &["aip.retrain: `sometimes` is no allowed value; allowed: ", "`drift`"],
+    );
     refused(&good, &["--set", "evaluation.every_steps=64"], &["must be at least ppo.memory = 128"]);
     refused(&good, &["--set", "total_steps=9000000000000000000"], &["must be at most 1000000000000000"]);
     refused(
@@ -866,7 +870,11 @@ fn some_agents_are_evaluated_in_front_of_a_hand_coded_background() {
 
     assert_refused(
         &mut evaluate(&["--background", "never", "--agents", "0,4"]),
-        &["--agents: there is no agent `4`; the agents are 0 to 3, or r0c0 to r1c1"],
+        &["--agents: there is no agent `4`; the agents are 0 to 3, by name r0c0, r0c1, r1c0, r1c1"],
+    );
+    assert_refused(
+        &mut evaluate(&["--background", "never", "--agents", "r0c9"]),
+        &["--agents: there is no agent `r0c9`, but `r0c0`, `r0c1`, `r1c0`; the agents are 0 to 3"],
     );
     assert_refused(&mut evaluate(&["--background", "fastest", "--agents", "0"]), &["controller `fastest`: unknown"]);
     evaluate(&["--background", "never"]).assert().code(2);

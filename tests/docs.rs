@@ -7,7 +7,7 @@ use std::process::Command;
 
 use assert_cmd::cargo::CommandCargoExt;
 use clap::Parser;
-use dials_traffic::cli::Cli;
+use dials_traffic::cli::{self, Cli};
 use dials_traffic::config;
 use dials_traffic::experiment::file::ExperimentFile;
 use toml::{Table, Value};
@@ -252,6 +252,29 @@ fn the_glossary_is_in_order_and_has_every_word_that_newcomers_ask_for() {
     }
 }
 
+#[test]
+fn the_glossary_and_the_help_say_when_an_agent_is_stuck_as_the_domains_count_it() {
+    let page = read("docs/glossary.md");
+    let row = page.lines().find_map(|line| line.strip_prefix("| stuck | ")?.strip_suffix(" |")).unwrap();
+    assert_eq!(row, cli::STUCK);
+    for (file, limit, words) in [
+        ("traffic/ground/on_grid.rs", "const STUCK_ABOVE: f64 = 0.75;", "over 75 % of green steps (grids)"),
+        (
+            "traffic/ground/on_scenario.rs",
+            "const STUCK_BELOW: f64 = 1.0 / 300.0;",
+            "over 5 minutes on average (scenarios)",
+        ),
+        ("warehouse/mod.rs", "const STUCK_BELOW: f64 = 0.5;", "under 0.5 items an episode"),
+    ] {
+        assert!(read(&format!("src/{file}")).contains(limit) && row.contains(words), "{file}: {limit} and {row}");
+    }
+    for command in ["evaluate", "baseline", "compare"] {
+        let help = Command::cargo_bin("dials-traffic").unwrap().args([command, "--help"]).output().unwrap();
+        let help = String::from_utf8(help.stdout).unwrap();
+        assert!(help.split_whitespace().collect::<Vec<_>>().join(" ").contains(row), "{command}: {help}");
+    }
+}
+
 /// Figures and tables of the paper.
 const FIGURES: u32 = 10;
 const TABLES: u32 = 6;
@@ -336,6 +359,41 @@ fn every_shell_command_of_the_docs_can_be_typed() {
         }
     }
     assert!(parsed > 20, "only {parsed} commands were found");
+}
+
+/// Returns what a shell block writes: the words after options that name outputs, and after `>`.
+fn outputs(block: &str) -> Vec<&str> {
+    const OPTIONS: [&str; 7] = ["--out", "--plot", "--csv", "--render", "--video", "--save-configuration", ">"];
+    let words: Vec<&str> = block.split_whitespace().collect();
+    words
+        .windows(2)
+        .filter(|pair| OPTIONS.contains(&pair[0]))
+        .map(|pair| pair[1].trim_matches(['\'', ')', ';']))
+        .collect()
+}
+
+#[test]
+fn what_the_commands_of_the_docs_leave_behind_is_not_taken_for_sources() {
+    let ignored = read(".gitignore");
+    let is_ignored = |output: &str| {
+        let first = output.split('/').next().unwrap();
+        ignored.lines().filter_map(|line| line.strip_prefix('/')).any(|pattern| match pattern.split_once('*') {
+            Some((begins, ends)) => first.starts_with(begins) && first.ends_with(ends),
+            None => first == pattern,
+        })
+    };
+    assert!(!is_ignored("src") && is_ignored("runs/a") && is_ignored("town.mp4"));
+    let mut checked = 0;
+    for page in pages().iter().filter(|page| *page == "README.md" || page.starts_with("docs/")) {
+        let text = read(page);
+        for output in shell_blocks(&text).into_iter().flat_map(outputs) {
+            // Results and pictures that are kept.
+            let is_kept = ["results/", "docs/", "/", "$"].iter().any(|begins| output.starts_with(begins));
+            assert!(is_kept || is_ignored(output), "{page}: .gitignore has no line for {output}");
+            checked += 1;
+        }
+    }
+    assert!(checked > 15, "only {checked} outputs were found");
 }
 
 /// A config for each domain, and for both ways of traffic, with only the required keys.

@@ -33,24 +33,54 @@ fn a_config_is_described_with_all_that_its_agents_see_do_and_are_paid_for() {
     for line in [
         "configs/traffic_4.toml: 4 agents, episodes of 300 steps",
         "agents: r0c0, r0c1, r1c0, r1c1",
-        "reward of a step: mean speed of the cars on the approaches, as a share of the limit",
+        "reward of a step: mean speed of the cars on the approaches, as a share of the",
+        "  limit",
         "40 observation columns:",
         "2 actions:",
         "4 influence sources:",
         "  4000000 steps per agent, 31250 updates of the policies",
         "  40 evaluations of 20 episodes on the way, one of 100 episodes at the end",
-        "  4 trainings of the predictors, each on 34 episodes of the global simulator, 100 epochs",
+        "  4 trainings of the predictors, each on 34 episodes of the global simulator,",
+        "    100 epochs",
     ] {
         assert!(text.lines().any(|told| told == line), "`{line}` is not in:\n{text}");
     }
     let script =
         if cfg!(feature = "torch") { "`export` makes a TorchScript" } else { "./setup.sh torch && cargo install" };
-    let policies = text.lines().find(|line| line.contains("policies.safetensors")).unwrap();
-    assert!(policies.contains(script), "{policies}");
-    assert!(text.contains(" with 2 workers\n(rough: from runs on two cores of another machine; "), "{text}");
+    let (_, after) = text.split_once("policies.safetensors\n").unwrap();
+    assert!(after.lines().take(2).any(|line| line.trim_start().starts_with(script) || line.contains(script)), "{text}");
+    assert!(
+        text.contains(" with 2 workers\nrough: from runs on two cores of another machine; to measure it here:\n  ")
+    );
 
     let on_gs = answer(&["describe", "configs/traffic_4.toml", "--simulator", "gs", "--set", "total_steps=1e6"]);
     assert!(on_gs.contains("  1000000 steps per agent") && !on_gs.contains("influence source"), "{on_gs}");
+}
+
+/// Runs a command of this program as it is found on the PATH, and checks that its lines fit a terminal.
+fn assert_fits_a_terminal(args: &[&str]) {
+    let folder = Path::new(env!("CARGO_BIN_EXE_dials-traffic")).parent().unwrap();
+    let path = format!("{}:{}", folder.display(), std::env::var("PATH").unwrap());
+    let output = program(args).current_dir(root()).env("PATH", path).assert().success().get_output().clone();
+    let [out, err] = said(&output);
+    for line in out.lines().chain(err.lines()) {
+        assert!(line.chars().count() <= 80, "{args:?}: {line}");
+    }
+}
+
+#[test]
+fn what_describes_configs_and_experiments_fits_a_terminal() {
+    for config in ["configs/traffic_4.toml", "configs/smoke_warehouse.toml", "sumo_nets/town/town.sumocfg"] {
+        for simulator in ["dials", "untrained-dials"] {
+            assert_fits_a_terminal(&["describe", config, "--simulator", simulator]);
+        }
+    }
+    let out = tempfile::tempdir().unwrap();
+    let out = out.path().join("runs");
+    // Their names have up to 56 characters.
+    for experiment in ["experiments/clock_25.toml", "experiments/scenarios.toml"] {
+        assert_fits_a_terminal(&["experiment", experiment, "--dry-run", "--out", out.to_str().unwrap()]);
+    }
 }
 
 #[test]
@@ -74,6 +104,8 @@ fn the_words_of_every_reward_are_those_of_the_docs() {
     for name in ["mean-speed", "queue", "pressure", "wait", "diff-waiting-time"] {
         let setting = format!("traffic.reward={name}");
         let text = answer(&["describe", town, "--set", &setting]);
+        // A long line is broken, and goes on further to the right.
+        let text = text.replace("\n  ", " ");
         let words = text.lines().find_map(|line| line.strip_prefix("reward of a step: ")).unwrap().to_owned();
         assert!(page.contains(&format!("| `{name}` | {words} |")), "{name}: {words}");
     }

@@ -327,7 +327,12 @@ fn ctrl_c_stops_at_the_next_exchange_and_a_second_one_at_once() {
     kill_process(pid, Signal::INT).unwrap();
     let (status, said) = ended(coordinator);
     assert_eq!(status.code(), Some(130), "{said}");
-    assert!(said.contains("stopped; resume with: ") && said.contains(" train --resume "), "{said}");
+    assert!(
+        said.contains("stopped; kept up to step ")
+            && said.contains(" per agent; resume with: ")
+            && said.contains(" train --resume "),
+        "{said}"
+    );
     assert_no_orphans(&workers);
 
     let mut command = program();
@@ -505,7 +510,7 @@ fn ctrl_c_is_obeyed_while_a_worker_is_stopped() {
     // Now the evaluation waits for the stopped worker, and stopping loses nothing.
     wait_until_idle(run.process_of(0));
     let (code, said) = coordinator.stopped();
-    assert!(code == Some(130) && said.contains("stopped; resume with: "), "{said}");
+    assert!(code == Some(130) && said.contains(" per agent; resume with: "), "{said}");
 
     // A period that waits for the stopped worker is finished or lost. The user must choose.
     let coordinator = Watched::resume(&run, &[], "resumed");
@@ -515,7 +520,7 @@ fn ctrl_c_is_obeyed_while_a_worker_is_stopped() {
     coordinator.wait_for_words("stopping at the end of this period, where nothing is lost");
     coordinator.wait_for_words("press Ctrl-C again to stop now and lose at most this period");
     let (code, said) = coordinator.stopped();
-    assert!(code == Some(130) && said.contains("stopped; resume with: "), "{said}");
+    assert!(code == Some(130) && said.contains(" per agent; resume with: "), "{said}");
 
     let coordinator = Watched::resume(&run, &["--patience", "5"], "resumed_again");
     let stopped_before_it_begins = wait_for_a_program(&coordinator.process);

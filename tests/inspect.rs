@@ -8,7 +8,7 @@ use serde_json::Value;
 
 fn inspect(args: &[&str]) -> Command {
     let mut command = assert_cmd::cargo::cargo_bin_cmd!("dials-traffic");
-    command.args(["nets", "inspect"]).args(args);
+    command.args(["nets", "inspect"]).args(args).current_dir(env!("CARGO_MANIFEST_DIR"));
     command
 }
 
@@ -29,8 +29,8 @@ fn refusal(args: &[&str]) -> String {
 
 #[test]
 fn a_scenario_and_its_net_are_told_alike_and_for_people() {
-    let told = answer(&[&net("grid_2x2.sumocfg")]);
-    let of_the_net = answer(&[&net("grid_2x2.net.xml")]);
+    let told = answer(&[&net("grid_2x2.sumocfg"), "--all"]);
+    let of_the_net = answer(&[&net("grid_2x2.net.xml"), "--all"]);
     // Only a scenario says on which roads cars depart. So what is told of influence differs, at the end of each light.
     let others = |text: &str| -> Vec<String> {
         let lights = text.split("\nlight ").map(|light| light.split(" influence sources:\n").next().unwrap());
@@ -45,7 +45,7 @@ fn a_scenario_and_its_net_are_told_alike_and_for_people() {
     assert!(of_the_net.contains("sees 73 columns (the d-set) and predicts 12 sources\n"), "{of_the_net}");
     for part in [
         "grid_2x2.net.xml: 4 lights; 4 learn, 0 keep their program\n",
-        "all agents are of one kind: 44 columns, 2 actions; 0 % of the columns are padding\n",
+        "all agents are of one kind: 44 columns (0 % of them padding), 2 actions\n",
         "learns, agent 3\n",
         "  2 greens, and what is shown before another one:\n    0  GrGr\n       yryr 3 s  before 1\n    1  rGrG\n",
         "  4 approach lanes, 4 of them at the stop line:\n",
@@ -56,6 +56,38 @@ fn a_scenario_and_its_net_are_told_alike_and_for_people() {
     ] {
         assert!(told.contains(part), "{part}\n{told}");
     }
+}
+
+#[test]
+fn every_light_has_a_line_and_one_can_be_shown_in_full() {
+    let town = "sumo_nets/town/town.sumocfg".to_owned();
+    let told = answer(&[&town]);
+    assert!(told.lines().count() < 40 && told.lines().all(|line| line.chars().count() <= 80), "{told}");
+    let rows: Vec<Vec<&str>> = told.lines().map(|line| line.split_whitespace().collect()).collect();
+    assert_eq!(rows[0][..5], ["light", "program", "greens", "columns", "approaches"]);
+    assert_eq!(rows[1], ["b2", "static", "2", "64", "8", "learns"]);
+    assert_eq!(rows.iter().filter(|row| row.last() == Some(&"learns")).count(), 20);
+    assert!(told.contains("town.net.xml: 20 lights; 20 learn, 0 keep their program\n"), "{told}");
+
+    let [one, all] = [&["--light", "b2"][..], &["--all"]].map(|more| answer(&[&[&*town], more].concat()));
+    assert!(one.starts_with("light b2: learns, agent 0\n") && all.contains(&one), "{one}");
+    assert!(all.matches("\nlight ").count() == 20 && !one.contains("\nlight "), "{one}");
+    let unknown = refusal(&[&town, "--light", "B2"]);
+    assert!(unknown.contains("no light `B2` is here, but `b2`") && unknown.contains("without the option"), "{unknown}");
+    inspect(&[&town, "--light", "b2", "--all"]).assert().code(2);
+}
+
+#[test]
+fn one_of_our_grids_is_not_taken_for_its_config_without_a_word() {
+    let said = |name: &str, more: &[&str]| {
+        let output = inspect(&[&[&*net(name)], more].concat()).assert().success().get_output().clone();
+        String::from_utf8(output.stderr).unwrap().split_whitespace().collect::<Vec<_>>().join(" ")
+    };
+    for (name, more) in [("grid_2x2.sumocfg", &[][..]), ("grid_2x2.net.xml", &["--json"])] {
+        let told = said(name, more);
+        assert!(told.starts_with("note: this is one of the paper's grids") && told.contains(" 40 columns"), "{told}");
+    }
+    assert_eq!(said("town/town.sumocfg", &[]), "");
 }
 
 #[test]
@@ -86,7 +118,15 @@ fn a_file_says_otherwise_and_the_map_is_drawn() {
     fs::write(&agents, format!("keep = ['{first}']")).unwrap();
     let [agents, map] = [&agents, &map].map(|path| path.to_str().unwrap());
     let told = answer(&[&net("grid_2x2.net.xml"), "--agents", agents, "--plot", map]);
-    assert!(told.contains(&format!("light {first}: keeps its program\n  why: agents.toml says so\n")), "{told}");
+    let row = told.lines().find(|line| line.trim_start().starts_with(first)).unwrap();
+    assert!(row.ends_with("-           keeps its program: agents.toml"), "{told}");
+    assert!(
+        told.contains(&format!("\nlight `{first}` keeps its program: agents.toml says so; way out: let it")),
+        "{told}"
+    );
+    let in_full = answer(&[&net("grid_2x2.net.xml"), "--agents", agents, "--light", first]);
+    let way_out = "  way out: let it learn in agents.toml\n";
+    assert_eq!(in_full, format!("light {first}: keeps its program\n  why: agents.toml says so\n{way_out}"));
     let svg = fs::read_to_string(Path::new(map).join("regions.svg")).unwrap();
     assert!(svg.contains("3 learn (numbers), 1 keep their program (crosses)"), "{svg}");
     assert!(refusal(&[&net("grid_2x2.net.xml"), "--plot", map]).contains("map: exists already"));

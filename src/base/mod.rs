@@ -6,7 +6,7 @@
 //! - `units`: ids of agents and other units; `vectors`: the width of vector registers.
 //! - `stopwatch`: time by activity and phase; `work`: where a long computation reports its times and its progress.
 //! - `counted`: numbers of things, in the singular or the plural. `decimals`: how many digits a figure needs. `wrapped`:
-//!   text in lines of a limited length.
+//!   text in lines of a limited width.
 //! - `features`: the features of this build, and how to get another one.
 //! - [`statistics`]: means, intervals and differences.
 
@@ -37,4 +37,4 @@ pub use stopwatch::{Activity, Phase, Stopwatch, Timesheet};
 pub use units::AgentId;
 pub use vectors::VectorWidth;
 pub use work::Work;
-pub use wrapped::wrapped;
+pub use wrapped::{TERMINAL_COLUMNS, for_terminal, wrapped};

@@ -5,8 +5,8 @@ use std::time::{Duration, Instant};
 use super::floor::{aip_trainings_flops, gradient_steps};
 use super::marginals::predict_marginals;
 use crate::base::{Activity, Phase, Stopwatch};
-use crate::config::{AipTraining, Config, Period};
-use crate::domain::{Kinds, Result};
+use crate::config::{AipTraining, Config, Period, Simulator};
+use crate::domain::{Kinds, Result, RoughCosts};
 use crate::influence::Dataset;
 use crate::training::answers::FleetLoad;
 use crate::training::collect::Purpose;
@@ -19,6 +19,8 @@ const EVALUATION: f64 = 0.1;
 const COLLECTION: f64 = 0.15;
 const AIP_TRAINING: f64 = 0.15;
 const TRAINING: f64 = 0.5;
+/// Guess of the time in which the processes of a fleet start and load their simulators.
+const START: Duration = Duration::from_secs(1);
 /// Number of passes over a dataset: few, but enough that the losses before and after them cost little in comparison.
 const AIP_EPOCHS: usize = 8;
 /// Guess of the speed of AIP (approximate influence predictor) trainings, as a share of the peak. It only decides how
@@ -33,6 +35,22 @@ pub fn short_orders(config: &Config, workers: usize) -> Config {
     short.aip.dataset_steps = workers * config.horizon();
     short.aip.epochs = config.aip.epochs.min(AIP_EPOCHS);
     short
+}
+
+/// Returns about how long the measurement of a fleet of N workers takes. Every kind of order is given at least once, so
+/// that can be far longer than `time`. `rough`: costs of the domain.
+pub fn expected(config: &Config, agents: usize, rough: &RoughCosts, workers: usize, time: Duration) -> Duration {
+    let part = |share: f64, least_s: f64| time.mul_f64(share).max(Duration::from_secs_f64(least_s));
+    // Each worker plays whole episodes.
+    let episode_s = (agents * config.horizon()) as f64 * rough.evaluation_s;
+    let step_s = if config.simulator == Simulator::Global { rough.training_on_gs_s } else { rough.training_s };
+    let update_s = (agents * config.ppo.memory) as f64 * step_s / workers as f64;
+    let of_predictors = match config.simulator.trains_predictors() {
+        true => part(COLLECTION, episode_s) + part(AIP_TRAINING, 0.0),
+        false => Duration::ZERO,
+    };
+    // One update more shows how long one takes.
+    START + part(EVALUATION, episode_s) + of_predictors + part(TRAINING, 2.0 * update_s) + part(0.0, update_s)
 }
 
 /// Times of the orders of one kind, added up.

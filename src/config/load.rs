@@ -7,7 +7,7 @@ use toml::{Table, Value};
 
 use super::renamed::rename;
 use super::{Config, DomainConfig, check};
-use crate::outside::read_text;
+use crate::outside::{in_plain_words, read_text};
 
 /// Largest config file. One with every key has three kibibytes.
 pub const LARGEST_FILE: u64 = 1 << 20;
@@ -43,7 +43,7 @@ fn read(path: &Path, settings: &[String]) -> Result<Config> {
     }
     // ... and then with the settings, whose errors name the key instead.
     let mut config: Config = serde_path_to_error::deserialize(Value::Table(table))
-        .map_err(|error| anyhow!("--set: {}{}", place_of(&error), in_words(error.inner().to_string().trim())))?;
+        .map_err(|error| anyhow!("--set: {}{}", place_of(&error), in_plain_words(error.inner().to_string().trim())))?;
     let folder = path.parent().unwrap_or(Path::new("."));
     if let Some(domain) = &mut config.domain {
         let table = domain.name();
@@ -58,13 +58,6 @@ fn read(path: &Path, settings: &[String]) -> Result<Config> {
     }
     check::check(&config).map_err(|error| anyhow!("{}: {error}", path.display()))?;
     Ok(config)
-}
-
-/// Returns the message of an error without Rust's names of types.
-fn in_words(message: &str) -> String {
-    ["u64", "u32", "u16", "usize"].iter().fold(message.to_owned(), |message, kind| {
-        message.replace(&format!("expected {kind}"), "expected a whole number such as 1000000 or 1e6")
-    })
 }
 
 /// Returns an error if `path` is clearly something else than a config. `text`: its contents.
@@ -95,7 +88,7 @@ fn table_in(path: &Path) -> Result<Table> {
     check_is_file(path)?;
     let text = read_text(path, LARGEST_FILE).with_context(|| format!("{}: cannot be read", path.display()))?;
     check_is_config(path, &text)?;
-    let in_file = |error: &dyn std::fmt::Display| anyhow!("{}: {error}", path.display());
+    let in_file = |error: &dyn std::fmt::Display| anyhow!("{}: {}", path.display(), in_plain_words(&error.to_string()));
     let mut table: Table = toml::from_str(&text).map_err(|error| in_file(&error))?;
     if !rename(&mut table).map_err(|error| in_file(&error))? {
         // Parsed first without the settings, because only these errors contain the line number ...
@@ -357,7 +350,9 @@ mod tests {
         assert!(error_of(SMALL, &["ppo.klip=1"]).contains("unknown field `klip`"));
         assert!(error_of(SMALL, &["ppo.clip=high"]).contains("ppo.clip: invalid type: string \"high\""));
         assert!(error_of(SMALL, &["ppo.clip"]).contains("must be key=value"));
-        assert!(error_of(SMALL, &["simulator=ials"]).contains("unknown variant `ials`"));
+        assert!(error_of(SMALL, &["simulator=ials"]).contains("simulator: `ials` is no allowed value; allowed: `"));
+        let in_file = error_of(&format!("simulator = \"ials\"\n{SMALL}"), &[]);
+        assert!(in_file.contains("line 1") && in_file.contains("`ials` is no allowed value; allowed: `"), "{in_file}");
         assert!(error_of(SMALL, &["aip.retrain_every_steps=0"]).contains("must be at least 1 (the paper uses 100000"));
         assert!(error_of(SMALL, &["local_simulators.copies=3"]).contains("3 x 16 = 48"));
         assert!(error_of(SMALL, &["aip.dataset_steps=200"]).contains("at least 2 episodes"));

@@ -8,7 +8,7 @@ use serde::Deserialize;
 
 use crate::config::{self, Config, Simulator};
 use crate::domain::{RoughCosts, Scenario};
-use crate::outside::{FileName, quoted, read_text};
+use crate::outside::{FileName, in_plain_words, quoted, read_text};
 use crate::report::group::steps_text;
 use crate::report::method::{Method, Retraining};
 
@@ -124,7 +124,8 @@ impl Experiment {
         let shown = path.display();
         let is_config = toml::from_str::<Config>(&text).is_ok_and(|config| config.domain.is_some());
         ensure!(!is_config, "{shown}: is a config, not an experiment file; use: dials-traffic train {}", quoted(path));
-        let file: ExperimentFile = toml::from_str(&text).map_err(|error| anyhow!("{shown}: {error}"))?;
+        let file: ExperimentFile = toml::from_str(&text)
+            .map_err(|error: toml::de::Error| anyhow!("{shown}: {}", in_plain_words(&error.to_string())))?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let mut experiment =
             Experiment { baselines: Vec::new(), runs: Vec::new(), all_cores_from_agents: file.all_cores_from_agents };
@@ -367,7 +368,10 @@ mod tests {
             ("seeds = [1]\n[[grid]]\nconfigs = ['no.toml']", "no.toml: cannot be read"),
             ("seeds = [1]\nseed = 2\n[[grid]]\nconfigs = ['small.toml']", "unknown field `seed`"),
             ("seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nset = ['ppo.klip=1']", "unknown field `klip`"),
-            ("seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nsimulators = ['ials']", "unknown variant `ials`"),
+            (
+                "seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nsimulators = ['ials']",
+                "`ials` is no allowed value; allowed: ",
+            ),
             ("seeds = []\n[[grid]]\nconfigs = ['small.toml']", "without seeds"),
             ("seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nseeds = []", "without seeds"),
             (

@@ -1,11 +1,13 @@
 //! Names that a mistyped name may have meant.
 
+use super::Printable;
+
 /// Largest number of names that are returned.
 const MOST: usize = 3;
 
 /// Returns the known names that are most like `name`: those with few other letters, and those that hold it. The most
 /// alike comes first; there may be none.
-pub fn alike<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
+fn alike<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
     let small = name.to_lowercase();
     let far = 1 + name.chars().count() / 4;
     let rated = known.into_iter().map(|other| {
@@ -16,6 +18,12 @@ pub fn alike<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Vec<&'
     let mut near: Vec<(usize, bool, &str)> = rated.filter(|(distance, holds, _)| *holds || *distance <= far).collect();
     near.sort();
     near.into_iter().map(|(_, _, other)| other).take(MOST).collect()
+}
+
+/// Returns the end of an error about an unknown name: the names that it may have meant, such as `, but `a`, `b``; or nothing.
+pub fn but_alike<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
+    let near: Vec<String> = alike(name, known).iter().map(|other| format!("`{}`", Printable(other))).collect();
+    if near.is_empty() { String::new() } else { format!(", but {}", near.join(", ")) }
 }
 
 /// Returns the number of letters to insert, remove or replace that make one text of another.
@@ -45,5 +53,7 @@ mod tests {
         assert_eq!(alike("207", ["gneJ207", "gneJ143"]), ["gneJ207"]);
         assert_eq!(alike("x", ["a2", "a4"]), [""; 0]);
         assert_eq!(alike("", ["a", "bc"]), ["a"]);
+        assert_eq!(but_alike("B2", ["b2", "b22"]), ", but `b2`, `b22`");
+        assert_eq!(but_alike("x", ["a2"]), "");
     }
 }

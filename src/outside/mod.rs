@@ -12,7 +12,7 @@
 //! - `quoted`: words of a command to copy. They come back from a shell as they were.
 //! - `name`: names that may become files and directories.
 //! - `cell`: names as fields of a CSV file.
-//! - `alike`: names that a mistyped name may have meant.
+//! - `alike`: names that a mistyped name may have meant. `plain_words`: errors of their readers in plain words.
 
 mod alike;
 mod cell;
@@ -21,6 +21,7 @@ mod file;
 mod name;
 mod own_files;
 mod packed;
+mod plain_words;
 mod printable;
 mod quoted;
 mod staged;
@@ -28,11 +29,12 @@ mod temporary;
 pub mod tree;
 mod whole;
 
-pub use alike::alike;
+pub use alike::but_alike;
 pub use cell::csv_name;
 pub use directory::{Busy, Directory, Whereabouts};
 pub use file::{LARGEST_NETWORK, read_bytes, read_text};
 pub use name::FileName;
+pub use plain_words::in_plain_words;
 pub use printable::{Printable, beginning, excerpt, is_printable};
 pub use quoted::{path_as_text, quoted, quoted_word};
 pub use staged::{StagedDirectory, rename_to_free, sweep};

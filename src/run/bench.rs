@@ -12,7 +12,7 @@ use super::domain;
 use super::train::{cores, settings_with};
 use crate::base::{command_for_feature, counted};
 use crate::bench::costs::{Costs, Steps};
-use crate::bench::measure::{MeasurePlan, measure, short_orders};
+use crate::bench::measure::{MeasurePlan, expected, measure, short_orders};
 use crate::bench::table;
 use crate::cli;
 use crate::config::{Config, Predictor, Simulator, load};
@@ -47,14 +47,21 @@ pub fn bench(args: &cli::BenchArgs) -> Result<()> {
     let most = args.workers.unwrap_or_else(cores);
     allow_open_files(most, 1, "--workers").map_err(Error::Usage)?;
     let progress = Rc::new(BenchProgress::new().map_err(Error::Run)?);
-    let fleets = counted(doubling(most).len(), "fleet");
-    tell(format_args!("measuring {fleets} for about {} s each; making them ready takes time on top", args.seconds));
+    let time = Duration::from_secs(args.seconds);
+    let of_fleet = |workers| expected(&config, domain.agents(), &domain.rough_costs(), workers, time);
+    let whole: Duration = doubling(most).into_iter().map(of_fleet).sum();
+    tell(format_args!(
+        "measuring {} for about {} s each; the whole takes about {:.0} s",
+        counted(doubling(most).len(), "fleet"),
+        args.seconds,
+        (PEAK_TIME + whole).as_secs_f64().ceil()
+    ));
     let peak = Peak::measure(PEAK_TIME);
     let mut costs = Vec::new();
     let mut interrupted = false;
     for workers in doubling(most) {
         progress.begin(workers, most);
-        match run(&config, &domain, workers, Duration::from_secs(args.seconds), peak.ours, &progress) {
+        match run(&config, &domain, workers, time, peak.ours, &progress) {
             Ok(of_fleet) => costs.push(of_fleet),
             Err(error) if error.is::<Interrupted>() => {
                 interrupted = true;

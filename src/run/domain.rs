@@ -6,6 +6,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail, ensure};
 
 use super::trial;
+use crate::base::for_terminal;
 use crate::config::{Config, DomainConfig, Simulator};
 use crate::domain::Domain;
 use crate::nn::use_vectors;
@@ -126,5 +127,5 @@ pub fn keep_files(config: &Config, domain: &dyn Domain, dir: &Path) -> Result<Co
 
 /// Says what of the domain's files is not simulated.
 pub fn tell_left_out(domain: &dyn Domain) {
-    domain.left_out().iter().for_each(|what| tell(format_args!("note: {what}")));
+    domain.left_out().iter().for_each(|what| tell(for_terminal(&format!("note: {what}"))));
 }

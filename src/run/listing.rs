@@ -2,6 +2,8 @@
 
 use std::fmt::{Display, Write};
 
+use crate::base::for_terminal;
+
 /// Writes the names of columns, a line for neighbours that differ only in the number at the end.
 pub fn list_columns(text: &mut String, names: &[String]) {
     let stem = |name: &str| name.rsplit_once('[').map_or(name.to_owned(), |(stem, _)| stem.to_owned());
@@ -31,4 +33,9 @@ pub fn aligned<const N: usize>(text: &mut String, rows: Vec<[String; N]>) {
 
 pub fn line(text: &mut String, words: impl Display) {
     writeln!(text, "{words}").expect("a text takes what is written to it");
+}
+
+/// Writes a line of words, broken where it does not fit a terminal.
+pub fn paragraph(text: &mut String, words: impl Display) {
+    line(text, for_terminal(&words.to_string()));
 }

@@ -32,9 +32,7 @@ pub fn nets(args: &NetsCommand) -> CommandResult<()> {
         NetsCommand::Cut { file, light, hops, out, force } => {
             put(out, *force, "cut", |room| cut(file, light, usize::from(*hops), room))
         }
-        NetsCommand::Inspect { file, agents, json, plot, force } => {
-            return inspect(file, agents.as_deref(), *json, plot.as_deref(), *force);
-        }
+        NetsCommand::Inspect(args) => return inspect(args),
     };
     let files = written.map_err(Error::Usage)?;
     let (net, config) = (files.net.display(), quoted(&files.config));

@@ -9,10 +9,14 @@ use super::directory::{self, TrainedRun};
 use crate::base::AgentId;
 use crate::domain::{Baseline, Domain};
 use crate::evaluation::Player;
+use crate::outside::{but_alike, excerpt};
 use crate::policy::Selection;
 use crate::records::files;
 use crate::records::run_json::RunJson;
 use crate::terminal::{tell, warn};
+
+/// Largest number of agents that an error names, from the first one on.
+const MOST_NAMES: usize = 8;
 
 /// A controller or a run, as the command line names it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -174,8 +178,15 @@ fn check_rules(dir: &Path, domain: &dyn Domain) -> Result<()> {
 pub fn agent_called(domain: &dyn Domain, word: &str, option: &str) -> Result<AgentId> {
     let last = domain.agents() - 1;
     domain.agent_called(word).with_context(|| {
-        let names = [0, last].map(|agent| domain.agent_name(AgentId(agent)));
-        format!("{option}: there is no agent `{word}`; the agents are 0 to {last}, or {} to {}", names[0], names[1])
+        let names: Vec<String> =
+            AgentId::all(domain.agents()).into_iter().map(|agent| domain.agent_name(agent)).collect();
+        let near = but_alike(word, names.iter().map(String::as_str));
+        let shown = match names.len() {
+            ..=MOST_NAMES => names.join(", "),
+            _ => format!("{}, ... {}; `describe CONFIG --json` has all", names[..MOST_NAMES].join(", "), names[last]),
+        };
+        let word = excerpt(word);
+        format!("{option}: there is no agent `{word}`{near}; the agents are 0 to {last}, by name {shown}")
     })
 }
 

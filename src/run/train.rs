@@ -1,6 +1,6 @@
 //! `train`: trains the policies of all agents and writes a run directory.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
@@ -16,13 +16,14 @@ use super::places::Existing;
 use super::run_name::default_dir;
 use super::team::{Plan, Team};
 use super::watch::Beside;
-use crate::base::counted;
+use crate::base::{counted, for_terminal};
 use crate::cli;
 use crate::config::{Config, load};
 use crate::domain::Domain;
 use crate::error::{Error, Result};
 use crate::machine::allow_open_files;
 use crate::outside::{Directory, Whereabouts, quoted};
+use crate::records::checkpoint::newest_step;
 use crate::records::checkpoint::owner::{NotOfThisRun, Owner};
 use crate::records::files;
 use crate::records::resume_point::{NothingFits, ResumePoint};
@@ -69,7 +70,8 @@ pub fn train(args: &cli::TrainArgs) -> Result<()> {
             Err(Error::Run(anyhow!("{path}: was removed while this run was written")))
         }
         (Err(error), place) if error.is::<Interrupted>() => {
-            Err(Error::Interrupted(place.map_or("stopped".to_owned(), |place| stopped(&place))))
+            let last_words = |place: PathBuf| stopped(&directory, &place, config.last_step());
+            Err(Error::Interrupted(place.map_or("stopped".to_owned(), last_words)))
         }
         (Err(error), place) => {
             if let Some(place) = place {
@@ -161,11 +163,11 @@ impl Run {
         let most = most_workers(&self.config, self.domain.agents());
         let Some((asked, words)) = asked else { return cores().min(most) };
         if asked > most {
-            tell(format_args!(
+            tell(for_terminal(&format!(
                 "note: {words}: starting {most}, because there are {} and never more than {most} episodes or agents \
                  to share out",
                 counted(self.domain.agents(), "agent")
-            ));
+            )));
         }
         asked.min(most)
     }
@@ -188,8 +190,10 @@ impl Run {
 
     fn train(self, team: Team, workers: usize, patience: Duration) -> anyhow::Result<()> {
         let Run { directory, config, domain, owner, resumed, other_build } = self;
-        let (dir, config) = (directory.path(), &config);
-        let progress = Rc::new(Progress::new(config, domain.agents(), stopped(dir))?);
+        let config = &config;
+        let (kept, last_step) = (directory.clone(), config.last_step());
+        let last_words = move || stopped(&kept, kept.path(), last_step);
+        let progress = Rc::new(Progress::new(config, domain.agents(), last_words)?);
         let layouts = Layouts::of(config, domain.kinds());
         let (mut log, checkpoint) = match resumed {
             None => (RunLog::begin(directory.clone(), owner, layouts), None),
@@ -261,9 +265,15 @@ pub fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// Returns the last line of a run that was stopped.
-fn stopped(dir: &Path) -> String {
-    format!("stopped; resume with: {}", resume_command(dir))
+/// Returns the last line of a run that was stopped: what is kept, and the command to go on. `place`: where its directory
+/// is now.
+fn stopped(directory: &Directory, place: &Path, last_step: u64) -> String {
+    let kept = match newest_step(directory) {
+        Ok(Some(step)) => format!("stopped; kept up to step {step} of {last_step} per agent"),
+        // What cannot be read is told by the resume.
+        Ok(None) | Err(_) => "stopped; there is no checkpoint yet, so it will begin again".to_owned(),
+    };
+    format!("{kept}; resume with: {}", resume_command(place))
 }
 
 fn resume_command(dir: &Path) -> String {

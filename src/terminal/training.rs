@@ -62,9 +62,13 @@ struct Latest {
 impl Progress {
     /// Starts the display, and listens for Ctrl-C from here on.
     ///
-    /// The first Ctrl-C asks to stop where nothing is lost, the second ends the process. `last_words`: the line that is
-    /// printed after the second.
-    pub fn new(config: &Config, agents: usize, last_words: String) -> anyhow::Result<Self> {
+    /// The first Ctrl-C asks to stop where nothing is lost, the second ends the process. `last_words` returns the
+    /// line that is printed after the second.
+    pub fn new(
+        config: &Config,
+        agents: usize,
+        last_words: impl Fn() -> String + Send + Sync + 'static,
+    ) -> anyhow::Result<Self> {
         let bar = shows_bars().then(|| {
             let style = "{bar:8.cyan/blue} {percent:>3} %  {wide_msg}";
             let style = ProgressStyle::with_template(style).expect("the template is well-formed");
@@ -74,7 +78,7 @@ impl Progress {
         let (place, now_doing) = (bar.clone(), doing.clone());
         let stop = stop_on_signals(move |wish| match wish {
             Wish::Stop => say(place.as_ref(), &stopping(*now_doing.lock().unwrap_or_else(PoisonError::into_inner))),
-            Wish::StopNow => insist(place.as_ref(), &last_words),
+            Wish::StopNow => insist(place.as_ref(), &last_words()),
         })?;
         let now = Instant::now();
         Ok(Progress {
@@ -226,12 +230,10 @@ impl Observer for Progress {
     }
 }
 
-/// Says whether an AIP loss is good: a predictor is of use if it is better than constants.
+/// Compares an AIP loss with that of the best constants. After a short training AIPs are often no better than these.
 fn judged(loss: f64, constants: f64) -> String {
-    match loss < constants {
-        true => format!("good: constants have {constants:.3}"),
-        false => format!("bad: constants have {constants:.3}"),
-    }
+    let better = if loss < constants { "better" } else { "no better" };
+    format!("{better} than constants, which have {constants:.3}")
 }
 
 /// Prints a line, above the bar if there is one.
@@ -278,9 +280,15 @@ mod tests {
     }
 
     #[test]
+    fn an_aip_loss_is_compared_with_constants_and_not_blamed() {
+        assert_eq!(judged(0.3, 0.316), "better than constants, which have 0.316");
+        assert_eq!(judged(0.4, 0.316), "no better than constants, which have 0.316");
+    }
+
+    #[test]
     fn the_same_step_twice_in_a_row_is_no_reason_to_guess_the_time_left() {
         let config: Config = toml::from_str("warehouse = { agents_per_side = 2 }").unwrap();
-        let progress = Progress::new(&config, 4, String::new()).unwrap();
+        let progress = Progress::new(&config, 4, String::new).unwrap();
         progress.trained(128);
         std::thread::sleep(Duration::from_millis(1));
         progress.trained(128);

@@ -182,7 +182,9 @@ fn an_agent_is_replayed_in_its_local_simulator_with_the_cars_of_its_aip() {
         assert!(!out.exists());
         String::from_utf8(output.stderr).unwrap()
     };
-    assert!(error(&run, &["--local", "4"]).contains("there is no agent `4`; the agents are 0 to 3, or r0c0 to r1c1"));
+    assert!(
+        error(&run, &["--local", "4"]).contains("there is no agent `4`; the agents are 0 to 3, by name r0c0, r0c1")
+    );
     let gs = tempfile::tempdir().unwrap();
     let gs = train(gs.path(), &["--simulator", "gs"]);
     assert!(error(&gs, &["--local", "0"]).contains("was trained on the GS and has no AIPs"));

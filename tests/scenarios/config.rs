@@ -71,7 +71,7 @@ fn keys_of_the_other_way_are_refused() {
             "traffic.yellow_s is for a scenario, but the table names a grid by `network`; remove one of them",
         ),
         ("network = 'n'", "missing field `local_network`: a grid needs `network` and `local_network`"),
-        ("scenario = 'x.sumocfg'\nreward = 'money'", "unknown variant `money`"),
+        ("scenario = 'x.sumocfg'\nreward = 'money'", "`money` is no allowed value; allowed: `mean-speed`, "),
         ("scenario = 'x.sumocfg'\nsenario = 'y'", "unknown field `senario`"),
         ("scenario = 'x.sumocfg'\nbegin_s = 500", "traffic.begin_s = 500: must be before traffic.end_s = 400"),
         ("scenario = 'x.sumocfg'\ndecision_s = 301", "traffic.decision_s = 301: must be from 1 to 300 seconds"),

@@ -161,6 +161,19 @@ fn lights_that_cannot_have_a_local_simulator_are_all_named_before_a_run_begins()
     assert!(net.contains("<tlLogic id=\"r1c1\"") && !net.contains("<tlLogic id=\"r1c0\""), "the net of one light");
 }
 
+#[test]
+fn lights_that_keep_their_program_for_the_same_reason_share_one_note() {
+    let room = Room::new();
+    fs::write(room.path("c.toml"), CONFIG).unwrap();
+    fs::write(room.path("agents.toml"), "keep = [\"r1c1\", \"r0c1\"]\n").unwrap();
+    let mut baseline = dials_traffic();
+    baseline.arg("baseline").arg(room.path("c.toml")).args(["--controller", "program", "--episodes", "1"]);
+    let said = String::from_utf8(baseline.assert().success().get_output().stderr.clone()).unwrap();
+    let notes: Vec<&str> = said.lines().filter(|line| line.contains(" keep")).collect();
+    assert_eq!(notes.len(), 1, "{said}");
+    assert!(notes[0].starts_with("note: 2 lights keep their program (`r0c1`, `r1c1`), each because "), "{said}");
+}
+
 /// SUMO's names of the files that this program hands to it mean nothing to a user.
 #[test]
 fn no_error_shows_a_file_in_memory_and_a_scenario_may_have_a_program_called_actuated() {

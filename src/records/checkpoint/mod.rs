@@ -223,6 +223,12 @@ pub fn list(folder: &Directory) -> Result<Vec<String>> {
     Ok(found.into_iter().map(|(_, name)| name).collect())
 }
 
+/// Returns the timesteps per agent of the newest checkpoint of a run. `None`: it has none yet.
+pub fn newest_step(run: &Directory) -> Result<Option<u64>> {
+    let Some(folder) = run.subdirectory(files::CHECKPOINTS)? else { return Ok(None) };
+    Ok(list(&folder)?.last().and_then(|name| steps_of(name)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

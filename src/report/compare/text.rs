@@ -5,15 +5,11 @@ use std::collections::BTreeSet;
 use super::steps::both_in_words;
 use super::{ComparedSide, Reached, Verdict, quotient};
 use crate::base::statistics::difference::{BySeed, common_episodes};
-use crate::base::{counted, wrapped};
+use crate::base::{counted, for_terminal};
 use crate::outside::Printable;
 use crate::records::run_record::CpuTime;
 use crate::report::group::steps_text;
 use crate::report::words::{duration, figure_like, interval, pairing, signed, signed_interval};
-
-/// Longest line in characters, if its words are not longer.
-const WIDTH: usize = 80;
-const INDENT: &str = "   ";
 
 impl Verdict {
     /// Writes the comparison as text.
@@ -25,17 +21,17 @@ impl Verdict {
                 format!(" ({} of evaluation.seed {})", counted(on.count, "episode"), on.seed)
             });
             let seeds = seeds.join(", ");
-            lines.extend(in_lines(&format!("{letter}: {}: {}, seed {seeds}{on}", side.name, side.group.name())));
+            lines.push(for_terminal(&format!("{letter}: {}: {}, seed {seeds}{on}", side.name, side.group.name())));
         }
         // Keys that only one side uses follow from the simulator, which has a line of its own.
         let both = self.differing.iter().filter_map(|(key, [a, b])| Some((key, a.as_ref()?, b.as_ref()?)));
         let both = both.map(|(key, a, b)| Printable(format!("{key}: {a} in A, {b} in B")).to_string());
-        lines.extend(both.flat_map(|words| in_lines(&words)).map(|line| format!("   {line}")));
+        lines.extend(both.map(|words| for_terminal(&format!("   {words}"))));
         let at = match both_in_words(self.steps) {
             [a, b] if a == b => format!("at {a} timesteps per agent"),
             [a, b] => format!("at {a} timesteps per agent in A, {b} in B"),
         };
-        lines.extend(in_lines(&format!("{}, {at}", a.scenario.title())));
+        lines.push(for_terminal(&format!("{}, {at}", a.scenario.title())));
         lines.push(String::new());
         let row = |what: &str, a: String, b: String, both: String| {
             format!("{what:<22}{a:>17}{b:>17}  {both}").trim_end().to_owned()
@@ -82,7 +78,7 @@ impl Verdict {
         lines.push(format!("returns: {}{interval}", pairing(self.difference.pairing)));
         lines.push("runtime: wall time; CPU time: all processes; both without evaluations".to_owned());
         lines.push("steps and time to reach: median of the runs that reached it".to_owned());
-        lines.extend(self.warnings.iter().flat_map(|warning| in_lines(&format!("warning: {warning}"))));
+        lines.extend(self.warnings.iter().map(|warning| for_terminal(&format!("warning: {warning}"))));
         lines.join("\n")
     }
 
@@ -95,16 +91,6 @@ impl Verdict {
             (seed, self.runs.each_ref().map(value), difference)
         })
     }
-}
-
-/// Breaks a text into lines of a narrow terminal. All but the first are indented.
-fn in_lines(text: &str) -> Vec<String> {
-    let lines = wrapped(text, WIDTH - INDENT.len());
-    lines
-        .into_iter()
-        .enumerate()
-        .map(|(number, line)| if number == 0 { line } else { format!("{INDENT}{line}") })
-        .collect()
 }
 
 fn ratio(values: [Option<f64>; 2]) -> String {

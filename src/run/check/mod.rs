@@ -15,7 +15,7 @@ use crate::cli::CheckArgs;
 use crate::config::{Config, load};
 use crate::domain::Domain;
 use crate::error::{Error, Result as CommandResult};
-use crate::outside::{Printable, alike, excerpt, quoted};
+use crate::outside::{but_alike, excerpt, quoted};
 use crate::terminal::counting::EpisodeBar;
 use crate::terminal::{answer, json as in_json};
 use crate::traffic::Traffic;
@@ -67,8 +67,7 @@ fn agents(traffic: &Traffic, args: &CheckArgs) -> Result<Vec<AgentId>> {
         if let Some(agent) = lights().position(|other| other == light) {
             return Ok(AgentId(agent));
         }
-        let near: Vec<String> = alike(light, lights()).iter().map(|id| format!("`{}`", Printable(id))).collect();
-        let near = if near.is_empty() { String::new() } else { format!(", but {}", near.join(", ")) };
+        let near = but_alike(light, lights());
         let list = format!("dials-traffic check {}", quoted(&args.config));
         bail!("--light: no light `{}` learns here{near}; without the option all are measured: {list}", excerpt(light))
     };

@@ -1,28 +1,32 @@
 //! The figures of `check` as a table for people.
 
 use super::{Checked, together};
+use crate::base::for_terminal;
 use crate::outside::Printable;
 use crate::traffic::fidelity::LightFidelity;
 use crate::traffic::fidelity::agreement::{Agreement, Comparison};
-use crate::traffic::fidelity::doubts::doubt;
+use crate::traffic::fidelity::doubts::{LEAST_SAMPLED, LEAST_TRUE, doubt};
 
 /// Largest number of lights that have a line each. Of more, the worst are shown.
 const MOST_LINES: usize = 40;
 /// Number of lights that are named as the worst.
 const WORST: usize = 3;
 /// Longest name in the table, in characters.
-const NAME: usize = 16;
+const NAME: usize = 11;
 
 /// Returns the whole text.
 pub fn described(checked: &Checked) -> String {
     let Checked { window, sigma, lights, .. } = checked;
     let dawdling = sigma.map_or(String::new(), |sigma| format!(", sigma {sigma}"));
     let mut lines = vec![
-        format!(
+        for_terminal(&format!(
             "local simulators (LS) beside the global one (GS): random greens, seconds {} to {} of the episode{dawdling}",
             window.start, window.end
+        )),
+        for_terminal(
+            "precision and recall of the LS's cells of 10 m with cars, and its number of cells / the GS's; waiting: cars \
+             without room at the border",
         ),
-        "precision and recall of the LS's cells of 10 m with cars, and its number of cells / the GS's".to_owned(),
         String::new(),
     ];
     let is_random = lights.iter().any(|light| light.other_seed.is_some());
@@ -40,21 +44,38 @@ pub fn described(checked: &Checked) -> String {
         let [exact, sampled] =
             [together(lights, |light| light.true_entries), together(lights, |light| light.sampled_entries)];
         lines.push(line("all", exact, sampled, other));
-        let names: Vec<String> = worst(lights).iter().take(WORST).map(|light| name(&light.light)).collect();
-        lines.push(format!("\nleast alike with sampled entries: {}", names.join(", ")));
+        let names: Vec<String> =
+            worst(lights).iter().take(WORST).map(|light| Printable(&light.light).to_string()).collect();
+        lines.push(for_terminal(&format!("\nleast alike with sampled entries: {}", names.join(", "))));
     }
+    lines.push(String::new());
     let doubts: Vec<String> = lights.iter().filter_map(|light| Some((light, doubt(light)?))).map(told).collect();
     if doubts.is_empty() {
-        lines.push("\nall of these local simulators can be trusted".to_owned());
+        lines.push(verdict(lights.len(), is_random));
     } else {
-        lines.push(String::new());
         lines.extend(doubts);
     }
     lines.join("\n")
 }
 
+/// Returns what follows if there is no doubt about any light. If cars dawdle at random, that is less.
+fn verdict(lights: usize, is_random: bool) -> String {
+    let these = if lights == 1 { "this local simulator".to_owned() } else { format!("all {lights} local simulators") };
+    if !is_random {
+        return format!("{these} can be trusted");
+    }
+    let [exact, sampled] = [LEAST_TRUE, LEAST_SAMPLED].map(|share| format!("{:.0} %", 100.0 * share));
+    let is = if lights == 1 { "is" } else { "are" };
+    let compared = format!(
+        "{these} {is} nearly as like the GS as two LSs with other random numbers are to each other: at least {exact} of \
+         that with true entries, {sampled} with sampled ones"
+    );
+    let limits = "random numbers hide smaller faults; --sigma 0 takes them out and says what can be trusted";
+    [compared, limits.to_owned()].map(|line| for_terminal(&line)).join("\n")
+}
+
 fn told((light, doubt): (&LightFidelity, String)) -> String {
-    format!("warning: light {}: do not trust its LS: {doubt}", Printable(&light.light))
+    for_terminal(&format!("warning: light {}: do not trust its LS: {doubt}", Printable(&light.light)))
 }
 
 /// Returns the lights, the least alike first.
@@ -78,24 +99,24 @@ fn name(light: &str) -> String {
 }
 
 fn head(is_random: bool) -> [String; 2] {
-    let [group, column] = if is_random { ["  two LSs", "    agree"] } else { [""; 2] };
+    let [group, column] = if is_random { ["   two", "   LSs"] } else { [""; 2] };
     [
-        format!("{:NAME$}       true entries      sampled entries{group}    speed m/s     passed/h  waiting", ""),
-        format!("{:NAME$}  prec.  rec. cells    prec.  rec. cells{column}    GS    LS    GS    LS     cars", "light"),
+        format!("{:NAME$}      true entries  sampled entries{group} speed m/s    passed/h wait-", ""),
+        format!("{:NAME$}  prec. rec. cells prec. rec. cells{column}   GS   LS    GS    LS   ing", "light"),
     ]
 }
 
 fn line(light: &str, exact: Comparison, sampled: Comparison, other: Option<Comparison>) -> String {
     let cells = |of: Comparison| {
         let cells = of.cells;
-        format!("{:5.3} {:5.3} {:5.2}", cells.precision(), cells.recall(), cells.occupancy_ratio())
+        format!("{:6.2} {:4.2} {:5.2}", cells.precision(), cells.recall(), cells.occupancy_ratio())
     };
-    let agree = |cells: Agreement| format!("    {:5.3}", (cells.precision() + cells.recall()) / 2.0);
+    let agree = |cells: Agreement| format!("  {:4.2}", (cells.precision() + cells.recall()) / 2.0);
     let other = other.map_or(String::new(), |other| agree(other.cells));
     let [gs, ls] = sampled.sums;
     let [speeds, passed] = [[gs.mean_speed_mps(), ls.mean_speed_mps()], [gs.passed_per_h(), ls.passed_per_h()]];
     format!(
-        "{:NAME$}  {}    {}{other} {:5.1} {:5.1} {:5.0} {:5.0}  {:7.1}",
+        "{:NAME$} {}{}{other} {:4.1} {:4.1} {:5.0} {:5.0} {:5.1}",
         name(light),
         cells(exact),
         cells(sampled),
@@ -105,4 +126,56 @@ fn line(light: &str, exact: Comparison, sampled: Comparison, other: Option<Compa
         passed[1],
         ls.backlog()
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::AgentId;
+    use crate::traffic::fidelity::Causes;
+    use crate::traffic::fidelity::agreement::Sums;
+
+    fn light(other_seed: Option<Comparison>) -> LightFidelity {
+        let sums = Sums { seconds: 600, passed: 3000, car_seconds: 600, speed_sum_mps: 8000.0, ..Sums::default() };
+        let alike = Comparison { cells: Agreement { first: 100, second: 100, both: 90 }, sums: [sums; 2] };
+        LightFidelity {
+            agent: AgentId(0),
+            light: "cluster_1234567_891011".to_owned(),
+            true_entries: alike,
+            sampled_entries: alike,
+            other_seed: other_seed.map(|_| alike),
+            causes: Causes::default(),
+        }
+    }
+
+    fn shown(lights: usize, is_random: bool) -> String {
+        let lights = vec![light(is_random.then(Comparison::default)); lights];
+        described(&Checked { window: 600..1800, sigma: None, seed: 0, lights })
+    }
+
+    #[test]
+    fn only_without_random_numbers_a_local_simulator_can_be_trusted() {
+        assert!(shown(1, false).ends_with("\nthis local simulator can be trusted"));
+        assert!(shown(2, false).ends_with("\nall 2 local simulators can be trusted"));
+        for lights in [1, 2] {
+            let text = shown(lights, true);
+            assert!(
+                !text.contains("simulators can be trusted") && !text.contains("simulator can be trusted"),
+                "{text}"
+            );
+            assert!(text.contains("at least 80 %") && text.contains("--sigma 0"), "{text}");
+        }
+    }
+
+    #[test]
+    fn the_table_fits_a_terminal_and_its_columns_are_aligned() {
+        for is_random in [false, true] {
+            let text = shown(2, is_random);
+            assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
+            let rows: Vec<&str> =
+                text.lines().filter(|line| line.starts_with("cluster") || line.starts_with("light")).collect();
+            let width = rows[0].chars().count();
+            assert!(rows.len() == 3 && rows.iter().all(|row| row.chars().count() == width), "{text}");
+        }
+    }
 }

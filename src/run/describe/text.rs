@@ -5,8 +5,9 @@ use crate::base::{command_for_feature, counted};
 use crate::config::Simulator;
 use crate::domain::RegionSpec;
 use crate::experiment::estimate::Source;
+use crate::outside::quoted;
 use crate::report::words::duration;
-use crate::run::listing::{line, list_columns};
+use crate::run::listing::{line, list_columns, paragraph};
 use crate::terminal::program;
 
 /// Largest number of agents whose names are listed.
@@ -25,17 +26,17 @@ pub fn described(described: &Described) -> String {
 fn agents(text: &mut String, Described { path, config, domain, tasks, .. }: &Described) {
     let horizon = domain.kinds().horizon();
     let count = counted(tasks.len(), "agent");
-    line(text, format_args!("{}: {count}, episodes of {horizon} steps", path.display()));
-    line(text, format_args!("simulator: {}", simulator(config.simulator)));
+    paragraph(text, format_args!("{}: {count}, episodes of {horizon} steps", path.display()));
+    paragraph(text, format_args!("simulator: {}", simulator(config.simulator)));
     let mut names: Vec<&str> = tasks.iter().map(|agent| agent.name.as_str()).take(MOST_NAMES).collect();
     let more = tasks.len() - names.len();
     let more = format!("and {more} more");
     if tasks.len() > MOST_NAMES {
         names.push(&more);
     }
-    line(text, format_args!("agents: {}", names.join(", ")));
+    paragraph(text, format_args!("agents: {}", names.join(", ")));
     for what in domain.left_out() {
-        line(text, format_args!("not simulated: {what}"));
+        paragraph(text, format_args!("note: {what}"));
     }
 }
 
@@ -54,9 +55,10 @@ fn task(text: &mut String, Described { domain, tasks, config, .. }: &Described) 
     let [AgentTask { agent, name, task }, others @ ..] = &tasks[..] else { return };
     let differing = others.iter().filter(|other| shape(other) != shape(&tasks[0])).count();
     let RegionSpec { obs_dim, n_actions, d_set_dim, sources, .. } = &domain.kinds().of(*agent).spec;
-    line(text, format_args!("\nreward of a step: {}", task.reward));
+    text.push('\n');
+    paragraph(text, format_args!("reward of a step: {}", task.reward));
     if differing > 0 {
-        line(
+        paragraph(
             text,
             format_args!(
                 "agents differ: below is {name}; --json has all. Each network is as wide as the widest needs: {obs_dim} \
@@ -103,7 +105,7 @@ fn run(text: &mut String, Described { config, work, .. }: &Described) {
         ),
     );
     if work.retrainings > 0 {
-        line(
+        paragraph(
             text,
             format_args!(
                 "  {} of the predictors, each on {} of the global simulator, {}",
@@ -113,14 +115,17 @@ fn run(text: &mut String, Described { config, work, .. }: &Described) {
             ),
         );
     }
-    line(text, format_args!("  the policies are left in policies.safetensors; {}", script()));
+    line(text, "  the policies are left in policies.safetensors");
+    line(text, format_args!("  {}", script()));
 }
 
 /// Returns what makes a TorchScript module of the policies.
 fn script() -> String {
     match cfg!(feature = "torch") {
         true => "`export` makes a TorchScript module of it".to_owned(),
-        false => format!("a TorchScript module of it needs a build with libtorch: {}", command_for_feature("torch")),
+        false => {
+            format!("a TorchScript module of it needs a build with libtorch:\n    {}", command_for_feature("torch"))
+        }
     }
 }
 
@@ -143,5 +148,6 @@ fn cost(text: &mut String, Described { path, workers, estimate, .. }: &Described
         Source::Measured(runs) => format!("from {} of this machine in runs/", counted(runs, "finished run")),
         Source::Constants => "rough: from runs on two cores of another machine".to_owned(),
     };
-    line(text, format_args!("({source}; to measure it here: {} bench {})", program(), crate::outside::quoted(path)));
+    paragraph(text, format_args!("{source}; to measure it here:"));
+    line(text, format_args!("  {} bench {}", program(), quoted(path)));
 }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 
+use crate::base::{TERMINAL_COLUMNS, for_terminal};
 use crate::config::{Config, Simulator};
 use crate::experiment::estimate::{Estimate, Source, estimate, estimate_controller};
 use crate::experiment::file::{Experiment, PlannedBaseline, PlannedRun};
@@ -147,38 +148,22 @@ impl Tasks {
         self.tasks.into_iter().filter(|task| task.stage != Stage::Finished).collect()
     }
 
-    /// Returns the table that `--dry-run` prints.
+    /// Returns what `--dry-run` prints.
     pub fn table(&self) -> String {
-        let widest = self.tasks.iter().map(|task| task.name.chars().count()).max().unwrap_or(0).max(8);
-        let header = format!(
-            "{:<widest$}  {:<14} {:>6} {:>5} {:>10} {:>10}",
-            "run", "stage", "agents", "cores", "time left", "memory"
-        );
-        let row = |task: &PlannedWork| {
-            let Job { seconds, memory_mb, .. } = task.job();
-            let (stage, agents) =
-                (task.stage.name(), if task.agents > 0 { task.agents.to_string() } else { "-".to_owned() });
-            let (time, memory) = match task.stage {
-                Stage::Finished | Stage::Unreadable { .. } => ("-".to_owned(), "-".to_owned()),
-                _ => (duration(seconds), format!("{memory_mb:.0} MiB")),
-            };
-            format!("{:<widest$}  {stage:<14} {agents:>6} {:>5} {time:>10} {memory:>10}", task.name, task.width)
-        };
         let begins = |task: &&PlannedWork| task.stage != Stage::Finished && task.obstacle().is_none();
         let to_do: Vec<&PlannedWork> = self.tasks.iter().filter(begins).collect();
         let jobs: Vec<Job> = to_do.iter().map(|task| task.job()).collect();
         let Total { seconds, memory_mb } = total(&jobs, self.cores);
-        let mut lines = vec![header];
-        lines.extend(self.tasks.iter().map(row));
+        let mut lines = rows(&self.tasks);
         lines.push(String::new());
-        lines.push(format!(
+        lines.push(for_terminal(&format!(
             "{} to do, {} finished; about {} on {} {}, up to {memory_mb:.0} MiB at a time",
             to_do.len(),
             self.finished(),
             duration(seconds),
             self.cores,
             if self.cores == 1 { "core" } else { "cores" }
-        ));
+        )));
         let guessed = to_do.iter().filter(|task| task.steps > 0 && task.estimate.source == Source::Constants).count();
         if guessed > 0 {
             lines.push(format!(
@@ -189,4 +174,39 @@ impl Tasks {
         lines.extend(with_obstacles.map(|(task, why)| format!("{}: {why}", task.name)));
         lines.join("\n")
     }
+}
+
+/// Returns the table of all tasks. It fits a terminal: a name that is too long has a line of its own.
+fn rows(tasks: &[PlannedWork]) -> Vec<String> {
+    let head = ["run", "stage", "agents", "cores", "time left", "memory"].map(str::to_owned);
+    let cells: Vec<[String; 6]> = [head].into_iter().chain(tasks.iter().map(cells)).collect();
+    let width = |column: usize| cells.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
+    let widths: [usize; 6] = std::array::from_fn(width);
+    let [widest, stage, agents, cores, time, memory] = widths;
+    let gaps = 2 * (widths.len() - 1);
+    let name = widest.min(TERMINAL_COLUMNS.saturating_sub(widths[1..].iter().sum::<usize>() + gaps));
+    let row = |[run, of_stage, of_agents, of_cores, left, needed]: &[String; 6]| {
+        let [own_line, begins] = match run.chars().count() <= name {
+            true => ["", run],
+            false => [run, ""],
+        };
+        let own_line = if own_line.is_empty() { String::new() } else { format!("{own_line}\n") };
+        format!(
+            "{own_line}{begins:<name$}  {of_stage:<stage$}  {of_agents:>agents$}  {of_cores:>cores$}  {left:>time$}  \
+             {needed:>memory$}"
+        )
+    };
+    cells.iter().map(row).collect()
+}
+
+/// Returns the cells of a task: run, stage, agents, cores, time left and memory.
+fn cells(task: &PlannedWork) -> [String; 6] {
+    let Job { seconds, memory_mb, .. } = task.job();
+    let none = || "-".to_owned();
+    let agents = if task.agents > 0 { task.agents.to_string() } else { none() };
+    let [time, memory] = match task.stage {
+        Stage::Finished | Stage::Unreadable { .. } => [none(), none()],
+        _ => [duration(seconds), format!("{memory_mb:.0} MiB")],
+    };
+    [task.name.clone(), task.stage.name().to_owned(), agents, task.width.to_string(), time, memory]
 }

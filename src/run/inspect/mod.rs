@@ -1,9 +1,11 @@
 //! `nets inspect`: what becomes of the lights of a network, before anything is simulated.
 //!
-//! - `text`: for people; `json`: for programs; `map`: the picture of `--plot`.
+//! - `overview`, `text`: for people, a line for each light or lights in full; `json`: for programs; `map`: the picture of
+//!   `--plot`.
 
 mod json;
 mod map;
+mod overview;
 mod text;
 
 use std::collections::BTreeSet;
@@ -13,16 +15,21 @@ use anyhow::{Context, Result, anyhow};
 
 use super::outputs;
 use super::places::{self, Existing};
-use crate::config::ScenarioConfig;
+use crate::base::for_terminal;
+use crate::cli::InspectArgs;
+use crate::config::{ScenarioConfig, TrafficConfig};
 use crate::error::{Error, Result as CommandResult};
-use crate::outside::read_text;
-use crate::terminal::{self, answer, tell};
+use crate::outside::{but_alike, excerpt, read_text};
+use crate::terminal::{self, answer, program, tell};
 use crate::traffic::agents::derive::border::Seconds;
 use crate::traffic::agents::derive::overrides::Overrides;
 use crate::traffic::agents::derive::padding::{InfluencePadding, Padding};
 use crate::traffic::agents::derive::{Derived, Rules, derive};
 use crate::traffic::agents::plan::Border;
+use crate::traffic::agents::region::spec;
+use crate::traffic::network::files::NetworkFiles;
 use crate::traffic::network::roads::{EdgeNo, Roads, file};
+use crate::traffic::paper_grid::recognise::recognise_grid;
 use crate::traffic::scenario::SumoScenario;
 
 /// Largest file of overrides, in bytes.
@@ -40,39 +47,75 @@ struct Inspected {
     rules: Rules,
     /// What of the scenario is not simulated, a sentence each.
     left_out: Vec<String>,
+    /// Number of columns that agents see on this net if it is taken as a grid of the paper. `None`: it is none.
+    columns_of_grid: Option<usize>,
 }
 
-pub fn inspect(
-    path: &Path,
-    agents: Option<&Path>,
-    as_json: bool,
-    plot: Option<&Path>,
-    force: bool,
-) -> CommandResult<()> {
-    let existing = Existing::of_named(force);
-    let inspected = prepared(path, agents, plot, existing).map_err(Error::Usage)?;
-    let written = if as_json {
-        answer(terminal::json(serde_json::to_string_pretty(&json::described(&inspected)).expect("JSON has any text")))
-    } else {
-        answer(text::described(&inspected).trim_end())
-    };
-    written.and_then(|()| plot.map_or(Ok(()), |dir| draw(&inspected, dir, existing))).map_err(Error::Run)
+pub fn inspect(args: &InspectArgs) -> CommandResult<()> {
+    let existing = Existing::of_named(args.force);
+    let inspected = Inspected::of(args, existing).map_err(Error::Usage)?;
+    let told = inspected.told(args).map_err(Error::Usage)?;
+    if let Some(columns) = inspected.columns_of_grid {
+        tell(for_terminal(&format!(
+            "note: this is one of the paper's grids, here described as a scenario of your own; a config of the grid \
+             (traffic.network) gives its agents {columns} columns, see: {} describe CONFIG",
+            program()
+        )));
+    }
+    let plot = args.plot.as_deref();
+    answer(told).and_then(|()| plot.map_or(Ok(()), |dir| draw(&inspected, dir, existing))).map_err(Error::Run)
 }
 
-fn prepared(path: &Path, agents: Option<&Path>, plot: Option<&Path>, existing: Existing) -> Result<Inspected> {
-    plot.map_or(Ok(()), |dir| outputs::check_free(dir, "--plot", existing))?;
-    let Subject { net, roads, departs_on, seconds, left_out } =
-        match path.extension().is_some_and(|extension| extension == "sumocfg") {
-            true => of_scenario(path)?,
-            false => of_net(path)?,
+impl Inspected {
+    fn of(args: &InspectArgs, existing: Existing) -> Result<Inspected> {
+        let path = &args.file;
+        args.plot.as_deref().map_or(Ok(()), |dir| outputs::check_free(dir, "--plot", existing))?;
+        let Subject { net, roads, departs_on, seconds, left_out } =
+            match path.extension().is_some_and(|extension| extension == "sumocfg") {
+                true => of_scenario(path)?,
+                false => of_net(path)?,
+            };
+        let overrides = args.agents.as_deref().map_or(Ok(Overrides::default()), read_overrides)?;
+        let rules = Rules::default();
+        let derived = derive(&roads, &rules, &overrides).map_err(|error| anyhow!("{}: {error:#}", net.display()))?;
+        let padding = Padding::of(derived.agents.iter().map(|agent| &agent.plan));
+        let borders = derived.borders(&roads, &departs_on, rules.approach_m, seconds);
+        let influence = InfluencePadding::of(borders.iter());
+        let columns_of_grid = columns_of_grid(&net);
+        Ok(Inspected { net, roads, derived, padding, borders, influence, rules, left_out, columns_of_grid })
+    }
+
+    /// Returns what was asked for, as text.
+    fn told(&self, args: &InspectArgs) -> Result<String> {
+        if args.json {
+            let text = serde_json::to_string_pretty(&json::described(self)).expect("JSON has any text");
+            return Ok(terminal::json(text));
+        }
+        let text = match &args.light {
+            Some(light) => text::one(self, light).with_context(|| no_light(self, light))?,
+            None if args.all => text::all(self),
+            None => overview::described(self),
         };
-    let overrides = agents.map_or(Ok(Overrides::default()), read_overrides)?;
-    let rules = Rules::default();
-    let derived = derive(&roads, &rules, &overrides).map_err(|error| anyhow!("{}: {error:#}", net.display()))?;
-    let padding = Padding::of(derived.agents.iter().map(|agent| &agent.plan));
-    let borders = derived.borders(&roads, &departs_on, rules.approach_m, seconds);
-    let influence = InfluencePadding::of(borders.iter());
-    Ok(Inspected { net, roads, derived, padding, borders, influence, rules, left_out })
+        Ok(text.trim_end().to_owned())
+    }
+}
+
+/// Returns the error about a light that is not there.
+fn no_light(Inspected { net, derived, .. }: &Inspected, light: &str) -> String {
+    let learning = derived.agents.iter().map(|agent| &*agent.plan.light);
+    let near = but_alike(light, learning.chain(derived.keeping.iter().map(|kept| &*kept.light)));
+    format!(
+        "{}: --light: no light `{}` is here{near}; without the option all are listed",
+        net.display(),
+        excerpt(light)
+    )
+}
+
+/// Returns the number of columns that an agent of a grid sees, if this net is that of a grid with all its files.
+fn columns_of_grid(net: &Path) -> Option<usize> {
+    let name = net.file_name()?.to_str()?.strip_suffix(".net.xml")?;
+    recognise_grid(&NetworkFiles::of(&net.with_file_name(name))).ok()?;
+    Some(spec(&TrafficConfig::new("", "")).obs_dim)
 }
 
 /// What is inspected.

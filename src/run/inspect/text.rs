@@ -1,65 +1,88 @@
-//! A network as text for people.
+//! A network as text for people: its lights in full.
 
 use super::Inspected;
 use crate::base::counted;
-use crate::run::listing::{aligned, line, list_columns};
-use crate::traffic::agents::derive::Agent;
+use crate::run::listing::{aligned, line, list_columns, paragraph};
 use crate::traffic::agents::derive::keeping::Keeping;
 use crate::traffic::agents::derive::safety;
+use crate::traffic::agents::derive::{Agent, Derived};
 use crate::traffic::agents::phase_plan::{Interval, PhasePlan};
 use crate::traffic::agents::plan::{AgentPlan, Border};
 
-/// Returns the whole text.
-pub fn described(inspected: &Inspected) -> String {
+/// Returns what is said of the whole, and all lights.
+pub fn all(inspected: &Inspected) -> String {
+    let mut text = String::new();
+    summary(&mut text, inspected);
+    for (number, agent) in inspected.derived.agents.iter().enumerate() {
+        text.push('\n');
+        describe(&mut text, inspected, number, agent);
+    }
+    for kept in &inspected.derived.keeping {
+        text.push('\n');
+        describe_keeping(&mut text, kept);
+    }
+    text
+}
+
+/// Returns what is said of one light. `None`: there is no such light.
+pub fn one(inspected: &Inspected, light: &str) -> Option<String> {
+    let Derived { agents, keeping } = &inspected.derived;
+    let mut text = String::new();
+    if let Some(number) = agents.iter().position(|agent| agent.plan.light == light) {
+        describe(&mut text, inspected, number, &agents[number]);
+    } else {
+        describe_keeping(&mut text, keeping.iter().find(|kept| kept.light == light)?);
+    }
+    Some(text)
+}
+
+/// Writes what is said of the whole.
+pub fn summary(text: &mut String, inspected: &Inspected) {
     let Inspected { net, derived, padding, influence, rules, left_out, .. } = inspected;
     let (learning, keeping) = (derived.agents.len(), derived.keeping.len());
     let lights = counted(learning + keeping, "light");
-    let mut text = String::new();
-    line(&mut text, format_args!("{}: {lights}; {learning} learn, {keeping} keep their program", net.display()));
+    line(text, format_args!("{}: {lights}; {learning} learn, {keeping} keep their program", net.display()));
     line(
-        &mut text,
+        text,
         format_args!(
             "an agent sees {} m before its stop lines; yellow: {} s; green: {} s at least",
             rules.approach_m, rules.yellow_s, rules.min_green_s
         ),
     );
     line(
-        &mut text,
+        text,
         format_args!(
-            "all agents are of one kind: {} columns, {} actions; {:.0} % of the columns are padding",
+            "all agents are of one kind: {} columns ({:.0} % of them padding), {} actions",
             padding.columns,
-            padding.actions,
-            100.0 * padding.padded
+            100.0 * padding.padded,
+            padding.actions
         ),
     );
     line(
-        &mut text,
+        text,
         format_args!(
             "an influence predictor sees {} columns (the d-set) and predicts {} sources",
             influence.columns, influence.sources
         ),
     );
     let states: usize = derived.agents.iter().map(|agent| safety::states(&agent.plan.phases).count()).sum();
-    line(
-        &mut text,
+    paragraph(
+        text,
         format_args!(
             "{states} states checked: links that cross never have G at once, unless their own program does so"
         ),
     );
-    left_out.iter().for_each(|what| line(&mut text, format_args!("not simulated: {what}")));
-    for (number, agent) in derived.agents.iter().enumerate() {
-        describe(&mut text, inspected, number, agent);
-    }
-    for Keeping { light, why } in &derived.keeping {
-        line(&mut text, format_args!("\nlight {light}: keeps its program\n  why: {why}\n  way out: {}", why.way_out()));
-    }
-    text
+    left_out.iter().for_each(|what| paragraph(text, format_args!("not simulated: {what}")));
+}
+
+fn describe_keeping(text: &mut String, Keeping { light, why }: &Keeping) {
+    line(text, format_args!("light {light}: keeps its program\n  why: {why}\n  way out: {}", why.way_out()));
 }
 
 fn describe(text: &mut String, inspected: &Inspected, number: usize, agent: &Agent) {
     let Agent { plan, region, .. } = agent;
     let [x, y] = plan.place_m;
-    line(text, format_args!("\nlight {}: learns, agent {number}", plan.light));
+    line(text, format_args!("light {}: learns, agent {number}", plan.light));
     line(text, format_args!("  place: {x:.1}, {y:.1}"));
     let ids = |junctions: &mut dyn Iterator<Item = _>| {
         let ids: Vec<&str> = junctions.map(|&junction| inspected.roads.junction(junction).id.as_str()).collect();

@@ -9,7 +9,7 @@ use super::beyond::Reach;
 use super::local_net::LocalNet;
 use super::sample_demand::{END_S, demand, types};
 use super::source::Source;
-use crate::outside::{Printable, alike, excerpt, quoted, write_together};
+use crate::outside::{but_alike, excerpt, quoted, write_together};
 use crate::traffic::agents::derive::region::{Region, lit_junctions};
 use crate::traffic::agents::derive::{Agent, Derived};
 use crate::traffic::network::files::NetworkFiles;
@@ -41,8 +41,7 @@ fn check_known(scenario: &SumoScenario, roads: &Roads, light: &str) -> Result<()
     if known.contains(light) {
         return Ok(());
     }
-    let near: Vec<String> = alike(light, known).iter().map(|id| format!("`{}`", Printable(id))).collect();
-    let near = if near.is_empty() { String::new() } else { format!(", but {}", near.join(", ")) };
+    let near = but_alike(light, known);
     let list = format!("dials-traffic nets inspect {}", quoted(scenario.path()));
     bail!("{}: has no light `{}`{near}; list all with: {list}", scenario.net_path().display(), excerpt(light))
 }

@@ -9,6 +9,8 @@ use super::causes::SHORT_M;
 pub const LEAST_TRUE: f64 = 0.8;
 /// The same with sampled entries.
 pub const LEAST_SAMPLED: f64 = 0.7;
+/// Least precision and recall of two LSs with other random numbers. Below it they are no measure for a third one.
+pub const LEAST_OTHER: f64 = 0.6;
 /// Least and most cells that the LS has for one of the global simulator (GS), with sampled entries.
 pub const CELLS: [f64; 2] = [0.85, 1.15];
 /// Least and most cars that cross the stop lines in the LS for one in the GS, with sampled entries.
@@ -22,6 +24,14 @@ pub const MOST_WAITED: f64 = 0.1;
 
 /// Returns why the LS of a light should not be trusted, a line. `None`: it is like the GS.
 pub fn doubt(found: &LightFidelity) -> Option<String> {
+    let [precision, recall] = of_other(found);
+    let alike = precision.min(recall);
+    if alike < LEAST_OTHER {
+        return Some(format!(
+            "it cannot be judged: two LSs with other random numbers agree to {alike:.2} only (at least {LEAST_OTHER:.2} is \
+             needed); take the random numbers out with --sigma 0"
+        ));
+    }
     let symptoms = symptoms(found);
     if symptoms.is_empty() {
         return None;
@@ -34,7 +44,7 @@ pub fn doubt(found: &LightFidelity) -> Option<String> {
 /// Returns how it differs from the GS.
 fn symptoms(found: &LightFidelity) -> Vec<String> {
     let mut symptoms = Vec::new();
-    let best = found.other_seed.map_or([1.0; 2], |other| both(other.cells));
+    let best = of_other(found);
     for (entries, cells, least) in [
         ("true entries", found.true_entries.cells, LEAST_TRUE),
         ("sampled entries", found.sampled_entries.cells, LEAST_SAMPLED),
@@ -78,6 +88,11 @@ fn causes(found: &LightFidelity) -> Vec<String> {
         causes.push(format!("{lost} cars left their way, as SUMO moves cars past a jam"));
     }
     causes
+}
+
+/// Returns precision and recall of two LSs with other random numbers. If nothing is random: 1.
+fn of_other(found: &LightFidelity) -> [f64; 2] {
+    found.other_seed.map_or([1.0; 2], |other| both(other.cells))
 }
 
 fn both(cells: Agreement) -> [f64; 2] {
@@ -134,6 +149,13 @@ mod tests {
         let apart = LightFidelity { true_entries: comparison(100, 100, 70), ..light() };
         assert!(doubt(&apart).unwrap().ends_with("Why: no cause was found"));
         // 0.7 is 82 % of 0.85.
-        assert_eq!(doubt(&LightFidelity { other_seed: Some(comparison(100, 100, 85)), ..apart }), None);
+        let other_seed = |both| Some(comparison(100, 100, both));
+        assert_eq!(doubt(&LightFidelity { other_seed: other_seed(85), ..apart.clone() }), None);
+        // 0.7 is more than 0.8 of 0.5, but two LSs that agree to 0.5 only show nothing.
+        let told = doubt(&LightFidelity { other_seed: other_seed(50), ..apart }).unwrap();
+        assert!(
+            told.starts_with("it cannot be judged: two LSs with other random numbers agree to 0.50 only"),
+            "{told}"
+        );
     }
 }

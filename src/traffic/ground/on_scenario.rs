@@ -11,7 +11,7 @@ use crate::config::{DomainTable, Observation, Reward, ScenarioConfig};
 use crate::domain::{Kinds, RegionSpec, Result, RoughCosts, Scenario, SourceSpec};
 use crate::outside::quoted;
 use crate::traffic::agents::derive::border::Seconds;
-use crate::traffic::agents::derive::keeping::Keeping;
+use crate::traffic::agents::derive::keeping::sentences;
 use crate::traffic::agents::derive::overrides::Overrides;
 use crate::traffic::agents::derive::padding::{InfluencePadding, Padding};
 use crate::traffic::agents::derive::{CarsSeen, Derived, Rules, derive};
@@ -217,8 +217,7 @@ impl Ground for OnScenario {
     }
 
     fn left_out(&self) -> Vec<String> {
-        let keeping = &self.derived.keeping;
-        let keeps = keeping.iter().map(|Keeping { light, why }| format!("light `{light}` keeps its program: {why}"));
+        let keeps = sentences(&self.derived.keeping).into_iter().map(|(sentence, _)| sentence);
         self.files.left_out().iter().cloned().chain(keeps).collect()
     }
 
