@@ -2,7 +2,7 @@
 
 use super::{Finding, figures};
 use crate::base::statistics::Interval;
-use crate::base::{counted, decimals};
+use crate::base::{counted, decimals, wrapped};
 use crate::policy::Selection;
 
 /// Values of all episodes, by name of the figure.
@@ -26,6 +26,7 @@ pub fn comparison(findings: &[Finding]) -> String {
     };
     let played = counted(episodes, "episode");
     let title = format!("mean +- half of its 95 % interval over {played}, the same traffic for all{policies}");
+    let title = wrapped(&title, WIDTH).join("\n");
     let mut text = format!("{title}\n{}", blocks(&names, &labels, &means));
     if let [reference, others @ ..] = &figures[..]
         && !others.is_empty()
