@@ -191,5 +191,5 @@ fn a_width_that_nobody_knows_is_refused_with_those_there_are() {
         String::from_utf8(command.assert().code(2).get_output().stderr.clone()).unwrap()
     };
     assert!(said("512").contains("--set: numerics.vector_width: "), "{}", said("512"));
-    assert!(said("512-bit").contains("expected `widest` or `256-bit`"), "{}", said("512-bit"));
+    assert!(said("512-bit").contains("allowed: `widest` or `256-bit`"), "{}", said("512-bit"));
 }

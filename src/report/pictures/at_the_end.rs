@@ -228,7 +228,9 @@ const MOST_NAMED: usize = 40;
 fn agents_by_name(comparison: &Comparison, looks: &Looks) -> Result<Option<Svg>> {
     let ends: Vec<(&Group, Final)> =
         comparison.groups.iter().filter_map(|group| Some((group, Final::of(group)?))).collect();
-    let Some(run) = ends.first().and_then(|(group, _)| group.runs.first()) else { return Ok(None) };
+    // Older runs do not know the names.
+    let runs = ends.iter().flat_map(|(group, _)| &group.runs);
+    let Some(run) = runs.max_by_key(|run| run.about.agents.len()) else { return Ok(None) };
     let all = comparison.scenario.agents;
     let mean_of = |agent: usize| ends.iter().map(|(_, end)| end.agent_means[agent]).sum::<f64>();
     let mut order: Vec<usize> = (0..all).collect();
@@ -242,13 +244,16 @@ fn agents_by_name(comparison: &Comparison, looks: &Looks) -> Result<Option<Svg>>
             values: order.iter().map(|&agent| (end.agent_means[agent], stuck(agent))).collect(),
         }
     });
+    let series: Vec<Series> = series.collect();
     let fewer = if order.len() < all { format!("; the {} lowest of {all}", order.len()) } else { String::new() };
+    let any_stuck = series.iter().flat_map(|series| &series.values).any(|(_, stuck)| *stuck);
+    let cross = if any_stuck { "; black cross: stuck" } else { "" };
     let chart = NamedChart {
         title: format!("{}: every agent at the end", comparison.heading()),
         x: return_axis(comparison),
         names: order.iter().map(|&agent| run.about.agent_name(agent)).collect(),
-        series: series.collect(),
-        note: format!("means over seeds, the lowest at the top; cross: stuck{fewer}"),
+        series,
+        note: format!("means over seeds, the lowest at the top{cross}{fewer}"),
     };
     chart.draw().map(Some)
 }
