@@ -1,7 +1,7 @@
 """Drive the lights of a scenario with the trained policies of a run: libsumo and numpy, and nothing of ours.
 
     dials-traffic nets inspect town.sumocfg --json > lights.json
-    pip install libsumo numpy safetensors
+    pip install libsumo==1.15.0 numpy safetensors
     python3 examples/drive_sumo.py town.sumocfg lights.json runs/town/policies.safetensors
 
 It decides greedily, every 5 s as by default, and prints the mean delay of all cars, as `dials-traffic evaluate` does.

@@ -127,7 +127,7 @@ pub struct TrainArgs {
     #[arg(long)]
     pub seed: Option<u64>,
     /// Stop after N timesteps per agent; learning rate and clip still decay over total_steps
-    #[arg(long, value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
+    #[arg(long, value_parser = number_of_steps)]
     pub steps: Option<u64>,
     /// Simulator and predictor that the policies train with; overrides the config
     #[arg(long, value_enum)]
@@ -417,6 +417,16 @@ pub struct CompareArgs {
 fn seconds(text: &str) -> Result<Range<usize>, String> {
     let ends = text.split_once(',').and_then(|(from, to)| Some(from.trim().parse().ok()?..to.trim().parse().ok()?));
     ends.filter(|ends| ends.start < ends.end).ok_or_else(|| "must be two seconds, such as 600,1200".to_owned())
+}
+
+/// Reads a number of steps as configs and `--set` have them: `1000000`, `1_000_000` or `1e6`.
+fn number_of_steps(text: &str) -> Result<u64, String> {
+    let digits = text.replace('_', "");
+    let whole = |number: &f64| number.fract() == 0.0 && (0.0..2_f64.powi(53)).contains(number);
+    let rounded = || digits.parse::<f64>().ok().filter(whole).map(|number| number as u64);
+    // TOML, in which runs write it down, has no larger numbers.
+    let steps = digits.parse::<u64>().ok().or_else(rounded).filter(|steps| *steps <= i64::MAX as u64);
+    steps.ok_or_else(|| "must be a whole number such as 1000000 or 1e6".to_owned())
 }
 
 fn sigma(text: &str) -> Result<f64, String> {

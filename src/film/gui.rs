@@ -17,8 +17,8 @@ pub fn check_screen() -> Result<()> {
     let display = std::env::var_os("DISPLAY").filter(|display| !display.is_empty());
     ensure!(
         display.is_some(),
-        "--gui: there is no screen here (DISPLAY is not set); make a film with --video, or copy the folder to a \
-         machine with a screen and SUMO"
+        "--gui: there is no screen here (DISPLAY is not set); make a film with --video, or leave --gui \
+         out and open the folder with sumo-gui elsewhere"
     );
     Ok(())
 }

@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::{comparable, time_unit};
-use crate::drawing::Svg;
+use crate::drawing::{INK, Svg};
 use crate::report::chart::{Axis, Line, LineChart, LinePoint, Look, Looks, Mark, Marker};
 use crate::report::cores::{ByCores, by_cores, mean_with};
 use crate::report::group::{Comparison, Group, steps_text};
@@ -73,12 +73,16 @@ fn of_the_paper(comparison: &Comparison, group: &Group, model: &ByCores, unit_s:
     let LinePoint { x, y, .. } = point((cores as f64).log2(), time.total * 3600.0 / unit_s);
     Some(Mark {
         label: format!("{}, the paper", group.name()),
-        look: Look { marker: Marker::Diamond, ..looks.of(&group.label()) },
+        look: Look { colour: INK, marker: Marker::Diamond, ..looks.of(&group.label()) },
         points: vec![(x, y, None)],
     })
 }
 
+/// Writes whole powers of two only: the ticks between them have no number.
 fn power_of_two(power: f64) -> String {
-    let value = power.exp2();
-    if value >= 10.0 { format!("{value:.0}") } else { format!("{}", (value * 1000.0).round() / 1000.0) }
+    if (power - power.round()).abs() > 0.01 {
+        return String::new();
+    }
+    let value = power.round().exp2();
+    if value >= 1.0 { format!("{value:.0}") } else { format!("1/{:.0}", 1.0 / value) }
 }

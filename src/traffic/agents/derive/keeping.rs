@@ -76,7 +76,10 @@ impl Why {
             Why::NoLink => "control its connections in netedit",
             Why::NoCars => "allow cars on its lanes in netedit",
             Why::Greens(greens) if *greens > MOST_GREENS => "name its greens in agents.toml",
-            Why::Greens(_) => "give its program a second green in netedit, or name its greens in agents.toml",
+            Why::Greens(_) => {
+                "give its program a second green in netedit, or name its greens in agents.toml; a dead \
+                 end needs none"
+            }
         }
     }
 }

@@ -168,7 +168,7 @@ fn a_net_without_a_light_that_can_learn_is_refused() {
     assert_eq!(
         told,
         "has no light that can learn: light `J`: its program has one green only, so there is nothing to choose; give \
-         its program a second green in netedit, or name its greens in agents.toml"
+         its program a second green in netedit, or name its greens in agents.toml; a dead end needs none"
     );
     let none = Roads::default();
     let told = derive(&none, &Rules::default(), &Overrides::default()).unwrap_err().to_string();
