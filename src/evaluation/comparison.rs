@@ -2,14 +2,11 @@
 
 use super::{Finding, figures};
 use crate::base::statistics::Interval;
-use crate::base::{counted, decimals, wrapped};
+use crate::base::{TERMINAL_COLUMNS, counted, decimals, wrapped};
 use crate::policy::Selection;
 
 /// Values of all episodes, by name of the figure.
 type Figures = Vec<(String, Vec<f64>)>;
-
-/// Longest line of a comparison, in characters.
-const WIDTH: usize = 80;
 
 /// Returns a table of several players, one line each, and a table of their differences from the first player.
 pub fn comparison(findings: &[Finding]) -> String {
@@ -26,7 +23,7 @@ pub fn comparison(findings: &[Finding]) -> String {
     };
     let played = counted(episodes, "episode");
     let title = format!("mean +- half of its 95 % interval over {played}, the same traffic for all{policies}");
-    let title = wrapped(&title, WIDTH).join("\n");
+    let title = wrapped(&title, TERMINAL_COLUMNS).join("\n");
     let mut text = format!("{title}\n{}", blocks(&names, &labels, &means));
     if let [reference, others @ ..] = &figures[..]
         && !others.is_empty()
@@ -65,7 +62,8 @@ fn signed_cell(interval: Interval) -> String {
     if cell.starts_with('-') { cell } else { format!("+{cell}") }
 }
 
-/// Returns a table with one line per label. If it is wider than [`WIDTH`], its columns are split into several tables.
+/// Returns a table with one line per label. If it is wider than [`TERMINAL_COLUMNS`], its columns are split into several
+/// tables.
 pub(super) fn blocks(names: &[&str], labels: &[String], cells: &[Vec<String>]) -> String {
     let label_width = labels.iter().map(|label| label.chars().count()).max().unwrap_or(0);
     let widths: Vec<usize> = (0..names.len())
@@ -76,7 +74,7 @@ pub(super) fn blocks(names: &[&str], labels: &[String], cells: &[Vec<String>]) -
     while begin < names.len() {
         let mut end = begin;
         let mut width = label_width;
-        while end < names.len() && (end == begin || width + 2 + widths[end] <= WIDTH) {
+        while end < names.len() && (end == begin || width + 2 + widths[end] <= TERMINAL_COLUMNS) {
             width += 2 + widths[end];
             end += 1;
         }

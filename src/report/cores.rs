@@ -5,13 +5,13 @@
 //! model has no waiting and no messages, and no core that is slower when its neighbours work. Measured points stand
 //! beside it and show how much that leaves out.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::document::Table;
-use super::finals::{Runtime, mean_cpu};
+use super::finals::Runtime;
 use super::group::{Comparison, Group, steps_text};
 use super::words::duration;
-use crate::records::run_record::PeriodTime;
+use crate::base::statistics::mean;
 
 /// Numbers of cores in the table.
 const CORES: [usize; 6] = [1, 2, 8, 32, 128, 1024];
@@ -25,23 +25,24 @@ pub struct ByCores {
     cpu_s: f64,
     /// Largest number of cores that can share them.
     most: usize,
-    /// Workers and wall seconds of every run.
-    pub measured: Vec<(usize, f64)>,
+    /// Wall seconds by number of workers, means over the runs that had it.
+    pub measured: BTreeMap<usize, f64>,
 }
 
 impl ByCores {
     /// Returns the model of the runs that count for the final return; `None` unless they finished and measured CPU time.
     pub fn of(group: &Group, agents: usize) -> Option<ByCores> {
-        let Runtime { steps, finished: true, .. } = Runtime::of(group)? else { return None };
+        let Runtime { steps, finished: true, cpu: Some(cpu), .. } = Runtime::of(group)? else { return None };
         let (_, runs) = group.finals()?;
-        let timed: Vec<(usize, PeriodTime)> =
-            runs.iter().filter_map(|run| Some((run.workers, run.time_at(steps)?))).collect();
-        let times: Vec<PeriodTime> = timed.iter().map(|(_, time)| *time).collect();
+        let mut seconds: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
+        for run in runs {
+            seconds.entry(run.workers).or_default().push(run.time_at(steps)?.runtime_s());
+        }
         Some(ByCores {
             steps,
-            cpu_s: mean_cpu(&times)?.runtime_s(),
+            cpu_s: cpu.runtime_s(),
             most: if group.simulator() == "gs" { 1 } else { agents },
-            measured: timed.iter().map(|(workers, time)| (*workers, time.runtime_s())).collect(),
+            measured: seconds.into_iter().map(|(workers, seconds)| (workers, mean(&seconds))).collect(),
         })
     }
 
@@ -82,7 +83,7 @@ pub fn table(comparison: &Comparison) -> Option<Table> {
     let row = |(group, model): &(&Group, ByCores)| {
         let mut row = vec![comparison.short_label(group)];
         row.extend(cores.iter().map(|&cores| duration(model.seconds(cores))));
-        row.push(told(&model.measured));
+        row.push(by_workers(&model.measured));
         row.extend(gs.map(|(of_gs, gs)| match model.faster_from(gs) {
             _ if std::ptr::eq(*of_gs, *group) => "-".to_owned(),
             Some(1) => "always".to_owned(),
@@ -104,17 +105,10 @@ pub fn table(comparison: &Comparison) -> Option<Table> {
     })
 }
 
-/// Writes the mean measured times by number of workers.
-fn told(measured: &[(usize, f64)]) -> String {
-    let workers: BTreeSet<usize> = measured.iter().map(|(workers, _)| *workers).collect();
-    let words = workers.into_iter().map(|count| format!("{} with {count}", duration(mean_with(measured, count))));
+/// Writes the measured times by number of workers.
+fn by_workers(measured: &BTreeMap<usize, f64>) -> String {
+    let words = measured.iter().map(|(workers, seconds)| format!("{} with {workers}", duration(*seconds)));
     words.collect::<Vec<_>>().join(", ")
-}
-
-/// Returns the mean wall seconds of the runs with this number of workers, of which there is at least one.
-pub fn mean_with(measured: &[(usize, f64)], workers: usize) -> f64 {
-    let of_them: Vec<f64> = measured.iter().filter(|(own, _)| *own == workers).map(|(_, seconds)| *seconds).collect();
-    crate::base::statistics::mean(&of_them)
 }
 
 #[cfg(test)]
@@ -122,7 +116,7 @@ mod tests {
     use super::*;
 
     fn model(cpu_s: f64, most: usize) -> ByCores {
-        ByCores { steps: 1, cpu_s, most, measured: Vec::new() }
+        ByCores { steps: 1, cpu_s, most, measured: BTreeMap::new() }
     }
 
     #[test]
@@ -136,6 +130,6 @@ mod tests {
 
     #[test]
     fn measured_times_are_told_by_number_of_workers() {
-        assert_eq!(told(&[(1, 3600.0), (2, 1800.0), (1, 7200.0)]), "90.0 min with 1, 30.0 min with 2");
+        assert_eq!(by_workers(&BTreeMap::from([(2, 1800.0), (1, 5400.0)])), "90.0 min with 1, 30.0 min with 2");
     }
 }

@@ -127,7 +127,10 @@ fn scenario(comparison: &Comparison, looks: &Looks) -> Result<Vec<Block>> {
     blocks.extend(pictures::time_by_cores(comparison, looks)?.map(|svg| {
         figure(
             format!("time_by_cores_{slug}"),
-            format!("Wall time of a run by number of cores, {title}. Lines: a model. Hollow: measured. Black diamonds: the paper, if our runs were as long."),
+            format!(
+                "Wall time of a run by number of cores, {title}. Lines: a model. Hollow: measured. Black diamonds: the \
+                 paper, if our runs were as long."
+            ),
             svg,
         )
     }));

@@ -15,8 +15,8 @@ use crate::records::files::CONFIG;
 pub(super) fn check(a: &ComparedSide, b: &ComparedSide) -> Result<Option<String>> {
     let mut differences = differences(a, b);
     if a.scenario == b.scenario {
-        let told = format!("A and B differ in more than their methods: {}", differences.join("; "));
-        return Ok((!differences.is_empty()).then_some(told));
+        let warning = format!("A and B differ in more than their methods: {}", differences.join("; "));
+        return Ok((!differences.is_empty()).then_some(warning));
     }
     // The checksum of a network of one's own covers the reward, too.
     let place = |side: &ComparedSide| ScenarioId { rules: None, checksum: None, ..side.scenario.clone() };

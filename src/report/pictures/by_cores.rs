@@ -5,7 +5,7 @@ use anyhow::Result;
 use super::{comparable, time_unit};
 use crate::drawing::{INK, Svg};
 use crate::report::chart::{Axis, Line, LineChart, LinePoint, Look, Looks, Mark, Marker};
-use crate::report::cores::{ByCores, by_cores, mean_with};
+use crate::report::cores::{ByCores, by_cores};
 use crate::report::group::{Comparison, Group, steps_text};
 use crate::report::paper;
 
@@ -48,11 +48,8 @@ fn point(power: f64, time: f64) -> LinePoint {
 }
 
 fn measured(comparison: &Comparison, group: &Group, model: &ByCores, unit_s: f64, looks: &Looks) -> Mark {
-    let mut workers: Vec<usize> = model.measured.iter().map(|(workers, _)| *workers).collect();
-    workers.sort_unstable();
-    workers.dedup();
-    let points = workers.into_iter().map(|workers| {
-        let LinePoint { x, y, .. } = point((workers as f64).log2(), mean_with(&model.measured, workers) / unit_s);
+    let points = model.measured.iter().map(|(&workers, seconds)| {
+        let LinePoint { x, y, .. } = point((workers as f64).log2(), seconds / unit_s);
         (x, y, None)
     });
     Mark {
