@@ -100,6 +100,8 @@ def delay_s(trips):
 
 
 if __name__ == "__main__":
+    if len(sys.argv) not in (4, 5) or not all(Path(file).is_file() for file in sys.argv[1:4]):
+        sys.exit(__doc__)
     with tempfile.TemporaryDirectory() as folder:
         trips = Path(folder) / "trips.xml"
         decisions = len(list(drive(*sys.argv[1:], trips=trips)))

@@ -4,6 +4,7 @@
 """
 
 import sys
+from pathlib import Path
 
 import numpy as np
 from safetensors.numpy import load_file
@@ -45,6 +46,8 @@ def judge(policies, obs, state=None):
 
 
 if __name__ == "__main__":
+    if len(sys.argv) != 2 or not Path(sys.argv[1]).is_file():
+        sys.exit(__doc__)
     policies = load_file(sys.argv[1])
     agents, obs_dim, _ = policies.get("gru.input_weight", policies["layers.0.weight"]).shape
     logits, values, _ = judge(policies, np.zeros((agents, 1, obs_dim)))

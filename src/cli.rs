@@ -308,8 +308,8 @@ pub struct OutputArgs {
     /// files, into this directory (traffic)
     #[arg(long, value_name = "DIR")]
     pub plot: Option<PathBuf>,
-    /// On a scenario: edges that follow each other, along which --plot draws the time-space diagram [default: the route of
-    /// the cars that passes the most lights]
+    /// On a scenario: edges that follow each other, along which --plot draws the time-space diagram [default: the route
+    /// of a car on which lights meet the most cars]
     #[arg(long, value_name = "EDGE,EDGE,...", requires = "plot")]
     pub route: Option<String>,
     /// Seconds of the first episode that --plot shows, such as 600,1200 [default: all]

@@ -121,7 +121,7 @@ pub struct PolicyConfig {
     /// Whether the value has a network of its own, with the same hidden layers as the policy.
     ///
     /// DEVIATION 15: in the paper policy and value share all layers but the last. Then the value's large errors change
-    /// the layers that the policy needs.
+    /// the layers that the policy needs. Our configs of the paper's grids choose it.
     pub separate_critic: bool,
 }
 

@@ -98,8 +98,8 @@ fn progress(runs: &[RunRecord]) -> Table {
         let mean = |evaluation: Option<&EvaluationRecord>| {
             evaluation.map_or(NONE.to_owned(), |evaluation| figure(evaluation.all.mean))
         };
-        let aip = run.aip_trainings.last();
-        let aip = aip.map_or(NONE.to_owned(), |aip| format!("{:.3} ({:.3})", aip.after, aip.marginals));
+        let aip = aip_loss(run);
+        let aip = aip.map_or(NONE.to_owned(), |[loss, marginals]| format!("{loss:.3} ({marginals:.3})"));
         vec![
             run.dir.file_name().unwrap_or_default().to_string_lossy().into_owned(),
             state.to_owned(),
@@ -115,13 +115,23 @@ fn progress(runs: &[RunRecord]) -> Table {
     Table {
         caption:
             "Steps: timesteps per agent; those of a run that has stopped are of its last checkpoint. Speed: timesteps \
-                  of all agents per second of the last period, with its evaluation and AIPs. AIP: cross-entropy on \
-                  held-out episodes, and that of constants in brackets; lower is better."
+                  of all agents per second of the last period, with its evaluation and AIPs. AIP: cross-entropy, and \
+                  that of constants in brackets; lower is better. As on the terminal it is of new episodes, or of \
+                  held-out ones if the AIPs have been trained since."
                 .to_owned(),
         header: ["run", "state", "steps", "evaluated at", "speed", "time left", "return at first", "return now", "AIP"]
             .map(str::to_owned)
             .to_vec(),
         rows: runs.iter().map(row).collect(),
+    }
+}
+
+/// Returns the newest loss of the AIPs and that of constants, as the terminal tells it.
+fn aip_loss(run: &RunRecord) -> Option<[f64; 2]> {
+    let (trained, fresh) = (run.aip_trainings.last(), run.fresh_losses.last());
+    match fresh.filter(|fresh| trained.is_none_or(|trained| fresh.steps >= trained.steps)) {
+        Some(fresh) => Some([fresh.loss, fresh.marginals]),
+        None => trained.map(|trained| [trained.after, trained.marginals]),
     }
 }
 

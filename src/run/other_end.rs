@@ -1,4 +1,4 @@
-//! `train --resume RUN --steps N`: a run gets another end.
+//! The end of a resumed run: `train --resume RUN --steps N` gives it another one.
 
 use std::path::Path;
 
@@ -6,11 +6,11 @@ use anyhow::{Result, ensure};
 
 use crate::config::resume::with_end;
 use crate::config::{Config, LARGEST_FILE as LARGEST_CONFIG, load, rest_of_schedule};
-use crate::outside::{Directory, read_text};
+use crate::outside::{Directory, quoted, read_text};
 use crate::records::files;
 use crate::records::resume_point::ResumePoint;
 use crate::records::run_record::RunRecord;
-use crate::terminal::tell;
+use crate::terminal::{program, tell};
 
 /// Makes the run end at step `steps`, by its config. Returns the text of the config before.
 pub fn end_at(directory: &Directory, steps: u64) -> Result<String> {
@@ -25,6 +25,21 @@ pub fn end_at(directory: &Directory, steps: u64) -> Result<String> {
     let text = read_text(&path, LARGEST_CONFIG)?;
     directory.write(files::CONFIG, with_end(&text, steps).as_bytes())?;
     Ok(text)
+}
+
+/// Says so if there is nothing left to do, and how to train further.
+pub fn tell_of_end(dir: &Path, config: &Config, point: &ResumePoint) {
+    let Some(checkpoint) = &point.checkpoint else { return };
+    let (steps, standing) = (checkpoint.agents.steps, &checkpoint.progress.standing);
+    if !rest_of_schedule(config, standing.until).is_empty() || standing.evaluated_at != Some(steps) {
+        return;
+    }
+    let further = if standing.until < config.total_steps {
+        format!("train it further with: {} train --resume {} --steps {}", program(), quoted(dir), config.total_steps)
+    } else {
+        "for a longer one begin a new run with a larger total_steps".to_owned()
+    };
+    tell(format_args!("note: this run has ended, at step {steps}\n  {further}"));
 }
 
 /// Says so if the resumed run loses an evaluation: that of an earlier end at which the longer run is not evaluated. The

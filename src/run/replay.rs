@@ -22,6 +22,10 @@ use crate::traffic::sim::replay::{self, SPEED_COLOURS, Snapshot, view};
 
 pub fn replay(args: &cli::ReplayArgs) -> crate::error::Result<()> {
     let existing = Existing::of_named(args.force);
+    if !args.subject.exists() {
+        // Told before anything about the outputs, which would only be the next error.
+        ReplayedEpisode::choose(args).map_err(Error::Usage)?;
+    }
     check_not_a_run("--out", &args.out).map_err(Error::Usage)?;
     let dir = places::place(&args.out, existing).map_err(Error::Usage)?;
     let places = [("--out", Some(&*args.out)), ("--video", args.video.as_deref()), ("--plot", args.plot.as_deref())];

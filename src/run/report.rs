@@ -2,7 +2,7 @@
 
 use super::outputs::check_not_a_run;
 use super::places::{self, Existing};
-use crate::base::counted;
+use crate::base::{counted, for_terminal};
 use crate::cli;
 use crate::error::{Error, Result};
 use crate::outside::{Directory, Printable, quoted};
@@ -16,7 +16,7 @@ pub fn report(args: &cli::ReportArgs) -> Result<()> {
     let report = report::report(&args.folders).map_err(Error::Usage)?;
     let write = |dir: &Directory| report.files.iter().try_for_each(|(name, text)| dir.put(name, text.as_bytes()));
     places::make(&out, existing, write).map_err(Error::Usage)?;
-    report.warnings.iter().for_each(|warning| warn(format_args!("warning: {}", Printable(warning))));
+    report.warnings.iter().for_each(|warning| warn(for_terminal(&format!("warning: {}", Printable(warning)))));
     let (page, markdown) = (out.join(PAGE), out.join(MARKDOWN));
     let (runs, groups) = (report.runs, report.groups);
     let (runs, groups) = (counted(runs, "run"), counted(groups, "group"));

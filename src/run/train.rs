@@ -11,7 +11,7 @@ use clap::ValueEnum;
 use super::build::{other_build, record_resume};
 use super::directory;
 use super::domain;
-use super::other_end::{end_at, tell_of_lost_evaluation};
+use super::other_end::{end_at, tell_of_end, tell_of_lost_evaluation};
 use super::places::Existing;
 use super::run_name::default_dir;
 use super::team::{Plan, Team};
@@ -146,6 +146,7 @@ fn resume_locked(args: &cli::TrainArgs, dir: &Path, directory: Directory, wanted
         Error::Run(error)
     })?;
     point.warning.iter().for_each(warn);
+    tell_of_end(dir, &run.config, &point);
     tell_of_lost_evaluation(dir, &run.config, &point);
     Ok(Run { resumed: Some(point), other_build, ..run })
 }

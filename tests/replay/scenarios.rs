@@ -272,7 +272,7 @@ fn pictures_of_a_scenario_show_its_roads_and_the_route_that_is_asked_for() {
     assert!(of_part("queues.svg").contains(&words), "{words}");
     assert_eq!(of_part("returns.svg"), fs::read_to_string(folder.join("returns.svg")).unwrap());
 
-    // Without a route, that of the cars which pass the most lights is drawn.
+    // Without a route, the one on which lights meet the most cars is drawn.
     let unasked = dir.path().join("unasked");
     draw(&unasked, &[]).success();
     let space_time = fs::read_to_string(unasked.join("space_time.svg")).unwrap();

@@ -81,8 +81,8 @@ impl Owner {
         refuse("", &found, TO_RESUME)?;
         if until > self.config.last_step() {
             return Err(NotOfThisRun(format!(
-                "stop_at_steps = {}: training has come to step {until} already; set it to {until} or more, or leave it \
-                 out",
+                "stop_at_steps = {} (`--steps`): training has come to step {until} already; ask for {until} or more, or \
+                 leave it out",
                 self.config.last_step()
             )));
         }

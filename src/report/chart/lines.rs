@@ -365,7 +365,9 @@ impl LineChart {
 
     /// Returns the width of the y axis with its numbers and label, in pixels.
     fn label_width(&self, y: &std::ops::Range<f64>, size: Size) -> f64 {
-        let widest = [y.start, y.end].map(|value| text_width(&(self.y.format)(value), size.numbers)).into_iter().max();
+        // Some formats write whole numbers only.
+        let ends = [y.start, y.end, y.start.ceil(), y.end.floor()];
+        let widest = ends.map(|value| text_width(&(self.y.format)(value), size.numbers)).into_iter().max();
         f64::from(widest.unwrap_or(0)) / f64::from(SCALE) + if size.axis_titles { 30.0 } else { 8.0 }
     }
 }

@@ -61,8 +61,9 @@ fn task(text: &mut String, Described { domain, tasks, config, .. }: &Described) 
         paragraph(
             text,
             format_args!(
-                "agents differ: below is {name}; --json has all. Each network is as wide as the widest needs: {obs_dim} \
-                 columns, {n_actions} actions, {} sources, {d_set_dim} columns of the d-set",
+                "agents differ in what they see and do: below is {name}; --json has all. Their networks are of one kind, as \
+                 wide as the widest needs: {obs_dim} columns, {n_actions} actions, {} sources, {d_set_dim} columns of \
+                 the d-set",
                 sources.count()
             ),
         );

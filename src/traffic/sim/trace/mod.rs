@@ -19,7 +19,7 @@ use route::Route;
 /// Returns the trace, with the ways along which cars can be drawn.
 ///
 /// On a grid these are its rows from west to east, the southernmost first. On a scenario there is one: `route`, or the
-/// route of the cars that passes the most lights. Without any car there is none.
+/// route of a car on which lights meet the most cars. Without any car there is none.
 pub fn trace(recording: &Recording, route: Option<&Route>) -> Result<RoadTrace> {
     match &recording.roads.ground {
         RecordedGround::Grid(grid) => of_grid::trace(recording, grid.grid),

@@ -14,14 +14,14 @@ use crate::traffic::side::Side;
 use crate::traffic::sim::recorded_roads::{RecordedFiles, RecordedScenario};
 use crate::traffic::sim::recording::Recording;
 
-/// Returns the trace, with a corridor along `route`, or along the route with the most lights.
+/// Returns the trace, with a corridor along `route`, or along the busiest one.
 pub fn trace(recording: &Recording, scenario: &RecordedScenario, route: Option<&Route>) -> Result<RoadTrace> {
     let RecordedScenario { agents, roads, .. } = scenario;
     let most = agents.iter().map(|agent| agent.phases.greens().len()).max().unwrap_or(0);
     let light = |(row, agent): (usize, &AgentPlan)| {
         recording.steps.iter().map(|step| shown(agent, &step.signals[row])).collect()
     };
-    let route = route.cloned().or_else(|| Route::with_most_lights(recording, scenario));
+    let route = route.cloned().or_else(|| Route::busiest(recording, scenario));
     Ok(RoadTrace {
         seconds: 0..recording.steps.len(),
         layout: Layout::Map(road_map(scenario)),

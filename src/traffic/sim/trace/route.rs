@@ -1,6 +1,6 @@
-//! A way along edges of a scenario: the one that the user names, or the one with the most lights.
+//! A way along edges of a scenario: the one that the user names, or the one on which lights meet the most cars.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 
 use anyhow::{Result, bail, ensure};
 
@@ -35,23 +35,25 @@ impl Route {
         Ok(Route(edges))
     }
 
-    /// Returns the route of the cars of an episode that passes the most lights under control. Of several it is the one
-    /// that the most cars took. `None`: no car entered.
-    pub fn with_most_lights(recording: &Recording, scenario: &RecordedScenario) -> Option<Route> {
+    /// Returns the route of a car of an episode on which lights under control meet the most cars. A car counts at each
+    /// light, and also if it drives only a part of the route. `None`: no car entered.
+    pub fn busiest(recording: &Recording, scenario: &RecordedScenario) -> Option<Route> {
         let roads = &scenario.roads;
         let learning: HashSet<&str> = scenario.agents.iter().map(|agent| agent.light.as_str()).collect();
         let lit = |two: &[EdgeNo]| light_between(roads, two[0], two[1]).is_some_and(|light| learning.contains(light));
-        let mut taken: BTreeMap<&[String], usize> = BTreeMap::new();
-        recording.entries.iter().for_each(|entry| *taken.entry(&entry.car.edges).or_default() += 1);
-        let known = taken.into_iter().filter_map(|(names, cars)| {
-            let edges = names.iter().map(|name| roads.edge_named(name)).collect::<Option<Vec<EdgeNo>>>()?;
-            let differ = edges.iter().collect::<HashSet<_>>().len() == edges.len();
-            let lights = edges.windows(2).filter(|two| lit(two)).count();
-            (differ && !edges.is_empty()).then_some((lights, cars, edges))
+        let driven = recording.entries.iter().filter_map(|entry| {
+            entry.car.edges.iter().map(|name| roads.edge_named(name)).collect::<Option<Vec<EdgeNo>>>()
         });
-        // The order of the names decides between equals.
-        let best = known.reduce(|best, next| if (next.0, next.1) > (best.0, best.1) { next } else { best });
-        best.map(|(_, _, edges)| Route(edges))
+        let driven: Vec<Vec<EdgeNo>> = driven.filter(|edges| !edges.is_empty()).collect();
+        let mut cars: BTreeMap<&[EdgeNo], usize> = BTreeMap::new();
+        driven.iter().flat_map(|edges| edges.windows(2)).for_each(|two| *cars.entry(two).or_default() += 1);
+        cars.retain(|two, _| lit(two));
+        let met = |edges: &[EdgeNo]| edges.windows(2).filter_map(|two| cars.get(two)).sum::<usize>();
+        // A picture can show each edge once. Of equals the one with the lower numbers of edges counts.
+        let differ = |edges: &&Vec<EdgeNo>| edges.iter().collect::<HashSet<_>>().len() == edges.len();
+        let routes: BTreeSet<&Vec<EdgeNo>> = driven.iter().filter(differ).collect();
+        let best = routes.into_iter().rev().max_by_key(|edges| met(edges));
+        best.cloned().map(Route)
     }
 
     pub fn edges(&self) -> &[EdgeNo] {
