@@ -874,7 +874,7 @@ fn some_agents_are_evaluated_in_front_of_a_hand_coded_background() {
     );
     assert_refused(
         &mut evaluate(&["--background", "never", "--agents", "r0c9"]),
-        &["--agents: there is no agent `r0c9`, but `r0c0`, `r0c1`, `r1c0`; the agents are 0 to 3"],
+        &["--agents: there is no agent `r0c9`; the agents are 0 to 3, by name r0c0"],
     );
     assert_refused(&mut evaluate(&["--background", "fastest", "--agents", "0"]), &["controller `fastest`: unknown"]);
     evaluate(&["--background", "never"]).assert().code(2);

@@ -101,7 +101,7 @@ fn every_agent_of_a_scenario_is_in_the_json_without_padding() {
 fn the_words_of_every_reward_are_those_of_the_docs() {
     let page = fs::read_to_string(root().join("docs/environments.md")).unwrap();
     let town = "sumo_nets/town/town.sumocfg";
-    for name in ["mean-speed", "queue", "pressure", "wait", "diff-waiting-time"] {
+    for name in ["mean-speed", "exit-speed", "queue", "pressure", "wait", "diff-waiting-time"] {
         let setting = format!("traffic.reward={name}");
         let text = answer(&["describe", town, "--set", &setting]);
         // A long line is broken, and goes on further to the right.

@@ -211,14 +211,14 @@ fn seconds(fcd: &str) -> Vec<BTreeMap<&str, Lane<'_>>> {
     seconds
 }
 
-/// Returns what each light earns in an episode: `mean-speed`, `queue`, `lost-time`, `pressure`, `wait` and
-/// `diff-waiting-time`.
-fn earned(fcd: &str) -> Vec<[f64; 6]> {
+/// Returns what each light earns in an episode: `mean-speed`, `queue`, `lost-time`, `pressure`, `wait`,
+/// `diff-waiting-time` and `exit-speed`.
+fn earned(fcd: &str) -> Vec<[f64; 7]> {
     let grid = Grid::new(2, 2).unwrap();
     let of_agent = |agent| {
         let [approaches, exits] =
             [grid.incoming_edges(agent), grid.outgoing_edges(agent)].map(|edges| edges.map(|edge| format!("{edge}_0")));
-        let mut sums = [0.0; 6];
+        let mut sums = [0.0; 7];
         let mut waited: BTreeMap<&str, f64> = BTreeMap::new();
         let mut waited_before = 0.0;
         for lanes in seconds(fcd) {
@@ -241,6 +241,8 @@ fn earned(fcd: &str) -> Vec<[f64; 6]> {
             sums[4] -= (waits / 100.0).min(10.0);
             sums[5] += (waited_before - waits) / 100.0;
             waited_before = waits;
+            let left: f64 = leave.iter().map(|(_, speed)| speed / 10.0).sum();
+            sums[6] += left / leave.len().max(1) as f64;
         }
         sums
     };
@@ -255,7 +257,7 @@ fn every_reward_of_a_grid_is_what_sumos_own_cars_say() {
     traffic(dir.path(), "0.1");
     let episode = Seed::new(13).for_episode(0);
     let earned = earned(&run_sumo(dir.path(), &lights, episode).fcd);
-    let names = ["mean-speed", "queue", "lost-time", "pressure", "wait", "diff-waiting-time"];
+    let names = ["mean-speed", "queue", "lost-time", "pressure", "wait", "diff-waiting-time", "exit-speed"];
     let returns = |reward: &str| {
         let config = TrafficConfig {
             reward: serde_json::from_str(reward).unwrap(),

@@ -11,8 +11,10 @@ use serde::{Deserialize, Serialize, Serializer};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RewardTerm {
-    /// Mean of the cars' speed as a share of their own allowed speed.
+    /// Mean of the cars' speed as a share of the limit of their lanes; 0 without cars.
     MeanSpeed,
+    /// The same of the cars that have left the light and are on its exits.
+    ExitSpeed,
     /// Minus the number of standing cars, in tens.
     Queue,
     /// Minus the time that the cars on the approaches lose against their limits, in tens of cars: a standing car counts
@@ -31,6 +33,7 @@ impl RewardTerm {
     pub fn words(self) -> &'static str {
         match self {
             RewardTerm::MeanSpeed => "mean speed of the cars on the approaches, as a share of the limit",
+            RewardTerm::ExitSpeed => "mean speed of the cars on the exits, as a share of the limit",
             RewardTerm::Queue => "minus the standing cars on the approaches, in tens",
             RewardTerm::LostTime => {
                 "minus the seconds that the cars on the approaches lose in a second against the limits, in tens"
@@ -161,7 +164,7 @@ mod tests {
 
     #[test]
     fn what_is_no_reward_is_refused() {
-        let unknown = "unknown variant `speed`, expected one of `mean-speed`, `queue`, `lost-time`, `pressure`, \
+        let unknown = "unknown variant `speed`, expected one of `mean-speed`, `exit-speed`, `queue`, `lost-time`, `pressure`, \
                        `wait`, `diff-waiting-time`";
         assert!(read("\"speed\"").unwrap_err().starts_with(unknown));
         assert!(read("{\"speed\":1}").unwrap_err().starts_with(unknown));

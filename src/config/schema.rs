@@ -168,7 +168,7 @@ mod tests {
             assert_eq!(schema().pointer(&at).unwrap()["enum"], json!(choices), "{key}");
         }
         let reward = schema().pointer("/properties/traffic/properties/reward").unwrap().clone();
-        let names = json!(["mean-speed", "queue", "lost-time", "pressure", "wait", "diff-waiting-time"]);
+        let names = json!(["mean-speed", "exit-speed", "queue", "lost-time", "pressure", "wait", "diff-waiting-time"]);
         assert_eq!([&reward["anyOf"][0]["enum"], &reward["anyOf"][1]["propertyNames"]["enum"]], [&names; 2]);
     }
 }

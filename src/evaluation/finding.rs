@@ -14,6 +14,8 @@ pub struct Player {
     pub keys: Vec<(&'static str, Value)>,
     /// How its policies choose actions; `None` for a controller.
     pub policies: Option<Selection>,
+    /// Which agents follow them and what the others do, in words; `None`: all agents do.
+    pub others: Option<String>,
 }
 
 /// A player and its episodes. All players of a command play the same episodes.

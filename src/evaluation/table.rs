@@ -27,13 +27,14 @@ fn text(evaluation: &Evaluation, finding: &Finding, title: &dyn Fn(usize) -> Str
         Some(Selection::Sampled) => "; sampled policies",
         None => "",
     };
+    let others = finding.player.others.as_ref().map_or(String::new(), |others| format!("\n({others})"));
     let episodes = match evaluation.episodes() {
         1 => "1 episode".to_owned(),
         episodes => format!("+-: half of a 95 % interval over {episodes} episodes"),
     };
     let digits = decimals(returns.mean, returns.half_width);
     let mut lines = vec![format!(
-        "{name} {:.digits$}{}, median of the agents {:.digits$}\n({episodes}{policies})",
+        "{name} {:.digits$}{}, median of the agents {:.digits$}\n({episodes}{policies}){others}",
         returns.mean,
         returns.half_width.map_or(String::new(), |half_width| format!(" +- {half_width:.digits$}")),
         all.median
@@ -108,7 +109,7 @@ mod tests {
         let mut returns = Rows::new(0, agents);
         episodes.iter().for_each(|episode| returns.push(&episode.returns));
         let evaluation = Evaluation { returns, measures, stuck: vec![false; agents] };
-        let player = Player { label: "p".into(), keys: Vec::new(), policies };
+        let player = Player { label: "p".into(), keys: Vec::new(), policies, others: None };
         text(&evaluation, &Finding { player, episodes }, &|agent| format!("agent {agent}"))
     }
 

@@ -110,8 +110,8 @@ fn scenario(comparison: &Comparison, looks: &Looks) -> Result<Vec<Block>> {
         (
             format!("aip_cross_entropy_{slug}"),
             format!(
-                "Cross-entropy of the AIPs, {title}. Before their first training it is far higher \
-                 (aip_cross_entropy.csv). The paper draws it against runtime."
+                "Cross-entropy of the AIPs, {title}. Before their first training it is far higher, and not drawn. The \
+                 paper draws it against runtime."
             ),
             pictures::cross_entropy(comparison, looks)?,
         ),
@@ -124,12 +124,14 @@ fn scenario(comparison: &Comparison, looks: &Looks) -> Result<Vec<Block>> {
     }
     blocks.push(Block::Table(tables::agents(comparison)));
     blocks.extend(tables::likeness(comparison).map(Block::Table));
+    let paper =
+        if paper::has(&comparison.scenario) { " Black diamonds: the paper, if our runs were as long." } else { "" };
     blocks.extend(pictures::time_by_cores(comparison, looks)?.map(|svg| {
         figure(
             format!("time_by_cores_{slug}"),
             format!(
-                "Wall time of a run by number of cores, {title}. Lines: a model. Hollow: measured. Black diamonds: the \
-                 paper, if our runs were as long."
+                "Wall time of a run by number of cores, {title}. Lines: a model. Marks: measured; on a machine that did \
+                 other work, too, they lie above the line.{paper}"
             ),
             svg,
         )
@@ -166,13 +168,46 @@ fn figure(name: String, caption: String, svg: Svg) -> Block {
     Block::Figure(Figure { name, caption, svg })
 }
 
-/// Returns the commands that made the runs, from `run.json`.
+/// Returns the commands that made the runs, from `run.json`, with the ends that the runs have now.
 fn commands(comparisons: &[Comparison]) -> Vec<String> {
     let runs = comparisons.iter().flat_map(|comparison| &comparison.groups).flat_map(|group| &group.runs);
     let commands = runs.filter_map(|run| {
         let words = run.about.command.get(1..)?.iter();
-        let words: Vec<String> = words.map(|word| quoted_word(&word.as_it_was())).collect();
+        let mut words: Vec<String> = words.map(|word| quoted_word(&word.as_it_was())).collect();
+        end_at(&mut words, run.config.stop_at_steps);
         Some(format!("dials-traffic {}", words.join(" ")))
     });
     commands.collect()
+}
+
+/// Sets the `--steps` of a `train` command: a resume may have given the run another end.
+fn end_at(words: &mut Vec<String>, steps: Option<u64>) {
+    let Some(steps) = steps else { return };
+    if words.iter().any(|word| word.contains("stop_at_steps=")) {
+        return;
+    }
+    if let Some(place) = words.iter().position(|word| word == "--steps") {
+        words.drain(place..(place + 2).min(words.len()));
+    }
+    words.retain(|word| !word.starts_with("--steps="));
+    words.extend(["--steps".to_owned(), steps.to_string()]);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_command_has_the_end_that_its_run_has_now() {
+        let with = |command: &str, steps| {
+            let mut words: Vec<String> = command.split(' ').map(str::to_owned).collect();
+            end_at(&mut words, steps);
+            words.join(" ")
+        };
+        assert_eq!(with("train a --steps 60 --seed 1", Some(90)), "train a --seed 1 --steps 90");
+        assert_eq!(with("train a --steps=60", Some(90)), "train a --steps 90");
+        assert_eq!(with("train a", Some(90)), "train a --steps 90");
+        assert_eq!(with("train a", None), "train a");
+        assert_eq!(with("train a --set stop_at_steps=60", Some(60)), "train a --set stop_at_steps=60");
+    }
 }

@@ -27,19 +27,23 @@ pub fn end_at(directory: &Directory, steps: u64) -> Result<String> {
     Ok(text)
 }
 
-/// Says so if there is nothing left to do, and how to train further.
+/// Says so if there is nothing left to train, and how to train further.
 pub fn tell_of_end(dir: &Path, config: &Config, point: &ResumePoint) {
     let Some(checkpoint) = &point.checkpoint else { return };
-    let (steps, standing) = (checkpoint.agents.steps, &checkpoint.progress.standing);
-    if !rest_of_schedule(config, standing.until).is_empty() || standing.evaluated_at != Some(steps) {
+    let (steps, until) = (checkpoint.agents.steps, checkpoint.progress.standing.until);
+    if !rest_of_schedule(config, until).is_empty() || !was_evaluated(dir, steps) {
         return;
     }
-    let further = if standing.until < config.total_steps {
+    let further = if until < config.total_steps {
         format!("train it further with: {} train --resume {} --steps {}", program(), quoted(dir), config.total_steps)
     } else {
         "for a longer one begin a new run with a larger total_steps".to_owned()
     };
     tell(format_args!("note: this run has ended, at step {steps}\n  {further}"));
+}
+
+fn was_evaluated(dir: &Path, steps: u64) -> bool {
+    RunRecord::read(dir).is_ok_and(|run| run.evaluation_at(steps).is_some())
 }
 
 /// Says so if the resumed run loses an evaluation: that of an earlier end at which the longer run is not evaluated. The
@@ -50,8 +54,7 @@ pub fn tell_of_lost_evaluation(dir: &Path, config: &Config, point: &ResumePoint)
     let rest = rest_of_schedule(config, standing.until);
     // Without a rest the run ends here, with an evaluation.
     let comes_again = rest.first().is_none_or(|next| next.evaluate) || standing.evaluated_at == Some(steps);
-    let was_evaluated = || RunRecord::read(dir).is_ok_and(|run| run.evaluation_at(steps).is_some());
-    if !comes_again && was_evaluated() {
+    if !comes_again && was_evaluated(dir, steps) {
         tell(format_args!(
             "note: {} loses the evaluation at step {steps}, the earlier end of this run.\n  A run that goes on is not \
              evaluated there (evaluation.every_steps = {}).",

@@ -33,6 +33,12 @@ pub struct Background {
 }
 
 impl Background {
+    /// Returns who follows the policies and what the others do.
+    fn words(&self) -> String {
+        let agents: Vec<String> = self.policies_of.iter().map(|agent| agent.0.to_string()).collect();
+        format!("agents {}; others {}", agents.join(","), self.controller)
+    }
+
     fn hand_coded(&self, domain: &dyn Domain) -> Vec<AgentId> {
         let agents = AgentId::all(domain.agents()).into_iter();
         agents.filter(|agent| !self.policies_of.contains(agent)).collect()
@@ -71,10 +77,7 @@ impl Subject {
         match self {
             Subject::Controller(name) => name.clone(),
             Subject::Run { dir, greedy, background } => {
-                let background = background.as_ref().map(|Background { controller, policies_of }| {
-                    let agents: Vec<String> = policies_of.iter().map(|agent| agent.0.to_string()).collect();
-                    format!("agents {}; others {controller}", agents.join(","))
-                });
+                let background = background.as_ref().map(Background::words);
                 let how: Vec<String> = greedy.then(|| "greedy".to_owned()).into_iter().chain(background).collect();
                 let dir = dir.display();
                 if how.is_empty() { dir.to_string() } else { format!("{dir} ({})", how.join("; ")) }
@@ -89,7 +92,11 @@ impl Subject {
             Subject::Run { greedy: true, .. } => Some(Selection::Greedy),
             Subject::Run { greedy: false, .. } => Some(Selection::Sampled),
         };
-        Player { label: self.label(), keys: self.keys(), policies }
+        let others = match self {
+            Subject::Run { background: Some(background), .. } => Some(background.words()),
+            _ => None,
+        };
+        Player { label: self.label(), keys: self.keys(), policies, others }
     }
 
     /// Returns the JSON keys and values that identify the subject.
@@ -180,10 +187,12 @@ pub fn agent_called(domain: &dyn Domain, word: &str, option: &str) -> Result<Age
     domain.agent_called(word).with_context(|| {
         let names: Vec<String> =
             AgentId::all(domain.agents()).into_iter().map(|agent| domain.agent_name(agent)).collect();
-        let near = but_alike(word, names.iter().map(String::as_str));
-        let shown = match names.len() {
-            ..=MOST_NAMES => names.join(", "),
-            _ => format!("{}, ... {}; `describe CONFIG --json` has all", names[..MOST_NAMES].join(", "), names[last]),
+        let (near, shown) = match names.len() {
+            ..=MOST_NAMES => (String::new(), names.join(", ")),
+            _ => (
+                but_alike(word, names.iter().map(String::as_str)),
+                format!("{}, ... {}; `describe CONFIG --json` has all", names[..MOST_NAMES].join(", "), names[last]),
+            ),
         };
         let word = excerpt(word);
         format!("{option}: there is no agent `{word}`{near}; the agents are 0 to {last}, by name {shown}")

@@ -139,6 +139,13 @@ pub fn mean_speed(region: &RegionPlan, cars: CarsAt<'_>) -> f32 {
     (speeds / count as f64 / limit) as f32
 }
 
+/// Returns the mean speed of the cars on the exits, as a share of the limits of their lanes; 0 without cars.
+pub fn exit_speed(region: &RegionPlan, exits: CarsAt<'_>) -> f64 {
+    let lanes = region.exits.iter().zip(exits.iter());
+    let shares = lanes.flat_map(|(exit, lane)| lane.speeds_mps.iter().map(|speed| speed / exit.speed_limit_mps));
+    shares.sum::<f64>() / exits.cars().max(1) as f64
+}
+
 /// Returns the seconds that the cars on the approaches lose in a second, against the limits of their lanes. A car that is
 /// faster than the limit loses nothing.
 pub fn cars_lost(region: &RegionPlan, cars: CarsAt<'_>) -> f64 {

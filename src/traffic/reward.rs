@@ -57,13 +57,14 @@ pub fn needs_waiting(reward: &Reward) -> bool {
 
 /// Returns whether a reward needs the cars on the exits.
 pub fn needs_exits(reward: &Reward) -> bool {
-    reward.terms().any(|(term, _)| term == RewardTerm::Pressure)
+    reward.terms().any(|(term, _)| matches!(term, RewardTerm::ExitSpeed | RewardTerm::Pressure))
 }
 
 /// Returns the reward of a step: the weighted sum of its terms after the step. `exits`: the cars on the exits.
 pub fn reward(reward: &Reward, region: &RegionPlan, cars: CarsAt<'_>, exits: CarsAt<'_>, waiting: &Waiting) -> f32 {
     let term = |term| match term {
         RewardTerm::MeanSpeed => f64::from(observe::mean_speed(region, cars)),
+        RewardTerm::ExitSpeed => observe::exit_speed(region, exits),
         RewardTerm::Queue => -(cars.iter().map(|lane| lane.halting()).sum::<usize>() as f64) / CARS,
         RewardTerm::LostTime => -observe::cars_lost(region, cars) / CARS,
         RewardTerm::Pressure => (exits.cars() as f64 - cars.cars() as f64) / CARS,
@@ -104,6 +105,8 @@ mod tests {
         let near = |found: f64, expected: f64| assert!((found - expected).abs() < 1e-6, "{found} for {expected}");
         // 5 / 3 m/s of 10, two of three stand, 3 come and 1 leaves, two waited for 30 s.
         near(paid("\"mean-speed\""), 1.0 / 6.0);
+        // One car at half the limit leaves.
+        near(paid("\"exit-speed\""), 0.5);
         near(paid("\"queue\""), -0.2);
         // Two cars lose all of a second, and the third one half of it.
         near(paid("\"lost-time\""), -0.25);

@@ -30,7 +30,12 @@ pub fn crossing() -> AgentPlan {
         ahead_m,
         links: links.to_vec(),
     };
-    let exit = |lane: &str, leaves_the_net| Exit { lane: lane.to_owned(), length_m: 100.0, leaves_the_net };
+    let exit = |lane: &str, leaves_the_net| Exit {
+        lane: lane.to_owned(),
+        length_m: 100.0,
+        speed_limit_mps: 10.0,
+        leaves_the_net,
+    };
     let link = |letter, from, to| Link { letter, from, to };
     AgentPlan {
         light: "crossing".to_owned(),

@@ -81,6 +81,7 @@ fn around(grid: Grid, agent: AgentId) -> RegionPlan {
     let exit = |to: &Side| Exit {
         lane: lane(&outgoing[to.index()]),
         length_m: EDGE_M,
+        speed_limit_mps: SPEED_LIMIT_MPS,
         leaves_the_net: grid.leaves(agent, *to),
     };
     let link = |from: &Side| Link { letter: from.link_index(), from: from.index(), to: from.opposite().index() };

@@ -41,7 +41,7 @@ pub fn region_plan(roads: &Roads, light: &str, region: &Region) -> RegionPlan {
     let exits = leaving.iter().map(|&lane| {
         let leaves_the_net = leaves_the_net(roads, light, roads.lane(lane).edge);
         let lane = roads.lane(lane);
-        Exit { lane: lane.id.clone(), length_m: lane.length_m, leaves_the_net }
+        Exit { lane: lane.id.clone(), length_m: lane.length_m, speed_limit_mps: lane.speed_limit_mps, leaves_the_net }
     });
     RegionPlan { approaches: approaches.collect(), exits: exits.collect(), links }
 }
