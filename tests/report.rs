@@ -94,6 +94,9 @@ fn final_returns_and_runtimes_are_worked_out_by_hand() {
 fn what_is_missing_unfinished_or_broken_is_said() {
     let (_dir, out, said) = report();
     let page = fs::read_to_string(out.join("report.html")).unwrap();
+    // On the terminal a long line is broken.
+    assert!(said.lines().all(|line| line.chars().count() <= 80), "{said}");
+    let said = said.replace("\n  ", " ");
     for told in [
         "runs/traffic_4-gs-seed3: not begun yet",
         "runs/broken: left out: runs/broken/config.toml:",
