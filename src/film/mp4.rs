@@ -15,7 +15,14 @@ pub fn join(room: &Path, film: &Path) -> Result<()> {
         .args(["-loglevel", "error", "-framerate", &STEPS_PER_SECOND.to_string(), "-i"])
         .arg(room.join("%06d.png"))
         // Every player can show an even width and height with this pixel format.
-        .args(["-vf", &format!("pad=ceil(iw/2)*2:ceil(ih/2)*2:color=0x{red:02x}{green:02x}{blue:02x}"), "-pix_fmt", "yuv420p", "-movflags", "+faststart"])
+        .args([
+            "-vf",
+            &format!("pad=ceil(iw/2)*2:ceil(ih/2)*2:color=0x{red:02x}{green:02x}{blue:02x}"),
+            "-pix_fmt",
+            "yuv420p",
+            "-movflags",
+            "+faststart",
+        ])
         .arg(film)
         .stdin(Stdio::null())
         .output()

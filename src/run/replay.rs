@@ -48,7 +48,7 @@ pub fn replay(args: &cli::ReplayArgs) -> crate::error::Result<()> {
     answer(format_args!(
         "written to {}: {}, {}; SUMO replays it to the last bit\nwatch it with: sumo-gui -c {}",
         dir.display(),
-        counted(recording.steps.len(), "step"),
+        counted(recording.steps.len(), "second"),
         counted(recording.entries.len(), "car"),
         quoted(&config)
     ))

@@ -213,7 +213,7 @@ impl Observer for Progress {
         let grown = match drift.percent() {
             percent if percent.is_finite() => {
                 let worse = if percent < 0.0 { "better" } else { "worse" };
-                format!("\n  relative to them {:.1} % {worse} than after the last training", percent.abs())
+                format!("\n  as a share of theirs {:.1} % {worse} than after the last training", percent.abs())
             }
             _ => String::new(),
         };

@@ -26,7 +26,8 @@ pub fn doctor() -> Result<()> {
     }
     let missing = match count(State::Missing) {
         0 => String::new(),
-        missing => format!("; {missing} that some commands need is missing"),
+        1 => "; one part is missing, which some commands need".to_owned(),
+        missing => format!("; {missing} parts are missing, which some commands need"),
     };
     answer(format_args!("\ntraining works here{missing}")).map_err(Error::Run)
 }

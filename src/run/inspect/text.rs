@@ -69,7 +69,8 @@ pub fn summary(text: &mut String, inspected: &Inspected) {
     paragraph(
         text,
         format_args!(
-            "{states} states checked: links that cross never have G at once, unless their own program does so"
+            "{states} states checked: where links cross, at most one has G, but for those to which the light's own program gives \
+             it together"
         ),
     );
     left_out.iter().for_each(|what| paragraph(text, format_args!("not simulated: {what}")));
