@@ -53,7 +53,8 @@ impl Place {
         let output = self.call(&["report", "runs", "--out", "report", "--force"]);
         let said = text(&output.stderr);
         assert!(output.status.success(), "{said}");
-        said
+        // A long line is broken for the terminal, and goes on further to the right.
+        said.replace("\n  ", " ")
     }
 
     /// Returns the names and contents of the report's files.
