@@ -154,7 +154,7 @@ fn lights_that_cannot_have_a_local_simulator_are_all_named_before_a_run_begins()
     command.arg("--plot").arg(room.path("plots"));
     let said = String::from_utf8(command.assert().success().get_output().stdout.clone()).unwrap();
     // An episode of the local simulators is not longer than the scenario: 60 decisions of 5 s.
-    assert!(said.contains(": 300 steps, "), "{said}");
+    assert!(said.contains(": 300 seconds, "), "{said}");
     let net = fs::read_to_string(replay.join("replay.net.xml")).unwrap();
     let signals = fs::read_to_string(room.path("plots/signals.svg")).unwrap();
     assert!(signals.contains("run in its local simulator, first episode of seed "), "{signals}");
