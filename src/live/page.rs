@@ -126,7 +126,7 @@ fn progress(runs: &[RunRecord]) -> Table {
     }
 }
 
-/// Returns the newest loss of the AIPs and that of constants, as the terminal tells it.
+/// Returns the newest loss of the AIPs and that of constants, as the terminal shows it.
 fn aip_loss(run: &RunRecord) -> Option<[f64; 2]> {
     let (trained, fresh) = (run.aip_trainings.last(), run.fresh_losses.last());
     match fresh.filter(|fresh| trained.is_none_or(|trained| fresh.steps >= trained.steps)) {

@@ -74,7 +74,7 @@ const MOST_KEYS: usize = 8;
 /// Runs of one method with several seeds; never empty.
 pub struct Group {
     pub method: Method,
-    /// Config keys whose values differ from those of most groups of the scenario, and those that are always told, with
+    /// Config keys whose values differ from those of most groups of the scenario, and those that are always named, with
     /// the values of this group.
     pub overrides: Vec<(String, String)>,
     /// Runs in order of their seeds.
@@ -241,8 +241,8 @@ fn reference(groups: &[Group], told_apart: &BTreeMap<String, Option<String>>) ->
     (groups.len() > 1 && usual.next().is_none()).then_some(found)
 }
 
-/// Keys that a label tells even if all groups have them: with one of them it is another method than the paper's.
-const ALWAYS_TOLD: [&str; 2] = ["policy.imitate", "traffic.clock"];
+/// Keys that a label names even if all groups have them. With one of them a method is not the paper's.
+const ALWAYS_NAMED: [&str; 2] = ["policy.imitate", "traffic.clock"];
 
 fn group(method: Method, told_apart: &BTreeMap<String, Option<String>>, runs: Vec<RunRecord>) -> Group {
     let in_the_name = |key: &str| {
@@ -251,7 +251,7 @@ fn group(method: Method, told_apart: &BTreeMap<String, Option<String>>, runs: Ve
     };
     let overrides = method.keys.iter().filter(|(key, value)| {
         let differs = || told_apart.get(*key).is_some_and(|common| common.as_ref() != Some(value));
-        !in_the_name(key) && (ALWAYS_TOLD.contains(&key.as_str()) || differs())
+        !in_the_name(key) && (ALWAYS_NAMED.contains(&key.as_str()) || differs())
     });
     let mut overrides: Vec<(String, String)> = overrides.map(|(key, value)| (key.clone(), value.clone())).collect();
     // These leave the policies as they are.
