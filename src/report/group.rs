@@ -63,7 +63,8 @@ impl Comparison {
         }
         let overrides = group.overrides.iter().map(|(key, value)| format!("{}={value}", short(key)));
         let of_reference = self.reference.is_some_and(|reference| self.groups[reference].name() == group.name());
-        let name = (!of_reference || group.overrides.is_empty()).then(|| group.name());
+        let differs = group.overrides.iter().any(|(key, _)| !ALWAYS_NAMED.contains(&key.as_str()));
+        let name = (!of_reference || !differs).then(|| group.name());
         name.into_iter().chain(overrides).collect::<Vec<_>>().join(", ")
     }
 }
@@ -321,6 +322,25 @@ mod tests {
         assert_eq!(ablation(&["", "ppo.clip = 0.2"]).reference, None, "neither is the usual one");
         assert_eq!(ablation(&["", "simulator = 'gs'", "simulator = 'untrained-dials'"]).reference, None);
         assert_eq!(ablation(&[""]).reference, None, "there is nothing to compare it with");
+    }
+
+    #[test]
+    fn a_method_that_imitates_is_never_taken_for_the_papers() {
+        let short = |settings: &[&str]| {
+            let comparison = ablation(settings);
+            comparison.groups.iter().map(|group| comparison.short_label(group)).collect::<Vec<String>>()
+        };
+        let copy = "policy.imitate = 'oldest-item'";
+        assert_eq!(ablation(&[copy]).groups[0].label(), "DIALS F=1M, policy.imitate=oldest-item");
+        let others = ["ppo.clip = 0.2", "evaluation.episodes = 3\nppo.gamma = 0.9"].map(|key| format!("{copy}\n{key}"));
+        assert_eq!(
+            short(&[copy, &others[0], &others[1]]),
+            [
+                "DIALS F=1M, imitate=oldest-item",
+                "imitate=oldest-item, clip=0.2",
+                "imitate=oldest-item, gamma=0.9, episodes=3",
+            ]
+        );
     }
 
     #[test]
