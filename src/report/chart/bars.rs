@@ -125,8 +125,14 @@ impl BarChart {
                         }
                         let (far, colour) = if tall > px(38.0) { (px(30.0), over) } else { (tall + px(8.0), INK) };
                         let style = text(size, colour).pos(Pos::new(HPos::Center, VPos::Center));
-                        let number = Text::new((self.format)(value), (foot.0, foot.1 + away * far), style);
-                        root.draw(&number)?;
+                        let words = (self.format)(value);
+                        // In a narrow bar every other number stands higher, so that neighbours do not run together.
+                        let room =
+                            chart.backend_coord(&(left + width, begin)).0 - chart.backend_coord(&(left, begin)).0;
+                        let narrow = text_width(&words, size) > room;
+                        let far = if narrow && number % 2 == 1 { far + px(12.0) } else { far };
+                        let colour = if far < tall { colour } else { INK };
+                        root.draw(&Text::new(words, (foot.0, foot.1 + away * far), style.color(&colour)))?;
                         if let Some((from, to)) = bar.whisker {
                             whisker(area, middle, (place(from.max(low)), place(to)), INK)?;
                         }
