@@ -123,16 +123,13 @@ impl BarChart {
                             let within = (foot.0, foot.1 + away * px(12.0));
                             mark(root, within, Look { colour: over, ..bar.look }, 9.0, true)?;
                         }
-                        let (far, colour) = if tall > px(38.0) { (px(30.0), over) } else { (tall + px(8.0), INK) };
-                        let style = text(size, colour).pos(Pos::new(HPos::Center, VPos::Center));
                         let words = (self.format)(value);
-                        // In a narrow bar every other number stands higher, so that neighbours do not run together.
-                        let room =
-                            chart.backend_coord(&(left + width, begin)).0 - chart.backend_coord(&(left, begin)).0;
-                        let narrow = text_width(&words, size) > room;
-                        let far = if narrow && number % 2 == 1 { far + px(12.0) } else { far };
-                        let colour = if far < tall { colour } else { INK };
-                        root.draw(&Text::new(words, (foot.0, foot.1 + away * far), style.color(&colour)))?;
+                        let end = |x| chart.backend_coord(&(x, begin)).0;
+                        let room = end(left + width) - end(left);
+                        let (turn, far, inside) = place_of_number(text_width(&words, size), room, tall);
+                        let style = text(size, if inside { over } else { INK });
+                        let style = style.transform(turn).pos(Pos::new(HPos::Center, VPos::Center));
+                        root.draw(&Text::new(words, (foot.0, foot.1 + away * far), style))?;
                         if let Some((from, to)) = bar.whisker {
                             whisker(area, middle, (place(from.max(low)), place(to)), INK)?;
                         }
@@ -236,6 +233,23 @@ impl Ranged for Ticked {
     }
 }
 
+/// Returns how the number of a bar is turned, the distance of its middle from the bar's foot, and whether it is inside.
+///
+/// `long`: length of the number; `room`: width from bar to bar; `tall`: height of the bar; all in pixels. In a narrow bar
+/// the number stands upright, so that it does not reach into the next one.
+fn place_of_number(long: i32, room: i32, tall: i32) -> (FontTransform, i32, bool) {
+    let (turn, high) = match long + px(2.0) > room {
+        true => (FontTransform::Rotate270, long),
+        false => (FontTransform::None, px(16.0)),
+    };
+    // Below it is the marker at the foot.
+    let below = px(22.0);
+    match tall > below + high {
+        true => (turn, below + high / 2, true),
+        false => (turn, tall + high / 2, false),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -262,6 +276,21 @@ mod tests {
         assert_eq!(range(&[-14.0, -4.0]), (-17.6, 1.6));
         assert_eq!(range(&[8.0]), (0.0, 11.0));
         assert_eq!(range(&[-8.0, 8.0]), (-12.0, 12.0));
+    }
+
+    #[test]
+    fn a_number_stands_upright_in_a_narrow_bar_and_above_a_low_one() {
+        let place = |long, room, tall| {
+            let (turn, far, inside) = place_of_number(px(long), px(room), px(tall));
+            (matches!(turn, FontTransform::Rotate270), far, inside)
+        };
+        // Lying, it is 16 high and stands on the 22 of the marker: 22 + 16 / 2.
+        assert_eq!(place(30.0, 36.0, 200.0), (false, px(30.0), true));
+        // Upright, it is as high as it is long: 22 + 30 / 2.
+        assert_eq!(place(30.0, 20.0, 200.0), (true, px(37.0), true));
+        // A bar of 40 has room for the number that lies, not for the upright one.
+        assert!(place(30.0, 36.0, 40.0).2);
+        assert_eq!(place(30.0, 20.0, 40.0), (true, px(55.0), false));
     }
 
     #[test]
