@@ -15,10 +15,10 @@ use crate::outside::quoted_word;
 
 /// Rules by which figures and tables are made, for the reader of a report.
 const RULES: [&str; 11] = [
-    "Runs that differ only in their seed, or in the step at which they were told to stop, form a group. A label names the \
-     config keys in which a group differs from most groups of its scenario. If there are more than eight such keys, the \
-     label is the directory of a run. In an ablation, the group with the most common settings is the reference. Pictures \
-     show every other group against it, named by what it changes.",
+    "Runs that have all settings in common form a group. Their seeds differ, and so may the step at which they were told \
+     to stop. A label names the config keys in which a group differs from most groups of its scenario. If there are more \
+     than eight such keys, the label is the directory of a run. In an ablation, the group with the most common settings \
+     is the reference. Pictures show every other group against it, named by what it changes.",
     "A curve has a point at every step at which a run of the group was evaluated. Between two evaluations a run counts with \
      a linear interpolation. After its last evaluation it does not count. The curve is thin where not all runs of the \
      group count. Curves of cross-entropy follow the same rules. A hollow mark means: trained for some seeds only.",
