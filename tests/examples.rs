@@ -1,9 +1,11 @@
-//! The examples run to their end. They can share this process, because only one of them uses SUMO.
+//! The examples run to their end. They can share this process: whoever needs SUMO waits for its turn.
 
 #[path = "../examples/custom_controller.rs"]
 mod custom_controller;
 #[path = "../examples/custom_domain.rs"]
 mod custom_domain;
+#[path = "../examples/one_decision.rs"]
+mod one_decision;
 
 #[test]
 fn a_controller_of_ones_own_is_compared_with_gap_out() {
@@ -13,4 +15,10 @@ fn a_controller_of_ones_own_is_compared_with_gap_out() {
 #[test]
 fn a_domain_of_ones_own_conforms_and_trains() {
     custom_domain::main().unwrap();
+}
+
+#[test]
+fn a_decision_of_a_coordinated_light_taken_the_other_way_round_costs_itself_and_others() {
+    let [itself, neighbours, two_roads] = one_decision::run(1).unwrap();
+    assert!(itself < -1.0 && neighbours < itself && two_roads < neighbours, "{itself} {neighbours} {two_roads}");
 }

@@ -63,7 +63,7 @@ impl Comparison {
         }
         let overrides = group.overrides.iter().map(|(key, value)| format!("{}={value}", short(key)));
         let of_reference = self.reference.is_some_and(|reference| self.groups[reference].name() == group.name());
-        let differs = group.overrides.iter().any(|(key, _)| !ALWAYS_NAMED.contains(&key.as_str()));
+        let differs = group.overrides.iter().any(|(key, value)| !is_always_named(key, value));
         let name = (!of_reference || !differs).then(|| group.name());
         name.into_iter().chain(overrides).collect::<Vec<_>>().join(", ")
     }
@@ -242,8 +242,12 @@ fn reference(groups: &[Group], told_apart: &BTreeMap<String, Option<String>>) ->
     (groups.len() > 1 && usual.next().is_none()).then_some(found)
 }
 
-/// Keys that a label names even if all groups have them. With one of them a method is not the paper's.
-const ALWAYS_NAMED: [&str; 2] = ["policy.imitate", "traffic.clock"];
+/// Keys that a label names even if all groups have them, unless they are off. With one of them a method is another one.
+const ALWAYS_NAMED: [&str; 3] = ["policy.imitate", "traffic.clock", "gs.shared_policy"];
+
+fn is_always_named(key: &str, value: &str) -> bool {
+    ALWAYS_NAMED.contains(&key) && value != "false"
+}
 
 fn group(method: Method, told_apart: &BTreeMap<String, Option<String>>, runs: Vec<RunRecord>) -> Group {
     let in_the_name = |key: &str| {
@@ -252,7 +256,7 @@ fn group(method: Method, told_apart: &BTreeMap<String, Option<String>>, runs: Ve
     };
     let overrides = method.keys.iter().filter(|(key, value)| {
         let differs = || told_apart.get(*key).is_some_and(|common| common.as_ref() != Some(value));
-        !in_the_name(key) && (ALWAYS_NAMED.contains(&key.as_str()) || differs())
+        !in_the_name(key) && (is_always_named(key, value) || differs())
     });
     let mut overrides: Vec<(String, String)> = overrides.map(|(key, value)| (key.clone(), value.clone())).collect();
     // These leave the policies as they are.
@@ -341,6 +345,15 @@ mod tests {
                 "imitate=oldest-item, gamma=0.9, episodes=3",
             ]
         );
+    }
+
+    #[test]
+    fn one_policy_for_all_is_named_even_if_all_groups_have_it() {
+        let labels = |settings: &[&str]| ablation(settings).groups.iter().map(Group::label).collect::<Vec<_>>();
+        let shared = "simulator = 'gs'\ngs.shared_policy = true";
+        assert_eq!(labels(&[shared]), ["GS, gs.shared_policy=true"]);
+        assert_eq!(labels(&["simulator = 'gs'"]), ["GS"]);
+        assert_eq!(labels(&["simulator = 'gs'", "simulator = 'gs'\nppo.clip = 0.2", shared])[0], "GS");
     }
 
     #[test]
