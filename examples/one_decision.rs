@@ -18,6 +18,9 @@ use dials_traffic::base::statistics::Interval;
 use dials_traffic::base::{Dice, Seed};
 use dials_traffic::config::{EntryRule, TrafficConfig};
 use dials_traffic::domain::{Action, GlobalSimulator};
+use dials_traffic::traffic::agents::phases::Light;
+use dials_traffic::traffic::agents::region::{CELLS, OCCUPANCY};
+use dials_traffic::traffic::side::Side;
 use dials_traffic::traffic::sim::global::GlobalTraffic;
 use dials_traffic::traffic::{Traffic, controllers};
 use rand::Rng;
@@ -121,18 +124,11 @@ fn try_others(
     let mut due: Vec<(usize, usize)> = Vec::new();
     let (rewards, changed) = play(gs, seed, |step, seen| {
         if step >= first && (step - first) % 50 == 0 && step + JUDGED_STEPS < STEPS {
-            let mut lights: Vec<usize> = (0..SIDE * SIDE).collect();
-            lights.shuffle(dice);
-            due.clear();
-            for light in lights {
-                if due.iter().all(|&(other, _)| roads_between(light, other) >= 4) {
-                    // In the first steps after a change a switch only does harm.
-                    due.push((light, dice.random_range(3..HALF_CYCLE)));
-                }
-            }
+            // In the first steps after a change a switch only does harm.
+            due = far_apart(dice).into_iter().map(|light| (light, dice.random_range(3..HALF_CYCLE))).collect();
         }
         let now = due.extract_if(.., |&mut (_, at)| step % HALF_CYCLE == at).map(|(light, _)| light);
-        now.filter(|&light| green(&seen[light]).is_some()).collect()
+        now.filter(|&light| green_and_red(&seen[light]).is_some()).collect()
     })?;
     let worth = |step: usize, light: usize| {
         let mut gains = [0.0; 3];
@@ -147,25 +143,36 @@ fn try_others(
     Ok(changed.into_iter().map(|(step, light, case)| (case, worth(step, light))).collect())
 }
 
+/// Draws lights that are at least four roads from each other.
+fn far_apart(dice: &mut Dice) -> Vec<usize> {
+    let mut lights: Vec<usize> = (0..SIDE * SIDE).collect();
+    lights.shuffle(dice);
+    let mut drawn: Vec<usize> = Vec::new();
+    for light in lights {
+        if drawn.iter().all(|&other| roads_between(light, other) >= 4) {
+            drawn.push(light);
+        }
+    }
+    drawn
+}
+
 fn roads_between(one: usize, other: usize) -> usize {
     (one / SIDE).abs_diff(other / SIDE) + (one % SIDE).abs_diff(other % SIDE)
 }
 
-/// Returns which approaches have green and which red, from an observation: west, south, east, north are 0 to 3.
-fn green(obs: &[f32]) -> Option<[[usize; 2]; 2]> {
-    let (horizontal, vertical) = ([0, 2], [1, 3]);
-    match obs[36..40].iter().position(|&bit| bit == 1.0)? {
-        0 => Some([horizontal, vertical]),
-        3 => Some([vertical, horizontal]),
-        _ => None,
-    }
+/// Returns the sides whose cars have green, then those whose cars have red. `None` during yellow.
+fn green_and_red(obs: &[f32]) -> Option<[[Side; 2]; 2]> {
+    let shown = obs[OCCUPANCY..].iter().position(|&bit| bit == 1.0).expect("a light shows something");
+    Light::ALL[shown].green_and_red()
 }
 
 fn case(step: usize, action: Action, obs: &[f32]) -> Case {
-    let sides = green(obs).expect("only lights with green are asked");
-    let nearest =
-        |approach: usize| obs[9 * approach..][..9].iter().position(|&bit| bit == 1.0).map_or(5, |cell| cell / 2);
-    (step % HALF_CYCLE, action, sides.map(|side| side.map(nearest).into_iter().min().expect("two approaches")))
+    let sides = green_and_red(obs).expect("only lights with green are asked");
+    let nearest = |side: Side| {
+        let cells = &obs[CELLS * side.index()..][..CELLS];
+        cells.iter().position(|&bit| bit == 1.0).map_or(CELLS, |cell| cell / 2)
+    };
+    (step % HALF_CYCLE, action, sides.map(|[one, other]| nearest(one).min(nearest(other))))
 }
 
 /// Returns the decisions of the cases that were better the other way round in the other half of the episodes. `scope`:
