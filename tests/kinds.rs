@@ -232,7 +232,7 @@ fn assert_that_agents_of_other_kinds_are_refused(config: &Config, dir: &Path) {
 #[test]
 fn workers_that_share_the_agents_bring_what_one_worker_brings() {
     let config = short("dials");
-    let period = Period { start: 0, end: 1000, train_aips: AipTraining::Yes, evaluate: false };
+    let period = Period { start: 0, end: 1000, train_aips: AipTraining::Yes, evaluate: false, average: false };
     let worker = |agents: Vec<AgentId>| Worker::new(domain(), &config, agents, &Threads::one());
     let mut whole = worker(AgentId::all(4));
     let purpose = dials_traffic::training::collect::Purpose::Training { steps: 0 };

@@ -66,12 +66,18 @@ fn all_four_simulators_teach_the_coins_to_copy() {
 }
 
 #[test]
-fn a_critic_of_its_own_and_one_policy_for_all_learn_the_coins_too() {
-    for (simulator, setting) in [("dials", "separate critic"), ("gs", "shared policy")] {
+fn a_critic_of_its_own_one_policy_for_all_and_means_of_policies_learn_the_coins_too() {
+    for (simulator, setting) in [
+        ("dials", "separate critic"),
+        ("gs", "shared policy"),
+        ("dials", "means of policies"),
+        ("gs", "means of policies"),
+    ] {
         let dir = tempfile::tempdir().unwrap();
         let mut config = config(simulator);
         config.policy.separate_critic = setting == "separate critic";
         config.gs.shared_policy = setting == "shared policy";
+        config.policy.average_every_steps = (setting == "means of policies").then_some(1000);
         train(&config, dir.path()).unwrap();
         let returns = column(dir.path(), files::RETURNS, "mean");
         assert!(returns[0].1 < 0.75 * HORIZON as f64, "{setting}: {returns:?}");
@@ -81,7 +87,7 @@ fn a_critic_of_its_own_and_one_policy_for_all_learn_the_coins_too() {
         assert_eq!(saved.tensor("critic.layers.0.weight").is_ok(), config.policy.separate_critic);
         let weights = saved.tensor("layers.0.weight").unwrap();
         let (one, other) = weights.data().split_at(weights.data().len() / 2);
-        assert_eq!(one == other, config.gs.shared_policy, "the policies of the two agents");
+        assert_eq!(one == other, setting != "separate critic", "{setting}: the policies of the two agents");
     }
 }
 

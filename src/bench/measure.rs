@@ -113,7 +113,7 @@ pub fn measure(plan: &MeasurePlan<'_>, fleet: &mut dyn Fleet, journal: &mut dyn 
         journal,
         standing: Standing::default(),
         evaluation_episodes: plan.config.evaluation.episodes,
-        period: Period { start: 0, end: 0, train_aips: AipTraining::No, evaluate: false },
+        period: Period { start: 0, end: 0, train_aips: AipTraining::No, evaluate: false, average: false },
     };
     let part = |share: f64| plan.time.mul_f64(share);
 

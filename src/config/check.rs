@@ -83,13 +83,15 @@ fn check_schedule(config: &Config) -> Result<()> {
     at_least(1, "evaluation.final_episodes", config.evaluation.final_episodes as u64, "100 is the default")?;
     at_least(1, "aip.retrain_every_steps", config.aip.retrain_every_steps, "the paper uses 100000 to 4000000")?;
     let memory = config.ppo.memory as u64;
-    let own = config.checkpoints.every_steps.map(|every| ("checkpoints.every_steps", every));
+    let checkpoints = config.checkpoints.every_steps.map(|every| ("checkpoints.every_steps", every));
+    let averages = config.policy.average_every_steps.map(|every| ("policy.average_every_steps", every));
     for (key, every) in [
         ("evaluation.every_steps", config.evaluation.every_steps),
         ("aip.retrain_every_steps", config.aip.retrain_every_steps),
     ]
     .into_iter()
-    .chain(own)
+    .chain(checkpoints)
+    .chain(averages)
     {
         ensure!(
             every >= memory,
@@ -103,6 +105,11 @@ fn check_schedule(config: &Config) -> Result<()> {
             config.last_step()
         );
     }
+    ensure!(
+        averages.is_none() || !config.shares_policies(),
+        "policy.average_every_steps: does not go with gs.shared_policy = true, where all agents have one policy; remove \
+         one of the two keys"
+    );
     Ok(())
 }
 

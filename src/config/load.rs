@@ -361,6 +361,9 @@ mod tests {
         let memory = error_of(SMALL, &["evaluation.every_steps=127"]);
         assert!(memory.contains("evaluation.every_steps = 127: must be at least ppo.memory = 128"), "{memory}");
         assert!(error_of(SMALL, &["aip.retrain_every_steps=100"]).contains("must be at least ppo.memory = 128"));
+        assert!(error_of(SMALL, &["policy.average_every_steps=0"]).contains("must be at least ppo.memory = 128"));
+        let both = ["policy.average_every_steps=10_000", "gs.shared_policy=true", "simulator=gs"];
+        assert!(error_of(SMALL, &both).contains("does not go with gs.shared_policy = true"));
         let epochs = error_of(SMALL, &["aip.epochs=0"]);
         assert!(epochs.contains("aip.epochs = 0: must be at least 1 (for AIPs that are never trained: simulator ="));
         let patience = error_of(SMALL, &["aip.patience=0"]);

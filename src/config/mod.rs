@@ -123,6 +123,12 @@ pub struct PolicyConfig {
     /// DEVIATION 15: in the paper policy and value share all layers but the last. Then the value's large errors change
     /// the layers that the policy needs. Our configs of the paper's grids choose it.
     pub separate_critic: bool,
+    /// Timesteps per agent after which all agents of a kind get the mean of their policies. If left out, they never do.
+    ///
+    /// DEVIATION 19: in the paper every agent keeps its own policy. With this key agents also learn from each other, and
+    /// still train in parallel.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub average_every_steps: Option<u64>,
 }
 
 /// Settings of PPO, as in Schulman et al. 2017.
@@ -305,6 +311,7 @@ impl Default for PolicyConfig {
             sequence_length: 8,
             imitate: None,
             separate_critic: false,
+            average_every_steps: None,
         }
     }
 }
@@ -359,6 +366,11 @@ impl Config {
         self.stop_at_steps.unwrap_or(self.total_steps).min(self.total_steps)
     }
 
+    /// Returns the timesteps per agent at the first update of the policies at or after a step.
+    pub fn update_at_or_after(&self, step: u64) -> u64 {
+        step.checked_next_multiple_of(self.ppo.memory as u64).unwrap_or(u64::MAX)
+    }
+
     /// Returns the number of simulators per agent that the policies train on. The GS has one region of each agent.
     pub fn copies(&self) -> usize {
         if self.simulator == Simulator::Global { 1 } else { self.local_simulators.copies }
@@ -394,6 +406,11 @@ impl Config {
     /// Returns whether the agents of a kind share one policy.
     pub fn shares_policies(&self) -> bool {
         self.gs.shared_policy && self.simulator == Simulator::Global
+    }
+
+    /// Returns whether the policies of a kind begin as one: the mean of random ones that differ would be worse than each.
+    pub fn begins_with_one_policy(&self) -> bool {
+        self.shares_policies() || self.policy.average_every_steps.is_some()
     }
 
     /// Returns the timesteps per agent at the beginning of training in which only the critic learns.

@@ -16,6 +16,8 @@ pub struct Period {
     pub evaluate: bool,
     /// Whether to then collect datasets and train the AIPs (approximate influence predictors).
     pub train_aips: AipTraining,
+    /// Whether the agents of a kind get the mean of their policies at its end.
+    pub average: bool,
 }
 
 /// Whether a period begins with a training of the AIPs.
@@ -44,12 +46,18 @@ pub fn schedule(config: &Config) -> Vec<Period> {
         Retrain::Drift if start.is_multiple_of(evaluate_every) => AipTraining::IfDrifted,
         Retrain::Every | Retrain::Once | Retrain::Drift => AipTraining::No,
     };
+    // Averages are due at the first update at or after each multiple, wherever the periods end.
+    let averages = |start: u64, end: u64| {
+        let [start, end, last] = [start, end, config.total_steps].map(|step| config.update_at_or_after(step));
+        config.policy.average_every_steps.is_some_and(|every| end / every > start / every || end == last)
+    };
     let bounds: Vec<u64> = bounds.into_iter().collect();
     let periods = bounds.windows(2).map(|bound| Period {
         start: bound[0],
         end: bound[1],
         evaluate: bound[0].is_multiple_of(evaluate_every),
         train_aips: train_aips(bound[0]),
+        average: averages(bound[0], bound[1]),
     });
     periods.collect()
 }
@@ -66,7 +74,8 @@ fn all_bounds(config: &Config) -> BTreeSet<u64> {
     let evaluates_every = [config.evaluation.every_steps];
     let trains_aips = config.simulator.trains_predictors() && config.aip.retrain == Retrain::Every;
     let retrains_every = trains_aips.then_some(config.aip.retrain_every_steps);
-    let rhythms = evaluates_every.into_iter().chain(retrains_every).chain(config.checkpoints.every_steps);
+    let others = [config.checkpoints.every_steps, config.policy.average_every_steps];
+    let rhythms = evaluates_every.into_iter().chain(retrains_every).chain(others.into_iter().flatten());
     let mut bounds: BTreeSet<u64> = rhythms.flat_map(|every| (0..last).step_by(every as usize)).collect();
     bounds.insert(last);
     bounds
@@ -87,7 +96,7 @@ pub fn rest_of_schedule(config: &Config, until: u64) -> Vec<Period> {
 
 /// Returns whether there is an update of the policies between two bounds of periods.
 fn trains(config: &Config, start: u64, end: u64) -> bool {
-    start.checked_next_multiple_of(config.ppo.memory as u64).is_some_and(|steps| steps < end)
+    config.update_at_or_after(start) < end
 }
 
 #[cfg(test)]
@@ -138,6 +147,40 @@ mod tests {
         let (yes, no) = (AipTraining::IfDrifted, AipTraining::No);
         let begin: Vec<_> = periods.iter().map(|period| (period.start, period.evaluate, period.train_aips)).collect();
         assert_eq!(begin, [(0, true, AipTraining::Yes), (40, false, no), (50, true, yes), (80, false, no)]);
+    }
+
+    /// Returns the updates, in timesteps, after which policies are averaged.
+    fn averages(config: &Config) -> Vec<u64> {
+        let averaging = schedule(config).into_iter().filter(|period| period.average);
+        averaging.map(|period| config.update_at_or_after(period.end)).collect()
+    }
+
+    #[test]
+    fn policies_are_averaged_at_the_same_updates_wherever_else_a_run_is_cut() {
+        for (memory, every, expected) in [
+            (10, 100, vec![100, 200, 250]),
+            (10, 50, vec![50, 100, 150, 200, 250]),
+            // Updates are at 64, 128, 192 and 256, which is the last one.
+            (64, 100, vec![128, 256]),
+            (64, 65, vec![128, 192, 256]),
+            (64, 1000, vec![256]),
+        ] {
+            let mut config = config("dials", 250, 1000, 1000);
+            (config.ppo.memory, config.policy.average_every_steps) = (memory, Some(every));
+            assert_eq!(averages(&config), expected, "every {every} with a memory of {memory}");
+            for rhythm in [64, 90, 120] {
+                config.evaluation.every_steps = rhythm;
+                assert_eq!(averages(&config), expected, "every {every}, evaluated every {rhythm}");
+            }
+            for stop in 1..250 {
+                let stopped = Config { stop_at_steps: Some(stop), ..config.clone() };
+                let rest = rest_of_schedule(&config, stop).into_iter().filter(|period| period.average);
+                let rest = rest.map(|period| config.update_at_or_after(period.end));
+                let both: Vec<u64> = averages(&stopped).into_iter().chain(rest).collect();
+                assert_eq!(both, expected, "every {every} with a memory of {memory}, stopped at {stop}");
+            }
+        }
+        assert!(averages(&config("dials", 250, 100, 60)).is_empty());
     }
 
     #[test]
@@ -210,7 +253,7 @@ mod tests {
     fn a_run_that_goes_on_does_not_begin_with_a_period_that_trains_nothing() {
         let mut config = config("dials", 300, 1000, 200);
         config.ppo.memory = 128;
-        let last = Period { start: 200, end: 300, evaluate: true, train_aips: AipTraining::No };
+        let last = Period { start: 200, end: 300, evaluate: true, train_aips: AipTraining::No, average: false };
         // It stopped at step 150, where training is at 256: after the end of this period.
         assert_eq!(rest_of_schedule(&config, 150), [last]);
         config.stop_at_steps = Some(200);
@@ -225,7 +268,8 @@ mod tests {
         assert_eq!(rest_of_schedule(&config, 100), all[2..]);
         assert_eq!(rest_of_schedule(&config, 250), []);
         let rest = rest_of_schedule(&config, 130);
-        let rest_of_period = Period { start: 130, end: 180, train_aips: AipTraining::No, evaluate: false };
+        let rest_of_period =
+            Period { start: 130, end: 180, train_aips: AipTraining::No, evaluate: false, average: false };
         assert_eq!((rest[0], &rest[1..]), (rest_of_period, &all[4..]));
     }
 }

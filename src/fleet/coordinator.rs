@@ -288,11 +288,18 @@ impl<C: Crew> Coordinator<C> {
     /// Makes all workers continue from a state of all agents.
     pub(super) fn put_back(&mut self, agents: AgentsState) -> Result<()> {
         self.agents = agents;
+        if !self.crew.can_replace() {
+            return self.send_states();
+        }
+        // The next order starts them again, in this state.
+        self.owners().into_iter().for_each(|worker| self.workers[worker].link = None);
+        Ok(())
+    }
+
+    /// Makes the workers that run continue from the present state of their agents.
+    pub(super) fn send_states(&self) -> Result<()> {
         for worker in self.owners() {
-            if self.crew.can_replace() {
-                // The next order starts it again, in this state.
-                self.workers[worker].link = None;
-            } else if let Some(link) = &self.workers[worker].link {
+            if let Some(link) = &self.workers[worker].link {
                 self.send_state(worker, link)?;
             }
         }

@@ -73,7 +73,7 @@ impl Speaker<'_> {
                     Some(Expected::PoliciesTrained { end }) => end,
                     _ => anyhow::bail!("it trained without an order to"),
                 };
-                let most = self.last_update(end);
+                let most = self.0.config.update_at_or_after(end);
                 ensure!(*steps <= most, "it trained for {steps} steps, of at most {most}");
                 Ok(())
             }
@@ -117,17 +117,12 @@ impl Speaker<'_> {
             }
             (Answer::PoliciesTrained { training, state }, Some(Expected::PoliciesTrained { end })) => {
                 self.check_training(training)?;
-                self.check_state(state, self.last_update(end))
+                self.check_state(state, self.0.config.update_at_or_after(end))
             }
             (Answer::Evaluated(reports), Some(Expected::Reports { episodes })) => self.check_reports(reports, episodes),
             (_, None) => anyhow::bail!("it answered without an order"),
             (_, Some(_)) => anyhow::bail!("it answered another order than the one it has"),
         }
-    }
-
-    /// Returns the step at which a period ends: that of the first update at or after `end`.
-    fn last_update(&self, end: u64) -> u64 {
-        end.checked_next_multiple_of(self.0.config.ppo.memory as u64).unwrap_or(u64::MAX)
     }
 
     fn check_state(&self, state: &AgentsState, steps: u64) -> Result<()> {

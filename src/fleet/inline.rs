@@ -14,6 +14,7 @@ use crate::influence::{AipLoss, Dataset, FreshLoss};
 use crate::nn::Threads;
 use crate::policy::Demonstrations;
 use crate::training::answers::{FleetLoad, PolicyTraining, WorkerLoad};
+use crate::training::averaging::average;
 use crate::training::collect::Purpose;
 use crate::training::fleet::Fleet;
 use crate::training::imitation::ImitationLoss;
@@ -120,6 +121,12 @@ impl Fleet for InlineFleet {
         let training = self.work(|worker, _, observer| worker.train_policies(period, observer))?;
         self.agents = self.worker.state();
         Ok(training)
+    }
+
+    fn average_policies(&mut self) -> Result<()> {
+        average(&mut self.agents, self.domain.kinds());
+        self.work(|worker, agents, _| worker.restore(agents));
+        Ok(())
     }
 
     fn take_load(&mut self) -> FleetLoad {

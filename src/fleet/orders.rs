@@ -18,6 +18,7 @@ use crate::evaluation::Evaluation;
 use crate::influence::{AipLoss, Dataset, FreshLoss};
 use crate::policy::Demonstrations;
 use crate::training::answers::{FleetLoad, PolicyTraining, WorkerLoad};
+use crate::training::averaging::average;
 use crate::training::collect::Purpose;
 use crate::training::fleet::Fleet;
 use crate::training::imitation::ImitationLoss;
@@ -156,6 +157,11 @@ impl<C: Crew> Fleet for Coordinator<C> {
         })?;
         self.end_those_that_grew();
         Ok(PolicyTraining::joined(parts))
+    }
+
+    fn average_policies(&mut self) -> Result<()> {
+        average(&mut self.agents, self.domain.kinds());
+        self.send_states()
     }
 
     fn take_load(&mut self) -> FleetLoad {

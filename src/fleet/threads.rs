@@ -494,3 +494,30 @@ fn agents_of_a_kind_that_share_a_policy_have_the_same_one_for_any_number_of_work
     let local = Config { simulator: Simulator::default(), ..config };
     assert!(trained_alone(&coins(), &local).0 == undisturbed().0);
 }
+
+#[test]
+fn agents_that_get_the_mean_of_their_policies_are_the_same_for_any_number_of_workers_and_through_deaths() {
+    let domain: Arc<dyn Domain> = Arc::new(CoinsAndDice::new(20));
+    for simulator in [Simulator::Local(Predictor::Network), Simulator::Global] {
+        let mut config = Config { simulator, ..config() };
+        config.policy.average_every_steps = Some(200);
+        let (agents, Keeper(kept)) = trained_alone(&domain, &config);
+        for [one, other] in [[0, 2], [1, 3]] {
+            assert_eq!(agents.policies.row(one), agents.policies.row(other));
+            assert_eq!(agents.moments.second.row(one), agents.moments.second.row(other));
+        }
+        assert!(agents.streams[0].rows[0].trail != agents.streams[2].rows[0].trail);
+        let lost: [&[FateAt]; 3] = [&[(5, Fate::Dies)], &[(2, Fate::Dies)], &[]];
+        for crew in [crew(true, [&[]]), crew(false, [&[], &[]]), crew(false, [&[], &[], &[]]), crew(true, lost)] {
+            let workers = crew.fates.len();
+            let (outcome, _) = train_as(&config, ThreadCrew { domain: domain.clone(), ..crew });
+            assert!(outcome.unwrap() == agents, "{simulator:?}, {workers} workers");
+        }
+        let (half, standing) = kept.unwrap();
+        assert!(half.policies.row(0) == half.policies.row(2), "{simulator:?}: averaged at step 256");
+        let mut fleet = InlineFleet::new(domain.clone(), &config, Rc::new(Silent));
+        fleet.restore(half).unwrap();
+        dials::train(&config, &mut fleet, standing, &mut Unrecorded, &Silent).unwrap();
+        assert!(*fleet.agents() == agents, "{simulator:?}");
+    }
+}

@@ -243,7 +243,7 @@ fn reference(groups: &[Group], told_apart: &BTreeMap<String, Option<String>>) ->
 }
 
 /// Keys that a label names even if all groups have them, unless they are off. With one of them a method is another one.
-const ALWAYS_NAMED: [&str; 3] = ["policy.imitate", "traffic.clock", "gs.shared_policy"];
+const ALWAYS_NAMED: [&str; 4] = ["policy.imitate", "policy.average_every_steps", "traffic.clock", "gs.shared_policy"];
 
 fn is_always_named(key: &str, value: &str) -> bool {
     ALWAYS_NAMED.contains(&key) && value != "false"
@@ -353,6 +353,8 @@ mod tests {
         let shared = "simulator = 'gs'\ngs.shared_policy = true";
         assert_eq!(labels(&[shared]), ["GS, gs.shared_policy=true"]);
         assert_eq!(labels(&["simulator = 'gs'"]), ["GS"]);
+        let mean = "simulator = 'gs'\npolicy.average_every_steps = 10_000";
+        assert_eq!(labels(&[mean]), ["GS, policy.average_every_steps=10000"]);
         assert_eq!(labels(&["simulator = 'gs'", "simulator = 'gs'\nppo.clip = 0.2", shared])[0], "GS");
     }
 

@@ -51,11 +51,9 @@ struct KindLearner {
 pub fn initial_policies(domain: &dyn Domain, config: &Config, agents: &[AgentId]) -> PolicyStack {
     let seed = Seed::new(config.seed).fork(RandomPurpose::Policy);
     let kind = domain.kinds().of(agents[0]);
-    let mut policies = PolicyStack::new(agents, &kind.spec, &config.policy, &domain.initial_action_bias(kind), seed);
-    if config.shares_policies() {
-        policies.spread_first();
-    }
-    policies
+    let alike = vec![kind.agents[0]; agents.len()];
+    let agents = if config.begins_with_one_policy() { &alike } else { agents };
+    PolicyStack::new(agents, &kind.spec, &config.policy, &domain.initial_action_bias(kind), seed)
 }
 
 /// Makes the first influence predictors of `agents`, which are of one kind.

@@ -38,6 +38,9 @@ pub fn train(
         }
         let training = run.fleet.train_policies(period)?; // 7-12: in parallel, for every agent, F steps
         run.standing.until = period.end;
+        if period.average {
+            run.fleet.average_policies()?; // if the config asks for it; not in the paper
+        }
         let load = run.fleet.take_load();
         run.journal.period_done(run.fleet.agents(), &run.standing, &training, load)?;
         if observer.stop_requested() {

@@ -39,6 +39,9 @@ pub trait Fleet {
     /// Trains all policies until the end of the period.
     fn train_policies(&mut self, period: &Period) -> Result<PolicyTraining>;
 
+    /// Gives all agents of a kind the mean of their policies.
+    fn average_policies(&mut self) -> Result<()>;
+
     /// Returns what the fleet has spent since the last call.
     fn take_load(&mut self) -> FleetLoad;
 }

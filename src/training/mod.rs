@@ -13,11 +13,13 @@
 //!   results of the work.
 //! - [`fleet`]: the workers, as a trait. This room never sees a process, a socket or SUMO.
 //! - [`journal`], [`observer`]: those who watch the progress. This room never sees a file.
+//! - [`averaging`]: agents that get the mean of their policies.
 //! - [`standing`]: how far Algorithm 1 has come; [`drift`]: whether the AIPs must be trained again.
 //! - [`fits`]: whether a state from a file or a worker is one of these agents under this config.
 //! - [`stream`]: what continues from one period to the next, so that evaluations do not change the training.
 
 pub mod answers;
+pub mod averaging;
 pub mod block;
 pub mod collect;
 pub mod dials;

@@ -41,7 +41,7 @@ mod tests {
         config.aip.drift_threshold = 5.0;
         let trains = |standing: &Standing| {
             [AipTraining::No, AipTraining::IfDrifted, AipTraining::Yes].map(|train_aips| {
-                standing.trains_aips(&Period { start: 0, end: 1, train_aips, evaluate: false }, &config)
+                standing.trains_aips(&Period { start: 0, end: 1, train_aips, evaluate: false, average: false }, &config)
             })
         };
         let mut standing = Standing::default();

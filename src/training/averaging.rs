@@ -1,0 +1,61 @@
+//! The mean of policies: agents of a kind learn apart for a while, and then go on from the mean of what they have learnt.
+//!
+//! So each of them also learns from the samples of the others, and they still train in parallel: only parameters are
+//! exchanged, and only every `policy.average_every_steps`.
+//!
+//! Source: McMahan et al. 2017, algorithm 1 (FederatedAveraging), with all agents each time and equal weights. Here the
+//! moments of the optimisers are averaged, too.
+
+use super::state::AgentsState;
+use crate::base::{AgentId, Ragged};
+use crate::domain::Kinds;
+
+/// Gives all agents of a kind the mean of their policies, and of the moments of their optimisers.
+pub fn average(agents: &mut AgentsState, kinds: &Kinds) {
+    let AgentsState { policies, moments, .. } = agents;
+    for table in [policies, &mut moments.first, &mut moments.second] {
+        kinds.iter().for_each(|kind| average_rows(table, &kind.agents));
+    }
+}
+
+/// Overwrites the rows of some agents with their mean. All of them have the same width.
+fn average_rows(table: &mut Ragged<f32>, agents: &[AgentId]) {
+    let mut sums = vec![0.0_f64; table.row(agents[0].0).len()];
+    for agent in agents {
+        sums.iter_mut().zip(table.row(agent.0)).for_each(|(sum, value)| *sum += f64::from(*value));
+    }
+    let mean: Vec<f32> = sums.into_iter().map(|sum| (sum / agents.len() as f64) as f32).collect();
+    agents.iter().for_each(|agent| table.row_mut(agent.0).copy_from_slice(&mean));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::Domain;
+    use crate::domain::toy::CoinsAndDice;
+    use crate::training::state::JointMoments;
+
+    #[test]
+    fn agents_of_a_kind_get_their_mean_and_other_kinds_stay_apart() {
+        // Agents 0 and 2 are of one kind, 1 and 3 of the other.
+        let domain = CoinsAndDice::new(20);
+        let rows = |scale: f32| {
+            let values = [[1.0, 2.0].as_slice(), &[10.0], &[2.0, 6.0], &[40.0]].concat();
+            Ragged::from_vec(values.into_iter().map(|value| scale * value).collect(), [2, 1, 2, 1]).unwrap()
+        };
+        let means = |scale: f32| [1.5, 4.0, 25.0, 1.5, 4.0, 25.0].map(|value| scale * value);
+        let mut agents = AgentsState {
+            steps: 128,
+            policies: rows(1.0),
+            moments: JointMoments { first: rows(2.0), second: rows(3.0), steps: 12 },
+            aips: rows(4.0),
+            ..AgentsState::nobody()
+        };
+        average(&mut agents, domain.kinds());
+        let values = |table: &Ragged<f32>| table.iter().flatten().copied().collect::<Vec<_>>();
+        assert_eq!(values(&agents.policies), means(1.0));
+        assert_eq!(values(&agents.moments.first), means(2.0));
+        assert_eq!(values(&agents.moments.second), means(3.0));
+        assert_eq!((agents.aips, agents.steps, agents.moments.steps), (rows(4.0), 128, 12));
+    }
+}
