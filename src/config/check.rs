@@ -105,6 +105,13 @@ fn check_schedule(config: &Config) -> Result<()> {
             config.last_step()
         );
     }
+    if let Some((key, every)) = averages {
+        ensure!(
+            every <= config.total_steps,
+            "{key} = {every}: is larger than total_steps = {}; lower it, or leave it out",
+            config.total_steps
+        );
+    }
     ensure!(
         averages.is_none() || !config.shares_policies(),
         "policy.average_every_steps: does not go with gs.shared_policy = true, where all agents have one policy; remove \

@@ -1,10 +1,10 @@
 //! The imitation of a hand-coded controller before PPO.
 
-use anyhow::{Result, ensure};
+use anyhow::{Result, bail, ensure};
 use serde::{Deserialize, Serialize};
 
+use super::Config;
 use super::check::{at_least, held_out_episodes, positive, share};
-use super::{Config, Simulator};
 
 /// Settings of the imitation, for `policy.imitate`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -62,11 +62,16 @@ pub(super) fn check(config: &Config) -> Result<()> {
         imitation.held_out
     );
     if let Some(name) = &config.policy.imitate {
-        ensure!(
-            !(config.gs.shared_policy && config.simulator == Simulator::Global),
-            "policy.imitate = \"{name}\": agents imitate each on their own, so it does not go with gs.shared_policy = \
-             true; remove one of the two keys"
-        );
+        let one_for_all = match config.policy.average_every_steps {
+            _ if config.shares_policies() => Some("gs.shared_policy = true".to_owned()),
+            every => every.map(|every| format!("policy.average_every_steps = {every}")),
+        };
+        if let Some(key) = one_for_all {
+            bail!(
+                "policy.imitate = \"{name}\": agents imitate each on their own, so it does not go with {key}; remove one \
+                 of the two keys"
+            );
+        }
     }
     Ok(())
 }
@@ -132,6 +137,8 @@ mod tests {
         assert_eq!(error(shared), "", "local simulators do not read it");
         let told = error(&format!("simulator = 'gs'\n{shared}"));
         assert!(told.contains("does not go with gs.shared_policy = true; remove one of the two keys"), "{told}");
+        let told = error("policy = { imitate = 'random', average_every_steps = 10_000 }");
+        assert!(told.contains("does not go with policy.average_every_steps = 10000; remove one"), "{told}");
     }
 
     #[test]

@@ -362,6 +362,8 @@ mod tests {
         assert!(memory.contains("evaluation.every_steps = 127: must be at least ppo.memory = 128"), "{memory}");
         assert!(error_of(SMALL, &["aip.retrain_every_steps=100"]).contains("must be at least ppo.memory = 128"));
         assert!(error_of(SMALL, &["policy.average_every_steps=0"]).contains("must be at least ppo.memory = 128"));
+        let late = error_of(SMALL, &["policy.average_every_steps=5_000_000"]);
+        assert!(late.contains("policy.average_every_steps = 5000000: is larger than total_steps = "), "{late}");
         let both = ["policy.average_every_steps=10_000", "gs.shared_policy=true", "simulator=gs"];
         assert!(error_of(SMALL, &both).contains("does not go with gs.shared_policy = true"));
         let epochs = error_of(SMALL, &["aip.epochs=0"]);

@@ -116,7 +116,7 @@ mod tests {
     /// Returns a config of the traffic domain in which every key has a value.
     fn config() -> Config {
         toml::from_str(
-            "stop_at_steps = 900_000\npolicy = { recurrent = 8 }\naip = { recurrent = 8, batch = 8, patience = 3 }\n\
+            "stop_at_steps = 900_000\npolicy = { recurrent = 8, average_every_steps = 1000 }\naip = { recurrent = 8, batch = 8, patience = 3 }\n\
              checkpoints = { every_steps = 1000 }\n[traffic]\nnetwork = 'n'\nlocal_network = 'l'\n",
         )
         .unwrap()

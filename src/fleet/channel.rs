@@ -9,7 +9,7 @@ use serde::de::DeserializeOwned;
 const MAGIC: [u8; 4] = *b"DIAL";
 /// Number of the protocol. Bump when a message changes its shape: programs of different builds must not misread each
 /// other.
-const PROTOCOL: u16 = 4;
+const PROTOCOL: u16 = 5;
 /// Length limit in bytes. Longer messages mean a broken stream: the datasets and states of 10 000 agents are shorter.
 const LONGEST: u64 = 1 << 36;
 /// Length of a header: magic, protocol and the length of the message.
