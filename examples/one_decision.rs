@@ -7,7 +7,7 @@
 //! of the episodes says in which cases another decision is better on average. The other half says what that is worth.
 //!
 //! ```sh
-//! cargo run --release --example one_decision -- 500    # episodes; about ten minutes
+//! cargo run --release --example one_decision -- 500    # episodes; a quarter of an hour
 //! ```
 
 use std::collections::HashMap;
