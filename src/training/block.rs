@@ -51,8 +51,8 @@ struct KindLearner {
 pub fn initial_policies(domain: &dyn Domain, config: &Config, agents: &[AgentId]) -> PolicyStack {
     let seed = Seed::new(config.seed).fork(RandomPurpose::Policy);
     let kind = domain.kinds().of(agents[0]);
-    let alike = vec![kind.agents[0]; agents.len()];
-    let agents = if config.begins_with_one_policy() { &alike } else { agents };
+    let alike = config.begins_with_one_policy().then(|| vec![kind.agents[0]; agents.len()]);
+    let agents = alike.as_deref().unwrap_or(agents);
     PolicyStack::new(agents, &kind.spec, &config.policy, &domain.initial_action_bias(kind), seed)
 }
 
