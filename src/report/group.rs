@@ -210,8 +210,8 @@ fn plain_slug(scenario: &ScenarioId) -> String {
     format!("{}_{}", scenario.domain, scenario.agents)
 }
 
-/// Returns every key with more than one value among the methods, and the value that more than half of them have, if
-/// any.
+/// Returns every key with more than one value among the methods, and the value that goes without saying, if there is one:
+/// that of more than half of them, or else "off" of a key that labels name when it is on.
 fn keys_that_differ<'a>(
     methods: impl Iterator<Item = &'a BTreeMap<String, String>> + Clone,
 ) -> BTreeMap<String, Option<String>> {
@@ -220,9 +220,10 @@ fn keys_that_differ<'a>(
     for key in keys {
         let values: Vec<&String> = methods.clone().filter_map(|method| method.get(key)).collect();
         if values.iter().any(|value| *value != values[0]) {
-            let common =
+            let of_most =
                 values.iter().find(|value| 2 * values.iter().filter(|other| other == value).count() > values.len());
-            differing.insert(key.clone(), common.map(|value| (*value).clone()));
+            let off = || values.iter().find(|value| ALWAYS_NAMED.contains(&key.as_str()) && **value == OFF);
+            differing.insert(key.clone(), of_most.or_else(off).map(|value| (*value).clone()));
         }
     }
     differing
@@ -245,8 +246,11 @@ fn reference(groups: &[Group], told_apart: &BTreeMap<String, Option<String>>) ->
 /// Keys that a label names even if all groups have them, unless they are off. With one of them a method is another one.
 const ALWAYS_NAMED: [&str; 4] = ["policy.imitate", "policy.average_every_steps", "traffic.clock", "gs.shared_policy"];
 
+/// How such a key is written when it is off.
+const OFF: &str = "false";
+
 fn is_always_named(key: &str, value: &str) -> bool {
-    ALWAYS_NAMED.contains(&key) && value != "false"
+    ALWAYS_NAMED.contains(&key) && value != OFF
 }
 
 fn group(method: Method, told_apart: &BTreeMap<String, Option<String>>, runs: Vec<RunRecord>) -> Group {
@@ -356,6 +360,8 @@ mod tests {
         let mean = "simulator = 'gs'\npolicy.average_every_steps = 10_000";
         assert_eq!(labels(&[mean]), ["GS, policy.average_every_steps=10000"]);
         assert_eq!(labels(&["simulator = 'gs'", "simulator = 'gs'\nppo.clip = 0.2", shared])[0], "GS");
+        assert_eq!(labels(&["simulator = 'gs'", shared]), ["GS", "GS, gs.shared_policy=true"]);
+        assert_eq!(labels(&[mean, "simulator = 'gs'"])[0], "GS");
     }
 
     #[test]
