@@ -10,7 +10,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use super::legend::{self, LegendEntry, LegendSample};
 use super::lines::{Axis, MOST_FOR_NUMBERS, whisker};
 use super::look::{Look, Marker, mark};
-use crate::drawing::{BoundedAxis, INK, Svg, draw_mesh, ink_over, pen, px, text, text_width};
+use crate::drawing::{Area, BoundedAxis, INK, Svg, draw_mesh, ink_over, pen, px, text, text_width};
 
 const WIDTH: u32 = 860;
 const HEIGHT: u32 = 400;
@@ -53,27 +53,39 @@ pub struct BarChart {
     pub note: String,
 }
 
+impl Scale {
+    /// Returns where on the axis a value stands.
+    fn place(self, value: f64) -> f64 {
+        match self {
+            Scale::Linear => value,
+            Scale::Log2 => value.log2(),
+        }
+    }
+
+    /// Returns the value that stands here on the axis.
+    fn value(self, place: f64) -> f64 {
+        match self {
+            Scale::Linear => place,
+            Scale::Log2 => place.exp2(),
+        }
+    }
+}
+
 impl BarChart {
     pub fn draw(&self) -> Result<Svg> {
         let entries = self.legend();
         let height = HEIGHT.max(legend::height(&entries) + 40);
         let (low, high) = self.range();
-        let place = |value: f64| match self.scale {
-            Scale::Linear => value,
-            Scale::Log2 => value.log2(),
-        };
+        let [low, high] = [low, high].map(|end| self.scale.place(end));
         Svg::draw(WIDTH, height, |root| {
             let (plot, right) = root.split_horizontally(px(WIDTH - LEGEND));
             legend::draw(&right.margin(px(34.0), 0, px(6.0), 0), &entries)?;
-            let y_format = |value: &f64| match self.scale {
-                Scale::Linear => (self.y.format)(*value),
-                Scale::Log2 => (self.y.format)(value.exp2()),
-            };
+            let y_format = |place: &f64| (self.y.format)(self.scale.value(*place));
             let ends = match self.scale {
                 Scale::Linear => [low, high],
-                Scale::Log2 => [place(low).ceil(), place(high).floor()],
+                Scale::Log2 => [low.ceil(), high.floor()],
             };
-            let widest = ends.map(|value| text_width(&y_format(&value), 12.0)).into_iter().max();
+            let widest = ends.map(|end| text_width(&y_format(&end), 12.0)).into_iter().max();
             let mut chart = ChartBuilder::on(&plot)
                 .caption(&self.title, text(15.0, INK))
                 .margin(px(8.0))
@@ -81,7 +93,7 @@ impl BarChart {
                 .y_label_area_size((widest.unwrap_or(0) + px(30.0)).min(px(MOST_FOR_NUMBERS)))
                 .build_cartesian_2d(
                     BoundedAxis::from(0.0..self.clusters.len() as f64),
-                    Ticked::new(place(low)..place(high), self.scale),
+                    Ticked::new(low..high, self.scale),
                 )?;
             draw_mesh(
                 chart
@@ -94,60 +106,11 @@ impl BarChart {
                     .y_label_formatter(&y_format),
                 12.0,
             )?;
-            let area = chart.plotting_area();
+            let bars = Bars { chart: self, root, plot: chart.plotting_area(), low };
             if self.scale == Scale::Linear && low < 0.0 {
-                let zero = vec![(0.0, 0.0), (self.clusters.len() as f64, 0.0)];
-                area.draw(&PathElement::new(zero, pen(INK, 1)))?;
+                bars.draw_zero()?;
             }
-            for (index, cluster) in self.clusters.iter().enumerate() {
-                let size = if cluster.bars.len() * self.clusters.len() > 12 { 9.0 } else { 11.0 };
-                let width = 0.8 / cluster.bars.len().max(1) as f64;
-                let below = Pos::new(HPos::Center, VPos::Top);
-                let label = Text::new(cluster.label.clone(), (0, px(8.0)), text(12.0, INK).pos(below));
-                let floor = (index as f64 + 0.5, place(low));
-                let foot = chart.backend_coord(&floor);
-                root.draw(&(EmptyElement::at(foot) + label))?;
-                for (number, bar) in cluster.bars.iter().enumerate() {
-                    let left = index as f64 + 0.1 + number as f64 * width;
-                    let middle = left + width / 2.0;
-                    if let Some(value) = bar.value {
-                        let begin = if self.scale == Scale::Linear { 0.0 } else { place(low) };
-                        let corners = [(left + 0.05 * width, begin), (left + 0.95 * width, place(value))];
-                        area.draw(&Rectangle::new(corners, bar.look.colour.filled()))?;
-                        // The marker at its foot identifies the bar in black and white.
-                        let over = ink_over(bar.look.colour);
-                        let foot = chart.backend_coord(&(middle, begin));
-                        let rise = foot.1 - chart.backend_coord(&(middle, place(value))).1;
-                        let (tall, away) = (rise.abs(), if rise < 0 { 1 } else { -1 });
-                        if tall > px(20.0) {
-                            let within = (foot.0, foot.1 + away * px(12.0));
-                            mark(root, within, Look { colour: over, ..bar.look }, 9.0, true)?;
-                        }
-                        let words = (self.format)(value);
-                        let end = |x| chart.backend_coord(&(x, begin)).0;
-                        let room = end(left + width) - end(left);
-                        let (turn, far, inside) = place_of_number(text_width(&words, size), room, tall);
-                        let style = text(size, if inside { over } else { INK });
-                        let style = style.transform(turn).pos(Pos::new(HPos::Center, VPos::Center));
-                        root.draw(&Text::new(words, (foot.0, foot.1 + away * far), style))?;
-                        if let Some((from, to)) = bar.whisker {
-                            whisker(area, middle, (place(from.max(low)), place(to)), INK)?;
-                        }
-                        for &point in &bar.points {
-                            let at = (middle, place(point));
-                            // Dark on white is visible on the bar and above it.
-                            let circle = |colour| Look { colour, marker: Marker::Circle, ..bar.look };
-                            mark(area, at, circle(WHITE), 7.0, true)?;
-                            mark(area, at, circle(INK), 6.0, false)?;
-                        }
-                    }
-                    if let Some(paper) = bar.paper {
-                        let hollow = Look { colour: INK, marker: Marker::Diamond, ..bar.look };
-                        mark(area, (middle, place(paper)), hollow, 10.0, false)?;
-                    }
-                }
-            }
-            Ok(())
+            self.clusters.iter().enumerate().try_for_each(|(index, cluster)| bars.draw_cluster(index, cluster))
         })
     }
 
@@ -193,6 +156,101 @@ impl BarChart {
                 ((low / 2.0).log2().floor().exp2(), high * 1.6)
             }
         }
+    }
+}
+
+/// The bars of a chart, and where they are drawn.
+struct Bars<'a, 'b> {
+    chart: &'a BarChart,
+    /// The whole picture, in pixels.
+    root: &'a Area<'b>,
+    /// The plot: a cluster is 1 wide.
+    plot: &'a DrawingArea<SVGBackend<'b>, Cartesian2d<BoundedAxis, Ticked>>,
+    /// Lower end of the axis.
+    low: f64,
+}
+
+/// Where in the plot a bar stands, and the size of its number in pixels.
+#[derive(Clone, Copy)]
+struct Slot {
+    left: f64,
+    width: f64,
+    number: f64,
+}
+
+impl Slot {
+    fn middle(self) -> f64 {
+        self.left + self.width / 2.0
+    }
+}
+
+impl Bars<'_, '_> {
+    fn draw_zero(&self) -> Result<()> {
+        let zero = vec![(0.0, 0.0), (self.chart.clusters.len() as f64, 0.0)];
+        Ok(self.plot.draw(&PathElement::new(zero, pen(INK, 1)))?)
+    }
+
+    fn draw_cluster(&self, index: usize, cluster: &Cluster) -> Result<()> {
+        let below = Pos::new(HPos::Center, VPos::Top);
+        let label = Text::new(cluster.label.clone(), (0, px(8.0)), text(12.0, INK).pos(below));
+        let foot = self.plot.map_coordinate(&(index as f64 + 0.5, self.low));
+        self.root.draw(&(EmptyElement::at(foot) + label))?;
+        let number = if cluster.bars.len() * self.chart.clusters.len() > 12 { 9.0 } else { 11.0 };
+        let width = 0.8 / cluster.bars.len().max(1) as f64;
+        for (place, bar) in cluster.bars.iter().enumerate() {
+            let slot = Slot { left: index as f64 + 0.1 + place as f64 * width, width, number };
+            if let Some(value) = bar.value {
+                self.draw_value(bar, value, slot)?;
+                self.draw_spread(bar, slot)?;
+            }
+            if let Some(paper) = bar.paper {
+                let hollow = Look { colour: INK, marker: Marker::Diamond, ..bar.look };
+                mark(self.plot, (slot.middle(), self.chart.scale.place(paper)), hollow, 10.0, false)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Draws the bar itself, its marker and its number.
+    fn draw_value(&self, bar: &Bar, value: f64, slot: Slot) -> Result<()> {
+        let scale = self.chart.scale;
+        let Slot { left, width, number } = slot;
+        let begin = if scale == Scale::Linear { 0.0 } else { self.low };
+        let corners = [(left + 0.05 * width, begin), (left + 0.95 * width, scale.place(value))];
+        self.plot.draw(&Rectangle::new(corners, bar.look.colour.filled()))?;
+        // The marker at its foot identifies the bar in black and white.
+        let over = ink_over(bar.look.colour);
+        let foot = self.plot.map_coordinate(&(slot.middle(), begin));
+        let rise = foot.1 - self.plot.map_coordinate(&(slot.middle(), scale.place(value))).1;
+        let (tall, away) = (rise.abs(), if rise < 0 { 1 } else { -1 });
+        if tall > px(20.0) {
+            let within = (foot.0, foot.1 + away * px(12.0));
+            mark(self.root, within, Look { colour: over, ..bar.look }, 9.0, true)?;
+        }
+        let words = (self.chart.format)(value);
+        let end = |x| self.plot.map_coordinate(&(x, begin)).0;
+        let room = end(left + width) - end(left);
+        let (turn, far, inside) = place_of_number(text_width(&words, number), room, tall);
+        let style = text(number, if inside { over } else { INK });
+        let style = style.transform(turn).pos(Pos::new(HPos::Center, VPos::Center));
+        Ok(self.root.draw(&Text::new(words, (foot.0, foot.1 + away * far), style))?)
+    }
+
+    /// Draws the whisker and the values of single seeds.
+    fn draw_spread(&self, bar: &Bar, slot: Slot) -> Result<()> {
+        let (place, x) = (|value| self.chart.scale.place(value), slot.middle());
+        if let Some((from, to)) = bar.whisker {
+            // No whisker goes below the axis.
+            let from = place(from).max(self.low);
+            whisker(self.plot, x, (from, place(to)), INK)?;
+        }
+        for &point in &bar.points {
+            // Dark on white is visible on the bar and above it.
+            let circle = |colour| Look { colour, marker: Marker::Circle, ..bar.look };
+            mark(self.plot, (x, place(point)), circle(WHITE), 7.0, true)?;
+            mark(self.plot, (x, place(point)), circle(INK), 6.0, false)?;
+        }
+        Ok(())
     }
 }
 
