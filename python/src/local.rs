@@ -116,7 +116,7 @@ fn fitted(domain: &Arc<dyn Domain>, config: &Config, agents: &[AgentId]) -> Resu
     let purpose = Purpose::Training { steps: 0 };
     let episodes = purpose.episodes(config, domain.kinds().horizon());
     let datasets = worker.collect(&worker.policies(), purpose, 0..episodes, &Silent)?;
-    let period = Period { start: 0, end: 0, evaluate: false, train_aips: AipTraining::Yes };
+    let period = Period { start: 0, end: 0, average: false, evaluate: false, train_aips: AipTraining::Yes };
     worker.train_aips(datasets, &period, &Silent);
     let mut predictor = initial_aips(&**domain, config, agents);
     predictor.load(&worker.aips().pick(agents.iter().map(|agent| agent.0)).into_rows());
