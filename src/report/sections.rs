@@ -15,10 +15,12 @@ use crate::outside::quoted_word;
 
 /// Rules by which figures and tables are made, for the reader of a report.
 const RULES: [&str; 11] = [
-    "Runs that have all settings in common form a group. Their seeds differ, and so may the step at which they were told \
-     to stop. A label names the config keys in which a group differs from most groups of its scenario. If there are more \
-     than eight such keys, the label is the directory of a run. In an ablation, the group with the most common settings \
-     is the reference. Pictures show every other group against it, named by what it changes.",
+    "Runs with the same settings form a group. Only their seeds differ, and perhaps the step at which they were told to \
+     stop. A label names the config keys whose values in this group are not the usual ones. Usual is the value of more \
+     than half of the groups of the scenario. A few keys, such as `policy.imitate`, make another method: a label names \
+     them whenever they are on. If more than eight keys were to be named, the label is the directory of a run. In an \
+     ablation, the group with the usual values is the reference. Pictures show every other group against it, named by \
+     what it changes.",
     "A curve has a point at every step at which a run of the group was evaluated. Between two evaluations a run counts with \
      a linear interpolation. After its last evaluation it does not count. The curve is thin where not all runs of the \
      group count. Curves of cross-entropy follow the same rules. A hollow mark means: trained for some seeds only.",
