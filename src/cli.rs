@@ -1,5 +1,7 @@
 //! The command line: only types and help texts.
 
+mod values;
+
 use std::ops::Range;
 use std::path::PathBuf;
 
@@ -127,7 +129,7 @@ pub struct TrainArgs {
     #[arg(long)]
     pub seed: Option<u64>,
     /// Stop after N timesteps per agent; learning rate and clip still decay over total_steps
-    #[arg(long, value_parser = number_of_steps)]
+    #[arg(long, value_parser = values::number_of_steps)]
     pub steps: Option<u64>,
     /// Simulator and predictor that the policies train with; overrides the config
     #[arg(long, value_enum)]
@@ -228,7 +230,7 @@ pub struct CheckArgs {
     #[arg(long = "light", value_name = "ID")]
     pub lights: Vec<String>,
     /// How much all cars of a scenario dawdle, from 0 to 1; with 0 nothing is random [default: as their types say]
-    #[arg(long, value_name = "SIGMA", value_parser = sigma)]
+    #[arg(long, value_name = "SIGMA", value_parser = values::sigma)]
     pub sigma: Option<f64>,
     /// Second of the episode from which cells are compared [default: 600, or a third of a shorter episode]
     #[arg(long, value_name = "SECOND", value_parser = RangedU64ValueParser::<usize>::new().range(0..=A_YEAR_S))]
@@ -313,7 +315,7 @@ pub struct OutputArgs {
     #[arg(long, value_name = "EDGE,EDGE,...", requires = "plot")]
     pub route: Option<String>,
     /// Seconds of the first episode that --plot shows, such as 600,1200 [default: all]
-    #[arg(long, value_name = "FROM,TO", requires = "plot", value_parser = seconds)]
+    #[arg(long, value_name = "FROM,TO", requires = "plot", value_parser = values::seconds)]
     pub seconds: Option<Range<usize>>,
     /// If an output of --csv, --render or --plot exists, move it aside instead of refusing
     #[arg(long)]
@@ -350,7 +352,7 @@ pub struct ReplayArgs {
     #[arg(long, value_name = "DIR")]
     pub plot: Option<PathBuf>,
     /// Seconds of the episode that --video and --plot show, such as 600,1200 [default: all]
-    #[arg(long, value_name = "FROM,TO", value_parser = seconds)]
+    #[arg(long, value_name = "FROM,TO", value_parser = values::seconds)]
     pub seconds: Option<Range<usize>>,
     /// If a directory or the film exists, move it aside instead of refusing
     #[arg(long)]
@@ -406,42 +408,11 @@ pub struct CompareArgs {
     /// The other side of the comparison, in the same form
     pub b: String,
     /// Return to reach, for the steps and time to it [default: the lower final return minus 5 % of its size]
-    #[arg(long, value_name = "RETURN", value_parser = finite)]
+    #[arg(long, value_name = "RETURN", value_parser = values::finite)]
     pub reach: Option<f64>,
     /// Print one JSON object instead of a table
     #[arg(long)]
     pub json: bool,
-}
-
-/// Reads the first second and the one after the last.
-fn seconds(text: &str) -> Result<Range<usize>, String> {
-    let ends = text.split_once(',').and_then(|(from, to)| Some(from.trim().parse().ok()?..to.trim().parse().ok()?));
-    ends.filter(|ends| ends.start < ends.end).ok_or_else(|| "must be two seconds, such as 600,1200".to_owned())
-}
-
-/// Reads a number of steps as configs and `--set` have them: `1000000`, `1_000_000` or `1e6`.
-fn number_of_steps(text: &str) -> Result<u64, String> {
-    let digits = text.replace('_', "");
-    let whole = |number: &f64| number.fract() == 0.0 && (0.0..2_f64.powi(53)).contains(number);
-    let rounded = || digits.parse::<f64>().ok().filter(whole).map(|number| number as u64);
-    // TOML, in which runs write it down, has no larger numbers.
-    let steps = digits.parse::<u64>().ok().or_else(rounded).filter(|steps| *steps <= i64::MAX as u64);
-    steps.ok_or_else(|| "must be a whole number such as 1000000 or 1e6".to_owned())
-}
-
-fn sigma(text: &str) -> Result<f64, String> {
-    let number = text.parse::<f64>().map_err(|error| error.to_string())?;
-    if (0.0..=1.0).contains(&number) { Ok(number) } else { Err("must be from 0 to 1".to_owned()) }
-}
-
-fn inflow_at(text: &str) -> Result<(String, f64), String> {
-    let (dead_end, probability) = text.split_once('=').ok_or("must be DEAD_END=PROBABILITY, such as w1=0.3")?;
-    Ok((dead_end.trim().to_owned(), finite(probability.trim())?))
-}
-
-fn finite(text: &str) -> Result<f64, String> {
-    let number = text.parse::<f64>().map_err(|error| error.to_string())?;
-    if number.is_finite() { Ok(number) } else { Err("must be a finite number".to_owned()) }
 }
 
 #[derive(Debug, Subcommand)]
@@ -457,7 +428,7 @@ pub enum NetsCommand {
         inflow: f64,
         /// Probability at one dead end, instead of `--inflow`: `--inflow-at w1=0.3`; may be given several times. Dead
         /// ends are `w0` (west end of row 0), `s0`, `e0`, `n0` and so on
-        #[arg(long, value_name = "DEAD_END=P", value_parser = inflow_at)]
+        #[arg(long, value_name = "DEAD_END=P", value_parser = values::inflow_at)]
         inflow_at: Vec<(String, f64)>,
         /// Output directory
         #[arg(long)]

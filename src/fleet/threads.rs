@@ -27,7 +27,8 @@ use crate::training::dials;
 use crate::training::fleet::Fleet;
 use crate::training::journal::{Journal, Unrecorded};
 use crate::training::observer::{Observer, Silent};
-use crate::training::ppo::{Decayed, Losses};
+use crate::training::ppo::Decayed;
+use crate::training::ppo_loss::Losses;
 use crate::training::standing::Standing;
 use crate::training::state::AgentsState;
 

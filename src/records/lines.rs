@@ -10,7 +10,7 @@ use crate::influence::{AipLoss, FreshLoss};
 use crate::training::answers::{FleetLoad, Footprint, PolicyTraining};
 use crate::training::drift::Moment;
 use crate::training::imitation::ImitationLoss;
-use crate::training::ppo::Losses;
+use crate::training::ppo_loss::Losses;
 
 /// A line of a CSV file, one string per column.
 pub type CsvLine = Vec<String>;

@@ -258,7 +258,8 @@ mod tests {
     use crate::records::run_record::Status;
     use crate::training::answers::{AgentTraining, FleetLoad, Footprint, PolicyTraining, WorkerLoad};
     use crate::training::journal::Journal;
-    use crate::training::ppo::{Decayed, Losses};
+    use crate::training::ppo::Decayed;
+    use crate::training::ppo_loss::Losses;
     use crate::training::standing::Standing;
     use crate::training::state::{AgentsState, JointMoments};
     use std::time::Duration;

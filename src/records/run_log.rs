@@ -234,7 +234,8 @@ mod tests {
     use crate::influence::AipLoss;
     use crate::nn::Layout;
     use crate::training::answers::AgentTraining;
-    use crate::training::ppo::{Decayed, Losses};
+    use crate::training::ppo::Decayed;
+    use crate::training::ppo_loss::Losses;
     use crate::training::state::JointMoments;
 
     /// Returns two agents with a policy of two parameters each, and the results of a period.

@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use super::ppo::{Decayed, Losses};
+use super::ppo::Decayed;
+use super::ppo_loss::Losses;
 use crate::base::Timesheet;
 
 /// Results of one period of training.

@@ -8,7 +8,7 @@
 //! - [`collect`]: Algorithm 2, datasets from the GS.
 //! - [`ials`]: Algorithm 3, trajectories from the IALS; [`global`]: the GS in the same role.
 //! - [`environment`]: what a learning agent sees of either; [`timed`]: simulators whose calls are timed.
-//! - [`rollout`], [`gae`], [`ppo`]: trajectories, their advantages, and the update of the policies.
+//! - [`rollout`], [`gae`], [`ppo`], [`ppo_loss`]: trajectories, their advantages, and the update of the policies.
 //! - [`block`]: a share of the agents with their networks; [`state`]: the state of agents after a period; [`answers`]:
 //!   results of the work.
 //! - [`fleet`]: the workers, as a trait. This room never sees a process, a socket or SUMO.
@@ -34,6 +34,7 @@ pub mod imitation;
 pub mod journal;
 pub mod observer;
 pub mod ppo;
+pub mod ppo_loss;
 pub mod rollout;
 pub mod standing;
 pub mod state;

@@ -1,0 +1,37 @@
+//! Values of the command line that clap cannot read by itself.
+
+use std::ops::Range;
+
+/// Reads the first second and the one after the last.
+pub(super) fn seconds(text: &str) -> Result<Range<usize>, String> {
+    let ends = text.split_once(',').and_then(|(from, to)| Some(from.trim().parse().ok()?..to.trim().parse().ok()?));
+    ends.filter(|ends| ends.start < ends.end).ok_or_else(|| "must be two seconds, such as 600,1200".to_owned())
+}
+
+/// Reads a number of steps as configs and `--set` have them: `1000000`, `1_000_000` or `1e6`.
+pub(super) fn number_of_steps(text: &str) -> Result<u64, String> {
+    let digits = text.replace('_', "");
+    let whole = |number: &f64| number.fract() == 0.0 && (0.0..2_f64.powi(53)).contains(number);
+    let rounded = || digits.parse::<f64>().ok().filter(whole).map(|number| number as u64);
+    // TOML, in which runs write it down, has no larger numbers.
+    let steps = digits.parse::<u64>().ok().or_else(rounded).filter(|steps| *steps <= i64::MAX as u64);
+    steps.ok_or_else(|| "must be a whole number such as 1000000 or 1e6".to_owned())
+}
+
+/// Reads how much cars dawdle.
+pub(super) fn sigma(text: &str) -> Result<f64, String> {
+    let number = text.parse::<f64>().map_err(|error| error.to_string())?;
+    if (0.0..=1.0).contains(&number) { Ok(number) } else { Err("must be from 0 to 1".to_owned()) }
+}
+
+/// Reads a dead end and its probability.
+pub(super) fn inflow_at(text: &str) -> Result<(String, f64), String> {
+    let (dead_end, probability) = text.split_once('=').ok_or("must be DEAD_END=PROBABILITY, such as w1=0.3")?;
+    Ok((dead_end.trim().to_owned(), finite(probability.trim())?))
+}
+
+/// Reads a number that is neither infinite nor NaN.
+pub(super) fn finite(text: &str) -> Result<f64, String> {
+    let number = text.parse::<f64>().map_err(|error| error.to_string())?;
+    if number.is_finite() { Ok(number) } else { Err("must be a finite number".to_owned()) }
+}
