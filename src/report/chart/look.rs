@@ -16,7 +16,7 @@ const MARKERS: [Marker; 5] = [Marker::Circle, Marker::Square, Marker::Triangle, 
 /// Methods with a colour of their own, the first word of their labels.
 const METHODS: [&str; 4] = ["DIALS", "GS", "untrained-DIALS", "marginal-DIALS"];
 /// What may stand behind that word, each with a dash and a marker of its own. The first one is like a bare word.
-const USUAL: [&str; 9] = ["F=1M", "F=500K", "F=100K", "F=75K", "F=4M", "F=2M", "F=200K", "once", "on drift"];
+const USUAL: [&str; 9] = ["F=1M", "F=500K", "F=4M", "F=100K", "F=50K", "F=2M", "F=200K", "once", "on drift"];
 /// Number of combinations of a dash and a marker.
 const VARIANTS: usize = DASHES.len() * MARKERS.len();
 
@@ -52,18 +52,19 @@ pub struct Look {
 impl Look {
     pub const FIRST: Look = Look { colour: COLOURS[0], dash: Dash::Solid, marker: Marker::Circle };
 
-    /// Returns a look: a colour in one of three shades, each with a dash of its own, and a marker. Variant 0 has the
-    /// plain colour. Bars have no dashes, so there the shade stands for it.
+    /// Returns a look: a colour in one of three shades, a dash and a marker. Variant 0 has the plain colour. Variants of
+    /// one shade have other dashes, as far as there are any.
     fn number(colour: usize, variant: usize) -> Look {
-        let plain = COLOURS[colour % COLOURS.len()];
+        let (plain, variant) = (COLOURS[colour % COLOURS.len()], variant % VARIANTS);
         let shade = match variant % DASHES.len() {
             0 => plain,
             1 => mixed(plain, WHITE, 0.4),
             _ => mixed(plain, BLACK, 0.3),
         };
-        // 3 dashes and 5 markers have no common divisor, so all combinations come once.
+        // 3 shades and 5 markers have no common divisor, so all combinations come once.
         let place = colour + variant;
-        Look { colour: shade, dash: DASHES[place % DASHES.len()], marker: MARKERS[place % MARKERS.len()] }
+        let dash = place + variant / DASHES.len();
+        Look { colour: shade, dash: DASHES[dash % DASHES.len()], marker: MARKERS[place % MARKERS.len()] }
     }
 
     /// Returns the colour and the variant of a label. They depend on nothing else, so they are the same in every report.
@@ -215,6 +216,9 @@ mod tests {
             labels.map(|label| Look::of(&label)).map(|(colour, variant)| Look::number(colour, variant)).collect();
         for (index, look) in looks.iter().enumerate() {
             assert!(!looks[..index].contains(look), "{index}: {look:?}");
+            // Between its markers a line is told apart by its shade and its dash.
+            let alike = |other: &Look| (other.colour, other.dash) == (look.colour, look.dash);
+            assert!(!looks[..index].iter().any(alike), "{index}: {look:?}");
         }
     }
 }
