@@ -6,7 +6,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use dials_traffic::base::{AgentId, Dice, Ragged, Rows, Seed, Stopwatch, Work};
-use dials_traffic::config::{AipConfig, Config, DSet, EntryRule, Observation, TrafficConfig};
+use dials_traffic::config::{AipConfig, ClockOffsets, Config, DSet, EntryRule, Observation, TrafficConfig};
 use dials_traffic::domain::{
     Action, Beginning, Bystander, Domain, GlobalSimulator, JointTransition, LocalSimulator, conformance,
 };
@@ -508,6 +508,40 @@ fn with_a_clock_the_domain_conforms_and_every_row_has_its_own_time() {
     let transition = gs.step(&[0; 4]).unwrap();
     assert!((0..4).all(|row| transition.percept.obs.row(row)[40..] == [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]));
     assert!((0..4).all(|row| transition.percept.d_set.row(row)[36..] == [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]));
+}
+
+#[test]
+fn clocks_of_a_checkerboard_are_half_a_cycle_apart_in_both_simulators() {
+    let config = TrafficConfig {
+        clock: Some(7),
+        clock_offsets: ClockOffsets::Checkerboard,
+        ..TrafficConfig::new(saved("grid_2x2"), saved("local"))
+    };
+    let domain = Traffic::open(&config).unwrap();
+    let second = |row: &[f32]| row.iter().position(|&bit| bit == 1.0).unwrap();
+    let expected = |agent: usize, step: usize| (step + [0, 4, 4, 0][agent]) % 7;
+    let mut gs = domain.global_simulator().unwrap();
+    let mut percept = gs.reset(Seed::new(1)).unwrap().clone();
+    for step in 0..20 {
+        for agent in 0..4 {
+            assert_eq!(second(&percept.obs.row(agent)[40..]), expected(agent, step), "agent {agent}, step {step}");
+            assert_eq!(second(&percept.d_set.row(agent)[36..]), expected(agent, step), "agent {agent}, step {step}");
+        }
+        percept = gs.step(&[0; 4]).unwrap().percept.clone();
+    }
+    drop(gs);
+    // Agents 1 and 3 alone, with two copies each.
+    let regions = [AgentId(1), AgentId(3)];
+    let mut ls = domain.local_simulator(&regions, 2, Seed::new(0)).unwrap();
+    let mut percept = ls.reset(&Beginning::first(0..4)).unwrap().clone();
+    for step in 0..20 {
+        for row in 0..4 {
+            let agent = regions[row / 2].0;
+            assert_eq!(second(&percept.obs.row(row)[40..]), expected(agent, step), "row {row}, step {step}");
+            assert_eq!(second(&percept.d_set.row(row)[36..]), expected(agent, step), "row {row}, step {step}");
+        }
+        percept = ls.step(&[0; 4], &Rows::new(4, 4)).unwrap().percept.clone();
+    }
 }
 
 #[test]

@@ -179,7 +179,7 @@ fn lay_over(table: &mut Table, setting: &str) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::{EntryRule, Simulator, TrafficConfig};
+    use crate::config::{ClockOffsets, EntryRule, Simulator, TrafficConfig};
 
     const SMALL: &str = "[traffic]\nnetwork = \"nets/grid_2x2\"\nlocal_network = \"nets/local\"\n";
 
@@ -262,6 +262,16 @@ mod tests {
         let config = load_text(SMALL, &settings).unwrap();
         assert_eq!((config.simulator, traffic_of(config.clone()).entry), (Simulator::Global, EntryRule::Max));
         assert_eq!((config.policy.hidden, config.ppo.clip, config.seed), (vec![8, 4], 0.2, 7));
+    }
+
+    #[test]
+    fn offsets_of_clocks_need_a_clock_and_come_back() {
+        let offsets = "traffic.clock_offsets=checkerboard";
+        let error = error_of(SMALL, &[offsets]);
+        assert!(error.contains("traffic.clock_offsets needs a clock: add traffic.clock, such as 26"), "{error}");
+        let config = load_text(SMALL, &["traffic.clock=26", offsets]).unwrap();
+        let again = load_text(&to_toml(&config).unwrap(), &[]).unwrap();
+        assert_eq!(traffic_of(again).clock_offsets, ClockOffsets::Checkerboard);
     }
 
     #[test]

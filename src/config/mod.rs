@@ -47,7 +47,7 @@ pub use scenario::{Observation, ScenarioConfig};
 pub use schedule::{AipTraining, Period, may_end_at, rest_of_schedule, schedule};
 pub use schema::schema;
 pub use simulator::{Predictor, Simulator};
-pub use traffic::{DSet, EntryRule, TrafficConfig};
+pub use traffic::{ClockOffsets, DSet, EntryRule, TrafficConfig};
 pub use warehouse::WarehouseConfig;
 
 use crate::base::VectorWidth;

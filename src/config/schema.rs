@@ -160,6 +160,7 @@ mod tests {
             ("ppo.time_limit", "terminal bootstrap"),
             ("traffic.d_set", "cells cells+arrivals"),
             ("traffic.entry", "reference max"),
+            ("traffic.clock_offsets", "none checkerboard"),
             ("traffic.observation", "cells queues"),
             ("numerics.vector_width", "widest 256-bit"),
         ] {

@@ -32,6 +32,9 @@ pub struct TrafficConfig {
     /// DEVIATION 13: the paper's agents see no clock. With one they can agree on green waves.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub clock: Option<usize>,
+    /// By how much the clocks of lights differ.
+    #[serde(skip_serializing_if = "ClockOffsets::is_none")]
+    pub clock_offsets: ClockOffsets,
     /// How a car enters an LS.
     pub entry: EntryRule,
     /// Value that is added to the initial bias of the logit of "switch".
@@ -49,6 +52,7 @@ impl TrafficConfig {
             reward: Reward::from(RewardTerm::MeanSpeed),
             d_set: DSet::default(),
             clock: None,
+            clock_offsets: ClockOffsets::None,
             entry: EntryRule::default(),
             initial_switch_bias: 0.0,
         }
@@ -65,6 +69,24 @@ pub enum DSet {
     /// The same bits and 4 more: did a car enter this edge in the last step?
     #[serde(rename = "cells+arrivals")]
     CellsAndArrivals,
+}
+
+/// By how much the clocks that lights see differ from each other.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ClockOffsets {
+    /// Not at all.
+    #[default]
+    None,
+    /// Every other light is half a cycle behind, so neighbours never see the same second. Then one policy for all lights
+    /// can make neighbours switch at different times.
+    Checkerboard,
+}
+
+impl ClockOffsets {
+    fn is_none(&self) -> bool {
+        *self == ClockOffsets::None
+    }
 }
 
 /// How a car enters a local traffic simulator.
@@ -97,6 +119,10 @@ impl DomainTable for TrafficConfig {
         if let Some(clock) = self.clock {
             ensure!((2..=MAX_CLOCK).contains(&clock), "traffic.clock = {clock}: must be from 2 to {MAX_CLOCK} steps");
         }
+        ensure!(
+            self.clock.is_some() || self.clock_offsets.is_none(),
+            "traffic.clock_offsets needs a clock: add traffic.clock, such as 26"
+        );
         Ok(())
     }
 

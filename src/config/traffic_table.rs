@@ -6,7 +6,7 @@ use serde::de::{Deserializer, Error};
 use serde::{Deserialize, Serialize};
 
 use super::reward::Reward;
-use super::{DSet, EntryRule, Observation, ScenarioConfig, TrafficConfig};
+use super::{ClockOffsets, DSet, EntryRule, Observation, ScenarioConfig, TrafficConfig};
 
 /// The table as it is read and written.
 #[derive(Serialize)]
@@ -25,6 +25,7 @@ struct Keys {
     horizon: Option<usize>,
     d_set: Option<DSet>,
     clock: Option<usize>,
+    clock_offsets: Option<ClockOffsets>,
     entry: Option<EntryRule>,
     initial_switch_bias: Option<f32>,
     scenario: Option<PathBuf>,
@@ -81,6 +82,7 @@ impl Keys {
             reward: self.reward.unwrap_or(defaults.reward),
             d_set: self.d_set.unwrap_or(defaults.d_set),
             clock: self.clock,
+            clock_offsets: self.clock_offsets.unwrap_or_default(),
             entry: self.entry.unwrap_or(defaults.entry),
             initial_switch_bias: self.initial_switch_bias.unwrap_or(defaults.initial_switch_bias),
             ..defaults
@@ -94,6 +96,7 @@ impl Keys {
             ("horizon", self.horizon.is_some()),
             ("d_set", self.d_set.is_some()),
             ("clock", self.clock.is_some()),
+            ("clock_offsets", self.clock_offsets.is_some()),
             ("entry", self.entry.is_some()),
             ("initial_switch_bias", self.initial_switch_bias.is_some()),
         ];

@@ -262,8 +262,10 @@ impl Domain for Traffic {
             };
             return Ok(Box::new(recorded));
         }
-        // All intersections of a grid have the same local dynamics, so it does not matter which regions they are.
-        Ok(Box::new(self.local(regions.len() * copies)?))
+        // All intersections of a grid have the same local dynamics. Only their clocks may differ.
+        let clock_of = |agent: &AgentId| self.plan.agents[agent.0].sensor.clock_ahead;
+        let clocks_ahead = regions.iter().flat_map(|agent| vec![clock_of(agent); copies]).collect();
+        Ok(Box::new(self.local(regions.len() * copies)?.with_clocks_ahead(clocks_ahead)))
     }
 
     fn baselines(&self) -> &'static [&'static str] {

@@ -58,7 +58,7 @@ pub fn observe(plan: &AgentPlan, cars: CarsAt<'_>, light: LightView, obs: &mut [
     let (shown, others) = others.split_at_mut(plan.sensor.light.columns());
     show(plan.sensor.light, light, shown);
     if plan.sensor.clock > 0 {
-        others[light.age % plan.sensor.clock] = 1.0;
+        others[(light.age + plan.sensor.clock_ahead) % plan.sensor.clock] = 1.0;
     }
 }
 

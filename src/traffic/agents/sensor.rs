@@ -11,6 +11,8 @@ pub struct Sensor {
     pub light: LightColumns,
     /// Number of columns of the clock; 0 for none.
     pub clock: usize,
+    /// Number of steps by which the clock is ahead of the episode.
+    pub clock_ahead: usize,
     /// Whether the d-set of the AIP (approximate influence predictor) also has a bit per approach: did a car enter?
     pub arrivals_in_d_set: bool,
 }
@@ -107,6 +109,7 @@ mod tests {
             cars: CarColumns::Cells(Vec::new()),
             light: LightColumns::FourStates,
             clock: 2,
+            clock_ahead: 0,
             arrivals_in_d_set: false,
         };
         let names = sensor.columns(&region);

@@ -56,6 +56,7 @@ pub fn crossing() -> AgentPlan {
             cars: CarColumns::QueueAndDensity(5),
             light: LightColumns::TargetAndAge(GREENS.len()),
             clock: 0,
+            clock_ahead: 0,
             arrivals_in_d_set: false,
         },
     }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::grid::{Grid, lane};
 use crate::base::AgentId;
-use crate::config::{DSet, Observation, TrafficConfig};
+use crate::config::{ClockOffsets, DSet, Observation, TrafficConfig};
 use crate::domain::Kinds;
 use crate::traffic::agents::phase_plan::{Choice, Interval, PhasePlan};
 use crate::traffic::agents::phases::Light;
@@ -42,7 +42,7 @@ pub fn plans(grid: Grid, config: &TrafficConfig) -> Vec<AgentPlan> {
             place_m: [x, y],
             region: around(grid, agent),
             phases: phases.clone(),
-            sensor: sensor(config),
+            sensor: sensor(grid, agent, config),
         }
     };
     grid.agents().into_iter().map(plan).collect()
@@ -55,15 +55,20 @@ fn phases() -> PhasePlan {
     PhasePlan::new(greens, Choice::KeepOrSwitch, 1, yellow)
 }
 
-fn sensor(config: &TrafficConfig) -> Sensor {
+fn sensor(grid: Grid, agent: AgentId, config: &TrafficConfig) -> Sensor {
     let cars = match config.observation {
         Observation::Cells => CarColumns::Cells(vec![CELLS; EDGES]),
         Observation::Queues => CarColumns::QueueAndDensity(EDGES),
     };
+    let clock = config.clock.unwrap_or(0);
+    let (row, col) = grid.place(agent);
+    let is_behind = config.clock_offsets == ClockOffsets::Checkerboard && (row + col) % 2 == 1;
     Sensor {
         cars,
         light: LightColumns::FourStates,
-        clock: config.clock.unwrap_or(0),
+        clock,
+        // Half a cycle behind, as `coordinated` lights are.
+        clock_ahead: if is_behind { clock - clock / 2 } else { 0 },
         arrivals_in_d_set: config.d_set == DSet::CellsAndArrivals,
     }
 }

@@ -62,8 +62,9 @@ pub struct LocalTraffic {
     /// Number of cars on each incoming edge at the last decision.
     cars_on: Rows<usize>,
     arrivals: Rows<u8>,
-    /// Number of steps since the episode of each row began.
+    /// Number of steps since the episode of each row began, and by how many the clock of each row is ahead of it.
     ages: Vec<usize>,
+    clocks_ahead: Vec<usize>,
     last: Transition,
     serial: u64,
     sampled: u64,
@@ -122,6 +123,7 @@ impl LocalTraffic {
             cars_on: Rows::new(rows, EDGES),
             arrivals: Rows::new(rows, EDGES),
             ages: vec![0; rows],
+            clocks_ahead: vec![0; rows],
             last: Transition::new(rows, &spec),
             serial: 0,
             sampled: 0,
@@ -131,6 +133,12 @@ impl LocalTraffic {
             plan,
             spec,
         })
+    }
+
+    /// Lets the clock of each row be ahead of its episode by a number of steps.
+    pub(in crate::traffic) fn with_clocks_ahead(self, clocks_ahead: Vec<usize>) -> LocalTraffic {
+        assert_eq!(clocks_ahead.len(), self.rows(), "one clock per row");
+        LocalTraffic { clocks_ahead, ..self }
     }
 
     /// Makes one step in which a car arrives at every edge that has a placement (`[rows][EDGES]`). A car that does not
@@ -178,7 +186,8 @@ impl LocalTraffic {
         for (row, reward) in rewards.iter_mut().enumerate() {
             let (plan, cars) = (&self.plan, self.handles.cars_at(&self.cars, row));
             self.ages[row] += 1;
-            let light = LightView { shown: self.handles.signal(row).shown(), shown_steps: 0, age: self.ages[row] };
+            let age = self.ages[row] + self.clocks_ahead[row];
+            let light = LightView { shown: self.handles.signal(row).shown(), shown_steps: 0, age };
             observe::observe(plan, cars, light, percept.obs.row_mut(row));
             observe::d_separate(plan, cars, percept.obs.row(row), self.arrivals.row(row), percept.d_set.row_mut(row));
             if needs_waiting {
@@ -242,7 +251,8 @@ impl LocalSimulator for LocalTraffic {
             self.waiting[row] = Waiting::default();
             let percept = &mut self.last.percept;
             let (plan, shown) = (&self.plan, self.handles.signal(row).shown());
-            observe::observe(plan, nobody, LightView { shown, shown_steps: 0, age: 0 }, percept.obs.row_mut(row));
+            let light = LightView { shown, shown_steps: 0, age: self.clocks_ahead[row] };
+            observe::observe(plan, nobody, light, percept.obs.row_mut(row));
             observe::d_separate(plan, nobody, percept.obs.row(row), self.arrivals.row(row), percept.d_set.row_mut(row));
         }
         Ok(&self.last.percept)

@@ -15,5 +15,5 @@ pub fn sensor(region: &RegionPlan, rules: &Rules, greens: usize) -> Sensor {
         CarsSeen::Cells => CarColumns::Cells(cells.collect()),
         CarsSeen::Queues => CarColumns::QueueAndDensity(region.approaches.len()),
     };
-    Sensor { cars, light: LightColumns::TargetAndAge(greens), clock: 0, arrivals_in_d_set: false }
+    Sensor { cars, light: LightColumns::TargetAndAge(greens), clock: 0, clock_ahead: 0, arrivals_in_d_set: false }
 }
