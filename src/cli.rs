@@ -1,4 +1,4 @@
-//! The command line: only types and help texts.
+//! The command line: only types and help texts. `values` reads the values of options.
 
 mod values;
 

@@ -518,6 +518,8 @@ fn clocks_of_a_checkerboard_are_half_a_cycle_apart_in_both_simulators() {
         ..TrafficConfig::new(saved("grid_2x2"), saved("local"))
     };
     let domain = Traffic::open(&config).unwrap();
+    let observation = domain.scenario().unwrap().rules.unwrap().observation;
+    assert!(observation.ends_with("clock of 7 steps, neighbours half a cycle apart"), "{observation}");
     let second = |row: &[f32]| row.iter().position(|&bit| bit == 1.0).unwrap();
     let expected = |agent: usize, step: usize| (step + [0, 4, 4, 0][agent]) % 7;
     let mut gs = domain.global_simulator().unwrap();

@@ -203,7 +203,7 @@ mod tests {
         sources[plan.blocked(0)] = 1;
         history.note(&plan, &sources);
         let table = CarTable::of(cars);
-        let light = LightView { shown: Shown::Between { from: 0, to: 1 }, shown_steps: 3, age: 900 };
+        let light = LightView { shown: Shown::Between { from: 0, to: 1 }, shown_steps: 3, age: 900, clock: 900 };
         let mut row = vec![9.0; 50];
         d_set.write(&plan, CarsAt::new(&table, 0, plan.lanes.len()), light, &history, &mut row);
         let found: Vec<(&str, f32)> = names

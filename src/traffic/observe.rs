@@ -20,10 +20,12 @@ pub struct LightView {
     pub shown: Shown,
     pub shown_steps: u32,
     pub age: usize,
+    /// What its clock has counted: `age`, and the steps by which the clock is ahead.
+    pub clock: usize,
 }
 
-/// Returns all that is on the approaches of a light, and the light.
-pub fn view(plan: &AgentPlan, cars: CarsAt<'_>, light: LightView, waiting: &Waiting) -> RoadView {
+/// Returns all that is on the approaches of a light, and what it has shown for `shown_s` seconds.
+pub fn view(plan: &AgentPlan, cars: CarsAt<'_>, shown: Shown, shown_s: u32, waiting: &Waiting) -> RoadView {
     let car = |Car { id, position_m, speed_mps }| CarView { position_m, speed_mps, waited_s: waiting.of(id) };
     let approaches = plan.region.approaches.iter().zip(cars.iter()).map(|(approach, lane)| ApproachView {
         lane: approach.lane.clone(),
@@ -32,12 +34,7 @@ pub fn view(plan: &AgentPlan, cars: CarsAt<'_>, light: LightView, waiting: &Wait
         ahead_m: approach.ahead_m,
         cars: lane.iter().map(car).collect(),
     });
-    RoadView {
-        green: light.shown.target(),
-        between: !light.shown.is_green(),
-        shown_s: light.shown_steps,
-        approaches: approaches.collect(),
-    }
+    RoadView { green: shown.target(), between: !shown.is_green(), shown_s, approaches: approaches.collect() }
 }
 
 /// Writes the observation: cars, light and clock, as the agent's sensor says. Columns beyond them become 0.
@@ -58,7 +55,7 @@ pub fn observe(plan: &AgentPlan, cars: CarsAt<'_>, light: LightView, obs: &mut [
     let (shown, others) = others.split_at_mut(plan.sensor.light.columns());
     show(plan.sensor.light, light, shown);
     if plan.sensor.clock > 0 {
-        others[(light.age + plan.sensor.clock_ahead) % plan.sensor.clock] = 1.0;
+        others[light.clock % plan.sensor.clock] = 1.0;
     }
 }
 
@@ -181,7 +178,7 @@ mod tests {
     }
 
     fn light(shown: Shown, age: usize) -> LightView {
-        LightView { shown, shown_steps: 1, age }
+        LightView { shown, shown_steps: 1, age, clock: age }
     }
 
     fn bits(obs: &[f32]) -> Vec<usize> {

@@ -38,8 +38,12 @@ pub fn rules(plan: &JointPlan) -> Rules {
         LightColumns::FourStates => "light of two directions",
         LightColumns::TargetAndAge(_) => "green and its age",
     };
-    let half = if plan.agents.iter().any(|agent| agent.sensor.clock_ahead > 0) { ", half of it apart" } else { "" };
-    let clock = if sensor.clock > 0 { format!(", clock of {} steps{half}", sensor.clock) } else { String::new() };
+    let apart = if plan.agents.iter().any(|agent| agent.sensor.clock_ahead > 0) {
+        ", neighbours half a cycle apart"
+    } else {
+        ""
+    };
+    let clock = if sensor.clock > 0 { format!(", clock of {} steps{apart}", sensor.clock) } else { String::new() };
     Rules { environment: ENVIRONMENT, reward: reward(&plan.reward), observation: format!("{cars}, {light}{clock}") }
 }
 

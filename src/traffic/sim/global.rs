@@ -289,7 +289,8 @@ impl GlobalTraffic {
         let JointTransition { percept, rewards } = &mut self.last;
         for (row, reward) in rewards.iter_mut().enumerate() {
             let (plan, cars) = (&self.plan.agents[row], self.handles.cars_at(&self.cars, row));
-            let light = LightView { shown: self.shown[row], shown_steps: self.shown_steps[row], age: self.age };
+            let clock = self.age + plan.sensor.clock_ahead;
+            let light = LightView { shown: self.shown[row], shown_steps: self.shown_steps[row], age: self.age, clock };
             observe::observe(plan, cars, light, percept.obs.row_mut(row));
             let d_set = percept.d_set.row_mut(row);
             match &self.borders {
@@ -406,10 +407,10 @@ impl GlobalSimulator for GlobalTraffic {
 
     fn roads(&self) -> Vec<RoadView> {
         let rows = 0..if self.watches_roads { self.agents() } else { 0 };
-        let light =
-            |row: usize| LightView { shown: self.shown[row], shown_steps: self.shown_steps[row], age: self.age };
-        let view =
-            |row: usize| observe::view(&self.plan.agents[row], self.cars_on(row), light(row), &self.waiting[row]);
+        let view = |row: usize| {
+            let plan = &self.plan.agents[row];
+            observe::view(plan, self.cars_on(row), self.shown[row], self.shown_steps[row], &self.waiting[row])
+        };
         rows.map(view).collect()
     }
 

@@ -186,8 +186,8 @@ impl LocalTraffic {
         for (row, reward) in rewards.iter_mut().enumerate() {
             let (plan, cars) = (&self.plan, self.handles.cars_at(&self.cars, row));
             self.ages[row] += 1;
-            let age = self.ages[row] + self.clocks_ahead[row];
-            let light = LightView { shown: self.handles.signal(row).shown(), shown_steps: 0, age };
+            let (shown, age) = (self.handles.signal(row).shown(), self.ages[row]);
+            let light = LightView { shown, shown_steps: 0, age, clock: age + self.clocks_ahead[row] };
             observe::observe(plan, cars, light, percept.obs.row_mut(row));
             observe::d_separate(plan, cars, percept.obs.row(row), self.arrivals.row(row), percept.d_set.row_mut(row));
             if needs_waiting {
@@ -251,7 +251,7 @@ impl LocalSimulator for LocalTraffic {
             self.waiting[row] = Waiting::default();
             let percept = &mut self.last.percept;
             let (plan, shown) = (&self.plan, self.handles.signal(row).shown());
-            let light = LightView { shown, shown_steps: 0, age: self.clocks_ahead[row] };
+            let light = LightView { shown, shown_steps: 0, age: 0, clock: self.clocks_ahead[row] };
             observe::observe(plan, nobody, light, percept.obs.row_mut(row));
             observe::d_separate(plan, nobody, percept.obs.row(row), self.arrivals.row(row), percept.d_set.row_mut(row));
         }

@@ -228,7 +228,8 @@ impl LocalScenario {
         let (now, agent) = (&self.rows[row], self.forest.rows[row].agent.0);
         let (plan, border) = (&self.plan.agents[agent], &self.plan.borders[agent]);
         let signal = self.forest.handles.signal(row);
-        let light = LightView { shown: signal.shown(), shown_steps: now.shown_steps, age: now.second };
+        let clock = now.second + plan.sensor.clock_ahead;
+        let light = LightView { shown: signal.shown(), shown_steps: now.shown_steps, age: now.second, clock };
         let Percept { obs, d_set, masks } = &mut self.last.percept;
         observe::observe(plan, cars, light, obs.row_mut(row));
         border.d_set.write(&border.plan, at_border, light, &now.history, d_set.row_mut(row));
