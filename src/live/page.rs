@@ -98,8 +98,7 @@ fn progress(runs: &[RunRecord]) -> Table {
         let mean = |evaluation: Option<&EvaluationRecord>| {
             evaluation.map_or(NONE.to_owned(), |evaluation| figure(evaluation.all.mean))
         };
-        let aip = aip_loss(run);
-        let aip = aip.map_or(NONE.to_owned(), |[loss, marginals]| format!("{loss:.3} ({marginals:.3})"));
+        let aip = status.aip_loss.map_or(NONE.to_owned(), |[loss, marginals]| format!("{loss:.3} ({marginals:.3})"));
         vec![
             run.dir.file_name().unwrap_or_default().to_string_lossy().into_owned(),
             state.to_owned(),
@@ -123,15 +122,6 @@ fn progress(runs: &[RunRecord]) -> Table {
             .map(str::to_owned)
             .to_vec(),
         rows: runs.iter().map(row).collect(),
-    }
-}
-
-/// Returns the newest loss of the AIPs and that of constants, as the terminal shows it.
-fn aip_loss(run: &RunRecord) -> Option<[f64; 2]> {
-    let (trained, fresh) = (run.aip_trainings.last(), run.fresh_losses.last());
-    match fresh.filter(|fresh| trained.is_none_or(|trained| fresh.steps >= trained.steps)) {
-        Some(fresh) => Some([fresh.loss, fresh.marginals]),
-        None => trained.map(|trained| [trained.after, trained.marginals]),
     }
 }
 

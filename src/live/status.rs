@@ -1,4 +1,4 @@
-//! How far a run is, how fast it goes, and when it will end.
+//! How far a run is, how fast it goes, when it will end, and what its AIPs (approximate influence predictors) know.
 
 use std::fs;
 use std::time::{Duration, SystemTime};
@@ -30,6 +30,8 @@ pub struct RunStatus {
     pub agent_steps_per_s: Option<f64>,
     /// Time until the last step at this speed, for a run that goes on.
     pub left: Option<Duration>,
+    /// Newest cross-entropy of the AIPs and that of the best constants, in nats, as the terminal shows them.
+    pub aip_loss: Option<[f64; 2]>,
 }
 
 impl RunStatus {
@@ -56,7 +58,16 @@ fn of(run: &RunRecord, locked: bool, idle: Duration) -> RunStatus {
     let left = left.map(|speed| Duration::from_secs_f64((last_step - about_steps) as f64 / speed));
     let agents = run.scenario.as_ref().map_or(0, |scenario| scenario.id.agents);
     let agent_steps_per_s = steps_per_s.map(|speed| speed * agents as f64).filter(|_| agents > 0);
-    RunStatus { state, steps, about_steps, last_step, agent_steps_per_s, left }
+    RunStatus { state, steps, about_steps, last_step, agent_steps_per_s, left, aip_loss: aip_loss(run) }
+}
+
+/// Returns the loss on new episodes, or on held-out ones if the AIPs have been trained since.
+fn aip_loss(run: &RunRecord) -> Option<[f64; 2]> {
+    let (trained, fresh) = (run.aip_trainings.last(), run.fresh_losses.last());
+    match fresh.filter(|fresh| trained.is_none_or(|trained| fresh.steps >= trained.steps)) {
+        Some(fresh) => Some([fresh.loss, fresh.marginals]),
+        None => trained.map(|trained| [trained.after, trained.marginals]),
+    }
 }
 
 /// Returns the timesteps per agent and second of the last period that trained.
@@ -73,7 +84,7 @@ fn last_period(run: &RunRecord) -> Option<f64> {
 mod tests {
     use super::*;
     use crate::config::Config;
-    use crate::records::run_record::{EvaluationRecord, PeriodTime, Returns};
+    use crate::records::run_record::{AipTrainingRecord, EvaluationRecord, FreshLossRecord, PeriodTime, Returns};
 
     /// A run of 1000 timesteps that was evaluated at these steps, at these seconds.
     fn run(ends: &[(u64, f64)]) -> RunRecord {
@@ -127,5 +138,23 @@ mod tests {
         assert_eq!(of(&between, true, idle).steps, 300);
         let status = of(&run(&[]), true, idle);
         assert_eq!((status.state, status.about_steps, status.agent_steps_per_s), (State::Running, 0, None));
+    }
+
+    #[test]
+    fn the_newest_aip_loss_is_of_new_episodes_unless_the_aips_were_trained_after_them() {
+        let trained = |steps| AipTrainingRecord { steps, before: 0.9, after: 0.2, marginals: 0.3 };
+        let fresh = |steps| FreshLossRecord { steps, after_training: false, loss: 0.4, marginals: 0.5 };
+        let newest = |trainings: &[u64], measured: &[u64]| {
+            let aip_trainings = trainings.iter().copied().map(trained).collect();
+            let fresh_losses = measured.iter().copied().map(fresh).collect();
+            of(&RunRecord { aip_trainings, fresh_losses, ..run(&[]) }, false, Duration::ZERO).aip_loss
+        };
+        assert_eq!(newest(&[], &[]), None);
+        assert_eq!(newest(&[], &[100]), Some([0.4, 0.5]));
+        assert_eq!(newest(&[100], &[]), Some([0.2, 0.3]));
+        assert_eq!(newest(&[100, 200], &[100]), Some([0.2, 0.3]));
+        // A measurement at the step of a training follows it.
+        assert_eq!(newest(&[100, 200], &[100, 200]), Some([0.4, 0.5]));
+        assert_eq!(newest(&[100], &[200]), Some([0.4, 0.5]));
     }
 }
