@@ -30,11 +30,13 @@ fn texts(folder: &Path) -> Vec<String> {
 
 /// Returns the pages that people write, relative to the root.
 fn pages() -> Vec<String> {
-    let of_docs = fs::read_dir(root().join("docs")).unwrap().map(|entry| entry.unwrap().file_name());
-    let of_docs = of_docs.map(|name| format!("docs/{}", name.to_str().unwrap())).filter(|name| name.ends_with(".md"));
-    let others = ["README.md", "CHANGELOG.md"];
-    let of_folders = ["configs", "experiments", "results", "sumo_nets"].map(|folder| format!("{folder}/README.md"));
-    others.map(str::to_owned).into_iter().chain(of_folders).chain(of_docs).collect()
+    let mut pages = vec!["README.md".to_owned(), "CHANGELOG.md".to_owned()];
+    for folder in ["configs", "docs", "experiments", "results", "sumo_nets"] {
+        let files = fs::read_dir(root().join(folder)).unwrap().map(|entry| entry.unwrap().file_name());
+        let files = files.map(|name| format!("{folder}/{}", name.to_str().unwrap()));
+        pages.extend(files.filter(|path| path.ends_with(".md")));
+    }
+    pages
 }
 
 /// Returns the text under a heading, up to the next heading of any level.

@@ -4,7 +4,7 @@
 //! approximate influence predictors (AIPs); both together are the influence-augmented local simulators (IALS).
 //!
 //! - [`dials`]: Algorithm 1, the whole training on one screen.
-//! - [`imitation`]: policies that begin as copies of a hand-coded controller.
+//! - [`imitation`]: policies that begin by imitating a hand-coded controller.
 //! - [`collect`]: Algorithm 2, datasets from the GS.
 //! - [`ials`]: Algorithm 3, trajectories from the IALS; [`global`]: the GS in the same role.
 //! - [`environment`]: what a learning agent sees of either; [`timed`]: simulators whose calls are timed.
