@@ -213,7 +213,7 @@ fn what_training_cannot_see_may_change_on_resume() {
         ("[checkpoints]\nevery_steps = 128", "[checkpoints]\nevery_steps = 200"),
         ("[checkpoints]\nevery_steps = 128", "[checkpoints]"),
         ("tensorboard = false", "tensorboard = true"),
-        // At step 140 the run was evaluated, after the same update as at 170.
+        // An evaluation is due at step 140, after the same update as at 170.
         ("[evaluation]\nevery_steps = 140", "[evaluation]\nevery_steps = 170"),
     ]
     .into_iter()
@@ -234,6 +234,18 @@ fn what_training_cannot_see_may_change_on_resume() {
         let all = steps.len();
         steps.dedup();
         assert_eq!(steps.len(), all, "no step is evaluated twice: {steps:?}");
+    }
+}
+
+/// F is 300, and an update has 128 steps. So at step 384, where the run stopped, the AIPs are to be trained.
+#[test]
+fn a_run_that_stopped_where_aips_are_to_be_trained_trains_them_when_it_goes_on() {
+    let place = Place::new(WAREHOUSE);
+    let whole = place.train("whole", &[]);
+    let run = place.train("run", &["--steps", "384"]);
+    place.resume("run").args(["--steps", "640"]).assert().success();
+    for file in ["policies.safetensors", "aips.safetensors", "returns.csv", "training.csv", "aip_loss.csv"] {
+        assert!(fs::read(run.join(file)).unwrap() == fs::read(whole.join(file)).unwrap(), "{file}");
     }
 }
 

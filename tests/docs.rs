@@ -510,6 +510,7 @@ const TRAINED: [(&str, &str, &[&str]); 3] = [
             "ppo.epochs=1",
             "policy.hidden=[8]",
             "policy.imitate=random",
+            "imitation.critic_steps=64",
             "aip.hidden=[8]",
             "aip.dataset_steps=120",
             "aip.batch=32",

@@ -239,6 +239,18 @@ fn an_imitation_is_the_same_for_any_fleet_and_after_a_kill() {
 }
 
 #[test]
+fn means_of_policies_and_a_clock_are_the_same_for_any_fleet_and_after_a_kill() {
+    let settings = [
+        "policy.average_every_steps=2000",
+        "traffic.clock=26",
+        "traffic.clock_offsets=checkerboard",
+        "traffic.reward={mean-speed=1,exit-speed=1}",
+    ];
+    let settings: Vec<&str> = settings.iter().flat_map(|setting| ["--set", setting]).collect();
+    assert_the_same_for_any_fleet_and_after_a_kill(Domain::Traffic, &settings);
+}
+
+#[test]
 fn training_on_the_global_simulator_is_the_same_for_any_fleet() {
     let results = ["0", "1", "3"].map(|workers| {
         let run = Run::new();

@@ -62,6 +62,17 @@ pub(super) fn check(config: &Config) -> Result<()> {
         imitation.held_out
     );
     if let Some(name) = &config.policy.imitate {
+        ensure!(
+            !name.contains(":file=") && !name.contains(",file="),
+            "policy.imitate = \"{name}\": a run does not keep this file, so it could not be repeated; write what is in \
+             it as parameters, such as \"coordinated:vertical=10,horizontal=8,offsets=0-12-12-0,early=3,late=2\""
+        );
+        ensure!(
+            imitation.critic_steps < config.total_steps,
+            "imitation.critic_steps = {}: must be less than total_steps = {}, because only the critic learns until then",
+            imitation.critic_steps,
+            config.total_steps
+        );
         let one_for_all = match config.policy.average_every_steps {
             _ if config.shares_policies() => Some("gs.shared_policy = true".to_owned()),
             every => every.map(|every| format!("policy.average_every_steps = {every}")),
@@ -133,6 +144,12 @@ mod tests {
         let memory = error(&format!("policy.recurrent = 8\n{imitate}.dataset_steps = 500"));
         assert!(memory.contains("imitation.minibatch = 128: must not exceed the 4 training episodes"), "{memory}");
         assert_eq!(error("imitation.dataset_steps = 100"), "", "nothing is imitated");
+        let never = "total_steps = 10_000\nimitation.critic_steps = 10_000";
+        let told = error(&format!("{never}\npolicy.imitate = 'random'"));
+        assert!(told.contains("imitation.critic_steps = 10000: must be less than total_steps = 10000"), "{told}");
+        assert_eq!(error(never), "", "nothing is imitated");
+        let told = error("policy.imitate = 'fixed-time:file=plan.toml'");
+        assert!(told.contains("a run does not keep this file"), "{told}");
         let shared = "policy.imitate = 'random'\ngs.shared_policy = true";
         assert_eq!(error(shared), "", "local simulators do not read it");
         let told = error(&format!("simulator = 'gs'\n{shared}"));

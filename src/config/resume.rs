@@ -116,8 +116,9 @@ mod tests {
     /// Returns a config of the traffic domain in which every key has a value.
     fn config() -> Config {
         toml::from_str(
-            "stop_at_steps = 900_000\npolicy = { recurrent = 8, average_every_steps = 1000 }\naip = { recurrent = 8, batch = 8, patience = 3 }\n\
-             checkpoints = { every_steps = 1000 }\n[traffic]\nnetwork = 'n'\nlocal_network = 'l'\n",
+            "stop_at_steps = 900_000\npolicy = { recurrent = 8, average_every_steps = 1000 }\n\
+             aip = { recurrent = 8, batch = 8, patience = 3 }\ncheckpoints = { every_steps = 1000 }\n[traffic]\n\
+             network = 'n'\nlocal_network = 'l'\nclock = 26\nclock_offsets = 'checkerboard'\n",
         )
         .unwrap()
     }
@@ -132,6 +133,8 @@ mod tests {
             ("traffic.entry", _) => json!("max"),
             ("traffic.observation", _) => json!("queues"),
             ("traffic.reward", _) => json!("queue"),
+            ("traffic.clock_offsets", _) => json!("none"),
+            ("policy.imitate", _) => json!("closest-item"),
             ("numerics.vector_width", _) => json!("256-bit"),
             (_, Value::Bool(value)) => json!(!value),
             (_, Value::Array(_)) => json!([3]),
@@ -153,7 +156,9 @@ mod tests {
         let mut keys = BTreeMap::new();
         let scenario: Config =
             toml::from_str("[traffic]\nscenario = 's'\nagents = 'a'\nbegin_s = 0\nend_s = 60\n").unwrap();
-        for original in [config(), scenario, warehouse] {
+        let mut imitating = warehouse.clone();
+        imitating.policy.imitate = Some("oldest-item".to_owned());
+        for original in [config(), scenario, warehouse, imitating] {
             let json = to_json(&original);
             let mut values = BTreeMap::new();
             flatten("", &json, &mut values);
@@ -164,7 +169,9 @@ mod tests {
                 }
                 let new = changed(&key, &value);
                 let now: Config = serde_json::from_value(with(&json, &key, new.clone())).unwrap();
-                let expected = Difference { key: key.clone(), then: Some(value), now: Some(new) };
+                // Offsets of none are left out.
+                let now_there = (key != "traffic.clock_offsets").then_some(new);
+                let expected = Difference { key: key.clone(), then: Some(value), now: now_there };
                 let listed = CHANGEABLE.iter().any(|changeable| changeable.key == key);
                 assert_eq!(differences(&original, &now), if listed { vec![] } else { vec![expected] }, "{key}");
                 keys.insert(key, listed);

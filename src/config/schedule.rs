@@ -32,13 +32,15 @@ pub enum AipTraining {
 /// Returns all periods of a run, in order. The last one trains.
 ///
 /// The policies are updated after every `ppo.memory` timesteps, so a period ends at the first update at or after its
-/// end. What would begin after the last update is left out: it would evaluate where the run ends with an evaluation.
+/// end. The last one ends at the first bound that the last update reaches. What is due there is left to a run that goes
+/// on: a run that ends evaluates anyway.
 pub fn schedule(config: &Config) -> Vec<Period> {
-    let last = config.last_step();
     let evaluate_every = config.evaluation.every_steps;
     let trains_aips = config.simulator.trains_predictors();
-    let mut bounds = all_bounds(config);
-    bounds.retain(|&bound| bound == 0 || bound == last || trains(config, bound, last));
+    let last_update = config.update_at_or_after(config.last_step());
+    let mut bounds: Vec<u64> = all_bounds(config).into_iter().collect();
+    let reached = bounds.iter().position(|&bound| config.update_at_or_after(bound) >= last_update);
+    bounds.truncate(reached.expect("the last step is one of them") + 1);
     let train_aips = |start: u64| match config.aip.retrain {
         _ if !trains_aips => AipTraining::No,
         _ if start == 0 => AipTraining::Yes,
@@ -51,7 +53,6 @@ pub fn schedule(config: &Config) -> Vec<Period> {
         let [start, end, last] = [start, end, config.total_steps].map(|step| config.update_at_or_after(step));
         config.policy.average_every_steps.is_some_and(|every| end / every > start / every || end == last)
     };
-    let bounds: Vec<u64> = bounds.into_iter().collect();
     let periods = bounds.windows(2).map(|bound| Period {
         start: bound[0],
         end: bound[1],
@@ -62,8 +63,8 @@ pub fn schedule(config: &Config) -> Vec<Period> {
     periods.collect()
 }
 
-/// Returns whether a period may end at a step. Earlier versions also ended one where the schedule has nothing left to
-/// train, and their checkpoints say so.
+/// Returns whether a period may end at a step. Earlier versions also ended one later, where nothing was left to train,
+/// and their checkpoints say so.
 pub fn may_end_at(config: &Config, step: u64) -> bool {
     step > 0 && all_bounds(config).contains(&step)
 }
@@ -172,15 +173,41 @@ mod tests {
                 config.evaluation.every_steps = rhythm;
                 assert_eq!(averages(&config), expected, "every {every}, evaluated every {rhythm}");
             }
-            for stop in 1..250 {
-                let stopped = Config { stop_at_steps: Some(stop), ..config.clone() };
-                let rest = rest_of_schedule(&config, stop).into_iter().filter(|period| period.average);
-                let rest = rest.map(|period| config.update_at_or_after(period.end));
-                let both: Vec<u64> = averages(&stopped).into_iter().chain(rest).collect();
-                assert_eq!(both, expected, "every {every} with a memory of {memory}, stopped at {stop}");
-            }
         }
         assert!(averages(&config("dials", 250, 100, 60)).is_empty());
+    }
+
+    /// What a run does, and after which update, in timesteps.
+    #[derive(Debug, PartialEq)]
+    enum Work {
+        Evaluates(u64),
+        TrainsAips(u64),
+        Averages(u64),
+    }
+
+    fn work(config: &Config, periods: &[Period]) -> Vec<Work> {
+        let update = |step| config.update_at_or_after(step);
+        let of_period = |period: &Period| {
+            let evaluates = period.evaluate.then(|| Work::Evaluates(update(period.start)));
+            let trains = (period.train_aips != AipTraining::No).then(|| Work::TrainsAips(update(period.start)));
+            [evaluates, trains, period.average.then(|| Work::Averages(update(period.end)))].into_iter().flatten()
+        };
+        periods.iter().flat_map(of_period).collect()
+    }
+
+    #[test]
+    fn a_run_that_was_stopped_anywhere_does_the_work_of_one_that_never_was() {
+        for (memory, retrain, evaluate) in [(10, 100, 60), (64, 100, 60), (64, 60, 100), (128, 75, 90)] {
+            let mut config = config("dials", 500, retrain, evaluate);
+            (config.ppo.memory, config.policy.average_every_steps) = (memory, Some(130));
+            let whole = work(&config, &schedule(&config));
+            for stop in 1..500 {
+                let stopped = schedule(&Config { stop_at_steps: Some(stop), ..config.clone() });
+                let rest = rest_of_schedule(&config, stopped.last().unwrap().end);
+                let both: Vec<Work> = work(&config, &stopped).into_iter().chain(work(&config, &rest)).collect();
+                assert_eq!(both, whole, "F = {retrain}, a memory of {memory}, stopped at {stop}");
+            }
+        }
     }
 
     #[test]
@@ -220,8 +247,8 @@ mod tests {
     fn the_last_period_trains_so_that_every_step_has_one_evaluation() {
         for (total, expected) in [
             // At step 200 training is at 256, the second update of 128 steps. Nothing of 200 to 256 is left to train.
-            (250, vec![(0, 100, true, true), (100, 250, false, true)]),
-            (256, vec![(0, 100, true, true), (100, 256, false, true)]),
+            (250, vec![(0, 100, true, true), (100, 200, false, true)]),
+            (256, vec![(0, 100, true, true), (100, 200, false, true)]),
             (257, vec![(0, 100, true, true), (100, 200, false, true), (200, 257, false, true)]),
             (1, vec![(0, 1, true, true)]),
         ] {
@@ -232,7 +259,7 @@ mod tests {
         let mut config = config("dials", 100_001, 100_000, 100_000);
         config.ppo.memory = 128;
         // 782 updates are 100 096 steps.
-        assert_eq!(bounds(&config), [(0, 100_001, true, true)]);
+        assert_eq!(bounds(&config), [(0, 100_000, true, true)]);
     }
 
     #[test]
@@ -241,12 +268,16 @@ mod tests {
         config.ppo.memory = 128;
         // At step 200 training is at 256, after the end of the run.
         let ends: Vec<u64> = schedule(&config).iter().map(|period| period.end).collect();
-        assert_eq!(ends, [100, 250]);
+        assert_eq!(ends, [100, 200]);
         assert_eq!(
             [0, 100, 150, 200, 250, 300].map(|step| may_end_at(&config, step)),
             [false, true, false, true, true, false]
         );
-        assert_eq!(rest_of_schedule(&config, 200), [], "only the last evaluation is left");
+        assert_eq!(
+            [200, 250].map(|end| rest_of_schedule(&config, end).len()),
+            [0, 0],
+            "only the last evaluation is left"
+        );
     }
 
     #[test]

@@ -194,6 +194,11 @@ pub struct Measures {
 
 /// Decides for all agents of a GS: a joint policy or a hand-coded baseline.
 pub trait Controller {
+    /// Returns whether it decides itself, and leaves nothing to hand-coded control inside the simulator.
+    fn decides(&self) -> bool {
+        true
+    }
+
     /// Begins an episode. Everything random in the decisions follows from `episode`.
     fn begin(&mut self, episode: Seed);
 
@@ -211,6 +216,10 @@ pub struct Baseline {
 pub struct Bystander;
 
 impl Controller for Bystander {
+    fn decides(&self) -> bool {
+        false
+    }
+
     fn begin(&mut self, _episode: Seed) {}
 
     fn act(&mut self, _percept: &JointPercept, actions: &mut [Action]) -> Result<()> {

@@ -20,7 +20,7 @@ use crate::base::{Activity, Ragged, Timesheet};
 use crate::config::{Config, PolicyConfig, Predictor, Simulator};
 use crate::domain::toy::{Coins, CoinsAndDice};
 use crate::domain::{Domain, Measures};
-use crate::evaluation::EpisodeReport;
+use crate::evaluation::{EpisodeReport, Evaluation};
 use crate::influence::{Dataset, FreshLoss};
 use crate::training::answers::{AgentTraining, FleetLoad, Footprint, PolicyTraining, WorkerLoad};
 use crate::training::dials;
@@ -401,6 +401,29 @@ fn training_goes_on_from_a_state_with_workers_that_run_or_are_started_again() {
         fleet.restore(agents.clone()).unwrap();
         dials::train(&config(), &mut fleet, standing, &mut Unrecorded, &Silent).unwrap();
         assert!(*fleet.agents() == expected, "can_replace: {can_replace}");
+    }
+}
+
+/// Counts evaluations.
+#[derive(Default)]
+struct Evaluations(usize);
+
+impl Journal for Evaluations {
+    fn evaluated(&mut self, _agents: &AgentsState, _evaluation: &Evaluation) -> Result<()> {
+        self.0 += 1;
+        Ok(())
+    }
+}
+
+#[test]
+fn an_evaluation_that_was_made_is_not_made_again_when_a_period_begins_after_the_same_update() {
+    let (agents, standing) = undisturbed().1.0.unwrap();
+    for (evaluated_at, evaluations) in [(Some(256), 1), (Some(0), 2)] {
+        let (standing, mut journal) = (Standing { evaluated_at, ..standing }, Evaluations::default());
+        let mut fleet = InlineFleet::new(coins(), &config(), Rc::new(Silent));
+        fleet.restore(agents.clone()).unwrap();
+        dials::train(&config(), &mut fleet, standing, &mut journal, &Silent).unwrap();
+        assert_eq!(journal.0, evaluations, "evaluated at {evaluated_at:?}, and once at the end");
     }
 }
 

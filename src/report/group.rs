@@ -184,7 +184,8 @@ pub fn sort(found: Found) -> Result<Sorted> {
     for (scenario, methods) in scenarios {
         let plain = plain_slug(&scenario);
         let unique = all.iter().filter(|other| plain_slug(other) == plain).count() == 1;
-        let told_apart = keys_that_differ(methods.keys().map(|method| &method.keys));
+        let mut told_apart = keys_that_differ(methods.keys().map(|method| &method.keys));
+        told_apart.extend(keys_that_some_leave_out(methods.keys()));
         let mut groups: Vec<Group> = methods
             .into_iter()
             .map(|(method, runs)| group(method, &told_apart, without_doubles(runs, &mut left_out)))
@@ -229,6 +230,19 @@ fn keys_that_differ<'a>(
     differing
 }
 
+/// Returns every key that one method has and another one of the same simulator has off, because it is not set.
+fn keys_that_some_leave_out<'a>(
+    methods: impl Iterator<Item = &'a Method> + Clone,
+) -> impl Iterator<Item = (String, Option<String>)> {
+    let off = |method: &'a Method| {
+        let others = methods.clone().filter(|other| other.simulator == method.simulator);
+        let keys = others.flat_map(|other| other.keys.keys());
+        keys.filter(|key| method.has_off(key))
+    };
+    let keys: BTreeSet<&String> = methods.clone().flat_map(off).collect();
+    keys.into_iter().map(|key| (key.clone(), Some(OFF.to_owned()))).collect::<Vec<_>>().into_iter()
+}
+
 /// Returns the one group that has the common value of every key whose values differ. `None` if there is no other group,
 /// or not exactly one such group.
 fn reference(groups: &[Group], told_apart: &BTreeMap<String, Option<String>>) -> Option<usize> {
@@ -244,7 +258,8 @@ fn reference(groups: &[Group], told_apart: &BTreeMap<String, Option<String>>) ->
 }
 
 /// Keys that a label names even if all groups have them, unless they are off. With one of them a method is another one.
-const ALWAYS_NAMED: [&str; 4] = ["policy.imitate", "policy.average_every_steps", "traffic.clock", "gs.shared_policy"];
+const ALWAYS_NAMED: [&str; 5] =
+    ["policy.imitate", "policy.average_every_steps", "traffic.clock", "traffic.clock_offsets", "gs.shared_policy"];
 
 /// How such a key is written when it is off.
 const OFF: &str = "false";
@@ -362,6 +377,21 @@ mod tests {
         assert_eq!(labels(&["simulator = 'gs'", "simulator = 'gs'\nppo.clip = 0.2", shared])[0], "GS");
         assert_eq!(labels(&["simulator = 'gs'", shared]), ["GS", "GS, gs.shared_policy=true"]);
         assert_eq!(labels(&[mean, "simulator = 'gs'"])[0], "GS");
+    }
+
+    #[test]
+    fn a_key_that_is_off_if_it_is_not_set_tells_groups_apart() {
+        let labels = |settings: &[&str]| ablation(settings).groups.iter().map(Group::label).collect::<Vec<_>>();
+        assert_eq!(labels(&["aip.patience = 3", ""]), ["DIALS F=1M", "DIALS F=1M, aip.patience=3"]);
+        let recurrent = labels(&["policy.recurrent = 8", "", "simulator = 'gs'", "policy.recurrent = 16"]);
+        assert_eq!(
+            recurrent,
+            ["GS", "DIALS F=1M", "DIALS F=1M, policy.recurrent=16", "DIALS F=1M, policy.recurrent=8"]
+        );
+        let reference = |settings: &[&str]| ablation(settings).reference;
+        assert_eq!(reference(&["aip.patience = 3", ""]), Some(0), "most groups leave it out");
+        let imitates = "policy.imitate = 'oldest-item'";
+        assert_eq!(labels(&[imitates, ""]), ["DIALS F=1M", "DIALS F=1M, policy.imitate=oldest-item"]);
     }
 
     #[test]

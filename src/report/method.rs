@@ -36,10 +36,19 @@ impl Method {
         Method::of_keys(config.simulator, keys)
     }
 
+    /// Returns whether this method leaves out a key that another one of the same simulator has, and would read it: the
+    /// key is off if it is not set.
+    pub fn has_off(&self, key: &str) -> bool {
+        let imitates = self.keys.contains_key("policy.imitate");
+        !self.keys.contains_key(key) && !is_of_others(&self.retraining, imitates, key)
+    }
+
     fn of_keys(simulator: Simulator, mut keys: BTreeMap<String, String>) -> Method {
         let retraining = if simulator.trains_predictors() { Retraining::of(&keys) } else { Retraining::Never };
         let imitates = keys.contains_key("policy.imitate");
-        keys.retain(|key, _| !is_no_method(key) && !is_idle(simulator, &retraining, imitates, key));
+        keys.retain(|key, _| {
+            !is_no_method(key) && !simulator_ignores(simulator, key) && !is_of_others(&retraining, imitates, key)
+        });
         Method { simulator: simulator.name().to_owned(), retraining, keys }
     }
 }
@@ -60,23 +69,24 @@ fn is_no_method(key: &str) -> bool {
     ["seed", "stop_at_steps"].contains(&key) || key.starts_with("logging.") || key.starts_with("checkpoints.")
 }
 
-/// Returns whether a key changes nothing with this simulator, or with this retraining of the approximate influence
-/// predictors (AIPs). `imitates`: whether the policies imitate a controller first.
-fn is_idle(simulator: Simulator, retraining: &Retraining, imitates: bool, key: &str) -> bool {
-    let Some(of_aips) = key.strip_prefix("aip.") else {
-        return match key {
-            // Only retraining on drift depends on what these episodes measure.
-            "evaluation.aip_loss_episodes" => *retraining != Retraining::Drift,
-            key if key.starts_with("imitation.") => !imitates,
-            key if key.starts_with("gs.") => simulator != Simulator::Global,
-            key => simulator == Simulator::Global && key.starts_with("local_simulators."),
-        };
-    };
-    match of_aips {
-        key if !simulator.predictor().is_some_and(|predictor| predictor.reads(key)) => true,
-        "retrain_every_steps" => !matches!(retraining, Retraining::Every(_)),
-        "drift_threshold" => *retraining != Retraining::Drift,
+/// Returns whether a key changes nothing with this simulator.
+fn simulator_ignores(simulator: Simulator, key: &str) -> bool {
+    match key.split_once('.') {
+        Some(("aip", key)) => !simulator.predictor().is_some_and(|predictor| predictor.reads(key)),
+        Some(("gs", _)) => simulator != Simulator::Global,
+        Some(("local_simulators", _)) => simulator == Simulator::Global,
         _ => false,
+    }
+}
+
+/// Returns whether a key changes nothing with this retraining of the approximate influence predictors (AIPs), or without
+/// an imitation. `imitates`: whether the policies imitate a controller first.
+fn is_of_others(retraining: &Retraining, imitates: bool, key: &str) -> bool {
+    match key {
+        // Only retraining on drift depends on what these episodes measure.
+        "evaluation.aip_loss_episodes" | "aip.drift_threshold" => *retraining != Retraining::Drift,
+        "aip.retrain_every_steps" => !matches!(retraining, Retraining::Every(_)),
+        key => key.starts_with("imitation.") && !imitates,
     }
 }
 

@@ -34,7 +34,7 @@ pub fn tell_of_end(dir: &Path, config: &Config, point: &ResumePoint) {
     if !rest_of_schedule(config, until).is_empty() || !was_evaluated(dir, steps) {
         return;
     }
-    let further = if until < config.total_steps {
+    let further = if steps < config.total_steps {
         format!("train it further with: {} train --resume {} --steps {}", program(), quoted(dir), config.total_steps)
     } else {
         "for a longer one begin a new run with a larger total_steps".to_owned()

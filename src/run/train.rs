@@ -241,7 +241,8 @@ fn allow_workers(workers: usize) -> Result<()> {
 /// Returns the largest number of workers that each have agents or episodes at some time of the run.
 fn most_workers(config: &Config, agents: usize) -> usize {
     let (evaluation, datasets) = (&config.evaluation, config.dataset_episodes(config.horizon()));
-    let shared = [evaluation.episodes, evaluation.final_episodes, evaluation.aip_loss_episodes, datasets];
+    let imitated = config.policy.imitate.as_ref().map_or(0, |_| config.imitation.episodes(config.horizon()));
+    let shared = [evaluation.episodes, evaluation.final_episodes, evaluation.aip_loss_episodes, datasets, imitated];
     shared.into_iter().fold(agents, usize::max)
 }
 

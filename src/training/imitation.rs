@@ -42,7 +42,7 @@ impl ImitationLoss {
 ///
 /// In a share of the decisions, `slips`, a random action is carried out instead. A copy that has only seen what the
 /// controller itself gets into does not know how to come back from its own small errors. (Laskey et al. 2017, "DART".)
-/// Control that cannot be asked before the step, such as SUMO's own, never slips.
+/// Control inside the simulator that cannot be asked before the step, such as SUMO's own, never slips.
 pub fn demonstrate(
     simulator: &mut dyn GlobalSimulator,
     controller: &mut dyn Controller,
@@ -58,9 +58,9 @@ pub fn demonstrate(
     let mut percept = simulator.reset(episode)?.clone();
     for _ in 0..simulator.kinds().horizon() {
         controller.act(&percept, &mut decided)?;
-        let advised = simulator.advise(&mut decided);
+        let is_known = simulator.advise(&mut decided) || controller.decides();
         let mut actions = decided.clone();
-        if advised {
+        if is_known {
             for ((action, &n_actions), mask) in actions.iter_mut().zip(&n_actions).zip(percept.masks.iter()) {
                 if dice.random_bool(slips) {
                     let allowed = |action: &usize| mask.get(*action) != Some(&false);
@@ -74,7 +74,7 @@ pub fn demonstrate(
         simulator.carried_out(&mut done);
         for (agent, demonstrations) in demonstrations.iter_mut().enumerate() {
             let mask = percept.masks.row(agent);
-            let action = if advised { done[agent].and(Some(decided[agent])) } else { done[agent] };
+            let action = if is_known { done[agent].and(Some(decided[agent])) } else { done[agent] };
             // A policy cannot take an action that is not allowed, so there it cannot learn it either.
             let action = action.filter(|&action| mask.get(usize::from(action)) != Some(&false));
             demonstrations.push(percept.obs.row(agent), mask, action);
@@ -292,6 +292,18 @@ mod tests {
         let work = Work { watch: &mut Stopwatch::default(), progress: &mut |_| () };
         let losses = imitate(&mut policies, &kind.agents, &theirs, config, Seed::new(4), work);
         (policies, losses)
+    }
+
+    /// The controller of this domain decides outside of the simulator, which cannot be asked.
+    #[test]
+    fn whoever_decides_before_the_step_slips() {
+        let with = |slips: f64| {
+            let Baseline { mut simulator, mut controller } = Coins::new(50).baseline("copy").unwrap();
+            let mut all = Demonstrations::of_all(simulator.kinds());
+            demonstrate(&mut *simulator, &mut *controller, Seed::new(2), slips, &mut all).unwrap();
+            all
+        };
+        assert!(with(0.0) == with(0.0) && with(0.0) != with(0.5));
     }
 
     fn small(recurrent: Option<usize>, separate_critic: bool) -> PolicyConfig {

@@ -95,6 +95,26 @@ fn run(text: &mut String, Described { config, work, .. }: &Described) {
             updates(work.steps, config.ppo.memory)
         ),
     );
+    if let Some(controller) = &config.policy.imitate {
+        let imitation = &config.imitation;
+        let (played, epochs) = (imitation.episodes(work.horizon), imitation.epochs);
+        paragraph(
+            text,
+            format_args!(
+                "  first the policies imitate `{controller}` on {} of the global simulator, {}; until step {} only the \
+                 critic learns",
+                counted(played, "episode"),
+                counted(epochs, "epoch"),
+                imitation.critic_steps
+            ),
+        );
+    }
+    if config.shares_policies() {
+        line(text, "  all agents of a kind have one policy");
+    }
+    if let Some(every) = config.policy.average_every_steps {
+        line(text, format_args!("  all agents of a kind get the mean of their policies every {every} steps"));
+    }
     let episodes = [work.evaluation_episodes, work.final_episodes].map(|episodes| counted(episodes, "episode"));
     line(
         text,
