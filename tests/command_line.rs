@@ -69,7 +69,8 @@ fn a_controller_to_imitate_that_does_not_exist_is_refused_before_anything_begins
     let (config, out) = (write_config(dir.path(), SHORT), dir.path().join("run"));
     for (name, told) in [("gapout", "unknown; one of random"), ("gap-out:green=5", "has no parameter `green`")] {
         let setting = format!("policy.imitate={name}");
-        let args = ["train", &config, "--out", out.to_str().unwrap(), "--set", &setting];
+        let short = ["--set", "imitation.critic_steps=128"];
+        let args = [&["train", &config, "--out", out.to_str().unwrap(), "--set", &setting][..], &short].concat();
         assert_refused(&mut dials_traffic(&args), &["policy.imitate: not a controller of this domain", told]);
         assert!(!out.exists());
     }
