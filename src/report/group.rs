@@ -231,16 +231,13 @@ fn keys_that_differ<'a>(
 }
 
 /// Returns every key that one method has and another one of the same simulator has off, because it is not set.
-fn keys_that_some_leave_out<'a>(
-    methods: impl Iterator<Item = &'a Method> + Clone,
-) -> impl Iterator<Item = (String, Option<String>)> {
+fn keys_that_some_leave_out<'a>(methods: impl Iterator<Item = &'a Method> + Clone) -> BTreeMap<String, Option<String>> {
     let off = |method: &'a Method| {
         let others = methods.clone().filter(|other| other.simulator == method.simulator);
         let keys = others.flat_map(|other| other.keys.keys());
         keys.filter(|key| method.has_off(key))
     };
-    let keys: BTreeSet<&String> = methods.clone().flat_map(off).collect();
-    keys.into_iter().map(|key| (key.clone(), Some(OFF.to_owned()))).collect::<Vec<_>>().into_iter()
+    methods.clone().flat_map(off).map(|key| (key.clone(), Some(OFF.to_owned()))).collect()
 }
 
 /// Returns the one group that has the common value of every key whose values differ. `None` if there is no other group,
