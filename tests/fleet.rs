@@ -282,7 +282,9 @@ fn a_worker_that_hangs_is_replaced_after_the_patience() {
     kill_process(wait_for_workers(&coordinator, 2)[0], Signal::STOP).unwrap();
     let (status, said) = ended(coordinator);
     assert!(status.success(), "{said}");
-    assert!(said.contains("said nothing for 10s (state: T (stopped)) and was ended; last lines of"), "{said}");
+    let lost = "said nothing for 10s (state: T (stopped)) and was ended; if it needs more time, --patience gives it; last \
+                lines of";
+    assert!(said.contains(lost), "{said}");
     run.assert_undisturbed();
 }
 

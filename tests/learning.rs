@@ -188,6 +188,22 @@ fn learning_rate_and_clip_decay_over_the_total_steps_also_where_a_run_stops_earl
 }
 
 #[test]
+fn a_period_that_the_last_update_has_passed_trains_nothing() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut config = Config { stop_at_steps: Some(3000), ..config("dials") };
+    // The update that ends at 1024 passes both 1000 and 1010.
+    (config.evaluation.every_steps, config.aip.retrain_every_steps) = (1000, 1010);
+    train(&config, dir.path()).unwrap();
+    let steps = |file: &str, name: &str| -> Vec<u64> {
+        column(dir.path(), file, name).into_iter().map(|(steps, _)| steps).collect()
+    };
+    assert_eq!(steps(files::TRAINING, "value_loss"), [1024, 2048, 3072]);
+    assert_eq!(steps(files::RETURNS, "mean"), [0, 1024, 2048, 3072]);
+    assert_eq!(steps(files::AIP_LOSS, "held_out_after"), [0, 1024, 2048]);
+    assert!(column(dir.path(), files::TRAINING, "value_loss").iter().all(|&(_, loss)| loss > 0.0));
+}
+
+#[test]
 fn learning_that_diverges_ends_the_run_and_says_what_to_do() {
     let dir = tempfile::tempdir().unwrap();
     let mut config = config("gs");

@@ -209,7 +209,7 @@ mod tests {
             aip_trainings: Vec::new(),
             fresh_losses: Vec::new(),
             likeness: Vec::new(),
-            periods: vec![PeriodTime { steps: 1000, elapsed_s, evaluation_s, influence_s, cpu: None }],
+            periods: vec![PeriodTime { steps: 1000, elapsed_s, evaluation_s, influence_s, ..PeriodTime::default() }],
             memory: Some(MemoryRecord { process_mb: 0.0, total_mb: 0.0, total_pss_mb: Some(332.0) }),
             workers,
         }

@@ -26,7 +26,10 @@ impl Loss {
             Loss::Silent => {
                 let state = link.state().unwrap_or_else(|| "unknown".to_owned());
                 let end = link.end_by_force();
-                format!("said nothing for {patience:?} (state: {state}) and was ended; {end}")
+                format!(
+                    "said nothing for {patience:?} (state: {state}) and was ended; if it needs more time, --patience gives \
+                     it; {end}"
+                )
             }
         }
     }

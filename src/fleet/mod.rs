@@ -6,7 +6,8 @@
 //! last exchange and gets its order again, so the run ends with the same numbers. Nothing that a worker does or fails
 //! to do blocks the coordinator, and one clock measures its patience.
 //!
-//! - [`worker`]: a share of the agents for the whole run, and the work that can be ordered.
+//! - [`worker`]: a share of the agents for the whole run, and the work that can be ordered. `telling`: how it speaks
+//!   during long episodes.
 //! - [`inline`]: the smallest fleet, one worker in this process.
 //! - `coordinator`: orders, deaths and patience. `shares`: which worker owns which agents. `orders`: the steps of
 //!   Algorithm 1 as orders to workers. `task`: an order in progress. `expected`: what a worker may say. `loss`: why it is
@@ -39,6 +40,7 @@ mod orders;
 mod serve;
 mod shares;
 mod task;
+mod telling;
 #[cfg(test)]
 mod threads;
 pub mod worker;

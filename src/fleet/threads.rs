@@ -296,7 +296,8 @@ fn three_deaths_in_a_row_are_too_many() {
 fn a_worker_that_hangs_is_replaced_after_the_patience() {
     let (outcome, warnings) = train(crew(true, [&[], &[(9, Fate::Hangs)]]));
     assert!(outcome.unwrap() == undisturbed().0);
-    let warning = "worker 1 (agent 1) said nothing for 3s (state: unknown) and was ended; its thread is left alone";
+    let warning = "worker 1 (agent 1) said nothing for 3s (state: unknown) and was ended; if it needs more time, --patience \
+                   gives it; its thread is left alone";
     assert!(warnings.len() == 1 && warnings[0].starts_with(warning), "{warnings:?}");
 }
 
@@ -305,7 +306,11 @@ fn the_loss_of_a_worker_that_cannot_be_replaced_ends_the_run_and_names_it_and_it
     let end = "\na worker of this kind cannot be started again, so the run ends here";
     for (fate, what) in [
         (Fate::Dies, "died: its thread ended"),
-        (Fate::Hangs, "said nothing for 3s (state: unknown) and was ended; its thread is left alone"),
+        (
+            Fate::Hangs,
+            "said nothing for 3s (state: unknown) and was ended; if it needs more time, --patience gives it; its thread \
+             is left alone",
+        ),
     ] {
         let (outcome, warnings) = train(crew(false, [&[], &[(13, fate)]]));
         assert_eq!(outcome.unwrap_err(), format!("worker 1 (agent 1) {what}{end}"));

@@ -8,6 +8,7 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
 
+use super::telling::Telling;
 use crate::base::{Activity, AgentId, Phase, Ragged, RandomPurpose, Seed, Stopwatch, Timesheet, Work};
 use crate::config::{Config, Period, Simulator};
 use crate::domain::{Baseline, Controller, Domain, GlobalSimulator, Result};
@@ -109,12 +110,8 @@ impl Worker {
         let seed = purpose.stream(&self.config);
         let mut datasets = Dataset::of_all(self.domain.kinds());
         let activity = purpose.activity(&self.config);
-        self.on_the_gs(activity, policies, |simulator, controller| {
-            for (done, episode) in episodes.clone().enumerate() {
-                collect_episode(simulator, controller, seed.for_episode(episode), &mut datasets)?;
-                observer.busy(activity, (done + 1) as f64 / episodes.len() as f64);
-            }
-            Ok(())
+        self.on_the_gs(activity, policies, episodes, observer, |simulator, controller, episode| {
+            collect_episode(simulator, controller, seed.for_episode(episode), &mut datasets)
         })?;
         Ok(datasets)
     }
@@ -132,10 +129,11 @@ impl Worker {
         let mut demonstrations = Demonstrations::of_all(self.domain.kinds());
         let Baseline { simulator, mut controller } = watch.time(Phase::Loading, || self.domain.baseline(controller))?;
         let mut simulator = Timed::new(simulator);
-        for (done, episode) in episodes.clone().enumerate() {
+        let decisions = episodes.len() * self.domain.kinds().horizon();
+        let mut controller = Telling::new(&mut *controller, observer, Activity::Collection, decisions);
+        for episode in episodes {
             let seed = seed.for_episode(episode);
-            demonstrate(&mut simulator, &mut *controller, seed, self.config.imitation.slips, &mut demonstrations)?;
-            observer.busy(Activity::Collection, (done + 1) as f64 / episodes.len() as f64);
+            demonstrate(&mut simulator, &mut controller, seed, self.config.imitation.slips, &mut demonstrations)?;
         }
         watch.add(&simulator.take_watch());
         drop(simulator);
@@ -166,11 +164,8 @@ impl Worker {
     ) -> Result<Vec<EpisodeReport>> {
         let seed = Seed::new(self.config.evaluation.seed);
         let mut reports = Vec::with_capacity(episodes.len());
-        self.on_the_gs(Activity::Evaluation, policies, |simulator, controller| {
-            for (done, episode) in episodes.clone().enumerate() {
-                reports.push(play(simulator, controller, episode_seed(seed, episode))?);
-                observer.busy(Activity::Evaluation, (done + 1) as f64 / episodes.len() as f64);
-            }
+        self.on_the_gs(Activity::Evaluation, policies, episodes, observer, |simulator, controller, episode| {
+            reports.push(play(simulator, controller, episode_seed(seed, episode))?);
             Ok(())
         })?;
         Ok(reports)
@@ -248,19 +243,22 @@ impl Worker {
         Ok(PolicyTraining { agents: self.in_order(training.agents), ..training })
     }
 
-    /// Lets all agents' policies act on the GS, in episodes that `play` plays.
+    /// Lets all agents' policies act on the GS, in episodes that `play` plays one by one.
     fn on_the_gs(
         &mut self,
         activity: Activity,
         policies: &JointPolicy,
-        play: impl FnOnce(&mut dyn GlobalSimulator, &mut dyn Controller) -> Result<()>,
+        episodes: Range<usize>,
+        observer: &dyn Observer,
+        mut play: impl FnMut(&mut dyn GlobalSimulator, &mut dyn Controller, usize) -> Result<()>,
     ) -> Result<()> {
         let (begun, mut watch) = (Instant::now(), Stopwatch::default());
         let mut simulator = Timed::new(watch.time(Phase::Loading, || self.domain.global_simulator())?);
         let (kinds, config) = (self.domain.kinds(), &self.config.policy);
         let mut controller =
             TimedController::new(JointPolicyController::new(kinds, config, policies, Selection::Sampled));
-        play(&mut simulator, &mut controller)?;
+        let mut telling = Telling::new(&mut controller, observer, activity, episodes.len() * kinds.horizon());
+        episodes.into_iter().try_for_each(|episode| play(&mut simulator, &mut telling, episode))?;
         watch.add(&simulator.take_watch());
         watch.add(&controller.watch);
         drop(simulator);

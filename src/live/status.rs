@@ -98,19 +98,12 @@ mod tests {
         };
         RunRecord {
             dir: "run".into(),
-            config: Config { total_steps: 1000, ..Config::default() },
-            about: Default::default(),
-            scenario: None,
             evaluations: ends.iter().map(evaluation).collect(),
-            aip_trainings: Vec::new(),
-            fresh_losses: Vec::new(),
-            likeness: Vec::new(),
             periods: ends
                 .iter()
                 .map(|&(steps, elapsed_s)| PeriodTime { steps, elapsed_s, ..PeriodTime::default() })
                 .collect(),
-            memory: None,
-            workers: 1,
+            ..RunRecord::empty(Config { total_steps: 1000, ..Config::default() }, None)
         }
     }
 

@@ -85,13 +85,18 @@ pub const CPU_EVALUATION_S: &str = "cpu_evaluation_s";
 /// Returns the columns of `timing.csv`.
 pub fn of_timing() -> Vec<String> {
     let fixed = [STEPS, WORKER, "wall_s", ELAPSED_S, CPU_S, CPU_EVALUATION_S, "exchange_s"].map(str::to_owned);
-    let phases = Phase::ALL.map(|phase| format!("{}_s", phase.name()));
+    let phases = Phase::ALL.map(seconds_of_phase);
     fixed.into_iter().chain(Activity::ALL.map(seconds_of)).chain(["idle_s".to_owned()]).chain(phases).collect()
 }
 
 /// Returns the column of `timing.csv` with the seconds of an activity.
 pub fn seconds_of(activity: Activity) -> String {
     format!("{}_s", activity.name())
+}
+
+/// Returns the column of `timing.csv` with the seconds of a phase of the policies' training.
+pub fn seconds_of_phase(phase: Phase) -> String {
+    format!("{}_s", phase.name())
 }
 
 pub const PROCESS: &str = "process";

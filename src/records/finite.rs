@@ -3,23 +3,27 @@
 use anyhow::{Result, bail};
 
 use crate::base::Ragged;
+use crate::config::Config;
 use crate::influence::AipLoss;
 use crate::training::answers::PolicyTraining;
 use crate::training::imitation::ImitationLoss;
 use crate::training::state::AgentsState;
 
 /// Returns an error that names the first agent whose policy has diverged.
-pub fn check_policies(training: &PolicyTraining, state: &AgentsState) -> Result<()> {
+pub fn check_policies(training: &PolicyTraining, state: &AgentsState, config: &Config) -> Result<()> {
+    // Until then only the critic has learnt, with the learning rate of the imitation.
+    let last_update = state.steps.saturating_sub(config.ppo.memory as u64);
+    let key = if last_update < config.critic_steps() { "imitation.learning_rate" } else { "ppo.learning_rate" };
     for (agent, training) in training.agents.iter().enumerate() {
         let losses = training.losses;
         if ![losses.surrogate, losses.value, losses.entropy, losses.kl].into_iter().all(f64::is_finite) {
-            return diverged("policy", agent, "a loss", state.steps, "ppo.learning_rate");
+            return diverged("policy", agent, "a loss", state.steps, key);
         }
     }
     let moments = [&state.moments.first, &state.moments.second].map(|table| (table, "a moment of its optimiser"));
     for (table, what) in std::iter::once((&state.policies, "a parameter")).chain(moments) {
         if let Some(agent) = first_bad_row(table) {
-            return diverged("policy", agent, what, state.steps, "ppo.learning_rate");
+            return diverged("policy", agent, what, state.steps, key);
         }
     }
     Ok(())

@@ -14,7 +14,7 @@ use super::run_json::RunJson;
 use super::run_record::{
     AipTrainingRecord, CpuTime, EvaluationRecord, FreshLossRecord, MemoryRecord, PeriodTime, Returns, RunRecord,
 };
-use crate::base::Activity;
+use crate::base::{Activity, Phase};
 use crate::config::{self, Config};
 use crate::domain::Scenario;
 use crate::training::drift::Moment;
@@ -202,19 +202,31 @@ fn read_fresh_losses(table: &CsvTable) -> Result<Vec<FreshLossRecord>> {
 /// Activities that are not part of training the policies. If a file lacks the column of one, no time was spent on it.
 const EVALUATION: [Activity; 1] = [Activity::Evaluation];
 const INFLUENCE: [Activity; 2] = [Activity::Collection, Activity::AipTraining];
+/// Phases of the policies' training in which PPO makes its gradient steps.
+const UPDATE: [Phase; 3] = [Phase::Forward, Phase::Backward, Phase::Adam];
 
 /// Reads sums of seconds since the run began.
+///
+/// A period waits for its slowest worker. So the wall time of an activity is that of the worker that took longest.
 fn read_periods(table: &CsvTable) -> Result<Vec<PeriodTime>> {
-    let spent = |line: TableLine, activities: &[Activity]| -> Result<f64> {
-        activities.iter().map(|&activity| Ok(line.number(&columns::seconds_of(activity))?.unwrap_or(0.0))).sum()
-    };
-    let (mut evaluation_s, mut influence_s) = (0.0, 0.0);
+    let columns_of = |activities: &[Activity]| activities.iter().copied().map(columns::seconds_of).collect::<Vec<_>>();
+    let update = UPDATE.map(columns::seconds_of_phase);
+    let parts = [columns_of(&EVALUATION), columns_of(&INFLUENCE), update.to_vec()];
+    let mut spent = [0.0; 3];
     // Runs of an older version have no such columns, and a run that was begun by it has no sum.
     let mut cpu = Some(CpuTime::default());
     let (mut periods, mut order) = (Vec::new(), Order::default());
-    for line in table.lines().filter(|line| line.text(columns::WORKER) == Some(ALL)) {
-        evaluation_s += spent(line, &EVALUATION)?;
-        influence_s += spent(line, &INFLUENCE)?;
+    let lines: Vec<TableLine> = table.lines().collect();
+    // The line of all workers, then one of each.
+    let of_all = |line: &TableLine| line.text(columns::WORKER) == Some(ALL);
+    for block in lines.chunk_by(|_, next| !of_all(next)).filter(|block| of_all(&block[0])) {
+        let line = block[0];
+        for (sum, columns) in spent.iter_mut().zip(&parts) {
+            for column in columns {
+                let of_workers = block.iter().map(|line| Ok(line.number(column)?.unwrap_or(0.0)));
+                *sum += of_workers.collect::<Result<Vec<f64>>>()?.into_iter().fold(0.0, f64::max);
+            }
+        }
         let (steps, elapsed_s) = (order.next(line)?, line.required(columns::ELAPSED_S)?);
         cpu = match (cpu, line.number(columns::CPU_S)?) {
             (Some(before), Some(more)) => Some(CpuTime {
@@ -223,7 +235,8 @@ fn read_periods(table: &CsvTable) -> Result<Vec<PeriodTime>> {
             }),
             _ => None,
         };
-        periods.push(PeriodTime { steps, elapsed_s, evaluation_s, influence_s, cpu });
+        let [evaluation_s, influence_s, update_s] = spent;
+        periods.push(PeriodTime { steps, elapsed_s, evaluation_s, influence_s, update_s, cpu });
     }
     Ok(periods)
 }
@@ -381,6 +394,20 @@ mod tests {
             let error = evaluations(&format!("{block}{text}")).unwrap_err().to_string();
             assert!(error.contains(told) && error.contains("returns.csv"), "{error}");
         }
+    }
+
+    #[test]
+    fn a_period_waits_for_its_slowest_worker() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join(files::TIMING);
+        // Two workers: one evaluates for 6 s, the other trains AIPs for 5 s and collects for 1 s.
+        let lines = "0,all,10,3,1.5,2.5,1,1,2\n0,0,10,6,2,0,2,2,4\n0,1,10,0,1,5,0,0,0\n\
+                     100,all,20,0,0,0,1,1,1\n100,0,20,0,0,0,2,2,2\n";
+        let header = "steps,worker,elapsed_s,evaluation_s,collection_s,aip_training_s,forward_s,backward_s,adam_s";
+        std::fs::write(&path, format!("{header}\n{lines}")).unwrap();
+        let periods = read_periods(&CsvTable::read(&path).unwrap()).unwrap();
+        let times = |time: &PeriodTime| (time.elapsed_s, time.evaluation_s, time.influence_s, time.update_s);
+        assert_eq!(periods.iter().map(times).collect::<Vec<_>>(), [(10.0, 6.0, 7.0, 8.0), (20.0, 6.0, 7.0, 14.0)]);
     }
 
     #[test]

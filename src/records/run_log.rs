@@ -190,7 +190,7 @@ impl Journal for RunLog {
         training: &PolicyTraining,
         load: FleetLoad,
     ) -> Result<()> {
-        check_policies(training, agents)?;
+        check_policies(training, agents, &self.owner.config)?;
         self.append(
             files::TRAINING,
             agents.steps,
@@ -229,6 +229,7 @@ mod tests {
     use std::path::{Path, PathBuf};
 
     use crate::base::Ragged;
+    use crate::config::PolicyConfig;
     use crate::domain::Domain;
     use crate::domain::toy::Coins;
     use crate::influence::AipLoss;
@@ -281,6 +282,12 @@ mod tests {
             assert!(error.contains(what) && error.contains("lower ppo.learning_rate"), "{error}");
             assert!(contents(dir.path()) == good);
         }
+        // After an imitation the critic learns alone at first, with the rate of the imitation.
+        let (training, agents_now) = period([1.0, 2.0, f32::NAN, 4.0], 0.5);
+        let imitates =
+            Config { policy: PolicyConfig { imitate: Some("a".to_owned()), ..config.policy.clone() }, ..config };
+        let error = check_policies(&training, &agents_now, &imitates).unwrap_err().to_string();
+        assert!(error.contains("lower imitation.learning_rate"), "{error}");
         let loss = AipLoss {
             training: [vec![0.1], vec![0.1]],
             held_out: [vec![0.1], vec![0.1]],

@@ -87,6 +87,8 @@ pub struct PeriodTime {
     pub evaluation_s: f64,
     /// Part of it for the collection of datasets and the training of the AIPs.
     pub influence_s: f64,
+    /// Part of it for the gradient steps of PPO.
+    pub update_s: f64,
     /// CPU time of all processes; `None` for runs that did not measure it.
     pub cpu: Option<CpuTime>,
 }
@@ -148,6 +150,24 @@ pub enum Status {
 }
 
 impl RunRecord {
+    /// Makes the record of a run that has written nothing yet, for tests.
+    #[cfg(test)]
+    pub fn empty(config: Config, scenario: Option<Scenario>) -> RunRecord {
+        RunRecord {
+            dir: PathBuf::new(),
+            config,
+            about: RunJson::default(),
+            scenario,
+            evaluations: Vec::new(),
+            aip_trainings: Vec::new(),
+            fresh_losses: Vec::new(),
+            likeness: Vec::new(),
+            periods: Vec::new(),
+            memory: None,
+            workers: 1,
+        }
+    }
+
     pub fn status(&self) -> Status {
         match self.evaluations.last() {
             None => Status::Empty,
@@ -220,6 +240,7 @@ impl RunRecord {
             elapsed_s: part(until.elapsed_s, next.elapsed_s),
             evaluation_s: part(until.evaluation_s, next.evaluation_s),
             influence_s: part(until.influence_s, next.influence_s),
+            update_s: part(until.update_s, next.update_s),
             cpu: until.cpu.zip(next.cpu).map(|(until, next)| CpuTime {
                 total_s: part(until.total_s, next.total_s),
                 evaluation_s: part(until.evaluation_s, next.evaluation_s),

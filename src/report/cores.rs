@@ -1,9 +1,9 @@
 //! Wall time by number of cores: a model of how long the runs of a group would take elsewhere.
 //!
 //! The model spreads the measured CPU time of a run over the cores. With local simulators, cores have whole agents, so
-//! more cores than agents do not help. The one global simulator (GS) trains on one core, however many there are. The
-//! model has no waiting and no messages, and no core that is slower when its neighbours work. Measured points stand
-//! beside it and show how much that leaves out.
+//! more cores than agents do not help. The one global simulator (GS) runs on one core, however many there are. There
+//! cores share only the gradient steps of PPO, of one agent each. The model has no waiting and no messages, and no core
+//! that is slower when its neighbours work. Measured points stand beside it and show how much that leaves out.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -21,8 +21,10 @@ const CORES: [usize; 6] = [1, 2, 8, 32, 128, 1024];
 pub struct ByCores {
     /// Timesteps per agent.
     pub steps: u64,
-    /// CPU seconds of a run, mean over seeds.
-    cpu_s: f64,
+    /// CPU seconds of a run that only one core can work on, mean over seeds.
+    alone_s: f64,
+    /// CPU seconds of a run that cores can share, mean over seeds.
+    shared_s: f64,
     /// Largest number of cores that can share them.
     most: usize,
     /// Wall seconds by number of workers, means over the runs that had it.
@@ -35,20 +37,31 @@ impl ByCores {
         let Runtime { steps, finished: true, cpu: Some(cpu), .. } = Runtime::of(group)? else { return None };
         let (_, runs) = group.finals()?;
         let mut seconds: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
+        let mut updates = Vec::new();
+        let mut most = agents;
         for run in runs {
-            seconds.entry(run.workers).or_default().push(run.time_at(steps)?.runtime_s());
+            let time = run.time_at(steps)?;
+            seconds.entry(run.workers).or_default().push(time.runtime_s());
+            if run.config.shares_policies() {
+                most = 1; // There is only one policy to update.
+            }
+            // On the GS as many threads as there are workers make the updates.
+            updates.push(time.update_s * run.workers.min(most) as f64);
         }
+        let cpu_s = cpu.runtime_s();
+        let shared_s = if group.simulator() == "gs" { mean(&updates).min(cpu_s) } else { cpu_s };
         Some(ByCores {
             steps,
-            cpu_s: cpu.runtime_s(),
-            most: if group.simulator() == "gs" { 1 } else { agents },
+            alone_s: cpu_s - shared_s,
+            shared_s,
+            most,
             measured: seconds.into_iter().map(|(workers, seconds)| (workers, mean(&seconds))).collect(),
         })
     }
 
     /// Returns the wall seconds of a run on this number of cores.
     pub fn seconds(&self, cores: usize) -> f64 {
-        self.cpu_s / cores.clamp(1, self.most) as f64
+        self.alone_s + self.shared_s / cores.clamp(1, self.most) as f64
     }
 
     /// Returns the smallest number of cores on which this takes less time than `other`; `None` if there is none.
@@ -95,8 +108,8 @@ pub fn table(comparison: &Comparison) -> Option<Table> {
     Some(Table {
         caption: format!(
             "Wall time of a run by number of cores, {}, {} timesteps, without evaluations: a model. It spreads the \
-             measured CPU time over the cores, at most one core per agent; the GS trains on one core. Measured: wall \
-             time with this number of workers, mean over the runs that had it.",
+             measured CPU time over the cores, at most one core per agent. The GS runs on one core; there cores share \
+             only PPO's gradient steps. Measured: wall time with this number of workers, mean over the runs that had it.",
             comparison.title,
             steps_text(steps)
         ),
@@ -114,18 +127,52 @@ fn by_workers(measured: &BTreeMap<usize, f64>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::Config;
+    use crate::domain::Scenario;
+    use crate::records::run_record::{CpuTime, EvaluationRecord, PeriodTime, Returns, RunRecord};
+    use crate::report::method::Method;
 
-    fn model(cpu_s: f64, most: usize) -> ByCores {
-        ByCores { steps: 1, cpu_s, most, measured: BTreeMap::new() }
+    fn model(alone_s: f64, shared_s: f64, most: usize) -> ByCores {
+        ByCores { steps: 1, alone_s, shared_s, most, measured: BTreeMap::new() }
     }
 
     #[test]
-    fn cores_share_agents_and_the_gs_has_one_core() {
-        let (local, global) = (model(100.0, 4), model(40.0, 1));
+    fn cores_share_agents_and_on_the_gs_only_updates() {
+        let (local, global) = (model(0.0, 100.0, 4), model(30.0, 8.0, 4));
         assert_eq!([1, 2, 4, 128].map(|cores| local.seconds(cores)), [100.0, 50.0, 25.0, 25.0]);
-        assert_eq!([1, 128].map(|cores| global.seconds(cores)), [40.0, 40.0]);
-        assert_eq!(local.faster_from(&global), Some(3));
-        assert_eq!(model(200.0, 4).faster_from(&global), None);
+        assert_eq!([1, 2, 4, 128].map(|cores| global.seconds(cores)), [38.0, 34.0, 32.0, 32.0]);
+        assert_eq!(local.faster_from(&global), Some(4));
+        assert_eq!(model(0.0, 200.0, 4).faster_from(&global), None);
+    }
+
+    #[test]
+    fn the_gradient_steps_of_the_gs_are_read_from_its_runs() {
+        let of = |keys: &str, workers: usize| {
+            let text = format!("simulator = 'gs'\nwarehouse = {{ agents_per_side = 2 }}\n{keys}");
+            let config: Config = toml::from_str(&text).unwrap();
+            let (steps, scenario) = (config.total_steps, Scenario::new("warehouse", 4, 100));
+            let method = Method::of(&config, &scenario);
+            let all = Returns { mean: 1.0, median: 1.0, std_error: 0.0, stuck: 0 };
+            let cpu = Some(CpuTime { total_s: 100.0, evaluation_s: 10.0 });
+            let run = RunRecord {
+                evaluations: vec![EvaluationRecord {
+                    steps,
+                    all,
+                    agents: vec![all; 4],
+                    episodes: None,
+                    episode_returns: Vec::new(),
+                }],
+                periods: vec![PeriodTime { steps, elapsed_s: 70.0, update_s: 20.0, cpu, ..PeriodTime::default() }],
+                workers,
+                ..RunRecord::empty(config, Some(scenario))
+            };
+            let group = Group { method, overrides: Vec::new(), runs: vec![run] };
+            let model = ByCores::of(&group, 4).unwrap();
+            (model.alone_s, model.shared_s, model.most)
+        };
+        assert_eq!(of("", 1), (70.0, 20.0, 4));
+        assert_eq!(of("", 2), (50.0, 40.0, 4), "two threads for 20 s");
+        assert_eq!(of("gs.shared_policy = true", 2), (70.0, 20.0, 1), "one policy has one learner");
     }
 
     #[test]

@@ -149,12 +149,6 @@ mod tests {
     /// Makes runs with losses at these steps; `true`: right after a training. The marginals are 1 higher.
     fn group(runs: &[&[(u64, bool, f64)]]) -> Group {
         let run = |losses: &&[(u64, bool, f64)]| RunRecord {
-            dir: Default::default(),
-            config: toml::from_str("[warehouse]\nagents_per_side = 2").unwrap(),
-            about: Default::default(),
-            scenario: Some(Scenario::new("warehouse", 4, 100)),
-            evaluations: Vec::new(),
-            aip_trainings: Vec::new(),
             fresh_losses: losses
                 .iter()
                 .map(|&(steps, after_training, loss)| FreshLossRecord {
@@ -164,10 +158,10 @@ mod tests {
                     marginals: loss + 1.0,
                 })
                 .collect(),
-            likeness: Vec::new(),
-            periods: Vec::new(),
-            memory: None,
-            workers: 1,
+            ..RunRecord::empty(
+                toml::from_str("[warehouse]\nagents_per_side = 2").unwrap(),
+                Some(Scenario::new("warehouse", 4, 100)),
+            )
         };
         let runs: Vec<RunRecord> = runs.iter().map(run).collect();
         Group { method: Method::of(&runs[0].config, runs[0].scenario.as_ref().unwrap()), overrides: Vec::new(), runs }

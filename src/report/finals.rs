@@ -168,10 +168,6 @@ mod tests {
         let returns = Returns { mean: 1.0, median: 1.0, std_error: 0.0, stuck: 0 };
         // 1 s per 1000 steps: a fifth for evaluations and a tenth for the AIPs. A period has 4000 steps.
         let run = |periods: u64| RunRecord {
-            dir: Default::default(),
-            config: toml::from_str("total_steps = 100000\n[warehouse]\nagents_per_side = 1").unwrap(),
-            about: Default::default(),
-            scenario: Some(Scenario::new("warehouse", 1, 100)),
             evaluations: (1..=periods)
                 .map(|period| EvaluationRecord {
                     steps: period * 4000 - 2000,
@@ -181,20 +177,20 @@ mod tests {
                     episode_returns: Vec::new(),
                 })
                 .collect(),
-            aip_trainings: Vec::new(),
-            fresh_losses: Vec::new(),
-            likeness: Vec::new(),
             periods: (1..=periods)
                 .map(|period| PeriodTime {
                     steps: period * 4000,
                     elapsed_s: 4.0 * period as f64,
                     evaluation_s: 0.8 * period as f64,
                     influence_s: 0.4 * period as f64,
+                    update_s: 0.2 * period as f64,
                     cpu: Some(CpuTime { total_s: 8.0 * period as f64, evaluation_s: 1.6 * period as f64 }),
                 })
                 .collect(),
-            memory: None,
-            workers: 1,
+            ..RunRecord::empty(
+                toml::from_str("total_steps = 100000\n[warehouse]\nagents_per_side = 1").unwrap(),
+                Some(Scenario::new("warehouse", 1, 100)),
+            )
         };
         let runs = vec![run(2), run(20)];
         let group = Group {

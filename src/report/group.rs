@@ -315,18 +315,10 @@ mod tests {
 
     /// Makes groups of the warehouse: our defaults, with one of these settings each.
     fn ablation(settings: &[&str]) -> Comparison {
-        let runs = settings.iter().enumerate().map(|(index, setting)| RunRecord {
-            dir: format!("runs/{index}").into(),
-            config: toml::from_str(&format!("{setting}\n[warehouse]\nagents_per_side = 2")).unwrap(),
-            about: Default::default(),
-            scenario: Some(Scenario::new("warehouse", 4, 100)),
-            evaluations: Vec::new(),
-            aip_trainings: Vec::new(),
-            fresh_losses: Vec::new(),
-            likeness: Vec::new(),
-            periods: Vec::new(),
-            memory: None,
-            workers: 1,
+        let runs = settings.iter().enumerate().map(|(index, setting)| {
+            let config = toml::from_str(&format!("{setting}\n[warehouse]\nagents_per_side = 2")).unwrap();
+            let scenario = Scenario::new("warehouse", 4, 100);
+            RunRecord { dir: format!("runs/{index}").into(), ..RunRecord::empty(config, Some(scenario)) }
         });
         sort(Found { runs: runs.collect(), ..Found::default() }).unwrap().comparisons.remove(0)
     }

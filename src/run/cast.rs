@@ -100,7 +100,7 @@ impl ReplayedEpisode {
                 let dice = seed.fork(RandomPurpose::Influence).for_agent(agent).dice();
                 let stream =
                     AgentStream { minibatches: dice.clone(), rows: vec![RowStream::begin(dice.clone(), dice, &[])] };
-                let mut ials = Ials::resume(simulator, &mut *aip, &[stream], false)?;
+                let mut ials = Ials::resume(simulator, &mut *aip, &[stream], false, &mut || ())?;
                 policy.begin(seed.for_agent(agent), &AgentId::all(1));
                 for _ in 0..self.traffic.kinds().of(agent).spec.local_horizon {
                     let actions = policy.act(&ials.percepts()[0]);

@@ -10,6 +10,9 @@ use crate::base::{AgentId, Ragged};
 use crate::domain::Kinds;
 
 /// Gives all agents of a kind the mean of their policies, and of the moments of their optimisers.
+///
+/// Where the values of an agent are no longer finite, those of its kind stay as they are. A mean would spread NaN to all of
+/// them, and the journal could not name the agent that diverged.
 pub fn average(agents: &mut AgentsState, kinds: &Kinds) {
     let AgentsState { policies, moments, .. } = agents;
     for table in [policies, &mut moments.first, &mut moments.second] {
@@ -17,14 +20,16 @@ pub fn average(agents: &mut AgentsState, kinds: &Kinds) {
     }
 }
 
-/// Overwrites the rows of some agents with their mean. All of them have the same width.
+/// Overwrites the rows of some agents with their mean, if it is finite. All of them have the same width.
 fn average_rows(table: &mut Ragged<f32>, agents: &[AgentId]) {
     let mut sums = vec![0.0_f64; table.row(agents[0].0).len()];
     for agent in agents {
         sums.iter_mut().zip(table.row(agent.0)).for_each(|(sum, value)| *sum += f64::from(*value));
     }
     let mean: Vec<f32> = sums.into_iter().map(|sum| (sum / agents.len() as f64) as f32).collect();
-    agents.iter().for_each(|agent| table.row_mut(agent.0).copy_from_slice(&mean));
+    if mean.iter().all(|value| value.is_finite()) {
+        agents.iter().for_each(|agent| table.row_mut(agent.0).copy_from_slice(&mean));
+    }
 }
 
 #[cfg(test)]
@@ -56,5 +61,16 @@ mod tests {
         assert_eq!(values(&agents.moments.first), means(2.0));
         assert_eq!(values(&agents.moments.second), means(3.0));
         assert_eq!((agents.aips, agents.steps, agents.moments.steps), (rows(4.0), 128, 12));
+    }
+
+    #[test]
+    fn an_agent_that_has_diverged_does_not_spoil_the_others() {
+        for bad in [f32::NAN, f32::INFINITY] {
+            let mut table = Ragged::from_vec(vec![1.0, 2.0, 1.0, bad, 3.0, 4.0], [2, 2, 2]).unwrap();
+            average_rows(&mut table, &AgentId::all(3));
+            let finite: Vec<bool> = table.iter().map(|row| row.iter().all(|value| value.is_finite())).collect();
+            assert_eq!(finite, [true, false, true]);
+            assert_eq!((table.row(0), table.row(2)), ([1.0, 2.0].as_slice(), [3.0, 4.0].as_slice()));
+        }
     }
 }

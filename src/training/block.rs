@@ -49,6 +49,8 @@ struct KindLearner {
 }
 
 /// Makes the first policies of `agents`, which are of one kind.
+///
+/// DEVIATION 21: every agent has weights of its own. In the authors' code all agents begin with the same.
 pub fn initial_policies(domain: &dyn Domain, config: &Config, agents: &[AgentId]) -> PolicyStack {
     let seed = Seed::new(config.seed).fork(RandomPurpose::Policy);
     let kind = domain.kinds().of(agents[0]);
@@ -147,7 +149,8 @@ impl AgentBlock {
         let make = || domain.local_simulator(agents, config.copies(), training_episodes(config));
         let simulators = work.watch.time(Phase::Loading, make)?;
         let stagger = config.local_simulators.stagger;
-        let resume = || Ials::resume(simulators, &mut **predictor, &learner.streams, stagger);
+        let alive = &mut || (work.progress)(learner.steps);
+        let resume = || Ials::resume(simulators, &mut **predictor, &learner.streams, stagger, alive);
         let mut ials = work.watch.time(Phase::Retracing, resume)?;
         let mut training = learn(&mut [learner], &mut ials, config, period, work)?.remove(0);
         training.counters = ials.counters().into_iter().map(|(name, count)| (name.to_owned(), count)).collect();
@@ -166,7 +169,8 @@ pub fn train_policies_on_the_gs(
     let simulator = work.watch.time(Phase::Loading, || domain.global_simulator())?;
     let mut learners: Vec<&mut KindLearner> = blocks.iter_mut().map(|block| &mut block.learner).collect();
     let streams: Vec<&[AgentStream]> = learners.iter().map(|learner| &learner.streams[..]).collect();
-    let resume = || GlobalEnvironment::resume(simulator, training_episodes(config), &streams);
+    let alive = &mut || (work.progress)(learners[0].steps);
+    let resume = || GlobalEnvironment::resume(simulator, training_episodes(config), &streams, alive);
     let mut gs = work.watch.time(Phase::Retracing, resume)?;
     learn(&mut learners, &mut gs, config, period, work)
 }

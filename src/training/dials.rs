@@ -36,6 +36,9 @@ pub fn train(
             observer.aips_trained(run.fleet.agents().steps, &losses);
             run.measure_aips(Moment::Training)?;
         }
+        if run.fleet.agents().steps >= period.end {
+            continue; // The last update has already passed this period.
+        }
         let training = run.fleet.train_policies(period)?; // 7-12: in parallel, for every agent, F steps
         run.standing.until = period.end;
         if period.average {

@@ -28,18 +28,20 @@ pub struct GlobalEnvironment {
 
 impl GlobalEnvironment {
     /// Brings a new GS to the state in which `streams`, one per agent of each kind, left the old one, and continues
-    /// from there. `episodes`: the stream of the episodes' seeds.
+    /// from there. `episodes`: the stream of the episodes' seeds. `alive` is called at every step, because many may have
+    /// to be replayed.
     pub fn resume(
         simulator: Box<dyn GlobalSimulator>,
         episodes: Seed,
         streams: &[&[AgentStream]],
+        alive: &mut dyn FnMut(),
     ) -> Result<GlobalEnvironment> {
         let mut simulator = Timed::new(simulator);
         let kinds = simulator.kinds().clone();
         let trails: Vec<Vec<Trail>> =
             streams.iter().map(|streams| rows_of(streams).map(|row| row.trail.clone()).collect()).collect();
         let mut percepts: Vec<Percept> = kinds.iter().map(|kind| Percept::new(kind.agents.len(), &kind.spec)).collect();
-        retrace(&mut simulator, &kinds, episodes, &trails, &mut percepts)?;
+        retrace(&mut simulator, &kinds, episodes, &trails, &mut percepts, alive)?;
         // The caller has timed this; it is not part of the steps to come.
         simulator.take_watch();
         let experiences = kinds.iter().map(|kind| Experience::new(kind.agents.len(), &kind.spec)).collect();
@@ -55,11 +57,13 @@ fn retrace(
     episodes: Seed,
     trails: &[Vec<Trail>],
     percepts: &mut [Percept],
+    alive: &mut dyn FnMut(),
 ) -> Result<()> {
     let Trail { episode, .. } = trails[0][0];
     show(simulator.reset(episode_seed(episodes, episode))?, kinds, percepts);
     let mut actions: Vec<Action> = vec![0; kinds.agents()];
     for step in 0..trails[0][0].steps() {
+        alive();
         for (kind, trails) in kinds.iter().zip(trails) {
             kind.agents.iter().zip(trails).for_each(|(agent, trail)| actions[agent.0] = trail.actions[step]);
         }

@@ -34,17 +34,19 @@ impl<'a> Ials<'a> {
     /// holds all parts of an episode.
     ///
     /// The predictor sees the d-sets (its inputs) of the trails again. So an AIP (approximate influence predictor) that
-    /// was trained since then has the hidden state that it would have had itself.
+    /// was trained since then has the hidden state that it would have had itself. `alive` is called at every step of
+    /// them.
     pub fn resume(
         simulator: Box<dyn LocalSimulator>,
         predictor: &'a mut dyn InfluencePredictor,
         streams: &[AgentStream],
         stagger: bool,
+        alive: &mut dyn FnMut(),
     ) -> Result<Self> {
         let mut simulator = Timed::new(simulator);
         let trails: Vec<Trail> = rows_of(streams).map(|row| row.trail.clone()).collect();
         predictor.begin(trails.len());
-        let percept = retrace(&mut simulator, predictor, &trails)?;
+        let percept = retrace(&mut simulator, predictor, &trails, alive)?;
         let counted = simulator.counters().into_iter().map(|(_, count)| count).collect();
         // The caller has timed this; it is not part of the steps to come.
         simulator.take_watch();
@@ -89,6 +91,7 @@ fn retrace(
     simulator: &mut Timed<dyn LocalSimulator>,
     predictor: &mut dyn InfluencePredictor,
     trails: &[Trail],
+    alive: &mut dyn FnMut(),
 ) -> Result<Percept> {
     let sources = simulator.spec().sources.clone();
     let steps = longest(trails);
@@ -97,6 +100,7 @@ fn retrace(
     let mut actions = vec![0; trails.len()];
     let mut influences = Rows::new(trails.len(), sources.count());
     for step in 0..steps {
+        alive();
         for (row, trail) in trails.iter().enumerate() {
             if let Some(step) = (step + trail.steps()).checked_sub(steps) {
                 actions[row] = trail.actions[step];
@@ -213,7 +217,7 @@ mod tests {
     fn run(stagger: bool, steps: usize) -> (Spy, Vec<Vec<bool>>, Vec<Rows<f32>>) {
         let mut spy = Spy { seen: vec![], forgotten: vec![] };
         let simulator = Coins::new(4).local_simulator(&[AgentId(0)], 2, Seed::new(0)).unwrap();
-        let mut ials = Ials::resume(simulator, &mut spy, &[fresh()], stagger).unwrap();
+        let mut ials = Ials::resume(simulator, &mut spy, &[fresh()], stagger, &mut || ()).unwrap();
         let (mut ends, mut shown) = (Vec::new(), Vec::new());
         for _ in 0..steps {
             ends.push(ials.step(&[vec![1, 1]], &mut Stopwatch::default()).unwrap()[0].ends.clone());
@@ -229,7 +233,7 @@ mod tests {
         let coins = || Coins::new(4).local_simulator(&[AgentId(0)], 2, Seed::new(0)).unwrap();
         let (mut whole, mut parts) = ((Vec::new(), Vec::new()), (Vec::new(), Vec::new()));
         let mut spy = Spy { seen: vec![], forgotten: vec![] };
-        let mut ials = Ials::resume(coins(), &mut spy, &[fresh()], true).unwrap();
+        let mut ials = Ials::resume(coins(), &mut spy, &[fresh()], true, &mut || ()).unwrap();
         for step in 0..12 {
             whole.0.push(ials.step(&actions(step), watch).unwrap()[0].ends.clone());
             whole.1.push(ials.percepts()[0].clone());
@@ -237,7 +241,7 @@ mod tests {
         let mut stream = [fresh()];
         for step in 0..12 {
             let mut spy = Spy { seen: vec![], forgotten: vec![] };
-            let mut ials = Ials::resume(coins(), &mut spy, &stream, true).unwrap();
+            let mut ials = Ials::resume(coins(), &mut spy, &stream, true, &mut || ()).unwrap();
             parts.0.push(ials.step(&actions(step), watch).unwrap()[0].ends.clone());
             parts.1.push(ials.percepts()[0].clone());
             ials.leave(&mut [&mut stream]);
@@ -248,7 +252,7 @@ mod tests {
 
         stream[0].rows[1].trail.shown ^= 1;
         let mut spy = Spy { seen: vec![], forgotten: vec![] };
-        let error = Ials::resume(coins(), &mut spy, &stream, true).err().unwrap().to_string();
+        let error = Ials::resume(coins(), &mut spy, &stream, true, &mut || ()).err().unwrap().to_string();
         assert!(error.contains("local simulator 1 did not come back"), "{error}");
     }
 

@@ -18,6 +18,8 @@ use crate::nn::{Adam, Learner, Sequences, Trace};
 use crate::policy::{Memory, PolicyStack, Sample};
 
 /// The two settings that decay over a run.
+///
+/// DEVIATION 20: the weight of the entropy bonus does not. In one version of the authors' code it falls to 1e-5.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Decayed {
     pub learning_rate: f64,
