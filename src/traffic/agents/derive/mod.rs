@@ -142,7 +142,7 @@ pub fn derive(roads: &Roads, rules: &Rules, overrides: &Overrides) -> Result<Der
     Ok(derived)
 }
 
-/// Returns the program of each light that its greens come from: the one named `0`, or the first one.
+/// Returns the program of each light that its greens come from: the last one, which is the one that SUMO runs.
 fn programs(roads: &Roads) -> Vec<&Program> {
     let mut places: HashMap<&str, usize> = HashMap::new();
     let mut programs: Vec<&Program> = Vec::new();
@@ -150,9 +150,8 @@ fn programs(roads: &Roads) -> Vec<&Program> {
         let place = *places.entry(&program.light).or_insert(programs.len());
         if place == programs.len() {
             programs.push(program);
-        } else if program.id == "0" {
-            programs[place] = program;
         }
+        programs[place] = program;
     }
     programs
 }

@@ -142,6 +142,18 @@ fn lights_without_a_choice_keep_their_program_and_the_reason_is_told() {
 }
 
 #[test]
+fn the_last_program_of_a_light_counts_as_in_sumo() {
+    let other = |id: &str, state: &str| {
+        let phase = |state: &str| format!(r#"<phase duration="9" state="{state}"/>"#);
+        format!(r#"<tlLogic id="J" programID="{id}">{}{}</tlLogic>"#, phase(state), phase("rrGG"))
+    };
+    let later = format!("</tlLogic>{}{}", other("night", "Grrr"), other("day", "rGrr"));
+    let derived = derived(&[("</tlLogic>", &later)], Rules::default(), "").unwrap();
+    assert_eq!(derived.agents.iter().map(|agent| agent.program.id.as_str()).collect::<Vec<_>>(), ["day"]);
+    assert_eq!(derived.agents[0].plan.phases.greens()[0].as_str(), "rGrr");
+}
+
+#[test]
 fn a_light_with_too_many_greens_keeps_its_program() {
     // Seven links at U. Letters are binary numbers from 1 on.
     let state = |number: usize| (0..7).map(|bit| if number >> bit & 1 == 1 { 'G' } else { 'r' }).collect::<String>();
