@@ -1,4 +1,4 @@
-//! The greens of a program: the states that an agent chooses from.
+//! The greens of a program: the states that an agent chooses from. *Cars* are all that drives here, bicycles too.
 
 use std::collections::{BTreeSet, VecDeque};
 

@@ -178,7 +178,7 @@ fn agent(
         return Ok(Err(Why::NoCars));
     }
     let own = overrides.of(light);
-    let cars = roads.letters_of_cars(light);
+    let cars = roads.letters_of_vehicles(light);
     let of_program = Greens::of(program, &cars);
     let greens = own.greens.as_deref().unwrap_or(of_program.states());
     if !(2..=MOST_GREENS).contains(&greens.len()) {

@@ -142,6 +142,32 @@ fn lights_without_a_choice_keep_their_program_and_the_reason_is_told() {
 }
 
 #[test]
+fn a_phase_for_a_cycle_path_alone_is_a_green_and_one_for_a_footpath_is_not() {
+    let with_path_for = |class: &str| {
+        let lane = format!(r#"allow="{class}""#);
+        plan(
+            &[
+                ("state=\"GGrr\"", "state=\"GGrrr\""),
+                ("state=\"yyrr\"", "state=\"yyrrr\""),
+                ("state=\"rrrr\"", "state=\"rrrrr\""),
+                ("state=\"rrGG\"", "state=\"rrGGr\""),
+                ("state=\"rryy\"", "state=\"rryyr\""),
+                ("</tlLogic>", r#"<phase duration="9" state="rrrrG"/></tlLogic>"#),
+                ("</net>", r#"<connection from="side" fromLane="0" to="near" toLane="0" tl="J" linkIndex="4"/></net>"#),
+                (r#"allow="pedestrian""#, &lane),
+            ],
+            Rules::default(),
+            "",
+        )
+    };
+    let greens =
+        |plan: &AgentPlan| plan.phases.greens().iter().map(|green| green.to_string()).collect::<Vec<_>>().join(" ");
+    let [cycles, on_foot] = ["bicycle", "pedestrian"].map(with_path_for);
+    assert_eq!([greens(&cycles), greens(&on_foot)], ["GGrrr rrGGr rrrrG", "GGrrr rrGGr"]);
+    assert_eq!(approaches(&cycles), approaches(&on_foot), "an agent does not see bicycles");
+}
+
+#[test]
 fn the_last_program_of_a_light_counts_as_in_sumo() {
     let other = |id: &str, state: &str| {
         let phase = |state: &str| format!(r#"<phase duration="9" state="{state}"/>"#);

@@ -120,6 +120,8 @@ pub struct Lane {
     pub shape: Vec<Place>,
     /// Whether passenger cars or buses may drive here.
     pub carries_cars: bool,
+    /// Whether anything may drive here that drives on roads, such as bicycles.
+    pub carries_vehicles: bool,
 }
 
 /// A way from one lane to the next.
@@ -254,6 +256,13 @@ impl Roads {
     /// Returns the letters of a light that cars obey.
     pub fn letters_of_cars(&self, light: &str) -> BTreeSet<usize> {
         self.under_light(light).filter_map(|link| Some(link.signal.as_ref()?.letter)).collect()
+    }
+
+    /// Returns the letters of a light that anything obeys that drives on roads, such as cars and bicycles.
+    pub fn letters_of_vehicles(&self, light: &str) -> BTreeSet<usize> {
+        let drives = |lane: LaneNo| self.lane(lane).carries_vehicles;
+        let links = self.of_light(light).filter(|link| drives(link.from) && drives(link.to));
+        links.filter_map(|link| Some(link.signal.as_ref()?.letter)).collect()
     }
 
     /// Returns the lanes of roads on which cars drive.
