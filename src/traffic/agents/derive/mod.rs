@@ -187,7 +187,7 @@ fn agent(
     let LightOverride { yellow_s, all_red_s, .. } = own;
     let times = clearing::Times::of(&of_program, yellow_s.unwrap_or(rules.yellow_s), *all_red_s);
     let clearing = |from: usize, to: usize| clearing::between(&greens[from], &greens[to], &times);
-    let phases = PhasePlan::new(greens.to_vec(), Choice::Target, rules.min_green_s, clearing);
+    let phases = PhasePlan::new(greens.to_vec(), Choice::Target, rules.min_green_s, clearing).for_cars(cars.clone());
     safety::check(roads, program, &phases)?;
     let region = Region::of(roads, lit, light, rules.approach_m, own.approaches.as_deref())?;
     let lanes = lanes::region_plan(roads, light, &region);

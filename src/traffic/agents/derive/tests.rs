@@ -165,6 +165,8 @@ fn a_phase_for_a_cycle_path_alone_is_a_green_and_one_for_a_footpath_is_not() {
     let [cycles, on_foot] = ["bicycle", "pedestrian"].map(with_path_for);
     assert_eq!([greens(&cycles), greens(&on_foot)], ["GGrrr rrGGr rrrrG", "GGrrr rrGGr"]);
     assert_eq!(approaches(&cycles), approaches(&on_foot), "an agent does not see bicycles");
+    let [cycles, on_foot] = [cycles, on_foot].map(|plan| plan.phases.recognise(&"GGrrG".parse().unwrap(), 0));
+    assert_eq!([cycles.green(), on_foot.green()], [None, Some(0)], "a program shows the path green, too");
 }
 
 #[test]
