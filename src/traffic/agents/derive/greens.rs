@@ -77,6 +77,11 @@ impl<'a> Greens<'a> {
         &self.states
     }
 
+    /// Returns whether a phase of the program shows one of the greens, and is no part of a change.
+    pub fn is_green(&self, phase: usize) -> bool {
+        self.of_phase[phase].is_some()
+    }
+
     /// Returns whether cars that lose green wait in a phase of a change: it has no yellow. A phase for people on foot
     /// does not count.
     pub fn is_all_red(&self, phase: &Phase) -> bool {
