@@ -123,7 +123,7 @@ fn every_link_that_loses_green_is_yellow_in_the_derived_state_as_in_the_own_prog
     for (known, roads, derived) in networks() {
         for Agent { plan, program, .. } in &derived.agents {
             let greens = plan.phases.greens();
-            let cars = roads.letters_of_cars(&plan.light);
+            let cars = roads.letters_of_vehicles(&plan.light);
             for change in Greens::of(program, &cars).changes() {
                 let place = |state| greens.iter().position(|green| green == state).unwrap();
                 let [from, to] = [change.from, change.to].map(place);

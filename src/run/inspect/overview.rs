@@ -27,7 +27,7 @@ fn lights(text: &mut String, Inspected { roads, derived, .. }: &Inspected) {
         [plan.light.clone(), program.kind.clone(), greens, columns, approaches, "learns".to_owned()]
     });
     let keeping = derived.keeping.iter().map(|Keeping { light, why }| {
-        let kind = roads.programs.iter().find(|program| program.light == *light).map(|program| program.kind.clone());
+        let kind = roads.programs.iter().rfind(|program| program.light == *light).map(|program| program.kind.clone());
         let none = || "-".to_owned();
         let keeps = format!("keeps its program: {}", why.short());
         [light.clone(), kind.unwrap_or_else(none), none(), none(), none(), keeps]

@@ -1,5 +1,7 @@
 //! The phases of one light: the greens that its agent chooses from, and what the light shows between two of them.
 
+use std::collections::BTreeSet;
+
 use crate::domain::Action;
 use crate::sumo::SignalState;
 
@@ -7,6 +9,8 @@ use crate::sumo::SignalState;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PhasePlan {
     greens: Vec<SignalState>,
+    /// Letters by which greens are told apart in other programs.
+    cars: BTreeSet<usize>,
     /// What is shown between two greens, `[from][to]`; empty where nothing has to be cleared.
     clearings: Vec<Vec<Vec<Interval>>>,
     /// Least number of steps of a green.
@@ -73,7 +77,18 @@ impl PhasePlan {
         assert!(min_green_steps >= 1, "a green is shown");
         let between = |from: usize, to: usize| if from == to { Vec::new() } else { clearing(from, to) };
         let clearings = (0..greens.len()).map(|from| (0..greens.len()).map(|to| between(from, to)).collect()).collect();
-        PhasePlan { greens, clearings, min_green_steps, choice }
+        let cars = (0..greens[0].links()).collect();
+        PhasePlan { greens, cars, clearings, min_green_steps, choice }
+    }
+
+    /// Lets the plan recognise states of other programs by these letters, those that cars obey. Without it all count.
+    pub fn for_cars(self, cars: BTreeSet<usize>) -> PhasePlan {
+        PhasePlan { cars, ..self }
+    }
+
+    /// Returns the letters by which states of other programs are recognised, those that cars obey.
+    pub fn cars(&self) -> &BTreeSet<usize> {
+        &self.cars
     }
 
     /// Returns the greens, at least two, in the order of their program.
@@ -129,14 +144,49 @@ impl PhasePlan {
         }
     }
 
-    /// Returns what a state means that another program shows, if the last green was `last`.
+    /// Returns what a state means that another program shows, if the last green was `last`. It stays the same green while
+    /// only the letters of people on foot change.
     pub fn recognise(&self, state: &SignalState, last: usize) -> Shown {
         if let Some(green) = self.greens.iter().position(|green| green == state) {
+            return Shown::Green(green);
+        }
+        let letters = |state: &SignalState| -> Vec<u8> {
+            let letters = state.as_str().as_bytes();
+            self.cars.iter().map(|&letter| letters[letter]).collect()
+        };
+        let shown = letters(state);
+        let goes = shown.iter().any(|letter| letter.eq_ignore_ascii_case(&b'g'));
+        let mut likely = [last].into_iter().chain(0..self.greens.len());
+        if let Some(green) = likely.find(|&green| goes && letters(&self.greens[green]) == shown) {
             return Shown::Green(green);
         }
         let leads_to = |to: &usize| self.clearings[last][*to].iter().any(|interval| interval.state == *state);
         // A program may clear in its own way. Then its next green is the likely one.
         let to = (0..self.greens.len()).find(leads_to).unwrap_or_else(|| self.next(last));
         Shown::Between { from: last, to }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn state(letters: &str) -> SignalState {
+        SignalState::new(letters).unwrap()
+    }
+
+    #[test]
+    fn a_green_is_recognised_whatever_people_on_foot_have() {
+        // The last letter is a crossing.
+        let clearing = |from: usize, _| vec![Interval { state: state(["yyry", "rryr"][from]), steps: 3 }];
+        let plan = PhasePlan::new(["GGrG", "rrGr"].map(state).to_vec(), Choice::Target, 5, clearing);
+        let recognise = |plan: &PhasePlan, letters: &str, last| plan.recognise(&state(letters), last);
+        assert_eq!(recognise(&plan, "GGrr", 0), Shown::Between { from: 0, to: 1 }, "all letters count");
+        let plan = plan.for_cars([0, 1, 2].into());
+        assert_eq!(recognise(&plan, "GGrr", 0), Shown::Green(0));
+        assert_eq!(recognise(&plan, "rrGG", 0), Shown::Green(1));
+        for (letters, last) in [("yyrr", 0), ("rrrG", 0), ("rryG", 1)] {
+            assert_eq!(recognise(&plan, letters, last), Shown::Between { from: last, to: 1 - last }, "{letters}");
+        }
     }
 }

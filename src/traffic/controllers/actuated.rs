@@ -12,6 +12,8 @@ const GREEN_S: [f64; 2] = [5.0, 50.0];
 #[derive(Clone, Debug, PartialEq)]
 pub struct ProgramPhase<'a> {
     pub state: &'a str,
+    /// Whether it lasts as long as cars come. A link may also have green in yellow and all red of the others.
+    pub is_green: bool,
     pub duration_s: f64,
     /// SUMO's `minDur` and `maxDur`, if the program gives them.
     pub least_s: Option<f64>,
@@ -23,7 +25,7 @@ pub struct ProgramPhase<'a> {
 /// Returns an additional file with an actuated program of this name for each light: the light, and the phases of its own
 /// program.
 ///
-/// Greens last as long as cars come, within their limits. Yellow and all red last as long as in the own program.
+/// Greens last as long as cars come, within their limits. All other phases last as long as in the own program.
 pub fn programs<'a>(name: &str, lights: impl IntoIterator<Item = (&'a str, Vec<ProgramPhase<'a>>)>) -> String {
     document("additional", |xml| {
         lights.into_iter().try_for_each(|(light, phases)| {
@@ -34,24 +36,19 @@ pub fn programs<'a>(name: &str, lights: impl IntoIterator<Item = (&'a str, Vec<P
 }
 
 fn attributes(phase: &ProgramPhase<'_>) -> Vec<(&'static str, String)> {
-    let &ProgramPhase { state, duration_s, least_s, most_s, next } = phase;
-    let (least_s, most_s) = if is_green(state) {
+    let &ProgramPhase { state, is_green, duration_s, least_s, most_s, next } = phase;
+    let (least_s, most_s) = if is_green {
         let most_s = most_s.unwrap_or(GREEN_S[1].max(least_s.unwrap_or(0.0)));
         (least_s.unwrap_or(GREEN_S[0]).min(most_s), most_s)
     } else {
         (duration_s, duration_s)
     };
-    let duration_s = if is_green(state) { least_s } else { duration_s };
+    let duration_s = if is_green { least_s } else { duration_s };
     let times = [("duration", duration_s), ("minDur", least_s), ("maxDur", most_s)];
     let times = times.map(|(name, seconds)| (name, seconds.to_string()));
     let next: Vec<String> = next.iter().map(usize::to_string).collect();
     let next = (!next.is_empty()).then(|| ("next", next.join(" ")));
     times.into_iter().chain([("state", state.to_owned())]).chain(next).collect()
-}
-
-/// Returns whether some link has green and none has yellow.
-fn is_green(state: &str) -> bool {
-    !state.contains(['y', 'Y']) && state.contains(['g', 'G'])
 }
 
 #[cfg(test)]
@@ -60,11 +57,19 @@ mod tests {
 
     #[test]
     fn greens_get_limits_and_everything_else_keeps_its_time() {
-        let phase = |state, duration_s| ProgramPhase { state, duration_s, least_s: None, most_s: None, next: &[] };
+        let phase = |state, duration_s| ProgramPhase {
+            state,
+            is_green: true,
+            duration_s,
+            least_s: None,
+            most_s: None,
+            next: &[],
+        };
+        let between = |state, duration_s| ProgramPhase { is_green: false, ..phase(state, duration_s) };
         let phases = vec![
             phase("GGrr", 33.0),
-            phase("Yyrr", 4.5),
-            phase("rrrr", 2.0),
+            between("Yyrr", 4.5),
+            between("rrrr", 2.0),
             ProgramPhase { least_s: Some(8.0), most_s: Some(20.0), next: &[0, 2], ..phase("rrGg", 12.0) },
             ProgramPhase { most_s: Some(3.0), ..phase("Grrr", 9.0) },
             ProgramPhase { least_s: Some(60.0), ..phase("rGrr", 70.0) },

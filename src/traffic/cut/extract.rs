@@ -13,7 +13,7 @@ use super::local_net::{LocalNet, Parts};
 use super::source::Source;
 use crate::outside::excerpt;
 use crate::traffic::agents::derive::region::Region;
-use crate::traffic::network::roads::{Connection, EdgeNo, Function, JunctionNo};
+use crate::traffic::network::roads::{Connection, EdgeNo, Function, JunctionNo, program};
 use crate::traffic::network::tree::Element;
 
 impl LocalNet {
@@ -139,7 +139,10 @@ impl<'a> Cut<'a> {
         parts.edges = edges.cloned().collect();
         parts.shared = self.shared(&parts.edges);
         let lights = net.all("tlLogic").chain(programs.iter().copied());
-        parts.lights = lights.filter(|light| light.attribute("id") == Some(self.light)).cloned().collect();
+        let own = lights.filter(|light| light.attribute("id") == Some(self.light));
+        let (whole, offsets): (Vec<_>, Vec<_>) = own.partition(|light| light.all("phase").next().is_some());
+        parts.lights = whole.into_iter().cloned().collect();
+        offsets.into_iter().for_each(|offset| set_offset(&mut parts.lights, offset));
         parts.junctions = self.junctions();
         let links = roads.connections.iter().zip(connections).filter(|(link, _)| self.is_within(link));
         parts.connections = links.map(|(_, &element)| element.clone()).collect();
@@ -196,6 +199,15 @@ fn junction_of(internal: &str) -> Option<&str> {
     internal.strip_prefix(':')?.rsplit_once('_').map(|(junction, _)| junction)
 }
 
+/// Gives the program that an element without phases names the element's offset.
+fn set_offset(programs: &mut [Element], offset: &Element) {
+    const KEY: &str = "offset";
+    for program in programs.iter_mut().filter(|program| program::name(program) == program::name(offset)) {
+        program.attributes.retain(|(key, _)| key != KEY);
+        program.attributes.push((KEY.to_owned(), offset.attribute(KEY).unwrap_or("0").to_owned()));
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -238,6 +250,18 @@ mod tests {
         let dead = ["U", "N", "E", "back+west+end", "back+near+end"].map(|id| (id, "dead_end"));
         assert_eq!(kinds, [&dead[..1], &[("J", "traffic_light")], &dead[1..]].concat());
         Roads::read(&net.root()).unwrap();
+    }
+
+    #[test]
+    fn an_offset_of_another_file_is_that_of_the_program_that_it_names() {
+        let net = parse(&changed(&[])).unwrap();
+        let roads = Roads::read(&net).unwrap();
+        let region = Region::of(&roads, &lit_junctions(&roads), "J", 10.0, None).unwrap();
+        let offset = parse("<tlLogic id=\"J\" programID=\"0\" offset=\"12\"/>").unwrap();
+        let source = Source::new(&net, &roads, vec![&offset]);
+        let cut = LocalNet::cut(&source, "J", &region, Reach::default()).unwrap();
+        let offsets: Vec<f64> = Roads::read(&cut.root()).unwrap().programs.iter().map(|own| own.offset_s).collect();
+        assert_eq!(offsets, [12.0, 0.0], "the light and the gate");
     }
 
     #[test]

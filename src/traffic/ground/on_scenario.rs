@@ -1,6 +1,6 @@
 //! A scenario of the user, with an agent for each light that can learn.
 
-use std::collections::HashSet;
+use std::collections::{BTreeSet, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
@@ -11,10 +11,11 @@ use crate::config::{DomainTable, Observation, Reward, ScenarioConfig};
 use crate::domain::{Kinds, RegionSpec, Result, RoughCosts, Scenario, SourceSpec};
 use crate::outside::quoted;
 use crate::traffic::agents::derive::border::Seconds;
+use crate::traffic::agents::derive::greens::Greens;
 use crate::traffic::agents::derive::keeping::sentences;
 use crate::traffic::agents::derive::overrides::Overrides;
 use crate::traffic::agents::derive::padding::{InfluencePadding, Padding};
-use crate::traffic::agents::derive::{CarsSeen, Derived, Rules, derive};
+use crate::traffic::agents::derive::{Agent, CarsSeen, Derived, Rules, derive};
 use crate::traffic::agents::plan::{AgentPlan, Border, JointPlan};
 use crate::traffic::controllers::actuated::{self, ProgramPhase};
 use crate::traffic::cut::names::free_name;
@@ -106,16 +107,18 @@ fn rules(config: &ScenarioConfig) -> Rules {
     Rules { approach_m: config.approach_m, yellow_s: config.yellow_s, min_green_s: config.min_green_s, cars }
 }
 
-/// Returns the phases of a program, for the actuated one that is made of them.
-fn phases(program: &Program) -> Vec<ProgramPhase<'_>> {
+/// Returns the phases of a program, for the actuated one that is made of them. `cars`: letters that cars obey.
+fn phases<'a>(program: &'a Program, cars: &BTreeSet<usize>) -> Vec<ProgramPhase<'a>> {
+    let greens = Greens::of(program, cars);
     let phase = |phase: &Phase| {
         let [least, most] = phase.limits_s;
         // Without limits of its own, a phase has its duration twice.
         (least != phase.duration_s || most != phase.duration_s).then_some([least, most])
     };
     let limits = program.phases.iter().map(phase);
-    let made = program.phases.iter().zip(limits).map(|(phase, limits)| ProgramPhase {
+    let made = program.phases.iter().zip(limits).enumerate().map(|(number, (phase, limits))| ProgramPhase {
         state: phase.state.as_str(),
+        is_green: greens.is_green(number),
         duration_s: phase.duration_s,
         least_s: limits.map(|[least, _]| least),
         most_s: limits.map(|[_, most]| most),
@@ -134,7 +137,8 @@ impl Ground for OnScenario {
     }
 
     fn source(&self) -> Result<Source> {
-        let lights = self.derived.agents.iter().map(|agent| (agent.plan.light.as_str(), phases(&agent.program)));
+        let agents = self.derived.agents.iter();
+        let lights = agents.map(|Agent { plan, program, .. }| (&*plan.light, phases(program, plan.phases.cars())));
         let roots = [self.files.net()].into_iter().chain(self.files.additional());
         let taken: HashSet<&str> =
             roots.flat_map(|root| root.all("tlLogic")).filter_map(|light| light.attribute("programID")).collect();
@@ -243,5 +247,25 @@ impl Ground for OnScenario {
 
     fn rival(&self) -> &'static str {
         "program"
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::traffic::network::roads::example::roads;
+
+    #[test]
+    fn all_red_with_a_link_that_is_always_green_keeps_its_time_in_the_actuated_program() {
+        let roads = roads(&[
+            ("state=\"yyrr\"", "state=\"Gyrr\""),
+            ("state=\"rrrr\"", "state=\"Grrr\""),
+            ("state=\"rrGG\"", "state=\"GrGg\""),
+            ("state=\"rryy\"", "state=\"Gryy\""),
+        ]);
+        let made = phases(&roads.programs[0], &roads.letters_of_vehicles("J"));
+        let told: Vec<(&str, bool)> = made.iter().map(|phase| (phase.state, phase.is_green)).collect();
+        let expected = [("GGrr", true), ("Gyrr", false), ("Grrr", false), ("GrGg", true), ("Gryy", false)];
+        assert_eq!(told, expected);
     }
 }

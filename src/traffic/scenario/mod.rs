@@ -24,7 +24,6 @@ use std::sync::Arc;
 use anyhow::{Context, Result, ensure};
 
 use super::network::contents::Content;
-use super::network::roads::program::Program;
 use super::network::roads::{EdgeNo, Roads};
 use super::network::tree::Element;
 use crate::config::ScenarioConfig;
@@ -148,20 +147,18 @@ impl SumoScenario {
         &self.net.path
     }
 
-    /// Returns the roads, with the programs of the additional files in the place of the net's.
+    /// Returns the roads, with the programs and offsets of the additional files after the net's.
     pub fn roads(&self) -> Result<Roads> {
         let mut roads = Roads::read(self.net()).with_context(|| self.net.path.display().to_string())?;
         for file in &self.additional {
             for program in file.content.root.all("tlLogic") {
-                let program = Program::read(program).with_context(|| file.path.display().to_string())?;
-                roads.replace_program(program);
+                roads.load_program(program).with_context(|| file.path.display().to_string())?;
             }
         }
         Ok(roads)
     }
 
-    /// Returns the root elements of the additional files, in SUMO's order. Programs of lights in them replace those of
-    /// the net.
+    /// Returns the root elements of the additional files, in SUMO's order.
     pub fn additional(&self) -> impl Iterator<Item = &Element> {
         self.additional.iter().map(|file| &file.content.root)
     }

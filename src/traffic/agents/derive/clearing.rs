@@ -92,7 +92,7 @@ mod tests {
     #[test]
     fn all_red_is_as_long_as_in_the_program() {
         let roads = example::roads(&[]);
-        let cars = roads.letters_of_cars("J");
+        let cars = roads.letters_of_vehicles("J");
         let greens = Greens::of(&roads.programs[0], &cars);
         let times = Times::of(&greens, 4, None);
         assert_eq!(shown("GGrr", "rrGG", &times), "yyrr 4, rrrr 2");
@@ -105,7 +105,7 @@ mod tests {
     #[test]
     fn parts_of_seconds_are_rounded_up() {
         let roads = example::roads(&[("duration=\"2\"", "duration=\"1.2\"")]);
-        let cars = roads.letters_of_cars("J");
+        let cars = roads.letters_of_vehicles("J");
         let greens = Greens::of(&roads.programs[0], &cars);
         assert_eq!(shown("GGrr", "rrGG", &Times::of(&greens, 3, None)), "yyrr 3, rrrr 2");
     }

@@ -1,4 +1,4 @@
-//! The greens of a program: the states that an agent chooses from.
+//! The greens of a program: the states that an agent chooses from. *Cars* are all that drives here, bicycles too.
 
 use std::collections::{BTreeSet, VecDeque};
 
@@ -75,6 +75,11 @@ impl<'a> Greens<'a> {
     /// Returns the greens, in the order of the program.
     pub fn states(&self) -> &[SignalState] {
         &self.states
+    }
+
+    /// Returns whether a phase of the program shows one of the greens, and is no part of a change.
+    pub fn is_green(&self, phase: usize) -> bool {
+        self.of_phase[phase].is_some()
     }
 
     /// Returns whether cars that lose green wait in a phase of a change: it has no yellow. A phase for people on foot

@@ -142,7 +142,7 @@ pub fn derive(roads: &Roads, rules: &Rules, overrides: &Overrides) -> Result<Der
     Ok(derived)
 }
 
-/// Returns the program of each light that its greens come from: the one named `0`, or the first one.
+/// Returns the program of each light that its greens come from: the last one, which is the one that SUMO runs.
 fn programs(roads: &Roads) -> Vec<&Program> {
     let mut places: HashMap<&str, usize> = HashMap::new();
     let mut programs: Vec<&Program> = Vec::new();
@@ -150,9 +150,8 @@ fn programs(roads: &Roads) -> Vec<&Program> {
         let place = *places.entry(&program.light).or_insert(programs.len());
         if place == programs.len() {
             programs.push(program);
-        } else if program.id == "0" {
-            programs[place] = program;
         }
+        programs[place] = program;
     }
     programs
 }
@@ -179,7 +178,7 @@ fn agent(
         return Ok(Err(Why::NoCars));
     }
     let own = overrides.of(light);
-    let cars = roads.letters_of_cars(light);
+    let cars = roads.letters_of_vehicles(light);
     let of_program = Greens::of(program, &cars);
     let greens = own.greens.as_deref().unwrap_or(of_program.states());
     if !(2..=MOST_GREENS).contains(&greens.len()) {
@@ -188,7 +187,7 @@ fn agent(
     let LightOverride { yellow_s, all_red_s, .. } = own;
     let times = clearing::Times::of(&of_program, yellow_s.unwrap_or(rules.yellow_s), *all_red_s);
     let clearing = |from: usize, to: usize| clearing::between(&greens[from], &greens[to], &times);
-    let phases = PhasePlan::new(greens.to_vec(), Choice::Target, rules.min_green_s, clearing);
+    let phases = PhasePlan::new(greens.to_vec(), Choice::Target, rules.min_green_s, clearing).for_cars(cars.clone());
     safety::check(roads, program, &phases)?;
     let region = Region::of(roads, lit, light, rules.approach_m, own.approaches.as_deref())?;
     let lanes = lanes::region_plan(roads, light, &region);

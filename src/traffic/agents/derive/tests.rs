@@ -142,6 +142,46 @@ fn lights_without_a_choice_keep_their_program_and_the_reason_is_told() {
 }
 
 #[test]
+fn a_phase_for_a_cycle_path_alone_is_a_green_and_one_for_a_footpath_is_not() {
+    let with_path_for = |class: &str| {
+        let lane = format!(r#"allow="{class}""#);
+        plan(
+            &[
+                ("state=\"GGrr\"", "state=\"GGrrr\""),
+                ("state=\"yyrr\"", "state=\"yyrrr\""),
+                ("state=\"rrrr\"", "state=\"rrrrr\""),
+                ("state=\"rrGG\"", "state=\"rrGGr\""),
+                ("state=\"rryy\"", "state=\"rryyr\""),
+                ("</tlLogic>", r#"<phase duration="9" state="rrrrG"/></tlLogic>"#),
+                ("</net>", r#"<connection from="side" fromLane="0" to="near" toLane="0" tl="J" linkIndex="4"/></net>"#),
+                (r#"allow="pedestrian""#, &lane),
+            ],
+            Rules::default(),
+            "",
+        )
+    };
+    let greens =
+        |plan: &AgentPlan| plan.phases.greens().iter().map(|green| green.to_string()).collect::<Vec<_>>().join(" ");
+    let [cycles, on_foot] = ["bicycle", "pedestrian"].map(with_path_for);
+    assert_eq!([greens(&cycles), greens(&on_foot)], ["GGrrr rrGGr rrrrG", "GGrrr rrGGr"]);
+    assert_eq!(approaches(&cycles), approaches(&on_foot), "an agent does not see bicycles");
+    let [cycles, on_foot] = [cycles, on_foot].map(|plan| plan.phases.recognise(&"GGrrG".parse().unwrap(), 0));
+    assert_eq!([cycles.green(), on_foot.green()], [None, Some(0)], "a program shows the path green, too");
+}
+
+#[test]
+fn the_last_program_of_a_light_counts_as_in_sumo() {
+    let other = |id: &str, state: &str| {
+        let phase = |state: &str| format!(r#"<phase duration="9" state="{state}"/>"#);
+        format!(r#"<tlLogic id="J" programID="{id}">{}{}</tlLogic>"#, phase(state), phase("rrGG"))
+    };
+    let later = format!("</tlLogic>{}{}", other("night", "Grrr"), other("day", "rGrr"));
+    let derived = derived(&[("</tlLogic>", &later)], Rules::default(), "").unwrap();
+    assert_eq!(derived.agents.iter().map(|agent| agent.program.id.as_str()).collect::<Vec<_>>(), ["day"]);
+    assert_eq!(derived.agents[0].plan.phases.greens()[0].as_str(), "rGrr");
+}
+
+#[test]
 fn a_light_with_too_many_greens_keeps_its_program() {
     // Seven links at U. Letters are binary numbers from 1 on.
     let state = |number: usize| (0..7).map(|bit| if number >> bit & 1 == 1 { 'G' } else { 'r' }).collect::<String>();

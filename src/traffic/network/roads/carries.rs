@@ -1,13 +1,43 @@
-//! Which lanes are for cars.
+//! Which lanes are for cars, and which are for vehicles of any kind.
 
 use crate::traffic::network::tree::Element;
 
 /// Vehicle classes that an agent sees. Footpaths, cycle tracks and rails have neither.
 const CARS: [&str; 2] = ["passenger", "bus"];
 
+/// Classes of SUMO that drive on roads. The others are people on foot, rails and ships.
+///
+/// Source: SUMO 1.15, `src/utils/common/SUMOVehicleClass.cpp`.
+const ON_ROADS: [&str; 19] = [
+    "passenger",
+    "bus",
+    "bicycle",
+    "moped",
+    "motorcycle",
+    "private",
+    "emergency",
+    "authority",
+    "army",
+    "vip",
+    "hov",
+    "taxi",
+    "coach",
+    "delivery",
+    "truck",
+    "trailer",
+    "evehicle",
+    "custom1",
+    "custom2",
+];
+
 /// Returns whether passenger cars or buses may use a lane.
 pub fn carries_cars(lane: &Element) -> bool {
     CARS.iter().any(|car| allows(lane, car))
+}
+
+/// Returns whether some vehicle that drives on roads may use a lane, such as a bicycle.
+pub fn carries_vehicles(lane: &Element) -> bool {
+    ON_ROADS.iter().any(|class| allows(lane, class))
 }
 
 /// Returns whether vehicles of a class may use a lane. `allow` wins over `disallow`; without both, everybody may.
@@ -27,6 +57,23 @@ pub fn allows(lane: &Element, class: &str) -> bool {
 mod tests {
     use super::*;
     use crate::traffic::network::tree::parse;
+
+    #[test]
+    fn cycle_paths_are_for_vehicles_and_footpaths_and_rails_are_not() {
+        for (attributes, expected) in [
+            ("", true),
+            ("allow='bicycle'", true),
+            ("allow='bicycle pedestrian'", true),
+            ("allow='delivery'", true),
+            ("disallow='passenger bus'", true),
+            ("allow='pedestrian'", false),
+            ("allow='rail_urban tram'", false),
+            ("disallow='all'", false),
+        ] {
+            let lane = parse(&format!("<lane {attributes}/>")).unwrap();
+            assert_eq!(carries_vehicles(&lane), expected, "{attributes}");
+        }
+    }
 
     #[test]
     fn footpaths_and_rails_are_not_for_cars_and_bus_lanes_are() {

@@ -22,6 +22,11 @@ mod shape;
 
 use std::collections::{BTreeSet, HashMap};
 
+use anyhow::{Context, Result, ensure};
+
+use crate::outside::excerpt;
+use crate::traffic::network::tree::Element;
+use attributes::{tag, text};
 use program::Program;
 
 /// Number of a junction in [`Roads::junctions`].
@@ -46,7 +51,7 @@ pub struct Roads {
     pub edges: Vec<Edge>,
     pub lanes: Vec<Lane>,
     pub connections: Vec<Connection>,
-    /// Programs of the lights. A light may have several.
+    /// Programs of the lights. A light may have several, in the order in which SUMO loads them. It runs the last one.
     pub programs: Vec<Program>,
     edge_numbers: HashMap<String, EdgeNo>,
     lane_numbers: HashMap<String, LaneNo>,
@@ -115,6 +120,8 @@ pub struct Lane {
     pub shape: Vec<Place>,
     /// Whether passenger cars or buses may drive here.
     pub carries_cars: bool,
+    /// Whether anything may drive here that drives on roads, such as bicycles.
+    pub carries_vehicles: bool,
 }
 
 /// A way from one lane to the next.
@@ -139,14 +146,43 @@ pub struct Signal {
 }
 
 impl Roads {
-    /// Makes a program that was loaded after the net the only one of its light, as SUMO makes it the one that runs. A light
-    /// that the net does not have is left alone.
-    pub fn replace_program(&mut self, program: Program) {
-        let Some(place) = self.programs.iter().position(|earlier| earlier.light == program.light) else { return };
-        let light = program.light.clone();
-        self.programs[place] = program;
-        let mut number = 0..;
-        self.programs.retain(|other| number.next() == Some(place) || other.light != light);
+    /// Loads a `<tlLogic>` of another file after the net, as SUMO does. Without phases it is no program, but another offset
+    /// for one. A program of a light that the net does not have is left alone.
+    ///
+    /// Errors: there is no program for an offset, or a state has fewer letters than its light has links.
+    pub fn load_program(&mut self, element: &Element) -> Result<()> {
+        if element.all("phase").next().is_none() {
+            return self.set_offset(element);
+        }
+        let program = Program::read(element)?;
+        let signals = self.of_light(&program.light).filter_map(|link| link.signal.as_ref());
+        let links = signals.map(|signal| signal.letter + 1).max().unwrap_or(0);
+        ensure!(
+            program.letters() >= links,
+            "{}: its states have {} letters, but light `{}` has {links} links; give it one letter per link",
+            tag(element),
+            program.letters(),
+            excerpt(&program.light)
+        );
+        if self.programs.iter().any(|earlier| earlier.light == program.light) {
+            self.programs.push(program);
+        }
+        Ok(())
+    }
+
+    fn set_offset(&mut self, element: &Element) -> Result<()> {
+        let (light, id) = (text(element, "id")?, program::name(element));
+        let named = self.programs.iter_mut().find(|program| program.light == light && program.id == id);
+        let named = named.with_context(|| {
+            format!(
+                "{}: has no <phase>, so it is an offset for program `{}` of this light, and there is none before it; \
+                 correct programID, or add phases",
+                tag(element),
+                excerpt(id)
+            )
+        })?;
+        named.offset_s = program::offset_s(element)?;
+        Ok(())
     }
 
     pub fn junction(&self, junction: JunctionNo) -> &Junction {
@@ -222,6 +258,13 @@ impl Roads {
         self.under_light(light).filter_map(|link| Some(link.signal.as_ref()?.letter)).collect()
     }
 
+    /// Returns the letters of a light that anything obeys that drives on roads, such as cars and bicycles.
+    pub fn letters_of_vehicles(&self, light: &str) -> BTreeSet<usize> {
+        let drives = |lane: LaneNo| self.lane(lane).carries_vehicles;
+        let links = self.of_light(light).filter(|link| drives(link.from) && drives(link.to));
+        links.filter_map(|link| Some(link.signal.as_ref()?.letter)).collect()
+    }
+
     /// Returns the lanes of roads on which cars drive.
     pub fn lanes_of_cars(&self) -> impl Iterator<Item = LaneNo> {
         self.roads().flat_map(|(_, edge)| &edge.lanes).copied().filter(|&lane| self.lane(lane).carries_cars)
@@ -237,5 +280,57 @@ impl Roads {
     /// Returns the length of a connection within its junction, in metres.
     pub fn length_within_junction(&self, connection: &Connection) -> f64 {
         self.lanes_within_junction(connection).map(|lane| self.lane(lane).length_m).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::example::{changed, roads};
+    use super::*;
+    use crate::traffic::network::tree::parse;
+
+    fn load(roads: &mut Roads, element: &str) -> Result<()> {
+        roads.load_program(&parse(element).unwrap())
+    }
+
+    #[test]
+    fn an_entry_without_phases_is_another_offset_for_a_program() {
+        let mut roads = roads(&[]);
+        load(&mut roads, r#"<tlLogic id="J" programID="1"><phase duration="9" state="GGrr"/></tlLogic>"#).unwrap();
+        load(&mut roads, r#"<tlLogic id="J" offset="12"/>"#).unwrap();
+        let known: Vec<(&str, f64)> =
+            roads.programs.iter().map(|program| (program.id.as_str(), program.offset_s)).collect();
+        assert_eq!(known, [("0", 12.0), ("1", 0.0)]);
+        for (element, program) in [
+            (r#"<tlLogic id="J" programID="2" offset="12"/>"#, "2"),
+            (r#"<tlLogic id="K" offset="12"/>"#, "0"),
+            (r#"<tlLogic id="J" programID="off"/>"#, "off"),
+        ] {
+            let told = load(&mut roads, element).unwrap_err().to_string();
+            let expected = format!(
+                "has no <phase>, so it is an offset for program `{program}` of this light, and there is none before \
+                 it; correct programID, or add phases"
+            );
+            assert!(told.ends_with(&expected), "{told}");
+        }
+    }
+
+    #[test]
+    fn a_program_of_another_file_has_a_letter_for_every_link() {
+        let program = |light: &str, state: &str| {
+            format!(r#"<tlLogic id="{light}" programID="1"><phase duration="9" state="{state}"/></tlLogic>"#)
+        };
+        let mut roads = roads(&[]);
+        assert_eq!(
+            load(&mut roads, &program("J", "GGr")).unwrap_err().to_string(),
+            "<tlLogic id=\"J\">: its states have 3 letters, but light `J` has 4 links; give it one letter per link"
+        );
+        load(&mut roads, &program("K", "G")).unwrap();
+        assert_eq!(roads.programs.len(), 1, "the net has no light K");
+        // SUMO takes states with more letters, too.
+        load(&mut roads, &program("J", "GGrrr")).unwrap();
+        assert_eq!(roads.programs.len(), 2);
+        let within = format!("</tlLogic>{}", program("J", "GGr"));
+        assert!(Roads::read(&parse(&changed(&[("</tlLogic>", &within)])).unwrap()).is_err(), "in the net itself, too");
     }
 }

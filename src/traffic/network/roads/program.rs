@@ -65,9 +65,8 @@ impl Program {
                 phases.len() - 1
             );
         }
-        let offset_s = number_or(element, "offset", f64::NEG_INFINITY, 0.0)?;
-        let or = |name: &str, default: &str| element.attribute(name).unwrap_or(default).to_owned();
-        Ok(Program { light, id: or("programID", "0"), kind: or("type", "static"), offset_s, phases })
+        let kind = element.attribute("type").unwrap_or("static").to_owned();
+        Ok(Program { light, id: name(element).to_owned(), kind, offset_s: offset_s(element)?, phases })
     }
 
     /// Returns the number of letters of its states.
@@ -82,6 +81,16 @@ impl Program {
             next => next.to_vec(),
         }
     }
+}
+
+/// Returns the name of a `<tlLogic>` among those of its light.
+pub fn name(element: &Element) -> &str {
+    element.attribute("programID").unwrap_or("0")
+}
+
+/// Returns the time by which the program of a `<tlLogic>` runs late, in seconds.
+pub fn offset_s(element: &Element) -> Result<f64> {
+    number_or(element, "offset", f64::NEG_INFINITY, 0.0)
 }
 
 fn read_phase(element: &Element) -> Result<Phase> {

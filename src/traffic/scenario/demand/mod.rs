@@ -314,6 +314,24 @@ mod tests {
             read(&flows).unwrap_err(),
             "cfg: 11111111 vehicles depart from 100 to 200 s, and at most 10000000 are allowed; correct the flows"
         );
+        // The number of a random period is the rate, in vehicles per second.
+        let random = |flows: usize, rate: f64| -> String {
+            (0..flows).map(|id| format!("<flow id='{id}' period='exp({rate})' from='a' to='b'/>")).collect()
+        };
+        assert_eq!(read(&random(900, 100.0)), Ok(vec![]));
+        assert_eq!(
+            read(&random(1_200, 100.0)).unwrap_err(),
+            "cfg: 12000000 vehicles depart from 100 to 200 s, and at most 10000000 are allowed; correct the flows"
+        );
+        for odd in ["exp(0)", "exp(-1)", "exp(x)", "exp(0.1", "exp(nan)"] {
+            assert_eq!(
+                read(&format!("<flow id='f' period='{odd}' from='a' to='b'/>")).unwrap_err(),
+                format!(
+                    "rou: <flow id=\"f\">: period=\"{odd}\": must be exp(RATE), with a rate from 0.000000001 to 100 \
+                     vehicles per second"
+                )
+            );
+        }
         let nobody = read("<flow id='f' begin='0' end='100' number='200' from='a' to='b'/>").unwrap_err();
         assert_eq!(nobody, "cfg: no vehicle departs from 100 to 200 s; add a route file, or correct begin and end");
     }

@@ -21,6 +21,21 @@ const LOADS: [&str; 2] = ["personNumber", "containerNumber"];
 /// Pairs of attributes that name the ends of a trip.
 const ENDS: [(&str, &str); 3] = [("from", "to"), ("fromTaz", "toTaz"), ("fromJunction", "toJunction")];
 
+/// Smallest and largest rate of a random period, in vehicles per second.
+const RATE: [f64; 2] = [1e-9, 100.0];
+
+/// Returns the mean of a random period such as exp(0.1), in seconds. SUMO's number is the rate, in vehicles per second.
+fn mean_period(place: Place<'_>, key: &str) -> Result<f64> {
+    let text = place.element.attribute(key).unwrap_or_default();
+    let rate = text.strip_prefix("exp(").and_then(|rest| rest.trim_end().strip_suffix(')'));
+    let rate = rate.and_then(|rate| rate.trim().parse::<f64>().ok()).filter(|rate| (RATE[0]..=RATE[1]).contains(rate));
+    let wrong = || {
+        let [least, most] = RATE;
+        place.fault_in(key, format!("must be exp(RATE), with a rate from {least} to {most} vehicles per second"))
+    };
+    Ok(1.0 / rate.ok_or_else(wrong)?)
+}
+
 impl<'a> Demand<'a> {
     /// Adds a trip, a vehicle or a flow. Returns the second of its first departure.
     pub(super) fn add_driver(&mut self, place: Place<'a>) -> Result<f64> {
@@ -107,10 +122,9 @@ impl<'a> Demand<'a> {
         ensure!(ends >= begins, place.fault_in("end", format!("is before its begin, {begins} s; correct one of them")));
         let mut numbers = Vec::new();
         for (key, least, most) in FLOW {
-            // A period may be a distribution, such as exp(0.1).
             let is_random =
                 key == "period" && place.element.attribute(key).is_some_and(|text| text.starts_with("exp("));
-            numbers.push(if is_random { Some(1.0) } else { place.number(key, least, most)? });
+            numbers.push(if is_random { Some(mean_period(place, key)?) } else { place.number(key, least, most)? });
         }
         let [number, period, per_hour, per_hour_too, probability] = numbers[..] else {
             unreachable!("as many as keys")
