@@ -127,11 +127,14 @@ impl Progress {
         })
     }
 
-    pub fn finish(&self) {
+    /// Removes the bar. `done`: whether the training came to its end, so that its time is told.
+    pub fn finish(&self, done: bool) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
-        tell(format_args!("done in {}", duration(self.begun.elapsed())));
+        if done {
+            tell(format_args!("done in {}", duration(self.begun.elapsed())));
+        }
     }
 
     fn say(&self, line: &str) {
