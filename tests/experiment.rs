@@ -136,6 +136,47 @@ fn a_run_that_fails_stops_no_other_and_is_named() {
 }
 
 #[test]
+fn ctrl_c_after_a_failure_is_told_as_a_stop_and_not_as_if_the_others_were_done() {
+    // Too long to end by itself.
+    let place = Place::new("seeds = [1, 2]\nset = ['total_steps=7680000']\n[[grid]]\nconfigs = ['small.toml']\n");
+    let size = |run: &str| fs::metadata(place.runs().join(run).join("returns.csv")).map_or(0, |file| file.len());
+    // Stops the experiment once these runs have written more. Returns what it said.
+    let stopped = |runs: &[&str]| {
+        let before: Vec<u64> = runs.iter().map(|run| size(run)).collect();
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_dials-traffic"));
+        command.current_dir(place.dir.path()).args(["experiment", "e.toml", "--cores", "2"]);
+        let experiment = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+        let begun = Instant::now();
+        while runs.iter().zip(&before).any(|(run, &before)| size(run) <= before) {
+            assert!(begun.elapsed() < Duration::from_secs(60), "a run does not go on");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        let pid = experiment.id().to_string();
+        assert!(std::process::Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
+        let output = experiment.wait_with_output().unwrap();
+        let said = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(130), "{said}");
+        said
+    };
+    let [spoilt, other] = ["small-dials-seed1", "small-dials-seed2"];
+    let said = stopped(&[spoilt, other]);
+    assert!(said.contains("\nstopped; resume with: "), "{said}");
+    // A run that was stopped is not done.
+    let log = fs::read_to_string(place.runs().join("logs/small-dials-seed2.log")).unwrap();
+    assert!(log.contains("stopped; kept up to step ") && !log.contains("done in "), "{log}");
+
+    let timing = place.runs().join(spoilt).join("timing.csv");
+    let wrong = fs::read_to_string(&timing).unwrap() + "128,all,no number,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1\n";
+    fs::write(&timing, wrong).unwrap();
+    let said = stopped(&[other]);
+    assert!(
+        said.contains("\nstopped; 1 of 2 failed: small-dials-seed1; ") && said.contains("; resume with: "),
+        "{said}"
+    );
+    assert!(!said.contains("the others are done"), "{said}");
+}
+
+#[test]
 fn a_run_that_is_killed_is_told_so_and_not_what_an_earlier_one_said() {
     let place = Place::new("seeds = [1]\nset = ['total_steps=7680']\n[[grid]]\nconfigs = ['small.toml']\n");
     fs::create_dir_all(place.runs().join("logs")).unwrap();

@@ -560,6 +560,18 @@ fn returns_stand_beside_the_strongest_controller_on_the_same_episodes() {
 }
 
 #[test]
+fn a_controller_of_one_episode_has_no_standard_error() {
+    let (_dir, markdown) = report_of(&["traffic_4-gs-seed1", "baselines"], |runs| {
+        let actuated = runs.join("baselines/traffic_4-actuated.json");
+        edit(&actuated, "\"episodes\": 4", "\"episodes\": 1");
+        edit(&actuated, "\"std_error\": 0.9129", "\"std_error\": 0.0");
+        edit(&actuated, "[168.6, 169.6, 171.6, 172.6]", "[170.6]");
+    });
+    assert!(markdown.contains("| actuated | - | - | 1 | 170.6 | one episode |"), "{markdown}");
+    assert!(!markdown.contains("standard error over"), "{markdown}");
+}
+
+#[test]
 fn runs_and_controllers_on_other_episodes_are_told_and_only_their_means_subtracted() {
     let (_dir, markdown) = report_of(&["traffic_4-dials-seed1", "traffic_4-dials-seed2", "baselines"], |runs| {
         edit(&runs.join("baselines/traffic_4-actuated.json"), "\"seed\": 0", "\"seed\": 9");

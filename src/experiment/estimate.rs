@@ -10,7 +10,7 @@ use super::file::{PlannedBaseline, PlannedRun};
 use crate::config::{Config, Simulator};
 use crate::cost::{Prices, Workload};
 use crate::domain::RoughCosts;
-use crate::records::run_record::RunRecord;
+use crate::records::run_record::{RunRecord, Status};
 
 /// Core-seconds and memory of one kind of run.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -107,6 +107,7 @@ fn nearest<'a>(run: &PlannedRun, measured: &'a [RunRecord]) -> Vec<&'a RunRecord
         other.scenario.is_some()
             && way(&other.config) == way(&run.config)
             && other.config.simulator == run.config.simulator
+            && other.status() == Status::Finished
             && other.total_time().is_some()
     };
     let same = |other: &&&RunRecord| other.scenario.as_ref().is_some_and(|scenario| scenario.id == run.scenario.id);
@@ -227,6 +228,17 @@ mod tests {
         assert_eq!(found.source, Source::Measured(1));
         // 332 MiB minus 4 agents x 8 MiB are 2 processes of 150 MiB each. Now there are 3 processes and 9 agents.
         assert!((found.memory_mb - (3.0 * 150.0 + 9.0 * 8.0)).abs() < 1e-9, "{found:?}");
+    }
+
+    #[test]
+    fn an_unfinished_run_says_nothing_of_a_whole_one() {
+        let mut half = measured("dials", 4, 1, [44.8, 1.6, 3.2]);
+        half.config.total_steps = 2000;
+        let run = planned("dials", 2000, 4);
+        assert_eq!(estimate(&run, 1, &[half.clone()]).source, Source::Constants);
+        // It has not played its final evaluation, so a finished run alone says how much that takes.
+        let whole = measured("dials", 4, 1, [44.8, 1.6, 3.2]);
+        assert_eq!(estimate(&run, 1, &[half, whole.clone()]), estimate(&run, 1, &[whole]));
     }
 
     #[test]

@@ -59,11 +59,14 @@ pub fn finals(comparison: &Comparison) -> Table {
         let mut row = words(&[&baseline.controller, NOTHING, NOTHING]);
         row.push(baseline.episodes.to_string());
         row.push(figure(baseline.mean_return));
-        row.push(format!(
-            "± {} standard error over {} episodes",
-            figure_like(baseline.std_error, baseline.mean_return),
-            baseline.episodes
-        ));
+        row.push(match baseline.episodes {
+            // It has no standard error: one episode does not spread.
+            ..2 => "one episode".to_owned(),
+            episodes => {
+                let error = figure_like(baseline.std_error, baseline.mean_return);
+                format!("± {error} standard error over {episodes} episodes")
+            }
+        });
         blank(&mut row);
         row[columns - 2] = match (baseline.controller.as_str(), paper::hand_coded(scenario)) {
             ("actuated" | "oldest-item", Some(paper)) => figure(paper),

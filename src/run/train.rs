@@ -210,7 +210,7 @@ impl Run {
             fleet.restore(checkpoint.agents)?;
         }
         let outcome = dials::train(config, &mut *fleet, standing, &mut log, &*progress);
-        progress.finish();
+        progress.finish(outcome.is_ok());
         outcome
     }
 }

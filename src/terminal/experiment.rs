@@ -20,6 +20,8 @@ pub struct Planned {
     pub name: String,
     /// Estimated time of the whole task.
     pub seconds: f64,
+    /// Number of cores that it uses.
+    pub width: usize,
     /// Share that was done earlier, from 0 to 1.
     pub share: f64,
     /// Timesteps per agent of the whole run; 0 for a baseline.
@@ -38,13 +40,15 @@ pub struct Display {
 }
 
 struct State {
-    /// Estimated seconds of the whole task.
+    /// Estimated core-seconds of the whole task.
     weight: f64,
     /// Share of the task that was done before this experiment began.
     share_before: f64,
     /// Share of the task that is done now.
     share: f64,
     steps: u64,
+    /// Whether it ended, well or with an error. Then nothing of it is left.
+    ended: bool,
     bar: Option<ProgressBar>,
 }
 
@@ -58,10 +62,11 @@ impl Display {
         let whole = bars.add(whole);
         whole.set_position(0);
         let state = |task: &Planned| State {
-            weight: task.seconds,
+            weight: task.seconds * task.width as f64,
             share_before: task.share,
             share: task.share,
             steps: task.steps,
+            ended: false,
             bar: None,
         };
         let tasks = tasks.into_iter().map(|task| (task.name.clone(), state(&task))).collect();
@@ -111,6 +116,7 @@ impl Display {
             self.bars.remove(&bar);
             words
         });
+        state.ended = true;
         match why {
             None => {
                 state.share = 1.0;
@@ -135,17 +141,65 @@ impl Display {
         }
     }
 
-    /// Estimates the time left from the speed so far. Tasks are weighted by their estimated time.
+    /// Estimates the time left from the speed so far.
     fn time_left(&self) -> Option<Duration> {
+        self.left_per_done().map(|ratio| self.begun.elapsed().mul_f64(ratio))
+    }
+
+    /// Returns how much is left for what was done since the beginning. Tasks are weighted by their core-seconds.
+    fn left_per_done(&self) -> Option<f64> {
         let sum =
             |share: &dyn Fn(&State) -> f64| self.tasks.values().map(|state| state.weight * share(state)).sum::<f64>();
         let done = sum(&|state| state.share - state.share_before);
-        let left = sum(&|state| 1.0 - state.share);
+        let left = sum(&|state| if state.ended { 0.0 } else { 1.0 - state.share });
         // Below one percent an estimate would be too rough.
-        (done > 0.01 * (done + left)).then(|| self.begun.elapsed().mul_f64(left / done))
+        (done > 0.01 * (done + left)).then_some(left / done)
     }
 
     pub fn finish(&self) {
         self.whole.finish_and_clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A display of tasks of an hour each, with these cores. Their names are their numbers.
+    fn of_widths(widths: &[usize]) -> Display {
+        let task = |(number, &width): (usize, &usize)| Planned {
+            name: number.to_string(),
+            seconds: 3600.0,
+            width,
+            share: 0.0,
+            steps: 100,
+        };
+        Display::new(widths.iter().enumerate().map(task).collect())
+    }
+
+    fn half_done(display: &mut Display, task: &str) {
+        display.began(task);
+        display.heard(task, "step 50/100: 900 agent-steps/s");
+    }
+
+    #[test]
+    fn a_run_on_all_cores_keeps_all_of_them_busy() {
+        // Eight runs of one core are at half, and one of eight cores comes after them: 4 core-hours done, 4 + 8 left.
+        let mut display = of_widths(&[1, 1, 1, 1, 1, 1, 1, 1, 8]);
+        (0..8).for_each(|task| half_done(&mut display, &task.to_string()));
+        assert_eq!(display.left_per_done(), Some(3.0));
+    }
+
+    #[test]
+    fn nothing_is_left_of_a_task_that_failed() {
+        let mut display = of_widths(&[1, 1, 1]);
+        // One cannot begin, and one fails at half. The third is at half: 1 hour done, half an hour left.
+        display.ended("0", Some("error: damaged"));
+        half_done(&mut display, "1");
+        display.ended("1", Some("error: broken"));
+        half_done(&mut display, "2");
+        assert_eq!(display.left_per_done(), Some(0.5));
+        display.ended("2", None);
+        assert_eq!(display.left_per_done(), Some(0.0));
     }
 }

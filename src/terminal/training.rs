@@ -29,7 +29,6 @@ pub struct Progress {
     agents: usize,
     last_step: u64,
     begun: Instant,
-    /// Time and steps of the policies' training so far, without any other work.
     rate: RefCell<Rate>,
     last_line: Cell<Instant>,
     found: RefCell<Latest>,
@@ -41,15 +40,49 @@ pub struct Progress {
 /// The current activity of the run. `None`: it is starting.
 type Doing = Arc<Mutex<Option<Activity>>>;
 
-/// Measures the speed of the policies' training.
+/// Measures the speed of the policies' training, and that of the whole run.
 #[derive(Default)]
 struct Rate {
+    /// Time and steps of the policies' training so far, without any other work.
     trained: Duration,
     steps: u64,
     /// Time of the last report. `None`: the clock is stopped.
     since: Option<Instant>,
     /// Step of the last report.
     at: u64,
+    /// Time and step of the first report.
+    first: Option<(Instant, u64)>,
+}
+
+impl Rate {
+    /// Notes that the policies are trained to this step.
+    fn note(&mut self, steps: u64, now: Instant) {
+        self.first.get_or_insert((now, steps));
+        // The first report of a period only starts the clock. After a lost worker the step may go back.
+        if let Some(since) = self.since.replace(now)
+            && steps >= self.at
+        {
+            self.trained += now - since;
+            self.steps += steps - self.at;
+        }
+        self.at = steps;
+    }
+
+    /// Returns the timesteps per agent and second while policies train.
+    fn per_second(&self) -> Option<f64> {
+        // Two reports in a row may be of the same step, which is that of the slowest worker.
+        let known = self.steps > 0 && !self.trained.is_zero();
+        known.then(|| self.steps as f64 / self.trained.as_secs_f64())
+    }
+
+    /// Returns the time until the last step, if the rest goes on as all so far: with AIPs, datasets, evaluations and
+    /// exchanges.
+    fn left(&self, last_step: u64, now: Instant) -> Option<Duration> {
+        let (begun, first) = self.first?;
+        let done = self.at.checked_sub(first).filter(|&done| done > 0)?;
+        let left = last_step.saturating_sub(self.at) as f64 / done as f64;
+        Some(Duration::try_from_secs_f64((now - begun).as_secs_f64() * left).unwrap_or(Duration::MAX))
+    }
 }
 
 /// The newest figures of the run.
@@ -94,11 +127,14 @@ impl Progress {
         })
     }
 
-    pub fn finish(&self) {
+    /// Removes the bar. `done`: whether the training came to its end, so that its time is told.
+    pub fn finish(&self, done: bool) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
-        tell(format_args!("done in {}", duration(self.begun.elapsed())));
+        if done {
+            tell(format_args!("done in {}", duration(self.begun.elapsed())));
+        }
     }
 
     fn say(&self, line: &str) {
@@ -114,16 +150,11 @@ impl Progress {
 
     /// Returns a message such as `12345 agent-steps/s, 3 min 20 s left, return 201.2, AIP 0.301`.
     /// With the bar before it, it fits 80 columns.
-    fn message(&self, steps: u64) -> String {
+    fn message(&self) -> String {
         let rate = self.rate.borrow();
         let mut parts = Vec::new();
-        // Two reports in a row may be of the same step, which is that of the slowest worker.
-        if rate.steps > 0 && !rate.trained.is_zero() {
-            let per_second = rate.steps as f64 / rate.trained.as_secs_f64();
-            parts.push(format!("{:.0} agent-steps/s", per_second * self.agents as f64));
-            let left = self.last_step.saturating_sub(steps) as f64 / per_second;
-            parts.push(format!("{} left", duration(Duration::try_from_secs_f64(left).unwrap_or(Duration::MAX))));
-        }
+        parts.extend(rate.per_second().map(|speed| format!("{:.0} agent-steps/s", speed * self.agents as f64)));
+        parts.extend(rate.left(self.last_step, Instant::now()).map(|left| format!("{} left", duration(left))));
         let found = self.found.borrow();
         parts.extend(found.mean_return.map(|value| format!("return {value:.0$}", decimals(value, None))));
         parts.extend(found.aip_loss.map(|value| format!("AIP {value:.3}")));
@@ -134,25 +165,16 @@ impl Progress {
 impl Observer for Progress {
     fn trained(&self, steps: u64) {
         self.note(Activity::Training);
-        let mut rate = self.rate.borrow_mut();
         let now = Instant::now();
-        // The first report of a period only starts the clock. After a lost worker the step may go back.
-        if let Some(since) = rate.since.replace(now)
-            && steps >= rate.at
-        {
-            rate.trained += now - since;
-            rate.steps += steps - rate.at;
-        }
-        rate.at = steps;
-        drop(rate);
+        self.rate.borrow_mut().note(steps, now);
         match &self.bar {
             Some(bar) => {
                 bar.set_position(steps.min(self.last_step));
-                bar.set_message(self.message(steps));
+                bar.set_message(self.message());
             }
             None if now - self.last_line.get() >= PLAIN_LINE_EVERY => {
                 self.last_line.set(now);
-                tell(format_args!("step {steps}/{}: {}", self.last_step, self.message(steps)));
+                tell(format_args!("step {steps}/{}: {}", self.last_step, self.message()));
             }
             None => (),
         }
@@ -292,8 +314,40 @@ mod tests {
         progress.trained(128);
         std::thread::sleep(Duration::from_millis(1));
         progress.trained(128);
-        assert_eq!(progress.message(128), "");
+        assert_eq!(progress.message(), "");
         progress.trained(256);
-        assert!(progress.message(256).contains("agent-steps/s, "), "{}", progress.message(256));
+        assert!(progress.message().contains("agent-steps/s, "), "{}", progress.message());
+    }
+
+    #[test]
+    fn the_time_left_counts_all_work_and_the_speed_only_training() {
+        let begun = Instant::now();
+        let at = |second| begun + Duration::from_secs(second);
+        let mut rate = Rate::default();
+        // A resumed run, from step 200 to 400 of 1000. A period of 100 steps trains for 10 s. Other work takes 15 s.
+        for (steps, second) in [(200, 0), (300, 10)] {
+            rate.note(steps, at(second));
+        }
+        rate.since = None;
+        for (steps, second) in [(300, 25), (400, 35)] {
+            rate.note(steps, at(second));
+        }
+        rate.since = None;
+        assert_eq!(rate.per_second(), Some(10.0));
+        // 200 steps took 50 s, so 600 steps take 150 s.
+        assert_eq!(rate.left(1000, at(50)), Some(Duration::from_secs(150)));
+        assert_eq!(rate.left(400, at(50)), Some(Duration::ZERO));
+    }
+
+    #[test]
+    fn without_a_step_done_the_time_left_is_unknown() {
+        let begun = Instant::now();
+        let mut rate = Rate::default();
+        assert_eq!(rate.left(1000, begun), None);
+        rate.note(200, begun);
+        assert_eq!(rate.left(1000, begun + Duration::from_secs(5)), None);
+        // After a lost worker.
+        rate.note(100, begun + Duration::from_secs(6));
+        assert_eq!(rate.left(1000, begun + Duration::from_secs(7)), None);
     }
 }

@@ -63,6 +63,14 @@ fn where_no_jam_reaches_the_border_both_simulators_are_the_same() {
 }
 
 #[test]
+fn a_second_without_cars_is_no_reason_to_trust_a_light() {
+    let options = ["--sigma", "0", "--light", "b2", "--begin", "0", "--seconds", "1"];
+    let output = check(&shipped("town")).args(options).assert().success();
+    let text = String::from_utf8(output.get_output().stdout.clone()).unwrap();
+    assert!(text.contains("it cannot be judged") && !text.contains("can be trusted"), "{text}");
+}
+
+#[test]
 fn where_cars_dawdle_the_local_simulator_is_as_like_the_global_one_as_another_local_one() {
     let options = ["--seconds", "300", "--light", "x1y1"];
     let light = checked(&shipped("grid_4x4_turns"), &options)["lights"][0].clone();

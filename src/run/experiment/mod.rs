@@ -80,26 +80,16 @@ pub fn experiment(args: &cli::ExperimentArgs) -> Result<()> {
     let finished = tasks.finished();
     let again = format!("{} experiment {} --out {}", program(), quoted(&args.file), quoted(&folder));
     let outcome = Batch::begin(tasks, directory, cores, &again).and_then(Batch::carry_out).map_err(Error::Run)?;
-    let failed = outcome.failed.len();
-    match outcome {
-        Outcome { failed: names, .. } if failed > 0 => Err(Error::Run(anyhow!(
-            "{failed} of {} failed: {}; their logs are in {}; the others are done; to try these again: {again}",
-            outcome.tasks,
-            names.join(", "),
-            folder.join(LOGS).display()
-        ))),
-        Outcome { interrupted: true, .. } => Err(Error::Interrupted(format!("stopped; resume with: {again}"))),
-        Outcome { tasks, .. } => {
-            let report = folder.with_file_name("report");
-            answer(format_args!(
-                "{tasks} done now, {finished} done earlier; make the report with:\n  {} report {} --out {}",
-                program(),
-                quoted(&folder),
-                quoted(&report)
-            ))
-            .map_err(Error::Run)
-        }
-    }
+    let made = outcome.tasks;
+    outcome.judged(&folder.join(LOGS), &again)?;
+    let report = folder.with_file_name("report");
+    answer(format_args!(
+        "{made} done now, {finished} done earlier; make the report with:\n  {} report {} --out {}",
+        program(),
+        quoted(&folder),
+        quoted(&report)
+    ))
+    .map_err(Error::Run)
 }
 
 /// Locks the folder of the runs.
@@ -136,6 +126,24 @@ struct Outcome {
     tasks: usize,
     failed: Vec<String>,
     interrupted: bool,
+}
+
+impl Outcome {
+    /// Returns an error unless all tasks are done. `again`: the command that tries or resumes the rest.
+    fn judged(self, logs: &Path, again: &str) -> Result<()> {
+        let Outcome { tasks, failed, interrupted } = self;
+        let told =
+            format!("{} of {tasks} failed: {}; their logs are in {}", failed.len(), failed.join(", "), logs.display());
+        match (interrupted, failed.len()) {
+            (true, 0) => Err(Error::Interrupted(format!("stopped; resume with: {again}"))),
+            (true, _) => Err(Error::Interrupted(format!("stopped; {told}; resume with: {again}"))),
+            (false, 0) => Ok(()),
+            (false, failed) => {
+                let others = if failed < tasks { "; the others are done" } else { "" };
+                Err(Error::Run(anyhow!("{told}{others}; to try these again: {again}")))
+            }
+        }
+    }
 }
 
 /// A running experiment.
@@ -223,5 +231,31 @@ impl Batch {
         }
         self.working = still;
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn told(tasks: usize, failed: &[&str], interrupted: bool) -> (u8, String) {
+        let failed = failed.iter().map(|&name| name.to_owned()).collect();
+        let error = Outcome { tasks, failed, interrupted }.judged(Path::new("logs"), "again").unwrap_err();
+        (error.exit_code(), error.to_string())
+    }
+
+    #[test]
+    fn an_interrupted_experiment_names_what_failed_and_does_not_call_the_rest_done() {
+        assert_eq!(told(3, &[], true), (130, "stopped; resume with: again".to_owned()));
+        let both = "stopped; 1 of 3 failed: a; their logs are in logs; resume with: again";
+        assert_eq!(told(3, &["a"], true), (130, both.to_owned()));
+    }
+
+    #[test]
+    fn the_others_are_done_if_there_are_any() {
+        let some = "error: 1 of 3 failed: a; their logs are in logs; the others are done; to try these again: again";
+        assert_eq!(told(3, &["a"], false), (1, some.to_owned()));
+        let all = "error: 2 of 2 failed: a, b; their logs are in logs; to try these again: again";
+        assert_eq!(told(2, &["a", "b"], false), (1, all.to_owned()));
     }
 }

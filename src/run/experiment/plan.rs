@@ -97,8 +97,8 @@ impl PlannedWork {
 
     /// Returns the task as the progress display needs it.
     pub fn planned(&self) -> Planned {
-        let PlannedWork { name, estimate, share, steps, .. } = self;
-        Planned { name: name.clone(), seconds: estimate.seconds, share: *share, steps: *steps }
+        let PlannedWork { name, estimate, width, share, steps, .. } = self;
+        Planned { name: name.clone(), seconds: estimate.seconds, width: *width, share: *share, steps: *steps }
     }
 
     /// Returns why the task cannot begin: its run is damaged.

@@ -3,6 +3,7 @@
 use super::LightFidelity;
 use super::agreement::Agreement;
 use super::causes::SHORT_M;
+use crate::base::counted;
 
 /// Least precision and recall with true entries. If cars dawdle: as a share of what two LSs with other random numbers
 /// have.
@@ -15,6 +16,8 @@ pub const LEAST_OTHER: f64 = 0.6;
 pub const CELLS: [f64; 2] = [0.85, 1.15];
 /// Least and most cars that cross the stop lines in the LS for one in the GS, with sampled entries.
 pub const PASSED: [f64; 2] = [0.9, 1.1];
+/// Least number of cars that cross the stop lines in the GS. Of fewer, a single one is more than [`PASSED`] allows.
+pub const LEAST_PASSED: u64 = 10;
 /// Largest share of the seconds in which cars stand at green because their exit is full.
 pub const MOST_SPILLBACK: f64 = 0.03;
 /// Largest share of the cars that come in by short roads.
@@ -24,6 +27,14 @@ pub const MOST_WAITED: f64 = 0.1;
 
 /// Returns why the LS of a light should not be trusted, a line. `None`: it is like the GS.
 pub fn doubt(found: &LightFidelity) -> Option<String> {
+    let passed = found.sampled_entries.sums[0].passed;
+    if passed < LEAST_PASSED {
+        return Some(format!(
+            "it cannot be judged: {} passed in the GS in these seconds (at least {LEAST_PASSED} are needed); take others \
+             with --begin and --seconds",
+            counted(passed as usize, "car")
+        ));
+    }
     let [precision, recall] = of_other(found);
     let alike = precision.min(recall);
     if alike < LEAST_OTHER {
@@ -142,6 +153,26 @@ mod tests {
              spillback: cars stood at green before a full exit in 12 % of the seconds; 11 % of the cars waited at the \
              border for room"
         );
+    }
+
+    #[test]
+    fn without_cars_that_pass_nothing_is_judged() {
+        let passed = |passed| {
+            let mut found = light();
+            let sums = Sums { seconds: 60, passed, ..Sums::default() };
+            found.true_entries = Comparison { sums: [sums; 2], ..Comparison::default() };
+            found.sampled_entries = found.true_entries;
+            doubt(&found)
+        };
+        // No cell is like any other, so all figures are 1.
+        assert_eq!(
+            passed(0).unwrap(),
+            "it cannot be judged: 0 cars passed in the GS in these seconds (at least 10 are needed); take others with \
+             --begin and --seconds"
+        );
+        assert!(passed(1).unwrap().starts_with("it cannot be judged: 1 car passed in the GS"));
+        assert!(passed(9).is_some());
+        assert_eq!(passed(10), None);
     }
 
     #[test]
