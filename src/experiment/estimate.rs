@@ -43,7 +43,7 @@ impl UnitCosts {
     }
 }
 
-/// Returns the number of cores that train policies. With the GS it is one, because there is only one GS.
+/// Returns the number of cores that train policies. With the GS it is one: an experiment gives it no more.
 fn training_cores(config: &Config, cores: usize) -> usize {
     if config.simulator == Simulator::Global { 1 } else { cores }
 }
