@@ -22,6 +22,7 @@ mod shape;
 
 use std::collections::{BTreeSet, HashMap};
 
+use carries::Classes;
 use program::Program;
 
 /// Number of a junction in [`Roads::junctions`].
@@ -115,6 +116,7 @@ pub struct Lane {
     pub shape: Vec<Place>,
     /// Whether passenger cars or buses may drive here.
     pub carries_cars: bool,
+    pub classes: Classes,
 }
 
 /// A way from one lane to the next.

@@ -5,7 +5,7 @@ use std::collections::{HashMap, HashSet};
 use anyhow::{Result, ensure};
 
 use super::attributes::{count, number, tag, text, wrong};
-use super::carries::carries_cars;
+use super::carries::{Classes, carries_cars};
 use super::program::{Program, signal};
 use super::shape::shape;
 use super::{Connection, Edge, EdgeNo, Function, Junction, JunctionNo, Lane, LaneNo, Request, Roads};
@@ -93,6 +93,7 @@ impl Roads {
             speed_limit_mps: self::number(element, "speed", 0.0)?,
             shape: shape(element)?,
             carries_cars: carries_cars(element),
+            classes: Classes::of(element),
         });
         Ok(number)
     }
