@@ -1,12 +1,13 @@
 //! The doors of all rows of a forest: entries, at which cars wait until there is room, and exits, which can be blocked.
 
+use std::collections::HashSet;
 use std::sync::Arc;
 
 use super::entrance::{Comer, Entrance};
 use super::local_forest::{FIRST_CAR, LocalForest, RowPlace};
 use crate::base::Rows;
 use crate::domain::Result;
-use crate::sumo::{CarId, CarTable, Entering, Insertion, LaneId, LightId, SignalState};
+use crate::sumo::{CarId, Entering, Insertion, LightId, SignalState};
 use crate::traffic::agents::border_plan::BorderPlan;
 use crate::traffic::agents::plan::JointPlan;
 
@@ -28,8 +29,8 @@ struct RowDoors {
 
 /// Cars that try to enter in a step, in the order of their numbers.
 pub struct Tried {
-    /// Row, entry and lane of each.
-    places: Vec<(usize, usize, LaneId)>,
+    /// Row and entry of each.
+    places: Vec<(usize, usize)>,
     insertions: Vec<Insertion>,
 }
 
@@ -114,11 +115,10 @@ impl Doors {
         let mut places = Vec::new();
         let mut cars = Vec::new();
         for (row, doors) in self.rows.iter().enumerate() {
-            let place = &forest.rows[row];
             for (entry, comer) in doors.entrance.next() {
                 let car = self.serial + cars.len() as u64;
                 cars.push(entering(&self.plan, forest, row, car, comer));
-                places.push((row, entry, place.border[comer.lane]));
+                places.push((row, entry));
             }
         }
         self.serial += cars.len() as u64;
@@ -126,16 +126,15 @@ impl Doors {
         Ok(Tried { places, insertions: cars.into_iter().map(|car| car.insertion).collect() })
     }
 
-    /// Takes the cars out of the queues that are in after the step, and the others out of SUMO. No other car has got a
-    /// number since they tried.
+    /// Takes the cars out of the queues that have departed in the step, wherever they are, and the others out of SUMO. So no
+    /// car is on the road and still waits. No other car has got a number since they tried.
     pub fn note_entered(&mut self, forest: &mut LocalForest, tried: &Tried) -> Result<()> {
-        let lanes: Vec<LaneId> = tried.places.iter().map(|(_, _, lane)| *lane).collect();
-        let mut cars = CarTable::new();
-        forest.simulation.read_lanes(&lanes, &mut cars)?;
+        let departures = forest.simulation.departures()?;
+        let departed: HashSet<CarId> = departures.iter().map(|departure| departure.id).collect();
         let first = self.serial - tried.places.len() as u64;
         let mut all_in = true;
-        for (number, &(row, entry, _)) in tried.places.iter().enumerate() {
-            let is_in = cars.lane(number).ids.contains(&CarId(first + number as u64));
+        for (number, &(row, entry)) in (first..).zip(&tried.places) {
+            let is_in = departed.contains(&CarId(number));
             self.waited += u64::from(self.rows[row].entrance.tried(entry, is_in));
             all_in &= is_in;
         }
