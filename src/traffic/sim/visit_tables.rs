@@ -107,8 +107,8 @@ mod tests {
             driver: Arc::new(Driver {
                 name: format!("{second}"),
                 vehicle_type: vehicle_type.to_owned(),
+                vehicle_class: "passenger".to_owned(),
                 speed_factor: 1.0,
-                route: Vec::new(),
             }),
         };
         let of_agents = vec![visits.iter().map(visit).collect(), Vec::new()];
