@@ -165,3 +165,49 @@ fn border<'a>(plan: &'a JointPlan, place: &RowPlace) -> &'a BorderPlan {
 fn index_of(lane: &str) -> u32 {
     lane.rsplit_once('_').and_then(|(_, index)| index.parse().ok()).expect("SUMO's name of a lane ends with its index")
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::base::{AgentId, Seed};
+    use crate::config::ScenarioConfig;
+    use crate::traffic::Traffic;
+    use crate::traffic::agents::border_plan::EntryPlace;
+    use crate::traffic::sim::entrance::comer;
+
+    #[test]
+    fn a_car_that_enters_on_another_road_than_expected_enters_once() {
+        let scenario = "sumo_nets/grid_4x4_turns/grid_4x4_turns.sumocfg";
+        let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join(scenario);
+        let minutes = ScenarioConfig { begin_s: Some(0), end_s: Some(120), ..ScenarioConfig::new(scenario) };
+        let traffic = Traffic::open_scenario(&minutes).unwrap();
+        let (agent, tables) = (AgentId(5), traffic.visits().unwrap());
+        let parts = traffic.ground.local_parts().unwrap().unwrap();
+        let mut forest = LocalForest::load(&parts, &traffic.plan, &tables, (&[agent], 1), Seed::new(0)).unwrap();
+        let border = &traffic.plan.borders[agent.0].plan;
+        let mut visits = tables.visits().of_agents[agent.0].iter();
+        let found = visits.find_map(|visit| Some((visit.entry.filter(|_| !visit.way.is_empty())?, visit)));
+        let (entry, visit) = found.expect("cars come to the region");
+        let mut comer = comer(border, &forest.rows[0].ways, entry, visit).unwrap();
+        // SUMO is told the index of the lane and the way. So the car begins on the first road of its way.
+        let index = index_of(&border.lanes[comer.lane].lane);
+        let elsewhere = border.entries.iter().find_map(|other| match other.place {
+            EntryPlace::Lane(lane) => {
+                (index_of(&border.lanes[lane].lane) == index && !border.is_on_road(lane, &visit.way[0])).then_some(lane)
+            }
+            EntryPlace::Road(_) => None,
+        });
+        comer.lane = elsewhere.expect("another road has a lane of this index");
+        let mut doors = Doors::new(traffic.plan.clone(), &forest);
+        doors.come(0, entry, comer);
+        let tried = [(); 3].map(|()| {
+            let tried = doors.let_in(&mut forest).unwrap();
+            forest.simulation.step().unwrap();
+            doors.note_entered(&mut forest, &tried).unwrap();
+            tried.insertions().len()
+        });
+        assert_eq!((tried, doors.waiting(0)), ([1, 0, 0], 0));
+    }
+}
