@@ -10,8 +10,8 @@ use std::thread;
 use std::time::Duration;
 
 use dials_traffic::sumo::{
-    Car, CarId, CarTable, DepartSpeed, Entering, Error, Insertion, LaneId, LightId, Placing, RouteId, SignalState,
-    Simulation, StepCounts,
+    Car, CarId, CarTable, DepartSpeed, Entering, Error, Insertion, LaneId, LightId, Placing, RouteId, RouteNow,
+    SignalState, Simulation, StepCounts,
 };
 
 /// The crossroad of the paper's traffic domain: 100 m edges, 10 m/s, straight on only. Lanes 3.2 m wide and a junction
@@ -319,12 +319,25 @@ fn a_departure_tells_all_that_it_takes_to_let_the_same_car_enter_again() {
     assert_eq!(told, [("007", 80.0), ("9223372036854775808", 40.0), ("fo", 60.0)]);
     for car in &cars {
         assert_eq!((car.vehicle_type.as_str(), car.route.as_str(), car.lane), ("car", "eastward", 0));
-        assert_eq!(car.edges, ["west_in", "east_out"]);
+        assert_eq!((car.vehicle_class.as_str(), &*car.edges), ("passenger", &names(&["west_in", "east_out"])[..]));
         assert_eq!((car.speed_mps, car.speed_factor), (0.0, 1.0));
     }
     assert_eq!(cars[0].id, CarId(7));
     simulation.step().unwrap();
     assert_eq!(simulation.departures().unwrap(), []);
+}
+
+#[test]
+fn the_route_of_a_car_tells_where_on_it_the_car_is() {
+    let mut road = Road::load();
+    road.insert(0);
+    for t in 0..14 {
+        road.step();
+        // By the reference trajectory it is in the junction after steps 10 and 11.
+        let expected = RouteNow { edges: names(&["west_in", "east_out"]), at: usize::from(t >= 12) };
+        assert_eq!(road.simulation.route("0").unwrap(), expected, "step {t}");
+    }
+    assert!(matches!(road.simulation.route("1"), Err(Error::Refused { .. })), "there is no such car");
 }
 
 #[test]

@@ -11,7 +11,7 @@ use std::slice;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::error::{Error, Result};
-use super::events::{DepartSpeed, Departure, Entering, Insertion, Placing, StepCounts};
+use super::events::{DepartSpeed, Departure, Entering, Insertion, Placing, RouteNow, StepCounts};
 use super::ffi;
 use super::ids::{CarId, LaneId, LightId};
 use super::library;
@@ -224,14 +224,14 @@ impl Crossing {
         let mut read = MaybeUninit::uninit();
         // SAFETY: as in `read_lanes`.
         check(unsafe { ffi::ds_read_departures(read.as_mut_ptr()) }, "read the departures")?;
-        // SAFETY: as in `read_lanes`. `starts` has four entries per car and a last one, which is the length of
+        // SAFETY: as in `read_lanes`. `starts` has five entries per car and a last one, which is the length of
         // `letters`. The other arrays have an entry per car.
         let (starts, letters, cars, lanes, positions, speeds, factors) = unsafe {
             let read: ffi::ds_departures = read.assume_init();
-            let starts = array(read.starts, 4 * read.count + 1);
+            let starts = array(read.starts, 5 * read.count + 1);
             (
                 starts,
-                array(read.letters.cast::<u8>(), starts[4 * read.count] as usize),
+                array(read.letters.cast::<u8>(), starts[5 * read.count] as usize),
                 array(read.cars, read.count),
                 array(read.lanes, read.count),
                 array(read.positions, read.count),
@@ -243,16 +243,31 @@ impl Crossing {
         Ok((0..cars.len())
             .map(|car| Departure {
                 id: CarId(cars[car]),
-                name: text(4 * car),
-                vehicle_type: text(4 * car + 1),
-                route: text(4 * car + 2),
-                edges: text(4 * car + 3).split('\u{1f}').map(str::to_owned).collect(),
+                name: text(5 * car),
+                vehicle_type: text(5 * car + 1),
+                vehicle_class: text(5 * car + 2),
+                route: text(5 * car + 3),
+                edges: edges(&text(5 * car + 4)),
                 lane: lanes[car],
                 position_m: positions[car],
                 speed_mps: speeds[car],
                 speed_factor: factors[car],
             })
             .collect())
+    }
+
+    pub(super) fn route(&mut self, car: &str) -> Result<RouteNow> {
+        let car = terminated(car)?;
+        let mut read = MaybeUninit::uninit();
+        // SAFETY: we have the turn; `car` ends in zero and outlives the call; `read` is only written to.
+        check(unsafe { ffi::ds_read_route(car.as_ptr(), read.as_mut_ptr()) }, "read the route of a car")?;
+        // SAFETY: the call succeeded, so `read` is written. Its text ends in zero and is valid until the next call, which
+        // needs `&mut self`.
+        let (text, at) = unsafe {
+            let read: ffi::ds_route = read.assume_init();
+            (CStr::from_ptr(read.edges).to_string_lossy(), read.at)
+        };
+        Ok(RouteNow { edges: edges(&text), at: at as usize })
     }
 
     pub(super) fn counts(&mut self) -> Result<StepCounts> {
@@ -314,6 +329,11 @@ unsafe fn array<'a, T>(pointer: *const T, length: usize) -> &'a [T] {
     }
     // SAFETY: the caller's promise.
     unsafe { slice::from_raw_parts(pointer, length) }
+}
+
+/// Returns the names of edges that the shim wrote into one text.
+fn edges(text: &str) -> Vec<String> {
+    text.split('\u{1f}').map(str::to_owned).collect()
 }
 
 /// Returns the text that begins at the first of `starts` and ends before the second.

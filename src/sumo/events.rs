@@ -54,6 +54,8 @@ pub struct Departure {
     pub id: CarId,
     pub name: String,
     pub vehicle_type: String,
+    /// SUMO's class of its type, such as `passenger`.
+    pub vehicle_class: String,
     pub route: String,
     /// Edges of the route.
     pub edges: Vec<String>,
@@ -64,6 +66,15 @@ pub struct Departure {
     pub speed_mps: f64,
     /// Desired speed as a share of the limit. SUMO draws it if the vehicle type leaves a choice.
     pub speed_factor: f64,
+}
+
+/// The route of a car at some time.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RouteNow {
+    /// Edges, also those behind the car.
+    pub edges: Vec<String>,
+    /// Index of the edge on which the car is. In a junction it is that of the edge before.
+    pub at: usize,
 }
 
 /// The counts of the last step.

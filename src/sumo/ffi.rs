@@ -63,6 +63,12 @@ pub struct ds_departures {
 }
 #[repr(C)]
 #[derive(Debug, Copy, Clone)]
+pub struct ds_route {
+    pub edges: *const std::ffi::c_char,
+    pub at: u32,
+}
+#[repr(C)]
+#[derive(Debug, Copy, Clone)]
 pub struct ds_counts {
     pub departed: u32,
     pub arrived: u32,
@@ -97,5 +103,6 @@ unsafe extern "C" {
     pub fn ds_clear_pending() -> std::ffi::c_int;
     pub fn ds_remove_cars(lanes: *const u32, count: usize) -> std::ffi::c_int;
     pub fn ds_read_departures(departures: *mut ds_departures) -> std::ffi::c_int;
+    pub fn ds_read_route(car: *const std::ffi::c_char, route: *mut ds_route) -> std::ffi::c_int;
     pub fn ds_counts(counts: *mut ds_counts) -> std::ffi::c_int;
 }

@@ -26,7 +26,7 @@ mod simulation;
 mod table;
 
 pub use error::{Error, Result};
-pub use events::{DepartSpeed, Departure, Entering, Insertion, Placing, StepCounts};
+pub use events::{DepartSpeed, Departure, Entering, Insertion, Placing, RouteNow, StepCounts};
 pub use ids::{CarId, LaneId, LightId, RouteId, TypeId};
 pub use signal::SignalState;
 pub use simulation::Simulation;

@@ -2,7 +2,7 @@
 
 use super::call::{self, Crossing, IdKind};
 use super::error::{Error, Result};
-use super::events::{DepartSpeed, Departure, Entering, Insertion, Placing, StepCounts};
+use super::events::{DepartSpeed, Departure, Entering, Insertion, Placing, RouteNow, StepCounts};
 use super::ids::{LaneId, LightId, RouteId, TypeId};
 use super::signal::SignalState;
 use super::table::CarTable;
@@ -186,6 +186,13 @@ impl Simulation {
     pub fn departures(&mut self) -> Result<Vec<Departure>> {
         self.check_whole()?;
         self.crossing.departures()
+    }
+
+    /// Returns the route of a car on the road as it is now: SUMO may have changed it since the car entered. `car`: its
+    /// name.
+    pub fn route(&mut self, car: &str) -> Result<RouteNow> {
+        self.check_whole()?;
+        self.crossing.route(car)
     }
 
     /// Returns the counts of the last step.

@@ -1,5 +1,6 @@
 //! `check`: local simulators beside the global one.
 
+use std::fs;
 use std::io::{Write, stderr};
 use std::path::{Path, PathBuf};
 
@@ -54,6 +55,24 @@ fn local_simulators_of_shipped_networks_are_like_the_global_one() {
             assert_eq!([&light["other_seed"], &light["doubt"]], [&Value::Null; 2], "nothing is random: {light:#}");
         }
     }
+}
+
+#[test]
+fn cars_that_choose_their_ways_anew_while_they_drive_come_once_each() {
+    let dir = tempfile::tempdir().unwrap();
+    for name in ["grid_4x4_turns.net.xml", "grid_4x4_turns.rou.xml"] {
+        fs::copy(shipped("grid_4x4_turns").with_file_name(name), dir.path().join(name)).unwrap();
+    }
+    const REROUTED: &str =
+        r#"<device.rerouting.probability value="1"/><device.rerouting.period value="30"/></processing>"#;
+    let text = fs::read_to_string(shipped("grid_4x4_turns")).unwrap().replace("</processing>", REROUTED);
+    let config = dir.path().join("rerouted.sumocfg");
+    fs::write(&config, text).unwrap();
+    let light = checked(&config, &["--sigma", "0", "--seconds", "300", "--light", "x1y1"])["lights"][0].clone();
+    assert_at_least(&light["true_entries"], [0.9; 2]);
+    assert_at_least(&light["sampled_entries"], [0.7; 2]);
+    let ratio = light["sampled_entries"]["occupancy_ratio"].as_f64().unwrap();
+    assert!((0.9..1.1).contains(&ratio), "{light:#}");
 }
 
 #[test]

@@ -11,6 +11,7 @@ use dials_traffic::traffic::Traffic;
 use rand::Rng;
 
 use crate::play::shipped;
+use crate::room::{CARS, NET, Room, table};
 
 const COPIES: usize = 2;
 const STEPS: usize = 40;
@@ -125,6 +126,39 @@ fn scenarios_have_the_properties_of_a_domain() {
         // The windows of the local simulators begin at other seconds than the episode of the global one, and empty.
         assert!(likeness.recall > 0.1 && likeness.precision > 0.1, "{name}: {likeness:?}");
     }
+}
+
+#[test]
+fn an_arrival_that_no_car_may_make_is_dropped_and_counted() {
+    let room = Room::new();
+    // Bicycles depart on a track of their own, and no bus drives on the bus lane.
+    for (lane, class) in [("w0_r0c0_0", "bicycle"), ("r0c1_r1c1_0", "bus")] {
+        let lane = format!(r#"<lane id="{lane}" index="0""#);
+        room.change(NET, &lane, &format!(r#"{lane} allow="{class}""#));
+    }
+    let demand = r#"<routes>
+        <vType id="bike" vClass="bicycle"/>
+        <flow id="b" type="bike" begin="100" end="400" period="10"><route edges="w0_r0c0 r0c0_r0c1 r0c1_e0"/></flow>
+        <flow id="c" type="car" begin="100" end="400" period="4"><route edges="e0_r0c1 r0c1_r0c0 r0c0_w0"/></flow>
+    </routes>"#;
+    fs::write(room.path(CARS), demand).unwrap();
+    let traffic = Traffic::open_scenario(&table(room.config(&[]).unwrap())).unwrap();
+    let names: Vec<String> = traffic.borders().iter().flat_map(|border| border.plan.source_names()).collect();
+    let has = |name: &str| names.iter().any(|other| other == name);
+    assert!(has("arrival departures on e0_r0c1[0]") && has("arrival r0c1_r1c1_0[0]"), "{names:?}");
+    assert!(!has("arrival departures on w0_r0c0[0]"), "nobody is seen there");
+    let all = AgentId::all(traffic.agents());
+    let mut ls = traffic.local_simulator(&all, 1, Seed::new(5)).unwrap();
+    ls.reset(&Beginning::first(0..all.len())).unwrap();
+    let sources = ls.spec().sources.count();
+    for _ in 0..10 {
+        ls.step(&vec![0; all.len()], &Rows::from_vec(vec![1; all.len() * sources], sources)).unwrap();
+    }
+    let counted = ls.counters();
+    let count = |name: &str| counted.iter().find(|(other, _)| *other == name).unwrap().1;
+    // One in each of 50 seconds, on the bus lane alone.
+    assert_eq!(count("dropped_arrivals"), 50, "{counted:?}");
+    assert!(count("sampled_arrivals") > 100, "{counted:?}");
 }
 
 /// A short training of the town.

@@ -165,6 +165,15 @@ uint64_t identity(const std::string &name) {
     return hash | top;
 }
 
+// Returns the edges of a car's route. Names may hold blanks, but no XML holds the separator.
+std::string edges_of(const std::string &car) {
+    std::string edges;
+    for (const auto &edge : Vehicle::getRoute(car)) {
+        edges.append(edges.empty() ? "" : "\x1f").append(edge);
+    }
+    return edges;
+}
+
 void forget_step() {
     fresh.clear();
     removed = 0;
@@ -407,12 +416,8 @@ int ds_read_departures(struct ds_departures *out) {
         speeds.clear();
         speed_factors.clear();
         for (const auto &car : Simulation::getDepartedIDList()) {
-            std::string edges;
-            for (const auto &edge : Vehicle::getRoute(car)) {
-                // Names may hold blanks, but no XML holds this separator.
-                edges.append(edges.empty() ? "" : "\x1f").append(edge);
-            }
-            for (const auto &text : {car, Vehicle::getTypeID(car), Vehicle::getRouteID(car), edges}) {
+            for (const auto &text : {car, Vehicle::getTypeID(car), Vehicle::getVehicleClass(car), Vehicle::getRouteID(car),
+                                     edges_of(car)}) {
                 letters += text;
                 starts.push_back(static_cast<uint32_t>(letters.size()));
             }
@@ -424,6 +429,14 @@ int ds_read_departures(struct ds_departures *out) {
         }
         *out = {cars.size(),   starts.data(),    letters.data(), cars.data(),
                 lanes.data(), positions.data(), speeds.data(),  speed_factors.data()};
+    });
+}
+
+int ds_read_route(const char *car, struct ds_route *route) {
+    static std::string edges;
+    return guarded([&] {
+        edges = edges_of(car);
+        *route = {edges.c_str(), static_cast<uint32_t>(Vehicle::getRouteIndex(car))};
     });
 }
 

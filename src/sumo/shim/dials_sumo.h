@@ -97,8 +97,9 @@ int ds_seed_generators(uint32_t first, const uint32_t *seeds, size_t count);
 int ds_clear_pending(void);
 int ds_remove_cars(const uint32_t *lanes, size_t count);
 
-/* The cars that entered in the last step. The four texts of car i are starts[4 * i] .. starts[4 * i + 4] in letters:
- * its name, its type, its route, and the edges of the route with \x1f between. Numbers are those after the step. */
+/* The cars that entered in the last step. The five texts of car i are starts[5 * i] .. starts[5 * i + 5] in letters:
+ * its name, its type, its class, its route, and the edges of the route with \x1f between. Numbers are those after the
+ * step. */
 struct ds_departures {
     size_t count;
     const uint32_t *starts;
@@ -110,6 +111,14 @@ struct ds_departures {
     const double *speed_factors;
 };
 int ds_read_departures(struct ds_departures *departures);
+
+/* The route of a car that has entered, as it is now: its edges with \x1f between, and the index of the edge on which the
+ * car is. In a junction it is that of the edge before. */
+struct ds_route {
+    const char *edges;
+    uint32_t at;
+};
+int ds_read_route(const char *car, struct ds_route *route);
 
 struct ds_counts {
     uint32_t departed;

@@ -14,6 +14,8 @@
 //!
 //! A local simulator lets a car in for each arrival, and shows red at the end of each blocked exit.
 
+use crate::traffic::network::roads::carries::Classes;
+
 /// Distance from the end of an exit within which a slow car blocks it, in metres.
 pub const BLOCK_M: f64 = 20.0;
 /// Speed below which a car is slow, in metres per second. Before a full road cars crawl rather than stand.
@@ -54,6 +56,8 @@ pub struct BorderLane {
     /// Its road, an index into [`BorderPlan::roads`]. `None`: it is within a junction.
     pub road: Option<usize>,
     pub length_m: f64,
+    /// Vehicle classes that may drive here.
+    pub classes: Classes,
     /// Entry that a car has passed which is first seen here. `None`: no entry is near enough.
     pub entry: Option<usize>,
     /// Entry of a car that departs here.
@@ -98,6 +102,26 @@ impl BorderPlan {
     /// Returns the influence source of an exit.
     pub fn blocked(&self, exit: usize) -> usize {
         self.entries.len() * self.decision_s + exit
+    }
+
+    /// Returns the road of an entry: SUMO's name.
+    pub fn road_of_entry(&self, entry: usize) -> &str {
+        &self.entries[entry].default_way[0]
+    }
+
+    /// Returns whether a lane is one of a road, and not within a junction. `road`: SUMO's name.
+    pub fn is_on_road(&self, lane: usize, road: &str) -> bool {
+        self.lanes[lane].road.is_some_and(|number| self.roads[number].road == road)
+    }
+
+    /// Returns the lane on which a vehicle of a class can begin at an entry: that of the entry, or the first one of its road
+    /// that it may use. `None`: it may use none there.
+    pub fn lane_of_entry(&self, entry: usize, class: &str) -> Option<usize> {
+        let is_open = |&lane: &usize| self.lanes[lane].classes.has(class);
+        match &self.entries[entry].place {
+            EntryPlace::Lane(lane) => Some(*lane).filter(is_open),
+            EntryPlace::Road(road) => (0..self.lanes.len()).filter(|&lane| self.is_on_road(lane, road)).find(is_open),
+        }
     }
 
     /// Returns the name of an entry.

@@ -50,8 +50,10 @@ impl Again for OnScenario<'_> {
                 match entering {
                     Entering::ByRule => {
                         for visit in come {
-                            if let Some(entry) = visit.entry {
-                                doors.come(0, entry, comer(border, &forest.rows[0].ways, entry, Some(visit)));
+                            let Some(entry) = visit.entry else { continue };
+                            match comer(border, &forest.rows[0].ways, entry, visit) {
+                                Some(comer) => doors.come(0, entry, comer),
+                                None => lost += 1,
                             }
                         }
                         let tried = doors.let_in(&mut forest)?;

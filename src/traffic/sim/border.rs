@@ -4,7 +4,7 @@
 use std::collections::{HashMap, HashSet};
 
 use super::global::starts;
-use super::visits::{VisitRecorder, Visits};
+use super::visits::{Arrival, VisitRecorder, Visits};
 use crate::base::Ragged;
 use crate::domain::Result;
 use crate::sumo::{CarId, CarTable, LaneCars, LaneId, Simulation};
@@ -106,7 +106,10 @@ impl Borders {
                     entry.iter().for_each(|&entry| counter.arrived(entry));
                     if let Some(visits) = &mut self.visits {
                         visits.left(row, car.id);
-                        visits.arrived(row, plan, car, number, entry, departed);
+                        if let Some(name) = visits.name_of(car.id) {
+                            let route = simulation.route(name)?;
+                            visits.arrived(row, plan, Arrival { car, lane: number, entry, departed, route });
+                        }
                     }
                 }
             }

@@ -1,12 +1,13 @@
 //! The doors of all rows of a forest: entries, at which cars wait until there is room, and exits, which can be blocked.
 
+use std::collections::HashSet;
 use std::sync::Arc;
 
 use super::entrance::{Comer, Entrance};
 use super::local_forest::{FIRST_CAR, LocalForest, RowPlace};
 use crate::base::Rows;
 use crate::domain::Result;
-use crate::sumo::{CarId, CarTable, Entering, Insertion, LaneId, LightId, SignalState};
+use crate::sumo::{CarId, Entering, Insertion, LightId, SignalState};
 use crate::traffic::agents::border_plan::BorderPlan;
 use crate::traffic::agents::plan::JointPlan;
 
@@ -28,8 +29,8 @@ struct RowDoors {
 
 /// Cars that try to enter in a step, in the order of their numbers.
 pub struct Tried {
-    /// Row, entry and lane of each.
-    places: Vec<(usize, usize, LaneId)>,
+    /// Row and entry of each.
+    places: Vec<(usize, usize)>,
     insertions: Vec<Insertion>,
 }
 
@@ -114,11 +115,10 @@ impl Doors {
         let mut places = Vec::new();
         let mut cars = Vec::new();
         for (row, doors) in self.rows.iter().enumerate() {
-            let place = &forest.rows[row];
             for (entry, comer) in doors.entrance.next() {
                 let car = self.serial + cars.len() as u64;
                 cars.push(entering(&self.plan, forest, row, car, comer));
-                places.push((row, entry, place.border[comer.lane]));
+                places.push((row, entry));
             }
         }
         self.serial += cars.len() as u64;
@@ -126,16 +126,15 @@ impl Doors {
         Ok(Tried { places, insertions: cars.into_iter().map(|car| car.insertion).collect() })
     }
 
-    /// Takes the cars out of the queues that are in after the step, and the others out of SUMO. No other car has got a
-    /// number since they tried.
+    /// Takes the cars out of the queues that have departed in the step, wherever they are, and the others out of SUMO. So no
+    /// car is on the road and still waits. No other car has got a number since they tried.
     pub fn note_entered(&mut self, forest: &mut LocalForest, tried: &Tried) -> Result<()> {
-        let lanes: Vec<LaneId> = tried.places.iter().map(|(_, _, lane)| *lane).collect();
-        let mut cars = CarTable::new();
-        forest.simulation.read_lanes(&lanes, &mut cars)?;
+        let departures = forest.simulation.departures()?;
+        let departed: HashSet<CarId> = departures.iter().map(|departure| departure.id).collect();
         let first = self.serial - tried.places.len() as u64;
         let mut all_in = true;
-        for (number, &(row, entry, _)) in tried.places.iter().enumerate() {
-            let is_in = cars.lane(number).ids.contains(&CarId(first + number as u64));
+        for (number, &(row, entry)) in (first..).zip(&tried.places) {
+            let is_in = departed.contains(&CarId(number));
             self.waited += u64::from(self.rows[row].entrance.tried(entry, is_in));
             all_in &= is_in;
         }
@@ -165,4 +164,50 @@ fn border<'a>(plan: &'a JointPlan, place: &RowPlace) -> &'a BorderPlan {
 /// Returns the index of a lane on its road: SUMO's names end with it.
 fn index_of(lane: &str) -> u32 {
     lane.rsplit_once('_').and_then(|(_, index)| index.parse().ok()).expect("SUMO's name of a lane ends with its index")
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::base::{AgentId, Seed};
+    use crate::config::ScenarioConfig;
+    use crate::traffic::Traffic;
+    use crate::traffic::agents::border_plan::EntryPlace;
+    use crate::traffic::sim::entrance::comer;
+
+    #[test]
+    fn a_car_that_enters_on_another_road_than_expected_enters_once() {
+        let scenario = "sumo_nets/grid_4x4_turns/grid_4x4_turns.sumocfg";
+        let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join(scenario);
+        let minutes = ScenarioConfig { begin_s: Some(0), end_s: Some(120), ..ScenarioConfig::new(scenario) };
+        let traffic = Traffic::open_scenario(&minutes).unwrap();
+        let (agent, tables) = (AgentId(5), traffic.visits().unwrap());
+        let parts = traffic.ground.local_parts().unwrap().unwrap();
+        let mut forest = LocalForest::load(&parts, &traffic.plan, &tables, (&[agent], 1), Seed::new(0)).unwrap();
+        let border = &traffic.plan.borders[agent.0].plan;
+        let mut visits = tables.visits().of_agents[agent.0].iter();
+        let found = visits.find_map(|visit| Some((visit.entry.filter(|_| !visit.way.is_empty())?, visit)));
+        let (entry, visit) = found.expect("cars come to the region");
+        let mut comer = comer(border, &forest.rows[0].ways, entry, visit).unwrap();
+        // SUMO is told the index of the lane and the way. So the car begins on the first road of its way.
+        let index = index_of(&border.lanes[comer.lane].lane);
+        let elsewhere = border.entries.iter().find_map(|other| match other.place {
+            EntryPlace::Lane(lane) => {
+                (index_of(&border.lanes[lane].lane) == index && !border.is_on_road(lane, &visit.way[0])).then_some(lane)
+            }
+            EntryPlace::Road(_) => None,
+        });
+        comer.lane = elsewhere.expect("another road has a lane of this index");
+        let mut doors = Doors::new(traffic.plan.clone(), &forest);
+        doors.come(0, entry, comer);
+        let tried = [(); 3].map(|()| {
+            let tried = doors.let_in(&mut forest).unwrap();
+            forest.simulation.step().unwrap();
+            doors.note_entered(&mut forest, &tried).unwrap();
+            tried.insertions().len()
+        });
+        assert_eq!((tried, doors.waiting(0)), ([1, 0, 0], 0));
+    }
 }

@@ -71,45 +71,65 @@ impl Entrance {
     }
 }
 
-/// Draws the car that arrives at an entry in a second of the episode: one that makes a recorded visit.
+/// Draws the car that arrives at an entry in a second of the episode: one that makes a recorded visit, or else one of which
+/// nothing is known. `None`: not even that one may use the entry.
 pub fn draw(
     plan: &BorderPlan,
     ways: &Ways,
     tables: &VisitTables,
     [agent, entry, second]: [usize; 3],
     dice: &mut Dice,
-) -> Comer {
-    comer(plan, ways, entry, tables.draw(agent, entry, second, dice))
+) -> Option<Comer> {
+    match tables.draw(agent, entry, second, dice) {
+        Some(visit) => comer(plan, ways, entry, visit),
+        None => unknown(plan, ways, entry, tables.usual_class()),
+    }
 }
 
-/// Returns the car that comes by an entry and makes this visit. `None`: nothing is known of it.
+/// Returns the car that comes by an entry and makes this visit. `None`: it may not use the lane of the entry.
 ///
 /// It comes on the lane of the entry, as far behind the border as it drives in half a second, and as fast as it can. A
 /// car that departs in the region does so as one in the recording did.
-pub fn comer(plan: &BorderPlan, ways: &Ways, entry: usize, visit: Option<&Visit>) -> Comer {
-    let way = visit.map_or(ways.default_of(entry), |visit| ways.number(&visit.way, visit.next_road.as_ref()));
-    let (lane, position_m, speed) = match (&plan.entries[entry].place, visit) {
-        (EntryPlace::Lane(lane), visit) => (*lane, visit.map_or(0.0, |visit| visit.speed_mps / 2.0), DepartSpeed::Max),
-        (EntryPlace::Road(_), Some(visit)) => (visit.lane, visit.position_m, speed_at_departure(visit)),
-        (EntryPlace::Road(road), None) => (first_lane(plan, road), SOMEWHERE_M, DepartSpeed::Max),
+pub fn comer(plan: &BorderPlan, ways: &Ways, entry: usize, visit: &Visit) -> Option<Comer> {
+    let lane = plan.lane_of_entry(entry, &visit.driver.vehicle_class)?;
+    let (lane, position_m, speed) = match &plan.entries[entry].place {
+        EntryPlace::Lane(_) => (lane, visit.speed_mps / 2.0, DepartSpeed::Max),
+        EntryPlace::Road(road) if plan.is_on_road(visit.lane, road) => {
+            (visit.lane, visit.position_m, speed_at_departure(visit))
+        }
+        // It was first seen behind this road.
+        EntryPlace::Road(_) => (lane, SOMEWHERE_M, DepartSpeed::Max),
     };
-    Comer {
+    Some(Comer {
         lane,
         position_m: position_m.clamp(0.0, plan.lanes[lane].length_m),
         speed,
-        way,
-        vehicle_type: visit.map(|visit| visit.driver.vehicle_type.clone()),
-        speed_factor: visit.map_or(1.0, |visit| visit.driver.speed_factor),
+        way: ways.number(&visit.way, visit.next_road.as_ref()),
+        vehicle_type: Some(visit.driver.vehicle_type.clone()),
+        speed_factor: visit.driver.speed_factor,
         waited: false,
-    }
+    })
+}
+
+/// Returns a car of the usual type that comes by an entry. `None`: its class may not use the entry.
+fn unknown(plan: &BorderPlan, ways: &Ways, entry: usize, class: &str) -> Option<Comer> {
+    let lane = plan.lane_of_entry(entry, class)?;
+    let position_m = match &plan.entries[entry].place {
+        EntryPlace::Lane(_) => 0.0,
+        EntryPlace::Road(_) => SOMEWHERE_M.min(plan.lanes[lane].length_m),
+    };
+    Some(Comer {
+        lane,
+        position_m,
+        speed: DepartSpeed::Max,
+        way: ways.default_of(entry),
+        vehicle_type: None,
+        speed_factor: 1.0,
+        waited: false,
+    })
 }
 
 /// Returns the speed of a departure: none, or the largest that is safe. Most files of routes say one of the two.
 fn speed_at_departure(visit: &Visit) -> DepartSpeed {
     if visit.speed_mps == 0.0 { DepartSpeed::Fixed(0.0) } else { DepartSpeed::Max }
-}
-
-fn first_lane(plan: &BorderPlan, road: &str) -> usize {
-    let of_road = |place: usize| plan.lanes[place].road.is_some_and(|number| plan.roads[number].road == road);
-    (0..plan.lanes.len()).find(|&place| of_road(place)).expect("cars depart on roads with lanes for cars")
 }

@@ -14,6 +14,7 @@ use rand::Rng;
 use super::doors::Doors;
 use super::entrance::draw;
 use super::global::starts;
+use super::local::DROPPED;
 use super::local_forest::{LocalForest, LocalParts, RowPlace};
 use super::recorded_local::roads_of;
 use super::recording::{Recorder, Tape};
@@ -55,6 +56,8 @@ pub struct LocalScenario {
     cars: CarTable,
     last: Transition,
     counts: Counts,
+    /// Number of arrivals at entries that no known car may use.
+    dropped: u64,
     watch: Stopwatch,
     recorder: Option<Recorder>,
 }
@@ -131,6 +134,7 @@ impl LocalScenario {
             exit_lanes,
             first_exit,
             counts: Counts::default(),
+            dropped: 0,
             watch: Stopwatch::default(),
             recorder: None,
             spec,
@@ -184,8 +188,10 @@ impl LocalScenario {
             for entry in 0..border.entries.len() {
                 if sources.row(row)[border.arrival(entry, second)] == 1 {
                     let what = [agent, entry, now.second];
-                    let comer = draw(border, &place.ways, &self.tables, what, &mut now.dice);
-                    self.doors.come(row, entry, comer);
+                    match draw(border, &place.ways, &self.tables, what, &mut now.dice) {
+                        Some(comer) => self.doors.come(row, entry, comer),
+                        None => self.dropped += 1,
+                    }
                 }
             }
         }
@@ -308,8 +314,9 @@ impl LocalSimulator for LocalScenario {
         let [came, waited] = self.doors.counts();
         let Counts { decisions, cars, speed_mmps } = self.counts;
         vec![
-            ("sampled_arrivals", came),
+            ("sampled_arrivals", came + self.dropped),
             ("waited_arrivals", waited),
+            (DROPPED, self.dropped),
             ("local_decisions", decisions),
             ("local_cars", cars),
             ("local_speed_mmps", speed_mmps),

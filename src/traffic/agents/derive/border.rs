@@ -42,7 +42,9 @@ pub fn border(roads: &Roads, region: &Region, departs_on: &BTreeSet<EdgeNo>, dec
     let is_reached = |lane: LaneNo| roads.to_lane(lane).any(|link| roads.carries_cars(link));
     let leads_on = |lane: LaneNo| roads.from_lane(lane).any(|link| roads.carries_cars(link));
     let entry_lanes: Vec<LaneNo> = of_roads().filter(|&lane| begins_outside(lane) && is_reached(lane)).collect();
-    let departures: Vec<EdgeNo> = edges.intersection(departs_on).copied().collect();
+    // Nobody sees a car depart where there are no lanes for cars, such as on a cycle track.
+    let has_cars = |edge: &EdgeNo| roads.edge(*edge).lanes.iter().any(|&lane| roads.lane(lane).carries_cars);
+    let departures: Vec<EdgeNo> = edges.intersection(departs_on).copied().filter(has_cars).collect();
     let entry_of = entries_passed(roads, &places, &entry_lanes);
     let border_lane = |&lane: &LaneNo| {
         let edge = roads.lane(lane).edge;
@@ -51,6 +53,7 @@ pub fn border(roads: &Roads, region: &Region, departs_on: &BTreeSet<EdgeNo>, dec
             lane: roads.lane(lane).id.clone(),
             road: edges.iter().position(|&other| other == edge),
             length_m: roads.lane(lane).length_m,
+            classes: roads.lane(lane).classes.clone(),
             entry: entry_of.get(&lane).copied(),
             departures: departures.map(|number| entry_lanes.len() + number),
         }
@@ -190,6 +193,18 @@ mod tests {
                 "arrival departures on back[1]",
             ]
         );
+    }
+
+    #[test]
+    fn nobody_is_seen_to_depart_on_a_road_without_lanes_for_cars() {
+        const LANE: &str = r#"<lane id="side_1" index="1""#;
+        let track = [(LANE, &*format!("{LANE} allow=\"bicycle\""))];
+        let places = |changes: &[(&str, &str)]| -> Vec<EntryPlace> {
+            plan(changes, "J", &["far", "side"]).entries.into_iter().map(|entry| entry.place).collect()
+        };
+        let on = |road: &str| EntryPlace::Road(road.to_owned());
+        assert_eq!(places(&[]), [on("far"), on("side")]);
+        assert_eq!(places(&track), [on("far")]);
     }
 
     #[test]

@@ -40,16 +40,40 @@ pub fn carries_vehicles(lane: &Element) -> bool {
     ON_ROADS.iter().any(|class| allows(lane, class))
 }
 
-/// Returns whether vehicles of a class may use a lane. `allow` wins over `disallow`; without both, everybody may.
-///
-/// Source: SUMO 1.15, `parseVehicleClasses` in `src/utils/common/SUMOVehicleClass.cpp`.
+/// Class of vehicles that no lane keeps out.
+const EVERYWHERE: &str = "ignoring";
+
+/// Returns whether vehicles of a class may use a lane.
 pub fn allows(lane: &Element, class: &str) -> bool {
-    let listed = |key: &str| lane.attribute(key).map(|classes| classes.split_whitespace().collect::<Vec<_>>());
-    let names = |classes: &[&str]| classes.contains(&class) || classes.contains(&"all");
-    match (listed("allow").filter(|allowed| !allowed.is_empty()), listed("disallow")) {
-        (Some(allowed), _) => names(&allowed),
-        (None, Some(forbidden)) => !names(&forbidden),
-        (None, None) => true,
+    Classes::of(lane).has(class)
+}
+
+/// The vehicle classes that may use a lane.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Classes {
+    listed: Vec<String>,
+    /// Whether those that are listed may use it, or all others.
+    listed_may: bool,
+}
+
+impl Classes {
+    /// Returns those of a lane. `allow` wins over `disallow`; without both, everybody may.
+    ///
+    /// Source: SUMO 1.15, `parseVehicleClasses` in `src/utils/common/SUMOVehicleClass.cpp`.
+    pub fn of(lane: &Element) -> Classes {
+        let listed = |key: &str| -> Option<Vec<String>> {
+            Some(lane.attribute(key)?.split_whitespace().map(str::to_owned).collect())
+        };
+        match listed("allow").filter(|allowed| !allowed.is_empty()) {
+            Some(allowed) => Classes { listed: allowed, listed_may: true },
+            None => Classes { listed: listed("disallow").unwrap_or_default(), listed_may: false },
+        }
+    }
+
+    /// Returns whether a class is among them.
+    pub fn has(&self, class: &str) -> bool {
+        let is_listed = self.listed.iter().any(|other| other == class || other == "all");
+        class == EVERYWHERE || is_listed == self.listed_may
     }
 }
 
@@ -93,6 +117,7 @@ mod tests {
         ] {
             let lane = parse(&format!("<lane {attributes}/>")).unwrap();
             assert_eq!(carries_cars(&lane), expected, "{attributes}");
+            assert!(allows(&lane, "ignoring"), "{attributes}");
         }
     }
 }

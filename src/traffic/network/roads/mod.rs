@@ -27,6 +27,7 @@ use anyhow::{Context, Result, ensure};
 use crate::outside::excerpt;
 use crate::traffic::network::tree::Element;
 use attributes::{tag, text};
+use carries::Classes;
 use program::Program;
 
 /// Number of a junction in [`Roads::junctions`].
@@ -122,6 +123,7 @@ pub struct Lane {
     pub carries_cars: bool,
     /// Whether anything may drive here that drives on roads, such as bicycles.
     pub carries_vehicles: bool,
+    pub classes: Classes,
 }
 
 /// A way from one lane to the next.

@@ -5,7 +5,7 @@ use std::collections::{HashMap, HashSet};
 use anyhow::{Result, ensure};
 
 use super::attributes::{count, number, tag, text, wrong};
-use super::carries::{carries_cars, carries_vehicles};
+use super::carries::{Classes, carries_cars, carries_vehicles};
 use super::program::{Program, signal};
 use super::shape::shape;
 use super::{Connection, Edge, EdgeNo, Function, Junction, JunctionNo, Lane, LaneNo, Request, Roads};
@@ -94,6 +94,7 @@ impl Roads {
             shape: shape(element)?,
             carries_cars: carries_cars(element),
             carries_vehicles: carries_vehicles(element),
+            classes: Classes::of(element),
         });
         Ok(number)
     }
