@@ -3,6 +3,7 @@
 //! Greens overlap: a lane may have green in several. So some greens can be left out, and a lane shares its flow among
 //! those that serve it.
 
+use crate::traffic::agents::derive::greens::goes;
 use crate::traffic::agents::plan::AgentPlan;
 
 /// Longest cycle. Near saturation, Webster's formula goes to infinity.
@@ -49,11 +50,15 @@ pub fn flow_ratios(plan: &AgentPlan, ratios: &[f64]) -> FlowRatios {
     best
 }
 
-/// Returns whether each link that has green somewhere has it in these greens, and as well as anywhere.
+/// Returns whether each link that has green somewhere has it in these greens, and as well as anywhere. Letters of
+/// vehicles that no agent sees, such as bicycles, have green in them, too.
 fn is_enough(plan: &AgentPlan, greens: &[usize]) -> bool {
     let served = |link: usize, greens: &[usize]| greens.iter().any(|&green| plan.serves_best(green, link));
     let all: Vec<usize> = (0..plan.greens()).collect();
+    let state = |green: usize| plan.phases.greens()[green].as_str().as_bytes();
+    let opened = |letter: usize, greens: &[usize]| greens.iter().any(|&green| goes(state(green)[letter].into()));
     (0..plan.region.links.len()).all(|link| served(link, greens) || !served(link, &all))
+        && plan.phases.cars().iter().all(|&letter| opened(letter, greens) || !opened(letter, &all))
 }
 
 fn of_choice(plan: &AgentPlan, ratios: &[f64], greens: &[usize]) -> FlowRatios {
@@ -90,6 +95,8 @@ fn carriers(plan: &AgentPlan, greens: &[usize], approach: usize) -> Vec<usize> {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
     use crate::traffic::controllers::examples::{crossing, middle};
 
@@ -108,8 +115,11 @@ mod tests {
         assert!(is_enough(&plan, &[0, 1, 2, 3]));
         // Green 3 serves the left turn from the west with `g` only, so green 1 stays.
         assert!(!is_enough(&plan, &[0, 2, 3]));
-        // Without the link from the south to the north, nobody needs green 2.
+        // Without the link from the south to the north, only vehicles that the agent does not see need green 2.
         plan.region.links[2].letter = 3;
+        assert!(!is_enough(&plan, &[0, 1, 3]));
+        // Nobody does if its letter is for people on foot.
+        plan.phases = Arc::new((*plan.phases).clone().for_cars([0, 1, 3, 4].into()));
         assert!(is_enough(&plan, &[0, 1, 3]));
         let found = flow_ratios(&plan, &[0.1, 0.05, 0.15, 0.2, 0.25]);
         assert_eq!(found, FlowRatios { greens: vec![(0, 0.25), (1, 0.05), (3, 0.15)], lost_s: 12.0 });
