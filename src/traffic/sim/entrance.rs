@@ -71,8 +71,8 @@ impl Entrance {
     }
 }
 
-/// Draws the car that arrives at an entry in a second of the episode: one that makes a recorded visit, or else one of which
-/// nothing is known. `None`: not even that one may use the entry.
+/// Draws the car that arrives at an entry in a second of the episode: one that makes a recorded visit. If none fits, it is
+/// one of which nothing is known. `None`: not even that one may use the entry.
 pub fn draw(
     plan: &BorderPlan,
     ways: &Ways,
