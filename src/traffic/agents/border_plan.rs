@@ -114,8 +114,8 @@ impl BorderPlan {
         self.lanes[lane].road.is_some_and(|number| self.roads[number].road == road)
     }
 
-    /// Returns the lane on which a vehicle of a class can begin at an entry: that of the entry, or the first one of its road
-    /// that it may use. `None`: it may use none there.
+    /// Returns the lane on which a vehicle of a class can begin at an entry. If the entry is a whole road, that is the first
+    /// lane that it may use. `None`: it may use none there.
     pub fn lane_of_entry(&self, entry: usize, class: &str) -> Option<usize> {
         let is_open = |&lane: &usize| self.lanes[lane].classes.has(class);
         match &self.entries[entry].place {

@@ -71,8 +71,8 @@ impl Entrance {
     }
 }
 
-/// Draws the car that arrives at an entry in a second of the episode: one that makes a recorded visit, or else one of which
-/// nothing is known. `None`: not even that one may use the entry.
+/// Draws the car that arrives at an entry in a second of the episode: one that makes a recorded visit. If none fits, it is
+/// one of which nothing is known. `None`: not even that one may use the entry.
 pub fn draw(
     plan: &BorderPlan,
     ways: &Ways,
@@ -132,4 +132,42 @@ fn unknown(plan: &BorderPlan, ways: &Ways, entry: usize, class: &str) -> Option<
 /// Returns the speed of a departure: none, or the largest that is safe. Most files of routes say one of the two.
 fn speed_at_departure(visit: &Visit) -> DepartSpeed {
     if visit.speed_mps == 0.0 { DepartSpeed::Fixed(0.0) } else { DepartSpeed::Max }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::traffic::agents::derive::border::Seconds;
+    use crate::traffic::agents::derive::overrides::Overrides;
+    use crate::traffic::agents::derive::{Rules, derive};
+    use crate::traffic::network::roads::example::{LIGHT_AT_U, roads};
+    use crate::traffic::sim::visits::Driver;
+
+    #[test]
+    fn a_bicycle_that_came_by_a_track_beside_the_lane_of_its_entry_does_not_come_on_that_lane() {
+        const LANE: &str = r#"<lane id="near_1" index="1""#;
+        let no_bicycles = [(LANE, &*format!("{LANE} disallow=\"bicycle\""))];
+        let roads = roads(&[&LIGHT_AT_U[..], &no_bicycles].concat());
+        let derived = derive(&roads, &Rules::default(), &Overrides::default()).unwrap();
+        let borders = derived.borders(&roads, &BTreeSet::new(), 150.0, Seconds { decision: 5, episode: 1800 });
+        let driver = Driver { vehicle_class: "bicycle".to_owned(), ..Driver::default() };
+        let visit = Visit {
+            second: 0,
+            left: None,
+            entry: Some(1),
+            departed: false,
+            lane: 1,
+            position_m: 1.0,
+            speed_mps: 4.0,
+            way: vec!["near".to_owned(), "out".to_owned()],
+            next_road: None,
+            driver: Arc::new(driver),
+        };
+        assert_eq!(borders[0].plan.entry_name(1), "near_1");
+        assert_eq!(comer(&borders[0].plan, &Ways::default(), 1, &visit), None);
+        assert_eq!(unknown(&borders[0].plan, &Ways::default(), 1, "bicycle"), None);
+    }
 }

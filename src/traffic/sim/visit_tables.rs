@@ -28,8 +28,8 @@ pub struct VisitTables {
 const OWN_CLASS: &str = "passenger";
 
 impl VisitTables {
-    /// Sorts the visits of a whole episode. Left out are those without an entry or a way, and those of vehicles that may not
-    /// use the lane of their entry: they came by another lane, which is not for cars.
+    /// Sorts the visits of a whole episode. Visits without an entry or a way are left out. So are those of vehicles that may
+    /// not use the lane of their entry: they came by a lane beside it.
     pub fn new(visits: Visits, borders: &[Border]) -> VisitTables {
         let parts = Parts::of(visits.seconds);
         let mut places: Vec<Vec<Vec<Vec<usize>>>> =
