@@ -101,7 +101,7 @@ impl Local {
         let policies = initial_policies(&**domain, config, &agents[..1]);
         let streams: Vec<AgentStream> =
             agents.iter().map(|&agent| AgentStream::begin(config, &policies, agent)).collect();
-        let ials = Ials::resume(simulators, &mut **predictor, &streams, config.local_simulators.stagger)?;
+        let ials = Ials::resume(simulators, &mut **predictor, &streams, config.local_simulators.stagger, &mut || ())?;
         view.put(&ials.percepts()[0]);
         view.memory.show()?;
         Ok(Running { ials, view })
