@@ -323,8 +323,13 @@ fn a_departure_tells_all_that_it_takes_to_let_the_same_car_enter_again() {
         assert_eq!((car.speed_mps, car.speed_factor), (0.0, 1.0));
     }
     assert_eq!(cars[0].id, CarId(7));
+    let mut departed = simulation.departed().unwrap();
+    departed.sort();
+    let mut all: Vec<CarId> = cars.iter().map(|car| car.id).collect();
+    all.sort();
+    assert_eq!(departed, all);
     simulation.step().unwrap();
-    assert_eq!(simulation.departures().unwrap(), []);
+    assert_eq!((simulation.departures().unwrap(), simulation.departed().unwrap()), (vec![], vec![]));
 }
 
 #[test]

@@ -196,10 +196,6 @@ mod tests {
     ) -> RunRecord {
         let returns = Returns { mean: 1.0, median: 1.0, std_error: 0.0, stuck: 0 };
         RunRecord {
-            dir: PathBuf::new(),
-            config: config(simulator, 1000),
-            about: Default::default(),
-            scenario: Some(Scenario::new("warehouse", agents, 10)),
             evaluations: vec![EvaluationRecord {
                 steps: 1000,
                 all: returns,
@@ -207,12 +203,10 @@ mod tests {
                 episodes: None,
                 episode_returns: Vec::new(),
             }],
-            aip_trainings: Vec::new(),
-            fresh_losses: Vec::new(),
-            likeness: Vec::new(),
             periods: vec![PeriodTime { steps: 1000, elapsed_s, evaluation_s, influence_s, ..PeriodTime::default() }],
             memory: Some(MemoryRecord { process_mb: 0.0, total_mb: 0.0, total_pss_mb: Some(332.0) }),
             workers,
+            ..RunRecord::empty(config(simulator, 1000), Some(Scenario::new("warehouse", agents, 10)))
         }
     }
 

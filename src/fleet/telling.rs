@@ -1,4 +1,4 @@
-//! A controller that tells at every decision how far its episodes are.
+//! A controller that reports at every decision which share of its episodes is played.
 //!
 //! Some episodes take longer than the coordinator waits for a word of its workers: a whole day of a large map. A worker
 //! that spoke only between episodes would look as if it hung.
@@ -7,7 +7,7 @@ use crate::base::{Activity, Seed};
 use crate::domain::{Action, Controller, JointPercept, Result};
 use crate::training::observer::Observer;
 
-/// A controller whose decisions are told to an observer.
+/// A controller that reports its progress to an observer.
 pub struct Telling<'a> {
     inner: &'a mut dyn Controller,
     observer: &'a dyn Observer,

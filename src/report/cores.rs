@@ -38,18 +38,17 @@ impl ByCores {
         let (_, runs) = group.finals()?;
         let mut seconds: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
         let mut updates = Vec::new();
-        let mut most = agents;
+        // A shared policy has only one learner.
+        let most = if runs.iter().any(|run| run.config.shares_policies()) { 1 } else { agents };
         for run in runs {
             let time = run.time_at(steps)?;
             seconds.entry(run.workers).or_default().push(time.runtime_s());
-            if run.config.shares_policies() {
-                most = 1; // There is only one policy to update.
-            }
             // On the GS as many threads as there are workers make the updates.
             updates.push(time.update_s * run.workers.min(most) as f64);
         }
         let cpu_s = cpu.runtime_s();
-        let shared_s = if group.simulator() == "gs" { mean(&updates).min(cpu_s) } else { cpu_s };
+        let is_global = group.simulator() == "gs";
+        let shared_s = if is_global { mean(&updates).min(cpu_s) } else { cpu_s };
         Some(ByCores {
             steps,
             alone_s: cpu_s - shared_s,

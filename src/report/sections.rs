@@ -38,8 +38,8 @@ const RULES: [&str; 11] = [
      rewards are the same. Every other network has its own.",
     "The median agent is the median of the mean returns of a run's agents. A single failed agent hardly changes it.",
     "Runtime is wall time without evaluations. Influence is the collection of datasets and the training of the AIPs. \
-     In every period both are those of the slowest worker. Agents training is the rest. CPU time is the user and system time of all processes, without \
-     evaluations. Other work on the machine changes it less than wall time.",
+     In every period both are those of the slowest worker. Agents training is the rest. CPU time is the user and system \
+     time of all processes, without evaluations. Other work on the machine changes it less than wall time.",
     "The paper's returns were read off its plots. Its runtimes and memory are from its tables.",
 ];
 

@@ -7,6 +7,7 @@ use std::cell::Cell;
 use std::ffi::{CStr, CString, c_char, c_int};
 use std::marker::PhantomData;
 use std::mem::MaybeUninit;
+use std::ptr;
 use std::slice;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -254,6 +255,16 @@ impl Crossing {
                 speed_factor: factors[car],
             })
             .collect())
+    }
+
+    pub(super) fn departed(&mut self) -> Result<Vec<CarId>> {
+        let (mut count, mut cars) = (0, ptr::null());
+        // SAFETY: we have the turn; both are only written to.
+        check(unsafe { ffi::ds_read_departed(&mut count, &mut cars) }, "read which cars have departed")?;
+        // SAFETY: the call succeeded, so there are `count` numbers. They are valid until the next call, which needs
+        // `&mut self`.
+        let cars = unsafe { array(cars, count) };
+        Ok(cars.iter().copied().map(CarId).collect())
     }
 
     pub(super) fn route(&mut self, car: &str) -> Result<RouteNow> {

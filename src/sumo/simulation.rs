@@ -3,7 +3,7 @@
 use super::call::{self, Crossing, IdKind};
 use super::error::{Error, Result};
 use super::events::{DepartSpeed, Departure, Entering, Insertion, Placing, RouteNow, StepCounts};
-use super::ids::{LaneId, LightId, RouteId, TypeId};
+use super::ids::{CarId, LaneId, LightId, RouteId, TypeId};
 use super::signal::SignalState;
 use super::table::CarTable;
 
@@ -186,6 +186,12 @@ impl Simulation {
     pub fn departures(&mut self) -> Result<Vec<Departure>> {
         self.check_whole()?;
         self.crossing.departures()
+    }
+
+    /// Returns the numbers of the cars that entered in the last step. This takes less time than [`Self::departures`].
+    pub fn departed(&mut self) -> Result<Vec<CarId>> {
+        self.check_whole()?;
+        self.crossing.departed()
     }
 
     /// Returns the route of a car on the road as it is now: SUMO may have changed it since the car entered. `car`: its

@@ -432,6 +432,18 @@ int ds_read_departures(struct ds_departures *out) {
     });
 }
 
+int ds_read_departed(size_t *count, const uint64_t **out) {
+    static std::vector<uint64_t> cars;
+    return guarded([&] {
+        cars.clear();
+        for (const auto &car : Simulation::getDepartedIDList()) {
+            cars.push_back(identity(car));
+        }
+        *count = cars.size();
+        *out = cars.data();
+    });
+}
+
 int ds_read_route(const char *car, struct ds_route *route) {
     static std::string edges;
     return guarded([&] {

@@ -112,6 +112,9 @@ struct ds_departures {
 };
 int ds_read_departures(struct ds_departures *departures);
 
+/* Only the numbers of these cars. */
+int ds_read_departed(size_t *count, const uint64_t **cars);
+
 /* The route of a car that has entered, as it is now: its edges with \x1f between, and the index of the edge on which the
  * car is. In a junction it is that of the edge before. */
 struct ds_route {

@@ -129,8 +129,10 @@ impl Doors {
     /// Takes the cars out of the queues that have departed in the step, wherever they are, and the others out of SUMO. So no
     /// car is on the road and still waits. No other car has got a number since they tried.
     pub fn note_entered(&mut self, forest: &mut LocalForest, tried: &Tried) -> Result<()> {
-        let departures = forest.simulation.departures()?;
-        let departed: HashSet<CarId> = departures.iter().map(|departure| departure.id).collect();
+        if tried.places.is_empty() {
+            return Ok(());
+        }
+        let departed: HashSet<CarId> = forest.simulation.departed()?.into_iter().collect();
         let first = self.serial - tried.places.len() as u64;
         let mut all_in = true;
         for (number, &(row, entry)) in (first..).zip(&tried.places) {

@@ -30,16 +30,6 @@ const ON_ROADS: [&str; 19] = [
     "custom2",
 ];
 
-/// Returns whether passenger cars or buses may use a lane.
-pub fn carries_cars(lane: &Element) -> bool {
-    CARS.iter().any(|car| allows(lane, car))
-}
-
-/// Returns whether some vehicle that drives on roads may use a lane, such as a bicycle.
-pub fn carries_vehicles(lane: &Element) -> bool {
-    ON_ROADS.iter().any(|class| allows(lane, class))
-}
-
 /// Class of vehicles that no lane keeps out.
 const EVERYWHERE: &str = "ignoring";
 
@@ -75,6 +65,16 @@ impl Classes {
         let is_listed = self.listed.iter().any(|other| other == class || other == "all");
         class == EVERYWHERE || is_listed == self.listed_may
     }
+
+    /// Returns whether passenger cars or buses are among them.
+    pub fn has_cars(&self) -> bool {
+        CARS.iter().any(|class| self.has(class))
+    }
+
+    /// Returns whether some vehicle that drives on roads is among them, such as a bicycle.
+    pub fn has_vehicles(&self) -> bool {
+        ON_ROADS.iter().any(|class| self.has(class))
+    }
 }
 
 #[cfg(test)]
@@ -83,41 +83,27 @@ mod tests {
     use crate::traffic::network::tree::parse;
 
     #[test]
-    fn cycle_paths_are_for_vehicles_and_footpaths_and_rails_are_not() {
-        for (attributes, expected) in [
-            ("", true),
-            ("allow='bicycle'", true),
-            ("allow='bicycle pedestrian'", true),
-            ("allow='delivery'", true),
-            ("disallow='passenger bus'", true),
-            ("allow='pedestrian'", false),
-            ("allow='rail_urban tram'", false),
-            ("disallow='all'", false),
+    fn cycle_paths_are_for_vehicles_but_not_for_cars_and_bus_lanes_are_for_both() {
+        for (attributes, [cars, vehicles]) in [
+            ("", [true, true]),
+            ("allow=''", [true, true]),
+            ("allow='all'", [true, true]),
+            ("allow='bus taxi'", [true, true]),
+            ("allow='passenger' disallow='all'", [true, true]),
+            ("disallow='tram rail'", [true, true]),
+            ("disallow='passenger'", [true, true]),
+            ("disallow='passenger bus'", [false, true]),
+            ("allow='delivery'", [false, true]),
+            ("allow='bicycle'", [false, true]),
+            ("allow='bicycle pedestrian'", [false, true]),
+            ("allow='pedestrian'", [false, false]),
+            ("allow='rail_urban tram'", [false, false]),
+            ("disallow='all'", [false, false]),
         ] {
             let lane = parse(&format!("<lane {attributes}/>")).unwrap();
-            assert_eq!(carries_vehicles(&lane), expected, "{attributes}");
-        }
-    }
-
-    #[test]
-    fn footpaths_and_rails_are_not_for_cars_and_bus_lanes_are() {
-        for (attributes, expected) in [
-            ("", true),
-            ("allow=''", true),
-            ("allow='all'", true),
-            ("allow='bus taxi'", true),
-            ("allow='passenger' disallow='all'", true),
-            ("disallow='tram rail'", true),
-            ("disallow='passenger'", true),
-            ("disallow='passenger bus'", false),
-            ("disallow='all'", false),
-            ("allow='pedestrian'", false),
-            ("allow='rail_urban tram'", false),
-            ("allow='bicycle pedestrian'", false),
-        ] {
-            let lane = parse(&format!("<lane {attributes}/>")).unwrap();
-            assert_eq!(carries_cars(&lane), expected, "{attributes}");
-            assert!(allows(&lane, "ignoring"), "{attributes}");
+            let classes = Classes::of(&lane);
+            assert_eq!([classes.has_cars(), classes.has_vehicles()], [cars, vehicles], "{attributes}");
+            assert!(allows(&lane, EVERYWHERE), "{attributes}");
         }
     }
 }

@@ -5,7 +5,7 @@ use std::collections::{HashMap, HashSet};
 use anyhow::{Result, ensure};
 
 use super::attributes::{count, number, tag, text, wrong};
-use super::carries::{Classes, carries_cars, carries_vehicles};
+use super::carries::Classes;
 use super::program::{Program, signal};
 use super::shape::shape;
 use super::{Connection, Edge, EdgeNo, Function, Junction, JunctionNo, Lane, LaneNo, Request, Roads};
@@ -86,15 +86,16 @@ impl Roads {
         ensure!(taken.is_none(), "{}: there are two lanes of this id; {REMAKE}", tag(element));
         let length_m = self::number(element, "length", 0.0)?;
         ensure!(length_m > 0.0, wrong(element, "length", "must be more than 0"));
+        let classes = Classes::of(element);
         self.lanes.push(Lane {
             id: id.to_owned(),
             edge,
             length_m,
             speed_limit_mps: self::number(element, "speed", 0.0)?,
             shape: shape(element)?,
-            carries_cars: carries_cars(element),
-            carries_vehicles: carries_vehicles(element),
-            classes: Classes::of(element),
+            carries_cars: classes.has_cars(),
+            carries_vehicles: classes.has_vehicles(),
+            classes,
         });
         Ok(number)
     }
