@@ -2,7 +2,7 @@
 
 use anyhow::{Result, ensure};
 
-use super::{Config, DomainConfig, Retrain, imitation};
+use super::{Config, Retrain, imitation};
 
 pub(super) fn check(config: &Config) -> Result<()> {
     if let Some(domain) = &config.domain {
@@ -16,8 +16,7 @@ pub(super) fn check(config: &Config) -> Result<()> {
     check_aip(config)?;
     imitation::check(config)?;
     config.domain.as_ref().map_or(Ok(()), |domain| {
-        // The episodes of a scenario are as long as its user wants, and on the GS nobody collects datasets.
-        if config.simulator.trains_predictors() || !matches!(domain, DomainConfig::Scenario(_)) {
+        if config.simulator.trains_predictors() {
             check_datasets(config, domain.horizon())?;
         }
         imitation::check_episodes(config, domain.horizon())
@@ -221,6 +220,9 @@ fn check_datasets(config: &Config, horizon: usize) -> Result<()> {
         "aip.dataset_steps = {}: must span at least 2 episodes of {horizon} steps, one to train on and one held out",
         aip.dataset_steps
     );
+    if !config.predictor().reads("batch") {
+        return Ok(());
+    }
     let episodes = episodes - held_out_episodes(episodes, aip.held_out);
     let (training, what) = match aip.recurrent {
         Some(_) => (episodes, "episodes"),

@@ -37,10 +37,13 @@ pub enum AipTraining {
 pub fn schedule(config: &Config) -> Vec<Period> {
     let evaluate_every = config.evaluation.every_steps;
     let trains_aips = config.simulator.trains_predictors();
-    let last_update = config.update_at_or_after(config.last_step());
+    let update = |step| config.update_at_or_after(step);
+    let last_update = update(config.last_step());
     let mut bounds: Vec<u64> = all_bounds(config).into_iter().collect();
-    let reached = bounds.iter().position(|&bound| config.update_at_or_after(bound) >= last_update);
+    let reached = bounds.iter().position(|&bound| update(bound) >= last_update);
     bounds.truncate(reached.expect("the last step is one of them") + 1);
+    // An evaluation comes before all else that is due at the same update, also if its multiple is larger.
+    let evaluates = |start: u64| update(start.next_multiple_of(evaluate_every)) == update(start);
     let train_aips = |start: u64| match config.aip.retrain {
         _ if !trains_aips => AipTraining::No,
         _ if start == 0 => AipTraining::Yes,
@@ -50,13 +53,13 @@ pub fn schedule(config: &Config) -> Vec<Period> {
     };
     // Averages are due at the first update at or after each multiple, wherever the periods end.
     let averages = |start: u64, end: u64| {
-        let [start, end, last] = [start, end, config.total_steps].map(|step| config.update_at_or_after(step));
+        let [start, end, last] = [start, end, config.total_steps].map(update);
         config.policy.average_every_steps.is_some_and(|every| end / every > start / every || end == last)
     };
     let periods = bounds.windows(2).map(|bound| Period {
         start: bound[0],
         end: bound[1],
-        evaluate: bound[0].is_multiple_of(evaluate_every),
+        evaluate: evaluates(bound[0]),
         train_aips: train_aips(bound[0]),
         average: averages(bound[0], bound[1]),
     });
@@ -138,6 +141,15 @@ mod tests {
             ]
         );
     }
+    #[test]
+    fn policies_are_evaluated_before_aips_are_trained_at_the_same_update() {
+        let mut config = config("dials", 400, 65, 70);
+        config.ppo.memory = 64;
+        // 65 and 70 are both at the update at 128, and 130 and 140 at 192. So are 195 and 210 at 256, 260 and 280 at 320.
+        let due = work(&config, &schedule(&config));
+        let first = [0, 128, 192, 256, 320].map(|at| due.iter().find(|work| work.at() == at).unwrap());
+        assert!(first.iter().all(|work| matches!(work, Work::Evaluates(_))), "{due:?}");
+    }
 
     #[test]
     fn checkpoints_of_their_own_begin_periods_without_evaluation_or_training() {
@@ -183,6 +195,12 @@ mod tests {
         Evaluates(u64),
         TrainsAips(u64),
         Averages(u64),
+    }
+    impl Work {
+        fn at(&self) -> u64 {
+            let (Work::Evaluates(at) | Work::TrainsAips(at) | Work::Averages(at)) = *self;
+            at
+        }
     }
 
     fn work(config: &Config, periods: &[Period]) -> Vec<Work> {

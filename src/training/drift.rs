@@ -30,7 +30,7 @@ impl Moment {
 }
 
 /// Loss of the AIPs on new episodes, divided by the loss of the best constants. Both are means over all agents and
-/// sources.
+/// sources. The share is 1 where no source varies: then there is nothing to know, and constants have no loss.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Drift {
@@ -43,7 +43,7 @@ pub struct Drift {
 impl Drift {
     pub fn note(&mut self, after: Moment, losses: &[FreshLoss]) {
         let [loss, constants] = FreshLoss::means_of_all(losses);
-        self.share_now = Some(loss / constants);
+        self.share_now = Some(if constants > 0.0 { loss / constants } else { 1.0 });
         if after == Moment::Training {
             self.share_after_training = self.share_now;
         }
@@ -82,5 +82,13 @@ mod tests {
         assert!((drift.percent() + 10.0).abs() < 1e-9, "it may also fall");
         drift.note(Moment::Training, &losses([0.1, 0.1], 0.5));
         assert_eq!(drift.percent(), 0.0);
+    }
+
+    #[test]
+    fn it_shows_after_a_training_on_episodes_in_which_nothing_varied() {
+        let mut drift = Drift::default();
+        drift.note(Moment::Training, &losses([0.01, 0.01], 0.0));
+        drift.note(Moment::Evaluation, &losses([0.75, 0.75], 0.5));
+        assert!((drift.percent() - 50.0).abs() < 1e-9);
     }
 }
