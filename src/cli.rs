@@ -177,7 +177,7 @@ pub struct EvaluateArgs {
     #[arg(long, value_name = "NAME", requires = "agents")]
     pub background: Option<String>,
     /// Agents that use their trained policies, by number or name, such as 0,3 or r0c0,r1c1
-    #[arg(long, value_name = "AGENT,...", value_delimiter = ',', requires = "background")]
+    #[arg(long, value_name = "AGENT,...", allow_hyphen_values = true, value_delimiter = ',', requires = "background")]
     pub agents: Vec<String>,
     #[command(flatten)]
     pub output: OutputArgs,
@@ -227,7 +227,7 @@ pub struct CheckArgs {
     /// Config file of traffic, or a .sumocfg
     pub config: PathBuf,
     /// Light to measure; can be repeated [default: all]
-    #[arg(long = "light", value_name = "ID")]
+    #[arg(long = "light", value_name = "ID", allow_hyphen_values = true)]
     pub lights: Vec<String>,
     /// How much all cars of a scenario dawdle, from 0 to 1; with 0 nothing is random [default: as their types say]
     #[arg(long, value_name = "SIGMA", value_parser = values::sigma)]
@@ -312,7 +312,7 @@ pub struct OutputArgs {
     pub plot: Option<PathBuf>,
     /// On a scenario: edges that follow each other, along which --plot draws the time-space diagram [default: the route
     /// of a car on which lights meet the most cars]
-    #[arg(long, value_name = "EDGE,EDGE,...", requires = "plot")]
+    #[arg(long, value_name = "EDGE,EDGE,...", requires = "plot", allow_hyphen_values = true)]
     pub route: Option<String>,
     /// Seconds of the first episode that --plot shows, such as 600,1200 [default: all]
     #[arg(long, value_name = "FROM,TO", requires = "plot", value_parser = values::seconds)]
@@ -337,7 +337,7 @@ pub struct ReplayArgs {
     #[arg(long, value_name = "N")]
     pub episode_seed: Option<u64>,
     /// Replay the local simulator of this agent, by number or name, with the cars that its influence predictor sends
-    #[arg(long, value_name = "AGENT", conflicts_with = "controller")]
+    #[arg(long, value_name = "AGENT", conflicts_with = "controller", allow_hyphen_values = true)]
     pub local: Option<String>,
     /// Take the most probable action instead of sampling
     #[arg(long, conflicts_with = "controller")]
@@ -408,7 +408,7 @@ pub struct CompareArgs {
     /// The other side of the comparison, in the same form
     pub b: String,
     /// Return to reach, for the steps and time to it [default: the lower final return minus 5 % of its size]
-    #[arg(long, value_name = "RETURN", value_parser = values::finite)]
+    #[arg(long, value_name = "RETURN", value_parser = values::finite, allow_negative_numbers = true)]
     pub reach: Option<f64>,
     /// Print one JSON object instead of a table
     #[arg(long)]
@@ -443,7 +443,7 @@ pub enum NetsCommand {
         #[arg(value_name = "FILE.sumocfg")]
         file: PathBuf,
         /// Light to cut out
-        #[arg(long, value_name = "ID")]
+        #[arg(long, value_name = "ID", allow_hyphen_values = true)]
         light: String,
         /// Number of edges that cars still see behind an exit, one behind the other; no edge begins farther than 150 m
         /// behind it
@@ -475,7 +475,7 @@ pub struct InspectArgs {
     #[arg(value_name = "FILE.sumocfg|FILE.net.xml")]
     pub file: PathBuf,
     /// Show this light in full: greens, yellows, approaches, exits, observation columns
-    #[arg(long, value_name = "ID", conflicts_with_all = ["all", "json"])]
+    #[arg(long, value_name = "ID", conflicts_with_all = ["all", "json"], allow_hyphen_values = true)]
     pub light: Option<String>,
     /// Show all lights in full
     #[arg(long, conflicts_with = "json")]

@@ -74,6 +74,8 @@ fn every_light_has_a_line_and_one_can_be_shown_in_full() {
     assert!(all.matches("\nlight ").count() == 20 && !one.contains("\nlight "), "{one}");
     let unknown = refusal(&[&town, "--light", "B2"]);
     assert!(unknown.contains("no light `B2` is here, but `b2`") && unknown.contains("without the option"), "{unknown}");
+    let unknown = refusal(&[&town, "--light", "-38#1"]);
+    assert!(unknown.contains("no light `-38#1` is here"), "names of real maps may begin so: {unknown}");
     inspect(&[&town, "--light", "b2", "--all"]).assert().code(2);
 }
 
@@ -148,6 +150,8 @@ fn what_cannot_be_inspected_is_refused_with_its_place() {
     assert!(refusal(&[&routes]).contains("b.net.xml: is not a SUMO network: its root is <routes>, not <net>"));
     let dark = write("c.net.xml", "<net/>");
     assert!(refusal(&[&dark]).contains("c.net.xml: has no traffic light: no element <tlLogic>"));
+    let config = refusal(&["configs/town.toml"]);
+    assert!(config.contains("configs/town.toml: is a config of this program; inspect the .sumocfg"), "{config}");
     let wrong = write("agents.toml", "[light.x]\nyelow_s = 3");
     let told = refusal(&[&net("grid_2x2.net.xml"), "--agents", &wrong]);
     assert!(told.contains("agents.toml: ") && told.contains("unknown field `yelow_s`"), "{told}");

@@ -211,6 +211,16 @@ fn too_few_open_files_are_one_error_with_the_way_out() {
     assert!(told > 0);
 }
 
+#[test]
+fn a_disk_that_is_full_for_csv_files_costs_no_figure_that_was_played() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = write_config(dir.path());
+    let args = ["baseline", config.to_str().unwrap(), "--compare", "random,oldest-item", "--csv", "csv"];
+    let ended = run(limited("--fsize=64", args).current_dir(dir.path()));
+    ended.assert_failed(1, &["episodes.csv", "way out: "]);
+    assert!(ended.stdout.contains("\nrandom ") && ended.stdout.contains("\noldest-item "), "{}", ended.stdout);
+}
+
 /// Says what this machine cannot test, even if the output of tests that pass is hidden.
 fn not_tested(what: &str, why: &str) {
     let line = format!("not tested: {what}: {}\n", why.trim());

@@ -184,6 +184,20 @@ fn fits(name: &str, pattern: &str) -> bool {
     }
 }
 
+const REMOVES: &str = "cars that SUMO takes off the road would count as cars that arrived";
+const DROPS: &str = "cars that SUMO no longer lets wait would be missing from all figures";
+
+/// Returns why a value is refused of an option that is carried over with others; `None` if it is not.
+pub(super) fn refused_value(name: &str, value: &str) -> Option<&'static str> {
+    match name {
+        "time-to-teleport.remove" if !is_off(value) => Some(REMOVES),
+        "collision.action" if value == "remove" => Some(REMOVES),
+        // Less than 0 is SUMO's default: they wait until there is room.
+        "max-depart-delay" if !value.starts_with('-') => Some(DROPS),
+        _ => None,
+    }
+}
+
 /// Returns whether a value switches an option off that would be refused otherwise.
 pub(super) fn is_off(value: &str) -> bool {
     let no = ["false", "no", "off", "f", "-", ""].contains(&value.to_ascii_lowercase().as_str());
@@ -204,6 +218,20 @@ mod tests {
         assert_eq!(fate_of("device.toc.probability"), Some(Refused(DEVICE)));
         assert_eq!(fate_of("no-such-option"), None);
         assert_eq!((whole_name("b"), whole_name("begin")), ("begin", "begin"));
+    }
+
+    #[test]
+    fn options_by_which_cars_vanish_are_refused() {
+        for (name, refused, carried) in [
+            ("time-to-teleport.remove", "true", "false"),
+            ("collision.action", "remove", "teleport"),
+            ("max-depart-delay", "0", "-1"),
+        ] {
+            assert_eq!(fate_of(name), Some(Carried));
+            assert!(refused_value(name, refused).is_some(), "{name}");
+            assert_eq!(refused_value(name, carried), None, "{name}");
+        }
+        assert_eq!(refused_value("time-to-teleport", "30"), None);
     }
 
     #[test]

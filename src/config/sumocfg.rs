@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
 
-use super::sumo_options::{Fate, fate_of, is_off, whole_name};
+use super::sumo_options::{Fate, fate_of, is_off, refused_value, whole_name};
 use super::sumo_time::seconds;
 use crate::outside::excerpt;
 use crate::outside::tree::{Element, parse_file, read_whole};
@@ -128,7 +128,12 @@ impl Reading {
             ),
             _ => match fate_of(name) {
                 None => bail!("is no option of SUMO that this program knows; remove it"),
-                Some(Fate::Carried) => self.options.push((name.to_owned(), plain(value)?.to_owned())),
+                Some(Fate::Carried) => {
+                    if let Some(why) = refused_value(name, value) {
+                        bail!("is {}, and {why}; remove it", excerpt(value));
+                    }
+                    self.options.push((name.to_owned(), plain(value)?.to_owned()));
+                }
                 Some(Fate::LeftOut(why)) if !is_off(value) => self.left_out.push(format!("option {name}: {why}")),
                 Some(Fate::Refused(why)) if !is_off(value) => {
                     bail!("is {}, and {why}; remove it", excerpt(value))
@@ -250,6 +255,16 @@ mod tests {
             (
                 "<load-state value='x'/>",
                 "<load-state>: is x, and it reads a file that this program does not copy into a run directory; remove it",
+            ),
+            (
+                "<time-to-teleport.remove value='true'/>",
+                "<time-to-teleport.remove>: is true, and cars that SUMO takes off the road would count as cars that \
+                 arrived; remove it",
+            ),
+            (
+                "<max-depart-delay value='60'/>",
+                "<max-depart-delay>: is 60, and cars that SUMO no longer lets wait would be missing from all figures; \
+                 remove it",
             ),
             // A switch of SUMO takes no value that begins with `-`, but the next option.
             (

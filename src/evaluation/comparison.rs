@@ -62,10 +62,15 @@ fn signed_cell(interval: Interval) -> String {
     if cell.starts_with('-') { cell } else { format!("+{cell}") }
 }
 
+/// Letters of a label that stands in the line of its cells. A longer one, such as the name of a light of a real map, has a
+/// line of its own.
+const LABEL_COLUMNS: usize = 40;
+
 /// Returns a table with one line per label. If it is wider than [`TERMINAL_COLUMNS`], its columns are split into several
 /// tables.
 pub(super) fn blocks(names: &[&str], labels: &[String], cells: &[Vec<String>]) -> String {
-    let label_width = labels.iter().map(|label| label.chars().count()).max().unwrap_or(0);
+    let widths = labels.iter().map(|label| label.chars().count());
+    let label_width = widths.filter(|&width| width <= LABEL_COLUMNS).max().unwrap_or(0);
     let widths: Vec<usize> = (0..names.len())
         .map(|column| cells.iter().map(|line| line[column].len()).chain([names[column].len()]).max().unwrap_or(0))
         .collect();
@@ -79,9 +84,10 @@ pub(super) fn blocks(names: &[&str], labels: &[String], cells: &[Vec<String>]) -
             end += 1;
         }
         let line = |label: &str, cells: &[&str]| {
-            let padding = " ".repeat(label_width - label.chars().count());
+            let (own_line, label) =
+                if label.chars().count() > label_width { (format!("{label}\n"), "") } else { (String::new(), label) };
             let cells = cells.iter().zip(&widths[begin..end]).map(|(cell, width)| format!("  {cell:>width$}"));
-            format!("{label}{padding}{}", cells.collect::<String>())
+            format!("{own_line}{label:<label_width$}{}", cells.collect::<String>())
         };
         let mut lines = vec![line("", &names[begin..end])];
         for (label, cells) in labels.iter().zip(cells) {
@@ -91,4 +97,20 @@ pub(super) fn blocks(names: &[&str], labels: &[String], cells: &[Vec<String>]) -
         begin = end;
     }
     blocks.join("\n\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_label_has_a_line_of_its_own() {
+        let long = "cluster_".repeat(8);
+        let table = blocks(
+            &["return", "delay"],
+            &[long.clone(), "J".to_owned()],
+            &[1, 2].map(|line| vec![format!("{line}.5"), format!("{line}7.0")]),
+        );
+        assert_eq!(table, format!("   return  delay\n{long}\n      1.5   17.0\nJ     2.5   27.0"));
+    }
 }

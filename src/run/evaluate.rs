@@ -1,6 +1,6 @@
 //! `evaluate` and `baseline`: both play the same episodes and print the same figures.
 
-use anyhow::ensure;
+use anyhow::{bail, ensure};
 use serde_json::{Value, json};
 
 use super::csv_files::CsvFiles;
@@ -12,7 +12,7 @@ use super::plot::Plots;
 use super::render::render;
 use super::subject::{Background, Subject, agent_called};
 use super::tune::tune;
-use crate::base::Seed;
+use crate::base::{AgentId, Seed};
 use crate::cli;
 use crate::config::{Config, load};
 use crate::domain::{Baseline, Domain};
@@ -26,7 +26,8 @@ use crate::traffic;
 pub fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
     let (config, domain) = directory::open_unchanged(&args.run_dir, domain::open).map_err(Error::Usage)?;
     let agents = args.agents.iter().map(|word| agent_called(&*domain, word, "--agents")).collect::<anyhow::Result<_>>();
-    let policies_of = agents.map_err(Error::Usage)?;
+    let policies_of: Vec<AgentId> = agents.map_err(Error::Usage)?;
+    check_once(&*domain, &policies_of).map_err(Error::Usage)?;
     let background = args.background.clone().map(|controller| Background { controller, policies_of });
     let subject = Subject::Run { dir: args.run_dir.clone(), greedy: args.greedy, background };
     let plots = Plots::asked_for(&args.output, &config).map_err(Error::Usage)?;
@@ -34,9 +35,16 @@ pub fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
     let session = Session::new(domain, &config, &args.episodes, &args.output)?;
     let subjects = vec![subject];
     let csv = session.prepare(&subjects)?;
-    let findings = session.play(subjects, csv)?;
+    let (findings, written) = session.play(subjects, csv)?;
     session.tell_one(&findings[0], &[])?;
-    session.draw(plots.as_ref(), &findings[0], format!("policies of {}", findings[0].player.label))
+    session.draw(plots.as_ref(), &findings[0], format!("policies of {}", findings[0].player.label))?;
+    written
+}
+
+/// Checks that `--agents` names no agent twice.
+fn check_once(domain: &dyn Domain, agents: &[AgentId]) -> anyhow::Result<()> {
+    let twice = agents.iter().enumerate().find(|(place, agent)| agents[..*place].contains(agent));
+    twice.map_or(Ok(()), |(_, &agent)| bail!("--agents: {} is named twice; leave one", domain.agent_name(agent)))
 }
 
 pub fn baseline(args: &cli::BaselineArgs) -> Result<()> {
@@ -56,14 +64,16 @@ pub fn baseline(args: &cli::BaselineArgs) -> Result<()> {
     if args.tune {
         tune(&config, args.tune_episodes as usize, &mut subjects)?;
     }
-    let findings = session.play(subjects, csv)?;
+    let (findings, written) = session.play(subjects, csv)?;
     if args.compare.is_some() {
-        return session.tell_all(&findings, &about);
+        session.tell_all(&findings, &about)?;
+        return written;
     }
     let finding = &findings[0];
     session.tell_one(finding, &about)?;
     let config = args.config.file_name().unwrap_or_default().to_string_lossy();
-    session.draw(plots.as_ref(), finding, format!("controller {} on {config}", finding.player.label))
+    session.draw(plots.as_ref(), finding, format!("controller {} on {config}", finding.player.label))?;
+    written
 }
 
 /// The episodes of one command and its output options.
@@ -111,10 +121,12 @@ impl<'a> Session<'a> {
         self.output.render.as_deref().map_or(Ok(()), |dir| outputs::check_free(dir, "--render", self.existing()))
     }
 
-    /// Lets all subjects play the same episodes, one subject after the other.
-    fn play(&self, subjects: Vec<Subject>, mut csv: Option<CsvFiles>) -> Result<Vec<Finding>> {
+    /// Lets all subjects play the same episodes, one subject after the other. Returns what was found, and whether it is in
+    /// the files of `--csv`: a full disk must not cost what was played.
+    fn play(&self, subjects: Vec<Subject>, mut csv: Option<CsvFiles>) -> Result<(Vec<Finding>, Result<()>)> {
         let bar = EpisodeBar::new(subjects.len() * self.episodes);
         let mut findings = Vec::new();
+        let mut written = Ok(());
         for (number, subject) in subjects.into_iter().enumerate() {
             let Baseline { mut simulator, mut controller } = subject.open(self.domain).map_err(Error::Usage)?;
             let (simulator, controller) = (&mut *simulator, &mut *controller);
@@ -126,11 +138,13 @@ impl<'a> Session<'a> {
                 .measure_in_full()
                 .and_then(|()| play_episodes(simulator, controller, Seed::new(self.seed), self.episodes, progress));
             let finding = Finding { player: subject.player(), episodes: played.map_err(Error::Run)? };
-            csv.as_mut().map_or(Ok(()), |csv| csv.append(&finding)).map_err(Error::Run)?;
+            if let (Ok(()), Some(csv)) = (&written, &mut csv) {
+                written = csv.append(&finding).map_err(Error::Run);
+            }
             findings.push(finding);
         }
         bar.finish();
-        Ok(findings)
+        Ok((findings, written))
     }
 
     fn tell_one(&self, finding: &Finding, about: &[(&str, Value)]) -> Result<()> {

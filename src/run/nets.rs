@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 
 use super::inspect::inspect;
 use super::outputs::{check_free, check_not_of_a_run};
@@ -25,6 +25,13 @@ use crate::traffic::scenario::SumoScenario;
 pub fn nets(args: &NetsCommand) -> CommandResult<()> {
     let written = match args {
         NetsCommand::Grid { rows, cols, inflow, inflow_at, out, force } => Grid::new(*rows, *cols).and_then(|grid| {
+            let twice = inflow_at
+                .iter()
+                .enumerate()
+                .find(|(place, (at, _))| inflow_at[..*place].iter().any(|(other, _)| other == at));
+            if let Some((_, (dead_end, _))) = twice {
+                bail!("--inflow-at: {dead_end} is given twice; leave one");
+            }
             let inflow = Inflow::from(*inflow).with(inflow_at.iter().cloned());
             put(out, *force, &format!("grid_{grid}"), |room| write_grid(grid, inflow, room))
         }),

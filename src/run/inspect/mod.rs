@@ -11,7 +11,7 @@ mod text;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result, anyhow, ensure};
 
 use super::outputs;
 use super::places::{self, Existing};
@@ -70,6 +70,11 @@ impl Inspected {
     fn of(args: &InspectArgs, existing: Existing) -> Result<Inspected> {
         let path = &args.file;
         args.plot.as_deref().map_or(Ok(()), |dir| outputs::check_free(dir, "--plot", existing))?;
+        ensure!(
+            path.extension().is_none_or(|extension| extension != "toml"),
+            "{}: is a config of this program; inspect the .sumocfg or the net that it names",
+            path.display()
+        );
         let Subject { net, roads, departs_on, seconds, left_out } =
             match path.extension().is_some_and(|extension| extension == "sumocfg") {
                 true => of_scenario(path)?,

@@ -31,7 +31,13 @@ impl GreenLimits {
     /// Returns the limits for the parameters `min-green` and `max-green`.
     pub fn of(arguments: &mut Arguments<'_>, plans: &[AgentPlan]) -> Result<GreenLimits> {
         let least = arguments.steps("min-green", GreenLimits::default().least)?;
-        Ok(GreenLimits { least, ..GreenLimits::longest(arguments, plans)? })
+        let limits = GreenLimits { least, ..GreenLimits::longest(arguments, plans)? };
+        match limits.most {
+            Some(most) if most < least => {
+                Err(arguments.refuse(format!("min-green = {least}: must be at most max-green, {most}")))
+            }
+            _ => Ok(limits),
+        }
     }
 
     /// Returns the limits for the parameter `max-green`, with no shortest green.

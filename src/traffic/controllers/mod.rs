@@ -168,6 +168,8 @@ mod tests {
         assert_eq!(error("longest-queue:min-green=0"), told);
         let told = "controller `fixed-time:green`: `green` is not a parameter; write key=value";
         assert_eq!(error("fixed-time:green"), told);
+        let told = "controller `max-pressure:min-green=20,max-green=10`: min-green = 20: must be at most max-green, 10";
+        assert_eq!(error("max-pressure:min-green=20,max-green=10"), told);
         let told = "controller `max-pressure:min-green=5,min-green=6`: min-green is given twice";
         assert_eq!(error("max-pressure:min-green=5,min-green=6"), told);
     }
