@@ -149,6 +149,23 @@ fn a_number_outside_its_range_is_refused_with_the_range() {
         (&["nets", "grid", "--rows", &most, "--cols", &most, "--out", "n"], "at most 10000 intersections"),
         (&["nets", "grid", "--rows", "1", "--cols", "2", "--inflow=nan", "--out", "n"], "must be a probability"),
         (&["nets", "grid", "--rows", "1", "--cols", "2", "--inflow=-0.1", "--out", "n"], "must be a probability"),
+        (
+            &[
+                "nets",
+                "grid",
+                "--rows",
+                "1",
+                "--cols",
+                "2",
+                "--inflow-at",
+                "w0=0.1",
+                "--inflow-at",
+                "w0=0.2",
+                "--out",
+                "n",
+            ],
+            "--inflow-at: w0 is given twice",
+        ),
     ];
     for (args, part) in cases {
         run(program(args.iter()).current_dir(dir.path())).assert_failed(2, &[part]);

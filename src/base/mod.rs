@@ -6,7 +6,7 @@
 //! - `units`: ids of agents and other units; `vectors`: the width of vector registers.
 //! - `stopwatch`: time by activity and phase; `work`: where a long computation reports its times and its progress.
 //! - `counted`: numbers of things, in the singular or the plural. `decimals`: how many digits a figure needs. `wrapped`:
-//!   text in lines of a limited width.
+//!   text in lines of a limited width. `repeated`: what stands twice in a list.
 //! - `features`: the features of this build, and how to get another one.
 //! - [`statistics`]: means, intervals and differences.
 
@@ -16,6 +16,7 @@ mod decimals;
 mod features;
 mod purpose;
 mod ragged;
+mod repeated;
 mod rows;
 mod seed;
 pub mod statistics;
@@ -31,6 +32,7 @@ pub use decimals::decimals;
 pub use features::command_for_feature;
 pub use purpose::RandomPurpose;
 pub use ragged::Ragged;
+pub use repeated::repeated;
 pub use rows::Rows;
 pub use seed::{Dice, Seed, is_stuck, scramble};
 pub use stopwatch::{Activity, Phase, Stopwatch, Timesheet};

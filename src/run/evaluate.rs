@@ -1,6 +1,6 @@
 //! `evaluate` and `baseline`: both play the same episodes and print the same figures.
 
-use anyhow::{bail, ensure};
+use anyhow::{anyhow, bail};
 use serde_json::{Value, json};
 
 use super::csv_files::CsvFiles;
@@ -12,7 +12,7 @@ use super::plot::Plots;
 use super::render::render;
 use super::subject::{Background, Subject, agent_called};
 use super::tune::tune;
-use crate::base::{AgentId, Seed};
+use crate::base::{AgentId, Seed, repeated};
 use crate::cli;
 use crate::config::{Config, load};
 use crate::domain::{Baseline, Domain};
@@ -27,7 +27,10 @@ pub fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
     let (config, domain) = directory::open_unchanged(&args.run_dir, domain::open).map_err(Error::Usage)?;
     let agents = args.agents.iter().map(|word| agent_called(&*domain, word, "--agents")).collect::<anyhow::Result<_>>();
     let policies_of: Vec<AgentId> = agents.map_err(Error::Usage)?;
-    check_once(&*domain, &policies_of).map_err(Error::Usage)?;
+    if let Some(&agent) = repeated(&policies_of) {
+        let twice = format!("--agents: {} is named twice; leave one", domain.agent_name(agent));
+        return Err(Error::Usage(anyhow!(twice)));
+    }
     let background = args.background.clone().map(|controller| Background { controller, policies_of });
     let subject = Subject::Run { dir: args.run_dir.clone(), greedy: args.greedy, background };
     let plots = Plots::asked_for(&args.output, &config).map_err(Error::Usage)?;
@@ -39,12 +42,6 @@ pub fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
     session.tell_one(&findings[0], &[])?;
     session.draw(plots.as_ref(), &findings[0], format!("policies of {}", findings[0].player.label))?;
     written
-}
-
-/// Checks that `--agents` names no agent twice.
-fn check_once(domain: &dyn Domain, agents: &[AgentId]) -> anyhow::Result<()> {
-    let twice = agents.iter().enumerate().find(|(place, agent)| agents[..*place].contains(agent));
-    twice.map_or(Ok(()), |(_, &agent)| bail!("--agents: {} is named twice; leave one", domain.agent_name(agent)))
 }
 
 pub fn baseline(args: &cli::BaselineArgs) -> Result<()> {
@@ -114,9 +111,9 @@ impl<'a> Session<'a> {
     }
 
     fn check(&self, subjects: &[Subject]) -> anyhow::Result<()> {
-        for (number, subject) in subjects.iter().enumerate() {
-            subject.check(self.domain)?;
-            ensure!(!subjects[..number].contains(subject), "--compare: `{}` is named twice", subject.label());
+        subjects.iter().try_for_each(|subject| subject.check(self.domain))?;
+        if let Some(subject) = repeated(subjects) {
+            bail!("--compare: `{}` is named twice", subject.label());
         }
         self.output.render.as_deref().map_or(Ok(()), |dir| outputs::check_free(dir, "--render", self.existing()))
     }

@@ -8,6 +8,7 @@ use anyhow::{Result, bail};
 use super::inspect::inspect;
 use super::outputs::{check_free, check_not_of_a_run};
 use super::places::{Existing, clear};
+use crate::base::repeated;
 use crate::cli::NetsCommand;
 use crate::config::ScenarioConfig;
 use crate::error::{Error, Result as CommandResult};
@@ -25,11 +26,8 @@ use crate::traffic::scenario::SumoScenario;
 pub fn nets(args: &NetsCommand) -> CommandResult<()> {
     let written = match args {
         NetsCommand::Grid { rows, cols, inflow, inflow_at, out, force } => Grid::new(*rows, *cols).and_then(|grid| {
-            let twice = inflow_at
-                .iter()
-                .enumerate()
-                .find(|(place, (at, _))| inflow_at[..*place].iter().any(|(other, _)| other == at));
-            if let Some((_, (dead_end, _))) = twice {
+            let dead_ends: Vec<&str> = inflow_at.iter().map(|(dead_end, _)| &**dead_end).collect();
+            if let Some(dead_end) = repeated(&dead_ends) {
                 bail!("--inflow-at: {dead_end} is given twice; leave one");
             }
             let inflow = Inflow::from(*inflow).with(inflow_at.iter().cloned());
