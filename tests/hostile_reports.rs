@@ -252,6 +252,25 @@ fn a_plan_that_cannot_be_read_is_told_and_the_runs_are_reported() {
     }
 }
 
+#[test]
+fn a_link_that_leads_back_into_its_folder_adds_nothing() {
+    let place = Place::new();
+    place.run("traffic_4-gs-seed1", "gs");
+    let runs = place.path("runs");
+    fs::create_dir(runs.join("baselines")).unwrap();
+    fs::write(runs.join("baselines/broken.json"), "{").unwrap();
+    fs::write(runs.join("plan.json"), r#"{ "runs": ["gs", "not-there"], "baselines": ["nor-this"] }"#).unwrap();
+    let warnings = || -> Vec<String> {
+        place.report().lines().filter(|line| line.starts_with("warning: ")).map(str::to_owned).collect()
+    };
+    let before = warnings();
+    assert_eq!(before.len(), 3, "two are missing and one is broken: {before:?}");
+    for (link, target) in [("loop", "."), ("up", ".."), ("again", "../runs")] {
+        std::os::unix::fs::symlink(target, runs.join(link)).unwrap();
+    }
+    assert_eq!(warnings(), before);
+}
+
 /// Changes one run of two, and asserts that the report tells `told` of it and shows the other.
 fn assert_left_out(change: impl Fn(&Path), told: &str) {
     let place = Place::new();

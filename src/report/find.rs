@@ -104,8 +104,8 @@ pub fn find(folders: &[PathBuf]) -> Result<Found> {
 
 /// Searches a folder. Returns whether it holds a run, or the plan of one.
 ///
-/// `seen`: the answers for the folders that were searched already. The same folder may be named twice, or be inside
-/// another.
+/// `seen`: the answers for the folders that were searched already. The same folder may be named twice, be inside
+/// another, or hold a link that leads back to it.
 fn search(folder: &Path, depth: usize, seen: &mut BTreeMap<PathBuf, bool>, found: &mut Found) -> Result<bool> {
     let failed = || format!("{}: cannot be read", folder.display());
     let place = folder.canonicalize().with_context(failed)?;
@@ -120,6 +120,8 @@ fn search(folder: &Path, depth: usize, seen: &mut BTreeMap<PathBuf, bool>, found
         seen.insert(place, true);
         return Ok(true);
     }
+    // Until it has been searched: a link back to it adds nothing.
+    seen.insert(place.clone(), false);
     let mut holds = read_plan(folder, found);
     let entries = match entries_of(folder) {
         Ok(entries) => entries,
