@@ -1,6 +1,7 @@
 //! The file of an experiment, and the runs that it plans.
 
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
@@ -16,6 +17,8 @@ use crate::report::method::{Method, Retraining};
 const LARGEST_FILE: u64 = 1 << 20;
 /// Largest number of combinations that a file may list.
 const MOST_RUNS: usize = 10_000;
+/// Number of episodes that a controller may play, as for `baseline --episodes`.
+const EPISODES: RangeInclusive<u32> = 1..=100_000;
 
 /// Contents of an experiment's file.
 #[derive(Clone, Debug, Deserialize)]
@@ -126,6 +129,10 @@ impl Experiment {
         ensure!(!is_config, "{shown}: is a config, not an experiment file; use: dials-traffic train {}", quoted(path));
         let file: ExperimentFile = toml::from_str(&text)
             .map_err(|error: toml::de::Error| anyhow!("{shown}: {}", in_plain_words(&error.to_string())))?;
+        if let Some(episodes) = file.controller_episodes.filter(|episodes| !EPISODES.contains(episodes)) {
+            let (least, most) = (EPISODES.start(), EPISODES.end());
+            bail!("{shown}: controller_episodes = {episodes}: must be from {least} to {most}");
+        }
         let folder = path.parent().unwrap_or(Path::new(""));
         let mut experiment =
             Experiment { baselines: Vec::new(), runs: Vec::new(), all_cores_from_agents: file.all_cores_from_agents };
@@ -371,6 +378,14 @@ mod tests {
             (
                 "seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nsimulators = ['ials']",
                 "`ials` is no allowed value; allowed: ",
+            ),
+            (
+                "seeds = [1]\ncontroller_episodes = 0\n[[grid]]\nconfigs = ['small.toml']",
+                "e.toml: controller_episodes = 0: must be from 1 to 100000",
+            ),
+            (
+                "seeds = [1]\ncontroller_episodes = 100001\n[[grid]]\nconfigs = ['small.toml']",
+                "e.toml: controller_episodes = 100001: must be from 1 to 100000",
             ),
             ("seeds = []\n[[grid]]\nconfigs = ['small.toml']", "without seeds"),
             ("seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nseeds = []", "without seeds"),
