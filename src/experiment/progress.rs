@@ -7,6 +7,7 @@ use anyhow::{Error, Result, bail, ensure};
 use super::file::{PlannedBaseline, PlannedRun};
 use crate::config;
 use crate::outside::quoted;
+use crate::records::checkpoint::owner::NotOfThisRun;
 use crate::records::files::{CONFIG, is_run_dir};
 use crate::records::reader::scenario_of;
 use crate::records::run_record::{RunRecord, Status};
@@ -88,6 +89,9 @@ pub fn stage(folder: &Path, run: &PlannedRun) -> Result<Stage> {
 
 /// Returns what is wrong with a run that cannot be read, and what to try.
 fn unreadable(dir: &Path, error: &Error) -> String {
+    if error.is::<NotOfThisRun>() {
+        return format!("{error:#}; or move the directory away, and the run is trained again");
+    }
     format!(
         "this run cannot be read: {error:#}; try: dials-traffic train --resume {}; if that does not help, move the \
          directory away, and the run is trained again",
@@ -137,7 +141,7 @@ mod tests {
     use crate::config::{Config, to_toml};
     use crate::domain::{RoughCosts, Scenario};
     use crate::outside::FileName;
-    use crate::records::files::{EPISODES, RETURNS, RUN, TIMING};
+    use crate::records::files::{EPISODES, NETWORKS, RETURNS, RUN, TIMING};
 
     const FIRST: &str = "0,all,1,1,0,1\n0,0,1,1,0,1\n0,1,1,1,0,1\n0,2,1,1,0,1\n0,3,1,1,0,1\n";
     const RETURNS_HEADER: &str = "steps,agent,mean,median,std_error,episodes\n";
@@ -206,5 +210,21 @@ mod tests {
         let Stage::Unreadable { why } = stage(folder.path(), &run).unwrap() else { panic!("it was read") };
         let command = format!("; try: dials-traffic train --resume '{}/a run'; if", folder.path().display());
         assert!(why.contains("not later than 0 before it") && why.contains(&command), "{why}");
+    }
+
+    #[test]
+    fn a_run_whose_domain_was_changed_after_training_is_not_finished_and_not_resumed() {
+        let folder = tempfile::tempdir().unwrap();
+        let run = planned(folder.path());
+        let networks = directory(folder.path(), &run).join(NETWORKS);
+        std::fs::create_dir(&networks).unwrap();
+        std::fs::write(networks.join("a"), "b").unwrap();
+        let scenario = serde_json::to_string(&run.scenario).unwrap();
+        let about = format!("{{ \"scenario\": {scenario}, \"kept\": {{ \"networks\": {{ \"a\": \"e8b7be43\" }} }} }}");
+        write(folder.path(), &run, RUN, &about);
+        let Stage::Unreadable { why } = stage(folder.path(), &run).unwrap() else { panic!("it was read") };
+        assert!(why.contains("networks/a: \"e8b7be43\" there, \"71beeff9\" here"), "{why}");
+        assert!(why.ends_with("or move the directory away, and the run is trained again"), "{why}");
+        assert!(!why.contains("--resume"), "{why}");
     }
 }
