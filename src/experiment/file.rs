@@ -10,6 +10,7 @@ use serde::Deserialize;
 use crate::config::{self, Config, Simulator};
 use crate::domain::{RoughCosts, Scenario};
 use crate::outside::{FileName, in_plain_words, quoted, read_text};
+use crate::report::find::MeasuredWith;
 use crate::report::group::steps_text;
 use crate::report::method::{Method, Retraining};
 
@@ -102,6 +103,7 @@ pub struct PlannedBaseline {
     pub episodes: usize,
     pub agents: usize,
     pub rough_costs: RoughCosts,
+    pub measured_with: MeasuredWith,
 }
 
 /// All planned runs and baselines of an experiment.
@@ -115,8 +117,8 @@ pub struct Experiment {
 /// Facts that only the domain of a config knows.
 pub struct Knowledge<'a> {
     pub simulated: &'a dyn Fn(&Config) -> Result<(Scenario, RoughCosts)>,
-    /// Returns an error if there is no such controller.
-    pub check_controller: &'a dyn Fn(&Config, &str) -> Result<()>,
+    /// Returns with what a controller would be measured now, or an error if there is no such controller.
+    pub controller: &'a dyn Fn(&Config, &str) -> Result<MeasuredWith>,
 }
 
 impl Experiment {
@@ -168,7 +170,7 @@ impl Experiment {
                 if self.baselines.iter().any(same) {
                     continue;
                 }
-                (knowledge.check_controller)(&run.config, controller)?;
+                let measured_with = (knowledge.controller)(&run.config, controller)?;
                 // The name of a controller can contain the path of a file of timings.
                 let (stem, word) = (stem(&run.config_path), controller.replace('/', "_"));
                 let mut name = format!("{stem}-{word}");
@@ -185,6 +187,7 @@ impl Experiment {
                         .map_or(run.config.evaluation.final_episodes, |count| count as usize),
                     agents: run.agents(),
                     rough_costs: run.rough_costs,
+                    measured_with,
                 });
             }
         }
@@ -289,9 +292,9 @@ mod tests {
     /// A domain that knows only the controllers `random` and `fixed-time...`.
     const KNOWLEDGE: Knowledge = Knowledge {
         simulated: &|config| Ok((Scenario::new("warehouse", 4, config.horizon()), RoughCosts::default())),
-        check_controller: &|_, name| {
+        controller: &|_, name| {
             ensure!(name == "random" || name.starts_with("fixed-time"), "controller `{name}`: unknown");
-            Ok(())
+            Ok(MeasuredWith::default())
         },
     };
 

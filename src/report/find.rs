@@ -52,6 +52,26 @@ pub struct BaselineRecord {
     /// Mean return of all agents in each episode; empty in files of older versions.
     #[serde(default)]
     pub episode_returns: Vec<f64>,
+    #[serde(flatten)]
+    pub measured_with: MeasuredWith,
+}
+
+impl BaselineRecord {
+    /// Returns whether two baselines say the same, whatever they were measured with.
+    fn says_what(&self, other: &BaselineRecord) -> bool {
+        *self == BaselineRecord { measured_with: self.measured_with.clone(), ..other.clone() }
+    }
+}
+
+/// What a controller is measured with, beside the config and its own name.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
+pub struct MeasuredWith {
+    /// CRC-32 of the file that the controller reads; `None` if it reads none, and in files of older versions.
+    #[serde(default)]
+    pub controller_file_crc32: Option<String>,
+    /// Version of SUMO; `None` if the domain does not need it.
+    #[serde(default)]
+    pub sumo_version: Option<String>,
 }
 
 /// A run, a baseline, a plan or a folder that is not used, and why.
@@ -187,7 +207,7 @@ fn read_baselines(folder: &Path, found: &mut Found) {
     for path in paths {
         match read_baseline(&path) {
             // Two experiments on one scenario measure the same baselines.
-            Ok(baseline) if found.baselines.iter().any(|(_, other)| *other == baseline) => {}
+            Ok(baseline) if found.baselines.iter().any(|(_, other)| other.says_what(&baseline)) => {}
             Ok(baseline) => found.baselines.push((path, baseline)),
             Err(error) => found.leave_out(&path, &error),
         }

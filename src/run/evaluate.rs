@@ -116,6 +116,8 @@ impl<'a> Session<'a> {
         let bar = EpisodeBar::new(subjects.len() * self.episodes);
         let mut findings = Vec::new();
         for (number, subject) in subjects.into_iter().enumerate() {
+            // Before it reads its file, which may change while it plays.
+            let player = subject.player(self.domain).map_err(Error::Usage)?;
             let Baseline { mut simulator, mut controller } = subject.open(self.domain).map_err(Error::Usage)?;
             let (simulator, controller) = (&mut *simulator, &mut *controller);
             if let Some(dir) = &self.output.render {
@@ -125,7 +127,7 @@ impl<'a> Session<'a> {
             let played = simulator
                 .measure_in_full()
                 .and_then(|()| play_episodes(simulator, controller, Seed::new(self.seed), self.episodes, progress));
-            let finding = Finding { player: subject.player(), episodes: played.map_err(Error::Run)? };
+            let finding = Finding { player, episodes: played.map_err(Error::Run)? };
             csv.as_mut().map_or(Ok(()), |csv| csv.append(&finding)).map_err(Error::Run)?;
             findings.push(finding);
         }

@@ -20,6 +20,7 @@ use anyhow::{Context, anyhow, ensure};
 use super::build::other_build;
 use super::domain;
 use super::outputs::check_not_a_run;
+use super::subject::controller_file;
 use super::train::cores as machine_cores;
 use crate::cli;
 use crate::error::{Error, Result};
@@ -28,7 +29,7 @@ use crate::experiment::progress::{Stage, directory, stage};
 use crate::experiment::schedule::Cores;
 use crate::machine::allow_open_files;
 use crate::outside::{Busy, Directory, quoted};
-use crate::report::find::{BASELINES, ExperimentPlan, PLAN};
+use crate::report::find::{BASELINES, ExperimentPlan, MeasuredWith, PLAN};
 use crate::terminal::experiment::Display;
 use crate::terminal::{Wish, answer, program, stop_on_signals, warn};
 use child::{RunProcess, Said, log_obstacle};
@@ -49,7 +50,12 @@ pub fn experiment(args: &cli::ExperimentArgs) -> Result<()> {
             let domain = domain::find(config)?;
             Ok((domain.scenario()?, domain.rough_costs()))
         },
-        check_controller: &|config, name| domain::find(config)?.check_baseline(name),
+        controller: &|config, name| {
+            let domain = domain::find(config)?;
+            domain.check_baseline(name)?;
+            let controller_file_crc32 = controller_file(&*domain, name)?;
+            Ok(MeasuredWith { controller_file_crc32, sumo_version: domain::sumo_version(config) })
+        },
     };
     let experiment = Experiment::read(&args.file, &knowledge).map_err(Error::Usage)?;
     if args.dry_run {
