@@ -344,6 +344,40 @@ fn a_run_that_was_killed_between_its_last_writes_or_in_its_first_ones_is_made_wh
 }
 
 #[test]
+fn experiments_that_share_a_folder_keep_their_plans() {
+    let one = |name: &str, seeds: &str| {
+        format!("seeds = {seeds}\n[[grid]]\nconfigs = ['small.toml']\nsimulators = ['gs']\nname = '{name}'\n")
+    };
+    let place = Place::new(&one("a", "[1, 2]"));
+    let write = |text: &str| fs::write(place.dir.path().join("e.toml"), text).unwrap();
+    let missing = || {
+        let mut report = assert_cmd::cargo::cargo_bin_cmd!("dials-traffic");
+        report.current_dir(place.dir.path()).args(["report", "results/e/runs", "--out", "report", "--force"]);
+        let said = text(&report.assert().success().get_output().stderr);
+        let lines = said.lines().filter(|line| line.contains("not begun yet"));
+        lines.map(|line| line.replace("warning: results/e/runs/", "")).collect::<Vec<_>>()
+    };
+    place.experiment(&[]).assert().success();
+    fs::remove_dir_all(place.runs().join("small-gs-a-seed2")).unwrap();
+    fs::write(place.dir.path().join("other.toml"), one("b", "[1]")).unwrap();
+    let mut other = assert_cmd::cargo::cargo_bin_cmd!("dials-traffic");
+    other.current_dir(place.dir.path()).args(["experiment", "other.toml", "--out", "results/e/runs"]);
+    other.assert().success();
+    assert_eq!(missing(), ["small-gs-a-seed2: not begun yet"], "the other experiment keeps this plan");
+    fs::remove_dir_all(place.runs().join("small-gs-b-seed1")).unwrap();
+    write(&one("a", "[1]"));
+    place.experiment(&[]).assert().success();
+    assert_eq!(missing(), ["small-gs-b-seed1: not begun yet"], "what this one no longer lists is not missing");
+    fs::write(place.runs().join("plan.json"), "{").unwrap();
+    let said = text(&place.experiment(&[]).assert().code(2).get_output().stderr);
+    assert!(
+        said.contains("results/e/runs: its plan cannot be read; move plan.json away")
+            && said.contains("results/e/runs/plan.json: is not a file"),
+        "{said}"
+    );
+}
+
+#[test]
 fn the_folder_of_the_runs_is_not_a_run_and_the_lock_of_another_experiment_is_told() {
     let place = Place::new(TWO_SEEDS);
     place.experiment(&[]).assert().success();

@@ -6,31 +6,19 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
-use crate::outside::{FileName, Printable, read_text};
+use super::json_file::read_json;
+use super::plan::{FolderPlan, PLAN};
+use crate::outside::{FileName, Printable};
 use crate::records::csv_table::LARGEST;
 use crate::records::files::is_run_dir;
 use crate::records::run_record::RunRecord;
 
-/// Name of the file with the plan of an experiment, in its folder of runs.
-pub const PLAN: &str = "plan.json";
 /// Name of the folder in which an experiment keeps the output of `baseline --json`.
 pub const BASELINES: &str = "baselines";
 /// Number of folder levels that are searched.
 pub const DEPTH: usize = 6;
-/// Largest plan or baseline. A plan of 100 000 runs has eight mebibytes.
-const LARGEST_FILE: u64 = 16 << 20;
-
-/// The plan of an experiment.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct ExperimentPlan {
-    /// Names of the run directories, which are in the same folder as the plan.
-    pub runs: Vec<FileName>,
-    /// Names of the baseline files, without `.json`.
-    #[serde(default)]
-    pub baselines: Vec<FileName>,
-}
 
 /// Returns the path of a baseline in an experiment's folder of runs.
 pub fn baseline_file(folder: &Path, name: &FileName) -> PathBuf {
@@ -181,21 +169,19 @@ fn entries_of(folder: &Path) -> Result<Vec<PathBuf>> {
 
 /// Reads the plan in a folder. Returns whether there is one that names a run, or one that cannot be read.
 fn read_plan(folder: &Path, found: &mut Found) -> bool {
-    let path = folder.join(PLAN);
-    if path.symlink_metadata().is_err() {
-        return false;
-    }
-    let plan: ExperimentPlan = match read_json(&path) {
-        Ok(plan) => plan,
+    let plan = match FolderPlan::read(folder) {
+        Ok(Some(plan)) => plan,
+        Ok(None) => return false,
         Err(error) => {
-            found.leave_out(&path, &error);
+            found.leave_out(&folder.join(PLAN), &error);
             return true;
         }
     };
-    found.missing.extend(plan.runs.iter().map(|name| folder.join(name)).filter(|run| !is_run_dir(run)));
-    let baselines = plan.baselines.iter().map(|name| baseline_file(folder, name));
+    let runs = plan.runs();
+    found.missing.extend(runs.iter().map(|name| folder.join(name)).filter(|run| !is_run_dir(run)));
+    let baselines = plan.baselines().into_iter().map(|name| baseline_file(folder, name));
     found.missing.extend(baselines.filter(|baseline| !baseline.is_file()));
-    !plan.runs.is_empty()
+    !runs.is_empty()
 }
 
 fn read_baselines(folder: &Path, found: &mut Found) {
@@ -225,10 +211,4 @@ pub fn read_baseline(path: &Path) -> Result<BaselineRecord> {
         }
     }
     Ok(baseline)
-}
-
-/// Reads a plan or a baseline.
-fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
-    let text = read_text(path, LARGEST_FILE).with_context(|| format!("{}: cannot be read", path.display()))?;
-    serde_json::from_str(&text).with_context(|| format!("{}: is not a file of this program", path.display()))
 }
