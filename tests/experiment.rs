@@ -233,6 +233,48 @@ fn a_baseline_is_measured_as_the_runs_are_and_again_when_its_plan_has_changed() 
 }
 
 #[test]
+fn a_baseline_is_measured_again_when_the_file_of_its_controller_has_changed() {
+    let place = Place::new(
+        "seeds = [1]\ncontrollers = ['fixed-time:file=t.toml']\ncontroller_episodes = 1\n\
+         [[grid]]\nconfigs = ['traffic.toml']\n",
+    );
+    let path = |name: &str| place.dir.path().join(name);
+    let nets = Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets");
+    let config = format!("[traffic]\nnetwork = '{0}/grid_2x2'\nlocal_network = '{0}/local'\n", nets.display());
+    fs::write(path("traffic.toml"), config).unwrap();
+    let timings = |green: usize| {
+        let text = format!(
+            "vertical = {green}\nhorizontal = 10\noffsets = [0, 0, 0, 0]\nearly = 0\nlate = 0\nmean_return = 1.0\n\
+             [tuned_on]\ncontroller = 'fixed-time'\nnetwork = 'grid_2x2'\nnetwork_crc32 = '00c0ffee'\nhorizon = 300\n\
+             episodes = 1\nseed = '1'\nsearch_version = 1\nsumo_version = 'SUMO 1.15.0'\n"
+        );
+        fs::write(path("t.toml"), text).unwrap();
+    };
+    timings(10);
+    let mut measure = assert_cmd::cargo::cargo_bin_cmd!("dials-traffic");
+    measure.current_dir(place.dir.path()).args(["baseline", "traffic.toml", "--json", "--episodes", "1"]);
+    let measured = measure.args(["--controller", "fixed-time:file=t.toml"]).assert().success().get_output().clone();
+    let said = text(&measured.stdout);
+    let baselines = place.runs().join("baselines");
+    fs::create_dir_all(&baselines).unwrap();
+    let write = |text: &str| fs::write(baselines.join("traffic-fixed-time:file=t.toml.json"), text).unwrap();
+    let assert_stage = |told: &str| {
+        let dry = text(&place.experiment(&["--dry-run"]).assert().success().get_output().stdout);
+        let line = dry.lines().find(|line| line.starts_with("traffic-fixed-time:file=t.toml")).unwrap_or(&dry);
+        assert!(line.contains(told), "{told}: {dry}");
+    };
+    write(&said);
+    assert_stage("finished");
+    timings(20);
+    assert_stage("outdated");
+    timings(10);
+    assert_stage("finished");
+    let version = serde_json::from_str::<serde_json::Value>(&said).unwrap()["sumo_version"].clone();
+    write(&said.replace(version.as_str().unwrap(), "SUMO 1.0.0"));
+    assert_stage("outdated");
+}
+
+#[test]
 fn a_run_with_wrong_rows_is_named_and_resumed_by_the_way_out() {
     let place = Place::new(TWO_SEEDS);
     place.experiment(&[]).assert().success();
@@ -299,6 +341,40 @@ fn a_run_that_was_killed_between_its_last_writes_or_in_its_first_ones_is_made_wh
     }
     cut("returns.csv", 3);
     finish();
+}
+
+#[test]
+fn experiments_that_share_a_folder_keep_their_plans() {
+    let one = |name: &str, seeds: &str| {
+        format!("seeds = {seeds}\n[[grid]]\nconfigs = ['small.toml']\nsimulators = ['gs']\nname = '{name}'\n")
+    };
+    let place = Place::new(&one("a", "[1, 2]"));
+    let write = |text: &str| fs::write(place.dir.path().join("e.toml"), text).unwrap();
+    let missing = || {
+        let mut report = assert_cmd::cargo::cargo_bin_cmd!("dials-traffic");
+        report.current_dir(place.dir.path()).args(["report", "results/e/runs", "--out", "report", "--force"]);
+        let said = text(&report.assert().success().get_output().stderr);
+        let lines = said.lines().filter(|line| line.contains("not begun yet"));
+        lines.map(|line| line.replace("warning: results/e/runs/", "")).collect::<Vec<_>>()
+    };
+    place.experiment(&[]).assert().success();
+    fs::remove_dir_all(place.runs().join("small-gs-a-seed2")).unwrap();
+    fs::write(place.dir.path().join("other.toml"), one("b", "[1]")).unwrap();
+    let mut other = assert_cmd::cargo::cargo_bin_cmd!("dials-traffic");
+    other.current_dir(place.dir.path()).args(["experiment", "other.toml", "--out", "results/e/runs"]);
+    other.assert().success();
+    assert_eq!(missing(), ["small-gs-a-seed2: not begun yet"], "the other experiment keeps this plan");
+    fs::remove_dir_all(place.runs().join("small-gs-b-seed1")).unwrap();
+    write(&one("a", "[1]"));
+    place.experiment(&[]).assert().success();
+    assert_eq!(missing(), ["small-gs-b-seed1: not begun yet"], "what this one no longer lists is not missing");
+    fs::write(place.runs().join("plan.json"), "{").unwrap();
+    let said = text(&place.experiment(&[]).assert().code(2).get_output().stderr);
+    assert!(
+        said.contains("results/e/runs: its plan cannot be read; move plan.json away")
+            && said.contains("results/e/runs/plan.json: is not a file"),
+        "{said}"
+    );
 }
 
 #[test]

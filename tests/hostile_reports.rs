@@ -252,6 +252,25 @@ fn a_plan_that_cannot_be_read_is_told_and_the_runs_are_reported() {
     }
 }
 
+#[test]
+fn a_link_that_leads_back_into_its_folder_adds_nothing() {
+    let place = Place::new();
+    place.run("traffic_4-gs-seed1", "gs");
+    let runs = place.path("runs");
+    fs::create_dir(runs.join("baselines")).unwrap();
+    fs::write(runs.join("baselines/broken.json"), "{").unwrap();
+    fs::write(runs.join("plan.json"), r#"{ "runs": ["gs", "not-there"], "baselines": ["nor-this"] }"#).unwrap();
+    let warnings = || -> Vec<String> {
+        place.report().lines().filter(|line| line.starts_with("warning: ")).map(str::to_owned).collect()
+    };
+    let before = warnings();
+    assert_eq!(before.len(), 3, "two are missing and one is broken: {before:?}");
+    for (link, target) in [("loop", "."), ("up", ".."), ("again", "../runs")] {
+        std::os::unix::fs::symlink(target, runs.join(link)).unwrap();
+    }
+    assert_eq!(warnings(), before);
+}
+
 /// Changes one run of two, and asserts that the report tells `told` of it and shows the other.
 fn assert_left_out(change: impl Fn(&Path), told: &str) {
     let place = Place::new();
@@ -295,6 +314,76 @@ fn a_run_with_a_damaged_file_is_told_and_the_others_are_reported() {
         let told = format!("{name}: cannot be read: it is not a regular file");
         assert_left_out(|run| replaced(run, &pipe), &told);
         assert_left_out(|run| replaced(run, &|path| fs::create_dir(path).unwrap()), &told);
+    }
+}
+
+/// A change to a run directory.
+type Change<'a> = &'a dyn Fn(&Path);
+
+/// Gives a run what newer ones have: a network, and in `run.json` the domain's keys and the checksum of that network.
+fn keep_domain(run: &Path) {
+    let table = serde_json::json!({
+        "network": "", "local_network": "", "d_set": "cells+arrivals", "entry": "max", "initial_switch_bias": -1.5,
+    });
+    // The CRC-32 of "a".
+    let kept = serde_json::json!({ "config": { "traffic": table }, "networks": { "global.net.xml": "e8b7be43" } });
+    let mut about: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(run.join("run.json")).unwrap()).unwrap();
+    about["kept"] = kept;
+    fs::write(run.join("run.json"), about.to_string()).unwrap();
+    fs::create_dir(run.join("networks")).unwrap();
+    fs::write(run.join("networks/global.net.xml"), "a").unwrap();
+}
+
+#[test]
+fn a_run_whose_domain_was_changed_after_training_is_told_and_not_compared() {
+    let key = |run: &Path| edit(&run.join("config.toml"), "entry = \"max\"", "entry = \"max\"\nhorizon = 50");
+    let network = |run: &Path| fs::write(run.join("networks/global.net.xml"), "b").unwrap();
+    let changes: [(Change, &str); 2] = [
+        (
+            &key,
+            "run.json: was written with other settings or networks than this run directory has now: traffic.horizon: \
+                300 there, 50 here put them back",
+        ),
+        (&network, "networks/global.net.xml: \"e8b7be43\" there, \"71beeff9\" here put them back"),
+    ];
+    for (change, told) in changes {
+        assert_left_out(
+            |run| {
+                keep_domain(run);
+                change(run);
+            },
+            told,
+        );
+        let place = Place::new();
+        place.run("traffic_4-gs-seed1", "good");
+        let run = place.run("traffic_4-dials-seed1", "bad");
+        keep_domain(&run);
+        assert!(place.call(&["compare", "runs/good", "runs/bad"]).status.success());
+        change(&run);
+        let output = place.call(&["compare", "runs/good", "runs/bad"]);
+        let said = text(&output.stderr).split_whitespace().collect::<Vec<_>>().join(" ");
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.contains(told), "{said}");
+    }
+}
+
+#[test]
+fn a_run_with_allowed_changes_or_without_its_networks_is_reported() {
+    let allowed = "seed = 1\nstop_at_steps = 3000000\nevaluation = { every_steps = 500000, episodes = 7 }";
+    let changes: [Change; 3] = [
+        &|run| edit(&run.join("config.toml"), "seed = 1", allowed),
+        &|run| fs::remove_dir_all(run.join("networks")).unwrap(),
+        &|run| fs::write(run.join("networks/notes.txt"), "mine").unwrap(),
+    ];
+    for change in changes {
+        let place = Place::new();
+        let run = place.run("traffic_4-dials-seed1", "a");
+        keep_domain(&run);
+        change(&run);
+        let said = place.report();
+        assert!(!said.contains("left out"), "{said}");
+        assert!(place.file("report.md").contains("1 run in 1 group"));
     }
 }
 

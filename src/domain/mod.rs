@@ -293,6 +293,11 @@ pub trait Domain: Send + Sync {
         self.baseline(name).map(drop)
     }
 
+    /// Returns the CRC-32 of the file that a hand-coded controller reads. If it reads none: `None`.
+    fn baseline_checksum(&self, _name: &str) -> Result<Option<u32>> {
+        Ok(None)
+    }
+
     /// Makes a GS in which a hand-coded controller decides for these agents, whatever their actions say.
     fn with_background(&self, name: &str, _agents: &[AgentId]) -> Result<Box<dyn GlobalSimulator>> {
         bail!("controller `{name}`: this domain has no hand-coded control for some of its agents")

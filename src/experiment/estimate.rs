@@ -164,6 +164,7 @@ mod tests {
     use crate::domain::Scenario;
     use crate::outside::FileName;
     use crate::records::run_record::{EvaluationRecord, MemoryRecord, PeriodTime, Returns};
+    use crate::report::find::MeasuredWith;
     use std::path::PathBuf;
 
     /// Episodes of 10 steps, 2 per evaluation and 8 per dataset.
@@ -279,6 +280,7 @@ mod tests {
             episodes: 50,
             agents: 4,
             rough_costs: RoughCosts { evaluation_s: 1e-3, process_mb: 120.0, ..RoughCosts::default() },
+            measured_with: MeasuredWith::default(),
         };
         // 4 agents x 50 episodes x 10 steps x 1 ms, after 2 s.
         let found = estimate_controller(&baseline);

@@ -1,6 +1,7 @@
 //! The file of an experiment, and the runs that it plans.
 
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
@@ -9,6 +10,7 @@ use serde::Deserialize;
 use crate::config::{self, Config, Simulator};
 use crate::domain::{RoughCosts, Scenario};
 use crate::outside::{FileName, in_plain_words, quoted, read_text};
+use crate::report::find::MeasuredWith;
 use crate::report::group::steps_text;
 use crate::report::method::{Method, Retraining};
 
@@ -16,6 +18,8 @@ use crate::report::method::{Method, Retraining};
 const LARGEST_FILE: u64 = 1 << 20;
 /// Largest number of combinations that a file may list.
 const MOST_RUNS: usize = 10_000;
+/// Number of episodes that a controller may play, as for `baseline --episodes`.
+const EPISODES: RangeInclusive<u32> = 1..=100_000;
 
 /// Contents of an experiment's file.
 #[derive(Clone, Debug, Deserialize)]
@@ -99,6 +103,7 @@ pub struct PlannedBaseline {
     pub episodes: usize,
     pub agents: usize,
     pub rough_costs: RoughCosts,
+    pub measured_with: MeasuredWith,
 }
 
 /// All planned runs and baselines of an experiment.
@@ -112,8 +117,8 @@ pub struct Experiment {
 /// Facts that only the domain of a config knows.
 pub struct Knowledge<'a> {
     pub simulated: &'a dyn Fn(&Config) -> Result<(Scenario, RoughCosts)>,
-    /// Returns an error if there is no such controller.
-    pub check_controller: &'a dyn Fn(&Config, &str) -> Result<()>,
+    /// Returns with what a controller would be measured now, or an error if there is no such controller.
+    pub controller: &'a dyn Fn(&Config, &str) -> Result<MeasuredWith>,
 }
 
 impl Experiment {
@@ -126,6 +131,10 @@ impl Experiment {
         ensure!(!is_config, "{shown}: is a config, not an experiment file; use: dials-traffic train {}", quoted(path));
         let file: ExperimentFile = toml::from_str(&text)
             .map_err(|error: toml::de::Error| anyhow!("{shown}: {}", in_plain_words(&error.to_string())))?;
+        if let Some(episodes) = file.controller_episodes.filter(|episodes| !EPISODES.contains(episodes)) {
+            let (least, most) = (EPISODES.start(), EPISODES.end());
+            bail!("{shown}: controller_episodes = {episodes}: must be from {least} to {most}");
+        }
         let folder = path.parent().unwrap_or(Path::new(""));
         let mut experiment =
             Experiment { baselines: Vec::new(), runs: Vec::new(), all_cores_from_agents: file.all_cores_from_agents };
@@ -161,7 +170,7 @@ impl Experiment {
                 if self.baselines.iter().any(same) {
                     continue;
                 }
-                (knowledge.check_controller)(&run.config, controller)?;
+                let measured_with = (knowledge.controller)(&run.config, controller)?;
                 // The name of a controller can contain the path of a file of timings.
                 let (stem, word) = (stem(&run.config_path), controller.replace('/', "_"));
                 let mut name = format!("{stem}-{word}");
@@ -178,6 +187,7 @@ impl Experiment {
                         .map_or(run.config.evaluation.final_episodes, |count| count as usize),
                     agents: run.agents(),
                     rough_costs: run.rough_costs,
+                    measured_with,
                 });
             }
         }
@@ -282,9 +292,9 @@ mod tests {
     /// A domain that knows only the controllers `random` and `fixed-time...`.
     const KNOWLEDGE: Knowledge = Knowledge {
         simulated: &|config| Ok((Scenario::new("warehouse", 4, config.horizon()), RoughCosts::default())),
-        check_controller: &|_, name| {
+        controller: &|_, name| {
             ensure!(name == "random" || name.starts_with("fixed-time"), "controller `{name}`: unknown");
-            Ok(())
+            Ok(MeasuredWith::default())
         },
     };
 
@@ -371,6 +381,14 @@ mod tests {
             (
                 "seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nsimulators = ['ials']",
                 "`ials` is no allowed value; allowed: ",
+            ),
+            (
+                "seeds = [1]\ncontroller_episodes = 0\n[[grid]]\nconfigs = ['small.toml']",
+                "e.toml: controller_episodes = 0: must be from 1 to 100000",
+            ),
+            (
+                "seeds = [1]\ncontroller_episodes = 100001\n[[grid]]\nconfigs = ['small.toml']",
+                "e.toml: controller_episodes = 100001: must be from 1 to 100000",
             ),
             ("seeds = []\n[[grid]]\nconfigs = ['small.toml']", "without seeds"),
             ("seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nseeds = []", "without seeds"),

@@ -7,11 +7,12 @@ use anyhow::{Error, Result, bail, ensure};
 use super::file::{PlannedBaseline, PlannedRun};
 use crate::config;
 use crate::outside::quoted;
+use crate::records::checkpoint::owner::NotOfThisRun;
 use crate::records::files::{CONFIG, is_run_dir};
 use crate::records::reader::scenario_of;
 use crate::records::run_record::{RunRecord, Status};
 use crate::report::compare::differing;
-use crate::report::find::{BaselineRecord, baseline_file, read_baseline};
+use crate::report::find::{BaselineRecord, MeasuredWith, baseline_file, read_baseline};
 use crate::report::method::Method;
 
 /// Progress of a planned run or baseline.
@@ -88,6 +89,9 @@ pub fn stage(folder: &Path, run: &PlannedRun) -> Result<Stage> {
 
 /// Returns what is wrong with a run that cannot be read, and what to try.
 fn unreadable(dir: &Path, error: &Error) -> String {
+    if error.is::<NotOfThisRun>() {
+        return format!("{error:#}; or move the directory away, and the run is trained again");
+    }
     format!(
         "this run cannot be read: {error:#}; try: dials-traffic train --resume {}; if that does not help, move the \
          directory away, and the run is trained again",
@@ -95,7 +99,7 @@ fn unreadable(dir: &Path, error: &Error) -> String {
     )
 }
 
-/// Reads whether a controller was measured as planned.
+/// Reads whether a controller was measured as planned. A change of its file or of SUMO counts, too.
 pub fn stage_of_baseline(folder: &Path, planned: &PlannedBaseline) -> Stage {
     let path = baseline_file(folder, &planned.name);
     if !path.exists() {
@@ -107,8 +111,17 @@ pub fn stage_of_baseline(folder: &Path, planned: &PlannedBaseline) -> Stage {
             && there.seed == Some(planned.config.evaluation.seed)
             // Older versions did not write the returns of single episodes.
             && there.episode_returns.len() == planned.episodes
+            && is_measured_with(&there.measured_with, &planned.measured_with)
     };
     if read_baseline(&path).is_ok_and(as_planned) { Stage::Finished } else { Stage::Outdated }
+}
+
+/// Returns whether a controller would be measured with the same again. Older versions did not write the file of one, so
+/// such a controller is measured again. A version of SUMO that one side does not know is no difference.
+fn is_measured_with(then: &MeasuredWith, now: &MeasuredWith) -> bool {
+    let [sumo_then, sumo_now] = [then, now].map(|with| with.sumo_version.as_ref());
+    then.controller_file_crc32 == now.controller_file_crc32
+        && sumo_then.zip(sumo_now).is_none_or(|(then, now)| then == now)
 }
 
 /// Describes the first difference between the run in `dir` and the plan; `None` if there is none.
@@ -137,7 +150,7 @@ mod tests {
     use crate::config::{Config, to_toml};
     use crate::domain::{RoughCosts, Scenario};
     use crate::outside::FileName;
-    use crate::records::files::{EPISODES, RETURNS, RUN, TIMING};
+    use crate::records::files::{EPISODES, NETWORKS, RETURNS, RUN, TIMING};
 
     const FIRST: &str = "0,all,1,1,0,1\n0,0,1,1,0,1\n0,1,1,1,0,1\n0,2,1,1,0,1\n0,3,1,1,0,1\n";
     const RETURNS_HEADER: &str = "steps,agent,mean,median,std_error,episodes\n";
@@ -199,6 +212,61 @@ mod tests {
     }
 
     #[test]
+    fn a_baseline_is_outdated_when_its_controllers_file_or_sumo_is_another_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let run = planned(folder.path());
+        let with = |file: Option<&str>, sumo: Option<&str>| {
+            let [controller_file_crc32, sumo_version] = [file, sumo].map(|text| text.map(str::to_owned));
+            MeasuredWith { controller_file_crc32, sumo_version }
+        };
+        let mut baseline = PlannedBaseline {
+            name: FileName::new("a").unwrap(),
+            config: run.config.clone(),
+            scenario: run.scenario.id.word(),
+            controller: "random".to_owned(),
+            episodes: 1,
+            agents: 4,
+            rough_costs: RoughCosts::default(),
+            measured_with: MeasuredWith::default(),
+        };
+        let path = baseline_file(folder.path(), &baseline.name);
+        std::fs::create_dir(path.parent().unwrap()).unwrap();
+        let mut stage_of = |then: MeasuredWith, now: MeasuredWith| {
+            let mut record = serde_json::json!({
+                "scenario": baseline.scenario, "controller": baseline.controller, "mean_return": 1.0, "std_error": 0.0,
+                "episodes": 1, "seed": baseline.config.evaluation.seed, "episode_returns": [1.0],
+            });
+            // A file of an older version lacks the keys.
+            if let Some(checksum) = then.controller_file_crc32 {
+                record["controller_file_crc32"] = checksum.into();
+            }
+            if let Some(version) = then.sumo_version {
+                record["sumo_version"] = version.into();
+            }
+            std::fs::write(&path, record.to_string()).unwrap();
+            baseline.measured_with = now;
+            stage_of_baseline(folder.path(), &baseline)
+        };
+        let (a, b, old, new) = (Some("a"), Some("b"), Some("SUMO 1.15.0"), Some("SUMO 1.16.0"));
+        for (then, now) in [
+            (with(None, None), with(None, None)),
+            (with(a, new), with(a, new)),
+            (with(None, None), with(None, new)),
+            (with(None, old), with(None, None)),
+        ] {
+            assert_eq!(stage_of(then.clone(), now.clone()), Stage::Finished, "{then:?}, {now:?}");
+        }
+        for (then, now) in [
+            (with(a, new), with(b, new)),
+            (with(None, new), with(a, new)),
+            (with(a, new), with(None, new)),
+            (with(None, old), with(None, new)),
+        ] {
+            assert_eq!(stage_of(then.clone(), now.clone()), Stage::Outdated, "{then:?}, {now:?}");
+        }
+    }
+
+    #[test]
     fn a_run_that_cannot_be_read_has_a_command_to_try() {
         let folder = tempfile::tempdir().unwrap();
         let run = planned(folder.path());
@@ -206,5 +274,21 @@ mod tests {
         let Stage::Unreadable { why } = stage(folder.path(), &run).unwrap() else { panic!("it was read") };
         let command = format!("; try: dials-traffic train --resume '{}/a run'; if", folder.path().display());
         assert!(why.contains("not later than 0 before it") && why.contains(&command), "{why}");
+    }
+
+    #[test]
+    fn a_run_whose_domain_was_changed_after_training_is_not_finished_and_not_resumed() {
+        let folder = tempfile::tempdir().unwrap();
+        let run = planned(folder.path());
+        let networks = directory(folder.path(), &run).join(NETWORKS);
+        std::fs::create_dir(&networks).unwrap();
+        std::fs::write(networks.join("a"), "b").unwrap();
+        let scenario = serde_json::to_string(&run.scenario).unwrap();
+        let about = format!("{{ \"scenario\": {scenario}, \"kept\": {{ \"networks\": {{ \"a\": \"e8b7be43\" }} }} }}");
+        write(folder.path(), &run, RUN, &about);
+        let Stage::Unreadable { why } = stage(folder.path(), &run).unwrap() else { panic!("it was read") };
+        assert!(why.contains("networks/a: \"e8b7be43\" there, \"71beeff9\" here"), "{why}");
+        assert!(why.ends_with("or move the directory away, and the run is trained again"), "{why}");
+        assert!(!why.contains("--resume"), "{why}");
     }
 }

@@ -42,7 +42,15 @@ impl Kept {
         Ok(differences(&then, &now))
     }
 
-    /// Lists the files in `networks/` that are other ones now.
+    /// Lists the files in `networks/` that are there, but are other ones now. The figures of a run need no networks, so a
+    /// copy of it may leave them out.
+    pub fn changed_contents(&self, dir: &Path) -> Result<Vec<Difference>> {
+        let mut changed = self.changed_files(dir)?;
+        changed.retain(|difference| difference.then.is_some() && difference.now.is_some());
+        Ok(changed)
+    }
+
+    /// Lists the files in `networks/` that are other ones now, are missing or are new.
     pub fn changed_files(&self, dir: &Path) -> Result<Vec<Difference>> {
         let now = checksums(dir)?;
         let names: BTreeSet<&String> = self.networks.keys().chain(now.keys()).collect();
@@ -103,6 +111,9 @@ mod tests {
         fs::write(file("b"), "other").unwrap();
         fs::rename(file("c"), file("d")).unwrap();
         assert_eq!(keys(kept.changed_files(dir.path()).unwrap()), ["networks/b", "networks/c", "networks/d"]);
+        assert_eq!(keys(kept.changed_contents(dir.path()).unwrap()), ["networks/b"]);
+        fs::remove_dir_all(dir.path().join(NETWORKS)).unwrap();
+        assert_eq!(keys(kept.changed_contents(dir.path()).unwrap()), [""; 0]);
     }
 
     #[test]

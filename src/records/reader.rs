@@ -6,6 +6,7 @@ use std::path::Path;
 use anyhow::{Result, ensure};
 
 use super::before;
+use super::checkpoint::owner::check_kept;
 use super::columns::{self, ALL};
 use super::csv_table::{CsvTable, Order, TableLine};
 use super::files;
@@ -23,9 +24,11 @@ use crate::training::drift::Moment;
 const MOST_WORKERS: u64 = 1_000_000;
 
 impl RunRecord {
+    /// Reads a run directory. Errors: a damaged file, and a domain or networks that were changed after the run began.
     pub fn read(dir: &Path) -> Result<RunRecord> {
         let config = config::load_kept(&dir.join(files::CONFIG))?;
         let about = RunJson::read_if_there(dir)?;
+        check_kept(dir, &config, &about)?;
         let timing = CsvTable::read(&dir.join(files::TIMING))?;
         let returns = CsvTable::read(&dir.join(files::RETURNS))?;
         let mut evaluations = read_evaluations(&returns, &CsvTable::read(&dir.join(files::EPISODES))?)?;

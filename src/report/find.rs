@@ -6,31 +6,19 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
-use crate::outside::{FileName, Printable, read_text};
+use super::json_file::read_json;
+use super::plan::{FolderPlan, PLAN};
+use crate::outside::{FileName, Printable};
 use crate::records::csv_table::LARGEST;
 use crate::records::files::is_run_dir;
 use crate::records::run_record::RunRecord;
 
-/// Name of the file with the plan of an experiment, in its folder of runs.
-pub const PLAN: &str = "plan.json";
 /// Name of the folder in which an experiment keeps the output of `baseline --json`.
 pub const BASELINES: &str = "baselines";
 /// Number of folder levels that are searched.
 pub const DEPTH: usize = 6;
-/// Largest plan or baseline. A plan of 100 000 runs has eight mebibytes.
-const LARGEST_FILE: u64 = 16 << 20;
-
-/// The plan of an experiment.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct ExperimentPlan {
-    /// Names of the run directories, which are in the same folder as the plan.
-    pub runs: Vec<FileName>,
-    /// Names of the baseline files, without `.json`.
-    #[serde(default)]
-    pub baselines: Vec<FileName>,
-}
 
 /// Returns the path of a baseline in an experiment's folder of runs.
 pub fn baseline_file(folder: &Path, name: &FileName) -> PathBuf {
@@ -52,6 +40,26 @@ pub struct BaselineRecord {
     /// Mean return of all agents in each episode; empty in files of older versions.
     #[serde(default)]
     pub episode_returns: Vec<f64>,
+    #[serde(flatten)]
+    pub measured_with: MeasuredWith,
+}
+
+impl BaselineRecord {
+    /// Returns whether two baselines say the same, whatever they were measured with.
+    fn says_what(&self, other: &BaselineRecord) -> bool {
+        *self == BaselineRecord { measured_with: self.measured_with.clone(), ..other.clone() }
+    }
+}
+
+/// What a controller is measured with, beside the config and its own name.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
+pub struct MeasuredWith {
+    /// CRC-32 of the file that the controller reads; `None` if it reads none, and in files of older versions.
+    #[serde(default)]
+    pub controller_file_crc32: Option<String>,
+    /// Version of SUMO; `None` if the domain does not need it.
+    #[serde(default)]
+    pub sumo_version: Option<String>,
 }
 
 /// A run, a baseline, a plan or a folder that is not used, and why.
@@ -104,8 +112,8 @@ pub fn find(folders: &[PathBuf]) -> Result<Found> {
 
 /// Searches a folder. Returns whether it holds a run, or the plan of one.
 ///
-/// `seen`: the answers for the folders that were searched already. The same folder may be named twice, or be inside
-/// another.
+/// `seen`: the answers for the folders that were searched already. The same folder may be named twice, be inside
+/// another, or hold a link that leads back to it.
 fn search(folder: &Path, depth: usize, seen: &mut BTreeMap<PathBuf, bool>, found: &mut Found) -> Result<bool> {
     let failed = || format!("{}: cannot be read", folder.display());
     let place = folder.canonicalize().with_context(failed)?;
@@ -120,6 +128,8 @@ fn search(folder: &Path, depth: usize, seen: &mut BTreeMap<PathBuf, bool>, found
         seen.insert(place, true);
         return Ok(true);
     }
+    // Until it has been searched: a link back to it adds nothing.
+    seen.insert(place.clone(), false);
     let mut holds = read_plan(folder, found);
     let entries = match entries_of(folder) {
         Ok(entries) => entries,
@@ -159,21 +169,19 @@ fn entries_of(folder: &Path) -> Result<Vec<PathBuf>> {
 
 /// Reads the plan in a folder. Returns whether there is one that names a run, or one that cannot be read.
 fn read_plan(folder: &Path, found: &mut Found) -> bool {
-    let path = folder.join(PLAN);
-    if path.symlink_metadata().is_err() {
-        return false;
-    }
-    let plan: ExperimentPlan = match read_json(&path) {
-        Ok(plan) => plan,
+    let plan = match FolderPlan::read(folder) {
+        Ok(Some(plan)) => plan,
+        Ok(None) => return false,
         Err(error) => {
-            found.leave_out(&path, &error);
+            found.leave_out(&folder.join(PLAN), &error);
             return true;
         }
     };
-    found.missing.extend(plan.runs.iter().map(|name| folder.join(name)).filter(|run| !is_run_dir(run)));
-    let baselines = plan.baselines.iter().map(|name| baseline_file(folder, name));
+    let runs = plan.runs();
+    found.missing.extend(runs.iter().map(|name| folder.join(name)).filter(|run| !is_run_dir(run)));
+    let baselines = plan.baselines().into_iter().map(|name| baseline_file(folder, name));
     found.missing.extend(baselines.filter(|baseline| !baseline.is_file()));
-    !plan.runs.is_empty()
+    !runs.is_empty()
 }
 
 fn read_baselines(folder: &Path, found: &mut Found) {
@@ -185,7 +193,7 @@ fn read_baselines(folder: &Path, found: &mut Found) {
     for path in paths {
         match read_baseline(&path) {
             // Two experiments on one scenario measure the same baselines.
-            Ok(baseline) if found.baselines.iter().any(|(_, other)| *other == baseline) => {}
+            Ok(baseline) if found.baselines.iter().any(|(_, other)| other.says_what(&baseline)) => {}
             Ok(baseline) => found.baselines.push((path, baseline)),
             Err(error) => found.leave_out(&path, &error),
         }
@@ -203,10 +211,4 @@ pub fn read_baseline(path: &Path) -> Result<BaselineRecord> {
         }
     }
     Ok(baseline)
-}
-
-/// Reads a plan or a baseline.
-fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
-    let text = read_text(path, LARGEST_FILE).with_context(|| format!("{}: cannot be read", path.display()))?;
-    serde_json::from_str(&text).with_context(|| format!("{}: is not a file of this program", path.display()))
 }

@@ -3,6 +3,7 @@
 //!
 //! - [`find`]: the runs, baselines and plans under the folders of a report. Nothing here sees a live run, or knows a domain
 //!   by name.
+//!   [`plan`]: the plans of experiments; `json_file`: how plans and baselines are read.
 //! - [`method`], [`group`]: which runs are comparable, and which differ only in their seed.
 //! - [`opponent`]: what the groups of a scenario are compared with. [`family`]: scenarios that may share an axis.
 //! - [`curves`], [`finals`]: results over several seeds; `played`: the episodes behind them, for differences.
@@ -24,10 +25,12 @@ pub mod family;
 pub mod finals;
 pub mod find;
 pub mod group;
+mod json_file;
 pub mod method;
 pub mod opponent;
 pub mod paper;
 mod pictures;
+pub mod plan;
 mod played;
 mod sections;
 mod tables;

@@ -12,8 +12,8 @@ use crate::domain::Domain;
 use crate::nn::use_vectors;
 use crate::records::files;
 use crate::terminal::tell;
-use crate::traffic::Traffic;
 use crate::traffic::sim::recording::Tape;
+use crate::traffic::{self, Traffic};
 use crate::warehouse::Warehouse;
 
 /// Error if a machine cannot compute as a config says. Only the fixed width can be missing.
@@ -48,6 +48,14 @@ pub fn find(config: &Config) -> Result<Arc<dyn Domain>> {
 
 fn table(config: &Config) -> &DomainConfig {
     config.domain.as_ref().expect("a config that was loaded has a domain")
+}
+
+/// Returns the version of SUMO if the domain of a config needs it. If it does not, or SUMO cannot be loaded: `None`.
+pub fn sumo_version(config: &Config) -> Option<String> {
+    match table(config) {
+        DomainConfig::Traffic(_) | DomainConfig::Scenario(_) => traffic::sumo_version().ok(),
+        DomainConfig::Warehouse(_) => None,
+    }
 }
 
 /// Returns the traffic domain of a config, or `None` if the config names another domain.

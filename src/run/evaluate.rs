@@ -125,6 +125,8 @@ impl<'a> Session<'a> {
         let mut findings = Vec::new();
         let mut written = Ok(());
         for (number, subject) in subjects.into_iter().enumerate() {
+            // Before it reads its file, which may change while it plays.
+            let player = subject.player(self.domain).map_err(Error::Usage)?;
             let Baseline { mut simulator, mut controller } = subject.open(self.domain).map_err(Error::Usage)?;
             let (simulator, controller) = (&mut *simulator, &mut *controller);
             if let Some(dir) = &self.output.render {
@@ -134,7 +136,7 @@ impl<'a> Session<'a> {
             let played = simulator
                 .measure_in_full()
                 .and_then(|()| play_episodes(simulator, controller, Seed::new(self.seed), self.episodes, progress));
-            let finding = Finding { player: subject.player(), episodes: played.map_err(Error::Run)? };
+            let finding = Finding { player, episodes: played.map_err(Error::Run)? };
             if let (Ok(()), Some(csv)) = (&written, &mut csv) {
                 written = csv.append(&finding).map_err(Error::Run);
             }

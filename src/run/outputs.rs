@@ -10,7 +10,8 @@ use super::experiment::LOGS;
 use super::places::{Existing, is_free};
 use crate::outside::folder_of;
 use crate::records::files;
-use crate::report::find::{BASELINES, PLAN};
+use crate::report::find::BASELINES;
+use crate::report::plan::PLAN;
 
 /// Checks that `option` may make `path` anew, and that this takes no name from a run.
 pub fn check_free(path: &Path, option: &str, existing: Existing) -> Result<()> {

@@ -85,8 +85,8 @@ impl Subject {
         }
     }
 
-    /// Returns the subject as findings describe it.
-    pub fn player(&self) -> Player {
+    /// Returns the subject as findings describe it. `domain`: where it plays.
+    pub fn player(&self, domain: &dyn Domain) -> Result<Player> {
         let policies = match self {
             Subject::Controller(_) => None,
             Subject::Run { greedy: true, .. } => Some(Selection::Greedy),
@@ -96,13 +96,16 @@ impl Subject {
             Subject::Run { background: Some(background), .. } => Some(background.words()),
             _ => None,
         };
-        Player { label: self.label(), keys: self.keys(), policies, others }
+        Ok(Player { label: self.label(), keys: self.keys(domain)?, policies, others })
     }
 
     /// Returns the JSON keys and values that identify the subject.
-    fn keys(&self) -> Vec<(&'static str, Value)> {
-        match self {
-            Subject::Controller(name) => vec![("controller", json!(name))],
+    fn keys(&self, domain: &dyn Domain) -> Result<Vec<(&'static str, Value)>> {
+        Ok(match self {
+            Subject::Controller(name) => {
+                let file = controller_file(domain, name)?.map(|checksum| ("controller_file_crc32", json!(checksum)));
+                [("controller", json!(name))].into_iter().chain(file).collect()
+            }
             Subject::Run { dir, greedy, background } => {
                 let mut keys = vec![("run", json!(crate::outside::path_as_text(dir))), ("greedy", json!(greedy))];
                 if let Some(Background { controller, policies_of }) = background {
@@ -111,7 +114,7 @@ impl Subject {
                 }
                 keys
             }
-        }
+        })
     }
 
     /// Checks that the subject can be played on the global simulator (GS) of `domain`.
@@ -179,6 +182,11 @@ fn check_rules(dir: &Path, domain: &dyn Domain) -> Result<()> {
         ));
     }
     Ok(())
+}
+
+/// Returns the CRC-32 of the file that a hand-coded controller reads, in hexadecimal. If it reads none: `None`.
+pub fn controller_file(domain: &dyn Domain, name: &str) -> Result<Option<String>> {
+    Ok(domain.baseline_checksum(name)?.map(|checksum| format!("{checksum:08x}")))
 }
 
 /// Finds the agent that `option` names, by its number or its name.

@@ -66,6 +66,7 @@ use crate::domain::{
 };
 use crate::sumo::Simulation;
 use agents::plan::{AgentPlan, Border, JointPlan};
+use controllers::timing_file::TimingFile;
 use controllers::{HandCoded, Trials};
 use ground::Ground;
 use ground::on_grid::OnGrid;
@@ -280,6 +281,10 @@ impl Domain for Traffic {
 
     fn check_baseline(&self, name: &str) -> Result<()> {
         controllers::recipe(name, self.plans()).map(drop)
+    }
+
+    fn baseline_checksum(&self, name: &str) -> Result<Option<u32>> {
+        controllers::file_of(name)?.map(TimingFile::checksum).transpose()
     }
 
     fn with_background(&self, name: &str, agents: &[AgentId]) -> Result<Box<dyn GlobalSimulator>> {

@@ -90,10 +90,19 @@ impl Owner {
     }
 }
 
-/// The way out for a resume, and for everything else that opens a run.
+/// Returns an error if the domain's keys or the contents of the networks are other ones than `about`, the `run.json` in
+/// `dir`, says. For readers of the figures alone, who need neither the domain nor the networks. `config`: that of the run.
+pub fn check_kept(dir: &Path, config: &Config, about: &RunJson) -> Result<()> {
+    let Some(kept) = &about.kept else { return Ok(()) };
+    let found = [kept.changed_keys(config)?, kept.changed_contents(dir)?].concat();
+    refuse(&place_of(dir), &found, TO_READ).map_err(Into::into)
+}
+
+/// The way out for a resume, for whoever plays the policies, and for whoever reads the figures.
 const TO_RESUME: &str = "put them back to resume, or begin a new run";
 const TO_PLAY: &str = "put them back, for example from a copy; or leave this run as it was, and play its policies on another \
                        scenario with: dials-traffic baseline CONFIG --compare RUN";
+const TO_READ: &str = "put them back, for example from a copy: the figures of this run are of them";
 
 fn place_of(dir: &Path) -> String {
     format!("{}: ", dir.join(files::RUN).display())

@@ -2,11 +2,11 @@
 
 use std::ffi::OsStr;
 use std::fs::File;
-use std::io::{BufRead, BufReader, Write};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::os::unix::process::CommandExt;
 use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
-use std::process::{ChildStderr, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::sync::mpsc::Sender;
 use std::thread::{self, JoinHandle};
 
@@ -35,7 +35,7 @@ const ABORTED: i32 = 6;
 /// A running process.
 pub struct RunProcess {
     process: std::process::Child,
-    /// Thread that returns the last line that says why the process ended.
+    /// Thread that returns the last words of the process: why it ended.
     listener: Option<JoinHandle<Option<String>>>,
     /// What it printed on standard error.
     log: Log,
@@ -109,7 +109,7 @@ impl RunProcess {
         let _ = kill_process(Pid::from_child(&self.process), Signal::TERM);
     }
 
-    /// Returns how the process ended: well, or with an error line. `None`: it is still running.
+    /// Returns how the process ended: well, or with the lines of an error. `None`: it is still running.
     pub fn ended(&mut self) -> Result<Option<std::result::Result<(), String>>> {
         let Some(status) = self.process.try_wait().context("cannot wait for a process")? else {
             return Ok(None);
@@ -153,15 +153,60 @@ fn with_absolute_paths(config: &Config) -> Result<Config> {
     Ok(config)
 }
 
-fn listen(stderr: ChildStderr, mut log: File, task: String, said: &Sender<Said>) -> Option<String> {
-    let mut last = None;
+/// Passes on and logs what a process prints. Returns its last words: why it ended.
+fn listen(stderr: impl Read, mut log: File, task: String, said: &Sender<Said>) -> Option<String> {
+    let mut last = LastWords::default();
     for line in BufReader::new(stderr).lines().map_while(|line| line.ok()) {
         // If the disk is full or the receiver has gone, the run continues.
         let _ = writeln!(log, "{line}");
-        if line.starts_with("error: ") || line.starts_with("stopped") {
-            last = Some(line.clone());
-        }
+        last.hear(&line);
         let _ = said.send(Said { task: task.clone(), line });
     }
-    last
+    last.words
+}
+
+/// The last line that says why a process ended, with the indented lines right after it: its causes and the way out.
+#[derive(Default)]
+struct LastWords {
+    words: Option<String>,
+    /// Whether an indented line would still belong to them.
+    open: bool,
+}
+
+impl LastWords {
+    fn hear(&mut self, line: &str) {
+        if line.starts_with("error: ") || line.starts_with("stopped") {
+            self.words = Some(line.to_owned());
+            self.open = true;
+        } else if let Some(words) = self.words.as_mut().filter(|_| self.open && line.starts_with("  ")) {
+            words.extend(["\n", line]);
+        } else {
+            self.open = false;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::mpsc::channel;
+
+    /// Returns the last words of a process that prints this.
+    fn last_words(printed: &str) -> Option<String> {
+        let (said, heard) = channel();
+        let words = listen(printed.as_bytes(), tempfile::tempfile().unwrap(), "a".to_owned(), &said);
+        drop(said);
+        assert_eq!(heard.iter().map(|said| said.line + "\n").collect::<String>(), printed, "all lines are passed on");
+        words
+    }
+
+    #[test]
+    fn the_last_words_of_a_process_have_their_causes_and_the_way_out() {
+        let error = "error: run.json: cannot be written\n  caused by: disk full\n  way out: make room";
+        assert_eq!(last_words(&format!("step 1/2: slow\n  a note\n{error}\n")).as_deref(), Some(error));
+        let earlier = format!("error: an earlier one\n  caused by: a\n{error}\ngoodbye\n  not of the error\n");
+        assert_eq!(last_words(&earlier).as_deref(), Some(error));
+        assert_eq!(last_words("stopped; kept up to step 5\n").as_deref(), Some("stopped; kept up to step 5"));
+        assert_eq!(last_words("step 1/2: slow\n  a note\n"), None);
+    }
 }

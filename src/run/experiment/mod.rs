@@ -20,6 +20,7 @@ use anyhow::{Context, anyhow, ensure};
 use super::build::other_build;
 use super::domain;
 use super::outputs::check_not_a_run;
+use super::subject::controller_file;
 use super::train::cores as machine_cores;
 use crate::cli;
 use crate::error::{Error, Result};
@@ -28,7 +29,8 @@ use crate::experiment::progress::{Stage, directory, stage};
 use crate::experiment::schedule::Cores;
 use crate::machine::allow_open_files;
 use crate::outside::{Busy, Directory, quoted};
-use crate::report::find::{BASELINES, ExperimentPlan, PLAN};
+use crate::report::find::{BASELINES, MeasuredWith};
+use crate::report::plan::{ExperimentPlan, FolderPlan, PLAN};
 use crate::terminal::experiment::Display;
 use crate::terminal::{Wish, answer, program, stop_on_signals, warn};
 use child::{RunProcess, Said, log_obstacle};
@@ -49,7 +51,12 @@ pub fn experiment(args: &cli::ExperimentArgs) -> Result<()> {
             let domain = domain::find(config)?;
             Ok((domain.scenario()?, domain.rough_costs()))
         },
-        check_controller: &|config, name| domain::find(config)?.check_baseline(name),
+        controller: &|config, name| {
+            let domain = domain::find(config)?;
+            domain.check_baseline(name)?;
+            let controller_file_crc32 = controller_file(&*domain, name)?;
+            Ok(MeasuredWith { controller_file_crc32, sumo_version: domain::sumo_version(config) })
+        },
     };
     let experiment = Experiment::read(&args.file, &knowledge).map_err(Error::Usage)?;
     if args.dry_run {
@@ -71,12 +78,7 @@ pub fn experiment(args: &cli::ExperimentArgs) -> Result<()> {
     if !args.accept_other_build {
         check_builds(&experiment, &folder).map_err(Error::Usage)?;
     }
-    let plan = ExperimentPlan {
-        runs: experiment.runs.iter().map(|run| run.name.clone()).collect(),
-        baselines: experiment.baselines.iter().map(|baseline| baseline.name.clone()).collect(),
-    };
-    let plan = serde_json::to_vec_pretty(&plan).expect("names are JSON");
-    directory.write(PLAN, &plan).map_err(Error::Usage)?;
+    write_plan(&experiment, &args.file, &directory).map_err(Error::Usage)?;
     let finished = tasks.finished();
     let again = format!("{} experiment {} --out {}", program(), quoted(&args.file), quoted(&folder));
     let outcome = Batch::begin(tasks, directory, cores, &again).and_then(Batch::carry_out).map_err(Error::Run)?;
@@ -90,6 +92,18 @@ pub fn experiment(args: &cli::ExperimentArgs) -> Result<()> {
         quoted(&report)
     ))
     .map_err(Error::Run)
+}
+
+/// Adds the plan of an experiment to that of its folder, which this process has locked. `file`: that of the experiment.
+fn write_plan(experiment: &Experiment, file: &Path, folder: &Directory) -> anyhow::Result<()> {
+    let plan = ExperimentPlan {
+        runs: experiment.runs.iter().map(|run| run.name.clone()).collect(),
+        baselines: experiment.baselines.iter().map(|baseline| baseline.name.clone()).collect(),
+    };
+    let failed = || format!("{}: its plan cannot be read; move {PLAN} away to begin it again", folder.path().display());
+    let mut plans = FolderPlan::read(folder.path()).with_context(failed)?.unwrap_or_default();
+    plans.put(&file.file_name().unwrap_or_default().to_string_lossy(), plan);
+    folder.write(PLAN, &serde_json::to_vec_pretty(&plans).expect("names are JSON"))
 }
 
 /// Locks the folder of the runs.

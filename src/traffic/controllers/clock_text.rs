@@ -19,7 +19,7 @@ const GREEN: u32 = 20;
 
 /// Returns what fixed-time lights follow: [`clock`] without leeway, or a `file` that the tuner wrote.
 pub fn fixed_time(arguments: &mut Arguments<'_>, plans: &[AgentPlan]) -> Result<ClockPlan> {
-    if let Some(file) = arguments.take("file")? {
+    if let Some(file) = arguments.take(super::FILE)? {
         return TimingFile::plan(Path::new(file), super::FIXED_TIME, plans);
     }
     Ok(ClockPlan { timings: clock(arguments, plans, "none")?, leeway: Leeway::NONE })
@@ -28,7 +28,7 @@ pub fn fixed_time(arguments: &mut Arguments<'_>, plans: &[AgentPlan]) -> Result<
 /// Returns what coordinated lights follow: [`clock`], but neighbours half a cycle apart if the parameters do not say
 /// otherwise; `early` and `late`, steps of leeway. A `file` of the tuner has all of them.
 pub fn coordinated(arguments: &mut Arguments<'_>, plans: &[AgentPlan]) -> Result<ClockPlan> {
-    if let Some(file) = arguments.take("file")? {
+    if let Some(file) = arguments.take(super::FILE)? {
         return TimingFile::plan(Path::new(file), super::COORDINATED, plans);
     }
     let timings = clock(arguments, plans, "checkerboard")?;

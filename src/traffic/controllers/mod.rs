@@ -42,6 +42,8 @@ mod timing;
 pub mod timing_file;
 mod webster;
 
+use std::path::Path;
+
 use anyhow::{Result, bail};
 
 use crate::base::Seed;
@@ -84,6 +86,8 @@ pub const FIXED_TIME: &str = "fixed-time";
 pub const COORDINATED: &str = "coordinated";
 
 const SWITCH_EVERY: &str = "switch-every-";
+/// Parameter that names a file of the tuner.
+const FILE: &str = "file";
 
 /// A function that makes a controller. It first measures what the controller needs to know.
 pub type Recipe = Box<dyn Fn(&dyn Trials) -> Result<HandCoded>>;
@@ -132,6 +136,13 @@ pub fn recipe(text: &str, plans: &[AgentPlan]) -> Result<Recipe> {
     Ok(recipe)
 }
 
+/// Returns the file that a controller reads, by the text that names the controller. If it reads none: `None`.
+pub fn file_of(text: &str) -> Result<Option<&Path>> {
+    let mut arguments = Arguments::of(text);
+    let reads_one = [FIXED_TIME, COORDINATED].contains(&arguments.name());
+    if reads_one { Ok(arguments.take(FILE)?.map(Path::new)) } else { Ok(None) }
+}
+
 /// Returns whether all lights are those of the paper's grids: green 0 for the cars from south and north, green 1 for the
 /// others. Lights of other nets choose their green.
 pub fn are_of_a_grid(plans: &[AgentPlan]) -> bool {
@@ -154,6 +165,14 @@ mod tests {
         for name in ["switch-every-0", "switch-every-", "switch-every-ten"] {
             assert!(error(name).contains("K must be a number of steps"));
         }
+    }
+
+    #[test]
+    fn only_lights_that_go_by_the_clock_read_a_file() {
+        let file = |text: &'static str| file_of(text).unwrap().map(|path| path.to_str().unwrap());
+        assert_eq!(file("fixed-time:file=a/b.toml"), Some("a/b.toml"));
+        assert_eq!(file("coordinated:file=c"), Some("c"));
+        assert_eq!([file("fixed-time"), file("fixed-time:green=7"), file("random:file=a")], [None; 3]);
     }
 
     #[test]

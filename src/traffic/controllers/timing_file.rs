@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::are_of_a_grid;
 use super::arguments::GREENS;
 use super::timing::{ClockPlan, Leeway, Timing};
-use crate::outside::{Printable, read_text};
+use crate::outside::{Printable, read_bytes, read_text};
 use crate::traffic::agents::plan::AgentPlan;
 
 /// Advice if a file does not help.
@@ -132,6 +132,13 @@ impl TimingFile {
             toml::from_str(&text).map_err(|error| anyhow!(reason(&error, &text))).with_context(foreign)?;
         file.check().map_err(|error| anyhow!("{place}: {error}; {WAY_OUT}"))?;
         Ok(file)
+    }
+
+    /// Returns the CRC-32 of a file.
+    pub fn checksum(path: &Path) -> Result<u32> {
+        let bytes =
+            read_bytes(path, MOST_BYTES).with_context(|| format!("{}: cannot be read; {WAY_OUT}", path.display()))?;
+        Ok(crc32fast::hash(&bytes))
     }
 
     fn check(&self) -> Result<()> {

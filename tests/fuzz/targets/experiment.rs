@@ -8,6 +8,7 @@ use anyhow::ensure;
 use dials_traffic::domain::{RoughCosts, Scenario};
 use dials_traffic::experiment::file::{Experiment, Knowledge};
 use dials_traffic::outside::is_printable;
+use dials_traffic::report::find::MeasuredWith;
 
 use super::read_all;
 use crate::place::{empty, work};
@@ -33,10 +34,10 @@ set = ['ppo.clip=0.2']
 
 const KNOWLEDGE: Knowledge = Knowledge {
     simulated: &|config| Ok((Scenario::new("warehouse", 4, config.horizon()), RoughCosts::default())),
-    check_controller: &|_, name| {
+    controller: &|_, name| {
         let known = ["random", "oldest-item", "closest-item", "fixed-time"];
         ensure!(name.split(':').next().is_some_and(|word| known.contains(&word)), "controller `{name}`: unknown");
-        Ok(())
+        Ok(MeasuredWith::default())
     },
 };
 
