@@ -247,7 +247,7 @@ def test_an_observation_and_a_reward_of_ones_own_see_what_ours_are_made_of(grid,
 
 
 def test_an_own_observation_may_use_its_array_again(grid):
-    array = np.zeros(4)
+    array = np.zeros(4, np.float32)
 
     def counts(roads):
         array[:] = [len(approach.cars) for approach in roads.approaches]
