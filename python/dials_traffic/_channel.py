@@ -6,12 +6,15 @@ map. `_process` gives the orders to a child process, `_in_process` to this one.
 
 from __future__ import annotations
 
+import fcntl
 import json
 import mmap
+import operator
 import os
 import struct
+import weakref
 from pathlib import Path
-from typing import Any, Dict, List, Mapping, Optional, Union
+from typing import Any, Dict, List, Mapping, Optional, Sequence, Union
 
 import numpy as np
 
@@ -34,7 +37,15 @@ class Channel:
         self._label = label
         self._owner = os.getpid()
         self._map: Optional[mmap.mmap] = None
-        self._memory = os.memfd_create("dials_traffic")
+        made = os.memfd_create("dials_traffic")
+        try:
+            # Not 0, 1 or 2, which may be free here: in a child these are the standard streams.
+            self._memory: int = fcntl.fcntl(made, fcntl.F_DUPFD_CLOEXEC, 3)
+        finally:
+            os.close(made)
+        # Closes the memory once: when the environment is closed, or when nothing refers to this channel any more.
+        self._close_descriptor = weakref.finalize(self, os.close, self._memory)
+        self._close_descriptor.atexit = False
 
     def send(self, tag: int, what: Optional[Dict[str, Any]] = None) -> None:
         """Give an order and do not wait for the answer."""
@@ -62,16 +73,17 @@ class Channel:
             self.close()
             raise
 
-    def _check_owner(self) -> None:
+    def check(self) -> None:
+        """Raise an error if no order can be given here: after a fork, or if the environment is closed."""
         if os.getpid() != self._owner:
             raise SimulatorError(
                 f"{self._label}: belongs to process {self._owner}, and this is another one; make it anew after a fork"
             )
+        if not self._close_descriptor.alive:
+            raise SimulatorError(f"{self._label}: is closed")
 
     def _close_memory(self) -> None:
-        if self._memory >= 0:
-            os.close(self._memory)
-            self._memory = -1
+        self._close_descriptor()
         # numpy arrays over the memory may still be in use: it is unmapped with the last of them.
         self._map = None
 
@@ -128,16 +140,50 @@ def request_of(config: PathLike, settings: Optional[Mapping[str, Any]], environm
 
 
 def _in_toml(value: Any) -> str:
-    """Return a value as TOML writes it. JSON writes these types in the same way."""
-    if isinstance(value, (bool, int, float, str, list, tuple)):
+    """Return a value as TOML writes it. JSON writes texts and numbers in the same way."""
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, (bool, int, float)):
         return json.dumps(value)
-    raise TypeError(f"settings: {value!r} is neither a bool, a number, a text nor a list of them")
+    if isinstance(value, str):
+        # JSON would write characters beyond 16 bits as pairs, which TOML does not know. TOML wants DEL escaped.
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(_in_toml, value))}]"
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{_in_toml(str(key))} = {_in_toml(of_key)}' for key, of_key in value.items())}}}"
+    raise TypeError(f"settings: {value!r} is neither a bool, a number, a text nor a list or a dict of them")
 
 
 def fresh_seed(seed: Optional[int]) -> int:
     """Return the seed, or one from the system if there is none."""
     if seed is None:
         return int(np.random.SeedSequence().generate_state(1, np.uint64)[0])
-    if not 0 <= int(seed) < 1 << 64:
-        raise ValueError(f"seed {seed}: must be from 0 to 2**64 - 1")
-    return int(seed)
+    return whole_number("seed", seed)
+
+
+def whole_number(name: str, value: Any, least: int = 0) -> int:
+    """Return the value as an int. ``name`` names it in errors: a TypeError for another type, a ValueError for a number
+    that is below ``least`` or does not fit into 64 bits.
+    """
+    try:
+        number = operator.index(value)
+    except TypeError:
+        raise TypeError(f"{name} {value!r}: must be a whole number") from None
+    if not least <= number < 1 << 64:
+        raise ValueError(f"{name} {number}: must be from {least} to 2**64 - 1")
+    return number
+
+
+def yes_or_no(name: str, value: Any) -> bool:
+    """Return the value, which must be a bool. ``name`` names it in errors."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise TypeError(f"{name} {value!r}: must be True or False")
+    return bool(value)
+
+
+def refuse_unknown_options(options: Optional[Mapping[str, Any]], known: Sequence[str]) -> None:
+    """Raise a ValueError that names an option of ``reset`` that does not exist."""
+    for name in options or {}:
+        if name not in known:
+            raise ValueError(f"options: {name!r}: there is none; known: {', '.join(known) or 'none'}")

@@ -8,8 +8,11 @@ import sys
 import threading
 from typing import Any, Dict, Optional
 
-from ._channel import BEGIN, Channel
+from ._channel import Channel
 from .errors import SimulatorError
+
+# Simulators whose last reference went in another thread than theirs, by their thread. Only there can they end.
+_LEFT: Dict[int, Any] = {}
 
 
 class InProcess(Channel):
@@ -25,15 +28,20 @@ class InProcess(Channel):
         # The answer to the last order, or the reason why there is none.
         self._answered: Optional[bytes] = None
         self._failed: Optional[SimulatorError] = None
+        _LEFT.pop(self._thread, None)
         self._begin(request)
 
-    def send(self, tag: int, what: Optional[Dict[str, Any]] = None) -> None:
-        self._check_owner()
+    def check(self) -> None:
+        super().check()
+        self._check_thread()
+
+    def _check_thread(self) -> None:
         if threading.get_ident() != self._thread:
             raise SimulatorError(f"{self._label}: lives in another thread; use it there, or without in_process")
+
+    def send(self, tag: int, what: Optional[Dict[str, Any]] = None) -> None:
+        self.check()
         native = self._native
-        if native is None and tag != BEGIN:
-            raise SimulatorError(f"{self._label}: is closed")
         payload = b"" if what is None else json.dumps(what).encode()
         self._answered, self._failed = None, None
         try:
@@ -57,6 +65,13 @@ class InProcess(Channel):
     def close(self) -> None:
         if os.getpid() != self._owner:
             return
+        if self._native is not None:
+            self._check_thread()
         # The simulator goes with its last reference.
         self._native = None
         self._close_memory()
+
+    def __del__(self) -> None:
+        native = getattr(self, "_native", None)
+        if native is not None and threading.get_ident() != self._thread:
+            _LEFT[self._thread] = native

@@ -44,23 +44,25 @@ class Process(Channel):
         self._received = bytearray()
         self._log = tempfile.TemporaryFile()
         self._socket, theirs = socket.socketpair()
-        with theirs:
-            self._child = subprocess.Popen(
-                [sys.executable, "-I", "-S", "-c", _CODE, str(Path(__file__).parent), str(self._memory)],
-                stdin=theirs.fileno(),
-                stdout=self._log,
-                stderr=self._log,
-                pass_fds=[self._memory],
-                # Ctrl-C at the terminal is for this process, which ends its children when it is ready.
-                start_new_session=True,
-            )
+        try:
+            with theirs:
+                self._child = subprocess.Popen(
+                    [sys.executable, "-I", "-S", "-c", _CODE, str(Path(__file__).parent), str(self._memory)],
+                    stdin=theirs.fileno(),
+                    stdout=self._log,
+                    stderr=self._log,
+                    pass_fds=[self._memory],
+                    # Ctrl-C at the terminal is for this process, which ends its children when it is ready.
+                    start_new_session=True,
+                )
+        except BaseException:
+            self._close_files()
+            raise
         self.pid = self._child.pid
         self._begin(request)
 
     def send(self, tag: int, what: Optional[Dict[str, Any]] = None) -> None:
-        self._check_owner()
-        if self._socket.fileno() < 0:
-            raise SimulatorError(f"{self._label}: is closed")
+        self.check()
         if self._waiting and tag == RESET:
             # The answer to the interrupted order has no meaning any more.
             self._answer()
@@ -90,6 +92,10 @@ class Process(Channel):
         except subprocess.TimeoutExpired:
             self._child.kill()
             self._child.wait()
+        self._close_files()
+
+    def _close_files(self) -> None:
+        self._socket.close()
         self._log.close()
         self._close_memory()
 

@@ -7,7 +7,7 @@ from typing import Any, Dict, List, Mapping, Optional, Tuple
 import gymnasium
 import numpy as np
 
-from ._channel import PathLike
+from ._channel import PathLike, fresh_seed, whole_number
 from .parallel import GlobalEnv, Infos, Observations
 
 Table = Dict[str, np.ndarray]
@@ -24,14 +24,11 @@ class GlobalVectorEnv:
 
     def __init__(self, config: PathLike, n: int, *, seed: Optional[int] = None, **options: Any) -> None:
         """Start the copies. Copy ``i`` has the seed ``seed + i``; ``options``: as for :func:`parallel_env`."""
-        if n < 1:
-            raise ValueError(f"n = {n}: must be at least 1")
+        n, first_seed = whole_number("n", n, 1), fresh_seed(seed)
         self.envs: List[GlobalEnv] = []
         try:
             for copy in range(n):
-                first_seed = self.envs[0].seed if self.envs else seed
-                own = None if first_seed is None else (first_seed + copy) % 2**64
-                self.envs.append(GlobalEnv(config, seed=own, **options))
+                self.envs.append(GlobalEnv(config, seed=(first_seed + copy) % 2**64, **options))
         except BaseException:
             self.close()
             raise
@@ -50,15 +47,22 @@ class GlobalVectorEnv:
 
     def reset(self, seed: Optional[int] = None) -> Tuple[Table, Dict[str, Any]]:
         """Begin an episode in every copy."""
-        seeds = [None if seed is None else (seed + copy) % 2**64 for copy in range(self.num_envs)]
-        for env, own in zip(self.envs, seeds):
-            env.send_reset(own)
+        first_seed = None if seed is None else fresh_seed(seed)
+        for copy, env in enumerate(self.envs):
+            env.send_reset(None if first_seed is None else (first_seed + copy) % 2**64)
         return self._joined([env.receive_reset() for env in self.envs])
 
     def step(self, actions: Mapping[str, Any]) -> Tuple[Table, Table, Table, Table, Dict[str, Any]]:
-        """Make a step in every copy; ``actions``: for each agent one action per copy."""
-        for copy, env in enumerate(self.envs):
-            env.send_actions({agent: actions[agent][copy] for agent in self.agents})
+        """Make a step in every copy; ``actions``: for each agent one action per copy. If one is refused, none steps."""
+        for agent, chosen in actions.items():
+            if len(chosen) != self.num_envs:
+                raise ValueError(f"agent {agent!r}: {len(chosen)} actions for {self.num_envs} copies")
+        codes = [
+            env.checked({agent: chosen[copy] for agent, chosen in actions.items()})
+            for copy, env in enumerate(self.envs)
+        ]
+        for env, code in zip(self.envs, codes):
+            env.send_checked(code)
         results = [env.receive_step() for env in self.envs]
         rewards = {agent: np.array([result[1][agent] for result in results]) for agent in self.agents}
         terminations = {agent: np.zeros(self.num_envs, bool) for agent in self.agents}

@@ -11,9 +11,10 @@ import numpy as np
 from gymnasium.spaces import Box, Discrete
 from pettingzoo import ParallelEnv
 
-from ._channel import Channel, PathLike, fresh_seed, request_of
+from ._channel import Channel, PathLike, fresh_seed, refuse_unknown_options, request_of, whole_number, yes_or_no
 from ._in_process import InProcess
 from ._process import Process
+from .errors import SimulatorError
 from .roads import Intersection, intersection
 
 Observations = Dict[str, np.ndarray]
@@ -50,18 +51,19 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
     ) -> None:
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise ValueError(f"render_mode {render_mode!r}: this environment has {RENDER_MODES}")
+        first_seed = fresh_seed(seed)
         self._observe, self._reward = observation, reward
         # What is on the roads now, by agent, if a function asks for it.
         self._roads: Dict[str, Intersection] = {}
         joint = {
             "controller_for": dict(controller_for or {}),
-            "full_metrics": full_metrics,
+            "full_metrics": yes_or_no("full_metrics", full_metrics),
             "draws": render_mode is not None,
             "watches_roads": observation is not None or reward is not None,
-            "records": record,
+            "records": yes_or_no("record", record),
         }
         request = request_of(config, settings, {"joint": joint})
-        make = InProcess if in_process else Process
+        make = InProcess if yes_or_no("in_process", in_process) else Process
         self._channel: Channel = make(f"the environment of {config}", request)
         about = self._channel.about
         self.metadata = {
@@ -74,7 +76,7 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         self.horizon: int = about["horizon"]
         #: Seed of the episodes, and the number of the episode under way. `dials-traffic evaluate RUN --seed SEED` plays
         #: the same episodes.
-        self.seed, self.episode = fresh_seed(seed), -1
+        self.seed, self.episode = first_seed, -1
         self._lay_out(about["agents"])
 
     def _lay_out(self, agents: List[Dict[str, Any]]) -> None:
@@ -94,7 +96,8 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
             name, width, n_actions = agent["name"], agent["obs_dim"], agent["n_actions"]
             mask_width = n_actions if agent["masks"] else 0
             if not agent["hand_coded"]:
-                self._observation_spaces[name] = Box(-np.inf, np.inf, (width,), np.float32)
+                if self._observe is None:
+                    self._observation_spaces[name] = Box(-np.inf, np.inf, (width,), np.float32)
                 self._action_spaces[name] = Discrete(n_actions)
                 self._obs_places.append((name, slice(obs, obs + width)))
                 always = None if agent["masks"] else _all_allowed(n_actions)
@@ -105,10 +108,12 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         self._rewards, self._actions = array("rewards"), array("actions")
         self._actions[:] = 0
         self._steps = 0
+        # Whether the last reset or step came to its end. If not, what this process knows of the episode may be old.
+        self._whole = True
 
     def observation_space(self, agent: str) -> "gymnasium.Space[Any]":
         """Return the space of an agent's observations. Of your own ones the shape is known after the first reset."""
-        if self._observe is not None and not self._roads:
+        if self._observe is not None and not self._observation_spaces:
             raise RuntimeError("observation: the shape of what it returns is known after the first reset()")
         return self._observation_spaces[agent]
 
@@ -128,23 +133,28 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
 
     def send_reset(self, seed: Optional[int] = None, options: Optional[Dict[str, Any]] = None) -> None:
         """Begin an episode and do not wait for it. :meth:`receive_reset` ends it."""
-        if seed is not None:
-            self.seed, self.episode = fresh_seed(seed), -1
-        self.episode = int((options or {}).get("episode", self.episode + 1))
-        self.agents = []
+        # PettingZoo's tests pass an option that is called "options".
+        refuse_unknown_options(options, ["episode", "options"])
+        begun = self.seed if seed is None else fresh_seed(seed)
+        following = self.episode + 1 if seed is None else 0
+        episode = whole_number("episode", (options or {}).get("episode", following))
+        self._channel.check()
+        self.seed, self.episode = begun, episode
+        self._whole, self.agents = False, []
         self._channel.send_reset(self.seed, self.episode)
 
     def receive_reset(self) -> Tuple[Observations, Infos]:
         """Wait for the episode that :meth:`send_reset` began."""
         self._channel.receive()
         self._steps = 0
-        self.agents = list(self.possible_agents)
         self._look()
         observations, infos = self._perceive()
-        if self._observe is not None:
-            for agent, obs in observations.items():
-                if self._observation_spaces[agent].shape != obs.shape:
-                    self._observation_spaces[agent] = Box(-np.inf, np.inf, obs.shape, np.float32)
+        if self._observe is not None and not self._observation_spaces:
+            self._observation_spaces = {
+                agent: Box(-np.inf, np.inf, obs.shape, np.float32) for agent, obs in observations.items()
+            }
+        self.agents = list(self.possible_agents)
+        self._whole = True
         return observations, infos
 
     def step(self, actions: Mapping[str, int]) -> Steps:
@@ -154,17 +164,38 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
 
     def send_actions(self, actions: Mapping[str, int]) -> None:
         """Begin a step and do not wait for it. :meth:`receive_step` ends it."""
+        self.send_checked(self.checked(actions))
+
+    def checked(self, actions: Mapping[str, int]) -> bytes:
+        """Return actions as :meth:`send_checked` takes them, or raise an error. Nothing changes."""
+        self._channel.check()
+        if not self._whole:
+            raise SimulatorError("the last call was not finished; call reset() first")
         if not self.agents:
             raise RuntimeError("there is no episode under way; call reset() first")
-        chosen = [actions[name] for name in self.possible_agents]
+        chosen = [actions[name] for name in self.possible_agents if name in actions]
+        if not len(chosen) == len(actions) == len(self.possible_agents):
+            self._refuse_names(actions)
         try:
             code = bytes(chosen)
         except (TypeError, ValueError):
             code = b""
         if not code or any(map(operator.ge, code, self._n_actions)):
             self._refuse(chosen)
+        return code
+
+    def send_checked(self, code: bytes) -> None:
+        """Begin a step with actions that were :meth:`checked`."""
+        self._whole = False
         self._actions[self._rows] = np.frombuffer(code, np.uint8)
         self._channel.send_step()
+
+    def _refuse_names(self, actions: Mapping[str, int]) -> None:
+        """Raise the error that names the agents without an action, or those that do not exist."""
+        missing = [name for name in self.possible_agents if name not in actions]
+        unknown = [name for name in actions if name not in self.possible_agents]
+        told = f"there is none for {_named(missing)}" if missing else f"there is no agent {_named(unknown)}"
+        raise SimulatorError(f"actions: {told}")
 
     def _refuse(self, chosen: List[Any]) -> None:
         """Raise the error that names the agent whose action is none of its own."""
@@ -189,6 +220,7 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         if over:
             self._add_metrics(infos)
             self.agents = []
+        self._whole = True
         return observations, rewards, terminations, truncations, infos
 
     def _look(self) -> None:
@@ -203,12 +235,23 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         if own is None:
             observations = {name: obs[place] for name, place in self._obs_places}
         else:
-            observations = {name: np.asarray(own(roads), np.float32) for name, roads in self._roads.items()}
+            # Copies: the function may use an array of its own again.
+            observations = {name: np.array(own(roads), np.float32) for name, roads in self._roads.items()}
+            self._check_shapes(observations)
         infos: Infos = {
             name: {"action_mask": masks[place] if always is None else always}
             for name, place, always in self._mask_places
         }
         return observations, infos
+
+    def _check_shapes(self, observations: Observations) -> None:
+        """Raise an error if an own observation has another shape than at the first reset."""
+        for name, space in self._observation_spaces.items():
+            if observations[name].shape != space.shape:
+                raise SimulatorError(
+                    f"observation: of agent {name!r} it has the shape {observations[name].shape}, and at the first "
+                    f"reset() it had {space.shape}; it must always be the same"
+                )
 
     def _add_metrics(self, infos: Infos) -> None:
         figures = self._channel.measure()
@@ -227,7 +270,7 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         The environment must have been made with ``record=True``. Plain SUMO plays the folder, car by car, without any
         decision in it.
         """
-        if self.agents or self._steps == 0:
+        if self.agents or self._steps == 0 or not self._whole:
             raise RuntimeError("save_replay: play an episode to its end first")
         if Path(folder).exists():
             raise FileExistsError(f"save_replay: {folder}: exists already; name a new folder")
@@ -240,8 +283,14 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
 
     def close(self) -> None:
         """End the environment and its process."""
-        self.agents = []
         self._channel.close()
+        self.agents = []
+
+
+def _named(agents: List[str]) -> str:
+    """Return the names of some agents for an error, the first five of them."""
+    more = ", ..." if len(agents) > 5 else ""
+    return ", ".join(map(repr, agents[:5])) + more
 
 
 def _all_allowed(n_actions: int) -> np.ndarray:

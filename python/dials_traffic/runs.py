@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional
 
 import numpy as np
 
-from ._channel import PathLike, request_of
+from ._channel import PathLike, request_of, whole_number, yes_or_no
 from ._process import Process
+from .errors import SimulatorError
 from .parallel import GlobalEnv
 from .policy import Policy, Weights, in_torch
 
@@ -21,7 +22,8 @@ class Run:
     """The policies of a run directory. Make one with :func:`dials_traffic.load`."""
 
     def __init__(self, path: PathLike) -> None:
-        self.path = Path(path)
+        # The working directory may change later.
+        self.path = Path(path).absolute()
         process = _policies(self.path, greedy=False)
         try:
             about, parameters = process.about, process.array("parameters").copy()
@@ -45,11 +47,13 @@ class Run:
 
         The last layer has one output per action, and then the value.
         """
+        if agent not in self._weights:
+            raise _no_agent(agent, self.agents)
         return self._weights[agent]
 
     def state_dict(self, agent: str) -> Weights:
         """Return the weights as modules of torch have them: the state dict of :meth:`torch_policy`, in numpy."""
-        return in_torch(self._weights[agent])
+        return in_torch(self.weights(agent))
 
     def torch_policy(self, agent: str) -> "TorchPolicy":
         """Return the policy of one agent as a module of torch, which must be installed."""
@@ -59,7 +63,7 @@ class Run:
 
     def policy(self, agent: str, *, greedy: bool = False, seed: Optional[int] = None) -> Policy:
         """Return the policy of one agent, which computes in numpy."""
-        return Policy(self._weights[agent], greedy=greedy, seed=seed)
+        return Policy(self.weights(agent), greedy=greedy, seed=seed)
 
     def controller(self, *, greedy: bool = False) -> "Controller":
         """Return the policies of all agents, which act as `dials-traffic evaluate` lets them act, to the bit."""
@@ -127,10 +131,15 @@ class Controller:
 
     def begin(self, seed: int, episode: int = 0) -> None:
         """Begin an episode: that of ``env.seed`` and ``env.episode`` of a :func:`parallel_env`."""
-        self._process.reset(seed, episode)
+        self._process.reset(whole_number("seed", seed), whole_number("episode", episode))
 
     def act(self, observations: Mapping[str, np.ndarray], infos: Mapping[str, Mapping[str, Any]]) -> Dict[str, int]:
         """Decide for all agents that are shown, from what ``reset`` or ``step`` of a :func:`parallel_env` returned."""
+        for agent in observations:
+            if agent not in self._places:
+                raise _no_agent(agent, list(self._places))
+            if agent not in infos:
+                raise SimulatorError(f"infos: there is none for {agent!r}")
         for agent, obs in observations.items():
             _, place, mask_place = self._places[agent]
             self._obs[place] = obs
@@ -146,4 +155,11 @@ class Controller:
 
 
 def _policies(path: Path, greedy: bool) -> Process:
-    return Process(f"the policies of {path}", request_of(path, None, {"policies": {"greedy": greedy}}))
+    policies = {"greedy": yes_or_no("greedy", greedy)}
+    return Process(f"the policies of {path}", request_of(path, None, {"policies": policies}))
+
+
+def _no_agent(agent: str, agents: List[str]) -> SimulatorError:
+    """Return the error for the name of an agent that does not exist."""
+    more = ", ..." if len(agents) > 5 else ""
+    return SimulatorError(f"agent {agent!r}: there is none; the agents are {', '.join(map(repr, agents[:5]))}{more}")

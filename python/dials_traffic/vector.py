@@ -11,8 +11,9 @@ from gymnasium.spaces import Box, Discrete
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from ._channel import PathLike, fresh_seed, request_of
+from ._channel import PathLike, fresh_seed, refuse_unknown_options, request_of, whole_number, yes_or_no
 from ._process import Process
+from .errors import SimulatorError
 
 Agents = Union[str, Sequence[str], None]
 
@@ -23,7 +24,8 @@ class LocalVectorEnv(VectorEnv):
 
     Rows are ordered by agent, then by copy. An episode ends as a truncation, and the next one begins in the same step:
     ``infos["final_obs"]`` has the observations before that, valid where ``infos["_final_obs"]`` is true.
-    ``infos["action_mask"]`` is ``[rows, actions]``, int8.
+    ``infos["action_mask"]`` is ``[rows, actions]``, int8. As with Gymnasium's own vector environments, every key has a
+    second one with ``_`` before it that says which rows have it, and ``infos["final_info"]`` is of the end.
     """
 
     def __init__(
@@ -37,12 +39,13 @@ class LocalVectorEnv(VectorEnv):
         stagger: bool = False,
         settings: Optional[Mapping[str, Any]] = None,
     ) -> None:
+        copies, first_seed = whole_number("copies", copies, 1), fresh_seed(seed)
         names = [agents] if isinstance(agents, str) else list(agents or [])
         local = {
             "agents": names,
             "copies": copies,
             "predictor": _predictor(config if predictor is None else predictor),
-            "stagger": stagger,
+            "stagger": yes_or_no("stagger", stagger),
         }
         request = request_of(config, settings, {"local": local})
         self._process = Process(f"the local simulators of {config}", request)
@@ -60,7 +63,9 @@ class LocalVectorEnv(VectorEnv):
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         #: Seed of the episodes. A run of `dials-traffic train` with this seed begins with the same ones.
-        self.seed, self._resets = fresh_seed(seed), 0
+        self.seed, self._resets = first_seed, 0
+        # Whether the last call came to its end.
+        self._whole = True
         array = self._process.array
         self._obs, self._last_obs = (array(name).reshape(self.num_envs, -1) for name in ("obs", "last_obs"))
         self._masks = array("masks").view(np.int8).reshape(self.num_envs, -1) if about["masks"] else None
@@ -75,16 +80,22 @@ class LocalVectorEnv(VectorEnv):
 
         All rows follow from one seed, so a list of seeds is refused.
         """
+        refuse_unknown_options(options, [])
         if isinstance(seed, (list, tuple)):
             raise ValueError("seed: all rows follow from one seed; name one number")
+        self._process.check()
         if seed is not None:
             self.seed, self._resets = fresh_seed(seed), 0
+            super().reset(seed=self.seed)
         now = self.seed
         if self._resets > 0:
             now = int(np.random.SeedSequence((self.seed, self._resets)).generate_state(1, np.uint64)[0])
+        self._whole = False
         self._process.reset(now)
         self._resets += 1
-        return self._obs.copy(), self._infos()
+        obs, infos = self._obs.copy(), self._infos()
+        self._whole = True
+        return obs, infos
 
     def step(
         self, actions: Any
@@ -95,11 +106,17 @@ class LocalVectorEnv(VectorEnv):
 
     def step_async(self, actions: Any) -> None:
         """Begin a step and do not wait for it. :meth:`step_wait` ends it."""
+        self._process.check()
+        if not self._whole:
+            raise SimulatorError("the last call was not finished; call reset() first")
         actions = np.asarray(actions)
         if actions.shape != (self.num_envs,):
             raise ValueError(f"actions: of shape {actions.shape} instead of ({self.num_envs},)")
+        if actions.dtype.kind not in "iub":
+            raise TypeError(f"actions: must be whole numbers, not {actions}")
         if not np.all((actions >= 0) & (actions < self._n_actions)):
             raise ValueError(f"actions: all must be from 0 to {self._n_actions - 1}, not {actions}")
+        self._whole = False
         self._actions[:] = actions
         self._process.send_step()
 
@@ -109,11 +126,18 @@ class LocalVectorEnv(VectorEnv):
         infos, ends = self._infos(), self._ends.copy()
         if ends.any():
             infos["final_obs"], infos["_final_obs"] = self._last_obs.copy(), ends.copy()
+            # The masks are those of the next episodes; at the end nobody decides.
+            final_masks = np.where(ends[:, None], infos["action_mask"], 0).astype(np.int8)
+            infos["final_info"] = {"action_mask": final_masks, "_action_mask": ends.copy()}
+            infos["_final_info"] = ends.copy()
         # Copies: the memory changes with the next step, and what was returned must not.
-        return self._obs.copy(), self._rewards.astype(np.float64), self._never.copy(), ends, infos
+        shown = self._obs.copy(), self._rewards.astype(np.float64), self._never.copy(), ends, infos
+        self._whole = True
+        return shown
 
     def _infos(self) -> Dict[str, Any]:
-        return {"action_mask": (self._all_allowed if self._masks is None else self._masks).copy()}
+        masks = (self._all_allowed if self._masks is None else self._masks).copy()
+        return {"action_mask": masks, "_action_mask": np.ones(self.num_envs, bool)}
 
     def counters(self) -> Dict[str, int]:
         """Return totals since the last reset, such as predicted cars that found no room."""
@@ -163,7 +187,8 @@ class LocalEnv(gymnasium.Env):
         self, *, seed: Optional[int] = None, options: Optional[Dict[str, Any]] = None
     ) -> Tuple[np.ndarray, Dict[str, Any]]:
         """Begin the first episode of a ``seed``, or the next one."""
-        super().reset(seed=seed)
+        refuse_unknown_options(options, [])
+        super().reset(seed=None if seed is None else fresh_seed(seed))
         if self._begun is None or seed is not None:
             obs, infos = self._rows.reset(seed=seed)
             self._begun = obs[0], _of_row(infos)

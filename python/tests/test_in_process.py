@@ -7,7 +7,7 @@ import textwrap
 import pytest
 
 SETUP = """
-import sys, threading
+import gc, os, sys, threading
 import numpy as np
 import dials_traffic
 
@@ -64,6 +64,51 @@ def test_there_is_one_at_a_time_and_it_stays_in_its_thread(grid):
         again = make()
         again.reset()
         again.close()
+    """
+    run(code, grid)
+
+
+def test_only_its_own_thread_closes_it(grid):
+    code = """
+        env = dials_traffic.parallel_env(sys.argv[1], in_process=True, seed=1)
+        env.reset()
+        told = []
+        thread = threading.Thread(target=lambda: told.append(refused(env.close)))
+        thread.start()
+        thread.join()
+        assert "lives in another thread" in told[0]
+        env.step(dict.fromkeys(env.agents, 0))
+        env.close()
+        thread = threading.Thread(target=env.close)
+        thread.start()
+        thread.join()
+        dials_traffic.parallel_env(sys.argv[1], in_process=True).close()
+    """
+    run(code, grid)
+
+
+def test_one_that_was_forgotten_in_another_thread_leaves_room_for_the_next(grid):
+    code = """
+        make = lambda: dials_traffic.parallel_env(sys.argv[1], in_process=True, seed=1)
+        held = [make()]
+        sys.unraisablehook = lambda told: held.append(told)
+        thread = threading.Thread(target=held.clear)
+        thread.start()
+        thread.join()
+        make().close()
+        assert held == []
+    """
+    run(code, grid)
+
+
+def test_a_forgotten_one_leaves_no_descriptors(grid):
+    code = """
+        def forgotten():
+            dials_traffic.parallel_env(sys.argv[1], in_process=True, seed=1)
+            gc.collect()
+            return len(os.listdir("/proc/self/fd"))
+
+        assert forgotten() == forgotten() == forgotten()
     """
     run(code, grid)
 

@@ -184,7 +184,27 @@ def test_what_cannot_be_done_is_an_error_that_says_so(grid, tmp_path):
             env.step({**dict.fromkeys(env.agents, 0), "r0c0": action})
     with pytest.raises(TypeError, match="float"):
         env.step(dict.fromkeys(env.agents, 0.5))
+    env.reset()
+    for options, reason in [
+        ({"episode": -1}, "episode -1: must be from 0"),
+        ({"Episode": 3}, "'Episode': there is none; known: episode"),
+    ]:
+        with pytest.raises(ValueError, match=reason):
+            env.reset(options=options)
+    with pytest.raises(TypeError, match="episode 1.5: must be a whole number"):
+        env.reset(seed=9, options={"episode": 1.5})
+    assert (env.seed, env.episode) == (1, 1)
+    all_agents = dict.fromkeys(env.agents, 0)
+    with pytest.raises(dials_traffic.SimulatorError, match="actions: there is none for 'r0c1', 'r1c0', 'r1c1'$"):
+        env.step({"r0c0": 0})
+    with pytest.raises(dials_traffic.SimulatorError, match="actions: there is no agent 'R0c0'"):
+        env.step({**all_agents, "R0c0": 0})
+    # Nothing of all that ended the episode.
+    env.step(all_agents)
     env.close()
+    for name in ("full_metrics", "record", "in_process"):
+        with pytest.raises(TypeError, match=f"{name} 'yes': must be True or False"):
+            dials_traffic.parallel_env(grid, **{name: "yes"})
     with pytest.raises(dials_traffic.SimulatorError, match="is closed"):
         env.reset()
 
@@ -224,6 +244,96 @@ def test_an_observation_and_a_reward_of_ones_own_see_what_ours_are_made_of(grid,
     assert cars > 100
     ours.close()
     own.close()
+
+
+def test_an_own_observation_may_use_its_array_again(grid):
+    array = np.zeros(4, np.float32)
+
+    def counts(roads):
+        array[:] = [len(approach.cars) for approach in roads.approaches]
+        return array
+
+    def fresh(roads):
+        return [len(approach.cars) for approach in roads.approaches]
+
+    shown = []
+    for observation in (counts, fresh):
+        env = dials_traffic.parallel_env(grid, seed=1, observation=observation)
+        shown.append(played(env, choose=lambda infos: dict.fromkeys(infos, 0))[0])
+        env.close()
+    assert all(np.array_equal(one[agent], other[agent]) for one, other in zip(*shown) for agent in one)
+
+
+def test_an_own_observation_keeps_its_shape(grid):
+    width = [3]
+    env = dials_traffic.parallel_env(grid, seed=1, observation=lambda roads: np.zeros(width[0]))
+    env.reset()
+    space = env.observation_space("r0c0")
+    width[0] = 2
+    with pytest.raises(dials_traffic.SimulatorError, match=r"agent 'r0c0' it has the shape \(2,\), .* had \(3,\)"):
+        env.step(dict.fromkeys(env.agents, 0))
+    with pytest.raises(dials_traffic.SimulatorError, match="it must always be the same"):
+        env.reset()
+    assert env.observation_space("r0c0") is space
+    env.close()
+
+
+@pytest.mark.parametrize("where", ["observation", "reward", "reset"])
+def test_after_a_call_that_failed_or_was_interrupted_an_episode_begins_anew(grid, where):
+    """Also in the last step, and if the simulator has answered already."""
+    fails = []
+
+    def mine(kind):
+        if fails and where in (kind, "reset"):
+            raise fails.pop()
+        return [0.0]
+
+    env = dials_traffic.parallel_env(
+        grid,
+        seed=1,
+        observation=lambda roads: mine("observation"),
+        reward=lambda before, after: mine("reward")[0],
+        settings={"traffic.horizon": 3},
+    )
+    env.reset()
+    zeros = dict.fromkeys(env.agents, 0)
+    for error in (KeyboardInterrupt(), ValueError("mine")):
+        for _ in range(2):
+            env.step(zeros)
+        fails.append(error)
+        with pytest.raises(type(error)):
+            env.reset() if where == "reset" else env.step(zeros)
+        with pytest.raises(dials_traffic.SimulatorError, match="was not finished; call reset"):
+            env.step(zeros)
+        with pytest.raises(RuntimeError, match="play an episode to its end"):
+            env.save_replay("none")
+        env.reset()
+        steps = 0
+        while env.agents:
+            env.step(zeros)
+            steps += 1
+        assert steps == 3
+        env.reset()
+    env.close()
+
+
+def test_settings_reach_the_simulator_in_every_type(grid):
+    def at_first(settings):
+        env = dials_traffic.parallel_env(grid, seed=1, settings={"traffic.horizon": np.int64(3), **settings})
+        env.reset()
+        rewards = [env.step(dict.fromkeys(env.agents, 0))[1] for _ in range(env.horizon)]
+        env.close()
+        return rewards
+
+    half = np.float64(0.5)
+    mixed = at_first({"traffic.reward": {"mean-speed": half, "pressure": half}})
+    assert len(mixed) == 3 and mixed == at_first({"traffic.reward": {"mean-speed": 0.5, "pressure": 0.5}})
+    assert mixed != at_first({})
+    assert at_first({"policy.hidden": [np.int32(8), np.int64(8)]})
+    # The error names a file that is missing as it was given, so all characters came through.
+    for name in ("\U0001f6a6", 'a\x7fb"\u00e9'):
+        with pytest.raises(dials_traffic.SimulatorError, match=f"^{name}.net.xml: no such network"):
+            at_first({"traffic.network": name})
 
 
 def test_cars_on_the_roads_wait_while_they_stand(scenario):
@@ -280,3 +390,39 @@ def test_many_environments_step_together(grid):
     again, _ = many.reset(seed=3)
     assert all(np.array_equal(again[agent][2], alone[2][0][0][agent]) for agent in many.agents)
     many.close()
+
+
+@pytest.mark.parametrize("seed", [np.uint64(2**63 + 5), np.int32(7)])
+def test_seeds_of_many_environments_may_be_numbers_of_numpy(grid, seed):
+    many = dials_traffic.vector_parallel_env(grid, np.int64(2), seed=seed)
+    expected = [int(seed), int(seed) + 1]
+    assert [env.seed for env in many.envs] == expected
+    many.reset(seed=0)
+    many.reset(seed=seed)
+    assert [env.seed for env in many.envs] == expected
+    with pytest.raises(ValueError, match="seed -1: must be from 0"):
+        many.reset(seed=-1)
+    assert [env.seed for env in many.envs] == expected
+    many.close()
+
+
+def test_actions_that_are_refused_move_none_of_many_environments(grid):
+    many = dials_traffic.vector_parallel_env(grid, 2, seed=1)
+    many.reset()
+    good = {agent: [0, 0] for agent in many.agents}
+    for actions, error, reason in [
+        ({**good, "r1c1": [0, 5]}, ValueError, "agent 'r1c1': action 5"),
+        ({**good, "r1c1": [0, 0, 0]}, ValueError, "agent 'r1c1': 3 actions for 2 copies"),
+        ({"r1c1": [0, 0]}, dials_traffic.SimulatorError, "there is none for 'r0c0'"),
+        ({**good, "nobody": [0, 0]}, dials_traffic.SimulatorError, "there is no agent 'nobody'"),
+    ]:
+        with pytest.raises(error, match=reason):
+            many.step(actions)
+    steps, over = 0, False
+    while not over:
+        _, _, _, truncations, _ = many.step(good)
+        steps, over = steps + 1, truncations["r0c0"].all()
+    assert steps == many.horizon
+    many.close()
+    with pytest.raises(TypeError, match="n 2.0: must be a whole number"):
+        dials_traffic.vector_parallel_env(grid, 2.0)

@@ -1,5 +1,6 @@
 """Each environment is a process of its own: how it starts, ends and dies."""
 
+import gc
 import os
 import signal
 import subprocess
@@ -149,9 +150,46 @@ def test_an_interrupted_step_needs_a_reset_and_nothing_else(grid):
     expected, _ = env.reset()
     env.send_actions(dict.fromkeys(env.agents, 0))
     # As if Ctrl-C had come before the answer.
-    with pytest.raises(dials_traffic.SimulatorError, match="was interrupted; call reset"):
+    with pytest.raises(dials_traffic.SimulatorError, match="was not finished; call reset"):
         env.step(dict.fromkeys(env.agents, 0))
     again, _ = env.reset(seed=1)
     assert all((again[agent] == expected[agent]).all() for agent in expected)
     env.step(dict.fromkeys(env.agents, 0))
     env.close()
+
+
+def descriptors():
+    return len(os.listdir("/proc/self/fd"))
+
+
+def test_a_process_that_cannot_start_leaves_no_descriptors(grid, monkeypatch):
+    monkeypatch.setattr(sys, "executable", "/no/such/python")
+    before = descriptors()
+    for _ in range(3):
+        with pytest.raises(FileNotFoundError):
+            dials_traffic.parallel_env(grid)
+    gc.collect()
+    assert descriptors() == before
+
+
+def test_no_process_starts_with_a_seed_that_is_refused(grid, grid_run, monkeypatch):
+    monkeypatch.setattr(subprocess, "Popen", None)
+    for make in (
+        lambda: dials_traffic.parallel_env(grid, seed=-1),
+        lambda: dials_traffic.vector_env(grid_run, "r0c0", 2, seed=-1),
+        lambda: dials_traffic.vector_parallel_env(grid, 2, seed=-1),
+    ):
+        with pytest.raises(ValueError, match="seed -1: must be from 0"):
+            make()
+
+
+def test_standard_input_may_be_closed(grid):
+    code = """
+        import sys, dials_traffic
+        env = dials_traffic.parallel_env(sys.argv[1], seed=1)
+        env.reset()
+        env.close()
+    """
+    words = [sys.executable, "-c", textwrap.dedent(code), str(grid)]
+    done = subprocess.run(["/bin/sh", "-c", 'exec "$@" <&-', "sh", *words], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr

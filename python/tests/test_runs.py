@@ -138,3 +138,32 @@ def test_what_is_no_run_is_an_error_that_says_so(tmp_path, warehouse):
     (tmp_path / "config.toml").write_text(warehouse.read_text())
     with pytest.raises(dials_traffic.SimulatorError, match="has no policies yet"):
         dials_traffic.load(tmp_path)
+
+
+def test_a_run_is_found_after_the_working_directory_changed(grid_run, tmp_path, monkeypatch):
+    monkeypatch.chdir(grid_run.parent)
+    run = dials_traffic.load(grid_run.name)
+    monkeypatch.chdir(tmp_path)
+    assert run.path == grid_run
+    assert len(run.play(seed=1).returns) == 4
+
+
+def test_agents_and_numbers_that_do_not_exist_are_errors_that_name_them(grid_run):
+    run = dials_traffic.load(grid_run)
+    reason = "agent 'nobody': there is none; the agents are 'r0c0'"
+    for read in (run.weights, run.state_dict, run.policy):
+        with pytest.raises(dials_traffic.SimulatorError, match=reason):
+            read("nobody")
+    with pytest.raises(TypeError, match="greedy 1: must be True or False"):
+        run.controller(greedy=1)
+    controller = run.controller()
+    with pytest.raises(ValueError, match="seed -1: must be from 0"):
+        controller.begin(-1)
+    with pytest.raises(ValueError, match="episode -1: must be from 0"):
+        controller.begin(1, -1)
+    controller.begin(np.int64(1), np.int32(0))
+    with pytest.raises(dials_traffic.SimulatorError, match=reason):
+        controller.act({"nobody": np.zeros(40)}, {})
+    with pytest.raises(dials_traffic.SimulatorError, match="infos: there is none for 'r0c0'"):
+        controller.act({"r0c0": np.zeros(40)}, {})
+    controller.close()

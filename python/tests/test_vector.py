@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from conftest import SCENARIO_SETTINGS
 from gymnasium.utils.env_checker import check_env
-from gymnasium.vector import AutoresetMode
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from gymnasium.wrappers.vector import DictInfoToList
 
 import dials_traffic
 
@@ -129,14 +130,18 @@ def test_what_cannot_be_done_is_an_error_that_says_so(grid, grid_run, tmp_path):
     make = dials_traffic.vector_env
     for arguments, reason in [
         ((grid_run, "nobody", 2), "agent `nobody`: there is none"),
-        ((grid_run, "r0c0", 0), "copies: 0"),
         ((grid, "r0c0", 2, tmp_path), "not a run directory"),
         ((grid, "r0c0", 2), "not a run directory"),
         ((grid_run, ["r0c1", "r0c0"], 2), "name each once, in the order"),
     ]:
         with pytest.raises(dials_traffic.SimulatorError, match=reason):
             make(*arguments)
-    env = make(grid_run, "r0c0", 2, seed=1)
+    for copies, error in [(0, ValueError), (-1, ValueError), (2.0, TypeError)]:
+        with pytest.raises(error, match=f"copies {copies}: must be"):
+            make(grid_run, "r0c0", copies)
+    with pytest.raises(TypeError, match="stagger 1: must be True or False"):
+        make(grid_run, "r0c0", 2, stagger=1)
+    env = make(grid_run, "r0c0", np.int64(2), seed=1)
     with pytest.raises(dials_traffic.SimulatorError, match="no episode under way; call reset"):
         env.step([0, 0])
     with pytest.raises(ValueError, match="one number"):
@@ -146,6 +151,19 @@ def test_what_cannot_be_done_is_an_error_that_says_so(grid, grid_run, tmp_path):
         env.step([0])
     with pytest.raises(ValueError, match="from 0 to 1"):
         env.step([0, -1])
+    for actions in ([0.9, 0.9], ["0", "1"], [None, None]):
+        with pytest.raises(TypeError, match="must be whole numbers"):
+            env.step(actions)
+    env.step([True, False])
+    with pytest.raises(ValueError, match="'episode': there is none; known: none"):
+        env.reset(options={"episode": 1})
+    env.reset(seed=np.uint64(2**63))
+    assert env.np_random_seed == env.seed == 2**63
+    env.step_async([0, 0])
+    with pytest.raises(dials_traffic.SimulatorError, match="was not finished; call reset"):
+        env.step([0, 0])
+    env.reset()
+    env.step([0, 0])
     env.close()
 
 
@@ -154,3 +172,27 @@ def test_scenario_settings_reach_the_simulators(scenario):
     env = dials_traffic.vector_env(scenario, None, 1, "untrained", seed=1, settings=settings)
     assert env.horizon == SCENARIO_SETTINGS["traffic.local_horizon"]
     env.close()
+
+
+def test_infos_are_those_of_gymnasiums_own_vector_environments(warehouse_run):
+    ours = dials_traffic.vector_env(warehouse_run, "r0c0", 1, seed=2)
+    theirs = SyncVectorEnv(
+        [lambda: dials_traffic.local_env(warehouse_run, "r0c0", seed=2)], autoreset_mode=AutoresetMode.SAME_STEP
+    )
+    lists = DictInfoToList(dials_traffic.vector_env(warehouse_run, "r0c0", 2, seed=2))
+    (_, infos), (_, expected), (_, listed) = ours.reset(), theirs.reset(), lists.reset()
+    horizon = ours.horizon
+    for step in range(1, horizon + 2):
+        assert infos.keys() == expected.keys()
+        for key in expected.keys() - {"final_obs", "final_info"}:
+            assert np.array_equal(infos[key], expected[key]), (step, key)
+        assert [of_row.keys() for of_row in listed] == [{key for key in infos if key[0] != "_"}] * 2
+        if step == horizon + 1:
+            assert np.array_equal(infos["final_obs"][0], expected["final_obs"][0])
+            one, other = infos["final_info"], expected["final_info"]
+            assert one.keys() == other.keys() and all(np.array_equal(one[key], other[key]) for key in one)
+        _, _, _, _, infos = ours.step([0])
+        _, _, _, _, expected = theirs.step([0])
+        _, _, _, _, listed = lists.step([0, 0])
+    for env in (ours, theirs, lists):
+        env.close()
