@@ -150,20 +150,7 @@ fn a_number_outside_its_range_is_refused_with_the_range() {
         (&["nets", "grid", "--rows", "1", "--cols", "2", "--inflow=nan", "--out", "n"], "must be a probability"),
         (&["nets", "grid", "--rows", "1", "--cols", "2", "--inflow=-0.1", "--out", "n"], "must be a probability"),
         (
-            &[
-                "nets",
-                "grid",
-                "--rows",
-                "1",
-                "--cols",
-                "2",
-                "--inflow-at",
-                "w0=0.1",
-                "--inflow-at",
-                "w0=0.2",
-                "--out",
-                "n",
-            ],
+            &["nets", "grid", "--rows=1", "--cols=2", "--inflow-at=w0=0.1", "--inflow-at=w0=0.2", "--out", "n"],
             "--inflow-at: w0 is given twice",
         ),
     ];

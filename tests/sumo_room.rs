@@ -556,6 +556,15 @@ fn a_collision_is_counted_once_however_long_it_lasts() {
     simulation.step().unwrap();
     simulation.step().unwrap();
     assert_eq!(simulation.counts().unwrap(), StepCounts { collisions: 1, teleports: 1, ..StepCounts::default() });
+    // Why this action is refused in a scenario: both cars count as arrived.
+    simulation.reload(&options_with("road.net.xml", "crash.rou.xml", &["--collision.action", "remove"])).unwrap();
+    let arrived: Vec<u32> = (0..4)
+        .map(|_| {
+            simulation.step().unwrap();
+            simulation.counts().unwrap().arrived
+        })
+        .collect();
+    assert_eq!(arrived, [0, 0, 2, 0]);
 }
 
 #[test]

@@ -187,3 +187,8 @@ def refuse_unknown_options(options: Optional[Mapping[str, Any]], known: Sequence
     for name in options or {}:
         if name not in known:
             raise ValueError(f"options: {name!r}: there is none; known: {', '.join(known) or 'none'}")
+
+
+def first_names(names: Sequence[str]) -> str:
+    """Return names for an error: the first five, and dots if there are more."""
+    return ", ".join(map(repr, names[:5])) + (", ..." if len(names) > 5 else "")

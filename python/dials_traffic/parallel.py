@@ -11,7 +11,7 @@ import numpy as np
 from gymnasium.spaces import Box, Discrete
 from pettingzoo import ParallelEnv
 
-from ._channel import Channel, PathLike, fresh_seed, refuse_unknown_options, request_of, whole_number, yes_or_no
+from ._channel import Channel, PathLike, fresh_seed, first_names, refuse_unknown_options, request_of, whole_number, yes_or_no
 from ._in_process import InProcess
 from ._process import Process
 from .errors import SimulatorError
@@ -194,7 +194,7 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         """Raise the error that names the agents without an action, or those that do not exist."""
         missing = [name for name in self.possible_agents if name not in actions]
         unknown = [name for name in actions if name not in self.possible_agents]
-        told = f"there is none for {_named(missing)}" if missing else f"there is no agent {_named(unknown)}"
+        told = f"there is none for {first_names(missing)}" if missing else f"there is no agent {first_names(unknown)}"
         raise SimulatorError(f"actions: {told}")
 
     def _refuse(self, chosen: List[Any]) -> None:
@@ -285,12 +285,6 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         """End the environment and its process."""
         self._channel.close()
         self.agents = []
-
-
-def _named(agents: List[str]) -> str:
-    """Return the names of some agents for an error, the first five of them."""
-    more = ", ..." if len(agents) > 5 else ""
-    return ", ".join(map(repr, agents[:5])) + more
 
 
 def _all_allowed(n_actions: int) -> np.ndarray:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional
 
 import numpy as np
 
-from ._channel import PathLike, request_of, whole_number, yes_or_no
+from ._channel import PathLike, first_names, request_of, whole_number, yes_or_no
 from ._process import Process
 from .errors import SimulatorError
 from .parallel import GlobalEnv
@@ -161,5 +161,4 @@ def _policies(path: Path, greedy: bool) -> Process:
 
 def _no_agent(agent: str, agents: List[str]) -> SimulatorError:
     """Return the error for the name of an agent that does not exist."""
-    more = ", ..." if len(agents) > 5 else ""
-    return SimulatorError(f"agent {agent!r}: there is none; the agents are {', '.join(map(repr, agents[:5]))}{more}")
+    return SimulatorError(f"agent {agent!r}: there is none; the agents are {first_names(agents)}")

@@ -141,6 +141,7 @@ mod tests {
             ]
         );
     }
+
     #[test]
     fn policies_are_evaluated_before_aips_are_trained_at_the_same_update() {
         let mut config = config("dials", 400, 65, 70);
@@ -196,6 +197,7 @@ mod tests {
         TrainsAips(u64),
         Averages(u64),
     }
+
     impl Work {
         fn at(&self) -> u64 {
             let (Work::Evaluates(at) | Work::TrainsAips(at) | Work::Averages(at)) = *self;

@@ -10,6 +10,8 @@
 pub(super) enum Fate {
     /// Carried over: SUMO gets it in every simulation, and so does the copy in a run directory.
     Carried,
+    /// Carried over, but some values are refused with the reason.
+    CarriedUnless(Values, &'static str),
     /// Left out. The user gets the reason.
     LeftOut(&'static str),
     /// Left out in silence: it changes no traffic here and writes nothing of use.
@@ -18,7 +20,27 @@ pub(super) enum Fate {
     Refused(&'static str),
 }
 
-use Fate::{Carried, LeftOut, Refused, Silent};
+/// Some of the values that an option may have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Values {
+    /// Those that switch it on.
+    On,
+    Word(&'static str),
+    NotNegative,
+}
+
+impl Values {
+    /// Returns whether a value is among them.
+    pub(super) fn has(self, value: &str) -> bool {
+        match self {
+            Values::On => !is_off(value),
+            Values::Word(word) => value == word,
+            Values::NotNegative => !value.starts_with('-'),
+        }
+    }
+}
+
+use Fate::{Carried, CarriedUnless, LeftOut, Refused, Silent};
 
 const WRITES: &str = "this program writes its own measurements";
 const SEEDS: &str = "this program seeds every episode by itself";
@@ -26,6 +48,8 @@ const TRACI: &str = "this program runs SUMO by itself";
 const DEVICE: &str = "cars with this device drive in a way that this program cannot replay";
 const READS: &str = "it reads a file that this program does not copy into a run directory";
 const MESO: &str = "this program simulates single cars and lanes";
+const REMOVES: &str = "cars that SUMO takes off the road would count as cars that arrived";
+const DROPS: &str = "cars that SUMO no longer lets wait would be missing from all figures";
 
 /// Options by name, or by the beginning of it where a `*` ends the name. The first that fits counts.
 const OPTIONS: &[(&str, Fate)] = &[
@@ -56,6 +80,7 @@ const OPTIONS: &[(&str, Fate)] = &[
     ("ignore-junction-blocker", Carried),
     ("ignore-route-errors", Carried),
     ("ignore-accidents", Carried),
+    ("collision.action", CarriedUnless(Values::Word("remove"), REMOVES)),
     ("collision.*", Carried),
     ("max-num-vehicles", Carried),
     ("max-num-teleports", LeftOut("an episode ends at its end only")),
@@ -63,10 +88,12 @@ const OPTIONS: &[(&str, Fate)] = &[
     ("scale-suffix", Carried),
     ("time-to-teleport", Carried),
     ("time-to-teleport.ride", Silent),
+    ("time-to-teleport.remove", CarriedUnless(Values::On, REMOVES)),
     ("time-to-teleport.*", Carried),
     ("waiting-time-memory", Carried),
     ("startup-wait-threshold", Carried),
-    ("max-depart-delay", Carried),
+    // Below 0, SUMO's default, cars wait until there is room.
+    ("max-depart-delay", CarriedUnless(Values::NotNegative, DROPS)),
     ("sloppy-insert", Carried),
     ("eager-insert", Carried),
     ("emergency-insert", Carried),
@@ -184,20 +211,6 @@ fn fits(name: &str, pattern: &str) -> bool {
     }
 }
 
-const REMOVES: &str = "cars that SUMO takes off the road would count as cars that arrived";
-const DROPS: &str = "cars that SUMO no longer lets wait would be missing from all figures";
-
-/// Returns why a value is refused of an option that is carried over with others; `None` if it is not.
-pub(super) fn refused_value(name: &str, value: &str) -> Option<&'static str> {
-    match name {
-        "time-to-teleport.remove" if !is_off(value) => Some(REMOVES),
-        "collision.action" if value == "remove" => Some(REMOVES),
-        // Less than 0 is SUMO's default: they wait until there is room.
-        "max-depart-delay" if !value.starts_with('-') => Some(DROPS),
-        _ => None,
-    }
-}
-
 /// Returns whether a value switches an option off that would be refused otherwise.
 pub(super) fn is_off(value: &str) -> bool {
     let no = ["false", "no", "off", "f", "-", ""].contains(&value.to_ascii_lowercase().as_str());
@@ -227,11 +240,10 @@ mod tests {
             ("collision.action", "remove", "teleport"),
             ("max-depart-delay", "0", "-1"),
         ] {
-            assert_eq!(fate_of(name), Some(Carried));
-            assert!(refused_value(name, refused).is_some(), "{name}");
-            assert_eq!(refused_value(name, carried), None, "{name}");
+            let Some(CarriedUnless(values, _)) = fate_of(name) else { panic!("{name} is always carried over") };
+            assert_eq!([refused, carried].map(|value| values.has(value)), [true, false], "{name}");
         }
-        assert_eq!(refused_value("time-to-teleport", "30"), None);
+        assert_eq!(fate_of("time-to-teleport"), Some(Carried));
     }
 
     #[test]

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
 
-use super::sumo_options::{Fate, fate_of, is_off, refused_value, whole_name};
+use super::sumo_options::{Fate, fate_of, is_off, whole_name};
 use super::sumo_time::seconds;
 use crate::outside::excerpt;
 use crate::outside::tree::{Element, parse_file, read_whole};
@@ -128,10 +128,10 @@ impl Reading {
             ),
             _ => match fate_of(name) {
                 None => bail!("is no option of SUMO that this program knows; remove it"),
-                Some(Fate::Carried) => {
-                    if let Some(why) = refused_value(name, value) {
-                        bail!("is {}, and {why}; remove it", excerpt(value));
-                    }
+                Some(Fate::CarriedUnless(values, why)) if values.has(value) => {
+                    bail!("is {}, and {why}; remove it", excerpt(value))
+                }
+                Some(Fate::Carried | Fate::CarriedUnless(..)) => {
                     self.options.push((name.to_owned(), plain(value)?.to_owned()));
                 }
                 Some(Fate::LeftOut(why)) if !is_off(value) => self.left_out.push(format!("option {name}: {why}")),

@@ -69,8 +69,8 @@ const LABEL_COLUMNS: usize = 40;
 /// Returns a table with one line per label. If it is wider than [`TERMINAL_COLUMNS`], its columns are split into several
 /// tables.
 pub(super) fn blocks(names: &[&str], labels: &[String], cells: &[Vec<String>]) -> String {
-    let widths = labels.iter().map(|label| label.chars().count());
-    let label_width = widths.filter(|&width| width <= LABEL_COLUMNS).max().unwrap_or(0);
+    let label_widths = labels.iter().map(|label| label.chars().count());
+    let label_width = label_widths.filter(|&width| width <= LABEL_COLUMNS).max().unwrap_or(0);
     let widths: Vec<usize> = (0..names.len())
         .map(|column| cells.iter().map(|line| line[column].len()).chain([names[column].len()]).max().unwrap_or(0))
         .collect();

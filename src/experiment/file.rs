@@ -117,7 +117,8 @@ pub struct Experiment {
 /// Facts that only the domain of a config knows.
 pub struct Knowledge<'a> {
     pub simulated: &'a dyn Fn(&Config) -> Result<(Scenario, RoughCosts)>,
-    /// Returns with what a controller would be measured now, or an error if there is no such controller.
+    /// Returns what a controller would be measured with now. Errors: there is no such controller, or its file cannot be
+    /// read.
     pub controller: &'a dyn Fn(&Config, &str) -> Result<MeasuredWith>,
 }
 

@@ -46,7 +46,7 @@ pub struct BaselineRecord {
 
 impl BaselineRecord {
     /// Returns whether two baselines say the same, whatever they were measured with.
-    fn says_what(&self, other: &BaselineRecord) -> bool {
+    fn says_the_same_as(&self, other: &BaselineRecord) -> bool {
         *self == BaselineRecord { measured_with: self.measured_with.clone(), ..other.clone() }
     }
 }
@@ -193,7 +193,7 @@ fn read_baselines(folder: &Path, found: &mut Found) {
     for path in paths {
         match read_baseline(&path) {
             // Two experiments on one scenario measure the same baselines.
-            Ok(baseline) if found.baselines.iter().any(|(_, other)| other.says_what(&baseline)) => {}
+            Ok(baseline) if found.baselines.iter().any(|(_, other)| other.says_the_same_as(&baseline)) => {}
             Ok(baseline) => found.baselines.push((path, baseline)),
             Err(error) => found.leave_out(&path, &error),
         }

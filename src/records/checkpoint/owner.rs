@@ -102,7 +102,7 @@ pub fn check_kept(dir: &Path, config: &Config, about: &RunJson) -> Result<()> {
 const TO_RESUME: &str = "put them back to resume, or begin a new run";
 const TO_PLAY: &str = "put them back, for example from a copy; or leave this run as it was, and play its policies on another \
                        scenario with: dials-traffic baseline CONFIG --compare RUN";
-const TO_READ: &str = "put them back, for example from a copy: the figures of this run are of them";
+const TO_READ: &str = "put them back, for example from a copy: the figures of this run were measured with them";
 
 fn place_of(dir: &Path) -> String {
     format!("{}: ", dir.join(files::RUN).display())
