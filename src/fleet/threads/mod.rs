@@ -1,176 +1,32 @@
 //! Tests: workers that are threads of this process, and how the coordinator handles their loss.
+//!
+//! `crew`: the threads, and what becomes of them. `lies`: what no worker may say.
+
+mod crew;
+mod lies;
 
 use std::cell::RefCell;
-use std::io::{self, Read, Write};
 use std::rc::Rc;
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
-use std::thread;
 use std::time::Duration;
 
 use anyhow::Result;
 
-use super::bell::{Bell, Cord};
-use super::channel::{encode, receive};
+use self::crew::{Fate, FateAt, ThreadCrew};
+use super::bell::Bell;
 use super::inline::InlineFleet;
-use super::link::{Crew, Frame, Link, News};
-use super::message::{Answer, WorkerReport};
-use super::{Coordinator, MostGrowth, Options, serve};
-use crate::base::{Activity, Ragged, Timesheet};
+use super::{Coordinator, MostGrowth, Options};
 use crate::config::{Config, PolicyConfig, Predictor, Simulator};
+use crate::domain::Domain;
 use crate::domain::toy::{Coins, CoinsAndDice};
-use crate::domain::{Domain, Measures};
-use crate::evaluation::{EpisodeReport, Evaluation};
-use crate::influence::{Dataset, FreshLoss};
-use crate::training::answers::{AgentTraining, FleetLoad, Footprint, PolicyTraining, WorkerLoad};
+use crate::evaluation::Evaluation;
+use crate::training::answers::{FleetLoad, PolicyTraining};
 use crate::training::dials;
 use crate::training::fleet::Fleet;
 use crate::training::journal::{Journal, Unrecorded};
 use crate::training::observer::{Observer, Silent};
-use crate::training::ppo::Decayed;
-use crate::training::ppo_loss::Losses;
 use crate::training::standing::Standing;
 use crate::training::state::AgentsState;
-
-/// What happens to a worker at a certain frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Fate {
-    Dies,
-    /// The worker says nothing more, and ends when its link ends.
-    Hangs,
-    /// The worker sends the message of this number in [`lies`] and then hangs.
-    Lies(usize),
-}
-
-/// Number of the worker's frame, from 0, at which its fate strikes, and the fate.
-type FateAt = (usize, Fate);
-
-/// A crew of threads, each of which serves at the other end of a pipe in memory.
-struct ThreadCrew {
-    domain: Arc<dyn Domain>,
-    bell: Bell,
-    can_replace: bool,
-    /// Fates by worker. The next one in a list strikes the next worker that is started with that number.
-    fates: Vec<Vec<FateAt>>,
-    most_growth: MostGrowth,
-}
-
-impl Crew for ThreadCrew {
-    type Link = ThreadLink;
-
-    fn start(&mut self, worker: usize) -> Result<ThreadLink> {
-        let fate = self.fates[worker].pop();
-        let ((frames, incoming), (outgoing, said)) = (channel(), channel());
-        let (cord, domain) = (self.bell.cord(), self.domain.clone());
-        let pipe = Pipe { incoming, frames: 0, fate, rest: (Frame::default(), 0), outgoing: Some(outgoing), cord };
-        thread::spawn(move || serve(pipe, |_| Ok(domain)));
-        Ok(ThreadLink { frames, said })
-    }
-
-    fn can_replace(&self) -> bool {
-        self.can_replace
-    }
-
-    fn wait(&mut self, at_most: Duration) {
-        self.bell.wait(at_most);
-    }
-}
-
-struct ThreadLink {
-    frames: Sender<Frame>,
-    /// Messages, one in each item.
-    said: Receiver<Vec<u8>>,
-}
-
-impl Link for ThreadLink {
-    fn send(&self, frame: Frame) {
-        let _ = self.frames.send(frame);
-    }
-
-    fn next(&mut self) -> Option<News> {
-        match self.said.try_recv() {
-            Ok(message) => Some(match receive(&mut &message[..]) {
-                Ok(report) => News::Said(report.expect("no message is empty")),
-                Err(error) => News::Gone(Some(error)),
-            }),
-            Err(TryRecvError::Empty) => None,
-            Err(TryRecvError::Disconnected) => Some(News::Gone(None)),
-        }
-    }
-
-    fn state(&self) -> Option<String> {
-        None
-    }
-
-    fn end(self) -> String {
-        "its thread ended".to_owned()
-    }
-
-    fn end_by_force(self) -> String {
-        "its thread is left alone".to_owned()
-    }
-}
-
-/// The worker's end of the pipe.
-struct Pipe {
-    incoming: Receiver<Frame>,
-    /// Number of frames so far.
-    frames: usize,
-    fate: Option<FateAt>,
-    /// Frame that is being read, and number of its bytes read so far.
-    rest: (Frame, usize),
-    outgoing: Option<Sender<Vec<u8>>>,
-    cord: Cord,
-}
-
-impl Read for Pipe {
-    /// Reads nothing if the stream has ended.
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        if self.rest.1 == self.rest.0.len() {
-            let Ok(frame) = self.incoming.recv() else { return Ok(0) };
-            match self.fate {
-                Some((at, Fate::Dies)) if at == self.frames => return Ok(0),
-                Some((at, fate @ (Fate::Hangs | Fate::Lies(_)))) if at == self.frames => {
-                    if let Fate::Lies(number) = fate {
-                        self.write_all(&encode(&lies().remove(number)).expect("it can be encoded"))?;
-                    }
-                    while self.incoming.recv().is_ok() {}
-                    return Ok(0);
-                }
-                _ => {}
-            }
-            self.frames += 1;
-            self.rest = (frame, 0);
-        }
-        let (frame, read) = &mut self.rest;
-        let length = buffer.len().min(frame.len() - *read);
-        buffer[..length].copy_from_slice(&frame[*read..][..length]);
-        *read += length;
-        Ok(length)
-    }
-}
-
-impl Write for Pipe {
-    /// Writes a whole message at a time.
-    fn write(&mut self, message: &[u8]) -> io::Result<usize> {
-        let outgoing = self.outgoing.as_ref().expect("it is only taken at the end");
-        outgoing.send(message.to_vec()).map_err(|_| io::ErrorKind::BrokenPipe)?;
-        self.cord.ring();
-        Ok(message.len())
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
-    }
-}
-
-impl Drop for Pipe {
-    fn drop(&mut self) {
-        // The link sees the end only when this is dropped, so drop it before the bell rings.
-        drop(self.outgoing.take());
-        self.cord.ring();
-    }
-}
 
 /// An observer that keeps the warnings.
 #[derive(Default)]
@@ -319,79 +175,6 @@ fn the_loss_of_a_worker_that_cannot_be_replaced_ends_the_run_and_names_it_and_it
     // A worker without agents only plays episodes, but its loss counts as any other.
     let (outcome, _) = train(crew(false, [&[(1, Fate::Dies)], &[], &[]]));
     assert_eq!(outcome.unwrap_err(), format!("worker 0 (no agents of its own) died: its thread ended{end}"));
-}
-
-/// Makes messages that no worker of two coins may send, whatever its order is.
-fn lies() -> Vec<WorkerReport> {
-    let done =
-        |answer, load| WorkerReport::Done { answer: Box::new(answer), load: Box::new(load), resident_kib: u64::MAX };
-    let said = |answer| done(answer, WorkerLoad::default());
-    let report = |returns: &[f64]| EpisodeReport { returns: returns.to_vec(), measures: Measures::default() };
-    let losses = Losses { surrogate: 0.0, value: 0.0, entropy: 0.0, kl: 0.0, clipped: 0.0 };
-    let agent = AgentTraining { mean_return: None, episodes: 0, losses };
-    let config = config();
-    let training = |agents: Vec<AgentTraining>| PolicyTraining {
-        agents,
-        counters: vec![("cars".to_owned(), u64::MAX)],
-        decayed: Decayed::at(&config.ppo, 0.0),
-    };
-    let slow = WorkerLoad { timesheet: Timesheet::of_cpu(Duration::MAX), footprint: Footprint::default() };
-    let large = Footprint { peak_rss_kib: u64::MAX, pss_kib: u64::MAX };
-    let wide = Ragged::from_vec(vec![0.0; 3], [3]).unwrap();
-    // Agent 1 after the first period. Each of these has the right sizes.
-    let trained = |change: fn(&mut AgentsState)| {
-        let mut state = undisturbed().1.0.expect("there is a first period").0.share([1]);
-        change(&mut state);
-        said(Answer::PoliciesTrained { training: training(vec![agent]), state })
-    };
-    vec![
-        WorkerReport::Trained { steps: u64::MAX },
-        WorkerReport::Busy { activity: Activity::Evaluation, share: f64::NAN },
-        WorkerReport::Busy { activity: Activity::Collection, share: 1e300 },
-        said(Answer::State(AgentsState::nobody())),
-        said(Answer::State(AgentsState { steps: 7, policies: wide.clone(), ..AgentsState::nobody() })),
-        said(Answer::Collected(vec![])),
-        said(Answer::Collected(vec![Dataset::new(&coins().kinds().iter().next().unwrap().spec); 2])),
-        said(Answer::AipsTrained { losses: vec![], aips: wide }),
-        said(Answer::AipsMeasured(vec![FreshLoss { predictor: vec![], marginals: vec![0.1; 9] }])),
-        said(Answer::PoliciesTrained { training: training(vec![]), state: AgentsState::nobody() }),
-        said(Answer::PoliciesTrained { training: training(vec![agent]), state: AgentsState::nobody() }),
-        said(Answer::Evaluated(vec![])),
-        said(Answer::Evaluated(vec![report(&[0.5]); 2])),
-        said(Answer::Evaluated(vec![report(&[0.5, f64::NAN]); 2])),
-        done(Answer::Ready, slow),
-        done(Answer::Ready, WorkerLoad { footprint: large, ..WorkerLoad::default() }),
-        trained(|state| state.moments.steps += 1),
-        trained(|state| state.streams[0].rows[0].trail.sources.fill(200)),
-    ]
-}
-
-#[test]
-fn a_worker_that_says_what_cannot_be_right_is_replaced_and_the_numbers_stay() {
-    let (expected, _) = undisturbed();
-    // Every lie strikes at one of the orders. Three lies in a row would end the run.
-    let numbers: Vec<usize> = (0..lies().len()).collect();
-    for (index, numbers) in numbers.chunks(2).enumerate() {
-        let at = [1, 3, 5, 6, 8, 9, 13][index % 7];
-        // The worker in its place gets the same order at frame 2, or at frame 1 if there is no state yet.
-        let fates: Vec<FateAt> = numbers.iter().zip([at, at.min(2)]).map(|(&lie, at)| (at, Fate::Lies(lie))).collect();
-        let (outcome, warnings) = train(crew(true, [&[], &fates]));
-        assert!(outcome.unwrap() == expected, "lies {numbers:?} at frame {at}");
-        let warned = |warning: &String| warning.starts_with("worker 1 (agent 1) sent what cannot be right (");
-        assert!(warnings.len() == 2 && warnings.iter().all(warned), "lies {numbers:?} at {at}: {warnings:?}");
-    }
-}
-
-#[test]
-fn a_state_to_which_training_does_not_lead_is_not_believed() {
-    let last = lies().len() - 1;
-    let lies = [(13, Fate::Lies(last - 1)), (2, Fate::Lies(last))];
-    let (outcome, warnings) = train(crew(true, [&[], &lies]));
-    assert!(outcome.unwrap() == undisturbed().0);
-    assert_eq!(warnings.len(), 2, "{warnings:?}");
-    for (warning, what) in warnings.iter().zip(["its optimiser has made", "an influence source has the value 200"]) {
-        assert!(warning.contains(what), "{warning}");
-    }
 }
 
 #[test]
