@@ -144,7 +144,7 @@ const BROKEN_NETS: &[Break] = &[
         NET,
         "<tlLogic id=\"r0c0\" type=\"static\"",
         "<tlLogic id=\"r0c0\" type=\"rail_crossing\"",
-        "DIR/net.net.xml: <tlLogic id=\"r0c0\">: type=\"rail_crossing\": this program does not simulate trains; remove the track from the net",
+        "DIR/net.net.xml: <tlLogic id=\"r0c0\">: type=\"rail_crossing\": this program does not simulate trains; remove the track from the net, for example with netconvert's --remove-edges.by-vclass",
     ),
     (
         NET,

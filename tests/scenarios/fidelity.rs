@@ -9,7 +9,7 @@ use dials_traffic::traffic::scenario::SumoScenario;
 use serde_json::Value;
 
 use crate::play::shipped;
-use crate::room::Room;
+use crate::room::{BUSES, CARS, MORE, Room};
 
 fn check(config: &Path) -> Command {
     let mut command = assert_cmd::cargo::cargo_bin_cmd!("dials-traffic");
@@ -158,6 +158,31 @@ fn all_cars_of_a_scenario_dawdle_as_they_are_told() {
         assert_eq!(found.iter().filter(|(other, _)| other == id).count(), 1, "{id} in {found:?}");
     }
     assert!(calm.dawdling(0.3).dawdles());
+}
+
+#[test]
+fn sumos_own_bicycles_and_models_within_types_dawdle_as_they_are_told_too() {
+    let room = Room::new();
+    let type_of_cars = "<vType id=\"car\" sigma=\"0.5\" length=\"4.3\" speedDev=\"0.1\"/>";
+    let calm_types = "<vType id=\"DEFAULT_VEHTYPE\" sigma=\"0\"/><vType id=\"car\" sigma=\"0\" length=\"4.3\"/>";
+    room.change(MORE, type_of_cars, calm_types);
+    room.change(MORE, "vClass=\"truck\"", "vClass=\"truck\" sigma=\"0\"");
+    room.change(BUSES, "length=\"12\"", "length=\"12\" sigma=\"0\"");
+    assert!(!room.read().unwrap().dawdles(), "all types are calm");
+    room.change(CARS, "<vehicle id=\"w\"", "<vehicle id=\"w\" type=\"DEFAULT_BIKETYPE\"");
+    assert!(room.read().unwrap().dawdles(), "a bicycle does as SUMO's own type says");
+    room.change(CARS, " type=\"DEFAULT_BIKETYPE\"", "");
+    room.change(MORE, "length=\"4.3\"/>", "length=\"4.3\"><carFollowing-Krauss sigma=\"0.5\"/></vType>");
+    assert!(room.read().unwrap().dawdles(), "what stands within a type overrules it");
+    room.change(CARS, "<vehicle id=\"w\"", "<vehicle id=\"w\" type=\"DEFAULT_BIKETYPE\"");
+    let calm = room.read().unwrap().dawdling(0.0);
+    assert!(!calm.dawdles());
+    let roots = calm.additional().chain(calm.routes());
+    let types: Vec<_> = roots.flat_map(|root| root.all("vType").collect::<Vec<_>>()).collect();
+    let of = |id: &str| types.iter().find(|kind| kind.attribute("id") == Some(id)).unwrap();
+    let bicycles = of("DEFAULT_BIKETYPE");
+    assert_eq!([bicycles.attribute("vClass"), bicycles.attribute("sigma")], [Some("bicycle"), Some("0")]);
+    assert_eq!(of("car").children[0].attribute("sigma"), None);
 }
 
 /// What was measured in a throw-away probe, by other code: precision and recall with true and with sampled entries.

@@ -23,7 +23,7 @@ use crate::traffic::cut::of_scenario::{cut_all, types_of};
 use crate::traffic::network::files::for_sumo;
 use crate::traffic::network::memory_file::MemoryFile;
 use crate::traffic::network::roads::Roads;
-use crate::traffic::network::roads::program::{Phase, Program};
+use crate::traffic::network::roads::program::Program;
 use crate::traffic::paper_grid::grid::Grid;
 use crate::traffic::scenario::SumoScenario;
 use crate::traffic::sim::local::LocalTraffic;
@@ -110,18 +110,12 @@ fn rules(config: &ScenarioConfig) -> Rules {
 /// Returns the phases of a program, for the actuated one that is made of them. `cars`: letters that cars obey.
 fn phases<'a>(program: &'a Program, cars: &BTreeSet<usize>) -> Vec<ProgramPhase<'a>> {
     let greens = Greens::of(program, cars);
-    let phase = |phase: &Phase| {
-        let [least, most] = phase.limits_s;
-        // Without limits of its own, a phase has its duration twice.
-        (least != phase.duration_s || most != phase.duration_s).then_some([least, most])
-    };
-    let limits = program.phases.iter().map(phase);
-    let made = program.phases.iter().zip(limits).enumerate().map(|(number, (phase, limits))| ProgramPhase {
+    let made = program.phases.iter().enumerate().map(|(number, phase)| ProgramPhase {
         state: phase.state.as_str(),
         is_green: greens.is_green(number),
         duration_s: phase.duration_s,
-        least_s: limits.map(|[least, _]| least),
-        most_s: limits.map(|[_, most]| most),
+        least_s: phase.limits_s[0],
+        most_s: phase.limits_s[1],
         next: &phase.next,
     });
     made.collect()
@@ -267,5 +261,17 @@ mod tests {
         let told: Vec<(&str, bool)> = made.iter().map(|phase| (phase.state, phase.is_green)).collect();
         let expected = [("GGrr", true), ("Gyrr", false), ("Grrr", false), ("GrGg", true), ("Gryy", false)];
         assert_eq!(told, expected);
+    }
+
+    #[test]
+    fn greens_keep_the_limits_that_their_program_gives_whether_one_or_two() {
+        let limits = |given: &str| {
+            let roads = roads(&[("state=\"rrGG\"", &format!("state=\"rrGG\" {given}"))]);
+            let made = phases(&roads.programs[0], &roads.letters_of_vehicles("J"));
+            made.iter().find(|phase| phase.state == "rrGG").map(|phase| [phase.least_s, phase.most_s]).unwrap()
+        };
+        assert_eq!(limits(""), [None, None]);
+        assert_eq!(limits("minDur=\"8\""), [Some(8.0), None]);
+        assert_eq!(limits("minDur=\"0:00:08\" maxDur=\"8\""), [Some(8.0), Some(8.0)]);
     }
 }

@@ -7,6 +7,7 @@ use anyhow::{Result, ensure};
 
 use super::place::Place;
 use crate::outside::excerpt;
+use crate::traffic::network::roads::read::TRAINS;
 use crate::traffic::network::tree::Element;
 
 /// Shortest and longest lane in metres, and fastest speed limit in metres per second.
@@ -92,7 +93,7 @@ fn check_lanes(place: Place<'_>) -> Result<()> {
 fn refuse_rail(place: Place<'_>) -> Result<()> {
     ensure!(
         !place.element.attribute("type").is_some_and(|kind| kind.starts_with("rail_")),
-        place.fault_in("type", "this program does not simulate trains; remove the track from the net")
+        place.fault_in("type", TRAINS)
     );
     Ok(())
 }

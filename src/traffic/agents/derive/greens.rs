@@ -145,7 +145,7 @@ mod tests {
     fn program(phases: &[(&str, f64)]) -> Program {
         let phase = |&(letters, duration_s): &(&str, f64)| Phase {
             duration_s,
-            limits_s: [duration_s; 2],
+            limits_s: [None; 2],
             state: SignalState::new(letters).unwrap(),
             next: Vec::new(),
         };

@@ -4,6 +4,7 @@ use std::str::FromStr;
 
 use anyhow::{Error, Result, anyhow};
 
+use crate::config::sumo_time::seconds;
 use crate::outside::excerpt;
 use crate::traffic::network::tree::Element;
 
@@ -39,9 +40,16 @@ pub fn number(element: &Element, name: &str, least: f64) -> Result<f64> {
     value.ok_or_else(|| wrong(element, name, &format!("must be a number{limit}")))
 }
 
-/// Returns a number that may be left out.
-pub fn number_or(element: &Element, name: &str, least: f64, default: f64) -> Result<f64> {
-    element.attribute(name).map_or(Ok(default), |_| number(element, name, least))
+/// Returns a time in seconds that may be left out. SUMO also reads a clock, such as 00:00:30.
+pub fn time(element: &Element, name: &str, least: f64) -> Result<Option<f64>> {
+    match element.attribute(name) {
+        Some(text) if text.contains(':') => {
+            let time = seconds(text).ok().filter(|time| *time >= least);
+            time.map(Some).ok_or_else(|| wrong(element, name, "must be a time such as 30 or 00:00:30"))
+        }
+        Some(_) => number(element, name, least).map(Some),
+        None => Ok(None),
+    }
 }
 
 /// Returns a whole number that must be there.

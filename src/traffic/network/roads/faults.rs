@@ -32,6 +32,12 @@ fn every_fault_is_told_with_element_id_and_attribute() {
         ),
         ("id=\"near_1\"", "id=\"near_0\"", "<lane id=\"near_0\">: there are two lanes of this id; REMAKE"),
         ("edge id=\"out\"", "edge id=\"far\"", "<edge id=\"far\">: there are two edges of this id; REMAKE"),
+        (
+            "junction id=\"E\" type=\"dead_end\"",
+            "junction id=\"E\" type=\"rail_crossing\"",
+            "<junction id=\"E\">: type=\"rail_crossing\": this program does not simulate trains; remove the track from the \
+             net, for example with netconvert's --remove-edges.by-vclass",
+        ),
         ("junction id=\"E\"", "junction id=\"N\"", "<junction id=\"N\">: there are two junctions of this id; REMAKE"),
         (
             "from=\"W\" to=\"U\"",

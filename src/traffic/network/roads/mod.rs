@@ -17,7 +17,7 @@ pub(in crate::traffic) mod example;
 mod faults;
 pub mod file;
 pub mod program;
-mod read;
+pub mod read;
 mod shape;
 
 use std::collections::{BTreeSet, HashMap};

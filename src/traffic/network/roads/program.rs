@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result, ensure};
 
-use super::attributes::{count, number, number_or, tag, text, wrong};
+use super::attributes::{count, number, tag, text, time, wrong};
 use crate::outside::excerpt;
 use crate::sumo::SignalState;
 use crate::traffic::network::tree::Element;
@@ -30,8 +30,8 @@ pub struct Program {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Phase {
     pub duration_s: f64,
-    /// Shortest and longest duration of an actuated light.
-    pub limits_s: [f64; 2],
+    /// Shortest and longest duration of an actuated light, as far as the program gives them.
+    pub limits_s: [Option<f64>; 2],
     pub state: SignalState,
     /// Phases that may follow; empty: the next one in their order.
     pub next: Vec<usize>,
@@ -90,7 +90,7 @@ pub fn name(element: &Element) -> &str {
 
 /// Returns the time by which the program of a `<tlLogic>` runs late, in seconds.
 pub fn offset_s(element: &Element) -> Result<f64> {
-    number_or(element, "offset", f64::NEG_INFINITY, 0.0)
+    Ok(time(element, "offset", f64::NEG_INFINITY)?.unwrap_or(0.0))
 }
 
 fn read_phase(element: &Element) -> Result<Phase> {
@@ -100,8 +100,11 @@ fn read_phase(element: &Element) -> Result<Phase> {
         let why = bad.map_or("is empty".to_owned(), |bad| format!("`{}` is no signal", excerpt(&bad.to_string())));
         wrong(element, "state", &format!("{why}; SUMO's signals are r, y, Y, g, G, s, u, o, O"))
     })?;
-    let duration_s = number(element, "duration", 0.0)?;
-    let limit = |name: &str| number_or(element, name, 0.0, duration_s);
+    let duration_s = match time(element, "duration", 0.0)? {
+        Some(duration_s) => duration_s,
+        None => number(element, "duration", 0.0)?,
+    };
+    let limit = |name: &str| time(element, name, 0.0);
     let next = element.attribute("next").unwrap_or_default().split_whitespace();
     let next = next.map(|index| index.parse().map_err(|_| wrong(element, "next", "must be indices of phases")));
     Ok(Phase { duration_s, limits_s: [limit("minDur")?, limit("maxDur")?], state, next: next.collect::<Result<_>>()? })

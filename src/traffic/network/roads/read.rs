@@ -14,6 +14,13 @@ use crate::traffic::network::tree::Element;
 /// Advice about a name that leads nowhere. Only an editor or another program leaves such a net behind.
 const REMAKE: &str = "make the net again with netconvert";
 
+/// What is said of a crossing or a signal of trains.
+pub const TRAINS: &str = "this program does not simulate trains; remove the track from the net, for example with \
+                          netconvert's --remove-edges.by-vclass";
+
+/// Speed limit of a lane that has less, in m/s.
+const SLOWEST_MPS: f64 = 0.1;
+
 impl Roads {
     /// Reads the root element of a net. An error names the element, its id and the attribute.
     pub fn read(net: &Element) -> Result<Roads> {
@@ -23,6 +30,8 @@ impl Roads {
         for (number, element) in net.all("junction").enumerate() {
             let taken = junction_numbers.insert(text(element, "id")?, JunctionNo(number));
             ensure!(taken.is_none(), "{}: there are two junctions of this id; {REMAKE}", tag(element));
+            let is_of_trains = element.attribute("type").is_some_and(|kind| kind.starts_with("rail_"));
+            ensure!(!is_of_trains, wrong(element, "type", TRAINS));
         }
         for element in net.all("edge") {
             roads.read_edge(element, &junction_numbers)?;
@@ -91,7 +100,8 @@ impl Roads {
             id: id.to_owned(),
             edge,
             length_m,
-            speed_limit_mps: self::number(element, "speed", 0.0)?,
+            // Shares of the limit are taken, so that of a closed lane is no 0.
+            speed_limit_mps: self::number(element, "speed", 0.0)?.max(SLOWEST_MPS),
             shape: shape(element)?,
             carries_cars: classes.has_cars(),
             carries_vehicles: classes.has_vehicles(),
@@ -134,8 +144,8 @@ impl Roads {
         let signal = signal(element)?;
         if let Some(signal) = &signal {
             let length = letters.get(&signal.light).copied();
-            let length =
-                length.ok_or_else(|| wrong(element, "tl", "there is no <tlLogic> of this id; add its program"))?;
+            let way_out = "there is no <tlLogic> of this id; add its program";
+            let length = length.ok_or_else(|| wrong(element, "tl", way_out))?;
             ensure!(
                 signal.letter < length,
                 wrong(

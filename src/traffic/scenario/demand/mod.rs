@@ -270,6 +270,11 @@ mod tests {
     #[test]
     fn zones_and_junctions_must_be_there() {
         assert_eq!(read("<trip id='v' depart='100' fromTaz='y' toTaz='z'/>"), Ok(vec![]));
+        for ends in ["from='a' toTaz='z'", "fromTaz='y' to='b'"] {
+            assert_eq!(read(&format!("<trip id='v' depart='100' {ends}/>")), Ok(vec![]), "{ends}");
+        }
+        let half = read("<trip id='v' depart='100' toTaz='z'/>").unwrap_err();
+        assert!(half.contains("has no fromTaz"), "{half}");
         let unknown = read("<trip id='v' depart='100' fromTaz='z' toTaz='x'/>").unwrap_err();
         assert_eq!(unknown, "rou: <trip id=\"v\">: toTaz=\"x\": no <taz> of this id is defined before it");
         let junctions = "<trip id='v' depart='100' fromJunction='j' toJunction='j'/>";
@@ -299,6 +304,8 @@ mod tests {
             ),
             ("<flow id='w' begin='150' period='9' fromTaz='z' toTaz='z'/>", "a b", ""),
             ("<flow id='w' begin='150' period='9' fromTaz='y' toTaz='z'/>", "a", ""),
+            ("<flow id='w' begin='150' period='9' fromTaz='y' to='b'/>", "a", ""),
+            ("<trip id='w' depart='150' from='c' toTaz='z'/>", "a c", ""),
             ("<trip id='w' depart='150' fromJunction='j' toJunction='j'/>", "a", "j"),
         ] {
             assert_eq!(departures(&format!("{other}{element}")), (edges.to_owned(), junctions.to_owned()), "{element}");

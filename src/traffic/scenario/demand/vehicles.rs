@@ -18,8 +18,9 @@ const FLOW: [(&str, f64, f64); 5] = [
 /// Attributes that put persons or containers into a vehicle.
 const LOADS: [&str; 2] = ["personNumber", "containerNumber"];
 
-/// Pairs of attributes that name the ends of a trip.
-const ENDS: [(&str, &str); 3] = [("from", "to"), ("fromTaz", "toTaz"), ("fromJunction", "toJunction")];
+/// Attributes that name the beginning of a trip, and its end: an edge, a zone or a junction. Each may be of another kind.
+const FROM: [&str; 3] = ["from", "fromTaz", "fromJunction"];
+const TO: [&str; 3] = ["to", "toTaz", "toJunction"];
 
 /// Smallest and largest rate of a random period, in vehicles per second.
 const RATE: [f64; 2] = [1e-9, 100.0];
@@ -151,42 +152,44 @@ impl<'a> Demand<'a> {
 
     /// Returns the edges that a trip must come by, from the first to the last. From or to a zone there are none.
     fn stations(&self, place: Place<'a>) -> Result<Vec<Street>> {
-        let given = |key: &str| place.element.attribute(key).is_some();
-        let Some((from, to)) = ENDS.into_iter().find(|(from, to)| given(from) || given(to)) else {
+        let given = |keys: [&str; 3]| keys.iter().position(|key| place.element.attribute(key).is_some());
+        let (from, to) = (given(FROM), given(TO));
+        let Some(either) = from.or(to) else {
             let needs = if place.element.name == "vehicle" { "a route" } else { "a route, or from and to" };
             return Err(place.fault(format!("has no way to go: it needs {needs}; add it or remove the element")));
         };
         if place.element.name == "vehicle" {
             return Err(place.fault("has no route; write <trip> where SUMO should find the way"));
         }
-        match from {
-            "from" => {
-                let mut stations = vec![self.street(place, from)?];
-                if place.element.attribute("via").is_some_and(|via| !via.is_empty()) {
-                    stations.extend(self.streets_in(place, "via")?);
-                }
-                stations.push(self.street(place, to)?);
-                Ok(stations)
-            }
-            "fromTaz" => {
-                for key in [from, to] {
-                    let known = self.zones.contains_key(place.needed(key)?);
-                    ensure!(known, place.fault_in(key, "no <taz> of this id is defined before it"));
-                }
-                Ok(Vec::new())
-            }
-            _ => {
-                for key in [from, to] {
-                    let known = self.streets.has_junction(place.needed(key)?);
-                    ensure!(known, place.fault_in(key, "the net has no such junction"));
-                }
-                ensure!(
-                    self.has_zones_of_junctions,
-                    place.fault_in(from, "SUMO needs <junction-taz value=\"true\"/> in the .sumocfg for it; add it")
-                );
-                Ok(Vec::new())
-            }
+        // What is missing is asked for in the way in which the other end is named.
+        let [from, to] = [FROM[from.unwrap_or(either)], TO[to.unwrap_or(either)]];
+        let ends = [self.end(place, from)?, self.end(place, to)?];
+        let [Some(begin), Some(end)] = ends else { return Ok(Vec::new()) };
+        let mut stations = vec![begin];
+        if place.element.attribute("via").is_some_and(|via| !via.is_empty()) {
+            stations.extend(self.streets_in(place, "via")?);
         }
+        stations.push(end);
+        Ok(stations)
+    }
+
+    /// Returns the edge at an end of a trip; `None` if it is a zone or a junction, which must be known.
+    fn end(&self, place: Place<'a>, key: &str) -> Result<Option<Street>> {
+        if key.ends_with("Taz") {
+            let known = self.zones.contains_key(place.needed(key)?);
+            ensure!(known, place.fault_in(key, "no <taz> of this id is defined before it"));
+            return Ok(None);
+        }
+        if key.ends_with("Junction") {
+            let known = self.streets.has_junction(place.needed(key)?);
+            ensure!(known, place.fault_in(key, "the net has no such junction"));
+            ensure!(
+                self.has_zones_of_junctions,
+                place.fault_in(key, "SUMO needs <junction-taz value=\"true\"/> in the .sumocfg for it; add it")
+            );
+            return Ok(None);
+        }
+        self.street(place, key).map(Some)
     }
 
     fn street(&self, place: Place<'a>, key: &str) -> Result<Street> {
