@@ -28,24 +28,24 @@ pub struct UnitCosts {
 }
 
 impl UnitCosts {
-    /// Returns the seconds of wall time for one of everything on `cores` cores.
+    /// Returns the seconds of wall time for one of everything on `cores` cores, of which some train.
     fn prices(&self, work: &Workload, training_cores: usize, cores: usize) -> Prices<f64> {
-        let cores = cores as f64;
-        let of_episodes = |episodes: usize| work.gs_steps(episodes) * self.evaluation_s / cores;
+        let of_episodes =
+            |episodes: usize| work.gs_steps(episodes) * self.evaluation_s / cores.min(episodes).max(1) as f64;
         Prices {
             step: self.training_s / training_cores as f64,
             evaluation: of_episodes(work.evaluation_episodes),
             final_evaluation: of_episodes(work.final_episodes),
             // This includes the collection, because run directories have both in one column.
-            aip_training: work.samples_per_retraining() * self.influence_s / cores,
+            aip_training: work.samples_per_retraining() * self.influence_s / training_cores as f64,
             ..Prices::default()
         }
     }
 }
 
-/// Returns the number of cores that train policies. With the GS it is one: an experiment gives it no more.
-fn training_cores(config: &Config, cores: usize) -> usize {
-    if config.simulator == Simulator::Global { 1 } else { cores }
+/// Returns the number of cores that train. A core has whole agents. With the GS it is one: an experiment gives it no more.
+fn training_cores(config: &Config, agents: usize, cores: usize) -> usize {
+    if config.simulator == Simulator::Global { 1 } else { cores.min(agents) }
 }
 
 /// The source of an estimate.
@@ -77,7 +77,7 @@ pub fn estimate(run: &PlannedRun, cores: usize, measured: &[RunRecord]) -> Estim
         None => (rough, Source::Constants),
     };
     let work = Workload::of(&run.config, run.agents(), run.config.last_step());
-    let seconds = costs.prices(&work, training_cores(&run.config, cores), cores).of_run(&work).sum();
+    let seconds = costs.prices(&work, training_cores(&run.config, run.agents(), cores), cores).of_run(&work).sum();
     let memory_mb = (cores + 1) as f64 * costs.process_mb + run.agents() as f64 * costs.agent_mb;
     Estimate { seconds, memory_mb, source }
 }
@@ -131,13 +131,14 @@ fn costs_of(runs: &[&RunRecord], fallback: UnitCosts) -> Option<UnitCosts> {
     let mut process_mb = 0.0_f64;
     for run in runs {
         let (time, agents) = (run.total_time()?, run.scenario.as_ref()?.id.agents);
-        let (cores, training_cores) = (run.workers as f64, training_cores(&run.config, run.workers) as f64);
+        let training_cores = training_cores(&run.config, agents, run.workers) as f64;
+        let evaluating_cores = run.workers.min(run.config.evaluation.episodes).max(1) as f64;
         let work = Workload::of(&run.config, agents, time.steps);
         let samples = work.retrainings as f64 * work.samples_per_retraining();
         let training_s = time.runtime_s() - time.influence_s;
-        for (sum, value) in
-            spent.iter_mut().zip([training_s * training_cores, time.influence_s * cores, time.evaluation_s * cores])
-        {
+        let of_run =
+            [training_s * training_cores, time.influence_s * training_cores, time.evaluation_s * evaluating_cores];
+        for (sum, value) in spent.iter_mut().zip(of_run) {
             *sum += value;
         }
         for (sum, value) in done.iter_mut().zip([work.agent_steps(), samples, work.evaluated_steps()]) {
@@ -146,7 +147,7 @@ fn costs_of(runs: &[&RunRecord], fallback: UnitCosts) -> Option<UnitCosts> {
         let total = run.memory.map_or(0.0, |memory| memory.total_pss_mb.unwrap_or(memory.total_mb));
         // The processes have what the agents do not need.
         let of_agents = agents as f64 * fallback.agent_mb;
-        process_mb = process_mb.max((total - of_agents) / (cores + 1.0));
+        process_mb = process_mb.max((total - of_agents) / (run.workers as f64 + 1.0));
     }
     let cost = |kind: usize, fallback: f64| if done[kind] > 0.0 { spent[kind] / done[kind] } else { fallback };
     Some(UnitCosts {
@@ -242,6 +243,17 @@ mod tests {
         let records = [measured("gs", 4, 2, [40.0, 0.0, 0.0])];
         let found = estimate(&planned("gs", 1000, 4), 4, &records);
         assert!((found.seconds - 40.0).abs() < 1e-9, "{found:?}");
+    }
+
+    #[test]
+    fn more_cores_than_agents_do_not_train_and_more_than_episodes_do_not_evaluate() {
+        // 8 workers, of which 4 train and 2 evaluate: each unit costs 10 core-milliseconds, as above.
+        let records = [measured("dials", 4, 8, [10.0 + 0.8 + 0.8, 0.8, 0.8])];
+        // 40 s of training and 3.2 s for the AIPs by 4 cores, and 1.6 s of evaluations by 2.
+        let found = estimate(&planned("dials", 1000, 4), 8, &records);
+        assert!((found.seconds - 11.6).abs() < 1e-9, "{found:?}");
+        let on_one = estimate(&planned("dials", 1000, 4), 1, &records);
+        assert!((on_one.seconds - 44.8).abs() < 1e-9, "{on_one:?}");
     }
 
     #[test]

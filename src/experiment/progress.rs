@@ -131,11 +131,18 @@ fn difference(dir: &Path, planned: &PlannedRun) -> Result<Option<String>> {
     let planned_keys = Method::of(&planned.config, &planned.scenario).keys;
     let (keys, planned_scenario, planned) = (Method::of(&there, &scenario).keys, &planned.scenario, &planned.config);
     let value = |value: Option<String>| value.unwrap_or("nothing".to_owned());
+    let loss_episodes = |config: &config::Config| config.evaluation.aip_loss_episodes;
     Ok(match differing(&keys, &planned_keys).into_iter().next() {
         Some((key, [a, b])) => Some(format!("{key}: {} there, {} planned", value(a), value(b))),
         None if there.last_step() != planned.last_step() => {
             Some(format!("steps: {} there, {} planned", there.last_step(), planned.last_step()))
         }
+        // This is no key of the method, because it moves no policy. But what it measures would be missing.
+        None if planned.measures_aips() && loss_episodes(&there) != loss_episodes(planned) => Some(format!(
+            "evaluation.aip_loss_episodes: {} there, {} planned",
+            loss_episodes(&there),
+            loss_episodes(planned)
+        )),
         None if there.seed != planned.seed => Some(format!("seed: {} there, {} planned", there.seed, planned.seed)),
         None if scenario.id != planned_scenario.id => {
             Some(format!("scenario: {} there, {} planned", scenario.id.word(), planned_scenario.id.word()))
@@ -147,7 +154,7 @@ fn difference(dir: &Path, planned: &PlannedRun) -> Result<Option<String>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::{Config, to_toml};
+    use crate::config::{Config, Simulator, to_toml};
     use crate::domain::{RoughCosts, Scenario};
     use crate::outside::FileName;
     use crate::records::files::{EPISODES, NETWORKS, RETURNS, RUN, TIMING};
@@ -209,6 +216,20 @@ mod tests {
         let begun = Stage::Begun { steps: 1000 };
         assert_eq!(stage_with(TWO_EPISODES.trim_end_matches("1000,0,1\n"), TIMES), begun);
         assert_eq!(stage_with(TWO_EPISODES, TIMES.trim_end_matches("1000,all,4\n")), begun);
+    }
+
+    #[test]
+    fn a_run_that_did_not_measure_what_is_planned_now_is_another_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut run = planned(folder.path());
+        run.config.evaluation.aip_loss_episodes = 4;
+        let error = format!("{:#}", stage(folder.path(), &run).unwrap_err());
+        assert!(error.contains("evaluation.aip_loss_episodes: 0 there, 4 planned"), "{error}");
+        // On the GS there are no AIPs, so nothing is missing.
+        run.config.simulator = Simulator::Global;
+        write(folder.path(), &run, CONFIG, &to_toml(&run.config).unwrap());
+        run.config.evaluation.aip_loss_episodes = 8;
+        assert_eq!(stage(folder.path(), &run).unwrap(), Stage::Begun { steps: 0 });
     }
 
     #[test]
