@@ -137,7 +137,8 @@ impl Worker {
         }
         watch.add(&simulator.take_watch());
         drop(simulator);
-        self.timesheet.note(Activity::Collection, begun.elapsed(), &watch);
+        // They train policies. What is collected for AIPs is counted apart.
+        self.timesheet.note(Activity::Training, begun.elapsed(), &watch);
         Ok(demonstrations)
     }
 

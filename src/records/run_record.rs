@@ -221,13 +221,17 @@ impl RunRecord {
     }
 
     /// Returns the time until a step: at the end of the last period that ends there, or interpolated between the ends
-    /// of two periods. If the run has not come so far: `None`.
+    /// of two periods. If the run has not come so far: `None`. So it is before the end of the first period after an
+    /// imitation, whose time only that period has.
     pub fn time_at(&self, steps: u64) -> Option<PeriodTime> {
         // Periods are in order of steps.
         let (until, next) = self.periods.split_at(self.periods.partition_point(|period| period.steps <= steps));
         let (until, next) = (until.last(), next.first());
         let beginning =
             || PeriodTime { cpu: next.and_then(|next| next.cpu).map(|_| CpuTime::default()), ..PeriodTime::default() };
+        if until.is_none() && self.config.policy.imitate.is_some() {
+            return None;
+        }
         let until = until.copied().unwrap_or_else(beginning);
         if until.steps == steps {
             return Some(until);
@@ -277,5 +281,21 @@ mod tests {
         // A quarter of the way from 100 to 300 the value is 10 + 10 / 4.
         assert_eq!((at(100), at(150), at(300)), (Some(10.0), Some(12.5), Some(20.0)));
         assert_eq!((at(99), at(301)), (None, None));
+    }
+
+    #[test]
+    fn the_time_of_an_imitation_is_known_only_at_the_end_of_the_first_period() {
+        let runtimes = |keys: &str| {
+            let config = toml::from_str(&format!("{keys}\n[warehouse]\nagents_per_side = 2")).unwrap();
+            let periods = [(100, 10.0), (200, 30.0)].map(|(steps, elapsed_s)| PeriodTime {
+                steps,
+                elapsed_s,
+                ..PeriodTime::default()
+            });
+            let run = RunRecord { periods: periods.to_vec(), ..RunRecord::empty(config, None) };
+            [0, 50, 100, 150].map(|steps| run.runtime_at(steps))
+        };
+        assert_eq!(runtimes(""), [Some(0.0), Some(5.0), Some(10.0), Some(20.0)]);
+        assert_eq!(runtimes("policy.imitate = 'oldest-item'"), [None, None, Some(10.0), Some(20.0)]);
     }
 }
