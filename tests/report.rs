@@ -627,7 +627,7 @@ fn sides_that_cannot_be_compared_are_refused() {
     for (a, b, told) in [
         ("runs/warehouse_4-dials-clip0.1-seed1", "runs/traffic_4-gs-seed1", "different scenarios"),
         ("runs", "runs/traffic_4-gs-seed1", "holds runs of 4 methods, but a side must have only one"),
-        ("runs/nothing*", "runs/traffic_4-gs-seed1", "runs/nothing*: no such folder"),
+        ("runs/nothing*", "runs/traffic_4-gs-seed1", "runs/nothing*: no folder matches this pattern"),
         ("runs/traffic_4-gs-seed{1,2}", "runs/traffic_4-gs-seed1", "braces are no pattern here: use *, ? and [ab]"),
         ("runs/broken", "runs/traffic_4-gs-seed1", "no run in it was evaluated"),
     ] {
@@ -635,6 +635,18 @@ fn sides_that_cannot_be_compared_are_refused() {
         let said = text(&output.stderr);
         assert!(said.starts_with("error: ") && said.contains(told), "{said}");
     }
+}
+
+#[test]
+fn a_pattern_leaves_out_what_was_moved_aside_unless_it_says_so() {
+    let dir = copy_of(&["traffic_4-gs-seed1"]);
+    let runs = dir.path().join("runs");
+    let aside = runs.join("traffic_4-gs-seed1.old-1");
+    fs::rename(runs.join("traffic_4-gs-seed1"), &aside).unwrap();
+    let side = |pattern: &str| runs.join(pattern).to_str().unwrap().to_owned();
+    let refused = dials_traffic(&["compare", &side("traffic_4-gs*"), "runs/traffic_4-dials-seed1"]).assert().code(2);
+    assert!(text(&refused.get_output().stderr).contains("no folder matches this pattern"));
+    near(&compare(&[&side("traffic_4-gs*.old-*"), "runs/traffic_4-dials-seed1"])["difference"], 14.0);
 }
 
 #[test]

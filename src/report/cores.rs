@@ -7,6 +7,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::compare::steps::are_alike;
 use super::document::Table;
 use super::finals::Runtime;
 use super::group::{Comparison, Group, steps_text};
@@ -43,7 +44,7 @@ impl ByCores {
         for run in runs {
             let time = run.time_at(steps)?;
             seconds.entry(run.workers).or_default().push(time.runtime_s());
-            // On the GS as many threads as there are workers make the updates.
+            // On the GS as many threads as there are workers make the updates, unless the workers are ranks of MPI.
             updates.push(time.update_s * run.workers.min(most) as f64);
         }
         let cpu_s = cpu.runtime_s();
@@ -69,21 +70,21 @@ impl ByCores {
     }
 }
 
-/// Returns the groups of a scenario with their models. Only those with the most timesteps count, because others are no
-/// comparison.
+/// Returns the groups of a scenario with their models. Only those with the most timesteps count, up to a hundredth, because
+/// others are no comparison.
 pub fn by_cores(comparison: &Comparison) -> Vec<(&Group, ByCores)> {
     let agents = comparison.scenario.agents;
     let mut all: Vec<(&Group, ByCores)> =
         comparison.groups.iter().filter_map(|group| Some((group, ByCores::of(group, agents)?))).collect();
-    let most = all.iter().map(|(_, model)| model.steps).max();
-    all.retain(|(_, model)| Some(model.steps) == most);
+    let most = all.iter().map(|(_, model)| model.steps).max().unwrap_or(0);
+    all.retain(|(_, model)| are_alike([model.steps, most]));
     all
 }
 
 /// Makes the table of times by number of cores; `None` if no run measured CPU time.
 pub fn table(comparison: &Comparison) -> Option<Table> {
     let all = by_cores(comparison);
-    let steps = all.first()?.1.steps;
+    let steps = all.iter().map(|(_, model)| model.steps).max()?;
     let gs = all.iter().find(|(group, _)| group.simulator() == "gs" && group.overrides.is_empty());
     let most = all.iter().map(|(_, model)| model.most).max()?;
     // Beyond the number of agents nothing changes any more.

@@ -148,7 +148,7 @@ pub fn memory(family: &Family) -> Table {
     let ours = |column: &Column, simulator: &str| -> Option<MemoryRecord> {
         let groups = column.ours.iter().flat_map(|comparison| &comparison.groups);
         let groups = groups.filter(|group| group.simulator() == simulator);
-        groups.filter_map(peak_memory).max_by(|a, b| a.total_mb.total_cmp(&b.total_mb))
+        groups.filter_map(peak_memory).reduce(MemoryRecord::max)
     };
     let megabytes = |value: f64| format!("{value:.1}");
     let row = |label: &str, ours: &dyn Fn(&Column) -> Option<f64>, theirs: &dyn Fn(&Column) -> Option<f64>| {

@@ -153,7 +153,7 @@ fn search(folder: &Path, depth: usize, seen: &mut BTreeMap<PathBuf, bool>, found
 }
 
 /// Returns whether `--force` moved a folder aside, or it is hidden. Such a folder counts only if it is named.
-fn is_aside(folder: &Path) -> bool {
+pub fn is_aside(folder: &Path) -> bool {
     let name = folder.file_name().unwrap_or_default().to_string_lossy();
     let aside = name.rsplit_once(".old-").is_some_and(|(_, number)| number.bytes().all(|byte| byte.is_ascii_digit()));
     aside || name.starts_with('.')

@@ -280,14 +280,15 @@ fn group(method: Method, told_apart: &BTreeMap<String, Option<String>>, runs: Ve
     Group { overrides, method, runs }
 }
 
-/// Sorts runs by seed. Of several runs with the same seed, only the one with the most steps stays.
+/// Sorts runs by seed. Of several runs with the same seed, only the one with the most steps stays. Of equal ones it is
+/// one that measured its AIPs on new episodes, if there is one.
 fn without_doubles(mut runs: Vec<RunRecord>, left_out: &mut Vec<LeftOut>) -> Vec<RunRecord> {
-    runs.sort_by_key(|run| (run.config.seed, std::cmp::Reverse(last_step(run))));
+    runs.sort_by_key(|run| (run.config.seed, std::cmp::Reverse(last_step(run)), run.fresh_losses.is_empty()));
     let mut kept: Vec<RunRecord> = Vec::new();
     for run in runs {
         match kept.last() {
             Some(last) if last.config.seed == run.config.seed => {
-                let reason = format!("has the same config and seed as {}", last.dir.display());
+                let reason = format!("is the same training as {}", last.dir.display());
                 left_out.push(LeftOut { dir: run.dir, reason });
             }
             _ => kept.push(run),
@@ -298,8 +299,11 @@ fn without_doubles(mut runs: Vec<RunRecord>, left_out: &mut Vec<LeftOut>) -> Vec
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
     use crate::domain::Scenario;
+    use crate::records::run_record::FreshLossRecord;
 
     fn methods(values: &[&str]) -> Vec<BTreeMap<String, String>> {
         values.iter().map(|&value| BTreeMap::from([("ppo.clip".to_owned(), value.to_owned())])).collect()
@@ -334,6 +338,19 @@ mod tests {
         assert_eq!(ablation(&["", "ppo.clip = 0.2"]).reference, None, "neither is the usual one");
         assert_eq!(ablation(&["", "simulator = 'gs'", "simulator = 'untrained-dials'"]).reference, None);
         assert_eq!(ablation(&[""]).reference, None, "there is nothing to compare it with");
+    }
+
+    #[test]
+    fn of_two_equal_runs_the_one_that_measured_its_aips_stays() {
+        let run = |name: &str, fresh_losses: Vec<FreshLossRecord>| {
+            let config = toml::from_str("[warehouse]\nagents_per_side = 2").unwrap();
+            RunRecord { dir: name.into(), fresh_losses, ..RunRecord::empty(config, None) }
+        };
+        let loss = FreshLossRecord { steps: 0, after_training: false, loss: 0.1, marginals: 0.2 };
+        let mut left_out = Vec::new();
+        let kept = without_doubles(vec![run("a", Vec::new()), run("b", vec![loss])], &mut left_out);
+        assert_eq!((kept.len(), kept[0].dir.as_path()), (1, Path::new("b")));
+        assert_eq!(left_out[0].reason, "is the same training as b");
     }
 
     #[test]

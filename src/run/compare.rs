@@ -7,6 +7,7 @@ use anyhow::{Context, ensure};
 use crate::cli;
 use crate::error::{Error, Result};
 use crate::report::compare::{ComparedSide, compare as compare_sides};
+use crate::report::find::is_aside;
 use crate::terminal::{answer, json};
 
 pub fn compare(args: &cli::CompareArgs) -> Result<()> {
@@ -33,8 +34,11 @@ fn folders(name: &str) -> anyhow::Result<Vec<PathBuf>> {
         }
         let matches = glob::glob(part).with_context(|| format!("{part}: is neither a folder nor a valid pattern"))?;
         let before = folders.len();
-        folders.extend(matches.filter_map(|path| path.ok().filter(|path| path.is_dir())));
-        ensure!(folders.len() > before, "{part}: no such folder{}", hint(name));
+        // What `--force` moved aside counts only if the pattern names it.
+        let counts = |path: &PathBuf| path.is_dir() && (part.contains(".old-") || !is_aside(path));
+        folders.extend(matches.filter_map(|path| path.ok().filter(counts)));
+        let missing = if part.contains(['*', '?', '[']) { "no folder matches this pattern" } else { "no such folder" };
+        ensure!(folders.len() > before, "{part}: {missing}{}", hint(name));
     }
     Ok(folders)
 }

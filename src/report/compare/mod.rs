@@ -8,7 +8,7 @@
 
 mod as_json;
 mod rules;
-mod steps;
+pub(super) mod steps;
 mod text;
 
 use std::collections::BTreeMap;
