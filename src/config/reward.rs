@@ -38,7 +38,7 @@ impl RewardTerm {
             RewardTerm::LostTime => {
                 "minus the seconds that the cars on the approaches lose in a second against the limits, in tens"
             }
-            RewardTerm::Pressure => "minus the cars on the approaches plus those on the exits, in tens",
+            RewardTerm::Pressure => "the cars on the exits minus those on the approaches, in tens",
             RewardTerm::Wait => {
                 "minus the seconds that the cars on the approaches have stood there, in hundreds, at least -10"
             }
