@@ -221,8 +221,8 @@ impl RunRecord {
     }
 
     /// Returns the time until a step: at the end of the last period that ends there, or interpolated between the ends
-    /// of two periods. If the run has not come so far: `None`. So it is before the end of the first period after an
-    /// imitation, whose time only that period has.
+    /// of two periods. `None` if the run has not come so far, and in the first period of a run that imitates: the time of
+    /// the imitation is known only with that period's.
     pub fn time_at(&self, steps: u64) -> Option<PeriodTime> {
         // Periods are in order of steps.
         let (until, next) = self.periods.split_at(self.periods.partition_point(|period| period.steps <= steps));

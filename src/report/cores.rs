@@ -130,6 +130,8 @@ mod tests {
     use crate::config::Config;
     use crate::domain::Scenario;
     use crate::records::run_record::{CpuTime, EvaluationRecord, PeriodTime, Returns, RunRecord};
+    use crate::report::find::Found;
+    use crate::report::group::sort;
     use crate::report::method::Method;
 
     fn model(alone_s: f64, shared_s: f64, most: usize) -> ByCores {
@@ -145,34 +147,43 @@ mod tests {
         assert_eq!(model(0.0, 200.0, 4).faster_from(&global), None);
     }
 
+    /// Makes a finished run of four robots that took 70 s, and 90 CPU seconds without evaluations.
+    fn run(keys: &str, workers: usize) -> RunRecord {
+        let config: Config = toml::from_str(&format!("{keys}\nwarehouse = {{ agents_per_side = 2 }}")).unwrap();
+        let steps = config.total_steps;
+        let all = Returns { mean: 1.0, median: 1.0, std_error: 0.0, stuck: 0 };
+        let evaluation =
+            EvaluationRecord { steps, all, agents: vec![all; 4], episodes: None, episode_returns: Vec::new() };
+        let cpu = Some(CpuTime { total_s: 100.0, evaluation_s: 10.0 });
+        RunRecord {
+            evaluations: vec![evaluation],
+            periods: vec![PeriodTime { steps, elapsed_s: 70.0, update_s: 20.0, cpu, ..PeriodTime::default() }],
+            workers,
+            ..RunRecord::empty(config, Some(Scenario::new("warehouse", 4, 100)))
+        }
+    }
+
     #[test]
     fn the_gradient_steps_of_the_gs_are_read_from_its_runs() {
         let of = |keys: &str, workers: usize| {
-            let text = format!("simulator = 'gs'\nwarehouse = {{ agents_per_side = 2 }}\n{keys}");
-            let config: Config = toml::from_str(&text).unwrap();
-            let (steps, scenario) = (config.total_steps, Scenario::new("warehouse", 4, 100));
-            let method = Method::of(&config, &scenario);
-            let all = Returns { mean: 1.0, median: 1.0, std_error: 0.0, stuck: 0 };
-            let cpu = Some(CpuTime { total_s: 100.0, evaluation_s: 10.0 });
-            let run = RunRecord {
-                evaluations: vec![EvaluationRecord {
-                    steps,
-                    all,
-                    agents: vec![all; 4],
-                    episodes: None,
-                    episode_returns: Vec::new(),
-                }],
-                periods: vec![PeriodTime { steps, elapsed_s: 70.0, update_s: 20.0, cpu, ..PeriodTime::default() }],
-                workers,
-                ..RunRecord::empty(config, Some(scenario))
-            };
-            let group = Group { method, overrides: Vec::new(), runs: vec![run] };
-            let model = ByCores::of(&group, 4).unwrap();
+            let run = run(&format!("simulator = 'gs'\n{keys}"), workers);
+            let method = Method::of(&run.config, run.scenario.as_ref().unwrap());
+            let model = ByCores::of(&Group { method, overrides: Vec::new(), runs: vec![run] }, 4).unwrap();
             (model.alone_s, model.shared_s, model.most)
         };
         assert_eq!(of("", 1), (70.0, 20.0, 4));
         assert_eq!(of("", 2), (50.0, 40.0, 4), "two threads for 20 s");
         assert_eq!(of("gs.shared_policy = true", 2), (70.0, 20.0, 1), "one policy has one learner");
+    }
+
+    #[test]
+    fn groups_whose_ends_are_up_to_a_hundredth_apart_stand_side_by_side() {
+        let ends = [200_704, 200_064, 190_000];
+        let runs = ends.map(|end| run(&format!("total_steps = {end}\nppo.clip = 0.{end}"), 1)).to_vec();
+        let comparison = sort(Found { runs, ..Found::default() }).unwrap().comparisons.remove(0);
+        assert_eq!(comparison.groups.len(), 3);
+        let shown: BTreeSet<u64> = by_cores(&comparison).iter().map(|(_, model)| model.steps).collect();
+        assert_eq!(shown, BTreeSet::from([200_704, 200_064]));
     }
 
     #[test]

@@ -180,3 +180,31 @@ pub fn memory(family: &Family) -> Table {
     }
     Table { caption, header, rows }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::Scenario;
+    use crate::records::run_record::RunRecord;
+    use crate::report::family::families;
+    use crate::report::find::Found;
+    use crate::report::group::sort;
+
+    #[test]
+    fn the_memory_is_the_largest_of_all_runs_in_each_figure() {
+        let run = |clip: f64, process_mb, total_mb, pss_mb| {
+            let config = toml::from_str(&format!("ppo.clip = {clip}\nwarehouse = {{ agents_per_side = 2 }}")).unwrap();
+            let memory = Some(MemoryRecord { process_mb, total_mb, total_pss_mb: Some(pss_mb) });
+            RunRecord { memory, ..RunRecord::empty(config, Some(Scenario::new("warehouse", 4, 100))) }
+        };
+        let runs = vec![run(0.1, 10.0, 30.0, 20.0), run(0.2, 12.0, 25.0, 24.0)];
+        let comparisons = sort(Found { runs, ..Found::default() }).unwrap().comparisons;
+        let table = memory(&families(&comparisons)[0]);
+        let ours = |label: &str| {
+            let row = table.rows.iter().find(|row| row[0] == label).unwrap();
+            row[1].split(" / ").next().unwrap().to_owned()
+        };
+        let labels = ["DIALS, per process", "DIALS, total", "DIALS, total, shared pages once"];
+        assert_eq!(labels.map(ours), ["12.0", "30.0", "24.0"]);
+    }
+}

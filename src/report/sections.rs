@@ -34,7 +34,7 @@ const RULES: [&str; 11] = [
      the episodes differ, means are subtracted, and a warning names the groups.",
     "The last point of a curve has more episodes than the others (`evaluation.final_episodes`). They include the episodes of \
      the other points.",
-    "Grids and warehouses with the same episodes and rewards share one picture of final returns and one table of costs. \
+    "Grids and warehouses with the same episodes and rewards share a picture of final returns and the tables of costs. \
      Every other network has its own.",
     "The median agent is the median of the mean returns of a run's agents. A single failed agent hardly changes it.",
     "Runtime is wall time without evaluations. Influence is the collection of datasets and the training of the AIPs. \

@@ -7,7 +7,7 @@ use anyhow::{Result, ensure};
 
 use super::place::Place;
 use crate::outside::excerpt;
-use crate::traffic::network::roads::read::TRAINS;
+use crate::traffic::network::roads::{TRAINS, is_of_trains};
 use crate::traffic::network::tree::Element;
 
 /// Shortest and longest lane in metres, and fastest speed limit in metres per second.
@@ -91,9 +91,6 @@ fn check_lanes(place: Place<'_>) -> Result<()> {
 }
 
 fn refuse_rail(place: Place<'_>) -> Result<()> {
-    ensure!(
-        !place.element.attribute("type").is_some_and(|kind| kind.starts_with("rail_")),
-        place.fault_in("type", TRAINS)
-    );
+    ensure!(!is_of_trains(place.element), place.fault_in("type", TRAINS));
     Ok(())
 }

@@ -40,16 +40,19 @@ pub fn number(element: &Element, name: &str, least: f64) -> Result<f64> {
     value.ok_or_else(|| wrong(element, name, &format!("must be a number{limit}")))
 }
 
-/// Returns a time in seconds that may be left out. SUMO also reads a clock, such as 00:00:30.
-pub fn time(element: &Element, name: &str, least: f64) -> Result<Option<f64>> {
-    match element.attribute(name) {
-        Some(text) if text.contains(':') => {
-            let time = seconds(text).ok().filter(|time| *time >= least);
-            time.map(Some).ok_or_else(|| wrong(element, name, "must be a time such as 30 or 00:00:30"))
-        }
-        Some(_) => number(element, name, least).map(Some),
-        None => Ok(None),
+/// Returns a time in seconds that must be there, at least `least`. SUMO also reads a clock, such as 00:00:30.
+pub fn time(element: &Element, name: &str, least: f64) -> Result<f64> {
+    let text = text(element, name)?;
+    if !text.contains(':') {
+        return number(element, name, least);
     }
+    let time = seconds(text).ok().filter(|time| *time >= least);
+    time.ok_or_else(|| wrong(element, name, "must be a time such as 30 or 00:00:30"))
+}
+
+/// Returns a time that may be left out.
+pub fn time_if_there(element: &Element, name: &str, least: f64) -> Result<Option<f64>> {
+    element.attribute(name).map(|_| time(element, name, least)).transpose()
 }
 
 /// Returns a whole number that must be there.

@@ -17,7 +17,7 @@ pub(in crate::traffic) mod example;
 mod faults;
 pub mod file;
 pub mod program;
-pub mod read;
+mod read;
 mod shape;
 
 use std::collections::{BTreeSet, HashMap};
@@ -29,6 +29,7 @@ use crate::traffic::network::tree::Element;
 use attributes::{tag, text};
 use carries::Classes;
 use program::Program;
+pub(in crate::traffic) use read::{TRAINS, is_of_trains};
 
 /// Number of a junction in [`Roads::junctions`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result, ensure};
 
-use super::attributes::{count, number, tag, text, time, wrong};
+use super::attributes::{count, tag, text, time, time_if_there, wrong};
 use crate::outside::excerpt;
 use crate::sumo::SignalState;
 use crate::traffic::network::tree::Element;
@@ -90,7 +90,7 @@ pub fn name(element: &Element) -> &str {
 
 /// Returns the time by which the program of a `<tlLogic>` runs late, in seconds.
 pub fn offset_s(element: &Element) -> Result<f64> {
-    Ok(time(element, "offset", f64::NEG_INFINITY)?.unwrap_or(0.0))
+    Ok(time_if_there(element, "offset", f64::NEG_INFINITY)?.unwrap_or(0.0))
 }
 
 fn read_phase(element: &Element) -> Result<Phase> {
@@ -100,11 +100,8 @@ fn read_phase(element: &Element) -> Result<Phase> {
         let why = bad.map_or("is empty".to_owned(), |bad| format!("`{}` is no signal", excerpt(&bad.to_string())));
         wrong(element, "state", &format!("{why}; SUMO's signals are r, y, Y, g, G, s, u, o, O"))
     })?;
-    let duration_s = match time(element, "duration", 0.0)? {
-        Some(duration_s) => duration_s,
-        None => number(element, "duration", 0.0)?,
-    };
-    let limit = |name: &str| time(element, name, 0.0);
+    let duration_s = time(element, "duration", 0.0)?;
+    let limit = |name: &str| time_if_there(element, name, 0.0);
     let next = element.attribute("next").unwrap_or_default().split_whitespace();
     let next = next.map(|index| index.parse().map_err(|_| wrong(element, "next", "must be indices of phases")));
     Ok(Phase { duration_s, limits_s: [limit("minDur")?, limit("maxDur")?], state, next: next.collect::<Result<_>>()? })

@@ -18,6 +18,11 @@ const REMAKE: &str = "make the net again with netconvert";
 pub const TRAINS: &str = "this program does not simulate trains; remove the track from the net, for example with \
                           netconvert's --remove-edges.by-vclass";
 
+/// Returns whether a junction or a light is a crossing or a signal of trains.
+pub fn is_of_trains(element: &Element) -> bool {
+    element.attribute("type").is_some_and(|kind| kind.starts_with("rail_"))
+}
+
 /// Speed limit of a lane that has less, in m/s.
 const SLOWEST_MPS: f64 = 0.1;
 
@@ -30,8 +35,7 @@ impl Roads {
         for (number, element) in net.all("junction").enumerate() {
             let taken = junction_numbers.insert(text(element, "id")?, JunctionNo(number));
             ensure!(taken.is_none(), "{}: there are two junctions of this id; {REMAKE}", tag(element));
-            let is_of_trains = element.attribute("type").is_some_and(|kind| kind.starts_with("rail_"));
-            ensure!(!is_of_trains, wrong(element, "type", TRAINS));
+            ensure!(!is_of_trains(element), wrong(element, "type", TRAINS));
         }
         for element in net.all("edge") {
             roads.read_edge(element, &junction_numbers)?;
