@@ -139,7 +139,7 @@ fn a_run_that_fails_stops_no_other_and_is_named() {
 fn ctrl_c_after_a_failure_is_told_as_a_stop_and_not_as_if_the_others_were_done() {
     // Too long to end by itself.
     let place = Place::new("seeds = [1, 2]\nset = ['total_steps=7680000']\n[[grid]]\nconfigs = ['small.toml']\n");
-    let size = |run: &str| fs::metadata(place.runs().join(run).join("returns.csv")).map_or(0, |file| file.len());
+    let size = |run: &str| fs::metadata(place.runs().join(run).join("timing.csv")).map_or(0, |file| file.len());
     // Stops the experiment once these runs have written more. Returns what it said.
     let stopped = |runs: &[&str]| {
         let before: Vec<u64> = runs.iter().map(|run| size(run)).collect();

@@ -532,12 +532,13 @@ fn departures_and_arrivals_are_counted_in_the_step_in_which_they_happen() {
     // The reference trajectory is at 96.969 m of the last lane after step 21, and gone after the next.
     for _ in 1..=21 {
         road.step();
-        assert_eq!(road.counts(), StepCounts::default());
+        assert_eq!((road.counts(), road.simulation.gone().unwrap()), (StepCounts::default(), vec![]));
     }
     road.step();
-    assert_eq!(road.counts(), StepCounts { arrived: 1, ..StepCounts::default() });
+    let arrived = StepCounts { arrived: 1, ..StepCounts::default() };
+    assert_eq!((road.counts(), road.simulation.gone().unwrap()), (arrived, vec![CarId(0)]));
     road.step();
-    assert_eq!(road.counts(), StepCounts::default());
+    assert_eq!((road.counts(), road.simulation.gone().unwrap()), (StepCounts::default(), vec![]));
 }
 
 #[test]

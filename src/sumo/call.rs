@@ -258,9 +258,22 @@ impl Crossing {
     }
 
     pub(super) fn departed(&mut self) -> Result<Vec<CarId>> {
+        self.cars(ffi::ds_read_departed, "read which cars have departed")
+    }
+
+    pub(super) fn gone(&mut self) -> Result<Vec<CarId>> {
+        self.cars(ffi::ds_read_gone, "read which cars have left the road")
+    }
+
+    /// Returns the numbers of the cars that a function of the shim lists.
+    fn cars(
+        &mut self,
+        list: unsafe extern "C" fn(*mut usize, *mut *const u64) -> c_int,
+        what: &'static str,
+    ) -> Result<Vec<CarId>> {
         let (mut count, mut cars) = (0, ptr::null());
         // SAFETY: we have the turn; both are only written to.
-        check(unsafe { ffi::ds_read_departed(&mut count, &mut cars) }, "read which cars have departed")?;
+        check(unsafe { list(&mut count, &mut cars) }, what)?;
         // SAFETY: the call succeeded, so there are `count` numbers. They are valid until the next call, which needs
         // `&mut self`.
         let cars = unsafe { array(cars, count) };

@@ -104,6 +104,7 @@ unsafe extern "C" {
     pub fn ds_remove_cars(lanes: *const u32, count: usize) -> std::ffi::c_int;
     pub fn ds_read_departures(departures: *mut ds_departures) -> std::ffi::c_int;
     pub fn ds_read_departed(count: *mut usize, cars: *mut *const u64) -> std::ffi::c_int;
+    pub fn ds_read_gone(count: *mut usize, cars: *mut *const u64) -> std::ffi::c_int;
     pub fn ds_read_route(car: *const std::ffi::c_char, route: *mut ds_route) -> std::ffi::c_int;
     pub fn ds_counts(counts: *mut ds_counts) -> std::ffi::c_int;
 }

@@ -194,6 +194,13 @@ impl Simulation {
         self.crossing.departed()
     }
 
+    /// Returns the numbers of the cars that ended their trip or began to teleport in the last step, and of those that were
+    /// removed after it.
+    pub fn gone(&mut self) -> Result<Vec<CarId>> {
+        self.check_whole()?;
+        self.crossing.gone()
+    }
+
     /// Returns the route of a car on the road as it is now: SUMO may have changed it since the car entered. `car`: its
     /// name.
     pub fn route(&mut self, car: &str) -> Result<RouteNow> {

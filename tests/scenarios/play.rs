@@ -15,6 +15,8 @@ use dials_traffic::traffic::Traffic;
 use rand::Rng;
 use serde_json::Value;
 
+use crate::room::{BUSES, CARS, Room, SUMOCFG, table};
+
 const SHIPPED: [&str; 3] = ["arterial", "grid_4x4_turns", "town"];
 const REAL: [&str; 5] = ["cologne1", "cologne3", "ingolstadt1", "ingolstadt7", "grid4x4"];
 
@@ -92,6 +94,34 @@ fn random_greens_never_make_a_car_stop_in_an_emergency_and_masks_are_kept() {
         assert!(figure("departed") > 100.0, "{name}");
         assert_eq!((figure("emergency_stops"), figure("collisions"), figure("teleports")), (0.0, 0.0, 0.0), "{name}");
     }
+}
+
+#[test]
+fn cars_that_end_their_trip_on_an_approach_or_are_teleported_have_not_passed() {
+    let room = Room::new();
+    room.change(SUMOCFG, "<time-to-teleport value=\"300\"/>", "<time-to-teleport value=\"30\"/>");
+    // Rows of lights are counted from the south. Cars from the west have red at r0c0 for ever.
+    let cars = r#"<routes>
+        <vehicle id="0" depart="100"><route edges="s0_r0c0 r0c0_r1c0 r1c0_n0"/></vehicle>
+        <vehicle id="3" depart="100"><route edges="w0_r0c0 r0c0_r0c1"/></vehicle>
+        <vehicle id="1" depart="110"><route edges="s0_r0c0 r0c0_r1c0"/></vehicle>
+        <vehicle id="2" depart="120"><route edges="s0_r0c0"/></vehicle>
+    </routes>"#;
+    fs::write(room.path(CARS), cars).unwrap();
+    fs::write(room.path(BUSES), "<routes/>").unwrap();
+    let traffic = Traffic::open_scenario(&table(room.config(&[]).unwrap())).unwrap();
+    let mut gs = traffic.global_simulator().unwrap();
+    gs.measure_in_full().unwrap();
+    gs.reset(Seed::new(1)).unwrap();
+    for _ in 0..40 {
+        gs.step(&[0; 4]).unwrap();
+    }
+    let measures = gs.measures().unwrap();
+    let (_, passed) = measures.per_agent.iter().find(|(name, _)| name == "passed").unwrap();
+    let of = |light: &str| passed[traffic.plans().iter().position(|plan| plan.light == light).unwrap()];
+    let figure = |wanted: &str| measures.system.iter().find(|(name, _)| name == wanted).unwrap().1;
+    assert_eq!((figure("arrived"), figure("teleports")), (4.0, 1.0), "{measures:?}");
+    assert_eq!((of("r0c0"), of("r1c0")), (2.0, 1.0), "{measures:?}");
 }
 
 /// Computes the delay from SUMO's own output, by other code than the product's.

@@ -444,6 +444,20 @@ int ds_read_departed(size_t *count, const uint64_t **out) {
     });
 }
 
+int ds_read_gone(size_t *count, const uint64_t **out) {
+    static std::vector<uint64_t> cars;
+    return guarded([&] {
+        cars.clear();
+        for (const auto &list : {Simulation::getArrivedIDList(), Simulation::getStartingTeleportIDList()}) {
+            for (const auto &car : list) {
+                cars.push_back(identity(car));
+            }
+        }
+        *count = cars.size();
+        *out = cars.data();
+    });
+}
+
 int ds_read_route(const char *car, struct ds_route *route) {
     static std::string edges;
     return guarded([&] {

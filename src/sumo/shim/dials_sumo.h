@@ -115,6 +115,9 @@ int ds_read_departures(struct ds_departures *departures);
 /* Only the numbers of these cars. */
 int ds_read_departed(size_t *count, const uint64_t **cars);
 
+/* The numbers of the cars that ended their trip or began to teleport in the last step. */
+int ds_read_gone(size_t *count, const uint64_t **cars);
+
 /* The route of a car that has entered, as it is now: its edges with \x1f between, and the index of the edge on which the
  * car is. In a junction it is that of the edge before. */
 struct ds_route {

@@ -33,7 +33,7 @@ impl Again for OnGrid<'_> {
                 Entering::ByRule => ls.step(actions, &Rows::from_vec(sources.row(agent.0).to_vec(), EDGES))?,
                 Entering::Truly => ls.step_with(actions, &[placements(&now, &before)])?,
             };
-            seen.note(plan, ls.cars_on(0), 0);
+            seen.note(plan, ls.cars_on(0), &[], 0); // Trips end behind the intersection.
             before = now;
         }
         let counted = ls.counters();

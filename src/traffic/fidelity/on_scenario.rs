@@ -68,7 +68,8 @@ impl Again for OnScenario<'_> {
                     }
                 }
                 forest.handles.read_cars(&mut forest.simulation, &mut cars)?;
-                seen.note(plan, forest.handles.cars_at(&cars, 0), doors.waiting(0));
+                let gone = forest.simulation.gone()?;
+                seen.note(plan, forest.handles.cars_at(&cars, 0), &gone, doors.waiting(0));
             }
         }
         [seen.sums.came, seen.sums.waited] = doors.counts();

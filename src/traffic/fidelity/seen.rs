@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::agreement::Sums;
-use crate::sumo::CarTable;
+use crate::sumo::{CarId, CarTable};
 use crate::traffic::agents::plan::AgentPlan;
 use crate::traffic::agents::region::CELL_M;
 use crate::traffic::cars_at::CarsAt;
@@ -43,8 +43,9 @@ impl Seen {
         }
     }
 
-    /// Notes the cars on the approaches after the next second, and the number of those that wait at the border.
-    pub fn note(&mut self, plan: &AgentPlan, now: CarsAt<'_>, waiting: usize) {
+    /// Notes the cars on the approaches after the next second, those that left the road in it, and the number of those
+    /// that wait at the border.
+    pub fn note(&mut self, plan: &AgentPlan, now: CarsAt<'_>, gone: &[CarId], waiting: usize) {
         if self.window.contains(&self.second) {
             let mut cells = vec![0.0; self.of_approach.iter().sum()];
             let mut rest = &mut cells[..];
@@ -56,7 +57,7 @@ impl Seen {
             sums.seconds += 1;
             sums.car_seconds += now.cars() as u64;
             sums.speed_sum_mps += now.iter().flat_map(|lane| lane.speeds_mps).sum::<f64>();
-            sums.passed += passed(now, CarsAt::new(&self.before, 0, now.lanes()), &self.at_stop_line);
+            sums.passed += passed(now, CarsAt::new(&self.before, 0, now.lanes()), gone, &self.at_stop_line);
             sums.waiting += waiting as u64;
         }
         let cars = now.iter().map(|lane| lane.iter().map(|car| (car.id, car.position_m, car.speed_mps)).collect());
@@ -68,7 +69,6 @@ impl Seen {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sumo::CarId;
     use crate::traffic::agents::derive::overrides::Overrides;
     use crate::traffic::agents::derive::{Rules, derive};
     use crate::traffic::fidelity::agreement::{Agreement, Comparison};
@@ -88,7 +88,7 @@ mod tests {
             let mut lanes = vec![Vec::new(); plan.region.approaches.len()];
             lanes[0] = cars.iter().map(|&(car, position_m, speed_mps)| (CarId(car), position_m, speed_mps)).collect();
             let table = CarTable::of(lanes);
-            seen.note(plan, CarsAt::new(&table, 0, table.lanes()), 2);
+            seen.note(plan, CarsAt::new(&table, 0, table.lanes()), &[], 2);
         }
         seen
     }

@@ -87,8 +87,8 @@ impl Truth {
     /// Returns what the GS showed of a light in these seconds.
     pub(super) fn seen(&self, plan: &AgentPlan, window: &Range<usize>) -> Result<Seen> {
         let mut seen = Seen::new(plan, window.clone());
-        for cars in self.on_approaches(plan)? {
-            seen.note(plan, CarsAt::new(&cars, 0, cars.lanes()), 0);
+        for (cars, step) in self.on_approaches(plan)?.zip(&self.recording.steps) {
+            seen.note(plan, CarsAt::new(&cars, 0, cars.lanes()), &step.gone, 0);
         }
         Ok(seen)
     }

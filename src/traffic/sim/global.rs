@@ -242,9 +242,10 @@ impl GlobalTraffic {
         self.tally.step(&mut self.simulation)?;
         if let Some(metrics) = &mut self.metrics {
             metrics.step();
+            let gone = self.simulation.gone()?;
             for row in 0..self.handles.len() {
                 let [now, before] = [&self.cars, &self.cars_before].map(|cars| self.handles.cars_at(cars, row));
-                metrics.cars(row, now, before);
+                metrics.cars(row, now, before, &gone);
             }
         }
         self.watch.note(Phase::Reading, begun.elapsed());

@@ -5,7 +5,7 @@
 use anyhow::Result;
 
 use super::trips::{TripFile, Trips};
-use crate::sumo::LaneCars;
+use crate::sumo::{CarId, LaneCars};
 use crate::traffic::cars_at::CarsAt;
 
 /// The metrics of an episode.
@@ -56,15 +56,16 @@ impl TrafficMetrics {
         self.steps += 1;
     }
 
-    /// Notes the cars on the approaches of an intersection, after a step and before it.
-    pub fn cars(&mut self, row: usize, now: CarsAt<'_>, before: CarsAt<'_>) {
+    /// Notes the cars on the approaches of an intersection, after a step and before it. `gone`: those that left the road
+    /// in between.
+    pub fn cars(&mut self, row: usize, now: CarsAt<'_>, before: CarsAt<'_>, gone: &[CarId]) {
         let sums = &mut self.intersections[row];
         for lane in now.iter() {
             sums.car_steps += lane.len() as u64;
             sums.speed_sum_mps += lane.speeds_mps.iter().sum::<f64>();
             sums.halting_car_steps += lane.halting() as u64;
         }
-        sums.passed += passed(now, before, &self.at_stop_line[row]);
+        sums.passed += passed(now, before, gone, &self.at_stop_line[row]);
     }
 
     /// Returns whether [`TrafficMetrics::finish`] was called since the beginning.
@@ -115,23 +116,26 @@ impl TrafficMetrics {
     }
 }
 
-/// Returns the number of cars that crossed a stop line between two reads of a light's approaches. `at_stop_line`: whether
-/// each approach ends there.
-pub fn passed(now: CarsAt<'_>, before: CarsAt<'_>, at_stop_line: &[bool]) -> u64 {
+/// Returns the number of cars that crossed a stop line between two reads of a light's approaches. `gone`: cars that ended
+/// their trip or began to teleport in between. `at_stop_line`: whether each approach ends there.
+///
+/// A car that leaves an approach for a lane beside it that is no approach counts as well.
+pub fn passed(now: CarsAt<'_>, before: CarsAt<'_>, gone: &[CarId], at_stop_line: &[bool]) -> u64 {
     let at_stop_line = before.iter().zip(at_stop_line).filter(|&(_, &at_stop_line)| at_stop_line);
-    at_stop_line.map(|(lane, _)| left(now, lane)).sum()
+    at_stop_line.map(|(lane, _)| left(now, lane, gone)).sum()
 }
 
-/// Returns the number of cars of an approach that are on no approach of the light after a step, however many came. A
-/// car that changed to the lane beside it is still there.
-fn left(now: CarsAt<'_>, before: LaneCars<'_>) -> u64 {
-    before.ids.iter().filter(|&car| !now.iter().any(|lane| lane.ids.contains(car))).count() as u64
+/// Returns the number of cars of an approach that are elsewhere on the road after a step, and on no approach of the light,
+/// however many came. A car that changed to the lane beside it is still there.
+fn left(now: CarsAt<'_>, before: LaneCars<'_>, gone: &[CarId]) -> u64 {
+    let stayed = |car: &CarId| now.iter().any(|lane| lane.ids.contains(car));
+    before.ids.iter().filter(|car| !stayed(car) && !gone.contains(car)).count() as u64
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sumo::{CarId, CarTable};
+    use crate::sumo::CarTable;
 
     fn read<const LANES: usize>(lanes: [&[u64]; LANES]) -> CarTable {
         CarTable::of(lanes.map(|ids| ids.iter().map(|&id| (CarId(id), 50.0, 10.0)).collect()))
@@ -141,7 +145,7 @@ mod tests {
     fn cars_that_left_are_counted_however_many_came() {
         let left_of = |now: &[u64], before: &[u64]| {
             let (now, before) = (read([now]), read([before]));
-            left(CarsAt::new(&now, 0, 1), before.lane(0))
+            left(CarsAt::new(&now, 0, 1), before.lane(0), &[])
         };
         assert_eq!(left_of(&[3], &[2, 1]), 2);
         assert_eq!(left_of(&[2, 1], &[2, 1]), 0);
@@ -155,10 +159,11 @@ mod tests {
     fn only_cars_that_cross_a_stop_line_have_passed() {
         // Lanes 0 and 1 end at the stop line, lane 2 leads to lane 0 through a junction without a light.
         let mut metrics = TrafficMetrics::new(vec![vec![true, true, false]]).unwrap();
-        let before = read([&[1, 2], &[], &[3, 4]]);
-        // Car 1 crosses the stop line, 2 changes lanes, 3 comes nearer, 4 is within the junction.
+        let before = read([&[1, 2, 5], &[6], &[3, 4]]);
+        // Car 1 crosses the stop line, 2 changes lanes, 3 comes nearer, 4 is within the junction, 5 ends its trip on its
+        // approach, and 6 is teleported.
         let now = read([&[3], &[2], &[]]);
-        metrics.cars(0, CarsAt::new(&now, 0, 3), CarsAt::new(&before, 0, 3));
+        metrics.cars(0, CarsAt::new(&now, 0, 3), CarsAt::new(&before, 0, 3), &[CarId(5), CarId(6)]);
         let (_, passed) = metrics.of_agents().into_iter().find(|(name, _)| *name == "passed").unwrap();
         assert_eq!(passed, [1.0]);
     }

@@ -9,7 +9,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use anyhow::{Context, Result};
 
 use super::recorded_roads::RecordedRoads;
-use crate::sumo::{CarTable, DepartSpeed, Departure, Insertion, LaneCars, LaneId, LightId, SignalState, Simulation};
+use crate::sumo::{
+    CarId, CarTable, DepartSpeed, Departure, Insertion, LaneCars, LaneId, LightId, SignalState, Simulation,
+};
 use crate::traffic::cut::names::prefixed;
 
 /// A tape for one episode. Clones are the same tape.
@@ -56,6 +58,8 @@ pub struct Step {
     pub signals: Vec<SignalState>,
     /// Cars after the step, lane by lane in the order of [`RecordedRoads::lanes`].
     pub cars: CarTable,
+    /// Cars that ended their trip or began to teleport in the step.
+    pub gone: Vec<CarId>,
 }
 
 impl Recording {
@@ -112,7 +116,7 @@ impl Recorder {
         if !self.on {
             return Ok(());
         }
-        let mut step = Step { signals: Vec::new(), cars: CarTable::new() };
+        let mut step = Step { signals: Vec::new(), cars: CarTable::new(), gone: simulation.gone()? };
         // SUMO moves its own programs on at the beginning of a step, so a light has shown its state during the whole
         // step.
         simulation.read_lights(&self.lights, &mut step.signals)?;

@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, bail};
 
 use super::recorded_roads::{RecordedFiles, RecordedGround};
-use super::recording::{Recording, Step};
+use super::recording::Recording;
 use crate::outside::write_together;
 use crate::sumo::{CarTable, SignalState, Simulation};
 use crate::traffic::network::files::{NetworkFiles, for_sumo};
@@ -74,16 +74,16 @@ pub fn check(recording: &Recording, dir: &Path) -> Result<()> {
     let lanes: Vec<String> = recording.roads.lanes.iter().map(|lane| lane.name.clone()).collect();
     let lanes = simulation.register_lanes(&lanes)?;
     let lights = simulation.register_lights(&recording.roads.lights)?;
-    let mut played = Step { signals: Vec::new(), cars: CarTable::new() };
+    let (mut signals, mut cars) = (Vec::new(), CarTable::new());
     // A local simulator has some seconds before its episode.
     while simulation.time_s()? < recording.roads.begin_s() as f64 {
         simulation.step()?;
     }
     for (number, recorded) in recording.steps.iter().enumerate() {
         simulation.step()?;
-        simulation.read_lights(&lights, &mut played.signals)?;
-        simulation.read_lanes(&lanes, &mut played.cars)?;
-        if played == *recorded {
+        simulation.read_lights(&lights, &mut signals)?;
+        simulation.read_lanes(&lanes, &mut cars)?;
+        if signals == recorded.signals && cars == recorded.cars {
             continue;
         }
         match &recording.roads.ground {
