@@ -281,6 +281,18 @@ const BROKEN_DEMANDS: &[Break] = &[
         "DIR/cars.rou.xml: <trp id=\"p\">: is no element that this program knows here; remove it",
     ),
     (
+        CARS,
+        "</routes>",
+        "<taz id=\"z\" edges=\"w0_r0c0\"/></routes>",
+        "DIR/cars.rou.xml: <taz id=\"z\">: SUMO skips it in a route file; move it to an additional file",
+    ),
+    (
+        CARS,
+        "</routes>",
+        "<tlLogic id=\"r0c0\" type=\"static\" programID=\"1\"><phase duration=\"9\" state=\"GGGG\"/></tlLogic></routes>",
+        "DIR/cars.rou.xml: <tlLogic id=\"r0c0\">: SUMO skips it in a route file; move it to an additional file",
+    ),
+    (
         BUSES,
         "vClass=\"bus\"",
         "vClass=\"tram\"",

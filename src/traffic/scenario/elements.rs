@@ -8,6 +8,7 @@ use std::path::Path;
 
 use anyhow::{Result, bail};
 
+use super::ROUTE_FILES;
 use super::place::Place;
 use crate::outside::Printable;
 use crate::traffic::network::tree::Element;
@@ -94,6 +95,9 @@ const IN_OTHERS: [(&str, &[&str]); 13] = [
     ("poi", &["param"]),
 ];
 
+/// Elements that SUMO reads in additional files, and skips in route files without a word.
+const SKIPPED_IN_ROUTES: [&str; 2] = ["taz", "tlLogic"];
+
 /// What was left out of the files.
 #[derive(Debug, Default)]
 pub struct Left {
@@ -130,7 +134,9 @@ impl Left {
 }
 
 /// Takes out what only measures, and refuses what must not be there. Returns whether anything was taken out.
-pub fn clean(file: &Path, root: &mut Element, left: &mut Left) -> Result<bool> {
+///
+/// `option` is the one of SUMO's options that names the file.
+pub fn clean(option: &str, file: &Path, root: &mut Element, left: &mut Left) -> Result<bool> {
     let before = root.children.len();
     root.children.retain(|child| {
         let measures = MEASURES.contains(&&*child.name);
@@ -142,6 +148,9 @@ pub fn clean(file: &Path, root: &mut Element, left: &mut Left) -> Result<bool> {
     });
     refuse_unsupported(file, root)?;
     refuse_unknown(file, root)?;
+    if option == ROUTE_FILES {
+        refuse_skipped(file, root)?;
+    }
     Ok(root.children.len() < before)
 }
 
@@ -160,6 +169,15 @@ fn refuse_unsupported(file: &Path, element: &Element) -> Result<()> {
         refuse_unsupported(file, child)?;
     }
     Ok(())
+}
+
+fn refuse_skipped(file: &Path, root: &Element) -> Result<()> {
+    match root.children.iter().find(|child| SKIPPED_IN_ROUTES.contains(&&*child.name)) {
+        Some(child) => {
+            Err(Place::new(file, child).fault("SUMO skips it in a route file; move it to an additional file"))
+        }
+        None => Ok(()),
+    }
 }
 
 fn refuse_unknown(file: &Path, root: &Element) -> Result<()> {

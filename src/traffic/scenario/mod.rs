@@ -36,6 +36,8 @@ use streets::Streets;
 
 /// Option of a .sumocfg that names the net.
 const NET_FILE: &str = "net-file";
+/// Option of a .sumocfg that names its demand.
+const ROUTE_FILES: &str = "route-files";
 /// Largest file of overrides.
 const MOST_OVERRIDES: u64 = 1 << 20;
 
@@ -79,7 +81,7 @@ impl SumoScenario {
                 config.scenario.display(),
                 path.display()
             );
-            let content = Content::read_cleaned(path, |root| elements::clean(path, root, &mut left))?;
+            let content = Content::read_cleaned(path, |root| elements::clean(option, path, root, &mut left))?;
             ensure!(
                 option == NET_FILE || content.root.name != "net",
                 "{}: is a net, and <{option}> of {} names it; correct the path",
@@ -90,7 +92,7 @@ impl SumoScenario {
         };
         let net = read(NET_FILE, &sumocfg.net)?;
         let additional = sumocfg.additional.iter().map(|path| read("additional-files", path)).collect::<Result<_>>()?;
-        let routes = sumocfg.routes.iter().map(|path| read("route-files", path)).collect::<Result<_>>()?;
+        let routes = sumocfg.routes.iter().map(|path| read(ROUTE_FILES, path)).collect::<Result<_>>()?;
         let mut left_out = sumocfg.left_out;
         left_out.extend(left.told());
         let mut scenario = SumoScenario {
