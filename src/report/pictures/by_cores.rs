@@ -31,7 +31,7 @@ pub fn time_by_cores(comparison: &Comparison, looks: &Looks) -> Result<Option<Sv
     let chart = LineChart {
         title: format!("{}: wall time by number of cores, {} timesteps", comparison.heading(), steps_text(steps)),
         x: Axis { label: "cores".to_owned(), format: power_of_two },
-        y: Axis { label: format!("{unit} without evaluations"), format: power_of_two },
+        y: Axis { label: format!("{unit} without evaluations"), format: any_power },
         lines: lines.collect(),
         companions: None,
         levels: Vec::new(),
@@ -77,11 +77,36 @@ fn of_the_paper(comparison: &Comparison, group: &Group, model: &ByCores, unit_s:
     })
 }
 
-/// Writes whole powers of two only: the ticks between them have no number.
+/// Writes whole powers of two, and two digits of what lies between: a narrow axis has hardly any whole power.
+fn any_power(power: f64) -> String {
+    match power_of_two(power) {
+        whole if !whole.is_empty() => whole,
+        _ => {
+            let value = power.exp2();
+            let last = value.log10().floor() as i32 - 1;
+            let digit = 10.0_f64.powi(last);
+            format!("{:.*}", (-last).max(0) as usize, (value / digit).round() * digit)
+        }
+    }
+}
+
+/// Writes whole powers of two only: there is no half core.
 fn power_of_two(power: f64) -> String {
     if (power - power.round()).abs() > 0.01 {
         return String::new();
     }
     let value = power.round().exp2();
     if value >= 1.0 { format!("{value:.0}") } else { format!("1/{:.0}", 1.0 / value) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tick_between_two_powers_of_two_has_two_digits() {
+        let texts = [-1.0, 0.5, 4.75, 5.0, 7.5].map(any_power);
+        assert_eq!(texts, ["1/2", "1.4", "27", "32", "180"]);
+        assert_eq!(power_of_two(4.75), "");
+    }
 }
