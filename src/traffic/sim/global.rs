@@ -7,11 +7,13 @@ use anyhow::ensure;
 
 use super::border::Borders;
 use super::control::SignalControl;
+use super::decisions::Decisions;
 use super::handles::{IntersectionHandles, Place};
 use super::metrics::TrafficMetrics;
 use super::picture::Camera;
 use super::recorded_roads::RecordedRoads;
 use super::recording::{Recorder, Tape};
+use super::shown_lights::ShownLights;
 use super::source::Source;
 use super::tally::Tally;
 use super::visits::Visits;
@@ -19,15 +21,12 @@ use crate::base::{Phase, Ragged, Seed, Stopwatch};
 use crate::domain::{
     Action, GlobalSimulator, InfluenceSample, JointPercept, JointTransition, Kinds, Measures, Result, RoadView, Scene,
 };
-use crate::sumo::{Car, CarTable, LaneId, SignalState, Simulation};
-use crate::traffic::agents::phase_plan::Shown;
+use crate::sumo::{Car, CarTable, LaneId, Simulation};
 use crate::traffic::agents::plan::{AgentPlan, JointPlan};
 use crate::traffic::arrivals;
 use crate::traffic::cars_at::CarsAt;
 use crate::traffic::controllers::intersections::Intersections;
-use crate::traffic::controllers::{self, HandCoded};
 use crate::traffic::ground::Ground;
-use crate::traffic::light::KEEP;
 use crate::traffic::observe::{self, LightView};
 use crate::traffic::reward::{self, Waiting};
 
@@ -38,19 +37,12 @@ use crate::traffic::reward::{self, Waiting};
 pub struct GlobalTraffic {
     plan: Arc<JointPlan>,
     source: Source,
-    control: SignalControl,
+    decisions: Decisions,
     simulation: Simulation,
     handles: IntersectionHandles,
-    /// What every light shows, `[agents]`: now, a second ago, and at the last decision.
-    shown: Vec<Shown>,
-    shown_before: Vec<Shown>,
-    shown_at_decision: Vec<Shown>,
-    /// Number of seconds for which every light has shown what it shows.
-    shown_steps: Vec<u32>,
+    shown: ShownLights,
     /// Number of seconds since the episode began.
     age: usize,
-    /// States that SUMO last gave, if it runs the lights.
-    states: Vec<SignalState>,
     /// Cars on the approaches, now and a second ago.
     cars: CarTable,
     cars_before: CarTable,
@@ -62,13 +54,6 @@ pub struct GlobalTraffic {
     outgoing_lanes: Vec<LaneId>,
     first_exit: Vec<usize>,
     outgoing: CarTable,
-    /// Actions of the last step that the lights obeyed, `[agents]`, and those of hand-coded control.
-    actions: Vec<Action>,
-    hand_coded: Vec<Action>,
-    /// Whether hand-coded control was asked for its next actions, which it gives once per second.
-    heard: bool,
-    /// Whether the actions of this step decide, because its advice was asked for.
-    advised: bool,
     last: JointTransition,
     /// Borders of a scenario's regions, once influence is observed.
     borders: Option<Borders>,
@@ -113,24 +98,16 @@ impl GlobalTraffic {
             source,
             waiting: vec![Waiting::default(); agents],
             watches_roads: false,
-            control,
+            decisions: Decisions::new(control, agents),
             simulation,
             handles,
-            shown: vec![Shown::Green(0); agents],
-            shown_before: vec![Shown::Green(0); agents],
-            shown_at_decision: vec![Shown::Green(0); agents],
-            shown_steps: vec![0; agents],
+            shown: ShownLights::new(agents),
             age: 0,
-            states: Vec::new(),
             cars: CarTable::new(),
             cars_before: CarTable::new(),
             outgoing_lanes,
             outgoing: CarTable::of(vec![Vec::new(); outgoing.len()]),
             first_exit,
-            actions: vec![KEEP; agents],
-            hand_coded: vec![KEEP; agents],
-            heard: false,
-            advised: false,
             d_set_before: last.percept.d_set.clone(),
             last,
             borders: None,
@@ -165,7 +142,7 @@ impl GlobalTraffic {
     /// Returns the actions of the last step that the lights obeyed, one per agent. They have no meaning if SUMO runs
     /// the lights.
     pub fn actions(&self) -> &[Action] {
-        &self.actions
+        self.decisions.obeyed()
     }
 
     /// Records all visits to the regions of a scenario from the next reset on, and observes their influence.
@@ -182,62 +159,42 @@ impl GlobalTraffic {
 
     /// Gives the lights to another control from the next reset on.
     pub fn hand_over(&mut self, control: SignalControl) {
-        self.control = control;
+        self.decisions.hand_over(control);
     }
 
-    /// Sets `self.actions` from the actions of the step and the decisions of hand-coded control.
-    fn decide(&mut self, actions: &[Action]) {
-        self.actions.copy_from_slice(actions);
-        // Who asked for advice has heard it, and decides. Hand-coded control hears every second all the same.
-        let heard = std::mem::replace(&mut self.heard, false);
-        if !heard
-            && self.ask()
-            && !self.advised
-            && let SignalControl::HandCoded { agents, .. } = &self.control
-        {
-            agents.iter().for_each(|agent| self.actions[agent.0] = self.hand_coded[agent.0]);
-        }
-    }
-
-    /// Sets `self.hand_coded` to what a rule would do now at all lights. Returns whether there is a rule.
-    fn ask(&mut self) -> bool {
-        if let SignalControl::HandCoded { by: HandCoded::Rule(controller), .. } = &mut self.control {
-            let intersections = Intersections {
-                plans: &self.plan.agents,
-                shown: &self.shown,
-                shown_steps: &self.shown_steps,
-                obs: &self.last.percept.obs,
-                approaches: &self.cars,
-                exits: &self.outgoing,
-            };
-            controllers::ask(&mut **controller, &intersections, &mut self.hand_coded);
-            return true;
-        }
-        false
+    /// Returns what hand-coded controllers see now, and the decisions that they make from it.
+    fn intersections(&mut self) -> (Intersections<'_>, &mut Decisions) {
+        let intersections = Intersections {
+            plans: &self.plan.agents,
+            shown: &self.shown.now,
+            shown_steps: &self.shown.steps,
+            obs: &self.last.percept.obs,
+            approaches: &self.cars,
+            exits: &self.outgoing,
+        };
+        (intersections, &mut self.decisions)
     }
 
     /// Moves the whole system on by a second. `number`: that of the second within the decision.
     fn second(&mut self, number: usize, actions: &[Action]) -> Result<()> {
         let begun = Instant::now();
-        self.decide(actions);
+        let (intersections, decisions) = self.intersections();
+        decisions.decide(actions, &intersections);
         std::mem::swap(&mut self.cars, &mut self.cars_before);
-        self.shown_before.copy_from_slice(&self.shown);
-        self.handles.act(&mut self.simulation, &self.actions)?;
+        self.handles.act(&mut self.simulation, self.decisions.obeyed())?;
         self.watch.note(Phase::Insertion, begun.elapsed());
         self.watch.time(Phase::SimulatorStep, || self.simulation.step())?;
         let begun = Instant::now();
-        self.read()?;
+        self.read_cars()?;
+        self.shown.second(&mut self.handles, &mut self.simulation)?;
         self.age += 1;
-        for (steps, (before, now)) in self.shown_steps.iter_mut().zip(self.shown_before.iter().zip(&self.shown)) {
-            *steps = if before == now { *steps + 1 } else { 1 };
-        }
         self.note_sources(number)?;
         if self.watches_roads || reward::needs_waiting(&self.plan.reward) {
             for (row, waiting) in self.waiting.iter_mut().enumerate() {
                 waiting.note(self.handles.cars_at(&self.cars, row));
             }
         }
-        self.tally.lights(&self.shown_before, &self.shown);
+        self.tally.lights(&self.shown.before, &self.shown.now);
         self.tally.cars(&self.cars, &self.cars_before);
         self.tally.step(&mut self.simulation)?;
         if let Some(metrics) = &mut self.metrics {
@@ -272,14 +229,13 @@ impl GlobalTraffic {
         Ok(())
     }
 
-    /// Reads cars and lights after a second or a reset.
-    fn read(&mut self) -> Result<()> {
+    /// Reads the cars after a second or a reset.
+    fn read_cars(&mut self) -> Result<()> {
         self.handles.read_cars(&mut self.simulation, &mut self.cars)?;
-        let by_rule = matches!(self.control, SignalControl::HandCoded { by: HandCoded::Rule(_), .. });
-        if by_rule || reward::needs_exits(&self.plan.reward) {
+        if self.decisions.has_rule() || reward::needs_exits(&self.plan.reward) {
             self.simulation.read_lanes(&self.outgoing_lanes, &mut self.outgoing)?;
         }
-        self.handles.read_lights(&mut self.simulation, &mut self.states, &mut self.shown)
+        Ok(())
     }
 
     fn take_picture(&mut self) -> Result<()> {
@@ -291,7 +247,8 @@ impl GlobalTraffic {
         for (row, reward) in rewards.iter_mut().enumerate() {
             let (plan, cars) = (&self.plan.agents[row], self.handles.cars_at(&self.cars, row));
             let clock = self.age + plan.sensor.clock_ahead;
-            let light = LightView { shown: self.shown[row], shown_steps: self.shown_steps[row], age: self.age, clock };
+            let (shown, shown_steps) = (self.shown.now[row], self.shown.steps[row]);
+            let light = LightView { shown, shown_steps, age: self.age, clock };
             observe::observe(plan, cars, light, percept.obs.row_mut(row));
             let d_set = percept.d_set.row_mut(row);
             match &self.borders {
@@ -319,21 +276,19 @@ impl GlobalSimulator for GlobalTraffic {
     fn reset(&mut self, episode: Seed) -> Result<&JointPercept> {
         // DEVIATION 3: loading again also clears the backlog of cars that wait at the boundary. In the authors' code it
         // leaks into the next episode.
-        let mut options = self.source.options(self.control.is_actuated(), episode.for_sumo());
+        let mut options = self.source.options(self.decisions.control().is_actuated(), episode.for_sumo());
         if let Some(metrics) = &mut self.metrics {
             metrics.begin();
             options.extend(metrics.options());
         }
         self.simulation.reload(&options).map_err(|error| self.source.explain(&error))?;
-        let by_program = self.control.by_program();
-        let program = self.control.is_actuated().then(|| self.source.actuated_program());
+        let by_program = self.decisions.control().by_program();
+        let program = self.decisions.control().is_actuated().then(|| self.source.actuated_program());
         let ours: Vec<usize> = (0..self.agents()).filter(|row| !by_program.contains(row)).collect();
         self.handles.reset(&mut self.simulation, &ours)?;
         self.handles.hand_to_program(&mut self.simulation, program, &by_program)?;
-        self.read()?;
-        self.shown_steps.fill(0);
-        self.heard = false;
-        self.advised = false;
+        self.read_cars()?;
+        self.shown.begin(&mut self.handles, &mut self.simulation)?;
         self.age = 0;
         self.sources.fill(0);
         if let Some(borders) = &mut self.borders {
@@ -346,22 +301,20 @@ impl GlobalSimulator for GlobalTraffic {
         if let Some(recorder) = &mut self.recorder {
             recorder.begin(episode.for_sumo());
         }
-        if let SignalControl::HandCoded { by: HandCoded::Rule(controller), .. } = &mut self.control {
-            controller.begin(episode);
-        }
+        self.decisions.begin(episode);
         Ok(&self.last.percept)
     }
 
     fn step(&mut self, actions: &[Action]) -> Result<&JointTransition> {
         ensure!(!self.metrics.as_ref().is_some_and(TrafficMetrics::finished), "the episode ended with its measures");
         self.d_set_before.copy_from(&self.last.percept.d_set);
-        self.shown_at_decision.copy_from_slice(&self.shown);
+        self.shown.decide();
         self.waiting.iter_mut().for_each(Waiting::decide);
         self.sources.fill(0);
         for number in 0..self.plan.decision_steps {
             self.second(number, actions)?;
         }
-        self.advised = false;
+        self.decisions.end_step();
         let begun = Instant::now();
         self.take_picture()?;
         self.perceive();
@@ -385,17 +338,14 @@ impl GlobalSimulator for GlobalTraffic {
 
     /// A program of SUMO cannot be asked.
     fn advise(&mut self, actions: &mut [Action]) -> bool {
-        self.advised = self.ask();
-        self.heard = self.advised;
-        if self.advised {
-            actions.copy_from_slice(&self.hand_coded);
-        }
-        self.advised
+        let (intersections, decisions) = self.intersections();
+        let advice = decisions.advise(&intersections);
+        advice.inspect(|advice| actions.copy_from_slice(advice)).is_some()
     }
 
     /// Read from the lights, so that it is known of SUMO's own programs, too. Yellow takes its time whatever the action.
     fn carried_out(&self, actions: &mut [Option<Action>]) {
-        let shown = self.shown_at_decision.iter().zip(&self.shown);
+        let shown = self.shown.at_decision.iter().zip(&self.shown.now);
         for ((action, (before, now)), agent) in actions.iter_mut().zip(shown).zip(&self.plan.agents) {
             *action = before.is_green().then(|| agent.phases.towards(*before, now.target()));
         }
@@ -410,7 +360,7 @@ impl GlobalSimulator for GlobalTraffic {
         let rows = 0..if self.watches_roads { self.agents() } else { 0 };
         let view = |row: usize| {
             let plan = &self.plan.agents[row];
-            observe::view(plan, self.cars_on(row), self.shown[row], self.shown_steps[row], &self.waiting[row])
+            observe::view(plan, self.cars_on(row), self.shown.now[row], self.shown.steps[row], &self.waiting[row])
         };
         rows.map(view).collect()
     }
@@ -423,7 +373,7 @@ impl GlobalSimulator for GlobalTraffic {
     }
 
     fn scene(&self) -> Option<Scene> {
-        Some(self.camera.as_ref()?.draw(&self.plan.agents, &self.shown))
+        Some(self.camera.as_ref()?.draw(&self.plan.agents, &self.shown.now))
     }
 
     fn measure_in_full(&mut self) -> Result<()> {
@@ -438,7 +388,7 @@ impl GlobalSimulator for GlobalTraffic {
         if !metrics.finished() {
             // SUMO writes the trips of the cars that are still on the road when it closes the simulation. It closes it
             // before it loads another one.
-            let options = self.source.options(self.control.is_actuated(), Seed::new(0).for_sumo());
+            let options = self.source.options(self.decisions.control().is_actuated(), Seed::new(0).for_sumo());
             self.simulation.reload(&options).map_err(|error| self.source.explain(&error))?;
             metrics.finish()?;
         }
@@ -471,6 +421,7 @@ mod tests {
     use super::*;
     use crate::base::AgentId;
     use crate::config::TrafficConfig;
+    use crate::traffic::controllers::HandCoded;
     use crate::traffic::network::files::NetworkFiles;
     use crate::traffic::paper_grid::plans::joint_plan;
     use crate::traffic::paper_grid::recognise::{Recognised, recognise_grid};

@@ -1,6 +1,7 @@
 //! The simulators of traffic on SUMO.
 //!
-//! - [`global`]: the global simulator (GS), a whole grid with inflow at its boundary; [`control`]: who runs its lights.
+//! - [`global`]: the global simulator (GS), a whole grid with inflow at its boundary; [`control`]: who runs its lights;
+//!   `decisions`: what they decide; `shown_lights`: what the lights show.
 //! - [`local`]: the local simulators (LS), a forest of single intersections.
 //! - [`local_scenario`]: the LS of a scenario, different nets side by side, which `local_forest` loads. `entrance`: cars
 //!   that come in; `ways`: their routes; `doors`: where they wait, and exits that are blocked.
@@ -14,6 +15,7 @@
 
 mod border;
 pub mod control;
+mod decisions;
 pub(super) mod doors;
 pub(super) mod entrance;
 pub mod global;
@@ -28,6 +30,7 @@ pub(super) mod recorded_local;
 pub mod recorded_roads;
 pub mod recording;
 pub mod replay;
+mod shown_lights;
 pub(super) mod source;
 pub mod tally;
 pub mod trace;
