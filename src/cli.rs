@@ -1,5 +1,6 @@
-//! The command line: only types and help texts. `values` reads the values of options.
+//! The command line: only types and help texts. `values` reads the values of options, `reading` all of it.
 
+mod reading;
 mod values;
 
 use std::ops::Range;
@@ -408,7 +409,7 @@ pub struct CompareArgs {
     /// The other side of the comparison, in the same form
     pub b: String,
     /// Return to reach, for the steps and time to it [default: the lower final return minus 5 % of its size]
-    #[arg(long, value_name = "RETURN", value_parser = values::finite, allow_negative_numbers = true)]
+    #[arg(long, value_name = "RETURN", value_parser = values::finite)]
     pub reach: Option<f64>,
     /// Print one JSON object instead of a table
     #[arg(long)]

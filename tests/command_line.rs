@@ -176,7 +176,7 @@ fn policies_are_exported_and_an_existing_file_is_left_alone() {
     let args = |out: &'static str| ["export", run, "--out", out];
     assert_refused(&mut dials_traffic(&args("/nowhere/p.pt")), &["/nowhere/p.pt: there is no directory /nowhere"]);
     assert_refused(&mut dials_traffic(&args("/tmp")), &["/tmp: is a directory"]);
-    assert_refused(&mut dials_traffic(&["export", "no/run", "--out", "x"]), &["no/run: not a run directory"]);
+    assert_refused(&mut dials_traffic(&["export", "no/run", "--out", "x"]), &["no/run: no such run directory"]);
 }
 
 #[test]
@@ -727,7 +727,7 @@ fn a_controller_is_itself_where_a_directory_has_its_name() {
     };
     let table = text(&compare("never,fixed-time,fixed-time:green=10").assert().success().get_output().stdout);
     assert!(table.contains("\ndifference from never (paired by episode)\n"), "{table}");
-    assert_refused(&mut compare("gap-out,./never"), &["./never: not a run directory"]);
+    assert_refused(&mut compare("gap-out,./never"), &["./never: no such run directory"]);
     // 10 is the default of `green`.
     let table = text(&compare("fixed-time,fixed-time:green=10").assert().success().get_output().stdout);
     let told = "difference from fixed-time (paired by episode)\nno figure differs in any episode\n";
@@ -740,7 +740,7 @@ fn a_comparison_refuses_what_cannot_be_compared_before_anything_plays() {
     let config = write_config(dir.path(), "total_steps = 128");
     let compare = |list: &str| dials_traffic(&["baseline", &config, "--compare", list]);
     assert_refused(&mut compare("never,fastest"), &["controller `fastest`: unknown"]);
-    assert_refused(&mut compare("never,no/such"), &["no/such: not a run directory"]);
+    assert_refused(&mut compare("never,no/such"), &["no/such: no such run directory"]);
     assert_refused(&mut compare("never,gap-out,never"), &["--compare: `never` is named twice"]);
     assert_refused(&mut compare("never,,gap-out"), &["--compare `never,,gap-out`: a name is empty"]);
     compare("never").args(["--controller", "never"]).assert().code(2);

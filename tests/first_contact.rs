@@ -237,7 +237,7 @@ fn a_quiet_run_says_nothing_and_a_verbose_one_says_what_it_does() {
     program(&["--quiet", "--verbose", "info"]).assert().code(2);
     // Errors are always told.
     let refused = program(&["evaluate", "no/run", "--quiet"]).assert().code(2).get_output().clone();
-    assert!(said(&refused)[1].starts_with("error: no/run: not a run directory"));
+    assert!(said(&refused)[1].starts_with("error: no/run: no such run directory"));
 }
 
 #[test]

@@ -73,7 +73,10 @@ fn every_light_has_a_line_and_one_can_be_shown_in_full() {
     assert!(one.starts_with("light b2: learns, agent 0\n") && all.contains(&one), "{one}");
     assert!(all.matches("\nlight ").count() == 20 && !one.contains("\nlight "), "{one}");
     let unknown = refusal(&[&town, "--light", "B2"]);
-    assert!(unknown.contains("no light `B2` is here, but `b2`") && unknown.contains("without the option"), "{unknown}");
+    assert!(
+        unknown.contains("no light `B2` is here (did you mean `b2`?)") && unknown.contains("without the option"),
+        "{unknown}"
+    );
     let unknown = refusal(&[&town, "--light", "-38#1"]);
     assert!(unknown.contains("no light `-38#1` is here"), "names of real maps may begin so: {unknown}");
     inspect(&[&town, "--light", "b2", "--all"]).assert().code(2);

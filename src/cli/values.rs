@@ -5,7 +5,8 @@ use std::ops::Range;
 /// Reads the first second and the one after the last.
 pub(super) fn seconds(text: &str) -> Result<Range<usize>, String> {
     let ends = text.split_once(',').and_then(|(from, to)| Some(from.trim().parse().ok()?..to.trim().parse().ok()?));
-    ends.filter(|ends| ends.start < ends.end).ok_or_else(|| "must be two seconds, such as 600,1200".to_owned())
+    let ends = ends.ok_or("must be two seconds, such as 600,1200")?;
+    if ends.start < ends.end { Ok(ends) } else { Err("must begin before it ends, such as 600,1200".to_owned()) }
 }
 
 /// Reads a number of steps as configs and `--set` have them: `1000000`, `1_000_000` or `1e6`.

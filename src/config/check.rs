@@ -214,15 +214,10 @@ fn check_aip(config: &Config) -> Result<()> {
 
 fn check_datasets(config: &Config, horizon: usize) -> Result<()> {
     let aip = &config.aip;
-    let episodes = config.dataset_episodes(horizon);
-    ensure!(
-        episodes >= 2,
-        "aip.dataset_steps = {}: must span at least 2 episodes of {horizon} steps, one to train on and one held out",
-        aip.dataset_steps
-    );
     if !config.predictor().reads("batch") {
         return Ok(());
     }
+    let episodes = config.dataset_episodes(horizon);
     let episodes = episodes - held_out_episodes(episodes, aip.held_out);
     let (training, what) = match aip.recurrent {
         Some(_) => (episodes, "episodes"),

@@ -192,7 +192,7 @@ pub struct AipConfig {
     /// constants. The AIPs are retrained when this share has grown by more than the threshold since their last
     /// training.
     pub drift_threshold: f64,
-    /// Number of GS (global simulator) steps per dataset, rounded up to whole episodes.
+    /// Number of GS (global simulator) steps per dataset, rounded up to whole episodes, at least two: one is held out.
     pub dataset_steps: usize,
     /// Share of the episodes, the last ones, that only measure the loss. They also decide when `patience` is over, and
     /// which sources keep their constants.
@@ -418,8 +418,8 @@ impl Config {
         if self.policy.imitate.is_some() { self.imitation.critic_steps } else { 0 }
     }
 
-    /// Returns the number of episodes per dataset.
+    /// Returns the number of episodes per dataset: at least two, because one is held out.
     pub fn dataset_episodes(&self, horizon: usize) -> usize {
-        self.aip.dataset_steps.div_ceil(horizon)
+        self.aip.dataset_steps.div_ceil(horizon).max(2)
     }
 }

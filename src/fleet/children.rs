@@ -30,6 +30,8 @@ use crate::domain::Domain;
 use crate::machine::why_aborted;
 use crate::outside::Directory;
 
+/// Number of files that the coordinator has open for each worker: its channel and its log.
+pub const FILES_PER_WORKER: u64 = 2;
 /// The hidden subcommand that makes this program a worker.
 const WORKER: &str = "worker";
 /// Time in which a child whose channel is closed may end by itself.

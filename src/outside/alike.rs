@@ -20,10 +20,10 @@ fn alike<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Vec<&'a st
     near.into_iter().map(|(_, _, other)| other).take(MOST).collect()
 }
 
-/// Returns the end of an error about an unknown name: the names that it may have meant, such as `, but `a`, `b``; or nothing.
-pub fn but_alike<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
+/// Returns the end of an error about an unknown name: the names that it may have meant, such as ` (did you mean `a` or `b`?)`; or nothing.
+pub fn did_you_mean<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
     let near: Vec<String> = alike(name, known).iter().map(|other| format!("`{}`", Printable(other))).collect();
-    if near.is_empty() { String::new() } else { format!(", but {}", near.join(", ")) }
+    if near.is_empty() { String::new() } else { format!(" (did you mean {}?)", near.join(" or ")) }
 }
 
 /// Returns the number of letters to insert, remove or replace that make one text of another.
@@ -53,7 +53,7 @@ mod tests {
         assert_eq!(alike("207", ["gneJ207", "gneJ143"]), ["gneJ207"]);
         assert_eq!(alike("x", ["a2", "a4"]), [""; 0]);
         assert_eq!(alike("", ["a", "bc"]), ["a"]);
-        assert_eq!(but_alike("B2", ["b2", "b22"]), ", but `b2`, `b22`");
-        assert_eq!(but_alike("x", ["a2"]), "");
+        assert_eq!(did_you_mean("B2", ["b2", "b22"]), " (did you mean `b2` or `b22`?)");
+        assert_eq!(did_you_mean("x", ["a2"]), "");
     }
 }

@@ -29,7 +29,7 @@ mod temporary;
 pub mod tree;
 mod whole;
 
-pub use alike::but_alike;
+pub use alike::did_you_mean;
 pub use cell::csv_name;
 pub use directory::{Busy, Directory, Whereabouts};
 pub use file::{LARGEST_NETWORK, read_bytes, read_text};

@@ -38,10 +38,13 @@ impl CsvTable {
     /// Reads a file; a missing file has no lines. An unfinished last line does not count: its writer was killed, or is
     /// still writing.
     pub fn read(path: &Path) -> Result<CsvTable> {
-        match read_text(path, LARGEST_FILE) {
-            Err(error) if error.kind() == ErrorKind::NotFound => CsvTable::from_text(path, ""),
-            text => CsvTable::from_text(path, &text.with_context(|| format!("{}: cannot be read", path.display()))?),
-        }
+        let table = match read_text(path, LARGEST_FILE) {
+            Err(error) if error.kind() == ErrorKind::NotFound => CsvTable::from_text(path, "")?,
+            text => CsvTable::from_text(path, &text.with_context(|| format!("{}: cannot be read", path.display()))?)?,
+        };
+        let is_ours = table.columns.is_empty() || table.columns.contains_key(columns::STEPS);
+        ensure!(is_ours, "{}: has no column `{}`; {WAY_OUT}", path.display(), columns::STEPS);
+        Ok(table)
     }
 
     /// Reads a text. `path`: the file that errors name.

@@ -49,6 +49,7 @@ impl RunRecord {
                 files::RETURNS
             );
         }
+        let workers = read_workers(&timing)?.or(about.workers).map_or(1, |workers| workers.max(1));
         Ok(RunRecord {
             scenario,
             config,
@@ -59,7 +60,7 @@ impl RunRecord {
             likeness: likeness::read(&returns, &CsvTable::read(&dir.join(files::TRAINING))?)?,
             periods: read_periods(&timing)?,
             memory: read_memory(&CsvTable::read(&dir.join(files::MEMORY))?)?,
-            workers: read_workers(&timing)?,
+            workers,
             dir: dir.to_owned(),
         })
     }
@@ -79,18 +80,18 @@ fn scenario_in(about: &RunJson, config: &Config, agents: Option<usize>) -> Resul
     }
 }
 
-/// Returns the number of workers: one more than the largest number of one.
-fn read_workers(timing: &CsvTable) -> Result<usize> {
-    let mut last = 0;
+/// Returns the number of workers: one more than the largest number of one. `None`: none has ended a period yet.
+fn read_workers(timing: &CsvTable) -> Result<Option<usize>> {
+    let mut workers = None;
     for line in timing.lines().filter(|line| line.text(columns::WORKER).is_some_and(|worker| worker != ALL)) {
         let worker = line.required_whole(columns::WORKER)?;
         ensure!(
             worker < MOST_WORKERS,
             line.bad(columns::WORKER, &worker.to_string(), "too large for the number of a worker")
         );
-        last = last.max(worker);
+        workers = workers.max(Some(worker as usize + 1));
     }
-    Ok(last as usize + 1)
+    Ok(workers)
 }
 
 /// Reads the evaluations. `table`: `returns.csv`; `episodes`: `episodes.csv`.

@@ -106,10 +106,12 @@ impl ResumePoint {
     }
 }
 
-/// Returns of how many numbers of timesteps a CSV file of the run has lines.
+/// Returns of how many numbers of timesteps a CSV file of the run has whole lines.
 fn blocks_in(directory: &Directory, file: &str) -> Result<usize> {
     let bytes = directory.read(file, LARGEST_FILE)?.unwrap_or_default();
-    let lines = bytes.split(|&byte| byte == b'\n').skip(1).filter(|line| !line.is_empty());
+    // A kill may have cut the last line.
+    let whole = bytes.iter().rposition(|&byte| byte == b'\n').map_or(0, |end| end);
+    let lines = bytes[..whole].split(|&byte| byte == b'\n').skip(1);
     let mut steps: Vec<&[u8]> = lines.map(|line| line.split(|&byte| byte == b',').next().unwrap_or(line)).collect();
     steps.dedup();
     Ok(steps.len())

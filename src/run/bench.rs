@@ -19,6 +19,7 @@ use crate::config::{Config, Predictor, Simulator, load};
 use crate::domain::Domain;
 use crate::error::{Error, Result};
 use crate::fleet::children::Children;
+use crate::fleet::children::FILES_PER_WORKER;
 use crate::fleet::{Coordinator, MostGrowth, Options};
 use crate::machine::allow_open_files;
 use crate::nn::Peak;
@@ -45,7 +46,7 @@ pub fn bench(args: &cli::BenchArgs) -> Result<()> {
     domain::check_for_training(&config).map_err(Error::Usage)?;
     let domain = domain::open(&config).map_err(Error::Usage)?;
     let most = args.workers.unwrap_or_else(cores);
-    allow_open_files(most, 1, "--workers").map_err(Error::Usage)?;
+    allow_open_files(most, FILES_PER_WORKER, "--workers").map_err(Error::Usage)?;
     let progress = Rc::new(BenchProgress::new().map_err(Error::Run)?);
     let time = Duration::from_secs(args.seconds);
     let of_fleet = |workers| expected(&config, domain.agents(), &domain.rough_costs(), workers, time);

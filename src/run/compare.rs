@@ -6,6 +6,7 @@ use anyhow::{Context, ensure};
 
 use crate::cli;
 use crate::error::{Error, Result};
+use crate::records::files::is_run_dir;
 use crate::report::compare::{ComparedSide, compare as compare_sides};
 use crate::report::find::is_aside;
 use crate::terminal::{answer, json};
@@ -36,7 +37,12 @@ fn folders(name: &str) -> anyhow::Result<Vec<PathBuf>> {
         let before = folders.len();
         // What `--force` moved aside counts only if the pattern names it.
         let counts = |path: &PathBuf| path.is_dir() && (part.contains(".old-") || !is_aside(path));
-        folders.extend(matches.filter_map(|path| path.ok().filter(counts)));
+        let mut matches: Vec<PathBuf> = matches.filter_map(|path| path.ok().filter(counts)).collect();
+        // Beside its runs the folder of an experiment has logs and baselines.
+        if matches.iter().any(|path| is_run_dir(path)) {
+            matches.retain(|path| is_run_dir(path));
+        }
+        folders.extend(matches);
         let missing = if part.contains(['*', '?', '[']) { "no folder matches this pattern" } else { "no such folder" };
         ensure!(folders.len() > before, "{part}: {missing}{}", hint(name));
     }

@@ -1,16 +1,16 @@
 //! Makes and opens run directories.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 
 use super::END_WITH;
 use super::build;
 use super::domain;
 use super::outputs::check_not_of_a_run;
 use super::places::{self, Existing};
-use crate::base::AgentId;
+use crate::base::{AgentId, counted};
 use crate::config::{self, Config};
 use crate::domain::Domain;
 use crate::influence::TrainablePredictor;
@@ -142,13 +142,19 @@ pub fn read_aips(
 
 /// Checks that there is a run directory.
 pub fn check(path: &Path) -> Result<()> {
-    ensure!(
-        files::is_run_dir(path),
-        "{}: not a run directory: it has no {}; `dials-traffic train` makes one",
-        path.display(),
-        files::CONFIG
-    );
-    Ok(())
+    if files::is_run_dir(path) {
+        return Ok(());
+    }
+    let place = path.display();
+    ensure!(path.exists(), "{place}: no such run directory; `dials-traffic train` makes one");
+    let inside = std::fs::read_dir(path).into_iter().flatten().flatten().map(|entry| entry.path());
+    let mut inside: Vec<PathBuf> = inside.filter(|path| files::is_run_dir(path)).collect();
+    inside.sort();
+    if let Some(first) = inside.first() {
+        let runs = counted(inside.len(), "run");
+        bail!("{place}: not a run directory; it holds {runs}: name one, such as {}", first.display());
+    }
+    bail!("{place}: not a run directory: it has no {}; `dials-traffic train` makes one", files::CONFIG)
 }
 
 impl TrainedRun {

@@ -87,7 +87,8 @@ pub fn open_recorded(config: &Config, tape: &Tape) -> Result<Traffic> {
             Ok(traffic.record_on(tape))
         }
         None => {
-            bail!("only traffic can be recorded, and this is {}; for another domain try --render", table(config).name())
+            let name = table(config).name();
+            bail!("only traffic can be recorded, and this is {name}; draw its episodes with `evaluate --render DIR`")
         }
     }
 }
@@ -112,6 +113,12 @@ pub fn check(config: &Config) -> Result<Arc<dyn Domain>> {
 
 /// Tries what training needs: the files, like [`check`], and the local simulators if the policies train on them.
 pub fn check_for_training(config: &Config) -> Result<Arc<dyn Domain>> {
+    ensure!(
+        !config.gs.shared_policy || config.simulator == Simulator::Global,
+        "gs.shared_policy = true: is for training on the GS, and here simulator = \"{}\"; remove it, or train with \
+         --simulator gs (in local simulators policy.average_every_steps gives all agents the mean of their policies)",
+        config.simulator.name()
+    );
     let domain = check(config)?;
     if config.simulator != Simulator::Global {
         domain.try_local()?;

@@ -27,12 +27,17 @@ pub fn end_at(directory: &Directory, steps: u64) -> Result<String> {
     Ok(text)
 }
 
-/// Says so if there is nothing left to train, and how to train further.
-pub fn tell_of_end(dir: &Path, config: &Config, point: &ResumePoint) {
-    let Some(checkpoint) = &point.checkpoint else { return };
+/// Returns whether nothing is left to do, and then says how to train further.
+pub fn has_ended(dir: &Path, config: &Config, point: &ResumePoint) -> bool {
+    let Some(checkpoint) = &point.checkpoint else { return false };
     let (steps, until) = (checkpoint.agents.steps, checkpoint.progress.standing.until);
-    if !rest_of_schedule(config, until).is_empty() || !was_evaluated(dir, steps) {
-        return;
+    let evaluated = |run: &RunRecord| {
+        let last = run.evaluations.last().filter(|last| last.steps == steps);
+        last.is_some_and(|last| last.episodes == Some(config.evaluation.final_episodes))
+    };
+    let all_is_there = |run: RunRecord| evaluated(&run) && run.is_whole();
+    if !rest_of_schedule(config, until).is_empty() || !RunRecord::read(dir).is_ok_and(all_is_there) {
+        return false;
     }
     let further = if steps < config.total_steps {
         format!("train it further with: {} train --resume {} --steps {}", program(), quoted(dir), config.total_steps)
@@ -40,6 +45,7 @@ pub fn tell_of_end(dir: &Path, config: &Config, point: &ResumePoint) {
         "for a longer one begin a new run with a larger total_steps".to_owned()
     };
     tell(format_args!("note: this run has ended, at step {steps}\n  {further}"));
+    true
 }
 
 fn was_evaluated(dir: &Path, steps: u64) -> bool {

@@ -9,7 +9,7 @@ use super::directory::{self, TrainedRun};
 use crate::base::AgentId;
 use crate::domain::{Baseline, Domain};
 use crate::evaluation::Player;
-use crate::outside::{but_alike, excerpt};
+use crate::outside::{did_you_mean, excerpt};
 use crate::policy::Selection;
 use crate::records::files;
 use crate::records::run_json::RunJson;
@@ -198,7 +198,7 @@ pub fn agent_called(domain: &dyn Domain, word: &str, option: &str) -> Result<Age
         let (near, shown) = match names.len() {
             ..=MOST_NAMES => (String::new(), names.join(", ")),
             _ => (
-                but_alike(word, names.iter().map(String::as_str)),
+                did_you_mean(word, names.iter().map(String::as_str)),
                 format!("{}, ... {}; `describe CONFIG --json` has all", names[..MOST_NAMES].join(", "), names[last]),
             ),
         };

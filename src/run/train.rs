@@ -11,7 +11,7 @@ use clap::ValueEnum;
 use super::build::{other_build, record_resume};
 use super::directory;
 use super::domain;
-use super::other_end::{end_at, tell_of_end, tell_of_lost_evaluation};
+use super::other_end::{end_at, has_ended, tell_of_lost_evaluation};
 use super::places::Existing;
 use super::run_name::default_dir;
 use super::team::{Plan, Team};
@@ -21,8 +21,9 @@ use crate::cli;
 use crate::config::{Config, load};
 use crate::domain::Domain;
 use crate::error::{Error, Result};
+use crate::fleet::children::FILES_PER_WORKER;
 use crate::machine::allow_open_files;
-use crate::outside::{Directory, Whereabouts, quoted};
+use crate::outside::{Directory, Whereabouts, folder_of, quoted};
 use crate::records::checkpoint::newest_step;
 use crate::records::checkpoint::owner::{NotOfThisRun, Owner};
 use crate::records::files;
@@ -44,6 +45,9 @@ pub fn train(args: &cli::TrainArgs) -> Result<()> {
         (None, Some(config)) => begin(args, config, wanted)?,
         (None, None) => unreachable!("clap asks for one of them"),
     };
+    if run.has_ended {
+        return answer(how_to_go_on(run.directory.path(), &run.config, &*run.domain)).map_err(Error::Run);
+    }
     let workers = run.workers(asked);
     remember(&run.directory, args.workers).map_err(Error::Run)?;
     tell(run.plan(workers).map_err(Error::Run)?);
@@ -93,6 +97,8 @@ struct Run {
     owner: Owner,
     /// Point from which the run continues. `None`: it is new.
     resumed: Option<ResumePoint>,
+    /// Whether all its files are there already.
+    has_ended: bool,
     /// This build, if another build wrote the run so far.
     other_build: Option<Versions>,
 }
@@ -146,16 +152,18 @@ fn resume_locked(args: &cli::TrainArgs, dir: &Path, directory: Directory, wanted
         Error::Run(error)
     })?;
     point.warning.iter().for_each(warn);
-    tell_of_end(dir, &run.config, &point);
-    tell_of_lost_evaluation(dir, &run.config, &point);
-    Ok(Run { resumed: Some(point), other_build, ..run })
+    let has_ended = has_ended(dir, &run.config, &point);
+    if !has_ended {
+        tell_of_lost_evaluation(dir, &run.config, &point);
+    }
+    Ok(Run { resumed: Some(point), has_ended, other_build, ..run })
 }
 
 /// Reads the config and the networks of a run directory. `opened`: how its domain is opened.
 fn open(directory: Directory, opened: fn(&Config) -> anyhow::Result<Arc<dyn Domain>>) -> Result<Run> {
     let (config, domain) = directory::open_config(directory.path(), opened).map_err(Error::Usage)?;
     let owner = Owner::of(&config, &*domain).map_err(Error::Usage)?;
-    Ok(Run { directory, config, domain, owner, resumed: None, other_build: None })
+    Ok(Run { directory, config, domain, owner, resumed: None, has_ended: false, other_build: None })
 }
 
 impl Run {
@@ -190,7 +198,7 @@ impl Run {
     }
 
     fn train(self, team: Team, workers: usize, patience: Duration) -> anyhow::Result<()> {
-        let Run { directory, config, domain, owner, resumed, other_build } = self;
+        let Run { directory, config, domain, owner, resumed, other_build, .. } = self;
         let config = &config;
         let (kept, last_step) = (directory.clone(), config.last_step());
         let last_words = move || stopped(&kept, kept.path(), last_step);
@@ -233,9 +241,9 @@ fn workers(asked: Option<usize>, config: &Config, agents: usize) -> usize {
     asked.unwrap_or_else(cores).min(most_workers(config, agents))
 }
 
-/// Makes sure that this process may have a file open for each worker.
+/// Makes sure that this process may have enough files open for its workers.
 fn allow_workers(workers: usize) -> Result<()> {
-    allow_open_files(workers, 1, "--workers").map_err(Error::Usage)
+    allow_open_files(workers, FILES_PER_WORKER, "--workers").map_err(Error::Usage)
 }
 
 /// Returns the largest number of workers that each have agents or episodes at some time of the run.
@@ -288,10 +296,7 @@ fn how_to_go_on(dir: &Path, config: &Config, domain: &dyn Domain) -> String {
     let (program, place, run) = (program(), dir.display(), quoted(dir));
     let kept = quoted(&dir.join(files::CONFIG));
     let watch = if config.logging.tensorboard {
-        format!(
-            "\nand watch it next to other runs with:\n  tensorboard --logdir {}",
-            quoted(dir.parent().unwrap_or(dir))
-        )
+        format!("\nand watch it next to other runs with:\n  tensorboard --logdir {}", quoted(folder_of(dir)))
     } else {
         String::new()
     };

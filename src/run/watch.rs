@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
@@ -30,9 +31,10 @@ pub fn watch(args: &cli::WatchArgs) -> Result<()> {
 }
 
 fn check(folder: &Path) -> Anyhow<()> {
+    let what = if folder.exists() { "is no folder" } else { "no such folder" };
     ensure!(
         folder.is_dir(),
-        "{}: no such folder; name a run directory, or a folder with some in it, such as runs",
+        "{}: {what}; name a run directory, or a folder with some in it, such as runs",
         folder.display()
     );
     Ok(())
@@ -64,10 +66,11 @@ pub struct Beside(Child);
 impl Beside {
     /// Starts `watch` for a run directory, and says where its page is.
     pub fn of(run: &Path) -> Anyhow<Beside> {
-        let program = std::env::current_exe().context("--dashboard: this program does not know its own path")?;
-        let mut command = Command::new(program);
+        // Not the path of the program: another build may be there by now.
+        let mut command = Command::new("/proc/self/exe");
         command.args([END_WITH, &std::process::id().to_string(), "watch"]).arg(run);
-        command.stdin(Stdio::null()).stdout(Stdio::piped());
+        // Ctrl-C at the terminal goes to the training alone. The view ends with it.
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).process_group(0);
         let mut view = Beside(command.spawn().context("--dashboard: the live view cannot be started")?);
         let mut address = String::new();
         let told = view.0.stdout.take().expect("the output was asked for above");

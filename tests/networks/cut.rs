@@ -278,7 +278,10 @@ fn nets_cut_writes_over_its_own_files_only_and_an_unknown_light_is_told() {
     };
     let told = String::from_utf8(cut("A1", &[]).code(2).get_output().stderr.clone()).unwrap();
     let list = format!("list all with: dials-traffic nets inspect {}", arterial.display());
-    assert!(told.contains(&format!("arterial.net.xml: has no light `A1`, but `a1`, `a2`, `a3`; {list}")), "{told}");
+    assert!(
+        told.contains(&format!("arterial.net.xml: has no light `A1` (did you mean `a1` or `a2` or `a3`?); {list}")),
+        "{told}"
+    );
     assert!(!out.exists());
     cut("a1", &["--hops", "6"]).code(2);
     fs::create_dir(&out).unwrap();

@@ -126,7 +126,7 @@ fn what_cannot_be_checked_is_refused_with_the_way_out() {
     };
     let grid = repository("configs/traffic_4.toml");
     for (config, options, told) in [
-        (&grid, &["--light", "r0c9"][..], "--light: no light `r0c9` learns here, but `r0c0`"),
+        (&grid, &["--light", "r0c9"][..], "--light: no light `r0c9` learns here (did you mean `r0c0`"),
         (&grid, &["--begin", "300"], "--begin 300: an episode has 300 s; begin earlier"),
         (&grid, &["--seconds", "400"], "from second 100 on an episode has 200 s; ask for fewer or set --begin"),
         (&grid, &["--sigma", "0.5"], "--sigma 0.5: the cars of the paper's grids never dawdle"),

@@ -1,7 +1,8 @@
 //! The death of a rank, noticed at once. MPI does not report it: a rank that waits for a dead one waits for ever.
 //!
-//! Every relay holds a TCP connection to rank 0. The system closes it when either end dies, however it dies. Nothing is
-//! ever sent on it but the greeting.
+//! Every relay holds a TCP connection to rank 0. The system closes it when the process at either end dies, however it
+//! dies. Nothing is ever sent on it but the greeting. If a whole machine is lost, or the network, the system notices it
+//! within a minute, because it asks the other end from time to time.
 
 use std::collections::hash_map::RandomState;
 use std::hash::{BuildHasher, Hasher};
@@ -11,10 +12,15 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
+use rustix::net::sockopt;
 use serde::{Deserialize, Serialize};
 
 /// Time in which a connection must be made.
 const CONNECTING: Duration = Duration::from_secs(5);
+/// Time after which a silent end is asked whether it is there, time between two questions, and how many may fail.
+const ASKED_AFTER: Duration = Duration::from_secs(30);
+const ASKED_EVERY: Duration = Duration::from_secs(10);
+const ASKED_IN_VAIN: u32 = 3;
 /// An address outside every network, to which nothing is sent. The system names its own address on the way there.
 const FAR_AWAY: &str = "203.0.113.1:9";
 
@@ -75,6 +81,7 @@ impl Lifelines {
     fn greet(&mut self, mut line: TcpStream) {
         let mut greeting = [0; 16];
         let ready = line.set_nonblocking(false).and_then(|()| line.set_read_timeout(Some(CONNECTING)));
+        let ready = ready.and_then(|()| keep_asking(&line));
         if ready.and_then(|()| line.read_exact(&mut greeting)).is_err() {
             return;
         }
@@ -125,7 +132,17 @@ fn greeted(host: &str, address: &Address, rank: usize) -> std::io::Result<TcpStr
     let mut line = TcpStream::connect_timeout(&resolved, CONNECTING)?;
     line.write_all(&[address.secret.to_le_bytes(), (rank as u64).to_le_bytes()].concat())?;
     line.set_nonblocking(true)?;
+    keep_asking(&line)?;
     Ok(line)
+}
+
+/// Lets the system ask the other end from time to time whether it is still there.
+fn keep_asking(line: &TcpStream) -> std::io::Result<()> {
+    sockopt::set_socket_keepalive(line, true)?;
+    sockopt::set_tcp_keepidle(line, ASKED_AFTER)?;
+    sockopt::set_tcp_keepintvl(line, ASKED_EVERY)?;
+    sockopt::set_tcp_keepcnt(line, ASKED_IN_VAIN)?;
+    Ok(())
 }
 
 fn is_cut(mut line: &TcpStream) -> bool {
@@ -155,6 +172,15 @@ mod tests {
         assert!(lines.newly_cut().is_empty() && !relays[0].is_cut());
         drop(lines);
         assert!(relays[0].is_cut());
+    }
+
+    #[test]
+    fn both_ends_ask_whether_the_other_one_is_still_there() {
+        let (lines, relays) = lines();
+        let ends = lines.lines.iter().flatten().chain(relays.iter().map(|relay| &relay.0));
+        let asks =
+            |line| sockopt::socket_keepalive(line).unwrap() && sockopt::tcp_keepidle(line).unwrap() == ASKED_AFTER;
+        assert_eq!(ends.map(asks).collect::<Vec<_>>(), [true; 4]);
     }
 
     #[test]

@@ -5,6 +5,7 @@
 mod json;
 mod table;
 
+use std::collections::BTreeSet;
 use std::ops::Range;
 
 use anyhow::{Result, anyhow, bail, ensure};
@@ -15,7 +16,7 @@ use crate::cli::CheckArgs;
 use crate::config::{Config, load};
 use crate::domain::Domain;
 use crate::error::{Error, Result as CommandResult};
-use crate::outside::{but_alike, excerpt, quoted};
+use crate::outside::{did_you_mean, excerpt, quoted};
 use crate::terminal::counting::EpisodeBar;
 use crate::terminal::{answer, json as in_json};
 use crate::traffic::Traffic;
@@ -67,11 +68,15 @@ fn agents(traffic: &Traffic, args: &CheckArgs) -> Result<Vec<AgentId>> {
         if let Some(agent) = lights().position(|other| other == light) {
             return Ok(AgentId(agent));
         }
-        let near = but_alike(light, lights());
+        let near = did_you_mean(light, lights());
         let list = format!("dials-traffic check {}", quoted(&args.config));
         bail!("--light: no light `{}` learns here{near}; without the option all are measured: {list}", excerpt(light))
     };
-    args.lights.iter().map(agent).collect()
+    let mut agents = args.lights.iter().map(agent).collect::<Result<Vec<AgentId>>>()?;
+    // A light counts once, however often it was named.
+    let mut seen = BTreeSet::new();
+    agents.retain(|agent| seen.insert(*agent));
+    Ok(agents)
 }
 
 /// Returns the seconds of the episode that are compared.

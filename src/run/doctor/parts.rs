@@ -5,6 +5,7 @@ use std::path::Path;
 use super::Finding;
 use crate::base::VectorWidth;
 use crate::base::{command_for_feature, counted};
+use crate::fleet::children::FILES_PER_WORKER;
 use crate::machine::{allow_open_files, free_disk_mib, free_memory_mib};
 use crate::run::build;
 use crate::run::info::{loaded_library, place};
@@ -117,7 +118,7 @@ fn disk(what: &str, dir: &Path) -> Finding {
 }
 
 fn open_files() -> Finding {
-    match allow_open_files(cores(), 1, "--workers") {
+    match allow_open_files(cores(), FILES_PER_WORKER, "--workers") {
         Ok(()) => Finding::good("enough open files for a worker per core"),
         Err(error) => Finding::error(format!("{error:#}"), "raise the limit, or train with fewer --workers"),
     }

@@ -13,7 +13,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow, ensure};
 
@@ -40,12 +40,14 @@ use plan::{PlannedWork, Tasks};
 pub(in crate::run) const LOGS: &str = "logs";
 /// Interval between two checks whether a process has ended.
 const LOOK_EVERY: Duration = Duration::from_millis(200);
+/// Number of files that are open for a running process: its errors, its log twice, and its result.
+const FILES_PER_PROCESS: u64 = 4;
 
 pub fn experiment(args: &cli::ExperimentArgs) -> Result<()> {
     let name = args.file.file_stem().unwrap_or_default();
     let folder = args.out.clone().unwrap_or_else(|| Path::new("results").join(name).join("runs"));
     let cores = args.cores.unwrap_or_else(machine_cores);
-    allow_open_files(cores, 2, "--cores").map_err(Error::Usage)?;
+    allow_open_files(cores, FILES_PER_PROCESS, "--cores").map_err(Error::Usage)?;
     let knowledge = Knowledge {
         simulated: &|config| {
             let domain = domain::find(config)?;
@@ -205,6 +207,7 @@ impl Batch {
     }
 
     fn carry_out(mut self) -> anyhow::Result<Outcome> {
+        let mut looked = Instant::now();
         loop {
             if self.stop.load(Ordering::Relaxed) && !self.outcome.interrupted {
                 self.outcome.interrupted = true;
@@ -213,38 +216,55 @@ impl Batch {
                 self.working.iter().for_each(|(_, child)| child.ask_to_stop());
             }
             while let Some(task) = self.waiting.pop_if(|task| self.cores.take(task.width)) {
-                let child = RunProcess::start(&task, &self.folder, self.said.0.clone())?;
-                self.display.began(&task.name);
-                self.working.push((task, child));
+                self.start(task);
             }
             if self.working.is_empty() {
                 self.display.finish();
                 return Ok(self.outcome);
             }
-            if let Ok(said) = self.said.1.recv_timeout(LOOK_EVERY) {
+            if let Ok(said) = self.said.1.recv_timeout(LOOK_EVERY.saturating_sub(looked.elapsed())) {
                 self.display.heard(&said.task, &said.line);
-                continue;
             }
-            self.display.tick();
-            self.look_who_ended()?;
+            // Also while processes print all the time.
+            if looked.elapsed() >= LOOK_EVERY {
+                self.display.tick();
+                self.look_who_ended();
+                looked = Instant::now();
+            }
         }
     }
 
-    fn look_who_ended(&mut self) -> anyhow::Result<()> {
+    /// Starts a task. If it cannot be started, it has failed, and the others go on.
+    fn start(&mut self, task: PlannedWork) {
+        match RunProcess::start(&task, &self.folder, self.said.0.clone()) {
+            Ok(child) => {
+                self.display.began(&task.name);
+                self.working.push((task, child));
+            }
+            Err(error) => self.ended(&task, Err(format!("error: {error:#}"))),
+        }
+    }
+
+    fn look_who_ended(&mut self) {
         let mut still = Vec::new();
         for (task, mut child) in std::mem::take(&mut self.working) {
-            let Some(ended) = child.ended()? else {
-                still.push((task, child));
-                continue;
-            };
-            self.cores.give_back(task.width);
-            if ended.is_err() && !self.outcome.interrupted {
-                self.outcome.failed.push(task.name.clone());
+            match child.ended().unwrap_or_else(|error| Some(Err(format!("error: {error:#}")))) {
+                Some(ended) => self.ended(&task, ended),
+                None => still.push((task, child)),
             }
-            self.display.ended(&task.name, ended.err().as_deref());
         }
         self.working = still;
-        Ok(())
+    }
+
+    /// Notes how a task ended: well, or with the lines of an error.
+    fn ended(&mut self, task: &PlannedWork, ended: std::result::Result<(), String>) {
+        self.cores.give_back(task.width);
+        if ended.is_err() && !self.outcome.interrupted {
+            self.outcome.failed.push(task.name.clone());
+        }
+        // Its last lines were sent before its end was seen.
+        self.said.1.try_iter().for_each(|said| self.display.heard(&said.task, &said.line));
+        self.display.ended(&task.name, ended.err().as_deref());
     }
 }
 

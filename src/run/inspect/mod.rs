@@ -19,7 +19,7 @@ use crate::base::for_terminal;
 use crate::cli::InspectArgs;
 use crate::config::{ScenarioConfig, TrafficConfig};
 use crate::error::{Error, Result as CommandResult};
-use crate::outside::{but_alike, excerpt, read_text};
+use crate::outside::{did_you_mean, excerpt, read_text};
 use crate::terminal::{self, answer, program, tell};
 use crate::traffic::agents::derive::border::Seconds;
 use crate::traffic::agents::derive::overrides::Overrides;
@@ -82,7 +82,11 @@ impl Inspected {
             };
         let overrides = args.agents.as_deref().map_or(Ok(Overrides::default()), read_overrides)?;
         let rules = Rules::default();
-        let derived = derive(&roads, &rules, &overrides).map_err(|error| anyhow!("{}: {error:#}", net.display()))?;
+        let derived = derive(&roads, &rules, &overrides).map_err(|error| anyhow!("{}: {error:#}", net.display()));
+        let derived = match &args.agents {
+            Some(file) => derived.with_context(|| format!("{}: does not go with this network", file.display()))?,
+            None => derived?,
+        };
         let padding = Padding::of(derived.agents.iter().map(|agent| &agent.plan));
         let borders = derived.borders(&roads, &departs_on, rules.approach_m, seconds);
         let influence = InfluencePadding::of(borders.iter());
@@ -108,7 +112,7 @@ impl Inspected {
 /// Returns the error about a light that is not there.
 fn no_light(Inspected { net, derived, .. }: &Inspected, light: &str) -> String {
     let learning = derived.agents.iter().map(|agent| &*agent.plan.light);
-    let near = but_alike(light, learning.chain(derived.keeping.iter().map(|kept| &*kept.light)));
+    let near = did_you_mean(light, learning.chain(derived.keeping.iter().map(|kept| &*kept.light)));
     format!(
         "{}: --light: no light `{}` is here{near}; without the option all are listed",
         net.display(),

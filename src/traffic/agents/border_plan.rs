@@ -14,6 +14,8 @@
 //!
 //! A local simulator lets a car in for each arrival, and shows red at the end of each blocked exit.
 
+use std::ops::Range;
+
 use crate::traffic::network::roads::carries::Classes;
 
 /// Distance from the end of an exit within which a slow car blocks it, in metres.
@@ -102,6 +104,11 @@ impl BorderPlan {
     /// Returns the influence source of an exit.
     pub fn blocked(&self, exit: usize) -> usize {
         self.entries.len() * self.decision_s + exit
+    }
+
+    /// Returns the influence sources of all exits.
+    pub fn all_blocked(&self) -> Range<usize> {
+        self.blocked(0)..self.blocked(self.exits.len())
     }
 
     /// Returns the road of an entry: SUMO's name.

@@ -13,6 +13,8 @@ pub struct PhasePlan {
     cars: BTreeSet<usize>,
     /// What is shown between two greens, `[from][to]`; empty where nothing has to be cleared.
     clearings: Vec<Vec<Vec<Interval>>>,
+    /// Ways of its program from green to green.
+    program: Vec<ProgramChange>,
     /// Least number of steps of a green.
     min_green_steps: u32,
     choice: Choice,
@@ -23,6 +25,15 @@ pub struct PhasePlan {
 pub struct Interval {
     pub state: SignalState,
     pub steps: u32,
+}
+
+/// A way of a light's program from one green to another.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ProgramChange {
+    pub from: usize,
+    pub to: usize,
+    /// States that the program shows in between.
+    pub between: Vec<SignalState>,
 }
 
 /// What a light shows.
@@ -78,12 +89,17 @@ impl PhasePlan {
         let between = |from: usize, to: usize| if from == to { Vec::new() } else { clearing(from, to) };
         let clearings = (0..greens.len()).map(|from| (0..greens.len()).map(|to| between(from, to)).collect()).collect();
         let cars = (0..greens[0].links()).collect();
-        PhasePlan { greens, cars, clearings, min_green_steps, choice }
+        PhasePlan { greens, cars, clearings, program: Vec::new(), min_green_steps, choice }
     }
 
     /// Lets the plan recognise states of other programs by these letters, those that cars obey. Without it all count.
     pub fn for_cars(self, cars: BTreeSet<usize>) -> PhasePlan {
         PhasePlan { cars, ..self }
+    }
+
+    /// Lets the plan recognise by these changes to which green its program is on the way. Without them it is the next one.
+    pub fn for_program(self, program: Vec<ProgramChange>) -> PhasePlan {
+        PhasePlan { program, ..self }
     }
 
     /// Returns the letters by which states of other programs are recognised, those that cars obey.
@@ -160,10 +176,16 @@ impl PhasePlan {
         if let Some(green) = likely.find(|&green| goes && letters(&self.greens[green]) == shown) {
             return Shown::Green(green);
         }
-        let leads_to = |to: &usize| self.clearings[last][*to].iter().any(|interval| interval.state == *state);
-        // A program may clear in its own way. Then its next green is the likely one.
-        let to = (0..self.greens.len()).find(leads_to).unwrap_or_else(|| self.next(last));
-        Shown::Between { from: last, to }
+        Shown::Between { from: last, to: self.next_of_program(state, last) }
+    }
+
+    /// Returns the green to which the program is on the way if it shows this state after the green `last`.
+    ///
+    /// The state alone does not say it: all red, and often the yellow, is the same on the way to any green.
+    fn next_of_program(&self, state: &SignalState, last: usize) -> usize {
+        let mut changes = self.program.iter().filter(|change| change.from == last);
+        let shown = changes.clone().find(|change| change.between.contains(state));
+        shown.or_else(|| changes.next()).map_or_else(|| self.next(last), |change| change.to)
     }
 }
 
@@ -173,6 +195,26 @@ mod tests {
 
     fn state(letters: &str) -> SignalState {
         SignalState::new(letters).unwrap()
+    }
+
+    #[test]
+    fn a_program_is_on_the_way_to_its_next_green_although_the_yellow_is_the_same_on_all_ways() {
+        let clearing = |from: usize, _| {
+            let yellow = Interval { state: state(["yrr", "ryr", "rry"][from]), steps: 3 };
+            vec![yellow, Interval { state: state("rrr"), steps: 1 }]
+        };
+        let plan = PhasePlan::new(["Grr", "rGr", "rrG"].map(state).to_vec(), Choice::Target, 5, clearing);
+        let ways = |plan: &PhasePlan, shown: &[(&str, usize)]| -> Vec<usize> {
+            shown.iter().map(|&(letters, last)| plan.recognise(&state(letters), last).target()).collect()
+        };
+        let shown = [("yrr", 0), ("rrr", 0), ("ryr", 1), ("rrr", 1), ("rry", 2), ("rrr", 2)];
+        assert_eq!(ways(&plan, &shown), [1, 1, 2, 2, 0, 0]);
+        // A program that shows green 0 between all others: 0, 1, 0, 2. Its yellow before green 2 is another one.
+        let change = |from, to, letters: &str| ProgramChange { from, to, between: vec![state(letters)] };
+        let program = vec![change(0, 1, "yrr"), change(1, 0, "ryr"), change(0, 2, "Yrr"), change(2, 0, "rry")];
+        let plan = plan.for_program(program);
+        let shown = [("yrr", 0), ("Yrr", 0), ("ryr", 1), ("rry", 2), ("rrr", 1)];
+        assert_eq!(ways(&plan, &shown), [1, 2, 0, 0, 0]);
     }
 
     #[test]

@@ -9,7 +9,7 @@ use super::beyond::Reach;
 use super::local_net::LocalNet;
 use super::sample_demand::{END_S, demand, types};
 use super::source::Source;
-use crate::outside::{but_alike, excerpt, quoted, write_together};
+use crate::outside::{did_you_mean, excerpt, quoted, write_together};
 use crate::traffic::agents::derive::region::{Region, lit_junctions};
 use crate::traffic::agents::derive::{Agent, Derived};
 use crate::traffic::network::files::NetworkFiles;
@@ -41,7 +41,7 @@ fn check_known(scenario: &SumoScenario, roads: &Roads, light: &str) -> Result<()
     if known.contains(light) {
         return Ok(());
     }
-    let near = but_alike(light, known);
+    let near = did_you_mean(light, known);
     let list = format!("dials-traffic nets inspect {}", quoted(scenario.path()));
     bail!("{}: has no light `{}`{near}; list all with: {list}", scenario.net_path().display(), excerpt(light))
 }

@@ -100,7 +100,7 @@ impl Ground for OnGrid {
     }
 
     fn route(&self, _edges: &str) -> Result<Route> {
-        bail!("is for a scenario, and this is a grid, whose middle row is drawn; leave the option out")
+        bail!("only a scenario has routes to choose from; on a grid the middle row is drawn, so leave the option out")
     }
 
     fn local(&self, rows: usize, tape: Option<&Tape>) -> Result<LocalTraffic> {

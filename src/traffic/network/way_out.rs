@@ -26,9 +26,26 @@ pub fn make_local() -> String {
     "make one with: dials-traffic nets local --out DIR".to_owned()
 }
 
-/// Returns the message about a missing file of a network, with the command that makes it.
+/// Returns the message about a missing file of a network, with what to do about it.
 pub fn no_such_network(missing: &Path) -> String {
-    format!("{}: no such network; make it with: {}", missing.display(), command_for(missing))
+    let named = missing.to_str().and_then(|path| path.strip_suffix(".net.xml")).map(Path::new);
+    if let Some(file) = named.filter(|path| path.is_file()) {
+        let (place, ending) = (file.display(), file.extension().unwrap_or_default());
+        if ending == "sumocfg" {
+            let command = format!("dials-traffic train {}", quoted(file));
+            return format!("{place}: is a scenario and no grid; use it in the place of a config, such as: {command}");
+        }
+        return match file.to_string_lossy().strip_suffix(".net.xml") {
+            Some(name) => format!("{place}: name the network without its ending: {name}"),
+            None => format!("{place}: is a file, and not the name of a network of `dials-traffic nets`"),
+        };
+    }
+    let path = missing.display();
+    let (folder, file) = (missing.parent(), missing.file_name().unwrap_or_default().to_string_lossy());
+    if folder.is_some_and(|folder| folder.ends_with("networks")) && file.starts_with("global.") {
+        return format!("{path}: this file of the run is missing; copy the run directory again, or train again");
+    }
+    format!("{path}: no such network; make it with: {}", command_for(missing))
 }
 
 /// Returns the command that makes the network that a file belongs to.
@@ -68,5 +85,17 @@ mod tests {
         assert_eq!(no_such_network(Path::new("nowhere/grid_3x4.net.xml")), expected);
         assert!(no_such_network(Path::new("local.rou.xml")).ends_with("dials-traffic nets local --out ."));
         assert!(no_such_network(Path::new("a/city.net.xml")).ends_with("nets grid --rows R --cols C --out a"));
+        let of_run = no_such_network(Path::new("runs/a/networks/global.net.xml"));
+        assert!(of_run.ends_with("copy the run directory again, or train again"), "{of_run}");
+    }
+
+    #[test]
+    fn a_file_in_the_place_of_a_name_is_told_from_a_missing_network() {
+        let nets = Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets");
+        let told = |file: &str| no_such_network(&nets.join(format!("{file}.net.xml")));
+        let grid = nets.join("grid_2x2").display().to_string();
+        assert!(told("grid_2x2.net.xml").ends_with(&format!("name the network without its ending: {grid}")));
+        let town = told("town/town.sumocfg");
+        assert!(town.contains("is a scenario and no grid") && town.ends_with("town/town.sumocfg"), "{town}");
     }
 }

@@ -128,22 +128,24 @@ impl Doors {
 
     /// Takes the cars out of the queues that have departed in the step, wherever they are, and the others out of SUMO. So no
     /// car is on the road and still waits. No other car has got a number since they tried.
-    pub fn note_entered(&mut self, forest: &mut LocalForest, tried: &Tried) -> Result<()> {
+    ///
+    /// Returns row and entry of the cars that are in.
+    pub fn note_entered(&mut self, forest: &mut LocalForest, tried: &Tried) -> Result<Vec<(usize, usize)>> {
+        let mut entered = Vec::new();
         if tried.places.is_empty() {
-            return Ok(());
+            return Ok(entered);
         }
         let departed: HashSet<CarId> = forest.simulation.departed()?.into_iter().collect();
         let first = self.serial - tried.places.len() as u64;
-        let mut all_in = true;
         for (number, &(row, entry)) in (first..).zip(&tried.places) {
             let is_in = departed.contains(&CarId(number));
             self.waited += u64::from(self.rows[row].entrance.tried(entry, is_in));
-            all_in &= is_in;
+            entered.extend(is_in.then_some((row, entry)));
         }
-        if !all_in {
+        if entered.len() < tried.places.len() {
             forest.simulation.clear_pending()?;
         }
-        Ok(())
+        Ok(entered)
     }
 }
 
@@ -207,9 +209,9 @@ mod tests {
         let tried = [(); 3].map(|()| {
             let tried = doors.let_in(&mut forest).unwrap();
             forest.simulation.step().unwrap();
-            doors.note_entered(&mut forest, &tried).unwrap();
-            tried.insertions().len()
+            let entered = doors.note_entered(&mut forest, &tried).unwrap();
+            (tried.insertions().len(), entered)
         });
-        assert_eq!((tried, doors.waiting(0)), ([1, 0, 0], 0));
+        assert_eq!((tried, doors.waiting(0)), ([(1, vec![(0, entry)]), (0, vec![]), (0, vec![])], 0));
     }
 }

@@ -54,6 +54,9 @@ pub struct LocalScenario {
     exit_cars: CarTable,
     /// Cars on the approaches.
     cars: CarTable,
+    /// Influence sources of this decision as they came true, `[rows, sources]`: a car for which there is no room arrives
+    /// when it gets in, as on the GS.
+    came_true: Rows<u8>,
     last: Transition,
     counts: Counts,
     /// Number of arrivals at entries that no known car may use.
@@ -128,6 +131,7 @@ impl LocalScenario {
             border_cars: nobody(border_lanes.len()),
             exit_cars: nobody(exit_lanes.len()),
             cars: CarTable::new(),
+            came_true: Rows::new(forest.rows.len(), spec.sources.count()),
             last: Transition::new(forest.rows.len(), &spec),
             border_lanes,
             first_border,
@@ -207,7 +211,10 @@ impl LocalScenario {
         self.watch.note(Phase::Insertion, begun.elapsed());
         self.watch.time(Phase::SimulatorStep, || self.forest.simulation.step())?;
         let begun = Instant::now();
-        self.doors.note_entered(&mut self.forest, &tried)?;
+        for (row, entry) in self.doors.note_entered(&mut self.forest, &tried)? {
+            let border = &self.plan.borders[self.forest.rows[row].agent.0].plan;
+            self.came_true.row_mut(row)[border.arrival(entry, second)] = 1;
+        }
         self.watch.note(Phase::Insertion, begun.elapsed());
         let begun = Instant::now();
         for (row, (now, before)) in self.rows.iter_mut().zip(before).enumerate() {
@@ -247,7 +254,7 @@ impl LocalScenario {
     }
 
     /// Reads everything after a decision, and writes percepts and rewards of all rows.
-    fn perceive(&mut self, sources: &Rows<u8>) -> Result<()> {
+    fn perceive(&mut self) -> Result<()> {
         self.forest.simulation.read_lanes(&self.border_lanes, &mut self.border_cars)?;
         if reward::needs_exits(&self.plan.reward) {
             self.forest.simulation.read_lanes(&self.exit_lanes, &mut self.exit_cars)?;
@@ -256,7 +263,7 @@ impl LocalScenario {
         for row in 0..self.rows.len() {
             let agent = self.forest.rows[row].agent.0;
             let border = &self.plan.borders[agent].plan;
-            self.rows[row].history.note(border, sources.row(row));
+            self.rows[row].history.note(border, self.came_true.row(row));
             let cars = self.forest.handles.cars_at(&tables_cars, row);
             let at_border = CarsAt::new(&border_cars, self.first_border[row], border.lanes.len());
             let region = &self.plan.agents[agent].region;
@@ -300,12 +307,17 @@ impl LocalSimulator for LocalScenario {
 
     fn step(&mut self, actions: &[Action], sources: &Rows<u8>) -> Result<&Transition> {
         self.rows.iter_mut().for_each(|now| now.waiting.decide());
+        self.came_true.fill(0);
+        for (row, place) in self.forest.rows.iter().enumerate() {
+            let blocked = self.plan.borders[place.agent.0].plan.all_blocked();
+            self.came_true.row_mut(row)[blocked.clone()].copy_from_slice(&sources.row(row)[blocked]);
+        }
         self.doors.set_gates(&mut self.forest, 0..self.rows.len(), Some(sources))?;
         for second in 0..self.plan.decision_steps {
             self.second(second, actions, sources)?;
         }
         let begun = Instant::now();
-        self.perceive(sources)?;
+        self.perceive()?;
         self.watch.note(Phase::Reading, begun.elapsed());
         Ok(&self.last)
     }

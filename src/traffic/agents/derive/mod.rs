@@ -28,13 +28,14 @@ use std::sync::Arc;
 
 use anyhow::{Result, bail};
 
-use super::phase_plan::{Choice, PhasePlan};
+use super::phase_plan::{Choice, PhasePlan, ProgramChange};
 use super::plan::{AgentPlan, Border};
+use crate::sumo::SignalState;
 use crate::traffic::d_set::{DSetPlan, Parts};
 use crate::traffic::network::roads::program::Program;
 use crate::traffic::network::roads::{EdgeNo, JunctionNo, Roads};
 use border::Seconds;
-use greens::{Greens, MOST_GREENS};
+use greens::{Change, Greens, MOST_GREENS};
 use keeping::{Keeping, Why};
 use overrides::{LightOverride, Overrides};
 use region::Region;
@@ -156,6 +157,16 @@ fn programs(roads: &Roads) -> Vec<&Program> {
     programs
 }
 
+/// Returns the changes of a program between these greens of its light.
+fn program_changes(of_program: &Greens, greens: &[SignalState]) -> Vec<ProgramChange> {
+    let place = |state: &SignalState| greens.iter().position(|green| green == state);
+    let known = |change: Change<'_>| {
+        let between = change.between.iter().map(|phase| phase.state.clone()).collect();
+        Some(ProgramChange { from: place(change.from)?, to: place(change.to)?, between })
+    };
+    of_program.changes().into_iter().filter_map(known).collect()
+}
+
 /// Returns the agent of a light, or why it keeps its program. `lit`: all junctions under a light.
 fn agent(
     roads: &Roads,
@@ -187,7 +198,9 @@ fn agent(
     let LightOverride { yellow_s, all_red_s, .. } = own;
     let times = clearing::Times::of(&of_program, yellow_s.unwrap_or(rules.yellow_s), *all_red_s);
     let clearing = |from: usize, to: usize| clearing::between(&greens[from], &greens[to], &times);
-    let phases = PhasePlan::new(greens.to_vec(), Choice::Target, rules.min_green_s, clearing).for_cars(cars.clone());
+    let phases = PhasePlan::new(greens.to_vec(), Choice::Target, rules.min_green_s, clearing)
+        .for_cars(cars.clone())
+        .for_program(program_changes(&of_program, greens));
     safety::check(roads, program, &phases)?;
     let region = Region::of(roads, lit, light, rules.approach_m, own.approaches.as_deref())?;
     let lanes = lanes::region_plan(roads, light, &region);
