@@ -594,12 +594,45 @@ fn an_unwritable_place_is_refused() {
 }
 
 #[test]
+fn a_run_that_has_ended_is_left_alone_by_a_resume_unless_its_last_evaluation_is_to_be_another_one() {
+    let dir = tempfile::tempdir().unwrap();
+    let (config, out) = (write_config(dir.path(), SHORT), dir.path().join("run"));
+    train(&config, &out, &["--set", "evaluation.final_episodes=2"]).success();
+    let files = ["returns.csv", "episodes.csv", "timing.csv", "config.toml", "run.json"];
+    let bytes = || files.map(|file| fs::read(out.join(file)).unwrap());
+    let resume =
+        || text(&dials_traffic(&["train", "--resume", out.to_str().unwrap()]).assert().success().get_output().stderr);
+    let before = bytes();
+    let said = resume();
+    assert!(said.contains("note: this run has ended, at step ") && before == bytes(), "{said}");
+    let kept = fs::read_to_string(out.join("config.toml")).unwrap();
+    assert_eq!(kept.matches("final_episodes = 2").count(), 1, "{kept}");
+    fs::write(out.join("config.toml"), kept.replace("final_episodes = 2", "final_episodes = 3")).unwrap();
+    let said = resume();
+    assert!(!said.contains("this run has ended") && bytes()[1] != before[1], "{said}");
+}
+
+#[test]
+fn a_policy_is_shared_on_the_gs_only() {
+    let dir = tempfile::tempdir().unwrap();
+    let (config, out) = (write_config(dir.path(), SHORT), dir.path().join("run"));
+    let shared = ["train", &config, "--out", out.to_str().unwrap(), "--set", "gs.shared_policy=true"];
+    assert_refused(
+        &mut dials_traffic(&shared),
+        &["gs.shared_policy = true: is for training on the GS", "--simulator gs"],
+    );
+    dials_traffic(&[&shared[..], &["--simulator", "gs"]].concat()).assert().success();
+}
+
+#[test]
 fn evaluate_refuses_what_is_no_run_or_of_another_shape() {
     let dir = tempfile::tempdir().unwrap();
     let (config, out) = (write_config(dir.path(), SHORT), dir.path().join("run"));
     let out_name = out.to_str().unwrap();
-    assert_refused(&mut dials_traffic(&["evaluate", out_name]), &["run: not a run directory", "dials-traffic train"]);
+    assert_refused(&mut dials_traffic(&["evaluate", out_name]), &["run: no such run directory", "dials-traffic train"]);
     train(&config, &out, &[]).success();
+    let holds = "not a run directory; it holds 1 run: name one, such as ";
+    assert_refused(&mut dials_traffic(&["evaluate", dir.path().to_str().unwrap()]), &[holds, out_name]);
     let kept = fs::read_to_string(out.join("config.toml")).unwrap();
     let other = kept.replacen("16", "24", 1);
     assert_ne!(kept, other);
@@ -727,7 +760,7 @@ fn a_controller_is_itself_where_a_directory_has_its_name() {
     };
     let table = text(&compare("never,fixed-time,fixed-time:green=10").assert().success().get_output().stdout);
     assert!(table.contains("\ndifference from never (paired by episode)\n"), "{table}");
-    assert_refused(&mut compare("gap-out,./never"), &["./never: no such run directory"]);
+    assert_refused(&mut compare("gap-out,./never"), &["./never: not a run directory"]);
     // 10 is the default of `green`.
     let table = text(&compare("fixed-time,fixed-time:green=10").assert().success().get_output().stdout);
     let told = "difference from fixed-time (paired by episode)\nno figure differs in any episode\n";

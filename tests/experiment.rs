@@ -136,6 +136,22 @@ fn a_run_that_fails_stops_no_other_and_is_named() {
 }
 
 #[test]
+fn a_run_that_cannot_be_started_has_failed_and_the_others_go_on() {
+    let place = Place::new(TWO_SEEDS);
+    fs::create_dir_all(place.runs().join("logs")).unwrap();
+    std::os::unix::fs::symlink("/nowhere/else", place.runs().join("logs/small-dials-seed2.log")).unwrap();
+    let said = text(&place.experiment(&[]).assert().code(1).get_output().stderr);
+    assert!(said.contains("small-dials-seed2: error: ") && said.contains("small-dials-seed2.log"), "why: {said}");
+    assert!(
+        said.contains("error: 1 of 5 failed: small-dials-seed2;") && said.contains("; the others are done"),
+        "{said}"
+    );
+    for run in ["small-dials-seed1", "small-gs-seed1", "small-gs-seed2"] {
+        assert!(place.returns(run).contains("\n256,all,"), "{run}");
+    }
+}
+
+#[test]
 fn ctrl_c_after_a_failure_is_told_as_a_stop_and_not_as_if_the_others_were_done() {
     // Too long to end by itself.
     let place = Place::new("seeds = [1, 2]\nset = ['total_steps=7680000']\n[[grid]]\nconfigs = ['small.toml']\n");

@@ -209,6 +209,7 @@ mod tests {
         assert_eq!((config.aip.dataset_steps, config.aip.batch, config.aip.epochs), (10_000, 128, 100));
         assert_eq!((config.total_steps, config.local_simulators.copies), (4_000_000, 1));
         assert_eq!(config.dataset_episodes(config.horizon()), 34);
+        assert_eq!(config.dataset_episodes(20_000), 2, "one of an episode's length is held out");
     }
 
     #[test]
@@ -365,7 +366,6 @@ mod tests {
         assert!(in_file.contains("line 1") && in_file.contains("`ials` is no allowed value; allowed: `"), "{in_file}");
         assert!(error_of(SMALL, &["aip.retrain_every_steps=0"]).contains("must be at least 1 (the paper uses 100000"));
         assert!(error_of(SMALL, &["local_simulators.copies=3"]).contains("3 x 16 = 48"));
-        assert!(error_of(SMALL, &["aip.dataset_steps=200"]).contains("at least 2 episodes"));
         assert!(error_of("", &[]).contains("no domain: add a table [traffic] or [warehouse]"));
         assert!(error_of(SMALL, &["warehouse.agents_per_side=2"]).contains("a run has one domain"));
         let memory = error_of(SMALL, &["evaluation.every_steps=127"]);

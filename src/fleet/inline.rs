@@ -117,6 +117,7 @@ impl Fleet for InlineFleet {
     }
 
     fn train_policies(&mut self, period: &Period) -> Result<PolicyTraining> {
+        self.begin(Activity::Training)?;
         self.observer.trained(self.agents.steps);
         let training = self.work(|worker, _, observer| worker.train_policies(period, observer))?;
         self.agents = self.worker.state();

@@ -415,6 +415,22 @@ mod tests {
     }
 
     #[test]
+    fn a_file_without_the_column_of_steps_is_damaged_and_an_empty_one_is_not() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join(files::RETURNS);
+        let read = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            CsvTable::read(&path).map(|table| table.lines().count()).map_err(|error| error.to_string())
+        };
+        assert_eq!([read(""), read("steps,agent\n"), read("ste")], [Ok(0), Ok(0), Ok(0)]);
+        assert!(
+            read("{\n")
+                .unwrap_err()
+                .ends_with("has no column `steps`; the file is damaged: copy it again, or train again")
+        );
+    }
+
+    #[test]
     fn workers_are_counted_by_their_numbers() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join(files::TIMING);
@@ -422,7 +438,7 @@ mod tests {
             std::fs::write(&path, format!("steps,worker\n{lines}")).unwrap();
             read_workers(&CsvTable::read(&path).unwrap()).map_err(|error| error.to_string())
         };
-        assert_eq!([workers(""), workers("1,all\n1,0\n1,3\n2,all\n")], [Ok(1), Ok(4)]);
+        assert_eq!([workers(""), workers("1,all\n1,0\n1,3\n2,all\n")], [Ok(None), Ok(Some(4))]);
         for absurd in ["18446744073709551615", "1000000", "-1", "x"] {
             assert!(workers(&format!("1,{absurd}\n")).unwrap_err().contains("line 2: `worker` holds"), "{absurd}");
         }

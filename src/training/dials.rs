@@ -39,9 +39,6 @@ pub fn train(
         if run.fleet.agents().steps >= period.end {
             continue; // The last update has already passed this period.
         }
-        if observer.stop_requested() {
-            return Err(Interrupted.into()); // What was done since the last period is quickly done again.
-        }
         let training = run.fleet.train_policies(period)?; // 7-12: in parallel, for every agent, F steps
         run.standing.until = period.end;
         if period.average {

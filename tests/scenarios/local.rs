@@ -161,6 +161,35 @@ fn an_arrival_that_no_car_may_make_is_dropped_and_counted() {
     assert!(count("sampled_arrivals") > 100, "{counted:?}");
 }
 
+#[test]
+fn a_car_that_waits_for_room_arrives_when_it_gets_in() {
+    let traffic = ten_minutes("grid_4x4_turns");
+    let border = &traffic.borders()[5];
+    let columns = border.d_set.columns(&border.plan);
+    let window = |column: &&String| column.starts_with("arrivals ") && column.ends_with(" in 60 s");
+    let arrived: Vec<usize> = (0..columns.len()).filter(|&column| window(&&columns[column])).collect();
+    let mut ls = traffic.local_simulator(&[AgentId(5)], 1, Seed::new(5)).unwrap();
+    ls.reset(&Beginning::first(0..1)).unwrap();
+    let sources = ls.spec().sources.count();
+    let entries = border.plan.entries.len();
+    assert_eq!(arrived.len(), entries);
+    // A column counts up to 30 cars in the last minute, as a share of 30.
+    let seen_after = |ls: &mut dyn LocalSimulator, seconds: usize, drawn: u8| {
+        let sources: Vec<u8> = (0..sources).map(|at| drawn * u8::from(at < border.plan.all_blocked().start)).collect();
+        for _ in 0..seconds / border.plan.decision_s {
+            ls.step(&[0], &Rows::from_vec(sources.clone(), sources.len())).unwrap();
+        }
+        let d_set = ls.step(&[0], &Rows::from_vec(vec![0; sources.len()], sources.len())).unwrap().percept.d_set.row(0);
+        arrived.iter().map(|&column| (f64::from(d_set[column]) * 30.0).round() as usize).sum::<usize>()
+    };
+    // A car a second at every entry is more than can get in. The light never changes.
+    let at_first = seen_after(&mut *ls, 20, 1);
+    assert!((1..15 * entries).contains(&at_first), "{at_first} of {} cars are in", 20 * entries);
+    // Those that wait come later, although nobody is drawn any more.
+    let later = seen_after(&mut *ls, 25, 0);
+    assert!((at_first + 1..=20 * entries).contains(&later), "{later} after {at_first}");
+}
+
 /// A short training of the town.
 struct Training {
     dir: tempfile::TempDir,
