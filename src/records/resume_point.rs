@@ -110,7 +110,7 @@ impl ResumePoint {
 fn blocks_in(directory: &Directory, file: &str) -> Result<usize> {
     let bytes = directory.read(file, LARGEST_FILE)?.unwrap_or_default();
     // A kill may have cut the last line.
-    let whole = bytes.iter().rposition(|&byte| byte == b'\n').map_or(0, |end| end);
+    let whole = bytes.iter().rposition(|&byte| byte == b'\n').unwrap_or(0);
     let lines = bytes[..whole].split(|&byte| byte == b'\n').skip(1);
     let mut steps: Vec<&[u8]> = lines.map(|line| line.split(|&byte| byte == b',').next().unwrap_or(line)).collect();
     steps.dedup();

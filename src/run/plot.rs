@@ -14,6 +14,7 @@ use crate::domain::Domain;
 use crate::domain::road_trace::RoadTrace;
 use crate::drawing::Svg;
 use crate::evaluation::Evaluation;
+use crate::outside::folder_of;
 use crate::plot::{self, About};
 use crate::terminal::tell;
 use crate::traffic::Traffic;
@@ -40,6 +41,7 @@ impl Plots {
         let Some(dir) = &output.plot else { return Ok(None) };
         let existing = Existing::of_named(output.force);
         outputs::check_free(dir, "--plot", existing)?;
+        outputs::check_writable(folder_of(dir))?;
         let tape = Tape::default();
         let traffic = domain::open_recorded(config, &tape).context("--plot: nothing can be drawn")?;
         let route = output.route.as_deref().map(|edges| traffic.route(edges)).transpose().context("--route")?;

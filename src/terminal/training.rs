@@ -254,8 +254,15 @@ impl Observer for Progress {
 
 /// Compares an AIP loss with that of the best constants. After a short training AIPs are often no better than these.
 fn judged(loss: f64, constants: f64) -> String {
-    let better = if loss < constants { "better" } else { "no better" };
-    format!("{better} than constants, which have {constants:.3}")
+    let [shown, of_constants] = [loss, constants].map(|loss| format!("{loss:.3}"));
+    let better = if shown == of_constants {
+        "as good as"
+    } else if loss < constants {
+        "better than"
+    } else {
+        "no better than"
+    };
+    format!("{better} constants, which have {of_constants}")
 }
 
 /// Prints a line, above the bar if there is one.
@@ -305,6 +312,7 @@ mod tests {
     fn an_aip_loss_is_compared_with_constants_and_not_blamed() {
         assert_eq!(judged(0.3, 0.316), "better than constants, which have 0.316");
         assert_eq!(judged(0.4, 0.316), "no better than constants, which have 0.316");
+        assert_eq!(judged(0.3159, 0.3161), "as good as constants, which have 0.316");
     }
 
     #[test]
