@@ -326,6 +326,9 @@ const STRANGE: [(&str, Put); 3] = [
 fn nothing_is_written_through_a_link() {
     let place = Place::new();
     let run = place.train();
+    // Without its last times it has not ended.
+    let times = fs::read_to_string(run.join("timing.csv")).unwrap();
+    fs::write(run.join("timing.csv"), &times[..=times.rfind("\n640,all,").unwrap()]).unwrap();
     for file in ["returns.csv", "timing.csv", "policies.safetensors", "aips.safetensors", "worker_0.log"] {
         for (what, put) in STRANGE {
             let (outside, here) = (place.path("outside"), run.join(file));

@@ -152,7 +152,7 @@ fn resume_locked(args: &cli::TrainArgs, dir: &Path, directory: Directory, wanted
         Error::Run(error)
     })?;
     point.warning.iter().for_each(warn);
-    let has_ended = has_ended(dir, &run.config, &point);
+    let has_ended = has_ended(&run.directory, &run.config, &point);
     if !has_ended {
         tell_of_lost_evaluation(dir, &run.config, &point);
     }

@@ -290,7 +290,7 @@ fn pictures_of_a_scenario_show_its_roads_and_the_route_that_is_asked_for() {
     refused("x0y0_s0 w0_x0y0", "no edge follows `x0y0_s0`, so `w0_x0y0` cannot; end the route there");
     for (seconds, told) in [
         ("200,301", "--seconds 200,301: an episode has the seconds 0 to 300; end there"),
-        ("30,30", "must be two seconds, such as 600,1200"),
+        ("30,30", "must begin before it ends, such as 600,1200"),
         ("30", "must be two seconds, such as 600,1200"),
     ] {
         let output = draw(&dir.path().join("none"), &["--seconds", seconds]).code(2).get_output().clone();
@@ -303,6 +303,6 @@ fn pictures_of_a_scenario_show_its_roads_and_the_route_that_is_asked_for() {
     let args = ["baseline", text(&grid), "--controller", "never", "--plot", text(&out), "--route", "a"];
     let output = dials_traffic(args).assert().code(2).get_output().clone();
     let said = String::from_utf8(output.stderr).unwrap();
-    assert!(said.contains("is for a scenario, and this is a grid, whose middle row is drawn"), "{said}");
+    assert!(said.contains("only a scenario has routes to choose from"), "{said}");
     assert!(!dir.path().join("none").exists() && !out.exists());
 }
