@@ -15,7 +15,7 @@ const EPSILON: f32 = 1e-8;
 /// Gradients, first moments and second moments below these count as 0.
 ///
 /// The moments of a weight fade while its input is off. Without an end they stay among the subnormal numbers for ever,
-/// where many processors are a hundred times slower. What is lost would move a weight by about 1e-8 learning rates per
+/// where some processors are far slower. What is lost would move a weight by about 1e-8 learning rates per
 /// step at most, because EPSILON is 1e-8.
 const SMALLEST_GRADIENT: f32 = 1e-16;
 const SMALLEST_FIRST: f32 = 1e-18;

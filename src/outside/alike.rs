@@ -20,7 +20,8 @@ fn alike<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Vec<&'a st
     near.into_iter().map(|(_, _, other)| other).take(MOST).collect()
 }
 
-/// Returns the end of an error about an unknown name: the names that it may have meant, such as ` (did you mean `a` or `b`?)`; or nothing.
+/// Returns what an error about an unknown name adds: the names that it may have meant, such as ` (did you mean `a` or
+/// `b`?)`; or nothing.
 pub fn did_you_mean<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
     let near: Vec<String> = alike(name, known).iter().map(|other| format!("`{}`", Printable(other))).collect();
     if near.is_empty() { String::new() } else { format!(" (did you mean {}?)", near.join(" or ")) }
