@@ -31,6 +31,8 @@ pub struct Kinds {
     kinds: Vec<Kind>,
     /// Place of each agent.
     places: Vec<Place>,
+    /// Number of influence sources that each agent has itself.
+    sources: Vec<usize>,
 }
 
 impl Kinds {
@@ -72,15 +74,30 @@ impl Kinds {
                 *place = Some(Place { kind: index, row });
             }
         }
-        let places = places.into_iter().map(|place| place.expect("n agents in n places, no two in one")).collect();
-        Ok(Kinds { kinds, places })
+        let places = places.into_iter().map(|place| place.expect("n agents in n places, no two in one"));
+        Ok(Kinds::of_places(kinds, places.collect()))
     }
 
     /// Makes a single kind of `agents` agents.
     pub fn one(agents: usize, spec: RegionSpec) -> Kinds {
         assert!(agents > 0, "a domain has at least one agent");
         let places = (0..agents).map(|row| Place { kind: 0, row }).collect();
-        Kinds { kinds: vec![Kind { name: "agent".to_owned(), spec, agents: AgentId::all(agents) }], places }
+        Kinds::of_places(vec![Kind { name: "agent".to_owned(), spec, agents: AgentId::all(agents) }], places)
+    }
+
+    fn of_places(kinds: Vec<Kind>, places: Vec<Place>) -> Kinds {
+        let sources = places.iter().map(|place| kinds[place.kind].spec.sources.count()).collect();
+        Kinds { kinds, places, sources }
+    }
+
+    /// Says how many influence sources each agent has itself. Its kind may have more: the last ones then never happen to
+    /// this agent. Without this, every agent has all sources of its kind.
+    pub fn with_sources(mut self, sources: Vec<usize>) -> Kinds {
+        assert_eq!(sources.len(), self.agents(), "one number per agent");
+        let fits = self.specs().zip(&sources).all(|(spec, &sources)| sources <= spec.sources.count());
+        assert!(fits, "no agent has more sources than its kind");
+        self.sources = sources;
+        self
     }
 
     /// Returns the number of agents of all kinds.
@@ -100,6 +117,11 @@ impl Kinds {
     /// Returns the number of steps of an episode, the same for all kinds.
     pub fn horizon(&self) -> usize {
         self.kinds[0].spec.horizon
+    }
+
+    /// Returns the number of influence sources that the agent has itself. These are the first ones of its kind.
+    pub fn sources(&self, agent: AgentId) -> usize {
+        self.sources[agent.0]
     }
 
     pub fn place(&self, agent: AgentId) -> Place {

@@ -6,7 +6,8 @@ use std::time::Duration;
 use anyhow::{Result, ensure};
 
 use super::message::{Answer, Order, WorkerReport};
-use crate::domain::{Measures, RegionSpec};
+use crate::base::AgentId;
+use crate::domain::Measures;
 use crate::evaluation::EpisodeReport;
 use crate::influence::Dataset;
 use crate::policy::Demonstrations;
@@ -135,11 +136,12 @@ impl Speaker<'_> {
         let agents = self.0.kinds.agents();
         ensure!(datasets.len() == agents, "it made {} datasets, not {agents}", datasets.len());
         for (agent, (dataset, spec)) in datasets.iter().zip(self.0.kinds.specs()).enumerate() {
-            let Dataset { d_sets, sources, horizon } = dataset;
+            let Dataset { d_sets, sources, horizon, own_sources } = dataset;
             let samples = episodes * spec.horizon;
-            let shapes = (d_sets.width(), sources.width(), *horizon);
+            let shapes = (d_sets.width(), sources.width(), *horizon, *own_sources);
+            let own = self.0.kinds.sources(AgentId(agent));
             ensure!(
-                shapes == (spec.d_set_dim, spec.sources.count(), spec.horizon)
+                shapes == (spec.d_set_dim, spec.sources.count(), spec.horizon, own)
                     && d_sets.len() == samples
                     && sources.len() == samples,
                 "the dataset of agent {agent} does not have {samples} samples of its region"
@@ -164,11 +166,17 @@ impl Speaker<'_> {
         Ok(())
     }
 
-    /// Checks the numbers of losses of every agent: one per influence source.
+    /// Checks the numbers of losses of every agent: one per influence source that it has.
     fn check_losses(&self, losses: impl ExactSizeIterator<Item = Vec<usize>>) -> Result<()> {
         ensure!(losses.len() == self.0.agents.len(), "it measured the AIPs of {} agents", losses.len());
-        let fits = |(spec, lengths): (&RegionSpec, Vec<usize>)| lengths.iter().all(|&it| it == spec.sources.count());
-        ensure!(self.0.specs().zip(losses).all(fits), "it measured other influence sources than its agents have");
+        let fits = |(agent, lengths): (usize, Vec<usize>)| {
+            let own = self.0.kinds.sources(AgentId(agent));
+            lengths.into_iter().all(|count| count == own)
+        };
+        ensure!(
+            self.0.agents.clone().zip(losses).all(fits),
+            "it measured other influence sources than its agents have"
+        );
         Ok(())
     }
 

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::base::{CompactRows, Rows};
+use crate::base::{AgentId, CompactRows, Rows};
 use crate::domain::{Kinds, RegionSpec};
 
 /// Pairs `(l_t, u_t)` of one agent in the order in which the GS (global simulator) made them: whole episodes, one after
@@ -15,6 +15,8 @@ pub struct Dataset {
     pub sources: Rows<u8>,
     /// Number of samples per episode.
     pub horizon: usize,
+    /// Number of sources that the agent has itself. The others only fill up the shape of its kind and are always 0.
+    pub own_sources: usize,
 }
 
 impl Dataset {
@@ -23,12 +25,20 @@ impl Dataset {
             d_sets: CompactRows::new(spec.d_set_dim),
             sources: Rows::new(0, spec.sources.count()),
             horizon: spec.horizon,
+            own_sources: spec.sources.count(),
         }
     }
 
     /// Makes empty datasets, one per agent.
     pub fn of_all(kinds: &Kinds) -> Vec<Dataset> {
-        kinds.specs().map(Dataset::new).collect()
+        let of_agent = |(agent, spec)| Dataset { own_sources: kinds.sources(agent), ..Dataset::new(spec) };
+        AgentId::all(kinds.agents()).into_iter().zip(kinds.specs()).map(of_agent).collect()
+    }
+
+    /// Leaves out the values of sources that the agent does not have. `of_sources`: one value per source of its kind.
+    pub fn only_own<T>(&self, mut of_sources: Vec<T>) -> Vec<T> {
+        of_sources.truncate(self.own_sources);
+        of_sources
     }
 
     pub fn len(&self) -> usize {

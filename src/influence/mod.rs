@@ -24,6 +24,7 @@ mod train;
 
 use std::ops::Range;
 
+use crate::base::statistics::mean;
 use crate::base::{AgentId, Dice, Rows, Seed, Stopwatch, Work};
 use crate::config::{AipConfig, Predictor};
 use crate::domain::{RegionSpec, Result, SourceSpec};
@@ -38,6 +39,11 @@ pub use train::{AipLoss, train};
 
 /// Mean cross-entropy of every influence source, in nats.
 pub type CrossEntropies = Vec<f64>;
+
+/// Returns the mean loss of an agent's sources. Without sources it is 0: there is nothing to predict.
+pub fn mean_loss(of_sources: &[f64]) -> f64 {
+    if of_sources.is_empty() { 0.0 } else { mean(of_sources) }
+}
 
 /// A sampler of the influence sources of many regions, one row per (agent, copy).
 pub trait InfluencePredictor {

@@ -7,7 +7,7 @@ use super::{CrossEntropies, Dataset, TrainablePredictor};
 use crate::base::{AgentId, Dice, Seed, Stopwatch, Work};
 use crate::config::{AipConfig, held_out_episodes};
 
-/// Effect of one training on one agent's predictor.
+/// Effect of one training on one agent's predictor, for each source that the agent has.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AipLoss {
     /// Loss on the episodes it was trained on, before and after.
@@ -48,12 +48,13 @@ pub fn train(
     let per_agent = datasets.iter().enumerate().map(|(agent, dataset)| {
         let [seen, held_out] =
             [0..first, first..last].map(|samples| PartFrequencies::of(predictor.sources(), dataset, samples));
+        let of_agent = |losses: &[CrossEntropies]| dataset.only_own(losses[agent].clone());
         AipLoss {
-            training: [before[0][agent].clone(), after[0][agent].clone()],
-            held_out: [before[1][agent].clone(), after[1][agent].clone()],
-            marginals: held_out.cross_entropies(&seen.probabilities()),
-            frequencies: seen.whole().iter().map(|classes| 1.0 - classes[0]).collect(),
-            on_marginals: predictor.on_marginals(agent),
+            training: [of_agent(&before[0]), of_agent(&after[0])],
+            held_out: [of_agent(&before[1]), of_agent(&after[1])],
+            marginals: dataset.only_own(held_out.cross_entropies(&seen.probabilities())),
+            frequencies: dataset.only_own(seen.whole().iter().map(|classes| 1.0 - classes[0]).collect()),
+            on_marginals: dataset.only_own(predictor.on_marginals(agent)),
         }
     });
     per_agent.collect()

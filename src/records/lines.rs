@@ -6,7 +6,7 @@ use super::columns::{self, ALL};
 use crate::base::statistics::mean;
 use crate::base::{Activity, Phase, Timesheet};
 use crate::evaluation::{Evaluation, Summary};
-use crate::influence::{AipLoss, FreshLoss};
+use crate::influence::{AipLoss, FreshLoss, mean_loss};
 use crate::training::answers::{FleetLoad, Footprint, PolicyTraining};
 use crate::training::drift::Moment;
 use crate::training::imitation::ImitationLoss;
@@ -67,7 +67,7 @@ pub fn imitation_lines(steps: u64, losses: &[ImitationLoss]) -> Vec<CsvLine> {
     std::iter::once(line(ALL.to_owned(), &ImitationLoss::mean_of(losses))).chain(of_agents).collect()
 }
 
-/// Makes a line for the mean of all agents and sources. Then for each agent, one line for the mean of its sources and
+/// Makes a line for the mean of all agents, each with the mean of its sources. Then for each agent, one line for the mean of its sources and
 /// one per source.
 pub fn aip_lines(steps: u64, losses: &[AipLoss]) -> Vec<CsvLine> {
     let mut of_agents: Vec<[f64; 6]> = Vec::new();
@@ -76,7 +76,7 @@ pub fn aip_lines(steps: u64, losses: &[AipLoss]) -> Vec<CsvLine> {
         let keys = [steps.to_string(), agent.to_owned(), source.to_owned()];
         keys.into_iter().chain(values.map(|value| format!("{value:.5}"))).collect()
     };
-    let mut sources_on_marginals = 0;
+    let (choose, mut sources_on_marginals) = (choose_marginals(losses), 0);
     for (agent, loss) in losses.iter().enumerate() {
         let of_sources: Vec<[f64; 6]> = (0..loss.marginals.len())
             .map(|source| {
@@ -95,7 +95,7 @@ pub fn aip_lines(steps: u64, losses: &[AipLoss]) -> Vec<CsvLine> {
         let on_marginals = loss.on_marginals.iter().map(|&on_marginals| usize::from(on_marginals));
         let of_agent: usize = on_marginals.clone().sum();
         let mut all = line(&agent, ALL, &mean_of(&of_sources));
-        all.extend((!loss.on_marginals.is_empty()).then(|| of_agent.to_string()));
+        all.extend(choose.then(|| of_agent.to_string()));
         lines.push(all);
         let first = lines.len();
         lines.extend(of_sources.iter().enumerate().map(|(source, values)| line(&agent, &source.to_string(), values)));
@@ -107,7 +107,7 @@ pub fn aip_lines(steps: u64, losses: &[AipLoss]) -> Vec<CsvLine> {
         sources_on_marginals += of_agent;
     }
     let mut all = line(ALL, ALL, &mean_of(&of_agents));
-    all.extend(choose_marginals(losses).then(|| sources_on_marginals.to_string()));
+    all.extend(choose.then(|| sources_on_marginals.to_string()));
     lines.insert(0, all);
     lines
 }
@@ -124,7 +124,7 @@ fn choose_marginals(losses: &[AipLoss]) -> bool {
 }
 
 fn mean_of(rows: &[[f64; 6]]) -> [f64; 6] {
-    std::array::from_fn(|column| rows.iter().map(|row| row[column]).sum::<f64>() / rows.len() as f64)
+    std::array::from_fn(|column| mean_loss(&rows.iter().map(|row| row[column]).collect::<Vec<_>>()))
 }
 
 /// Makes a line for the mean of all agents, then one per agent, each the mean of its sources.
@@ -245,6 +245,17 @@ mod tests {
         let last: Vec<&str> = lines.iter().map(|line| line.last().unwrap().as_str()).collect();
         assert_eq!(last, ["3", "1", "1", "0", "2", "1", "1"], "all; agent 0 and its sources; agent 1 and its sources");
         assert!(lines.iter().all(|line| line.len() == 10));
+        let without_sources = AipLoss {
+            training: [vec![], vec![]],
+            held_out: [vec![], vec![]],
+            marginals: vec![],
+            frequencies: vec![],
+            on_marginals: vec![],
+        };
+        let lines = aip_lines(128, &[loss(&[true, false]), without_sources]);
+        let last: Vec<&str> = lines.iter().map(|line| line.last().unwrap().as_str()).collect();
+        assert_eq!(last, ["1", "1", "1", "0", "0"], "a light that nobody reaches from outside has no line per source");
+        assert_eq!(lines[4][3], "0.00000", "it has nothing to predict, so it loses nothing");
         let plain = [loss(&[])];
         assert_eq!(aip_header(&plain), header[..9]);
         assert!(aip_lines(128, &plain).iter().all(|line| line.len() == 9));

@@ -15,7 +15,7 @@ use crate::base::statistics::{Interval, mean};
 use crate::base::{counted, decimals};
 use crate::config::Config;
 use crate::evaluation::Evaluation;
-use crate::influence::{AipLoss, FreshLoss};
+use crate::influence::{AipLoss, FreshLoss, mean_loss};
 use crate::training::drift::Drift;
 use crate::training::imitation::ImitationLoss;
 use crate::training::observer::Observer;
@@ -221,8 +221,7 @@ impl Observer for Progress {
 
     fn aips_trained(&self, steps: u64, losses: &[AipLoss]) {
         let mean_of = |pick: fn(&AipLoss) -> &Vec<f64>| {
-            let losses: Vec<f64> = losses.iter().flat_map(|loss| pick(loss).iter().copied()).collect();
-            losses.iter().sum::<f64>() / losses.len() as f64
+            mean_loss(&losses.iter().map(|loss| mean_loss(pick(loss))).collect::<Vec<_>>())
         };
         let (before, after, marginals) =
             (mean_of(|loss| &loss.held_out[0]), mean_of(|loss| &loss.held_out[1]), mean_of(|loss| &loss.marginals));

@@ -225,8 +225,9 @@ fn datasets_of_a_scenario_are_collected() {
         let seed = Seed::new(5).for_episode(episode);
         collect_episode(&mut *gs, &mut RandomGreens::new(), seed, &mut datasets).unwrap();
     }
-    for dataset in &datasets {
-        assert_eq!((dataset.len(), dataset.episodes()), (480, 2));
+    for (dataset, border) in datasets.iter().zip(traffic.borders()) {
+        assert_eq!((dataset.len(), dataset.episodes(), dataset.own_sources), (480, 2, border.plan.sources()));
+        assert!(dataset.sources.iter().all(|row| row[dataset.own_sources..].iter().all(|&u| u == 0)));
         assert!(dataset.sources.as_slice().contains(&1));
         let mut d_set = vec![0.0; dataset.d_sets.width()];
         // 1200 s are two parts of 600 s: 120 decisions each.

@@ -72,7 +72,8 @@ impl OnScenario {
     /// Returns the plan of its agents. They are of one kind, as wide as the widest of them needs.
     pub fn joint_plan(&self) -> JointPlan {
         let agents = self.derived.plans();
-        let kinds = Kinds::one(agents.len(), self.spec(&agents));
+        let sources = self.borders.iter().map(|border| border.plan.sources()).collect();
+        let kinds = Kinds::one(agents.len(), self.spec(&agents)).with_sources(sources);
         JointPlan {
             agents,
             borders: self.borders.clone(),
