@@ -7,11 +7,17 @@ use serde::{Deserialize, Serialize};
 
 use crate::base::counted;
 
+/// Longest name of a scenario, in letters.
+const LONGEST_NAME: usize = 40;
+
 /// The scenario that a run simulates.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Scenario {
     #[serde(flatten)]
     pub id: ScenarioId,
+    /// What its user calls it, a plain word for titles. `None`: it is called by its domain.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
     /// Places of the agents; `None` if they are not in rows.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub map: Option<Map>,
@@ -97,7 +103,16 @@ impl Scenario {
     pub fn new(domain: &str, agents: usize, horizon: usize) -> Scenario {
         let episode = Episode { length: horizon, unit: "steps".to_owned() };
         let id = ScenarioId { domain: domain.to_owned(), agents, episode, checksum: None, rules: None };
-        Scenario { id, map: None, rules: None, files: BTreeMap::new() }
+        Scenario { id, name: None, map: None, rules: None, files: BTreeMap::new() }
+    }
+
+    /// Adds a name. Letters that are not plain become `_`; a name without plain letters is left out.
+    pub fn with_name(self, name: &str) -> Scenario {
+        let plain = |letter: char| letter.is_ascii_alphanumeric() || "-_".contains(letter);
+        let name: String = name.chars().map(|letter| if plain(letter) { letter } else { '_' }).collect();
+        let name = name.trim_start_matches(['-', '_']);
+        let name = &name[..name.len().min(LONGEST_NAME)];
+        Scenario { name: (!name.is_empty()).then(|| name.to_owned()), ..self }
     }
 
     pub fn with_map(self, map: Map) -> Scenario {
@@ -129,15 +144,21 @@ fn in_hex(checksum: u32) -> String {
 }
 
 impl ScenarioId {
-    /// Returns a title, such as `traffic, 4 agents`.
-    pub fn title(&self) -> String {
-        format!("{}, {}", self.domain, counted(self.agents, "agent"))
+    /// Returns a title, such as `traffic, 4 agents`, or `town, 20 agents` for a scenario with a name.
+    pub fn title(&self, name: Option<&str>) -> String {
+        format!("{}, {}", name.unwrap_or(&self.domain), counted(self.agents, "agent"))
     }
 
-    /// Returns the title, with what distinguishes it from other scenarios with the same number of agents.
-    pub fn title_among<'a>(&self, scenarios: impl Iterator<Item = &'a ScenarioId> + Clone) -> String {
-        let alike = scenarios.filter(|other| (&other.domain, other.agents) == (&self.domain, self.agents));
-        let mut title = self.title();
+    /// Returns the title, with what distinguishes it from other scenarios with the same title. These come with their
+    /// names.
+    pub fn title_among<'a>(
+        &self,
+        name: Option<&str>,
+        scenarios: impl Iterator<Item = (&'a ScenarioId, Option<&'a str>)> + Clone,
+    ) -> String {
+        let mut title = self.title(name);
+        let plain = title.clone();
+        let alike = scenarios.filter(|(other, name)| other.title(*name) == plain).map(|(other, _)| other);
         if alike.clone().any(|other| other.episode != self.episode) {
             title += &format!(", {} {}", self.episode.length, self.episode.unit);
         }
@@ -169,7 +190,8 @@ mod tests {
             checksum.map_or(scenario.clone(), |checksum| scenario.with_checksum(checksum)).id
         };
         let titles = |scenarios: &[ScenarioId]| -> Vec<String> {
-            scenarios.iter().map(|scenario| scenario.title_among(scenarios.iter())).collect()
+            let all = scenarios.iter().map(|scenario| (scenario, None));
+            scenarios.iter().map(|scenario| scenario.title_among(None, all.clone())).collect()
         };
         assert_eq!(titles(&[scenario(300, Some(1))]), ["traffic, 4 agents"]);
         assert_eq!(
@@ -180,6 +202,20 @@ mod tests {
             titles(&[scenario(300, Some(0x1a)), scenario(300, None)]),
             ["traffic, 4 agents, checksum 0000001a", "traffic, 4 agents, checksum unknown"]
         );
+    }
+
+    #[test]
+    fn a_scenario_with_a_name_is_called_by_it() {
+        let [town, ring] = [1, 2].map(|checksum| Scenario::new("traffic", 4, 300).with_checksum(checksum).id);
+        let all = [(&town, Some("town")), (&ring, None)].into_iter();
+        assert_eq!(town.title_among(Some("town"), all.clone()), "town, 4 agents");
+        assert_eq!(ring.title_among(None, all), "traffic, 4 agents");
+        let twice = [(&town, Some("town")), (&ring, Some("town"))].into_iter();
+        assert_eq!(ring.title_among(Some("town"), twice), "town, 4 agents, checksum 00000002");
+        let named = |name: &str| Scenario::new("traffic", 4, 300).with_name(name).name;
+        assert_eq!(named("my town (1)").unwrap(), "my_town__1_");
+        assert_eq!(["", "...", "\u{57ce}"].map(named), [None, None, None]);
+        assert_eq!(named(&"long".repeat(30)).unwrap().len(), 40);
     }
 
     #[test]
@@ -211,8 +247,9 @@ mod tests {
         assert_eq!(usual, Scenario::new("traffic", 4, 300).id, "as in runs that recorded no rules");
         let (paid, later) = (scenario(rules(1, "queue"), Some("queue")), scenario(rules(2, "speed"), None));
         assert_eq!([paid.word(), later.word()], ["traffic-4-300-queue", "traffic-4-300-v2"]);
-        assert_eq!(usual.title_among([&usual, &paid].into_iter()), "traffic, 4 agents, rules usual");
-        assert_eq!(paid.title_among([&usual, &paid].into_iter()), "traffic, 4 agents, rules queue");
+        let both = [(&usual, None), (&paid, None)].into_iter();
+        assert_eq!(usual.title_among(None, both.clone()), "traffic, 4 agents, rules usual");
+        assert_eq!(paid.title_among(None, both), "traffic, 4 agents, rules queue");
         let told = rules(2, "speed").differences(&rules(1, "queue"), ["A", "B"]);
         let versions = ["version of the environment in A: 2", "version of the environment in B: 1"];
         assert_eq!(told, [versions, ["reward in A: speed", "reward in B: queue"]].concat());

@@ -125,6 +125,9 @@ fn check(scenario: &Scenario) -> Result<()> {
     let told =
         |what, word| format!("scenario: {what} is `{}`, which is not a word of letters and digits", excerpt(word));
     ensure!(plain(&id.domain), told("domain", &id.domain));
+    if let Some(name) = &scenario.name {
+        ensure!(plain(name), told("name", name));
+    }
     if let Some(checksum) = &id.checksum {
         ensure!(plain(checksum), told("checksum", checksum));
     }
@@ -251,6 +254,12 @@ mod tests {
         for bad in ["", "../x", "/x", "-x", "a b", "ü", "a\u{1b}b", "a\nb", "a](b)", &long] {
             assert!(read(bad, 4, "steps", "1").unwrap_err().contains("scenario: domain is `"), "{bad:?}");
             assert!(read("ants", 4, "steps", bad).unwrap_err().contains("scenario: checksum is `"), "{bad:?}");
+        }
+        for bad in ["../x", "a b", &long] {
+            let scenario = Scenario { name: Some(bad.to_owned()), ..Scenario::new("ants", 4, 5) };
+            fs::write(dir.path().join(files::RUN), json!({ "scenario": scenario }).to_string()).unwrap();
+            let error = format!("{:#}", RunJson::read(dir.path()).unwrap_err());
+            assert!(error.contains("scenario: name is `"), "{error}");
         }
         assert!(read("ants", 4, "st\u{202e}eps", "1").unwrap_err().contains("scenario: unit is `st\\u{202e}eps`"));
         for agents in [0, 1_000_001, u64::MAX] {

@@ -13,9 +13,11 @@ use crate::records::run_record::{RunRecord, Status};
 /// trainings of the AIPs), other simulators, variants last.
 pub struct Comparison {
     pub scenario: ScenarioId,
-    /// Title of the scenario, unique among the comparisons of a report: `traffic, 4 agents`.
+    /// What the user calls the scenario, if all runs that recorded a name have the same.
+    pub name: Option<String>,
+    /// Title of the scenario, unique among the comparisons of a report: `traffic, 4 agents`, or `town, 20 agents`.
     pub title: String,
-    /// Name of the scenario in file names, unique among the comparisons of a report: `traffic_4`.
+    /// Name of the scenario in file names, unique among the comparisons of a report: `traffic_4`, or `town_20`.
     pub slug: String,
     pub groups: Vec<Group>,
     /// Index of the reference of an ablation: the one group that has the value of most groups in every key. Every other
@@ -45,7 +47,7 @@ impl Comparison {
     /// Returns the number of agents, with whatever else distinguishes the scenario from others.
     pub fn size(&self) -> String {
         let size = self.scenario.agents.to_string();
-        self.title.replacen(&self.scenario.title(), &size, 1)
+        self.title.replacen(&self.scenario.title(self.name.as_deref()), &size, 1)
     }
 
     /// Returns a short label of a group for a picture of this scenario. It leaves out the tables of keys if the last
@@ -170,20 +172,24 @@ pub fn sort(found: Found) -> Result<Sorted> {
     let mut left_out = found.unreadable;
     type Methods = BTreeMap<Method, Vec<RunRecord>>;
     let mut scenarios: BTreeMap<ScenarioId, Methods> = BTreeMap::new();
+    let mut recorded: BTreeMap<ScenarioId, BTreeSet<String>> = BTreeMap::new();
     for run in found.runs {
         match run.scenario.clone() {
             Some(scenario) => {
                 let method = Method::of(&run.config, &scenario);
+                recorded.entry(scenario.id.clone()).or_default().extend(scenario.name);
                 scenarios.entry(scenario.id).or_default().entry(method).or_default().push(run);
             }
             None => left_out.push(LeftOut { dir: run.dir, reason: "not evaluated yet".to_owned() }),
         }
     }
-    let all: Vec<ScenarioId> = scenarios.keys().cloned().collect();
+    let only = |names: BTreeSet<String>| if names.len() == 1 { names.into_iter().next() } else { None };
+    let all: Vec<(ScenarioId, Option<String>)> = recorded.into_iter().map(|(id, names)| (id, only(names))).collect();
+    let named = all.iter().map(|(id, name)| (id, name.as_deref()));
     let mut comparisons = Vec::new();
-    for (scenario, methods) in scenarios {
-        let plain = plain_slug(&scenario);
-        let unique = all.iter().filter(|other| plain_slug(other) == plain).count() == 1;
+    for ((scenario, methods), (_, name)) in scenarios.into_iter().zip(&all) {
+        let plain = plain_slug(&scenario, name.as_deref());
+        let unique = named.clone().filter(|&(other, name)| plain_slug(other, name) == plain).count() == 1;
         let mut told_apart = keys_that_differ(methods.keys().map(|method| &method.keys));
         told_apart.extend(keys_that_some_leave_out(methods.keys()));
         let mut groups: Vec<Group> = methods
@@ -194,12 +200,12 @@ pub fn sort(found: Found) -> Result<Sorted> {
         let reference = reference(&groups, &told_apart);
         let baselines = found.baselines.iter().map(|(_, baseline)| baseline);
         let baselines = baselines.filter(|baseline| baseline.scenario == scenario.word()).cloned().collect();
-        let title = scenario.title_among(all.iter());
+        let title = scenario.title_among(name.as_deref(), named.clone());
         let slug = if unique { plain } else { scenario.word().replace('-', "_") };
-        comparisons.push(Comparison { title, slug, scenario, groups, reference, baselines });
+        comparisons.push(Comparison { name: name.clone(), title, slug, scenario, groups, reference, baselines });
     }
     for (path, baseline) in found.baselines {
-        if all.iter().all(|scenario| scenario.word() != baseline.scenario) {
+        if all.iter().all(|(scenario, _)| scenario.word() != baseline.scenario) {
             let reason = format!("was measured on {}, but there is no run of it", baseline.scenario);
             left_out.push(LeftOut { dir: path, reason });
         }
@@ -207,8 +213,8 @@ pub fn sort(found: Found) -> Result<Sorted> {
     Ok(Sorted { comparisons, left_out })
 }
 
-fn plain_slug(scenario: &ScenarioId) -> String {
-    format!("{}_{}", scenario.domain, scenario.agents)
+fn plain_slug(scenario: &ScenarioId, name: Option<&str>) -> String {
+    format!("{}_{}", name.unwrap_or(&scenario.domain), scenario.agents)
 }
 
 /// Returns every key with more than one value among the methods, and the value that goes without saying, if there is one:
@@ -325,6 +331,33 @@ mod tests {
             RunRecord { dir: format!("runs/{index}").into(), ..RunRecord::empty(config, Some(scenario)) }
         });
         sort(Found { runs: runs.collect(), ..Found::default() }).unwrap().comparisons.remove(0)
+    }
+
+    #[test]
+    fn scenarios_are_called_as_their_runs_call_them() {
+        let run = |index: usize, (name, checksum): (Option<&str>, u32)| {
+            let config = toml::from_str(&format!("seed = {index}\n[warehouse]\nagents_per_side = 2")).unwrap();
+            let scenario = Scenario::new("traffic", 4, 100).with_checksum(checksum);
+            let scenario = name.map_or(scenario.clone(), |name| scenario.with_name(name));
+            RunRecord { dir: format!("runs/{index}").into(), ..RunRecord::empty(config, Some(scenario)) }
+        };
+        let called = |runs: &[(Option<&str>, u32)]| {
+            let runs = runs.iter().enumerate().map(|(index, &of)| run(index, of)).collect();
+            let comparisons = sort(Found { runs, ..Found::default() }).unwrap().comparisons;
+            let words =
+                comparisons.into_iter().map(|comparison| [comparison.size(), comparison.title, comparison.slug]);
+            words.collect::<Vec<_>>()
+        };
+        let town = ["4", "town, 4 agents", "town_4"].map(str::to_owned);
+        let plain = ["4", "traffic, 4 agents", "traffic_4"].map(str::to_owned);
+        assert_eq!(called(&[(Some("town"), 1), (Some("town"), 1)]), [town.clone()]);
+        assert_eq!(called(&[(Some("town"), 1), (None, 1)]), [town.clone()], "runs of earlier versions have no name");
+        assert_eq!(called(&[(Some("town"), 1), (Some("city"), 1)]), [plain.clone()], "one scenario, two names");
+        assert_eq!(called(&[(Some("town"), 1), (None, 2)]), [town, plain]);
+        let twice = called(&[(Some("town"), 1), (Some("town"), 2)]);
+        let titles = ["town, 4 agents, checksum 00000001", "town, 4 agents, checksum 00000002"];
+        assert_eq!([&twice[0][1], &twice[1][1]], titles);
+        assert_ne!(twice[0][2], twice[1][2], "files of one name would overwrite each other");
     }
 
     #[test]

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use crate::config::Config;
 use crate::config::resume::{Difference, differences, differing};
-use crate::domain::{Domain, Kinds};
+use crate::domain::{Domain, Kinds, Scenario};
 use crate::outside::Printable;
 use crate::records::files;
 use crate::records::run_json::RunJson;
@@ -16,7 +16,7 @@ use crate::records::run_json::RunJson;
 #[derive(Clone, Debug)]
 pub struct Owner {
     pub config: Config,
-    /// The scenario, as in `run.json`: with the checksums of the networks.
+    /// The scenario, as in `run.json`: with the checksums of the networks. Without its name, which copies of it have lost.
     pub scenario: Value,
     pub kinds: Kinds,
 }
@@ -29,7 +29,7 @@ pub struct NotOfThisRun(pub String);
 
 impl Owner {
     pub fn of(config: &Config, domain: &dyn Domain) -> Result<Owner> {
-        let scenario = serde_json::to_value(domain.scenario()?)?;
+        let scenario = without_name(domain.scenario()?)?;
         Ok(Owner { config: config.clone(), scenario, kinds: domain.kinds().clone() })
     }
 
@@ -56,7 +56,7 @@ impl Owner {
     fn changes_since(&self, dir: &Path, about: &RunJson) -> Result<Vec<Difference>> {
         let mut found = about.kept.as_ref().map_or(Ok(Vec::new()), |kept| kept.changed_keys(&self.config))?;
         let Some(scenario) = &about.scenario else { return Ok(found) };
-        let mut of_scenario = self.differences_from(&serde_json::to_value(scenario)?);
+        let mut of_scenario = self.differences_from(&without_name(scenario.clone())?);
         if let Some(kept) = about.kept.as_ref().filter(|_| !of_scenario.is_empty()) {
             found.extend(kept.changed_files(dir)?);
         }
@@ -103,6 +103,10 @@ const TO_RESUME: &str = "put them back to resume, or begin a new run";
 const TO_PLAY: &str = "put them back, for example from a copy; or leave this run as it was, and play its policies on another \
                        scenario with: dials-traffic baseline CONFIG --compare RUN";
 const TO_READ: &str = "put them back, for example from a copy: the figures of this run were measured with them";
+
+fn without_name(scenario: Scenario) -> Result<Value> {
+    Ok(serde_json::to_value(Scenario { name: None, ..scenario })?)
+}
 
 fn place_of(dir: &Path) -> String {
     format!("{}: ", dir.join(files::RUN).display())

@@ -36,6 +36,8 @@ pub struct ComparedSide {
     /// Its name on the command line.
     pub name: String,
     pub scenario: ScenarioId,
+    /// Title of the scenario.
+    title: String,
     pub group: Group,
     left_out: Vec<LeftOut>,
 }
@@ -61,7 +63,13 @@ impl ComparedSide {
         let comparison = comparisons.pop().with_context(|| no_run(name, &warnings(&[], &missing, &left_out)))?;
         let group = comparison.groups.into_iter().next().expect("the one that was counted");
         ensure!(group.finals().is_some(), "{name}: has no run that was evaluated yet");
-        Ok(ComparedSide { name: name.to_owned(), scenario: comparison.scenario, group, left_out })
+        Ok(ComparedSide {
+            name: name.to_owned(),
+            scenario: comparison.scenario,
+            title: comparison.title,
+            group,
+            left_out,
+        })
     }
 }
 

@@ -31,7 +31,7 @@ impl Verdict {
             [a, b] if a == b => format!("at {a} timesteps per agent"),
             [a, b] => format!("at {a} timesteps per agent in A, {b} in B"),
         };
-        lines.push(for_terminal(&format!("{}, {at}", a.scenario.title())));
+        lines.push(for_terminal(&format!("{}, {at}", a.title)));
         lines.push(String::new());
         let row = |what: &str, a: String, b: String, both: String| {
             format!("{what:<22}{a:>17}{b:>17}  {both}").trim_end().to_owned()

@@ -26,6 +26,7 @@ use crate::traffic::network::roads::Roads;
 use crate::traffic::network::roads::program::Program;
 use crate::traffic::paper_grid::grid::Grid;
 use crate::traffic::scenario::SumoScenario;
+use crate::traffic::scenario::kept::KEPT;
 use crate::traffic::sim::local::LocalTraffic;
 use crate::traffic::sim::local_forest::{LocalParts, driving_options};
 use crate::traffic::sim::recorded_roads::RecordedRoads;
@@ -184,7 +185,10 @@ impl Ground for OnScenario {
     }
 
     fn scenario(&self, agents: usize) -> Result<Scenario> {
-        Ok(Scenario::new("traffic", agents, self.horizon()).with_checksum(self.files.checksum()))
+        let scenario = Scenario::new("traffic", agents, self.horizon()).with_checksum(self.files.checksum());
+        let name = self.files.path().file_stem().unwrap_or_default().to_string_lossy();
+        // A copy in a run directory has lost the name.
+        Ok(if name == KEPT { scenario } else { scenario.with_name(&name) })
     }
 
     /// Measured with runs on the shipped town and on RESCO's maps, with decisions of 5 s. Between these maps a second of a
