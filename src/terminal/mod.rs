@@ -5,7 +5,7 @@
 //! - `stop`: Ctrl-C and SIGTERM.
 //! - [`training`], [`measuring`], [`experiment`]: the progress of `train`, `bench` and `experiment`. They show bars on
 //!   a terminal and plain lines elsewhere.
-//! - [`counting`]: a bar for episodes and other things that are counted.
+//! - [`counting`]: the progress of episodes and other things that are counted, in the same way.
 //! - `activity`, `duration`: activities and durations as text.
 //!
 //! This room only shows what other rooms hand to it. It starts no work and reads no file.
