@@ -348,11 +348,11 @@ mod tests {
                 comparisons.into_iter().map(|comparison| [comparison.size(), comparison.title, comparison.slug]);
             words.collect::<Vec<_>>()
         };
-        let town = ["4", "town, 4 agents", "town_4"].map(str::to_owned);
-        let plain = ["4", "traffic, 4 agents", "traffic_4"].map(str::to_owned);
-        assert_eq!(called(&[(Some("town"), 1), (Some("town"), 1)]), [town.clone()]);
-        assert_eq!(called(&[(Some("town"), 1), (None, 1)]), [town.clone()], "runs of earlier versions have no name");
-        assert_eq!(called(&[(Some("town"), 1), (Some("city"), 1)]), [plain.clone()], "one scenario, two names");
+        let town = ["4", "town, 4 agents", "town_4"];
+        let plain = ["4", "traffic, 4 agents", "traffic_4"];
+        assert_eq!(called(&[(Some("town"), 1), (Some("town"), 1)]), [town]);
+        assert_eq!(called(&[(Some("town"), 1), (None, 1)]), [town], "runs of earlier versions have no name");
+        assert_eq!(called(&[(Some("town"), 1), (Some("city"), 1)]), [plain], "one scenario, two names");
         assert_eq!(called(&[(Some("town"), 1), (None, 2)]), [town, plain]);
         let twice = called(&[(Some("town"), 1), (Some("town"), 2)]);
         let titles = ["town, 4 agents, checksum 00000001", "town, 4 agents, checksum 00000002"];
