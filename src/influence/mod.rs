@@ -40,7 +40,7 @@ pub use train::{AipLoss, train};
 /// Mean cross-entropy of every influence source, in nats.
 pub type CrossEntropies = Vec<f64>;
 
-/// Returns the mean loss of an agent's sources. Without sources it is 0: there is nothing to predict.
+/// Returns the mean over the sources of an agent. Without sources it is 0: there is nothing to predict.
 pub fn mean_loss(of_sources: &[f64]) -> f64 {
     if of_sources.is_empty() { 0.0 } else { mean(of_sources) }
 }

@@ -67,8 +67,8 @@ pub fn imitation_lines(steps: u64, losses: &[ImitationLoss]) -> Vec<CsvLine> {
     std::iter::once(line(ALL.to_owned(), &ImitationLoss::mean_of(losses))).chain(of_agents).collect()
 }
 
-/// Makes a line for the mean of all agents, each with the mean of its sources. Then for each agent, one line for the mean of its sources and
-/// one per source.
+/// Makes a line for the mean of all agents, each with the mean of its sources. Then for each agent, one line for that mean
+/// and one per source.
 pub fn aip_lines(steps: u64, losses: &[AipLoss]) -> Vec<CsvLine> {
     let mut of_agents: Vec<[f64; 6]> = Vec::new();
     let mut lines = Vec::new();

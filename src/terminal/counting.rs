@@ -1,6 +1,6 @@
 //! The progress of things that are counted.
 
-use std::cell::{Cell, RefCell};
+use std::cell::Cell;
 use std::fmt::Display;
 use std::time::{Duration, Instant};
 
@@ -16,9 +16,6 @@ const PLAIN_LINE_EVERY: Duration = Duration::from_secs(60);
 pub struct EpisodeBar {
     bar: ProgressBar,
     things: String,
-    /// Number of all things, which may change.
-    count: Cell<usize>,
-    message: RefCell<String>,
     last_line: Cell<Instant>,
 }
 
@@ -37,8 +34,6 @@ impl EpisodeBar {
         EpisodeBar {
             bar: bar.with_style(style.expect("the template is well-formed")),
             things: things.to_owned(),
-            count: Cell::new(count),
-            message: RefCell::default(),
             last_line: Cell::new(Instant::now()),
         }
     }
@@ -54,13 +49,10 @@ impl EpisodeBar {
 
     pub fn set_length(&self, episodes: usize) {
         self.bar.set_length(episodes as u64);
-        self.count.set(episodes);
     }
 
     pub fn tell(&self, message: impl Display) {
-        let message = Printable(message).to_string();
-        self.bar.set_message(message.clone());
-        self.message.replace(message);
+        self.bar.set_message(Printable(message).to_string());
     }
 
     pub fn finish(&self) {
@@ -73,7 +65,7 @@ impl EpisodeBar {
             return None;
         }
         self.last_line.set(now);
-        let line = format!("{done} of {} {} {}", self.count.get(), self.things, self.message.borrow());
+        let line = format!("{done} of {} {} {}", self.bar.length().unwrap_or(0), self.things, self.bar.message());
         Some(line.trim_end().to_owned())
     }
 }
