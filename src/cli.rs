@@ -6,12 +6,13 @@ mod values;
 use std::ops::Range;
 use std::path::PathBuf;
 
-use clap::builder::RangedU64ValueParser;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 
 /// Largest number of processes that may be asked for. More must be a typing error.
 const MOST_WORKERS: u64 = 4096;
+/// Largest number of rows and of columns: a grid has at most 10 000 intersections.
+const MOST_ROWS: u64 = 10_000;
 /// Longest patience in seconds.
 const A_YEAR_S: u64 = 365 * 24 * 3600;
 /// The definition in the glossary. A test compares them, and the limits with those of the domains.
@@ -117,17 +118,17 @@ pub struct TrainArgs {
     /// Number of worker processes that share the agents; 0: all work in this process. It does not change the results.
     /// Workers that would have neither agents nor episodes are not started [default: the number of cores; on a resume
     /// the number of before]
-    #[arg(long, value_parser = RangedU64ValueParser::<usize>::new().range(..=MOST_WORKERS))]
+    #[arg(long, value_parser = values::whole::<usize>(0..=MOST_WORKERS))]
     pub workers: Option<usize>,
     /// Under mpirun or srun: number of worker processes of every rank but rank 0, which coordinates [default: 1]
-    #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..=MOST_WORKERS))]
+    #[arg(long, value_name = "N", value_parser = values::whole::<usize>(1..=MOST_WORKERS))]
     pub workers_per_rank: Option<usize>,
     /// Restart a worker that has been silent for N seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 600,
-          value_parser = clap::value_parser!(u64).range(1..=A_YEAR_S))]
+          value_parser = values::whole::<u64>(1..=A_YEAR_S))]
     pub patience: u64,
     /// Seed of all random numbers; overrides the config
-    #[arg(long)]
+    #[arg(long, value_parser = values::seed)]
     pub seed: Option<u64>,
     /// Stop after N timesteps per agent; learning rate and clip still decay over total_steps
     #[arg(long, value_parser = values::number_of_steps)]
@@ -215,7 +216,7 @@ pub struct BaselineArgs {
     pub tune: bool,
     /// Number of episodes per timing in the search
     #[arg(long, value_name = "EPISODES", default_value_t = 10, requires = "tune",
-          value_parser = clap::value_parser!(u32).range(1..=10_000))]
+          value_parser = values::whole::<u32>(1..=10_000))]
     pub tune_episodes: u32,
     #[command(flatten)]
     pub episodes: EpisodesArgs,
@@ -234,13 +235,13 @@ pub struct CheckArgs {
     #[arg(long, value_name = "SIGMA", value_parser = values::sigma)]
     pub sigma: Option<f64>,
     /// Second of the episode from which cells are compared [default: 600, or a third of a shorter episode]
-    #[arg(long, value_name = "SECOND", value_parser = RangedU64ValueParser::<usize>::new().range(0..=A_YEAR_S))]
+    #[arg(long, value_name = "SECOND", value_parser = values::whole::<usize>(0..=A_YEAR_S))]
     pub begin: Option<usize>,
     /// Number of seconds that are compared [default: 1200, or as many as the episode has]
-    #[arg(long, value_name = "SECONDS", value_parser = RangedU64ValueParser::<usize>::new().range(1..=A_YEAR_S))]
+    #[arg(long, value_name = "SECONDS", value_parser = values::whole::<usize>(1..=A_YEAR_S))]
     pub seconds: Option<usize>,
     /// Seed of the greens and of SUMO
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = values::seed)]
     pub seed: u64,
     /// Print one JSON object instead of a table
     #[arg(long)]
@@ -252,10 +253,10 @@ pub struct BenchArgs {
     /// Config file, such as configs/traffic_100.toml, or a .sumocfg
     pub config: PathBuf,
     /// Measure with 1, 2, 4, ... and N worker processes [default: the number of cores]
-    #[arg(long, value_parser = RangedU64ValueParser::<usize>::new().range(1..=MOST_WORKERS))]
+    #[arg(long, value_parser = values::whole::<usize>(1..=MOST_WORKERS))]
     pub workers: Option<usize>,
     /// Approximate measuring time for each number of workers; the command begins with how long the whole takes
-    #[arg(long, value_name = "SECONDS", default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..=86_400))]
+    #[arg(long, value_name = "SECONDS", default_value_t = 20, value_parser = values::whole::<u64>(1..=86_400))]
     pub seconds: u64,
     /// Simulator and predictor that the policies train with; overrides the config
     #[arg(long, value_enum)]
@@ -273,7 +274,7 @@ pub struct DescribeArgs {
     /// Config file, such as configs/traffic_4.toml, or a .sumocfg
     pub config: PathBuf,
     /// Number of worker processes to estimate time and memory for [default: the number of cores]
-    #[arg(long, value_parser = RangedU64ValueParser::<usize>::new().range(1..=MOST_WORKERS))]
+    #[arg(long, value_parser = values::whole::<usize>(1..=MOST_WORKERS))]
     pub workers: Option<usize>,
     /// Simulator and predictor that the policies train with; overrides the config
     #[arg(long, value_enum)]
@@ -289,10 +290,10 @@ pub struct DescribeArgs {
 #[derive(Debug, Args)]
 pub struct EpisodesArgs {
     /// Number of episodes [default: evaluation.final_episodes of the config]
-    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(long, value_parser = values::whole::<u32>(1..=100_000))]
     pub episodes: Option<u32>,
     /// Seed of the traffic, the same for every controller and policy [default: evaluation.seed of the config]
-    #[arg(long)]
+    #[arg(long, value_parser = values::seed)]
     pub seed: Option<u64>,
 }
 
@@ -335,7 +336,7 @@ pub struct ReplayArgs {
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
     /// Replay the first episode of `evaluate` or `baseline` with this --seed [default: evaluation.seed of the config]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = values::seed)]
     pub episode_seed: Option<u64>,
     /// Replay the local simulator of this agent, by number or name, with the cars that its influence predictor sends
     #[arg(long, value_name = "AGENT", conflicts_with = "controller", allow_hyphen_values = true)]
@@ -368,7 +369,7 @@ pub struct ExperimentArgs {
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Number of cores to use [default: all]
-    #[arg(long, value_parser = RangedU64ValueParser::<usize>::new().range(1..=MOST_WORKERS))]
+    #[arg(long, value_parser = values::whole::<usize>(1..=MOST_WORKERS))]
     pub cores: Option<usize>,
     /// Only list the runs and estimate time and memory
     #[arg(long)]
@@ -420,12 +421,12 @@ pub struct CompareArgs {
 pub enum NetsCommand {
     /// Write a grid of R x C intersections with traffic flowing in at its boundary
     Grid {
-        #[arg(long)]
+        #[arg(long, value_parser = values::whole::<usize>(1..=MOST_ROWS))]
         rows: usize,
-        #[arg(long)]
+        #[arg(long, value_parser = values::whole::<usize>(1..=MOST_ROWS))]
         cols: usize,
         /// Probability that a car arrives at a boundary edge in a step
-        #[arg(long, default_value_t = 0.1)]
+        #[arg(long, default_value_t = 0.1, value_parser = values::number)]
         inflow: f64,
         /// Probability at one dead end, instead of `--inflow`: `--inflow-at w1=0.3`; may be given several times. Dead
         /// ends are `w0` (west end of row 0), `s0`, `e0`, `n0` and so on
@@ -448,7 +449,7 @@ pub enum NetsCommand {
         light: String,
         /// Number of edges that cars still see behind an exit, one behind the other; no edge begins farther than 150 m
         /// behind it
-        #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u8).range(0..=5))]
+        #[arg(long, default_value_t = 1, value_parser = values::whole::<u8>(0..=5))]
         hops: u8,
         /// Output directory
         #[arg(long)]

@@ -376,7 +376,7 @@ fn bad_configs_are_refused_and_nothing_is_written() {
     let unknown = write_config(dir.path(), "simulatr = 'gs'");
     refused(&unknown, &[], &["small.toml: ", "unknown field `simulatr`", "line 1"]);
     let mistyped = write_config(dir.path(), "total_steps = 'many'");
-    refused(&mistyped, &[], &["invalid type: string \"many\"", "line 1"]);
+    refused(&mistyped, &[], &["\"many\" is given", "line 1"]);
     let good = write_config(dir.path(), SHORT);
     refused(&good, &["--set", "ppo.clip=-1"], &["ppo.clip = -1: must be a positive number"]);
     refused(&good, &["--set", "ppo.nonsense=1"], &["unknown field `nonsense`"]);
@@ -936,12 +936,8 @@ fn nets_are_written_where_asked_and_a_missing_netconvert_is_told() {
     assert_refused(dials_traffic(&args).env("PATH", ""), &["netconvert is not on the PATH", "setup.sh"]);
     assert!(!elsewhere.exists() || fs::read_dir(&elsewhere).unwrap().next().is_none());
     assert_refused(
-        &mut dials_traffic(&["nets", "grid", "--rows", "0", "--cols", "2", "--out", "x"]),
-        &["a grid of 0x2"],
-    );
-    assert_refused(
-        &mut dials_traffic(&["nets", "grid", "--rows", "100000", "--cols", "100000", "--out", "x"]),
-        &["a grid of 100000x100000: must have at most 10000 intersections"],
+        &mut dials_traffic(&["nets", "grid", "--rows", "1000", "--cols", "1000", "--out", "x"]),
+        &["a grid of 1000x1000: must have at most 10000 intersections"],
     );
 }
 

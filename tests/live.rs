@@ -3,8 +3,10 @@
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
+
+use rustix::process::{Pid, Signal, kill_process};
 
 const CONFIG: &str = "total_steps = 256\n[warehouse]\nagents_per_side = 2\nhorizon = 16\n\
                       [policy]\nhidden = [16]\n[ppo]\nrollout_steps = 8\n\
@@ -106,32 +108,51 @@ fn only_browsers_on_this_machine_that_know_the_address_get_an_answer() {
     assert!(view.get("now").contains("holds no run directory"));
 }
 
-#[test]
-fn a_view_beside_a_training_ends_with_it() {
-    let folder = tempfile::tempdir().unwrap();
-    fs::write(folder.path().join("c.toml"), CONFIG.replace("= 256\n[ware", "= 40_000_000\n[ware")).unwrap();
+/// Begins a training in one process with `--dashboard`, and returns its view and the lines that it prints. The child of
+/// this view is the training.
+fn begin_with_a_view(folder: &Path) -> (View, impl Iterator<Item = String>) {
+    fs::write(folder.join("c.toml"), CONFIG.replace("= 256\n[ware", "= 40_000_000\n[ware")).unwrap();
     let words = ["train", "c.toml", "--out", "run", "--workers", "0", "--dashboard"];
-    let mut training = program(folder.path(), &words).stderr(Stdio::piped()).spawn().unwrap();
-    let mut lines = BufReader::new(training.stderr.take().unwrap()).lines().map(Result::unwrap);
+    let mut child = program(folder, &words).stderr(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
     let line = lines.find(|line| line.contains("watch it at ")).unwrap();
     let (host, path) = parts(line.split_once("watch it at ").unwrap().1);
-    let mut stream = TcpStream::connect(&host).unwrap();
-    write!(stream, "GET {path}now HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").unwrap();
-    let mut answer = String::new();
-    stream.read_to_string(&mut answer).unwrap();
-    assert!(answer.contains("<td>run</td><td>running</td>"), "{answer}");
-    training.kill().unwrap();
-    training.wait().unwrap();
-    // The system ends the view when its parent has ended, but not at the same moment.
+    (View { child, host, path }, lines)
+}
+
+/// Waits until nobody answers there. The system ends a view when its parent has ended, but not at the same moment.
+fn wait_until_gone(host: &str) {
     let gone = |_: &i32| {
-        TcpStream::connect(&host).is_err() || {
+        TcpStream::connect(host).is_err() || {
             std::thread::sleep(std::time::Duration::from_millis(20));
             false
         }
     };
     assert!((0..3000).any(|attempt| gone(&attempt)), "the view is still there after a minute");
-    let run: PathBuf = folder.path().join("run");
-    assert!(run.join("run.json").is_file());
+}
+
+#[test]
+fn a_view_beside_a_training_ends_with_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut view, _lines) = begin_with_a_view(folder.path());
+    let answer = view.get("now");
+    assert!(answer.contains("<td>run</td><td>running</td>"), "{answer}");
+    view.child.kill().unwrap();
+    view.child.wait().unwrap();
+    wait_until_gone(&view.host);
+    assert!(folder.path().join("run/run.json").is_file());
+}
+
+#[test]
+fn ctrl_c_ends_a_training_in_one_process_and_its_view_with_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut view, mut lines) = begin_with_a_view(folder.path());
+    lines.find(|line| line.starts_with("step ")).expect("it trains");
+    kill_process(Pid::from_child(&view.child), Signal::INT).unwrap();
+    let said = lines.collect::<Vec<_>>().join("\n");
+    assert_eq!(view.child.wait().unwrap().code(), Some(130), "{said}");
+    assert!(said.contains("stopped") && said.contains(" train --resume "), "{said}");
+    wait_until_gone(&view.host);
 }
 
 #[test]

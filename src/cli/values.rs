@@ -1,6 +1,6 @@
 //! Values of the command line that clap cannot read by itself.
 
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 
 /// Reads the first second and the one after the last.
 pub(super) fn seconds(text: &str) -> Result<Range<usize>, String> {
@@ -9,19 +9,38 @@ pub(super) fn seconds(text: &str) -> Result<Range<usize>, String> {
     if ends.start < ends.end { Ok(ends) } else { Err("must begin before it ends, such as 600,1200".to_owned()) }
 }
 
-/// Reads a number of steps as configs and `--set` have them: `1000000`, `1_000_000` or `1e6`.
+/// Returns a reader of whole numbers of this range, written as configs and `--set` have them: `1000000`, `1_000_000` or
+/// `1e6`.
+pub(super) fn whole<T: TryFrom<u64>>(range: RangeInclusive<u64>) -> impl Fn(&str) -> Result<T, String> + Clone {
+    move |text| {
+        let number =
+            whole_number(text).filter(|number| range.contains(number)).and_then(|number| number.try_into().ok());
+        number.ok_or_else(|| format!("must be a whole number from {} to {}", range.start(), range.end()))
+    }
+}
+
+/// Reads a seed.
+pub(super) fn seed(text: &str) -> Result<u64, String> {
+    whole(0..=u64::MAX)(text)
+}
+
+/// Reads a number of steps.
 pub(super) fn number_of_steps(text: &str) -> Result<u64, String> {
+    // TOML, in which runs write it down, has no larger numbers.
+    let steps = whole_number(text).filter(|steps| *steps <= i64::MAX as u64);
+    steps.ok_or_else(|| "must be a whole number such as 1000000 or 1e6".to_owned())
+}
+
+fn whole_number(text: &str) -> Option<u64> {
     let digits = text.replace('_', "");
     let whole = |number: &f64| number.fract() == 0.0 && (0.0..2_f64.powi(53)).contains(number);
     let rounded = || digits.parse::<f64>().ok().filter(whole).map(|number| number as u64);
-    // TOML, in which runs write it down, has no larger numbers.
-    let steps = digits.parse::<u64>().ok().or_else(rounded).filter(|steps| *steps <= i64::MAX as u64);
-    steps.ok_or_else(|| "must be a whole number such as 1000000 or 1e6".to_owned())
+    digits.parse::<u64>().ok().or_else(rounded)
 }
 
 /// Reads how much cars dawdle.
 pub(super) fn sigma(text: &str) -> Result<f64, String> {
-    let number = text.parse::<f64>().map_err(|error| error.to_string())?;
+    let number = number(text)?;
     if (0.0..=1.0).contains(&number) { Ok(number) } else { Err("must be from 0 to 1".to_owned()) }
 }
 
@@ -33,6 +52,11 @@ pub(super) fn inflow_at(text: &str) -> Result<(String, f64), String> {
 
 /// Reads a number that is neither infinite nor NaN.
 pub(super) fn finite(text: &str) -> Result<f64, String> {
-    let number = text.parse::<f64>().map_err(|error| error.to_string())?;
+    let number = number(text)?;
     if number.is_finite() { Ok(number) } else { Err("must be a finite number".to_owned()) }
+}
+
+/// Reads a number.
+pub(super) fn number(text: &str) -> Result<f64, String> {
+    text.parse().map_err(|_| "must be a number such as 0.5".to_owned())
 }

@@ -1,17 +1,51 @@
 //! Errors of files in TOML and JSON in plain words. Their readers speak of Rust's types.
 
-/// Rust's whole numbers.
-const WHOLE: [&str; 4] = ["u64", "u32", "u16", "usize"];
+/// Rust's types, and what a person writes for one.
+const NEEDED: [(&str, &str); 10] = [
+    ("u64", WHOLE),
+    ("u32", WHOLE),
+    ("u16", WHOLE),
+    ("usize", WHOLE),
+    ("f64", "a number"),
+    ("f32", "a number"),
+    ("a boolean", "`true` or `false`"),
+    ("a string", "a text in quotes"),
+    ("a sequence", "a list such as [1, 2]"),
+    ("a map", "a table"),
+];
+const WHOLE: &str = "a whole number such as 1000000 or 1e6";
+
+/// The readers' words before a value, and ours.
+const GIVEN: [(&str, &str); 6] = [
+    ("string ", ""),
+    ("integer ", ""),
+    ("floating point ", ""),
+    ("boolean ", ""),
+    ("sequence", "a list"),
+    ("map", "a table"),
+];
 
 /// Returns the message of an error in plain words: what was found, and what is allowed.
 pub fn in_plain_words(message: &str) -> String {
-    let message = WHOLE.iter().fold(message.to_owned(), |message, kind| {
-        message.replace(&format!("expected {kind}"), "expected a whole number such as 1000000 or 1e6")
-    });
-    let Some((before, rest)) = message.split_once("unknown variant ") else { return message };
-    let Some((found, allowed)) = rest.split_once(", expected ") else { return message };
-    let allowed = allowed.strip_prefix("one of ").unwrap_or(allowed);
-    format!("{before}{found} is no allowed value; allowed: {allowed}")
+    let found = |begin: &str| {
+        let (before, rest) = message.split_once(begin)?;
+        let (given, expected) = rest.split_once(", expected ")?;
+        Some((before, given, expected))
+    };
+    if let Some((before, given, allowed)) = found("unknown variant ") {
+        let allowed = allowed.strip_prefix("one of ").unwrap_or(allowed);
+        return format!("{before}{given} is no allowed value; allowed: {allowed}");
+    }
+    let Some((before, given, expected)) = found("invalid type: ").or_else(|| found("invalid value: ")) else {
+        return message.to_owned();
+    };
+    // What follows says where it is.
+    let (needed, place) = expected.split_at(expected.find('\n').unwrap_or(expected.len()));
+    let plain = NEEDED.iter().find(|(kind, _)| *kind == needed).map(|&(_, plain)| plain);
+    let needed = plain.unwrap_or(if needed.starts_with("struct ") { "a table" } else { needed });
+    let without = |&(word, plain): &(&str, &str)| Some(format!("{plain}{}", given.strip_prefix(word)?));
+    let given = GIVEN.iter().find_map(without).unwrap_or_else(|| given.to_owned());
+    format!("{before}{given} is given, but {needed} is needed{place}")
 }
 
 #[cfg(test)]
@@ -25,5 +59,31 @@ mod tests {
         let two = "unknown variant `c`, expected `a` or `b`";
         assert_eq!(in_plain_words(two), "`c` is no allowed value; allowed: `a` or `b`");
         assert_eq!(in_plain_words("unknown field `c`, expected `a`"), "unknown field `c`, expected `a`");
+    }
+
+    #[test]
+    fn a_value_of_another_type_is_told_with_what_is_needed() {
+        for (message, plain) in [
+            (
+                "invalid type: string \"a\", expected f64\nin `ppo.gamma`",
+                "\"a\" is given, but a number is needed\nin `ppo.gamma`",
+            ),
+            (
+                "invalid value: integer `-1`, expected u64",
+                "`-1` is given, but a whole number such as 1000000 or 1e6 is needed",
+            ),
+            (
+                "line 1\ninvalid type: sequence, expected a string\n",
+                "line 1\na list is given, but a text in quotes is needed\n",
+            ),
+            (
+                "invalid type: boolean `true`, expected a sequence",
+                "`true` is given, but a list such as [1, 2] is needed",
+            ),
+            ("invalid type: map, expected a reward", "a table is given, but a reward is needed"),
+            ("invalid type: integer `3`, expected struct PpoConfig", "`3` is given, but a table is needed"),
+        ] {
+            assert_eq!(in_plain_words(message), plain);
+        }
     }
 }

@@ -171,23 +171,24 @@ pub struct Sorted {
 pub fn sort(found: Found) -> Result<Sorted> {
     let mut left_out = found.unreadable;
     type Methods = BTreeMap<Method, Vec<RunRecord>>;
-    let mut scenarios: BTreeMap<ScenarioId, Methods> = BTreeMap::new();
-    let mut recorded: BTreeMap<ScenarioId, BTreeSet<String>> = BTreeMap::new();
+    let mut scenarios: BTreeMap<ScenarioId, (Methods, BTreeSet<String>)> = BTreeMap::new();
     for run in found.runs {
         match run.scenario.clone() {
             Some(scenario) => {
                 let method = Method::of(&run.config, &scenario);
-                recorded.entry(scenario.id.clone()).or_default().extend(scenario.name);
-                scenarios.entry(scenario.id).or_default().entry(method).or_default().push(run);
+                let (methods, names) = scenarios.entry(scenario.id).or_default();
+                methods.entry(method).or_default().push(run);
+                names.extend(scenario.name);
             }
             None => left_out.push(LeftOut { dir: run.dir, reason: "not evaluated yet".to_owned() }),
         }
     }
-    let only = |names: BTreeSet<String>| if names.len() == 1 { names.into_iter().next() } else { None };
-    let all: Vec<(ScenarioId, Option<String>)> = recorded.into_iter().map(|(id, names)| (id, only(names))).collect();
+    let only = |names: &BTreeSet<String>| names.first().filter(|_| names.len() == 1).cloned();
+    let all: Vec<(ScenarioId, Option<String>)> =
+        scenarios.iter().map(|(id, (_, names))| (id.clone(), only(names))).collect();
     let named = all.iter().map(|(id, name)| (id, name.as_deref()));
     let mut comparisons = Vec::new();
-    for ((scenario, methods), (_, name)) in scenarios.into_iter().zip(&all) {
+    for ((scenario, (methods, _)), (_, name)) in scenarios.into_iter().zip(&all) {
         let plain = plain_slug(&scenario, name.as_deref());
         let unique = named.clone().filter(|&(other, name)| plain_slug(other, name) == plain).count() == 1;
         let mut told_apart = keys_that_differ(methods.keys().map(|method| &method.keys));

@@ -32,11 +32,9 @@ pub fn has_ended(directory: &Directory, config: &Config, point: &ResumePoint) ->
     let Some(checkpoint) = &point.checkpoint else { return false };
     let dir = directory.path();
     let (steps, until) = (checkpoint.agents.steps, checkpoint.progress.standing.until);
-    let evaluated = |run: &RunRecord| {
-        let last = run.evaluations.last().filter(|last| last.steps == steps);
-        last.is_some_and(|last| last.episodes == Some(config.evaluation.final_episodes))
-    };
-    let all_is_there = |run: RunRecord| evaluated(&run) && run.is_whole();
+    let final_episodes = Some(config.evaluation.final_episodes);
+    let all_is_there =
+        |run: RunRecord| run.evaluation_at(steps).is_some_and(|last| last.episodes == final_episodes) && run.is_whole();
     let learns = config.simulator.predictor().is_some_and(Predictor::learns);
     let networks = [(files::POLICIES, true), (files::AIPS, learns)];
     let has_networks =
@@ -53,10 +51,6 @@ pub fn has_ended(directory: &Directory, config: &Config, point: &ResumePoint) ->
     true
 }
 
-fn was_evaluated(dir: &Path, steps: u64) -> bool {
-    RunRecord::read(dir).is_ok_and(|run| run.evaluation_at(steps).is_some())
-}
-
 /// Says so if the resumed run loses an evaluation: that of an earlier end at which the longer run is not evaluated. The
 /// files of a resumed run are those of a run that was never stopped.
 pub fn tell_of_lost_evaluation(dir: &Path, config: &Config, point: &ResumePoint) {
@@ -65,7 +59,8 @@ pub fn tell_of_lost_evaluation(dir: &Path, config: &Config, point: &ResumePoint)
     let rest = rest_of_schedule(config, standing.until);
     // Without a rest the run ends here, with an evaluation.
     let comes_again = rest.first().is_none_or(|next| next.evaluate) || standing.evaluated_at == Some(steps);
-    if !comes_again && was_evaluated(dir, steps) {
+    let was_evaluated = || RunRecord::read(dir).is_ok_and(|run| run.evaluation_at(steps).is_some());
+    if !comes_again && was_evaluated() {
         tell(format_args!(
             "note: {} loses the evaluation at step {steps}, the earlier end of this run.\n  A run that goes on is not \
              evaluated there (evaluation.every_steps = {}).",

@@ -11,8 +11,8 @@ use super::{call, ffi};
 /// Path of the library, or its name if it is where the system looks; ends in zero.
 const LIBRARY: &str = concat!(env!("DIALS_SUMO_LIBRARY"), "\0");
 
-/// Loads libsumo, if this process has not done so yet. Every later call of it needs this.
-pub(super) fn load() -> Result<()> {
+/// Loads libsumo, if this process has not done so yet. Every other call of this room does so by itself.
+pub fn load() -> Result<()> {
     static LOADED: OnceLock<std::result::Result<(), String>> = OnceLock::new();
     let loaded = LOADED.get_or_init(|| {
         let library = CStr::from_bytes_with_nul(LIBRARY.as_bytes()).expect("build.rs writes no zero");

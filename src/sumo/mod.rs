@@ -28,6 +28,7 @@ mod table;
 pub use error::{Error, Result};
 pub use events::{DepartSpeed, Departure, Entering, Insertion, Placing, RouteNow, StepCounts};
 pub use ids::{CarId, LaneId, LightId, RouteId, TypeId};
+pub use library::load;
 pub use signal::SignalState;
 pub use simulation::Simulation;
 pub use table::{Car, CarTable, LaneCars};

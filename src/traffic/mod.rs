@@ -64,7 +64,7 @@ use crate::domain::{
     Baseline, Beginning, Bystander, Domain, GlobalSimulator, Kind, Kinds, LocalSimulator, Measures, Result, RoughCosts,
     Scenario, Task,
 };
-use crate::sumo::Simulation;
+use crate::sumo::{self, Simulation};
 use agents::plan::{AgentPlan, Border, JointPlan};
 use controllers::timing_file::TimingFile;
 use controllers::{HandCoded, Trials};
@@ -177,6 +177,8 @@ impl Traffic {
     /// Loads everything in SUMO and plays a step, so that a faulty network is reported before a run begins. For a grid it
     /// takes tens of milliseconds; SUMO is closed again.
     pub fn check_in_sumo(&self) -> Result<()> {
+        // That SUMO's library is missing, or too large for this process, is no fault of the network.
+        sumo::load()?;
         self.try_global().with_context(|| self.ground.cannot_be_simulated())?;
         self.ground.try_local()
     }
