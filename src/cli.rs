@@ -211,7 +211,8 @@ pub struct BaselineArgs {
     /// Saved policies take the most probable action instead of sampling
     #[arg(long, requires = "compare", conflicts_with = "controller")]
     pub greedy: bool,
-    /// First search the best timings for `fixed-time` and `coordinated`; they are cached in tuned/
+    /// First search the best timings for `fixed-time` and `coordinated`, on episodes of the config's seed; they are cached
+    /// in tuned/
     #[arg(long)]
     pub tune: bool,
     /// Number of episodes per timing in the search

@@ -586,6 +586,38 @@ fn runs_and_controllers_on_other_episodes_are_told_and_only_their_means_subtract
 }
 
 #[test]
+fn of_more_of_the_same_episodes_the_first_ones_are_compared() {
+    let dir = copy_of(&["traffic_4-gs-seed1", "traffic_4-dials-seed1"]);
+    let gs = dir.path().join("runs/traffic_4-gs-seed1");
+    let episodes = fs::read_to_string(gs.join("episodes.csv")).unwrap();
+    let [.., third, fourth] = &episodes.lines().collect::<Vec<_>>()[..] else { panic!("it has four at the end") };
+    edit(&gs.join("episodes.csv"), &format!("{third}\n{fourth}\n"), "");
+    edit(&gs.join("returns.csv"), "4000064,all,200.0000", "4000064,all,198.5000");
+    for stuck in ["0", "1"] {
+        edit(&gs.join("returns.csv"), &format!(",4,{stuck},"), &format!(",2,{stuck},"));
+    }
+    let compared = |json: &[&str]| {
+        let args = [&["compare", "runs/traffic_4-gs-seed1", "runs/traffic_4-dials-seed1"], json].concat();
+        let assert = dials_traffic(&args).current_dir(dir.path()).assert().success();
+        text(&assert.get_output().stdout)
+    };
+    let found: Value = serde_json::from_str(&compared(&["--json"])).unwrap();
+    assert_eq!(found["paired_by"], "episode and seed");
+    // 198 and 199 against 212 and 213.
+    near(&found["a"]["mean_return"], 198.5);
+    near(&found["b"]["mean_return"], 212.5);
+    assert_eq!([&found["a"]["episodes"], &found["b"]["episodes"]], [2, 2]);
+    near(&found["difference"], 14.0);
+    let said = compared(&[]);
+    assert!(said.contains("returns are of the first 2, which all of them have"), "{said}");
+    dials_traffic(&["report", "runs", "--out", "report"]).current_dir(dir.path()).assert().success();
+    let markdown = fs::read_to_string(dir.path().join("report/report.md")).unwrap();
+    let told = "evaluated on more or fewer episodes than GS, so the difference is over those that both have: DIALS F=1M \
+                (the first 2 episodes)";
+    assert!(markdown.contains(told), "{markdown}");
+}
+
+#[test]
 fn a_comparison_tells_a_person_what_to_doubt() {
     let assert =
         dials_traffic(&["compare", "runs/traffic_4-gs-seed1", "runs/traffic_4-dials-seed1"]).assert().success();

@@ -43,10 +43,11 @@ pub fn expected(config: &Config, agents: usize, rough: &RoughCosts, workers: usi
     let part = |share: f64, least_s: f64| time.mul_f64(share).max(Duration::from_secs_f64(least_s));
     // Each worker plays whole episodes.
     let episode_s = (agents * config.horizon()) as f64 * rough.evaluation_s;
+    let dataset_s = episode_s * config.dataset_episodes(config.horizon()).div_ceil(workers) as f64;
     let step_s = if config.simulator == Simulator::Global { rough.training_on_gs_s } else { rough.training_s };
     let update_s = (agents * config.ppo.memory) as f64 * step_s / workers as f64;
     let of_predictors = match config.simulator.trains_predictors() {
-        true => part(COLLECTION, episode_s) + part(AIP_TRAINING, 0.0),
+        true => part(COLLECTION, dataset_s) + part(AIP_TRAINING, 0.0),
         false => Duration::ZERO,
     };
     // One update more shows how long one takes.
@@ -113,6 +114,7 @@ pub fn measure(plan: &MeasurePlan<'_>, fleet: &mut dyn Fleet, journal: &mut dyn 
         journal,
         standing: Standing::default(),
         evaluation_episodes: plan.config.evaluation.episodes,
+        collection_rounds: rounds_of_a_collection(plan),
         period: Period { start: 0, end: 0, train_aips: AipTraining::No, evaluate: false, average: false },
     };
     let part = |share: f64| plan.time.mul_f64(share);
@@ -161,6 +163,11 @@ pub fn measure(plan: &MeasurePlan<'_>, fleet: &mut dyn Fleet, journal: &mut dyn 
     })
 }
 
+/// Returns the number of episodes of each worker in a collection. A single worker plays two, because one of a dataset is held out.
+fn rounds_of_a_collection(plan: &MeasurePlan<'_>) -> f64 {
+    plan.config.dataset_episodes(plan.kinds.horizon()) as f64 / plan.workers as f64
+}
+
 /// Repeats orders until the time is over, at least one.
 fn repeat(time: Duration, mut order: impl FnMut(&mut Orders) -> Result<()>) -> Result<Orders> {
     let mut orders = Orders::default();
@@ -197,6 +204,8 @@ struct Bench<'a> {
     journal: &'a mut dyn Journal,
     standing: Standing,
     evaluation_episodes: usize,
+    /// Episodes of each worker in a collection.
+    collection_rounds: f64,
     period: Period,
 }
 
@@ -214,7 +223,7 @@ impl Bench<'_> {
         let mut datasets = Vec::new();
         // Different episodes each time: the traffic of one varies by several percent, and the marginals come from them.
         let order = orders.count as u64;
-        self.order(orders, Activity::Collection, 1.0, |bench| {
+        self.order(orders, Activity::Collection, self.collection_rounds, |bench| {
             datasets = bench.fleet.collect_datasets(Purpose::Training { steps: order })?;
             Ok(bench.fleet.take_load())
         })?;

@@ -9,8 +9,7 @@ pub(super) fn seconds(text: &str) -> Result<Range<usize>, String> {
     if ends.start < ends.end { Ok(ends) } else { Err("must begin before it ends, such as 600,1200".to_owned()) }
 }
 
-/// Returns a reader of whole numbers of this range, written as configs and `--set` have them: `1000000`, `1_000_000` or
-/// `1e6`.
+/// Returns a reader of whole numbers of this range, written as `--set` has them: `1000000`, `1_000_000` or `1e6`.
 pub(super) fn whole<T: TryFrom<u64>>(range: RangeInclusive<u64>) -> impl Fn(&str) -> Result<T, String> + Clone {
     move |text| {
         let number =

@@ -34,8 +34,10 @@ pub fn load_kept(path: &Path) -> Result<Config> {
 fn read(path: &Path, settings: &[String]) -> Result<Config> {
     let is_scenario = path.extension().is_some_and(|extension| extension == "sumocfg");
     let mut table = if is_scenario { naming(path)? } else { table_in(path)? };
-    if names_a_scenario(&table) || settings.iter().any(|setting| sets(setting, "traffic.scenario")) {
-        fill_in_for_a_scenario(&mut table);
+    let mut given = Table::new();
+    settings.iter().try_for_each(|setting| lay_over(&mut given, setting))?;
+    if [&table, &given].into_iter().any(|table| has(table, "traffic", "scenario")) {
+        fill_in_for_a_scenario(&mut table, &given);
     }
     for setting in settings {
         lay_over(&mut table, setting)?;
@@ -48,7 +50,7 @@ fn read(path: &Path, settings: &[String]) -> Result<Config> {
     if let Some(domain) = &mut config.domain {
         let table = domain.name();
         for (key, file) in domain.paths() {
-            if !settings.iter().any(|setting| sets(setting, &format!("{table}.{key}"))) {
+            if !has(&given, table, key) {
                 *file = folder.join(&file);
             }
         }
@@ -105,21 +107,17 @@ fn naming(scenario: &Path) -> Result<Table> {
     Ok(Table::from_iter([("traffic".to_owned(), Value::Table(traffic))]))
 }
 
-fn names_a_scenario(table: &Table) -> bool {
-    table.get("traffic").and_then(|traffic| traffic.get("scenario")).is_some()
+/// Returns whether a table of the config has this key.
+fn has(config: &Table, table: &str, key: &str) -> bool {
+    config.get(table).and_then(|table| table.get(key)).is_some()
 }
 
-/// Returns whether a setting of `--set` is for this key.
-fn sets(setting: &str, key: &str) -> bool {
-    setting.split_once('=').is_some_and(|(name, _)| name.trim() == key)
-}
-
-/// Adds the keys that a config leaves out, with their defaults for a scenario.
-fn fill_in_for_a_scenario(table: &mut Table) {
+/// Adds the keys that a config leaves out, with their defaults for a scenario. `given`: the keys of `--set`.
+fn fill_in_for_a_scenario(table: &mut Table, given: &Table) {
     let mut defaults: Table = SCENARIO_DEFAULTS.parse().expect("a test reads it");
     // Patience cannot be written as "none". Who names the epochs and no patience wants all of them; so does the kept
     // config of such a run.
-    if table.get("aip").and_then(|aip| aip.get("epochs")).is_some()
+    if [&*table, given].into_iter().any(|table| has(table, "aip", "epochs"))
         && let Some(Value::Table(aip)) = defaults.get_mut("aip")
     {
         aip.remove("patience");
@@ -224,6 +222,23 @@ mod tests {
         let network = |settings: &[&str]| traffic_of(load_text(SMALL, settings).unwrap()).network;
         assert_eq!(network(&["traffic.network=sumo_nets/grid_2x2"]), Path::new("sumo_nets/grid_2x2"));
         assert!(network(&["traffic.local_network=sumo_nets/local"]).is_absolute(), "it is of the file");
+        let table = "traffic={network='sumo_nets/grid_2x2', local_network='sumo_nets/local'}";
+        assert_eq!(network(&[table]), Path::new("sumo_nets/grid_2x2"));
+    }
+
+    #[test]
+    fn who_names_the_epochs_of_a_scenario_and_no_patience_wants_all_of_them() {
+        let patience = |file: &str, settings: &[&str]| {
+            let text = format!("{file}[traffic]\nscenario = \"town.sumocfg\"\nbegin_s = 0\nend_s = 3600\n");
+            load_text(&text, settings).unwrap().aip.patience
+        };
+        let default = patience("", &[]);
+        assert!(default.is_some());
+        assert_eq!(patience("[aip]\nepochs = 7\n", &[]), None);
+        assert_eq!(patience("", &["aip.epochs=7"]), None);
+        assert_eq!(patience("", &["aip={epochs=7}"]), None);
+        assert_eq!(patience("", &["aip.epochs=7", "aip.patience=2"]), Some(2));
+        assert_eq!(patience("", &["aip.batch=32"]), default);
     }
 
     #[test]
@@ -234,10 +249,7 @@ mod tests {
         assert_eq!(load_text(SMALL, &["ppo.clip=1e0"]).unwrap().ppo.clip, 1.0);
         for steps in ["1.5", "1e-3", "many"] {
             let error = error_of(SMALL, &[&format!("total_steps={steps}")]);
-            assert!(
-                error.contains("total_steps: ") && error.contains("a whole number such as 1000000 or 1e6"),
-                "{error}"
-            );
+            assert!(error.contains("total_steps: ") && error.contains("a whole number such as 1000000 is"), "{error}");
         }
     }
 

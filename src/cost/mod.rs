@@ -3,7 +3,7 @@
 //! - `workload`: the amounts of work in a run, from its schedule.
 //! - `prices`: the cost of one unit of each kind of work, and the cost of the run.
 //!
-//! [`mod@crate::bench`] gets prices from short orders to a real fleet, [`crate::experiment`] from finished runs. They
+//! [`mod@crate::bench`] gets prices from short orders to a real fleet, [`crate::experiment`] from other runs. They
 //! choose the unit of a price: seconds, or microseconds with their parts.
 
 mod prices;

@@ -26,6 +26,7 @@ const EPISODES: RangeInclusive<u32> = 1..=100_000;
 #[serde(deny_unknown_fields)]
 pub struct ExperimentFile {
     /// Seeds of all runs, unless a grid has its own. Every combination runs once per seed.
+    #[serde(default)]
     pub seeds: Vec<u64>,
     /// Settings of all runs, in the form of `train --set`.
     #[serde(default)]
@@ -150,7 +151,18 @@ impl Experiment {
         for grid in &file.grid {
             ensure!(!grid.configs.is_empty(), "{}: a [[grid]] without configs has no runs", path.display());
             let seeds = grid.seeds.as_ref().unwrap_or(&file.seeds);
-            ensure!(!seeds.is_empty(), "{}: a [[grid]] without seeds has no runs", path.display());
+            ensure!(
+                !seeds.is_empty(),
+                "{}: a [[grid]] without seeds has no runs; add `seeds = [1]` to it, or before the first [[grid]] for all",
+                path.display()
+            );
+            ensure!(
+                grid.retrain_every_steps.is_empty()
+                    || grid.simulators.is_empty()
+                    || grid.simulators.iter().any(|kind| kind.trains_predictors()),
+                "{}: retrain_every_steps: no simulator of its [[grid]] trains AIPs; leave it out",
+                path.display()
+            );
             for config in &grid.configs {
                 let config_path = folder.join(config);
                 let name = name_of(&config_path, &mut names).with_context(|| path.display().to_string())?;
@@ -228,6 +240,13 @@ impl RunGrid {
         let factors = [self.configs.len(), self.simulators.len().max(1), self.retrain_every_steps.len().max(1), seeds];
         factors.into_iter().fold(1, usize::saturating_mul)
     }
+
+    /// Writes an F of this grid: rounded, unless another one rounds to the same.
+    fn text_of(&self, every: u64) -> String {
+        let short = steps_text(every);
+        let is_same = |other: &u64| *other != every && steps_text(*other) == short;
+        if self.retrain_every_steps.iter().any(is_same) { every.to_string() } else { short }
+    }
 }
 
 struct Combination {
@@ -256,7 +275,7 @@ fn combinations(file: &ExperimentFile, grid: &RunGrid, config_path: &Path, name:
                 settings.extend(kind.map(|kind| format!("simulator={}", kind.name())));
                 settings.extend(every.map(|every| format!("aip.retrain_every_steps={every}")));
                 settings.push(format!("seed={seed}"));
-                let mut words = every.map_or(String::new(), |every| format!("-F{}", steps_text(every)));
+                let mut words = every.map_or(String::new(), |every| format!("-F{}", grid.text_of(every)));
                 words.extend(grid.name.iter().map(|name| format!("-{name}")));
                 let (config_path, config_name) = (config_path.to_owned(), name.to_owned());
                 combinations.push(Combination { config_path, config_name, settings, every, words, seed });
@@ -374,7 +393,7 @@ mod tests {
     fn bad_input_names_the_file_and_what_is_wrong() {
         for (text, told) in [
             ("seeds = [1]\ngrid = []", "has no [[grid]]"),
-            ("[[grid]]\nconfigs = ['small.toml']", "missing field `seeds`"),
+            ("[[grid]]\nconfigs = ['small.toml']", "a [[grid]] without seeds has no runs; add `seeds = [1]`"),
             ("seeds = [1]\n[[grid]]\nconfigs = []", "without configs"),
             ("seeds = [1]\n[[grid]]\nconfigs = ['no.toml']", "no.toml: cannot be read"),
             ("seeds = [1]\nseed = 2\n[[grid]]\nconfigs = ['small.toml']", "unknown field `seed`"),

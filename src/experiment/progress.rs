@@ -6,7 +6,7 @@ use anyhow::{Error, Result, bail, ensure};
 
 use super::file::{PlannedBaseline, PlannedRun};
 use crate::config;
-use crate::outside::quoted;
+use crate::outside::{Printable, quoted};
 use crate::records::checkpoint::owner::NotOfThisRun;
 use crate::records::files::{CONFIG, is_run_dir};
 use crate::records::reader::scenario_of;
@@ -99,21 +99,34 @@ fn unreadable(dir: &Path, error: &Error) -> String {
     )
 }
 
-/// Reads whether a controller was measured as planned. A change of its file or of SUMO counts, too.
-pub fn stage_of_baseline(folder: &Path, planned: &PlannedBaseline) -> Stage {
+/// Reads whether a controller was measured as planned. A change of its file or of SUMO counts, too. Another controller or
+/// another scenario in its file is an error: it may be of another experiment.
+pub fn stage_of_baseline(folder: &Path, planned: &PlannedBaseline) -> Result<Stage> {
     let path = baseline_file(folder, &planned.name);
     if !path.exists() {
-        return Stage::New;
+        return Ok(Stage::New);
     }
-    let (scenario, controller) = (&planned.scenario, &planned.controller);
-    let as_planned = |there: BaselineRecord| {
-        (&there.scenario, &there.controller, there.episodes) == (scenario, controller, planned.episodes)
+    let Ok(there) = read_baseline(&path) else { return Ok(Stage::Outdated) };
+    for (what, then, now) in
+        [("scenario", &there.scenario, &planned.scenario), ("controller", &there.controller, &planned.controller)]
+    {
+        ensure!(
+            then == now,
+            "{}: holds another measurement than planned ({what}: {} there, {} planned); move it away, or choose another \
+             folder with --out",
+            path.display(),
+            Printable(then),
+            Printable(now)
+        );
+    }
+    let as_planned = |there: &BaselineRecord| {
+        there.episodes == planned.episodes
             && there.seed == Some(planned.config.evaluation.seed)
             // Older versions did not write the returns of single episodes.
             && there.episode_returns.len() == planned.episodes
             && is_measured_with(&there.measured_with, &planned.measured_with)
     };
-    if read_baseline(&path).is_ok_and(as_planned) { Stage::Finished } else { Stage::Outdated }
+    Ok(if as_planned(&there) { Stage::Finished } else { Stage::Outdated })
 }
 
 /// Returns whether a controller would be measured with the same again. Older versions did not write the file of one, so
@@ -266,7 +279,7 @@ mod tests {
             }
             std::fs::write(&path, record.to_string()).unwrap();
             baseline.measured_with = now;
-            stage_of_baseline(folder.path(), &baseline)
+            stage_of_baseline(folder.path(), &baseline).unwrap()
         };
         let (a, b, old, new) = (Some("a"), Some("b"), Some("SUMO 1.15.0"), Some("SUMO 1.16.0"));
         for (then, now) in [
@@ -285,6 +298,37 @@ mod tests {
         ] {
             assert_eq!(stage_of(then.clone(), now.clone()), Stage::Outdated, "{then:?}, {now:?}");
         }
+    }
+
+    #[test]
+    fn a_measurement_of_another_experiment_is_not_overwritten() {
+        let folder = tempfile::tempdir().unwrap();
+        let run = planned(folder.path());
+        let mut baseline = PlannedBaseline {
+            name: FileName::new("small-random").unwrap(),
+            config: run.config.clone(),
+            scenario: run.scenario.id.word(),
+            controller: "random".to_owned(),
+            episodes: 1,
+            agents: 4,
+            rough_costs: RoughCosts::default(),
+            measured_with: MeasuredWith::default(),
+        };
+        let path = baseline_file(folder.path(), &baseline.name);
+        std::fs::create_dir(path.parent().unwrap()).unwrap();
+        let record = serde_json::json!({
+            "scenario": baseline.scenario, "controller": "random", "mean_return": 1.0, "std_error": 0.0, "episodes": 1,
+            "seed": run.config.evaluation.seed, "episode_returns": [1.0],
+        });
+        std::fs::write(&path, record.to_string()).unwrap();
+        assert_eq!(stage_of_baseline(folder.path(), &baseline).unwrap(), Stage::Finished);
+        baseline.scenario = "warehouse_9".to_owned();
+        let error = stage_of_baseline(folder.path(), &baseline).unwrap_err().to_string();
+        let told = format!(
+            "holds another measurement than planned (scenario: {} there, warehouse_9 planned)",
+            run.scenario.id.word()
+        );
+        assert!(error.contains(&told), "{error}");
     }
 
     #[test]

@@ -13,7 +13,7 @@ const NEEDED: [(&str, &str); 10] = [
     ("a sequence", "a list such as [1, 2]"),
     ("a map", "a table"),
 ];
-const WHOLE: &str = "a whole number such as 1000000 or 1e6";
+const WHOLE: &str = "a whole number such as 1000000";
 
 /// The readers' words before a value, and ours.
 const GIVEN: [(&str, &str); 6] = [
@@ -70,7 +70,7 @@ mod tests {
             ),
             (
                 "invalid value: integer `-1`, expected u64",
-                "`-1` is given, but a whole number such as 1000000 or 1e6 is needed",
+                "`-1` is given, but a whole number such as 1000000 is needed",
             ),
             (
                 "line 1\ninvalid type: sequence, expected a string\n",

@@ -4,8 +4,8 @@ use super::compare::steps::are_alike;
 use super::finals::Final;
 use super::find::BaselineRecord;
 use super::group::{Comparison, Group};
-use super::played::minus_controller;
-use crate::base::statistics::difference::{Difference, between};
+use super::played::{minus_controller, of_controller};
+use crate::base::statistics::difference::{Difference, Episodes, between};
 
 /// A controller or a group whose return is subtracted from those of the groups of a scenario.
 #[derive(Clone)]
@@ -20,6 +20,14 @@ impl Opponent<'_> {
         match self {
             Opponent::Controller(controller) => &controller.controller,
             Opponent::Group(_, name) => name,
+        }
+    }
+
+    /// Returns the episodes of its final return; `None` if they are not known or its runs have different ones.
+    pub fn episodes(&self) -> Option<Episodes> {
+        match self {
+            Opponent::Controller(controller) => of_controller(controller).episodes(),
+            Opponent::Group(group, _) => Final::of(group)?.episodes(),
         }
     }
 

@@ -10,11 +10,15 @@ pub fn of_run(run: &RunRecord, steps: u64) -> Option<Played> {
     Some(Played::new(all.mean, *episodes, Some(run.config.evaluation.seed), episode_returns.clone()))
 }
 
+/// Returns what a controller played.
+pub fn of_controller(controller: &BaselineRecord) -> Played {
+    let BaselineRecord { mean_return, episodes, seed, episode_returns, .. } = controller;
+    Played::new(*mean_return, Some(*episodes), *seed, episode_returns.clone())
+}
+
 /// Returns the difference of a group minus a controller.
 ///
 /// Panics if the group is empty.
 pub fn minus_controller(group: &BySeed, controller: &BaselineRecord) -> Difference {
-    let BaselineRecord { mean_return, episodes, seed, episode_returns, .. } = controller;
-    let played = Played::new(*mean_return, Some(*episodes), *seed, episode_returns.clone());
-    to_controller(group, &played, controller.std_error)
+    to_controller(group, &of_controller(controller), controller.std_error)
 }

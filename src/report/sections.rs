@@ -30,8 +30,8 @@ const RULES: [&str; 11] = [
     "Every interval is a 95 % Student's t interval over seeds, and needs at least five seeds. With fewer seeds, figures and \
      tables show the value of each seed. With three seeds, the interval would be 4.3 standard errors to each side.",
     "Runs and controllers with the same `evaluation.seed` play the same episodes. Their difference is taken in every \
-     episode and averaged for each seed. Its interval is over seeds, so it holds for these episodes and settings only. If \
-     the episodes differ, means are subtracted, and a warning names the groups.",
+     episode that both have, and averaged for each seed. Its interval is over seeds, so it holds for these episodes and \
+     settings only. If the episodes differ, means are subtracted, and a warning names the groups.",
     "The last point of a curve has more episodes than the others (`evaluation.final_episodes`). They include the episodes of \
      the other points.",
     "Grids and warehouses with the same episodes and rewards share a picture of final returns and the tables of costs. \

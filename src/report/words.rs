@@ -6,9 +6,9 @@ use std::path::PathBuf;
 use super::finals::Final;
 use super::find::LeftOut;
 use super::group::{Comparison, steps_text};
-use crate::base::decimals;
 use crate::base::statistics::difference::{Difference, Pairing};
 use crate::base::statistics::{Bounds, ENOUGH_SEEDS, Spread};
+use crate::base::{counted, decimals};
 use crate::outside::Printable;
 use crate::records::run_record::{RunRecord, Status};
 
@@ -155,17 +155,31 @@ fn of_episodes(comparison: &Comparison) -> Vec<String> {
         }
     }
     for opponent in comparison.opponents() {
-        let unpaired =
-            |group, end: &Final| opponent.difference(group, end).is_some_and(|found| !found.pairing.by_episode());
-        let groups: Vec<&str> =
-            ends.iter().filter(|(group, _, end)| unpaired(group, end)).map(|(_, label, _)| label.as_str()).collect();
-        if !groups.is_empty() {
-            let whom = opponent.name();
+        let whom = opponent.name();
+        let (mut unpaired, mut cut) = (Vec::new(), Vec::new());
+        for (group, label, end) in &ends {
+            let Some(found) = opponent.difference(group, end) else { continue };
+            match found.episodes {
+                None => unpaired.push(label.as_str()),
+                Some(shared) if end.episodes() != Some(shared) || opponent.episodes() != Some(shared) => {
+                    cut.push(format!("{label} (the first {})", counted(shared.count, "episode")));
+                }
+                Some(_) => {}
+            }
+        }
+        if !unpaired.is_empty() {
             warnings.push(format!(
                 "{}: not evaluated on the episodes of {whom}, so the difference is over seeds only and includes the randomness \
-                 of the traffic (another evaluation.seed or number of episodes, or a run of an older version): {}",
+                 of the traffic (another evaluation.seed, or a run of an older version): {}",
                 comparison.title,
-                groups.join("; ")
+                unpaired.join("; ")
+            ));
+        }
+        if !cut.is_empty() {
+            warnings.push(format!(
+                "{}: evaluated on more or fewer episodes than {whom}, so the difference is over those that both have: {}",
+                comparison.title,
+                cut.join("; ")
             ));
         }
     }
@@ -217,6 +231,7 @@ mod tests {
         let of = |seeds: &[f64], interval, pairing| Difference {
             mean: 2.0,
             pairing,
+            episodes: None,
             seeds: [seeds.len(); 2],
             of_seeds: (1..).zip(seeds.iter().copied()).collect(),
             interval,

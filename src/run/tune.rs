@@ -55,7 +55,8 @@ fn tuned_file(config: &Config, controller: &str, episodes: usize) -> Result<Path
     };
     let wanted = TunedOn::of(&traffic, controller, episodes, config.seed).map_err(Error::Usage)?;
     let key = crc32fast::hash(&serde_json::to_vec(&wanted).expect("names and numbers are JSON"));
-    let name = format!("{}-{controller}-{key:08x}.toml", wanted.network);
+    // A comma in a path would end the parameter of the controller that reads the file.
+    let name = format!("{}-{controller}-{key:08x}.toml", wanted.network.replace(',', "_"));
     let path = Path::new(FOLDER).join(FileName::new(name).map_err(Error::Usage)?);
     if path.exists() {
         check_kept(&path, &wanted).map_err(Error::Usage)?;

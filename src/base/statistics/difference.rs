@@ -2,11 +2,12 @@
 //!
 //! The difference of a seed is the mean over the episodes of the difference in each. So the effect of the traffic,
 //! which is the same on both sides, cancels out, and only the spread between seeds remains. The result holds for these
-//! episodes.
+//! episodes. If one side played more of the same ones, the first ones count, which both have.
 
 use super::{Bounds, UncertainMean, interval_of, mean, welch};
 
-/// Episodes of an evaluation. Two evaluations with the same episodes saw the same traffic.
+/// Episodes of an evaluation. Two evaluations with the same episodes saw the same traffic, and with the same seed alone
+/// the shorter one saw the first episodes of the longer one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Episodes {
     /// Value of `evaluation.seed`.
@@ -36,12 +37,32 @@ impl Played {
     pub fn episodes(&self) -> Option<Episodes> {
         self.on.as_ref().map(|(episodes, _)| *episodes)
     }
+
+    /// Returns the result on the first episodes alone. Without recorded episodes it stays as it is.
+    pub fn on_first(&self, count: usize) -> Played {
+        match &self.on {
+            Some((episodes, returns)) if count < returns.len() => {
+                let returns = returns[..count].to_vec();
+                Played::new(mean(&returns), Some(count), Some(episodes.seed), returns)
+            }
+            _ => self.clone(),
+        }
+    }
 }
 
-/// Returns the episodes that all of them have in common.
+/// Returns the episodes of all of them, if all have the same.
 pub fn common_episodes<'a>(mut all: impl Iterator<Item = &'a Played>) -> Option<Episodes> {
     let first = all.next()?.episodes()?;
     all.all(|played| played.episodes() == Some(first)).then_some(first)
+}
+
+/// Returns the first episodes, which all of them played; `None` if their seeds differ or are not known.
+pub fn shared_episodes<'a>(mut all: impl Iterator<Item = &'a Played>) -> Option<Episodes> {
+    let first = all.next()?.episodes()?;
+    all.try_fold(first, |Episodes { seed, count }, played| {
+        let own = played.episodes().filter(|own| own.seed == seed)?;
+        Some(Episodes { seed, count: count.min(own.count) })
+    })
 }
 
 /// How values are paired for the subtraction.
@@ -78,6 +99,8 @@ impl Pairing {
 pub struct Difference {
     pub mean: f64,
     pub pairing: Pairing,
+    /// The episodes that both sides played; `None` if these are not known or not the same.
+    pub episodes: Option<Episodes>,
     /// Number of seeds of each side; a controller has that of the other side.
     pub seeds: [usize; 2],
     /// Differences seed by seed; empty if the seeds of two groups are not the same.
@@ -96,14 +119,16 @@ pub type BySeed = Vec<(u64, Played)>;
 /// Panics if a side is empty.
 pub fn between(a: &BySeed, b: &BySeed) -> Difference {
     let all = || a.iter().chain(b).map(|(_, played)| played);
-    let same_episodes = common_episodes(all()).is_some();
+    let episodes = shared_episodes(all());
+    let same_episodes = episodes.is_some();
     // Versions that did not record episodes used different ones for every seed. So their spread contains that of the
     // traffic.
     let own_episodes = all().all(|played| played.on.is_none());
     let same_seeds = a.len() == b.len() && a.iter().zip(b).all(|((left, _), (right, _))| left == right);
-    let [of_a, of_b] = [a, b].map(means);
+    let [a, b] = [a, b].map(|side| on_shared(side, episodes));
+    let [of_a, of_b] = [&a, &b].map(means);
     let of_seeds: Vec<(u64, f64)> = match same_seeds {
-        true => a.iter().zip(b).map(|((seed, a), (_, b))| (*seed, of_pair(a, b))).collect(),
+        true => a.iter().zip(&b).map(|((seed, a), (_, b))| (*seed, of_pair(a, b))).collect(),
         false => Vec::new(),
     };
     let interval = match same_seeds {
@@ -118,6 +143,7 @@ pub fn between(a: &BySeed, b: &BySeed) -> Difference {
             (false, true) => Pairing::Seed,
             (false, false) => Pairing::Nothing,
         },
+        episodes,
         seeds: [a.len(), b.len()],
         of_seeds,
         interval: interval.filter(|_| same_episodes || own_episodes),
@@ -128,9 +154,11 @@ pub fn between(a: &BySeed, b: &BySeed) -> Difference {
 ///
 /// Panics if the group is empty.
 pub fn to_controller(group: &BySeed, controller: &Played, std_error: f64) -> Difference {
-    let all = group.iter().map(|(_, played)| played).chain([controller]);
-    let same_episodes = common_episodes(all).is_some();
-    let of_seeds: Vec<(u64, f64)> = group.iter().map(|(seed, own)| (*seed, of_pair(controller, own))).collect();
+    let episodes = shared_episodes(group.iter().map(|(_, played)| played).chain([controller]));
+    let same_episodes = episodes.is_some();
+    let group = on_shared(group, episodes);
+    let on_shared = episodes.map_or_else(|| controller.clone(), |episodes| controller.on_first(episodes.count));
+    let of_seeds: Vec<(u64, f64)> = group.iter().map(|(seed, own)| (*seed, of_pair(&on_shared, own))).collect();
     let own_episodes = group.iter().all(|(_, played)| played.on.is_none());
     let of_controller = controller.count.filter(|&count| count > 1).map(|count| UncertainMean {
         mean: controller.mean,
@@ -139,12 +167,13 @@ pub fn to_controller(group: &BySeed, controller: &Played, std_error: f64) -> Dif
     });
     let interval = match (same_episodes, own_episodes) {
         (true, _) => interval_of(&values(&of_seeds)),
-        (false, true) => of_controller.zip(UncertainMean::of(&means(group))).map(|(a, b)| welch(a, b)),
+        (false, true) => of_controller.zip(UncertainMean::of(&means(&group))).map(|(a, b)| welch(a, b)),
         (false, false) => None,
     };
     Difference {
         mean: mean(&values(&of_seeds)),
         pairing: if same_episodes { Pairing::Episode } else { Pairing::Nothing },
+        episodes,
         seeds: [group.len(); 2],
         of_seeds,
         interval,
@@ -160,6 +189,12 @@ fn of_pair(a: &Played, b: &Played) -> f64 {
         }
         _ => b.mean - a.mean,
     }
+}
+
+/// Returns a side on the shared episodes; as it is if there are none.
+pub fn on_shared(side: &BySeed, shared: Option<Episodes>) -> BySeed {
+    let count = shared.map_or(usize::MAX, |episodes| episodes.count);
+    side.iter().map(|(seed, played)| (*seed, played.on_first(count))).collect()
 }
 
 fn means(side: &BySeed) -> Vec<f64> {
@@ -240,7 +275,7 @@ mod tests {
     fn episodes_that_differ_between_the_sides_alone_leave_no_interval() {
         let values = [1.0, 2.0, 3.0, 4.0, 5.0];
         let on = |seed, episodes: usize| side(values.map(|value| played(seed, &vec![value; episodes])));
-        for (a, b) in [(on(0, 2), on(1, 2)), (on(0, 2), on(0, 3)), (on(0, 2), side(values.map(old)))] {
+        for (a, b) in [(on(0, 2), on(1, 2)), (on(0, 2), side(values.map(old)))] {
             let found = between(&a, &b);
             assert_eq!((found.mean, found.pairing, found.interval), (0.0, Pairing::Seed, None));
             assert_eq!(found.of_seeds.len(), 5, "the differences of the seeds are returned anyway");
@@ -248,6 +283,22 @@ mod tests {
         let found = between(&side(values.map(old)), &side(values.map(old)));
         assert_eq!(found.pairing, Pairing::Seed);
         assert!(found.interval.is_some(), "each seed had its own episodes");
+    }
+
+    #[test]
+    fn of_more_episodes_with_the_same_seed_the_first_ones_are_paired() {
+        // The further episodes are far better, which must not count.
+        let values = [1.0, 2.0, 3.0, 4.0, 5.0];
+        let long = side(values.map(|above| played(0, &[10.0 + above, 14.0 + above, 99.0])));
+        let short = side(values.map(|_| played(0, &[10.0, 14.0])));
+        let found = between(&short, &long);
+        assert_eq!((found.mean, found.pairing), (3.0, Pairing::EpisodeAndSeed));
+        assert_eq!(found.episodes, Some(Episodes { seed: 0, count: 2 }));
+        assert_near(found.interval.unwrap().low, 3.0 - student_t(4.0) * 0.5_f64.sqrt());
+        let group = side(values.map(|above| played(0, &[10.0 + above, 14.0 + above])));
+        let found = minus(&group, controller(Some(0), &[10.0, 14.0, 99.0]));
+        assert_eq!((found.mean, found.pairing), (3.0, Pairing::Episode));
+        assert_eq!(minus(&long, controller(Some(0), &[10.0, 14.0])).mean, 3.0);
     }
 
     #[test]

@@ -1,7 +1,8 @@
 //! A comparison of two groups of runs: final return, runtime, and the steps and time to reach a return.
 //!
 //! Returns are compared at the last step at which all runs of both groups were evaluated.
-//! [`crate::base::statistics::difference`] takes the difference: by episode and by seed if both are the same.
+//! [`crate::base::statistics::difference`] takes the difference: by episode and by seed if both are the same. If one side
+//! played more of the same episodes, both are compared on those of the other.
 //!
 //! - `steps`: the step at which each side is compared. `rules`: whether returns can be compared at all.
 //! - `text`, `as_json`: the result for people and for programs.
@@ -22,7 +23,7 @@ use super::find::{LeftOut, find};
 use super::group::{Group, Sorted, evaluated_together, sort};
 use super::played;
 use super::words::{no_run, warnings};
-use crate::base::statistics::difference::{BySeed, Difference, between};
+use crate::base::statistics::difference::{BySeed, Difference, between, on_shared, shared_episodes};
 use crate::base::statistics::{ENOUGH_SEEDS, Spread, mean, median};
 use crate::domain::ScenarioId;
 use crate::outside::Printable;
@@ -109,7 +110,7 @@ pub struct Verdict {
     /// Timesteps per agent at which the returns of each side were measured.
     pub steps: [u64; 2],
     pub returns: [Spread; 2],
-    /// The runs that are compared, by seed.
+    /// The runs that are compared, by seed, on the episodes that all of them played.
     pub runs: [BySeed; 2],
     /// Return of the median agent of a run, mean over seeds.
     pub median_agents: [f64; 2],
@@ -141,6 +142,17 @@ pub fn compare(a: &ComparedSide, b: &ComparedSide, target: Option<f64>) -> Resul
         let played = runs.iter().filter_map(|run| Some((run.config.seed, played::of_run(run, steps)?)));
         played.collect::<BySeed>()
     });
+    let shared = shared_episodes(played.iter().flatten().map(|(_, played)| played));
+    if let Some(shared) = shared
+        && played.iter().flatten().any(|(_, played)| played.episodes() != Some(shared))
+    {
+        warnings.push(format!(
+            "not all runs were evaluated on the same number of episodes: mean returns are of the first {}, which all of \
+             them have; the lines about agents are of all episodes",
+            shared.count
+        ));
+    }
+    let played = played.map(|side| on_shared(&side, shared));
     let returns = played.each_ref().map(|side| side.iter().map(|(_, played)| played.mean).collect::<Vec<f64>>());
     let found = between(&played[0], &played[1]);
     let median_agents = both.map(|(runs, steps)| {

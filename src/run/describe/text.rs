@@ -152,7 +152,7 @@ fn script() -> String {
 
 /// Returns the number of updates of a policy.
 fn updates(steps: u64, memory: usize) -> u64 {
-    steps / memory as u64
+    steps.div_ceil(memory as u64)
 }
 
 fn cost(text: &mut String, Described { path, workers, estimate, .. }: &Described) {
@@ -166,7 +166,7 @@ fn cost(text: &mut String, Described { path, workers, estimate, .. }: &Described
         ),
     );
     let source = match estimate.source {
-        Source::Measured(runs) => format!("from {} of this machine in runs/", counted(runs, "finished run")),
+        Source::Measured(runs) => format!("from {} of this machine in runs/", counted(runs, "run")),
         Source::Constants => "rough: from runs on two cores of another machine".to_owned(),
     };
     paragraph(text, format_args!("{source}; to measure it here:"));

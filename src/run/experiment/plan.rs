@@ -74,14 +74,14 @@ impl PlannedWork {
         })
     }
 
-    fn of_baseline(baseline: &PlannedBaseline, folder: &Path) -> PlannedWork {
+    fn of_baseline(baseline: &PlannedBaseline, folder: &Path) -> Result<PlannedWork> {
         let result = baseline_file(folder, &baseline.name);
-        let stage = stage_of_baseline(folder, baseline);
+        let stage = stage_of_baseline(folder, baseline)?;
         let config = result.with_extension("toml");
         let mut arguments: Vec<OsString> = vec!["baseline".into(), config.clone().into()];
         arguments.extend(["--controller", &baseline.controller, "--json", "--episodes"].map(OsString::from));
         arguments.push(baseline.episodes.to_string().into());
-        PlannedWork {
+        Ok(PlannedWork {
             name: baseline.name.to_string(),
             arguments,
             result: Some(result),
@@ -92,7 +92,7 @@ impl PlannedWork {
             stage,
             agents: 0,
             estimate: estimate_controller(baseline),
-        }
+        })
     }
 
     /// Returns the task as the progress display needs it.
@@ -129,8 +129,8 @@ impl Tasks {
         } else {
             Vec::new()
         };
-        let mut tasks: Vec<PlannedWork> =
-            experiment.baselines.iter().map(|baseline| PlannedWork::of_baseline(baseline, folder)).collect();
+        let baselines = experiment.baselines.iter().map(|baseline| PlannedWork::of_baseline(baseline, folder));
+        let mut tasks = baselines.collect::<Result<Vec<PlannedWork>>>()?;
         for run in &experiment.runs {
             let gs = run.config.simulator == Simulator::Global;
             let width = width(run.agents(), gs, experiment.all_cores_from_agents, cores);
@@ -167,7 +167,7 @@ impl Tasks {
         let guessed = to_do.iter().filter(|task| task.steps > 0 && task.estimate.source == Source::Constants).count();
         if guessed > 0 {
             lines.push(format!(
-                "{guessed} of the estimates are from another machine; they improve after the first runs"
+                "{guessed} of the estimates are from another machine; they improve once the first runs have begun"
             ));
         }
         let with_obstacles = self.tasks.iter().filter_map(|task| Some((task, task.obstacle()?)));

@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use anyhow::{Result, anyhow, ensure};
+use anyhow::{Result, anyhow, bail, ensure};
 
 use super::are_of_a_grid;
 use super::timing::{ClockPlan, Leeway, Timing};
-use super::timing_file::{LightTiming, TimingFile, WAY_OUT};
+use super::timing_file::{LightTiming, TimingFile, WAY_OUT, shape};
 use crate::outside::Printable;
 use crate::traffic::agents::plan::AgentPlan;
 
@@ -35,6 +35,12 @@ impl TimingFile {
                 offsets.len(),
                 plans.len()
             );
+            if let Some(tuned) = self.shape
+                && tuned != shape(plans)
+            {
+                let [[rows, columns], [own_rows, own_columns]] = [tuned, shape(plans)];
+                bail!("timings for the {rows}x{columns} grid {network} do not fit this {own_rows}x{own_columns} grid");
+            }
             let timing =
                 |(plan, &offset): (&AgentPlan, &u32)| Timing::new(&plan.phases, &[vertical, horizontal], offset);
             return Ok(plans.iter().zip(offsets).map(timing).collect());
@@ -92,6 +98,10 @@ mod tests {
             error(&file, "coordinated", &grid(2, 3)),
             "timings for the 4 intersections of grid_2x2 do not fit the 6 intersections of this grid"
         );
+        let turned = error(&file, "coordinated", &grid(1, 4));
+        assert_eq!(turned, "timings for the 2x2 grid grid_2x2 do not fit this 1x4 grid");
+        let older = TimingFile { shape: None, ..file.clone() };
+        assert!(older.timings("coordinated", &grid(1, 4)).is_ok(), "older versions did not write it");
         assert_eq!(
             error(&file, "coordinated", &[crossing()]),
             "timings for the grid grid_2x2 do not fit a net that is none"

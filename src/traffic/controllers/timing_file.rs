@@ -1,5 +1,6 @@
 //! Timings that the tuner found, in a file that says what they were tuned on.
 
+use std::collections::BTreeSet;
 use std::fmt;
 use std::path::Path;
 
@@ -30,6 +31,9 @@ pub struct TimingFile {
     /// Number of steps from the beginning of an episode to the beginning of the first green, for each agent of a grid.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub offsets: Vec<u32>,
+    /// Rows and columns of the grid; none for a net that is no grid, and in files of older versions.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shape: Option<[usize; 2]>,
     /// Leeway of `coordinated`: 0 for `fixed-time`.
     #[serde(default)]
     pub early: u32,
@@ -115,6 +119,7 @@ impl TimingFile {
             vertical: green(0),
             horizontal: green(1),
             offsets: if is_grid { timings.iter().map(Timing::offset).collect() } else { Vec::new() },
+            shape: is_grid.then(|| shape(plans)),
             early: leeway.early,
             late: leeway.late,
             mean_return,
@@ -192,6 +197,12 @@ fn reason(error: &toml::de::Error, text: &str) -> String {
     let line = before.map_or(String::new(), |before| format!("line {}: ", before.matches('\n').count() + 1));
     let message: String = error.message().chars().take(MOST).collect();
     format!("{line}{}", Printable(message))
+}
+
+/// Returns the number of rows and of columns of a grid.
+pub(super) fn shape(plans: &[AgentPlan]) -> [usize; 2] {
+    let places = |axis: usize| plans.iter().map(|plan| plan.place_m[axis].to_bits()).collect::<BTreeSet<_>>().len();
+    [places(1), places(0)]
 }
 
 #[cfg(test)]
