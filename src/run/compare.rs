@@ -57,3 +57,57 @@ fn hint(name: &str) -> &'static str {
         ""
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::records::files::CONFIG;
+
+    /// Makes folders, of which those with a `*` hold a run, and returns the names of what `side` names among them.
+    fn named(there: &[&str], side: &str) -> std::result::Result<Vec<String>, String> {
+        let dir = tempfile::tempdir().unwrap();
+        for name in there {
+            let path = dir.path().join(name.trim_end_matches('*'));
+            std::fs::create_dir(&path).unwrap();
+            if name.ends_with('*') {
+                std::fs::write(path.join(CONFIG), "").unwrap();
+            }
+        }
+        let place = dir.path().display();
+        let side: Vec<String> = side.split(',').map(|part| format!("{place}/{part}")).collect();
+        let found = folders(&side.join(",")).map_err(|error| error.to_string().replace(&format!("{place}/"), ""))?;
+        Ok(found.iter().map(|path| path.file_name().unwrap().to_str().unwrap().to_owned()).collect())
+    }
+
+    #[test]
+    fn a_pattern_names_runs_but_not_what_is_beside_them_or_was_moved_aside() {
+        let there = ["a-seed1*", "a-seed2*", "a-seed2.old-1*", "b-seed1*", "logs", "baselines"];
+        for (side, expected) in [
+            ("a-seed1", &["a-seed1"][..]),
+            ("a-*", &["a-seed1", "a-seed2"]),
+            ("*", &["a-seed1", "a-seed2", "b-seed1"]),
+            ("a-seed1,b-*", &["a-seed1", "b-seed1"]),
+            ("a-seed2.old-*", &["a-seed2.old-1"]),
+            ("[ab]-seed1", &["a-seed1", "b-seed1"]),
+            ("log?", &["logs"]),
+        ] {
+            assert_eq!(named(&there, side).unwrap(), expected, "{side}");
+        }
+    }
+
+    #[test]
+    fn what_names_nothing_is_told() {
+        for (side, told) in [
+            ("c", "c: no such folder"),
+            ("a-seed1,c", "c: no such folder"),
+            ("c-*", "c-*: no folder matches this pattern"),
+            (
+                "a-seed{1}",
+                "a-seed{1}: no such folder; braces are no pattern here: use *, ? and [ab], or name several folders with commas between them",
+            ),
+            ("a-[", "a-[: is neither a folder nor a valid pattern"),
+        ] {
+            assert_eq!(named(&["a-seed1*"], side).unwrap_err(), told, "{side}");
+        }
+    }
+}

@@ -156,7 +156,9 @@ fn with_absolute_paths(config: &Config) -> Result<Config> {
 /// Passes on and logs what a process prints. Returns its last words: why it ended.
 fn listen(stderr: impl Read, mut log: File, task: String, said: &Sender<Said>) -> Option<String> {
     let mut last = LastWords::default();
-    for line in BufReader::new(stderr).lines().map_while(|line| line.ok()) {
+    // SUMO may print names of a net that are no UTF-8.
+    for line in BufReader::new(stderr).split(b'\n').map_while(|line| line.ok()) {
+        let line = String::from_utf8_lossy(&line).trim_end_matches('\r').to_owned();
         // If the disk is full or the receiver has gone, the run continues.
         let _ = writeln!(log, "{line}");
         last.hear(&line);
@@ -198,6 +200,17 @@ mod tests {
         drop(said);
         assert_eq!(heard.iter().map(|said| said.line + "\n").collect::<String>(), printed, "all lines are passed on");
         words
+    }
+
+    #[test]
+    fn bytes_that_are_no_text_do_not_end_the_listening() {
+        let (said, heard) = channel();
+        let printed = b"warning: edge \xff is odd\r\nerror: disk full\n  make room";
+        let words = listen(&printed[..], tempfile::tempfile().unwrap(), "a".to_owned(), &said);
+        drop(said);
+        assert_eq!(words.as_deref(), Some("error: disk full\n  make room"));
+        let lines: Vec<String> = heard.iter().map(|said| said.line).collect();
+        assert_eq!(lines, ["warning: edge \u{fffd} is odd", "error: disk full", "  make room"]);
     }
 
     #[test]
