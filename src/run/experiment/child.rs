@@ -156,7 +156,7 @@ fn with_absolute_paths(config: &Config) -> Result<Config> {
 /// Passes on and logs what a process prints. Returns its last words: why it ended.
 fn listen(stderr: impl Read, mut log: File, task: String, said: &Sender<Said>) -> Option<String> {
     let mut last = LastWords::default();
-    // SUMO may print names of a net that are no UTF-8.
+    // Libraries of the process may print bytes that are no UTF-8.
     for line in BufReader::new(stderr).split(b'\n').map_while(|line| line.ok()) {
         let line = String::from_utf8_lossy(&line).trim_end_matches('\r').to_owned();
         // If the disk is full or the receiver has gone, the run continues.
