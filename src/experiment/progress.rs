@@ -197,6 +197,20 @@ mod tests {
         run
     }
 
+    /// Returns a controller that is planned on the scenario of a run, for one episode.
+    fn planned_baseline(run: &PlannedRun) -> PlannedBaseline {
+        PlannedBaseline {
+            name: FileName::new("small-random").unwrap(),
+            config: run.config.clone(),
+            scenario: run.scenario.id.word(),
+            controller: "random".to_owned(),
+            episodes: 1,
+            agents: 4,
+            rough_costs: RoughCosts::default(),
+            measured_with: MeasuredWith::default(),
+        }
+    }
+
     fn write(folder: &Path, run: &PlannedRun, file: &str, text: &str) {
         std::fs::write(directory(folder, run).join(file), text).unwrap();
     }
@@ -253,16 +267,7 @@ mod tests {
             let [controller_file_crc32, sumo_version] = [file, sumo].map(|text| text.map(str::to_owned));
             MeasuredWith { controller_file_crc32, sumo_version }
         };
-        let mut baseline = PlannedBaseline {
-            name: FileName::new("a").unwrap(),
-            config: run.config.clone(),
-            scenario: run.scenario.id.word(),
-            controller: "random".to_owned(),
-            episodes: 1,
-            agents: 4,
-            rough_costs: RoughCosts::default(),
-            measured_with: MeasuredWith::default(),
-        };
+        let mut baseline = planned_baseline(&run);
         let path = baseline_file(folder.path(), &baseline.name);
         std::fs::create_dir(path.parent().unwrap()).unwrap();
         let mut stage_of = |then: MeasuredWith, now: MeasuredWith| {
@@ -304,16 +309,7 @@ mod tests {
     fn a_measurement_of_another_experiment_is_not_overwritten() {
         let folder = tempfile::tempdir().unwrap();
         let run = planned(folder.path());
-        let mut baseline = PlannedBaseline {
-            name: FileName::new("small-random").unwrap(),
-            config: run.config.clone(),
-            scenario: run.scenario.id.word(),
-            controller: "random".to_owned(),
-            episodes: 1,
-            agents: 4,
-            rough_costs: RoughCosts::default(),
-            measured_with: MeasuredWith::default(),
-        };
+        let mut baseline = planned_baseline(&run);
         let path = baseline_file(folder.path(), &baseline.name);
         std::fs::create_dir(path.parent().unwrap()).unwrap();
         let record = serde_json::json!({
