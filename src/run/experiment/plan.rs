@@ -166,9 +166,8 @@ impl Tasks {
         )));
         let guessed = to_do.iter().filter(|task| task.steps > 0 && task.estimate.source == Source::Constants).count();
         if guessed > 0 {
-            lines.push(format!(
-                "{guessed} of the estimates are from another machine; they improve once the first runs have begun"
-            ));
+            lines
+                .push(format!("{guessed} of the estimates are from another machine; they improve with the first runs"));
         }
         let with_obstacles = self.tasks.iter().filter_map(|task| Some((task, task.obstacle()?)));
         lines.extend(with_obstacles.map(|(task, why)| format!("{}: {why}", task.name)));
