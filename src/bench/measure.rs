@@ -163,7 +163,8 @@ pub fn measure(plan: &MeasurePlan<'_>, fleet: &mut dyn Fleet, journal: &mut dyn 
     })
 }
 
-/// Returns the number of episodes of each worker in a collection. A single worker plays two, because one of a dataset is held out.
+/// Returns the number of episodes of each worker in a collection. A single worker plays two, because one of a dataset is
+/// held out.
 fn rounds_of_a_collection(plan: &MeasurePlan<'_>) -> f64 {
     plan.config.dataset_episodes(plan.kinds.horizon()) as f64 / plan.workers as f64
 }

@@ -157,8 +157,8 @@ pub fn to_controller(group: &BySeed, controller: &Played, std_error: f64) -> Dif
     let episodes = shared_episodes(group.iter().map(|(_, played)| played).chain([controller]));
     let same_episodes = episodes.is_some();
     let group = on_shared(group, episodes);
-    let on_shared = episodes.map_or_else(|| controller.clone(), |episodes| controller.on_first(episodes.count));
-    let of_seeds: Vec<(u64, f64)> = group.iter().map(|(seed, own)| (*seed, of_pair(&on_shared, own))).collect();
+    let shared = episodes.map_or_else(|| controller.clone(), |episodes| controller.on_first(episodes.count));
+    let of_seeds: Vec<(u64, f64)> = group.iter().map(|(seed, own)| (*seed, of_pair(&shared, own))).collect();
     let own_episodes = group.iter().all(|(_, played)| played.on.is_none());
     let of_controller = controller.count.filter(|&count| count > 1).map(|count| UncertainMean {
         mean: controller.mean,

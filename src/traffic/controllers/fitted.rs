@@ -35,10 +35,8 @@ impl TimingFile {
                 offsets.len(),
                 plans.len()
             );
-            if let Some(tuned) = self.shape
-                && tuned != shape(plans)
-            {
-                let [[rows, columns], [own_rows, own_columns]] = [tuned, shape(plans)];
+            let [own_rows, own_columns] = shape(plans);
+            if let Some([rows, columns]) = self.shape.filter(|tuned| *tuned != [own_rows, own_columns]) {
                 bail!("timings for the {rows}x{columns} grid {network} do not fit this {own_rows}x{own_columns} grid");
             }
             let timing =
