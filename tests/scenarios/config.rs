@@ -50,7 +50,8 @@ fn a_config_that_names_nothing_but_a_scenario_is_a_sumocfg_in_other_words() {
     let patient = written(&format!("{bare}[aip]\nepochs = 9\n"), &[]);
     assert_eq!((patient.aip.epochs, patient.aip.patience, patient.aip.held_out), (9, None, 0.2));
     assert_eq!(written(&dials_traffic::config::to_toml(&patient).unwrap(), &[]), patient);
-    assert_eq!(room.config(&["aip.epochs=9"]).unwrap().aip.patience, Some(3));
+    assert_eq!(room.config(&["aip.epochs=9"]).unwrap().aip.patience, None);
+    assert_eq!(room.config(&["aip.epochs=9", "aip.patience=2"]).unwrap().aip.patience, Some(2));
     // A grid has the defaults of the paper.
     let grid = written("[traffic]\nnetwork = 'n'\nlocal_network = 'l'\n", &[]);
     assert_eq!((grid.total_steps, grid.aip.patience), (4_000_000, None));
