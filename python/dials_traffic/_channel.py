@@ -23,10 +23,15 @@ from .errors import SimulatorError
 PathLike = Union[str, "os.PathLike[str]"]
 
 BEGIN, RESET, STEP, MEASURE, DRAW, LOOK, KEEP = b"BRSMDLK"
+_IN_WORDS = {RESET: "reset", STEP: "step"}
 
 
 class Channel:
-    """An environment to which orders are given. ``about`` is what it says of itself."""
+    """An environment to which orders are given. ``about`` is what it says of itself.
+
+    Ctrl-C may end a call at any place. So an order counts as open until its answer is returned, and after an open one
+    only a reset is taken.
+    """
 
     about: Dict[str, Any]
     #: Number of the process in which the environment lives.
@@ -34,8 +39,11 @@ class Channel:
 
     def __init__(self, label: str) -> None:
         """Make the memory. ``label`` names the environment in errors."""
-        self._label = label
+        self.label = label
         self._owner = os.getpid()
+        # The tag of the order whose answer was not returned yet, and whether somebody has begun to wait for its answer.
+        self._pending: Optional[int] = None
+        self._is_waited_for = False
         self._map: Optional[mmap.mmap] = None
         made = os.memfd_create("dials_traffic")
         try:
@@ -47,11 +55,11 @@ class Channel:
         self._close_descriptor = weakref.finalize(self, os.close, self._memory)
         self._close_descriptor.atexit = False
 
-    def send(self, tag: int, what: Optional[Dict[str, Any]] = None) -> None:
+    def _send(self, tag: int, payload: bytes) -> None:
         """Give an order and do not wait for the answer."""
         raise NotImplementedError
 
-    def receive(self) -> bytes:
+    def _receive(self) -> bytes:
         """Wait for the answer to the last order, and return its payload."""
         raise NotImplementedError
 
@@ -59,10 +67,41 @@ class Channel:
         """End the environment. Only the process that made it does."""
         raise NotImplementedError
 
+    def hang_up(self) -> None:
+        """Tell the environment that it will be closed, and do not wait for its end."""
+
+    def send(self, tag: int, what: Optional[Dict[str, Any]] = None) -> None:
+        """Give an order. :meth:`receive` waits for the answer."""
+        self.check()
+        if self._pending is not None and tag != RESET:
+            raise self._interrupted()
+        payload = b"" if what is None else json.dumps(what).encode()
+        self._pending, self._is_waited_for = tag, False
+        self._send(tag, payload)
+
+    def receive(self, tag: int) -> bytes:
+        """Wait for the answer to the order of this tag, and return its payload."""
+        self.check()
+        if self._pending != tag:
+            raise SimulatorError(f"{self.label}: no {_IN_WORDS.get(tag, 'call')} was begun that could be waited for")
+        if self._is_waited_for:
+            raise self._interrupted()
+        self._is_waited_for = True
+        try:
+            payload = self._receive()
+        except SimulatorError:
+            self._pending = None
+            raise
+        self._pending = None
+        return payload
+
+    def _interrupted(self) -> SimulatorError:
+        return SimulatorError(f"{self.label}: its last call was not finished; call reset() first")
+
     def ask(self, tag: int, what: Optional[Dict[str, Any]] = None) -> bytes:
         """Give an order and return the payload of the answer."""
         self.send(tag, what)
-        return self.receive()
+        return self.receive(tag)
 
     def _begin(self, request: Dict[str, Any]) -> None:
         """Open the environment, or close the channel."""
@@ -77,10 +116,10 @@ class Channel:
         """Raise an error if no order can be given here: after a fork, or if the environment is closed."""
         if os.getpid() != self._owner:
             raise SimulatorError(
-                f"{self._label}: belongs to process {self._owner}, and this is another one; make it anew after a fork"
+                f"{self.label}: belongs to process {self._owner}, and this is another one; make it anew after a fork"
             )
         if not self._close_descriptor.alive:
-            raise SimulatorError(f"{self._label}: is closed")
+            raise SimulatorError(f"{self.label}: is closed")
 
     def _close_memory(self) -> None:
         self._close_descriptor()
@@ -90,27 +129,35 @@ class Channel:
     def array(self, name: str) -> np.ndarray:
         """Return the numbers of a section of the shared memory. They change with every step."""
         if self._map is None:
-            raise SimulatorError(f"{self._label}: is closed")
+            raise SimulatorError(f"{self.label}: is closed")
         offset, count, dtype = self.about["memory"]["sections"][name]
         return np.frombuffer(self._map, dtype, count, offset)
 
     def reset(self, seed: int, episode: int = 0) -> None:
         """Begin an episode."""
         self.send_reset(seed, episode)
-        self.receive()
+        self.receive_reset()
 
     def send_reset(self, seed: int, episode: int = 0) -> None:
         """Order a new episode and do not wait for it."""
         self.send(RESET, {"seed": seed, "episode": episode})
 
+    def receive_reset(self) -> None:
+        """Wait for the episode that :meth:`send_reset` ordered."""
+        self.receive(RESET)
+
     def step(self) -> None:
         """Make a step with the actions in the shared memory."""
-        self.send(STEP)
-        self.receive()
+        self.send_step()
+        self.receive_step()
 
     def send_step(self) -> None:
         """Order a step and do not wait for it."""
         self.send(STEP)
+
+    def receive_step(self) -> None:
+        """Wait for the step that :meth:`send_step` ordered."""
+        self.receive(STEP)
 
     def measure(self) -> Dict[str, Any]:
         """Return the figures that the simulator keeps."""

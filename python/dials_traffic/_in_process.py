@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 import threading
@@ -37,12 +36,10 @@ class InProcess(Channel):
 
     def _check_thread(self) -> None:
         if threading.get_ident() != self._thread:
-            raise SimulatorError(f"{self._label}: lives in another thread; use it there, or without in_process")
+            raise SimulatorError(f"{self.label}: lives in another thread; use it there, or without in_process")
 
-    def send(self, tag: int, what: Optional[Dict[str, Any]] = None) -> None:
-        self.check()
+    def _send(self, tag: int, payload: bytes) -> None:
         native = self._native
-        payload = b"" if what is None else json.dumps(what).encode()
         self._answered, self._failed = None, None
         try:
             self._answered = self._open(payload) if native is None else native.order(tag, payload)
@@ -56,10 +53,10 @@ class InProcess(Channel):
         self._native = _native.InProcess(request, self._memory)
         return self._native.about().encode()
 
-    def receive(self) -> bytes:
+    def _receive(self) -> bytes:
         if self._failed is not None:
             raise self._failed
-        assert self._answered is not None, "an order was given"
+        assert self._answered is not None, "an order that was interrupted is not waited for"
         return self._answered
 
     def close(self) -> None:

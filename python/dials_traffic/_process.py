@@ -6,7 +6,7 @@ have as many as it likes. Orders and answers go over a socket.
 
 from __future__ import annotations
 
-import json
+import contextlib
 import os
 import signal
 import socket
@@ -15,18 +15,19 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from typing import Any, Dict, Optional, Tuple
+from typing import Any, Dict, Optional
 
-from ._channel import RESET, Channel
+from ._channel import Channel
 from .errors import ProcessDied, SimulatorError
 
 # What the child runs: an interpreter without site-packages that loads nothing but the native module.
 _CODE = "import sys; sys.path.insert(0, sys.argv[1]); import _native; _native.serve(int(sys.argv[2]))"
 
+# The head of a record: the number of the order, the tag, and whether this record is the last one of the order or answer.
+_HEAD = struct.Struct("<QBB")
+# Largest record. The answer to a step is one of a few bytes; a picture takes many.
+_RECORD = 16 << 10
 _DONE = ord("K")
-_HEAD = struct.Struct("<BI")
-# Bytes that are read at once, if more are not announced. The answer to a step has five.
-_PIECE = 4096
 # Time in which a child whose channel is closed may end by itself, in seconds. A step takes milliseconds.
 _PATIENCE_S = 2.0
 # Bytes of a dead child's output that an error shows.
@@ -39,11 +40,11 @@ class Process(Channel):
     def __init__(self, label: str, request: Dict[str, Any]) -> None:
         """Start the child and open the environment."""
         super().__init__(label)
-        # Whether an answer is outstanding: Ctrl-C may come between an order and its answer.
-        self._waiting = False
-        self._received = bytearray()
+        # Number of the last order. Answers to earlier ones, which were interrupted, have smaller numbers.
+        self._number = 0
         self._log = tempfile.TemporaryFile()
-        self._socket, theirs = socket.socketpair()
+        # Records arrive whole or not at all. So what Ctrl-C makes us lose is never a part of one.
+        self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         try:
             with theirs:
                 self._child = subprocess.Popen(
@@ -55,38 +56,57 @@ class Process(Channel):
                     # Ctrl-C at the terminal is for this process, which ends its children when it is ready.
                     start_new_session=True,
                 )
-        except BaseException:
+        except BaseException as error:
             self._close_files()
+            if isinstance(error, OSError):
+                raise SimulatorError(f"{label}: its process cannot be started: {error}") from error
             raise
         self.pid = self._child.pid
         self._begin(request)
 
-    def send(self, tag: int, what: Optional[Dict[str, Any]] = None) -> None:
-        self.check()
-        if self._waiting and tag == RESET:
-            # The answer to the interrupted order has no meaning any more.
-            self._answer()
-        if self._waiting:
-            raise SimulatorError(f"{self._label}: its last call was interrupted; call reset() first")
-        payload = b"" if what is None else json.dumps(what).encode()
-        self._waiting = True
+    def _send(self, tag: int, payload: bytes) -> None:
+        self._number += 1
+        pieces = range(0, len(payload), _RECORD - _HEAD.size) or range(1)
         try:
-            self._socket.sendall(_HEAD.pack(tag, len(payload)) + payload)
+            for begin in pieces:
+                piece = payload[begin : begin + _RECORD - _HEAD.size]
+                head = _HEAD.pack(self._number, tag, begin == pieces[-1])
+                self._socket.send(head + piece, socket.MSG_NOSIGNAL)
         except (BrokenPipeError, ConnectionResetError):
             raise self._death() from None
 
-    def receive(self) -> bytes:
-        tag, payload = self._answer()
+    def _receive(self) -> bytes:
+        pieces = []
+        while True:
+            try:
+                record = self._socket.recv(_RECORD)
+            except ConnectionResetError:
+                record = b""
+            if not record:
+                raise self._death()
+            number, tag, is_last = _HEAD.unpack_from(record)
+            if number != self._number:
+                # To an order that was interrupted; it has no meaning any more.
+                continue
+            pieces.append(record[_HEAD.size :])
+            if is_last:
+                break
+        payload = b"".join(pieces)
         if tag != _DONE:
             raise SimulatorError(payload.decode(errors="replace"))
         return payload
 
+    def hang_up(self) -> None:
+        if os.getpid() == self._owner:
+            # Not only closed: a copy of this process, made by a fork, may hold the channel.
+            with contextlib.suppress(OSError):
+                self._socket.shutdown(socket.SHUT_RDWR)
+
     def close(self) -> None:
         if os.getpid() != self._owner:
             return
-        self._waiting = False
         # The end of the channel ends a child that waits for an order. A busy one is killed.
-        self._socket.close()
+        self.hang_up()
         try:
             self._child.wait(_PATIENCE_S)
         except subprocess.TimeoutExpired:
@@ -103,27 +123,6 @@ class Process(Channel):
         if hasattr(self, "_child"):
             self.close()
 
-    def _answer(self) -> Tuple[int, bytes]:
-        """Read an answer. What an interrupted call has read stays in ``_received``."""
-        received = self._received
-        while True:
-            missing = 0
-            if len(received) >= _HEAD.size:
-                tag, length = _HEAD.unpack_from(received)
-                missing = _HEAD.size + length - len(received)
-                if missing == 0:
-                    payload = bytes(memoryview(received)[_HEAD.size :])
-                    received.clear()
-                    self._waiting = False
-                    return tag, payload
-            try:
-                more = self._socket.recv(max(missing, _PIECE))
-            except ConnectionResetError:
-                more = b""
-            if not more:
-                raise self._death()
-            received += more
-
     def _death(self) -> ProcessDied:
         """Return the error that says how the child ended, and close what is left of it."""
         try:
@@ -135,7 +134,7 @@ class Process(Channel):
         words = self._log.read().decode(errors="replace").strip()
         self.close()
         said = f"; its last words: {words}" if words else ""
-        return ProcessDied(f"{self._label}: its process {self.pid} {_how_it_ended(code)}{said}")
+        return ProcessDied(f"{self.label}: its process {self.pid} {_how_it_ended(code)}{said}")
 
 
 def _how_it_ended(code: Optional[int]) -> str:

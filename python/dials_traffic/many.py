@@ -8,6 +8,7 @@ import gymnasium
 import numpy as np
 
 from ._channel import PathLike, fresh_seed, whole_number
+from .errors import SimulatorError
 from .parallel import GlobalEnv, Infos, Observations
 
 Table = Dict[str, np.ndarray]
@@ -29,6 +30,7 @@ class GlobalVectorEnv:
         try:
             for copy in range(n):
                 self.envs.append(GlobalEnv(config, seed=(first_seed + copy) % 2**64, **options))
+                self.envs[copy]._channel.label = f"copy {copy} of the environment of {config}"
         except BaseException:
             self.close()
             raise
@@ -36,6 +38,8 @@ class GlobalVectorEnv:
         self.num_envs = n
         self.agents: List[str] = list(first.possible_agents)
         self.horizon = first.horizon
+        # Whether the last call came to its end in all copies.
+        self._whole = True
 
     def observation_space(self, agent: str) -> "gymnasium.Space[Any]":
         """Return the space of one copy's observations."""
@@ -48,12 +52,17 @@ class GlobalVectorEnv:
     def reset(self, seed: Optional[int] = None) -> Tuple[Table, Dict[str, Any]]:
         """Begin an episode in every copy."""
         first_seed = None if seed is None else fresh_seed(seed)
+        self._whole = False
         for copy, env in enumerate(self.envs):
             env.send_reset(None if first_seed is None else (first_seed + copy) % 2**64)
-        return self._joined([env.receive_reset() for env in self.envs])
+        shown = self._joined([env.receive_reset() for env in self.envs])
+        self._whole = True
+        return shown
 
     def step(self, actions: Mapping[str, Any]) -> Tuple[Table, Table, Table, Table, Dict[str, Any]]:
         """Make a step in every copy; ``actions``: for each agent one action per copy. If one is refused, none steps."""
+        if not self._whole:
+            raise SimulatorError("the last call was not finished; call reset() first")
         for agent, chosen in actions.items():
             if len(chosen) != self.num_envs:
                 raise ValueError(f"agent {agent!r}: {len(chosen)} actions for {self.num_envs} copies")
@@ -61,6 +70,7 @@ class GlobalVectorEnv:
             env.checked({agent: chosen[copy] for agent, chosen in actions.items()})
             for copy, env in enumerate(self.envs)
         ]
+        self._whole = False
         for env, code in zip(self.envs, codes):
             env.send_checked(code)
         results = [env.receive_step() for env in self.envs]
@@ -73,6 +83,7 @@ class GlobalVectorEnv:
             final = {"final_obs": obs, "episodes": [result[4] for result in results]}
             obs, infos = self.reset()
             infos.update(final)
+        self._whole = True
         return obs, rewards, terminations, truncations, infos
 
     def _joined(self, shown: List[Tuple[Observations, Infos]]) -> Tuple[Table, Dict[str, Any]]:
@@ -83,5 +94,7 @@ class GlobalVectorEnv:
 
     def close(self) -> None:
         """End all copies."""
+        for env in self.envs:
+            env._channel.hang_up()
         for env in self.envs:
             env.close()

@@ -114,7 +114,7 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
     def observation_space(self, agent: str) -> "gymnasium.Space[Any]":
         """Return the space of an agent's observations. Of your own ones the shape is known after the first reset."""
         if self._observe is not None and not self._observation_spaces:
-            raise RuntimeError("observation: the shape of what it returns is known after the first reset()")
+            raise SimulatorError("observation: the shape of what it returns is known after the first reset()")
         return self._observation_spaces[agent]
 
     def action_space(self, agent: str) -> "gymnasium.Space[Any]":
@@ -145,7 +145,7 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
 
     def receive_reset(self) -> Tuple[Observations, Infos]:
         """Wait for the episode that :meth:`send_reset` began."""
-        self._channel.receive()
+        self._channel.receive_reset()
         self._steps = 0
         self._look()
         observations, infos = self._perceive()
@@ -172,7 +172,7 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         if not self._whole:
             raise SimulatorError("the last call was not finished; call reset() first")
         if not self.agents:
-            raise RuntimeError("there is no episode under way; call reset() first")
+            raise SimulatorError("there is no episode under way; call reset() first")
         chosen = [actions[name] for name in self.possible_agents if name in actions]
         if not len(chosen) == len(actions) == len(self.possible_agents):
             self._refuse_names(actions)
@@ -200,12 +200,16 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
     def _refuse(self, chosen: List[Any]) -> None:
         """Raise the error that names the agent whose action is none of its own."""
         for name, action, n_actions in zip(self.possible_agents, chosen, self._n_actions):
-            if not 0 <= operator.index(action) < n_actions:
+            try:
+                number = operator.index(action)
+            except TypeError:
+                raise TypeError(f"agent {name!r}: action {action!r}; must be a whole number") from None
+            if not 0 <= number < n_actions:
                 raise ValueError(f"agent {name!r}: action {action}; its actions are 0 to {n_actions - 1}")
 
     def receive_step(self) -> Steps:
         """Wait for the end of the step that :meth:`send_actions` began."""
-        self._channel.receive()
+        self._channel.receive_step()
         self._steps += 1
         over = self._steps == self.horizon
         before = self._roads
@@ -271,9 +275,8 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         decision in it.
         """
         if self.agents or self._steps == 0 or not self._whole:
-            raise RuntimeError("save_replay: play an episode to its end first")
-        if Path(folder).exists():
-            raise FileExistsError(f"save_replay: {folder}: exists already; name a new folder")
+            raise SimulatorError("save_replay: play an episode to its end first")
+        refuse_existing(folder)
         return self._channel.keep(Path(folder).absolute())
 
     @property
@@ -285,6 +288,12 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
         """End the environment and its process."""
         self._channel.close()
         self.agents = []
+
+
+def refuse_existing(folder: PathLike) -> None:
+    """Raise an error if the folder of a replay exists."""
+    if Path(folder).exists():
+        raise FileExistsError(f"save_replay: {folder}: exists already; name a new folder")
 
 
 def _all_allowed(n_actions: int) -> np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 from ._channel import PathLike, first_names, request_of, whole_number, yes_or_no
 from ._process import Process
 from .errors import SimulatorError
-from .parallel import GlobalEnv
+from .parallel import GlobalEnv, refuse_existing
 from .policy import Policy, Weights, in_torch
 
 if TYPE_CHECKING:
@@ -82,6 +82,8 @@ class Run:
 
         ``replay``: a new folder, in which sumo-gui then shows the episode.
         """
+        if replay is not None:
+            refuse_existing(replay)
         env = GlobalEnv(self.path, seed=seed, full_metrics=True, settings=settings, record=replay is not None)
         controller = self.controller(greedy=greedy)
         try:
@@ -128,18 +130,33 @@ class Controller:
             self._places[agent["name"]] = row, slice(obs, next_obs), slice(masks, next_masks)
             obs, masks = next_obs, next_masks
         self._obs[:], self._masks[:] = 0, 1
+        # Whether the last call came to its end. If not, what the policies remember may be of a step more.
+        self._whole = True
 
     def begin(self, seed: int, episode: int = 0) -> None:
         """Begin an episode: that of ``env.seed`` and ``env.episode`` of a :func:`parallel_env`."""
-        self._process.reset(whole_number("seed", seed), whole_number("episode", episode))
+        seed, episode = whole_number("seed", seed), whole_number("episode", episode)
+        self._process.check()
+        self._whole = False
+        self._process.reset(seed, episode)
+        self._whole = True
 
     def act(self, observations: Mapping[str, np.ndarray], infos: Mapping[str, Mapping[str, Any]]) -> Dict[str, int]:
         """Decide for all agents that are shown, from what ``reset`` or ``step`` of a :func:`parallel_env` returned."""
-        for agent in observations:
+        # Before the memory is touched: after a fork, it is the original's.
+        self._process.check()
+        if not self._whole:
+            raise SimulatorError("the last call was not finished; call begin() first")
+        for agent, obs in observations.items():
             if agent not in self._places:
                 raise _no_agent(agent, list(self._places))
             if agent not in infos:
                 raise SimulatorError(f"infos: there is none for {agent!r}")
+            _, place, mask_place = self._places[agent]
+            _check_width("observations", agent, obs, place)
+            if mask_place.start < mask_place.stop:
+                _check_width("action masks", agent, infos[agent]["action_mask"], mask_place)
+        self._whole = False
         for agent, obs in observations.items():
             _, place, mask_place = self._places[agent]
             self._obs[place] = obs
@@ -147,7 +164,9 @@ class Controller:
                 self._masks[mask_place] = infos[agent]["action_mask"]
         self._process.step()
         actions = self._actions.tolist()
-        return {agent: actions[self._places[agent][0]] for agent in observations}
+        chosen = {agent: actions[self._places[agent][0]] for agent in observations}
+        self._whole = True
+        return chosen
 
     def close(self) -> None:
         """End the process."""
@@ -157,6 +176,13 @@ class Controller:
 def _policies(path: Path, greedy: bool) -> Process:
     policies = {"greedy": yes_or_no("greedy", greedy)}
     return Process(f"the policies of {path}", request_of(path, None, {"policies": policies}))
+
+
+def _check_width(name: str, agent: str, shown: Any, place: slice) -> None:
+    """Raise an error if what an agent is shown has not the width that its policy was trained with."""
+    width = place.stop - place.start
+    if np.shape(shown) != (width,):
+        raise ValueError(f"{name}: of agent {agent!r} of shape {np.shape(shown)} instead of ({width},)")
 
 
 def _no_agent(agent: str, agents: List[str]) -> SimulatorError:

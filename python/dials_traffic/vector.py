@@ -40,7 +40,9 @@ class LocalVectorEnv(VectorEnv):
         settings: Optional[Mapping[str, Any]] = None,
     ) -> None:
         copies, first_seed = whole_number("copies", copies, 1), fresh_seed(seed)
-        names = [agents] if isinstance(agents, str) else list(agents or [])
+        names = [agents] if isinstance(agents, str) else list([] if agents is None else agents)
+        if agents is not None and not names:
+            raise ValueError("agents: there is none in the list; None stands for all agents")
         local = {
             "agents": names,
             "copies": copies,
@@ -68,8 +70,11 @@ class LocalVectorEnv(VectorEnv):
         self._whole = True
         array = self._process.array
         self._obs, self._last_obs = (array(name).reshape(self.num_envs, -1) for name in ("obs", "last_obs"))
-        self._masks = array("masks").view(np.int8).reshape(self.num_envs, -1) if about["masks"] else None
-        self._all_allowed = np.ones((self.num_envs, about["n_actions"]), np.int8)
+        if about["masks"]:
+            masks, last_masks = (array(name).view(np.int8) for name in ("masks", "last_masks"))
+        else:
+            masks = last_masks = np.ones(self.num_envs * self._n_actions, np.int8)
+        self._masks, self._last_masks = (of_rows.reshape(self.num_envs, -1) for of_rows in (masks, last_masks))
         self._rewards, self._ends, self._actions = array("rewards"), array("ends"), array("actions")
         self._never = np.zeros(self.num_envs, bool)
 
@@ -122,12 +127,11 @@ class LocalVectorEnv(VectorEnv):
 
     def step_wait(self) -> Tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, Dict[str, Any]]:
         """Wait for the end of the step that :meth:`step_async` began."""
-        self._process.receive()
+        self._process.receive_step()
         infos, ends = self._infos(), self._ends.copy()
         if ends.any():
             infos["final_obs"], infos["_final_obs"] = self._last_obs.copy(), ends.copy()
-            # The masks are those of the next episodes; at the end nobody decides.
-            final_masks = np.where(ends[:, None], infos["action_mask"], 0).astype(np.int8)
+            final_masks = np.where(ends[:, None], self._last_masks, 0).astype(np.int8)
             infos["final_info"] = {"action_mask": final_masks, "_action_mask": ends.copy()}
             infos["_final_info"] = ends.copy()
         # Copies: the memory changes with the next step, and what was returned must not.
@@ -136,8 +140,7 @@ class LocalVectorEnv(VectorEnv):
         return shown
 
     def _infos(self) -> Dict[str, Any]:
-        masks = (self._all_allowed if self._masks is None else self._masks).copy()
-        return {"action_mask": masks, "_action_mask": np.ones(self.num_envs, bool)}
+        return {"action_mask": self._masks.copy(), "_action_mask": np.ones(self.num_envs, bool)}
 
     def counters(self) -> Dict[str, int]:
         """Return totals since the last reset, such as predicted cars that found no room."""
@@ -175,6 +178,8 @@ class LocalEnv(gymnasium.Env):
         seed: Optional[int] = None,
         settings: Optional[Mapping[str, Any]] = None,
     ) -> None:
+        if not isinstance(agent, str):
+            raise TypeError(f"agent {agent!r}: must be the name of one agent; vector_env takes several")
         self._rows = LocalVectorEnv(config, agent, 1, predictor, seed=seed, settings=settings)
         self.observation_space = self._rows.single_observation_space
         self.action_space = self._rows.single_action_space
@@ -190,6 +195,7 @@ class LocalEnv(gymnasium.Env):
         refuse_unknown_options(options, [])
         super().reset(seed=None if seed is None else fresh_seed(seed))
         if self._begun is None or seed is not None:
+            self._begun = None
             obs, infos = self._rows.reset(seed=seed)
             self._begun = obs[0], _of_row(infos)
         begun, self._begun = self._begun, None
@@ -197,13 +203,12 @@ class LocalEnv(gymnasium.Env):
 
     def step(self, action: Any) -> Tuple[np.ndarray, float, bool, bool, Dict[str, Any]]:
         if self._begun is not None:
-            raise RuntimeError("the episode is over; call reset() first")
+            raise SimulatorError("the episode is over; call reset() first")
         obs, rewards, _, ends, infos = self._rows.step(np.asarray([action]))
         info = _of_row(infos)
         if ends[0]:
             self._begun = obs[0], info
-            # The mask is that of the next episode; at the end nobody decides.
-            return infos["final_obs"][0], float(rewards[0]), False, True, _of_row(self._rows._infos())
+            return infos["final_obs"][0], float(rewards[0]), False, True, _of_row(infos["final_info"])
         return obs[0], float(rewards[0]), False, False, info
 
     def close(self) -> None:

@@ -5,7 +5,7 @@
 //! and actions are in shared memory. The Python process itself does not load this module, because libsumo brings some
 //! hundred libraries, and pip's libsumo may be there, too. Only an environment that is asked for in this process does.
 //!
-//! - `serve`: the loop of that process. `request`: what it is asked for. `wire`: the frames on the socket. `memory`: the
+//! - `serve`: the loop of that process. `request`: what it is asked for. `wire`: the records on the socket. `memory`: the
 //!   shared memory. `lifeline`: it ends with the Python process.
 //! - `in_process`: an environment in the Python process itself.
 //! - `joint`: all agents on the global simulator. `local`: local simulators with influence predictors.

@@ -40,6 +40,7 @@ struct View {
     rewards: Section,
     ends: Section,
     last_obs: Section,
+    last_masks: Section,
     actions: Vec<Action>,
     n_actions: usize,
 }
@@ -60,7 +61,12 @@ impl Local {
         config.local_simulators.stagger = request.stagger;
         let predictor = match request.predictor {
             PredictorRequest::Run(path) => {
-                let (of_run, _) = directory::open_config(&path, open_tried)?;
+                let (of_run, domain_of_run) = directory::open_unchanged(&path, open_tried)?;
+                ensure!(
+                    domain_of_run.names() == names,
+                    "{}: is a run of other agents; its AIPs predict what comes to those alone",
+                    path.display()
+                );
                 let predictor = directory::read_aips(&path, &of_run, &*domain, &agents)?;
                 config.simulator = of_run.simulator;
                 config.aip = of_run.aip;
@@ -127,12 +133,14 @@ impl View {
     fn new(mut memory: Memory, domain: &dyn Domain, agents: &[AgentId], copies: usize) -> Result<View> {
         let spec = &domain.kinds().of(agents[0]).spec;
         let rows = agents.len().checked_mul(copies).context("copies: too many")?;
+        let masks = if spec.masks { rows * spec.n_actions } else { 0 };
         let view = View {
             obs: memory.section::<f32>("obs", rows * spec.obs_dim, "f4"),
-            masks: memory.section::<bool>("masks", if spec.masks { rows * spec.n_actions } else { 0 }, "b1"),
+            masks: memory.section::<bool>("masks", masks, "b1"),
             rewards: memory.section::<f32>("rewards", rows, "f4"),
             ends: memory.section::<bool>("ends", rows, "b1"),
             last_obs: memory.section::<f32>("last_obs", rows * spec.obs_dim, "f4"),
+            last_masks: memory.section::<bool>("last_masks", masks, "b1"),
             actions: vec![0; rows],
             n_actions: spec.n_actions,
             memory,
@@ -152,6 +160,9 @@ impl View {
         self.memory.put(&self.ends, &experience.ends);
         if experience.any_end() {
             self.memory.put(&self.last_obs, experience.last_obs.as_slice());
+            if let Some(masks) = &experience.last_masks {
+                self.memory.put(&self.last_masks, masks.as_slice());
+            }
         }
     }
 }

@@ -1,6 +1,5 @@
 //! The process of an environment: does what the Python process orders, until the channel is closed.
 
-use std::io::Write;
 use std::os::fd::AsFd;
 use std::os::unix::net::UnixStream;
 
@@ -12,29 +11,29 @@ use crate::local::{Local, Running};
 use crate::memory::Memory;
 use crate::policies::Policies;
 use crate::request::{Environment, Opened, Request, ResetRequest};
-use crate::wire::{self, BEGIN, MEASURE, RESET, STEP};
+use crate::wire::{self, BEGIN, MEASURE, Order, RESET, STEP};
 
-/// Serves one environment. The control channel is standard input; `memory`: the descriptor of the shared memory.
+/// Serves one environment. The control channel is standard input, a socket that keeps records apart; `memory`: the descriptor of the shared memory.
 pub fn serve(memory: i32) -> Result<()> {
     lifeline::watch()?;
     let stdin = std::io::stdin().as_fd().try_clone_to_owned().context("no control channel")?;
     let mut stream = UnixStream::from(stdin);
-    let Some((tag, payload)) = wire::receive(&mut stream)? else { return Ok(()) };
+    let Some(Order { number, tag, payload }) = wire::receive(&mut stream)? else { return Ok(()) };
     if tag != BEGIN {
         bail!("the first order must be to begin");
     }
     match begin(&payload, memory) {
-        Err(error) => wire::answer(&mut stream, &Err(error)),
+        Err(error) => wire::answer(&mut stream, number, &Err(error)),
         Ok(Served::Joint(joint)) => {
-            wire::answer(&mut stream, &Ok(joint.describe().to_string().into_bytes()))?;
+            wire::answer(&mut stream, number, &Ok(joint.describe().to_string().into_bytes()))?;
             serve_joint(*joint, &mut stream)
         }
         Ok(Served::Policies(policies)) => {
-            wire::answer(&mut stream, &Ok(policies.describe().to_string().into_bytes()))?;
+            wire::answer(&mut stream, number, &Ok(policies.describe().to_string().into_bytes()))?;
             serve_policies(*policies, &mut stream)
         }
         Ok(Served::Local(local)) => {
-            wire::answer(&mut stream, &Ok(local.describe().to_string().into_bytes()))?;
+            wire::answer(&mut stream, number, &Ok(local.describe().to_string().into_bytes()))?;
             serve_local(*local, &mut stream)
         }
     }
@@ -59,20 +58,20 @@ fn begin(payload: &[u8], memory: i32) -> Result<Served> {
 }
 
 fn serve_joint(mut joint: Joint, stream: &mut UnixStream) -> Result<()> {
-    while let Some((tag, payload)) = wire::receive(stream)? {
-        wire::answer(stream, &joint.obey(tag, &payload))?;
+    while let Some(Order { number, tag, payload }) = wire::receive(stream)? {
+        wire::answer(stream, number, &joint.obey(tag, &payload))?;
     }
     Ok(())
 }
 
 fn serve_policies(mut policies: Policies, stream: &mut UnixStream) -> Result<()> {
-    while let Some((tag, payload)) = wire::receive(stream)? {
+    while let Some(Order { number, tag, payload }) = wire::receive(stream)? {
         let outcome = match tag {
             STEP => policies.step(),
             RESET => wire::read(&payload).and_then(|request| policies.reset(&request)),
             other => bail!("policies have no order {other}"),
         };
-        wire::answer(stream, &outcome.map(|()| Vec::new()))?;
+        wire::answer(stream, number, &outcome.map(|()| Vec::new()))?;
     }
     Ok(())
 }
@@ -80,16 +79,19 @@ fn serve_policies(mut policies: Policies, stream: &mut UnixStream) -> Result<()>
 /// Serves local simulators. Each reset makes new ones: the old ones are dropped first, because a process holds one SUMO.
 fn serve_local(mut local: Local, stream: &mut UnixStream) -> Result<()> {
     let mut next = wire::receive(stream)?;
-    while let Some((tag, payload)) = next {
+    while let Some(Order { number, tag, payload }) = next {
         if tag != RESET {
-            wire::answer(stream, &Err(anyhow::anyhow!("there is no episode under way; call reset() first")))?;
+            wire::answer(stream, number, &Err(anyhow::anyhow!("there is no episode under way; call reset() first")))?;
             next = wire::receive(stream)?;
             continue;
         }
         next = match wire::read(&payload).and_then(|request: ResetRequest| local.reset(&request)) {
-            Ok(running) => serve_running(running, stream)?,
+            Ok(running) => {
+                wire::answer(stream, number, &Ok(Vec::new()))?;
+                serve_running(running, stream)?
+            }
             Err(error) => {
-                wire::answer(stream, &Err(error))?;
+                wire::answer(stream, number, &Err(error))?;
                 wire::receive(stream)?
             }
         };
@@ -98,14 +100,14 @@ fn serve_local(mut local: Local, stream: &mut UnixStream) -> Result<()> {
 }
 
 /// Serves local simulators until they are reset. Returns the order that ended this.
-fn serve_running(mut running: Running<'_>, stream: &mut (impl Write + std::io::Read)) -> Result<Option<(u8, Vec<u8>)>> {
-    wire::answer(stream, &Ok(Vec::new()))?;
-    loop {
-        let outcome = match wire::receive(stream)? {
-            Some((STEP, _)) => running.step().map(|()| Vec::new()),
-            Some((MEASURE, _)) => Ok(running.counters().to_string().into_bytes()),
-            next => return Ok(next),
+fn serve_running(mut running: Running<'_>, stream: &mut UnixStream) -> Result<Option<Order>> {
+    while let Some(order) = wire::receive(stream)? {
+        let outcome = match order.tag {
+            STEP => running.step().map(|()| Vec::new()),
+            MEASURE => Ok(running.counters().to_string().into_bytes()),
+            _ => return Ok(Some(order)),
         };
-        wire::answer(stream, &outcome)?;
+        wire::answer(stream, order.number, &outcome)?;
     }
+    Ok(None)
 }

@@ -1,14 +1,22 @@
-//! Frames on the control channel: a tag, a length of four bytes (little endian) and the payload.
+//! Orders and answers on the control channel: a sequence of records, which arrive whole or not at all.
+//!
+//! A record begins with the number of the order (eight bytes, little endian), a tag, and 1 if it is the last record of
+//! this order or answer. Then comes its piece of the payload. An answer has the number of its order. So Python can tell
+//! it from one to an order that Ctrl-C interrupted.
 //!
 //! Numbers of a step do not go here. They are in the shared [`Memory`](crate::memory::Memory).
 
 use std::io::{ErrorKind, Read, Write};
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use serde::de::DeserializeOwned;
 
 /// Largest payload that is read: a request with the names of ten thousand agents is far below it.
 const LARGEST: usize = 16 << 20;
+/// Largest record.
+const RECORD: usize = 16 << 10;
+/// Bytes of a record before its piece of the payload.
+const HEAD: usize = 10;
 
 /// Tags of the parent.
 pub const BEGIN: u8 = b'B';
@@ -23,19 +31,40 @@ pub const KEEP: u8 = b'K';
 const DONE: u8 = b'K';
 const FAILED: u8 = b'E';
 
-/// Reads the next order. `None`: the parent has closed the channel.
-pub fn receive(stream: &mut impl Read) -> Result<Option<(u8, Vec<u8>)>> {
-    let mut head = [0; 5];
-    match stream.read_exact(&mut head) {
-        Err(error) if error.kind() == ErrorKind::UnexpectedEof => return Ok(None),
-        read => read.context("cannot read an order")?,
+/// An order of the parent.
+pub struct Order {
+    pub number: u64,
+    pub tag: u8,
+    pub payload: Vec<u8>,
+}
+
+/// Reads the next order. `None`: the parent has closed the channel. Every read of `stream` must return one record.
+pub fn receive(stream: &mut impl Read) -> Result<Option<Order>> {
+    let mut record = [0; RECORD];
+    let mut begun: Option<Order> = None;
+    loop {
+        let length = match stream.read(&mut record) {
+            Ok(0) => return Ok(None),
+            Err(error) if error.kind() == ErrorKind::Interrupted => continue,
+            read => read.context("cannot read an order")?,
+        };
+        let Some(([number @ .., tag, is_last], piece)) = record[..length].split_first_chunk::<HEAD>() else {
+            bail!("a record of {length} bytes");
+        };
+        let number = u64::from_le_bytes(*number);
+        // An order of which no more comes was interrupted.
+        let mut order = begun.take().filter(|order| order.number == number).unwrap_or_else(|| Order {
+            number,
+            tag: *tag,
+            payload: Vec::new(),
+        });
+        ensure!(order.payload.len() + piece.len() <= LARGEST, "an order of more than {LARGEST} bytes");
+        order.payload.extend_from_slice(piece);
+        if *is_last == 1 {
+            return Ok(Some(order));
+        }
+        begun = Some(order);
     }
-    let [tag, length @ ..] = head;
-    let length = u32::from_le_bytes(length) as usize;
-    ensure!(length <= LARGEST, "an order of {length} bytes");
-    let mut payload = vec![0; length];
-    stream.read_exact(&mut payload).context("an order was cut short")?;
-    Ok(Some((tag, payload)))
 }
 
 /// Reads the payload of an order.
@@ -43,8 +72,8 @@ pub fn read<T: DeserializeOwned>(payload: &[u8]) -> Result<T> {
     serde_json::from_slice(payload).context("this order is of another version of the package; install it again")
 }
 
-/// Writes the answer to an order: its payload, or the reason why there is none.
-pub fn answer(stream: &mut impl Write, outcome: &Result<Vec<u8>>) -> Result<()> {
+/// Writes the answer to an order: its payload, or the reason why there is none. Every write to `stream` makes a record.
+pub fn answer(stream: &mut impl Write, number: u64, outcome: &Result<Vec<u8>>) -> Result<()> {
     let reason;
     let (tag, payload) = match outcome {
         Ok(payload) => (DONE, payload.as_slice()),
@@ -53,7 +82,14 @@ pub fn answer(stream: &mut impl Write, outcome: &Result<Vec<u8>>) -> Result<()> 
             (FAILED, reason.as_bytes())
         }
     };
-    let length = u32::try_from(payload.len()).context("an answer of more than 4 GiB")?;
-    let frame = [&[tag][..], &length.to_le_bytes(), payload].concat();
-    stream.write_all(&frame).context("cannot answer")
+    let mut rest = payload;
+    loop {
+        let (piece, later) = rest.split_at(rest.len().min(RECORD - HEAD));
+        let record = [&number.to_le_bytes()[..], &[tag, u8::from(later.is_empty())], piece].concat();
+        stream.write_all(&record).context("cannot answer")?;
+        if later.is_empty() {
+            return Ok(());
+        }
+        rest = later;
+    }
 }

@@ -1,5 +1,7 @@
 """All agents on the global simulator."""
 
+import os
+import signal
 import warnings
 
 import numpy as np
@@ -182,7 +184,7 @@ def test_what_cannot_be_done_is_an_error_that_says_so(grid, tmp_path):
     for action in (2, -1, 256):
         with pytest.raises(ValueError, match=f"agent 'r0c0': action {action}; its actions are 0 to 1"):
             env.step({**dict.fromkeys(env.agents, 0), "r0c0": action})
-    with pytest.raises(TypeError, match="float"):
+    with pytest.raises(TypeError, match="agent 'r0c0': action 0.5; must be a whole number"):
         env.step(dict.fromkeys(env.agents, 0.5))
     env.reset()
     for options, reason in [
@@ -426,3 +428,23 @@ def test_actions_that_are_refused_move_none_of_many_environments(grid):
     many.close()
     with pytest.raises(TypeError, match="n 2.0: must be a whole number"):
         dials_traffic.vector_parallel_env(grid, 2.0)
+
+
+def test_an_interrupted_step_of_many_environments_needs_a_reset(grid, monkeypatch):
+    many = dials_traffic.vector_parallel_env(grid, 2, seed=1)
+    expected, _ = many.reset(seed=1)
+    actions = {agent: [0, 0] for agent in many.agents}
+    with monkeypatch.context() as patched:
+        patched.setattr(many, "_joined", None)  # as if Ctrl-C had come when all copies had answered
+        with pytest.raises(TypeError):
+            many.step(actions)
+    with pytest.raises(dials_traffic.SimulatorError, match="was not finished; call reset"):
+        many.step(actions)
+    again, _ = many.reset(seed=1)
+    assert all(np.array_equal(again[agent], expected[agent]) for agent in many.agents)
+    many.step(actions)
+    os.kill(many.envs[1].pid, signal.SIGKILL)
+    with pytest.raises(dials_traffic.ProcessDied, match="copy 1 of the environment of"):
+        while True:
+            many.step(actions)
+    many.close()

@@ -158,15 +158,98 @@ def test_an_interrupted_step_needs_a_reset_and_nothing_else(grid):
     env.close()
 
 
+def test_ctrl_c_may_come_at_any_place(grid):
+    """An alarm stands for Ctrl-C. A call that waits for an answer that does not come would never end."""
+    code = """
+        import random, signal, sys, dials_traffic
+        env = dials_traffic.parallel_env(sys.argv[1], seed=1)
+        expected, _ = env.reset(seed=1)
+
+        def interrupt(number, frame):
+            raise KeyboardInterrupt
+
+        signal.signal(signal.SIGALRM, interrupt)
+        dice, interrupted = random.Random(1), 0
+        for _ in range(400):
+            try:
+                signal.setitimer(signal.ITIMER_REAL, dice.uniform(1e-5, 3e-3))
+                while True:
+                    if not env.agents:
+                        env.reset()
+                    env.step(dict.fromkeys(env.agents, 0))
+            except KeyboardInterrupt:
+                interrupted += 1
+            shown, _ = env.reset(seed=1)
+            assert all((shown[agent] == expected[agent]).all() for agent in expected)
+        env.step(dict.fromkeys(env.agents, 0))
+        env.close()
+        print(interrupted)
+    """
+    words = [sys.executable, "-c", textwrap.dedent(code), str(grid)]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=300)
+    assert (done.returncode, done.stdout) == (0, "400\n"), done.stderr
+
+
+def test_what_was_not_begun_cannot_be_waited_for(grid, warehouse_run):
+    env = dials_traffic.parallel_env(grid, seed=1)
+    with pytest.raises(dials_traffic.SimulatorError, match="no reset was begun"):
+        env.receive_reset()
+    env.send_reset()
+    with pytest.raises(dials_traffic.SimulatorError, match="no step was begun"):
+        env.receive_step()
+    env.receive_reset()
+    env.close()
+    table = dials_traffic.vector_env(warehouse_run, "r0c0", 2, seed=1)
+    table.reset()
+    table.step([0, 0])
+    with pytest.raises(dials_traffic.SimulatorError, match="no step was begun"):
+        table.step_wait()
+    table.step_async([0, 0])
+    table.close()
+    with pytest.raises(dials_traffic.SimulatorError, match="is closed"):
+        table.step_wait()
+
+
+def test_a_closed_environment_ends_by_itself_also_if_a_copy_of_python_lives(grid):
+    env = dials_traffic.parallel_env(grid, seed=1)
+    env.reset()
+    copy = os.fork()
+    if copy == 0:
+        time.sleep(600)
+    env.close()
+    os.kill(copy, signal.SIGKILL)
+    os.waitpid(copy, 0)
+    assert env._channel._child.returncode == 0, "it was not killed"
+
+
+def test_a_dead_process_is_an_exception_where_broken_pipes_are_deadly(grid):
+    code = """
+        import os, signal, sys, dials_traffic
+        signal.signal(signal.SIGPIPE, signal.SIG_DFL)
+        env = dials_traffic.parallel_env(sys.argv[1], seed=1)
+        env.reset()
+        os.kill(env.pid, signal.SIGKILL)
+        try:
+            while True:
+                env.step(dict.fromkeys(env.agents, 0))
+        except dials_traffic.ProcessDied:
+            print("told")
+    """
+    words = [sys.executable, "-c", textwrap.dedent(code), str(grid)]
+    done = subprocess.run(words, capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, "told\n"), done.stderr
+
+
 def descriptors():
     return len(os.listdir("/proc/self/fd"))
 
 
 def test_a_process_that_cannot_start_leaves_no_descriptors(grid, monkeypatch):
     monkeypatch.setattr(sys, "executable", "/no/such/python")
+    gc.collect()
     before = descriptors()
     for _ in range(3):
-        with pytest.raises(FileNotFoundError):
+        with pytest.raises(dials_traffic.SimulatorError, match="cannot be started: .*/no/such/python"):
             dials_traffic.parallel_env(grid)
     gc.collect()
     assert descriptors() == before

@@ -72,7 +72,10 @@ def test_only_a_whole_recorded_episode_becomes_a_replay(grid, warehouse, tmp_pat
         env.reset()
         while env.agents:
             env.step(dict.fromkeys(env.agents, 0))
-        assert env.save_replay(tmp_path / str(number)).is_file()
+        (tmp_path / "file").touch()
+        with pytest.raises(dials_traffic.SimulatorError):
+            env.save_replay(tmp_path / "file/below")
+        assert env.save_replay(tmp_path / str(number)).is_file(), "another folder may do"
     with pytest.raises(FileExistsError, match="exists already"):
         env.save_replay(tmp_path / "0")
     with pytest.raises(dials_traffic.SimulatorError, match="saved already"):
@@ -166,4 +169,34 @@ def test_agents_and_numbers_that_do_not_exist_are_errors_that_name_them(grid_run
         controller.act({"nobody": np.zeros(40)}, {})
     with pytest.raises(dials_traffic.SimulatorError, match="infos: there is none for 'r0c0'"):
         controller.act({"r0c0": np.zeros(40)}, {})
+    for width in ((), (1,), (39,)):
+        with pytest.raises(ValueError, match="observations: of agent 'r0c0' of shape"):
+            controller.act({"r0c0": np.zeros(width)}, {"r0c0": {}})
+    assert controller.act({"r0c0": np.zeros(40)}, {"r0c0": {}}).keys() == {"r0c0"}
     controller.close()
+
+
+def test_a_replay_that_cannot_be_kept_is_refused_before_the_episode(grid_run, tmp_path, monkeypatch):
+    monkeypatch.setattr(dials_traffic.GlobalEnv, "reset", None)
+    with pytest.raises(FileExistsError, match="exists already"):
+        dials_traffic.load(grid_run).play(replay=tmp_path)
+
+
+def test_an_interrupted_decision_needs_a_new_episode(warehouse_run, monkeypatch):
+    """Its policies have a memory. A decision that was made twice would change it."""
+    run = dials_traffic.load(warehouse_run)
+    controller = run.controller()
+    env = dials_traffic.parallel_env(warehouse_run, seed=3)
+    observations, infos = env.reset()
+    controller.begin(3)
+    expected = controller.act(observations, infos)
+    with monkeypatch.context() as patched:
+        patched.setattr(controller, "_actions", None)  # as if Ctrl-C had come after the answer
+        with pytest.raises(AttributeError):
+            controller.act(observations, infos)
+    with pytest.raises(dials_traffic.SimulatorError, match="call begin"):
+        controller.act(observations, infos)
+    controller.begin(3)
+    assert controller.act(observations, infos) == expected
+    controller.close()
+    env.close()

@@ -126,19 +126,55 @@ def test_a_single_simulator_is_a_row_of_a_table_of_one(warehouse_run):
     env.close()
 
 
-def test_what_cannot_be_done_is_an_error_that_says_so(grid, grid_run, tmp_path):
+def test_the_last_mask_of_an_episode_is_of_its_own_end(scenario_run):
+    """At the end a light may have to keep its green. At the beginning of the next episode it is another one."""
+    env = dials_traffic.vector_env(scenario_run, None, 2, seed=1)
+    dice, others = np.random.default_rng(1), 0
+    _, infos = env.reset()
+    for step in range(1, 6 * env.horizon + 1):
+        masks = infos["action_mask"]
+        *_, infos = env.step((dice.random(masks.shape) * masks).argmax(axis=1))
+        if step % env.horizon == 0:
+            last = infos["final_info"]["action_mask"]
+            assert last.any(axis=1).all()
+            others += np.any(last != infos["action_mask"], axis=1).sum()
+    env.close()
+    assert others > 0
+
+
+def test_a_reset_that_failed_shows_no_earlier_episode(warehouse_run, monkeypatch):
+    env = dials_traffic.local_env(warehouse_run, "r0c0", seed=1)
+    env.reset()
+    while not env.step(0)[3]:
+        pass
+    with monkeypatch.context() as patched:
+        patched.setattr(env._rows, "reset", None)
+        with pytest.raises(TypeError):
+            env.reset(seed=5)
+    env.reset()
+    env.step(0)
+    env.close()
+
+
+def test_what_cannot_be_done_is_an_error_that_says_so(grid, grid_run, scenario, tmp_path):
     make = dials_traffic.vector_env
     for arguments, reason in [
         ((grid_run, "nobody", 2), "agent `nobody`: there is none"),
         ((grid, "r0c0", 2, tmp_path), "not a run directory"),
         ((grid, "r0c0", 2), "not a run directory"),
         ((grid_run, ["r0c1", "r0c0"], 2), "name each once, in the order"),
+        ((scenario, None, 2, grid_run), "is a run of other agents"),
     ]:
         with pytest.raises(dials_traffic.SimulatorError, match=reason):
             make(*arguments)
     for copies, error in [(0, ValueError), (-1, ValueError), (2.0, TypeError)]:
         with pytest.raises(error, match=f"copies {copies}: must be"):
             make(grid_run, "r0c0", copies)
+    with pytest.raises(ValueError, match="agents: there is none in the list"):
+        make(grid_run, [], 2)
+    for agent in (None, [], ["r0c0"]):
+        with pytest.raises(TypeError, match="must be the name of one agent"):
+            dials_traffic.local_env(grid_run, agent)
     with pytest.raises(TypeError, match="stagger 1: must be True or False"):
         make(grid_run, "r0c0", 2, stagger=1)
     env = make(grid_run, "r0c0", np.int64(2), seed=1)

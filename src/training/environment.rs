@@ -30,11 +30,19 @@ pub struct Experience {
     /// `[rows, obs_dim]`: the observation after the step, before the next episode begins. Written only for rows whose
     /// `ends` is set.
     pub last_obs: Rows<f32>,
+    /// `[rows, n_actions]`: the actions that were allowed then, written for the same rows. `None` if the kind has no
+    /// masks. PPO needs none of it.
+    pub last_masks: Option<Rows<bool>>,
 }
 
 impl Experience {
     pub(super) fn new(rows: usize, spec: &RegionSpec) -> Self {
-        Experience { rewards: vec![0.0; rows], ends: vec![false; rows], last_obs: Rows::new(rows, spec.obs_dim) }
+        Experience {
+            rewards: vec![0.0; rows],
+            ends: vec![false; rows],
+            last_obs: Rows::new(rows, spec.obs_dim),
+            last_masks: spec.masks.then(|| Rows::new(rows, spec.n_actions)),
+        }
     }
 
     pub fn any_end(&self) -> bool {

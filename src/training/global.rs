@@ -112,6 +112,9 @@ impl Environment for GlobalEnvironment {
             experience.ends.fill(end);
             if end {
                 transition.percept.obs.pick_into(agents(), &mut experience.last_obs);
+                if let Some(last) = &mut experience.last_masks {
+                    transition.percept.masks.pick_into(agents(), last);
+                }
             }
         }
         let percept = if end {

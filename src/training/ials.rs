@@ -152,6 +152,9 @@ impl Environment for Ials<'_> {
                 trail.end_episode();
                 over.push(Beginning { row, episode: trail.episode });
                 self.experience.last_obs.row_mut(row).copy_from_slice(transition.percept.obs.row(row));
+                if let (Some(last), Some(masks)) = (&mut self.experience.last_masks, &transition.percept.masks) {
+                    last.row_mut(row).copy_from_slice(masks.row(row));
+                }
             }
         }
         let percept = if over.is_empty() {
