@@ -9,7 +9,7 @@ use crate::traffic::fidelity::doubts::doubt;
 /// Returns the whole object. Precision and recall compare the local simulator with the global one; in `other_seed`, two
 /// local simulators.
 pub fn described(checked: &Checked) -> Value {
-    let Checked { window, sigma, seed, lights } = checked;
+    let Checked { window, sigma, seed, lights, .. } = checked;
     let is_random = lights.iter().any(|light| light.other_seed.is_some());
     let other = is_random.then(|| together(lights, |light| light.other_seed.unwrap_or_default()));
     let each = lights.iter().map(|light| {
@@ -54,6 +54,7 @@ fn entries(comparison: Comparison) -> Value {
     object.insert("passed_per_h".into(), json!({ "gs": gs.passed_per_h(), "ls": ls.passed_per_h() }));
     object.insert("backlog".into(), json!(ls.backlog()));
     object.insert("waited_share".into(), json!(ls.waited_share()));
+    object.insert("dropped_share".into(), json!(ls.dropped_share()));
     object.insert("lost".into(), json!(ls.lost));
     value
 }

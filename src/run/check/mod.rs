@@ -16,7 +16,9 @@ use crate::cli::CheckArgs;
 use crate::config::{Config, load};
 use crate::domain::Domain;
 use crate::error::{Error, Result as CommandResult};
-use crate::outside::{did_you_mean, excerpt, quoted};
+use crate::outside::{did_you_mean, excerpt, folder_of, quoted};
+use crate::records::checkpoint::owner::Owner;
+use crate::records::files::is_run_dir;
 use crate::terminal::counting::EpisodeBar;
 use crate::terminal::{answer, json as in_json};
 use crate::traffic::Traffic;
@@ -35,16 +37,23 @@ struct Checked {
     sigma: Option<f64>,
     seed: u64,
     lights: Vec<LightFidelity>,
+    /// Whether these are lights of a grid, whose LS leaves out cars without room.
+    on_grid: bool,
 }
 
 pub fn check(args: &CheckArgs) -> CommandResult<()> {
     let config = load(&args.config, &[]).map_err(Error::Usage)?;
     let traffic = opened(&config, args).map_err(Error::Usage)?;
+    let run = folder_of(&args.config);
+    if is_run_dir(run) {
+        Owner::of(&config, &traffic).and_then(|owner| owner.check_unchanged(run)).map_err(Error::Usage)?;
+    }
     let agents = agents(&traffic, args).map_err(Error::Usage)?;
     let window = window(traffic.seconds(), args).map_err(Error::Usage)?;
     domain::tell_left_out(&traffic);
     let lights = measured(&traffic, &agents, &window, Seed::new(args.seed)).map_err(Error::Run)?;
-    let checked = Checked { window, sigma: args.sigma, seed: args.seed, lights };
+    let on_grid = traffic.grid().is_some();
+    let checked = Checked { window, sigma: args.sigma, seed: args.seed, lights, on_grid };
     let told = if args.json { in_json(json::described(&checked)) } else { table::described(&checked) };
     answer(told).map_err(Error::Run)
 }

@@ -16,34 +16,42 @@ const NAME: usize = 11;
 
 /// Returns the whole text.
 pub fn described(checked: &Checked) -> String {
-    let Checked { window, sigma, lights, .. } = checked;
+    let Checked { window, sigma, lights, on_grid, .. } = checked;
     let dawdling = sigma.map_or(String::new(), |sigma| format!(", sigma {sigma}"));
     let mut lines = vec![
         for_terminal(&format!(
             "local simulators (LS) beside the global one (GS): random greens, seconds {} to {} of the episode{dawdling}",
             window.start, window.end
         )),
-        for_terminal(
-            "precision and recall of the LS's cells of 10 m with cars, and its number of cells / the GS's; waiting: cars \
-             without room at the border",
-        ),
+        for_terminal(&format!(
+            "precision and recall of the LS's cells of 10 m with cars, and its number of cells / the GS's; {}: cars without \
+             room at the border",
+            if *on_grid { "left out" } else { "waiting" }
+        )),
         String::new(),
     ];
     let is_random = lights.iter().any(|light| light.other_seed.is_some());
-    lines.extend(head(is_random));
+    lines.extend(head(is_random, *on_grid));
     let mut shown: Vec<&LightFidelity> = lights.iter().collect();
     if shown.len() > MOST_LINES {
         shown = worst(lights);
         shown.truncate(MOST_LINES);
     }
     for light in &shown {
-        lines.push(line(&light.light, light.true_entries, light.sampled_entries, light.other_seed));
+        lines.push(line(&light.light, light.true_entries, light.sampled_entries, light.other_seed, *on_grid));
     }
     if lights.len() > 1 {
         let other = is_random.then(|| together(lights, |light| light.other_seed.unwrap_or_default()));
         let [exact, sampled] =
             [together(lights, |light| light.true_entries), together(lights, |light| light.sampled_entries)];
-        lines.push(line("all", exact, sampled, other));
+        lines.push(line("all", exact, sampled, other, *on_grid));
+        if shown.len() < lights.len() {
+            lines.push(format!(
+                "\nthese are the {} least alike of {} lights; --json has all",
+                shown.len(),
+                lights.len()
+            ));
+        }
         let names: Vec<String> =
             worst(lights).iter().take(WORST).map(|light| Printable(&light.light).to_string()).collect();
         lines.push(for_terminal(&format!("\nleast alike with sampled entries: {}", names.join(", "))));
@@ -98,15 +106,16 @@ fn name(light: &str) -> String {
     name.chars().take(NAME - 2).chain("..".chars()).collect()
 }
 
-fn head(is_random: bool) -> [String; 2] {
+fn head(is_random: bool, on_grid: bool) -> [String; 2] {
     let [group, column] = if is_random { ["   two", "   LSs"] } else { [""; 2] };
+    let [without, room] = if on_grid { [" left", "  out"] } else { ["wait-", "  ing"] };
     [
-        format!("{:NAME$}      true entries  sampled entries{group} speed m/s    passed/h wait-", ""),
-        format!("{:NAME$}  prec. rec. cells prec. rec. cells{column}   GS   LS    GS    LS   ing", "light"),
+        format!("{:NAME$}      true entries  sampled entries{group} speed m/s    passed/h {without}", ""),
+        format!("{:NAME$}  prec. rec. cells prec. rec. cells{column}   GS   LS    GS    LS {room}", "light"),
     ]
 }
 
-fn line(light: &str, exact: Comparison, sampled: Comparison, other: Option<Comparison>) -> String {
+fn line(light: &str, exact: Comparison, sampled: Comparison, other: Option<Comparison>, on_grid: bool) -> String {
     let cells = |of: Comparison| {
         let cells = of.cells;
         format!("{:6.2} {:4.2} {:5.2}", cells.precision(), cells.recall(), cells.occupancy_ratio())
@@ -115,16 +124,16 @@ fn line(light: &str, exact: Comparison, sampled: Comparison, other: Option<Compa
     let other = other.map_or(String::new(), |other| agree(other.cells));
     let [gs, ls] = sampled.sums;
     let [speeds, passed] = [[gs.mean_speed_mps(), ls.mean_speed_mps()], [gs.passed_per_h(), ls.passed_per_h()]];
+    let without_room = if on_grid { ls.dropped.to_string() } else { format!("{:.1}", ls.backlog()) };
     format!(
-        "{:NAME$} {}{}{other} {:4.1} {:4.1} {:5.0} {:5.0} {:5.1}",
+        "{:NAME$} {}{}{other} {:4.1} {:4.1} {:5.0} {:5.0} {without_room:>5}",
         name(light),
         cells(exact),
         cells(sampled),
         speeds[0],
         speeds[1],
         passed[0],
-        passed[1],
-        ls.backlog()
+        passed[1]
     )
 }
 
@@ -150,7 +159,23 @@ mod tests {
 
     fn shown(lights: usize, is_random: bool) -> String {
         let lights = vec![light(is_random.then(Comparison::default)); lights];
-        described(&Checked { window: 600..1800, sigma: None, seed: 0, lights })
+        described(&Checked { window: 600..1800, sigma: None, seed: 0, lights, on_grid: false })
+    }
+
+    #[test]
+    fn many_lights_are_the_least_alike_and_the_text_says_so() {
+        assert!(shown(MOST_LINES + 1, false).contains("\nthese are the 40 least alike of 41 lights; --json has all\n"));
+        assert!(!shown(MOST_LINES, false).contains("least alike of"));
+    }
+
+    #[test]
+    fn on_a_grid_cars_without_room_are_counted_as_left_out() {
+        let mut crowded = light(None);
+        crowded.sampled_entries.sums[1].dropped = 7;
+        let text =
+            described(&Checked { window: 600..1800, sigma: None, seed: 0, lights: vec![crowded], on_grid: true });
+        assert!(text.contains("left out: cars without room at the border"), "{text}");
+        assert!(text.contains("     7\n\nthis local simulator"), "{text}");
     }
 
     #[test]

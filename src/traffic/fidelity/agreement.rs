@@ -56,6 +56,8 @@ pub struct Sums {
     pub came: u64,
     /// How many of them found no room at first.
     pub waited: u64,
+    /// How many of them found no room and were left out. Only an LS of a grid does that; in others they wait.
+    pub dropped: u64,
     /// Cars that waited at the border, added up over the seconds.
     pub waiting: u64,
     /// Cars that could not be put where they were seen.
@@ -81,6 +83,11 @@ impl Sums {
     /// Returns the share of the cars that found no room at first.
     pub fn waited_share(self) -> f64 {
         self.waited as f64 / self.came.max(1) as f64
+    }
+
+    /// Returns the share of the cars that were left out, because there was no room.
+    pub fn dropped_share(self) -> f64 {
+        self.dropped as f64 / self.came.max(1) as f64
     }
 }
 
@@ -113,6 +120,7 @@ impl AddAssign for Comparison {
             sums.passed += other.passed;
             sums.came += other.came;
             sums.waited += other.waited;
+            sums.dropped += other.dropped;
             sums.waiting += other.waiting;
             sums.lost += other.lost;
         }

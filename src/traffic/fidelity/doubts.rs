@@ -22,7 +22,7 @@ pub const LEAST_PASSED: u64 = 10;
 pub const MOST_SPILLBACK: f64 = 0.03;
 /// Largest share of the cars that come in by short roads.
 pub const MOST_SHORT: f64 = 0.25;
-/// Largest share of the cars that find no room and wait at the border.
+/// Largest share of the cars that find no room at the border, and wait there or are left out.
 pub const MOST_WAITED: f64 = 0.1;
 
 /// Returns why the LS of a light should not be trusted, a line. `None`: it is like the GS.
@@ -94,6 +94,10 @@ fn causes(found: &LightFidelity) -> Vec<String> {
     if waited > MOST_WAITED {
         causes.push(format!("{:.0} % of the cars waited at the border for room", 100.0 * waited));
     }
+    let dropped = found.sampled_entries.sums[1].dropped_share();
+    if dropped > MOST_WAITED {
+        causes.push(format!("{:.0} % of the cars found no room at the border and were left out", 100.0 * dropped));
+    }
     let lost = found.true_entries.sums[1].lost;
     if lost > 0 {
         causes.push(format!("{lost} cars left their way, as SUMO moves cars past a jam"));
@@ -153,6 +157,16 @@ mod tests {
              spillback: cars stood at green before a full exit in 12 % of the seconds; 11 % of the cars waited at the \
              border for room"
         );
+    }
+
+    #[test]
+    fn on_a_grid_cars_without_room_are_left_out() {
+        let mut found = LightFidelity { true_entries: comparison(100, 100, 70), ..light() };
+        found.sampled_entries.sums[1].dropped = 10;
+        assert!(doubt(&found).unwrap().ends_with("Why: no cause was found"));
+        found.sampled_entries.sums[1].dropped = 11;
+        let told = doubt(&found).unwrap();
+        assert!(told.ends_with("Why: 11 % of the cars found no room at the border and were left out"), "{told}");
     }
 
     #[test]

@@ -37,7 +37,7 @@ impl Again for OnGrid<'_> {
             before = now;
         }
         let counted = ls.counters();
-        [seen.sums.came, seen.sums.waited] = [counted[0].1, counted[1].1];
+        [seen.sums.came, seen.sums.dropped] = [counted[0].1, counted[1].1];
         Ok(seen)
     }
 }
