@@ -6,7 +6,7 @@ use anyhow::{Error, Result, bail, ensure};
 
 use super::file::{PlannedBaseline, PlannedRun};
 use crate::config;
-use crate::outside::{Printable, quoted};
+use crate::outside::{Directory, Printable, quoted};
 use crate::records::checkpoint::owner::NotOfThisRun;
 use crate::records::files::{CONFIG, is_run_dir};
 use crate::records::reader::scenario_of;
@@ -24,6 +24,10 @@ pub enum Stage {
     Begun {
         steps: u64,
     },
+    /// A process trains the run. `steps`: as above.
+    Running {
+        steps: u64,
+    },
     /// A baseline was measured, but not as planned now.
     Outdated,
     /// The files of a run are damaged. `why`: how, and what to try.
@@ -38,6 +42,7 @@ impl Stage {
         match self {
             Stage::New => "new",
             Stage::Begun { .. } => "to be resumed",
+            Stage::Running { .. } => "running",
             Stage::Outdated => "outdated",
             Stage::Unreadable { .. } => "unreadable",
             Stage::Finished => "finished",
@@ -48,7 +53,7 @@ impl Stage {
     pub fn share(&self, run: &PlannedRun) -> f64 {
         match self {
             Stage::New | Stage::Outdated | Stage::Unreadable { .. } => 0.0,
-            Stage::Begun { steps } => *steps as f64 / run.config.last_step() as f64,
+            Stage::Begun { steps } | Stage::Running { steps } => *steps as f64 / run.config.last_step() as f64,
             Stage::Finished => 1.0,
         }
     }
@@ -76,12 +81,16 @@ pub fn stage(folder: &Path, run: &PlannedRun) -> Result<Stage> {
         Ok(None) => RunRecord::read(&dir),
         Err(error) => Err(error),
     };
+    let unfinished = |steps| match Directory::is_locked(&dir) {
+        true => Stage::Running { steps },
+        false => Stage::Begun { steps },
+    };
     Ok(match read {
         Ok(record) => match record.status() {
             Status::Finished if record.is_whole() => Stage::Finished,
-            Status::Finished => Stage::Begun { steps: run.config.last_step() },
-            Status::Unfinished { steps } => Stage::Begun { steps },
-            Status::Empty => Stage::Begun { steps: 0 },
+            Status::Finished => unfinished(run.config.last_step()),
+            Status::Unfinished { steps } => unfinished(steps),
+            Status::Empty => unfinished(0),
         },
         Err(error) => Stage::Unreadable { why: unreadable(&dir, &error) },
     })
@@ -224,6 +233,15 @@ mod tests {
             write(folder.path(), &run, RETURNS, &block[..cut]);
             assert_eq!(stage(folder.path(), &run).unwrap(), Stage::Begun { steps: 0 }, "{}", &block[..cut]);
         }
+    }
+
+    #[test]
+    fn a_run_that_somebody_trains_is_running() {
+        let folder = tempfile::tempdir().unwrap();
+        let run = planned(folder.path());
+        let _lock = Directory::lock(&directory(folder.path(), &run)).unwrap();
+        let stage = stage(folder.path(), &run).unwrap();
+        assert_eq!((stage.name(), stage), ("running", Stage::Running { steps: 0 }));
     }
 
     #[test]

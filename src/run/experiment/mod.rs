@@ -130,7 +130,7 @@ fn check_nobody_trains(experiment: &Experiment, folder: &Path) -> anyhow::Result
 /// Checks that no run that would be resumed was written by another build.
 fn check_builds(experiment: &Experiment, folder: &Path) -> anyhow::Result<()> {
     for run in &experiment.runs {
-        if matches!(stage(folder, run)?, Stage::Begun { .. }) {
+        if matches!(stage(folder, run)?, Stage::Begun { .. } | Stage::Running { .. }) {
             other_build(&directory(folder, run), run.config.numerics.vector_width, false)?;
         }
     }

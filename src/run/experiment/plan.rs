@@ -54,7 +54,7 @@ impl PlannedWork {
                 arguments.extend([run.config_path.clone().into(), "--out".into(), dir.into()]);
                 run.settings.iter().for_each(|setting| arguments.extend(["--set".into(), setting.into()]));
             }
-            Stage::Begun { .. } | Stage::Finished => {
+            Stage::Begun { .. } | Stage::Running { .. } | Stage::Finished => {
                 arguments.extend(["--resume".into(), dir.into()]);
                 arguments.extend(accept_other_build.then(|| "--accept-other-build".into()));
             }
