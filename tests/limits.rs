@@ -45,6 +45,11 @@ impl Ended {
         assert!(!stderr.contains("panicked") && !stderr.contains("RUST_BACKTRACE"), "{stderr}");
     }
 
+    fn assert_done(&self) {
+        self.assert_orderly();
+        assert!(self.status.success(), "{}", self.stderr);
+    }
+
     /// Asserts that the command failed with this exit code and one error that has all of `parts`.
     fn assert_failed(&self, code: i32, parts: &[&str]) {
         self.assert_orderly();
@@ -333,6 +338,23 @@ fn a_file_that_may_not_grow_is_named_with_the_way_out() {
         ended.assert_failed(ended.status.code().unwrap(), &[named, "File too large", "(ulimit -f)"]);
         assert!(!ended.status.success());
     }
+}
+
+/// libtorch would end the process.
+#[cfg(feature = "torch")]
+#[test]
+fn policies_that_have_no_room_are_one_error_and_nothing_stays() {
+    let dir = tempfile::tempdir().unwrap();
+    let (config, out) = (write_config(dir.path()), dir.path().join("run"));
+    run(&mut program(train(&config, &out, &["--workers", "0"]))).assert_done();
+    let folder = dir.path().join(OsStr::from_bytes(b"exports\xff"));
+    fs::create_dir(&folder).unwrap();
+    let words = [OsStr::new("export"), out.as_os_str(), OsStr::new("--out"), folder.join("p.pt").as_os_str()]
+        .map(OsStr::to_owned);
+    run(&mut limited("--fsize=2048", &words)).assert_failed(1, &["p.pt: cannot be written", "(ulimit -f)"]);
+    assert_eq!(fs::read_dir(&folder).unwrap().count(), 0);
+    run(&mut program(&words)).assert_done();
+    assert_eq!(fs::read_dir(&folder).unwrap().count(), 1);
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Helper programs, which end together with this one.
 
-use std::fs::File;
+use std::fs::{self, File};
 use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -50,4 +50,9 @@ impl Drop for Helper {
 /// Creates a file for the output of a program.
 pub fn listener(file: &Path) -> Result<File> {
     File::create(file).context("the temporary directory cannot be written to")
+}
+
+/// Returns what a program wrote to the file of its [`listener`]. Programs such as sumo-gui may write any bytes.
+pub fn heard(file: &Path) -> String {
+    String::from_utf8_lossy(&fs::read(file).unwrap_or_default()).trim().to_owned()
 }

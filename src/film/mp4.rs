@@ -1,17 +1,24 @@
 //! Joins pictures to an mp4, with ffmpeg.
 
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::Stdio;
+use std::sync::atomic::AtomicBool;
+use std::thread;
+use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
 
 use super::captions::PAPER;
 use super::format::STEPS_PER_SECOND;
+use super::helper::{Helper, heard, listener, tied};
+use crate::terminal::check_stop;
 
-/// Writes the mp4 `film` from the pictures in the folder `room`.
-pub fn join(room: &Path, film: &Path) -> Result<()> {
+/// Writes the mp4 `film` from the pictures in the folder `room`. Ends with an error soon after `stop` is set.
+pub fn join(room: &Path, film: &Path, stop: &AtomicBool) -> Result<()> {
     let [red, green, blue] = PAPER;
-    let output = Command::new("ffmpeg")
+    let said = room.join("ffmpeg.txt");
+    let mut ffmpeg = tied("ffmpeg");
+    ffmpeg
         .args(["-loglevel", "error", "-framerate", &STEPS_PER_SECOND.to_string(), "-i"])
         .arg(room.join("%06d.png"))
         // Every player can show an even width and height with this pixel format.
@@ -24,10 +31,16 @@ pub fn join(room: &Path, film: &Path) -> Result<()> {
             "+faststart",
         ])
         .arg(film)
-        .stdin(Stdio::null())
-        .output()
-        .context("ffmpeg could not be started")?;
-    let said = String::from_utf8_lossy(&output.stderr);
-    ensure!(output.status.success(), "ffmpeg failed ({}): {}", output.status, said.trim());
-    Ok(())
+        .stdout(Stdio::null())
+        .stderr(listener(&said)?);
+    let mut ffmpeg = Helper::start(ffmpeg)?;
+    let status = loop {
+        check_stop(stop)?;
+        if let Some(status) = ffmpeg.0.try_wait().context("cannot wait for ffmpeg")? {
+            break status;
+        }
+        thread::sleep(Duration::from_millis(20));
+    };
+    ensure!(status.success(), "ffmpeg failed ({status}): {}", heard(&said));
+    check_stop(stop)
 }

@@ -12,7 +12,7 @@ use tempfile::TempDir;
 
 use super::captions::{PAPER, caption};
 use super::gui::SUMO_GUI;
-use super::helper::{Helper, listener, tied};
+use super::helper::{Helper, heard, listener, tied};
 use super::picture_file::Picture;
 use super::screen::Screen;
 use super::{Format, Replay, Shape, gif, mp4};
@@ -50,7 +50,7 @@ impl Pictures {
     pub fn join(&self, format: Format, film: &Path, stop: &AtomicBool) -> Result<()> {
         match format {
             Format::Gif => gif::join(&self.files, film, stop),
-            Format::Mp4 => mp4::join(self.room.path(), film),
+            Format::Mp4 => mp4::join(self.room.path(), film, stop),
         }
     }
 }
@@ -83,7 +83,7 @@ fn take_pictures(replay: &Replay, room: &Path, stop: &AtomicBool) -> Result<Vec<
         "sumo-gui took {} of {} pictures and {end}: {}",
         frames.len() - missing,
         frames.len(),
-        fs::read_to_string(&said).unwrap_or_default().trim()
+        heard(&said)
     );
     Ok(frames)
 }

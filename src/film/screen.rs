@@ -1,13 +1,12 @@
 //! A virtual screen: Xvfb.
 
-use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::Stdio;
 
 use anyhow::{Context, Result, ensure};
 
-use super::helper::{Helper, listener, tied};
+use super::helper::{Helper, heard, listener, tied};
 
 /// Name of the program.
 pub(super) const XVFB: &str = "Xvfb";
@@ -30,8 +29,7 @@ impl Screen {
         let mut number = String::new();
         let out = server.0.stdout.take().expect("standard output is piped");
         BufReader::new(out).read_line(&mut number).context("cannot read the output of Xvfb")?;
-        let said = fs::read_to_string(&said).unwrap_or_default();
-        ensure!(!number.trim().is_empty(), "Xvfb opened no screen: {}", said.trim());
+        ensure!(!number.trim().is_empty(), "Xvfb opened no screen: {}", heard(&said));
         Ok(Screen { name: format!(":{}", number.trim()), _server: server })
     }
 }

@@ -51,7 +51,7 @@ pub use net::Net;
 pub use network::{Network, Sequences, Trace};
 pub use parameters::Parameters;
 pub use peak::Peak;
-pub use script::{check_script, write_script};
+pub use script::{check_script, script};
 pub use shape::{Layout, Shape};
 pub use stack_file::{StackToWrite, about_stacks, read_stack, write_stacks};
 pub use states::States;

@@ -1,27 +1,38 @@
 //! Stacks as TorchScript: a file that PyTorch and its C++ library open without this program.
 
+use std::fs::File;
+use std::io::{Read, Seek};
 use std::ops::Range;
+use std::os::fd::AsRawFd;
+use std::os::unix::fs::symlink;
 use std::path::Path;
 
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result, anyhow, ensure};
+use rustix::fs::{MemfdFlags, memfd_create};
+use rustix::process::{Resource, getrlimit};
 use tch::{CModule, Device, Kind, Tensor};
 
 use super::Net;
 use super::gru::{INPUT, INPUT_BIAS, STATE, STATE_BIAS};
 use super::shape::Shape;
+use crate::outside::temporary_dir;
+
+/// More bytes than a module has beside its parameters.
+const CODE: usize = 1 << 20;
 
 /// Checks that this build can write scripts, which it can.
 pub fn check_script() -> Result<()> {
     Ok(())
 }
 
-/// Writes the networks of all agents as one module, parameters included.
+/// Returns the networks of all agents as one module, parameters included: the bytes of a file. The archive in it gets
+/// the name `name`.
 ///
 /// `forward(inputs)` takes `[agents, batch, in]`, for any batch, and returns the outputs, `[agents, batch, out]`. With
 /// a GRU it is one step. `forward(inputs, states)` also takes the states before it, `[agents, batch, hidden]`. It
 /// returns the outputs and then the states after it in one table, `[agents, batch, out + hidden]`, because a traced
 /// function has a single result.
-pub fn write_script(net: &Net, path: &Path) -> Result<()> {
+pub fn script(net: &Net, name: &str) -> Result<Vec<u8>> {
     let (shape, agents) = (net.shape(), net.parameters().agents() as i64);
     // Their values do not matter: only the operations on them are recorded.
     let table = |width: usize| Tensor::zeros(&[agents, 2, width as i64], (Kind::Float, Device::Cpu));
@@ -42,10 +53,35 @@ pub fn write_script(net: &Net, path: &Path) -> Result<()> {
         _ => unreachable!("the arguments are inputs and perhaps states"),
     };
     let module = tch::no_grad(|| CModule::create_by_tracing("Networks", "forward", &arguments, &mut forward))?;
+    let values = net.parameters().values().as_slice().len();
+    in_memory(name, values * size_of::<f32>(), |path| module.save(path))
+}
+
+/// Returns the bytes that libtorch writes to a file.
+///
+/// On a full disk libtorch ends this process. So the file is in memory, and a link of the wanted name leads to it.
+/// `bytes`: size of the parameters.
+fn in_memory(name: &str, bytes: usize, save: impl FnOnce(&Path) -> Result<(), tch::TchError>) -> Result<Vec<u8>> {
+    let most = (bytes + bytes / 8 + CODE) as u64;
+    let allowed = getrlimit(Resource::Fsize).current.unwrap_or(u64::MAX);
+    ensure!(
+        most <= allowed,
+        "it may have {most} bytes, and files may have {allowed} here; raise the limit (ulimit -f)"
+    );
+    let mut memory = File::from(memfd_create("script", MemfdFlags::CLOEXEC).context("no memory for the module")?);
+    let room = temporary_dir()?;
+    symlink(format!("/proc/self/fd/{}", memory.as_raw_fd()), room.path().join(name))?;
+    // By its open directory: libtorch takes only paths of UTF-8.
+    let opened = File::open(room.path())?;
+    let path = format!("/proc/self/fd/{}/{name}", opened.as_raw_fd());
     // The lines after the first one say where in C++ the error comes from.
     let first_line =
         |error: tch::TchError| anyhow!("{}", error.to_string().lines().next().unwrap_or_default().to_owned());
-    module.save(path).map_err(first_line).with_context(|| format!("{}: cannot be written", path.display()))
+    save(Path::new(&path)).map_err(first_line)?;
+    let mut written = Vec::new();
+    memory.rewind()?;
+    memory.read_to_end(&mut written)?;
+    Ok(written)
 }
 
 /// Joins the last columns of tables with the same rows.

@@ -39,4 +39,4 @@ pub use printable::{Printable, beginning, excerpt, is_printable};
 pub use quoted::{path_as_text, quoted, quoted_word};
 pub use staged::{StagedDirectory, rename_to_free, sweep};
 pub use temporary::{cannot_write_temporary, temporary_dir, temporary_file};
-pub use whole::{folder_of, write_together, write_whole, write_whole_with};
+pub use whole::{folder_of, write_together, write_whole};

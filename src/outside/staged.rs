@@ -8,7 +8,9 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use rand::distr::{Alphanumeric, SampleString};
-use rustix::fs::{AtFlags, FileType, Mode, RenameFlags, mkdirat, renameat_with, statat, unlinkat};
+use rustix::fs::{
+    AtFlags, FileType, Mode, OFlags, RenameFlags, fsync, mkdirat, openat, renameat_with, statat, unlinkat,
+};
 use rustix::io::Errno;
 use rustix::process::geteuid;
 
@@ -64,6 +66,17 @@ impl StagedDirectory {
         &self.directory
     }
 
+    /// Moves a file of the directory to a free name in the parent, once all of it is on the disk. Returns whether the name
+    /// was free. If not, nothing has changed.
+    pub fn move_file_to(&self, name: &OsStr, free: &OsStr) -> Result<bool> {
+        fsync(openat(&self.directory, name, OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::CLOEXEC, Mode::empty())?)?;
+        let moved = rename_between(&self.directory, name, &self.parent, free)?;
+        if moved {
+            self.parent.sync()?;
+        }
+        Ok(moved)
+    }
+
     /// Moves the directory to a free place in the same parent and returns it, still locked. If the place is taken:
     /// `None`, and nothing has changed.
     pub fn move_to(&mut self, place: &Path) -> Result<Option<Directory>> {
@@ -89,15 +102,19 @@ impl Drop for StagedDirectory {
 
 /// Renames an entry of a directory, but never over another one. Returns whether the new name was free.
 pub fn rename_to_free(folder: &Directory, from: &OsStr, to: &OsStr) -> Result<bool> {
-    match renameat_with(folder, from, folder, to, RenameFlags::NOREPLACE) {
+    rename_between(folder, from, folder, to)
+}
+
+fn rename_between(folder: &Directory, from: &OsStr, other: &Directory, to: &OsStr) -> Result<bool> {
+    match renameat_with(folder, from, other, to, RenameFlags::NOREPLACE) {
         Ok(()) => Ok(true),
         Err(Errno::EXIST) => Ok(false),
         // This file system cannot do it. A full directory is not replaced here either.
         Err(Errno::INVAL | Errno::NOSYS) => {
-            if folder.kind_of(to)?.is_some() {
+            if other.kind_of(to)?.is_some() {
                 return Ok(false);
             }
-            match rustix::fs::renameat(folder, from, folder, to) {
+            match rustix::fs::renameat(folder, from, other, to) {
                 Ok(()) => Ok(true),
                 Err(Errno::EXIST | Errno::NOTEMPTY) => Ok(false),
                 Err(error) => Err(error.into()),

@@ -17,13 +17,10 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     write_whole_with(path, |beside| Ok(fs::write(beside, bytes)?))
 }
 
-/// Does the same as [`write_whole`], for a `write` that makes the file itself. It gets a path of the same name in
-/// another directory, because TorchScript archives keep the name.
-pub fn write_whole_with(path: &Path, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
+fn write_whole_with(path: &Path, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
     let failed = || format!("{}: cannot be written", path.display());
     let name = path.file_name().with_context(failed)?;
     let folder = Directory::open(folder_of(path)).with_context(failed)?;
-    // By its path, because the programs that make films do not share our open directories.
     replace(&folder, &[name], |new| write(&new.path_of(name))).with_context(failed)
 }
 

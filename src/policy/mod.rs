@@ -9,12 +9,10 @@ mod demonstrations;
 mod memory;
 pub mod sampling;
 
-use std::path::Path;
-
 use crate::base::{AgentId, Ragged, Rows, Seed};
 use crate::config::PolicyConfig;
 use crate::domain::{Percept, RegionSpec, Result};
-use crate::nn::{Adam, Learner, Net, Parameters, Shape, States, Threads, write_script};
+use crate::nn::{Adam, Learner, Net, Parameters, Shape, States, Threads, script};
 
 pub use controller::{JointPolicyController, Selection, StackController};
 pub use demonstrations::Demonstrations;
@@ -127,11 +125,11 @@ impl PolicyStack {
         self.net.parameters_mut().load(policies);
     }
 
-    /// Writes the policies as a TorchScript module. `forward(obs)`, or `forward(obs, states)` for policies with a GRU,
+    /// Returns the policies as a TorchScript module: the bytes of a file. `forward(obs)`, or `forward(obs, states)` for policies with a GRU,
     /// returns one table `[agents, batch, ..]` of the logits, the value and, with a GRU, the next state. `obs`:
-    /// `[agents, batch, obs_dim]`, for any batch.
-    pub fn write_script(&self, path: &Path) -> Result<()> {
-        write_script(&self.net, path)
+    /// `[agents, batch, obs_dim]`, for any batch. `name`: that of the archive in the file.
+    pub fn script(&self, name: &str) -> Result<Vec<u8>> {
+        script(&self.net, name)
     }
 
     /// Uses these threads from now on.

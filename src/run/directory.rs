@@ -22,6 +22,7 @@ use crate::records::joint_layout::JointLayout;
 use crate::records::kept::Kept;
 use crate::records::run_json::RunJson;
 use crate::records::word::Word;
+use crate::terminal::tell;
 use crate::training::block::initial_aips;
 
 /// Makes the directory of a new run and returns it, locked.
@@ -73,6 +74,15 @@ pub struct TrainedRun {
     pub policies: JointPolicy,
     /// Timesteps per agent of these policies, if somebody is still training the run.
     pub still_trained_at: Option<u64>,
+}
+
+impl TrainedRun {
+    /// Says of which step the policies are, if somebody is still training the run.
+    pub fn tell_still_trained(&self, path: &Path) {
+        if let Some(steps) = self.still_trained_at {
+            tell(format_args!("{}: is still being trained; its policies are those of step {steps}", path.display()));
+        }
+    }
 }
 
 /// Reads the config of a run directory and opens its domain. `open`: [`domain::open`], or [`domain::open_tried`] if its

@@ -1,8 +1,9 @@
 //! `export`: writes the policies for use outside of this program.
 
+use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::ensure;
+use anyhow::{Context, ensure};
 
 use super::directory;
 use super::outputs;
@@ -13,17 +14,18 @@ use crate::config::PolicyConfig;
 use crate::domain::{Kind, Kinds};
 use crate::error::{Error, Result};
 use crate::nn::check_script;
-use crate::outside::{Printable, folder_of, write_whole_with};
+use crate::outside::{Printable, folder_of};
 use crate::policy::{JointPolicy, PolicyStack};
 use crate::terminal::answer;
 
 pub fn export(args: &cli::ExportArgs) -> Result<()> {
     check_script().map_err(Error::Usage)?;
     let run = directory::open(&args.run_dir).map_err(Error::Usage)?;
+    run.tell_still_trained(&args.run_dir);
     let existing = Existing::of_named(args.force);
     let files = files_of(&args.out, run.domain.kinds());
     files.iter().try_for_each(|file| check_free(file, existing)).map_err(Error::Usage)?;
-    write_scripts(run.domain.kinds(), &run.config.policy, &run.policies, &files, existing).map_err(Error::Usage)?;
+    write_scripts(run.domain.kinds(), &run.config.policy, &run.policies, &files, existing).map_err(Error::Run)?;
     let of_kinds = run.domain.kinds().iter().zip(&files);
     let told: Vec<String> = of_kinds.map(|(kind, file)| how_to_use(file, kind, &run.config.policy)).collect();
     answer(told.join("\n")).map_err(Error::Run)
@@ -58,10 +60,10 @@ fn write_scripts(
     for (kind, file) in kinds.iter().zip(files) {
         let mut stack = PolicyStack::blank(kind.agents.len(), &kind.spec, config);
         stack.load(&policies.pick(kind.agents.iter().map(|agent| agent.0)).into_rows());
-        write_whole_with(file, |beside| {
-            stack.write_script(beside)?;
-            places::clear(file, existing)
-        })?;
+        let name = file.file_name().unwrap_or_default().to_string_lossy();
+        let failed = || format!("{}: cannot be written", file.display());
+        let module = stack.script(&name).with_context(failed)?;
+        places::make_file(file, existing, |beside| Ok(fs::write(beside, &module)?))?;
     }
     Ok(())
 }

@@ -57,7 +57,7 @@ fn cut(file: &Path, light: &str, hops: usize, out: &Path) -> Result<NetworkFiles
 fn put(out: &Path, force: bool, name: &str, make: impl FnOnce(&Path) -> Result<NetworkFiles>) -> Result<NetworkFiles> {
     check_not_of_a_run("--out", out)?;
     let files = NetworkFiles::of(&out.join(name));
-    files.check_paths()?;
+    files.check_config_path()?;
     let room = temporary_dir()?;
     make(room.path())?;
     let mut new: Vec<(PathBuf, Vec<u8>)> = Vec::new();

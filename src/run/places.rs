@@ -94,6 +94,27 @@ fn fill_and_move(
     }
 }
 
+/// Makes a file at `path`, or returns an error and leaves everything as it was. `write` gets a path of the same name in
+/// another directory. A file that another process makes at `path` meanwhile is never replaced.
+pub fn make_file(path: &Path, existing: Existing, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
+    let failed = || format!("{}: cannot be written", path.display());
+    let name = path.file_name().with_context(failed)?;
+    let staged = Directory::open(folder_of(path)).and_then(|folder| StagedDirectory::make_in(&folder));
+    let staged = staged.with_context(failed)?;
+    write(&staged.directory().path_of(name)).with_context(failed)?;
+    loop {
+        clear(path, existing)?;
+        if staged.move_file_to(name, name).with_context(failed)? {
+            return Ok(());
+        }
+        ensure!(
+            existing == Existing::MoveAside,
+            "{}: exists already, made by another process meanwhile; name another file, or move it aside with --force",
+            path.display()
+        );
+    }
+}
+
 /// Renames `path` to the first free of `path.old-1`, `path.old-2`, ... and returns the new path. If another process
 /// writes there, this is an error.
 pub fn move_aside(path: &Path) -> Result<PathBuf> {
@@ -203,6 +224,22 @@ mod tests {
         make(&path, Existing::MoveAside, |_| others()).unwrap();
         assert_eq!(names(dir.path()), ["run", "run-2", "run.old-1"]);
         assert!(path.with_file_name("run.old-1").join("theirs").exists());
+    }
+
+    #[test]
+    fn a_file_that_appears_while_another_one_is_made_is_never_replaced() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("film.gif");
+        let ours = |beside: &Path| {
+            fs::write(&path, "theirs")?;
+            Ok(fs::write(beside, "ours")?)
+        };
+        let error = format!("{:#}", make_file(&path, Existing::Refuse, ours).unwrap_err());
+        assert!(error.contains("film.gif: exists already, made by another process meanwhile"), "{error}");
+        assert_eq!((names(dir.path()), fs::read_to_string(&path).unwrap()), (vec!["film.gif".into()], "theirs".into()));
+        make_file(&path, Existing::MoveAside, ours).unwrap();
+        assert_eq!(names(dir.path()), ["film.gif", "film.gif.old-1"]);
+        assert_eq!(fs::read_to_string(&path).unwrap(), "ours");
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, ensure};
 
 use super::cast::ReplayedEpisode;
-use super::outputs::{check_apart, check_free, check_not_a_run};
+use super::outputs::{check_apart, check_can_be_made, check_free, check_not_a_run};
 use super::places::{self, Existing};
 use super::plot::draw_recording;
 use super::video::Video;
@@ -28,10 +28,13 @@ pub fn replay(args: &cli::ReplayArgs) -> crate::error::Result<()> {
     }
     check_not_a_run("--out", &args.out).map_err(Error::Usage)?;
     let dir = places::place(&args.out, existing).map_err(Error::Usage)?;
+    replay::check_place(&dir).map_err(Error::Usage)?;
     let places = [("--out", Some(&*args.out)), ("--video", args.video.as_deref()), ("--plot", args.plot.as_deref())];
     check_apart(&places).map_err(Error::Usage)?;
     args.plot.iter().try_for_each(|plot| check_free(plot, "--plot", existing)).map_err(Error::Usage)?;
     check_seconds_are_shown(args).map_err(Error::Usage)?;
+    // Told now, not when the episode has been played.
+    places.iter().filter_map(|(_, path)| *path).try_for_each(check_can_be_made).map_err(Error::Usage)?;
     let video = args.video.as_deref().map(|file| Video::asked_for(file, existing)).transpose().map_err(Error::Usage)?;
     if args.gui {
         check_screen().map_err(Error::Usage)?;
@@ -81,6 +84,7 @@ pub fn replay(args: &cli::ReplayArgs) -> crate::error::Result<()> {
 /// Writes a recorded episode into a new folder, and returns the file that `sumo-gui -c` opens. Does not let SUMO play it,
 /// so the caller may hold a simulation.
 pub fn keep(recording: &Recording, folder: &Path) -> Result<PathBuf> {
+    replay::check_place(folder)?;
     places::make(folder, Existing::Refuse, |staged| replay::write(recording, staged.path()))?;
     Ok(replay::config_in(folder))
 }

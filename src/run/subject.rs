@@ -13,7 +13,7 @@ use crate::outside::{did_you_mean, excerpt};
 use crate::policy::Selection;
 use crate::records::files;
 use crate::records::run_json::RunJson;
-use crate::terminal::{tell, warn};
+use crate::terminal::warn;
 
 /// Largest number of agents that an error names, from the first one on.
 const MOST_NAMES: usize = 8;
@@ -142,10 +142,7 @@ impl Subject {
             Subject::Controller(name) => domain.baseline(name),
             Subject::Run { dir, greedy, background } => {
                 let run = fitting(dir, domain)?;
-                if let Some(steps) = run.still_trained_at {
-                    let path = dir.display();
-                    tell(format_args!("{path}: is still being trained; its policies are those of step {steps}"));
-                }
+                run.tell_still_trained(dir);
                 let selection = if *greedy { Selection::Greedy } else { Selection::Sampled };
                 let controller = Box::new(run.controller(selection));
                 let simulator = match background {

@@ -9,7 +9,7 @@ use super::outputs::check_free;
 use super::places::{self, Existing};
 use crate::error::{self, Error};
 use crate::film::{Format, Pictures, Replay};
-use crate::outside::{folder_of, write_whole_with};
+use crate::outside::folder_of;
 use crate::terminal::stop_on_signals;
 
 /// A film that can be made: its tools and its folder were checked.
@@ -48,10 +48,6 @@ impl Video {
 
     fn film(&self, replay: &Replay, stop: &AtomicBool) -> Result<()> {
         let pictures = Pictures::take(replay, stop)?;
-        write_whole_with(&self.file, |beside| {
-            pictures.join(self.format, beside, stop)?;
-            // The new film is complete, so the old one can be moved aside.
-            places::clear(&self.file, self.existing)
-        })
+        places::make_file(&self.file, self.existing, |beside| pictures.join(self.format, beside, stop))
     }
 }

@@ -270,6 +270,10 @@ fn what_is_there_is_refused_or_moved_aside_but_never_lost() {
     let other = dir.path().join("other");
     let args = ["replay", text(&config), "--controller", "never", "--out", text(&other)];
     let with = |more: &[&'static str]| args.into_iter().chain(more.iter().copied()).collect::<Vec<&str>>();
+    for (name, told) in [("a,b", "a comma"), ("${HOME}", "a variable"), ("a%41b", "one letter")] {
+        let place = dir.path().join(name);
+        refused(&["replay", text(&config), "--controller", "never", "--out", text(&place)], &[name, told, "rename it"]);
+    }
     refused(&with(&["--gui"]), &["there is no screen here", "--video"]);
     refused(&with(&["--video", "film.avi"]), &["film.avi: must end in .gif or .mp4"]);
     refused(&["replay", text(&config), "--out", text(&other)], &["has no policies", "--controller"]);
@@ -423,6 +427,40 @@ fn a_film_that_is_stopped_leaves_nothing_behind() {
             assert_eq!(fs::read_dir(&room).unwrap().count(), 0, "{signal}");
         }
     }
+}
+
+#[test]
+fn a_film_that_ffmpeg_joins_can_be_stopped_too() {
+    if !has_xvfb() {
+        return;
+    }
+    let _screen = SCREEN.lock().unwrap_or_else(PoisonError::into_inner);
+    let dir = tempfile::tempdir().unwrap();
+    let config = write_config(dir.path(), "");
+    let place = |name: &str| dir.path().join(name);
+    // An ffmpeg that never ends. It writes its process id to a file.
+    fs::create_dir(place("bin")).unwrap();
+    let ffmpeg = place("bin").join("ffmpeg");
+    fs::write(&ffmpeg, "#!/bin/sh\necho $$ > $0.tmp && mv $0.tmp $0.pid\nexec sleep 600\n").unwrap();
+    fs::set_permissions(&ffmpeg, fs::Permissions::from_mode(0o755)).unwrap();
+    let path = format!("{}:{}", place("bin").display(), std::env::var("PATH").unwrap());
+    let [out, film, room] = ["replay", "film.mp4", "room"].map(place);
+    fs::create_dir(&room).unwrap();
+    let mut child = Program::new(assert_cmd::cargo::cargo_bin!("dials-traffic"))
+        .args(["replay", text(&config), "--controller", "never", "--out", text(&out), "--video", text(&film)])
+        .args(["--seconds", "0,2"])
+        .envs([("PATH", path.as_str()), ("TMPDIR", text(&room))])
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let file = place("bin/ffmpeg.pid");
+    wait_until(|| file.exists());
+    let id = fs::read_to_string(&file).unwrap().trim().to_owned();
+    assert!(Program::new("kill").args(["-s", "INT", &child.id().to_string()]).status().unwrap().success());
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    wait_until(|| !runs(&id));
+    assert!(!film.exists() && fs::read_dir(&room).unwrap().count() == 0);
 }
 
 /// Waits for something that should happen soon.

@@ -13,6 +13,7 @@ use anyhow::{Context, Result, bail, ensure};
 
 use super::way_out::no_such_network;
 use super::xml::{document, section};
+use crate::outside::Printable;
 
 /// Paths of the files of one network.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -53,6 +54,12 @@ impl NetworkFiles {
         self.all().into_iter().try_for_each(|path| for_sumo(path).map(drop))
     }
 
+    /// Returns an error if SUMO could not open the configuration, or would not find the files that it names.
+    pub fn check_config_path(&self) -> Result<()> {
+        self.check_paths()?;
+        check_beside_config(&for_sumo(&self.config)?)
+    }
+
     fn all(&self) -> [&Path; 4] {
         [&self.net, &self.routes, &self.actuated, &self.config]
     }
@@ -71,7 +78,22 @@ pub(in crate::traffic) fn for_sumo(path: &Path) -> Result<String> {
     let text =
         path.to_str().with_context(|| format!("{place}: is not UTF-8, which SUMO's options must be; rename it"))?;
     ensure!(!text.contains(','), "{place}: contains a comma, at which SUMO would split it; rename it");
+    ensure!(!text.contains("${"), "{place}: contains `${{`, which SUMO takes for a variable; rename it");
     Ok(text.to_owned())
+}
+
+/// Checks a path that SUMO puts together from that of a configuration: it decodes `%41` in it, to `A`.
+fn check_beside_config(path: &str) -> Result<()> {
+    let decoded = |(at, _): (usize, &str)| {
+        let digits = path.as_bytes().get(at + 1..at + 3);
+        digits.is_some_and(|digits| digits.iter().all(u8::is_ascii_hexdigit))
+    };
+    ensure!(
+        !path.match_indices('%').any(decoded),
+        "{}: contains a % and two digits, which SUMO takes for one letter; rename it",
+        Printable(path)
+    );
+    Ok(())
 }
 
 /// Returns the configuration for `sumo -c` and `sumo-gui -c` of a network of this name; the other files are in the same
@@ -96,6 +118,18 @@ mod tests {
     fn a_missing_network_is_named_with_its_first_file() {
         let error = NetworkFiles::of(Path::new("nowhere/grid_3x4")).check().unwrap_err().to_string();
         assert_eq!(error, no_such_network(Path::new("nowhere/grid_3x4.net.xml")));
+    }
+
+    #[test]
+    fn a_path_that_sumo_would_read_as_another_one_is_refused() {
+        let checked = |prefix: &str| NetworkFiles::of(Path::new(prefix)).check_config_path();
+        for (prefix, told) in [("a,b/net", "a comma"), ("${HOME}/net", "a variable"), ("a%4Fb/net", "one letter")] {
+            let error = checked(prefix).unwrap_err().to_string();
+            assert!(error.starts_with(prefix) && error.contains(told), "{error}");
+        }
+        for prefix in ["50 %/net", "5%/net", "a$b/{c}/net", "ü;&'/net"] {
+            checked(prefix).unwrap();
+        }
     }
 
     #[test]

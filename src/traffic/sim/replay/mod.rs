@@ -41,9 +41,13 @@ pub fn config_in(dir: &Path) -> PathBuf {
     NetworkFiles::of(&dir.join(NAME)).config
 }
 
+/// Checks that SUMO can open the files of a replay in the folder `dir`, which need not exist.
+pub fn check_place(dir: &Path) -> Result<()> {
+    NetworkFiles::of(&dir.join(NAME)).check_config_path()
+}
+
 /// Writes the episode into `dir`.
 pub fn write(recording: &Recording, dir: &Path) -> Result<()> {
-    NetworkFiles::of(&dir.join(NAME)).check_paths()?;
     let (mut files, signals) = match &recording.roads.ground {
         RecordedGround::Grid(grid) => (of_grid::files(recording, grid), of_grid::signals(recording)),
         RecordedGround::Scenario(scenario) => match &scenario.files {
