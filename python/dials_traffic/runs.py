@@ -147,6 +147,7 @@ class Controller:
         self._process.check()
         if not self._whole:
             raise SimulatorError("the last call was not finished; call begin() first")
+        shown = []
         for agent, obs in observations.items():
             if agent not in self._places:
                 raise _no_agent(agent, list(self._places))
@@ -154,14 +155,14 @@ class Controller:
                 raise SimulatorError(f"infos: there is none for {agent!r}")
             _, place, mask_place = self._places[agent]
             _check_width("observations", agent, obs, place)
+            shown.append((self._obs, place, obs))
             if mask_place.start < mask_place.stop:
-                _check_width("action masks", agent, infos[agent]["action_mask"], mask_place)
+                mask = infos[agent]["action_mask"]
+                _check_width("action masks", agent, mask, mask_place)
+                shown.append((self._masks, mask_place, mask))
         self._whole = False
-        for agent, obs in observations.items():
-            _, place, mask_place = self._places[agent]
-            self._obs[place] = obs
-            if mask_place.start < mask_place.stop:
-                self._masks[mask_place] = infos[agent]["action_mask"]
+        for memory, place, values in shown:
+            memory[place] = values
         self._process.step()
         actions = self._actions.tolist()
         chosen = {agent: actions[self._places[agent][0]] for agent in observations}

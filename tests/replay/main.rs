@@ -1,14 +1,15 @@
 //! Replays and pictures: what plain SUMO plays from a written episode, compared with the episode.
 //!
 //! - `fcd`: what SUMO plays, and what was recorded, in the same form; `scenarios`: replays of scenarios.
+//! - `stopped_films`: films that are stopped while they are made.
 
 mod fcd;
 mod scenarios;
+mod stopped_films;
 
 use std::collections::BTreeSet;
 use std::fs;
 use std::io::Write;
-use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command as Program, Stdio};
 use std::sync::{Mutex, PoisonError};
@@ -382,101 +383,6 @@ fn a_scenario_has_a_film_too_whenever_it_begins() {
     assert_eq!(frames.len(), 9);
     assert!(frames.windows(2).any(|two| two[0] != two[1]), "something moves");
     sumo_gui_plays(&folder.join("replay.sumocfg"), &["--delay", "0"]);
-}
-
-#[test]
-fn a_film_that_is_stopped_leaves_nothing_behind() {
-    if !has_xvfb() {
-        return;
-    }
-    let _screen = SCREEN.lock().unwrap_or_else(PoisonError::into_inner);
-    let dir = tempfile::tempdir().unwrap();
-    let config = write_config(dir.path(), "");
-    let place = |name: &str| dir.path().join(name);
-    // A sumo-gui that hangs, and an Xvfb. Both write their process id to a file.
-    fs::create_dir(place("bin")).unwrap();
-    for (name, work) in [("sumo-gui", "sleep 600"), ("Xvfb", "/usr/bin/Xvfb \"$@\"")] {
-        let script = format!("#!/bin/sh\necho $$ > $0.tmp && mv $0.tmp $0.pid\nexec {work}\n");
-        fs::write(place("bin").join(name), script).unwrap();
-        fs::set_permissions(place("bin").join(name), fs::Permissions::from_mode(0o755)).unwrap();
-    }
-    let path = format!("{}:{}", place("bin").display(), std::env::var("PATH").unwrap());
-    for (signal, code) in [("TERM", Some(130)), ("INT", Some(130)), ("KILL", None)] {
-        let [out, film, room] = ["replay", "film.gif", "room"].map(|name| place(&format!("{signal}-{name}")));
-        fs::create_dir(&room).unwrap();
-        let mut child = Program::new(assert_cmd::cargo::cargo_bin!("dials-traffic"))
-            .args(["replay", text(&config), "--controller", "never", "--out", text(&out), "--video", text(&film)])
-            .envs([("PATH", path.as_str()), ("TMPDIR", text(&room))])
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let helpers = ["Xvfb", "sumo-gui"].map(|name| {
-            let file = place("bin").join(format!("{name}.pid"));
-            wait_until(|| file.exists());
-            let id = fs::read_to_string(&file).unwrap().trim().to_owned();
-            fs::remove_file(file).unwrap();
-            id
-        });
-        assert!(helpers.iter().all(|id| runs(id)));
-        assert!(Program::new("kill").args(["-s", signal, &child.id().to_string()]).status().unwrap().success());
-        assert_eq!(child.wait().unwrap().code(), code, "{signal}");
-        wait_until(|| !helpers.iter().any(|id| runs(id)));
-        assert!(out.join("replay.sumocfg").is_file() && !film.exists(), "{signal}");
-        if code.is_some() {
-            assert_eq!(fs::read_dir(&room).unwrap().count(), 0, "{signal}");
-        }
-    }
-}
-
-#[test]
-fn a_film_that_ffmpeg_joins_can_be_stopped_too() {
-    if !has_xvfb() {
-        return;
-    }
-    let _screen = SCREEN.lock().unwrap_or_else(PoisonError::into_inner);
-    let dir = tempfile::tempdir().unwrap();
-    let config = write_config(dir.path(), "");
-    let place = |name: &str| dir.path().join(name);
-    // An ffmpeg that never ends. It writes its process id to a file.
-    fs::create_dir(place("bin")).unwrap();
-    let ffmpeg = place("bin").join("ffmpeg");
-    fs::write(&ffmpeg, "#!/bin/sh\necho $$ > $0.tmp && mv $0.tmp $0.pid\nexec sleep 600\n").unwrap();
-    fs::set_permissions(&ffmpeg, fs::Permissions::from_mode(0o755)).unwrap();
-    let path = format!("{}:{}", place("bin").display(), std::env::var("PATH").unwrap());
-    let [out, film, room] = ["replay", "film.mp4", "room"].map(place);
-    fs::create_dir(&room).unwrap();
-    let mut child = Program::new(assert_cmd::cargo::cargo_bin!("dials-traffic"))
-        .args(["replay", text(&config), "--controller", "never", "--out", text(&out), "--video", text(&film)])
-        .args(["--seconds", "0,2"])
-        .envs([("PATH", path.as_str()), ("TMPDIR", text(&room))])
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()
-        .unwrap();
-    let file = place("bin/ffmpeg.pid");
-    wait_until(|| file.exists());
-    let id = fs::read_to_string(&file).unwrap().trim().to_owned();
-    assert!(Program::new("kill").args(["-s", "INT", &child.id().to_string()]).status().unwrap().success());
-    assert_eq!(child.wait().unwrap().code(), Some(130));
-    wait_until(|| !runs(&id));
-    assert!(!film.exists() && fs::read_dir(&room).unwrap().count() == 0);
-}
-
-/// Waits for something that should happen soon.
-fn wait_until(happened: impl Fn() -> bool) {
-    for _ in 0..1200 {
-        if happened() {
-            return;
-        }
-        std::thread::sleep(std::time::Duration::from_millis(50));
-    }
-    panic!("it does not happen");
-}
-
-/// Returns whether a process with this id exists and is not a zombie.
-fn runs(id: &str) -> bool {
-    fs::read_to_string(format!("/proc/{id}/stat")).is_ok_and(|state| !state.contains(") Z "))
 }
 
 #[test]
