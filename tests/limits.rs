@@ -45,6 +45,7 @@ impl Ended {
         assert!(!stderr.contains("panicked") && !stderr.contains("RUST_BACKTRACE"), "{stderr}");
     }
 
+    /// Asserts that the command did what it should.
     fn assert_done(&self) {
         self.assert_orderly();
         assert!(self.status.success(), "{}", self.stderr);
@@ -189,12 +190,10 @@ fn the_limit_on_open_files_is_raised_where_that_helps() {
     refused.assert_failed(2, &["--workers 8: needs about 48 open files", "at most 47", "ulimit -Hn"]);
     assert!(!out.exists());
     let ended = run(&mut limited("--nofile=12:48", &args));
-    ended.assert_orderly();
-    assert!(ended.status.success(), "{}", ended.stderr);
+    ended.assert_done();
     // Eight workers have work, and only they need files.
     let ended = run(&mut limited("--nofile=12:48", train(&config, &dir.path().join("many"), &["--workers", "4096"])));
-    ended.assert_orderly();
-    assert!(ended.status.success(), "{}", ended.stderr);
+    ended.assert_done();
 }
 
 #[test]
@@ -467,8 +466,7 @@ fn an_experiment_in_an_odd_directory_prints_a_report_command_that_works() {
     let file = place.join("e.toml");
     fs::write(&file, "seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nsimulators = ['untrained-dials']\n").unwrap();
     let ended = run(program([OsStr::new("experiment"), file.as_os_str(), OsStr::new("--out")]).arg(place.join("runs")));
-    ended.assert_orderly();
-    assert!(ended.status.success(), "{}", ended.stderr);
+    ended.assert_done();
     let commands = commands_in(&ended.stdout);
     assert_eq!(commands.len(), 1, "{}", ended.stdout);
     let report = bash(&commands[0], dir.path());

@@ -53,8 +53,7 @@ pub fn script(net: &Net, name: &str) -> Result<Vec<u8>> {
         _ => unreachable!("the arguments are inputs and perhaps states"),
     };
     let module = tch::no_grad(|| CModule::create_by_tracing("Networks", "forward", &arguments, &mut forward))?;
-    let values = net.parameters().values().as_slice().len();
-    in_memory(name, values * size_of::<f32>(), |path| module.save(path))
+    in_memory(name, size_of_val(net.parameters().values().as_slice()), |path| module.save(path))
 }
 
 /// Returns the bytes that libtorch writes to a file.
