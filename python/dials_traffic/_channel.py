@@ -41,9 +41,10 @@ class Channel:
         """Make the memory. ``label`` names the environment in errors."""
         self.label = label
         self._owner = os.getpid()
-        # The tag of the order whose answer was not returned yet, and whether somebody has begun to wait for its answer.
+        # The tag of the order whose answer was not returned yet, and whether its answer can be waited for: it was sent, and
+        # nobody has begun to wait.
         self._pending: Optional[int] = None
-        self._is_waited_for = False
+        self._can_be_received = False
         self._map: Optional[mmap.mmap] = None
         made = os.memfd_create("dials_traffic")
         try:
@@ -76,17 +77,18 @@ class Channel:
         if self._pending is not None and tag != RESET:
             raise self._interrupted()
         payload = b"" if what is None else json.dumps(what).encode()
-        self._pending, self._is_waited_for = tag, False
+        self._pending, self._can_be_received = tag, False
         self._send(tag, payload)
+        self._can_be_received = True
 
     def receive(self, tag: int) -> bytes:
         """Wait for the answer to the order of this tag, and return its payload."""
         self.check()
         if self._pending != tag:
             raise SimulatorError(f"{self.label}: no {_IN_WORDS.get(tag, 'call')} was begun that could be waited for")
-        if self._is_waited_for:
+        if not self._can_be_received:
             raise self._interrupted()
-        self._is_waited_for = True
+        self._can_be_received = False
         try:
             payload = self._receive()
         except SimulatorError:

@@ -293,7 +293,7 @@ class GlobalEnv(ParallelEnv):  # type: ignore[misc]
 def refuse_existing(folder: PathLike) -> None:
     """Raise an error if the folder of a replay exists."""
     if Path(folder).exists():
-        raise FileExistsError(f"save_replay: {folder}: exists already; name a new folder")
+        raise FileExistsError(f"{folder}: exists already; name a new folder for the replay")
 
 
 def _all_allowed(n_actions: int) -> np.ndarray:

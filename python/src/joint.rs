@@ -191,13 +191,10 @@ impl Joint {
     fn keep(&self, request: &KeepRequest) -> Result<Vec<u8>> {
         let tape = self.tape.as_ref().context("save_replay: make the environment with record=True")?;
         let recording = tape.take().context("save_replay: this episode was saved already")?;
-        match keep(&recording, &request.folder) {
-            Ok(file) => Ok(file.as_os_str().as_bytes().to_vec()),
-            Err(error) => {
-                // Another folder may do.
-                tape.put_back(recording);
-                Err(error)
-            }
+        let kept = keep(&recording, &request.folder);
+        if kept.is_err() {
+            tape.put_back(recording); // Another folder may do.
         }
+        Ok(kept?.as_os_str().as_bytes().to_vec())
     }
 }

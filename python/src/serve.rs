@@ -13,7 +13,8 @@ use crate::policies::Policies;
 use crate::request::{Environment, Opened, Request, ResetRequest};
 use crate::wire::{self, BEGIN, MEASURE, Order, RESET, STEP};
 
-/// Serves one environment. The control channel is standard input, a socket that keeps records apart; `memory`: the descriptor of the shared memory.
+/// Serves one environment. The control channel is standard input, a socket that keeps records apart. `memory`: the
+/// descriptor of the shared memory.
 pub fn serve(memory: i32) -> Result<()> {
     lifeline::watch()?;
     let stdin = std::io::stdin().as_fd().try_clone_to_owned().context("no control channel")?;

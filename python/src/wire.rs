@@ -1,8 +1,8 @@
 //! Orders and answers on the control channel: a sequence of records, which arrive whole or not at all.
 //!
 //! A record begins with the number of the order (eight bytes, little endian), a tag, and 1 if it is the last record of
-//! this order or answer. Then comes its piece of the payload. An answer has the number of its order. So Python can tell
-//! it from one to an order that Ctrl-C interrupted.
+//! this order or answer. Then comes its piece of the payload. An answer has the number of its order. If Ctrl-C
+//! interrupted that order, Python drops the answer.
 //!
 //! Numbers of a step do not go here. They are in the shared [`Memory`](crate::memory::Memory).
 

@@ -190,7 +190,7 @@ def test_ctrl_c_may_come_at_any_place(grid):
     assert (done.returncode, done.stdout) == (0, "400\n"), done.stderr
 
 
-def test_what_was_not_begun_cannot_be_waited_for(grid, warehouse_run):
+def test_what_was_not_begun_cannot_be_waited_for(grid, warehouse_run, monkeypatch):
     env = dials_traffic.parallel_env(grid, seed=1)
     with pytest.raises(dials_traffic.SimulatorError, match="no reset was begun"):
         env.receive_reset()
@@ -204,6 +204,14 @@ def test_what_was_not_begun_cannot_be_waited_for(grid, warehouse_run):
     table.step([0, 0])
     with pytest.raises(dials_traffic.SimulatorError, match="no step was begun"):
         table.step_wait()
+    # As if Ctrl-C had come before the step was sent.
+    with monkeypatch.context() as patched:
+        patched.setattr(table._process, "_send", None)
+        with pytest.raises(TypeError):
+            table.step_async([0, 0])
+    with pytest.raises(dials_traffic.SimulatorError, match="was not finished; call reset"):
+        table.step_wait()
+    table.reset()
     table.step_async([0, 0])
     table.close()
     with pytest.raises(dials_traffic.SimulatorError, match="is closed"):

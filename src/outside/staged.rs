@@ -66,11 +66,11 @@ impl StagedDirectory {
         &self.directory
     }
 
-    /// Moves a file of the directory to a free name in the parent, once all of it is on the disk. Returns whether the name
-    /// was free. If not, nothing has changed.
-    pub fn move_file_to(&self, name: &OsStr, free: &OsStr) -> Result<bool> {
+    /// Moves a file of the directory into the parent, once all of it is on the disk. Returns whether its name was free
+    /// there. If not, nothing has changed.
+    pub fn move_file(&self, name: &OsStr) -> Result<bool> {
         fsync(openat(&self.directory, name, OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::CLOEXEC, Mode::empty())?)?;
-        let moved = rename_between(&self.directory, name, &self.parent, free)?;
+        let moved = rename_between(&self.directory, name, &self.parent, name)?;
         if moved {
             self.parent.sync()?;
         }

@@ -28,7 +28,6 @@ pub fn check_free(path: &Path, option: &str, existing: Existing) -> Result<()> {
 /// Checks that something can be made at `path`, in the folder above it that exists already. Makes nothing.
 pub fn check_can_be_made(path: &Path) -> Result<()> {
     let folder = folder_of(path).ancestors().find(|folder| folder.exists()).unwrap_or(Path::new("."));
-    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     tempfile::tempfile_in(folder)
         .map(drop)
         .with_context(|| format!("{}: cannot be made: {} cannot be written to", path.display(), folder.display()))

@@ -104,7 +104,7 @@ pub fn make_file(path: &Path, existing: Existing, write: impl FnOnce(&Path) -> R
     write(&staged.directory().path_of(name)).with_context(failed)?;
     loop {
         clear(path, existing)?;
-        if staged.move_file_to(name, name).with_context(failed)? {
+        if staged.move_file(name).with_context(failed)? {
             return Ok(());
         }
         ensure!(

@@ -56,6 +56,12 @@ fn everything_that_opens_a_run_notices_a_scenario_that_was_changed_since() {
         command
     };
     evaluate().assert().success();
+    let check = || {
+        let mut command = dials_traffic();
+        command.arg("check").arg(run.join("config.toml")).args(["--begin", "0", "--seconds", "30", "--sigma", "0"]);
+        command
+    };
+    check().assert().success();
     // A remark changes nothing that SUMO reads.
     let routes = run.join("networks/scenario.1.rou.xml");
     let original = edit(&routes, "<routes>", "<routes><!-- a remark -->");
@@ -77,7 +83,7 @@ fn everything_that_opens_a_run_notices_a_scenario_that_was_changed_since() {
         controller.arg("replay").arg(&run).args(["--controller", "program", "--out"]).arg(room.path("replay"));
         compare.arg("baseline").arg(room.path("c.toml")).args(["--episodes", "1", "--compare"]).arg(&run);
         let others = others.iter_mut().skip(usize::from(!cfg!(feature = "torch"))); // `export` needs libtorch.
-        for command in [&mut evaluate()].into_iter().chain(others) {
+        for command in [&mut evaluate(), &mut check()].into_iter().chain(others) {
             let said = refused(command);
             assert!(said.contains("run.json: was written with other settings or networks"), "{file}: {said}");
             assert!(said.contains(told) && said.contains("put them back"), "{file}: {said}");

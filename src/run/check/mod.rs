@@ -10,15 +10,14 @@ use std::ops::Range;
 
 use anyhow::{Result, anyhow, bail, ensure};
 
-use super::domain;
+use super::{directory, domain};
 use crate::base::{AgentId, Seed};
 use crate::cli::CheckArgs;
 use crate::config::{Config, load};
 use crate::domain::Domain;
 use crate::error::{Error, Result as CommandResult};
 use crate::outside::{did_you_mean, excerpt, folder_of, quoted};
-use crate::records::checkpoint::owner::Owner;
-use crate::records::files::is_run_dir;
+use crate::records::files::CONFIG;
 use crate::terminal::counting::EpisodeBar;
 use crate::terminal::{answer, json as in_json};
 use crate::traffic::Traffic;
@@ -43,11 +42,11 @@ struct Checked {
 
 pub fn check(args: &CheckArgs) -> CommandResult<()> {
     let config = load(&args.config, &[]).map_err(Error::Usage)?;
-    let traffic = opened(&config, args).map_err(Error::Usage)?;
-    let run = folder_of(&args.config);
-    if is_run_dir(run) {
-        Owner::of(&config, &traffic).and_then(|owner| owner.check_unchanged(run)).map_err(Error::Usage)?;
+    if args.config.ends_with(CONFIG) {
+        // It may be the config of a run. --sigma does not count as a change.
+        directory::open_unchanged(folder_of(&args.config), domain::find).map_err(Error::Usage)?;
     }
+    let traffic = opened(&config, args).map_err(Error::Usage)?;
     let agents = agents(&traffic, args).map_err(Error::Usage)?;
     let window = window(traffic.seconds(), args).map_err(Error::Usage)?;
     domain::tell_left_out(&traffic);

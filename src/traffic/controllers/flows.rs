@@ -53,7 +53,9 @@ pub fn measure(
 
 /// Returns the road of each approach: the index of the first approach on the same road.
 fn roads(approaches: &[Approach]) -> Vec<usize> {
-    let road = |approach: &Approach| approach.lane.rsplit_once('_').map(|(road, _)| road.to_owned());
+    fn road(approach: &Approach) -> Option<&str> {
+        approach.lane.rsplit_once('_').map(|(road, _)| road)
+    }
     approaches
         .iter()
         .map(|approach| approaches.iter().position(|other| road(other) == road(approach)).expect("it is one of them"))

@@ -23,7 +23,7 @@ pub const MOST_SPILLBACK: f64 = 0.03;
 /// Largest share of the cars that come in by short roads.
 pub const MOST_SHORT: f64 = 0.25;
 /// Largest share of the cars that find no room at the border, and wait there or are left out.
-pub const MOST_WAITED: f64 = 0.1;
+pub const MOST_WITHOUT_ROOM: f64 = 0.1;
 
 /// Returns why the LS of a light should not be trusted, a line. `None`: it is like the GS.
 pub fn doubt(found: &LightFidelity) -> Option<String> {
@@ -91,11 +91,11 @@ fn causes(found: &LightFidelity) -> Vec<String> {
         causes.push(format!("short edges: {short:.0} % of the cars came in by a road shorter than {SHORT_M} m"));
     }
     let waited = found.sampled_entries.sums[1].waited_share();
-    if waited > MOST_WAITED {
+    if waited > MOST_WITHOUT_ROOM {
         causes.push(format!("{:.0} % of the cars waited at the border for room", 100.0 * waited));
     }
     let dropped = found.sampled_entries.sums[1].dropped_share();
-    if dropped > MOST_WAITED {
+    if dropped > MOST_WITHOUT_ROOM {
         causes.push(format!("{:.0} % of the cars found no room at the border and were left out", 100.0 * dropped));
     }
     let lost = found.true_entries.sums[1].lost;
