@@ -160,7 +160,9 @@ fn whatever_green_comes_next_a_link_that_loses_green_is_yellow_before_it_is_red(
                     // Between two greens nothing is shown only if nobody loses green.
                     assert_eq!(shown.is_empty(), lost.is_empty(), "{told}");
                     let Some((yellow, later)) = shown.split_first() else { continue };
-                    assert_eq!(yellow.steps, Rules::default().yellow_s, "{told}");
+                    // All programs of our networks have 3 s.
+                    let is_ours = SHIPPED.iter().any(|ours| ours.name == known.name);
+                    assert!(if is_ours { yellow.steps == 3 } else { yellow.steps > 0 }, "{told}");
                     for letter in 0..old.as_str().len() {
                         let letter_of = |state: &SignalState| state.as_str().as_bytes()[letter];
                         let (was, then) = (letter_of(old), later.iter().map(|next| letter_of(&next.state)));

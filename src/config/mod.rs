@@ -6,7 +6,7 @@
 //! - `load`, `renamed`, `written`, `seed`: from text to a [`Config`] and back, older keys included.
 //! - `domain`, `warehouse`: the table of a domain; a run has one.
 //! - `traffic_table`: the two ways to fill the table of traffic: `traffic` for a grid, `scenario` for a .sumocfg; the
-//!   `reward` of both.
+//!   `reward` of both, and the `yellow` of scenarios.
 //! - [`sumocfg`], `sumo_options`, [`sumo_time`]: a .sumocfg read, and which of its options this program carries over.
 //! - `simulator`: what the policies train on, and what predicts the influence there.
 //! - `imitation`: the imitation of a controller before PPO.
@@ -34,6 +34,7 @@ mod traffic;
 mod traffic_table;
 mod warehouse;
 mod written;
+mod yellow;
 
 use serde::{Deserialize, Serialize};
 
@@ -49,6 +50,7 @@ pub use schema::schema;
 pub use simulator::{Predictor, Simulator};
 pub use traffic::{ClockOffsets, DSet, EntryRule, TrafficConfig};
 pub use warehouse::WarehouseConfig;
+pub use yellow::Yellow;
 
 use crate::base::VectorWidth;
 

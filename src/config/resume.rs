@@ -133,6 +133,7 @@ mod tests {
             ("traffic.entry", _) => json!("max"),
             ("traffic.observation", _) => json!("queues"),
             ("traffic.reward", _) => json!("queue"),
+            ("traffic.yellow_s", _) => json!(4),
             ("traffic.clock_offsets", _) => json!("none"),
             ("policy.imitate", _) => json!("closest-item"),
             ("numerics.vector_width", _) => json!("256-bit"),

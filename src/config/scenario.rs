@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::domain::DomainTable;
 use super::reward::Reward;
 use super::sumocfg::{MOST_SECONDS, Sumocfg};
+use super::yellow::Yellow;
 
 /// Settings of the traffic domain for a scenario. A decision is a step of the domain.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -28,8 +29,7 @@ pub struct ScenarioConfig {
     pub decision_s: u32,
     /// Least number of seconds of a green.
     pub min_green_s: u32,
-    /// Number of seconds of yellow.
-    pub yellow_s: u32,
+    pub yellow_s: Yellow,
     /// Distance in metres that an agent sees upstream of its stop lines.
     pub approach_m: f64,
     /// What an agent sees of the cars on its approaches.
@@ -68,7 +68,7 @@ impl ScenarioConfig {
             end_s: None,
             decision_s: 5,
             min_green_s: 5,
-            yellow_s: 3,
+            yellow_s: Yellow::Program,
             approach_m: 150.0,
             observation: Observation::default(),
             reward: Reward::default(),
@@ -102,6 +102,18 @@ impl ScenarioConfig {
     }
 }
 
+impl ScenarioConfig {
+    /// Returns what is told of the seconds after the last whole decision, if there are any.
+    pub fn unplayed(&self) -> Option<String> {
+        let (begin, end) = self.window_s().expect("a checked config has both");
+        let seconds = (end - begin) % u64::from(self.decision_s);
+        let told = || {
+            format!("the last {seconds} s before {end} s are left out, because a decision takes {} s", self.decision_s)
+        };
+        (seconds > 0).then(told)
+    }
+}
+
 impl DomainTable for ScenarioConfig {
     fn name(&self) -> &'static str {
         "traffic"
@@ -118,9 +130,12 @@ impl DomainTable for ScenarioConfig {
     }
 
     fn check(&self) -> Result<()> {
-        for (least, key, value) in
-            [(1, "decision_s", self.decision_s), (1, "min_green_s", self.min_green_s), (0, "yellow_s", self.yellow_s)]
-        {
+        let yellow = match self.yellow_s {
+            Yellow::Seconds(seconds) => Some((0, "yellow_s", seconds)),
+            Yellow::Program => None,
+        };
+        let given = [(1, "decision_s", self.decision_s), (1, "min_green_s", self.min_green_s)];
+        for (least, key, value) in given.into_iter().chain(yellow) {
             ensure!(
                 (least..=LONGEST_S).contains(&value),
                 "traffic.{key} = {value}: must be from {least} to {LONGEST_S} seconds"
@@ -173,9 +188,21 @@ mod tests {
     }
 
     #[test]
+    fn seconds_that_are_too_few_for_a_decision_are_told() {
+        let until = |end| {
+            ScenarioConfig { begin_s: Some(100), end_s: Some(end), ..ScenarioConfig::new("a.sumocfg") }.unplayed()
+        };
+        assert_eq!(until(400), None);
+        assert_eq!(until(404).unwrap(), "the last 4 s before 404 s are left out, because a decision takes 5 s");
+    }
+
+    #[test]
     fn settings_that_make_no_sense_are_refused() {
         assert_eq!(checked(|config| config.decision_s = 0), "traffic.decision_s = 0: must be from 1 to 300 seconds");
-        assert_eq!(checked(|config| config.yellow_s = 301), "traffic.yellow_s = 301: must be from 0 to 300 seconds");
+        assert_eq!(
+            checked(|config| config.yellow_s = Yellow::Seconds(301)),
+            "traffic.yellow_s = 301: must be from 0 to 300 seconds"
+        );
         for approach in [9.0, 1001.0, f64::NAN] {
             let told = checked(|config| config.approach_m = approach);
             assert_eq!(told, format!("traffic.approach_m = {approach}: must be from 10 to 1000 metres"));

@@ -11,6 +11,8 @@ const WORDS: [&str; 5] =
 
 /// Key whose value is a name, or weights of names.
 const REWARD: &str = "traffic.reward";
+/// Key whose value is a word, or whole seconds.
+const YELLOW: &str = "traffic.yellow_s";
 
 /// Returns the schema: an object per table of a config.
 pub fn schema() -> Value {
@@ -58,6 +60,9 @@ fn property(key: &str, default: &str, meaning: &str) -> Value {
         Some(toml::Value::Float(_)) => json!({ "type": "number" }),
         Some(toml::Value::Boolean(_)) => json!({ "type": "boolean" }),
         Some(toml::Value::Array(_)) => json!({ "type": "array", "items": { "type": "integer", "minimum": 1 } }),
+        Some(toml::Value::String(_)) if key == YELLOW => {
+            json!({ "anyOf": [{ "enum": choices(meaning, default) }, { "type": "integer", "minimum": 0 }] })
+        }
         Some(toml::Value::String(_)) if key != REWARD => json!({ "enum": choices(meaning, default) }),
         Some(_) => {
             let names = choices(meaning, default);

@@ -201,6 +201,18 @@ pub(super) fn fate_of(name: &str) -> Option<Fate> {
     OPTIONS.iter().find(|(pattern, _)| fits(name, pattern)).map(|(_, fate)| *fate)
 }
 
+/// Returns why a parameter of a vehicle is refused: it gives the vehicle a device that is refused as an option, too.
+/// `key`: such as `has.glosa.device` or `device.glosa.range`.
+pub fn refused_parameter(key: &str, value: &str) -> Option<&'static str> {
+    let key = key.to_ascii_lowercase();
+    let device = key.strip_prefix("has.").and_then(|rest| rest.strip_suffix(".device"));
+    let option = device.map_or(key.clone(), |device| format!("device.{device}.probability"));
+    match fate_of(&option) {
+        Some(Refused(why)) if option.starts_with("device.") && !is_off(value) => Some(why),
+        _ => None,
+    }
+}
+
 /// Returns whether a name fits a pattern, in which a `*` at the beginning or the end stands for any text.
 fn fits(name: &str, pattern: &str) -> bool {
     match (pattern.strip_prefix('*'), pattern.strip_suffix('*')) {
@@ -231,6 +243,21 @@ mod tests {
         assert_eq!(fate_of("device.toc.probability"), Some(Refused(DEVICE)));
         assert_eq!(fate_of("no-such-option"), None);
         assert_eq!((whole_name("b"), whole_name("begin")), ("begin", "begin"));
+    }
+
+    #[test]
+    fn a_vehicle_gets_no_device_that_is_refused_as_an_option() {
+        for (key, value, is_refused) in [
+            ("has.glosa.device", "true", true),
+            ("has.GLOSA.device", "1", true),
+            ("has.glosa.device", "false", false),
+            ("device.driverstate.initialAwareness", "0.5", true),
+            ("has.rerouting.device", "true", false),
+            ("has.battery.device", "true", false),
+            ("lcStrategic", "1", false),
+        ] {
+            assert_eq!(refused_parameter(key, value).is_some(), is_refused, "{key} = {value}");
+        }
     }
 
     #[test]

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
 
+pub use super::sumo_options::refused_parameter;
 use super::sumo_options::{Fate, fate_of, is_off, whole_name};
 use super::sumo_time::seconds;
 use crate::outside::excerpt;

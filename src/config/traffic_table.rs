@@ -6,7 +6,7 @@ use serde::de::{Deserializer, Error};
 use serde::{Deserialize, Serialize};
 
 use super::reward::Reward;
-use super::{ClockOffsets, DSet, EntryRule, Observation, ScenarioConfig, TrafficConfig};
+use super::{ClockOffsets, DSet, EntryRule, Observation, ScenarioConfig, TrafficConfig, Yellow};
 
 /// The table as it is read and written.
 #[derive(Serialize)]
@@ -34,7 +34,7 @@ struct Keys {
     end_s: Option<u64>,
     decision_s: Option<u32>,
     min_green_s: Option<u32>,
-    yellow_s: Option<u32>,
+    yellow_s: Option<Yellow>,
     approach_m: Option<f64>,
     observation: Option<Observation>,
     reward: Option<Reward>,

@@ -184,9 +184,13 @@ impl Traffic {
     }
 
     /// Tries the GS with the actuated lights, which need all files of the network and more of their content than the
-    /// agents' control.
+    /// agents' control. Where SUMO refuses these lights, it tries the agents' control.
     fn try_global(&self) -> Result<()> {
-        let mut gs = self.global(self.everywhere(HandCoded::Actuated))?;
+        let control = match self.ground.check_actuated() {
+            Ok(()) => self.everywhere(HandCoded::Actuated),
+            Err(_) => SignalControl::Agents,
+        };
+        let mut gs = self.global(control)?;
         gs.reset(Seed::new(0))?;
         gs.step(&vec![light::KEEP; self.agents()])?;
         Ok(())
@@ -195,6 +199,9 @@ impl Traffic {
     /// Loads the GS with its own type, for what the trait does not offer.
     pub fn global(&self, control: SignalControl) -> Result<GlobalTraffic> {
         let tape = self.tape.as_ref().map(|tape| Ok::<_, Error>((tape, self.ground.recorded()?))).transpose()?;
+        if control.is_actuated() {
+            self.ground.check_actuated()?;
+        }
         Ok(GlobalTraffic::load(self.plan.clone(), self.ground.source()?, control, tape)?.on(self.ground.clone()))
     }
 

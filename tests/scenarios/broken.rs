@@ -340,6 +340,18 @@ const BROKEN_DEMANDS: &[Break] = &[
         "<tlLogic id=\"r0c0\" type=\"actuated\" programID=\"1\"><phase duration=\"9\" state=\"GGGG\"/><param key=\"w0_r0c0_0\" value=\"loop\"/></tlLogic></additional>",
         "DIR/more.add.xml: <tlLogic id=\"r0c0\">: asks the detector loop, and this program leaves detectors out; remove the parameter, and SUMO places detectors of its own",
     ),
+    (
+        CARS,
+        "<flow id=\"f\"",
+        "<flow id=\"f\" departEdge=\"1\"",
+        "DIR/cars.rou.xml: <flow id=\"f\">: departEdge=\"1\": this program lets cars begin on the first edge of their route; remove it",
+    ),
+    (
+        BUSES,
+        "<vType id=\"bus\" vClass=\"bus\" length=\"12\"/>",
+        "<vType id=\"bus\" vClass=\"bus\"><param key=\"has.glosa.device\" value=\"true\"/></vType>",
+        "DIR/buses.rou.xml: <vType id=\"bus\">: <param key=\"has.glosa.device\">: cars with this device drive in a way that this program cannot replay; remove it",
+    ),
 ];
 
 #[test]
@@ -379,6 +391,18 @@ fn a_net_without_lights_and_a_time_without_traffic_are_refused() {
     let error = SumoScenario::read(&table).unwrap_err().to_string();
     assert!(
         error.ends_with("x.sumocfg: no vehicle departs from 500 to 600 s; add a route file, or correct begin and end")
+    );
+}
+
+#[test]
+fn a_net_without_internal_lanes_is_refused() {
+    let room = Room::new();
+    let net = fs::read_to_string(room.path(NET)).unwrap();
+    fs::write(room.path(NET), net.replace("function=\"internal\"", "function=\"connector\"")).unwrap();
+    assert_eq!(
+        room.error(),
+        "DIR/net.net.xml: has no internal lanes, so cars would jump over intersections; make the net without \
+         --no-internal-links"
     );
 }
 

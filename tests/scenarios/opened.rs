@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
 
-use crate::room::{MORE, NET, Room, SUMOCFG};
+use crate::room::{CARS, MORE, NET, Room, SUMOCFG};
 
 /// A short training on the global simulator.
 const CONFIG: &str = "simulator = 'gs'\ntotal_steps = 60\n[traffic]\nscenario = 'x.sumocfg'\nagents = 'agents.toml'\n\
@@ -201,4 +201,48 @@ fn no_error_shows_a_file_in_memory_and_a_scenario_may_have_a_program_called_actu
         "{said}"
     );
     assert!(!said.contains("/proc/self/fd"), "{said}");
+}
+
+/// SUMO checks programs that it loads later more strictly than those of the net.
+#[test]
+fn a_net_whose_programs_sumo_takes_from_the_net_alone_can_be_used_without_actuated_lights() {
+    let room = Room::new();
+    // Cars from the south and from the west yield to each other, and have `g` at once.
+    room.change(NET, "state=\"GrGr\"", "state=\"Grgg\"");
+    for index in [2, 3] {
+        let net = fs::read_to_string(room.path(NET)).unwrap();
+        let (before, request) = net.split_once(&format!("<request index=\"{index}\" ")).unwrap();
+        let (_, after) = request.split_once("/>").unwrap();
+        let mutual = ["1000", "0100"][index - 2];
+        let request = format!("<request index=\"{index}\" response=\"{mutual}\" foes=\"{mutual}\" cont=\"0\"/>");
+        fs::write(room.path(NET), [before, &request, after].concat()).unwrap();
+    }
+    let baseline = |controller: &str| {
+        let mut command = dials_traffic();
+        command.arg("baseline").arg(room.path(SUMOCFG)).args(["--controller", controller, "--episodes", "1"]);
+        command
+    };
+    baseline("program").assert().success();
+    baseline("max-pressure").assert().success();
+    let said = refused(&mut baseline("actuated"));
+    let expected = "light `r0c0` gives `g` to the letters 2 and 3 at once, whose cars yield to each other";
+    assert!(said.contains(expected) && said.contains("choose another controller"), "{said}");
+}
+
+#[test]
+fn what_is_not_played_and_cars_that_may_vanish_are_told_when_a_command_begins() {
+    let room = Room::new();
+    room.change(CARS, "<vehicle id=\"v\" type=\"car\"", "<vehicle id=\"v\" type=\"car\" departSpeed=\"desired\"");
+    room.change(CARS, "<trip id=\"t\" type=\"car\"", "<trip id=\"t\" type=\"car\" departSpeed=\"0.00\"");
+    room.change(SUMOCFG, "<end value=\"400\"/>", "<end value=\"403\"/>");
+    let mut inspect = dials_traffic();
+    inspect.args(["nets", "inspect"]).arg(room.path(SUMOCFG));
+    let output = inspect.assert().success().get_output().clone();
+    let said = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
+    let said = said.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(said.contains("the last 3 s before 403 s are left out, because a decision takes 5 s"), "{said}");
+    assert!(
+        said.contains("<vehicle id=\"v\"> with departSpeed=\"desired\" (1 in this file): SUMO removes it"),
+        "{said}"
+    );
 }

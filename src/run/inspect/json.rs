@@ -19,7 +19,7 @@ pub fn described(inspected: &Inspected) -> Value {
     json!({
         "net": net.display().to_string(),
         "approach_m": rules.approach_m,
-        "yellow_s": rules.yellow_s,
+        "yellow_s": rules.yellow,
         "min_green_s": rules.min_green_s,
         "kind": { "columns": padding.columns, "actions": padding.actions, "padded_share": padding.padded },
         "influence": { "d_set_columns": inspected.influence.columns, "sources": inspected.influence.sources },

@@ -45,8 +45,8 @@ pub fn summary(text: &mut String, inspected: &Inspected) {
     line(
         text,
         format_args!(
-            "an agent sees {} m before its stop lines; yellow: {} s; green: {} s at least",
-            rules.approach_m, rules.yellow_s, rules.min_green_s
+            "an agent sees {} m before its stop lines\nyellow: {}; green: {} s at least",
+            rules.approach_m, rules.yellow, rules.min_green_s
         ),
     );
     line(

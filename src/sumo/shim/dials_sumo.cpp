@@ -149,13 +149,15 @@ template <typename Number> std::string decimal(Number number) {
     return std::string(digits, end);
 }
 
-// Returns a car's name as a number: its value if it is decimal and fits 63 bits, else FNV-1a 64 with the top bit set.
+// Returns a car's name as a number: its value if it is decimal without leading zeros and fits 63 bits, else FNV-1a 64 with the
+// top bit set. So the cars 7 and 07 differ.
 uint64_t identity(const std::string &name) {
     constexpr uint64_t top = uint64_t(1) << 63;
     uint64_t value = 0;
     const char *const end = name.data() + name.size();
     const auto read = std::from_chars(name.data(), end, value);
-    if (read.ec == std::errc() && read.ptr == end && value < top) {
+    const bool is_padded = name.size() > 1 && name[0] == '0';
+    if (!is_padded && read.ec == std::errc() && read.ptr == end && value < top) {
         return value;
     }
     uint64_t hash = 0xcbf29ce484222325u;

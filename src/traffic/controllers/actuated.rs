@@ -22,15 +22,31 @@ pub struct ProgramPhase<'a> {
     pub next: &'a [usize],
 }
 
-/// Returns an additional file with an actuated program of this name for each light: the light, and the phases of its own
-/// program.
+/// What an actuated program is made of.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Light<'a> {
+    /// SUMO's name of the light.
+    pub id: &'a str,
+    /// Time by which the program runs late, in seconds.
+    pub offset_s: f64,
+    /// Names and values, such as `max-gap`, of an own program that is actuated, too.
+    pub parameters: &'a [(String, String)],
+    /// The phases of its own program.
+    pub phases: Vec<ProgramPhase<'a>>,
+}
+
+/// Returns an additional file with an actuated program of this name for each light.
 ///
 /// Greens last as long as cars come, within their limits. All other phases last as long as in the own program.
-pub fn programs<'a>(name: &str, lights: impl IntoIterator<Item = (&'a str, Vec<ProgramPhase<'a>>)>) -> String {
+pub fn programs<'a>(name: &str, lights: impl IntoIterator<Item = Light<'a>>) -> String {
     document("additional", |xml| {
-        lights.into_iter().try_for_each(|(light, phases)| {
-            let head = [("id", light), ("type", "actuated"), ("programID", name), ("offset", "0")];
-            nest(xml, "tlLogic", head, |xml| phases.iter().try_for_each(|phase| leaf(xml, "phase", attributes(phase))))
+        lights.into_iter().try_for_each(|Light { id, offset_s, parameters, phases }| {
+            let offset_s = offset_s.to_string();
+            let head = [("id", id), ("type", "actuated"), ("programID", name), ("offset", &offset_s)];
+            nest(xml, "tlLogic", head, |xml| {
+                phases.iter().try_for_each(|phase| leaf(xml, "phase", attributes(phase)))?;
+                parameters.iter().try_for_each(|(key, value)| leaf(xml, "param", [("key", key), ("value", value)]))
+            })
         })
     })
 }
@@ -76,16 +92,19 @@ mod tests {
         ];
         let expected = r#"<?xml version="1.0" encoding="UTF-8"?>
 <additional>
-    <tlLogic id="a&amp;b" type="actuated" programID="actuated" offset="0">
+    <tlLogic id="a&amp;b" type="actuated" programID="actuated" offset="7.5">
         <phase duration="5" minDur="5" maxDur="50" state="GGrr"/>
         <phase duration="4.5" minDur="4.5" maxDur="4.5" state="Yyrr"/>
         <phase duration="2" minDur="2" maxDur="2" state="rrrr"/>
         <phase duration="8" minDur="8" maxDur="20" state="rrGg" next="0 2"/>
         <phase duration="3" minDur="3" maxDur="3" state="Grrr"/>
         <phase duration="60" minDur="60" maxDur="60" state="rGrr"/>
+        <param key="max-gap" value="0.5"/>
     </tlLogic>
 </additional>
 "#;
-        assert_eq!(programs(PROGRAM, [("a&b", phases)]), expected);
+        let parameters = [("max-gap".to_owned(), "0.5".to_owned())];
+        let light = Light { id: "a&b", offset_s: 7.5, parameters: &parameters, phases };
+        assert_eq!(programs(PROGRAM, [light]), expected);
     }
 }

@@ -102,7 +102,15 @@ fn causes(found: &LightFidelity) -> Vec<String> {
     if lost > 0 {
         causes.push(format!("{lost} cars left their way, as SUMO moves cars past a jam"));
     }
+    if causes.is_empty() && is_alike(found, found.true_entries.cells, LEAST_TRUE) {
+        causes.push("the entry rule: with true entries this LS is like the GS".to_owned());
+    }
     causes
+}
+
+/// Returns whether precision and recall are as high as they should be. `least`: as a share of what two LSs have.
+fn is_alike(found: &LightFidelity, cells: Agreement, least: f64) -> bool {
+    both(cells).into_iter().zip(of_other(found)).all(|(value, best)| value >= least * best)
 }
 
 /// Returns precision and recall of two LSs with other random numbers. If nothing is random: 1.

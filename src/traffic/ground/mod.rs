@@ -29,6 +29,10 @@ pub trait Ground: Send + Sync {
     /// Puts everything that the GS (global simulator) loads into memory.
     fn source(&self) -> Result<Source>;
 
+    /// Returns an error if SUMO cannot load the actuated programs of the lights. SUMO's own error would come after it has
+    /// taken all memory.
+    fn check_actuated(&self) -> Result<()>;
+
     /// Returns all roads, for pictures.
     fn roads(&self) -> Result<Roads>;
 

@@ -91,6 +91,10 @@ impl Ground for OnGrid {
         Ok(Source::Grid(self.network.for_sumo()?))
     }
 
+    fn check_actuated(&self) -> Result<()> {
+        Ok(())
+    }
+
     fn roads(&self) -> Result<Roads> {
         Roads::read(&self.network.net.root).with_context(|| self.network.files.net.display().to_string())
     }

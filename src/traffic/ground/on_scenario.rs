@@ -17,7 +17,7 @@ use crate::traffic::agents::derive::overrides::Overrides;
 use crate::traffic::agents::derive::padding::{InfluencePadding, Padding};
 use crate::traffic::agents::derive::{Agent, CarsSeen, Derived, Rules, derive};
 use crate::traffic::agents::plan::{AgentPlan, Border, JointPlan};
-use crate::traffic::controllers::actuated::{self, ProgramPhase};
+use crate::traffic::controllers::actuated::{self, Light, ProgramPhase};
 use crate::traffic::cut::names::free_name;
 use crate::traffic::cut::of_scenario::{cut_all, types_of};
 use crate::traffic::network::files::for_sumo;
@@ -106,11 +106,11 @@ fn rules(config: &ScenarioConfig) -> Rules {
         Observation::Cells => CarsSeen::Cells,
         Observation::Queues => CarsSeen::Queues,
     };
-    Rules { approach_m: config.approach_m, yellow_s: config.yellow_s, min_green_s: config.min_green_s, cars }
+    Rules { approach_m: config.approach_m, yellow: config.yellow_s, min_green_s: config.min_green_s, cars }
 }
 
-/// Returns the phases of a program, for the actuated one that is made of them. `cars`: letters that cars obey.
-fn phases<'a>(program: &'a Program, cars: &BTreeSet<usize>) -> Vec<ProgramPhase<'a>> {
+/// Returns the program of a light, for the actuated one that is made of it. `cars`: letters that cars obey.
+fn actuated_light<'a>(program: &'a Program, cars: &BTreeSet<usize>) -> Light<'a> {
     let greens = Greens::of(program, cars);
     let made = program.phases.iter().enumerate().map(|(number, phase)| ProgramPhase {
         state: phase.state.as_str(),
@@ -120,7 +120,14 @@ fn phases<'a>(program: &'a Program, cars: &BTreeSet<usize>) -> Vec<ProgramPhase<
         most_s: phase.limits_s[1],
         next: &phase.next,
     });
-    made.collect()
+    let phases = made.collect();
+    let is_actuated = program.kind == "actuated";
+    Light {
+        id: &program.light,
+        offset_s: if is_actuated { program.offset_s } else { 0.0 },
+        parameters: if is_actuated { &program.parameters } else { &[] },
+        phases,
+    }
 }
 
 impl Ground for OnScenario {
@@ -134,13 +141,27 @@ impl Ground for OnScenario {
 
     fn source(&self) -> Result<Source> {
         let agents = self.derived.agents.iter();
-        let lights = agents.map(|Agent { plan, program, .. }| (&*plan.light, phases(program, plan.phases.cars())));
+        let lights = agents.map(|Agent { plan, program, .. }| actuated_light(program, plan.phases.cars()));
         let roots = [self.files.net()].into_iter().chain(self.files.additional());
         let taken: HashSet<&str> =
             roots.flat_map(|root| root.all("tlLogic")).filter_map(|light| light.attribute("programID")).collect();
         let program = free_name(actuated::PROGRAM, |name| taken.contains(name));
         let actuated = MemoryFile::new(&actuated::programs(&program, lights))?;
         Ok(Source::Scenario { files: self.files.for_sumo()?, actuated, program })
+    }
+
+    fn check_actuated(&self) -> Result<()> {
+        let roads = self.files.roads()?;
+        let mut lights = self.derived.agents.iter().map(|agent| &agent.program);
+        match lights.find_map(|program| Some((program, roads.waiting_for_each_other(program)?))) {
+            Some((program, [one, other])) => bail!(
+                "{}: SUMO refuses the programs that the controller `actuated` needs here: light `{}` gives `g` to the \
+                 letters {one} and {other} at once, whose cars yield to each other; choose another controller",
+                self.files.path().display(),
+                program.light
+            ),
+            None => Ok(()),
+        }
     }
 
     fn roads(&self) -> Result<Roads> {
@@ -262,17 +283,29 @@ mod tests {
             ("state=\"rrGG\"", "state=\"GrGg\""),
             ("state=\"rryy\"", "state=\"Gryy\""),
         ]);
-        let made = phases(&roads.programs[0], &roads.letters_of_vehicles("J"));
+        let made = actuated_light(&roads.programs[0], &roads.letters_of_vehicles("J")).phases;
         let told: Vec<(&str, bool)> = made.iter().map(|phase| (phase.state, phase.is_green)).collect();
         let expected = [("GGrr", true), ("Gyrr", false), ("Grrr", false), ("GrGg", true), ("Gryy", false)];
         assert_eq!(told, expected);
     }
 
     #[test]
+    fn only_a_program_that_is_actuated_keeps_its_parameters_and_its_offset() {
+        let made = |kind: &str| {
+            let head = format!("type=\"{kind}\" programID=\"0\" offset=\"7\"><param key=\"max-gap\" value=\"0.5\"/>");
+            let roads = roads(&[("type=\"static\" programID=\"0\" offset=\"0\">", &head)]);
+            let light = actuated_light(&roads.programs[0], &BTreeSet::from([0, 1, 2, 3]));
+            (light.offset_s, light.parameters.to_vec())
+        };
+        assert_eq!(made("static"), (0.0, Vec::new()));
+        assert_eq!(made("actuated"), (7.0, vec![("max-gap".to_owned(), "0.5".to_owned())]));
+    }
+
+    #[test]
     fn greens_keep_the_limits_that_their_program_gives_whether_one_or_two() {
         let limits = |given: &str| {
             let roads = roads(&[("state=\"rrGG\"", &format!("state=\"rrGG\" {given}"))]);
-            let made = phases(&roads.programs[0], &roads.letters_of_vehicles("J"));
+            let made = actuated_light(&roads.programs[0], &roads.letters_of_vehicles("J")).phases;
             made.iter().find(|phase| phase.state == "rrGG").map(|phase| [phase.least_s, phase.most_s]).unwrap()
         };
         assert_eq!(limits(""), [None, None]);

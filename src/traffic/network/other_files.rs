@@ -54,6 +54,11 @@ const EMISSIONS: &str = "PHEMlight";
 
 /// Returns an error if SUMO, given this file, would write or read another one. It names the element and the file.
 pub fn refuse(path: &Path, element: &Element) -> Result<()> {
+    // Also refused, as an agent cannot run this light; but it writes nothing.
+    let is_off = element.name == "tlLogic" && element.attribute("type") == Some("off");
+    if is_off {
+        bail!("{}: has {}, which switches this light off; remove it", path.display(), Printable(in_the_tag(element)));
+    }
     if let Some((what, does)) = found(element) {
         bail!("{}: has {}, by which SUMO {does} another file; remove it", path.display(), Printable(what));
     }
@@ -63,20 +68,15 @@ pub fn refuse(path: &Path, element: &Element) -> Result<()> {
 /// Returns the part of an element that opens another file, and what SUMO does to that file.
 fn found(element: &Element) -> Option<(String, &'static str)> {
     let Element { name, attributes, .. } = element;
-    let in_the_tag = || {
-        let kinds = ["id", "file", "key"].map(|key| element.attribute(key).map(|value| (key, value)));
-        let shown = kinds.into_iter().flatten().map(|(key, value)| format!(" {key}=\"{}\"", excerpt(value)));
-        format!("<{name}{}>", shown.collect::<String>())
-    };
     if let Some((_, does)) = ELEMENTS.iter().find(|(other, _)| other == name) {
-        return Some((in_the_tag(), does));
+        return Some((in_the_tag(element), does));
     }
     let attribute = attributes.iter().find_map(|(key, value)| {
         let (_, does) = ATTRIBUTES.iter().find(|(other, _)| other == key)?;
         Some((format!("{key}=\"{}\" in <{name}>", excerpt(value)), *does))
     });
     attribute.or_else(|| match name.as_str() {
-        "param" => element.attribute("key").filter(|key| names_a_file(key)).map(|_| (in_the_tag(), "writes")),
+        "param" => element.attribute("key").filter(|key| names_a_file(key)).map(|_| (in_the_tag(element), "writes")),
         "tlLogic" => {
             let kind = element.attribute("type").filter(|kind| !PROGRAMS.contains(kind))?;
             Some((format!("a light of type=\"{}\"", excerpt(kind)), "may write"))
@@ -86,6 +86,13 @@ fn found(element: &Element) -> Option<(String, &'static str)> {
             Some((format!("emissionClass=\"{}\" in <{name}>", excerpt(class)), "reads"))
         }
     })
+}
+
+/// Returns the tag of an element with what tells it from others.
+fn in_the_tag(element: &Element) -> String {
+    let kinds = ["id", "file", "key"].map(|key| element.attribute(key).map(|value| (key, value)));
+    let shown = kinds.into_iter().flatten().map(|(key, value)| format!(" {key}=\"{}\"", excerpt(value)));
+    format!("<{}{}>", element.name, shown.collect::<String>())
 }
 
 /// Returns whether a parameter with this key names a file, or gives a vehicle a device that does.
@@ -129,6 +136,13 @@ mod tests {
         ] {
             assert_eq!(told(allowed), None);
         }
+    }
+
+    #[test]
+    fn a_light_that_is_off_has_a_reason_of_its_own() {
+        let root = parse("<additional><tlLogic id='B' type='off' programID='off'/></additional>").unwrap();
+        let told = refuse(Path::new("a.add.xml"), &root).unwrap_err().to_string();
+        assert_eq!(told, "a.add.xml: has <tlLogic id=\"B\">, which switches this light off; remove it");
     }
 
     #[test]

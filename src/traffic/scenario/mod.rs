@@ -110,6 +110,7 @@ impl SumoScenario {
         let (departures, told) = scenario.check(&left)?;
         scenario.departures = departures;
         scenario.left_out.extend(told);
+        scenario.left_out.extend(config.unplayed());
         Ok(scenario)
     }
 

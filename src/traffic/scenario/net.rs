@@ -30,6 +30,13 @@ pub fn check(file: &Path, net: &Element, programs: &[Place<'_>]) -> Result<()> {
         "{}: has no traffic light (<tlLogic>); make some with: netconvert -s {0} --tls.set JUNCTION,... -o NEW.net.xml",
         file.display()
     );
+    // With junctions that have none, such as dead ends, a net may lack them.
+    let has_connections = net.all("connection").next().is_some();
+    ensure!(
+        !has_connections || net.all("edge").any(|edge| edge.attribute("function") == Some("internal")),
+        "{}: has no internal lanes, so cars would jump over intersections; make the net without --no-internal-links",
+        file.display()
+    );
     let mut edges = HashSet::new();
     for edge in net.all("edge") {
         let place = Place::new(file, edge);

@@ -154,6 +154,7 @@ mod tests {
             id: "0".to_owned(),
             kind: "static".to_owned(),
             offset_s: 0.0,
+            parameters: Vec::new(),
             phases: phases.iter().map(phase).collect(),
         }
     }

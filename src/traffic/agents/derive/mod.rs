@@ -30,6 +30,7 @@ use anyhow::{Result, bail};
 
 use super::phase_plan::{Choice, PhasePlan, ProgramChange};
 use super::plan::{AgentPlan, Border};
+use crate::config::Yellow;
 use crate::sumo::SignalState;
 use crate::traffic::d_set::{DSetPlan, Parts};
 use crate::traffic::network::roads::program::Program;
@@ -45,8 +46,8 @@ use region::Region;
 pub struct Rules {
     /// How far before the stop line an agent sees cars, in metres; more than 0.
     pub approach_m: f64,
-    /// Seconds of yellow between two greens; at least 1.
-    pub yellow_s: u32,
+    /// How long yellow is between two greens.
+    pub yellow: Yellow,
     /// Least number of seconds of a green; at least 1.
     pub min_green_s: u32,
     pub cars: CarsSeen,
@@ -64,7 +65,7 @@ pub enum CarsSeen {
 impl Default for Rules {
     /// Returns the defaults of the config.
     fn default() -> Rules {
-        Rules { approach_m: 150.0, yellow_s: 3, min_green_s: 5, cars: CarsSeen::Cells }
+        Rules { approach_m: 150.0, yellow: Yellow::default(), min_green_s: 5, cars: CarsSeen::Cells }
     }
 }
 
@@ -196,7 +197,8 @@ fn agent(
         return Ok(Err(Why::Greens(greens.len())));
     }
     let LightOverride { yellow_s, all_red_s, .. } = own;
-    let times = clearing::Times::of(&of_program, yellow_s.unwrap_or(rules.yellow_s), *all_red_s);
+    let yellow = yellow_s.map_or(rules.yellow, Yellow::Seconds);
+    let times = clearing::Times::of(&of_program, yellow, *all_red_s);
     let clearing = |from: usize, to: usize| clearing::between(&greens[from], &greens[to], &times);
     let phases = PhasePlan::new(greens.to_vec(), Choice::Target, rules.min_green_s, clearing)
         .for_cars(cars.clone())

@@ -1,10 +1,12 @@
-//! Which links of a light cross each other, from the right of way of its junctions.
+//! Which links of a light cross each other or yield to each other, from the right of way of its junctions.
 
 use std::collections::BTreeSet;
 
 use anyhow::{Result, ensure};
 
+use super::program::Program;
 use super::{Connection, Function, Junction, JunctionNo, LaneNo, Roads};
+use crate::sumo::SignalState;
 
 impl Roads {
     /// Returns the links of a junction in the order of its requests.
@@ -55,5 +57,29 @@ impl Roads {
             }
         }
         Ok(pairs)
+    }
+
+    /// Returns two letters of a light whose cars yield to each other, and to which a phase of this program gives green
+    /// that yields at once. SUMO refuses such a program in an additional file, but not in the net.
+    ///
+    /// Source: SUMO 1.15, `MSTrafficLightLogic::init`.
+    pub fn waiting_for_each_other(&self, program: &Program) -> Option<[usize; 2]> {
+        let letter =
+            |link: &Connection| link.signal.as_ref().filter(|is| is.light == program.light).map(|is| is.letter);
+        let yields =
+            |state: &SignalState, letter: usize| matches!(state.as_str().as_bytes()[letter], b'g' | b'o' | b's');
+        let at_once = |pair: [usize; 2]| {
+            program.phases.iter().any(|phase| pair.into_iter().all(|letter| yields(&phase.state, letter)))
+        };
+        let controlled = self.of_light(&program.light).filter_map(|link| self.end_of(link.from));
+        controlled.collect::<BTreeSet<_>>().into_iter().find_map(|junction| {
+            let letters: Vec<Option<usize>> = self.links_of(junction).into_iter().map(letter).collect();
+            let requests = &self.junction(junction).requests;
+            let is_mutual = |one: usize, two: usize| requests[one].yields_to[two] && requests[two].yields_to[one];
+            let count = letters.len().min(requests.len());
+            let pairs = (0..count).flat_map(|one| (one..count).map(move |two| (one, two)));
+            let mutual = pairs.filter(|&(one, two)| is_mutual(one, two));
+            mutual.filter_map(|(one, two)| Some([letters[one]?, letters[two]?])).find(|&pair| at_once(pair))
+        })
     }
 }

@@ -22,6 +22,8 @@ pub struct Program {
     pub kind: String,
     /// Time by which the program runs late, in seconds.
     pub offset_s: f64,
+    /// Names and values of its `<param>`, such as `max-gap`.
+    pub parameters: Vec<(String, String)>,
     /// Phases in their order, at least one. Their states have the same length.
     pub phases: Vec<Phase>,
 }
@@ -66,7 +68,11 @@ impl Program {
             );
         }
         let kind = element.attribute("type").unwrap_or("static").to_owned();
-        Ok(Program { light, id: name(element).to_owned(), kind, offset_s: offset_s(element)?, phases })
+        let attribute = |parameter: &Element, name: &str| parameter.attribute(name).unwrap_or_default().to_owned();
+        let parameters =
+            element.all("param").map(|found| (attribute(found, "key"), attribute(found, "value"))).collect();
+        let offset_s = offset_s(element)?;
+        Ok(Program { light, id: name(element).to_owned(), kind, offset_s, parameters, phases })
     }
 
     /// Returns the number of letters of its states.

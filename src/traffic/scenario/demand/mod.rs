@@ -59,6 +59,8 @@ pub struct Demand<'a> {
     expected: f64,
     /// Numbers of vehicles that depart at other times, by file.
     outside: BTreeMap<PathBuf, usize>,
+    /// Numbers of vehicles and flows that SUMO may remove instead of letting them wait, and the first one, by file.
+    impatient: BTreeMap<PathBuf, (usize, Place<'a>)>,
 }
 
 impl<'a> Demand<'a> {
@@ -80,6 +82,7 @@ impl<'a> Demand<'a> {
             reached: HashMap::new(),
             expected: 0.0,
             outside: BTreeMap::new(),
+            impatient: BTreeMap::new(),
         }
     }
 
@@ -130,7 +133,15 @@ impl<'a> Demand<'a> {
         let told = |(file, count): (PathBuf, usize)| {
             format!("{}: {count} of its vehicles and flows depart before {begin} s or from {end} s on", file.display())
         };
-        Ok((self.departures, self.outside.into_iter().map(told).collect()))
+        let may_vanish = |(_, (count, first)): (PathBuf, (usize, Place<'_>))| {
+            let speed = excerpt(first.element.attribute("departSpeed").unwrap_or_default());
+            format!(
+                "a car that cannot enter as fast as it should, such as {first} with departSpeed=\"{speed}\" ({count} in \
+                 this file): SUMO removes it, and the lights decide how many these are; with departSpeed=\"max\" it waits"
+            )
+        };
+        let told = self.outside.into_iter().map(told).chain(self.impatient.into_iter().map(may_vanish)).collect();
+        Ok((self.departures, told))
     }
 
     fn add_zone(&mut self, place: Place<'a>) -> Result<()> {

@@ -2,10 +2,11 @@
 
 use std::collections::HashMap;
 
-use anyhow::{Result, ensure};
+use anyhow::{Result, bail, ensure};
 
 use super::super::place::Place;
 use super::Demand;
+use crate::config::sumocfg::refused_parameter;
 use crate::outside::excerpt;
 
 /// Types that SUMO knows by itself, with their classes. A file may define them anew.
@@ -43,11 +44,23 @@ pub fn predefined<'a>() -> HashMap<&'a str, Option<&'a str>> {
     PREDEFINED.into_iter().map(|(id, class)| (id, Some(class))).collect()
 }
 
+/// Returns an error if a parameter of a type, vehicle or flow gives it a device that is refused as an option, too.
+pub(super) fn refuse_devices(place: Place<'_>) -> Result<()> {
+    for parameter in place.element.all("param") {
+        let attribute = |key: &str| parameter.attribute(key).unwrap_or_default();
+        if let Some(why) = refused_parameter(attribute("key"), attribute("value")) {
+            bail!(place.fault(format!("<param key=\"{}\">: {why}; remove it", excerpt(attribute("key")))));
+        }
+    }
+    Ok(())
+}
+
 impl<'a> Demand<'a> {
     pub(super) fn add_type(&mut self, place: Place<'a>) -> Result<()> {
         for (key, least, most) in NUMBERS {
             place.number(key, least, most)?;
         }
+        refuse_devices(place)?;
         let class = place.element.attribute("vClass").unwrap_or(DEFAULT_CLASS);
         self.add_class(place, Some(class))
     }

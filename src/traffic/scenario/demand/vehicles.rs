@@ -5,6 +5,7 @@ use anyhow::{Result, ensure};
 use super::super::place::Place;
 use super::super::streets::Street;
 use super::Demand;
+use super::types::refuse_devices;
 
 /// Limits of the numbers of a flow, beyond which they are absurd.
 const FLOW: [(&str, f64, f64); 5] = [
@@ -17,6 +18,11 @@ const FLOW: [(&str, f64, f64); 5] = [
 
 /// Attributes that put persons or containers into a vehicle.
 const LOADS: [&str; 2] = ["personNumber", "containerNumber"];
+
+/// Speeds of departure with which a car waits until there is room for it, and is slowed down to fit. Cars with all others
+/// are removed if the road does not let them drive so fast. How many that are depends on the lights.
+/// Source: SUMO 1.15, `MSLane::insertVehicle` and `MSLane::isInsertionSuccess`.
+const PATIENT: [&str; 2] = ["max", "random"];
 
 /// Attributes that name the beginning of a trip, and its end: an edge, a zone or a junction. Each may be of another kind.
 const FROM: [&str; 3] = ["from", "fromTaz", "fromJunction"];
@@ -51,12 +57,21 @@ impl<'a> Demand<'a> {
                 place.fault_in(key, "this program does not simulate persons and containers; remove it")
             );
         }
+        let given = |key: &str| place.element.attribute(key);
+        ensure!(
+            given("departEdge").is_none_or(|edge| edge == "0"),
+            place.fault_in("departEdge", "this program lets cars begin on the first edge of their route; remove it")
+        );
+        refuse_devices(place)?;
         let class = self.class_of(place)?;
         let (departs_s, vehicles) =
             if place.element.name == "flow" { self.flow(place)? } else { self.departure(place)? };
         let drives = vehicles > 0.0;
         if drives {
             self.expected += vehicles;
+            if given("departSpeed").is_some_and(|speed| !PATIENT.contains(&speed) && speed.parse() != Ok(0.0)) {
+                self.impatient.entry(place.file.to_owned()).or_insert((0, place)).0 += 1;
+            }
         } else {
             *self.outside.entry(place.file.to_owned()).or_default() += 1;
         }
