@@ -100,9 +100,7 @@ impl ScenarioConfig {
         let missing = |key: &str| format!("traffic.{key}: is missing here and in the .sumocfg; set it to a second");
         Ok((self.begin_s.with_context(|| missing("begin_s"))?, self.end_s.with_context(|| missing("end_s"))?))
     }
-}
 
-impl ScenarioConfig {
     /// Returns what is told of the seconds after the last whole decision, if there are any.
     pub fn unplayed(&self) -> Option<String> {
         let (begin, end) = self.window_s().expect("a checked config has both");
