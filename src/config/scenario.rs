@@ -101,7 +101,7 @@ impl ScenarioConfig {
         Ok((self.begin_s.with_context(|| missing("begin_s"))?, self.end_s.with_context(|| missing("end_s"))?))
     }
 
-    /// Returns what is told of the seconds after the last whole decision, if there are any.
+    /// Returns a note about the seconds after the last whole decision, if there are any.
     pub fn unplayed(&self) -> Option<String> {
         let (begin, end) = self.window_s().expect("a checked config has both");
         let seconds = (end - begin) % u64::from(self.decision_s);

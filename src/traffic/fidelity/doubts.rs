@@ -178,6 +178,13 @@ mod tests {
     }
 
     #[test]
+    fn with_true_entries_like_the_global_simulator_the_entry_rule_is_the_cause() {
+        let found = LightFidelity { sampled_entries: comparison(100, 100, 60), ..light() };
+        let told = doubt(&found).unwrap();
+        assert!(told.ends_with("Why: the entry rule: with true entries this LS is like the GS"), "{told}");
+    }
+
+    #[test]
     fn without_cars_that_pass_nothing_is_judged() {
         let passed = |passed| {
             let mut found = light();

@@ -46,6 +46,8 @@ pub struct OnScenario {
     /// Borders of the agents' regions.
     borders: Vec<Border>,
     config: ScenarioConfig,
+    /// A light whose actuated program SUMO refuses, and its two letters whose cars yield to each other.
+    refuses_actuated: Option<(String, [usize; 2])>,
     /// What local simulators are made of, once they were.
     local: OnceLock<Arc<LocalParts>>,
 }
@@ -67,7 +69,11 @@ impl OnScenario {
         let derived = derive(&roads, &rules(config), &overrides).with_context(place)?;
         let seconds = Seconds::of(config);
         let borders = derived.borders(&roads, &files.departs_on(&roads), config.approach_m, seconds);
-        Ok(OnScenario { files, derived, borders, config: config.clone(), local: OnceLock::new() })
+        let mut programs = derived.agents.iter().map(|agent| &agent.program);
+        let refuses_actuated =
+            programs.find_map(|program| Some((program.light.clone(), roads.waiting_for_each_other(program)?)));
+        let config = config.clone();
+        Ok(OnScenario { files, derived, borders, config, refuses_actuated, local: OnceLock::new() })
     }
 
     /// Returns the plan of its agents. They are of one kind, as wide as the widest of them needs.
@@ -151,14 +157,12 @@ impl Ground for OnScenario {
     }
 
     fn check_actuated(&self) -> Result<()> {
-        let roads = self.files.roads()?;
-        let mut lights = self.derived.agents.iter().map(|agent| &agent.program);
-        match lights.find_map(|program| Some((program, roads.waiting_for_each_other(program)?))) {
-            Some((program, [one, other])) => bail!(
+        match &self.refuses_actuated {
+            Some((light, [one, other])) => bail!(
                 "{}: SUMO refuses the programs that the controller `actuated` needs here: light `{}` gives `g` to the \
                  letters {one} and {other} at once, whose cars yield to each other; choose another controller",
                 self.files.path().display(),
-                program.light
+                light
             ),
             None => Ok(()),
         }

@@ -30,7 +30,7 @@ pub fn check(file: &Path, net: &Element, programs: &[Place<'_>]) -> Result<()> {
         "{}: has no traffic light (<tlLogic>); make some with: netconvert -s {0} --tls.set JUNCTION,... -o NEW.net.xml",
         file.display()
     );
-    // With junctions that have none, such as dead ends, a net may lack them.
+    // Cars that never cross a junction need none.
     let has_connections = net.all("connection").next().is_some();
     ensure!(
         !has_connections || net.all("edge").any(|edge| edge.attribute("function") == Some("internal")),

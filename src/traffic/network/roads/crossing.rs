@@ -66,8 +66,9 @@ impl Roads {
     pub fn waiting_for_each_other(&self, program: &Program) -> Option<[usize; 2]> {
         let letter =
             |link: &Connection| link.signal.as_ref().filter(|is| is.light == program.light).map(|is| is.letter);
-        let yields =
-            |state: &SignalState, letter: usize| matches!(state.as_str().as_bytes()[letter], b'g' | b'o' | b's');
+        let yields = |state: &SignalState, letter: usize| {
+            matches!(state.as_str().as_bytes().get(letter), Some(b'g' | b'o' | b's'))
+        };
         let at_once = |pair: [usize; 2]| {
             program.phases.iter().any(|phase| pair.into_iter().all(|letter| yields(&phase.state, letter)))
         };
@@ -75,7 +76,9 @@ impl Roads {
         controlled.collect::<BTreeSet<_>>().into_iter().find_map(|junction| {
             let letters: Vec<Option<usize>> = self.links_of(junction).into_iter().map(letter).collect();
             let requests = &self.junction(junction).requests;
-            let is_mutual = |one: usize, two: usize| requests[one].yields_to[two] && requests[two].yields_to[one];
+            // A broken net may have requests that are too short.
+            let yields_to = |one: usize, two: usize| requests[one].yields_to.get(two) == Some(&true);
+            let is_mutual = |one: usize, two: usize| yields_to(one, two) && yields_to(two, one);
             let count = letters.len().min(requests.len());
             let pairs = (0..count).flat_map(|one| (one..count).map(move |two| (one, two)));
             let mutual = pairs.filter(|&(one, two)| is_mutual(one, two));

@@ -21,7 +21,7 @@ const LOADS: [&str; 2] = ["personNumber", "containerNumber"];
 
 /// Speeds of departure with which a car waits until there is room for it, and is slowed down to fit. Cars with all others
 /// are removed if the road does not let them drive so fast. How many that are depends on the lights.
-/// Source: SUMO 1.15, `MSLane::insertVehicle` and `MSLane::isInsertionSuccess`.
+/// Measured on SUMO 1.15 with 500 trips: `desired`, `speedLimit`, `last`, `avg` and 5 m/s lose cars.
 const PATIENT: [&str; 2] = ["max", "random"];
 
 /// Attributes that name the beginning of a trip, and its end: an edge, a zone or a junction. Each may be of another kind.
