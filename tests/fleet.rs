@@ -37,17 +37,17 @@ const WAREHOUSE_CONFIG: &str = "total_steps = 9_000\n\
     [local_simulators]\ncopies = 8\nstagger = true\n[policy]\nrecurrent = 24\nhidden = [16]\nsequence_length = 8\n\
     [ppo]\nrollout_steps = 8\ntime_limit = 'bootstrap'\n\
     [aip]\nrecurrent = 8\nhidden = [8]\nretrain_every_steps = 6_000\ndataset_steps = 500\nbatch = 4\nepochs = 5\n\
-    [evaluation]\nevery_steps = 3_000\nepisodes = 5\naip_loss_episodes = 4\n";
+    [evaluation]\nevery_steps = 3_000\nepisodes = 5\nfinal_episodes = 5\naip_loss_episodes = 4\n";
 
 fn traffic_config() -> String {
     let nets = Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets").display().to_string();
     format!(
-        "total_steps = 15_000\n\
+        "total_steps = 6_000\n\
          [traffic]\nnetwork = '{nets}/grid_2x2'\nlocal_network = '{nets}/local'\nhorizon = 60\n\
          [local_simulators]\ncopies = 8\nstagger = true\n[policy]\nhidden = [32, 16]\n\
          [ppo]\ntime_limit = 'bootstrap'\n\
-         [aip]\nhidden = [8]\nretrain_every_steps = 10_000\ndataset_steps = 300\nbatch = 32\nepochs = 2\n\
-         [evaluation]\nevery_steps = 5_000\nepisodes = 5\naip_loss_episodes = 4\n"
+         [aip]\nhidden = [8]\nretrain_every_steps = 4_000\ndataset_steps = 300\nbatch = 32\nepochs = 2\n\
+         [evaluation]\nevery_steps = 2_000\nepisodes = 5\nfinal_episodes = 5\naip_loss_episodes = 4\n"
     )
 }
 
@@ -187,9 +187,15 @@ fn marginals_are_the_same_for_any_fleet_and_after_a_kill() {
 
 #[test]
 fn aips_that_are_trained_again_on_drift_are_the_same_for_any_fleet_and_after_a_kill() {
-    let settings = ["retrain=drift", "drift_threshold=3", "epochs=30", "learning_rate=3e-2"];
-    let settings: Vec<String> = settings.iter().flat_map(|set| ["--set".to_owned(), format!("aip.{set}")]).collect();
-    let settings: Vec<&str> = settings.iter().map(String::as_str).collect();
+    let settings = [
+        "total_steps=15000",
+        "evaluation.every_steps=5000",
+        "aip.retrain=drift",
+        "aip.drift_threshold=3",
+        "aip.epochs=30",
+        "aip.learning_rate=3e-2",
+    ];
+    let settings: Vec<&str> = settings.iter().flat_map(|setting| ["--set", setting]).collect();
     let run = assert_the_same_for_any_fleet_and_after_a_kill(Domain::Traffic, &settings);
     // The test can fail: AIPs are found 2.0 % worse at the second evaluation and 4.0 % at the third.
     let drift = fs::read_to_string(run.out.join("aip_drift.csv")).unwrap();
@@ -222,7 +228,7 @@ fn assert_the_same_for_any_fleet_and_after_a_kill(domain: Domain, settings: &[&s
 
 #[test]
 fn an_imitation_is_the_same_for_any_fleet_and_after_a_kill() {
-    let small = ["imitation.dataset_steps=300", "imitation.minibatch=32", "imitation.critic_steps=6000"];
+    let small = ["imitation.dataset_steps=300", "imitation.minibatch=32", "imitation.critic_steps=2500"];
     for (domain, more) in [
         (Domain::Traffic, ["policy.imitate=actuated", "policy.separate_critic=false", "imitation.epochs=2"]),
         (Domain::Warehouse, ["policy.imitate=closest-item", "policy.separate_critic=true", "imitation.minibatch=2"]),
