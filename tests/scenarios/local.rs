@@ -11,7 +11,7 @@ use dials_traffic::traffic::Traffic;
 use rand::Rng;
 
 use crate::play::shipped;
-use crate::room::{CARS, NET, Room, table};
+use crate::room::{CARS, NET, Room, SUMOCFG, table};
 
 const COPIES: usize = 2;
 const STEPS: usize = 40;
@@ -98,6 +98,35 @@ fn a_row_is_reset_to_the_bit_while_the_others_go_on() {
         }
     }
     assert!(play(&mut *ls, &regions, 3, STEPS) == fresh);
+}
+
+#[test]
+fn a_row_is_bit_identical_in_company_of_cars_that_have_no_way_on() {
+    let room = Room::new();
+    // On roads that are hardly longer than two cars, SUMO's decision who may enter depends on how it looks at the room.
+    for border in ["s0", "w0"] {
+        let net = fs::read_to_string(room.path(NET)).unwrap();
+        let lane = format!(r#"<lane id="{border}_r0c0_0""#);
+        let line = net.lines().find(|line| line.contains(&lane)).expect("a road of the net");
+        room.change(NET, line, &line.replace(r#"length="100.00""#, r#"length="12.80""#));
+    }
+    // Nobody can turn at the lights.
+    let demand = r#"<routes>
+        <flow id="a" begin="100" end="400" period="4" departSpeed="max" from="s0_r0c0" to="r1c0_n0"/>
+        <flow id="b" begin="100" end="400" period="4" departSpeed="max" from="w0_r0c0" to="r0c1_e0"/>
+        <trip id="c" depart="390" from="e1_r1c1" to="r1c1_n1"/>
+        <trip id="d" depart="395" from="e0_r0c1" to="r0c1_r1c1"/>
+    </routes>"#;
+    fs::write(room.path(CARS), demand).unwrap();
+    room.change(SUMOCFG, "<processing>", r#"<processing><ignore-route-errors value="true"/>"#);
+    let traffic = Traffic::open_scenario(&table(room.config(&["traffic.local_horizon=60"]).unwrap())).unwrap();
+    let alone = play(&mut *load(&traffic, &[0]), &[0], 0, STEPS);
+    let regions = [0, 1, 3];
+    let mut ls = load(&traffic, &regions);
+    for episode in [1, 0, 0] {
+        let together = play(&mut *ls, &regions, episode, STEPS);
+        assert!(episode == 1 || together[..COPIES] == alone, "episode {episode}");
+    }
 }
 
 #[test]

@@ -87,6 +87,14 @@ impl LocalNet {
         self.exits.iter().flat_map(|exit| &exit.ways).flat_map(|way| &way.copies).map(String::as_str)
     }
 
+    /// Returns whether a lane of `from` leads to `to`.
+    pub fn leads(&self, from: &str, to: &str) -> bool {
+        let is_it = |connection: &Element| {
+            connection.attribute("from") == Some(from) && connection.attribute("to") == Some(to)
+        };
+        self.parts.connections.iter().any(is_it)
+    }
+
     /// Returns the root element of the net.
     pub fn root(&self) -> Element {
         let Parts { attributes, shared, .. } = &self.parts;

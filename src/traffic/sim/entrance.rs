@@ -12,6 +12,10 @@ use crate::traffic::agents::border_plan::{BorderPlan, EntryPlace};
 /// Position at which a car departs of which nothing is known, in metres.
 const SOMEWHERE_M: f64 = 5.0;
 
+/// The least distance between a car that departs and the end of its lane, in metres. A car that SUMO lets in at the very end
+/// does not see those that stand a little before it.
+const BEFORE_END_M: f64 = 0.01;
+
 /// A car that comes into the region.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Comer {
@@ -102,7 +106,7 @@ pub fn comer(plan: &BorderPlan, ways: &Ways, entry: usize, visit: &Visit) -> Opt
     };
     Some(Comer {
         lane,
-        position_m: position_m.clamp(0.0, plan.lanes[lane].length_m),
+        position_m: on_lane(plan, lane, position_m),
         speed,
         way: ways.number(&visit.way, visit.next_road.as_ref()),
         vehicle_type: Some(visit.driver.vehicle_type.clone()),
@@ -116,7 +120,7 @@ fn unknown(plan: &BorderPlan, ways: &Ways, entry: usize, class: &str) -> Option<
     let lane = plan.lane_of_entry(entry, class)?;
     let position_m = match &plan.entries[entry].place {
         EntryPlace::Lane(_) => 0.0,
-        EntryPlace::Road(_) => SOMEWHERE_M.min(plan.lanes[lane].length_m),
+        EntryPlace::Road(_) => on_lane(plan, lane, SOMEWHERE_M),
     };
     Some(Comer {
         lane,
@@ -127,6 +131,11 @@ fn unknown(plan: &BorderPlan, ways: &Ways, entry: usize, class: &str) -> Option<
         speed_factor: 1.0,
         waited: false,
     })
+}
+
+/// Returns the position on a lane that is nearest to this one, in metres.
+fn on_lane(plan: &BorderPlan, lane: usize, position_m: f64) -> f64 {
+    position_m.clamp(0.0, (plan.lanes[lane].length_m - BEFORE_END_M).max(0.0))
 }
 
 /// Returns the speed of a departure: none, or the largest that is safe. Most files of routes say one of the two.

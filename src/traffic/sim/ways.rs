@@ -75,5 +75,14 @@ fn local_route(net: &LocalNet, way: &[String], next_road: Option<&String>) -> Lo
     let behind =
         exit.zip(next_road).and_then(|(exit, next)| exit.ways.iter().find(|way| way.edges.first() == Some(next)));
     let copies = behind.map_or(&[][..], |way| &way.copies);
-    LocalRoute { edges: [way, copies].concat(), end_m: behind.map(|way| way.end_m) }
+    let mut edges = [way, copies].concat();
+    if let [from, to] = &edges[..]
+        && !net.leads(from, to)
+    {
+        // A car on this way never gets to its last road. SUMO takes a route of just two roads that are not connected for a
+        // trip, and looks for a way (1.15: `libsumo::Vehicle::add`). From then on it also looks at the room on the whole
+        // lane before any car enters, in all rows. So the company of such a row would change the others.
+        edges.push(to.clone());
+    }
+    LocalRoute { edges, end_m: behind.map(|way| way.end_m) }
 }
