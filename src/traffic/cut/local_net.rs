@@ -89,9 +89,8 @@ impl LocalNet {
 
     /// Returns whether a lane of `from` leads to `to`.
     pub fn leads(&self, from: &str, to: &str) -> bool {
-        let is_it = |connection: &Element| {
-            connection.attribute("from") == Some(from) && connection.attribute("to") == Some(to)
-        };
+        let is_it =
+            |connection: &Element| connection.attribute("from") == Some(from) && connection.attribute("to") == Some(to);
         self.parts.connections.iter().any(is_it)
     }
 
