@@ -159,6 +159,35 @@ fn trips_types_and_flows_of_every_sort_are_replayed_whenever_the_episode_ends() 
 }
 
 #[test]
+fn a_program_that_sumo_takes_in_a_net_only_is_not_replayed_and_the_error_has_a_way_out() {
+    let dir = tempfile::tempdir().unwrap();
+    let net = Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets/grid_2x2.net.xml");
+    // Cars from north and east have green at the same time, and each must let the other one pass.
+    let mut text = fs::read_to_string(net).unwrap();
+    for (from, to) in [
+        (r#"<request index="0" response="0000" foes="1010""#, r#"<request index="0" response="0010" foes="1010""#),
+        (r#"<phase duration="10" state="GrGr"/>"#, r#"<phase duration="10" state="ggGr"/>"#),
+    ] {
+        assert!(text.contains(from), "{from}");
+        text = text.replacen(from, to, 1);
+    }
+    fs::write(dir.path().join("own.net.xml"), text).unwrap();
+    let routes =
+        r#"<routes><flow id="f" begin="0" end="100" period="9"><route edges="w0_r0c0 r0c0_r0c1"/></flow></routes>"#;
+    fs::write(dir.path().join("own.rou.xml"), routes).unwrap();
+    let sumocfg = "<configuration><net-file value='own.net.xml'/><route-files value='own.rou.xml'/><begin value='0'/>\
+                   <end value='100'/></configuration>";
+    fs::write(dir.path().join("own.sumocfg"), sumocfg).unwrap();
+    let recording = at_random(&ScenarioConfig::of_file(&dir.path().join("own.sumocfg")).unwrap(), 3);
+    let folder = dir.path().join("replay");
+    replay::write(&recording, &folder).unwrap();
+    let error = format!("{:#}", replay::check(&recording, &folder).unwrap_err());
+    let net = dir.path().join("own.net.xml");
+    let parts = ["the light r0c0 showed".to_owned(), format!("netconvert -s {} --tls.ignore", net.display())];
+    assert!(parts.iter().all(|part| error.contains(part)), "{error}");
+}
+
+#[test]
 fn lights_that_do_not_learn_run_their_own_program_in_a_replay() {
     let dir = tempfile::tempdir().unwrap();
     fs::write(dir.path().join("agents.toml"), "learn = [\"x1y1\", \"x2y2\"]\n").unwrap();

@@ -17,7 +17,7 @@ mod view;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, bail};
+use anyhow::{Result, anyhow, bail};
 
 use super::recorded_roads::{RecordedFiles, RecordedGround};
 use super::recording::Recording;
@@ -74,7 +74,8 @@ pub fn write(recording: &Recording, dir: &Path) -> Result<()> {
 /// fast, bit for bit. The caller must hold no simulation.
 pub fn check(recording: &Recording, dir: &Path) -> Result<()> {
     let config = config_in(dir);
-    let mut simulation = Simulation::load(&["-c".to_owned(), for_sumo(&config)?])?;
+    let mut simulation =
+        Simulation::load(&["-c".to_owned(), for_sumo(&config)?]).map_err(|error| explained(recording, error.into()))?;
     let lanes: Vec<String> = recording.roads.lanes.iter().map(|lane| lane.name.clone()).collect();
     let lanes = simulation.register_lanes(&lanes)?;
     let lights = simulation.register_lights(&recording.roads.lights)?;
@@ -107,6 +108,29 @@ pub fn check(recording: &Recording, dir: &Path) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// Returns the error of a replay that SUMO could not load, in the user's terms if its programs are the cause.
+fn explained(recording: &Recording, error: anyhow::Error) -> anyhow::Error {
+    // SUMO takes such a program in a net, and refuses it in a file beside it (1.15).
+    let text = format!("{error:#}");
+    let refused = text.split("' is incompatible with logic at junction").count() - 1;
+    let light = text.split("at tlLogic '").nth(1).and_then(|rest| rest.split('\'').next());
+    match (light, &recording.roads.ground) {
+        (Some(light), RecordedGround::Scenario(scenario)) if refused > 0 => {
+            let net = match &scenario.files {
+                RecordedFiles::Whole(files) => files.net_path().display().to_string(),
+                RecordedFiles::Local(_) => "NET.net.xml".to_owned(),
+            };
+            let also = if refused == 1 { String::new() } else { format!(" and {} more", refused - 1) };
+            anyhow!(
+                "SUMO cannot replay what the light {light}{also} showed: two streams had green of which each must let \
+                 the other one pass; make the net anew with `netconvert -s {net} --tls.ignore-internal-junction-jam -o \
+                 NEW.net.xml`, and use that"
+            )
+        }
+        _ => error,
+    }
 }
 
 /// A light, the name of its new program, and what it showed in each step.
