@@ -61,6 +61,8 @@ pub struct Demand<'a> {
     outside: BTreeMap<PathBuf, usize>,
     /// Numbers of vehicles and flows that SUMO may remove instead of letting them wait, and the first one, by file.
     impatient: BTreeMap<PathBuf, (usize, Place<'a>)>,
+    /// Numbers of vehicles and flows that have no way, if SUMO was told to go on with them, and the first one, by file.
+    lost: BTreeMap<PathBuf, (usize, Place<'a>)>,
 }
 
 impl<'a> Demand<'a> {
@@ -83,6 +85,7 @@ impl<'a> Demand<'a> {
             expected: 0.0,
             outside: BTreeMap::new(),
             impatient: BTreeMap::new(),
+            lost: BTreeMap::new(),
         }
     }
 
@@ -130,7 +133,7 @@ impl<'a> Demand<'a> {
             scenario.display(),
             self.expected
         );
-        let told = |(file, count): (PathBuf, usize)| {
+        let elsewhere = |(file, count): (PathBuf, usize)| {
             format!("{}: {count} of its vehicles and flows depart before {begin} s or from {end} s on", file.display())
         };
         let may_vanish = |(_, (count, first)): (PathBuf, (usize, Place<'_>))| {
@@ -140,8 +143,15 @@ impl<'a> Demand<'a> {
                  this file): SUMO removes it, and the lights decide how many these are; with departSpeed=\"max\" it waits"
             )
         };
-        let told = self.outside.into_iter().map(told).chain(self.impatient.into_iter().map(may_vanish)).collect();
-        Ok((self.departures, told))
+        let stands = |(_, (count, first)): (PathBuf, (usize, Place<'_>))| {
+            format!(
+                "a car that has no way, such as {first} ({count} in this file): SUMO goes on with it (ignore-route-errors), \
+                 and it stands at the end of a road and blocks the lane until it is moved (time-to-teleport)"
+            )
+        };
+        let (outside, impatient, lost) = (self.outside.into_iter(), self.impatient.into_iter(), self.lost.into_iter());
+        let told = outside.map(elsewhere).chain(impatient.map(may_vanish)).chain(lost.map(stands));
+        Ok((self.departures, told.collect()))
     }
 
     fn add_zone(&mut self, place: Place<'a>) -> Result<()> {
@@ -275,7 +285,13 @@ mod tests {
         );
         let lost = "<trip id='v' depart='100' from='a' to='c'/>";
         assert!(read(lost).is_err());
-        assert_eq!(read_with(&[("ignore-route-errors", "true")], lost), Ok(vec![]), "SUMO was told to leave it out");
+        let told = read_with(&[("ignore-route-errors", "true")], lost).unwrap();
+        let begins = r#"a car that has no way, such as rou: <trip id="v"> (1 in this file): SUMO goes on with it"#;
+        assert!(told.len() == 1 && told[0].starts_with(begins), "SUMO was told to go on: {told:?}");
+        let routes = "<vehicle id='v' depart='100'><route edges='a c b'/></vehicle>\
+                      <trip id='w' depart='101' from='a' to='c'/><trip id='x' depart='102' from='a' to='b'/>";
+        let told = read_with(&[("ignore-route-errors", "true")], routes).unwrap();
+        assert!(told.len() == 1 && told[0].contains("(2 in this file)"), "{told:?}");
     }
 
     #[test]

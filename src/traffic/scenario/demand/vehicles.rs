@@ -85,18 +85,19 @@ impl<'a> Demand<'a> {
         if drives {
             self.add_departure(place, routes.as_deref())?;
         }
-        let must_drive = drives && !self.lenient;
-        match routes {
-            Some(routes) if must_drive => {
-                routes.iter().try_for_each(|route| self.check_connected(place, route, class))?
-            }
-            Some(_) => {}
+        let way = match routes {
+            Some(routes) if drives => routes.iter().try_for_each(|route| self.check_connected(place, route, class)),
+            Some(_) => Ok(()),
             None => {
                 let stations = self.stations(place)?;
-                if must_drive {
-                    self.check_reachable(place, &stations, class)?;
-                }
+                if drives { self.check_reachable(place, &stations, class) } else { Ok(()) }
             }
+        };
+        if let Err(fault) = way {
+            if !self.lenient {
+                return Err(fault);
+            }
+            self.lost.entry(place.file.to_owned()).or_insert((0, place)).0 += 1;
         }
         Ok(departs_s)
     }
