@@ -21,7 +21,7 @@ use anyhow::{Result, anyhow, bail};
 
 use super::recorded_roads::{RecordedFiles, RecordedGround};
 use super::recording::Recording;
-use crate::outside::write_together;
+use crate::outside::{quoted, write_together};
 use crate::sumo::{CarTable, SignalState, Simulation};
 use crate::traffic::network::files::{NetworkFiles, for_sumo};
 use crate::traffic::network::xml::{document, leaf, nest};
@@ -119,7 +119,7 @@ fn explained(recording: &Recording, error: anyhow::Error) -> anyhow::Error {
     match (light, &recording.roads.ground) {
         (Some(light), RecordedGround::Scenario(scenario)) if refused > 0 => {
             let net = match &scenario.files {
-                RecordedFiles::Whole(files) => files.net_path().display().to_string(),
+                RecordedFiles::Whole(files) => quoted(files.net_path()),
                 RecordedFiles::Local(_) => "NET.net.xml".to_owned(),
             };
             let also = if refused == 1 { String::new() } else { format!(" and {} more", refused - 1) };
