@@ -69,9 +69,10 @@ impl OnScenario {
         let derived = derive(&roads, &rules(config), &overrides).with_context(place)?;
         let seconds = Seconds::of(config);
         let borders = derived.borders(&roads, &files.departs_on(&roads), config.approach_m, seconds);
-        let mut programs = derived.agents.iter().map(|agent| &agent.program);
-        let refuses_actuated =
-            programs.find_map(|program| Some((program.light.clone(), roads.waiting_for_each_other(program)?)));
+        let refuses_actuated = derived.agents.iter().find_map(|Agent { program, .. }| {
+            let states: Vec<_> = program.phases.iter().map(|phase| &phase.state).collect();
+            Some((program.light.clone(), roads.waiting_for_each_other(&program.light, &states)?))
+        });
         let config = config.clone();
         Ok(OnScenario { files, derived, borders, config, refuses_actuated, local: OnceLock::new() })
     }

@@ -4,7 +4,6 @@ use std::collections::BTreeSet;
 
 use anyhow::{Result, ensure};
 
-use super::program::Program;
 use super::{Connection, Function, Junction, JunctionNo, LaneNo, Roads};
 use crate::sumo::SignalState;
 
@@ -59,20 +58,18 @@ impl Roads {
         Ok(pairs)
     }
 
-    /// Returns two letters of a light whose cars yield to each other, and to which a phase of this program gives green
-    /// that yields at once. SUMO refuses such a program in an additional file, but not in the net.
+    /// Returns two letters of a light whose cars yield to each other, and to which one of these states gives green that
+    /// yields at once. SUMO refuses a program with such a state in an additional file, but not in the net.
     ///
     /// Source: SUMO 1.15, `MSTrafficLightLogic::init`.
-    pub fn waiting_for_each_other(&self, program: &Program) -> Option<[usize; 2]> {
-        let letter =
-            |link: &Connection| link.signal.as_ref().filter(|is| is.light == program.light).map(|is| is.letter);
+    pub fn waiting_for_each_other(&self, light: &str, states: &[&SignalState]) -> Option<[usize; 2]> {
+        let letter = |link: &Connection| link.signal.as_ref().filter(|is| is.light == light).map(|is| is.letter);
         let yields = |state: &SignalState, letter: usize| {
             matches!(state.as_str().as_bytes().get(letter), Some(b'g' | b'o' | b's'))
         };
-        let at_once = |pair: [usize; 2]| {
-            program.phases.iter().any(|phase| pair.into_iter().all(|letter| yields(&phase.state, letter)))
-        };
-        let controlled = self.of_light(&program.light).filter_map(|link| self.end_of(link.from));
+        let at_once =
+            |pair: [usize; 2]| states.iter().any(|state| pair.into_iter().all(|letter| yields(state, letter)));
+        let controlled = self.of_light(light).filter_map(|link| self.end_of(link.from));
         controlled.collect::<BTreeSet<_>>().into_iter().find_map(|junction| {
             let letters: Vec<Option<usize>> = self.links_of(junction).into_iter().map(letter).collect();
             let requests = &self.junction(junction).requests;

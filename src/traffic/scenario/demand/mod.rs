@@ -61,7 +61,7 @@ pub struct Demand<'a> {
     outside: BTreeMap<PathBuf, usize>,
     /// Numbers of vehicles and flows that SUMO may remove instead of letting them wait, and the first one, by file.
     impatient: BTreeMap<PathBuf, (usize, Place<'a>)>,
-    /// Numbers of vehicles and flows that have no way, if SUMO was told to go on with them, and the first one, by file.
+    /// Numbers of vehicles and flows without a way that SUMO simulates all the same, and the first one, by file.
     lost: BTreeMap<PathBuf, (usize, Place<'a>)>,
 }
 

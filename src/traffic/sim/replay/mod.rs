@@ -17,13 +17,14 @@ mod view;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, anyhow, bail};
+use anyhow::{Result, bail};
 
 use super::recorded_roads::{RecordedFiles, RecordedGround};
 use super::recording::Recording;
 use crate::outside::{quoted, write_together};
 use crate::sumo::{CarTable, SignalState, Simulation};
 use crate::traffic::network::files::{NetworkFiles, for_sumo};
+use crate::traffic::network::roads::Roads;
 use crate::traffic::network::xml::{document, leaf, nest};
 
 pub use view::{SPEED_COLOURS, Snapshot, view};
@@ -53,13 +54,16 @@ pub fn write(recording: &Recording, dir: &Path) -> Result<()> {
         RecordedGround::Scenario(scenario) => match &scenario.files {
             RecordedFiles::Whole(files) => {
                 // The lights that do not learn run the programs that they ran.
+                let agents = scenario.agents.len();
+                check_programs(recording, &scenario.roads, agents, &quoted(files.net_path()))?;
                 let roots = [files.net()].into_iter().chain(files.additional());
-                let signals = of_scenario::signals(recording, scenario.agents.len(), roots);
+                let signals = of_scenario::signals(recording, agents, roots);
                 (of_scenario::files(recording, files), signals)
             }
             RecordedFiles::Local(files) => {
-                let signals =
-                    of_scenario::signals(recording, recording.roads.lights.len(), [&files.net.root()].into_iter());
+                let lights = recording.roads.lights.len();
+                check_programs(recording, &scenario.roads, lights, "NET.net.xml")?;
+                let signals = of_scenario::signals(recording, lights, [&files.net.root()].into_iter());
                 (of_local::files(recording, files, scenario.agents[0].place_m), signals)
             }
         },
@@ -74,8 +78,7 @@ pub fn write(recording: &Recording, dir: &Path) -> Result<()> {
 /// fast, bit for bit. The caller must hold no simulation.
 pub fn check(recording: &Recording, dir: &Path) -> Result<()> {
     let config = config_in(dir);
-    let mut simulation =
-        Simulation::load(&["-c".to_owned(), for_sumo(&config)?]).map_err(|error| explained(recording, error.into()))?;
+    let mut simulation = Simulation::load(&["-c".to_owned(), for_sumo(&config)?])?;
     let lanes: Vec<String> = recording.roads.lanes.iter().map(|lane| lane.name.clone()).collect();
     let lanes = simulation.register_lanes(&lanes)?;
     let lights = simulation.register_lights(&recording.roads.lights)?;
@@ -110,27 +113,18 @@ pub fn check(recording: &Recording, dir: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Returns the error of a replay that SUMO could not load, in the user's terms if its programs are the cause.
-fn explained(recording: &Recording, error: anyhow::Error) -> anyhow::Error {
-    // SUMO takes such a program in a net, and refuses it in a file beside it (1.15).
-    let text = format!("{error:#}");
-    let refused = text.split("' is incompatible with logic at junction").count() - 1;
-    let light = text.split("at tlLogic '").nth(1).and_then(|rest| rest.split('\'').next());
-    match (light, &recording.roads.ground) {
-        (Some(light), RecordedGround::Scenario(scenario)) if refused > 0 => {
-            let net = match &scenario.files {
-                RecordedFiles::Whole(files) => quoted(files.net_path()),
-                RecordedFiles::Local(_) => "NET.net.xml".to_owned(),
-            };
-            let also = if refused == 1 { String::new() } else { format!(" and {} more", refused - 1) };
-            anyhow!(
-                "SUMO cannot replay what the light {light}{also} showed: two streams had green of which each must let \
-                 the other one pass; make the net anew with `netconvert -s {net} --tls.ignore-internal-junction-jam -o \
+/// Returns an error if SUMO would refuse what one of the first `lights` lights showed as a program. `net`: for the way out.
+fn check_programs(recording: &Recording, roads: &Roads, lights: usize, net: &str) -> Result<()> {
+    for (number, light) in recording.roads.lights.iter().take(lights).enumerate() {
+        if let Some([one, two]) = roads.waiting_for_each_other(light, &shown(recording, number)) {
+            bail!(
+                "SUMO cannot replay what the light {light} showed: `g` for the letters {one} and {two} at once, whose cars \
+                 yield to each other; make the net anew with `netconvert -s {net} --tls.ignore-internal-junction-jam -o \
                  NEW.net.xml`, and use that"
-            )
+            );
         }
-        _ => error,
     }
+    Ok(())
 }
 
 /// A light, the name of its new program, and what it showed in each step.
