@@ -59,10 +59,20 @@ pub struct Demand<'a> {
     expected: f64,
     /// Numbers of vehicles that depart at other times, by file.
     outside: BTreeMap<PathBuf, usize>,
-    /// Numbers of vehicles and flows that SUMO may remove instead of letting them wait, and the first one, by file.
-    impatient: BTreeMap<PathBuf, (usize, Place<'a>)>,
-    /// Numbers of vehicles and flows without a way that SUMO simulates all the same, and the first one, by file.
-    lost: BTreeMap<PathBuf, (usize, Place<'a>)>,
+    /// Vehicles and flows that SUMO may remove instead of letting them wait.
+    impatient: Odd<'a>,
+    /// Vehicles and flows without a way that SUMO simulates all the same.
+    lost: Odd<'a>,
+}
+
+/// Vehicles and flows of which the user must know: their number in each file, and the first one.
+#[derive(Default)]
+struct Odd<'a>(BTreeMap<&'a Path, (usize, Place<'a>)>);
+
+impl<'a> Odd<'a> {
+    fn add(&mut self, place: Place<'a>) {
+        self.0.entry(place.file).or_insert((0, place)).0 += 1;
+    }
 }
 
 impl<'a> Demand<'a> {
@@ -84,8 +94,8 @@ impl<'a> Demand<'a> {
             reached: HashMap::new(),
             expected: 0.0,
             outside: BTreeMap::new(),
-            impatient: BTreeMap::new(),
-            lost: BTreeMap::new(),
+            impatient: Odd::default(),
+            lost: Odd::default(),
         }
     }
 
@@ -136,22 +146,23 @@ impl<'a> Demand<'a> {
         let elsewhere = |(file, count): (PathBuf, usize)| {
             format!("{}: {count} of its vehicles and flows depart before {begin} s or from {end} s on", file.display())
         };
-        let may_vanish = |(_, (count, first)): (PathBuf, (usize, Place<'_>))| {
+        let may_vanish = |(count, first): (usize, Place<'_>)| {
             let speed = excerpt(first.element.attribute("departSpeed").unwrap_or_default());
             format!(
                 "a car that cannot enter as fast as it should, such as {first} with departSpeed=\"{speed}\" ({count} in \
                  this file): SUMO removes it, and the lights decide how many these are; with departSpeed=\"max\" it waits"
             )
         };
-        let stands = |(_, (count, first)): (PathBuf, (usize, Place<'_>))| {
+        let stands = |(count, first): (usize, Place<'_>)| {
             format!(
                 "a car that has no way, such as {first} ({count} in this file): SUMO goes on with it (ignore-route-errors), \
                  and it stands at the end of a road and blocks the lane until it is moved (time-to-teleport)"
             )
         };
-        let (outside, impatient, lost) = (self.outside.into_iter(), self.impatient.into_iter(), self.lost.into_iter());
-        let told = outside.map(elsewhere).chain(impatient.map(may_vanish)).chain(lost.map(stands));
-        Ok((self.departures, told.collect()))
+        let outside = self.outside.into_iter().map(elsewhere);
+        let impatient = self.impatient.0.into_values().map(may_vanish);
+        let lost = self.lost.0.into_values().map(stands);
+        Ok((self.departures, outside.chain(impatient).chain(lost).collect()))
     }
 
     fn add_zone(&mut self, place: Place<'a>) -> Result<()> {

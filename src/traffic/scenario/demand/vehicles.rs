@@ -70,7 +70,7 @@ impl<'a> Demand<'a> {
         if drives {
             self.expected += vehicles;
             if given("departSpeed").is_some_and(|speed| !PATIENT.contains(&speed) && speed.parse() != Ok(0.0)) {
-                self.impatient.entry(place.file.to_owned()).or_insert((0, place)).0 += 1;
+                self.impatient.add(place);
             }
         } else {
             *self.outside.entry(place.file.to_owned()).or_default() += 1;
@@ -97,7 +97,7 @@ impl<'a> Demand<'a> {
             if !self.lenient {
                 return Err(fault);
             }
-            self.lost.entry(place.file.to_owned()).or_insert((0, place)).0 += 1;
+            self.lost.add(place);
         }
         Ok(departs_s)
     }
