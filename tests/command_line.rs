@@ -613,6 +613,34 @@ fn a_run_that_has_ended_is_left_alone_by_a_resume_unless_its_last_evaluation_is_
 }
 
 #[test]
+fn networks_that_are_lost_or_damaged_come_back_with_a_resume() {
+    let dir = tempfile::tempdir().unwrap();
+    let (config, out) = (write_config(dir.path(), SHORT), dir.path().join("run"));
+    let out_name = out.to_str().unwrap();
+    train(&config, &out, &[]).success();
+    let files = ["policies.safetensors", "aips.safetensors"].map(|file| out.join(file));
+    let whole = files.clone().map(|file| fs::read(file).unwrap());
+    let resume = || text(&dials_traffic(&["train", "--resume", out_name]).assert().success().get_output().stderr);
+    let damages: [fn(&Path); 3] = [
+        |file| fs::remove_file(file).unwrap(),
+        |file| fs::write(file, &fs::read(file).unwrap()[..100]).unwrap(),
+        |file| fs::write(file, b"").unwrap(),
+    ];
+    for damage in damages {
+        damage(&files[0]);
+        assert_refused(&mut dials_traffic(&["evaluate", out_name]), &["policies.safetensors", "train --resume"]);
+        damage(&files[1]);
+        let said = resume();
+        for name in ["policies.safetensors", "aips.safetensors"] {
+            assert!(said.contains(&format!("{name}: was lost or damaged; made again from the checkpoint")), "{said}");
+        }
+        assert!(said.contains("this run has ended"), "{said}");
+        assert!(files.clone().map(|file| fs::read(file).unwrap()) == whole, "not the same bytes");
+        assert!(!resume().contains("made again"));
+    }
+}
+
+#[test]
 fn a_policy_is_shared_on_the_gs_only() {
     let dir = tempfile::tempdir().unwrap();
     let (config, out) = (write_config(dir.path(), SHORT), dir.path().join("run"));

@@ -368,6 +368,12 @@ impl Config {
         self.stop_at_steps.unwrap_or(self.total_steps).min(self.total_steps)
     }
 
+    /// Returns the timesteps per agent at which the run ends: at the first update of the policies at or after its last
+    /// step.
+    pub fn end(&self) -> u64 {
+        self.update_at_or_after(self.last_step())
+    }
+
     /// Returns the timesteps per agent at the first update of the policies at or after a step.
     pub fn update_at_or_after(&self, step: u64) -> u64 {
         step.checked_next_multiple_of(self.ppo.memory as u64).unwrap_or(u64::MAX)

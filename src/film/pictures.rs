@@ -8,7 +8,6 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, ensure};
-use tempfile::TempDir;
 
 use super::captions::{PAPER, caption};
 use super::gui::SUMO_GUI;
@@ -16,7 +15,6 @@ use super::helper::{Helper, heard, listener, tied};
 use super::picture_file::Picture;
 use super::screen::Screen;
 use super::{Format, Replay, Shape, gif, mp4};
-use crate::outside::temporary_dir;
 use crate::terminal::check_stop;
 use crate::terminal::counting::EpisodeBar;
 
@@ -32,16 +30,15 @@ const UNSEEN: Duration = Duration::from_millis(500);
 /// Width and height of sumo-gui's window minus those of the roads, in pixels (measured with SUMO 1.15).
 const FRAME: (usize, usize) = (10, 215);
 
-/// The pictures of a replay, in a temporary directory. Taking and joining end with an error soon after `stop` is set.
-pub struct Pictures {
-    room: TempDir,
+/// The pictures of a replay, in an empty directory. Taking and joining end with an error soon after `stop` is set.
+pub struct Pictures<'a> {
+    room: &'a Path,
     files: Vec<PathBuf>,
 }
 
-impl Pictures {
-    pub fn take(replay: &Replay, stop: &AtomicBool) -> Result<Pictures> {
-        let room = temporary_dir().context("the pictures have no place")?;
-        let files = take_pictures(replay, room.path(), stop)?;
+impl<'a> Pictures<'a> {
+    pub fn take(replay: &Replay, room: &'a Path, stop: &AtomicBool) -> Result<Pictures<'a>> {
+        let files = take_pictures(replay, room, stop)?;
         add_captions(replay, &files, stop)?;
         Ok(Pictures { room, files })
     }
@@ -50,7 +47,7 @@ impl Pictures {
     pub fn join(&self, format: Format, film: &Path, stop: &AtomicBool) -> Result<()> {
         match format {
             Format::Gif => gif::join(&self.files, film, stop),
-            Format::Mp4 => mp4::join(self.room.path(), film, stop),
+            Format::Mp4 => mp4::join(self.room, film, stop),
         }
     }
 }

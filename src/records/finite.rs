@@ -1,6 +1,6 @@
 //! Learning that has diverged: an error before the good files are overwritten.
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 
 use crate::base::Ragged;
 use crate::config::Config;
@@ -9,11 +9,21 @@ use crate::training::answers::PolicyTraining;
 use crate::training::imitation::ImitationLoss;
 use crate::training::state::AgentsState;
 
-/// Returns an error that names the first agent whose policy has diverged.
-pub fn check_policies(training: &PolicyTraining, state: &AgentsState, config: &Config) -> Result<()> {
-    // Until then only the critic has learnt, with the learning rate of the imitation.
-    let last_update = state.steps.saturating_sub(config.ppo.memory as u64);
-    let key = if last_update < config.critic_steps() { "imitation.learning_rate" } else { "ppo.learning_rate" };
+/// The error about learning that has diverged. A resume would diverge again.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct Diverged(String);
+
+/// Returns an error that names the first agent whose policy has diverged. `begun`: timesteps per agent at the beginning
+/// of the period.
+pub fn check_policies(training: &PolicyTraining, state: &AgentsState, config: &Config, begun: u64) -> Result<()> {
+    // At first only the critic learns, with the learning rate of the imitation.
+    let critic_alone = |step| step < config.critic_steps();
+    let key = match (critic_alone(begun), critic_alone(state.steps.saturating_sub(config.ppo.memory as u64))) {
+        (_, true) => "imitation.learning_rate",
+        (true, false) => "imitation.learning_rate or ppo.learning_rate",
+        (false, false) => "ppo.learning_rate",
+    };
     for (agent, training) in training.agents.iter().enumerate() {
         let losses = training.losses;
         if ![losses.surrogate, losses.value, losses.entropy, losses.kl].into_iter().all(f64::is_finite) {
@@ -60,8 +70,10 @@ fn first_bad_row(table: &Ragged<f32>) -> Option<usize> {
 }
 
 fn diverged(whose: &str, agent: usize, what: &str, steps: u64, key: &str) -> Result<()> {
-    bail!(
+    Err(Diverged(format!(
         "agent {agent}: its {whose} diverged before step {steps}: {what} is no longer a finite number; it was not \
-         written, and the last checkpoint is intact; lower {key} and begin a new run, because a resume keeps the settings"
-    )
+         written, so what was written before is intact; lower {key} and begin a new run, because a resume keeps the \
+         settings"
+    ))
+    .into())
 }

@@ -24,9 +24,9 @@
 //! - [`files`], [`columns`]: the names of the files, and of the columns of each CSV file, for writers and readers.
 //! - [`growing`], [`csv`], [`tensorboard`]: files that grow, so that a kill or a full disk loses nothing, and a change
 //!   by others is noticed.
-//! - `lines`: the lines of the CSV files. `finite`: refuses to write networks that have diverged.
+//! - `lines`: the lines of the CSV files. [`finite`]: refuses to write networks that have diverged.
 //! - [`checkpoint`]: the state of all agents, from which a run continues. [`resume_point`]: which checkpoint fits the
-//!   files. [`joint_layout`]: files of the networks of all agents.
+//!   files. [`networks`]: the files of policies and AIPs; [`joint_layout`]: places of all agents' networks in a file.
 //! - [`run_json`]: how the run was called, and what computed it. [`word`]: a word of its command line. [`kept`]: the
 //!   keys and files of the domain, to notice a change.
 //! - [`run_log`]: the [`Journal`](crate::training::journal::Journal) that writes all this during training.
@@ -39,12 +39,13 @@ pub mod columns;
 pub mod csv;
 pub mod csv_table;
 pub mod files;
-mod finite;
+pub mod finite;
 pub mod growing;
 pub mod joint_layout;
 pub mod kept;
 pub mod likeness;
 mod lines;
+pub mod networks;
 pub mod reader;
 pub mod resume_point;
 pub mod run_json;

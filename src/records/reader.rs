@@ -271,7 +271,8 @@ mod tests {
     use crate::outside::Directory;
     use crate::records::checkpoint::owner::Owner;
     use crate::records::joint_layout::JointLayout;
-    use crate::records::run_log::{Layouts, RunLog};
+    use crate::records::networks::Layouts;
+    use crate::records::run_log::RunLog;
     use crate::records::run_record::Status;
     use crate::training::answers::{AgentTraining, FleetLoad, Footprint, PolicyTraining, WorkerLoad};
     use crate::training::journal::Journal;

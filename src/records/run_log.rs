@@ -1,6 +1,6 @@
 //! The [`Journal`] that writes a run directory during the run.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::Result;
@@ -16,14 +16,12 @@ use super::lines::{
     CsvLine, Wall, aip_header, aip_lines, drift_lines, episode_lines, evaluation_header, evaluation_lines, header,
     imitation_lines, memory_lines, timing_lines, training_header, training_lines,
 };
+use super::networks::Layouts;
 use super::resume_point::ResumePoint;
 use super::tensorboard::{Scalar, first_record, scalars_of, scalars_record};
-use crate::config::Config;
-use crate::domain::Kinds;
 use crate::evaluation::Evaluation;
 use crate::influence::{AipLoss, FreshLoss};
 use crate::outside::Directory;
-use crate::records::joint_layout::{JointLayout, STEPS};
 use crate::training::answers::{FleetLoad, PolicyTraining};
 use crate::training::drift::Moment;
 use crate::training::imitation::ImitationLoss;
@@ -45,21 +43,6 @@ pub struct RunLog {
     elapsed_before: Duration,
     begun: Instant,
     begun_period: Instant,
-}
-
-/// Places of weights and biases in the networks that are saved.
-pub struct Layouts {
-    pub policies: JointLayout,
-    pub aips: JointLayout,
-}
-
-impl Layouts {
-    pub fn of(config: &Config, kinds: &Kinds) -> Layouts {
-        Layouts {
-            policies: JointLayout::of_policies(kinds, &config.policy),
-            aips: JointLayout::of_aips(kinds, config.predictor(), &config.aip),
-        }
-    }
 }
 
 impl RunLog {
@@ -173,8 +156,7 @@ impl Journal for RunLog {
     fn aips_trained(&mut self, agents: &AgentsState, losses: &[AipLoss]) -> Result<()> {
         check_aips(agents, losses)?;
         self.append(files::AIP_LOSS, agents.steps, &aip_header(losses), &aip_lines(agents.steps, losses))?;
-        let (layout, about) = (&self.layouts.aips, about(agents.steps));
-        self.directory.write_with(files::AIPS, |beside| layout.write(&agents.aips, &about, beside))
+        self.layouts.write_aips(&self.directory, agents, agents.steps)
     }
 
     fn aips_measured(&mut self, agents: &AgentsState, after: Moment, losses: &[FreshLoss]) -> Result<()> {
@@ -190,15 +172,14 @@ impl Journal for RunLog {
         training: &PolicyTraining,
         load: FleetLoad,
     ) -> Result<()> {
-        check_policies(training, agents, &self.owner.config)?;
+        check_policies(training, agents, &self.owner.config, self.steps)?;
         self.append(
             files::TRAINING,
             agents.steps,
             &training_header(training),
             &training_lines(agents.steps, training),
         )?;
-        let (layout, about) = (&self.layouts.policies, about(agents.steps));
-        self.directory.write_with(files::POLICIES, |beside| layout.write(&agents.policies, &about, beside))?;
+        self.layouts.write_policies(&self.directory, agents)?;
         self.append_load(agents, load)?;
         let progress = RunProgress {
             standing: *standing,
@@ -218,10 +199,6 @@ impl Journal for RunLog {
     }
 }
 
-fn about(steps: u64) -> HashMap<String, String> {
-    HashMap::from([(STEPS.to_owned(), steps.to_string())])
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -229,11 +206,12 @@ mod tests {
     use std::path::{Path, PathBuf};
 
     use crate::base::Ragged;
-    use crate::config::PolicyConfig;
+    use crate::config::{Config, PolicyConfig};
     use crate::domain::Domain;
     use crate::domain::toy::Coins;
     use crate::influence::AipLoss;
     use crate::nn::Layout;
+    use crate::records::joint_layout::JointLayout;
     use crate::training::answers::AgentTraining;
     use crate::training::ppo::Decayed;
     use crate::training::ppo_loss::Losses;
@@ -283,11 +261,14 @@ mod tests {
             assert!(contents(dir.path()) == good);
         }
         // After an imitation the critic learns alone at first, with the rate of the imitation.
-        let (training, agents_now) = period([1.0, 2.0, f32::NAN, 4.0], 0.5);
+        let (training, mut agents_now) = period([1.0, 2.0, f32::NAN, 4.0], 0.5);
         let imitates =
             Config { policy: PolicyConfig { imitate: Some("a".to_owned()), ..config.policy.clone() }, ..config };
-        let error = check_policies(&training, &agents_now, &imitates).unwrap_err().to_string();
-        assert!(error.contains("lower imitation.learning_rate"), "{error}");
+        let error = check_policies(&training, &agents_now, &imitates, 0).unwrap_err().to_string();
+        assert!(error.contains("lower imitation.learning_rate and begin"), "{error}");
+        agents_now.steps = imitates.critic_steps() + 1280;
+        let error = check_policies(&training, &agents_now, &imitates, 0).unwrap_err().to_string();
+        assert!(error.contains("lower imitation.learning_rate or ppo.learning_rate"), "{error}");
         let loss = AipLoss {
             training: [vec![0.1], vec![0.1]],
             held_out: [vec![0.1], vec![0.1]],

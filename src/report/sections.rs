@@ -95,7 +95,8 @@ fn scenario(comparison: &Comparison, looks: &Looks) -> Result<Vec<Block>> {
     let (slug, title) = (&comparison.slug, &comparison.title);
     let mut blocks = vec![Block::Heading(2, comparison.heading()), Block::Table(tables::finals(comparison))];
     let runs = comparison.groups.iter().flat_map(|group| &group.runs);
-    let has_curves = runs.map(|run| run.evaluations.len()).any(|evaluations| evaluations > 1);
+    let evaluations = runs.map(|run| run.evaluations.len()).max().unwrap_or(0);
+    let has_curves = evaluations > 1;
     let against = |against| if has_curves { pictures::learning(comparison, looks, against) } else { Ok(None) };
     let figures = [
         (
@@ -121,8 +122,8 @@ fn scenario(comparison: &Comparison, looks: &Looks) -> Result<Vec<Block>> {
     ];
     blocks.extend(figures.into_iter().filter_map(|(name, caption, svg)| Some(figure(name, caption, svg?))));
     if !has_curves {
-        let why = "There are no learning curves, because every run was evaluated once only.";
-        blocks.insert(2, Block::Paragraph(why.to_owned()));
+        let why = if evaluations == 0 { "no run was evaluated yet" } else { "every run was evaluated once only" };
+        blocks.insert(2, Block::Paragraph(format!("There are no learning curves, because {why}.")));
     }
     blocks.push(Block::Table(tables::agents(comparison)));
     blocks.extend(tables::likeness(comparison).map(Block::Table));

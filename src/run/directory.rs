@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Error, Result, anyhow, bail, ensure};
 
 use super::END_WITH;
 use super::build;
@@ -14,15 +14,16 @@ use crate::base::{AgentId, counted};
 use crate::config::{self, Config};
 use crate::domain::Domain;
 use crate::influence::TrainablePredictor;
-use crate::outside::{Directory, Whereabouts};
+use crate::outside::{Directory, Whereabouts, quoted};
 use crate::policy::{JointPolicy, JointPolicyController, Selection};
+use crate::records::checkpoint::newest_step;
 use crate::records::checkpoint::owner::Owner;
 use crate::records::files;
 use crate::records::joint_layout::JointLayout;
 use crate::records::kept::Kept;
 use crate::records::run_json::RunJson;
 use crate::records::word::Word;
-use crate::terminal::tell;
+use crate::terminal::{program, tell};
 use crate::training::block::initial_aips;
 
 /// Makes the directory of a new run and returns it, locked.
@@ -113,12 +114,14 @@ pub fn open_with(path: &Path, open: fn(&Config) -> Result<Arc<dyn Domain>>) -> R
     let directory = Directory::open(path)?;
     let (config, domain) = open_unchanged(path, open)?;
     let saved = path.join(files::POLICIES);
+    let is_restored = newest_step(&directory)?.is_some();
     ensure!(
-        saved.is_file(),
+        saved.is_file() || is_restored,
         "{}: has no policies yet; they are written at the end of the first period",
         path.display()
     );
-    let (policies, steps) = JointLayout::of_policies(domain.kinds(), &config.policy).read_with_steps(&saved)?;
+    let layout = JointLayout::of_policies(domain.kinds(), &config.policy);
+    let (policies, steps) = layout.read_with_steps(&saved).map_err(|error| with_way_out(error, path, is_restored))?;
     ensure!(
         directory.whereabouts() == Whereabouts::InPlace,
         "{}: was moved while it was read; try again",
@@ -144,10 +147,20 @@ pub fn read_aips(
     // A predictor that is never trained is never written.
     if choice.learns() {
         let layout = JointLayout::of_aips(domain.kinds(), choice, &config.aip);
-        let of_all = layout.read(&path.join(files::AIPS))?;
+        let is_restored = newest_step(&Directory::open(path)?)?.is_some();
+        let of_all = layout.read(&path.join(files::AIPS)).map_err(|error| with_way_out(error, path, is_restored))?;
         aips.load(&of_all.pick(agents.iter().map(|agent| agent.0)).into_rows());
     }
     Ok(aips)
+}
+
+/// Adds the way out to the error about a file of networks. `is_restored`: whether a resume makes it again.
+fn with_way_out(error: Error, run: &Path, is_restored: bool) -> Error {
+    if !is_restored {
+        return error;
+    }
+    let resume = format!("{} train --resume {}", program(), quoted(run));
+    anyhow!("{error:#}; a resume makes the file again, from the newest checkpoint: {resume}")
 }
 
 /// Checks that there is a run directory.

@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::{Result, ensure};
 
 use crate::config::resume::with_end;
-use crate::config::{Config, LARGEST_FILE as LARGEST_CONFIG, Predictor, load, rest_of_schedule};
+use crate::config::{Config, LARGEST_FILE as LARGEST_CONFIG, load, rest_of_schedule};
 use crate::outside::{Directory, quoted, read_text};
 use crate::records::files;
 use crate::records::resume_point::ResumePoint;
@@ -35,11 +35,7 @@ pub fn has_ended(directory: &Directory, config: &Config, point: &ResumePoint) ->
     let final_episodes = Some(config.evaluation.final_episodes);
     let all_is_there =
         |run: RunRecord| run.evaluation_at(steps).is_some_and(|last| last.episodes == final_episodes) && run.is_whole();
-    let learns = config.simulator.predictor().is_some_and(Predictor::learns);
-    let networks = [(files::POLICIES, true), (files::AIPS, learns)];
-    let has_networks =
-        networks.iter().all(|&(name, must)| directory.open_file(name).is_ok_and(|file| file.is_some() || !must));
-    if !rest_of_schedule(config, until).is_empty() || !has_networks || !RunRecord::read(dir).is_ok_and(all_is_there) {
+    if !rest_of_schedule(config, until).is_empty() || !RunRecord::read(dir).is_ok_and(all_is_there) {
         return false;
     }
     let further = if steps < config.total_steps {

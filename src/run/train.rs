@@ -27,9 +27,11 @@ use crate::outside::{Directory, Whereabouts, folder_of, quoted};
 use crate::records::checkpoint::newest_step;
 use crate::records::checkpoint::owner::{NotOfThisRun, Owner};
 use crate::records::files;
+use crate::records::finite::Diverged;
+use crate::records::networks::Layouts;
 use crate::records::resume_point::{NothingFits, ResumePoint};
 use crate::records::run_json::{RunJson, Versions};
-use crate::records::run_log::{Layouts, RunLog};
+use crate::records::run_log::RunLog;
 use crate::terminal::training::Progress;
 use crate::terminal::{answer, program, tell, warn};
 use crate::training::dials;
@@ -74,11 +76,11 @@ pub fn train(args: &cli::TrainArgs) -> Result<()> {
             Err(Error::Run(anyhow!("{path}: was removed while this run was written")))
         }
         (Err(error), place) if error.is::<Interrupted>() => {
-            let last_words = |place: PathBuf| stopped(&directory, &place, config.last_step());
+            let last_words = |place: PathBuf| stopped(&directory, &place, config.end());
             Err(Error::Interrupted(place.map_or("stopped".to_owned(), last_words)))
         }
         (Err(error), place) => {
-            if let Some(place) = place {
+            if let Some(place) = place.filter(|_| !error.is::<Diverged>()) {
                 let way_out = format!("the files written so far are kept; resume with: {}", resume_command(&place));
                 warn(way_out);
             }
@@ -152,6 +154,17 @@ fn resume_locked(args: &cli::TrainArgs, dir: &Path, directory: Directory, wanted
         Error::Run(error)
     })?;
     point.warning.iter().for_each(warn);
+    if let Some(checkpoint) = &point.checkpoint {
+        let layouts = Layouts::of(&run.config, run.domain.kinds());
+        let restored = layouts.restore(&run.directory, &run.config, &checkpoint.agents).map_err(Error::Run)?;
+        for name in restored {
+            let (file, steps) = (run.directory.path_of(name), checkpoint.agents.steps);
+            tell(format_args!(
+                "note: {}: was lost or damaged; made again from the checkpoint of step {steps}",
+                file.display()
+            ));
+        }
+    }
     let has_ended = has_ended(&run.directory, &run.config, &point);
     if !has_ended {
         tell_of_lost_evaluation(dir, &run.config, &point);
@@ -192,7 +205,7 @@ impl Run {
             domain.scenario()?.id.word(),
             counted(domain.agents(), "agent"),
             config.simulator.name(),
-            config.last_step(),
+            config.end(),
             directory.path().display()
         ))
     }
@@ -200,8 +213,8 @@ impl Run {
     fn train(self, team: Team, workers: usize, patience: Duration) -> anyhow::Result<()> {
         let Run { directory, config, domain, owner, resumed, other_build, .. } = self;
         let config = &config;
-        let (kept, last_step) = (directory.clone(), config.last_step());
-        let last_words = move || stopped(&kept, kept.path(), last_step);
+        let (kept, end) = (directory.clone(), config.end());
+        let last_words = move || stopped(&kept, kept.path(), end);
         let progress = Rc::new(Progress::new(config, domain.agents(), last_words)?);
         let layouts = Layouts::of(config, domain.kinds());
         let (mut log, checkpoint) = match resumed {
@@ -277,9 +290,9 @@ pub fn cores() -> usize {
 
 /// Returns the last line of a run that was stopped: what is kept, and the command to go on. `place`: where its directory
 /// is now.
-fn stopped(directory: &Directory, place: &Path, last_step: u64) -> String {
+fn stopped(directory: &Directory, place: &Path, end: u64) -> String {
     let kept = match newest_step(directory) {
-        Ok(Some(step)) => format!("stopped; kept up to step {step} of {last_step} per agent"),
+        Ok(Some(step)) => format!("stopped; kept up to step {step} of {end} per agent"),
         // What cannot be read is told by the resume.
         Ok(None) | Err(_) => "stopped; there is no checkpoint yet, so it will begin again".to_owned(),
     };

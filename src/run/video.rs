@@ -1,5 +1,6 @@
 //! `replay --video`: films a replay.
 
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -9,8 +10,8 @@ use super::outputs::check_free;
 use super::places::{self, Existing};
 use crate::error::{self, Error};
 use crate::film::{Format, Pictures, Replay};
-use crate::outside::folder_of;
-use crate::terminal::stop_on_signals;
+use crate::outside::{folder_of, temporary_dir};
+use crate::terminal::{Wish, stop_on_signals, warn};
 
 /// A film that can be made: its tools and its folder were checked.
 pub struct Video {
@@ -37,17 +38,25 @@ impl Video {
 
     /// Films a replay. Ctrl-C stops this and leaves no file behind.
     pub fn make(&self, replay: &Replay) -> error::Result<()> {
-        let stop = stop_on_signals(|_| ()).map_err(Error::Run)?;
-        match self.film(replay, &stop) {
-            Err(_) if stop.load(Ordering::Relaxed) => {
-                Err(Error::Interrupted(format!("stopped; {} was not made", self.file.display())))
+        let room = temporary_dir().context("the pictures have no place").map_err(Error::Run)?;
+        let last_words = format!("stopped; {} was not made", self.file.display());
+        let (pictures, words) = (room.path().to_owned(), last_words.clone());
+        let stop = stop_on_signals(move |wish| {
+            if wish == Wish::StopNow {
+                warn(&words);
+                // The process ends without its destructors.
+                let _ = fs::remove_dir_all(&pictures);
             }
+        });
+        let stop = stop.map_err(Error::Run)?;
+        match self.film(replay, room.path(), &stop) {
+            Err(_) if stop.load(Ordering::Relaxed) => Err(Error::Interrupted(last_words)),
             done => done.map_err(Error::Run),
         }
     }
 
-    fn film(&self, replay: &Replay, stop: &AtomicBool) -> Result<()> {
-        let pictures = Pictures::take(replay, stop)?;
+    fn film(&self, replay: &Replay, room: &Path, stop: &AtomicBool) -> Result<()> {
+        let pictures = Pictures::take(replay, room, stop)?;
         places::make_file(&self.file, self.existing, |beside| pictures.join(self.format, beside, stop))
     }
 }

@@ -27,7 +27,7 @@ const PLAIN_LINE_EVERY: Duration = Duration::from_secs(10);
 pub struct Progress {
     bar: Option<ProgressBar>,
     agents: usize,
-    last_step: u64,
+    end: u64,
     begun: Instant,
     rate: RefCell<Rate>,
     last_line: Cell<Instant>,
@@ -105,7 +105,7 @@ impl Progress {
         let bar = shows_bars().then(|| {
             let style = "{bar:8.cyan/blue} {percent:>3} %  {wide_msg}";
             let style = ProgressStyle::with_template(style).expect("the template is well-formed");
-            ProgressBar::new(config.last_step()).with_style(style)
+            ProgressBar::new(config.end()).with_style(style)
         });
         let doing = Doing::default();
         let (place, now_doing) = (bar.clone(), doing.clone());
@@ -117,7 +117,7 @@ impl Progress {
         Ok(Progress {
             bar,
             agents,
-            last_step: config.last_step(),
+            end: config.end(),
             begun: now,
             rate: RefCell::default(),
             last_line: Cell::new(now),
@@ -154,7 +154,7 @@ impl Progress {
         let rate = self.rate.borrow();
         let mut parts = Vec::new();
         parts.extend(rate.per_second().map(|speed| format!("{:.0} agent-steps/s", speed * self.agents as f64)));
-        parts.extend(rate.left(self.last_step, Instant::now()).map(|left| format!("{} left", duration(left))));
+        parts.extend(rate.left(self.end, Instant::now()).map(|left| format!("{} left", duration(left))));
         let found = self.found.borrow();
         parts.extend(found.mean_return.map(|value| format!("return {value:.0$}", decimals(value, None))));
         parts.extend(found.aip_loss.map(|value| format!("AIP {value:.3}")));
@@ -169,12 +169,12 @@ impl Observer for Progress {
         self.rate.borrow_mut().note(steps, now);
         match &self.bar {
             Some(bar) => {
-                bar.set_position(steps.min(self.last_step));
+                bar.set_position(steps.min(self.end));
                 bar.set_message(self.message());
             }
             None if now - self.last_line.get() >= PLAIN_LINE_EVERY => {
                 self.last_line.set(now);
-                tell(format_args!("step {steps}/{}: {}", self.last_step, self.message()));
+                tell(format_args!("step {steps}/{}: {}", self.end, self.message()));
             }
             None => (),
         }

@@ -37,13 +37,19 @@ pub fn states(phases: &PhasePlan) -> impl Iterator<Item = &SignalState> {
     phases.greens().iter().chain(between)
 }
 
-/// Returns the pairs of crossing letters that both show `G` in a state, and in none of the program's own states.
+/// Returns the pairs of crossing letters that both go without yielding in a state, and in none of the program's own
+/// states.
 pub fn conflicts(crossing: &BTreeSet<[usize; 2]>, own: &[&SignalState], state: &SignalState) -> Vec<[usize; 2]> {
     let both = |state: &SignalState, pair: &[usize; 2]| {
-        pair[0] != pair[1] && pair.iter().all(|&letter| state.as_str().as_bytes()[letter] == b'G')
+        pair[0] != pair[1] && pair.iter().all(|&letter| goes_first(state.as_str().as_bytes()[letter]))
     };
     let bad = crossing.iter().filter(|pair| both(state, pair) && !own.iter().any(|own| both(own, pair)));
     bad.copied().collect()
+}
+
+/// Returns whether cars go without yielding: `G`, or `O`, which SUMO has for a signal that is off.
+fn goes_first(letter: u8) -> bool {
+    matches!(letter, b'G' | b'O')
 }
 
 #[cfg(test)]
@@ -59,6 +65,7 @@ mod tests {
         let found = |letters: &str| conflicts(&crossing, &own, &state(letters));
         assert!(found("GGr").is_empty(), "the program does so");
         assert_eq!(found("GGG"), [[1, 2]]);
+        assert_eq!(found("rOG"), [[1, 2]], "a signal that is off gives way to nobody");
         assert!(found("GrG").is_empty(), "0 and 2 do not cross; cars of one letter are no pair");
         assert!(found("rgG").is_empty(), "g yields");
     }

@@ -76,7 +76,8 @@ pub fn light_between(roads: &Roads, from: EdgeNo, to: EdgeNo) -> Option<&str> {
 fn no_way(roads: &Roads, before: EdgeNo, name: &str) -> String {
     let lanes = roads.edge(before).lanes.iter();
     let next = lanes.flat_map(|&lane| roads.from_lane(lane)).map(|way| roads.edge(roads.lane(way.to).edge));
-    let mut next: Vec<&str> = next.map(|edge| edge.id.as_str()).collect();
+    // Walking areas are no edges for cars.
+    let mut next: Vec<&str> = next.map(|edge| edge.id.as_str()).filter(|id| !id.starts_with(':')).collect();
     next.sort_unstable();
     next.dedup();
     let before = &roads.edge(before).id;

@@ -1,0 +1,70 @@
+//! The files of the networks in a run directory: the newest policies and AIPs (approximate influence predictors).
+
+use std::collections::HashMap;
+
+use anyhow::Result;
+
+use super::csv_table::CsvTable;
+use super::files;
+use super::joint_layout::{JointLayout, STEPS};
+use crate::base::Ragged;
+use crate::config::{Config, Predictor};
+use crate::domain::Kinds;
+use crate::outside::Directory;
+use crate::training::state::AgentsState;
+
+/// Places of weights and biases in the networks that are saved.
+pub struct Layouts {
+    pub policies: JointLayout,
+    pub aips: JointLayout,
+}
+
+impl Layouts {
+    pub fn of(config: &Config, kinds: &Kinds) -> Layouts {
+        Layouts {
+            policies: JointLayout::of_policies(kinds, &config.policy),
+            aips: JointLayout::of_aips(kinds, config.predictor(), &config.aip),
+        }
+    }
+
+    pub(super) fn write_policies(&self, directory: &Directory, agents: &AgentsState) -> Result<()> {
+        write(&self.policies, directory, files::POLICIES, &agents.policies, agents.steps)
+    }
+
+    /// `steps`: timesteps per agent at which these AIPs were trained.
+    pub(super) fn write_aips(&self, directory: &Directory, agents: &AgentsState, steps: u64) -> Result<()> {
+        write(&self.aips, directory, files::AIPS, &agents.aips, steps)
+    }
+
+    /// Makes the files hold what the run had at a checkpoint, `agents`. Returns the names of those that were lost or
+    /// damaged. A file that is only newer, because the run was killed after it, is no loss.
+    pub fn restore(&self, directory: &Directory, config: &Config, agents: &AgentsState) -> Result<Vec<&'static str>> {
+        let mut restored = Vec::new();
+        let mut restore = |name, layout: &JointLayout, networks: &Ragged<f32>, steps| {
+            let found = layout.read_with_steps(&directory.path_of(name)).ok();
+            if found.as_ref().is_some_and(|(found, _)| found == networks) {
+                return Ok(());
+            }
+            if !found.is_some_and(|(_, at)| at.is_some_and(|at| at > steps)) {
+                restored.push(name);
+            }
+            write(layout, directory, name, networks, steps)
+        };
+        restore(files::POLICIES, &self.policies, &agents.policies, agents.steps)?;
+        if config.simulator.predictor().is_some_and(Predictor::learns) {
+            // A training at the step of the checkpoint came after it.
+            let table = CsvTable::read(&directory.path_of(files::AIP_LOSS))?;
+            let trained = table.lines().map(|line| line.steps()).collect::<Result<Vec<_>>>()?;
+            if let Some(steps) = trained.into_iter().rfind(|&steps| steps < agents.steps) {
+                restore(files::AIPS, &self.aips, &agents.aips, steps)?;
+            }
+        }
+        Ok(restored)
+    }
+}
+
+/// `steps`: timesteps per agent that the networks have learnt.
+fn write(layout: &JointLayout, directory: &Directory, name: &str, networks: &Ragged<f32>, steps: u64) -> Result<()> {
+    let about = HashMap::from([(STEPS.to_owned(), steps.to_string())]);
+    directory.write_with(name, |beside| layout.write(networks, &about, beside))
+}
