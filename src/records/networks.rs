@@ -45,7 +45,8 @@ impl Layouts {
             if found.as_ref().is_some_and(|(found, _)| found == networks) {
                 return Ok(());
             }
-            if !found.is_some_and(|(_, at)| at.is_some_and(|at| at > steps)) {
+            let is_newer = found.and_then(|(_, at)| at).is_some_and(|at| at > steps);
+            if !is_newer {
                 restored.push(name);
             }
             write(layout, directory, name, networks, steps)
