@@ -638,6 +638,13 @@ fn networks_that_are_lost_or_damaged_come_back_with_a_resume() {
         assert!(files.clone().map(|file| fs::read(file).unwrap()) == whole, "not the same bytes");
         assert!(!resume().contains("made again"));
     }
+    // A loss of power may leave anything after what a checkpoint counts on.
+    let losses = out.join("aip_loss.csv");
+    let before = fs::read(&losses).unwrap();
+    fs::write(&losses, [&before[..], b"\0\0\n"].concat()).unwrap();
+    damages[0](&files[1]);
+    assert!(resume().contains("aips.safetensors: was lost or damaged"));
+    assert!(fs::read(&losses).unwrap() == before && fs::read(&files[1]).unwrap() == whole[1]);
 }
 
 #[test]

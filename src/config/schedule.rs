@@ -38,9 +38,8 @@ pub fn schedule(config: &Config) -> Vec<Period> {
     let evaluate_every = config.evaluation.every_steps;
     let trains_aips = config.simulator.trains_predictors();
     let update = |step| config.update_at_or_after(step);
-    let last_update = update(config.last_step());
     let mut bounds: Vec<u64> = all_bounds(config).into_iter().collect();
-    let reached = bounds.iter().position(|&bound| update(bound) >= last_update);
+    let reached = bounds.iter().position(|&bound| update(bound) >= config.end());
     bounds.truncate(reached.expect("the last step is one of them") + 1);
     // An evaluation comes before all else that is due at the same update, also if its multiple is larger.
     let evaluates = |start: u64| update(start.next_multiple_of(evaluate_every)) == update(start);

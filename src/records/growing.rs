@@ -53,7 +53,7 @@ impl GrowingFile {
         let (length, expected) = (file.metadata().with_context(failed)?.len(), self.mark.bytes);
         ensure!(
             length == expected,
-            "{}: has {length} bytes instead of {expected}: another process wrote it meanwhile; let each write into a folder of its own",
+            "{}: has {length} bytes instead of {expected}: something else changed it meanwhile",
             directory.path_of(&self.name).display()
         );
         append_whole(&mut file, expected, &block).with_context(failed)?;
@@ -174,7 +174,7 @@ mod tests {
         append(&mut file, &directory, "1\n");
         fs::write(dir.path().join("a.csv"), "header\n1\n9\n").unwrap();
         let error = file.append(&directory, |_| Ok(b"2\n".to_vec())).unwrap_err().to_string();
-        assert!(error.contains("a.csv: has 11 bytes instead of 9: another process wrote it"), "{error}");
+        assert!(error.contains("a.csv: has 11 bytes instead of 9: something else changed it"), "{error}");
     }
 
     #[test]

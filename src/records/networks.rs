@@ -4,9 +4,11 @@ use std::collections::HashMap;
 
 use anyhow::Result;
 
-use super::csv_table::CsvTable;
+use super::checkpoint::Checkpoint;
+use super::csv_table::LARGEST_FILE;
 use super::files;
 use super::joint_layout::{JointLayout, STEPS};
+use super::resume_point::ResumePoint;
 use crate::base::Ragged;
 use crate::config::{Config, Predictor};
 use crate::domain::Kinds;
@@ -36,10 +38,11 @@ impl Layouts {
         write(&self.aips, directory, files::AIPS, &agents.aips, steps)
     }
 
-    /// Makes the files hold what the run had at a checkpoint, `agents`. Returns the names of those that were lost or
+    /// Makes the files hold what the run had at the checkpoint of `point`. Returns the names of those that were lost or
     /// damaged. A file that is only newer, because the run was killed after it, is no loss.
-    pub fn restore(&self, directory: &Directory, config: &Config, agents: &AgentsState) -> Result<Vec<&'static str>> {
+    pub fn restore(&self, directory: &Directory, config: &Config, point: &ResumePoint) -> Result<Vec<&'static str>> {
         let mut restored = Vec::new();
+        let Some(Checkpoint { agents, .. }) = &point.checkpoint else { return Ok(restored) };
         let mut restore = |name, layout: &JointLayout, networks: &Ragged<f32>, steps| {
             let found = layout.read_with_steps(&directory.path_of(name)).ok();
             if found.as_ref().is_some_and(|(found, _)| found == networks) {
@@ -52,16 +55,22 @@ impl Layouts {
             write(layout, directory, name, networks, steps)
         };
         restore(files::POLICIES, &self.policies, &agents.policies, agents.steps)?;
-        if config.simulator.predictor().is_some_and(Predictor::learns) {
-            // A training at the step of the checkpoint came after it.
-            let table = CsvTable::read(&directory.path_of(files::AIP_LOSS))?;
-            let trained = table.lines().map(|line| line.steps()).collect::<Result<Vec<_>>>()?;
-            if let Some(steps) = trained.into_iter().rfind(|&steps| steps < agents.steps) {
-                restore(files::AIPS, &self.aips, &agents.aips, steps)?;
-            }
+        if config.simulator.predictor().is_some_and(Predictor::learns)
+            && let Some(steps) = trained_at(directory, point)?
+        {
+            restore(files::AIPS, &self.aips, &agents.aips, steps)?;
         }
         Ok(restored)
     }
+}
+
+/// Returns the timesteps per agent at the last training of the AIPs before a checkpoint. What comes after it in the file
+/// may be damaged: it will be cut off.
+fn trained_at(directory: &Directory, point: &ResumePoint) -> Result<Option<u64>> {
+    let mut bytes = directory.read(files::AIP_LOSS, LARGEST_FILE)?.unwrap_or_default();
+    bytes.truncate(point.mark(files::AIP_LOSS).bytes as usize);
+    let text = String::from_utf8_lossy(&bytes);
+    Ok(text.lines().last().and_then(|line| line.split(',').next()?.parse().ok()))
 }
 
 /// `steps`: timesteps per agent that the networks have learnt.

@@ -121,11 +121,9 @@ fn runtime_row(group: &Group) -> Option<(String, Runtime)> {
 fn machines(comparisons: &[&Comparison]) -> String {
     let groups = comparisons.iter().flat_map(|comparison| &comparison.groups);
     let workers: BTreeSet<usize> = groups.filter_map(|group| Some(Runtime::of(group)?.workers)).collect();
-    if workers.is_empty() {
-        return "no run has trained yet".to_owned();
-    }
     let workers: Vec<String> = workers.iter().map(usize::to_string).collect();
-    format!("with {} worker {}", workers.join(" or "), if workers == ["1"] { "process" } else { "processes" })
+    let number = if workers.is_empty() { "no".to_owned() } else { workers.join(" or ") };
+    format!("with {number} worker {}", if workers == ["1"] { "process" } else { "processes" })
 }
 
 /// Whether the paper has one of these scenarios.

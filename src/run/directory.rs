@@ -114,14 +114,13 @@ pub fn open_with(path: &Path, open: fn(&Config) -> Result<Arc<dyn Domain>>) -> R
     let directory = Directory::open(path)?;
     let (config, domain) = open_unchanged(path, open)?;
     let saved = path.join(files::POLICIES);
-    let is_restored = newest_step(&directory)?.is_some();
     ensure!(
-        saved.is_file() || is_restored,
+        saved.is_file() || has_checkpoint(path),
         "{}: has no policies yet; they are written at the end of the first period",
         path.display()
     );
     let layout = JointLayout::of_policies(domain.kinds(), &config.policy);
-    let (policies, steps) = layout.read_with_steps(&saved).map_err(|error| with_way_out(error, path, is_restored))?;
+    let (policies, steps) = layout.read_with_steps(&saved).map_err(|error| with_way_out(error, path))?;
     ensure!(
         directory.whereabouts() == Whereabouts::InPlace,
         "{}: was moved while it was read; try again",
@@ -147,16 +146,20 @@ pub fn read_aips(
     // A predictor that is never trained is never written.
     if choice.learns() {
         let layout = JointLayout::of_aips(domain.kinds(), choice, &config.aip);
-        let is_restored = newest_step(&Directory::open(path)?)?.is_some();
-        let of_all = layout.read(&path.join(files::AIPS)).map_err(|error| with_way_out(error, path, is_restored))?;
+        let of_all = layout.read(&path.join(files::AIPS)).map_err(|error| with_way_out(error, path))?;
         aips.load(&of_all.pick(agents.iter().map(|agent| agent.0)).into_rows());
     }
     Ok(aips)
 }
 
-/// Adds the way out to the error about a file of networks. `is_restored`: whether a resume makes it again.
-fn with_way_out(error: Error, run: &Path, is_restored: bool) -> Error {
-    if !is_restored {
+/// Returns whether a run has a checkpoint, from which a resume makes its networks again.
+fn has_checkpoint(run: &Path) -> bool {
+    Directory::open(run).and_then(|run| newest_step(&run)).is_ok_and(|step| step.is_some())
+}
+
+/// Adds the way out, if there is one, to the error about a file of networks.
+fn with_way_out(error: Error, run: &Path) -> Error {
+    if !has_checkpoint(run) {
         return error;
     }
     let resume = format!("{} train --resume {}", program(), quoted(run));

@@ -154,16 +154,10 @@ fn resume_locked(args: &cli::TrainArgs, dir: &Path, directory: Directory, wanted
         Error::Run(error)
     })?;
     point.warning.iter().for_each(warn);
-    if let Some(checkpoint) = &point.checkpoint {
-        let layouts = Layouts::of(&run.config, run.domain.kinds());
-        let restored = layouts.restore(&run.directory, &run.config, &checkpoint.agents).map_err(Error::Run)?;
-        for name in restored {
-            let (file, steps) = (run.directory.path_of(name), checkpoint.agents.steps);
-            tell(format_args!(
-                "note: {}: was lost or damaged; made again from the checkpoint of step {steps}",
-                file.display()
-            ));
-        }
+    let layouts = Layouts::of(&run.config, run.domain.kinds());
+    for name in layouts.restore(&run.directory, &run.config, &point).map_err(Error::Run)? {
+        let file = run.directory.path_of(name);
+        tell(format_args!("note: {}: was lost or damaged; made again from the checkpoint", file.display()));
     }
     let has_ended = has_ended(&run.directory, &run.config, &point);
     if !has_ended {

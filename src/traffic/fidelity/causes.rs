@@ -59,11 +59,11 @@ fn spillback(truth: &Truth, traffic: &Traffic, agent: AgentId, window: &Range<us
 fn short_entries(truth: &Truth, border: &BorderPlan, agent: AgentId, window: &Range<usize>) -> f64 {
     let Some(visits) = &truth.visits else { return 0.0 };
     let visits = visits.of_agents[agent.0].iter().filter(|visit| window.contains(&visit.second));
-    let entries: Vec<usize> = visits.filter_map(|visit| visit.entry).collect();
-    let is_short = |&&entry: &&usize| match border.entries[entry].place {
-        EntryPlace::Lane(lane) => border.lanes[lane].length_m < SHORT_M,
+    let is_short = visits.filter_map(|visit| match border.entries[visit.entry?].place {
+        EntryPlace::Lane(lane) => Some(border.lanes[lane].length_m < SHORT_M),
         // A car that departs inside does not come in by a road.
-        EntryPlace::Road(_) => false,
-    };
-    entries.iter().filter(is_short).count() as f64 / entries.len().max(1) as f64
+        EntryPlace::Road(_) => Some(false),
+    });
+    let is_short: Vec<bool> = is_short.collect();
+    is_short.iter().filter(|&&is_short| is_short).count() as f64 / is_short.len().max(1) as f64
 }
