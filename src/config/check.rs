@@ -161,9 +161,9 @@ const MOST_LAYERS: usize = 16;
 const MOST_WIDTH: usize = 4096;
 
 fn check_networks(config: &Config) -> Result<()> {
-    for (key, hidden) in [("policy.hidden", &config.policy.hidden), ("aip.hidden", &config.aip.hidden)] {
+    for (key, hidden, least) in [("policy.hidden", &config.policy.hidden, 1), ("aip.hidden", &config.aip.hidden, 0)] {
         ensure!(
-            !hidden.is_empty() && hidden.iter().all(|&width| width > 0),
+            hidden.len() >= least && hidden.iter().all(|&width| width > 0),
             "{key} = {hidden:?}: must list one positive width per hidden layer"
         );
         ensure!(

@@ -181,7 +181,7 @@ pub struct AipConfig {
     /// Width of a GRU before the hidden layers (warehouse). If left out, the AIP has no memory.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub recurrent: Option<usize>,
-    /// Widths of the hidden layers.
+    /// Widths of the hidden layers; empty for none.
     pub hidden: Vec<usize>,
     /// When the AIPs are trained again after their first training, which is at step 0.
     pub retrain: Retrain,
