@@ -333,6 +333,8 @@ mod tests {
             let error = error_of(SMALL, &[&format!("policy.hidden={hidden}")]);
             assert!(error.contains("must list at most 16 layers, each at most 4096 wide"), "{error}");
         }
+        assert!(error_of(SMALL, &["policy.hidden=[]"]).contains("must list one positive width per hidden layer"));
+        load_text(SMALL, &["aip.hidden=[]"]).unwrap();
         // 10^15 / 128 = 7.8 * 10^12 periods.
         let periods = error_of(SMALL, &["total_steps=1000000000000000", "evaluation.every_steps=128"]);
         assert!(periods.contains("into 7812500000000 periods, but at most 1000000 are allowed; raise it"), "{periods}");
