@@ -460,8 +460,9 @@ fn every_key_of_a_config_is_explained_with_its_default_and_no_other() {
     for (key, default) in known {
         let written = explained[key.as_str()];
         match default {
-            // Its default is the word `"none"`, which a config leaves out.
+            // Their defaults are words that a config leaves out.
             None if key == "traffic.clock_offsets" => assert_eq!(written, "\"none\"", "{key}"),
+            None if key == "traffic.until_first_switch" => assert_eq!(written, "\"agent\"", "{key}"),
             None => assert!(["none", "required"].contains(&written), "{key}: has no default, but {written} is written"),
             Some(default) => {
                 let value =

@@ -6,7 +6,9 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use dials_traffic::base::{AgentId, Dice, Ragged, Rows, Seed, Stopwatch, Work};
-use dials_traffic::config::{AipConfig, ClockOffsets, Config, DSet, EntryRule, Observation, TrafficConfig};
+use dials_traffic::config::{
+    AipConfig, ClockOffsets, Config, DSet, EntryRule, Observation, TrafficConfig, UntilFirstSwitch,
+};
 use dials_traffic::domain::{
     Action, Beginning, Bystander, Domain, GlobalSimulator, JointTransition, LocalSimulator, conformance,
 };
@@ -543,6 +545,49 @@ fn clocks_of_a_checkerboard_are_half_a_cycle_apart_in_both_simulators() {
             assert_eq!(second(&percept.d_set.row(row)[36..]), expected(agent, step), "row {row}, step {step}");
         }
         percept = ls.step(&[0; 4], &Rows::new(4, 4)).unwrap().percept.clone();
+    }
+}
+
+#[test]
+fn lights_run_their_program_in_both_simulators_until_they_are_switched() {
+    let config = TrafficConfig {
+        until_first_switch: UntilFirstSwitch::Program,
+        ..TrafficConfig::new(saved("grid_2x2"), saved("local"))
+    };
+    let domain = Traffic::open(&config).unwrap();
+    // The beginning counts as the first of 42 steps of green.
+    let program = |step: usize| match step % 90 {
+        0..42 => Light::VerticalGreen,
+        42..45 => Light::VerticalYellow,
+        45..87 => Light::HorizontalGreen,
+        _ => Light::HorizontalYellow,
+    };
+    // Agent 1 switches in step 60. Its light goes to vertical green and stays there.
+    let expected = |agent: usize, step: usize| match (agent, step) {
+        (1, 60..63) => Light::HorizontalYellow,
+        (1, 63..) => Light::VerticalGreen,
+        _ => program(step + 1),
+    };
+    let actions = |step: usize| [KEEP, if step == 60 { SWITCH } else { KEEP }, KEEP, KEEP];
+    let check = |agent: usize, obs: &[f32], step: usize, episode: u64| {
+        assert_eq!(light_of(obs), expected(agent, step), "agent {agent}, step {step}, episode {episode}");
+    };
+    let mut gs = domain.global_simulator().unwrap();
+    for episode in 0..2 {
+        gs.reset(Seed::new(episode)).unwrap();
+        for step in 0..200 {
+            let obs = &gs.step(&actions(step)).unwrap().percept.obs;
+            (0..4).for_each(|agent| check(agent, obs.row(agent), step, episode));
+        }
+    }
+    drop(gs);
+    let mut ls = domain.local_simulator(&AgentId::all(4), 1, Seed::new(0)).unwrap();
+    for episode in 0..2 {
+        ls.reset(&(0..4).map(|row| Beginning { row, episode }).collect::<Vec<_>>()).unwrap();
+        for step in 0..200 {
+            let obs = &ls.step(&actions(step), &Rows::new(4, 4)).unwrap().percept.obs;
+            (0..4).for_each(|agent| check(agent, obs.row(agent), step, episode));
+        }
     }
 }
 

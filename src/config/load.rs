@@ -177,7 +177,7 @@ fn lay_over(table: &mut Table, setting: &str) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::{ClockOffsets, EntryRule, Simulator, TrafficConfig};
+    use crate::config::{ClockOffsets, EntryRule, Simulator, TrafficConfig, UntilFirstSwitch};
 
     const SMALL: &str = "[traffic]\nnetwork = \"nets/grid_2x2\"\nlocal_network = \"nets/local\"\n";
 
@@ -275,6 +275,17 @@ mod tests {
         let config = load_text(SMALL, &settings).unwrap();
         assert_eq!((config.simulator, traffic_of(config.clone()).entry), (Simulator::Global, EntryRule::Max));
         assert_eq!((config.policy.hidden, config.ppo.clip, config.seed), (vec![8, 4], 0.2, 7));
+    }
+
+    #[test]
+    fn who_controls_a_light_until_its_first_switch_comes_back_and_is_left_out_by_default() {
+        let plain = to_toml(&load_text(SMALL, &[]).unwrap()).unwrap();
+        assert!(!plain.contains("until_first_switch"), "{plain}");
+        let config = load_text(SMALL, &["traffic.until_first_switch=program"]).unwrap();
+        let again = load_text(&to_toml(&config).unwrap(), &[]).unwrap();
+        assert_eq!(traffic_of(again).until_first_switch, UntilFirstSwitch::Program);
+        let error = error_of(SMALL, &["traffic.until_first_switch=sumo"]);
+        assert!(error.contains("`agent`") && error.contains("`program`"), "{error}");
     }
 
     #[test]

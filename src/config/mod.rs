@@ -48,7 +48,7 @@ pub use scenario::{Observation, ScenarioConfig};
 pub use schedule::{AipTraining, Period, may_end_at, rest_of_schedule, schedule};
 pub use schema::schema;
 pub use simulator::{Predictor, Simulator};
-pub use traffic::{ClockOffsets, DSet, EntryRule, TrafficConfig};
+pub use traffic::{ClockOffsets, DSet, EntryRule, TrafficConfig, UntilFirstSwitch};
 pub use warehouse::WarehouseConfig;
 pub use yellow::Yellow;
 

@@ -118,7 +118,7 @@ mod tests {
         toml::from_str(
             "stop_at_steps = 900_000\npolicy = { recurrent = 8, average_every_steps = 1000 }\n\
              aip = { recurrent = 8, batch = 8, patience = 3 }\ncheckpoints = { every_steps = 1000 }\n[traffic]\n\
-             network = 'n'\nlocal_network = 'l'\nclock = 26\nclock_offsets = 'checkerboard'\n",
+             network = 'n'\nlocal_network = 'l'\nclock = 26\nclock_offsets = 'checkerboard'\nuntil_first_switch = 'program'\n",
         )
         .unwrap()
     }
@@ -135,6 +135,7 @@ mod tests {
             ("traffic.reward", _) => json!("queue"),
             ("traffic.yellow_s", _) => json!(4),
             ("traffic.clock_offsets", _) => json!("none"),
+            ("traffic.until_first_switch", _) => json!("agent"),
             ("policy.imitate", _) => json!("closest-item"),
             ("numerics.vector_width", _) => json!("256-bit"),
             (_, Value::Bool(value)) => json!(!value),
@@ -170,8 +171,9 @@ mod tests {
                 }
                 let new = changed(&key, &value);
                 let now: Config = serde_json::from_value(with(&json, &key, new.clone())).unwrap();
-                // Offsets of none are left out.
-                let now_there = (key != "traffic.clock_offsets").then_some(new);
+                // These defaults are left out.
+                let is_left_out = ["traffic.clock_offsets", "traffic.until_first_switch"].contains(&key.as_str());
+                let now_there = (!is_left_out).then_some(new);
                 let expected = Difference { key: key.clone(), then: Some(value), now: now_there };
                 let listed = CHANGEABLE.iter().any(|changeable| changeable.key == key);
                 assert_eq!(differences(&original, &now), if listed { vec![] } else { vec![expected] }, "{key}");

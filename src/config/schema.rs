@@ -166,6 +166,7 @@ mod tests {
             ("traffic.d_set", "cells cells+arrivals"),
             ("traffic.entry", "reference max"),
             ("traffic.clock_offsets", "none checkerboard"),
+            ("traffic.until_first_switch", "agent program"),
             ("traffic.observation", "cells queues"),
             ("numerics.vector_width", "widest 256-bit"),
         ] {

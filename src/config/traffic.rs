@@ -39,6 +39,9 @@ pub struct TrafficConfig {
     pub entry: EntryRule,
     /// Value that is added to the initial bias of the logit of "switch".
     pub initial_switch_bias: f32,
+    /// What controls a light in an episode until its agent's first switch.
+    #[serde(skip_serializing_if = "UntilFirstSwitch::is_agent")]
+    pub until_first_switch: UntilFirstSwitch,
 }
 
 impl TrafficConfig {
@@ -55,6 +58,7 @@ impl TrafficConfig {
             clock_offsets: ClockOffsets::None,
             entry: EntryRule::default(),
             initial_switch_bias: 0.0,
+            until_first_switch: UntilFirstSwitch::Agent,
         }
     }
 }
@@ -98,6 +102,23 @@ pub enum EntryRule {
     Reference,
     /// At 5 m, as fast as is safe.
     Max,
+}
+
+/// What controls a light in an episode until its agent's first switch.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum UntilFirstSwitch {
+    /// The agent: a light that it never switches stays as it is.
+    #[default]
+    Agent,
+    /// A fixed-time program of 42 steps of green and 3 of yellow: the one that netconvert gives such a light.
+    Program,
+}
+
+impl UntilFirstSwitch {
+    fn is_agent(&self) -> bool {
+        *self == UntilFirstSwitch::Agent
+    }
 }
 
 /// The longest clock, in steps: each is an input of the networks.

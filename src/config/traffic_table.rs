@@ -6,7 +6,7 @@ use serde::de::{Deserializer, Error};
 use serde::{Deserialize, Serialize};
 
 use super::reward::Reward;
-use super::{ClockOffsets, DSet, EntryRule, Observation, ScenarioConfig, TrafficConfig, Yellow};
+use super::{ClockOffsets, DSet, EntryRule, Observation, ScenarioConfig, TrafficConfig, UntilFirstSwitch, Yellow};
 
 /// The table as it is read and written.
 #[derive(Serialize)]
@@ -28,6 +28,7 @@ struct Keys {
     clock_offsets: Option<ClockOffsets>,
     entry: Option<EntryRule>,
     initial_switch_bias: Option<f32>,
+    until_first_switch: Option<UntilFirstSwitch>,
     scenario: Option<PathBuf>,
     agents: Option<PathBuf>,
     begin_s: Option<u64>,
@@ -85,6 +86,7 @@ impl Keys {
             clock_offsets: self.clock_offsets.unwrap_or_default(),
             entry: self.entry.unwrap_or(defaults.entry),
             initial_switch_bias: self.initial_switch_bias.unwrap_or(defaults.initial_switch_bias),
+            until_first_switch: self.until_first_switch.unwrap_or_default(),
             ..defaults
         })
     }
@@ -99,6 +101,7 @@ impl Keys {
             ("clock_offsets", self.clock_offsets.is_some()),
             ("entry", self.entry.is_some()),
             ("initial_switch_bias", self.initial_switch_bias.is_some()),
+            ("until_first_switch", self.until_first_switch.is_some()),
         ];
         refuse(&foreign, "is for a grid, but the table names a .sumocfg by `scenario`; remove one of them")?;
         let defaults = ScenarioConfig::new(self.scenario.expect("this way has the key"));

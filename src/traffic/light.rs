@@ -18,15 +18,18 @@ pub struct Signal {
     shown: Shown,
     /// Number of steps since this green began or the last one ended.
     steps: u32,
+    /// Number of steps after which it leaves a green by itself; `None` once it was switched.
+    own_green_steps: Option<u32>,
 }
 
 impl Signal {
     /// Returns the light at the beginning of an episode: the first green, which may end at once.
     ///
     /// DEVIATION 2: every episode begins with vertical green under the agent's control. In the authors' code a light
-    /// runs its program until the agent's first switch.
+    /// runs its program until the agent's first switch; the plan may ask for that.
     pub fn at_the_beginning(plan: &PhasePlan) -> Self {
-        Signal { shown: Shown::Green(0), steps: plan.min_green_steps() }
+        let (steps, own_green_steps) = (plan.min_green_steps(), plan.own_green_steps());
+        Signal { shown: Shown::Green(0), steps, own_green_steps }
     }
 
     pub fn shown(self) -> Shown {
@@ -52,7 +55,8 @@ impl Signal {
     }
 
     /// Sets what the light shows in the step that follows the action. Between two greens, and while a green is too
-    /// short, it ignores actions. It also ignores a green that it does not have.
+    /// short, it ignores actions. It also ignores a green that it does not have. A light that goes to its next green by
+    /// itself does so no more in this episode once it has obeyed.
     pub fn act(&mut self, plan: &PhasePlan, action: Action) {
         self.steps += 1;
         match self.shown {
@@ -60,22 +64,25 @@ impl Signal {
                 let to = plan.asked_for(self.shown, action);
                 let obeys = to != green && to < plan.greens().len() && self.steps > plan.min_green_steps();
                 if obeys {
-                    *self = Signal::after(plan, green, to);
+                    self.own_green_steps = None;
+                    self.leave(plan, green, to);
+                } else if self.own_green_steps.is_some_and(|own| self.steps > own) {
+                    self.leave(plan, green, plan.next(green));
                 }
             }
             Shown::Between { from, to } => {
                 if self.steps > plan.clearing_steps(from, to) {
-                    *self = Signal { shown: Shown::Green(to), steps: 1 };
+                    (self.shown, self.steps) = (Shown::Green(to), 1);
                 }
             }
         }
     }
 
-    /// Returns the light in the first step after a green.
-    fn after(plan: &PhasePlan, from: usize, to: usize) -> Signal {
+    /// Makes the first step after a green.
+    fn leave(&mut self, plan: &PhasePlan, from: usize, to: usize) {
         let cleared_at_once = plan.clearing(from, to).is_empty();
-        let shown = if cleared_at_once { Shown::Green(to) } else { Shown::Between { from, to } };
-        Signal { shown, steps: 1 }
+        self.shown = if cleared_at_once { Shown::Green(to) } else { Shown::Between { from, to } };
+        self.steps = 1;
     }
 }
 
@@ -117,6 +124,21 @@ mod tests {
     fn actions_during_yellow_are_ignored_and_green_lasts_at_least_one_step() {
         let cycle = ["yr", "yr", "yr", "rG", "ry", "ry", "ry", "Gr"];
         assert_eq!(shown(&paper(), &[SWITCH; 16]), [cycle, cycle].concat(), "switching always has a period of 8 steps");
+    }
+
+    #[test]
+    fn a_light_goes_to_its_next_green_by_itself_until_it_is_switched() {
+        let plan = paper().by_itself_until_switched(5);
+        let by_itself =
+            ["Gr", "Gr", "Gr", "Gr", "yr", "yr", "yr", "rG", "rG", "rG", "rG", "rG", "ry", "ry", "ry", "Gr"];
+        assert_eq!(shown(&plan, &[KEEP; 16]), by_itself, "the beginning counts as the first step");
+        // A switch during its own yellow is none. After a true one a green lasts.
+        let mut actions = vec![KEEP; 30];
+        (actions[4], actions[9]) = (SWITCH, SWITCH);
+        let shown = shown(&plan, &actions);
+        assert_eq!(shown[..9], by_itself[..9]);
+        assert_eq!(shown[9..12], ["ry"; 3]);
+        assert_eq!(shown[12..], ["Gr"; 18]);
     }
 
     #[test]

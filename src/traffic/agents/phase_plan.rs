@@ -17,6 +17,8 @@ pub struct PhasePlan {
     program: Vec<ProgramChange>,
     /// Least number of steps of a green.
     min_green_steps: u32,
+    /// Number of steps after which the light leaves a green by itself, until it is switched in an episode.
+    own_green_steps: Option<u32>,
     choice: Choice,
 }
 
@@ -89,7 +91,7 @@ impl PhasePlan {
         let between = |from: usize, to: usize| if from == to { Vec::new() } else { clearing(from, to) };
         let clearings = (0..greens.len()).map(|from| (0..greens.len()).map(|to| between(from, to)).collect()).collect();
         let cars = (0..greens[0].links()).collect();
-        PhasePlan { greens, cars, clearings, program: Vec::new(), min_green_steps, choice }
+        PhasePlan { greens, cars, clearings, program: Vec::new(), min_green_steps, own_green_steps: None, choice }
     }
 
     /// Lets the plan recognise states of other programs by these letters, those that cars obey. Without it all count.
@@ -100,6 +102,11 @@ impl PhasePlan {
     /// Lets the plan recognise by these changes to which green its program is on the way. Without them it is the next one.
     pub fn for_program(self, program: Vec<ProgramChange>) -> PhasePlan {
         PhasePlan { program, ..self }
+    }
+
+    /// Lets the light go to its next green after this number of steps, in each episode until it is switched.
+    pub fn by_itself_until_switched(self, green_steps: u32) -> PhasePlan {
+        PhasePlan { own_green_steps: Some(green_steps), ..self }
     }
 
     /// Returns the letters by which states of other programs are recognised, those that cars obey.
@@ -119,6 +126,11 @@ impl PhasePlan {
 
     pub fn min_green_steps(&self) -> u32 {
         self.min_green_steps
+    }
+
+    /// Returns the number of steps of a green that the light leaves by itself, until it is switched in an episode.
+    pub fn own_green_steps(&self) -> Option<u32> {
+        self.own_green_steps
     }
 
     pub fn choice(&self) -> Choice {

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::grid::{Grid, lane};
 use crate::base::AgentId;
-use crate::config::{ClockOffsets, DSet, Observation, TrafficConfig};
+use crate::config::{ClockOffsets, DSet, Observation, TrafficConfig, UntilFirstSwitch};
 use crate::domain::Kinds;
 use crate::traffic::agents::phase_plan::{Choice, Interval, PhasePlan};
 use crate::traffic::agents::phases::Light;
@@ -18,6 +18,9 @@ use crate::traffic::side::Side;
 
 /// Greens of every light, in the order of their indices. An episode begins with the first one.
 const GREENS: [Light; 2] = [Light::VerticalGreen, Light::HorizontalGreen];
+
+/// Greens of the program that netconvert gives a light of a grid: a cycle of 90 s, 3 s of yellow each time.
+const PROGRAM_GREEN_STEPS: u32 = 42;
 
 /// Returns the plan of a grid. Its agents are all of one kind.
 pub fn joint_plan(grid: Grid, config: &TrafficConfig) -> JointPlan {
@@ -34,7 +37,7 @@ pub fn joint_plan(grid: Grid, config: &TrafficConfig) -> JointPlan {
 
 /// Returns the plans of all agents of a grid, in their order.
 pub fn plans(grid: Grid, config: &TrafficConfig) -> Vec<AgentPlan> {
-    let phases = Arc::new(phases());
+    let phases = Arc::new(phases(config.until_first_switch));
     let plan = |agent| {
         let (x, y) = place(grid, grid.intersection(agent));
         AgentPlan {
@@ -49,10 +52,14 @@ pub fn plans(grid: Grid, config: &TrafficConfig) -> Vec<AgentPlan> {
 }
 
 /// Returns what a light of a grid can show.
-fn phases() -> PhasePlan {
+fn phases(until_first_switch: UntilFirstSwitch) -> PhasePlan {
     let greens = GREENS.map(Light::state).to_vec();
     let yellow = |from: usize, _| vec![Interval { state: GREENS[from].next().state(), steps: YELLOW_STEPS.into() }];
-    PhasePlan::new(greens, Choice::KeepOrSwitch, 1, yellow)
+    let plan = PhasePlan::new(greens, Choice::KeepOrSwitch, 1, yellow);
+    match until_first_switch {
+        UntilFirstSwitch::Agent => plan,
+        UntilFirstSwitch::Program => plan.by_itself_until_switched(PROGRAM_GREEN_STEPS),
+    }
 }
 
 fn sensor(grid: Grid, agent: AgentId, config: &TrafficConfig) -> Sensor {
@@ -121,10 +128,11 @@ mod tests {
 
     #[test]
     fn states_of_a_program_are_recognised_and_actions_are_keep_and_switch() {
-        let phases = phases();
+        let phases = phases(UntilFirstSwitch::Agent);
         assert_eq!(phases.recognise(&Light::HorizontalGreen.state(), 0), Shown::Green(1));
         assert_eq!(phases.recognise(&Light::VerticalYellow.state(), 0), Shown::Between { from: 0, to: 1 });
         assert_eq!(phases.recognise(&Light::HorizontalYellow.state(), 1), Shown::Between { from: 1, to: 0 });
+        assert_eq!(phases.own_green_steps(), None);
         let actions = [0, 1].map(|green| phases.towards(Shown::Green(1), green));
         assert_eq!(actions, [1 as Action, 0]);
         assert_eq!([0, 1].map(|action| phases.asked_for(Shown::Green(1), action)), [1, 0]);
