@@ -262,8 +262,14 @@ fn reference(groups: &[Group], told_apart: &BTreeMap<String, Option<String>>) ->
 }
 
 /// Keys that a label names even if all groups have them, unless they are off. With one of them a method is another one.
-const ALWAYS_NAMED: [&str; 5] =
-    ["policy.imitate", "policy.average_every_steps", "traffic.clock", "traffic.clock_offsets", "gs.shared_policy"];
+const ALWAYS_NAMED: [&str; 6] = [
+    "policy.imitate",
+    "policy.average_every_steps",
+    "traffic.clock",
+    "traffic.clock_offsets",
+    "traffic.until_first_switch",
+    "gs.shared_policy",
+];
 
 /// How such a key is written when it is off.
 const OFF: &str = "false";
