@@ -18,8 +18,8 @@ pub struct Signal {
     shown: Shown,
     /// Number of steps since this green began or the last one ended.
     steps: u32,
-    /// Number of steps after which it leaves a green by itself; `None` once it was switched.
-    own_green_steps: Option<u32>,
+    /// Whether it was switched in this episode.
+    switched: bool,
 }
 
 impl Signal {
@@ -28,8 +28,7 @@ impl Signal {
     /// DEVIATION 2: every episode begins with vertical green under the agent's control. In the authors' code a light
     /// runs its program until the agent's first switch; the plan may ask for that.
     pub fn at_the_beginning(plan: &PhasePlan) -> Self {
-        let (steps, own_green_steps) = (plan.min_green_steps(), plan.own_green_steps());
-        Signal { shown: Shown::Green(0), steps, own_green_steps }
+        Signal { shown: Shown::Green(0), steps: plan.min_green_steps(), switched: false }
     }
 
     pub fn shown(self) -> Shown {
@@ -64,9 +63,9 @@ impl Signal {
                 let to = plan.asked_for(self.shown, action);
                 let obeys = to != green && to < plan.greens().len() && self.steps > plan.min_green_steps();
                 if obeys {
-                    self.own_green_steps = None;
+                    self.switched = true;
                     self.leave(plan, green, to);
-                } else if self.own_green_steps.is_some_and(|own| self.steps > own) {
+                } else if !self.switched && plan.own_green_steps().is_some_and(|own| self.steps > own) {
                     self.leave(plan, green, plan.next(green));
                 }
             }
