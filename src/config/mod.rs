@@ -157,6 +157,12 @@ pub struct PpoConfig {
     pub clip: f64,
     /// Weight of the value loss (c1).
     pub value_coefficient: f64,
+    /// Largest length of the gradient of an agent's loss by all of its parameters (Euclidean norm); a longer one is
+    /// shortened to it. If left out, gradients are as long as they are.
+    ///
+    /// DEVIATION 22: one version of the authors' PPO has 0.5, another one has no limit. The paper names none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_gradient_norm: Option<f64>,
     /// Meaning of the end of an episode at the horizon for the return.
     pub time_limit: TimeLimit,
 }
@@ -331,6 +337,7 @@ impl Default for PpoConfig {
             entropy: 1e-2,
             clip: 0.1,
             value_coefficient: 1.0,
+            max_gradient_norm: None,
             time_limit: TimeLimit::Terminal,
         }
     }

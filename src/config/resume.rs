@@ -116,7 +116,7 @@ mod tests {
     /// Returns a config of the traffic domain in which every key has a value.
     fn config() -> Config {
         toml::from_str(
-            "stop_at_steps = 900_000\npolicy = { recurrent = 8, average_every_steps = 1000 }\n\
+            "stop_at_steps = 900_000\npolicy = { recurrent = 8, average_every_steps = 1000 }\nppo.max_gradient_norm = 0.75\n\
              aip = { recurrent = 8, batch = 8, patience = 3 }\ncheckpoints = { every_steps = 1000 }\n[traffic]\n\
              network = 'n'\nlocal_network = 'l'\nclock = 26\nclock_offsets = 'checkerboard'\nuntil_first_switch = 'program'\n",
         )

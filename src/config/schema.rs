@@ -163,7 +163,7 @@ mod tests {
         for (key, choices) in [
             ("simulator", "dials gs untrained-dials marginal-dials"),
             ("ppo.time_limit", "terminal bootstrap"),
-            ("traffic.d_set", "cells cells+arrivals"),
+            ("traffic.d_set", "cells cells+arrivals cells+light"),
             ("traffic.entry", "reference max"),
             ("traffic.clock_offsets", "none checkerboard"),
             ("traffic.until_first_switch", "agent program"),

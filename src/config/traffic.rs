@@ -73,6 +73,9 @@ pub enum DSet {
     /// The same bits and 4 more: did a car enter this edge in the last step?
     #[serde(rename = "cells+arrivals")]
     CellsAndArrivals,
+    /// The same bits and the light, as the observation shows it.
+    #[serde(rename = "cells+light")]
+    CellsAndLight,
 }
 
 /// By how much the clocks that lights see differ from each other.

@@ -71,6 +71,17 @@ impl Trace {
         &mut self.gradient
     }
 
+    /// Shortens the same gradient to this Euclidean norm if it is longer.
+    ///
+    /// As torch's `clip_grad_norm_` does it. The sum has one order on all machines.
+    pub fn shorten_gradient(&mut self, most: f64) {
+        let norm = self.gradient.iter().map(|&slope| f64::from(slope).powi(2)).sum::<f64>().sqrt();
+        if norm > most {
+            let factor = (most / norm) as f32;
+            self.gradient.iter_mut().for_each(|slope| *slope *= factor);
+        }
+    }
+
     /// Returns the states after the last step, `[sequences, state_width]`; `length`: number of values in them.
     pub(super) fn last_states(&self, length: usize) -> &[f32] {
         match &self.side_by_side {
@@ -225,5 +236,19 @@ impl Tower<'_> {
         if shape.recurrent.is_some() {
             gru::backward(blocks, values, &trace.values[0], by_after, &mut trace.gru, gradient);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_gradient_that_is_too_long_is_shortened() {
+        let mut trace = Trace { gradient: vec![3.0, 0.0, -4.0], ..Trace::default() };
+        trace.shorten_gradient(5.0);
+        assert_eq!(trace.gradient(), [3.0, 0.0, -4.0]);
+        trace.shorten_gradient(0.5);
+        assert!(trace.gradient().iter().zip([0.3, 0.0, -0.4]).all(|(slope, right)| (slope - right).abs() < 1e-7));
     }
 }

@@ -8,6 +8,7 @@ use super::agents::region_plan::{Approach, RegionPlan};
 use super::agents::sensor::{CarColumns, LightColumns};
 use super::cars_at::CarsAt;
 use super::reward::Waiting;
+use crate::config::DSet;
 use crate::domain::{ApproachView, CarView, RoadView};
 use crate::sumo::{Car, LaneCars};
 
@@ -102,8 +103,9 @@ pub(super) fn show(columns: LightColumns, light: LightView, bits: &mut [f32]) {
     }
 }
 
-/// Writes the d-set of a grid (the variables that the AIP predicts from): the cells in which cars are, the arrivals if
-/// the plan says so, and the clock if the observation has one. The AIP sees cells also where the agent sees queues.
+/// Writes the d-set of a grid (the variables that the AIP predicts from): the cells in which cars are, the arrivals or
+/// the light if the plan says so, and the clock if the observation has one. The AIP sees cells also where the agent sees
+/// queues.
 ///
 /// DEVIATION 9: the arrivals (`d_set = "cells+arrivals"`). The cells do not show a car that has just entered, but an
 /// arrival in the next step is then very unlikely. With the arrivals, the AIP's cross-entropy falls by 4 %.
@@ -114,9 +116,20 @@ pub fn d_separate(plan: &AgentPlan, cars: CarsAt<'_>, obs: &[f32], arrivals: &[u
         CarColumns::Cells(_) => cells.copy_from_slice(&obs[..cells.len()]),
         CarColumns::QueueAndDensity(_) => occupy_all(plan, cars, &[region::CELLS; region::EDGES], cells),
     }
-    let events = if plan.sensor.arrivals_in_d_set { plan.region.approaches.len() } else { 0 };
-    let (events, clock) = others.split_at_mut(events);
-    events.iter_mut().zip(arrivals).for_each(|(bit, &arrived)| *bit = f32::from(arrived));
+    let clock = match plan.sensor.d_set {
+        DSet::Cells => others,
+        DSet::CellsAndArrivals => {
+            let (bits, clock) = others.split_at_mut(plan.region.approaches.len());
+            bits.iter_mut().zip(arrivals).for_each(|(bit, &arrived)| *bit = f32::from(arrived));
+            clock
+        }
+        DSet::CellsAndLight => {
+            let columns = plan.sensor.light_columns();
+            let (light, clock) = others.split_at_mut(columns.len());
+            light.copy_from_slice(&obs[columns]);
+            clock
+        }
+    };
     let columns = plan.sensor.clock_columns();
     clock[..columns.len()].copy_from_slice(&obs[columns]);
 }
@@ -156,7 +169,7 @@ pub fn cars_lost(region: &RegionPlan, cars: CarsAt<'_>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::{DSet, TrafficConfig};
+    use crate::config::{Observation, TrafficConfig};
     use crate::sumo::{CarId, CarTable};
     use crate::traffic::paper_grid::grid::Grid;
     use crate::traffic::paper_grid::plans::plans;
@@ -221,6 +234,20 @@ mod tests {
         let mut cells = [9.0; 36];
         d_separate(&plan(None, DSet::Cells), at(&cars), &obs, &[1, 0, 0, 0], &mut cells);
         assert_eq!(bits(&cells), [0_usize; 0]);
+    }
+
+    #[test]
+    fn the_light_stands_between_the_cells_and_the_clock_of_the_d_set() {
+        let cars = table([&[(95.0, 1.0)], &[], &[], &[]]);
+        for observation in [Observation::Cells, Observation::Queues] {
+            let (clock, d_set) = (Some(5), DSet::CellsAndLight);
+            let config = TrafficConfig { clock, d_set, observation, ..TrafficConfig::new("", "") };
+            let plan = plans(Grid::SINGLE, &config).remove(0);
+            let (mut obs, mut d_set) = (vec![9.0; plan.sensor.width()], [9.0; 45]);
+            observe(&plan, at(&cars), light(VERTICAL_YELLOW, 3), &mut obs);
+            d_separate(&plan, at(&cars), &obs, &[1; 4], &mut d_set);
+            assert_eq!(bits(&d_set), [0, 36 + 2, 40 + 3]);
+        }
     }
 
     #[test]

@@ -5,7 +5,7 @@ use super::agents::plan::{AgentPlan, Border, JointPlan};
 use super::agents::region;
 use super::agents::sensor::{CarColumns, LightColumns, Sensor};
 use crate::base::AgentId;
-use crate::config::{Reward, RewardTerm};
+use crate::config::{DSet, Reward, RewardTerm};
 use crate::domain::{Rules, Task};
 
 /// Returns the task of one agent.
@@ -60,8 +60,10 @@ fn of_grid(plan: &AgentPlan) -> (Vec<String>, Vec<String>) {
     let arrivals: Vec<String> = lanes.map(|lane| format!("arrival {lane}")).collect();
     let cells = Sensor { cars: CarColumns::Cells(vec![region::CELLS; region::EDGES]), ..plan.sensor.clone() };
     let mut d_set = cells.columns(&plan.region)[..region::OCCUPANCY].to_vec();
-    if plan.sensor.arrivals_in_d_set {
-        d_set.extend(arrivals.iter().map(|name| format!("{name}, last step")));
+    match plan.sensor.d_set {
+        DSet::Cells => {}
+        DSet::CellsAndArrivals => d_set.extend(arrivals.iter().map(|name| format!("{name}, last step"))),
+        DSet::CellsAndLight => d_set.extend(plan.sensor.light.names()),
     }
     d_set.extend_from_slice(&plan.sensor.columns(&plan.region)[plan.sensor.clock_columns()]);
     (arrivals, d_set)
@@ -78,20 +80,26 @@ fn reward(reward: &Reward) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::{DSet, TrafficConfig};
+    use crate::config::TrafficConfig;
     use crate::traffic::paper_grid::grid::Grid;
     use crate::traffic::paper_grid::plans::joint_plan;
 
     #[test]
     fn a_light_of_a_grid_has_a_name_for_everything_that_it_has() {
-        let config = TrafficConfig { clock: Some(26), d_set: DSet::CellsAndArrivals, ..TrafficConfig::new("", "") };
-        let plan = joint_plan(Grid::new(2, 2).unwrap(), &config);
-        let spec = &plan.kinds.iter().next().unwrap().spec;
-        let task = task(&plan, AgentId(3));
-        let counts = [task.observation.len(), task.actions.len(), task.sources.len(), task.d_set.len()];
-        assert_eq!(counts, [spec.obs_dim, spec.n_actions, spec.sources.count(), spec.d_set_dim]);
-        assert_eq!((task.sources[0].as_str(), task.observation[0].as_str()), ("arrival r1c0_r1c1_0", "r1c0_r1c1_0[0]"));
-        assert_eq!(task.d_set[36], "arrival r1c0_r1c1_0, last step");
-        assert_eq!(task.reward, "mean speed of the cars on the approaches, as a share of the limit");
+        for (d_set, beside_cells) in [
+            (DSet::Cells, "clock[0]"),
+            (DSet::CellsAndArrivals, "arrival r1c0_r1c1_0, last step"),
+            (DSet::CellsAndLight, "horizontal green"),
+        ] {
+            let config = TrafficConfig { clock: Some(26), d_set, ..TrafficConfig::new("", "") };
+            let plan = joint_plan(Grid::new(2, 2).unwrap(), &config);
+            let spec = &plan.kinds.iter().next().unwrap().spec;
+            let task = task(&plan, AgentId(3));
+            let counts = [task.observation.len(), task.actions.len(), task.sources.len(), task.d_set.len()];
+            assert_eq!(counts, [spec.obs_dim, spec.n_actions, spec.sources.count(), spec.d_set_dim]);
+            assert_eq!([&task.sources[0], &task.observation[0]], ["arrival r1c0_r1c1_0", "r1c0_r1c1_0[0]"]);
+            assert_eq!(task.d_set[36], beside_cells);
+            assert_eq!(task.reward, "mean speed of the cars on the approaches, as a share of the limit");
+        }
     }
 }

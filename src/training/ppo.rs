@@ -1,7 +1,7 @@
 //! Proximal policy optimisation: the update of all agents from a memory, by the loss of [`super::ppo_loss`].
 //!
 //! Source: Schulman et al. 2017; constants: DIALS paper, appendix "Hyperparameters". As in the authors' code, learning
-//! rate and clip decay linearly, to 1e-10 and 1e-5, over the total steps, and gradients are not clipped.
+//! rate and clip decay linearly, to 1e-10 and 1e-5, over the total steps.
 //!
 //! Losses are means within an agent and sums over agents, so every agent learns as if alone.
 
@@ -139,6 +139,9 @@ impl UpdateBuffers {
                     let frozen = trace.gradient_mut().iter_mut().zip(only).filter(|(_, learns)| !**learns);
                     frozen.for_each(|(slope, _)| *slope = 0.0);
                 }
+                if let Some(most) = ppo.max_gradient_norm {
+                    watch.time(Phase::Backward, || trace.shorten_gradient(most));
+                }
                 watch.time(Phase::Adam, || learner.descend(trace.gradient(), decayed.learning_rate));
             }
         }
@@ -229,7 +232,18 @@ mod tests {
     }
 
     fn updated(stack: &mut PolicyStack, adam: &mut Adam, memory: &Memory, learns: Learns, shared: bool) -> Vec<Losses> {
-        let ppo = PpoConfig { memory: 16, minibatch: 8, ..PpoConfig::default() };
+        updated_with(None, stack, adam, memory, learns, shared)
+    }
+
+    fn updated_with(
+        max_gradient_norm: Option<f64>,
+        stack: &mut PolicyStack,
+        adam: &mut Adam,
+        memory: &Memory,
+        learns: Learns,
+        shared: bool,
+    ) -> Vec<Losses> {
+        let ppo = PpoConfig { memory: 16, minibatch: 8, max_gradient_norm, ..PpoConfig::default() };
         let decayed = Decayed { learning_rate: 1e-2, clip: 0.1 };
         let mut dice: Vec<Dice> = (0..3).map(|agent| Seed::new(3).for_agent(AgentId(agent)).dice()).collect();
         let settings = Settings { ppo: &ppo, decayed, learns, shared };
@@ -256,6 +270,22 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_limit_on_the_gradient_counts_only_where_it_is_exceeded() {
+        let after = |limit: Option<f64>| {
+            let (mut stack, memory) = material(None, false);
+            let mut adam = Adam::new(stack.parameters());
+            updated_with(limit, &mut stack, &mut adam, &memory, Learns::Everything, false);
+            (stack.parameters().values().clone(), adam.moments().first.row(0).to_vec())
+        };
+        let (without, high, low) = (after(None), after(Some(1e6)), after(Some(1e-3)));
+        assert_eq!(without, high);
+        assert!((0..3).all(|agent| without.0.row(agent) != low.0.row(agent)));
+        // A mean of gradients is at most as long as the longest.
+        let length = |moments: &[f32]| moments.iter().map(|slope| slope * slope).sum::<f32>().sqrt();
+        assert!(length(&low.1) < 1.001e-3 && length(&without.1) > 0.1, "{} {}", length(&low.1), length(&without.1));
     }
 
     #[test]

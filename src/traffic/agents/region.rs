@@ -27,13 +27,14 @@ pub fn spec(config: &TrafficConfig) -> RegionSpec {
         Observation::Cells => OCCUPANCY,
         Observation::Queues => 2 * EDGES,
     };
-    let arrivals = match d_set {
+    let beside_cells = match d_set {
         DSet::Cells => 0,
         DSet::CellsAndArrivals => EDGES,
+        DSet::CellsAndLight => Light::ALL.len(),
     };
     RegionSpec {
         obs_dim: cars + Light::ALL.len() + clock,
-        d_set_dim: OCCUPANCY + arrivals + clock,
+        d_set_dim: OCCUPANCY + beside_cells + clock,
         n_actions: 2,
         masks: false,
         sources: SourceSpec::bits(EDGES),

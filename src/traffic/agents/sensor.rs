@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::region_plan::RegionPlan;
+use crate::config::DSet;
 
 /// Which columns an observation has, in this order: cars, light, clock.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -13,8 +14,8 @@ pub struct Sensor {
     pub clock: usize,
     /// Number of steps by which the clock is ahead of the episode.
     pub clock_ahead: usize,
-    /// Whether the d-set of the AIP (approximate influence predictor) also has a bit per approach: did a car enter?
-    pub arrivals_in_d_set: bool,
+    /// What the AIP (approximate influence predictor) of a grid sees. That of a scenario sees its borders.
+    pub d_set: DSet,
 }
 
 /// How an observation shows the cars on the approaches.
@@ -68,9 +69,15 @@ impl Sensor {
         }
     }
 
+    /// Returns the columns of the light.
+    pub fn light_columns(&self) -> Range<usize> {
+        let first = self.car_columns();
+        first..first + self.light.columns()
+    }
+
     /// Returns the columns of the clock, an empty range if there is none.
     pub fn clock_columns(&self) -> Range<usize> {
-        let first = self.car_columns() + self.light.columns();
+        let first = self.light_columns().end;
         first..first + self.clock
     }
 }
@@ -110,7 +117,7 @@ mod tests {
             light: LightColumns::FourStates,
             clock: 2,
             clock_ahead: 0,
-            arrivals_in_d_set: false,
+            d_set: DSet::Cells,
         };
         let names = sensor.columns(&region);
         assert_eq!((names.len(), sensor.width()), (6, 6));

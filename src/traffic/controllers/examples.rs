@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::intersections::Intersection;
 use crate::base::AgentId;
-use crate::config::TrafficConfig;
+use crate::config::{DSet, TrafficConfig};
 use crate::sumo::{CarId, LaneCars, SignalState};
 use crate::traffic::agents::phase_plan::{Choice, Interval, PhasePlan, Shown};
 use crate::traffic::agents::plan::AgentPlan;
@@ -57,7 +57,7 @@ pub fn crossing() -> AgentPlan {
             light: LightColumns::TargetAndAge(GREENS.len()),
             clock: 0,
             clock_ahead: 0,
-            arrivals_in_d_set: false,
+            d_set: DSet::Cells,
         },
     }
 }

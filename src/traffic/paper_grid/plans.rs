@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::grid::{Grid, lane};
 use crate::base::AgentId;
-use crate::config::{ClockOffsets, DSet, Observation, TrafficConfig, UntilFirstSwitch};
+use crate::config::{ClockOffsets, Observation, TrafficConfig, UntilFirstSwitch};
 use crate::domain::Kinds;
 use crate::traffic::agents::phase_plan::{Choice, Interval, PhasePlan};
 use crate::traffic::agents::phases::Light;
@@ -76,7 +76,7 @@ fn sensor(grid: Grid, agent: AgentId, config: &TrafficConfig) -> Sensor {
         clock,
         // Half a cycle behind, as `coordinated` lights are.
         clock_ahead: if is_behind { clock - clock / 2 } else { 0 },
-        arrivals_in_d_set: config.d_set == DSet::CellsAndArrivals,
+        d_set: config.d_set,
     }
 }
 

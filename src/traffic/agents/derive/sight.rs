@@ -1,6 +1,7 @@
 //! What the agent of a light sees.
 
 use super::{CarsSeen, Rules};
+use crate::config::DSet;
 use crate::traffic::agents::region::CELL_M;
 use crate::traffic::agents::region_plan::RegionPlan;
 use crate::traffic::agents::sensor::{CarColumns, LightColumns, Sensor};
@@ -15,5 +16,5 @@ pub fn sensor(region: &RegionPlan, rules: &Rules, greens: usize) -> Sensor {
         CarsSeen::Cells => CarColumns::Cells(cells.collect()),
         CarsSeen::Queues => CarColumns::QueueAndDensity(region.approaches.len()),
     };
-    Sensor { cars, light: LightColumns::TargetAndAge(greens), clock: 0, clock_ahead: 0, arrivals_in_d_set: false }
+    Sensor { cars, light: LightColumns::TargetAndAge(greens), clock: 0, clock_ahead: 0, d_set: DSet::Cells }
 }
