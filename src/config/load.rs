@@ -386,6 +386,10 @@ mod tests {
         assert!(error_of(SMALL, &["ppo.klip=1"]).contains("unknown field `klip`"));
         assert!(error_of(SMALL, &["ppo.clip=high"]).contains("ppo.clip: \"high\" is given, but a number is needed"));
         assert!(error_of(SMALL, &["ppo.clip"]).contains("must be key=value"));
+        for norm in ["0", "-0.5", "nan", "inf"] {
+            let error = error_of(SMALL, &[&format!("ppo.max_gradient_norm={norm}")]);
+            assert!(error.contains("ppo.max_gradient_norm = ") && error.contains("for no limit"), "{error}");
+        }
         assert!(error_of(SMALL, &["simulator=ials"]).contains("simulator: `ials` is no allowed value; allowed: `"));
         let in_file = error_of(&format!("simulator = \"ials\"\n{SMALL}"), &[]);
         assert!(in_file.contains("line 1") && in_file.contains("`ials` is no allowed value; allowed: `"), "{in_file}");

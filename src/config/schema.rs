@@ -5,9 +5,12 @@ use serde_json::{Map, Value, json};
 
 const PAGE: &str = include_str!("../../docs/configuration.md");
 
-/// Keys whose type no default shows, because they have none or are required. All others of these are whole numbers.
+/// Keys whose type no default shows, because they have none or are required. Others of these that are in neither list are
+/// whole numbers.
 const WORDS: [&str; 5] =
     ["policy.imitate", "traffic.agents", "traffic.local_network", "traffic.network", "traffic.scenario"];
+/// Such keys whose value is any number.
+const NUMBERS: [&str; 1] = ["ppo.max_gradient_norm"];
 
 /// Key whose value is a name, or weights of names.
 const REWARD: &str = "traffic.reward";
@@ -56,6 +59,7 @@ fn property(key: &str, default: &str, meaning: &str) -> Value {
         format!("value = {default}").parse::<toml::Table>().ok().and_then(|mut table| table.remove("value"));
     let mut property = match &value {
         None if WORDS.contains(&key) => json!({ "type": "string" }),
+        None if NUMBERS.contains(&key) => json!({ "type": "number" }),
         None | Some(toml::Value::Integer(_)) => json!({ "type": "integer" }),
         Some(toml::Value::Float(_)) => json!({ "type": "number" }),
         Some(toml::Value::Boolean(_)) => json!({ "type": "boolean" }),
@@ -154,6 +158,8 @@ mod tests {
     fn a_description_has_no_links_and_a_default_is_a_value() {
         let clip = &schema()["properties"]["ppo"]["properties"]["clip"];
         assert_eq!((clip["default"].clone(), clip["type"].clone()), (json!(0.1), json!("number")));
+        let limit = &schema()["properties"]["ppo"]["properties"]["max_gradient_norm"];
+        assert!(allows(limit, &0.5.into()) && limit["default"].is_null(), "{limit}");
         let imitate = schema()["properties"]["policy"]["properties"]["imitate"]["description"].to_string();
         assert!(imitate.contains("a controller, with parameters") && !imitate.contains("]("), "{imitate}");
     }

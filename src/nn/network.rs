@@ -73,7 +73,8 @@ impl Trace {
 
     /// Shortens the same gradient to this Euclidean norm if it is longer.
     ///
-    /// As torch's `clip_grad_norm_` does it. The sum has one order on all machines.
+    /// Like torch's `clip_grad_norm_`, but the norm is not made a little larger first (by 1e-6). The sum has one order on all
+    /// machines.
     pub fn shorten_gradient(&mut self, most: f64) {
         let norm = self.gradient.iter().map(|&slope| f64::from(slope).powi(2)).sum::<f64>().sqrt();
         if norm > most {

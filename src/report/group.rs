@@ -274,8 +274,11 @@ const ALWAYS_NAMED: [&str; 6] = [
 /// How such a key is written when it is off.
 const OFF: &str = "false";
 
+/// The same for one value of a key. Its others are the default of our configs and that of the paper's.
+const ALWAYS_NAMED_VALUE: (&str, &str) = ("traffic.d_set", "cells+light");
+
 fn is_always_named(key: &str, value: &str) -> bool {
-    ALWAYS_NAMED.contains(&key) && value != OFF
+    ALWAYS_NAMED.contains(&key) && value != OFF || (key, value) == ALWAYS_NAMED_VALUE
 }
 
 fn group(method: Method, told_apart: &BTreeMap<String, Option<String>>, runs: Vec<RunRecord>) -> Group {
@@ -423,6 +426,12 @@ mod tests {
         assert_eq!(labels(&["simulator = 'gs'", "simulator = 'gs'\nppo.clip = 0.2", shared])[0], "GS");
         assert_eq!(labels(&["simulator = 'gs'", shared]), ["GS", "GS, gs.shared_policy=true"]);
         assert_eq!(labels(&[mean, "simulator = 'gs'"])[0], "GS");
+    }
+
+    #[test]
+    fn aips_that_see_the_light_are_named_even_if_all_groups_have_them() {
+        let named = |value: &str| is_always_named("traffic.d_set", value);
+        assert_eq!(["cells+light", "cells+arrivals", "cells"].map(named), [true, false, false]);
     }
 
     #[test]
