@@ -154,10 +154,10 @@ fn check_ppo(config: &Config) -> Result<()> {
     not_negative("ppo.entropy", ppo.entropy, "the paper uses 0.01")?;
     positive("ppo.clip", ppo.clip, "the paper uses 0.1")?;
     not_negative("ppo.value_coefficient", ppo.value_coefficient, "the paper uses 1")?;
-    match ppo.max_gradient_norm {
-        Some(norm) => positive("ppo.max_gradient_norm", norm, "0.5 is usual; leave it out for no limit"),
-        None => Ok(()),
+    if let Some(norm) = ppo.max_gradient_norm {
+        positive("ppo.max_gradient_norm", norm, "0.5 is usual; leave it out for no limit")?;
     }
+    Ok(())
 }
 
 /// Largest size of a network. Two layers of this width have 16 million parameters, and there is one network per agent.
