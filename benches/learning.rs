@@ -5,15 +5,15 @@
 use std::path::Path;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use dials_traffic::base::{AgentId, Dice, Rows, Seed, Stopwatch};
-use dials_traffic::config::{Config, load};
-use dials_traffic::domain::{RegionSpec, SourceSpec};
-use dials_traffic::influence::{AipStack, InfluencePredictor};
-use dials_traffic::nn::Adam;
-use dials_traffic::policy::{Memory, PolicyStack, Sample, sampling};
-use dials_traffic::training::gae::advantages;
-use dials_traffic::training::ppo::{Decayed, Learns, Settings, update};
+use dials_config::{Config, load};
+use dials_core::base::{AgentId, Dice, Rows, Seed, Stopwatch};
+use dials_core::domain::{RegionSpec, SourceSpec};
+use dials_learn::influence::{AipStack, InfluencePredictor};
+use dials_learn::policy::{Memory, PolicyStack, Sample, sampling};
+use dials_learn::training::gae::advantages;
+use dials_learn::training::ppo::{Decayed, Learns, Settings, update};
 use rand::Rng;
+use stacknets::Adam;
 
 /// Networks and training settings of a domain.
 struct Setting {

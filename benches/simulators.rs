@@ -9,11 +9,11 @@ use std::sync::Arc;
 use criterion::{
     BenchmarkGroup, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main, measurement::WallTime,
 };
-use dials_traffic::base::{AgentId, Dice, Rows, Seed};
-use dials_traffic::config::{Config, DomainConfig, load};
-use dials_traffic::domain::{Action, Beginning, Domain, GlobalSimulator, LocalSimulator, RegionSpec};
-use dials_traffic::traffic::Traffic;
-use dials_traffic::warehouse::Warehouse;
+use dials_config::{Config, DomainConfig, load};
+use dials_core::base::{AgentId, Dice, Rows, Seed};
+use dials_core::domain::{Action, Beginning, Domain, GlobalSimulator, LocalSimulator, RegionSpec};
+use dials_traffic::Traffic;
+use dials_warehouse::Warehouse;
 use rand::Rng;
 
 /// Probability of an arrival per edge and step, as at the boundary of the paper's grids.

@@ -13,15 +13,16 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use anyhow::Result;
-use dials_traffic::base::{AgentId, Dice, Ragged, Rows, Seed};
-use dials_traffic::config::*;
-use dials_traffic::domain::*;
-use dials_traffic::evaluation::Evaluation;
-use dials_traffic::fleet::inline::InlineFleet;
-use dials_traffic::training::dials;
-use dials_traffic::training::journal::Unrecorded;
-use dials_traffic::training::observer::Observer;
-use dials_traffic::training::standing::Standing;
+use dials_config::*;
+use dials_core::base::{AgentId, Dice, Ragged, Rows, Seed};
+use dials_core::domain::*;
+use dials_learn::evaluation::Evaluation;
+use dials_learn::training::dials;
+use dials_learn::training::journal::Unrecorded;
+use dials_learn::training::observer::Observer;
+use dials_learn::training::standing::Standing;
+use dials_session::fleet::inline::InlineFleet;
+use dials_testkit::conformance;
 use rand::Rng;
 
 const PEOPLE: usize = 4;

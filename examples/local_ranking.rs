@@ -12,16 +12,16 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, bail, ensure};
-use dials_traffic::base::{AgentId, Dice, Rows, Seed, Stopwatch, Work};
-use dials_traffic::config::{self, AipConfig, DomainConfig, Predictor};
-use dials_traffic::domain::{Action, Beginning, Domain, GlobalSimulator, LocalSimulator};
-use dials_traffic::influence::{Dataset, InfluencePredictor, TrainablePredictor, initial_predictor, train};
-use dials_traffic::traffic::Traffic;
-use dials_traffic::traffic::agents::phases::Light;
-use dials_traffic::traffic::agents::region::{CELLS, OCCUPANCY};
-use dials_traffic::traffic::light::{KEEP, SWITCH};
-use dials_traffic::traffic::side::Side;
-use dials_traffic::traffic::sim::control::SignalControl;
+use dials_config::{AipConfig, DomainConfig, Predictor};
+use dials_core::base::{AgentId, Dice, Rows, Seed, Stopwatch, Work};
+use dials_core::domain::{Action, Beginning, Domain, GlobalSimulator, LocalSimulator};
+use dials_learn::influence::{Dataset, InfluencePredictor, TrainablePredictor, initial_predictor, train};
+use dials_traffic::Traffic;
+use dials_traffic::agents::phases::Light;
+use dials_traffic::agents::region::{CELLS, OCCUPANCY};
+use dials_traffic::light::{KEEP, SWITCH};
+use dials_traffic::side::Side;
+use dials_traffic::sim::control::SignalControl;
 use rand::Rng;
 
 /// Local simulators of each light, each with one episode.
@@ -70,7 +70,7 @@ pub struct Returns {
 pub fn run(config: &str, episodes: usize, behaviours: &[Behaviour]) -> Result<Vec<Returns>> {
     ensure!(episodes >= 2, "a dataset needs two episodes or more: one of them is held out");
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(config).with_extension("toml");
-    let config = config::load(&file, &["seed=101".to_owned()])?;
+    let config = dials_config::load(&file, &["seed=101".to_owned()])?;
     let Some(DomainConfig::Traffic(table)) = &config.domain else { bail!("{}: no grid", file.display()) };
     let traffic = Traffic::open(table)?;
     println!("{:<22} {:>8} {:>15} {:>17}", "lights", "GS", "LS, their AIPs", "LS, random AIPs");

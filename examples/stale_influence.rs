@@ -14,20 +14,20 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
-use dials_traffic::base::{AgentId, Dice, Rows, Seed, Stopwatch, Work};
-use dials_traffic::config::{self, Config, DomainConfig, Predictor};
-use dials_traffic::domain::{Action, Beginning, Controller, Domain, GlobalSimulator, JointPercept, LocalSimulator};
-use dials_traffic::fleet::inline::InlineFleet;
-use dials_traffic::influence::{Dataset, initial_predictor, train};
-use dials_traffic::policy::{JointPolicyController, Selection};
-use dials_traffic::traffic::Traffic;
-use dials_traffic::traffic::agents::phases::Light;
-use dials_traffic::traffic::agents::region::{CELLS, OCCUPANCY};
-use dials_traffic::traffic::light::{KEEP, SWITCH};
-use dials_traffic::traffic::side::Side;
-use dials_traffic::traffic::sim::control::SignalControl;
-use dials_traffic::training::fleet::Fleet;
-use dials_traffic::training::observer::Silent;
+use dials_config::{Config, DomainConfig, Predictor};
+use dials_core::base::{AgentId, Dice, Rows, Seed, Stopwatch, Work};
+use dials_core::domain::{Action, Beginning, Controller, Domain, GlobalSimulator, JointPercept, LocalSimulator};
+use dials_learn::influence::{Dataset, initial_predictor, train};
+use dials_learn::policy::{JointPolicyController, Selection};
+use dials_learn::training::fleet::Fleet;
+use dials_learn::training::observer::Silent;
+use dials_session::fleet::inline::InlineFleet;
+use dials_traffic::Traffic;
+use dials_traffic::agents::phases::Light;
+use dials_traffic::agents::region::{CELLS, OCCUPANCY};
+use dials_traffic::light::{KEEP, SWITCH};
+use dials_traffic::side::Side;
+use dials_traffic::sim::control::SignalControl;
 
 /// Local simulators of each light, each with one episode.
 const COPIES: usize = 16;
@@ -61,7 +61,7 @@ pub struct Met {
 pub fn run(config: &str, episodes: usize) -> Result<[Met; 5]> {
     ensure!(episodes >= 2, "a dataset needs two episodes or more: one of them is held out");
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(config).with_extension("toml");
-    let config = config::load(&file, &["seed=101".to_owned()])?;
+    let config = dials_config::load(&file, &["seed=101".to_owned()])?;
     let Some(DomainConfig::Traffic(table)) = &config.domain else { bail!("{}: no grid", file.display()) };
     let traffic = Traffic::open(table)?;
     let untrained = InlineFleet::new(Arc::new(traffic.clone()), &config, Rc::new(Silent)).agents().policies.clone();
@@ -195,7 +195,7 @@ struct GapOut;
 impl Controller for GapOut {
     fn begin(&mut self, _: Seed) {}
 
-    fn act(&mut self, percept: &JointPercept, actions: &mut [Action]) -> dials_traffic::domain::Result<()> {
+    fn act(&mut self, percept: &JointPercept, actions: &mut [Action]) -> dials_core::domain::Result<()> {
         actions.iter_mut().zip(percept.obs.iter()).for_each(|(action, obs)| *action = gap_out(obs));
         Ok(())
     }

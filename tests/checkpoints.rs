@@ -5,15 +5,15 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
-use dials_traffic::base::{Dice, Ragged};
-use dials_traffic::config::{self, DomainConfig};
-use dials_traffic::outside::Directory;
-use dials_traffic::records::checkpoint::content::{Part, seal};
-use dials_traffic::records::checkpoint::owner::{NotOfThisRun, Owner};
-use dials_traffic::records::checkpoint::{self, Checkpoint};
-use dials_traffic::records::growing::Mark;
-use dials_traffic::training::stream::{AgentStream, RowStream};
-use dials_traffic::warehouse::Warehouse;
+use dials_config::DomainConfig;
+use dials_core::base::{Dice, Ragged};
+use dials_core::outside::Directory;
+use dials_learn::training::stream::{AgentStream, RowStream};
+use dials_session::records::checkpoint::content::{Part, seal};
+use dials_session::records::checkpoint::owner::{NotOfThisRun, Owner};
+use dials_session::records::checkpoint::{self, Checkpoint};
+use dials_session::records::growing::Mark;
+use dials_warehouse::Warehouse;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde_json::{Value, json};
 
@@ -279,7 +279,7 @@ impl Sound {
     fn new(simulator: &str) -> Sound {
         let place = Place::new(WAREHOUSE);
         let run = place.train("run", &["--steps", "300", "--simulator", simulator]);
-        let config = config::load(&run.join("config.toml"), &[]).unwrap();
+        let config = dials_config::load(&run.join("config.toml"), &[]).unwrap();
         let Some(DomainConfig::Warehouse(table)) = &config.domain else { panic!("this config is of the warehouse") };
         let owner = Owner::of(&config, &Warehouse::new(table)).unwrap();
         let bytes = fs::read(checkpoint(&run, AT)).unwrap();

@@ -3,14 +3,14 @@
 
 use std::path::Path;
 
-use dials_traffic::base::{AgentId, Rows, Seed};
-use dials_traffic::config::{EntryRule, TrafficConfig};
-use dials_traffic::domain::{Action, Baseline, Beginning, Domain, GlobalSimulator, LocalSimulator};
-use dials_traffic::traffic::Traffic;
-use dials_traffic::traffic::agents::phases::Light;
-use dials_traffic::traffic::controllers::{Each, HandCoded, Intersection, Intersections, LightController};
-use dials_traffic::traffic::light::{KEEP, SWITCH};
-use dials_traffic::traffic::side::Side;
+use dials_config::{EntryRule, TrafficConfig};
+use dials_core::base::{AgentId, Rows, Seed};
+use dials_core::domain::{Action, Baseline, Beginning, Domain, GlobalSimulator, LocalSimulator};
+use dials_traffic::Traffic;
+use dials_traffic::agents::phases::Light;
+use dials_traffic::controllers::{Each, HandCoded, Intersection, Intersections, LightController};
+use dials_traffic::light::{KEEP, SWITCH};
+use dials_traffic::side::Side;
 
 fn traffic() -> Traffic {
     let nets = Path::new(env!("CARGO_MANIFEST_DIR")).join("sumo_nets");
@@ -111,7 +111,7 @@ fn a_standing_queue_lets_a_car_past_the_line_every_2_28_seconds() {
     let mut ls = traffic().local(1).unwrap();
     ls.reset(&Beginning::first([0])).unwrap();
     // West has red until its edge is full.
-    let step = |ls: &mut dials_traffic::traffic::sim::local::LocalTraffic, action, arrives| {
+    let step = |ls: &mut dials_traffic::sim::local::LocalTraffic, action, arrives| {
         ls.step(&[action], &Rows::from_vec(vec![arrives, 0, 0, 0], 4)).unwrap();
         ls.cars_on(0).lane(0).len()
     };

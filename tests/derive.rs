@@ -6,14 +6,14 @@ use std::io::{Write, stderr};
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
-use dials_traffic::config::sumocfg::Sumocfg;
-use dials_traffic::sumo::SignalState;
-use dials_traffic::traffic::agents::derive::greens::{Change, Greens, is_yellow};
-use dials_traffic::traffic::agents::derive::overrides::Overrides;
-use dials_traffic::traffic::agents::derive::padding::Padding;
-use dials_traffic::traffic::agents::derive::{Agent, Derived, Rules, clearing, derive, safety};
-use dials_traffic::traffic::network::roads::file::read;
-use dials_traffic::traffic::network::roads::{Function, Roads};
+use dials_config::sumocfg::Sumocfg;
+use dials_traffic::agents::derive::greens::{Change, Greens, is_yellow};
+use dials_traffic::agents::derive::overrides::Overrides;
+use dials_traffic::agents::derive::padding::Padding;
+use dials_traffic::agents::derive::{Agent, Derived, Rules, clearing, derive, safety};
+use dials_traffic::network::roads::file::read;
+use dials_traffic::network::roads::{Function, Roads};
+use libsumo::SignalState;
 
 /// What is known of a network.
 struct Known {

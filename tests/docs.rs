@@ -7,9 +7,8 @@ use std::process::Command;
 
 use assert_cmd::cargo::CommandCargoExt;
 use clap::Parser;
-use dials_traffic::cli::{self, Cli};
-use dials_traffic::config;
-use dials_traffic::experiment::file::ExperimentFile;
+use dials_cli::cli::{self, Cli};
+use dials_session::experiment::file::ExperimentFile;
 use toml::{Table, Value};
 
 fn root() -> &'static Path {
@@ -421,10 +420,10 @@ fn config_keys() -> BTreeMap<String, Option<Value>> {
         fs::write(&path, text).unwrap();
         let required: Table = text.parse().unwrap();
         // Not loaded: a scenario has other defaults, in a file of their own.
-        let config: config::Config = toml::from_str(text).unwrap();
-        let defaults: Table = config::to_toml(&config).unwrap().parse().unwrap();
+        let config: dials_config::Config = toml::from_str(text).unwrap();
+        let defaults: Table = dials_config::to_toml(&config).unwrap().parse().unwrap();
         let known = |table: &str| {
-            let error = config::load(&path, &[format!("{table}no_such_key=1")]).unwrap_err();
+            let error = dials_config::load(&path, &[format!("{table}no_such_key=1")]).unwrap_err();
             expected_keys(&error.to_string())
         };
         let mut note = |key: String, default: Option<&Value>, required: bool| {

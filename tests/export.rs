@@ -6,13 +6,13 @@ use std::io::Write;
 use std::path::Path;
 use std::process::Command;
 
-use dials_traffic::base::{AgentId, Rows, Seed};
-use dials_traffic::config::PolicyConfig;
-use dials_traffic::domain::{RegionSpec, SourceSpec};
-use dials_traffic::nn::{StackToWrite, write_stacks};
-use dials_traffic::policy::PolicyStack;
+use dials_config::PolicyConfig;
+use dials_core::base::{AgentId, Rows, Seed};
+use dials_core::domain::{RegionSpec, SourceSpec};
+use dials_learn::policy::PolicyStack;
 use rand::Rng;
 use safetensors::tensor::{Dtype, TensorView};
+use stacknets::{StackToWrite, write_stacks};
 #[cfg(feature = "torch")]
 use tch::{CModule, IValue, Tensor};
 

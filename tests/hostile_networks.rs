@@ -10,10 +10,10 @@ use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 use assert_cmd::Command;
-use dials_traffic::base::Seed;
-use dials_traffic::config::{Config, DomainConfig, load};
-use dials_traffic::domain::Domain;
-use dials_traffic::traffic::Traffic;
+use dials_config::{Config, DomainConfig, load};
+use dials_core::base::Seed;
+use dials_core::domain::Domain;
+use dials_traffic::Traffic;
 use rustix::fs::inotify;
 use tempfile::TempDir;
 

@@ -7,7 +7,7 @@ use std::process::Output;
 use std::time::Duration;
 
 use assert_cmd::Command;
-use dials_traffic::outside::is_printable;
+use dials_core::outside::is_printable;
 
 /// Time after which a command is killed. It is no measure of speed: none of these needs more than a few seconds.
 const DEADLINE: Duration = Duration::from_secs(60);

@@ -4,18 +4,18 @@ use std::path::Path;
 use std::rc::Rc;
 use std::sync::Arc;
 
-use dials_traffic::config::Config;
-use dials_traffic::domain::toy::Coins;
-use dials_traffic::domain::{Domain, Result};
-use dials_traffic::fleet::inline::InlineFleet;
-use dials_traffic::outside::Directory;
-use dials_traffic::records::checkpoint::owner::Owner;
-use dials_traffic::records::files;
-use dials_traffic::records::networks::Layouts;
-use dials_traffic::records::run_log::RunLog;
-use dials_traffic::training::dials;
-use dials_traffic::training::observer::Silent;
-use dials_traffic::training::standing::Standing;
+use dials_config::Config;
+use dials_core::domain::{Domain, Result};
+use dials_core::outside::Directory;
+use dials_learn::training::dials;
+use dials_learn::training::observer::Silent;
+use dials_learn::training::standing::Standing;
+use dials_session::fleet::inline::InlineFleet;
+use dials_session::records::checkpoint::owner::Owner;
+use dials_session::records::files;
+use dials_session::records::networks::Layouts;
+use dials_session::records::run_log::RunLog;
+use dials_testkit::toy::Coins;
 
 const HORIZON: usize = 50;
 

@@ -9,7 +9,7 @@ use std::sync::{LazyLock, mpsc};
 use std::thread;
 use std::time::Duration;
 
-use dials_traffic::sumo::{
+use libsumo::{
     Car, CarId, CarTable, DepartSpeed, Entering, Error, Insertion, LaneId, LightId, Placing, RouteId, RouteNow,
     SignalState, Simulation, StepCounts,
 };

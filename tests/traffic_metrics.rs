@@ -6,12 +6,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use dials_traffic::base::Seed;
-use dials_traffic::config::{EntryRule, TrafficConfig};
-use dials_traffic::domain::{Baseline, Domain};
-use dials_traffic::evaluation::{EpisodeReport, play};
-use dials_traffic::traffic::Traffic;
-use dials_traffic::traffic::paper_grid::grid::Grid;
+use dials_config::{EntryRule, TrafficConfig};
+use dials_core::base::Seed;
+use dials_core::domain::{Baseline, Domain};
+use dials_learn::evaluation::{EpisodeReport, play};
+use dials_traffic::Traffic;
+use dials_traffic::paper_grid::grid::Grid;
 
 const STEPS: usize = 300;
 
@@ -314,7 +314,7 @@ fn measures_in_full_can_be_asked_for_again_but_end_the_episode() {
     let domain = traffic(dir.path(), "0.1");
     let mut gs = domain.global_simulator().unwrap();
     gs.measure_in_full().unwrap();
-    let play = |gs: &mut dyn dials_traffic::domain::GlobalSimulator| {
+    let play = |gs: &mut dyn dials_core::domain::GlobalSimulator| {
         gs.reset(Seed::new(3)).unwrap();
         (0..100).for_each(|_| drop(gs.step(&[0; 4]).unwrap().clone()));
         gs.measures().unwrap()

@@ -5,30 +5,27 @@ use std::path::Path;
 use std::rc::Rc;
 use std::sync::Arc;
 
-use dials_traffic::base::{AgentId, Dice, Ragged, Rows, Seed, Stopwatch, Work};
-use dials_traffic::config::{
-    AipConfig, ClockOffsets, Config, DSet, EntryRule, Observation, TrafficConfig, UntilFirstSwitch,
-};
-use dials_traffic::domain::{
-    Action, Beginning, Bystander, Domain, GlobalSimulator, JointTransition, LocalSimulator, conformance,
-};
-use dials_traffic::fleet::inline::InlineFleet;
-use dials_traffic::influence::{AipStack, Dataset, InfluencePredictor, train};
-use dials_traffic::policy::Demonstrations;
-use dials_traffic::sumo::{CarTable, DepartSpeed, Insertion, SignalState, Simulation};
-use dials_traffic::traffic::Traffic;
-use dials_traffic::traffic::agents::phases::Light;
-use dials_traffic::traffic::controllers;
-use dials_traffic::traffic::cut::forest::{Region, write_forest};
-use dials_traffic::traffic::light::{KEEP, SWITCH};
-use dials_traffic::traffic::network::files::NetworkFiles;
-use dials_traffic::traffic::side::Side;
-use dials_traffic::traffic::sim::control::SignalControl;
-use dials_traffic::traffic::sim::local::{LocalTraffic, Placement};
-use dials_traffic::training::block::initial_policies;
-use dials_traffic::training::collect::collect_episode;
-use dials_traffic::training::fleet::Fleet;
-use dials_traffic::training::observer::Silent;
+use dials_config::{AipConfig, ClockOffsets, Config, DSet, EntryRule, Observation, TrafficConfig, UntilFirstSwitch};
+use dials_core::base::{AgentId, Dice, Ragged, Rows, Seed, Stopwatch, Work};
+use dials_core::domain::{Action, Beginning, Bystander, Domain, GlobalSimulator, JointTransition, LocalSimulator};
+use dials_learn::influence::{AipStack, Dataset, InfluencePredictor, train};
+use dials_learn::policy::Demonstrations;
+use dials_learn::training::block::initial_policies;
+use dials_learn::training::collect::collect_episode;
+use dials_learn::training::fleet::Fleet;
+use dials_learn::training::observer::Silent;
+use dials_session::fleet::inline::InlineFleet;
+use dials_testkit::conformance;
+use dials_traffic::Traffic;
+use dials_traffic::agents::phases::Light;
+use dials_traffic::controllers;
+use dials_traffic::cut::forest::{Region, write_forest};
+use dials_traffic::light::{KEEP, SWITCH};
+use dials_traffic::network::files::NetworkFiles;
+use dials_traffic::side::Side;
+use dials_traffic::sim::control::SignalControl;
+use dials_traffic::sim::local::{LocalTraffic, Placement};
+use libsumo::{CarTable, DepartSpeed, Insertion, SignalState, Simulation};
 use rand::Rng;
 
 fn saved(name: &str) -> std::path::PathBuf {
@@ -55,9 +52,9 @@ struct Forest {
 }
 
 struct RegionHandles {
-    lanes: Vec<dials_traffic::sumo::LaneId>,
-    light: dials_traffic::sumo::LightId,
-    routes: Vec<dials_traffic::sumo::RouteId>,
+    lanes: Vec<libsumo::LaneId>,
+    light: libsumo::LightId,
+    routes: Vec<libsumo::RouteId>,
 }
 
 impl Forest {

@@ -1,18 +1,19 @@
 //! The warehouse domain: its conformance, its reference figures, and a few steps in detail.
 
-use dials_traffic::base::{AgentId, Rows, Seed, Stopwatch, Work};
-use dials_traffic::config::{AipConfig, WarehouseConfig};
-use dials_traffic::domain::{Baseline, Beginning, Domain, GlobalSimulator, LocalSimulator, conformance};
-use dials_traffic::evaluation::{Evaluation, play_episodes};
-use dials_traffic::influence::{AipStack, Dataset, train};
-use dials_traffic::policy::Demonstrations;
-use dials_traffic::training::collect::collect_episode;
-use dials_traffic::training::imitation::demonstrate;
-use dials_traffic::warehouse::Warehouse;
-use dials_traffic::warehouse::global::GlobalWarehouse;
-use dials_traffic::warehouse::layout::FloorPlan;
-use dials_traffic::warehouse::local::LocalWarehouse;
-use dials_traffic::warehouse::region::{DOWN, LEFT, RIGHT, UP};
+use dials_config::{AipConfig, WarehouseConfig};
+use dials_core::base::{AgentId, Rows, Seed, Stopwatch, Work};
+use dials_core::domain::{Baseline, Beginning, Domain, GlobalSimulator, LocalSimulator};
+use dials_learn::evaluation::{Evaluation, play_episodes};
+use dials_learn::influence::{AipStack, Dataset, train};
+use dials_learn::policy::Demonstrations;
+use dials_learn::training::collect::collect_episode;
+use dials_learn::training::imitation::demonstrate;
+use dials_testkit::conformance;
+use dials_warehouse::Warehouse;
+use dials_warehouse::global::GlobalWarehouse;
+use dials_warehouse::layout::FloorPlan;
+use dials_warehouse::local::LocalWarehouse;
+use dials_warehouse::region::{DOWN, LEFT, RIGHT, UP};
 use rand::Rng;
 
 fn warehouse(agents_per_side: usize) -> Warehouse {

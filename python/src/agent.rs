@@ -1,6 +1,6 @@
 //! What an environment says of an agent.
 
-use dials_traffic::domain::Kind;
+use dials_core::domain::Kind;
 use serde_json::{Map, Value, json};
 
 /// Describes an agent: its name, its kind, and the shapes of what it sees and does.

@@ -5,12 +5,12 @@ use std::os::unix::ffi::OsStrExt;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
-use dials_traffic::base::{AgentId, Seed};
-use dials_traffic::domain::{Action, GlobalSimulator, JointPercept, RegionSpec};
-use dials_traffic::evaluation::episode_seed;
-use dials_traffic::run::domain::traffic;
-use dials_traffic::run::replay::keep;
-use dials_traffic::traffic::sim::recording::Tape;
+use dials_core::base::{AgentId, Seed};
+use dials_core::domain::{Action, GlobalSimulator, JointPercept, RegionSpec};
+use dials_learn::evaluation::episode_seed;
+use dials_session::domains::traffic;
+use dials_session::replays::keep;
+use dials_traffic::sim::recording::Tape;
 use serde_json::{Value, json};
 
 use crate::agent;

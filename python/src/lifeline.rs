@@ -9,7 +9,7 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::{Context, Result};
-use dials_traffic::machine::end_now;
+use dials_session::machine::end_now;
 
 /// Time between two looks at the parent.
 const LOOK_EVERY: Duration = Duration::from_millis(250);

@@ -3,21 +3,21 @@
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
-use dials_traffic::base::{AgentId, Stopwatch};
-use dials_traffic::config::{AipTraining, Config, Period, Predictor, Simulator};
-use dials_traffic::domain::{Action, Domain, Percept};
-use dials_traffic::fleet::worker::Worker;
-use dials_traffic::influence::TrainablePredictor;
-use dials_traffic::nn::Threads;
-use dials_traffic::run::directory;
-use dials_traffic::run::domain::open_tried;
-use dials_traffic::training::block::{initial_aips, initial_policies, training_episodes};
-use dials_traffic::training::collect::Purpose;
-use dials_traffic::training::environment::{Environment, Experience};
-use dials_traffic::training::ials::Ials;
-use dials_traffic::training::observer::Silent;
-use dials_traffic::training::stream::AgentStream;
+use dials_config::{AipTraining, Config, Period, Predictor, Simulator};
+use dials_core::base::{AgentId, Stopwatch};
+use dials_core::domain::{Action, Domain, Percept};
+use dials_learn::influence::TrainablePredictor;
+use dials_learn::training::block::{initial_aips, initial_policies, training_episodes};
+use dials_learn::training::collect::Purpose;
+use dials_learn::training::environment::{Environment, Experience};
+use dials_learn::training::ials::Ials;
+use dials_learn::training::observer::Silent;
+use dials_learn::training::stream::AgentStream;
+use dials_session::directory;
+use dials_session::domains::open_tried;
+use dials_session::fleet::worker::Worker;
 use serde_json::{Value, json};
+use stacknets::Threads;
 
 use crate::memory::{Memory, Section};
 use crate::request::{LocalRequest, Opened, PredictorRequest, ResetRequest};

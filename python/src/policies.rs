@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use anyhow::{Result, ensure};
-use dials_traffic::base::{AgentId, Seed};
-use dials_traffic::domain::{Action, Controller, JointPercept};
-use dials_traffic::evaluation::episode_seed;
-use dials_traffic::policy::{JointPolicyController, PolicyStack, Selection};
-use dials_traffic::run::directory::{TrainedRun, open_with};
-use dials_traffic::run::domain::open_tried;
+use dials_core::base::{AgentId, Seed};
+use dials_core::domain::{Action, Controller, JointPercept};
+use dials_learn::evaluation::episode_seed;
+use dials_learn::policy::{JointPolicyController, PolicyStack, Selection};
+use dials_session::directory::{TrainedRun, open_with};
+use dials_session::domains::open_tried;
 use serde_json::{Value, json};
 
 use crate::agent;

@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
-use dials_traffic::base::AgentId;
-use dials_traffic::config::{self, Config};
-use dials_traffic::domain::Domain;
-use dials_traffic::records::files;
-use dials_traffic::run::domain::open_tried;
+use dials_config::Config;
+use dials_core::base::AgentId;
+use dials_core::domain::Domain;
+use dials_session::domains::open_tried;
+use dials_session::records::files;
 use serde::Deserialize;
 
 /// The first order: which environment this process is.
@@ -105,7 +105,7 @@ impl Opened {
             "{}: neither a config nor a run directory; name a .toml, a .sumocfg or a directory that `train` made",
             path.display()
         );
-        let config = config::load(&file, settings)?;
+        let config = dials_config::load(&file, settings)?;
         let domain = open_tried(&config)?;
         let names = domain.names();
         Ok(Opened { config, domain, names })

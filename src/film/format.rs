@@ -7,7 +7,7 @@ use anyhow::{Result, ensure};
 use super::gui::SUMO_GUI;
 use super::helper::SETPRIV;
 use super::screen::XVFB;
-use crate::terminal::on_the_path;
+use dials_session::terminal::on_the_path;
 
 /// Number of steps that a film shows per second.
 pub(super) const STEPS_PER_SECOND: u16 = 10;

@@ -8,8 +8,8 @@ use anyhow::{Context, Result};
 
 use super::format::STEPS_PER_SECOND;
 use super::picture_file::Picture;
-use crate::terminal::check_stop;
-use crate::terminal::counting::EpisodeBar;
+use dials_session::terminal::check_stop;
+use dials_session::terminal::counting::EpisodeBar;
 
 /// Writes the GIF `film`, one frame per picture.
 pub fn join(frames: &[PathBuf], film: &Path, stop: &AtomicBool) -> Result<()> {

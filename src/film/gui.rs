@@ -5,8 +5,8 @@ use std::process::Command;
 
 use anyhow::{Context, Result, ensure};
 
-use crate::outside::quoted;
-use crate::terminal::on_the_path;
+use dials_core::outside::quoted;
+use dials_session::terminal::on_the_path;
 
 /// Name of the program.
 pub(super) const SUMO_GUI: &str = "sumo-gui";

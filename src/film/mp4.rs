@@ -11,7 +11,7 @@ use anyhow::{Context, Result, ensure};
 use super::captions::PAPER;
 use super::format::STEPS_PER_SECOND;
 use super::helper::{Helper, heard, listener, tied};
-use crate::terminal::check_stop;
+use dials_session::terminal::check_stop;
 
 /// Writes the mp4 `film` from the pictures in the folder `room`. Ends with an error soon after `stop` is set.
 pub fn join(room: &Path, film: &Path, stop: &AtomicBool) -> Result<()> {

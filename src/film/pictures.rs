@@ -15,8 +15,8 @@ use super::helper::{Helper, heard, listener, tied};
 use super::picture_file::Picture;
 use super::screen::Screen;
 use super::{Format, Replay, Shape, gif, mp4};
-use crate::terminal::check_stop;
-use crate::terminal::counting::EpisodeBar;
+use dials_session::terminal::check_stop;
+use dials_session::terminal::counting::EpisodeBar;
 
 /// Number of steps that sumo-gui plays after the last picture. If it ends with a picture, it often crashes (SUMO 1.15).
 const REST_STEPS: usize = 30;

@@ -3,8 +3,8 @@
 use anyhow::{Result, ensure};
 
 use super::letters::{HEIGHT, dots};
-use crate::domain::{Colour, Scene};
-use crate::outside::Directory;
+use dials_core::domain::{Colour, Scene};
+use dials_core::outside::Directory;
 
 /// Least number of pixels per unit of a scene.
 const LEAST_SCALE: usize = 16;

@@ -7,28 +7,30 @@ use std::time::Duration;
 use anyhow::{Context, anyhow};
 use serde_json::json;
 
-use super::build;
-use super::domain;
 use super::train::{cores, settings_with};
-use crate::base::{command_for_feature, counted};
-use crate::bench::costs::{Costs, Steps};
-use crate::bench::measure::{MeasurePlan, expected, measure, short_orders};
-use crate::bench::table;
 use crate::cli;
-use crate::config::{Config, Predictor, Simulator, load};
-use crate::domain::Domain;
-use crate::error::{Error, Result};
-use crate::fleet::children::{Children, FILES_PER_WORKER};
-use crate::fleet::{Coordinator, MostGrowth, Options};
-use crate::machine::allow_open_files;
-use crate::nn::Peak;
-use crate::outside::{Directory, temporary_dir};
-use crate::records::checkpoint::owner::Owner;
-use crate::records::networks::Layouts;
-use crate::records::run_log::RunLog;
-use crate::terminal::measuring::BenchProgress;
-use crate::terminal::{answer, json as in_json, tell, warn};
-use crate::training::observer::Interrupted;
+use crate::features::command_for_feature;
+use crate::program::PROGRAM;
+use dials_config::{Config, Predictor, Simulator, load};
+use dials_core::base::counted;
+use dials_core::domain::Domain;
+use dials_core::outside::{Directory, temporary_dir};
+use dials_learn::training::observer::Interrupted;
+use dials_session::bench::costs::{Costs, Steps};
+use dials_session::bench::measure::{MeasurePlan, expected, measure, short_orders};
+use dials_session::bench::table;
+use dials_session::build;
+use dials_session::domains;
+use dials_session::error::{Error, Result};
+use dials_session::fleet::children::{Children, FILES_PER_WORKER};
+use dials_session::fleet::{Coordinator, MostGrowth, Options};
+use dials_session::machine::allow_open_files;
+use dials_session::records::checkpoint::owner::Owner;
+use dials_session::records::networks::Layouts;
+use dials_session::records::run_log::RunLog;
+use dials_session::terminal::measuring::BenchProgress;
+use dials_session::terminal::{answer, json as in_json, tell, warn};
+use stacknets::Peak;
 
 /// Time for measuring matrix products at peak speed.
 const PEAK_TIME: Duration = Duration::from_secs(1);
@@ -43,8 +45,8 @@ pub fn bench(args: &cli::BenchArgs) -> Result<()> {
         let reason = "marginal-dials costs the same as dials without the training of AIPs; measure dials instead";
         return Err(Error::Usage(anyhow!("{}: {reason}", args.config.display())));
     }
-    domain::check_for_training(&config).map_err(Error::Usage)?;
-    let domain = domain::open(&config).map_err(Error::Usage)?;
+    domains::check_for_training(&config).map_err(Error::Usage)?;
+    let domain = domains::open(&config).map_err(Error::Usage)?;
     let most = args.workers.unwrap_or_else(cores);
     allow_open_files(most, FILES_PER_WORKER, "--workers").map_err(Error::Usage)?;
     let progress = Rc::new(BenchProgress::new().map_err(Error::Run)?);
@@ -155,7 +157,7 @@ fn as_json(
     costs: &[Costs],
 ) -> anyhow::Result<String> {
     let object = json!({
-        "config": crate::outside::path_as_text(&args.config),
+        "config": dials_core::outside::path_as_text(&args.config),
         "simulator": config.simulator,
         "agents": domain.agents(),
         "timesteps_per_agent": config.last_step(),
@@ -163,7 +165,7 @@ fn as_json(
         "cores": cores(),
         "peak_gflops_of_a_core": peak.ours / 1e9,
         "peak_gflops_by_libtorch": peak.libtorch.map(|libtorch| libtorch / 1e9),
-        "versions": build::here(config.numerics.vector_width)?,
+        "versions": build::here(PROGRAM, config.numerics.vector_width)?,
         "fleets": table::json(costs),
     });
     Ok(in_json(object))

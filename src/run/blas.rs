@@ -2,7 +2,7 @@
 
 use std::os::unix::process::CommandExt;
 
-use crate::terminal::tell;
+use dials_session::terminal::tell;
 
 /// Makes sure that libtorch's BLAS runs in one thread.
 ///

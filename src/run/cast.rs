@@ -2,22 +2,22 @@
 
 use anyhow::{Context, Result, bail};
 
-use super::directory;
-use super::domain;
-use super::outputs::check_seconds;
 use super::subject::{Subject, agent_called};
-use crate::base::{AgentId, RandomPurpose, Seed, Stopwatch};
 use crate::cli;
-use crate::config::{Config, load};
-use crate::domain::Domain;
-use crate::evaluation::{episode_seed, play};
-use crate::influence::TrainablePredictor;
-use crate::policy::{JointPolicyController, Selection, StackController};
-use crate::traffic::Traffic;
-use crate::traffic::sim::recording::{Recording, Tape};
-use crate::training::environment::Environment;
-use crate::training::ials::Ials;
-use crate::training::stream::{AgentStream, RowStream};
+use dials_config::{Config, load};
+use dials_core::base::{AgentId, RandomPurpose, Seed, Stopwatch};
+use dials_core::domain::Domain;
+use dials_learn::evaluation::{episode_seed, play};
+use dials_learn::influence::TrainablePredictor;
+use dials_learn::policy::{JointPolicyController, Selection, StackController};
+use dials_learn::training::environment::Environment;
+use dials_learn::training::ials::Ials;
+use dials_learn::training::stream::{AgentStream, RowStream};
+use dials_session::directory;
+use dials_session::domains;
+use dials_session::outputs::check_seconds;
+use dials_traffic::Traffic;
+use dials_traffic::sim::recording::{Recording, Tape};
 
 /// An episode that is ready to be played: checked and loaded.
 pub struct ReplayedEpisode {
@@ -45,18 +45,18 @@ impl ReplayedEpisode {
         let with = |config: &Config, cast: Cast| -> Result<ReplayedEpisode> {
             let run = args.episode_seed.unwrap_or(config.evaluation.seed);
             let traffic =
-                domain::open_recorded(config, &tape).context("only episodes that SUMO simulates can be replayed")?;
+                domains::open_recorded(config, &tape).context("only episodes that SUMO simulates can be replayed")?;
             let length_s = if args.local.is_some() { traffic.local_seconds() } else { traffic.seconds() };
             args.seconds.iter().try_for_each(|seconds| check_seconds(seconds, length_s))?;
             Ok(ReplayedEpisode { tape: tape.clone(), traffic, run, cast })
         };
         if let Some(controller) = &args.controller {
             let config = if subject.is_dir() {
-                directory::open_unchanged(subject, domain::open)?.0
+                directory::open_unchanged(subject, domains::open)?.0
             } else {
                 load(subject, &[])?
             };
-            domain::check(&config)?;
+            domains::check(&config)?;
             let episode = with(&config, Cast::Baseline(controller.clone()))?;
             Subject::Controller(controller.clone()).check(&episode.traffic)?;
             return Ok(episode);

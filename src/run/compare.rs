@@ -5,11 +5,11 @@ use std::path::PathBuf;
 use anyhow::{Context, ensure};
 
 use crate::cli;
-use crate::error::{Error, Result};
-use crate::records::files::is_run_dir;
-use crate::report::compare::{ComparedSide, compare as compare_sides};
-use crate::report::find::is_aside;
-use crate::terminal::{answer, json};
+use dials_report::compare::{ComparedSide, compare as compare_sides};
+use dials_session::error::{Error, Result};
+use dials_session::records::files::is_run_dir;
+use dials_session::records::find::is_aside;
+use dials_session::terminal::{answer, json};
 
 pub fn compare(args: &cli::CompareArgs) -> Result<()> {
     let side = |name: &str| ComparedSide::open(name, &folders(name)?);
@@ -61,7 +61,7 @@ fn hint(name: &str) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::records::files::CONFIG;
+    use dials_session::records::files::CONFIG;
 
     /// Makes folders, of which those with a `*` hold a run, and returns the names of what `side` names among them.
     fn named(there: &[&str], side: &str) -> std::result::Result<Vec<String>, String> {

@@ -7,13 +7,13 @@ use anyhow::Context;
 use clap::CommandFactory;
 use clap_complete::Shell;
 
-use super::outputs::check_free;
-use super::places::{self, Existing};
 use crate::cli::Cli;
-use crate::config::schema;
-use crate::error::{Error, Result};
-use crate::outside::{quoted, temporary_dir};
-use crate::terminal::{answer, json, tell};
+use dials_config::schema;
+use dials_core::outside::{quoted, temporary_dir};
+use dials_session::error::{Error, Result};
+use dials_session::outputs::check_free;
+use dials_session::places::{self, Existing};
+use dials_session::terminal::{answer, json, tell};
 
 pub fn completions(shell: Shell) -> Result<()> {
     let mut command = Cli::command();

@@ -4,13 +4,13 @@ use std::path::Path;
 
 use anyhow::Result;
 
-use super::outputs;
-use super::places::{self, Existing};
-use crate::evaluation::Finding;
-use crate::evaluation::csv::{Lines, by_agent, by_episode};
-use crate::outside::Directory;
-use crate::records::csv::block;
-use crate::records::growing::{GrowingFile, Mark};
+use dials_core::outside::Directory;
+use dials_learn::evaluation::Finding;
+use dials_learn::evaluation::csv::{Lines, by_agent, by_episode};
+use dials_session::outputs;
+use dials_session::places::{self, Existing};
+use dials_session::records::csv::block;
+use dials_session::records::growing::{GrowingFile, Mark};
 
 /// The CSV files of `--csv`. The lines of each player are written as soon as it has played.
 pub struct CsvFiles {

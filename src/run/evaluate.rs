@@ -4,27 +4,26 @@ use anyhow::{anyhow, bail};
 use serde_json::{Value, json};
 
 use super::csv_files::CsvFiles;
-use super::directory;
-use super::domain;
-use super::outputs;
-use super::places::Existing;
 use super::plot::Plots;
 use super::render::render;
 use super::subject::{Background, Subject, agent_called};
 use super::tune::tune;
-use crate::base::{AgentId, Seed, repeated};
 use crate::cli;
-use crate::config::{Config, load};
-use crate::domain::{Baseline, Domain};
-use crate::error::{Error, Result};
-use crate::evaluation::{Evaluation, Finding, comparison, json, play_episodes, table};
-use crate::plot::About;
-use crate::terminal::counting::EpisodeBar;
-use crate::terminal::{answer, json as in_json};
-use crate::traffic;
+use dials_config::{Config, load};
+use dials_core::base::{AgentId, Seed, repeated};
+use dials_core::domain::{Baseline, Domain};
+use dials_learn::evaluation::{Evaluation, Finding, comparison, json, play_episodes, table};
+use dials_report::plot::About;
+use dials_session::directory;
+use dials_session::domains;
+use dials_session::error::{Error, Result};
+use dials_session::outputs;
+use dials_session::places::Existing;
+use dials_session::terminal::counting::EpisodeBar;
+use dials_session::terminal::{answer, json as in_json};
 
 pub fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
-    let (config, domain) = directory::open_unchanged(&args.run_dir, domain::open).map_err(Error::Usage)?;
+    let (config, domain) = directory::open_unchanged(&args.run_dir, domains::open).map_err(Error::Usage)?;
     let agents = args.agents.iter().map(|word| agent_called(&*domain, word, "--agents")).collect::<anyhow::Result<_>>();
     let policies_of: Vec<AgentId> = agents.map_err(Error::Usage)?;
     if let Some(&agent) = repeated(&policies_of) {
@@ -46,9 +45,9 @@ pub fn evaluate(args: &cli::EvaluateArgs) -> Result<()> {
 
 pub fn baseline(args: &cli::BaselineArgs) -> Result<()> {
     let config = load(&args.config, &[]).map_err(Error::Usage)?;
-    let domain = domain::open(&config).map_err(Error::Usage)?;
-    domain::check(&config).map_err(Error::Usage)?;
-    let about = [("config", json!(crate::outside::path_as_text(&args.config)))];
+    let domain = domains::open(&config).map_err(Error::Usage)?;
+    domains::check(&config).map_err(Error::Usage)?;
+    let about = [("config", json!(dials_core::outside::path_as_text(&args.config)))];
     let plots = Plots::asked_for(&args.output, &config).map_err(Error::Usage)?;
     let domain = plots.as_ref().map_or(&*domain, Plots::domain);
     let session = Session::new(domain, &config, &args.episodes, &args.output)?;
@@ -94,7 +93,7 @@ impl<'a> Session<'a> {
         let places = [("--csv", &output.csv), ("--plot", &output.plot), ("--render", &output.render)];
         outputs::check_apart(&places.map(|(option, dir)| (option, dir.as_deref()))).map_err(Error::Usage)?;
         let scenario = domain.scenario().map_err(Error::Run)?.id.word();
-        domain::tell_left_out(domain);
+        domains::tell_left_out(domain);
         let seed = episodes.seed.unwrap_or(config.evaluation.seed);
         Ok(Session { domain, episodes: count, seed, scenario, output })
     }
@@ -177,7 +176,7 @@ impl<'a> Session<'a> {
         object.extend(about.iter().map(|(key, value)| ((*key).to_owned(), value.clone())));
         object.insert("scenario".into(), json!(self.scenario));
         object.insert("seed".into(), json!(self.seed));
-        object.insert("sumo_version".into(), json!(traffic::sumo_version().map_err(Error::Run)?));
+        object.insert("sumo_version".into(), json!(dials_traffic::sumo_version().map_err(Error::Run)?));
         Ok(in_json(Value::Object(object)))
     }
 }

@@ -5,18 +5,18 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, ensure};
 
-use super::directory;
-use super::outputs;
-use super::places::{self, Existing};
 use super::python::to_load;
 use crate::cli;
-use crate::config::PolicyConfig;
-use crate::domain::{Kind, Kinds};
-use crate::error::{Error, Result};
-use crate::nn::check_script;
-use crate::outside::{Printable, folder_of};
-use crate::policy::{JointPolicy, PolicyStack};
-use crate::terminal::answer;
+use dials_config::PolicyConfig;
+use dials_core::domain::{Kind, Kinds};
+use dials_core::outside::{Printable, folder_of};
+use dials_learn::policy::{JointPolicy, PolicyStack};
+use dials_session::directory;
+use dials_session::error::{Error, Result};
+use dials_session::outputs;
+use dials_session::places::{self, Existing};
+use dials_session::terminal::answer;
+use stacknets::check_script;
 
 pub fn export(args: &cli::ExportArgs) -> Result<()> {
     check_script().map_err(Error::Usage)?;
@@ -103,10 +103,10 @@ fn how_to_use(file: &Path, kind: &Kind, config: &PolicyConfig) -> String {
 #[cfg(feature = "torch")]
 mod tests {
     use super::*;
-    use crate::base::{AgentId, Seed};
-    use crate::domain::Domain;
-    use crate::domain::toy::{Coins, CoinsAndDice};
-    use crate::training::block::initial_policies;
+    use dials_core::base::{AgentId, Seed};
+    use dials_core::domain::Domain;
+    use dials_learn::training::block::initial_policies;
+    use dials_testkit::toy::{Coins, CoinsAndDice};
     use tch::{CModule, Tensor};
 
     #[test]
@@ -122,7 +122,7 @@ mod tests {
 
     #[test]
     fn the_module_of_a_kind_says_what_its_policies_say() {
-        let (domain, config) = (CoinsAndDice::new(1), crate::config::Config::default());
+        let (domain, config) = (CoinsAndDice::new(1), dials_config::Config::default());
         let stacks = domain.kinds().iter().map(|kind| initial_policies(&domain, &config, &kind.agents));
         let stacks: Vec<PolicyStack> = stacks.collect();
         let row = |agent: usize| {

@@ -2,14 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use super::build;
-use crate::base::VectorWidth;
-use crate::error::{Error, Result};
-use crate::records::run_json::Versions;
-use crate::terminal::{answer, on_the_path};
+use crate::program::PROGRAM;
+use dials_session::build;
+use dials_session::error::{Error, Result};
+use dials_session::records::run_json::Versions;
+use dials_session::terminal::{answer, on_the_path};
+use stacknets::VectorWidth;
 
 pub fn info() -> Result<()> {
-    let build = build::here(VectorWidth::Widest).map_err(Error::Run)?;
+    let build = build::here(PROGRAM, VectorWidth::Widest).map_err(Error::Run)?;
     let mut lines = vec![
         format!("dials-traffic {} (commit {})", build.dials_traffic, build.git_commit),
         format!("{} at {}", build.sumo, place(loaded_library("libsumocpp.so"))),

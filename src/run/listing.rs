@@ -2,7 +2,7 @@
 
 use std::fmt::{Display, Write};
 
-use crate::base::for_terminal;
+use dials_core::base::for_terminal;
 
 /// Writes the names of columns, a line for neighbours that differ only in the number at the end.
 pub fn list_columns(text: &mut String, names: &[String]) {

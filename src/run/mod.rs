@@ -21,16 +21,16 @@
 mod bench;
 #[cfg(feature = "torch")]
 mod blas;
-mod build;
+
 mod cast;
 mod check;
 mod compare;
 mod complete;
 mod csv_files;
 mod describe;
-pub mod directory;
+
 mod doctor;
-pub mod domain;
+
 mod evaluate;
 mod experiment;
 mod export;
@@ -39,8 +39,7 @@ mod inspect;
 mod listing;
 mod nets;
 mod other_end;
-mod outputs;
-mod places;
+
 mod plot;
 mod python;
 mod render;
@@ -50,19 +49,17 @@ mod run_name;
 mod subject;
 mod team;
 mod train;
-mod trial;
+
 mod tune;
 mod video;
 mod watch;
 mod worker;
 
-use anyhow::{Context, ensure};
-use rustix::process::{Signal, getppid, set_parent_process_death_signal};
-
 use crate::cli::{Cli, Command};
-use crate::error::{Error, Result};
-use crate::machine::note_option_for_processes;
-use crate::terminal::{Talk, talk};
+use dials_session::error::{Error, Result};
+use dials_session::machine::note_option_for_processes;
+use dials_session::parent::end_with;
+use dials_session::terminal::{Talk, talk};
 
 /// Runs one command.
 pub fn run(cli: Cli) -> Result<()> {
@@ -99,19 +96,6 @@ pub fn run(cli: Cli) -> Result<()> {
         Command::Man { out, force } => complete::man(&out, force),
         Command::Schema => complete::print_schema(),
         Command::Worker => worker::worker(),
-        Command::TryOut => trial::try_out(),
+        Command::TryOut => dials_session::trial::try_out(),
     }
-}
-
-/// The hidden flag that names the parent process. When the parent ends, this process ends too.
-const END_WITH: &str = "--end-with";
-
-/// Makes the system kill this process when its parent ends, however the parent ends.
-fn end_with(parent: u32) -> anyhow::Result<()> {
-    set_parent_process_death_signal(Some(Signal::KILL))
-        .context("cannot arrange to end together with the parent process")?;
-    // The parent may have ended before the call above.
-    let lives = getppid().is_some_and(|pid| pid.as_raw_nonzero().get() as u32 == parent);
-    ensure!(lives, "the process that started this one has ended");
-    Ok(())
 }

@@ -6,22 +6,22 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, bail};
 
 use super::inspect::inspect;
-use super::outputs::{check_free, check_not_of_a_run};
-use super::places::{Existing, clear};
-use crate::base::repeated;
 use crate::cli::NetsCommand;
-use crate::config::ScenarioConfig;
-use crate::error::{Error, Result as CommandResult};
-use crate::outside::{quoted, temporary_dir, write_together};
-use crate::terminal::answer;
-use crate::traffic::agents::derive::Rules;
-use crate::traffic::cut::beyond::Reach;
-use crate::traffic::cut::of_scenario::{cut_light, write};
-use crate::traffic::network::files::NetworkFiles;
-use crate::traffic::paper_grid::grid::Grid;
-use crate::traffic::paper_grid::inflow::Inflow;
-use crate::traffic::paper_grid::make::{write_grid, write_local};
-use crate::traffic::scenario::SumoScenario;
+use dials_config::ScenarioConfig;
+use dials_core::base::repeated;
+use dials_core::outside::{quoted, temporary_dir, write_together};
+use dials_session::error::{Error, Result as CommandResult};
+use dials_session::outputs::{check_free, check_not_of_a_run};
+use dials_session::places::{Existing, clear};
+use dials_session::terminal::answer;
+use dials_traffic::agents::derive::Rules;
+use dials_traffic::cut::beyond::Reach;
+use dials_traffic::cut::of_scenario::{cut_light, write};
+use dials_traffic::network::files::NetworkFiles;
+use dials_traffic::paper_grid::grid::Grid;
+use dials_traffic::paper_grid::inflow::Inflow;
+use dials_traffic::paper_grid::make::{write_grid, write_local};
+use dials_traffic::scenario::SumoScenario;
 
 pub fn nets(args: &NetsCommand) -> CommandResult<()> {
     let written = match args {

@@ -4,13 +4,13 @@ use std::path::Path;
 
 use anyhow::{Result, ensure};
 
-use crate::config::resume::with_end;
-use crate::config::{Config, LARGEST_FILE as LARGEST_CONFIG, load, rest_of_schedule};
-use crate::outside::{Directory, quoted, read_text};
-use crate::records::files;
-use crate::records::resume_point::ResumePoint;
-use crate::records::run_record::RunRecord;
-use crate::terminal::{program, tell};
+use dials_config::resume::with_end;
+use dials_config::{Config, LARGEST_FILE as LARGEST_CONFIG, load, rest_of_schedule};
+use dials_core::outside::{Directory, quoted, read_text};
+use dials_session::records::files;
+use dials_session::records::resume_point::ResumePoint;
+use dials_session::records::run_record::RunRecord;
+use dials_session::terminal::{program, tell};
 
 /// Makes the run end at step `steps`, by its config. Returns the text of the config before.
 pub fn end_at(directory: &Directory, steps: u64) -> Result<String> {

@@ -5,22 +5,22 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 
-use super::domain;
-use super::outputs::{self, check_seconds};
-use super::places::{self, Existing};
 use crate::cli::OutputArgs;
-use crate::config::Config;
-use crate::domain::Domain;
-use crate::domain::road_trace::RoadTrace;
-use crate::drawing::Svg;
-use crate::evaluation::Evaluation;
-use crate::outside::folder_of;
-use crate::plot::{self, About};
-use crate::terminal::tell;
-use crate::traffic::Traffic;
-use crate::traffic::sim::recording::{Recording, Tape};
-use crate::traffic::sim::trace::route::Route;
-use crate::traffic::sim::trace::trace;
+use dials_config::Config;
+use dials_core::domain::Domain;
+use dials_core::domain::road_trace::RoadTrace;
+use dials_core::outside::folder_of;
+use dials_learn::evaluation::Evaluation;
+use dials_report::drawing::Svg;
+use dials_report::plot::{self, About};
+use dials_session::domains;
+use dials_session::outputs::{self, check_seconds};
+use dials_session::places::{self, Existing};
+use dials_session::terminal::tell;
+use dials_traffic::Traffic;
+use dials_traffic::sim::recording::{Recording, Tape};
+use dials_traffic::sim::trace::route::Route;
+use dials_traffic::sim::trace::trace;
 
 /// The recording and the output directory of `--plot`. The pictures are drawn after the episodes.
 pub struct Plots {
@@ -43,7 +43,7 @@ impl Plots {
         outputs::check_free(dir, "--plot", existing)?;
         outputs::check_writable(folder_of(dir))?;
         let tape = Tape::default();
-        let traffic = domain::open_recorded(config, &tape).context("--plot: nothing can be drawn")?;
+        let traffic = domains::open_recorded(config, &tape).context("--plot: nothing can be drawn")?;
         let route = output.route.as_deref().map(|edges| traffic.route(edges)).transpose().context("--route")?;
         let seconds = output.seconds.clone();
         seconds.iter().try_for_each(|seconds| check_seconds(seconds, traffic.seconds()))?;

@@ -3,7 +3,7 @@
 use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 
-use crate::outside::is_printable;
+use dials_core::outside::is_printable;
 
 /// Returns a path as an argument of `torch.jit.load`. One that is not UTF-8 is opened by its bytes.
 pub fn to_load(path: &Path) -> String {

@@ -4,11 +4,11 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 
-use super::places::{self, Existing};
-use crate::base::Seed;
-use crate::domain::{Controller, GlobalSimulator, Measures};
-use crate::evaluation::{episode_seed, play_watched};
 use crate::film::scenes;
+use dials_core::base::Seed;
+use dials_core::domain::{Controller, GlobalSimulator, Measures};
+use dials_learn::evaluation::{episode_seed, play_watched};
+use dials_session::places::{self, Existing};
 
 /// Plays the first evaluation episode of the seed `run` and draws it into the directory `dir`, which is made anew.
 ///

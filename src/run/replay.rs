@@ -1,26 +1,25 @@
 //! `replay`: writes one episode as a folder that SUMO plays; on request opens it in sumo-gui or films it.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Result, ensure};
 
 use super::cast::ReplayedEpisode;
-use super::outputs::{check_apart, check_can_be_made, check_free, check_not_a_run};
-use super::places::{self, Existing};
 use super::plot::draw_recording;
 use super::video::Video;
-use crate::base::counted;
 use crate::cli;
-use crate::error::Error;
 use crate::film::{Replay, Shape, check_screen, watch};
-use crate::outside::quoted;
-use crate::plot::About;
-use crate::terminal::answer;
-use crate::traffic::sim::recorded_roads::{RecordedGrid, RecordedGround};
-use crate::traffic::sim::recording::Recording;
-use crate::traffic::sim::replay::{self, SPEED_COLOURS, Snapshot, view};
+use dials_core::base::counted;
+use dials_core::outside::quoted;
+use dials_report::plot::About;
+use dials_session::error::Error;
+use dials_session::outputs::{check_apart, check_can_be_made, check_free, check_not_a_run};
+use dials_session::places::{self, Existing};
+use dials_session::terminal::answer;
+use dials_traffic::sim::recorded_roads::{RecordedGrid, RecordedGround};
+use dials_traffic::sim::replay::{self, SPEED_COLOURS, Snapshot, view};
 
-pub fn replay(args: &cli::ReplayArgs) -> crate::error::Result<()> {
+pub fn replay(args: &cli::ReplayArgs) -> dials_session::error::Result<()> {
     let existing = Existing::of_named(args.force);
     if !args.subject.exists() {
         // Told before anything about the outputs, which would only be the next error.
@@ -79,14 +78,6 @@ pub fn replay(args: &cli::ReplayArgs) -> crate::error::Result<()> {
         answer(format_args!("wrote the film {}", video.file().display())).map_err(Error::Run)?;
     }
     if args.gui { watch(&config).map_err(Error::Run) } else { Ok(()) }
-}
-
-/// Writes a recorded episode into a new folder, and returns the file that `sumo-gui -c` opens. Does not let SUMO play it,
-/// so the caller may hold a simulation.
-pub fn keep(recording: &Recording, folder: &Path) -> Result<PathBuf> {
-    replay::check_place(folder)?;
-    places::make(folder, Existing::Refuse, |staged| replay::write(recording, staged.path()))?;
-    Ok(replay::config_in(folder))
 }
 
 /// Returns an error if seconds are named, but no output that shows them.

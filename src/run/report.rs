@@ -1,19 +1,19 @@
 //! `report`: writes the figures and tables of run directories.
 
-use super::outputs::check_not_a_run;
-use super::places::{self, Existing};
-use crate::base::{counted, for_terminal};
 use crate::cli;
-use crate::error::{Error, Result};
-use crate::outside::{Directory, Printable, quoted};
-use crate::report::{self, MARKDOWN, PAGE};
-use crate::terminal::{answer, warn};
+use dials_core::base::{counted, for_terminal};
+use dials_core::outside::{Directory, Printable, quoted};
+use dials_report::{MARKDOWN, PAGE};
+use dials_session::error::{Error, Result};
+use dials_session::outputs::check_not_a_run;
+use dials_session::places::{self, Existing};
+use dials_session::terminal::{answer, warn};
 
 pub fn report(args: &cli::ReportArgs) -> Result<()> {
     let existing = Existing::of_named(args.force);
     check_not_a_run("--out", &args.out).map_err(Error::Usage)?;
     let out = places::place(&args.out, existing).map_err(Error::Usage)?;
-    let report = report::report(&args.folders).map_err(Error::Usage)?;
+    let report = dials_report::report(&args.folders).map_err(Error::Usage)?;
     let write = |dir: &Directory| report.files.iter().try_for_each(|(name, text)| dir.put(name, text.as_bytes()));
     places::make(&out, existing, write).map_err(Error::Usage)?;
     report.warnings.iter().for_each(|warning| warn(for_terminal(&format!("warning: {}", Printable(warning)))));

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::config::{CHANGEABLE, Config};
+use dials_config::{CHANGEABLE, Config};
 
 /// Folder whose name says nothing about its configs.
 const CONFIGS: &str = "configs";
@@ -67,7 +67,7 @@ mod tests {
     use super::*;
     use std::collections::BTreeMap;
 
-    use crate::config::load;
+    use dials_config::load;
 
     fn root() -> &'static Path {
         Path::new(env!("CARGO_MANIFEST_DIR"))

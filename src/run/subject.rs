@@ -5,15 +5,15 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, anyhow, ensure};
 use serde_json::{Value, json};
 
-use super::directory::{self, TrainedRun};
-use crate::base::AgentId;
-use crate::domain::{Baseline, Domain};
-use crate::evaluation::Player;
-use crate::outside::{did_you_mean, excerpt};
-use crate::policy::Selection;
-use crate::records::files;
-use crate::records::run_json::RunJson;
-use crate::terminal::warn;
+use dials_core::base::AgentId;
+use dials_core::domain::{Baseline, Domain};
+use dials_core::outside::{did_you_mean, excerpt};
+use dials_learn::evaluation::Player;
+use dials_learn::policy::Selection;
+use dials_session::directory::{self, TrainedRun};
+use dials_session::records::files;
+use dials_session::records::run_json::RunJson;
+use dials_session::terminal::warn;
 
 /// Largest number of agents that an error names, from the first one on.
 const MOST_NAMES: usize = 8;
@@ -107,7 +107,7 @@ impl Subject {
                 [("controller", json!(name))].into_iter().chain(file).collect()
             }
             Subject::Run { dir, greedy, background } => {
-                let mut keys = vec![("run", json!(crate::outside::path_as_text(dir))), ("greedy", json!(greedy))];
+                let mut keys = vec![("run", json!(dials_core::outside::path_as_text(dir))), ("greedy", json!(greedy))];
                 if let Some(Background { controller, policies_of }) = background {
                     let agents: Vec<usize> = policies_of.iter().map(|agent| agent.0).collect();
                     keys.extend([("background", json!(controller)), ("policies_of", json!(agents))]);
@@ -234,7 +234,7 @@ fn fitting(dir: &Path, domain: &dyn Domain) -> Result<TrainedRun> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::domain::toy::Coins;
+    use dials_testkit::toy::Coins;
 
     fn list(text: &str) -> Result<Vec<Subject>> {
         Subject::list(text, false, &Coins::new(1))

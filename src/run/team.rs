@@ -10,23 +10,25 @@ use anyhow::Context;
 use anyhow::{anyhow, ensure};
 
 use crate::cli;
-use crate::config::Config;
-use crate::domain::Domain;
-use crate::error::{Error, Result};
-use crate::fleet::children::Children;
-use crate::fleet::inline::InlineFleet;
-use crate::fleet::{self, Coordinator, MostGrowth, Options};
 #[cfg(feature = "mpi")]
-use crate::fleet::{End, Job, Part, Prepared, Ranks, Relay};
+use crate::program::PROGRAM;
+use dials_config::Config;
+use dials_core::domain::Domain;
+use dials_core::outside::Directory;
+use dials_learn::training::fleet::Fleet;
+use dials_learn::training::observer::Observer;
 #[cfg(feature = "mpi")]
-use crate::machine::{end_now, leave_signals_to_another};
-use crate::outside::Directory;
+use dials_session::build;
+use dials_session::error::{Error, Result};
+use dials_session::fleet::children::Children;
+use dials_session::fleet::inline::InlineFleet;
+use dials_session::fleet::{self, Coordinator, MostGrowth, Options};
 #[cfg(feature = "mpi")]
-use crate::records::{files, run_json::Versions};
+use dials_session::fleet::{End, Job, Part, Prepared, Ranks, Relay};
 #[cfg(feature = "mpi")]
-use crate::run::build;
-use crate::training::fleet::Fleet;
-use crate::training::observer::Observer;
+use dials_session::machine::{end_now, leave_signals_to_another};
+#[cfg(feature = "mpi")]
+use dials_session::records::{files, run_json::Versions};
 
 /// The places of the workers.
 pub enum Team {
@@ -62,7 +64,7 @@ impl Team {
         Err(Error::Usage(anyhow!(
             "{ranks} ranks were started, but this program was built without MPI, so each would train a run of its own; \
              build it with MPI: {}",
-            crate::base::command_for_feature("mpi")
+            crate::features::command_for_feature("mpi")
         )))
     }
 
@@ -132,7 +134,7 @@ fn serve(relay: Relay) -> Result<()> {
     leave_signals_to_another().map_err(Error::Run)?;
     let describe = |config_json: &str| {
         let config: Config = serde_json::from_str(config_json)?;
-        Ok(serde_json::to_string(&build::here(config.numerics.vector_width)?)?)
+        Ok(serde_json::to_string(&build::here(PROGRAM, config.numerics.vector_width)?)?)
     };
     match relay.serve(describe) {
         End::Ordered => Ok(()),
@@ -145,7 +147,7 @@ fn serve(relay: Relay) -> Result<()> {
 #[cfg(feature = "mpi")]
 fn prepare(ranks: &mut Ranks, plan: &Plan) -> anyhow::Result<Config> {
     let Plan { domain, config, directory, workers, patience } = *plan;
-    let here = build::here(config.numerics.vector_width)?;
+    let here = build::here(PROGRAM, config.numerics.vector_width)?;
     let agents = fleet::agents_of_workers(config, domain.agents(), workers);
     let (prepared, config) = ranks.prepare(Job { config, directory, networks: files::NETWORKS, agents, patience })?;
     prepared.iter().try_for_each(|rank| check_build(rank, &here))?;

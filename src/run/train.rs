@@ -8,35 +8,36 @@ use std::time::Duration;
 use anyhow::anyhow;
 use clap::ValueEnum;
 
-use super::build::{other_build, record_resume};
-use super::directory;
-use super::domain;
 use super::other_end::{end_at, has_ended, tell_of_lost_evaluation};
-use super::places::Existing;
 use super::run_name::default_dir;
 use super::team::{Plan, Team};
 use super::watch::Beside;
-use crate::base::{counted, for_terminal};
 use crate::cli;
-use crate::config::{Config, load};
-use crate::domain::Domain;
-use crate::error::{Error, Result};
-use crate::fleet::children::FILES_PER_WORKER;
-use crate::machine::allow_open_files;
-use crate::outside::{Directory, Whereabouts, folder_of, quoted};
-use crate::records::checkpoint::newest_step;
-use crate::records::checkpoint::owner::{NotOfThisRun, Owner};
-use crate::records::files;
-use crate::records::finite::Diverged;
-use crate::records::networks::Layouts;
-use crate::records::resume_point::{NothingFits, ResumePoint};
-use crate::records::run_json::{RunJson, Versions};
-use crate::records::run_log::RunLog;
-use crate::terminal::training::Progress;
-use crate::terminal::{answer, program, tell, warn};
-use crate::training::dials;
-use crate::training::observer::Interrupted;
-use crate::training::standing::Standing;
+use crate::program::PROGRAM;
+use dials_config::{Config, load};
+use dials_core::base::{counted, for_terminal};
+use dials_core::domain::Domain;
+use dials_core::outside::{Directory, Whereabouts, folder_of, quoted};
+use dials_learn::training::dials;
+use dials_learn::training::observer::Interrupted;
+use dials_learn::training::standing::Standing;
+use dials_session::build::{other_build, record_resume};
+use dials_session::directory;
+use dials_session::domains;
+use dials_session::error::{Error, Result};
+use dials_session::fleet::children::FILES_PER_WORKER;
+use dials_session::machine::allow_open_files;
+use dials_session::places::Existing;
+use dials_session::records::checkpoint::newest_step;
+use dials_session::records::checkpoint::owner::{NotOfThisRun, Owner};
+use dials_session::records::files;
+use dials_session::records::finite::Diverged;
+use dials_session::records::networks::Layouts;
+use dials_session::records::resume_point::{NothingFits, ResumePoint};
+use dials_session::records::run_json::{RunJson, Versions};
+use dials_session::records::run_log::RunLog;
+use dials_session::terminal::training::Progress;
+use dials_session::terminal::{answer, program, tell, warn};
 
 pub fn train(args: &cli::TrainArgs) -> Result<()> {
     let Some(team) = Team::join(args)? else { return Ok(()) };
@@ -108,8 +109,8 @@ struct Run {
 /// Makes a new run. `wanted`: number of workers that was asked for.
 fn begin(args: &cli::TrainArgs, config_path: &Path, wanted: Option<usize>) -> Result<Run> {
     let config = load(config_path, &settings(args)).map_err(Error::Usage)?;
-    let domain = domain::check_for_training(&config).map_err(Error::Usage)?;
-    domain::tell_left_out(&*domain);
+    let domain = domains::check_for_training(&config).map_err(Error::Usage)?;
+    domains::tell_left_out(&*domain);
     allow_workers(workers(wanted, &config, domain.agents()))?;
     let existing = match (args.force, &args.out) {
         (true, _) => Existing::MoveAside,
@@ -117,9 +118,9 @@ fn begin(args: &cli::TrainArgs, config_path: &Path, wanted: Option<usize>) -> Re
         (false, None) => Existing::Number,
     };
     let dir = args.out.clone().unwrap_or_else(|| default_dir(config_path, &config, &args.settings));
-    let directory = directory::create(&dir, existing, &config).map_err(Error::Usage)?;
+    let directory = directory::create(&dir, existing, &config, PROGRAM).map_err(Error::Usage)?;
     // Use the networks of the run directory from here on, because the original ones may just have been moved aside.
-    open(directory, domain::open_tried)
+    open(directory, domains::open_tried)
 }
 
 /// Opens a run to continue it, to another end if `--steps` says so. `wanted`: number of workers that was asked for.
@@ -136,10 +137,10 @@ fn resume(args: &cli::TrainArgs, dir: &Path, wanted: Option<usize>) -> Result<Ru
 }
 
 fn resume_locked(args: &cli::TrainArgs, dir: &Path, directory: Directory, wanted: Option<usize>) -> Result<Run> {
-    let run = open(directory, domain::open)?;
+    let run = open(directory, domains::open)?;
     allow_workers(workers(wanted, &run.config, run.domain.agents()))?;
     let width = run.config.numerics.vector_width;
-    let other_build = other_build(dir, width, args.accept_other_build).map_err(Error::Usage)?;
+    let other_build = other_build(PROGRAM, dir, width, args.accept_other_build).map_err(Error::Usage)?;
     let point = ResumePoint::find(&run.directory, &run.owner).map_err(|error| {
         if error.is::<NotOfThisRun>() {
             return Error::Usage(error);

@@ -4,18 +4,18 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{anyhow, ensure};
 
-use super::domain;
-use super::outputs;
 use super::subject::Subject;
-use crate::base::counted;
-use crate::config::Config;
-use crate::error::{Error, Result};
-use crate::outside::{FileName, write_whole};
-use crate::terminal::counting::EpisodeBar;
-use crate::terminal::tell;
-use crate::traffic::controllers::timing_file::{TimingFile, TunedOn};
-use crate::traffic::controllers::{COORDINATED, FIXED_TIME};
-use crate::traffic::tuning;
+use dials_config::Config;
+use dials_core::base::counted;
+use dials_core::outside::{FileName, write_whole};
+use dials_session::domains;
+use dials_session::error::{Error, Result};
+use dials_session::outputs;
+use dials_session::terminal::counting::EpisodeBar;
+use dials_session::terminal::tell;
+use dials_traffic::controllers::timing_file::{TimingFile, TunedOn};
+use dials_traffic::controllers::{COORDINATED, FIXED_TIME};
+use dials_traffic::tuning;
 
 /// Folder of the cached timings.
 const FOLDER: &str = "tuned";
@@ -50,7 +50,7 @@ pub fn tune(config: &Config, episodes: usize, subjects: &mut [Subject]) -> Resul
 /// Returns the file of a controller's timings for this network, horizon, seed, search and SUMO. If there is none, makes
 /// it.
 fn tuned_file(config: &Config, controller: &str, episodes: usize) -> Result<PathBuf> {
-    let Some(traffic) = domain::traffic(config).map_err(Error::Usage)? else {
+    let Some(traffic) = domains::traffic(config).map_err(Error::Usage)? else {
         return Err(Error::Usage(anyhow!("--tune: only traffic lights can be tuned")));
     };
     let wanted = TunedOn::of(&traffic, controller, episodes, config.seed).map_err(Error::Usage)?;

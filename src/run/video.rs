@@ -6,12 +6,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, Result, ensure};
 
-use super::outputs::check_free;
-use super::places::{self, Existing};
-use crate::error::{self, Error};
 use crate::film::{Format, Pictures, Replay};
-use crate::outside::{folder_of, temporary_dir};
-use crate::terminal::{Wish, stop_on_signals, warn};
+use dials_core::outside::{folder_of, temporary_dir};
+use dials_session::error::{self, Error};
+use dials_session::outputs::check_free;
+use dials_session::places::{self, Existing};
+use dials_session::terminal::{Wish, stop_on_signals, warn};
 
 /// A film that can be made: its tools and its folder were checked.
 pub struct Video {

@@ -8,18 +8,18 @@ use std::process::{Child, Command, Stdio};
 
 use anyhow::{Context, Result as Anyhow, ensure};
 
-use super::END_WITH;
-use super::domain;
 use crate::cli;
-use crate::domain::road_trace::RoadMap;
-use crate::drawing::Svg;
-use crate::error::{Error, Result};
-use crate::live::page::Page;
-use crate::live::server::LiveServer;
-use crate::outside::path_as_text;
-use crate::plot::means_on_map;
-use crate::records::run_record::RunRecord;
-use crate::terminal::{answer, tell};
+use dials_core::domain::road_trace::RoadMap;
+use dials_core::outside::path_as_text;
+use dials_report::drawing::Svg;
+use dials_report::live::page::Page;
+use dials_report::live::server::LiveServer;
+use dials_report::plot::means_on_map;
+use dials_session::domains;
+use dials_session::error::{Error, Result};
+use dials_session::parent::END_WITH;
+use dials_session::records::run_record::RunRecord;
+use dials_session::terminal::{answer, tell};
 
 pub fn watch(args: &cli::WatchArgs) -> Result<()> {
     check(&args.folder).map_err(Error::Usage)?;
@@ -55,7 +55,7 @@ fn map_of(run: &RunRecord, maps: &mut BTreeMap<PathBuf, Option<Place>>) -> Optio
 }
 
 fn place_of(run: &RunRecord) -> Anyhow<Option<Place>> {
-    let Some(traffic) = domain::traffic(&run.config)? else { return Ok(None) };
+    let Some(traffic) = domains::traffic(&run.config)? else { return Ok(None) };
     let names = traffic.plans().iter().map(|plan| plan.light.clone()).collect();
     Ok(traffic.road_map()?.map(|map| (map, names)))
 }

@@ -1,9 +1,9 @@
 //! `worker`: the hidden command that `train` starts as its worker processes.
 
-use super::domain;
-use crate::error::{Error, Result};
-use crate::fleet::children::serve_the_parent;
+use dials_session::domains;
+use dials_session::error::{Error, Result};
+use dials_session::fleet::children::serve_the_parent;
 
 pub fn worker() -> Result<()> {
-    serve_the_parent(domain::open_tried).map_err(Error::Run)
+    serve_the_parent(domains::open_tried).map_err(Error::Run)
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use dials_traffic::records::files;
+use dials_session::records::files;
 use safetensors::SafeTensors;
 use serde_json::Value;
 

@@ -9,7 +9,7 @@ use std::sync::Mutex;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use dials_traffic::machine::limit_memory;
+use dials_session::machine::limit_memory;
 use rustix::process::{Signal, set_parent_process_death_signal};
 
 use super::driver::{BEGUN, CHILD, ENDED, FAILED, Order, save};

@@ -1,6 +1,6 @@
 //! One input made from others: a seed of the pool, changed in one to a few places.
 
-use dials_traffic::base::{Dice, Seed};
+use dials_core::base::{Dice, Seed};
 use rand::Rng;
 
 use super::{text, xml};

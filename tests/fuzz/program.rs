@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
-use dials_traffic::outside::is_printable;
+use dials_core::outside::is_printable;
 use rustix::process::{Pid, Signal, kill_process_group};
 
 use super::driver::deadline;

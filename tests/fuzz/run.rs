@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use anyhow::Result;
-use dials_traffic::config::{self, DomainConfig};
-use dials_traffic::outside::Directory;
-use dials_traffic::records::checkpoint::owner::Owner;
-use dials_traffic::records::checkpoint::{self, Checkpoint};
-use dials_traffic::warehouse::Warehouse;
+use dials_config::DomainConfig;
+use dials_core::outside::Directory;
+use dials_session::records::checkpoint::owner::Owner;
+use dials_session::records::checkpoint::{self, Checkpoint};
+use dials_warehouse::Warehouse;
 
 use super::program;
 
@@ -103,7 +103,7 @@ pub fn write_checkpoint(folder: &Path, Checkpoint { agents, progress }: Checkpoi
 fn owner() -> &'static Owner {
     static OWNER: OnceLock<Owner> = OnceLock::new();
     OWNER.get_or_init(|| {
-        let config = config::load(&dir("whole").join("config.toml"), &[]).expect("the config of a run");
+        let config = dials_config::load(&dir("whole").join("config.toml"), &[]).expect("the config of a run");
         let Some(DomainConfig::Warehouse(table)) = &config.domain else { panic!("the run is of the warehouse") };
         Owner::of(&config, &Warehouse::new(table)).expect("the warehouse has a scenario")
     })

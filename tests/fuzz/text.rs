@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use dials_traffic::base::Dice;
+use dials_core::base::Dice;
 use rand::Rng;
 
 use super::hostile::{NAMES, NUMBERS, VALUES};

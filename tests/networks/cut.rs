@@ -6,11 +6,11 @@ use std::fs;
 use std::io::{Write, stderr};
 use std::path::{Path, PathBuf};
 
-use dials_traffic::config::ScenarioConfig;
-use dials_traffic::traffic::cut::beyond::Reach;
-use dials_traffic::traffic::cut::mixed::{MixedForest, prefix};
-use dials_traffic::traffic::cut::of_scenario::{cut_light, write};
-use dials_traffic::traffic::scenario::SumoScenario;
+use dials_config::ScenarioConfig;
+use dials_traffic::cut::beyond::Reach;
+use dials_traffic::cut::mixed::{MixedForest, prefix};
+use dials_traffic::cut::of_scenario::{cut_light, write};
+use dials_traffic::scenario::SumoScenario;
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 

@@ -5,8 +5,8 @@ use std::fs;
 use std::path::Path;
 use std::process::Command as Program;
 
-use dials_traffic::traffic::sim::recorded_roads::{RecordedFiles, RecordedGround};
-use dials_traffic::traffic::sim::recording::Recording;
+use dials_traffic::sim::recorded_roads::{RecordedFiles, RecordedGround};
+use dials_traffic::sim::recording::Recording;
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 

@@ -4,13 +4,13 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use dials_traffic::base::{AgentId, Rows, Seed};
-use dials_traffic::config::{DomainConfig, ScenarioConfig, load};
-use dials_traffic::domain::{Action, Beginning, Domain};
-use dials_traffic::evaluation::{episode_seed, play};
-use dials_traffic::traffic::Traffic;
-use dials_traffic::traffic::sim::recording::{Recording, Tape};
-use dials_traffic::traffic::sim::replay;
+use dials_config::{DomainConfig, ScenarioConfig, load};
+use dials_core::base::{AgentId, Rows, Seed};
+use dials_core::domain::{Action, Beginning, Domain};
+use dials_learn::evaluation::{episode_seed, play};
+use dials_traffic::Traffic;
+use dials_traffic::sim::recording::{Recording, Tape};
+use dials_traffic::sim::replay;
 use rand::Rng;
 
 use crate::fcd::{assert_same, sumo_plays};

@@ -4,8 +4,8 @@ use std::fs;
 use std::path::PathBuf;
 use std::process::Command;
 
-use dials_traffic::config::{Simulator, load};
-use dials_traffic::traffic::scenario::SumoScenario;
+use dials_config::{Simulator, load};
+use dials_traffic::scenario::SumoScenario;
 
 use crate::room::{Room, SUMOCFG, table};
 
@@ -26,7 +26,7 @@ fn a_config_names_a_scenario_beside_it_and_may_narrow_its_time() {
         .unwrap();
     let config = load(&room.path("c.toml"), &[]).unwrap();
     assert_eq!(config.horizon(), 20);
-    let kept = dials_traffic::config::to_toml(&config).unwrap();
+    let kept = dials_config::to_toml(&config).unwrap();
     fs::write(room.path("kept.toml"), kept).unwrap();
     assert_eq!(load(&room.path("kept.toml"), &[]).unwrap(), config);
     assert_eq!(SumoScenario::read(&table(config)).unwrap().window_s(), (100, 200));
@@ -49,7 +49,7 @@ fn a_config_that_names_nothing_but_a_scenario_is_a_sumocfg_in_other_words() {
     // Who names the epochs and no patience wants all of them. So does the kept config of such a run.
     let patient = written(&format!("{bare}[aip]\nepochs = 9\n"), &[]);
     assert_eq!((patient.aip.epochs, patient.aip.patience, patient.aip.held_out), (9, None, 0.2));
-    assert_eq!(written(&dials_traffic::config::to_toml(&patient).unwrap(), &[]), patient);
+    assert_eq!(written(&dials_config::to_toml(&patient).unwrap(), &[]), patient);
     assert_eq!(room.config(&["aip.epochs=9"]).unwrap().aip.patience, None);
     assert_eq!(room.config(&["aip.epochs=9", "aip.patience=2"]).unwrap().aip.patience, Some(2));
     // A grid has the defaults of the paper.

@@ -5,7 +5,7 @@ use std::io::{Write, stderr};
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
-use dials_traffic::traffic::scenario::SumoScenario;
+use dials_traffic::scenario::SumoScenario;
 use serde_json::Value;
 
 use crate::play::shipped;

@@ -5,21 +5,21 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use dials_traffic::base::{RandomPurpose, Seed};
-use dials_traffic::config::ScenarioConfig;
-use dials_traffic::domain::{Action, Controller, Domain, GlobalSimulator, JointPercept};
-use dials_traffic::influence::Dataset;
-use dials_traffic::traffic::Traffic;
-use dials_traffic::traffic::agents::border_plan::{BLOCK_M, BLOCK_MPS, BorderPlan};
-use dials_traffic::traffic::agents::plan::Border;
-use dials_traffic::traffic::controllers::HandCoded;
-use dials_traffic::training::collect::collect_episode;
+use dials_config::ScenarioConfig;
+use dials_core::base::{RandomPurpose, Seed};
+use dials_core::domain::{Action, Controller, Domain, GlobalSimulator, JointPercept};
+use dials_learn::influence::Dataset;
+use dials_learn::training::collect::collect_episode;
+use dials_traffic::Traffic;
+use dials_traffic::agents::border_plan::{BLOCK_M, BLOCK_MPS, BorderPlan};
+use dials_traffic::agents::plan::Border;
+use dials_traffic::controllers::HandCoded;
 use rand::Rng;
 
 use crate::play::{opened, shipped};
 
 /// Chooses one of the allowed greens of every light.
-struct RandomGreens(dials_traffic::base::Dice);
+struct RandomGreens(dials_core::base::Dice);
 
 impl RandomGreens {
     fn new() -> RandomGreens {

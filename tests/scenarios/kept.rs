@@ -4,9 +4,9 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use dials_traffic::config::ScenarioConfig;
-use dials_traffic::sumo::Simulation;
-use dials_traffic::traffic::scenario::SumoScenario;
+use dials_config::ScenarioConfig;
+use dials_traffic::scenario::SumoScenario;
+use libsumo::Simulation;
 
 use crate::room::{BUSES, CARS, MORE, NET, Room, SUMOCFG, names, table};
 

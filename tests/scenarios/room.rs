@@ -3,8 +3,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use dials_traffic::config::{Config, DomainConfig, ScenarioConfig, load};
-use dials_traffic::traffic::scenario::SumoScenario;
+use dials_config::{Config, DomainConfig, ScenarioConfig, load};
+use dials_traffic::scenario::SumoScenario;
 use tempfile::TempDir;
 
 pub const SUMOCFG: &str = "x.sumocfg";

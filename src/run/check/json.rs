@@ -3,8 +3,8 @@
 use serde_json::{Value, json};
 
 use super::{Checked, together};
-use crate::traffic::fidelity::agreement::Comparison;
-use crate::traffic::fidelity::doubts::doubt;
+use dials_traffic::fidelity::agreement::Comparison;
+use dials_traffic::fidelity::doubts::doubt;
 
 /// Returns the whole object. Precision and recall compare the local simulator with the global one; in `other_seed`, two
 /// local simulators.

@@ -10,20 +10,20 @@ use std::ops::Range;
 
 use anyhow::{Result, anyhow, bail, ensure};
 
-use super::{directory, domain};
-use crate::base::{AgentId, Seed};
 use crate::cli::CheckArgs;
-use crate::config::{Config, load};
-use crate::domain::Domain;
-use crate::error::{Error, Result as CommandResult};
-use crate::outside::{did_you_mean, excerpt, folder_of, quoted};
-use crate::records::files::CONFIG;
-use crate::terminal::counting::EpisodeBar;
-use crate::terminal::{answer, json as in_json};
-use crate::traffic::Traffic;
-use crate::traffic::fidelity::agreement::Comparison;
-use crate::traffic::fidelity::truth::Truth;
-use crate::traffic::fidelity::{Fidelity, LightFidelity};
+use dials_config::{Config, load};
+use dials_core::base::{AgentId, Seed};
+use dials_core::domain::Domain;
+use dials_core::outside::{did_you_mean, excerpt, folder_of, quoted};
+use dials_session::error::{Error, Result as CommandResult};
+use dials_session::records::files::CONFIG;
+use dials_session::terminal::counting::EpisodeBar;
+use dials_session::terminal::{answer, json as in_json};
+use dials_session::{directory, domains};
+use dials_traffic::Traffic;
+use dials_traffic::fidelity::agreement::Comparison;
+use dials_traffic::fidelity::truth::Truth;
+use dials_traffic::fidelity::{Fidelity, LightFidelity};
 
 /// Second from which cells are compared, and for how long, if the episode is long enough.
 const BEGIN_S: usize = 600;
@@ -44,12 +44,12 @@ pub fn check(args: &CheckArgs) -> CommandResult<()> {
     let config = load(&args.config, &[]).map_err(Error::Usage)?;
     if args.config.ends_with(CONFIG) {
         // It may be the config of a run. --sigma does not count as a change.
-        directory::open_unchanged(folder_of(&args.config), domain::find).map_err(Error::Usage)?;
+        directory::open_unchanged(folder_of(&args.config), domains::find).map_err(Error::Usage)?;
     }
     let traffic = opened(&config, args).map_err(Error::Usage)?;
     let agents = agents(&traffic, args).map_err(Error::Usage)?;
     let window = window(traffic.seconds(), args).map_err(Error::Usage)?;
-    domain::tell_left_out(&traffic);
+    domains::tell_left_out(&traffic);
     let lights = measured(&traffic, &agents, &window, Seed::new(args.seed)).map_err(Error::Run)?;
     let on_grid = traffic.grid().is_some();
     let checked = Checked { window, sigma: args.sigma, seed: args.seed, lights, on_grid };
@@ -58,10 +58,10 @@ pub fn check(args: &CheckArgs) -> CommandResult<()> {
 }
 
 fn opened(config: &Config, args: &CheckArgs) -> Result<Traffic> {
-    domain::check(config)?;
+    domains::check(config)?;
     let traffic = match args.sigma {
-        None => domain::traffic(config)?,
-        Some(sigma) => domain::dawdling(config, sigma)?,
+        None => domains::traffic(config)?,
+        Some(sigma) => domains::dawdling(config, sigma)?,
     };
     traffic.ok_or_else(|| anyhow!("{}: only traffic has lights to check", args.config.display()))
 }

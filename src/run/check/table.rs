@@ -1,11 +1,11 @@
 //! The figures of `check` as a table for people.
 
 use super::{Checked, together};
-use crate::base::for_terminal;
-use crate::outside::Printable;
-use crate::traffic::fidelity::LightFidelity;
-use crate::traffic::fidelity::agreement::{Agreement, Comparison};
-use crate::traffic::fidelity::doubts::{LEAST_SAMPLED, LEAST_TRUE, doubt};
+use dials_core::base::for_terminal;
+use dials_core::outside::Printable;
+use dials_traffic::fidelity::LightFidelity;
+use dials_traffic::fidelity::agreement::{Agreement, Comparison};
+use dials_traffic::fidelity::doubts::{LEAST_SAMPLED, LEAST_TRUE, doubt};
 
 /// Largest number of lights that have a line each. Of more, the worst are shown.
 const MOST_LINES: usize = 40;
@@ -140,9 +140,9 @@ fn line(light: &str, exact: Comparison, sampled: Comparison, other: Option<Compa
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::AgentId;
-    use crate::traffic::fidelity::Causes;
-    use crate::traffic::fidelity::agreement::Sums;
+    use dials_core::base::AgentId;
+    use dials_traffic::fidelity::Causes;
+    use dials_traffic::fidelity::agreement::Sums;
 
     fn light(other_seed: Option<Comparison>) -> LightFidelity {
         let sums = Sums { seconds: 600, passed: 3000, car_seconds: 600, speed_sum_mps: 8000.0, ..Sums::default() };

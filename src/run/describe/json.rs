@@ -3,8 +3,8 @@
 use serde_json::{Value, json};
 
 use super::Described;
-use crate::experiment::estimate::Source;
-use crate::outside::path_as_text;
+use dials_core::outside::path_as_text;
+use dials_session::experiment::estimate::Source;
 
 /// Returns the whole object.
 pub fn described(described: &Described) -> Value {

@@ -9,19 +9,19 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::train::{cores, settings_with};
-use super::{build, domain};
-use crate::base::AgentId;
 use crate::cli;
-use crate::config::{Config, load};
-use crate::cost::Workload;
-use crate::domain::{Domain, Task};
-use crate::error::{Error, Result};
-use crate::experiment::estimate::{Estimate, estimate};
-use crate::experiment::file::PlannedRun;
-use crate::outside::FileName;
-use crate::records::run_record::RunRecord;
-use crate::report::find::find;
-use crate::terminal::{answer, json as in_json};
+use dials_config::{Config, load};
+use dials_core::base::AgentId;
+use dials_core::domain::{Domain, Task};
+use dials_core::outside::FileName;
+use dials_session::cost::Workload;
+use dials_session::error::{Error, Result};
+use dials_session::experiment::estimate::{Estimate, estimate};
+use dials_session::experiment::file::PlannedRun;
+use dials_session::records::find::find;
+use dials_session::records::run_record::RunRecord;
+use dials_session::terminal::{answer, json as in_json};
+use dials_session::{build, domains};
 
 /// Folder whose runs tell how long a run takes here: where `train` writes.
 const RUNS: &str = "runs";
@@ -56,7 +56,7 @@ pub fn describe(args: &cli::DescribeArgs) -> Result<()> {
 impl Described {
     fn of(args: &cli::DescribeArgs) -> anyhow::Result<Described> {
         let config = load(&args.config, &settings_with(&args.settings, args.simulator))?;
-        let domain = domain::find(&config)?;
+        let domain = domains::find(&config)?;
         let tasks = AgentId::all(domain.agents()).into_iter().map(|agent| AgentTask {
             agent,
             name: domain.agent_name(agent),

@@ -1,14 +1,15 @@
 //! A config as text for people.
 
 use super::{AgentTask, Described};
-use crate::base::{command_for_feature, counted};
-use crate::config::Simulator;
-use crate::domain::RegionSpec;
-use crate::experiment::estimate::Source;
-use crate::outside::quoted;
-use crate::report::words::duration;
+use crate::features::command_for_feature;
 use crate::run::listing::{line, list_columns, paragraph};
-use crate::terminal::program;
+use dials_config::Simulator;
+use dials_core::base::counted;
+use dials_core::domain::RegionSpec;
+use dials_core::outside::quoted;
+use dials_report::words::duration;
+use dials_session::experiment::estimate::Source;
+use dials_session::terminal::program;
 
 /// Largest number of agents whose names are listed.
 const MOST_NAMES: usize = 12;
@@ -41,7 +42,7 @@ fn agents(text: &mut String, Described { path, config, domain, tasks, .. }: &Des
 }
 
 fn simulator(simulator: Simulator) -> &'static str {
-    use crate::config::Predictor::{Marginals, Network, Untrained};
+    use dials_config::Predictor::{Marginals, Network, Untrained};
     match simulator {
         Simulator::Global => "gs: policies train on the global simulator",
         Simulator::Local(Network) => "dials: policies train on local simulators with trained influence predictors",

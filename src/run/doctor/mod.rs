@@ -9,9 +9,9 @@ mod trial;
 
 use anyhow::anyhow;
 
-use crate::base::counted;
-use crate::error::{Error, Result};
-use crate::terminal::answer;
+use dials_core::base::counted;
+use dials_session::error::{Error, Result};
+use dials_session::terminal::answer;
 use finding::{Finding, State};
 
 pub fn doctor() -> Result<()> {

@@ -3,14 +3,16 @@
 use std::path::Path;
 
 use super::Finding;
-use crate::base::VectorWidth;
-use crate::base::{command_for_feature, counted};
-use crate::fleet::children::FILES_PER_WORKER;
-use crate::machine::{allow_open_files, free_disk_mib, free_memory_mib};
-use crate::run::build;
+use crate::features::command_for_feature;
+use crate::program::PROGRAM;
 use crate::run::info::{loaded_library, place};
 use crate::run::train::cores;
-use crate::terminal::on_the_path;
+use dials_core::base::counted;
+use dials_session::build;
+use dials_session::fleet::children::FILES_PER_WORKER;
+use dials_session::machine::{allow_open_files, free_disk_mib, free_memory_mib};
+use dials_session::terminal::on_the_path;
+use stacknets::VectorWidth;
 
 /// Version of SUMO that was tried.
 const TRIED_SUMO: &str = "SUMO 1.15.";
@@ -44,7 +46,7 @@ pub fn find() -> Vec<Finding> {
 }
 
 fn build_here() -> Finding {
-    match build::here(VectorWidth::Widest) {
+    match build::here(PROGRAM, VectorWidth::Widest) {
         Ok(here) => Finding::good(format!(
             "dials-traffic {} (commit {}), {} with {}",
             here.dials_traffic, here.git_commit, here.cpu, here.vector_instructions
@@ -56,7 +58,7 @@ fn build_here() -> Finding {
 }
 
 fn sumo() -> Finding {
-    let version = crate::traffic::sumo_version();
+    let version = dials_traffic::sumo_version();
     // The library is there since the line above.
     let at = place(loaded_library("libsumocpp.so"));
     match version {

@@ -8,11 +8,11 @@ use std::time::Duration;
 use anyhow::{Context, Result, ensure};
 
 use super::Finding;
-use crate::outside::temporary_dir;
-use crate::run::END_WITH;
-use crate::run::trial::{End, watch};
-use crate::traffic::paper_grid::grid::Grid;
-use crate::traffic::paper_grid::make::{write_grid, write_local};
+use dials_core::outside::temporary_dir;
+use dials_session::parent::END_WITH;
+use dials_session::trial::{End, watch};
+use dials_traffic::paper_grid::grid::Grid;
+use dials_traffic::paper_grid::make::{write_grid, write_local};
 
 /// Longest time of a training. It takes about a second.
 const PATIENCE: Duration = Duration::from_secs(120);

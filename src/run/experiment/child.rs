@@ -13,14 +13,14 @@ use std::thread::{self, JoinHandle};
 use anyhow::{Context, Result};
 use rustix::process::{Pid, Signal, kill_process};
 
-use super::LOGS;
 use super::plan::PlannedWork;
-use crate::config::{Config, DomainConfig, to_toml};
-use crate::fleet::Log;
-use crate::machine::why_aborted;
-use crate::outside::Directory;
-use crate::report::find::BASELINES;
-use crate::run::END_WITH;
+use dials_config::{Config, DomainConfig, to_toml};
+use dials_core::outside::Directory;
+use dials_session::experiment::LOGS;
+use dials_session::fleet::Log;
+use dials_session::machine::why_aborted;
+use dials_session::parent::END_WITH;
+use dials_session::records::find::BASELINES;
 
 /// A line that a process printed on standard error.
 pub struct Said {

@@ -17,27 +17,27 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow, ensure};
 
-use super::build::other_build;
-use super::domain;
-use super::outputs::check_not_a_run;
 use super::subject::controller_file;
 use super::train::cores as machine_cores;
 use crate::cli;
-use crate::error::{Error, Result};
-use crate::experiment::file::{Experiment, Knowledge};
-use crate::experiment::progress::{Stage, directory, stage};
-use crate::experiment::schedule::Cores;
-use crate::machine::allow_open_files;
-use crate::outside::{Busy, Directory, quoted};
-use crate::report::find::{BASELINES, MeasuredWith};
-use crate::report::plan::{ExperimentPlan, FolderPlan, PLAN};
-use crate::terminal::experiment::Display;
-use crate::terminal::{Wish, answer, program, stop_on_signals, warn};
+use crate::program::PROGRAM;
 use child::{RunProcess, Said, log_obstacle};
+use dials_core::outside::{Busy, Directory, quoted};
+use dials_session::build::other_build;
+use dials_session::domains;
+use dials_session::error::{Error, Result};
+use dials_session::experiment::LOGS;
+use dials_session::experiment::file::{Experiment, Knowledge};
+use dials_session::experiment::progress::{Stage, directory, stage};
+use dials_session::experiment::schedule::Cores;
+use dials_session::machine::allow_open_files;
+use dials_session::outputs::check_not_a_run;
+use dials_session::records::find::{BASELINES, MeasuredWith};
+use dials_session::records::plan::{ExperimentPlan, FolderPlan, PLAN};
+use dials_session::terminal::experiment::Display;
+use dials_session::terminal::{Wish, answer, program, stop_on_signals, warn};
 use plan::{PlannedWork, Tasks};
 
-/// Folder of the logs of the processes, in the folder of the runs.
-pub(in crate::run) const LOGS: &str = "logs";
 /// Interval between two checks whether a process has ended.
 const LOOK_EVERY: Duration = Duration::from_millis(200);
 /// Number of files that are open for a running process: its errors, its log twice, and its result.
@@ -50,14 +50,14 @@ pub fn experiment(args: &cli::ExperimentArgs) -> Result<()> {
     allow_open_files(cores, FILES_PER_PROCESS, "--cores").map_err(Error::Usage)?;
     let knowledge = Knowledge {
         simulated: &|config| {
-            let domain = domain::find(config)?;
+            let domain = domains::find(config)?;
             Ok((domain.scenario()?, domain.rough_costs()))
         },
         controller: &|config, name| {
-            let domain = domain::find(config)?;
+            let domain = domains::find(config)?;
             domain.check_baseline(name)?;
             let controller_file_crc32 = controller_file(&*domain, name)?;
-            Ok(MeasuredWith { controller_file_crc32, sumo_version: domain::sumo_version(config) })
+            Ok(MeasuredWith { controller_file_crc32, sumo_version: domains::sumo_version(config) })
         },
     };
     let experiment = Experiment::read(&args.file, &knowledge).map_err(Error::Usage)?;
@@ -131,7 +131,7 @@ fn check_nobody_trains(experiment: &Experiment, folder: &Path) -> anyhow::Result
 fn check_builds(experiment: &Experiment, folder: &Path) -> anyhow::Result<()> {
     for run in &experiment.runs {
         if matches!(stage(folder, run)?, Stage::Begun { .. } | Stage::Running { .. }) {
-            other_build(&directory(folder, run), run.config.numerics.vector_width, false)?;
+            other_build(PROGRAM, &directory(folder, run), run.config.numerics.vector_width, false)?;
         }
     }
     Ok(())

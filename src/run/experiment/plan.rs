@@ -5,16 +5,16 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 
-use crate::base::{TERMINAL_COLUMNS, for_terminal};
-use crate::config::{Config, Simulator};
-use crate::experiment::estimate::{Estimate, Source, estimate, estimate_controller};
-use crate::experiment::file::{Experiment, PlannedBaseline, PlannedRun};
-use crate::experiment::progress::{Stage, directory, stage, stage_of_baseline};
-use crate::experiment::schedule::{Job, Total, total, width};
-use crate::records::run_record::RunRecord;
-use crate::report::find::{baseline_file, find};
-use crate::report::words::duration;
-use crate::terminal::experiment::Planned;
+use dials_config::{Config, Simulator};
+use dials_core::base::{TERMINAL_COLUMNS, for_terminal};
+use dials_report::words::duration;
+use dials_session::experiment::estimate::{Estimate, Source, estimate, estimate_controller};
+use dials_session::experiment::file::{Experiment, PlannedBaseline, PlannedRun};
+use dials_session::experiment::progress::{Stage, directory, stage, stage_of_baseline};
+use dials_session::experiment::schedule::{Job, Total, total, width};
+use dials_session::records::find::{baseline_file, find};
+use dials_session::records::run_record::RunRecord;
+use dials_session::terminal::experiment::Planned;
 
 /// One process of the experiment.
 #[derive(Clone, Debug)]

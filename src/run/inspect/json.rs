@@ -3,10 +3,10 @@
 use serde_json::{Value, json};
 
 use super::Inspected;
-use crate::traffic::agents::derive::Agent;
-use crate::traffic::agents::phase_plan::{Interval, PhasePlan};
-use crate::traffic::agents::plan::Border;
-use crate::traffic::agents::region_plan::RegionPlan;
+use dials_traffic::agents::derive::Agent;
+use dials_traffic::agents::phase_plan::{Interval, PhasePlan};
+use dials_traffic::agents::plan::Border;
+use dials_traffic::agents::region_plan::RegionPlan;
 
 /// Returns the whole object. Indices (`links` of an approach, `from`, `to`) count the other lists of the same light.
 pub fn described(inspected: &Inspected) -> Value {

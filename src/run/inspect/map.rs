@@ -3,10 +3,10 @@
 use anyhow::Result;
 
 use super::Inspected;
-use crate::domain::road_trace::Line;
-use crate::drawing::Svg;
-use crate::plot::{MapRegion, RegionsMap, regions_map};
-use crate::traffic::network::roads::LaneNo;
+use dials_core::domain::road_trace::Line;
+use dials_report::drawing::Svg;
+use dials_report::plot::{MapRegion, RegionsMap, regions_map};
+use dials_traffic::network::roads::LaneNo;
 
 pub fn drawn(inspected: &Inspected) -> Result<Svg> {
     let Inspected { net, roads, derived, .. } = inspected;

@@ -13,24 +13,24 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, ensure};
 
-use super::outputs;
-use super::places::{self, Existing};
-use crate::base::for_terminal;
 use crate::cli::InspectArgs;
-use crate::config::{ScenarioConfig, TrafficConfig};
-use crate::error::{Error, Result as CommandResult};
-use crate::outside::{did_you_mean, excerpt, read_text};
-use crate::terminal::{self, answer, program, tell};
-use crate::traffic::agents::derive::border::Seconds;
-use crate::traffic::agents::derive::overrides::Overrides;
-use crate::traffic::agents::derive::padding::{InfluencePadding, Padding};
-use crate::traffic::agents::derive::{Derived, Rules, derive};
-use crate::traffic::agents::plan::Border;
-use crate::traffic::agents::region::spec;
-use crate::traffic::network::files::NetworkFiles;
-use crate::traffic::network::roads::{EdgeNo, Roads, file};
-use crate::traffic::paper_grid::recognise::recognise_grid;
-use crate::traffic::scenario::SumoScenario;
+use dials_config::{ScenarioConfig, TrafficConfig};
+use dials_core::base::for_terminal;
+use dials_core::outside::{did_you_mean, excerpt, read_text};
+use dials_session::error::{Error, Result as CommandResult};
+use dials_session::outputs;
+use dials_session::places::{self, Existing};
+use dials_session::terminal::{self, answer, program, tell};
+use dials_traffic::agents::derive::border::Seconds;
+use dials_traffic::agents::derive::overrides::Overrides;
+use dials_traffic::agents::derive::padding::{InfluencePadding, Padding};
+use dials_traffic::agents::derive::{Derived, Rules, derive};
+use dials_traffic::agents::plan::Border;
+use dials_traffic::agents::region::spec;
+use dials_traffic::network::files::NetworkFiles;
+use dials_traffic::network::roads::{EdgeNo, Roads, file};
+use dials_traffic::paper_grid::recognise::recognise_grid;
+use dials_traffic::scenario::SumoScenario;
 
 /// Largest file of overrides, in bytes.
 const MOST_OVERRIDES: u64 = 1 << 20;

@@ -2,8 +2,8 @@
 
 use super::{Inspected, text};
 use crate::run::listing::{aligned, line, paragraph};
-use crate::traffic::agents::derive::Agent;
-use crate::traffic::agents::derive::keeping::{Keeping, sentences};
+use dials_traffic::agents::derive::Agent;
+use dials_traffic::agents::derive::keeping::{Keeping, sentences};
 
 /// Returns the whole text.
 pub fn described(inspected: &Inspected) -> String {

@@ -1,13 +1,13 @@
 //! A network as text for people: its lights in full.
 
 use super::Inspected;
-use crate::base::counted;
 use crate::run::listing::{aligned, line, list_columns, paragraph};
-use crate::traffic::agents::derive::keeping::Keeping;
-use crate::traffic::agents::derive::safety;
-use crate::traffic::agents::derive::{Agent, Derived};
-use crate::traffic::agents::phase_plan::{Interval, PhasePlan};
-use crate::traffic::agents::plan::{AgentPlan, Border};
+use dials_core::base::counted;
+use dials_traffic::agents::derive::keeping::Keeping;
+use dials_traffic::agents::derive::safety;
+use dials_traffic::agents::derive::{Agent, Derived};
+use dials_traffic::agents::phase_plan::{Interval, PhasePlan};
+use dials_traffic::agents::plan::{AgentPlan, Border};
 
 /// Returns what is said of the whole, and all lights.
 pub fn all(inspected: &Inspected) -> String {

@@ -4,7 +4,7 @@ use std::fs;
 use std::sync::OnceLock;
 
 use anyhow::Result;
-use dials_traffic::records::checkpoint::Checkpoint;
+use dials_session::records::checkpoint::Checkpoint;
 
 use crate::place::empty;
 use crate::run;

@@ -2,10 +2,10 @@
 
 use std::fs;
 
-use dials_traffic::base::Ragged;
-use dials_traffic::records::checkpoint::{Checkpoint, RunProgress};
-use dials_traffic::training::state::{AgentsState, JointMoments};
-use dials_traffic::training::stream::AgentStream;
+use dials_core::base::Ragged;
+use dials_learn::training::state::{AgentsState, JointMoments};
+use dials_learn::training::stream::AgentStream;
+use dials_session::records::checkpoint::{Checkpoint, RunProgress};
 use serde::{Deserialize, Serialize};
 
 use crate::place::{copy, empty};

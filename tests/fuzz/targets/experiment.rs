@@ -5,10 +5,10 @@ use std::fs;
 use std::path::{Component, Path};
 
 use anyhow::ensure;
-use dials_traffic::domain::{RoughCosts, Scenario};
-use dials_traffic::experiment::file::{Experiment, Knowledge};
-use dials_traffic::outside::is_printable;
-use dials_traffic::report::find::MeasuredWith;
+use dials_core::domain::{RoughCosts, Scenario};
+use dials_core::outside::is_printable;
+use dials_session::experiment::file::{Experiment, Knowledge};
+use dials_session::records::find::MeasuredWith;
 
 use super::read_all;
 use crate::place::{empty, work};

@@ -1,10 +1,10 @@
 //! What coordinator and workers say to each other.
 
-use dials_traffic::base::{AgentId, Ragged, Seed};
-use dials_traffic::fleet::{Answer, Order, WorkerReport, encode, receive};
-use dials_traffic::training::answers::WorkerLoad;
-use dials_traffic::training::state::{AgentsState, JointMoments};
-use dials_traffic::training::stream::{AgentStream, RowStream, Trail};
+use dials_core::base::{AgentId, Ragged, Seed};
+use dials_learn::training::answers::WorkerLoad;
+use dials_learn::training::state::{AgentsState, JointMoments};
+use dials_learn::training::stream::{AgentStream, RowStream, Trail};
+use dials_session::fleet::{Answer, Order, WorkerReport, encode, receive};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 

@@ -4,8 +4,8 @@ use std::fs;
 use std::path::Path;
 use std::sync::OnceLock;
 
-use dials_traffic::config::{self, DomainConfig};
-use dials_traffic::traffic::Traffic;
+use dials_config::DomainConfig;
+use dials_traffic::Traffic;
 use serde_json::Value;
 
 use super::{of_project, read_all};
@@ -84,7 +84,7 @@ fn with_file(file: &str, bytes: &[u8], freedom: Freedom) -> Verdict {
 }
 
 fn open(config: &Path) -> anyhow::Result<()> {
-    match config::load(config, &[])?.domain {
+    match dials_config::load(config, &[])?.domain {
         Some(DomainConfig::Traffic(table)) => Traffic::open(&table).map(drop),
         _ => unreachable!("the config is of traffic"),
     }

@@ -3,11 +3,11 @@
 use std::fs;
 use std::path::Path;
 
-use dials_traffic::config::{self, Config, DomainConfig};
-use dials_traffic::domain::Domain;
-use dials_traffic::records::files::{AIPS, CONFIG, POLICIES};
-use dials_traffic::records::joint_layout::JointLayout;
-use dials_traffic::warehouse::Warehouse;
+use dials_config::{Config, DomainConfig};
+use dials_core::domain::Domain;
+use dials_session::records::files::{AIPS, CONFIG, POLICIES};
+use dials_session::records::joint_layout::JointLayout;
+use dials_warehouse::Warehouse;
 
 use crate::place::work;
 use crate::run;
@@ -37,7 +37,7 @@ pub fn aips(bytes: &[u8]) -> Verdict {
 fn read(bytes: &[u8], layout: impl Fn(&Config, &Warehouse) -> JointLayout) -> Verdict {
     let path = work().join("networks.safetensors");
     fs::write(&path, bytes).expect("a file to work with");
-    let config = config::load(&run::dir("whole").join(CONFIG), &[]).expect("the run has a config");
+    let config = dials_config::load(&run::dir("whole").join(CONFIG), &[]).expect("the run has a config");
     let Some(DomainConfig::Warehouse(table)) = &config.domain else { unreachable!("the run is of the warehouse") };
     let domain = Warehouse::new(table);
     match layout(&config, &domain).read(Path::new(&path)) {

@@ -2,11 +2,11 @@
 
 use std::fs;
 
-use dials_traffic::outside::Directory;
-use dials_traffic::outside::is_printable;
-use dials_traffic::records::run_json::RunJson;
-use dials_traffic::records::run_record::RunRecord;
-use dials_traffic::report::{self, Report};
+use dials_core::outside::Directory;
+use dials_core::outside::is_printable;
+use dials_report::{self, Report};
+use dials_session::records::run_json::RunJson;
+use dials_session::records::run_record::RunRecord;
 
 use super::{of_project, read_all};
 use crate::place::{copy, empty};
@@ -104,7 +104,7 @@ fn with_file(file: &str, bytes: &[u8], shown: Shown) -> Verdict {
     if let Ok(record) = RunRecord::read(&first) {
         check_finite(&record);
     }
-    match report::report(&[runs]) {
+    match dials_report::report(&[runs]) {
         Err(error) => Verdict::refused(error),
         Ok(report) => {
             check_files(&report, &shown);

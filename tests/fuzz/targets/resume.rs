@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use dials_traffic::records::files::{GROWING, POLICIES};
+use dials_session::records::files::{GROWING, POLICIES};
 
 use crate::place::{copy, empty};
 use crate::program;

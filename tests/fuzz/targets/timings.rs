@@ -2,10 +2,10 @@
 
 use std::fs;
 
-use dials_traffic::config::TrafficConfig;
-use dials_traffic::traffic::controllers::timing_file::{Score, TimingFile};
-use dials_traffic::traffic::paper_grid::grid::Grid;
-use dials_traffic::traffic::paper_grid::plans::plans;
+use dials_config::TrafficConfig;
+use dials_traffic::controllers::timing_file::{Score, TimingFile};
+use dials_traffic::paper_grid::grid::Grid;
+use dials_traffic::paper_grid::plans::plans;
 
 use crate::place::work;
 use crate::verdict::Verdict;

@@ -1,0 +1,142 @@
+//! Influence predictors: `I(u_t | l_t)`, the influence of the rest of the system on a local region.
+//!
+//! An [`InfluencePredictor`] samples the influence sources `u_t` that drive a local simulator, given the d-set `l_t`,
+//! the inputs that d-separate the region from the rest. [`AipStack`] is the paper's approximate influence predictor
+//! (AIP), one network per agent; without training it is the predictor of untrained-DIALS. [`Marginals`] are constants,
+//! the predictors of marginal-DIALS.
+//!
+//! - `aip`, `marginals`: the two predictors; `correcting`: AIPs that correct constants.
+//! - `dataset`: pairs `(l_t, u_t)` of one agent from the global simulator (GS).
+//! - `train`, `descent`, `best`: fit a predictor to a [`Dataset`]; `measure`: its loss on one that it has not seen.
+//! - `parts`: how often sources took their values in each part of an episode.
+//! - `sources`: the distribution that logits stand for: sampling, cross-entropy and its gradient.
+
+mod aip;
+mod best;
+mod correcting;
+mod dataset;
+mod descent;
+mod marginals;
+mod measure;
+mod parts;
+mod sources;
+mod train;
+
+use std::ops::Range;
+
+use dials_config::{AipConfig, Predictor};
+use dials_core::base::statistics::mean;
+use dials_core::base::{AgentId, Dice, Rows, Seed, Stopwatch, Work};
+use dials_core::domain::{RegionSpec, Result, SourceSpec};
+use stacknets::Layout;
+
+pub use aip::AipStack;
+pub use correcting::CorrectingAips;
+pub use dataset::Dataset;
+pub use marginals::{Marginals, frequencies};
+pub use measure::{FreshLoss, measure};
+pub use train::{AipLoss, train};
+
+/// Mean cross-entropy of every influence source, in nats.
+pub type CrossEntropies = Vec<f64>;
+
+/// Returns the mean over the sources of an agent. Without sources it is 0: there is nothing to predict.
+pub fn mean_loss(of_sources: &[f64]) -> f64 {
+    if of_sources.is_empty() { 0.0 } else { mean(of_sources) }
+}
+
+/// A sampler of the influence sources of many regions, one row per (agent, copy).
+pub trait InfluencePredictor {
+    /// Sets the number of rows from now on. An episode begins in each.
+    fn begin(&mut self, rows: usize);
+
+    /// Forgets the history of these rows, because episodes begin in them.
+    fn forget(&mut self, rows: &[usize]);
+
+    /// Reads the d-sets of a decision whose sources are already known, and draws nothing.
+    fn watch(&mut self, d_set: &Rows<f32>);
+
+    /// Draws `u_t` for every row, each from the dice of its row.
+    ///
+    /// `d_set`: `[rows, d_set_dim]` at this decision; `sources`: `[rows, sources]`, written.
+    fn sample(&mut self, d_set: &Rows<f32>, dice: &mut [Dice], sources: &mut Rows<u8>);
+}
+
+/// A predictor for each of some agents that learns from datasets. A run trains it, saves it, and continues from it.
+pub trait TrainablePredictor: InfluencePredictor {
+    fn sources(&self) -> &SourceSpec;
+
+    /// Returns what it has learnt, one row per agent, as [`layout`] describes it.
+    fn values(&self) -> Rows<f32>;
+
+    /// Copies what another one has learnt.
+    fn load(&mut self, values: &Rows<f32>);
+
+    /// Learns from the first `samples` of every agent's dataset, whole episodes. `dice`: one per agent. `progress` is
+    /// called with the share that is done.
+    fn learn(
+        &mut self,
+        datasets: &[Dataset],
+        samples: usize,
+        config: &AipConfig,
+        dice: &mut [Dice],
+        work: Work<'_, f64>,
+    );
+
+    /// Returns the mean cross-entropies of every agent over some samples of its dataset, whole episodes.
+    fn cross_entropies(
+        &self,
+        datasets: &[Dataset],
+        samples: Range<usize>,
+        watch: &mut Stopwatch,
+    ) -> Vec<CrossEntropies>;
+
+    /// Returns whether each source of an agent keeps its constants, because the last training found them better. Empty
+    /// for predictors that do not choose.
+    fn on_marginals(&self, _agent: usize) -> Vec<bool> {
+        Vec::new()
+    }
+}
+
+/// Makes the first predictor of `agents` for this choice, each agent's from its own stream.
+pub fn initial_predictor(
+    choice: Predictor,
+    agents: &[AgentId],
+    spec: &RegionSpec,
+    config: &AipConfig,
+    seed: Seed,
+) -> Box<dyn TrainablePredictor> {
+    match choice {
+        Predictor::Marginals => Box::new(Marginals::new(agents.len(), spec)),
+        Predictor::Network if config.correct_marginals => Box::new(CorrectingAips::new(agents, spec, config, seed)),
+        Predictor::Network | Predictor::Untrained => Box::new(AipStack::new(agents, spec, config, seed)),
+    }
+}
+
+/// Returns the layout of what such a predictor has learnt.
+pub fn layout(choice: Predictor, spec: &RegionSpec, config: &AipConfig) -> Layout {
+    match choice {
+        Predictor::Marginals => Marginals::layout(spec),
+        Predictor::Network if config.correct_marginals => CorrectingAips::layout(spec, config),
+        Predictor::Network | Predictor::Untrained => AipStack::shape(spec, config).layout(),
+    }
+}
+
+/// Returns an error that says why an agent's row of values cannot be what such a predictor has learnt. Its width is that
+/// of [`layout`], and all values are finite.
+pub fn check_values(choice: Predictor, spec: &RegionSpec, config: &AipConfig, values: &[f32]) -> Result<()> {
+    match choice {
+        Predictor::Marginals => Marginals::check(&spec.sources, values),
+        Predictor::Network if config.correct_marginals => CorrectingAips::check(&spec.sources, values),
+        Predictor::Network | Predictor::Untrained => Ok(()),
+    }
+}
+
+/// Returns the floating-point operations in matrix products with which such a predictor samples the sources of one
+/// decision.
+pub fn sampling_flops(choice: Predictor, spec: &RegionSpec, config: &AipConfig) -> f64 {
+    match choice {
+        Predictor::Marginals => 0.0,
+        Predictor::Network | Predictor::Untrained => AipStack::shape(spec, config).forward_flops(),
+    }
+}

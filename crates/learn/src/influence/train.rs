@@ -1,0 +1,287 @@
+//! Training of the influence predictors on the datasets (Algorithm 1, lines 4 to 6), and its effect on their loss.
+
+use serde::{Deserialize, Serialize};
+
+use super::parts::PartFrequencies;
+use super::{CrossEntropies, Dataset, TrainablePredictor};
+use dials_config::{AipConfig, held_out_episodes};
+use dials_core::base::{AgentId, Dice, Seed, Stopwatch, Work};
+
+/// Effect of one training on one agent's predictor, for each source that the agent has.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AipLoss {
+    /// Loss on the episodes it was trained on, before and after.
+    pub training: [CrossEntropies; 2],
+    /// Loss on the held-out episodes, before and after.
+    pub held_out: [CrossEntropies; 2],
+    /// Loss of the best constant on the held-out episodes: the frequency in the training episodes. In a domain whose
+    /// episodes have parts: of each part.
+    pub marginals: CrossEntropies,
+    /// How often each source was not 0 in the training episodes.
+    pub frequencies: Vec<f64>,
+    /// Whether each source keeps its constants, because the AIP is not better on the held-out episodes. Empty for
+    /// predictors that do not choose.
+    pub on_marginals: Vec<bool>,
+}
+
+/// Trains every agent's predictor on its own dataset and measures the loss before and after.
+///
+/// `datasets`: one per agent of the stack, all of the same length. The last `held_out` of the episodes only measure.
+/// `progress` is called with the share that is done.
+pub fn train(
+    predictor: &mut dyn TrainablePredictor,
+    agents: &[AgentId],
+    datasets: &[Dataset],
+    config: &AipConfig,
+    seed: Seed,
+    work: Work<'_, f64>,
+) -> Vec<AipLoss> {
+    let Work { watch, progress } = work;
+    let (first, last) = split(&datasets[0], config.held_out);
+    let both = |predictor: &dyn TrainablePredictor, watch: &mut Stopwatch| {
+        [0..first, first..last].map(|samples| predictor.cross_entropies(datasets, samples, watch))
+    };
+    let before = both(predictor, watch);
+    let mut dice: Vec<Dice> = agents.iter().map(|&agent| seed.for_agent(agent).dice()).collect();
+    predictor.learn(datasets, first, config, &mut dice, Work { watch, progress });
+    let after = both(predictor, watch);
+    let per_agent = datasets.iter().enumerate().map(|(agent, dataset)| {
+        let [seen, held_out] =
+            [0..first, first..last].map(|samples| PartFrequencies::of(predictor.sources(), dataset, samples));
+        let of_agent = |losses: &[CrossEntropies]| dataset.only_own(losses[agent].clone());
+        AipLoss {
+            training: [of_agent(&before[0]), of_agent(&after[0])],
+            held_out: [of_agent(&before[1]), of_agent(&after[1])],
+            marginals: dataset.only_own(held_out.cross_entropies(&seen.probabilities())),
+            frequencies: dataset.only_own(seen.whole().iter().map(|classes| 1.0 - classes[0]).collect()),
+            on_marginals: dataset.only_own(predictor.on_marginals(agent)),
+        }
+    });
+    per_agent.collect()
+}
+
+/// Returns where the training samples end and where the held-out ones end.
+fn split(dataset: &Dataset, share: f64) -> (usize, usize) {
+    let episodes = dataset.episodes();
+    let training = episodes - held_out_episodes(episodes, share);
+    (training * dataset.horizon, dataset.len())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::influence::AipStack;
+    use dials_core::domain::{RegionSpec, SourceSpec};
+    use rand::Rng;
+
+    /// Makes two sources with a known conditional distribution: P(u_0 = 1 | x) is 0.9 if x_0 = 1 and 0.2 otherwise; u_1
+    /// is a fair coin.
+    fn known_dataset(agent: AgentId) -> Dataset {
+        let sources = SourceSpec::bits(2);
+        let spec = RegionSpec {
+            obs_dim: 3,
+            d_set_dim: 3,
+            n_actions: 2,
+            masks: false,
+            sources,
+            horizon: 100,
+            local_horizon: 100,
+        };
+        let mut dataset = Dataset::new(&spec);
+        let mut dice = Seed::new(21).for_agent(agent).dice();
+        for _ in 0..20_000 {
+            let x: [bool; 3] = dice.random();
+            let u = [dice.random_bool(if x[0] { 0.9 } else { 0.2 }), dice.random_bool(0.5)];
+            dataset.push(&x.map(|bit| f32::from(u8::from(bit))), &u.map(u8::from));
+        }
+        dataset
+    }
+
+    fn config() -> AipConfig {
+        AipConfig { hidden: vec![16, 16], learning_rate: 1e-3, epochs: 12, ..AipConfig::default() }
+    }
+
+    fn trained(agents: &[AgentId], config: &AipConfig) -> (Vec<AipLoss>, Vec<f32>) {
+        let sources = SourceSpec::bits(2);
+        let spec = RegionSpec {
+            obs_dim: 3,
+            d_set_dim: 3,
+            n_actions: 2,
+            masks: false,
+            sources,
+            horizon: 100,
+            local_horizon: 100,
+        };
+        let mut aips = AipStack::new(agents, &spec, config, Seed::new(1));
+        let datasets: Vec<Dataset> = agents.iter().map(|&agent| known_dataset(agent)).collect();
+        let losses = train(
+            &mut aips,
+            agents,
+            &datasets,
+            config,
+            Seed::new(2),
+            Work { watch: &mut Stopwatch::default(), progress: &mut |_| () },
+        );
+        let values = aips.parameters().values().as_slice().to_vec();
+        (losses, values)
+    }
+
+    #[test]
+    fn an_aip_reaches_the_entropy_of_a_known_distribution() {
+        // Without a hidden layer an AIP is a logistic regression, which can give both probabilities, too.
+        let linear = AipConfig { hidden: Vec::new(), learning_rate: 1e-2, ..config() };
+        let losses = [config(), linear].into_iter().flat_map(|config| trained(&AgentId::all(2), &config).0);
+        // H(0.9) = 0.3251 and H(0.2) = 0.5004, each half of the time: 0.4127; the coin: ln 2 = 0.6931.
+        // The marginal of u_0 is 0.55: H = 0.6881. 2000 held-out samples: standard error of the loss about 0.012.
+        for loss in losses {
+            assert!((loss.held_out[0][0] - 0.69).abs() < 0.08, "untrained {:?}", loss.held_out[0]);
+            assert!((loss.held_out[1][0] - 0.4127).abs() < 0.04, "{:?}", loss.held_out[1]);
+            assert!((loss.held_out[1][1] - 2_f64.ln()).abs() < 0.01, "{:?}", loss.held_out[1]);
+            assert!((loss.training[1][0] - 0.4127).abs() < 0.02, "{:?}", loss.training[1]);
+            assert!((loss.marginals[0] - 0.6881).abs() < 0.01, "{:?}", loss.marginals);
+            assert!((loss.frequencies[0] - 0.55).abs() < 0.015, "{:?}", loss.frequencies);
+        }
+    }
+
+    #[test]
+    fn the_last_episodes_measure_and_are_not_trained_on() {
+        // u = x in the first 18 episodes, u = 1 - x in the last two: a predictor that learns u = x is wrong there.
+        let sources = SourceSpec::bits(1);
+        let spec = RegionSpec {
+            obs_dim: 1,
+            d_set_dim: 1,
+            n_actions: 2,
+            masks: false,
+            sources,
+            horizon: 100,
+            local_horizon: 100,
+        };
+        let mut dataset = Dataset::new(&spec);
+        let mut dice = Seed::new(31).dice();
+        for sample in 0..2000 {
+            let x: bool = dice.random();
+            dataset.push(&[f32::from(u8::from(x))], &[u8::from(x != (sample >= 1800))]);
+        }
+        let config = AipConfig { hidden: vec![8], learning_rate: 1e-2, epochs: 30, ..AipConfig::default() };
+        let mut aips = AipStack::new(&[AgentId(0)], &spec, &config, Seed::new(1));
+        let loss = train(
+            &mut aips,
+            &[AgentId(0)],
+            &[dataset],
+            &config,
+            Seed::new(2),
+            Work { watch: &mut Stopwatch::default(), progress: &mut |_| () },
+        )
+        .remove(0);
+        // Certain of u = x where it holds: p > 0.95, so -ln(1 - p) > 3 in the end. Trained on all it would be ln 10 = 2.3.
+        assert!(loss.training[1][0] < 0.05, "{:?}", loss.training);
+        assert!(loss.held_out[1][0] > 3.0, "{:?}", loss.held_out);
+    }
+
+    #[test]
+    fn training_that_makes_held_out_episodes_worse_stops_early() {
+        // The same contradiction: every epoch makes the held-out episodes worse.
+        let spec = RegionSpec {
+            obs_dim: 1,
+            d_set_dim: 1,
+            n_actions: 2,
+            masks: false,
+            sources: SourceSpec::bits(1),
+            horizon: 100,
+            local_horizon: 100,
+        };
+        let mut dataset = Dataset::new(&spec);
+        let mut dice = Seed::new(31).dice();
+        for sample in 0..2000 {
+            let x: bool = dice.random();
+            dataset.push(&[f32::from(u8::from(x))], &[u8::from(x != (sample >= 1800))]);
+        }
+        let agents = [AgentId(0)];
+        let losses = |patience: Option<usize>| {
+            let config =
+                AipConfig { hidden: vec![8], learning_rate: 1e-2, epochs: 9, patience, ..AipConfig::default() };
+            let mut aips = AipStack::new(&agents, &spec, &config, Seed::new(1));
+            let work = Work { watch: &mut Stopwatch::default(), progress: &mut |_| () };
+            train(&mut aips, &agents, std::slice::from_ref(&dataset), &config, Seed::new(2), work).remove(0).held_out
+        };
+        let [before, after] = losses(Some(1));
+        assert_eq!(before, after, "the first parameters were the best");
+        let [before, after] = losses(None);
+        assert!(after[0] > before[0] + 0.5, "{before:?} {after:?}");
+    }
+
+    #[test]
+    fn agents_train_alike_in_any_company() {
+        let (both, together) = trained(&[AgentId(0), AgentId(1)], &config());
+        let (single, alone) = trained(&[AgentId(1)], &config());
+        assert_eq!(single[0], both[1]);
+        assert_eq!(alone, together[together.len() / 2..]);
+    }
+
+    /// Makes a source that repeats what the d-set showed two steps ago: only a memory can predict it.
+    fn delayed_dataset() -> Dataset {
+        let sources = SourceSpec { classes: vec![3], parts: 0 };
+        let spec = RegionSpec {
+            obs_dim: 3,
+            d_set_dim: 3,
+            n_actions: 2,
+            masks: false,
+            sources,
+            horizon: 20,
+            local_horizon: 20,
+        };
+        let mut dataset = Dataset::new(&spec);
+        let mut dice = Seed::new(31).dice();
+        for _ in 0..200 {
+            let mut shown = [0_u8; 2];
+            for _ in 0..20 {
+                let class = dice.random_range(0..3_u8);
+                let mut d_set = [0.0; 3];
+                d_set[usize::from(class)] = 1.0;
+                dataset.push(&d_set, &[shown[0]]);
+                shown = [shown[1], class];
+            }
+        }
+        dataset
+    }
+
+    #[test]
+    fn an_aip_with_memory_learns_what_one_without_cannot() {
+        let sources = SourceSpec { classes: vec![3], parts: 0 };
+        let spec = RegionSpec {
+            obs_dim: 3,
+            d_set_dim: 3,
+            n_actions: 2,
+            masks: false,
+            sources,
+            horizon: 20,
+            local_horizon: 20,
+        };
+        let loss = |recurrent: Option<usize>| {
+            let batch = if recurrent.is_some() { 20 } else { 128 };
+            let config = AipConfig {
+                recurrent,
+                hidden: vec![16],
+                learning_rate: 1e-2,
+                epochs: 30,
+                batch,
+                ..AipConfig::default()
+            };
+            let mut aips = AipStack::new(&[AgentId(0)], &spec, &config, Seed::new(1));
+            let datasets = [delayed_dataset()];
+            train(
+                &mut aips,
+                &[AgentId(0)],
+                &datasets,
+                &config,
+                Seed::new(2),
+                Work { watch: &mut Stopwatch::default(), progress: &mut |_| () },
+            )
+            .remove(0)
+            .held_out[1][0]
+        };
+        // Without memory: the two first steps are sure (0), the others a die of three, 18 / 20 * ln 3 = 0.989 at least.
+        let (with, without) = (loss(Some(16)), loss(None));
+        assert!(with < 0.2 && without > 0.95, "{with} {without}");
+    }
+}

@@ -1,0 +1,91 @@
+//! Policies that act: a stack on rows of its kind, and a joint policy on the GS (global simulator), in evaluation and
+//! in the collection of datasets.
+
+use super::{JointPolicy, PolicyStack, sampling};
+use dials_config::PolicyConfig;
+use dials_core::base::{AgentId, Dice, RandomPurpose, Rows, Seed};
+use dials_core::domain::{Action, Controller, JointPercept, Kind, Kinds, Percept, RegionSpec, Result};
+use stacknets::States;
+
+/// How an action is chosen from its probabilities.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Selection {
+    /// Drawn from the policy, as in training.
+    Sampled,
+    /// The most probable one.
+    Greedy,
+}
+
+/// The policies of some agents of one kind, one row each.
+pub struct StackController {
+    stack: PolicyStack,
+    selection: Selection,
+    dice: Vec<Dice>,
+    states: States,
+}
+
+impl StackController {
+    /// Makes a controller. `policies`: one row per agent.
+    pub fn new(spec: &RegionSpec, config: &PolicyConfig, policies: &Rows<f32>, selection: Selection) -> Self {
+        let mut stack = PolicyStack::blank(policies.len(), spec, config);
+        stack.load(policies);
+        let states = stack.states(stack.agents());
+        StackController { stack, selection, dice: Vec::new(), states }
+    }
+
+    /// Begins an episode. `agents`: the agents whose dice the rows use.
+    pub fn begin(&mut self, episode: Seed, agents: &[AgentId]) {
+        self.states = self.stack.states(self.stack.agents());
+        let acting = episode.fork(RandomPurpose::Acting);
+        self.dice = agents.iter().map(|&agent| acting.for_agent(agent).dice()).collect();
+    }
+
+    /// Chooses one action per row of the percept.
+    pub fn act(&mut self, percept: &Percept) -> Vec<Action> {
+        let judgement = self.stack.decide(percept, &mut self.states);
+        let mut log_probs = vec![0.0; self.stack.n_actions()];
+        let choose = |((logits, _), dice): ((&[f32], f32), &mut Dice)| {
+            sampling::log_softmax(logits, &mut log_probs);
+            match self.selection {
+                Selection::Sampled => sampling::draw(&log_probs, dice),
+                Selection::Greedy => sampling::most_probable(&log_probs),
+            }
+        };
+        judgement.rows().zip(&mut self.dice).map(choose).collect()
+    }
+}
+
+/// All agents' policies as a [`Controller`].
+pub struct JointPolicyController {
+    kinds: Kinds,
+    /// Stacks, one per kind, each with what its agents see.
+    stacks: Vec<(StackController, Percept)>,
+}
+
+impl JointPolicyController {
+    /// Makes a controller. `policies`: one row per agent of `kinds`.
+    pub fn new(kinds: &Kinds, config: &PolicyConfig, policies: &JointPolicy, selection: Selection) -> Self {
+        let of_kind = |kind: &Kind| {
+            let policies = policies.pick(kind.agents.iter().map(|agent| agent.0)).into_rows();
+            let stack = StackController::new(&kind.spec, config, &policies, selection);
+            (stack, Percept::new(kind.agents.len(), &kind.spec))
+        };
+        JointPolicyController { stacks: kinds.iter().map(of_kind).collect(), kinds: kinds.clone() }
+    }
+}
+
+impl Controller for JointPolicyController {
+    fn begin(&mut self, episode: Seed) {
+        let stacks = self.stacks.iter_mut().zip(&self.kinds);
+        stacks.for_each(|((stack, _), kind)| stack.begin(episode, &kind.agents));
+    }
+
+    fn act(&mut self, percept: &JointPercept, actions: &mut [Action]) -> Result<()> {
+        for (index, (stack, seen)) in self.stacks.iter_mut().enumerate() {
+            percept.of_kind(&self.kinds, index, seen);
+            let chosen = stack.act(seen);
+            self.kinds[index].agents.iter().zip(chosen).for_each(|(agent, action)| actions[agent.0] = action);
+        }
+        Ok(())
+    }
+}

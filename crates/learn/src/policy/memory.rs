@@ -1,0 +1,101 @@
+//! The memory of an agent: the samples of one update, in sequences.
+
+use dials_core::base::Rows;
+use dials_core::domain::{Action, RegionSpec};
+use stacknets::States;
+
+/// One decision of one agent and its result.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Sample {
+    pub action: Action,
+    /// `ln pi(a | o)` and `V(o)` of the policy that acted.
+    pub log_prob: f32,
+    pub value: f32,
+    /// Generalised advantage estimate, and the return that it implies, `advantage + value`.
+    pub advantage: f32,
+    pub ret: f32,
+    /// Whether an episode begins with this decision.
+    pub start: bool,
+}
+
+/// Samples of all agents between two updates, `capacity` per agent. They form sequences of `length` consecutive
+/// decisions (1 for policies without memory), each with the hidden state in which it began.
+///
+/// Rows are ordered by agent, then by sequence, then by step.
+pub struct Memory {
+    capacity: usize,
+    length: usize,
+    obs: Rows<f32>,
+    /// Actions that were allowed; `None` if the kind has no masks.
+    masks: Option<Rows<bool>>,
+    samples: Vec<Sample>,
+    states: States,
+}
+
+impl Memory {
+    /// Makes an empty memory. `spec`: that of the agents' kind.
+    pub fn new(agents: usize, capacity: usize, length: usize, spec: &RegionSpec, state_width: usize) -> Self {
+        Memory {
+            capacity,
+            length,
+            obs: Rows::new(agents * capacity, spec.obs_dim),
+            masks: spec.masks.then(|| Rows::new(agents * capacity, spec.n_actions)),
+            samples: vec![Sample::default(); agents * capacity],
+            states: States::new(agents * capacity / length, state_width),
+        }
+    }
+
+    /// Returns the number of samples per agent.
+    pub fn capacity(&self) -> usize {
+        self.capacity
+    }
+
+    /// Returns the number of steps per sequence.
+    pub fn length(&self) -> usize {
+        self.length
+    }
+
+    /// Returns the number of sequences per agent; sequence s has the slots from `s * length` on.
+    pub fn sequences(&self) -> usize {
+        self.capacity / self.length
+    }
+
+    pub fn obs(&self, agent: usize, slot: usize) -> &[f32] {
+        self.obs.row(agent * self.capacity + slot)
+    }
+
+    /// Returns the actions that were allowed; empty if all always are.
+    pub fn mask(&self, agent: usize, slot: usize) -> &[bool] {
+        self.masks.as_ref().map_or(&[], |masks| masks.row(agent * self.capacity + slot))
+    }
+
+    pub fn sample(&self, agent: usize, slot: usize) -> &Sample {
+        &self.samples[agent * self.capacity + slot]
+    }
+
+    pub fn sample_mut(&mut self, agent: usize, slot: usize) -> &mut Sample {
+        &mut self.samples[agent * self.capacity + slot]
+    }
+
+    /// Returns the hidden state in which a sequence began.
+    pub fn state(&self, agent: usize, sequence: usize) -> &[f32] {
+        self.states.row(agent * self.sequences() + sequence)
+    }
+
+    /// Records which actions were allowed at a decision.
+    pub fn remember_mask(&mut self, agent: usize, slot: usize, mask: &[bool]) {
+        if let Some(masks) = &mut self.masks {
+            masks.row_mut(agent * self.capacity + slot).copy_from_slice(mask);
+        }
+    }
+
+    /// Records a decision and, if a sequence begins with it, the hidden state before it. Its advantage and return
+    /// follow later.
+    pub fn remember(&mut self, agent: usize, slot: usize, obs: &[f32], state: &[f32], sample: Sample) {
+        self.obs.row_mut(agent * self.capacity + slot).copy_from_slice(obs);
+        if slot.is_multiple_of(self.length) {
+            self.states.set_row(agent * self.sequences() + slot / self.length, state);
+        }
+        *self.sample_mut(agent, slot) = sample;
+    }
+}

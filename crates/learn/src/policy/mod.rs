@@ -1,0 +1,149 @@
+//! Policies: actor and critic of all agents of a kind as one stack.
+//!
+//! - `controller`: policies that act, in evaluation and in the collection of datasets.
+//! - [`sampling`]: how actions are drawn.
+//! - `memory`: the samples that policies learn from; `demonstrations`: what a controller did, to be imitated.
+
+mod controller;
+mod demonstrations;
+mod memory;
+pub mod sampling;
+
+use dials_config::PolicyConfig;
+use dials_core::base::{AgentId, Ragged, Rows, Seed};
+use dials_core::domain::{Percept, RegionSpec, Result};
+use stacknets::{Adam, Learner, Net, Parameters, Shape, States, Threads, script};
+
+pub use controller::{JointPolicyController, Selection, StackController};
+pub use demonstrations::Demonstrations;
+pub use memory::{Memory, Sample};
+
+/// Parameters of all agents' policies, one row per agent, as wide as its kind has it. They are exchanged, saved and
+/// evaluated.
+pub type JointPolicy = Ragged<f32>;
+
+/// One policy and value network per agent: observation -> GRU, if any -> hidden layers -> logits and one value. The
+/// critic, which gives the value, can have a GRU and hidden layers of its own (`policy.separate_critic`).
+///
+/// Source: DIALS paper, appendix "Hyperparameters" (traffic: 256 and 128; warehouse: GRU 256 and 128).
+pub struct PolicyStack {
+    n_actions: usize,
+    net: Net,
+}
+
+/// Outputs of the networks for a batch of observations, one row per observation.
+pub struct Judgement {
+    /// `[rows, n_actions + 1]`
+    outputs: Rows<f32>,
+}
+
+impl Judgement {
+    /// Returns the logits of the actions and the value, row by row.
+    ///
+    /// Actions that are not allowed have the logit minus infinity.
+    pub fn rows(&self) -> impl Iterator<Item = (&[f32], f32)> {
+        let n_actions = self.outputs.width() - 1;
+        self.outputs.iter().map(move |row| (&row[..n_actions], row[n_actions]))
+    }
+}
+
+impl PolicyStack {
+    /// Returns the shape of a policy network.
+    pub fn shape(spec: &RegionSpec, config: &PolicyConfig) -> Shape {
+        Shape {
+            inputs: spec.obs_dim,
+            recurrent: config.recurrent,
+            hidden: config.hidden.clone(),
+            outputs: spec.n_actions + 1,
+            apart: usize::from(config.separate_critic),
+        }
+    }
+
+    /// Makes policies with random parameters, each agent's from its own stream. `action_bias` is added to the initial
+    /// biases of the logits.
+    pub fn new(agents: &[AgentId], spec: &RegionSpec, config: &PolicyConfig, action_bias: &[f32], seed: Seed) -> Self {
+        let mut net = Net::new(PolicyStack::shape(spec, config), seed.for_agents(agents));
+        net.shift_output(action_bias);
+        PolicyStack { n_actions: spec.n_actions, net }
+    }
+
+    /// Makes policies whose parameters are still to be loaded.
+    pub fn blank(agents: usize, spec: &RegionSpec, config: &PolicyConfig) -> Self {
+        PolicyStack { n_actions: spec.n_actions, net: Net::blank(agents, PolicyStack::shape(spec, config)) }
+    }
+
+    pub fn agents(&self) -> usize {
+        self.net.parameters().agents()
+    }
+
+    pub fn n_actions(&self) -> usize {
+        self.n_actions
+    }
+
+    /// Returns the width of the hidden state; 0 without memory.
+    pub fn state_width(&self) -> usize {
+        self.net.shape().state_width()
+    }
+
+    /// Returns which parameters are the critic's alone, one flag per parameter of an agent.
+    pub fn only_critic(&self) -> Vec<bool> {
+        self.net.shape().only_for_the_last_output()
+    }
+
+    /// Makes cleared states for this number of rows.
+    pub fn states(&self, rows: usize) -> States {
+        self.net.states(rows)
+    }
+
+    /// Runs one decision. `obs`: rows ordered by agent, then by copy, one per row of `states`, which are updated.
+    pub fn judge(&self, obs: &Rows<f32>, states: &mut States) -> Judgement {
+        Judgement { outputs: self.net.step(obs, states) }
+    }
+
+    /// Runs one decision on what a percept shows. Only the actions that it allows count.
+    pub fn decide(&self, percept: &Percept, states: &mut States) -> Judgement {
+        let mut judgement = self.judge(&percept.obs, states);
+        if let Some(masks) = &percept.masks {
+            let width = judgement.outputs.width();
+            let rows = judgement.outputs.as_mut_slice().chunks_exact_mut(width).zip(masks.iter());
+            rows.for_each(|(outputs, mask)| sampling::forbid(outputs, mask));
+        }
+        judgement
+    }
+
+    /// Copies the policy of the first agent to all others.
+    pub fn spread_first(&mut self) {
+        self.net.spread_first();
+    }
+
+    pub fn parameters(&self) -> &Parameters {
+        self.net.parameters()
+    }
+
+    /// Copies the parameters of `policies`, one row per agent of the stack.
+    pub fn load(&mut self, policies: &Rows<f32>) {
+        self.net.parameters_mut().load(policies);
+    }
+
+    /// Returns the policies as a TorchScript module: the bytes of a file.
+    ///
+    /// `forward(obs)`, or `forward(obs, states)` for policies with a GRU, returns one table `[agents, batch, ..]` of the logits, the value and, with a GRU, the next state. `obs`:
+    /// `[agents, batch, obs_dim]`, for any batch. `name`: that of the archive in the file.
+    pub fn script(&self, name: &str) -> Result<Vec<u8>> {
+        script(&self.net, name)
+    }
+
+    /// Uses these threads from now on.
+    pub fn use_threads(&mut self, threads: Threads) {
+        self.net.use_threads(threads);
+    }
+
+    pub fn threads(&self) -> &Threads {
+        self.net.threads()
+    }
+
+    /// Returns every agent's policy with its part of the optimiser, for `steps` gradient steps each.
+    pub fn learners<'a>(&'a mut self, adam: &'a mut Adam, steps: u32) -> Vec<Learner<'a>> {
+        adam.learners(&mut self.net, steps)
+    }
+}

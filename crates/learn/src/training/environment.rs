@@ -1,0 +1,51 @@
+//! What a learning agent sees of a simulator: decisions, rewards and ends of episodes, row by row.
+
+use super::stream::AgentStream;
+use dials_core::base::{Rows, Stopwatch};
+use dials_core::domain::{Action, Percept, RegionSpec, Result};
+
+/// A simulator without end that policies act in: the global simulator (GS) or the influence-augmented local simulators
+/// (IALS). When an episode ends, the next one begins.
+///
+/// Rows are ordered by agent, then by copy, in one table per kind of agents. An IALS has one kind, the GS all kinds of
+/// the domain.
+pub trait Environment {
+    /// Returns what the rows of each kind show at the next decision.
+    fn percepts(&self) -> &[Percept];
+
+    /// Makes one decision in every row of every kind, and returns what it brought the rows of each kind.
+    fn step(&mut self, actions: &[Vec<Action>], watch: &mut Stopwatch) -> Result<&[Experience]>;
+
+    /// Writes down how far the rows of each kind have come, so that another environment can continue from there.
+    fn leave(&mut self, streams: &mut [&mut [AgentStream]]);
+}
+
+/// Result of one decision in every row.
+#[derive(Clone, Debug)]
+pub struct Experience {
+    /// `[rows]`
+    pub rewards: Vec<f32>,
+    /// `[rows]`: whether the row's episode ended with this step; [`Environment::percepts`] already show the next one.
+    pub ends: Vec<bool>,
+    /// `[rows, obs_dim]`: the observation after the step, before the next episode begins. Written only for rows whose
+    /// `ends` is set.
+    pub last_obs: Rows<f32>,
+    /// `[rows, n_actions]`: the actions that were allowed then, written for the same rows. `None` if the kind has no
+    /// masks. PPO needs none of it.
+    pub last_masks: Option<Rows<bool>>,
+}
+
+impl Experience {
+    pub(super) fn new(rows: usize, spec: &RegionSpec) -> Self {
+        Experience {
+            rewards: vec![0.0; rows],
+            ends: vec![false; rows],
+            last_obs: Rows::new(rows, spec.obs_dim),
+            last_masks: spec.masks.then(|| Rows::new(rows, spec.n_actions)),
+        }
+    }
+
+    pub fn any_end(&self) -> bool {
+        self.ends.contains(&true)
+    }
+}

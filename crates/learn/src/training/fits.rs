@@ -1,0 +1,271 @@
+//! Whether the state of agents is one that training under a config leads to. Checked in what a file or a worker says,
+//! because training relies on it: it indexes by these actions, and replays these trails.
+//!
+//! Almost everything about a state follows from the number of timesteps: where every episode stands, and how many
+//! gradient steps there were. So all sizes are those that the config gives.
+
+use std::ops::Range;
+
+use anyhow::{Context, ensure};
+
+use super::block::episode_steps;
+use super::ials::head_start;
+use super::standing::Standing;
+use super::state::AgentsState;
+use super::stream::{AgentStream, RowStream};
+use crate::influence;
+use crate::policy::PolicyStack;
+use dials_config::{Config, Simulator, may_end_at};
+use dials_core::base::{AgentId, Dice, Ragged, is_stuck};
+use dials_core::domain::{Kinds, RegionSpec, Result};
+
+/// Longest wall time of a run that is believed, in seconds: three hundred years.
+const LONGEST_S: f64 = 1e10;
+
+/// Number of parameters of every agent's policy and influence predictor.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Widths {
+    pub policies: Vec<usize>,
+    pub aips: Vec<usize>,
+}
+
+impl Widths {
+    pub fn of(config: &Config, kinds: &Kinds) -> Widths {
+        let policy = |spec: &RegionSpec| PolicyStack::shape(spec, &config.policy).layout().width();
+        let aip = |spec: &RegionSpec| influence::layout(config.predictor(), spec, &config.aip).width();
+        // Once for each kind: a layout is a list of names.
+        let of_kinds: Vec<[usize; 2]> = kinds.iter().map(|kind| [policy(&kind.spec), aip(&kind.spec)]).collect();
+        let of_agents = |which: usize| {
+            let agents = AgentId::all(kinds.agents()).into_iter();
+            agents.map(|agent| of_kinds[kinds.place(agent).kind][which]).collect()
+        };
+        Widths { policies: of_agents(0), aips: of_agents(1) }
+    }
+}
+
+/// Returns an error that says how the standing contradicts the config that it was reached with, or the state.
+pub fn check_standing(standing: &Standing, state: &AgentsState, elapsed_s: f64, config: &Config) -> Result<()> {
+    let Standing { until, evaluated_at, drift } = *standing;
+    ensure!(may_end_at(config, until), "it ends a period at step {until}, where its own schedule has none");
+    let steps = until.next_multiple_of(config.ppo.memory as u64);
+    ensure!(
+        state.steps == steps,
+        "its period ends at step {until}, so training is at step {steps}, but it is at step {}",
+        state.steps
+    );
+    ensure!(
+        evaluated_at.is_none_or(|at| at <= state.steps),
+        "its last evaluation is at step {}, after its own step {}",
+        evaluated_at.unwrap_or(0),
+        state.steps
+    );
+    ensure!((0.0..=LONGEST_S).contains(&elapsed_s), "it was written after {elapsed_s} seconds, which cannot be");
+    let shares = [drift.share_after_training, drift.share_now];
+    ensure!(
+        shares.into_iter().flatten().all(|share| share >= 0.0 && share.is_finite()),
+        "its drift is {drift:?}, but a loss is a positive number"
+    );
+    ensure!(
+        drift.share_after_training.is_none() || config.simulator.trains_predictors(),
+        "its drift counts from a training of influence predictors, and this run trains none"
+    );
+    Ok(())
+}
+
+/// Some agents of a run, next to each other: what a state of them must be like.
+pub struct Fit<'a> {
+    pub config: &'a Config,
+    pub kinds: &'a Kinds,
+    /// Widths of all agents of the run.
+    pub widths: &'a Widths,
+    pub agents: Range<usize>,
+}
+
+impl Fit<'_> {
+    /// Returns the kinds' description of each of the agents.
+    pub fn specs(&self) -> impl Iterator<Item = &RegionSpec> {
+        self.agents.clone().map(|agent| &self.kinds.of(AgentId(agent)).spec)
+    }
+
+    /// Returns an error if a table does not have the parameters of these agents' policies.
+    pub fn check_policies(&self, name: &str, table: &Ragged<f32>) -> Result<()> {
+        self.check_widths(name, table, &self.widths.policies)
+    }
+
+    /// Returns an error if a table does not have the parameters of these agents' influence predictors.
+    pub fn check_aips(&self, name: &str, table: &Ragged<f32>) -> Result<()> {
+        self.check_widths(name, table, &self.widths.aips)
+    }
+
+    /// Returns an error that names the first agent whose state does not fit, and how.
+    ///
+    /// Networks and hidden states may hold any number: a policy that has diverged is not a damaged state. See
+    /// [`Fit::check_numbers`].
+    pub fn check(&self, state: &AgentsState) -> Result<()> {
+        let AgentsState { steps, policies, moments, aips, streams } = state;
+        self.check_policies("policies", policies)?;
+        self.check_policies("first_moments", &moments.first)?;
+        self.check_policies("second_moments", &moments.second)?;
+        self.check_aips("aips", aips)?;
+        ensure!(
+            streams.len() == self.agents.len(),
+            "it has {} streams for {} agents",
+            streams.len(),
+            self.agents.len()
+        );
+        let memory = self.config.ppo.memory as u64;
+        ensure!(steps.is_multiple_of(memory), "its step {steps} is not a multiple of ppo.memory = {memory}");
+        let gradient_steps = gradient_steps(*steps, self.config, self.kinds);
+        ensure!(
+            u64::from(moments.steps) == gradient_steps,
+            "its optimiser has made {} steps, but {gradient_steps} until step {steps}",
+            moments.steps
+        );
+        for ((agent, stream), spec) in self.agents.clone().zip(streams).zip(self.specs()) {
+            check_stream(stream, *steps, self.config, spec).with_context(|| format!("agent {agent}"))?;
+        }
+        Ok(())
+    }
+
+    /// Returns an error that names the first agent with a number that training cannot continue from. The state fits.
+    pub fn check_numbers(&self, state: &AgentsState) -> Result<()> {
+        for (index, (agent, spec)) in self.agents.clone().zip(self.specs()).enumerate() {
+            let check = || {
+                check_tables(state, index)?;
+                influence::check_values(self.config.predictor(), spec, &self.config.aip, state.aips.row(index))?;
+                check_rows(&state.streams[index])
+            };
+            check().with_context(|| format!("agent {agent}"))?;
+        }
+        Ok(())
+    }
+
+    fn check_widths(&self, name: &str, table: &Ragged<f32>, widths: &[usize]) -> Result<()> {
+        let count = self.agents.len();
+        ensure!(table.len() == count, "its table `{name}` is of {} agents, not of {count}", table.len());
+        for (agent, found) in self.agents.clone().zip(table.widths()) {
+            let expected = widths[agent];
+            ensure!(found == expected, "its table `{name}` has {found} values of agent {agent}, not {expected}");
+        }
+        Ok(())
+    }
+}
+
+/// Returns how many steps the optimiser of a policy has made after this number of timesteps per agent.
+fn gradient_steps(steps: u64, config: &Config, kinds: &Kinds) -> u64 {
+    let memory = config.ppo.memory as u64;
+    let updates = steps / memory;
+    // When the actor joins the critic, the optimiser begins again.
+    let of_critic = config.critic_steps().div_ceil(memory);
+    let since = if updates > of_critic { updates - of_critic } else { updates };
+    // A shared policy learns from the samples of all agents of its kind.
+    let memories = if config.shares_policies() { kinds.of(AgentId(0)).agents.len() } else { 1 };
+    let per_update = config.ppo.epochs * memories * (config.ppo.memory / config.ppo.minibatch);
+    since.saturating_mul(per_update as u64)
+}
+
+/// Checks the numbers in the row of this index of each table.
+fn check_tables(state: &AgentsState, index: usize) -> Result<()> {
+    let tables = [
+        ("policies", &state.policies),
+        ("first_moments", &state.moments.first),
+        ("second_moments", &state.moments.second),
+        ("aips", &state.aips),
+    ];
+    for (name, table) in tables {
+        if let Some(bad) = table.row(index).iter().find(|value| !value.is_finite()) {
+            anyhow::bail!("its table `{name}` holds {bad}, which is not a finite number");
+        }
+    }
+    let negative = state.moments.second.row(index).iter().find(|&&value| value < 0.0);
+    negative.map_or(Ok(()), |bad| Err(anyhow::anyhow!("its table `second_moments` holds {bad}, but they are squares")))
+}
+
+/// Checks the numbers that the rows of an agent carry on.
+fn check_rows(stream: &AgentStream) -> Result<()> {
+    for (copy, RowStream { state, rewards, .. }) in stream.rows.iter().enumerate() {
+        ensure!(
+            state.iter().all(|value| value.is_finite()) && rewards.is_finite(),
+            "copy {copy} of its region: the hidden state of its policy or its sum of rewards is not a finite number"
+        );
+    }
+    Ok(())
+}
+
+fn check_stream(stream: &AgentStream, steps: u64, config: &Config, spec: &RegionSpec) -> Result<()> {
+    check_dice("minibatches", &stream.minibatches)?;
+    let copies = config.copies();
+    ensure!(stream.rows.len() == copies, "it has {} copies of its region, not {copies}", stream.rows.len());
+    for (copy, row) in stream.rows.iter().enumerate() {
+        check_row(row, copy, steps, config, spec).with_context(|| format!("copy {copy} of its region"))?;
+    }
+    Ok(())
+}
+
+fn check_row(row: &RowStream, copy: usize, steps: u64, config: &Config, spec: &RegionSpec) -> Result<()> {
+    let (on_gs, copies) = (config.simulator == Simulator::Global, config.copies());
+    let RowStream { trail, acting, influence, state, rewards: _ } = row;
+    check_dice("actions", acting)?;
+    check_dice("influence sources", influence)?;
+    let staggered = config.local_simulators.stagger && !on_gs;
+    let horizon = episode_steps(spec, config);
+    let head_start = if staggered { head_start(copy, copies, horizon) as u64 } else { 0 };
+    // Episodes are cut by the horizon alone, so the number of steps says where each one stands.
+    let played = steps / copies as u64 + head_start;
+    let (episode, of_episode) = (played / horizon as u64, played % horizon as u64);
+    let expected = if episode == 0 { of_episode - head_start } else { of_episode };
+    ensure!(
+        (trail.episode, trail.steps() as u64) == (episode, expected),
+        "it is {} steps into episode {}, but at step {steps} of training {expected} steps into episode {episode}",
+        trail.steps(),
+        trail.episode
+    );
+    if let Some(bad) = trail.actions.iter().find(|&&action| usize::from(action) >= spec.n_actions) {
+        anyhow::bail!("it took action {bad}, but there are {} actions", spec.n_actions);
+    }
+    let sources = if on_gs { 0 } else { spec.sources.count() };
+    ensure!(
+        trail.sources.len() == trail.steps() * sources,
+        "it has {} values of influence sources in {} steps, not {sources} in each",
+        trail.sources.len(),
+        trail.steps()
+    );
+    if sources > 0 {
+        let with_classes = trail.sources.iter().zip(spec.sources.classes.iter().cycle());
+        if let Some((bad, classes)) = with_classes.into_iter().find(|(value, classes)| value >= classes) {
+            anyhow::bail!("an influence source has the value {bad}, but it has {classes} classes");
+        }
+    }
+    let width = PolicyStack::shape(spec, &config.policy).state_width();
+    ensure!(state.len() == width, "the hidden state of its policy has {} values, not {width}", state.len());
+    Ok(())
+}
+
+/// Rejects the one state that a generator never leaves and never comes to.
+fn check_dice(of: &str, dice: &Dice) -> Result<()> {
+    ensure!(!is_stuck(dice), "the dice of its {of} are all zeros, and would show the same number for ever");
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::training::state::JointMoments;
+
+    #[test]
+    fn a_checkpoint_may_end_a_period_that_only_earlier_versions_had() {
+        let mut config = Config { total_steps: 250, ..Config::default() };
+        (config.ppo.memory, config.evaluation.every_steps, config.aip.retrain_every_steps) = (128, 100, 1000);
+        let table = || Ragged::from_vec(Vec::new(), []).unwrap();
+        let checked = |until: u64, steps: u64| {
+            let moments = JointMoments { first: table(), second: table(), steps: 0 };
+            let state = AgentsState { steps, policies: table(), moments, aips: table(), streams: Vec::new() };
+            let standing = Standing { until, ..Standing::default() };
+            check_standing(&standing, &state, 0.0, &config).map_err(|error| error.to_string())
+        };
+        // Training is at 256 from step 129 on, so nothing is left to train at step 200.
+        assert_eq!([checked(100, 128), checked(200, 256), checked(250, 256)], [const { Ok(()) }; 3]);
+        let error = checked(150, 256).unwrap_err();
+        assert!(error.ends_with("step 150, where its own schedule has none"), "{error}");
+    }
+}

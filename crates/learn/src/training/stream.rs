@@ -1,0 +1,154 @@
+//! The stream of training: what continues from one period to the next besides networks and optimisers.
+//!
+//! Evaluations, datasets and checkpoints cut training into periods, and at each cut the simulators are lost. SUMO holds
+//! one simulation per process, and cannot save the middle of one exactly. But a local region follows from its actions
+//! and influence sources since its episode began, and the global simulator (GS) from its seed and actions. A [`Trail`]
+//! keeps these. Replayed in a new simulator, they lead to exactly the same state. So training continues as if there had
+//! been no cut.
+
+use serde::{Deserialize, Serialize};
+
+use crate::policy::PolicyStack;
+use dials_config::Config;
+use dials_core::base::{AgentId, Dice, RandomPurpose, Rows, Seed, scramble};
+use dials_core::domain::{Action, Percept};
+
+/// State of one agent's training between two rollouts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AgentStream {
+    /// Dice for the order of its minibatches.
+    pub minibatches: Dice,
+    /// One stream per copy of the agent's region.
+    pub rows: Vec<RowStream>,
+}
+
+/// State of one copy of an agent's region between two rollouts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RowStream {
+    pub trail: Trail,
+    /// Dice for the actions.
+    pub acting: Dice,
+    /// Dice for the influence sources; unused on the GS.
+    pub influence: Dice,
+    /// Hidden state of the policy; empty without memory. It cannot be recomputed, because earlier policies took part in
+    /// it.
+    pub state: Vec<f32>,
+    /// Sum of the rewards since the episode began.
+    pub rewards: f64,
+}
+
+/// All actions and influences of a local region since its episode began.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Trail {
+    /// Number of the episode in this row, from 0.
+    pub episode: u64,
+    /// Actions, one per step.
+    pub actions: Vec<Action>,
+    /// Influence sources, step after step; empty on the GS.
+    pub sources: Vec<u8>,
+    /// Fingerprint of what the row shows now. It checks that a replay of the trail leads to the same place. Written
+    /// when a period ends.
+    pub shown: u64,
+}
+
+impl RowStream {
+    /// Makes a row whose first episode begins. `state`: the hidden state of its policy.
+    pub fn begin(acting: Dice, influence: Dice, state: &[f32]) -> RowStream {
+        RowStream { trail: Trail::default(), acting, influence, state: state.to_vec(), rewards: 0.0 }
+    }
+}
+
+impl AgentStream {
+    /// Makes the stream of an agent at the beginning of training.
+    pub fn begin(config: &Config, policies: &PolicyStack, agent: AgentId) -> AgentStream {
+        let stream = |purpose: RandomPurpose| Seed::new(config.seed).fork(purpose).for_agent(agent);
+        let dice = |purpose: RandomPurpose, copy: usize| stream(purpose).for_copy(copy).dice();
+        let states = policies.states(1);
+        let row = |copy: usize| {
+            RowStream::begin(dice(RandomPurpose::Acting, copy), dice(RandomPurpose::Influence, copy), states.row(0))
+        };
+        AgentStream {
+            minibatches: stream(RandomPurpose::PolicyMinibatches).dice(),
+            rows: (0..config.copies()).map(row).collect(),
+        }
+    }
+}
+
+/// Returns the rows of some agents, ordered by agent.
+pub fn rows_of(streams: &[AgentStream]) -> impl Iterator<Item = &RowStream> {
+    streams.iter().flat_map(|stream| &stream.rows)
+}
+
+/// Returns the rows of [`rows_of`], for writing.
+pub fn rows_of_mut(streams: &mut [AgentStream]) -> impl Iterator<Item = &mut RowStream> {
+    streams.iter_mut().flat_map(|stream| &mut stream.rows)
+}
+
+impl Trail {
+    /// Returns the number of steps since the episode began.
+    pub fn steps(&self) -> usize {
+        self.actions.len()
+    }
+
+    /// Returns the sources of a step; `width`: number of sources.
+    pub fn sources_at(&self, step: usize, width: usize) -> &[u8] {
+        &self.sources[step * width..][..width]
+    }
+
+    /// Appends a step.
+    pub fn push(&mut self, action: Action, sources: &[u8]) {
+        self.actions.push(action);
+        self.sources.extend_from_slice(sources);
+    }
+
+    /// Ends the episode and begins the next one.
+    pub fn end_episode(&mut self) {
+        self.episode += 1;
+        self.actions.clear();
+        self.sources.clear();
+    }
+}
+
+/// Returns the number of steps of the longest trail.
+pub fn longest(trails: &[Trail]) -> usize {
+    trails.iter().map(Trail::steps).max().unwrap_or(0)
+}
+
+/// Returns a number that hardly any two percepts of a row share. It is stable across builds, because checkpoints hold
+/// it.
+pub fn fingerprint(percept: &Percept, row: usize) -> u64 {
+    let tables: [&Rows<f32>; 2] = [&percept.obs, &percept.d_set];
+    let values = tables.into_iter().flat_map(|table| table.row(row)).map(|value| u64::from(value.to_bits()));
+    let allowed = percept.masks.iter().flat_map(|masks| masks.row(row)).map(|&allowed| u64::from(allowed));
+    values.chain(allowed).fold(0, |hash, bits| scramble(hash.wrapping_add(1) ^ bits))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn percepts_that_differ_in_one_number_have_other_fingerprints() {
+        let percept = |values: [f32; 4]| Percept {
+            obs: Rows::from_vec(values[..2].to_vec(), 2),
+            d_set: Rows::from_vec(values[2..].to_vec(), 2),
+            masks: None,
+        };
+        let all = [[0.0; 4], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, -0.0]];
+        let prints: Vec<u64> = all.iter().map(|&values| fingerprint(&percept(values), 0)).collect();
+        assert!((0..5).all(|i| (0..i).all(|j| prints[i] != prints[j])), "{prints:?}");
+        assert_eq!(fingerprint(&percept([0.0; 4]), 0), prints[0]);
+        let masked = |mask: [bool; 2]| Percept { masks: Some(Rows::from_vec(mask.to_vec(), 2)), ..percept([0.0; 4]) };
+        assert_ne!(fingerprint(&masked([true, false]), 0), fingerprint(&masked([true, true]), 0));
+    }
+
+    #[test]
+    fn a_trail_holds_one_episode() {
+        let mut trail = Trail::default();
+        trail.push(1, &[0, 1]);
+        trail.push(0, &[1, 1]);
+        assert_eq!((trail.steps(), trail.sources_at(1, 2)), (2, &[1, 1][..]));
+        trail.end_episode();
+        assert_eq!(trail, Trail { episode: 1, ..Trail::default() });
+    }
+}

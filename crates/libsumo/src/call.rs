@@ -1,0 +1,446 @@
+//! The one crossing to C: converts, calls, checks, and turns a code and its message into an error.
+//!
+//! All `unsafe` code that calls SUMO is in this file, and in `library`, which loads it.
+
+use std::cell::Cell;
+use std::ffi::{CStr, CString, c_char, c_int};
+use std::marker::PhantomData;
+use std::mem::MaybeUninit;
+use std::ptr;
+use std::slice;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use super::error::{Error, Result};
+use super::events::{DepartSpeed, Departure, Entering, Insertion, Placing, RouteNow, StepCounts};
+use super::ffi;
+use super::ids::{CarId, LaneId, LightId};
+use super::library;
+use super::signal::SignalState;
+use super::table::CarTable;
+
+/// Lock of the right to cross, because libsumo keeps its one simulation in globals without any lock.
+static TURN: Mutex<()> = Mutex::new(());
+
+thread_local! {
+    /// Whether this thread has the turn. A second wait in the same thread would never end.
+    static HAS_TURN: Cell<bool> = const { Cell::new(false) };
+}
+
+/// The kinds of things that can be registered by name.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum IdKind {
+    Lane,
+    Light,
+    Route,
+    Type,
+}
+
+/// The right to cross. While it lives, no other thread is inside libsumo. When it is dropped, so is the simulation.
+///
+/// It is neither `Send` (the guard of [`TURN`] is not) nor `Sync` (two threads with a reference would be two threads
+/// inside).
+#[derive(Debug)]
+pub(super) struct Crossing {
+    insertions: Vec<ffi::ds_insertion>,
+    starts: Vec<u32>,
+    letters: Vec<u8>,
+    not_sync: PhantomData<*const ()>,
+    _turn: MutexGuard<'static, ()>,
+}
+
+impl Crossing {
+    /// Waits until no other thread has the turn. Loads libsumo, if that has not happened yet.
+    pub(super) fn wait() -> Result<Self> {
+        if HAS_TURN.get() {
+            return Err(Error::AlreadyHeld);
+        }
+        library::load()?;
+        // A panic elsewhere poisons the lock but leaves no call half-done: unwinding closed its simulation.
+        let turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+        HAS_TURN.set(true);
+        Ok(Crossing {
+            insertions: Vec::new(),
+            starts: Vec::new(),
+            letters: Vec::new(),
+            not_sync: PhantomData,
+            _turn: turn,
+        })
+    }
+
+    pub(super) fn load(&mut self, options: &[String]) -> Result<()> {
+        let texts = Texts::new(&with_silence(options))?;
+        // SAFETY: we have the turn; the pointers are `len` strings that end in zero and outlive the call.
+        let code = unsafe { ffi::ds_load(texts.pointers.as_ptr(), texts.pointers.len()) };
+        ask(code).map_err(|text| Error::Load { options: options.join(" "), text })
+    }
+
+    /// Registers all or none. Returns the number of the first one; the others follow.
+    pub(super) fn register(&mut self, kind: IdKind, names: &[String]) -> Result<u32> {
+        let texts = Texts::new(names)?;
+        let (kind, action) = match kind {
+            IdKind::Lane => (ffi::DS_LANE, "register the lanes"),
+            IdKind::Light => (ffi::DS_LIGHT, "register the lights"),
+            IdKind::Route => (ffi::DS_ROUTE, "register the routes"),
+            IdKind::Type => (ffi::DS_TYPE, "register the vehicle types"),
+        };
+        let mut first = 0;
+        // SAFETY: as in `load`; `first` outlives the call.
+        let code = unsafe { ffi::ds_register(kind, texts.pointers.as_ptr(), texts.pointers.len(), &mut first) };
+        check(code, action)?;
+        Ok(first)
+    }
+
+    pub(super) fn step(&mut self) -> Result<()> {
+        // SAFETY: we have the turn.
+        check(unsafe { ffi::ds_step() }, "make a step")
+    }
+
+    pub(super) fn time_s(&self) -> Result<f64> {
+        let mut seconds = 0.0;
+        // SAFETY: we have the turn, and `Crossing` is not `Sync`, so a shared reference is as good as an exclusive one.
+        check(unsafe { ffi::ds_time(&mut seconds) }, "return the time")?;
+        Ok(seconds)
+    }
+
+    pub(super) fn read_lanes(&mut self, lanes: &[LaneId], table: &mut CarTable) -> Result<()> {
+        let mut read = MaybeUninit::uninit();
+        // SAFETY: we have the turn; a `LaneId` is laid out as a `u32`; `read` is only written to.
+        let code = unsafe { ffi::ds_read_lanes(lanes.as_ptr().cast(), lanes.len(), read.as_mut_ptr()) };
+        check(code, "read the lanes")?;
+        // SAFETY: the call succeeded, so `read` is written. Its arrays are valid until the next call, which needs
+        // `&mut self`. `starts` has an entry per lane and a last one, which is the length of the other three.
+        unsafe {
+            let read = read.assume_init();
+            let starts = array(read.starts, lanes.len() + 1);
+            let cars = starts[lanes.len()] as usize;
+            table.fill(starts, array(read.cars, cars), array(read.positions, cars), array(read.speeds, cars));
+        }
+        Ok(())
+    }
+
+    /// Passes the letters of each light to `each`, in the order of `lights`.
+    pub(super) fn read_lights(&mut self, lights: &[LightId], mut each: impl FnMut(&str) -> Result<()>) -> Result<()> {
+        let mut read = MaybeUninit::uninit();
+        // SAFETY: as in `read_lanes`.
+        let code = unsafe { ffi::ds_read_lights(lights.as_ptr().cast(), lights.len(), read.as_mut_ptr()) };
+        check(code, "read the lights")?;
+        // SAFETY: as in `read_lanes`; the last entry of `starts` is the length of `letters`.
+        let (starts, letters) = unsafe {
+            let read = read.assume_init();
+            let starts = array(read.starts, lights.len() + 1);
+            (starts, array(read.letters.cast::<u8>(), starts[lights.len()] as usize))
+        };
+        for ends in starts.windows(2) {
+            each(&String::from_utf8_lossy(&letters[ends[0] as usize..ends[1] as usize]))?;
+        }
+        Ok(())
+    }
+
+    /// Sets the lights. There is one state per light, with as many letters as its light has links.
+    pub(super) fn set_lights(&mut self, lights: &[LightId], states: &[&SignalState]) -> Result<()> {
+        assert_eq!(lights.len(), states.len(), "a state for each light");
+        self.letters.clear();
+        self.starts.clear();
+        self.starts.push(0);
+        for state in states {
+            self.letters.extend_from_slice(state.as_str().as_bytes());
+            self.starts.push(self.letters.len() as u32);
+        }
+        let states = ffi::ds_states { starts: self.starts.as_ptr(), letters: self.letters.as_ptr().cast() };
+        // SAFETY: we have the turn; a `LightId` is laid out as a `u32`; `starts` has an entry per light and a last one,
+        // none of them beyond `letters`.
+        let code = unsafe { ffi::ds_set_lights(lights.as_ptr().cast(), lights.len(), &states) };
+        check(code, "set the lights")
+    }
+
+    pub(super) fn set_programs(&mut self, lights: &[LightId], program: &str) -> Result<()> {
+        let program = terminated(program)?;
+        // SAFETY: we have the turn; a `LightId` is laid out as a `u32`; `program` ends in zero and outlives the call.
+        let code = unsafe { ffi::ds_set_programs(lights.as_ptr().cast(), lights.len(), program.as_ptr()) };
+        check(code, "set the lights' programs")
+    }
+
+    pub(super) fn insert(&mut self, cars: &[Insertion]) -> Result<()> {
+        self.insertions.clear();
+        self.insertions.extend(cars.iter().map(|insertion| ffi::ds_insertion {
+            car: insertion.car,
+            position: insertion.position_m,
+            speed: speed_of(insertion.speed),
+            route: insertion.route.0,
+        }));
+        // SAFETY: we have the turn; pointer and length are those of one vector.
+        let code = unsafe { ffi::ds_insert(self.insertions.as_ptr(), self.insertions.len()) };
+        check(code, "add a car")
+    }
+
+    pub(super) fn enter(&mut self, cars: &[Entering]) -> Result<()> {
+        let entering = |car: &Entering| ffi::ds_entering {
+            car: car.insertion.car,
+            position: car.insertion.position_m,
+            speed: speed_of(car.insertion.speed),
+            speed_factor: car.speed_factor,
+            end: car.end_m.unwrap_or(-1.0),
+            route: car.insertion.route.0,
+            type_: car.vehicle_type.0,
+            lane: car.lane.unwrap_or(u32::MAX),
+        };
+        let cars: Vec<ffi::ds_entering> = cars.iter().map(entering).collect();
+        // SAFETY: we have the turn; pointer and length are those of one vector.
+        let code = unsafe { ffi::ds_enter(cars.as_ptr(), cars.len()) };
+        check(code, "add a car")
+    }
+
+    pub(super) fn place(&mut self, cars: &[Placing]) -> Result<()> {
+        let placing = |car: &Placing| ffi::ds_placing {
+            car: car.car,
+            position: car.position_m,
+            speed: car.speed_mps,
+            lane: car.lane.0,
+        };
+        let cars: Vec<ffi::ds_placing> = cars.iter().map(placing).collect();
+        // SAFETY: we have the turn; pointer and length are those of one vector.
+        let code = unsafe { ffi::ds_place(cars.as_ptr(), cars.len()) };
+        check(code, "place a car")
+    }
+
+    pub(super) fn seed_generators(&mut self, first: u32, seeds: &[u32]) -> Result<()> {
+        // SAFETY: we have the turn; pointer and length are those of one slice.
+        let code = unsafe { ffi::ds_seed_generators(first, seeds.as_ptr(), seeds.len()) };
+        check(code, "seed the lanes")
+    }
+
+    pub(super) fn clear_pending(&mut self) -> Result<()> {
+        // SAFETY: we have the turn.
+        check(unsafe { ffi::ds_clear_pending() }, "drop the waiting cars")
+    }
+
+    pub(super) fn remove_cars(&mut self, lanes: &[LaneId]) -> Result<()> {
+        // SAFETY: we have the turn; a `LaneId` is laid out as a `u32`.
+        let code = unsafe { ffi::ds_remove_cars(lanes.as_ptr().cast(), lanes.len()) };
+        check(code, "remove the cars")
+    }
+
+    pub(super) fn departures(&mut self) -> Result<Vec<Departure>> {
+        let mut read = MaybeUninit::uninit();
+        // SAFETY: as in `read_lanes`.
+        check(unsafe { ffi::ds_read_departures(read.as_mut_ptr()) }, "read the departures")?;
+        // SAFETY: as in `read_lanes`. `starts` has five entries per car and a last one, which is the length of
+        // `letters`. The other arrays have an entry per car.
+        let (starts, letters, cars, lanes, positions, speeds, factors) = unsafe {
+            let read: ffi::ds_departures = read.assume_init();
+            let starts = array(read.starts, 5 * read.count + 1);
+            (
+                starts,
+                array(read.letters.cast::<u8>(), starts[5 * read.count] as usize),
+                array(read.cars, read.count),
+                array(read.lanes, read.count),
+                array(read.positions, read.count),
+                array(read.speeds, read.count),
+                array(read.speed_factors, read.count),
+            )
+        };
+        let text = |number: usize| text_between(letters, &starts[number..]);
+        Ok((0..cars.len())
+            .map(|car| Departure {
+                id: CarId(cars[car]),
+                name: text(5 * car),
+                vehicle_type: text(5 * car + 1),
+                vehicle_class: text(5 * car + 2),
+                route: text(5 * car + 3),
+                edges: edges(&text(5 * car + 4)),
+                lane: lanes[car],
+                position_m: positions[car],
+                speed_mps: speeds[car],
+                speed_factor: factors[car],
+            })
+            .collect())
+    }
+
+    pub(super) fn departed(&mut self) -> Result<Vec<CarId>> {
+        self.cars(ffi::ds_read_departed, "read which cars have departed")
+    }
+
+    pub(super) fn gone(&mut self) -> Result<Vec<CarId>> {
+        self.cars(ffi::ds_read_gone, "read which cars have left the road")
+    }
+
+    /// Returns the numbers of the cars that a function of the shim lists.
+    fn cars(
+        &mut self,
+        list: unsafe extern "C" fn(*mut usize, *mut *const u64) -> c_int,
+        what: &'static str,
+    ) -> Result<Vec<CarId>> {
+        let (mut count, mut cars) = (0, ptr::null());
+        // SAFETY: we have the turn; both are only written to.
+        check(unsafe { list(&mut count, &mut cars) }, what)?;
+        // SAFETY: the call succeeded, so there are `count` numbers. They are valid until the next call, which needs
+        // `&mut self`.
+        let cars = unsafe { array(cars, count) };
+        Ok(cars.iter().copied().map(CarId).collect())
+    }
+
+    pub(super) fn route(&mut self, car: &str) -> Result<RouteNow> {
+        let car = terminated(car)?;
+        let mut read = MaybeUninit::uninit();
+        // SAFETY: we have the turn; `car` ends in zero and outlives the call; `read` is only written to.
+        check(unsafe { ffi::ds_read_route(car.as_ptr(), read.as_mut_ptr()) }, "read the route of a car")?;
+        // SAFETY: the call succeeded, so `read` is written. Its text ends in zero and is valid until the next call, which
+        // needs `&mut self`.
+        let (text, at) = unsafe {
+            let read: ffi::ds_route = read.assume_init();
+            (CStr::from_ptr(read.edges).to_string_lossy(), read.at)
+        };
+        Ok(RouteNow { edges: edges(&text), at: at as usize })
+    }
+
+    pub(super) fn counts(&mut self) -> Result<StepCounts> {
+        let mut counts = MaybeUninit::uninit();
+        // SAFETY: we have the turn; `counts` is only written to.
+        check(unsafe { ffi::ds_counts(counts.as_mut_ptr()) }, "count")?;
+        // SAFETY: the call succeeded, so it is written.
+        let counts: ffi::ds_counts = unsafe { counts.assume_init() };
+        Ok(StepCounts {
+            departed: counts.departed,
+            arrived: counts.arrived,
+            pending: counts.pending,
+            teleports: counts.teleports,
+            collisions: counts.collisions,
+            emergency_stops: counts.emergency_stops,
+        })
+    }
+}
+
+impl Drop for Crossing {
+    fn drop(&mut self) {
+        // SAFETY: we still have the turn: the lock's guard is a field, and fields are dropped after this.
+        // SUMO's message while it closes (for example, of a full disk) is lost, because no caller could receive it.
+        let _ = unsafe { ffi::ds_close() };
+        HAS_TURN.set(false);
+    }
+}
+
+pub(super) fn version() -> Result<String> {
+    library::load()?;
+    let mut text = std::ptr::null();
+    // SAFETY: this one may be called without the turn.
+    check(unsafe { ffi::ds_version(&mut text) }, "return its version")?;
+    // SAFETY: the call succeeded, so `text` is a string that ends in zero and lives as long as the process.
+    Ok(unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned())
+}
+
+pub(super) fn c_library() -> Result<String> {
+    let mut version = std::ptr::null();
+    // SAFETY: this one may be called without the turn, and without libsumo.
+    check(unsafe { ffi::ds_c_library(&mut version) }, "return the version of the C library")?;
+    // SAFETY: the call succeeded, so `version` is a string that ends in zero and lives as long as the process.
+    Ok(unsafe { CStr::from_ptr(version) }.to_string_lossy().into_owned())
+}
+
+/// Returns a speed as the shim takes it: a negative one means `max`.
+fn speed_of(speed: DepartSpeed) -> f64 {
+    match speed {
+        DepartSpeed::Max => -1.0,
+        DepartSpeed::Fixed(speed_mps) => speed_mps,
+    }
+}
+
+/// # Safety
+/// `pointer` is the beginning of `length` values that hold until the next call, or `length` is 0.
+unsafe fn array<'a, T>(pointer: *const T, length: usize) -> &'a [T] {
+    if length == 0 {
+        return &[]; // The pointer of an empty std::vector may be null.
+    }
+    // SAFETY: the caller's promise.
+    unsafe { slice::from_raw_parts(pointer, length) }
+}
+
+/// Returns the names of edges that the shim wrote into one text.
+fn edges(text: &str) -> Vec<String> {
+    text.split('\u{1f}').map(str::to_owned).collect()
+}
+
+/// Returns the text that begins at the first of `starts` and ends before the second.
+fn text_between(letters: &[u8], starts: &[u32]) -> String {
+    String::from_utf8_lossy(&letters[starts[0] as usize..starts[1] as usize]).into_owned()
+}
+
+fn check(code: c_int, action: &'static str) -> Result<()> {
+    ask(code).map_err(|text| Error::Refused { action, text })
+}
+
+/// Returns SUMO's message, as an error, if the call that returned `code` failed.
+pub(super) fn ask(code: c_int) -> std::result::Result<(), String> {
+    if code == 0 {
+        return Ok(());
+    }
+    // SAFETY: the message is this thread's own and always a string that ends in zero.
+    let message = unsafe { CStr::from_ptr(ffi::ds_last_error()) }.to_string_lossy();
+    Err(tidy(&message))
+}
+
+/// Returns SUMO's words in one line, without those that carry no information.
+fn tidy(message: &str) -> String {
+    let mut lines: Vec<&str> = Vec::new();
+    for line in message.lines() {
+        let line = line.trim();
+        let line = line.strip_prefix("Error: ").unwrap_or(line);
+        if !matches!(line, "" | "Process Error" | "Quitting (on error).") && !lines.contains(&line) {
+            lines.push(line);
+        }
+    }
+    if lines.is_empty() { "it gave no reason".into() } else { lines.join(" ") }
+}
+
+/// Options that silence SUMO and stop it from looking up XML schemas on the network. An option that the caller sets is
+/// left to the caller, because SUMO refuses an option that is set twice.
+const SILENCE: [[&str; 2]; 4] = [
+    ["--no-step-log", "true"],
+    ["--no-warnings", "true"],
+    ["--duration-log.disable", "true"],
+    ["--xml-validation", "never"],
+];
+
+fn with_silence(options: &[String]) -> Vec<String> {
+    let sets = |option: &str| options.iter().any(|given| given.split('=').next() == Some(option));
+    let silence = SILENCE.iter().filter(|[option, _]| !sets(option)).flatten();
+    options.iter().cloned().chain(silence.map(|text| text.to_string())).collect()
+}
+
+/// Strings in C's form: `pointers` point into `owned`.
+struct Texts {
+    _owned: Vec<CString>,
+    pointers: Vec<*const c_char>,
+}
+
+impl Texts {
+    fn new(texts: &[String]) -> Result<Self> {
+        let owned = texts.iter().map(|text| terminated(text)).collect::<Result<Vec<_>>>()?;
+        let pointers = owned.iter().map(|text| text.as_ptr()).collect();
+        Ok(Texts { _owned: owned, pointers })
+    }
+}
+
+fn terminated(text: &str) -> Result<CString> {
+    CString::new(text).map_err(|_| Error::ZeroByte { text: text.into() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{tidy, with_silence};
+
+    #[test]
+    fn the_reason_is_what_remains_of_sumos_words() {
+        assert_eq!(tidy("Process Error\nError: File 'x' is not accessible.\n"), "File 'x' is not accessible.");
+        assert_eq!(tidy("No such program.\n"), "No such program.");
+        assert_eq!(tidy("Process Error\n"), "it gave no reason");
+    }
+
+    #[test]
+    fn an_option_of_the_callers_is_not_set_a_second_time() {
+        let options = with_silence(&["--no-warnings=false".into(), "--xml-validation".into(), "always".into()]);
+        assert_eq!(
+            options.join(" "),
+            "--no-warnings=false --xml-validation always --no-step-log true --duration-log.disable true"
+        );
+    }
+}

@@ -1,0 +1,35 @@
+//! The bindings of the shim over SUMO, `src/ffi.rs`, are those that bindgen makes of its header.
+//!
+//! They are kept, so that a build needs neither bindgen nor libclang. After a change of the header, make them again with
+//! `UPDATE_BINDINGS=1 cargo test -p libsumo`. This test needs libclang, which `./setup.sh all` installs.
+
+use std::fs;
+use std::path::Path;
+
+const ABOUT: &str = "//! Bindings of `shim/dials_sumo.h`, made by bindgen: `UPDATE_BINDINGS=1 cargo test -p libsumo`.\n\n\
+                     #![allow(dead_code, non_camel_case_types, clippy::all, reason = \"bindgen writes it\")]";
+
+#[test]
+fn the_bindings_are_those_of_the_header() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let bindings = bindgen::Builder::default()
+        .header(root.join("src/shim/dials_sumo.h").to_str().unwrap())
+        .allowlist_item("(ds|DS)_.*")
+        .prepend_enum_name(false)
+        .merge_extern_blocks(true)
+        .ctypes_prefix("std::ffi")
+        .rust_target(bindgen::RustTarget::stable(89, 0).unwrap_or_else(|_| panic!("bindgen knows Rust 1.89")))
+        .rust_edition(bindgen::RustEdition::Edition2024)
+        .layout_tests(false)
+        .disable_header_comment()
+        .raw_line(ABOUT)
+        .formatter(bindgen::Formatter::Rustfmt)
+        .rustfmt_configuration_file(Some(root.join("../../rustfmt.toml")))
+        .generate()
+        .unwrap();
+    let (made, file) = (bindings.to_string(), root.join("src/ffi.rs"));
+    if std::env::var_os("UPDATE_BINDINGS").is_some() {
+        fs::write(&file, &made).unwrap();
+    }
+    assert!(fs::read_to_string(&file).unwrap() == made, "src/ffi.rs is old; it must be:\n{made}");
+}

@@ -1,0 +1,194 @@
+//! Wall time by number of cores: a model of how long the runs of a group would take elsewhere.
+//!
+//! The model spreads the measured CPU time of a run over the cores. With local simulators, cores have whole agents, so
+//! more cores than agents do not help. The one global simulator (GS) runs on one core, however many there are. There
+//! cores share only the gradient steps of PPO, of one agent each. The model has no waiting and no messages, and no core
+//! that is slower when its neighbours work. Measured points stand beside it and show how much that leaves out.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::compare::steps::are_alike;
+use super::document::Table;
+use super::finals::Runtime;
+use super::group::{Comparison, Group};
+use super::words::duration;
+use dials_core::base::statistics::mean;
+use dials_session::records::method::steps_text;
+
+/// Numbers of cores in the table.
+const CORES: [usize; 6] = [1, 2, 8, 32, 128, 1024];
+
+/// The time of a group's runs without evaluations.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ByCores {
+    /// Timesteps per agent.
+    pub steps: u64,
+    /// CPU seconds of a run that only one core can work on, mean over seeds.
+    alone_s: f64,
+    /// CPU seconds of a run that cores can share, mean over seeds.
+    shared_s: f64,
+    /// Largest number of cores that can share them.
+    most: usize,
+    /// Wall seconds by number of workers, means over the runs that had it.
+    pub measured: BTreeMap<usize, f64>,
+}
+
+impl ByCores {
+    /// Returns the model of the runs that count for the final return; `None` unless they finished and measured CPU time.
+    pub fn of(group: &Group, agents: usize) -> Option<ByCores> {
+        let Runtime { steps, finished: true, cpu: Some(cpu), .. } = Runtime::of(group)? else { return None };
+        let (_, runs) = group.finals()?;
+        let mut seconds: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
+        let mut updates = Vec::new();
+        // A shared policy has only one learner.
+        let most = if runs.iter().any(|run| run.config.shares_policies()) { 1 } else { agents };
+        for run in runs {
+            let time = run.time_at(steps)?;
+            seconds.entry(run.workers).or_default().push(time.runtime_s());
+            // On the GS as many threads as there are workers make the updates, unless the workers are ranks of MPI.
+            updates.push(time.update_s * run.workers.min(most) as f64);
+        }
+        let cpu_s = cpu.runtime_s();
+        let is_global = group.simulator() == "gs";
+        let shared_s = if is_global { mean(&updates).min(cpu_s) } else { cpu_s };
+        Some(ByCores {
+            steps,
+            alone_s: cpu_s - shared_s,
+            shared_s,
+            most,
+            measured: seconds.into_iter().map(|(workers, seconds)| (workers, mean(&seconds))).collect(),
+        })
+    }
+
+    /// Returns the wall seconds of a run on this number of cores.
+    pub fn seconds(&self, cores: usize) -> f64 {
+        self.alone_s + self.shared_s / cores.clamp(1, self.most) as f64
+    }
+
+    /// Returns the smallest number of cores on which this takes less time than `other`; `None` if there is none.
+    fn faster_from(&self, other: &ByCores) -> Option<usize> {
+        (1..=self.most).find(|&cores| self.seconds(cores) < other.seconds(cores))
+    }
+}
+
+/// Returns the groups of a scenario with their models. Only those with the most timesteps count, up to a hundredth, because
+/// others are no comparison.
+pub fn by_cores(comparison: &Comparison) -> Vec<(&Group, ByCores)> {
+    let agents = comparison.scenario.agents;
+    let mut all: Vec<(&Group, ByCores)> =
+        comparison.groups.iter().filter_map(|group| Some((group, ByCores::of(group, agents)?))).collect();
+    let most = all.iter().map(|(_, model)| model.steps).max().unwrap_or(0);
+    all.retain(|(_, model)| are_alike([model.steps, most]));
+    all
+}
+
+/// Makes the table of times by number of cores; `None` if no run measured CPU time.
+pub fn table(comparison: &Comparison) -> Option<Table> {
+    let all = by_cores(comparison);
+    let steps = all.iter().map(|(_, model)| model.steps).max()?;
+    let gs = all.iter().find(|(group, _)| group.simulator() == "gs" && group.overrides.is_empty());
+    let most = all.iter().map(|(_, model)| model.most).max()?;
+    // Beyond the number of agents nothing changes any more.
+    let cores: BTreeSet<usize> = CORES.into_iter().map(|cores| cores.min(most)).collect();
+    let mut header = vec!["time on".to_owned()];
+    header.extend(cores.iter().map(|&cores| if cores == 1 { "1 core".to_owned() } else { format!("{cores} cores") }));
+    header.push("measured".to_owned());
+    header.extend(gs.map(|_| "faster than the GS".to_owned()));
+    let row = |(group, model): &(&Group, ByCores)| {
+        let mut row = vec![comparison.short_label(group)];
+        row.extend(cores.iter().map(|&cores| duration(model.seconds(cores))));
+        row.push(by_workers(&model.measured));
+        row.extend(gs.map(|(of_gs, gs)| match model.faster_from(gs) {
+            _ if std::ptr::eq(*of_gs, *group) => "-".to_owned(),
+            Some(1) => "always".to_owned(),
+            Some(cores) => format!("from {cores} cores on"),
+            None => "never".to_owned(),
+        }));
+        row
+    };
+    Some(Table {
+        caption: format!(
+            "Wall time of a run by number of cores, {}, {} timesteps, without evaluations: a model. It spreads the \
+             measured CPU time over the cores, at most one core per agent. The GS runs on one core; there cores share \
+             only PPO's gradient steps. Measured: wall time with this number of workers, mean over the runs that had it.",
+            comparison.title,
+            steps_text(steps)
+        ),
+        header,
+        rows: all.iter().map(row).collect(),
+    })
+}
+
+/// Writes the measured times by number of workers.
+fn by_workers(measured: &BTreeMap<usize, f64>) -> String {
+    let words = measured.iter().map(|(workers, seconds)| format!("{} with {workers}", duration(*seconds)));
+    words.collect::<Vec<_>>().join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::group::sort;
+    use dials_config::Config;
+    use dials_core::domain::Scenario;
+    use dials_session::records::find::Found;
+    use dials_session::records::method::Method;
+    use dials_session::records::run_record::{CpuTime, EvaluationRecord, PeriodTime, Returns, RunRecord};
+
+    fn model(alone_s: f64, shared_s: f64, most: usize) -> ByCores {
+        ByCores { steps: 1, alone_s, shared_s, most, measured: BTreeMap::new() }
+    }
+
+    #[test]
+    fn cores_share_agents_and_on_the_gs_only_updates() {
+        let (local, global) = (model(0.0, 100.0, 4), model(30.0, 8.0, 4));
+        assert_eq!([1, 2, 4, 128].map(|cores| local.seconds(cores)), [100.0, 50.0, 25.0, 25.0]);
+        assert_eq!([1, 2, 4, 128].map(|cores| global.seconds(cores)), [38.0, 34.0, 32.0, 32.0]);
+        assert_eq!(local.faster_from(&global), Some(4));
+        assert_eq!(model(0.0, 200.0, 4).faster_from(&global), None);
+    }
+
+    /// Makes a finished run of four robots that took 70 s, and 90 CPU seconds without evaluations.
+    fn run(keys: &str, workers: usize) -> RunRecord {
+        let config: Config = toml::from_str(&format!("{keys}\nwarehouse = {{ agents_per_side = 2 }}")).unwrap();
+        let steps = config.total_steps;
+        let all = Returns { mean: 1.0, median: 1.0, std_error: 0.0, stuck: 0 };
+        let evaluation =
+            EvaluationRecord { steps, all, agents: vec![all; 4], episodes: None, episode_returns: Vec::new() };
+        let cpu = Some(CpuTime { total_s: 100.0, evaluation_s: 10.0 });
+        RunRecord {
+            evaluations: vec![evaluation],
+            periods: vec![PeriodTime { steps, elapsed_s: 70.0, update_s: 20.0, cpu, ..PeriodTime::default() }],
+            workers,
+            ..RunRecord::empty(config, Some(Scenario::new("warehouse", 4, 100)))
+        }
+    }
+
+    #[test]
+    fn the_gradient_steps_of_the_gs_are_read_from_its_runs() {
+        let of = |keys: &str, workers: usize| {
+            let run = run(&format!("simulator = 'gs'\n{keys}"), workers);
+            let method = Method::of(&run.config, run.scenario.as_ref().unwrap());
+            let model = ByCores::of(&Group { method, overrides: Vec::new(), runs: vec![run] }, 4).unwrap();
+            (model.alone_s, model.shared_s, model.most)
+        };
+        assert_eq!(of("", 1), (70.0, 20.0, 4));
+        assert_eq!(of("", 2), (50.0, 40.0, 4), "two threads for 20 s");
+        assert_eq!(of("gs.shared_policy = true", 2), (70.0, 20.0, 1), "one policy has one learner");
+    }
+
+    #[test]
+    fn groups_whose_ends_are_up_to_a_hundredth_apart_stand_side_by_side() {
+        let ends = [200_704, 200_064, 190_000];
+        let runs = ends.map(|end| run(&format!("total_steps = {end}\nppo.clip = 0.{end}"), 1)).to_vec();
+        let comparison = sort(Found { runs, ..Found::default() }).unwrap().comparisons.remove(0);
+        assert_eq!(comparison.groups.len(), 3);
+        let shown: BTreeSet<u64> = by_cores(&comparison).iter().map(|(_, model)| model.steps).collect();
+        assert_eq!(shown, BTreeSet::from([200_704, 200_064]));
+    }
+
+    #[test]
+    fn measured_times_are_told_by_number_of_workers() {
+        assert_eq!(by_workers(&BTreeMap::from([(2, 1800.0), (1, 5400.0)])), "90.0 min with 1, 30.0 min with 2");
+    }
+}

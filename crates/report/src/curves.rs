@@ -1,0 +1,192 @@
+//! Learning curves: returns and losses of the runs of a group, step by step.
+//!
+//! A curve has a point at every step at which some run of the group was evaluated. Between two evaluations, a run
+//! counts with a linear interpolation. After its last evaluation it does not count. A point knows how many runs count
+//! at it.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::group::Group;
+use dials_core::base::statistics::{Spread, mean};
+use dials_session::records::run_record::RunRecord;
+
+/// A point of a learning curve.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CurvePoint {
+    /// Timesteps per agent.
+    pub steps: u64,
+    /// Mean returns over seeds.
+    pub returns: Spread,
+    /// Return of the median agent of a run, mean over seeds.
+    pub median_agent: f64,
+    /// Mean wall time of these runs until here in seconds, without evaluations; `None` unless all of them know it.
+    pub runtime_s: Option<f64>,
+}
+
+/// A point of a curve of cross-entropies.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LossPoint {
+    pub steps: u64,
+    /// Whether the loss was measured right after a training of the AIPs (approximate influence predictors).
+    pub after_training: bool,
+    /// Cross-entropy in nats per influence source, over seeds.
+    pub loss: Spread,
+    /// Cross-entropy of constant marginals, mean over seeds.
+    pub marginals: f64,
+}
+
+/// Data on which the cross-entropy of a group's AIPs was measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LossData {
+    /// Fresh episodes of the GS (global simulator), at evaluations and after trainings.
+    Fresh,
+    /// The held-out episodes of each dataset, before and after the training on it.
+    HeldOut,
+}
+
+/// Makes the learning curve of a group.
+pub fn learning_curve(group: &Group) -> Vec<CurvePoint> {
+    let steps: BTreeSet<u64> =
+        group.runs.iter().flat_map(|run| run.evaluations.iter().map(|evaluation| evaluation.steps)).collect();
+    let points = steps.into_iter().filter_map(|steps| {
+        let here: Vec<&RunRecord> = group.runs.iter().filter(|run| run.return_at(steps).is_some()).collect();
+        let all =
+            |figure: &dyn Fn(&RunRecord) -> Option<f64>| here.iter().filter_map(|run| figure(run)).collect::<Vec<_>>();
+        let runtimes = all(&|run| run.runtime_at(steps));
+        Some(CurvePoint {
+            steps,
+            returns: Spread::of(&all(&|run| run.return_at(steps)))?,
+            median_agent: mean(&all(&|run| run.median_at(steps))),
+            runtime_s: (runtimes.len() == here.len()).then(|| mean(&runtimes)),
+        })
+    });
+    points.collect()
+}
+
+/// Makes the curve of the cross-entropy of a group's AIPs, on fresh GS episodes if any run measured that.
+///
+/// It has a point at every step at which some run was measured or trained its AIPs, and interpolates like a learning
+/// curve. Runs need not train at the same steps: at the training of one, the others count with their value at that
+/// step.
+pub fn loss_curve(group: &Group) -> (LossData, Vec<LossPoint>) {
+    let fresh = group.runs.iter().any(|run| !run.fresh_losses.is_empty());
+    let data = if fresh { LossData::Fresh } else { LossData::HeldOut };
+    let of_runs: Vec<LossesBySteps> = group.runs.iter().map(|run| measured(run, data)).collect();
+    let places: BTreeSet<(u64, bool)> = of_runs.iter().flat_map(|run| run.keys().copied()).collect();
+    let points = places.into_iter().filter_map(|(steps, after_training)| {
+        let here: Vec<[f64; 2]> = of_runs.iter().filter_map(|run| loss_at(run, steps, after_training)).collect();
+        let loss = Spread::of(&here.iter().map(|[loss, _]| *loss).collect::<Vec<_>>())?;
+        let marginals = mean(&here.iter().map(|[_, marginals]| *marginals).collect::<Vec<_>>());
+        Some(LossPoint { steps, after_training, loss, marginals })
+    });
+    (data, points.collect())
+}
+
+/// Returns the cross-entropies of the single runs of a group, from the same data as [`loss_curve`]: steps, whether
+/// right after a training, and loss.
+pub fn loss_curves_of_seeds(group: &Group, data: LossData) -> Vec<Vec<(u64, bool, f64)>> {
+    let curve = |run: &RunRecord| {
+        measured(run, data)
+            .iter()
+            .map(|((steps, after_training), [loss, _])| (*steps, *after_training, *loss))
+            .collect()
+    };
+    group.runs.iter().map(curve).collect()
+}
+
+/// Returns the trainings of AIPs that only some runs of a group have, without those at step 0: steps and the loss right
+/// after.
+pub fn single_trainings(group: &Group) -> Vec<(u64, f64)> {
+    let of_runs: Vec<LossesBySteps> = group.runs.iter().map(|run| measured(run, LossData::Fresh)).collect();
+    let trainings = of_runs.iter().flatten().filter(|((steps, after_training), _)| *after_training && *steps > 0);
+    let single = trainings.filter(|(place, _)| {
+        of_runs.iter().any(|run| !run.contains_key(place) && loss_at(run, place.0, true).is_some())
+    });
+    single.map(|((steps, _), [loss, _])| (*steps, *loss)).collect()
+}
+
+/// Losses of a run's AIPs and of constant marginals, by steps and whether right after a training.
+type LossesBySteps = BTreeMap<(u64, bool), [f64; 2]>;
+
+/// Returns the losses of a run at a step: if it trained there, those before or after the training. Between two measured
+/// steps it interpolates; outside of them: `None`.
+fn loss_at(run: &LossesBySteps, steps: u64, after_training: bool) -> Option<[f64; 2]> {
+    let here: Vec<[f64; 2]> = run.range((steps, false)..=(steps, true)).map(|(_, loss)| *loss).collect();
+    if let Some(loss) = if after_training { here.last() } else { here.first() } {
+        return Some(*loss);
+    }
+    let ((left, _), before) = run.range(..(steps, false)).next_back()?;
+    let ((right, _), behind) = run.range((steps, true)..).next()?;
+    let share = (steps - left) as f64 / (right - left) as f64;
+    Some(std::array::from_fn(|index| before[index] + share * (behind[index] - before[index])))
+}
+
+fn measured(run: &RunRecord, data: LossData) -> LossesBySteps {
+    match data {
+        LossData::Fresh => run
+            .fresh_losses
+            .iter()
+            .map(|fresh| ((fresh.steps, fresh.after_training), [fresh.loss, fresh.marginals]))
+            .collect(),
+        LossData::HeldOut => run
+            .aip_trainings
+            .iter()
+            .flat_map(|training| {
+                let at = |after, loss| ((training.steps, after), [loss, training.marginals]);
+                [at(false, training.before), at(true, training.after)]
+            })
+            .collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use dials_core::domain::Scenario;
+    use dials_session::records::method::Method;
+    use dials_session::records::run_record::FreshLossRecord;
+
+    /// Makes runs with losses at these steps; `true`: right after a training. The marginals are 1 higher.
+    fn group(runs: &[&[(u64, bool, f64)]]) -> Group {
+        let run = |losses: &&[(u64, bool, f64)]| RunRecord {
+            fresh_losses: losses
+                .iter()
+                .map(|&(steps, after_training, loss)| FreshLossRecord {
+                    steps,
+                    after_training,
+                    loss,
+                    marginals: loss + 1.0,
+                })
+                .collect(),
+            ..RunRecord::empty(
+                toml::from_str("[warehouse]\nagents_per_side = 2").unwrap(),
+                Some(Scenario::new("warehouse", 4, 100)),
+            )
+        };
+        let runs: Vec<RunRecord> = runs.iter().map(run).collect();
+        Group { method: Method::of(&runs[0].config, runs[0].scenario.as_ref().unwrap()), overrides: Vec::new(), runs }
+    }
+
+    #[test]
+    fn a_seed_that_trains_when_others_do_not_or_has_just_begun_leaves_the_others_in_the_curve() {
+        let drift = group(&[
+            &[(0, true, 2.0), (100, false, 4.0), (100, true, 1.0), (200, false, 2.0)],
+            &[(0, true, 4.0), (200, false, 8.0)],
+            &[(0, true, 6.0)],
+        ]);
+        let (_, points) = loss_curve(&drift);
+        let found: Vec<(u64, bool, usize, f64)> = points
+            .iter()
+            .map(|point| (point.steps, point.after_training, point.loss.runs(), point.loss.mean))
+            .collect();
+        // At 100 the second run is half way from 4 to 8. The third run ended earlier.
+        let expected = [(0, true, 3, 4.0), (100, false, 2, 5.0), (100, true, 2, 3.5), (200, false, 2, 5.0)];
+        assert_eq!(found, expected);
+        assert_eq!(points[1].marginals, 6.0);
+        assert_eq!(single_trainings(&drift), [(100, 1.0)]);
+        assert_eq!(
+            single_trainings(&group(&[&[(0, true, 2.0), (9, true, 1.0)], &[(0, true, 2.0), (9, true, 3.0)]])),
+            []
+        );
+    }
+}

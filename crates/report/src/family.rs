@@ -1,0 +1,56 @@
+//! Families of scenarios: those whose returns may share an axis and a table, because they differ in their size only.
+
+use super::group::Comparison;
+use dials_core::domain::ScenarioId;
+
+/// Scenarios of one domain with equal episodes and equal rules. Their agents are all in rows, or it is a single network.
+pub struct Family<'a> {
+    /// Title, unique in a report: `traffic` if all its scenarios of this domain are in one family.
+    pub title: String,
+    /// The same as a part of file names.
+    pub slug: String,
+    pub comparisons: Vec<&'a Comparison>,
+}
+
+/// Returns the families of a report, those of a domain one after the other.
+pub fn families(comparisons: &[Comparison]) -> Vec<Family<'_>> {
+    let mut kin: Vec<Vec<&Comparison>> = Vec::new();
+    for comparison in comparisons {
+        match kin.iter_mut().find(|family| are_kin(family[0], comparison)) {
+            Some(family) => family.push(comparison),
+            None => kin.push(vec![comparison]),
+        }
+    }
+    let domain = |family: &[&Comparison]| family[0].scenario.domain.clone();
+    let alone = |name: &str| kin.iter().filter(|family| domain(family) == name).count() == 1;
+    let mut families: Vec<(String, Family)> = Vec::new();
+    for comparisons in &kin {
+        let name = domain(comparisons);
+        let (title, slug) = match &comparisons[..] {
+            _ if alone(&name) => (name.clone(), name.clone()),
+            [only] => (only.title.clone(), only.slug.clone()),
+            [first, ..] => of_several(&first.scenario),
+            [] => unreachable!("a family begins with a scenario"),
+        };
+        families.push((name, Family { title, slug, comparisons: comparisons.clone() }));
+    }
+    families.sort_by(|(one, _), (other, _)| one.cmp(other));
+    families.into_iter().map(|(_, family)| family).collect()
+}
+
+fn are_kin(one: &Comparison, other: &Comparison) -> bool {
+    let same = |a: &ScenarioId, b: &ScenarioId| a.domain == b.domain && a.episode == b.episode && a.rules == b.rules;
+    let in_rows = one.map().is_some() && other.map().is_some();
+    in_rows && same(&one.scenario, &other.scenario)
+}
+
+/// Returns the title and the slug of several scenarios beside others of their domain.
+fn of_several(scenario: &ScenarioId) -> (String, String) {
+    let ScenarioId { domain, episode, rules, .. } = scenario;
+    let (title, slug) = match rules {
+        Some(rules) => (format!(", rules {rules}"), format!("_{}", rules.replace('-', "_"))),
+        None => (String::new(), String::new()),
+    };
+    let length = episode.length;
+    (format!("{domain}, grids, {length} {}{title}", episode.unit), format!("{domain}_grids_{length}{slug}"))
+}

@@ -1,0 +1,216 @@
+//! Final results of a group: return, agents, runtime and memory.
+
+use std::collections::BTreeSet;
+
+use super::group::Group;
+use super::played;
+use dials_core::base::statistics::difference::{BySeed, Episodes, common_episodes};
+use dials_core::base::statistics::{Spread, mean, median};
+use dials_session::records::run_record::{CpuTime, MemoryRecord, PeriodTime, Returns, RunRecord, Status};
+
+/// Final returns of a group.
+pub struct Final {
+    /// Timesteps per agent at which the returns were measured.
+    pub steps: u64,
+    /// Whether the runs that count are finished. [`Group::finals`] says which ones count.
+    pub finished: bool,
+    /// Mean returns over seeds.
+    pub returns: Spread,
+    /// Returns of every run that counts, by seed.
+    pub runs: BySeed,
+    /// Median over seeds of the runs' mean returns.
+    pub median_run: f64,
+    /// Return of the median agent of a run, mean over seeds.
+    pub median_agent: f64,
+    pub worst_agent: AgentAt,
+    /// Stuck agents of all runs that count.
+    pub stuck: Vec<AgentAt>,
+    /// Number of agents of all runs that count.
+    pub agents: usize,
+    /// Mean return of each agent over seeds.
+    pub agent_means: Vec<f64>,
+    /// Seed and agents' returns of every run that counts.
+    pub agents_of_runs: Vec<(u64, Vec<Returns>)>,
+}
+
+fn finished(runs: &[&RunRecord]) -> bool {
+    runs.iter().all(|run| run.status() == Status::Finished)
+}
+
+/// An agent of a run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AgentAt {
+    pub seed: u64,
+    pub agent: usize,
+    pub mean_return: f64,
+}
+
+impl Final {
+    /// Collects the final returns of a group; `None` if no run of it was evaluated.
+    pub fn of(group: &Group) -> Option<Final> {
+        let (steps, runs) = group.finals()?;
+        let agents_of_runs: Vec<(u64, Vec<Returns>)> =
+            runs.iter().map(|run| (run.config.seed, agents_at(run, steps).to_vec())).collect();
+        let everyone: Vec<(AgentAt, bool)> = agents_of_runs
+            .iter()
+            .flat_map(|(seed, agents)| {
+                agents.iter().enumerate().map(|(agent, returns)| {
+                    (AgentAt { seed: *seed, agent, mean_return: returns.mean }, returns.stuck > 0)
+                })
+            })
+            .collect();
+        let of_runs: BySeed =
+            runs.iter().filter_map(|run| Some((run.config.seed, played::of_run(run, steps)?))).collect();
+        let means: Vec<f64> = of_runs.iter().map(|(_, played)| played.mean).collect();
+        let medians: Vec<f64> = runs.iter().filter_map(|run| Some(run.evaluation_at(steps)?.all.median)).collect();
+        let count = agents_of_runs.first().map_or(0, |(_, agents)| agents.len());
+        let agent_means = (0..count)
+            .map(|agent| mean(&agents_of_runs.iter().map(|(_, agents)| agents[agent].mean).collect::<Vec<_>>()));
+        Some(Final {
+            steps,
+            finished: finished(&runs),
+            returns: Spread::of(&means)?,
+            median_run: median(&means),
+            median_agent: mean(&medians),
+            worst_agent: everyone
+                .iter()
+                .map(|(agent, _)| *agent)
+                .min_by(|a, b| a.mean_return.total_cmp(&b.mean_return))?,
+            stuck: everyone.iter().filter(|(_, stuck)| *stuck).map(|(agent, _)| *agent).collect(),
+            agents: everyone.len(),
+            agent_means: agent_means.collect(),
+            runs: of_runs,
+            agents_of_runs,
+        })
+    }
+}
+
+impl Final {
+    /// Returns the episodes that all runs played; `None` if they differ or are not known.
+    pub fn episodes(&self) -> Option<Episodes> {
+        common_episodes(self.runs.iter().map(|(_, played)| played))
+    }
+
+    /// Returns the different numbers of episodes of the runs.
+    pub fn episode_counts(&self) -> BTreeSet<usize> {
+        self.runs.iter().filter_map(|(_, played)| played.count).collect()
+    }
+}
+
+/// Returns the agents' returns at the evaluation at step `steps`; nothing if there was none.
+pub fn agents_at(run: &RunRecord, steps: u64) -> &[Returns] {
+    run.evaluation_at(steps).map_or(&[], |evaluation| &evaluation.agents)
+}
+
+/// Wall and CPU time in seconds, means over the runs of a group.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Runtime {
+    /// Timesteps per agent.
+    pub steps: u64,
+    /// Whether the runs are finished.
+    pub finished: bool,
+    pub agents_training_s: f64,
+    /// Time to collect datasets and train the AIPs (approximate influence predictors).
+    pub influence_s: f64,
+    /// Sum of the two over seeds: wall time without evaluations.
+    pub total: Spread,
+    /// Wall time with the evaluations.
+    pub wall_s: f64,
+    /// CPU time of all processes; `None` unless all runs measured it.
+    pub cpu: Option<CpuTime>,
+    /// Largest number of worker processes of a run.
+    pub workers: usize,
+}
+
+impl Runtime {
+    /// Averages over the runs that count for the final return, up to the step of that return; `None` if there is none.
+    pub fn of(group: &Group) -> Option<Runtime> {
+        let (steps, runs) = group.finals()?;
+        let times: Vec<PeriodTime> = runs.iter().filter_map(|run| run.time_at(steps)).collect();
+        let mean_of = |part: &dyn Fn(&PeriodTime) -> f64| mean(&times.iter().map(part).collect::<Vec<_>>());
+        let total = Spread::of(&times.iter().map(|time| time.runtime_s()).collect::<Vec<_>>())?;
+        let influence_s = mean_of(&|time| time.influence_s);
+        Some(Runtime {
+            steps,
+            finished: finished(&runs),
+            agents_training_s: total.mean - influence_s,
+            influence_s,
+            total,
+            wall_s: mean_of(&|time| time.elapsed_s),
+            cpu: mean_cpu(&times),
+            workers: runs.iter().map(|run| run.workers).max().unwrap_or(1),
+        })
+    }
+}
+
+/// Returns the mean over runs; `None` unless all of them measured CPU time.
+pub fn mean_cpu(times: &[PeriodTime]) -> Option<CpuTime> {
+    let cpu: Vec<CpuTime> = times.iter().map(|time| time.cpu).collect::<Option<_>>()?;
+    let mean_of = |part: fn(&CpuTime) -> f64| mean(&cpu.iter().map(part).collect::<Vec<_>>());
+    (!cpu.is_empty())
+        .then(|| CpuTime { total_s: mean_of(|cpu| cpu.total_s), evaluation_s: mean_of(|cpu| cpu.evaluation_s) })
+}
+
+/// Returns the largest memory of a group's runs; `None` if no run measured it.
+pub fn peak_memory(group: &Group) -> Option<MemoryRecord> {
+    group.runs.iter().filter_map(|run| run.memory).reduce(MemoryRecord::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use dials_core::domain::Scenario;
+    use dials_session::records::method::Method;
+    use dials_session::records::run_record::EvaluationRecord;
+
+    #[test]
+    fn the_runtime_of_unfinished_runs_is_until_the_step_that_all_have_reached() {
+        let returns = Returns { mean: 1.0, median: 1.0, std_error: 0.0, stuck: 0 };
+        // 1 s per 1000 steps: a fifth for evaluations and a tenth for the AIPs. A period has 4000 steps.
+        let run = |periods: u64| RunRecord {
+            evaluations: (1..=periods)
+                .map(|period| EvaluationRecord {
+                    steps: period * 4000 - 2000,
+                    all: returns,
+                    agents: vec![returns],
+                    episodes: None,
+                    episode_returns: Vec::new(),
+                })
+                .collect(),
+            periods: (1..=periods)
+                .map(|period| PeriodTime {
+                    steps: period * 4000,
+                    elapsed_s: 4.0 * period as f64,
+                    evaluation_s: 0.8 * period as f64,
+                    influence_s: 0.4 * period as f64,
+                    update_s: 0.2 * period as f64,
+                    cpu: Some(CpuTime { total_s: 8.0 * period as f64, evaluation_s: 1.6 * period as f64 }),
+                })
+                .collect(),
+            ..RunRecord::empty(
+                toml::from_str("total_steps = 100000\n[warehouse]\nagents_per_side = 1").unwrap(),
+                Some(Scenario::new("warehouse", 1, 100)),
+            )
+        };
+        let runs = vec![run(2), run(20)];
+        let group = Group {
+            method: Method::of(&runs[0].config, runs[0].scenario.as_ref().unwrap()),
+            overrides: Vec::new(),
+            runs,
+        };
+        let time = Runtime::of(&group).unwrap();
+        // Both runs until 6000: 6 s, minus 1.2 s of evaluations. 0.6 s are for the AIPs.
+        assert_eq!((time.steps, time.finished, time.wall_s), (6000, false, 6.0));
+        // Two threads work all the time.
+        let cpu = time.cpu.unwrap();
+        for (found, expected) in [
+            (time.total.mean, 4.8),
+            (time.influence_s, 0.6),
+            (time.agents_training_s, 4.2),
+            (cpu.total_s, 12.0),
+            (cpu.runtime_s(), 9.6),
+        ] {
+            assert!((found - expected).abs() < 1e-9, "{found} is not {expected}");
+        }
+    }
+}

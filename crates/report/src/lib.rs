@@ -1,0 +1,101 @@
+//! The paper's figures and tables, made from run directories alone: learning curves over seeds, bars, and every agent
+//! on its grid. Tables have the paper's layout, with its numbers beside ours.
+//!
+//! - [`find`]: the runs, baselines and plans under the folders of a report. Nothing here sees a live run, or knows a domain
+//!   by name.
+//!   [`plan`]: the plans of experiments; `json_file`: how plans and baselines are read.
+//! - [`method`], [`group`]: which runs are comparable, and which differ only in their seed.
+//! - [`opponent`]: what the groups of a scenario are compared with. [`family`]: scenarios that may share an axis.
+//! - [`curves`], [`finals`]: results over several seeds; `played`: the episodes behind them, for differences.
+//! - `cores`: wall time by number of cores, a model.
+//! - [`paper`]: the paper's numbers, each with its source.
+//! - [`chart`], [`document`], [`csv_file`]: pictures, pages and files. `pictures`, `tables`, `cost_tables` and
+//!   `sections` fill them.
+//! - [`words`]: formats of numbers, and warnings.
+//! - [`compare`]: a comparison of two groups of runs.
+
+pub mod chart;
+pub mod compare;
+mod cores;
+mod cost_tables;
+pub mod csv_file;
+pub mod curves;
+pub mod document;
+pub mod drawing;
+pub mod family;
+pub mod finals;
+pub mod group;
+pub mod live;
+pub mod opponent;
+pub mod paper;
+mod pictures;
+mod played;
+pub mod plot;
+mod sections;
+mod tables;
+pub mod words;
+
+use std::path::PathBuf;
+
+use anyhow::{Result, ensure};
+
+use dials_session::records::find::Found;
+use document::{Block, Figure};
+use group::{Comparison, Sorted};
+
+/// Name of the report's HTML page.
+pub const PAGE: &str = "report.html";
+/// Name of the same report as Markdown, with its pictures as files beside it.
+pub const MARKDOWN: &str = "report.md";
+
+/// The files of a report.
+pub struct Report {
+    /// Names and contents of the files.
+    pub files: Vec<(String, String)>,
+    /// Number of runs in the report.
+    pub runs: usize,
+    /// Number of groups in the report.
+    pub groups: usize,
+    /// Sentences about runs that are missing, unfinished or cannot be used.
+    pub warnings: Vec<String>,
+}
+
+/// Makes a report of all runs under these folders. The same runs always make the same files.
+///
+/// # Errors
+///
+/// No run there was evaluated and can be read. The error lists the first reasons.
+pub fn report(folders: &[PathBuf]) -> Result<Report> {
+    let (comparisons, warnings) = compared(dials_session::records::find::find(folders)?)?;
+    ensure!(!comparisons.is_empty(), words::no_run(&names(folders), &warnings));
+    let document = sections::document(&comparisons, &warnings)?;
+    let mut files = vec![(PAGE.to_owned(), document.to_html()), (MARKDOWN.to_owned(), document.to_markdown())];
+    files.extend(document.figures().map(|figure| (format!("{}.svg", figure.name), figure.svg.file())));
+    files.extend(csv_file::files(&comparisons)?.into_iter().map(|file| (file.name.to_owned(), file.text)));
+    let groups = comparisons.iter().flat_map(|comparison| &comparison.groups);
+    let runs = groups.clone().map(|group| group.runs.len()).sum();
+    Ok(Report { files, runs, groups: groups.count(), warnings })
+}
+
+/// Makes the figures of a report about these runs, and only them. None was evaluated yet: no figures.
+pub fn compared_figures(found: Found) -> Result<Vec<Figure>> {
+    let (comparisons, warnings) = compared(found)?;
+    let blocks = sections::document(&comparisons, &warnings)?.blocks.into_iter();
+    let figure = |block| match block {
+        Block::Figure(figure) => Some(figure),
+        _ => None,
+    };
+    Ok(blocks.filter_map(figure).collect())
+}
+
+/// Compares the runs that were found. Also returns sentences about those that are missing or unfinished.
+fn compared(found: Found) -> Result<(Vec<Comparison>, Vec<String>)> {
+    let missing = found.missing.clone();
+    let Sorted { comparisons, left_out } = group::sort(found)?;
+    let warnings = words::warnings(&comparisons, &missing, &left_out);
+    Ok((comparisons, warnings))
+}
+
+fn names(folders: &[PathBuf]) -> String {
+    folders.iter().map(|folder| folder.display().to_string()).collect::<Vec<_>>().join(", ")
+}

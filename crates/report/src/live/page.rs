@@ -1,0 +1,141 @@
+//! The page: a table of the runs with their progress, the figures of a report, and maps of the agents.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use anyhow::Result;
+
+use super::status::{RunStatus, State};
+use crate::compared_figures;
+use crate::document::{Block, Figure, Table, to_html};
+use crate::drawing::Svg;
+use crate::words::{duration, figure};
+use dials_core::outside::Printable;
+use dials_session::records::files::{AIP_LOSS, RETURNS, RUN, TIMING};
+use dials_session::records::find::{DEPTH, Found, LeftOut, find};
+use dials_session::records::run_record::{EvaluationRecord, RunRecord};
+
+/// A figure that is not known yet.
+const NONE: &str = "-";
+/// Most maps on the page. Runs that are being written come first.
+const MAPS: usize = 4;
+
+/// Draws the agents of a run at their places; `None` if the report's own picture of them says as much.
+pub type DrawMap = Box<dyn FnMut(&RunRecord) -> Option<Svg>>;
+
+/// The view of a folder. It reads the runs again only when one of their files has changed.
+pub struct Page {
+    folder: PathBuf,
+    draw_map: DrawMap,
+    /// Files of the runs as they were when `runs` and `figures` were made.
+    seen: Option<Vec<Trace>>,
+    runs: Vec<RunRecord>,
+    left_out: Vec<LeftOut>,
+    /// Figures and maps, as HTML.
+    figures: String,
+}
+
+/// A file at a time: path, length in bytes and time of its last change.
+type Trace = (PathBuf, u64, Option<SystemTime>);
+
+impl Page {
+    /// `folder`: a run directory, or a folder of some.
+    pub fn new(folder: &Path, draw_map: DrawMap) -> Page {
+        let folder = folder.to_owned();
+        Page { folder, draw_map, seen: None, runs: Vec::new(), left_out: Vec::new(), figures: String::new() }
+    }
+
+    /// Returns what the page shows now, as HTML.
+    pub fn now(&mut self) -> String {
+        let mut there = Vec::new();
+        traces(&self.folder, DEPTH, &mut there);
+        if self.seen.as_ref() != Some(&there) {
+            self.seen = Some(there);
+            self.look().unwrap_or_else(|error| self.figures = to_html(&[Block::Paragraph(format!("{error:#}"))]));
+        }
+        let mut blocks = vec![Block::Table(progress(&self.runs))];
+        if !self.left_out.is_empty() {
+            blocks.push(Block::List(self.left_out.iter().map(ToString::to_string).collect()));
+        }
+        to_html(&blocks) + &self.figures
+    }
+
+    /// Reads the runs, and draws what only changes with their files.
+    fn look(&mut self) -> Result<()> {
+        let Found { runs, unreadable, .. } = find(std::slice::from_ref(&self.folder))?;
+        (self.runs, self.left_out) = (runs, unreadable);
+        self.figures.clear();
+        let evaluated = self.runs.iter().filter(|run| !run.evaluations.is_empty());
+        let mut order: Vec<(RunStatus, &RunRecord)> = evaluated.map(|run| (RunStatus::of(run), run)).collect();
+        order.sort_by_key(|(status, _)| status.state != State::Running);
+        let found = Found { runs: self.runs.clone(), ..Found::default() };
+        let mut figures = compared_figures(found)?;
+        for (_, run) in order.into_iter().take(MAPS) {
+            let caption = format!("{}: every agent at the last evaluation.", Printable(run.dir.display()));
+            figures.extend((self.draw_map)(run).map(|svg| Figure { name: "map".to_owned(), caption, svg }));
+        }
+        let mut blocks: Vec<Block> = figures.into_iter().map(Block::Figure).collect();
+        if blocks.is_empty() {
+            blocks.push(Block::Paragraph("The curves begin with the first evaluation.".to_owned()));
+        }
+        self.figures = to_html(&blocks);
+        Ok(())
+    }
+}
+
+/// Returns a line per run.
+fn progress(runs: &[RunRecord]) -> Table {
+    let row = |run: &RunRecord| {
+        let status = RunStatus::of(run);
+        let state = match status.state {
+            State::Running => "running",
+            State::Finished => "finished",
+            State::Stopped => "stopped",
+        };
+        let about = if status.about_steps > status.steps { "about " } else { "" };
+        let (first, last) = (run.evaluations.first(), run.evaluations.last());
+        let mean = |evaluation: Option<&EvaluationRecord>| {
+            evaluation.map_or(NONE.to_owned(), |evaluation| figure(evaluation.all.mean))
+        };
+        let aip = status.aip_loss.map_or(NONE.to_owned(), |[loss, marginals]| format!("{loss:.3} ({marginals:.3})"));
+        vec![
+            run.dir.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+            state.to_owned(),
+            format!("{about}{} of {}", status.about_steps, status.last_step),
+            last.map_or(NONE.to_owned(), |last| last.steps.to_string()),
+            status.agent_steps_per_s.map_or(NONE.to_owned(), |speed| format!("{speed:.0}")),
+            status.left.map_or(NONE.to_owned(), |left| duration(left.as_secs_f64())),
+            mean(first),
+            mean(last),
+            aip,
+        ]
+    };
+    Table {
+        caption:
+            "Steps: timesteps per agent; those of a run that has stopped are of its last checkpoint. Speed: timesteps \
+                  of all agents per second of the last period, with its evaluation and AIPs. AIP: cross-entropy, and \
+                  that of constants in brackets; lower is better. As on the terminal it is of new episodes, or of \
+                  held-out ones if the AIPs have been trained since."
+                .to_owned(),
+        header: ["run", "state", "steps", "evaluated at", "speed", "time left", "return at first", "return now", "AIP"]
+            .map(str::to_owned)
+            .to_vec(),
+        rows: runs.iter().map(row).collect(),
+    }
+}
+
+/// Collects the files of runs that the page is made from.
+fn traces(folder: &Path, depth: usize, into: &mut Vec<Trace>) {
+    let Ok(entries) = fs::read_dir(folder) else { return };
+    let mut paths: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    paths.sort();
+    for path in paths {
+        let Ok(about) = path.symlink_metadata() else { continue };
+        if about.is_dir() && depth > 0 {
+            traces(&path, depth - 1, into);
+        } else if path.file_name().is_some_and(|name| [RETURNS, AIP_LOSS, TIMING, RUN].iter().any(|own| name == *own)) {
+            into.push((path, about.len(), about.modified().ok()));
+        }
+    }
+}

@@ -1,0 +1,155 @@
+//! How far a run is, how fast it goes, when it will end, and what its AIPs (approximate influence predictors) know.
+
+use std::fs;
+use std::time::{Duration, SystemTime};
+
+use dials_core::outside::Directory;
+use dials_session::records::files;
+use dials_session::records::run_record::{RunRecord, Status};
+
+/// What a run is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum State {
+    /// A process is writing it.
+    Running,
+    Finished,
+    /// It is not finished, and no process is writing it.
+    Stopped,
+}
+
+/// The progress of a run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RunStatus {
+    pub state: State,
+    /// Timesteps per agent at the end of the last period, where the last checkpoint is.
+    pub steps: u64,
+    /// Timesteps per agent now, if the run goes on at the speed of its last period.
+    pub about_steps: u64,
+    pub last_step: u64,
+    /// Timesteps of all agents per second of the last period, with evaluations and AIPs; `None` before its end.
+    pub agent_steps_per_s: Option<f64>,
+    /// Time until the last step at this speed, for a run that goes on.
+    pub left: Option<Duration>,
+    /// Newest cross-entropy of the AIPs and that of the best constants, in nats, as the terminal shows them.
+    pub aip_loss: Option<[f64; 2]>,
+}
+
+impl RunStatus {
+    pub fn of(run: &RunRecord) -> RunStatus {
+        let written = fs::metadata(run.dir.join(files::TIMING)).and_then(|timing| timing.modified()).ok();
+        let idle = written.and_then(|then| SystemTime::now().duration_since(then).ok()).unwrap_or_default();
+        of(run, Directory::is_locked(&run.dir), idle)
+    }
+}
+
+/// `locked`: whether a process is writing the run. `idle`: time since the end of the last period was written.
+fn of(run: &RunRecord, locked: bool, idle: Duration) -> RunStatus {
+    let last_step = run.config.last_step();
+    let state = match (run.status(), locked) {
+        (_, true) => State::Running,
+        (Status::Finished, false) => State::Finished,
+        (Status::Unfinished { .. } | Status::Empty, false) => State::Stopped,
+    };
+    let steps = run.trained_to().min(last_step);
+    let steps_per_s = last_period(run);
+    let since = if state == State::Running { idle.as_secs_f64() } else { 0.0 };
+    let about_steps = steps_per_s.map_or(steps, |speed| steps + (speed * since) as u64).min(last_step);
+    let left = steps_per_s.filter(|_| state == State::Running);
+    let left = left.map(|speed| Duration::from_secs_f64((last_step - about_steps) as f64 / speed));
+    let agents = run.scenario.as_ref().map_or(0, |scenario| scenario.id.agents);
+    let agent_steps_per_s = steps_per_s.map(|speed| speed * agents as f64).filter(|_| agents > 0);
+    RunStatus { state, steps, about_steps, last_step, agent_steps_per_s, left, aip_loss: aip_loss(run) }
+}
+
+/// Returns the loss on new episodes, or on held-out ones if the AIPs have been trained since.
+fn aip_loss(run: &RunRecord) -> Option<[f64; 2]> {
+    let (trained, fresh) = (run.aip_trainings.last(), run.fresh_losses.last());
+    match fresh.filter(|fresh| trained.is_none_or(|trained| fresh.steps >= trained.steps)) {
+        Some(fresh) => Some([fresh.loss, fresh.marginals]),
+        None => trained.map(|trained| [trained.after, trained.marginals]),
+    }
+}
+
+/// Returns the timesteps per agent and second of the last period that trained.
+fn last_period(run: &RunRecord) -> Option<f64> {
+    let mut ends = run.periods.iter().rev().map(|period| (period.steps, period.elapsed_s));
+    let (steps, elapsed_s) = ends.next()?;
+    // A resumed run counts its seconds from its beginning, as all its periods do.
+    let (before, from_s) = ends.find(|(before, _)| *before < steps).unwrap_or((0, 0.0));
+    let speed = (steps - before) as f64 / (elapsed_s - from_s);
+    (speed.is_finite() && speed > 0.0).then_some(speed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use dials_config::Config;
+    use dials_session::records::run_record::{
+        AipTrainingRecord, EvaluationRecord, FreshLossRecord, PeriodTime, Returns,
+    };
+
+    /// A run of 1000 timesteps that was evaluated at these steps, at these seconds.
+    fn run(ends: &[(u64, f64)]) -> RunRecord {
+        let all = Returns { mean: 1.0, median: 1.0, std_error: 0.0, stuck: 0 };
+        let evaluation = |&(steps, _): &(u64, f64)| EvaluationRecord {
+            steps,
+            all,
+            agents: Vec::new(),
+            episodes: None,
+            episode_returns: Vec::new(),
+        };
+        RunRecord {
+            dir: "run".into(),
+            evaluations: ends.iter().map(evaluation).collect(),
+            periods: ends
+                .iter()
+                .map(|&(steps, elapsed_s)| PeriodTime { steps, elapsed_s, ..PeriodTime::default() })
+                .collect(),
+            ..RunRecord::empty(Config { total_steps: 1000, ..Config::default() }, None)
+        }
+    }
+
+    #[test]
+    fn a_run_that_is_written_goes_on_at_the_speed_of_its_last_period() {
+        let status = of(&run(&[(100, 10.0), (300, 30.0)]), true, Duration::from_secs(20));
+        assert_eq!((status.state, status.steps, status.about_steps), (State::Running, 300, 500));
+        assert_eq!(status.left, Some(Duration::from_secs(50)));
+        // It cannot have passed its last step.
+        let status = of(&run(&[(100, 10.0), (900, 90.0)]), true, Duration::from_secs(600));
+        assert_eq!((status.about_steps, status.left), (1000, Some(Duration::ZERO)));
+    }
+
+    #[test]
+    fn a_run_that_nobody_writes_stands_still() {
+        let idle = Duration::from_secs(20);
+        let status = of(&run(&[(100, 10.0), (300, 30.0)]), false, idle);
+        assert_eq!((status.state, status.about_steps, status.left), (State::Stopped, 300, None));
+        let status = of(&run(&[(1000, 30.0)]), false, idle);
+        assert_eq!((status.state, status.about_steps, status.left), (State::Finished, 1000, None));
+        // It was evaluated at its beginning only, and has trained since.
+        let mut between = run(&[(0, 1.0), (300, 30.0)]);
+        between.evaluations.pop();
+        assert_eq!((of(&between, false, idle).steps, between.status()), (300, Status::Unfinished { steps: 0 }));
+        assert_eq!(of(&between, true, idle).steps, 300);
+        let status = of(&run(&[]), true, idle);
+        assert_eq!((status.state, status.about_steps, status.agent_steps_per_s), (State::Running, 0, None));
+    }
+
+    #[test]
+    fn the_newest_aip_loss_is_of_new_episodes_unless_the_aips_were_trained_after_them() {
+        let trained = |steps| AipTrainingRecord { steps, before: 0.9, after: 0.2, marginals: 0.3 };
+        let fresh = |steps| FreshLossRecord { steps, after_training: false, loss: 0.4, marginals: 0.5 };
+        let newest = |trainings: &[u64], measured: &[u64]| {
+            let aip_trainings = trainings.iter().copied().map(trained).collect();
+            let fresh_losses = measured.iter().copied().map(fresh).collect();
+            of(&RunRecord { aip_trainings, fresh_losses, ..run(&[]) }, false, Duration::ZERO).aip_loss
+        };
+        assert_eq!(newest(&[], &[]), None);
+        assert_eq!(newest(&[], &[100]), Some([0.4, 0.5]));
+        assert_eq!(newest(&[100], &[]), Some([0.2, 0.3]));
+        assert_eq!(newest(&[100, 200], &[100]), Some([0.2, 0.3]));
+        // A measurement at the step of a training follows it.
+        assert_eq!(newest(&[100, 200], &[100, 200]), Some([0.4, 0.5]));
+        assert_eq!(newest(&[100], &[200]), Some([0.4, 0.5]));
+    }
+}

@@ -1,0 +1,100 @@
+//! Opponents: the controller and the group that the groups of a scenario are compared with.
+
+use super::compare::steps::are_alike;
+use super::finals::Final;
+use super::group::{Comparison, Group};
+use super::played::{minus_controller, of_controller};
+use dials_core::base::statistics::difference::{Difference, Episodes, between};
+use dials_session::records::find::BaselineRecord;
+
+/// A controller or a group whose return is subtracted from those of the groups of a scenario.
+#[derive(Clone)]
+pub enum Opponent<'a> {
+    Controller(&'a BaselineRecord),
+    /// A group and its name.
+    Group(&'a Group, String),
+}
+
+impl Opponent<'_> {
+    pub fn name(&self) -> &str {
+        match self {
+            Opponent::Controller(controller) => &controller.controller,
+            Opponent::Group(_, name) => name,
+        }
+    }
+
+    /// Returns the episodes of its final return; `None` if they are not known or its runs have different ones.
+    pub fn episodes(&self) -> Option<Episodes> {
+        match self {
+            Opponent::Controller(controller) => of_controller(controller).episodes(),
+            Opponent::Group(group, _) => Final::of(group)?.episodes(),
+        }
+    }
+
+    /// Returns the final return of a group minus the opponent's. `None` for the opponent itself, and if the two were
+    /// measured at different steps; up to a hundredth they are the same.
+    pub fn difference(&self, group: &Group, end: &Final) -> Option<Difference> {
+        match self {
+            Opponent::Controller(controller) => Some(minus_controller(&end.runs, controller)),
+            Opponent::Group(other, _) if std::ptr::eq(*other, group) => None,
+            Opponent::Group(other, _) => {
+                let of_other = Final::of(other)?;
+                are_alike([of_other.steps, end.steps]).then(|| between(&of_other.runs, &end.runs))
+            }
+        }
+    }
+}
+
+impl Comparison {
+    /// Returns the reference of an ablation as an opponent.
+    pub fn reference(&self) -> Option<Opponent<'_>> {
+        Some(Opponent::Group(&self.groups[self.reference?], "the reference".to_owned()))
+    }
+
+    /// Returns the strongest controller, if any was measured, and the reference. If there is no reference, the first of
+    /// several groups takes its place.
+    pub fn opponents(&self) -> Vec<Opponent<'_>> {
+        let strongest = self.baselines.iter().max_by(|a, b| a.mean_return.total_cmp(&b.mean_return));
+        let first = || match &self.groups[..] {
+            [first, _, ..] => Some(Opponent::Group(first, first.label())),
+            _ => None,
+        };
+        strongest.map(Opponent::Controller).into_iter().chain(self.reference().or_else(first)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use dials_core::domain::Scenario;
+    use dials_session::records::method::Method;
+    use dials_session::records::run_record::{EvaluationRecord, Returns, RunRecord};
+
+    /// Makes a group of one finished run.
+    fn group(total_steps: u64, mean: f64) -> Group {
+        let text = format!("total_steps = {total_steps}\n[warehouse]\nagents_per_side = 2");
+        let (config, scenario) = (toml::from_str(&text).unwrap(), Scenario::new("warehouse", 4, 100));
+        let method = Method::of(&config, &scenario);
+        let all = Returns { mean, median: mean, std_error: 0.0, stuck: 0 };
+        let evaluation = EvaluationRecord {
+            steps: total_steps,
+            all,
+            agents: vec![all; 4],
+            episodes: None,
+            episode_returns: Vec::new(),
+        };
+        let run = RunRecord { evaluations: vec![evaluation], ..RunRecord::empty(config, Some(scenario)) };
+        Group { method, overrides: Vec::new(), runs: vec![run] }
+    }
+
+    #[test]
+    fn groups_are_compared_if_they_end_at_the_same_step_up_to_a_hundredth() {
+        let reference = group(200_704, 10.0);
+        let opponent = Opponent::Group(&reference, "reference".to_owned());
+        let minus_reference = |total_steps| {
+            let other = group(total_steps, 12.0);
+            opponent.difference(&other, &Final::of(&other).unwrap()).map(|found| found.mean)
+        };
+        assert_eq!([200_704, 200_064, 190_000].map(minus_reference), [Some(2.0), Some(2.0), None]);
+    }
+}

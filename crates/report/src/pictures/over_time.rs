@@ -1,0 +1,241 @@
+//! Charts of training as it proceeds: returns and cross-entropy.
+
+use anyhow::Result;
+
+use super::{ends, label_with_runs, plain, return_axis, shows_seeds, time_unit};
+use crate::chart::{Axis, Level, Line, LineChart, LinePoint, Looks, MOST_BANDS, Mark};
+use crate::curves::{
+    CurvePoint, LossData, LossPoint, learning_curve, loss_curve, loss_curves_of_seeds, single_trainings,
+};
+use crate::drawing::Svg;
+use crate::group::{Comparison, Group};
+use crate::paper;
+use crate::words::figure;
+use dials_core::base::statistics::{ENOUGH_SEEDS, Spread};
+use dials_session::records::method::steps_text;
+
+/// Horizontal axis of a learning curve.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Against {
+    Timesteps,
+    Runtime,
+}
+
+fn steps_axis() -> Axis {
+    Axis { label: "timesteps per agent".to_owned(), format: |steps| steps_text(steps.round() as u64) }
+}
+
+/// Draws the learning curves of a scenario; `None` if no run has the figures.
+pub fn learning(comparison: &Comparison, looks: &Looks, against: Against) -> Result<Option<Svg>> {
+    let curves: Vec<(&Group, Vec<CurvePoint>)> =
+        comparison.groups.iter().map(|group| (group, learning_curve(group))).collect();
+    let longest = curves.iter().flat_map(|(_, points)| points.iter().filter_map(|point| point.runtime_s));
+    let (unit, seconds) = time_unit(longest.fold(0.0, f64::max));
+    let place = |point: &CurvePoint| match against {
+        Against::Timesteps => Some(point.steps as f64),
+        Against::Runtime => point.runtime_s.map(|runtime| runtime / seconds),
+    };
+    let lines: Vec<Line> = curves
+        .iter()
+        .map(|(group, points)| Line {
+            label: label_with_runs(comparison, group),
+            look: looks.of(&group.label()),
+            points: points.iter().filter_map(|point| Some(point_of(place(point)?, &point.returns, group))).collect(),
+            companion: points.iter().filter_map(|point| Some((place(point)?, point.median_agent))).collect(),
+            seeds: learning_of_seeds(group, against, seconds),
+        })
+        .filter(|line| !line.points.is_empty())
+        .collect();
+    if lines.is_empty() {
+        return Ok(None);
+    }
+    let marks = match against {
+        Against::Timesteps => paper_marks(comparison, &curves, looks),
+        Against::Runtime => Vec::new(),
+    };
+    let x = match against {
+        Against::Timesteps => steps_axis(),
+        Against::Runtime => Axis { label: format!("wall time without evaluations, {unit}"), format: plain },
+    };
+    let what = match against {
+        Against::Timesteps => "return by timesteps",
+        Against::Runtime => "return by wall time",
+    };
+    let chart = LineChart {
+        title: format!("{}: {what}", comparison.heading()),
+        x,
+        y: return_axis(comparison),
+        lines,
+        companions: Some("the median agent".to_owned()),
+        levels: levels(comparison),
+        marks,
+        x_end: 0.0,
+        note: String::new(),
+    };
+    draw(chart, comparison, looks).map(Some)
+}
+
+/// Returns the curves of the single runs if the group has too few for an interval. A single run has none: it is the
+/// mean.
+fn learning_of_seeds(group: &Group, against: Against, seconds: f64) -> Vec<Vec<(f64, f64)>> {
+    if !shows_seeds(group.runs.len()) {
+        return Vec::new();
+    }
+    let curves = group.runs.iter().map(|run| {
+        let points = run.evaluations.iter().filter_map(|point| {
+            let place = match against {
+                Against::Timesteps => point.steps as f64,
+                Against::Runtime => run.runtime_at(point.steps)? / seconds,
+            };
+            Some((place, point.all.mean))
+        });
+        points.collect()
+    });
+    curves.collect()
+}
+
+/// Explains bands and pale lines.
+fn note_on_seeds(lines: &[Line]) -> Option<String> {
+    let bands = lines.iter().any(|line| line.points.iter().any(|point| point.band.is_some()));
+    let bands = bands.then(|| "band: 95\u{a0}% Student's t interval over seeds".to_owned());
+    let seeds = lines.iter().any(|line| !line.seeds.is_empty());
+    let seeds = seeds.then(|| format!("pale lines: single seeds, if fewer than {ENOUGH_SEEDS}"));
+    let notes: Vec<String> = bands.into_iter().chain(seeds).collect();
+    (!notes.is_empty()).then(|| notes.join("; "))
+}
+
+/// Draws a chart. With many lines, each one gets a panel with the reference. If there is no reference, all share one
+/// chart without bands, seeds and companions.
+fn draw(mut chart: LineChart, comparison: &Comparison, looks: &Looks) -> Result<Svg> {
+    let told = chart.note.clone();
+    let with = |note: Option<String>| {
+        let notes: Vec<String> = note.into_iter().chain(Some(told.clone()).filter(|told| !told.is_empty())).collect();
+        notes.join("; ")
+    };
+    chart.note = with(note_on_seeds(&chart.lines));
+    if chart.lines.len() <= MOST_BANDS {
+        return chart.draw();
+    }
+    let reference = comparison.reference.map(|reference| looks.of(&comparison.groups[reference].label()));
+    if let Some(reference) = chart.lines.iter().position(|line| Some(line.look) == reference) {
+        return chart.draw_against(reference);
+    }
+    for line in &mut chart.lines {
+        line.companion.clear();
+        line.seeds.clear();
+        line.points.iter_mut().for_each(|point| point.band = None);
+    }
+    chart.note = with(Some("intervals and seeds: in the CSV files".to_owned()));
+    LineChart { companions: None, ..chart }.draw()
+}
+
+fn point_of(x: f64, spread: &Spread, group: &Group) -> LinePoint {
+    LinePoint { x, y: spread.mean, band: spread.interval.map(ends), whole: spread.runs() == group.runs.len() }
+}
+
+/// Returns the levels of the hand-coded controllers: those measured here, and the paper's.
+fn levels(comparison: &Comparison) -> Vec<Level> {
+    let measured = comparison.baselines.iter().map(|baseline| Level {
+        label: format!("{}, measured: {}", baseline.controller, figure(baseline.mean_return)),
+        name: baseline.controller.split(':').next().unwrap_or_default().to_owned(),
+        y: baseline.mean_return,
+        measured: true,
+    });
+    let paper = paper::hand_coded(&comparison.scenario).map(|y| Level {
+        label: format!("hand-coded, the paper: {}", figure(y)),
+        name: "hand-coded".to_owned(),
+        y,
+        measured: false,
+    });
+    measured.chain(paper).collect()
+}
+
+/// Returns the paper's points within the steps that are drawn, for each of its methods that has a curve here.
+fn paper_marks(comparison: &Comparison, curves: &[(&Group, Vec<CurvePoint>)], looks: &Looks) -> Vec<Mark> {
+    let last = curves.iter().filter_map(|(_, points)| points.last()).map(|point| point.steps).max().unwrap_or(0);
+    let mut told = Vec::new();
+    let mut marks = Vec::new();
+    for (group, _) in curves {
+        let method = (group.simulator(), group.method.retraining);
+        let mut points = paper::curve(&comparison.scenario, group.simulator(), group.method.retraining);
+        points.retain(|point| point.steps as f64 <= 1.02 * last as f64);
+        if points.iter().any(|point| point.steps > 0) && !told.contains(&method) {
+            told.push(method);
+            let drawn = points.iter().any(|point| point.std_error.is_some());
+            marks.push(Mark {
+                label: format!("{}, the paper{}", group.name(), if drawn { ", ± its standard error" } else { "" }),
+                look: looks.of(&group.label()),
+                points: points.iter().map(|point| (point.steps as f64, point.mean, point.std_error)).collect(),
+            });
+        }
+    }
+    marks
+}
+
+/// Draws the cross-entropy of the AIPs (approximate influence predictors) of a scenario; `None` if no AIP was trained.
+pub fn cross_entropy(comparison: &Comparison, looks: &Looks) -> Result<Option<Svg>> {
+    let trained = comparison.groups.iter().filter(|group| group.simulator() != "untrained-dials");
+    let curves: Vec<(&Group, LossData, Vec<LossPoint>)> = trained
+        .map(|group| {
+            let (data, mut points) = loss_curve(group);
+            points.retain(|point| is_trained(point.steps, point.after_training));
+            (group, data, points)
+        })
+        .filter(|(_, _, points)| !points.is_empty())
+        .collect();
+    if curves.is_empty() {
+        return Ok(None);
+    }
+    let marks = curves.iter().filter_map(|(group, _, _)| {
+        let points: Vec<_> =
+            single_trainings(group).into_iter().map(|(steps, loss)| (steps as f64, loss, None)).collect();
+        let label = format!("{}: AIPs trained for some seeds only", comparison.short_label(group));
+        (!points.is_empty()).then(|| Mark { label, look: looks.of(&group.label()), points })
+    });
+    let lines = curves.iter().map(|(group, data, points)| Line {
+        label: label_with_runs(comparison, group),
+        look: looks.of(&group.label()),
+        points: points.iter().map(|point| point_of(point.steps as f64, &point.loss, group)).collect(),
+        companion: points.iter().map(|point| (point.steps as f64, point.marginals)).collect(),
+        seeds: losses_of_seeds(group, *data),
+    });
+    let runs = comparison.groups.iter().flat_map(|group| &group.runs);
+    let evaluated = runs.filter_map(|run| Some(run.evaluations.last()?.steps));
+    let (fresh, held_out) =
+        ("on fresh GS episodes at evaluations", "on held-out episodes, before and after each training");
+    let of = |data| curves.iter().any(|(_, of, _)| *of == data);
+    let note = match (of(LossData::Fresh), of(LossData::HeldOut)) {
+        (true, false) => fresh.to_owned(),
+        (false, _) => held_out.to_owned(),
+        (true, true) => format!("{fresh}; if that was not measured: {held_out}"),
+    };
+    let chart = LineChart {
+        title: format!("{}: loss of the AIPs", comparison.heading()),
+        x: steps_axis(),
+        y: Axis { label: "cross-entropy per source, nats".to_owned(), format: |value| format!("{value:.3}") },
+        lines: lines.collect(),
+        companions: Some("constant marginals of the same data".to_owned()),
+        levels: Vec::new(),
+        marks: marks.collect(),
+        x_end: evaluated.max().unwrap_or(0) as f64,
+        note,
+    };
+    draw(chart, comparison, looks).map(Some)
+}
+
+/// Whether a loss belongs in the chart. Those of untrained AIPs are so large that nothing else could be seen.
+fn is_trained(steps: u64, after_training: bool) -> bool {
+    steps > 0 || after_training
+}
+
+/// Returns the loss curves of the single runs, on the same condition as [`learning_of_seeds`].
+fn losses_of_seeds(group: &Group, data: LossData) -> Vec<Vec<(f64, f64)>> {
+    if !shows_seeds(group.runs.len()) {
+        return Vec::new();
+    }
+    let curve = |points: Vec<(u64, bool, f64)>| {
+        let points = points.into_iter().filter(|(steps, after_training, _)| is_trained(*steps, *after_training));
+        points.map(|(steps, _, loss)| (steps as f64, loss)).collect()
+    };
+    loss_curves_of_seeds(group, data).into_iter().map(curve).collect()
+}

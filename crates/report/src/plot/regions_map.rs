@@ -1,0 +1,139 @@
+//! A map of a road network with the local regions of its lights.
+
+use anyhow::Result;
+
+use super::net_map::{MapLight, Sheet};
+use super::*;
+use crate::drawing::VERMILLION;
+use dials_core::domain::road_trace::Line;
+
+/// What the map shows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RegionsMap {
+    /// Name of the network.
+    pub subject: String,
+    /// Outlines of the junctions; some may be empty.
+    pub junctions: Vec<Line>,
+    /// All lanes for cars, in the direction of driving.
+    pub lanes: Vec<Line>,
+    /// Regions of the lights that learn.
+    pub regions: Vec<MapRegion>,
+    /// Places of the lights that keep their program.
+    pub keeping: Vec<[f64; 2]>,
+}
+
+/// The region of one light.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MapRegion {
+    /// Name of the light.
+    pub name: String,
+    pub place_m: [f64; 2],
+    /// Lanes on which cars come to the light.
+    pub approaches: Vec<Line>,
+    /// All lanes of its roads.
+    pub lanes: Vec<Line>,
+}
+
+/// Colours of the regions.
+const COLOURS: [RGBColor; 6] = [BLUE, ORANGE, GREEN, PURPLE, VERMILLION, SKY];
+/// Draws the lanes: grey, in a pale colour if they are in a region, in full colour if cars on them come to its light.
+pub fn regions_map(map: &RegionsMap) -> Result<Svg> {
+    let title = format!("Lights and their regions: {}", map.subject);
+    let about = format!(
+        "{} learn (numbers), {} keep their program (crosses); full colour: approaches, pale: other roads of the region",
+        map.regions.len(),
+        map.keeping.len()
+    );
+    let colours = colours(&map.regions);
+    let coloured = || map.regions.iter().zip(&colours);
+    let lights = coloured().map(|(region, &colour)| MapLight {
+        name: &region.name,
+        place_m: region.place_m,
+        colour,
+        value: None,
+    });
+    let lights: Vec<MapLight> = lights.collect();
+    let sheet = Sheet::around(&map.lanes, &map.junctions, &lights);
+    picture(sheet.size(), &title, &about, |area| {
+        sheet.draw_junctions(area, &map.junctions)?;
+        sheet.draw_net(area, &map.lanes)?;
+        for (region, colour) in coloured() {
+            sheet.draw_lanes(area, &region.lanes, colour.mix(0.35))?;
+        }
+        for (region, colour) in coloured() {
+            sheet.draw_lanes(area, &region.approaches, colour.mix(1.0))?;
+        }
+        map.keeping.iter().try_for_each(|&place_m| sheet.draw_cross(area, place_m))?;
+        sheet.draw_lights(area, &lights)?;
+        sheet.draw_scale(area)
+    })
+}
+
+/// Returns a colour for each region: the one whose regions so far are the furthest away.
+fn colours(regions: &[MapRegion]) -> Vec<RGBColor> {
+    let mut nearest = vec![[f64::INFINITY; COLOURS.len()]; regions.len()];
+    let mut colours = Vec::with_capacity(regions.len());
+    for (number, region) in regions.iter().enumerate() {
+        let furthest =
+            (0..COLOURS.len()).rev().max_by(|&one, &other| nearest[number][one].total_cmp(&nearest[number][other]));
+        let colour = furthest.expect("there are colours");
+        colours.push(COLOURS[colour]);
+        for (other, nearest) in regions.iter().zip(&mut nearest) {
+            let [east, north] = [0, 1].map(|axis| other.place_m[axis] - region.place_m[axis]);
+            nearest[colour] = nearest[colour].min(east.hypot(north));
+        }
+    }
+    colours
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn region(name: &str, place_m: [f64; 2]) -> MapRegion {
+        let approach = vec![[place_m[0] - 100.0, place_m[1]], place_m];
+        MapRegion { name: name.to_owned(), place_m, approaches: vec![approach.clone()], lanes: vec![approach] }
+    }
+
+    #[test]
+    fn neighbours_have_different_colours() {
+        let regions: Vec<MapRegion> =
+            (0..9).map(|number| region("a", [f64::from(number % 3) * 100.0, f64::from(number / 3) * 100.0])).collect();
+        let colours = colours(&regions);
+        for (one, other) in [(0, 1), (1, 2), (0, 3), (3, 4), (4, 5), (4, 7), (7, 8), (5, 8), (6, 7), (3, 6)] {
+            assert_ne!(colours[one], colours[other], "{one} and {other}");
+        }
+    }
+
+    #[test]
+    fn every_light_has_its_number_and_its_name() {
+        let map = RegionsMap {
+            subject: "town".to_owned(),
+            junctions: vec![vec![], vec![[0.0, 0.0], [5.0, 0.0], [5.0, 5.0]]],
+            lanes: vec![vec![[0.0, 0.0], [1000.0, 0.0]], vec![[0.0, 500.0], [0.0, 0.0]]],
+            regions: vec![region("first", [100.0, 0.0]), region(&"x".repeat(50), [1000.0, 400.0])],
+            keeping: vec![[500.0, 500.0]],
+        };
+        let svg = regions_map(&map).unwrap().file();
+        for part in [
+            ">\nfirst\n".to_owned(),
+            format!(">\n{}...\n", "x".repeat(38)),
+            "2 learn (numbers), 1 keep their program (crosses)".to_owned(),
+            ">\n100 m\n".to_owned(),
+        ] {
+            assert!(svg.contains(&part), "{part}\n{svg}");
+        }
+    }
+
+    #[test]
+    fn a_net_without_shapes_has_a_map_too() {
+        let map = RegionsMap {
+            subject: String::new(),
+            junctions: Vec::new(),
+            lanes: vec![Vec::new()],
+            regions: vec![region("a", [0.0, 0.0])],
+            keeping: Vec::new(),
+        };
+        regions_map(&map).unwrap();
+    }
+}

@@ -1,0 +1,122 @@
+//! A map with the return of every agent: squares for a grid, the roads themselves for any other network.
+
+use anyhow::Result;
+
+use super::returns_on_net::returns_on_net;
+use super::*;
+use dials_core::base::statistics::mean;
+use dials_core::base::{Rows, decimals};
+use dials_core::domain::road_trace::{Layout, RoadMap, RoadTrace};
+
+/// Length of the map's longer side in pixels, unless its squares would become too small or too large.
+const MAP: i32 = 420;
+/// Width of the colour scale beside the map, in pixels.
+pub(super) const SCALE: i32 = 110;
+/// Least width of the picture, so that the title fits, in pixels.
+const LEAST_WIDTH: i32 = 640;
+
+/// The mean return of every agent, and the range of the colours.
+pub(super) struct Returns {
+    pub means: Vec<f64>,
+    low: f64,
+    high: f64,
+}
+
+impl Returns {
+    /// Computes the means of `[episodes, agents]`.
+    fn of(returns: &Rows<f64>) -> Returns {
+        let of_agent = |agent: usize| mean(&returns.iter().map(|episode| episode[agent]).collect::<Vec<_>>());
+        Returns::of_means((0..returns.width()).map(of_agent).collect())
+    }
+
+    fn of_means(means: Vec<f64>) -> Returns {
+        let range = |(low, high): (f64, f64), &value: &f64| (low.min(value), high.max(value));
+        let (low, high) = means.iter().fold((f64::MAX, f64::MIN), range);
+        let (low, high) = widened(low, high);
+        Returns { means, low, high }
+    }
+
+    /// Returns the place of a value in the range of the colours, from 0 to 1.
+    pub fn share(&self, value: f64) -> f64 {
+        if self.high > self.low { (value - self.low) / (self.high - self.low) } else { 0.5 }
+    }
+
+    /// Returns a value with as many decimals as the largest return needs.
+    pub fn written(&self, value: f64) -> String {
+        let digits = decimals(self.low.abs().max(self.high.abs()), None);
+        format!("{value:.digits$}")
+    }
+}
+
+/// Draws the mean return of every agent at its place on the roads of `trace`. `returns`: `[episodes, agents]`.
+pub fn returns_map(trace: &RoadTrace, returns: &Rows<f64>, about: &About) -> Result<Svg> {
+    let episodes = returns.len();
+    let returns = Returns::of(returns);
+    let title = format!("Return per agent on {}: {} on average", trace.place(), returns.written(mean(&returns.means)));
+    let plural = if episodes == 1 { "" } else { "s" };
+    let line = format!("{}, mean over {episodes} episode{plural} of seed {}", about.subject, about.seed);
+    match &trace.layout {
+        Layout::Grid { rows, columns } => draw_grid(&trace.names, (*rows, *columns), &returns, &title, &line),
+        Layout::Map(map) => returns_on_net(map, &trace.names, &returns, &title, &line),
+    }
+}
+
+/// Draws these mean returns of the agents `names` at the places of their lights. `line`: what they are of.
+pub fn means_on_map(map: &RoadMap, names: &[String], means: &[f64], line: &str) -> Result<Svg> {
+    let returns = Returns::of_means(means.to_vec());
+    let title = format!("Return per agent: {} on average", returns.written(mean(&returns.means)));
+    returns_on_net(map, names, &returns, &title, line)
+}
+
+/// Draws a square per intersection.
+fn draw_grid(
+    names: &[String],
+    (rows, columns): (usize, usize),
+    returns: &Returns,
+    title: &str,
+    line: &str,
+) -> Result<Svg> {
+    let (tall, cols) = (rows as i32, columns as i32);
+    let side = (MAP / tall.max(cols)).clamp(66, 130);
+    let width = (2 * MARGIN + cols * side + SCALE).max(LEAST_WIDTH);
+    let height = HEAD + MARGIN + tall * side + 30;
+    picture((width, height), title, line, |area| {
+        let middle = |style| anchored(style, HPos::Center, VPos::Center);
+        let cell = px(side);
+        for (agent, (name, &mean)) in names.iter().zip(&returns.means).enumerate() {
+            let (row, col) = (agent / columns, agent % columns);
+            let (x, y) = (col as i32 * cell, (rows - 1 - row) as i32 * cell); // north is up
+            let shade = shade(returns.share(mean));
+            area.draw(&Rectangle::new([(x, y), (x + cell - px(3), y + cell - px(3))], shade.filled()))?;
+            let ink = ink_over(shade);
+            let centre = (x + cell / 2 - px(1), y + cell / 2 - px(1));
+            let value = returns.written(mean);
+            area.draw_text(&value, &middle(text(15, ink)), (centre.0, centre.1 - px(8)))?;
+            area.draw_text(name, &middle(text(10, ink)), (centre.0, centre.1 + px(14)))?;
+        }
+        draw_scale(area, cols * cell + px(16), tall * cell - px(3), returns)?;
+        let note = "sum of rewards over an episode; north is up";
+        area.draw_text(note, &text(10, FAINT), (0, tall * cell + px(8)))?;
+        Ok(())
+    })
+}
+
+/// Draws the scale of the colours, from low returns at the bottom to high ones at the top.
+pub(super) fn draw_scale(area: &Area<'_>, x: i32, height: i32, returns: &Returns) -> Result<()> {
+    let Returns { low, high, .. } = *returns;
+    for y in (0..height).step_by(px(1) as usize) {
+        let share = 1.0 - f64::from(y) / f64::from(height - 1);
+        area.draw(&Rectangle::new([(x, y), (x + px(16), y + px(1))], shade(share).filled()))?;
+    }
+    let style = text(11, INK);
+    for share in [0.0, 0.5, 1.0] {
+        let y = ((1.0 - share) * f64::from(height - 1)) as i32;
+        let style = anchored(style.clone(), HPos::Left, VPos::Center);
+        area.draw_text(
+            &returns.written(low + share * (high - low)),
+            &style,
+            (x + px(24), y.clamp(px(6), height - px(6))),
+        )?;
+    }
+    Ok(())
+}

@@ -1,0 +1,250 @@
+//! Formats of numbers, and warnings about runs that are missing, unfinished or not comparable.
+
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
+use super::finals::Final;
+use super::group::Comparison;
+use dials_core::base::statistics::difference::{Difference, Pairing};
+use dials_core::base::statistics::{Bounds, ENOUGH_SEEDS, Spread};
+use dials_core::base::{counted, decimals};
+use dials_core::outside::Printable;
+use dials_session::records::find::LeftOut;
+use dials_session::records::method::steps_text;
+use dials_session::records::run_record::{RunRecord, Status};
+
+/// Writes a return, with more decimals the smaller it is.
+pub fn figure(value: f64) -> String {
+    figure_like(value, value)
+}
+
+/// Writes a number with its sign and with the decimals of the return `like`.
+pub fn signed(value: f64, like: f64) -> String {
+    let size = figure_like(value.abs(), like);
+    // A rounded zero has no minus sign.
+    let negative = value < 0.0 && size.bytes().any(|digit| (b'1'..=b'9').contains(&digit));
+    format!("{}{size}", if negative { "-" } else { "+" })
+}
+
+/// Writes a number with the decimals of the return `like`.
+pub fn figure_like(value: f64, like: f64) -> String {
+    let digits = decimals(like, None);
+    format!("{value:.digits$}")
+}
+
+/// Writes a mean and its standard error, if there is one: `217.4 ± 1.2`.
+pub fn with_error(mean: f64, std_error: Option<f64>) -> String {
+    let Some(error) = std_error else { return figure(mean) };
+    let digits = decimals(mean, std_error).min(decimals(mean, None));
+    format!("{mean:.digits$} ± {error:.digits$}")
+}
+
+/// Writes an interval with the decimals of the return `like`: `[215.1, 219.7]`.
+pub fn interval(interval: Option<Bounds>, like: f64) -> String {
+    let ends = |Bounds { low, high }| format!("[{}, {}]", figure_like(low, like), figure_like(high, like));
+    interval.map_or("-".to_owned(), ends)
+}
+
+/// Writes the interval of a difference: `[+1.2, +3.4]`.
+pub fn signed_interval(Bounds { low, high }: Bounds, like: f64) -> String {
+    format!("[{}, {}]", signed(low, like), signed(high, like))
+}
+
+/// Writes how certain a mean over seeds is: `95 % [215.1, 219.7]`, or with few seeds their values.
+pub fn certainty(spread: &Spread) -> String {
+    let values = spread.values.iter().map(|value| figure_like(*value, spread.mean));
+    match spread.interval {
+        Some(_) => format!("95 % {}", interval(spread.interval, spread.mean)),
+        None if spread.runs() == 1 => "one seed".to_owned(),
+        None => format!("seeds: {}", values.collect::<Vec<_>>().join(", ")),
+    }
+}
+
+/// Writes a difference with its 95 % interval, `+4.1 [+1.2, +7.0]`, or with few seeds, `+4.1 (n = 3: +3.0, +5.0,
+/// +4.3)`. `like`: a return, for the decimals.
+pub fn difference(of: &Difference, like: f64) -> String {
+    let mean = signed(of.mean, like);
+    let seeds = of.seeds[0].min(of.seeds[1]);
+    let own: Vec<String> = of.of_seeds.iter().map(|(_, value)| signed(*value, like)).collect();
+    let other = if of.pairing.by_episode() { "" } else { ", other episodes" };
+    match of.interval {
+        Some(ends) => format!("{mean} {}{other}", signed_interval(ends, like)),
+        None if of.seeds[0] != of.seeds[1] => format!("{mean} (n = {} and {}{other})", of.seeds[0], of.seeds[1]),
+        None if own.is_empty() || seeds == 1 || seeds >= ENOUGH_SEEDS => format!("{mean} (n = {seeds}{other})"),
+        None => format!("{mean} (n = {seeds}: {}{other})", own.join(", ")),
+    }
+}
+
+/// Says how two sides were paired before they were subtracted.
+pub fn pairing(pairing: Pairing) -> &'static str {
+    match pairing {
+        Pairing::EpisodeAndSeed => "paired by episode and by seed",
+        Pairing::Episode => "paired by episode",
+        Pairing::Seed => "paired by seed, not by episode",
+        Pairing::Nothing => "not paired",
+    }
+}
+
+/// Writes seconds as hours, with two decimals, or with four below 0.1 hours.
+pub fn hours(seconds: f64) -> String {
+    let hours = seconds / 3600.0;
+    if hours < 0.1 { format!("{hours:.4}") } else { format!("{hours:.2}") }
+}
+
+/// Writes seconds in a readable unit: `42 s`, `3.4 min`, `2.1 h`.
+pub fn duration(seconds: f64) -> String {
+    match seconds {
+        s if s < 120.0 => format!("{s:.0} s"),
+        s if s < 7200.0 => format!("{:.1} min", s / 60.0),
+        s => format!("{:.1} h", s / 3600.0),
+    }
+}
+
+/// Lists everything that a reader must know before trusting a figure.
+pub fn warnings(comparisons: &[Comparison], missing: &[PathBuf], left_out: &[LeftOut]) -> Vec<String> {
+    let mut warnings = Vec::new();
+    warnings.extend(missing.iter().map(|run| format!("{}: not begun yet", Printable(run.display()))));
+    warnings.extend(left_out.iter().map(LeftOut::to_string));
+    for comparison in comparisons {
+        let all_seeds: BTreeSet<u64> = comparison.groups.iter().flat_map(|group| group.seeds()).collect();
+        for group in &comparison.groups {
+            let furthest = group.finals().map_or(0, |(steps, _)| steps);
+            for run in &group.runs {
+                let (place, planned) = (Printable(run.dir.display()), steps_text(run.config.last_step()));
+                match run.status() {
+                    Status::Unfinished { steps } => {
+                        warnings.push(format!(
+                            "{place}: unfinished, at {} of {planned} steps{}",
+                            steps_text(run.trained_to()),
+                            since(run, steps)
+                        ));
+                    }
+                    Status::Empty => warnings.push(format!("{place}: not evaluated yet")),
+                    Status::Finished if run.return_at(furthest).is_none() => warnings.push(format!(
+                        "{place}: ended at {planned} steps, earlier than the others of its group: shown in curves only"
+                    )),
+                    Status::Finished => {}
+                }
+            }
+            let seeds: BTreeSet<u64> = group.seeds().into_iter().collect();
+            let absent: Vec<String> = all_seeds.difference(&seeds).map(u64::to_string).collect();
+            if !absent.is_empty() {
+                let (scenario, label) = (&comparison.title, group.label());
+                warnings.push(format!("{scenario}, {label}: no run with seed {}", absent.join(", ")));
+            }
+        }
+        warnings.extend(of_episodes(comparison));
+    }
+    warnings
+}
+
+/// Says at which step a run was evaluated last, if it has gone on from there.
+fn since(run: &RunRecord, evaluated: u64) -> String {
+    let further = run.trained_to() > evaluated;
+    if further { format!(", last evaluated at {}", steps_text(evaluated)) } else { String::new() }
+}
+
+/// Lists groups whose runs played different episodes, or other episodes than their opponents.
+fn of_episodes(comparison: &Comparison) -> Vec<String> {
+    let ends: Vec<_> =
+        comparison.groups.iter().filter_map(|group| Some((group, group.label(), Final::of(group)?))).collect();
+    let mut warnings = Vec::new();
+    for (_, label, end) in &ends {
+        let known = end.runs.iter().filter(|(_, played)| played.on.is_some()).count();
+        if end.episodes().is_none() && (known > 0 || end.episode_counts().len() > 1) {
+            warnings.push(format!("{}, {label}: its runs were evaluated on different episodes", comparison.title));
+        }
+    }
+    for opponent in comparison.opponents() {
+        let whom = opponent.name();
+        let (mut unpaired, mut cut) = (Vec::new(), Vec::new());
+        for (group, label, end) in &ends {
+            let Some(found) = opponent.difference(group, end) else { continue };
+            match found.episodes {
+                None => unpaired.push(label.as_str()),
+                Some(shared) if end.episodes() != Some(shared) || opponent.episodes() != Some(shared) => {
+                    cut.push(format!("{label} (the first {})", counted(shared.count, "episode")));
+                }
+                Some(_) => {}
+            }
+        }
+        if !unpaired.is_empty() {
+            warnings.push(format!(
+                "{}: not evaluated on the episodes of {whom}, so the difference is over seeds only and includes the randomness \
+                 of the traffic (another evaluation.seed, or a run of an older version): {}",
+                comparison.title,
+                unpaired.join("; ")
+            ));
+        }
+        if !cut.is_empty() {
+            warnings.push(format!(
+                "{}: evaluated on more or fewer episodes than {whom}, so the difference is over those that both have: {}",
+                comparison.title,
+                cut.join("; ")
+            ));
+        }
+    }
+    warnings
+}
+
+/// Largest number of reasons that an error lists.
+const MOST_REASONS: usize = 3;
+
+/// Writes the error for folders without a run that was evaluated and can be read. `warnings`: those of [`warnings`].
+pub fn no_run(folders: &str, warnings: &[String]) -> String {
+    let mut lines = vec![format!("{folders}: no run in it was evaluated and can be read:")];
+    lines.extend(warnings.iter().take(MOST_REASONS).cloned());
+    let more = warnings.len().saturating_sub(MOST_REASONS);
+    lines.extend((more > 0).then(|| format!("and {more} more")));
+    lines.join("\n  ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_error_about_many_runs_lists_the_first_few() {
+        let reasons: Vec<String> = (1..=5).map(|run| format!("runs/{run}: not evaluated yet")).collect();
+        let head = "runs: no run in it was evaluated and can be read:\n  runs/1: not evaluated yet";
+        assert_eq!(no_run("runs", &reasons[..1]), head);
+        let told = no_run("runs", &reasons);
+        assert!(told.starts_with(head) && told.ends_with("\n  runs/3: not evaluated yet\n  and 2 more"), "{told}");
+    }
+
+    #[test]
+    fn numbers_are_written_as_precisely_as_they_are_known() {
+        assert_eq!(with_error(217.44, Some(1.16)), "217.4 ± 1.2");
+        assert_eq!(with_error(13.086, Some(0.03)), "13.09 ± 0.03");
+        assert_eq!(with_error(13.086, None), "13.09");
+        assert_eq!([signed(-3.0, 200.0), signed(0.456, 13.0), signed(-0.04, 200.0)], ["-3.0", "+0.46", "+0.0"]);
+        let spread = |values: &[f64]| certainty(&Spread::of(values).unwrap());
+        assert_eq!([spread(&[214.0]), spread(&[214.0, 218.04])], ["one seed", "seeds: 214.0, 218.0"]);
+        // Mean 3, standard error sqrt(0.5), t 2.776: 1.963 to each side.
+        assert_eq!(spread(&[1.0, 2.0, 3.0, 4.0, 5.0]), "95 % [1.037, 4.963]");
+        assert_eq!(with_error(-1.043, Some(0.012)), "-1.043 ± 0.012");
+        assert_eq!((hours(3600.0).as_str(), hours(90.0).as_str()), ("1.00", "0.0250"));
+        assert_eq!([42.0, 204.0, 7560.0].map(duration), ["42 s", "3.4 min", "2.1 h"]);
+    }
+
+    #[test]
+    fn a_difference_is_told_with_its_interval_or_with_its_seeds() {
+        let of = |seeds: &[f64], interval, pairing| Difference {
+            mean: 2.0,
+            pairing,
+            episodes: None,
+            seeds: [seeds.len(); 2],
+            of_seeds: (1..).zip(seeds.iter().copied()).collect(),
+            interval,
+        };
+        let told = |found: Difference| difference(&found, 200.0);
+        let interval = Some(Bounds { low: -0.5, high: 4.5 });
+        assert_eq!(told(of(&[2.0; 5], interval, Pairing::EpisodeAndSeed)), "+2.0 [-0.5, +4.5]");
+        assert_eq!(told(of(&[1.0, 3.0], None, Pairing::Episode)), "+2.0 (n = 2: +1.0, +3.0)");
+        assert_eq!(told(of(&[1.0, 3.0], None, Pairing::Seed)), "+2.0 (n = 2: +1.0, +3.0, other episodes)");
+        assert_eq!(told(of(&[2.0], None, Pairing::Episode)), "+2.0 (n = 1)");
+        assert_eq!(told(of(&[2.0; 6], None, Pairing::Nothing)), "+2.0 (n = 6, other episodes)");
+        let unlike = Difference { seeds: [2, 3], of_seeds: Vec::new(), ..of(&[2.0], None, Pairing::Episode) };
+        assert_eq!(told(unlike), "+2.0 (n = 2 and 3)");
+    }
+}

@@ -1,0 +1,367 @@
+//! From orders to the cost of a whole run, in core-microseconds per agent-step.
+//!
+//! A core-microsecond is a microsecond of wall time on one core: with two workers a microsecond of wall time costs two.
+//! Work that is done once per order (making simulators, messages, files) counts once for each order of the schedule.
+//! Episodes on the GS (global simulator) go in rounds, in which every worker plays one. A training of the AIPs
+//! (approximate influence predictors) costs what its operations cost in the measured trainings.
+
+use std::ops::{Add, Mul};
+
+use super::floor::{Flops, aip_trainings_flops};
+use super::measure::{Measured, Orders};
+use super::simulators::SimulatorCosts;
+use crate::cost::{Prices, Workload};
+use dials_config::Config;
+use dials_core::base::Phase;
+use dials_core::domain::Kinds;
+
+/// Phases of a simulator's step.
+const SIMULATING: [Phase; 3] = [Phase::Insertion, Phase::SimulatorStep, Phase::Reading];
+
+/// A cost with its lower bound, in core-microseconds per agent-step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Cost {
+    pub ours: f64,
+    /// Part inside SUMO's own step; 0 for simulators of our own, which could be faster.
+    pub sumo: f64,
+    /// Cost of the matrix products at the speed of large products.
+    pub products: f64,
+    /// Parts of `ours`, in the order of [`Phase::ALL`].
+    pub phases: [f64; Phase::ALL.len()],
+}
+
+impl Cost {
+    pub fn floor(&self) -> f64 {
+        self.sumo + self.products
+    }
+
+    pub fn ratio(&self) -> f64 {
+        self.ours / self.floor()
+    }
+
+    pub fn phase(&self, phase: Phase) -> f64 {
+        self.phases[phase as usize]
+    }
+}
+
+impl Add for Cost {
+    type Output = Cost;
+
+    fn add(self, other: Cost) -> Cost {
+        Cost {
+            ours: self.ours + other.ours,
+            sumo: self.sumo + other.sumo,
+            products: self.products + other.products,
+            phases: std::array::from_fn(|phase| self.phases[phase] + other.phases[phase]),
+        }
+    }
+}
+
+impl Mul<f64> for Cost {
+    type Output = Cost;
+
+    fn mul(self, times: f64) -> Cost {
+        Cost {
+            ours: self.ours * times,
+            sumo: self.sumo * times,
+            products: self.products * times,
+            phases: self.phases.map(|phase| phase * times),
+        }
+    }
+}
+
+/// The steps of a domain's simulators.
+#[derive(Clone, Copy, Debug)]
+pub struct Steps {
+    /// Whether another program makes them.
+    pub foreign: bool,
+    /// Number of them in a timestep.
+    pub per_timestep: usize,
+}
+
+/// Cost of a run on a fleet.
+#[derive(Clone, Debug)]
+pub struct Costs {
+    pub workers: usize,
+    /// Part of the policies' training that is in no phase.
+    pub other: f64,
+    /// Part of the policies' training in which workers wait for the slowest one.
+    pub idle: f64,
+    /// Cost of messages and files between the orders.
+    pub exchange: f64,
+    pub training: Cost,
+    pub evaluation: Cost,
+    pub collection: Cost,
+    pub aip_training: Cost,
+    /// Number of steps of the GS per second of wall time while datasets are collected.
+    pub gs_steps_per_s: Option<f64>,
+    pub simulators: SimulatorCosts,
+    pub pss_kib: u64,
+    pub peak_rss_kib: u64,
+}
+
+impl Costs {
+    /// Computes the costs. `config`: that of the run, not that of the short orders in `measured`.
+    pub fn of(config: &Config, kinds: &Kinds, steps: Steps, peak_flops: f64, measured: &Measured) -> Costs {
+        let work = Workload::of(config, kinds.agents(), config.last_step());
+        let machine = Machine { workers: measured.workers as f64, sumo: steps.foreign, peak_flops };
+        let Measured { training, evaluation, collection, aip_training, .. } = measured;
+
+        let flops = Flops::of_all(config, kinds);
+        let of_episodes = |orders: &Orders, episodes: usize| {
+            machine.on_the_gs(orders, episodes, work.gs_steps(episodes) * flops.acting)
+        };
+        let retraining_flops = aip_trainings_flops(config, kinds, work.dataset_episodes);
+        let step = TrainingStep::of(training, &machine);
+        let prices = Prices {
+            step: step.price(training, &machine, flops.training),
+            retraced_step: again(training),
+            period: loading(training),
+            evaluation: of_episodes(evaluation, work.evaluation_episodes),
+            final_evaluation: of_episodes(evaluation, work.final_episodes),
+            collection: of_episodes(collection, work.dataset_episodes),
+            aip_training: machine.aip_training(aip_training, retraining_flops),
+        };
+        let exchange = Prices {
+            period: machine.exchange(training),
+            evaluation: machine.exchange(evaluation),
+            final_evaluation: machine.exchange(evaluation),
+            collection: machine.exchange(collection),
+            aip_training: machine.exchange(aip_training),
+            ..Prices::default()
+        };
+
+        let per_agent_step = 1.0 / work.agent_steps();
+        let whole = prices.of_run(&work);
+        let rounds_per_s = (collection.count > 0).then(|| collection.units / collection.slowest.as_secs_f64());
+        Costs {
+            workers: measured.workers,
+            other: step.other,
+            idle: step.idle,
+            exchange: exchange.of_run(&work).sum() * per_agent_step,
+            training: whole.training * per_agent_step,
+            evaluation: whole.evaluation * per_agent_step,
+            collection: whole.collection * per_agent_step,
+            aip_training: whole.aip_training * per_agent_step,
+            gs_steps_per_s: rounds_per_s.map(|rounds| rounds * machine.workers * work.horizon as f64),
+            simulators: SimulatorCosts::of(config, kinds, steps.per_timestep, measured),
+            pss_kib: measured.pss_kib,
+            peak_rss_kib: measured.peak_rss_kib,
+        }
+    }
+
+    /// Returns the cost of everything.
+    pub fn all(&self) -> Cost {
+        let exchange = Cost { ours: self.exchange, ..Cost::default() };
+        exchange + self.training + self.evaluation + self.collection + self.aip_training
+    }
+
+    /// Returns the timesteps of agents per second of wall time, everything included.
+    pub fn agent_steps_per_s(&self) -> f64 {
+        1e6 * self.workers as f64 / self.all().ours
+    }
+}
+
+/// Machine of the measurement.
+struct Machine {
+    workers: f64,
+    /// Whether the simulators are SUMO's.
+    sumo: bool,
+    /// Peak speed of matrix products, in operations per second.
+    peak_flops: f64,
+}
+
+impl Machine {
+    fn products(&self, flops: f64) -> f64 {
+        1e6 * flops / self.peak_flops
+    }
+
+    /// Returns SUMO's own step among the phases.
+    fn sumo_step(&self, phases: &[f64]) -> f64 {
+        if self.sumo { phases[Phase::SimulatorStep as usize] } else { 0.0 }
+    }
+
+    /// Returns the price of N episodes on the GS: of their rounds, and of the work once per order.
+    fn on_the_gs(&self, orders: &Orders, episodes: usize, flops: f64) -> Cost {
+        if orders.count == 0 {
+            return Cost::default();
+        }
+        let rounds = (episodes as f64 / self.workers).ceil();
+        let of_rounds = rounds * self.workers * 1e6 * orders.slowest.as_secs_f64() / orders.units;
+        let mut phases = Phase::ALL.map(|phase| per_unit(orders, phase) / self.workers * episodes as f64);
+        phases[Phase::Loading as usize] = per_order(orders, Phase::Loading);
+        Cost {
+            ours: of_rounds + per_order(orders, Phase::Loading),
+            sumo: self.sumo_step(&phases),
+            products: self.products(flops),
+            phases,
+        }
+    }
+
+    /// Returns the price of a training of all AIPs with this number of operations.
+    fn aip_training(&self, orders: &Orders, flops: f64) -> Cost {
+        if orders.count == 0 {
+            return Cost::default();
+        }
+        let per_flop = |seconds: f64| 1e6 * seconds / orders.units * flops;
+        Cost {
+            ours: per_flop(self.workers * orders.slowest.as_secs_f64()),
+            sumo: 0.0,
+            products: self.products(flops),
+            phases: Phase::ALL.map(|phase| per_flop(orders.phases.spent(phase).as_secs_f64())),
+        }
+    }
+
+    /// Returns the price of the messages and files of an order.
+    fn exchange(&self, orders: &Orders) -> f64 {
+        let load = orders.beginning().as_secs_f64() / self.workers;
+        let outside = orders.wall.as_secs_f64() - orders.slowest.as_secs_f64() - load;
+        1e6 * self.workers * outside.max(0.0) / orders.count.max(1) as f64
+    }
+}
+
+/// Cost of a timestep of training besides its phases.
+struct TrainingStep {
+    other: f64,
+    idle: f64,
+}
+
+impl TrainingStep {
+    fn of(training: &Orders, machine: &Machine) -> TrainingStep {
+        let work = 1e6 * (training.work.as_secs_f64() - training.phases.total().as_secs_f64()) / training.units;
+        let busy = training.work - training.beginning();
+        let waited = machine.workers * training.slowest.as_secs_f64() - busy.as_secs_f64();
+        TrainingStep { other: work.max(0.0), idle: 1e6 * waited.max(0.0) / training.units }
+    }
+
+    /// Returns the price of the whole timestep. `flops`: operations of its networks.
+    fn price(&self, training: &Orders, machine: &Machine, flops: f64) -> Cost {
+        let mut phases = Phase::ALL.map(|phase| per_unit(training, phase));
+        Orders::BEGINNING.iter().for_each(|&phase| phases[phase as usize] = 0.0);
+        Cost {
+            ours: phases.iter().sum::<f64>() + self.other + self.idle,
+            sumo: machine.sumo_step(&phases),
+            products: machine.products(flops),
+            phases,
+        }
+    }
+}
+
+/// Returns the price of a timestep that simulators replay. The measured orders begin with empty roads and replay none.
+fn again(training: &Orders) -> Cost {
+    in_phase(Phase::Retracing, SIMULATING.iter().map(|&phase| per_unit(training, phase)).sum())
+}
+
+/// Returns the price of the simulators that a period makes.
+fn loading(training: &Orders) -> Cost {
+    in_phase(Phase::Loading, per_order(training, Phase::Loading))
+}
+
+fn in_phase(phase: Phase, us: f64) -> Cost {
+    let mut cost = Cost { ours: us, ..Cost::default() };
+    cost.phases[phase as usize] = us;
+    cost
+}
+
+/// Returns the core-microseconds of a phase per unit.
+pub(super) fn per_unit(orders: &Orders, phase: Phase) -> f64 {
+    1e6 * orders.phases.spent(phase).as_secs_f64() / orders.units
+}
+
+/// Returns the core-microseconds of a phase per order.
+fn per_order(orders: &Orders, phase: Phase) -> f64 {
+    1e6 * orders.phases.spent(phase).as_secs_f64() / orders.count.max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use dials_core::base::Stopwatch;
+    use dials_core::domain::{RegionSpec, SourceSpec};
+    use std::time::Duration;
+
+    fn orders(count: usize, units: f64, wall: u64, slowest: u64, work: u64, phases: &[(Phase, u64)]) -> Orders {
+        let seconds = Duration::from_secs;
+        let mut watch = Stopwatch::default();
+        phases.iter().for_each(|&(phase, time)| watch.note(phase, seconds(time)));
+        Orders { count, units, wall: seconds(wall), slowest: seconds(slowest), work: seconds(work), phases: watch }
+    }
+
+    /// Returns a run of one agent, 1000 timesteps in ten periods, each with an evaluation of 3 episodes, and one of 5
+    /// at the end. AIPs are trained twice on 2 episodes of 10 steps. Networks as in the tests of the floor, and a
+    /// machine of 1e6 operations per second.
+    fn setting() -> (Config, Kinds) {
+        let config = "total_steps = 1000\ntraffic = { network = 'n', local_network = 'l', horizon = 10 }\n\
+                      policy = { hidden = [3] }\nppo = { memory = 100, rollout_steps = 4, epochs = 3, time_limit = 'bootstrap' }\n\
+                      aip = { hidden = [5], batch = 8, epochs = 2, held_out = 0.5, dataset_steps = 40, \
+                      retrain_every_steps = 500 }\nevaluation = { every_steps = 100, episodes = 3, final_episodes = 5 }";
+        let sources = SourceSpec::bits(2);
+        let spec = RegionSpec {
+            obs_dim: 4,
+            d_set_dim: 2,
+            n_actions: 2,
+            masks: false,
+            sources,
+            horizon: 10,
+            local_horizon: 10,
+        };
+        (toml::from_str(config).unwrap(), Kinds::one(1, spec))
+    }
+
+    #[test]
+    fn a_run_on_two_workers_is_worked_out_by_hand() {
+        let (config, kinds) = setting();
+        let step = |seconds| (Phase::SimulatorStep, seconds);
+        let measured = Measured {
+            workers: 2,
+            // 200 timesteps: workers of 8 and 6 s without loading, 2 s of loading, 1 s of messages.
+            training: orders(1, 200.0, 10, 8, 16, &[step(4), (Phase::Forward, 5), (Phase::Loading, 2)]),
+            // Two rounds of 3 s with 2 s of SUMO in each of the workers, half a second of messages per order.
+            evaluation: orders(2, 2.0, 7, 6, 12, &[step(8)]),
+            collection: orders(1, 1.0, 4, 4, 8, &[step(6)]),
+            aip_training: orders(1, 6400.0, 2, 2, 3, &[(Phase::Backward, 2)]),
+            pss_kib: 1,
+            peak_rss_kib: 1,
+        };
+        let steps = Steps { foreign: true, per_timestep: 5 };
+        let costs = Costs::of(&config, &kinds, steps, 1e6, &measured);
+        let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-6 * b.abs(), "{a} is not {b}");
+        // In seconds per timestep, for 1000 timesteps:
+        // step 4/200 = .02, forward 5/200 = .025, loading 2 * 10 / 1000 = .02, other (16 - 11)/200 = .025,
+        // idle (16 - 14)/200 = .01.
+        // Nine periods replay half an episode of 10 steps: .02 x 45 / 1000 = .0009.
+        near(costs.training.ours, 0.1009e6);
+        near(costs.idle, 0.01e6);
+        near(costs.other, 0.025e6);
+        // 3 episodes are two rounds of 2 x 3 s: 12 s, ten times; 5 are three rounds: 18 s. SUMO 2 s per episode: 35
+        // times.
+        near(costs.evaluation.ours, 0.138e6);
+        near(costs.evaluation.sumo, 0.07e6);
+        // 4 episodes are two rounds of 2 x 4 s: 16 s, twice; SUMO 3 s per episode: 12 s, twice.
+        near(costs.collection.ours, 0.032e6);
+        near(costs.collection.sumo, 0.024e6);
+        // 6400 operations as measured (2 x 2 s), twice; at 1e6 per second 12.8 ms.
+        near(costs.aip_training.ours, 0.008e6);
+        near(costs.aip_training.products, 12.8);
+        // 2 x (10 - 8 - 1) s ten times, 2 x .5 s eleven times, nothing for the others: 31 s.
+        near(costs.exchange, 0.031e6);
+        near(costs.all().ours, 0.3099e6);
+        near(costs.agent_steps_per_s(), 2.0 / 0.3099);
+        // SUMO's step: .02 + .07 + .024; passes: .025 + 2 s of the AIPs' twice in 1000 timesteps.
+        near(costs.all().phase(Phase::SimulatorStep), 0.114e6);
+        near(costs.all().phase(Phase::Forward) + costs.all().phase(Phase::Backward), 0.029e6);
+        // A round of two episodes of 10 steps in 4 s.
+        near(costs.gs_steps_per_s.unwrap(), 5.0);
+        // Per agent and step of SUMO, of which a timestep has 5: in training 4 s / 200 / 5; in two evaluations, each of an
+        // episode of 10 timesteps on 2 workers, 8 s / 2 / 2 / 50; in the collection 6 s / 2 / 50.
+        let SimulatorCosts { gs, gs_collecting, training, learning_us, trains_on_gs, .. } = costs.simulators;
+        near(training.own_us, 0.004e6);
+        near(gs.own_us, 0.04e6);
+        near(gs_collecting.unwrap().own_us, 0.06e6);
+        assert_eq!((training.around_us, gs.around_us, trains_on_gs), (0.0, 0.0, false));
+        // The forward passes: 5 s / 200.
+        near(learning_us, 0.025e6);
+        // 402.7 operations per timestep of training.
+        near(costs.training.floor(), 0.02e6 + 402.7);
+    }
+}

@@ -1,0 +1,123 @@
+//! The floor under a run's cost: its matrix products, in floating-point operations.
+
+use dials_config::{Config, TimeLimit, held_out_episodes};
+use dials_core::domain::{Kinds, RegionSpec};
+use dials_learn::influence::{AipStack, sampling_flops};
+use dials_learn::policy::PolicyStack;
+use stacknets::Shape;
+
+/// Number of operations per agent and unit of work. AIP: approximate influence predictor; GS: global simulator.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Flops {
+    /// Operations per timestep of training: PPO, acting, and sampling from the AIP.
+    pub training: f64,
+    /// Operations per step on the GS, in evaluation and collection.
+    pub acting: f64,
+}
+
+impl Flops {
+    /// Returns the means over the agents of all kinds.
+    pub fn of_all(config: &Config, kinds: &Kinds) -> Flops {
+        let mean = |pick: fn(Flops) -> f64| {
+            let sums = kinds.iter().map(|kind| kind.agents.len() as f64 * pick(Flops::of(config, &kind.spec)));
+            sums.sum::<f64>() / kinds.agents() as f64
+        };
+        Flops { training: mean(|flops| flops.training), acting: mean(|flops| flops.acting) }
+    }
+
+    /// Returns the operations of an agent of one kind.
+    fn of(config: &Config, spec: &RegionSpec) -> Flops {
+        let (ppo, policy) = (&config.ppo, PolicyStack::shape(spec, &config.policy));
+        let acting = policy.forward_flops();
+        let update = ppo.epochs as f64 * (acting + policy.backward_flops(config.sequence_length()));
+        // Besides every decision: the value after the last step of a rollout and, if it counts, of an episode.
+        let last_values = 1.0 / ppo.rollout_steps as f64
+            + if ppo.time_limit == TimeLimit::Bootstrap { 1.0 / config.training_horizon() as f64 } else { 0.0 };
+        let predictor = config.simulator.predictor();
+        let sampling = predictor.map_or(0.0, |choice| sampling_flops(choice, spec, &config.aip));
+        Flops { training: update + (1.0 + last_values) * acting + sampling, acting }
+    }
+}
+
+/// Returns the operations of all agents' AIP trainings on datasets of N episodes.
+pub fn aip_trainings_flops(config: &Config, kinds: &Kinds, episodes: usize) -> f64 {
+    kinds.iter().map(|kind| kind.agents.len() as f64 * aip_training_flops(config, &kind.spec, episodes)).sum()
+}
+
+/// Returns the operations of one agent: the gradient steps, and the loss before and after on all samples.
+fn aip_training_flops(config: &Config, spec: &RegionSpec, episodes: usize) -> f64 {
+    let aip: Shape = AipStack::shape(spec, &config.aip);
+    let steps = if aip.recurrent.is_some() { spec.horizon } else { 1 };
+    let visits = config.aip.epochs * gradient_steps(config, spec.horizon, episodes) * config.aip.batch * steps;
+    visits as f64 * (aip.forward_flops() + aip.backward_flops(steps))
+        + 2.0 * (episodes * spec.horizon) as f64 * aip.forward_flops()
+}
+
+/// Returns the gradient steps of an AIP per pass over such a dataset.
+pub fn gradient_steps(config: &Config, horizon: usize, episodes: usize) -> usize {
+    let sequences_per_episode = if config.aip.recurrent.is_some() { 1 } else { horizon };
+    let training = episodes - held_out_episodes(episodes, config.aip.held_out);
+    training * sequences_per_episode / config.aip.batch
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use dials_config::Simulator;
+    use dials_core::base::AgentId;
+    use dials_core::domain::{Kind, SourceSpec};
+
+    /// Returns small networks. Policy 4 -> 3 -> (2 + 1): 21 weights; AIP 2 -> 5 -> 2: 20 weights.
+    fn small() -> (Config, RegionSpec) {
+        let config = "warehouse = { agents_per_side = 1, horizon = 10 }\npolicy = { hidden = [3] }\n\
+                      ppo = { rollout_steps = 4, epochs = 3, time_limit = 'bootstrap' }\n\
+                      aip = { hidden = [5], batch = 8, epochs = 2, held_out = 0.5 }";
+        let sources = SourceSpec::bits(2);
+        (
+            toml::from_str(config).unwrap(),
+            RegionSpec {
+                obs_dim: 4,
+                d_set_dim: 2,
+                n_actions: 2,
+                masks: false,
+                sources,
+                horizon: 10,
+                local_horizon: 10,
+            },
+        )
+    }
+
+    #[test]
+    fn the_operations_of_a_timestep_are_counted_by_hand() {
+        let (mut config, spec) = small();
+        // Forward 42, backward 42 + 2 * 3 * 3 = 60: three epochs 306. Acting 42 * (1 + 1/4 + 1/10) = 56.7. AIP 40.
+        let flops = Flops::of(&config, &spec);
+        assert!((flops.training - 402.7).abs() < 1e-9, "{flops:?}");
+        assert_eq!(flops.acting, 42.0);
+        config.simulator = Simulator::Global;
+        assert!((Flops::of(&config, &spec).training - 362.7).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_operations_of_an_aip_training_are_counted_by_hand() {
+        let (config, spec) = small();
+        // Four episodes of 10, two held out: 20 samples make two batches of 8. Forward 40, backward 40 + 2 * 10 = 60:
+        // 2 epochs * 16 samples * 100 = 3200, and the losses 2 * 40 samples * 40 = 3200.
+        assert_eq!(aip_training_flops(&config, &spec, 4), 6400.0);
+    }
+
+    #[test]
+    fn agents_of_two_kinds_cost_their_mean() {
+        let (config, spec) = small();
+        let wider = RegionSpec { obs_dim: 5, ..spec.clone() };
+        let kind = |name: &str, spec, agents: [usize; 2]| Kind {
+            name: name.to_owned(),
+            spec,
+            agents: agents.map(AgentId).to_vec(),
+        };
+        let kinds = Kinds::new(vec![kind("a", spec, [0, 2]), kind("b", wider, [1, 3])]).unwrap();
+        // An input more: 2 * 3 operations more per pass.
+        assert_eq!(Flops::of_all(&config, &kinds).acting, (42.0 + 48.0) / 2.0);
+        assert_eq!(aip_trainings_flops(&config, &kinds, 4), 4.0 * 6400.0);
+    }
+}

@@ -1,0 +1,296 @@
+//! Orders to a fleet, timed: as many of each kind as fit into a share of the time.
+
+use std::time::{Duration, Instant};
+
+use super::floor::{aip_trainings_flops, gradient_steps};
+use super::marginals::predict_marginals;
+use dials_config::{AipTraining, Config, Period, Simulator};
+use dials_core::base::{Activity, Phase, Stopwatch};
+use dials_core::domain::{Kinds, Result, RoughCosts};
+use dials_learn::influence::Dataset;
+use dials_learn::training::answers::FleetLoad;
+use dials_learn::training::collect::Purpose;
+use dials_learn::training::fleet::Fleet;
+use dials_learn::training::journal::Journal;
+use dials_learn::training::standing::Standing;
+
+/// Shares of the time. The rest is for the start of processes and for a first guess of the speed.
+const EVALUATION: f64 = 0.1;
+const COLLECTION: f64 = 0.15;
+const AIP_TRAINING: f64 = 0.15;
+const TRAINING: f64 = 0.5;
+/// Guess of the time in which the processes of a fleet start and load their simulators.
+const START: Duration = Duration::from_secs(1);
+/// Number of passes over a dataset: few, but enough that the losses before and after them cost little in comparison.
+const AIP_EPOCHS: usize = 8;
+/// Guess of the speed of AIP (approximate influence predictor) trainings, as a share of the peak. It only decides how
+/// long they are measured.
+const OF_PEAK: f64 = 0.4;
+
+/// Returns a config with which every order to a fleet of N workers is short, and each worker has a share of it.
+pub fn short_orders(config: &Config, workers: usize) -> Config {
+    let mut short = config.clone();
+    short.evaluation.episodes = workers;
+    short.evaluation.final_episodes = workers;
+    short.aip.dataset_steps = workers * config.horizon();
+    short.aip.epochs = config.aip.epochs.min(AIP_EPOCHS);
+    short
+}
+
+/// Returns about how long the measurement of a fleet of N workers takes. Every kind of order is given at least once, so
+/// that can be far longer than `time`. `rough`: costs of the domain.
+pub fn expected(config: &Config, agents: usize, rough: &RoughCosts, workers: usize, time: Duration) -> Duration {
+    let part = |share: f64, least_s: f64| time.mul_f64(share).max(Duration::from_secs_f64(least_s));
+    // Each worker plays whole episodes.
+    let episode_s = (agents * config.horizon()) as f64 * rough.evaluation_s;
+    let dataset_s = episode_s * config.dataset_episodes(config.horizon()).div_ceil(workers) as f64;
+    let step_s = if config.simulator == Simulator::Global { rough.training_on_gs_s } else { rough.training_s };
+    let update_s = (agents * config.ppo.memory) as f64 * step_s / workers as f64;
+    let of_predictors = match config.simulator.trains_predictors() {
+        true => part(COLLECTION, dataset_s) + part(AIP_TRAINING, 0.0),
+        false => Duration::ZERO,
+    };
+    // One update more shows how long one takes.
+    START + part(EVALUATION, episode_s) + of_predictors + part(TRAINING, 2.0 * update_s) + part(0.0, update_s)
+}
+
+/// Times of the orders of one kind, added up.
+#[derive(Clone, Debug, Default)]
+pub struct Orders {
+    pub count: usize,
+    /// Amount of work, in the unit of the activity: see [`Measured`].
+    pub units: f64,
+    /// Wall time from the order to the last answer, including the files that a run then writes.
+    pub wall: Duration,
+    /// Time of the slowest worker of each order, without its beginning: [`Orders::BEGINNING`].
+    pub slowest: Duration,
+    /// Time of work, added up over the workers.
+    pub work: Duration,
+    pub phases: Stopwatch,
+}
+
+/// Measurements of a fleet. An activity that the config does not use has no orders.
+#[derive(Clone, Debug)]
+pub struct Measured {
+    pub workers: usize,
+    /// Units: timesteps of agents.
+    pub training: Orders,
+    /// Units: episodes of each worker.
+    pub evaluation: Orders,
+    /// Units: episodes of each worker.
+    pub collection: Orders,
+    /// Units: floating-point operations in matrix products.
+    pub aip_training: Orders,
+    /// Memory of all processes together, in KiB, shared pages counted once: the maximum after any order.
+    pub pss_kib: u64,
+    /// Peak resident memory of a single process, in KiB.
+    pub peak_rss_kib: u64,
+}
+
+impl Measured {
+    /// Returns the part of an episode that every local simulator, or the GS (global simulator), played while the
+    /// policies trained.
+    pub fn share_of_an_episode(&self, config: &Config, agents: usize) -> f64 {
+        self.training.units / (agents * config.copies() * config.training_horizon()) as f64
+    }
+}
+
+/// Settings of a measurement.
+pub struct MeasurePlan<'a> {
+    /// Config that [`short_orders`] made.
+    pub config: &'a Config,
+    pub kinds: &'a Kinds,
+    pub workers: usize,
+    pub time: Duration,
+    /// Peak speed of matrix products, in operations per second.
+    pub peak_flops: f64,
+}
+
+/// Gives orders of every kind to `fleet`, which was made for `plan.config`.
+pub fn measure(plan: &MeasurePlan<'_>, fleet: &mut dyn Fleet, journal: &mut dyn Journal) -> Result<Measured> {
+    let agents = fleet.agents().agents();
+    let mut bench = Bench {
+        fleet,
+        journal,
+        standing: Standing::default(),
+        evaluation_episodes: plan.config.evaluation.episodes,
+        collection_rounds: rounds_of_a_collection(plan),
+        period: Period { start: 0, end: 0, train_aips: AipTraining::No, evaluate: false, average: false },
+    };
+    let part = |share: f64| plan.time.mul_f64(share);
+
+    let evaluation = repeat(part(EVALUATION), |orders| bench.evaluate(orders))?;
+    let (mut collection, mut aip_training) = (Orders::default(), Orders::default());
+    if plan.config.simulator.trains_predictors() {
+        let (mut datasets, mut seen) = (Vec::new(), Dataset::of_all(plan.kinds));
+        collection = repeat(part(COLLECTION), |orders| {
+            datasets = bench.collect(orders)?;
+            seen.iter_mut().zip(&datasets).for_each(|(seen, dataset)| seen.extend(dataset));
+            Ok(())
+        })?;
+        let flops = part(AIP_TRAINING).as_secs_f64() * plan.peak_flops * OF_PEAK * plan.workers as f64;
+        let enough = episodes_for(plan, flops);
+        let datasets: Vec<Dataset> = datasets.iter().map(|dataset| repeated(dataset, enough)).collect();
+        let flops = aip_trainings_flops(plan.config, plan.kinds, datasets[0].episodes());
+        aip_training = repeat(part(AIP_TRAINING), |orders| bench.train_aips(orders, &datasets, flops))?;
+        let mut state = bench.fleet.agents().clone();
+        for (agent, (spec, seen)) in plan.kinds.specs().zip(&seen).enumerate() {
+            predict_marginals(state.aips.row_mut(agent), spec, &plan.config.aip, seen);
+        }
+        bench.fleet.restore(state)?;
+    }
+    // The first update only shows how long one takes. The measurement starts again where it did.
+    let memory = plan.config.ppo.memory as u64;
+    let mut guess = Orders::default();
+    let beginning = bench.fleet.agents().clone();
+    bench.train(&mut guess, memory, agents)?;
+    bench.fleet.restore(beginning)?;
+    bench.period.end = 0;
+    let updates = part(TRAINING).div_duration_f64(guess.slowest.max(Duration::from_millis(1)));
+    let mut training = Orders::default();
+    bench.train(&mut training, memory * (updates as u64).max(2), agents)?;
+
+    let load = bench.fleet.take_load();
+    let processes = || load.workers.iter().map(|worker| worker.footprint).chain(load.coordinator);
+    Ok(Measured {
+        workers: plan.workers,
+        training,
+        evaluation,
+        collection,
+        aip_training,
+        pss_kib: processes().map(|process| process.pss_kib).sum(),
+        peak_rss_kib: processes().map(|process| process.peak_rss_kib).max().unwrap_or(0),
+    })
+}
+
+/// Returns the number of episodes of each worker in a collection. A single worker plays two, because one of a dataset is
+/// held out.
+fn rounds_of_a_collection(plan: &MeasurePlan<'_>) -> f64 {
+    plan.config.dataset_episodes(plan.kinds.horizon()) as f64 / plan.workers as f64
+}
+
+/// Repeats orders until the time is over, at least one.
+fn repeat(time: Duration, mut order: impl FnMut(&mut Orders) -> Result<()>) -> Result<Orders> {
+    let mut orders = Orders::default();
+    while orders.count == 0 || orders.wall < time {
+        order(&mut orders)?;
+    }
+    Ok(orders)
+}
+
+/// Returns the number of episodes per dataset for which the AIP trainings take about `flops` operations together. It is
+/// at most a whole dataset, and always enough for a gradient step.
+fn episodes_for(plan: &MeasurePlan<'_>, flops: f64) -> usize {
+    let horizon = plan.kinds.horizon();
+    let whole = plan.config.dataset_episodes(horizon);
+    let mut episodes = 2;
+    let too_few = |episodes| gradient_steps(plan.config, horizon, episodes) == 0;
+    while too_few(episodes) || (episodes < whole && aip_trainings_flops(plan.config, plan.kinds, episodes) < flops) {
+        episodes += 1;
+    }
+    episodes
+}
+
+/// Repeats the episodes of `dataset` until there are at least `episodes`.
+fn repeated(dataset: &Dataset, episodes: usize) -> Dataset {
+    let mut longer = dataset.clone();
+    while longer.episodes() < episodes {
+        longer.extend(dataset);
+    }
+    longer
+}
+
+struct Bench<'a> {
+    fleet: &'a mut dyn Fleet,
+    journal: &'a mut dyn Journal,
+    standing: Standing,
+    evaluation_episodes: usize,
+    /// Episodes of each worker in a collection.
+    collection_rounds: f64,
+    period: Period,
+}
+
+impl Bench<'_> {
+    fn evaluate(&mut self, orders: &mut Orders) -> Result<()> {
+        self.order(orders, Activity::Evaluation, 1.0, |bench| {
+            let evaluation = bench.fleet.evaluate(bench.evaluation_episodes)?;
+            let load = bench.fleet.take_load();
+            bench.journal.evaluated(bench.fleet.agents(), &evaluation)?;
+            Ok(load)
+        })
+    }
+
+    fn collect(&mut self, orders: &mut Orders) -> Result<Vec<Dataset>> {
+        let mut datasets = Vec::new();
+        // Different episodes each time: the traffic of one varies by several percent, and the marginals come from them.
+        let order = orders.count as u64;
+        self.order(orders, Activity::Collection, self.collection_rounds, |bench| {
+            datasets = bench.fleet.collect_datasets(Purpose::Training { steps: order })?;
+            Ok(bench.fleet.take_load())
+        })?;
+        Ok(datasets)
+    }
+
+    fn train_aips(&mut self, orders: &mut Orders, datasets: &[Dataset], flops: f64) -> Result<()> {
+        let datasets = datasets.to_vec();
+        self.order(orders, Activity::AipTraining, flops, |bench| {
+            let losses = bench.fleet.train_aips(datasets, &bench.period)?;
+            let load = bench.fleet.take_load();
+            bench.journal.aips_trained(bench.fleet.agents(), &losses)?;
+            Ok(load)
+        })
+    }
+
+    fn train(&mut self, orders: &mut Orders, steps: u64, agents: usize) -> Result<()> {
+        (self.period.start, self.period.end) = (self.period.end, self.period.end + steps);
+        self.order(orders, Activity::Training, steps as f64 * agents as f64, |bench| {
+            let training = bench.fleet.train_policies(&bench.period)?;
+            let load = bench.fleet.take_load();
+            bench.standing.until = bench.period.end;
+            bench.journal.period_done(bench.fleet.agents(), &bench.standing, &training, load.clone())?;
+            Ok(load)
+        })
+    }
+
+    /// Times one order. `give`: gives the order, writes its results, and returns what the workers have spent on it.
+    fn order(
+        &mut self,
+        orders: &mut Orders,
+        activity: Activity,
+        units: f64,
+        give: impl FnOnce(&mut Self) -> Result<FleetLoad>,
+    ) -> Result<()> {
+        let begun = Instant::now();
+        let load = give(self)?;
+        orders.note(activity, units, begun.elapsed(), &load);
+        Ok(())
+    }
+}
+
+impl Orders {
+    /// Phases in which simulators are made and brought to the current state of training. They do not grow with the
+    /// work.
+    pub const BEGINNING: [Phase; 2] = [Phase::Loading, Phase::Retracing];
+
+    /// Returns the time spent in [`Orders::BEGINNING`], added up over the workers.
+    pub fn beginning(&self) -> Duration {
+        beginning(&self.phases)
+    }
+
+    fn note(&mut self, activity: Activity, units: f64, wall: Duration, load: &FleetLoad) {
+        self.count += 1;
+        self.units += units;
+        self.wall += wall;
+        let of_workers = || load.workers.iter().map(|worker| &worker.timesheet);
+        let net = of_workers().map(|sheet| sheet.whole(activity).saturating_sub(beginning(sheet.phases(activity))));
+        self.slowest += net.max().unwrap_or_default();
+        for sheet in of_workers() {
+            self.work += sheet.whole(activity);
+            self.phases.add(sheet.phases(activity));
+        }
+    }
+}
+
+fn beginning(phases: &Stopwatch) -> Duration {
+    Orders::BEGINNING.iter().map(|&phase| phases.spent(phase)).sum()
+}

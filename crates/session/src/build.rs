@@ -1,0 +1,97 @@
+//! The build that computes a run: this program, its libraries and the machine.
+//!
+//! It is written to `run.json` and compared when the run is resumed, because the same seed gives the same files only
+//! with the same build.
+
+use std::fs;
+use std::path::Path;
+
+use anyhow::{Context, Result, bail};
+
+use super::domains::NO_SUCH_VECTORS;
+use crate::records::run_json::{Resumed, RunJson, Versions};
+use dials_core::outside::Directory;
+use stacknets::VectorWidth;
+use stacknets::vector_instructions;
+
+/// The program that stands on this crate, as its own build knows it.
+#[derive(Clone, Copy, Debug)]
+pub struct Program {
+    pub version: &'static str,
+    /// Commit that it was built from, with `-dirty` after changes.
+    pub git_commit: &'static str,
+    /// Version of libtorch, or `none`.
+    pub libtorch: &'static str,
+}
+
+/// Returns the build of this process. `width`: width of the vector registers that its networks use.
+pub fn here(program: Program, width: VectorWidth) -> Result<Versions> {
+    Ok(Versions {
+        dials_traffic: program.version.to_owned(),
+        git_commit: program.git_commit.to_owned(),
+        sumo: dials_traffic::sumo_version()?,
+        libtorch: program.libtorch.to_owned(),
+        libm: dials_traffic::libm()?,
+        vector_instructions: vector_instructions(width).context(NO_SUCH_VECTORS)?,
+        cpu: cpu(),
+    })
+}
+
+/// Returns this build if another build wrote the run in `dir` last, and `None` if it is the same.
+///
+/// If it is another and `accepted` is false, the error names all differences.
+pub fn other_build(program: Program, dir: &Path, width: VectorWidth, accepted: bool) -> Result<Option<Versions>> {
+    let here = here(program, width)?;
+    let differences = here.differences(RunJson::read(dir)?.last_versions());
+    if differences.is_empty() {
+        return Ok(None);
+    }
+    if !accepted {
+        bail!(
+            "{}: was written by another build or on another machine, so its numbers may change from here on:\n  {}\n  \
+             to resume anyway, add --accept-other-build",
+            dir.display(),
+            differences.join("\n  ")
+        );
+    }
+    Ok(Some(here))
+}
+
+/// Records in `run.json` that this build resumes a run at this timestep per agent. `directory`: the run, which this
+/// process has locked.
+pub fn record_resume(directory: &Directory, build: &Versions, steps: u64) -> Result<()> {
+    let mut run = RunJson::read(directory.path())?;
+    run.resumed_with.push(Resumed { steps, versions: build.clone() });
+    run.write(directory)
+}
+
+/// Returns the name of the CPU.
+pub fn cpu() -> String {
+    let text = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let name =
+        text.lines().find_map(|line| Some(line.strip_prefix("model name")?.split_once(':')?.1.trim().to_owned()));
+    name.unwrap_or("unknown".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_run_that_was_resumed_is_compared_with_the_build_that_wrote_it_last() {
+        let dir = tempfile::tempdir().unwrap();
+        let directory = Directory::open(dir.path()).unwrap();
+        let build = |libm: &str| Versions { libm: libm.to_owned(), ..Versions::default() };
+        let (first, other) = (build("glibc 2.31"), build("glibc 2.36"));
+        RunJson { seed: Some(7), versions: first.clone(), ..RunJson::default() }.write(&directory).unwrap();
+        let differences = |here: &Versions| here.differences(RunJson::read(dir.path()).unwrap().last_versions());
+        assert_eq!(differences(&other), ["libm: glibc 2.31 there, glibc 2.36 here"]);
+        record_resume(&directory, &other, 512).unwrap();
+        assert_eq!(differences(&other), [""; 0]);
+        assert_eq!(differences(&first), ["libm: glibc 2.36 there, glibc 2.31 here"]);
+        record_resume(&directory, &first, 1024).unwrap();
+        let run = RunJson::read(dir.path()).unwrap();
+        assert_eq!((run.seed, &run.versions), (Some(7), &first), "the beginning stays");
+        assert_eq!(run.resumed_with.iter().map(|resumed| resumed.steps).collect::<Vec<_>>(), [512, 1024]);
+    }
+}

@@ -1,0 +1,324 @@
+//! Estimates the time and memory of a run from measured runs.
+//!
+//! The costs are in core-seconds per agent: for a timestep of training, for a sample and epoch of the training of the
+//! approximate influence predictors (AIPs), and for a timestep of evaluation. They come from runs of the same scenario and
+//! simulator, or else of the same domain (for traffic: grids and scenarios apart) with the nearest number of agents.
+//! Unfinished runs count only where none is finished. If there are none, constants are used. These were measured on two
+//! cores of a cloud machine with the configs of this project.
+
+use super::file::{PlannedBaseline, PlannedRun};
+use crate::cost::{Prices, Workload};
+use crate::records::run_record::{RunRecord, Status};
+use dials_config::{Config, Simulator};
+use dials_core::domain::RoughCosts;
+
+/// Core-seconds and memory of one kind of run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UnitCosts {
+    /// Core-seconds of training per agent and timestep.
+    pub training_s: f64,
+    /// Core-seconds of collecting a dataset and training on it, per agent, epoch and step of the global simulator (GS).
+    pub influence_s: f64,
+    /// Core-seconds of evaluation per agent and step of an episode.
+    pub evaluation_s: f64,
+    /// Memory of each process without its agents, in MiB.
+    pub process_mb: f64,
+    /// Memory of each agent, in all processes together, in MiB.
+    pub agent_mb: f64,
+}
+
+impl UnitCosts {
+    /// Returns the seconds of wall time for one of everything on `cores` cores, of which some train.
+    fn prices(&self, work: &Workload, training_cores: usize, cores: usize) -> Prices<f64> {
+        let of_episodes =
+            |episodes: usize| work.gs_steps(episodes) * self.evaluation_s / cores.min(episodes).max(1) as f64;
+        Prices {
+            step: self.training_s / training_cores as f64,
+            evaluation: of_episodes(work.evaluation_episodes),
+            final_evaluation: of_episodes(work.final_episodes),
+            // This includes the collection, because run directories have both in one column.
+            aip_training: work.samples_per_retraining() * self.influence_s / training_cores as f64,
+            ..Prices::default()
+        }
+    }
+}
+
+/// Returns the number of cores that train. A core has whole agents. With the GS it is one: an experiment gives it no more.
+fn training_cores(config: &Config, agents: usize, cores: usize) -> usize {
+    if config.simulator == Simulator::Global { 1 } else { cores.min(agents) }
+}
+
+/// The source of an estimate.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Source {
+    /// Number of measured runs in the same folder.
+    Measured(usize),
+    /// The constants of this project.
+    Constants,
+}
+
+/// Time and memory of one run from its beginning to its end.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Estimate {
+    pub seconds: f64,
+    pub memory_mb: f64,
+    pub source: Source,
+}
+
+/// Seconds that a process takes to begin and to load what it simulates.
+const START_S: f64 = 2.0;
+
+/// Estimates the time and memory of one run on `cores` cores.
+pub fn estimate(run: &PlannedRun, cores: usize, measured: &[RunRecord]) -> Estimate {
+    let nearest = nearest(run, measured);
+    let rough = costs_without_runs(run);
+    let (costs, source) = match costs_of(&nearest, rough) {
+        Some(costs) => (costs, Source::Measured(nearest.len())),
+        None => (rough, Source::Constants),
+    };
+    let work = Workload::of(&run.config, run.agents(), run.config.last_step());
+    let seconds = costs.prices(&work, training_cores(&run.config, run.agents(), cores), cores).of_run(&work).sum();
+    let memory_mb = (cores + 1) as f64 * costs.process_mb + run.agents() as f64 * costs.agent_mb;
+    Estimate { seconds, memory_mb, source }
+}
+
+/// Estimates the time and memory of measuring a controller, on one core.
+pub fn estimate_controller(baseline: &PlannedBaseline) -> Estimate {
+    let PlannedBaseline { config, episodes, agents, rough_costs, .. } = baseline;
+    let steps = agents * episodes * config.horizon();
+    Estimate {
+        seconds: START_S + steps as f64 * rough_costs.evaluation_s,
+        memory_mb: rough_costs.process_mb,
+        source: Source::Constants,
+    }
+}
+
+fn costs_without_runs(run: &PlannedRun) -> UnitCosts {
+    let RoughCosts { training_s, training_on_gs_s, influence_s, evaluation_s, process_mb, agent_mb } = run.rough_costs;
+    let training_s = if run.config.simulator == Simulator::Global { training_on_gs_s } else { training_s };
+    UnitCosts { training_s, influence_s, evaluation_s, process_mb, agent_mb }
+}
+
+/// Returns the measured runs of the same scenario and simulator. If there are none: those of the same domain with the
+/// nearest number of agents. If some of them are finished, only those.
+fn nearest<'a>(run: &PlannedRun, measured: &'a [RunRecord]) -> Vec<&'a RunRecord> {
+    let way = |config: &Config| config.domain.as_ref().map(std::mem::discriminant);
+    let alike = |other: &&RunRecord| {
+        other.scenario.is_some()
+            && way(&other.config) == way(&run.config)
+            && other.config.simulator == run.config.simulator
+            && other.total_time().is_some()
+    };
+    let is_same = |other: &RunRecord| other.scenario.as_ref().is_some_and(|scenario| scenario.id == run.scenario.id);
+    let ratio = |other: &RunRecord| {
+        let agents = other.scenario.as_ref().map_or(0, |scenario| scenario.id.agents) as f64;
+        (agents.ln() - (run.agents() as f64).ln()).abs()
+    };
+    let mut near: Vec<&RunRecord> = measured.iter().filter(alike).collect();
+    if near.iter().any(|other| is_same(other)) {
+        near.retain(|other| is_same(other));
+    } else {
+        let best = near.iter().map(|other| ratio(other)).fold(f64::INFINITY, f64::min);
+        near.retain(|other| ratio(other) <= best + 1e-9);
+    }
+    let is_finished = |other: &RunRecord| other.status() == Status::Finished;
+    if near.iter().any(|other| is_finished(other)) {
+        near.retain(|other| is_finished(other));
+    }
+    near
+}
+
+/// Returns the mean costs of runs, and `fallback` for work that they did not do; `None` if there are no runs.
+fn costs_of(runs: &[&RunRecord], fallback: UnitCosts) -> Option<UnitCosts> {
+    runs.first()?;
+    let mut spent = [0.0; 3];
+    let mut done = [0.0; 3];
+    let mut process_mb = 0.0_f64;
+    for run in runs {
+        let (time, agents) = (run.total_time()?, run.scenario.as_ref()?.id.agents);
+        let training_cores = training_cores(&run.config, agents, run.workers) as f64;
+        let evaluating_cores = run.workers.min(run.config.evaluation.episodes).max(1) as f64;
+        let mut work = Workload::of(&run.config, agents, time.steps);
+        if run.status() != Status::Finished {
+            // The times of a period have the evaluation before it, so the last evaluation is not among them yet.
+            work.final_episodes = 0;
+        }
+        let samples = work.retrainings as f64 * work.samples_per_retraining();
+        let training_s = time.runtime_s() - time.influence_s;
+        let of_run =
+            [training_s * training_cores, time.influence_s * training_cores, time.evaluation_s * evaluating_cores];
+        for (sum, value) in spent.iter_mut().zip(of_run) {
+            *sum += value;
+        }
+        for (sum, value) in done.iter_mut().zip([work.agent_steps(), samples, work.evaluated_steps()]) {
+            *sum += value;
+        }
+        let total = run.memory.map_or(0.0, |memory| memory.total_pss_mb.unwrap_or(memory.total_mb));
+        // The processes have what the agents do not need.
+        let of_agents = agents as f64 * fallback.agent_mb;
+        process_mb = process_mb.max((total - of_agents) / (run.workers as f64 + 1.0));
+    }
+    let cost = |kind: usize, fallback: f64| if done[kind] > 0.0 { spent[kind] / done[kind] } else { fallback };
+    Some(UnitCosts {
+        training_s: cost(0, fallback.training_s),
+        influence_s: cost(1, fallback.influence_s),
+        evaluation_s: cost(2, fallback.evaluation_s),
+        process_mb,
+        agent_mb: fallback.agent_mb,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::records::find::MeasuredWith;
+    use crate::records::run_record::{EvaluationRecord, MemoryRecord, PeriodTime, Returns};
+    use dials_core::domain::Scenario;
+    use dials_core::outside::FileName;
+    use std::path::PathBuf;
+
+    /// Episodes of 10 steps, 2 per evaluation and 8 per dataset.
+    fn config(simulator: &str, total_steps: u64) -> Config {
+        let text = format!(
+            "simulator = '{simulator}'\ntotal_steps = {total_steps}\n[warehouse]\nagents_per_side = 2\nhorizon = 10\n\
+             [aip]\nretrain_every_steps = 1000\ndataset_steps = 80\n[evaluation]\nevery_steps = 1000\nepisodes = 2\nfinal_episodes = 2"
+        );
+        toml::from_str(&text).unwrap()
+    }
+
+    fn planned(simulator: &str, total_steps: u64, agents: usize) -> PlannedRun {
+        let config = config(simulator, total_steps);
+        PlannedRun {
+            name: FileName::new("a").unwrap(),
+            config_path: PathBuf::new(),
+            settings: Vec::new(),
+            config,
+            scenario: Scenario::new("warehouse", agents, 10),
+            rough_costs: RoughCosts { agent_mb: 8.0, ..RoughCosts::default() },
+        }
+    }
+
+    /// A finished run of 1000 steps that took these times.
+    fn measured(
+        simulator: &str,
+        agents: usize,
+        workers: usize,
+        [elapsed_s, evaluation_s, influence_s]: [f64; 3],
+    ) -> RunRecord {
+        let returns = Returns { mean: 1.0, median: 1.0, std_error: 0.0, stuck: 0 };
+        RunRecord {
+            evaluations: vec![EvaluationRecord {
+                steps: 1000,
+                all: returns,
+                agents: vec![returns; agents],
+                episodes: None,
+                episode_returns: Vec::new(),
+            }],
+            periods: vec![PeriodTime { steps: 1000, elapsed_s, evaluation_s, influence_s, ..PeriodTime::default() }],
+            memory: Some(MemoryRecord { process_mb: 0.0, total_mb: 0.0, total_pss_mb: Some(332.0) }),
+            workers,
+            ..RunRecord::empty(config(simulator, 1000), Some(Scenario::new("warehouse", agents, 10)))
+        }
+    }
+
+    #[test]
+    fn an_estimate_is_worked_out_by_hand() {
+        // On one core, 4 agents: 40 s of training, 3.2 s for a dataset and 1.6 s for two evaluations. Per unit:
+        // 40 / (4 x 1000) = 0.01, 3.2 / (4 x 80) = 0.01 for 100 epochs, 1.6 / (4 x 2 x 20) = 0.01.
+        let records = [measured("dials", 4, 1, [44.8, 1.6, 3.2])];
+        // Twice the steps, 9 agents, 2 cores: training 9 x 2000 x 0.01 / 2 = 90; two datasets 9 x 160 x 0.01 / 2 = 7.2;
+        // three evaluations 9 x 60 x 0.01 / 2 = 2.7.
+        let found = estimate(&planned("dials", 2000, 9), 2, &records);
+        assert!((found.seconds - 99.9).abs() < 1e-9, "{found:?}");
+        assert_eq!(found.source, Source::Measured(1));
+        // 332 MiB minus 4 agents x 8 MiB are 2 processes of 150 MiB each. Now there are 3 processes and 9 agents.
+        assert!((found.memory_mb - (3.0 * 150.0 + 9.0 * 8.0)).abs() < 1e-9, "{found:?}");
+    }
+
+    #[test]
+    fn an_unfinished_run_counts_only_where_none_is_finished() {
+        let mut half = measured("dials", 4, 1, [44.0, 0.8, 3.2]);
+        half.config.total_steps = 2000;
+        let run = planned("dials", 2000, 4);
+        // It has played one evaluation: 0.8 / (4 x 20) = 0.01 as above. In all: 80 s of training, 6.4 s for two datasets
+        // and 2.4 s for three evaluations.
+        let found = estimate(&run, 1, &[half.clone()]);
+        assert!((found.seconds - 88.8).abs() < 1e-9, "{found:?}");
+        assert_eq!(found.source, Source::Measured(1));
+        let whole = measured("dials", 4, 1, [22.4, 0.8, 1.6]);
+        assert_eq!(estimate(&run, 1, &[half.clone(), whole.clone()]), estimate(&run, 1, &[whole]));
+        // Nothing was timed yet.
+        half.periods.clear();
+        assert_eq!(estimate(&run, 1, &[half]).source, Source::Constants);
+    }
+
+    #[test]
+    fn the_gs_trains_on_one_core_only() {
+        // 2 workers, of which one trains: 40 / (4 x 1000) = 0.01.
+        let records = [measured("gs", 4, 2, [40.0, 0.0, 0.0])];
+        let found = estimate(&planned("gs", 1000, 4), 4, &records);
+        assert!((found.seconds - 40.0).abs() < 1e-9, "{found:?}");
+    }
+
+    #[test]
+    fn more_cores_than_agents_do_not_train_and_more_than_episodes_do_not_evaluate() {
+        // 8 workers, of which 4 train and 2 evaluate: each unit costs 10 core-milliseconds, as above.
+        let records = [measured("dials", 4, 8, [10.0 + 0.8 + 0.8, 0.8, 0.8])];
+        // 40 s of training and 3.2 s for the AIPs by 4 cores, and 1.6 s of evaluations by 2.
+        let found = estimate(&planned("dials", 1000, 4), 8, &records);
+        assert!((found.seconds - 11.6).abs() < 1e-9, "{found:?}");
+        let on_one = estimate(&planned("dials", 1000, 4), 1, &records);
+        assert!((on_one.seconds - 44.8).abs() < 1e-9, "{on_one:?}");
+    }
+
+    #[test]
+    fn runs_of_the_same_scenario_count_before_others_of_its_size() {
+        let with = |mut run: RunRecord, checksum| {
+            run.scenario = Some(Scenario::new("warehouse", 4, 10).with_checksum(checksum));
+            run
+        };
+        let records =
+            [with(measured("dials", 4, 1, [40.0, 0.0, 0.0]), 1), with(measured("dials", 4, 1, [80.0, 0.0, 0.0]), 2)];
+        let mut run = planned("dials", 1000, 4);
+        assert_eq!(estimate(&run, 1, &records).source, Source::Measured(2));
+        run.scenario = run.scenario.with_checksum(2);
+        let found = estimate(&run, 1, &records);
+        assert_eq!((found.source, found.seconds), (Source::Measured(1), 80.0));
+    }
+
+    #[test]
+    fn runs_of_a_grid_say_nothing_of_a_scenario() {
+        let text = |table: &str| toml::from_str::<Config>(&format!("simulator = 'gs'\n[traffic]\n{table}\n")).unwrap();
+        let mut grid = measured("gs", 4, 1, [40.0, 0.0, 0.0]);
+        grid.config = text("network = 'n'\nlocal_network = 'l'");
+        let mut run = planned("gs", 1000, 4);
+        run.config = text("scenario = 's.sumocfg'\nbegin_s = 0\nend_s = 3600");
+        assert_eq!(estimate(&run, 1, &[grid]).source, Source::Constants);
+    }
+
+    #[test]
+    fn a_controller_plays_its_episodes_on_one_core() {
+        let run = planned("gs", 1000, 4);
+        let baseline = PlannedBaseline {
+            name: FileName::new("a").unwrap(),
+            config: run.config,
+            scenario: "s".to_owned(),
+            controller: "random".to_owned(),
+            episodes: 50,
+            agents: 4,
+            rough_costs: RoughCosts { evaluation_s: 1e-3, process_mb: 120.0, ..RoughCosts::default() },
+            measured_with: MeasuredWith::default(),
+        };
+        // 4 agents x 50 episodes x 10 steps x 1 ms, after 2 s.
+        let found = estimate_controller(&baseline);
+        assert!((found.seconds - 4.0).abs() < 1e-9 && found.memory_mb == 120.0, "{found:?}");
+    }
+
+    #[test]
+    fn runs_of_the_nearest_size_count_and_without_any_the_constants() {
+        let records = [measured("dials", 4, 1, [40.0, 0.0, 0.0]), measured("dials", 100, 1, [9000.0, 0.0, 0.0])];
+        let small = estimate(&planned("dials", 1000, 4), 1, &records);
+        assert_eq!((small.source, small.seconds), (Source::Measured(1), 40.0));
+        assert_eq!(estimate(&planned("untrained-dials", 1000, 4), 1, &records).source, Source::Constants);
+    }
+}

@@ -1,0 +1,498 @@
+//! The file of an experiment, and the runs that it plans.
+
+use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, anyhow, bail, ensure};
+use serde::Deserialize;
+
+use crate::records::find::MeasuredWith;
+use crate::records::method::steps_text;
+use crate::records::method::{Method, Retraining};
+use dials_config::{Config, Simulator};
+use dials_core::domain::{RoughCosts, Scenario};
+use dials_core::outside::{FileName, in_plain_words, quoted, read_text};
+
+/// Largest file. That of the largest experiment here has two kibibytes.
+const LARGEST_FILE: u64 = 1 << 20;
+/// Largest number of combinations that a file may list.
+const MOST_RUNS: usize = 10_000;
+/// Number of episodes that a controller may play, as for `baseline --episodes`.
+const EPISODES: RangeInclusive<u32> = 1..=100_000;
+
+/// Contents of an experiment's file.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ExperimentFile {
+    /// Seeds of all runs, unless a grid has its own. Every combination runs once per seed.
+    #[serde(default)]
+    pub seeds: Vec<u64>,
+    /// Settings of all runs, in the form of `train --set`.
+    #[serde(default)]
+    pub set: Vec<String>,
+    /// Hand-coded controllers to measure on every scenario, for the report's dashed lines.
+    #[serde(default)]
+    pub controllers: Vec<String>,
+    /// Number of episodes that each of them plays. Default: that of the last evaluation of a run, so that controllers
+    /// and runs are compared episode by episode.
+    #[serde(default)]
+    pub controller_episodes: Option<u32>,
+    /// Number of agents from which on a run takes all cores. Runs with fewer agents run side by side, one core each.
+    #[serde(default = "default_all_cores_from_agents")]
+    pub all_cores_from_agents: usize,
+    pub grid: Vec<RunGrid>,
+}
+
+/// All combinations of the listed configs, simulators, values of F and seeds.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RunGrid {
+    /// Config files, relative to the file of the experiment.
+    pub configs: Vec<PathBuf>,
+    /// Simulators. Default: the one in each config.
+    #[serde(default)]
+    pub simulators: Vec<Simulator>,
+    /// Values of F, the steps between two trainings of the AIPs (approximate influence predictors). Only for simulators
+    /// with trained AIPs. Default: the one in each config.
+    #[serde(default)]
+    pub retrain_every_steps: Vec<u64>,
+    /// Seeds of these runs. Default: those of the experiment.
+    #[serde(default)]
+    pub seeds: Option<Vec<u64>>,
+    /// Settings of these runs, in addition to those of the experiment.
+    #[serde(default)]
+    pub set: Vec<String>,
+    /// Word to add to the names of these runs.
+    #[serde(default)]
+    pub name: Option<FileName>,
+}
+
+fn default_all_cores_from_agents() -> usize {
+    25
+}
+
+/// A run that an experiment plans.
+#[derive(Clone, Debug)]
+pub struct PlannedRun {
+    /// Name of its directory.
+    pub name: FileName,
+    pub config_path: PathBuf,
+    /// Settings that override the config file.
+    pub settings: Vec<String>,
+    pub config: Config,
+    pub scenario: Scenario,
+    pub rough_costs: RoughCosts,
+}
+
+impl PlannedRun {
+    pub fn agents(&self) -> usize {
+        self.scenario.id.agents
+    }
+}
+
+/// A hand-coded controller that an experiment plans to measure.
+#[derive(Clone, Debug)]
+pub struct PlannedBaseline {
+    /// Name of its file, without extension.
+    pub name: FileName,
+    /// Config of the first run on its scenario, with its settings.
+    pub config: Config,
+    /// Id of the scenario: [`dials_core::domain::ScenarioId::word`].
+    pub scenario: String,
+    pub controller: String,
+    pub episodes: usize,
+    pub agents: usize,
+    pub rough_costs: RoughCosts,
+    pub measured_with: MeasuredWith,
+}
+
+/// All planned runs and baselines of an experiment.
+#[derive(Debug)]
+pub struct Experiment {
+    pub baselines: Vec<PlannedBaseline>,
+    pub runs: Vec<PlannedRun>,
+    pub all_cores_from_agents: usize,
+}
+
+/// Facts that only the domain of a config knows.
+pub struct Knowledge<'a> {
+    pub simulated: &'a dyn Fn(&Config) -> Result<(Scenario, RoughCosts)>,
+    /// Returns what a controller would be measured with now. Errors: there is no such controller, or its file cannot be
+    /// read.
+    pub controller: &'a dyn Fn(&Config, &str) -> Result<MeasuredWith>,
+}
+
+impl Experiment {
+    /// Reads a file and checks all of it. A run that is listed twice is planned once. So is a controller on a scenario.
+    pub fn read(path: &Path, knowledge: &Knowledge) -> Result<Experiment> {
+        let failed = || format!("{}: cannot be read", path.display());
+        let text = read_text(path, LARGEST_FILE).with_context(failed)?;
+        let shown = path.display();
+        let is_config = toml::from_str::<Config>(&text).is_ok_and(|config| config.domain.is_some());
+        ensure!(!is_config, "{shown}: is a config, not an experiment file; use: dials-traffic train {}", quoted(path));
+        let file: ExperimentFile = toml::from_str(&text)
+            .map_err(|error: toml::de::Error| anyhow!("{shown}: {}", in_plain_words(&error.to_string())))?;
+        if let Some(episodes) = file.controller_episodes.filter(|episodes| !EPISODES.contains(episodes)) {
+            let (least, most) = (EPISODES.start(), EPISODES.end());
+            bail!("{shown}: controller_episodes = {episodes}: must be from {least} to {most}");
+        }
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let mut experiment =
+            Experiment { baselines: Vec::new(), runs: Vec::new(), all_cores_from_agents: file.all_cores_from_agents };
+        ensure!(!file.grid.is_empty(), "{}: has no [[grid]], and so no runs", path.display());
+        let listed = file.grid.iter().map(|grid| grid.combinations(&file)).fold(0, usize::saturating_add);
+        ensure!(
+            listed <= MOST_RUNS,
+            "{}: lists {listed} runs, but at most {MOST_RUNS} are allowed; split it into several experiments",
+            path.display()
+        );
+        let mut names: BTreeMap<String, PathBuf> = BTreeMap::new();
+        for grid in &file.grid {
+            ensure!(!grid.configs.is_empty(), "{}: a [[grid]] without configs has no runs", path.display());
+            let seeds = grid.seeds.as_ref().unwrap_or(&file.seeds);
+            ensure!(
+                !seeds.is_empty(),
+                "{}: a [[grid]] without seeds has no runs; add `seeds = [1]` to it, or before the first [[grid]] for all",
+                path.display()
+            );
+            ensure!(
+                grid.retrain_every_steps.is_empty()
+                    || grid.simulators.is_empty()
+                    || grid.simulators.iter().any(|kind| kind.trains_predictors()),
+                "{}: retrain_every_steps: no simulator of its [[grid]] trains AIPs; leave it out",
+                path.display()
+            );
+            for config in &grid.configs {
+                let config_path = folder.join(config);
+                let name = name_of(&config_path, &mut names).with_context(|| path.display().to_string())?;
+                for run in combinations(&file, grid, &config_path, &name) {
+                    experiment.add_run(run, knowledge).with_context(|| format!("{}: planned run", path.display()))?;
+                }
+            }
+        }
+        experiment.add_baselines(&file, knowledge).with_context(|| format!("{}: controllers", path.display()))?;
+        Ok(experiment)
+    }
+
+    fn add_baselines(&mut self, file: &ExperimentFile, knowledge: &Knowledge) -> Result<()> {
+        for run in &self.runs {
+            let scenario = run.scenario.id.word();
+            for controller in &file.controllers {
+                let same = |other: &PlannedBaseline| other.scenario == scenario && other.controller == *controller;
+                if self.baselines.iter().any(same) {
+                    continue;
+                }
+                let measured_with = (knowledge.controller)(&run.config, controller)?;
+                // The name of a controller can contain the path of a file of timings.
+                let (stem, word) = (stem(&run.config_path), controller.replace('/', "_"));
+                let mut name = format!("{stem}-{word}");
+                if self.baselines.iter().any(|other| *other.name == *name) {
+                    name = format!("{stem}-{scenario}-{word}");
+                }
+                self.baselines.push(PlannedBaseline {
+                    name: FileName::new(name)?,
+                    config: run.config.clone(),
+                    scenario: scenario.clone(),
+                    controller: controller.clone(),
+                    episodes: file
+                        .controller_episodes
+                        .map_or(run.config.evaluation.final_episodes, |count| count as usize),
+                    agents: run.agents(),
+                    rough_costs: run.rough_costs,
+                    measured_with,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    fn add_run(&mut self, combination: Combination, knowledge: &Knowledge) -> Result<()> {
+        let Combination { config_path, config_name, settings, every, words, seed } = combination;
+        let config = dials_config::load(&config_path, &settings)?;
+        let (scenario, rough_costs) = (knowledge.simulated)(&config)?;
+        let retraining = Method::of(&config, &scenario).retraining;
+        ensure!(
+            every.is_none() || matches!(retraining, Retraining::Every(_)),
+            "retrain_every_steps: has no effect with simulator = {} and aip.retrain = {}: leave it out, or give these runs a \
+             [[grid]] of their own",
+            config.simulator.name(),
+            toml::Value::try_from(config.aip.retrain)?.as_str().unwrap_or_default()
+        );
+        let name = FileName::new(format!("{config_name}-{}{words}-seed{seed}", config.simulator.name()))?;
+        // Two combinations give the same run if F is the config's own, or if grids overlap.
+        if self.runs.iter().any(|run| run.config_path == config_path && run.config == config) {
+            return Ok(());
+        }
+        ensure!(
+            self.runs.iter().all(|run| run.name != name),
+            "two runs would be called {name}: give a [[grid]] a `name` of its own"
+        );
+        self.runs.push(PlannedRun { name, config_path, settings, config, scenario, rough_costs });
+        Ok(())
+    }
+}
+
+impl RunGrid {
+    /// Returns the number of its combinations, counted as if every simulator had every F.
+    fn combinations(&self, file: &ExperimentFile) -> usize {
+        let seeds = self.seeds.as_ref().unwrap_or(&file.seeds).len();
+        let factors = [self.configs.len(), self.simulators.len().max(1), self.retrain_every_steps.len().max(1), seeds];
+        factors.into_iter().fold(1, usize::saturating_mul)
+    }
+
+    /// Writes an F of this grid: rounded, unless another one rounds to the same.
+    fn text_of(&self, every: u64) -> String {
+        let short = steps_text(every);
+        let is_same = |other: &u64| *other != every && steps_text(*other) == short;
+        if self.retrain_every_steps.iter().any(is_same) { every.to_string() } else { short }
+    }
+}
+
+struct Combination {
+    config_path: PathBuf,
+    /// What its config is called.
+    config_name: String,
+    settings: Vec<String>,
+    /// F, if the grid lists it.
+    every: Option<u64>,
+    /// Words between simulator and seed in the name.
+    words: String,
+    seed: u64,
+}
+
+fn combinations(file: &ExperimentFile, grid: &RunGrid, config_path: &Path, name: &str) -> Vec<Combination> {
+    /// Returns one `None` for an empty list: the config decides.
+    fn one_of<T: Copy>(listed: &[T]) -> Vec<Option<T>> {
+        if listed.is_empty() { vec![None] } else { listed.iter().copied().map(Some).collect() }
+    }
+    let mut combinations = Vec::new();
+    for kind in one_of(&grid.simulators) {
+        let trained = kind.is_none_or(Simulator::trains_predictors);
+        for every in one_of(if trained { &grid.retrain_every_steps[..] } else { &[] }) {
+            for &seed in grid.seeds.as_ref().unwrap_or(&file.seeds) {
+                let mut settings: Vec<String> = file.set.iter().chain(&grid.set).cloned().collect();
+                settings.extend(kind.map(|kind| format!("simulator={}", kind.name())));
+                settings.extend(every.map(|every| format!("aip.retrain_every_steps={every}")));
+                settings.push(format!("seed={seed}"));
+                let mut words = every.map_or(String::new(), |every| format!("-F{}", grid.text_of(every)));
+                words.extend(grid.name.iter().map(|name| format!("-{name}")));
+                let (config_path, config_name) = (config_path.to_owned(), name.to_owned());
+                combinations.push(Combination { config_path, config_name, settings, every, words, seed });
+            }
+        }
+    }
+    combinations
+}
+
+/// Returns what a config is called in the names of runs: its file, or `FOLDER-FILE` if the experiment has another config of
+/// that file name before it. `names`: those given so far.
+fn name_of(config: &Path, names: &mut BTreeMap<String, PathBuf>) -> Result<String> {
+    let stem = stem(config);
+    let folder = config.parent().and_then(Path::file_name).unwrap_or_default().to_string_lossy();
+    for name in [stem.clone(), format!("{folder}-{stem}")] {
+        if *names.entry(name.clone()).or_insert_with(|| config.to_owned()) == config {
+            return Ok(name);
+        }
+    }
+    let other = names[&stem].display();
+    bail!("{other} and {} have the same file and folder name, but runs are named after them", config.display())
+}
+
+fn stem(path: &Path) -> String {
+    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CONFIG: &str = "[warehouse]\nagents_per_side = 2\n";
+
+    /// A domain that knows only the controllers `random` and `fixed-time...`.
+    const KNOWLEDGE: Knowledge = Knowledge {
+        simulated: &|config| Ok((Scenario::new("warehouse", 4, config.horizon()), RoughCosts::default())),
+        controller: &|_, name| {
+            ensure!(name == "random" || name.starts_with("fixed-time"), "controller `{name}`: unknown");
+            Ok(MeasuredWith::default())
+        },
+    };
+
+    fn read(text: &str) -> Result<Experiment> {
+        let dir = tempfile::tempdir().unwrap();
+        std::fs::create_dir_all(dir.path().join("other/paper")).unwrap();
+        std::fs::create_dir(dir.path().join("paper")).unwrap();
+        for name in ["small", "large", "paper/small", "other/paper/small"] {
+            let config = CONFIG.replace('2', if name.starts_with("paper") { "3" } else { "2" });
+            std::fs::write(dir.path().join(format!("{name}.toml")), config).unwrap();
+        }
+        std::fs::write(dir.path().join("e.toml"), text).unwrap();
+        Experiment::read(&dir.path().join("e.toml"), &KNOWLEDGE)
+    }
+
+    fn names(text: &str) -> Vec<String> {
+        read(text).unwrap().runs.into_iter().map(|run| run.name.to_string()).collect()
+    }
+
+    #[test]
+    fn a_grid_is_all_combinations_of_what_it_lists() {
+        let names = names(
+            "seeds = [1, 2]\n[[grid]]\nconfigs = ['small.toml']\nsimulators = ['gs', 'dials']\n\
+             retrain_every_steps = [100000, 1000000]",
+        );
+        assert_eq!(
+            names,
+            [
+                "small-gs-seed1",
+                "small-gs-seed2",
+                "small-dials-F100K-seed1",
+                "small-dials-F100K-seed2",
+                "small-dials-F1M-seed1",
+                "small-dials-F1M-seed2",
+            ]
+        );
+    }
+
+    #[test]
+    fn a_config_is_told_from_an_experiment() {
+        let error = read(CONFIG).unwrap_err().to_string();
+        assert!(error.contains("e.toml: is a config, not an experiment file; use: dials-traffic train"), "{error}");
+    }
+
+    #[test]
+    fn a_run_that_two_grids_share_is_made_once() {
+        // 1000000 is the default of the config.
+        let text = "seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\n\
+                    [[grid]]\nconfigs = ['small.toml']\nretrain_every_steps = [1000000, 500000]";
+        assert_eq!(names(text), ["small-dials-seed1", "small-dials-F500K-seed1"]);
+    }
+
+    #[test]
+    fn settings_are_laid_over_configs_and_need_names_of_their_own() {
+        let grid = "[[grid]]\nconfigs = ['small.toml']\n";
+        let changed = format!("{grid}set = ['ppo.clip=0.2']\n");
+        let experiment =
+            read(&format!("seeds = [7]\nset = ['total_steps=1000']\n{grid}{changed}name = 'clip'")).unwrap();
+        let [base, clip] = [0, 1].map(|run| &experiment.runs[run]);
+        assert_eq!((base.config.total_steps, base.config.ppo.clip, base.config.seed), (1000, 0.1, 7));
+        assert_eq!((&*clip.name, clip.config.ppo.clip), ("small-dials-clip-seed7", 0.2));
+        let error = format!("{:#}", read(&format!("seeds = [7]\n{grid}{changed}")).unwrap_err());
+        assert!(error.contains("two runs would be called small-dials-seed7: give a [[grid]] a `name`"), "{error}");
+    }
+
+    #[test]
+    fn configs_of_one_file_name_are_told_apart_by_their_folders() {
+        let text = "seeds = [1]\n[[grid]]\nconfigs = ['small.toml', 'paper/small.toml']\n\
+                    [[grid]]\nconfigs = ['paper/small.toml']\nsimulators = ['gs']";
+        assert_eq!(names(text), ["small-dials-seed1", "paper-small-dials-seed1", "paper-small-gs-seed1"]);
+        let error = format!("{:#}", read(&text.replace("['paper", "['other/paper/small.toml', 'paper")).unwrap_err());
+        assert!(error.contains("have the same file and folder name"), "{error}");
+    }
+
+    #[test]
+    fn bad_input_names_the_file_and_what_is_wrong() {
+        for (text, told) in [
+            ("seeds = [1]\ngrid = []", "has no [[grid]]"),
+            ("[[grid]]\nconfigs = ['small.toml']", "a [[grid]] without seeds has no runs; add `seeds = [1]`"),
+            ("seeds = [1]\n[[grid]]\nconfigs = []", "without configs"),
+            ("seeds = [1]\n[[grid]]\nconfigs = ['no.toml']", "no.toml: cannot be read"),
+            ("seeds = [1]\nseed = 2\n[[grid]]\nconfigs = ['small.toml']", "unknown field `seed`"),
+            ("seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nset = ['ppo.klip=1']", "unknown field `klip`"),
+            (
+                "seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nsimulators = ['ials']",
+                "`ials` is no allowed value; allowed: ",
+            ),
+            (
+                "seeds = [1]\ncontroller_episodes = 0\n[[grid]]\nconfigs = ['small.toml']",
+                "e.toml: controller_episodes = 0: must be from 1 to 100000",
+            ),
+            (
+                "seeds = [1]\ncontroller_episodes = 100001\n[[grid]]\nconfigs = ['small.toml']",
+                "e.toml: controller_episodes = 100001: must be from 1 to 100000",
+            ),
+            ("seeds = []\n[[grid]]\nconfigs = ['small.toml']", "without seeds"),
+            ("seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nseeds = []", "without seeds"),
+            (
+                "seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nname = '/../../../X'",
+                "`/../../../X` cannot be the name of a file or a directory: it contains `/`",
+            ),
+            ("seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nname = \"\\u001b[31m\"", "it contains a character that"),
+            ("seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nname = '..'", "it begins with `.`"),
+            (
+                "seeds = [1]\ncontrollers = ['nobody']\n[[grid]]\nconfigs = ['small.toml']",
+                "controller `nobody`: unknown",
+            ),
+            (
+                "seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nset = ['aip.retrain=once']\n\
+                 retrain_every_steps = [100000, 500000]",
+                "retrain_every_steps: has no effect with simulator = dials and aip.retrain = once",
+            ),
+            (
+                "seeds = [1]\n[[grid]]\nconfigs = ['small.toml']\nset = ['simulator=gs']\nretrain_every_steps = [100000]",
+                "retrain_every_steps: has no effect with simulator = gs",
+            ),
+        ] {
+            let error = format!("{:#}", read(text).unwrap_err());
+            assert!(error.contains("e.toml") && error.contains(told), "{error}");
+        }
+    }
+
+    #[test]
+    fn grids_that_differ_in_anything_are_different_runs() {
+        // Neither key makes a method of its own.
+        for setting in ["evaluation.aip_loss_episodes=7", "logging.tensorboard=true"] {
+            let grid = "[[grid]]\nconfigs = ['small.toml']\n";
+            let text = |name: &str| format!("seeds = [1]\n{grid}{grid}set = ['{setting}']\n{name}");
+            assert_eq!(names(&text("name = 'b'")), ["small-dials-seed1", "small-dials-b-seed1"]);
+            let error = format!("{:#}", read(&text("")).unwrap_err());
+            assert!(error.contains("two runs would be called small-dials-seed1"), "{error}");
+        }
+    }
+
+    #[test]
+    fn controllers_are_measured_once_per_scenario_with_the_settings_of_its_runs() {
+        let grid = "[[grid]]\nconfigs = ['small.toml']\n";
+        let shorter = format!("{grid}set = ['warehouse.horizon=50']\nname = 'shorter'\n");
+        let experiment = read(&format!(
+            "seeds = [1, 2]\ncontrollers = ['random', 'fixed-time:file=a/b.toml']\n{grid}{grid}{shorter}"
+        ))
+        .unwrap();
+        let found: Vec<(&str, usize)> =
+            experiment.baselines.iter().map(|baseline| (&*baseline.name, baseline.config.horizon())).collect();
+        assert_eq!(
+            found,
+            [
+                ("small-random", 100),
+                ("small-fixed-time:file=a_b.toml", 100),
+                ("small-warehouse-4-50-random", 50),
+                ("small-warehouse-4-50-fixed-time:file=a_b.toml", 50),
+            ]
+        );
+        assert_eq!(experiment.runs.len(), 4);
+    }
+
+    #[test]
+    fn no_name_of_an_experiment_leaves_its_folder_or_is_too_long_for_it() {
+        let grid = "[[grid]]\nconfigs = ['small.toml']\n";
+        let error = |text: &str| format!("{:#}", read(text).unwrap_err());
+        let long = "x".repeat(190);
+        assert!(error(&format!("seeds = [1]\n{grid}name = '{long}'")).contains("bytes, and at most 200 are allowed"));
+        let long = format!("fixed-time:file={long}");
+        let long = error(&format!("seeds = [1]\ncontrollers = ['{long}']\n{grid}"));
+        assert!(
+            long.contains("e.toml: controllers: `small-fixed-time:file=xxx") && long.contains("at most 200"),
+            "{long}"
+        );
+        let bell = error(&format!("seeds = [1]\ncontrollers = [\"fixed-time:file=\\u0007\"]\n{grid}"));
+        assert!(bell.contains("fixed-time:file=\\u{7}` cannot be the name of a file"), "{bell}");
+    }
+
+    #[test]
+    fn a_file_that_lists_more_runs_than_anybody_makes_is_refused_before_any_is_planned() {
+        let many: Vec<String> = (0..2000).map(|number| number.to_string()).collect();
+        let many = many.join(",");
+        let text = format!("seeds = [{many}]\n[[grid]]\nconfigs = ['small.toml']\nretrain_every_steps = [{many}]");
+        let error = read(&text).unwrap_err().to_string();
+        assert!(error.contains("e.toml: lists 4000000 runs, but at most 10000 are allowed"), "{error}");
+    }
+}

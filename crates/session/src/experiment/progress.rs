@@ -1,0 +1,372 @@
+//! Progress of an experiment, read from its run directories and measured baselines.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Error, Result, bail, ensure};
+
+use super::file::{PlannedBaseline, PlannedRun};
+use crate::records::checkpoint::owner::NotOfThisRun;
+use crate::records::files::{CONFIG, is_run_dir};
+use crate::records::find::{BaselineRecord, MeasuredWith, baseline_file, read_baseline};
+use crate::records::method::Method;
+use crate::records::method::differing;
+use crate::records::reader::scenario_of;
+use crate::records::run_record::{RunRecord, Status};
+use dials_core::outside::{Directory, Printable, quoted};
+
+/// Progress of a planned run or baseline.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// There is no directory.
+    New,
+    /// There is a directory, to be resumed. `steps`: timesteps of the last evaluation.
+    Begun {
+        steps: u64,
+    },
+    /// A process trains the run. `steps`: as above.
+    Running {
+        steps: u64,
+    },
+    /// A baseline was measured, but not as planned now.
+    Outdated,
+    /// The files of a run are damaged. `why`: how, and what to try.
+    Unreadable {
+        why: String,
+    },
+    Finished,
+}
+
+impl Stage {
+    pub fn name(&self) -> &'static str {
+        match self {
+            Stage::New => "new",
+            Stage::Begun { .. } => "to be resumed",
+            Stage::Running { .. } => "running",
+            Stage::Outdated => "outdated",
+            Stage::Unreadable { .. } => "unreadable",
+            Stage::Finished => "finished",
+        }
+    }
+
+    /// Returns the share of its timesteps that are done, from 0 to 1.
+    pub fn share(&self, run: &PlannedRun) -> f64 {
+        match self {
+            Stage::New | Stage::Outdated | Stage::Unreadable { .. } => 0.0,
+            Stage::Begun { steps } | Stage::Running { steps } => *steps as f64 / run.config.last_step() as f64,
+            Stage::Finished => 1.0,
+        }
+    }
+}
+
+/// Returns the directory of a planned run.
+pub fn directory(folder: &Path, run: &PlannedRun) -> PathBuf {
+    folder.join(&run.name)
+}
+
+/// Reads the progress of a planned run. A different run in its directory is an error.
+///
+/// A run with files that no killed run leaves behind is unreadable: only a person can say what became of them.
+pub fn stage(folder: &Path, run: &PlannedRun) -> Result<Stage> {
+    let dir = directory(folder, run);
+    if !is_run_dir(&dir) {
+        ensure!(!dir.exists(), "{}: exists, but is not a run directory", dir.display());
+        return Ok(Stage::New);
+    }
+    let read = match difference(&dir, run) {
+        Ok(Some(difference)) => bail!(
+            "{}: holds a different run than planned ({difference}); move it away, or choose another folder with --out",
+            dir.display()
+        ),
+        Ok(None) => RunRecord::read(&dir),
+        Err(error) => Err(error),
+    };
+    let unfinished = |steps| match Directory::is_locked(&dir) {
+        true => Stage::Running { steps },
+        false => Stage::Begun { steps },
+    };
+    Ok(match read {
+        Ok(record) => match record.status() {
+            Status::Finished if record.is_whole() => Stage::Finished,
+            Status::Finished => unfinished(run.config.last_step()),
+            Status::Unfinished { steps } => unfinished(steps),
+            Status::Empty => unfinished(0),
+        },
+        Err(error) => Stage::Unreadable { why: unreadable(&dir, &error) },
+    })
+}
+
+/// Returns what is wrong with a run that cannot be read, and what to try.
+fn unreadable(dir: &Path, error: &Error) -> String {
+    if error.is::<NotOfThisRun>() {
+        return format!("{error:#}; or move the directory away, and the run is trained again");
+    }
+    format!(
+        "this run cannot be read: {error:#}; try: dials-traffic train --resume {}; if that does not help, move the \
+         directory away, and the run is trained again",
+        quoted(dir)
+    )
+}
+
+/// Reads whether a controller was measured as planned. A change of its file or of SUMO counts, too. Another controller or
+/// another scenario in its file is an error: it may be of another experiment.
+pub fn stage_of_baseline(folder: &Path, planned: &PlannedBaseline) -> Result<Stage> {
+    let path = baseline_file(folder, &planned.name);
+    if !path.exists() {
+        return Ok(Stage::New);
+    }
+    let Ok(there) = read_baseline(&path) else { return Ok(Stage::Outdated) };
+    for (what, then, now) in
+        [("scenario", &there.scenario, &planned.scenario), ("controller", &there.controller, &planned.controller)]
+    {
+        ensure!(
+            then == now,
+            "{}: holds another measurement than planned ({what}: {} there, {} planned); move it away, or choose another \
+             folder with --out",
+            path.display(),
+            Printable(then),
+            Printable(now)
+        );
+    }
+    let as_planned = |there: &BaselineRecord| {
+        there.episodes == planned.episodes
+            && there.seed == Some(planned.config.evaluation.seed)
+            // Older versions did not write the returns of single episodes.
+            && there.episode_returns.len() == planned.episodes
+            && is_measured_with(&there.measured_with, &planned.measured_with)
+    };
+    Ok(if as_planned(&there) { Stage::Finished } else { Stage::Outdated })
+}
+
+/// Returns whether a controller would be measured with the same again. Older versions did not write the file of one, so
+/// such a controller is measured again. A version of SUMO that one side does not know is no difference.
+fn is_measured_with(then: &MeasuredWith, now: &MeasuredWith) -> bool {
+    let [sumo_then, sumo_now] = [then, now].map(|with| with.sumo_version.as_ref());
+    then.controller_file_crc32 == now.controller_file_crc32
+        && sumo_then.zip(sumo_now).is_none_or(|(then, now)| then == now)
+}
+
+/// Describes the first difference between the run in `dir` and the plan; `None` if there is none.
+fn difference(dir: &Path, planned: &PlannedRun) -> Result<Option<String>> {
+    let there = dials_config::load_kept(&dir.join(CONFIG))?;
+    let scenario = scenario_of(dir, &there, planned.agents())?;
+    let planned_keys = Method::of(&planned.config, &planned.scenario).keys;
+    let (keys, planned_scenario, planned) = (Method::of(&there, &scenario).keys, &planned.scenario, &planned.config);
+    let value = |value: Option<String>| value.unwrap_or("nothing".to_owned());
+    let loss_episodes = |config: &dials_config::Config| config.evaluation.aip_loss_episodes;
+    Ok(match differing(&keys, &planned_keys).into_iter().next() {
+        Some((key, [a, b])) => Some(format!("{key}: {} there, {} planned", value(a), value(b))),
+        None if there.last_step() != planned.last_step() => {
+            Some(format!("steps: {} there, {} planned", there.last_step(), planned.last_step()))
+        }
+        // This is no key of the method, because it moves no policy. But what it measures would be missing.
+        None if planned.measures_aips() && loss_episodes(&there) != loss_episodes(planned) => Some(format!(
+            "evaluation.aip_loss_episodes: {} there, {} planned",
+            loss_episodes(&there),
+            loss_episodes(planned)
+        )),
+        None if there.seed != planned.seed => Some(format!("seed: {} there, {} planned", there.seed, planned.seed)),
+        None if scenario.id != planned_scenario.id => {
+            Some(format!("scenario: {} there, {} planned", scenario.id.word(), planned_scenario.id.word()))
+        }
+        None => None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::records::files::{EPISODES, NETWORKS, RETURNS, RUN, TIMING};
+    use dials_config::{Config, Simulator, to_toml};
+    use dials_core::domain::{RoughCosts, Scenario};
+    use dials_core::outside::FileName;
+
+    const FIRST: &str = "0,all,1,1,0,1\n0,0,1,1,0,1\n0,1,1,1,0,1\n0,2,1,1,0,1\n0,3,1,1,0,1\n";
+    const RETURNS_HEADER: &str = "steps,agent,mean,median,std_error,episodes\n";
+    const TIMES: &str = "steps,worker,elapsed_s\n1000,all,3\n1000,all,4\n";
+    const TWO_EPISODES: &str = "steps,episode,return\n0,0,1\n1000,0,1\n";
+
+    /// Returns a planned run of 1000 timesteps with four agents, in the folder of a run whose files it is compared with.
+    fn planned(folder: &Path) -> PlannedRun {
+        let text = "total_steps = 1000\n[warehouse]\nagents_per_side = 2\n[evaluation]\nfinal_episodes = 1\n";
+        let config: Config = toml::from_str(text).unwrap();
+        let scenario = Scenario::new("warehouse", 4, 10);
+        let run = PlannedRun {
+            name: FileName::new("a run").unwrap(),
+            config_path: PathBuf::new(),
+            settings: Vec::new(),
+            config,
+            scenario,
+            rough_costs: RoughCosts::default(),
+        };
+        std::fs::create_dir(directory(folder, &run)).unwrap();
+        write(folder, &run, CONFIG, &to_toml(&run.config).unwrap());
+        let scenario = serde_json::to_string(&run.scenario).unwrap();
+        write(folder, &run, RUN, &format!("{{ \"scenario\": {scenario} }}"));
+        run
+    }
+
+    /// Returns a controller that is planned on the scenario of a run, for one episode.
+    fn planned_baseline(run: &PlannedRun) -> PlannedBaseline {
+        PlannedBaseline {
+            name: FileName::new("small-random").unwrap(),
+            config: run.config.clone(),
+            scenario: run.scenario.id.word(),
+            controller: "random".to_owned(),
+            episodes: 1,
+            agents: 4,
+            rough_costs: RoughCosts::default(),
+            measured_with: MeasuredWith::default(),
+        }
+    }
+
+    fn write(folder: &Path, run: &PlannedRun, file: &str, text: &str) {
+        std::fs::write(directory(folder, run).join(file), text).unwrap();
+    }
+
+    #[test]
+    fn a_run_that_was_stopped_while_it_wrote_its_first_evaluation_is_resumed() {
+        let folder = tempfile::tempdir().unwrap();
+        let run = planned(folder.path());
+        let block = format!("{RETURNS_HEADER}{FIRST}");
+        for cut in 0..=block.len() {
+            write(folder.path(), &run, RETURNS, &block[..cut]);
+            assert_eq!(stage(folder.path(), &run).unwrap(), Stage::Begun { steps: 0 }, "{}", &block[..cut]);
+        }
+    }
+
+    #[test]
+    fn a_run_that_somebody_trains_is_running() {
+        let folder = tempfile::tempdir().unwrap();
+        let run = planned(folder.path());
+        let _lock = Directory::lock(&directory(folder.path(), &run)).unwrap();
+        let stage = stage(folder.path(), &run).unwrap();
+        assert_eq!((stage.name(), stage), ("running", Stage::Running { steps: 0 }));
+    }
+
+    #[test]
+    fn a_run_is_finished_when_its_last_lines_are_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let run = planned(folder.path());
+        let last = FIRST.replace("0,", "1000,").replace("1,1,1000,", "1,1,0,");
+        write(folder.path(), &run, RETURNS, &format!("{RETURNS_HEADER}{FIRST}{last}"));
+        let stage_with = |episodes: &str, times: &str| {
+            write(folder.path(), &run, EPISODES, episodes);
+            write(folder.path(), &run, TIMING, times);
+            stage(folder.path(), &run).unwrap()
+        };
+        assert_eq!(stage_with(TWO_EPISODES, TIMES), Stage::Finished);
+        let older = stage_with("", TIMES);
+        assert_eq!(older, Stage::Finished, "an older version did not write the episodes");
+        let begun = Stage::Begun { steps: 1000 };
+        assert_eq!(stage_with(TWO_EPISODES.trim_end_matches("1000,0,1\n"), TIMES), begun);
+        assert_eq!(stage_with(TWO_EPISODES, TIMES.trim_end_matches("1000,all,4\n")), begun);
+    }
+
+    #[test]
+    fn a_run_that_did_not_measure_what_is_planned_now_is_another_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut run = planned(folder.path());
+        run.config.evaluation.aip_loss_episodes = 4;
+        let error = format!("{:#}", stage(folder.path(), &run).unwrap_err());
+        assert!(error.contains("evaluation.aip_loss_episodes: 0 there, 4 planned"), "{error}");
+        // On the GS there are no AIPs, so nothing is missing.
+        run.config.simulator = Simulator::Global;
+        write(folder.path(), &run, CONFIG, &to_toml(&run.config).unwrap());
+        run.config.evaluation.aip_loss_episodes = 8;
+        assert_eq!(stage(folder.path(), &run).unwrap(), Stage::Begun { steps: 0 });
+    }
+
+    #[test]
+    fn a_baseline_is_outdated_when_its_controllers_file_or_sumo_is_another_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let run = planned(folder.path());
+        let with = |file: Option<&str>, sumo: Option<&str>| {
+            let [controller_file_crc32, sumo_version] = [file, sumo].map(|text| text.map(str::to_owned));
+            MeasuredWith { controller_file_crc32, sumo_version }
+        };
+        let mut baseline = planned_baseline(&run);
+        let path = baseline_file(folder.path(), &baseline.name);
+        std::fs::create_dir(path.parent().unwrap()).unwrap();
+        let mut stage_of = |then: MeasuredWith, now: MeasuredWith| {
+            let mut record = serde_json::json!({
+                "scenario": baseline.scenario, "controller": baseline.controller, "mean_return": 1.0, "std_error": 0.0,
+                "episodes": 1, "seed": baseline.config.evaluation.seed, "episode_returns": [1.0],
+            });
+            // A file of an older version lacks the keys.
+            if let Some(checksum) = then.controller_file_crc32 {
+                record["controller_file_crc32"] = checksum.into();
+            }
+            if let Some(version) = then.sumo_version {
+                record["sumo_version"] = version.into();
+            }
+            std::fs::write(&path, record.to_string()).unwrap();
+            baseline.measured_with = now;
+            stage_of_baseline(folder.path(), &baseline).unwrap()
+        };
+        let (a, b, old, new) = (Some("a"), Some("b"), Some("SUMO 1.15.0"), Some("SUMO 1.16.0"));
+        for (then, now) in [
+            (with(None, None), with(None, None)),
+            (with(a, new), with(a, new)),
+            (with(None, None), with(None, new)),
+            (with(None, old), with(None, None)),
+        ] {
+            assert_eq!(stage_of(then.clone(), now.clone()), Stage::Finished, "{then:?}, {now:?}");
+        }
+        for (then, now) in [
+            (with(a, new), with(b, new)),
+            (with(None, new), with(a, new)),
+            (with(a, new), with(None, new)),
+            (with(None, old), with(None, new)),
+        ] {
+            assert_eq!(stage_of(then.clone(), now.clone()), Stage::Outdated, "{then:?}, {now:?}");
+        }
+    }
+
+    #[test]
+    fn a_measurement_of_another_experiment_is_not_overwritten() {
+        let folder = tempfile::tempdir().unwrap();
+        let run = planned(folder.path());
+        let mut baseline = planned_baseline(&run);
+        let path = baseline_file(folder.path(), &baseline.name);
+        std::fs::create_dir(path.parent().unwrap()).unwrap();
+        let record = serde_json::json!({
+            "scenario": baseline.scenario, "controller": "random", "mean_return": 1.0, "std_error": 0.0, "episodes": 1,
+            "seed": run.config.evaluation.seed, "episode_returns": [1.0],
+        });
+        std::fs::write(&path, record.to_string()).unwrap();
+        assert_eq!(stage_of_baseline(folder.path(), &baseline).unwrap(), Stage::Finished);
+        baseline.scenario = "warehouse_9".to_owned();
+        let error = stage_of_baseline(folder.path(), &baseline).unwrap_err().to_string();
+        let told = format!(
+            "holds another measurement than planned (scenario: {} there, warehouse_9 planned)",
+            run.scenario.id.word()
+        );
+        assert!(error.contains(&told), "{error}");
+    }
+
+    #[test]
+    fn a_run_that_cannot_be_read_has_a_command_to_try() {
+        let folder = tempfile::tempdir().unwrap();
+        let run = planned(folder.path());
+        write(folder.path(), &run, RETURNS, &format!("{RETURNS_HEADER}{FIRST}{FIRST}"));
+        let Stage::Unreadable { why } = stage(folder.path(), &run).unwrap() else { panic!("it was read") };
+        let command = format!("; try: dials-traffic train --resume '{}/a run'; if", folder.path().display());
+        assert!(why.contains("not later than 0 before it") && why.contains(&command), "{why}");
+    }
+
+    #[test]
+    fn a_run_whose_domain_was_changed_after_training_is_not_finished_and_not_resumed() {
+        let folder = tempfile::tempdir().unwrap();
+        let run = planned(folder.path());
+        let networks = directory(folder.path(), &run).join(NETWORKS);
+        std::fs::create_dir(&networks).unwrap();
+        std::fs::write(networks.join("a"), "b").unwrap();
+        let scenario = serde_json::to_string(&run.scenario).unwrap();
+        let about = format!("{{ \"scenario\": {scenario}, \"kept\": {{ \"networks\": {{ \"a\": \"e8b7be43\" }} }} }}");
+        write(folder.path(), &run, RUN, &about);
+        let Stage::Unreadable { why } = stage(folder.path(), &run).unwrap() else { panic!("it was read") };
+        assert!(why.contains("networks/a: \"e8b7be43\" there, \"71beeff9\" here"), "{why}");
+        assert!(why.ends_with("or move the directory away, and the run is trained again"), "{why}");
+        assert!(!why.contains("--resume"), "{why}");
+    }
+}

@@ -1,0 +1,262 @@
+//! Workers that are child processes of this program: how they start, their channel, how they end.
+//!
+//! Two threads work between the coordinator and its child: one writes what is to be sent, one reads what the child
+//! sends. So nothing that a child does or fails to do can block the coordinator.
+
+use std::fs;
+use std::io::Write;
+use std::net::Shutdown;
+use std::os::fd::{AsFd, OwnedFd};
+use std::os::unix::net::UnixStream;
+use std::os::unix::process::{CommandExt, ExitStatusExt};
+use std::path::PathBuf;
+use std::process::{Command, ExitStatus, Stdio};
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result};
+use rustix::process::{Signal, set_parent_process_death_signal};
+
+use super::bell::{Bell, Cord};
+use super::channel::receive;
+use super::link::{Crew, Frame, Link, News};
+use super::log::Log;
+use super::message::WorkerReport;
+use super::serve::serve;
+use crate::machine::why_aborted;
+use dials_config::Config;
+use dials_core::domain::Domain;
+use dials_core::outside::Directory;
+
+/// Number of files that the coordinator has open for each worker: its channel and its log.
+pub const FILES_PER_WORKER: u64 = 2;
+/// The hidden subcommand that makes this program a worker.
+const WORKER: &str = "worker";
+/// Time in which a child whose channel is closed may end by itself.
+const LAST_WORDS: Duration = Duration::from_millis(200);
+/// Time in which a killed child must end. A child that hangs inside the kernel, for example on a dead network disk, is
+/// left alone.
+const DYING: Duration = Duration::from_secs(2);
+
+/// Does what the coordinator that started this process orders, until the channel is closed. The channel is standard
+/// input.
+///
+/// `open_domain` makes the domain of a config, because this room does not know which domains there are.
+pub fn serve_the_parent(open_domain: impl FnOnce(&Config) -> Result<Arc<dyn Domain>>) -> Result<()> {
+    // However the coordinator ends, this process must end with it, because nothing else would end it.
+    set_parent_process_death_signal(Some(Signal::KILL)).context("cannot make this worker end with its coordinator")?;
+    let stdin = std::io::stdin().as_fd().try_clone_to_owned().context("no standard input")?;
+    serve(UnixStream::from(stdin), open_domain)
+}
+
+/// Child processes, each with its own log. A lost one can be replaced by another.
+pub struct Children {
+    /// Folder of the logs, `worker_N.log`.
+    logs: Directory,
+    bell: Bell,
+}
+
+impl Children {
+    pub fn new(logs: &Directory) -> Children {
+        Children { logs: logs.clone(), bell: Bell::new() }
+    }
+}
+
+impl Crew for Children {
+    type Link = ChildProcess;
+
+    fn start(&mut self, worker: usize) -> Result<ChildProcess> {
+        let log = Log::open(&self.logs, log_of(worker))?;
+        let place = Place { worker, log, cord: self.bell.cord(), paths_from: None };
+        ChildProcess::spawn(place, |stream| receive(stream))
+    }
+
+    fn can_replace(&self) -> bool {
+        true
+    }
+
+    fn wait(&mut self, at_most: Duration) {
+        self.bell.wait(at_most);
+    }
+}
+
+/// Returns the name of a worker's log.
+pub(super) fn log_of(worker: usize) -> String {
+    format!("worker_{worker}.log")
+}
+
+/// What a worker process gets from the process that starts it.
+pub(super) struct Place {
+    pub worker: usize,
+    /// Log that takes the output of the worker.
+    pub log: Log,
+    /// Cord that its messages pull.
+    pub cord: Cord,
+    /// Folder from which the paths of its config lead. `None`: that of the process that starts it.
+    pub paths_from: Option<PathBuf>,
+}
+
+/// Function that reads the next message of a worker, if there is one.
+type Hear<T> = fn(&mut &UnixStream) -> Result<Option<T>>;
+
+/// A running worker process. Dropping it kills it. `T`: what it says, decoded or not.
+pub struct ChildProcess<T = WorkerReport> {
+    process: std::process::Child,
+    stream: Arc<UnixStream>,
+    /// Frames that the writer thread has not taken yet.
+    outbox: Sender<Frame>,
+    /// News from the reader thread.
+    inbox: Receiver<News<T>>,
+    log: Log,
+}
+
+impl<T: Send + 'static> ChildProcess<T> {
+    /// Starts this program as a worker.
+    pub(super) fn spawn(place: Place, hear: Hear<T>) -> Result<ChildProcess<T>> {
+        let Place { worker, log, cord, paths_from } = place;
+        let (stream, theirs) = UnixStream::pair().context("no socket for a worker")?;
+        // Not the path of the program, because that may be another build by now. Not from another thread, because the
+        // worker asks the system to kill it when the thread that started it ends.
+        let mut command = Command::new("/proc/self/exe");
+        if let Some(folder) = paths_from {
+            command.current_dir(folder);
+        }
+        let process = command
+            .arg(WORKER)
+            // Otherwise BLAS, which came with libtorch, would keep a thread per core in every worker for nothing.
+            .env("OPENBLAS_NUM_THREADS", "1")
+            .stdin(Stdio::from(OwnedFd::from(theirs)))
+            .stdout(log.file()?)
+            .stderr(log.file()?)
+            // Ctrl-C at the terminal is for the coordinator, which ends its workers when it is ready.
+            .process_group(0)
+            .spawn()
+            .context("cannot start a worker")?;
+        let (outbox, frames) = channel();
+        let (news, inbox) = channel();
+        // From here on, dropping it kills the process.
+        let child = ChildProcess { process, stream: Arc::new(stream), outbox, inbox, log };
+        let (reader, writer) = (child.stream.clone(), child.stream.clone());
+        let name = |thread: &str| format!("worker {worker} {thread}");
+        let read = move || read_all(&reader, hear, &news, &cord);
+        thread::Builder::new()
+            .name(name("reader"))
+            .spawn(read)
+            .context("cannot start the thread that reads from a worker")?;
+        let write = move || write_all(&writer, &frames);
+        thread::Builder::new()
+            .name(name("writer"))
+            .spawn(write)
+            .context("cannot start the thread that writes to a worker")?;
+        Ok(child)
+    }
+}
+
+impl<T> ChildProcess<T> {
+    pub(super) fn send(&self, frame: Frame) {
+        // Its writer ends early only when the child has gone.
+        let _ = self.outbox.send(frame);
+    }
+
+    pub(super) fn next(&self) -> Option<News<T>> {
+        self.inbox.try_recv().ok()
+    }
+
+    /// Kills a child that does not end. Returns how it ended and the last lines of its log.
+    pub(super) fn end(mut self) -> String {
+        let status = self.ended_within(LAST_WORDS).or_else(|| self.kill());
+        let tail = self.log.tail();
+        format!("{}; {tail}", describe(status, &tail))
+    }
+
+    fn kill(&mut self) -> Option<ExitStatus> {
+        drop(self.process.kill());
+        // Ends both threads, even if the process does not end.
+        drop(self.stream.shutdown(Shutdown::Both));
+        self.ended_within(DYING)
+    }
+
+    fn ended_within(&mut self, time: Duration) -> Option<ExitStatus> {
+        let begun = Instant::now();
+        loop {
+            match self.process.try_wait() {
+                Ok(Some(status)) => return Some(status),
+                Ok(None) if begun.elapsed() < time => thread::sleep(Duration::from_millis(2)),
+                Ok(None) | Err(_) => return None,
+            }
+        }
+    }
+}
+
+impl Link for ChildProcess {
+    fn send(&self, frame: Frame) {
+        ChildProcess::send(self, frame);
+    }
+
+    fn next(&mut self) -> Option<News> {
+        ChildProcess::next(self)
+    }
+
+    /// Returns the state of the process as Linux names it, such as `S (sleeping)` or `T (stopped)`.
+    fn state(&self) -> Option<String> {
+        let status = fs::read_to_string(format!("/proc/{}/status", self.process.id())).ok()?;
+        Some(status.lines().find_map(|line| line.strip_prefix("State:"))?.trim().to_owned())
+    }
+
+    fn end(self) -> String {
+        ChildProcess::end(self)
+    }
+
+    fn end_by_force(mut self) -> String {
+        match self.kill() {
+            Some(_) => self.log.tail(),
+            None => format!("process {} does not end; {}", self.process.id(), self.log.tail()),
+        }
+    }
+}
+
+impl<T> Drop for ChildProcess<T> {
+    fn drop(&mut self) {
+        self.kill();
+    }
+}
+
+/// Passes on what a child sends until the child or its [`ChildProcess`] has gone.
+fn read_all<T>(mut stream: &UnixStream, hear: Hear<T>, news: &Sender<News<T>>, cord: &Cord) {
+    loop {
+        let heard = match hear(&mut stream) {
+            Ok(Some(report)) => News::Said(report),
+            Ok(None) => News::Gone(None),
+            Err(error) => News::Gone(Some(error)),
+        };
+        let last = matches!(heard, News::Gone(_)) | news.send(heard).is_err();
+        cord.ring();
+        if last {
+            break;
+        }
+    }
+}
+
+/// Writes the frames to a child until the child or its [`ChildProcess`] has gone.
+fn write_all(mut stream: &UnixStream, frames: &Receiver<Frame>) {
+    for frame in frames {
+        if stream.write_all(&frame).is_err() {
+            // Makes the reader notice, whatever the reason.
+            drop(stream.shutdown(Shutdown::Both));
+            break;
+        }
+    }
+}
+
+/// Returns how a worker ended; `log`: its last lines, which tell one abort from another.
+fn describe(status: Option<ExitStatus>, log: &str) -> String {
+    match status.map(|status| (status.code(), status.signal())) {
+        Some((Some(code), _)) => format!("exit code {code}"),
+        Some((_, Some(9))) => "signal 9 (killed; out of memory?)".to_owned(),
+        Some((_, Some(6))) => format!("signal 6 ({})", why_aborted(log)),
+        Some((_, Some(signal))) => format!("signal {signal}"),
+        _ => "in an unknown way".to_owned(),
+    }
+}

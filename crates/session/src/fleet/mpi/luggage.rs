@@ -1,0 +1,93 @@
+//! The config and the networks of a run on their way to the relays, which need no shared file system.
+
+use std::fs;
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use serde::{Deserialize, Serialize};
+
+use super::lifeline::Address;
+use dials_config::{Config, DomainConfig};
+use dials_core::outside::Directory;
+
+/// Longest file that travels. A network of 10 000 intersections has under 1 GiB.
+const LONGEST: u64 = 8 << 30;
+
+/// What a relay needs to know of a run.
+#[derive(Serialize, Deserialize)]
+pub struct Luggage {
+    /// Config whose paths lead from the folder in which the files are unpacked.
+    pub config_json: String,
+    files: Vec<PackedFile>,
+    pub lifeline: Address,
+}
+
+#[derive(Serialize, Deserialize)]
+struct PackedFile {
+    folder: String,
+    name: String,
+    bytes: Vec<u8>,
+}
+
+/// Returns a config whose paths lead from the run directory and no longer from elsewhere.
+pub fn from_the_run_directory(config: &Config, directory: &Directory) -> Result<Config> {
+    let mut config = config.clone();
+    for (key, path) in config.domain.iter_mut().flat_map(DomainConfig::paths) {
+        let within = path.strip_prefix(directory.path());
+        *path = within.with_context(|| format!("{key}: {}: is not in the run directory", path.display()))?.to_owned();
+    }
+    Ok(config)
+}
+
+impl Luggage {
+    /// Packs a config as [`from_the_run_directory`] makes it, with the files of one folder of the run directory.
+    pub fn pack(config: &Config, directory: &Directory, folder: &str, lifeline: Address) -> Result<Luggage> {
+        let mut files = Vec::new();
+        if let Some(inside) = directory.subdirectory(folder)? {
+            for name in inside.names()? {
+                let name = name.into_string().ok().context("a file of the run directory has no name in UTF-8")?;
+                let bytes = inside.read(&name, LONGEST)?.with_context(|| format!("{name}: was removed"))?;
+                files.push(PackedFile { folder: folder.to_owned(), name, bytes });
+            }
+        }
+        Ok(Luggage { config_json: serde_json::to_string(config)?, files, lifeline })
+    }
+
+    /// Writes the files into a folder of this machine.
+    pub fn unpack(&self, place: &Path) -> Result<()> {
+        for PackedFile { folder, name, bytes } in &self.files {
+            let folder = place.join(folder);
+            let path = folder.join(name);
+            let written = fs::create_dir_all(&folder).and_then(|()| fs::write(&path, bytes));
+            written.with_context(|| format!("{}: cannot be written", path.display()))?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use dials_config::TrafficConfig;
+
+    #[test]
+    fn networks_and_their_paths_arrive_in_another_folder() {
+        let [here, there] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+        fs::create_dir(here.path().join("networks")).unwrap();
+        fs::write(here.path().join("networks/global.net.xml"), b"net").unwrap();
+        let directory = Directory::open(here.path()).unwrap();
+        let networks = ["global", "local"].map(|name| here.path().join("networks").join(name));
+        let [global, local] = networks;
+        let traffic = TrafficConfig::new(global, local);
+        let config = Config { domain: Some(DomainConfig::Traffic(traffic)), ..Config::default() };
+
+        let config = from_the_run_directory(&config, &directory).unwrap();
+        let luggage = Luggage::pack(&config, &directory, "networks", Address::default()).unwrap();
+        luggage.unpack(there.path()).unwrap();
+
+        let mut arrived: Config = serde_json::from_str(&luggage.config_json).unwrap();
+        let paths: Vec<_> = arrived.domain.iter_mut().flat_map(DomainConfig::paths).map(|(_, path)| &*path).collect();
+        assert_eq!(paths, [Path::new("networks/global"), Path::new("networks/local")]);
+        assert_eq!(fs::read(there.path().join("networks/global.net.xml")).unwrap(), b"net");
+    }
+}

@@ -1,0 +1,23 @@
+//! Runs: what the command line and the Python package stand on.
+//!
+//! - [`fleet`]: workers and their coordinator.
+//! - [`records`]: run directories, written and read.
+//! - [`cost`], [`mod@bench`]: how often a run does what, and what that costs.
+//! - [`machine`]: limits of the machine; [`terminal`]: printed lines, progress, Ctrl-C.
+
+pub mod bench;
+pub mod build;
+pub mod cost;
+pub mod directory;
+pub mod domains;
+pub mod error;
+pub mod experiment;
+pub mod fleet;
+pub mod machine;
+pub mod outputs;
+pub mod parent;
+pub mod places;
+pub mod records;
+pub mod replays;
+pub mod terminal;
+pub mod trial;

@@ -1,0 +1,302 @@
+//! Makes directories whole or not at all, and moves aside what stands in their place.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, ensure};
+
+use crate::machine::allow_open_directories;
+use crate::records::files::is_run_dir;
+use crate::terminal::tell;
+use dials_core::outside::{Directory, StagedDirectory, folder_of, rename_to_free};
+
+/// Number of levels of folders that are searched for runs that are being written.
+const LEVELS: usize = 6;
+
+/// What to do if the path of a new directory exists already.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Existing {
+    /// Report an error.
+    Refuse,
+    /// Move it to the first free of `path.old-1`, `path.old-2`, ...
+    MoveAside,
+    /// Leave it and take the first free of `path-2`, `path-3`, ...
+    Number,
+}
+
+impl Existing {
+    /// Returns the rule for a path that the user has named. `force`: whether `--force` was given.
+    pub fn of_named(force: bool) -> Existing {
+        if force { Existing::MoveAside } else { Existing::Refuse }
+    }
+}
+
+/// Returns the path at which [`make`] will make a directory. With `Existing::Refuse` an existing path is an error.
+pub fn place(path: &Path, existing: Existing) -> Result<PathBuf> {
+    // `..` and `/` have no name that a number could be added to.
+    ensure!(path.file_name().is_some(), "{}: has no name of its own; name a new directory", path.display());
+    let path = match existing {
+        Existing::Refuse | Existing::MoveAside => path.to_owned(),
+        Existing::Number => first_free(path, "-", 2),
+    };
+    ensure!(
+        existing != Existing::Refuse || is_free(&path),
+        "{}: exists already; name another one with --out, or move it aside with --force",
+        path.display()
+    );
+    Ok(path)
+}
+
+/// Makes a directory at `path`, or beside it if `existing` says so, and returns it, locked. `fill` writes its content
+/// into the directory that it is given. All of it is on the disk before the directory gets its name.
+///
+/// The new directory is filled under a temporary name beside `path` and then renamed. So an error leaves everything as
+/// it was. And the old directory, which is moved aside last, may be the source of the content.
+pub fn make(path: &Path, existing: Existing, fill: impl FnOnce(&Directory) -> Result<()>) -> Result<Directory> {
+    let parent = folder_of(path);
+    let new_folders: Vec<&Path> = parent.ancestors().take_while(|folder| !folder.exists()).collect();
+    fill_and_move(path, parent, existing, fill).inspect_err(|_| {
+        new_folders.iter().for_each(|folder| drop(fs::remove_dir(folder)));
+    })
+}
+
+fn fill_and_move(
+    path: &Path,
+    parent: &Path,
+    existing: Existing,
+    fill: impl FnOnce(&Directory) -> Result<()>,
+) -> Result<Directory> {
+    let failed = || format!("{}: cannot be made", path.display());
+    if !parent.exists() {
+        fs::create_dir_all(parent).with_context(failed)?;
+    }
+    let parent = Directory::open(parent).with_context(failed)?;
+    let mut staged = StagedDirectory::make_in(&parent)
+        .with_context(|| format!("{}: cannot be written to", parent.path().display()))
+        .with_context(failed)?;
+    fill(staged.directory())?;
+    staged.directory().sync_tree()?;
+    // Another process may take the same place at any moment, so nothing is decided before the directory is there.
+    loop {
+        let place = place(path, existing)?;
+        let aside = match existing {
+            Existing::MoveAside if !is_free(&place) => Some(move_aside(&place)?),
+            _ => None,
+        };
+        let moved = match (staged.move_to(&place), &aside) {
+            (Err(error), Some(aside)) => return Err(put_back(aside, &place).err().unwrap_or(error)),
+            (moved, _) => moved?,
+        };
+        aside.iter().for_each(|aside| tell_moved(&place, aside));
+        if let Some(made) = moved {
+            return Ok(made);
+        }
+    }
+}
+
+/// Makes a file at `path`, or returns an error and leaves everything as it was. `write` gets a path of the same name in
+/// another directory. A file that another process makes at `path` meanwhile is never replaced.
+pub fn make_file(path: &Path, existing: Existing, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
+    let failed = || format!("{}: cannot be written", path.display());
+    let name = path.file_name().with_context(failed)?;
+    let staged = Directory::open(folder_of(path)).and_then(|folder| StagedDirectory::make_in(&folder));
+    let staged = staged.with_context(failed)?;
+    write(&staged.directory().path_of(name)).with_context(failed)?;
+    loop {
+        clear(path, existing)?;
+        if staged.move_file(name).with_context(failed)? {
+            return Ok(());
+        }
+        ensure!(
+            existing == Existing::MoveAside,
+            "{}: exists already, made by another process meanwhile; name another file, or move it aside with --force",
+            path.display()
+        );
+    }
+}
+
+/// Renames `path` to the first free of `path.old-1`, `path.old-2`, ... and returns the new path. If another process
+/// writes there, this is an error.
+pub fn move_aside(path: &Path) -> Result<PathBuf> {
+    let failed = || format!("{}: cannot be moved aside", path.display());
+    let _held = if path.is_dir() { Some(hold(path)?) } else { None };
+    let (parent, name) = (Directory::open(folder_of(path))?, path.file_name().with_context(failed)?);
+    loop {
+        let aside = first_free(path, ".old-", 1);
+        let aside_name = aside.file_name().expect("it is a name with a number");
+        if rename_to_free(&parent, name, aside_name).with_context(failed)? {
+            return Ok(aside);
+        }
+    }
+}
+
+/// Moves what is at `path` aside and says so, if `existing` asks for it.
+pub fn clear(path: &Path, existing: Existing) -> Result<()> {
+    if existing == Existing::MoveAside && !is_free(path) {
+        tell_moved(path, &move_aside(path)?);
+    }
+    Ok(())
+}
+
+/// Moves what was moved aside back to its place, unless another process has taken the place.
+fn put_back(aside: &Path, place: &Path) -> Result<()> {
+    let names = aside.file_name().zip(place.file_name()).context("what was moved has a name")?;
+    let back = Directory::open(folder_of(place)).and_then(|folder| rename_to_free(&folder, names.0, names.1));
+    let kept = || format!("{}: could not be made; what was there is now in {}", place.display(), aside.display());
+    ensure!(back.with_context(kept)?, "{}, because its place is taken", kept());
+    Ok(())
+}
+
+/// Locks a directory that is to be moved and all runs within it, so that nobody begins to write one meanwhile.
+fn hold(path: &Path) -> Result<Vec<Directory>> {
+    let mut held = vec![Directory::lock(path)?];
+    hold_within(path, LEVELS, &mut held)?;
+    Ok(held)
+}
+
+/// Locks all runs within `path`. A directory that another process has locked is an error. Follows no link.
+fn hold_within(path: &Path, levels: usize, held: &mut Vec<Directory>) -> Result<()> {
+    // What cannot be listed has no run of this user in it.
+    let entries = fs::read_dir(path).into_iter().flatten().flatten();
+    let folders = entries.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir()));
+    for folder in folders.map(|entry| entry.path()) {
+        // A lock is an open directory. Even the question whether somebody has locked one needs a file.
+        allow_open_directories(held.len() + 1)
+            .with_context(|| format!("{}: has too many runs to move them at once", path.display()))?;
+        if is_run_dir(&folder) || Directory::is_locked(&folder) {
+            held.push(Directory::lock(&folder)?);
+        }
+        if levels > 1 {
+            hold_within(&folder, levels - 1, held)?;
+        }
+    }
+    Ok(())
+}
+
+pub fn tell_moved(path: &Path, aside: &Path) {
+    tell(format_args!("moved {} to {}", path.display(), aside.display()));
+}
+
+/// Returns `path` itself if it is free and numbers begin at 2, otherwise the first free of `path` + `word` + number.
+fn first_free(path: &Path, word: &str, first: usize) -> PathBuf {
+    if first > 1 && is_free(path) {
+        return path.to_owned();
+    }
+    let mut candidates = (first..).map(|number| {
+        let mut name = path.file_name().unwrap_or_default().to_owned();
+        name.push(format!("{word}{number}"));
+        path.with_file_name(name)
+    });
+    candidates.find(|candidate| is_free(candidate)).expect("numbers go on")
+}
+
+/// Returns whether nothing is at `path`, not even a broken link.
+pub fn is_free(path: &Path) -> bool {
+    path.symlink_metadata().is_err()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(dir: &Path) -> Vec<String> {
+        let entries = fs::read_dir(dir).unwrap();
+        let mut names: Vec<String> =
+            entries.map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned()).collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn a_place_that_is_taken_while_the_directory_is_filled_is_left_alone() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("run");
+        let others = || -> Result<()> {
+            fs::create_dir(&path)?;
+            Ok(fs::write(path.join("theirs"), "x")?)
+        };
+        let made = make(&path, Existing::Number, |_| others()).unwrap();
+        assert_eq!(made.path(), dir.path().join("run-2"));
+        fs::remove_dir_all(&path).unwrap();
+        let error = make(&path, Existing::Refuse, |_| others()).unwrap_err().to_string();
+        assert!(error.contains("run: exists already"), "{error}");
+        fs::remove_dir_all(&path).unwrap();
+        make(&path, Existing::MoveAside, |_| others()).unwrap();
+        assert_eq!(names(dir.path()), ["run", "run-2", "run.old-1"]);
+        assert!(path.with_file_name("run.old-1").join("theirs").exists());
+    }
+
+    #[test]
+    fn a_file_that_appears_while_another_one_is_made_is_never_replaced() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("film.gif");
+        let ours = |beside: &Path| {
+            fs::write(&path, "theirs")?;
+            Ok(fs::write(beside, "ours")?)
+        };
+        let error = format!("{:#}", make_file(&path, Existing::Refuse, ours).unwrap_err());
+        assert!(error.contains("film.gif: exists already, made by another process meanwhile"), "{error}");
+        assert_eq!((names(dir.path()), fs::read_to_string(&path).unwrap()), (vec!["film.gif".into()], "theirs".into()));
+        make_file(&path, Existing::MoveAside, ours).unwrap();
+        assert_eq!(names(dir.path()), ["film.gif", "film.gif.old-1"]);
+        assert_eq!(fs::read_to_string(&path).unwrap(), "ours");
+    }
+
+    #[test]
+    fn what_another_process_writes_is_not_moved() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("all");
+        fs::create_dir_all(path.join("deep/run")).unwrap();
+        for busy in [path.clone(), path.join("deep/run")] {
+            let lock = Directory::lock(&busy).unwrap();
+            let error = format!("{:#}", move_aside(&path).unwrap_err());
+            assert!(error.contains(&format!("{}: another process", busy.display())), "{error}");
+            assert_eq!(names(dir.path()), ["all"]);
+            drop(lock);
+        }
+        move_aside(&path).unwrap();
+        assert_eq!(names(dir.path()), ["all.old-1"]);
+    }
+
+    #[test]
+    fn nobody_begins_to_write_a_run_while_its_folder_is_moved() {
+        let dir = tempfile::tempdir().unwrap();
+        let (path, run) = (dir.path().join("all"), dir.path().join("all/deep/run"));
+        fs::create_dir_all(&run).unwrap();
+        fs::write(run.join("config.toml"), "").unwrap();
+        let held = hold(&path).unwrap();
+        assert!(Directory::is_locked(&path) && Directory::is_locked(&run));
+        drop(held);
+        // Not `is_locked`: a child that another test begins shares the lock, until it has become its program.
+        assert!(Directory::lock(&path).is_ok() && Directory::lock(&run).is_ok());
+    }
+
+    #[test]
+    fn what_was_moved_aside_comes_back_unless_its_place_is_taken() {
+        let dir = tempfile::tempdir().unwrap();
+        let (path, aside) = (dir.path().join("run"), dir.path().join("run.old-1"));
+        fs::create_dir(&path).unwrap();
+        fs::write(path.join("ours"), "x").unwrap();
+        let lost = |new: &Directory| Ok(fs::remove_dir(new.path())?);
+        make(&path, Existing::MoveAside, lost).map(drop).unwrap_err();
+        assert_eq!((names(dir.path()), names(&path)), (vec!["run".to_owned()], vec!["ours".to_owned()]));
+        // A rename would replace an empty directory.
+        fs::rename(&path, &aside).unwrap();
+        fs::create_dir(&path).unwrap();
+        let error = put_back(&aside, &path).unwrap_err().to_string();
+        let told = format!("run: could not be made; what was there is now in {}", aside.display());
+        assert!(error.contains(&told), "{error}");
+        assert!(error.ends_with("because its place is taken"), "{error}");
+        assert_eq!((names(&path), names(&aside)), (vec![], vec!["ours".to_owned()]));
+    }
+
+    #[test]
+    fn a_new_directory_has_a_name() {
+        for nameless in ["..", "/", "a/..", ""] {
+            for existing in [Existing::Refuse, Existing::MoveAside, Existing::Number] {
+                let error = place(Path::new(nameless), existing).unwrap_err().to_string();
+                assert!(error.ends_with("has no name of its own; name a new directory"), "{error}");
+            }
+        }
+    }
+}

@@ -1,0 +1,117 @@
+//! The bytes of a checkpoint: tensors, a text about them, and one digest of both.
+//!
+//! The metadata of the safetensors file has two keys, and its values are text. `checkpoint` is a JSON object.
+//! `digest` is the SHA-256 of that text and of each tensor's name, type, shape and bytes. So a file that was changed
+//! anywhere is an error, or is read as if it had not been.
+
+use std::collections::HashMap;
+use std::fmt::Write;
+
+use anyhow::{Context, Result, ensure};
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use sha2::{Digest, Sha256};
+
+use super::FORMAT;
+use dials_core::outside::Printable;
+
+const TEXT: &str = "checkpoint";
+const DIGEST: &str = "digest";
+
+/// A checkpoint of another version of this program.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct OtherFormat(String);
+
+/// A tensor of the file.
+#[derive(Clone)]
+pub struct Part<'a> {
+    pub name: &'a str,
+    pub dtype: Dtype,
+    pub shape: Vec<usize>,
+    pub bytes: &'a [u8],
+}
+
+impl<'a> Part<'a> {
+    /// Makes a tensor of one dimension.
+    pub fn flat(name: &'a str, dtype: Dtype, bytes: &'a [u8]) -> Part<'a> {
+        Part { name, dtype, shape: vec![bytes.len() / (dtype.bitsize() / 8)], bytes }
+    }
+
+    fn view(&self) -> Result<TensorView<'a>> {
+        Ok(TensorView::new(self.dtype, self.shape.clone(), self.bytes)?)
+    }
+}
+
+/// Tensors by name, and the metadata, as safetensors takes them.
+pub type Sealed<'a> = (Vec<(&'a str, TensorView<'a>)>, HashMap<String, String>);
+
+/// Adds the digest to the tensors and the text of a checkpoint.
+pub fn seal<'a>(text: String, parts: &[Part<'a>]) -> Result<Sealed<'a>> {
+    let digest = digest(&text, parts);
+    let views = parts.iter().map(|part| Ok((part.name, part.view()?))).collect::<Result<_>>()?;
+    Ok((views, HashMap::from([(TEXT.to_owned(), text), (DIGEST.to_owned(), digest)])))
+}
+
+/// Reads the text of a checkpoint and the bytes of the tensors of [`seal`], in the order of `expected`: names and types.
+/// There must be no others, and each has one dimension.
+pub fn unseal<'a, const N: usize>(
+    bytes: &'a [u8],
+    expected: [(&'static str, Dtype); N],
+) -> Result<(serde_json::Value, [&'a [u8]; N])> {
+    let file = SafeTensors::deserialize(bytes).context("it is cut short, or not a safetensors file")?;
+    let (_, header) = SafeTensors::read_metadata(bytes)?;
+    let metadata = header.metadata().as_ref().context("it is not a checkpoint")?;
+    let text = metadata.get(TEXT).context("it is not a checkpoint")?;
+    // Before the digest: other formats have none.
+    let about: serde_json::Value = serde_json::from_str(text).context("its metadata is damaged")?;
+    check_format(&about)?;
+    let mut parts = Vec::new();
+    for (name, dtype) in expected {
+        let tensor = file.tensor(name).with_context(|| format!("it has no tensor `{name}`"))?;
+        let part = Part { name, dtype: tensor.dtype(), shape: tensor.shape().to_vec(), bytes: tensor.data() };
+        ensure!(
+            part.dtype == dtype && part.shape.len() == 1,
+            "its tensor `{name}` is {:?} {:?}, not {dtype:?} of one dimension",
+            part.dtype,
+            part.shape
+        );
+        parts.push(part);
+    }
+    let sealed = metadata.get(DIGEST).context("it has no digest")?;
+    ensure!(digest(text, &parts) == *sealed, "its digest is wrong: it is damaged");
+    ensure!(file.len() == N && metadata.len() == 2, "it has tensors or metadata that no checkpoint has");
+    let parts: Vec<&[u8]> = parts.into_iter().map(|part| part.bytes).collect();
+    Ok((about, parts.try_into().expect("one for each that is expected")))
+}
+
+fn check_format(about: &serde_json::Value) -> Result<()> {
+    let format = about["format"].as_u64().context("its metadata has no format")?;
+    let version = about["version"].as_str().filter(|version| version.len() < 100);
+    let writer = version.map_or(String::new(), |version| format!(", dials-traffic {}", Printable(version)));
+    if format == u64::from(FORMAT) {
+        return Ok(());
+    }
+    Err(OtherFormat(format!(
+        "it has format {format}, and this program reads format {FORMAT}: continue with the version that wrote it{writer}"
+    ))
+    .into())
+}
+
+/// Every field is preceded by its length, so that no two checkpoints give the same bytes to the digest.
+fn digest(text: &str, parts: &[Part<'_>]) -> String {
+    let mut hasher = Sha256::new();
+    let mut field = |bytes: &[u8]| {
+        hasher.update((bytes.len() as u64).to_le_bytes());
+        hasher.update(bytes);
+    };
+    field(text.as_bytes());
+    for Part { name, dtype, shape, bytes } in parts {
+        field(name.as_bytes());
+        field(format!("{dtype:?} {shape:?}").as_bytes());
+        field(bytes);
+    }
+    hasher.finalize().iter().fold("sha256:".to_owned(), |mut text, byte| {
+        write!(text, "{byte:02x}").expect("a String takes everything");
+        text
+    })
+}

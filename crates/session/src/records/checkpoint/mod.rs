@@ -1,0 +1,309 @@
+//! Checkpoints: the state of all agents in a file from which a run continues as if it had not stopped.
+//!
+//! A safetensors file (little-endian, like all machines on which Debian's libtorch runs). It has one table each for
+//! policies, moments and AIPs (approximate influence predictors), one agent after another, and the bytes of all agents'
+//! streams. Its metadata holds the other state, and the config and the scenario that it was trained with. A checkpoint
+//! is written after every period; the last [`KEPT`] are kept.
+//!
+//! Nothing is restored from a file that does not fit the run in every way:
+//!
+//! - [`content`]: the bytes of the file, under one digest.
+//! - [`owner`]: the run that it belongs to: what of the config and of the scenario may have changed since.
+//! - `size`: the largest size that a checkpoint of a run can have.
+//! - [`fits`](dials_learn::training::fits): sizes, actions, trails and counts, each of which follows from the config.
+
+pub mod content;
+pub mod owner;
+mod size;
+
+use std::collections::{BTreeMap, HashMap};
+use std::path::Path;
+
+use anyhow::{Context, Result, ensure};
+use safetensors::tensor::{Dtype, TensorView};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::files;
+use super::growing::Mark;
+use content::{OtherFormat, Part, seal, unseal};
+use dials_config::resume::{from_json, to_json};
+use dials_core::base::Ragged;
+use dials_core::outside::Directory;
+use dials_learn::training::fits::{Fit, Widths, check_standing};
+use dials_learn::training::standing::Standing;
+use dials_learn::training::state::{AgentsState, JointMoments};
+use dials_learn::training::stream::AgentStream;
+use owner::{NotOfThisRun, Owner};
+use size::most_bytes;
+
+/// Number of checkpoints that are kept, the newest ones.
+pub const KEPT: usize = 3;
+/// Bump when older checkpoints can no longer be read.
+const FORMAT: u32 = 4;
+
+/// State of a run after a period.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Checkpoint {
+    pub agents: AgentsState,
+    pub progress: RunProgress,
+}
+
+/// State of the schedule and of the files of the run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RunProgress {
+    /// Where Algorithm 1 continues.
+    pub standing: Standing,
+    /// How far every growing file has come.
+    pub growing: BTreeMap<String, Mark>,
+    /// Wall time of the run so far.
+    pub elapsed_s: f64,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Metadata {
+    format: u32,
+    /// Version of this program that wrote the file.
+    version: String,
+    steps: u64,
+    optimiser_steps: u32,
+    /// The config and the scenario that the run had.
+    config: Value,
+    scenario: Value,
+    progress: RunProgress,
+}
+
+/// Key of the bytes of all agents' streams, in postcard's format.
+const STREAMS: &str = "streams";
+const TABLES: [&str; 4] = ["policies", "first_moments", "second_moments", "aips"];
+
+fn tables_of(agents: &AgentsState) -> [&Ragged<f32>; 4] {
+    [&agents.policies, &agents.moments.first, &agents.moments.second, &agents.aips]
+}
+
+/// Writes a checkpoint of a run into `folder` and removes those that are no longer kept.
+pub fn write(folder: &Directory, owner: &Owner, agents: &AgentsState, progress: RunProgress) -> Result<()> {
+    sealed(owner, agents, progress, |views, metadata| {
+        // Directly to the file: the tables of a hundred agents need no second copy in memory.
+        let write = |beside: &Path| Ok(safetensors::serialize_to_file(views, Some(metadata), beside)?);
+        folder.write_with(&name_of(agents.steps), write)
+    })?;
+    remove_old(folder)
+}
+
+/// Removes the checkpoints that are no longer kept. A process that is killed at it leaves some.
+pub fn remove_old(folder: &Directory) -> Result<()> {
+    let all = list(folder)?;
+    all[..all.len().saturating_sub(KEPT)].iter().try_for_each(|old| folder.remove(old))
+}
+
+/// Makes the tensors and the metadata of a checkpoint, and hands them to `write`.
+fn sealed<T>(
+    owner: &Owner,
+    agents: &AgentsState,
+    progress: RunProgress,
+    write: impl FnOnce(Vec<(&str, TensorView<'_>)>, HashMap<String, String>) -> Result<T>,
+) -> Result<T> {
+    let streams = postcard::to_stdvec(&agents.streams).context("the state of training cannot be encoded")?;
+    let about = Metadata {
+        format: FORMAT,
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        steps: agents.steps,
+        optimiser_steps: agents.moments.steps,
+        config: to_json(&owner.config),
+        scenario: owner.scenario.clone(),
+        progress,
+    };
+    let tables = TABLES.iter().zip(tables_of(agents));
+    let mut parts: Vec<Part<'_>> =
+        tables.map(|(name, table)| Part::flat(name, Dtype::F32, bytemuck::cast_slice(table.as_slice()))).collect();
+    parts.push(Part::flat(STREAMS, Dtype::U8, &streams));
+    let (views, metadata) = seal(serde_json::to_string(&about)?, &parts)?;
+    write(views, metadata)
+}
+
+impl Checkpoint {
+    /// Reads a checkpoint of a run. The error about a damaged one says what to do. One that is not of this run is a
+    /// [`NotOfThisRun`].
+    pub fn read(folder: &Directory, name: &str, owner: &Owner) -> Result<Checkpoint> {
+        let bytes = folder.read(name, most_bytes(owner))?.unwrap_or_default();
+        let read = || {
+            let checkpoint = Checkpoint::from_bytes(&bytes, owner)?;
+            let (inside, outside) = (checkpoint.agents.steps, steps_of(name));
+            ensure!(Some(inside) == outside, "its name is not that of step {inside}, which it holds");
+            Ok(checkpoint)
+        };
+        let path = folder.path_of(name);
+        read().map_err(|error: anyhow::Error| match error.downcast::<NotOfThisRun>() {
+            Ok(NotOfThisRun(reason)) => NotOfThisRun(format!("{}: {reason}", path.display())).into(),
+            // It is not damaged, so it must stay.
+            Err(error) if error.is::<OtherFormat>() => {
+                error.context(format!("{}: cannot be resumed from", path.display()))
+            }
+            Err(error) => {
+                let before = list(folder).is_ok_and(|names| names.first().is_some_and(|first| first != name));
+                let advice = if before {
+                    "cannot be resumed from; move it away to continue from the checkpoint before it"
+                } else {
+                    "cannot be resumed from, and there is no checkpoint before it; put it back from a copy, or begin the \
+                     run again"
+                };
+                error.context(format!("{}: {advice}", path.display()))
+            }
+        })
+    }
+
+    /// Reads a checkpoint of a run from the bytes of its file.
+    pub fn from_bytes(bytes: &[u8], owner: &Owner) -> Result<Checkpoint> {
+        let tables = TABLES.map(|name| (name, Dtype::F32));
+        let [first, second, third, fourth] = tables;
+        let (about, parts) = unseal(bytes, [first, second, third, fourth, (STREAMS, Dtype::U8)])?;
+        let about: Metadata = serde_json::from_value(about).context("its metadata cannot be read")?;
+        let Metadata { version, steps, optimiser_steps, config, scenario, progress, .. } = about;
+        let config = from_json(config).with_context(|| {
+            format!("its config cannot be read; if dials-traffic {version} wrote it, continue with that")
+        })?;
+        owner.check(&config, &scenario, progress.standing.until)?;
+
+        let widths = Widths::of(&owner.config, &owner.kinds);
+        let Widths { policies, aips } = &widths;
+        let table = |index: usize, widths: &[usize]| rows_of(TABLES[index], parts[index], widths);
+        let moments = JointMoments { first: table(1, policies)?, second: table(2, policies)?, steps: optimiser_steps };
+        let (streams, rest) = postcard::take_from_bytes::<Vec<AgentStream>>(parts[TABLES.len()])
+            .context("the state of training cannot be read")?;
+        ensure!(rest.is_empty(), "it has {} bytes after the state of training", rest.len());
+        let agents = AgentsState { steps, policies: table(0, policies)?, moments, aips: table(3, aips)?, streams };
+        check_standing(&progress.standing, &agents, progress.elapsed_s, &config)?;
+        let everybody = 0..owner.kinds.agents();
+        let fit = Fit { config: &config, kinds: &owner.kinds, widths: &widths, agents: everybody };
+        fit.check(&agents)?;
+        fit.check_numbers(&agents)?;
+        let unknown = progress.growing.keys().find(|name| !files::GROWING.contains(&name.as_str()));
+        ensure!(unknown.is_none(), "it counts the bytes of a file that no run has");
+        Ok(Checkpoint { agents, progress })
+    }
+}
+
+fn rows_of(name: &str, bytes: &[u8], widths: &[usize]) -> Result<Ragged<f32>> {
+    let values = bytes.as_chunks::<4>().0;
+    let expected: usize = widths.iter().sum();
+    ensure!(
+        values.len() == expected,
+        "its table `{name}` has {} values, and the {} agents of this run have {expected}",
+        values.len(),
+        widths.len()
+    );
+    let values = values.iter().map(|&value| f32::from_le_bytes(value)).collect();
+    Ok(Ragged::from_vec(values, widths.iter().copied()).expect("their number was compared"))
+}
+
+/// Returns the name of the checkpoint at this number of timesteps per agent.
+fn name_of(steps: u64) -> String {
+    format!("step_{steps:012}.safetensors")
+}
+
+/// Returns the timesteps of a file with exactly such a name. All other files are somebody else's.
+fn steps_of(name: &str) -> Option<u64> {
+    let steps = name.strip_prefix("step_")?.strip_suffix(".safetensors")?.parse().ok()?;
+    (name_of(steps) == name).then_some(steps)
+}
+
+/// Returns whether a file has the name of a checkpoint.
+pub fn is_checkpoint(name: &str) -> bool {
+    steps_of(name).is_some()
+}
+
+/// Lists the names of the checkpoints of a folder, oldest first.
+pub fn list(folder: &Directory) -> Result<Vec<String>> {
+    let names = folder.names()?.into_iter().filter_map(|name| name.into_string().ok());
+    let mut found: Vec<(u64, String)> = names.filter_map(|name| Some((steps_of(&name)?, name))).collect();
+    found.sort();
+    Ok(found.into_iter().map(|(_, name)| name).collect())
+}
+
+/// Returns the timesteps per agent of the newest checkpoint of a run. `None`: it has none yet.
+pub fn newest_step(run: &Directory) -> Result<Option<u64>> {
+    let Some(folder) = run.subdirectory(files::CHECKPOINTS)? else { return Ok(None) };
+    Ok(list(&folder)?.last().and_then(|name| steps_of(name)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use dials_testkit::toy::Coins;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let entries = std::fs::read_dir(folder).unwrap();
+        let mut names: Vec<String> =
+            entries.map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned()).collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn the_newest_three_are_kept_and_files_of_other_names_are_left_alone() {
+        let dir = tempfile::tempdir().unwrap();
+        let owner = Owner::of(&dials_config::Config::default(), &Coins::new(4)).unwrap();
+        let folder = Directory::open(dir.path()).unwrap();
+        let strangers = ["best.safetensors", "step_1.safetensors", "step_old_copy.safetensors"];
+        strangers.iter().for_each(|name| std::fs::write(dir.path().join(name), "mine").unwrap());
+        assert_eq!(list(&folder).unwrap(), [""; 0]);
+        // The last name is longer than the others: names are compared as numbers.
+        for steps in [900, 1_000, 20_000, 999_999_999_999, 1_000_000_000_000] {
+            let agents = AgentsState { steps, ..AgentsState::nobody() };
+            write(&folder, &owner, &agents, RunProgress::default()).unwrap();
+        }
+        let mut expected: Vec<String> = strangers.map(str::to_owned).to_vec();
+        expected.extend([20_000, 999_999_999_999, 1_000_000_000_000].map(name_of));
+        expected.sort();
+        assert_eq!(names(dir.path()), expected);
+        let listed = list(&folder).unwrap();
+        assert_eq!(listed, [20_000, 999_999_999_999, 1_000_000_000_000].map(name_of));
+        // Killed after the last checkpoint was written and before the oldest one was removed.
+        std::fs::write(dir.path().join(name_of(10_000)), "old").unwrap();
+        remove_old(&folder).unwrap();
+        assert_eq!(list(&folder).unwrap(), listed);
+    }
+
+    #[test]
+    fn a_damaged_checkpoint_says_whether_there_is_one_before_it() {
+        let dir = tempfile::tempdir().unwrap();
+        let owner = Owner::of(&dials_config::Config::default(), &Coins::new(4)).unwrap();
+        let folder = Directory::open(dir.path()).unwrap();
+        [128, 256].iter().for_each(|&steps| std::fs::write(dir.path().join(name_of(steps)), "mine").unwrap());
+        let told = |steps| format!("{:#}", Checkpoint::read(&folder, &name_of(steps), &owner).err().unwrap());
+        assert!(told(256).contains("; move it away to continue from the checkpoint before it"), "{}", told(256));
+        assert!(told(128).contains(", and there is no checkpoint before it; put it back from a copy"), "{}", told(128));
+    }
+
+    #[test]
+    fn a_name_counts_only_as_it_is_written() {
+        assert_eq!(steps_of("step_000000000128.safetensors"), Some(128));
+        assert_eq!(steps_of("step_1000000000000.safetensors"), Some(1_000_000_000_000));
+        for other in [
+            "step_128.safetensors",
+            "step_0000000000128.safetensors",
+            "step_+00000000128.safetensors",
+            "step_000000000128.safetensors.bak",
+            ".new-step_000000000128.safetensors",
+            "step_000000000128 copy.safetensors",
+            "step_99999999999999999999.safetensors",
+            "Step_000000000128.safetensors",
+        ] {
+            assert_eq!(steps_of(other), None, "{other}");
+        }
+    }
+
+    #[test]
+    fn the_limit_of_a_file_leaves_room_for_all_that_a_run_can_hold() {
+        let config: dials_config::Config = toml::from_str("local_simulators.copies = 4\n").unwrap();
+        let owner = Owner::of(&config, &Coins::new(300)).unwrap();
+        let Widths { policies, aips } = Widths::of(&config, &owner.kinds);
+        let values: usize = 3 * policies.iter().sum::<usize>() + aips.iter().sum::<usize>();
+        let streams = owner.kinds.agents() * 4 * 300;
+        assert!(most_bytes(&owner) > (4 * values + streams) as u64);
+        assert!(most_bytes(&owner) < (4 * values + 4 * streams + (2 << 20)) as u64, "and not for much more");
+    }
+}

@@ -1,0 +1,131 @@
+//! The run that a checkpoint belongs to, and what about it may not have changed since.
+
+use std::path::Path;
+
+use anyhow::Result;
+use serde_json::{Value, json};
+
+use crate::records::files;
+use crate::records::run_json::RunJson;
+use dials_config::Config;
+use dials_config::resume::{Difference, differences, differing};
+use dials_core::domain::{Domain, Kinds, Scenario};
+use dials_core::outside::Printable;
+
+/// The run in a directory: its config, what it simulates, and its agents.
+#[derive(Clone, Debug)]
+pub struct Owner {
+    pub config: Config,
+    /// The scenario, as in `run.json`: with the checksums of the networks. Without its name, which copies of it have lost.
+    pub scenario: Value,
+    pub kinds: Kinds,
+}
+
+/// A checkpoint that is sound, but not of this run as it is now. A usage error: the message says what differs, and the
+/// way out.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct NotOfThisRun(pub String);
+
+impl Owner {
+    pub fn of(config: &Config, domain: &dyn Domain) -> Result<Owner> {
+        let scenario = without_name(domain.scenario()?)?;
+        Ok(Owner { config: config.clone(), scenario, kinds: domain.kinds().clone() })
+    }
+
+    /// Returns an error if the `run.json` in `dir` describes another seed or scenario. A run without a checkpoint begins
+    /// again, but as the run that was described.
+    pub fn check_described(&self, dir: &Path) -> Result<()> {
+        let about = RunJson::read_if_there(dir)?;
+        let [then, now] =
+            [about.seed.unwrap_or(self.config.seed), self.config.seed].map(|seed| json!({ "seed": seed }));
+        let found = [differing(&then, &now), self.changes_since(dir, &about)?].concat();
+        refuse(&place_of(dir), &found, TO_RESUME).map_err(Into::into)
+    }
+
+    /// Returns an error if the networks or the domain's keys are other ones than `run.json` in `dir` says. Policies that
+    /// were trained on those are not for these. The rules of the environment may be those of another version of this
+    /// program: whoever scores the policies says so.
+    pub fn check_unchanged(&self, dir: &Path) -> Result<()> {
+        let mut found = self.changes_since(dir, &RunJson::read_if_there(dir)?)?;
+        found.retain(|difference| !difference.key.starts_with("scenario.rules."));
+        refuse(&place_of(dir), &found, TO_PLAY).map_err(Into::into)
+    }
+
+    /// Lists what differs from the domain that `about` describes. `dir`: the directory of the run.
+    fn changes_since(&self, dir: &Path, about: &RunJson) -> Result<Vec<Difference>> {
+        let mut found = about.kept.as_ref().map_or(Ok(Vec::new()), |kept| kept.changed_keys(&self.config))?;
+        let Some(scenario) = &about.scenario else { return Ok(found) };
+        let mut of_scenario = self.differences_from(&without_name(scenario.clone())?);
+        if let Some(kept) = about.kept.as_ref().filter(|_| !of_scenario.is_empty()) {
+            found.extend(kept.changed_files(dir)?);
+        }
+        // A checksum says less than the key or the file.
+        let is_checksum = |key: &str| key == "scenario.checksum" || key.starts_with("scenario.files.");
+        of_scenario.retain(|difference| found.is_empty() || !is_checksum(&difference.key));
+        found.extend(of_scenario);
+        Ok(found)
+    }
+
+    /// Lists what differs from another scenario.
+    fn differences_from(&self, scenario: &Value) -> Vec<Difference> {
+        let differing = differing(scenario, &self.scenario).into_iter();
+        differing.map(|found| Difference { key: format!("scenario.{}", found.key), ..found }).collect()
+    }
+
+    /// Returns an error if training with `config` and on `scenario` cannot continue as this run. `until`: the step that
+    /// it has come to.
+    pub fn check(&self, config: &Config, scenario: &Value, until: u64) -> Result<(), NotOfThisRun> {
+        let mut found = differences(config, &self.config);
+        found.extend(self.differences_from(scenario));
+        refuse("", &found, TO_RESUME)?;
+        if until > self.config.last_step() {
+            return Err(NotOfThisRun(format!(
+                "stop_at_steps = {} (`--steps`): training has come to step {until} already; ask for {until} or more, or \
+                 leave it out",
+                self.config.last_step()
+            )));
+        }
+        Ok(())
+    }
+}
+
+/// Returns an error if the domain's keys or the contents of the networks are other ones than `about`, the `run.json` in
+/// `dir`, says. For readers of the figures alone, who need neither the domain nor the networks. `config`: that of the run.
+pub fn check_kept(dir: &Path, config: &Config, about: &RunJson) -> Result<()> {
+    let Some(kept) = &about.kept else { return Ok(()) };
+    let found = [kept.changed_keys(config)?, kept.changed_contents(dir)?].concat();
+    refuse(&place_of(dir), &found, TO_READ).map_err(Into::into)
+}
+
+/// The way out for a resume, for whoever plays the policies, and for whoever reads the figures.
+const TO_RESUME: &str = "put them back to resume, or begin a new run";
+const TO_PLAY: &str = "put them back, for example from a copy; or leave this run as it was, and play its policies on another \
+                       scenario with: dials-traffic baseline CONFIG --compare RUN";
+const TO_READ: &str = "put them back, for example from a copy: the figures of this run were measured with them";
+
+fn without_name(scenario: Scenario) -> Result<Value> {
+    Ok(serde_json::to_value(Scenario { name: None, ..scenario })?)
+}
+
+fn place_of(dir: &Path) -> String {
+    format!("{}: ", dir.join(files::RUN).display())
+}
+
+fn refuse(place: &str, differences: &[Difference], way_out: &str) -> Result<(), NotOfThisRun> {
+    if differences.is_empty() {
+        return Ok(());
+    }
+    let lines: Vec<String> = differences.iter().map(line).collect();
+    Err(NotOfThisRun(format!(
+        "{place}was written with other settings or networks than this run directory has now:\n  {}\n  {way_out} \
+         (`scenario` is the domain, with checksums of the files in networks/)",
+        lines.join("\n  ")
+    )))
+}
+
+fn line(difference: &Difference) -> String {
+    let text = |value: &Option<Value>| value.as_ref().map_or("not set".to_owned(), Value::to_string);
+    let Difference { key, then, now } = difference;
+    Printable(format_args!("{key}: {} there, {} here", text(then), text(now))).to_string()
+}

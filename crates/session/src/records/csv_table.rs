@@ -1,0 +1,282 @@
+//! A CSV file of a run directory, read by the names of its columns.
+//!
+//! Files of other versions may have more columns, or fewer. What is missing is `None`. Everything else that this program
+//! never writes is an error that names the file, the line and the column: NaN and infinity, numbers that are no figures
+//! of a run, and an empty field in a column that must have a number.
+
+use std::collections::BTreeMap;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail, ensure};
+
+use super::columns;
+use dials_core::outside::{excerpt, read_text};
+
+/// Largest file. That of a run with 100 agents and 40 000 evaluations is smaller.
+pub const LARGEST_FILE: u64 = 256 << 20;
+/// Longest line in bytes. A line has a few dozen numbers.
+const LONGEST_LINE: usize = 64 << 10;
+/// Largest figure of a run, without its sign. No return, loss, time or memory is larger, and squares of this one are
+/// numbers still.
+pub const LARGEST: f64 = 1e15;
+/// What to do about a damaged file.
+const WAY_OUT: &str = "the file is damaged: copy it again, or train again";
+
+/// A file as its fields, one after the other: a line takes hardly more memory than its text.
+pub struct CsvTable {
+    path: PathBuf,
+    columns: BTreeMap<String, usize>,
+    text: String,
+    /// Ends of the fields in `text`. Every line has as many fields as the header.
+    ends: Vec<u32>,
+    /// Number of each line in the file.
+    numbers: Vec<u32>,
+}
+
+impl CsvTable {
+    /// Reads a file; a missing file has no lines. An unfinished last line does not count: its writer was killed, or is
+    /// still writing.
+    pub fn read(path: &Path) -> Result<CsvTable> {
+        let table = match read_text(path, LARGEST_FILE) {
+            Err(error) if error.kind() == ErrorKind::NotFound => CsvTable::from_text(path, "")?,
+            text => CsvTable::from_text(path, &text.with_context(|| format!("{}: cannot be read", path.display()))?)?,
+        };
+        let is_ours = table.columns.is_empty() || table.columns.contains_key(columns::STEPS);
+        ensure!(is_ours, "{}: has no column `{}`; {WAY_OUT}", path.display(), columns::STEPS);
+        Ok(table)
+    }
+
+    /// Reads a text. `path`: the file that errors name.
+    fn from_text(path: &Path, text: &str) -> Result<CsvTable> {
+        let mut table = CsvTable {
+            path: path.to_owned(),
+            columns: BTreeMap::new(),
+            text: String::new(),
+            ends: Vec::new(),
+            numbers: Vec::new(),
+        };
+        let failed = || format!("{}: cannot be read", path.display());
+        let whole = &text[..text.rfind('\n').map_or(0, |end| end + 1)];
+        if let Some(long) = whole.split('\n').position(|line| line.len() > LONGEST_LINE) {
+            bail!("{}: line {} has more than {LONGEST_LINE} bytes; {WAY_OUT}", path.display(), long + 1);
+        }
+        let mut reader = csv::Reader::from_reader(whole.as_bytes());
+        for (index, name) in reader.headers().with_context(failed)?.iter().enumerate() {
+            let before = table.columns.insert(name.to_owned(), index);
+            ensure!(before.is_none(), "{}: has two columns `{}`; {WAY_OUT}", path.display(), excerpt(name));
+        }
+        let mut fields = csv::StringRecord::new();
+        while reader.read_record(&mut fields).with_context(failed)? {
+            for field in &fields {
+                table.text += field;
+                table.ends.push(table.text.len() as u32);
+            }
+            table.numbers.push(fields.position().map_or(0, |position| position.line() as u32));
+        }
+        Ok(table)
+    }
+
+    /// Reads a text that a test has made up.
+    #[cfg(test)]
+    pub(super) fn of(text: &str) -> CsvTable {
+        CsvTable::from_text(Path::new("t.csv"), text).expect("a test knows what it makes up")
+    }
+
+    pub fn lines(&self) -> impl Iterator<Item = TableLine<'_>> {
+        (0..self.numbers.len()).map(|index| TableLine { table: self, index })
+    }
+}
+
+#[derive(Clone, Copy)]
+pub struct TableLine<'a> {
+    table: &'a CsvTable,
+    index: usize,
+}
+
+impl<'a> TableLine<'a> {
+    /// Returns the text in a column. If there is no such column, or nothing in it: `None`.
+    pub fn text(self, column: &str) -> Option<&'a str> {
+        let field = self.index * self.table.columns.len() + *self.table.columns.get(column)?;
+        let begin = field.checked_sub(1).map_or(0, |before| self.table.ends[before]);
+        let text = &self.table.text[begin as usize..self.table.ends[field] as usize];
+        (!text.is_empty()).then_some(text)
+    }
+
+    /// Returns [`TableLine::text`] as a figure; an error if it is none.
+    pub fn number(self, column: &str) -> Result<Option<f64>> {
+        let Some(text) = self.text(column) else { return Ok(None) };
+        let number: f64 = text.parse().ok().with_context(|| self.bad(column, text, "not a number"))?;
+        ensure!(number.is_finite(), self.bad(column, text, "not a finite number"));
+        ensure!(number.abs() <= LARGEST, self.bad(column, text, "too large for a figure of a run"));
+        Ok(Some(number))
+    }
+
+    /// Returns a number that must be there.
+    pub fn required(self, column: &str) -> Result<f64> {
+        self.number(column)?.with_context(|| self.nothing(column))
+    }
+
+    /// Returns [`TableLine::text`] as a whole number; an error if it is none, or too large to count anything.
+    pub fn whole(self, column: &str) -> Result<Option<u64>> {
+        let Some(text) = self.text(column) else { return Ok(None) };
+        let number = text.parse().ok().filter(|&number: &u64| number as f64 <= LARGEST);
+        let what = || self.bad(column, text, &format!("not a whole number from 0 to {LARGEST}"));
+        number.map(Some).with_context(what)
+    }
+
+    /// Returns a whole number that must be there.
+    pub fn required_whole(self, column: &str) -> Result<u64> {
+        self.whole(column)?.with_context(|| self.nothing(column))
+    }
+
+    /// Returns the timesteps per agent, with which every line begins.
+    pub fn steps(self) -> Result<u64> {
+        self.required_whole(columns::STEPS)
+    }
+
+    /// Returns an error about the value in a column. `what`: what it is.
+    pub fn bad(self, column: &str, text: &str, what: &str) -> String {
+        format!("{}: `{column}` holds \"{}\", which is {what}; {WAY_OUT}", self.place(), excerpt(text))
+    }
+
+    fn nothing(self, column: &str) -> String {
+        format!("{}: has no `{column}`; {WAY_OUT}", self.place())
+    }
+
+    /// Returns file and line; the header is line 1.
+    fn place(self) -> String {
+        format!("{}: line {}", self.table.path.display(), self.table.numbers[self.index])
+    }
+}
+
+/// The order of steps in a file: they never go back.
+#[derive(Default)]
+pub struct Order {
+    last: Option<u64>,
+}
+
+impl Order {
+    /// Returns the steps of the next line. They may be those of the line before.
+    pub fn next(&mut self, line: TableLine) -> Result<u64> {
+        self.after(line, |last, steps| last <= steps)
+    }
+
+    /// Returns the steps of the next line, which must be later than those of the line before.
+    pub fn later(&mut self, line: TableLine) -> Result<u64> {
+        self.after(line, |last, steps| last < steps)
+    }
+
+    fn after(&mut self, line: TableLine, in_order: fn(u64, u64) -> bool) -> Result<u64> {
+        let steps = line.steps()?;
+        if let Some(last) = self.last.replace(steps) {
+            let what = format!("not later than {last} before it");
+            ensure!(in_order(last, steps), line.bad(columns::STEPS, &steps.to_string(), &what));
+        }
+        Ok(steps)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_are_found_by_name_and_may_be_missing_or_empty() {
+        let table = CsvTable::of("worker,steps,new\nall,10,\n");
+        let line = table.lines().next().unwrap();
+        assert_eq!((line.steps().unwrap(), line.text("worker"), line.text("new")), (10, Some("all"), None));
+        assert_eq!(line.number("elapsed_s").unwrap(), None);
+        let error = line.required("elapsed_s").unwrap_err().to_string();
+        assert!(
+            error.ends_with("t.csv: line 2: has no `elapsed_s`; the file is damaged: copy it again, or train again"),
+            "{error}"
+        );
+        let error = line.number("worker").unwrap_err().to_string();
+        assert!(
+            error.contains("t.csv: line 2: `worker` holds \"all\", which is not a number; the file is damaged"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn a_figure_that_is_no_finite_number_is_refused_with_its_line_and_its_column() {
+        let table = CsvTable::of("steps,mean\n10,1.5\n20,NaN\n30,-inf\n40,1e999\n");
+        let told: Vec<_> = table.lines().map(|line| line.required("mean").map_err(|error| error.to_string())).collect();
+        assert_eq!(told[0], Ok(1.5));
+        for (told, (line, text)) in told[1..].iter().zip([(3, "NaN"), (4, "-inf"), (5, "1e999")]) {
+            let error = told.as_ref().unwrap_err();
+            let expected = format!("t.csv: line {line}: `mean` holds {text:?}, which is not a finite number");
+            assert!(error.contains(&expected), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_last_line_that_does_not_end_is_none() {
+        let steps = |text| CsvTable::of(text).lines().map(|line| line.steps().unwrap()).collect::<Vec<_>>();
+        assert_eq!(steps("steps,mean\n10,1.5\n20,1"), [10], "it could be 2, 20 or 200 000");
+        assert_eq!(steps("steps,mean\n10,1.5\n20,1\n"), [10, 20]);
+        assert!(steps("ste").is_empty());
+    }
+
+    #[test]
+    fn a_file_that_is_not_there_has_no_lines() {
+        assert_eq!(CsvTable::read(Path::new("no/such.csv")).unwrap().lines().count(), 0);
+    }
+
+    #[test]
+    fn a_number_that_counts_is_whole_and_no_figure_is_absurd() {
+        let table = CsvTable::of("steps,stuck\n10,2\n20,\n30,-1\n40,1.5\n50,1e3\n60,18446744073709551615\n70,NaN\n");
+        let told: Vec<_> = table.lines().map(|line| line.whole("stuck").map_err(|error| error.to_string())).collect();
+        assert_eq!(told[..2], [Ok(Some(2)), Ok(None)]);
+        for (told, text) in told[2..].iter().zip(["-1", "1.5", "1e3", "18446744073709551615", "NaN"]) {
+            let expected = format!("`stuck` holds {text:?}, which is not a whole number from 0 to 1000000000000000");
+            assert!(told.as_ref().unwrap_err().contains(&expected), "{told:?}");
+        }
+        let table = CsvTable::of("steps,mean\n10,1e15\n20,-1.1e15\n30,1e308\n40,5e-324\n");
+        let numbers: Vec<_> = table.lines().map(|line| line.required("mean").ok()).collect();
+        assert_eq!(numbers, [Some(1e15), None, None, Some(5e-324)]);
+    }
+
+    #[test]
+    fn steps_never_go_back() {
+        let steps = |text: &str, later: bool| -> Result<Vec<u64>> {
+            let mut order = Order::default();
+            let next = |line| if later { order.later(line) } else { order.next(line) };
+            CsvTable::of(&format!("steps\n{text}")).lines().map(next).collect()
+        };
+        assert_eq!(steps("0\n5\n5\n", false).unwrap(), [0, 5, 5]);
+        assert_eq!(steps("0\n5\n7\n", true).unwrap(), [0, 5, 7]);
+        for (text, later) in [("0\n5\n4\n", false), ("0\n5\n5\n", true)] {
+            let error = steps(text, later).unwrap_err().to_string();
+            assert!(
+                error.contains("t.csv: line 4: `steps` holds ") && error.contains("later than 5 before"),
+                "{error}"
+            );
+        }
+    }
+
+    #[test]
+    fn what_is_no_text_of_lines_is_refused_in_a_few_words() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("t.csv");
+        let told = |content: &[u8]| {
+            std::fs::write(&path, content).unwrap();
+            format!("{:#}", CsvTable::read(&path).err().expect("an error"))
+        };
+        let line = format!("steps,mean\n1,{}\n", "9".repeat(LONGEST_LINE));
+        assert!(told(line.as_bytes()).contains("t.csv: line 2 has more than 65536 bytes; the file is damaged"));
+        let digits = format!("steps,mean\n1,{}x\n", "9".repeat(1000));
+        std::fs::write(&path, digits).unwrap();
+        let error = CsvTable::read(&path).unwrap().lines().next().unwrap().required("mean").unwrap_err().to_string();
+        assert!(error.contains("999...\", which is not a number") && error.len() < 300, "{error}");
+        assert!(told(b"steps\n\xff\xfe\n").contains("it is not UTF-8 text from byte 6 on"));
+        assert!(told(b"steps,steps\n1,2\n").contains("has two columns `steps`"));
+        assert!(told(b"steps,mean\n1,2\n1\n").contains("found record with 1 fields"));
+        std::fs::File::create(&path).unwrap().set_len(LARGEST_FILE + 1).unwrap();
+        let error = format!("{:#}", CsvTable::read(&path).err().expect("an error"));
+        assert!(error.contains("it has more than 268435456 bytes, the limit"), "{error}");
+        let error = format!("{:#}", CsvTable::read(dir.path()).err().expect("an error"));
+        assert!(error.contains("it is not a regular file"), "{error}");
+    }
+}

@@ -1,0 +1,214 @@
+//! Finds the material of a report in its folders: run directories, measured baselines, and plans of experiments.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail, ensure};
+use serde::Deserialize;
+
+use super::json_file::read_json;
+use super::plan::{FolderPlan, PLAN};
+use crate::records::csv_table::LARGEST;
+use crate::records::files::is_run_dir;
+use crate::records::run_record::RunRecord;
+use dials_core::outside::{FileName, Printable};
+
+/// Name of the folder in which an experiment keeps the output of `baseline --json`.
+pub const BASELINES: &str = "baselines";
+/// Number of folder levels that are searched.
+pub const DEPTH: usize = 6;
+
+/// Returns the path of a baseline in an experiment's folder of runs.
+pub fn baseline_file(folder: &Path, name: &FileName) -> PathBuf {
+    folder.join(BASELINES).join(format!("{name}.json"))
+}
+
+/// A measured hand-coded controller, as `baseline --json` prints it.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub struct BaselineRecord {
+    /// Name of the scenario, from [`dials_core::domain::ScenarioId::word`].
+    pub scenario: String,
+    pub controller: String,
+    pub mean_return: f64,
+    pub std_error: f64,
+    pub episodes: usize,
+    /// Seed of the episodes; `None` in files of older versions.
+    #[serde(default)]
+    pub seed: Option<u64>,
+    /// Mean return of all agents in each episode; empty in files of older versions.
+    #[serde(default)]
+    pub episode_returns: Vec<f64>,
+    #[serde(flatten)]
+    pub measured_with: MeasuredWith,
+}
+
+impl BaselineRecord {
+    /// Returns whether two baselines say the same, whatever they were measured with.
+    fn says_the_same_as(&self, other: &BaselineRecord) -> bool {
+        *self == BaselineRecord { measured_with: self.measured_with.clone(), ..other.clone() }
+    }
+}
+
+/// What a controller is measured with, beside the config and its own name.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
+pub struct MeasuredWith {
+    /// CRC-32 of the file that the controller reads; `None` if it reads none, and in files of older versions.
+    #[serde(default)]
+    pub controller_file_crc32: Option<String>,
+    /// Version of SUMO; `None` if the domain does not need it.
+    #[serde(default)]
+    pub sumo_version: Option<String>,
+}
+
+/// A run, a baseline, a plan or a folder that is not used, and why.
+#[derive(Clone, Debug)]
+pub struct LeftOut {
+    pub dir: PathBuf,
+    pub reason: String,
+}
+
+/// Writes the path and the reason in one printable line.
+impl fmt::Display for LeftOut {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let reason: Vec<&str> = self.reason.split_whitespace().collect();
+        write!(f, "{}: left out: {}", Printable(self.dir.display()), Printable(reason.join(" ")))
+    }
+}
+
+/// Everything that was found.
+#[derive(Default)]
+pub struct Found {
+    pub runs: Vec<RunRecord>,
+    /// Runs, baselines, plans and folders that cannot be read.
+    pub unreadable: Vec<LeftOut>,
+    /// Runs and baselines of a plan that are not there yet.
+    pub missing: Vec<PathBuf>,
+    /// Baselines, each once, with its file.
+    pub baselines: Vec<(PathBuf, BaselineRecord)>,
+}
+
+impl Found {
+    fn leave_out(&mut self, path: &Path, error: &anyhow::Error) {
+        self.unreadable.push(LeftOut { dir: path.to_owned(), reason: format!("{error:#}") });
+    }
+}
+
+/// Searches folders. A folder without any run in it is an error.
+pub fn find(folders: &[PathBuf]) -> Result<Found> {
+    let mut found = Found::default();
+    let mut seen = BTreeMap::new();
+    for folder in folders {
+        ensure!(folder.is_dir(), "{}: no such folder", folder.display());
+        ensure!(
+            search(folder, DEPTH, &mut seen, &mut found)?,
+            "{}: holds no run directory; make one with `dials-traffic train` or `dials-traffic experiment`",
+            folder.display()
+        );
+    }
+    Ok(found)
+}
+
+/// Searches a folder. Returns whether it holds a run, or the plan of one.
+///
+/// `seen`: the answers for the folders that were searched already. The same folder may be named twice, be inside
+/// another, or hold a link that leads back to it.
+fn search(folder: &Path, depth: usize, seen: &mut BTreeMap<PathBuf, bool>, found: &mut Found) -> Result<bool> {
+    let failed = || format!("{}: cannot be read", folder.display());
+    let place = folder.canonicalize().with_context(failed)?;
+    if let Some(&holds) = seen.get(&place) {
+        return Ok(holds);
+    }
+    if is_run_dir(folder) {
+        match RunRecord::read(folder) {
+            Ok(run) => found.runs.push(run),
+            Err(error) => found.leave_out(folder, &error),
+        }
+        seen.insert(place, true);
+        return Ok(true);
+    }
+    // Until it has been searched: a link back to it adds nothing.
+    seen.insert(place.clone(), false);
+    let mut holds = read_plan(folder, found);
+    let entries = match entries_of(folder) {
+        Ok(entries) => entries,
+        Err(error) => {
+            found.leave_out(folder, &error);
+            Vec::new()
+        }
+    };
+    for entry in entries.iter().filter(|entry| entry.is_dir() && depth > 0 && !is_aside(entry)) {
+        if entry.file_name().is_some_and(|name| name == BASELINES) {
+            read_baselines(entry, found);
+        } else {
+            match search(entry, depth - 1, seen, found) {
+                Ok(inside) => holds |= inside,
+                Err(error) => found.leave_out(entry, &error),
+            }
+        }
+    }
+    seen.insert(place, holds);
+    Ok(holds)
+}
+
+/// Returns whether `--force` moved a folder aside, or it is hidden. Such a folder counts only if it is named.
+pub fn is_aside(folder: &Path) -> bool {
+    let name = folder.file_name().unwrap_or_default().to_string_lossy();
+    let aside = name.rsplit_once(".old-").is_some_and(|(_, number)| number.bytes().all(|byte| byte.is_ascii_digit()));
+    aside || name.starts_with('.')
+}
+
+/// Returns the paths in a folder, in order.
+fn entries_of(folder: &Path) -> Result<Vec<PathBuf>> {
+    let entries = fs::read_dir(folder).and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect());
+    let mut paths: Vec<PathBuf> = entries.with_context(|| format!("{}: cannot be read", folder.display()))?;
+    paths.sort();
+    Ok(paths)
+}
+
+/// Reads the plan in a folder. Returns whether there is one that names a run, or one that cannot be read.
+fn read_plan(folder: &Path, found: &mut Found) -> bool {
+    let plan = match FolderPlan::read(folder) {
+        Ok(Some(plan)) => plan,
+        Ok(None) => return false,
+        Err(error) => {
+            found.leave_out(&folder.join(PLAN), &error);
+            return true;
+        }
+    };
+    let runs = plan.runs();
+    found.missing.extend(runs.iter().map(|name| folder.join(name)).filter(|run| !is_run_dir(run)));
+    let baselines = plan.baselines().into_iter().map(|name| baseline_file(folder, name));
+    found.missing.extend(baselines.filter(|baseline| !baseline.is_file()));
+    !runs.is_empty()
+}
+
+fn read_baselines(folder: &Path, found: &mut Found) {
+    let mut paths = match entries_of(folder) {
+        Ok(paths) => paths,
+        Err(error) => return found.leave_out(folder, &error),
+    };
+    paths.retain(|path| path.extension().is_some_and(|extension| extension == "json"));
+    for path in paths {
+        match read_baseline(&path) {
+            // Two experiments on one scenario measure the same baselines.
+            Ok(baseline) if found.baselines.iter().any(|(_, other)| other.says_the_same_as(&baseline)) => {}
+            Ok(baseline) => found.baselines.push((path, baseline)),
+            Err(error) => found.leave_out(&path, &error),
+        }
+    }
+}
+
+/// Reads a baseline. A number in it that is no figure is an error.
+pub fn read_baseline(path: &Path) -> Result<BaselineRecord> {
+    let baseline: BaselineRecord = read_json(path)?;
+    let means = [("mean_return", baseline.mean_return), ("std_error", baseline.std_error)];
+    let figures = means.into_iter().chain(baseline.episode_returns.iter().map(|&value| ("episode_returns", value)));
+    for (key, value) in figures {
+        if value.is_nan() || value.abs() > LARGEST {
+            bail!("{}: `{key}` holds {value:e}, which is too large for a figure; measure it again", path.display());
+        }
+    }
+    Ok(baseline)
+}

@@ -1,0 +1,187 @@
+//! Files that only grow: their length, and the checksum of everything in them, so that a later change is noticed.
+
+use std::fs::File;
+use std::io::{Read, Write};
+
+use anyhow::{Context, Result, ensure};
+use serde::{Deserialize, Serialize};
+
+use dials_core::outside::Directory;
+
+/// Number of bytes that are read at a time.
+const PART: usize = 1 << 16;
+
+/// How far a file has grown.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Mark {
+    pub bytes: u64,
+    /// CRC-32C of all these bytes.
+    pub crc32c: u32,
+}
+
+impl Mark {
+    fn after(self, block: &[u8]) -> Mark {
+        Mark { bytes: self.bytes + block.len() as u64, crc32c: crc32c::crc32c_append(self.crc32c, block) }
+    }
+}
+
+/// A file that grows by whole blocks, one write per block. Nobody else writes it.
+#[derive(Clone, Debug)]
+pub struct GrowingFile {
+    name: String,
+    mark: Mark,
+    /// Whether something was written that a loss of power could still take away.
+    unsynced: bool,
+}
+
+impl GrowingFile {
+    /// Describes a file that has grown up to `mark`. Without a byte it does not exist.
+    pub fn new(name: &str, mark: Mark) -> GrowingFile {
+        GrowingFile { name: name.to_owned(), mark, unsynced: false }
+    }
+
+    pub fn mark(&self) -> Mark {
+        self.mark
+    }
+
+    /// Appends what `block` makes; it gets whether the file is new. If that fails, the file is as before.
+    pub fn append(&mut self, directory: &Directory, block: impl FnOnce(bool) -> Result<Vec<u8>>) -> Result<()> {
+        let new = self.mark.bytes == 0;
+        let block = block(new)?;
+        let mut file = if new { directory.open_to_append(&self.name)? } else { directory.open_to_go_on(&self.name)? };
+        let failed = || format!("{}: cannot be written", directory.path_of(&self.name).display());
+        let (length, expected) = (file.metadata().with_context(failed)?.len(), self.mark.bytes);
+        ensure!(
+            length == expected,
+            "{}: has {length} bytes instead of {expected}: something else changed it meanwhile",
+            directory.path_of(&self.name).display()
+        );
+        append_whole(&mut file, expected, &block).with_context(failed)?;
+        self.mark = self.mark.after(&block);
+        self.unsynced = true;
+        Ok(())
+    }
+
+    /// Makes everything that was appended durable. The caller makes new names durable.
+    pub fn sync(&mut self, directory: &Directory) -> Result<()> {
+        if self.unsynced {
+            let failed = || format!("{}: cannot be written", directory.path_of(&self.name).display());
+            directory.open_to_go_on(&self.name)?.sync_data().with_context(failed)?;
+            self.unsynced = false;
+        }
+        Ok(())
+    }
+
+    /// Cuts off what was appended after the mark. The caller has checked that the file [fits](misfit).
+    pub fn cut(&self, directory: &Directory) -> Result<()> {
+        if self.mark.bytes == 0 {
+            directory.check(&self.name)?;
+            return directory.remove(&self.name);
+        }
+        let failed = || {
+            let path = directory.path_of(&self.name);
+            format!("{}: cannot be cut to its length at the checkpoint", path.display())
+        };
+        directory.open_to_go_on(&self.name)?.set_len(self.mark.bytes).with_context(failed)
+    }
+}
+
+fn append_whole(file: &mut File, length: u64, block: &[u8]) -> std::io::Result<()> {
+    file.write_all(block).inspect_err(|_| drop(file.set_len(length)))
+}
+
+/// Says how a file differs from what it held at `mark`. `None`: it holds the same, and maybe more after it.
+pub fn misfit(directory: &Directory, name: &str, mark: Mark) -> Result<Option<String>> {
+    let Some(file) = directory.open_file(name)? else {
+        return Ok((mark.bytes > 0).then(|| "is missing".to_owned()));
+    };
+    let failed = || format!("{}: cannot be read", directory.path_of(name).display());
+    let length = file.metadata().with_context(failed)?.len();
+    if length < mark.bytes {
+        return Ok(Some(format!("lost {} bytes", mark.bytes - length)));
+    }
+    let (mut found, mut part, mut file) = (Mark::default(), vec![0; PART], file.take(mark.bytes));
+    loop {
+        let read = file.read(&mut part).with_context(failed)?;
+        if read == 0 {
+            break;
+        }
+        found = found.after(&part[..read]);
+    }
+    Ok((found != mark).then(|| "was changed".to_owned()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    fn directory() -> (tempfile::TempDir, Directory) {
+        let dir = tempfile::tempdir().unwrap();
+        let directory = Directory::open(dir.path()).unwrap();
+        (dir, directory)
+    }
+
+    fn append(file: &mut GrowingFile, directory: &Directory, text: &str) {
+        file.append(directory, |new| Ok([if new { "header\n" } else { "" }, text].concat().into_bytes())).unwrap();
+    }
+
+    #[test]
+    fn a_growing_file_is_cut_to_where_it_was() {
+        let (dir, directory) = directory();
+        let path = dir.path().join("a.csv");
+        let mut file = GrowingFile::new("a.csv", Mark::default());
+        append(&mut file, &directory, "1\n2\n");
+        let mark = file.mark();
+        // The check value of CRC-32C is of the nine digits.
+        assert_eq!(Mark::default().after(b"1234").after(b"56789"), Mark { bytes: 9, crc32c: 0xe306_9283 });
+        append(&mut file, &directory, "3\n");
+        file.sync(&directory).unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), "header\n1\n2\n3\n");
+        let mut file = GrowingFile::new("a.csv", mark);
+        assert_eq!(misfit(&directory, "a.csv", mark).unwrap(), None);
+        file.cut(&directory).unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), "header\n1\n2\n");
+        append(&mut file, &directory, "3\n");
+        assert_eq!(fs::read_to_string(&path).unwrap(), "header\n1\n2\n3\n");
+        GrowingFile::new("a.csv", Mark::default()).cut(&directory).unwrap();
+        assert!(!path.exists());
+        GrowingFile::new("a.csv", Mark::default()).cut(&directory).unwrap();
+    }
+
+    #[test]
+    fn a_change_before_the_mark_is_noticed_and_one_after_it_is_not() {
+        let (dir, directory) = directory();
+        let path = dir.path().join("a.csv");
+        let mut file = GrowingFile::new("a.csv", Mark::default());
+        append(&mut file, &directory, "1\n2\n");
+        let is = |text: &str| {
+            fs::write(&path, text).unwrap();
+            misfit(&directory, "a.csv", file.mark()).unwrap()
+        };
+        assert_eq!(is("header\n1\n2\n3\n"), None);
+        assert_eq!(is("header\n1\n3\n").as_deref(), Some("was changed"));
+        assert_eq!(is("header\n1\n").as_deref(), Some("lost 2 bytes"));
+        fs::remove_file(&path).unwrap();
+        assert_eq!(misfit(&directory, "a.csv", file.mark()).unwrap().as_deref(), Some("is missing"));
+        assert_eq!(misfit(&directory, "a.csv", Mark::default()).unwrap(), None);
+    }
+
+    #[test]
+    fn two_writers_of_one_file_are_noticed() {
+        let (dir, directory) = directory();
+        let mut file = GrowingFile::new("a.csv", Mark::default());
+        append(&mut file, &directory, "1\n");
+        fs::write(dir.path().join("a.csv"), "header\n1\n9\n").unwrap();
+        let error = file.append(&directory, |_| Ok(b"2\n".to_vec())).unwrap_err().to_string();
+        assert!(error.contains("a.csv: has 11 bytes instead of 9: something else changed it"), "{error}");
+    }
+
+    #[test]
+    fn a_full_disk_is_an_error() {
+        // The kernel's own full disk.
+        let mut full = fs::OpenOptions::new().append(true).open("/dev/full").unwrap();
+        let error = append_whole(&mut full, 0, b"1\n").unwrap_err().to_string();
+        assert!(error.contains("No space left on device"), "{error}");
+    }
+}

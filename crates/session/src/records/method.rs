@@ -1,0 +1,215 @@
+//! The part of a config that defines a method.
+
+use std::collections::BTreeMap;
+
+use toml::{Table, Value};
+
+use dials_config::{Config, Simulator};
+use dials_core::domain::Scenario;
+
+/// A method: a way of training, whatever the seed and the scenario.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Method {
+    /// Name of the simulator in configs.
+    pub simulator: String,
+    pub retraining: Retraining,
+    /// Keys of the config with their values as text. Left out: the seed, the stop, the scenario, and keys that change
+    /// nothing.
+    pub keys: BTreeMap<String, String>,
+}
+
+impl Method {
+    /// Returns the method of a config. `scenario`: scenario of the run, which has the checksums of its files.
+    pub fn of(config: &Config, scenario: &Scenario) -> Method {
+        let table = Table::try_from(config).expect("a config is a table");
+        let mut keys = BTreeMap::new();
+        flatten("", &table, &mut keys);
+        if let Some(mut domain) = config.domain.clone() {
+            // The same file has another path in every run, so its checksum replaces the path, if it is known.
+            let paths: Vec<&str> = domain.paths().into_iter().map(|(key, _)| key).collect();
+            paths.into_iter().for_each(|key| drop(keys.remove(&domain.key(key))));
+            keys.extend(scenario.files.clone());
+            if config.simulator == Simulator::Global {
+                domain.local_keys().iter().for_each(|key| drop(keys.remove(&domain.key(key))));
+            }
+        }
+        Method::of_keys(config.simulator, keys)
+    }
+
+    /// Returns whether this method leaves out a key that another one of the same simulator has, and would read it: the
+    /// key is off if it is not set.
+    pub fn has_off(&self, key: &str) -> bool {
+        let imitates = self.keys.contains_key("policy.imitate");
+        !self.keys.contains_key(key) && !is_of_others(&self.retraining, imitates, key)
+    }
+
+    fn of_keys(simulator: Simulator, mut keys: BTreeMap<String, String>) -> Method {
+        let retraining = if simulator.trains_predictors() { Retraining::of(&keys) } else { Retraining::Never };
+        let imitates = keys.contains_key("policy.imitate");
+        keys.retain(|key, _| {
+            !is_no_method(key) && !simulator_ignores(simulator, key) && !is_of_others(&retraining, imitates, key)
+        });
+        Method { simulator: simulator.name().to_owned(), retraining, keys }
+    }
+}
+
+fn flatten(prefix: &str, table: &Table, keys: &mut BTreeMap<String, String>) {
+    for (name, value) in table {
+        let key = format!("{prefix}{name}");
+        match value {
+            Value::Table(inner) => flatten(&format!("{key}."), inner, keys),
+            Value::String(text) => drop(keys.insert(key, text.clone())),
+            value => drop(keys.insert(key, value.to_string())),
+        }
+    }
+}
+
+/// Returns whether a key changes nothing in the learning.
+fn is_no_method(key: &str) -> bool {
+    ["seed", "stop_at_steps"].contains(&key) || key.starts_with("logging.") || key.starts_with("checkpoints.")
+}
+
+/// Returns whether a key changes nothing with this simulator.
+fn simulator_ignores(simulator: Simulator, key: &str) -> bool {
+    match key.split_once('.') {
+        Some(("aip", key)) => !simulator.predictor().is_some_and(|predictor| predictor.reads(key)),
+        Some(("gs", _)) => simulator != Simulator::Global,
+        Some(("local_simulators", _)) => simulator == Simulator::Global,
+        _ => false,
+    }
+}
+
+/// Returns whether a key changes nothing with this retraining of the approximate influence predictors (AIPs), or without
+/// an imitation. `imitates`: whether the policies imitate a controller first.
+fn is_of_others(retraining: &Retraining, imitates: bool, key: &str) -> bool {
+    match key {
+        // Only retraining on drift depends on what these episodes measure.
+        "evaluation.aip_loss_episodes" | "aip.drift_threshold" => *retraining != Retraining::Drift,
+        "aip.retrain_every_steps" => !matches!(retraining, Retraining::Every(_)),
+        key => key.starts_with("imitation.") && !imitates,
+    }
+}
+
+/// When AIPs are retrained after step 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Retraining {
+    /// The AIPs are never trained, or there are none.
+    Never,
+    /// Every F timesteps per agent, as in the paper.
+    Every(u64),
+    /// Only at step 0.
+    Once,
+    /// When the loss of the AIPs has grown.
+    Drift,
+}
+
+impl Retraining {
+    /// Reads the retraining from the keys of a config.
+    fn of(keys: &BTreeMap<String, String>) -> Self {
+        match keys.get("aip.retrain").map(String::as_str) {
+            Some("once") => Retraining::Once,
+            Some("drift") => Retraining::Drift,
+            _ => {
+                Retraining::Every(keys.get("aip.retrain_every_steps").and_then(|every| every.parse().ok()).unwrap_or(0))
+            }
+        }
+    }
+}
+
+/// Writes a number of steps: `1M`, `500K`, `128`. It rounds 150 016 to `150K`, because periods are whole updates of the
+/// policies and steps are seldom round.
+pub fn steps_text(steps: u64) -> String {
+    let rounded = |unit: f64, decimals: f64| (steps as f64 / unit * decimals).round() / decimals;
+    match steps {
+        0..1_000 => steps.to_string(),
+        1_000..100_000 => format!("{}K", rounded(1e3, 10.0)),
+        100_000..1_000_000 => format!("{}K", rounded(1e3, 1.0)),
+        _ => format!("{}M", rounded(1e6, 100.0)),
+    }
+}
+
+/// Returns the keys whose values differ, in order. `None`: this side has no such key.
+pub fn differing(a: &BTreeMap<String, String>, b: &BTreeMap<String, String>) -> Vec<(String, [Option<String>; 2])> {
+    let mut keys: Vec<&String> = a.keys().chain(b.keys()).collect();
+    keys.sort();
+    keys.dedup();
+    let differing = keys.into_iter().filter(|key| a.get(*key) != b.get(*key));
+    differing.map(|key| (key.clone(), [a.get(key).cloned(), b.get(key).cloned()])).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::records::before;
+
+    fn method_of(text: &str) -> Method {
+        let config: Config = toml::from_str(text).unwrap();
+        let scenario = before::scenario(&config, Some(4)).unwrap().unwrap();
+        Method::of(&config, &scenario)
+    }
+
+    #[test]
+    fn seeds_and_stops_are_no_methods_and_neither_is_what_a_simulator_ignores() {
+        let base = method_of("seed = 1\n[warehouse]\nagents_per_side = 2");
+        let stops = "stop_at_steps = 500\ncheckpoints.every_steps = 200";
+        let other = method_of(&format!("seed = 2\n{stops}\n[warehouse]\nagents_per_side = 2"));
+        assert_eq!(base, other);
+        assert_eq!((base.simulator.as_str(), base.retraining), ("dials", Retraining::Every(1_000_000)));
+        let gs = |epochs| {
+            let aip = format!("aip = {{ epochs = {epochs}, retrain_every_steps = {epochs}000 }}");
+            method_of(&format!("simulator = 'gs'\n{aip}\n[warehouse]\nagents_per_side = 2"))
+        };
+        assert_eq!(gs(1), gs(2));
+        let clip = method_of("ppo.clip = 0.2\n[warehouse]\nagents_per_side = 2");
+        assert_ne!(base, clip);
+    }
+
+    #[test]
+    fn settings_of_an_imitation_matter_only_where_there_is_one_and_those_of_the_gs_only_there() {
+        let warehouse = |keys: &str| method_of(&format!("{keys}\n[warehouse]\nagents_per_side = 2"));
+        assert_eq!(warehouse(""), warehouse("imitation.epochs = 3\ngs.shared_policy = true"));
+        let imitates = "policy.imitate = 'oldest-item'";
+        assert_ne!(warehouse(""), warehouse(imitates));
+        assert_ne!(warehouse(imitates), warehouse(&format!("{imitates}\nimitation.epochs = 3")));
+        assert_ne!(warehouse("simulator = 'gs'"), warehouse("simulator = 'gs'\ngs.shared_policy = true"));
+    }
+
+    #[test]
+    fn f_matters_only_where_aips_are_trained_every_f_steps() {
+        let method = |retrain: &str, every: &str| {
+            let keys = [("aip.retrain", retrain), ("aip.retrain_every_steps", every), ("aip.drift_threshold", "1.5")];
+            Method::of_keys(Simulator::default(), keys.map(|(key, value)| (key.to_owned(), value.to_owned())).into())
+        };
+        assert_eq!(method("once", "100"), method("once", "200"));
+        assert_eq!(method("drift", "100"), method("drift", "200"));
+        assert_ne!(method("every", "100"), method("every", "200"));
+        assert_eq!(method("every", "100").retraining, Retraining::Every(100));
+        assert!(!method("once", "100").keys.contains_key("aip.drift_threshold"));
+        assert!(method("drift", "100").keys.contains_key("aip.drift_threshold"));
+    }
+
+    #[test]
+    fn the_episodes_that_measure_the_aips_matter_only_where_their_loss_decides() {
+        let method = |retrain: &str, episodes: usize| {
+            let text = format!(
+                "aip.retrain = '{retrain}'\nevaluation.aip_loss_episodes = {episodes}\n[warehouse]\nagents_per_side = 2"
+            );
+            method_of(&text)
+        };
+        assert_eq!(method("every", 4), method("every", 8));
+        assert_eq!(method("once", 4), method("once", 8));
+        assert_ne!(method("drift", 4), method("drift", 8));
+    }
+
+    #[test]
+    fn another_local_network_is_another_method_except_on_the_gs() {
+        let method = |simulator: &str, local: &str| {
+            let nets = concat!(env!("CARGO_MANIFEST_DIR"), "/../../sumo_nets");
+            let traffic = format!("[traffic]\nnetwork = '{nets}/grid_2x2'\nlocal_network = '{nets}/{local}'");
+            method_of(&format!("simulator = '{simulator}'\n{traffic}"))
+        };
+        assert_ne!(method("dials", "local"), method("dials", "grid_2x2"));
+        assert_eq!(method("gs", "local"), method("gs", "grid_2x2"));
+        assert_eq!(method("dials", "local"), method("dials", "../sumo_nets/local"), "the same file");
+    }
+}

@@ -1,0 +1,61 @@
+//! The run directory: the files of a run, written as it proceeds, and read again.
+//!
+//! CSV files grow by whole blocks of lines, one write per block. All other files are written beside their place and
+//! then moved there. So a kill loses at most the current period, and the files can be read at any time. Who writes
+//! holds the directory's lock, and reaches the files through the opened directory. GS: global simulator; AIPs:
+//! approximate influence predictors.
+//!
+//! | file | what |
+//! |---|---|
+//! | `config.toml`, `networks/` | the checked config and its SUMO networks: the run can be evaluated anywhere |
+//! | `run.json` | seed, command line, scenario, build and machine |
+//! | `imitation.csv` | the imitation of a controller before training, per agent, if the config asks for it |
+//! | `returns.csv` | evaluations on the GS, per agent and for all |
+//! | `episodes.csv` | the mean return of all agents in each episode of each evaluation |
+//! | `training.csv` | each period of training, per agent: returns on the simulator it trained on, losses |
+//! | `aip_loss.csv` | each training of the AIPs, per agent and source |
+//! | `aip_drift.csv` | the loss of the AIPs on new episodes, per agent, if the config asks for it |
+//! | `timing.csv` | each period, per worker: seconds per phase |
+//! | `memory.csv` | each period, per process: memory |
+//! | `events.out.tfevents` | the numbers of these for TensorBoard, if the config asks for it |
+//! | `policies.safetensors`, `aips.safetensors` | the networks, `[agents, ...]` |
+//! | `checkpoints/` | the last few states to resume from |
+//!
+//! - [`files`], [`columns`]: the names of the files, and of the columns of each CSV file, for writers and readers.
+//! - [`growing`], [`csv`], [`tensorboard`]: files that grow, so that a kill or a full disk loses nothing, and a change
+//!   by others is noticed.
+//! - `lines`: the lines of the CSV files. [`finite`]: refuses to write networks that have diverged.
+//! - [`checkpoint`]: the state of all agents, from which a run continues. [`resume_point`]: which checkpoint fits the
+//!   files. [`networks`]: the files of policies and AIPs; [`joint_layout`]: places of all agents' networks in a file.
+//! - [`run_json`]: how the run was called, and what computed it. [`word`]: a word of its command line. [`kept`]: the
+//!   keys and files of the domain, to notice a change.
+//! - [`run_log`]: the [`Journal`](dials_learn::training::journal::Journal) that writes all this during training.
+//! - [`run_record`], [`reader`], [`csv_table`]: the contents of a run directory, also of other versions. [`likeness`]:
+//!   local simulators beside the global one. [`before`]: what older runs simulated. These files never see a live run.
+//! - [`find`]: runs, baselines and plans under some folders. [`plan`]: the plans of experiments; `json_file`: how plans
+//!   and baselines are read. [`method`]: the part of a config that makes runs comparable.
+
+pub mod before;
+pub mod checkpoint;
+pub mod columns;
+pub mod csv;
+pub mod csv_table;
+pub mod files;
+pub mod find;
+pub mod finite;
+pub mod growing;
+pub mod joint_layout;
+mod json_file;
+pub mod kept;
+pub mod likeness;
+mod lines;
+pub mod method;
+pub mod networks;
+pub mod plan;
+pub mod reader;
+pub mod resume_point;
+pub mod run_json;
+pub mod run_log;
+pub mod run_record;
+pub mod tensorboard;
+pub mod word;

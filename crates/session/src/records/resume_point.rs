@@ -1,0 +1,132 @@
+//! Where a run goes on: at the newest checkpoint whose files are all still what they were when it was written.
+
+use std::fmt;
+
+use anyhow::Result;
+
+use super::checkpoint::owner::Owner;
+use super::checkpoint::{self, Checkpoint};
+use super::csv_table::LARGEST_FILE;
+use super::files;
+use super::growing::{Mark, misfit};
+use dials_core::outside::{Directory, sweep};
+
+/// The point from which a run continues.
+pub struct ResumePoint {
+    /// `None`: there is no checkpoint, so the run begins again.
+    pub checkpoint: Option<Checkpoint>,
+    /// Names of the checkpoints after it, which no longer fit the files.
+    pub newer: Vec<String>,
+    /// Line for the user, if something was lost.
+    pub warning: Option<String>,
+}
+
+/// The error if no checkpoint fits the files. It names the first file that differs from the newest one, or says that
+/// there is no checkpoint at all.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct NothingFits(String);
+
+/// A file that differs from what a checkpoint says.
+#[derive(Debug)]
+struct Misfit {
+    path: String,
+    what: String,
+    /// Timesteps per agent of that checkpoint.
+    steps: u64,
+}
+
+impl fmt::Display for Misfit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {} since the checkpoint of step {}", self.path, self.what, self.steps)
+    }
+}
+
+impl ResumePoint {
+    /// Prepares a run directory, which this process has locked, for writing. Then finds where its run goes on.
+    ///
+    /// What is not a file of the run itself, such as a link, is an error. What killed writes left behind is removed.
+    pub fn find(directory: &Directory, owner: &Owner) -> Result<ResumePoint> {
+        files::WRITTEN.iter().chain(&files::GROWING).try_for_each(|name| directory.check(name))?;
+        sweep(directory, |name| files::WRITTEN.contains(&name))?;
+        let Some(folder) = directory.subdirectory(files::CHECKPOINTS)? else {
+            return ResumePoint::beginning(directory, owner);
+        };
+        sweep(&folder, checkpoint::is_checkpoint)?;
+        let names = checkpoint::list(&folder)?;
+        let (mut newer, mut first) = (Vec::new(), None);
+        for name in names.iter().rev() {
+            let checkpoint = Checkpoint::read(&folder, name, owner)?;
+            let Some(misfit) = first_misfit(directory, &checkpoint)? else {
+                let goes_on = |misfit: Misfit| {
+                    format!(
+                        "warning: {misfit}; the run goes on from step {}, and trains again from there",
+                        checkpoint.agents.steps
+                    )
+                };
+                let warning = first.map(goes_on);
+                if newer.is_empty() {
+                    checkpoint::remove_old(&folder)?;
+                }
+                return Ok(ResumePoint { checkpoint: Some(checkpoint), newer, warning });
+            };
+            first.get_or_insert(misfit);
+            newer.push(name.clone());
+        }
+        match first {
+            Some(misfit) => Err(NothingFits(format!(
+                "{misfit}; none of the {} checkpoints fits the files, so the run cannot be resumed",
+                names.len()
+            ))
+            .into()),
+            None => ResumePoint::beginning(directory, owner),
+        }
+    }
+
+    fn beginning(directory: &Directory, owner: &Owner) -> Result<ResumePoint> {
+        owner.check_described(directory.path())?;
+        let path = directory.path().display();
+        // In its first period a run has one evaluation at most, and no line of training but of this period.
+        for file in [files::RETURNS, files::TRAINING] {
+            if blocks_in(directory, file)? > 1 {
+                let what = "has results, but no checkpoint any more, so it cannot be resumed";
+                return Err(NothingFits(format!("{path}: {what}")).into());
+            }
+        }
+        // The policies are written shortly before the first checkpoint.
+        let trained = directory.open_file(files::POLICIES)?.is_some();
+        let warning =
+            trained.then(|| format!("warning: {path}: has no checkpoint, so the run begins again from step 0"));
+        Ok(ResumePoint { checkpoint: None, newer: Vec::new(), warning })
+    }
+
+    /// Returns how far a growing file had come.
+    pub fn mark(&self, file: &str) -> Mark {
+        self.checkpoint.as_ref().map_or(Mark::default(), |checkpoint| mark_in(checkpoint, file))
+    }
+}
+
+/// Returns of how many numbers of timesteps a CSV file of the run has whole lines.
+fn blocks_in(directory: &Directory, file: &str) -> Result<usize> {
+    let bytes = directory.read(file, LARGEST_FILE)?.unwrap_or_default();
+    // A kill may have cut the last line.
+    let whole = bytes.iter().rposition(|&byte| byte == b'\n').unwrap_or(0);
+    let lines = bytes[..whole].split(|&byte| byte == b'\n').skip(1);
+    let mut steps: Vec<&[u8]> = lines.map(|line| line.split(|&byte| byte == b',').next().unwrap_or(line)).collect();
+    steps.dedup();
+    Ok(steps.len())
+}
+
+fn mark_in(checkpoint: &Checkpoint, file: &str) -> Mark {
+    checkpoint.progress.growing.get(file).copied().unwrap_or_default()
+}
+
+fn first_misfit(directory: &Directory, checkpoint: &Checkpoint) -> Result<Option<Misfit>> {
+    for name in files::GROWING {
+        if let Some(what) = misfit(directory, name, mark_in(checkpoint, name))? {
+            let path = directory.path_of(name).display().to_string();
+            return Ok(Some(Misfit { path, what, steps: checkpoint.agents.steps }));
+        }
+    }
+    Ok(None)
+}

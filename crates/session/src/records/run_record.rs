@@ -1,0 +1,300 @@
+//! The contents of a run directory as numbers. `reader.rs` reads them.
+
+use std::path::PathBuf;
+
+use super::likeness::LikenessRecord;
+use super::run_json::RunJson;
+use dials_config::Config;
+use dials_core::domain::Scenario;
+
+/// Contents of a run directory.
+#[derive(Clone, Debug)]
+pub struct RunRecord {
+    pub dir: PathBuf,
+    pub config: Config,
+    pub about: RunJson,
+    /// What was simulated; `None` if the number of agents is not known.
+    pub scenario: Option<Scenario>,
+    /// Evaluations, in order of steps.
+    pub evaluations: Vec<EvaluationRecord>,
+    /// Trainings of the AIPs (approximate influence predictors), in order of steps.
+    pub aip_trainings: Vec<AipTrainingRecord>,
+    /// Cross-entropies of the AIPs on new GS (global simulator) data, in order of steps; empty if the run did not
+    /// measure them.
+    pub fresh_losses: Vec<FreshLossRecord>,
+    /// Local simulators beside the global one, in order of steps; empty if the domain does not compare them.
+    pub likeness: Vec<LikenessRecord>,
+    /// Times of the periods, in order.
+    pub periods: Vec<PeriodTime>,
+    pub memory: Option<MemoryRecord>,
+    /// Number of worker processes, or 1 for a run without any.
+    pub workers: usize,
+}
+
+/// An evaluation of the joint policy on the GS.
+#[derive(Clone, Debug)]
+pub struct EvaluationRecord {
+    /// Timesteps per agent.
+    pub steps: u64,
+    pub all: Returns,
+    /// Returns of each agent.
+    pub agents: Vec<Returns>,
+    /// Number of episodes, if the file has it.
+    pub episodes: Option<usize>,
+    /// Mean returns of all agents, episode by episode; empty if the run did not record them.
+    pub episode_returns: Vec<f64>,
+}
+
+/// Figures of an evaluation, of one agent or of all.
+#[derive(Clone, Copy, Debug)]
+pub struct Returns {
+    pub mean: f64,
+    /// Median. For all agents: over the agents' means.
+    pub median: f64,
+    /// Standard error of the mean over the episodes.
+    pub std_error: f64,
+    /// Number of stuck agents; 0 or 1 for one agent.
+    pub stuck: usize,
+}
+
+/// Cross-entropy in nats on the held-out episodes of a dataset; the mean of all agents and sources.
+#[derive(Clone, Copy, Debug)]
+pub struct AipTrainingRecord {
+    pub steps: u64,
+    pub before: f64,
+    pub after: f64,
+    /// Cross-entropy of the best constant.
+    pub marginals: f64,
+}
+
+/// Cross-entropy in nats on GS episodes that no AIP was trained on; the mean of all agents and sources.
+#[derive(Clone, Copy, Debug)]
+pub struct FreshLossRecord {
+    pub steps: u64,
+    /// Whether the AIPs have just been trained here.
+    pub after_training: bool,
+    pub loss: f64,
+    /// Cross-entropy of the best constant.
+    pub marginals: f64,
+}
+
+/// Wall and CPU seconds since the run began, at the end of a period.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PeriodTime {
+    pub steps: u64,
+    pub elapsed_s: f64,
+    /// Part of it for evaluations of policies and AIPs, which are not part of the training.
+    pub evaluation_s: f64,
+    /// Part of it for the collection of datasets and the training of the AIPs.
+    pub influence_s: f64,
+    /// Part of it for the gradient steps of PPO.
+    pub update_s: f64,
+    /// CPU time of all processes; `None` for runs that did not measure it.
+    pub cpu: Option<CpuTime>,
+}
+
+impl PeriodTime {
+    /// Returns the wall time without the evaluations, as the paper counts it.
+    pub fn runtime_s(self) -> f64 {
+        self.elapsed_s - self.evaluation_s
+    }
+}
+
+/// CPU seconds of all processes, user and system.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CpuTime {
+    pub total_s: f64,
+    /// Part of it for evaluations.
+    pub evaluation_s: f64,
+}
+
+impl CpuTime {
+    /// Returns the CPU time without the evaluations.
+    pub fn runtime_s(self) -> f64 {
+        self.total_s - self.evaluation_s
+    }
+}
+
+/// Peak memory in MiB.
+#[derive(Clone, Copy, Debug)]
+pub struct MemoryRecord {
+    /// Memory of the largest process, shared libraries counted in full.
+    pub process_mb: f64,
+    /// Memory of all processes, shared libraries counted in full in each.
+    pub total_mb: f64,
+    /// Memory of all processes, shared pages counted once.
+    pub total_pss_mb: Option<f64>,
+}
+
+impl MemoryRecord {
+    /// Returns the larger value of each figure.
+    pub fn max(self, other: MemoryRecord) -> MemoryRecord {
+        MemoryRecord {
+            process_mb: self.process_mb.max(other.process_mb),
+            total_mb: self.total_mb.max(other.total_mb),
+            total_pss_mb: self.total_pss_mb.into_iter().chain(other.total_pss_mb).reduce(f64::max),
+        }
+    }
+}
+
+/// Progress of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Status {
+    Finished,
+    /// The run has evaluations up to this step.
+    Unfinished {
+        steps: u64,
+    },
+    /// The run has no evaluation yet, not even at its beginning.
+    Empty,
+}
+
+impl RunRecord {
+    /// Makes the record of a run that has written nothing yet, for tests.
+    pub fn empty(config: Config, scenario: Option<Scenario>) -> RunRecord {
+        RunRecord {
+            dir: PathBuf::new(),
+            config,
+            about: RunJson::default(),
+            scenario,
+            evaluations: Vec::new(),
+            aip_trainings: Vec::new(),
+            fresh_losses: Vec::new(),
+            likeness: Vec::new(),
+            periods: Vec::new(),
+            memory: None,
+            workers: 1,
+        }
+    }
+
+    pub fn status(&self) -> Status {
+        match self.evaluations.last() {
+            None => Status::Empty,
+            // Periods are whole updates of the policies, so the last one may end a little later than the config says.
+            Some(last) if last.steps >= self.config.last_step() => Status::Finished,
+            Some(last) => Status::Unfinished { steps: last.steps },
+        }
+    }
+
+    /// Returns whether everything is there that a finished run writes at and after its last evaluation. A kill may come
+    /// between these writes, and a resume makes up for it.
+    pub fn is_whole(&self) -> bool {
+        let Some(last) = self.evaluations.last() else { return false };
+        // Older versions did not record the episodes.
+        let records_episodes = self.evaluations.iter().any(|evaluation| !evaluation.episode_returns.is_empty());
+        let has_episodes = !records_episodes || !last.episode_returns.is_empty();
+        // The last period is one block of times, the evaluation after it another one. That one is written last.
+        let blocks = self.periods.iter().filter(|period| period.steps == last.steps).count();
+        has_episodes && blocks >= 2
+    }
+
+    /// Returns the evaluation at a step, if there was one.
+    pub fn evaluation_at(&self, steps: u64) -> Option<&EvaluationRecord> {
+        let place = self.evaluations.binary_search_by_key(&steps, |evaluation| evaluation.steps).ok()?;
+        self.evaluations.get(place)
+    }
+
+    /// Returns the step to which the run has trained: the end of its last period, where it wrote its last checkpoint.
+    pub fn trained_to(&self) -> u64 {
+        let evaluated = self.evaluations.last().map_or(0, |last| last.steps);
+        self.periods.last().map_or(0, |last| last.steps).max(evaluated)
+    }
+
+    /// Returns the mean return of all agents at a step, interpolated between two evaluations. Outside of them: `None`.
+    pub fn return_at(&self, steps: u64) -> Option<f64> {
+        self.interpolated(steps, |evaluation| evaluation.all.mean)
+    }
+
+    /// Returns the median over agents in the same way.
+    pub fn median_at(&self, steps: u64) -> Option<f64> {
+        self.interpolated(steps, |evaluation| evaluation.all.median)
+    }
+
+    fn interpolated(&self, steps: u64, figure: impl Fn(&EvaluationRecord) -> f64) -> Option<f64> {
+        interpolate(&self.evaluations, |evaluation| (evaluation.steps, figure(evaluation)), steps)
+    }
+
+    /// Returns the wall time without evaluations until a step, in seconds. If the run has not come so far: `None`.
+    pub fn runtime_at(&self, steps: u64) -> Option<f64> {
+        Some(self.time_at(steps)?.runtime_s())
+    }
+
+    /// Returns the time until a step: at the end of the last period that ends there, or interpolated between the ends
+    /// of two periods. `None` if the run has not come so far, and in the first period of a run that imitates: the time of
+    /// the imitation is known only with that period's.
+    pub fn time_at(&self, steps: u64) -> Option<PeriodTime> {
+        // Periods are in order of steps.
+        let (until, next) = self.periods.split_at(self.periods.partition_point(|period| period.steps <= steps));
+        let (until, next) = (until.last(), next.first());
+        let beginning =
+            || PeriodTime { cpu: next.and_then(|next| next.cpu).map(|_| CpuTime::default()), ..PeriodTime::default() };
+        if until.is_none() && self.config.policy.imitate.is_some() {
+            return None;
+        }
+        let until = until.copied().unwrap_or_else(beginning);
+        if until.steps == steps {
+            return Some(until);
+        }
+        let next = next?;
+        let share = (steps - until.steps) as f64 / (next.steps - until.steps) as f64;
+        let part = |from: f64, to: f64| from + share * (to - from);
+        Some(PeriodTime {
+            steps,
+            elapsed_s: part(until.elapsed_s, next.elapsed_s),
+            evaluation_s: part(until.evaluation_s, next.evaluation_s),
+            influence_s: part(until.influence_s, next.influence_s),
+            update_s: part(until.update_s, next.update_s),
+            cpu: until.cpu.zip(next.cpu).map(|(until, next)| CpuTime {
+                total_s: part(until.total_s, next.total_s),
+                evaluation_s: part(until.evaluation_s, next.evaluation_s),
+            }),
+        })
+    }
+
+    /// Returns the time of the whole run so far.
+    pub fn total_time(&self) -> Option<PeriodTime> {
+        self.periods.last().copied()
+    }
+}
+
+/// Interpolates linearly between the points left and right of `at`. Outside of them: `None`. If two points have the
+/// same place, the first counts. `items` are in order of the places of their points.
+fn interpolate<T>(items: &[T], point: impl Fn(&T) -> (u64, f64), at: u64) -> Option<f64> {
+    let (before, here) = items.split_at(items.partition_point(|item| point(item).0 < at));
+    let (place, value) = point(here.first()?);
+    if place == at {
+        return Some(value);
+    }
+    let (left, left_value) = point(before.last()?);
+    let share = (at - left) as f64 / (place - left) as f64;
+    Some(left_value + share * (value - left_value))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn between_two_evaluations_a_curve_is_a_straight_line_and_beyond_them_there_is_none() {
+        let at = |steps| interpolate(&[(100, 10.0), (300, 20.0), (300, 90.0)], |&point| point, steps);
+        // A quarter of the way from 100 to 300 the value is 10 + 10 / 4.
+        assert_eq!((at(100), at(150), at(300)), (Some(10.0), Some(12.5), Some(20.0)));
+        assert_eq!((at(99), at(301)), (None, None));
+    }
+
+    #[test]
+    fn the_time_of_an_imitation_is_known_only_at_the_end_of_the_first_period() {
+        let runtimes = |keys: &str| {
+            let config = toml::from_str(&format!("{keys}\n[warehouse]\nagents_per_side = 2")).unwrap();
+            let periods = [(100, 10.0), (200, 30.0)].map(|(steps, elapsed_s)| PeriodTime {
+                steps,
+                elapsed_s,
+                ..PeriodTime::default()
+            });
+            let run = RunRecord { periods: periods.to_vec(), ..RunRecord::empty(config, None) };
+            [0, 50, 100, 150].map(|steps| run.runtime_at(steps))
+        };
+        assert_eq!(runtimes(""), [Some(0.0), Some(5.0), Some(10.0), Some(20.0)]);
+        assert_eq!(runtimes("policy.imitate = 'oldest-item'"), [None, None, Some(10.0), Some(20.0)]);
+    }
+}

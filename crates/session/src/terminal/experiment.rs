@@ -1,0 +1,205 @@
+//! The progress of `experiment`: a bar per running process and one for the whole. Without a terminal: plain lines.
+
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use super::duration::duration;
+use super::training::plain_line;
+use super::{shows_bars, tell};
+use dials_core::outside::Printable;
+
+/// Interval between plain lines about all running processes.
+const PLAIN_LINES_EVERY: Duration = Duration::from_secs(60);
+/// Length of the bar of a task that has no timesteps.
+const NO_STEPS: u64 = 1;
+
+/// A process of an experiment before it begins.
+pub struct Planned {
+    pub name: String,
+    /// Estimated time of the whole task.
+    pub seconds: f64,
+    /// Number of cores that it uses.
+    pub width: usize,
+    /// Share that was done earlier, from 0 to 1.
+    pub share: f64,
+    /// Timesteps per agent of the whole run; 0 for a baseline.
+    pub steps: u64,
+}
+
+/// The progress display of an experiment.
+pub struct Display {
+    bars: MultiProgress,
+    terminal: bool,
+    whole: ProgressBar,
+    begun: Instant,
+    last_plain: Instant,
+    /// State of each task, by name. Running tasks have a bar.
+    tasks: BTreeMap<String, State>,
+}
+
+struct State {
+    /// Estimated core-seconds of the whole task.
+    weight: f64,
+    /// Share of the task that was done before this experiment began.
+    share_before: f64,
+    /// Share of the task that is done now.
+    share: f64,
+    steps: u64,
+    /// Whether it ended, well or with an error. Then nothing of it is left.
+    ended: bool,
+    bar: Option<ProgressBar>,
+}
+
+impl Display {
+    pub fn new(tasks: Vec<Planned>) -> Self {
+        let terminal = shows_bars();
+        let target = if terminal { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+        let bars = MultiProgress::with_draw_target(target);
+        let style = ProgressStyle::with_template("{bar:8.green/blue} {pos} of {len} done  {wide_msg}");
+        let whole = ProgressBar::new(tasks.len() as u64).with_style(style.expect("the template is well-formed"));
+        let whole = bars.add(whole);
+        whole.set_position(0);
+        let state = |task: &Planned| State {
+            weight: task.seconds * task.width as f64,
+            share_before: task.share,
+            share: task.share,
+            steps: task.steps,
+            ended: false,
+            bar: None,
+        };
+        let tasks = tasks.into_iter().map(|task| (task.name.clone(), state(&task))).collect();
+        let now = Instant::now();
+        Display { bars, terminal, whole, begun: now, last_plain: now, tasks }
+    }
+
+    /// Prints a line above the bars.
+    pub fn say(&self, line: &str) {
+        match self.terminal {
+            true => self.bars.suspend(|| tell(line)),
+            false => tell(line),
+        }
+    }
+
+    pub fn began(&mut self, task: &str) {
+        let Some(state) = self.tasks.get_mut(task) else { return };
+        let style = ProgressStyle::with_template("{bar:8.cyan/blue} {percent:>3} %  {prefix}  {wide_msg}");
+        let bar = ProgressBar::new(state.steps.max(NO_STEPS)).with_style(style.expect("the template is well-formed"));
+        let bar = self.bars.insert_before(&self.whole, bar).with_prefix(Printable(task).to_string());
+        bar.set_message("running");
+        bar.set_position((state.share * state.steps as f64) as u64);
+        if !self.terminal {
+            let resumed = if state.share > 0.0 { "resumed" } else { "began" };
+            tell(format_args!("{resumed} {task}"));
+        }
+        state.bar = Some(bar);
+    }
+
+    /// Updates the bar of a task from a line that its process printed on standard error.
+    pub fn heard(&mut self, task: &str, line: &str) {
+        let Some(state) = self.tasks.get_mut(task) else { return };
+        if let (Some((steps, words)), Some(bar)) = (plain_line(line), &state.bar) {
+            let steps = steps.min(state.steps);
+            state.share = steps as f64 / state.steps.max(NO_STEPS) as f64;
+            bar.set_position(steps);
+            bar.set_message(Printable(words).to_string());
+        }
+    }
+
+    /// Reports the end of a task. `why`: its error, if it failed.
+    pub fn ended(&mut self, task: &str, why: Option<&str>) {
+        let Some(state) = self.tasks.get_mut(task) else { return };
+        let words = state.bar.take().map_or(String::new(), |bar| {
+            let words = if state.steps > 0 { format!(": {}", bar.message()) } else { String::new() };
+            bar.finish_and_clear();
+            self.bars.remove(&bar);
+            words
+        });
+        state.ended = true;
+        match why {
+            None => {
+                state.share = 1.0;
+                self.whole.inc(1);
+                self.say(&format!("finished {task}{words}"));
+            }
+            Some(why) => self.say(&format!("{task}: {why}")),
+        }
+    }
+
+    pub fn tick(&mut self) {
+        self.whole.set_message(self.time_left().map_or(String::new(), |left| format!("about {} left", duration(left))));
+        if !self.terminal && self.last_plain.elapsed() >= PLAIN_LINES_EVERY {
+            self.last_plain = Instant::now();
+            for (name, state) in &self.tasks {
+                if let Some(bar) = &state.bar {
+                    tell(format_args!("{name}: {:.0} %, {}", 100.0 * state.share, bar.message()));
+                }
+            }
+            let left = self.time_left().map_or(String::new(), |left| format!(", about {} left", duration(left)));
+            tell(format_args!("{} of {} done{left}", self.whole.position(), self.tasks.len()));
+        }
+    }
+
+    /// Estimates the time left from the speed so far.
+    fn time_left(&self) -> Option<Duration> {
+        self.left_per_done().map(|ratio| self.begun.elapsed().mul_f64(ratio))
+    }
+
+    /// Returns how much is left for what was done since the beginning. Tasks are weighted by their core-seconds.
+    fn left_per_done(&self) -> Option<f64> {
+        let sum =
+            |share: &dyn Fn(&State) -> f64| self.tasks.values().map(|state| state.weight * share(state)).sum::<f64>();
+        let done = sum(&|state| state.share - state.share_before);
+        let left = sum(&|state| if state.ended { 0.0 } else { 1.0 - state.share });
+        // Below one percent an estimate would be too rough.
+        (done > 0.01 * (done + left)).then_some(left / done)
+    }
+
+    pub fn finish(&self) {
+        self.whole.finish_and_clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A display of tasks of an hour each, with these cores. Their names are their numbers.
+    fn of_widths(widths: &[usize]) -> Display {
+        let task = |(number, &width): (usize, &usize)| Planned {
+            name: number.to_string(),
+            seconds: 3600.0,
+            width,
+            share: 0.0,
+            steps: 100,
+        };
+        Display::new(widths.iter().enumerate().map(task).collect())
+    }
+
+    fn half_done(display: &mut Display, task: &str) {
+        display.began(task);
+        display.heard(task, "step 50/100: 900 agent-steps/s");
+    }
+
+    #[test]
+    fn a_run_on_all_cores_keeps_all_of_them_busy() {
+        // Eight runs of one core are at half, and one of eight cores comes after them: 4 core-hours done, 4 + 8 left.
+        let mut display = of_widths(&[1, 1, 1, 1, 1, 1, 1, 1, 8]);
+        (0..8).for_each(|task| half_done(&mut display, &task.to_string()));
+        assert_eq!(display.left_per_done(), Some(3.0));
+    }
+
+    #[test]
+    fn nothing_is_left_of_a_task_that_failed() {
+        let mut display = of_widths(&[1, 1, 1]);
+        // One cannot begin, and one fails at half. The third is at half: 1 hour done, half an hour left.
+        display.ended("0", Some("error: damaged"));
+        half_done(&mut display, "1");
+        display.ended("1", Some("error: broken"));
+        half_done(&mut display, "2");
+        assert_eq!(display.left_per_done(), Some(0.5));
+        display.ended("2", None);
+        assert_eq!(display.left_per_done(), Some(0.0));
+    }
+}

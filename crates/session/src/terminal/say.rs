@@ -1,0 +1,106 @@
+//! Printing to standard output and standard error, even if nobody reads them any more. Names in what is printed cannot
+//! act on the terminal.
+
+use std::fmt::Display;
+use std::io::{ErrorKind, IsTerminal, Write, stderr, stdout};
+use std::sync::atomic::{AtomicU8, Ordering};
+
+use anyhow::{Context, Result};
+
+use dials_core::outside::{Printable, is_printable};
+
+/// How much is printed on standard error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(u8)]
+pub enum Talk {
+    /// Errors and warnings only.
+    Quiet,
+    Normal,
+    /// Also what the work is doing.
+    Verbose,
+}
+
+/// The choice of this process, as a number.
+static TALK: AtomicU8 = AtomicU8::new(Talk::Normal as u8);
+
+/// Chooses how much this process prints on standard error.
+pub fn talk(talk: Talk) {
+    TALK.store(talk as u8, Ordering::Relaxed);
+}
+
+/// Returns whether as much as this is printed.
+pub fn talks(talk: Talk) -> bool {
+    TALK.load(Ordering::Relaxed) >= talk as u8
+}
+
+/// Returns whether progress bars are shown: on a terminal, unless the process is quiet.
+pub fn shows_bars() -> bool {
+    stderr().is_terminal() && talks(Talk::Normal)
+}
+
+/// Returns a text of one line or more as it may reach a terminal. Messages hold names that others chose, and nothing in
+/// a name may act on the terminal.
+pub fn shown(text: impl Display) -> String {
+    let text = text.to_string();
+    text.split('\n').map(|line| Printable(line).to_string()).collect::<Vec<_>>().join("\n")
+}
+
+/// Returns a JSON text in which names are escaped in JSON's own way, so that [`answer`] finds nothing to escape.
+pub fn json(value: impl Display) -> String {
+    let mut text = String::new();
+    // Outside of strings JSON has no such characters but the ends of lines.
+    for letter in value.to_string().chars() {
+        if is_printable(letter) || letter == '\n' {
+            text.push(letter);
+        } else {
+            letter.encode_utf16(&mut [0; 2]).iter().for_each(|unit| text += &format!("\\u{unit:04x}"));
+        }
+    }
+    text
+}
+
+/// Prints a message on standard error, unless the process is quiet.
+pub fn tell(line: impl Display) {
+    if talks(Talk::Normal) {
+        warn(line);
+    }
+}
+
+/// Prints an error, a warning or what was lost on standard error. If that fails, the work continues.
+pub fn warn(line: impl Display) {
+    let _ = stderr().write_all(format!("{}\n", shown(line)).as_bytes());
+}
+
+/// Prints the result of a command on standard output. If the reader has closed it, as `head` does, this is no error.
+pub fn answer(text: impl Display) -> Result<()> {
+    let mut out = stdout().lock();
+    match out.write_all(format!("{}\n", shown(text)).as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
+        written => written.context("standard output: cannot be written"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::{Value, json as object};
+
+    #[test]
+    fn lines_stay_and_nothing_in_them_acts_on_the_terminal() {
+        let text = "error: runs/\u{1b}]0;owned\u{7}\u{202E}x: no such folder\n  caused by: \rit\tis not there";
+        let told = "error: runs/\\u{1b}]0;owned\\u{7}\\u{202e}x: no such folder\n  caused by: \\rit\\tis not there";
+        assert_eq!(shown(text), told);
+        assert_eq!(shown("ü 交差点 ± [1.0, 2.0]\n\n"), "ü 交差点 ± [1.0, 2.0]\n\n");
+    }
+
+    #[test]
+    fn json_is_the_same_json_and_nothing_in_it_is_escaped_twice() {
+        let value = object!({ "run": "a\u{1b}\u{202E}\u{9b}\u{ffff}\n\"ü\u{7f}", "x": [1.5, null] });
+        let text = json(&value);
+        assert!(text.chars().all(is_printable), "{text}");
+        assert_eq!(shown(&text), text);
+        assert_eq!(serde_json::from_str::<Value>(&text).unwrap(), value);
+        let pretty = serde_json::to_string_pretty(&value).unwrap();
+        assert_eq!(serde_json::from_str::<Value>(&json(pretty)).unwrap(), value);
+    }
+}

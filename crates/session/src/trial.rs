@@ -1,0 +1,220 @@
+//! Files that might crash a simulator, tried in a child process first.
+//!
+//! SUMO aborts or reads foreign memory on some networks, and a process that does so cannot say why. So a child of this
+//! program loads a strange network and plays a step, with limits on time and memory. If the child dies, that is an
+//! error like any other. Networks that this program writes are known to be good, and cost nothing here.
+
+use std::collections::BTreeSet;
+use std::io::{Read, Write};
+use std::os::unix::process::{CommandExt, ExitStatusExt};
+use std::path::PathBuf;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::{Mutex, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result, anyhow};
+
+use super::domains;
+use super::parent::END_WITH;
+use crate::error;
+use crate::machine::{limit_memory, ran_out_of_memory};
+use dials_config::Config;
+use dials_core::domain::Domain;
+use dials_core::outside::Printable;
+
+/// The hidden subcommand of the child.
+const TRY_OUT: &str = "try-out";
+/// Longest time for a trial. A grid of 10 000 intersections, the largest, takes 30 s.
+const PATIENCE: Duration = Duration::from_secs(60);
+/// Memory that a trial may take, in GiB.
+const MEMORY_GIB: u64 = 4;
+/// Time between two looks at the child.
+const LOOK_EVERY: Duration = Duration::from_millis(5);
+/// Bytes of the child's words that are kept, from the end.
+const LAST_WORDS: usize = 2000;
+
+/// Configs whose files were survived, as JSON. A command opens the same files several times and tries them once.
+static SURVIVED: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
+
+/// The hidden command: tries the files of the config on standard input.
+pub fn try_out() -> error::Result<()> {
+    limit_memory(MEMORY_GIB << 30).map_err(error::Error::Run)?;
+    let config = || -> Result<Config> {
+        let mut json = String::new();
+        std::io::stdin().read_to_string(&mut json).context("no config on standard input")?;
+        serde_json::from_str(&json).context("this command is for the program itself, not for people")
+    };
+    let config = config().map_err(error::Error::Usage)?;
+    domains::find(&config).and_then(|domain| domain.try_out()).map_err(error::Error::Usage)
+}
+
+/// Lets a child try the files of a domain, if it is not known that the simulator survives them. Does so once per config.
+///
+/// The error names the files, says how the child ended and what it said last.
+pub fn survive(config: &Config, domain: &dyn Domain) -> Result<()> {
+    let files = domain.strange_files();
+    if files.is_empty() {
+        return Ok(());
+    }
+    let config = serde_json::to_string(config)?;
+    let survived = || SURVIVED.lock().unwrap_or_else(PoisonError::into_inner);
+    if survived().contains(&config) {
+        return Ok(());
+    }
+    let mut command = Command::new("/proc/self/exe");
+    command.args([TRY_OUT, END_WITH, &std::process::id().to_string()]);
+    // Ctrl-C at the terminal ends this process, and the child ends with it.
+    command.process_group(0);
+    let simulator = domain.foreign_simulator().unwrap_or("the simulator");
+    let end = watch(command, config.clone(), PATIENCE)?;
+    let names: Vec<String> = files.iter().map(|file: &PathBuf| file.display().to_string()).collect();
+    judge(end, &names.join(" or "), simulator)?;
+    survived().insert(config);
+    Ok(())
+}
+
+/// The end of a child and its last words.
+pub struct End {
+    /// Nothing if the child had not ended in time. It is killed then.
+    pub status: Option<ExitStatus>,
+    pub said: String,
+}
+
+/// Runs a command on an input until it ends.
+pub fn watch(mut command: Command, input: String, patience: Duration) -> Result<End> {
+    command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
+    let mut child = command.spawn().context("cannot start a process that tries it")?;
+    let mut stdin = child.stdin.take().expect("it was piped");
+    let mut stderr = child.stderr.take().expect("it was piped");
+    // A child that has died does not read. Its end says more than this error would.
+    let write = thread::spawn(move || drop(stdin.write_all(input.as_bytes())));
+    let read = thread::spawn(move || last_words(&mut stderr));
+    let status = ended_within(&mut child, patience);
+    if !matches!(status, Ok(Some(_))) {
+        drop(child.kill());
+        drop(child.wait());
+    }
+    // Both pipes are closed with the child, so both threads end.
+    drop(write.join());
+    let said = read.join().map_err(|_| anyhow!("cannot read what the process that tries it says"))?;
+    Ok(End { status: status?, said })
+}
+
+fn ended_within(child: &mut Child, patience: Duration) -> Result<Option<ExitStatus>> {
+    let begun = Instant::now();
+    loop {
+        if let Some(status) = child.try_wait().context("cannot wait for the process that tries it")? {
+            return Ok(Some(status));
+        }
+        if begun.elapsed() >= patience {
+            return Ok(None);
+        }
+        thread::sleep(LOOK_EVERY);
+    }
+}
+
+/// Reads to the end and keeps the last words.
+fn last_words(stderr: &mut impl Read) -> String {
+    let (mut kept, mut piece) = (Vec::new(), [0; LAST_WORDS]);
+    while let Ok(length @ 1..) = stderr.read(&mut piece) {
+        kept.extend_from_slice(&piece[..length]);
+        kept.drain(..kept.len().saturating_sub(LAST_WORDS));
+    }
+    String::from_utf8_lossy(&kept).trim().to_owned()
+}
+
+/// Returns the error of a child that failed, died or did not end. `files`: the strange files that it tried.
+fn judge(End { status, said }: End, files: &str, simulator: &str) -> Result<()> {
+    let died = |how: String| {
+        let words =
+            if said.is_empty() { String::new() } else { format!("; its last words: {}", said.replace('\n', " ")) };
+        anyhow!("{}", Printable(format!("{how}{words}")))
+            .context(format!("{files}: {simulator} cannot simulate this network; use another one"))
+    };
+    let Some(status) = status else {
+        return Err(died(format!("it was not loaded within {} seconds", PATIENCE.as_secs())));
+    };
+    if !status.success() && ran_out_of_memory(&said) {
+        return Err(died(format!(
+            "memory ran out; it may take {MEMORY_GIB} GiB, or less if a limit (ulimit -v) says so"
+        )));
+    }
+    if let Some(signal) = status.signal() {
+        let how = match signal {
+            6 => " (aborted, for example by an assertion)",
+            9 => " (killed, for example because memory ran out)",
+            11 => " (it read foreign memory)",
+            _ => "",
+        };
+        return Err(died(format!("{simulator} died of signal {signal}{how}")));
+    }
+    match (status.success(), said.strip_prefix("error: ")) {
+        (true, _) => Ok(()),
+        // The child found the same error that this process would have found.
+        (false, Some(error)) => {
+            let mut causes = error.rsplit("\n  caused by: ").map(|cause| Printable(cause).to_string());
+            let root = anyhow!(causes.next().unwrap_or_default());
+            Err(causes.fold(root, anyhow::Error::context))
+        }
+        (false, None) => Err(died(format!("it ended with {status}"))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn told(script: &str, patience: Duration) -> String {
+        let mut command = Command::new("sh");
+        command.args(["-c", script]);
+        let end = watch(command, "x".repeat(1 << 20), patience).unwrap();
+        match judge(end, "a.net.xml", "SUMO") {
+            Ok(()) => "survived".to_owned(),
+            Err(error) => format!("{error:#}"),
+        }
+    }
+
+    #[test]
+    fn the_death_of_the_child_is_an_error_like_any_other() {
+        let long = Duration::from_secs(60);
+        let died = "a.net.xml: SUMO cannot simulate this network; use another one";
+        assert_eq!(told("cat > /dev/null", long), "survived");
+        assert_eq!(
+            told("echo 'Assertion `x` failed.' >&2; kill -ABRT $$", long),
+            format!(
+                "{died}: SUMO died of signal 6 (aborted, for example by an assertion); \
+                 its last words: Assertion `x` failed."
+            )
+        );
+        assert_eq!(told("kill -SEGV $$", long), format!("{died}: SUMO died of signal 11 (it read foreign memory)"));
+        assert_eq!(told("exit 101", long), format!("{died}: it ended with exit status: 101"));
+        assert_eq!(told("printf 'error: a\\n  caused by: b\\n' >&2; exit 2", long), "a: b");
+        assert_eq!(
+            told("exec sleep 1000", Duration::from_millis(50)),
+            format!("{died}: it was not loaded within 60 seconds")
+        );
+    }
+
+    #[test]
+    fn memory_that_ran_out_is_told_in_whatever_words_the_child_said_it() {
+        let expected =
+            "a.net.xml: SUMO cannot simulate this network; use another one: memory ran out; it may take 4 GiB";
+        for script in [
+            "echo \"terminate called after throwing an instance of 'std::bad_alloc'\" >&2; kill -ABRT $$",
+            "printf 'error: a.net.xml: this network cannot be simulated\\n  caused by: std::bad_alloc\\n' >&2; exit 2",
+            "echo 'memory allocation of 48 bytes failed' >&2; kill -ABRT $$",
+            "echo 'error: out of memory: the system refused 8 more bytes' >&2; exit 1",
+            "echo 'error: no memory for a network: Cannot allocate memory (os error 12)' >&2; exit 2",
+        ] {
+            let told = told(&format!("cat > /dev/null; {script}"), Duration::from_secs(60));
+            assert!(told.starts_with(expected), "{script}: {told}");
+        }
+    }
+
+    #[test]
+    fn endless_words_are_cut() {
+        let told = told("yes 'no end' | head -n 100000 >&2; kill -SEGV $$", Duration::from_secs(60));
+        assert!(told.len() < LAST_WORDS + 200 && told.ends_with("no end"), "{}", told.len());
+    }
+}

@@ -1,0 +1,402 @@
+//! A stack: one network per agent.
+
+use rand::Rng;
+
+use super::adam::spread_first;
+use super::network::{Network, Sequences, Trace};
+use super::shape::{Layout, Shape};
+use super::{Parameters, Rows, States, Threads};
+
+/// Smallest number of agents for which several threads pay (about 4 us per agent).
+const AGENTS_WORTH_THREADS: usize = 32;
+
+/// One network per agent.
+pub struct Net {
+    shape: Shape,
+    parameters: Parameters,
+    threads: Threads,
+}
+
+impl Net {
+    /// Makes one network with random parameters from each generator.
+    pub fn new<R: Rng>(shape: Shape, generators: impl ExactSizeIterator<Item = R>) -> Self {
+        let mut net = Net::blank(generators.len(), shape);
+        let (shape, width) = (&net.shape, net.parameters.width());
+        let rows = net.parameters.values_mut().as_mut_slice().chunks_exact_mut(width);
+        for (row, mut generator) in rows.zip(generators) {
+            let mut rest = row;
+            for (length, bound) in shape.initial_bounds() {
+                let (stretch, after) = rest.split_at_mut(length);
+                stretch.iter_mut().for_each(|value| *value = generator.random_range(-bound..bound));
+                rest = after;
+            }
+        }
+        net
+    }
+
+    /// Makes networks whose parameters are all zero.
+    pub fn blank(agents: usize, shape: Shape) -> Self {
+        Net { parameters: Parameters::new(agents, shape.layout()), shape, threads: Threads::one() }
+    }
+
+    pub fn shape(&self) -> &Shape {
+        &self.shape
+    }
+
+    pub fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    pub fn parameters_mut(&mut self) -> &mut Parameters {
+        &mut self.parameters
+    }
+
+    /// Copies the parameters of the first agent to all others.
+    pub fn spread_first(&mut self) {
+        spread_first(self.parameters.values_mut());
+    }
+
+    /// Uses these threads from now on.
+    pub fn use_threads(&mut self, threads: Threads) {
+        self.threads = threads;
+    }
+
+    pub fn threads(&self) -> &Threads {
+        &self.threads
+    }
+
+    /// Returns the network of one agent.
+    pub fn network(&self, agent: usize) -> Network<'_> {
+        Network { shape: &self.shape, layout: self.parameters.layout(), values: self.parameters.values().row(agent) }
+    }
+
+    pub(super) fn parts_mut(&mut self) -> (&Shape, &Layout, &mut Rows<f32>) {
+        let (layout, values) = self.parameters.layout_and_values_mut();
+        (&self.shape, layout, values)
+    }
+
+    /// Adds `bias` to the biases of the last layer of the first tower, one value per output, for all agents.
+    pub fn shift_output(&mut self, bias: &[f32]) {
+        let range = self.parameters.layout().range(self.shape.blocks_per_tower() - 1);
+        let width = self.parameters.width();
+        for row in self.parameters.values_mut().as_mut_slice().chunks_exact_mut(width) {
+            row[range.clone()].iter_mut().zip(bias).for_each(|(value, shift)| *value += shift);
+        }
+    }
+
+    /// Makes states of zeros for this number of rows.
+    pub fn states(&self, rows: usize) -> States {
+        States::new(rows, self.shape.state_width())
+    }
+
+    /// Runs one step and returns the outputs, row by row. Replaces `states` by the states after the step.
+    ///
+    /// `inputs`: one row per row of `states`, ordered by agent, then by copy.
+    pub fn step(&self, inputs: &Rows<f32>, states: &mut States) -> Rows<f32> {
+        let Shape { inputs: width, outputs, .. } = self.shape;
+        let (agents, copies, state_width) =
+            (self.parameters.agents(), inputs.len() / self.parameters.agents(), self.shape.state_width());
+        let mut out = Rows::new(inputs.len(), outputs);
+        let starts = vec![false; copies];
+        let work = |trace: &mut Trace, (agent, inputs, out, states): (usize, &[f32], &mut [f32], &mut [f32])| {
+            self.network(agent).forward(inputs, Sequences { steps: 1, states, starts: &starts }, trace);
+            out.copy_from_slice(trace.output());
+            states.copy_from_slice(trace.last_states(states.len()));
+        };
+        let mut rest = states.as_mut_slice();
+        let mut items = Vec::with_capacity(agents);
+        let rows =
+            inputs.as_slice().chunks_exact(copies * width).zip(out.as_mut_slice().chunks_exact_mut(copies * outputs));
+        for (agent, (inputs, out)) in rows.enumerate() {
+            let (states, others) = rest.split_at_mut(copies * state_width);
+            rest = others;
+            items.push((agent, inputs, out, states));
+        }
+        self.threads.map(items, AGENTS_WORTH_THREADS, work);
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{dice, net};
+    use crate::{Adam, Learner};
+
+    fn feed_forward(sizes: &[usize]) -> Shape {
+        let (inputs, outputs) = (sizes[0], sizes[sizes.len() - 1]);
+        Shape { inputs, recurrent: None, hidden: sizes[1..sizes.len() - 1].to_vec(), outputs, apart: 0 }
+    }
+
+    fn random_rows(rows: usize, width: usize, name: &str) -> Rows<f32> {
+        let mut dice = dice(11 + name.len() as u64);
+        Rows::from_vec((0..rows * width).map(|_| dice.random_range(-1.0..1.0)).collect(), width)
+    }
+
+    /// Sequences of some agents, with random states and episodes that begin in one row of four; rows ordered agent,
+    /// step, sequence.
+    struct Material {
+        agents: usize,
+        inputs: Rows<f32>,
+        steps: usize,
+        states: States,
+        starts: Vec<bool>,
+        output_gradient: Vec<f32>,
+    }
+
+    impl Material {
+        fn new(shape: &Shape, agents: usize, steps: usize, batch: usize) -> Material {
+            let rows = agents * steps * batch;
+            let mut dice = dice(12);
+            let mut states = States::new(agents * batch, shape.state_width());
+            for row in 0..agents * batch {
+                let state: Vec<f32> = (0..shape.state_width()).map(|_| dice.random_range(-1.0..1.0)).collect();
+                states.set_row(row, &state);
+            }
+            Material {
+                agents,
+                inputs: random_rows(rows, shape.inputs, "inputs"),
+                steps,
+                states,
+                starts: (0..rows).map(|_| dice.random_bool(0.25)).collect(),
+                output_gradient: random_rows(rows, shape.outputs, "gradient").as_slice().to_vec(),
+            }
+        }
+
+        /// Returns the part of a table that belongs to an agent.
+        fn share<'a, T>(&self, table: &'a [T], agent: usize) -> &'a [T] {
+            &table[agent * table.len() / self.agents..(agent + 1) * table.len() / self.agents]
+        }
+
+        fn forward(&self, network: Network<'_>, agent: usize, trace: &mut Trace) {
+            let sequences = Sequences {
+                steps: self.steps,
+                states: self.share(self.states.as_slice(), agent),
+                starts: self.share(&self.starts, agent),
+            };
+            network.forward(self.share(self.inputs.as_slice(), agent), sequences, trace);
+        }
+
+        /// Returns the outputs of all agents.
+        fn outputs(&self, net: &Net) -> Vec<f32> {
+            let mut trace = Trace::default();
+            let of_agent = |agent| {
+                self.forward(net.network(agent), agent, &mut trace);
+                trace.output().to_vec()
+            };
+            (0..self.agents).flat_map(of_agent).collect()
+        }
+
+        /// Returns outputs and gradient of one agent.
+        fn outputs_and_gradient(&self, network: Network<'_>, agent: usize) -> (Vec<f32>, Vec<f32>) {
+            let mut trace = Trace::default();
+            self.forward(network, agent, &mut trace);
+            network.backward(self.share(&self.output_gradient, agent), &mut trace);
+            (trace.output().to_vec(), trace.gradient().to_vec())
+        }
+
+        /// Returns the material of one agent alone.
+        fn of_agent(&self, agent: usize) -> Material {
+            let mut states = States::new(self.states.rows() / self.agents, self.states.row(0).len());
+            states.as_mut_slice().copy_from_slice(self.share(self.states.as_slice(), agent));
+            Material {
+                agents: 1,
+                inputs: Rows::from_vec(self.share(self.inputs.as_slice(), agent).to_vec(), self.inputs.width()),
+                steps: self.steps,
+                states,
+                starts: self.share(&self.starts, agent).to_vec(),
+                output_gradient: self.share(&self.output_gradient, agent).to_vec(),
+            }
+        }
+    }
+
+    /// Runs one row through a network without memory.
+    fn one_row(net: &Net, inputs: &[f32], by_output: &[f32]) -> (Vec<f32>, Vec<f32>) {
+        let mut trace = Trace::default();
+        net.network(0).forward(inputs, Sequences { steps: 1, states: &[], starts: &[] }, &mut trace);
+        net.network(0).backward(by_output, &mut trace);
+        (trace.output().to_vec(), trace.gradient().to_vec())
+    }
+
+    #[test]
+    fn one_hidden_unit_is_worked_out_by_hand() {
+        let mut net = net(feed_forward(&[2, 1, 1]), &[0]);
+        // w1 = (1, -2), b1 = 0.5, w2 = 3, b2 = -1; x = (2, 0.5): h = relu(2 - 1 + 0.5) = 1.5, y = 3 * 1.5 - 1 = 3.5
+        net.parameters_mut().load(&Rows::from_vec(vec![1.0, -2.0, 0.5, 3.0, -1.0], 5));
+        // dL/dy = 2: dw2 = 2 * 1.5 = 3, db2 = 2, dh = 2 * 3 = 6, dw1 = 6 * (2, 0.5) = (12, 3), db1 = 6
+        let (output, gradient) = one_row(&net, &[2.0, 0.5], &[2.0]);
+        assert_eq!(output, [3.5]);
+        assert_eq!(gradient, [12.0, 3.0, 6.0, 3.0, 2.0]);
+    }
+
+    #[test]
+    fn a_closed_relu_lets_no_gradient_through() {
+        let mut net = net(feed_forward(&[1, 1, 1]), &[0]);
+        // h = relu(-1 * 1 + 0) = 0, y = 5 * 0 + 2
+        net.parameters_mut().load(&Rows::from_vec(vec![-1.0, 0.0, 5.0, 2.0], 4));
+        let (output, gradient) = one_row(&net, &[1.0], &[1.0]);
+        assert_eq!(output, [2.0]);
+        assert_eq!(gradient, [0.0, 0.0, 0.0, 1.0]);
+    }
+
+    #[test]
+    fn a_gru_of_width_one_is_worked_out_by_hand() {
+        let shape = Shape { inputs: 1, recurrent: Some(1), hidden: vec![], outputs: 1, apart: 0 };
+        let mut net = net(shape, &[0]);
+        // Weights of r, z, n: input (0, 0, 1), state (0, 0, 2), biases input (0, ln 3, 0), state (0, 0, 0.5);
+        // output weight 1, bias 0.
+        let weights = [[0.0, 0.0, 1.0], [0.0, 0.0, 2.0], [0.0, 3_f32.ln(), 0.0], [0.0, 0.0, 0.5]].concat();
+        net.parameters_mut().load(&Rows::from_vec([&weights[..], &[1.0, 0.0]].concat(), 14));
+        // r = s(0) = 1/2, z = s(ln 3) = 3/4. x = 0.3, h = 0.4: n = tanh(0.3 + 0.5 * (0.8 + 0.5)) = tanh(0.95) =
+        // 0.739783, h' = 0.25 * 0.739783 + 0.75 * 0.4 = 0.484946
+        let mut states = net.states(1);
+        states.set_row(0, &[0.4]);
+        let output = net.step(&Rows::from_vec(vec![0.3], 1), &mut states);
+        assert!((output.row(0)[0] - 0.484_946).abs() < 1e-6, "{output:?}");
+        assert_eq!(states.row(0), output.row(0), "the state is updated");
+        // dL/dh' = 1: dn = 0.25 * (1 - 0.547279) = 0.113180, dz = (0.4 - 0.739783) * 0.1875 = -0.063709,
+        // dr = dn * 1.3 * 0.25 = 0.036784
+        let mut trace = Trace::default();
+        net.network(0).forward(&[0.3], Sequences { steps: 1, states: &[0.4], starts: &[false] }, &mut trace);
+        net.network(0).backward(&[1.0], &mut trace);
+        let gradients = trace.gradient();
+        let expected = [
+            [0.011_035, -0.019_113, 0.033_954], // x * (dr, dz, dn)
+            [0.014_713, -0.025_484, 0.022_636], // h * (dr, dz, r dn)
+            [0.036_784, -0.063_709, 0.113_180],
+            [0.036_784, -0.063_709, 0.056_590],
+        ]
+        .concat();
+        for (gradient, expected) in gradients.iter().zip(expected) {
+            assert!((gradient - expected).abs() < 2e-6, "{gradients:?}");
+        }
+    }
+
+    #[test]
+    fn two_towers_compute_what_two_networks_with_their_parameters_compute() {
+        for recurrent in [None, Some(6)] {
+            let both = Shape { inputs: 5, recurrent, hidden: vec![7], outputs: 3, apart: 1 };
+            let material = Material::new(&both, 1, 4, 3);
+            let net = net(both.clone(), &[8]);
+            let row = net.parameters().values().row(0);
+            let (outputs, gradient) = material.outputs_and_gradient(net.network(0), 0);
+            let (mut first_parameter, mut first_output) = (0, 0);
+            for (tower, shape) in both.towers().into_iter().enumerate() {
+                let mut alone = Net::blank(1, shape.clone());
+                let width = alone.parameters().width();
+                let own = first_parameter..first_parameter + width;
+                alone.parameters_mut().load(&Rows::from_vec(row[own.clone()].to_vec(), width));
+                let mut its = Material::new(&both, 1, 4, 3);
+                let state = shape.state_width();
+                its.states = States::new(3, state);
+                for sequence in 0..3 {
+                    let whole = material.states.row(sequence);
+                    its.states.set_row(sequence, &whole[tower * state..][..state]);
+                }
+                let columns = |table: &[f32]| -> Vec<f32> {
+                    table.chunks_exact(3).flat_map(|row| &row[first_output..][..shape.outputs]).copied().collect()
+                };
+                its.output_gradient = columns(&material.output_gradient);
+                let (of_alone, gradient_alone) = its.outputs_and_gradient(alone.network(0), 0);
+                assert_eq!(of_alone, columns(&outputs), "tower {tower}");
+                assert_eq!(gradient_alone, gradient[own], "tower {tower}");
+                first_parameter += width;
+                first_output += shape.outputs;
+            }
+        }
+    }
+
+    #[test]
+    fn gradients_agree_with_finite_differences() {
+        for (recurrent, apart) in [(None, 0), (Some(6), 0), (None, 1), (Some(6), 1)] {
+            let shape = Shape { inputs: 5, recurrent, hidden: vec![7, 6], outputs: 3, apart };
+            let material = Material::new(&shape, 2, 4, 3);
+            // A seed with which no ReLU changes sides within the shifts.
+            let mut net = net(shape, &[0, 1]);
+            let loss = |net: &Net| -> f64 {
+                material.outputs(net).iter().zip(&material.output_gradient).map(|(y, w)| f64::from(y * w)).sum()
+            };
+            let gradients = [0, 1].map(|agent| material.outputs_and_gradient(net.network(agent), agent).1).concat();
+            let step = 2e-3_f32;
+            for parameter in (0..gradients.len()).step_by(7) {
+                let mut at = |shift: f32| {
+                    net.parameters_mut().values_mut().as_mut_slice()[parameter] += shift;
+                    let value = loss(&net);
+                    net.parameters_mut().values_mut().as_mut_slice()[parameter] -= shift;
+                    value
+                };
+                let slope = (at(step) - at(-step)) / f64::from(2.0 * step);
+                let gradient = f64::from(gradients[parameter]);
+                assert!(
+                    (slope - gradient).abs() < 1e-2,
+                    "{recurrent:?}, {apart} apart, parameter {parameter}: {slope} {gradient}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_packed_sequence_equals_a_loop_over_its_steps() {
+        let shape = Shape { inputs: 37, recurrent: Some(64), hidden: vec![32], outputs: 5, apart: 0 };
+        let (agents, steps, batch) = (2, 8, 4);
+        let material = Material::new(&shape, agents, steps, batch);
+        let net = net(shape, &[0, 1]);
+        let packed = material.outputs(&net);
+        let mut states = material.states.clone();
+        for step in 0..steps {
+            let row = |agent: usize, sequence: usize| (agent * steps + step) * batch + sequence;
+            let mut inputs = Rows::new(0, 37);
+            for (agent, sequence) in (0..agents).flat_map(|agent| (0..batch).map(move |sequence| (agent, sequence))) {
+                inputs.push(material.inputs.row(row(agent, sequence)));
+                if material.starts[row(agent, sequence)] {
+                    states.clear(agent * batch + sequence);
+                }
+            }
+            let single = net.step(&inputs, &mut states);
+            for (index, output) in single.iter().enumerate() {
+                let at = row(index / batch, index % batch);
+                let together = &packed[at * 5..(at + 1) * 5];
+                assert!(output.iter().zip(together).all(|(a, b)| (a - b).abs() < 1e-6), "step {step}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_stack_of_networks_equals_single_networks_bit_for_bit() {
+        let agents = [4, 0, 9];
+        let traffic = feed_forward(&[40, 256, 128, 3]);
+        let warehouse = Shape { inputs: 37, recurrent: Some(256), hidden: vec![128], outputs: 5, apart: 0 };
+        for (shape, steps, batch) in [
+            (&traffic, 1, 1),
+            (&traffic, 1, 8),
+            (&traffic, 1, 32),
+            (&warehouse, 1, 1),
+            (&warehouse, 5, 1),
+            (&warehouse, 8, 4),
+        ] {
+            let material = Material::new(shape, agents.len(), steps, batch);
+            // All outputs and gradients of three gradient steps, agent by agent, and the values after them.
+            let run = |agents: &[u64], material: &Material, threads: Threads| {
+                let mut net = net(shape.clone(), agents);
+                let mut adam = Adam::new(net.parameters());
+                let learners = adam.learners(&mut net, 3).into_iter().enumerate().collect();
+                let passes = threads.map(learners, 1, |(): &mut (), (agent, mut learner): (usize, Learner<'_>)| {
+                    let pass = |_| {
+                        let (outputs, gradient) = material.outputs_and_gradient(learner.network(), agent);
+                        learner.descend(&gradient, 1e-3);
+                        (outputs, gradient)
+                    };
+                    (0..3).map(pass).collect::<Vec<_>>()
+                });
+                (passes, net.parameters().values().clone())
+            };
+            let (passes, values) = run(&agents, &material, Threads::one());
+            assert_eq!(run(&agents, &material, Threads::new(2).unwrap()), (passes.clone(), values.clone()));
+            for (i, &agent) in agents.iter().enumerate() {
+                let single = run(&[agent], &material.of_agent(i), Threads::one());
+                assert_eq!(single.0[0], passes[i], "outputs and gradients, {steps} x {batch}");
+                assert_eq!(single.1.row(0), values.row(i), "values, {steps} x {batch}");
+            }
+        }
+    }
+}

@@ -1,0 +1,261 @@
+//! Products of small matrices: the crate `gemm`, and for few rows kernels of our own.
+//!
+//! `gemm` multiplies the shapes of these networks (32 x 256 by 256 x 128) about twice as fast as libtorch with
+//! OpenBLAS: it has kernels for 512-bit registers and little cost per call.
+
+#![allow(unsafe_code, reason = "the kernels of `gemm` take pointers")]
+
+use std::ops::Range;
+
+use gemm_common::Parallelism;
+
+use super::few_rows::{FEW_ROWS, add_row_by_matrix, dot_products};
+use super::vectors::VectorWidth;
+use super::vectors::vector_width;
+
+/// Largest inner dimension of one call of `gemm`, which adds up that many numbers in one go. `gemm` cuts longer ones by
+/// the size of the machine's caches, and then the order of sums would depend on the machine.
+const DEPTH: usize = 512;
+
+/// A borrowed matrix: row after row or, if transposed, column after column.
+#[derive(Clone, Copy)]
+pub struct Matrix<'a> {
+    values: &'a [f32],
+    rows: usize,
+    columns: usize,
+    transposed: bool,
+}
+
+impl<'a> Matrix<'a> {
+    /// Makes a matrix. `values`: whole rows of `columns` each, one after another.
+    pub fn new(values: &'a [f32], columns: usize) -> Self {
+        assert!(values.len().is_multiple_of(columns), "{} values do not make rows of {columns}", values.len());
+        Matrix { values, rows: values.len() / columns, columns, transposed: false }
+    }
+
+    pub fn transposed(self) -> Self {
+        Matrix { rows: self.columns, columns: self.rows, transposed: !self.transposed, ..self }
+    }
+
+    /// Returns the distances to the next row and to the next column.
+    pub(super) fn strides(self) -> (isize, isize) {
+        if self.transposed { (1, self.rows as isize) } else { (self.columns as isize, 1) }
+    }
+
+    /// Returns the address of a number. It must not be read outside the matrix.
+    fn at(self, row: usize, column: usize) -> *const f32 {
+        let (down, across) = self.strides();
+        self.values.as_ptr().wrapping_offset(row as isize * down + column as isize * across)
+    }
+}
+
+/// Treatment of the old numbers of the output.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Before {
+    Overwrite,
+    Add,
+}
+
+/// Computes `out = left x right`, or `out += left x right`. `out`: row after row.
+pub fn multiply(left: Matrix<'_>, right: Matrix<'_>, out: &mut [f32], before: Before) {
+    multiply_with(vector_width(), left, right, out, before);
+}
+
+/// Computes the product of [`multiply`] with vector registers of this width.
+pub(super) fn multiply_with(
+    width: VectorWidth,
+    left: Matrix<'_>,
+    right: Matrix<'_>,
+    out: &mut [f32],
+    mut before: Before,
+) {
+    let (rows, depth, columns) = (left.rows, left.columns, right.columns);
+    assert_eq!(depth, right.rows, "{rows} x {depth} by {} x {columns}", right.rows);
+    assert_eq!(out.len(), rows * columns, "{rows} x {columns} values come out");
+    if rows <= FEW_ROWS && right.transposed && !left.transposed && before == Before::Overwrite {
+        return dot_products(width, left.values, right.values, depth, out);
+    }
+    if rows == 1 && !right.transposed {
+        if before == Before::Overwrite {
+            out.fill(0.0);
+        }
+        return add_row_by_matrix(width, left.values, right.values, out);
+    }
+    // Also once if there is nothing to add up: the result is zeros.
+    for first in (0..depth.max(1)).step_by(DEPTH) {
+        let inner = first..depth.min(first + DEPTH);
+        match width {
+            VectorWidth::Widest => by_widest(left, right, inner, out, before),
+            VectorWidth::Bits256 => by_256_bits(left, right, inner, out, before),
+        }
+        before = Before::Add;
+    }
+}
+
+/// Multiplies a part of the inner dimension. `gemm` chooses the registers.
+fn by_widest(left: Matrix<'_>, right: Matrix<'_>, inner: Range<usize>, out: &mut [f32], before: Before) {
+    let (left, right, [out_column, out_row]) = for_columns(left, right);
+    let ((left_row, left_column), (right_row, right_column)) = (left.strides(), right.strides());
+    let kernel = gemm_f32::gemm::f32::get_gemm_fn();
+    // SAFETY: `Matrix` holds `rows x columns` values that its strides stay within, `inner` lies within the inner
+    // dimension of both, and `out` has room for all of the product and is nobody else's.
+    unsafe {
+        kernel(
+            left.rows,
+            right.columns,
+            inner.len(),
+            out.as_mut_ptr(),
+            out_column,
+            out_row,
+            before == Before::Add,
+            left.at(0, inner.start),
+            left_column,
+            left_row,
+            right.at(inner.start, 0),
+            right_column,
+            right_row,
+            1.0,
+            1.0,
+            false,
+            false,
+            false,
+            Parallelism::None,
+        );
+    }
+}
+
+/// Returns the factors as the kernels want them, with the distances to the next column and row of the output. The kernels
+/// write columns, so they get `out^T = right^T x left^T`.
+fn for_columns<'a>(left: Matrix<'a>, right: Matrix<'a>) -> (Matrix<'a>, Matrix<'a>, [isize; 2]) {
+    match right.columns {
+        0 | 1 => (left, right, [1, 1]),
+        columns => (right.transposed(), left.transposed(), [columns as isize, 1]),
+    }
+}
+
+/// Does what [`by_widest`] does on a machine that has AVX2 and FMA and nothing wider.
+#[cfg(target_arch = "x86_64")]
+fn by_256_bits(left: Matrix<'_>, right: Matrix<'_>, inner: Range<usize>, out: &mut [f32], before: Before) {
+    use gemm_common::gemm::gemm_basic_generic;
+    use gemm_common::simd::{MixedSimd, V3};
+    use gemm_f32::microkernel::fma::f32::{H_M, H_N, H_UKR, MR_DIV_N, NR, UKR};
+    const LANES: usize = 8;
+    let simd = <V3 as MixedSimd<f32, f32, f32, f32>>::try_new().expect("`use_vectors` found AVX2 and FMA");
+    let (left, right, [out_column, out_row]) = for_columns(left, right);
+    let ((left_row, left_column), (right_row, right_column)) = (left.strides(), right.strides());
+    // SAFETY: as in `by_widest`. Also, `simd` proves that the machine has the instructions of these kernels.
+    unsafe {
+        gemm_basic_generic::<_, f32, LANES, { MR_DIV_N * LANES }, NR, MR_DIV_N, H_M, H_N>(
+            simd,
+            left.rows,
+            right.columns,
+            inner.len(),
+            out.as_mut_ptr(),
+            out_column,
+            out_row,
+            before == Before::Add,
+            left.at(0, inner.start),
+            left_column,
+            left_row,
+            right.at(inner.start, 0),
+            right_column,
+            right_row,
+            1.0,
+            1.0,
+            false,
+            false,
+            false,
+            |a, b, c| a * b + c,
+            &UKR,
+            &H_UKR,
+            false,
+            Parallelism::None,
+        );
+    }
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+fn by_256_bits(_: Matrix<'_>, _: Matrix<'_>, _: Range<usize>, _: &mut [f32], _: Before) {
+    unreachable!("`use_vectors` refuses it here");
+}
+
+/// Computes `out = inputs x weight + bias`. `weight`: `[in, out]`; `bias`: `[out]`; `inputs`: `[rows, in]`; `out`:
+/// `[rows, out]`.
+pub fn affine(inputs: &[f32], weight: &[f32], bias: &[f32], out: &mut [f32]) {
+    out.chunks_exact_mut(bias.len()).for_each(|row| row.copy_from_slice(bias));
+    multiply(Matrix::new(inputs, weight.len() / bias.len()), Matrix::new(weight, bias.len()), out, Before::Add);
+}
+
+/// Adds up the rows, for the gradient of a bias.
+pub fn sum_rows(rows: &[f32], sums: &mut [f32]) {
+    sums.fill(0.0);
+    for row in rows.chunks_exact(sums.len()) {
+        sums.iter_mut().zip(row).for_each(|(sum, value)| *sum += value);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{Dice, dice};
+    use rand::Rng;
+
+    fn random(count: usize, dice: &mut Dice) -> Vec<f32> {
+        (0..count).map(|_| dice.random_range(-1.0..1.0)).collect()
+    }
+
+    /// Computes a number by definition, in double precision.
+    fn by_definition(left: Matrix<'_>, right: Matrix<'_>, row: usize, column: usize) -> f64 {
+        let at = |matrix: Matrix<'_>, row: usize, column: usize| {
+            let (down, across) = matrix.strides();
+            f64::from(matrix.values[row * down as usize + column * across as usize])
+        };
+        (0..left.columns).map(|k| at(left, row, k) * at(right, k, column)).sum()
+    }
+
+    #[test]
+    fn products_of_all_shapes_and_orders_are_what_the_definition_says() {
+        let mut dice = dice(1);
+        for (rows, depth, columns) in [
+            (1, 1, 1),
+            (1, 256, 128),
+            (1, 37, 781),
+            (2, 3, 5),
+            (3, 5, 7),
+            (4, 256, 37),
+            (5, 40, 33),
+            (7, 19, 8),
+            (32, 40, 3),
+        ] {
+            let (a, b) = (random(rows * depth, &mut dice), random(depth * columns, &mut dice));
+            for left in [Matrix::new(&a, depth), Matrix::new(&a, rows).transposed()] {
+                for right in [Matrix::new(&b, columns), Matrix::new(&b, depth).transposed()] {
+                    let mut out = vec![0.5; rows * columns];
+                    for (before, start) in [(Before::Add, 0.5), (Before::Overwrite, 0.0)] {
+                        multiply(left, right, &mut out, before);
+                        for (i, &value) in out.iter().enumerate() {
+                            let exact = start + by_definition(left, right, i / columns, i % columns);
+                            assert!(
+                                (f64::from(value) - exact).abs() < 1e-5,
+                                "{rows} x {depth} x {columns}: {value} {exact}"
+                            );
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "2 x 3 by 2 x 3")]
+    fn shapes_that_do_not_fit_are_refused() {
+        multiply(Matrix::new(&[0.0; 6], 3), Matrix::new(&[0.0; 6], 3), &mut [0.0; 6], Before::Overwrite);
+    }
+
+    #[test]
+    fn rows_add_up_column_by_column() {
+        let mut sums = [9.0; 2];
+        sum_rows(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0], &mut sums);
+        assert_eq!(sums, [9.0, 12.0]);
+    }
+}

@@ -1,0 +1,187 @@
+//! Stacks as safetensors files that Python opens: one tensor `[agents, ...]` per stack, weight and bias.
+
+use std::borrow::Cow;
+use std::collections::HashMap;
+use std::fmt::Display;
+use std::ops::Range;
+use std::path::Path;
+
+use anyhow::{Context, Result, bail, ensure};
+use safetensors::tensor::{Dtype, SafeTensors, View, serialize_to_file};
+
+use super::{Layout, Rows};
+
+/// A stack to be written.
+pub struct StackToWrite<'a> {
+    /// Beginning of the names of its tensors.
+    pub prefix: &'a str,
+    pub layout: &'a Layout,
+    /// Parameters, one row per agent, as `layout` describes them.
+    pub rows: Vec<&'a [f32]>,
+}
+
+/// A tensor that becomes bytes only when it is written: a thousand agents' networks need no second copy in memory.
+struct Tensor<'a> {
+    shape: Vec<usize>,
+    rows: &'a [&'a [f32]],
+    /// Place of its values in each row.
+    place: Range<usize>,
+}
+
+impl View for Tensor<'_> {
+    fn dtype(&self) -> Dtype {
+        Dtype::F32
+    }
+
+    fn shape(&self) -> &[usize] {
+        &self.shape
+    }
+
+    fn data(&self) -> Cow<'_, [u8]> {
+        let mut bytes = Vec::with_capacity(self.data_len());
+        bytes.extend(self.rows.iter().flat_map(|row| &row[self.place.clone()]).flat_map(|value| value.to_le_bytes()));
+        Cow::Owned(bytes)
+    }
+
+    fn data_len(&self) -> usize {
+        self.rows.len() * self.place.len() * size_of::<f32>()
+    }
+}
+
+/// Writes the stacks as a safetensors file. `about` goes into the file's metadata.
+pub fn write_stacks(stacks: &[StackToWrite<'_>], about: &HashMap<String, String>, path: &Path) -> Result<()> {
+    let tensors = stacks.iter().flat_map(|StackToWrite { prefix, layout, rows }| {
+        let blocks = layout.blocks(rows.len());
+        blocks.map(move |(name, shape, place)| (format!("{prefix}{name}"), Tensor { shape, rows, place }))
+    });
+    Ok(serialize_to_file(tensors, Some(about.clone()), path)?)
+}
+
+/// Returns what [`write_stacks`] was told `about` a file. `bytes`: those of the file. If there is nothing: empty.
+pub fn about_stacks(bytes: &[u8]) -> HashMap<String, String> {
+    let header = SafeTensors::read_metadata(bytes);
+    header.ok().and_then(|(_, header)| header.metadata().clone()).unwrap_or_default()
+}
+
+/// Reads the stack with this `prefix` from a file of [`write_stacks`], one row for each of `names`, which
+/// messages use. An error says how the file has a different shape, or which value is not a finite number.
+///
+/// `bytes`: those of the file; `path`: where it is, for messages.
+pub fn read_stack(
+    bytes: &[u8],
+    path: &Path,
+    prefix: &str,
+    layout: &Layout,
+    names: &[impl Display],
+) -> Result<Rows<f32>> {
+    let file = SafeTensors::deserialize(bytes)
+        .with_context(|| format!("{}: not a safetensors file, or cut short", path.display()))?;
+    let mut rows = Rows::new(names.len(), layout.width());
+    for (name, shape, place) in layout.blocks(names.len()) {
+        let name = format!("{prefix}{name}");
+        let tensor = file.tensor(&name).with_context(|| format!("{}: no tensor `{name}`", path.display()))?;
+        ensure!(
+            tensor.dtype() == Dtype::F32 && tensor.shape() == shape,
+            "{}: `{name}` is {:?} {:?}; the config of this run asks for F32 {shape:?}",
+            path.display(),
+            tensor.dtype(),
+            tensor.shape(),
+        );
+        for (row, (owner, bytes)) in names.iter().zip(tensor.data().chunks_exact(4 * place.len())).enumerate() {
+            let row = &mut rows.row_mut(row)[place.clone()];
+            let values = bytes.as_chunks::<4>().0.iter().map(|&value| f32::from_le_bytes(value));
+            row.iter_mut().zip(values).for_each(|(to, from)| *to = from);
+            if let Some(bad) = row.iter().find(|value| !value.is_finite()) {
+                bail!(
+                    "{}: `{name}` of agent {owner} holds {bad}, which is not a finite number: the file is damaged; \
+                     copy it again from an undamaged one, or train again",
+                    path.display()
+                );
+            }
+        }
+    }
+    Ok(rows)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::net;
+    use crate::{Net, Shape};
+
+    fn read_file(path: &Path, prefix: &str, layout: &Layout, agents: &[usize]) -> Result<Rows<f32>> {
+        read_stack(&std::fs::read(path).unwrap(), path, prefix, layout, agents)
+    }
+
+    fn write_stack(layout: &Layout, rows: &Rows<f32>, path: &Path) {
+        let stack = StackToWrite { prefix: "", layout, rows: rows.iter().collect() };
+        write_stacks(&[stack], &HashMap::new(), path).unwrap();
+    }
+
+    #[test]
+    fn stacks_of_one_file_come_back_by_their_prefixes() {
+        let shape = |inputs| Shape { inputs, recurrent: None, hidden: vec![5], outputs: 2, apart: 0 };
+        let (one, other) = ([0, 2], [1]);
+        let nets = [net(shape(4), &[0, 2]), net(shape(3), &[1])];
+        let [first, second] = nets.each_ref().map(Net::parameters);
+        let stacks = [("a.", first), ("b.", second)].map(|(prefix, parameters)| StackToWrite {
+            prefix,
+            layout: parameters.layout(),
+            rows: parameters.values().iter().collect(),
+        });
+        let file = tempfile::NamedTempFile::new().unwrap();
+        write_stacks(&stacks, &HashMap::new(), file.path()).unwrap();
+        assert_eq!(read_file(file.path(), "a.", first.layout(), &one).unwrap(), *first.values());
+        assert_eq!(read_file(file.path(), "b.", second.layout(), &other).unwrap(), *second.values());
+        let error = read_file(file.path(), "", first.layout(), &one).unwrap_err().to_string();
+        assert!(error.contains("no tensor `layers.0.weight`"), "{error}");
+    }
+
+    #[test]
+    fn a_stack_comes_back_as_it_was() {
+        let shape = Shape { inputs: 4, recurrent: None, hidden: vec![5], outputs: 2, apart: 0 };
+        let net = net(shape, &[0, 1, 2]);
+        let file = tempfile::NamedTempFile::new().unwrap();
+        write_stack(net.parameters().layout(), net.parameters().values(), file.path());
+        assert_eq!(
+            read_file(file.path(), "", net.parameters().layout(), &[0, 1, 2]).unwrap(),
+            *net.parameters().values()
+        );
+    }
+
+    #[test]
+    fn a_parameter_that_is_no_finite_number_is_refused_with_its_tensor_and_its_agent() {
+        // Three inputs and four outputs without hidden layers: 12 weights, then 4 biases.
+        let shape = Shape { inputs: 3, recurrent: None, hidden: Vec::new(), outputs: 4, apart: 0 };
+        let net = net(shape, &[0, 1, 2]);
+        let layout = net.parameters().layout();
+        let file = tempfile::NamedTempFile::new().unwrap();
+        for (column, name) in [(11, "layers.0.weight"), (12, "layers.0.bias")] {
+            for (bad, word) in [(f32::NAN, "NaN"), (f32::INFINITY, "inf"), (f32::NEG_INFINITY, "-inf")] {
+                let mut values = net.parameters().values().clone();
+                values.row_mut(2)[column] = bad;
+                write_stack(layout, &values, file.path());
+                let error = read_file(file.path(), "", layout, &[0, 1, 2]).unwrap_err().to_string();
+                let told = format!(
+                    "{}: `{name}` of agent 2 holds {word}, which is not a finite number",
+                    file.path().display()
+                );
+                assert!(error.starts_with(&told) && error.ends_with("or train again"), "{error}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_stack_of_another_shape_or_a_torn_file_is_a_clear_error() {
+        let shape = Shape { inputs: 4, recurrent: None, hidden: vec![5], outputs: 2, apart: 0 };
+        let net = net(shape, &[0, 1, 2]);
+        let file = tempfile::NamedTempFile::new().unwrap();
+        write_stack(net.parameters().layout(), net.parameters().values(), file.path());
+        let bytes = std::fs::read(file.path()).unwrap();
+        let error = read_file(file.path(), "", net.parameters().layout(), &[0, 1]).unwrap_err().to_string();
+        assert!(error.contains("asks for F32 [2, 4, 5]"), "{error}");
+        std::fs::write(file.path(), &bytes[..bytes.len() / 2]).unwrap();
+        let error = read_file(file.path(), "", net.parameters().layout(), &[0, 1, 2]).unwrap_err().to_string();
+        assert!(error.contains("cut short"), "{error}");
+    }
+}

@@ -1,0 +1,151 @@
+//! The border of a local region of a scenario: where cars come in and go out, and what its AIP (approximate influence
+//! predictor) predicts of it.
+//!
+//! A region has *entries* and *exits*. An entry is a lane that begins at the border, or a road in the region on which
+//! cars depart. A car *arrives* in a second if it is on the region after it and was not before it, or if it came to a
+//! road that begins at the border: two roads of a region may meet outside of it. An exit is a lane
+//! that ends at the border and leads on. It is *blocked* while its first car is within [`BLOCK_M`] of its end and slower
+//! than [`BLOCK_MPS`].
+//!
+//! The influence sources of a decision are bits in this order:
+//! 1. for each entry, one bit per second of the decision: does a car arrive? There is at most one arrival per entry and
+//!    second: a second car counts in the next second.
+//! 2. for each exit, one bit: is it blocked in more than half of the seconds of the decision?
+//!
+//! A local simulator lets a car in for each arrival, and shows red at the end of each blocked exit.
+
+use std::ops::Range;
+
+use crate::network::roads::carries::Classes;
+
+/// Distance from the end of an exit within which a slow car blocks it, in metres.
+pub const BLOCK_M: f64 = 20.0;
+/// Speed below which a car is slow, in metres per second. Before a full road cars crawl rather than stand.
+pub const BLOCK_MPS: f64 = 2.0;
+
+/// The border of one region.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BorderPlan {
+    /// Roads of the region, in the order of the file.
+    pub roads: Vec<BorderRoad>,
+    /// Lanes of the region on which cars drive: those of its roads, then those within its junctions, each in the order
+    /// of the file. Whoever reads the cars of a region reads them in this order.
+    pub lanes: Vec<BorderLane>,
+    /// Lanes that begin at the border, then roads on which cars depart.
+    pub entries: Vec<Entry>,
+    /// Lanes that end at the border and lead on, as indices into [`BorderPlan::lanes`].
+    pub exits: Vec<usize>,
+    /// Number of seconds of a decision.
+    pub decision_s: usize,
+}
+
+/// A road of the region.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BorderRoad {
+    /// SUMO's name of the road.
+    pub road: String,
+    /// Whether it begins at the border, so that cars come to it from outside only.
+    pub begins_outside: bool,
+    /// Whether it ends at the border, so that cars leave the region there.
+    pub ends_outside: bool,
+}
+
+/// A lane of the region.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BorderLane {
+    /// SUMO's name of the lane.
+    pub lane: String,
+    /// Its road, an index into [`BorderPlan::roads`]. `None`: it is within a junction.
+    pub road: Option<usize>,
+    pub length_m: f64,
+    /// Vehicle classes that may drive here.
+    pub classes: Classes,
+    /// Entry that a car has passed which is first seen here. `None`: no entry is near enough.
+    pub entry: Option<usize>,
+    /// Entry of a car that departs here.
+    pub departures: Option<usize>,
+}
+
+/// A place where cars come in.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Entry {
+    pub place: EntryPlace,
+    /// Way of a car of which nothing is known: the road of the entry, the roads to which the first connections lead, and
+    /// the first road behind the region, if there is one.
+    pub default_way: Vec<String>,
+}
+
+/// Where cars come in.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum EntryPlace {
+    /// At the beginning of this lane, an index into [`BorderPlan::lanes`].
+    Lane(usize),
+    /// On this road, where they depart: SUMO's name.
+    Road(String),
+}
+
+impl BorderPlan {
+    /// Returns whether a car that was on one lane of the region and is on another has come over the border.
+    pub fn is_over_the_border(&self, from: usize, to: usize) -> bool {
+        let road = self.lanes[to].road;
+        road != self.lanes[from].road && road.is_some_and(|road| self.roads[road].begins_outside)
+    }
+
+    /// Returns the number of influence sources.
+    pub fn sources(&self) -> usize {
+        self.entries.len() * self.decision_s + self.exits.len()
+    }
+
+    /// Returns the influence source of an entry in a second of the decision.
+    pub fn arrival(&self, entry: usize, second: usize) -> usize {
+        entry * self.decision_s + second
+    }
+
+    /// Returns the influence source of an exit.
+    pub fn blocked(&self, exit: usize) -> usize {
+        self.entries.len() * self.decision_s + exit
+    }
+
+    /// Returns the influence sources of all exits.
+    pub fn all_blocked(&self) -> Range<usize> {
+        self.blocked(0)..self.blocked(self.exits.len())
+    }
+
+    /// Returns the road of an entry: SUMO's name.
+    pub fn road_of_entry(&self, entry: usize) -> &str {
+        &self.entries[entry].default_way[0]
+    }
+
+    /// Returns whether a lane is one of a road, and not within a junction. `road`: SUMO's name.
+    pub fn is_on_road(&self, lane: usize, road: &str) -> bool {
+        self.lanes[lane].road.is_some_and(|number| self.roads[number].road == road)
+    }
+
+    /// Returns the lane on which a vehicle of a class can begin at an entry. If the entry is a whole road, that is the first
+    /// lane that it may use. `None`: it may use none there.
+    pub fn lane_of_entry(&self, entry: usize, class: &str) -> Option<usize> {
+        let is_open = |&lane: &usize| self.lanes[lane].classes.has(class);
+        match &self.entries[entry].place {
+            EntryPlace::Lane(lane) => Some(*lane).filter(is_open),
+            EntryPlace::Road(road) => (0..self.lanes.len()).filter(|&lane| self.is_on_road(lane, road)).find(is_open),
+        }
+    }
+
+    /// Returns the name of an entry.
+    pub fn entry_name(&self, entry: usize) -> String {
+        match &self.entries[entry].place {
+            EntryPlace::Lane(lane) => self.lanes[*lane].lane.clone(),
+            EntryPlace::Road(road) => format!("departures on {road}"),
+        }
+    }
+
+    /// Returns the name of every influence source.
+    pub fn source_names(&self) -> Vec<String> {
+        let arrivals = (0..self.entries.len()).flat_map(|entry| {
+            let name = self.entry_name(entry);
+            (0..self.decision_s).map(move |second| format!("arrival {name}[{second}]"))
+        });
+        let blocked = self.exits.iter().map(|&lane| format!("blocked {}", self.lanes[lane].lane));
+        arrivals.chain(blocked).collect()
+    }
+}

@@ -1,0 +1,175 @@
+//! What a light shows between two greens: yellow for the links that lose green, then all red for them if its program
+//! does so. Both last as long as in the program, unless somebody set their seconds.
+
+use std::collections::HashMap;
+
+use super::greens::{Change, Greens, goes};
+use crate::agents::phase_plan::Interval;
+use crate::network::roads::program::Phase;
+use dials_config::Yellow;
+use libsumo::SignalState;
+
+/// Seconds of yellow of a light whose program shows none.
+const YELLOW_S: u32 = 3;
+
+/// Durations of the states between the greens of a light.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Times {
+    yellow: Seconds,
+    all_red: Seconds,
+}
+
+/// How long a state lasts, by the change.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+struct Seconds {
+    /// Those of the changes that the program has.
+    own: HashMap<[SignalState; 2], u32>,
+    /// Those of all other changes.
+    other: u32,
+}
+
+impl Seconds {
+    fn all(other: u32) -> Seconds {
+        Seconds { own: HashMap::new(), other }
+    }
+
+    /// Returns the seconds of a program in whole ones, rounded up. `seconds`: those of the phases of a change.
+    ///
+    /// A change that the program does not have is as long as the longest that it has. So no light is less safe.
+    fn of(changes: &[Change<'_>], seconds: impl Fn(&[&Phase]) -> f64) -> Seconds {
+        let mut own: HashMap<[SignalState; 2], u32> = HashMap::new();
+        for change in changes {
+            let seconds = seconds(&change.between).ceil() as u32;
+            let known = own.entry([change.from.clone(), change.to.clone()]).or_default();
+            *known = seconds.max(*known);
+        }
+        let other = own.values().copied().max().unwrap_or(0);
+        Seconds { own, other }
+    }
+
+    fn between(&self, from: &SignalState, to: &SignalState) -> u32 {
+        self.own.get(&[from.clone(), to.clone()]).copied().unwrap_or(self.other)
+    }
+}
+
+impl Times {
+    /// Returns the durations of a light. `all_red_s`: that of all changes; without it the program's own.
+    ///
+    /// The yellow of a program that shows none in a change is the longest that it has, or else 3 s.
+    pub fn of(greens: &Greens, yellow: Yellow, all_red_s: Option<u32>) -> Times {
+        let changes = greens.changes();
+        let yellow = match yellow {
+            Yellow::Seconds(seconds) => Seconds::all(seconds),
+            Yellow::Program => {
+                let mut yellow = Seconds::of(&changes, longest_yellow_s);
+                yellow.own.retain(|_, seconds| *seconds > 0);
+                if yellow.own.is_empty() { Seconds::all(YELLOW_S) } else { yellow }
+            }
+        };
+        let red = || Seconds::of(&changes, |between| lasting_s(between, |phase| greens.is_all_red(phase)));
+        Times { yellow, all_red: all_red_s.map_or_else(red, Seconds::all) }
+    }
+}
+
+/// Returns for how long the link that is yellow longest is so. Links may be yellow one after another.
+fn longest_yellow_s(between: &[&Phase]) -> f64 {
+    let links = between.first().map_or(0, |phase| phase.state.as_str().len());
+    let of_link =
+        |link: usize| lasting_s(between, |phase| matches!(phase.state.as_str().as_bytes()[link], b'y' | b'Y'));
+    (0..links).map(of_link).fold(0.0, f64::max)
+}
+
+fn lasting_s(between: &[&Phase], is_such: impl Fn(&Phase) -> bool) -> f64 {
+    between.iter().filter(|phase| is_such(phase)).map(|phase| phase.duration_s).sum()
+}
+
+/// Returns what is shown between two greens. Links that go from green to red show yellow, and all others keep their
+/// letter. If no link does, nothing has to be cleared.
+pub fn between(from: &SignalState, to: &SignalState, times: &Times) -> Vec<Interval> {
+    if !letters(from, to).any(|(old, new)| is_lost(old, new)) {
+        return Vec::new();
+    }
+    let shown = |instead: char| {
+        let state: String = letters(from, to).map(|(old, new)| if is_lost(old, new) { instead } else { old }).collect();
+        SignalState::new(state).expect("the letters are those of a state, y and r")
+    };
+    let intervals = [('y', times.yellow.between(from, to)), ('r', times.all_red.between(from, to))];
+    let shown = intervals.map(|(instead, steps)| Interval { state: shown(instead), steps });
+    shown.into_iter().filter(|interval| interval.steps > 0).collect()
+}
+
+/// Returns whether a link loses its green.
+pub fn is_lost(old: char, new: char) -> bool {
+    goes(old) && matches!(new, 'r' | 'R' | 's')
+}
+
+fn letters<'a>(from: &'a SignalState, to: &'a SignalState) -> impl Iterator<Item = (char, char)> + 'a {
+    from.as_str().chars().zip(to.as_str().chars())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::network::roads::example;
+
+    fn state(letters: &str) -> SignalState {
+        SignalState::new(letters).unwrap()
+    }
+
+    fn shown(from: &str, to: &str, times: &Times) -> String {
+        let intervals = between(&state(from), &state(to), times);
+        let shown = intervals.iter().map(|Interval { state, steps }| format!("{state} {steps}"));
+        shown.collect::<Vec<_>>().join(", ")
+    }
+
+    #[test]
+    fn who_loses_green_shows_yellow_and_all_others_keep_their_letter() {
+        let times = Times { yellow: Seconds::all(3), all_red: Seconds::all(0) };
+        assert_eq!(shown("GGggrrrGGGg", "rrGGrrrrrrG", &times), "yyggrrryyyg 3");
+        assert_eq!(shown("GgGGoO", "sRgGoO", &times), "yyGGoO 3");
+        assert_eq!(shown("GgrG", "gGrG", &times), "", "only g and G change");
+        assert_eq!(shown("Gr", "GG", &times), "", "nobody loses green");
+    }
+
+    #[test]
+    fn all_red_is_as_long_as_in_the_program() {
+        let roads = example::roads(&[]);
+        let cars = roads.letters_of_vehicles("J");
+        let greens = Greens::of(&roads.programs[0], &cars);
+        let times = Times::of(&greens, Yellow::Seconds(4), None);
+        assert_eq!(shown("GGrr", "rrGG", &times), "yyrr 4, rrrr 2");
+        assert_eq!(shown("rrGG", "GGrr", &times), "rryy 4", "the program has no all red here");
+        assert_eq!(shown("GGrr", "Grrr", &times), "Gyrr 4, Grrr 2", "the program has no such change: the longest");
+        let times = Times::of(&greens, Yellow::Seconds(3), Some(1));
+        assert_eq!(shown("rrGG", "GGrr", &times), "rryy 3, rrrr 1");
+    }
+
+    #[test]
+    fn yellow_is_as_long_as_in_the_program() {
+        let times = |changes: &[(&str, &str)]| {
+            let roads = example::roads(changes);
+            let cars = roads.letters_of_vehicles("J");
+            Times::of(&Greens::of(&roads.programs[0], &cars), Yellow::Program, Some(0))
+        };
+        // The first change has 5 s, the second one 3 s.
+        let own = times(&[("duration=\"3\" state=\"yyrr\"", "duration=\"4.5\" state=\"yyrr\"")]);
+        assert_eq!(shown("GGrr", "rrGG", &own), "yyrr 5");
+        assert_eq!(shown("rrGG", "GGrr", &own), "rryy 3");
+        assert_eq!(shown("GGrr", "Grrr", &own), "Gyrr 5", "the program has no such change: the longest");
+        // Links that are yellow one after another.
+        let turns = "duration=\"3\" state=\"yGrr\"/><phase duration=\"4\" state=\"ryrr\"";
+        assert_eq!(shown("GGrr", "rrGG", &times(&[("duration=\"3\" state=\"yyrr\"", turns)])), "yyrr 4");
+        // A program without any yellow.
+        let red = |letters: &str| (format!("state=\"{letters}\""), "state=\"rrrr\"");
+        let (first, second) = (red("yyrr"), red("rryy"));
+        assert_eq!(shown("GGrr", "rrGG", &times(&[(&first.0, first.1), (&second.0, second.1)])), "yyrr 3");
+    }
+
+    #[test]
+    fn parts_of_seconds_are_rounded_up() {
+        let roads = example::roads(&[("duration=\"2\"", "duration=\"1.2\"")]);
+        let cars = roads.letters_of_vehicles("J");
+        let greens = Greens::of(&roads.programs[0], &cars);
+        assert_eq!(shown("GGrr", "rrGG", &Times::of(&greens, Yellow::Seconds(3), None)), "yyrr 3, rrrr 2");
+    }
+}

@@ -1,0 +1,233 @@
+//! The greens of a program: the states that an agent chooses from. *Cars* are all that drives here, bicycles too.
+
+use std::collections::{BTreeSet, VecDeque};
+
+use crate::network::roads::program::{Phase, Program};
+use libsumo::SignalState;
+
+/// Largest number of greens of a light. All changes between them are made beforehand.
+pub const MOST_GREENS: usize = 64;
+/// Longest phase without a green of its own that is a part of a change, in seconds.
+const LONGEST_CLEARING_S: f64 = 5.0;
+
+/// A way of a program from one green to the next.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Change<'a> {
+    pub from: &'a SignalState,
+    pub to: &'a SignalState,
+    /// Phases in between, such as yellow and all red.
+    pub between: Vec<&'a Phase>,
+}
+
+/// Returns whether a letter lets cars go.
+pub fn goes(letter: char) -> bool {
+    matches!(letter, 'G' | 'g')
+}
+
+/// Returns whether a state is one of a change from green to green: yellow, or red and yellow.
+pub fn is_yellow(state: &SignalState) -> bool {
+    state.as_str().contains(['y', 'Y', 'u'])
+}
+
+/// Returns whether a state shows no yellow, and green for cars. `cars`: letters that cars obey.
+fn shows_green(state: &SignalState, cars: &BTreeSet<usize>) -> bool {
+    !is_yellow(state) && cars.iter().any(|&letter| goes(state.as_str().as_bytes()[letter].into()))
+}
+
+/// The greens of a program.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Greens<'a> {
+    program: &'a Program,
+    /// Letters that cars obey.
+    cars: &'a BTreeSet<usize>,
+    states: Vec<SignalState>,
+    /// Green of each phase, as an index into `states`; `None`: the phase is a part of a change.
+    of_phase: Vec<Option<usize>>,
+}
+
+impl<'a> Greens<'a> {
+    /// Finds the greens of a program: the distinct phases with green and without yellow, in the order in which they
+    /// first appear. Two phases that are the same for cars are one green. `cars`: letters that cars obey. Stops at more
+    /// than [`MOST_GREENS`].
+    pub fn of(program: &'a Program, cars: &'a BTreeSet<usize>) -> Greens<'a> {
+        let letters =
+            |state: &SignalState| -> Vec<u8> { cars.iter().map(|&letter| state.as_str().as_bytes()[letter]).collect() };
+        let mut states: Vec<SignalState> = Vec::new();
+        let mut of_phase = Vec::new();
+        for (number, Phase { state, .. }) in program.phases.iter().enumerate() {
+            if !shows_green(state, cars) || is_clearing(program, number, cars) {
+                of_phase.push(None);
+                continue;
+            }
+            let known = states.iter().position(|green| letters(green) == letters(state));
+            if known.is_none() && states.len() > MOST_GREENS {
+                of_phase.push(None);
+                continue;
+            }
+            of_phase.push(Some(known.unwrap_or(states.len())));
+            if known.is_none() {
+                states.push(state.clone());
+            }
+        }
+        Greens { program, cars, states, of_phase }
+    }
+
+    /// Returns the greens, in the order of the program.
+    pub fn states(&self) -> &[SignalState] {
+        &self.states
+    }
+
+    /// Returns whether a phase of the program shows one of the greens, and is no part of a change.
+    pub fn is_green(&self, phase: usize) -> bool {
+        self.of_phase[phase].is_some()
+    }
+
+    /// Returns whether cars that lose green wait in a phase of a change: it has no yellow. A phase for people on foot
+    /// does not count.
+    pub fn is_all_red(&self, phase: &Phase) -> bool {
+        let mut letters = phase.state.as_str().chars().enumerate();
+        letters.all(|(number, letter)| !matches!(letter, 'y' | 'Y') && (self.cars.contains(&number) || !goes(letter)))
+    }
+
+    /// Returns the ways of the program from each of its greens to the next ones. From one phase to another it is the
+    /// one with the fewest phases.
+    pub fn changes(&self) -> Vec<Change<'_>> {
+        let mut changes = Vec::new();
+        for (phase, green) in self.of_phase.iter().enumerate() {
+            if let &Some(green) = green {
+                self.add_changes(phase, green, &mut changes);
+            }
+        }
+        changes
+    }
+
+    fn add_changes<'b>(&'b self, phase: usize, green: usize, changes: &mut Vec<Change<'b>>) {
+        let mut seen = BTreeSet::from([phase]);
+        let mut open: VecDeque<(usize, Vec<&Phase>)> = VecDeque::from([(phase, Vec::new())]);
+        while let Some((last, between)) = open.pop_front() {
+            for next in self.program.after(last).into_iter().filter(|next| seen.insert(*next)) {
+                match self.of_phase[next] {
+                    Some(other) if other == green => {}
+                    Some(other) => {
+                        let [from, to] = [&self.states[green], &self.states[other]];
+                        changes.push(Change { from, to, between: between.clone() });
+                    }
+                    None => open.push_back((next, [&between[..], &[&self.program.phases[next]]].concat())),
+                }
+            }
+        }
+    }
+}
+
+/// Returns whether a phase is all red but for links that have green before, during and after the change.
+///
+/// It is short, follows yellow, and gives green to no car that did not have it. netconvert writes such phases with
+/// `--tls.allred.time`.
+fn is_clearing(program: &Program, phase: usize, cars: &BTreeSet<usize>) -> bool {
+    let phases = &program.phases;
+    let count = phases.len();
+    let state = |number: usize| &phases[number % count].state;
+    let after_yellow = is_yellow(state(phase + count - 1));
+    let mut earlier = (1..count).map(|back| state(phase + count - back));
+    let mut later = (1..count).map(|on| state(phase + on));
+    let neighbours = [earlier.find(|state| shows_green(state, cars)), later.find(|state| shows_green(state, cars))];
+    let [Some(before), Some(after)] = neighbours else { return false };
+    let goes_in = |state: &SignalState, letter: usize| goes(state.as_str().as_bytes()[letter].into());
+    let keeps = |&letter: &usize| !goes_in(state(phase), letter) || (goes_in(before, letter) && goes_in(after, letter));
+    after_yellow && phases[phase].duration_s <= LONGEST_CLEARING_S && cars.iter().all(keeps)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A program of phases, each a state and its seconds.
+    fn program(phases: &[(&str, f64)]) -> Program {
+        let phase = |&(letters, duration_s): &(&str, f64)| Phase {
+            duration_s,
+            limits_s: [None; 2],
+            state: SignalState::new(letters).unwrap(),
+            next: Vec::new(),
+        };
+        Program {
+            light: "a".to_owned(),
+            id: "0".to_owned(),
+            kind: "static".to_owned(),
+            offset_s: 0.0,
+            parameters: Vec::new(),
+            phases: phases.iter().map(phase).collect(),
+        }
+    }
+
+    /// Returns greens and changes of a program whose letters are all for cars.
+    fn told(program: &Program) -> (Vec<String>, Vec<String>) {
+        told_of(program, program.letters())
+    }
+
+    /// Returns greens and changes of a program whose first letters are for cars.
+    fn told_of(program: &Program, cars: usize) -> (Vec<String>, Vec<String>) {
+        let cars = (0..cars).collect();
+        let greens = Greens::of(program, &cars);
+        let change = |change: Change| {
+            let between: Vec<&str> = change.between.iter().map(|phase| phase.state.as_str()).collect();
+            format!("{} {} {}", change.from, between.join(" "), change.to)
+        };
+        let changes = greens.changes().into_iter().map(change).collect();
+        (greens.states().iter().map(SignalState::to_string).collect(), changes)
+    }
+
+    #[test]
+    fn greens_are_distinct_phases_with_green_and_without_yellow_in_their_order() {
+        let (greens, changes) = told(&program(&[
+            ("rryy", 3.0),
+            ("GGrr", 20.0),
+            ("yyrr", 3.0),
+            ("rrrr", 2.0),
+            ("rrGg", 20.0),
+            ("rrYY", 3.0),
+            ("GGrr", 10.0),
+            ("yGrr", 3.0),
+            ("uruu", 1.0),
+            ("rGgg", 9.0),
+        ]));
+        assert_eq!(greens, ["GGrr", "rrGg", "rGgg"]);
+        // The last green of the cycle goes over the first yellow of the file.
+        assert_eq!(changes, ["GGrr yyrr rrrr rrGg", "rrGg rrYY GGrr", "GGrr yGrr uruu rGgg", "rGgg rryy GGrr"]);
+    }
+
+    #[test]
+    fn all_red_but_for_those_who_keep_green_is_a_part_of_the_change() {
+        let with = |state: &'static str, seconds: f64| {
+            told(&program(&[("GGgr", 20.0), ("yygr", 3.0), (state, seconds), ("rrGG", 20.0), ("rryy", 3.0)])).0
+        };
+        assert_eq!(with("rrgr", 2.0), ["GGgr", "rrGG"]);
+        assert_eq!(with("rrgr", 6.0), ["GGgr", "rrgr", "rrGG"], "it is long");
+        assert_eq!(with("rrgg", 2.0), ["GGgr", "rrgg", "rrGG"], "somebody gains green");
+        let no_yellow = program(&[("GGgr", 20.0), ("rrgr", 2.0), ("rrGG", 20.0), ("rryy", 3.0)]);
+        assert_eq!(told(&no_yellow).0, ["GGgr", "rrgr", "rrGG"]);
+    }
+
+    #[test]
+    fn phases_that_name_their_next_ones_are_followed_there() {
+        let mut program =
+            program(&[("Grr", 9.0), ("yrr", 3.0), ("rGr", 9.0), ("ryr", 3.0), ("rrG", 9.0), ("rry", 3.0)]);
+        program.phases[1].next = vec![4, 2];
+        program.phases[3].next = vec![3];
+        let (_, changes) = told(&program);
+        assert_eq!(changes, ["Grr yrr rrG", "Grr yrr rGr", "rrG rry Grr"], "a ring without a green leads nowhere");
+    }
+
+    #[test]
+    fn phases_that_differ_for_people_on_foot_are_one_green() {
+        // The last letter is a crossing: green with the first green, then clearing, then a phase of its own.
+        let program = program(&[("GrG", 20.0), ("Grr", 5.0), ("yrr", 3.0), ("rGr", 20.0), ("ryr", 3.0), ("rrG", 15.0)]);
+        let (greens, changes) = told_of(&program, 2);
+        assert_eq!(greens, ["GrG", "rGr"]);
+        assert_eq!(changes, ["GrG yrr rGr", "rGr ryr rrG GrG"]);
+        let cars = BTreeSet::from([0, 1]);
+        let greens = Greens::of(&program, &cars);
+        let red: Vec<bool> = program.phases.iter().map(|phase| greens.is_all_red(phase)).collect();
+        assert_eq!(red, [false, true, false, true, false, false], "neither yellow nor people on foot");
+        assert_eq!(told_of(&program, 3).0, ["GrG", "Grr", "rGr", "rrG"], "cars on the crossing");
+    }
+}

@@ -1,0 +1,115 @@
+//! The lanes of a region as its agent and its controllers know them: approaches, exits and links.
+
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+
+use super::region::Region;
+use crate::agents::region_plan::{Approach, Exit, Link, RegionPlan};
+use crate::network::roads::{Connection, EdgeNo, LaneNo, Roads};
+
+/// Makes the lanes of a light's region.
+///
+/// Approaches: first the edges at the stop line in the order of the light's letters, then the others by distance; the
+/// lanes of an edge from the right to the left. Links are in the order of the letters, exits in that of the links.
+pub fn region_plan(roads: &Roads, light: &str, region: &Region) -> RegionPlan {
+    let mut ways: Vec<(usize, &Connection)> = roads
+        .under_light(light)
+        .filter(|link| region.ahead_m.contains_key(&link.from))
+        .map(|link| (link.signal.as_ref().expect("a light controls it").letter, link))
+        .collect();
+    ways.sort_by_key(|(letter, link)| (*letter, link.from, link.to));
+    let order = lanes_in_order(roads, region, &ways);
+    let mut leaving: Vec<LaneNo> = Vec::new();
+    let mut exit_of: HashMap<LaneNo, usize> = HashMap::new();
+    for (_, link) in &ways {
+        exit_of.entry(link.to).or_insert_with(|| {
+            leaving.push(link.to);
+            leaving.len() - 1
+        });
+    }
+    let approach_of: HashMap<LaneNo, usize> = order.iter().enumerate().map(|(place, &lane)| (lane, place)).collect();
+    let links: Vec<Link> = ways
+        .iter()
+        .map(|(letter, link)| Link { letter: *letter, from: approach_of[&link.from], to: exit_of[&link.to] })
+        .collect();
+    let reached = links_reached(roads, &order, &approach_of, &links);
+    let approaches = order.iter().zip(reached).map(|(&lane, links)| {
+        let ahead_m = region.ahead_m[&lane];
+        let lane = roads.lane(lane);
+        let (length_m, speed_limit_mps) = (lane.length_m, lane.speed_limit_mps);
+        Approach { lane: lane.id.clone(), length_m, speed_limit_mps, ahead_m, links: links.into_iter().collect() }
+    });
+    let exits = leaving.iter().map(|&lane| {
+        let leaves_the_net = leaves_the_net(roads, light, roads.lane(lane).edge);
+        let lane = roads.lane(lane);
+        Exit { lane: lane.id.clone(), length_m: lane.length_m, speed_limit_mps: lane.speed_limit_mps, leaves_the_net }
+    });
+    RegionPlan { approaches: approaches.collect(), exits: exits.collect(), links }
+}
+
+/// Returns the lanes of the approaches in their order.
+fn lanes_in_order(roads: &Roads, region: &Region, ways: &[(usize, &Connection)]) -> Vec<LaneNo> {
+    let mut found: BTreeMap<EdgeNo, (usize, f64)> = BTreeMap::new();
+    for (&lane, &ahead_m) in &region.ahead_m {
+        let (_, nearest_m) = found.entry(roads.lane(lane).edge).or_insert((usize::MAX, ahead_m));
+        *nearest_m = nearest_m.min(ahead_m);
+    }
+    for (letter, link) in ways {
+        let (first, _) = found.get_mut(&roads.lane(link.from).edge).expect("links begin at lanes of the region");
+        *first = (*first).min(*letter);
+    }
+    let mut edges: Vec<(usize, f64, EdgeNo)> =
+        found.into_iter().map(|(edge, (letter, nearest_m))| (letter, nearest_m, edge)).collect();
+    edges.sort_by(|one, other| (one.0.cmp(&other.0)).then(one.1.total_cmp(&other.1)).then(one.2.cmp(&other.2)));
+    let lanes = edges.iter().flat_map(|(_, _, edge)| &roads.edge(*edge).lanes).copied();
+    lanes.filter(|lane| region.ahead_m.contains_key(lane)).collect()
+}
+
+/// Returns the links that cars on each lane can come to without changing lanes.
+/// `places`: the place of each lane among `lanes`.
+fn links_reached(
+    roads: &Roads,
+    lanes: &[LaneNo],
+    places: &HashMap<LaneNo, usize>,
+    links: &[Link],
+) -> Vec<BTreeSet<usize>> {
+    let mut reached = vec![BTreeSet::new(); lanes.len()];
+    for (number, link) in links.iter().enumerate() {
+        reached[link.from].insert(number);
+    }
+    // Links pass back from lane to lane until nothing changes, because there may be rings.
+    loop {
+        let before = reached.clone();
+        for (place, &lane) in lanes.iter().enumerate() {
+            let next = roads.from_lane(lane).filter(|way| way.signal.is_none() && !way.turns_around);
+            for next in next.filter_map(|way| places.get(&way.to)) {
+                let more = reached[*next].clone();
+                reached[place].extend(more);
+            }
+        }
+        if reached == before {
+            return reached;
+        }
+    }
+}
+
+/// Returns whether cars on an edge leave the net without coming to another light. They do not turn around.
+fn leaves_the_net(roads: &Roads, light: &str, exit: EdgeNo) -> bool {
+    let mut seen = BTreeSet::from([exit]);
+    let mut open = vec![exit];
+    while let Some(edge) = open.pop() {
+        let ways = roads.edge(edge).lanes.iter().flat_map(|&lane| roads.from_lane(lane));
+        for way in ways.filter(|way| roads.carries_cars(way) && !way.turns_around) {
+            match &way.signal {
+                Some(signal) if signal.light != light => return false,
+                Some(_) => {}
+                None => {
+                    let next = roads.lane(way.to).edge;
+                    if seen.insert(next) {
+                        open.push(next);
+                    }
+                }
+            }
+        }
+    }
+    true
+}

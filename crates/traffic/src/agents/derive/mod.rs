@@ -1,0 +1,218 @@
+//! Agents for the lights of any road network: from [`Roads`] to an [`AgentPlan`] for each light that can learn.
+//!
+//! Pure: no files and no simulation. The agents are in the order of the elements `<tlLogic>` of the net.
+//!
+//! - [`greens`]: the greens of a program; [`clearing`]: what is shown between two of them.
+//! - [`region`]: the roads around a light; [`lanes`]: its approaches, exits and links; `sight`: what its agent sees.
+//! - [`border`]: where cars come into the region and leave it.
+//! - [`keeping`]: why a light keeps its program; [`safety`]: no two links that cross have green at once.
+//! - [`overrides`]: what the file `agents.toml` says otherwise; [`padding`]: one shape for all agents.
+//! - `tests`: all of it together.
+
+pub mod border;
+pub mod clearing;
+pub mod greens;
+pub mod keeping;
+pub mod lanes;
+pub mod overrides;
+pub mod padding;
+pub mod region;
+pub mod safety;
+mod sight;
+#[cfg(test)]
+mod tests;
+
+use std::collections::{BTreeSet, HashMap};
+
+use std::sync::Arc;
+
+use anyhow::{Result, bail};
+
+use super::phase_plan::{Choice, PhasePlan, ProgramChange};
+use super::plan::{AgentPlan, Border};
+use crate::d_set::{DSetPlan, Parts};
+use crate::network::roads::program::Program;
+use crate::network::roads::{EdgeNo, JunctionNo, Roads};
+use border::Seconds;
+use dials_config::Yellow;
+use greens::{Change, Greens, MOST_GREENS};
+use keeping::{Keeping, Why};
+use libsumo::SignalState;
+use overrides::{LightOverride, Overrides};
+use region::Region;
+
+/// What all derived agents have in common.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rules {
+    /// How far before the stop line an agent sees cars, in metres; more than 0.
+    pub approach_m: f64,
+    /// How long yellow is between two greens.
+    pub yellow: Yellow,
+    /// Least number of seconds of a green; at least 1.
+    pub min_green_s: u32,
+    pub cars: CarsSeen,
+}
+
+/// How an observation shows cars.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CarsSeen {
+    /// A bit for each cell of 10 m.
+    Cells,
+    /// Queue and density of each lane.
+    Queues,
+}
+
+impl Default for Rules {
+    /// Returns the defaults of the config.
+    fn default() -> Rules {
+        Rules { approach_m: 150.0, yellow: Yellow::default(), min_green_s: 5, cars: CarsSeen::Cells }
+    }
+}
+
+/// What becomes of the lights of a net.
+#[derive(Clone, Debug)]
+pub struct Derived {
+    /// Lights that learn, in the order of their elements `<tlLogic>`; at least one.
+    pub agents: Vec<Agent>,
+    /// Lights that keep their program, in the same order.
+    pub keeping: Vec<Keeping>,
+}
+
+/// A light that learns.
+#[derive(Clone, Debug)]
+pub struct Agent {
+    pub plan: AgentPlan,
+    pub region: Region,
+    /// Own program of the light.
+    pub program: Program,
+}
+
+impl Derived {
+    /// Returns the plans of the agents, in their order.
+    pub fn plans(&self) -> Vec<AgentPlan> {
+        self.agents.iter().map(|agent| agent.plan.clone()).collect()
+    }
+
+    /// Makes the borders of the agents' regions, with what their AIPs (approximate influence predictors) see.
+    ///
+    /// `departs_on`: roads on which cars depart. `approach_m`: how far before the stop lines cars are seen.
+    pub fn borders(
+        &self,
+        roads: &Roads,
+        departs_on: &BTreeSet<EdgeNo>,
+        approach_m: f64,
+        seconds: Seconds,
+    ) -> Vec<Border> {
+        let of_agent = |Agent { plan, region, .. }: &Agent| {
+            let border = border::border(roads, region, departs_on, seconds.decision);
+            let d_set = DSetPlan::of(plan, &border, approach_m, Parts::of(seconds.episode));
+            Border { plan: border, d_set }
+        };
+        self.agents.iter().map(of_agent).collect()
+    }
+}
+
+/// Makes the agents of a net.
+///
+/// Errors: the net has no light; no light can learn; the overrides name what the net does not have, or greens that are
+/// not safe.
+pub fn derive(roads: &Roads, rules: &Rules, overrides: &Overrides) -> Result<Derived> {
+    let programs = programs(roads);
+    let lit = region::lit_junctions(roads);
+    if programs.is_empty() {
+        bail!(
+            "has no traffic light: no element <tlLogic>; give a junction one in netedit, or with netconvert --tls.set"
+        );
+    }
+    overrides.check_names(&programs)?;
+    let mut derived = Derived { agents: Vec::new(), keeping: Vec::new() };
+    for program in programs {
+        match agent(roads, &lit, rules, overrides, program)? {
+            Ok(agent) => derived.agents.push(agent),
+            Err(why) => {
+                overrides.check_may_keep(&program.light, &why)?;
+                derived.keeping.push(Keeping { light: program.light.clone(), why });
+            }
+        }
+    }
+    if derived.agents.is_empty() {
+        let Keeping { light, why } = &derived.keeping[0];
+        let others = derived.keeping.len() - 1;
+        let others = if others == 0 { String::new() } else { format!(" (and {others} more lights)") };
+        bail!("has no light that can learn: light `{light}`{others}: {why}; {}", why.way_out());
+    }
+    Ok(derived)
+}
+
+/// Returns the program of each light that its greens come from: the last one, which is the one that SUMO runs.
+fn programs(roads: &Roads) -> Vec<&Program> {
+    let mut places: HashMap<&str, usize> = HashMap::new();
+    let mut programs: Vec<&Program> = Vec::new();
+    for program in &roads.programs {
+        let place = *places.entry(&program.light).or_insert(programs.len());
+        if place == programs.len() {
+            programs.push(program);
+        }
+        programs[place] = program;
+    }
+    programs
+}
+
+/// Returns the changes of a program between these greens of its light.
+fn program_changes(of_program: &Greens, greens: &[SignalState]) -> Vec<ProgramChange> {
+    let place = |state: &SignalState| greens.iter().position(|green| green == state);
+    let known = |change: Change<'_>| {
+        let between = change.between.iter().map(|phase| phase.state.clone()).collect();
+        Some(ProgramChange { from: place(change.from)?, to: place(change.to)?, between })
+    };
+    of_program.changes().into_iter().filter_map(known).collect()
+}
+
+/// Returns the agent of a light, or why it keeps its program. `lit`: all junctions under a light.
+fn agent(
+    roads: &Roads,
+    lit: &BTreeSet<JunctionNo>,
+    rules: &Rules,
+    overrides: &Overrides,
+    program: &Program,
+) -> Result<Result<Agent, Why>> {
+    let light = &program.light;
+    if !overrides.learns(light) {
+        return Ok(Err(Why::Excluded));
+    }
+    if !["static", "actuated"].contains(&program.kind.as_str()) {
+        return Ok(Err(Why::Kind(program.kind.clone())));
+    }
+    if roads.of_light(light).next().is_none() {
+        return Ok(Err(Why::NoLink));
+    }
+    if roads.under_light(light).next().is_none() {
+        return Ok(Err(Why::NoCars));
+    }
+    let own = overrides.of(light);
+    let cars = roads.letters_of_vehicles(light);
+    let of_program = Greens::of(program, &cars);
+    let greens = own.greens.as_deref().unwrap_or(of_program.states());
+    if !(2..=MOST_GREENS).contains(&greens.len()) {
+        return Ok(Err(Why::Greens(greens.len())));
+    }
+    let LightOverride { yellow_s, all_red_s, .. } = own;
+    let yellow = yellow_s.map_or(rules.yellow, Yellow::Seconds);
+    let times = clearing::Times::of(&of_program, yellow, *all_red_s);
+    let clearing = |from: usize, to: usize| clearing::between(&greens[from], &greens[to], &times);
+    let phases = PhasePlan::new(greens.to_vec(), Choice::Target, rules.min_green_s, clearing)
+        .for_cars(cars.clone())
+        .for_program(program_changes(&of_program, greens));
+    safety::check(roads, program, &phases)?;
+    let region = Region::of(roads, lit, light, rules.approach_m, own.approaches.as_deref())?;
+    let lanes = lanes::region_plan(roads, light, &region);
+    let sensor = sight::sensor(&lanes, rules, phases.greens().len());
+    let plan = AgentPlan {
+        light: light.clone(),
+        place_m: region.place_m(roads),
+        region: lanes,
+        phases: Arc::new(phases),
+        sensor,
+    };
+    Ok(Ok(Agent { plan, region, program: program.clone() }))
+}

@@ -1,0 +1,180 @@
+//! The file `agents.toml`: what a person says of the lights of a net where the derivation guesses wrong.
+
+use std::collections::BTreeMap;
+
+use anyhow::{Context, Result, anyhow, bail, ensure};
+use serde::Deserialize;
+
+use super::greens::{MOST_GREENS, goes, is_yellow};
+use super::keeping::Why;
+use crate::network::roads::program::Program;
+use libsumo::SignalState;
+
+/// Longest yellow and all red that are accepted, in seconds.
+const LONGEST_S: u32 = 60;
+
+/// What the file says.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Overrides {
+    /// Lights that learn; all others keep their program.
+    learn: Option<Vec<String>>,
+    /// Lights that keep their program; all others learn if they can.
+    keep: Option<Vec<String>>,
+    lights: BTreeMap<String, LightOverride>,
+}
+
+/// What the file says of one light.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LightOverride {
+    /// Greens instead of those of its program.
+    pub greens: Option<Vec<SignalState>>,
+    /// Edges on which its agent sees cars, instead of those that the derivation finds.
+    pub approaches: Option<Vec<String>>,
+    /// Seconds of yellow.
+    pub yellow_s: Option<u32>,
+    /// Seconds in which links that lose green show red after yellow.
+    pub all_red_s: Option<u32>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Written {
+    learn: Option<Vec<String>>,
+    keep: Option<Vec<String>>,
+    #[serde(default)]
+    light: BTreeMap<String, WrittenLight>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WrittenLight {
+    greens: Option<Vec<String>>,
+    approaches: Option<Vec<String>>,
+    yellow_s: Option<u32>,
+    all_red_s: Option<u32>,
+}
+
+impl Overrides {
+    /// Reads the text of a file. An error names the light and the key.
+    pub fn parse(text: &str) -> Result<Overrides> {
+        let Written { learn, keep, light } = toml::from_str(text)?;
+        ensure!(learn.is_none() || keep.is_none(), "learn and keep: name the lights that learn, or those that do not");
+        let lights = light.into_iter().map(|(name, written)| {
+            let read = read_light(written).map_err(|error| anyhow!("light `{name}`: {error:#}"))?;
+            Ok((name, read))
+        });
+        Ok(Overrides { learn, keep, lights: lights.collect::<Result<_>>()? })
+    }
+
+    /// Returns what the file says of a light; nothing if it does not name it.
+    pub fn of(&self, light: &str) -> &LightOverride {
+        const NOTHING: &LightOverride =
+            &LightOverride { greens: None, approaches: None, yellow_s: None, all_red_s: None };
+        self.lights.get(light).unwrap_or(NOTHING)
+    }
+
+    /// Returns whether the file lets a light learn.
+    pub fn learns(&self, light: &str) -> bool {
+        let names = |list: &Option<Vec<String>>| list.as_ref().map(|names| names.iter().any(|name| name == light));
+        names(&self.learn).unwrap_or(true) && !names(&self.keep).unwrap_or(false)
+    }
+
+    /// Returns an error if the file names a light that the net does not have, or greens of another length than its.
+    pub fn check_names(&self, programs: &[&Program]) -> Result<()> {
+        let known = |name: &String| programs.iter().find(|program| program.light == *name);
+        let lists = [("learn", &self.learn), ("keep", &self.keep)];
+        let listed = lists.iter().flat_map(|(key, names)| names.iter().flatten().map(|name| (*key, name)));
+        for (key, name) in listed.chain(self.lights.keys().map(|name| ("light", name))) {
+            let program =
+                known(name).with_context(|| format!("agents.toml: {key}: the net has no light `{name}`; remove it"))?;
+            for green in self.of(name).greens.iter().flatten() {
+                ensure!(
+                    green.links() == program.letters(),
+                    "agents.toml: light `{name}`: greens: `{green}` has {} letters, but its program has {}; give one \
+                     letter per link",
+                    green.links(),
+                    program.letters()
+                );
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns an error if the file says that a light learns, and it cannot.
+    pub fn check_may_keep(&self, light: &str, why: &Why) -> Result<()> {
+        let wanted = self.learn.iter().flatten().any(|name| name == light);
+        ensure!(!wanted, "agents.toml: learn: light `{light}` cannot learn: {why}; {}", why.way_out());
+        Ok(())
+    }
+}
+
+fn read_light(written: WrittenLight) -> Result<LightOverride> {
+    let WrittenLight { greens, approaches, yellow_s, all_red_s } = written;
+    ensure!(
+        yellow_s.is_none_or(|seconds| (1..=LONGEST_S).contains(&seconds)),
+        "yellow_s: must be from 1 to {LONGEST_S}"
+    );
+    ensure!(all_red_s.is_none_or(|seconds| seconds <= LONGEST_S), "all_red_s: must be at most {LONGEST_S}");
+    ensure!(approaches.as_ref().is_none_or(|edges| !edges.is_empty()), "approaches: must name at least one edge");
+    Ok(LightOverride { greens: greens.map(read_greens).transpose()?, approaches, yellow_s, all_red_s })
+}
+
+fn read_greens(written: Vec<String>) -> Result<Vec<SignalState>> {
+    ensure!(written.len() >= 2, "greens: must be at least two; with fewer there is nothing to choose");
+    ensure!(written.len() <= MOST_GREENS, "greens: must be at most {MOST_GREENS}");
+    let mut greens: Vec<SignalState> = Vec::new();
+    for letters in written {
+        let green = SignalState::new(letters).context("greens")?;
+        let is_green = !is_yellow(&green) && green.as_str().contains(goes);
+        ensure!(is_green, "greens: `{green}` must have a G or g, and neither y, Y nor u");
+        if greens.contains(&green) {
+            bail!("greens: `{green}` is there twice");
+        }
+        greens.push(green);
+    }
+    Ok(greens)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_read_and_what_it_does_not_name_stays() {
+        let file = "learn = ['a', 'b']\n[light.'b c']\ngreens = ['Gr', 'rg']\nall_red_s = 0";
+        let read = Overrides::parse(file).unwrap();
+        assert_eq!([read.learns("a"), read.learns("c")], [true, false]);
+        assert_eq!((read.of("b c").all_red_s, read.of("b c").yellow_s), (Some(0), None));
+        assert_eq!(read.of("a"), &LightOverride::default());
+        let keep = Overrides::parse("keep = ['a']").unwrap();
+        assert_eq!([keep.learns("a"), keep.learns("c")], [false, true]);
+        assert!(Overrides::default().learns("a"));
+    }
+
+    #[test]
+    fn a_wrong_value_is_told_with_its_light_and_key() {
+        for (file, told) in [
+            ("learn = ['a']\nkeep = ['b']", "learn and keep: name the lights that learn, or those that do not"),
+            ("[light.a]\nyellow_s = 0", "light `a`: yellow_s: must be from 1 to 60"),
+            ("[light.a]\nall_red_s = 61", "light `a`: all_red_s: must be at most 60"),
+            ("[light.a]\napproaches = []", "light `a`: approaches: must name at least one edge"),
+            (
+                "[light.a]\ngreens = ['G']",
+                "light `a`: greens: must be at least two; with fewer there is nothing to choose",
+            ),
+            ("[light.a]\ngreens = ['Gr', 'Gr']", "light `a`: greens: `Gr` is there twice"),
+            ("[light.a]\ngreens = ['Gr', 'yG']", "light `a`: greens: `yG` must have a G or g, and neither y, Y nor u"),
+        ] {
+            assert_eq!(format!("{:#}", Overrides::parse(file).unwrap_err()), told);
+        }
+        for (file, part) in [
+            ("lern = ['a']", "unknown field `lern`"),
+            ("[light.a]\nyellow = 3", "unknown field `yellow`"),
+            ("[light.a]\nyellow_s = -3", "yellow_s"),
+            ("[light.a]\ngreens = ['Gx', 'rG']", "light `a`: greens: "),
+        ] {
+            let error = format!("{:#}", Overrides::parse(file).unwrap_err());
+            assert!(error.contains(part), "{error}");
+        }
+    }
+}

@@ -1,0 +1,246 @@
+//! The phases of one light: the greens that its agent chooses from, and what the light shows between two of them.
+
+use std::collections::BTreeSet;
+
+use dials_core::domain::Action;
+use libsumo::SignalState;
+
+/// What a light can show, and what an action means to it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PhasePlan {
+    greens: Vec<SignalState>,
+    /// Letters by which greens are told apart in other programs.
+    cars: BTreeSet<usize>,
+    /// What is shown between two greens, `[from][to]`; empty where nothing has to be cleared.
+    clearings: Vec<Vec<Vec<Interval>>>,
+    /// Ways of its program from green to green.
+    program: Vec<ProgramChange>,
+    /// Least number of steps of a green.
+    min_green_steps: u32,
+    /// Number of steps after which the light leaves a green by itself, until it is switched in an episode.
+    own_green_steps: Option<u32>,
+    choice: Choice,
+}
+
+/// A state that is shown for some steps.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Interval {
+    pub state: SignalState,
+    pub steps: u32,
+}
+
+/// A way of a light's program from one green to another.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ProgramChange {
+    pub from: usize,
+    pub to: usize,
+    /// States that the program shows in between.
+    pub between: Vec<SignalState>,
+}
+
+/// What a light shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shown {
+    /// The green of this index.
+    Green(usize),
+    /// Yellow or all red between two greens.
+    Between { from: usize, to: usize },
+}
+
+impl Shown {
+    pub fn is_green(self) -> bool {
+        matches!(self, Shown::Green(_))
+    }
+
+    /// Returns the green that is shown; `None` between greens.
+    pub fn green(self) -> Option<usize> {
+        match self {
+            Shown::Green(green) => Some(green),
+            Shown::Between { .. } => None,
+        }
+    }
+
+    /// Returns the green that is shown or comes next.
+    pub fn target(self) -> usize {
+        match self {
+            Shown::Green(green) => green,
+            Shown::Between { to, .. } => to,
+        }
+    }
+}
+
+/// The meaning of an action.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Choice {
+    /// 0 keeps the green, 1 goes to the next one. The paper's actions.
+    KeepOrSwitch,
+    /// The index of a green: the light goes to it or stays there.
+    Target,
+}
+
+impl PhasePlan {
+    /// Makes a plan of at least two greens. `clearing(from, to)` returns what is shown between two different greens.
+    pub fn new(
+        greens: Vec<SignalState>,
+        choice: Choice,
+        min_green_steps: u32,
+        clearing: impl Fn(usize, usize) -> Vec<Interval>,
+    ) -> PhasePlan {
+        assert!(greens.len() >= 2, "a light with something to choose");
+        assert!(min_green_steps >= 1, "a green is shown");
+        let between = |from: usize, to: usize| if from == to { Vec::new() } else { clearing(from, to) };
+        let clearings = (0..greens.len()).map(|from| (0..greens.len()).map(|to| between(from, to)).collect()).collect();
+        let cars = (0..greens[0].links()).collect();
+        PhasePlan { greens, cars, clearings, program: Vec::new(), min_green_steps, own_green_steps: None, choice }
+    }
+
+    /// Lets the plan recognise states of other programs by these letters, those that cars obey. Without it all count.
+    pub fn for_cars(self, cars: BTreeSet<usize>) -> PhasePlan {
+        PhasePlan { cars, ..self }
+    }
+
+    /// Lets the plan recognise by these changes to which green its program is on the way. Without them it is the next one.
+    pub fn for_program(self, program: Vec<ProgramChange>) -> PhasePlan {
+        PhasePlan { program, ..self }
+    }
+
+    /// Lets the light go to its next green after this number of steps, in each episode until it is switched.
+    pub fn by_itself_until_switched(self, green_steps: u32) -> PhasePlan {
+        PhasePlan { own_green_steps: Some(green_steps), ..self }
+    }
+
+    /// Returns the letters by which states of other programs are recognised, those that cars obey.
+    pub fn cars(&self) -> &BTreeSet<usize> {
+        &self.cars
+    }
+
+    /// Returns the greens, at least two, in the order of their program.
+    pub fn greens(&self) -> &[SignalState] {
+        &self.greens
+    }
+
+    /// Returns what is shown between two greens.
+    pub fn clearing(&self, from: usize, to: usize) -> &[Interval] {
+        &self.clearings[from][to]
+    }
+
+    pub fn min_green_steps(&self) -> u32 {
+        self.min_green_steps
+    }
+
+    /// Returns the number of steps of a green that the light leaves by itself, until it is switched in an episode.
+    pub fn own_green_steps(&self) -> Option<u32> {
+        self.own_green_steps
+    }
+
+    pub fn choice(&self) -> Choice {
+        self.choice
+    }
+
+    /// Returns the number of actions.
+    pub fn actions(&self) -> usize {
+        match self.choice {
+            Choice::KeepOrSwitch => 2,
+            Choice::Target => self.greens.len(),
+        }
+    }
+
+    /// Returns the green after this one, in the order of the program.
+    pub fn next(&self, green: usize) -> usize {
+        (green + 1) % self.greens.len()
+    }
+
+    /// Returns the number of steps between two greens.
+    pub fn clearing_steps(&self, from: usize, to: usize) -> u32 {
+        self.clearings[from][to].iter().map(|interval| interval.steps).sum()
+    }
+
+    /// Returns the action that makes a light that shows `shown` go to a green, or stay there.
+    pub fn towards(&self, shown: Shown, green: usize) -> Action {
+        match self.choice {
+            Choice::KeepOrSwitch => Action::from(shown.target() != green),
+            Choice::Target => Action::try_from(green).expect("a plan has at most 256 greens"),
+        }
+    }
+
+    /// Returns the green that an action asks for at a light that shows `shown`.
+    pub fn asked_for(&self, shown: Shown, action: Action) -> usize {
+        match self.choice {
+            Choice::KeepOrSwitch if action == 0 => shown.target(),
+            Choice::KeepOrSwitch => self.next(shown.target()),
+            Choice::Target => usize::from(action),
+        }
+    }
+
+    /// Returns what a state means that another program shows, if the last green was `last`. It stays the same green while
+    /// only the letters of people on foot change.
+    pub fn recognise(&self, state: &SignalState, last: usize) -> Shown {
+        if let Some(green) = self.greens.iter().position(|green| green == state) {
+            return Shown::Green(green);
+        }
+        let letters = |state: &SignalState| -> Vec<u8> {
+            let letters = state.as_str().as_bytes();
+            self.cars.iter().map(|&letter| letters[letter]).collect()
+        };
+        let shown = letters(state);
+        let goes = shown.iter().any(|letter| letter.eq_ignore_ascii_case(&b'g'));
+        let mut likely = [last].into_iter().chain(0..self.greens.len());
+        if let Some(green) = likely.find(|&green| goes && letters(&self.greens[green]) == shown) {
+            return Shown::Green(green);
+        }
+        Shown::Between { from: last, to: self.next_of_program(state, last) }
+    }
+
+    /// Returns the green to which the program is on the way if it shows this state after the green `last`.
+    ///
+    /// The state alone does not say it: all red, and often the yellow, is the same on the way to any green.
+    fn next_of_program(&self, state: &SignalState, last: usize) -> usize {
+        let mut changes = self.program.iter().filter(|change| change.from == last);
+        let shown = changes.clone().find(|change| change.between.contains(state));
+        shown.or_else(|| changes.next()).map_or_else(|| self.next(last), |change| change.to)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn state(letters: &str) -> SignalState {
+        SignalState::new(letters).unwrap()
+    }
+
+    #[test]
+    fn a_program_is_on_the_way_to_its_next_green_although_the_yellow_is_the_same_on_all_ways() {
+        let clearing = |from: usize, _| {
+            let yellow = Interval { state: state(["yrr", "ryr", "rry"][from]), steps: 3 };
+            vec![yellow, Interval { state: state("rrr"), steps: 1 }]
+        };
+        let plan = PhasePlan::new(["Grr", "rGr", "rrG"].map(state).to_vec(), Choice::Target, 5, clearing);
+        let ways = |plan: &PhasePlan, shown: &[(&str, usize)]| -> Vec<usize> {
+            shown.iter().map(|&(letters, last)| plan.recognise(&state(letters), last).target()).collect()
+        };
+        let shown = [("yrr", 0), ("rrr", 0), ("ryr", 1), ("rrr", 1), ("rry", 2), ("rrr", 2)];
+        assert_eq!(ways(&plan, &shown), [1, 1, 2, 2, 0, 0]);
+        // A program that shows green 0 between all others: 0, 1, 0, 2. Its yellow before green 2 is another one.
+        let change = |from, to, letters: &str| ProgramChange { from, to, between: vec![state(letters)] };
+        let program = vec![change(0, 1, "yrr"), change(1, 0, "ryr"), change(0, 2, "Yrr"), change(2, 0, "rry")];
+        let plan = plan.for_program(program);
+        let shown = [("yrr", 0), ("Yrr", 0), ("ryr", 1), ("rry", 2), ("rrr", 1)];
+        assert_eq!(ways(&plan, &shown), [1, 2, 0, 0, 0]);
+    }
+
+    #[test]
+    fn a_green_is_recognised_whatever_people_on_foot_have() {
+        // The last letter is a crossing.
+        let clearing = |from: usize, _| vec![Interval { state: state(["yyry", "rryr"][from]), steps: 3 }];
+        let plan = PhasePlan::new(["GGrG", "rrGr"].map(state).to_vec(), Choice::Target, 5, clearing);
+        let recognise = |plan: &PhasePlan, letters: &str, last| plan.recognise(&state(letters), last);
+        assert_eq!(recognise(&plan, "GGrr", 0), Shown::Between { from: 0, to: 1 }, "all letters count");
+        let plan = plan.for_cars([0, 1, 2].into());
+        assert_eq!(recognise(&plan, "GGrr", 0), Shown::Green(0));
+        assert_eq!(recognise(&plan, "rrGG", 0), Shown::Green(1));
+        for (letters, last) in [("yyrr", 0), ("rrrG", 0), ("rryG", 1)] {
+            assert_eq!(recognise(&plan, letters, last), Shown::Between { from: last, to: 1 - last }, "{letters}");
+        }
+    }
+}

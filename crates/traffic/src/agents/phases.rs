@@ -1,0 +1,95 @@
+//! The phases of a light: which sides have green, and in which order the phases follow each other.
+
+use super::phase_plan::Shown;
+use crate::side::Side;
+use libsumo::SignalState;
+
+/// The state that a light shows. The order is that of the one-hot light in an observation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Light {
+    HorizontalGreen,
+    HorizontalYellow,
+    VerticalYellow,
+    VerticalGreen,
+}
+
+impl Light {
+    pub const ALL: [Light; 4] =
+        [Light::HorizontalGreen, Light::HorizontalYellow, Light::VerticalYellow, Light::VerticalGreen];
+
+    /// Order in which the phases follow each other, again and again.
+    pub const CYCLE: [Light; 4] =
+        [Light::VerticalGreen, Light::VerticalYellow, Light::HorizontalGreen, Light::HorizontalYellow];
+
+    /// Returns SUMO's letters, one per link, in the order of [`Side::LINK_ORDER`].
+    pub fn letters(self) -> String {
+        Side::LINK_ORDER.into_iter().map(|from| self.letter(from)).collect()
+    }
+
+    /// Returns SUMO's letter for the cars that come from a side.
+    fn letter(self, from: Side) -> char {
+        match (self, from.is_vertical()) {
+            (Light::VerticalGreen, true) | (Light::HorizontalGreen, false) => 'G',
+            (Light::VerticalYellow, true) | (Light::HorizontalYellow, false) => 'y',
+            _ => 'r',
+        }
+    }
+
+    pub fn state(self) -> SignalState {
+        SignalState::new(self.letters()).expect("the letters are SUMO's")
+    }
+
+    /// Returns the light that a state in SUMO's letters shows; `None` if it is not one of [`Light::ALL`].
+    pub fn of(state: &SignalState) -> Option<Light> {
+        let shows = |light: &Light| Side::LINK_ORDER.iter().map(|&from| light.letter(from)).eq(state.as_str().chars());
+        Light::ALL.into_iter().find(shows)
+    }
+
+    pub fn is_green(self) -> bool {
+        matches!(self, Light::HorizontalGreen | Light::VerticalGreen)
+    }
+
+    /// Returns the sides whose cars have green, then the sides whose cars have red; `None` during yellow.
+    pub fn green_and_red(self) -> Option<[[Side; 2]; 2]> {
+        match self {
+            Light::HorizontalGreen => Some([Side::HORIZONTAL, Side::VERTICAL]),
+            Light::VerticalGreen => Some([Side::VERTICAL, Side::HORIZONTAL]),
+            Light::HorizontalYellow | Light::VerticalYellow => None,
+        }
+    }
+
+    /// Returns what this light is in a plan, where green 0 is for the cars from south and north.
+    pub fn shown(self) -> Shown {
+        match self {
+            Light::VerticalGreen => Shown::Green(0),
+            Light::VerticalYellow => Shown::Between { from: 0, to: 1 },
+            Light::HorizontalGreen => Shown::Green(1),
+            Light::HorizontalYellow => Shown::Between { from: 1, to: 0 },
+        }
+    }
+
+    /// Returns the light that follows this one in the cycle.
+    pub fn next(self) -> Light {
+        let place = Light::CYCLE.iter().position(|&light| light == self).expect("every light is in the cycle");
+        Light::CYCLE[(place + 1) % Light::CYCLE.len()]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_letters_are_those_of_north_east_south_and_west() {
+        assert_eq!(Light::CYCLE.map(Light::letters), ["GrGr", "yryr", "rGrG", "ryry"]);
+    }
+
+    #[test]
+    fn letters_and_lights_are_one_to_one() {
+        for light in Light::ALL {
+            assert_eq!(Light::of(&light.state()), Some(light));
+        }
+        assert_eq!(Light::of(&SignalState::new("GGGG").unwrap()), None);
+        assert_eq!(Light::of(&SignalState::new("rGrGr").unwrap()), None);
+    }
+}

@@ -1,0 +1,44 @@
+//! The local region of one intersection: its four incoming edges and the shape of the agent's observation of them.
+//!
+//! An incoming edge is 100 m long. It is cut into cells of 10 m, counted from the stop line. The agent sees nine of
+//! them. It does not see the tenth, the *entry cell*, where influence enters. Cars inside the intersection belong to no
+//! edge.
+
+use super::phases::Light;
+use crate::side::Side;
+use dials_config::{DSet, Observation, TrafficConfig};
+use dials_core::domain::{RegionSpec, SourceSpec};
+
+/// Number of incoming edges, in the order of [`Side::ALL`]. Each is an influence source.
+pub const EDGES: usize = Side::ALL.len();
+/// Number of visible cells per edge.
+pub const CELLS: usize = 9;
+pub const CELL_M: f64 = 10.0;
+pub const EDGE_M: f64 = 100.0;
+pub const SPEED_LIMIT_MPS: f64 = 10.0;
+/// Number of cells that an agent or its AIP (approximate influence predictor) sees.
+pub const OCCUPANCY: usize = EDGES * CELLS;
+
+/// Returns the shape of a traffic region.
+pub fn spec(config: &TrafficConfig) -> RegionSpec {
+    let &TrafficConfig { horizon, observation, d_set, clock, .. } = config;
+    let clock = clock.unwrap_or(0);
+    let cars = match observation {
+        Observation::Cells => OCCUPANCY,
+        Observation::Queues => 2 * EDGES,
+    };
+    let beside_cells = match d_set {
+        DSet::Cells => 0,
+        DSet::CellsAndArrivals => EDGES,
+        DSet::CellsAndLight => Light::ALL.len(),
+    };
+    RegionSpec {
+        obs_dim: cars + Light::ALL.len() + clock,
+        d_set_dim: OCCUPANCY + beside_cells + clock,
+        n_actions: 2,
+        masks: false,
+        sources: SourceSpec::bits(EDGES),
+        horizon,
+        local_horizon: horizon,
+    }
+}

@@ -1,0 +1,126 @@
+//! The sensor of one agent: the columns of its observation.
+
+use std::ops::Range;
+
+use super::region_plan::RegionPlan;
+use dials_config::DSet;
+
+/// Which columns an observation has, in this order: cars, light, clock.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Sensor {
+    pub cars: CarColumns,
+    pub light: LightColumns,
+    /// Number of columns of the clock; 0 for none.
+    pub clock: usize,
+    /// Number of steps by which the clock is ahead of the episode.
+    pub clock_ahead: usize,
+    /// What the AIP (approximate influence predictor) of a grid sees. That of a scenario sees its borders.
+    pub d_set: DSet,
+}
+
+/// How an observation shows the cars on the approaches.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum CarColumns {
+    /// A bit for each cell of 10 m, from the lane's end on. One entry per approach: its number of visible cells.
+    Cells(Vec<usize>),
+    /// Two numbers from 0 to 1 for each approach: the share of it that a queue fills, and the share that cars fill.
+    QueueAndDensity(usize),
+}
+
+/// How an observation shows the light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LightColumns {
+    /// One-hot state of the paper's light with two greens: horizontal green, horizontal yellow, vertical yellow, vertical
+    /// green.
+    FourStates,
+    /// One-hot green that is shown or comes next, a bit for the time between greens, and the steps since the green began
+    /// or the last one ended, as a share of a minute, at most 1. The entry: number of greens.
+    TargetAndAge(usize),
+}
+
+impl Sensor {
+    /// Returns the name of every column: what it shows, and of which lane. The lanes are those of the agent's region.
+    pub fn columns(&self, region: &RegionPlan) -> Vec<String> {
+        let lanes = region.approaches.iter().map(|approach| &approach.lane);
+        let mut names: Vec<String> = match &self.cars {
+            CarColumns::Cells(cells) => {
+                let cells = lanes.zip(cells);
+                cells.flat_map(|(lane, &cells)| (0..cells).map(move |cell| format!("{lane}[{cell}]"))).collect()
+            }
+            CarColumns::QueueAndDensity(_) => {
+                lanes.flat_map(|lane| [format!("queue {lane}"), format!("density {lane}")]).collect()
+            }
+        };
+        names.extend(self.light.names());
+        names.extend((0..self.clock).map(|column| format!("clock[{column}]")));
+        names
+    }
+
+    /// Returns the number of columns.
+    pub fn width(&self) -> usize {
+        self.clock_columns().end
+    }
+
+    /// Returns the number of columns that show cars.
+    pub fn car_columns(&self) -> usize {
+        match &self.cars {
+            CarColumns::Cells(cells) => cells.iter().sum(),
+            CarColumns::QueueAndDensity(approaches) => 2 * approaches,
+        }
+    }
+
+    /// Returns the columns of the light.
+    pub fn light_columns(&self) -> Range<usize> {
+        let first = self.car_columns();
+        first..first + self.light.columns()
+    }
+
+    /// Returns the columns of the clock, an empty range if there is none.
+    pub fn clock_columns(&self) -> Range<usize> {
+        let first = self.light_columns().end;
+        first..first + self.clock
+    }
+}
+
+impl LightColumns {
+    /// Returns the name of every column.
+    pub fn names(self) -> Vec<String> {
+        match self {
+            LightColumns::FourStates => {
+                ["horizontal green", "horizontal yellow", "vertical yellow", "vertical green"].map(str::to_owned).into()
+            }
+            LightColumns::TargetAndAge(greens) => {
+                let greens = (0..greens).map(|green| format!("green[{green}]"));
+                greens.chain(["between greens", "time since change"].map(str::to_owned)).collect()
+            }
+        }
+    }
+
+    /// Returns the number of columns.
+    pub fn columns(self) -> usize {
+        match self {
+            LightColumns::FourStates => 4,
+            LightColumns::TargetAndAge(greens) => greens + 2,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_papers_light_and_a_clock_have_names_too() {
+        let region = RegionPlan { approaches: Vec::new(), exits: Vec::new(), links: Vec::new() };
+        let sensor = Sensor {
+            cars: CarColumns::Cells(Vec::new()),
+            light: LightColumns::FourStates,
+            clock: 2,
+            clock_ahead: 0,
+            d_set: DSet::Cells,
+        };
+        let names = sensor.columns(&region);
+        assert_eq!((names.len(), sensor.width()), (6, 6));
+        assert_eq!([&names[0], &names[3], &names[5]], ["horizontal green", "vertical green", "clock[1]"]);
+    }
+}

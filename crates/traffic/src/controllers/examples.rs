@@ -1,0 +1,151 @@
+//! Intersections made by hand, for the tests of the controllers.
+
+use std::sync::Arc;
+
+use super::intersections::Intersection;
+use crate::agents::phase_plan::{Choice, Interval, PhasePlan, Shown};
+use crate::agents::plan::AgentPlan;
+use crate::agents::region_plan::{Approach, Exit, Link, RegionPlan};
+use crate::agents::sensor::{CarColumns, LightColumns, Sensor};
+use crate::paper_grid::grid::Grid;
+use crate::paper_grid::plans::plans;
+use dials_config::{DSet, TrafficConfig};
+use dials_core::base::AgentId;
+use libsumo::{CarId, LaneCars, SignalState};
+
+/// Greens of [`crossing`]. Letters: west to east, west to north, south to north, south to west, east to west.
+pub const GREENS: [&str; 4] = ["GrrrG", "rGrrr", "rrGrr", "rgrGr"];
+
+/// Returns a light with four greens. Approaches:
+/// - 0 and 1 from the west, straight on and to the left,
+/// - 2 from the south, straight on and to the left on one lane,
+/// - 3 from the east, 10 m long, and 4 upstream of it.
+///
+/// Exits: 0 to the east, 1 to the north, 2 to the west; the last one leaves the net.
+pub fn crossing() -> AgentPlan {
+    let approach = |lane: &str, length_m, ahead_m, links: &[usize]| Approach {
+        lane: lane.to_owned(),
+        length_m,
+        speed_limit_mps: 10.0,
+        ahead_m,
+        links: links.to_vec(),
+    };
+    let exit = |lane: &str, leaves_the_net| Exit {
+        lane: lane.to_owned(),
+        length_m: 100.0,
+        speed_limit_mps: 10.0,
+        leaves_the_net,
+    };
+    let link = |letter, from, to| Link { letter, from, to };
+    AgentPlan {
+        light: "crossing".to_owned(),
+        place_m: [0.0, 0.0],
+        region: RegionPlan {
+            approaches: vec![
+                approach("west_0", 100.0, 0.0, &[0]),
+                approach("west_1", 100.0, 0.0, &[1]),
+                approach("south_0", 50.0, 0.0, &[2, 3]),
+                approach("east_0", 10.0, 0.0, &[4]),
+                approach("far_east_0", 60.0, 10.0, &[4]),
+            ],
+            exits: vec![exit("to_east_0", false), exit("to_north_0", false), exit("to_west_0", true)],
+            links: vec![link(0, 0, 0), link(1, 1, 1), link(2, 2, 1), link(3, 2, 2), link(4, 3, 2)],
+        },
+        phases: Arc::new(phases(&GREENS)),
+        sensor: Sensor {
+            cars: CarColumns::QueueAndDensity(5),
+            light: LightColumns::TargetAndAge(GREENS.len()),
+            clock: 0,
+            clock_ahead: 0,
+            d_set: DSet::Cells,
+        },
+    }
+}
+
+/// Returns a light that goes to the green that is asked for, after three steps of yellow and one of red.
+fn phases(greens: &[&str]) -> PhasePlan {
+    let state = |letters: &str| SignalState::new(letters).expect("letters of a light");
+    let clearing = |from: usize, to: usize| {
+        let lost = |(from, to): (char, char)| if "gG".contains(from) && to == 'r' { 'y' } else { from };
+        let yellow: String = greens[from].chars().zip(greens[to].chars()).map(lost).collect();
+        let red = yellow.replace('y', "r");
+        vec![Interval { state: state(&yellow), steps: 3 }, Interval { state: state(&red), steps: 1 }]
+    };
+    PhasePlan::new(greens.iter().map(|letters| state(letters)).collect(), Choice::Target, 5, clearing)
+}
+
+/// Returns the plan of the middle of three intersections in a row of the paper's grid. Green 0 is for the cars from
+/// south and north.
+pub fn middle() -> AgentPlan {
+    plans(Grid::new(1, 3).expect("a grid"), &TrafficConfig::new("", "")).swap_remove(1)
+}
+
+/// An intersection to be filled with cars.
+pub struct At<'a>(Intersection<'a>);
+
+impl<'a> At<'a> {
+    pub fn new(plan: &'a AgentPlan, shown: Shown) -> At<'a> {
+        At(Intersection {
+            plan,
+            agent: AgentId(0),
+            shown,
+            shown_steps: 10,
+            obs: &[],
+            approaches: vec![cars(&[]); plan.region.approaches.len()],
+            exits: vec![cars(&[]); plan.region.exits.len()],
+        })
+    }
+
+    pub fn since(mut self, steps: u32) -> At<'a> {
+        self.0.shown_steps = steps;
+        self
+    }
+
+    /// Puts cars on an approach: distance to the end of the lane in metres, speed in m/s.
+    pub fn cars(mut self, approach: usize, placed: &[(f64, f64)]) -> At<'a> {
+        let length_m = self.0.plan.region.approaches[approach].length_m;
+        let mut placed: Vec<(f64, f64)> =
+            placed.iter().map(|&(to_end_m, speed)| (length_m - to_end_m, speed)).collect();
+        // As SUMO gives them: the rearmost first.
+        placed.sort_by(|one, other| one.0.total_cmp(&other.0));
+        self.0.approaches[approach] = cars(&placed);
+        self
+    }
+
+    /// Puts cars that stand in a queue on an approach.
+    pub fn queue(self, approach: usize, count: usize) -> At<'a> {
+        let placed: Vec<(f64, f64)> = (0..count).map(|car| (7.5 * car as f64, 0.0)).collect();
+        self.cars(approach, &placed)
+    }
+
+    /// Puts a queue that drives off on an approach.
+    pub fn leaving(self, approach: usize, count: usize) -> At<'a> {
+        let placed: Vec<(f64, f64)> = (0..count).map(|car| (7.5 * car as f64, 5.0)).collect();
+        self.cars(approach, &placed)
+    }
+
+    /// Puts moving cars on an exit.
+    pub fn gone(mut self, exit: usize, count: usize) -> At<'a> {
+        self.0.exits[exit] = cars(&vec![(5.0, 5.0); count]);
+        self
+    }
+
+    /// Puts cars that stand on an exit.
+    pub fn jammed(mut self, exit: usize, count: usize) -> At<'a> {
+        self.0.exits[exit] = cars(&vec![(5.0, 0.0); count]);
+        self
+    }
+
+    pub fn build(self) -> Intersection<'a> {
+        self.0
+    }
+}
+
+/// Returns cars at these positions with these speeds. Their memory lives as long as the test.
+fn cars(placed: &[(f64, f64)]) -> LaneCars<'static> {
+    LaneCars {
+        ids: (0..placed.len() as u64).map(CarId).collect::<Vec<_>>().leak(),
+        positions_m: placed.iter().map(|car| car.0).collect::<Vec<_>>().leak(),
+        speeds_mps: placed.iter().map(|car| car.1).collect::<Vec<_>>().leak(),
+    }
+}

@@ -1,0 +1,157 @@
+//! Max-pressure: the green with the greatest pressure.
+//!
+//! Source: Varaiya, "Max pressure control of a network of signalized intersections", Transportation Research Part C 36,
+//! 2013. The pressure of a green is the number of cars that it lets go minus the queues on the exits that it leads to.
+//! A car on a lane that several links share counts for each green with the share of links that it opens. An exit that
+//! leaves the net holds no car back and counts as empty, as in the paper. Cars far from the stop line do not count: with
+//! all cars of long lanes, real nets jam, because cars that still drive hold a green that others wait for.
+//!
+//! In the paper the flow of a link weighs its cars. So a link that yields counts half in a green if another green gives
+//! it priority. Else cars that wait for a gap would hold a green that hardly helps them. For the same reason a lane does
+//! not count for the green that it has if its first car stands when the shortest green is over.
+
+use std::slice::from_ref;
+
+use super::are_of_a_grid;
+use super::green_limits::GreenLimits;
+use super::intersections::Intersection;
+use crate::agents::plan::AgentPlan;
+
+/// Distance before the stop line within which cars count. A lane of the paper's grids has 100 m and counts whole.
+const COUNTED_M: f64 = 101.0;
+/// Flow of a link that yields, as a share of its flow with priority.
+const YIELDING: f64 = 0.5;
+
+/// Goes to another green if that has the greater pressure, or some pressure when the longest green is over.
+pub fn decide(at: &Intersection<'_>, limits: GreenLimits) -> usize {
+    let Some(green) = limits.may_leave(at) else { return at.target() };
+    let least = if limits.must_leave(at) { 0.0 } else { pressure(at, green) };
+    let (mut best, mut most) = (green, least);
+    for other in at.others(green) {
+        let pressure = pressure(at, other);
+        if pressure > most {
+            (best, most) = (other, pressure);
+        }
+    }
+    best
+}
+
+/// Returns the pressure of a green, in cars. All approaches of the region count, also those behind other junctions.
+fn pressure(at: &Intersection<'_>, green: usize) -> f64 {
+    let plan = at.plan();
+    let cars = |approach| at.speeds_within(approach, COUNTED_M).count() as f64;
+    let going = plan.served(green).filter(|&approach| !is_held_up(at, green, approach));
+    let coming = going.map(|approach| flow(plan, green, approach) * cars(approach));
+    let leads_to =
+        |exit: usize| plan.region.links.iter().enumerate().any(|(link, way)| way.to == exit && plan.opens(green, link));
+    let exits = plan.region.exits.iter().enumerate().filter(|&(exit, lane)| !lane.leaves_the_net && leads_to(exit));
+    let ahead: usize = exits.map(|(exit, _)| ahead(at, exit)).sum();
+    coming.sum::<f64>() - ahead as f64
+}
+
+/// Returns how much a green lets the cars on an approach go: the mean over its links, from 0 to 1.
+fn flow(plan: &AgentPlan, green: usize, approach: usize) -> f64 {
+    let links = &plan.region.approaches[approach].links;
+    let flow = |&link: &usize| match (plan.opens(green, link), plan.serves_best(green, link)) {
+        (false, _) => 0.0,
+        (true, true) => 1.0,
+        (true, false) => YIELDING,
+    };
+    links.iter().map(flow).sum::<f64>() / links.len().max(1) as f64
+}
+
+/// Returns whether the cars on an approach stand although they have had this green for its shortest time: the first one
+/// has not gone. It waits for a gap, for room on its exit, or to change lanes, so more of this green does not help.
+fn is_held_up(at: &Intersection<'_>, green: usize, approach: usize) -> bool {
+    let is_shown = at.green() == Some(green) && !are_of_a_grid(from_ref(at.plan()));
+    is_shown && at.cars(approach).standing().last().is_some_and(|(_, stands)| stands)
+}
+
+/// Returns the number of cars that hold others back on an exit: those that stand. Cars that drive on a long exit leave
+/// room. On the short exits of the paper's grids all cars count.
+fn ahead(at: &Intersection<'_>, exit: usize) -> usize {
+    let cars = at.exit_cars(exit);
+    if are_of_a_grid(from_ref(at.plan())) { cars.len() } else { cars.halting() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::agents::phase_plan::Shown;
+    use crate::controllers::examples::{At, crossing, middle};
+
+    #[test]
+    fn the_greater_pressure_gets_green() {
+        let plan = middle();
+        let decided = |shown, coming: [usize; 4], gone: [usize; 4]| {
+            let at = (0..4).fold(At::new(&plan, shown), |at, side| at.queue(side, coming[side]).gone(side, gone[side]));
+            decide(&at.build(), GreenLimits::default())
+        };
+        let [vertical, horizontal] = [Shown::Green(0), Shown::Green(1)];
+        // West and east 3 + 1 = 4, south and north 2 + 1 = 3.
+        assert_eq!(decided(vertical, [3, 2, 1, 1], [0; 4]), 1);
+        assert_eq!(decided(horizontal, [3, 2, 1, 1], [0; 4]), 1);
+        // 1 car on the edge to the east takes 1 from the pressure of the cars from the west: 3 against 3.
+        assert_eq!(decided(vertical, [3, 2, 1, 1], [0, 0, 1, 0]), 0, "a tie keeps");
+        // Cars to the south and the north leave the net.
+        assert_eq!(decided(horizontal, [1, 2, 1, 1], [0, 9, 0, 9]), 0);
+        assert_eq!(decided(Shown::Between { from: 0, to: 1 }, [0, 9, 0, 9], [0; 4]), 1);
+    }
+
+    #[test]
+    fn cars_upstream_count_and_cars_on_shared_lanes_and_cars_that_yield_count_in_part() {
+        let plan = crossing();
+        let pressures = |at: At<'_>| {
+            let at = at.build();
+            [0, 1, 2, 3].map(|green| pressure(&at, green))
+        };
+        let shown = || At::new(&plan, Shown::Green(1));
+        assert_eq!(pressures(shown().queue(0, 2).queue(3, 1).queue(4, 3)), [6.0, 0.0, 0.0, 0.0]);
+        assert_eq!(pressures(shown().queue(2, 3)), [0.0, 0.0, 1.5, 1.5]);
+        // The left turn from the west has priority in green 1 and yields in green 3.
+        assert_eq!(pressures(shown().leaving(1, 4)), [0.0, 4.0, 0.0, 2.0]);
+        // Two cars on the way north hold back greens 1, 2 and 3. Both links to the west leave the net.
+        assert_eq!(pressures(shown().jammed(1, 2).jammed(2, 5)), [0.0, -2.0, -2.0, -2.0]);
+        assert_eq!(pressures(shown().gone(1, 2).gone(2, 5)), [0.0; 4], "cars that drive hold nobody back");
+        assert_eq!(decide(&shown().queue(0, 1).leaving(1, 2).build(), GreenLimits::default()), 1);
+        assert_eq!(decide(&shown().queue(2, 3).build(), GreenLimits::default()), 2, "the first of equals");
+    }
+
+    #[test]
+    fn a_green_whose_first_car_does_not_go_gives_way() {
+        let plan = crossing();
+        // Five cars come from the west in green 0, which they have; one waits to turn left.
+        let decided = |first_mps| {
+            let coming = [(5.0, first_mps), (12.0, 0.0), (20.0, 0.0), (28.0, 0.0), (36.0, 0.0)];
+            decide(&At::new(&plan, Shown::Green(0)).cars(0, &coming).queue(1, 1).build(), GreenLimits::default())
+        };
+        assert_eq!([decided(0.0), decided(3.0)], [1, 0]);
+    }
+
+    #[test]
+    fn nobody_switches_before_the_minimum_green() {
+        let plan = middle();
+        let limits = GreenLimits { least: 8, most: None };
+        let decided = |steps| decide(&At::new(&plan, Shown::Green(0)).since(steps).queue(0, 5).build(), limits);
+        assert_eq!([7, 8].map(decided), [0, 1]);
+    }
+
+    #[test]
+    fn the_longest_green_ends_if_somebody_waits_for_another_one() {
+        let plan = crossing();
+        let limits = GreenLimits { least: 8, most: Some(50) };
+        let decided = |steps, waiting| {
+            let at = At::new(&plan, Shown::Green(0)).since(steps).leaving(0, 9).queue(1, waiting);
+            decide(&at.build(), limits)
+        };
+        assert_eq!([decided(49, 1), decided(50, 1), decided(50, 0)], [0, 1, 0]);
+    }
+
+    #[test]
+    fn cars_far_away_do_not_count() {
+        let mut plan = crossing();
+        plan.region.approaches[0].length_m = 400.0;
+        let at = At::new(&plan, Shown::Green(1)).cars(0, &[(300.0, 9.0), (250.0, 9.0), (100.0, 9.0)]).queue(1, 1);
+        assert_eq!(pressure(&at.build(), 0), 1.0);
+    }
+}

@@ -1,0 +1,307 @@
+//! Timings that the tuner found, in a file that says what they were tuned on.
+
+use std::collections::BTreeSet;
+use std::fmt;
+use std::path::Path;
+
+use anyhow::{Context, Result, anyhow, ensure};
+use serde::{Deserialize, Serialize};
+
+use super::are_of_a_grid;
+use super::arguments::GREENS;
+use super::timing::{ClockPlan, Leeway, Timing};
+use crate::agents::plan::AgentPlan;
+use dials_core::outside::{Printable, read_bytes, read_text};
+
+/// Advice if a file does not help.
+pub(super) const WAY_OUT: &str = "`dials-traffic baseline CONFIG --controller NAME --tune` makes one that fits";
+
+/// Largest file. Offsets of 10 000 intersections have 50 kB.
+const MOST_BYTES: u64 = 1 << 20;
+
+/// A TOML file, for readers and for `fixed-time:file=PATH` or `coordinated:file=PATH`. All times are in steps.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TimingFile {
+    /// Green of a grid for the cars from south and north, and from west and east; the same at all intersections.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub vertical: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub horizontal: Option<u32>,
+    /// Number of steps from the beginning of an episode to the beginning of the first green, for each agent of a grid.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub offsets: Vec<u32>,
+    /// Rows and columns of the grid; none for a net that is no grid, and in files of older versions.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shape: Option<[usize; 2]>,
+    /// Leeway of `coordinated`: 0 for `fixed-time`.
+    #[serde(default)]
+    pub early: u32,
+    #[serde(default)]
+    pub late: u32,
+    /// Mean return on the episodes of the tuning, if that was the score.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mean_return: Option<f64>,
+    /// Mean delay on the episodes of the tuning in seconds, if that was the score.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mean_delay_s: Option<f64>,
+    pub tuned_on: TunedOn,
+    /// Timings of the lights of a net that is no grid.
+    #[serde(default, rename = "light", skip_serializing_if = "Vec::is_empty")]
+    pub lights: Vec<LightTiming>,
+}
+
+/// Timing of one light.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LightTiming {
+    /// SUMO's name of the light.
+    pub name: String,
+    /// Length of each green, 0 for a green that is left out.
+    pub greens: Vec<u32>,
+    /// Number of steps from the beginning of an episode to the beginning of the first green.
+    pub offset: u32,
+}
+
+/// Everything that timings depend on.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TunedOn {
+    /// Name of the controller: `fixed-time` or `coordinated`.
+    pub controller: String,
+    /// Name of the network, without its folder, because the folder can change.
+    pub network: String,
+    /// CRC-32 of the net and the routes.
+    pub network_crc32: String,
+    pub horizon: usize,
+    pub episodes: usize,
+    /// Seed as text, because TOML's numbers end at 2^63.
+    pub seed: String,
+    /// Version of the search.
+    pub search_version: u32,
+    pub sumo_version: String,
+}
+
+/// What the tuner looks at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Score {
+    /// Mean return of an agent.
+    Return(f64),
+    /// Mean delay of a car in seconds.
+    DelaySeconds(f64),
+}
+
+impl fmt::Display for Score {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Score::Return(mean) => write!(f, "return {mean:.1}"),
+            Score::DelaySeconds(mean) => write!(f, "delay {mean:.1} s"),
+        }
+    }
+}
+
+impl TimingFile {
+    /// Makes a file of what was found for these lights.
+    pub fn new(plans: &[AgentPlan], found: &ClockPlan, score: Score, tuned_on: TunedOn) -> TimingFile {
+        let ClockPlan { timings, leeway } = found;
+        let is_grid = are_of_a_grid(plans);
+        let green = |green: usize| is_grid.then(|| timings[0].greens()[green]);
+        let light = |(plan, timing): (&AgentPlan, &Timing)| LightTiming {
+            name: plan.light.clone(),
+            greens: timing.greens().to_vec(),
+            offset: timing.offset(),
+        };
+        let (mean_return, mean_delay_s) = match score {
+            Score::Return(mean) => (Some(mean), None),
+            Score::DelaySeconds(mean) => (None, Some(mean)),
+        };
+        TimingFile {
+            vertical: green(0),
+            horizontal: green(1),
+            offsets: if is_grid { timings.iter().map(Timing::offset).collect() } else { Vec::new() },
+            shape: is_grid.then(|| shape(plans)),
+            early: leeway.early,
+            late: leeway.late,
+            mean_return,
+            mean_delay_s,
+            tuned_on,
+            lights: if is_grid { Vec::new() } else { plans.iter().zip(timings).map(light).collect() },
+        }
+    }
+
+    pub fn read(path: &Path) -> Result<TimingFile> {
+        let place = path.display();
+        let text = read_text(path, MOST_BYTES).with_context(|| format!("{place}: cannot be read; {WAY_OUT}"))?;
+        let foreign = || format!("{place}: is not a file of tuned timings of this version; {WAY_OUT}");
+        let file: TimingFile =
+            toml::from_str(&text).map_err(|error| anyhow!(reason(&error, &text))).with_context(foreign)?;
+        file.check().map_err(|error| anyhow!("{place}: {error}; {WAY_OUT}"))?;
+        Ok(file)
+    }
+
+    /// Returns the CRC-32 of a file.
+    pub fn checksum(path: &Path) -> Result<u32> {
+        let bytes =
+            read_bytes(path, MOST_BYTES).with_context(|| format!("{}: cannot be read; {WAY_OUT}", path.display()))?;
+        Ok(crc32fast::hash(&bytes))
+    }
+
+    fn check(&self) -> Result<()> {
+        let of_a_grid = self.vertical.is_some() && self.horizontal.is_some() && self.lights.is_empty();
+        let of_a_net = self.vertical.is_none() && self.horizontal.is_none() && self.offsets.is_empty();
+        ensure!(of_a_grid || of_a_net, "must have either vertical, horizontal and offsets, or a [[light]] per light");
+        for (name, green) in [("vertical", self.vertical), ("horizontal", self.horizontal)] {
+            let Some(green) = green else { continue };
+            ensure!(GREENS.contains(&green), "{name} = {green}: must be from 1 to 3600 steps");
+        }
+        for LightTiming { name, greens, .. } in &self.lights {
+            let good = greens.iter().all(|&green| green == 0 || GREENS.contains(&green));
+            let some = greens.iter().any(|&green| green > 0);
+            ensure!(good && some, "light {}: greens must be from 0 to 3600 steps, and not all 0", Printable(name));
+        }
+        for (name, steps) in [("early", self.early), ("late", self.late)] {
+            let most = Leeway::MOST;
+            ensure!(steps <= most, "{name} = {steps}: must be at most {most} steps");
+        }
+        let means = [("mean_return", self.mean_return), ("mean_delay_s", self.mean_delay_s)];
+        for (name, mean) in means {
+            let Some(mean) = mean else { continue };
+            ensure!(mean.is_finite(), "{name} = {mean}: must be a finite number");
+        }
+        ensure!(
+            means.iter().filter(|(_, mean)| mean.is_some()).count() == 1,
+            "must have one of mean_return and mean_delay_s"
+        );
+        Ok(())
+    }
+
+    /// Returns what the timings earned when they were tuned.
+    pub fn score(&self) -> Score {
+        let of_return = self.mean_return.map(Score::Return);
+        of_return.or(self.mean_delay_s.map(Score::DelaySeconds)).expect("one of the two is there")
+    }
+
+    pub fn to_toml(&self) -> Result<String> {
+        Ok(format!(
+            "# Timings of lights, in steps; play them with: --controller {}:file=FILE\n{}",
+            self.tuned_on.controller,
+            toml::to_string(self)?
+        ))
+    }
+}
+
+/// Returns where and why a text is not TOML, without the line itself, which may be endless.
+fn reason(error: &toml::de::Error, text: &str) -> String {
+    const MOST: usize = 300;
+    let before = error.span().and_then(|span| text.get(..span.start));
+    let line = before.map_or(String::new(), |before| format!("line {}: ", before.matches('\n').count() + 1));
+    let message: String = error.message().chars().take(MOST).collect();
+    format!("{line}{}", Printable(message))
+}
+
+/// Returns the number of rows and of columns of a grid.
+pub(super) fn shape(plans: &[AgentPlan]) -> [usize; 2] {
+    let places = |axis: usize| plans.iter().map(|plan| plan.place_m[axis].to_bits()).collect::<BTreeSet<_>>().len();
+    [places(1), places(0)]
+}
+
+#[cfg(test)]
+pub mod tests {
+    use super::*;
+    use crate::controllers::examples::{crossing, middle};
+    use crate::controllers::timing::Timing;
+
+    pub fn tuned_on(controller: &str) -> TunedOn {
+        TunedOn {
+            controller: controller.into(),
+            network: "grid_2x2".into(),
+            network_crc32: "00c0ffee".into(),
+            horizon: 300,
+            episodes: 10,
+            seed: u64::MAX.to_string(),
+            search_version: 1,
+            sumo_version: "1.15.0".into(),
+        }
+    }
+
+    /// Writes a file and reads it again.
+    fn read_again(file: &TimingFile) -> TimingFile {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.toml");
+        std::fs::write(&path, file.to_toml().unwrap()).unwrap();
+        TimingFile::read(&path).unwrap()
+    }
+
+    #[test]
+    fn timings_come_back_from_their_file() {
+        let plans = [middle(), middle()];
+        let timings = [0, 13].map(|offset| Timing::new(&plans[0].phases, &[9, 11], offset)).to_vec();
+        let found = ClockPlan { timings, leeway: Leeway { early: 3, late: 1 } };
+        let of_grid = TimingFile::new(&plans, &found, Score::Return(205.25), tuned_on("coordinated"));
+        assert_eq!((of_grid.vertical, of_grid.horizontal, &of_grid.offsets[..]), (Some(9), Some(11), &[0, 13][..]));
+        assert_eq!(read_again(&of_grid), of_grid);
+
+        let plan = crossing();
+        let found = ClockPlan { timings: vec![Timing::new(&plan.phases, &[9, 0, 7, 5], 3)], leeway: Leeway::NONE };
+        let file = TimingFile::new(&[plan], &found, Score::DelaySeconds(31.5), tuned_on("fixed-time"));
+        assert_eq!(
+            (file.vertical, file.lights[0].name.as_str(), &file.lights[0].greens[..]),
+            (None, "crossing", &[9, 0, 7, 5][..])
+        );
+        assert_eq!((read_again(&file).score(), file.score().to_string()), (file.score(), "delay 31.5 s".to_owned()));
+        assert_eq!(read_again(&file), file);
+    }
+
+    #[test]
+    fn a_file_of_an_earlier_version_is_read_and_written_as_it_was() {
+        let text = "# Timings of lights, in steps; play them with: --controller fixed-time:file=FILE\n\
+                    vertical = 9\nhorizontal = 11\noffsets = [0, 13]\nearly = 0\nlate = 0\nmean_return = 205.25\n\n\
+                    [tuned_on]\ncontroller = \"fixed-time\"\nnetwork = \"grid_1x2\"\nnetwork_crc32 = \"00c0ffee\"\n\
+                    horizon = 300\nepisodes = 10\nseed = \"1\"\nsearch_version = 1\nsumo_version = \"1.15.0\"\n";
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.toml");
+        std::fs::write(&path, text).unwrap();
+        let file = TimingFile::read(&path).unwrap();
+        assert_eq!((file.vertical, file.score()), (Some(9), Score::Return(205.25)));
+        assert_eq!(file.to_toml().unwrap(), text);
+    }
+
+    #[test]
+    fn what_is_wrong_with_a_file_is_told_with_its_path_and_the_way_out() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.toml");
+        let error = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            let error = TimingFile::read(&path).unwrap_err().to_string();
+            let told = error.strip_prefix(&format!("{}: ", path.display())).unwrap_or_else(|| panic!("{error}"));
+            told.strip_suffix(&format!("; {WAY_OUT}")).unwrap_or_else(|| panic!("{error}")).to_owned()
+        };
+        let timings = |vertical: u32| {
+            format!(
+                "vertical = {vertical}\nhorizontal = 1\noffsets = [0, 0, 0, 0]\nmean_return = 1.0\n[tuned_on]\n{}",
+                toml::to_string(&tuned_on("fixed-time")).unwrap()
+            )
+        };
+        assert_eq!(error(&timings(9).replace("horizon = 300", "")), "is not a file of tuned timings of this version");
+        // With 1 and the yellows of 6, the cycle would be 2^32, which is 0.
+        assert_eq!(error(&timings(u32::MAX - 6)), "vertical = 4294967289: must be from 1 to 3600 steps");
+        assert_eq!(error(&timings(0)), "vertical = 0: must be from 1 to 3600 steps");
+        for (bad, word) in [("nan", "NaN"), ("-inf", "-inf")] {
+            let told = error(&timings(9).replace("1.0\n[", &format!("{bad}\n[")));
+            assert_eq!(told, format!("mean_return = {word}: must be a finite number"));
+        }
+        let either = "must have either vertical, horizontal and offsets, or a [[light]] per light";
+        assert_eq!(error(&timings(9).replace("horizontal = 1\n", "")), either);
+        let light = |greens: &str| format!("[[light]]\nname = 'a'\ngreens = {greens}\noffset = 0\n");
+        assert_eq!(error(&[timings(9), light("[1]")].concat()), either);
+        let of_net = |greens| {
+            let text = timings(9).replace("vertical = 9\nhorizontal = 1\noffsets = [0, 0, 0, 0]\n", "");
+            [text, light(greens)].concat()
+        };
+        let told = "light a: greens must be from 0 to 3600 steps, and not all 0";
+        assert_eq!(["[0, 0]", "[3601]", "[]"].map(|greens| error(&of_net(greens))), [told; 3]);
+        let told = "must have one of mean_return and mean_delay_s";
+        assert_eq!(error(&of_net("[5]").replace("mean_return = 1.0\n", "")), told);
+        assert_eq!(error(&timings(9).replace("mean_return", "mean_delay_s = 1.0\nmean_return")), told);
+    }
+}

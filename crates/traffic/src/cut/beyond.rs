@@ -1,0 +1,173 @@
+//! What lies behind the exits of a region: copies of the next edges, because cars choose their lanes by where they go
+//! next.
+
+use std::collections::HashSet;
+
+use super::border::{connection, copy, dead_end_of};
+use super::local_net::{Exit, Gate, Parts, Way};
+use super::source::Source;
+use crate::network::roads::{EdgeNo, LaneNo};
+use crate::network::tree::Element;
+
+/// Distance that a car still drives on the last edge of its way, in metres.
+const LAST_M: f64 = 15.0;
+
+/// How far the copies behind an exit reach.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reach {
+    /// Largest number of edges one behind the other.
+    pub hops: usize,
+    /// No edge begins farther behind the exit, in metres.
+    pub metres: f64,
+}
+
+impl Default for Reach {
+    /// Returns the reach with which fidelity was measured: the next edges.
+    fn default() -> Reach {
+        Reach { hops: 1, metres: 150.0 }
+    }
+}
+
+/// Everything behind the exits of a region.
+pub(super) struct Beyond<'a> {
+    source: &'a Source<'a>,
+    reach: Reach,
+    /// Names that are taken already.
+    taken: HashSet<String>,
+    pub gate: Gate,
+    pub exits: Vec<Exit>,
+    /// Only copies.
+    pub parts: Parts,
+}
+
+impl<'a> Beyond<'a> {
+    pub fn new(source: &'a Source<'a>, light: &str, reach: Reach) -> Beyond<'a> {
+        let taken = source.net.children.iter().filter_map(|element| element.attribute("id"));
+        let mut beyond = Beyond {
+            source,
+            reach,
+            taken: taken.map(str::to_owned).collect(),
+            gate: Gate { light: String::new(), lanes: Vec::new() },
+            exits: Vec::new(),
+            parts: Parts::default(),
+        };
+        beyond.gate.light = beyond.free_name(format!("{light}+exits"));
+        beyond
+    }
+
+    /// Adds what lies behind an exit.
+    pub fn add(&mut self, exit: EdgeNo) {
+        let edge = self.source.roads.edge(exit);
+        let way = Way { edges: Vec::new(), copies: Vec::new(), end_m: self.length_m(exit) };
+        let mut ways = Vec::new();
+        self.follow(exit, &edge.id, 0.0, way, &mut ways);
+        let for_cars = edge.lanes.iter().map(|&lane| self.source.roads.lane(lane)).filter(|lane| lane.carries_cars);
+        let lanes = for_cars.map(|lane| lane.id.clone()).collect();
+        self.exits.push(Exit { edge: edge.id.clone(), lanes, ways });
+    }
+
+    /// Adds the light at the ends of the exits, if there is any.
+    pub fn finish(&mut self) -> Option<Gate> {
+        let Gate { light, lanes } = &self.gate;
+        if lanes.is_empty() {
+            return None;
+        }
+        let green = "G".repeat(lanes.len());
+        let phase = element("phase", &[("duration", "1000000"), ("state", &green)], Vec::new());
+        let attributes = [("id", light.as_str()), ("type", "static"), ("programID", "0"), ("offset", "0")];
+        self.parts.lights.push(element("tlLogic", &attributes, vec![phase]));
+        Some(self.gate.clone())
+    }
+
+    /// Copies the edges that follow `from`, whose name in the local net is `name`, and goes on behind them.
+    /// `metres`: from the exit's end to the end of `from`.
+    fn follow(&mut self, from: EdgeNo, name: &str, metres: f64, way: Way, ways: &mut Vec<Way>) {
+        let next = self.next_edges(from);
+        if next.is_empty() || way.copies.len() >= self.reach.hops || metres >= self.reach.metres {
+            ways.push(way);
+            return;
+        }
+        let begin = match way.copies.last() {
+            Some(copy) => end_name(copy),
+            None => self.source.end(from).attribute("id").expect("read as a junction before").to_owned(),
+        };
+        for edge in next {
+            let id = self.source.roads.edge(edge).id.clone();
+            let copied = self.free_name(format!("{name}+{id}"));
+            self.copy(edge, &copied, &begin);
+            self.connect(from, edge, [name, &copied], way.copies.is_empty());
+            let length_m = self.length_m(edge);
+            let mut way = way.clone();
+            way.edges.push(id);
+            way.copies.push(copied.clone());
+            way.end_m = length_m.min(LAST_M);
+            self.follow(edge, &copied, metres + length_m, way, ways);
+        }
+    }
+
+    fn copy(&mut self, edge: EdgeNo, name: &str, begin: &str) {
+        let end = end_name(name);
+        let copied = copy(self.source.edges[edge.0], name, [begin, &end]);
+        self.parts.junctions.push(dead_end_of(&copied, self.source.end(edge), &end));
+        self.parts.edges.push(copied);
+    }
+
+    /// Connects two edges as they are in the whole net. Connections of an exit obey the gate.
+    fn connect(&mut self, from: EdgeNo, to: EdgeNo, names: [&str; 2], is_exit: bool) {
+        let roads = self.source.roads;
+        for (number, link) in roads.connections.iter().enumerate() {
+            if [link.from, link.to].map(|lane| roads.lane(lane).edge) != [from, to] {
+                continue;
+            }
+            let letter = is_exit.then(|| self.letter(link.from));
+            let gate = letter.map(|letter| (self.gate.light.as_str(), letter));
+            self.parts.connections.push(connection(self.source.connections[number], names, gate));
+        }
+    }
+
+    /// Returns the letter of the gate for an exit lane.
+    fn letter(&mut self, lane: LaneNo) -> usize {
+        let id = &self.source.roads.lane(lane).id;
+        let lanes = &mut self.gate.lanes;
+        lanes.iter().position(|known| known == id).unwrap_or_else(|| {
+            lanes.push(id.clone());
+            lanes.len() - 1
+        })
+    }
+
+    /// Returns the roads that follow an edge, in the order of the connections.
+    fn next_edges(&self, from: EdgeNo) -> Vec<EdgeNo> {
+        let roads = self.source.roads;
+        let mut next = Vec::new();
+        for lane in roads.edge(from).lanes.iter().flat_map(|&lane| roads.from_lane(lane)).map(|link| link.to) {
+            let edge = roads.lane(lane).edge;
+            if roads.is_road(lane) && !next.contains(&edge) {
+                next.push(edge);
+            }
+        }
+        next
+    }
+
+    fn length_m(&self, edge: EdgeNo) -> f64 {
+        self.source.roads.lane(self.source.roads.edge(edge).lanes[0]).length_m
+    }
+
+    /// Returns a name that nothing else has.
+    fn free_name(&mut self, mut name: String) -> String {
+        while self.taken.contains(&name) || self.taken.contains(&end_name(&name)) {
+            name.push('+');
+        }
+        self.taken.insert(name.clone());
+        name
+    }
+}
+
+/// Returns the name of the junction at which a copy ends.
+fn end_name(copy: &str) -> String {
+    format!("{copy}+end")
+}
+
+fn element(name: &str, attributes: &[(&str, &str)], children: Vec<Element>) -> Element {
+    let attributes = attributes.iter().map(|(key, value)| (key.to_string(), value.to_string())).collect();
+    Element { name: name.to_owned(), attributes, children }
+}

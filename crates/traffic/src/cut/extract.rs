@@ -1,0 +1,307 @@
+//! Cuts the local net of a light out of a whole net, as text.
+//!
+//! Nothing is converted. Everything inside keeps its exact elements; netconvert would change lengths and shapes.
+//! Junctions at the border become dead ends.
+
+use std::collections::{BTreeSet, HashSet};
+
+use anyhow::{Result, ensure};
+
+use super::beyond::{Beyond, Reach};
+use super::border::dead_end;
+use super::local_net::{LocalNet, Parts};
+use super::source::Source;
+use crate::agents::derive::region::Region;
+use crate::network::roads::{Connection, EdgeNo, Function, JunctionNo, program};
+use crate::network::tree::Element;
+use dials_core::outside::excerpt;
+
+impl LocalNet {
+    /// Cuts out the region of a light, with copies of edges behind its exits.
+    ///
+    /// Errors: the light controls no cars; it controls something outside of the region; another light controls
+    /// something within it; a connection leads out of its junction.
+    pub fn cut(source: &Source<'_>, light: &str, region: &Region, reach: Reach) -> Result<LocalNet> {
+        let cut = Cut::new(source, light, region);
+        cut.check()?;
+        let mut beyond = Beyond::new(source, light, reach);
+        cut.exits().for_each(|exit| beyond.add(exit));
+        let gate = beyond.finish();
+        let entries = cut.edges.iter().filter(|&&edge| !cut.begins_within(edge));
+        let entry_lanes = entries.flat_map(|&edge| &source.roads.edge(edge).lanes).map(|&lane| source.roads.lane(lane));
+        let entry_lanes = entry_lanes.filter(|lane| lane.carries_cars).map(|lane| lane.id.clone()).collect();
+        let Beyond { exits, parts, .. } = beyond;
+        Ok(LocalNet { light: light.to_owned(), entry_lanes, exits, gate, parts: cut.parts().followed_by(parts) })
+    }
+}
+
+impl Parts {
+    /// Returns these elements with others behind them.
+    fn followed_by(mut self, others: Parts) -> Parts {
+        self.edges.extend(others.edges);
+        self.lights.extend(others.lights);
+        self.junctions.extend(others.junctions);
+        self.connections.extend(others.connections);
+        self
+    }
+}
+
+/// What is within a region.
+struct Cut<'a> {
+    source: &'a Source<'a>,
+    light: &'a str,
+    /// Junctions with all their lanes and links.
+    within: BTreeSet<JunctionNo>,
+    names_within: HashSet<&'a str>,
+    /// Roads that begin or end at one of them.
+    edges: BTreeSet<EdgeNo>,
+}
+
+impl<'a> Cut<'a> {
+    fn new(source: &'a Source<'a>, light: &'a str, region: &Region) -> Cut<'a> {
+        let within: BTreeSet<JunctionNo> = region.own.iter().chain(&region.passed).copied().collect();
+        let names_within = within.iter().map(|&junction| source.roads.junction(junction).id.as_str()).collect();
+        Cut { source, light, within, names_within, edges: region.edges(source.roads) }
+    }
+
+    fn check(&self) -> Result<()> {
+        let light = excerpt(self.light);
+        ensure!(
+            !self.within.is_empty(),
+            "light `{light}`: controls no cars, so there is nothing to cut out; choose another light"
+        );
+        for link in &self.source.roads.connections {
+            let [from, to] = [link.from, link.to].map(|lane| self.source.roads.lane(lane).edge);
+            let named = || {
+                let [from, to] = [from, to].map(|edge| excerpt(&self.source.roads.edge(edge).id));
+                format!("the connection from edge `{from}` to edge `{to}`")
+            };
+            let obeys = link.signal.as_ref().map(|signal| signal.light.as_str());
+            if !self.is_within(link) {
+                ensure!(
+                    obeys != Some(self.light),
+                    "light `{light}`: controls {}, too, which is not at the junctions where it controls cars; give \
+                     that connection a light of its own in netedit",
+                    named()
+                );
+                continue;
+            }
+            ensure!(
+                obeys.is_none_or(|obeyed| obeyed == self.light),
+                "light `{light}`: its region holds {}, which obeys light `{}`; join the two lights in netedit, or \
+                 choose another light",
+                named(),
+                excerpt(obeys.unwrap_or_default())
+            );
+            ensure!(
+                self.keeps(to),
+                "light `{light}`: {} leads to an edge that does not begin at its junction; make the net again with \
+                 netconvert",
+                named()
+            );
+        }
+        Ok(())
+    }
+
+    /// Returns whether a junction of the region holds a connection.
+    fn is_within(&self, link: &Connection) -> bool {
+        match self.source.roads.end_of(link.from) {
+            Some(end) => self.within.contains(&end),
+            None => self.keeps(self.source.roads.lane(link.from).edge),
+        }
+    }
+
+    /// Returns whether an edge is a road of the region or a part of one of its junctions.
+    fn keeps(&self, edge: EdgeNo) -> bool {
+        let road = self.source.roads.edge(edge);
+        match road.function {
+            Function::Road => self.edges.contains(&edge),
+            _ => junction_of(&road.id).is_some_and(|junction| self.names_within.contains(junction)),
+        }
+    }
+
+    fn begins_within(&self, road: EdgeNo) -> bool {
+        self.source.roads.edge(road).ends.is_some_and(|[begin, _]| self.within.contains(&begin))
+    }
+
+    /// Returns the roads that end at the border.
+    fn exits(&self) -> impl Iterator<Item = EdgeNo> {
+        let ends_within = |road| self.source.roads.edge(road).ends.is_some_and(|[_, end]| self.within.contains(&end));
+        self.edges.iter().copied().filter(move |&road| !ends_within(road))
+    }
+
+    /// Returns the elements of the region, each kind in the order of the whole net.
+    fn parts(&self) -> Parts {
+        let Source { net, roads, programs, connections, .. } = self.source;
+        let mut parts = Parts { attributes: net.attributes.clone(), ..Parts::default() };
+        let numbered = self.source.edges.iter().enumerate();
+        let edges = numbered.filter(|(number, _)| self.keeps(EdgeNo(*number))).map(|(_, edge)| *edge);
+        parts.edges = edges.cloned().collect();
+        parts.shared = self.shared(&parts.edges);
+        let lights = net.all("tlLogic").chain(programs.iter().copied());
+        let own = lights.filter(|light| light.attribute("id") == Some(self.light));
+        let (whole, offsets): (Vec<_>, Vec<_>) = own.partition(|light| light.all("phase").next().is_some());
+        parts.lights = whole.into_iter().cloned().collect();
+        offsets.into_iter().for_each(|offset| set_offset(&mut parts.lights, offset));
+        parts.junctions = self.junctions();
+        let links = roads.connections.iter().zip(connections).filter(|(link, _)| self.is_within(link));
+        parts.connections = links.map(|(_, &element)| element.clone()).collect();
+        parts.roundabouts = self.roundabouts();
+        parts
+    }
+
+    /// Returns the place of the net and the types of these edges.
+    fn shared(&self, edges: &[Element]) -> Vec<Element> {
+        let used: HashSet<&str> = edges.iter().filter_map(|edge| edge.attribute("type")).collect();
+        let is_used = |kind: &&Element| kind.attribute("id").is_some_and(|id| used.contains(id));
+        let places = self.source.net.all("location");
+        places.chain(self.source.net.all("type").filter(is_used)).cloned().collect()
+    }
+
+    fn junctions(&self) -> Vec<Element> {
+        let roads = self.source.roads;
+        let ends: BTreeSet<JunctionNo> = self.edges.iter().flat_map(|&edge| roads.edge(edge).ends).flatten().collect();
+        let is_left = |lane: &str| roads.lane_named(lane).is_some_and(|lane| self.keeps(roads.lane(lane).edge));
+        let junctions = self.source.junctions.iter().enumerate().filter_map(|(number, &junction)| {
+            let (id, number) = (&roads.junctions[number].id, JunctionNo(number));
+            // A junction inside of another one has the name of a lane.
+            let around = id.rsplit_once('_').and_then(|(edge, _)| junction_of(edge));
+            if self.within.contains(&number) || around.is_some_and(|around| self.names_within.contains(around)) {
+                Some(junction.clone())
+            } else {
+                ends.contains(&number).then(|| dead_end(junction, is_left))
+            }
+        });
+        junctions.collect()
+    }
+
+    /// Returns the roundabouts, with the parts of them that are in the region.
+    fn roundabouts(&self) -> Vec<Element> {
+        let roads = self.source.roads;
+        let mut roundabouts: Vec<Element> = self.source.net.all("roundabout").cloned().collect();
+        for roundabout in &mut roundabouts {
+            for (key, value) in &mut roundabout.attributes {
+                let names = value.split_whitespace().filter(|name| match key.as_str() {
+                    "nodes" => self.names_within.contains(name),
+                    "edges" => roads.edge_named(name).is_some_and(|edge| self.keeps(edge)),
+                    _ => true,
+                });
+                *value = names.collect::<Vec<_>>().join(" ");
+            }
+        }
+        roundabouts.retain(|roundabout| roundabout.attribute("edges").is_some_and(|edges| !edges.is_empty()));
+        roundabouts
+    }
+}
+
+/// Returns the junction that an edge within it has its name from, such as `J` for `:J_3`.
+fn junction_of(internal: &str) -> Option<&str> {
+    internal.strip_prefix(':')?.rsplit_once('_').map(|(junction, _)| junction)
+}
+
+/// Gives the program that an element without phases names the element's offset.
+fn set_offset(programs: &mut [Element], offset: &Element) {
+    const KEY: &str = "offset";
+    for program in programs.iter_mut().filter(|program| program::name(program) == program::name(offset)) {
+        program.attributes.retain(|(key, _)| key != KEY);
+        program.attributes.push((KEY.to_owned(), offset.attribute(KEY).unwrap_or("0").to_owned()));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::agents::derive::region::lit_junctions;
+    use crate::network::roads::Roads;
+    use crate::network::roads::example::changed;
+    use crate::network::tree::parse;
+
+    /// Cuts a light out of the example with some texts replaced. At 10 m, the region is the junction J alone.
+    fn cut(light: &str, approach_m: f64, changes: &[(&str, &str)]) -> Result<LocalNet> {
+        let net = parse(&changed(changes)).unwrap();
+        let roads = Roads::read(&net).unwrap();
+        let region = Region::of(&roads, &lit_junctions(&roads), light, approach_m, None)?;
+        LocalNet::cut(&Source::new(&net, &roads, Vec::new()), light, &region, Reach::default())
+    }
+
+    #[test]
+    fn lanes_at_the_border_are_entries_and_exits_have_copies_of_what_follows() {
+        let net = cut("J", 10.0, &[]).unwrap();
+        assert_eq!(net.entry_lanes, ["near_0", "near_1", "north_0"]);
+        let ends = |exit: &super::super::local_net::Exit| -> Vec<(Vec<String>, f64)> {
+            exit.ways.iter().map(|way| (way.copies.clone(), way.end_m)).collect()
+        };
+        // Behind `out` there is nothing. From `back` cars go to `west`, or turn around.
+        assert_eq!([&net.exits[0].edge, &net.exits[1].edge], ["out", "back"]);
+        assert_eq!(ends(&net.exits[0]), [(Vec::new(), 190.0)]);
+        let behind = ["back+west", "back+near"].map(|copy| (vec![copy.to_owned()], 15.0));
+        assert_eq!(ends(&net.exits[1]), behind);
+        assert_eq!(net.copies().collect::<Vec<_>>(), ["back+west", "back+near"]);
+        let gate = net.gate.as_ref().unwrap();
+        assert_eq!((&*gate.light, &gate.lanes[..]), ("J+exits", &["back_0".to_owned()][..]));
+        let lanes = ["near_0", "near_1", "north_0", "out_0", "back_0", "back+west_0", "back+near_0", "back+near_1"];
+        assert_eq!(net.lanes().collect::<Vec<_>>(), lanes);
+        let kinds: Vec<(&str, &str)> = net
+            .parts
+            .junctions
+            .iter()
+            .map(|junction| ["id", "type"].map(|key| junction.attribute(key).unwrap()).into())
+            .collect();
+        let dead = ["U", "N", "E", "back+west+end", "back+near+end"].map(|id| (id, "dead_end"));
+        assert_eq!(kinds, [&dead[..1], &[("J", "traffic_light")], &dead[1..]].concat());
+        Roads::read(&net.root()).unwrap();
+    }
+
+    #[test]
+    fn an_offset_of_another_file_is_that_of_the_program_that_it_names() {
+        let net = parse(&changed(&[])).unwrap();
+        let roads = Roads::read(&net).unwrap();
+        let region = Region::of(&roads, &lit_junctions(&roads), "J", 10.0, None).unwrap();
+        let offset = parse("<tlLogic id=\"J\" programID=\"0\" offset=\"12\"/>").unwrap();
+        let source = Source::new(&net, &roads, vec![&offset]);
+        let cut = LocalNet::cut(&source, "J", &region, Reach::default()).unwrap();
+        let offsets: Vec<f64> = Roads::read(&cut.root()).unwrap().programs.iter().map(|own| own.offset_s).collect();
+        assert_eq!(offsets, [12.0, 0.0], "the light and the gate");
+    }
+
+    #[test]
+    fn a_name_that_is_taken_is_not_taken_again() {
+        let net = cut("J", 10.0, &[("id=\"far\"", "id=\"back+west\""), ("from=\"far\"", "from=\"back+west\"")]);
+        assert_eq!(net.unwrap().copies().collect::<Vec<_>>(), ["back+west+", "back+near"]);
+    }
+
+    #[test]
+    fn what_cannot_be_cut_out_is_refused_with_the_connection_and_the_way_out() {
+        let told = |light, changes: &[(&str, &str)]| format!("{:#}", cut(light, 10.0, changes).unwrap_err());
+        let other = "<tlLogic id=\"K\"><phase duration=\"9\" state=\"G\"/></tlLogic><junction id=\"W\"";
+        let mut changes = vec![("<junction id=\"W\"", other)];
+        assert_eq!(
+            told("K", &changes),
+            "light `K`: controls no cars, so there is nothing to cut out; choose another light"
+        );
+        changes.push(("tl=\"J\" linkIndex=\"3\"", "tl=\"K\" linkIndex=\"0\""));
+        assert_eq!(
+            told("J", &changes),
+            "light `J`: its region holds the connection from edge `near` to edge `back`, which obeys light `K`; join \
+             the two lights in netedit, or choose another light"
+        );
+        // People on foot cross under the same light elsewhere.
+        let on_foot = [(
+            "<connection from=\"back\" fromLane=\"0\" to=\"west\"",
+            "<connection from=\"side\" fromLane=\"0\" to=\"near\" toLane=\"0\" tl=\"J\" linkIndex=\"3\"/>\
+             <connection from=\"back\" fromLane=\"0\" to=\"west\"",
+        )];
+        assert_eq!(
+            told("J", &on_foot),
+            "light `J`: controls the connection from edge `side` to edge `near`, too, which is not at the junctions \
+             where it controls cars; give that connection a light of its own in netedit"
+        );
+        let jump =
+            [("to=\"out\" toLane=\"0\" tl=\"J\" linkIndex=\"1\"", "to=\"west\" toLane=\"0\" tl=\"J\" linkIndex=\"1\"")];
+        assert_eq!(
+            told("J", &jump),
+            "light `J`: the connection from edge `north` to edge `west` leads to an edge that does not begin at its \
+             junction; make the net again with netconvert"
+        );
+    }
+}

@@ -1,0 +1,116 @@
+//! The local net of a light of a scenario, and the files with which plain SUMO shows it.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use anyhow::{Result, anyhow, bail, ensure};
+
+use super::beyond::Reach;
+use super::local_net::LocalNet;
+use super::sample_demand::{END_S, demand, types};
+use super::source::Source;
+use crate::agents::derive::region::{Region, lit_junctions};
+use crate::agents::derive::{Agent, Derived};
+use crate::network::files::NetworkFiles;
+use crate::network::roads::Roads;
+use crate::network::tree::Element;
+use crate::network::xml::{document, section, text};
+use crate::scenario::SumoScenario;
+use dials_core::outside::{did_you_mean, excerpt, quoted, write_together};
+
+/// Name of the files.
+const NAME: &str = "cut";
+/// File of the vehicle types.
+const TYPES: &str = "cut.types.add.xml";
+
+/// Cuts out the region of a light. `approach_m`: how far before its stop lines the region reaches.
+///
+/// Errors: the net has no such light, or the light cannot be cut out.
+pub fn cut_light(scenario: &SumoScenario, light: &str, approach_m: f64, reach: Reach) -> Result<LocalNet> {
+    let roads = scenario.roads()?;
+    check_known(scenario, &roads, light)?;
+    let programs = scenario.additional().flat_map(|root| root.all("tlLogic")).collect();
+    let source = Source::new(scenario.net(), &roads, programs);
+    let region = Region::of(&roads, &lit_junctions(&roads), light, approach_m, None)?;
+    LocalNet::cut(&source, light, &region, reach)
+        .map_err(|error| anyhow!("{}: {error:#}", scenario.net_path().display()))
+}
+
+fn check_known(scenario: &SumoScenario, roads: &Roads, light: &str) -> Result<()> {
+    let known: BTreeSet<&str> = roads.programs.iter().map(|program| program.light.as_str()).collect();
+    if known.contains(light) {
+        return Ok(());
+    }
+    let near = did_you_mean(light, known);
+    let list = format!("dials-traffic nets inspect {}", quoted(scenario.path()));
+    bail!("{}: has no light `{}`{near}; list all with: {list}", scenario.net_path().display(), excerpt(light))
+}
+
+/// Cuts out the regions of all agents of a scenario, in their order.
+///
+/// Errors: regions cannot be cut out. The error names all their lights.
+pub fn cut_all(scenario: &SumoScenario, derived: &Derived) -> Result<Vec<LocalNet>> {
+    let roads = scenario.roads()?;
+    let programs = scenario.additional().flat_map(|root| root.all("tlLogic")).collect();
+    let source = Source::new(scenario.net(), &roads, programs);
+    let cut = |Agent { plan, region, .. }: &Agent| LocalNet::cut(&source, &plan.light, region, Reach::default());
+    let (mut nets, mut refused) = (Vec::new(), Vec::new());
+    for agent in &derived.agents {
+        match cut(agent) {
+            Ok(net) => nets.push(net),
+            Err(error) => refused.push(format!("{error:#}")),
+        }
+    }
+    ensure!(
+        refused.is_empty(),
+        "{}: {} of {} lights cannot have a local simulator:\n  {}\n  train on the whole network (--simulator gs), or let \
+         these lights keep their programs (`keep` in the file that traffic.agents names)",
+        scenario.net_path().display(),
+        refused.len(),
+        derived.agents.len(),
+        refused.join("\n  ")
+    );
+    Ok(nets)
+}
+
+/// Returns the text of an additional file with the vehicle types of a scenario.
+pub fn types_of(scenario: &SumoScenario) -> String {
+    types(&kinds(scenario))
+}
+
+/// Returns the elements of the vehicle types, in the order in which SUMO reads them.
+fn kinds(scenario: &SumoScenario) -> Vec<&Element> {
+    let is_type = |element: &&Element| ["vType", "vTypeDistribution"].contains(&&*element.name);
+    let roots = scenario.additional().chain(scenario.routes());
+    roots.flat_map(|root| &root.children).filter(is_type).collect()
+}
+
+/// Writes the files of a local net, a small demand and a configuration into `dir`. Types of cars and SUMO's options are
+/// those of the scenario.
+pub fn write(net: &LocalNet, scenario: &SumoScenario, dir: &Path) -> Result<NetworkFiles> {
+    let files = NetworkFiles::of(&dir.join(NAME));
+    files.check_paths()?;
+    let kinds = kinds(scenario);
+    let contents = [
+        (files.net.clone(), text(&net.root())),
+        (dir.join(TYPES), types(&kinds)),
+        (files.routes.clone(), demand(net, &kinds)?),
+        (files.config.clone(), sumocfg(scenario)),
+    ];
+    write_together(dir, &contents.map(|(path, text)| (path, text.into_bytes())))?;
+    Ok(files)
+}
+
+fn sumocfg(scenario: &SumoScenario) -> String {
+    let name = |ending: &str| format!("{NAME}{ending}");
+    let (net, routes) = (name(".net.xml"), name(".rou.xml"));
+    let input = [("net-file", &*net), ("additional-files", TYPES), ("route-files", &*routes)];
+    let options: Vec<(&str, &str)> = scenario.options().iter().map(|(name, value)| (&**name, &**value)).collect();
+    document("configuration", |xml| {
+        section(xml, "input", &input)?;
+        section(xml, "time", &[("begin", "0"), ("end", END_S), ("step-length", "1")])?;
+        section(xml, "processing", &options)?;
+        // Without it, SUMO warns of a missing SUMO_HOME, where it would look for the schemas.
+        section(xml, "report", &[("xml-validation", "never")])
+    })
+}

@@ -1,0 +1,221 @@
+//! Whether a local simulator (LS) can be trusted, and the limits for that.
+
+use super::LightFidelity;
+use super::agreement::Agreement;
+use super::causes::SHORT_M;
+use dials_core::base::counted;
+
+/// Least precision and recall with true entries. If cars dawdle: as a share of what two LSs with other random numbers
+/// have.
+pub const LEAST_TRUE: f64 = 0.8;
+/// The same with sampled entries.
+pub const LEAST_SAMPLED: f64 = 0.7;
+/// Least precision and recall of two LSs with other random numbers. Below it they are no measure for a third one.
+pub const LEAST_OTHER: f64 = 0.6;
+/// Least and most cells that the LS has for one of the global simulator (GS), with sampled entries.
+pub const CELLS: [f64; 2] = [0.85, 1.15];
+/// Least and most cars that cross the stop lines in the LS for one in the GS, with sampled entries.
+pub const PASSED: [f64; 2] = [0.9, 1.1];
+/// Least number of cars that cross the stop lines in the GS. Of fewer, a single one is more than [`PASSED`] allows.
+pub const LEAST_PASSED: u64 = 10;
+/// Largest share of the seconds in which cars stand at green because their exit is full.
+pub const MOST_SPILLBACK: f64 = 0.03;
+/// Largest share of the cars that come in by short roads.
+pub const MOST_SHORT: f64 = 0.25;
+/// Largest share of the cars that find no room at the border, and wait there or are left out.
+pub const MOST_WITHOUT_ROOM: f64 = 0.1;
+
+/// Returns why the LS of a light should not be trusted, a line. `None`: it is like the GS.
+pub fn doubt(found: &LightFidelity) -> Option<String> {
+    let passed = found.sampled_entries.sums[0].passed;
+    if passed < LEAST_PASSED {
+        return Some(format!(
+            "it cannot be judged: {} passed in the GS in these seconds (at least {LEAST_PASSED} are needed); take others \
+             with --begin and --seconds",
+            counted(passed as usize, "car")
+        ));
+    }
+    let [precision, recall] = of_other(found);
+    let alike = precision.min(recall);
+    if alike < LEAST_OTHER {
+        return Some(format!(
+            "it cannot be judged: two LSs with other random numbers agree to {alike:.2} only (at least {LEAST_OTHER:.2} is \
+             needed); take the random numbers out with --sigma 0"
+        ));
+    }
+    let symptoms = symptoms(found);
+    if symptoms.is_empty() {
+        return None;
+    }
+    let causes = causes(found);
+    let causes = if causes.is_empty() { "no cause was found".to_owned() } else { causes.join("; ") };
+    Some(format!("{}. Why: {causes}", symptoms.join("; ")))
+}
+
+/// Returns how it differs from the GS.
+fn symptoms(found: &LightFidelity) -> Vec<String> {
+    let mut symptoms = Vec::new();
+    let best = of_other(found);
+    for (entries, cells, least) in [
+        ("true entries", found.true_entries.cells, LEAST_TRUE),
+        ("sampled entries", found.sampled_entries.cells, LEAST_SAMPLED),
+    ] {
+        for ((name, value), best) in ["precision", "recall"].into_iter().zip(both(cells)).zip(best) {
+            let least = least * best;
+            if value < least {
+                symptoms.push(format!("{name} {value:.2} with {entries} (at least {least:.2} is fine)"));
+            }
+        }
+    }
+    let [gs, ls] = found.sampled_entries.sums;
+    let passed = if gs.passed == ls.passed { 1.0 } else { ls.passed as f64 / gs.passed.max(1) as f64 };
+    for (what, ratio, [least, most]) in
+        [("cells with cars", found.sampled_entries.cells.occupancy_ratio(), CELLS), ("cars that pass", passed, PASSED)]
+    {
+        if !(least..=most).contains(&ratio) {
+            symptoms.push(format!("{what}: {ratio:.2} times as many as in the GS ({least} to {most} is fine)"));
+        }
+    }
+    symptoms
+}
+
+/// Returns what may have caused it.
+fn causes(found: &LightFidelity) -> Vec<String> {
+    let mut causes = Vec::new();
+    if found.causes.spillback > MOST_SPILLBACK {
+        let spillback = 100.0 * found.causes.spillback;
+        causes.push(format!("spillback: cars stood at green before a full exit in {spillback:.0} % of the seconds"));
+    }
+    if found.causes.short_entries > MOST_SHORT {
+        let short = 100.0 * found.causes.short_entries;
+        causes.push(format!("short edges: {short:.0} % of the cars came in by a road shorter than {SHORT_M} m"));
+    }
+    let waited = found.sampled_entries.sums[1].waited_share();
+    if waited > MOST_WITHOUT_ROOM {
+        causes.push(format!("{:.0} % of the cars waited at the border for room", 100.0 * waited));
+    }
+    let dropped = found.sampled_entries.sums[1].dropped_share();
+    if dropped > MOST_WITHOUT_ROOM {
+        causes.push(format!("{:.0} % of the cars found no room at the border and were left out", 100.0 * dropped));
+    }
+    let lost = found.true_entries.sums[1].lost;
+    if lost > 0 {
+        causes.push(format!("{lost} cars left their way, as SUMO moves cars past a jam"));
+    }
+    if causes.is_empty() && is_alike(found, found.true_entries.cells, LEAST_TRUE) {
+        causes.push("the entry rule: with true entries this LS is like the GS".to_owned());
+    }
+    causes
+}
+
+/// Returns whether precision and recall are as high as they should be. `least`: as a share of what two LSs have.
+fn is_alike(found: &LightFidelity, cells: Agreement, least: f64) -> bool {
+    both(cells).into_iter().zip(of_other(found)).all(|(value, best)| value >= least * best)
+}
+
+/// Returns precision and recall of two LSs with other random numbers. If nothing is random: 1.
+fn of_other(found: &LightFidelity) -> [f64; 2] {
+    found.other_seed.map_or([1.0; 2], |other| both(other.cells))
+}
+
+fn both(cells: Agreement) -> [f64; 2] {
+    [cells.precision(), cells.recall()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Causes;
+    use super::super::agreement::{Comparison, Sums};
+    use super::*;
+    use dials_core::base::AgentId;
+
+    fn comparison(first: u64, second: u64, both: u64) -> Comparison {
+        let sums = Sums { seconds: 600, passed: 100, came: 100, ..Sums::default() };
+        Comparison { cells: Agreement { first, second, both }, sums: [sums; 2] }
+    }
+
+    fn light() -> LightFidelity {
+        LightFidelity {
+            agent: AgentId(0),
+            light: "a".to_owned(),
+            true_entries: comparison(100, 100, 90),
+            sampled_entries: comparison(100, 100, 80),
+            other_seed: None,
+            causes: Causes::default(),
+        }
+    }
+
+    #[test]
+    fn a_light_like_the_global_one_raises_no_doubt_whatever_might_spoil_it() {
+        let causes = Causes { spillback: 0.5, short_entries: 1.0 };
+        assert_eq!(doubt(&LightFidelity { causes, ..light() }), None);
+    }
+
+    #[test]
+    fn a_light_that_differs_is_told_with_the_causes_beyond_their_limits() {
+        let mut found = LightFidelity { causes: Causes { spillback: 0.12, short_entries: 0.2 }, ..light() };
+        found.true_entries = comparison(100, 80, 75);
+        found.sampled_entries = comparison(100, 80, 75);
+        found.sampled_entries.sums[1].passed = 130;
+        found.sampled_entries.sums[1].waited = 11;
+        assert_eq!(
+            doubt(&found).unwrap(),
+            "recall 0.75 with true entries (at least 0.80 is fine); cells with cars: 0.80 times as many as in the GS \
+             (0.85 to 1.15 is fine); cars that pass: 1.30 times as many as in the GS (0.9 to 1.1 is fine). Why: \
+             spillback: cars stood at green before a full exit in 12 % of the seconds; 11 % of the cars waited at the \
+             border for room"
+        );
+    }
+
+    #[test]
+    fn on_a_grid_cars_without_room_are_left_out() {
+        let mut found = LightFidelity { true_entries: comparison(100, 100, 70), ..light() };
+        found.sampled_entries.sums[1].dropped = 10;
+        assert!(doubt(&found).unwrap().ends_with("Why: no cause was found"));
+        found.sampled_entries.sums[1].dropped = 11;
+        let told = doubt(&found).unwrap();
+        assert!(told.ends_with("Why: 11 % of the cars found no room at the border and were left out"), "{told}");
+    }
+
+    #[test]
+    fn with_true_entries_like_the_global_simulator_the_entry_rule_is_the_cause() {
+        let found = LightFidelity { sampled_entries: comparison(100, 100, 60), ..light() };
+        let told = doubt(&found).unwrap();
+        assert!(told.ends_with("Why: the entry rule: with true entries this LS is like the GS"), "{told}");
+    }
+
+    #[test]
+    fn without_cars_that_pass_nothing_is_judged() {
+        let passed = |passed| {
+            let mut found = light();
+            let sums = Sums { seconds: 60, passed, ..Sums::default() };
+            found.true_entries = Comparison { sums: [sums; 2], ..Comparison::default() };
+            found.sampled_entries = found.true_entries;
+            doubt(&found)
+        };
+        // No cell is like any other, so all figures are 1.
+        assert_eq!(
+            passed(0).unwrap(),
+            "it cannot be judged: 0 cars passed in the GS in these seconds (at least 10 are needed); take others with \
+             --begin and --seconds"
+        );
+        assert!(passed(1).unwrap().starts_with("it cannot be judged: 1 car passed in the GS"));
+        assert!(passed(9).is_some());
+        assert_eq!(passed(10), None);
+    }
+
+    #[test]
+    fn where_cars_dawdle_two_local_simulators_are_the_measure() {
+        let apart = LightFidelity { true_entries: comparison(100, 100, 70), ..light() };
+        assert!(doubt(&apart).unwrap().ends_with("Why: no cause was found"));
+        // 0.7 is 82 % of 0.85.
+        let other_seed = |both| Some(comparison(100, 100, both));
+        assert_eq!(doubt(&LightFidelity { other_seed: other_seed(85), ..apart.clone() }), None);
+        // 0.7 is more than 0.8 of 0.5, but two LSs that agree to 0.5 only show nothing.
+        let told = doubt(&LightFidelity { other_seed: other_seed(50), ..apart }).unwrap();
+        assert!(
+            told.starts_with("it cannot be judged: two LSs with other random numbers agree to 0.50 only"),
+            "{told}"
+        );
+    }
+}

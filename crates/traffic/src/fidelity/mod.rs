@@ -1,0 +1,104 @@
+//! How far the local simulators (LS) of the lights are like the global simulator (GS), measured.
+//!
+//! The GS plays one episode under random greens. The LS of each light then plays it again: the same greens, the same
+//! blocked exits, and the cars that came to its region, of the same types and ways. It does so twice. With *true entries*
+//! every car begins exactly where and as fast as it was seen first. With *sampled entries* it comes as cars come in
+//! training: by the entry rule, at the true second and on the true lane. Where the two simulators have cars is compared,
+//! second by second, in cells of 10 m of the approaches.
+//!
+//! - [`truth`]: the episode on the GS. `on_scenario`, `on_grid`: the LS plays it again.
+//! - [`seen`]: what is compared of a light. [`agreement`]: how far two of them agree.
+//! - `causes`: what spoils an LS. [`doubts`]: whether it can be trusted, and the limits.
+
+pub mod agreement;
+mod causes;
+pub mod doubts;
+mod on_grid;
+mod on_scenario;
+pub mod seen;
+pub mod truth;
+
+use std::ops::Range;
+
+use super::Traffic;
+use agreement::Comparison;
+pub use causes::Causes;
+use dials_core::base::{AgentId, Seed};
+use dials_core::domain::Result;
+use on_grid::OnGrid;
+use on_scenario::OnScenario;
+use seen::Seen;
+use truth::Truth;
+
+/// What was measured of one light.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LightFidelity {
+    pub agent: AgentId,
+    /// SUMO's name of the light.
+    pub light: String,
+    /// GS and LS if cars begin exactly as they were seen first.
+    pub true_entries: Comparison,
+    /// GS and LS if cars come in as in training.
+    pub sampled_entries: Comparison,
+    /// Two LSs with true entries and other random numbers of SUMO. `None`: nothing is random.
+    pub other_seed: Option<Comparison>,
+    pub causes: Causes,
+}
+
+/// How cars come into an LS.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Entering {
+    /// Each exactly where and as fast as it was seen first.
+    Truly,
+    /// By the rule of the training.
+    ByRule,
+}
+
+/// An LS that plays the recorded episode again.
+trait Again {
+    /// Plays the whole recording at a light. `seed`: of SUMO's random numbers.
+    fn play(&self, agent: AgentId, entering: Entering, seed: Seed, window: &Range<usize>) -> Result<Seen>;
+}
+
+/// Measures lights one after the other.
+pub struct Fidelity<'a> {
+    traffic: &'a Traffic,
+    truth: &'a Truth,
+    window: Range<usize>,
+    again: Box<dyn Again + 'a>,
+    /// Whether the types of the cars leave something to chance.
+    is_random: bool,
+}
+
+impl<'a> Fidelity<'a> {
+    /// Prepares to compare the seconds `window` of a recorded episode. Nothing of it is simulated yet.
+    pub fn new(traffic: &'a Traffic, truth: &'a Truth, window: Range<usize>) -> Result<Fidelity<'a>> {
+        let again: Box<dyn Again> = match traffic.ground.local_parts()? {
+            Some(parts) => Box::new(OnScenario { traffic, truth, parts, tables: truth.tables(traffic) }),
+            None => Box::new(OnGrid { traffic, truth }),
+        };
+        Ok(Fidelity { traffic, truth, window, again, is_random: traffic.ground.is_random() })
+    }
+
+    /// Measures a light. SUMO must not be loaded elsewhere in this process.
+    pub fn measure(&self, agent: AgentId) -> Result<LightFidelity> {
+        let plan = &self.traffic.plan.agents[agent.0];
+        let of_gs = self.truth.seen(plan, &self.window)?;
+        let seed = self.truth.seed.for_agent(agent);
+        let play = |entering, copy| self.again.play(agent, entering, seed.for_copy(copy), &self.window);
+        let true_entries = play(Entering::Truly, 0)?;
+        let sampled_entries = play(Entering::ByRule, 0)?;
+        let other_seed = match self.is_random {
+            true => Some(Comparison::of(&true_entries, &play(Entering::Truly, 1)?)),
+            false => None,
+        };
+        Ok(LightFidelity {
+            agent,
+            light: plan.light.clone(),
+            causes: Causes::of(self.truth, self.traffic, agent, &self.window)?,
+            true_entries: Comparison::of(&of_gs, &true_entries),
+            sampled_entries: Comparison::of(&of_gs, &sampled_entries),
+            other_seed,
+        })
+    }
+}

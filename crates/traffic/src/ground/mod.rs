@@ -1,0 +1,93 @@
+//! Where the cars drive, and everything in which one place differs from another.
+//!
+//! - [`on_grid`]: a grid of the paper, with local simulators. [`on_scenario`]: a scenario of the user.
+
+pub mod on_grid;
+pub mod on_scenario;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use crate::network::roads::Roads;
+use crate::paper_grid::grid::Grid;
+use crate::sim::local::LocalTraffic;
+use crate::sim::local_forest::LocalParts;
+use crate::sim::recorded_roads::RecordedRoads;
+use crate::sim::recording::Tape;
+use crate::sim::source::Source;
+use crate::sim::trace::route::Route;
+use dials_core::domain::{Result, RoughCosts, Scenario};
+
+/// A road network with its cars.
+pub trait Ground: Send + Sync {
+    /// Returns the grid, if it is one.
+    fn grid(&self) -> Option<Grid>;
+
+    /// Returns the number of steps in an episode.
+    fn horizon(&self) -> usize;
+
+    /// Puts everything that the GS (global simulator) loads into memory.
+    fn source(&self) -> Result<Source>;
+
+    /// Returns an error if SUMO cannot load the actuated programs of the lights. SUMO's own error would come after it has
+    /// taken all memory.
+    fn check_actuated(&self) -> Result<()>;
+
+    /// Returns all roads, for pictures.
+    fn roads(&self) -> Result<Roads>;
+
+    /// Returns the roads as recordings of the GS keep them.
+    fn recorded(&self) -> Result<RecordedRoads>;
+
+    /// Reads the way along which cars are drawn: names of edges, separated by commas.
+    fn route(&self, edges: &str) -> Result<Route>;
+
+    /// Loads local simulators of `rows` rows that are all alike. It is an error if they differ.
+    fn local(&self, rows: usize, tape: Option<&Tape>) -> Result<LocalTraffic>;
+
+    /// Returns what local simulators are made of that differ from region to region. `None`: all are alike, and
+    /// [`Ground::local`] loads them.
+    fn local_parts(&self) -> Result<Option<Arc<LocalParts>>>;
+
+    /// Loads the local simulator, if there is one, and plays a step. An error names the file.
+    fn try_local(&self) -> Result<()>;
+
+    /// Returns the message about files that SUMO cannot simulate, with the way out.
+    fn cannot_be_simulated(&self) -> String;
+
+    /// Describes what is simulated.
+    fn scenario(&self, agents: usize) -> Result<Scenario>;
+
+    /// See [`dials_core::domain::Domain::rough_costs`].
+    fn rough_costs(&self) -> RoughCosts;
+
+    /// Returns the name of the reward, if it is another one than the usual.
+    fn unusual_reward(&self) -> Option<String>;
+
+    /// Returns the name and the CRC-32 that timings of lights are tuned for.
+    fn identity(&self) -> (String, u32);
+
+    /// Returns the files of which it is not known that SUMO survives them.
+    fn strange_files(&self) -> Vec<PathBuf>;
+
+    /// See [`dials_core::domain::Domain::left_out`].
+    fn left_out(&self) -> Vec<String>;
+
+    /// See [`dials_core::domain::Domain::check_place`].
+    fn check_place(&self, folder: &Path) -> Result<()>;
+
+    /// See [`dials_core::domain::Domain::keep_files`].
+    fn keep_files(&self, folder: &Path) -> Result<Vec<PathBuf>>;
+
+    /// Returns what to add to the output biases of a new policy, per action.
+    fn initial_action_bias(&self, actions: usize) -> Vec<f32>;
+
+    /// Returns whether cars dawdle at random. The speed factors of cars do not count.
+    fn is_random(&self) -> bool;
+
+    /// Returns whether an agent is stuck that ends this share of its green steps.
+    fn is_stuck(&self, p_switch: f64) -> bool;
+
+    /// Returns the controller to compare a run with.
+    fn rival(&self) -> &'static str;
+}

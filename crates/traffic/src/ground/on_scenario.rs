@@ -1,0 +1,320 @@
+//! A scenario of the user, with an agent for each light that can learn.
+
+use std::collections::{BTreeSet, HashSet};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
+
+use anyhow::{Context, anyhow, bail};
+
+use super::Ground;
+use crate::agents::derive::border::Seconds;
+use crate::agents::derive::greens::Greens;
+use crate::agents::derive::keeping::sentences;
+use crate::agents::derive::overrides::Overrides;
+use crate::agents::derive::padding::{InfluencePadding, Padding};
+use crate::agents::derive::{Agent, CarsSeen, Derived, Rules, derive};
+use crate::agents::plan::{AgentPlan, Border, JointPlan};
+use crate::controllers::actuated::{self, Light, ProgramPhase};
+use crate::cut::names::free_name;
+use crate::cut::of_scenario::{cut_all, types_of};
+use crate::network::files::for_sumo;
+use crate::network::memory_file::MemoryFile;
+use crate::network::roads::Roads;
+use crate::network::roads::program::Program;
+use crate::paper_grid::grid::Grid;
+use crate::scenario::SumoScenario;
+use crate::scenario::kept::KEPT;
+use crate::sim::local::LocalTraffic;
+use crate::sim::local_forest::{LocalParts, driving_options};
+use crate::sim::recorded_roads::RecordedRoads;
+use crate::sim::recording::Tape;
+use crate::sim::source::Source;
+use crate::sim::trace::route::Route;
+use dials_config::{DomainTable, Observation, Reward, ScenarioConfig};
+use dials_core::domain::{Kinds, RegionSpec, Result, RoughCosts, Scenario, SourceSpec};
+use dials_core::outside::quoted;
+
+/// Share of switches per second of green below which an agent is stuck: its greens last for more than five minutes on
+/// average, so others wait for longer than any program makes them. Own programs and trained agents are at 0.02 to 0.1.
+/// A light that changes as often as it may is at 0.14, which may be right where few cars come.
+const STUCK_BELOW: f64 = 1.0 / 300.0;
+
+/// A scenario with the agents that were derived from it.
+pub struct OnScenario {
+    files: SumoScenario,
+    derived: Derived,
+    /// Borders of the agents' regions.
+    borders: Vec<Border>,
+    config: ScenarioConfig,
+    /// A light whose actuated program SUMO refuses, and its two letters whose cars yield to each other.
+    refuses_actuated: Option<(String, [usize; 2])>,
+    /// What local simulators are made of, once they were.
+    local: OnceLock<Arc<LocalParts>>,
+}
+
+impl OnScenario {
+    /// Reads a scenario and derives its agents. An error names file, element and the way out.
+    pub fn open(config: &ScenarioConfig) -> Result<OnScenario> {
+        OnScenario::of(SumoScenario::read(config)?, config)
+    }
+
+    /// Derives the agents of a scenario that was read.
+    pub fn of(files: SumoScenario, config: &ScenarioConfig) -> Result<OnScenario> {
+        let place = || files.path().display().to_string();
+        let roads = files.roads()?;
+        let overrides = match files.agents() {
+            None => Overrides::default(),
+            Some((path, text)) => Overrides::parse(text).map_err(|error| anyhow!("{}: {error:#}", path.display()))?,
+        };
+        let derived = derive(&roads, &rules(config), &overrides).with_context(place)?;
+        let seconds = Seconds::of(config);
+        let borders = derived.borders(&roads, &files.departs_on(&roads), config.approach_m, seconds);
+        let refuses_actuated = derived.agents.iter().find_map(|Agent { program, .. }| {
+            let states: Vec<_> = program.phases.iter().map(|phase| &phase.state).collect();
+            Some((program.light.clone(), roads.waiting_for_each_other(&program.light, &states)?))
+        });
+        let config = config.clone();
+        Ok(OnScenario { files, derived, borders, config, refuses_actuated, local: OnceLock::new() })
+    }
+
+    /// Returns the plan of its agents. They are of one kind, as wide as the widest of them needs.
+    pub fn joint_plan(&self) -> JointPlan {
+        let agents = self.derived.plans();
+        let sources = self.borders.iter().map(|border| border.plan.sources()).collect();
+        let kinds = Kinds::one(agents.len(), self.spec(&agents)).with_sources(sources);
+        JointPlan {
+            agents,
+            borders: self.borders.clone(),
+            kinds,
+            decision_steps: self.config.decision_s as usize,
+            reward: self.config.reward.clone(),
+            emergency_decel_mps2: None,
+        }
+    }
+
+    fn spec(&self, agents: &[AgentPlan]) -> RegionSpec {
+        let Padding { columns, actions, .. } = Padding::of(agents.iter());
+        let influence = InfluencePadding::of(self.borders.iter());
+        RegionSpec {
+            obs_dim: columns,
+            d_set_dim: influence.columns,
+            n_actions: actions,
+            masks: true,
+            sources: SourceSpec { parts: influence.parts, ..SourceSpec::bits(influence.sources) },
+            horizon: self.config.horizon(),
+            local_horizon: self.config.local_horizon(),
+        }
+    }
+}
+
+/// Returns what the config says of all lights.
+fn rules(config: &ScenarioConfig) -> Rules {
+    let cars = match config.observation {
+        Observation::Cells => CarsSeen::Cells,
+        Observation::Queues => CarsSeen::Queues,
+    };
+    Rules { approach_m: config.approach_m, yellow: config.yellow_s, min_green_s: config.min_green_s, cars }
+}
+
+/// Returns the program of a light, for the actuated one that is made of it. `cars`: letters that cars obey.
+fn actuated_light<'a>(program: &'a Program, cars: &BTreeSet<usize>) -> Light<'a> {
+    let greens = Greens::of(program, cars);
+    let made = program.phases.iter().enumerate().map(|(number, phase)| ProgramPhase {
+        state: phase.state.as_str(),
+        is_green: greens.is_green(number),
+        duration_s: phase.duration_s,
+        least_s: phase.limits_s[0],
+        most_s: phase.limits_s[1],
+        next: &phase.next,
+    });
+    let phases = made.collect();
+    let is_actuated = program.kind == "actuated";
+    Light {
+        id: &program.light,
+        offset_s: if is_actuated { program.offset_s } else { 0.0 },
+        parameters: if is_actuated { &program.parameters } else { &[] },
+        phases,
+    }
+}
+
+impl Ground for OnScenario {
+    fn grid(&self) -> Option<Grid> {
+        None
+    }
+
+    fn horizon(&self) -> usize {
+        self.config.horizon()
+    }
+
+    fn source(&self) -> Result<Source> {
+        let agents = self.derived.agents.iter();
+        let lights = agents.map(|Agent { plan, program, .. }| actuated_light(program, plan.phases.cars()));
+        let roots = [self.files.net()].into_iter().chain(self.files.additional());
+        let taken: HashSet<&str> =
+            roots.flat_map(|root| root.all("tlLogic")).filter_map(|light| light.attribute("programID")).collect();
+        let program = free_name(actuated::PROGRAM, |name| taken.contains(name));
+        let actuated = MemoryFile::new(&actuated::programs(&program, lights))?;
+        Ok(Source::Scenario { files: self.files.for_sumo()?, actuated, program })
+    }
+
+    fn check_actuated(&self) -> Result<()> {
+        match &self.refuses_actuated {
+            Some((light, [one, other])) => bail!(
+                "{}: SUMO refuses the programs that the controller `actuated` needs here: light `{}` gives `g` to the \
+                 letters {one} and {other} at once, whose cars yield to each other; choose another controller",
+                self.files.path().display(),
+                light
+            ),
+            None => Ok(()),
+        }
+    }
+
+    fn roads(&self) -> Result<Roads> {
+        self.files.roads()
+    }
+
+    fn recorded(&self) -> Result<RecordedRoads> {
+        RecordedRoads::of_scenario(&self.files, self.derived.plans())
+    }
+
+    fn route(&self, edges: &str) -> Result<Route> {
+        Route::read(edges, &self.files.roads()?).with_context(|| self.files.net_path().display().to_string())
+    }
+
+    fn local(&self, _rows: usize, _tape: Option<&Tape>) -> Result<LocalTraffic> {
+        bail!(
+            "{}: the local simulators of a scenario differ from light to light; make them by `local_simulator`",
+            self.files.path().display()
+        )
+    }
+
+    fn local_parts(&self) -> Result<Option<Arc<LocalParts>>> {
+        if let Some(known) = self.local.get() {
+            return Ok(Some(known.clone()));
+        }
+        let parts = Arc::new(LocalParts {
+            nets: cut_all(&self.files, &self.derived)?,
+            types: types_of(&self.files),
+            options: driving_options(self.files.options()),
+            name: self.files.path().display().to_string(),
+        });
+        Ok(Some(self.local.get_or_init(|| parts).clone()))
+    }
+
+    fn try_local(&self) -> Result<()> {
+        Ok(())
+    }
+
+    fn cannot_be_simulated(&self) -> String {
+        let path = self.files.path();
+        format!("{}: SUMO cannot simulate this scenario; try it with: sumo -c {}", path.display(), quoted(path))
+    }
+
+    fn scenario(&self, agents: usize) -> Result<Scenario> {
+        let scenario = Scenario::new("traffic", agents, self.horizon()).with_checksum(self.files.checksum());
+        let name = self.files.path().file_stem().unwrap_or_default().to_string_lossy();
+        // A copy in a run directory has lost the name.
+        Ok(if name == KEPT { scenario } else { scenario.with_name(&name) })
+    }
+
+    /// Measured with runs on the shipped town and on RESCO's maps, with decisions of 5 s. Between these maps a second of a
+    /// light differs by a factor of four: lights have from 4 to 20 lanes, and jams cost time.
+    fn rough_costs(&self) -> RoughCosts {
+        let seconds = f64::from(self.config.decision_s);
+        const LEARNING_S: f64 = 15e-6;
+        RoughCosts {
+            training_s: LEARNING_S + seconds * 40e-6,
+            training_on_gs_s: LEARNING_S + seconds * 45e-6,
+            influence_s: seconds * 13e-6,
+            evaluation_s: seconds * 60e-6,
+            process_mb: 120.0,
+            agent_mb: 4.0,
+        }
+    }
+
+    fn unusual_reward(&self) -> Option<String> {
+        (self.config.reward != Reward::default()).then(|| self.config.reward.name())
+    }
+
+    fn identity(&self) -> (String, u32) {
+        let name = self.files.path().file_stem().unwrap_or_default().to_string_lossy();
+        (name.into_owned(), self.files.checksum())
+    }
+
+    fn strange_files(&self) -> Vec<PathBuf> {
+        self.files.files()
+    }
+
+    fn left_out(&self) -> Vec<String> {
+        let keeps = sentences(&self.derived.keeping).into_iter().map(|(sentence, _)| sentence);
+        self.files.left_out().iter().cloned().chain(keeps).collect()
+    }
+
+    fn check_place(&self, folder: &Path) -> Result<()> {
+        for_sumo(folder).map(drop)
+    }
+
+    fn keep_files(&self, folder: &Path) -> Result<Vec<PathBuf>> {
+        self.files.keep_in(folder)
+    }
+
+    fn initial_action_bias(&self, actions: usize) -> Vec<f32> {
+        vec![0.0; actions]
+    }
+
+    fn is_random(&self) -> bool {
+        self.files.dawdles()
+    }
+
+    fn is_stuck(&self, p_switch: f64) -> bool {
+        p_switch < STUCK_BELOW
+    }
+
+    fn rival(&self) -> &'static str {
+        "program"
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::network::roads::example::roads;
+
+    #[test]
+    fn all_red_with_a_link_that_is_always_green_keeps_its_time_in_the_actuated_program() {
+        let roads = roads(&[
+            ("state=\"yyrr\"", "state=\"Gyrr\""),
+            ("state=\"rrrr\"", "state=\"Grrr\""),
+            ("state=\"rrGG\"", "state=\"GrGg\""),
+            ("state=\"rryy\"", "state=\"Gryy\""),
+        ]);
+        let made = actuated_light(&roads.programs[0], &roads.letters_of_vehicles("J")).phases;
+        let told: Vec<(&str, bool)> = made.iter().map(|phase| (phase.state, phase.is_green)).collect();
+        let expected = [("GGrr", true), ("Gyrr", false), ("Grrr", false), ("GrGg", true), ("Gryy", false)];
+        assert_eq!(told, expected);
+    }
+
+    #[test]
+    fn only_a_program_that_is_actuated_keeps_its_parameters_and_its_offset() {
+        let made = |kind: &str| {
+            let head = format!("type=\"{kind}\" programID=\"0\" offset=\"7\"><param key=\"max-gap\" value=\"0.5\"/>");
+            let roads = roads(&[("type=\"static\" programID=\"0\" offset=\"0\">", &head)]);
+            let light = actuated_light(&roads.programs[0], &BTreeSet::from([0, 1, 2, 3]));
+            (light.offset_s, light.parameters.to_vec())
+        };
+        assert_eq!(made("static"), (0.0, Vec::new()));
+        assert_eq!(made("actuated"), (7.0, vec![("max-gap".to_owned(), "0.5".to_owned())]));
+    }
+
+    #[test]
+    fn greens_keep_the_limits_that_their_program_gives_whether_one_or_two() {
+        let limits = |given: &str| {
+            let roads = roads(&[("state=\"rrGG\"", &format!("state=\"rrGG\" {given}"))]);
+            let made = actuated_light(&roads.programs[0], &roads.letters_of_vehicles("J")).phases;
+            made.iter().find(|phase| phase.state == "rrGG").map(|phase| [phase.least_s, phase.most_s]).unwrap()
+        };
+        assert_eq!(limits(""), [None, None]);
+        assert_eq!(limits("minDur=\"8\""), [Some(8.0), None]);
+        assert_eq!(limits("minDur=\"0:00:08\" maxDur=\"8\""), [Some(8.0), Some(8.0)]);
+    }
+}

@@ -1,0 +1,171 @@
+//! Arrivals and blocked exits of one region of a scenario: counted on the GS (global simulator) as influence sources, and
+//! remembered for the d-set on either simulator.
+
+use super::agents::border_plan::{BLOCK_M, BLOCK_MPS, BorderPlan};
+use libsumo::LaneCars;
+
+/// Number of seconds that [`History`] remembers.
+pub const REMEMBERED_S: usize = 60;
+
+/// Counts the influence sources of a decision, second by second.
+#[derive(Clone, Debug)]
+pub struct SourceCounter {
+    /// Cars per entry that have arrived and do not count yet, because one a second counts.
+    waiting: Vec<u32>,
+    /// Number of seconds of this decision in which each exit was blocked.
+    blocked_s: Vec<usize>,
+}
+
+impl SourceCounter {
+    /// Begins an episode.
+    pub fn new(plan: &BorderPlan) -> SourceCounter {
+        SourceCounter { waiting: vec![0; plan.entries.len()], blocked_s: vec![0; plan.exits.len()] }
+    }
+
+    /// Notes a car that arrived at an entry in this second.
+    pub fn arrived(&mut self, entry: usize) {
+        self.waiting[entry] += 1;
+    }
+
+    /// Notes that an exit is blocked in this second.
+    pub fn blocked(&mut self, exit: usize) {
+        self.blocked_s[exit] += 1;
+    }
+
+    /// Writes what counts in this second of the decision into its `sources`, which begin with zeros. The last second
+    /// ends the decision.
+    pub fn end_second(&mut self, plan: &BorderPlan, second: usize, sources: &mut [u8]) {
+        for (entry, waiting) in self.waiting.iter_mut().enumerate().filter(|(_, waiting)| **waiting > 0) {
+            *waiting -= 1;
+            sources[plan.arrival(entry, second)] = 1;
+        }
+        if second + 1 == plan.decision_s {
+            for (exit, blocked_s) in self.blocked_s.iter_mut().enumerate() {
+                sources[plan.blocked(exit)] = u8::from(2 * std::mem::take(blocked_s) > plan.decision_s);
+            }
+        }
+    }
+}
+
+/// Returns whether the first car of a lane of this length is near its end and slow.
+pub fn is_blocked(lane: LaneCars<'_>, length_m: f64) -> bool {
+    let first = lane.positions_m.last().zip(lane.speeds_mps.last());
+    first.is_some_and(|(position_m, speed_mps)| *speed_mps < BLOCK_MPS && length_m - position_m <= BLOCK_M)
+}
+
+/// The influence sources of the last minute, as the d-set shows them.
+#[derive(Clone, Debug)]
+pub struct History {
+    /// A bit per second and entry: did a car arrive? The lowest bit is the last second.
+    arrivals: Vec<u64>,
+    /// Whether each exit was blocked in the last decision.
+    blocked: Vec<bool>,
+}
+
+impl History {
+    /// Begins an episode: nothing has happened.
+    pub fn new(plan: &BorderPlan) -> History {
+        History { arrivals: vec![0; plan.entries.len()], blocked: vec![false; plan.exits.len()] }
+    }
+
+    /// Notes the sources of a decision.
+    pub fn note(&mut self, plan: &BorderPlan, sources: &[u8]) {
+        for (entry, bits) in self.arrivals.iter_mut().enumerate() {
+            for second in 0..plan.decision_s {
+                *bits = *bits << 1 | u64::from(sources[plan.arrival(entry, second)]);
+            }
+        }
+        for (exit, blocked) in self.blocked.iter_mut().enumerate() {
+            *blocked = sources[plan.blocked(exit)] == 1;
+        }
+    }
+
+    /// Returns the number of arrivals at an entry in the last seconds, at most [`REMEMBERED_S`].
+    pub fn arrivals(&self, entry: usize, seconds: usize) -> u32 {
+        (self.arrivals[entry] & ((1 << seconds.min(REMEMBERED_S)) - 1)).count_ones()
+    }
+
+    /// Returns whether an exit was blocked in the last decision.
+    pub fn is_blocked(&self, exit: usize) -> bool {
+        self.blocked[exit]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::agents::border_plan::{Entry, EntryPlace};
+    use libsumo::{CarId, CarTable};
+
+    /// Makes a border of these numbers of entries and exits, with decisions of three seconds.
+    fn plan(entries: usize, exits: usize) -> BorderPlan {
+        let entry = |lane| Entry { place: EntryPlace::Lane(lane), default_way: Vec::new() };
+        BorderPlan {
+            roads: Vec::new(),
+            lanes: Vec::new(),
+            entries: (0..entries).map(entry).collect(),
+            exits: (0..exits).collect(),
+            decision_s: 3,
+        }
+    }
+
+    #[test]
+    fn a_second_car_in_a_second_counts_in_the_next_one_even_of_the_next_decision() {
+        let plan = plan(2, 0);
+        let mut counter = SourceCounter::new(&plan);
+        let mut decision = |arrivals: [[u32; 2]; 3]| {
+            let mut sources = [0; 6];
+            for (second, arrivals) in arrivals.into_iter().enumerate() {
+                (0..2).for_each(|entry| (0..arrivals[entry]).for_each(|_| counter.arrived(entry)));
+                counter.end_second(&plan, second, &mut sources);
+            }
+            sources
+        };
+        assert_eq!(decision([[2, 0], [0, 0], [3, 1]]), [1, 1, 1, 0, 0, 1]);
+        assert_eq!(decision([[0, 0]; 3]), [1, 1, 0, 0, 0, 0], "two of the three are left");
+        assert_eq!(decision([[0, 0]; 3]), [0; 6]);
+    }
+
+    #[test]
+    fn an_exit_is_blocked_in_a_decision_if_it_is_in_more_than_half_of_its_seconds() {
+        let plan = plan(0, 2);
+        let mut counter = SourceCounter::new(&plan);
+        let mut sources = [0; 2];
+        for (second, exits) in [&[0, 1][..], &[1], &[]].into_iter().enumerate() {
+            exits.iter().for_each(|&exit| counter.blocked(exit));
+            counter.end_second(&plan, second, &mut sources);
+        }
+        assert_eq!(sources, [0, 1], "one of three seconds, and two of three");
+        let mut next = [0; 2];
+        (0..3).for_each(|second| counter.end_second(&plan, second, &mut next));
+        assert_eq!(next, [0, 0], "every decision counts for itself");
+    }
+
+    #[test]
+    fn a_lane_is_blocked_by_a_first_car_that_crawls_near_its_end() {
+        let blocked = |cars: &[(f64, f64)]| {
+            let cars = cars.iter().map(|&(position, speed)| (CarId(0), position, speed)).collect();
+            is_blocked(CarTable::of([cars]).lane(0), 100.0)
+        };
+        assert!(blocked(&[(50.0, 9.0), (80.0, 0.0)]) && blocked(&[(90.0, 1.9)]));
+        assert!(!blocked(&[]) && !blocked(&[(79.9, 0.0)]), "20 m before the end at most");
+        assert!(!blocked(&[(90.0, 0.0), (98.0, 2.0)]), "the first car drives");
+    }
+
+    #[test]
+    fn the_history_counts_seconds_back_from_now() {
+        let plan = plan(1, 1);
+        let mut history = History::new(&plan);
+        history.note(&plan, &[1, 0, 1, 1]);
+        history.note(&plan, &[0, 1, 0, 0]);
+        let counts: Vec<u32> = [1, 2, 3, 4, 6, 60, 300].map(|seconds| history.arrivals(0, seconds)).into();
+        assert_eq!(counts, [0, 1, 1, 2, 3, 3, 3]);
+        assert!(!history.is_blocked(0));
+        (0..19).for_each(|_| history.note(&plan, &[0, 0, 0, 1]));
+        assert_eq!(
+            (history.arrivals(0, 60), history.is_blocked(0)),
+            (1, true),
+            "57 s later only the fifth second is left"
+        );
+    }
+}

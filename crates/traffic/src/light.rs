@@ -1,0 +1,159 @@
+//! A light under control: a green, what is shown between two greens, the next green.
+
+use super::agents::phase_plan::{PhasePlan, Shown};
+use dials_core::domain::Action;
+use libsumo::SignalState;
+
+/// Leave the light as it is. An action of the paper's grids.
+pub const KEEP: Action = 0;
+/// Give the other direction green, after yellow. An action of the paper's grids.
+pub const SWITCH: Action = 1;
+
+/// Number of steps of yellow in the paper's grids.
+pub const YELLOW_STEPS: u8 = 3;
+
+/// A light and how long it has shown what it shows. A step is a second.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Signal {
+    shown: Shown,
+    /// Number of steps since this green began or the last one ended.
+    steps: u32,
+    /// Whether it was switched in this episode.
+    switched: bool,
+}
+
+impl Signal {
+    /// Returns the light at the beginning of an episode: the first green, which may end at once.
+    ///
+    /// DEVIATION 2: every episode begins with vertical green under the agent's control. In the authors' code a light
+    /// runs its program until the agent's first switch; the plan may ask for that.
+    pub fn at_the_beginning(plan: &PhasePlan) -> Self {
+        Signal { shown: Shown::Green(0), steps: plan.min_green_steps(), switched: false }
+    }
+
+    pub fn shown(self) -> Shown {
+        self.shown
+    }
+
+    /// Returns the state that the light shows.
+    pub fn state(self, plan: &PhasePlan) -> &SignalState {
+        let Shown::Between { from, to } = self.shown else { return &plan.greens()[self.shown.target()] };
+        let mut left = self.steps;
+        for interval in plan.clearing(from, to) {
+            if left <= interval.steps {
+                return &interval.state;
+            }
+            left -= interval.steps;
+        }
+        unreachable!("a light is between greens for as long as its intervals last")
+    }
+
+    /// Returns whether the light would leave its green if it were asked to.
+    pub fn may_leave(self, plan: &PhasePlan) -> bool {
+        self.shown.is_green() && self.steps >= plan.min_green_steps()
+    }
+
+    /// Sets what the light shows in the step that follows the action. Between two greens, and while a green is too
+    /// short, it ignores actions. It also ignores a green that it does not have. A light that goes to its next green by
+    /// itself does so no more in this episode once it has obeyed.
+    pub fn act(&mut self, plan: &PhasePlan, action: Action) {
+        self.steps += 1;
+        match self.shown {
+            Shown::Green(green) => {
+                let to = plan.asked_for(self.shown, action);
+                let obeys = to != green && to < plan.greens().len() && self.steps > plan.min_green_steps();
+                if obeys {
+                    self.switched = true;
+                    self.leave(plan, green, to);
+                } else if !self.switched && plan.own_green_steps().is_some_and(|own| self.steps > own) {
+                    self.leave(plan, green, plan.next(green));
+                }
+            }
+            Shown::Between { from, to } => {
+                if self.steps > plan.clearing_steps(from, to) {
+                    (self.shown, self.steps) = (Shown::Green(to), 1);
+                }
+            }
+        }
+    }
+
+    /// Makes the first step after a green.
+    fn leave(&mut self, plan: &PhasePlan, from: usize, to: usize) {
+        let cleared_at_once = plan.clearing(from, to).is_empty();
+        self.shown = if cleared_at_once { Shown::Green(to) } else { Shown::Between { from, to } };
+        self.steps = 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::agents::phase_plan::{Choice, Interval};
+
+    fn state(letters: &str) -> SignalState {
+        SignalState::new(letters).unwrap()
+    }
+
+    fn interval(letters: &str, steps: u32) -> Interval {
+        Interval { state: state(letters), steps }
+    }
+
+    /// Returns the states of a light during these actions.
+    fn shown(plan: &PhasePlan, actions: &[Action]) -> Vec<String> {
+        let mut signal = Signal::at_the_beginning(plan);
+        let act = |&action: &Action| {
+            signal.act(plan, action);
+            signal.state(plan).to_string()
+        };
+        actions.iter().map(act).collect()
+    }
+
+    fn paper() -> PhasePlan {
+        let yellow = |from, _| vec![interval(["yr", "ry"][from], YELLOW_STEPS.into())];
+        PhasePlan::new(vec![state("Gr"), state("rG")], Choice::KeepOrSwitch, 1, yellow)
+    }
+
+    #[test]
+    fn a_switch_shows_yellow_at_once_and_for_three_steps() {
+        let shown = shown(&paper(), &[KEEP, SWITCH, KEEP, KEEP, KEEP, KEEP]);
+        assert_eq!(shown, ["Gr", "yr", "yr", "yr", "rG", "rG"]);
+    }
+
+    #[test]
+    fn actions_during_yellow_are_ignored_and_green_lasts_at_least_one_step() {
+        let cycle = ["yr", "yr", "yr", "rG", "ry", "ry", "ry", "Gr"];
+        assert_eq!(shown(&paper(), &[SWITCH; 16]), [cycle, cycle].concat(), "switching always has a period of 8 steps");
+    }
+
+    #[test]
+    fn a_light_goes_to_its_next_green_by_itself_until_it_is_switched() {
+        let plan = paper().by_itself_until_switched(5);
+        let by_itself =
+            ["Gr", "Gr", "Gr", "Gr", "yr", "yr", "yr", "rG", "rG", "rG", "rG", "rG", "ry", "ry", "ry", "Gr"];
+        assert_eq!(shown(&plan, &[KEEP; 16]), by_itself, "the beginning counts as the first step");
+        // A switch during its own yellow is none. After a true one a green lasts.
+        let mut actions = vec![KEEP; 30];
+        (actions[4], actions[9]) = (SWITCH, SWITCH);
+        let shown = shown(&plan, &actions);
+        assert_eq!(shown[..9], by_itself[..9]);
+        assert_eq!(shown[9..12], ["ry"; 3]);
+        assert_eq!(shown[12..], ["Gr"; 18]);
+    }
+
+    #[test]
+    fn a_target_is_reached_through_its_own_yellow_and_all_red() {
+        // From 0 to 1 two steps of yellow and one of all red; from 1 to 2 nothing has to be cleared.
+        let clearing = |from, to| match (from, to) {
+            (1, 2) => Vec::new(),
+            _ => vec![interval("yyy", 2), interval("rrr", 1)],
+        };
+        let greens = ["Grr", "rGr", "rGG"].map(state).to_vec();
+        let plan = PhasePlan::new(greens, Choice::Target, 3, clearing);
+        let shown = shown(&plan, &[1, 2, 0, 1, 2, 2, 2, 2, 2, 9]);
+        assert_eq!(shown, ["yyy", "yyy", "rrr", "rGr", "rGr", "rGr", "rGG", "rGG", "rGG", "rGG"]);
+        let mut signal = Signal::at_the_beginning(&plan);
+        assert!(signal.may_leave(&plan));
+        signal.act(&plan, 1);
+        assert!(!signal.may_leave(&plan), "it is yellow");
+    }
+}

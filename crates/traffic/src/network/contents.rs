@@ -1,0 +1,180 @@
+//! A network, read once.
+//!
+//! What was checked is what SUMO loads, what copies hold and what recordings show, even if somebody changes the files
+//! meanwhile.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::{Context, Error, Result, anyhow, ensure};
+
+use super::files::{NetworkFiles, config};
+use super::memory_file::MemoryFile;
+use super::tree::{Element, parse_file, read_whole};
+use super::way_out::{Role, cannot_be_simulated, no_such_network};
+use super::{other_files, xml};
+use dials_core::outside::write_together;
+
+/// The content of one file.
+#[derive(Debug)]
+pub struct Content {
+    bytes: Vec<u8>,
+    pub root: Element,
+}
+
+impl Content {
+    /// Reads a file. If SUMO, given this file, would open another one: an error.
+    pub fn read(path: &Path) -> Result<Content> {
+        Content::read_cleaned(path, |_| Ok(false))
+    }
+
+    /// Reads a file like [`Content::read`], but first changes what it holds. `clean` returns whether it changed anything;
+    /// then copies hold no other byte of the file.
+    pub fn read_cleaned(path: &Path, clean: impl FnOnce(&mut Element) -> Result<bool>) -> Result<Content> {
+        let mut bytes = read_whole(path)?;
+        let mut root = parse_file(path, &bytes)?;
+        if clean(&mut root)? {
+            bytes = xml::text(&root).into_bytes();
+        }
+        other_files::refuse(path, &root)?;
+        Ok(Content { bytes, root })
+    }
+
+    /// Returns other content, with something changed. Copies hold that.
+    pub fn changed(&self, change: impl FnOnce(&mut Element)) -> Content {
+        let mut root = self.root.clone();
+        change(&mut root);
+        Content { bytes: xml::text(&root).into_bytes(), root }
+    }
+
+    /// Returns what copies of the file hold.
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// Reads the roads of a network.
+    pub fn read_net(net: &Path) -> Result<Content> {
+        ensure!(net.exists(), no_such_network(net));
+        let content = Content::read(net)?;
+        let root = &content.root.name;
+        ensure!(root == "net", "{}: is not a SUMO network: its root is <{root}>, not <net>", net.display());
+        Ok(content)
+    }
+
+    /// Returns the text that SUMO loads: the elements that were read, and nothing else of the file.
+    pub fn text(&self) -> String {
+        xml::text(&self.root)
+    }
+}
+
+/// A network whose files were read. Clones share it.
+#[derive(Clone, Debug)]
+pub struct Network {
+    pub files: NetworkFiles,
+    pub net: Arc<Content>,
+    pub routes: Arc<Content>,
+    pub actuated: Arc<Content>,
+}
+
+impl Network {
+    /// Reads all files of a network but the configuration, which this program neither reads nor loads.
+    pub fn read(files: &NetworkFiles, role: Role) -> Result<Network> {
+        let net = Content::read_net(&files.net)?;
+        let told = || cannot_be_simulated(&files.net, role);
+        let beside = |path: &Path| Content::read(path).with_context(told).map(Arc::new);
+        Ok(Network {
+            files: files.clone(),
+            net: Arc::new(net),
+            routes: beside(&files.routes)?,
+            actuated: beside(&files.actuated)?,
+        })
+    }
+
+    /// Returns the CRC-32 of what determines roads and cars: the net and its routes.
+    pub fn checksum(&self) -> u32 {
+        let mut hasher = crc32fast::Hasher::new();
+        hasher.update(&self.net.bytes);
+        hasher.update(&self.routes.bytes);
+        hasher.finalize()
+    }
+
+    /// Copies the network into another directory under another name, for a run directory that needs nothing outside of
+    /// itself. Writes the file for `sumo -c` anew, because it names the others.
+    pub fn copy_to(&self, dir: &Path, name: &str) -> Result<NetworkFiles> {
+        let copy = NetworkFiles::of(&dir.join(name));
+        let contents = [
+            (copy.net.clone(), self.net.bytes.clone()),
+            (copy.routes.clone(), self.routes.bytes.clone()),
+            (copy.actuated.clone(), self.actuated.bytes.clone()),
+            (copy.config.clone(), config(name).into_bytes()),
+        ];
+        write_together(dir, &contents)?;
+        Ok(copy)
+    }
+
+    /// Puts the network where SUMO of this process can load it.
+    pub fn for_sumo(&self) -> Result<Loadable> {
+        let [net, routes, actuated] =
+            [&self.net, &self.routes, &self.actuated].map(|content| MemoryFile::new(&content.text()));
+        Ok(Loadable { files: self.files.clone(), net: net?, routes: routes?, actuated: actuated? })
+    }
+}
+
+/// A network that SUMO of this process can load, any number of times.
+pub struct Loadable {
+    files: NetworkFiles,
+    pub net: MemoryFile,
+    pub routes: MemoryFile,
+    pub actuated: MemoryFile,
+}
+
+impl Loadable {
+    /// Returns an error of SUMO with the paths that the user knows.
+    pub fn explain(&self, error: &libsumo::Error) -> Error {
+        let Loadable { files, net, routes, actuated } = self;
+        explain(error, &[(net, &files.net), (routes, &files.routes), (actuated, &files.actuated)])
+    }
+}
+
+/// Returns an error of SUMO in which each file in memory has the path of the user's file that it was made of.
+pub fn explain(error: &libsumo::Error, names: &[(&MemoryFile, &Path)]) -> Error {
+    let told = names
+        .iter()
+        .fold(error.to_string(), |told, (memory, path)| renamed(&told, &memory.path(), &path.display().to_string()));
+    anyhow!(told)
+}
+
+/// Returns a text with one path replaced by another, but not where it is the beginning of a longer one.
+pub(crate) fn renamed(text: &str, path: &str, name: &str) -> String {
+    let mut pieces = text.split(path);
+    let mut told = pieces.next().unwrap_or_default().to_owned();
+    for piece in pieces {
+        told += if piece.starts_with(|letter: char| letter.is_ascii_digit()) { path } else { name };
+        told += piece;
+    }
+    told
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_error_of_sumo_names_the_files_of_the_user() {
+        let told = renamed("could not load `/proc/self/fd/7` or `/proc/self/fd/71`", "/proc/self/fd/7", "a.net.xml");
+        assert_eq!(told, "could not load `a.net.xml` or `/proc/self/fd/71`");
+    }
+
+    #[test]
+    fn what_sumo_loads_is_what_was_read_whatever_happens_to_the_file() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.xml");
+        let text = "<?xml version=\"1.0\"?><!-- a --><net xmlns:x='u' x:y='z' v='&lt;\"'>text<edge id='ä'/></net>";
+        std::fs::write(&path, text).unwrap();
+        let content = Content::read(&path).unwrap();
+        std::fs::write(&path, "<edgeData/>").unwrap();
+        let expected =
+            "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<net v=\"&lt;&quot;\">\n    <edge id=\"ä\"/>\n</net>\n";
+        assert_eq!(content.text(), expected);
+    }
+}

@@ -1,0 +1,140 @@
+//! The files of a network.
+//!
+//! A *network* is four files with one name:
+//! - `grid_2x2.net.xml`: roads and lights.
+//! - `.rou.xml`: vehicle type, routes, flows.
+//! - `.actuated.add.xml`: actuated lights, loaded only if wanted.
+//! - `.sumocfg`: the configuration for `sumo -c`.
+
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail, ensure};
+
+use super::way_out::no_such_network;
+use super::xml::{document, section};
+use dials_core::outside::Printable;
+
+/// Paths of the files of one network.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NetworkFiles {
+    /// File of the roads and of the lights with their static program.
+    pub net: PathBuf,
+    /// File of the vehicle type and the routes, and of the flows of a grid.
+    pub routes: PathBuf,
+    /// File of the actuated program of every light.
+    pub actuated: PathBuf,
+    /// Configuration with net and routes, for `sumo -c` and `sumo-gui -c`.
+    pub config: PathBuf,
+}
+
+impl NetworkFiles {
+    /// Returns the network that a config names by directory and name, such as `../sumo_nets/grid_2x2`. The files need
+    /// not exist.
+    pub fn of(prefix: &Path) -> NetworkFiles {
+        NetworkFiles {
+            net: with_ending(prefix, ".net.xml"),
+            routes: with_ending(prefix, ".rou.xml"),
+            actuated: with_ending(prefix, ".actuated.add.xml"),
+            config: with_ending(prefix, ".sumocfg"),
+        }
+    }
+
+    /// Returns an error with advice if one of the files is missing or SUMO could not take its path.
+    pub fn check(&self) -> Result<()> {
+        self.check_paths()?;
+        match self.all().into_iter().find(|path| !path.is_file()) {
+            Some(missing) => bail!(no_such_network(missing)),
+            None => Ok(()),
+        }
+    }
+
+    /// Returns an error if SUMO could not take the path of one of the files. The files need not exist.
+    pub fn check_paths(&self) -> Result<()> {
+        self.all().into_iter().try_for_each(|path| for_sumo(path).map(drop))
+    }
+
+    /// Returns an error if SUMO could not open the configuration, or would not find the files that it names.
+    pub fn check_config_path(&self) -> Result<()> {
+        self.check_paths()?;
+        check_beside_config(&for_sumo(&self.config)?)
+    }
+
+    fn all(&self) -> [&Path; 4] {
+        [&self.net, &self.routes, &self.actuated, &self.config]
+    }
+}
+
+/// Returns a path with text added at its end. `with_extension` would take a dot in the name for an extension.
+fn with_ending(prefix: &Path, ending: &str) -> PathBuf {
+    let mut path = OsString::from(prefix);
+    path.push(ending);
+    PathBuf::from(path)
+}
+
+/// Returns a path as SUMO takes it among its options: as text that names one file only.
+pub(crate) fn for_sumo(path: &Path) -> Result<String> {
+    let place = path.display();
+    let text =
+        path.to_str().with_context(|| format!("{place}: is not UTF-8, which SUMO's options must be; rename it"))?;
+    ensure!(!text.contains(','), "{place}: contains a comma, at which SUMO would split it; rename it");
+    ensure!(!text.contains("${"), "{place}: contains `${{`, which SUMO takes for a variable; rename it");
+    Ok(text.to_owned())
+}
+
+/// Checks a path that SUMO puts together from that of a configuration: it decodes `%41` in it, to `A`.
+fn check_beside_config(path: &str) -> Result<()> {
+    let decoded = |(at, _): (usize, &str)| {
+        let digits = path.as_bytes().get(at + 1..at + 3);
+        digits.is_some_and(|digits| digits.iter().all(u8::is_ascii_hexdigit))
+    };
+    ensure!(
+        !path.match_indices('%').any(decoded),
+        "{}: contains a % and two digits, which SUMO takes for one letter; rename it",
+        Printable(path)
+    );
+    Ok(())
+}
+
+/// Returns the configuration for `sumo -c` and `sumo-gui -c` of a network of this name; the other files are in the same
+/// directory.
+pub(crate) fn config(name: &str) -> String {
+    let (net, routes) = (format!("{name}.net.xml"), format!("{name}.rou.xml"));
+    document("configuration", |xml| {
+        section(xml, "input", &[("net-file", &net), ("route-files", &routes)])?;
+        section(xml, "time", &[("begin", "0"), ("end", "3600"), ("step-length", "1")])?;
+        // A waiting car is never moved past the jam (the authors' setup).
+        section(xml, "processing", &[("time-to-teleport", "-1")])?;
+        // Without it, SUMO warns of a missing SUMO_HOME, where it would look for the schemas.
+        section(xml, "report", &[("xml-validation", "never")])
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_missing_network_is_named_with_its_first_file() {
+        let error = NetworkFiles::of(Path::new("nowhere/grid_3x4")).check().unwrap_err().to_string();
+        assert_eq!(error, no_such_network(Path::new("nowhere/grid_3x4.net.xml")));
+    }
+
+    #[test]
+    fn a_path_that_sumo_would_read_as_another_one_is_refused() {
+        let checked = |prefix: &str| NetworkFiles::of(Path::new(prefix)).check_config_path();
+        for (prefix, told) in [("a,b/net", "a comma"), ("${HOME}/net", "a variable"), ("a%4Fb/net", "one letter")] {
+            let error = checked(prefix).unwrap_err().to_string();
+            assert!(error.starts_with(prefix) && error.contains(told), "{error}");
+        }
+        for prefix in ["50 %/net", "5%/net", "a$b/{c}/net", "ü;&'/net"] {
+            checked(prefix).unwrap();
+        }
+    }
+
+    #[test]
+    fn a_dot_in_the_name_of_a_network_stays() {
+        assert_eq!(NetworkFiles::of(Path::new("../v1.2/net")).config, Path::new("../v1.2/net.sumocfg"));
+        assert_eq!(NetworkFiles::of(Path::new("net.a")).net, Path::new("net.a.net.xml"));
+    }
+}

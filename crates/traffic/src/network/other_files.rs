@@ -1,0 +1,154 @@
+//! Everything in a file of SUMO that makes SUMO write or read another file.
+//!
+//! Networks may come from strangers. SUMO opens whatever such a file names, with the rights of the user. So one line in
+//! an additional file can overwrite any file of theirs. All of it is refused before SUMO loads anything.
+//!
+//! Source: SUMO 1.15, `src/netload/NLHandler.cpp` (the elements), `src/microsim/devices` and
+//! `src/microsim/traffic_lights` (the parameters).
+
+use std::path::Path;
+
+use anyhow::{Result, bail};
+
+use super::tree::Element;
+use dials_core::outside::{Printable, excerpt};
+
+/// Elements that exist only to write or read another file, or that do so by default.
+const ELEMENTS: [(&str, &str); 17] = [
+    ("edgeData", "writes"),
+    ("laneData", "writes"),
+    ("inductionLoop", "writes"),
+    ("e1Detector", "writes"),
+    ("instantInductionLoop", "writes"),
+    ("laneAreaDetector", "writes"),
+    ("e2Detector", "writes"),
+    ("entryExitDetector", "writes"),
+    ("e3Detector", "writes"),
+    ("vTypeProbe", "writes"),
+    ("routeProbe", "writes"),
+    // Saves the states and switches of lights.
+    ("timedEvent", "writes"),
+    ("calibrator", "writes"),
+    // The next three load their own content from a file.
+    ("rerouter", "reads"),
+    ("variableSpeedSign", "reads"),
+    ("include", "reads"),
+    // A configuration names files for everything, in `<input>` and `<output>`.
+    ("configuration", "writes"),
+];
+
+/// Attributes that name a file, on whatever element.
+const ATTRIBUTES: [(&str, &str); 4] =
+    [("file", "writes"), ("output", "writes"), ("href", "reads"), ("imgFile", "reads")];
+
+/// Beginnings of the keys of `<param>` that give a vehicle a device which writes. The surrogate safety device writes
+/// into the working directory even without a file name.
+const DEVICES: [&str; 4] = ["has.ssm.", "device.ssm.", "has.toc.", "device.toc."];
+
+/// Programs of lights that write no file but the one that their parameter `file` names. Swarm lights, for example, also
+/// write to `SWARMLOG`.
+const PROGRAMS: [&str; 6] = ["static", "actuated", "delay_based", "NEMA", "rail_signal", "rail_crossing"];
+
+/// Emission models that read their data from files.
+const EMISSIONS: &str = "PHEMlight";
+
+/// Returns an error if SUMO, given this file, would write or read another one. It names the element and the file.
+pub fn refuse(path: &Path, element: &Element) -> Result<()> {
+    // Also refused, as an agent cannot run this light; but it writes nothing.
+    let is_off = element.name == "tlLogic" && element.attribute("type") == Some("off");
+    if is_off {
+        bail!("{}: has {}, which switches this light off; remove it", path.display(), Printable(in_the_tag(element)));
+    }
+    if let Some((what, does)) = found(element) {
+        bail!("{}: has {}, by which SUMO {does} another file; remove it", path.display(), Printable(what));
+    }
+    element.children.iter().try_for_each(|child| refuse(path, child))
+}
+
+/// Returns the part of an element that opens another file, and what SUMO does to that file.
+fn found(element: &Element) -> Option<(String, &'static str)> {
+    let Element { name, attributes, .. } = element;
+    if let Some((_, does)) = ELEMENTS.iter().find(|(other, _)| other == name) {
+        return Some((in_the_tag(element), does));
+    }
+    let attribute = attributes.iter().find_map(|(key, value)| {
+        let (_, does) = ATTRIBUTES.iter().find(|(other, _)| other == key)?;
+        Some((format!("{key}=\"{}\" in <{name}>", excerpt(value)), *does))
+    });
+    attribute.or_else(|| match name.as_str() {
+        "param" => element.attribute("key").filter(|key| names_a_file(key)).map(|_| (in_the_tag(element), "writes")),
+        "tlLogic" => {
+            let kind = element.attribute("type").filter(|kind| !PROGRAMS.contains(kind))?;
+            Some((format!("a light of type=\"{}\"", excerpt(kind)), "may write"))
+        }
+        _ => {
+            let class = element.attribute("emissionClass").filter(|class| class.starts_with(EMISSIONS))?;
+            Some((format!("emissionClass=\"{}\" in <{name}>", excerpt(class)), "reads"))
+        }
+    })
+}
+
+/// Returns the tag of an element, with its id, file and key.
+fn in_the_tag(element: &Element) -> String {
+    let kinds = ["id", "file", "key"].map(|key| element.attribute(key).map(|value| (key, value)));
+    let shown = kinds.into_iter().flatten().map(|(key, value)| format!(" {key}=\"{}\"", excerpt(value)));
+    format!("<{}{}>", element.name, shown.collect::<String>())
+}
+
+/// Returns whether a parameter with this key names a file, or gives a vehicle a device that does.
+fn names_a_file(key: &str) -> bool {
+    let key = key.to_ascii_lowercase();
+    let words = ["file", "output", "swarmlog"];
+    words.iter().any(|word| key.contains(word)) || DEVICES.iter().any(|device| key.starts_with(device))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::network::tree::parse;
+
+    #[test]
+    fn every_way_to_another_file_is_refused_by_its_name() {
+        let told = |text: &str| {
+            let root = parse(&format!("<additional><x>{text}</x></additional>")).expect("XML of the test");
+            refuse(Path::new("a.add.xml"), &root).err().map(|error| error.to_string())
+        };
+        let refused = [
+            (r#"<edgeData id="x" file="/home/a"/>"#, r#"<edgeData id="x" file="/home/a">, by which SUMO writes"#),
+            (r#"<param key="device.SSM.file" value="a"/>"#, r#"<param key="device.SSM.file">, by which SUMO writes"#),
+            (r#"<param key="has.ssm.device" value="true"/>"#, r#"<param key="has.ssm.device">, by which SUMO writes"#),
+            (r#"<param key="file" value="a"/>"#, r#"<param key="file">, by which SUMO writes"#),
+            (r#"<tlLogic id="a" type="sotl_wave"/>"#, r#"a light of type="sotl_wave", by which SUMO may write"#),
+            (r#"<vType id="a" imgFile="a"/>"#, r#"imgFile="a" in <vType>, by which SUMO reads"#),
+            (r#"<vType id="a" emissionClass="PHEMlight/PC"/>"#, r#"emissionClass="PHEMlight/PC" in <vType>, by"#),
+            (r#"<include href="a"/>"#, "<include>, by which SUMO reads another file; remove it"),
+            (r#"<chargingStation id="a" output="a"/>"#, r#"output="a" in <chargingStation>, by which SUMO writes"#),
+        ];
+        for (text, expected) in refused {
+            let told = told(text).unwrap_or_else(|| panic!("{text}"));
+            assert!(told.starts_with(&format!("a.add.xml: has {expected}")), "{told}");
+        }
+        for allowed in [
+            r#"<param key="max-gap" value="3.0"/>"#,
+            r#"<tlLogic id="a" type="actuated"/>"#,
+            r#"<vType id="a" emissionClass="HBEFA4/PC"/>"#,
+            r#"<param key="has.rerouting.device" value="true"/>"#,
+        ] {
+            assert_eq!(told(allowed), None);
+        }
+    }
+
+    #[test]
+    fn a_light_that_is_off_has_a_reason_of_its_own() {
+        let root = parse("<additional><tlLogic id='B' type='off' programID='off'/></additional>").unwrap();
+        let told = refuse(Path::new("a.add.xml"), &root).unwrap_err().to_string();
+        assert_eq!(told, "a.add.xml: has <tlLogic id=\"B\">, which switches this light off; remove it");
+    }
+
+    #[test]
+    fn names_of_a_stranger_are_shown_printable_and_short() {
+        let text = format!("<a><edgeData id=\"\u{202e}{}\"/></a>", "x".repeat(10_000));
+        let told = refuse(Path::new("a"), &parse(&text).unwrap()).unwrap_err().to_string();
+        assert!(!told.contains('\u{202e}') && told.len() < 300, "{told}");
+    }
+}

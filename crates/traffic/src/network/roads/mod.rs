@@ -1,0 +1,339 @@
+//! What a net is: junctions, edges with their lanes, connections, and the programs of its lights.
+//!
+//! Made of the elements of a `.net.xml` by `read`, or of a whole file by [`file`]. Numbers and names are checked once
+//! there, so that everything else may rely on them.
+//!
+//! - `attributes`: numbers and names out of an element, with errors that name element and attribute. `shape`: lines.
+//! - [`program`]: what lights show by themselves. `carries`: which lanes are for cars.
+//! - `crossing`: which links of a light cross each other. `example`: a net for tests. `faults`: tests
+//!   of nets with errors.
+
+mod attributes;
+pub(crate) mod carries;
+mod crossing;
+#[cfg(test)]
+pub(crate) mod example;
+#[cfg(test)]
+mod faults;
+pub mod file;
+pub mod program;
+mod read;
+mod shape;
+
+use std::collections::{BTreeSet, HashMap};
+
+use anyhow::{Context, Result, ensure};
+
+use crate::network::tree::Element;
+use attributes::{tag, text};
+use carries::Classes;
+use dials_core::outside::excerpt;
+use program::Program;
+pub(crate) use read::{TRAINS, is_of_trains};
+
+/// Number of a junction in [`Roads::junctions`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct JunctionNo(pub usize);
+
+/// Number of an edge in [`Roads::edges`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct EdgeNo(pub usize);
+
+/// Number of a lane in [`Roads::lanes`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct LaneNo(pub usize);
+
+/// A place in the coordinates of the net, in metres.
+pub type Place = [f64; 2];
+
+/// A road network. Everything is in the order of its file.
+#[derive(Clone, Debug, Default)]
+pub struct Roads {
+    pub junctions: Vec<Junction>,
+    pub edges: Vec<Edge>,
+    pub lanes: Vec<Lane>,
+    pub connections: Vec<Connection>,
+    /// Programs of the lights. A light may have several, in the order in which SUMO loads them. It runs the last one.
+    pub programs: Vec<Program>,
+    edge_numbers: HashMap<String, EdgeNo>,
+    lane_numbers: HashMap<String, LaneNo>,
+    /// Connections that begin at each lane, as indices into [`Roads::connections`].
+    from_lane: Vec<Vec<usize>>,
+    /// Connections that end at each lane, as indices into [`Roads::connections`].
+    to_lane: Vec<Vec<usize>>,
+    /// Connections that each light controls, as indices into [`Roads::connections`].
+    of_light: HashMap<String, Vec<usize>>,
+}
+
+/// A place where edges meet. The inside of a large junction has junctions of its own, of kind `internal`.
+#[derive(Clone, Debug)]
+pub struct Junction {
+    pub id: String,
+    /// SUMO's type, such as `priority` or `traffic_light`.
+    pub kind: String,
+    pub place_m: Place,
+    /// Outline; may be empty.
+    pub shape: Vec<Place>,
+    /// Lanes that end here, in SUMO's order. Empty for junctions inside of others.
+    pub incoming: Vec<LaneNo>,
+    /// Right of way of each link, in the order of [`Roads::links_of`].
+    pub requests: Vec<Request>,
+}
+
+/// The right of way of one link of a junction.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Request {
+    /// Whether this link yields to another one. One entry per link of the junction.
+    pub yields_to: Vec<bool>,
+    /// Whether this link crosses another one. One entry per link of the junction.
+    pub crosses: Vec<bool>,
+}
+
+/// What an edge is: SUMO's attribute `function`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Function {
+    Road,
+    /// The inside of a junction.
+    Internal,
+    /// Way of pedestrians over a road.
+    Crossing,
+    /// Pavement at the corner of a junction.
+    WalkingArea,
+}
+
+/// A road in one direction, or a part of a junction.
+#[derive(Clone, Debug)]
+pub struct Edge {
+    pub id: String,
+    pub function: Function,
+    /// Junctions where a road begins and ends. Parts of a junction have none.
+    pub ends: Option<[JunctionNo; 2]>,
+    /// Lanes from the right to the left.
+    pub lanes: Vec<LaneNo>,
+}
+
+/// A lane of an edge, or of the inside of a junction.
+#[derive(Clone, Debug)]
+pub struct Lane {
+    pub id: String,
+    pub edge: EdgeNo,
+    pub length_m: f64,
+    pub speed_limit_mps: f64,
+    pub shape: Vec<Place>,
+    /// Whether passenger cars or buses may drive here.
+    pub carries_cars: bool,
+    /// Whether anything may drive here that drives on roads, such as bicycles.
+    pub carries_vehicles: bool,
+    pub classes: Classes,
+}
+
+/// A way from one lane to the next.
+#[derive(Clone, Debug)]
+pub struct Connection {
+    pub from: LaneNo,
+    pub to: LaneNo,
+    /// First lane within the junction.
+    pub via: Option<LaneNo>,
+    /// Light that controls it.
+    pub signal: Option<Signal>,
+    /// Whether it turns back into the opposite direction.
+    pub turns_around: bool,
+}
+
+/// The letter of a light that a connection obeys.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Signal {
+    pub light: String,
+    /// Index of the letter in the light's state: SUMO's `linkIndex`.
+    pub letter: usize,
+}
+
+impl Roads {
+    /// Loads a `<tlLogic>` of another file after the net, as SUMO does. Without phases it is no program, but another offset
+    /// for one. A program of a light that the net does not have is left alone.
+    ///
+    /// Errors: there is no program for an offset, or a state has fewer letters than its light has links.
+    pub fn load_program(&mut self, element: &Element) -> Result<()> {
+        if element.all("phase").next().is_none() {
+            return self.set_offset(element);
+        }
+        let program = Program::read(element)?;
+        let signals = self.of_light(&program.light).filter_map(|link| link.signal.as_ref());
+        let links = signals.map(|signal| signal.letter + 1).max().unwrap_or(0);
+        ensure!(
+            program.letters() >= links,
+            "{}: its states have {} letters, but light `{}` has {links} links; give it one letter per link",
+            tag(element),
+            program.letters(),
+            excerpt(&program.light)
+        );
+        if self.programs.iter().any(|earlier| earlier.light == program.light) {
+            self.programs.push(program);
+        }
+        Ok(())
+    }
+
+    fn set_offset(&mut self, element: &Element) -> Result<()> {
+        let (light, id) = (text(element, "id")?, program::name(element));
+        let named = self.programs.iter_mut().find(|program| program.light == light && program.id == id);
+        let named = named.with_context(|| {
+            format!(
+                "{}: has no <phase>, so it is an offset for program `{}` of this light, and there is none before it; \
+                 correct programID, or add phases",
+                tag(element),
+                excerpt(id)
+            )
+        })?;
+        named.offset_s = program::offset_s(element)?;
+        Ok(())
+    }
+
+    pub fn junction(&self, junction: JunctionNo) -> &Junction {
+        &self.junctions[junction.0]
+    }
+
+    pub fn edge(&self, edge: EdgeNo) -> &Edge {
+        &self.edges[edge.0]
+    }
+
+    pub fn lane(&self, lane: LaneNo) -> &Lane {
+        &self.lanes[lane.0]
+    }
+
+    /// Finds an edge by SUMO's name.
+    pub fn edge_named(&self, id: &str) -> Option<EdgeNo> {
+        self.edge_numbers.get(id).copied()
+    }
+
+    /// Finds a lane by SUMO's name.
+    pub fn lane_named(&self, id: &str) -> Option<LaneNo> {
+        self.lane_numbers.get(id).copied()
+    }
+
+    /// Returns the edges that are roads: those with two ends, not the insides of junctions.
+    pub fn roads(&self) -> impl Iterator<Item = (EdgeNo, &Edge)> {
+        let numbered = self.edges.iter().enumerate().map(|(number, edge)| (EdgeNo(number), edge));
+        numbered.filter(|(_, edge)| edge.ends.is_some())
+    }
+
+    /// Returns the connections that begin at a lane, in the order of the file.
+    pub fn from_lane(&self, lane: LaneNo) -> impl Iterator<Item = &Connection> {
+        self.from_lane[lane.0].iter().map(|&number| &self.connections[number])
+    }
+
+    /// Returns the connections that end at a lane, in the order of the file.
+    pub fn to_lane(&self, lane: LaneNo) -> impl Iterator<Item = &Connection> {
+        self.to_lane[lane.0].iter().map(|&number| &self.connections[number])
+    }
+
+    /// Returns whether a lane is one of a road, and not within a junction.
+    pub fn is_road(&self, lane: LaneNo) -> bool {
+        self.edge(self.lane(lane).edge).function == Function::Road
+    }
+
+    /// Returns the junction where a lane of a road begins.
+    pub fn begin_of(&self, lane: LaneNo) -> Option<JunctionNo> {
+        self.edge(self.lane(lane).edge).ends.map(|[begin, _]| begin)
+    }
+
+    /// Returns the junction where a lane of a road ends.
+    pub fn end_of(&self, lane: LaneNo) -> Option<JunctionNo> {
+        self.edge(self.lane(lane).edge).ends.map(|[_, end]| end)
+    }
+
+    /// Returns whether cars can use a connection.
+    pub fn carries_cars(&self, connection: &Connection) -> bool {
+        self.lane(connection.from).carries_cars && self.lane(connection.to).carries_cars
+    }
+
+    /// Returns the connections that a light controls, in the order of the file. Some may be for people on foot.
+    pub fn of_light(&self, light: &str) -> impl Iterator<Item = &Connection> {
+        self.of_light.get(light).into_iter().flatten().map(|&number| &self.connections[number])
+    }
+
+    /// Returns the connections of cars that a light controls, in the order of the file.
+    pub fn under_light(&self, light: &str) -> impl Iterator<Item = &Connection> {
+        self.of_light(light).filter(|connection| self.carries_cars(connection))
+    }
+
+    /// Returns the letters of a light that cars obey.
+    pub fn letters_of_cars(&self, light: &str) -> BTreeSet<usize> {
+        self.under_light(light).filter_map(|link| Some(link.signal.as_ref()?.letter)).collect()
+    }
+
+    /// Returns the letters of a light that anything obeys that drives on roads, such as cars and bicycles.
+    pub fn letters_of_vehicles(&self, light: &str) -> BTreeSet<usize> {
+        let drives = |lane: LaneNo| self.lane(lane).carries_vehicles;
+        let links = self.of_light(light).filter(|link| drives(link.from) && drives(link.to));
+        links.filter_map(|link| Some(link.signal.as_ref()?.letter)).collect()
+    }
+
+    /// Returns the lanes of roads on which cars drive.
+    pub fn lanes_of_cars(&self) -> impl Iterator<Item = LaneNo> {
+        self.roads().flat_map(|(_, edge)| &edge.lanes).copied().filter(|&lane| self.lane(lane).carries_cars)
+    }
+
+    /// Returns the lanes of a connection within its junction, in the direction of driving.
+    pub fn lanes_within_junction(&self, connection: &Connection) -> impl Iterator<Item = LaneNo> {
+        let next = |&lane: &LaneNo| self.from_lane(lane).find_map(|connection| connection.via);
+        // A way within a junction has one piece, or a few if cars wait on it. The bound ends rings in broken nets.
+        std::iter::successors(connection.via, next).take(8)
+    }
+
+    /// Returns the length of a connection within its junction, in metres.
+    pub fn length_within_junction(&self, connection: &Connection) -> f64 {
+        self.lanes_within_junction(connection).map(|lane| self.lane(lane).length_m).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::example::{changed, roads};
+    use super::*;
+    use crate::network::tree::parse;
+
+    fn load(roads: &mut Roads, element: &str) -> Result<()> {
+        roads.load_program(&parse(element).unwrap())
+    }
+
+    #[test]
+    fn an_entry_without_phases_is_another_offset_for_a_program() {
+        let mut roads = roads(&[]);
+        load(&mut roads, r#"<tlLogic id="J" programID="1"><phase duration="9" state="GGrr"/></tlLogic>"#).unwrap();
+        load(&mut roads, r#"<tlLogic id="J" offset="12"/>"#).unwrap();
+        let known: Vec<(&str, f64)> =
+            roads.programs.iter().map(|program| (program.id.as_str(), program.offset_s)).collect();
+        assert_eq!(known, [("0", 12.0), ("1", 0.0)]);
+        for (element, program) in [
+            (r#"<tlLogic id="J" programID="2" offset="12"/>"#, "2"),
+            (r#"<tlLogic id="K" offset="12"/>"#, "0"),
+            (r#"<tlLogic id="J" programID="off"/>"#, "off"),
+        ] {
+            let told = load(&mut roads, element).unwrap_err().to_string();
+            let expected = format!(
+                "has no <phase>, so it is an offset for program `{program}` of this light, and there is none before \
+                 it; correct programID, or add phases"
+            );
+            assert!(told.ends_with(&expected), "{told}");
+        }
+    }
+
+    #[test]
+    fn a_program_of_another_file_has_a_letter_for_every_link() {
+        let program = |light: &str, state: &str| {
+            format!(r#"<tlLogic id="{light}" programID="1"><phase duration="9" state="{state}"/></tlLogic>"#)
+        };
+        let mut roads = roads(&[]);
+        assert_eq!(
+            load(&mut roads, &program("J", "GGr")).unwrap_err().to_string(),
+            "<tlLogic id=\"J\">: its states have 3 letters, but light `J` has 4 links; give it one letter per link"
+        );
+        load(&mut roads, &program("K", "G")).unwrap();
+        assert_eq!(roads.programs.len(), 1, "the net has no light K");
+        // SUMO takes states with more letters, too.
+        load(&mut roads, &program("J", "GGrrr")).unwrap();
+        assert_eq!(roads.programs.len(), 2);
+        let within = format!("</tlLogic>{}", program("J", "GGr"));
+        assert!(Roads::read(&parse(&changed(&[("</tlLogic>", &within)])).unwrap()).is_err(), "in the net itself, too");
+    }
+}

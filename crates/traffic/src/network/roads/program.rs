@@ -1,0 +1,120 @@
+//! What a light shows by itself: the phases of a `<tlLogic>`.
+
+use anyhow::{Context, Result, ensure};
+
+use super::attributes::{count, tag, text, time, time_if_there, wrong};
+use crate::network::tree::Element;
+use dials_core::outside::excerpt;
+use libsumo::SignalState;
+
+/// Largest number of phases of a program, and of letters of a state. Lights of real cities have a tenth of it.
+const MOST_PHASES: usize = 500;
+const MOST_LETTERS: usize = 1000;
+
+/// A program of a light.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Program {
+    /// SUMO's name of the light.
+    pub light: String,
+    /// Name of the program among those of its light: SUMO's `programID`.
+    pub id: String,
+    /// SUMO's type, such as `static` or `actuated`.
+    pub kind: String,
+    /// Time by which the program runs late, in seconds.
+    pub offset_s: f64,
+    /// Names and values of its `<param>`, such as `max-gap`.
+    pub parameters: Vec<(String, String)>,
+    /// Phases in their order, at least one. Their states have the same length.
+    pub phases: Vec<Phase>,
+}
+
+/// A phase of a program.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Phase {
+    pub duration_s: f64,
+    /// Shortest and longest duration of an actuated light, as far as the program gives them.
+    pub limits_s: [Option<f64>; 2],
+    pub state: SignalState,
+    /// Phases that may follow; empty: the next one in their order.
+    pub next: Vec<usize>,
+}
+
+impl Program {
+    /// Reads a `<tlLogic>`.
+    pub fn read(element: &Element) -> Result<Program> {
+        let light = text(element, "id")?.to_owned();
+        let phases = element.all("phase").map(|phase| read_phase(phase).with_context(|| tag(element)));
+        let phases = phases.collect::<Result<Vec<_>>>()?;
+        ensure!(!phases.is_empty(), "{}: has no <phase>; a light shows at least one", tag(element));
+        ensure!(phases.len() <= MOST_PHASES, "{}: has more than {MOST_PHASES} phases, the limit", tag(element));
+        let length = phases[0].state.links();
+        ensure!(length <= MOST_LETTERS, "{}: has states of more than {MOST_LETTERS} letters, the limit", tag(element));
+        for (number, phase) in phases.iter().enumerate() {
+            let links = phase.state.links();
+            ensure!(
+                links == length,
+                "{}: phase {number}: state=\"{}\": has {links} letters, but phase 0 has {length}; give all phases one \
+                 letter per link",
+                tag(element),
+                excerpt(phase.state.as_str())
+            );
+            let wrong_next = phase.next.iter().find(|&&next| next >= phases.len());
+            ensure!(
+                wrong_next.is_none(),
+                "{}: phase {number}: next: there is no phase {}; the last one is {}",
+                tag(element),
+                wrong_next.unwrap_or(&0),
+                phases.len() - 1
+            );
+        }
+        let kind = element.attribute("type").unwrap_or("static").to_owned();
+        let attribute = |parameter: &Element, name: &str| parameter.attribute(name).unwrap_or_default().to_owned();
+        let parameters =
+            element.all("param").map(|found| (attribute(found, "key"), attribute(found, "value"))).collect();
+        let offset_s = offset_s(element)?;
+        Ok(Program { light, id: name(element).to_owned(), kind, offset_s, parameters, phases })
+    }
+
+    /// Returns the number of letters of its states.
+    pub fn letters(&self) -> usize {
+        self.phases[0].state.links()
+    }
+
+    /// Returns the phases that may follow a phase.
+    pub fn after(&self, phase: usize) -> Vec<usize> {
+        match &self.phases[phase].next[..] {
+            [] => vec![(phase + 1) % self.phases.len()],
+            next => next.to_vec(),
+        }
+    }
+}
+
+/// Returns the name of a `<tlLogic>` among those of its light.
+pub fn name(element: &Element) -> &str {
+    element.attribute("programID").unwrap_or("0")
+}
+
+/// Returns the time by which the program of a `<tlLogic>` runs late, in seconds.
+pub fn offset_s(element: &Element) -> Result<f64> {
+    Ok(time_if_there(element, "offset", f64::NEG_INFINITY)?.unwrap_or(0.0))
+}
+
+fn read_phase(element: &Element) -> Result<Phase> {
+    let letters = text(element, "state")?;
+    let state = SignalState::new(letters).map_err(|_| {
+        let bad = letters.chars().find(|letter| !"rRyYgGuoOs".contains(*letter));
+        let why = bad.map_or("is empty".to_owned(), |bad| format!("`{}` is no signal", excerpt(&bad.to_string())));
+        wrong(element, "state", &format!("{why}; SUMO's signals are r, y, Y, g, G, s, u, o, O"))
+    })?;
+    let duration_s = time(element, "duration", 0.0)?;
+    let limit = |name: &str| time_if_there(element, name, 0.0);
+    let next = element.attribute("next").unwrap_or_default().split_whitespace();
+    let next = next.map(|index| index.parse().map_err(|_| wrong(element, "next", "must be indices of phases")));
+    Ok(Phase { duration_s, limits_s: [limit("minDur")?, limit("maxDur")?], state, next: next.collect::<Result<_>>()? })
+}
+
+/// Returns the letter of a light that a `<connection>` obeys, if a light controls it.
+pub fn signal(connection: &Element) -> Result<Option<super::Signal>> {
+    let Some(light) = connection.attribute("tl") else { return Ok(None) };
+    Ok(Some(super::Signal { light: light.to_owned(), letter: count(connection, "linkIndex")? }))
+}

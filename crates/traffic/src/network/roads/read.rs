@@ -1,0 +1,253 @@
+//! The elements of a `.net.xml`, read into [`Roads`].
+
+use std::collections::{HashMap, HashSet};
+
+use anyhow::{Result, ensure};
+
+use super::attributes::{count, number, tag, text, wrong};
+use super::carries::Classes;
+use super::program::{Program, signal};
+use super::shape::shape;
+use super::{Connection, Edge, EdgeNo, Function, Junction, JunctionNo, Lane, LaneNo, Request, Roads};
+use crate::network::tree::Element;
+
+/// Advice about a name that leads nowhere. Only an editor or another program leaves such a net behind.
+const REMAKE: &str = "make the net again with netconvert";
+
+/// What is said of a crossing or a signal of trains.
+pub const TRAINS: &str = "this program does not simulate trains; remove the track from the net, for example with \
+                          netconvert's --remove-edges.by-vclass";
+
+/// Returns whether a junction or a light is a crossing or a signal of trains.
+pub fn is_of_trains(element: &Element) -> bool {
+    element.attribute("type").is_some_and(|kind| kind.starts_with("rail_"))
+}
+
+/// Speed limit of a lane that has less, in m/s.
+const SLOWEST_MPS: f64 = 0.1;
+
+impl Roads {
+    /// Reads the root element of a net. An error names the element, its id and the attribute.
+    pub fn read(net: &Element) -> Result<Roads> {
+        ensure!(net.name == "net", "is not a SUMO network: its root is {}, not <net>", tag(net));
+        let mut roads = Roads::default();
+        let mut junction_numbers = HashMap::new();
+        for (number, element) in net.all("junction").enumerate() {
+            let taken = junction_numbers.insert(text(element, "id")?, JunctionNo(number));
+            ensure!(taken.is_none(), "{}: there are two junctions of this id; {REMAKE}", tag(element));
+            ensure!(!is_of_trains(element), wrong(element, "type", TRAINS));
+        }
+        for element in net.all("edge") {
+            roads.read_edge(element, &junction_numbers)?;
+        }
+        for element in net.all("junction") {
+            let junction = roads.read_junction(element)?;
+            roads.junctions.push(junction);
+        }
+        roads.programs = net.all("tlLogic").map(Program::read).collect::<Result<_>>()?;
+        roads.refuse_double_programs()?;
+        roads.from_lane = vec![Vec::new(); roads.lanes.len()];
+        roads.to_lane = vec![Vec::new(); roads.lanes.len()];
+        let letters: HashMap<String, usize> =
+            roads.programs.iter().map(|program| (program.light.clone(), program.letters())).collect();
+        for element in net.all("connection") {
+            let connection = roads.read_connection(element, &letters)?;
+            roads.from_lane[connection.from.0].push(roads.connections.len());
+            roads.to_lane[connection.to.0].push(roads.connections.len());
+            if let Some(signal) = &connection.signal {
+                roads.of_light.entry(signal.light.clone()).or_default().push(roads.connections.len());
+            }
+            roads.connections.push(connection);
+        }
+        Ok(roads)
+    }
+
+    fn read_edge(&mut self, element: &Element, junctions: &HashMap<&str, JunctionNo>) -> Result<()> {
+        let id = text(element, "id")?;
+        let number = EdgeNo(self.edges.len());
+        let taken = self.edge_numbers.insert(id.to_owned(), number);
+        ensure!(taken.is_none(), "{}: there are two edges of this id; {REMAKE}", tag(element));
+        let function = match element.attribute("function").unwrap_or("normal") {
+            "normal" | "connector" => Function::Road,
+            "internal" => Function::Internal,
+            "crossing" => Function::Crossing,
+            "walkingarea" => Function::WalkingArea,
+            _ => return Err(wrong(element, "function", "is none of SUMO's functions of edges")),
+        };
+        let end = |name: &str| {
+            let known = junctions.get(text(element, name)?).copied();
+            known.ok_or_else(|| wrong(element, name, &format!("there is no junction of this id; {REMAKE}")))
+        };
+        let ends = if function == Function::Road { Some([end("from")?, end("to")?]) } else { None };
+        let mut lanes = Vec::new();
+        for lane in element.all("lane") {
+            ensure!(
+                count(lane, "index")? == lanes.len(),
+                wrong(lane, "index", &format!("is lane {} of its edge; {REMAKE}", lanes.len()))
+            );
+            lanes.push(self.read_lane(lane, number)?);
+        }
+        ensure!(!lanes.is_empty(), "{}: has no <lane>; {REMAKE}", tag(element));
+        self.edges.push(Edge { id: id.to_owned(), function, ends, lanes });
+        Ok(())
+    }
+
+    fn read_lane(&mut self, element: &Element, edge: EdgeNo) -> Result<LaneNo> {
+        let id = text(element, "id")?;
+        let number = LaneNo(self.lanes.len());
+        let taken = self.lane_numbers.insert(id.to_owned(), number);
+        ensure!(taken.is_none(), "{}: there are two lanes of this id; {REMAKE}", tag(element));
+        let length_m = self::number(element, "length", 0.0)?;
+        ensure!(length_m > 0.0, wrong(element, "length", "must be more than 0"));
+        let classes = Classes::of(element);
+        self.lanes.push(Lane {
+            id: id.to_owned(),
+            edge,
+            length_m,
+            // Shares of the limit are taken, so that of a closed lane is no 0.
+            speed_limit_mps: self::number(element, "speed", 0.0)?.max(SLOWEST_MPS),
+            shape: shape(element)?,
+            carries_cars: classes.has_cars(),
+            carries_vehicles: classes.has_vehicles(),
+            classes,
+        });
+        Ok(number)
+    }
+
+    fn read_junction(&self, element: &Element) -> Result<Junction> {
+        let kind = text(element, "type")?.to_owned();
+        let names = element.attribute("incLanes").unwrap_or_default().split_whitespace();
+        let lane = |id: &str| {
+            let known = self.lane_named(id);
+            known.ok_or_else(|| wrong(element, "incLanes", &format!("there is no lane `{id}`; {REMAKE}")))
+        };
+        // A junction within another one lists lanes in another order.
+        let incoming = if kind == "internal" { Vec::new() } else { names.map(lane).collect::<Result<_>>()? };
+        Ok(Junction {
+            id: text(element, "id")?.to_owned(),
+            kind,
+            place_m: [number(element, "x", f64::NEG_INFINITY)?, number(element, "y", f64::NEG_INFINITY)?],
+            shape: shape(element)?,
+            incoming,
+            requests: element.all("request").map(read_request).collect::<Result<_>>()?,
+        })
+    }
+
+    fn read_connection(&self, element: &Element, letters: &HashMap<String, usize>) -> Result<Connection> {
+        let lane = |edge: &str, index: &str| {
+            let known = self.edge_named(text(element, edge)?);
+            let number =
+                known.ok_or_else(|| wrong(element, edge, &format!("there is no edge of this id; {REMAKE}")))?;
+            let lane = self.edge(number).lanes.get(count(element, index)?).copied();
+            lane.ok_or_else(|| wrong(element, index, &format!("its edge has no such lane; {REMAKE}")))
+        };
+        let via = element.attribute("via").map(|id| {
+            let known = self.lane_named(id);
+            known.ok_or_else(|| wrong(element, "via", &format!("there is no lane of this id; {REMAKE}")))
+        });
+        let signal = signal(element)?;
+        if let Some(signal) = &signal {
+            let length = letters.get(&signal.light).copied();
+            let way_out = "there is no <tlLogic> of this id; add its program";
+            let length = length.ok_or_else(|| wrong(element, "tl", way_out))?;
+            ensure!(
+                signal.letter < length,
+                wrong(
+                    element,
+                    "linkIndex",
+                    &format!("the states of light `{}` have {length} letters only; add the missing ones", signal.light)
+                )
+            );
+        }
+        Ok(Connection {
+            from: lane("from", "fromLane")?,
+            to: lane("to", "toLane")?,
+            via: via.transpose()?,
+            signal,
+            turns_around: element.attribute("dir") == Some("t"),
+        })
+    }
+
+    fn refuse_double_programs(&self) -> Result<()> {
+        let mut first: HashMap<&str, &Program> = HashMap::new();
+        let mut names = HashSet::new();
+        for program in &self.programs {
+            let named = format!("<tlLogic id=\"{}\" programID=\"{}\">", program.light, program.id);
+            let earlier = *first.entry(&program.light).or_insert(program);
+            let is_new = names.insert((&program.light, &program.id));
+            ensure!(is_new, "{named}: there are two programs of this id; rename one of them");
+            let [letters, others] = [program.letters(), earlier.letters()];
+            ensure!(
+                letters == others,
+                "{named}: its states have {letters} letters, but those of program `{}` have {others}; give both one \
+                 letter per link",
+                earlier.id
+            );
+        }
+        Ok(())
+    }
+}
+
+fn read_request(element: &Element) -> Result<Request> {
+    // The last digit is the first link.
+    let bits = |name: &str| {
+        let digits = text(element, name)?.chars().rev();
+        let bits: Option<Vec<bool>> = digits.map(|digit| Some(digit.to_digit(2)? == 1)).collect();
+        bits.ok_or_else(|| wrong(element, name, "must be digits 0 and 1"))
+    };
+    Ok(Request { yields_to: bits("response")?, crosses: bits("foes")? })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::example::{changed, roads};
+    use super::*;
+    use crate::network::tree::parse;
+
+    #[test]
+    fn a_net_is_read_in_the_order_of_its_file() {
+        let roads = roads(&[]);
+        assert_eq!([roads.junctions.len(), roads.edges.len(), roads.lanes.len()], [6, 11, 13]);
+        assert_eq!((roads.connections.len(), roads.programs.len(), roads.roads().count()), (10, 1, 7));
+        let far = roads.lane(roads.lane_named("far_0").unwrap());
+        assert_eq!((far.length_m, far.speed_limit_mps), (240.0, 13.9));
+        assert_eq!(far.shape, [[-300.0, 0.0], [-60.0, 0.0]], "the height is left out");
+        let [begin, end] = roads.edge(far.edge).ends.unwrap();
+        assert_eq!([&roads.junction(begin).id, &roads.junction(end).id], ["W", "U"]);
+        let cars: Vec<bool> =
+            ["side_0", "side_1"].map(|lane| roads.lane(roads.lane_named(lane).unwrap()).carries_cars).into();
+        assert_eq!(cars, [false, true]);
+    }
+
+    #[test]
+    fn the_way_within_a_junction_may_have_several_pieces() {
+        let roads = roads(&[]);
+        let length = |lane: &str| {
+            let lane = roads.lane_named(lane).unwrap();
+            roads.length_within_junction(roads.from_lane(lane).next().unwrap())
+        };
+        // `side` goes over :U_1_0 of 7 m and then over :U_2_0 of 12 m.
+        assert_eq!((length("far_0"), length("side_1"), length("near_0")), (10.0, 19.0, 0.0));
+    }
+
+    #[test]
+    fn letters_cross_as_the_requests_of_their_junction_say() {
+        let pairs: Vec<[usize; 2]> = roads(&[]).crossing_letters("J").unwrap().into_iter().collect();
+        assert_eq!(pairs, [[0, 3], [1, 2], [1, 3]]);
+        let roads = roads(&[("<request index=\"3\" response=\"0011\" foes=\"0011\"/>", "")]);
+        assert_eq!(
+            roads.crossing_letters("J").unwrap_err().to_string(),
+            "<junction id=\"J\">: has 3 elements <request>, but 4 links; make the net again with netconvert"
+        );
+    }
+
+    #[test]
+    fn a_light_may_have_several_programs_of_one_length() {
+        let state = |letters: &str| format!("<phase duration=\"9\" state=\"{letters}\"/>");
+        let added = changed(&[(
+            "</tlLogic>",
+            &format!("</tlLogic><tlLogic id=\"J\" programID=\"1\">{}</tlLogic>", state("GGGr")),
+        )]);
+        assert_eq!(Roads::read(&parse(&added).unwrap()).unwrap().programs.len(), 2);
+    }
+}

@@ -1,0 +1,235 @@
+//! The content of the files of a network. Pure: returns text.
+//!
+//! The first four are *plain XML*, netconvert's input (nodes, edges, connections, lights). The others are SUMO's own.
+
+use std::io;
+
+use super::grid::{self, Grid, Node};
+use super::inflow::Inflow;
+use crate::agents::phases::Light;
+use crate::agents::region::{EDGE_M, SPEED_LIMIT_MPS};
+use crate::network::xml::{Xml, document, leaf, nest};
+use crate::side::Side;
+
+/// Corner radius of an intersection (the authors' setup).
+pub const RADIUS_M: f64 = 6.2;
+/// SUMO's default width of a lane.
+pub const LANE_WIDTH_M: f64 = 3.2;
+/// Distance from the centre of an intersection to its stop lines: one lane of the crossing road plus the radius. So a
+/// lane inside an intersection is 18.8 m long, as in the authors' setup.
+pub const HALF_INTERSECTION_M: f64 = LANE_WIDTH_M + RADIUS_M;
+/// Distance from a dead end to the centre of its intersection.
+const REACH_M: f64 = EDGE_M + HALF_INTERSECTION_M;
+/// Distance from centre to centre.
+const SPACING_M: f64 = EDGE_M + 2.0 * HALF_INTERSECTION_M;
+
+/// The only vehicle type. IDM and its numbers: the authors' setup; IDM does not use sigma.
+///
+/// DEVIATION 1: speedDev is 0; the authors' cars draw a speed factor. Their desired speed is still exactly 10, because
+/// SUMO raises the factor to fit departSpeed and maxSpeed caps it. Without the draw, a trajectory depends on arrivals
+/// and lights alone.
+const VEHICLE_TYPE: [(&str, &str); 11] = [
+    ("id", "car"),
+    ("carFollowModel", "IDM"),
+    ("accel", "2.6"),
+    ("decel", "7.5"),
+    ("tau", "1.0"),
+    ("minGap", "2.5"),
+    ("length", "5"),
+    ("maxSpeed", "10"),
+    ("impatience", "0.5"),
+    ("speedFactor", "1"),
+    ("speedDev", "0"),
+];
+
+/// Deceleration above which braking is an emergency: the `decel` of the vehicle type.
+pub const DECEL_MPS2: f64 = 7.5;
+
+/// Seconds of each phase of the static program, in the order of [`Light::CYCLE`]. 10 s of green are our choice; any
+/// value would do as long as nobody controls. 3 s of yellow are the authors'.
+pub const STATIC_S: [&str; 4] = ["10", "3", "10", "3"];
+
+/// Returns the intersections and the dead ends with their places. The south-west intersection is at (0, 0).
+pub fn nodes(grid: Grid) -> String {
+    document("nodes", |xml| {
+        grid.nodes().into_iter().try_for_each(|node| {
+            let (x, y) = place(grid, node);
+            let common = [("id", node.to_string()), ("x", format!("{x:.1}")), ("y", format!("{y:.1}"))];
+            let kind = match node {
+                Node::Intersection { .. } => vec![("type", "traffic_light".into()), ("radius", RADIUS_M.to_string())],
+                Node::Boundary { .. } => vec![("type", "dead_end".into())],
+            };
+            leaf(xml, "node", common.into_iter().chain(kind))
+        })
+    })
+}
+
+pub fn edges(grid: Grid) -> String {
+    document("edges", |xml| {
+        grid.edges().into_iter().try_for_each(|(from, to)| {
+            let attributes = [
+                ("id", grid::edge(from, to)),
+                ("from", from.to_string()),
+                ("to", to.to_string()),
+                ("numLanes", "1".into()),
+                ("speed", SPEED_LIMIT_MPS.to_string()),
+                ("length", EDGE_M.to_string()),
+            ];
+            leaf(xml, "edge", attributes)
+        })
+    })
+}
+
+/// Returns the connections, straight on only (the authors' setup): no turns and no turnarounds.
+pub fn connections(grid: Grid) -> String {
+    document("connections", |xml| straight_on(xml, grid, |_, _| Vec::new()))
+}
+
+/// Returns the program that runs when nobody controls the lights: fixed time, and which letter rules which connection.
+pub fn lights(grid: Grid) -> String {
+    document("tlLogics", |xml| {
+        for agent in grid.agents() {
+            let head = [("id", grid.light(agent)), ("type", "static".into()), ("programID", "0".into())];
+            let head = head.into_iter().chain([("offset", "0".into())]);
+            nest(xml, "tlLogic", head, |xml| {
+                let phases = Light::CYCLE.into_iter().zip(STATIC_S);
+                phases
+                    .into_iter()
+                    .try_for_each(|(state, s)| leaf(xml, "phase", [("duration", s), ("state", &state.letters())]))
+            })?;
+        }
+        straight_on(xml, grid, |light, side| vec![("tl", light), ("linkIndex", side.link_index().to_string())])
+    })
+}
+
+/// Returns the vehicle type, the routes and, if `inflow` is given, one flow per route: in each step, a car with that
+/// probability. A route without cars has no flow.
+pub fn routes(grid: Grid, inflow: Option<&Inflow>) -> String {
+    let routes = grid.boundary_routes();
+    document("routes", |xml| {
+        leaf(xml, "vType", VEHICLE_TYPE)?;
+        routes
+            .iter()
+            .try_for_each(|route| leaf(xml, "route", [("id", &route.id), ("edges", &route.edges.join(" "))]))?;
+        let Some(inflow) = inflow else { return Ok(()) };
+        routes.iter().try_for_each(|route| {
+            let dead_end = route.from.to_string();
+            let Some(probability) = inflow.at(&dead_end) else { return Ok(()) };
+            let attributes = [
+                ("id", dead_end), // A car is then called `w0.17`.
+                ("type", "car".into()),
+                ("route", route.id.clone()),
+                ("begin", "0".into()),
+                ("end", "86400".into()), // A day, so that sumo-gui plays on.
+                ("probability", probability.to_string()),
+                ("departLane", "free".into()), // The lane and the speed: the authors' setup.
+                ("departSpeed", "10".into()),
+            ];
+            leaf(xml, "flow", attributes)
+        })
+    })
+}
+
+/// Returns SUMO's actuated controller, the paper's hand-coded baseline. Its numbers: the authors' setup.
+///
+/// SUMO 1.15 warns that no detector controls the yellow phases, and shows them for their least time, 3 s.
+pub fn actuated(grid: Grid) -> String {
+    document("additional", |xml| {
+        for agent in grid.agents() {
+            let head = [("id", grid.light(agent)), ("type", "actuated".into()), ("programID", "actuated".into())];
+            nest(xml, "tlLogic", head.into_iter().chain([("offset", "0".into())]), |xml| {
+                leaf(xml, "param", [("key", "max-gap"), ("value", "3.0")])?;
+                leaf(xml, "param", [("key", "detector-gap"), ("value", "0.8")])?;
+                let times = [("8", "45"), ("3", "6"), ("8", "45"), ("3", "6")];
+                Light::CYCLE.into_iter().zip(times).try_for_each(|(state, (min, max))| {
+                    leaf(
+                        xml,
+                        "phase",
+                        [("duration", min), ("minDur", min), ("maxDur", max), ("state", &state.letters())],
+                    )
+                })
+            })?;
+        }
+        Ok(())
+    })
+}
+
+/// Writes one `<connection>` per way through an intersection, with the attributes that `more(light, side)` adds.
+fn straight_on(
+    xml: &mut Xml,
+    grid: Grid,
+    more: impl Fn(String, Side) -> Vec<(&'static str, String)>,
+) -> io::Result<()> {
+    for agent in grid.agents() {
+        let here = grid.intersection(agent);
+        for side in Side::LINK_ORDER {
+            let attributes = [
+                ("from", grid::edge(grid.neighbour(agent, side), here)),
+                ("to", grid::edge(here, grid.neighbour(agent, side.opposite()))),
+                ("fromLane", "0".into()),
+                ("toLane", "0".into()),
+            ];
+            leaf(xml, "connection", attributes.into_iter().chain(more(grid.light(agent), side)))?;
+        }
+    }
+    Ok(())
+}
+
+/// Returns the distance in metres from the first intersection of a row or column to another one.
+fn at(index: usize) -> f64 {
+    SPACING_M * index as f64
+}
+
+/// Returns the metres east and north of the south-west intersection.
+pub fn place(grid: Grid, node: Node) -> (f64, f64) {
+    match node {
+        Node::Intersection { row, col } => (at(col), at(row)),
+        Node::Boundary { side: Side::West, index } => (-REACH_M, at(index)),
+        Node::Boundary { side: Side::South, index } => (at(index), -REACH_M),
+        Node::Boundary { side: Side::East, index } => (at(grid.cols() - 1) + REACH_M, at(index)),
+        Node::Boundary { side: Side::North, index } => (at(index), at(grid.rows() - 1) + REACH_M),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::light::YELLOW_STEPS;
+
+    #[test]
+    fn edges_between_intersections_are_as_long_as_edges_to_dead_ends() {
+        // 109.4 = 100 + 9.4 from the dead end to the centre, 118.8 = 9.4 + 100 + 9.4 from centre to centre.
+        let nodes = nodes(Grid::new(1, 4).expect("a grid"));
+        for node in [
+            r#"<node id="r0c0" x="0.0" y="0.0" type="traffic_light" radius="6.2"/>"#,
+            r#"<node id="r0c3" x="356.4" y="0.0" type="traffic_light" radius="6.2"/>"#,
+            r#"<node id="w0" x="-109.4" y="0.0" type="dead_end"/>"#,
+            r#"<node id="e0" x="465.8" y="0.0" type="dead_end"/>"#,
+            r#"<node id="n3" x="356.4" y="109.4" type="dead_end"/>"#,
+        ] {
+            assert!(nodes.contains(node), "{node} is not in {nodes}");
+        }
+    }
+
+    #[test]
+    fn simulators_and_controllers_assume_the_vehicle_type_and_the_lights_that_are_written() {
+        let of_the_type =
+            |key: &str| VEHICLE_TYPE.iter().find(|(name, _)| *name == key).and_then(|(_, v)| v.parse().ok());
+        assert_eq!(of_the_type("decel"), Some(DECEL_MPS2));
+        assert_eq!(of_the_type("maxSpeed"), Some(SPEED_LIMIT_MPS));
+        assert_eq!([STATIC_S[1], STATIC_S[3]].map(str::parse), [Ok(YELLOW_STEPS), Ok(YELLOW_STEPS)]);
+    }
+
+    #[test]
+    fn a_flow_is_named_after_the_dead_end_where_it_begins() {
+        let routes = routes(Grid::SINGLE, Some(&0.1.into()));
+        let flow = r#"<flow id="n0" type="car" route="n0_to_s0" begin="0" end="86400" probability="0.1""#;
+        assert!(routes.contains(flow), "{routes}");
+    }
+
+    #[test]
+    fn without_inflow_there_are_routes_and_no_flows() {
+        let routes = routes(Grid::SINGLE, None);
+        assert_eq!((routes.matches("<route ").count(), routes.matches("<flow ").count()), (4, 0));
+    }
+}

@@ -1,0 +1,133 @@
+//! A grid written as the files of a network. Debian's `netconvert` makes roads and lights from our plain XML.
+
+use std::fs;
+use std::io::ErrorKind;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use anyhow::{Context, Result, bail, ensure};
+
+use super::content;
+use super::grid::Grid;
+use super::inflow::Inflow;
+use crate::network::files::{NetworkFiles, config};
+use dials_core::outside::{cannot_write_temporary, temporary_dir, write_together};
+
+/// Writes the network `grid_{rows}x{cols}` into `dir`. `inflow` is 0.1 in the authors' setup.
+pub fn write_grid(grid: Grid, inflow: impl Into<Inflow>, dir: &Path) -> Result<NetworkFiles> {
+    let inflow = inflow.into();
+    inflow.check(grid)?;
+    write_network(&format!("grid_{grid}"), grid, Some(&inflow), dir, "netconvert")
+}
+
+/// Writes the network `local` into `dir`: one intersection, no flows.
+pub fn write_local(dir: &Path) -> Result<NetworkFiles> {
+    write_network("local", Grid::SINGLE, None, dir, "netconvert")
+}
+
+/// Writes a network. Everything is made in a temporary directory first, so an error leaves `dir` unchanged.
+fn write_network(
+    name: &str,
+    grid: Grid,
+    inflow: Option<&Inflow>,
+    dir: &Path,
+    netconvert: &str,
+) -> Result<NetworkFiles> {
+    let files = NetworkFiles::of(&dir.join(name));
+    files.check_paths()?;
+    let net = convert(grid, netconvert).with_context(|| format!("{}: could not be made", files.net.display()))?;
+    let contents = [
+        (files.net.clone(), net.into_bytes()),
+        (files.routes.clone(), content::routes(grid, inflow).into_bytes()),
+        (files.actuated.clone(), content::actuated(grid).into_bytes()),
+        (files.config.clone(), config(name).into_bytes()),
+    ];
+    write_together(dir, &contents)?;
+    Ok(files)
+}
+
+/// Returns the net that netconvert makes of a grid.
+fn convert(grid: Grid, netconvert: &str) -> Result<String> {
+    let room = temporary_dir()?;
+    let inputs = [
+        ("--node-files", "nod.xml", content::nodes(grid)),
+        ("--edge-files", "edg.xml", content::edges(grid)),
+        ("--connection-files", "con.xml", content::connections(grid)),
+        ("--tllogic-files", "tll.xml", content::lights(grid)),
+    ];
+    let mut command = Command::new(netconvert);
+    command.current_dir(room.path()).stdin(Stdio::null());
+    for (option, file, text) in inputs {
+        fs::write(room.path().join(file), text).map_err(|error| cannot_write_temporary(&error))?;
+        command.args([option, file]);
+    }
+    // Normalisation would move the south-west corner of the bounding box, which is that of a dead end, to (0, 0).
+    command.args(["--offset.disable-normalization", "--no-turnarounds", "--xml-validation", "never"]);
+    command.args(["--output-file", "net.xml"]);
+    run(command)?;
+    let net = fs::read_to_string(room.path().join("net.xml")).context("netconvert wrote no net")?;
+    Ok(without_comment(&net))
+}
+
+fn run(mut command: Command) -> Result<()> {
+    let output = match command.output() {
+        Err(error) if error.kind() == ErrorKind::NotFound => {
+            bail!("netconvert is not on the PATH: install Debian's package sumo (./setup.sh)")
+        }
+        output => output.context("netconvert could not be started")?,
+    };
+    let said = String::from_utf8_lossy(&output.stderr);
+    ensure!(output.status.success(), "netconvert failed ({}): {}", output.status, said.trim());
+    Ok(())
+}
+
+/// Returns the net without netconvert's comment at the beginning: its date and temporary paths would make every net
+/// different.
+fn without_comment(net: &str) -> String {
+    let comment = net.find("<!--").filter(|&begin| net.find("<net").is_none_or(|root| begin < root));
+    let end = comment.and_then(|begin| net[begin..].find("-->").map(|length| begin + length + "-->".len()));
+    match (comment, end) {
+        (Some(begin), Some(end)) => [&net[..begin], net[end..].trim_start()].concat(),
+        _ => net.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs::Permissions;
+    use std::os::unix::fs::PermissionsExt;
+
+    use super::*;
+
+    #[test]
+    fn only_the_comment_of_netconvert_is_taken_away() {
+        let net = "<?xml?>\n\n<!-- generated on a day\n-->\n\n<net>\n<!-- ours -->\n</net>\n";
+        assert_eq!(without_comment(net), "<?xml?>\n\n<net>\n<!-- ours -->\n</net>\n");
+        assert_eq!(without_comment("<net><!-- ours --></net>"), "<net><!-- ours --></net>");
+    }
+
+    #[test]
+    fn without_netconvert_nothing_is_left_behind() {
+        let room = tempfile::tempdir().expect("a temporary directory");
+        let dir = room.path().join("nets");
+        let error = write_network("local", Grid::SINGLE, None, &dir, "netconvert-that-nobody-has").unwrap_err();
+        let way_out = "netconvert is not on the PATH: install Debian's package sumo (./setup.sh)";
+        assert_eq!(
+            format!("{error:#}"),
+            format!("{}: could not be made: {way_out}", dir.join("local.net.xml").display())
+        );
+        assert!(!dir.exists());
+    }
+
+    #[test]
+    fn what_netconvert_complains_of_is_in_the_error() {
+        let room = tempfile::tempdir().expect("a temporary directory");
+        let broken = room.path().join("broken");
+        fs::write(&broken, "#!/bin/sh\necho 'Error: no idea' >&2\nexit 1\n").expect("a writable directory");
+        fs::set_permissions(&broken, Permissions::from_mode(0o755)).expect("our own file");
+        let dir = room.path().join("nets");
+        let error = write_network("local", Grid::SINGLE, None, &dir, &broken.to_string_lossy()).unwrap_err();
+        assert!(format!("{error:#}").ends_with("netconvert failed (exit status: 1): Error: no idea"), "{error:#}");
+        assert!(!dir.exists());
+    }
+}

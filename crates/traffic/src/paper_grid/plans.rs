@@ -1,0 +1,140 @@
+//! The plans of a grid's agents: four approaches of one lane, four exits, and a light with two greens.
+
+use std::sync::Arc;
+
+use super::grid::{Grid, lane};
+use crate::agents::phase_plan::{Choice, Interval, PhasePlan};
+use crate::agents::phases::Light;
+use crate::agents::plan::{AgentPlan, JointPlan};
+use crate::agents::region::{self, CELLS, EDGE_M, EDGES, SPEED_LIMIT_MPS};
+use crate::agents::region_plan::{Approach, Exit, Link, RegionPlan};
+use crate::agents::sensor::{CarColumns, LightColumns, Sensor};
+use crate::light::YELLOW_STEPS;
+use crate::paper_grid::content::{DECEL_MPS2, place};
+use crate::side::Side;
+use dials_config::{ClockOffsets, Observation, TrafficConfig, UntilFirstSwitch};
+use dials_core::base::AgentId;
+use dials_core::domain::Kinds;
+
+/// Greens of every light, in the order of their indices. An episode begins with the first one.
+const GREENS: [Light; 2] = [Light::VerticalGreen, Light::HorizontalGreen];
+
+/// Greens of the program that netconvert gives a light of a grid: a cycle of 90 s, 3 s of yellow each time.
+const PROGRAM_GREEN_STEPS: u32 = 42;
+
+/// Returns the plan of a grid. Its agents are all of one kind.
+pub fn joint_plan(grid: Grid, config: &TrafficConfig) -> JointPlan {
+    let kinds = Kinds::one(grid.agents().len(), region::spec(config));
+    JointPlan {
+        agents: plans(grid, config),
+        borders: Vec::new(),
+        kinds,
+        decision_steps: 1,
+        reward: config.reward.clone(),
+        emergency_decel_mps2: Some(DECEL_MPS2),
+    }
+}
+
+/// Returns the plans of all agents of a grid, in their order.
+pub fn plans(grid: Grid, config: &TrafficConfig) -> Vec<AgentPlan> {
+    let phases = Arc::new(phases(config.until_first_switch));
+    let plan = |agent| {
+        let (x, y) = place(grid, grid.intersection(agent));
+        AgentPlan {
+            light: grid.light(agent),
+            place_m: [x, y],
+            region: around(grid, agent),
+            phases: phases.clone(),
+            sensor: sensor(grid, agent, config),
+        }
+    };
+    grid.agents().into_iter().map(plan).collect()
+}
+
+/// Returns what a light of a grid can show.
+fn phases(until_first_switch: UntilFirstSwitch) -> PhasePlan {
+    let greens = GREENS.map(Light::state).to_vec();
+    let yellow = |from: usize, _| vec![Interval { state: GREENS[from].next().state(), steps: YELLOW_STEPS.into() }];
+    let plan = PhasePlan::new(greens, Choice::KeepOrSwitch, 1, yellow);
+    match until_first_switch {
+        UntilFirstSwitch::Agent => plan,
+        UntilFirstSwitch::Program => plan.by_itself_until_switched(PROGRAM_GREEN_STEPS),
+    }
+}
+
+fn sensor(grid: Grid, agent: AgentId, config: &TrafficConfig) -> Sensor {
+    let cars = match config.observation {
+        Observation::Cells => CarColumns::Cells(vec![CELLS; EDGES]),
+        Observation::Queues => CarColumns::QueueAndDensity(EDGES),
+    };
+    let clock = config.clock.unwrap_or(0);
+    let (row, col) = grid.place(agent);
+    let is_behind = config.clock_offsets == ClockOffsets::Checkerboard && (row + col) % 2 == 1;
+    Sensor {
+        cars,
+        light: LightColumns::FourStates,
+        clock,
+        // Half a cycle behind, as `coordinated` lights are.
+        clock_ahead: if is_behind { clock - clock / 2 } else { 0 },
+        d_set: config.d_set,
+    }
+}
+
+/// Returns the lanes of one intersection. Approaches and links are in the order of [`Side::ALL`].
+fn around(grid: Grid, agent: AgentId) -> RegionPlan {
+    let (incoming, outgoing) = (grid.incoming_edges(agent), grid.outgoing_edges(agent));
+    let approach = |from: &Side| Approach {
+        lane: lane(&incoming[from.index()]),
+        length_m: EDGE_M,
+        speed_limit_mps: SPEED_LIMIT_MPS,
+        ahead_m: 0.0,
+        links: vec![from.index()],
+    };
+    let exit = |to: &Side| Exit {
+        lane: lane(&outgoing[to.index()]),
+        length_m: EDGE_M,
+        speed_limit_mps: SPEED_LIMIT_MPS,
+        leaves_the_net: grid.leaves(agent, *to),
+    };
+    let link = |from: &Side| Link { letter: from.link_index(), from: from.index(), to: from.opposite().index() };
+    RegionPlan {
+        approaches: Side::ALL.iter().map(approach).collect(),
+        exits: Side::ALL.iter().map(exit).collect(),
+        links: Side::ALL.iter().map(link).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::agents::phase_plan::Shown;
+    use dials_core::domain::Action;
+
+    #[test]
+    fn plans_have_the_shape_and_the_letters_of_a_grid() {
+        let config = TrafficConfig { clock: Some(26), ..TrafficConfig::new("", "") };
+        let plans = plans(Grid::new(2, 2).unwrap(), &config);
+        assert_eq!(plans.len(), 4);
+        assert_eq!(plans[3].sensor.width(), region::spec(&config).obs_dim);
+        let AgentPlan { light, region, phases, .. } = &plans[3];
+        assert_eq!((light.as_str(), region.approaches[0].lane.as_str()), ("r1c1", "r1c0_r1c1_0"));
+        // From the west to the east edge, which leaves the net; the last letter is that of the west.
+        assert_eq!(region.links[0], Link { letter: 3, from: 0, to: 2 });
+        assert!(region.exits[2].leaves_the_net && !region.exits[0].leaves_the_net);
+        assert_eq!(phases.greens().iter().map(|state| state.as_str()).collect::<Vec<_>>(), ["GrGr", "rGrG"]);
+        assert_eq!((phases.clearing(0, 1)[0].state.as_str(), phases.clearing_steps(0, 1)), ("yryr", 3));
+        assert_eq!(phases.clearing(1, 0)[0].state.as_str(), "ryry");
+    }
+
+    #[test]
+    fn states_of_a_program_are_recognised_and_actions_are_keep_and_switch() {
+        let phases = phases(UntilFirstSwitch::Agent);
+        assert_eq!(phases.recognise(&Light::HorizontalGreen.state(), 0), Shown::Green(1));
+        assert_eq!(phases.recognise(&Light::VerticalYellow.state(), 0), Shown::Between { from: 0, to: 1 });
+        assert_eq!(phases.recognise(&Light::HorizontalYellow.state(), 1), Shown::Between { from: 1, to: 0 });
+        assert_eq!(phases.own_green_steps(), None);
+        let actions = [0, 1].map(|green| phases.towards(Shown::Green(1), green));
+        assert_eq!(actions, [1 as Action, 0]);
+        assert_eq!([0, 1].map(|action| phases.asked_for(Shown::Green(1), action)), [1, 0]);
+    }
+}

@@ -1,0 +1,122 @@
+//! Networks of this program recognised by their names, and compared with what it writes.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use anyhow::{Context, Result, bail, ensure};
+
+use super::grid::{self, Grid};
+use super::{INFLOW, compare, expected};
+use crate::network::contents::Network;
+use crate::network::files::NetworkFiles;
+use crate::network::tree::Element;
+use crate::network::way_out::{Role, command_for, make_local};
+use dials_core::outside::beginning;
+
+/// Number of characters of a difference that an error shows.
+const MOST_LETTERS: usize = 600;
+
+/// A network that was recognised.
+pub struct Recognised {
+    pub grid: Grid,
+    pub network: Network,
+    /// Whether its files hold nothing but what this program writes. If not, they also hold what is only drawn, in words
+    /// that SUMO may not expect.
+    pub is_ours: bool,
+}
+
+/// Reads a network once and finds the grid that it is made for.
+///
+/// Compares its net, its routes and its actuated lights with what this program writes for a grid of that size. An error
+/// names the file, the element, both values and the way out.
+pub fn recognise_grid(files: &NetworkFiles) -> Result<Recognised> {
+    let network = Network::read(files, Role::Global)?;
+    let grid = shape_of(&files.net, &network.net.root)?;
+    let is_ours = compare_all(&network, grid, Some(INFLOW), || way_out(&files.net, grid))?;
+    Ok(Recognised { grid, network, is_ours })
+}
+
+/// Reads the local network once. If it is another network: an error with the way out.
+pub(crate) fn recognise_local(files: &NetworkFiles) -> Result<Recognised> {
+    let network = Network::read(files, Role::Local)?;
+    let grid = shape_of(&files.net, &network.net.root)?;
+    ensure!(
+        grid == Grid::SINGLE,
+        "{}: is a grid of {grid}, and a forest is made of the local net; {}",
+        files.net.display(),
+        make_local()
+    );
+    let is_ours = compare_all(&network, grid, None, make_local)?;
+    Ok(Recognised { grid, network, is_ours })
+}
+
+/// Compares all files of a network with what this program writes. Returns whether they hold nothing else.
+fn compare_all(network: &Network, grid: Grid, inflow: Option<f64>, way_out: impl Fn() -> String) -> Result<bool> {
+    let Network { files, net, routes, actuated } = network;
+    let pairs = [
+        (&files.net, &net.root, expected::net(grid)),
+        (&files.routes, &routes.root, expected::routes(grid, inflow)),
+        (&files.actuated, &actuated.root, expected::actuated(grid)),
+    ];
+    for (path, found, expected) in &pairs {
+        check_content(path, found, expected, &way_out)?;
+    }
+    Ok(pairs.iter().all(|(_, found, expected)| compare::holds_nothing_else(found, expected)))
+}
+
+fn check_content(path: &Path, found: &Element, expected: &Element, way_out: impl Fn() -> String) -> Result<()> {
+    match compare::difference(found, expected) {
+        Some(difference) => bail!("{}: {}; {}", path.display(), beginning(&difference, MOST_LETTERS), way_out()),
+        None => Ok(()),
+    }
+}
+
+/// Returns the command that remakes a network of this shape in its place, or in another directory if it has another
+/// name.
+fn way_out(net: &Path, grid: Grid) -> String {
+    if net.file_name().is_some_and(|name| name == format!("grid_{grid}.net.xml").as_str()) {
+        return format!("remake it with: {} --force", command_for(net));
+    }
+    format!("make one with: dials-traffic nets grid --rows {} --cols {} --out DIR", grid.rows(), grid.cols())
+}
+
+/// Returns the grid whose intersections and edges have the names in a net.
+fn shape_of(net: &Path, root: &Element) -> Result<Grid> {
+    let junctions = names(root, "junction");
+    let grid = shape(&junctions).with_context(|| format!("{}: is too large", net.display()))?;
+    let expected = grid.nodes().iter().map(ToString::to_string).collect();
+    let difference = first_difference("junction", &junctions, &expected).or_else(|| {
+        let expected = grid.edges().into_iter().map(|(from, to)| grid::edge(from, to)).collect();
+        first_difference("edge", &names(root, "edge"), &expected)
+    });
+    match difference {
+        Some(difference) => {
+            let way_out = "make one with: dials-traffic nets grid --rows R --cols C --out DIR";
+            bail!("{}: is not one of our grids: {}; {way_out}", net.display(), beginning(&difference, MOST_LETTERS))
+        }
+        None => Ok(grid),
+    }
+}
+
+/// Returns the ids of one kind of element, without those inside of intersections.
+fn names(root: &Element, kind: &str) -> BTreeSet<String> {
+    let ids = root.all(kind).filter_map(|element| element.attribute("id"));
+    ids.filter(|id| !id.starts_with(':')).map(str::to_owned).collect()
+}
+
+/// Returns the smallest grid that has all the intersections named.
+fn shape(junctions: &BTreeSet<String>) -> Result<Grid> {
+    let places = junctions.iter().filter_map(|name| {
+        let (row, col) = name.strip_prefix('r')?.split_once('c')?;
+        Some((row.parse::<usize>().ok()?, col.parse::<usize>().ok()?))
+    });
+    // A grid has fewer rows and columns than its net has junctions. A larger number is the name of something else.
+    let places = places.filter(|&(row, col)| row.max(col) < junctions.len());
+    let (rows, cols) = places.fold((1, 1), |(rows, cols), (row, col)| (rows.max(row + 1), cols.max(col + 1)));
+    Grid::new(rows, cols)
+}
+
+fn first_difference(kind: &str, found: &BTreeSet<String>, expected: &BTreeSet<String>) -> Option<String> {
+    let unexpected = found.difference(expected).next().map(|name| format!("it has the {kind} '{name}'"));
+    unexpected.or_else(|| expected.difference(found).next().map(|name| format!("it lacks the {kind} '{name}'")))
+}

@@ -1,0 +1,132 @@
+//! What an agent is paid for a step. Pure.
+
+use std::collections::HashMap;
+
+use super::agents::region_plan::RegionPlan;
+use super::cars_at::CarsAt;
+use super::observe;
+use dials_config::{Reward, RewardTerm};
+use libsumo::CarId;
+
+/// Number of cars that count 1 in the terms `queue`, `lost-time` and `pressure`.
+const CARS: f64 = 10.0;
+/// Seconds of waiting that count 1 in the terms `wait` and `diff-waiting-time`.
+const WAITING_S: f64 = 100.0;
+/// Most that the term `wait` counts, so that one jam does not outweigh all else.
+const MOST_WAIT: f64 = 10.0;
+
+/// How long the cars on the approaches of one light have stood there.
+#[derive(Clone, Debug, Default)]
+pub struct Waiting {
+    seconds: HashMap<CarId, u32>,
+    /// Sum over the cars, and the sum at the last decision.
+    sum: u64,
+    sum_before: u64,
+}
+
+impl Waiting {
+    /// Notes the cars after a second.
+    pub fn note(&mut self, cars: CarsAt<'_>) {
+        let mut seconds = HashMap::with_capacity(cars.cars());
+        self.sum = 0;
+        for lane in cars.iter() {
+            for (car, stands) in lane.standing() {
+                let waited = self.seconds.get(&car).copied().unwrap_or(0) + u32::from(stands);
+                self.sum += u64::from(waited);
+                seconds.insert(car, waited);
+            }
+        }
+        self.seconds = seconds;
+    }
+
+    /// Returns for how many seconds a car on the approaches has stood there.
+    pub fn of(&self, car: CarId) -> u32 {
+        self.seconds.get(&car).copied().unwrap_or(0)
+    }
+
+    /// Notes that the agent decides.
+    pub fn decide(&mut self) {
+        self.sum_before = self.sum;
+    }
+}
+
+/// Returns whether a reward needs [`Waiting`].
+pub fn needs_waiting(reward: &Reward) -> bool {
+    reward.terms().any(|(term, _)| matches!(term, RewardTerm::Wait | RewardTerm::DiffWaitingTime))
+}
+
+/// Returns whether a reward needs the cars on the exits.
+pub fn needs_exits(reward: &Reward) -> bool {
+    reward.terms().any(|(term, _)| matches!(term, RewardTerm::ExitSpeed | RewardTerm::Pressure))
+}
+
+/// Returns the reward of a step: the weighted sum of its terms after the step. `exits`: the cars on the exits.
+pub fn reward(reward: &Reward, region: &RegionPlan, cars: CarsAt<'_>, exits: CarsAt<'_>, waiting: &Waiting) -> f32 {
+    let term = |term| match term {
+        RewardTerm::MeanSpeed => f64::from(observe::mean_speed(region, cars)),
+        RewardTerm::ExitSpeed => observe::exit_speed(region, exits),
+        RewardTerm::Queue => -(cars.iter().map(|lane| lane.halting()).sum::<usize>() as f64) / CARS,
+        RewardTerm::LostTime => -observe::cars_lost(region, cars) / CARS,
+        RewardTerm::Pressure => (exits.cars() as f64 - cars.cars() as f64) / CARS,
+        RewardTerm::Wait => -(waiting.sum as f64 / WAITING_S).min(MOST_WAIT),
+        RewardTerm::DiffWaitingTime => (waiting.sum_before as f64 - waiting.sum as f64) / WAITING_S,
+    };
+    reward.terms().map(|(name, weight)| weight * term(name)).sum::<f64>() as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::paper_grid::grid::Grid;
+    use crate::paper_grid::plans::plans;
+    use dials_config::TrafficConfig;
+    use libsumo::CarTable;
+
+    /// Returns a read of four lanes; the first one holds these cars, as (number, speed).
+    fn west(cars: &[(u64, f64)]) -> CarTable {
+        let cars = cars.iter().map(|&(id, speed)| (CarId(id), 50.0, speed)).collect();
+        CarTable::of([cars, Vec::new(), Vec::new(), Vec::new()])
+    }
+
+    fn at(cars: &CarTable) -> CarsAt<'_> {
+        CarsAt::new(cars, 0, 4)
+    }
+
+    #[test]
+    fn terms_have_the_units_of_the_docs() {
+        let region = plans(Grid::SINGLE, &TrafficConfig::new("", "")).remove(0).region;
+        let (cars, exits) = (west(&[(1, 0.0), (2, 0.0), (3, 5.0)]), west(&[(9, 5.0)]));
+        let mut waiting = Waiting::default();
+        (0..30).for_each(|_| waiting.note(at(&cars)));
+        let paid = |json: &str| {
+            let terms: Reward = serde_json::from_str(json).unwrap();
+            f64::from(reward(&terms, &region, at(&cars), at(&exits), &waiting))
+        };
+        let near = |found: f64, expected: f64| assert!((found - expected).abs() < 1e-6, "{found} for {expected}");
+        // 5 / 3 m/s of 10, two of three stand, 3 come and 1 leaves, two waited for 30 s.
+        near(paid("\"mean-speed\""), 1.0 / 6.0);
+        // One car at half the limit leaves.
+        near(paid("\"exit-speed\""), 0.5);
+        near(paid("\"queue\""), -0.2);
+        // Two cars lose all of a second, and the third one half of it.
+        near(paid("\"lost-time\""), -0.25);
+        near(paid("\"pressure\""), -0.2);
+        near(paid("\"wait\""), -0.6);
+        near(paid("\"diff-waiting-time\""), -0.6);
+        near(paid("{\"queue\":2.0,\"pressure\":-1.0}"), -0.2);
+    }
+
+    #[test]
+    fn a_car_that_left_no_longer_waits_and_a_jam_has_a_bound() {
+        let mut waiting = Waiting::default();
+        (0..50).for_each(|_| waiting.note(at(&west(&[(1, 0.0), (2, 0.0)]))));
+        waiting.decide();
+        waiting.note(at(&west(&[(2, 3.0)])));
+        assert_eq!((waiting.sum_before, waiting.sum), (100, 50));
+        (0..5000).for_each(|_| waiting.note(at(&west(&[(2, 0.0)]))));
+        let region = plans(Grid::SINGLE, &TrafficConfig::new("", "")).remove(0).region;
+        let cars = west(&[(2, 0.0)]);
+        let wait = reward(&Reward::from(RewardTerm::Wait), &region, at(&cars), at(&cars), &waiting);
+        assert_eq!(f64::from(wait), -MOST_WAIT);
+    }
+}

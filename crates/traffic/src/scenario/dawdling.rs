@@ -1,0 +1,92 @@
+//! How much the cars of a scenario dawdle: the attribute `sigma` of vehicle types, from 0 (never) to 1.
+
+use std::sync::Arc;
+
+use super::{File, SumoScenario};
+use crate::network::tree::Element;
+
+/// Element of a vehicle type, its attributes, and the type of cars that name none.
+const TYPE: &str = "vType";
+const SIGMA: &str = "sigma";
+const USUAL: &str = "DEFAULT_VEHTYPE";
+/// Further types that SUMO has by itself, and their classes. They dawdle unless a file says otherwise.
+const OWN: [(&str, &str); 2] = [("DEFAULT_BIKETYPE", "bicycle"), ("DEFAULT_TAXITYPE", "taxi")];
+/// Beginning of elements within a type that also have its attributes, and overrule them.
+const MODEL: &str = "carFollowing";
+
+impl SumoScenario {
+    /// Returns the same scenario, in which all types of cars dawdle as much as `sigma` says.
+    pub fn dawdling(mut self, sigma: f64) -> SumoScenario {
+        let missing = self.own_types_without_element();
+        let mut set = |element: &mut Element| {
+            let models = element.children.iter_mut().filter(|child| child.name.starts_with(MODEL));
+            models.for_each(|model| model.attributes.retain(|(key, _)| key != SIGMA));
+            element.attributes.retain(|(key, _)| key != SIGMA);
+            element.attributes.push((SIGMA.to_owned(), sigma.to_string()));
+        };
+        for file in self.additional.iter_mut().chain(&mut self.routes) {
+            change(file, |root| types(root, &mut set));
+        }
+        if let Some(first) = self.additional.iter_mut().chain(&mut self.routes).next() {
+            let own = missing.into_iter().map(|(id, class)| {
+                let class = class.map(|class| ("vClass", class.to_owned()));
+                let attributes = [("id", id.to_owned())].into_iter().chain(class).chain([(SIGMA, sigma.to_string())]);
+                let attributes = attributes.map(|(key, value)| (key.to_owned(), value)).collect();
+                Element { name: TYPE.to_owned(), attributes, children: Vec::new() }
+            });
+            change(first, |root| drop(root.children.splice(0..0, own)));
+        }
+        self
+    }
+
+    /// Returns SUMO's own types that cars have here and that no file defines, with their classes.
+    fn own_types_without_element(&self) -> Vec<(&'static str, Option<&'static str>)> {
+        let mut found = Vec::new();
+        self.additional().chain(self.routes()).for_each(|root| collect(root, &mut found));
+        let is_used = |id: &str| self.additional().chain(self.routes()).any(|root| has_type(root, id));
+        let own = OWN.into_iter().filter(|(id, _)| is_used(id)).map(|(id, class)| (id, Some(class)));
+        let own = [(USUAL, None)].into_iter().chain(own);
+        own.filter(|(id, _)| found.iter().all(|kind| kind.attribute("id") != Some(id))).collect()
+    }
+
+    /// Returns whether a type of cars may dawdle, as SUMO's own one does.
+    pub fn dawdles(&self) -> bool {
+        let roots = self.additional().chain(self.routes());
+        let mut found = Vec::new();
+        roots.for_each(|root| collect(root, &mut found));
+        let is_zero = |sigma: &str| sigma.parse::<f64>().is_ok_and(|sigma| sigma == 0.0);
+        let never = |kind: &&Element| {
+            let models = kind.children.iter().filter(|child| child.name.starts_with(MODEL));
+            let mut of_models = models.filter_map(|model| model.attribute(SIGMA));
+            kind.attribute(SIGMA).is_some_and(is_zero) && of_models.all(is_zero)
+        };
+        !self.own_types_without_element().is_empty() || !found.iter().all(never)
+    }
+}
+
+/// Changes what a file holds.
+fn change(file: &mut File, change: impl FnOnce(&mut Element)) {
+    file.content = Arc::new(file.content.changed(change));
+}
+
+/// Calls `each` for all vehicle types in an element, also those in distributions.
+fn types(element: &mut Element, each: &mut impl FnMut(&mut Element)) {
+    for child in &mut element.children {
+        if child.name == TYPE { each(child) } else { types(child, each) }
+    }
+}
+
+/// Returns whether a car, trip or flow in an element names this type.
+fn has_type(element: &Element, id: &str) -> bool {
+    let names = |child: &Element| {
+        let of_distribution = child.attribute("vTypes").unwrap_or_default();
+        child.attribute("type") == Some(id) || of_distribution.split_whitespace().any(|kind| kind == id)
+    };
+    element.children.iter().any(|child| names(child) || has_type(child, id))
+}
+
+fn collect<'a>(element: &'a Element, found: &mut Vec<&'a Element>) {
+    for child in &element.children {
+        if child.name == TYPE { found.push(child) } else { collect(child, found) }
+    }
+}

@@ -1,0 +1,124 @@
+//! Copies of a scenario: plain names, and a .sumocfg that `sumo -c` and `sumo-gui -c` open. A run directory keeps one,
+//! and a replay plays one.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+
+use super::{File, SumoScenario};
+use crate::network::tree::Element;
+use crate::network::xml::{self, document, section};
+use dials_core::outside::write_together;
+
+/// Beginning of the names in the copy of a run directory.
+pub const KEPT: &str = "scenario";
+const AGENTS: &str = "agents.toml";
+
+/// An episode that plain SUMO plays in a copy.
+pub struct Episode<'a> {
+    /// Seed that SUMO gets.
+    pub seed: u32,
+    /// Second at which it ends.
+    pub end_s: u64,
+    /// Name of the file with further programs of the lights, in the same folder.
+    pub signals: &'a str,
+    /// Name of the file with the settings of sumo-gui, in the same folder.
+    pub view: &'a str,
+}
+
+/// Names in a copy. Files of which there may be several are numbered from 1.
+struct Names {
+    sumocfg: String,
+    net: String,
+    routes: Vec<String>,
+    additional: Vec<String>,
+}
+
+impl SumoScenario {
+    /// Makes a folder and copies the scenario into it, all or nothing. Returns the paths in the folder, in the order of
+    /// the config's keys that name files.
+    pub fn keep_in(&self, folder: &Path) -> Result<Vec<PathBuf>> {
+        fs::create_dir(folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
+        let names = self.names(KEPT);
+        let mut files = self.copied(&names, |file| file.content.bytes().to_vec());
+        let mut kept = vec![PathBuf::from(&names.sumocfg)];
+        if let Some((_, text)) = self.agents() {
+            files.push((AGENTS.to_owned(), text.as_bytes().to_vec()));
+            kept.push(PathBuf::from(AGENTS));
+        }
+        files.push((names.sumocfg.clone(), self.sumocfg(&names, None).into_bytes()));
+        let files: Vec<_> = files.into_iter().map(|(name, bytes)| (folder.join(name), bytes)).collect();
+        write_together(folder, &files)?;
+        Ok(kept)
+    }
+
+    /// Returns the files of a folder in which plain SUMO plays an episode: names, which begin with `name`, and contents.
+    pub fn episode_files(&self, name: &str, episode: &Episode<'_>) -> Vec<(String, Vec<u8>)> {
+        let names = self.names(name);
+        let mut files = self.copied(&names, |file| self.with_ends_of_flows(file));
+        files.push((names.sumocfg.clone(), self.sumocfg(&names, Some(episode)).into_bytes()));
+        files
+    }
+
+    fn names(&self, name: &str) -> Names {
+        let numbered = |files: &[File], ending: &str| {
+            (1..=files.len()).map(|number| format!("{name}.{number}.{ending}.xml")).collect()
+        };
+        Names {
+            sumocfg: format!("{name}.sumocfg"),
+            net: format!("{name}.net.xml"),
+            routes: numbered(&self.routes, "rou"),
+            additional: numbered(&self.additional, "add"),
+        }
+    }
+
+    /// Returns the copies of all files but the .sumocfg.
+    fn copied(&self, names: &Names, copy: impl Fn(&File) -> Vec<u8>) -> Vec<(String, Vec<u8>)> {
+        let lists = [(&names.routes, &self.routes), (&names.additional, &self.additional)];
+        let listed = lists.into_iter().flat_map(|(names, files)| names.iter().zip(files));
+        [(&names.net, &self.net)].into_iter().chain(listed).map(|(name, file)| (name.clone(), copy(file))).collect()
+    }
+
+    /// Returns a copy in which every flow whose cars are spread over the whole simulation says when that ends. So an
+    /// episode may end earlier, and its cars are the same.
+    fn with_ends_of_flows(&self, file: &File) -> Vec<u8> {
+        const RATES: [&str; 4] = ["period", "vehsPerHour", "perHour", "probability"];
+        let is_spread = |child: &Element| {
+            let has = |key: &str| child.attribute(key).is_some();
+            child.name == "flow" && has("number") && !has("end") && !RATES.into_iter().any(has)
+        };
+        if !file.content.root.children.iter().any(is_spread) {
+            return file.content.bytes().to_vec();
+        }
+        let mut root = file.content.root.clone();
+        for flow in root.children.iter_mut().filter(|child| is_spread(child)) {
+            flow.attributes.push(("end".to_owned(), self.window_s.1.to_string()));
+        }
+        xml::text(&root).into_bytes()
+    }
+
+    /// Returns the .sumocfg of a copy.
+    fn sumocfg(&self, names: &Names, episode: Option<&Episode<'_>>) -> String {
+        let routes = names.routes.join(",");
+        let signals = episode.map(|episode| episode.signals.to_owned());
+        let additional = names.additional.iter().cloned().chain(signals).collect::<Vec<_>>().join(",");
+        let mut input = vec![("net-file", &*names.net), ("route-files", &routes), ("additional-files", &additional)];
+        input.retain(|(_, files)| !files.is_empty());
+        let (begin, end) = self.window_s;
+        let end = episode.map_or(end, |episode| episode.end_s);
+        let [begin, end] = [begin, end].map(|second| second.to_string());
+        let options: Vec<(&str, &str)> = self.options.iter().map(|(name, value)| (&**name, &**value)).collect();
+        document("configuration", |xml| {
+            section(xml, "input", &input)?;
+            section(xml, "time", &[("begin", &begin), ("end", &end), ("step-length", "1")])?;
+            section(xml, "processing", &options)?;
+            // Without it, SUMO warns of a missing SUMO_HOME, where it would look for the schemas.
+            let validation = ("xml-validation", "never");
+            let Some(episode) = episode else { return section(xml, "report", &[validation]) };
+            section(xml, "random_number", &[("seed", &episode.seed.to_string())])?;
+            section(xml, "report", &[("no-warnings", "true"), validation])?;
+            section(xml, "gui_only", &[("gui-settings-file", episode.view)])
+        })
+    }
+}

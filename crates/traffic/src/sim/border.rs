@@ -1,0 +1,138 @@
+//! What the GS (global simulator) sees of the borders of all regions: who arrives, which exits are blocked, and who
+//! visits.
+
+use std::collections::{HashMap, HashSet};
+
+use super::global::starts;
+use super::visits::{Arrival, VisitRecorder, Visits};
+use crate::agents::border_plan::BorderPlan;
+use crate::agents::plan::Border;
+use crate::cars_at::CarsAt;
+use crate::inflow::{History, SourceCounter, is_blocked};
+use crate::observe::LightView;
+use dials_core::base::Ragged;
+use dials_core::domain::Result;
+use libsumo::{CarId, CarTable, LaneCars, LaneId, Simulation};
+
+/// The borders of all regions in a loaded net.
+pub struct Borders {
+    /// Lanes of all regions, one region after the other, and the first one of each.
+    lanes: Vec<LaneId>,
+    first: Vec<usize>,
+    cars: CarTable,
+    regions: Vec<BorderNow>,
+    visits: Option<VisitRecorder>,
+}
+
+/// The border of one region in this second.
+struct BorderNow {
+    /// Cars that were on the region a second ago, with their lanes as indices into the plan.
+    present: HashMap<CarId, usize>,
+    counter: SourceCounter,
+    history: History,
+}
+
+impl BorderNow {
+    fn new(plan: &BorderPlan) -> BorderNow {
+        BorderNow { present: HashMap::new(), counter: SourceCounter::new(plan), history: History::new(plan) }
+    }
+}
+
+impl Borders {
+    /// Registers the lanes of all regions. A reset must follow.
+    pub fn register(simulation: &mut Simulation, plans: &[Border]) -> Result<Borders> {
+        let names: Vec<String> =
+            plans.iter().flat_map(|border| &border.plan.lanes).map(|lane| lane.lane.clone()).collect();
+        Ok(Borders {
+            lanes: simulation.register_lanes(&names)?,
+            first: starts(plans.iter().map(|border| border.plan.lanes.len())),
+            cars: CarTable::new(),
+            regions: plans.iter().map(|border| BorderNow::new(&border.plan)).collect(),
+            visits: None,
+        })
+    }
+
+    /// Records all visits from the next reset on.
+    pub fn record_visits(&mut self) {
+        self.visits = Some(VisitRecorder::new(self.regions.len()));
+    }
+
+    /// Returns the visits since the last reset, if they are recorded.
+    pub fn visits(&self) -> Option<&Visits> {
+        self.visits.as_ref().map(VisitRecorder::visits)
+    }
+
+    /// Begins an episode. Cars that are on the road have not arrived.
+    pub fn reset(&mut self, simulation: &mut Simulation, plans: &[Border]) -> Result<()> {
+        simulation.read_lanes(&self.lanes, &mut self.cars)?;
+        for (row, Border { plan, .. }) in plans.iter().enumerate() {
+            self.regions[row] = BorderNow::new(plan);
+            let cars = CarsAt::new(&self.cars, self.first[row], plan.lanes.len());
+            let on_lane =
+                |(number, lane): (usize, LaneCars<'_>)| lane.ids.iter().map(move |&car| (car, number)).collect();
+            self.regions[row].present = cars.iter().enumerate().flat_map::<Vec<_>, _>(on_lane).collect();
+        }
+        self.visits.iter_mut().for_each(VisitRecorder::begin);
+        Ok(())
+    }
+
+    /// Observes a second. `second`: its number within the decision; `sources`: those of the decision, one row per
+    /// region, zeros in the first second.
+    pub fn second(
+        &mut self,
+        simulation: &mut Simulation,
+        plans: &[Border],
+        second: usize,
+        sources: &mut Ragged<u8>,
+    ) -> Result<()> {
+        simulation.read_lanes(&self.lanes, &mut self.cars)?;
+        let departures = simulation.departures()?;
+        let departed: HashSet<CarId> = departures.iter().map(|departure| departure.id).collect();
+        self.visits.iter_mut().for_each(|visits| visits.second(&departures));
+        for (row, Border { plan, .. }) in plans.iter().enumerate() {
+            let cars = CarsAt::new(&self.cars, self.first[row], plan.lanes.len());
+            let BorderNow { present, counter, history } = &mut self.regions[row];
+            let before = std::mem::take(present);
+            for (number, lane) in cars.iter().enumerate() {
+                for car in lane.iter() {
+                    present.insert(car.id, number);
+                    let stays = before.get(&car.id).is_some_and(|&from| !plan.is_over_the_border(from, number));
+                    if stays {
+                        continue;
+                    }
+                    let border_lane = &plan.lanes[number];
+                    let departed = departed.contains(&car.id);
+                    let entry = border_lane.departures.filter(|_| departed).or(border_lane.entry);
+                    entry.iter().for_each(|&entry| counter.arrived(entry));
+                    if let Some(visits) = &mut self.visits {
+                        visits.left(row, car.id);
+                        if let Some(name) = visits.name_of(car.id) {
+                            let route = simulation.route(name)?;
+                            visits.arrived(row, plan, Arrival { car, lane: number, entry, departed, route });
+                        }
+                    }
+                }
+            }
+            if let Some(visits) = &mut self.visits {
+                before.keys().filter(|car| !present.contains_key(car)).for_each(|&car| visits.left(row, car));
+            }
+            for (exit, &lane) in plan.exits.iter().enumerate() {
+                if is_blocked(cars.lane(lane), plan.lanes[lane].length_m) {
+                    counter.blocked(exit);
+                }
+            }
+            let sources = sources.row_mut(row);
+            counter.end_second(plan, second, sources);
+            if second + 1 == plan.decision_s {
+                history.note(plan, sources);
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes the d-set of a region after the last second of a decision.
+    pub fn d_separate(&self, row: usize, border: &Border, light: LightView, d_set: &mut [f32]) {
+        let cars = CarsAt::new(&self.cars, self.first[row], border.plan.lanes.len());
+        border.d_set.write(&border.plan, cars, light, &self.regions[row].history, d_set);
+    }
+}

@@ -1,0 +1,157 @@
+//! Replays: a recorded episode as a folder that plain `sumo` and `sumo-gui` play, car by car and to the last bit.
+//!
+//! The folder needs nothing outside of itself. Each light under control has a program that shows what was shown. No part
+//! of the folder makes decisions.
+//!
+//! - `of_grid`: on a grid, each car that entered is listed. Cars draw nothing at random there, so they move as before.
+//! - `of_scenario`: on a scenario, the files of the scenario play with the seed of the episode. So SUMO draws the same
+//!   numbers, and cars of all types choose the same routes, lanes and speeds.
+//! - `of_local`: of a local simulator of a scenario, each car is listed, and SUMO draws the same numbers on each lane.
+//! - `vehicle`: a listed car. `view`: how sumo-gui shows the roads.
+
+mod of_grid;
+mod of_local;
+mod of_scenario;
+mod vehicle;
+mod view;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Result, bail};
+
+use super::recorded_roads::{RecordedFiles, RecordedGround};
+use super::recording::Recording;
+use crate::network::files::{NetworkFiles, for_sumo};
+use crate::network::roads::Roads;
+use crate::network::xml::{document, leaf, nest};
+use dials_core::outside::{quoted, write_together};
+use libsumo::{CarTable, SignalState, Simulation};
+
+pub use view::{SPEED_COLOURS, Snapshot, view};
+
+/// Name of all files of a replay.
+const NAME: &str = "replay";
+const SIGNALS: &str = "replay.signals.add.xml";
+const VIEW: &str = "view.xml";
+
+/// Time for which sumo-gui shows a step.
+const WATCHING_DELAY_MS: u32 = 100;
+
+/// Returns the configuration for `sumo -c` and `sumo-gui -c` in the folder of a replay.
+pub fn config_in(dir: &Path) -> PathBuf {
+    NetworkFiles::of(&dir.join(NAME)).config
+}
+
+/// Checks that SUMO can open the files of a replay in the folder `dir`, which need not exist.
+pub fn check_place(dir: &Path) -> Result<()> {
+    NetworkFiles::of(&dir.join(NAME)).check_config_path()
+}
+
+/// Writes the episode into `dir`.
+pub fn write(recording: &Recording, dir: &Path) -> Result<()> {
+    let (mut files, signals) = match &recording.roads.ground {
+        RecordedGround::Grid(grid) => (of_grid::files(recording, grid), of_grid::signals(recording)),
+        RecordedGround::Scenario(scenario) => match &scenario.files {
+            RecordedFiles::Whole(files) => {
+                // The lights that do not learn run the programs that they ran.
+                let agents = scenario.agents.len();
+                check_programs(recording, &scenario.roads, agents, &quoted(files.net_path()))?;
+                let roots = [files.net()].into_iter().chain(files.additional());
+                let signals = of_scenario::signals(recording, agents, roots);
+                (of_scenario::files(recording, files), signals)
+            }
+            RecordedFiles::Local(files) => {
+                let lights = recording.roads.lights.len();
+                check_programs(recording, &scenario.roads, lights, "NET.net.xml")?;
+                let signals = of_scenario::signals(recording, lights, [&files.net.root()].into_iter());
+                (of_local::files(recording, files, scenario.agents[0].place_m), signals)
+            }
+        },
+    };
+    files.push((SIGNALS.to_owned(), signals.into_bytes()));
+    files.push((VIEW.to_owned(), view(&recording.roads, WATCHING_DELAY_MS, &[]).into_bytes()));
+    let files: Vec<_> = files.into_iter().map(|(name, bytes)| (dir.join(name), bytes)).collect();
+    write_together(dir, &files)
+}
+
+/// Lets SUMO play the folder and compares. It is an error unless in every step every car is in the same place, equally
+/// fast, bit for bit. The caller must hold no simulation.
+pub fn check(recording: &Recording, dir: &Path) -> Result<()> {
+    let config = config_in(dir);
+    let mut simulation = Simulation::load(&["-c".to_owned(), for_sumo(&config)?])?;
+    let lanes: Vec<String> = recording.roads.lanes.iter().map(|lane| lane.name.clone()).collect();
+    let lanes = simulation.register_lanes(&lanes)?;
+    let lights = simulation.register_lights(&recording.roads.lights)?;
+    let (mut signals, mut cars) = (Vec::new(), CarTable::new());
+    // A local simulator has some seconds before its episode.
+    while simulation.time_s()? < recording.roads.begin_s() as f64 {
+        simulation.step()?;
+    }
+    for (number, recorded) in recording.steps.iter().enumerate() {
+        simulation.step()?;
+        simulation.read_lights(&lights, &mut signals)?;
+        simulation.read_lanes(&lanes, &mut cars)?;
+        if signals == recorded.signals && cars == recorded.cars {
+            continue;
+        }
+        match &recording.roads.ground {
+            RecordedGround::Grid(_) => bail!(
+                "SUMO plays step {number} of the replay differently from the recording; only networks whose cars draw \
+                 nothing at random, such as those of `dials-traffic nets`, can be replayed"
+            ),
+            RecordedGround::Scenario(scenario) => bail!(
+                "SUMO plays second {} of the replay differently from the recording, so it is not kept; this should not \
+                 happen, please report it with {}",
+                recording.roads.begin_s() + number as u64,
+                match &scenario.files {
+                    RecordedFiles::Whole(files) => files.path().display().to_string(),
+                    RecordedFiles::Local(files) => format!("the light {}", files.net.light),
+                }
+            ),
+        }
+    }
+    Ok(())
+}
+
+/// Returns an error if SUMO would refuse what one of the first `lights` lights showed as a program. `net`: for the way out.
+fn check_programs(recording: &Recording, roads: &Roads, lights: usize, net: &str) -> Result<()> {
+    for (number, light) in recording.roads.lights.iter().take(lights).enumerate() {
+        if let Some([one, two]) = roads.waiting_for_each_other(light, &shown(recording, number)) {
+            bail!(
+                "SUMO cannot replay what the light {light} showed: `g` for the letters {one} and {two} at once, whose cars \
+                 yield to each other; make the net anew with `netconvert -s {net} --tls.ignore-internal-junction-jam -o \
+                 NEW.net.xml`, and use that"
+            );
+        }
+    }
+    Ok(())
+}
+
+/// A light, the name of its new program, and what it showed in each step.
+struct Program<'a> {
+    light: &'a str,
+    name: String,
+    shown: Vec<&'a SignalState>,
+}
+
+/// Returns programs that begin at second `begin_s`.
+fn programs<'a>(programs: impl Iterator<Item = Program<'a>>, begin_s: u64) -> String {
+    let mut programs = programs;
+    let offset = begin_s.to_string();
+    document("additional", |xml| {
+        programs.try_for_each(|Program { light, name, shown }| {
+            // With an offset of its first second, a program is at the beginning of its first phase then.
+            let head = [("id", light), ("type", "static"), ("programID", &name), ("offset", &offset)];
+            nest(xml, "tlLogic", head, |xml| {
+                shown.chunk_by(|a, b| a == b).try_for_each(|phase| {
+                    leaf(xml, "phase", [("duration", phase.len().to_string().as_str()), ("state", phase[0].as_str())])
+                })
+            })
+        })
+    })
+}
+
+/// Returns what the light of this index showed in each step.
+fn shown(recording: &Recording, light: usize) -> Vec<&SignalState> {
+    recording.steps.iter().map(|step| &step.signals[light]).collect()
+}

@@ -1,0 +1,103 @@
+//! What the global simulator (GS) counts in every episode, also in training.
+
+use crate::agents::phase_plan::Shown;
+use crate::arrivals::has_arrival;
+use dials_core::domain::{Measures, Result};
+use libsumo::{CarTable, Simulation};
+
+/// Name of the measure "share of the steps beginning with green in which the light was switched".
+pub const P_SWITCH: &str = "p_switch_given_green";
+
+/// Name of the measure "cars on the approaches of a light", of scenarios only.
+pub const CARS_PER_LIGHT: &str = "cars_per_light";
+
+/// Counts of an episode.
+#[derive(Clone, Debug, Default)]
+pub struct Tally {
+    /// Number of steps that began with green, and number of those in which it ended, per agent.
+    greens: Vec<(u64, u64)>,
+    steps: u64,
+    car_steps: u64,
+    speed_sum_mps: f64,
+    departed: u64,
+    pub arrived: u64,
+    backlog: u64,
+    teleports: u64,
+    collisions: u64,
+    /// Deceleration above which braking is an emergency, if all cars have the same one.
+    emergency_decel_mps2: Option<f64>,
+    /// Number of brakings harder than that; if there is none, of stops that SUMO calls emergencies.
+    emergencies: u64,
+}
+
+impl Tally {
+    pub fn new(agents: usize, emergency_decel_mps2: Option<f64>) -> Self {
+        Tally { greens: vec![(0, 0); agents], emergency_decel_mps2, ..Tally::default() }
+    }
+
+    pub fn lights(&mut self, before: &[Shown], now: &[Shown]) {
+        for ((greens, switches), (before, now)) in self.greens.iter_mut().zip(before.iter().zip(now)) {
+            *greens += u64::from(before.is_green());
+            *switches += u64::from(before.is_green() && now != before);
+        }
+    }
+
+    pub fn cars(&mut self, now: &CarTable, before: &CarTable) {
+        self.car_steps += now.cars() as u64;
+        for (now, before) in now.iter().zip(before.iter()) {
+            self.speed_sum_mps += now.speeds_mps.iter().sum::<f64>();
+            let Some(decel) = self.emergency_decel_mps2 else { continue };
+            // Cars neither overtake nor teleport. After the new one, if there is one, they stay in the same order.
+            let new = usize::from(has_arrival(now, before));
+            let braked = now.speeds_mps[new..]
+                .iter()
+                .zip(before.speeds_mps)
+                .filter(|(now, before)| *before - *now > decel + 1e-9);
+            self.emergencies += braked.count() as u64;
+        }
+    }
+
+    pub fn step(&mut self, simulation: &mut Simulation) -> Result<()> {
+        let counts = simulation.counts()?;
+        self.steps += 1;
+        self.departed += u64::from(counts.departed);
+        self.arrived += u64::from(counts.arrived);
+        self.teleports += u64::from(counts.teleports);
+        self.collisions += u64::from(counts.collisions);
+        self.backlog = u64::from(counts.pending);
+        if self.is_scenario() {
+            self.emergencies += u64::from(counts.emergency_stops);
+        }
+        Ok(())
+    }
+
+    /// Returns whether cars of several types may drive: not on the paper's grids.
+    fn is_scenario(&self) -> bool {
+        self.emergency_decel_mps2.is_none()
+    }
+
+    pub fn measures(&self) -> Measures {
+        let emergencies = if self.is_scenario() { "emergency_stops" } else { "emergency_brakes" };
+        let mut system = vec![
+            ("mean_speed_mps", self.speed_sum_mps / self.car_steps.max(1) as f64),
+            ("departed", self.departed as f64),
+            ("arrived", self.arrived as f64),
+            ("backlog", self.backlog as f64),
+            ("teleports", self.teleports as f64),
+            ("collisions", self.collisions as f64),
+            (emergencies, self.emergencies as f64),
+        ];
+        if self.is_scenario() {
+            let light_steps = self.greens.len() as u64 * self.steps;
+            system.push((CARS_PER_LIGHT, self.car_steps as f64 / light_steps.max(1) as f64));
+        }
+        Measures {
+            per_agent: vec![(P_SWITCH.to_owned(), self.greens.iter().map(share_switched).collect())],
+            system: system.into_iter().map(|(name, value)| (name.to_owned(), value)).collect(),
+        }
+    }
+}
+
+fn share_switched(&(greens, switches): &(u64, u64)) -> f64 {
+    switches as f64 / greens.max(1) as f64
+}

@@ -1,0 +1,161 @@
+//! The trace of an episode on a scenario.
+
+use anyhow::Result;
+
+use super::drives::{Stretch, drives};
+use super::route::{Route, light_between, ways};
+use super::{aspect, name};
+use crate::agents::plan::AgentPlan;
+use crate::network::roads::{Connection, LaneNo, Roads};
+use crate::scenario::kept::KEPT;
+use crate::side::Side;
+use crate::sim::recorded_roads::{RecordedFiles, RecordedScenario};
+use crate::sim::recording::Recording;
+use dials_core::domain::road_trace::{Approach, Aspect, Corridor, CorridorLight, Layout, RoadMap, RoadTrace, Shown};
+use libsumo::SignalState;
+
+/// Returns the trace, with a corridor along `route`, or along the busiest one.
+pub fn trace(recording: &Recording, scenario: &RecordedScenario, route: Option<&Route>) -> Result<RoadTrace> {
+    let RecordedScenario { agents, roads, .. } = scenario;
+    let most = agents.iter().map(|agent| agent.phases.greens().len()).max().unwrap_or(0);
+    let light = |(row, agent): (usize, &AgentPlan)| {
+        recording.steps.iter().map(|step| shown(agent, &step.signals[row])).collect()
+    };
+    let route = route.cloned().or_else(|| Route::busiest(recording, scenario));
+    Ok(RoadTrace {
+        seconds: 0..recording.steps.len(),
+        layout: Layout::Map(road_map(scenario)),
+        names: agents.iter().map(|agent| agent.light.clone()).collect(),
+        greens: (0..most).map(|green| format!("green {green}")).collect(),
+        lights: agents.iter().enumerate().map(light).collect(),
+        approaches: approaches(recording, scenario)?,
+        corridors: route.iter().map(|route| corridor(recording, roads, route)).collect::<Result<_>>()?,
+    })
+}
+
+/// Returns the roads with the lights of the agents.
+pub fn road_map(scenario: &RecordedScenario) -> RoadMap {
+    let RecordedScenario { agents, roads, files } = scenario;
+    RoadMap {
+        place: place_of(files),
+        junctions: roads.junctions.iter().map(|junction| junction.shape.clone()).collect(),
+        lanes: roads.lanes_of_cars().map(|lane| roads.lane(lane).shape.clone()).collect(),
+        lights_m: agents.iter().map(|agent| agent.place_m).collect(),
+    }
+}
+
+/// Returns the place in words. The copy in a run directory has lost the name that its user knows.
+fn place_of(files: &RecordedFiles) -> String {
+    match files {
+        RecordedFiles::Local(files) => format!("the local simulator of light {}", files.net.light),
+        RecordedFiles::Whole(files) => match files.path().file_stem().unwrap_or_default().to_string_lossy().as_ref() {
+            KEPT => "a scenario".to_owned(),
+            name => format!("scenario {name}"),
+        },
+    }
+}
+
+fn shown(agent: &AgentPlan, state: &SignalState) -> Shown {
+    match agent.phases.greens().iter().position(|green| green == state) {
+        Some(green) => Shown::Green(green),
+        None if state.as_str().contains(['y', 'Y']) => Shown::Yellow,
+        None => Shown::Other,
+    }
+}
+
+/// Returns the queues by the quarter of the compass that cars come from. Each has the lights with such approaches.
+fn approaches(recording: &Recording, scenario: &RecordedScenario) -> Result<Vec<Approach>> {
+    let mut approaches = Vec::new();
+    for side in Side::ALL {
+        let mut standing = Vec::new();
+        for agent in &scenario.agents {
+            let lanes = agent.region.approaches.iter().map(|approach| approach.lane.as_str());
+            let mut lanes = lanes.filter(|lane| comes_from(&scenario.roads, lane) == side).peekable();
+            if lanes.peek().is_none() {
+                continue;
+            }
+            let mut queue = vec![0; recording.steps.len()];
+            for lane in lanes {
+                queue.iter_mut().zip(recording.on_lane(lane)?).for_each(|(queue, cars)| *queue += cars.halting());
+            }
+            standing.push(queue);
+        }
+        if !standing.is_empty() {
+            approaches.push(Approach { from: name(side), standing });
+        }
+    }
+    Ok(approaches)
+}
+
+/// Returns the side from which cars come on a lane, by its direction at its end.
+fn comes_from(roads: &Roads, lane: &str) -> Side {
+    let shape = roads.lane_named(lane).map_or(&[][..], |lane| &roads.lane(lane).shape);
+    let piece = shape.windows(2).rev().find(|piece| piece[0] != piece[1]);
+    let [east, north] = piece.map_or([1.0, 0.0], |piece| [0, 1].map(|axis| piece[1][axis] - piece[0][axis]));
+    match (east.abs() >= north.abs(), east > 0.0, north > 0.0) {
+        (true, true, _) => Side::West,
+        (true, false, _) => Side::East,
+        (false, _, true) => Side::South,
+        (false, _, false) => Side::North,
+    }
+}
+
+/// Returns the way along a route.
+fn corridor(recording: &Recording, roads: &Roads, route: &Route) -> Result<Corridor> {
+    let edges = route.edges();
+    let mut stretches = Vec::new();
+    let mut crossings = Vec::new();
+    let mut begin_m = 0.0;
+    for (number, &edge) in edges.iter().enumerate() {
+        let lanes = &roads.edge(edge).lanes;
+        let length_m = lanes.iter().map(|&lane| roads.lane(lane).length_m).fold(0.0, f64::max);
+        for &lane in lanes {
+            stretches.push(stretch(roads, lane, begin_m, length_m / roads.lane(lane).length_m));
+        }
+        begin_m += length_m;
+        let Some(&next) = edges.get(number + 1) else { break };
+        // Ways from lane to lane within a junction differ in length. The longest one sets the scale.
+        let within_m = ways(roads, edge, next).map(|way| roads.length_within_junction(way)).fold(0.0, f64::max);
+        for way in ways(roads, edge, next) {
+            let scale = within_m / roads.length_within_junction(way);
+            let mut piece_m = begin_m;
+            for lane in roads.lanes_within_junction(way) {
+                stretches.push(stretch(roads, lane, piece_m, scale));
+                piece_m += roads.lane(lane).length_m * scale;
+            }
+        }
+        if let Some(light) = light_between(roads, edge, next) {
+            let letters = letters(ways(roads, edge, next));
+            let aspects = aspects(recording, light, &letters);
+            crossings.push(CorridorLight { name: light.to_owned(), begin_m, end_m: begin_m + within_m, aspects });
+        }
+        begin_m += within_m;
+    }
+    let ends = [edges[0], edges[edges.len() - 1]].map(|edge| roads.edge(edge).id.clone());
+    let [from, to] = ends;
+    let name = if edges.len() == 1 { "one edge".to_owned() } else { format!("a route of {} edges", edges.len()) };
+    let cars = drives(recording, &stretches)?;
+    Ok(Corridor { name, from, to, length_m: begin_m, crossings, cars })
+}
+
+fn stretch(roads: &Roads, lane: LaneNo, begin_m: f64, scale: f64) -> Stretch {
+    Stretch { lane: roads.lane(lane).id.clone(), begin_m, scale }
+}
+
+/// Returns the letters of these ways in the state of their light.
+fn letters<'a>(ways: impl Iterator<Item = &'a Connection>) -> Vec<usize> {
+    ways.filter_map(|way| way.signal.as_ref()).map(|signal| signal.letter).collect()
+}
+
+/// Returns what a light shows to ways with these letters: green if any of them has green.
+fn aspects(recording: &Recording, light: &str, letters: &[usize]) -> Vec<Aspect> {
+    let number = recording.roads.lights.iter().position(|other| other == light);
+    let number = number.expect("all lights that control a way are recorded");
+    let shown = recording.steps.iter().map(|step| {
+        let state = step.signals[number].as_str().as_bytes();
+        let aspects = || letters.iter().map(|&letter| aspect(state[letter]));
+        let first = |wanted: Aspect| aspects().find(|&aspect| aspect == wanted);
+        first(Aspect::Green).or(first(Aspect::Yellow)).unwrap_or(Aspect::Red)
+    });
+    shown.collect()
+}

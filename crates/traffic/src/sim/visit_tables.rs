@@ -1,0 +1,184 @@
+//! Cars for arrivals: of which type they are and which way they go, as recorded visits say.
+
+use std::collections::BTreeMap;
+
+use rand::seq::IndexedRandom;
+
+use super::visits::{Visit, Visits};
+use crate::agents::border_plan::BorderPlan;
+use crate::agents::plan::Border;
+use crate::d_set::Parts;
+use dials_core::base::Dice;
+
+/// Recorded visits by agent, entry and part of the episode. A draw is a recorded visit: so type and way go together as
+/// they were seen.
+#[derive(Clone, Debug)]
+pub struct VisitTables {
+    visits: Visits,
+    parts: Parts,
+    /// Places in the list of the agent, `[agents][entries][parts]`.
+    places: Vec<Vec<Vec<Vec<usize>>>>,
+    /// Places of visits by other entries on the same road, `[agents][entries]`; empty for an entry with visits of its own.
+    beside: Vec<Vec<Vec<usize>>>,
+    /// Vehicle type that most visits have, and its class.
+    usual: Option<(String, String)>,
+}
+
+/// Class of SUMO's own type of cars.
+const OWN_CLASS: &str = "passenger";
+
+impl VisitTables {
+    /// Sorts the visits of a whole episode. Visits without an entry or a way are left out. So are those of vehicles that may
+    /// not use the lane of their entry: they came by a lane beside it.
+    pub fn new(visits: Visits, borders: &[Border]) -> VisitTables {
+        let parts = Parts::of(visits.seconds);
+        let mut places: Vec<Vec<Vec<Vec<usize>>>> =
+            borders.iter().map(|border| vec![vec![Vec::new(); parts.count]; border.plan.entries.len()]).collect();
+        let mut near = Vec::with_capacity(borders.len());
+        for ((places, visits), border) in places.iter_mut().zip(&visits.of_agents).zip(borders) {
+            for (place, visit) in visits.iter().enumerate().filter(|(_, visit)| !visit.way.is_empty()) {
+                if let Some(entry) = visit.entry.filter(|&entry| may_enter(&border.plan, entry, visit)) {
+                    places[entry][parts.part(visit.second)].push(place);
+                }
+            }
+            near.push(beside(&border.plan, places, visits));
+        }
+        VisitTables { usual: usual(&visits), visits, parts, places, beside: near }
+    }
+
+    /// Draws the visit that a car makes which arrives at an entry in a second of the episode: one of the same part of the
+    /// episode. If there is none: one of another part, or one of another lane of the same road. `None`: no car was seen
+    /// on it that may use the lane of the entry.
+    pub fn draw(&self, agent: usize, entry: usize, second: usize, dice: &mut Dice) -> Option<&Visit> {
+        let of_entry = &self.places[agent][entry];
+        let now = of_entry[self.parts.part(second)].choose(dice).copied();
+        let ever = || of_entry.concat().choose(dice).copied();
+        let drawn = now.or_else(ever).or_else(|| self.beside[agent][entry].choose(dice).copied());
+        drawn.map(|place| &self.visits.of_agents[agent][place])
+    }
+
+    /// Returns the vehicle type that most visits have, for a car of which nothing is known.
+    pub fn usual_type(&self) -> Option<&str> {
+        self.usual.as_ref().map(|(name, _)| &**name)
+    }
+
+    /// Returns the class of this type, or that of SUMO's own type if there are no visits.
+    pub fn usual_class(&self) -> &str {
+        self.usual.as_ref().map_or(OWN_CLASS, |(_, class)| class)
+    }
+
+    /// Returns the visits that were sorted.
+    pub fn visits(&self) -> &Visits {
+        &self.visits
+    }
+}
+
+/// Returns for each entry without visits those by other entries on its road. `places`: the visits of each entry.
+fn beside(plan: &BorderPlan, places: &[Vec<Vec<usize>>], visits: &[Visit]) -> Vec<Vec<usize>> {
+    let others = |entry: usize| -> Vec<usize> {
+        let is_near = |other: &usize| plan.road_of_entry(*other) == plan.road_of_entry(entry);
+        let near = (0..places.len()).filter(is_near).flat_map(|other| places[other].concat());
+        near.filter(|&place| may_enter(plan, entry, &visits[place])).collect()
+    };
+    let has_own = |entry: usize| places[entry].iter().any(|of_part| !of_part.is_empty());
+    (0..places.len()).map(|entry| if has_own(entry) { Vec::new() } else { others(entry) }).collect()
+}
+
+/// Returns whether the vehicle of a visit may begin at an entry.
+fn may_enter(plan: &BorderPlan, entry: usize, visit: &Visit) -> bool {
+    plan.lane_of_entry(entry, &visit.driver.vehicle_class).is_some()
+}
+
+/// Returns the vehicle type that most visits have, and its class.
+fn usual(visits: &Visits) -> Option<(String, String)> {
+    let mut counts: BTreeMap<(&str, &str), usize> = BTreeMap::new();
+    for visit in visits.of_agents.iter().flatten() {
+        *counts.entry((&visit.driver.vehicle_type, &visit.driver.vehicle_class)).or_default() += 1;
+    }
+    let ((name, class), _) = counts.into_iter().max_by_key(|(_, count)| *count)?;
+    Some((name.to_owned(), class.to_owned()))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::agents::derive::border::Seconds;
+    use crate::agents::derive::overrides::Overrides;
+    use crate::agents::derive::{Rules, derive};
+    use crate::network::roads::example::{LIGHT_AT_U, roads};
+    use crate::sim::visits::Driver;
+    use dials_core::base::Seed;
+
+    /// Makes tables of visits to the light J, which two lanes of the road `near` lead to: (second, entry, type).
+    fn tables(visits: &[(usize, Option<usize>, &str)]) -> VisitTables {
+        tables_on(&[], visits)
+    }
+
+    /// Makes tables on a net with some texts replaced.
+    fn tables_on(changes: &[(&str, &str)], visits: &[(usize, Option<usize>, &str)]) -> VisitTables {
+        let roads = roads(&[&LIGHT_AT_U, changes].concat());
+        let derived = derive(&roads, &Rules::default(), &Overrides::default()).unwrap();
+        let departs_on = BTreeSet::from([roads.edge_named("north").unwrap()]);
+        let borders = derived.borders(&roads, &departs_on, 150.0, Seconds { decision: 5, episode: 1800 });
+        let visit = |&(second, entry, vehicle_type): &(usize, Option<usize>, &str)| Visit {
+            second,
+            left: None,
+            entry,
+            departed: false,
+            lane: 0,
+            position_m: 1.0,
+            speed_mps: 9.0,
+            way: vec!["near".to_owned(), "out".to_owned()],
+            next_road: None,
+            driver: Arc::new(Driver {
+                name: format!("{second}"),
+                vehicle_type: vehicle_type.to_owned(),
+                vehicle_class: if vehicle_type == "bus" { "bus" } else { "passenger" }.to_owned(),
+                speed_factor: 1.0,
+            }),
+        };
+        let of_agents = vec![visits.iter().map(visit).collect(), Vec::new()];
+        VisitTables::new(Visits { of_agents, seconds: 1800 }, &borders)
+    }
+
+    #[test]
+    fn a_car_is_drawn_from_its_quarter_else_from_its_lane_else_from_its_road() {
+        // Parts: 0 to 899 s and from 900 s on.
+        let tables = tables(&[(10, Some(0), "car"), (20, Some(0), "bus"), (1000, Some(0), "truck"), (30, None, "car")]);
+        let mut dice = Seed::new(1).dice();
+        let mut drawn = |entry: usize, second: usize| -> BTreeSet<String> {
+            let draw = |_| tables.draw(0, entry, second, &mut dice).map(|visit| visit.driver.vehicle_type.clone());
+            (0..50).filter_map(draw).collect()
+        };
+        let set = |names: &[&str]| names.iter().map(|&name| name.to_owned()).collect::<BTreeSet<_>>();
+        assert_eq!(drawn(0, 500), set(&["car", "bus"]));
+        assert_eq!(drawn(0, 1799), set(&["truck"]));
+        assert_eq!(drawn(1, 500), set(&["car", "bus", "truck"]), "nobody was seen on the other lane of the road");
+        assert!(drawn(2, 500).is_empty(), "nobody departed on `north`");
+        assert_eq!(tables.usual_type(), Some("car"));
+    }
+
+    #[test]
+    fn nobody_is_drawn_who_may_not_use_the_lane_of_the_entry() {
+        const LANE: &str = r#"<lane id="near_1" index="1""#;
+        let bus_lane = [(LANE, &*format!("{LANE} allow=\"bus\""))];
+        let mut dice = Seed::new(1).dice();
+        // A passenger car passed the bus lane within a second, beside it. Two others came by the lane beside.
+        let tables = tables_on(&bus_lane, &[(10, Some(1), "car"), (20, Some(0), "car"), (30, Some(0), "car")]);
+        assert!(tables.draw(0, 1, 500, &mut dice).is_none());
+        assert_eq!((tables.usual_type(), tables.usual_class()), (Some("car"), "passenger"));
+        let tables = tables_on(&bus_lane, &[(10, Some(1), "car"), (20, Some(0), "car"), (30, Some(0), "bus")]);
+        (0..20).for_each(|_| assert_eq!(tables.draw(0, 1, 500, &mut dice).unwrap().second, 30));
+    }
+
+    #[test]
+    fn in_a_quarter_without_cars_those_of_the_others_come() {
+        let tables = tables(&[(10, Some(1), "bus")]);
+        let mut dice = Seed::new(1).dice();
+        assert_eq!(tables.draw(0, 1, 1700, &mut dice).unwrap().second, 10);
+        assert_eq!(tables.usual_type(), Some("bus"));
+    }
+}

@@ -1,0 +1,88 @@
+//! Routes of cars through the local net of a light: their way through the region, and a copy of the next road behind its
+//! exit.
+
+use std::collections::HashMap;
+
+use super::visit_tables::VisitTables;
+use crate::agents::border_plan::BorderPlan;
+use crate::cut::local_net::LocalNet;
+
+/// The routes of one local net.
+#[derive(Clone, Debug, Default)]
+pub struct Ways {
+    routes: Vec<LocalRoute>,
+    /// Number of each way, by its roads and the road behind the region.
+    numbers: HashMap<(Vec<String>, Option<String>), usize>,
+    /// Number of the way of a car of which nothing is known, by entry.
+    defaults: Vec<usize>,
+}
+
+/// A route in a local net.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LocalRoute {
+    pub edges: Vec<String>,
+    /// Position on the last edge at which a car has arrived. `None`: its end.
+    pub end_m: Option<f64>,
+}
+
+impl Ways {
+    /// Makes a route of each way that was recorded, and of the default ways of the entries.
+    pub fn of(agent: usize, border: &BorderPlan, net: &LocalNet, tables: &VisitTables) -> Ways {
+        let mut ways = Ways::default();
+        let recorded = tables.visits().of_agents[agent].iter().filter(|visit| !visit.way.is_empty());
+        for visit in recorded {
+            ways.add(net, &visit.way, visit.next_road.as_ref());
+        }
+        for entry in &border.entries {
+            let ends_outside =
+                |road: &String| border.roads.iter().any(|other| other.road == *road && other.ends_outside);
+            let last = entry.default_way.iter().position(ends_outside);
+            let inside = last.map_or(entry.default_way.len(), |last| last + 1);
+            let (way, behind) = entry.default_way.split_at(inside);
+            let number = ways.add(net, way, behind.first());
+            ways.defaults.push(number);
+        }
+        ways
+    }
+
+    /// Returns the routes by their numbers.
+    pub fn routes(&self) -> &[LocalRoute] {
+        &self.routes
+    }
+
+    /// Returns the number of a way that was recorded.
+    pub fn number(&self, way: &[String], next_road: Option<&String>) -> usize {
+        self.numbers[&(way.to_vec(), next_road.cloned())]
+    }
+
+    /// Returns the number of the default way of an entry.
+    pub fn default_of(&self, entry: usize) -> usize {
+        self.defaults[entry]
+    }
+
+    fn add(&mut self, net: &LocalNet, way: &[String], next_road: Option<&String>) -> usize {
+        let number = self.routes.len();
+        let known = *self.numbers.entry((way.to_vec(), next_road.cloned())).or_insert(number);
+        if known == number {
+            self.routes.push(local_route(net, way, next_road));
+        }
+        known
+    }
+}
+
+fn local_route(net: &LocalNet, way: &[String], next_road: Option<&String>) -> LocalRoute {
+    let exit = net.exits.iter().find(|exit| Some(&exit.edge) == way.last());
+    let behind =
+        exit.zip(next_road).and_then(|(exit, next)| exit.ways.iter().find(|way| way.edges.first() == Some(next)));
+    let copies = behind.map_or(&[][..], |way| &way.copies);
+    let mut edges = [way, copies].concat();
+    if let [from, to] = &edges[..]
+        && !net.leads(from, to)
+    {
+        // A car on this way never gets to its last road. SUMO takes a route of just two roads that are not connected for a
+        // trip, and looks for a way (1.15: `libsumo::Vehicle::add`). From then on it also looks at the room on the whole
+        // lane before any car enters, in all rows. So the company of such a row would change the others.
+        edges.push(to.clone());
+    }
+    LocalRoute { edges, end_m: behind.map(|way| way.end_m) }
+}

@@ -1,0 +1,193 @@
+//! Robots without a policy: random moves, the closest item, the oldest item.
+//!
+//! Closest-item robots also work in the ring around the learning ones.
+
+use rand::Rng;
+
+use super::region::{Age, DOWN, LEFT, MOVES, RIGHT, SHELF_CELLS, SHELVES, SIDE, UP, shelf_at};
+use dials_core::base::Dice;
+use dials_core::domain::Action;
+
+/// The rules that a robot can follow.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rule {
+    Random,
+    /// Goes to the item with the fewest moves; ties go to the first in row-major order. Continues to that shelf as long
+    /// as it holds an item, even a new one. Does not see an item on its own cell.
+    ClosestItem,
+    /// Goes to the item with the greatest age. Ties go to the first in row-major order, which was created first.
+    OldestItem,
+}
+
+impl Rule {
+    pub const NAMES: &'static [&'static str] = &["random", "closest-item", "oldest-item"];
+
+    pub fn by_name(name: &str) -> Option<Rule> {
+        match name {
+            "random" => Some(Rule::Random),
+            "closest-item" => Some(Rule::ClosestItem),
+            "oldest-item" => Some(Rule::OldestItem),
+            _ => None,
+        }
+    }
+}
+
+/// The memory of a robot that follows a rule.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ItemMemory {
+    target: Option<usize>,
+}
+
+/// The shelves in row-major order of their cells.
+const ROW_MAJOR: [usize; SHELVES] = [0, 1, 2, 6, 7, 8, 9, 10, 11, 3, 4, 5];
+
+/// Returns the next move of a robot on `cell` that sees items of these ages. A robot with nothing to do moves at
+/// random.
+pub fn decide(rule: Rule, memory: &mut ItemMemory, cell: u8, ages: &[Age; SHELVES], dice: &mut Dice) -> Action {
+    let target = match rule {
+        Rule::Random => None,
+        Rule::ClosestItem => closest(memory.target, cell, ages),
+        Rule::OldestItem => oldest(ages).filter(|&shelf| shelf_at(cell) != Some(shelf)),
+    };
+    memory.target = target;
+    match target {
+        Some(shelf) => towards(cell, shelf),
+        None => dice.random_range(0..MOVES) as Action,
+    }
+}
+
+fn closest(kept: Option<usize>, cell: u8, ages: &[Age; SHELVES]) -> Option<usize> {
+    let seen = |&shelf: &usize| ages[shelf] >= 0 && shelf_at(cell) != Some(shelf);
+    kept.filter(seen).or_else(|| ROW_MAJOR.into_iter().filter(seen).min_by_key(|&shelf| distance(cell, shelf)))
+}
+
+fn oldest(ages: &[Age; SHELVES]) -> Option<usize> {
+    let items = ROW_MAJOR.into_iter().filter(|&shelf| ages[shelf] >= 0);
+    items.reduce(|oldest, shelf| if ages[shelf] > ages[oldest] { shelf } else { oldest })
+}
+
+fn place(cell: u8) -> (usize, usize) {
+    (usize::from(cell) / SIDE, usize::from(cell) % SIDE)
+}
+
+/// Returns the number of moves from a cell to a shelf. From one shelf to another of the same side, the way leads over
+/// the floor.
+fn distance(cell: u8, shelf: usize) -> usize {
+    let ((row, col), (to_row, to_col)) = (place(cell), place(SHELF_CELLS[shelf]));
+    let same_side = (row == to_row && at_end(row)) || (col == to_col && at_end(col));
+    row.abs_diff(to_row) + col.abs_diff(to_col) + if same_side && cell != SHELF_CELLS[shelf] { 2 } else { 0 }
+}
+
+fn at_end(place: usize) -> bool {
+    place == 0 || place == SIDE - 1
+}
+
+/// Returns the first move of a shortest way to another shelf: off the current shelf, along the side, onto the shelf.
+fn towards(cell: u8, shelf: usize) -> Action {
+    let ((row, col), (to_row, to_col)) = (place(cell), place(SHELF_CELLS[shelf]));
+    if shelf_at(cell).is_some() {
+        return match (row, col) {
+            (0, _) => DOWN,
+            (_, 0) => RIGHT,
+            (_, col) if col == SIDE - 1 => LEFT,
+            _ => UP,
+        };
+    }
+    let vertical = if to_row < row { UP } else { DOWN };
+    let horizontal = if to_col < col { LEFT } else { RIGHT };
+    if to_row == 0 || to_row == SIDE - 1 {
+        if col != to_col { horizontal } else { vertical }
+    } else if row != to_row {
+        vertical
+    } else {
+        horizontal
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::region::{CELLS, CENTRE, NO_ITEM, after_move};
+    use dials_core::base::Seed;
+
+    fn cell(row: u8, col: u8) -> u8 {
+        5 * row + col
+    }
+
+    fn items(ages: &[(usize, Age)]) -> [Age; SHELVES] {
+        let mut all = [NO_ITEM; SHELVES];
+        ages.iter().for_each(|&(shelf, age)| all[shelf] = age);
+        all
+    }
+
+    /// Walks to the shelf and returns the number of moves.
+    fn walk(mut cell: u8, shelf: usize) -> usize {
+        (0..20)
+            .find(|_| {
+                let there = shelf_at(cell) == Some(shelf);
+                if !there {
+                    cell = after_move(cell, towards(cell, shelf));
+                }
+                there
+            })
+            .expect("the way ends")
+    }
+
+    #[test]
+    fn every_way_is_as_long_as_its_distance() {
+        let reachable = (0..CELLS as u8)
+            .filter(|&cell| shelf_at(cell).is_some() || (1..4).contains(&(cell / 5)) && (1..4).contains(&(cell % 5)));
+        for from in reachable {
+            for shelf in (0..SHELVES).filter(|&shelf| shelf_at(from) != Some(shelf)) {
+                assert_eq!(walk(from, shelf), distance(from, shelf), "from {from} to shelf {shelf}");
+            }
+        }
+        assert_eq!(distance(cell(0, 1), 2), 4, "two more on the same side");
+    }
+
+    #[test]
+    fn the_closest_item_is_kept_as_a_target_while_it_is_there() {
+        let mut dice = Seed::new(0).dice();
+        let mut memory = ItemMemory::default();
+        let far = items(&[(3, 5)]);
+        decide(Rule::ClosestItem, &mut memory, CENTRE, &far, &mut dice);
+        assert_eq!(memory.target, Some(3));
+        let nearer_too = items(&[(3, 0), (1, 9)]);
+        decide(Rule::ClosestItem, &mut memory, CENTRE, &nearer_too, &mut dice);
+        assert_eq!(memory.target, Some(3), "also if the item is a new one");
+        decide(Rule::ClosestItem, &mut memory, CENTRE, &items(&[(1, 9)]), &mut dice);
+        assert_eq!(memory.target, Some(1));
+    }
+
+    #[test]
+    fn ties_go_to_the_first_in_row_major_order() {
+        let mut dice = Seed::new(0).dice();
+        for rule in [Rule::ClosestItem, Rule::OldestItem] {
+            let mut memory = ItemMemory::default();
+            // Left (2, 0) and bottom (4, 2) are both two moves away.
+            decide(rule, &mut memory, CENTRE, &items(&[(4, 7), (8, 7)]), &mut dice);
+            assert_eq!(memory.target, Some(8));
+        }
+    }
+
+    #[test]
+    fn the_oldest_item_is_chosen_by_age() {
+        let mut memory = ItemMemory::default();
+        let action = decide(Rule::OldestItem, &mut memory, CENTRE, &items(&[(1, 3), (4, 8)]), &mut Seed::new(0).dice());
+        assert_eq!((memory.target, action), (Some(4), DOWN));
+    }
+
+    #[test]
+    fn without_anything_to_do_a_robot_moves_at_random() {
+        let mut dice = Seed::new(0).dice();
+        let on_its_only_item = items(&[(0, 4)]);
+        for rule in [Rule::Random, Rule::ClosestItem, Rule::OldestItem] {
+            let mut seen = [false; MOVES];
+            for _ in 0..100 {
+                let action = decide(rule, &mut ItemMemory::default(), SHELF_CELLS[0], &on_its_only_item, &mut dice);
+                seen[usize::from(action)] = true;
+            }
+            assert_eq!(seen, [true; MOVES], "{rule:?}");
+        }
+    }
+}

@@ -1,0 +1,91 @@
+//! Where and when items appear: one random stream per shelf.
+//!
+//! A stream advances at every step, whether its shelf is free or not. It depends on the shelf's place in the warehouse.
+//! So an LS (local simulator) that draws from the streams of the GS (global simulator) sees the same items appear.
+
+use super::region::Age;
+use dials_core::base::{RandomPurpose, Seed, scramble};
+
+/// Probability that an item appears on a free shelf in a step (the paper).
+const APPEARANCE: f64 = 0.02;
+const THRESHOLD: u64 = (APPEARANCE * u64::MAX as f64) as u64;
+
+/// The state of one shelf's stream: SplitMix64 (Steele et al. 2014). It takes eight bytes, so a region's twelve fit
+/// into two cache lines.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Appearances(u64);
+
+impl Appearances {
+    /// Returns the stream of a shelf in one episode. The shelf is given by its row and column on the floor of the
+    /// warehouse.
+    pub fn of_shelf(episode: Seed, row: usize, col: usize) -> Self {
+        Appearances(episode.bits() ^ (((row as u64) << 32 | col as u64) + 1).wrapping_mul(0x9e6c_63d0_876a_68de))
+            .warmed_up()
+    }
+
+    /// Returns whether an item appears in this step if the shelf is free.
+    pub fn draw(&mut self) -> bool {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        scramble(self.0) < THRESHOLD
+    }
+
+    /// Mixes the bits. Neighbouring shelves differ in few bits before it, and in half of them after it.
+    fn warmed_up(self) -> Self {
+        Appearances(scramble(self.0))
+    }
+}
+
+/// Lets items appear on free shelves, also on those emptied in this step. `ages` and `appearances` have one entry per
+/// shelf.
+pub fn appear(ages: &mut [Age], appearances: &mut [Appearances]) {
+    for (age, appearances) in ages.iter_mut().zip(appearances) {
+        let appears = appearances.draw();
+        if *age < 0 && appears {
+            *age = 0;
+        }
+    }
+}
+
+/// Returns the seed of the items of one episode of one copy. The GS passes the seed of its episode as `simulator`, and
+/// 0 for the others. So an LS made with that seed has the GS's items in the first episode of its first copy.
+pub fn episode(simulator: Seed, copy: usize, episode: u64) -> Seed {
+    simulator.fork(RandomPurpose::Items).for_copy(copy).for_episode(episode as usize)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_draws_of_many_episodes_have_the_same_probability_too() {
+        for (row, col) in [(0, 1), (4, 7), (5, 8), (7, 4)] {
+            let draws = (0..50_000).map(|e| Appearances::of_shelf(episode(Seed::new(6), 0, e), row, col));
+            // 1000 expected, standard deviation 31.
+            let count = draws.filter(|stream| stream.clone().draw()).count();
+            assert!(count.abs_diff(1000) < 130, "{row} {col}: {count}");
+            let apart =
+                (0..50_000).map(|e| Appearances::of_shelf(episode(Seed::new(6).for_episode(e), 0, 0), row, col));
+            let count = apart.filter(|stream| stream.clone().draw()).count();
+            assert!(count.abs_diff(1000) < 130, "{row} {col}: {count}");
+        }
+    }
+
+    #[test]
+    fn items_appear_with_probability_one_fiftieth_on_every_shelf_on_its_own() {
+        let steps = 100_000;
+        let streams = [(0, 1), (0, 2), (1, 0), (4, 3)].map(|(row, col)| {
+            let mut stream = Appearances::of_shelf(Seed::new(1), row, col);
+            (0..steps).map(|_| stream.draw()).collect::<Vec<bool>>()
+        });
+        for (i, stream) in streams.iter().enumerate() {
+            // 2000 expected, standard deviation sqrt(2000 * 0.98) = 44.
+            let count = stream.iter().filter(|&&appears| appears).count();
+            assert!(count.abs_diff(2000) < 180, "{count}");
+            for other in &streams[..i] {
+                // Together: 40 expected, standard deviation 6.3.
+                let both = stream.iter().zip(other).filter(|(a, b)| **a && **b).count();
+                assert!(both.abs_diff(40) < 30, "{both}");
+            }
+        }
+    }
+}
