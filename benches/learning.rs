@@ -8,10 +8,11 @@ use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_m
 use dials_config::{Config, load};
 use dials_core::base::{AgentId, Dice, Rows, Seed, Stopwatch};
 use dials_core::domain::{RegionSpec, SourceSpec};
+use dials_learn::algorithms::ppo::gae::advantages;
+use dials_learn::algorithms::ppo::update::{Decayed, Learns, Settings, update};
+use dials_learn::algorithms::ppo::{Memory, Sample};
 use dials_learn::influence::{AipStack, InfluencePredictor};
-use dials_learn::policy::{Memory, PolicyStack, Sample, sampling};
-use dials_learn::training::gae::advantages;
-use dials_learn::training::ppo::{Decayed, Learns, Settings, update};
+use dials_learn::policy::{PolicyStack, sampling};
 use rand::Rng;
 use stacknets::Adam;
 

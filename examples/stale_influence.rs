@@ -21,7 +21,7 @@ use dials_learn::influence::{Dataset, initial_predictor, train};
 use dials_learn::policy::{JointPolicyController, Selection};
 use dials_learn::training::fleet::Fleet;
 use dials_learn::training::observer::Silent;
-use dials_session::fleet::inline::InlineFleet;
+use dials_session::fleet::in_process;
 use dials_traffic::Traffic;
 use dials_traffic::agents::phases::Light;
 use dials_traffic::agents::region::{CELLS, OCCUPANCY};
@@ -64,7 +64,7 @@ pub fn run(config: &str, episodes: usize) -> Result<[Met; 5]> {
     let config = dials_config::load(&file, &["seed=101".to_owned()])?;
     let Some(DomainConfig::Traffic(table)) = &config.domain else { bail!("{}: no grid", file.display()) };
     let traffic = Traffic::open(table)?;
-    let untrained = InlineFleet::new(Arc::new(traffic.clone()), &config, Rc::new(Silent)).agents().policies.clone();
+    let untrained = in_process(Arc::new(traffic.clone()), &config, Rc::new(Silent))?.agents().policies.clone();
     let mut untrained = JointPolicyController::new(traffic.kinds(), &config.policy, &untrained, Selection::Sampled);
     let (_, stale) = play(&traffic, &mut untrained, Seed::new(1), episodes)?;
     let (truth, fresh) = play(&traffic, &mut GapOut, Seed::new(2), episodes)?;

@@ -11,16 +11,22 @@ use dials_core::base::{AgentId, Seed};
 use dials_core::domain::{Controller, Domain, Result};
 use dials_core::outside::Directory;
 use dials_learn::evaluation::play;
+use dials_learn::influence::Dataset;
 use dials_learn::policy::{JointPolicyController, PolicyStack, Selection};
+use dials_learn::steps::Step;
+use dials_learn::steps::collect::Collect;
+use dials_learn::steps::measure_aips::MeasureAips;
+use dials_learn::steps::train_aips::TrainAips;
+use dials_learn::steps::train_policies::TrainPolicies;
 use dials_learn::training::dials;
 use dials_learn::training::fleet::Fleet;
 use dials_learn::training::observer::{Interrupted, Observer, Silent};
 use dials_learn::training::standing::Standing;
 use dials_learn::training::state::AgentsState;
+use dials_learn::worker::Worker;
 use dials_session::bench::costs::{Costs, Steps};
 use dials_session::bench::measure::{MeasurePlan, measure, short_orders};
-use dials_session::fleet::inline::InlineFleet;
-use dials_session::fleet::worker::Worker;
+use dials_session::fleet::in_process;
 use dials_session::records::checkpoint::owner::Owner;
 use dials_session::records::checkpoint::{self, Checkpoint};
 use dials_session::records::files;
@@ -73,7 +79,7 @@ fn short(simulator: &str) -> Config {
 fn train(config: &Config, dir: &Path) -> Result<()> {
     let layouts = Layouts::of(config, domain().kinds());
     let mut log = RunLog::begin(Directory::lock(dir)?, Owner::of(config, &*domain())?, layouts);
-    let mut fleet = InlineFleet::new(domain(), config, Rc::new(Silent));
+    let mut fleet = in_process(domain(), config, Rc::new(Silent)).unwrap();
     dials::train(config, &mut fleet, Standing::default(), &mut log, &Silent)
 }
 
@@ -154,7 +160,7 @@ fn the_aips_of_both_kinds_learn_the_closed_form_influence() {
 #[test]
 fn a_masked_action_is_never_chosen() {
     let (domain, config) = (domain(), config("dials"));
-    let policies = InlineFleet::new(domain.clone(), &config, Rc::new(Silent)).agents().policies.clone();
+    let policies = in_process(domain.clone(), &config, Rc::new(Silent)).unwrap().agents().policies.clone();
     let mut gs = domain.global_simulator().unwrap();
     for selection in [Selection::Sampled, Selection::Greedy] {
         let mut acting = JointPolicyController::new(domain.kinds(), &config.policy, &policies, selection);
@@ -197,7 +203,7 @@ fn a_run_that_was_stopped_goes_on_to_the_same_bytes() {
             let owner = Owner::of(&config, &*domain()).unwrap();
             let point = ResumePoint::find(&directory, &owner).unwrap();
             let (mut log, checkpoint) = RunLog::resume(directory, point, owner, layouts()).unwrap();
-            let mut fleet = InlineFleet::new(domain(), &config, Rc::new(Silent));
+            let mut fleet = in_process(domain(), &config, Rc::new(Silent)).unwrap();
             let standing = checkpoint.map_or(Standing::default(), |checkpoint| {
                 let standing = checkpoint.progress.standing;
                 fleet.restore(checkpoint.agents).unwrap();
@@ -238,18 +244,29 @@ fn workers_that_share_the_agents_bring_what_one_worker_brings() {
     let mut whole = worker(AgentId::all(4));
     let purpose = dials_learn::training::collect::Purpose::Training { steps: 0 };
     let policies = whole.state().policies;
-    let datasets = whole.collect(&policies, purpose, 0..10, &Silent).unwrap();
-    let losses = whole.train_aips(datasets.clone(), &period, &Silent);
-    let training = whole.train_policies(&period, &Silent).unwrap();
+    whole.take_policies(policies);
+    let datasets = Collect { purpose, episodes: 0..10 }.run(&mut whole, &Silent).unwrap();
+    let train_aips = |worker: &mut Worker, datasets: &[Dataset]| {
+        TrainAips { datasets: datasets.to_vec(), period }.run(worker, &Silent).unwrap().0
+    };
+    let measure_aips = |worker: &mut Worker, datasets: &[Dataset]| {
+        MeasureAips { datasets: datasets.to_vec() }.run(worker, &Silent).unwrap()
+    };
+    let train = |worker: &mut Worker, period| TrainPolicies { period }.run(worker, &Silent).unwrap().0;
+    let losses = train_aips(&mut whole, &datasets);
+    let training = train(&mut whole, period);
 
     // The second worker has agents of both kinds, the first worker of one kind.
     let mut parts = Vec::new();
     for agents in [0..1, 1..4] {
         let mut part = worker(agents.clone().map(AgentId).collect());
-        assert_eq!(part.train_aips(datasets[agents.clone()].to_vec(), &period, &Silent), losses[agents.clone()]);
-        let measured = part.measure_aips(datasets[agents.clone()].to_vec());
-        assert_eq!(measured, whole.measure_aips(datasets.clone())[agents.clone()]);
-        assert_eq!(part.train_policies(&period, &Silent).unwrap().agents, training.agents[agents]);
+        assert_eq!(train_aips(&mut part, &datasets[agents.clone()]), losses[agents.clone()]);
+        let measured = measure_aips(&mut part, &datasets[agents.clone()]);
+        assert_eq!(measured, measure_aips(&mut whole, &datasets)[agents.clone()]);
+        let of_part = train(&mut part, period);
+        assert_eq!(of_part.agents, training.agents[agents.clone()]);
+        let metrics = of_part.metrics.of_agents.iter().zip(&training.metrics.of_agents);
+        metrics.for_each(|((name, part), (_, whole))| assert_eq!(*part, whole[agents.clone()], "{name}"));
         parts.push(part.state());
     }
     let joined = AgentsState::joined(parts);
@@ -260,7 +277,7 @@ fn workers_that_share_the_agents_bring_what_one_worker_brings() {
     other.restore(&joined);
     assert!(other.state() == joined && other.aips() == joined.aips);
     let next = Period { start: 1000, end: 2000, ..period };
-    let [one, two] = [&mut whole, &mut other].map(|worker| worker.train_policies(&next, &Silent).unwrap().agents);
+    let [one, two] = [&mut whole, &mut other].map(|worker| train(worker, next).agents);
     assert_eq!(one, two);
 }
 
@@ -270,7 +287,7 @@ fn the_costs_of_both_kinds_are_measured() {
     let (domain, short, dir) = (domain(), short_orders(&config, 1), tempfile::tempdir().unwrap());
     let layouts = Layouts::of(&config, domain.kinds());
     let mut log = RunLog::begin(Directory::lock(dir.path()).unwrap(), Owner::of(&config, &*domain).unwrap(), layouts);
-    let mut fleet = InlineFleet::new(domain.clone(), &short, Rc::new(Silent));
+    let mut fleet = in_process(domain.clone(), &short, Rc::new(Silent)).unwrap();
     let time = Duration::from_millis(100);
     let plan = MeasurePlan { config: &short, kinds: domain.kinds(), workers: 1, time, peak_flops: 1e9 };
     let measured = measure(&plan, &mut fleet, &mut log).unwrap();

@@ -10,7 +10,7 @@ use dials_core::outside::Directory;
 use dials_learn::training::dials;
 use dials_learn::training::observer::Silent;
 use dials_learn::training::standing::Standing;
-use dials_session::fleet::inline::InlineFleet;
+use dials_session::fleet::in_process;
 use dials_session::records::checkpoint::owner::Owner;
 use dials_session::records::files;
 use dials_session::records::networks::Layouts;
@@ -37,7 +37,7 @@ fn config(simulator: &str) -> Config {
 fn train(config: &Config, dir: &Path) -> Result<()> {
     let coins: Arc<dyn Domain> = Arc::new(Coins::new(HORIZON));
     let (owner, layouts) = (Owner::of(config, &*coins)?, Layouts::of(config, coins.kinds()));
-    let mut fleet = InlineFleet::new(coins, config, Rc::new(Silent));
+    let mut fleet = in_process(coins, config, Rc::new(Silent)).unwrap();
     let mut log = RunLog::begin(Directory::lock(dir)?, owner, layouts);
     dials::train(config, &mut fleet, Standing::default(), &mut log, &Silent)
 }

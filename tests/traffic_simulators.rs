@@ -10,11 +10,12 @@ use dials_core::base::{AgentId, Dice, Ragged, Rows, Seed, Stopwatch, Work};
 use dials_core::domain::{Action, Beginning, Bystander, Domain, GlobalSimulator, JointTransition, LocalSimulator};
 use dials_learn::influence::{AipStack, Dataset, InfluencePredictor, train};
 use dials_learn::policy::Demonstrations;
+use dials_learn::steps::demonstrate::collect_demonstrations;
+use dials_learn::steps::imitate::imitate;
 use dials_learn::training::block::initial_policies;
 use dials_learn::training::collect::collect_episode;
-use dials_learn::training::fleet::Fleet;
 use dials_learn::training::observer::Silent;
-use dials_session::fleet::inline::InlineFleet;
+use dials_session::fleet::in_process;
 use dials_testkit::conformance;
 use dials_traffic::Traffic;
 use dials_traffic::agents::phases::Light;
@@ -865,15 +866,15 @@ fn policies_that_imitate_gap_out_act_as_it_does() {
          imitation = { dataset_steps = 12000, epochs = 10, minibatch = 64, learning_rate = 3e-3 }",
     )
     .unwrap();
-    let mut fleet = InlineFleet::new(domain, &config, Rc::new(Silent));
-    let demonstrations = fleet.collect_demonstrations("gap-out").unwrap();
+    let mut fleet = in_process(domain, &config, Rc::new(Silent)).unwrap();
+    let demonstrations = collect_demonstrations(&mut fleet, "gap-out").unwrap();
     assert!(demonstrations.iter().all(|of_agent| of_agent.episodes() == 40));
     let switches = |of_agent: &Demonstrations| {
         let decisions = || of_agent.actions.iter().flatten();
         decisions().filter(|&&action| action == SWITCH).count() as f64 / decisions().count() as f64
     };
     let switches: Vec<f64> = demonstrations.iter().map(switches).collect();
-    for (agent, loss) in fleet.imitate(demonstrations).unwrap().into_iter().enumerate() {
+    for (agent, loss) in imitate(&mut fleet, demonstrations).unwrap().into_iter().enumerate() {
         // Whoever always keeps is right in the other steps, and wrong in every switch.
         assert!(switches[agent] > 0.08, "{switches:?}");
         assert!(loss.accuracy[1] > 0.985 && loss.cross_entropy[1] < 0.05, "agent {agent}: {loss:?}");

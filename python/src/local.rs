@@ -7,15 +7,18 @@ use dials_config::{AipTraining, Config, Period, Predictor, Simulator};
 use dials_core::base::{AgentId, Stopwatch};
 use dials_core::domain::{Action, Domain, Percept};
 use dials_learn::influence::TrainablePredictor;
-use dials_learn::training::block::{initial_aips, initial_policies, training_episodes};
+use dials_learn::steps::Step;
+use dials_learn::steps::collect::Collect;
+use dials_learn::steps::train_aips::TrainAips;
+use dials_learn::training::block::{initial_aips, training_episodes};
 use dials_learn::training::collect::Purpose;
 use dials_learn::training::environment::{Environment, Experience};
 use dials_learn::training::ials::Ials;
 use dials_learn::training::observer::Silent;
 use dials_learn::training::stream::AgentStream;
+use dials_learn::worker::Worker;
 use dials_session::directory;
 use dials_session::domains::open_tried;
-use dials_session::fleet::worker::Worker;
 use serde_json::{Value, json};
 use stacknets::Threads;
 
@@ -104,9 +107,7 @@ impl Local {
         let Local { config, domain, agents, predictor, view, .. } = self;
         config.seed = request.seed;
         let simulators = domain.local_simulator(agents, config.copies(), training_episodes(config))?;
-        let policies = initial_policies(&**domain, config, &agents[..1]);
-        let streams: Vec<AgentStream> =
-            agents.iter().map(|&agent| AgentStream::begin(config, &policies, agent)).collect();
+        let streams: Vec<AgentStream> = agents.iter().map(|&agent| AgentStream::begin(config, agent)).collect();
         let ials = Ials::resume(simulators, &mut **predictor, &streams, config.local_simulators.stagger, &mut || ())?;
         view.put(&ials.percepts()[0]);
         view.memory.show()?;
@@ -121,11 +122,12 @@ fn fitted(domain: &Arc<dyn Domain>, config: &Config, agents: &[AgentId]) -> Resu
     let mut worker = Worker::new(domain.clone(), config, all, &Threads::one());
     let purpose = Purpose::Training { steps: 0 };
     let episodes = purpose.episodes(config, domain.kinds().horizon());
-    let datasets = worker.collect(&worker.policies(), purpose, 0..episodes, &Silent)?;
+    worker.take_policies(worker.policies());
+    let datasets = Collect { purpose, episodes: 0..episodes }.run(&mut worker, &Silent)?;
     let period = Period { start: 0, end: 0, average: false, evaluate: false, train_aips: AipTraining::Yes };
-    worker.train_aips(datasets, &period, &Silent);
+    let (_, aips) = TrainAips { datasets, period }.run(&mut worker, &Silent)?;
     let mut predictor = initial_aips(&**domain, config, agents);
-    predictor.load(&worker.aips().pick(agents.iter().map(|agent| agent.0)).into_rows());
+    predictor.load(&aips.pick(agents.iter().map(|agent| agent.0)).into_rows());
     Ok(predictor)
 }
 
@@ -177,7 +179,8 @@ impl Running<'_> {
         {
             bail!("row {row}: action {action}; its actions are 0 to {}", view.n_actions - 1);
         }
-        let experience = &ials.step(std::slice::from_ref(&view.actions), &mut Stopwatch::default())?[0];
+        ials.step(std::slice::from_ref(&view.actions), &mut Stopwatch::default())?;
+        let experience = &ials.experiences()[0];
         view.put_experience(experience);
         view.put(&ials.percepts()[0]);
         view.memory.show()

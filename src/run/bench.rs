@@ -102,7 +102,7 @@ fn run(
     let crew = Children::new(&directory);
     let options = Options { workers, threads: workers, patience: PATIENCE, most_growth: MostGrowth::default() };
     let mut log = RunLog::begin(directory, Owner::of(config, &**domain)?, Layouts::of(config, domain.kinds()));
-    let mut fleet = Coordinator::start(domain.clone(), &short, crew, options, progress.clone())?;
+    let mut fleet = Coordinator::start(domain.clone(), &short, Box::new(crew), options, progress.clone())?;
     let plan = MeasurePlan { config: &short, kinds: domain.kinds(), workers, time, peak_flops };
     let measured = measure(&plan, &mut fleet, &mut log)?;
     let share = measured.share_of_an_episode(config, domain.agents());

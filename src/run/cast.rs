@@ -99,8 +99,7 @@ impl ReplayedEpisode {
             Cast::Local { agent, mut policy, mut aip } => {
                 let simulator = self.traffic.local_simulator(&[agent], 1, seed)?;
                 let dice = seed.fork(RandomPurpose::Influence).for_agent(agent).dice();
-                let stream =
-                    AgentStream { minibatches: dice.clone(), rows: vec![RowStream::begin(dice.clone(), dice, &[])] };
+                let stream = AgentStream { rows: vec![RowStream::begin(dice)] };
                 let mut ials = Ials::resume(simulator, &mut *aip, &[stream], false, &mut || ())?;
                 policy.begin(seed.for_agent(agent), &AgentId::all(1));
                 for _ in 0..self.traffic.kinds().of(agent).spec.local_horizon {

@@ -15,13 +15,11 @@ use crate::program::PROGRAM;
 use dials_config::Config;
 use dials_core::domain::Domain;
 use dials_core::outside::Directory;
-use dials_learn::training::fleet::Fleet;
 use dials_learn::training::observer::Observer;
 #[cfg(feature = "mpi")]
 use dials_session::build;
 use dials_session::error::{Error, Result};
 use dials_session::fleet::children::Children;
-use dials_session::fleet::inline::InlineFleet;
 use dials_session::fleet::{self, Coordinator, MostGrowth, Options};
 #[cfg(feature = "mpi")]
 use dials_session::fleet::{End, Job, Part, Prepared, Ranks, Relay};
@@ -81,20 +79,21 @@ impl Team {
     }
 
     /// Starts the workers of a run.
-    pub fn fleet(self, plan: &Plan, observer: Rc<dyn Observer>) -> anyhow::Result<Box<dyn Fleet>> {
+    pub fn fleet(self, plan: &Plan, observer: Rc<dyn Observer>) -> anyhow::Result<Coordinator> {
         let Plan { domain, config, directory, workers, patience } = *plan;
         let most_growth = MostGrowth::default();
         match self {
-            Team::Here if workers == 0 => Ok(Box::new(InlineFleet::new(domain.clone(), config, observer))),
+            Team::Here if workers == 0 => fleet::in_process(domain.clone(), config, observer),
             Team::Here => {
                 let options = Options { workers, threads: workers, patience, most_growth };
-                Ok(Box::new(Coordinator::start(domain.clone(), config, Children::new(directory), options, observer)?))
+                let crew = Box::new(Children::new(directory));
+                Coordinator::start(domain.clone(), config, crew, options, observer)
             }
             #[cfg(feature = "mpi")]
             Team::Ranks(mut ranks, each) => {
                 let config = prepare(&mut ranks, plan)?;
                 let options = Options { workers, threads: each, patience, most_growth };
-                Ok(Box::new(Coordinator::start(domain.clone(), &config, ranks, options, observer)?))
+                Coordinator::start(domain.clone(), &config, Box::new(ranks), options, observer)
             }
         }
     }

@@ -19,6 +19,7 @@ use dials_core::base::{counted, for_terminal};
 use dials_core::domain::Domain;
 use dials_core::outside::{Directory, Whereabouts, folder_of, quoted};
 use dials_learn::training::dials;
+use dials_learn::training::fleet::Fleet;
 use dials_learn::training::observer::Interrupted;
 use dials_learn::training::standing::Standing;
 use dials_session::build::{other_build, record_resume};
@@ -225,7 +226,7 @@ impl Run {
             standing = checkpoint.progress.standing;
             fleet.restore(checkpoint.agents)?;
         }
-        let outcome = dials::train(config, &mut *fleet, standing, &mut log, &*progress);
+        let outcome = dials::train(config, &mut fleet, standing, &mut log, &*progress);
         progress.finish(outcome.is_ok());
         outcome
     }

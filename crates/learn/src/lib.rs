@@ -7,7 +7,10 @@
 //! - [`policy`]: policies, how they draw actions, and the memory that they learn from.
 //! - [`evaluation`]: evaluation episodes on the global simulator, and their figures.
 
+pub mod algorithms;
 pub mod evaluation;
 pub mod influence;
 pub mod policy;
+pub mod steps;
 pub mod training;
+pub mod worker;

@@ -2,11 +2,10 @@
 //!
 //! - `controller`: policies that act, in evaluation and in the collection of datasets.
 //! - [`sampling`]: how actions are drawn.
-//! - `memory`: the samples that policies learn from; `demonstrations`: what a controller did, to be imitated.
+//! - `demonstrations`: what a controller did, to be imitated.
 
 mod controller;
 mod demonstrations;
-mod memory;
 pub mod sampling;
 
 use dials_config::PolicyConfig;
@@ -16,7 +15,6 @@ use stacknets::{Adam, Learner, Net, Parameters, Shape, States, Threads, script};
 
 pub use controller::{JointPolicyController, Selection, StackController};
 pub use demonstrations::Demonstrations;
-pub use memory::{Memory, Sample};
 
 /// Parameters of all agents' policies, one row per agent, as wide as its kind has it. They are exchanged, saved and
 /// evaluated.

@@ -8,6 +8,10 @@ use dials_config::{AipTraining, Config, Period, Simulator};
 use dials_core::base::{Activity, Phase, Stopwatch};
 use dials_core::domain::{Kinds, Result, RoughCosts};
 use dials_learn::influence::Dataset;
+use dials_learn::steps::collect::collect_datasets;
+use dials_learn::steps::evaluate::evaluate;
+use dials_learn::steps::train_aips::train_aips;
+use dials_learn::steps::train_policies::train_policies;
 use dials_learn::training::answers::FleetLoad;
 use dials_learn::training::collect::Purpose;
 use dials_learn::training::fleet::Fleet;
@@ -107,7 +111,7 @@ pub struct MeasurePlan<'a> {
 }
 
 /// Gives orders of every kind to `fleet`, which was made for `plan.config`.
-pub fn measure(plan: &MeasurePlan<'_>, fleet: &mut dyn Fleet, journal: &mut dyn Journal) -> Result<Measured> {
+pub fn measure(plan: &MeasurePlan<'_>, fleet: &mut impl Fleet, journal: &mut dyn Journal) -> Result<Measured> {
     let agents = fleet.agents().agents();
     let mut bench = Bench {
         fleet,
@@ -200,8 +204,8 @@ fn repeated(dataset: &Dataset, episodes: usize) -> Dataset {
     longer
 }
 
-struct Bench<'a> {
-    fleet: &'a mut dyn Fleet,
+struct Bench<'a, F> {
+    fleet: &'a mut F,
     journal: &'a mut dyn Journal,
     standing: Standing,
     evaluation_episodes: usize,
@@ -210,10 +214,10 @@ struct Bench<'a> {
     period: Period,
 }
 
-impl Bench<'_> {
+impl<F: Fleet> Bench<'_, F> {
     fn evaluate(&mut self, orders: &mut Orders) -> Result<()> {
         self.order(orders, Activity::Evaluation, 1.0, |bench| {
-            let evaluation = bench.fleet.evaluate(bench.evaluation_episodes)?;
+            let evaluation = evaluate(bench.fleet, bench.evaluation_episodes)?;
             let load = bench.fleet.take_load();
             bench.journal.evaluated(bench.fleet.agents(), &evaluation)?;
             Ok(load)
@@ -225,7 +229,7 @@ impl Bench<'_> {
         // Different episodes each time: the traffic of one varies by several percent, and the marginals come from them.
         let order = orders.count as u64;
         self.order(orders, Activity::Collection, self.collection_rounds, |bench| {
-            datasets = bench.fleet.collect_datasets(Purpose::Training { steps: order })?;
+            datasets = collect_datasets(bench.fleet, Purpose::Training { steps: order })?;
             Ok(bench.fleet.take_load())
         })?;
         Ok(datasets)
@@ -234,7 +238,7 @@ impl Bench<'_> {
     fn train_aips(&mut self, orders: &mut Orders, datasets: &[Dataset], flops: f64) -> Result<()> {
         let datasets = datasets.to_vec();
         self.order(orders, Activity::AipTraining, flops, |bench| {
-            let losses = bench.fleet.train_aips(datasets, &bench.period)?;
+            let losses = train_aips(bench.fleet, datasets, &bench.period)?;
             let load = bench.fleet.take_load();
             bench.journal.aips_trained(bench.fleet.agents(), &losses)?;
             Ok(load)
@@ -244,7 +248,7 @@ impl Bench<'_> {
     fn train(&mut self, orders: &mut Orders, steps: u64, agents: usize) -> Result<()> {
         (self.period.start, self.period.end) = (self.period.end, self.period.end + steps);
         self.order(orders, Activity::Training, steps as f64 * agents as f64, |bench| {
-            let training = bench.fleet.train_policies(&bench.period)?;
+            let training = train_policies(bench.fleet, &bench.period)?;
             let load = bench.fleet.take_load();
             bench.standing.until = bench.period.end;
             bench.journal.period_done(bench.fleet.agents(), &bench.standing, &training, load.clone())?;

@@ -65,12 +65,10 @@ impl Children {
 }
 
 impl Crew for Children {
-    type Link = ChildProcess;
-
-    fn start(&mut self, worker: usize) -> Result<ChildProcess> {
+    fn start(&mut self, worker: usize) -> Result<Box<dyn Link>> {
         let log = Log::open(&self.logs, log_of(worker))?;
         let place = Place { worker, log, cord: self.bell.cord(), paths_from: None };
-        ChildProcess::spawn(place, |stream| receive(stream))
+        Ok(Box::new(ChildProcess::spawn(place, |stream| receive(stream))?))
     }
 
     fn can_replace(&self) -> bool {
@@ -205,11 +203,11 @@ impl Link for ChildProcess {
         Some(status.lines().find_map(|line| line.strip_prefix("State:"))?.trim().to_owned())
     }
 
-    fn end(self) -> String {
-        ChildProcess::end(self)
+    fn end(self: Box<Self>) -> String {
+        ChildProcess::end(*self)
     }
 
-    fn end_by_force(mut self) -> String {
+    fn end_by_force(mut self: Box<Self>) -> String {
         match self.kill() {
             Some(_) => self.log.tail(),
             None => format!("process {} does not end; {}", self.process.id(), self.log.tail()),

@@ -270,14 +270,13 @@ mod tests {
     use dials_core::base::{Ragged, Rows, Timesheet};
     use dials_core::domain::{Domain, Measures};
     use dials_core::outside::Directory;
+    use dials_learn::algorithms::{Metrics, Tables};
     use dials_learn::evaluation;
     use dials_learn::influence;
     use dials_learn::training::answers::{AgentTraining, FleetLoad, Footprint, PolicyTraining, WorkerLoad};
     use dials_learn::training::journal::Journal;
-    use dials_learn::training::ppo::Decayed;
-    use dials_learn::training::ppo_loss::Losses;
     use dials_learn::training::standing::Standing;
-    use dials_learn::training::state::{AgentsState, JointMoments};
+    use dials_learn::training::state::AgentsState;
     use dials_testkit::toy::Coins;
     use stacknets::Layout;
     use std::time::Duration;
@@ -294,8 +293,9 @@ mod tests {
         let mut log =
             RunLog::begin(Directory::lock(dir.path()).unwrap(), owner, Layouts { policies: layout(), aips: layout() });
         let table = || Ragged::from_vec(vec![0.5, 0.25], [1, 1]).unwrap();
-        let moments = JointMoments { first: table(), second: table(), steps: 1 };
-        let agents = AgentsState { steps: 128, policies: table(), moments, aips: table(), streams: vec![] };
+        let moments = ["first_moments", "second_moments"].map(|name| (name.to_owned(), table()));
+        let learners = Tables { numbers: moments.into(), ..Tables::default() };
+        let agents = AgentsState { steps: 128, policies: table(), learners, aips: table(), streams: vec![] };
 
         // Agents' means 2 and 4; episode means 1 and 5: deviation sqrt(8), standard error sqrt(8 / 2) = 2.
         let returns = Rows::from_vec(vec![0.0, 2.0, 4.0, 6.0], 2);
@@ -318,9 +318,9 @@ mod tests {
         let mebibytes = |peak: u64, shared: u64| Footprint { peak_rss_kib: peak << 10, pss_kib: shared << 10 };
         let worker = WorkerLoad { timesheet, footprint: mebibytes(30, 20) };
         let load = FleetLoad { workers: vec![worker], coordinator: Some(mebibytes(40, 10)), ..FleetLoad::default() };
-        let of_agent = AgentTraining { mean_return: None, episodes: 0, losses: Losses::default() };
-        let decayed = Decayed { learning_rate: 1e-3, clip: 0.1 };
-        let training = PolicyTraining { agents: vec![of_agent; 2], counters: Vec::new(), decayed };
+        let of_agent = AgentTraining { mean_return: None, episodes: 0 };
+        let metrics = Metrics { of_agents: vec![("loss".to_owned(), vec![0.5; 2])], settings: Vec::new() };
+        let training = PolicyTraining { agents: vec![of_agent; 2], metrics, updates: 1, counters: Vec::new() };
         log.period_done(&agents, &Standing::default(), &training, load).unwrap();
 
         let read = RunRecord::read(dir.path()).unwrap();

@@ -14,10 +14,10 @@ use dials_config::Config;
 use dials_core::base::Activity;
 use dials_core::base::statistics::{Interval, mean};
 use dials_core::base::{counted, decimals};
+use dials_learn::algorithms::imitation::ImitationLoss;
 use dials_learn::evaluation::Evaluation;
 use dials_learn::influence::{AipLoss, FreshLoss, mean_loss};
 use dials_learn::training::drift::Drift;
-use dials_learn::training::imitation::ImitationLoss;
 use dials_learn::training::observer::Observer;
 
 /// Interval between plain lines while policies train.

@@ -101,15 +101,13 @@ impl Ranks {
 }
 
 impl Crew for Ranks {
-    type Link = RankLink;
-
-    fn start(&mut self, worker: usize) -> Result<RankLink> {
+    fn start(&mut self, worker: usize) -> Result<Box<dyn Link>> {
         let logs = self.logs.as_ref().context("the ranks are not prepared for a run")?;
         let mut desk = self.desk.borrow_mut();
         desk.seats[worker].log = Some(logs.open_to_append(&log_of(worker))?);
         let rank = desk.rank_of(worker);
         desk.post(&[rank], Letter::Start { worker }, None);
-        Ok(RankLink { desk: self.desk.clone(), worker })
+        Ok(Box::new(RankLink { desk: self.desk.clone(), worker }))
     }
 
     fn can_replace(&self) -> bool {
@@ -182,7 +180,7 @@ impl Link for RankLink {
         Some(format!("on {}", desk.name(desk.rank_of(self.worker))))
     }
 
-    fn end(self) -> String {
+    fn end(self: Box<Self>) -> String {
         let desk = self.desk.borrow();
         let rank = desk.rank_of(self.worker);
         match &desk.seats[self.worker].how {
@@ -191,7 +189,7 @@ impl Link for RankLink {
         }
     }
 
-    fn end_by_force(self) -> String {
+    fn end_by_force(self: Box<Self>) -> String {
         let desk = self.desk.borrow();
         desk.its_workers(desk.rank_of(self.worker))
     }

@@ -3,12 +3,12 @@
 //! Some episodes take longer than the coordinator waits for a word of its workers: a whole day of a large map. A worker
 //! that spoke only between episodes would look as if it hung.
 
+use super::observer::Observer;
 use dials_core::base::{Activity, Seed};
 use dials_core::domain::{Action, Controller, JointPercept, Result};
-use dials_learn::training::observer::Observer;
 
 /// A controller that reports its progress to an observer.
-pub struct Telling<'a> {
+pub struct Reporting<'a> {
     inner: &'a mut dyn Controller,
     observer: &'a dyn Observer,
     activity: Activity,
@@ -17,19 +17,19 @@ pub struct Telling<'a> {
     all: usize,
 }
 
-impl<'a> Telling<'a> {
+impl<'a> Reporting<'a> {
     /// `decisions`: the number of decisions in all episodes that will be played.
     pub fn new(
         inner: &'a mut dyn Controller,
         observer: &'a dyn Observer,
         activity: Activity,
         decisions: usize,
-    ) -> Telling<'a> {
-        Telling { inner, observer, activity, decided: 0, all: decisions }
+    ) -> Reporting<'a> {
+        Reporting { inner, observer, activity, decided: 0, all: decisions }
     }
 }
 
-impl Controller for Telling<'_> {
+impl Controller for Reporting<'_> {
     fn decides(&self) -> bool {
         self.inner.decides()
     }
@@ -48,8 +48,8 @@ impl Controller for Telling<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::evaluation::play;
     use dials_core::domain::Domain;
-    use dials_learn::evaluation::play;
     use dials_testkit::toy::Coins;
     use std::cell::RefCell;
 
@@ -66,7 +66,7 @@ mod tests {
     fn a_long_episode_is_never_silent() {
         let mut coins = Coins::new(4).baseline("copy").unwrap();
         let shares = Shares(RefCell::default());
-        let mut controller = Telling::new(&mut *coins.controller, &shares, Activity::Evaluation, 8);
+        let mut controller = Reporting::new(&mut *coins.controller, &shares, Activity::Evaluation, 8);
         for episode in 0..2 {
             play(&mut *coins.simulator, &mut controller, Seed::new(3).for_episode(episode)).unwrap();
         }

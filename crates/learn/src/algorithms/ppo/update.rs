@@ -1,4 +1,4 @@
-//! Proximal policy optimisation: the update of all agents from a memory, by the loss of [`super::ppo_loss`].
+//! The update of all agents' policies from a memory, by the loss of [`super::loss`].
 //!
 //! Source: Schulman et al. 2017; constants: DIALS paper, appendix "Hyperparameters". As in the authors' code, learning
 //! rate and clip decay linearly, to 1e-10 and 1e-5, over the total steps.
@@ -9,10 +9,10 @@ use std::ops::Range;
 use std::time::Instant;
 
 use rand::seq::SliceRandom;
-use serde::{Deserialize, Serialize};
 
-use super::ppo_loss::{Losses, Weights, loss_and_gradient};
-use crate::policy::{Memory, PolicyStack, Sample};
+use super::loss::{Losses, Weights, loss_and_gradient};
+use super::memory::{Memory, Sample};
+use crate::policy::PolicyStack;
 use dials_config::PpoConfig;
 use dials_core::base::{Dice, Phase, Stopwatch};
 use stacknets::{Adam, Learner, Sequences, Trace};
@@ -20,7 +20,7 @@ use stacknets::{Adam, Learner, Sequences, Trace};
 /// The two settings that decay over a run.
 ///
 /// DEVIATION 20: the weight of the entropy bonus does not. In one version of the authors' code it falls to 1e-5.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Decayed {
     pub learning_rate: f64,
     pub clip: f64,

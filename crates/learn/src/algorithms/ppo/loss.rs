@@ -7,9 +7,8 @@
 //! - value loss: `max((v - R)^2, (v_old + clamp(v - v_old, -eps, eps) - R)^2)`, without a factor 1/2;
 //! - advantages are normalised per agent and minibatch, with the unbiased standard deviation and 1e-8.
 
-use serde::{Deserialize, Serialize};
-
-use crate::policy::{Sample, sampling};
+use super::memory::Sample;
+use crate::policy::sampling;
 
 /// Weights of the loss.
 #[derive(Clone, Copy, Debug)]
@@ -22,7 +21,7 @@ pub(super) struct Weights {
 }
 
 /// Means over the samples of an agent.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Losses {
     pub surrogate: f64,
     pub value: f64,

@@ -5,18 +5,25 @@
 //! Source: McMahan et al. 2017, algorithm 1 (FederatedAveraging), with all agents each time and equal weights. Here the
 //! moments of the optimisers are averaged, too.
 
-use super::state::AgentsState;
+use crate::algorithms;
+use crate::training::state::AgentsState;
+use dials_config::Config;
 use dials_core::base::{AgentId, Ragged};
 use dials_core::domain::Kinds;
 
-/// Gives all agents of a kind the mean of their policies, and of the moments of their optimisers.
+/// Gives all agents of a kind the mean of their policies, and of the tables of their learners that go with them.
 ///
 /// Where the values of an agent are no longer finite, those of its kind stay as they are. A mean would spread NaN to all of
-/// them, and the journal could not name the agent that diverged.
-pub fn average(agents: &mut AgentsState, kinds: &Kinds) {
-    let AgentsState { policies, moments, .. } = agents;
-    for table in [policies, &mut moments.first, &mut moments.second] {
-        kinds.iter().for_each(|kind| average_rows(table, &kind.agents));
+/// them, and nobody could name the agent that diverged.
+pub fn average(agents: &mut AgentsState, config: &Config, kinds: &Kinds) {
+    let steps = agents.steps;
+    for kind in kinds.iter() {
+        average_rows(&mut agents.policies, &kind.agents);
+        let layout = algorithms::of(config).layout(config, kind, steps);
+        for table in layout.numbers.iter().filter(|table| table.averaged) {
+            let rows = agents.learners.numbers.get_mut(table.name).expect("a learner has the tables of its layout");
+            average_rows(rows, &kind.agents);
+        }
     }
 }
 
@@ -35,7 +42,7 @@ fn average_rows(table: &mut Ragged<f32>, agents: &[AgentId]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::training::state::JointMoments;
+    use crate::algorithms::Tables;
     use dials_core::domain::Domain;
     use dials_testkit::toy::CoinsAndDice;
 
@@ -51,16 +58,22 @@ mod tests {
         let mut agents = AgentsState {
             steps: 128,
             policies: rows(1.0),
-            moments: JointMoments { first: rows(2.0), second: rows(3.0), steps: 12 },
+            learners: Tables {
+                numbers: [("first_moments", 2.0), ("second_moments", 3.0), ("states", 5.0)]
+                    .map(|(name, scale)| (name.to_owned(), rows(scale)))
+                    .into(),
+                ..Tables::default()
+            },
             aips: rows(4.0),
             ..AgentsState::nobody()
         };
-        average(&mut agents, domain.kinds());
+        average(&mut agents, &Config::default(), domain.kinds());
         let values = |table: &Ragged<f32>| table.iter().flatten().copied().collect::<Vec<_>>();
         assert_eq!(values(&agents.policies), means(1.0));
-        assert_eq!(values(&agents.moments.first), means(2.0));
-        assert_eq!(values(&agents.moments.second), means(3.0));
-        assert_eq!((agents.aips, agents.steps, agents.moments.steps), (rows(4.0), 128, 12));
+        assert_eq!(values(&agents.learners.numbers["first_moments"]), means(2.0));
+        assert_eq!(values(&agents.learners.numbers["second_moments"]), means(3.0));
+        assert_eq!(agents.learners.numbers["states"], rows(5.0), "hidden states are every agent's own");
+        assert_eq!((agents.aips, agents.steps), (rows(4.0), 128));
     }
 
     #[test]
