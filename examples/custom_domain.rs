@@ -13,9 +13,9 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use anyhow::Result;
-use dials_config::*;
 use dials_core::base::{AgentId, Dice, Ragged, Rows, Seed};
 use dials_core::domain::*;
+use dials_learn::config::*;
 use dials_learn::evaluation::Evaluation;
 use dials_learn::training::dials;
 use dials_learn::training::journal::Unrecorded;

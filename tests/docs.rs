@@ -476,10 +476,10 @@ fn config_keys() -> BTreeMap<String, Option<Value>> {
         fs::write(&path, text).unwrap();
         let required: Table = text.parse().unwrap();
         // Not loaded: a scenario has other defaults, in a file of their own.
-        let config: dials_config::Config = toml::from_str(text).unwrap();
-        let defaults: Table = dials_config::to_toml(&config).unwrap().parse().unwrap();
+        let config: dials_session::config::RunConfig = toml::from_str(text).unwrap();
+        let defaults: Table = dials_session::config::to_toml(&config).unwrap().parse().unwrap();
         let known = |table: &str| {
-            let error = dials_config::load(&path, &[format!("{table}no_such_key=1")]).unwrap_err();
+            let error = dials_session::config::load(&path, &[format!("{table}no_such_key=1")]).unwrap_err();
             expected_keys(&error.to_string())
         };
         let mut note = |key: String, default: Option<&Value>, required: bool| {

@@ -6,7 +6,7 @@ use super::fleet::Fleet;
 use super::journal::Journal;
 use super::observer::{Interrupted, Observer};
 use super::standing::Standing;
-use dials_config::{Config, rest_of_schedule};
+use crate::config::{Config, rest_of_schedule};
 use dials_core::domain::Result;
 
 /// Trains the policies of all agents as the config says, from their current state.

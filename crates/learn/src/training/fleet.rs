@@ -4,10 +4,10 @@ use super::answers::{FleetLoad, PolicyTraining};
 use super::collect::Purpose;
 use super::imitation::ImitationLoss;
 use super::state::AgentsState;
+use crate::config::Period;
 use crate::evaluation::Evaluation;
 use crate::influence::{AipLoss, Dataset, FreshLoss};
 use crate::policy::Demonstrations;
-use dials_config::Period;
 use dials_core::domain::Result;
 
 /// Workers that together own all agents. Results do not depend on the number of workers.

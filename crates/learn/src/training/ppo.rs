@@ -12,8 +12,8 @@ use rand::seq::SliceRandom;
 use serde::{Deserialize, Serialize};
 
 use super::ppo_loss::{Losses, Weights, loss_and_gradient};
+use crate::config::PpoConfig;
 use crate::policy::{Memory, PolicyStack, Sample};
-use dials_config::PpoConfig;
 use dials_core::base::{Dice, Phase, Stopwatch};
 use stacknets::{Adam, Learner, Sequences, Trace};
 
@@ -196,7 +196,7 @@ mod tests {
     use rand::Rng;
 
     use super::*;
-    use dials_config::PolicyConfig;
+    use crate::config::PolicyConfig;
     use dials_core::base::{AgentId, Seed};
     use dials_core::domain::{RegionSpec, SourceSpec};
 

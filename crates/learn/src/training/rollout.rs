@@ -3,8 +3,8 @@
 use super::environment::{Environment, Experience};
 use super::gae::advantages;
 use super::stream::{AgentStream, RowStream, rows_of, rows_of_mut};
+use crate::config::{PpoConfig, TimeLimit};
 use crate::policy::{Memory, PolicyStack, Sample, sampling};
-use dials_config::{PpoConfig, TimeLimit};
 use dials_core::base::{Dice, Phase, Rows, Stopwatch};
 use dials_core::domain::{Action, Percept, Result};
 use stacknets::States;
@@ -249,7 +249,7 @@ mod tests {
     use std::slice::from_ref;
 
     use super::*;
-    use dials_config::{Config, PolicyConfig};
+    use crate::config::{Config, PolicyConfig};
     use dials_core::base::{AgentId, Seed};
     use dials_core::domain::{RegionSpec, SourceSpec};
 

@@ -8,8 +8,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::config::Config;
 use crate::policy::PolicyStack;
-use dials_config::Config;
 use dials_core::base::{AgentId, Dice, RandomPurpose, Rows, Seed, scramble};
 use dials_core::domain::{Action, Percept};
 

@@ -17,9 +17,10 @@ use super::loss::Loss;
 use super::message::{Answer, Order, WorkerReport};
 use super::shares::{agents_of_workers, names_of};
 use super::task::{Frames, Task, tell_progress};
-use dials_config::{Config, Simulator};
+use crate::config::RunConfig;
 use dials_core::base::AgentId;
 use dials_core::domain::Domain;
+use dials_learn::config::Simulator;
 use dials_learn::training::answers::WorkerLoad;
 use dials_learn::training::fits::{Fit, Widths};
 use dials_learn::training::observer::{Interrupted, Observer};
@@ -50,7 +51,7 @@ pub struct Options {
 /// with several threads; the others help with evaluation.
 pub struct Coordinator<C: Crew> {
     pub(super) domain: Arc<dyn Domain>,
-    pub(super) config: Config,
+    pub(super) config: RunConfig,
     /// Sizes of what the workers say.
     widths: Widths,
     crew: C,
@@ -78,18 +79,21 @@ impl<C: Crew> Coordinator<C> {
     /// Starts the workers.
     pub fn start(
         domain: Arc<dyn Domain>,
-        config: &Config,
+        config: &RunConfig,
         crew: C,
         options: Options,
         observer: Rc<dyn Observer>,
     ) -> Result<Coordinator<C>> {
         let slot = |agents| Slot { agents, link: None, growth: Growth::default(), load: WorkerLoad::default() };
-        let prepared = if config.simulator == Simulator::Global { None } else { domain.prepare()? };
+        let prepared = if config.learning.simulator == Simulator::Global { None } else { domain.prepare()? };
         let mut fleet = Coordinator {
             prepared,
-            workers: agents_of_workers(config, domain.agents(), options.workers).into_iter().map(slot).collect(),
+            workers: agents_of_workers(&config.learning, domain.agents(), options.workers)
+                .into_iter()
+                .map(slot)
+                .collect(),
             agents: AgentsState::nobody(),
-            widths: Widths::of(config, domain.kinds()),
+            widths: Widths::of(&config.learning, domain.kinds()),
             domain,
             config: config.clone(),
             crew,
@@ -214,7 +218,7 @@ impl<C: Crew> Coordinator<C> {
     /// Returns an error if a message of a worker cannot be right.
     fn check(&self, worker: usize, report: &WorkerReport, open: &BTreeMap<usize, Task>) -> Result<()> {
         let agents = self.workers[worker].agents.clone();
-        let fit = Fit { config: &self.config, kinds: self.domain.kinds(), widths: &self.widths, agents };
+        let fit = Fit { config: &self.config.learning, kinds: self.domain.kinds(), widths: &self.widths, agents };
         Speaker(fit).check(report, open.get(&worker).map(|task| task.frames.expected))
     }
 
@@ -266,7 +270,7 @@ impl<C: Crew> Coordinator<C> {
         let begin = Order::Begin {
             config_json: serde_json::to_string(&self.config)?,
             agents: agents.map(AgentId).collect(),
-            threads: if self.config.simulator == Simulator::Global { self.options.threads } else { 1 },
+            threads: if self.config.learning.simulator == Simulator::Global { self.options.threads } else { 1 },
             prepared: self.prepared.clone(),
         };
         link.send(encode(&begin)?.into());

@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 
 use super::footprint::{CpuClock, footprint};
 use super::worker::Worker;
-use dials_config::{Config, Period};
 use dials_core::base::{Activity, AgentId, Timesheet};
 use dials_core::domain::{Domain, Result};
+use dials_learn::config::{Config, Period};
 use dials_learn::evaluation::Evaluation;
 use dials_learn::influence::{AipLoss, Dataset, FreshLoss};
 use dials_learn::policy::Demonstrations;

@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
-use dials_config::Period;
 use dials_core::base::{Activity, AgentId, Ragged};
+use dials_learn::config::Period;
 use dials_learn::evaluation::EpisodeReport;
 use dials_learn::influence::{AipLoss, Dataset, FreshLoss};
 use dials_learn::policy::{Demonstrations, JointPolicy};

@@ -12,8 +12,8 @@ use super::link::{Crew, Frame};
 use super::message::{Answer, Order};
 use super::shares::share;
 use super::task::Frames;
-use dials_config::Period;
 use dials_core::base::Activity;
+use dials_learn::config::Period;
 use dials_learn::evaluation::Evaluation;
 use dials_learn::influence::{AipLoss, Dataset, FreshLoss};
 use dials_learn::policy::Demonstrations;
@@ -77,7 +77,7 @@ impl<C: Crew> Fleet for Coordinator<C> {
 
     fn collect_demonstrations(&mut self, controller: &str) -> Result<Vec<Demonstrations>> {
         self.observer.busy(Activity::Collection, 0.0);
-        let episodes = self.config.imitation.episodes(self.domain.kinds().horizon());
+        let episodes = self.config.learning.imitation.episodes(self.domain.kinds().horizon());
         let order = |episodes| Order::Demonstrate { controller: controller.to_owned(), episodes };
         let shares = self.shares(episodes).into_iter();
         let orders = shares.map(|(worker, share)| Ok((worker, Frames::of(&order(share))?))).collect::<Result<_>>()?;
@@ -106,10 +106,10 @@ impl<C: Crew> Fleet for Coordinator<C> {
     }
 
     fn collect_datasets(&mut self, purpose: Purpose) -> Result<Vec<Dataset>> {
-        self.observer.busy(purpose.activity(&self.config), 0.0);
+        self.observer.busy(purpose.activity(&self.config.learning), 0.0);
         let horizon = self.domain.kinds().horizon();
         let order = |episodes| Order::Collect { purpose, episodes };
-        let orders = self.by_episode(purpose.episodes(&self.config, horizon), order)?;
+        let orders = self.by_episode(purpose.episodes(&self.config.learning, horizon), order)?;
         let collected = self.ask(orders, Stop::AtOnce, |_, _, answer| match answer {
             Answer::Collected(parts) => parts,
             other => unreachable!("`expected` lets only datasets pass, not {other:?}"),

@@ -11,7 +11,7 @@ use super::channel::{receive, send};
 use super::footprint::{CpuClock, footprint, resident_kib};
 use super::message::{Answer, Order, WorkerReport};
 use super::worker::Worker;
-use dials_config::Config;
+use crate::config::RunConfig;
 use dials_core::base::Activity;
 use dials_core::domain::Domain;
 use dials_learn::policy::JointPolicy;
@@ -25,7 +25,7 @@ const REPORT_EVERY: Duration = Duration::from_millis(100);
 /// Does what the coordinator at the other end of `stream` orders, until the stream ends.
 ///
 /// `open_domain` makes the domain of a config, because this room does not know which domains there are.
-pub fn serve(stream: impl Read + Write, open_domain: impl FnOnce(&Config) -> Result<Arc<dyn Domain>>) -> Result<()> {
+pub fn serve(stream: impl Read + Write, open_domain: impl FnOnce(&RunConfig) -> Result<Arc<dyn Domain>>) -> Result<()> {
     let reporter = Reporter {
         stream: RefCell::new(stream),
         last: Cell::new(Instant::now()),
@@ -37,7 +37,7 @@ pub fn serve(stream: impl Read + Write, open_domain: impl FnOnce(&Config) -> Res
     let Order::Begin { config_json, agents, threads, prepared } = order else {
         bail!("the first order must be to begin")
     };
-    let config: Config = serde_json::from_str(&config_json)?;
+    let config: RunConfig = serde_json::from_str(&config_json)?;
     // A line for the log. If it cannot be written, the work continues.
     let owned = match agents.first().zip(agents.last()) {
         Some((first, last)) => format!("owns agents {first} to {last}"),
@@ -46,7 +46,7 @@ pub fn serve(stream: impl Read + Write, open_domain: impl FnOnce(&Config) -> Res
     let _ = writeln!(std::io::stderr(), "process {} {owned}", std::process::id());
     let domain = open_domain(&config)?;
     prepared.map_or(Ok(()), |prepared| domain.take_prepared(&prepared))?;
-    let mut worker = Worker::new(domain, &config, agents, &Threads::new(threads)?);
+    let mut worker = Worker::new(domain, &config.learning, agents, &Threads::new(threads)?);
     reporter.done(Answer::Ready, &mut worker)?;
     let mut policies = None;
     while let Some(order) = reporter.next_order()? {

@@ -9,9 +9,9 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::telling::Telling;
-use dials_config::{Config, Period, Simulator};
 use dials_core::base::{Activity, AgentId, Phase, Ragged, RandomPurpose, Seed, Stopwatch, Timesheet, Work};
 use dials_core::domain::{Baseline, Controller, Domain, GlobalSimulator, Result};
+use dials_learn::config::{Config, Period, Simulator};
 use dials_learn::evaluation::{EpisodeReport, episode_seed, play};
 use dials_learn::influence::{AipLoss, Dataset, FreshLoss};
 use dials_learn::policy::{Demonstrations, JointPolicy, JointPolicyController, Selection};

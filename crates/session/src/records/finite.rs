@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 
-use dials_config::Config;
+use crate::config::RunConfig;
 use dials_core::base::Ragged;
 use dials_learn::influence::AipLoss;
 use dials_learn::training::answers::PolicyTraining;
@@ -16,10 +16,10 @@ pub struct Diverged(String);
 
 /// Returns an error that names the first agent whose policy has diverged. `begun`: timesteps per agent at the beginning
 /// of the period.
-pub fn check_policies(training: &PolicyTraining, state: &AgentsState, config: &Config, begun: u64) -> Result<()> {
+pub fn check_policies(training: &PolicyTraining, state: &AgentsState, config: &RunConfig, begun: u64) -> Result<()> {
     // At first only the critic learns, with the learning rate of the imitation.
-    let critic_alone = |step| step < config.critic_steps();
-    let key = match (critic_alone(begun), critic_alone(state.steps.saturating_sub(config.ppo.memory as u64))) {
+    let critic_alone = |step| step < config.learning.critic_steps();
+    let key = match (critic_alone(begun), critic_alone(state.steps.saturating_sub(config.learning.ppo.memory as u64))) {
         (_, true) => "imitation.learning_rate",
         (true, false) => "imitation.learning_rate or ppo.learning_rate",
         (false, false) => "ppo.learning_rate",

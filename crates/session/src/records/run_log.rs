@@ -205,8 +205,8 @@ mod tests {
     use std::fs;
     use std::path::{Path, PathBuf};
 
+    use crate::config::RunConfig;
     use crate::records::joint_layout::JointLayout;
-    use dials_config::{Config, PolicyConfig};
     use dials_core::base::Ragged;
     use dials_core::domain::Domain;
     use dials_learn::influence::AipLoss;
@@ -238,7 +238,7 @@ mod tests {
     #[test]
     fn learning_that_diverged_is_not_written_over_what_was_good() {
         let dir = tempfile::tempdir().unwrap();
-        let config: Config = toml::from_str("warehouse = { agents_per_side = 2 }").unwrap();
+        let config: RunConfig = toml::from_str("warehouse = { agents_per_side = 2 }").unwrap();
         let coins = Coins::new(1);
         let layout = || JointLayout::new(coins.kinds(), |_| Layout::new(vec![("w".to_owned(), vec![2])]));
         let layouts = Layouts { policies: layout(), aips: layout() };
@@ -262,11 +262,11 @@ mod tests {
         }
         // After an imitation the critic learns alone at first, with the rate of the imitation.
         let (training, mut agents_now) = period([1.0, 2.0, f32::NAN, 4.0], 0.5);
-        let imitates =
-            Config { policy: PolicyConfig { imitate: Some("a".to_owned()), ..config.policy.clone() }, ..config };
+        let mut imitates = config.clone();
+        imitates.learning.policy.imitate = Some("a".to_owned());
         let error = check_policies(&training, &agents_now, &imitates, 0).unwrap_err().to_string();
         assert!(error.contains("lower imitation.learning_rate and begin"), "{error}");
-        agents_now.steps = imitates.critic_steps() + 1280;
+        agents_now.steps = imitates.learning.critic_steps() + 1280;
         let error = check_policies(&training, &agents_now, &imitates, 0).unwrap_err().to_string();
         assert!(error.contains("lower imitation.learning_rate or ppo.learning_rate"), "{error}");
         let loss = AipLoss {

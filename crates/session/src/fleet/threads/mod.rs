@@ -16,8 +16,9 @@ use self::crew::{Fate, FateAt, ThreadCrew};
 use super::bell::Bell;
 use super::inline::InlineFleet;
 use super::{Coordinator, MostGrowth, Options};
-use dials_config::{Config, PolicyConfig, Predictor, Simulator};
+use crate::config::RunConfig;
 use dials_core::domain::Domain;
+use dials_learn::config::{Config, PolicyConfig, Predictor, Simulator};
 use dials_learn::evaluation::Evaluation;
 use dials_learn::training::answers::{FleetLoad, PolicyTraining};
 use dials_learn::training::dials;
@@ -63,7 +64,6 @@ const NEVER: MostGrowth = MostGrowth { kib: u64::MAX, share: 0.0 };
 fn config() -> Config {
     toml::from_str(
         "total_steps = 500\n\
-         traffic = { network = 'none', local_network = 'none' }\n\
          local_simulators = { copies = 2, stagger = true }\n\
          policy = { hidden = [8] }\n\
          ppo = { time_limit = 'bootstrap' }\n\
@@ -100,10 +100,11 @@ fn train_as(config: &Config, crew: ThreadCrew) -> (Result<AgentsState, String>, 
     let (domain, warnings) = (crew.domain.clone(), Rc::new(Warnings::default()));
     let (workers, most_growth) = (crew.fates.len(), crew.most_growth);
     let options = Options { workers, threads: workers, patience: PATIENCE, most_growth };
-    let outcome = Coordinator::start(domain, config, crew, options, warnings.clone()).and_then(|mut fleet| {
-        dials::train(config, &mut fleet, Standing::default(), &mut Unrecorded, &*warnings)?;
-        Ok(fleet.agents().clone())
-    });
+    let outcome = Coordinator::start(domain, &RunConfig::from(config.clone()), crew, options, warnings.clone())
+        .and_then(|mut fleet| {
+            dials::train(config, &mut fleet, Standing::default(), &mut Unrecorded, &*warnings)?;
+            Ok(fleet.agents().clone())
+        });
     (outcome.map_err(|error| format!("{error:#}")), warnings.0.take())
 }
 
@@ -185,7 +186,8 @@ fn training_goes_on_from_a_state_with_workers_that_run_or_are_started_again() {
     for can_replace in [true, false] {
         let options = Options { workers: 2, threads: 2, patience: PATIENCE, most_growth: NEVER };
         let crew = crew(can_replace, [&[], &[]]);
-        let mut fleet = Coordinator::start(coins(), &config(), crew, options, Rc::new(Silent)).unwrap();
+        let mut fleet =
+            Coordinator::start(coins(), &RunConfig::from(config()), crew, options, Rc::new(Silent)).unwrap();
         fleet.restore(agents.clone()).unwrap();
         dials::train(&config(), &mut fleet, standing, &mut Unrecorded, &Silent).unwrap();
         assert!(*fleet.agents() == expected, "can_replace: {can_replace}");

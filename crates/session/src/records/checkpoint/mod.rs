@@ -26,8 +26,8 @@ use serde_json::Value;
 
 use super::files;
 use super::growing::Mark;
+use crate::config::resume::{from_json, to_json};
 use content::{OtherFormat, Part, seal, unseal};
-use dials_config::resume::{from_json, to_json};
 use dials_core::base::Ragged;
 use dials_core::outside::Directory;
 use dials_learn::training::fits::{Fit, Widths, check_standing};
@@ -167,7 +167,7 @@ impl Checkpoint {
         })?;
         owner.check(&config, &scenario, progress.standing.until)?;
 
-        let widths = Widths::of(&owner.config, &owner.kinds);
+        let widths = Widths::of(&owner.config.learning, &owner.kinds);
         let Widths { policies, aips } = &widths;
         let table = |index: usize, widths: &[usize]| rows_of(TABLES[index], parts[index], widths);
         let moments = JointMoments { first: table(1, policies)?, second: table(2, policies)?, steps: optimiser_steps };
@@ -175,9 +175,9 @@ impl Checkpoint {
             .context("the state of training cannot be read")?;
         ensure!(rest.is_empty(), "it has {} bytes after the state of training", rest.len());
         let agents = AgentsState { steps, policies: table(0, policies)?, moments, aips: table(3, aips)?, streams };
-        check_standing(&progress.standing, &agents, progress.elapsed_s, &config)?;
+        check_standing(&progress.standing, &agents, progress.elapsed_s, &config.learning)?;
         let everybody = 0..owner.kinds.agents();
-        let fit = Fit { config: &config, kinds: &owner.kinds, widths: &widths, agents: everybody };
+        let fit = Fit { config: &config.learning, kinds: &owner.kinds, widths: &widths, agents: everybody };
         fit.check(&agents)?;
         fit.check_numbers(&agents)?;
         let unknown = progress.growing.keys().find(|name| !files::GROWING.contains(&name.as_str()));
@@ -245,7 +245,7 @@ mod tests {
     #[test]
     fn the_newest_three_are_kept_and_files_of_other_names_are_left_alone() {
         let dir = tempfile::tempdir().unwrap();
-        let owner = Owner::of(&dials_config::Config::default(), &Coins::new(4)).unwrap();
+        let owner = Owner::of(&crate::config::RunConfig::default(), &Coins::new(4)).unwrap();
         let folder = Directory::open(dir.path()).unwrap();
         let strangers = ["best.safetensors", "step_1.safetensors", "step_old_copy.safetensors"];
         strangers.iter().for_each(|name| std::fs::write(dir.path().join(name), "mine").unwrap());
@@ -270,7 +270,7 @@ mod tests {
     #[test]
     fn a_damaged_checkpoint_says_whether_there_is_one_before_it() {
         let dir = tempfile::tempdir().unwrap();
-        let owner = Owner::of(&dials_config::Config::default(), &Coins::new(4)).unwrap();
+        let owner = Owner::of(&crate::config::RunConfig::default(), &Coins::new(4)).unwrap();
         let folder = Directory::open(dir.path()).unwrap();
         [128, 256].iter().for_each(|&steps| std::fs::write(dir.path().join(name_of(steps)), "mine").unwrap());
         let told = |steps| format!("{:#}", Checkpoint::read(&folder, &name_of(steps), &owner).err().unwrap());
@@ -298,9 +298,9 @@ mod tests {
 
     #[test]
     fn the_limit_of_a_file_leaves_room_for_all_that_a_run_can_hold() {
-        let config: dials_config::Config = toml::from_str("local_simulators.copies = 4\n").unwrap();
+        let config: crate::config::RunConfig = toml::from_str("local_simulators.copies = 4\n").unwrap();
         let owner = Owner::of(&config, &Coins::new(300)).unwrap();
-        let Widths { policies, aips } = Widths::of(&config, &owner.kinds);
+        let Widths { policies, aips } = Widths::of(&config.learning, &owner.kinds);
         let values: usize = 3 * policies.iter().sum::<usize>() + aips.iter().sum::<usize>();
         let streams = owner.kinds.agents() * 4 * 300;
         assert!(most_bytes(&owner) > (4 * values + streams) as u64);

@@ -1,17 +1,20 @@
 //! The table `[traffic]` for a grid.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
-use anyhow::{Result, ensure};
+use anyhow::ensure;
 use serde::{Deserialize, Serialize};
 
-use super::domain::DomainTable;
 use super::reward::{Reward, RewardTerm};
 use super::scenario::Observation;
+use crate::Traffic;
+use dials_core::domain::{Domain, DomainTable, Result};
 
 /// Settings of the traffic domain for a grid. GS: global simulator; LS: local simulator; AIP: approximate influence
 /// predictor.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct TrafficConfig {
     /// Grid that the GS simulates: its path without `.net.xml`, relative to the config file.
     pub network: PathBuf,
@@ -42,6 +45,12 @@ pub struct TrafficConfig {
     /// What controls a light in an episode until its agent's first switch.
     #[serde(skip_serializing_if = "UntilFirstSwitch::is_agent")]
     pub until_first_switch: UntilFirstSwitch,
+}
+
+impl Default for TrafficConfig {
+    fn default() -> Self {
+        TrafficConfig::new("", "")
+    }
 }
 
 impl TrafficConfig {
@@ -128,10 +137,6 @@ impl UntilFirstSwitch {
 const MAX_CLOCK: usize = 300;
 
 impl DomainTable for TrafficConfig {
-    fn name(&self) -> &'static str {
-        "traffic"
-    }
-
     fn horizon(&self) -> usize {
         self.horizon
     }
@@ -156,5 +161,8 @@ impl DomainTable for TrafficConfig {
 
     fn local_keys(&self) -> &'static [&'static str] {
         &["local_network", "d_set", "entry"]
+    }
+    fn open(&self) -> Result<Arc<dyn Domain>> {
+        Ok(Arc::new(Traffic::open(self)?))
     }
 }

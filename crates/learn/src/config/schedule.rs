@@ -105,13 +105,12 @@ fn trains(config: &Config, start: u64, end: u64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Predictor, Simulator};
+    use crate::config::{Predictor, Simulator};
 
     fn config(simulator: &str, total: u64, retrain: u64, evaluate: u64) -> Config {
         toml::from_str(&format!(
             "simulator = '{simulator}'\ntotal_steps = {total}\n\
-             aip.retrain_every_steps = {retrain}\nevaluation.every_steps = {evaluate}\nppo.memory = 10\n\
-             [traffic]\nnetwork = 'n'\nlocal_network = 'l'"
+             aip.retrain_every_steps = {retrain}\nevaluation.every_steps = {evaluate}\nppo.memory = 10"
         ))
         .unwrap()
     }

@@ -1,17 +1,20 @@
 //! The table `[traffic]` for a scenario: a .sumocfg of the user instead of a grid of ours.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
 use serde::{Deserialize, Serialize};
 
-use super::domain::DomainTable;
 use super::reward::Reward;
 use super::sumocfg::{MOST_SECONDS, Sumocfg};
 use super::yellow::Yellow;
+use crate::Traffic;
+use dials_core::domain::{Domain, DomainTable};
 
 /// Settings of the traffic domain for a scenario. A decision is a step of the domain.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct ScenarioConfig {
     /// Path of the .sumocfg, relative to the config file.
     pub scenario: PathBuf,
@@ -58,6 +61,12 @@ const APPROACH_M: std::ops::RangeInclusive<f64> = 10.0..=1000.0;
 /// Largest number of decisions of an episode, as in the check of a horizon.
 const MOST_DECISIONS: u64 = 1_000_000;
 
+impl Default for ScenarioConfig {
+    fn default() -> Self {
+        ScenarioConfig::new("")
+    }
+}
+
 impl ScenarioConfig {
     /// Returns the settings of a config that names nothing but its scenario.
     pub fn new(scenario: impl Into<PathBuf>) -> ScenarioConfig {
@@ -79,20 +88,9 @@ impl ScenarioConfig {
     /// Returns the settings of a .sumocfg that is taken as it is.
     pub fn of_file(scenario: &Path) -> Result<ScenarioConfig> {
         let mut config = ScenarioConfig::new(scenario);
-        config.fill_in()?;
+        config.complete()?;
         config.check()?;
         Ok(config)
-    }
-
-    /// Reads the times that the config does not name from the .sumocfg.
-    pub(super) fn fill_in(&mut self) -> Result<()> {
-        if self.begin_s.is_some() && self.end_s.is_some() {
-            return Ok(());
-        }
-        let file = Sumocfg::read(&self.scenario)?;
-        self.begin_s = self.begin_s.or(Some(file.begin_s));
-        self.end_s = self.end_s.or(file.end_s);
-        Ok(())
     }
 
     /// Returns the seconds at which an episode begins and ends. An error names the key of the one that is missing.
@@ -113,10 +111,6 @@ impl ScenarioConfig {
 }
 
 impl DomainTable for ScenarioConfig {
-    fn name(&self) -> &'static str {
-        "traffic"
-    }
-
     /// Returns the number of whole decisions from begin to end.
     fn horizon(&self) -> usize {
         let (begin, end) = self.window_s().expect("a checked config has both");
@@ -163,6 +157,24 @@ impl DomainTable for ScenarioConfig {
     fn paths(&mut self) -> Vec<(&'static str, &mut PathBuf)> {
         let agents = self.agents.as_mut().map(|path| ("agents", path));
         [("scenario", &mut self.scenario)].into_iter().chain(agents).collect()
+    }
+    fn defaults(&self) -> &'static str {
+        include_str!("scenario_defaults.toml")
+    }
+
+    /// Reads the times that the config does not name from the .sumocfg.
+    fn complete(&mut self) -> Result<()> {
+        if self.begin_s.is_some() && self.end_s.is_some() {
+            return Ok(());
+        }
+        let file = Sumocfg::read(&self.scenario)?;
+        self.begin_s = self.begin_s.or(Some(file.begin_s));
+        self.end_s = self.end_s.or(file.end_s);
+        Ok(())
+    }
+
+    fn open(&self) -> Result<Arc<dyn Domain>> {
+        Ok(Arc::new(Traffic::open_scenario(self)?))
     }
 }
 

@@ -1,9 +1,12 @@
 //! The table `[warehouse]`.
 
-use anyhow::{Result, ensure};
+use std::sync::Arc;
+
+use anyhow::ensure;
 use serde::{Deserialize, Serialize};
 
-use super::domain::DomainTable;
+use super::Warehouse;
+use dials_core::domain::{Domain, DomainTable, Result};
 
 /// Largest side. A larger one is a typing error and would need more memory than any machine has.
 const MOST_PER_SIDE: usize = 100;
@@ -24,10 +27,6 @@ fn default_horizon() -> usize {
 }
 
 impl DomainTable for WarehouseConfig {
-    fn name(&self) -> &'static str {
-        "warehouse"
-    }
-
     fn horizon(&self) -> usize {
         self.horizon
     }
@@ -37,5 +36,8 @@ impl DomainTable for WarehouseConfig {
         ensure!(side >= 1, "warehouse.agents_per_side = {side}: must be at least 1 (the paper uses 2, 5, 7 and 10)");
         ensure!(side <= MOST_PER_SIDE, "warehouse.agents_per_side = {side}: must be at most {MOST_PER_SIDE}");
         Ok(())
+    }
+    fn open(&self) -> Result<Arc<dyn Domain>> {
+        Ok(Arc::new(Warehouse::new(self)))
     }
 }

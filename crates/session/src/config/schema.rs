@@ -3,7 +3,7 @@
 
 use serde_json::{Map, Value, json};
 
-const PAGE: &str = include_str!("../../../docs/configuration.md");
+const PAGE: &str = include_str!("../../../../docs/configuration.md");
 
 /// Keys whose type no default shows, because they have none or are required. Others of these that are in neither list are
 /// whole numbers.

@@ -6,7 +6,8 @@ use std::path::PathBuf;
 use anyhow::Result;
 use serde_json::Value;
 
-use super::{Config, DomainConfig, Retrain, check};
+use super::RunConfig;
+use dials_learn::config::Retrain;
 
 /// A key of the config that may change when a run is resumed, because the trained policies do not depend on it.
 #[derive(Debug)]
@@ -48,17 +49,17 @@ pub struct Difference {
 }
 
 /// Returns a config as JSON. The paths of the domain's files are empty: a run directory may be moved.
-pub fn to_json(config: &Config) -> Value {
+pub fn to_json(config: &RunConfig) -> Value {
     let mut config = config.clone();
-    config.domain.iter_mut().flat_map(DomainConfig::paths).for_each(|(_, path)| *path = PathBuf::new());
+    config.domain.iter_mut().flat_map(|domain| domain.table_mut().paths()).for_each(|(_, path)| *path = PathBuf::new());
     serde_json::to_value(config).expect("a config without paths is plain data")
 }
 
 /// Reads and checks a config of [`to_json`]. A key that an older version did not have gets its default; a key that this
 /// version does not have is an error.
-pub fn from_json(json: Value) -> Result<Config> {
-    let config: Config = serde_json::from_value(json)?;
-    check::check(&config)?;
+pub fn from_json(json: Value) -> Result<RunConfig> {
+    let config: RunConfig = serde_json::from_value(json)?;
+    config.check()?;
     Ok(config)
 }
 
@@ -74,8 +75,8 @@ pub fn with_end(text: &str, stop_at_steps: u64) -> String {
 
 /// Lists the differences that forbid a run that was trained with `then` to continue with `now`, in the order of their
 /// keys. The contents of the domain's files are compared elsewhere.
-pub fn differences(then: &Config, now: &Config) -> Vec<Difference> {
-    let drift = now.simulator.trains_predictors() && now.aip.retrain == Retrain::Drift;
+pub fn differences(then: &RunConfig, now: &RunConfig) -> Vec<Difference> {
+    let drift = now.learning.simulator.trains_predictors() && now.learning.aip.retrain == Retrain::Drift;
     let may_change =
         |key: &str| CHANGEABLE.iter().any(|changeable| changeable.key == key && !(changeable.fixed_by_drift && drift));
     let mut differing = differing(&to_json(then), &to_json(now));
@@ -111,10 +112,11 @@ fn flatten(key: &str, json: &Value, values: &mut BTreeMap<String, Value>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use dials_learn::config::{Predictor, Simulator};
     use serde_json::json;
 
     /// Returns a config of the traffic domain in which every key has a value.
-    fn config() -> Config {
+    fn config() -> RunConfig {
         toml::from_str(
             "stop_at_steps = 900_000\npolicy = { recurrent = 8, average_every_steps = 1000 }\nppo.max_gradient_norm = 0.75\n\
              aip = { recurrent = 8, batch = 8, patience = 3 }\ncheckpoints = { every_steps = 1000 }\n[traffic]\n\
@@ -154,12 +156,12 @@ mod tests {
 
     #[test]
     fn every_key_is_either_in_the_list_or_refused_by_its_name() {
-        let warehouse: Config = toml::from_str("[warehouse]\nagents_per_side = 2\n").unwrap();
+        let warehouse: RunConfig = toml::from_str("[warehouse]\nagents_per_side = 2\n").unwrap();
         let mut keys = BTreeMap::new();
-        let scenario: Config =
+        let scenario: RunConfig =
             toml::from_str("[traffic]\nscenario = 's'\nagents = 'a'\nbegin_s = 0\nend_s = 60\n").unwrap();
         let mut imitating = warehouse.clone();
-        imitating.policy.imitate = Some("oldest-item".to_owned());
+        imitating.learning.policy.imitate = Some("oldest-item".to_owned());
         for original in [config(), scenario, warehouse, imitating] {
             let json = to_json(&original);
             let mut values = BTreeMap::new();
@@ -170,7 +172,7 @@ mod tests {
                     continue;
                 }
                 let new = changed(&key, &value);
-                let now: Config = serde_json::from_value(with(&json, &key, new.clone())).unwrap();
+                let now: RunConfig = serde_json::from_value(with(&json, &key, new.clone())).unwrap();
                 // These defaults are left out.
                 let is_left_out = ["traffic.clock_offsets", "traffic.until_first_switch"].contains(&key.as_str());
                 let now_there = (!is_left_out).then_some(new);
@@ -194,19 +196,23 @@ mod tests {
     #[test]
     fn with_drift_the_evaluations_that_decide_must_stay() {
         let mut then = config();
-        then.aip.retrain = Retrain::Drift;
-        then.evaluation.aip_loss_episodes = 4;
+        then.learning.aip.retrain = Retrain::Drift;
+        then.learning.evaluation.aip_loss_episodes = 4;
         let mut now = then.clone();
-        (now.evaluation.every_steps, now.evaluation.episodes, now.evaluation.aip_loss_episodes) = (50_000, 1, 5);
-        now.stop_at_steps = None;
-        let keys = |then: &Config, now: &Config| -> Vec<String> {
+        (
+            now.learning.evaluation.every_steps,
+            now.learning.evaluation.episodes,
+            now.learning.evaluation.aip_loss_episodes,
+        ) = (50_000, 1, 5);
+        now.learning.stop_at_steps = None;
+        let keys = |then: &RunConfig, now: &RunConfig| -> Vec<String> {
             differences(then, now).into_iter().map(|difference| difference.key).collect()
         };
-        now.checkpoints.every_steps = None;
+        now.learning.checkpoints.every_steps = None;
         assert_eq!(keys(&then, &now), ["evaluation.aip_loss_episodes", "evaluation.every_steps"]);
         // Predictors that are never trained do not drift.
         for config in [&mut then, &mut now] {
-            config.simulator = crate::Simulator::Local(crate::Predictor::Untrained);
+            config.learning.simulator = Simulator::Local(Predictor::Untrained);
         }
         assert_eq!(keys(&then, &now), [""; 0]);
     }
@@ -218,7 +224,7 @@ mod tests {
         json["ppo"].as_object_mut().unwrap().remove("clip");
         assert_eq!(differences(&from_json(json.clone()).unwrap(), &config()), []);
         let mut now = config();
-        now.ppo.clip = 0.2;
+        now.learning.ppo.clip = 0.2;
         let [difference] = &differences(&from_json(json.clone()).unwrap(), &now)[..] else { panic!("one differs") };
         assert_eq!((&difference.then, &difference.now), (&Some(json!(0.1)), &Some(json!(0.2))));
         json["ppo"]["klip"] = json!(1);
@@ -230,10 +236,10 @@ mod tests {
     fn numbers_come_back_from_json_to_the_last_bit() {
         let mut config = config();
         for index in 1..2000_u64 {
-            config.ppo.learning_rate = f64::from_bits(dials_core::base::scramble(index) >> 12 | 1022 << 52);
+            config.learning.ppo.learning_rate = f64::from_bits(dials_core::base::scramble(index) >> 12 | 1022 << 52);
             let text = to_json(&config).to_string();
             let again = from_json(serde_json::from_str(&text).unwrap()).unwrap();
-            assert_eq!(again.ppo.learning_rate.to_bits(), config.ppo.learning_rate.to_bits());
+            assert_eq!(again.learning.ppo.learning_rate.to_bits(), config.learning.ppo.learning_rate.to_bits());
         }
     }
 

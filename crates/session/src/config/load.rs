@@ -5,61 +5,63 @@ use std::path::Path;
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use toml::{Table, Value};
 
-use super::renamed::rename;
-use super::{Config, DomainConfig, check};
+use super::RunConfig;
 use dials_core::outside::{in_plain_words, read_text};
 
 /// Largest config file. One with every key has three kibibytes.
 pub const LARGEST_FILE: u64 = 1 << 20;
 
-/// Defaults of a config that names a scenario. A .sumocfg stands for one that names nothing else.
-const SCENARIO_DEFAULTS: &str = include_str!("scenario_defaults.toml");
-
 /// Reads `path`, applies the settings of `--set key=value`, and checks the result.
 ///
 /// Relative paths in the config are relative to the folder of the config file, and those of `settings` to the current
 /// folder.
-pub fn load(path: &Path, settings: &[String]) -> Result<Config> {
+pub fn load(path: &Path, settings: &[String]) -> Result<RunConfig> {
     let config = read(path, settings)?;
-    check::check_domain(&config).map_err(|error| anyhow!("{}: {error}", path.display()))?;
+    ensure!(
+        config.domain.is_some(),
+        "{}: no domain: add a table [traffic] or [warehouse], as the files under configs/ do",
+        path.display()
+    );
     Ok(config)
 }
 
 /// Reads the config in a run directory. Unlike a config for [`load`] it may have no domain: then the run simulated a
 /// domain that does not come from a config.
-pub fn load_kept(path: &Path) -> Result<Config> {
+pub fn load_kept(path: &Path) -> Result<RunConfig> {
     read(path, &[])
 }
 
-fn read(path: &Path, settings: &[String]) -> Result<Config> {
+fn read(path: &Path, settings: &[String]) -> Result<RunConfig> {
     let is_scenario = path.extension().is_some_and(|extension| extension == "sumocfg");
     let mut table = if is_scenario { naming(path)? } else { table_in(path)? };
     let mut given = Table::new();
     settings.iter().try_for_each(|setting| lay_over(&mut given, setting))?;
-    if [&table, &given].into_iter().any(|table| has(table, "traffic", "scenario")) {
-        fill_in_for_a_scenario(&mut table, &given);
+    // Only a first reading says which domain it is, whose defaults stand for what the file leaves out.
+    let mut config = with(table.clone(), settings)?;
+    let defaults = config.domain.as_ref().map_or("", |domain| domain.table().defaults());
+    if !defaults.is_empty() {
+        add_defaults(&mut table, &given, defaults);
+        config = with(table, settings)?;
     }
-    for setting in settings {
-        lay_over(&mut table, setting)?;
-        rename(&mut table).map_err(|error| anyhow!("--set {setting}: {error}"))?;
-    }
-    // ... and then with the settings, whose errors name the key instead.
-    let mut config: Config = serde_path_to_error::deserialize(Value::Table(table))
-        .map_err(|error| anyhow!("--set: {}{}", place_of(&error), in_plain_words(error.inner().to_string().trim())))?;
     let folder = path.parent().unwrap_or(Path::new("."));
     if let Some(domain) = &mut config.domain {
-        let table = domain.name();
-        for (key, file) in domain.paths() {
-            if !has(&given, table, key) {
+        let name = domain.name();
+        for (key, file) in domain.table_mut().paths() {
+            if !has(&given, name, key) {
                 *file = folder.join(&file);
             }
         }
+        domain.table_mut().complete()?;
     }
-    if let Some(DomainConfig::Scenario(table)) = &mut config.domain {
-        table.fill_in()?;
-    }
-    check::check(&config).map_err(|error| anyhow!("{}: {error}", path.display()))?;
+    config.check().map_err(|error| anyhow!("{}: {error}", path.display()))?;
     Ok(config)
+}
+
+/// Returns a config with the settings laid over it. Errors name the key: the text was read before.
+fn with(mut table: Table, settings: &[String]) -> Result<RunConfig> {
+    settings.iter().try_for_each(|setting| lay_over(&mut table, setting))?;
+    serde_path_to_error::deserialize(Value::Table(table))
+        .map_err(|error| anyhow!("--set: {}{}", place_of(&error), in_plain_words(error.inner().to_string().trim())))
 }
 
 /// Returns an error if `path` is clearly something else than a config. `text`: its contents.
@@ -91,12 +93,9 @@ fn table_in(path: &Path) -> Result<Table> {
     let text = read_text(path, LARGEST_FILE).with_context(|| format!("{}: cannot be read", path.display()))?;
     check_is_config(path, &text)?;
     let in_file = |error: &dyn std::fmt::Display| anyhow!("{}: {}", path.display(), in_plain_words(&error.to_string()));
-    let mut table: Table = toml::from_str(&text).map_err(|error| in_file(&error))?;
-    if !rename(&mut table).map_err(|error| in_file(&error))? {
-        // Parsed first without the settings, because only these errors contain the line number ...
-        let _: Config = toml::from_str(&text).map_err(|error| in_file(&error))?;
-    }
-    Ok(table)
+    // Read first without the settings, because only these errors contain the line number.
+    let _: RunConfig = toml::from_str(&text).map_err(|error| in_file(&error))?;
+    toml::from_str(&text).map_err(|error| in_file(&error))
 }
 
 /// Returns a config that names nothing but a .sumocfg.
@@ -112,9 +111,9 @@ fn has(config: &Table, table: &str, key: &str) -> bool {
     config.get(table).and_then(|table| table.get(key)).is_some()
 }
 
-/// Adds the keys that a config leaves out, with their defaults for a scenario. `given`: the keys of `--set`.
-fn fill_in_for_a_scenario(table: &mut Table, given: &Table) {
-    let mut defaults: Table = SCENARIO_DEFAULTS.parse().expect("a test reads it");
+/// Adds the keys that a config leaves out, with the defaults of its domain. `given`: the keys of `--set`.
+fn add_defaults(table: &mut Table, given: &Table, defaults: &str) {
+    let mut defaults: Table = defaults.parse().expect("a test reads it");
     // Patience cannot be written as "none". Who names the epochs and no patience wants all of them; so does the kept
     // config of such a run.
     if [&*table, given].into_iter().any(|table| has(table, "aip", "epochs"))
@@ -142,7 +141,7 @@ fn place_of<E>(error: &serde_path_to_error::Error<E>) -> String {
 }
 
 /// Returns the config as the text of a config file.
-pub fn to_toml(config: &Config) -> Result<String> {
+pub fn to_toml(config: &RunConfig) -> Result<String> {
     Ok(toml::to_string(config)?)
 }
 
@@ -177,19 +176,23 @@ fn lay_over(table: &mut Table, setting: &str) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{ClockOffsets, EntryRule, Simulator, TrafficConfig, UntilFirstSwitch};
+    use crate::domains::DomainConfig;
+    use dials_learn::config::Simulator;
+    use dials_traffic::config::{ClockOffsets, EntryRule, TrafficConfig, TrafficTable, UntilFirstSwitch};
 
     const SMALL: &str = "[traffic]\nnetwork = \"nets/grid_2x2\"\nlocal_network = \"nets/local\"\n";
 
-    fn load_text(text: &str, settings: &[&str]) -> Result<Config> {
+    fn load_text(text: &str, settings: &[&str]) -> Result<RunConfig> {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("c.toml");
         std::fs::write(&path, text).unwrap();
         load(&path, &settings.iter().map(|&s| s.to_owned()).collect::<Vec<_>>())
     }
 
-    fn traffic_of(config: Config) -> TrafficConfig {
-        let Some(DomainConfig::Traffic(table)) = config.domain else { panic!("this config is of traffic") };
+    fn traffic_of(config: RunConfig) -> TrafficConfig {
+        let Some(DomainConfig::Traffic(TrafficTable::Grid(table))) = config.domain else {
+            panic!("this config is of traffic")
+        };
         table
     }
 
@@ -201,13 +204,21 @@ mod tests {
     fn defaults_are_the_papers() {
         let config = load_text(SMALL, &[]).unwrap();
         assert_eq!(
-            (config.ppo.rollout_steps, config.ppo.memory, config.ppo.minibatch, config.ppo.epochs),
+            (
+                config.learning.ppo.rollout_steps,
+                config.learning.ppo.memory,
+                config.learning.ppo.minibatch,
+                config.learning.ppo.epochs
+            ),
             (16, 128, 32, 3)
         );
-        assert_eq!((config.aip.dataset_steps, config.aip.batch, config.aip.epochs), (10_000, 128, 100));
-        assert_eq!((config.total_steps, config.local_simulators.copies), (4_000_000, 1));
-        assert_eq!(config.dataset_episodes(config.horizon()), 34);
-        assert_eq!(config.dataset_episodes(20_000), 2, "at least two: one is held out");
+        assert_eq!(
+            (config.learning.aip.dataset_steps, config.learning.aip.batch, config.learning.aip.epochs),
+            (10_000, 128, 100)
+        );
+        assert_eq!((config.learning.total_steps, config.learning.local_simulators.copies), (4_000_000, 1));
+        assert_eq!(config.learning.dataset_episodes(config.horizon()), 34);
+        assert_eq!(config.learning.dataset_episodes(20_000), 2, "at least two: one is held out");
     }
 
     #[test]
@@ -230,7 +241,7 @@ mod tests {
     fn who_names_the_epochs_of_a_scenario_and_no_patience_wants_all_of_them() {
         let patience = |file: &str, settings: &[&str]| {
             let text = format!("{file}[traffic]\nscenario = \"town.sumocfg\"\nbegin_s = 0\nend_s = 3600\n");
-            load_text(&text, settings).unwrap().aip.patience
+            load_text(&text, settings).unwrap().learning.aip.patience
         };
         let default = patience("", &[]);
         assert!(default.is_some());
@@ -244,9 +255,13 @@ mod tests {
     #[test]
     fn numbers_of_steps_may_have_an_exponent_or_underscores() {
         for steps in ["1e6", "1E+6", "1.0e6", "1_000_000"] {
-            assert_eq!(load_text(SMALL, &[&format!("total_steps={steps}")]).unwrap().total_steps, 1_000_000, "{steps}");
+            assert_eq!(
+                load_text(SMALL, &[&format!("total_steps={steps}")]).unwrap().learning.total_steps,
+                1_000_000,
+                "{steps}"
+            );
         }
-        assert_eq!(load_text(SMALL, &["ppo.clip=1e0"]).unwrap().ppo.clip, 1.0);
+        assert_eq!(load_text(SMALL, &["ppo.clip=1e0"]).unwrap().learning.ppo.clip, 1.0);
         for steps in ["1.5", "1e-3", "many"] {
             let error = error_of(SMALL, &[&format!("total_steps={steps}")]);
             assert!(error.contains("total_steps: ") && error.contains("a whole number such as 1000000 is"), "{error}");
@@ -273,8 +288,11 @@ mod tests {
     fn settings_are_laid_over_the_file() {
         let settings = ["simulator=gs", "traffic.entry = max", "policy.hidden=[8, 4]", "ppo.clip=0.2", "seed=7"];
         let config = load_text(SMALL, &settings).unwrap();
-        assert_eq!((config.simulator, traffic_of(config.clone()).entry), (Simulator::Global, EntryRule::Max));
-        assert_eq!((config.policy.hidden, config.ppo.clip, config.seed), (vec![8, 4], 0.2, 7));
+        assert_eq!((config.learning.simulator, traffic_of(config.clone()).entry), (Simulator::Global, EntryRule::Max));
+        assert_eq!(
+            (config.learning.policy.hidden, config.learning.ppo.clip, config.learning.seed),
+            (vec![8, 4], 0.2, 7)
+        );
     }
 
     #[test]
@@ -299,23 +317,13 @@ mod tests {
     }
 
     #[test]
-    fn the_older_place_of_the_switch_bias_is_read_and_the_last_setting_counts() {
-        let older = format!("{SMALL}[policy]\ninitial_switch_bias = -1.5\n");
-        let (old, new) = ("policy.initial_switch_bias=-2.5", "traffic.initial_switch_bias=-0.5");
-        for (settings, bias) in
-            [(&[][..], -1.5), (&[old], -2.5), (&[new], -0.5), (&[old, new], -0.5), (&[new, old], -2.5)]
-        {
-            assert_eq!(traffic_of(load_text(&older, settings).unwrap()).initial_switch_bias, bias, "{settings:?}");
-        }
-        let error = error_of("[warehouse]\nagents_per_side = 2\n", &[old]);
-        assert!(error.contains("policy.initial_switch_bias = -2.5: is a key of [traffic]"), "{error}");
-    }
-
-    #[test]
     fn a_config_comes_back_from_its_own_text() {
         let config = load_text(SMALL, &["traffic.initial_switch_bias=-1.5", "stop_at_steps=1000"]).unwrap();
         let again = load_text(&to_toml(&config).unwrap(), &[]).unwrap();
-        assert_eq!((again.policy, again.ppo, again.stop_at_steps), (config.policy, config.ppo, config.stop_at_steps));
+        assert_eq!(
+            (again.learning.policy, again.learning.ppo, again.learning.stop_at_steps),
+            (config.learning.policy, config.learning.ppo, config.learning.stop_at_steps)
+        );
     }
 
     #[test]
@@ -357,11 +365,11 @@ mod tests {
     fn every_seed_of_64_bits_can_be_set_and_kept() {
         for seed in [0, 1 << 63, u64::MAX] {
             let config = load_text(SMALL, &[&format!("seed={seed}")]).unwrap();
-            assert_eq!(config.seed, seed);
+            assert_eq!(config.learning.seed, seed);
             let text = to_toml(&config).unwrap();
-            assert_eq!(load_text(&text, &[]).unwrap().seed, seed, "{text}");
+            assert_eq!(load_text(&text, &[]).unwrap().learning.seed, seed, "{text}");
             let json = serde_json::to_string(&config).unwrap();
-            assert_eq!(serde_json::from_str::<Config>(&json).unwrap().seed, seed, "{json}");
+            assert_eq!(serde_json::from_str::<RunConfig>(&json).unwrap().learning.seed, seed, "{json}");
         }
         for (setting, told) in [("seed=-1", "`-1`"), ("seed=x", "\"x\""), ("seed=1.5", "1.5")] {
             let error = error_of(SMALL, &[setting]);
@@ -373,9 +381,9 @@ mod tests {
     fn workers_get_every_number_to_the_last_bit() {
         for rate in [1.1111111111111112e107, 3e127, 2.5e-4] {
             let config = load_text(SMALL, &[&format!("ppo.learning_rate={rate:e}")]).unwrap();
-            assert_eq!(config.ppo.learning_rate, rate);
+            assert_eq!(config.learning.ppo.learning_rate, rate);
             let json = serde_json::to_string(&config).unwrap();
-            assert_eq!(serde_json::from_str::<Config>(&json).unwrap().ppo.learning_rate, rate);
+            assert_eq!(serde_json::from_str::<RunConfig>(&json).unwrap().learning.ppo.learning_rate, rate);
         }
     }
 

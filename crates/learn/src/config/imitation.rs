@@ -118,8 +118,9 @@ mod tests {
     use super::*;
 
     fn error(keys: &str) -> String {
-        let config: Config = toml::from_str(&format!("{keys}\n[warehouse]\nagents_per_side = 2")).unwrap();
-        super::super::check::check(&config).map_or_else(|error| error.to_string(), |()| String::new())
+        let config: Config = toml::from_str(keys).unwrap();
+        let checked = config.check().and_then(|()| config.check_datasets(100));
+        checked.map_or_else(|error| error.to_string(), |()| String::new())
     }
 
     #[test]
@@ -134,7 +135,7 @@ mod tests {
         ] {
             assert!(error(keys).contains(told), "{}", error(keys));
         }
-        // Episodes of the warehouse have 100 steps.
+        // Episodes have 100 steps.
         let imitate = "policy.imitate = 'random'\nimitation";
         assert!(
             error(&format!("{imitate}.dataset_steps = 100")).contains("must span at least 2 episodes of 100 steps")

@@ -1,75 +1,42 @@
-//! The config of a run: from text to checked settings.
+//! The settings of learning: how agents learn, and when influence predictors are retrained and policies evaluated.
 //!
-//! A config is read once, checked once, and passed on. No other room reads files or flags for settings. Defaults are
-//! the paper's for traffic (appendix "Hyperparameters"); the files under `configs/` show where they differ.
+//! Whoever reads them from a file adds the table of a domain. Defaults are the paper's for traffic (appendix
+//! "Hyperparameters"); the files under `configs/` show where they differ.
 //!
-//! - `load`, `renamed`, `written`, `seed`: from text to a [`Config`] and back, older keys included.
-//! - `domain`, `warehouse`: the table of a domain; a run has one.
-//! - `traffic_table`: the two ways to fill the table of traffic: `traffic` for a grid, `scenario` for a .sumocfg; the
-//!   `reward` of both, and the `yellow` of scenarios.
-//! - [`sumocfg`], `sumo_options`, [`sumo_time`]: a .sumocfg read, and which of its options this program carries over.
 //! - `simulator`: what the policies train on, and what predicts the influence there.
-//! - `imitation`: the imitation of a controller before PPO.
-//! - `check`: which values make sense.
-//! - `schema`: the JSON schema of a config, for editors.
+//! - `ppo`: the table of the algorithm. `imitation`: the imitation of a controller before it.
+//! - `check`: which values make sense. `seed`: seeds in files.
 //! - `schedule`: the periods of a run.
-//! - [`resume`]: what may change when a run is resumed.
 
 mod check;
-mod domain;
 mod imitation;
-mod load;
-mod renamed;
-pub mod resume;
-mod reward;
-mod scenario;
+mod ppo;
 mod schedule;
-mod schema;
 mod seed;
 mod simulator;
-mod sumo_options;
-pub mod sumo_time;
-pub mod sumocfg;
-mod traffic;
-mod traffic_table;
-mod warehouse;
-mod written;
-mod yellow;
 
 use serde::{Deserialize, Serialize};
 
 pub use check::held_out_episodes;
-pub use domain::{DomainConfig, DomainTable};
 pub use imitation::ImitationConfig;
-pub use load::{LARGEST_FILE, load, load_kept, to_toml};
-pub use resume::CHANGEABLE;
-pub use reward::{Reward, RewardTerm};
-pub use scenario::{Observation, ScenarioConfig};
+pub use ppo::{PpoConfig, TimeLimit};
 pub use schedule::{AipTraining, Period, may_end_at, rest_of_schedule, schedule};
-pub use schema::schema;
 pub use simulator::{Predictor, Simulator};
-pub use traffic::{ClockOffsets, DSet, EntryRule, TrafficConfig, UntilFirstSwitch};
-pub use warehouse::WarehouseConfig;
-pub use yellow::Yellow;
 
-use stacknets::VectorWidth;
-
-/// A run: what is simulated, how agents learn, and when AIPs (approximate influence predictors) are retrained and
-/// policies evaluated.
+/// How agents learn, and when AIPs (approximate influence predictors) are retrained and policies evaluated.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "written::Written", into = "written::Written")]
+#[serde(deny_unknown_fields, default)]
 pub struct Config {
     /// Root of all random streams of the run.
+    #[serde(with = "seed")]
     pub seed: u64,
     /// What the policies train on.
     pub simulator: Simulator,
     /// Timesteps per agent, summed over its copies. Learning rate and clip decay over them.
     pub total_steps: u64,
     /// Timesteps per agent after which to stop early. The decay is still over `total_steps`.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub stop_at_steps: Option<u64>,
-    /// Domain of the run, from the one table of a domain in the config. `None` for a domain that does not come from a
-    /// config.
-    pub domain: Option<DomainConfig>,
     pub local_simulators: LocalSimulatorsConfig,
     pub gs: GsConfig,
     pub policy: PolicyConfig,
@@ -78,8 +45,6 @@ pub struct Config {
     pub aip: AipConfig,
     pub evaluation: EvaluationConfig,
     pub checkpoints: CheckpointsConfig,
-    pub logging: LoggingConfig,
-    pub numerics: NumericsConfig,
 }
 
 /// Settings of an agent's local simulators.
@@ -131,53 +96,6 @@ pub struct PolicyConfig {
     /// still train in parallel.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub average_every_steps: Option<u64>,
-}
-
-/// Settings of PPO, as in Schulman et al. 2017.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct PpoConfig {
-    /// Number of steps of a rollout (T), after which advantages are estimated.
-    pub rollout_steps: usize,
-    /// Number of samples per agent and update; a multiple of `copies` x `rollout_steps`.
-    pub memory: usize,
-    /// Number of samples per agent and gradient step.
-    pub minibatch: usize,
-    /// Number of passes over the memory per update.
-    pub epochs: usize,
-    /// Learning rate at the first step; decays linearly to 1e-10 over `total_steps`.
-    pub learning_rate: f64,
-    /// Discount factor.
-    pub gamma: f64,
-    /// Lambda of the generalised advantage estimate.
-    pub gae_lambda: f64,
-    /// Weight of the entropy bonus (beta).
-    pub entropy: f64,
-    /// Clip range (epsilon) at the first step; decays linearly to 1e-5.
-    pub clip: f64,
-    /// Weight of the value loss (c1).
-    pub value_coefficient: f64,
-    /// Largest length of the gradient of an agent's loss by all of its parameters (Euclidean norm); a longer one is
-    /// shortened to it. If left out, gradients are as long as they are.
-    ///
-    /// DEVIATION 22: one version of the authors' PPO has 0.5, another one has no limit. The paper names none.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub max_gradient_norm: Option<f64>,
-    /// Meaning of the end of an episode at the horizon for the return.
-    pub time_limit: TimeLimit,
-}
-
-/// Meaning of the end of an episode at the horizon for the return.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum TimeLimit {
-    /// Nothing comes after it.
-    #[default]
-    Terminal,
-    /// The end only cuts the recording: the value of the last observation replaces the rewards that would follow.
-    ///
-    /// DEVIATION 8: our configs choose it, because an agent sees no clock and cannot know that an end is near.
-    Bootstrap,
 }
 
 /// Settings of the approximate influence predictors (AIPs).
@@ -266,23 +184,6 @@ pub struct CheckpointsConfig {
     pub every_steps: Option<u64>,
 }
 
-/// Further files of a run besides its CSV files.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct LoggingConfig {
-    /// Whether to write an event file for TensorBoard, with the numbers of the CSV files.
-    pub tensorboard: bool,
-}
-
-/// Settings of a run's arithmetic.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct NumericsConfig {
-    /// Width of the vector registers that multiply matrices. `"widest"` is fastest. `"256-bit"` gives the same files on
-    /// every x86-64 machine with AVX2 and FMA.
-    pub vector_width: VectorWidth,
-}
-
 impl Default for Config {
     fn default() -> Self {
         Config {
@@ -290,7 +191,6 @@ impl Default for Config {
             simulator: Simulator::default(),
             total_steps: 4_000_000,
             stop_at_steps: None,
-            domain: None,
             local_simulators: LocalSimulatorsConfig::default(),
             gs: GsConfig::default(),
             policy: PolicyConfig::default(),
@@ -299,8 +199,6 @@ impl Default for Config {
             aip: AipConfig::default(),
             evaluation: EvaluationConfig::default(),
             checkpoints: CheckpointsConfig::default(),
-            logging: LoggingConfig::default(),
-            numerics: NumericsConfig::default(),
         }
     }
 }
@@ -320,25 +218,6 @@ impl Default for PolicyConfig {
             imitate: None,
             separate_critic: false,
             average_every_steps: None,
-        }
-    }
-}
-
-impl Default for PpoConfig {
-    fn default() -> Self {
-        PpoConfig {
-            rollout_steps: 16,
-            memory: 128,
-            minibatch: 32,
-            epochs: 3,
-            learning_rate: 2.5e-4,
-            gamma: 0.99,
-            gae_lambda: 0.95,
-            entropy: 1e-2,
-            clip: 0.1,
-            value_coefficient: 1.0,
-            max_gradient_norm: None,
-            time_limit: TimeLimit::Terminal,
         }
     }
 }
@@ -400,17 +279,6 @@ impl Config {
     /// Returns whether the loss of the influence predictors is measured. On the GS there are none.
     pub fn measures_aips(&self) -> bool {
         self.evaluation.aip_loss_episodes > 0 && self.simulator != Simulator::Global
-    }
-
-    /// Returns the number of steps of an episode of the config's domain.
-    pub fn horizon(&self) -> usize {
-        self.domain.as_ref().expect("a config that was loaded has a domain").horizon()
-    }
-
-    /// Returns the number of steps of an episode of what the policies train on: the GS (global simulator) or local ones.
-    pub fn training_horizon(&self) -> usize {
-        let domain = self.domain.as_ref().expect("a config that was loaded has a domain");
-        if self.simulator == Simulator::Global { domain.horizon() } else { domain.local_horizon() }
     }
 
     /// Returns the number of steps of the sequences that a policy is trained on.

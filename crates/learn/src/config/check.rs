@@ -2,41 +2,27 @@
 
 use anyhow::{Result, ensure};
 
-use super::{Config, Retrain, imitation};
+use super::{Config, Retrain, imitation, ppo};
 
-pub(super) fn check(config: &Config) -> Result<()> {
-    if let Some(domain) = &config.domain {
-        domain.check()?;
-        check_horizon(&domain.key("horizon"), domain.horizon())?;
+impl Config {
+    /// Checks what does not depend on the domain.
+    pub fn check(&self) -> Result<()> {
+        check_sizes(self)?;
+        check_schedule(self)?;
+        ppo::check(self)?;
+        check_networks(self)?;
+        check_aip(self)?;
+        imitation::check(self)
     }
-    check_sizes(config)?;
-    check_schedule(config)?;
-    check_ppo(config)?;
-    check_networks(config)?;
-    check_aip(config)?;
-    imitation::check(config)?;
-    config.domain.as_ref().map_or(Ok(()), |domain| {
-        if config.simulator.trains_predictors() {
-            check_datasets(config, domain.horizon())?;
+
+    /// Checks the datasets: whether episodes of this many steps fill the batches.
+    pub fn check_datasets(&self, horizon: usize) -> Result<()> {
+        if self.simulator.trains_predictors() {
+            check_datasets(self, horizon)?;
         }
-        imitation::check_episodes(config, domain.horizon())
-    })
+        imitation::check_episodes(self, horizon)
+    }
 }
-
-/// Returns an error if there is no domain to simulate.
-pub(super) fn check_domain(config: &Config) -> Result<()> {
-    ensure!(config.domain.is_some(), "no domain: add a table [traffic] or [warehouse], as the files under configs/ do");
-    Ok(())
-}
-
-fn check_horizon(key: &str, horizon: usize) -> Result<()> {
-    at_least(1, key, horizon as u64, "the paper uses 300 for traffic and 100 for the warehouse")?;
-    ensure!(horizon <= MOST_STEPS, "{key} = {horizon}: must be at most {MOST_STEPS}");
-    Ok(())
-}
-
-/// Largest number of steps of an episode; see [`check_sizes`].
-const MOST_STEPS: usize = 1_000_000;
 
 /// Rejects sizes that must be typing errors: they would need more memory than any machine has, or overflow.
 fn check_sizes(config: &Config) -> Result<()> {
@@ -116,47 +102,6 @@ fn check_schedule(config: &Config) -> Result<()> {
         "policy.average_every_steps: does not go with gs.shared_policy = true, where all agents have one policy; remove \
          one of the two keys"
     );
-    Ok(())
-}
-
-fn check_ppo(config: &Config) -> Result<()> {
-    let ppo = &config.ppo;
-    at_least(1, "ppo.rollout_steps", ppo.rollout_steps as u64, "the paper uses 16")?;
-    at_least(1, "ppo.epochs", ppo.epochs as u64, "the paper uses 3")?;
-    // The advantages of a minibatch are divided by their unbiased standard deviation.
-    at_least(2, "ppo.minibatch", ppo.minibatch as u64, "the paper uses 32")?;
-    at_least(1, "ppo.memory", ppo.memory as u64, "the paper uses 128")?;
-    ensure!(
-        ppo.memory.is_multiple_of(ppo.minibatch),
-        "ppo.memory = {}: must be a multiple of ppo.minibatch = {}",
-        ppo.memory,
-        ppo.minibatch
-    );
-    let rollout = config.copies() * ppo.rollout_steps;
-    ensure!(
-        ppo.memory.is_multiple_of(rollout),
-        "ppo.memory = {}: must be a multiple of copies x ppo.rollout_steps = {} x {} = {rollout}",
-        ppo.memory,
-        config.copies(),
-        ppo.rollout_steps,
-    );
-    let length = config.sequence_length();
-    at_least(1, "policy.sequence_length", length as u64, "the paper uses 8")?;
-    ensure!(
-        ppo.rollout_steps.is_multiple_of(length) && ppo.minibatch.is_multiple_of(length),
-        "policy.sequence_length = {length}: must divide ppo.rollout_steps = {} and ppo.minibatch = {}",
-        ppo.rollout_steps,
-        ppo.minibatch
-    );
-    positive("ppo.learning_rate", ppo.learning_rate, "the paper uses 2.5e-4")?;
-    share("ppo.gamma", ppo.gamma, "the paper uses 0.99")?;
-    share("ppo.gae_lambda", ppo.gae_lambda, "the paper uses 0.95")?;
-    not_negative("ppo.entropy", ppo.entropy, "the paper uses 0.01")?;
-    positive("ppo.clip", ppo.clip, "the paper uses 0.1")?;
-    not_negative("ppo.value_coefficient", ppo.value_coefficient, "the paper uses 1")?;
-    if let Some(norm) = ppo.max_gradient_norm {
-        positive("ppo.max_gradient_norm", norm, "0.5 is usual; leave it out for no limit")?;
-    }
     Ok(())
 }
 
@@ -250,7 +195,7 @@ pub(super) fn positive(key: &str, value: f64, advice: &str) -> Result<()> {
     Ok(())
 }
 
-fn not_negative(key: &str, value: f64, advice: &str) -> Result<()> {
+pub(super) fn not_negative(key: &str, value: f64, advice: &str) -> Result<()> {
     ensure!(value >= 0.0 && value.is_finite(), "{key} = {value}: must not be negative ({advice})");
     Ok(())
 }
